@@ -1,0 +1,56 @@
+"""Where the tools and the build products are: the one place that decides which Verilator is used."""
+
+import os
+import re
+import shutil
+import subprocess
+import sysconfig
+from functools import cache
+from pathlib import Path
+
+OLDEST_VERILATOR = (5, 36)
+
+
+def repository_root() -> Path:
+    """Return the folder that holds rtl/, tb/ and model/."""
+    return Path(__file__).resolve().parents[2]
+
+
+def build_folder() -> Path:
+    """Return the folder for everything that is built; Git ignores it."""
+    folder = repository_root() / "build"
+    folder.mkdir(exist_ok=True)
+    return folder
+
+
+def rtl_sources() -> list[Path]:
+    """Return every RTL file, packages first, each in its place in alphabetical order."""
+    files = sorted((repository_root() / "rtl").rglob("*.sv"))
+    files = [f for f in files if "boards" not in f.parts]
+    return sorted(files, key=lambda f: not f.stem.endswith("_pkg"))
+
+
+@cache
+def _verilator_on_path() -> bool:
+    found = shutil.which("verilator")
+    if found is None:
+        return False
+    answer = subprocess.run([found, "--version"], capture_output=True, text=True, check=False)
+    version = re.search(r"Verilator (\d+)\.(\d+)", answer.stdout)
+    return version is not None and (int(version[1]), int(version[2])) >= OLDEST_VERILATOR
+
+
+def verilator_environment() -> dict[str, str]:
+    """Return the environment in which ``verilator`` and what it calls are found.
+
+    A Verilator of 5.036 or newer on the PATH is used as it is; otherwise the one of this Python
+    environment, which needs its own folder first on the PATH. ccache is used where it exists.
+    """
+    environment = dict(os.environ)
+    if not _verilator_on_path():
+        root = Path(sysconfig.get_paths()["purelib"]) / "verilator"
+        environment["VERILATOR_ROOT"] = str(root)
+        environment["PATH"] = os.pathsep.join([str(root / "bin"), environment.get("PATH", "")])
+    if shutil.which("ccache") and "OBJCACHE" not in environment:
+        environment["OBJCACHE"] = "ccache"
+    return environment

@@ -1,0 +1,71 @@
+// vrscan_pkg: the widths, formats and flag bits that all rooms agree on.
+//
+// scripts/generate.py writes every localparam into model/vrscan/fixed/pkg.py, so a number stands
+// here and nowhere else.  Values are plain numbers or sums and differences of earlier names.
+
+`default_nettype none
+
+package vrscan_pkg;
+  // Numbers.  A count is a pixel value, a mean or a noise: full scale is 2**CountWidth whatever
+  // the pixel width, so it has CountWidth - PixelWidth fraction bits.
+  localparam int unsigned CountWidth = 24;
+  localparam int unsigned VarianceWidth = 32;  // counts squared, full scale is 2**VarianceWidth
+  localparam int unsigned SnrWidth = 16;
+  localparam int unsigned SnrFraction = 8;
+  localparam int unsigned PositionFraction = 12;  // px
+  localparam int unsigned LengthWidth = 24;
+  localparam int unsigned LengthFraction = 12;  // mm
+  localparam int unsigned AngleWidth = 24;  // one turn is 2**AngleWidth
+  localparam int unsigned SigmaWidth = 16;
+  localparam int unsigned SigmaFraction = 12;  // px or mm
+  localparam int unsigned ConfidenceWidth = 8;
+  localparam int unsigned PowerWidth = 16;
+  localparam int unsigned LineNumberWidth = 32;
+
+  // Configuration.
+  localparam int unsigned KNoiseFraction = 8;
+  localparam int unsigned KHeightFraction = 16;
+  localparam int unsigned KappaWidth = 18;  // counts per electron, 28 - PixelWidth fraction bits
+  localparam int unsigned GainWidth = 24;  // confidence gains
+  localparam int unsigned GainFraction = 16;
+
+  // Statistics.
+  localparam int unsigned BlockLength = 64;
+
+  // Phase detection.  Pixels are left-aligned to AlignedWidth, so that every PixelWidth gives the
+  // same widths behind the correlator.
+  localparam int unsigned AlignedWidth = 16;
+  localparam int unsigned WindowWidth = 8;  // bits of a window's length, at most 255
+  localparam int unsigned SineWidth = 24;
+  localparam int unsigned HarmonicWidth = 48;  // AlignedWidth + SineWidth + WindowWidth
+  localparam int unsigned MagnitudeWidth = 50;
+  localparam int unsigned MinWindow = 3;  // a shorter window has no phase (T = N from N = 3)
+
+  // Geometry.
+  localparam int unsigned OffsetFraction = 20;  // px
+  localparam int unsigned DistortionWidth = 26;
+  localparam int unsigned DistortionFraction = 24;
+  localparam int unsigned SlopeWidth = 20;
+  localparam int unsigned SlopeFraction = 16;
+  localparam int unsigned GeometryWidth = 32;
+  localparam int unsigned BaseFraction = 20;  // n0, n1: mm
+  localparam int unsigned RayFraction = 30;  // d0, d1, e0, e1
+
+  // Flags of a point, by bit.
+  localparam int unsigned FlagWidth = 13;
+  localparam int unsigned FlagLowSnr = 0;
+  localparam int unsigned FlagTooNarrow = 1;
+  localparam int unsigned FlagTooWide = 2;
+  localparam int unsigned FlagAtEdge = 3;
+  localparam int unsigned FlagSaturated = 4;
+  localparam int unsigned FlagRival = 5;
+  localparam int unsigned FlagNoPhase = 6;
+  localparam int unsigned FlagNoNoise = 7;  // noise is zero: the S/N is its largest value
+  localparam int unsigned FlagRowStatistics = 8;  // no background block was left
+  localparam int unsigned FlagNoRange = 9;  // rays parallel, or the point behind the camera
+  localparam int unsigned FlagOutOfRange = 10;  // x or z saturated
+  localparam int unsigned FlagLinesLost = 11;  // lines before this one were dropped
+  localparam int unsigned FlagPointsLost = 12;  // points before this one were dropped
+endpackage
+
+`default_nettype wire

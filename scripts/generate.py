@@ -1,0 +1,79 @@
+"""Write what is generated from a single home elsewhere; with --check only say what is stale.
+
+* ``rtl/vrscan_pkg.sv`` -> ``model/vrscan/fixed/pkg.py``: every width and flag bit.
+* ``vrscan.fixed.quarter_wave.table()`` -> ``rtl/trig/quarter_wave_rom.sv``.
+* ``vrscan.fixed.cordic_vector`` -> ``rtl/trig/cordic_pkg.sv``: the angles of the iterations.
+"""
+
+import argparse
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "model"))
+
+
+def package() -> str:
+    """Return pkg.py: the localparams of vrscan_pkg.sv as Python constants."""
+    text = (ROOT / "rtl" / "vrscan_pkg.sv").read_text()
+    lines = [
+        '"""Widths, formats and flag bits, generated from rtl/vrscan_pkg.sv by scripts/generate.py."""',
+        "",
+    ]
+    flags = []
+    for name, value in re.findall(r"localparam int unsigned (\w+) = ([^;]+);", text):
+        constant = re.sub(r"(?<!^)(?=[A-Z])", "_", name).upper()
+        lines.append(f"{constant} = {int(value)}")
+        if name.startswith("Flag") and name != "FlagWidth":
+            flags.append((constant.removeprefix("FLAG_"), constant))
+    lines += ["", "FLAGS = {"]
+    lines += [f'    "{short}": {constant},' for short, constant in flags]
+    lines += ["}", ""]
+    return "\n".join(lines)
+
+
+def quarter_wave_rom() -> str:
+    """Return the block RAM with the quarter wave."""
+    from vrscan.fixed.quarter_wave import rom_source
+
+    return rom_source()
+
+
+def cordic_package() -> str:
+    """Return the package with the arc tangents."""
+    from vrscan.fixed.cordic_vector import package_source
+
+    return package_source()
+
+
+TARGETS: dict[str, Callable[[], str]] = {
+    "model/vrscan/fixed/pkg.py": package,
+    "rtl/trig/quarter_wave_rom.sv": quarter_wave_rom,
+    "rtl/trig/cordic_pkg.sv": cordic_package,
+}
+
+
+def main() -> int:
+    """Write or check every generated file; the exit status is 1 when one is stale."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="write nothing, fail on a stale file")
+    arguments = parser.parse_args()
+    stale = 0
+    for name, make in TARGETS.items():
+        path = ROOT / name
+        text = make()
+        if path.exists() and path.read_text() == text:
+            continue
+        if arguments.check:
+            print(f"{name} is stale: run scripts/generate.py", file=sys.stderr)
+            stale += 1
+        else:
+            path.write_text(text)
+            print(f"wrote {name}", file=sys.stderr)
+    return 1 if stale else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,319 @@
+"""The one file that knows the simulator: builds an RTL module and runs its cocotb tests.
+
+A test file holds both sides.  pytest calls ``simulate`` once an elaboration; the simulator then
+imports the same file again and runs every ``@cocotb.test()`` in it, which sweep the data.
+"""
+
+import contextlib
+import hashlib
+import json
+import os
+import random
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import cocotb
+import numpy as np
+from cocotb.clock import Clock
+from cocotb.handle import LogicArrayObject, LogicObject
+from cocotb.triggers import FallingEdge, ReadOnly, RisingEdge
+from cocotb_tools.runner import Verilator
+from filelock import FileLock
+
+from vrscan.tools import build_folder, repository_root, rtl_sources, verilator_environment
+
+CLOCK_NS = 8
+SEED = 20100301  # printed by every simulation; one seed for all random data
+
+
+class _Verilator(Verilator):
+    """Verilator with only the top level's own signals visible, and a warning as an error."""
+
+    def _build_command(self) -> list[list[str]]:
+        verilate, make = super()._build_command()
+        verilate.remove("--public-flat-rw")
+        return [verilate, make]
+
+
+@contextlib.contextmanager
+def _environment(changes: Mapping[str, str]) -> Iterator[None]:
+    before = dict(os.environ)
+    os.environ.update(changes)
+    try:
+        yield
+    finally:
+        os.environ.clear()
+        os.environ.update(before)
+
+
+def simulate(
+    module: str,
+    test_file: str,
+    parameters: Mapping[str, int] | None = None,
+    *,
+    sources: Sequence[Path] | None = None,
+    visible: Sequence[tuple[str, str]] = (),
+) -> None:
+    """Build ``module`` with ``parameters`` and run every cocotb test of ``test_file`` on it.
+
+    Args:
+        module: Name of the top module.
+        test_file: ``__file__`` of the caller.
+        parameters: Parameters that differ from the defaults. They reach the tests as
+            ``parameters()``, so no number is stated twice.
+        sources: Extra SystemVerilog files, before those of ``rtl/``.
+        visible: (module, signal) pairs below the top that the tests read.
+
+    Raises:
+        RuntimeError: if the build or a test fails.
+    """
+    parameters = dict(parameters or {})
+    environment = verilator_environment()
+    environment.pop("MAKEFLAGS", None)
+    key = json.dumps([module, parameters, [str(s) for s in sources or ()], list(visible)])
+    name = f"{module}_{hashlib.sha256(key.encode()).hexdigest()[:10]}"
+    folder = build_folder() / "sim" / name
+    folder.mkdir(parents=True, exist_ok=True)
+    control = folder / "visible.vlt"
+    lines = ["`verilator_config", f'public_flat_rw -module "{module}" -var "*"']
+    lines += [f'public_flat_rd -module "{m}" -var "{s}"' for m, s in visible]
+    text = "\n".join(lines) + "\n"
+    if not control.exists() or control.read_text() != text:
+        control.write_text(text)
+    path = os.pathsep.join(
+        [str(repository_root() / "model"), str(Path(test_file).parent), *os.sys.path]
+    )
+    with _environment(environment), FileLock(folder / "lock"):
+        runner = _Verilator()
+        runner.build(
+            sources=[control, *(sources or []), *rtl_sources()],
+            hdl_toplevel=module,
+            parameters=parameters,
+            build_args=["--assert", "-Wno-fatal", "-Wno-MULTITOP", "-O3", "--output-split", "0"],
+            build_dir=folder,
+            timescale=("1ns", "1ns"),
+            log_file=folder / "build.log",
+        )
+        runner.test(
+            hdl_toplevel=module,
+            test_module=Path(test_file).stem,
+            test_dir=folder,
+            results_xml=str(folder / "results.xml"),
+            seed=SEED,
+            extra_env={"PYTHONPATH": path, "VRSCAN_PARAMETERS": json.dumps(parameters)},
+        )
+
+
+def parameters() -> dict[str, int]:
+    """Return the parameters of the running elaboration (inside the simulator)."""
+    return json.loads(os.environ["VRSCAN_PARAMETERS"])
+
+
+def generator(salt: int = 0) -> np.random.Generator:
+    """Return a seeded generator; the same ``salt`` gives the same numbers in every run."""
+    return np.random.default_rng([SEED, salt])
+
+
+def _inputs(dut) -> list[LogicObject | LogicArrayObject]:
+    return [h for h in dut if h._name.endswith("_i") and h._name != "clk_i"]
+
+
+async def reset(dut) -> None:
+    """Start the clock, set every input to zero and hold reset for three clocks."""
+    for handle in _inputs(dut):
+        handle.value = 0
+    cocotb.start_soon(Clock(dut.clk_i, CLOCK_NS, unit="ns").start())
+    dut.rst_i.value = 1
+    for _ in range(3):
+        await RisingEdge(dut.clk_i)
+    await FallingEdge(dut.clk_i)
+    dut.rst_i.value = 0
+
+
+def as_integer(handle, *, signed: bool) -> int:
+    """Return the value of a port as an integer."""
+    value = handle.value
+    if isinstance(handle, LogicObject):
+        return int(value)
+    return value.to_signed() if signed else value.to_unsigned()
+
+
+def drive(handle, value: int) -> None:
+    """Drive a port with an integer, negative numbers as two's complement."""
+    width = 1 if isinstance(handle, LogicObject) else len(handle)
+    handle.value = int(value) & ((1 << width) - 1)
+
+
+async def run_vectors(
+    dut,
+    inputs: Mapping[str, np.ndarray],
+    outputs: Mapping[str, bool],
+    *,
+    latency: int,
+    spacing: int | None = None,
+    gaps: bool = False,
+) -> dict[str, np.ndarray]:
+    """Send one operand set after another through a unit with fixed latency.
+
+    Args:
+        dut: The unit, with ``valid_i`` and ``valid_o``.
+        inputs: Port name to integers [n].
+        outputs: Port name to whether the port is signed.
+        latency: Clocks from ``valid_i`` to ``valid_o``; asserted for every result.
+        spacing: Clocks from one ``valid_i`` to the next: 1 for a pipeline; ``latency`` if None.
+        gaps: Stretch the spacing at random, with other operands on the ports meanwhile.
+
+    Returns:
+        Port name to int64 array [n] (object array where a port is wider than 63 bits).
+
+    Raises:
+        AssertionError: if a result comes early, late or not at all.
+    """
+    chance = random.Random(SEED)
+    spacing = latency if spacing is None else spacing
+    count = len(next(iter(inputs.values())))
+    columns = {name: [int(v) for v in values] for name, values in inputs.items()}
+    handles = {name: getattr(dut, name) for name in columns}
+    results: dict[str, list[int]] = {name: [] for name in outputs}
+    due: list[int] = []
+    cycle = 0
+    sent = 0
+    wait = 0
+    while len(results[next(iter(outputs))]) < count:
+        # At the falling edge the inputs change; the outputs are those of the last rising edge.
+        valid = sent < count and wait == 0
+        dut.valid_i.value = int(valid)
+        if valid:
+            for name, values in columns.items():
+                drive(handles[name], values[sent])
+            due.append(cycle + latency)
+            sent += 1
+            wait = spacing - 1 + (chance.randrange(4) if gaps else 0)
+        else:
+            wait = max(0, wait - 1)
+            if gaps:
+                for name, handle in handles.items():
+                    drive(handle, columns[name][chance.randrange(count)])
+        await FallingEdge(dut.clk_i)
+        cycle += 1
+        expected = bool(due) and due[0] == cycle
+        assert int(dut.valid_o.value) == expected, (
+            f"cycle {cycle}: valid_o is {int(dut.valid_o.value)}, want {int(expected)} "
+            f"(latency {latency})"
+        )
+        if expected:
+            due.pop(0)
+            for name, signed in outputs.items():
+                results[name].append(as_integer(getattr(dut, name), signed=signed))
+    dut.valid_i.value = 0
+    return {name: _array(values) for name, values in results.items()}
+
+
+def _slice(columns: Mapping[str, np.ndarray], k: int) -> dict[str, np.ndarray]:
+    return {name: np.asarray(values)[k : k + 1] for name, values in columns.items()}
+
+
+async def _present(dut, columns: Mapping[str, np.ndarray], k: int) -> None:
+    for name, values in columns.items():
+        drive(getattr(dut, name), values[k])
+    dut.valid_i.value = 1
+    await FallingEdge(dut.clk_i)
+    dut.valid_i.value = 0
+
+
+async def restart_at_every_age(
+    dut,
+    inputs: Mapping[str, np.ndarray],
+    want: Mapping[str, np.ndarray],
+    outputs: Mapping[str, bool],
+    *,
+    latency: int,
+) -> None:
+    """Start a sequential unit anew at every moment of its work: only the later result comes out.
+
+    ``inputs`` and ``want`` hold at least two operand sets and their results, as for
+    ``run_vectors``.
+    """
+    count = len(next(iter(inputs.values())))
+    for age in range(1, latency):
+        await _present(dut, inputs, age % count)
+        for _ in range(age - 1):
+            assert dut.valid_o.value == 0, f"a result at age {age}, before the latency"
+            await FallingEdge(dut.clk_i)
+        k = (age + 1) % count
+        got = await run_vectors(dut, _slice(inputs, k), outputs, latency=latency)
+        assert_equal(got, _slice(want, k), _slice(inputs, k))
+
+
+async def reset_at_every_age(
+    dut,
+    inputs: Mapping[str, np.ndarray],
+    want: Mapping[str, np.ndarray],
+    outputs: Mapping[str, bool],
+    *,
+    latency: int,
+) -> None:
+    """Reset a unit with valid high at every moment of its work: no result, and the next is right.
+
+    Verilator starts every register at zero, so only this shows a missing reset.
+    """
+    count = len(next(iter(inputs.values())))
+    for age in range(1, latency + 1):
+        await _present(dut, inputs, age % count)
+        for _ in range(age - 1):
+            await FallingEdge(dut.clk_i)
+        dut.rst_i.value = 1
+        await _present(dut, inputs, age % count)
+        dut.rst_i.value = 0
+        for _ in range(latency + 2):
+            assert dut.valid_o.value == 0, f"a result after a reset at age {age}"
+            await FallingEdge(dut.clk_i)
+        k = (age + 1) % count
+        got = await run_vectors(dut, _slice(inputs, k), outputs, latency=latency)
+        assert_equal(got, _slice(want, k), _slice(inputs, k))
+
+
+def _array(values: list[int]) -> np.ndarray:
+    if any(abs(v) >= 1 << 63 for v in values):
+        return np.array(values, dtype=object)
+    return np.array(values, dtype=np.int64)
+
+
+def assert_equal(
+    got: Mapping[str, np.ndarray],
+    want: Mapping[str, np.ndarray],
+    inputs: Mapping[str, np.ndarray] | None = None,
+) -> None:
+    """Assert that every output equals the model's, and say which input differs first."""
+    for name, expected in want.items():
+        expected = np.asarray(expected)
+        assert len(got[name]) == len(expected), (
+            f"{name}: {len(got[name])} results, want {len(expected)}"
+        )
+        wrong = np.flatnonzero(got[name] != expected)
+        if wrong.size:
+            k = int(wrong[0])
+            given = {key: int(values[k]) for key, values in (inputs or {}).items()}
+            raise AssertionError(
+                f"{name}: {wrong.size} of {len(expected)} differ; first at {k}: "
+                f"got {got[name][k]}, want {expected[k]}, input {given}"
+            )
+
+
+__all__ = [
+    "CLOCK_NS",
+    "SEED",
+    "FallingEdge",
+    "ReadOnly",
+    "RisingEdge",
+    "as_integer",
+    "assert_equal",
+    "drive",
+    "generator",
+    "parameters",
+    "reset",
+    "reset_at_every_age",
+    "restart_at_every_age",
+    "run_vectors",
+    "simulate",
+]
