@@ -1,0 +1,176 @@
+"""The instrument's configuration: the shipped defaults and the TOML file that overrides them.
+
+The thresholds of ``[peak]`` come from the study that ``vrscan efficiency`` repeats; its figures
+stand at ``Peak``.
+"""
+
+import math
+import tomllib
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
+
+from vrscan.errors import InputError
+
+HARMONICS = (1, 3, 5, 7, 9, 11)  # of the mirror's motion, (12)
+
+Positive = Annotated[float, Field(gt=0)]
+
+
+class _Section(BaseModel):
+    """One table of the file: no unknown key, no type but the stated one, nothing infinite."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class Peak(_Section):
+    """Threshold, window and confidence of the peak."""
+
+    period: Literal["n", "n-1"] = "n"
+    window: Literal["threshold", "two_pass"] = "threshold"
+    noise: Literal["background", "row"] = "background"
+    k_noise: float = Field(default=2.5, ge=0, lt=256)  # threshold above background, in noise
+    k_height: float = Field(default=0.03, ge=0, lt=1)  # the same in heights of the peak
+    snr_min: float = Field(default=8.0, ge=0, lt=256)
+    snr_max: float = Field(default=100.0, ge=1, lt=256)  # where the object's confidence is 1
+    min_width: int = Field(default=3, ge=3, le=255)  # px
+    max_width: int = Field(default=255, ge=3, le=255)  # px
+    kappa: float = Field(default=0.2, ge=0, lt=4)  # counts per electron
+
+    @field_validator("window")
+    @classmethod
+    def _built(cls, value: str) -> str:
+        if value == "two_pass":
+            raise ValueError('is not built yet; "threshold" is')
+        return value
+
+    @model_validator(mode="after")
+    def _widths(self) -> "Peak":
+        if self.min_width > self.max_width:
+            raise ValueError(f"min_width {self.min_width} is above max_width {self.max_width}")
+        return self
+
+
+class Geometry(_Section):
+    """The triangle of base, camera and sensor; (2) to (5)."""
+
+    base_mm: Positive = 60.0
+    bias_deg: float = Field(default=82.0, gt=0, lt=180)
+    offset_mm: float = 0.0
+    focal_mm: Positive = 25.0
+    pitch_mm: Positive = 0.007
+    centre_px: float = 1023.5
+    k1: float = 0.0  # mm^-2
+    k2: float = 0.0  # mm^-4
+    distortion: Literal["odd", "even"] = "odd"
+
+    @property
+    def bias_rad(self) -> float:
+        """The camera's bias in rad."""
+        return math.radians(self.bias_deg)
+
+
+class Mirror(_Section):
+    """The mirror's motion, (12)."""
+
+    frequency_hz: float = Field(default=249.0, gt=0, le=10_000)
+    amplitude_deg: float = Field(default=20.5, gt=0, lt=90)
+    index_deg: float = Field(default=17.0, gt=-90, lt=90)
+    harmonics: list[list[float]] = [[1.0, 0.0]] + [[0.0, 0.0]] * (len(HARMONICS) - 1)
+
+    @field_validator("harmonics")
+    @classmethod
+    def _pairs(cls, value: list[list[float]]) -> list[list[float]]:
+        if len(value) != len(HARMONICS) or any(len(pair) != 2 for pair in value):
+            orders = ", ".join(map(str, HARMONICS))
+            raise ValueError(f"must be {len(HARMONICS)} pairs [a_k, phi_k_rad], k = {orders}")
+        return value
+
+
+class Line(_Section):
+    """Timing of a line and of its laser pulse."""
+
+    rate_hz: float = Field(default=37_400.0, gt=0, le=1_000_000)
+    pulse_us: float = Field(default=1.0, gt=0, le=1_000)
+    pulse_delay_us: float = Field(default=0.0, ge=0)
+
+    @model_validator(mode="after")
+    def _fits(self) -> "Line":
+        period_us = 1e6 / self.rate_hz
+        if self.pulse_delay_us + self.pulse_us > period_us:
+            raise ValueError(f"the pulse ends after the line period of {period_us:.4g} us")
+        return self
+
+
+class Sensor(_Section):
+    """The line sensor."""
+
+    pixel_width: int = Field(default=12, ge=8, le=16)  # bits
+    line_length: int = Field(default=2048, ge=256, le=8192)  # px
+
+
+class Laser(_Section):
+    """The laser."""
+
+    power_max: int = Field(default=65_535, ge=1, le=65_535)  # power at which (10) is 1
+
+
+class Config(_Section):
+    """All of it."""
+
+    peak: Peak = Peak()
+    geometry: Geometry = Geometry()
+    mirror: Mirror = Mirror()
+    line: Line = Line()
+    sensor: Sensor = Sensor()
+    laser: Laser = Laser()
+    _source: str = PrivateAttr("defaults")
+
+    @property
+    def source(self) -> str:
+        """The file this came from, or ``defaults``."""
+        return self._source
+
+
+def load(path: Path | None) -> Config:
+    """Return the shipped defaults, overridden by the TOML file ``path``.
+
+    Args:
+        path: The file, or None for the defaults alone.
+
+    Raises:
+        InputError: naming file, key and value, if the file is missing, is not TOML, has an
+            unknown key, or a value of the wrong type or out of range.
+    """
+    if path is None:
+        return Config()
+    try:
+        with path.open("rb") as file:
+            values = tomllib.load(file)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not a TOML file ({error})") from error
+    try:
+        config = Config.model_validate(values)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in first["loc"])
+        value = first["input"]
+        if first["type"] == "extra_forbidden":
+            raise InputError(f"{path}: unknown key {key} ({value!r})") from error
+        what = first["msg"].removeprefix("Value error, ")
+        what = what[0].lower() + what[1:]
+        shown = f" = {value!r}" if not isinstance(value, dict) else ""
+        raise InputError(f"{path}: {key}{shown}: {what}") from error
+    config._source = str(path)
+    return config

@@ -1,0 +1,1 @@
+"""The papers' equations in float64: the oracle of ``vrscan.fixed``, which it never imports."""

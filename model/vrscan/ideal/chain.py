@@ -1,0 +1,122 @@
+"""The whole chain in float64: lines to points by the papers' equations."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from vrscan.arrays import Bools, Floats, Ints, Pixels
+from vrscan.config import Config
+from vrscan.ideal import confidence, geometry
+from vrscan.ideal.peak import isolate, threshold
+from vrscan.ideal.position import first_harmonic, windows
+from vrscan.ideal.statistics import statistics
+from vrscan.table import Table
+
+MAX_WINDOW = 255  # px
+_CHUNK = 512  # lines at a time: what a cache holds
+
+
+def run(
+    lines: Pixels,
+    angle_rad: Floats,
+    power: Ints,
+    config: Config,
+    progress: Callable[[int], None] | None = None,
+) -> Table:
+    """Return the point of each line.
+
+    Args:
+        lines: Counts [n, length].
+        angle_rad: Scan angle at each line [n].
+        power: Laser power at each line [n].
+        config: Thresholds and geometry.
+        progress: Called with the number of lines done so far.
+
+    Returns:
+        A table of n rows. Numbers are not limited to the widths of the fixed-point formats.
+    """
+    parts = []
+    for start in range(0, len(lines), _CHUNK):
+        part = slice(start, start + _CHUNK)
+        parts.append(_run(lines[part], angle_rad[part], power[part], config, start))
+        if progress is not None:
+            progress(min(start + _CHUNK, len(lines)))
+    if not parts:
+        return _run(lines, angle_rad, power, config, 0)
+    return Table.joined(parts)
+
+
+def _run(lines: Pixels, angle_rad: Floats, power: Ints, config: Config, first: int) -> Table:
+    peak = config.peak
+    row = statistics(lines, max_window=MAX_WINDOW)
+    by_row = row.row_only | (peak.noise == "row")
+    background = np.where(by_row, row.row_mean, row.background)
+    noise = np.where(by_row, np.sqrt(row.row_variance), row.noise)
+    height = row.maximum - background
+    low_snr = (height <= 0.0) | (height < peak.snr_min * noise)
+    level = threshold(background, noise, row.maximum, k_noise=peak.k_noise, k_height=peak.k_height)
+    window = isolate(lines, row.first_maximum, level, min_width=peak.min_width)
+    snr = confidence.signal_to_noise(row.maximum, background, noise)
+
+    too_narrow = window.width < peak.min_width
+    too_wide = window.width > peak.max_width
+    valid = np.flatnonzero(~(low_snr | too_narrow | too_wide))
+    found = first_harmonic(
+        windows(lines[valid], window.left[valid], window.width[valid]),
+        window.width[valid],
+        period_n=peak.period == "n",
+        background=background[valid],
+        noise=noise[valid],
+        kappa=peak.kappa,
+    )
+    measured = np.zeros(len(lines), np.bool_)
+    measured[valid] = ~found.no_phase
+    position = _spread(window.left[valid] + found.delta, valid, len(lines))
+    sigma = _spread(found.sigma, valid, len(lines))
+    u, scale = geometry.undistorted(position, config.geometry)
+    located = geometry.triangle(u, angle_rad, config.geometry)
+    present = window.width > 0
+    last, full = lines.shape[1] - 1, 2**config.sensor.pixel_width - 1
+    flags: dict[str, Bools] = {
+        "LOW_SNR": low_snr,
+        "TOO_NARROW": too_narrow,
+        "TOO_WIDE": too_wide,
+        "AT_EDGE": present & ((window.left == 0) | (window.right == last)),
+        "SATURATED": present & (row.maximum == full),
+        "RIVAL": window.rival,
+        "NO_PHASE": _spread(found.no_phase.astype(np.float64), valid, len(lines)) > 0,
+        "NO_NOISE": noise == 0.0,
+        "ROW_STATISTICS": row.row_only,
+        "NO_RANGE": measured & located.no_range,
+    }
+    return Table(
+        line=np.arange(first, first + len(lines)),
+        flags=flags,
+        left=window.left,
+        right=window.right,
+        width=window.width,
+        maximum=row.maximum,
+        row_mean=row.row_mean,
+        row_variance=row.row_variance,
+        background=background,
+        noise=noise,
+        snr=snr,
+        position_px=position,
+        sigma_px=sigma,
+        angle_rad=np.asarray(angle_rad, np.float64),
+        x_mm=located.x,
+        z_mm=located.z,
+        sigma_z_mm=np.abs(located.slope) * np.abs(scale) * sigma,
+        c_obj=confidence.object_confidence(snr, ~low_snr, snr_max=peak.snr_max),
+        c_sfm=confidence.free_confidence(power, ~low_snr, power_max=config.laser.power_max),
+        measured=measured,
+        located=measured & ~located.no_range,
+        pixel_width=config.sensor.pixel_width,
+    )
+
+
+def _spread(values: Floats, rows: Ints, count: int) -> Floats:
+    """Return ``values`` in ``rows`` of an array of ``count`` zeros."""
+    spread = np.zeros(count)
+    spread[rows] = values
+    return spread
