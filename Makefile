@@ -1,0 +1,47 @@
+# Every command of the project; `make` alone lists them.
+
+.DEFAULT_GOAL := help
+
+# What a recipe runs has its own make inside, which this one's job server is not for.
+unexport MAKEFLAGS MAKEOVERRIDES MFLAGS
+
+BIN := .venv/bin
+BUILD := build
+
+# A subset: make test ARGS="-k divide", make timing MODULES="divide multiply".
+ARGS :=
+MODULES :=
+export PYTHON ?= python3
+
+.PHONY: help setup simulate scan test numbers lint timing clean distclean
+
+help: ## list these targets
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' Makefile | \
+	  while IFS='|' read -r target words; do printf '%-16s %s\n' "$$target" "$$words"; done
+
+setup: ## build .venv where that is needed; every other target does so by itself
+	@scripts/setup.sh
+
+simulate:
+	@scripts/setup.sh simulate
+
+scan: setup ## run the default scene through the RTL: points, picture and error table in build/scan
+	@$(BIN)/vrscan scan --out $(BUILD)/scan
+
+test: simulate ## run every test; ARGS="-k divide" picks some
+	@$(BIN)/pytest --numprocesses auto --dist worksteal $(ARGS)
+
+numbers: setup ## print the number table: measured, predicted, floor
+	@$(BIN)/vrscan numbers
+
+lint: setup ## Verilator -Wall, Yosys and Verible on the RTL, ruff and mypy on the Python
+	@$(BIN)/python scripts/lint.py
+
+timing: setup ## synthesise, place and route each module; MODULES="divide multiply" picks some
+	@$(BIN)/python scripts/timing.py $(MODULES)
+
+clean: ## remove what was built
+	@rm -rf $(BUILD) .pytest_cache .hypothesis .mypy_cache .ruff_cache
+
+distclean: clean ## the same, and .venv
+	@rm -rf .venv
