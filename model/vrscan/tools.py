@@ -4,6 +4,7 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 import sysconfig
 from functools import cache
 from pathlib import Path
@@ -44,13 +45,15 @@ def verilator_environment() -> dict[str, str]:
     """Return the environment in which ``verilator`` and what it calls are found.
 
     A Verilator of 5.036 or newer on the PATH is used as it is; otherwise the one of this Python
-    environment, which needs its own folder first on the PATH. ccache is used where it exists.
+    environment, which needs its own folder first on the PATH, and calls ``python``, which a small
+    Debian has only in that environment. ccache is used where it exists.
     """
     environment = dict(os.environ)
     if not _verilator_on_path():
         root = Path(sysconfig.get_paths()["purelib"]) / "verilator"
         environment["VERILATOR_ROOT"] = str(root)
-        environment["PATH"] = os.pathsep.join([str(root / "bin"), environment.get("PATH", "")])
+        first = [str(root / "bin"), str(Path(sys.executable).parent)]
+        environment["PATH"] = os.pathsep.join([*first, environment.get("PATH", "")])
     if shutil.which("ccache") and "OBJCACHE" not in environment:
         environment["OBJCACHE"] = "ccache"
     return environment
