@@ -39,7 +39,7 @@ class Peak(_Section):
     window: Literal["threshold", "two_pass"] = "threshold"
     noise: Literal["background", "row"] = "background"
     k_noise: float = Field(default=2.5, ge=0, lt=256)  # threshold above background, in noise
-    k_height: float = Field(default=0.03, ge=0, lt=1)  # the same in heights of the peak
+    k_height: float = Field(default=0.02, ge=0, lt=1)  # the same in heights of the peak
     snr_min: float = Field(default=8.0, ge=0, lt=256)
     snr_max: float = Field(default=100.0, ge=1, lt=256)  # where the object's confidence is 1
     min_width: int = Field(default=3, ge=3, le=255)  # px

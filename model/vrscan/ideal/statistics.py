@@ -23,9 +23,9 @@ class Statistics:
 
 
 def statistics(lines: Pixels, *, max_window: int) -> Statistics:
-    """Return maximum, mean and population variance of each row, and mean and noise of its background.
+    """Return maximum, mean and variance of each row, and mean and noise of its background.
 
-    VR-SCAN, section IV-G 1: maximum, average and variance of each row. The row includes its peak,
+    VR-SCAN, section IV-G 1: maximum, average and variance of each row. The row includes the peak,
     which biases the noise, so the background leaves out the block of 64 pixels that holds the
     first maximum and as many blocks on either side as the longest window may cover.
 

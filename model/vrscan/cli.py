@@ -1,0 +1,230 @@
+"""The ``vrscan`` command."""
+
+import contextlib
+import importlib
+import importlib.util
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeRemainingColumn,
+)
+
+from vrscan import config as configuration
+from vrscan import engines, lines
+from vrscan.config import Config
+from vrscan.engines import Engine
+from vrscan.errors import InputError
+from vrscan.points import atomic_file, write_csv, write_ply
+from vrscan.table import Table
+
+EXIT_BAD_INPUT, EXIT_TERMINATED = 2, 143
+MOST_LINES = 1_000_000
+
+app = typer.Typer(
+    help="A MEMS laser triangulation scanner: from sensor lines to (x, z) points.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+ConfigOption = Annotated[
+    Path | None, typer.Option("--config", help="TOML file whose values override the defaults.")
+]
+EngineOption = Annotated[
+    Engine,
+    typer.Option(
+        help="The RTL itself, its bit-accurate model, or the papers' equations in float64."
+    ),
+]
+CountOption = Annotated[int, typer.Option("--lines", help="Number of lines.")]
+
+
+@app.command()
+def scan(
+    out: Annotated[Path, typer.Option(help="Folder of points.csv, points.ply, picture.png.")],
+    scene: Annotated[str, typer.Argument(help="default, plane, step or cylinder.")] = "default",
+    engine: EngineOption = Engine.RTL,
+    count: CountOption = 3000,
+    config: ConfigOption = None,
+) -> None:
+    """Simulate a scene, turn its lines into points and compare them with the truth."""
+    from vrscan.report import scan as report  # matplotlib takes a second to import
+    from vrscan.scene.simple import named, simulate
+
+    _check_count(count, 1)
+    chosen = named(scene)
+    settings = configuration.load(config)
+    with _folder(out), contextlib.ExitStack() as files:
+        csv, ply, png = (
+            files.enter_context(atomic_file(out / name))
+            for name in ("points.csv", "points.ply", "picture.png")
+        )
+        recording = simulate(chosen, count, settings)
+        result = _run(engine, recording, settings)
+        truth = recording.truth
+        assert truth is not None  # a simulation has one
+        write_csv(result, csv)
+        write_ply(result, ply)
+        name = "plane, step and cylinder" if scene == "default" else scene
+        title = f"Scan of {name}: {count} lines, engine {engine}"
+        report.picture(recording, result, settings, title, png)
+    console = _console()
+    console.print(report.error_table(report.compare(result, truth), title))
+    dark = int(np.isnan(truth.position_px).sum())
+    console.print(
+        f"{len(result)} lines, {int(result.located.sum())} points; "
+        f"{dark} lines whose spot the camera cannot see, "
+        f"{report.stray(result, truth)} of them with a point"
+    )
+    console.print(f"{out}: points.csv, points.ply, picture.png", highlight=False)
+
+
+@app.command()
+def replay(
+    recording: Annotated[Path, typer.Argument(metavar="LINES", help=".npy or .npz of lines.")],
+    out: Annotated[Path, typer.Option(help="The points.csv to write.")],
+    engine: EngineOption = Engine.RTL,
+    config: ConfigOption = None,
+) -> None:
+    """Turn recorded lines into points."""
+    settings = configuration.load(config)
+    recorded = lines.read(recording, settings)
+    with atomic_file(out) as file:
+        write_csv(_run(engine, recorded, settings), file)
+
+
+@app.command()
+def efficiency(
+    engine: EngineOption = Engine.FIXED,
+    count: Annotated[int, typer.Option("--lines", help="Lines a cell.")] = 4000,
+    config: ConfigOption = None,
+) -> None:
+    """Compare the detector with the Cramer-Rao bound; exit status 1 below the stated figures."""
+    from vrscan.report import efficiency as report
+
+    _check_count(count, 100)
+    settings = configuration.load(config)
+    with _bar("spots", len(report.PEAKS) * len(report.SIGMAS_PX)) as progress:
+        cells = report.study(engine, settings, count, progress)
+    console = _console()
+    console.print(report.efficiency_table(cells, engine, count))
+    shipped, printed = [c.shipped for c in cells], [c.printed for c in cells]
+    mean, lost = report.geometric_mean(shipped), report.worst_lost(shipped)
+    console.print(
+        f"geometric mean: {mean:.3f} (at least {report.GOAL_EFFICIENCY:.2f}), "
+        f"(8) as printed {report.geometric_mean(printed):.3f}"
+    )
+    console.print(
+        f"lost, worst cell: {100 * lost:.2f} % (at most {100 * report.GOAL_LOST:.1f} %), "
+        f"(8) as printed {100 * report.worst_lost(printed):.2f} %"
+    )
+    if mean < report.GOAL_EFFICIENCY or lost > report.GOAL_LOST:
+        raise typer.Exit(1)
+
+
+@app.command()
+def speed(
+    engine: EngineOption = Engine.FIXED,
+    count: CountOption = 10_000,
+    config: ConfigOption = None,
+) -> None:
+    """Measure the lines per second of an engine, on lines of the default scene."""
+    from vrscan.scene.simple import SCENES, simulate
+
+    _check_count(count, 1)
+    settings = configuration.load(config)
+    recording = simulate(SCENES["default"], count, settings)
+    warm = lines.Lines(recording.lines[:64], recording.angle_rad[:64], recording.power[:64])
+    engines.run(engine, warm, settings)  # builds and imports are not what is measured
+    wall, cpu = time.perf_counter(), time.process_time()
+    _run(engine, recording, settings)
+    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    _console().print(
+        f"engine {engine}: {count / wall:.0f} lines/s on {cpu / wall:.2f} cores "
+        f"({count} lines in {wall:.2f} s); the paper's sensor reads 37400 lines/s",
+        highlight=False,
+    )
+
+
+if importlib.util.find_spec("vrscan.report.numbers") is not None:
+    app.command("numbers")(importlib.import_module("vrscan.report.numbers").main)
+
+
+def _check_count(count: int, least: int) -> None:
+    if not least <= count <= MOST_LINES:
+        raise InputError(f"--lines: must be {least} to {MOST_LINES} ({count})")
+
+
+def _console() -> Console:
+    """Return the output, wide enough for the tables where it is no terminal."""
+    return Console(width=None if sys.stdout.isatty() else 120)
+
+
+def _run(engine: Engine, recording: lines.Lines, settings: Config) -> Table:
+    """Run an engine under a bar."""
+    with _bar(f"engine {engine}", len(recording)) as progress:
+        return engines.run(engine, recording, settings, progress)
+
+
+@contextlib.contextmanager
+def _bar(text: str, total: int) -> Iterator[Callable[[int], None]]:
+    """Show a bar on the error stream; yields a function that is told how many are done."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        task = progress.add_task(text, total=total)
+        yield lambda done: progress.update(task, completed=done)
+
+
+@contextlib.contextmanager
+def _folder(path: Path) -> Iterator[None]:
+    """Make the folder if it is missing, and take it away again if what follows fails."""
+    made = not path.exists()
+    try:
+        path.mkdir(exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{path}: cannot make the folder ({error.strerror})") from error
+    try:
+        yield
+    except BaseException:
+        if made:
+            with contextlib.suppress(OSError):
+                path.rmdir()
+        raise
+
+
+def main() -> None:
+    """Run the command; whatever the user got wrong is one line on the error stream."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(EXIT_TERMINATED))  # so that files are tidied
+    try:
+        status = app(sys.argv[1:] or ["--help"], prog_name="vrscan", standalone_mode=False)
+    except InputError as error:
+        status = _complain(str(error))
+    except typer.TyperException as error:  # an unknown option, a missing argument
+        status = _complain(error.format_message().replace("Value error, ", ""))
+    sys.exit(status)
+
+
+def _complain(text: str) -> int:
+    """Print one line on the error stream and return the exit status."""
+    print(f"vrscan: {' '.join(text.split())}", file=sys.stderr)
+    return EXIT_BAD_INPUT
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Light to sensor lines. For now: Gaussian spots on simple surfaces at known scan angles."""
