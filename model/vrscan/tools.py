@@ -1,4 +1,4 @@
-"""Where the tools and the build products are: the one place that decides which Verilator is used."""
+"""Where the tools and the build products are, and which Verilator is used."""
 
 import os
 import re
@@ -29,6 +29,49 @@ def rtl_sources() -> list[Path]:
     files = sorted((repository_root() / "rtl").rglob("*.sv"))
     files = [f for f in files if "boards" not in f.parts]
     return sorted(files, key=lambda f: not f.stem.endswith("_pkg"))
+
+
+def rtl_packages() -> list[Path]:
+    """Return the RTL packages, which every compilation reads first."""
+    return [f for f in rtl_sources() if f.stem.endswith("_pkg")]
+
+
+def rtl_folders() -> list[Path]:
+    """Return the folders in which a module is found by its name."""
+    return sorted({f.parent for f in rtl_sources()})
+
+
+def rtl_module(name: str) -> Path:
+    """Return the file of a module.
+
+    Raises:
+        FileNotFoundError: if no file in rtl/ has the module's name.
+    """
+    for file in rtl_sources():
+        if file.stem == name:
+            return file
+    raise FileNotFoundError(f"rtl: no module {name}")
+
+
+def rtl_modules() -> list[Path]:
+    """Return every RTL file that holds a module: all but the packages."""
+    return [f for f in rtl_sources() if not f.stem.endswith("_pkg")]
+
+
+def rtl_closure(module: Path) -> list[Path]:
+    """Return the files that a module is made of, packages first, itself among them.
+
+    A file has the name of its module or package, so naming it in the code is using it.
+    """
+    files = {f.stem: f for f in rtl_sources()}
+    found: set[str] = set()
+    waiting = {module.stem}
+    while waiting:
+        stem = waiting.pop()
+        found.add(stem)
+        code = re.sub(r"//.*", "", files[stem].read_text())
+        waiting |= set(re.findall(r"\w+", code)) & files.keys() - found
+    return [f for f in rtl_sources() if f.stem in found]
 
 
 @cache

