@@ -20,7 +20,14 @@ from cocotb.triggers import FallingEdge, ReadOnly, RisingEdge
 from cocotb_tools.runner import Verilator
 from filelock import FileLock
 
-from vrscan.tools import build_folder, repository_root, rtl_sources, verilator_environment
+from vrscan.tools import (
+    build_folder,
+    repository_root,
+    rtl_folders,
+    rtl_module,
+    rtl_packages,
+    verilator_environment,
+)
 
 CLOCK_NS = 8
 SEED = 20100301  # printed by every simulation; one seed for all random data
@@ -44,6 +51,14 @@ def _environment(changes: Mapping[str, str]) -> Iterator[None]:
     finally:
         os.environ.clear()
         os.environ.update(before)
+
+
+def _build(runner: _Verilator, log_file: Path, **arguments: object) -> None:
+    """Build, and on failure show what Verilator or the compiler said."""
+    try:
+        runner.build(log_file=log_file, **arguments)
+    except RuntimeError as error:
+        raise RuntimeError("\n" + log_file.read_text()[-4000:]) from error
 
 
 def simulate(
@@ -83,13 +98,15 @@ def simulate(
     path = os.pathsep.join(
         [str(repository_root() / "model"), str(Path(test_file).parent), *os.sys.path]
     )
+    libraries = [part for place in rtl_folders() for part in ("-y", str(place))]
     with _environment(environment), FileLock(folder / "lock"):
         runner = _Verilator()
-        runner.build(
-            sources=[control, *(sources or []), *rtl_sources()],
+        _build(
+            runner,
+            sources=[control, *rtl_packages(), *(sources or []), rtl_module(module)],
             hdl_toplevel=module,
             parameters=parameters,
-            build_args=["--assert", "-Wno-fatal", "-Wno-MULTITOP", "-O3", "--output-split", "0"],
+            build_args=["--assert", "-O3", *libraries],
             build_dir=folder,
             timescale=("1ns", "1ns"),
             log_file=folder / "build.log",

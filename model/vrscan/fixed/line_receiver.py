@@ -1,0 +1,92 @@
+"""From the sensor's strobes to complete lines, the twin of ``rtl/sensor/line_receiver.sv``."""
+
+from dataclasses import dataclass, field
+
+from vrscan.fixed import pkg
+
+LATENCY = 1  # clocks from pixel_valid_i to valid_o and from line_end_i to good_o
+
+
+@dataclass(frozen=True)
+class Received:
+    """Registered outputs of one clock; a field is None where the hardware does not define it."""
+
+    pixel: int | None = None
+    index: int | None = None
+    good: bool = False
+    line_number: int | None = None
+    lost: bool | None = None
+
+
+@dataclass
+class LineReceiver:
+    """Clock-accurate receiver.
+
+    Args:
+        line_length: Pixels of a good line, ``LineLength``.
+        min_period: Clocks between the ends of two good lines, ``MinPeriod``; 0 for no limit.
+        count_width: Bits of the fault counters, ``CountWidth``; they stop at their largest value.
+
+    Attributes:
+        short, long, unfinished, early: Dropped lines by fault.
+    """
+
+    line_length: int = 2048
+    min_period: int = 0
+    count_width: int = 16
+    short: int = 0
+    long: int = 0
+    unfinished: int = 0
+    early: int = 0
+    _in_line: bool = field(default=False, init=False)
+    _over: bool = field(default=False, init=False)
+    _lost: bool = field(default=False, init=False)
+    _fill: int = field(default=0, init=False)
+    _number: int = field(default=0, init=False)
+    _period: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        """Start as after a reset: no line ended recently."""
+        self._period = self.min_period
+
+    def _count(self, value: int) -> int:
+        return min(value + 1, (1 << self.count_width) - 1)
+
+    def step(self, start: bool, valid: bool, pixel: int, end: bool) -> Received:
+        """Take the strobes of one clock and return what the outputs carry after it."""
+        number_mask = (1 << pkg.LINE_NUMBER_WIDTH) - 1
+        dropped = False
+        if start:
+            if self._in_line:
+                self.unfinished = self._count(self.unfinished)
+                dropped = True
+            self._in_line, self._over, self._fill = True, False, 0
+            self._number = (self._number + 1) & number_mask
+        taken = self._in_line and valid and self._fill < self.line_length
+        index = self._fill if taken else None
+        if taken:
+            self._fill += 1
+        elif self._in_line and valid:
+            self._over = True
+        good = False
+        if self._in_line and end:
+            self._in_line = False
+            if self._fill < self.line_length:
+                self.short = self._count(self.short)
+            elif self._over:
+                self.long = self._count(self.long)
+            elif self._period < self.min_period:
+                self.early = self._count(self.early)
+            else:
+                good = True
+            dropped = dropped or not good
+        lost = self._lost
+        self._lost = (self._lost or dropped) and not good
+        self._period = 1 if good else min(self._period + 1, self.min_period)
+        return Received(
+            pixel=pixel if taken else None,
+            index=index,
+            good=good,
+            line_number=(self._number - 1) & number_mask if good else None,
+            lost=lost if good else None,
+        )

@@ -1,0 +1,323 @@
+// peak_isolate: the threshold, and the run of pixels above it that holds the maximum.
+//
+//   threshold = background + max(k_noise noise, k_height (maximum - background))
+//
+// The statistics of a line come in, the line is replayed from the buffer, and after its last
+// pixel the window goes out with its flags.  The window's pixels stand in a memory of their own,
+// readable until the next window but one.  No decision divides: the S/N is compared as
+// (maximum - background) < snr_min noise.
+//
+// A run is a rival when it is at least min_width wide: what could not be a peak is no rival, and
+// single noise pixels above a low threshold would otherwise flag every line.
+//
+//   left_o, right_o, width_o  the window; width_o is 0 where the maximum is not above the threshold
+//   measured_o                none of LOW_SNR, TOO_NARROW and TOO_WIDE
+//   read_index_i, read_pixel_o  pixel of the window, 1 clock later
+//   Latency  vrscan.fixed.peak_isolate.latency() clocks from valid_i to valid_o; replay_o comes
+//            vrscan.fixed.peak_isolate.replay_latency() clocks after valid_i
+//   Model    vrscan.fixed.peak_isolate, bit-exact
+
+`default_nettype none
+
+module peak_isolate #(
+  parameter int unsigned Lanes      = 1,
+  parameter int unsigned LineLength = 2048,
+  parameter int unsigned PixelWidth = 12,
+  parameter int unsigned MaxWindow  = 255,
+  parameter int unsigned UserWidth  = 8,
+  localparam int unsigned IndexWidth = $clog2(LineLength),
+  localparam int unsigned WidthWidth = $clog2(LineLength + 1)
+) (
+  input  wire logic                               clk_i,
+  input  wire logic                               rst_i,
+
+  // Statistics of the line, sampled with valid_i.
+  input  wire logic                               valid_i,
+  input  wire logic [             PixelWidth-1:0] maximum_i,
+  input  wire logic [             IndexWidth-1:0] max_index_i,
+  input  wire logic [ vrscan_pkg::CountWidth-1:0] background_i,
+  input  wire logic [ vrscan_pkg::CountWidth-1:0] noise_i,
+  input  wire logic [              UserWidth-1:0] user_i,
+
+  // The line, from line_buffer.
+  output      logic                               replay_o,
+  input  wire logic                               pixel_valid_i,
+  input  wire logic [       Lanes*PixelWidth-1:0] pixel_i,
+  input  wire logic [             IndexWidth-1:0] index_i,
+  input  wire logic                               last_i,
+
+  output      logic                               valid_o,
+  output      logic                               measured_o,
+  output      logic [             IndexWidth-1:0] left_o,
+  output      logic [             IndexWidth-1:0] right_o,
+  output      logic [             WidthWidth-1:0] width_o,
+  output      logic [  vrscan_pkg::FlagWidth-1:0] flags_o,
+  output      logic [             PixelWidth-1:0] maximum_o,
+  output      logic [ vrscan_pkg::CountWidth-1:0] background_o,
+  output      logic [ vrscan_pkg::CountWidth-1:0] noise_o,
+  output      logic [              UserWidth-1:0] user_o,
+
+  input  wire logic [vrscan_pkg::WindowWidth-1:0] read_index_i,
+  output      logic [             PixelWidth-1:0] read_pixel_o,
+
+  // Configuration.
+  input  wire logic [                       15:0] k_noise_i,   // 8 fraction bits
+  input  wire logic [                       15:0] k_height_i,  // 16 fraction bits
+  input  wire logic [   vrscan_pkg::SnrWidth-1:0] snr_min_i,   // 8 fraction bits
+  input  wire logic [vrscan_pkg::WindowWidth-1:0] min_width_i, // below 3 counts as 3
+  input  wire logic [vrscan_pkg::WindowWidth-1:0] max_width_i  // above MaxWindow counts as it
+);
+
+  if (Lanes != 1) begin : gen_bad_lanes
+    $error("peak_isolate: only Lanes = 1 is built");
+  end
+  if (MaxWindow < vrscan_pkg::MinWindow || MaxWindow > 255) begin : gen_bad_window
+    $error("peak_isolate: MaxWindow must be 3..255");
+  end
+
+  localparam int unsigned CountWidth  = vrscan_pkg::CountWidth;
+  localparam int unsigned CountShift  = CountWidth - PixelWidth;  // pixel to count format
+  localparam int unsigned WindowWidth = vrscan_pkg::WindowWidth;
+  localparam int unsigned TermWidth   = CountWidth + 16;  // factor times count
+
+  // ---- limits that registers cannot leave ----
+  logic [WindowWidth-1:0] min_width_q, max_width_q;
+  always_ff @(posedge clk_i) begin
+    min_width_q <= min_width_i < WindowWidth'(vrscan_pkg::MinWindow)
+                   ? WindowWidth'(vrscan_pkg::MinWindow) : min_width_i;
+    max_width_q <= max_width_i > WindowWidth'(MaxWindow) ? WindowWidth'(MaxWindow) : max_width_i;
+  end
+
+  // ---- threshold: three products, one after the other ----
+  typedef enum logic [2:0] { IDLE, NOISE_TERM, HEIGHT_TERM, SNR_TERM, SUM, REPLAY } state_e;
+  state_e                         state_q;
+  logic                           start_q, product_valid;
+  logic signed [            16:0] factor_q;
+  logic signed [    CountWidth:0] count_q;
+  logic signed [CountWidth+17:0]  product;
+  logic        [  CountWidth-1:0] height_q;  // maximum - background
+  logic        [   TermWidth-1:0] noise_term_q;
+  logic        [  CountWidth-1:0] height_term_q;
+  logic                           low_snr_q;
+  logic        [     TermWidth:0] threshold_q;  // cannot overflow: a term and a count
+  logic        [  PixelWidth-1:0] maximum_q;
+  logic        [  IndexWidth-1:0] max_index_q;
+  logic        [  CountWidth-1:0] background_q, noise_q;
+  logic        [   UserWidth-1:0] user_q;
+
+  multiply #(.AWidth(CountWidth + 1), .BWidth(17)) u_multiply (
+    .clk_i, .rst_i,
+    .valid_i  (start_q),
+    .a_i      (count_q),
+    .b_i      (factor_q),
+    .valid_o  (product_valid),
+    .product_o(product)
+  );
+
+  // To nearest, half up; the noise term has 8 fraction bits more than a count, the height's 16.
+  logic [TermWidth-1:0] noise_term, height_term;
+  assign noise_term  = (product[TermWidth-1:0] + TermWidth'(1 << (vrscan_pkg::KNoiseFraction - 1)))
+                       >> vrscan_pkg::KNoiseFraction;
+  assign height_term = (product[TermWidth-1:0] + TermWidth'(1 << (vrscan_pkg::KHeightFraction - 1)))
+                       >> vrscan_pkg::KHeightFraction;
+
+  logic [TermWidth-1:0] larger_term;
+  assign larger_term = noise_term_q > TermWidth'(height_term_q) ? noise_term_q
+                                                                : TermWidth'(height_term_q);
+
+  always_ff @(posedge clk_i) begin
+    start_q  <= 1'b0;
+    replay_o <= 1'b0;
+    unique case (state_q)
+      IDLE: if (valid_i) begin
+        maximum_q    <= maximum_i;
+        max_index_q  <= max_index_i;
+        background_q <= background_i;
+        noise_q      <= noise_i;
+        user_q       <= user_i;
+        // A mean is not above the maximum, so this is not negative.
+        height_q     <= (CountWidth'(maximum_i) << CountShift) - background_i;
+        factor_q     <= signed'({1'b0, k_noise_i});
+        count_q      <= signed'({1'b0, noise_i});
+        start_q      <= 1'b1;
+        state_q      <= NOISE_TERM;
+      end
+      NOISE_TERM: if (product_valid) begin
+        noise_term_q <= noise_term;
+        factor_q     <= signed'({1'b0, k_height_i});
+        count_q      <= signed'({1'b0, height_q});
+        start_q      <= 1'b1;
+        state_q      <= HEIGHT_TERM;
+      end
+      HEIGHT_TERM: if (product_valid) begin
+        height_term_q <= height_term[CountWidth-1:0];
+        factor_q      <= signed'({1'b0, snr_min_i});
+        count_q       <= signed'({1'b0, noise_q});
+        start_q       <= 1'b1;
+        state_q       <= SNR_TERM;
+      end
+      SNR_TERM: if (product_valid) begin
+        low_snr_q <= height_q == '0
+                     || (TermWidth'(height_q) << vrscan_pkg::SnrFraction) < product[TermWidth-1:0];
+        threshold_q <= (TermWidth + 1)'(larger_term);
+        state_q   <= SUM;
+      end
+      SUM: begin
+        threshold_q <= threshold_q + (TermWidth + 1)'(background_q);
+        state_q     <= REPLAY;
+      end
+      REPLAY: begin
+        replay_o <= 1'b1;
+        state_q  <= IDLE;
+      end
+      default: state_q <= IDLE;
+    endcase
+    if (rst_i) begin
+      state_q  <= IDLE;
+      start_q  <= 1'b0;
+      replay_o <= 1'b0;
+    end
+  end
+
+  logic                  seen_q, above_q, is_max_q, last_q;
+  logic [PixelWidth-1:0] pixel_q;
+  logic [IndexWidth-1:0] index_q;
+  logic                  first;
+  assign first = index_q == '0;
+
+  // Three lines are under way at once: one gets its threshold, one is compared and one ends.
+  // The buffer answers two clocks after replay_o, so the compared line's set changes with its
+  // first pixel, and the ending line's a clock later, behind the flags of the one before.
+  logic [IndexWidth-1:0] compare_max_index_q, end_max_index_q;
+  logic [   TermWidth:0] compare_threshold_q;
+  logic                  replay_q, compare_low_snr_q, end_low_snr_q;
+  logic [PixelWidth-1:0] compare_maximum_q, end_maximum_q;
+  logic [CountWidth-1:0] compare_background_q, end_background_q;
+  logic [CountWidth-1:0] compare_noise_q, end_noise_q;
+  logic [ UserWidth-1:0] compare_user_q, end_user_q;
+  always_ff @(posedge clk_i) begin
+    replay_q <= replay_o;
+    if (replay_q) begin
+      compare_threshold_q  <= threshold_q;
+      compare_low_snr_q    <= low_snr_q;
+      compare_max_index_q  <= max_index_q;
+      compare_maximum_q    <= maximum_q;
+      compare_background_q <= background_q;
+      compare_noise_q      <= noise_q;
+      compare_user_q       <= user_q;
+    end
+    if (seen_q && first) begin
+      end_low_snr_q    <= compare_low_snr_q;
+      end_max_index_q  <= compare_max_index_q;
+      end_maximum_q    <= compare_maximum_q;
+      end_background_q <= compare_background_q;
+      end_noise_q      <= compare_noise_q;
+      end_user_q       <= compare_user_q;
+    end
+    if (rst_i) replay_q <= 1'b0;
+  end
+
+  // ---- compare ----
+  always_ff @(posedge clk_i) begin
+    seen_q   <= pixel_valid_i;
+    above_q  <= (TermWidth + 1)'({pixel_i, {CountShift{1'b0}}}) > compare_threshold_q;
+    is_max_q <= index_i == compare_max_index_q;
+    last_q   <= last_i;
+    pixel_q  <= pixel_i;
+    index_q  <= index_i;
+    if (rst_i) seen_q <= 1'b0;
+  end
+
+  // ---- runs ----
+  logic                  in_run_q, has_max_q;  // of the run under way
+  logic [IndexWidth-1:0] run_left_q;
+  logic [WidthWidth-1:0] run_width_q;
+  logic                  found_q, rival_q;  // of the line so far
+  logic [IndexWidth-1:0] found_left_q, found_right_q;
+  logic [WidthWidth-1:0] found_width_q;
+
+  // The run including this pixel where it is above, the run it ends where it is not.
+  logic                  has_max, run_ends, wide_enough;
+  logic [IndexWidth-1:0] run_left;
+  logic [WidthWidth-1:0] run_width;
+  assign has_max     = above_q ? is_max_q || (in_run_q && has_max_q) : has_max_q;
+  assign run_left    = above_q && !in_run_q ? index_q : run_left_q;
+  assign run_width   = !above_q ? run_width_q
+                       : in_run_q ? run_width_q + WidthWidth'(1) : WidthWidth'(1);
+  assign run_ends    = above_q ? last_q : in_run_q;
+  assign wide_enough = run_width >= WidthWidth'(min_width_q);
+
+  logic                  finish_q;
+  always_ff @(posedge clk_i) begin
+    finish_q <= seen_q && last_q;
+    if (seen_q) begin
+      in_run_q    <= above_q && !last_q;
+      has_max_q   <= has_max;
+      run_left_q  <= run_left;
+      run_width_q <= run_width;
+      if (first) begin
+        found_q       <= 1'b0;
+        found_width_q <= '0;
+        rival_q       <= 1'b0;
+      end
+      if (run_ends && has_max) begin
+        found_q       <= 1'b1;
+        found_left_q  <= run_left;
+        found_right_q <= above_q ? index_q : index_q - IndexWidth'(1);
+        found_width_q <= run_width;
+      end else if (run_ends && wide_enough) begin
+        rival_q <= 1'b1;
+      end
+    end
+    if (rst_i) begin
+      finish_q <= 1'b0;
+      in_run_q <= 1'b0;
+    end
+  end
+
+  // ---- the window's pixels ----
+  // Every run is written from place 0 until the one with the maximum has ended; then the bank
+  // rests, and the next line uses the other one.
+  logic [PixelWidth-1:0]  window_mem [2 << WindowWidth];
+  logic                   bank_q;
+  logic [ WidthWidth-1:0] place;
+  logic                   keep;
+  assign place = in_run_q ? run_width_q : '0;
+  assign keep  = seen_q && above_q && (!found_q || first) && place < WidthWidth'(MaxWindow);
+  always_ff @(posedge clk_i) begin
+    if (keep) window_mem[{bank_q, place[WindowWidth-1:0]}] <= pixel_q;
+    read_pixel_o <= window_mem[{!bank_q, read_index_i}];
+    if (finish_q) bank_q <= !bank_q;
+    if (rst_i) bank_q <= 1'b0;
+  end
+
+  // ---- flags ----
+  logic too_narrow, too_wide;
+  assign too_narrow = found_width_q < WidthWidth'(min_width_q);
+  assign too_wide   = found_width_q > WidthWidth'(max_width_q);
+  always_ff @(posedge clk_i) begin
+    valid_o <= finish_q;
+    if (finish_q) begin
+      measured_o   <= !(end_low_snr_q || too_narrow || too_wide);
+      left_o       <= found_q ? found_left_q : end_max_index_q;
+      right_o      <= found_q ? found_right_q : end_max_index_q;
+      width_o      <= found_width_q;
+      maximum_o    <= end_maximum_q;
+      background_o <= end_background_q;
+      noise_o      <= end_noise_q;
+      user_o       <= end_user_q;
+      flags_o                            <= '0;
+      flags_o[vrscan_pkg::FlagLowSnr]    <= end_low_snr_q;
+      flags_o[vrscan_pkg::FlagTooNarrow] <= too_narrow;
+      flags_o[vrscan_pkg::FlagTooWide]   <= too_wide;
+      flags_o[vrscan_pkg::FlagAtEdge]    <=
+          found_q && (found_left_q == '0 || found_right_q == IndexWidth'(LineLength - 1));
+      flags_o[vrscan_pkg::FlagSaturated] <= found_q && (&end_maximum_q);
+      flags_o[vrscan_pkg::FlagRival]     <= rival_q;
+    end
+    if (rst_i) valid_o <= 1'b0;
+  end
+
+endmodule
+
+`default_nettype wire

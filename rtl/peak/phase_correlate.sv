@@ -1,0 +1,305 @@
+// phase_correlate: phase and magnitude of a window's first harmonic, and its noise sums.
+//
+// Pass 1 correlates the window with sine and cosine of period T = N or N - 1.  The background,
+// rounded down, is taken off every pixel first, so no table error is multiplied by the pedestal.
+// For T = N that changes nothing, for T = N - 1 the samples' cosines add up to exactly one, and
+// the background is put back as one more sample of that weight: (8) sees the raw pixels.
+//
+// Pass 2 correlates with the cosine of twice the phase, measured from the peak.  Its two sums
+// give sum(v_i sin^2(theta_i - phi)) = (sum(v_i) - sum(v_i cos(2 theta_i - 2 phi))) / 2, exactly
+// the variance that the phase feels, for any mixture of constant and shot noise.
+//
+// Pixels are left-aligned to 16 bits ("aligned counts"), so all widths behind are the same for
+// every PixelWidth.
+//
+//   phase_o        turns, unsigned: peak_position makes delta of (8) from it
+//   magnitude_o    cordic gain times |X + iY|, X and Y in aligned counts times the table amplitude
+//   pedestal_o     what was taken off, aligned counts
+//   sum_o          sum of pixel - pedestal, aligned counts
+//   wave_o         sum of (pixel - pedestal) cos(2 theta - 2 phi), aligned counts, 4 fraction bits
+//   count_o        sum of cos(2 theta - 2 phi), 8 fraction bits
+//   no_phase_o     X = Y = 0
+//   Latency  vrscan.fixed.phase_correlate.latency(N): 2 N + a constant, or 2 clocks for a line
+//            that is not measured; one line at a time
+//   Model    vrscan.fixed.phase_correlate, bit-exact
+
+`default_nettype none
+
+module phase_correlate #(
+  parameter int unsigned PixelWidth = 12,
+  parameter int unsigned UserWidth  = 8
+) (
+  input  wire logic                                         clk_i,
+  input  wire logic                                         rst_i,
+
+  input  wire logic                                         valid_i,
+  input  wire logic                                         measured_i,
+  input  wire logic        [   vrscan_pkg::WindowWidth-1:0] width_i,
+  input  wire logic        [    vrscan_pkg::CountWidth-1:0] background_i,
+  input  wire logic        [                 UserWidth-1:0] user_i,
+
+  // The window's pixels: one clock from index to pixel.
+  output      logic        [   vrscan_pkg::WindowWidth-1:0] read_index_o,
+  input  wire logic        [                PixelWidth-1:0] read_pixel_i,
+
+  output      logic                                         valid_o,
+  output      logic                                         measured_o,
+  output      logic                                         no_phase_o,
+  output      logic        [   vrscan_pkg::WindowWidth-1:0] width_o,
+  output      logic        [   vrscan_pkg::WindowWidth-1:0] period_o,
+  output      logic        [    vrscan_pkg::AngleWidth-1:0] phase_o,
+  output      logic        [vrscan_pkg::MagnitudeWidth-1:0] magnitude_o,
+  output      logic        [      vrscan_pkg::SumWidth-1:0] sum_o,
+  output      logic signed [     vrscan_pkg::WaveWidth-1:0] wave_o,
+  output      logic signed [ vrscan_pkg::WaveCountWidth-1:0] count_o,
+  output      logic        [                 UserWidth-1:0] user_o,
+
+  // Configuration.
+  input  wire logic                                         period_n_i  // T = N, else N - 1
+);
+
+  localparam int unsigned WindowWidth   = vrscan_pkg::WindowWidth;
+  localparam int unsigned AlignedWidth  = vrscan_pkg::AlignedWidth;
+  localparam int unsigned SineWidth     = vrscan_pkg::SineWidth;
+  localparam int unsigned HarmonicWidth = vrscan_pkg::HarmonicWidth;
+  localparam int unsigned PhaseWidth    = vrscan_pkg::PhaseWidth;  // of the table's input
+  localparam int unsigned StepWidth     = 32;  // phase accumulator, turns
+  localparam int unsigned LowWidth      = 17;  // of a sine, for the 18-bit multipliers
+  localparam int unsigned HighWidth     = SineWidth - LowWidth;
+
+  // ---- control ----
+  typedef enum logic [2:0] { IDLE, STEP, FIRST_PASS, PHASE, SECOND_PASS, DRAIN } state_e;
+  state_e                   state_q;
+  logic                     begin_pass;  // the sums start at zero
+  logic                     step_start_q, step_valid;
+  logic [    StepWidth-1:0] step;
+  logic [    StepWidth-1:0] angle_q;  // of the sample that is issued
+  logic [    StepWidth-1:0] angle_step_q;
+  logic [  WindowWidth-1:0] left_q;  // samples still to issue
+  logic [ AlignedWidth-1:0] pedestal_q;
+  logic                     issue_q;
+  logic                     restore_q;  // the sample that puts the pedestal back
+  logic                     summed_q;  // the second pass is complete
+
+  divide #(
+    .DividendWidth(StepWidth + 1), .DivisorWidth(WindowWidth), .QuotientWidth(StepWidth)
+  ) u_step (
+    .clk_i, .rst_i,
+    .valid_i   (step_start_q),
+    .dividend_i({1'b1, {StepWidth{1'b0}}}),
+    .divisor_i (period_o),
+    .valid_o   (step_valid),
+    .quotient_o(step),
+    .overflow_o()  // T is 2 or more
+  );
+
+  logic                                  cordic_start_q, cordic_valid, cordic_zero;
+  logic [    vrscan_pkg::AngleWidth-1:0] cordic_angle;
+  logic [vrscan_pkg::MagnitudeWidth-1:0] cordic_magnitude;
+
+  assign begin_pass = (state_q == IDLE && valid_i) || cordic_valid;
+
+  always_ff @(posedge clk_i) begin
+    step_start_q <= 1'b0;
+    issue_q      <= 1'b0;
+    restore_q    <= 1'b0;
+    valid_o      <= 1'b0;
+    unique case (state_q)
+      IDLE: if (valid_i) begin
+        // Where nothing is measured the results are zero.
+        measured_o   <= measured_i;
+        user_o       <= user_i;
+        width_o      <= width_i;
+        period_o     <= width_i - WindowWidth'(!period_n_i);
+        phase_o      <= '0;
+        magnitude_o  <= '0;
+        no_phase_o   <= 1'b0;
+        pedestal_q   <= background_i[vrscan_pkg::CountWidth-1 -: AlignedWidth];
+        step_start_q <= measured_i;
+        state_q      <= measured_i ? STEP : DRAIN;
+      end
+      STEP: if (step_valid) begin
+        angle_q      <= '0;
+        angle_step_q <= step;
+        left_q       <= width_o;
+        read_index_o <= '0;
+        issue_q      <= 1'b1;
+        state_q      <= FIRST_PASS;
+      end
+      FIRST_PASS, SECOND_PASS: begin
+        angle_q      <= angle_q + angle_step_q;
+        read_index_o <= read_index_o + WindowWidth'(1);
+        left_q       <= left_q - WindowWidth'(1);
+        issue_q      <= left_q != WindowWidth'(1);
+        if (left_q == WindowWidth'(1)) begin
+          restore_q <= state_q == FIRST_PASS;
+          state_q   <= state_q == FIRST_PASS ? PHASE : DRAIN;
+        end
+      end
+      PHASE: if (cordic_valid) begin
+        phase_o      <= cordic_angle;
+        magnitude_o  <= cordic_magnitude;
+        no_phase_o   <= cordic_zero;
+        // The second harmonic, measured from the peak: 2 (theta - phi).
+        angle_q      <= -{cordic_angle[vrscan_pkg::AngleWidth-2:0],
+                          {(StepWidth - vrscan_pkg::AngleWidth + 1){1'b0}}};
+        angle_step_q <= angle_step_q << 1;
+        left_q       <= width_o;
+        read_index_o <= '0;
+        issue_q      <= 1'b1;
+        state_q      <= SECOND_PASS;
+      end
+      DRAIN: if (summed_q || !measured_o) begin
+        measured_o <= measured_o && !no_phase_o;
+        sum_o      <= sum_q;
+        // To nearest, half up; the table's amplitude is 2**(SineWidth - 1) within 5e-7.
+        wave_o     <= (vrscan_pkg::WaveWidth)'((x_q + HarmonicWidth'(1 << (WaveShift - 1)))
+                                               >>> WaveShift);
+        count_o    <= (vrscan_pkg::WaveCountWidth)'((plain_sum_q
+                                                     + PlainWidth'(1 << (WaveCountShift - 1)))
+                                                    >>> WaveCountShift);
+        valid_o    <= 1'b1;
+        state_q    <= IDLE;
+      end
+      default: state_q <= IDLE;
+    endcase
+    if (rst_i) begin
+      state_q      <= IDLE;
+      step_start_q <= 1'b0;
+      issue_q      <= 1'b0;
+      restore_q    <= 1'b0;
+      valid_o      <= 1'b0;
+    end
+  end
+
+  // ---- samples: the pixel waits for its sine ----
+  localparam int unsigned TableLatency = vrscan_pkg::QuarterWaveLatency;
+  localparam int unsigned HeightWidth  = AlignedWidth + 1;  // above the pedestal, and a sign
+  localparam int unsigned Delay        = TableLatency - 2;  // index to pixel to height takes two
+
+  logic signed [SineWidth-1:0] sine, cosine;
+  logic                        table_valid;
+  quarter_wave #(.PhaseWidth(PhaseWidth), .AmplWidth(SineWidth)) u_quarter_wave (
+    .clk_i, .rst_i,
+    .valid_i (issue_q || restore_q),
+    .phase_i (angle_q[StepWidth-1 -: PhaseWidth]),
+    .valid_o (table_valid),
+    .sine_o  (sine),
+    .cosine_o(cosine)
+  );
+
+  logic        [  AlignedWidth-1:0] aligned;
+  logic        [   HeightWidth-1:0] height_q;
+  logic                             restore_q2, restore_q3;
+  logic        [Delay*HeightWidth-1:0] height_delay_q;
+  logic        [         Delay-1:0] restore_delay_q;
+  logic signed [   HeightWidth-1:0] height;
+  logic                             restore;
+  assign aligned = AlignedWidth'(read_pixel_i) << (AlignedWidth - PixelWidth);
+  assign height  = signed'(height_delay_q[Delay*HeightWidth-1 -: HeightWidth]);
+  assign restore = restore_delay_q[Delay-1];
+
+  always_ff @(posedge clk_i) begin
+    restore_q2 <= restore_q;
+    restore_q3 <= restore_q2;
+    if (restore_q2) height_q <= {1'b0, period_o == width_o ? AlignedWidth'(0) : pedestal_q};
+    else            height_q <= {1'b0, aligned} - {1'b0, pedestal_q};
+    height_delay_q  <= (Delay*HeightWidth)'({height_delay_q, height_q});
+    restore_delay_q <= Delay'({restore_delay_q, restore_q3});
+  end
+
+  // ---- products: a sine in two parts, each an 18-bit multiplier with registers ----
+  localparam int unsigned LowProduct  = HeightWidth + LowWidth + 1;
+  localparam int unsigned HighProduct = HeightWidth + HighWidth;
+  localparam int unsigned FullProduct = HeightWidth + SineWidth;
+
+  logic                          sample_q, sample_q2, sample_q3;
+  logic                          restored_q, restored_q2, restored_q3;
+  logic signed [HeightWidth-1:0] height_q1, height_q2, height_q3;
+  logic signed [  SineWidth-1:0] sine_q, cosine_q, cosine_q2, cosine_q3;
+  logic signed [     LowWidth:0] sine_low, cosine_low;
+  logic signed [  HighWidth-1:0] sine_high, cosine_high;
+  logic signed [ LowProduct-1:0] sine_low_q2, cosine_low_q2;
+  logic signed [HighProduct-1:0] sine_high_q2, cosine_high_q2;
+  logic signed [FullProduct-1:0] sine_product_q3, cosine_product_q3;
+  assign sine_low    = signed'({1'b0, sine_q[LowWidth-1:0]});
+  assign sine_high   = signed'(sine_q[SineWidth-1:LowWidth]);
+  assign cosine_low  = signed'({1'b0, cosine_q[LowWidth-1:0]});
+  assign cosine_high = signed'(cosine_q[SineWidth-1:LowWidth]);
+
+  always_ff @(posedge clk_i) begin
+    sample_q   <= table_valid;
+    restored_q <= restore;
+    height_q1  <= height;
+    sine_q     <= restore ? '0 : sine;
+    cosine_q   <= restore ? SineWidth'(signed'(vrscan_pkg::SineAmplitude)) : cosine;
+
+    sample_q2      <= sample_q;
+    restored_q2    <= restored_q;
+    height_q2      <= height_q1;
+    cosine_q2      <= cosine_q;
+    sine_low_q2    <= LowProduct'(height_q1) * LowProduct'(sine_low);
+    sine_high_q2   <= HighProduct'(height_q1) * HighProduct'(sine_high);
+    cosine_low_q2  <= LowProduct'(height_q1) * LowProduct'(cosine_low);
+    cosine_high_q2 <= HighProduct'(height_q1) * HighProduct'(cosine_high);
+
+    sample_q3         <= sample_q2;
+    restored_q3       <= restored_q2;
+    height_q3         <= height_q2;
+    cosine_q3         <= cosine_q2;
+    sine_product_q3   <= FullProduct'(sine_low_q2) + (FullProduct'(sine_high_q2) <<< LowWidth);
+    cosine_product_q3 <= FullProduct'(cosine_low_q2) + (FullProduct'(cosine_high_q2) <<< LowWidth);
+    if (rst_i) begin
+      sample_q  <= 1'b0;
+      sample_q2 <= 1'b0;
+      sample_q3 <= 1'b0;
+    end
+  end
+
+  // ---- sums ----
+  // At most 255 pixels and the pedestal, below 2**16 each: |X|, |Y| < 2**(8 + 16 + 23).
+  localparam int unsigned PlainWidth     = SineWidth + WindowWidth;
+  localparam int unsigned WaveShift      = SineWidth - 1 - vrscan_pkg::WaveFraction;
+  localparam int unsigned WaveCountShift = SineWidth - 1 - vrscan_pkg::WaveCountFraction;
+  logic signed [      HarmonicWidth-1:0] x_q, y_q;
+  logic        [vrscan_pkg::SumWidth-1:0] sum_q;
+  logic signed [         PlainWidth-1:0] plain_sum_q;
+  logic        [        WindowWidth-1:0] taken_q;  // samples of this pass
+  always_ff @(posedge clk_i) begin
+    cordic_start_q <= sample_q3 && restored_q3;
+    summed_q       <= sample_q3 && state_q == DRAIN && taken_q == width_o - WindowWidth'(1);
+    if (begin_pass) begin
+      x_q         <= '0;
+      y_q         <= '0;
+      sum_q       <= '0;
+      plain_sum_q <= '0;
+      taken_q     <= '0;
+    end else if (sample_q3) begin
+      x_q     <= x_q + HarmonicWidth'(cosine_product_q3);
+      y_q     <= y_q + HarmonicWidth'(sine_product_q3);
+      taken_q <= taken_q + WindowWidth'(1);
+      if (!restored_q3) begin
+        sum_q       <= sum_q + vrscan_pkg::SumWidth'(unsigned'(height_q3));
+        plain_sum_q <= plain_sum_q + PlainWidth'(cosine_q3);
+      end
+    end
+    if (rst_i) begin
+      cordic_start_q <= 1'b0;
+      summed_q       <= 1'b0;
+    end
+  end
+
+  cordic_vector #(.XyWidth(HarmonicWidth), .AngleWidth(vrscan_pkg::AngleWidth)) u_cordic_vector (
+    .clk_i, .rst_i,
+    .valid_i    (cordic_start_q),
+    .x_i        (x_q),
+    .y_i        (y_q),
+    .valid_o    (cordic_valid),
+    .angle_o    (cordic_angle),
+    .magnitude_o(cordic_magnitude),
+    .zero_o     (cordic_zero)
+  );
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,128 @@
+// line_receiver: turns the sensor's strobes into numbered, complete lines.
+//
+// A line begins at line_start_i and ends at line_end_i; a pixel in the same clock belongs to it.
+// Between them pixels may come with gaps, outside of them pixels are blanking and are ignored.
+// Only a line of exactly LineLength pixels that ends at least MinPeriod clocks after the one
+// before is declared good; every other line is counted by its fault and reported with the next
+// good line.  Nothing behind this module has to undo anything: index 0 starts a line anew.
+//
+//   valid_o, pixel_o, index_o  the pixels of the line, index_o of the first lane
+//   good_o                     with or after the last pixel: the line was complete
+//   line_number_o, lost_o      with good_o: number of the line, counting every line_start_i, and
+//                              whether a line was dropped since the last good one
+//   Latency  1 clock from pixel_valid_i to valid_o and from line_end_i to good_o
+//   Model    vrscan.fixed.line_receiver, bit-exact
+
+`default_nettype none
+
+module line_receiver #(
+  parameter int unsigned Lanes      = 1,
+  parameter int unsigned LineLength = 2048,
+  parameter int unsigned PixelWidth = 12,
+  parameter int unsigned MinPeriod  = 0,  // clocks between two good lines' ends, 0 for no limit
+  parameter int unsigned CountWidth = 16,
+  localparam int unsigned IndexWidth = $clog2(LineLength)
+) (
+  input  wire logic                                   clk_i,
+  input  wire logic                                   rst_i,
+
+  input  wire logic                                   line_start_i,
+  input  wire logic                                   line_end_i,
+  input  wire logic                                   pixel_valid_i,
+  input  wire logic [           Lanes*PixelWidth-1:0] pixel_i,
+
+  output      logic                                   valid_o,
+  output      logic [           Lanes*PixelWidth-1:0] pixel_o,
+  output      logic [                 IndexWidth-1:0] index_o,
+  output      logic                                   good_o,
+  output      logic [vrscan_pkg::LineNumberWidth-1:0] line_number_o,
+  output      logic                                   lost_o,
+
+  // Dropped lines by fault; each counter stops at its largest value.
+  output      logic [                 CountWidth-1:0] short_count_o,
+  output      logic [                 CountWidth-1:0] long_count_o,
+  output      logic [                 CountWidth-1:0] unfinished_count_o,
+  output      logic [                 CountWidth-1:0] early_count_o
+);
+
+  if (Lanes != 1) begin : gen_bad_lanes
+    $error("line_receiver: only Lanes = 1 is built");
+  end
+  if (LineLength < vrscan_pkg::BlockLength) begin : gen_bad_length
+    $error("line_receiver: LineLength must be at least 64");
+  end
+  if (PixelWidth < 8 || PixelWidth > 16) begin : gen_bad_width
+    $error("line_receiver: PixelWidth must be 8..16");
+  end
+
+  localparam int unsigned FillWidth = $clog2(LineLength + 1);
+  localparam int unsigned PeriodWidth = $clog2(MinPeriod + 2);
+
+  logic                                   in_line_q, over_q, lost_q;
+  logic [                  FillWidth-1:0] fill_q;  // pixels of this line so far
+  logic [vrscan_pkg::LineNumberWidth-1:0] number_q;  // of the next line to start
+  logic [                PeriodWidth-1:0] period_q;  // clocks since the last good end, saturating
+
+  logic                 active, take, over, ends, is_short, is_early, good, dropped, unfinished;
+  logic [FillWidth-1:0] fill;
+  assign active     = in_line_q || line_start_i;
+  assign fill       = line_start_i ? '0 : fill_q;
+  assign take       = active && pixel_valid_i && fill != FillWidth'(LineLength);
+  assign over       = (over_q && !line_start_i)
+                      || (active && pixel_valid_i && fill == FillWidth'(LineLength));
+  assign ends       = active && line_end_i;
+  assign is_short   = fill + FillWidth'(take) != FillWidth'(LineLength);
+  assign is_early   = period_q < PeriodWidth'(MinPeriod);
+  assign good       = ends && !is_short && !over && !is_early;
+  assign unfinished = in_line_q && line_start_i;
+  assign dropped    = unfinished || (ends && !good);
+
+  always_ff @(posedge clk_i) begin
+    valid_o   <= take;
+    pixel_o   <= pixel_i;
+    index_o   <= fill[IndexWidth-1:0];
+    fill_q    <= fill + FillWidth'(take);
+    over_q    <= over;
+    in_line_q <= active && !line_end_i;
+
+    if (line_start_i) number_q <= number_q + vrscan_pkg::LineNumberWidth'(1);
+    good_o        <= good;
+    line_number_o <= line_start_i ? number_q : number_q - vrscan_pkg::LineNumberWidth'(1);
+    // An unfinished line that ends in the very clock of a good one-clock line cannot happen:
+    // LineLength is more than one pixel.
+    lost_o        <= lost_q;
+    lost_q        <= (lost_q || dropped) && !good;
+
+    if (good) period_q <= PeriodWidth'(1);
+    else if (is_early) period_q <= period_q + PeriodWidth'(1);
+
+    if (ends && is_short && short_count_o != '1) begin
+      short_count_o <= short_count_o + CountWidth'(1);
+    end
+    if (ends && !is_short && over && long_count_o != '1) begin
+      long_count_o <= long_count_o + CountWidth'(1);
+    end
+    if (unfinished && unfinished_count_o != '1) begin
+      unfinished_count_o <= unfinished_count_o + CountWidth'(1);
+    end
+    if (ends && !is_short && !over && is_early && early_count_o != '1) begin
+      early_count_o <= early_count_o + CountWidth'(1);
+    end
+
+    if (rst_i) begin
+      valid_o            <= 1'b0;
+      good_o             <= 1'b0;
+      in_line_q          <= 1'b0;
+      lost_q             <= 1'b0;
+      number_q           <= '0;
+      period_q           <= PeriodWidth'(MinPeriod);
+      short_count_o      <= '0;
+      long_count_o       <= '0;
+      unfinished_count_o <= '0;
+      early_count_o      <= '0;
+    end
+  end
+
+endmodule
+
+`default_nettype wire

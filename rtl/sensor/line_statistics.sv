@@ -1,0 +1,385 @@
+// line_statistics: maximum, mean, variance and background of a line, in the one pass it comes in.
+//
+// Sums and sums of squares are kept per block of 64 pixels; the row's are the sums of the blocks.
+// The background is the row without the blocks that a peak at the maximum could touch: the
+// maximum's own and GuardBlocks on either side, enough for a window of MaxWindow.  Where no block
+// is left, or noise_row_i asks for it, the row decides, as the paper has it.
+//
+// Moments are exact: n^2 var = n sum(p^2) - sum(p)^2 in integers, and only results are rounded.
+// Everything after the last pixel shares one multiplier, one divider and one square root.
+//
+//   row_mean_o, background_o, noise_o  counts, 24 - PixelWidth fraction bits, to nearest
+//   row_variance_o                     counts^2, 32 - 2 PixelWidth fraction bits, to nearest
+//   Latency  vrscan.fixed.line_statistics.latency() clocks from good_i to valid_o, whatever the
+//            line; the next good_i may come in the clock of valid_o
+//   Model    vrscan.fixed.line_statistics, bit-exact
+
+`default_nettype none
+
+module line_statistics #(
+  parameter int unsigned Lanes      = 1,
+  parameter int unsigned LineLength = 2048,
+  parameter int unsigned PixelWidth = 12,
+  parameter int unsigned MaxWindow  = 255,
+  parameter int unsigned UserWidth  = 8,
+  localparam int unsigned IndexWidth = $clog2(LineLength)
+) (
+  input  wire logic                                 clk_i,
+  input  wire logic                                 rst_i,
+
+  input  wire logic                                 valid_i,
+  input  wire logic [         Lanes*PixelWidth-1:0] pixel_i,
+  input  wire logic [               IndexWidth-1:0] index_i,
+  input  wire logic                                 good_i,
+  input  wire logic [                UserWidth-1:0] user_i,  // sampled with good_i
+
+  output      logic                                 valid_o,
+  output      logic [               PixelWidth-1:0] maximum_o,
+  output      logic [               IndexWidth-1:0] max_index_o,  // the first one
+  output      logic [   vrscan_pkg::CountWidth-1:0] row_mean_o,
+  output      logic [vrscan_pkg::VarianceWidth-1:0] row_variance_o,
+  output      logic [   vrscan_pkg::CountWidth-1:0] background_o,
+  output      logic [   vrscan_pkg::CountWidth-1:0] noise_o,
+  output      logic                                 row_statistics_o,  // no block was left
+  output      logic [                UserWidth-1:0] user_o,
+
+  // Configuration.
+  input  wire logic                                 noise_row_i
+);
+
+  if (Lanes != 1) begin : gen_bad_lanes
+    $error("line_statistics: only Lanes = 1 is built");
+  end
+  if (LineLength < vrscan_pkg::BlockLength || PixelWidth < 8 || PixelWidth > 16
+      || MaxWindow > 255) begin : gen_bad_size
+    $error("line_statistics: LineLength >= 64, PixelWidth 8..16 and MaxWindow <= 255 are legal");
+  end
+
+  localparam int unsigned BlockBits = $clog2(vrscan_pkg::BlockLength);
+  localparam int unsigned Blocks =
+      (LineLength + vrscan_pkg::BlockLength - 1) / vrscan_pkg::BlockLength;
+  localparam int unsigned LastLength = LineLength - (Blocks - 1) * vrscan_pkg::BlockLength;
+  localparam int unsigned BlockIndexWidth = Blocks > 1 ? $clog2(Blocks) : 1;
+  localparam int unsigned GuardBlocks =
+      (MaxWindow + vrscan_pkg::BlockLength - 1) / vrscan_pkg::BlockLength;
+  localparam int unsigned GuardWidth = $clog2(2 * GuardBlocks + 2);
+
+  // n pixels of at most 2**P - 1: sums below n 2**P, squares below n 2**2P.
+  localparam int unsigned BlockSumWidth    = PixelWidth + BlockBits;
+  localparam int unsigned BlockSquareWidth = 2 * PixelWidth + BlockBits;
+  localparam int unsigned SumWidth         = PixelWidth + IndexWidth;
+  localparam int unsigned SquareWidth      = 2 * PixelWidth + IndexWidth;
+  localparam int unsigned LengthWidth      = $clog2(LineLength + 1);
+  // n^2 var <= (n (2**P - 1) / 2)^2 < 2**MomentWidth.
+  localparam int unsigned MomentWidth      = 2 * (PixelWidth + IndexWidth) - 2;
+  // The root of n^2 var carries four fraction bits: 0.03 counts / n.
+  localparam int unsigned RootFraction     = 4;
+  localparam int unsigned RootWidth        = MomentWidth / 2 + RootFraction;
+
+  // ---- the pass: pixel, square, block, row ----
+  logic                         valid_q, valid_q2, block_done_q;
+  logic                         good_q, good_q2, good_q3, good_q4;
+  logic [       PixelWidth-1:0] pixel_q, pixel_q2;
+  logic [       IndexWidth-1:0] index_q, index_q2;
+  logic [     2*PixelWidth-1:0] square_q2;
+  logic [    BlockSumWidth-1:0] block_sum_q;
+  logic [ BlockSquareWidth-1:0] block_square_q;
+  logic [  BlockIndexWidth-1:0] block_q;
+  logic [         SumWidth-1:0] sum_q;
+  logic [      SquareWidth-1:0] square_sum_q;
+  logic [       PixelWidth-1:0] max_q;
+  logic [       IndexWidth-1:0] max_index_q;
+  logic [        UserWidth-1:0] user_q, user_q2, user_q3;
+
+  logic first_of_line, first_of_block, last_of_block;
+  assign first_of_line  = index_q2 == '0;
+  assign first_of_block = index_q2[BlockBits-1:0] == '0;
+  assign last_of_block  = (&index_q2[BlockBits-1:0]) || index_q2 == IndexWidth'(LineLength - 1);
+
+  logic [BlockSumWidth+BlockSquareWidth-1:0] block_mem [1 << BlockIndexWidth];
+
+  always_ff @(posedge clk_i) begin
+    valid_q   <= valid_i;
+    pixel_q   <= pixel_i;
+    index_q   <= index_i;
+    valid_q2  <= valid_q;
+    pixel_q2  <= pixel_q;
+    index_q2  <= index_q;
+    square_q2 <= pixel_q * pixel_q;
+
+    block_done_q <= valid_q2 && last_of_block;
+    if (valid_q2) begin
+      block_sum_q    <= (first_of_block ? '0 : block_sum_q) + BlockSumWidth'(pixel_q2);
+      block_square_q <= (first_of_block ? '0 : block_square_q) + BlockSquareWidth'(square_q2);
+      block_q        <= BlockIndexWidth'(index_q2 >> BlockBits);
+      if (first_of_line || pixel_q2 > max_q) begin
+        max_q       <= pixel_q2;
+        max_index_q <= index_q2;
+      end
+    end
+    if (block_done_q) begin
+      block_mem[block_q] <= {block_sum_q, block_square_q};
+      sum_q        <= (block_q == '0 ? '0 : sum_q) + SumWidth'(block_sum_q);
+      square_sum_q <= (block_q == '0 ? '0 : square_sum_q) + SquareWidth'(block_square_q);
+    end
+
+    // good travels beside the last pixel: good_q3 meets its maximum, good_q4 its sums.
+    good_q  <= good_i;
+    good_q2 <= good_q;
+    good_q3 <= good_q2;
+    good_q4 <= good_q3;
+    if (good_i) user_q <= user_i;
+    user_q2 <= user_q;
+    user_q3 <= user_q2;
+    if (rst_i) begin
+      valid_q      <= 1'b0;
+      valid_q2     <= 1'b0;
+      block_done_q <= 1'b0;
+      good_q       <= 1'b0;
+      good_q2      <= 1'b0;
+      good_q3      <= 1'b0;
+      good_q4      <= 1'b0;
+    end
+  end
+
+  // ---- the blocks around the maximum leave the sums ----
+  localparam int unsigned ReachWidth = BlockIndexWidth + GuardWidth + 1;
+  logic signed [      ReachWidth-1:0] reach_q;  // block to read, may lie outside the line
+  logic        [      GuardWidth-1:0] guard_q;  // blocks left to read
+  logic                               reading_q, read_q, inside_q, last_read_q, selected_q;
+  logic                               short_block_q;
+  logic        [   BlockSumWidth-1:0] read_sum;
+  logic        [BlockSquareWidth-1:0] read_square;
+  logic [BlockSumWidth+BlockSquareWidth-1:0] read_data_q;
+  logic        [     LengthWidth-1:0] length_q;
+  logic        [        SumWidth-1:0] rest_sum_q, row_sum_q;
+  logic        [     SquareWidth-1:0] rest_square_q, row_square_q;
+  assign {read_sum, read_square} = read_data_q;
+
+  logic inside;
+  assign inside = reach_q >= 0 && reach_q < ReachWidth'(signed'(Blocks));
+  logic use_row;
+  assign use_row = noise_row_i || length_q == '0;
+
+  always_ff @(posedge clk_i) begin
+    if (good_q3) begin
+      // One clock before the sums are complete: the next line's pixels already arrive.
+      maximum_o   <= max_q;
+      max_index_o <= max_index_q;
+      user_o      <= user_q3;
+      reach_q     <= signed'(ReachWidth'(max_index_q >> BlockBits))
+                     - ReachWidth'(signed'(GuardBlocks));
+    end
+    if (good_q4) begin
+      row_sum_q     <= sum_q;
+      row_square_q  <= square_sum_q;
+      rest_sum_q    <= sum_q;
+      rest_square_q <= square_sum_q;
+      length_q      <= LengthWidth'(LineLength);
+      guard_q       <= GuardWidth'(2 * GuardBlocks);
+      reading_q     <= 1'b1;
+    end
+    if (reading_q) begin
+      reach_q   <= reach_q + ReachWidth'(1);
+      guard_q   <= guard_q - GuardWidth'(1);
+      reading_q <= guard_q != '0;
+    end
+    read_data_q   <= block_mem[reach_q[BlockIndexWidth-1:0]];
+    inside_q      <= inside && reading_q;
+    short_block_q <= reach_q == ReachWidth'(signed'(Blocks - 1));
+    last_read_q   <= reading_q && guard_q == '0;
+    if (inside_q) begin
+      rest_sum_q    <= rest_sum_q - SumWidth'(read_sum);
+      rest_square_q <= rest_square_q - SquareWidth'(read_square);
+      length_q      <= length_q
+                       - (short_block_q ? LengthWidth'(LastLength)
+                                        : LengthWidth'(vrscan_pkg::BlockLength));
+    end
+    read_q     <= last_read_q;
+    selected_q <= read_q;
+    if (read_q) begin
+      row_statistics_o <= length_q == '0 && !noise_row_i;
+      if (use_row) begin
+        rest_sum_q    <= row_sum_q;
+        rest_square_q <= row_square_q;
+        length_q      <= LengthWidth'(LineLength);
+      end
+    end
+    if (rst_i) begin
+      reading_q   <= 1'b0;
+      inside_q    <= 1'b0;
+      last_read_q <= 1'b0;
+      read_q      <= 1'b0;
+      selected_q  <= 1'b0;
+    end
+  end
+
+  // ---- moments: sum^2 and n sum(p^2), of the row and then of the selection; then the root ----
+  typedef enum logic [2:0] {
+    MOMENT_IDLE, ROW_SUM, ROW_SQUARE, REST_SUM, REST_SQUARE, ROOT
+  } moment_e;
+  localparam int unsigned FactorAWidth = SquareWidth + 1;
+  localparam int unsigned FactorBWidth =
+      (SumWidth > LengthWidth ? SumWidth : LengthWidth) + 1;
+
+  moment_e                                      moment_q;
+  logic                                         factors_valid_q, product_valid;
+  logic signed [              FactorAWidth-1:0] factor_a_q;
+  logic signed [              FactorBWidth-1:0] factor_b_q;
+  logic signed [FactorAWidth+FactorBWidth-1:0]  product;
+  logic        [               MomentWidth-1:0] row_moment_q;
+  logic        [             2*SumWidth-1:0]    sum_squared_q;
+  logic                                         root_start_q, root_valid, root_ready_q;
+  logic        [                 RootWidth-1:0] root;
+  logic        [               2*RootWidth-1:0] radicand_q;
+
+  // n sum(p^2) - sum(p)^2 is never negative and fits MomentWidth, so its low bits are enough.
+  logic [MomentWidth-1:0] moment;
+  assign moment = product[MomentWidth-1:0] - sum_squared_q[MomentWidth-1:0];
+
+  multiply #(.AWidth(FactorAWidth), .BWidth(FactorBWidth)) u_multiply (
+    .clk_i, .rst_i,
+    .valid_i  (factors_valid_q),
+    .a_i      (factor_a_q),
+    .b_i      (factor_b_q),
+    .valid_o  (product_valid),
+    .product_o(product)
+  );
+
+  square_root #(.RootWidth(RootWidth)) u_square_root (
+    .clk_i, .rst_i,
+    .valid_i   (root_start_q),
+    .radicand_i(radicand_q),
+    .valid_o   (root_valid),
+    .root_o    (root)
+  );
+
+  always_ff @(posedge clk_i) begin
+    factors_valid_q <= 1'b0;
+    root_start_q    <= 1'b0;
+    unique case (moment_q)
+      MOMENT_IDLE: if (selected_q) begin
+        factor_a_q      <= FactorAWidth'(signed'({1'b0, row_sum_q}));
+        factor_b_q      <= FactorBWidth'(signed'({1'b0, row_sum_q}));
+        factors_valid_q <= 1'b1;
+        moment_q        <= ROW_SUM;
+      end
+      ROW_SUM: if (product_valid) begin
+        sum_squared_q   <= product[2*SumWidth-1:0];
+        factor_a_q      <= FactorAWidth'(signed'({1'b0, row_square_q}));
+        factor_b_q      <= FactorBWidth'(signed'(LineLength));
+        factors_valid_q <= 1'b1;
+        moment_q        <= ROW_SQUARE;
+      end
+      ROW_SQUARE: if (product_valid) begin
+        row_moment_q    <= moment;
+        factor_a_q      <= FactorAWidth'(signed'({1'b0, rest_sum_q}));
+        factor_b_q      <= FactorBWidth'(signed'({1'b0, rest_sum_q}));
+        factors_valid_q <= 1'b1;
+        moment_q        <= REST_SUM;
+      end
+      REST_SUM: if (product_valid) begin
+        sum_squared_q   <= product[2*SumWidth-1:0];
+        factor_a_q      <= FactorAWidth'(signed'({1'b0, rest_square_q}));
+        factor_b_q      <= FactorBWidth'(signed'({1'b0, length_q}));
+        factors_valid_q <= 1'b1;
+        moment_q        <= REST_SQUARE;
+      end
+      REST_SQUARE: if (product_valid) begin
+        radicand_q      <= {moment, {2*RootFraction{1'b0}}};
+        root_start_q    <= 1'b1;
+        moment_q        <= ROOT;
+      end
+      ROOT: if (root_valid) moment_q <= MOMENT_IDLE;
+      default: moment_q <= MOMENT_IDLE;
+    endcase
+    if (rst_i) begin
+      moment_q        <= MOMENT_IDLE;
+      factors_valid_q <= 1'b0;
+      root_start_q    <= 1'b0;
+    end
+  end
+
+  // ---- quotients: row mean, background, row variance, noise ----
+  localparam int unsigned MeanShift     = vrscan_pkg::CountWidth - PixelWidth;
+  localparam int unsigned VarianceShift = vrscan_pkg::VarianceWidth - 2 * PixelWidth;
+  localparam int unsigned NoiseShift    = MeanShift - RootFraction;
+  localparam int unsigned DividendWidth = MomentWidth + VarianceShift;
+  localparam int unsigned DivisorWidth  = 2 * LengthWidth;
+
+  typedef enum logic [2:0] {
+    QUOTIENT_IDLE, ROW_MEAN, BACKGROUND, ROW_VARIANCE, WAIT_ROOT, NOISE
+  } quotient_e;
+  quotient_e                               quotient_q;
+  logic                                    divide_start_q, quotient_valid;
+  logic [              DividendWidth-1:0]  dividend_q;
+  logic [               DivisorWidth-1:0]  divisor_q;
+  logic [vrscan_pkg::VarianceWidth-1:0]    quotient;
+
+  divide #(
+    .DividendWidth(DividendWidth),
+    .DivisorWidth (DivisorWidth),
+    .QuotientWidth(vrscan_pkg::VarianceWidth)
+  ) u_divide (
+    .clk_i, .rst_i,
+    .valid_i   (divide_start_q),
+    .dividend_i(dividend_q),
+    .divisor_i (divisor_q),
+    .valid_o   (quotient_valid),
+    .quotient_o(quotient),
+    .overflow_o()  // means and variances of pixels always fit, and n is never 0
+  );
+
+  always_ff @(posedge clk_i) begin
+    divide_start_q <= 1'b0;
+    valid_o        <= 1'b0;
+    root_ready_q   <= (root_ready_q || root_valid) && quotient_q != QUOTIENT_IDLE;
+    unique case (quotient_q)
+      QUOTIENT_IDLE: if (selected_q) begin
+        dividend_q     <= DividendWidth'(row_sum_q) << MeanShift;
+        divisor_q      <= DivisorWidth'(LineLength);
+        divide_start_q <= 1'b1;
+        quotient_q     <= ROW_MEAN;
+      end
+      ROW_MEAN: if (quotient_valid) begin
+        row_mean_o     <= quotient[vrscan_pkg::CountWidth-1:0];
+        dividend_q     <= DividendWidth'(rest_sum_q) << MeanShift;
+        divisor_q      <= DivisorWidth'(length_q);
+        divide_start_q <= 1'b1;
+        quotient_q     <= BACKGROUND;
+      end
+      BACKGROUND: if (quotient_valid) begin
+        background_o   <= quotient[vrscan_pkg::CountWidth-1:0];
+        dividend_q     <= DividendWidth'(row_moment_q) << VarianceShift;
+        divisor_q      <= DivisorWidth'(LineLength * LineLength);
+        divide_start_q <= 1'b1;
+        quotient_q     <= ROW_VARIANCE;
+      end
+      ROW_VARIANCE: if (quotient_valid) begin
+        row_variance_o <= quotient;
+        quotient_q     <= WAIT_ROOT;
+      end
+      WAIT_ROOT: if (root_ready_q) begin
+        dividend_q     <= DividendWidth'(root) << NoiseShift;
+        divisor_q      <= DivisorWidth'(length_q);
+        divide_start_q <= 1'b1;
+        quotient_q     <= NOISE;
+      end
+      NOISE: if (quotient_valid) begin
+        noise_o        <= quotient[vrscan_pkg::CountWidth-1:0];
+        valid_o        <= 1'b1;
+        quotient_q     <= QUOTIENT_IDLE;
+      end
+      default: quotient_q <= QUOTIENT_IDLE;
+    endcase
+    if (rst_i) begin
+      quotient_q     <= QUOTIENT_IDLE;
+      divide_start_q <= 1'b0;
+      root_ready_q   <= 1'b0;
+      valid_o        <= 1'b0;
+    end
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,163 @@
+"""line_receiver: every clock of the RTL against the model, and the faults by their names."""
+
+import cocotb
+import numpy as np
+import pytest
+from harness import FallingEdge, generator, parameters, reset, simulate
+
+from vrscan.fixed.line_receiver import LineReceiver
+
+ELABORATIONS = [
+    {"LineLength": 64, "PixelWidth": 8, "MinPeriod": 0, "CountWidth": 3},
+    {"LineLength": 100, "PixelWidth": 16, "MinPeriod": 130, "CountWidth": 16},
+]
+
+
+def model() -> LineReceiver:
+    """Return the twin of the running elaboration."""
+    given = parameters()
+    return LineReceiver(given["LineLength"], given["MinPeriod"], given["CountWidth"])
+
+
+async def clock_through(dut, twin: LineReceiver, strobes: np.ndarray) -> list[int]:
+    """Drive (start, valid, pixel, end) a clock and compare all outputs; return good lines."""
+    good_lines = []
+    for cycle, (start, valid, pixel, end) in enumerate(strobes.tolist()):
+        dut.line_start_i.value = start
+        dut.pixel_valid_i.value = valid
+        dut.pixel_i.value = pixel
+        dut.line_end_i.value = end
+        await FallingEdge(dut.clk_i)
+        want = twin.step(bool(start), bool(valid), pixel, bool(end))
+        where = f"cycle {cycle}, strobes {(start, valid, pixel, end)}"
+        assert int(dut.valid_o.value) == (want.index is not None), where
+        if want.index is not None:
+            assert (int(dut.pixel_o.value), int(dut.index_o.value)) == (want.pixel, want.index), (
+                where
+            )
+        assert int(dut.good_o.value) == want.good, where
+        if want.good:
+            got = int(dut.line_number_o.value), bool(dut.lost_o.value)
+            assert got == (want.line_number, want.lost), f"{where}: {got}, want {want}"
+            good_lines.append(want.line_number)
+    counts = [
+        int(getattr(dut, f"{name}_count_o").value)
+        for name in ("short", "long", "unfinished", "early")
+    ]
+    assert counts == [twin.short, twin.long, twin.unfinished, twin.early]
+    return good_lines
+
+
+def line(length: int, *, gap: float = 0.0, salt: int = 0, end: bool = True) -> np.ndarray:
+    """Return the strobes of a line of ``length`` pixels with a share ``gap`` of idle clocks."""
+    draw = generator(salt)
+    top = 1 << parameters()["PixelWidth"]
+    rows = []
+    for k in range(length):
+        while draw.random() < gap:
+            rows.append((0, 0, int(draw.integers(top)), 0))
+        rows.append((int(k == 0), 1, int(draw.integers(top)), int(end and k == length - 1)))
+    if rows and rows[0][0] == 0:
+        rows = [(1, 0, 0, 0), *[(0, *row[1:]) for row in rows]]
+    return np.array(rows, dtype=np.int64).reshape(-1, 4)
+
+
+@cocotb.test()
+async def random_strobes(dut) -> None:
+    """Strobes without any order, biased so that lines of every length come about."""
+    draw = generator(1)
+    length = parameters()["LineLength"]
+    await reset(dut)
+    twin = model()
+    count = 30_000
+    top = 1 << parameters()["PixelWidth"]
+    strobes = np.zeros((count, 4), np.int64)
+    strobes[:, 0] = draw.random(count) < 1 / (2 * length)
+    strobes[:, 1] = draw.random(count) < 0.95
+    strobes[:, 2] = draw.integers(top, size=count)
+    strobes[:, 3] = draw.random(count) < 1 / (2 * length)
+    await clock_through(dut, twin, strobes)
+    assert twin.short and twin.long and twin.unfinished
+
+
+@cocotb.test()
+async def good_lines_back_to_back_and_with_gaps(dut) -> None:
+    """Whole lines are all good where the period allows it, early ones are counted."""
+    length, period = parameters()["LineLength"], parameters()["MinPeriod"]
+    await reset(dut)
+    twin = model()
+    parts = [line(length, salt=k) for k in range(4)]
+    good = await clock_through(dut, twin, np.concatenate(parts))
+    if period <= length:
+        assert good == [0, 1, 2, 3] and twin.early == 0
+    else:
+        assert good == [0, 2] and twin.early == 2
+    pause = np.zeros((period, 4), np.int64)
+    parts = [part for k in range(4) for part in (line(length, gap=0.4, salt=k), pause)]
+    assert await clock_through(dut, twin, np.concatenate(parts)) == [4, 5, 6, 7]
+
+
+@cocotb.test()
+async def bad_lines_are_counted_and_the_next_is_clean(dut) -> None:
+    """Short, long, unfinished and empty lines, each followed by a good one that says so."""
+    length, period = parameters()["LineLength"], parameters()["MinPeriod"]
+    await reset(dut)
+    twin = model()
+    pause = np.zeros((period + 1, 4), np.int64)
+    faults = [
+        line(length - 1),
+        line(length + 1),
+        line(length, end=False),  # unfinished: the next line_start_i finds it open
+        line(1),
+        np.array([[1, 0, 0, 1]]),  # started and ended in one clock, no pixel
+    ]
+    for k, fault in enumerate(faults):
+        strobes = np.concatenate([fault, line(length, gap=0.1, salt=k), pause])
+        assert await clock_through(dut, twin, strobes) == [2 * k + 1]
+        assert await clock_through(dut, twin, pause) == []
+    assert (twin.short, twin.long, twin.unfinished) == (3, 1, 1)
+
+
+@cocotb.test()
+async def separate_strobes_and_blanking_pixels(dut) -> None:
+    """Start and end in clocks of their own; pixels outside of a line are ignored."""
+    length = parameters()["LineLength"]
+    await reset(dut)
+    twin = model()
+    inner = line(length)
+    inner[:, 0] = inner[:, 3] = 0
+    blank = np.array([[0, 1, 7, 0]] * 5)
+    strobes = np.concatenate([blank, [[1, 0, 0, 0]], inner, [[0, 0, 0, 1]], blank, [[0, 0, 0, 1]]])
+    assert await clock_through(dut, twin, strobes) == [0]
+    assert (twin.short, twin.long, twin.unfinished, twin.early) == (0, 0, 0, 0)
+
+
+@cocotb.test()
+async def counters_stop_at_their_largest_value(dut) -> None:
+    """More short lines than a 3-bit counter holds."""
+    await reset(dut)
+    twin = model()
+    await clock_through(dut, twin, np.concatenate([line(2, salt=k) for k in range(12)]))
+    assert int(dut.short_count_o.value) == min(12, (1 << parameters()["CountWidth"]) - 1)
+
+
+@cocotb.test()
+async def reset_mid_line(dut) -> None:
+    """After a reset in mid-line the rest of that line is blanking, and the next line is good."""
+    length = parameters()["LineLength"]
+    await reset(dut)
+    for age in (1, 2, length // 2, length):
+        part = line(length)
+        await clock_through(dut, model(), part[:age] * [1, 1, 1, 0])
+        dut.rst_i.value = 1
+        dut.pixel_valid_i.value = 1
+        await FallingEdge(dut.clk_i)
+        dut.rst_i.value = 0
+        twin = model()
+        rest = np.concatenate([part[age:], line(length)])
+        assert await clock_through(dut, twin, rest) == [0], f"after a reset at pixel {age}"
+
+
+@pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
+def test_line_receiver_rtl_equals_model(widths: dict[str, int]) -> None:
+    simulate("line_receiver", __file__, widths)
