@@ -13,7 +13,7 @@ ENTRY_WIDTH = 32
 STEP_WIDTH = 27  # fraction bits of the small angle d in radians; |d| < 2**-10
 SLOPE_WIDTH = 17  # top bits of an entry that are multiplied with d
 TURN = 102944  # 2 pi / 8 in 2**-17, an 18-bit operand
-MAX_STEP = math.pi / 2 ** (TABLE_BITS + 2)  # radians, half a table step
+MAX_STEP = math.pi / (4 << TABLE_BITS)  # radians, half a table step
 LENGTH_ERROR = MAX_STEP * MAX_STEP / 4  # 1.5e-7, of the linear interpolation, about its middle
 
 # 2**15 - 1 of 2**15: with the interpolation's excess of MAX_STEP**2 / 2 = 2.9e-7 the largest
