@@ -3,6 +3,7 @@
 #
 #   scripts/setup.sh            what the vrscan command needs
 #   scripts/setup.sh simulate   also what cocotb needs
+#   scripts/setup.sh missing    only print the Debian packages that both lack
 #
 # The environment counts as built only when its stamp, written last, tells of the same list,
 # interpreter and place, so one that was interrupted, moved or edited is built anew.
@@ -36,7 +37,7 @@ if sys.version_info < tuple(int(part) for part in oldest.split(".")):
 lacking = []
 if not importlib.util.find_spec("ensurepip"):
     lacking.append("python3-venv")
-if purpose == "simulate":  # cocotb loads the interpreter into the simulator
+if purpose:  # cocotb loads the interpreter into the simulator
     names = sysconfig.get_config_vars("LIBDIR", "INSTSONAME")
     for library in (os.path.join(*names), names[1]):
         try:
@@ -50,10 +51,14 @@ print("lacking", *lacking)
 PYTHON
   ) || found=
   case $found in
-    old*) fail "Python ${found#old } is too old, $oldest is the oldest: apt install python3" ;;
+    old*) fail "Python ${found#old } is too old, $oldest is the oldest: apt install python3 on Debian 12 or newer" ;;
     lacking*) missing="$missing${found#lacking}" ;;
     *) fail "$python does not work" ;;
   esac
+fi
+if [ "${1-}" = missing ]; then
+  echo $missing
+  exit
 fi
 case $missing in
   "") ;;
