@@ -19,11 +19,15 @@ help: ## list these targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' Makefile | \
 	  while IFS='|' read -r target words; do printf '%-16s %s\n' "$$target" "$$words"; done
 
+# What the script complains of is then the one line that Make ends with.
+set_up = $(eval complaint := $(shell scripts/setup.sh $(1)))$\
+  $(if $(filter-out 0,$(.SHELLSTATUS)),$(error $(complaint)))
+
 setup: ## build .venv where that is needed; every other target does so by itself
-	@scripts/setup.sh
+	@:$(call set_up)
 
 simulate:
-	@scripts/setup.sh simulate
+	@:$(call set_up,simulate)
 
 scan: setup ## run the default scene through the RTL: points, picture and error table in build/scan
 	@$(BIN)/vrscan scan --out $(BUILD)/scan

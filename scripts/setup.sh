@@ -6,13 +6,14 @@
 #   scripts/setup.sh missing    only print the Debian packages that both lack
 #
 # The environment counts as built only when its stamp, written last, tells of the same list,
-# interpreter and place, so one that was interrupted, moved or edited is built anew.
+# interpreter and place, so one that was interrupted, moved or edited is built anew.  A complaint
+# is one line, and all that goes to the output stream.
 set -eu
 cd "$(dirname "$0")/.."
 python=${PYTHON:-python3}
 
 fail() {
-  echo "vrscan: $1" >&2
+  echo "vrscan: $1"
   exit 1
 }
 
