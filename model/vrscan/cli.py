@@ -12,6 +12,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
+from pydantic import ValidationError
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -27,6 +28,7 @@ from vrscan.config import Config
 from vrscan.engines import Engine
 from vrscan.errors import InputError
 from vrscan.points import atomic_file, write_csv, write_ply
+from vrscan.registers import Registers
 from vrscan.table import Table
 
 EXIT_BAD_INPUT, EXIT_TERMINATED = 2, 143
@@ -64,7 +66,7 @@ def scan(
 
     _check_count(count, 1)
     chosen = named(scene)
-    settings = configuration.load(config)
+    settings = _settings(config)
     with _folder(out), contextlib.ExitStack() as files:
         csv, ply, png = (
             files.enter_context(atomic_file(out / name))
@@ -98,7 +100,7 @@ def replay(
     config: ConfigOption = None,
 ) -> None:
     """Turn recorded lines into points."""
-    settings = configuration.load(config)
+    settings = _settings(config)
     recorded = lines.read(recording, settings)
     with atomic_file(out) as file:
         write_csv(_run(engine, recorded, settings), file)
@@ -114,7 +116,7 @@ def efficiency(
     from vrscan.report import efficiency as report
 
     _check_count(count, 100)
-    settings = configuration.load(config)
+    settings = _settings(config)
     with _bar("spots", len(report.PEAKS) * len(report.SIGMAS_PX)) as progress:
         cells = report.study(engine, settings, count, progress)
     console = _console()
@@ -143,7 +145,7 @@ def speed(
     from vrscan.scene.simple import SCENES, simulate
 
     _check_count(count, 1)
-    settings = configuration.load(config)
+    settings = _settings(config)
     recording = simulate(SCENES["default"], count, settings)
     warm = lines.Lines(recording.lines[:64], recording.angle_rad[:64], recording.power[:64])
     engines.run(engine, warm, settings)  # builds and imports are not what is measured
@@ -159,6 +161,13 @@ def speed(
 
 if importlib.util.find_spec("vrscan.report.numbers") is not None:
     app.command("numbers")(importlib.import_module("vrscan.report.numbers").main)
+
+
+def _settings(path: Path | None) -> Config:
+    """Return the configuration, known to fit in the registers."""
+    settings = configuration.load(path)
+    Registers.from_config(settings)
+    return settings
 
 
 def _check_count(count: int, least: int) -> None:
@@ -216,7 +225,10 @@ def main() -> None:
     except InputError as error:
         status = _complain(str(error))
     except typer.TyperException as error:  # an unknown option, a missing argument
-        status = _complain(error.format_message().replace("Value error, ", ""))
+        text = error.format_message().replace("Value error, ", "")
+        if isinstance(error.__cause__, ValidationError):
+            text = f"{text} ({error.__cause__.errors()[0]['input']})"
+        status = _complain(text)
     sys.exit(status)
 
 

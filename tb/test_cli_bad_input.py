@@ -1,0 +1,142 @@
+"""Bad input at the command: one line on the error stream, status 2, nothing left behind."""
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vrscan import cli
+from vrscan.tools import repository_root
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with inputs, good and bad, which is also the working directory."""
+    good = np.full((3, 2048), 60, np.uint16)
+    np.savez(tmp_path / "good.npz", lines=good)
+    np.savez(tmp_path / "nan.npz", lines=good, angle_rad=np.array([0.0, np.nan, 0.0]))
+    np.savez(tmp_path / "pi.npz", lines=good, angle_rad=np.array([0.0, 0.0, 3.2]))
+    np.save(tmp_path / "bright.npy", good + np.uint16(4096))
+    np.save(tmp_path / "short.npy", good[:, :100])
+    np.save(tmp_path / "float.npy", good.astype(float))
+    (tmp_path / "empty.npy").write_bytes(b"")
+    (tmp_path / "broken.npz").write_bytes((tmp_path / "good.npz").read_bytes()[:500])
+    (tmp_path / "key.toml").write_text("[peak]\nk_nose = 3\n")
+    (tmp_path / "value.toml").write_text("[peak]\nmin_width = 1\n")
+    (tmp_path / "register.toml").write_text("[geometry]\nk1 = 1\n")
+    (tmp_path / "two_pass.toml").write_text('[peak]\nwindow = "two_pass"\n')
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+IDEAL = ["--engine", "ideal"]
+REPLAY = ["--out", "out.csv", *IDEAL]
+CASES = {
+    "missing_lines": (["replay", "none.npy", *REPLAY], ["none.npy"]),
+    "empty_lines": (["replay", "empty.npy", *REPLAY], ["empty.npy", "0 bytes"]),
+    "broken_lines": (["replay", "broken.npz", *REPLAY], ["broken.npz"]),
+    "bright_pixel": (["replay", "bright.npy", *REPLAY], ["bright.npy", "4156"]),
+    "short_lines": (["replay", "short.npy", *REPLAY], ["short.npy", "(3, 100)"]),
+    "floating_lines": (["replay", "float.npy", *REPLAY], ["float.npy", "float64"]),
+    "nan_angle": (["replay", "nan.npz", *REPLAY], ["nan.npz", "nan at line 1"]),
+    "large_angle": (["replay", "pi.npz", *REPLAY], ["pi.npz", "3.2 at line 2"]),
+    "missing_config": (["replay", "good.npz", *REPLAY, "--config", "no.toml"], ["no.toml"]),
+    "unknown_key": (
+        ["replay", "good.npz", *REPLAY, "--config", "key.toml"],
+        ["key.toml", "k_nose"],
+    ),
+    "bad_value": (
+        ["replay", "good.npz", *REPLAY, "--config", "value.toml"],
+        ["value.toml", "peak.min_width = 1"],
+    ),
+    "bad_register": (
+        ["replay", "good.npz", *REPLAY, "--config", "register.toml"],
+        ["register.toml", "geometry.k1"],
+    ),
+    "not_built": (
+        ["replay", "good.npz", *REPLAY, "--config", "two_pass.toml"],
+        ["two_pass.toml", "not built"],
+    ),
+    "no_such_folder": (["replay", "good.npz", "--out", "no/out.csv", *IDEAL], ["no/out.csv"]),
+    "out_is_folder": (["replay", "good.npz", "--out", ".", *IDEAL], ["."]),
+    "out_is_device": (["replay", "good.npz", "--out", "/dev/null", *IDEAL], ["/dev/null"]),
+    "scan_into_file": (["scan", "--out", "good.npz", *IDEAL], ["good.npz"]),
+    "scan_below_nothing": (["scan", "--out", "no/where", *IDEAL], ["no/where"]),
+    "unknown_scene": (["scan", "moon", "--out", "scan", *IDEAL], ["moon", "default"]),
+    "scan_with_bad_config": (["scan", "--out", "scan", *IDEAL, "--config", "key.toml"], ["k_nose"]),
+    "scan_with_bad_register": (
+        ["scan", "--out", "scan", "--lines", "10", *IDEAL, "--config", "register.toml"],
+        ["geometry.k1"],
+    ),
+    "no_lines": (["scan", "--out", "scan", *IDEAL, "--lines", "0"], ["--lines", "(0)"]),
+    "lines_no_number": (["scan", "--out", "scan", *IDEAL, "--lines", "x"], ["--lines", "x"]),
+    "unknown_engine": (
+        ["replay", "good.npz", "--out", "out.csv", "--engine", "abacus"],
+        ["abacus"],
+    ),
+    "no_out": (["replay", "good.npz"], ["--out"]),
+    "unknown_option": (["replay", "good.npz", "--fast"], ["--fast"]),
+    "unknown_command": (["play"], ["play"]),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_bad_input(
+    folder: Path,
+    case: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    arguments, wanted = CASES[case]
+    before = sorted(folder.rglob("*"))
+    monkeypatch.setattr(sys, "argv", ["vrscan", *arguments])
+    handler = signal.getsignal(signal.SIGTERM)
+    with pytest.raises(SystemExit) as caught:
+        cli.main()
+    signal.signal(signal.SIGTERM, handler)
+    output = capsys.readouterr()
+    assert caught.value.code == 2
+    assert output.out == ""
+    assert output.err.startswith("vrscan: ")
+    assert output.err.count("\n") == 1, output.err
+    for part in wanted:
+        assert part in output.err
+    assert sorted(folder.rglob("*")) == before
+
+
+def start(*arguments: str) -> subprocess.Popen[str]:
+    environment = {"PYTHONPATH": str(repository_root() / "model")}
+    return subprocess.Popen(
+        [sys.executable, "-m", "vrscan.cli", *arguments],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def test_the_process_says_one_line_and_ends_with_two(folder: Path) -> None:
+    process = start("replay", "none.npy", *REPLAY)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert out == ""
+    assert err == "vrscan: none.npy: No such file or directory\n"
+
+
+@pytest.mark.parametrize(("signum", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_an_interrupted_scan_leaves_nothing(
+    folder: Path, signum: signal.Signals, status: int
+) -> None:
+    process = start("scan", "--out", "scan", "--lines", "200000", *IDEAL)
+    deadline = time.monotonic() + 60
+    while not list(folder.glob("scan/.points.csv.*")) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    process.send_signal(signum)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == status, err
+    assert "Traceback" not in err
+    assert not (folder / "scan").exists()

@@ -1,0 +1,93 @@
+"""The commands that end well: their files and what they print."""
+
+import csv
+import signal
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vrscan import cli
+from vrscan.config import Config
+from vrscan.points import COLUMNS
+from vrscan.scene.simple import SCENES, simulate
+
+
+def command(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    monkeypatch.setattr(sys, "argv", ["vrscan", *arguments])
+    handler = signal.getsignal(signal.SIGTERM)
+    with pytest.raises(SystemExit) as caught:
+        cli.main()
+    signal.signal(signal.SIGTERM, handler)
+    return int(caught.value.code or 0)
+
+
+@pytest.mark.parametrize("scene", list(SCENES))
+def test_a_scan_writes_its_files_and_its_table(
+    tmp_path: Path,
+    scene: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path / "scan"
+    arguments = ["scan", scene, "--out", str(out), "--engine", "ideal", "--lines", "300"]
+    assert command(monkeypatch, *arguments) == 0
+    assert sorted(p.name for p in out.iterdir()) == ["picture.png", "points.csv", "points.ply"]
+    assert (out / "picture.png").read_bytes().startswith(b"\x89PNG")
+    with (out / "points.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 300
+    assert ",".join(rows[0]) == COLUMNS
+    located = sum(row["z_mm"] != "" for row in rows)
+    assert f"element vertex {located}\n".encode() in (out / "points.ply").read_bytes()
+    output = capsys.readouterr()
+    assert f"300 lines, {located} points" in output.out
+    assert "error/sigma" in output.out
+    # A second scan into the same folder replaces the files.
+    assert command(monkeypatch, *arguments) == 0
+
+
+def test_replay_of_a_scene_gives_the_points_of_the_scan(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scan, lines, points = tmp_path / "scan", tmp_path / "lines.npz", tmp_path / "points.csv"
+    recording = simulate(SCENES["default"], 200, Config())
+    np.savez(lines, lines=recording.lines, angle_rad=recording.angle_rad)
+    command(monkeypatch, "scan", "--out", str(scan), "--engine", "ideal", "--lines", "200")
+    command(monkeypatch, "replay", str(lines), "--out", str(points), "--engine", "ideal")
+    assert points.read_bytes() == (scan / "points.csv").read_bytes()
+
+
+def test_the_configuration_reaches_the_points(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lines, config = tmp_path / "lines.npz", tmp_path / "config.toml"
+    np.savez(lines, lines=simulate(SCENES["plane"], 20, Config()).lines)
+    config.write_text("[peak]\nk_height = 0.5\n")
+    narrow, wide = tmp_path / "narrow.csv", tmp_path / "wide.csv"
+    arguments = ["replay", str(lines), "--engine", "ideal", "--out"]
+    command(monkeypatch, *arguments, str(wide))
+    command(monkeypatch, *arguments, str(narrow), "--config", str(config))
+
+    def widths(path: Path) -> list[int]:
+        with path.open() as file:
+            rows = csv.DictReader(file)
+            return [int(row["right"]) - int(row["left"]) for row in rows if row["left"]]
+
+    assert max(widths(narrow)) < min(widths(wide))
+
+
+def test_speed_says_lines_per_second(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command(monkeypatch, "speed", "--engine", "ideal", "--lines", "500") == 0
+    assert "lines/s" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["scan", "replay", "efficiency", "speed"])
+def test_every_command_explains_itself(
+    name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command(monkeypatch, name, "--help") == 0
+    assert "--engine" in capsys.readouterr().out

@@ -1,0 +1,94 @@
+"""Configuration files: what is taken and how what is not is refused."""
+
+from pathlib import Path
+
+import pytest
+
+from vrscan.config import Config, load
+from vrscan.errors import InputError
+from vrscan.registers import Registers
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "config.toml"
+    path.write_text(text)
+    return path
+
+
+def test_defaults_are_the_instrument() -> None:
+    config = load(None)
+    assert config == Config()
+    assert config.geometry.base_mm == 60.0
+    assert config.peak.period == "n"
+    assert config.source == "defaults"
+
+
+def test_a_file_overrides_only_what_it_names(tmp_path: Path) -> None:
+    path = write(tmp_path, '[peak]\nk_noise = 3\nperiod = "n-1"\n[geometry]\nk1 = -1e-4\n')
+    config = load(path)
+    assert config.peak.k_noise == 3.0
+    assert config.peak.period == "n-1"
+    assert config.peak.k_height == Config().peak.k_height
+    assert config.geometry.k1 == -1e-4
+    assert config.source == str(path)
+
+
+BAD = {
+    "unknown_section": ("[peek]\nk_noise = 3\n", ["peek"]),
+    "unknown_key": ("[peak]\nk_nose = 3\n", ["peak.k_nose", "3"]),
+    "unknown_choice": ('[peak]\nperiod = "n+1"\n', ["peak.period", "n+1"]),
+    "not_built": ('[peak]\nwindow = "two_pass"\n', ["peak.window", "two_pass", "not built"]),
+    "text_for_number": ('[peak]\nk_noise = "3"\n', ["peak.k_noise", "'3'"]),
+    "truth_for_number": ("[peak]\nk_noise = true\n", ["peak.k_noise", "True"]),
+    "fraction_for_count": ("[peak]\nmin_width = 3.5\n", ["peak.min_width", "3.5"]),
+    "below": ("[peak]\nmin_width = 2\n", ["peak.min_width", "2"]),
+    "above": ("[peak]\nmax_width = 256\n", ["peak.max_width", "256"]),
+    "negative": ("[peak]\nk_noise = -1\n", ["peak.k_noise", "-1"]),
+    "nan": ("[geometry]\nfocal_mm = nan\n", ["geometry.focal_mm", "nan"]),
+    "infinite": ("[geometry]\nbase_mm = inf\n", ["geometry.base_mm", "inf"]),
+    "zero": ("[geometry]\nfocal_mm = 0\n", ["geometry.focal_mm", "0"]),
+    "crossed_widths": ("[peak]\nmin_width = 9\nmax_width = 8\n", ["peak", "9", "8"]),
+    "harmonics": ("[mirror]\nharmonics = [[1, 0]]\n", ["mirror.harmonics", "[[1, 0]]"]),
+    "pulse_after_line": ("[line]\npulse_us = 27\n", ["line", "pulse"]),
+    "section_is_number": ("peak = 3\n", ["peak", "3"]),
+    "not_toml": ("[peak\n", ["not a TOML file"]),
+    "length": ("[sensor]\nline_length = 100\n", ["sensor.line_length", "100"]),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_file_is_one_line_that_names_file_key_and_value(tmp_path: Path, name: str) -> None:
+    text, wanted = BAD[name]
+    path = write(tmp_path, text)
+    with pytest.raises(InputError) as caught:
+        load(path)
+    message = str(caught.value)
+    assert "\n" not in message
+    for part in [str(path), *wanted]:
+        assert part in message, message
+
+
+def test_missing_folder_and_binary_files_are_refused(tmp_path: Path) -> None:
+    binary = tmp_path / "binary.toml"
+    binary.write_bytes(b"\xff\xfe\x00")
+    for path in (tmp_path / "none.toml", tmp_path, binary):
+        with pytest.raises(InputError, match=str(path)):
+            load(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        ("[geometry]\ncentre_px = 4000\n", "geometry.centre_px"),
+        ("[geometry]\nk1 = 1\n", "geometry.k1"),
+        ("[geometry]\nk2 = -1\n", "geometry.k2"),
+        ("[geometry]\nbase_mm = 5000\n", "geometry.base_mm"),
+        ("[geometry]\nfocal_mm = 1\n", "geometry.focal_mm"),
+        ("[peak]\nk_noise = 255.9999\n", "peak.k_noise"),
+    ],
+)
+def test_what_no_register_holds_is_refused(tmp_path: Path, text: str, key: str) -> None:
+    path = write(tmp_path, text)
+    with pytest.raises(InputError) as caught:
+        Registers.from_config(load(path))
+    assert str(caught.value).startswith(f"{path}: {key}: ")

@@ -1,0 +1,31 @@
+"""The shipped thresholds reach the stated efficiency; the whole study is ``vrscan efficiency``."""
+
+import pytest
+
+from vrscan.config import Config
+from vrscan.engines import Engine
+from vrscan.report.efficiency import (
+    GOAL_EFFICIENCY,
+    GOAL_LOST,
+    PEAKS,
+    SIGMAS_PX,
+    efficiency_table,
+    geometric_mean,
+    study,
+    worst_lost,
+)
+
+COUNT = 800  # lines a spot: a variance is known to 5 %, the mean of 20 to 1.1 %
+
+
+@pytest.mark.parametrize("engine", [Engine.FIXED, Engine.IDEAL])
+def test_shipped_thresholds_reach_the_goal(engine: Engine) -> None:
+    done: list[int] = []
+    cells = study(engine, Config(), COUNT, done.append)
+    assert done == list(range(1, len(PEAKS) * len(SIGMAS_PX) + 1))
+    shipped, printed = [cell.shipped for cell in cells], [cell.printed for cell in cells]
+    assert geometric_mean(shipped) >= GOAL_EFFICIENCY
+    assert worst_lost(shipped) <= GOAL_LOST
+    assert geometric_mean(printed) < 0.5
+    assert max(score.rival for score in shipped) < 0.12
+    assert efficiency_table(cells, engine, COUNT).row_count == len(cells)

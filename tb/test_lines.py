@@ -1,0 +1,112 @@
+"""Reading recorded lines: what is taken and how what is not is refused."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vrscan.config import Config
+from vrscan.errors import InputError
+from vrscan.lines import read
+
+GOOD = np.full((3, 2048), 60, np.uint16)
+GOOD[:, 1000:1008] = 4095
+
+
+def test_an_array_alone_has_angle_zero_and_full_power(tmp_path: Path) -> None:
+    path = tmp_path / "lines.npy"
+    np.save(path, GOOD)
+    recording = read(path, Config())
+    assert np.array_equal(recording.lines, GOOD)
+    assert recording.angle_rad.tolist() == [0.0] * 3
+    assert recording.power.tolist() == [65_535] * 3
+
+
+@pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
+def test_an_archive_brings_angles_and_may_hold_more(tmp_path: Path, save: Any) -> None:
+    path = tmp_path / "lines.npz"
+    angle = np.array([-0.1, 0.0, np.pi])
+    big_endian = GOOD.astype(">u2")
+    save(path, lines=big_endian, angle_rad=angle, power=np.array([1, 2, 3], np.uint16), more="text")
+    recording = read(path, Config())
+    assert recording.lines.dtype == np.uint16
+    assert np.array_equal(recording.lines, GOOD)
+    assert np.array_equal(recording.angle_rad, angle)
+    assert recording.power.tolist() == [1, 2, 3]
+
+
+def too_bright() -> np.ndarray:
+    lines = GOOD.copy()
+    lines[2, 7] = 4096
+    return lines
+
+
+ANGLES = np.zeros(3)
+BAD_ARCHIVES: dict[str, tuple[dict[str, Any], list[str]]] = {
+    "no_lines": ({"rows": GOOD}, ["lines"]),
+    "signed": ({"lines": GOOD.astype(np.int16)}, ["uint16", "int16"]),
+    "wide": ({"lines": GOOD.astype(np.uint32)}, ["uint16", "uint32"]),
+    "floating": ({"lines": GOOD.astype(float)}, ["uint16", "float64"]),
+    "objects": ({"lines": GOOD.astype(object)}, ["plain numbers"]),
+    "short_lines": ({"lines": GOOD[:, :2047]}, ["2048", "(3, 2047)"]),
+    "long_lines": ({"lines": np.zeros((3, 2049), np.uint16)}, ["2048", "(3, 2049)"]),
+    "one_line": ({"lines": GOOD[0]}, ["2048", "(2048,)"]),
+    "three_axes": ({"lines": GOOD[None]}, ["(1, 3, 2048)"]),
+    "no_rows": ({"lines": GOOD[:0]}, ["no lines", "(0, 2048)"]),
+    "bright_pixel": ({"lines": too_bright()}, ["4095", "4096", "line 2", "pixel 7"]),
+    "nan_angle": ({"lines": GOOD, "angle_rad": ANGLES + [0, np.nan, 0]}, ["nan", "line 1"]),
+    "infinite_angle": ({"lines": GOOD, "angle_rad": ANGLES + [0, 0, np.inf]}, ["inf", "line 2"]),
+    "large_angle": ({"lines": GOOD, "angle_rad": ANGLES - 3.15}, ["-3.15", "line 0"]),
+    "few_angles": ({"lines": GOOD, "angle_rad": ANGLES[:2]}, ["(3,)", "(2,)"]),
+    "integer_angles": ({"lines": GOOD, "angle_rad": np.zeros(3, int)}, ["angle_rad", "int64"]),
+    "text_angles": ({"lines": GOOD, "angle_rad": np.array(["a"] * 3)}, ["angle_rad", "<U1"]),
+    "signed_power": ({"lines": GOOD, "power": np.zeros(3, int)}, ["power", "int64"]),
+    "large_power": ({"lines": GOOD, "power": np.full(3, 70_000, np.uint32)}, ["power", "70000"]),
+}
+
+
+def refused(path: Path, wanted: list[str]) -> None:
+    with pytest.raises(InputError) as caught:
+        read(path, Config())
+    message = str(caught.value)
+    assert "\n" not in message
+    for part in [str(path), *wanted]:
+        assert part in message, message
+
+
+@pytest.mark.parametrize("name", BAD_ARCHIVES)
+def test_a_bad_archive_is_one_line_that_names_the_value(tmp_path: Path, name: str) -> None:
+    arrays, wanted = BAD_ARCHIVES[name]
+    path = tmp_path / "lines.npz"
+    np.savez(path, **arrays)
+    refused(path, wanted)
+
+
+def test_bad_files_are_one_line(tmp_path: Path) -> None:
+    refused(tmp_path / "none.npy", ["No such file"])
+    refused(tmp_path, [])
+    path = tmp_path / "lines.npz"
+    path.write_bytes(b"")
+    refused(path, ["empty file"])
+    path.write_bytes(b"line,peak\n1,2\n")
+    refused(path, ["not a .npy or .npz file"])
+    np.savez_compressed(path, lines=GOOD)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    refused(path, [])
+    path.write_bytes(whole[:60] + bytes(40) + whole[100:])
+    refused(path, [])
+    np.save(tmp_path / "lines.npy", GOOD)
+    path.write_bytes((tmp_path / "lines.npy").read_bytes()[:-100])
+    refused(path, [])
+
+
+def test_the_sensor_of_the_configuration_decides(tmp_path: Path) -> None:
+    path = tmp_path / "lines.npy"
+    np.save(path, np.full((2, 512), 255, np.uint16))
+    config = Config.model_validate({"sensor": {"line_length": 512, "pixel_width": 8}})
+    assert len(read(path, config)) == 2
+    np.save(path, np.full((2, 512), 256, np.uint16))
+    with pytest.raises(InputError, match="above 255"):
+        read(path, config)

@@ -1,0 +1,148 @@
+"""The files that points end in: every word comes back, and nothing half-written stays."""
+
+import csv
+import io
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vrscan.errors import InputError
+from vrscan.fixed import pkg
+from vrscan.points import COLUMNS, Points, atomic_file, points_equal, table, write_csv, write_ply
+
+COUNT = 4000
+SEED = 20100301
+
+
+def random_points(pixel_width: int = 12) -> Points:
+    rng = np.random.default_rng(SEED)
+
+    def words(low: int, high: int) -> np.ndarray:
+        values = rng.integers(low, high, COUNT)
+        values[:2] = low, high - 1
+        return values
+
+    return Points(
+        line=np.arange(COUNT),
+        flags=words(0, 2**pkg.FLAG_WIDTH),
+        left=words(0, 2048),
+        right=words(0, 2048),
+        width=words(0, 4),
+        maximum=words(0, 2**pixel_width),
+        row_mean=words(0, 2**24),
+        row_variance=words(0, 2**32),
+        background=words(0, 2**24),
+        noise=words(0, 2**24),
+        snr=words(0, 2**16),
+        position=words(-(2**23), 2**23),
+        sigma=words(0, 2**16),
+        angle=words(-(2**23), 2**23),
+        x=words(-(2**23), 2**23),
+        z=words(-(2**23), 2**23),
+        sigma_z=words(0, 2**16),
+        c_obj=words(0, 256),
+        c_sfm=words(0, 256),
+        measured=rng.random(COUNT) < 0.7,
+        pixel_width=pixel_width,
+    )
+
+
+@pytest.mark.parametrize("pixel_width", [8, 12, 16])
+def test_every_word_is_read_back(pixel_width: int) -> None:
+    points = random_points(pixel_width)
+    file = io.BytesIO()
+    write_csv(table(points), file)
+    text = file.getvalue().decode()
+    assert text.splitlines()[0] == COLUMNS
+    rows = list(csv.DictReader(io.StringIO(text)))
+    assert len(rows) == COUNT
+    scale = {
+        "maximum": (points.maximum, 1.0),
+        "row_mean": (points.row_mean, 2.0 ** (24 - pixel_width)),
+        "row_variance": (points.row_variance, 2.0 ** (32 - 2 * pixel_width)),
+        "background": (points.background, 2.0 ** (24 - pixel_width)),
+        "noise": (points.noise, 2.0 ** (24 - pixel_width)),
+        "snr": (points.snr, 2.0**8),
+        "angle_rad": (points.angle, 2.0**24 / (2.0 * np.pi)),
+        "c_obj": (points.c_obj, 255.0),
+        "c_sfm": (points.c_sfm, 255.0),
+        "position_px": (points.position, 2.0**12),
+        "sigma_px": (points.sigma, 2.0**12),
+        "x_mm": (points.x, 2.0**12),
+        "z_mm": (points.z, 2.0**12),
+        "sigma_z_mm": (points.sigma_z, 2.0**12),
+    }
+    no_range = points.flags >> pkg.FLAG_NO_RANGE & 1 == 1
+    empty = {name: np.zeros(COUNT, np.bool_) for name in scale}
+    empty["position_px"] = empty["sigma_px"] = ~points.measured
+    empty["x_mm"] = empty["z_mm"] = empty["sigma_z_mm"] = ~points.measured | no_range
+    for name, (words, step) in scale.items():
+        for row, word, hollow in zip(rows, words.tolist(), empty[name].tolist(), strict=True):
+            if hollow:
+                assert row[name] == ""
+            else:
+                assert int(np.floor(float(row[name]) * step + 0.5)) == word, (name, row[name])
+    for index, row in enumerate(rows):
+        assert row["line"] == str(index)
+        assert row["peak"] == "0"
+        names = [n for n, bit in pkg.FLAGS.items() if points.flags[index] >> bit & 1]
+        assert row["flags"] == "|".join(names)
+        window = points.width[index] > 0
+        assert row["left"] == (str(points.left[index]) if window else "")
+        assert row["right"] == (str(points.right[index]) if window else "")
+
+
+def test_the_cloud_holds_the_located_points() -> None:
+    points = random_points()
+    result = table(points)
+    file = io.BytesIO()
+    write_ply(result, file)
+    header, _, body = file.getvalue().partition(b"end_header\n")
+    assert header.startswith(b"ply\nformat binary_little_endian 1.0\n")
+    rows = np.flatnonzero(result.located)
+    assert f"element vertex {len(rows)}\n".encode() in header
+    kinds = {"float": "<f4", "uint": "<u4", "ushort": "<u2"}
+    fields = [line.split() for line in header.decode().splitlines() if line.startswith("property")]
+    vertices = np.frombuffer(body, np.dtype([(name, kinds[kind]) for _, kind, name in fields]))
+    assert len(vertices) == len(rows)
+    assert np.array_equal(vertices["x"], result.x_mm[rows].astype(np.float32))
+    assert np.array_equal(vertices["z"], result.z_mm[rows].astype(np.float32))
+    assert not vertices["y"].any()
+    assert np.array_equal(vertices["flags"], points.flags[rows])
+    assert np.array_equal(vertices["line"], rows)
+
+
+def test_the_first_difference_is_named() -> None:
+    first, second = random_points(), random_points()
+    assert points_equal(first, second) is None
+    second.snr[17] += 1
+    assert "row 17: snr" in str(points_equal(first, second))
+
+
+def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text("old")
+    with pytest.raises(RuntimeError), atomic_file(path) as file:  # noqa: PT012
+        file.write(b"half")
+        raise RuntimeError
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+    with atomic_file(path) as file:
+        file.write(b"new")
+    assert path.read_text() == "new"
+    assert list(tmp_path.iterdir()) == [path]
+    mask = os.umask(0)
+    os.umask(mask)
+    assert path.stat().st_mode & 0o777 == 0o666 & ~mask
+
+
+@pytest.mark.parametrize("place", ["missing/points.csv", "folder", "file/points.csv"])
+def test_what_cannot_be_written_is_named(tmp_path: Path, place: str) -> None:
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").write_text("")
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(InputError, match=str(tmp_path / place)), atomic_file(tmp_path / place):
+        pass
+    assert sorted(tmp_path.rglob("*")) == before

@@ -1,0 +1,56 @@
+"""The integers that the RTL takes, against the quantities they stand for."""
+
+import numpy as np
+import pytest
+
+from vrscan.config import Config, Geometry, Peak, Sensor
+from vrscan.ideal.geometry import triangle, undistorted
+from vrscan.registers import Registers, angle_turns
+
+
+def test_thresholds_and_gains() -> None:
+    peak = Peak(k_noise=2.5, k_height=0.02, snr_min=8.0, snr_max=100.0, kappa=0.2)
+    registers = Registers.from_config(Config(peak=peak))
+    assert registers.k_noise == 640
+    assert registers.k_height == 1311
+    assert registers.snr_min == 2048
+    assert registers.kappa == 13107
+    full = 100 * 256
+    assert (full * registers.c_obj_gain + 2**15) >> 16 == 255
+    assert (full // 2 * registers.c_obj_gain + 2**15) >> 16 in (127, 128)
+    assert (65_535 * registers.c_sfm_gain + 2**15) >> 16 == 255
+
+
+@pytest.mark.parametrize("length", [256, 1000, 2048, 4096])
+@pytest.mark.parametrize("distortion", ["odd", "even"])
+def test_geometry_constants_give_the_same_triangle(length: int, distortion: str) -> None:
+    geometry = Geometry(
+        offset_mm=3.0,
+        centre_px=0.51 * length,
+        pitch_mm=14.0 / length,
+        k1=2e-4,
+        k2=-1e-6,
+        distortion="odd" if distortion == "odd" else "even",
+    )
+    registers = Registers.from_config(Config(geometry=geometry, sensor=Sensor(line_length=length)))
+    position, angle = np.meshgrid(np.linspace(0, length - 1, 101), np.linspace(-0.3, 0.3, 31))
+    want = triangle(undistorted(position, geometry)[0], angle, geometry)
+
+    reach = 2.0 ** np.ceil(np.log2(length))
+    share = (position - registers.centre * 2.0**-20) / reach
+    k1, k2 = registers.k1 * 2.0**-24, registers.k2 * 2.0**-24
+    radial = np.abs(share) if registers.even else share
+    share = share + radial * (k1 * share**2 + k2 * share**4)
+    n = (registers.n0 + registers.n1 * share) * 2.0**-20
+    d = (registers.d0 + registers.d1 * share) * np.cos(angle)
+    d = (d + (registers.e0 + registers.e1 * share) * np.sin(angle)) * 2.0**-30
+    near = ~want.no_range & (want.z > 200.0) & (want.z < 1000.0)
+    assert near.sum() > 500
+    # Half a step of n is 0.5e-6 mm of some 60, of k1 3e-8 of 2048 px: together well below 1 um.
+    assert np.abs(n * np.cos(angle) / d - want.z)[near].max() < 1e-3
+    assert np.abs(n * np.sin(angle) / d - want.x)[near].max() < 1e-3
+
+
+def test_angles_are_turns_and_wrap_at_half_a_turn() -> None:
+    angle = np.array([0.0, np.pi / 2, -np.pi / 2, np.pi, -np.pi, 2 * np.pi / 2**24])
+    assert angle_turns(angle).tolist() == [0, 2**22, -(2**22), -(2**23), -(2**23), 1]

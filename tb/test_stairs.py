@@ -1,0 +1,32 @@
+"""The measured staircase, where its data are at hand: they are not part of this repository."""
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from vrscan.engines import Engine
+from vrscan.tools import repository_root
+
+sys.path.insert(0, str(repository_root() / "scripts"))
+import stairs
+
+
+def data() -> Path:
+    default = repository_root().parent / "shared" / "data"
+    path = Path(os.environ.get("VRSCAN_DATA", default)) / "stairs.npz"
+    if not path.is_file():
+        pytest.skip(f"no {path}; set VRSCAN_DATA to the folder of stairs.npz")
+    return path
+
+
+@pytest.mark.parametrize("engine", list(Engine))
+def test_heights_agree_with_the_caliper(engine: Engine) -> None:
+    outcome = stairs.experiment(data(), engine)
+    assert outcome.usable > 1300
+    assert outcome.usable_valid >= stairs.GOAL_VALID * outcome.usable
+    assert [level.height_mm for level in outcome.levels] == [0.0, 2.35, 20.1, 24.82]
+    for level in outcome.levels:
+        assert abs(level.residual_mm) <= stairs.GOAL_MM, level
+    assert outcome.good
