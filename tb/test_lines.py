@@ -55,8 +55,11 @@ BAD_ARCHIVES: dict[str, tuple[dict[str, Any], list[str]]] = {
     "three_axes": ({"lines": GOOD[None]}, ["(1, 3, 2048)"]),
     "no_rows": ({"lines": GOOD[:0]}, ["no lines", "(0, 2048)"]),
     "bright_pixel": ({"lines": too_bright()}, ["4095", "4096", "line 2", "pixel 7"]),
-    "nan_angle": ({"lines": GOOD, "angle_rad": ANGLES + [0, np.nan, 0]}, ["nan", "line 1"]),
-    "infinite_angle": ({"lines": GOOD, "angle_rad": ANGLES + [0, 0, np.inf]}, ["inf", "line 2"]),
+    "nan_angle": ({"lines": GOOD, "angle_rad": np.array([0.0, np.nan, 0.0])}, ["nan", "line 1"]),
+    "infinite_angle": (
+        {"lines": GOOD, "angle_rad": np.array([0.0, 0.0, np.inf])},
+        ["inf", "line 2"],
+    ),
     "large_angle": ({"lines": GOOD, "angle_rad": ANGLES - 3.15}, ["-3.15", "line 0"]),
     "few_angles": ({"lines": GOOD, "angle_rad": ANGLES[:2]}, ["(3,)", "(2,)"]),
     "integer_angles": ({"lines": GOOD, "angle_rad": np.zeros(3, int)}, ["angle_rad", "int64"]),
