@@ -85,7 +85,7 @@ module peak_isolate #(
   always_ff @(posedge clk_i) begin
     min_width_q <= min_width_i < WindowWidth'(vrscan_pkg::MinWindow)
                    ? WindowWidth'(vrscan_pkg::MinWindow) : min_width_i;
-    max_width_q <= max_width_i > WindowWidth'(MaxWindow) ? WindowWidth'(MaxWindow) : max_width_i;
+    max_width_q <= max_width_i >= WindowWidth'(MaxWindow) ? WindowWidth'(MaxWindow) : max_width_i;
   end
 
   // ---- threshold: three products, one after the other ----
@@ -115,11 +115,16 @@ module peak_isolate #(
   );
 
   // To nearest, half up; the noise term has 8 fraction bits more than a count, the height's 16.
-  logic [TermWidth-1:0] noise_term, height_term;
+  // The height's factor is below one, so its term is a count.
+  logic [TermWidth-1:0]  noise_term;
+  logic [CountWidth-1:0] height_term;
   assign noise_term  = (product[TermWidth-1:0] + TermWidth'(1 << (vrscan_pkg::KNoiseFraction - 1)))
                        >> vrscan_pkg::KNoiseFraction;
-  assign height_term = (product[TermWidth-1:0] + TermWidth'(1 << (vrscan_pkg::KHeightFraction - 1)))
-                       >> vrscan_pkg::KHeightFraction;
+  assign height_term = CountWidth'((product[TermWidth-1:0]
+                                    + TermWidth'(1 << (vrscan_pkg::KHeightFraction - 1)))
+                                   >> vrscan_pkg::KHeightFraction);
+  logic unused_product;
+  assign unused_product = ^product[CountWidth+17:TermWidth];
 
   logic [TermWidth-1:0] larger_term;
   assign larger_term = noise_term_q > TermWidth'(height_term_q) ? noise_term_q
@@ -150,7 +155,7 @@ module peak_isolate #(
         state_q      <= HEIGHT_TERM;
       end
       HEIGHT_TERM: if (product_valid) begin
-        height_term_q <= height_term[CountWidth-1:0];
+        height_term_q <= height_term;
         factor_q      <= signed'({1'b0, snr_min_i});
         count_q       <= signed'({1'b0, noise_q});
         start_q       <= 1'b1;
@@ -287,7 +292,7 @@ module peak_isolate #(
   always_ff @(posedge clk_i) begin
     if (keep) window_mem[{bank_q, place[WindowWidth-1:0]}] <= pixel_q;
     read_pixel_o <= window_mem[{!bank_q, read_index_i}];
-    if (finish_q) bank_q <= !bank_q;
+    if (seen_q && last_q) bank_q <= !bank_q;
     if (rst_i) bank_q <= 1'b0;
   end
 

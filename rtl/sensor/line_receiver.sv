@@ -72,7 +72,7 @@ module line_receiver #(
                       || (active && pixel_valid_i && fill == FillWidth'(LineLength));
   assign ends       = active && line_end_i;
   assign is_short   = fill + FillWidth'(take) != FillWidth'(LineLength);
-  assign is_early   = period_q < PeriodWidth'(MinPeriod);
+  assign is_early   = period_q != PeriodWidth'(MinPeriod);  // it stops there
   assign good       = ends && !is_short && !over && !is_early;
   assign unfinished = in_line_q && line_start_i;
   assign dropped    = unfinished || (ends && !good);
@@ -93,7 +93,7 @@ module line_receiver #(
     lost_o        <= lost_q;
     lost_q        <= (lost_q || dropped) && !good;
 
-    if (good) period_q <= PeriodWidth'(1);
+    if (good) period_q <= PeriodWidth'(MinPeriod == 0 ? 0 : 1);
     else if (is_early) period_q <= period_q + PeriodWidth'(1);
 
     if (ends && is_short && short_count_o != '1) begin

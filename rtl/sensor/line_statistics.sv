@@ -146,7 +146,7 @@ module line_statistics #(
   localparam int unsigned ReachWidth = BlockIndexWidth + GuardWidth + 1;
   logic signed [      ReachWidth-1:0] reach_q;  // block to read, may lie outside the line
   logic        [      GuardWidth-1:0] guard_q;  // blocks left to read
-  logic                               reading_q, read_q, inside_q, last_read_q, selected_q;
+  logic                               reading_q, read_q, on_line_q, last_read_q, selected_q;
   logic                               short_block_q;
   logic        [   BlockSumWidth-1:0] read_sum;
   logic        [BlockSquareWidth-1:0] read_square;
@@ -156,8 +156,8 @@ module line_statistics #(
   logic        [     SquareWidth-1:0] rest_square_q, row_square_q;
   assign {read_sum, read_square} = read_data_q;
 
-  logic inside;
-  assign inside = reach_q >= 0 && reach_q < ReachWidth'(signed'(Blocks));
+  logic on_line;
+  assign on_line = reach_q >= 0 && reach_q < ReachWidth'(signed'(Blocks));
   logic use_row;
   assign use_row = noise_row_i || length_q == '0;
 
@@ -185,10 +185,10 @@ module line_statistics #(
       reading_q <= guard_q != '0;
     end
     read_data_q   <= block_mem[reach_q[BlockIndexWidth-1:0]];
-    inside_q      <= inside && reading_q;
+    on_line_q      <= on_line && reading_q;
     short_block_q <= reach_q == ReachWidth'(signed'(Blocks - 1));
     last_read_q   <= reading_q && guard_q == '0;
-    if (inside_q) begin
+    if (on_line_q) begin
       rest_sum_q    <= rest_sum_q - SumWidth'(read_sum);
       rest_square_q <= rest_square_q - SquareWidth'(read_square);
       length_q      <= length_q
@@ -207,7 +207,7 @@ module line_statistics #(
     end
     if (rst_i) begin
       reading_q   <= 1'b0;
-      inside_q    <= 1'b0;
+      on_line_q    <= 1'b0;
       last_read_q <= 1'b0;
       read_q      <= 1'b0;
       selected_q  <= 1'b0;
@@ -228,14 +228,16 @@ module line_statistics #(
   logic signed [              FactorBWidth-1:0] factor_b_q;
   logic signed [FactorAWidth+FactorBWidth-1:0]  product;
   logic        [               MomentWidth-1:0] row_moment_q;
-  logic        [             2*SumWidth-1:0]    sum_squared_q;
+  logic        [               MomentWidth-1:0] sum_squared_q;
   logic                                         root_start_q, root_valid, root_ready_q;
   logic        [                 RootWidth-1:0] root;
   logic        [               2*RootWidth-1:0] radicand_q;
 
   // n sum(p^2) - sum(p)^2 is never negative and fits MomentWidth, so its low bits are enough.
   logic [MomentWidth-1:0] moment;
-  assign moment = product[MomentWidth-1:0] - sum_squared_q[MomentWidth-1:0];
+  assign moment = product[MomentWidth-1:0] - sum_squared_q;
+  logic unused_product;
+  assign unused_product = ^product[FactorAWidth+FactorBWidth-1:MomentWidth];
 
   multiply #(.AWidth(FactorAWidth), .BWidth(FactorBWidth)) u_multiply (
     .clk_i, .rst_i,
@@ -265,7 +267,7 @@ module line_statistics #(
         moment_q        <= ROW_SUM;
       end
       ROW_SUM: if (product_valid) begin
-        sum_squared_q   <= product[2*SumWidth-1:0];
+        sum_squared_q   <= product[MomentWidth-1:0];
         factor_a_q      <= FactorAWidth'(signed'({1'b0, row_square_q}));
         factor_b_q      <= FactorBWidth'(signed'(LineLength));
         factors_valid_q <= 1'b1;
@@ -279,7 +281,7 @@ module line_statistics #(
         moment_q        <= REST_SUM;
       end
       REST_SUM: if (product_valid) begin
-        sum_squared_q   <= product[2*SumWidth-1:0];
+        sum_squared_q   <= product[MomentWidth-1:0];
         factor_a_q      <= FactorAWidth'(signed'({1'b0, rest_square_q}));
         factor_b_q      <= FactorBWidth'(signed'({1'b0, length_q}));
         factors_valid_q <= 1'b1;

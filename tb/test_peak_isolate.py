@@ -1,0 +1,275 @@
+"""peak_isolate: window, flags and stored pixels of the RTL against the model, and by name."""
+
+from dataclasses import dataclass
+
+import cocotb
+import numpy as np
+import pytest
+from harness import (
+    FallingEdge,
+    as_integer,
+    assert_equal,
+    generator,
+    parameters,
+    reset,
+    simulate,
+)
+
+from vrscan.fixed import line_buffer, pkg
+from vrscan.fixed.line_statistics import LineStatistics, line_statistics
+from vrscan.fixed.peak_isolate import Windows, latency, peak_isolate, replay_latency
+
+ELABORATIONS = [
+    {"LineLength": 300, "PixelWidth": 12, "MaxWindow": 255, "UserWidth": 8},
+    {"LineLength": 100, "PixelWidth": 8, "MaxWindow": 20, "UserWidth": 8},
+    {"LineLength": 129, "PixelWidth": 16, "MaxWindow": 64, "UserWidth": 8},
+]
+OUTPUTS = ("measured", "left", "right", "width", "flags")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The registers of peak_isolate."""
+
+    k_noise: int = 4 << pkg.K_NOISE_FRACTION
+    k_height: int = (1 << pkg.K_HEIGHT_FRACTION) // 20
+    snr_min: int = 5 << pkg.SNR_FRACTION
+    min_width: int = 3
+    max_width: int = 255
+
+
+def plateaus(widths: list[int], length: int, top: int, salt: int) -> np.ndarray:
+    """Return lines with a plateau of each width on a background of noise."""
+    draw = generator(salt)
+    lines = draw.integers(0, 4, size=(len(widths), length))
+    for row, width in enumerate(widths):
+        left = int(draw.integers(0, max(1, length - width + 1)))
+        lines[row, left : left + width] = draw.integers(top // 2, top, min(width, length - left))
+    return lines.astype(np.uint16)
+
+
+def model(lines: np.ndarray, statistics: LineStatistics, settings: Settings) -> Windows:
+    """Return the twin's answer for the running elaboration."""
+    given = parameters()
+    return peak_isolate(
+        lines,
+        statistics,
+        pixel_width=given["PixelWidth"],
+        max_window=given["MaxWindow"],
+        **vars(settings),
+    )
+
+
+async def send(
+    dut, lines: np.ndarray, settings: Settings, statistics: LineStatistics | None = None
+) -> Windows:
+    """Send lines at the full rate, play the line buffer, and compare windows and pixels."""
+    given = parameters()
+    length = given["LineLength"]
+    if statistics is None:
+        statistics = line_statistics(
+            lines,
+            pixel_width=given["PixelWidth"],
+            max_window=given["MaxWindow"],
+            noise_row=False,
+        )
+    want = model(lines, statistics, settings)
+    for name, value in vars(settings).items():
+        getattr(dut, f"{name}_i").value = value
+    for _ in range(2):
+        await FallingEdge(dut.clk_i)
+    got: dict[str, list[int]] = {name: [] for name in OUTPUTS}
+    replays: list[int] = []  # clocks in which a replay's first pixel comes
+    replayed = 0
+    reading: list[int] = []  # pixels still to read from the last window
+    read_at = 0
+    cycle = 0
+    last = len(lines) * length + latency(length) + 300
+    while cycle < last:
+        row, phase = divmod(cycle, length)
+        dut.valid_i.value = int(phase == 0 and row < len(lines))
+        if phase == 0 and row < len(lines):
+            for name in ("maximum", "max_index", "background", "noise"):
+                getattr(dut, f"{name}_i").value = int(getattr(statistics, name)[row])
+            dut.user_i.value = row & 0xFF
+        playing = bool(replays) and cycle >= replays[0]
+        dut.pixel_valid_i.value = int(playing)
+        if playing:
+            index = cycle - replays[0]
+            dut.pixel_i.value = int(lines[replayed, index])
+            dut.index_i.value = index
+            dut.last_i.value = int(index == length - 1)
+            if index == length - 1:
+                replays.pop(0)
+                replayed += 1
+        if reading:
+            dut.read_index_i.value = read_at
+        await FallingEdge(dut.clk_i)
+        cycle += 1
+        if reading:
+            got_pixel, want_pixel = int(dut.read_pixel_o.value), reading.pop(0)
+            assert got_pixel == want_pixel, (
+                f"window {len(got['left']) - 1}, place {read_at}: got {got_pixel}, "
+                f"want {want_pixel}"
+            )
+            read_at += 1
+        # Line k's statistics come at clock k * length.
+        started, rest = divmod(cycle - replay_latency(), length)
+        replay = rest == 0 and 0 <= started < len(lines)
+        assert int(dut.replay_o.value) == replay, f"cycle {cycle}: replay_o"
+        if replay:
+            replays.append(cycle + line_buffer.LATENCY)
+        row, rest = divmod(cycle - latency(length), length)
+        ends = rest == 0 and 0 <= row < len(lines)
+        assert int(dut.valid_o.value) == ends, f"cycle {cycle}: valid_o"
+        if ends:
+            assert int(dut.user_o.value) == row & 0xFF
+            assert int(dut.background_o.value) == statistics.background[row]
+            assert int(dut.noise_o.value) == statistics.noise[row]
+            assert int(dut.maximum_o.value) == statistics.maximum[row]
+            for name in OUTPUTS:
+                got[name].append(as_integer(getattr(dut, f"{name}_o"), signed=False))
+            left, width = int(want.left[row]), int(want.width[row])
+            reading = lines[row, left : left + min(width, given["MaxWindow"])].tolist()
+            read_at = 0
+    assert_equal(
+        {name: np.array(values) for name, values in got.items()},
+        {name: getattr(want, name) for name in OUTPUTS},
+        {"line": np.arange(len(lines))},
+    )
+    return want
+
+
+@cocotb.test()
+async def windows_of_every_width(dut) -> None:
+    """Plateaus of 0..MaxWindow pixels and beyond, back to back in random order."""
+    given = parameters()
+    length, top = given["LineLength"], (1 << given["PixelWidth"]) - 1
+    await reset(dut)
+    widths = [*range(given["MaxWindow"] + 4), length - 1, length]
+    generator(1).shuffle(widths)
+    lines = plateaus(widths, length, top, 1)
+    lines[:3, :] = [[0], [5], [top]]
+    await send(dut, lines, Settings())
+
+
+@cocotb.test()
+async def random_statistics_and_settings(dut) -> None:
+    """Statistics that no line has, at the ends of their ranges, and every register random."""
+    given = parameters()
+    length, width = given["LineLength"], given["PixelWidth"]
+    await reset(dut)
+    draw = generator(2)
+    for salt in range(12):
+        lines = plateaus(draw.integers(0, length, 6).tolist(), length, 1 << width, salt)
+        maximum = lines.max(axis=1).astype(np.int64)
+        shift = pkg.COUNT_WIDTH - width
+        background = (draw.random(6) ** 3 * (maximum << shift)).astype(np.int64)
+        noise = (1 << draw.integers(0, 24, 6)) - 1
+        background[0], noise[0] = maximum[0] << shift, 0
+        noise[1] = 0
+        statistics = LineStatistics(
+            maximum=maximum,
+            max_index=lines.argmax(axis=1).astype(np.int64),
+            row_mean=background,
+            row_variance=background,
+            background=background,
+            noise=noise,
+            row_statistics=np.zeros(6, np.bool_),
+        )
+        settings = Settings(
+            k_noise=int(draw.integers(1 << 16)) >> int(draw.integers(16)),
+            k_height=int(draw.integers(1 << 16)) >> int(draw.integers(16)),
+            snr_min=int(draw.integers(1 << 16)) >> int(draw.integers(16)),
+            min_width=int(draw.integers(256)) >> int(draw.integers(8)),
+            max_width=int(draw.integers(256)),
+        )
+        await send(dut, lines, settings, statistics)
+
+
+@cocotb.test()
+async def flags_by_name(dut) -> None:
+    """Each flag by the line that must raise it, and no other."""
+    given = parameters()
+    length, top = given["LineLength"], (1 << given["PixelWidth"]) - 1
+    widest = min(given["MaxWindow"], length)
+    middle = length // 2
+    await reset(dut)
+    settings = Settings(min_width=3, k_noise=0)
+
+    def line(*runs: tuple[int, int, int]) -> np.ndarray:
+        pixels = np.zeros(length, np.uint16)
+        for left, width, height in runs:
+            pixels[left : left + width] = height
+        return pixels
+
+    cases = [
+        (line((middle, 5, top - 1)), []),
+        (line((middle, 2, top - 1)), ["TOO_NARROW"]),
+        (line((0, 5, top - 1)), ["AT_EDGE"]),
+        (line((length - 5, 5, top - 1)), ["AT_EDGE"]),
+        (line((middle, 5, top)), ["SATURATED"]),
+        (line((5, 5, top - 1), (middle, 4, top // 2)), ["RIVAL"]),
+        (line((5, 5, top - 1), (middle, 2, top // 2)), []),  # too narrow to be a rival
+        (line((5, 5, top // 2), (middle, 4, top - 1)), ["RIVAL"]),
+        (line((5, 5, top - 1), (middle, 4, top // 25)), []),  # below k_height
+        (line(), ["LOW_SNR", "TOO_NARROW"]),
+    ]
+    if widest + 1 < length:
+        cases.append((line((0, widest + 1, top - 1)), ["TOO_WIDE", "AT_EDGE"]))
+        cases.append((line((length - widest, widest, top - 1)), ["AT_EDGE"]))
+    lines = np.array([pixels for pixels, _ in cases])
+    shift = pkg.COUNT_WIDTH - given["PixelWidth"]
+    statistics = LineStatistics(
+        maximum=lines.max(axis=1).astype(np.int64),
+        max_index=lines.argmax(axis=1).astype(np.int64),
+        row_mean=np.zeros(len(lines), np.int64),
+        row_variance=np.zeros(len(lines), np.int64),
+        background=np.zeros(len(lines), np.int64),
+        noise=np.full(len(lines), 1 << shift) >> 4,
+        row_statistics=np.zeros(len(lines), np.bool_),
+    )
+    want = await send(dut, lines, settings, statistics)
+    for k, (_, names) in enumerate(cases):
+        assert want.flags[k] == sum(1 << pkg.FLAGS[name] for name in names), (k, names)
+
+
+@cocotb.test()
+async def saturated_plateau_keeps_its_run(dut) -> None:
+    """The whole plateau is the window, though its first pixel is the maximum."""
+    given = parameters()
+    length, top = given["LineLength"], (1 << given["PixelWidth"]) - 1
+    await reset(dut)
+    lines = np.zeros((3, length), np.uint16)
+    lines[0, 10:20] = lines[1, 10:21] = lines[2, :4] = top
+    want = await send(dut, lines, Settings())
+    assert want.left.tolist() == [10, 10, 0] and want.width.tolist() == [10, 11, 4]
+
+
+@cocotb.test()
+async def reset_mid_stream(dut) -> None:
+    """A reset in threshold, replay or window: nothing comes out, and the next lines are right."""
+    given = parameters()
+    length, top = given["LineLength"], (1 << given["PixelWidth"]) - 1
+    await reset(dut)
+    lines = plateaus([5, 9, 12], length, top, 5)
+    for age in (1, 5, 12, replay_latency() + 3, replay_latency() + length // 2):
+        dut.valid_i.value = 1
+        for cycle in range(age):
+            dut.pixel_valid_i.value = int(cycle > replay_latency())
+            dut.pixel_i.value = top
+            await FallingEdge(dut.clk_i)
+            dut.valid_i.value = 0
+        dut.rst_i.value = dut.valid_i.value = dut.pixel_valid_i.value = 1
+        dut.last_i.value = 1
+        await FallingEdge(dut.clk_i)
+        dut.rst_i.value = dut.valid_i.value = dut.pixel_valid_i.value = dut.last_i.value = 0
+        for _ in range(replay_latency() + 10):
+            assert dut.valid_o.value == 0 and dut.replay_o.value == 0, f"reset at age {age}"
+            await FallingEdge(dut.clk_i)
+        await send(dut, lines, Settings())
+
+
+@pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
+def test_peak_isolate_rtl_equals_model(widths: dict[str, int]) -> None:
+    simulate("peak_isolate", __file__, widths)
