@@ -64,6 +64,8 @@ CASES = {
     "no_such_folder": (["replay", "good.npz", "--out", "no/out.csv", *IDEAL], ["no/out.csv"]),
     "out_is_folder": (["replay", "good.npz", "--out", ".", *IDEAL], ["."]),
     "out_is_device": (["replay", "good.npz", "--out", "/dev/null", *IDEAL], ["/dev/null"]),
+    "unwritable": (["replay", "good.npz", "--out", "/proc/out.csv", *IDEAL], ["/proc/out.csv"]),
+    "scan_into_unwritable": (["scan", "--out", "/proc", *IDEAL], ["/proc/points.csv"]),
     "scan_into_file": (["scan", "--out", "good.npz", *IDEAL], ["good.npz"]),
     "scan_below_nothing": (["scan", "--out", "no/where", *IDEAL], ["no/where"]),
     "unknown_scene": (["scan", "moon", "--out", "scan", *IDEAL], ["moon", "default"]),

@@ -5,6 +5,7 @@ engines.
 """
 
 import contextlib
+import errno
 import os
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -23,6 +24,7 @@ COLUMNS = (
     "line,peak,flags,left,right,maximum,row_mean,row_variance,background,noise,snr,"
     "position_px,sigma_px,angle_rad,x_mm,z_mm,sigma_z_mm,c_obj,c_sfm"
 )
+_DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
 _CONFIDENCE_ONE = 2**pkg.CONFIDENCE_WIDTH - 1
 
 
@@ -176,6 +178,8 @@ def atomic_file(path: Path) -> Iterator[BinaryIO]:
         os.chmod(name, 0o666 & ~mask)
         os.replace(name, path)
     except OSError as error:
+        if error.errno not in _DISK_ERRORS:  # of what ran meanwhile, not of this file
+            raise
         raise InputError(f"{path}: cannot write ({error.strerror})") from error
     finally:
         with contextlib.suppress(FileNotFoundError):

@@ -86,7 +86,7 @@ def _run(lines: Pixels, angle_rad: Floats, power: Ints, config: Config, first: i
         "RIVAL": window.rival,
         "NO_PHASE": _spread(found.no_phase.astype(np.float64), valid, len(lines)) > 0,
         "NO_NOISE": noise == 0.0,
-        "ROW_STATISTICS": row.row_only,
+        "ROW_STATISTICS": row.row_only & (peak.noise != "row"),
         "NO_RANGE": measured & located.no_range,
     }
     return Table(
