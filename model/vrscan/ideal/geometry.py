@@ -19,7 +19,7 @@ class Located:
     x: Floats  # mm
     z: Floats  # mm
     slope: Floats  # dz/du, dimensionless
-    no_range: Bools  # the rays are parallel or part: x, z and slope are 0
+    no_range: Bools  # parallel, or meeting behind mirror or camera: x, z and slope are 0
 
 
 def undistorted(position_px: Floats, geometry: Geometry) -> tuple[Floats, Floats]:
@@ -75,7 +75,7 @@ def triangle(u: Floats, angle: Floats, geometry: Geometry) -> Located:
     across = geometry.focal_mm * cosine - u * sine
     n = geometry.base_mm * along + geometry.offset_mm * across
     d = across * np.cos(angle) + along * np.sin(angle)
-    no_range = d <= 0.0
+    no_range = (n <= 0.0) | (d <= 0.0)  # parallel, or behind mirror or camera
     safe = np.where(no_range, 1.0, d)
     z = np.where(no_range, 0.0, n * np.cos(angle) / safe)
     x = np.where(no_range, 0.0, n * np.sin(angle) / safe)
