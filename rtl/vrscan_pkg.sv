@@ -37,9 +37,9 @@ package vrscan_pkg;
   localparam int unsigned AlignedWidth = 16;
   localparam int unsigned WindowWidth = 8;  // bits of a window's length, at most 255
   localparam int unsigned SineWidth = 24;
-  localparam int unsigned SineAmplitude = 8388604;  // quarter_wave's 1.0 at SineWidth
+  localparam int unsigned SineAmplitude = 8388353;  // quarter_wave's 1.0 at SineWidth
   localparam int unsigned PhaseWidth = 28;  // turns, of the table's input
-  localparam int unsigned QuarterWaveLatency = 8;  // clocks
+  localparam int unsigned QuarterWaveLatency = 7;  // clocks
   localparam int unsigned HarmonicWidth = 48;  // AlignedWidth + SineWidth + WindowWidth
   localparam int unsigned MagnitudeWidth = 50;
   localparam int unsigned SumWidth = 24;  // aligned counts of a window above its pedestal
@@ -48,7 +48,7 @@ package vrscan_pkg;
   localparam int unsigned WaveCountWidth = 18;  // sum of cosines
   localparam int unsigned WaveCountFraction = 8;
   // sigma = T root SigmaGain / magnitude: 2**4 K SineAmplitude / (2 pi sqrt(2)), K the CORDIC's gain.
-  localparam int unsigned SigmaGain = 24873975;
+  localparam int unsigned SigmaGain = 24873230;
   localparam int unsigned MinWindow = 3;  // a shorter window has no phase (T = N from N = 3)
 
   // Geometry.

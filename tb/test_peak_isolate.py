@@ -242,7 +242,7 @@ async def saturated_plateau_keeps_its_run(dut) -> None:
     await reset(dut)
     lines = np.zeros((3, length), np.uint16)
     lines[0, 10:20] = lines[1, 10:21] = lines[2, :4] = top
-    want = await send(dut, lines, Settings())
+    want = await send(dut, lines, Settings(k_noise=0))
     assert want.left.tolist() == [10, 10, 0] and want.width.tolist() == [10, 11, 4]
 
 

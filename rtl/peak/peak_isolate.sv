@@ -290,7 +290,7 @@ module peak_isolate #(
   assign place = in_run_q ? run_width_q : '0;
   assign keep  = seen_q && above_q && (!found_q || first) && place < WidthWidth'(MaxWindow);
   always_ff @(posedge clk_i) begin
-    if (keep) window_mem[{bank_q, place[WindowWidth-1:0]}] <= pixel_q;
+    if (keep) window_mem[{bank_q, WindowWidth'(place)}] <= pixel_q;
     read_pixel_o <= window_mem[{!bank_q, read_index_i}];
     if (seen_q && last_q) bank_q <= !bank_q;
     if (rst_i) bank_q <= 1'b0;

@@ -4,7 +4,7 @@
 // delta' < 0 of (8) needs no logic: it is the upper half of the turn.
 //
 //   position_o  left + delta in px, 12 fraction bits, to nearest, half up
-//   Latency  vrscan.fixed.peak_position.LATENCY clocks
+//   Latency  vrscan.fixed.peak_position.LATENCY clocks; a valid_i meanwhile starts anew
 //   Model    vrscan.fixed.peak_position, bit-exact
 
 `default_nettype none
@@ -47,7 +47,7 @@ module peak_position #(
                                 >>> Shift);
 
   always_ff @(posedge clk_i) begin
-    valid_o <= product_valid;
+    valid_o <= product_valid && !valid_i;
     if (product_valid) begin
       position_o <= delta
                     + (PositionWidth'(signed'({1'b0, left_i})) <<< vrscan_pkg::PositionFraction);

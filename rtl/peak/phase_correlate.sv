@@ -152,7 +152,7 @@ module phase_correlate #(
       DRAIN: if (summed_q || !measured_o) begin
         measured_o <= measured_o && !no_phase_o;
         sum_o      <= sum_q;
-        // To nearest, half up; the table's amplitude is 2**(SineWidth - 1) within 5e-7.
+        // To nearest, half up; the table's amplitude is 2**(SineWidth - 1) within 4e-5.
         wave_o     <= (vrscan_pkg::WaveWidth)'((x_q + HarmonicWidth'(1 << (WaveShift - 1)))
                                                >>> WaveShift);
         count_o    <= (vrscan_pkg::WaveCountWidth)'((plain_sum_q
@@ -171,6 +171,9 @@ module phase_correlate #(
       valid_o      <= 1'b0;
     end
   end
+
+  logic unused_background;
+  assign unused_background = ^background_i[vrscan_pkg::CountWidth-AlignedWidth-1:0];
 
   // ---- samples: the pixel waits for its sine ----
   localparam int unsigned TableLatency = vrscan_pkg::QuarterWaveLatency;

@@ -48,7 +48,7 @@ def latency(width: int) -> int:
     pipeline = pkg.QUARTER_WAVE_LATENCY + 4  # table, factors, products, their sum, accumulator
     step = 1 + divide_latency(STEP_WIDTH) + 1
     first = width + pipeline + 1 + cordic.latency(pkg.HARMONIC_WIDTH, pkg.ANGLE_WIDTH)
-    second = width - 1 + pipeline + 2
+    second = width - 1 + pipeline + 1
     return step + first + second
 
 

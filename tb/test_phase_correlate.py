@@ -1,0 +1,154 @@
+"""phase_correlate: RTL against the model exactly; position and sigma against (8) in float64."""
+
+import cocotb
+import numpy as np
+import pytest
+from harness import FallingEdge, as_integer, assert_equal, generator, parameters, reset, simulate
+
+from vrscan.fixed import pkg, quarter_wave
+from vrscan.fixed.phase_correlate import (
+    UNMEASURED_LATENCY,
+    Harmonics,
+    latency,
+    phase_correlate,
+)
+
+ELABORATIONS = [
+    {"PixelWidth": 12, "UserWidth": 8},
+    {"PixelWidth": 8, "UserWidth": 8},
+    {"PixelWidth": 16, "UserWidth": 8},
+]
+OUTPUTS = {
+    "measured": False,
+    "no_phase": False,
+    "period": False,
+    "phase": False,
+    "magnitude": False,
+    "sum": False,
+    "wave": True,
+    "count": True,
+}
+LENGTH = 256
+
+
+def windows(pixel_width: int, widths: list[int], salt: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return lines that start with a window of each width, and a background below its pixels."""
+    draw = generator(salt)
+    top = (1 << pixel_width) - 1
+    lines = np.zeros((len(widths), LENGTH), np.int64)
+    background = np.zeros(len(widths), np.int64)
+    for row, width in enumerate(widths):
+        pedestal = int(draw.random() ** 2 * 0.95 * top)
+        height = draw.random() * (top - pedestal)
+        place = np.arange(width)
+        shape = np.exp(-(((place - draw.random() * width) / (0.1 + draw.random() * width)) ** 2))
+        if row % 4 == 0:
+            shape = draw.random(width)
+        pixels = pedestal + np.round(height * shape)
+        lines[row, :width] = pixels
+        shift = pkg.COUNT_WIDTH - pixel_width
+        low = int(lines[row, :width].min()) << shift if width else 0
+        background[row] = int(draw.integers(0, low + 1)) if row % 3 else low
+    return lines.astype(np.uint16), background
+
+
+async def send(
+    dut, lines: np.ndarray, background: np.ndarray, widths: np.ndarray, *, period_n: bool
+) -> None:
+    """Send windows one after the other and compare results and latencies."""
+    measured = widths >= pkg.MIN_WINDOW
+    want: Harmonics = phase_correlate(
+        lines,
+        left=np.zeros(len(lines), np.int64),
+        width=widths,
+        background=background,
+        measured=measured,
+        pixel_width=parameters()["PixelWidth"],
+        period_n=period_n,
+    )
+    dut.period_n_i.value = int(period_n)
+    got: dict[str, list[int]] = {name: [] for name in OUTPUTS}
+    for row, pixels in enumerate(lines):
+        dut.valid_i.value = 1
+        dut.measured_i.value = int(measured[row])
+        dut.width_i.value = int(widths[row]) & 0xFF
+        dut.background_i.value = int(background[row])
+        dut.user_i.value = row & 0xFF
+        expected = latency(int(widths[row])) if measured[row] else UNMEASURED_LATENCY
+        for cycle in range(1, expected + 1):
+            asked = as_integer(dut.read_index_o, signed=False)
+            await FallingEdge(dut.clk_i)
+            dut.valid_i.value = 0
+            dut.width_i.value = dut.background_i.value = dut.measured_i.value = 0
+            dut.read_pixel_i.value = int(pixels[asked])
+            assert int(dut.valid_o.value) == (cycle == expected), f"window {row}, cycle {cycle}"
+        assert int(dut.user_o.value) == row & 0xFF
+        assert int(dut.width_o.value) == int(widths[row]) & 0xFF
+        for name, signed in OUTPUTS.items():
+            got[name].append(as_integer(getattr(dut, f"{name}_o"), signed=signed))
+    assert_equal(
+        {name: np.array(values) for name, values in got.items()},
+        {name: getattr(want, name) for name in OUTPUTS},
+        {"width": widths, "background": background},
+    )
+
+
+@cocotb.test()
+async def windows_of_every_width(dut) -> None:
+    """Every N from nothing to 255, both periods, back to back."""
+    await reset(dut)
+    widths = generator(1).permutation(np.r_[0:256, 3:9])
+    half = len(widths) // 2
+    for period_n, part in ((True, widths[:half]), (False, widths[half:])):
+        lines, background = windows(parameters()["PixelWidth"], part.tolist(), 1)
+        await send(dut, lines, background, part, period_n=period_n)
+
+
+@cocotb.test()
+async def ends_of_the_range(dut) -> None:
+    """Full-scale windows without background, flat ones, combs and one bright pixel."""
+    top = (1 << parameters()["PixelWidth"]) - 1
+    await reset(dut)
+    widths = np.array([255, 255, 255, 254, 4, 3, 255, 8])
+    lines = np.zeros((len(widths), LENGTH), np.uint16)
+    lines[0] = top
+    lines[1, :128] = top
+    lines[2, 64:192] = top
+    lines[3] = np.arange(LENGTH) % 2 * top  # X and Y cancel
+    lines[4] = lines[5] = 7  # flat: no phase for T = N
+    lines[6, 254] = top
+    lines[7, 0] = 1
+    background = np.zeros(len(widths), np.int64)
+    background[4] = 7 << (pkg.COUNT_WIDTH - parameters()["PixelWidth"])
+    for period_n in (True, False):
+        await send(dut, lines, background, widths, period_n=period_n)
+
+
+@cocotb.test()
+async def reset_mid_window(dut) -> None:
+    """A reset in every phase of the work: nothing comes out, and the next window is right."""
+    await reset(dut)
+    lines, background = windows(parameters()["PixelWidth"], [12, 12], 3)
+    for age in range(1, latency(12), 9):
+        dut.valid_i.value = dut.measured_i.value = 1
+        dut.width_i.value = 12
+        for _ in range(age):
+            await FallingEdge(dut.clk_i)
+            dut.valid_i.value = 0
+        dut.rst_i.value = dut.valid_i.value = 1
+        await FallingEdge(dut.clk_i)
+        dut.rst_i.value = dut.valid_i.value = 0
+        for _ in range(latency(12) + 5):
+            assert dut.valid_o.value == 0, f"a result after a reset at age {age}"
+            await FallingEdge(dut.clk_i)
+        await send(dut, lines, background, np.array([12, 12]), period_n=True)
+
+
+@pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
+def test_phase_correlate_rtl_equals_model(widths: dict[str, int]) -> None:
+    simulate("phase_correlate", __file__, widths)
+
+
+def test_package_knows_the_table() -> None:
+    assert round(quarter_wave.amplitude(pkg.SINE_WIDTH)) == pkg.SINE_AMPLITUDE
+    assert quarter_wave.LATENCY == pkg.QUARTER_WAVE_LATENCY
