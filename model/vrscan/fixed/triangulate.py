@@ -1,0 +1,167 @@
+"""Image coordinate and scan angle to (x, z), the twin of ``rtl/geometry/triangulate.sv``.
+
+VR-SCAN (3) and (4) without their tangents: x = q sin a and z = q cos a, q = n / d, where with s the
+image coordinate in units of R = 2**clog2 of the line's length
+
+    n = n0 + n1 s,   d = (d0 + d1 s) cos a + (e0 + e1 s) sin a.
+
+Both rays have positive n and d; q is then the distance from the mirror, and its only singularity
+the parallel rays.  The amplitude of sine and cosine cancels.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from vrscan.fixed import pkg
+from vrscan.fixed.divide import divide
+from vrscan.fixed.divide import latency as divide_latency
+from vrscan.fixed.multiply import latency as multiply_latency
+from vrscan.fixed.multiply import multiply
+from vrscan.fixed.quarter_wave import LATENCY as QUARTER_WAVE_LATENCY
+from vrscan.fixed.quarter_wave import quarter_wave
+
+AMPL_WIDTH = 30  # ``AmplWidth``
+FRACTION = AMPL_WIDTH - 1  # what every product moves down: ``Fraction``
+FACTOR_WIDTH = 32  # ``FactorWidth``
+ROUNDED_WIDTH = 34  # ``RoundedWidth``
+RANGE_WIDTH = 32  # ``RangeWidth``, of q with pkg.BASE_FRACTION fraction bits
+SPREAD_FRACTION = 24  # ``SpreadFraction``, of sigma in corrected px
+GRADIENT_FRACTION = 13  # ``GradientFraction``
+GRADIENT_SPARE = 4  # ``GradientSpare``, bits that the gradient moves up before it is multiplied
+
+LATENCY = (
+    QUARTER_WAVE_LATENCY
+    + 13 * (multiply_latency(FACTOR_WIDTH, ROUNDED_WIDTH) + 2)
+    + 2 * (divide_latency(RANGE_WIDTH) + 2)
+    + 3
+)  # clocks from valid_i to valid_o
+BUSY = LATENCY - 1  # clocks from one accepted point to the next
+
+Integers = npt.NDArray[np.int64]
+Booleans = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Triangulated:
+    """Points, int64 or bool of the shape of the inputs.
+
+    Attributes:
+        x: mm, 12 fraction bits; 0 without a range.
+        z: mm, 12 fraction bits; 0 without a range.
+        sigma_z: Standard deviation of z, mm, 12 fraction bits, saturating; largest without a range.
+        no_range: The rays are parallel, meet behind mirror or camera, or 4096 mm or more away.
+        out_of_range: x or z saturated, or the offset had.
+    """
+
+    x: Integers
+    z: Integers
+    sigma_z: Integers
+    no_range: Booleans
+    out_of_range: Booleans
+
+
+def _scaled(a: Integers, b: Integers) -> Integers:
+    # To nearest, half up.
+    product = multiply(a, b, a_width=FACTOR_WIDTH, b_width=ROUNDED_WIDTH)
+    return (product + (1 << (FRACTION - 1))) >> FRACTION
+
+
+def _dropped(value: Integers, bits: int) -> Integers:
+    # To nearest, half up.
+    return (value + (1 << (bits - 1))) >> bits
+
+
+def triangulate(
+    offset: Integers,
+    slope: Integers,
+    sigma: Integers,
+    angle: Integers,
+    *,
+    measured: Booleans | bool = True,
+    saturated: Booleans | bool = False,
+    n0: Integers | int,
+    n1: Integers | int,
+    d0: Integers | int,
+    d1: Integers | int,
+    e0: Integers | int,
+    e1: Integers | int,
+    line_length: int,
+) -> Triangulated:
+    """Return where laser ray and line of sight meet, exactly as the hardware rounds it.
+
+    sigma_z = |dz/ds| / R * slope * sigma with dz/ds = (n1 cos a - z (d1 cos a + e1 sin a)) / d, the
+    derivative of (3).
+
+    Args:
+        offset: Corrected position from the optical axis, px, 20 fraction bits. Any shape.
+        slope: d offset / d position, 16 fraction bits.
+        sigma: Standard deviation of the position, px, 12 fraction bits, u16.
+        angle: Scan angle, fraction of a turn, s24.
+        measured: Whether there is a position; where not, every result is 0.
+        saturated: Whether ``distortion`` could not represent the offset.
+        n0: mm, 20 fraction bits, s32, as are the others.
+        n1: mm, 20 fraction bits.
+        d0: In units of f, 30 fraction bits, as are the following.
+        d1: Of s.
+        e0: Of sin a.
+        e1: Of s sin a.
+        line_length: ``LineLength`` of the module.
+    """
+    pixel_bits = (line_length - 1).bit_length()
+    offset = np.asarray(offset, np.int64)
+    up = FRACTION - pkg.OFFSET_FRACTION - pixel_bits
+    s = offset << up if up >= 0 else _dropped(offset, -up)
+    phase = np.asarray(angle, np.int64) & ((1 << pkg.ANGLE_WIDTH) - 1)
+    sine, cosine = quarter_wave(phase, phase_width=pkg.ANGLE_WIDTH, ampl_width=AMPL_WIDTH)
+    move, ray_cosine, ray_sine = (np.asarray(v, np.int64) for v in (n1, d1, e1))
+
+    numerator = n0 + _scaled(s, move)
+    divisor = _scaled(cosine, d0 + _scaled(s, ray_cosine)) + _scaled(
+        sine, e0 + _scaled(s, ray_sine)
+    )
+    behind = (numerator <= 0) | (divisor <= 0)
+    divisor = np.maximum(divisor, 0)
+    # |numerator| <= 6144 mm, so the dividend is below 2**63 with half the divisor added.
+    distance, overflow = divide(
+        np.maximum(numerator, 0) << pkg.RAY_FRACTION, divisor, quotient_width=RANGE_WIDTH
+    )
+    no_range = behind | overflow
+    length_drop = pkg.BASE_FRACTION - pkg.LENGTH_FRACTION
+    x = _dropped(_scaled(sine, distance), length_drop)
+    z = _dropped(_scaled(cosine, distance), length_drop)
+
+    rate = _scaled(cosine, ray_cosine) + _scaled(sine, ray_sine)
+    shift = _dropped(_scaled(cosine, move), pkg.BASE_FRACTION - GRADIENT_FRACTION)
+    gradient = shift - _scaled(z, rate)
+    spread = np.abs(
+        _scaled(
+            np.asarray(sigma, np.int64) << (FACTOR_WIDTH - 1 - pkg.SIGMA_WIDTH),
+            np.asarray(slope, np.int64)
+            << (
+                SPREAD_FRACTION
+                + FRACTION
+                - pkg.SLOPE_FRACTION
+                - pkg.SIGMA_FRACTION
+                - (FACTOR_WIDTH - 1 - pkg.SIGMA_WIDTH)
+            ),
+        )
+    )
+    scale = np.abs(_scaled(gradient << GRADIENT_SPARE, spread))
+    sigma_max = (1 << pkg.SIGMA_WIDTH) - 1
+    sigma_z, _ = divide(
+        scale << (pkg.RAY_FRACTION - pixel_bits), divisor, quotient_width=RANGE_WIDTH
+    )
+
+    limit = 1 << (pkg.LENGTH_WIDTH - 1)
+    x_out, z_out = np.clip(x, -limit, limit - 1), np.clip(z, -limit, limit - 1)
+    given = np.broadcast_to(np.asarray(measured, np.bool_), x.shape)
+    valid = given & ~no_range
+    return Triangulated(
+        x=np.where(valid, x_out, 0),
+        z=np.where(valid, z_out, 0),
+        sigma_z=np.where(valid, np.minimum(sigma_z, sigma_max), np.where(given, sigma_max, 0)),
+        no_range=given & no_range,
+        out_of_range=valid & ((x_out != x) | (z_out != z) | np.asarray(saturated, np.bool_)),
+    )

@@ -1,0 +1,368 @@
+// triangulate: corrected position and scan angle to (x, z), VR-SCAN (3) and (4).
+//
+// Without their tangents, which are infinite inside the field of view: x = q sin a and
+// z = q cos a, q = n / d, n = n0 + n1 s, d = (d0 + d1 s) cos a + (e0 + e1 s) sin a, s = offset / R,
+// R = 2**$clog2(LineLength) px.  n and d are positive where the point lies before mirror and camera;
+// the amplitude of sine and cosine cancels.  From the derivative of (3),
+//
+//   sigma_z = |n1 cos a - z (d1 cos a + e1 sin a)| / (d R) * slope * sigma.
+//
+// One multiplier and one divider, one operation at a time; every product is brought down by
+// Fraction bits, to nearest, half up.
+//
+//   offset_i .. sigma_i  as distortion and peak_position deliver them, px
+//   angle_i              scan angle, fraction of a turn
+//   measured_i           there is a position; where not, all is 0 but user_o
+//   x_o, z_o             mm, LengthFraction bits; error below 2 um from 250 to 1000 mm
+//   sigma_z_o            mm, SigmaFraction bits, saturating
+//   no_range_o           n <= 0, d <= 0 or q >= 4096 mm: x = z = 0, sigma_z is all ones
+//   out_of_range_o       x or z saturated, or the offset had
+//   lost_o               a point between the one before and this one was dropped
+//   dropped_o            a pulse a dropped point: one that came while another was in work, or whose
+//                        place in the output register was still taken
+//   Latency              201 clocks: quarter_wave's 7, 13 products of 9, 2 quotients of 37, and 3.
+//                        A point may follow every 200.  The configuration must hold meanwhile.
+//   Model                vrscan.fixed.triangulate, bit-exact
+
+`default_nettype none
+
+module triangulate #(
+  parameter  int unsigned LineLength  = 2048,
+  parameter  int unsigned UserWidth   = 8,  // what travels with a point, untouched
+  localparam int unsigned PixelBits   = $clog2(LineLength),
+  localparam int unsigned OffsetWidth = PixelBits + 2 + vrscan_pkg::OffsetFraction
+) (
+  input  wire logic                                        clk_i,
+  input  wire logic                                        rst_i,  // clears control only
+
+  input  wire logic                                        valid_i,
+  input  wire logic                                        measured_i,
+  input  wire logic signed [              OffsetWidth-1:0] offset_i,
+  input  wire logic signed [   vrscan_pkg::SlopeWidth-1:0] slope_i,
+  input  wire logic                                        saturated_i,
+  input  wire logic        [   vrscan_pkg::SigmaWidth-1:0] sigma_i,
+  input  wire logic signed [   vrscan_pkg::AngleWidth-1:0] angle_i,
+  input  wire logic        [                UserWidth-1:0] user_i,
+
+  output      logic                                        valid_o,
+  input  wire logic                                        ready_i,
+  output      logic                                        measured_o,
+  output      logic signed [  vrscan_pkg::LengthWidth-1:0] x_o,
+  output      logic signed [  vrscan_pkg::LengthWidth-1:0] z_o,
+  output      logic        [   vrscan_pkg::SigmaWidth-1:0] sigma_z_o,
+  output      logic                                        no_range_o,
+  output      logic                                        out_of_range_o,
+  output      logic                                        lost_o,
+  output      logic        [                UserWidth-1:0] user_o,
+
+  input  wire logic signed [vrscan_pkg::GeometryWidth-1:0] n0_i,
+  input  wire logic signed [vrscan_pkg::GeometryWidth-1:0] n1_i,
+  input  wire logic signed [vrscan_pkg::GeometryWidth-1:0] d0_i,
+  input  wire logic signed [vrscan_pkg::GeometryWidth-1:0] d1_i,
+  input  wire logic signed [vrscan_pkg::GeometryWidth-1:0] e0_i,
+  input  wire logic signed [vrscan_pkg::GeometryWidth-1:0] e1_i,
+
+  output      logic                                        dropped_o
+);
+
+  if (LineLength < 2 || LineLength > 8192) begin : gen_bad_line_length
+    $error("triangulate: LineLength must be 2 to 8192");
+  end
+  if (UserWidth < 1) begin : gen_bad_user_width
+    $error("triangulate: UserWidth must be at least 1");
+  end
+
+  localparam int unsigned AmplWidth = 30;
+  localparam int unsigned Fraction = AmplWidth - 1;
+  localparam int unsigned FactorWidth = 32;
+  localparam int unsigned RoundedWidth = 34;
+  localparam int unsigned ProductWidth = FactorWidth + RoundedWidth;
+  localparam int unsigned RangeWidth = 32;
+  localparam int unsigned DivisorWidth = RoundedWidth;
+  localparam int unsigned DividendWidth = RoundedWidth - 1 + vrscan_pkg::RayFraction;
+  localparam int unsigned LengthDrop = vrscan_pkg::BaseFraction - vrscan_pkg::LengthFraction;
+  localparam int unsigned FullWidth = RoundedWidth - LengthDrop;  // of x and z, unsaturated
+  localparam int unsigned SpreadFraction = 24;
+  localparam int unsigned GradientFraction = 13;
+  localparam int unsigned GradientSpare = 4;
+  localparam int unsigned GradientDrop = vrscan_pkg::BaseFraction - GradientFraction;
+  localparam int unsigned GradientWidth = FactorWidth - GradientSpare;
+  // sigma fills the factor but for its sign; the slope makes up for the rest.
+  localparam int unsigned SigmaAlign = FactorWidth - 1 - vrscan_pkg::SigmaWidth;
+  localparam int unsigned SlopeAlign = SpreadFraction + Fraction - SigmaAlign
+                                       - vrscan_pkg::SlopeFraction - vrscan_pkg::SigmaFraction;
+
+  typedef enum logic [3:0] {
+    Numerator, RayCosine, RaySine, DivisorCosine, DivisorSine, Range,
+    RateCosine, RateSine, Move, Spread, CrossX, CrossZ, Gradient, Scale, SigmaZ
+  } step_e;
+
+  step_e                          step_q;
+  logic                           busy_q, wave_start_q, start_q, store_q, done_q;
+  logic                           accept;
+  logic                           wave_valid, product_valid, quotient_valid;
+  logic signed [   AmplWidth-1:0] sine, cosine;
+  logic signed [ProductWidth-1:0] product;
+  logic signed [RoundedWidth-1:0] rounded_q;
+  logic        [  RangeWidth-1:0] quotient;
+  logic                           overflow;
+
+  // The point in work.
+  logic signed [             OffsetWidth-1:0] offset_q;
+  logic signed [  vrscan_pkg::SlopeWidth-1:0] slope_q;
+  logic        [  vrscan_pkg::SigmaWidth-1:0] sigma_q;
+  logic signed [  vrscan_pkg::AngleWidth-1:0] angle_q;
+  logic        [               UserWidth-1:0] user_q;
+  logic                                       measured_q, saturated_q;
+  logic                                       lost_q, missing_q;
+
+  // Bounds follow from |s| <= 2 and constants below 2048 mm or 2.
+  logic signed [FactorWidth-1:0] s;
+  logic signed [RoundedWidth-1:0] numerator_q;  // <= 6144 mm, BaseFraction bits
+  logic signed [RoundedWidth-1:0] ray_cosine_q, ray_sine_q;  // <= 6, RayFraction bits
+  logic signed [RoundedWidth-1:0] sum_q;
+  logic signed [  RoundedWidth:0] divisor_q;  // <= 6 sqrt 2, RayFraction bits
+  logic        [  RangeWidth-1:0] range_q;  // < 4096 mm, BaseFraction bits
+  logic signed [RoundedWidth-1:0] rate_q;  // <= 2 sqrt 2, RayFraction bits
+  logic signed [GradientWidth-1:0] move_q;  // <= 2048 mm, GradientFraction bits
+  logic signed [GradientWidth-1:0] gradient_q;  // < 13700 mm, GradientFraction bits
+  logic        [  FactorWidth-2:0] spread_q;  // < 128 px, SpreadFraction bits
+  logic        [ RoundedWidth-2:0] scale_q;  // < 2**33
+  logic signed [    FullWidth-1:0] x_q, z_q;  // < 4096 mm, LengthFraction bits
+  logic                            no_range_q;
+  logic [vrscan_pkg::SigmaWidth-1:0] sigma_z_q;
+
+  // The offset has OffsetFraction + PixelBits fraction bits as s; to nearest, half up, where bits
+  // go.
+  localparam int unsigned SFraction = vrscan_pkg::OffsetFraction + PixelBits;
+  if (SFraction <= Fraction) begin : gen_s_left
+    assign s = FactorWidth'(offset_q) <<< (Fraction - SFraction);
+  end else begin : gen_s_right
+    localparam int unsigned Drop = SFraction - Fraction;
+    assign s = FactorWidth'(((OffsetWidth + 1)'(offset_q) + (OffsetWidth + 1)'(1 << (Drop - 1)))
+                            >>> Drop);
+  end
+
+  logic [vrscan_pkg::AngleWidth-1:0] phase;
+  assign phase = unsigned'(angle_q);
+  quarter_wave #(
+    .PhaseWidth(vrscan_pkg::AngleWidth),
+    .AmplWidth (AmplWidth)
+  ) u_quarter_wave (
+    .clk_i,
+    .rst_i,
+    .valid_i (wave_start_q),
+    .phase_i (phase),
+    .valid_o (wave_valid),
+    .sine_o  (sine),
+    .cosine_o(cosine)
+  );
+
+  logic signed [ FactorWidth-1:0] a;
+  logic signed [RoundedWidth-1:0] b;
+  always_comb begin
+    unique case (step_q)
+      Numerator, RayCosine, RaySine: a = s;
+      DivisorSine, RateSine, CrossX: a = FactorWidth'(sine);
+      Spread:                        a = signed'(FactorWidth'(sigma_q)) <<< SigmaAlign;
+      Gradient:                      a = FactorWidth'(z_q);
+      Scale:                         a = FactorWidth'(gradient_q) <<< GradientSpare;
+      default:                       a = FactorWidth'(cosine);
+    endcase
+    unique case (step_q)
+      Numerator, Move:       b = RoundedWidth'(n1_i);
+      RayCosine, RateCosine: b = RoundedWidth'(d1_i);
+      RaySine, RateSine:     b = RoundedWidth'(e1_i);
+      DivisorCosine:         b = ray_cosine_q;
+      DivisorSine:           b = ray_sine_q;
+      Spread:                b = RoundedWidth'(slope_q) <<< SlopeAlign;
+      Gradient:              b = rate_q;
+      Scale:                 b = signed'(RoundedWidth'(spread_q));
+      default:               b = signed'(RoundedWidth'(range_q));
+    endcase
+  end
+
+  logic divides;
+  assign divides = step_q == Range || step_q == SigmaZ;
+
+  multiply #(
+    .AWidth(FactorWidth),
+    .BWidth(RoundedWidth)
+  ) u_multiply (
+    .clk_i,
+    .rst_i,
+    .valid_i  (start_q && !divides),
+    .a_i      (a),
+    .b_i      (b),
+    .valid_o  (product_valid),
+    .product_o(product)
+  );
+
+  // A negative operand gives nonsense, which no_range_q replaces.
+  logic [DividendWidth-1:0] dividend;
+  assign dividend = step_q == Range
+      ? DividendWidth'(numerator_q[RoundedWidth-2:0]) << vrscan_pkg::RayFraction
+      : DividendWidth'(scale_q) << (vrscan_pkg::RayFraction - PixelBits);
+
+  divide #(
+    .DividendWidth(DividendWidth),
+    .DivisorWidth (DivisorWidth),
+    .QuotientWidth(RangeWidth)
+  ) u_divide (
+    .clk_i,
+    .rst_i,
+    .valid_i   (start_q && divides),
+    .dividend_i(dividend),
+    .divisor_i (divisor_q[DivisorWidth-1:0]),
+    .valid_o   (quotient_valid),
+    .quotient_o(quotient),
+    .overflow_o(overflow)
+  );
+
+  // To nearest, half up.
+  logic signed [RoundedWidth:0] length_sum, move_sum;
+  logic signed [ FullWidth-1:0] length;
+  assign length_sum = (RoundedWidth + 1)'(rounded_q) + (RoundedWidth + 1)'(1 << (LengthDrop - 1));
+  assign length     = FullWidth'(length_sum >>> LengthDrop);
+  assign move_sum   = (RoundedWidth + 1)'(rounded_q) + (RoundedWidth + 1)'(1 << (GradientDrop - 1));
+
+  // What needs it is below 2**33 to either side.
+  logic [RoundedWidth-2:0] magnitude;
+  assign magnitude =
+      (RoundedWidth - 1)'(rounded_q[RoundedWidth-1] ? -rounded_q : rounded_q);
+
+  localparam logic signed [vrscan_pkg::LengthWidth-1:0] LengthMax =
+      {1'b0, {(vrscan_pkg::LengthWidth - 1) {1'b1}}};
+  logic signed [vrscan_pkg::LengthWidth-1:0] x, z;
+  logic                                      x_fits, z_fits, in_range;
+  assign x_fits   = x_q == FullWidth'(signed'(x_q[vrscan_pkg::LengthWidth-1:0]));
+  assign z_fits   = z_q == FullWidth'(signed'(z_q[vrscan_pkg::LengthWidth-1:0]));
+  assign x        = x_fits           ? vrscan_pkg::LengthWidth'(x_q) :
+                    x_q[FullWidth-1] ? ~LengthMax : LengthMax;
+  assign z        = z_fits           ? vrscan_pkg::LengthWidth'(z_q) :
+                    z_q[FullWidth-1] ? ~LengthMax : LengthMax;
+  assign in_range = measured_q && !no_range_q;
+
+  assign accept = valid_i && !busy_q;
+  logic full, drop;
+  assign full = valid_o && !ready_i;
+  assign drop = (valid_i && busy_q) || (done_q && full);
+
+  always_ff @(posedge clk_i) begin
+    wave_start_q <= accept;
+    start_q      <= wave_valid;
+    if (wave_valid) step_q <= Numerator;
+    if (store_q) begin
+      start_q <= step_q != SigmaZ;
+      unique case (step_q)
+        Numerator: begin
+          numerator_q <= RoundedWidth'(n0_i) + rounded_q;
+          step_q      <= RayCosine;
+        end
+        RayCosine: begin
+          ray_cosine_q <= RoundedWidth'(d0_i) + rounded_q;
+          step_q       <= RaySine;
+        end
+        RaySine: begin
+          ray_sine_q <= RoundedWidth'(e0_i) + rounded_q;
+          step_q     <= DivisorCosine;
+        end
+        DivisorCosine: begin
+          sum_q  <= rounded_q;
+          step_q <= DivisorSine;
+        end
+        DivisorSine: begin
+          divisor_q <= (RoundedWidth + 1)'(sum_q) + (RoundedWidth + 1)'(rounded_q);
+          step_q    <= Range;
+        end
+        Range: begin
+          range_q    <= quotient;
+          no_range_q <= overflow || numerator_q[RoundedWidth-1] || numerator_q == '0 ||
+                        divisor_q[RoundedWidth] || divisor_q == '0;
+          step_q     <= RateCosine;
+        end
+        RateCosine: begin
+          sum_q  <= rounded_q;
+          step_q <= RateSine;
+        end
+        RateSine: begin
+          rate_q <= sum_q + rounded_q;
+          step_q <= Move;
+        end
+        Move: begin
+          move_q <= GradientWidth'(move_sum >>> GradientDrop);
+          step_q <= Spread;
+        end
+        Spread: begin
+          spread_q <= (FactorWidth - 1)'(magnitude);
+          step_q   <= CrossX;
+        end
+        CrossX: begin
+          x_q    <= length;
+          step_q <= CrossZ;
+        end
+        CrossZ: begin
+          z_q    <= length;
+          step_q <= Gradient;
+        end
+        Gradient: begin
+          gradient_q <= move_q - GradientWidth'(rounded_q);
+          step_q     <= Scale;
+        end
+        Scale: begin
+          scale_q <= magnitude;
+          step_q  <= SigmaZ;
+        end
+        default: begin
+          sigma_z_q <= |quotient[RangeWidth-1:vrscan_pkg::SigmaWidth]
+                       ? '1 : quotient[vrscan_pkg::SigmaWidth-1:0];
+          busy_q    <= 1'b0;
+        end
+      endcase
+    end
+    // To nearest, half up.
+    rounded_q <= RoundedWidth'(product >>> Fraction) + RoundedWidth'(product[Fraction-1]);
+    store_q   <= product_valid || quotient_valid;
+    done_q    <= store_q && step_q == SigmaZ;
+
+    if (accept) begin
+      busy_q      <= 1'b1;
+      offset_q    <= offset_i;
+      slope_q     <= slope_i;
+      sigma_q     <= sigma_i;
+      angle_q     <= angle_i;
+      user_q      <= user_i;
+      measured_q  <= measured_i;
+      saturated_q <= saturated_i;
+      lost_q      <= missing_q || drop;
+    end
+    missing_q <= (missing_q || drop) && !accept;
+    dropped_o <= drop;
+
+    if (ready_i) valid_o <= 1'b0;
+    if (done_q && !full) begin
+      valid_o        <= 1'b1;
+      measured_o     <= measured_q;
+      x_o            <= in_range ? x : '0;
+      z_o            <= in_range ? z : '0;
+      sigma_z_o      <= in_range ? sigma_z_q : {vrscan_pkg::SigmaWidth{measured_q}};
+      no_range_o     <= measured_q && no_range_q;
+      out_of_range_o <= in_range && (saturated_q || !x_fits || !z_fits);
+      lost_o         <= lost_q;
+      user_o         <= user_q;
+    end
+    if (rst_i) begin
+      busy_q       <= 1'b0;
+      wave_start_q <= 1'b0;
+      start_q      <= 1'b0;
+      store_q      <= 1'b0;
+      done_q       <= 1'b0;
+      missing_q    <= 1'b0;
+      dropped_o    <= 1'b0;
+      valid_o      <= 1'b0;
+    end
+  end
+
+endmodule
+
+`default_nettype wire
