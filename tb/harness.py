@@ -269,10 +269,12 @@ async def reset_at_every_age(
     outputs: Mapping[str, bool],
     *,
     latency: int,
+    valid: bool = True,
 ) -> None:
     """Reset a unit with valid high at every moment of its work: no result, and the next is right.
 
-    Verilator starts every register at zero, so only this shows a missing reset.
+    Verilator starts every register at zero, so only this shows a missing reset. A start hides the
+    missing reset of what it clears itself; with ``valid`` false the reset comes alone.
     """
     count = len(next(iter(inputs.values())))
     for age in range(1, latency + 1):
@@ -280,7 +282,10 @@ async def reset_at_every_age(
         for _ in range(age - 1):
             await FallingEdge(dut.clk_i)
         dut.rst_i.value = 1
-        await _present(dut, inputs, age % count)
+        if valid:
+            await _present(dut, inputs, age % count)
+        else:
+            await FallingEdge(dut.clk_i)
         dut.rst_i.value = 0
         for _ in range(latency + 2):
             assert dut.valid_o.value == 0, f"a result after a reset at age {age}"

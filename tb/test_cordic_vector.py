@@ -96,11 +96,12 @@ async def restart_drops_the_first_vector(dut) -> None:
 
 @cocotb.test()
 async def reset_mid_vector(dut) -> None:
-    """A reset with valid high: nothing comes out, and the next vector is right."""
+    """A reset with valid high, and one alone: nothing comes out, and the next vector is right."""
     widths = parameters()
     given, want = stimulus(widths, 110)
     await reset(dut)
     await reset_at_every_age(dut, given, want, OUTPUTS, latency=clocks(widths))
+    await reset_at_every_age(dut, given, want, OUTPUTS, latency=clocks(widths), valid=False)
 
 
 @pytest.mark.parametrize("widths", ELABORATIONS, ids=str)

@@ -18,9 +18,9 @@ from vrscan.fixed.multiply import latency, multiply
 
 ELABORATIONS = [
     {"AWidth": 32, "BWidth": 32},
-    {"AWidth": 2, "BWidth": 18},
+    {"AWidth": 18, "BWidth": 18},
     {"AWidth": 2, "BWidth": 36},
-    {"AWidth": 70, "BWidth": 19},
+    {"AWidth": 69, "BWidth": 52},
 ]
 OUTPUTS = {"product_o": True}
 
@@ -84,11 +84,14 @@ async def restart_drops_the_first_product(dut) -> None:
 
 @cocotb.test()
 async def reset_mid_product(dut) -> None:
-    """A reset with valid high: nothing comes out, and the next product is right."""
+    """A reset with valid high, and one alone: nothing comes out, and the next product is right."""
     widths = parameters()
     given = operands(widths, 40)
     await reset(dut)
     await reset_at_every_age(dut, given, expected(given), OUTPUTS, latency=clocks(widths))
+    await reset_at_every_age(
+        dut, given, expected(given), OUTPUTS, latency=clocks(widths), valid=False
+    )
 
 
 @pytest.mark.parametrize("widths", ELABORATIONS, ids=str)

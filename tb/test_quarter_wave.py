@@ -75,11 +75,12 @@ async def random_phases_with_gaps(dut) -> None:
 
 @cocotb.test()
 async def reset_mid_stream(dut) -> None:
-    """A reset with valid high, at every stage: nothing comes out, and the next one is right."""
+    """A reset at every stage, with valid high and alone: nothing comes out, the next is right."""
     widths = parameters()
     given, want = stimulus(widths, phases(widths["PhaseWidth"], 40))
     await reset(dut)
     await reset_at_every_age(dut, given, want, OUTPUTS, latency=LATENCY)
+    await reset_at_every_age(dut, given, want, OUTPUTS, latency=LATENCY, valid=False)
 
 
 @pytest.mark.parametrize("widths", ELABORATIONS, ids=str)

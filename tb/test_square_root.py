@@ -73,11 +73,12 @@ async def restart_drops_the_first_root(dut) -> None:
 
 @cocotb.test()
 async def reset_mid_root(dut) -> None:
-    """A reset with valid high: nothing comes out, and the next root is right."""
+    """A reset with valid high, and one alone: nothing comes out, and the next root is right."""
     width = parameters()["RootWidth"]
     given, want = stimulus(width, 60)
     await reset(dut)
     await reset_at_every_age(dut, given, want, OUTPUTS, latency=latency(width))
+    await reset_at_every_age(dut, given, want, OUTPUTS, latency=latency(width), valid=False)
 
 
 @pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
