@@ -268,7 +268,7 @@ def main() -> int:
         print(f"timing: {error}", file=sys.stderr)
         return 2
     FOLDER.mkdir(exist_ok=True)
-    console, complaints = Console(), Console(stderr=True, highlight=False, markup=False)
+    console, complaints = Console(), Console(stderr=True, highlight=False, soft_wrap=True)
 
     # The very first call compiles the tool for this machine, which takes a minute; side by side,
     # each would do it.
@@ -290,12 +290,12 @@ def main() -> int:
                 results.append(job.result())
             except ToolError as error:
                 failures += 1
-                complaints.print(f"{name}: {error}")
+                complaints.print(f"{name}: {error}", markup=False)
 
     show(results, console)
     for result in results:
         if result.warnings:
-            complaints.print(f"{result.module}: {result.warnings}")
+            complaints.print(f"{result.module}: {result.warnings}", markup=False)
         if result.fmax_mhz < TARGET_MHZ:
             complaints.print(f"{result.module}: the slowest path is {result.slowest_path}")
     if not names:
