@@ -29,6 +29,9 @@ package vrscan_pkg;
   localparam int unsigned GainWidth = 24;  // confidence gains
   localparam int unsigned GainFraction = 16;
 
+  // A line every 2 MaxWindow + MinPeriodOverhead clocks, or LineLength where that is longer.
+  localparam int unsigned MinPeriodOverhead = 400;
+
   // Statistics.
   localparam int unsigned BlockLength = 64;
 

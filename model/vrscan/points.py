@@ -8,7 +8,7 @@ import contextlib
 import errno
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import BinaryIO
@@ -86,6 +86,16 @@ class Points:
     def __len__(self) -> int:
         """Return the number of points."""
         return len(self.line)
+
+    @classmethod
+    def concatenate(cls, parts: Sequence["Points"]) -> "Points":
+        """Return the points of one or more parts, all of the same pixel width, in order."""
+        columns = {
+            field.name: np.concatenate([getattr(part, field.name) for part in parts])
+            for field in fields(cls)
+            if field.name != "pixel_width"
+        }
+        return cls(**columns, pixel_width=parts[0].pixel_width)
 
 
 def points_equal(first: Points, second: Points) -> str | None:

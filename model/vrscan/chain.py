@@ -1,0 +1,188 @@
+"""The bit-accurate signal chain, the twin of ``rtl/vrscan_chain.sv``."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from vrscan.arrays import Ints, Pixels
+from vrscan.fixed import (
+    line_receiver,
+    line_statistics,
+    peak_confidence,
+    peak_isolate,
+    peak_position,
+    phase_correlate,
+    pkg,
+)
+from vrscan.fixed import distortion as geometry_distortion
+from vrscan.fixed import triangulate as geometry_triangulate
+from vrscan.points import Points
+from vrscan.registers import Registers
+
+MAX_WINDOW = 255
+CHUNK = 512  # lines at a time: what a core's cache holds
+
+_ANGLE_SIGN = 1 << (pkg.ANGLE_WIDTH - 1)
+
+
+def latency(
+    width: int, *, measured: bool, line_length: int, pixel_width: int, max_window: int = MAX_WINDOW
+) -> int:
+    """Return the clocks from a line's last pixel to its point.
+
+    Args:
+        width: Pixels in the window.
+        measured: Whether the window is measured (none of LOW_SNR, TOO_NARROW, TOO_WIDE).
+        line_length: ``LineLength``.
+        pixel_width: ``PixelWidth``.
+        max_window: ``MaxWindow``.
+    """
+    offset = peak_position.LATENCY + geometry_distortion.latency(line_length)
+    return (
+        line_receiver.LATENCY
+        + line_statistics.latency(line_length, pixel_width, max_window)
+        + peak_isolate.latency(line_length)
+        + (phase_correlate.latency(width) if measured else phase_correlate.UNMEASURED_LATENCY)
+        + max(offset, peak_confidence.latency())
+        + 1
+        + geometry_triangulate.LATENCY
+    )
+
+
+def _run(
+    lines: Pixels, angle: Ints, power: Ints, first: int, registers: Registers, max_window: int
+) -> Points:
+    r = registers
+    statistics = line_statistics.line_statistics(
+        lines, pixel_width=r.pixel_width, max_window=max_window, noise_row=r.noise_row
+    )
+    window = peak_isolate.peak_isolate(
+        lines,
+        statistics,
+        pixel_width=r.pixel_width,
+        max_window=max_window,
+        k_noise=r.k_noise,
+        k_height=r.k_height,
+        snr_min=r.snr_min,
+        min_width=r.min_width,
+        max_width=r.max_width,
+    )
+    harmonic = phase_correlate.phase_correlate(
+        lines,
+        left=window.left,
+        width=window.width,
+        background=statistics.background,
+        measured=window.measured,
+        pixel_width=r.pixel_width,
+        period_n=r.period_n,
+    )
+    position = peak_position.peak_position(window.left, harmonic.period, harmonic.phase)
+    quality = peak_confidence.peak_confidence(
+        measured=harmonic.measured,
+        low_snr=(window.flags >> pkg.FLAG_LOW_SNR & 1).astype(np.bool_),
+        maximum=statistics.maximum,
+        background=statistics.background,
+        noise=statistics.noise,
+        width=window.width & ((1 << pkg.WINDOW_WIDTH) - 1),
+        period=harmonic.period,
+        magnitude=harmonic.magnitude,
+        sum=harmonic.sum,
+        wave=harmonic.wave,
+        count=harmonic.count,
+        power=power,
+        pixel_width=r.pixel_width,
+        kappa=r.kappa,
+        c_obj_gain=r.c_obj_gain,
+        c_sfm_gain=r.c_sfm_gain,
+    )
+    corrected = geometry_distortion.distortion(
+        position,
+        centre=r.centre,
+        k1=r.k1,
+        k2=r.k2,
+        even=r.even,
+        line_length=r.line_length,
+    )
+    place = geometry_triangulate.triangulate(
+        corrected.offset,
+        corrected.slope,
+        quality.sigma,
+        angle,
+        measured=harmonic.measured,
+        saturated=corrected.saturated,
+        n0=r.n0,
+        n1=r.n1,
+        d0=r.d0,
+        d1=r.d1,
+        e0=r.e0,
+        e1=r.e1,
+        line_length=r.line_length,
+    )
+    flags = window.flags.copy()
+    for bit, condition in (
+        (pkg.FLAG_NO_PHASE, harmonic.no_phase),
+        (pkg.FLAG_NO_NOISE, quality.no_noise),
+        (pkg.FLAG_ROW_STATISTICS, statistics.row_statistics),
+        (pkg.FLAG_NO_RANGE, place.no_range),
+        (pkg.FLAG_OUT_OF_RANGE, place.out_of_range),
+    ):
+        flags |= condition.astype(np.int64) << bit
+    return Points(
+        line=first + np.arange(len(lines)),
+        flags=flags,
+        left=window.left,
+        right=window.right,
+        width=window.width,
+        maximum=statistics.maximum,
+        row_mean=statistics.row_mean,
+        row_variance=statistics.row_variance,
+        background=statistics.background,
+        noise=statistics.noise,
+        snr=quality.snr,
+        position=np.where(harmonic.measured, position, 0),
+        sigma=quality.sigma,
+        angle=angle,
+        x=place.x,
+        z=place.z,
+        sigma_z=place.sigma_z,
+        c_obj=quality.c_obj,
+        c_sfm=quality.c_sfm,
+        measured=harmonic.measured,
+        pixel_width=r.pixel_width,
+    )
+
+
+def run_fixed(
+    lines: Pixels,
+    angle: Ints,
+    power: Ints,
+    registers: Registers,
+    progress: Callable[[int], None] | None = None,
+    *,
+    max_window: int = MAX_WINDOW,
+) -> Points:
+    """Return the point of every line, bit for bit what the RTL gives for good lines.
+
+    Args:
+        lines: Pixels, uint16 [n, registers.line_length].
+        angle: Scan angles, fractions of a turn as 24-bit signed integers, [n].
+        power: Laser power, u16, [n].
+        registers: The configuration; ``pixel_width`` and ``line_length`` are the elaboration's.
+        progress: Called with the lines done so far.
+        max_window: ``MaxWindow`` of the elaboration.
+
+    Returns:
+        n points, numbered from 0.
+
+    Raises:
+        ValueError: if a line has another length or a pixel does not fit.
+    """
+    if lines.ndim != 2 or lines.shape[1] != registers.line_length:
+        raise ValueError(f"chain: lines of shape {lines.shape}, want [n, {registers.line_length}]")
+    parts = []
+    for start in range(0, max(1, len(lines)), CHUNK):
+        part = slice(start, start + CHUNK)
+        parts.append(_run(lines[part], angle[part], power[part], start, registers, max_window))
+        if progress is not None:
+            progress(min(start + CHUNK, len(lines)))
+    return Points.concatenate(parts)

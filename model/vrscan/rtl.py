@@ -1,0 +1,229 @@
+"""The Verilated ``vrscan_chain`` as an engine: built once a source state, called with arrays."""
+
+import ctypes
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from filelock import FileLock
+
+from vrscan.arrays import Ints, Pixels
+from vrscan.chain import MAX_WINDOW, latency
+from vrscan.errors import InputError
+from vrscan.fixed import pkg
+from vrscan.points import Points
+from vrscan.registers import Registers
+from vrscan.tools import (
+    build_folder,
+    repository_root,
+    rtl_folders,
+    rtl_module,
+    rtl_packages,
+    rtl_sources,
+    verilator_environment,
+)
+
+# Configuration ports, in the order in which the engine takes them, with the fields of Registers.
+CONFIGURATION = (
+    "period_n", "noise_row", "k_noise", "k_height", "snr_min", "min_width", "max_width", "kappa",
+    "c_obj_gain", "c_sfm_gain", "centre", "k1", "k2", "even", "n0", "n1", "d0", "d1", "e0", "e1",
+)  # fmt: skip
+# Result ports, in the order in which the engine gives them: the fields of Points.
+RESULTS = (
+    "line", "flags", "left", "right", "width", "maximum", "row_mean", "row_variance", "background",
+    "noise", "snr", "position", "sigma", "angle", "x", "z", "sigma_z", "c_obj", "c_sfm", "measured",
+)  # fmt: skip
+_CHUNK = 128  # lines between two calls of ``progress``
+
+
+def _position_bits(line_length: int) -> int:
+    return (line_length - 1).bit_length() + 1
+
+
+def _configuration_widths(line_length: int) -> dict[str, int]:
+    """Return the bits of the configuration ports that can be negative."""
+    geometry = dict.fromkeys(("n0", "n1", "d0", "d1", "e0", "e1"), pkg.GEOMETRY_WIDTH)
+    return geometry | {
+        "centre": _position_bits(line_length) + pkg.OFFSET_FRACTION,
+        "k1": pkg.DISTORTION_WIDTH,
+        "k2": pkg.DISTORTION_WIDTH,
+    }
+
+
+def _result_widths(line_length: int) -> dict[str, int]:
+    """Return the bits of the signed result ports."""
+    return {
+        "position": _position_bits(line_length) + pkg.POSITION_FRACTION,
+        "angle": pkg.ANGLE_WIDTH,
+        "x": pkg.LENGTH_WIDTH,
+        "z": pkg.LENGTH_WIDTH,
+    }
+
+
+def _call(command: list[str], environment: dict[str, str]) -> None:
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode:
+        print(done.stdout + done.stderr, file=sys.stderr)
+        raise InputError(f"rtl engine: {Path(command[0]).name} failed; its messages are above")
+
+
+def build(line_length: int, pixel_width: int, max_window: int) -> Path:
+    """Return the shared object of an elaboration, built if the sources have changed.
+
+    Raises:
+        InputError: if a tool is missing or fails.
+    """
+    root = repository_root()
+    harness = root / "tb" / "engine" / "engine.cpp"
+    environment = verilator_environment()
+    compiler = os.environ.get("CXX", "g++")
+    found = {name: shutil.which(name, path=environment["PATH"]) for name in ("verilator", compiler)}
+    for name, path in found.items():
+        if path is None:
+            raise InputError(f"rtl engine: {name} is missing: apt install {name}")
+    parameters = {"LineLength": line_length, "PixelWidth": pixel_width, "MaxWindow": max_window}
+    ports = (
+        "#define CONFIGURATION(X) " + " ".join(f"X({name})" for name in CONFIGURATION) + "\n"
+        "#define RESULTS(X) " + " ".join(f"X({name})" for name in RESULTS) + "\n"
+    )
+    digest = hashlib.sha256(repr((parameters, ports, found)).encode())
+    for source in (*rtl_sources(), harness, Path(__file__)):
+        digest.update(source.read_bytes())
+    folder = build_folder() / "engine"
+    folder.mkdir(exist_ok=True)
+    library = folder / f"chain_{digest.hexdigest()[:16]}.so"
+    with FileLock(f"{library}.lock"):
+        if library.exists():
+            return library
+        print("vrscan: building the RTL engine", file=sys.stderr)
+        with tempfile.TemporaryDirectory(dir=folder) as work:
+            (Path(work) / "ports.h").write_text(ports)
+            _call(
+                [
+                    str(found["verilator"]), "--cc", "-O3", "--top-module", "vrscan_chain",
+                    "--prefix", "Vchain", "--Mdir", work, "--x-assign", "fast", "--noassert",
+                    *(f"-G{name}={value}" for name, value in parameters.items()),
+                    *(part for place in rtl_folders() for part in ("-y", str(place))),
+                    *(str(file) for file in (*rtl_packages(), rtl_module("vrscan_chain"))),
+                ],
+                environment,
+            )  # fmt: skip
+            include = Path(environment.get("VERILATOR_ROOT") or _verilator_root(environment))
+            include = include / "include"
+            sources = [*sorted(Path(work).glob("*.cpp")), harness]
+            sources += [include / "verilated.cpp", include / "verilated_threads.cpp"]
+            part = Path(work) / "chain.so"
+            _call(
+                [
+                    str(found[compiler]), "-shared", "-fPIC", "-O2", "-std=c++17", "-pthread",
+                    "-DVERILATOR=1", "-DVM_COVERAGE=0", "-DVM_SC=0", "-DVM_TIMING=0",
+                    "-DVM_TRACE=0", f"-I{work}", f"-I{include}", f"-I{include / 'vltstd'}",
+                    *map(str, sources), "-o", str(part),
+                ],
+                environment,
+            )  # fmt: skip
+            part.replace(library)
+    return library
+
+
+def _verilator_root(environment: dict[str, str]) -> str:
+    command = ["verilator", "--getenv", "VERILATOR_ROOT"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+def _signed(values: Ints, width: int) -> Ints:
+    sign = 1 << (width - 1)
+    return ((values & (2 * sign - 1)) ^ sign) - sign
+
+
+def run_rtl(
+    lines: Pixels,
+    angle: Ints,
+    power: Ints,
+    registers: Registers,
+    progress: Callable[[int], None] | None = None,
+    *,
+    max_window: int = MAX_WINDOW,
+) -> Points:
+    """Return the point of every line, as the RTL gives it, line after line without a gap.
+
+    Args:
+        lines: Pixels, uint16 [n, registers.line_length].
+        angle: Scan angles, fractions of a turn as 24-bit signed integers, [n].
+        power: Laser power, u16, [n].
+        registers: The configuration; ``pixel_width`` and ``line_length`` are elaborated.
+        progress: Called with the lines sent so far.
+        max_window: ``MaxWindow`` to elaborate.
+
+    Returns:
+        n points, numbered from 0.
+
+    Raises:
+        InputError: if the engine cannot be built.
+        ValueError: if a line has another length or a pixel does not fit.
+        RuntimeError: if the RTL does not answer every line, in order.
+    """
+    length = registers.line_length
+    if lines.ndim != 2 or lines.shape[1] != length:
+        raise ValueError(f"rtl engine: lines of shape {lines.shape}, want [n, {length}]")
+    if lines.size and int(lines.max()) >> registers.pixel_width:
+        raise ValueError(f"rtl engine: a pixel does not fit in {registers.pixel_width} bits")
+    library = ctypes.CDLL(str(build(length, registers.pixel_width, max_window)))
+    library.engine_create.restype = ctypes.c_void_p
+    library.engine_run.restype = ctypes.c_int64
+    widths = _configuration_widths(length)
+    words = [int(getattr(registers, name)) for name in CONFIGURATION]
+    words = [w & ((1 << widths.get(n, 64)) - 1) for n, w in zip(CONFIGURATION, words, strict=True)]
+    pixels = np.ascontiguousarray(lines, np.uint16)
+    turns = (np.asarray(angle, np.int64) & ((1 << pkg.ANGLE_WIDTH) - 1)).astype(np.uint32)
+    powers = np.ascontiguousarray(power, np.uint16)
+    results = np.zeros((len(lines), len(RESULTS)), np.int64)
+
+    def address(array: np.ndarray[tuple[int, ...], np.dtype[np.generic]]) -> ctypes.c_void_p:
+        return ctypes.c_void_p(array.ctypes.data)
+
+    handle = ctypes.c_void_p(library.engine_create((ctypes.c_uint64 * len(words))(*words)))
+    received = 0
+    try:
+        for start in range(0, len(lines), _CHUNK):
+            part = slice(start, min(start + _CHUNK, len(lines)))
+            longest = latency(
+                max_window,
+                measured=True,
+                line_length=length,
+                pixel_width=registers.pixel_width,
+                max_window=max_window,
+            )
+            idle = longest + 1 if part.stop == len(lines) else 0
+            room = results[received:]
+            received += library.engine_run(
+                handle,
+                address(pixels[part]),
+                address(turns[part]),
+                address(powers[part]),
+                ctypes.c_int64(part.stop - part.start),
+                ctypes.c_int64(length),
+                ctypes.c_int64(idle),
+                address(room),
+                ctypes.c_int64(len(room)),
+            )
+            if progress is not None:
+                progress(part.stop)
+    finally:
+        library.engine_destroy(handle)
+    if received != len(lines) or not np.array_equal(results[:, 0], np.arange(len(lines))):
+        raise RuntimeError(f"rtl engine: {received} points for {len(lines)} lines")
+    signed = _result_widths(length)
+    columns = {
+        name: _signed(results[:, k], signed[name]) if name in signed else results[:, k].copy()
+        for k, name in enumerate(RESULTS)
+    }
+    measured = columns.pop("measured").astype(np.bool_)
+    return Points(**columns, measured=measured, pixel_width=registers.pixel_width)

@@ -1,0 +1,401 @@
+// vrscan_chain: from the pixels of a line to a calibrated point with its uncertainty.
+//
+// Wiring only: each stage holds one line, and what a later stage needs of an earlier one travels
+// beside it.  Lines may follow each other without a gap; where LineLength is too short for the
+// largest window to be measured in a line's time, line_receiver drops lines that come too early
+// and counts them.
+//
+//   angle_i, power_i  of the line, sampled with its end
+//   left_o, right_o   meaningless where width_o is 0
+//   position_o, sigma_o, x_o, z_o, sigma_z_o  meaningless where measured_o is 0
+//   valid_o, ready_i  a point that nobody took is kept and the next one dropped and counted
+//   Latency  vrscan.chain.latency(width) clocks from the last pixel with its line_end_i to valid_o:
+//            a constant plus twice the window, or another constant where nothing is measured
+//   Model    vrscan.chain, bit-exact
+
+`default_nettype none
+
+module vrscan_chain #(
+  parameter int unsigned Lanes      = 1,
+  parameter int unsigned LineLength = 2048,
+  parameter int unsigned PixelWidth = 12,
+  parameter int unsigned MaxWindow  = 255,
+  parameter int unsigned CountWidth = 16,  // of the counters of dropped lines and points
+  localparam int unsigned IndexWidth    = $clog2(LineLength),
+  localparam int unsigned WidthWidth    = $clog2(LineLength + 1),
+  localparam int unsigned PositionWidth = IndexWidth + 1 + vrscan_pkg::PositionFraction,
+  localparam int unsigned CentreWidth   = IndexWidth + 1 + vrscan_pkg::OffsetFraction
+) (
+  input  wire logic                                           clk_i,
+  input  wire logic                                           rst_i,
+
+  input  wire logic                                           line_start_i,
+  input  wire logic                                           line_end_i,
+  input  wire logic                                           pixel_valid_i,
+  input  wire logic        [            Lanes*PixelWidth-1:0] pixel_i,
+  input  wire logic signed [      vrscan_pkg::AngleWidth-1:0] angle_i,
+  input  wire logic        [      vrscan_pkg::PowerWidth-1:0] power_i,
+
+  output      logic                                           valid_o,
+  input  wire logic                                           ready_i,
+  output      logic        [ vrscan_pkg::LineNumberWidth-1:0] line_o,
+  output      logic        [       vrscan_pkg::FlagWidth-1:0] flags_o,
+  output      logic                                           measured_o,
+  output      logic        [                  IndexWidth-1:0] left_o,
+  output      logic        [                  IndexWidth-1:0] right_o,
+  output      logic        [                  WidthWidth-1:0] width_o,
+  output      logic        [                  PixelWidth-1:0] maximum_o,
+  output      logic        [      vrscan_pkg::CountWidth-1:0] row_mean_o,
+  output      logic        [   vrscan_pkg::VarianceWidth-1:0] row_variance_o,
+  output      logic        [      vrscan_pkg::CountWidth-1:0] background_o,
+  output      logic        [      vrscan_pkg::CountWidth-1:0] noise_o,
+  output      logic        [        vrscan_pkg::SnrWidth-1:0] snr_o,
+  output      logic signed [               PositionWidth-1:0] position_o,
+  output      logic        [      vrscan_pkg::SigmaWidth-1:0] sigma_o,
+  output      logic signed [      vrscan_pkg::AngleWidth-1:0] angle_o,
+  output      logic signed [     vrscan_pkg::LengthWidth-1:0] x_o,
+  output      logic signed [     vrscan_pkg::LengthWidth-1:0] z_o,
+  output      logic        [      vrscan_pkg::SigmaWidth-1:0] sigma_z_o,
+  output      logic        [ vrscan_pkg::ConfidenceWidth-1:0] c_obj_o,
+  output      logic        [ vrscan_pkg::ConfidenceWidth-1:0] c_sfm_o,
+
+  // Configuration; it should change between lines only.
+  input  wire logic                                           period_n_i,
+  input  wire logic                                           noise_row_i,
+  input  wire logic        [                            15:0] k_noise_i,
+  input  wire logic        [                            15:0] k_height_i,
+  input  wire logic        [        vrscan_pkg::SnrWidth-1:0] snr_min_i,
+  input  wire logic        [     vrscan_pkg::WindowWidth-1:0] min_width_i,
+  input  wire logic        [     vrscan_pkg::WindowWidth-1:0] max_width_i,
+  input  wire logic        [      vrscan_pkg::KappaWidth-1:0] kappa_i,
+  input  wire logic        [       vrscan_pkg::GainWidth-1:0] c_obj_gain_i,
+  input  wire logic        [       vrscan_pkg::GainWidth-1:0] c_sfm_gain_i,
+  input  wire logic signed [                 CentreWidth-1:0] centre_i,
+  input  wire logic signed [ vrscan_pkg::DistortionWidth-1:0] k1_i,
+  input  wire logic signed [ vrscan_pkg::DistortionWidth-1:0] k2_i,
+  input  wire logic                                           even_i,
+  input  wire logic signed [   vrscan_pkg::GeometryWidth-1:0] n0_i,
+  input  wire logic signed [   vrscan_pkg::GeometryWidth-1:0] n1_i,
+  input  wire logic signed [   vrscan_pkg::GeometryWidth-1:0] d0_i,
+  input  wire logic signed [   vrscan_pkg::GeometryWidth-1:0] d1_i,
+  input  wire logic signed [   vrscan_pkg::GeometryWidth-1:0] e0_i,
+  input  wire logic signed [   vrscan_pkg::GeometryWidth-1:0] e1_i,
+
+  // Status: each counter stops at its largest value.
+  output      logic        [                  CountWidth-1:0] short_count_o,
+  output      logic        [                  CountWidth-1:0] long_count_o,
+  output      logic        [                  CountWidth-1:0] unfinished_count_o,
+  output      logic        [                  CountWidth-1:0] early_count_o,
+  output      logic        [                  CountWidth-1:0] dropped_count_o
+);
+
+  // The longest a stage holds a line; the test keeps MinPeriodOverhead above the latencies.
+  localparam int unsigned LinePeriod = 2 * MaxWindow + vrscan_pkg::MinPeriodOverhead;
+  localparam int unsigned MinPeriod  = LineLength >= LinePeriod ? 0 : LinePeriod;
+
+  // ---- sensor ----
+  logic                                   received, good, lost;
+  logic [           Lanes*PixelWidth-1:0] pixel;
+  logic [                 IndexWidth-1:0] index;
+  logic [vrscan_pkg::LineNumberWidth-1:0] line_number;
+  line_receiver #(
+    .Lanes(Lanes), .LineLength(LineLength), .PixelWidth(PixelWidth),
+    .MinPeriod(MinPeriod), .CountWidth(CountWidth)
+  ) u_line_receiver (
+    .clk_i, .rst_i,
+    .line_start_i, .line_end_i, .pixel_valid_i, .pixel_i,
+    .valid_o      (received),
+    .pixel_o      (pixel),
+    .index_o      (index),
+    .good_o       (good),
+    .line_number_o(line_number),
+    .lost_o       (lost),
+    .short_count_o, .long_count_o, .unfinished_count_o, .early_count_o
+  );
+
+  typedef struct packed {
+    logic [vrscan_pkg::LineNumberWidth-1:0] number;
+    logic                                   lost;
+    logic [     vrscan_pkg::AngleWidth-1:0] angle;
+    logic [     vrscan_pkg::PowerWidth-1:0] power;
+  } line_t;
+  line_t line, measured_line;
+  logic [vrscan_pkg::AngleWidth-1:0] angle_q;  // beside line_receiver's register
+  logic [vrscan_pkg::PowerWidth-1:0] power_q;
+  always_ff @(posedge clk_i) begin
+    angle_q <= unsigned'(angle_i);
+    power_q <= power_i;
+  end
+  assign line = '{number: line_number, lost: lost, angle: angle_q, power: power_q};
+
+  typedef struct packed {
+    line_t                                line;
+    logic [   vrscan_pkg::CountWidth-1:0] row_mean;
+    logic [vrscan_pkg::VarianceWidth-1:0] row_variance;
+    logic                                 row_statistics;
+  } row_t;
+  row_t row;
+  logic                              statistics_valid;
+  logic [            PixelWidth-1:0] maximum;
+  logic [            IndexWidth-1:0] max_index;
+  logic [vrscan_pkg::CountWidth-1:0] background, noise;
+  line_statistics #(
+    .Lanes(Lanes), .LineLength(LineLength), .PixelWidth(PixelWidth), .MaxWindow(MaxWindow),
+    .UserWidth($bits(line_t))
+  ) u_line_statistics (
+    .clk_i, .rst_i,
+    .valid_i         (received),
+    .pixel_i         (pixel),
+    .index_i         (index),
+    .good_i          (good),
+    .user_i          (line),
+    .valid_o         (statistics_valid),
+    .maximum_o       (maximum),
+    .max_index_o     (max_index),
+    .row_mean_o      (row.row_mean),
+    .row_variance_o  (row.row_variance),
+    .background_o    (background),
+    .noise_o         (noise),
+    .row_statistics_o(row.row_statistics),
+    .user_o          (measured_line),
+    .noise_row_i
+  );
+  assign row.line = measured_line;
+
+  logic                        replay, replayed, replay_last;
+  logic [Lanes*PixelWidth-1:0] replay_pixel;
+  logic [      IndexWidth-1:0] replay_index;
+  line_buffer #(.Lanes(Lanes), .LineLength(LineLength), .PixelWidth(PixelWidth)) u_line_buffer (
+    .clk_i, .rst_i,
+    .valid_i (received),
+    .pixel_i (pixel),
+    .index_i (index),
+    .good_i  (good),
+    .replay_i(replay),
+    .valid_o (replayed),
+    .pixel_o (replay_pixel),
+    .index_o (replay_index),
+    .last_o  (replay_last)
+  );
+
+  // ---- peak ----
+  typedef struct packed {
+    row_t                              row;
+    logic [            IndexWidth-1:0] left;
+    logic [            IndexWidth-1:0] right;
+    logic [            WidthWidth-1:0] width;
+    logic [ vrscan_pkg::FlagWidth-1:0] flags;
+    logic [            PixelWidth-1:0] maximum;
+    logic [vrscan_pkg::CountWidth-1:0] background;
+    logic [vrscan_pkg::CountWidth-1:0] noise;
+  } window_t;
+  window_t                            window, peak;
+  logic                               window_valid, window_measured;
+  logic [vrscan_pkg::WindowWidth-1:0] read_index;
+  logic [             PixelWidth-1:0] read_pixel;
+  peak_isolate #(
+    .Lanes(Lanes), .LineLength(LineLength), .PixelWidth(PixelWidth), .MaxWindow(MaxWindow),
+    .UserWidth($bits(row_t))
+  ) u_peak_isolate (
+    .clk_i, .rst_i,
+    .valid_i      (statistics_valid),
+    .maximum_i    (maximum),
+    .max_index_i  (max_index),
+    .background_i (background),
+    .noise_i      (noise),
+    .user_i       (row),
+    .replay_o     (replay),
+    .pixel_valid_i(replayed),
+    .pixel_i      (replay_pixel),
+    .index_i      (replay_index),
+    .last_i       (replay_last),
+    .valid_o      (window_valid),
+    .measured_o   (window_measured),
+    .left_o       (window.left),
+    .right_o      (window.right),
+    .width_o      (window.width),
+    .flags_o      (window.flags),
+    .maximum_o    (window.maximum),
+    .background_o (window.background),
+    .noise_o      (window.noise),
+    .user_o       (window.row),
+    .read_index_i (read_index),
+    .read_pixel_o (read_pixel),
+    .k_noise_i, .k_height_i, .snr_min_i, .min_width_i, .max_width_i
+  );
+
+  logic                                          phase_valid, phase_measured, no_phase;
+  logic        [    vrscan_pkg::WindowWidth-1:0] window_width, period;
+  logic        [     vrscan_pkg::AngleWidth-1:0] phase;
+  logic        [ vrscan_pkg::MagnitudeWidth-1:0] magnitude;
+  logic        [       vrscan_pkg::SumWidth-1:0] height_sum;
+  logic signed [      vrscan_pkg::WaveWidth-1:0] wave;
+  logic signed [ vrscan_pkg::WaveCountWidth-1:0] wave_count;
+  phase_correlate #(.PixelWidth(PixelWidth), .UserWidth($bits(window_t))) u_phase_correlate (
+    .clk_i, .rst_i,
+    .valid_i     (window_valid),
+    .measured_i  (window_measured),
+    .width_i     (vrscan_pkg::WindowWidth'(window.width)),
+    .background_i(window.background),
+    .user_i      (window),
+    .read_index_o(read_index),
+    .read_pixel_i(read_pixel),
+    .valid_o     (phase_valid),
+    .measured_o  (phase_measured),
+    .no_phase_o  (no_phase),
+    .width_o     (window_width),
+    .period_o    (period),
+    .phase_o     (phase),
+    .magnitude_o (magnitude),
+    .sum_o       (height_sum),
+    .wave_o      (wave),
+    .count_o     (wave_count),
+    .user_o      (peak),
+    .period_n_i
+  );
+
+  logic                            position_valid;
+  logic signed [PositionWidth-1:0] position;
+  peak_position #(.LineLength(LineLength)) u_peak_position (
+    .clk_i, .rst_i,
+    .valid_i   (phase_valid),
+    .left_i    (peak.left),
+    .period_i  (period),
+    .phase_i   (phase),
+    .valid_o   (position_valid),
+    .position_o(position)
+  );
+
+  logic                                   confidence_valid, no_noise;
+  logic [       vrscan_pkg::SnrWidth-1:0] snr;
+  logic [     vrscan_pkg::SigmaWidth-1:0] sigma;
+  logic [vrscan_pkg::ConfidenceWidth-1:0] c_obj, c_sfm;
+  peak_confidence #(.PixelWidth(PixelWidth)) u_peak_confidence (
+    .clk_i, .rst_i,
+    .valid_i     (phase_valid),
+    .measured_i  (phase_measured),
+    .low_snr_i   (peak.flags[vrscan_pkg::FlagLowSnr]),
+    .maximum_i   (peak.maximum),
+    .background_i(peak.background),
+    .noise_i     (peak.noise),
+    .width_i     (window_width),
+    .period_i    (period),
+    .magnitude_i (magnitude),
+    .sum_i       (height_sum),
+    .wave_i      (wave),
+    .count_i     (wave_count),
+    .power_i     (peak.row.line.power),
+    .valid_o     (confidence_valid),
+    .snr_o       (snr),
+    .no_noise_o  (no_noise),
+    .sigma_o     (sigma),
+    .c_obj_o     (c_obj),
+    .c_sfm_o     (c_sfm),
+    .kappa_i, .c_obj_gain_i, .c_sfm_gain_i
+  );
+
+  // ---- geometry: the image coordinate while the confidence is worked out, then the triangle ----
+  logic                                     offset_valid, offset_saturated;
+  logic signed [             CentreWidth:0] offset;
+  logic signed [vrscan_pkg::SlopeWidth-1:0] slope;
+  distortion #(.LineLength(LineLength)) u_distortion (
+    .clk_i, .rst_i,
+    .valid_i    (position_valid),
+    .position_i (position),
+    .valid_o    (offset_valid),
+    .offset_o   (offset),
+    .slope_o    (slope),
+    .saturated_o(offset_saturated),
+    .centre_i, .k1_i, .k2_i, .even_i
+  );
+
+  logic have_offset_q, have_confidence_q, start_q;
+  always_ff @(posedge clk_i) begin
+    have_offset_q     <= (have_offset_q || offset_valid) && !start_q;
+    have_confidence_q <= (have_confidence_q || confidence_valid) && !start_q;
+    start_q           <= (have_offset_q || offset_valid)
+                         && (have_confidence_q || confidence_valid) && !start_q;
+    if (rst_i) begin
+      have_offset_q     <= 1'b0;
+      have_confidence_q <= 1'b0;
+      start_q           <= 1'b0;
+    end
+  end
+
+  typedef struct packed {
+    window_t                                window;
+    logic [       vrscan_pkg::SnrWidth-1:0] snr;
+    logic [              PositionWidth-1:0] position;
+    logic [     vrscan_pkg::SigmaWidth-1:0] sigma;
+    logic [vrscan_pkg::ConfidenceWidth-1:0] c_obj;
+    logic [vrscan_pkg::ConfidenceWidth-1:0] c_sfm;
+  } point_t;
+  point_t                          point, taken;
+  logic [vrscan_pkg::FlagWidth-1:0] flags;
+  always_comb begin
+    flags                                = peak.flags;
+    flags[vrscan_pkg::FlagNoPhase]       = no_phase;
+    flags[vrscan_pkg::FlagNoNoise]       = no_noise;
+    flags[vrscan_pkg::FlagRowStatistics] = peak.row.row_statistics;
+    flags[vrscan_pkg::FlagLinesLost]     = peak.row.line.lost;
+    point.window       = peak;
+    point.window.flags = flags;
+    point.snr          = snr;
+    point.position     = phase_measured ? unsigned'(position) : '0;
+    point.sigma        = sigma;
+    point.c_obj        = c_obj;
+    point.c_sfm        = c_sfm;
+  end
+
+  logic no_range, out_of_range, points_lost, dropped;
+  triangulate #(.LineLength(LineLength), .UserWidth($bits(point_t))) u_triangulate (
+    .clk_i, .rst_i,
+    .valid_i       (start_q),
+    .measured_i    (phase_measured),
+    .offset_i      (offset),
+    .slope_i       (slope),
+    .saturated_i   (offset_saturated),
+    .sigma_i       (sigma),
+    .angle_i       (signed'(peak.row.line.angle)),
+    .user_i        (point),
+    .valid_o, .ready_i,
+    .measured_o,
+    .x_o, .z_o, .sigma_z_o,
+    .no_range_o    (no_range),
+    .out_of_range_o(out_of_range),
+    .lost_o        (points_lost),
+    .user_o        (taken),
+    .n0_i, .n1_i, .d0_i, .d1_i, .e0_i, .e1_i,
+    .dropped_o     (dropped)
+  );
+
+  always_ff @(posedge clk_i) begin
+    if (dropped && dropped_count_o != '1) dropped_count_o <= dropped_count_o + CountWidth'(1);
+    if (rst_i) dropped_count_o <= '0;
+  end
+
+  always_comb begin
+    flags_o                              = taken.window.flags;
+    flags_o[vrscan_pkg::FlagNoRange]     = no_range;
+    flags_o[vrscan_pkg::FlagOutOfRange]  = out_of_range;
+    flags_o[vrscan_pkg::FlagPointsLost]  = points_lost;
+  end
+  assign line_o         = taken.window.row.line.number;
+  assign left_o         = taken.window.left;
+  assign right_o        = taken.window.right;
+  assign width_o        = taken.window.width;
+  assign maximum_o      = taken.window.maximum;
+  assign row_mean_o     = taken.window.row.row_mean;
+  assign row_variance_o = taken.window.row.row_variance;
+  assign background_o   = taken.window.background;
+  assign noise_o        = taken.window.noise;
+  assign snr_o          = taken.snr;
+  assign position_o     = signed'(taken.position);
+  assign sigma_o        = taken.sigma;
+  assign angle_o        = signed'(taken.window.row.line.angle);
+  assign c_obj_o        = taken.c_obj;
+  assign c_sfm_o        = taken.c_sfm;
+
+endmodule
+
+`default_nettype wire

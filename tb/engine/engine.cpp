@@ -1,0 +1,91 @@
+// The verilated vrscan_chain behind three C functions, for vrscan.rtl to call with numpy buffers.
+//
+// Ports are listed once, in Python: ports.h is written beside the verilated model and defines
+// CONFIGURATION(X) and RESULTS(X).  Lines go in back to back, a pixel a clock; points are taken in
+// the clock in which they come.
+
+#include <cstdint>
+#include <memory>
+
+#include "Vchain.h"
+#include "ports.h"
+#include "verilated.h"
+
+namespace {
+
+struct Engine {
+  VerilatedContext context;
+  Vchain chain{&context, "chain"};
+  int64_t* results = nullptr;  // rows still to fill
+  int64_t room = 0;
+  int64_t count = 0;
+
+  void clock() {
+    chain.clk_i = 0;
+    chain.eval();
+    // Settled: a point that is valid now is taken by the coming edge.
+    if (chain.valid_o && chain.ready_i && !chain.rst_i) {
+      if (count < room) {
+        int64_t* row = results;
+#define STORE(name) *row++ = static_cast<int64_t>(chain.name##_o);
+        RESULTS(STORE)
+#undef STORE
+        results = row;
+      }
+      ++count;
+    }
+    chain.clk_i = 1;
+    chain.eval();
+  }
+};
+
+}  // namespace
+
+extern "C" {
+
+void* engine_create(const uint64_t* configuration) {
+  auto engine = std::make_unique<Engine>();
+  Vchain& chain = engine->chain;
+  const uint64_t* value = configuration;
+#define LOAD(name) chain.name##_i = *value++;
+  CONFIGURATION(LOAD)
+#undef LOAD
+  chain.line_start_i = 0;
+  chain.line_end_i = 0;
+  chain.pixel_valid_i = 0;
+  chain.ready_i = 1;
+  chain.rst_i = 1;
+  for (int k = 0; k < 4; ++k) engine->clock();
+  chain.rst_i = 0;
+  return engine.release();
+}
+
+// Sends `lines` lines and then `idle` clocks; returns the points that came out meanwhile.
+int64_t engine_run(void* handle, const uint16_t* pixels, const uint32_t* angle,
+                   const uint16_t* power, int64_t lines, int64_t length, int64_t idle,
+                   int64_t* results, int64_t room) {
+  Engine& engine = *static_cast<Engine*>(handle);
+  Vchain& chain = engine.chain;
+  engine.results = results;
+  engine.room = room;
+  engine.count = 0;
+  for (int64_t line = 0; line < lines; ++line) {
+    chain.angle_i = angle[line];
+    chain.power_i = power[line];
+    chain.pixel_valid_i = 1;
+    for (int64_t k = 0; k < length; ++k) {
+      chain.line_start_i = k == 0;
+      chain.line_end_i = k == length - 1;
+      chain.pixel_i = *pixels++;
+      engine.clock();
+    }
+  }
+  chain.line_start_i = 0;
+  chain.line_end_i = 0;
+  chain.pixel_valid_i = 0;
+  for (int64_t k = 0; k < idle; ++k) engine.clock();
+  return engine.count;
+}
+
+void engine_destroy(void* handle) { delete static_cast<Engine*>(handle); }
+}
