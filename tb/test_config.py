@@ -52,7 +52,7 @@ BAD = {
     "pulse_after_line": ("[line]\npulse_us = 27\n", ["line", "pulse"]),
     "section_is_number": ("peak = 3\n", ["peak", "3"]),
     "not_toml": ("[peak\n", ["not a TOML file"]),
-    "length": ("[sensor]\nline_length = 100\n", ["sensor.line_length", "100"]),
+    "length": ("[sensor]\nline_length = 63\n", ["sensor.line_length", "63"]),
 }
 
 

@@ -40,6 +40,9 @@ async def clock_through(dut, twin: LineReceiver, strobes: np.ndarray) -> list[in
             got = int(dut.line_number_o.value), bool(dut.lost_o.value)
             assert got == (want.line_number, want.lost), f"{where}: {got}, want {want}"
             good_lines.append(want.line_number)
+    dut.line_start_i.value = dut.line_end_i.value = dut.pixel_valid_i.value = 0
+    await FallingEdge(dut.clk_i)  # the counters follow a clock later
+    twin.step(False, False, 0, False)
     counts = [
         int(getattr(dut, f"{name}_count_o").value)
         for name in ("short", "long", "unfinished", "early")

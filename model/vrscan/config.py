@@ -134,7 +134,7 @@ class Sensor(_Section):
     """The line sensor."""
 
     pixel_width: int = Field(default=12, ge=8, le=16)  # bits
-    line_length: int = Field(default=2048, ge=256, le=8192)  # px
+    line_length: int = Field(default=2048, ge=64, le=8192)  # px
 
 
 class Laser(_Section):

@@ -143,6 +143,74 @@ def _signed(values: Ints, width: int) -> Ints:
     return ((values & (2 * sign - 1)) ^ sign) - sign
 
 
+def _run(
+    lines: Pixels,
+    angle: Ints,
+    power: Ints,
+    registers: Registers,
+    progress: Callable[[int], None] | None,
+    max_window: int,
+) -> tuple[Points, Ints]:
+    """Return the points, and the clocks from each line's last pixel to its point."""
+    length = registers.line_length
+    if lines.ndim != 2 or lines.shape[1] != length:
+        raise ValueError(f"rtl engine: lines of shape {lines.shape}, want [n, {length}]")
+    if lines.size and int(lines.max()) >> registers.pixel_width:
+        raise ValueError(f"rtl engine: a pixel does not fit in {registers.pixel_width} bits")
+    library = ctypes.CDLL(str(build(length, registers.pixel_width, max_window)))
+    library.engine_create.restype = ctypes.c_void_p
+    library.engine_run.restype = ctypes.c_int64
+    widths = _configuration_widths(length)
+    words = [int(getattr(registers, name)) for name in CONFIGURATION]
+    words = [w & ((1 << widths.get(n, 64)) - 1) for n, w in zip(CONFIGURATION, words, strict=True)]
+    pixels = np.ascontiguousarray(lines, np.uint16)
+    turns = (np.asarray(angle, np.int64) & ((1 << pkg.ANGLE_WIDTH) - 1)).astype(np.uint32)
+    powers = np.ascontiguousarray(power, np.uint16)
+    results = np.zeros((len(lines), len(RESULTS) + 1), np.int64)
+    longest = latency(
+        max_window,
+        measured=True,
+        line_length=length,
+        pixel_width=registers.pixel_width,
+        max_window=max_window,
+    )
+
+    def address(array: np.ndarray[tuple[int, ...], np.dtype[np.generic]]) -> ctypes.c_void_p:
+        return ctypes.c_void_p(array.ctypes.data)
+
+    handle = ctypes.c_void_p(library.engine_create((ctypes.c_uint64 * len(words))(*words)))
+    received = 0
+    try:
+        for start in range(0, len(lines), _CHUNK):
+            part = slice(start, min(start + _CHUNK, len(lines)))
+            room = results[received:]
+            received += library.engine_run(
+                handle,
+                address(pixels[part]),
+                address(turns[part]),
+                address(powers[part]),
+                ctypes.c_int64(part.stop - part.start),
+                ctypes.c_int64(length),
+                ctypes.c_int64(longest + 1 if part.stop == len(lines) else 0),
+                address(room),
+                ctypes.c_int64(len(room)),
+            )
+            if progress is not None:
+                progress(part.stop)
+    finally:
+        library.engine_destroy(handle)
+    if received != len(lines) or not np.array_equal(results[:, 0], np.arange(len(lines))):
+        raise RuntimeError(f"rtl engine: {received} points for {len(lines)} lines")
+    signed = _result_widths(length)
+    columns = {
+        name: _signed(results[:, k], signed[name]) if name in signed else results[:, k].copy()
+        for k, name in enumerate(RESULTS)
+    }
+    measured = columns.pop("measured").astype(np.bool_)
+    points = Points(**columns, measured=measured, pixel_width=registers.pixel_width)
+    return points, results[:, -1] - (np.arange(len(lines)) * length + length - 1)
+
+
 def run_rtl(
     lines: Pixels,
     angle: Ints,
@@ -170,60 +238,16 @@ def run_rtl(
         ValueError: if a line has another length or a pixel does not fit.
         RuntimeError: if the RTL does not answer every line, in order.
     """
-    length = registers.line_length
-    if lines.ndim != 2 or lines.shape[1] != length:
-        raise ValueError(f"rtl engine: lines of shape {lines.shape}, want [n, {length}]")
-    if lines.size and int(lines.max()) >> registers.pixel_width:
-        raise ValueError(f"rtl engine: a pixel does not fit in {registers.pixel_width} bits")
-    library = ctypes.CDLL(str(build(length, registers.pixel_width, max_window)))
-    library.engine_create.restype = ctypes.c_void_p
-    library.engine_run.restype = ctypes.c_int64
-    widths = _configuration_widths(length)
-    words = [int(getattr(registers, name)) for name in CONFIGURATION]
-    words = [w & ((1 << widths.get(n, 64)) - 1) for n, w in zip(CONFIGURATION, words, strict=True)]
-    pixels = np.ascontiguousarray(lines, np.uint16)
-    turns = (np.asarray(angle, np.int64) & ((1 << pkg.ANGLE_WIDTH) - 1)).astype(np.uint32)
-    powers = np.ascontiguousarray(power, np.uint16)
-    results = np.zeros((len(lines), len(RESULTS)), np.int64)
+    return _run(lines, angle, power, registers, progress, max_window)[0]
 
-    def address(array: np.ndarray[tuple[int, ...], np.dtype[np.generic]]) -> ctypes.c_void_p:
-        return ctypes.c_void_p(array.ctypes.data)
 
-    handle = ctypes.c_void_p(library.engine_create((ctypes.c_uint64 * len(words))(*words)))
-    received = 0
-    try:
-        for start in range(0, len(lines), _CHUNK):
-            part = slice(start, min(start + _CHUNK, len(lines)))
-            longest = latency(
-                max_window,
-                measured=True,
-                line_length=length,
-                pixel_width=registers.pixel_width,
-                max_window=max_window,
-            )
-            idle = longest + 1 if part.stop == len(lines) else 0
-            room = results[received:]
-            received += library.engine_run(
-                handle,
-                address(pixels[part]),
-                address(turns[part]),
-                address(powers[part]),
-                ctypes.c_int64(part.stop - part.start),
-                ctypes.c_int64(length),
-                ctypes.c_int64(idle),
-                address(room),
-                ctypes.c_int64(len(room)),
-            )
-            if progress is not None:
-                progress(part.stop)
-    finally:
-        library.engine_destroy(handle)
-    if received != len(lines) or not np.array_equal(results[:, 0], np.arange(len(lines))):
-        raise RuntimeError(f"rtl engine: {received} points for {len(lines)} lines")
-    signed = _result_widths(length)
-    columns = {
-        name: _signed(results[:, k], signed[name]) if name in signed else results[:, k].copy()
-        for k, name in enumerate(RESULTS)
-    }
-    measured = columns.pop("measured").astype(np.bool_)
-    return Points(**columns, measured=measured, pixel_width=registers.pixel_width)
+def latencies(
+    lines: Pixels,
+    angle: Ints,
+    power: Ints,
+    registers: Registers,
+    *,
+    max_window: int = MAX_WINDOW,
+) -> Ints:
+    """Return the clocks from each line's last pixel to its point, int64 [n]; see ``run_rtl``."""
+    return _run(lines, angle, power, registers, None, max_window)[1]

@@ -121,27 +121,33 @@ module peak_confidence #(
     .root_o    (root)
   );
 
-  // Squares have 16 fraction bits.  kappa f comes with 12 + 8, constant with 16 + 8; to nearest.
-  localparam int unsigned KappaShift    = KappaFraction + FractionWidth - SquareFraction;
-  localparam int unsigned VarianceWidth = 2 * RootWidth + 2;
+  // ---- a product is rounded in the clock after it comes, and used in the next ----
+  // Squares have 16 fraction bits.  kappa f comes with 12 + 8, constant with 16 + 8, and a
+  // confidence with the 16 of its gain; all to nearest, half up.
+  localparam int unsigned KappaShift      = KappaFraction + FractionWidth - SquareFraction;
+  localparam int unsigned VarianceWidth   = 2 * RootWidth + 2;
+  localparam int unsigned ConfidenceWidth = vrscan_pkg::ConfidenceWidth;
+  localparam int unsigned ScaledWidth     = vrscan_pkg::GainWidth + vrscan_pkg::PowerWidth;
+  localparam logic [24:0] SigmaGain       = 25'(vrscan_pkg::SigmaGain);
   logic        [    2*CountWidth-1:0] square_q;
-  logic signed [   VarianceWidth-1:0] constant_q, constant, variance_q;
-  logic signed [          AWidth-1:0] kappa_fraction;
-  assign kappa_fraction = AWidth'((product + (AWidth + BWidth)'(1 << (KappaShift - 1)))
+  logic signed [   VarianceWidth-1:0] constant_q, rounded_constant_q, variance_q;
+  logic signed [          AWidth-1:0] kappa_fraction_q;
+  logic        [     ScaledWidth-1:0] scaled_q;
+  logic        [ ConfidenceWidth-1:0] confidence;
+  logic                               product_ready_q;
+  assign confidence = scaled_q > ScaledWidth'(255) ? '1 : scaled_q[ConfidenceWidth-1:0];
+  always_ff @(posedge clk_i) begin
+    product_ready_q    <= product_valid && !valid_i;
+    kappa_fraction_q   <= AWidth'((product + (AWidth + BWidth)'(1 << (KappaShift - 1)))
                                   >>> KappaShift);
-  assign constant       = VarianceWidth'(
-      (product + (AWidth + BWidth)'(1 << (vrscan_pkg::WaveCountFraction - 1)))
-      >>> vrscan_pkg::WaveCountFraction);
-  localparam logic [24:0] SigmaGain = 25'(vrscan_pkg::SigmaGain);
-
-  // Confidence: gain has 16 fraction bits, the S/N 8; to nearest, at most 255.
-  localparam int unsigned ObjectShift = vrscan_pkg::GainFraction;
-  logic [AWidth+BWidth-1:0] scaled;
-  logic [vrscan_pkg::ConfidenceWidth-1:0] confidence;
-  assign scaled     = (unsigned'(product) + (AWidth + BWidth)'(1 << (ObjectShift - 1)))
-                      >> ObjectShift;
-  assign confidence = scaled > (AWidth + BWidth)'(255) ? '1
-                      : scaled[vrscan_pkg::ConfidenceWidth-1:0];
+    rounded_constant_q <= VarianceWidth'(
+        (product + (AWidth + BWidth)'(1 << (vrscan_pkg::WaveCountFraction - 1)))
+        >>> vrscan_pkg::WaveCountFraction);
+    scaled_q           <= (unsigned'(product[ScaledWidth-1:0])
+                           + ScaledWidth'(1 << (vrscan_pkg::GainFraction - 1)))
+                          >> vrscan_pkg::GainFraction;
+    if (rst_i) product_ready_q <= 1'b0;
+  end
 
   always_ff @(posedge clk_i) begin
     multiply_start_q <= 1'b0;
@@ -165,7 +171,7 @@ module peak_confidence #(
         multiply_start_q <= 1'b1;
         state_q          <= SNR;
       end
-      SNR: if (product_valid) begin
+      SNR: if (product_ready_q) begin
         c_sfm_o        <= low_snr_q ? confidence : '0;
         numerator_q    <= NumeratorWidth'(height_q) << vrscan_pkg::SnrFraction;
         denominator_q  <= vrscan_pkg::MagnitudeWidth'(noise_q);
@@ -180,34 +186,34 @@ module peak_confidence #(
         multiply_start_q <= 1'b1;
         state_q          <= FREE;
       end
-      FREE: if (product_valid) begin
+      FREE: if (product_ready_q) begin
         c_obj_o          <= low_snr_q ? '0 : confidence;
         a_q              <= AWidth'(signed'({1'b0, noise_q}));
         b_q              <= BWidth'(signed'({1'b0, noise_q}));
         multiply_start_q <= 1'b1;
         state_q          <= SQUARE;
       end
-      SQUARE: if (product_valid) begin
+      SQUARE: if (product_ready_q) begin
         square_q         <= product[2*CountWidth-1:0];
         a_q              <= AWidth'(signed'({1'b0, kappa_i}));
         b_q              <= BWidth'(signed'({1'b0, fraction_q}));
         multiply_start_q <= 1'b1;
         state_q          <= FRACTION;
       end
-      FRACTION: if (product_valid) begin
-        a_q              <= signed'({2'b0, square_q}) - kappa_fraction;
+      FRACTION: if (product_ready_q) begin
+        a_q              <= signed'({2'b0, square_q}) - kappa_fraction_q;
         b_q              <= BWidth'(free_q);
         multiply_start_q <= 1'b1;
         state_q          <= CONSTANT;
       end
-      CONSTANT: if (product_valid) begin
-        constant_q       <= constant;
+      CONSTANT: if (product_ready_q) begin
+        constant_q       <= rounded_constant_q;
         a_q              <= AWidth'(signed'({1'b0, kappa_i}));
         b_q              <= BWidth'(shot_q);
         multiply_start_q <= 1'b1;
         state_q          <= SHOT;
       end
-      SHOT: if (product_valid) begin
+      SHOT: if (product_ready_q) begin
         variance_q       <= constant_q + VarianceWidth'(product);
         state_q          <= ROOT;
       end
@@ -223,13 +229,13 @@ module peak_confidence #(
         multiply_start_q <= 1'b1;
         state_q          <= GAIN;
       end
-      GAIN: if (product_valid) begin
+      GAIN: if (product_ready_q) begin
         a_q              <= product[AWidth-1:0];
         b_q              <= BWidth'(signed'({1'b0, SigmaGain}));
         multiply_start_q <= 1'b1;
         state_q          <= SIGMA;
       end
-      SIGMA: if (product_valid) begin
+      SIGMA: if (product_ready_q) begin
         numerator_q      <= product[NumeratorWidth-1:0];
         denominator_q    <= magnitude_q;
         divide_start_q   <= 1'b1;

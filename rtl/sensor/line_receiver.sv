@@ -59,19 +59,24 @@ module line_receiver #(
   localparam int unsigned PeriodWidth = $clog2(MinPeriod + 2);
 
   logic                                   in_line_q, over_q, lost_q;
+  logic                                   short_q, long_q, unfinished_q, early_q;
   logic [                  FillWidth-1:0] fill_q;  // pixels of this line so far
   logic [vrscan_pkg::LineNumberWidth-1:0] number_q;  // of the next line to start
   logic [                PeriodWidth-1:0] period_q;  // clocks since the last good end, saturating
 
-  logic                 active, take, over, ends, is_short, is_early, good, dropped, unfinished;
-  logic [FillWidth-1:0] fill;
+  // Whether the line is full, or wants one pixel, is known before the pixel comes.
+  logic                 full_q, one_left_q;
+  logic                 active, take, full, over, ends, is_short, is_early, good, dropped;
+  logic                 unfinished;
+  logic [FillWidth-1:0] fill, next_fill;
   assign active     = in_line_q || line_start_i;
   assign fill       = line_start_i ? '0 : fill_q;
-  assign take       = active && pixel_valid_i && fill != FillWidth'(LineLength);
-  assign over       = (over_q && !line_start_i)
-                      || (active && pixel_valid_i && fill == FillWidth'(LineLength));
+  assign full       = full_q && !line_start_i;
+  assign take       = active && pixel_valid_i && !full;
+  assign next_fill  = fill + FillWidth'(take);
+  assign over       = (over_q && !line_start_i) || (active && pixel_valid_i && full);
   assign ends       = active && line_end_i;
-  assign is_short   = fill + FillWidth'(take) != FillWidth'(LineLength);
+  assign is_short   = !(full || (one_left_q && !line_start_i && pixel_valid_i));
   assign is_early   = period_q != PeriodWidth'(MinPeriod);  // it stops there
   assign good       = ends && !is_short && !over && !is_early;
   assign unfinished = in_line_q && line_start_i;
@@ -81,7 +86,9 @@ module line_receiver #(
     valid_o   <= take;
     pixel_o   <= pixel_i;
     index_o   <= fill[IndexWidth-1:0];
-    fill_q    <= fill + FillWidth'(take);
+    fill_q    <= next_fill;
+    full_q     <= next_fill == FillWidth'(LineLength);
+    one_left_q <= next_fill == FillWidth'(LineLength - 1);
     over_q    <= over;
     in_line_q <= active && !line_end_i;
 
@@ -96,18 +103,17 @@ module line_receiver #(
     if (good) period_q <= PeriodWidth'(MinPeriod == 0 ? 0 : 1);
     else if (is_early) period_q <= period_q + PeriodWidth'(1);
 
-    if (ends && is_short && short_count_o != '1) begin
-      short_count_o <= short_count_o + CountWidth'(1);
-    end
-    if (ends && !is_short && over && long_count_o != '1) begin
-      long_count_o <= long_count_o + CountWidth'(1);
-    end
-    if (unfinished && unfinished_count_o != '1) begin
+    // Faults are counted a clock later, which keeps the counters off the path of the pixels.
+    short_q      <= ends && is_short;
+    long_q       <= ends && !is_short && over;
+    unfinished_q <= unfinished;
+    early_q      <= ends && !is_short && !over && is_early;
+    if (short_q && short_count_o != '1) short_count_o <= short_count_o + CountWidth'(1);
+    if (long_q && long_count_o != '1) long_count_o <= long_count_o + CountWidth'(1);
+    if (unfinished_q && unfinished_count_o != '1) begin
       unfinished_count_o <= unfinished_count_o + CountWidth'(1);
     end
-    if (ends && !is_short && !over && is_early && early_count_o != '1) begin
-      early_count_o <= early_count_o + CountWidth'(1);
-    end
+    if (early_q && early_count_o != '1) early_count_o <= early_count_o + CountWidth'(1);
 
     if (rst_i) begin
       valid_o            <= 1'b0;
@@ -116,6 +122,10 @@ module line_receiver #(
       lost_q             <= 1'b0;
       number_q           <= '0;
       period_q           <= PeriodWidth'(MinPeriod);
+      short_q            <= 1'b0;
+      long_q             <= 1'b0;
+      unfinished_q       <= 1'b0;
+      early_q            <= 1'b0;
       short_count_o      <= '0;
       long_count_o       <= '0;
       unfinished_count_o <= '0;

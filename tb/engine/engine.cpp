@@ -19,6 +19,7 @@ struct Engine {
   int64_t* results = nullptr;  // rows still to fill
   int64_t room = 0;
   int64_t count = 0;
+  int64_t clocks = 0;  // since the reset
 
   void clock() {
     chain.clk_i = 0;
@@ -30,12 +31,14 @@ struct Engine {
 #define STORE(name) *row++ = static_cast<int64_t>(chain.name##_o);
         RESULTS(STORE)
 #undef STORE
+        *row++ = clocks;
         results = row;
       }
       ++count;
     }
     chain.clk_i = 1;
     chain.eval();
+    clocks = chain.rst_i ? 0 : clocks + 1;
   }
 };
 

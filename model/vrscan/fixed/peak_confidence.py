@@ -42,7 +42,7 @@ class Confidence:
 
 def latency() -> int:
     """Return the clocks from ``valid_i`` to ``valid_o``."""
-    product = multiply_latency(50, 32) + 1
+    product = multiply_latency(50, 32) + 2
     quotient = divide_latency(pkg.SIGMA_WIDTH) + 1
     root = square_root_latency(ROOT_WIDTH) + 1
     return 8 * product + 2 * quotient + root + 2

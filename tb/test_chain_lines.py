@@ -1,0 +1,112 @@
+"""The whole chain at its shipped size, from C++: RTL against the model, line for line."""
+
+import numpy as np
+import pytest
+from harness import generator
+
+from vrscan.chain import latency, run_fixed
+from vrscan.config import Config
+from vrscan.fixed import pkg
+from vrscan.points import points_equal
+from vrscan.registers import Registers
+from vrscan.rtl import latencies, run_rtl
+
+LENGTH = 2048
+
+
+def spots(count: int, salt: int, top: int = 4095) -> np.ndarray:
+    """Return lines with a spot of any width, height and place, with noise, rivals and slopes."""
+    draw = generator(salt)
+    place = np.arange(LENGTH)
+    lines = np.zeros((count, LENGTH))
+    for row in range(count):
+        background = draw.random() ** 3 * 0.9 * top
+        noise = 10 ** draw.uniform(-1.5, 2) * top / 4095
+        line = background + noise * draw.standard_normal(LENGTH)
+        for _ in range(1 + (draw.random() < 0.3)):
+            centre, width = draw.uniform(-5, LENGTH + 5), 10 ** draw.uniform(-0.5, 1.7)
+            height = 10 ** draw.uniform(-2, 0.5) * top
+            line += height * np.exp(-(((place - centre) / width) ** 2))
+        line += draw.choice([0, 0, 0.02]) * place * top / LENGTH
+        lines[row] = line
+    return np.clip(np.round(lines), 0, top).astype(np.uint16)
+
+
+def plateaus(count: int, salt: int) -> np.ndarray:
+    """Return lines with a window of each width 0..MaxWindow and beyond, in random order."""
+    draw = generator(salt)
+    lines = draw.integers(40, 60, size=(count, LENGTH))
+    widths = draw.permutation(np.arange(max(count, 300)) % 300)[:count]
+    for row, width in enumerate(widths):
+        left = int(draw.integers(0, LENGTH - width + 1))
+        lines[row, left : left + width] = draw.integers(1000, 4096, width)
+    lines[:6] = 0
+    lines[1] = 4095
+    lines[2, 1000] = 4095
+    lines[3, :100] = lines[4, -100:] = 4095
+    lines[5] = np.arange(LENGTH) % 2 * 4095
+    return lines.astype(np.uint16)
+
+
+def extremes(registers: Registers, draw: np.random.Generator) -> Registers:
+    """Return registers at random over their whole range."""
+
+    def word(bits: int) -> int:
+        return int(draw.integers(1 << bits)) >> int(draw.integers(bits))
+
+    return Registers(
+        **vars(registers)
+        | {
+            "period_n": bool(draw.integers(2)),
+            "noise_row": bool(draw.integers(2)),
+            "even": bool(draw.integers(2)),
+            "k_noise": word(11),
+            "k_height": word(16),
+            "snr_min": word(12),
+            "min_width": word(4),
+            "max_width": 255 - word(4),
+            "kappa": word(pkg.KAPPA_WIDTH),
+            "c_obj_gain": word(pkg.GAIN_WIDTH),
+            "c_sfm_gain": word(pkg.GAIN_WIDTH),
+            "k1": word(22) - word(22),
+            "k2": word(24) - word(24),
+            "centre": registers.centre + word(26) - word(26),
+        }
+    )
+
+
+@pytest.mark.parametrize("salt", range(6))
+def test_chain_rtl_equals_model_on_whole_lines(salt: int) -> None:
+    """2,400 lines in all: shipped registers first, then registers at random."""
+    draw = generator(salt)
+    registers = Registers.from_config(Config())
+    if salt:
+        registers = extremes(registers, draw)
+    lines = np.concatenate([spots(200, salt), plateaus(200, 100 + salt)])
+    angle = draw.integers(-(1 << 23), 1 << 23, len(lines)) >> draw.integers(0, 5)
+    power = draw.integers(0, 1 << 16, len(lines))
+    want = run_fixed(lines, angle, power, registers)
+    assert points_equal(run_rtl(lines, angle, power, registers), want) is None
+    seen = np.bitwise_or.reduce(want.flags)
+    missing = {"NO_PHASE", "NO_NOISE", "LINES_LOST", "POINTS_LOST", "ROW_STATISTICS"}
+    if salt == 0:
+        assert {n for n, bit in pkg.FLAGS.items() if not seen >> bit & 1} <= missing | {
+            "NO_RANGE",
+            "OUT_OF_RANGE",
+        }
+
+
+def test_latency_is_its_formula() -> None:
+    """Every width and every unmeasured line, back to back: the clock of each point."""
+    registers = Registers.from_config(Config())
+    lines = plateaus(320, 7)
+    angle = power = np.zeros(len(lines), np.int64)
+    points = run_fixed(lines, angle, power, registers)
+    no_window = pkg.FLAG_LOW_SNR, pkg.FLAG_TOO_NARROW, pkg.FLAG_TOO_WIDE
+    measured = (points.flags & sum(1 << bit for bit in no_window)) == 0
+    want = [
+        latency(int(width), measured=bool(m), line_length=LENGTH, pixel_width=12)
+        for width, m in zip(points.width, measured, strict=True)
+    ]
+    assert latencies(lines, angle, power, registers).tolist() == want
+    assert len({*points.width[measured].tolist()}) > 200

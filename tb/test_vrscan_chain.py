@@ -1,0 +1,300 @@
+"""vrscan_chain clock by clock: gaps, faults, early lines, resets and a consumer that waits.
+
+``test_chain_lines.py`` sends thousands of whole lines through the shipped elaboration; here the
+order of things is what is tested, on lines short enough to step through.
+"""
+
+from dataclasses import dataclass, replace
+
+import cocotb
+import numpy as np
+import pytest
+from harness import FallingEdge, as_integer, generator, parameters, reset, simulate
+
+from vrscan.chain import latency, run_fixed
+from vrscan.config import Config, Geometry, Sensor
+from vrscan.fixed import pkg
+from vrscan.fixed.line_receiver import LineReceiver
+from vrscan.points import Points
+from vrscan.registers import Registers
+from vrscan.rtl import CONFIGURATION, RESULTS
+
+ELABORATIONS = [
+    {"LineLength": 600, "PixelWidth": 12, "MaxWindow": 60},  # lines may follow without a gap
+    {"LineLength": 100, "PixelWidth": 8, "MaxWindow": 20},  # they may not
+    {"LineLength": 547, "PixelWidth": 16, "MaxWindow": 70},
+]
+SIGNED = {"position", "angle", "x", "z"}
+
+
+@dataclass(frozen=True)
+class Strobes:
+    """One clock at the sensor's side."""
+
+    start: bool = False
+    valid: bool = False
+    pixel: int = 0
+    end: bool = False
+    angle: int = 0
+    power: int = 0
+
+
+def min_period() -> int:
+    """Return the clocks between two good lines that the elaboration asks for."""
+    given = parameters()
+    period = 2 * given["MaxWindow"] + pkg.MIN_PERIOD_OVERHEAD
+    return 0 if given["LineLength"] >= period else period
+
+
+def registers() -> Registers:
+    """Return the shipped registers for the running elaboration."""
+    given = parameters()
+    sensor = Sensor(pixel_width=given["PixelWidth"], line_length=given["LineLength"])
+    geometry = Geometry(centre_px=(given["LineLength"] - 1) / 2)
+    return Registers.from_config(Config(sensor=sensor, geometry=geometry))
+
+
+def spot_lines(count: int, salt: int) -> np.ndarray:
+    """Return lines with a spot of any width and place, some without."""
+    given = parameters()
+    draw = generator(salt)
+    length, top = given["LineLength"], (1 << given["PixelWidth"]) - 1
+    centre = draw.uniform(-2, length + 2, (count, 1))
+    width = 10 ** draw.uniform(-0.3, 1.5, (count, 1))
+    height = 10 ** draw.uniform(-2, 0.3, (count, 1)) * top
+    lines = 0.02 * top * (1 + draw.random((count, length)))
+    lines += height * np.exp(-(((np.arange(length) - centre) / width) ** 2))
+    lines[draw.random(count) < 0.1] = 5
+    return np.clip(np.round(lines), 0, top).astype(np.uint16)
+
+
+def as_strobes(pixels: np.ndarray, salt: int, *, gap: float = 0.0) -> list[Strobes]:
+    """Return the clocks of one line, with a share ``gap`` of idle ones."""
+    draw = generator(salt)
+    angle, power = int(draw.integers(-(1 << 20), 1 << 20)), int(draw.integers(1 << 16))
+    clocks = []
+    for k, pixel in enumerate(pixels.tolist()):
+        while draw.random() < gap:
+            clocks.append(Strobes(start=k == 0 and not clocks, pixel=77, angle=1, power=2))
+        clocks.append(
+            Strobes(not clocks, True, pixel, k == len(pixels) - 1, angle=angle, power=power)
+        )
+    return clocks
+
+
+def idle(clocks: int) -> list[Strobes]:
+    """Return clocks in which nothing happens."""
+    return [Strobes()] * clocks
+
+
+async def drive(dut, clocks: list[Strobes]) -> list[tuple[int, dict[str, int]]]:
+    """Drive the clocks with the consumer ready and return (clock, point) as they come."""
+    got = []
+    for cycle, s in enumerate(clocks):
+        dut.line_start_i.value = int(s.start)
+        dut.pixel_valid_i.value = int(s.valid)
+        dut.pixel_i.value = s.pixel
+        dut.line_end_i.value = int(s.end)
+        dut.angle_i.value = s.angle & ((1 << pkg.ANGLE_WIDTH) - 1)
+        dut.power_i.value = s.power
+        await FallingEdge(dut.clk_i)
+        if dut.valid_o.value and dut.ready_i.value:
+            got.append((cycle + 1, read_point(dut)))
+    return got
+
+
+def read_point(dut) -> dict[str, int]:
+    """Return the point on the output ports."""
+    return {n: as_integer(getattr(dut, f"{n}_o"), signed=n in SIGNED) for n in RESULTS}
+
+
+def expected(clocks: list[Strobes], given: Registers) -> list[tuple[int, dict[str, int]]]:
+    """Return (clock, point) by the receiver's twin and the model of the chain."""
+    elaboration = parameters()
+    length = elaboration["LineLength"]
+    twin = LineReceiver(length, min_period())
+    pixels: list[int] = []
+    ends, lines, angles, powers, numbers, lost = [], [], [], [], [], []
+    for cycle, s in enumerate(clocks):
+        got = twin.step(s.start, s.valid, s.pixel, s.end)
+        if got.index is not None:
+            pixels = [*pixels[: got.index], s.pixel] if got.index else [s.pixel]
+        if got.good:
+            ends.append(cycle)
+            lines.append(pixels)
+            angles.append(s.angle)
+            powers.append(s.power)
+            numbers.append(got.line_number)
+            lost.append(got.lost)
+    if not lines:
+        return []
+    points = run_fixed(
+        np.array(lines, np.uint16),
+        np.array(angles),
+        np.array(powers),
+        given,
+        max_window=elaboration["MaxWindow"],
+    )
+    flags = points.flags | np.array(lost, np.int64) << pkg.FLAG_LINES_LOST
+    points = replace(points, line=np.array(numbers), flags=flags)
+    return [(end + due(points, k), row(points, k)) for k, end in enumerate(ends)]
+
+
+def due(points: Points, k: int) -> int:
+    """Return the clocks from the last pixel of line k to its point."""
+    elaboration = parameters()
+    bad = pkg.FLAG_LOW_SNR, pkg.FLAG_TOO_NARROW, pkg.FLAG_TOO_WIDE
+    measured = not int(points.flags[k]) & sum(1 << bit for bit in bad)
+    return latency(
+        int(points.width[k]),
+        measured=measured,
+        line_length=elaboration["LineLength"],
+        pixel_width=elaboration["PixelWidth"],
+        max_window=elaboration["MaxWindow"],
+    )
+
+
+def row(points: Points, k: int) -> dict[str, int]:
+    """Return point k under the names of the ports."""
+    return {name: int(getattr(points, name)[k]) for name in RESULTS}
+
+
+async def compare(dut, clocks: list[Strobes], given: Registers) -> list[dict[str, int]]:
+    """Drive the clocks, let the last point out, and compare every point and its clock."""
+    clocks = clocks + idle(2000 + parameters()["LineLength"])
+    want = expected(clocks, given)
+    got = await drive(dut, clocks)
+    for k, (have, need) in enumerate(zip(got, want, strict=False)):
+        wrong = {n: (have[1][n], need[1][n]) for n in RESULTS if have[1][n] != need[1][n]}
+        assert have[0] == need[0] and not wrong, (
+            f"point {k}: clock {have[0]}, want {need[0]}; (got, want) {wrong}"
+        )
+    assert len(got) == len(want), f"{len(got)} points, want {len(want)}"
+    return [point for _, point in got]
+
+
+async def start(dut) -> Registers:
+    """Reset, load the registers and open the consumer."""
+    await reset(dut)
+    given = registers()
+    for name in CONFIGURATION:
+        handle = getattr(dut, f"{name}_i")
+        value = int(getattr(given, name))
+        handle.value = value & ((1 << max(1, len(handle))) - 1) if value < 0 else value
+    dut.ready_i.value = 1
+    await FallingEdge(dut.clk_i)
+    return given
+
+
+@cocotb.test()
+async def lines_back_to_back(dut) -> None:
+    """No clock between lines; where that is too fast, lines are dropped and flagged."""
+    given = await start(dut)
+    lines = spot_lines(40, 1)
+    clocks = [s for k, line in enumerate(lines) for s in as_strobes(line, k)]
+    points = await compare(dut, clocks, given)
+    if min_period():
+        assert 0 < len(points) < len(lines)
+        assert int(dut.early_count_o.value) == len(lines) - len(points)
+        assert points[1]["flags"] >> pkg.FLAG_LINES_LOST & 1
+    else:
+        assert len(points) == len(lines)
+
+
+@cocotb.test()
+async def gaps_everywhere(dut) -> None:
+    """Gaps between pixels and between lines."""
+    given = await start(dut)
+    draw = generator(2)
+    clocks: list[Strobes] = []
+    for k, line in enumerate(spot_lines(12, 2)):
+        clocks += as_strobes(line, k, gap=float(draw.random() * 0.5))
+        clocks += idle(int(draw.integers(2 * min_period() + 50)))
+    await compare(dut, clocks, given)
+
+
+@cocotb.test()
+async def bad_lines_among_good_ones(dut) -> None:
+    """Short, long and unfinished lines: counted, flagged in the next point, and without trace."""
+    given = await start(dut)
+    lines = spot_lines(16, 3)
+    pause = idle(min_period())
+    clocks: list[Strobes] = []
+    for k, line in enumerate(lines):
+        part = as_strobes(line, k)
+        if k % 4 == 1:
+            part = as_strobes(line[: 1 + 31 * k % len(line)], k)
+        elif k % 4 == 2:
+            part = as_strobes(np.r_[line, line[:3]], k)
+        elif k % 8 == 3:
+            part = part[:-5]
+        clocks += part + pause
+    points = await compare(dut, clocks, given)
+    assert len(points) < len(lines)
+    counts = [int(getattr(dut, f"{n}_count_o").value) for n in ("short", "long", "unfinished")]
+    assert counts == [4, 4, 2]
+
+
+@cocotb.test()
+async def consumer_that_waits(dut) -> None:
+    """A point that nobody takes stays; the next ones are counted, and the first after says so."""
+    given = await start(dut)
+    lines = spot_lines(6, 4)
+    period = max(min_period(), len(lines[0]))
+    clocks: list[Strobes] = []
+    for k, line in enumerate(lines):
+        part = as_strobes(line, k)
+        clocks += part + idle(period - len(part))
+    want = expected(clocks + idle(3000), given)
+    dut.ready_i.value = 0
+    # The consumer opens between the fourth and the fifth point.
+    split = (want[3][0] + want[4][0]) // 2
+    clocks = clocks + idle(3000)
+    await drive(dut, clocks[:split])
+    assert dut.valid_o.value == 1
+    assert read_point(dut) == want[0][1]
+    assert int(dut.dropped_count_o.value) == 3
+    dut.ready_i.value = 1
+    got = await drive(dut, clocks[split:])
+    flagged = want[4][1] | {"flags": want[4][1]["flags"] | 1 << pkg.FLAG_POINTS_LOST}
+    assert [point for _, point in got] == [flagged, want[5][1]]
+
+
+@cocotb.test()
+async def reset_mid_stream(dut) -> None:
+    """A reset at any moment of the chain's work, with pixels coming: then all is as at first."""
+    given = await start(dut)
+    lines = spot_lines(3, 5)
+    part = [s for k, line in enumerate(lines) for s in as_strobes(line, k) + idle(min_period())]
+    whole = expected(part + idle(3000), given)[0][0]
+    for age in np.linspace(3, whole + 10, 9).astype(int):
+        await drive(dut, (part + idle(3000))[:age])
+        dut.rst_i.value = dut.pixel_valid_i.value = dut.line_end_i.value = 1
+        await FallingEdge(dut.clk_i)
+        dut.rst_i.value = 0
+        points = await compare(dut, part, given)
+        assert points[0]["line"] == 0
+
+
+@pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
+def test_vrscan_chain_rtl_equals_model(widths: dict[str, int]) -> None:
+    simulate("vrscan_chain", __file__, widths)
+
+
+@pytest.mark.parametrize("pixel_width", [8, 12, 16])
+@pytest.mark.parametrize("line_length", [64, 1000, 2048, 4096])
+def test_no_stage_is_busy_longer_than_the_least_period(line_length: int, pixel_width: int) -> None:
+    """MinPeriodOverhead covers the stages: what is between two lines is enough for each."""
+    from vrscan.fixed import distortion, line_statistics, peak_confidence, peak_isolate
+    from vrscan.fixed import peak_position, phase_correlate, triangulate
+
+    for max_window in (3, 63, 255):
+        period = max(2 * max_window + pkg.MIN_PERIOD_OVERHEAD, line_length)
+        # Statistics until the threshold has taken them over.
+        threshold = line_statistics.latency(line_length, pixel_width, max_window)
+        assert max(threshold, peak_isolate.replay_latency()) + 2 <= period
+        # A window stays in phase_correlate until the triangle has taken its point.
+        offset = peak_position.LATENCY + distortion.latency(line_length)
+        quality = max(offset, peak_confidence.latency()) + 2
+        assert phase_correlate.latency(max_window) + quality <= period
+        assert triangulate.BUSY <= period
