@@ -104,7 +104,7 @@ module triangulate #(
   logic signed [   AmplWidth-1:0] sine, cosine;
   logic signed [ProductWidth-1:0] product;
   logic signed [RoundedWidth-1:0] rounded_q;
-  logic        [  RangeWidth-1:0] quotient;
+  logic        [  RangeWidth-1:0] quotient;  // q < 4096 mm, BaseFraction bits; then sigma_z
   logic                           overflow;
 
   // The point in work.
@@ -120,9 +120,7 @@ module triangulate #(
   logic signed [FactorWidth-1:0] s;
   logic signed [RoundedWidth-1:0] numerator_q;  // <= 6144 mm, BaseFraction bits
   logic signed [RoundedWidth-1:0] ray_cosine_q, ray_sine_q;  // <= 6, RayFraction bits
-  logic signed [RoundedWidth-1:0] sum_q;
   logic signed [  RoundedWidth:0] divisor_q;  // <= 6 sqrt 2, RayFraction bits
-  logic        [  RangeWidth-1:0] range_q;  // < 4096 mm, BaseFraction bits
   logic signed [RoundedWidth-1:0] rate_q;  // <= 2 sqrt 2, RayFraction bits
   logic signed [GradientWidth-1:0] move_q;  // <= 2048 mm, GradientFraction bits
   logic signed [GradientWidth-1:0] gradient_q;  // < 13700 mm, GradientFraction bits
@@ -130,7 +128,6 @@ module triangulate #(
   logic        [ RoundedWidth-2:0] scale_q;  // < 2**33
   logic signed [    FullWidth-1:0] x_q, z_q;  // < 4096 mm, LengthFraction bits
   logic                            no_range_q;
-  logic [vrscan_pkg::SigmaWidth-1:0] sigma_z_q;
 
   // The offset has OffsetFraction + PixelBits fraction bits as s; to nearest, half up, where bits
   // go.
@@ -178,7 +175,7 @@ module triangulate #(
       Spread:                b = RoundedWidth'(slope_q) <<< SlopeAlign;
       Gradient:              b = rate_q;
       Scale:                 b = signed'(RoundedWidth'(spread_q));
-      default:               b = signed'(RoundedWidth'(range_q));
+      default:               b = signed'(RoundedWidth'(quotient));
     endcase
   end
 
@@ -243,6 +240,10 @@ module triangulate #(
                     z_q[FullWidth-1] ? ~LengthMax : LengthMax;
   assign in_range = measured_q && !no_range_q;
 
+  logic [vrscan_pkg::SigmaWidth-1:0] sigma_z;
+  assign sigma_z = |quotient[RangeWidth-1:vrscan_pkg::SigmaWidth]
+                   ? '1 : quotient[vrscan_pkg::SigmaWidth-1:0];
+
   assign accept = valid_i && !busy_q;
   logic full, drop;
   assign full = valid_o && !ready_i;
@@ -268,25 +269,24 @@ module triangulate #(
           step_q     <= DivisorCosine;
         end
         DivisorCosine: begin
-          sum_q  <= rounded_q;
-          step_q <= DivisorSine;
+          divisor_q <= (RoundedWidth + 1)'(rounded_q);
+          step_q    <= DivisorSine;
         end
         DivisorSine: begin
-          divisor_q <= (RoundedWidth + 1)'(sum_q) + (RoundedWidth + 1)'(rounded_q);
+          divisor_q <= divisor_q + (RoundedWidth + 1)'(rounded_q);
           step_q    <= Range;
         end
         Range: begin
-          range_q    <= quotient;
           no_range_q <= overflow || numerator_q[RoundedWidth-1] || numerator_q == '0 ||
                         divisor_q[RoundedWidth] || divisor_q == '0;
           step_q     <= RateCosine;
         end
         RateCosine: begin
-          sum_q  <= rounded_q;
+          rate_q <= rounded_q;
           step_q <= RateSine;
         end
         RateSine: begin
-          rate_q <= sum_q + rounded_q;
+          rate_q <= rate_q + rounded_q;
           step_q <= Move;
         end
         Move: begin
@@ -313,11 +313,7 @@ module triangulate #(
           scale_q <= magnitude;
           step_q  <= SigmaZ;
         end
-        default: begin
-          sigma_z_q <= |quotient[RangeWidth-1:vrscan_pkg::SigmaWidth]
-                       ? '1 : quotient[vrscan_pkg::SigmaWidth-1:0];
-          busy_q    <= 1'b0;
-        end
+        default: busy_q <= 1'b0;
       endcase
     end
     // To nearest, half up.
@@ -345,7 +341,7 @@ module triangulate #(
       measured_o     <= measured_q;
       x_o            <= in_range ? x : '0;
       z_o            <= in_range ? z : '0;
-      sigma_z_o      <= in_range ? sigma_z_q : {vrscan_pkg::SigmaWidth{measured_q}};
+      sigma_z_o      <= in_range ? sigma_z : {vrscan_pkg::SigmaWidth{measured_q}};
       no_range_o     <= measured_q && no_range_q;
       out_of_range_o <= in_range && (saturated_q || !x_fits || !z_fits);
       lost_o         <= lost_q;
