@@ -126,7 +126,7 @@ module vrscan_chain #(
     angle_q <= unsigned'(angle_i);
     power_q <= power_i;
   end
-  assign line = '{number: line_number, lost: lost, angle: angle_q, power: power_q};
+  assign line = {line_number, lost, angle_q, power_q};
 
   typedef struct packed {
     line_t                                line;
@@ -141,7 +141,7 @@ module vrscan_chain #(
   logic [vrscan_pkg::CountWidth-1:0] background, noise;
   line_statistics #(
     .Lanes(Lanes), .LineLength(LineLength), .PixelWidth(PixelWidth), .MaxWindow(MaxWindow),
-    .UserWidth($bits(line_t))
+    .UserWidth($bits(line))
   ) u_line_statistics (
     .clk_i, .rst_i,
     .valid_i         (received),
@@ -195,7 +195,7 @@ module vrscan_chain #(
   logic [             PixelWidth-1:0] read_pixel;
   peak_isolate #(
     .Lanes(Lanes), .LineLength(LineLength), .PixelWidth(PixelWidth), .MaxWindow(MaxWindow),
-    .UserWidth($bits(row_t))
+    .UserWidth($bits(row))
   ) u_peak_isolate (
     .clk_i, .rst_i,
     .valid_i      (statistics_valid),
@@ -231,7 +231,7 @@ module vrscan_chain #(
   logic        [       vrscan_pkg::SumWidth-1:0] height_sum;
   logic signed [      vrscan_pkg::WaveWidth-1:0] wave;
   logic signed [ vrscan_pkg::WaveCountWidth-1:0] wave_count;
-  phase_correlate #(.PixelWidth(PixelWidth), .UserWidth($bits(window_t))) u_phase_correlate (
+  phase_correlate #(.PixelWidth(PixelWidth), .UserWidth($bits(window))) u_phase_correlate (
     .clk_i, .rst_i,
     .valid_i     (window_valid),
     .measured_i  (window_measured),
@@ -348,7 +348,7 @@ module vrscan_chain #(
   end
 
   logic no_range, out_of_range, points_lost, dropped;
-  triangulate #(.LineLength(LineLength), .UserWidth($bits(point_t))) u_triangulate (
+  triangulate #(.LineLength(LineLength), .UserWidth($bits(point))) u_triangulate (
     .clk_i, .rst_i,
     .valid_i       (start_q),
     .measured_i    (phase_measured),

@@ -107,12 +107,13 @@ async def send(
         await FallingEdge(dut.clk_i)
         cycle += 1
         if reading:
-            got_pixel, want_pixel = int(dut.read_pixel_o.value), reading.pop(0)
-            assert got_pixel == want_pixel, (
-                f"window {len(got['left']) - 1}, place {read_at}: got {got_pixel}, "
-                f"want {want_pixel}"
-            )
             read_at += 1
+            if read_at >= 2:
+                got_pixel, want_pixel = int(dut.read_pixel_o.value), reading.pop(0)
+                assert got_pixel == want_pixel, (
+                    f"window {len(got['left']) - 1}, place {read_at - 2}: got {got_pixel}, "
+                    f"want {want_pixel}"
+                )
         # Line k's statistics come at clock k * length.
         started, rest = divmod(cycle - replay_latency(), length)
         replay = rest == 0 and 0 <= started < len(lines)

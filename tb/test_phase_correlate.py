@@ -75,8 +75,9 @@ async def send(
         dut.background_i.value = int(background[row])
         dut.user_i.value = row & 0xFF
         expected = latency(int(widths[row])) if measured[row] else UNMEASURED_LATENCY
+        asked = before = 0
         for cycle in range(1, expected + 1):
-            asked = as_integer(dut.read_index_o, signed=False)
+            asked, before = before, as_integer(dut.read_index_o, signed=False)
             await FallingEdge(dut.clk_i)
             dut.valid_i.value = 0
             dut.width_i.value = dut.background_i.value = dut.measured_i.value = 0

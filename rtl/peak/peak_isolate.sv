@@ -12,7 +12,7 @@
 //
 //   left_o, right_o, width_o  the window; width_o is 0 where the maximum is not above the threshold
 //   measured_o                none of LOW_SNR, TOO_NARROW and TOO_WIDE
-//   read_index_i, read_pixel_o  pixel of the window, 1 clock later
+//   read_index_i, read_pixel_o  pixel of the window, 2 clocks later
 //   Latency  vrscan.fixed.peak_isolate.latency() clocks from valid_i to valid_o; replay_o comes
 //            vrscan.fixed.peak_isolate.replay_latency() clocks after valid_i
 //   Model    vrscan.fixed.peak_isolate, bit-exact
@@ -191,18 +191,19 @@ module peak_isolate #(
   assign first = index_q == '0;
 
   // Three lines are under way at once: one gets its threshold, one is compared and one ends.
-  // The buffer answers two clocks after replay_o, so the compared line's set changes with its
+  // The buffer answers three clocks after replay_o, so the compared line's set changes with its
   // first pixel, and the ending line's a clock later, behind the flags of the one before.
   logic [IndexWidth-1:0] compare_max_index_q, end_max_index_q;
   logic [   TermWidth:0] compare_threshold_q;
-  logic                  replay_q, compare_low_snr_q, end_low_snr_q;
+  logic                  replay_q, replay_q2, compare_low_snr_q, end_low_snr_q;
   logic [PixelWidth-1:0] compare_maximum_q, end_maximum_q;
   logic [CountWidth-1:0] compare_background_q, end_background_q;
   logic [CountWidth-1:0] compare_noise_q, end_noise_q;
   logic [ UserWidth-1:0] compare_user_q, end_user_q;
   always_ff @(posedge clk_i) begin
-    replay_q <= replay_o;
-    if (replay_q) begin
+    replay_q  <= replay_o;
+    replay_q2 <= replay_q;
+    if (replay_q2) begin
       compare_threshold_q  <= threshold_q;
       compare_low_snr_q    <= low_snr_q;
       compare_max_index_q  <= max_index_q;
@@ -219,7 +220,10 @@ module peak_isolate #(
       end_noise_q      <= compare_noise_q;
       end_user_q       <= compare_user_q;
     end
-    if (rst_i) replay_q <= 1'b0;
+    if (rst_i) begin
+      replay_q  <= 1'b0;
+      replay_q2 <= 1'b0;
+    end
   end
 
   // ---- compare ----
@@ -285,13 +289,15 @@ module peak_isolate #(
   // rests, and the next line uses the other one.
   logic [PixelWidth-1:0]  window_mem [2 << WindowWidth];
   logic                   bank_q;
+  logic [PixelWidth-1:0]  read_q;
   logic [ WidthWidth-1:0] place;
   logic                   keep;
   assign place = in_run_q ? run_width_q : '0;
   assign keep  = seen_q && above_q && (!found_q || first) && place < WidthWidth'(MaxWindow);
   always_ff @(posedge clk_i) begin
     if (keep) window_mem[{bank_q, WindowWidth'(place)}] <= pixel_q;
-    read_pixel_o <= window_mem[{!bank_q, read_index_i}];
+    read_q       <= window_mem[{!bank_q, read_index_i}];
+    read_pixel_o <= read_q;
     if (seen_q && last_q) bank_q <= !bank_q;
     if (rst_i) bank_q <= 1'b0;
   end

@@ -38,7 +38,7 @@ module phase_correlate #(
   input  wire logic        [    vrscan_pkg::CountWidth-1:0] background_i,
   input  wire logic        [                 UserWidth-1:0] user_i,
 
-  // The window's pixels: one clock from index to pixel.
+  // The window's pixels: two clocks from index to pixel.
   output      logic        [   vrscan_pkg::WindowWidth-1:0] read_index_o,
   input  wire logic        [                PixelWidth-1:0] read_pixel_i,
 
@@ -178,7 +178,7 @@ module phase_correlate #(
   // ---- samples: the pixel waits for its sine ----
   localparam int unsigned TableLatency = vrscan_pkg::QuarterWaveLatency;
   localparam int unsigned HeightWidth  = AlignedWidth + 1;  // above the pedestal, and a sign
-  localparam int unsigned Delay        = TableLatency - 2;  // index to pixel to height takes two
+  localparam int unsigned Delay        = TableLatency - 3;  // index to pixel to height takes three
 
   logic signed [SineWidth-1:0] sine, cosine;
   logic                        table_valid;
@@ -193,7 +193,7 @@ module phase_correlate #(
 
   logic        [  AlignedWidth-1:0] aligned;
   logic        [   HeightWidth-1:0] height_q;
-  logic                             restore_q2, restore_q3;
+  logic                             restore_q2, restore_q3, restore_q4;
   logic        [Delay*HeightWidth-1:0] height_delay_q;
   logic        [         Delay-1:0] restore_delay_q;
   logic signed [   HeightWidth-1:0] height;
@@ -205,10 +205,11 @@ module phase_correlate #(
   always_ff @(posedge clk_i) begin
     restore_q2 <= restore_q;
     restore_q3 <= restore_q2;
-    if (restore_q2) height_q <= {1'b0, period_o == width_o ? AlignedWidth'(0) : pedestal_q};
+    restore_q4 <= restore_q3;
+    if (restore_q3) height_q <= {1'b0, period_o == width_o ? AlignedWidth'(0) : pedestal_q};
     else            height_q <= {1'b0, aligned} - {1'b0, pedestal_q};
     height_delay_q  <= (Delay*HeightWidth)'({height_delay_q, height_q});
-    restore_delay_q <= Delay'({restore_delay_q, restore_q3});
+    restore_delay_q <= Delay'({restore_delay_q, restore_q4});
   end
 
   // ---- products: a sine in two parts, each an 18-bit multiplier with registers ----

@@ -6,7 +6,7 @@
 // The line is replayed before the second next one reaches the same place: replay_i has to come
 // before the next good_i.
 //
-//   Latency  2 clocks from replay_i to the first valid_o
+//   Latency  3 clocks from replay_i to the first valid_o: the memory's output is registered again
 //   Model    vrscan.fixed.line_buffer
 
 `default_nettype none
@@ -42,17 +42,24 @@ module line_buffer #(
   logic                  write_bank_q, read_bank_q, reading_q;
   logic [IndexWidth-1:0] read_index_q;
   logic                  is_last;
+  logic                        valid_q, last_q;
+  logic [Lanes*PixelWidth-1:0] pixel_q;
+  logic [      IndexWidth-1:0] index_q;
   assign is_last = read_index_q == IndexWidth'(LineLength - Lanes);
 
   always_ff @(posedge clk_i) begin
     if (valid_i) line_mem[{write_bank_q, index_i}] <= pixel_i;
-    pixel_o <= line_mem[{read_bank_q, read_index_q}];
+    pixel_q <= line_mem[{read_bank_q, read_index_q}];
+    pixel_o <= pixel_q;
 
     if (good_i) write_bank_q <= !write_bank_q;
 
-    valid_o <= reading_q;
-    index_o <= read_index_q;
-    last_o  <= is_last;
+    valid_q <= reading_q;
+    index_q <= read_index_q;
+    last_q  <= is_last;
+    valid_o <= valid_q;
+    index_o <= index_q;
+    last_o  <= last_q;
     if (replay_i) begin
       // The readable bank is the one that is not being written.
       read_bank_q  <= !write_bank_q;
@@ -66,6 +73,7 @@ module line_buffer #(
     if (rst_i) begin
       write_bank_q <= 1'b0;
       reading_q    <= 1'b0;
+      valid_q      <= 1'b0;
       valid_o      <= 1'b0;
     end
   end

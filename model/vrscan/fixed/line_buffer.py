@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-LATENCY = 2  # clocks from replay_i to the first valid_o
+LATENCY = 3  # clocks from replay_i to the first valid_o
 
 
 @dataclass
