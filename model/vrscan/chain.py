@@ -20,7 +20,7 @@ from vrscan.points import Points
 from vrscan.registers import Registers
 
 MAX_WINDOW = 255
-CHUNK = 512  # lines at a time: what a core's cache holds
+CHUNK = 1024  # lines at a time: what a core's cache holds
 
 _ANGLE_SIGN = 1 << (pkg.ANGLE_WIDTH - 1)
 
