@@ -30,7 +30,7 @@ package vrscan_pkg;
   localparam int unsigned GainFraction = 16;
 
   // A line every 2 MaxWindow + MinPeriodOverhead clocks, or LineLength where that is longer.
-  localparam int unsigned MinPeriodOverhead = 400;
+  localparam int unsigned MinPeriodOverhead = 450;
 
   // Statistics.
   localparam int unsigned BlockLength = 64;
@@ -42,7 +42,7 @@ package vrscan_pkg;
   localparam int unsigned SineWidth = 24;
   localparam int unsigned SineAmplitude = 8388353;  // quarter_wave's 1.0 at SineWidth
   localparam int unsigned PhaseWidth = 28;  // turns, of the table's input
-  localparam int unsigned QuarterWaveLatency = 7;  // clocks
+  localparam int unsigned QuarterWaveLatency = 8;  // clocks
   localparam int unsigned HarmonicWidth = 48;  // AlignedWidth + SineWidth + WindowWidth
   localparam int unsigned MagnitudeWidth = 50;
   localparam int unsigned SumWidth = 24;  // aligned counts of a window above its pedestal

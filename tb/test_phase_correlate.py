@@ -152,4 +152,3 @@ def test_phase_correlate_rtl_equals_model(widths: dict[str, int]) -> None:
 
 def test_package_knows_the_table() -> None:
     assert round(quarter_wave.amplitude(pkg.SINE_WIDTH)) == pkg.SINE_AMPLITUDE
-    assert quarter_wave.LATENCY == pkg.QUARTER_WAVE_LATENCY

@@ -11,7 +11,7 @@
 //   offset_o     px, OffsetFraction bits; error below 2**-18 px for 10 % at the edge of 2048 px
 //   slope_o      d offset / d position, SlopeFraction bits
 //   saturated_o  one of the two does not fit, or the correction is beyond 100 %
-//   Latency      5 products of multiply's latency + 2 clocks, + 2: 47 clocks; a valid_i meanwhile
+//   Latency      5 products of multiply's latency + 2 clocks, + 2: 57 clocks; a valid_i meanwhile
 //                starts anew.  The configuration must hold meanwhile.
 //   Model        vrscan.fixed.distortion, bit-exact
 

@@ -213,51 +213,63 @@ module phase_correlate #(
   end
 
   // ---- products: a sine in two parts, each an 18-bit multiplier with registers ----
+  // Chosen, beside the multipliers, multiplied, behind them, and joined: q to q5.
   localparam int unsigned LowProduct  = HeightWidth + LowWidth + 1;
   localparam int unsigned HighProduct = HeightWidth + HighWidth;
   localparam int unsigned FullProduct = HeightWidth + SineWidth;
 
-  logic                          sample_q, sample_q2, sample_q3;
-  logic                          restored_q, restored_q2, restored_q3;
-  logic signed [HeightWidth-1:0] height_q1, height_q2, height_q3;
-  logic signed [  SineWidth-1:0] sine_q, cosine_q, cosine_q2, cosine_q3;
+  logic        [            4:0] sample_q;  // stage by stage
+  logic        [            4:0] restored_q;
+  logic        [5*HeightWidth-1:0] height_stages_q;
+  logic        [  5*SineWidth-1:0] cosine_stages_q;
+  logic signed [HeightWidth-1:0] height_q1, height_q2;
+  logic signed [  SineWidth-1:0] sine_q, cosine_q, sine_q2, cosine_q2;
   logic signed [     LowWidth:0] sine_low, cosine_low;
   logic signed [  HighWidth-1:0] sine_high, cosine_high;
-  logic signed [ LowProduct-1:0] sine_low_q2, cosine_low_q2;
-  logic signed [HighProduct-1:0] sine_high_q2, cosine_high_q2;
-  logic signed [FullProduct-1:0] sine_product_q3, cosine_product_q3;
-  assign sine_low    = signed'({1'b0, sine_q[LowWidth-1:0]});
-  assign sine_high   = signed'(sine_q[SineWidth-1:LowWidth]);
-  assign cosine_low  = signed'({1'b0, cosine_q[LowWidth-1:0]});
-  assign cosine_high = signed'(cosine_q[SineWidth-1:LowWidth]);
+  logic signed [ LowProduct-1:0] sine_low_q3, cosine_low_q3, sine_low_q4, cosine_low_q4;
+  logic signed [HighProduct-1:0] sine_high_q3, cosine_high_q3, sine_high_q4, cosine_high_q4;
+  logic signed [FullProduct-1:0] sine_product_q5, cosine_product_q5;
+  assign sine_low    = signed'({1'b0, sine_q2[LowWidth-1:0]});
+  assign sine_high   = signed'(sine_q2[SineWidth-1:LowWidth]);
+  assign cosine_low  = signed'({1'b0, cosine_q2[LowWidth-1:0]});
+  assign cosine_high = signed'(cosine_q2[SineWidth-1:LowWidth]);
+
+  // What a sample needs again where its products arrive.
+  logic                          arrived, arrived_restored;
+  logic        [HeightWidth-1:0] arrived_height;
+  logic signed [  SineWidth-1:0] arrived_cosine;
+  assign arrived          = sample_q[4];
+  assign arrived_restored = restored_q[4];
+  assign arrived_height   = height_stages_q[5*HeightWidth-1-:HeightWidth];
+  assign arrived_cosine   = signed'(cosine_stages_q[5*SineWidth-1-:SineWidth]);
 
   always_ff @(posedge clk_i) begin
-    sample_q   <= table_valid;
-    restored_q <= restore;
-    height_q1  <= height;
-    sine_q     <= restore ? '0 : sine;
-    cosine_q   <= restore ? SineWidth'(signed'(vrscan_pkg::SineAmplitude)) : cosine;
+    sample_q        <= {sample_q[3:0], table_valid};
+    restored_q      <= {restored_q[3:0], restore};
+    height_stages_q <= {height_stages_q[4*HeightWidth-1:0], unsigned'(height)};
+    cosine_stages_q <= {cosine_stages_q[4*SineWidth-1:0], unsigned'(cosine)};
 
-    sample_q2      <= sample_q;
-    restored_q2    <= restored_q;
-    height_q2      <= height_q1;
-    cosine_q2      <= cosine_q;
-    sine_low_q2    <= LowProduct'(height_q1) * LowProduct'(sine_low);
-    sine_high_q2   <= HighProduct'(height_q1) * HighProduct'(sine_high);
-    cosine_low_q2  <= LowProduct'(height_q1) * LowProduct'(cosine_low);
-    cosine_high_q2 <= HighProduct'(height_q1) * HighProduct'(cosine_high);
+    height_q1 <= height;
+    sine_q    <= restore ? '0 : sine;
+    cosine_q  <= restore ? SineWidth'(signed'(vrscan_pkg::SineAmplitude)) : cosine;
 
-    sample_q3         <= sample_q2;
-    restored_q3       <= restored_q2;
-    height_q3         <= height_q2;
-    cosine_q3         <= cosine_q2;
-    sine_product_q3   <= FullProduct'(sine_low_q2) + (FullProduct'(sine_high_q2) <<< LowWidth);
-    cosine_product_q3 <= FullProduct'(cosine_low_q2) + (FullProduct'(cosine_high_q2) <<< LowWidth);
-    if (rst_i) begin
-      sample_q  <= 1'b0;
-      sample_q2 <= 1'b0;
-      sample_q3 <= 1'b0;
-    end
+    height_q2 <= height_q1;
+    sine_q2   <= sine_q;
+    cosine_q2 <= cosine_q;
+
+    sine_low_q3    <= LowProduct'(height_q2) * LowProduct'(sine_low);
+    sine_high_q3   <= HighProduct'(height_q2) * HighProduct'(sine_high);
+    cosine_low_q3  <= LowProduct'(height_q2) * LowProduct'(cosine_low);
+    cosine_high_q3 <= HighProduct'(height_q2) * HighProduct'(cosine_high);
+
+    sine_low_q4    <= sine_low_q3;
+    sine_high_q4   <= sine_high_q3;
+    cosine_low_q4  <= cosine_low_q3;
+    cosine_high_q4 <= cosine_high_q3;
+
+    sine_product_q5   <= FullProduct'(sine_low_q4) + (FullProduct'(sine_high_q4) <<< LowWidth);
+    cosine_product_q5 <= FullProduct'(cosine_low_q4) + (FullProduct'(cosine_high_q4) <<< LowWidth);
+    if (rst_i) sample_q <= '0;
   end
 
   // ---- sums ----
@@ -270,21 +282,21 @@ module phase_correlate #(
   logic signed [         PlainWidth-1:0] plain_sum_q;
   logic        [        WindowWidth-1:0] taken_q;  // samples of this pass
   always_ff @(posedge clk_i) begin
-    cordic_start_q <= sample_q3 && restored_q3;
-    summed_q       <= sample_q3 && state_q == DRAIN && taken_q == width_o - WindowWidth'(1);
+    cordic_start_q <= arrived && arrived_restored;
+    summed_q       <= arrived && state_q == DRAIN && taken_q == width_o - WindowWidth'(1);
     if (begin_pass) begin
       x_q         <= '0;
       y_q         <= '0;
       sum_q       <= '0;
       plain_sum_q <= '0;
       taken_q     <= '0;
-    end else if (sample_q3) begin
-      x_q     <= x_q + HarmonicWidth'(cosine_product_q3);
-      y_q     <= y_q + HarmonicWidth'(sine_product_q3);
+    end else if (arrived) begin
+      x_q     <= x_q + HarmonicWidth'(cosine_product_q5);
+      y_q     <= y_q + HarmonicWidth'(sine_product_q5);
       taken_q <= taken_q + WindowWidth'(1);
-      if (!restored_q3) begin
-        sum_q       <= sum_q + vrscan_pkg::SumWidth'(unsigned'(height_q3));
-        plain_sum_q <= plain_sum_q + PlainWidth'(cosine_q3);
+      if (!arrived_restored) begin
+        sum_q       <= sum_q + vrscan_pkg::SumWidth'(arrived_height);
+        plain_sum_q <= plain_sum_q + PlainWidth'(arrived_cosine);
       end
     end
     if (rst_i) begin

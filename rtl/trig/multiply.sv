@@ -2,11 +2,12 @@
 //
 // Product scanning: both operands are cut into limbs of 17 bits, the top one signed with up to 18.
 // The limb products of one column i + j = k are added up, the sum's low 17 bits are the product's
-// limb k, and the sum moves down by 17 bits for the next column.  Operands and limb products are
-// registered around the multiplier, which on an ECP5 reaches its speed only so.
+// limb k, and the sum moves down by 17 bits for the next column.  Two registers stand on either side
+// of the multiplier: it takes half of the clock itself, so the inner ones have to lie beside it, and
+// the outer ones leave the rest of the design where it is.
 //
 //   product_o  a_i * b_i, exact for all operands
-//   Latency    limbs(AWidth) * limbs(BWidth) + 3 clocks, with limbs(W) = 1 up to 18 bits and
+//   Latency    limbs(AWidth) * limbs(BWidth) + 5 clocks, with limbs(W) = 1 up to 18 bits and
 //              1 + ceil((W - 18) / 17) beyond; a valid_i meanwhile starts anew
 //   Model      vrscan.fixed.multiply, bit-exact
 
@@ -67,11 +68,13 @@ module multiply #(
     end
   end
 
-  logic signed [        17:0] a_limb_q, b_limb_q;
-  logic signed [        35:0] term_q;
-  logic                       limbs_valid_q, term_valid_q;
-  logic                       limbs_column_q, term_column_q;  // the last of a column
-  logic                       limbs_last_q, term_last_q;  // the last of all
+  logic signed [        17:0] a_limb_q, b_limb_q, a_limb_q2, b_limb_q2;
+  logic signed [        35:0] product_q, term_q;
+  // Where the pair of limbs is: chosen, beside the multiplier, multiplied, and a term of the sum.
+  logic        [         2:0] valid_q;
+  logic        [         2:0] column_q;  // the last of a column
+  logic        [         2:0] last_q;  // the last of all
+  logic                       term_valid_q, term_column_q, term_last_q;
   logic signed [SumWidth-1:0] sum_q, sum;
   logic        [LowWidth-1:0] low_q;
   assign sum = sum_q + SumWidth'(term_q);
@@ -100,13 +103,16 @@ module multiply #(
 
     a_limb_q       <= a_limb;
     b_limb_q       <= b_limb;
-    limbs_valid_q  <= busy_q && !valid_i;
-    limbs_column_q <= column_done;
-    limbs_last_q   <= all_done;
-    term_q         <= a_limb_q * b_limb_q;
-    term_valid_q   <= limbs_valid_q && !valid_i;
-    term_column_q  <= limbs_column_q;
-    term_last_q    <= limbs_last_q;
+    a_limb_q2      <= a_limb_q;
+    b_limb_q2      <= b_limb_q;
+    product_q      <= a_limb_q2 * b_limb_q2;
+    term_q         <= product_q;
+    valid_q        <= valid_i ? '0 : {valid_q[1:0], busy_q};
+    column_q       <= {column_q[1:0], column_done};
+    last_q         <= {last_q[1:0], all_done};
+    term_valid_q   <= valid_q[2] && !valid_i;
+    term_column_q  <= column_q[2];
+    term_last_q    <= last_q[2];
 
     if (valid_i) begin
       sum_q <= '0;
@@ -120,10 +126,10 @@ module multiply #(
       product_o <= (AWidth + BWidth)'({sum, low_q} >> LimbWidth);
     end
     if (rst_i) begin
-      busy_q        <= 1'b0;
-      limbs_valid_q <= 1'b0;
-      term_valid_q  <= 1'b0;
-      valid_o       <= 1'b0;
+      busy_q       <= 1'b0;
+      valid_q      <= '0;
+      term_valid_q <= 1'b0;
+      valid_o      <= 1'b0;
     end
   end
 

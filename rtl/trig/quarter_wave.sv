@@ -12,7 +12,7 @@
 //   sine_o    signed; vrscan.fixed.quarter_wave.amplitude(AmplWidth), close to
 //             (2**15 - 1) * 2**(AmplWidth - 16), stands for 1.0.  To nearest, half up; the error
 //             is at most error_bound(AmplWidth) steps: 1.84 for 24 bits, 86 for 30
-//   Latency   7 clocks, one phase a clock, never stalls
+//   Latency   vrscan_pkg::QuarterWaveLatency clocks, one phase a clock, never stalls
 //   Model     vrscan.fixed.quarter_wave, bit-exact
 
 `default_nettype none
@@ -39,7 +39,7 @@ module quarter_wave #(
     $error("quarter_wave: AmplWidth must be 16 to 30");
   end
 
-  localparam int unsigned Latency = 7;
+  localparam int unsigned Latency = vrscan_pkg::QuarterWaveLatency;
   localparam int unsigned TableBits = 10;
   localparam int unsigned EntryWidth = 32;
   localparam int unsigned ResidualWidth = PhaseWidth - 2 - TableBits;
@@ -103,10 +103,14 @@ module quarter_wave #(
   logic signed [          35:0] sine_slope_q, cosine_slope_q;
   logic        [EntryWidth-1:0] sine_entry_q3, cosine_entry_q3;
 
-  // 6: interpolate.  The sum can fall below zero by a rounding, and never exceeds 32 bits.
+  // 6: once more behind them, for the same reason.
+  logic signed [          35:0] sine_slope_q2, cosine_slope_q2;
+  logic        [EntryWidth-1:0] sine_entry_q4, cosine_entry_q4;
+
+  // 7: interpolate.  The sum can fall below zero by a rounding, and never exceeds 32 bits.
   logic signed [EntryWidth:0] sine_q, cosine_q;
 
-  // 7: sign and rounding in one addition: -x is ~x + 1, and the half is above bit 0.
+  // 8: sign and rounding in one addition: -x is ~x + 1, and the half is above bit 0.
   function automatic logic signed [EntryWidth:0] finished(input logic signed [EntryWidth:0] value,
                                                           input logic negative);
     finished = (value ^ {(EntryWidth + 1){negative}})
@@ -134,8 +138,13 @@ module quarter_wave #(
     sine_entry_q3   <= sine_entry_q2;
     cosine_entry_q3 <= cosine_entry_q2;
 
-    sine_q   <= signed'({1'b0, sine_entry_q3}) + (EntryWidth + 1)'(sine_slope_q >>> SlopeCut);
-    cosine_q <= signed'({1'b0, cosine_entry_q3}) - (EntryWidth + 1)'(cosine_slope_q >>> SlopeCut);
+    sine_slope_q2   <= sine_slope_q;
+    cosine_slope_q2 <= cosine_slope_q;
+    sine_entry_q4   <= sine_entry_q3;
+    cosine_entry_q4 <= cosine_entry_q3;
+
+    sine_q   <= signed'({1'b0, sine_entry_q4}) + (EntryWidth + 1)'(sine_slope_q2 >>> SlopeCut);
+    cosine_q <= signed'({1'b0, cosine_entry_q4}) - (EntryWidth + 1)'(cosine_slope_q2 >>> SlopeCut);
 
     sine_o   <= AmplWidth'(sine_finished >>> AmplCut);
     cosine_o <= AmplWidth'(cosine_finished >>> AmplCut);

@@ -11,7 +11,7 @@ def _limbs(width: int) -> int:
 
 def latency(a_width: int, b_width: int) -> int:
     """Return the clocks from ``valid_i`` to ``valid_o``."""
-    return _limbs(a_width) * _limbs(b_width) + 3
+    return _limbs(a_width) * _limbs(b_width) + 5
 
 
 def multiply(

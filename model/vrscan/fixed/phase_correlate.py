@@ -45,7 +45,7 @@ class Harmonics:
 
 def latency(width: int) -> int:
     """Return the clocks from ``valid_i`` to ``valid_o`` for a measured window of ``width``."""
-    pipeline = pkg.QUARTER_WAVE_LATENCY + 4  # table, factors, products, their sum, accumulator
+    pipeline = pkg.QUARTER_WAVE_LATENCY + 6  # table, q to q5, accumulator
     step = 1 + divide_latency(STEP_WIDTH) + 1
     first = width + pipeline + 1 + cordic.latency(pkg.HARMONIC_WIDTH, pkg.ANGLE_WIDTH)
     second = width - 1 + pipeline + 1

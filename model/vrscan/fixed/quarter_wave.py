@@ -6,7 +6,9 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-LATENCY = 7  # clocks from valid_i to valid_o
+from vrscan.fixed import pkg
+
+LATENCY = pkg.QUARTER_WAVE_LATENCY  # clocks from valid_i to valid_o
 
 TABLE_BITS = 10
 ENTRY_WIDTH = 32
