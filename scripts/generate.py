@@ -19,7 +19,7 @@ def package() -> str:
     """Return pkg.py: the localparams of vrscan_pkg.sv as Python constants."""
     text = (ROOT / "rtl" / "vrscan_pkg.sv").read_text()
     lines = [
-        '"""Widths, formats and flag bits, generated from rtl/vrscan_pkg.sv by scripts/generate.py."""',
+        '"""Widths and flag bits, written from rtl/vrscan_pkg.sv by scripts/generate.py."""',
         "",
     ]
     flags = []

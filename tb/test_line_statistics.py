@@ -34,7 +34,9 @@ def hard_lines(length: int, pixel_width: int, count: int, salt: int) -> np.ndarr
     lines = draw.integers(0, top // 8, size=(count, length))
     place = draw.integers(0, length, count)
     distance = np.arange(length) - place[:, None]
-    lines = lines + (top * np.exp(-((distance / draw.integers(1, 30, (count, 1))) ** 2))).astype(int)
+    lines = lines + (top * np.exp(-((distance / draw.integers(1, 30, (count, 1))) ** 2))).astype(
+        int
+    )
     lines = np.clip(lines, 0, top)
     corners = np.zeros((8, length), np.int64)
     corners[1] = top

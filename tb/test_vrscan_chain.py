@@ -285,8 +285,15 @@ def test_vrscan_chain_rtl_equals_model(widths: dict[str, int]) -> None:
 @pytest.mark.parametrize("line_length", [64, 1000, 2048, 4096])
 def test_no_stage_is_busy_longer_than_the_least_period(line_length: int, pixel_width: int) -> None:
     """MinPeriodOverhead covers the stages: what is between two lines is enough for each."""
-    from vrscan.fixed import distortion, line_statistics, peak_confidence, peak_isolate
-    from vrscan.fixed import peak_position, phase_correlate, triangulate
+    from vrscan.fixed import (
+        distortion,
+        line_statistics,
+        peak_confidence,
+        peak_isolate,
+        peak_position,
+        phase_correlate,
+        triangulate,
+    )
 
     for max_window in (3, 63, 255):
         period = max(2 * max_window + pkg.MIN_PERIOD_OVERHEAD, line_length)
@@ -297,4 +304,4 @@ def test_no_stage_is_busy_longer_than_the_least_period(line_length: int, pixel_w
         offset = peak_position.LATENCY + distortion.latency(line_length)
         quality = max(offset, peak_confidence.latency()) + 2
         assert phase_correlate.latency(max_window) + quality <= period
-        assert triangulate.BUSY <= period
+        assert period >= triangulate.BUSY

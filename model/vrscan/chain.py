@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from vrscan.arrays import Ints, Pixels
+from vrscan.fixed import distortion as geometry_distortion
 from vrscan.fixed import (
     line_receiver,
     line_statistics,
@@ -14,7 +15,6 @@ from vrscan.fixed import (
     phase_correlate,
     pkg,
 )
-from vrscan.fixed import distortion as geometry_distortion
 from vrscan.fixed import triangulate as geometry_triangulate
 from vrscan.points import Points
 from vrscan.registers import Registers

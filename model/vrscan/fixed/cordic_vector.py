@@ -3,7 +3,8 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
+
+from vrscan.arrays import Bools, Floats, Ints
 
 TABLE_ENTRIES = 32
 TABLE_WIDTH = 40  # fraction bits of a turn
@@ -46,9 +47,7 @@ def angle_bounds(angle_width: int) -> tuple[float, float]:
     return 0.5 + left + table + cut, math.sqrt(1 / 12 + left * left / 3) + table + cut
 
 
-def magnitude_bound(
-    magnitude: npt.NDArray[np.float64], *, angle_width: int
-) -> npt.NDArray[np.float64]:
+def magnitude_bound(magnitude: Floats, *, angle_width: int) -> Floats:
     """Return the largest error of the magnitude, in units of the input.
 
     Args:
@@ -65,9 +64,7 @@ def magnitude_bound(
     return 0.5 + share * magnitude
 
 
-def cordic_vector(
-    x: npt.NDArray[np.int64], y: npt.NDArray[np.int64], *, xy_width: int, angle_width: int
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+def cordic_vector(x: Ints, y: Ints, *, xy_width: int, angle_width: int) -> tuple[Ints, Ints, Bools]:
     """Return angle and magnitude of the vectors (x, y) exactly as the hardware does.
 
     Args:

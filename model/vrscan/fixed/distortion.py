@@ -7,8 +7,8 @@ the line's length and s = r / R; odd as a radial distortion is, or with |s|, as 
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from vrscan.arrays import Bools, Ints
 from vrscan.fixed import pkg
 from vrscan.fixed.multiply import latency as multiply_latency
 from vrscan.fixed.multiply import multiply
@@ -17,8 +17,6 @@ FRACTION = 29  # of every intermediate, and what every product moves down: ``Fra
 FACTOR_WIDTH = 32  # ``FactorWidth``
 CURVE_FRACTION = 23  # ``CurveFraction``
 PRODUCTS = 5
-
-Integers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -31,9 +29,9 @@ class Distorted:
         saturated: Whether one of them did not fit, or the correction is beyond 100 %; bool.
     """
 
-    offset: Integers
-    slope: Integers
-    saturated: npt.NDArray[np.bool_]
+    offset: Ints
+    slope: Ints
+    saturated: Bools
 
 
 def _pixel_bits(line_length: int) -> int:
@@ -54,17 +52,17 @@ def latency(line_length: int) -> int:
     return PRODUCTS * (multiply_latency(FACTOR_WIDTH, _rounded_width(line_length)) + 2) + 2
 
 
-def _saturate(values: Integers, width: int) -> Integers:
+def _saturate(values: Ints, width: int) -> Ints:
     return np.clip(values, -(1 << (width - 1)), (1 << (width - 1)) - 1)
 
 
 def distortion(
-    position: Integers,
+    position: Ints,
     *,
-    centre: Integers | int,
-    k1: Integers | int,
-    k2: Integers | int,
-    even: npt.NDArray[np.bool_] | bool,
+    centre: Ints | int,
+    k1: Ints | int,
+    k2: Ints | int,
+    even: Bools | bool,
     line_length: int,
 ) -> Distorted:
     """Return corrected positions exactly as the hardware rounds them.
@@ -84,7 +82,7 @@ def distortion(
     pixel_bits = _pixel_bits(line_length)
     width = offset_width(line_length)
 
-    def scaled(a: Integers, b: Integers) -> Integers:
+    def scaled(a: Ints, b: Ints) -> Ints:
         # To nearest, half up.
         product = multiply(a, b, a_width=FACTOR_WIDTH, b_width=_rounded_width(line_length))
         return (product + (1 << (FRACTION - 1))) >> FRACTION

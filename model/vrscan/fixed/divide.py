@@ -1,7 +1,8 @@
 """Unsigned division to the nearest integer, the twin of ``rtl/trig/divide.sv``."""
 
 import numpy as np
-import numpy.typing as npt
+
+from vrscan.arrays import Bools, Ints
 
 
 def latency(quotient_width: int) -> int:
@@ -10,8 +11,8 @@ def latency(quotient_width: int) -> int:
 
 
 def divide(
-    dividend: npt.NDArray[np.int64], divisor: npt.NDArray[np.int64], *, quotient_width: int
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+    dividend: Ints | np.int64, divisor: Ints | np.int64, *, quotient_width: int
+) -> tuple[Ints, Bools]:
     """Return ``dividend / divisor`` to nearest, half up, exactly as the hardware does.
 
     Args:

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from vrscan.arrays import Bools, Ints, Pixels
 from vrscan.fixed import pkg
 from vrscan.fixed.divide import divide
 from vrscan.fixed.divide import latency as divide_latency
@@ -13,8 +13,6 @@ from vrscan.fixed.square_root import latency as square_root_latency
 from vrscan.fixed.square_root import square_root
 
 ROOT_FRACTION = 4  # fraction bits of n times the standard deviation, ``RootFraction``
-
-Integers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -31,13 +29,13 @@ class LineStatistics:
         row_statistics: Whether no block was left and the row had to decide, bool [n].
     """
 
-    maximum: Integers
-    max_index: Integers
-    row_mean: Integers
-    row_variance: Integers
-    background: Integers
-    noise: Integers
-    row_statistics: npt.NDArray[np.bool_]
+    maximum: Ints
+    max_index: Ints
+    row_mean: Ints
+    row_variance: Ints
+    background: Ints
+    noise: Ints
+    row_statistics: Bools
 
 
 def guard_blocks(max_window: int) -> int:
@@ -61,7 +59,7 @@ def latency(line_length: int, pixel_width: int, max_window: int) -> int:
 
 
 def line_statistics(
-    lines: npt.NDArray[np.uint16], *, pixel_width: int, max_window: int, noise_row: bool
+    lines: Pixels, *, pixel_width: int, max_window: int, noise_row: bool
 ) -> LineStatistics:
     """Return the statistics of every line exactly as the hardware rounds them.
 
@@ -115,7 +113,7 @@ def line_statistics(
     rest_moment = rest_length * rest_square - rest_sum * rest_sum
     root = square_root(rest_moment << (2 * ROOT_FRACTION), root_width=root_width)
 
-    def quotient(dividend: Integers, divisor: Integers) -> Integers:
+    def quotient(dividend: Ints, divisor: Ints | np.int64) -> Ints:
         return divide(dividend, divisor, quotient_width=pkg.VARIANCE_WIDTH)[0]
 
     return LineStatistics(

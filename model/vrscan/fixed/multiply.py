@@ -1,7 +1,8 @@
 """Signed multiplication of any width, the twin of ``rtl/trig/multiply.sv``."""
 
 import numpy as np
-import numpy.typing as npt
+
+from vrscan.arrays import Ints
 
 
 def _limbs(width: int) -> int:
@@ -14,9 +15,7 @@ def latency(a_width: int, b_width: int) -> int:
     return _limbs(a_width) * _limbs(b_width) + 5
 
 
-def multiply(
-    a: npt.NDArray[np.int64], b: npt.NDArray[np.int64], *, a_width: int, b_width: int
-) -> npt.NDArray[np.int64]:
+def multiply(a: Ints, b: Ints, *, a_width: int, b_width: int) -> Ints:
     """Return ``a * b``, which the hardware forms exactly.
 
     Args:
@@ -36,7 +35,7 @@ def multiply(
         # The bits from the sign upward are all equal in a number that fits.
         if operand.size and np.any((operand >> min(width - 1, 63)) != operand >> 63):
             raise ValueError(f"multiply: {name} does not fit in {width} bits")
-    product: npt.NDArray[np.int64] = a * b
+    product: Ints = a * b
     # A wrapped product is off by 2**64 or more, the float's by 2**12 at most.
     if a_width + b_width > 64 and np.any(
         np.abs(a.astype(np.float64) * b.astype(np.float64) - product.astype(np.float64)) > 2.0**32

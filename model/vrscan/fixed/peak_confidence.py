@@ -3,17 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from vrscan.arrays import Bools, Ints
 from vrscan.fixed import pkg
 from vrscan.fixed.divide import divide
 from vrscan.fixed.divide import latency as divide_latency
 from vrscan.fixed.multiply import latency as multiply_latency
 from vrscan.fixed.square_root import latency as square_root_latency
 from vrscan.fixed.square_root import square_root
-
-Integers = npt.NDArray[np.int64]
-Booleans = npt.NDArray[np.bool_]
 
 ROOT_WIDTH = 28
 KAPPA_FRACTION = 28 - pkg.ALIGNED_WIDTH
@@ -33,11 +30,11 @@ class Confidence:
         c_sfm: Confidence in free space, 255 is 1 (10).
     """
 
-    snr: Integers
-    no_noise: Booleans
-    sigma: Integers
-    c_obj: Integers
-    c_sfm: Integers
+    snr: Ints
+    no_noise: Bools
+    sigma: Ints
+    c_obj: Ints
+    c_sfm: Ints
 
 
 def latency() -> int:
@@ -48,25 +45,26 @@ def latency() -> int:
     return 8 * product + 2 * quotient + root + 2
 
 
-def _confidence(value: Integers, gain: int) -> Integers:
+def _confidence(value: Ints, gain: int) -> Ints:
     scaled = (value * gain + (1 << (pkg.GAIN_FRACTION - 1))) >> pkg.GAIN_FRACTION
-    return np.minimum(scaled, (1 << pkg.CONFIDENCE_WIDTH) - 1)
+    limited: Ints = np.minimum(scaled, (1 << pkg.CONFIDENCE_WIDTH) - 1)
+    return limited
 
 
 def peak_confidence(
     *,
-    measured: Booleans,
-    low_snr: Booleans,
-    maximum: Integers,
-    background: Integers,
-    noise: Integers,
-    width: Integers,
-    period: Integers,
-    magnitude: Integers,
-    sum: Integers,
-    wave: Integers,
-    count: Integers,
-    power: Integers,
+    measured: Bools,
+    low_snr: Bools,
+    maximum: Ints,
+    background: Ints,
+    noise: Ints,
+    width: Ints,
+    period: Ints,
+    magnitude: Ints,
+    sum: Ints,
+    wave: Ints,
+    count: Ints,
+    power: Ints,
     pixel_width: int,
     kappa: int,
     c_obj_gain: int,

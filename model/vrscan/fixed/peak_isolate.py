@@ -3,14 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from vrscan.arrays import Bools, Ints, Pixels
 from vrscan.fixed import line_buffer, pkg
 from vrscan.fixed.line_statistics import LineStatistics
 from vrscan.fixed.multiply import latency as multiply_latency
-
-Integers = npt.NDArray[np.int64]
-Booleans = npt.NDArray[np.bool_]
 
 LARGEST_WINDOW = (1 << pkg.WINDOW_WIDTH) - 1
 
@@ -27,11 +24,11 @@ class Windows:
         flags: Bits LOW_SNR to RIVAL of ``pkg.FLAGS``.
     """
 
-    measured: Booleans
-    left: Integers
-    right: Integers
-    width: Integers
-    flags: Integers
+    measured: Bools
+    left: Ints
+    right: Ints
+    width: Ints
+    flags: Ints
 
 
 def replay_latency() -> int:
@@ -45,7 +42,7 @@ def latency(line_length: int) -> int:
 
 
 def peak_isolate(
-    lines: npt.NDArray[np.uint16],
+    lines: Pixels,
     statistics: LineStatistics,
     *,
     pixel_width: int,

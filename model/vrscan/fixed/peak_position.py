@@ -1,17 +1,13 @@
 """The peak's place from its phase, the twin of ``rtl/peak/peak_position.sv``."""
 
-import numpy as np
-import numpy.typing as npt
-
+from vrscan.arrays import Ints
 from vrscan.fixed import pkg
 from vrscan.fixed.multiply import latency as multiply_latency
 
 LATENCY = multiply_latency(pkg.ANGLE_WIDTH + 1, pkg.WINDOW_WIDTH + 1) + 1
 
-Integers = npt.NDArray[np.int64]
 
-
-def peak_position(left: Integers, period: Integers, phase: Integers) -> Integers:
+def peak_position(left: Ints, period: Ints, phase: Ints) -> Ints:
     """Return left + phase T of VR-SCAN (8), to nearest, half up.
 
     Args:

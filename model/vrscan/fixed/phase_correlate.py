@@ -3,16 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from vrscan.arrays import Bools, Ints, Pixels
 from vrscan.fixed import cordic_vector as cordic
 from vrscan.fixed import pkg
 from vrscan.fixed.divide import divide
 from vrscan.fixed.divide import latency as divide_latency
 from vrscan.fixed.quarter_wave import quarter_wave
-
-Integers = npt.NDArray[np.int64]
-Booleans = npt.NDArray[np.bool_]
 
 STEP_WIDTH = 32  # bits of the phase accumulator, ``StepWidth``
 UNMEASURED_LATENCY = 2  # clocks from valid_i to valid_o for a line that is not measured
@@ -33,14 +30,14 @@ class Harmonics:
         count: Sum of cos(2 theta - 2 phi), 8 fraction bits.
     """
 
-    measured: Booleans
-    no_phase: Booleans
-    period: Integers
-    phase: Integers
-    magnitude: Integers
-    sum: Integers
-    wave: Integers
-    count: Integers
+    measured: Bools
+    no_phase: Bools
+    period: Ints
+    phase: Ints
+    magnitude: Ints
+    sum: Ints
+    wave: Ints
+    count: Ints
 
 
 def latency(width: int) -> int:
@@ -52,14 +49,10 @@ def latency(width: int) -> int:
     return step + first + second
 
 
-def _correlate(
-    height: Integers, angle: Integers, inside: Booleans
-) -> tuple[Integers, Integers, Integers]:
+def _correlate(height: Ints, angle: Ints, inside: Bools) -> tuple[Ints, Ints, Ints]:
     """Return the sums of height cos, height sin and cos over the pixels inside."""
     phase = angle >> (STEP_WIDTH - pkg.PHASE_WIDTH)
-    sine, cosine = quarter_wave(
-        phase, phase_width=pkg.PHASE_WIDTH, ampl_width=pkg.SINE_WIDTH
-    )
+    sine, cosine = quarter_wave(phase, phase_width=pkg.PHASE_WIDTH, ampl_width=pkg.SINE_WIDTH)
     cosine = np.where(inside, cosine, 0)
     x = np.einsum("nk,nk->n", height, cosine)
     y = np.einsum("nk,nk->n", height, sine)
@@ -67,12 +60,12 @@ def _correlate(
 
 
 def phase_correlate(
-    lines: npt.NDArray[np.uint16],
+    lines: Pixels,
     *,
-    left: Integers,
-    width: Integers,
-    background: Integers,
-    measured: Booleans,
+    left: Ints,
+    width: Ints,
+    background: Ints,
+    measured: Bools,
     pixel_width: int,
     period_n: bool,
 ) -> Harmonics:

@@ -1,4 +1,4 @@
-"""Widths, formats and flag bits, generated from rtl/vrscan_pkg.sv by scripts/generate.py."""
+"""Widths and flag bits, written from rtl/vrscan_pkg.sv by scripts/generate.py."""
 
 COUNT_WIDTH = 24
 VARIANCE_WIDTH = 32

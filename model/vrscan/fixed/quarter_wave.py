@@ -4,8 +4,8 @@ import math
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 
+from vrscan.arrays import Ints
 from vrscan.fixed import pkg
 
 LATENCY = pkg.QUARTER_WAVE_LATENCY  # clocks from valid_i to valid_o
@@ -24,7 +24,7 @@ _PEAK = ((1 << 15) - 1) << (ENTRY_WIDTH - 15)
 
 
 @cache
-def table() -> npt.NDArray[np.int64]:
+def table() -> Ints:
     """Return the quarter wave, int64 [1024]: entry k is the sine at k + 1/2 steps.
 
     A step is a 4096th of a turn. 1 - 2**-15 stands for a sine of 1, in units of 2**-32.
@@ -64,9 +64,7 @@ def error_bound(ampl_width: int) -> float:
     return math.ldexp(error, ampl_width - 1) + 0.5
 
 
-def quarter_wave(
-    phase: npt.NDArray[np.int64], *, phase_width: int, ampl_width: int
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def quarter_wave(phase: Ints, *, phase_width: int, ampl_width: int) -> tuple[Ints, Ints]:
     """Return sine and cosine of ``phase`` exactly as the hardware rounds them.
 
     Args:

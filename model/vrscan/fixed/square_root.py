@@ -1,7 +1,8 @@
 """Square root to the nearest integer, the twin of ``rtl/trig/square_root.sv``."""
 
 import numpy as np
-import numpy.typing as npt
+
+from vrscan.arrays import Ints
 
 
 def latency(root_width: int) -> int:
@@ -9,7 +10,7 @@ def latency(root_width: int) -> int:
     return root_width + 3
 
 
-def square_root(radicand: npt.NDArray[np.int64], *, root_width: int) -> npt.NDArray[np.int64]:
+def square_root(radicand: Ints, *, root_width: int) -> Ints:
     """Return the square root to the nearest integer, exactly as the hardware does.
 
     A root of an integer never lies in the middle between two integers, so there is no tie.

@@ -12,8 +12,8 @@ the parallel rays.  The amplitude of sine and cosine cancels.
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from vrscan.arrays import Bools, Ints
 from vrscan.fixed import pkg
 from vrscan.fixed.divide import divide
 from vrscan.fixed.divide import latency as divide_latency
@@ -39,9 +39,6 @@ LATENCY = (
 )  # clocks from valid_i to valid_o
 BUSY = LATENCY - 1  # clocks from one accepted point to the next
 
-Integers = npt.NDArray[np.int64]
-Booleans = npt.NDArray[np.bool_]
-
 
 @dataclass(frozen=True)
 class Triangulated:
@@ -55,38 +52,38 @@ class Triangulated:
         out_of_range: x or z saturated, or the offset had.
     """
 
-    x: Integers
-    z: Integers
-    sigma_z: Integers
-    no_range: Booleans
-    out_of_range: Booleans
+    x: Ints
+    z: Ints
+    sigma_z: Ints
+    no_range: Bools
+    out_of_range: Bools
 
 
-def _scaled(a: Integers, b: Integers) -> Integers:
+def _scaled(a: Ints, b: Ints) -> Ints:
     # To nearest, half up.
     product = multiply(a, b, a_width=FACTOR_WIDTH, b_width=ROUNDED_WIDTH)
     return (product + (1 << (FRACTION - 1))) >> FRACTION
 
 
-def _dropped(value: Integers, bits: int) -> Integers:
+def _dropped(value: Ints, bits: int) -> Ints:
     # To nearest, half up.
     return (value + (1 << (bits - 1))) >> bits
 
 
 def triangulate(
-    offset: Integers,
-    slope: Integers,
-    sigma: Integers,
-    angle: Integers,
+    offset: Ints,
+    slope: Ints,
+    sigma: Ints,
+    angle: Ints,
     *,
-    measured: Booleans | bool = True,
-    saturated: Booleans | bool = False,
-    n0: Integers | int,
-    n1: Integers | int,
-    d0: Integers | int,
-    d1: Integers | int,
-    e0: Integers | int,
-    e1: Integers | int,
+    measured: Bools | bool = True,
+    saturated: Bools | bool = False,
+    n0: Ints | int,
+    n1: Ints | int,
+    d0: Ints | int,
+    d1: Ints | int,
+    e0: Ints | int,
+    e1: Ints | int,
     line_length: int,
 ) -> Triangulated:
     """Return where laser ray and line of sight meet, exactly as the hardware rounds it.
