@@ -6,7 +6,6 @@ import os
 import shutil
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -102,33 +101,34 @@ def build(line_length: int, pixel_width: int, max_window: int) -> Path:
         if library.exists():
             return library
         print("vrscan: building the RTL engine", file=sys.stderr)
-        with tempfile.TemporaryDirectory(dir=folder) as work:
-            (Path(work) / "ports.h").write_text(ports)
-            _call(
-                [
-                    str(found["verilator"]), "--cc", "-O3", "--top-module", "vrscan_chain",
-                    "--prefix", "Vchain", "--Mdir", work, "--x-assign", "fast", "--noassert",
-                    *(f"-G{name}={value}" for name, value in parameters.items()),
-                    *(part for place in rtl_folders() for part in ("-y", str(place))),
-                    *(str(file) for file in (*rtl_packages(), rtl_module("vrscan_chain"))),
-                ],
-                environment,
-            )  # fmt: skip
-            include = Path(environment.get("VERILATOR_ROOT") or _verilator_root(environment))
-            include = include / "include"
-            sources = [*sorted(Path(work).glob("*.cpp")), harness]
-            sources += [include / "verilated.cpp", include / "verilated_threads.cpp"]
-            part = Path(work) / "chain.so"
-            _call(
-                [
-                    str(found[compiler]), "-shared", "-fPIC", "-O2", "-std=c++17", "-pthread",
-                    "-DVERILATOR=1", "-DVM_COVERAGE=0", "-DVM_SC=0", "-DVM_TIMING=0",
-                    "-DVM_TRACE=0", f"-I{work}", f"-I{include}", f"-I{include / 'vltstd'}",
-                    *map(str, sources), "-o", str(part),
-                ],
-                environment,
-            )  # fmt: skip
-            part.replace(library)
+        work = library.with_suffix(".work")  # the same name in every try: ccache knows it
+        work.mkdir(exist_ok=True)
+        (work / "ports.h").write_text(ports)
+        _call(
+            [
+                str(found["verilator"]), "--cc", "--build", "-j", str(os.cpu_count() or 1),
+                "-O3", "--noassert", "--x-assign", "fast", "-CFLAGS", "-fPIC",
+                "-MAKEFLAGS", "OPT_FAST=-O2",
+                "--top-module", "vrscan_chain", "--prefix", "Vchain", "--Mdir", str(work),
+                *(f"-G{name}={value}" for name, value in parameters.items()),
+                *(part for place in rtl_folders() for part in ("-y", str(place))),
+                *(str(file) for file in (*rtl_packages(), rtl_module("vrscan_chain"))),
+            ],
+            environment,
+        )  # fmt: skip
+        include = Path(environment.get("VERILATOR_ROOT") or _verilator_root(environment))
+        include = include / "include"
+        linked = work / library.name
+        _call(
+            [
+                str(found[compiler]), "-shared", "-fPIC", "-O2", "-std=c++17", "-pthread",
+                f"-I{work}", f"-I{include}", f"-I{include / 'vltstd'}", str(harness),
+                str(work / "Vchain__ALL.a"), str(work / "libverilated.a"), "-o", str(linked),
+            ],
+            environment,
+        )  # fmt: skip
+        linked.replace(library)
+        shutil.rmtree(work)
     return library
 
 
