@@ -1,8 +1,6 @@
 """The ``vrscan`` command."""
 
 import contextlib
-import importlib
-import importlib.util
 import signal
 import sys
 import time
@@ -159,8 +157,40 @@ def speed(
     )
 
 
-if importlib.util.find_spec("vrscan.report.numbers") is not None:
-    app.command("numbers")(importlib.import_module("vrscan.report.numbers").main)
+@app.command()
+def numbers(
+    out: Annotated[
+        Path | None, typer.Option("--csv", help="File for it; build/numbers/numbers.csv.")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="A tenth of the work, no RTL.")] = False,
+    write: Annotated[
+        bool, typer.Option("--write", help="Rewrite the tables of README.md and docs/numbers.md.")
+    ] = False,
+) -> None:
+    """Measure accuracy, efficiency, latency and speed; exit status 1 if a figure fails."""
+    from vrscan.report import numbers as report
+    from vrscan.tools import build_folder, repository_root
+
+    if quick and write:
+        raise InputError("--write: needs the full size (--quick is given)")
+    figures = []
+    for stage in report.stages(report.QUICK if quick else report.FULL):
+        with _bar(stage.name, stage.steps) as progress:
+            figures += stage.run(progress)
+            progress(stage.steps)
+    _console().print(report.table(figures))
+    if out is None:
+        out = build_folder() / "numbers" / "numbers.csv"
+        out.parent.mkdir(exist_ok=True)
+    with atomic_file(out) as file:
+        report.write_csv(figures, file)
+    for path in report.write_pages(figures, repository_root()) if write else ():
+        _console().print(f"{path}: tables rewritten", highlight=False)
+    failed = [figure for figure in figures if not figure.passes]
+    for figure in failed:
+        print(f"vrscan: {figure.group}: {figure.name}: FAIL", file=sys.stderr)
+    if failed:
+        raise typer.Exit(1)
 
 
 def _settings(path: Path | None) -> Config:

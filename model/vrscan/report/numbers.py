@@ -1,0 +1,332 @@
+"""The number table: accuracy, efficiency, latency and speed, as ``vrscan numbers`` prints them."""
+
+import csv
+import io
+import math
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import BinaryIO
+
+from rich.table import Table as RichTable
+
+from vrscan import chain
+from vrscan.config import Config
+from vrscan.engines import Engine, run
+from vrscan.errors import InputError
+from vrscan.lines import Lines
+from vrscan.report import efficiency, formats
+from vrscan.report.accuracy import cordic, geometry, position, quality, scatter
+from vrscan.report.accuracy.figure import SEED, Figure
+from vrscan.scene.simple import SCENES, simulate
+
+CLOCK_HZ = 125e6
+PAPER_LINES = 37_400.0  # lines/s of the paper's sensor
+LEAST_FIXED, LEAST_RTL = 10_000.0, 400.0  # lines/s
+LATENCY_WIDTHS = (3, 16, 64, 255)
+
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much is measured."""
+
+    vectors: int  # a decade of amplitudes
+    windows: int  # a width, shape and pedestal
+    directions: int  # phases a width, for the worst windows
+    every: int  # step of the width, px
+    lines: int  # of S/N and sigma, a configuration
+    distances: int  # a pixel
+    noisy: int  # lines a spot
+    efficiency: int  # lines a cell
+    fixed: int  # lines for the speed
+    rtl: int  # the same; 0 leaves the RTL out
+
+
+FULL = Size(
+    vectors=100_000,
+    windows=12,
+    directions=8,
+    every=1,
+    lines=10_000,
+    distances=60,
+    noisy=4_000,
+    efficiency=4_000,
+    fixed=10_000,
+    rtl=2_000,
+)
+QUICK = Size(
+    vectors=10_000,
+    windows=1,
+    directions=1,
+    every=4,
+    lines=1_000,
+    distances=4,
+    noisy=300,
+    efficiency=300,
+    fixed=2_000,
+    rtl=0,
+)
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A part of the table and how often it tells its progress."""
+
+    name: str
+    steps: int
+    run: Callable[[Progress], list[Figure]]
+
+
+def _positions(size: Size, period_n: bool, progress: Progress) -> list[Figure]:
+    result = position.sweep(
+        size.windows, size.directions, period_n=period_n, every=size.every, progress=progress
+    )
+    return position.measure(result, period_n=period_n)
+
+
+def _efficiency(count: int, progress: Progress) -> list[Figure]:
+    cells = efficiency.study(Engine.FIXED, Config(), count, progress)
+    figures = []
+    for name, scores, judged in (
+        ("shipped", [cell.shipped for cell in cells], True),
+        ("(8) as printed", [cell.printed for cell in cells], False),
+    ):
+        least = efficiency.GOAL_EFFICIENCY if judged else math.nan
+        most = 100.0 * efficiency.GOAL_LOST if judged else math.nan
+        group = "efficiency, bound over measured variance"
+        mean, worst = efficiency.geometric_mean(scores), min(s.efficiency for s in scores)
+        figures += [
+            Figure(
+                group,
+                f"{name}, geometric mean",
+                "1",
+                mean,
+                limit=least,
+                at_least=True,
+                headline="efficiency against the Cramer-Rao bound" if judged else "",
+            ),
+            Figure(group, f"{name}, worst of {len(cells)} spots", "1", worst),
+            Figure(
+                group,
+                f"{name}, lost, worst spot",
+                "%",
+                100.0 * efficiency.worst_lost(scores),
+                limit=most,
+                headline="lines lost, worst spot" if judged else "",
+            ),
+        ]
+    return figures
+
+
+def latency(config: Config) -> list[Figure]:
+    """Return the clocks from a line's last pixel to its point, which the RTL's tests assert."""
+    group = f"latency, last pixel to point, {CLOCK_HZ / 1e6:g} MHz"
+    length, width = config.sensor.line_length, config.sensor.pixel_width
+    figures = []
+    for window in (None, *LATENCY_WIDTHS):
+        clocks = chain.latency(
+            window or 0, measured=window is not None, line_length=length, pixel_width=width
+        )
+        name = "not measured" if window is None else f"N = {window}"
+        figures.append(Figure(group, name, "clocks", clocks))
+        shown = "latency, last pixel to point, at most" if window else ""
+        figures.append(Figure(group, name, "us", 1e6 * clocks / CLOCK_HZ, headline=shown))
+    return [
+        *figures,
+        Figure(
+            group,
+            f"lines of {length} px without a gap",
+            "lines/s",
+            CLOCK_HZ / length,
+            limit=PAPER_LINES,
+            at_least=True,
+            headline=f"lines of {length} px at {CLOCK_HZ / 1e6:g} MHz",
+        ),
+    ]
+
+
+def _speed(engine: Engine, count: int, least: float, config: Config) -> list[Figure]:
+    recording = simulate(SCENES["default"], count, config)
+    warm = Lines(recording.lines[:64], recording.angle_rad[:64], recording.power[:64])
+    try:
+        run(engine, warm, config)  # builds and imports are not what is measured
+        start = time.process_time()  # of this core, whatever else runs on the machine
+        run(engine, recording, config)
+    except InputError:  # no compiler here
+        return []
+    rate = count / (time.process_time() - start)
+    name = f"engine {engine}, {count} lines of the default scene"
+    group = "speed on this machine, one core"
+    shown = f"engine {engine} on one core"
+    return [Figure(group, name, "lines/s", rate, limit=least, at_least=True, headline=shown)]
+
+
+def stages(size: Size) -> list[Stage]:
+    """Return what the table is made of, in its order."""
+    config = Config()
+
+    def at_once(name: str, measure: Callable[[], list[Figure]]) -> Stage:
+        return Stage(name, 1, lambda _: measure())
+
+    parts = [
+        at_once("cordic_vector", partial(cordic.measure, size.vectors)),
+        *(
+            Stage(
+                f"position, T = {'N' if period_n else 'N - 1'}",
+                position.batches(size.every),
+                partial(_positions, size, period_n),
+            )
+            for period_n in (True, False)
+        ),
+        at_once("S/N and sigma", partial(quality.measure, size.lines)),
+        Stage("x and z", geometry.INSTRUMENTS, partial(geometry.measure, size.distances)),
+        at_once("scatter", partial(scatter.measure, size.noisy)),
+        Stage(
+            "efficiency",
+            len(efficiency.PEAKS) * len(efficiency.SIGMAS_PX),
+            partial(_efficiency, size.efficiency),
+        ),
+        at_once("latency", partial(latency, config)),
+        at_once("speed, fixed", partial(_speed, Engine.FIXED, size.fixed, LEAST_FIXED, config)),
+    ]
+    if size.rtl:
+        measure = partial(_speed, Engine.RTL, size.rtl, LEAST_RTL, config)
+        parts.append(at_once("speed, RTL", measure))
+    return parts
+
+
+def _text(value: float) -> str:
+    if math.isnan(value):
+        return "-"
+    if value == 0.0 or 1e-3 <= abs(value) < 1e6:
+        return f"{value:.4g}" if abs(value) < 1e4 else f"{value:.0f}"
+    return f"{value:.3g}"
+
+
+def _limit(figure: Figure) -> str:
+    text = _text(figure.limit)
+    return f">= {text}" if figure.at_least and text != "-" else text
+
+
+def _verdict(figure: Figure) -> str:
+    if not figure.judged:
+        return ""
+    return "ok" if figure.passes else "FAIL"
+
+
+def _cells(figure: Figure) -> tuple[str, ...]:
+    numbers = (_text(figure.measured), _text(figure.predicted), _text(figure.floor))
+    return figure.name, figure.unit, *numbers, _limit(figure), _verdict(figure)
+
+
+HEADINGS = ("figure", "unit", "measured", "predicted", "floor", "limit", "")
+
+
+def table(figures: Sequence[Figure]) -> RichTable:
+    """Return the table for the terminal."""
+    grid = RichTable(
+        title=f"Measured, predicted from the widths, and what is asked; seed {SEED}",
+        caption="floor: what the output's own rounding leaves; 0.5 % or step: error in units of "
+        "what is allowed, 0.5 % of the value or one step; ratio: first harmonic of (8) over the "
+        "sum above background",
+        title_justify="left",
+        caption_justify="left",
+    )
+    for column, heading in enumerate(HEADINGS):
+        grid.add_column(heading, justify="right" if 2 <= column <= 5 else "left")
+    group = ""
+    for figure in figures:
+        if figure.group != group:
+            group = figure.group
+            grid.add_section()
+            grid.add_row(f"[bold]{group}[/bold]")
+        grid.add_row(*_cells(figure))
+    return grid
+
+
+def markdown(figures: Iterable[Figure]) -> str:
+    """Return the table for a page, a heading row a group."""
+    lines = [f"| {' | '.join(HEADINGS)} |", "|---|---|--:|--:|--:|--:|---|"]
+    group = ""
+    for figure in figures:
+        if figure.group != group:
+            group = figure.group
+            lines.append(f"| **{group}** |" + " |" * (len(HEADINGS) - 1))
+        lines.append(f"| {' | '.join(_cells(figure))} |")
+    return "\n".join(lines)
+
+
+def summary(figures: Sequence[Figure]) -> str:
+    """Return a row a headline: of the figures that share it, the one nearest to its limit."""
+    worst: dict[str, Figure] = {}
+    for figure in figures:
+        held = worst.get(figure.headline, figure)
+        worst[figure.headline] = max(held, figure, key=lambda f: f.nearness)
+    worst.pop("", None)
+    lines = [
+        "| figure | unit | measured | predicted | floor | limit |",
+        "|---|---|--:|--:|--:|--:|",
+    ]
+    for headline, figure in worst.items():
+        numbers = (_text(figure.measured), _text(figure.predicted), _text(figure.floor))
+        lines.append(f"| {headline} | {figure.unit} | {' | '.join(numbers)} | {_limit(figure)} |")
+    return "\n".join(lines)
+
+
+def write_csv(figures: Iterable[Figure], file: BinaryIO) -> None:
+    """Write numbers.csv; what there is not stays empty.
+
+    Args:
+        figures: One row each.
+        file: A binary file.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    columns = ("group", "name", "unit", "measured", "predicted", "floor", "limit")
+    writer.writerow((*columns, "limit_is", "passes"))
+    for figure in figures:
+        values = [getattr(figure, name) for name in columns]
+        shown = ["" if isinstance(v, float) and math.isnan(v) else v for v in values]
+        kind = "least" if figure.at_least else "most"
+        writer.writerow((*shown, kind, int(figure.passes) if figure.judged else ""))
+    file.write(text.getvalue().encode())
+
+
+def replace_block(text: str, name: str, block: str) -> str | None:
+    """Return ``text`` with ``block`` between the markers of that name, or None without markers."""
+    begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
+    before, found_begin, rest = text.partition(begin)
+    _, found_end, after = rest.partition(end)
+    if not (found_begin and found_end):
+        return None
+    return f"{before}{begin}\n\n{block}\n\n{end}{after}"
+
+
+def write_pages(figures: Sequence[Figure], root: Path) -> list[Path]:
+    """Rewrite the generated blocks of README.md and docs/numbers.md.
+
+    Args:
+        figures: Of the full size.
+        root: Folder of the README.
+
+    Returns:
+        The files that have their markers; the others stay as they are.
+    """
+    written = []
+    for path, blocks in (
+        (root / "README.md", {"numbers": summary(figures)}),
+        (root / "docs" / "numbers.md", {"numbers": markdown(figures), **formats.blocks()}),
+    ):
+        if not path.exists():
+            continue
+        text = path.read_text()
+        for name, block in blocks.items():
+            text = replace_block(text, name, block) or text
+        if all(replace_block(text, name, block) == text for name, block in blocks.items()):
+            path.write_text(text)
+            written.append(path)
+    return written

@@ -1,0 +1,81 @@
+"""The number table, its files, and the pages that quote it."""
+
+import csv
+import io
+import math
+
+import pytest
+from typer.testing import CliRunner
+
+from vrscan.cli import app
+from vrscan.report import formats, numbers
+from vrscan.report.accuracy.figure import Figure
+from vrscan.tools import repository_root
+
+GOOD = Figure("group", "good", "px", 0.5, 0.8, 0.4, 1.0, headline="shown")
+NEAR = Figure("group", "near", "px", 0.7, 0.8, 0.4, 1.0, headline="shown")
+BAD = Figure("group", "bad", "px", 0.9, 0.8, 0.4, 1.0)
+LOW = Figure("other", "low", "1", 0.8, limit=0.9, at_least=True)
+BARE = Figure("other", "bare", "1", 3.0)
+
+
+def test_a_figure_fails_beyond_its_bound_or_its_limit() -> None:
+    assert GOOD.passes and BARE.passes
+    assert not BAD.passes  # within its limit, beyond its bound
+    assert not LOW.passes
+    assert not Figure("group", "nothing measured", "px", math.nan, limit=1.0).passes
+
+
+def test_numbers_of_the_whole_chain(tmp_path) -> None:
+    """The command at its quick size: every figure passes, the CSV has them all."""
+    out = tmp_path / "numbers.csv"
+    result = CliRunner().invoke(app, ["numbers", "--quick", "--csv", str(out)])
+    assert result.exit_code == 0, result.output
+    rows = list(csv.DictReader(io.StringIO(out.read_text())))
+    assert {row["passes"] for row in rows} == {"", "1"}
+    groups = {row["group"] for row in rows}
+    for start in ("cordic", "position, T = N", "S/N", "x and z", "scatter", "efficiency",
+                  "latency", "speed"):  # fmt: skip
+        assert any(group.startswith(start) for group in groups), start
+    assert "measured" in result.output and "FAIL" not in result.output
+
+
+def test_csv_leaves_empty_what_there_is_not() -> None:
+    file = io.BytesIO()
+    numbers.write_csv([GOOD, BARE, LOW], file)
+    lines = file.getvalue().decode().splitlines()
+    assert lines[1] == "group,good,px,0.5,0.8,0.4,1.0,most,1"
+    assert lines[2] == "other,bare,1,3.0,,,,most,"
+    assert lines[3] == "other,low,1,0.8,,,0.9,least,0"
+
+
+def test_summary_shows_the_one_nearest_to_its_limit() -> None:
+    text = numbers.summary([GOOD, NEAR, BAD, BARE])
+    assert text.splitlines()[2:] == ["| shown | px | 0.7 | 0.8 | 0.4 | 1 |"]
+
+
+def test_blocks_are_replaced_between_their_markers_only() -> None:
+    page = "a\n<!-- numbers: begin -->\nold\n<!-- numbers: end -->\nb\n"
+    new = numbers.replace_block(page, "numbers", "new")
+    assert new == "a\n<!-- numbers: begin -->\n\nnew\n\n<!-- numbers: end -->\nb\n"
+    assert numbers.replace_block(new, "numbers", "new") == new
+    assert numbers.replace_block(page, "formats", "new") is None
+    assert numbers.replace_block("no marker", "numbers", "new") is None
+
+
+def test_pages_are_rewritten_where_they_have_their_markers(tmp_path) -> None:
+    (tmp_path / "docs").mkdir()
+    readme, page = tmp_path / "README.md", tmp_path / "docs" / "numbers.md"
+    readme.write_text("no markers\n")
+    marks = ("numbers", *formats.blocks())
+    page.write_text("".join(f"<!-- {m}: begin -->\n<!-- {m}: end -->\n" for m in marks))
+    assert numbers.write_pages([GOOD], tmp_path) == [page]
+    assert readme.read_text() == "no markers\n"
+    assert "| good | px |" in page.read_text()
+
+
+@pytest.mark.parametrize("name", formats.blocks())
+def test_page_has_the_formats_and_latencies_of_the_sources(name: str) -> None:
+    page = (repository_root() / "docs" / "numbers.md").read_text()
+    fresh = numbers.replace_block(page, name, formats.blocks()[name])
+    assert page == fresh, f"docs/numbers.md: {name} is stale: vrscan numbers --write"
