@@ -52,6 +52,8 @@ package vrscan_pkg;
   localparam int unsigned WaveCountFraction = 8;
   // sigma = T root SigmaGain / magnitude: 2**4 K SineAmplitude / (2 pi sqrt(2)), K the CORDIC's gain.
   localparam int unsigned SigmaGain = 24873230;
+  // A harmonic below 2**NoPhaseShift / (K SineAmplitude) = 1.2e-6 of its sum is rounding.
+  localparam int unsigned NoPhaseShift = 4;
   localparam int unsigned MinWindow = 3;  // a shorter window has no phase (T = N from N = 3)
 
   // Geometry.

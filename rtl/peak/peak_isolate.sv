@@ -187,8 +187,7 @@ module peak_isolate #(
   logic                  seen_q, above_q, is_max_q, last_q;
   logic [PixelWidth-1:0] pixel_q;
   logic [IndexWidth-1:0] index_q;
-  logic                  first;
-  assign first = index_q == '0;
+  logic                  first_q;
 
   // Three lines are under way at once: one gets its threshold, one is compared and one ends.
   // The buffer answers three clocks after replay_o, so the compared line's set changes with its
@@ -212,7 +211,7 @@ module peak_isolate #(
       compare_noise_q      <= noise_q;
       compare_user_q       <= user_q;
     end
-    if (seen_q && first) begin
+    if (seen_q && first_q) begin
       end_low_snr_q    <= compare_low_snr_q;
       end_max_index_q  <= compare_max_index_q;
       end_maximum_q    <= compare_maximum_q;
@@ -234,6 +233,7 @@ module peak_isolate #(
     last_q   <= last_i;
     pixel_q  <= pixel_i;
     index_q  <= index_i;
+    first_q  <= index_i == '0;
     if (rst_i) seen_q <= 1'b0;
   end
 
@@ -264,7 +264,7 @@ module peak_isolate #(
       has_max_q   <= has_max;
       run_left_q  <= run_left;
       run_width_q <= run_width;
-      if (first) begin
+      if (first_q) begin
         found_q       <= 1'b0;
         found_width_q <= '0;
         rival_q       <= 1'b0;
@@ -293,7 +293,7 @@ module peak_isolate #(
   logic [ WidthWidth-1:0] place;
   logic                   keep;
   assign place = in_run_q ? run_width_q : '0;
-  assign keep  = seen_q && above_q && (!found_q || first) && place < WidthWidth'(MaxWindow);
+  assign keep  = seen_q && above_q && (!found_q || first_q) && place < WidthWidth'(MaxWindow);
   always_ff @(posedge clk_i) begin
     if (keep) window_mem[{bank_q, WindowWidth'(place)}] <= pixel_q;
     read_q       <= window_mem[{!bank_q, read_index_i}];

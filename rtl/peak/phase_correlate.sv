@@ -18,7 +18,7 @@
 //   sum_o          sum of pixel - pedestal, aligned counts
 //   wave_o         sum of (pixel - pedestal) cos(2 theta - 2 phi), aligned counts, 4 fraction bits
 //   count_o        sum of cos(2 theta - 2 phi), 8 fraction bits
-//   no_phase_o     X = Y = 0
+//   no_phase_o     X = Y = 0, or so small against the sum that it is rounding: a flat window
 //   Latency  vrscan.fixed.phase_correlate.latency(N): 2 N + a constant, or 2 clocks for a line
 //            that is not measured; one line at a time
 //   Model    vrscan.fixed.phase_correlate, bit-exact
@@ -80,6 +80,7 @@ module phase_correlate #(
   logic                     issue_q;
   logic                     restore_q;  // the sample that puts the pedestal back
   logic                     summed_q;  // the second pass is complete
+  logic [vrscan_pkg::SumWidth-1:0] sum_q;  // of the heights
 
   divide #(
     .DividendWidth(StepWidth + 1), .DivisorWidth(WindowWidth), .QuotientWidth(StepWidth)
@@ -96,6 +97,10 @@ module phase_correlate #(
   logic                                  cordic_start_q, cordic_valid, cordic_zero;
   logic [    vrscan_pkg::AngleWidth-1:0] cordic_angle;
   logic [vrscan_pkg::MagnitudeWidth-1:0] cordic_magnitude;
+
+  // The sum is still that of the first pass.
+  logic [vrscan_pkg::MagnitudeWidth-1:0] no_phase_below;
+  assign no_phase_below = vrscan_pkg::MagnitudeWidth'(sum_q) << vrscan_pkg::NoPhaseShift;
 
   assign begin_pass = (state_q == IDLE && valid_i) || cordic_valid;
 
@@ -139,7 +144,7 @@ module phase_correlate #(
       PHASE: if (cordic_valid) begin
         phase_o      <= cordic_angle;
         magnitude_o  <= cordic_magnitude;
-        no_phase_o   <= cordic_zero;
+        no_phase_o   <= cordic_zero || cordic_magnitude < no_phase_below;
         // The second harmonic, measured from the peak: 2 (theta - phi).
         angle_q      <= -{cordic_angle[vrscan_pkg::AngleWidth-2:0],
                           {(StepWidth - vrscan_pkg::AngleWidth + 1){1'b0}}};
@@ -278,7 +283,6 @@ module phase_correlate #(
   localparam int unsigned WaveShift      = SineWidth - 1 - vrscan_pkg::WaveFraction;
   localparam int unsigned WaveCountShift = SineWidth - 1 - vrscan_pkg::WaveCountFraction;
   logic signed [      HarmonicWidth-1:0] x_q, y_q;
-  logic        [vrscan_pkg::SumWidth-1:0] sum_q;
   logic signed [         PlainWidth-1:0] plain_sum_q;
   logic        [        WindowWidth-1:0] taken_q;  // samples of this pass
   always_ff @(posedge clk_i) begin

@@ -88,8 +88,11 @@ def line_statistics(
     max_index = lines.argmax(axis=1).astype(np.int64)
 
     blocks = -(-length // block)
-    padded = np.zeros((count, blocks * block), np.int64)
-    padded[:, :length] = lines
+    if length % block:
+        padded = np.zeros((count, blocks * block), np.int64)
+        padded[:, :length] = lines
+    else:
+        padded = lines.astype(np.int64)
     pixels = padded.reshape(count, blocks, block)
     sums = np.einsum("nbk->nb", pixels)
     squares = np.einsum("nbk,nbk->nb", pixels, pixels)

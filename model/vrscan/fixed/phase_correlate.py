@@ -21,7 +21,8 @@ class Harmonics:
 
     Attributes:
         measured: Whether there was a window and it has a phase.
-        no_phase: Whether there was a window with X = Y = 0.
+        no_phase: Whether there was a window whose harmonic is zero or nothing but rounding: X and Y
+            together below 1.2e-6 of the sum.
         period: T of the window, px.
         phase: Fraction of a turn, 24 bits.
         magnitude: CORDIC gain times table amplitude times |P1|, aligned counts.
@@ -121,5 +122,5 @@ def phase_correlate(
         results["sum"][rows] = height.sum(axis=1)
         results["wave"][rows] = (wave + (1 << (wave_shift - 1))) >> wave_shift
         results["count"][rows] = (plain + (1 << (count_shift - 1))) >> count_shift
-        no_phase[rows] = zero
+        no_phase[rows] = zero | (magnitude < results["sum"][rows] << pkg.NO_PHASE_SHIFT)
     return Harmonics(measured=measured & ~no_phase, no_phase=no_phase, **results)

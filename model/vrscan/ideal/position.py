@@ -6,7 +6,8 @@ import numpy as np
 
 from vrscan.arrays import Bools, Floats, Ints, Pixels
 
-NO_PHASE_LIMIT = 1e-9  # of the sum: below it, a first harmonic is rounding dust
+NO_PHASE_LIMIT = 1.16e-6  # of the sum above background: a smaller harmonic is rounding
+NO_PHASE_DUST = 1e-12  # of the sum of raw pixels
 
 
 @dataclass(frozen=True)
@@ -67,12 +68,13 @@ def first_harmonic(
     x = (pixels * np.cos(theta)).sum(axis=1)
     y = (pixels * np.sin(theta)).sum(axis=1)
     magnitude = np.hypot(x, y)
-    no_phase = magnitude <= NO_PHASE_LIMIT * pixels.sum(axis=1)
+    signal = np.where(inside, np.maximum(pixels - background[:, None], 0.0), 0.0)
+    dust = NO_PHASE_DUST * pixels.sum(axis=1)  # what float64 leaves of a pedestal
+    no_phase = magnitude <= NO_PHASE_LIMIT * signal.sum(axis=1) + dust
     # atan2 gives -pi to pi; the modulus is the second case of (8). A phase of -1e-17 would round
     # to 2 pi itself, one period on: it is 0.
     phase = np.where(no_phase, 0.0, np.arctan2(y, x) % (2.0 * np.pi))
     phase[phase >= 2.0 * np.pi] = 0.0
-    signal = np.maximum(pixels - background[:, None], 0.0)
     variance = np.where(inside, np.square(noise)[:, None] + kappa * signal, 0.0)
     spread = np.sqrt((variance * np.square(np.sin(theta - phase[:, None]))).sum(axis=1))
     per_radian = period / (2.0 * np.pi)
