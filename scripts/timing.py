@@ -24,6 +24,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
+from vrscan.report.numbers import replace_block
 from vrscan.tools import build_folder, repository_root, rtl_closure, rtl_module, rtl_modules
 
 TARGET_MHZ = 125
@@ -278,11 +279,29 @@ def show(results: list[Result], console: Console) -> None:
     console.print(table)
 
 
+def write_readme(results: list[Result]) -> None:
+    """Put the table between the README's markers."""
+    rows = ["| module | Fmax MHz | LUT | FF | EBR | DSP |", "|---|--:|--:|--:|--:|--:|"]
+    rows += [
+        f"| {r.module} | {r.fmax_mhz:.1f} | {r.lut} | {r.ff} | {r.ebr:g} | {r.dsp:g} |"
+        for r in results
+    ]
+    page = ROOT / "README.md"
+    text = replace_block(page.read_text(), "timing", "\n".join(rows))
+    if text is None:
+        raise SystemExit("timing: the README has no timing markers")
+    page.write_text(text)
+
+
 def main() -> int:
     """Return 0 when every module is fast enough and gave no warning."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("modules", nargs="*", help="only these; all when none is named")
-    names = parser.parse_args().modules
+    parser.add_argument("--write", action="store_true", help="put the table into the README")
+    arguments = parser.parse_args()
+    names = arguments.modules
+    if names and arguments.write:
+        parser.error("--write needs every module")
     try:
         modules = [rtl_module(name) for name in names] or rtl_modules()
     except FileNotFoundError as error:
@@ -303,7 +322,10 @@ def main() -> int:
         ThreadPoolExecutor(os.cpu_count()) as pool,
     ):
         task = progress.add_task("place and route", total=len(modules))
-        jobs = {module.stem: pool.submit(cached, module) for module in modules}
+        # The largest first: the others fit in beside it.
+        order = sorted(modules, key=lambda module: -len(rtl_closure(module)))
+        queued = {module.stem: pool.submit(cached, module) for module in order}
+        jobs = {module.stem: queued[module.stem] for module in modules}
         for job in jobs.values():
             job.add_done_callback(lambda _: progress.advance(task))
         for name, job in jobs.items():
@@ -324,6 +346,8 @@ def main() -> int:
             writer = csv.DictWriter(file, [field.name for field in fields(Result)])
             writer.writeheader()
             writer.writerows(asdict(result) for result in results)
+    if arguments.write and len(results) == len(modules):
+        write_readme(results)
     failures += sum(not result.passes() for result in results)
     verdict = f"{failures} of {len(modules)} modules fail" if failures else "every module passes"
     console.print(f"timing: {verdict}; {TARGET_MHZ} MHz on LFE5U-85F, speed {DEVICE[2]}")
