@@ -13,7 +13,7 @@ ARGS :=
 MODULES :=
 export PYTHON ?= python3
 
-.PHONY: help setup simulate scan test numbers lint timing clean distclean
+.PHONY: help setup simulate scan test mutate numbers lint timing clean distclean
 
 help: ## list these targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' Makefile | \
@@ -34,6 +34,9 @@ scan: setup ## run the default scene through the RTL: points, picture and error 
 
 test: simulate ## run every test; ARGS="-k divide" picks some
 	@$(BIN)/pytest --numprocesses auto --dist worksteal $(ARGS)
+
+mutate: simulate ## put faults into a copy, which the tests must notice; MODULES="divide" picks some
+	@$(BIN)/python tb/mutate.py $(MODULES)
 
 numbers: setup ## print the number table: measured, predicted, floor
 	@$(BIN)/vrscan numbers

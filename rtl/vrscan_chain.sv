@@ -59,7 +59,7 @@ module vrscan_chain #(
   output      logic        [ vrscan_pkg::ConfidenceWidth-1:0] c_obj_o,
   output      logic        [ vrscan_pkg::ConfidenceWidth-1:0] c_sfm_o,
 
-  // Configuration; it should change between lines only.
+  // Configuration; it has to hold until the points of all lines are out.
   input  wire logic                                           period_n_i,
   input  wire logic                                           noise_row_i,
   input  wire logic        [                            15:0] k_noise_i,

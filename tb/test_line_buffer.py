@@ -86,8 +86,8 @@ async def reset_mid_replay(dut) -> None:
         dut.rst_i.value = 0
         dut.valid_i.value = 0
         for _ in range(length):
-            await FallingEdge(dut.clk_i)
             assert dut.valid_o.value == 0, f"the replay survived a reset at its clock {age}"
+            await FallingEdge(dut.clk_i)
         await stream(dut, lines, [True, True], 1)
 
 

@@ -101,6 +101,18 @@ async def good_lines_back_to_back_and_with_gaps(dut) -> None:
 
 
 @cocotb.test()
+async def the_least_period_is_enough(dut) -> None:
+    """Ends that are MinPeriod apart are both good; a clock less is early."""
+    length, period = parameters()["LineLength"], parameters()["MinPeriod"]
+    if not period:
+        return
+    await reset(dut)
+    pause = np.zeros((period - length, 4), np.int64)
+    strobes = np.concatenate([line(length), pause, line(length), pause[1:], line(length)])
+    assert await clock_through(dut, model(), strobes) == [0, 1]
+
+
+@cocotb.test()
 async def bad_lines_are_counted_and_the_next_is_clean(dut) -> None:
     """Short, long, unfinished and empty lines, each followed by a good one that says so."""
     length, period = parameters()["LineLength"], parameters()["MinPeriod"]
@@ -112,13 +124,14 @@ async def bad_lines_are_counted_and_the_next_is_clean(dut) -> None:
         line(length + 1),
         line(length, end=False),  # unfinished: the next line_start_i finds it open
         line(1),
+        np.concatenate([line(length - 1, end=False), [[0, 0, 0, 1]]]),  # ends without its last
         np.array([[1, 0, 0, 1]]),  # started and ended in one clock, no pixel
     ]
     for k, fault in enumerate(faults):
         strobes = np.concatenate([fault, line(length, gap=0.1, salt=k), pause])
         assert await clock_through(dut, twin, strobes) == [2 * k + 1]
         assert await clock_through(dut, twin, pause) == []
-    assert (twin.short, twin.long, twin.unfinished) == (3, 1, 1)
+    assert (twin.short, twin.long, twin.unfinished) == (4, 1, 1)
 
 
 @cocotb.test()
@@ -159,6 +172,19 @@ async def reset_mid_line(dut) -> None:
         twin = model()
         rest = np.concatenate([part[age:], line(length)])
         assert await clock_through(dut, twin, rest) == [0], f"after a reset at pixel {age}"
+
+
+@cocotb.test()
+async def reset_forgets_what_came_before(dut) -> None:
+    """Faults of every kind and a reset at once: the next line is good, the first, none lost."""
+    length = parameters()["LineLength"]
+    await reset(dut)
+    faults = [line(length), line(length), line(2), line(length + 1), line(3, end=False)]
+    await clock_through(dut, model(), np.concatenate(faults))
+    dut.rst_i.value = 1
+    await FallingEdge(dut.clk_i)
+    dut.rst_i.value = 0
+    assert await clock_through(dut, model(), line(length)) == [0]
 
 
 @pytest.mark.parametrize("widths", ELABORATIONS, ids=str)

@@ -54,6 +54,12 @@ def operands(pixel_width: int, count: int) -> dict[str, np.ndarray]:
     }
     given["magnitude"][7:9] = 0
     given["measured"][:2] = True
+    # Next to no light: the variance is below zero, and then one step of kappa f decides.
+    dark = {"maximum": 100, "noise": 0, "wave": 0, "magnitude": 1 << 30, "measured": True}
+    dark |= {"background": 1, "kappa": 9, "width": 255, "period": 255, "count": -255 * 256}
+    for name, value in dark.items():
+        given[name][8:10] = value
+    given["sum"][8:10] = 0, 10
     return given
 
 

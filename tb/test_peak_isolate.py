@@ -18,6 +18,7 @@ from harness import (
 from vrscan.fixed import line_buffer, pkg
 from vrscan.fixed.line_statistics import LineStatistics, line_statistics
 from vrscan.fixed.peak_isolate import Windows, latency, peak_isolate, replay_latency
+from vrscan.ideal import peak as ideal
 
 ELABORATIONS = [
     {"LineLength": 300, "PixelWidth": 12, "MaxWindow": 255, "UserWidth": 8},
@@ -236,6 +237,33 @@ async def flags_by_name(dut) -> None:
 
 
 @cocotb.test()
+async def limits_belong_to_nobody(dut) -> None:
+    """A pixel on the rounded threshold is not above it; a ratio of exactly snr_min is not low."""
+    given = parameters()
+    length, shift = given["LineLength"], pkg.COUNT_WIDTH - given["PixelWidth"]
+    await reset(dut)
+    lines = np.zeros((4, length), np.uint16)
+    lines[:, 20:25] = 30
+    lines[:, 21:24] = 40
+    # Both terms end half a step below 30 pixels: rounded up, the outer pixels are not above.
+    settings = Settings(k_noise=1 << 7, k_height=1 << 15, snr_min=2 << 8)
+    background = np.array([0, (20 << shift) - 1, 0, 0])
+    noise = np.array([(60 << shift) - 1, 0, 20 << shift, (20 << shift) + 1])
+    statistics = LineStatistics(
+        maximum=np.full(4, 40),
+        max_index=np.full(4, 21),
+        row_mean=background,
+        row_variance=background,
+        background=background,
+        noise=noise,
+        row_statistics=np.zeros(4, np.bool_),
+    )
+    want = await send(dut, lines, settings, statistics)
+    assert want.width[:2].tolist() == [3, 3]
+    assert (want.flags >> pkg.FLAG_LOW_SNR & 1).tolist() == [1, 0, 0, 1]
+
+
+@cocotb.test()
 async def saturated_plateau_keeps_its_run(dut) -> None:
     """The whole plateau is the window, though its first pixel is the maximum."""
     given = parameters()
@@ -254,8 +282,10 @@ async def reset_mid_stream(dut) -> None:
     length, top = given["LineLength"], (1 << given["PixelWidth"]) - 1
     await reset(dut)
     lines = plateaus([5, 9, 12], length, top, 5)
+    lines[0, :9] = top  # a run from the first pixel shows one that was left over
     for age in (1, 5, 12, replay_latency() + 3, replay_latency() + length // 2):
         dut.valid_i.value = 1
+        dut.last_i.value = 0
         for cycle in range(age):
             dut.pixel_valid_i.value = int(cycle > replay_latency())
             dut.pixel_i.value = top
@@ -274,3 +304,65 @@ async def reset_mid_stream(dut) -> None:
 @pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
 def test_peak_isolate_rtl_equals_model(widths: dict[str, int]) -> None:
     simulate("peak_isolate", __file__, widths)
+
+
+def test_peak_isolate_model_is_the_run_of_the_equations() -> None:
+    """Windows and rivals are those of float64 wherever rounding the threshold cannot matter."""
+    draw = generator(6)
+    place, settings = np.arange(1000), Settings(k_noise=600, k_height=9000, min_width=4)
+    lines = 60 + 4 * draw.standard_normal((400, 1000))
+    for _ in range(2):
+        centre, width = draw.uniform(0, 1000, (400, 1)), 10 ** draw.uniform(-0.5, 1.3, (400, 1))
+        height = 10 ** draw.uniform(1, 3.5, (400, 1))
+        lines += height * np.exp(-(((place - centre) / width) ** 2))
+    lines = np.clip(np.round(lines), 0, 4095).astype(np.uint16)
+    statistics = line_statistics(lines, pixel_width=12, max_window=255, noise_row=False)
+    got = peak_isolate(lines, statistics, pixel_width=12, max_window=255, **vars(settings))
+
+    step = 2.0 ** (pkg.COUNT_WIDTH - 12)
+    background, noise = statistics.background / step, statistics.noise / step
+    level = ideal.threshold(
+        background,
+        noise,
+        statistics.maximum,
+        k_noise=settings.k_noise / 2**pkg.K_NOISE_FRACTION,
+        k_height=settings.k_height / 2**pkg.K_HEIGHT_FRACTION,
+    )
+    want = ideal.isolate(lines, statistics.max_index, level, min_width=settings.min_width)
+    sure = np.abs(level - np.round(level)) > 1 / step
+    found = sure & (want.width > 0)
+    assert sure.mean() > 0.9 and 0.05 < want.rival.mean() < 0.95
+    assert np.array_equal(got.width[sure], want.width[sure])
+    assert np.array_equal(got.left[found], want.left[found])
+    assert np.array_equal(got.right[found], want.right[found])
+    assert np.array_equal((got.flags >> pkg.FLAG_RIVAL & 1)[sure], want.rival[sure])
+    # A height of exactly snr_min noises is enough.
+    heights = statistics.maximum - background
+    clear = np.abs(heights - 5 * noise) > 1e-3
+    low = got.flags >> pkg.FLAG_LOW_SNR & 1
+    assert np.array_equal(low[clear], (heights < 5 * noise)[clear])
+
+
+def test_a_pixel_on_the_threshold_is_not_above_it() -> None:
+    lines = np.array([[0, 10, 11, 12, 11, 10, 0]], np.uint16)
+    got = ideal.isolate(lines, np.array([3]), np.array([10.0]), min_width=3)
+    assert (got.left[0], got.right[0]) == (2, 4)
+
+
+def test_peak_isolate_model_takes_the_least_ratio() -> None:
+    """A peak of exactly snr_min noises is not low; one count less is."""
+    lines = np.zeros((2, 300), np.uint16)
+    lines[0, 100:105], lines[1, 100:105] = 50, 49
+    shift = pkg.COUNT_WIDTH - 12
+    zeros = np.zeros(2, np.int64)
+    statistics = LineStatistics(
+        maximum=lines.max(axis=1).astype(np.int64),
+        max_index=np.full(2, 100),
+        row_mean=zeros,
+        row_variance=zeros,
+        background=zeros,
+        noise=np.full(2, 10 << shift),
+        row_statistics=np.zeros(2, np.bool_),
+    )
+    got = peak_isolate(lines, statistics, pixel_width=12, max_window=255, **vars(Settings()))
+    assert (got.flags >> pkg.FLAG_LOW_SNR & 1).tolist() == [0, 1]

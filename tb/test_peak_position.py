@@ -49,7 +49,8 @@ async def random_windows_with_restart_and_reset(dut) -> None:
     few = {name: values[:1].repeat(2) for name, values in given.items()}
     few_want = {name: values[:1].repeat(2) for name, values in want.items()}
     await restart_at_every_age(dut, few, few_want, OUTPUTS, latency=LATENCY)
-    await reset_at_every_age(dut, few, few_want, OUTPUTS, latency=LATENCY)
+    for valid in (True, False):
+        await reset_at_every_age(dut, few, few_want, OUTPUTS, latency=LATENCY, valid=valid)
 
 
 @pytest.mark.parametrize("widths", ELABORATIONS, ids=str)

@@ -4,7 +4,7 @@
 //
 // The statistics of a line come in, the line is replayed from the buffer, and after its last
 // pixel the window goes out with its flags.  The window's pixels stand in a memory of their own,
-// readable until the next window but one.  No decision divides: the S/N is compared as
+// readable until the next line ends.  No decision divides: the S/N is compared as
 // (maximum - background) < snr_min noise.
 //
 // A run is a rival when it is at least min_width wide: what could not be a peak is no rival, and

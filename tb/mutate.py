@@ -1,0 +1,562 @@
+"""Prove that the tests can fail: put one deliberate fault after another into a copy of the tree.
+
+Every fault names the test file that must turn red. A fault that survives is a weak test, one
+whose text is gone or does not build is a stale line of the table; both end with status 1.
+``make mutate MODULES="divide triangulate"`` takes only the faults of those files.
+"""
+
+import os
+import queue
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from vrscan.tools import repository_root
+
+PARTS = ("rtl", "tb", "model", "scripts", "pyproject.toml")
+SECONDS = 200  # a test that takes longer hangs, which is red too
+NO_RTL = "not rtl"  # for a model: mathematics has to notice, not only the RTL
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One replacement, and the tests that must notice it."""
+
+    file: str
+    what: str
+    old: str
+    new: str
+    test: str
+    only: str  # pytest's -k
+
+
+def faults(file: str, *edits: tuple[str, str, str], test: str = "", only: str = "") -> list[Fault]:
+    """Return faults of one file, by default for the test that has the file's name."""
+    path = f"tb/test_{test or Path(file).stem}.py"
+    return [Fault(file, *edit, path, only) for edit in edits]
+
+
+FAULTS = [
+    # ---- rtl/trig ----
+    *faults(
+        "rtl/trig/multiply.sv",
+        ("a column's carry without its sign", "sum >>> LimbWidth : sum", "sum >> LimbWidth : sum"),
+        ("limbs swapped", "a_index_q == ATop && b", "b_index_q == BTop && b"),
+        ("no reset of the result", "      valid_o      <= 1'b0;\n", ""),
+        ("no reset of the terms", "      term_valid_q <= 1'b0;\n", ""),
+        ("a result after a new start", "term_last_q && !valid_i;", "term_last_q;"),
+    ),
+    *faults(
+        "rtl/trig/divide.sv",
+        ("rounds down", "SumWidth'(divisor_i >> 1)", "SumWidth'(0)"),
+        ("overflow one late", ">= HighWidth'(divisor_q)", "> HighWidth'(divisor_q)"),
+        ("no reset of the steps", "start_q <= 1'b0;\n      steps_q <= '0;", "start_q <= 1'b0;"),
+    ),
+    *faults(
+        "rtl/trig/square_root.sv",
+        ("rounds down", "root_q[0] && root", "1'b0 && root"),
+        ("rounding wraps", "root_q[0] && root_q[RootWidth:1] != '1", "root_q[0]"),
+        ("remainder survives", "      remainder_q <= '0;\n", ""),
+        ("no reset of the steps", "steps_q <= '0;\n      done_q", "done_q"),
+    ),
+    *faults(
+        "rtl/trig/quarter_wave.sv",
+        ("small angle not turned around", "odd ? -Turn : Turn", "odd ? Turn : Turn"),
+        ("d rounds down", "assign rounded = scaled_q + (S", "assign rounded = scaled_q + 0 * (S"),
+        ("cosine's sign", "phase_i[PhaseWidth-1] ^ odd}", "phase_i[PhaseWidth-1]}"),
+        (
+            "factors swapped",
+            "cosine_slope_q  <= step_q2 * sine",
+            "cosine_slope_q  <= step_q2 * cosine",
+        ),
+        ("no reset", "if (rst_i) valid_q <= '0;", ""),
+    ),
+    *faults(
+        "rtl/trig/quarter_wave_rom.sv",
+        ("an entry off by one", "mem[576] = 32'hc60256da", "mem[576] = 32'hc60256db"),
+        ("ports swapped", "a_entry_o <= mem[a_index_i]", "a_entry_o <= mem[b_index_i]"),
+        test="quarter_wave",
+    ),
+    *faults(
+        "rtl/trig/cordic_pkg.sv",
+        (
+            "an angle a little off",
+            "5'd20: arc_tangent = 40'h0000028be6",
+            "5'd20: arc_tangent = 40'h0000028fe6",
+        ),
+        ("an angle missing", "5'd1: arc_tangent", "5'd31: arc_tangent"),
+        test="cordic_vector",
+    ),
+    *faults(
+        "rtl/trig/cordic_vector.sv",
+        (
+            "angle rounds down",
+            "(SumWidth - 1)'(1) << (AngleGuard",
+            "(SumWidth - 1)'(0) << (AngleGuard",
+        ),
+        ("wrong quadrant", "below ^ x_negative_q ^ y_negative_q", "below ^ y_negative_q"),
+        ("magnitude rounds down", "+ ScaledWidth'(1)) >> 1", "+ ScaledWidth'(0)) >> 1"),
+        ("zero has an angle", "zero_q ? '0 : angle_q", "angle_q"),
+        ("no reset", "if (rst_i) state_q <= StIdle;", ""),
+    ),
+    # ---- rtl/sensor ----
+    *faults(
+        "rtl/sensor/line_receiver.sv",
+        ("a pixel short is good", "!line_start_i && pixel_valid_i));", "!line_start_i));"),
+        ("a pixel long is good", "&& !over && !is_early;", "&& !is_early;"),
+        ("lost is forgotten", "(lost_q || dropped) && !good;", "dropped && !good;"),
+        ("period a clock short", "(MinPeriod == 0 ? 0 : 1)", "(0)"),
+        ("a counter wraps", "short_q && short_count_o != '1", "short_q"),
+        ("no reset of the line", "      in_line_q          <= 1'b0;\n", ""),
+        ("no reset of the period", "      period_q           <= PeriodWidth'(MinPeriod);\n", ""),
+        ("no reset of lost", "      lost_q             <= 1'b0;\n", ""),
+        ("no reset of a counter", "      early_count_o      <= '0;\n", ""),
+    ),
+    *faults(
+        "rtl/sensor/line_buffer.sv",
+        (
+            "reads the bank that is written",
+            "<= !write_bank_q;\n      read",
+            "<= write_bank_q;\n      read",
+        ),
+        ("last one early", "(LineLength - Lanes)", "(LineLength - 2 * Lanes)"),
+        ("no reset of the replay", "      reading_q    <= 1'b0;\n", ""),
+        ("no reset of the last stage", "      valid_o      <= 1'b0;\n", ""),
+    ),
+    *faults(
+        "rtl/sensor/line_statistics.sv",
+        ("the last maximum", "pixel_q2 > max_q", "pixel_q2 >= max_q"),
+        (
+            "a guard block less",
+            "- ReachWidth'(signed'(GuardBlocks))",
+            "- ReachWidth'(signed'(GuardBlocks - 1))",
+        ),
+        ("last block's length", "? LengthWidth'(LastLength)", "? LengthWidth'(BlockBits)"),
+        ("sums of the line before", "(block_q == '0 ? '0 : sum_q)", "sum_q"),
+        ("flag though the row was asked for", "length_q == '0 && !noise_row_i;", "length_q == '0;"),
+        (
+            "moment's sign",
+            "product[MomentWidth-1:0] - sum_squared_q",
+            "sum_squared_q - product[MomentWidth-1:0]",
+        ),
+        (
+            "mean and background swapped",
+            "DividendWidth'(rest_sum_q) <<",
+            "DividendWidth'(row_sum_q) <<",
+        ),
+        (
+            "no reset of the moments",
+            "      moment_q        <= MOMENT_IDLE;\n      factors",
+            "factors",
+        ),
+        (
+            "no reset of the quotients",
+            "      quotient_q     <= QUOTIENT_IDLE;\n      divide",
+            "divide",
+        ),
+        ("no reset of the selection", "      reading_q   <= 1'b0;\n", ""),
+    ),
+    # ---- rtl/peak ----
+    *faults(
+        "rtl/peak/peak_isolate.sv",
+        ("S/N at its limit is low", "SnrFraction) < product", "SnrFraction) <= product"),
+        (
+            "the threshold itself is above",
+            "{CountShift{1'b0}}}) > compare",
+            "{CountShift{1'b0}}}) >= compare",
+        ),
+        ("the smaller term", "noise_term_q > TermWidth'", "noise_term_q < TermWidth'"),
+        (
+            "noise term rounds down",
+            "TermWidth'(1 << (vrscan_pkg::KNoiseFraction - 1))",
+            "TermWidth'(0)",
+        ),
+        (
+            "height term rounds down",
+            "TermWidth'(1 << (vrscan_pkg::KHeightFraction - 1))",
+            "TermWidth'(0)",
+        ),
+        (
+            "flag of the next line",
+            "FlagLowSnr]    <= end_low_snr_q",
+            "FlagLowSnr]    <= compare_low_snr_q",
+        ),
+        (
+            "edge one early",
+            "found_right_q == IndexWidth'(LineLength - 1)",
+            "found_right_q == IndexWidth'(LineLength - 2)",
+        ),
+        ("any run is a rival", "run_ends && wide_enough", "run_ends"),
+        (
+            "least width is too narrow",
+            "found_width_q < WidthWidth'(min",
+            "found_width_q <= WidthWidth'(min",
+        ),
+        (
+            "largest width is too wide",
+            "found_width_q > WidthWidth'(max",
+            "found_width_q >= WidthWidth'(max",
+        ),
+        ("window memory wraps", " && place < WidthWidth'(MaxWindow);", ";"),
+        ("limit of the register", "? WindowWidth'(vrscan_pkg::MinWindow)", "? WindowWidth'(2)"),
+        ("no reset of the run", "      in_run_q <= 1'b0;\n", ""),
+        ("no reset of the compared pixel", "if (rst_i) seen_q <= 1'b0;", ""),
+        ("no reset of the end", "finish_q <= 1'b0;\n      in_run_q", "in_run_q"),
+        ("no reset of the state", "state_q  <= IDLE;\n      start_q  <= 1'b0;\n", ""),
+    ),
+    *faults(
+        "rtl/peak/phase_correlate.sv",
+        ("pedestal put back for T = N", "period_o == width_o ? AlignedWidth'(0) : ", ""),
+        ("T and N swapped", "WindowWidth'(!period_n_i)", "WindowWidth'(period_n_i)"),
+        ("second harmonic from the wrong side", "<= -{cordic_angle", "<= {cordic_angle"),
+        ("no phase but measured", "measured_o && !no_phase_o;", "measured_o;"),
+        ("wave rounds down", "HarmonicWidth'(1 << (WaveShift - 1))", "HarmonicWidth'(0)"),
+        ("sine and cosine swapped", "y_q + HarmonicWidth'(sine_p", "y_q + HarmonicWidth'(cosine_p"),
+        ("no reset of the state", "state_q      <= IDLE;\n      step_start_q", "step_start_q"),
+        ("no reset of the CORDIC's start", "      cordic_start_q <= 1'b0;\n      summed", "summed"),
+    ),
+    *faults(
+        "rtl/peak/peak_position.sv",
+        ("rounds down", "(1 << (Shift - 1))", "(0)"),
+        ("a result after a new start", "product_valid && !valid_i;", "product_valid;"),
+        ("left a pixel off", "signed'({1'b0, left_i})) <<<", "signed'({1'b0, left_i + 1'b1})) <<<"),
+        ("no reset", "if (rst_i) valid_o <= 1'b0;", ""),
+    ),
+    *faults(
+        "rtl/peak/peak_confidence.sv",
+        (
+            "C_sfm where there is an object",
+            "low_snr_q ? confidence : '0",
+            "low_snr_q ? '0 : confidence",
+        ),
+        (
+            "S/N of no height",
+            "snr_o            <= height_q == '0 ? '0 : quotient",
+            "snr_o            <= quotient",
+        ),
+        ("negative variance", "variance_q < 0 ? '0 : ", ""),
+        ("N + C", "{1'b0}}}) - count_i", "{1'b0}}}) + count_i"),
+        ("kappa f rounds down", "(1 << (KappaShift - 1))", "(0)"),
+        ("sigma of nothing", "measured_q ? quotient : '0", "quotient"),
+        ("wrong flag", "no_noise_o       <= noise_q", "no_noise_o       <= height_q"),
+        ("no reset of the state", "state_q          <= IDLE;\n      multiply", "multiply"),
+    ),
+    # ---- rtl/geometry ----
+    *faults(
+        "rtl/geometry/distortion.sv",
+        ("odd and even swapped", "even_i && r_q", "!even_i && r_q"),
+        ("complement for negation", " + SlopeSumWidth'(flip_q)", ""),
+        ("saturated slope is not told", "!offset_fits || !slope_fits;", "!offset_fits;"),
+        ("2 k1 for 3 k1", "(FactorWidth + 4)'(factor_q) + ((F", "((F"),
+        ("no reset", "store_q <= 1'b0;\n      done_q", "done_q"),
+    ),
+    *faults(
+        "rtl/geometry/triangulate.sv",
+        ("n = 0 has a range", "|| numerator_q == '0 ||", "||"),
+        ("gradient's sign", "move_q - GradientWidth'", "move_q + GradientWidth'"),
+        (
+            "x saturates to the wrong end",
+            "x_q[FullWidth-1] ? ~LengthMax",
+            "z_q[FullWidth-1] ? ~LengthMax",
+        ),
+        ("x and z swapped", "in_range ? x : '0", "in_range ? z : '0"),
+        ("a flag without a position", "measured_q && no_range_q;", "no_range_q;"),
+        ("a drop is forgotten", "(missing_q || drop) && !accept", "drop && !accept"),
+        ("full though it is taken", "full = valid_o && !ready_i", "full = valid_o"),
+        ("no reset of missing", "      missing_q    <= 1'b0;\n", ""),
+        ("no reset of valid", "      dropped_o    <= 1'b0;\n      valid_o      <= 1'b0;", ""),
+    ),
+    # ---- the chain's wires ----
+    *faults(
+        "rtl/vrscan_chain.sv",
+        ("n0 and n1 swapped", ".n0_i, .n1_i, .d0_i", ".n0_i(n1_i), .n1_i(n0_i), .d0_i"),
+        (
+            "d1 and e1 swapped",
+            ".d1_i, .e0_i, .e1_i,\n    .dropped",
+            ".d1_i(e1_i), .e0_i, .e1_i(d1_i),\n    .dropped",
+        ),
+        ("noise of a later line", ".noise_i     (peak.noise)", ".noise_i     (noise)"),
+        ("flag of a later line", "= peak.row.row_statistics;", "= row.row_statistics;"),
+        ("no flag", "    flags[vrscan_pkg::FlagNoNoise]       = no_noise;\n", ""),
+        ("lost lines untold", "= peak.row.line.lost;", "= 1'b0;"),
+        ("angle a clock late", "lost, angle_q, power_q};", "lost, unsigned'(angle_i), power_q};"),
+        (
+            "wrong flag decides",
+            "peak.flags[vrscan_pkg::FlagLowSnr]",
+            "peak.flags[vrscan_pkg::FlagTooNarrow]",
+        ),
+        (
+            "does not wait for sigma",
+            "(have_confidence_q || confidence_valid) && !start_q;\n    if",
+            "!start_q;\n    if",
+        ),
+        ("position of nothing", "phase_measured ? unsigned'(position) : '0", "unsigned'(position)"),
+        ("lines may come too fast", "= LineLength >= LinePeriod ? 0 : LinePeriod;", "= 0;"),
+        ("drops are not reset", "if (rst_i) dropped_count_o <= '0;", ""),
+        ("drops wrap", "dropped && dropped_count_o != '1", "dropped"),
+    ),
+    *faults(
+        "rtl/vrscan_chain.sv",
+        (
+            "k1 and k2 swapped",
+            ".centre_i, .k1_i, .k2_i, .even_i",
+            ".centre_i, .k1_i(k2_i), .k2_i(k1_i), .even_i",
+        ),
+        (
+            "gains swapped",
+            ".kappa_i, .c_obj_gain_i, .c_sfm_gain_i",
+            ".kappa_i, .c_obj_gain_i(c_sfm_gain_i), .c_sfm_gain_i(c_obj_gain_i)",
+        ),
+        ("period fixed", "    .period_n_i\n", "    .period_n_i  (1'b1)\n"),
+        test="chain_lines",
+    ),
+    *faults(
+        "rtl/vrscan_pkg.sv",
+        ("sigma's constant", "SigmaGain = 24873230", "SigmaGain = 24973230"),
+        ("stages take too long", "MinPeriodOverhead = 450", "MinPeriodOverhead = 300"),
+        test="vrscan_chain",
+    ),
+    # ---- the models, against mathematics ----
+    *faults(
+        "model/vrscan/fixed/divide.py",
+        ("rounds down", "dividend + (divisor >> 1)", "dividend"),
+        only=NO_RTL,
+    ),
+    *faults(
+        "model/vrscan/fixed/square_root.py",
+        ("rounds down", "    root += radicand - root * root > root\n", ""),
+        only=NO_RTL,
+    ),
+    *faults(
+        "model/vrscan/fixed/quarter_wave.py",
+        ("table at whole steps", "(k + 0.5) * (math", "k * (math"),
+        (
+            "cosine's slope",
+            "table()[index]\n    cosine_entry = table()[size - 1 - index]",
+            "table()[index]\n    cosine_entry = table()[size - 2 - index]",
+        ),
+        only=NO_RTL,
+    ),
+    *faults(
+        "model/vrscan/fixed/cordic_vector.py",
+        ("angle rounds down", " + (1 << (ANGLE_GUARD - 1))", ""),
+        ("magnitude rounds down", "(doubled + 1) >> 1", "doubled >> 1"),
+        only=NO_RTL,
+    ),
+    *faults(
+        "model/vrscan/fixed/line_statistics.py",
+        ("a guard block less", "distance > guard", "distance >= guard"),
+        ("sample variance", "np.int64(length * length)", "np.int64(length * (length - 1))"),
+        only=NO_RTL,
+    ),
+    *faults(
+        "model/vrscan/fixed/phase_correlate.py",
+        ("no pedestal for T = N - 1", "x += pedestal * pkg.SINE_AMPLITUDE", "x += 0"),
+        ("T = N always", "(width - (not period_n))", "width"),
+        ("second harmonic from the wrong side", "start = -(phase", "start = (phase"),
+        only=NO_RTL,
+    ),
+    *faults(
+        "model/vrscan/fixed/peak_isolate.py",
+        ("any run is a rival", "rows[widths >= min_width]", "rows[widths >= 0]"),
+        ("only the noise", "np.maximum(noise_term, height_term)", "noise_term"),
+        ("S/N at its limit is low", "SNR_FRACTION) < snr_min", "SNR_FRACTION) <= snr_min"),
+        only=NO_RTL,
+    ),
+    *faults(
+        "model/vrscan/fixed/peak_position.py",
+        ("rounds down", "(phase * period + (1 << (shift - 1)))", "(phase * period)"),
+        only=NO_RTL,
+    ),
+    *faults(
+        "model/vrscan/fixed/peak_confidence.py",
+        ("no shot noise", "variance + kappa * ((", "variance + 0 * (("),
+        ("S/N of no height", "snr = np.where(height == 0, 0, snr)", "snr = snr + 0"),
+        only=NO_RTL,
+    ),
+    *faults(
+        "model/vrscan/fixed/distortion.py",
+        ("slope of 2 k1", "(factor + 2 * (factor", "(2 * (factor"),
+        only=NO_RTL,
+    ),
+    *faults(
+        "model/vrscan/fixed/triangulate.py",
+        ("gradient's sign", "shift - _scaled(z, rate)", "shift + _scaled(z, rate)"),
+        ("behind has a range", "(numerator <= 0) | (divisor <= 0)", "(divisor <= 0)"),
+        only=NO_RTL,
+    ),
+    *faults(
+        "model/vrscan/registers.py",
+        ("offset's sign", "base * cosine - offset * sine", "base * cosine + offset * sine"),
+        ("angles round down", "(half / np.pi) + 0.5)", "(half / np.pi))"),
+    ),
+    *faults(
+        "model/vrscan/points.py",
+        ("variance's format", "VARIANCE_WIDTH - 2 * points", "VARIANCE_WIDTH - 1 * points"),
+    ),
+    # ---- the equations ----
+    *faults(
+        "model/vrscan/ideal/geometry.py",
+        ("(5): slope of 2 k1", "3.0 * geometry.k1", "2.0 * geometry.k1"),
+        ("(3): offset's sign", "+ geometry.offset_mm * across", "- geometry.offset_mm * across"),
+        ("(6): not squared", "np.square(range_mm) * position", "range_mm * position"),
+        ("parting rays have a range", "(n <= 0.0) | (d <= 0.0)", "(n <= 0.0)"),
+        test="ideal_geometry",
+    ),
+    *faults(
+        "model/vrscan/ideal/position.py",
+        ("(8): X and Y swapped", "np.arctan2(y, x)", "np.arctan2(x, y)"),
+        (
+            "T and N - 1 swapped",
+            "width if period_n else width - 1",
+            "width - 1 if period_n else width",
+        ),
+        (
+            "sigma without shot noise",
+            "np.square(noise)[:, None] + kappa * signal",
+            "np.square(noise)[:, None] + 0 * signal",
+        ),
+        test="ideal_position",
+    ),
+    *faults(
+        "model/vrscan/ideal/position.py",
+        ("(8): negative phases", "np.arctan2(y, x) % (2.0 * np.pi)", "np.arctan2(y, x)"),
+        test="phase_correlate",
+        only=NO_RTL,
+    ),
+    *faults(
+        "model/vrscan/ideal/confidence.py",
+        ("(9): not limited", "np.minimum(snr / snr_max, 1.0)", "snr / snr_max"),
+        ("(10): where there is an object", "np.where(valid, 0.0, np", "np.where(~valid, 0.0, np"),
+        test="ideal_position",
+    ),
+    *faults(
+        "model/vrscan/ideal/statistics.py",
+        ("a guard block less", "kept = distance > guard", "kept = distance >= guard"),
+        ("the peak counts", "(where * squares).sum", "squares.sum"),
+        test="ideal_statistics",
+    ),
+    *faults(
+        "model/vrscan/ideal/peak.py",
+        ("the smaller term", "np.maximum(k_noise * noise, k", "np.minimum(k_noise * noise, k"),
+        ("any run is a rival", "== min_width).any", ">= 1).any"),
+        test="ideal_statistics",
+    ),
+    *faults(
+        "model/vrscan/ideal/peak.py",
+        ("the threshold itself is above", "lines > level[:, None]", "lines >= level[:, None]"),
+        test="peak_isolate",
+        only=NO_RTL,
+    ),
+    *faults(
+        "model/vrscan/ideal/chain.py",
+        ("edge forgotten", "(window.left == 0) | (window.right == last)", "(window.left == 0)"),
+        ("flat lines have a peak", "(height <= 0.0) | (height", "(height"),
+        test="ideal_chain",
+    ),
+]
+
+
+def copied(folder: Path) -> Path:
+    """Copy what the tests need into a new folder and return it."""
+    root = repository_root()
+    for part in PARTS:
+        source = root / part
+        if source.is_dir():
+            shutil.copytree(source, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            folder.mkdir(exist_ok=True)
+            shutil.copy2(source, folder / part)
+    return folder
+
+
+def verdict(tree: Path, test: str, only: str) -> str:
+    """Run one test file in a tree and return "green", "red" or what is wrong with the fault."""
+    environment = dict(os.environ) | {
+        "PYTHONPATH": str(tree / "model"),
+        # A fault and its removal within a second would leave stale byte code.
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", test]
+    command += ["-k", only] if only else []
+    with subprocess.Popen(
+        command, cwd=tree, env=environment, text=True, start_new_session=True,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    ) as run:  # fmt: skip
+        try:
+            words, _ = run.communicate(timeout=SECONDS)
+        except subprocess.TimeoutExpired:
+            os.killpg(run.pid, signal.SIGKILL)  # the simulator too
+            return "red"
+    if "%Error" in words or "%Warning" in words:
+        return "does not build"
+    return {0: "green", 1: "red"}.get(run.returncode, "does not run")
+
+
+def attempt(fault: Fault, trees: "queue.Queue[Path]") -> tuple[str, float]:
+    """Put a fault into a free tree, judge it, take it out again; return verdict and seconds."""
+    start = time.monotonic()
+    tree = trees.get()
+    file = tree / fault.file
+    text = file.read_text()
+    try:
+        if text.count(fault.old) != 1:
+            return f"text found {text.count(fault.old)} times", 0.0
+        file.write_text(text.replace(fault.old, fault.new))
+        return verdict(tree, fault.test, fault.only), time.monotonic() - start
+    finally:
+        file.write_text(text)
+        trees.put(tree)
+
+
+def main(words: list[str]) -> int:
+    """Return 0 when every fault, or every one of the files named by ``words``, is noticed."""
+    console = Console()
+    chosen = [f for f in FAULTS if not words or Path(f.file).stem in words]
+    start = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="mutate-") as place:
+        count = os.cpu_count() or 1
+        trees: queue.Queue[Path] = queue.Queue()
+        for k in range(count):
+            trees.put(copied(Path(place) / str(k)))
+        # Without a fault all is green; for what is simulated, one test stands for the others.
+        tests = [("tb/test_line_buffer.py", ""), *{(f.test, f.only) for f in chosen if f.only}]
+        for test, only in tests:
+            if verdict(trees.queue[0], test, only) != "green":
+                console.print(f"mutate: {test} is red without a fault")
+                return 1
+        results: dict[Fault, tuple[str, float]] = {}
+        with ThreadPoolExecutor(count) as pool:
+            waiting = {pool.submit(attempt, fault, trees): fault for fault in chosen}
+            for done in track(as_completed(waiting), "faults", len(waiting), transient=True):
+                results[waiting[done]] = done.result()
+
+    table = Table("file", "fault", "test", "verdict", "s", box=None)
+    for fault in chosen:
+        answer, seconds = results[fault]
+        mark = "[green]killed[/]" if answer == "red" else "[red]survived[/]"
+        if answer not in ("red", "green"):
+            mark = f"[red]{answer}[/]"
+        test = Path(fault.test).stem.removeprefix("test_")
+        table.add_row(Path(fault.file).name, fault.what, test, mark, f"{seconds:.0f}")
+    console.print(table)
+    bad = [f for f in chosen if results[f][0] != "red"]
+    console.print(
+        f"mutate: {len(chosen) - len(bad)} of {len(chosen)} faults noticed "
+        f"in {time.monotonic() - start:.0f} s"
+    )
+    return 1 if bad or not chosen else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
