@@ -40,11 +40,13 @@ def plateaus(count: int, salt: int) -> np.ndarray:
     for row, width in enumerate(widths):
         left = int(draw.integers(0, LENGTH - width + 1))
         lines[row, left : left + width] = draw.integers(1000, 4096, width)
-    lines[:6] = 0
+    lines[:7] = 0
     lines[1] = 4095
     lines[2, 1000] = 4095
     lines[3, :100] = lines[4, -100:] = 4095
     lines[5] = np.arange(LENGTH) % 2 * 4095
+    lines[6] = np.arange(LENGTH) % 3
+    lines[6, -3:] = 4094, 300, 301  # its position rounds up to LineLength, which does not fit
     return lines.astype(np.uint16)
 
 

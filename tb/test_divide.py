@@ -83,13 +83,14 @@ async def restart_drops_the_first_division(dut) -> None:
 
 @cocotb.test()
 async def reset_mid_division(dut) -> None:
-    """A reset with valid high: nothing comes out, and the next division is right."""
+    """A reset with and without valid: nothing comes out, and the next division is right."""
     widths = parameters()
     given = operands(widths, 40)
     await reset(dut)
-    await reset_at_every_age(
-        dut, given, expected(widths, given), OUTPUTS, latency=latency(widths["QuotientWidth"])
-    )
+    want = expected(widths, given)
+    clocks = latency(widths["QuotientWidth"])
+    for valid in (True, False):
+        await reset_at_every_age(dut, given, want, OUTPUTS, latency=clocks, valid=valid)
 
 
 @pytest.mark.parametrize("widths", ELABORATIONS, ids=str)

@@ -26,16 +26,24 @@ def operands(length: int, count: int) -> dict[str, np.ndarray]:
     """Return windows on the line with any phase, the wrap and the ends first."""
     draw = generator(length)
     period = draw.integers(2, min(256, length), count)
-    left = draw.integers(0, length - period)
+    left = draw.integers(0, length - period, endpoint=True)
     phase = draw.integers(0, TURN, count)
     phase[:6] = 0, 1, TURN - 1, TURN // 2, TURN // 2 - 1, TURN // 4
     left[6:8] = 0, length - 1 - period[7]
+    left[8:12] = length - period[8:12]  # T = N at the sensor's end
+    phase[8:12] = TURN - 1, TURN - 2, TURN - TURN // 2048, TURN // 2
     return {"left_i": left, "period_i": period, "phase_i": phase}
 
 
 def expected(given: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return the model's answer."""
-    return {"position_o": peak_position(given["left_i"], given["period_i"], given["phase_i"])}
+    position = peak_position(
+        given["left_i"],
+        given["period_i"],
+        given["phase_i"],
+        line_length=parameters()["LineLength"],
+    )
+    return {"position_o": position}
 
 
 @cocotb.test()
@@ -61,8 +69,10 @@ def test_peak_position_rtl_equals_model(widths: dict[str, int]) -> None:
 def test_peak_position_model_is_equation_8() -> None:
     """Within half a step of left + phase T, with no case for a negative phase."""
     given = operands(2048, 5000)
-    got = peak_position(given["left_i"], given["period_i"], given["phase_i"]) / 4096
+    got = peak_position(*given.values(), line_length=2048) / 4096
+    assert got[8] == 2048 - 1 / 4096  # rounded up to 2048, which does not fit
     signed = np.where(given["phase_i"] >= TURN // 2, given["phase_i"] - TURN, given["phase_i"])
     delta = signed / TURN * given["period_i"]
     delta = np.where(signed >= 0, delta, delta + given["period_i"])
-    assert np.abs(got - given["left_i"] - delta).max() <= 0.5 / 4096
+    exact = np.minimum(given["left_i"] + delta, 2048 - 1 / 4096)
+    assert np.abs(got - exact).max() <= 0.5 / 4096

@@ -52,5 +52,7 @@ def test_geometry_constants_give_the_same_triangle(length: int, distortion: str)
 
 
 def test_angles_are_turns_and_wrap_at_half_a_turn() -> None:
-    angle = np.array([0.0, np.pi / 2, -np.pi / 2, np.pi, -np.pi, 2 * np.pi / 2**24])
-    assert angle_turns(angle).tolist() == [0, 2**22, -(2**22), -(2**23), -(2**23), 1]
+    angle = np.array(
+        [0.0, np.pi / 2, -np.pi / 2, np.pi, -np.pi, 2 * np.pi / 2**24, 1.2 * np.pi / 2**24]
+    )
+    assert angle_turns(angle).tolist() == [0, 2**22, -(2**22), -(2**23), -(2**23), 1, 1]

@@ -76,7 +76,9 @@ def _run(
         pixel_width=r.pixel_width,
         period_n=r.period_n,
     )
-    position = peak_position.peak_position(window.left, harmonic.period, harmonic.phase)
+    position = peak_position.peak_position(
+        window.left, harmonic.period, harmonic.phase, line_length=r.line_length
+    )
     quality = peak_confidence.peak_confidence(
         measured=harmonic.measured,
         low_snr=(window.flags >> pkg.FLAG_LOW_SNR & 1).astype(np.bool_),

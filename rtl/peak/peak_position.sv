@@ -3,7 +3,8 @@
 // delta = phase T / (2 pi) of (8).  The phase is an unsigned fraction of a turn, so the case
 // delta' < 0 of (8) needs no logic: it is the upper half of the turn.
 //
-//   position_o  left + delta in px, 12 fraction bits, to nearest, half up
+//   position_o  left + delta in px, 12 fraction bits, to nearest, half up, below the power of two
+//               at or above LineLength
 //   Latency  vrscan.fixed.peak_position.LATENCY clocks; a valid_i meanwhile starts anew
 //   Model    vrscan.fixed.peak_position, bit-exact
 
@@ -41,16 +42,18 @@ module peak_position #(
     .product_o(product)
   );
 
-  // left + delta stays below LineLength: a window ends on the line, and delta is at most T.
-  logic signed [PositionWidth-1:0] delta;
+  // A window ends on the line and delta is at most T, so the sum is LineLength at most.  That it
+  // reaches only by rounding, and where it does not fit it is the largest position instead.
+  logic signed [PositionWidth-1:0] delta, sum;
   assign delta = PositionWidth'((product + (PhaseWidth + PeriodWidth)'(1 << (Shift - 1)))
                                 >>> Shift);
+  assign sum   = delta
+                 + (PositionWidth'(signed'({1'b0, left_i})) <<< vrscan_pkg::PositionFraction);
 
   always_ff @(posedge clk_i) begin
     valid_o <= product_valid && !valid_i;
     if (product_valid) begin
-      position_o <= delta
-                    + (PositionWidth'(signed'({1'b0, left_i})) <<< vrscan_pkg::PositionFraction);
+      position_o <= sum[PositionWidth-1] ? {1'b0, {(PositionWidth - 1){1'b1}}} : sum;
     end
     if (rst_i) valid_o <= 1'b0;
   end

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from scipy.optimize import linprog
 
 from vrscan.arrays import Bools, Floats, Ints, Pixels
+from vrscan.config import Config
 from vrscan.fixed import pkg
 from vrscan.fixed.cordic_vector import angle_bounds
 from vrscan.fixed.divide import divide
@@ -41,6 +42,7 @@ FLOOR_MAX = 2.0 ** -(pkg.POSITION_FRACTION + 1)
 FLOOR_RMS = 2.0**-pkg.POSITION_FRACTION / math.sqrt(12.0)
 PEDESTALS = (0.0, 0.02, 0.2, 0.5, 0.8, 0.95)  # of full scale
 PIXEL_WIDTH = 12
+LINE_LENGTH = Config().sensor.line_length
 
 _FULL = (1 << PIXEL_WIDTH) - 1
 _COUNT_FRACTION = pkg.COUNT_WIDTH - PIXEL_WIDTH
@@ -347,7 +349,7 @@ def evaluate(group: Windows, *, period_n: bool) -> Outcome:
         period_n=period_n,
     )
     left = np.arange(count) % 1793  # the sum is exact wherever the window starts
-    position = peak_position(left, found.period, found.phase)
+    position = peak_position(left, found.period, found.phase, line_length=LINE_LENGTH)
     got = (position - (left << pkg.POSITION_FRACTION)) * 2.0**-pkg.POSITION_FRACTION
 
     background = group.background.astype(np.float64) * 2.0**-_COUNT_FRACTION

@@ -51,7 +51,9 @@ def law_ratio(
         period_n=True,
     )
     step = 2.0**-pkg.POSITION_FRACTION
-    position = peak_position(np.zeros(count, np.int64), found.period, found.phase) * step
+    length = Config().sensor.line_length
+    left = np.zeros(count, np.int64)
+    position = peak_position(left, found.period, found.phase, line_length=length) * step
     true = np.angle((spot * np.exp(2j * np.pi * place / width)).sum(axis=1)) % (2.0 * np.pi)
     error = position - true * width / (2.0 * np.pi)
     error = (error + width / 2.0) % width - width / 2.0
