@@ -6,7 +6,10 @@ import cocotb
 import numpy as np
 import pytest
 from harness import (
+    FallingEdge,
+    as_integer,
     assert_equal,
+    drive,
     generator,
     parameters,
     reset,
@@ -88,6 +91,29 @@ async def random_peaks(dut) -> None:
     await reset(dut)
     got = await run_vectors(dut, ports(given), OUTPUTS, latency=latency())
     assert_equal(got, model(given, width), given)
+
+
+@cocotb.test()
+async def another_peak_meanwhile_is_ignored(dut) -> None:
+    """A valid_i with other operands at any moment of the work changes nothing."""
+    width = parameters()["PixelWidth"]
+    given = operands(width, 20)
+    want = model(given, width)
+    await reset(dut)
+    for age in range(1, latency(), 3):
+        for name, values in ports(given).items():
+            drive(getattr(dut, name), values[10])
+        dut.valid_i.value = 1
+        await FallingEdge(dut.clk_i)
+        for clock in range(2, latency() + 1):
+            dut.valid_i.value = int(clock - 1 == age)
+            for name, values in ports(given).items():
+                if name.removesuffix("_i") not in REGISTERS:
+                    drive(getattr(dut, name), values[11])
+            await FallingEdge(dut.clk_i)
+            assert int(dut.valid_o.value) == (clock == latency()), f"clock {clock}, age {age}"
+        got = {name: np.array([as_integer(getattr(dut, name), signed=False)]) for name in OUTPUTS}
+        assert_equal(got, {name: values[10:11] for name, values in want.items()})
 
 
 @cocotb.test()

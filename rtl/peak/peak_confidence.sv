@@ -13,7 +13,8 @@
 //   snr_o    8 fraction bits, saturating; a noise of zero gives the largest value, or 0 where
 //            the maximum does not exceed the background
 //   sigma_o  px, 12 fraction bits, saturating; 0 where nothing is measured
-//   Latency  vrscan.fixed.peak_confidence.latency() clocks, whatever the data
+//   Latency  vrscan.fixed.peak_confidence.latency() clocks, whatever the data; a valid_i meanwhile
+//            is ignored
 //   Model    vrscan.fixed.peak_confidence, bit-exact
 
 `default_nettype none
@@ -137,7 +138,7 @@ module peak_confidence #(
   logic                               product_ready_q;
   assign confidence = scaled_q > ScaledWidth'(255) ? '1 : scaled_q[ConfidenceWidth-1:0];
   always_ff @(posedge clk_i) begin
-    product_ready_q    <= product_valid && !valid_i;
+    product_ready_q    <= product_valid;
     kappa_fraction_q   <= AWidth'((product + (AWidth + BWidth)'(1 << (KappaShift - 1)))
                                   >>> KappaShift);
     rounded_constant_q <= VarianceWidth'(

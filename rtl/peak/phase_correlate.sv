@@ -20,7 +20,7 @@
 //   count_o        sum of cos(2 theta - 2 phi), 8 fraction bits
 //   no_phase_o     X = Y = 0, or so small against the sum that it is rounding: a flat window
 //   Latency  vrscan.fixed.phase_correlate.latency(N): 2 N + a constant, or 2 clocks for a line
-//            that is not measured; one line at a time
+//            that is not measured; a valid_i meanwhile is ignored
 //   Model    vrscan.fixed.phase_correlate, bit-exact
 
 `default_nettype none
