@@ -66,8 +66,46 @@ package vrscan_pkg;
   localparam int unsigned BaseFraction = 20;  // n0, n1: mm
   localparam int unsigned RayFraction = 30;  // d0, d1, e0, e1
 
+  // Mirror.  Phases of accumulators are fractions of a turn of the mirror.
+  localparam int unsigned TurnWidth = 48;
+  localparam int unsigned WordWidth = 40;  // frequency words: turns a clock, TurnWidth fraction bits
+  localparam int unsigned TrimWidth = 32;  // signed, added to a frequency word
+  localparam int unsigned TimeWidth = 32;  // clocks
+  localparam int unsigned SubWidth = 4;  // fraction bits of a crossing's time
+  localparam int unsigned AgeWidth = 16;  // 2**-SubWidth clocks
+  localparam int unsigned MinCrossing = 64;  // clocks: crossings closer than this are impossible
+  localparam int unsigned LevelWidth = 20;  // of the drive, a voltage: full scale is 2**LevelWidth
+  localparam int unsigned AmplitudeWidth = 26;  // of (12), unsigned
+  localparam int unsigned AmplitudeFraction = 28;  // turns
+  localparam int unsigned MidpointWidth = 28;  // turns, signed, all fraction
+  localparam int unsigned ErrorWidth = 28;  // turns, signed, all fraction
+  localparam int unsigned AmplitudeTableBits = 10;  // entry i: a half distance of i / 4096 turns
+  localparam int unsigned MotionWidth = 24;  // a_k
+  localparam int unsigned MotionFraction = 22;
+  localparam int unsigned HarmonicCount = 6;  // k = 1, 3, 5, 7, 9, 11
+  localparam int unsigned RatioWidth = 44;  // line rate over mirror frequency, unsigned
+  localparam int unsigned RatioFraction = 32;
+  localparam int unsigned LineClksWidth = 20;  // delays and lengths within a line, clocks
+  localparam int unsigned ControlGainWidth = 18;
+  localparam int unsigned ProportionalFraction = 16;
+  localparam int unsigned IntegralFraction = 24;
+  localparam int unsigned TrimStepWidth = 24;
+
+  // States of the mirror, and why it is at fault.
+  localparam int unsigned MirrorStateWidth = 3;
+  localparam int unsigned MirrorOff = 0;
+  localparam int unsigned MirrorSweep = 1;
+  localparam int unsigned MirrorSettle = 2;
+  localparam int unsigned MirrorRun = 3;
+  localparam int unsigned MirrorFault = 4;
+  localparam int unsigned FaultWidth = 2;
+  localparam int unsigned FaultNone = 0;
+  localparam int unsigned FaultSweep = 1;
+  localparam int unsigned FaultSettle = 2;
+  localparam int unsigned FaultIndex = 3;
+
   // Flags of a point, by bit.
-  localparam int unsigned FlagWidth = 13;
+  localparam int unsigned FlagWidth = 16;
   localparam int unsigned FlagLowSnr = 0;
   localparam int unsigned FlagTooNarrow = 1;
   localparam int unsigned FlagTooWide = 2;
@@ -81,6 +119,9 @@ package vrscan_pkg;
   localparam int unsigned FlagOutOfRange = 10;  // x or z saturated
   localparam int unsigned FlagLinesLost = 11;  // lines before this one were dropped
   localparam int unsigned FlagPointsLost = 12;  // points before this one were dropped
+  localparam int unsigned FlagNotRunning = 13;  // the mirror is not in its state RUN
+  localparam int unsigned FlagIndexFault = 14;  // an index crossing was missing or wrong
+  localparam int unsigned FlagUnsettled = 15;  // amplitude or phase is off: shock, drift, start-up
 endpackage
 
 `default_nettype wire
