@@ -88,7 +88,7 @@ package vrscan_pkg;
   localparam int unsigned LineClksWidth = 20;  // delays and lengths within a line, clocks
   localparam int unsigned ControlGainWidth = 18;
   localparam int unsigned ProportionalFraction = 16;
-  localparam int unsigned IntegralFraction = 24;
+  localparam int unsigned IntegralFraction = 20;
   localparam int unsigned TrimStepWidth = 24;
 
   // States of the mirror, and why it is at fault.
