@@ -72,7 +72,7 @@ def simulate(
     """Build ``module`` with ``parameters`` and run every cocotb test of ``test_file`` on it.
 
     Args:
-        module: Name of the top module.
+        module: Name of the top module, in ``rtl/`` or ``tb/devices/``.
         test_file: ``__file__`` of the caller.
         parameters: Parameters that differ from the defaults. They reach the tests as
             ``parameters()``, so no number is stated twice.
@@ -98,12 +98,19 @@ def simulate(
     path = os.pathsep.join(
         [str(repository_root() / "model"), str(Path(test_file).parent), *os.sys.path]
     )
-    libraries = [part for place in rtl_folders() for part in ("-y", str(place))]
+    devices = repository_root() / "tb" / "devices"
+    device = devices / f"{module}.sv"
+    libraries = [part for place in [*rtl_folders(), devices] for part in ("-y", str(place))]
     with _environment(environment), FileLock(folder / "lock"):
         runner = _Verilator()
         _build(
             runner,
-            sources=[control, *rtl_packages(), *(sources or []), rtl_module(module)],
+            sources=[
+                control,
+                *rtl_packages(),
+                *(sources or []),
+                device if device.exists() else rtl_module(module),
+            ],
             hdl_toplevel=module,
             parameters=parameters,
             build_args=["--assert", "-O3", *libraries],
