@@ -1,0 +1,190 @@
+// scan_angle: the mirror's scan angle from the phase of its oscillation, VR-SCAN (12).
+//
+//   angle = A sum over k = 1, 3 .. 2 HarmonicCount - 1 of a_k cos(k p - phi_k)
+//
+// with p = 2 pi f0 t - phi_0.  k p grows by 2 p from one harmonic to the next, and phases in turns
+// wrap by themselves.  One table and one multiplier: a product a harmonic, then the sum times the
+// inverse of quarter_wave's 1.0, which is the only place that knows of it, then times A.  Every
+// product is brought down by Fraction bits, towards minus infinity; only the angle is rounded, to
+// nearest, half up.
+//
+//   phase_i      p, turns
+//   amplitude_i  A, turns, AmplitudeFraction bits: up to 0.25
+//   a_i, phi_i   a_k, MotionFraction bits, and phi_k, turns; k = 1 in the lowest bits.  They must
+//                hold from valid_i to valid_o.
+//   angle_o      turns, AngleWidth bits of fraction; below 0.3 urad from (12) for |angle| <= 25
+//                degrees
+//   overflow_o   the angle is beyond half a turn, and saturates
+//   Latency      19 clocks a harmonic, two products of 10, and 2: 136 clocks; a valid_i meanwhile
+//                starts anew
+//   Model        vrscan.fixed.scan_angle, bit-exact
+
+`default_nettype none
+
+module scan_angle #(
+  localparam int unsigned Harmonics  = vrscan_pkg::HarmonicCount,
+  localparam int unsigned MotionBits = Harmonics * vrscan_pkg::MotionWidth,
+  localparam int unsigned PhasesBits = Harmonics * vrscan_pkg::PhaseWidth
+) (
+  input  wire logic                                         clk_i,
+  input  wire logic                                         rst_i,  // clears control only
+
+  input  wire logic                                         valid_i,
+  input  wire logic        [    vrscan_pkg::PhaseWidth-1:0] phase_i,
+  input  wire logic        [vrscan_pkg::AmplitudeWidth-1:0] amplitude_i,
+
+  output      logic                                         valid_o,
+  output      logic signed [    vrscan_pkg::AngleWidth-1:0] angle_o,
+  output      logic                                         overflow_o,
+
+  input  wire logic        [                MotionBits-1:0] a_i,
+  input  wire logic        [                PhasesBits-1:0] phi_i
+);
+
+  localparam int unsigned AmplWidth = 30;
+  localparam int unsigned Fraction = AmplWidth - 1;  // of cosines, and what a product moves down
+  localparam int unsigned SumFraction = 30;
+  localparam int unsigned SumWidth = SumFraction + 5;  // |sum| <= 12
+  localparam int unsigned FactorWidth = AmplWidth + 1;
+  localparam int unsigned ProductWidth = SumWidth + FactorWidth;
+  localparam int unsigned MotionAlign = SumFraction - vrscan_pkg::MotionFraction;
+  localparam int unsigned AmplitudeAlign = Fraction - vrscan_pkg::AmplitudeFraction;
+  localparam int unsigned AngleDrop = SumFraction - vrscan_pkg::AngleWidth;
+  localparam int unsigned AngleSumWidth = SumWidth + 1 - AngleDrop;
+  // 2**(2 Fraction) / quarter_wave.amplitude(AmplWidth), Fraction bits.
+  localparam logic signed [FactorWidth-1:0] InverseLength = 31'sd536887218;
+
+  // The harmonics, then Lengthen and Scale.
+  localparam int unsigned StepWidth = $clog2(Harmonics + 2);
+  localparam logic [StepWidth-1:0] Lengthen = StepWidth'(Harmonics);
+  localparam logic [StepWidth-1:0] Scale = StepWidth'(Harmonics + 1);
+
+  logic        [StepWidth-1:0]                  step_q;
+  logic                                         harmonic;
+  logic                                         prepare_q, wave_start_q, start_q, done_q;
+  logic        [vrscan_pkg::AmplitudeWidth-1:0] amplitude_q;
+  logic        [    vrscan_pkg::PhaseWidth-1:0] turn_q, twice_q;  // k p, and 2 p
+  logic        [    vrscan_pkg::PhaseWidth-1:0] wave_phase_q;
+  logic signed [   vrscan_pkg::MotionWidth-1:0] motion_q;
+  logic signed [                  SumWidth-1:0] sum_q;
+  assign harmonic = step_q < Lengthen;
+
+  // The harmonic's constants; behind the last one they are not used.
+  logic [vrscan_pkg::MotionWidth-1:0] motion;
+  logic [ vrscan_pkg::PhaseWidth-1:0] shift;
+  always_comb begin
+    motion = a_i[vrscan_pkg::MotionWidth-1:0];
+    shift  = phi_i[vrscan_pkg::PhaseWidth-1:0];
+    for (int unsigned n = 1; n < Harmonics; n++) begin
+      if (step_q == StepWidth'(n)) begin
+        motion = a_i[vrscan_pkg::MotionWidth*n+:vrscan_pkg::MotionWidth];
+        shift  = phi_i[vrscan_pkg::PhaseWidth*n+:vrscan_pkg::PhaseWidth];
+      end
+    end
+  end
+
+  // What the work before has left in the pipelines must not count for the new one.
+  logic clear;
+  assign clear = rst_i || valid_i;
+
+  logic                        wave_valid;
+  logic signed [AmplWidth-1:0] sine, cosine;
+  quarter_wave #(
+    .PhaseWidth(vrscan_pkg::PhaseWidth),
+    .AmplWidth (AmplWidth)
+  ) u_quarter_wave (
+    .clk_i,
+    .rst_i   (clear),
+    .valid_i (wave_start_q),
+    .phase_i (wave_phase_q),
+    .valid_o (wave_valid),
+    .sine_o  (sine),
+    .cosine_o(cosine)
+  );
+  logic unused_sine;
+  assign unused_sine = ^sine;
+
+  logic signed [SumWidth-1:0]    a;
+  logic signed [FactorWidth-1:0] b;
+  always_comb begin
+    a = harmonic ? SumWidth'(motion_q) <<< MotionAlign : sum_q;
+    unique case (step_q)
+      Lengthen: b = InverseLength;
+      Scale:    b = signed'(FactorWidth'(amplitude_q)) <<< AmplitudeAlign;
+      default:  b = FactorWidth'(cosine);
+    endcase
+  end
+
+  logic                           product_valid;
+  logic signed [ProductWidth-1:0] product;
+  logic signed [    SumWidth-1:0] lowered;
+  multiply #(
+    .AWidth(SumWidth),
+    .BWidth(FactorWidth)
+  ) u_multiply (
+    .clk_i,
+    .rst_i    (clear),
+    .valid_i  (wave_valid || start_q),
+    .a_i      (a),
+    .b_i      (b),
+    .valid_o  (product_valid),
+    .product_o(product)
+  );
+  assign lowered = SumWidth'(product >>> Fraction);
+
+  // To nearest, half up.
+  localparam logic signed [vrscan_pkg::AngleWidth-1:0] AngleMax =
+      {1'b0, {(vrscan_pkg::AngleWidth - 1) {1'b1}}};
+  logic signed [     SumWidth:0] rounded;
+  logic signed [AngleSumWidth-1:0] angle_q;
+  logic                          fits;
+  assign rounded = (SumWidth + 1)'(lowered) + (SumWidth + 1)'(1 << (AngleDrop - 1));
+  assign fits    = angle_q <= AngleSumWidth'(AngleMax) && angle_q >= AngleSumWidth'(~AngleMax);
+
+  always_ff @(posedge clk_i) begin
+    prepare_q    <= 1'b0;
+    wave_start_q <= prepare_q;
+    start_q      <= 1'b0;
+    if (prepare_q) begin
+      wave_phase_q <= turn_q - shift;
+      motion_q     <= signed'(motion);
+      turn_q       <= turn_q + twice_q;
+    end
+    if (product_valid) begin
+      sum_q     <= harmonic ? sum_q + lowered : lowered;
+      angle_q   <= AngleSumWidth'(rounded >>> AngleDrop);
+      step_q    <= step_q + StepWidth'(1);
+      prepare_q <= step_q + StepWidth'(1) < Lengthen;
+      start_q   <= step_q + StepWidth'(1) >= Lengthen && step_q != Scale;
+    end
+    done_q  <= product_valid && step_q == Scale;
+    valid_o <= done_q;
+    if (done_q) begin
+      angle_o    <= fits                     ? vrscan_pkg::AngleWidth'(angle_q) :
+                    angle_q[AngleSumWidth-1] ? ~AngleMax : AngleMax;
+      overflow_o <= !fits;
+    end
+    if (valid_i) begin
+      step_q       <= '0;
+      amplitude_q  <= amplitude_i;
+      turn_q       <= phase_i;
+      twice_q      <= {phase_i[vrscan_pkg::PhaseWidth-2:0], 1'b0};
+      sum_q        <= '0;
+      prepare_q    <= 1'b1;
+      wave_start_q <= 1'b0;
+      start_q      <= 1'b0;
+      done_q       <= 1'b0;
+      valid_o      <= 1'b0;
+    end
+    if (rst_i) begin
+      prepare_q    <= 1'b0;
+      wave_start_q <= 1'b0;
+      start_q      <= 1'b0;
+      done_q       <= 1'b0;
+      valid_o      <= 1'b0;
+    end
+  end
+
+endmodule
+
+`default_nettype wire
