@@ -1,0 +1,328 @@
+// mirror_phase: the mirror's own phase and its amplitude from the index, VR-SCAN IV-D, IV-G2.
+//
+// A numerically controlled oscillator runs at the mirror's frequency.  Its phase at a crossing is
+// phase - increment * age, both of the clock of valid_i.  The middle of an outward and the inward
+// after it gives the phase, half their distance the amplitude: a table, linear between its
+// entries, holds the amplitude and the middle that the motion with its harmonics has for a half
+// distance, so there is no trigonometry and no division.  error = middle - the table's.
+//
+// A tracker of second order follows: phase -= error / 2**phase_shift_i, increment -= error /
+// 2**rate_shift_i, amplitude += (measured - amplitude) / 2**amplitude_shift_i.  As long as nothing
+// is tracked, the increment is word_i of the clock before; the first error, and one beyond
+// error_limit_i, is taken off whole, with the increment word_i and the amplitude as measured.
+//
+//   valid_i      at least MinCrossing clocks after the one before; ignored while one is worked on
+//   broken_i     the outward before is forgotten, also in the clock of valid_i
+//   table_*_i    entry i is for a half distance of i / 2**(AmplitudeTableBits + 2) turns; beyond
+//                the last one, which is held, and from a quarter turn on out_of_table_o tells
+//   phase_o      of the clock, turns; with valid_o the corrected one
+//   half_o       turns, half the distance, 29 fraction bits; saturates
+//   measured_o, error_o, half_o, out_of_table_o, acquired_o  with valid_o; hold but for acquired_o
+//   amplitude_o  averaged, kept with 15 more bits
+//   Rounding     to nearest, half up
+//   Latency      47 clocks from an inward to valid_o; in the clock before, the phase advances by
+//                the increment still, less the correction
+//   Model        vrscan.fixed.mirror_phase, bit-exact
+
+`default_nettype none
+
+module mirror_phase (
+  input  wire logic                                          clk_i,
+  input  wire logic                                          rst_i,
+
+  input  wire logic                                          valid_i,
+  input  wire logic                                          outward_i,
+  input  wire logic        [      vrscan_pkg::AgeWidth-1:0]  age_i,
+  input  wire logic                                          broken_i,
+  input  wire logic        [     vrscan_pkg::WordWidth-1:0]  word_i,
+
+  input  wire logic                                          table_write_i,
+  input  wire logic        [vrscan_pkg::AmplitudeTableBits-1:0] table_index_i,
+  input  wire logic        [vrscan_pkg::AmplitudeWidth-1:0]  table_amplitude_i,
+  input  wire logic signed [ vrscan_pkg::MidpointWidth-1:0]  table_midpoint_i,
+
+  input  wire logic        [                           3:0]  phase_shift_i,
+  input  wire logic        [                           5:0]  rate_shift_i,
+  input  wire logic        [                           3:0]  amplitude_shift_i,
+  input  wire logic        [    vrscan_pkg::ErrorWidth-1:0]  error_limit_i,
+
+  output      logic        [     vrscan_pkg::TurnWidth-1:0]  phase_o,
+  output      logic        [     vrscan_pkg::WordWidth-1:0]  increment_o,
+
+  output      logic                                          valid_o,
+  output      logic        [vrscan_pkg::AmplitudeWidth-1:0]  measured_o,
+  output      logic        [vrscan_pkg::AmplitudeWidth-1:0]  amplitude_o,
+  output      logic signed [    vrscan_pkg::ErrorWidth-1:0]  error_o,
+  output      logic        [     vrscan_pkg::PhaseWidth-1:0] half_o,
+  output      logic                                          out_of_table_o,
+  output      logic                                          tracking_o,
+  output      logic                                          acquired_o
+);
+
+  localparam int unsigned TurnWidth = vrscan_pkg::TurnWidth;
+  localparam int unsigned WordWidth = vrscan_pkg::WordWidth;
+  localparam int unsigned SubWidth = vrscan_pkg::SubWidth;
+  localparam int unsigned AmplitudeWidth = vrscan_pkg::AmplitudeWidth;
+  localparam int unsigned MidpointWidth = vrscan_pkg::MidpointWidth;
+  localparam int unsigned ErrorWidth = vrscan_pkg::ErrorWidth;
+  localparam int unsigned TableBits = vrscan_pkg::AmplitudeTableBits;
+  localparam int unsigned HalfWidth = vrscan_pkg::PhaseWidth;
+  // A half distance of a quarter turn is 2**(HalfWidth-1): index and fraction are what is below.
+  localparam int unsigned FractionWidth = HalfWidth - 1 - TableBits;
+  localparam int unsigned FactorWidth = WordWidth + 1;
+  localparam int unsigned ShareWidth = FractionWidth + 1;  // an age, or a fraction between entries
+  localparam int unsigned ProductWidth = FactorWidth + ShareWidth;
+  localparam int unsigned FineWidth = 15;  // bits of the average below those of the amplitude
+  localparam int unsigned AverageWidth = AmplitudeWidth + FineWidth;
+  localparam int unsigned ShiftedWidth = TurnWidth + 1;
+  localparam int unsigned HalfDrop = TurnWidth - HalfWidth;
+  localparam int unsigned MiddleDrop = TurnWidth - MidpointWidth;
+
+  if (FractionWidth != vrscan_pkg::AgeWidth + 1) begin : gen_bad_widths
+    $error("mirror_phase: an age and a fraction between entries take one factor's width");
+  end
+
+  typedef enum logic [4:0] {
+    Idle, Age, Position, Distance, Half, Address, NextAddress, Fetch, Base, Difference,
+    Amplitude, Midpoint, Measured, Error, Limit, Magnitude, Compare, ShiftA, ShiftB, Correct,
+    Candidate, Advance, Apply
+  } step_e;
+
+  step_e step_q;
+  logic  take;
+  logic  pending_q, outward_q;  // an outward is there; the crossing at work is one
+  assign take = valid_i && step_q == Idle && (outward_i || (pending_q && !broken_i));
+
+  // One multiplier: age times increment, then fraction times the difference of two entries.
+  logic                           start_q, product_valid;
+  logic signed [ FactorWidth-1:0] factor_q;
+  logic signed [  ShareWidth-1:0] share_q;
+  logic signed [ProductWidth-1:0] product;
+  logic signed [   TurnWidth-1:0] rounded_q;
+  multiply #(
+    .AWidth(FactorWidth),
+    .BWidth(ShareWidth)
+  ) u_multiply (
+    .clk_i,
+    .rst_i,
+    .valid_i  (start_q),
+    .a_i      (factor_q),
+    .b_i      (share_q),
+    .valid_o  (product_valid),
+    .product_o(product)
+  );
+
+  // The table, its output registered again.
+  localparam int unsigned EntryWidth = AmplitudeWidth + MidpointWidth;
+  logic [EntryWidth-1:0] table_mem [1 << TableBits];
+  logic [EntryWidth-1:0] entry_q, entry_q2;
+  logic [ TableBits-1:0] index_q;
+
+  // The crossings.
+  logic        [    TurnWidth-1:0] captured_q, position_q, first_q, distance_q, middle_q;
+  logic        [      HalfWidth:0] half;
+  logic        [    HalfWidth-1:0] half_q;
+  logic                            out_of_table;
+  logic        [AmplitudeWidth-1:0] base_q, measured_q;
+  logic        [ MidpointWidth-1:0] base_midpoint_q, difference_q, midpoint_q;
+  assign half         = (HalfWidth + 1)'(distance_q >> HalfDrop)
+                        + (HalfWidth + 1)'(distance_q[HalfDrop-1]);
+  assign out_of_table = half_q[HalfWidth-1];
+
+  // The error, to nearest with as many bits as leave; half a turn less half a step saturates.
+  logic signed [   TurnWidth-1:0] error_q;
+  logic signed [    ErrorWidth:0] error;
+  logic signed [  ErrorWidth-1:0] error_rounded_q;
+  logic        [  ErrorWidth-1:0] magnitude_q;
+  logic                           beyond_q, acquire;
+  assign error   = (ErrorWidth + 1)'(error_q >>> (TurnWidth - ErrorWidth))
+                   + signed'((ErrorWidth + 1)'(error_q[TurnWidth-ErrorWidth-1]));
+  assign acquire = !tracking_o || beyond_q;
+
+  // Shifts by up to 63 in three stages and one that rounds: phase, rate and amplitude in a row.
+  logic signed [ShiftedWidth-1:0] shift_q, coarse_q, middling_q, fine_q;
+  logic        [             5:0] by_q;
+  logic        [             3:0] by_q2;
+  logic        [             1:0] by_q3;
+  logic signed [   TurnWidth-1:0] shifted_q;
+
+  // What is added to the phase: the increment, but once the increment less the correction.
+  logic signed [   TurnWidth-1:0] correction_q;
+  logic        [   TurnWidth-1:0] advance_q;
+  logic signed [   TurnWidth+1:0] candidate_q;
+  logic        [   WordWidth-1:0] rate_q, increment;
+  logic        [AverageWidth-1:0] average_q;
+  logic signed [  AverageWidth:0] gap_q;
+  logic        [AverageWidth-1:0] next_average_q;
+  assign increment = acquire ? word_i : rate_q;
+
+  always_ff @(posedge clk_i) begin
+    if (table_write_i) table_mem[table_index_i] <= {table_amplitude_i, table_midpoint_i};
+    entry_q  <= table_mem[index_q];
+    entry_q2 <= entry_q;
+
+    start_q <= 1'b0;
+    valid_o <= 1'b0;
+    acquired_o <= 1'b0;
+    phase_o <= phase_o + advance_q;
+    if (!tracking_o) begin
+      increment_o <= word_i;
+      advance_q   <= TurnWidth'(word_i);
+    end
+
+    if (broken_i) pending_q <= 1'b0;
+    if (take) begin
+      pending_q  <= outward_i;
+      outward_q  <= outward_i;
+      captured_q <= phase_o;
+      factor_q   <= FactorWidth'(increment_o);
+      share_q    <= ShareWidth'(age_i);
+      start_q    <= 1'b1;
+      step_q     <= Age;
+    end
+
+    if (product_valid) begin
+      rounded_q <= step_q == Age ?
+          TurnWidth'(product >>> SubWidth) + TurnWidth'(product[SubWidth-1]) :
+          TurnWidth'(product >>> FractionWidth) + TurnWidth'(product[FractionWidth-1]);
+    end
+    gap_q <= (AverageWidth + 1)'({measured_q, FineWidth'(0)}) - (AverageWidth + 1)'(average_q);
+
+    unique case (step_q)
+      Idle: begin
+      end
+      Age: if (product_valid) step_q <= Position;
+      Position: begin
+        position_q <= captured_q - unsigned'(rounded_q);
+        if (outward_q) first_q <= captured_q - unsigned'(rounded_q);
+        step_q <= outward_q ? Idle : Distance;
+      end
+      Distance: begin
+        distance_q <= position_q - first_q;
+        step_q     <= Half;
+      end
+      Half: begin
+        half_q   <= half[HalfWidth] ? '1 : half[HalfWidth-1:0];
+        middle_q <= first_q + (distance_q >> 1);
+        step_q   <= Address;
+      end
+      Address: begin
+        index_q <= out_of_table ? '1 : half_q[FractionWidth+:TableBits];
+        share_q <= ShareWidth'(half_q[FractionWidth-1:0]);
+        step_q  <= NextAddress;
+      end
+      NextAddress: begin
+        if (index_q != '1) index_q <= index_q + TableBits'(1);
+        step_q <= Fetch;
+      end
+      Fetch: step_q <= Base;
+      Base: begin
+        {base_q, base_midpoint_q} <= entry_q2;
+        step_q                    <= Difference;
+      end
+      Difference: begin
+        factor_q     <= FactorWidth'(entry_q2[MidpointWidth+:AmplitudeWidth])
+                        - FactorWidth'(base_q);
+        difference_q <= entry_q2[MidpointWidth-1:0] - base_midpoint_q;
+        start_q      <= 1'b1;
+        step_q       <= Amplitude;
+      end
+      Amplitude: begin
+        if (product_valid) begin
+          factor_q <= FactorWidth'(signed'(difference_q));
+          start_q  <= 1'b1;
+          step_q   <= Midpoint;
+        end
+      end
+      Midpoint: begin
+        measured_q <= base_q + unsigned'(rounded_q[AmplitudeWidth-1:0]);
+        if (product_valid) step_q <= Measured;
+      end
+      Measured: begin
+        midpoint_q <= base_midpoint_q + unsigned'(rounded_q[MidpointWidth-1:0]);
+        step_q     <= Error;
+      end
+      Error: begin
+        error_q <= signed'(middle_q - {midpoint_q, MiddleDrop'(0)});
+        step_q  <= Limit;
+      end
+      Limit: begin
+        // One bit more than the error has, and it rounds.
+        shift_q         <= {error_q, 1'b0};
+        by_q            <= 6'(phase_shift_i);
+        error_rounded_q <= error[ErrorWidth] == error[ErrorWidth-1] ? ErrorWidth'(error) :
+                           {1'b0, {(ErrorWidth - 1) {1'b1}}};
+        step_q          <= Magnitude;
+      end
+      Magnitude: begin
+        by_q        <= rate_shift_i;
+        magnitude_q <= error_rounded_q[ErrorWidth-1] ? -unsigned'(error_rounded_q) :
+                                                       unsigned'(error_rounded_q);
+        step_q      <= Compare;
+      end
+      Compare: begin
+        shift_q  <= ShiftedWidth'(signed'({gap_q, 1'b0}));
+        by_q     <= 6'(amplitude_shift_i);
+        beyond_q <= magnitude_q > error_limit_i;
+        step_q   <= ShiftA;
+      end
+      ShiftA: step_q <= ShiftB;
+      ShiftB: step_q <= Correct;
+      Correct: begin
+        correction_q <= acquire ? error_q : shifted_q;
+        step_q       <= Candidate;
+      end
+      Candidate: begin
+        candidate_q <= (TurnWidth + 2)'(increment_o) - (TurnWidth + 2)'(shifted_q);
+        step_q      <= Advance;
+      end
+      Advance: begin
+        rate_q         <= candidate_q[TurnWidth+1] ? '0 :
+                          candidate_q[TurnWidth:WordWidth] != '0 ? '1 : candidate_q[WordWidth-1:0];
+        next_average_q <= acquire ? {measured_q, FineWidth'(0)} :
+                                    average_q + unsigned'(shifted_q[AverageWidth-1:0]);
+        advance_q      <= TurnWidth'(tracking_o ? increment_o : word_i) - unsigned'(correction_q);
+        step_q         <= Apply;
+      end
+      default: begin
+        increment_o    <= increment;
+        advance_q      <= TurnWidth'(increment);
+        average_q      <= next_average_q;
+        valid_o        <= 1'b1;
+        measured_o     <= measured_q;
+        amplitude_o    <= next_average_q[FineWidth+:AmplitudeWidth]
+                          + AmplitudeWidth'(next_average_q[FineWidth-1]);
+        error_o        <= error_rounded_q;
+        half_o         <= half_q;
+        out_of_table_o <= out_of_table;
+        tracking_o     <= 1'b1;
+        acquired_o     <= acquire;
+        step_q         <= Idle;
+      end
+    endcase
+
+    coarse_q   <= shift_q >>> {by_q[5:4], 4'd0};
+    by_q2      <= by_q[3:0];
+    middling_q <= coarse_q >>> {by_q2[3:2], 2'd0};
+    by_q3      <= by_q2[1:0];
+    fine_q     <= middling_q >>> by_q3;
+    shifted_q  <= TurnWidth'(fine_q >>> 1) + TurnWidth'(fine_q[0]);
+
+    if (rst_i) begin
+      start_q     <= 1'b0;
+      step_q      <= Idle;
+      pending_q   <= 1'b0;
+      phase_o     <= '0;
+      increment_o <= '0;
+      advance_q   <= '0;
+      average_q   <= '0;
+      amplitude_o <= '0;
+      valid_o     <= 1'b0;
+      tracking_o  <= 1'b0;
+      acquired_o  <= 1'b0;
+    end
+  end
+
+endmodule
+
+`default_nettype wire
