@@ -18,7 +18,7 @@ from vrscan.engines import Engine, run
 from vrscan.errors import InputError
 from vrscan.lines import Lines
 from vrscan.report import efficiency, formats
-from vrscan.report.accuracy import cordic, geometry, position, quality, scatter
+from vrscan.report.accuracy import angle, cordic, geometry, position, quality, scatter
 from vrscan.report.accuracy.figure import SEED, Figure
 from vrscan.scene.simple import SCENES, simulate
 
@@ -34,7 +34,7 @@ Progress = Callable[[int], None]
 class Size:
     """How much is measured."""
 
-    vectors: int  # a decade of amplitudes
+    vectors: int  # a decade of amplitudes, and phases a mirror
     windows: int  # a width, shape and pedestal
     directions: int  # phases a width, for the worst windows
     every: int  # step of the width, px
@@ -184,6 +184,7 @@ def stages(size: Size) -> list[Stage]:
         ),
         at_once("S/N and sigma", partial(quality.measure, size.lines)),
         Stage("x and z", geometry.INSTRUMENTS, partial(geometry.measure, size.distances)),
+        at_once("scan angle", partial(angle.measure, size.vectors)),
         at_once("scatter", partial(scatter.measure, size.noisy)),
         Stage(
             "efficiency",
