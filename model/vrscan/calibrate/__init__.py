@@ -1,0 +1,1 @@
+"""What has to be found out of each instrument before it can measure; VR-SCAN V."""
