@@ -104,7 +104,16 @@ class Mirror(_Section):
     frequency_hz: float = Field(default=249.0, gt=0, le=10_000)
     amplitude_deg: float = Field(default=20.5, gt=0, lt=90)
     index_deg: float = Field(default=17.0, gt=-90, lt=90)
-    harmonics: list[list[float]] = [[1.0, 0.0]] + [[0.0, 0.0]] * (len(HARMONICS) - 1)
+    # [a_k, phi_k_rad] of the simulated mirror, steady at 249.0 Hz and level 0.7, where A is 20.52
+    # degrees, as `python -m vrscan.calibrate.mirror` prints them. 4.0 urad rms are left beyond k = 11.
+    harmonics: list[list[float]] = [
+        [1.0, 0.0],
+        [0.000638050, 2.8706245],
+        [0.000185118, -1.3581592],
+        [0.000069718, 0.7322328],
+        [0.000035510, 2.9682573],
+        [0.000018619, -1.1407316],
+    ]
 
     @field_validator("harmonics")
     @classmethod
