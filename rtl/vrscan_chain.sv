@@ -5,7 +5,8 @@
 // largest window to be measured in a line's time, line_receiver drops lines that come too early
 // and counts them.
 //
-//   angle_i, power_i  of the line, sampled with its end
+//   angle_i, power_i, mirror_flags_i  of the line, sampled with its end; the flags are those from
+//                     FlagNotRunning on, and a point that has them keeps its position
 //   left_o, right_o   meaningless where width_o is 0
 //   position_o, sigma_o, x_o, z_o, sigma_z_o  meaningless where measured_o is 0
 //   valid_o, ready_i  a point that nobody took is kept and the next one dropped and counted
@@ -35,6 +36,7 @@ module vrscan_chain #(
   input  wire logic        [            Lanes*PixelWidth-1:0] pixel_i,
   input  wire logic signed [      vrscan_pkg::AngleWidth-1:0] angle_i,
   input  wire logic        [      vrscan_pkg::PowerWidth-1:0] power_i,
+  input  wire logic        [ vrscan_pkg::MirrorFlagWidth-1:0] mirror_flags_i,
 
   output      logic                                           valid_o,
   input  wire logic                                           ready_i,
@@ -118,15 +120,18 @@ module vrscan_chain #(
     logic                                   lost;
     logic [     vrscan_pkg::AngleWidth-1:0] angle;
     logic [     vrscan_pkg::PowerWidth-1:0] power;
+    logic [vrscan_pkg::MirrorFlagWidth-1:0] mirror_flags;
   } line_t;
   line_t line, measured_line;
-  logic [vrscan_pkg::AngleWidth-1:0] angle_q;  // beside line_receiver's register
-  logic [vrscan_pkg::PowerWidth-1:0] power_q;
+  logic [     vrscan_pkg::AngleWidth-1:0] angle_q;  // beside line_receiver's register
+  logic [     vrscan_pkg::PowerWidth-1:0] power_q;
+  logic [vrscan_pkg::MirrorFlagWidth-1:0] mirror_flags_q;
   always_ff @(posedge clk_i) begin
-    angle_q <= unsigned'(angle_i);
-    power_q <= power_i;
+    angle_q        <= unsigned'(angle_i);
+    power_q        <= power_i;
+    mirror_flags_q <= mirror_flags_i;
   end
-  assign line = {line_number, lost, angle_q, power_q};
+  assign line = {line_number, lost, angle_q, power_q, mirror_flags_q};
 
   typedef struct packed {
     line_t                                line;
@@ -338,6 +343,7 @@ module vrscan_chain #(
     flags[vrscan_pkg::FlagNoNoise]       = no_noise;
     flags[vrscan_pkg::FlagRowStatistics] = peak.row.row_statistics;
     flags[vrscan_pkg::FlagLinesLost]     = peak.row.line.lost;
+    flags[vrscan_pkg::FlagNotRunning+:vrscan_pkg::MirrorFlagWidth] = peak.row.line.mirror_flags;
     point.window       = peak;
     point.window.flags = flags;
     point.snr          = snr;

@@ -103,6 +103,7 @@ package vrscan_pkg;
   localparam int unsigned FaultSweep = 1;
   localparam int unsigned FaultSettle = 2;
   localparam int unsigned FaultIndex = 3;
+  localparam int unsigned MirrorFlagWidth = 3;  // of a line: FlagNotRunning and those above it
 
   // Flags of a point, by bit.
   localparam int unsigned FlagWidth = 16;

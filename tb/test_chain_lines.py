@@ -1,5 +1,8 @@
 """The whole chain at its shipped size, from C++: RTL against the model, line for line."""
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from harness import generator
@@ -7,7 +10,7 @@ from harness import generator
 from vrscan.chain import latency, run_fixed
 from vrscan.config import Config
 from vrscan.fixed import pkg
-from vrscan.points import points_equal
+from vrscan.points import Points, points_equal
 from vrscan.registers import Registers
 from vrscan.rtl import latencies, run_rtl
 
@@ -87,8 +90,10 @@ def test_chain_rtl_equals_model_on_whole_lines(salt: int) -> None:
     lines = np.concatenate([spots(200, salt), plateaus(200, 100 + salt)])
     angle = draw.integers(-(1 << 23), 1 << 23, len(lines)) >> draw.integers(0, 5)
     power = draw.integers(0, 1 << 16, len(lines))
-    want = run_fixed(lines, angle, power, registers)
-    assert points_equal(run_rtl(lines, angle, power, registers), want) is None
+    raised = draw.integers(0, 8, len(lines))
+    want = run_fixed(lines, angle, power, registers, mirror_flags=raised)
+    got = run_rtl(lines, angle, power, registers, mirror_flags=raised)
+    assert points_equal(got, want) is None
 
 
 def test_latency_is_its_formula() -> None:
@@ -119,11 +124,42 @@ def test_every_flag_that_a_good_line_can_raise() -> None:
     lines[1, 900:907] = 5, 40, 900, 3000, 900, 40, 5
     angle = generator(52).integers(-(1 << 23), 1 << 23, len(lines))
     power = np.zeros(len(lines), np.int64)
-    want = run_fixed(lines, angle, power, registers)
-    assert points_equal(run_rtl(lines, angle, power, registers), want) is None
+    raised = generator(53).integers(0, 8, len(lines))
+    raised[:2] = 0
+    want = run_fixed(lines, angle, power, registers, mirror_flags=raised)
+    got = run_rtl(lines, angle, power, registers, mirror_flags=raised)
+    assert points_equal(got, want) is None
     seen = int(np.bitwise_or.reduce(want.flags))
     unseen = {name for name, bit in pkg.FLAGS.items() if not seen >> bit & 1}
     assert unseen == {"LINES_LOST", "POINTS_LOST", "ROW_STATISTICS"}
     assert want.flags[0] == sum(
         1 << bit for bit in (pkg.FLAG_SATURATED, pkg.FLAG_NO_PHASE, pkg.FLAG_NO_NOISE)
     )
+
+
+def test_the_mirrors_flags_reach_the_points_and_change_nothing_else() -> None:
+    """Every combination: NOT_RUNNING, INDEX_FAULT and UNSETTLED by bit, the position stays."""
+    registers = Registers.from_config(Config())
+    lines = spots(64, 54)
+    angle = power = np.zeros(len(lines), np.int64)
+    raised = np.arange(len(lines)) % 8
+    bare = run_fixed(lines, angle, power, registers)
+    flagged = run_fixed(lines, angle, power, registers, mirror_flags=raised)
+    names = "NOT_RUNNING", "INDEX_FAULT", "UNSETTLED"
+    added = sum((raised >> bit & 1) << pkg.FLAGS[name] for bit, name in enumerate(names))
+    assert bare.measured.any()
+    assert np.array_equal(flagged.flags, bare.flags + added)
+    assert points_equal(replace(flagged, flags=bare.flags), bare) is None
+    all_of_one = run_rtl(lines, angle, power, registers, mirror_flags=7)
+    assert np.array_equal(all_of_one.flags, bare.flags | 7 << pkg.FLAG_NOT_RUNNING)
+
+
+@pytest.mark.parametrize("engine", [run_fixed, run_rtl])
+@pytest.mark.parametrize("wrong", [8, -1])
+def test_mirror_flags_that_do_not_fit_are_refused(
+    engine: Callable[..., Points], wrong: int
+) -> None:
+    registers = Registers.from_config(Config())
+    lines, nothing = spots(2, 55), np.zeros(2, np.int64)
+    with pytest.raises(ValueError, match="mirror_flags"):
+        engine(lines, nothing, nothing, registers, mirror_flags=np.array([0, wrong]))

@@ -20,6 +20,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     np.savez(tmp_path / "good.npz", lines=good)
     np.savez(tmp_path / "nan.npz", lines=good, angle_rad=np.array([0.0, np.nan, 0.0]))
     np.savez(tmp_path / "pi.npz", lines=good, angle_rad=np.array([0.0, 0.0, 3.2]))
+    np.savez(tmp_path / "flag.npz", lines=good, mirror_flags=np.array([0, 0, 8], np.uint8))
     np.save(tmp_path / "bright.npy", good + np.uint16(4096))
     np.save(tmp_path / "short.npy", good[:, :100])
     np.save(tmp_path / "float.npy", good.astype(float))
@@ -44,6 +45,7 @@ CASES = {
     "floating_lines": (["replay", "float.npy", *REPLAY], ["float.npy", "float64"]),
     "nan_angle": (["replay", "nan.npz", *REPLAY], ["nan.npz", "nan at line 1"]),
     "large_angle": (["replay", "pi.npz", *REPLAY], ["pi.npz", "3.2 at line 2"]),
+    "large_flag": (["replay", "flag.npz", *REPLAY], ["flag.npz", "mirror_flags", "8 at line 2"]),
     "missing_config": (["replay", "good.npz", *REPLAY, "--config", "no.toml"], ["no.toml"]),
     "unknown_key": (
         ["replay", "good.npz", *REPLAY, "--config", "key.toml"],

@@ -59,6 +59,30 @@ def test_replay_of_a_scene_gives_the_points_of_the_scan(
     assert points.read_bytes() == (scan / "points.csv").read_bytes()
 
 
+@pytest.mark.parametrize("engine", ["ideal", "fixed"])
+def test_the_mirrors_flags_reach_the_points(
+    engine: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Recorded flags stand in the points, whose positions they leave alone."""
+    good, bad = tmp_path / "good.npz", tmp_path / "bad.npz"
+    lines = simulate(SCENES["plane"], 4, Config()).lines
+    np.savez(good, lines=lines)
+    np.savez(bad, lines=lines, mirror_flags=np.array([0, 1, 2, 4], np.uint8))
+    rows = {}
+    for path in (good, bad):
+        points = path.with_suffix(".csv")
+        command(monkeypatch, "replay", str(path), "--out", str(points), "--engine", engine)
+        with points.open() as file:
+            rows[path] = list(csv.DictReader(file))
+    names = ["", "NOT_RUNNING", "INDEX_FAULT", "UNSETTLED"]
+    for before, after, name in zip(rows[good], rows[bad], names, strict=True):
+        assert [n for n in after["flags"].split("|") if n not in before["flags"].split("|")] == (
+            [name] if name else []
+        )
+        assert before["position_px"] != ""
+        assert after | {"flags": ""} == before | {"flags": ""}
+
+
 def test_the_configuration_reaches_the_points(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

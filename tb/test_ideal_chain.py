@@ -67,6 +67,15 @@ def test_each_flag_has_its_cause(name: str, light: np.ndarray) -> None:
     assert result.measured[0] == (not name.startswith("TOO"))
 
 
+def test_the_mirrors_flags_go_with_their_lines() -> None:
+    lines = np.tile(np.round(spot(1000.3, 2000.0) + 60.0).astype(np.uint16), (8, 1))
+    result = run(lines, np.full(8, 0.2), np.full(8, 30_000), Config(), mirror_flags=np.arange(8))
+    for bit, name in enumerate(("NOT_RUNNING", "INDEX_FAULT", "UNSETTLED")):
+        assert result.flags[name].tolist() == [bool(k >> bit & 1) for k in range(8)]
+    assert result.located.all()
+    assert len(set(result.z_mm.tolist())) == 1
+
+
 def test_a_flat_window_has_no_phase() -> None:
     result = chain(np.where((STEP >= 700) & (STEP < 720), 9000.0, 0.0))
     assert flags(result) == {"SATURATED", "NO_PHASE"}

@@ -22,6 +22,7 @@ def test_an_array_alone_has_angle_zero_and_full_power(tmp_path: Path) -> None:
     assert np.array_equal(recording.lines, GOOD)
     assert recording.angle_rad.tolist() == [0.0] * 3
     assert recording.power.tolist() == [65_535] * 3
+    assert recording.mirror_flags.tolist() == [0] * 3
 
 
 @pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
@@ -29,12 +30,14 @@ def test_an_archive_brings_angles_and_may_hold_more(tmp_path: Path, save: Any) -
     path = tmp_path / "lines.npz"
     angle = np.array([-0.1, 0.0, np.pi])
     big_endian = GOOD.astype(">u2")
-    save(path, lines=big_endian, angle_rad=angle, power=np.array([1, 2, 3], np.uint16), more="text")
+    power, raised = np.array([1, 2, 3], np.uint16), np.array([7, 0, 4], np.uint8)
+    save(path, lines=big_endian, angle_rad=angle, power=power, mirror_flags=raised, more="text")
     recording = read(path, Config())
     assert recording.lines.dtype == np.uint16
     assert np.array_equal(recording.lines, GOOD)
     assert np.array_equal(recording.angle_rad, angle)
     assert recording.power.tolist() == [1, 2, 3]
+    assert recording.mirror_flags.tolist() == [7, 0, 4]
 
 
 def too_bright() -> np.ndarray:
@@ -68,6 +71,15 @@ BAD_ARCHIVES: dict[str, tuple[dict[str, Any], list[str]]] = {
     "text_angles": ({"lines": GOOD, "angle_rad": np.array(["a"] * 3)}, ["angle_rad", "<U1"]),
     "signed_power": ({"lines": GOOD, "power": np.zeros(3, int)}, ["power", "int64"]),
     "large_power": ({"lines": GOOD, "power": np.full(3, 70_000, np.uint32)}, ["power", "70000"]),
+    "signed_flags": ({"lines": GOOD, "mirror_flags": np.zeros(3, int)}, ["mirror_flags", "int64"]),
+    "few_flags": (
+        {"lines": GOOD, "mirror_flags": np.zeros(2, np.uint8)},
+        ["mirror_flags", "(3,)", "(2,)"],
+    ),
+    "large_flag": (
+        {"lines": GOOD, "mirror_flags": np.array([7, 8, 9], np.uint8)},
+        ["mirror_flags above 7", "8 at line 1"],
+    ),
 }
 
 

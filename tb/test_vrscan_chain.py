@@ -37,6 +37,7 @@ class Strobes:
     end: bool = False
     angle: int = 0
     power: int = 0
+    mirror_flags: int = 0
 
 
 def min_period() -> int:
@@ -82,13 +83,19 @@ def as_strobes(pixels: np.ndarray, salt: int, *, gap: float = 0.0) -> list[Strob
     """Return the clocks of one line, with a share ``gap`` of idle ones."""
     draw = generator(salt)
     angle, power = int(draw.integers(-(1 << 20), 1 << 20)), int(draw.integers(1 << 16))
-    clocks = []
+    raised = int(draw.integers(1 << pkg.MIRROR_FLAG_WIDTH))
+    clocks: list[Strobes] = []
     for k, pixel in enumerate(pixels.tolist()):
         while draw.random() < gap:
-            clocks.append(Strobes(start=k == 0 and not clocks, pixel=77, angle=1, power=2))
-        clocks.append(
-            Strobes(not clocks, True, pixel, k == len(pixels) - 1, angle=angle, power=power)
-        )
+            clocks.append(
+                Strobes(
+                    start=k == 0 and not clocks, pixel=77, angle=1, power=2, mirror_flags=7 - raised
+                )
+            )
+        last = k == len(pixels) - 1
+        # What counts is sampled with the line's end.
+        flags = raised if last else 7 - raised
+        clocks.append(Strobes(not clocks, True, pixel, last, angle, power, flags))
     return clocks
 
 
@@ -107,6 +114,7 @@ async def drive(dut, clocks: list[Strobes]) -> list[tuple[int, dict[str, int]]]:
         dut.line_end_i.value = int(s.end)
         dut.angle_i.value = s.angle & ((1 << pkg.ANGLE_WIDTH) - 1)
         dut.power_i.value = s.power
+        dut.mirror_flags_i.value = s.mirror_flags
         await FallingEdge(dut.clk_i)
         if dut.valid_o.value and dut.ready_i.value:
             got.append((cycle + 1, read_point(dut)))
@@ -124,7 +132,7 @@ def expected(clocks: list[Strobes], given: Registers) -> list[tuple[int, dict[st
     length = elaboration["LineLength"]
     twin = LineReceiver(length, min_period())
     pixels: list[int] = []
-    ends, lines, angles, powers, numbers, lost = [], [], [], [], [], []
+    ends, lines, angles, powers, raised, numbers, lost = [], [], [], [], [], [], []
     for cycle, s in enumerate(clocks):
         got = twin.step(s.start, s.valid, s.pixel, s.end)
         if got.index is not None:
@@ -134,6 +142,7 @@ def expected(clocks: list[Strobes], given: Registers) -> list[tuple[int, dict[st
             lines.append(pixels)
             angles.append(s.angle)
             powers.append(s.power)
+            raised.append(s.mirror_flags)
             numbers.append(got.line_number)
             lost.append(got.lost)
     if not lines:
@@ -143,6 +152,7 @@ def expected(clocks: list[Strobes], given: Registers) -> list[tuple[int, dict[st
         np.array(angles),
         np.array(powers),
         given,
+        mirror_flags=np.array(raised),
         max_window=elaboration["MaxWindow"],
     )
     flags = points.flags | np.array(lost, np.int64) << pkg.FLAG_LINES_LOST

@@ -50,7 +50,13 @@ def latency(
 
 
 def _run(
-    lines: Pixels, angle: Ints, power: Ints, first: int, registers: Registers, max_window: int
+    lines: Pixels,
+    angle: Ints,
+    power: Ints,
+    mirror_flags: Ints,
+    first: int,
+    registers: Registers,
+    max_window: int,
 ) -> Points:
     r = registers
     statistics = line_statistics.line_statistics(
@@ -120,7 +126,7 @@ def _run(
         e1=r.e1,
         line_length=r.line_length,
     )
-    flags = window.flags.copy()
+    flags = window.flags | mirror_flags << pkg.FLAG_NOT_RUNNING
     for bit, condition in (
         (pkg.FLAG_NO_PHASE, harmonic.no_phase),
         (pkg.FLAG_NO_NOISE, quality.no_noise),
@@ -161,6 +167,7 @@ def run_fixed(
     registers: Registers,
     progress: Callable[[int], None] | None = None,
     *,
+    mirror_flags: Ints | int = 0,
     max_window: int = MAX_WINDOW,
 ) -> Points:
     """Return the point of every line, bit for bit what the RTL gives for good lines.
@@ -171,20 +178,25 @@ def run_fixed(
         power: Laser power, u16, [n].
         registers: The configuration; ``pixel_width`` and ``line_length`` are the elaboration's.
         progress: Called with the lines done so far.
+        mirror_flags: The mirror's flags, bit 0 for NOT_RUNNING and up, 0..7, [n] or one for all.
         max_window: ``MaxWindow`` of the elaboration.
 
     Returns:
         n points, numbered from 0.
 
     Raises:
-        ValueError: if a line has another length or a pixel does not fit.
+        ValueError: if a line has another length, or a pixel or a flag does not fit.
     """
     if lines.ndim != 2 or lines.shape[1] != registers.line_length:
         raise ValueError(f"chain: lines of shape {lines.shape}, want [n, {registers.line_length}]")
+    raised = np.broadcast_to(np.asarray(mirror_flags, np.int64), len(lines))
+    if np.any(raised >> pkg.MIRROR_FLAG_WIDTH):
+        raise ValueError(f"chain: mirror_flags do not fit in {pkg.MIRROR_FLAG_WIDTH} bits")
     parts = []
     for start in range(0, max(1, len(lines)), CHUNK):
         part = slice(start, start + CHUNK)
-        parts.append(_run(lines[part], angle[part], power[part], start, registers, max_window))
+        given = lines[part], angle[part], power[part], raised[part]
+        parts.append(_run(*given, start, registers, max_window))
         if progress is not None:
             progress(min(start + CHUNK, len(lines)))
     return Points.concatenate(parts)

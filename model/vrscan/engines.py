@@ -37,14 +37,15 @@ def run(
         InputError: if the configuration does not fit in the registers.
     """
     registers = Registers.from_config(config)  # checks the configuration for every engine alike
+    lines, power, raised = recording.lines, recording.power, recording.mirror_flags
     if engine is Engine.IDEAL:
-        return ideal.run(recording.lines, recording.angle_rad, recording.power, config, progress)
+        return ideal.run(lines, recording.angle_rad, power, config, progress, mirror_flags=raised)
     angle = angle_turns(recording.angle_rad)
     # Imported here, because the RTL engine needs a compiler and the others do not.
     if engine is Engine.FIXED:
         from vrscan.chain import run_fixed
 
-        return table(run_fixed(recording.lines, angle, recording.power, registers, progress))
+        return table(run_fixed(lines, angle, power, registers, progress, mirror_flags=raised))
     from vrscan.rtl import run_rtl
 
-    return table(run_rtl(recording.lines, angle, recording.power, registers, progress))
+    return table(run_rtl(lines, angle, power, registers, progress, mirror_flags=raised))

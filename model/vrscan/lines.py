@@ -13,6 +13,7 @@ from vrscan.config import Config
 from vrscan.errors import InputError
 
 ANGLE_LIMIT_RAD = np.pi
+MIRROR_FLAGS_ALL = 7  # three bits
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,7 @@ class Lines:
     angle_rad: Floats  # scan angle at the pulse's centre [n]
     power: Ints  # laser power [n], u16
     truth: Truth | None = None
+    mirror_flags: Ints | int = 0  # [n] or one for all; bit 0 NOT_RUNNING, INDEX_FAULT, UNSETTLED
 
     def __len__(self) -> int:
         """Return the number of lines."""
@@ -46,8 +48,9 @@ class Lines:
 def read(path: Path, config: Config) -> Lines:
     """Return recorded lines from ``.npy`` or ``.npz``.
 
-    An ``.npz`` holds ``lines`` and optionally ``angle_rad`` [n] (0 where it is not given) and
-    ``power`` [n] (full power where it is not given); other arrays in it are ignored.
+    An ``.npz`` holds ``lines`` and optionally ``angle_rad`` [n] (0 where it is not given),
+    ``power`` [n] (full power where it is not given) and ``mirror_flags`` [n] (0 where it is not
+    given: the angle is good); other arrays in it are ignored.
 
     Args:
         path: The file.
@@ -58,7 +61,7 @@ def read(path: Path, config: Config) -> Lines:
 
     Raises:
         InputError: naming the file and the value, if it is missing, damaged, or holds anything
-            but lines of that length and width and angles within +-pi rad.
+            but lines of that length and width, angles within +-pi rad, and flags of 0 to 7.
     """
     arrays = _load(path)
     if "lines" not in arrays:
@@ -79,16 +82,23 @@ def read(path: Path, config: Config) -> Lines:
     if len(bad):
         limit = config.laser.power_max
         raise InputError(f"{path}: power above {limit} ({power[bad[0]]} at line {bad[0]})")
+    raised = arrays.get("mirror_flags", np.zeros(count, np.uint8))
+    _check_column(path, "mirror_flags", raised, count, "u")
+    bad = np.flatnonzero(raised > MIRROR_FLAGS_ALL)
+    if len(bad):
+        limit = MIRROR_FLAGS_ALL
+        raise InputError(f"{path}: mirror_flags above {limit} ({raised[bad[0]]} at line {bad[0]})")
     return Lines(
         lines=np.ascontiguousarray(lines, np.uint16),
         angle_rad=angle.astype(np.float64),
         power=power.astype(np.int64),
+        mirror_flags=raised.astype(np.int64),
     )
 
 
 def _load(path: Path) -> dict[str, npt.NDArray[Any]]:
     """Return the arrays of a file that a recording may hold; a bare array is ``lines``."""
-    wanted = ("lines", "angle_rad", "power")
+    wanted = ("lines", "angle_rad", "power", "mirror_flags")
     try:
         with path.open("rb") as file, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # numpy's doubts about a damaged header

@@ -149,6 +149,7 @@ def _run(
     power: Ints,
     registers: Registers,
     progress: Callable[[int], None] | None,
+    mirror_flags: Ints | int,
     max_window: int,
 ) -> tuple[Points, Ints]:
     """Return the points, and the clocks from each line's last pixel to its point."""
@@ -157,6 +158,9 @@ def _run(
         raise ValueError(f"rtl engine: lines of shape {lines.shape}, want [n, {length}]")
     if lines.size and int(lines.max()) >> registers.pixel_width:
         raise ValueError(f"rtl engine: a pixel does not fit in {registers.pixel_width} bits")
+    raised = np.broadcast_to(np.asarray(mirror_flags, np.int64), len(lines))
+    if np.any(raised >> pkg.MIRROR_FLAG_WIDTH):
+        raise ValueError(f"rtl engine: mirror_flags do not fit in {pkg.MIRROR_FLAG_WIDTH} bits")
     library = ctypes.CDLL(str(build(length, registers.pixel_width, max_window)))
     library.engine_create.restype = ctypes.c_void_p
     library.engine_run.restype = ctypes.c_int64
@@ -166,6 +170,7 @@ def _run(
     pixels = np.ascontiguousarray(lines, np.uint16)
     turns = (np.asarray(angle, np.int64) & ((1 << pkg.ANGLE_WIDTH) - 1)).astype(np.uint32)
     powers = np.ascontiguousarray(power, np.uint16)
+    raised_bytes = np.ascontiguousarray(raised, np.uint8)
     results = np.zeros((len(lines), len(RESULTS) + 1), np.int64)
     longest = latency(
         max_window,
@@ -189,6 +194,7 @@ def _run(
                 address(pixels[part]),
                 address(turns[part]),
                 address(powers[part]),
+                address(raised_bytes[part]),
                 ctypes.c_int64(part.stop - part.start),
                 ctypes.c_int64(length),
                 ctypes.c_int64(longest + 1 if part.stop == len(lines) else 0),
@@ -218,6 +224,7 @@ def run_rtl(
     registers: Registers,
     progress: Callable[[int], None] | None = None,
     *,
+    mirror_flags: Ints | int = 0,
     max_window: int = MAX_WINDOW,
 ) -> Points:
     """Return the point of every line, as the RTL gives it, line after line without a gap.
@@ -228,6 +235,7 @@ def run_rtl(
         power: Laser power, u16, [n].
         registers: The configuration; ``pixel_width`` and ``line_length`` are elaborated.
         progress: Called with the lines sent so far.
+        mirror_flags: The mirror's flags, bit 0 for NOT_RUNNING and up, 0..7, [n] or one for all.
         max_window: ``MaxWindow`` to elaborate.
 
     Returns:
@@ -235,10 +243,10 @@ def run_rtl(
 
     Raises:
         InputError: if the engine cannot be built.
-        ValueError: if a line has another length or a pixel does not fit.
+        ValueError: if a line has another length, or a pixel or a flag does not fit.
         RuntimeError: if the RTL does not answer every line, in order.
     """
-    return _run(lines, angle, power, registers, progress, max_window)[0]
+    return _run(lines, angle, power, registers, progress, mirror_flags, max_window)[0]
 
 
 def latencies(
@@ -250,4 +258,4 @@ def latencies(
     max_window: int = MAX_WINDOW,
 ) -> Ints:
     """Return the clocks from each line's last pixel to its point, int64 [n]; see ``run_rtl``."""
-    return _run(lines, angle, power, registers, None, max_window)[1]
+    return _run(lines, angle, power, registers, None, 0, max_window)[1]

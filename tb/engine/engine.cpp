@@ -65,8 +65,8 @@ void* engine_create(const uint64_t* configuration) {
 
 // Sends `lines` lines and then `idle` clocks; returns the points that came out meanwhile.
 int64_t engine_run(void* handle, const uint16_t* pixels, const uint32_t* angle,
-                   const uint16_t* power, int64_t lines, int64_t length, int64_t idle,
-                   int64_t* results, int64_t room) {
+                   const uint16_t* power, const uint8_t* mirror_flags, int64_t lines,
+                   int64_t length, int64_t idle, int64_t* results, int64_t room) {
   Engine& engine = *static_cast<Engine*>(handle);
   Vchain& chain = engine.chain;
   engine.results = results;
@@ -75,6 +75,7 @@ int64_t engine_run(void* handle, const uint16_t* pixels, const uint32_t* angle,
   for (int64_t line = 0; line < lines; ++line) {
     chain.angle_i = angle[line];
     chain.power_i = power[line];
+    chain.mirror_flags_i = mirror_flags[line];
     chain.pixel_valid_i = 1;
     for (int64_t k = 0; k < length; ++k) {
       chain.line_start_i = k == 0;

@@ -13,6 +13,7 @@ from vrscan.ideal.statistics import statistics
 from vrscan.table import Table
 
 MAX_WINDOW = 255  # px
+MIRROR_FLAGS = ("NOT_RUNNING", "INDEX_FAULT", "UNSETTLED")  # by bit
 _CHUNK = 512  # lines at a time: what a cache holds
 
 
@@ -22,6 +23,8 @@ def run(
     power: Ints,
     config: Config,
     progress: Callable[[int], None] | None = None,
+    *,
+    mirror_flags: Ints | int = 0,
 ) -> Table:
     """Return the point of each line.
 
@@ -31,22 +34,27 @@ def run(
         power: Laser power at each line [n].
         config: Thresholds and geometry.
         progress: Called with the number of lines done so far.
+        mirror_flags: Bits of ``MIRROR_FLAGS`` for each line, [n] or one for all.
 
     Returns:
         A table of n rows. Numbers are not limited to the widths of the fixed-point formats.
     """
+    raised = np.broadcast_to(np.asarray(mirror_flags, np.int64), len(lines))
     parts = []
     for start in range(0, len(lines), _CHUNK):
         part = slice(start, start + _CHUNK)
-        parts.append(_run(lines[part], angle_rad[part], power[part], config, start))
+        given = lines[part], angle_rad[part], power[part], raised[part]
+        parts.append(_run(*given, config, start))
         if progress is not None:
             progress(min(start + _CHUNK, len(lines)))
     if not parts:
-        return _run(lines, angle_rad, power, config, 0)
+        return _run(lines, angle_rad, power, raised, config, 0)
     return Table.joined(parts)
 
 
-def _run(lines: Pixels, angle_rad: Floats, power: Ints, config: Config, first: int) -> Table:
+def _run(
+    lines: Pixels, angle_rad: Floats, power: Ints, mirror_flags: Ints, config: Config, first: int
+) -> Table:
     peak = config.peak
     row = statistics(lines, max_window=MAX_WINDOW)
     by_row = row.row_only | (peak.noise == "row")
@@ -88,6 +96,7 @@ def _run(lines: Pixels, angle_rad: Floats, power: Ints, config: Config, first: i
         "NO_NOISE": noise == 0.0,
         "ROW_STATISTICS": row.row_only & (peak.noise != "row"),
         "NO_RANGE": measured & located.no_range,
+        **{name: mirror_flags >> bit & 1 == 1 for bit, name in enumerate(MIRROR_FLAGS)},
     }
     return Table(
         line=np.arange(first, first + len(lines)),
