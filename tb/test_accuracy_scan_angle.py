@@ -26,31 +26,29 @@ def test_every_angle_keeps_its_own_bound() -> None:
 
 
 def test_the_cases_are_what_their_names_say() -> None:
-    cases = angle.cases(1_000, np.random.default_rng(1))
-    for _, given, _ in cases[:3]:
+    cases = [given for _, given, _ in angle.cases(1_000, np.random.default_rng(1))]
+    for given in cases[:3]:
         # All around the turn, a phase in every thousandth of it.
-        assert np.array_equal(np.sort(given.phase) * 1_000 // TURN, np.arange(1_000))
-        assert (given.a[..., 0] == 1 << pkg.MOTION_FRACTION).all()
-    degrees = 360.0 * cases[2][1].amplitude * 2.0**-pkg.AMPLITUDE_FRACTION
-    assert degrees.min() < 1.0
-    assert degrees.max() == pytest.approx(25.0)
-    higher = np.abs(cases[2][1].a[:, 1:]) * 2.0**-pkg.MOTION_FRACTION
+        assert np.array_equal(np.sort(given.phase.ravel()) * 1_000 // TURN, np.arange(1_000))
+        assert (given.a[:, 0] == 1 << pkg.MOTION_FRACTION).all() and not given.phi[:, 0].any()
+    assert cases[0].amplitude * 360.0 * 2.0**-pkg.AMPLITUDE_FRACTION == pytest.approx(20.5)
+    for given in cases[1:3]:
+        degrees = 360.0 * given.amplitude * 2.0**-pkg.AMPLITUDE_FRACTION
+        assert degrees.min() < 1.0
+        assert degrees.max() == pytest.approx(25.0)
+    higher = np.abs(cases[2].a[:, 1:]) * 2.0**-pkg.MOTION_FRACTION
     assert higher.max() == pytest.approx(angle.HARMONIC, abs=1e-6)
-    assert len(np.unique(cases[2][1].phi, axis=0)) == angle.SETS
+    assert len(np.unique(cases[2].phi, axis=0)) == angle.SETS
+    assert (cases[3].a == (1 << (pkg.MOTION_WIDTH - 1)) - 1).all()
+    assert (cases[3].amplitude == (1 << pkg.AMPLITUDE_WIDTH) - 1).all()
 
 
-def test_motion_is_a_cosine_with_odd_harmonics_behind_it() -> None:
-    """(12) at phases where it is known: the fundamental, and a third harmonic a quarter late."""
-    phase = np.arange(8) * TURN // 8
-    amplitude = np.full(8, 1 << (pkg.AMPLITUDE_FRACTION - 4))
-    a, phi = angle.harmonic_words([[1.0, 0.0], [0.5, np.pi / 2.0], *[[0.0, 0.0]] * 4])
-    turns = angle.motion(angle.Motions(phase, amplitude, a, phi))
-    root = np.sqrt(0.5)
-    cosine = np.array([1.0, root, 0.0, -root, -1.0, -root, 0.0, root])
-    third = np.array([0.0, root, -1.0, root, 0.0, -root, 1.0, -root])
-    assert turns * 16.0 == pytest.approx(cosine + 0.5 * third, abs=1e-9)
-    # It satisfies (11): half a period on, the angle is the opposite one.
-    assert turns[:4] == pytest.approx(-turns[4:], abs=1e-12)
+def test_harmonics_become_the_words_of_the_ports() -> None:
+    a, phi = angle.harmonic_words(
+        [[1.0, 0.0], [-0.5, -np.pi / 2.0], [2.0**-22, np.pi], *[[0.0, 0.0]] * 3]
+    )
+    assert a.tolist() == [1 << 22, -(1 << 21), 1, 0, 0, 0]
+    assert phi.tolist() == [0, 3 * TURN // 4, TURN // 2, 0, 0, 0]
 
 
 @pytest.mark.parametrize("steps", [1, -1])

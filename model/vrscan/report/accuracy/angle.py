@@ -9,6 +9,7 @@ from vrscan.arrays import Floats, Ints
 from vrscan.config import Config
 from vrscan.fixed import pkg
 from vrscan.fixed.scan_angle import error_bound_turns, floor_turns, scan_angle
+from vrscan.ideal.mirror import motion
 from vrscan.report.accuracy.figure import SEED, Figure, largest, rms
 
 GROUP = "scan_angle against (12)"
@@ -19,18 +20,17 @@ SETS = 100  # of random harmonics
 
 _TURN = 1 << pkg.PHASE_WIDTH
 _ONE = 1 << pkg.MOTION_FRACTION
-_ORDERS = np.arange(1, 2 * pkg.HARMONIC_COUNT, 2)
 
 
 @dataclass(frozen=True)
 class Motions:
-    """n phases of a motion each, as the ports take them; see ``scan_angle``.
+    """n phases of each of s sets of harmonics, as the ports take them; see ``scan_angle``.
 
     Attributes:
-        phase: [n].
-        amplitude: [n].
-        a: [n, 6] or [6].
-        phi: [n, 6] or [6].
+        phase: [s, n].
+        amplitude: [s, n].
+        a: [s, 6].
+        phi: [s, 6].
     """
 
     phase: Ints
@@ -63,26 +63,24 @@ def amplitude_words(degrees: Floats) -> Ints:
     return np.asarray(words)
 
 
-def motion(given: Motions) -> Floats:
-    """Return (12), turns, [n]."""
-    turns = (_ORDERS * given.phase[:, None] - given.phi) % _TURN / _TURN
-    total = (given.a / _ONE * np.cos(2.0 * np.pi * turns)).sum(axis=1)
-    return np.asarray(given.amplitude * 2.0**-pkg.AMPLITUDE_FRACTION * total)
-
-
 def errors(given: Motions) -> tuple[Floats, Floats]:
-    """Return each angle's error and its bound, urad, [n] each.
+    """Return each angle's error and its bound, urad, [s, n] each.
 
     Raises:
         RuntimeError: if an angle does not fit.
     """
-    angle, overflow = scan_angle(given.phase, given.amplitude, given.a, given.phi)
+    a, phi = given.a[:, None], given.phi[:, None]
+    angle, overflow = scan_angle(given.phase, given.amplitude, a, phi)
     if bool(overflow.any()):
         raise RuntimeError("accuracy: an angle does not fit")
-    amplitude = np.asarray(given.amplitude * 2.0**-pkg.AMPLITUDE_FRACTION)
-    bound = error_bound_turns(amplitude, given.a / _ONE)
-    error = angle * 2.0**-pkg.ANGLE_WIDTH - motion(given)
-    return _urad(error), _urad(bound)
+    amplitude = given.amplitude * 2.0**-pkg.AMPLITUDE_FRACTION
+    pairs = np.stack([given.a / _ONE, given.phi / _TURN * (2.0 * np.pi)], axis=-1)
+    exact = [
+        motion(phase / _TURN, turns * (2.0 * np.pi), harmonics)
+        for phase, turns, harmonics in zip(given.phase, amplitude, pairs, strict=True)
+    ]
+    error = angle * (2.0 * np.pi * 2.0**-pkg.ANGLE_WIDTH) - np.array(exact)
+    return np.asarray(error * 1e6), _urad(error_bound_turns(np.asarray(amplitude), a / _ONE))
 
 
 def _urad(turns: Floats) -> Floats:
@@ -111,39 +109,47 @@ def cases(count: int, draw: np.random.Generator) -> list[tuple[str, Motions, flo
     """Return the names of what is measured, the motions, and the limit, NaN without one.
 
     Args:
-        count: Phases a case.
+        count: Phases a case, at least ``SETS``.
         draw: Source of phases, amplitudes and harmonics.
     """
     mirror = Config().mirror
     a, phi = harmonic_words(mirror.harmonics)
     working = amplitude_words(np.full(count, mirror.amplitude_deg))
-    any_a, any_phi = random_harmonics(SETS, HARMONIC, draw)
-    which = np.arange(count) % SETS
-    up_to = amplitude_words(draw.uniform(0.0, LARGEST_DEG, count))
-    up_to[: count // 2] = amplitude_words(np.array(LARGEST_DEG))
+    any_amplitude = amplitude_words(draw.uniform(0.0, LARGEST_DEG, count))
+    any_amplitude[::2] = amplitude_words(np.array(LARGEST_DEG))
     # A is a quarter of a turn and all |a_k| just below 2: at other phases the angle does not fit.
     most = np.full(pkg.HARMONIC_COUNT, 2 * _ONE - 1)
     quarter = np.full(count, (1 << pkg.AMPLITUDE_WIDTH) - 1)
     near = phases(count, draw) // 256 - _TURN // 512 + _TURN // 4
-    shift = np.zeros(pkg.HARMONIC_COUNT, np.int64)
+    in_step = np.zeros(pkg.HARMONIC_COUNT, np.int64)
+    shape = SETS, -1
+    whole = count - count % SETS
     largest_deg = f"up to {LARGEST_DEG:g} degrees"
     return [
         (
             f"shipped harmonics, {mirror.amplitude_deg:g} degrees",
-            Motions(phases(count, draw), working, a, phi),
+            Motions(phases(count, draw)[None], working[None], a[None], phi[None]),
             LIMIT_URAD,
         ),
         (
             f"shipped harmonics, {largest_deg}",
-            Motions(phases(count, draw), draw.permutation(up_to), a, phi),
+            Motions(phases(count, draw)[None], any_amplitude[None], a[None], phi[None]),
             LIMIT_URAD,
         ),
         (
             f"{SETS} sets of |a_k| up to {HARMONIC:g}, {largest_deg}",
-            Motions(phases(count, draw), draw.permutation(up_to), any_a[which], any_phi[which]),
+            Motions(
+                draw.permutation(phases(whole, draw)).reshape(shape),
+                any_amplitude[:whole].reshape(shape),
+                *random_harmonics(SETS, HARMONIC, draw),
+            ),
             LIMIT_URAD,
         ),
-        ("largest a_k and amplitude", Motions(near, quarter, most, shift), math.nan),
+        (
+            "largest a_k and amplitude",
+            Motions(near[None], quarter[None], most[None], in_step[None]),
+            math.nan,
+        ),
     ]
 
 
@@ -151,7 +157,7 @@ def measure(count: int) -> list[Figure]:
     """Return maximum and rms of the angle's error.
 
     Args:
-        count: Phases a row.
+        count: Phases a row, at least ``SETS``.
     """
     draw = np.random.default_rng([SEED, 6])
     floor = float(_urad(np.array(floor_turns())))
