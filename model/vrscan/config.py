@@ -99,7 +99,12 @@ class Geometry(_Section):
 
 
 class Mirror(_Section):
-    """The mirror's motion, (12)."""
+    """The mirror's motion, (12), and the loop that drives it and holds its amplitude.
+
+    The loop's gains, limits and rates were tried on the equation of ``vrscan.scene.mirror``: twice
+    the sweep rate fails to start it; a quarter of the proportional gain still holds it, and settles in
+    twice the time.
+    """
 
     frequency_hz: float = Field(default=249.0, gt=0, le=10_000)
     amplitude_deg: float = Field(default=20.5, gt=0, lt=90)
@@ -114,6 +119,42 @@ class Mirror(_Section):
         [0.000035510, 2.9682573],
         [0.000018619, -1.1407316],
     ]
+
+    sweep_span_hz: float = Field(default=23.0, ge=0)  # the start sweeps down from so far above
+    sweep_hz_per_s: Positive = 26.0
+    duty: float = Field(default=0.5, ge=0, lt=1)  # of the drive's square wave
+
+    level: float = Field(default=0.7, gt=0, lt=1)  # of the drive: in the sweep, and to return to
+    level_min: float = Field(default=0.3, ge=0, lt=1)
+    level_max: float = Field(default=0.999, gt=0, lt=1)
+    level_low: float = Field(default=0.62, ge=0, lt=1)  # below: the frequency steps
+    level_high: float = Field(default=0.78, ge=0, lt=1)  # above: the frequency steps
+    proportional: float = Field(default=20.0, ge=0)  # relative level over relative amplitude
+    integral_s: Positive = 0.05  # time constant of the integral term
+    trim_hz: float = Field(default=2.0, ge=0)  # how far the frequency may step, either way
+    trim_hz_per_s: float = Field(default=0.3, ge=0)
+    amplitude_falls: bool = True  # with a rising frequency
+
+    averaging_periods: Literal[1, 2, 4, 8, 16] = 2  # of the phase and the amplitude
+    settle_ppm: Positive = 50.0  # of the amplitude: closer is settled
+    shock_ppm: Positive = 300.0  # of the amplitude: farther is a shock
+    phase_limit_urad: Positive = 60.0  # of the mirror's phase
+    settle_periods: int = Field(default=16, ge=1, le=255)
+    hold_periods: int = Field(default=4, ge=1, le=255)  # good ones that end an index fault
+    settle_timeout_s: Positive = 5.0
+    lost_timeout_s: Positive = 0.02
+
+    oversample: Literal[1, 4, 8] = 4  # samples a clock of the index inputs
+    glitch_us: float = Field(default=0.1, ge=0)  # a shorter pulse of the comparator is a glitch
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "Mirror":
+        levels = (self.level_min, self.level_low, self.level, self.level_high, self.level_max)
+        if sorted(levels) != list(levels):
+            raise ValueError("level_min, level_low, level, level_high, level_max must not fall")
+        if self.settle_ppm > self.shock_ppm:
+            raise ValueError(f"settle_ppm {self.settle_ppm} is above shock_ppm {self.shock_ppm}")
+        return self
 
     @field_validator("harmonics")
     @classmethod
@@ -152,12 +193,33 @@ class Laser(_Section):
     power_max: int = Field(default=65_535, ge=1, le=65_535)  # power at which (10) is 1
 
 
+class Clock(_Section):
+    """The FPGA's clock."""
+
+    frequency_hz: float = Field(default=125e6, ge=1e6, le=1e9)
+
+
+class Mems(_Section):
+    """The simulated mirror, ``vrscan.scene.mirror``; the instrument does not know these."""
+
+    natural_hz: Positive = 248.5
+    quality: Positive = 200.0
+    torque: Positive = 8.52e4  # s^-2, at a level of 0.7
+    comb_deg: Positive = 8.52
+    asymmetry: float = 2e-7  # a constant torque, over natural angular frequency squared, rad
+    diode_deg: Positive = 1.0  # either side of the mark: the beam is on the photodiode
+    jitter_ns: float = Field(default=1.0, ge=0)  # of a crossing, rms
+    noise_urad: float = Field(default=0.0, ge=0)  # of the comparator: makes it chatter
+
+
 class Config(_Section):
     """All of it."""
 
+    clock: Clock = Clock()
     peak: Peak = Peak()
     geometry: Geometry = Geometry()
     mirror: Mirror = Mirror()
+    mems: Mems = Mems()
     line: Line = Line()
     sensor: Sensor = Sensor()
     laser: Laser = Laser()

@@ -13,6 +13,33 @@ from vrscan.fixed import pkg
 CONFIDENCE_ONE = 2**pkg.CONFIDENCE_WIDTH - 1
 
 
+def to_register(
+    source: str, key: str, value: float, width: int, fraction: int = 0, *, signed: bool = False
+) -> int:
+    """Return a value as the integer of a register, rounded to nearest, half up.
+
+    Args:
+        source: Where the configuration came from, for the message.
+        key: What the value was made from, for the message.
+        value: The value.
+        width: Bits of the register.
+        fraction: Fraction bits of the register.
+        signed: Whether the register is two's complement.
+
+    Raises:
+        InputError: naming source, key and value, if it does not fit.
+    """
+    scaled = math.floor(value * 2.0**fraction + 0.5)
+    low, high = (-(2 ** (width - 1)), 2 ** (width - 1)) if signed else (0, 2**width)
+    if not low <= scaled < high:
+        step = 2.0**-fraction
+        raise InputError(
+            f"{source}: {key}: needs a register value of {value:.6g}, "
+            f"outside {low * step:.6g} to {(high - 1) * step:.6g}"
+        )
+    return scaled
+
+
 @dataclass(frozen=True)
 class Registers:
     """Configuration of the signal chain in integers; formats are those of ``vrscan_pkg``.
@@ -54,22 +81,11 @@ class Registers:
         peak, geometry = config.peak, config.geometry
         length = config.sensor.line_length
 
-        def fit(key: str, value: float, width: int, fraction: int, *, signed: bool) -> int:
-            scaled = math.floor(value * 2.0**fraction + 0.5)
-            low, high = (-(2 ** (width - 1)), 2 ** (width - 1)) if signed else (0, 2**width)
-            if not low <= scaled < high:
-                step = 2.0**-fraction
-                raise InputError(
-                    f"{config.source}: {key}: needs a register value of {value:.6g}, "
-                    f"outside {low * step:.6g} to {(high - 1) * step:.6g}"
-                )
-            return scaled
-
         def unsigned(key: str, value: float, width: int, fraction: int) -> int:
-            return fit(key, value, width, fraction, signed=False)
+            return to_register(config.source, key, value, width, fraction, signed=False)
 
         def signed(key: str, value: float, width: int, fraction: int) -> int:
-            return fit(key, value, width, fraction, signed=True)
+            return to_register(config.source, key, value, width, fraction, signed=True)
 
         address = math.ceil(math.log2(length))
         reach_px = 2**address
