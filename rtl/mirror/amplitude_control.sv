@@ -1,0 +1,284 @@
+// amplitude_control: holds the mirror's amplitude, and says how far its angle can be trusted.
+//
+// VR-SCAN IV-C, IV-D: the amplitude follows the mirror's natural frequency, so it is measured once a
+// period and controlled.  A PI loop sets the drive's level.  Where the level runs out, the drive's
+// frequency goes on in small steps: with level_o above level_high_i (below level_low_i) a step a
+// measurement, in the direction that gives more (less) amplitude, until the level has come back to
+// level_nominal_i.  The error e is also the detector of shocks and the measure of confidence.
+//
+// In SETTLE and RUN each valid_i is a measurement, e = amplitude_set_i - measured_i:
+//
+//   integrator  += k_i e, 24 fraction bits of a level step, exact; kept within level_min_i ..
+//               level_max_i.  It stands where the level, with the integrator as it was, is at or beyond
+//               the limit to which e drives it (anti-windup)
+//   level_o     integrator + k_p e, to nearest, half up, kept within level_min_i .. level_max_i
+//   trim_o      +/- trim_step_i, kept within trim_min_i .. trim_max_i.  Of two limits that
+//               contradict each other the upper one holds, here and above
+//   settled_o   settle_count_i measurements on end were good (0 is as 1), with no broken_i and no
+//               acquired_i between: |e| <= settle_limit_i, shock_limit_i and |error_i| <= phase_limit_i
+//   unsettled_o from |e| > shock_limit_i, |error_i| > phase_limit_i or acquired_i until settled_o
+//   index_fault_o  from broken_i until hold_count_i measurements on end were good (0 is as 1)
+//   confidence_o   255 - |e| confidence_gain_i / 2**20, to nearest, half down, at least 0; 0 while unsettled_o or
+//               index_fault_o
+//   error_amplitude_o  e of the last measurement
+//
+// In all other states level_o is sweep_level_i, trim_o 0, settled_o low, unsettled_o high, and valid_i
+// is ignored; index_fault_o stays as it is.
+//
+//   k_p_i, k_i_i  level steps (2**-20) per amplitude step (2**-28 turns), 16 and 24 fraction bits
+//   Latency  32 clocks from valid_i to all outputs, a valid_i meanwhile starts anew: at least 32
+//            clocks lie between two measurements, and a mirror's period is far more.  broken_i,
+//            acquired_i and state_i to the outputs: 1 clock.  The configuration must hold meanwhile.
+//   Model    vrscan.fixed.amplitude_control, bit-exact
+
+`default_nettype none
+
+module amplitude_control (
+  input  wire logic                                             clk_i,
+  input  wire logic                                             rst_i,
+
+  input  wire logic        [  vrscan_pkg::MirrorStateWidth-1:0] state_i,
+  input  wire logic                                             valid_i,
+  input  wire logic        [    vrscan_pkg::AmplitudeWidth-1:0] measured_i,
+  input  wire logic signed [        vrscan_pkg::ErrorWidth-1:0] error_i,
+  input  wire logic                                             acquired_i,
+  input  wire logic                                             broken_i,
+
+  output      logic        [        vrscan_pkg::LevelWidth-1:0] level_o,
+  output      logic signed [         vrscan_pkg::TrimWidth-1:0] trim_o,
+  output      logic                                             settled_o,
+  output      logic                                             unsettled_o,
+  output      logic                                             index_fault_o,
+  output      logic        [   vrscan_pkg::ConfidenceWidth-1:0] confidence_o,
+  output      logic signed [      vrscan_pkg::AmplitudeWidth:0] error_amplitude_o,
+
+  input  wire logic        [        vrscan_pkg::LevelWidth-1:0] sweep_level_i,
+  input  wire logic        [    vrscan_pkg::AmplitudeWidth-1:0] amplitude_set_i,
+  input  wire logic        [  vrscan_pkg::ControlGainWidth-1:0] k_p_i,
+  input  wire logic        [  vrscan_pkg::ControlGainWidth-1:0] k_i_i,
+  input  wire logic        [        vrscan_pkg::LevelWidth-1:0] level_min_i,
+  input  wire logic        [        vrscan_pkg::LevelWidth-1:0] level_max_i,
+  input  wire logic        [        vrscan_pkg::LevelWidth-1:0] level_low_i,
+  input  wire logic        [        vrscan_pkg::LevelWidth-1:0] level_high_i,
+  input  wire logic        [        vrscan_pkg::LevelWidth-1:0] level_nominal_i,
+  input  wire logic        [     vrscan_pkg::TrimStepWidth-1:0] trim_step_i,
+  input  wire logic signed [         vrscan_pkg::TrimWidth-1:0] trim_min_i,
+  input  wire logic signed [         vrscan_pkg::TrimWidth-1:0] trim_max_i,
+  input  wire logic                                             trim_up_i,  // more word, more amplitude
+  input  wire logic        [    vrscan_pkg::AmplitudeWidth-1:0] settle_limit_i,
+  input  wire logic        [    vrscan_pkg::AmplitudeWidth-1:0] shock_limit_i,
+  input  wire logic        [        vrscan_pkg::ErrorWidth-1:0] phase_limit_i,
+  input  wire logic        [                               7:0] settle_count_i,
+  input  wire logic        [                               7:0] hold_count_i,
+  input  wire logic        [                              23:0] confidence_gain_i
+);
+
+  localparam int unsigned LevelWidth = vrscan_pkg::LevelWidth;
+  localparam int unsigned AmplitudeWidth = vrscan_pkg::AmplitudeWidth;
+  localparam int unsigned ErrorWidth = vrscan_pkg::ErrorWidth;
+  localparam int unsigned TrimWidth = vrscan_pkg::TrimWidth;
+  localparam int unsigned Fraction = vrscan_pkg::IntegralFraction;
+  localparam int unsigned Align = vrscan_pkg::IntegralFraction - vrscan_pkg::ProportionalFraction;
+  localparam int unsigned ConfidenceFraction = 20;
+
+  localparam int unsigned EWidth = AmplitudeWidth + 1;
+  localparam int unsigned GainWidth = 25;  // the widest gain and a sign
+  localparam int unsigned ProductWidth = EWidth + GainWidth;
+  localparam int unsigned TermWidth = EWidth + vrscan_pkg::ControlGainWidth;  // of a product with k
+  localparam int unsigned IntegratorWidth = LevelWidth + Fraction;
+  localparam int unsigned SumWidth = TermWidth + Align + 2;
+  localparam int unsigned RoundedWidth = SumWidth - Fraction + 1;
+  localparam int unsigned TrimSumWidth = TrimWidth + 1;
+  localparam int unsigned DropWidth = ProductWidth - ConfidenceFraction;
+  localparam int unsigned ConfidenceWidth = vrscan_pkg::ConfidenceWidth;
+
+  localparam int unsigned AgeWidth = 5;
+  localparam logic [AgeWidth-1:0] Commit = AgeWidth'(31);  // the last clock before the outputs change
+  localparam logic [AgeWidth-1:0] Proportional = AgeWidth'(1);  // where the products start
+  localparam logic [AgeWidth-1:0] Integral = AgeWidth'(10);  // multiply takes 9 clocks
+  localparam logic [AgeWidth-1:0] Gain = AgeWidth'(19);
+
+  logic active;
+  assign active = state_i == vrscan_pkg::MirrorStateWidth'(vrscan_pkg::MirrorSettle) ||
+                  state_i == vrscan_pkg::MirrorStateWidth'(vrscan_pkg::MirrorRun);
+
+  // The clocks since valid_i; 0 is idle.  What stands below in the order of its ages is free-running:
+  // its operands hold long enough.
+  logic [AgeWidth-1:0] age_q;
+  logic                commit;
+  assign commit = age_q == Commit && !valid_i;
+
+  logic signed [         EWidth-1:0] e_q;
+  logic        [ AmplitudeWidth-1:0] e_size_q;
+  logic signed [     ErrorWidth-1:0] error_q;
+  logic        [     ErrorWidth-1:0] error_size_q;
+  logic                              fine_q, shock_q, in_phase_q;
+
+  logic                              start;
+  logic signed [         EWidth-1:0] factor;
+  logic        [      GainWidth-2:0] gain;
+  logic signed [   ProductWidth-1:0] product;
+  always_comb begin
+    factor = e_q;
+    gain   = (GainWidth - 1)'(k_p_i);
+    if (age_q == Integral) gain = (GainWidth - 1)'(k_i_i);
+    if (age_q == Gain) begin
+      factor = signed'({1'b0, e_size_q});
+      gain   = confidence_gain_i;
+    end
+  end
+  assign start = age_q == Proportional || age_q == Integral || age_q == Gain;
+
+  multiply #(
+    .AWidth(EWidth),
+    .BWidth(GainWidth)
+  ) u_multiply (
+    .clk_i,
+    .rst_i,
+    .valid_i  (start),
+    .a_i      (factor),
+    .b_i      (signed'({1'b0, gain})),
+    .valid_o  (),
+    .product_o(product)
+  );
+
+  // The level, twice through the same adder: with the integrator as it was, and as it will be.
+  logic        [IntegratorWidth-1:0] integrator_q, integrator_new_q;
+  logic signed [      TermWidth-1:0] proportional_q, integral_q;
+  logic signed [       SumWidth-1:0] sum_q;
+  logic signed [   RoundedWidth-1:0] rounded_q;
+  logic                              above_q, below_q;  // at the limit or beyond
+  logic                              stands_q;
+  logic        [     LevelWidth-1:0] level_new_q;
+  logic signed [IntegratorWidth+1:0] moved_q;
+  logic                              moved_above_q, moved_below_q;
+
+  function automatic logic signed [RoundedWidth-1:0] wide(input logic [LevelWidth-1:0] level);
+    wide = RoundedWidth'(signed'({1'b0, level}));
+  endfunction
+
+  function automatic logic signed [IntegratorWidth+1:0] fine(input logic [LevelWidth-1:0] level);
+    fine = signed'({2'b00, level, {Fraction{1'b0}}});
+  endfunction
+
+  // The trim.
+  logic                           more_q, less_q, more_new_q, less_new_q;
+  logic                           high_q, low_q, not_above_q, not_below_q;
+  logic signed [TrimSumWidth-1:0] trim_sum_q, trim_step;
+  logic                           trim_above_q, trim_below_q;
+  assign trim_step = TrimSumWidth'(signed'({1'b0, trim_step_i}));
+
+  // Confidence.
+  logic        [      DropWidth-1:0] drop_q;
+  logic        [ConfidenceWidth-1:0] confidence_q;
+
+  // The flags.
+  logic [7:0] good_count_q, good_count_d;
+  logic       good, unsettled, index_fault, settled, held;
+  assign good         = fine_q && in_phase_q && !shock_q;
+  assign good_count_d = good_count_q == '1 ? good_count_q : good_count_q + 8'd1;
+  assign settled      = good && good_count_d >= settle_count_i;
+  assign held         = good && good_count_d >= hold_count_i;
+  assign unsettled    = shock_q || !in_phase_q || (unsettled_o && !settled);
+  assign index_fault  = index_fault_o && !held;
+
+  always_ff @(posedge clk_i) begin
+    if (valid_i) begin
+      age_q   <= AgeWidth'(1);
+      e_q     <= signed'({1'b0, amplitude_set_i}) - signed'({1'b0, measured_i});
+      error_q <= error_i;
+    end else if (age_q != '0) begin
+      age_q <= age_q + AgeWidth'(1);  // wraps to idle
+    end
+
+    e_size_q     <= AmplitudeWidth'(e_q[EWidth-1] ? '0 - e_q : e_q);
+    error_size_q <= unsigned'(error_q[ErrorWidth-1] ? '0 - error_q : error_q);
+    fine_q       <= e_size_q <= settle_limit_i;
+    shock_q      <= e_size_q > shock_limit_i;
+    in_phase_q   <= error_size_q <= phase_limit_i;
+
+    if (age_q == Integral) proportional_q <= TermWidth'(product);
+    if (age_q == Gain) integral_q <= stands_q ? '0 : TermWidth'(product);
+
+    // To nearest, half up.
+    rounded_q <= RoundedWidth'(sum_q >>> Fraction) + RoundedWidth'(signed'({1'b0, sum_q[Fraction-1]}));
+    sum_q     <= (SumWidth'(proportional_q) <<< Align)
+                 + SumWidth'(signed'({1'b0, age_q < AgeWidth'(16) ? integrator_q : integrator_new_q}));
+    above_q   <= rounded_q >= wide(level_max_i);
+    below_q   <= rounded_q <= wide(level_min_i);
+    if (age_q == AgeWidth'(15)) stands_q <= e_q[EWidth-1] ? below_q : above_q;
+
+    moved_q          <= signed'({2'b00, integrator_q}) + (IntegratorWidth + 2)'(integral_q);
+    moved_above_q    <= moved_q > fine(level_max_i);
+    moved_below_q    <= moved_q < fine(level_min_i);
+    integrator_new_q <= moved_above_q ? {level_max_i, {Fraction{1'b0}}} :
+                        moved_below_q ? {level_min_i, {Fraction{1'b0}}} :
+                                        IntegratorWidth'(moved_q);
+    level_new_q <= above_q ? level_max_i : below_q ? level_min_i : LevelWidth'(rounded_q);
+
+    high_q      <= level_new_q > level_high_i;
+    low_q       <= level_new_q < level_low_i;
+    not_above_q <= level_new_q <= level_nominal_i;
+    not_below_q <= level_new_q >= level_nominal_i;
+    more_new_q  <= high_q || (more_q && !low_q && !not_above_q);
+    less_new_q  <= !high_q && (low_q || (less_q && !not_below_q));
+    trim_sum_q  <= TrimSumWidth'(trim_o) + (more_new_q == trim_up_i ? trim_step : '0 - trim_step);
+    trim_above_q <= trim_sum_q > TrimSumWidth'(trim_max_i);
+    trim_below_q <= trim_sum_q < TrimSumWidth'(trim_min_i);
+
+    // To nearest, half up.
+    drop_q       <= DropWidth'(unsigned'(product) >> ConfidenceFraction)
+                    + DropWidth'(product[ConfidenceFraction-1]);
+    confidence_q <= drop_q[DropWidth-1:ConfidenceWidth] != '0 ? '0 : ~drop_q[ConfidenceWidth-1:0];
+
+    if (commit) begin
+      level_o           <= level_new_q;
+      integrator_q      <= integrator_new_q;
+      more_q            <= more_new_q;
+      less_q            <= less_new_q;
+      error_amplitude_o <= e_q;
+      settled_o         <= settled;
+      unsettled_o       <= unsettled;
+      index_fault_o     <= index_fault;
+      good_count_q      <= good ? good_count_d : '0;
+      confidence_o      <= unsettled || index_fault ? '0 : confidence_q;
+      if (more_new_q || less_new_q) begin
+        trim_o <= trim_above_q ? trim_max_i :
+                  trim_below_q ? trim_min_i : TrimWidth'(trim_sum_q);
+      end
+    end
+    if (acquired_i || broken_i || !active) begin
+      settled_o    <= 1'b0;
+      good_count_q <= '0;
+      confidence_o <= '0;
+    end
+    if (acquired_i || !active) unsettled_o <= 1'b1;
+    if (broken_i) index_fault_o <= 1'b1;
+    if (!active) begin
+      age_q        <= '0;
+      level_o      <= sweep_level_i;
+      integrator_q <= {sweep_level_i, {Fraction{1'b0}}};
+      trim_o       <= '0;
+      more_q       <= 1'b0;
+      less_q       <= 1'b0;
+    end
+
+    if (rst_i) begin
+      age_q             <= '0;
+      level_o           <= '0;
+      integrator_q      <= '0;
+      trim_o            <= '0;
+      more_q            <= 1'b0;
+      less_q            <= 1'b0;
+      error_amplitude_o <= '0;
+      settled_o         <= 1'b0;
+      unsettled_o       <= 1'b1;
+      index_fault_o     <= 1'b0;
+      good_count_q      <= '0;
+      confidence_o      <= '0;
+    end
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,189 @@
+// mirror_drive: starts the mirror, drives it and stops it: VR-SCAN IV-G2.
+//
+// The phase is one turn a mirror period; the comb drive pulls twice a period, so the square wave
+// comes from twice the phase.  A resonant mirror with a hardening comb starts only from above:
+//
+//   OFF     word is sweep_word, phase 0.  enable_i -> SWEEP
+//   SWEEP   the word falls by sweep_rate_i / 2**16 a clock, rounded down, until it is work_word:
+//           SETTLE; a sweep_word below work_word is there at once.  Time-out: FAULT
+//   SETTLE  the word is work_word + trim, saturated.  index_alive_i and settled_i: RUN.
+//           Time-out: FAULT
+//   RUN     the same.  index_alive_i low for more than lost_timeout_i clocks on end: FAULT
+//   FAULT   drive and level are 0, the word stands.  enable_i low -> OFF
+//
+// enable_i low stops from every state: a pulse that is high ends as it would have, with level and
+// word as they are and the state's name kept, then comes OFF; where it is low OFF comes at once.  A
+// new enable_i counts from OFF.  A pulse that does not end (a word of 0) is cut off, 2**StopWidth + 1
+// clocks late.
+//
+//   sweep_word_i, work_word_i, word_o  turns a clock, 48 fraction bits: 4.4e-7 Hz a step at 125 MHz
+//   duty_i       the drive is high while frac(2 phase), its top 16 bits, is below duty_i
+//   phase_o      turns; in clock n the phase at time n
+//   drive_o      of the phase two clocks before
+//   level_o      what is applied, full scale 2**20: 0 in OFF and FAULT
+//   level_pin_o  sigma-delta of the first order: of 2**20 clocks level_o are high, exactly
+//   fault_o      why FAULT came; kept until the next start
+//   Latency  enable_i to state_o, and level_i to level_o in SETTLE and RUN: 1 clock; trim_i to
+//            word_o: 2 clocks; level_o to level_pin_o: 1 clock.  SWEEP and SETTLE last their
+//            time-out and 2 clocks at most, RUN 2 clocks more than the index may be away.  The word
+//            falls from the third clock of SWEEP.
+//   Model    vrscan.fixed.mirror_drive, bit-exact
+
+`default_nettype none
+
+module mirror_drive #(
+  parameter int unsigned StopWidth = 24  // 134 ms at 125 MHz: a slower pulse is cut off by a stop
+) (
+  input  wire logic                                          clk_i,
+  input  wire logic                                          rst_i,
+
+  input  wire logic                                          enable_i,
+  input  wire logic                                          index_alive_i,
+  input  wire logic                                          settled_i,
+  input  wire logic        [     vrscan_pkg::LevelWidth-1:0] level_i,
+  input  wire logic signed [      vrscan_pkg::TrimWidth-1:0] trim_i,
+
+  output      logic [vrscan_pkg::MirrorStateWidth-1:0]       state_o,
+  output      logic [      vrscan_pkg::FaultWidth-1:0]       fault_o,
+  output      logic                                          drive_o,
+  output      logic [      vrscan_pkg::LevelWidth-1:0]       level_o,
+  output      logic                                          level_pin_o,
+  output      logic [       vrscan_pkg::TurnWidth-1:0]       phase_o,
+  output      logic [       vrscan_pkg::WordWidth-1:0]       word_o,
+
+  input  wire logic [       vrscan_pkg::WordWidth-1:0]       sweep_word_i,
+  input  wire logic [       vrscan_pkg::WordWidth-1:0]       work_word_i,
+  input  wire logic [                            31:0]       sweep_rate_i,
+  input  wire logic [                            15:0]       duty_i,
+  input  wire logic [      vrscan_pkg::LevelWidth-1:0]       sweep_level_i,
+  input  wire logic [       vrscan_pkg::TimeWidth-1:0]       sweep_timeout_i,
+  input  wire logic [       vrscan_pkg::TimeWidth-1:0]       settle_timeout_i,
+  input  wire logic [       vrscan_pkg::TimeWidth-1:0]       lost_timeout_i
+);
+
+  if (StopWidth < 1 || StopWidth >= vrscan_pkg::TimeWidth) begin : gen_bad_stop_width
+    $error("mirror_drive: StopWidth must be 1 to 31");
+  end
+
+  localparam int unsigned WordWidth = vrscan_pkg::WordWidth;
+  localparam int unsigned TurnWidth = vrscan_pkg::TurnWidth;
+  localparam int unsigned TimeWidth = vrscan_pkg::TimeWidth;
+  localparam int unsigned LevelWidth = vrscan_pkg::LevelWidth;
+  localparam int unsigned DutyWidth = 16;
+  localparam int unsigned RateFraction = 16;
+  localparam int unsigned FineWidth = WordWidth + RateFraction;
+  localparam int unsigned SumWidth = WordWidth + 2;
+
+  localparam int unsigned StateWidth = vrscan_pkg::MirrorStateWidth;
+  localparam logic [StateWidth-1:0] Off = StateWidth'(vrscan_pkg::MirrorOff);
+  localparam logic [StateWidth-1:0] Sweep = StateWidth'(vrscan_pkg::MirrorSweep);
+  localparam logic [StateWidth-1:0] Settle = StateWidth'(vrscan_pkg::MirrorSettle);
+  localparam logic [StateWidth-1:0] Run = StateWidth'(vrscan_pkg::MirrorRun);
+  localparam logic [StateWidth-1:0] Fault = StateWidth'(vrscan_pkg::MirrorFault);
+  localparam int unsigned FaultWidth = vrscan_pkg::FaultWidth;
+
+  logic                        stop_q, stop, keep;  // a pulse is ended before OFF
+  logic                        high_q;
+  logic                        expired_q;
+  logic        [TimeWidth-1:0] timer_q, limit;
+  logic        [FineWidth-1:0] fine_q;
+  logic signed [  FineWidth:0] left_q;  // fine_q less the working word less a step: < 0 is there
+  logic signed [ SumWidth-1:0] sum_q;
+  logic        [LevelWidth-1:0] sigma_q;
+
+  logic                  active, active_d, off;
+  logic [StateWidth-1:0] state_d;
+  assign active   = state_o == Sweep || state_o == Settle || state_o == Run;
+  assign active_d = state_d == Sweep || state_d == Settle || state_d == Run;
+  assign off      = state_o == Off || state_d == Off;
+  assign stop     = stop_q || !enable_i;
+  assign keep     = drive_o && high_q && !(stop_q && timer_q[StopWidth]);
+
+  always_comb begin
+    state_d = state_o;
+    if (active && stop) begin
+      if (!keep) state_d = Off;
+    end else begin
+      unique case (state_o)
+        Off: if (enable_i) state_d = Sweep;
+        Sweep: begin
+          if (left_q[FineWidth]) state_d = Settle;
+          else if (expired_q) state_d = Fault;
+        end
+        Settle: begin
+          if (index_alive_i && settled_i) state_d = Run;
+          else if (expired_q) state_d = Fault;
+        end
+        Run: if (expired_q) state_d = Fault;
+        default: if (!enable_i) state_d = Off;
+      endcase
+    end
+  end
+
+  always_comb begin
+    limit = lost_timeout_i;
+    if (state_o == Sweep) limit = sweep_timeout_i;
+    if (state_o == Settle) limit = settle_timeout_i;
+  end
+
+  always_ff @(posedge clk_i) begin
+    state_o <= state_d;
+    stop_q  <= active && stop && state_d != Off;
+    if (state_o == Off && state_d == Sweep) begin
+      fault_o <= FaultWidth'(vrscan_pkg::FaultNone);
+    end else if (active && state_d == Fault) begin
+      fault_o <= state_o == Sweep  ? FaultWidth'(vrscan_pkg::FaultSweep) :
+                 state_o == Settle ? FaultWidth'(vrscan_pkg::FaultSettle) :
+                                     FaultWidth'(vrscan_pkg::FaultIndex);
+    end
+
+    // It counts the clocks of a state, in RUN those without an index, and those of a stop.
+    timer_q <= timer_q + TimeWidth'(1);
+    if (state_d != state_o || stop != stop_q || (state_o == Run && !stop && index_alive_i)) begin
+      timer_q <= '0;
+    end
+    expired_q <= active && state_d == state_o && !(state_o == Run && index_alive_i) &&
+                 timer_q >= limit;
+
+    fine_q <= fine_q - FineWidth'(sweep_rate_i);
+    left_q <= left_q - (FineWidth + 1)'({1'b0, sweep_rate_i});
+    if (state_o == Off) begin
+      fine_q <= {sweep_word_i, {RateFraction{1'b0}}};
+      left_q <= {{1'b0, sweep_word_i} + ~{1'b0, work_word_i}, {RateFraction{1'b1}}};
+    end
+    sum_q <= signed'({2'b00, work_word_i}) + SumWidth'(trim_i);
+
+    if (off) begin
+      word_o <= sweep_word_i;
+    end else if (active_d && !stop) begin
+      if (state_o == Sweep) word_o <= left_q[FineWidth] ? work_word_i : fine_q[RateFraction+:WordWidth];
+      else if (sum_q[SumWidth-1]) word_o <= '0;
+      else if (sum_q[SumWidth-2]) word_o <= '1;
+      else word_o <= sum_q[WordWidth-1:0];
+    end
+    phase_o <= off ? '0 : phase_o + TurnWidth'(word_o);
+
+    high_q  <= active && phase_o[TurnWidth-2-:DutyWidth] < duty_i;
+    drive_o <= active_d && high_q;
+
+    if (!active_d) level_o <= '0;
+    else if (state_d == Sweep) level_o <= sweep_level_i;
+    else if (!stop) level_o <= level_i;
+    {level_pin_o, sigma_q} <= {1'b0, sigma_q} + {1'b0, level_o};
+
+    if (rst_i) begin
+      state_o     <= Off;
+      fault_o     <= FaultWidth'(vrscan_pkg::FaultNone);
+      drive_o     <= 1'b0;
+      level_o     <= '0;
+      level_pin_o <= 1'b0;
+      sigma_q     <= '0;
+      phase_o     <= '0;
+      word_o      <= '0;
+      high_q      <= 1'b0;
+    end
+  end
+
+endmodule
+
+`default_nettype wire
