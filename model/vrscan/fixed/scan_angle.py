@@ -84,7 +84,8 @@ def error_bound_turns(amplitude: Floats, motion: Floats) -> Floats:
 
     With e a step of ``SUM_FRACTION`` bits and s = sum |a_k|: the cosines err by s times
     quarter_wave's bound, their cut products by e each, the inverse of its 1.0 by s 2**-30 and its
-    product by e, all of which A scales; the last product is cut by e, the angle rounded by 2**-25.
+    product by e, all of which A scales. The product with A is cut to bits that the rounding of the
+    angle, half a step, does not tell from the exact one.
 
     Args:
         amplitude: A, turns, [...].
@@ -94,7 +95,7 @@ def error_bound_turns(amplitude: Floats, motion: Floats) -> Floats:
     wave = error_bound(AMPL_WIDTH) / wave_amplitude(AMPL_WIDTH) + 2.0 ** -(FRACTION + 1)
     size = np.abs(motion).sum(axis=-1)
     cuts = (motion.shape[-1] + 1.0) * step
-    bound: Floats = np.abs(amplitude) * (size * wave + cuts) + step + floor_turns()
+    bound: Floats = np.abs(amplitude) * (size * wave + cuts) + floor_turns()
     return bound
 
 
