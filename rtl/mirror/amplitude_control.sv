@@ -8,7 +8,7 @@
 //
 // In SETTLE and RUN each valid_i is a measurement, e = amplitude_set_i - measured_i:
 //
-//   integrator  += k_i e, 24 fraction bits of a level step, exact; kept within level_min_i ..
+//   integrator  += k_i e, 20 fraction bits of a level step, exact; kept within level_min_i ..
 //               level_max_i.  It stands where the level, with the integrator as it was, is at or beyond
 //               the limit to which e drives it (anti-windup)
 //   level_o     integrator + k_p e, to nearest, half up, kept within level_min_i .. level_max_i
@@ -18,14 +18,14 @@
 //               acquired_i between: |e| <= settle_limit_i, shock_limit_i and |error_i| <= phase_limit_i
 //   unsettled_o from |e| > shock_limit_i, |error_i| > phase_limit_i or acquired_i until settled_o
 //   index_fault_o  from broken_i until hold_count_i measurements on end were good (0 is as 1)
-//   confidence_o   255 - |e| confidence_gain_i / 2**20, to nearest, half down, at least 0; 0 while unsettled_o or
-//               index_fault_o
+//   confidence_o  255 - |e| confidence_gain_i / 2**20, to nearest, half down, at least 0; 0 while
+//               unsettled_o or index_fault_o
 //   error_amplitude_o  e of the last measurement
 //
 // In all other states level_o is sweep_level_i, trim_o 0, settled_o low, unsettled_o high, and valid_i
 // is ignored; index_fault_o stays as it is.
 //
-//   k_p_i, k_i_i  level steps (2**-20) per amplitude step (2**-28 turns), 16 and 24 fraction bits
+//   k_p_i, k_i_i  level steps (2**-20) per amplitude step (2**-28 turns), 16 and 20 fraction bits
 //   Latency  32 clocks from valid_i to all outputs, a valid_i meanwhile starts anew: at least 32
 //            clocks lie between two measurements, and a mirror's period is far more.  broken_i,
 //            acquired_i and state_i to the outputs: 1 clock.  The configuration must hold meanwhile.
@@ -64,13 +64,13 @@ module amplitude_control (
   input  wire logic        [     vrscan_pkg::TrimStepWidth-1:0] trim_step_i,
   input  wire logic signed [         vrscan_pkg::TrimWidth-1:0] trim_min_i,
   input  wire logic signed [         vrscan_pkg::TrimWidth-1:0] trim_max_i,
-  input  wire logic                                             trim_up_i,  // more word, more amplitude
+  input  wire logic                                             trim_up_i,  // 1: word and A go up
   input  wire logic        [    vrscan_pkg::AmplitudeWidth-1:0] settle_limit_i,
   input  wire logic        [    vrscan_pkg::AmplitudeWidth-1:0] shock_limit_i,
   input  wire logic        [        vrscan_pkg::ErrorWidth-1:0] phase_limit_i,
   input  wire logic        [                               7:0] settle_count_i,
   input  wire logic        [                               7:0] hold_count_i,
-  input  wire logic        [                              23:0] confidence_gain_i
+  input  wire logic        [         vrscan_pkg::GainWidth-1:0] confidence_gain_i
 );
 
   localparam int unsigned LevelWidth = vrscan_pkg::LevelWidth;
@@ -82,10 +82,11 @@ module amplitude_control (
   localparam int unsigned ConfidenceFraction = 20;
 
   localparam int unsigned EWidth = AmplitudeWidth + 1;
-  localparam int unsigned GainWidth = 25;  // the widest gain and a sign
+  localparam int unsigned GainWidth = vrscan_pkg::GainWidth + 1;  // the widest gain and a sign
   localparam int unsigned ProductWidth = EWidth + GainWidth;
   localparam int unsigned TermWidth = EWidth + vrscan_pkg::ControlGainWidth;  // of a product with k
   localparam int unsigned IntegratorWidth = LevelWidth + Fraction;
+  localparam int unsigned MovedWidth = TermWidth + 1;  // a term is wider than the integrator
   localparam int unsigned SumWidth = TermWidth + Align + 2;
   localparam int unsigned RoundedWidth = SumWidth - Fraction + 1;
   localparam int unsigned TrimSumWidth = TrimWidth + 1;
@@ -93,7 +94,7 @@ module amplitude_control (
   localparam int unsigned ConfidenceWidth = vrscan_pkg::ConfidenceWidth;
 
   localparam int unsigned AgeWidth = 5;
-  localparam logic [AgeWidth-1:0] Commit = AgeWidth'(31);  // the last clock before the outputs change
+  localparam logic [AgeWidth-1:0] Commit = AgeWidth'(31);  // the clock before the outputs change
   localparam logic [AgeWidth-1:0] Proportional = AgeWidth'(1);  // where the products start
   localparam logic [AgeWidth-1:0] Integral = AgeWidth'(10);  // multiply takes 9 clocks
   localparam logic [AgeWidth-1:0] Gain = AgeWidth'(19);
@@ -143,22 +144,24 @@ module amplitude_control (
   );
 
   // The level, twice through the same adder: with the integrator as it was, and as it will be.
-  logic        [IntegratorWidth-1:0] integrator_q, integrator_new_q;
+  logic        [IntegratorWidth-1:0] integrator_q, integrator_new_q, integrator;
   logic signed [      TermWidth-1:0] proportional_q, integral_q;
   logic signed [       SumWidth-1:0] sum_q;
   logic signed [   RoundedWidth-1:0] rounded_q;
   logic                              above_q, below_q;  // at the limit or beyond
   logic                              stands_q;
   logic        [     LevelWidth-1:0] level_new_q;
-  logic signed [IntegratorWidth+1:0] moved_q;
+  logic signed [     MovedWidth-1:0] moved_q;
   logic                              moved_above_q, moved_below_q;
+
+  assign integrator = age_q[AgeWidth-1] ? integrator_new_q : integrator_q;
 
   function automatic logic signed [RoundedWidth-1:0] wide(input logic [LevelWidth-1:0] level);
     wide = RoundedWidth'(signed'({1'b0, level}));
   endfunction
 
-  function automatic logic signed [IntegratorWidth+1:0] fine(input logic [LevelWidth-1:0] level);
-    fine = signed'({2'b00, level, {Fraction{1'b0}}});
+  function automatic logic signed [MovedWidth-1:0] fine(input logic [LevelWidth-1:0] level);
+    fine = MovedWidth'(signed'({1'b0, level, {Fraction{1'b0}}}));
   endfunction
 
   // The trim.
@@ -201,14 +204,14 @@ module amplitude_control (
     if (age_q == Gain) integral_q <= stands_q ? '0 : TermWidth'(product);
 
     // To nearest, half up.
-    rounded_q <= RoundedWidth'(sum_q >>> Fraction) + RoundedWidth'(signed'({1'b0, sum_q[Fraction-1]}));
-    sum_q     <= (SumWidth'(proportional_q) <<< Align)
-                 + SumWidth'(signed'({1'b0, age_q < AgeWidth'(16) ? integrator_q : integrator_new_q}));
+    rounded_q <= RoundedWidth'(sum_q >>> Fraction)
+                 + RoundedWidth'(signed'({1'b0, sum_q[Fraction-1]}));
+    sum_q     <= (SumWidth'(proportional_q) <<< Align) + SumWidth'(signed'({1'b0, integrator}));
     above_q   <= rounded_q >= wide(level_max_i);
     below_q   <= rounded_q <= wide(level_min_i);
     if (age_q == AgeWidth'(15)) stands_q <= e_q[EWidth-1] ? below_q : above_q;
 
-    moved_q          <= signed'({2'b00, integrator_q}) + (IntegratorWidth + 2)'(integral_q);
+    moved_q          <= MovedWidth'(signed'({1'b0, integrator_q})) + MovedWidth'(integral_q);
     moved_above_q    <= moved_q > fine(level_max_i);
     moved_below_q    <= moved_q < fine(level_min_i);
     integrator_new_q <= moved_above_q ? {level_max_i, {Fraction{1'b0}}} :

@@ -156,7 +156,8 @@ module mirror_drive #(
     if (off) begin
       word_o <= sweep_word_i;
     end else if (active_d && !stop) begin
-      if (state_o == Sweep) word_o <= left_q[FineWidth] ? work_word_i : fine_q[RateFraction+:WordWidth];
+      if (state_o == Sweep && left_q[FineWidth]) word_o <= work_word_i;
+      else if (state_o == Sweep) word_o <= fine_q[RateFraction+:WordWidth];
       else if (sum_q[SumWidth-1]) word_o <= '0;
       else if (sum_q[SumWidth-2]) word_o <= '1;
       else word_o <= sum_q[WordWidth-1:0];
