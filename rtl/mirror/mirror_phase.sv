@@ -112,8 +112,11 @@ module mirror_phase (
     .product_o(product)
   );
 
-  // The table, its output registered again.
+  // The table, its output registered again.  An entry that is written in the clock in which it is
+  // read may come out as anything on a chip, and as it was before in simulation: a table is
+  // written before it is used, and nothing has to be built for it.
   localparam int unsigned EntryWidth = AmplitudeWidth + MidpointWidth;
+  (* no_rw_check *)
   logic [EntryWidth-1:0] table_mem [1 << TableBits];
   logic [EntryWidth-1:0] entry_q, entry_q2;
   logic [ TableBits-1:0] index_q;
