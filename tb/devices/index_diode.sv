@@ -134,7 +134,7 @@ module index_diode #(
         on         = off < width_rad_i;
         beyond     = side * (angle - mark_rad_i) > 0.0;
         gate       = {IndexOversample{on}};
-        comparator = {IndexOversample{beyond}};
+        comparator = {IndexOversample{on ? beyond : meaningless}};
         chatter    = 1'b0;
       end else begin
         if (noise_rad_i > 0.0 && !chatter) draw(state, noise);
