@@ -84,13 +84,15 @@ def crossings(half: Floats, mark_rad: float, harmonics: Harmonics) -> tuple[Floa
         of the shape of ``half``.
 
     Raises:
-        ValueError: if an h is outside, the mark is zero, or the harmonics are so large that there
-            is no such midpoint near the turning point.
+        ValueError: if an h is outside, the mark is zero, or the harmonics are so large, sum k |a_k|
+            above the first not below 1, that there need be no midpoint near the turning point.
     """
     k, a, phi = _pairs(harmonics)
     half = np.asarray(half, np.float64)
     if mark_rad == 0.0 or (half.size and not (half.min() >= 0.0 and half.max() <= 0.25)):
         raise ValueError("crossings: a half distance is outside 0 to 0.25, or the mark is zero")
+    if np.sum(k[1:] * np.abs(a[1:])) >= 1.0:
+        raise ValueError("crossings: harmonics too large: sum k |a_k| is not below 1")
     # sin(k h) / sin(h), for odd k one plus twice the cosines of the even multiples of h below k.
     even = np.cos(_TURN * half[..., None] * np.arange(2, k[-1], 2))
     ratio = 1.0 + 2.0 * np.cumsum(even, axis=-1)
@@ -104,7 +106,7 @@ def crossings(half: Floats, mark_rad: float, harmonics: Harmonics) -> tuple[Floa
             middle = middle - value / slope
     value = (weight * np.sin(_TURN * middle[..., None] * k - phi)).sum(axis=-1)
     if not (np.all(np.abs(value) < 1e-12) and np.all(np.abs(middle) < 0.25)):
-        raise ValueError("crossings: harmonics too large: no midpoint near the turning point")
+        raise ValueError("crossings: harmonics too large: no midpoint was found")
     height = motion(middle + half, 1.0, harmonics)
     amplitude = np.where(height > 0.0, abs(mark_rad) / np.where(height > 0.0, height, 1.0), np.inf)
     return amplitude, middle + (0.5 if mark_rad < 0.0 else 0.0)
