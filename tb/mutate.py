@@ -276,9 +276,69 @@ FAULTS = [
         ("no reset of missing", "      missing_q    <= 1'b0;\n", ""),
         ("no reset of valid", "      dropped_o    <= 1'b0;\n      valid_o      <= 1'b0;", ""),
     ),
+    # ---- rtl/mirror ----
+    *faults(
+        "rtl/mirror/scan_angle.sv",
+        ("a step of the inverse length", "31'sd536887218", "31'sd536887217"),
+        ("the table's 1.0 for a power of two", "31'sd536887218", "31'sd536870912"),
+        ("even harmonics", "{phase_i[vrscan_pkg::PhaseWidth-2:0], 1'b0}", "phase_i"),
+        ("phi_k from the other side", "turn_q - shift", "turn_q + shift"),
+        ("sine for cosine", "b = FactorWidth'(cosine)", "b = FactorWidth'(sine)"),
+        (
+            "constants of the next harmonic",
+            "step_q == StepWidth'(n)",
+            "step_q + 1 == StepWidth'(n)",
+        ),
+        ("the last harmonic forgotten", "< Lengthen;\n      start_q", "< 5;\n      start_q"),
+        ("sum of the phase before", "sum_q        <= '0;\n", ""),
+        ("rounds down", "(SumWidth + 1)'(1 << (AngleDrop - 1))", "(SumWidth + 1)'(0)"),
+        (
+            "products to nearest",
+            "SumWidth'(product >>> Fraction)",
+            "SumWidth'((product + (ProductWidth'(1) << (Fraction - 1))) >>> Fraction)",
+        ),
+        (
+            "overflow a step late",
+            "<= AngleSumWidth'(AngleMax) &&",
+            "<= AngleSumWidth'(AngleMax) + 1 &&",
+        ),
+        ("overflow untold", "overflow_o <= !fits;", "overflow_o <= 1'b0;"),
+        (
+            "saturates to the wrong end",
+            "angle_q[AngleSumWidth-1] ? ~AngleMax : AngleMax",
+            "angle_q[AngleSumWidth-1] ? AngleMax : ~AngleMax",
+        ),
+        ("amplitude of a later phase", "(amplitude_q)) <<<", "(amplitude_i)) <<<"),
+        ("waves of the phase before", "assign clear = rst_i || valid_i", "assign clear = rst_i"),
+        ("no reset of the pipelines", "assign clear = rst_i || valid_i", "assign clear = valid_i"),
+        (
+            "a result after a new start",
+            "      valid_o      <= 1'b0;\n    end\n    if (rst_i)",
+            "    end\n    if (rst_i)",
+        ),
+        (
+            "a start within the start",
+            "prepare_q    <= 1'b1;\n      wave_start_q <= 1'b0;\n      start_q      <= 1'b0;\n",
+            "prepare_q    <= 1'b1;\n      wave_start_q <= 1'b0;\n",
+        ),
+        ("no reset of the result", "      valid_o      <= 1'b0;\n    end\n  end", "    end\n  end"),
+        (
+            "no reset of its last clock",
+            "      done_q       <= 1'b0;\n      valid_o      <= 1'b0;\n    end\n  end",
+            "      valid_o      <= 1'b0;\n    end\n  end",
+        ),
+        (
+            "no reset of the start",
+            "    if (rst_i) begin\n      prepare_q    <= 1'b0;\n",
+            "    if (rst_i) begin\n",
+        ),
+    ),
     # ---- the chain's wires ----
     *faults(
         "rtl/vrscan_chain.sv",
+        ("mirror's flags untold", "peak.row.line.mirror_flags;", "'0;"),
+        ("mirror's flags of a later line", "peak.row.line.mirror_flags;", "mirror_flags_q;"),
+        ("mirror's flags a clock late", "power_q, mirror_flags_q};", "power_q, mirror_flags_i};"),
         ("n0 and n1 swapped", ".n0_i, .n1_i, .d0_i", ".n0_i(n1_i), .n1_i(n0_i), .d0_i"),
         (
             "d1 and e1 swapped",
@@ -396,6 +456,37 @@ FAULTS = [
         only=NO_RTL,
     ),
     *faults(
+        "model/vrscan/fixed/scan_angle.py",
+        ("even harmonics", "(2 * n + 1) * phase", "(n + 1) * phase"),
+        ("phi_k from the other side", "* phase - phi[", "* phase + phi["),
+        (
+            "a cosine of the table is 1",
+            "total = _lowered(total, INVERSE_LENGTH)",
+            "total = total + 0",
+        ),
+        ("overflow untold", "return angle, angle != exact", "return angle, angle != angle"),
+        only=NO_RTL,
+    ),
+    *faults(
+        "model/vrscan/fixed/scan_angle.py",
+        ("rounds down", "(total + (1 << (drop - 1))) >> drop", "total >> drop"),
+        test="accuracy_scan_angle",
+    ),
+    *faults(
+        "model/vrscan/lines.py",
+        ("one flag too many", "MIRROR_FLAGS_ALL = 7", "MIRROR_FLAGS_ALL = 8"),
+        ("flags are dropped", "mirror_flags=raised.astype(np.int64)", "mirror_flags=0"),
+    ),
+    *faults(
+        "model/vrscan/engines.py",
+        (
+            "no flags for the model",
+            "progress, mirror_flags=raised))\n    from",
+            "progress))\n    from",
+        ),
+        test="cli_scan",
+    ),
+    *faults(
         "model/vrscan/registers.py",
         ("offset's sign", "base * cosine - offset * sine", "base * cosine + offset * sine"),
         ("angles round down", "(half / np.pi) + 0.5)", "(half / np.pi))"),
@@ -462,6 +553,11 @@ FAULTS = [
         "model/vrscan/ideal/chain.py",
         ("edge forgotten", "(window.left == 0) | (window.right == last)", "(window.left == 0)"),
         ("flat lines have a peak", "(height <= 0.0) | (height", "(height"),
+        (
+            "mirror's flags in another order",
+            '"INDEX_FAULT", "UNSETTLED")',
+            '"UNSETTLED", "INDEX_FAULT")',
+        ),
         test="ideal_chain",
     ),
 ]
