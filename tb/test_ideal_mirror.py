@@ -83,5 +83,7 @@ def test_crossings_at_the_ends_and_beyond() -> None:
     for half, mark in ((-0.01, 0.25), (0.26, 0.25), (math.nan, 0.25), (0.1, 0.0)):
         with pytest.raises(ValueError, match="crossings"):
             crossings(np.array([half]), mark, pure)
-    with pytest.raises(ValueError, match="too large"):
-        crossings(np.array([0.01]), 0.25, [[1.0, 0.0], [3.0, 1.5]] + [[0.0, 0.0]] * 4)
+    for size in (0.34, -0.34, 3.0):
+        with pytest.raises(ValueError, match="too large"):
+            crossings(np.array([0.01]), 0.25, [[1.0, 0.0], [size, 1.5]] + [[0.0, 0.0]] * 4)
+    crossings(np.array([0.01]), 0.25, [[1.0, 0.0], [0.33, 1.5]] + [[0.0, 0.0]] * 4)

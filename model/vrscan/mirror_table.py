@@ -32,16 +32,13 @@ def amplitude_table(mark_rad: float, harmonics: Harmonics) -> tuple[Ints, Ints]:
         amplitude, middle = crossings(half, mark_rad, harmonics)
     except ValueError as error:
         raise InputError(f"mirror.harmonics, mirror.index_deg: {error}") from error
-    # After the first amplitude that is out of range all are, whatever its harmonics do there.
     top = 2**pkg.AMPLITUDE_WIDTH - 1
-    steps = amplitude / (2.0 * np.pi) * 2.0**pkg.AMPLITUDE_FRACTION
-    beyond = np.logical_or.accumulate(~(steps < top))
-    if np.any(np.diff(steps[~beyond]) <= 0.0):
+    steps = np.minimum(amplitude / (2.0 * np.pi) * 2.0**pkg.AMPLITUDE_FRACTION, top)
+    if np.any(np.diff(steps) < 0.0):
         raise InputError("mirror.harmonics: too large: two amplitudes have the same index times")
-    rounded = np.floor(np.where(beyond, top, steps) + 0.5).astype(np.int64)
     one = 2**pkg.MIDPOINT_WIDTH
     turns = np.floor(middle * one + 0.5).astype(np.int64)
-    return np.minimum(rounded, top), (turns + one // 2) % one - one // 2
+    return np.floor(steps + 0.5).astype(np.int64), (turns + one // 2) % one - one // 2
 
 
 def interpolation_bound(half: Floats, mark_rad: float, harmonics: Harmonics) -> Floats:
