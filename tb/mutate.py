@@ -349,7 +349,7 @@ FAULTS = [
         ("flag of a later line", "= peak.row.row_statistics;", "= row.row_statistics;"),
         ("no flag", "    flags[vrscan_pkg::FlagNoNoise]       = no_noise;\n", ""),
         ("lost lines untold", "= peak.row.line.lost;", "= 1'b0;"),
-        ("angle a clock late", "lost, angle_q, power_q};", "lost, unsigned'(angle_i), power_q};"),
+        ("angle a clock late", "lost, angle_q, power_q,", "lost, unsigned'(angle_i), power_q,"),
         (
             "wrong flag decides",
             "peak.flags[vrscan_pkg::FlagLowSnr]",
