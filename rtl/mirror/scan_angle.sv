@@ -59,7 +59,7 @@ module scan_angle #(
   localparam logic [StepWidth-1:0] Lengthen = StepWidth'(Harmonics);
   localparam logic [StepWidth-1:0] Scale = StepWidth'(Harmonics + 1);
 
-  logic        [StepWidth-1:0]                  step_q;
+  logic        [                 StepWidth-1:0] step_q;
   logic                                         harmonic;
   logic                                         prepare_q, wave_start_q, start_q, done_q;
   logic        [vrscan_pkg::AmplitudeWidth-1:0] amplitude_q;
@@ -104,7 +104,7 @@ module scan_angle #(
   logic unused_sine;
   assign unused_sine = ^sine;
 
-  logic signed [SumWidth-1:0]    a;
+  logic signed [   SumWidth-1:0] a;
   logic signed [FactorWidth-1:0] b;
   always_comb begin
     a = harmonic ? SumWidth'(motion_q) <<< MotionAlign : sum_q;
@@ -135,9 +135,9 @@ module scan_angle #(
   // To nearest, half up.
   localparam logic signed [vrscan_pkg::AngleWidth-1:0] AngleMax =
       {1'b0, {(vrscan_pkg::AngleWidth - 1) {1'b1}}};
-  logic signed [     SumWidth:0] rounded;
+  logic signed [       SumWidth:0] rounded;
   logic signed [AngleSumWidth-1:0] angle_q;
-  logic                          fits;
+  logic                            fits;
   assign rounded = (SumWidth + 1)'(lowered) + (SumWidth + 1)'(1 << (AngleDrop - 1));
   assign fits    = angle_q <= AngleSumWidth'(AngleMax) && angle_q >= AngleSumWidth'(~AngleMax);
 
