@@ -35,31 +35,31 @@ module index_capture #(
   parameter int unsigned CountWidth      = 16,
   parameter int unsigned InitialTime     = 0  // clocks
 ) (
-  input  wire logic                              clk_i,
-  input  wire logic                              rst_i,
+  input  wire logic                                                  clk_i,
+  input  wire logic                                                  rst_i,
 
-  input  wire logic [       IndexOversample-1:0] comparator_i,
-  input  wire logic [       IndexOversample-1:0] gate_i,
+  input  wire logic [                           IndexOversample-1:0] comparator_i,
+  input  wire logic [                           IndexOversample-1:0] gate_i,
 
-  output      logic                              valid_o,
-  output      logic                              outward_o,
+  output      logic                                                  valid_o,
+  output      logic                                                  outward_o,
   output      logic [vrscan_pkg::TimeWidth+vrscan_pkg::SubWidth-1:0] time_o,
-  output      logic [  vrscan_pkg::AgeWidth-1:0] age_o,
+  output      logic [                      vrscan_pkg::AgeWidth-1:0] age_o,
 
-  output      logic                              missing_o,
-  output      logic                              doubled_o,
-  output      logic                              impossible_o,
-  output      logic                              alive_o,
+  output      logic                                                  missing_o,
+  output      logic                                                  doubled_o,
+  output      logic                                                  impossible_o,
+  output      logic                                                  alive_o,
 
-  input  wire logic [                       7:0] glitch_clks_i,
-  input  wire logic [ vrscan_pkg::TimeWidth-1:0] width_min_clks_i,
-  input  wire logic [ vrscan_pkg::TimeWidth-1:0] width_max_clks_i,
-  input  wire logic [ vrscan_pkg::TimeWidth-1:0] period_max_clks_i,
+  input  wire logic [                                           7:0] glitch_clks_i,
+  input  wire logic [                     vrscan_pkg::TimeWidth-1:0] width_min_clks_i,
+  input  wire logic [                     vrscan_pkg::TimeWidth-1:0] width_max_clks_i,
+  input  wire logic [                     vrscan_pkg::TimeWidth-1:0] period_max_clks_i,
 
-  output      logic [            CountWidth-1:0] missing_count_o,
-  output      logic [            CountWidth-1:0] doubled_count_o,
-  output      logic [            CountWidth-1:0] impossible_count_o,
-  output      logic [            CountWidth-1:0] glitch_count_o
+  output      logic [                                CountWidth-1:0] missing_count_o,
+  output      logic [                                CountWidth-1:0] doubled_count_o,
+  output      logic [                                CountWidth-1:0] impossible_count_o,
+  output      logic [                                CountWidth-1:0] glitch_count_o
 );
 
   if (IndexOversample != 1 && IndexOversample != 4 && IndexOversample != 8) begin : gen_bad_samples

@@ -27,36 +27,36 @@
 `default_nettype none
 
 module mirror_phase (
-  input  wire logic                                          clk_i,
-  input  wire logic                                          rst_i,
+  input  wire logic                                             clk_i,
+  input  wire logic                                             rst_i,
 
-  input  wire logic                                          valid_i,
-  input  wire logic                                          outward_i,
-  input  wire logic        [      vrscan_pkg::AgeWidth-1:0]  age_i,
-  input  wire logic                                          broken_i,
-  input  wire logic        [     vrscan_pkg::WordWidth-1:0]  word_i,
+  input  wire logic                                             valid_i,
+  input  wire logic                                             outward_i,
+  input  wire logic        [          vrscan_pkg::AgeWidth-1:0] age_i,
+  input  wire logic                                             broken_i,
+  input  wire logic        [         vrscan_pkg::WordWidth-1:0] word_i,
 
-  input  wire logic                                          table_write_i,
+  input  wire logic                                             table_write_i,
   input  wire logic        [vrscan_pkg::AmplitudeTableBits-1:0] table_index_i,
-  input  wire logic        [vrscan_pkg::AmplitudeWidth-1:0]  table_amplitude_i,
-  input  wire logic signed [ vrscan_pkg::MidpointWidth-1:0]  table_midpoint_i,
+  input  wire logic        [    vrscan_pkg::AmplitudeWidth-1:0] table_amplitude_i,
+  input  wire logic signed [     vrscan_pkg::MidpointWidth-1:0] table_midpoint_i,
 
-  input  wire logic        [                           3:0]  phase_shift_i,
-  input  wire logic        [                           5:0]  rate_shift_i,
-  input  wire logic        [                           3:0]  amplitude_shift_i,
-  input  wire logic        [    vrscan_pkg::ErrorWidth-1:0]  error_limit_i,
+  input  wire logic        [                               3:0] phase_shift_i,
+  input  wire logic        [                               5:0] rate_shift_i,
+  input  wire logic        [                               3:0] amplitude_shift_i,
+  input  wire logic        [        vrscan_pkg::ErrorWidth-1:0] error_limit_i,
 
-  output      logic        [     vrscan_pkg::TurnWidth-1:0]  phase_o,
-  output      logic        [     vrscan_pkg::WordWidth-1:0]  increment_o,
+  output      logic        [         vrscan_pkg::TurnWidth-1:0] phase_o,
+  output      logic        [         vrscan_pkg::WordWidth-1:0] increment_o,
 
-  output      logic                                          valid_o,
-  output      logic        [vrscan_pkg::AmplitudeWidth-1:0]  measured_o,
-  output      logic        [vrscan_pkg::AmplitudeWidth-1:0]  amplitude_o,
-  output      logic signed [    vrscan_pkg::ErrorWidth-1:0]  error_o,
-  output      logic        [     vrscan_pkg::PhaseWidth-1:0] half_o,
-  output      logic                                          out_of_table_o,
-  output      logic                                          tracking_o,
-  output      logic                                          acquired_o
+  output      logic                                             valid_o,
+  output      logic        [    vrscan_pkg::AmplitudeWidth-1:0] measured_o,
+  output      logic        [    vrscan_pkg::AmplitudeWidth-1:0] amplitude_o,
+  output      logic signed [        vrscan_pkg::ErrorWidth-1:0] error_o,
+  output      logic        [        vrscan_pkg::PhaseWidth-1:0] half_o,
+  output      logic                                             out_of_table_o,
+  output      logic                                             tracking_o,
+  output      logic                                             acquired_o
 );
 
   localparam int unsigned TurnWidth = vrscan_pkg::TurnWidth;
