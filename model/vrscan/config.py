@@ -101,9 +101,9 @@ class Geometry(_Section):
 class Mirror(_Section):
     """The mirror's motion, (12), and the loop that drives it and holds its amplitude.
 
-    The loop's gains, limits and rates were tried on the equation of ``vrscan.scene.mirror``: twice
-    the sweep rate fails to start it; a quarter of the proportional gain still holds it, and settles in
-    twice the time.
+    The gains and rates were chosen on the mirror of ``[mems]``: it starts at up to twice the sweep
+    rate, and the loop settles fastest with this integral time and trim gain; a third more of either
+    gain of the trim rings.
     """
 
     frequency_hz: float = Field(default=249.0, gt=0, le=10_000)
@@ -120,19 +120,21 @@ class Mirror(_Section):
         [0.000018619, -1.1407316],
     ]
 
-    sweep_span_hz: float = Field(default=23.0, ge=0)  # the start sweeps down from so far above
-    sweep_hz_per_s: Positive = 26.0
+    sweep_span_hz: float = Field(default=26.0, ge=0)  # the start sweeps down from so far above
+    sweep_hz_per_s: Positive = 40.0
+    sweep_level: float = Field(default=0.999, gt=0, lt=1)  # of the drive, meanwhile
     duty: float = Field(default=0.5, ge=0, lt=1)  # of the drive's square wave
 
-    level: float = Field(default=0.7, gt=0, lt=1)  # of the drive: in the sweep, and to return to
+    level: float = Field(default=0.7, gt=0, lt=1)  # of the drive: to begin with and to return to
     level_min: float = Field(default=0.3, ge=0, lt=1)
     level_max: float = Field(default=0.999, gt=0, lt=1)
     level_low: float = Field(default=0.62, ge=0, lt=1)  # below: the frequency steps
     level_high: float = Field(default=0.78, ge=0, lt=1)  # above: the frequency steps
     proportional: float = Field(default=20.0, ge=0)  # relative level over relative amplitude
-    integral_s: Positive = 0.05  # time constant of the integral term
+    integral_s: Positive = 0.03  # time constant of the integral term
     trim_hz: float = Field(default=2.0, ge=0)  # how far the frequency may step, either way
-    trim_hz_per_s: float = Field(default=0.3, ge=0)
+    trim_hz_per_s: float = Field(default=0.6, ge=0)  # how fast, at most
+    trim_gain_hz_per_s: float = Field(default=2.0, ge=0)  # and for a level that is off by 1
     amplitude_falls: bool = True  # with a rising frequency
 
     averaging_periods: Literal[1, 2, 4, 8, 16] = 2  # of the phase and the amplitude

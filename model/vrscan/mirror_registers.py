@@ -10,6 +10,7 @@ from vrscan.mirror_table import amplitude_table
 from vrscan.registers import to_register
 
 INDEX_TIMEOUT = 1.125  # periods: an index mark is missing when it comes later
+CONFIDENCE_FRACTION = 20
 CONFIDENCE_ONE = 2**pkg.CONFIDENCE_WIDTH - 1
 REACQUIRE_TURNS = 1.0 / 64  # a phase error above this is no error of tracking
 EXPOSURE_SHARE = 0.9  # of the line period
@@ -172,7 +173,7 @@ class MirrorRegisters:
             settle_count=mirror.settle_periods,
             hold_count=mirror.hold_periods,
             confidence_gain=fit(
-                "mirror.shock_ppm", CONFIDENCE_ONE / max(shock, 1), pkg.GAIN_WIDTH, pkg.GAIN_FRACTION
+                "mirror.shock_ppm", CONFIDENCE_ONE / max(shock, 1), pkg.GAIN_WIDTH, CONFIDENCE_FRACTION
             ),
             ratio=fit(
                 "line.rate_hz",

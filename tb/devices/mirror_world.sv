@@ -1,0 +1,99 @@
+// mirror_world: what the mirror's loop is connected to: mirror, beam and photodiode.
+//
+//   drive_i, level_i    from the loop's pins
+//   comparator_o, gate_o  to them
+//   centre_i, half_i    in the clock of a laser pulse's centre, or half a clock before it
+//   angle_true_o        of that moment, rad, from mems_mirror's cubic; one clock behind centre_i
+//   on_diode_o          the beam is on the diode, lit or not; to a step of the mirror
+
+`default_nettype none
+
+module mirror_world #(
+  parameter int unsigned ClockHz         = 125_000_000,
+  parameter int unsigned StepClks        = 125,
+  parameter int unsigned IndexOversample = 4,
+  parameter real         NaturalHz       = 248.5,
+  parameter real         Quality         = 200.0,
+  parameter real         Torque          = 8.52e4,
+  parameter real         CombRad         = 0.14870205226991687,
+  parameter real         Bias            = 2.0e-7
+) (
+  input  wire logic                              clk_i,
+  input  wire logic                              rst_i,
+
+  input  wire logic                              drive_i,
+  input  wire logic [vrscan_pkg::LevelWidth-1:0] level_i,
+  input  wire logic                              centre_i,
+  input  wire logic                              half_i,
+
+  output      logic [       IndexOversample-1:0] comparator_o,
+  output      logic [       IndexOversample-1:0] gate_o,
+  output      real                               angle_true_o,
+  output      logic                              on_diode_o,
+
+  // What happens to it.
+  input  wire logic                              laser_on_i,
+  input  wire logic                              drop_i,
+  input  wire logic                              shock_i,
+  input  wire logic [                      31:0] seed_i,
+  input  var real                                shock_rad_per_s_i,
+  input  var real                                natural_offset_hz_i,
+  input  var real                                damping_factor_i,
+  input  var real                                start_angle_i,
+  input  var real                                start_velocity_i,
+  input  var real                                mark_rad_i,
+  input  var real                                width_rad_i,
+  input  var real                                noise_rad_i,
+  input  var real                                jitter_s_i
+);
+
+  localparam int unsigned SinceWidth = $clog2(StepClks + 1);
+  localparam real ClockS = 1.0 / real'(ClockHz);
+
+  real                   angle, velocity, acceleration, jerk;
+  logic [SinceWidth-1:0] since_clks;
+  mems_mirror #(
+    .ClockHz(ClockHz), .StepClks(StepClks),
+    .NaturalHz(NaturalHz), .Quality(Quality), .Torque(Torque), .CombRad(CombRad), .Bias(Bias)
+  ) u_mems_mirror (
+    .clk_i, .rst_i,
+    .drive_i, .level_i,
+    .shock_i, .shock_rad_per_s_i, .natural_offset_hz_i, .damping_factor_i,
+    .start_angle_i, .start_velocity_i,
+    .angle_o       (angle),
+    .velocity_o    (velocity),
+    .acceleration_o(acceleration),
+    .jerk_o        (jerk),
+    .since_clks_o  (since_clks)
+  );
+
+  index_diode #(
+    .ClockHz(ClockHz), .StepClks(StepClks), .SinceWidth(SinceWidth),
+    .IndexOversample(IndexOversample)
+  ) u_index_diode (
+    .clk_i, .rst_i,
+    .angle_i       (angle),
+    .velocity_i    (velocity),
+    .acceleration_i(acceleration),
+    .jerk_i        (jerk),
+    .since_clks_i  (since_clks),
+    .laser_on_i, .drop_i,
+    .comparator_o, .gate_o,
+    .mark_rad_i, .width_rad_i, .noise_rad_i, .jitter_s_i, .seed_i
+  );
+
+  // verilog_lint: waive-start always-ff-non-blocking (a local of one clock)
+  always_ff @(posedge clk_i) begin
+    automatic real d, off;
+    off = angle - mark_rad_i;
+    on_diode_o <= (off < 0.0 ? -off : off) < width_rad_i;
+    if (centre_i) begin
+      d = (real'(since_clks) + (half_i ? 0.5 : 0.0)) * ClockS;
+      angle_true_o <= angle + d * (velocity + d * (acceleration + d * jerk / 3.0) / 2.0);
+    end
+  end
+  // verilog_lint: waive-stop always-ff-non-blocking
+
+endmodule
+
+`default_nettype wire

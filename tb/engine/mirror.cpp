@@ -1,0 +1,206 @@
+// The verilated mirror_loop and the simulated mirror_world behind C functions, for vrscan.mirror.
+//
+// Ports are listed once, in Python: ports.h defines CONFIGURATION(X), of the loop's ports that hold
+// still, and WIDE(X), of those wider than 64 bits.  Time is in clocks since the reset.  What the loop
+// reports is appended to the caller's arrays: lines, measurements, and every change of the index's
+// samples.
+
+#include <cstdint>
+#include <memory>
+
+#include "Vmirror_loop.h"
+#include "Vmirror_world.h"
+#include "ports.h"
+#include "verilated.h"
+
+namespace {
+
+// As vrscan.mirror knows them.
+struct Line {
+  int64_t line, centre_halves, clock, state, flags, confidence, angle, amplitude, word, level;
+  double angle_true;
+};
+struct Measurement {
+  int64_t clock, measured, error, level, word, phase, drive_phase;
+};
+struct Samples {
+  int64_t clock, comparator, gate;
+};
+
+template <typename Row>
+struct Log {
+  Row* rows;
+  int64_t room, count;
+  void append(const Row& row) {
+    if (count < room) rows[count] = row;
+    ++count;
+  }
+};
+
+struct World {
+  double natural_offset_hz, damping_factor, jitter_s, noise_rad, mark_rad, width_rad;
+  double shock_rad_per_s;  // of the first clock of a run
+  double start_angle, start_velocity;
+  int64_t laser_on;
+  int64_t drop_every;  // a pass over the diode, 0 for none
+  int64_t seed;
+};
+
+struct Engine {
+  VerilatedContext context;
+  Vmirror_loop loop{&context, "loop"};
+  Vmirror_world world{&context, "world"};
+  int64_t clock = 0;
+  int64_t centre_halves = 0;
+  int64_t passes = 0;
+  int64_t comparator = 0, gate = 0;
+  bool on_diode = false;
+  bool simulated = true;
+
+  void tick() {
+    loop.clk_i = 1;
+    loop.eval();
+    if (simulated) {
+      world.clk_i = 1;
+      world.eval();
+    }
+    loop.clk_i = 0;
+    loop.eval();
+    if (simulated) {
+      world.clk_i = 0;
+      world.eval();
+    }
+  }
+};
+
+}  // namespace
+
+extern "C" {
+
+void mirror_configure(void* handle, const uint64_t* values, const uint32_t* wide, int64_t enable,
+                      int64_t line_enable) {
+  Vmirror_loop& loop = static_cast<Engine*>(handle)->loop;
+#define LOAD(name) loop.name##_i = *values++;
+  CONFIGURATION(LOAD)
+#undef LOAD
+#define LOAD(name) \
+  for (size_t k = 0; k < sizeof(loop.name##_i) / 4; ++k) loop.name##_i[k] = *wide++;
+  WIDE(LOAD)
+#undef LOAD
+  loop.enable_i = enable;
+  loop.line_enable_i = line_enable;
+}
+
+void mirror_world(void* handle, const World* given) {
+  Vmirror_world& world = static_cast<Engine*>(handle)->world;
+  world.natural_offset_hz_i = given->natural_offset_hz;
+  world.damping_factor_i = given->damping_factor;
+  world.jitter_s_i = given->jitter_s;
+  world.noise_rad_i = given->noise_rad;
+  world.mark_rad_i = given->mark_rad;
+  world.width_rad_i = given->width_rad;
+  world.shock_rad_per_s_i = given->shock_rad_per_s;
+  world.start_angle_i = given->start_angle;
+  world.start_velocity_i = given->start_velocity;
+  world.laser_on_i = given->laser_on;
+  world.seed_i = given->seed;
+}
+
+// Resets both, and writes the table meanwhile.
+void mirror_reset(void* handle, const uint32_t* amplitude, const int32_t* midpoint,
+                  int64_t entries) {
+  Engine& engine = *static_cast<Engine*>(handle);
+  engine.loop.rst_i = 1;
+  engine.world.rst_i = 1;
+  engine.loop.comparator_i = 0;
+  engine.loop.gate_i = 0;
+  for (int64_t k = 0; k < entries; ++k) {
+    engine.loop.table_write_i = 1;
+    engine.loop.table_index_i = k;
+    engine.loop.table_amplitude_i = amplitude[k];
+    engine.loop.table_midpoint_i = midpoint[k] & ((1u << MIDPOINT_WIDTH) - 1);
+    engine.tick();
+  }
+  engine.loop.table_write_i = 0;
+  engine.tick();
+  engine.loop.rst_i = 0;
+  engine.world.rst_i = 0;
+  engine.clock = engine.passes = engine.comparator = engine.gate = 0;
+  engine.centre_halves = 0;
+  engine.on_diode = false;
+}
+
+void* mirror_create() { return new Engine; }
+
+// Runs until `until`, or up to the clock in which the loop's state is `stop_state`.  With `replay`,
+// `replayed` changes of the samples are taken from there instead of from the simulated mirror.
+// Returns the clock reached.
+int64_t mirror_run(void* handle, int64_t until, int64_t stop_state, const World* given,
+                   Log<Line>* lines, Log<Measurement>* measurements, Log<Samples>* samples,
+                   const Samples* replay, int64_t replayed) {
+  Engine& engine = *static_cast<Engine*>(handle);
+  Vmirror_loop& loop = engine.loop;
+  Vmirror_world& world = engine.world;
+  engine.simulated = replay == nullptr;
+  mirror_world(handle, given);
+  world.shock_i = given->shock_rad_per_s != 0.0;
+  int64_t next = 0;
+  while (replay && next < replayed && replay[next].clock < engine.clock) ++next;
+  while (engine.clock < until && loop.state_o != stop_state) {
+    if (replay) {
+      if (next < replayed && replay[next].clock == engine.clock) {
+        loop.comparator_i = replay[next].comparator;
+        loop.gate_i = replay[next].gate;
+        ++next;
+      }
+    } else {
+      loop.comparator_i = world.comparator_o;
+      loop.gate_i = world.gate_o;
+      world.drive_i = loop.drive_o;
+      world.level_i = loop.level_o;
+      world.centre_i = loop.centre_o;
+      world.half_i = loop.centre_half_o;
+      if (world.on_diode_o != engine.on_diode) {
+        engine.on_diode = world.on_diode_o;
+        if (!engine.on_diode) ++engine.passes;
+        world.drop_i = given->drop_every && (engine.passes + 1) % given->drop_every == 0;
+      }
+    }
+    if (loop.comparator_i != engine.comparator || loop.gate_i != engine.gate) {
+      engine.comparator = loop.comparator_i;
+      engine.gate = loop.gate_i;
+      samples->append({engine.clock, engine.comparator, engine.gate});
+    }
+    if (loop.angle_valid_o) {
+      lines->append({loop.angle_line_o, engine.centre_halves, engine.clock, loop.state_o,
+                     loop.mirror_flags_o, loop.confidence_o, loop.angle_o, loop.amplitude_o,
+                     static_cast<int64_t>(loop.word_o), loop.level_o, world.angle_true_o});
+    }
+    if (loop.centre_o) engine.centre_halves = 2 * engine.clock + loop.centre_half_o;
+    if (loop.measured_valid_o) {
+      measurements->append({engine.clock, loop.measured_o, loop.error_o, loop.level_o,
+                            static_cast<int64_t>(loop.word_o),
+                            static_cast<int64_t>(loop.mirror_phase_o),
+                            static_cast<int64_t>(loop.drive_phase_o)});
+    }
+    engine.tick();
+    world.shock_i = 0;
+    ++engine.clock;
+  }
+  return engine.clock;
+}
+
+int64_t mirror_state(void* handle) { return static_cast<Engine*>(handle)->loop.state_o; }
+int64_t mirror_fault(void* handle) { return static_cast<Engine*>(handle)->loop.fault_o; }
+
+void mirror_counts(void* handle, int64_t* counts) {
+  const Vmirror_loop& loop = static_cast<Engine*>(handle)->loop;
+  *counts++ = loop.missing_count_o;
+  *counts++ = loop.doubled_count_o;
+  *counts++ = loop.impossible_count_o;
+  *counts++ = loop.glitch_count_o;
+  *counts++ = loop.overrun_count_o;
+}
+
+void mirror_destroy(void* handle) { delete static_cast<Engine*>(handle); }
+}
