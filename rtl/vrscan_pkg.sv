@@ -90,6 +90,7 @@ package vrscan_pkg;
   localparam int unsigned ProportionalFraction = 16;
   localparam int unsigned IntegralFraction = 20;
   localparam int unsigned TrimStepWidth = 24;
+  localparam int unsigned TrimGainFraction = 16;
 
   // States of the mirror, and why it is at fault.
   localparam int unsigned MirrorStateWidth = 3;

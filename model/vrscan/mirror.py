@@ -140,6 +140,8 @@ def _library(registers: MirrorRegisters, mems: Mems) -> ctypes.CDLL:
         "#define CONFIGURATION(X) " + " ".join(f"X({name})" for name in PORTS) + "\n"
         "#define WIDE(X) " + " ".join(f"X({name})" for name, _ in _WIDE) + "\n"
         f"#define MIDPOINT_WIDTH {pkg.MIDPOINT_WIDTH}\n"
+        f"#define ANGLE_WIDTH {pkg.ANGLE_WIDTH}\n"
+        f"#define ERROR_WIDTH {pkg.ERROR_WIDTH}\n"
     )
     loop = Design(rtl_module("mirror_loop"), {"IndexOversample": registers.oversample})
     world = Design(

@@ -6,11 +6,11 @@ from dataclasses import dataclass, fields
 from vrscan.config import Config
 from vrscan.errors import InputError
 from vrscan.fixed import pkg
+from vrscan.fixed.amplitude_control import CONFIDENCE_FRACTION
 from vrscan.mirror_table import amplitude_table
 from vrscan.registers import to_register
 
 INDEX_TIMEOUT = 1.125  # periods: an index mark is missing when it comes later
-CONFIDENCE_FRACTION = 20
 CONFIDENCE_ONE = 2**pkg.CONFIDENCE_WIDTH - 1
 REACQUIRE_TURNS = 1.0 / 64  # a phase error above this is no error of tracking
 EXPOSURE_SHARE = 0.9  # of the line period
@@ -52,6 +52,7 @@ class MirrorRegisters:
     level_high: int
     level_nominal: int
     trim_step: int
+    trim_gain: int
     trim_min: int
     trim_max: int
     trim_up: int
@@ -114,7 +115,9 @@ class MirrorRegisters:
         gain *= 2.0 ** (pkg.LEVEL_WIDTH - pkg.AMPLITUDE_FRACTION)
         per_period = 1.0 / (mirror.integral_s * mirror.frequency_hz)
         trim = mirror.trim_hz / clock * 2.0**pkg.TURN_WIDTH
-        step = mirror.trim_hz_per_s / mirror.frequency_hz / clock * 2.0**pkg.TURN_WIDTH
+        per_hz = 2.0**pkg.TURN_WIDTH / clock / mirror.frequency_hz  # word steps a period
+        step = mirror.trim_hz_per_s * per_hz
+        trim_gain = mirror.trim_gain_hz_per_s * per_hz / 2.0**pkg.LEVEL_WIDTH
         shock = amplitude("mirror.shock_ppm", 1e-6 * mirror.shock_ppm * turns)
         # A tracker of second order that does not overshoot: the rate takes a quarter of the phase's
         # share squared.
@@ -132,7 +135,7 @@ class MirrorRegisters:
             work_word=word("mirror.frequency_hz", mirror.frequency_hz),
             sweep_rate=fit("mirror.sweep_hz_per_s", sweep_rate, 32, 16),
             duty=fit("mirror.duty", mirror.duty, 16, 16),
-            sweep_level=level("mirror.level", mirror.level),
+            sweep_level=level("mirror.sweep_level", mirror.sweep_level),
             sweep_timeout=clocks("mirror.sweep_hz_per_s", 2.0 * sweep_s + 1e-3),
             settle_timeout=clocks("mirror.settle_timeout_s", mirror.settle_timeout_s),
             lost_timeout=clocks("mirror.lost_timeout_s", mirror.lost_timeout_s),
@@ -160,6 +163,12 @@ class MirrorRegisters:
             level_high=level("mirror.level_high", mirror.level_high),
             level_nominal=level("mirror.level", mirror.level),
             trim_step=fit("mirror.trim_hz_per_s", step, pkg.TRIM_STEP_WIDTH),
+            trim_gain=fit(
+                "mirror.trim_gain_hz_per_s",
+                trim_gain,
+                pkg.CONTROL_GAIN_WIDTH,
+                pkg.TRIM_GAIN_FRACTION,
+            ),
             trim_min=to_register(
                 config.source, "mirror.trim_hz", -trim, pkg.TRIM_WIDTH, signed=True
             ),

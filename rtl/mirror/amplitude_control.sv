@@ -4,7 +4,8 @@
 // period and controlled.  A PI loop sets the drive's level.  Where the level runs out, the drive's
 // frequency goes on in small steps: with level_o above level_high_i (below level_low_i) a step a
 // measurement, in the direction that gives more (less) amplitude, until the level has come back to
-// level_nominal_i.  The error e is also the detector of shocks and the measure of confidence.
+// level_nominal_i.  A step is proportional to how far the level is off: steps of one size would
+// carry the frequency past its place, and ring.  The error e is also the detector of shocks and the measure of confidence.
 //
 // In SETTLE and RUN each valid_i is a measurement, e = amplitude_set_i - measured_i:
 //
@@ -12,7 +13,8 @@
 //               level_max_i.  It stands where the level, with the integrator as it was, is at or beyond
 //               the limit to which e drives it (anti-windup)
 //   level_o     integrator + k_p e, to nearest, half up, kept within level_min_i .. level_max_i
-//   trim_o      +/- trim_step_i, kept within trim_min_i .. trim_max_i.  Of two limits that
+//   trim_o      +/- |level_o - level_nominal_i| trim_gain_i / 2**16 to nearest, half up, at most
+//               trim_step_i, kept within trim_min_i .. trim_max_i.  Of two limits that
 //               contradict each other the upper one holds, here and above
 //   settled_o   settle_count_i measurements on end were good (0 is as 1), with no broken_i and no
 //               acquired_i between: |e| <= settle_limit_i, shock_limit_i and |error_i| <= phase_limit_i
@@ -22,11 +24,11 @@
 //               unsettled_o or index_fault_o
 //   error_amplitude_o  e of the last measurement
 //
-// In all other states level_o is sweep_level_i, trim_o 0, settled_o low, unsettled_o high, and valid_i
+// In all other states level_o is level_nominal_i, trim_o 0, settled_o low, unsettled_o high, and valid_i
 // is ignored; index_fault_o stays as it is.
 //
 //   k_p_i, k_i_i  level steps (2**-20) per amplitude step (2**-28 turns), 16 and 20 fraction bits
-//   Latency  32 clocks from valid_i to all outputs, a valid_i meanwhile starts anew: at least 32
+//   Latency  44 clocks from valid_i to all outputs, a valid_i meanwhile starts anew: at least 44
 //            clocks lie between two measurements, and a mirror's period is far more.  broken_i,
 //            acquired_i and state_i to the outputs: 1 clock.  The configuration must hold meanwhile.
 //   Model    vrscan.fixed.amplitude_control, bit-exact
@@ -52,7 +54,6 @@ module amplitude_control (
   output      logic        [   vrscan_pkg::ConfidenceWidth-1:0] confidence_o,
   output      logic signed [      vrscan_pkg::AmplitudeWidth:0] error_amplitude_o,
 
-  input  wire logic        [        vrscan_pkg::LevelWidth-1:0] sweep_level_i,
   input  wire logic        [    vrscan_pkg::AmplitudeWidth-1:0] amplitude_set_i,
   input  wire logic        [  vrscan_pkg::ControlGainWidth-1:0] k_p_i,
   input  wire logic        [  vrscan_pkg::ControlGainWidth-1:0] k_i_i,
@@ -62,6 +63,7 @@ module amplitude_control (
   input  wire logic        [        vrscan_pkg::LevelWidth-1:0] level_high_i,
   input  wire logic        [        vrscan_pkg::LevelWidth-1:0] level_nominal_i,
   input  wire logic        [     vrscan_pkg::TrimStepWidth-1:0] trim_step_i,
+  input  wire logic        [  vrscan_pkg::ControlGainWidth-1:0] trim_gain_i,
   input  wire logic signed [         vrscan_pkg::TrimWidth-1:0] trim_min_i,
   input  wire logic signed [         vrscan_pkg::TrimWidth-1:0] trim_max_i,
   input  wire logic                                             trim_up_i,  // 1: word and A go up
@@ -90,14 +92,20 @@ module amplitude_control (
   localparam int unsigned SumWidth = TermWidth + Align + 2;
   localparam int unsigned RoundedWidth = SumWidth - Fraction + 1;
   localparam int unsigned TrimSumWidth = TrimWidth + 1;
+  localparam int unsigned TrimStepWidth = vrscan_pkg::TrimStepWidth;
   localparam int unsigned DropWidth = ProductWidth - ConfidenceFraction;
   localparam int unsigned ConfidenceWidth = vrscan_pkg::ConfidenceWidth;
 
-  localparam int unsigned AgeWidth = 5;
-  localparam logic [AgeWidth-1:0] Commit = AgeWidth'(31);  // the clock before the outputs change
+  localparam int unsigned RateWidth =
+      LevelWidth + vrscan_pkg::ControlGainWidth - vrscan_pkg::TrimGainFraction + 1;
+
+  localparam int unsigned AgeWidth = 6;
+  localparam logic [AgeWidth-1:0] Commit = AgeWidth'(43);  // the clock before the outputs change
   localparam logic [AgeWidth-1:0] Proportional = AgeWidth'(1);  // where the products start
   localparam logic [AgeWidth-1:0] Integral = AgeWidth'(10);  // multiply takes 9 clocks
   localparam logic [AgeWidth-1:0] Gain = AgeWidth'(19);
+  localparam logic [AgeWidth-1:0] Confident = AgeWidth'(28);  // the product with Gain is there
+  localparam logic [AgeWidth-1:0] Trim = AgeWidth'(29);
 
   logic active;
   assign active = state_i == vrscan_pkg::MirrorStateWidth'(vrscan_pkg::MirrorSettle) ||
@@ -114,6 +122,7 @@ module amplitude_control (
   logic signed [     ErrorWidth-1:0] error_q;
   logic        [     ErrorWidth-1:0] error_size_q;
   logic                              fine_q, shock_q, in_phase_q;
+  logic        [     LevelWidth-1:0] off_size_q;  // of the level from its nominal
 
   logic                              start;
   logic signed [         EWidth-1:0] factor;
@@ -127,8 +136,12 @@ module amplitude_control (
       factor = signed'({1'b0, e_size_q});
       gain   = confidence_gain_i;
     end
+    if (age_q == Trim) begin
+      factor = EWidth'(signed'({1'b0, off_size_q}));
+      gain   = (GainWidth - 1)'(trim_gain_i);
+    end
   end
-  assign start = age_q == Proportional || age_q == Integral || age_q == Gain;
+  assign start = age_q == Proportional || age_q == Integral || age_q == Gain || age_q == Trim;
 
   multiply #(
     .AWidth(EWidth),
@@ -154,7 +167,7 @@ module amplitude_control (
   logic signed [     MovedWidth-1:0] moved_q;
   logic                              moved_above_q, moved_below_q;
 
-  assign integrator = age_q[AgeWidth-1] ? integrator_new_q : integrator_q;
+  assign integrator = age_q[AgeWidth-1:4] != '0 ? integrator_new_q : integrator_q;
 
   function automatic logic signed [RoundedWidth-1:0] wide(input logic [LevelWidth-1:0] level);
     wide = RoundedWidth'(signed'({1'b0, level}));
@@ -167,9 +180,11 @@ module amplitude_control (
   // The trim.
   logic                           more_q, less_q, more_new_q, less_new_q;
   logic                           high_q, low_q, not_above_q, not_below_q;
+  logic        [   RateWidth-1:0] rate_q;
+  logic        [TrimStepWidth-1:0] step_q;
   logic signed [TrimSumWidth-1:0] trim_sum_q, trim_step;
   logic                           trim_above_q, trim_below_q;
-  assign trim_step = TrimSumWidth'(signed'({1'b0, trim_step_i}));
+  assign trim_step = TrimSumWidth'(signed'({1'b0, step_q}));
 
   // Confidence.
   logic        [      DropWidth-1:0] drop_q;
@@ -225,13 +240,20 @@ module amplitude_control (
     not_below_q <= level_new_q >= level_nominal_i;
     more_new_q  <= high_q || (more_q && !low_q && !not_above_q);
     less_new_q  <= !high_q && (low_q || (less_q && !not_below_q));
+    off_size_q  <= level_new_q > level_nominal_i ? level_new_q - level_nominal_i :
+                                                   level_nominal_i - level_new_q;
+    rate_q      <= RateWidth'(unsigned'(product) >> vrscan_pkg::TrimGainFraction)
+                   + RateWidth'(product[vrscan_pkg::TrimGainFraction-1]);
+    step_q      <= TrimStepWidth'(rate_q) > trim_step_i ? trim_step_i : TrimStepWidth'(rate_q);
     trim_sum_q  <= TrimSumWidth'(trim_o) + (more_new_q == trim_up_i ? trim_step : '0 - trim_step);
     trim_above_q <= trim_sum_q > TrimSumWidth'(trim_max_i);
     trim_below_q <= trim_sum_q < TrimSumWidth'(trim_min_i);
 
     // To nearest, half up.
-    drop_q       <= DropWidth'(unsigned'(product) >> ConfidenceFraction)
-                    + DropWidth'(product[ConfidenceFraction-1]);
+    if (age_q == Confident) begin
+      drop_q <= DropWidth'(unsigned'(product) >> ConfidenceFraction)
+                + DropWidth'(product[ConfidenceFraction-1]);
+    end
     confidence_q <= drop_q[DropWidth-1:ConfidenceWidth] != '0 ? '0 : ~drop_q[ConfidenceWidth-1:0];
 
     if (commit) begin
@@ -259,8 +281,8 @@ module amplitude_control (
     if (broken_i) index_fault_o <= 1'b1;
     if (!active) begin
       age_q        <= '0;
-      level_o      <= sweep_level_i;
-      integrator_q <= {sweep_level_i, {Fraction{1'b0}}};
+      level_o      <= level_nominal_i;
+      integrator_q <= {level_nominal_i, {Fraction{1'b0}}};
       trim_o       <= '0;
       more_q       <= 1'b0;
       less_q       <= 1'b0;

@@ -88,6 +88,7 @@ module mirror_loop #(
   input  wire logic        [        vrscan_pkg::LevelWidth-1:0] level_high_i,
   input  wire logic        [        vrscan_pkg::LevelWidth-1:0] level_nominal_i,
   input  wire logic        [     vrscan_pkg::TrimStepWidth-1:0] trim_step_i,
+  input  wire logic        [  vrscan_pkg::ControlGainWidth-1:0] trim_gain_i,
   input  wire logic signed [         vrscan_pkg::TrimWidth-1:0] trim_min_i,
   input  wire logic signed [         vrscan_pkg::TrimWidth-1:0] trim_max_i,
   input  wire logic                                             trim_up_i,
@@ -181,7 +182,6 @@ module mirror_loop #(
   amplitude_control u_amplitude_control (
     .clk_i, .rst_i,
     .state_i   (state_o),
-    .sweep_level_i,
     .valid_i   (measured_valid_o),
     .measured_i(measured_o),
     .error_i   (error_o),
@@ -196,7 +196,7 @@ module mirror_loop #(
     .error_amplitude_o(),
     .amplitude_set_i, .k_p_i, .k_i_i,
     .level_min_i, .level_max_i, .level_low_i, .level_high_i, .level_nominal_i,
-    .trim_step_i, .trim_min_i, .trim_max_i, .trim_up_i,
+    .trim_step_i, .trim_gain_i, .trim_min_i, .trim_max_i, .trim_up_i,
     .settle_limit_i, .shock_limit_i, .phase_limit_i, .settle_count_i, .hold_count_i,
     .confidence_gain_i
   );

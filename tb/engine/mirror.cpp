@@ -27,6 +27,10 @@ struct Samples {
   int64_t clock, comparator, gate;
 };
 
+int64_t extended(uint64_t value, int width) {
+  return static_cast<int64_t>(value << (64 - width)) >> (64 - width);
+}
+
 template <typename Row>
 struct Log {
   Row* rows;
@@ -173,12 +177,14 @@ int64_t mirror_run(void* handle, int64_t until, int64_t stop_state, const World*
     }
     if (loop.angle_valid_o) {
       lines->append({loop.angle_line_o, engine.centre_halves, engine.clock, loop.state_o,
-                     loop.mirror_flags_o, loop.confidence_o, loop.angle_o, loop.amplitude_o,
+                     loop.mirror_flags_o, loop.confidence_o,
+                     extended(loop.angle_o, ANGLE_WIDTH), loop.amplitude_o,
                      static_cast<int64_t>(loop.word_o), loop.level_o, world.angle_true_o});
     }
     if (loop.centre_o) engine.centre_halves = 2 * engine.clock + loop.centre_half_o;
     if (loop.measured_valid_o) {
-      measurements->append({engine.clock, loop.measured_o, loop.error_o, loop.level_o,
+      measurements->append({engine.clock, loop.measured_o, extended(loop.error_o, ERROR_WIDTH),
+                            loop.level_o,
                             static_cast<int64_t>(loop.word_o),
                             static_cast<int64_t>(loop.mirror_phase_o),
                             static_cast<int64_t>(loop.drive_phase_o)});

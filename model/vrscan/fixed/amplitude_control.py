@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 
 from vrscan.fixed import pkg
 
-LATENCY = 32  # clocks from valid_i to the outputs
+LATENCY = 44  # clocks from valid_i to the outputs
 CONFIDENCE_FRACTION = 20  # of confidence_gain
 MOST_IDLE = 1 << 40
 COUNT_WIDTH = 8
@@ -16,6 +16,7 @@ COUNT_WIDTH = 8
 _COMMIT = LATENCY - 1
 _ALIGN = pkg.INTEGRAL_FRACTION - pkg.PROPORTIONAL_FRACTION
 _HALF = 1 << (pkg.INTEGRAL_FRACTION - 1)
+_RATE_HALF = 1 << (pkg.TRIM_GAIN_FRACTION - 1)
 _CONFIDENCE_HALF = 1 << (CONFIDENCE_FRACTION - 1)
 _CONFIDENCE_ONE = (1 << pkg.CONFIDENCE_WIDTH) - 1
 _COUNT_MAX = (1 << COUNT_WIDTH) - 1
@@ -25,6 +26,7 @@ _UNSIGNED = {
     "k_p": pkg.CONTROL_GAIN_WIDTH,
     "k_i": pkg.CONTROL_GAIN_WIDTH,
     "trim_step": pkg.TRIM_STEP_WIDTH,
+    "trim_gain": pkg.CONTROL_GAIN_WIDTH,
     "trim_up": 1,
     "settle_limit": pkg.AMPLITUDE_WIDTH,
     "shock_limit": pkg.AMPLITUDE_WIDTH,
@@ -40,14 +42,14 @@ class Settings:
     """Configuration.
 
     Attributes:
-        sweep_level: Level before the loop is closed; u20, as all levels are.
         amplitude_set: The amplitude to hold; u26, turns, 28 fraction bits, as all amplitudes are.
         k_p: Level steps an amplitude step; u18, 16 fraction bits.
         k_i: The same a measurement; u18, 20 fraction bits.
-        level_min, level_max: Limits of the level.
+        level_min, level_max: Limits of the level; u20, as all levels are.
         level_low, level_high: Beyond them the frequency begins to step,
-        level_nominal: and here it stops.
-        trim_step: Step of the frequency word a measurement; u24.
+        level_nominal: and here it stops. The level before the loop is closed, too.
+        trim_step: Largest step of the frequency word a measurement; u24.
+        trim_gain: Word steps a step of the level from its nominal; u18, 16 fraction bits.
         trim_min, trim_max: Limits of the trim; s32.
         trim_up: A higher word gives more amplitude.
         settle_limit, shock_limit: Amplitude errors that are good and too much.
@@ -60,7 +62,6 @@ class Settings:
         ValueError: if a value does not fit.
     """
 
-    sweep_level: int
     amplitude_set: int
     k_p: int
     k_i: int
@@ -70,6 +71,7 @@ class Settings:
     level_high: int
     level_nominal: int
     trim_step: int
+    trim_gain: int
     trim_min: int
     trim_max: int
     trim_up: int
@@ -151,8 +153,8 @@ class AmplitudeControl:
             self.index_fault = True
         if not active:
             self._age = 0
-            self.level = self.settings.sweep_level
-            self._integrator = self.settings.sweep_level << pkg.INTEGRAL_FRACTION
+            self.level = self.settings.level_nominal
+            self._integrator = self.settings.level_nominal << pkg.INTEGRAL_FRACTION
             self.trim = 0
             self._more = self._less = False
 
@@ -205,7 +207,9 @@ class AmplitudeControl:
         )
         if self._more or self._less:
             up = self._more == bool(settings.trim_up)
-            trim = self.trim + (settings.trim_step if up else -settings.trim_step)
+            rate = abs(level - settings.level_nominal) * settings.trim_gain + _RATE_HALF
+            step = min(rate >> pkg.TRIM_GAIN_FRACTION, settings.trim_step)
+            trim = self.trim + (step if up else -step)
             self.trim = min(max(trim, settings.trim_min), settings.trim_max)
 
     def idle(
@@ -218,10 +222,10 @@ class AmplitudeControl:
         if state in (pkg.MIRROR_SETTLE, pkg.MIRROR_RUN):
             return _COMMIT - self._age if self._age else MOST_IDLE
         # All that such a state sets, the integrator among it, goes with the level.
-        sweep = self.settings.sweep_level
+        nominal = self.settings.level_nominal
         there = (
-            self.level == sweep
-            and self._integrator == sweep << pkg.INTEGRAL_FRACTION
+            self.level == nominal
+            and self._integrator == nominal << pkg.INTEGRAL_FRACTION
             and not (self.trim or self.settled or self.confidence or self._age)
             and not (self._more or self._less or self._good_count)
             and self.unsettled
