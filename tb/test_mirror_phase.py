@@ -413,16 +413,16 @@ async def reset_at_every_moment(dut) -> None:
     draw = generator(6)
     bench = await begin(dut)
     width = 66
-    for at in range(1, width + LATENCY + 4):
-        settings = Settings(1, 12, 2, (1 << 28) - 1)
+    settings = Settings(1, 12, 2, (1 << 28) - 1)
+    for at in range(2, 2 * (width + LATENCY + 4)):
         await bench.start(settings, word=1 << 39)
-        if at % 3:
+        if at % 2:
             await bench.pair(64)  # so that it tracks
-        for k in range(at):
+        for k in range(at // 2):
             crossing = {"valid": int(k in (0, width)), "outward": int(k == 0)}
             await bench.step(**crossing, age=40, word=1 << 39)
-        last = {"valid": int(at % 2), "outward": int(at % 4 == 1), "word": 1 << 39, "age": 3}
-        await bench.start(settings, **last)
+        last = {"valid": int(draw.integers(2)), "outward": int(draw.integers(2))}
+        await bench.start(settings, **last, word=1 << 39, age=3)
         await bench.steps(int(draw.integers(12)), word=1 << 30)
         await bench.step(valid=1, outward=0, age=1)  # no outward waits
         await bench.steps(LATENCY + 2)
@@ -498,6 +498,26 @@ def test_mirror_phase_model_reads_the_table_where_the_rtl_does() -> None:
             at = k == FIRST_READ + late
             twin.step(table_write=at, table_index=0, table_amplitude=9)
         assert twin.valid and twin.measured == (9 if late < 0 else 0)
+
+
+def test_mirror_phase_model_averages_with_its_time_constant() -> None:
+    """A small step of the amplitude is followed as an exponential, and reached."""
+    twin = MirrorPhase(Settings(0, 63, 8, 1 << 24))
+    twin.table_amplitude = [1 << 20] * TABLE_SIZE
+    for k in range(3000):
+        twin.step(valid=True, outward=True)
+        twin.skip(99)
+        twin.step(valid=True)
+        while not twin.valid:
+            n = twin.idle()
+            if n:
+                twin.skip(n)
+            else:
+                twin.step()
+        want = (1 << 20) + 100.0 * (1.0 - (1.0 - 2.0**-8) ** k)
+        assert abs(twin.amplitude - want) <= 0.6
+        twin.table_amplitude = [(1 << 20) + 100] * TABLE_SIZE
+    assert twin.amplitude == (1 << 20) + 100
 
 
 def pairs_of(

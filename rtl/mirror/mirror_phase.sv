@@ -312,13 +312,11 @@ module mirror_phase (
     shifted_q  <= TurnWidth'(fine_q >>> 1) + TurnWidth'(fine_q[0]);
 
     if (rst_i) begin
-      start_q     <= 1'b0;
       step_q      <= Idle;
       pending_q   <= 1'b0;
       phase_o     <= '0;
       increment_o <= '0;
       advance_q   <= '0;
-      average_q   <= '0;
       amplitude_o <= '0;
       valid_o     <= 1'b0;
       tracking_o  <= 1'b0;
