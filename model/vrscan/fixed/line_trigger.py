@@ -147,7 +147,7 @@ class LineTrigger:
 
         # The accumulator.
         run = self._run
-        sample = wrap or not (run or self._left or self._arrived)
+        sample = self.samples
         if wrap:
             self._step = self._next
             self._run = self._next != 0
@@ -193,6 +193,11 @@ class LineTrigger:
         self._left = 0
         self._arrived = self._run = self._wrap = False
         self._first = self._live = self._late = False
+
+    @property
+    def samples(self) -> bool:
+        """Whether a step of this clock takes the word, if enabled; no other does."""
+        return self._wrap or not (self._run or self._left or self._arrived)
 
     def idle(self, *, enable: bool, word: int) -> int:
         """Return for how many clocks these inputs change nothing but accumulators and counters."""

@@ -251,3 +251,15 @@ class MirrorPhase:
         del word
         self._clock += n
         self.phase = (self.phase + n * self.increment) & _TURN_MASK
+
+    def follow(self, n: int, *, advance: int, word: int) -> None:
+        """Do ``n`` clocks without a strobe at once in which ``word`` changes, before any tracking.
+
+        Args:
+            n: At most what ``idle`` says with the present increment as ``word``.
+            advance: The sum of the increments: of the present one and all words but the last.
+            word: The last of them.
+        """
+        self._clock += n
+        self.phase = (self.phase + advance) & _TURN_MASK
+        self.increment = word
