@@ -20,9 +20,10 @@ ELABORATIONS = [
     {"ClockHz": 2_000_000, "StepClks": 3},
 ]
 NOMINAL = 734_003
-# Of the angle, over the whole of a test: the step's fifth power times the motion's fifth derivative
-# is 1e-17 rad; the oracle's 1e-12 a step, ten steps a piece, some hundred pieces lead to less.
+# Of the angle over 40 periods: the oracle's 1e-12 a step, ten steps a piece, hundreds of pieces.
 BOUND_RAD = 1e-9
+# Over 0.1 s. At 500 kHz a step is 2 us, where what the cubic leaves out is below 8e-12 rad.
+SHORT_BOUND_RAD = 2e-11
 
 
 class Bench:
@@ -125,8 +126,8 @@ async def any_drive_any_level_shocks_and_drift(dut) -> None:
         worst = max(worst, abs(bench.angle() - want[-1]))
         state = np.array([want[-1], speed[-1]])
     spent = bench.now * bench.clock_s
-    print(f"motion: {worst:.2e} rad from scipy's after {spent:.3f} s, bound {BOUND_RAD:.0e}")
-    assert worst < BOUND_RAD
+    print(f"motion: {worst:.2e} rad from scipy's after {spent:.3f} s, bound {SHORT_BOUND_RAD:.0e}")
+    assert worst < SHORT_BOUND_RAD
 
 
 @cocotb.test()
@@ -211,7 +212,7 @@ async def reset_starts_anew_at_any_moment(dut) -> None:
         dut.drive_i.value = drive
         want, _ = integrate(Mirror(), length, np.array([float(drive)]), start)
         await bench.until(clocks)
-        assert abs(bench.angle() - want[-1]) < BOUND_RAD
+        assert abs(bench.angle() - want[-1]) < SHORT_BOUND_RAD
 
 
 @pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
