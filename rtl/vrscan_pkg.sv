@@ -68,7 +68,7 @@ package vrscan_pkg;
 
   // Mirror.  Phases of accumulators are fractions of a turn of the mirror.
   localparam int unsigned TurnWidth = 48;
-  localparam int unsigned WordWidth = 40;  // frequency words: turns a clock, TurnWidth fraction bits
+  localparam int unsigned WordWidth = 40;  // frequency: turns a clock, TurnWidth fraction bits
   localparam int unsigned TrimWidth = 32;  // signed, added to a frequency word
   localparam int unsigned TimeWidth = 32;  // clocks
   localparam int unsigned SubWidth = 4;  // fraction bits of a crossing's time
@@ -82,7 +82,7 @@ package vrscan_pkg;
   localparam int unsigned AmplitudeTableBits = 10;  // entry i: a half distance of i / 4096 turns
   localparam int unsigned MotionWidth = 24;  // a_k
   localparam int unsigned MotionFraction = 22;
-  localparam int unsigned HarmonicCount = 6;  // k = 1, 3, 5, 7, 9, 11
+  localparam int unsigned HarmonicCount = 9;  // of (12): k = 1, 3 .. 17
   localparam int unsigned RatioWidth = 44;  // line rate over mirror frequency, unsigned
   localparam int unsigned RatioFraction = 32;
   localparam int unsigned LineClksWidth = 20;  // delays and lengths within a line, clocks

@@ -45,10 +45,10 @@ def test_the_cases_are_what_their_names_say() -> None:
 
 def test_harmonics_become_the_words_of_the_ports() -> None:
     a, phi = angle.harmonic_words(
-        [[1.0, 0.0], [-0.5, -np.pi / 2.0], [2.0**-22, np.pi], *[[0.0, 0.0]] * 3]
+        [[1.0, 0.0], [-0.5, -np.pi / 2.0], [2.0**-22, np.pi], *[[0.0, 0.0]] * 6]
     )
-    assert a.tolist() == [1 << 22, -(1 << 21), 1, 0, 0, 0]
-    assert phi.tolist() == [0, 3 * TURN // 4, TURN // 2, 0, 0, 0]
+    assert a.tolist() == [1 << 22, -(1 << 21), 1, *[0] * 6]
+    assert phi.tolist() == [0, 3 * TURN // 4, TURN // 2, *[0] * 6]
 
 
 @pytest.mark.parametrize("steps", [1, -1])

@@ -6,12 +6,17 @@ import numpy as np
 import pytest
 from harness import generator
 
-from vrscan.calibrate.mirror import fit_motion, simulated_motion
-from vrscan.config import HARMONICS, Config
+from vrscan.calibrate.mirror import fit_motion, main, simulated_motion
+from vrscan.config import Config
 from vrscan.errors import InputError
 from vrscan.ideal.mirror import motion
 
-HARMONIC = np.array([[1.0, 0.0], [0.03, 2.0], [0.01, -1.3], [4e-3, 0.7], [2e-3, 3.0], [1e-3, -1.1]])
+HARMONIC = np.array(
+    [
+        *([1.0, 0.0], [0.03, 2.0], [0.01, -1.3], [4e-3, 0.7], [2e-3, 3.0], [1e-3, -1.1]),
+        *([7e-4, 0.2], [5e-4, -2.4], [3e-4, 1.6]),
+    ]
+)
 FREQUENCY, AMPLITUDE, PHASE = 249.0123, 0.358, 5.1
 
 
@@ -58,7 +63,7 @@ def test_noise_does_what_theory_says() -> None:
     predicted = {
         "amplitude": (np.std([f.amplitude_rad for f in fits]), want),
         "a_3": (np.std([f.harmonics[1, 0] for f in fits]), want / AMPLITUDE),
-        "a_11": (np.std([f.harmonics[5, 0] for f in fits]), want / AMPLITUDE),
+        "a_17": (np.std([f.harmonics[8, 0] for f in fits]), want / AMPLITUDE),
         "frequency": (
             np.std([f.frequency_hz for f in fits]),
             want / AMPLITUDE * math.sqrt(12.0) / (2.0 * math.pi * span),
@@ -79,7 +84,7 @@ def test_what_cannot_be_fitted_is_refused() -> None:
     late[3] = math.inf
     same = np.arange(100) / FREQUENCY  # once a period: no harmonic is told from another
     for arguments, word in (
-        ((time[:35], angle[:35], FREQUENCY), "35 samples, needs 36"),
+        ((time[:53], angle[:53], FREQUENCY), "53 samples, needs 54"),
         ((time, angle[:99], FREQUENCY), "angles"),
         ((time, broken, FREQUENCY), "finite"),
         ((late, angle, FREQUENCY), "finite"),
@@ -91,7 +96,8 @@ def test_what_cannot_be_fitted_is_refused() -> None:
         with pytest.raises(InputError, match=word) as caught:
             fit_motion(*arguments)
         assert "\n" not in str(caught.value)
-    assert fit_motion(time[:36] * 8.0, angle[:36], FREQUENCY).residual_rad < 1.0
+    assert fit_motion(time[:54] * 8.0, angle[:54], FREQUENCY).residual_rad < 1.0
+    assert fit_motion(time[:36] * 8.0, angle[:36], FREQUENCY, count=6).residual_rad < 1.0
 
 
 def test_the_shipped_harmonics_are_the_simulated_mirrors() -> None:
@@ -101,5 +107,20 @@ def test_the_shipped_harmonics_are_the_simulated_mirrors() -> None:
     assert np.abs(fit.harmonics - shipped)[:, 0].max() <= 0.6e-9
     assert np.abs(fit.harmonics - shipped)[:, 1].max() <= 0.6e-7
     assert abs(math.degrees(fit.amplitude_rad) - 20.5235) < 1e-3
-    print(f"harmonics beyond {HARMONICS[-1]} leave {fit.residual_rad * 1e6:.2f} urad rms")
-    assert 3.5e-6 < fit.residual_rad < 4.5e-6
+    six = simulated_motion(count=6)
+    for leaves in (six, fit):
+        count = len(leaves.harmonics)
+        print(f"{count} harmonics leave {leaves.residual_rad * 1e6:.3f} urad rms")
+    assert abs(six.residual_rad - 3.96e-6) < 0.01e-6
+    assert abs(fit.residual_rad - 1.41e-6) < 0.01e-6
+
+
+def test_the_command_prints_the_default(capsys: pytest.CaptureFixture[str]) -> None:
+    main()
+    lines = capsys.readouterr().out.splitlines()
+    printed = [
+        line.split("[")[1].rstrip("]").split(", ") for line in lines if line.startswith("k =")
+    ]
+    assert [[float(a), float(phi)] for a, phi in printed] == Config().mirror.harmonics
+    assert "residual   3.959 urad rms with 6 harmonics" in lines
+    assert "residual   1.413 urad rms with 9 harmonics" in lines

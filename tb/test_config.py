@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from vrscan.config import Config, load
+from vrscan.config import HARMONICS, Config, load
 from vrscan.errors import InputError
+from vrscan.fixed import pkg
 from vrscan.registers import Registers
 
 
@@ -13,6 +14,12 @@ def write(folder: Path, text: str) -> Path:
     path = folder / "config.toml"
     path.write_text(text)
     return path
+
+
+def mirror_with(count: int) -> str:
+    """Return a file with so many harmonics, each a tenth of the one before and a tenth later."""
+    pairs = ", ".join(f"[1e-{k}, 0.{k}]" for k in range(count))
+    return f"[mirror]\nharmonics = [{pairs}]\n"
 
 
 def test_defaults_are_the_instrument() -> None:
@@ -33,6 +40,17 @@ def test_a_file_overrides_only_what_it_names(tmp_path: Path) -> None:
     assert config.source == str(path)
 
 
+def test_six_to_nine_harmonics_are_taken(tmp_path: Path) -> None:
+    """The paper's six and up to nine, in their order; those that are not given are 0."""
+    for count in (6, 7, 9):
+        harmonics = load(write(tmp_path, mirror_with(count))).mirror.harmonics
+        assert harmonics[:count] == [[10.0**-k, k / 10] for k in range(count)]
+        assert harmonics[count:] == [[0.0, 0.0]] * (9 - count)
+        assert len(harmonics) == len(HARMONICS) == pkg.HARMONIC_COUNT
+    assert len(Config().mirror.harmonics) == 9
+    assert list(HARMONICS) == list(range(1, 18, 2))
+
+
 BAD = {
     "unknown_section": ("[peek]\nk_noise = 3\n", ["peek"]),
     "unknown_key": ("[peak]\nk_nose = 3\n", ["peak.k_nose", "3"]),
@@ -48,7 +66,13 @@ BAD = {
     "infinite": ("[geometry]\nbase_mm = inf\n", ["geometry.base_mm", "inf"]),
     "zero": ("[geometry]\nfocal_mm = 0\n", ["geometry.focal_mm", "0"]),
     "crossed_widths": ("[peak]\nmin_width = 9\nmax_width = 8\n", ["peak", "9", "8"]),
-    "harmonics": ("[mirror]\nharmonics = [[1, 0]]\n", ["mirror.harmonics", "[[1, 0]]"]),
+    "harmonics": ("[mirror]\nharmonics = [[1, 0]]\n", ["mirror.harmonics", "[[1, 0]]", "not 1"]),
+    "five_harmonics": (mirror_with(5), ["mirror.harmonics", "6 to 9 pairs", "not 5"]),
+    "ten_harmonics": (mirror_with(10), ["mirror.harmonics", "6 to 9 pairs", "not 10"]),
+    "harmonic_of_three": (
+        "[mirror]\nharmonics = [[1, 0], [1, 0], [1, 0, 0], [1, 0], [1, 0], [1, 0]]\n",
+        ["mirror.harmonics", "[1, 0, 0]", "pairs [a_k, phi_k_rad]"],
+    ),
     "pulse_after_line": ("[line]\npulse_us = 27\n", ["line", "pulse"]),
     "section_is_number": ("peak = 3\n", ["peak", "3"]),
     "not_toml": ("[peak\n", ["not a TOML file"]),

@@ -18,14 +18,14 @@ def test_motion_is_the_series() -> None:
     """(12) term by term, with phases of many turns."""
     phase = generator(1).uniform(-1000.0, 1000.0, 200)
     want = np.zeros(200)
-    for order, (size, lag) in zip(HARMONICS, LARGE, strict=True):
+    for order, (size, lag) in zip(HARMONICS[:6], LARGE, strict=True):
         want += 0.36 * size * np.cos(2.0 * math.pi * order * phase - lag)
     got = motion(phase, 0.36, LARGE)
     assert np.abs(got - want).max() < 1e-10  # the oracle's own large arguments
     assert motion(np.zeros((2, 3)), 1.0, LARGE).shape == (2, 3)
     amplitudes = np.array([0.0, 0.5, 1.0])
     assert np.allclose(motion(np.zeros(3), amplitudes, LARGE), amplitudes * motion(0.0, 1.0, LARGE))
-    for bad in (LARGE[:5], [[1.0]] * 6, [[math.nan, 0.0]] * 6):
+    for bad in ([], [1.0, 0.0], LARGE + LARGE[:4], [[1.0]] * 6, [[math.nan, 0.0]] * 6):
         with pytest.raises(ValueError, match="harmonics"):
             motion(phase, 1.0, bad)
 
@@ -47,6 +47,19 @@ def test_half_turn_residual_is_what_breaks_the_symmetry() -> None:
     for bad in ((time[:3], angle[:3]), (time, angle[1:]), (time[:60], angle[:60])):
         with pytest.raises(ValueError, match="half_turn_residual"):
             half_turn_residual(*bad, frequency)
+
+
+@pytest.mark.parametrize("n", range(len(HARMONICS)))
+def test_each_harmonic_has_its_order(n: int) -> None:
+    """As many pairs as are given count, and those that are 0 are as if they were not given."""
+    harmonics = [[0.0, 0.0]] * n + [[0.5, 1.25]]
+    phase = generator(2).uniform(0.0, 1.0, 100)
+    want = 0.4 * 0.5 * np.cos(2.0 * math.pi * (2 * n + 1) * phase - 1.25)
+    assert np.abs(motion(phase, 0.4, harmonics) - want).max() < 1e-14
+    longer = harmonics + [[0.0, 0.0]] * (len(HARMONICS) - n - 1)
+    assert np.allclose(
+        motion(phase, 0.4, longer), motion(phase, 0.4, harmonics), rtol=0, atol=1e-15
+    )
 
 
 @pytest.mark.parametrize("harmonics", [SHIPPED, LARGE], ids=["shipped", "large"])

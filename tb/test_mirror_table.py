@@ -73,7 +73,7 @@ def test_what_has_no_table_is_refused() -> None:
         (0.0, SHIPPED, "index_deg"),
         (MARK, [[1.0, 0.0], [3.0, 1.5]] + [[0.0, 0.0]] * 4, "too large"),
         (MARK, [[1.0, 0.0], [0.3, math.pi]] + [[0.0, 0.0]] * 4, "same index times"),
-        (MARK, SHIPPED[:5], "pairs"),
+        (MARK, [*SHIPPED, [0.0, 0.0]], "pairs"),
     ):
         with pytest.raises(InputError, match=word) as caught:
             amplitude_table(mark, harmonics)

@@ -62,7 +62,7 @@ def as_ports(given: Columns) -> Columns:
 
 
 def operands(count: int) -> Columns:
-    """Return corners of all ports, then motions of a mirror, then anything: 60 or more of each."""
+    """Return corners of all ports, then motions of a mirror, then anything: 20 or more of each."""
     draw = generator(12)
     ends = {
         "phase": [0, 1, TURN // 4 - 1, TURN // 4, TURN // 2, 3 * TURN // 4, TURN - 1],
@@ -76,9 +76,10 @@ def operands(count: int) -> Columns:
         "phi": draw.choice(ends["phase"], (count, COUNT)),
     }
     # One harmonic alone at a time, so that none hides behind another.
-    corners["a"][: 8 * COUNT] *= np.eye(COUNT, dtype=np.int64)[np.arange(8 * COUNT) % COUNT]
-    corners["a"][8 * COUNT : 8 * COUNT + 4] = 0
-    # All terms at their largest and in step: three quarters of a turn and more, either way.
+    alone = count // 5
+    corners["a"][:alone] *= np.eye(COUNT, dtype=np.int64)[np.arange(alone) % COUNT]
+    corners["a"][alone : alone + 4] = 0
+    # All terms at their largest and in step: four turns and more, either way.
     corners["a"][-8:] = np.where(np.arange(8) % 2, MOTION_END - 1, -MOTION_END)[:, None]
     corners["amplitude"][-8:] = AMPLITUDE_END - 1
     corners["phase"][-8:] = np.arange(8) // 4 * TURN // 2
@@ -166,7 +167,7 @@ def test_scan_angle_rtl_equals_model() -> None:
 
 
 def test_latency_is_within_its_limit() -> None:
-    assert LATENCY == 136
+    assert LATENCY == 193
     assert LATENCY <= 200
 
 
@@ -209,7 +210,7 @@ def test_largest_terms_at_their_zeros_leave_their_errors_only() -> None:
         a = np.full(COUNT, value)
         angle, overflow = scan_angle(phase, AMPLITUDE_END - 1, a, np.zeros(COUNT, np.int64))
         bound = error_bound_turns(np.array(0.25), a / ONE) * (1 << pkg.ANGLE_WIDTH)
-        assert np.abs(angle).max() <= bound < 10.0
+        assert np.abs(angle).max() <= bound < 15.0
         assert not overflow.any()
 
 
@@ -221,7 +222,7 @@ def test_largest_terms_saturate_in_order() -> None:
         angle, overflow = scan_angle(np.int64(0), amplitude, a, np.zeros(COUNT, np.int64))
         assert np.all(sign * np.diff(angle) >= 0)
         assert angle[-1] == (ANGLE_END - 1 if sign > 0 else -ANGLE_END)
-        whole = 12.0 * amplitude / 2.0**pkg.AMPLITUDE_FRACTION  # turns
+        whole = 2.0 * COUNT * amplitude / 2.0**pkg.AMPLITUDE_FRACTION  # turns
         assert np.array_equal(overflow, whole > 0.5)
         assert np.all(np.abs(angle[~overflow]) < ANGLE_END)
 
@@ -252,8 +253,8 @@ def test_both_ends_of_the_angle_fit_and_a_step_more_saturates(sign: int) -> None
         ("a", {"a": np.full(COUNT, -MOTION_END - 1)}),
         ("phi", {"phi": np.full(COUNT, TURN)}),
         ("phi", {"phi": np.full(COUNT, -1)}),
-        ("axis", {"a": np.zeros(5, np.int64)}),
-        ("axis", {"phi": np.zeros(5, np.int64)}),
+        ("axis", {"a": np.zeros(COUNT - 1, np.int64)}),
+        ("axis", {"phi": np.zeros(COUNT - 1, np.int64)}),
     ],
 )
 def test_what_does_not_fit_is_refused(name: str, change: dict[str, object]) -> None:

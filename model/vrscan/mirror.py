@@ -1,4 +1,4 @@
-"""The RTL's mirror loop as an engine: against the simulated mirror, or on recorded index samples."""
+"""The RTL's mirror loop as an engine: against the simulated mirror, or on recorded samples."""
 
 import ctypes
 import math

@@ -146,11 +146,11 @@ class MirrorRegisters:
             phase_shift=shift,
             rate_shift=rate_shift,
             amplitude_shift=shift,
-            error_limit=fit("mirror.frequency_hz", REACQUIRE_TURNS, pkg.ERROR_WIDTH, pkg.ERROR_WIDTH),
-            amplitude_set=amplitude("mirror.amplitude_deg", turns),
-            k_p=fit(
-                "mirror.proportional", gain, pkg.CONTROL_GAIN_WIDTH, pkg.PROPORTIONAL_FRACTION
+            error_limit=fit(
+                "mirror.frequency_hz", REACQUIRE_TURNS, pkg.ERROR_WIDTH, pkg.ERROR_WIDTH
             ),
+            amplitude_set=amplitude("mirror.amplitude_deg", turns),
+            k_p=fit("mirror.proportional", gain, pkg.CONTROL_GAIN_WIDTH, pkg.PROPORTIONAL_FRACTION),
             k_i=fit(
                 "mirror.integral_s",
                 gain * per_period,
@@ -172,7 +172,9 @@ class MirrorRegisters:
             trim_min=to_register(
                 config.source, "mirror.trim_hz", -trim, pkg.TRIM_WIDTH, signed=True
             ),
-            trim_max=to_register(config.source, "mirror.trim_hz", trim, pkg.TRIM_WIDTH, signed=True),
+            trim_max=to_register(
+                config.source, "mirror.trim_hz", trim, pkg.TRIM_WIDTH, signed=True
+            ),
             trim_up=int(not mirror.amplitude_falls),
             settle_limit=amplitude("mirror.settle_ppm", 1e-6 * mirror.settle_ppm * turns),
             shock_limit=shock,
@@ -182,7 +184,10 @@ class MirrorRegisters:
             settle_count=mirror.settle_periods,
             hold_count=mirror.hold_periods,
             confidence_gain=fit(
-                "mirror.shock_ppm", CONFIDENCE_ONE / max(shock, 1), pkg.GAIN_WIDTH, CONFIDENCE_FRACTION
+                "mirror.shock_ppm",
+                CONFIDENCE_ONE / max(shock, 1),
+                pkg.GAIN_WIDTH,
+                CONFIDENCE_FRACTION,
             ),
             ratio=fit(
                 "line.rate_hz",
@@ -218,5 +223,6 @@ class MirrorRegisters:
 PORTS = tuple(
     field.name
     for field in fields(MirrorRegisters)
-    if field.name not in ("clock_hz", "oversample") and not field.name.startswith(("motion_", "table_"))
+    if field.name not in ("clock_hz", "oversample")
+    and not field.name.startswith(("motion_", "table_"))
 )

@@ -16,7 +16,7 @@ def amplitude_table(mark_rad: float, harmonics: Harmonics) -> tuple[Ints, Ints]:
 
     Args:
         mark_rad: Angle of the index mark; negative for one on the other side.
-        harmonics: [6, 2], pairs [a_k, phi_k], rad.
+        harmonics: [1 to 9, 2], pairs [a_k, phi_k], rad.
 
     Returns:
         Amplitude [1024], turns, 28 fraction bits, unsigned 26 bits, rising with i, at its largest

@@ -15,7 +15,7 @@
 //   angle_o      turns, AngleWidth bits of fraction; below 0.3 urad from (12) for |angle| <= 25
 //                degrees
 //   overflow_o   the angle is beyond half a turn, and saturates
-//   Latency      19 clocks a harmonic, two products of 10, and 2: 136 clocks; a valid_i meanwhile
+//   Latency      19 clocks a harmonic, two products of 10, and 2: 193 clocks; a valid_i meanwhile
 //                starts anew
 //   Model        vrscan.fixed.scan_angle, bit-exact
 
@@ -43,8 +43,8 @@ module scan_angle #(
 
   localparam int unsigned AmplWidth = 30;
   localparam int unsigned Fraction = AmplWidth - 1;  // of cosines, and what a product moves down
-  localparam int unsigned SumFraction = 30;
-  localparam int unsigned SumWidth = SumFraction + 5;  // |sum| <= 12
+  localparam int unsigned SumFraction = 29;
+  localparam int unsigned SumWidth = SumFraction + 6;  // |sum| <= 2 Harmonics = 18
   localparam int unsigned FactorWidth = AmplWidth + 1;
   localparam int unsigned ProductWidth = SumWidth + FactorWidth;
   localparam int unsigned MotionAlign = SumFraction - vrscan_pkg::MotionFraction;
@@ -56,6 +56,7 @@ module scan_angle #(
 
   // The harmonics, then Lengthen and Scale.
   localparam int unsigned StepWidth = $clog2(Harmonics + 2);
+  localparam logic [StepWidth-1:0] LastHarmonic = StepWidth'(Harmonics - 1);
   localparam logic [StepWidth-1:0] Lengthen = StepWidth'(Harmonics);
   localparam logic [StepWidth-1:0] Scale = StepWidth'(Harmonics + 1);
 
@@ -154,8 +155,8 @@ module scan_angle #(
       sum_q     <= harmonic ? sum_q + lowered : lowered;
       angle_q   <= AngleSumWidth'(rounded >>> AngleDrop);
       step_q    <= step_q + StepWidth'(1);
-      prepare_q <= step_q + StepWidth'(1) < Lengthen;
-      start_q   <= step_q + StepWidth'(1) >= Lengthen && step_q != Scale;
+      prepare_q <= step_q < LastHarmonic;
+      start_q   <= step_q == LastHarmonic || step_q == Lengthen;
     end
     done_q  <= product_valid && step_q == Scale;
     valid_o <= done_q;

@@ -1,6 +1,6 @@
 """The mirror's scan angle from its phase, the twin of ``rtl/mirror/scan_angle.sv``.
 
-VR-SCAN (12): alpha = A sum a_k cos(k p - phi_k), k = 1, 3 .. 11, p = 2 pi f0 t - phi_0.
+VR-SCAN (12): alpha = A sum a_k cos(k p - phi_k), k = 1, 3 .. 17, p = 2 pi f0 t - phi_0.
 """
 
 import math
@@ -17,8 +17,8 @@ from vrscan.fixed.quarter_wave import error_bound, quarter_wave
 
 AMPL_WIDTH = 30  # ``AmplWidth``
 FRACTION = AMPL_WIDTH - 1  # what every product moves down: ``Fraction``
-SUM_FRACTION = 30  # ``SumFraction``
-SUM_WIDTH = SUM_FRACTION + 5  # ``SumWidth``
+SUM_FRACTION = 29  # ``SumFraction``
+SUM_WIDTH = SUM_FRACTION + 6  # ``SumWidth``
 FACTOR_WIDTH = AMPL_WIDTH + 1  # ``FactorWidth``
 # What takes quarter_wave's 1.0 back to 1: ``InverseLength``.
 INVERSE_LENGTH = math.floor(math.ldexp(1.0, 2 * FRACTION) / wave_amplitude(AMPL_WIDTH) + 0.5)
@@ -41,7 +41,7 @@ def scan_angle(phase: Ints, amplitude: Ints | int, a: Ints, phi: Ints) -> tuple[
         phase: p, turns, 28 fraction bits, u28. Any shape.
         amplitude: A, turns, 28 fraction bits, u26; broadcast against ``phase``.
         a: a_k, 22 fraction bits, s24; the last axis is the harmonic, the others are broadcast.
-        phi: phi_k, turns, 28 fraction bits, u28, [..., 6] as ``a``.
+        phi: phi_k, turns, 28 fraction bits, u28, [..., 9] as ``a``.
 
     Returns:
         The angles, int64, fractions of a turn, 24 bits, and whether one did not fit and saturates;
@@ -49,7 +49,7 @@ def scan_angle(phase: Ints, amplitude: Ints | int, a: Ints, phi: Ints) -> tuple[
         at most.
 
     Raises:
-        ValueError: if an argument does not fit in its format or there are not 6 harmonics.
+        ValueError: if an argument does not fit in its format or there are not 9 harmonics.
     """
     phase, amplitude, a, phi = (np.asarray(v, np.int64) for v in (phase, amplitude, a, phi))
     if a.shape[-1:] != (pkg.HARMONIC_COUNT,) or phi.shape[-1:] != (pkg.HARMONIC_COUNT,):
@@ -89,7 +89,7 @@ def error_bound_turns(amplitude: Floats, motion: Floats) -> Floats:
 
     Args:
         amplitude: A, turns, [...].
-        motion: a_k, [..., 6].
+        motion: a_k, [..., 9].
     """
     step = 2.0**-SUM_FRACTION
     wave = error_bound(AMPL_WIDTH) / wave_amplitude(AMPL_WIDTH) + 2.0 ** -(FRACTION + 1)

@@ -1,8 +1,8 @@
 """The mirror's motion: VR-SCAN (11) and (12), and what the index mark says of it.
 
 (7), the precision that the scan angle needs, is ``vrscan.ideal.geometry.angle_precision``. Phases
-p = 2 pi f0 t - phi_0 are given in turns, angles in rad; harmonics are pairs [a_k, phi_k], phi_k in
-rad, for k = 1, 3, 5, 7, 9, 11 with a_1 = 1 and phi_1 = 0.
+p = 2 pi f0 t - phi_0 are given in turns, angles in rad; harmonics are one to nine pairs
+[a_k, phi_k], phi_k in rad, for k = 1, 3 .. 17 with a_1 = 1 and phi_1 = 0; the paper has six.
 """
 
 from collections.abc import Sequence
@@ -20,9 +20,10 @@ _TURN = 2.0 * np.pi
 
 def _pairs(harmonics: Harmonics) -> tuple[Floats, Floats, Floats]:
     pairs = np.asarray(harmonics, np.float64)
-    if pairs.shape != (len(HARMONICS), 2) or not np.isfinite(pairs).all():
-        raise ValueError(f"harmonics must be {len(HARMONICS)} pairs [a_k, phi_k]")
-    return np.asarray(HARMONICS, np.float64), pairs[:, 0], pairs[:, 1]
+    fits = pairs.ndim == 2 and 1 <= len(pairs) <= len(HARMONICS) and pairs.shape[1] == 2
+    if not fits or not np.isfinite(pairs).all():
+        raise ValueError(f"harmonics must be 1 to {len(HARMONICS)} pairs [a_k, phi_k]")
+    return np.asarray(HARMONICS[: len(pairs)], np.float64), pairs[:, 0], pairs[:, 1]
 
 
 def motion(phase: Floats, amplitude: Floats | float, harmonics: Harmonics) -> Floats:
@@ -31,7 +32,7 @@ def motion(phase: Floats, amplitude: Floats | float, harmonics: Harmonics) -> Fl
     Args:
         phase: p, turns, any shape.
         amplitude: A, rad, broadcast against ``phase``.
-        harmonics: [6, 2].
+        harmonics: [1 to 9, 2].
 
     Raises:
         ValueError: if ``harmonics`` has another shape or is not finite.
@@ -77,7 +78,7 @@ def crossings(half: Floats, mark_rad: float, harmonics: Harmonics) -> tuple[Floa
     Args:
         half: h, turns, 0 to 0.25. Any shape.
         mark_rad: Angle of the mark, not zero.
-        harmonics: [6, 2].
+        harmonics: [1 to 9, 2].
 
     Returns:
         A, rad, infinite where S is zero or has the other sign, and m, turns, -0.25 to 0.75; both

@@ -29,8 +29,8 @@ class Motions:
     Attributes:
         phase: [s, n].
         amplitude: [s, n].
-        a: [s, 6].
-        phi: [s, 6].
+        a: [s, 9].
+        phi: [s, 9].
     """
 
     phase: Ints
@@ -51,7 +51,7 @@ def phases(count: int, draw: np.random.Generator) -> Ints:
 
 
 def harmonic_words(pairs: list[list[float]]) -> tuple[Ints, Ints]:
-    """Return [a_k, phi_k in rad] pairs as a_k and phi_k of the ports, int64 [6] each."""
+    """Return [a_k, phi_k in rad] pairs as a_k and phi_k of the ports, int64 [9] each."""
     a, phi = np.array(pairs).T
     turns = np.rint(phi / (2.0 * np.pi) * _TURN).astype(np.int64)
     return np.rint(a * _ONE).astype(np.int64), turns % _TURN
