@@ -191,7 +191,7 @@ async def run_vectors(
         Port name to int64 array [n] (object array where a port is wider than 63 bits).
 
     Raises:
-        AssertionError: if a result comes early, late or not at all.
+        AssertionError: if a result comes early, late, twice or not at all.
     """
     chance = random.Random(SEED)
     spacing = latency if spacing is None else spacing
@@ -230,6 +230,10 @@ async def run_vectors(
             for name, signed in outputs.items():
                 results[name].append(as_integer(getattr(dut, name), signed=signed))
     dut.valid_i.value = 0
+    if count > 1:
+        for age in range(1, latency + 2):
+            await FallingEdge(dut.clk_i)
+            assert dut.valid_o.value == 0, f"a second result, {age} clocks after the last one"
     return {name: _array(values) for name, values in results.items()}
 
 
