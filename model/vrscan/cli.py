@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -29,8 +29,12 @@ from vrscan.points import atomic_file, write_csv, write_ply
 from vrscan.registers import Registers
 from vrscan.table import Table
 
+if TYPE_CHECKING:
+    from vrscan.report.mirror import Events as MirrorEvents
+
 EXIT_BAD_INPUT, EXIT_TERMINATED = 2, 143
 MOST_LINES = 1_000_000
+MOST_SECONDS = 60.0  # of mirror time; one takes half a minute
 
 app = typer.Typer(
     help="A MEMS laser triangulation scanner: from sensor lines to (x, z) points.",
@@ -102,6 +106,101 @@ def replay(
     recorded = lines.read(recording, settings)
     with atomic_file(out) as file:
         write_csv(_run(engine, recorded, settings), file)
+
+
+@app.command()
+def mirror(
+    out: Annotated[Path, typer.Option(help="The mirror.csv to write; the picture goes beside it.")],
+    seconds: Annotated[
+        float | None,
+        typer.Option(help="Mirror time from RUN on; 0.5, or 3 with --drift. Of a replay: all."),
+    ] = None,
+    drift: Annotated[
+        float, typer.Option(help="Hz: the natural frequency changes by it 0.1 s after RUN.")
+    ] = 0.0,
+    shock: Annotated[
+        float, typer.Option(help="rad/s: added to the mirror's velocity 0.1 s after RUN.")
+    ] = 0.0,
+    jitter_ns: Annotated[
+        float | None,
+        typer.Option(help="Of the index comparator, rms; else mems.jitter_ns."),
+    ] = None,
+    drop: Annotated[
+        int, typer.Option(help="Every n-th pass over the index is lost, from 0.1 s after RUN.")
+    ] = 0,
+    recording: Annotated[
+        Path | None,
+        typer.Option("--replay", metavar="EDGES.csv", help="Recorded edges instead of a mirror."),
+    ] = None,
+    config: ConfigOption = None,
+) -> None:
+    """Run the RTL's mirror loop against the simulated mirror, or on recorded index edges."""
+    from vrscan.report import mirror as report
+
+    settings = _mirror_settings(config, jitter_ns)
+    _check_range("--drift", drift, -100.0, 100.0)
+    _check_range("--shock", shock, -1000.0, 1000.0)
+    if drop < 0 or drop == 1:
+        raise InputError(f"--drop: must be 0 for none, or 2 or more ({drop})")
+    if seconds is not None:
+        _check_range("--seconds", seconds, 0.001, MOST_SECONDS)
+    events = report.Events(drift_hz=drift, shock_rad_per_s=shock, drop_every=drop)
+    if recording is not None:
+        if events.any or jitter_ns is not None:
+            raise InputError("--replay: no --drift, --shock, --drop or --jitter-ns with it")
+        rows, amplitude, last = report.read_edges(recording, settings)
+        length = last if seconds is None else min(seconds, last)
+        _check_range(f"{recording}: last time_s", length, 0.0, MOST_SECONDS)
+        title = f"Mirror: {recording.name}, {length:.3f} s"
+    else:
+        length = (3.0 if drift else 0.5) if seconds is None else seconds
+        title = f"Mirror: start and {length:g} s of RUN{_happening(events)}"
+    started = time.perf_counter()
+    with atomic_file(out) as csv, atomic_file(out.with_suffix(".png")) as png:
+        start = report.START_S + settings.mirror.sweep_span_hz / settings.mirror.sweep_hz_per_s
+        whole = length if recording is not None else length + start
+        with _bar("mirror time, us", round(1e6 * whole)) as progress:
+            if recording is not None:
+                run = report.replay(settings, rows, amplitude, length, progress)
+            else:
+                run = report.simulate(settings, length, events, progress)
+        summary = report.summarise(run)
+        report.write_csv(run, csv)
+        report.picture(run, title, png)
+    console = _console()
+    console.print(report.table(run, summary, title))
+    wall = time.perf_counter() - started
+    console.print(f"{run.end_s:.3f} s of mirror time in {wall:.1f} s")
+    console.print(f"{out}, {out.with_suffix('.png')}", highlight=False)
+    if run.fault and recording is None:
+        raise typer.Exit(1)
+
+
+def _happening(events: "MirrorEvents") -> str:
+    """Return what happens in a run, for its title."""
+    parts = []
+    if events.drift_hz:
+        parts.append(f"natural frequency {events.drift_hz:+g} Hz")
+    if events.shock_rad_per_s:
+        parts.append(f"shock of {events.shock_rad_per_s:g} rad/s")
+    if events.drop_every:
+        parts.append(f"one index pass of {events.drop_every} lost")
+    return "".join(f", {part}" for part in parts)
+
+
+def _mirror_settings(path: Path | None, jitter_ns: float | None) -> Config:
+    """Return the configuration with the jitter asked for."""
+    settings = configuration.load(path)
+    if jitter_ns is None:
+        return settings
+    _check_range("--jitter-ns", jitter_ns, 0.0, 1e6)
+    mems = settings.mems.model_copy(update={"jitter_ns": jitter_ns})
+    return settings.model_copy(update={"mems": mems})
+
+
+def _check_range(name: str, value: float, low: float, high: float) -> None:
+    if not low <= value <= high:  # also what is not a number
+        raise InputError(f"{name}: must be {low:g} to {high:g} ({value:g})")
 
 
 @app.command()

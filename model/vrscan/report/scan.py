@@ -1,7 +1,7 @@
 """A simulated scan against its truth: the table of errors and the picture."""
 
 from dataclasses import dataclass
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import matplotlib as mpl
 import numpy as np
@@ -13,6 +13,7 @@ from vrscan.arrays import Bools, Floats
 from vrscan.config import Config
 from vrscan.ideal.peak import threshold
 from vrscan.lines import Lines, Truth
+from vrscan.report.style import COLOURS, INK, LIGHT, QUIET, STYLE
 from vrscan.table import Table
 
 
@@ -105,25 +106,6 @@ def error_table(errors: list[Errors], title: str) -> RichTable:
     return grid
 
 
-_INK, _QUIET, _LIGHT = "#1f2933", "#7b8794", "#d5dae0"
-_COLOURS = ("#2a6f97", "#c8553d", "#3a7d44", "#7b4b94")
-_STYLE: dict[Any, Any] = {
-    "font.size": 9,
-    "axes.edgecolor": _QUIET,
-    "axes.labelcolor": _INK,
-    "axes.titlecolor": _INK,
-    "axes.titlesize": 10,
-    "axes.titlelocation": "left",
-    "axes.titleweight": "bold",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "xtick.color": _QUIET,
-    "ytick.color": _QUIET,
-    "legend.frameon": False,
-    "legend.fontsize": 8,
-}
-
-
 def picture(recording: Lines, result: Table, config: Config, title: str, file: BinaryIO) -> None:
     """Draw profile with truth, error along the scan, and one raw line with its window.
 
@@ -137,15 +119,15 @@ def picture(recording: Lines, result: Table, config: Config, title: str, file: B
     truth = recording.truth
     if truth is None:
         raise ValueError("picture: lines without truth")
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         figure = Figure(figsize=(10.0, 9.2), layout="constrained")  # no window system involved
-        figure.suptitle(title, x=0.012, ha="left", fontsize=12, fontweight="bold", color=_INK)
+        figure.suptitle(title, x=0.012, ha="left", fontsize=12, fontweight="bold", color=INK)
         grid = figure.add_gridspec(3, 1, height_ratios=(1.5, 1.0, 1.0))
         _draw_profile(figure.add_subplot(grid[0]), result, truth)
         _draw_error(figure.add_subplot(grid[1]), recording, result, truth)
         _draw_line(figure.add_subplot(grid[2]), recording, result, config, truth)
         for axes in figure.axes:
-            axes.grid(color=_LIGHT, linewidth=0.5)
+            axes.grid(color=LIGHT, linewidth=0.5)
             axes.set_axisbelow(True)
         figure.savefig(file, format="png", dpi=130)
 
@@ -154,14 +136,14 @@ def _draw_profile(axes: Axes, result: Table, truth: Truth) -> None:
     """Points over the true profile, which is broken where the surface jumps."""
     jump = np.flatnonzero(np.abs(np.diff(truth.z_mm)) > 5.0) + 1
     x, z = np.insert(truth.x_mm, jump, np.nan), np.insert(truth.z_mm, jump, np.nan)
-    axes.plot(x, z, color=_LIGHT, linewidth=5.0, solid_capstyle="round", label="truth", zorder=1)
+    axes.plot(x, z, color=LIGHT, linewidth=5.0, solid_capstyle="round", label="truth", zorder=1)
     for index, name in enumerate(truth.names):
         rows = result.located & (truth.surface == index)
         axes.plot(
             result.x_mm[rows],
             result.z_mm[rows],
             ".",
-            color=_COLOURS[index % len(_COLOURS)],
+            color=COLOURS[index % len(COLOURS)],
             markersize=2.0,
             label=f"{name}, {rows.sum()} points",
         )
@@ -171,7 +153,7 @@ def _draw_profile(axes: Axes, result: Table, truth: Truth) -> None:
             truth.x_mm[hidden],
             truth.z_mm[hidden],
             "x",
-            color=_QUIET,
+            color=QUIET,
             markersize=3.0,
             label=f"hidden from the camera, {hidden.sum()} lines",
         )
@@ -193,13 +175,13 @@ def _draw_error(axes: Axes, recording: Lines, result: Table, truth: Truth) -> No
         angle,
         -2.0 * sigma,
         2.0 * sigma,
-        color=_LIGHT,
+        color=LIGHT,
         linewidth=0,
         label="twice the predicted sigma",
     )
     for index in range(len(truth.names)):
         rows = truth.surface == index
-        colour = _COLOURS[index % len(_COLOURS)]
+        colour = COLOURS[index % len(COLOURS)]
         axes.plot(angle[rows], error[rows], ".", color=colour, markersize=2.0)
     beyond = np.abs(np.nan_to_num(error)) > limit
     if beyond.any():
@@ -207,7 +189,7 @@ def _draw_error(axes: Axes, recording: Lines, result: Table, truth: Truth) -> No
             angle[beyond],
             np.sign(error[beyond]) * limit * 0.97,
             "d",
-            color=_INK,
+            color=INK,
             markersize=2.5,
             label=f"beyond the axis, {beyond.sum()} points",
         )
@@ -245,11 +227,11 @@ def _draw_line(axes: Axes, recording: Lines, result: Table, config: Config, trut
         linewidth=0,
         label=f"window, {right - left + 1} px",
     )
-    axes.step(pixel, recording.lines[row, first:last], where="mid", color=_COLOURS[0], linewidth=1)
-    axes.axhline(level, color=_COLOURS[1], linewidth=1, label=f"threshold, {level:.0f} counts")
+    axes.step(pixel, recording.lines[row, first:last], where="mid", color=COLOURS[0], linewidth=1)
+    axes.axhline(level, color=COLOURS[1], linewidth=1, label=f"threshold, {level:.0f} counts")
     axes.axvline(
         result.position_px[row],
-        color=_INK,
+        color=INK,
         linewidth=1,
         linestyle="--",
         label=f"position, {result.position_px[row]:.3f} ± {result.sigma_px[row]:.3f} px"
