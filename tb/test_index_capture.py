@@ -567,13 +567,20 @@ async def reset_in_every_state(dut) -> None:
     """A reset at every moment of a life with every fault leaves nothing behind."""
     bench = await begin(dut)
     o = bench.oversample
-    settings = Settings(2, 70, 90, 130)
     life = np.concatenate([pulse(8, 75, 10, o), pulse(2, 1, 70, o), pulse(0, 66, 8, o)])
     gate = np.ones_like(life)
     gate[: 3 * o] = 0
+    # Two outwards, the gate closed between them.
+    life = np.concatenate([life, pulse(60, 70, 0, o), pulse(8, 72, 3, o)])
+    gate = np.concatenate([gate, pulse(0, 130, 3, o), np.ones(80 * o, np.int64)])
     comparator_words, gate_words = clocks(life, o), clocks(gate, o)
     probe_words = clocks(pulse(0, 80, 70, o), o)
+    await bench.start(Settings(2, 70, 90, 130))
+    await bench.clocks(comparator_words, gate_words)
+    await bench.hold(0, 40)
+    assert {kind for _, kind in bench.events} == set(STROBES) and bench.twin.glitch_count
     for age in range(1, len(comparator_words) + 40):
+        settings = Settings(1 + age // 6 % 2, 70, 90, 130)
         await bench.start(settings)
         part = min(age, len(comparator_words))
         await bench.clocks(comparator_words[:part], gate_words[:part])

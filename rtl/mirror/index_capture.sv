@@ -193,13 +193,10 @@ module index_capture #(
     end
     if (glitch_q && glitch_count_o != '1) glitch_count_o <= glitch_count_o + CountWidth'(1);
 
+    // A closed gate clears the levels and bursts behind it.
     if (rst_i) begin
       open_q             <= 1'b0;
       open_q2            <= 1'b0;
-      uniform_q          <= 1'b0;
-      settled_q          <= 1'b0;
-      known_q            <= 1'b0;
-      burst_q            <= 1'b0;
       crossing_q         <= 1'b0;
       glitch_q           <= 1'b0;
       started_q          <= 1'b0;
