@@ -10,6 +10,7 @@ MARK = 0.2967
 WIDTH = 60e-6  # rad: much less than the instrument's, so that a pass is short
 SPEED = 314.0  # rad/s, at 17 of 20.5 degrees
 BEND = -7e5  # rad/s^2
+TOP_RAD = 20e-6
 HALF_PASS = 64  # clocks from a pass's beginning to about its middle
 NOISE_HZ = 20.0e6
 ELABORATIONS = [
@@ -24,6 +25,9 @@ class Bench:
         self.dut = dut
         self.clock_s = 1.0 / int(dut.ClockHz.value)
         self.oversample = parameters()["IndexOversample"]
+        self.turn = (
+            0.0  # rad/s^2: the beam turns back in the pass's middle, TOP_RAD beyond the mark
+        )
 
     async def start(self, *, mark: float = MARK, jitter: float = 0.0, seed: int = 1) -> None:
         """Reset with the laser on."""
@@ -42,6 +46,9 @@ class Bench:
         sign = np.sign(self.mark)
         along = 1.0 if outward else -1.0
         t = (clocks - middle) * self.clock_s
+        if self.turn:
+            angle = self.mark + sign * (TOP_RAD - self.turn * t**2 / 2.0)
+            return angle, -sign * self.turn * t, 0 * t - sign * self.turn, 0 * t
         angle = self.mark + sign * (along * SPEED * t + BEND * t**2 / 2.0)
         return angle, sign * (along * SPEED + BEND * t), 0 * t + sign * BEND, 0 * t
 
@@ -109,7 +116,7 @@ async def crossing_times(bench: Bench, passes: int) -> tuple[np.ndarray, np.ndar
     draw = generator(2)
     late, changes = np.empty(passes), np.empty(passes, int)
     for k in range(passes):
-        middle, outward = HALF_PASS + draw.uniform(-2.0, 2.0), bool(k % 2)
+        middle, outward = HALF_PASS + draw.uniform(-2.0, 2.0), bool(k // 2 % 2)
         comparator, gate = await bench.run(middle, outward)
         seen = comparator[gate == 1] == outward
         end = bench.times(gate.size)[gate == 1][-1]
@@ -157,6 +164,24 @@ def chatter(bench: Bench, noise_rad: float, passes: int) -> tuple[float, float]:
     late = (t[:, -1] - (beyond.sum(axis=1) - 0.5) * step_s) * 1e9
     changes = np.count_nonzero(np.diff(beyond.astype(int), axis=1), axis=1)
     return float(np.sqrt(np.mean(np.square(late)))), float(changes.mean())
+
+
+@cocotb.test()
+async def a_pass_ends_where_the_beam_turns_back(dut) -> None:
+    """Out and back without leaving the diode: two shifts that know nothing of each other."""
+    bench = Bench(dut)
+    await bench.start(jitter=20e-9)
+    bench.turn = 1.5e9
+    away = np.sqrt(2.0 * TOP_RAD / bench.turn) / bench.clock_s
+    shifts = []
+    for _ in range(150):
+        comparator, gate = await bench.run(HALF_PASS, True)
+        beyond = bench.times(gate.size)[(comparator & gate) == 1]
+        shifts.append((beyond[0] - HALF_PASS + away, beyond[-1] - HALF_PASS - away))
+    out, back = np.array(shifts).T * bench.clock_s * 1e9
+    print(f"turning back: {out.std():.1f} and {back.std():.1f} ns rms, want 20")
+    assert 14.0 < out.std() < 26.0 and 14.0 < back.std() < 26.0
+    assert abs(np.corrcoef(out, back)[0, 1]) < 4.0 / np.sqrt(150)
 
 
 @cocotb.test()
