@@ -179,7 +179,9 @@ class MirrorLoop:
         """
         self._sync_mirror()
         self._sync_line()
-        angle, saturated = self._angles([self._angle_of])
+        angle, saturated = 0, 0
+        if self.angle_valid:
+            angle, saturated = (int(column[0]) for column in self._angles([self._angle_of]))
         values = {
             **{name: getattr(self.drive, name) for name in _OF_DRIVE},
             **{name: getattr(self.trigger, name) for name in _OF_TRIGGER},
@@ -193,8 +195,8 @@ class MirrorLoop:
             "error": self.phase.error,
             "angle_valid": self.angle_valid,
             "angle_line": self.angle_line,
-            "angle": angle[0],
-            "mirror_flags": self._flags | saturated[0],
+            "angle": angle,
+            "mirror_flags": self._flags | saturated,
             "confidence": self._confidence,
             "amplitude": self.amplitude,
         }

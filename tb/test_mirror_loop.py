@@ -1,0 +1,357 @@
+"""mirror_loop: every clock of the wiring against the twin, with the index of a made-up mirror."""
+
+import itertools
+from types import SimpleNamespace
+
+import cocotb
+import numpy as np
+import pytest
+from harness import FallingEdge, as_integer, drive, generator, parameters, reset, simulate
+
+from vrscan.fixed import pkg
+from vrscan.fixed.mirror_loop import ANGLE_LATENCY, LINE, MEASUREMENT, MirrorLoop
+from vrscan.fixed.mirror_phase import TABLE_SIZE
+from vrscan.mirror import LINE as ENGINE_LINE
+from vrscan.mirror import MEASUREMENT as ENGINE_MEASUREMENT
+from vrscan.mirror import SAMPLES
+from vrscan.mirror_registers import PORTS
+
+ELABORATIONS = [
+    {"IndexOversample": 4, "CountWidth": 16},
+    {"IndexOversample": 8, "CountWidth": 2},
+]
+PERIOD_CLKS = 1200  # of the made-up mirror
+MARK_TURNS, WIDTH_TURNS, AMPLITUDE_TURNS = 0.04, 0.005, 0.05
+OFF, SWEEP, SETTLE = pkg.MIRROR_OFF, pkg.MIRROR_SWEEP, pkg.MIRROR_SETTLE
+RUN, FAULT = pkg.MIRROR_RUN, pkg.MIRROR_FAULT
+NOT_RUNNING, INDEX_FAULT, UNSETTLED = (
+    1 << bit - pkg.FLAG_NOT_RUNNING
+    for bit in (pkg.FLAG_NOT_RUNNING, pkg.FLAG_INDEX_FAULT, pkg.FLAG_UNSETTLED)
+)
+SIGNED = {"angle", "error"}
+WITH_ANGLE = ("angle_line", "angle", "mirror_flags", "confidence", "amplitude")
+WITH_MEASUREMENT = ("measured", "error")
+CONTROL = ("comparator", "gate", "enable", "line_enable")  # inputs of a clock
+
+
+def amplitude(turns: float) -> int:
+    """Return an amplitude or a middle as the ports have it."""
+    return round(turns * 2**pkg.AMPLITUDE_FRACTION)
+
+
+def registers(draw: np.random.Generator, **changes: int) -> SimpleNamespace:
+    """Return a configuration with which everything happens within some periods."""
+    word = round(2**pkg.TURN_WIDTH / PERIOD_CLKS)
+    line_clks = int(draw.choice([ANGLE_LATENCY - 3, ANGLE_LATENCY + 4, 2 * ANGLE_LATENCY + 9]))
+    pulse_clks = int(draw.integers(0, 60))
+    shock = amplitude(0.05 * AMPLITUDE_TURNS)
+    h = np.arange(TABLE_SIZE) / (4.0 * TABLE_SIZE)
+    table = np.minimum(
+        np.round(MARK_TURNS / np.cos(2.0 * np.pi * h) * 2.0**pkg.AMPLITUDE_FRACTION),
+        (1 << pkg.AMPLITUDE_WIDTH) - 1,
+    )
+    motion = draw.integers(-9000, 9000, pkg.HARMONIC_COUNT)
+    motion[0] = (1 << pkg.MOTION_FRACTION) * int(draw.choice([1, 1, 1, -1]))
+    if draw.random() < 0.2:
+        motion[:] = (1 << (pkg.MOTION_WIDTH - 1)) - 1  # an angle that does not fit
+    values = {
+        "sweep_word": word + 40_000_000,
+        "work_word": word,
+        "sweep_rate": (1 << 32) - 1 - int(draw.integers(1 << 30)),
+        "duty": int(draw.integers(1 << 14, 1 << 16)),
+        "sweep_level": int(draw.integers(1, 1 << pkg.LEVEL_WIDTH)),
+        "sweep_timeout": 1 << 30,
+        "settle_timeout": 20 * PERIOD_CLKS,
+        "lost_timeout": 3 * PERIOD_CLKS,
+        "glitch_clks": int(draw.integers(1, 4)),
+        "width_min_clks": 70,
+        "width_max_clks": 500,
+        "period_max_clks": PERIOD_CLKS * 9 // 8,
+        "phase_shift": 1,
+        "rate_shift": 14,
+        "amplitude_shift": int(draw.integers(3)),
+        "error_limit": 1 << 22,
+        "amplitude_set": amplitude(AMPLITUDE_TURNS),
+        "k_p": int(draw.integers(1 << 13)),
+        "k_i": int(draw.integers(1 << 17)),
+        "level_min": 300_000,
+        "level_low": 690_000,
+        "level_nominal": 700_000,
+        "level_high": 710_000,
+        "level_max": 1_000_000,
+        "trim_step": int(draw.integers(1 << 20)),
+        "trim_gain": int(draw.integers(1 << 12)),
+        "trim_min": -int(draw.integers(1 << 31)),
+        "trim_max": int(draw.integers(1 << 31)),
+        "trim_up": int(draw.integers(2)),
+        "settle_limit": shock // 2,
+        "shock_limit": shock,
+        "phase_limit": 1 << 21,
+        "settle_count": int(draw.integers(1, 3)),
+        "hold_count": int(draw.integers(1, 3)),
+        "confidence_gain": round(255 / shock * 2**20),
+        "ratio": round(PERIOD_CLKS / line_clks * 2**pkg.RATIO_FRACTION),
+        "exposure_delay_clks": int(draw.integers(10)),
+        "exposure_clks": int(draw.integers(10, line_clks * 3 // 2)),
+        "pulse_delay_clks": int(draw.integers(30)),
+        "pulse_clks": pulse_clks,
+        "motion_a": motion.tolist(),
+        "motion_phi": draw.integers(1 << pkg.PHASE_WIDTH, size=pkg.HARMONIC_COUNT).tolist(),
+        "table_amplitude": table.astype(int).tolist(),
+        "table_midpoint": draw.integers(-2000, 2000, TABLE_SIZE).tolist(),
+    }
+    return SimpleNamespace(**values | changes)
+
+
+def index(
+    draw: np.random.Generator,
+    clocks: int,
+    oversample: int,
+    *,
+    start: float | None = None,
+    quiet: bool = False,
+) -> tuple[list[int], list[int]]:
+    """Return comparator and gate, a word a clock, of a cosine that is disturbed in its second half.
+
+    It is at ``start`` turns at the first sample's time; ``quiet`` leaves the disturbances out.
+    """
+    time = np.arange(clocks * oversample) / oversample
+    turns = time / PERIOD_CLKS + (draw.random() if start is None else start)
+    size = np.full(time.shape, AMPLITUDE_TURNS)
+    passes = np.floor(turns + 0.5).astype(int)
+    count = int(passes[-1]) + 1
+    kind = np.zeros(count, int)
+    if not quiet:
+        disturbed = np.arange((count + 1) // 2, count)
+        kind[disturbed] = np.resize(1 + draw.permutation(6), disturbed.size)
+    for k in np.flatnonzero(kind == 1):  # a shock, and what it leaves for some periods
+        size[(passes >= k) & (passes < k + 3)] *= 1.0 + draw.uniform(-0.2, 0.2)
+    angle = size * np.cos(2.0 * np.pi * turns)
+    gate = np.abs(angle - MARK_TURNS) < WIDTH_TURNS
+    beyond = angle > MARK_TURNS
+    of = kind[passes]
+    gate &= of != 2  # lost
+    gate = np.where(of == 3, np.cos(time / 20.0) > 0.0, gate)  # one outward after the other
+    beyond = np.where(of == 3, np.sin(time / 20.0) > 0.0, beyond)
+    beyond ^= (of == 4) & (draw.random(time.shape) < 0.02)  # chatter
+    gate |= of == 5  # edges too close together
+    beyond ^= (of == 5) & (np.sin(time / 9.0) > 0.0)
+    beyond &= of != 6  # a dead comparator
+    meaningless = np.sin(time / 170.0) > 0.0
+    beyond = np.where(gate, beyond, meaningless)
+    weights = 1 << np.arange(oversample)
+    comparator, opened = (
+        bits.reshape(clocks, oversample).astype(int) @ weights for bits in (beyond, gate)
+    )
+    return comparator.tolist(), opened.tolist()
+
+
+def packed(values: list[int], width: int) -> int:
+    """Return numbers side by side, the first one lowest."""
+    return sum((value & (1 << width) - 1) << width * k for k, value in enumerate(values))
+
+
+def switched(draw: np.random.Generator, clocks: int, on: float, off: float) -> list[bool]:
+    """Return an input that is on and off for random times around the given ones."""
+    parts, total, level = [], 0, True
+    while total < clocks:
+        parts.append(np.full(1 + int(draw.exponential(on if level else off)), level))
+        total += len(parts[-1])
+        level = not level
+    return np.concatenate(parts)[:clocks].tolist()
+
+
+class Bench:
+    """Drives the RTL and its twin with the same inputs and compares every output every clock."""
+
+    def __init__(self, dut) -> None:
+        self.dut = dut
+        self.inputs = {name: getattr(dut, f"{name}_i") for name in CONTROL}
+        self.outputs = {h._name[:-2]: h for h in dut if h._name.endswith("_o")}
+        self.given: dict[str, int] = {}
+        self.seen: set[tuple[str, int]] = set()
+        self.angles = self.measurements = 0
+
+    async def start(self, given: SimpleNamespace) -> None:
+        """Set the configuration, write the table, and end a reset."""
+        dut = self.dut
+        dut.rst_i.value = 1
+        for name in PORTS:
+            drive(getattr(dut, f"{name}_i"), getattr(given, name))
+        drive(dut.motion_a_i, packed(given.motion_a, pkg.MOTION_WIDTH))
+        drive(dut.motion_phi_i, packed(given.motion_phi, pkg.PHASE_WIDTH))
+        dut.table_write_i.value = 1
+        table = zip(given.table_amplitude, given.table_midpoint, strict=True)
+        for k, (turns, middle) in enumerate(table):
+            dut.table_index_i.value = k
+            dut.table_amplitude_i.value = turns
+            drive(dut.table_midpoint_i, middle)
+            await FallingEdge(dut.clk_i)
+        dut.table_write_i.value = 0
+        await self.restart(given)
+
+    async def restart(self, given: SimpleNamespace) -> None:
+        """Reset for a clock."""
+        self.dut.rst_i.value = 1
+        await FallingEdge(self.dut.clk_i)
+        self.dut.rst_i.value = 0
+        widths = parameters()
+        self.twin = MirrorLoop(given, widths["IndexOversample"], widths["CountWidth"])
+        self.check()
+
+    async def clock(self, *inputs: int) -> None:
+        """Go on by a clock with the inputs of ``CONTROL``."""
+        for name, value in zip(CONTROL, inputs, strict=True):
+            if self.given.get(name) != value:
+                self.inputs[name].value = value
+                self.given[name] = value
+        await FallingEdge(self.dut.clk_i)
+        self.twin.step(**self.given)
+        self.check()
+
+    def check(self) -> None:
+        """Compare all that is defined."""
+        want = self.twin.ports()
+        assert want.keys() == self.outputs.keys()
+        for valid, names in (("angle_valid", WITH_ANGLE), ("measured_valid", WITH_MEASUREMENT)):
+            if not want[valid]:
+                for name in names:
+                    del want[name]
+        for name, value in want.items():
+            got = as_integer(self.outputs[name], signed=name in SIGNED)
+            assert got == value, (
+                f"clock {self.twin.clock}: {name} is {got}, want {value}; inputs {self.given}"
+            )
+        self.seen.add(("fault", want["fault"]))
+        self.seen |= {(name, want[name] > 0) for name in want if name.endswith("_count")}
+        self.seen.add(("half", bool(want["centre"] and want["centre_half"])))
+        self.measurements += want["measured_valid"]
+        if want["angle_valid"]:
+            self.angles += 1
+            self.seen.add(("sure", want["confidence"] > 0))
+            for bit in (NOT_RUNNING, INDEX_FAULT, UNSETTLED):
+                self.seen.add(("flag" if want["mirror_flags"] & bit else "clear", bit))
+
+
+async def begin(dut) -> Bench:
+    """Return a bench."""
+    await reset(dut)
+    return Bench(dut)
+
+
+@cocotb.test()
+async def random_inputs_and_resets(dut) -> None:
+    """Starts, stops, shocks, lost and false passes, and a reset in every state."""
+    draw = generator(1)
+    bench = await begin(dut)
+    resets = set()
+    quick = [{}, {"sweep_timeout": 300}, {"settle_timeout": 2000}, {"lost_timeout": 10}]
+    for episode in range(10):
+        clocks = int(draw.integers(4000, 9000)) if episode else 4 * PERIOD_CLKS
+        given = registers(draw, **quick[episode % len(quick)])
+        samples = index(draw, clocks, parameters()["IndexOversample"], quiet=episode == 0)
+        enable = switched(draw, clocks, 9000 << episode % 4, 100)
+        line_enable = switched(draw, clocks, 3000, 300)
+        await bench.start(given)
+        for row in zip(*samples, enable, line_enable, strict=True):
+            await bench.clock(*row)
+        for on in (True, False, True):
+            resets.add(bench.twin.drive.state)
+            await bench.restart(given)
+            for k in range(int(draw.integers(40))):
+                await bench.clock(samples[0][k], samples[1][k], on, True)
+    assert resets == {OFF, SWEEP, SETTLE, RUN, FAULT}
+    events = ("doubled_count", "missing_count", "glitch_count", "impossible_count", "overrun_count")
+    flags = (NOT_RUNNING, INDEX_FAULT, UNSETTLED)
+    missed = {
+        *itertools.product(["fault"], range(1 + pkg.FAULT_INDEX)),
+        *itertools.product(events, [False, True]),
+        *itertools.product(["flag", "clear"], flags),
+        *itertools.product(["half", "sure"], [False, True]),
+    } - bench.seen
+    assert not missed
+    print(f"{bench.angles} angles, {bench.measurements} measurements")
+
+
+@cocotb.test()
+async def a_quiet_mirror_runs_without_flags(dut) -> None:
+    """From OFF to RUN; then every line has an angle that is right, no flag and full confidence."""
+    draw = generator(2)
+    bench = await begin(dut)
+    motion = [1 << pkg.MOTION_FRACTION] + [0] * (pkg.HARMONIC_COUNT - 1)
+    given = registers(
+        draw,
+        sweep_word=round(2**pkg.TURN_WIDTH / PERIOD_CLKS),
+        pulse_clks=7,
+        ratio=4 << pkg.RATIO_FRACTION,
+        motion_a=motion,
+        motion_phi=[0] * pkg.HARMONIC_COUNT,
+        table_midpoint=[0] * TABLE_SIZE,
+    )
+    start = float(draw.random())
+    clocks = 14 * PERIOD_CLKS
+    samples = index(draw, clocks, parameters()["IndexOversample"], start=start, quiet=True)
+    await bench.start(given)
+    good = 0
+    centre = 0.0
+    for row in zip(*samples, strict=True):
+        await bench.clock(*row, True, True)
+        twin = bench.twin
+        if twin.angle_valid and twin.drive.state == RUN:
+            port = twin.ports()
+            assert port["mirror_flags"] == 0 and port["confidence"] >= 250
+            want = AMPLITUDE_TURNS * np.cos(2.0 * np.pi * (start + centre / PERIOD_CLKS))
+            assert port["angle"] / 2**pkg.ANGLE_WIDTH == pytest.approx(want, abs=3e-5)
+            good += 1
+        if twin.trigger.centre:
+            centre = twin.clock + 0.5 * twin.trigger.centre_half
+    assert good > 16
+
+
+@pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
+def test_mirror_loop_rtl_equals_model(widths: dict[str, int]) -> None:
+    simulate("mirror_loop", __file__, widths)
+
+
+# ---- the model alone ----
+
+
+def test_running_is_stepping() -> None:
+    """Runs of any length, cut anywhere, report what every single clock shows."""
+    draw = generator(3)
+    lines = measurements = 0
+    for _ in range(8):
+        clocks = 20_000
+        given = registers(draw)
+        comparator, gate = (np.array(bits) for bits in index(draw, clocks, 4))
+        changed = np.flatnonzero(np.diff(comparator, prepend=0) | np.diff(gate, prepend=0))
+        samples = np.zeros(len(changed), SAMPLES)
+        samples["clock"] = changed
+        samples["comparator"], samples["gate"] = comparator[changed], gate[changed]
+        stepped, run = MirrorLoop(given), MirrorLoop(given)
+        cuts = sorted({0, clocks, *draw.integers(clocks, size=12).tolist()})
+        for begin, end in itertools.pairwise(cuts):
+            enable, line_enable = bool(draw.random() < 0.9), bool(draw.random() < 0.8)
+            for k in range(begin, end):
+                stepped.step(
+                    comparator=int(comparator[k]),
+                    gate=int(gate[k]),
+                    enable=enable,
+                    line_enable=line_enable,
+                )
+                assert stepped.ports()["angle_valid"] == stepped.angle_valid
+            want = stepped.run(end, samples[:0], enable=enable, line_enable=line_enable)
+            got = run.run(end, samples, enable=enable, line_enable=line_enable)
+            assert np.array_equal(got.lines, want.lines)
+            assert np.array_equal(got.measurements, want.measurements)
+            assert run.ports() == stepped.ports()
+            lines += len(got.lines)
+            measurements += len(got.measurements)
+    assert lines > 100 and measurements > 50
+
+
+def test_rows_are_the_engines() -> None:
+    """The same names in the same order, but for the true angle."""
+    assert ENGINE_LINE.names == (*LINE.names, "angle_true")
+    assert all(ENGINE_LINE[name] == LINE[name] for name in LINE.names)
+    assert ENGINE_MEASUREMENT == MEASUREMENT
