@@ -1,32 +1,18 @@
 """The Verilated ``vrscan_chain`` as an engine: built once a source state, called with arrays."""
 
 import ctypes
-import hashlib
-import os
-import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from filelock import FileLock
 
+from vrscan import verilated
 from vrscan.arrays import Ints, Pixels
 from vrscan.chain import MAX_WINDOW, latency
-from vrscan.errors import InputError
 from vrscan.fixed import pkg
 from vrscan.points import Points
 from vrscan.registers import Registers
-from vrscan.tools import (
-    build_folder,
-    repository_root,
-    rtl_folders,
-    rtl_module,
-    rtl_packages,
-    rtl_sources,
-    verilator_environment,
-)
+from vrscan.tools import repository_root, rtl_module
 
 # Configuration ports, in the order in which the engine takes them, with the fields of Registers.
 CONFIGURATION = (
@@ -65,77 +51,21 @@ def _result_widths(line_length: int) -> dict[str, int]:
     }
 
 
-def _call(command: list[str], environment: dict[str, str]) -> None:
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    if done.returncode:
-        print(done.stdout + done.stderr, file=sys.stderr)
-        raise InputError(f"rtl engine: {Path(command[0]).name} failed; its messages are above")
-
-
 def build(line_length: int, pixel_width: int, max_window: int) -> Path:
     """Return the shared object of an elaboration, built if the sources have changed.
 
     Raises:
         InputError: if a tool is missing or fails.
     """
-    root = repository_root()
-    harness = root / "tb" / "engine" / "engine.cpp"
-    environment = verilator_environment()
-    compiler = os.environ.get("CXX", "g++")
-    found = {name: shutil.which(name, path=environment["PATH"]) for name in ("verilator", compiler)}
-    for name, path in found.items():
-        if path is None:
-            raise InputError(f"rtl engine: {name} is missing: apt install {name}")
     parameters = {"LineLength": line_length, "PixelWidth": pixel_width, "MaxWindow": max_window}
     ports = (
         "#define CONFIGURATION(X) " + " ".join(f"X({name})" for name in CONFIGURATION) + "\n"
         "#define RESULTS(X) " + " ".join(f"X({name})" for name in RESULTS) + "\n"
     )
-    digest = hashlib.sha256(repr((parameters, ports, found)).encode())
-    for source in (*rtl_sources(), harness, Path(__file__)):
-        digest.update(source.read_bytes())
-    folder = build_folder() / "engine"
-    folder.mkdir(exist_ok=True)
-    library = folder / f"chain_{digest.hexdigest()[:16]}.so"
-    with FileLock(f"{library}.lock"):
-        if library.exists():
-            return library
-        print("vrscan: building the RTL engine", file=sys.stderr)
-        work = library.with_suffix(".work")  # the same name in every try: ccache knows it
-        work.mkdir(exist_ok=True)
-        (work / "ports.h").write_text(ports)
-        _call(
-            [
-                str(found["verilator"]), "--cc", "--build", "-j", str(os.cpu_count() or 1),
-                "-O3", "--noassert", "--x-assign", "fast", "-CFLAGS", "-fPIC",
-                "-MAKEFLAGS", "OPT_FAST=-O2",
-                "--top-module", "vrscan_chain", "--prefix", "Vchain", "--Mdir", str(work),
-                *(f"-G{name}={value}" for name, value in parameters.items()),
-                *(part for place in rtl_folders() for part in ("-y", str(place))),
-                *(str(file) for file in (*rtl_packages(), rtl_module("vrscan_chain"))),
-            ],
-            environment,
-        )  # fmt: skip
-        include = Path(environment.get("VERILATOR_ROOT") or _verilator_root(environment))
-        include = include / "include"
-        linked = work / library.name
-        _call(
-            [
-                str(found[compiler]), "-shared", "-fPIC", "-O2", "-std=c++17", "-pthread",
-                f"-I{work}", f"-I{include}", f"-I{include / 'vltstd'}", str(harness),
-                str(work / "Vchain__ALL.a"), str(work / "libverilated.a"), "-o", str(linked),
-            ],
-            environment,
-        )  # fmt: skip
-        linked.replace(library)
-        shutil.rmtree(work)
-    return library
-
-
-def _verilator_root(environment: dict[str, str]) -> str:
-    command = ["verilator", "--getenv", "VERILATOR_ROOT"]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    return done.stdout.strip()
+    harness = repository_root() / "tb" / "engine" / "engine.cpp"
+    return verilated.build(
+        "chain", harness, ports, [verilated.Design(rtl_module("vrscan_chain"), parameters)]
+    )
 
 
 def _signed(values: Ints, width: int) -> Ints:

@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <memory>
 
-#include "Vchain.h"
+#include "Vvrscan_chain.h"
 #include "ports.h"
 #include "verilated.h"
 
@@ -15,7 +15,7 @@ namespace {
 
 struct Engine {
   VerilatedContext context;
-  Vchain chain{&context, "chain"};
+  Vvrscan_chain chain{&context, "chain"};
   int64_t* results = nullptr;  // rows still to fill
   int64_t room = 0;
   int64_t count = 0;
@@ -48,7 +48,7 @@ extern "C" {
 
 void* engine_create(const uint64_t* configuration) {
   auto engine = std::make_unique<Engine>();
-  Vchain& chain = engine->chain;
+  Vvrscan_chain& chain = engine->chain;
   const uint64_t* value = configuration;
 #define LOAD(name) chain.name##_i = *value++;
   CONFIGURATION(LOAD)
@@ -68,7 +68,7 @@ int64_t engine_run(void* handle, const uint16_t* pixels, const uint32_t* angle,
                    const uint16_t* power, const uint8_t* mirror_flags, int64_t lines,
                    int64_t length, int64_t idle, int64_t* results, int64_t room) {
   Engine& engine = *static_cast<Engine*>(handle);
-  Vchain& chain = engine.chain;
+  Vvrscan_chain& chain = engine.chain;
   engine.results = results;
   engine.room = room;
   engine.count = 0;
