@@ -1,36 +1,40 @@
 // amplitude_control: holds the mirror's amplitude, and says how far its angle can be trusted.
 //
-// VR-SCAN IV-C, IV-D: the amplitude follows the mirror's natural frequency, so it is measured once a
-// period and controlled.  A PI loop sets the drive's level.  Where the level runs out, the drive's
-// frequency goes on in small steps: with level_o above level_high_i (below level_low_i) a step a
-// measurement, in the direction that gives more (less) amplitude, until the level has come back to
-// level_nominal_i.  A step is proportional to how far the level is off: steps of one size would
-// carry the frequency past its place, and ring.  The error e is also the detector of shocks and the measure of confidence.
+// VR-SCAN IV-C, IV-D: the amplitude follows the mirror's natural frequency, so it is measured once
+// a period and controlled.  A PI loop sets the drive's level.  Where the level runs out, the
+// drive's frequency goes on in small steps: with level_o above level_high_i (below level_low_i) a
+// step a measurement, in the direction that gives more (less) amplitude, until the level has come
+// back to level_nominal_i.  A step is proportional to how far the level is off: steps of one size
+// would carry the frequency past its place, and ring.  The error e is also the detector of shocks
+// and the measure of confidence.
 //
 // In SETTLE and RUN each valid_i is a measurement, e = amplitude_set_i - measured_i:
 //
 //   integrator  += k_i e, 20 fraction bits of a level step, exact; kept within level_min_i ..
-//               level_max_i.  It stands where the level, with the integrator as it was, is at or beyond
-//               the limit to which e drives it (anti-windup)
+//               level_max_i.  It stands where the level, with the integrator as it was, is at or
+//               beyond the limit to which e drives it (anti-windup)
 //   level_o     integrator + k_p e, to nearest, half up, kept within level_min_i .. level_max_i
-//   trim_o      +/- |level_o - level_nominal_i| trim_gain_i / 2**16 to nearest, half up, at most
-//               trim_step_i, kept within trim_min_i .. trim_max_i.  Of two limits that
-//               contradict each other the upper one holds, here and above
+//   trim_o      +/- |level_o - level_nominal_i| trim_gain_i / 2**16, to nearest, half up, at most
+//               trim_step_i; kept within trim_min_i .. trim_max_i.  Of limits that contradict each
+//               other the upper one is looked at first, here and above
 //   settled_o   settle_count_i measurements on end were good (0 is as 1), with no broken_i and no
-//               acquired_i between: |e| <= settle_limit_i, shock_limit_i and |error_i| <= phase_limit_i
+//               acquired_i between.  Good is an |e| of at most settle_limit_i and shock_limit_i
+//               and an |error_i| of at most phase_limit_i
 //   unsettled_o from |e| > shock_limit_i, |error_i| > phase_limit_i or acquired_i until settled_o
 //   index_fault_o  from broken_i until hold_count_i measurements on end were good (0 is as 1)
-//   confidence_o  255 - |e| confidence_gain_i / 2**20, to nearest, half down, at least 0; 0 while
+//   confidence_o   255 - |e| confidence_gain_i / 2**20, to nearest, half down, at least 0; 0 while
 //               unsettled_o or index_fault_o
 //   error_amplitude_o  e of the last measurement
 //
-// In all other states level_o is level_nominal_i, trim_o 0, settled_o low, unsettled_o high, and valid_i
-// is ignored; index_fault_o stays as it is.
+// In all other states level_o is level_nominal_i, trim_o 0, settled_o low, unsettled_o high, and
+// valid_i is ignored; index_fault_o stays as it is.
 //
-//   k_p_i, k_i_i  level steps (2**-20) per amplitude step (2**-28 turns), 16 and 20 fraction bits
+//   k_p_i, k_i_i  level steps (2**-20) an amplitude step (2**-28 turns), 16 and 20 fraction bits
+//   trim_gain_i   word steps a level step, 16 fraction bits
 //   Latency  44 clocks from valid_i to all outputs, a valid_i meanwhile starts anew: at least 44
 //            clocks lie between two measurements, and a mirror's period is far more.  broken_i,
-//            acquired_i and state_i to the outputs: 1 clock.  The configuration must hold meanwhile.
+//            acquired_i and state_i to the outputs: 1 clock.  The configuration must hold
+//            meanwhile.
 //   Model    vrscan.fixed.amplitude_control, bit-exact
 
 `default_nettype none
@@ -111,8 +115,8 @@ module amplitude_control (
   assign active = state_i == vrscan_pkg::MirrorStateWidth'(vrscan_pkg::MirrorSettle) ||
                   state_i == vrscan_pkg::MirrorStateWidth'(vrscan_pkg::MirrorRun);
 
-  // The clocks since valid_i; 0 is idle.  What stands below in the order of its ages is free-running:
-  // its operands hold long enough.
+  // The clocks since valid_i; 0 is idle.  What stands below in the order of its ages is
+  // free-running: its operands hold long enough.
   logic [AgeWidth-1:0] age_q;
   logic                commit;
   assign commit = age_q == Commit && !valid_i;
@@ -227,7 +231,7 @@ module amplitude_control (
     if (age_q == AgeWidth'(15)) stands_q <= e_q[EWidth-1] ? below_q : above_q;
 
     moved_q          <= MovedWidth'(signed'({1'b0, integrator_q})) + MovedWidth'(integral_q);
-    moved_above_q    <= moved_q > fine(level_max_i);
+    moved_above_q    <= moved_q >= fine(level_max_i);
     moved_below_q    <= moved_q < fine(level_min_i);
     integrator_new_q <= moved_above_q ? {level_max_i, {Fraction{1'b0}}} :
                         moved_below_q ? {level_min_i, {Fraction{1'b0}}} :
@@ -246,7 +250,7 @@ module amplitude_control (
                    + RateWidth'(product[vrscan_pkg::TrimGainFraction-1]);
     step_q      <= TrimStepWidth'(rate_q) > trim_step_i ? trim_step_i : TrimStepWidth'(rate_q);
     trim_sum_q  <= TrimSumWidth'(trim_o) + (more_new_q == trim_up_i ? trim_step : '0 - trim_step);
-    trim_above_q <= trim_sum_q > TrimSumWidth'(trim_max_i);
+    trim_above_q <= trim_sum_q >= TrimSumWidth'(trim_max_i);
     trim_below_q <= trim_sum_q < TrimSumWidth'(trim_min_i);
 
     // To nearest, half up.

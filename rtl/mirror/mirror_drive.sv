@@ -13,8 +13,8 @@
 //
 // enable_i low stops from every state: a pulse that is high ends as it would have, with level and
 // word as they are and the state's name kept, then comes OFF; where it is low OFF comes at once.  A
-// new enable_i counts from OFF.  A pulse that does not end (a word of 0) is cut off, 2**StopWidth + 1
-// clocks late.
+// new enable_i counts from OFF.  A pulse that does not end (a word of 0) is cut off 2**StopWidth +
+// 2 clocks after the first one with enable_i low.
 //
 //   sweep_word_i, work_word_i, word_o  turns a clock, 48 fraction bits: 4.4e-7 Hz a step at 125 MHz
 //   duty_i       the drive is high while frac(2 phase), its top 16 bits, is below duty_i

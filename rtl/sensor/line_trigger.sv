@@ -11,13 +11,13 @@
 //               it is not: then a line starts at once
 //   *_delay_clks_i  from line_start_o, exactly; *_clks_i 0 for none.  Sampled at a line's start.
 //   line_o      number of the line, 0 the first one after a reset; a stop does not set it back
-//   centre_o    in the clock that holds the middle of the pulse (delay + floor(pulse_clks / 2)), with
-//               centre_half_o where pulse_clks is odd and the middle half a clock later.  It comes
-//               without a pulse too: a dark line has an angle
-//   overrun_o   with line_start_o: pulse or exposure of the line before had not been low for a clock,
-//               or its centre had not come.  They are cut off, a centre is lost; what would join the
-//               one that was cut off (a delay of 0) is left out in this line.  So the laser is never
-//               high for more than pulse_clks_i clocks on end.
+//   centre_o    in the clock that holds the middle of the pulse, delay + floor(pulse_clks / 2),
+//               with centre_half_o where pulse_clks is odd and the middle half a clock later.  It
+//               comes without a pulse too: a dark line has an angle
+//   overrun_o   with line_start_o: pulse or exposure of the line before had not been low for a
+//               clock, or its centre had not come.  They are cut off, a centre is lost; what would
+//               join the one that was cut off (a delay of 0) is left out in this line.  So the
+//               laser is never high for more than pulse_clks_i clocks on end.
 //   enable_i    low: laser and exposure are low from the next clock, the accumulator starts anew
 //   Latency  enable_i to the first line_start_o: the latency of multiply + 5, 19 clocks; the
 //            accumulator's wrap to line_start_o: 2 clocks

@@ -95,6 +95,11 @@ class Settings:
                 raise ValueError(f"amplitude_control: {field.name} does not fit in {width} bits")
 
 
+def _within(value: int, low: int, high: int) -> int:
+    """Return a value within its limits; the upper one is looked at first."""
+    return high if value >= high else max(value, low)
+
+
 class AmplitudeControl:
     """Clock-accurate controller. A new one is as after a reset.
 
@@ -191,11 +196,12 @@ class AmplitudeControl:
         level = (integrator + proportional + _HALF) >> pkg.INTEGRAL_FRACTION
         if not (level <= low if e < 0 else level >= high):
             integrator += self.settings.k_i * e
-        integrator = max(integrator, low << pkg.INTEGRAL_FRACTION)
-        integrator = min(integrator, high << pkg.INTEGRAL_FRACTION)
+        integrator = _within(
+            integrator, low << pkg.INTEGRAL_FRACTION, high << pkg.INTEGRAL_FRACTION
+        )
         self._integrator = integrator
         level = (integrator + proportional + _HALF) >> pkg.INTEGRAL_FRACTION
-        self.level = min(max(level, low), high)
+        self.level = _within(level, low, high)
 
     def _set_trim(self) -> None:
         settings = self.settings
@@ -210,7 +216,7 @@ class AmplitudeControl:
             rate = abs(level - settings.level_nominal) * settings.trim_gain + _RATE_HALF
             step = min(rate >> pkg.TRIM_GAIN_FRACTION, settings.trim_step)
             trim = self.trim + (step if up else -step)
-            self.trim = min(max(trim, settings.trim_min), settings.trim_max)
+            self.trim = _within(trim, settings.trim_min, settings.trim_max)
 
     def idle(
         self, *, state: int, valid: bool, measured: int, error: int, acquired: bool, broken: bool
