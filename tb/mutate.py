@@ -289,7 +289,7 @@ FAULTS = [
             "step_q == StepWidth'(n)",
             "step_q + 1 == StepWidth'(n)",
         ),
-        ("the last harmonic forgotten", "< Lengthen;\n      start_q", "< 8;\n      start_q"),
+        ("the last harmonic forgotten", "(Harmonics - 1)", "(Harmonics - 2)"),
         ("sum of the phase before", "sum_q        <= '0;\n", ""),
         ("rounds down", "(SumWidth + 1)'(1 << (AngleDrop - 1))", "(SumWidth + 1)'(0)"),
         (
