@@ -210,7 +210,7 @@ module amplitude_control (
       e_q     <= signed'({1'b0, amplitude_set_i}) - signed'({1'b0, measured_i});
       error_q <= error_i;
     end else if (age_q != '0) begin
-      age_q <= age_q + AgeWidth'(1);  // wraps to idle
+      age_q <= commit ? '0 : age_q + AgeWidth'(1);
     end
 
     e_size_q     <= AmplitudeWidth'(e_q[EWidth-1] ? '0 - e_q : e_q);
