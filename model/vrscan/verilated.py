@@ -87,7 +87,7 @@ def build(name: str, harness: Path, ports: str, designs: Sequence[Design]) -> Pa
                 [
                     str(found["verilator"]), "--cc", "--build", "-j", str(os.cpu_count() or 1),
                     "-O3", "--noassert", "--x-assign", "fast", "-CFLAGS", "-fPIC",
-                    "-MAKEFLAGS", "OPT_FAST=-O3",
+                    "-MAKEFLAGS", "OPT_FAST=-O2",
                     "--top-module", design.top.stem, "--prefix", design.prefix(),
                     "--Mdir", str(work / design.prefix()),
                     *(f"-G{key}={value!r}" for key, value in design.parameters.items()),
