@@ -83,6 +83,9 @@ package vrscan_pkg;
   localparam int unsigned MotionWidth = 24;  // a_k
   localparam int unsigned MotionFraction = 22;
   localparam int unsigned HarmonicCount = 9;  // of (12): k = 1, 3 .. 17
+  localparam int unsigned SlopeMotionWidth = 24;  // of a_k and phi_k with the drive's phase, signed
+  localparam int unsigned MotionSlopeFraction = 22;  // a turn
+  localparam int unsigned PhiSlopeFraction = 16;  // turns a turn
   localparam int unsigned RatioWidth = 44;  // line rate over mirror frequency, unsigned
   localparam int unsigned RatioFraction = 32;
   localparam int unsigned LineClksWidth = 20;  // delays and lengths within a line, clocks

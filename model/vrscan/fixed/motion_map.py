@@ -1,0 +1,179 @@
+"""The mirror's harmonics at the phase of its drive, the twin of ``rtl/mirror/motion_map.sv``.
+
+VR-SCAN V-B: the harmonics of the motion (12) depend slightly on the phase of the drive against the
+mirror. Here a_k and phi_k are linear in it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vrscan.arrays import Ints
+from vrscan.fixed import pkg
+from vrscan.fixed.multiply import latency as multiply_latency
+from vrscan.fixed.multiply import multiply
+
+D_WIDTH = pkg.PHASE_WIDTH - 1  # ``DWidth``
+LATENCY = (
+    2 * pkg.HARMONIC_COUNT * (multiply_latency(D_WIDTH, pkg.SLOPE_MOTION_WIDTH) + 2) + 4
+)  # clocks from valid_i to the outputs, with busy_i low
+MOST_IDLE = 1 << 40
+
+_COMMIT = LATENCY - 1
+_OFFSET_DROP = pkg.TURN_WIDTH - pkg.PHASE_WIDTH
+_MOTION_DROP = pkg.MOTION_SLOPE_FRACTION + pkg.PHASE_WIDTH - pkg.MOTION_FRACTION
+_PHI_DROP = pkg.PHI_SLOPE_FRACTION
+_QUARTER = 1 << (pkg.PHASE_WIDTH - 2)
+_MOTION_END = 1 << (pkg.MOTION_WIDTH - 1)
+_SLOPE_END = 1 << (pkg.SLOPE_MOTION_WIDTH - 1)
+_TURN = 1 << pkg.PHASE_WIDTH
+# Of the arguments that are one a harmonic: the least value, and the one behind the largest.
+_HARMONICS = {
+    "a": (-_MOTION_END, _MOTION_END),
+    "phi": (0, _TURN),
+    "da": (-_SLOPE_END, _SLOPE_END),
+    "dphi": (-_SLOPE_END, _SLOPE_END),
+}
+
+
+def _change(d: Ints, slope: Ints, drop: int) -> Ints:
+    # To nearest, half up.
+    product = multiply(d, slope, a_width=D_WIDTH, b_width=pkg.SLOPE_MOTION_WIDTH)
+    return (product + (1 << (drop - 1))) >> drop
+
+
+def motion_map(
+    offset: Ints | int, drive_phase: Ints | int, a: Ints, phi: Ints, da: Ints, dphi: Ints
+) -> tuple[Ints, Ints, Ints]:
+    """Return the harmonics at a phase of the drive, exactly as the hardware rounds them.
+
+    Args:
+        offset: The drive's phase less the mirror's, turns, 48 fraction bits, u48. Any shape.
+        drive_phase: The offset at which ``a`` and ``phi`` hold, turns, 28 fraction bits, u28;
+            broadcast against ``offset``.
+        a: a_k there, 22 fraction bits, s24; the last axis is the harmonic, the others are
+            broadcast against ``offset``.
+        phi: phi_k there, turns, 28 fraction bits, u28, [..., 9] as ``a``.
+        da: Change of a_k a turn of the drive, 22 fraction bits, s24, [..., 9].
+        dphi: Change of phi_k, turns a turn, 16 fraction bits, s24, [..., 9].
+
+    Returns:
+        a_k and phi_k, int64 [..., 9] in the formats of ``a``, which saturates, and ``phi``, which
+        wraps; and the drive's phase less ``drive_phase``, turns, 28 fraction bits, s28, modulo half
+        a turn within -1/4 <= d < 1/4.
+
+    Raises:
+        ValueError: if an argument does not fit in its format or there are not 9 harmonics.
+    """
+    offset, drive_phase = np.asarray(offset, np.int64), np.asarray(drive_phase, np.int64)
+    a, phi, da, dphi = (np.asarray(v, np.int64) for v in (a, phi, da, dphi))
+    values = {"a": a, "phi": phi, "da": da, "dphi": dphi}
+    for name, value in values.items():
+        if value.shape[-1:] != (pkg.HARMONIC_COUNT,):
+            raise ValueError(f"motion_map: {name} must end in an axis of {pkg.HARMONIC_COUNT}")
+    limits = {"offset": (0, 1 << pkg.TURN_WIDTH), "drive_phase": (0, _TURN), **_HARMONICS}
+    for name, value in {"offset": offset, "drive_phase": drive_phase, **values}.items():
+        low, high = limits[name]
+        if value.size and (value.min() < low or value.max() >= high):
+            raise ValueError(f"motion_map: {name} is outside {low} to {high - 1}")
+    rounded = (offset + (1 << (_OFFSET_DROP - 1))) >> _OFFSET_DROP
+    # The sign of D_WIDTH bits.
+    d = ((rounded - drive_phase + _QUARTER) & (2 * _QUARTER - 1)) - _QUARTER
+    each = d[..., None]
+    motion = np.clip(a + _change(each, da, _MOTION_DROP), -_MOTION_END, _MOTION_END - 1)
+    return motion, (phi + _change(each, dphi, _PHI_DROP)) & (_TURN - 1), d
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Configuration.
+
+    Attributes:
+        drive_phase: Offset at which ``motion_a`` and ``motion_phi`` hold; u28, turns, 28 fraction
+            bits.
+        motion_a: a_k, k = 1, 3 .. 17; s24, 22 fraction bits.
+        motion_phi: phi_k; u28, turns, 28 fraction bits.
+        motion_da: Change of a_k a turn; s24, 22 fraction bits.
+        motion_dphi: Change of phi_k, turns a turn; s24, 16 fraction bits.
+
+    Raises:
+        ValueError: if a value does not fit, or there are not 9 of each.
+    """
+
+    drive_phase: int
+    motion_a: tuple[int, ...]
+    motion_phi: tuple[int, ...]
+    motion_da: tuple[int, ...]
+    motion_dphi: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        """Check the widths."""
+        if self.drive_phase not in range(_TURN):
+            raise ValueError(f"motion_map: drive_phase does not fit in {pkg.PHASE_WIDTH} bits")
+        for name, (low, high) in _HARMONICS.items():
+            values: Sequence[int] = getattr(self, f"motion_{name}")
+            if len(values) != pkg.HARMONIC_COUNT:
+                raise ValueError(f"motion_map: motion_{name} must be {pkg.HARMONIC_COUNT} values")
+            if min(values) < low or max(values) >= high:
+                raise ValueError(f"motion_map: motion_{name} is outside {low} to {high - 1}")
+
+
+class MotionMap:
+    """Clock-accurate map. A new one is as after a reset.
+
+    Args:
+        settings: The configuration ports.
+
+    Attributes:
+        a: a_k, k = 1, 3 .. 17; s24, 22 fraction bits.
+        phi: phi_k; u28, turns, 28 fraction bits.
+        offset: d that they belong to; s28, turns, 28 fraction bits.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.a = settings.motion_a
+        self.phi = settings.motion_phi
+        self.offset = 0
+        self._age = 0  # clocks since valid, 0 is idle; stands where the results wait
+        self._offset = 0
+
+    def step(self, *, valid: bool, offset: int, busy: bool) -> None:
+        """Go on by a clock."""
+        if self._age == _COMMIT:
+            if not busy:
+                self._age = 0
+                self._commit()
+        elif self._age:
+            self._age += 1
+        if valid:
+            self._age = 1
+            self._offset = offset
+
+    def _commit(self) -> None:
+        given = self.settings
+        a, phi, d = motion_map(
+            self._offset,
+            given.drive_phase,
+            np.array(given.motion_a),
+            np.array(given.motion_phi),
+            np.array(given.motion_da),
+            np.array(given.motion_dphi),
+        )
+        self.a = tuple(a.tolist())
+        self.phi = tuple(phi.tolist())
+        self.offset = int(d)
+
+    def idle(self, *, valid: bool, offset: int, busy: bool) -> int:
+        """Return for how many clocks these inputs change nothing but the age of the work."""
+        del offset
+        if valid:
+            return 0
+        return _COMMIT - self._age if self._age and not busy else MOST_IDLE
+
+    def skip(self, clocks: int, *, valid: bool, offset: int, busy: bool) -> None:
+        """Take ``clocks`` steps at once, at most as many as ``idle`` says with these inputs."""
+        del valid, offset, busy
+        if self._age:
+            self._age = min(self._age + clocks, _COMMIT)

@@ -1,0 +1,182 @@
+// motion_map: the harmonics of the mirror's motion at the phase at which it is driven.
+//
+// VR-SCAN V-B: the harmonics depend slightly on the phase of the drive against the mirror, which is
+// wherever the loop has come to rest.  So a_k and phi_k of (12) are linear in that phase:
+//
+//   d      offset_i - drive_phase_i.  The drive has twice the mirror's frequency, so half a turn
+//          more is the same drive: d is within -1/4 .. 1/4 turn, the upper end excluded
+//   a_k    motion_a_i + motion_da_i d, to nearest, half up; saturates
+//   phi_k  motion_phi_i + motion_dphi_i d, to nearest, half up; wraps
+//
+// One multiplier, a product at a time.  All results change in one clock, in which busy_i is low.
+//
+//   offset_i       drive's phase less the mirror's, turns; rounded to PhaseWidth bits, half up
+//   busy_i         somebody works with a_o and phi_o: they stay
+//   a_o, phi_o     as scan_angle takes them.  From reset to the first results they are motion_a_i
+//                  and motion_phi_i, a clock later, whatever busy_i is
+//   offset_o       d of these results, turns, signed, PhaseWidth bits of fraction; 0 before
+//   drive_phase_i  offset_i at which motion_a_i and motion_phi_i hold, turns
+//   motion_da_i    change of a_k a turn, MotionSlopeFraction bits
+//   motion_dphi_i  of phi_k, turns a turn, PhiSlopeFraction bits; all k = 1 in the lowest bits
+//   Latency        11 clocks a product and 4: 202 clocks from valid_i to the outputs, or 1 from the
+//                  first later clock in which busy_i is low; a valid_i before that clock starts
+//                  anew.  The configuration must hold meanwhile; a new one counts from the next
+//                  valid_i.
+//   Model          vrscan.fixed.motion_map, bit-exact
+
+`default_nettype none
+
+module motion_map #(
+  localparam int unsigned Harmonics  = vrscan_pkg::HarmonicCount,
+  localparam int unsigned MotionBits = Harmonics * vrscan_pkg::MotionWidth,
+  localparam int unsigned PhasesBits = Harmonics * vrscan_pkg::PhaseWidth,
+  localparam int unsigned SlopesBits = Harmonics * vrscan_pkg::SlopeMotionWidth
+) (
+  input  wire logic                                     clk_i,
+  input  wire logic                                     rst_i,
+
+  input  wire logic                                     valid_i,
+  input  wire logic        [ vrscan_pkg::TurnWidth-1:0] offset_i,
+  input  wire logic                                     busy_i,
+
+  output      logic        [            MotionBits-1:0] a_o,
+  output      logic        [            PhasesBits-1:0] phi_o,
+  output      logic signed [vrscan_pkg::PhaseWidth-1:0] offset_o,
+
+  input  wire logic        [vrscan_pkg::PhaseWidth-1:0] drive_phase_i,
+  input  wire logic        [            MotionBits-1:0] motion_a_i,
+  input  wire logic        [            PhasesBits-1:0] motion_phi_i,
+  input  wire logic        [            SlopesBits-1:0] motion_da_i,
+  input  wire logic        [            SlopesBits-1:0] motion_dphi_i
+);
+
+  localparam int unsigned MotionWidth = vrscan_pkg::MotionWidth;
+  localparam int unsigned PhaseWidth = vrscan_pkg::PhaseWidth;
+  localparam int unsigned SlopeWidth = vrscan_pkg::SlopeMotionWidth;
+  localparam int unsigned OffsetDrop = vrscan_pkg::TurnWidth - PhaseWidth;
+  localparam int unsigned DWidth = PhaseWidth - 1;
+  localparam int unsigned ProductWidth = DWidth + SlopeWidth;
+  localparam int unsigned MotionDrop =
+      vrscan_pkg::MotionSlopeFraction + PhaseWidth - vrscan_pkg::MotionFraction;
+  localparam int unsigned PhiDrop = vrscan_pkg::PhiSlopeFraction;
+
+  // The a_k, then the phi_k.
+  localparam int unsigned StepWidth = $clog2(2 * Harmonics + 1);
+  localparam logic [StepWidth-1:0] FirstPhi = StepWidth'(Harmonics);
+  localparam logic [StepWidth-1:0] LastPhi = StepWidth'(2 * Harmonics - 1);
+  localparam logic [StepWidth-1:0] Done = StepWidth'(2 * Harmonics);
+
+  logic [StepWidth-1:0] step_q;
+  logic                 of_phi, of_phi_q;
+  logic                 prepare_q, start_q, add_q, store_q, waiting_q;
+  logic                 mapped_q;  // there were results
+  logic                 commit;
+  assign of_phi = step_q >= FirstPhi;
+  assign commit = waiting_q && !busy_i;
+
+  // The step's constants; a_k is as wide as phi_k, so that one adder does for both.
+  logic        [SlopeWidth-1:0] slope;
+  logic        [PhaseWidth-1:0] base;
+  logic signed [SlopeWidth-1:0] slope_q;
+  logic        [PhaseWidth-1:0] base_q;
+  always_comb begin
+    slope = '0;
+    base  = '0;
+    for (int unsigned n = 0; n < Harmonics; n++) begin
+      if (step_q == StepWidth'(n)) begin
+        slope |= motion_da_i[SlopeWidth*n+:SlopeWidth];
+        base  |= PhaseWidth'(signed'(motion_a_i[MotionWidth*n+:MotionWidth]));
+      end
+      if (step_q == StepWidth'(Harmonics + n)) begin
+        slope |= motion_dphi_i[SlopeWidth*n+:SlopeWidth];
+        base  |= motion_phi_i[PhaseWidth*n+:PhaseWidth];
+      end
+    end
+  end
+
+  logic        [PhaseWidth-1:0] offset_q;
+  logic signed [    DWidth-1:0] d_q;
+
+  logic                           product_valid;
+  logic signed [ProductWidth-1:0] product;
+  multiply #(
+    .AWidth(DWidth),
+    .BWidth(SlopeWidth)
+  ) u_multiply (
+    .clk_i,
+    .rst_i    (rst_i || valid_i),  // the product of the work before must not count for the new one
+    .valid_i  (start_q),
+    .a_i      (d_q),
+    .b_i      (slope_q),
+    .valid_o  (product_valid),
+    .product_o(product)
+  );
+
+  // To nearest, half up.
+  logic [PhaseWidth-1:0] dropped, moved_q, sum_q;
+  logic                  half;
+  assign dropped = of_phi ? PhaseWidth'(product >>> PhiDrop) : PhaseWidth'(product >>> MotionDrop);
+  assign half    = of_phi ? product[PhiDrop-1] : product[MotionDrop-1];
+
+  localparam logic [MotionWidth-1:0] MotionMax = {1'b0, {(MotionWidth - 1) {1'b1}}};
+  logic [PhaseWidth-MotionWidth:0] signs;
+  logic                            fits;
+  logic [         MotionWidth-1:0] motion;
+  assign signs  = sum_q[PhaseWidth-1:MotionWidth-1];
+  assign fits   = signs == '0 || signs == '1;
+  assign motion = fits                ? sum_q[MotionWidth-1:0] :
+                  sum_q[PhaseWidth-1] ? ~MotionMax : MotionMax;
+
+  // Results move in from the top.  What earlier work has left has moved out when they are all there.
+  logic [MotionBits-1:0] a_q;
+  logic [PhasesBits-1:0] phi_q;
+
+  always_ff @(posedge clk_i) begin
+    d_q       <= signed'(DWidth'(offset_q - drive_phase_i));
+    slope_q   <= signed'(slope);
+    base_q    <= base;
+    moved_q   <= dropped + PhaseWidth'(half);
+    sum_q     <= base_q + moved_q;
+    prepare_q <= product_valid && step_q != LastPhi;
+    start_q   <= prepare_q;
+    add_q     <= product_valid;
+    store_q   <= add_q;
+    if (product_valid) begin
+      step_q   <= step_q + StepWidth'(1);
+      of_phi_q <= of_phi;
+    end
+    if (store_q && of_phi_q) phi_q <= {sum_q, phi_q[PhasesBits-1:PhaseWidth]};
+    if (store_q && !of_phi_q) a_q <= {motion, a_q[MotionBits-1:MotionWidth]};
+    if (store_q && step_q == Done) waiting_q <= 1'b1;
+
+    if (commit) begin
+      waiting_q <= 1'b0;
+      mapped_q  <= 1'b1;
+      a_o       <= a_q;
+      phi_o     <= phi_q;
+      offset_o  <= PhaseWidth'(d_q);
+    end else if (!mapped_q) begin
+      a_o   <= motion_a_i;
+      phi_o <= motion_phi_i;
+    end
+    if (valid_i) begin
+      offset_q  <= offset_i[OffsetDrop+:PhaseWidth] + PhaseWidth'(offset_i[OffsetDrop-1]);
+      step_q    <= '0;
+      prepare_q <= 1'b1;
+      waiting_q <= 1'b0;
+    end
+    if (rst_i) begin
+      step_q    <= '0;
+      prepare_q <= 1'b0;
+      start_q   <= 1'b0;
+      waiting_q <= 1'b0;
+      mapped_q  <= 1'b0;
+      a_o       <= motion_a_i;
+      phi_o     <= motion_phi_i;
+      offset_o  <= '0;
+    end
+  end
+
+endmodule
+
+`default_nettype wire
