@@ -265,15 +265,23 @@ def numbers(
     write: Annotated[
         bool, typer.Option("--write", help="Rewrite the tables of README.md and docs/numbers.md.")
     ] = False,
+    only: Annotated[
+        str, typer.Option(help="Measure what begins so: mirror, position, latency, ...")
+    ] = "",
 ) -> None:
     """Measure accuracy, efficiency, latency and speed; exit status 1 if a figure fails."""
     from vrscan.report import numbers as report
     from vrscan.tools import build_folder, repository_root
 
-    if quick and write:
-        raise InputError("--write: needs the full size (--quick is given)")
+    if write and (quick or only):
+        raise InputError(f"--write: needs all of it ({'--quick' if quick else '--only'} is given)")
+    stages = report.stages(report.QUICK if quick else report.FULL)
+    chosen = [stage for stage in stages if stage.name.startswith(only)]
+    if not chosen:
+        names = ", ".join(stage.name for stage in stages)
+        raise InputError(f"--only: nothing begins with {only!r}; there are {names}")
     figures = []
-    for stage in report.stages(report.QUICK if quick else report.FULL):
+    for stage in chosen:
         with _bar(stage.name, stage.steps) as progress:
             figures += stage.run(progress)
             progress(stage.steps)

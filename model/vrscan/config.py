@@ -110,20 +110,33 @@ class Mirror(_Section):
     frequency_hz: float = Field(default=249.0, gt=0, le=10_000)
     amplitude_deg: float = Field(default=20.5, gt=0, lt=90)
     index_deg: float = Field(default=17.0, gt=-90, lt=90)
-    # [a_k, phi_k_rad] of the simulated mirror, steady at 249.0 Hz and level 0.7, where A is 20.52
-    # degrees, as `python -m vrscan.calibrate.mirror` prints them. The six that the paper has leave
-    # 3.96 urad rms of the motion, these nine 1.41. A file may give six to nine; the rest are 0.
+    # [a_k, phi_k_rad] of the simulated mirror where the loop rests at level 0.7, and how they
+    # change a turn of drive_phase, as `python -m vrscan.calibrate.mirror` prints them. The paper's
+    # six leave 3.96 urad rms of the motion, these nine 1.41; without slopes the band of levels adds
+    # up to 27. A file may give six to nine pairs, the rest are 0; without slopes it has none.
     harmonics: list[list[float]] = [
         [1.0, 0.0],
-        [0.000638050, 2.8706245],
-        [0.000185118, -1.3581592],
-        [0.000069718, 0.7322328],
-        [0.000035510, 2.9682573],
-        [0.000018619, -1.1407316],
-        [0.000011617, 1.1889821],
-        [0.000007241, -2.8823362],
-        [0.000005079, -0.5128688],
+        [0.000638120, 2.8657650],
+        [0.000185824, -1.3659249],
+        [0.000069625, 0.7210661],
+        [0.000035598, 2.9573742],
+        [0.000018590, -1.1560002],
+        [0.000011640, 1.1754111],
+        [0.000007234, -2.9009329],
+        [0.000005089, -0.5293260],
     ]
+    slopes: list[list[float]] = [
+        [0.0, 0.0],
+        [0.002023722, -15.4282742],
+        [0.001396896, -26.3842100],
+        [0.000438168, -38.5104956],
+        [0.000381881, -49.0996197],
+        [0.000184169, -63.6668763],
+        [0.000153300, -74.3780387],
+        [0.000087933, -89.8918372],
+        [0.000073335, -100.3756030],
+    ]
+    drive_phase: float = Field(default=0.0654279, ge=0, lt=1)  # turns, where the harmonics hold
 
     sweep_span_hz: float = Field(default=26.0, ge=0)  # the start sweeps down from so far above
     sweep_hz_per_s: Positive = 40.0
@@ -163,7 +176,14 @@ class Mirror(_Section):
             raise ValueError(f"settle_ppm {self.settle_ppm} is above shock_ppm {self.shock_ppm}")
         return self
 
-    @field_validator("harmonics")
+    @model_validator(mode="before")
+    @classmethod
+    def _own_slopes(cls, values: object) -> object:
+        if isinstance(values, dict) and "harmonics" in values and "slopes" not in values:
+            return values | {"slopes": [[0.0, 0.0]] * len(HARMONICS)}
+        return values
+
+    @field_validator("harmonics", "slopes")
     @classmethod
     def _pairs(cls, value: list[list[float]]) -> list[list[float]]:
         most = len(HARMONICS)

@@ -52,7 +52,12 @@ FAULTS = {
 COUNTS = ("missing", "doubled", "impossible", "glitch", "overrun")
 FLAG_NAMES = ("NOT_RUNNING", "INDEX_FAULT", "UNSETTLED")  # of a line, from pkg.FLAG_NOT_RUNNING on
 _DEVICES = ("mems_mirror", "index_diode")
-_WIDE = (("motion_a", pkg.MOTION_WIDTH), ("motion_phi", pkg.PHASE_WIDTH))
+_WIDE = (
+    ("motion_a", pkg.MOTION_WIDTH),
+    ("motion_phi", pkg.PHASE_WIDTH),
+    ("motion_da", pkg.SLOPE_MOTION_WIDTH),
+    ("motion_dphi", pkg.SLOPE_MOTION_WIDTH),
+)
 _NEVER = -1
 
 

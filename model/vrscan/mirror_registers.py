@@ -10,6 +10,7 @@ from vrscan.fixed.amplitude_control import CONFIDENCE_FRACTION
 from vrscan.mirror_table import amplitude_table
 from vrscan.registers import to_register
 
+TURN = 2.0 * math.pi
 INDEX_TIMEOUT = 1.125  # periods: an index mark is missing when it comes later
 CONFIDENCE_ONE = 2**pkg.CONFIDENCE_WIDTH - 1
 REACQUIRE_TURNS = 1.0 / 64  # a phase error above this is no error of tracking
@@ -67,8 +68,11 @@ class MirrorRegisters:
     exposure_clks: int
     pulse_delay_clks: int
     pulse_clks: int
+    drive_phase: int
     motion_a: tuple[int, ...]
     motion_phi: tuple[int, ...]
+    motion_da: tuple[int, ...]
+    motion_dphi: tuple[int, ...]
     table_amplitude: tuple[int, ...]
     table_midpoint: tuple[int, ...]
 
@@ -84,6 +88,9 @@ class MirrorRegisters:
 
         def fit(key: str, value: float, width: int, fraction: int = 0) -> int:
             return to_register(config.source, key, value, width, fraction)
+
+        def size(key: str, value: float, width: int, fraction: int) -> int:
+            return to_register(config.source, key, value, width, fraction, signed=True)
 
         def word(key: str, hertz: float) -> int:
             return fit(key, hertz / clock, pkg.WORD_WIDTH, pkg.TURN_WIDTH)
@@ -123,7 +130,7 @@ class MirrorRegisters:
         # share squared.
         shift = mirror.averaging_periods.bit_length() - 1
         rate_shift = round(math.log2(period_clks)) + 2 * shift + 1
-        limit_turns = 1e-6 * mirror.phase_limit_urad / (2.0 * math.pi)
+        limit_turns = 1e-6 * mirror.phase_limit_urad / TURN
         table = amplitude_table(math.radians(mirror.index_deg), mirror.harmonics)
         pulse_delay = in_line("line.pulse_delay_us", line.pulse_delay_us)
         pulse = in_line("line.pulse_us", line.pulse_us)
@@ -199,20 +206,24 @@ class MirrorRegisters:
             exposure_clks=in_line("line.rate_hz", exposure_us),
             pulse_delay_clks=pulse_delay,
             pulse_clks=pulse,
+            drive_phase=fit(
+                "mirror.drive_phase", mirror.drive_phase, pkg.PHASE_WIDTH, pkg.PHASE_WIDTH
+            ),
             motion_a=tuple(
-                to_register(
-                    config.source,
-                    "mirror.harmonics",
-                    a,
-                    pkg.MOTION_WIDTH,
-                    pkg.MOTION_FRACTION,
-                    signed=True,
-                )
+                size("mirror.harmonics", a, pkg.MOTION_WIDTH, pkg.MOTION_FRACTION)
                 for a, _ in mirror.harmonics
             ),
             motion_phi=tuple(
-                math.floor(phi / (2.0 * math.pi) * 2.0**pkg.PHASE_WIDTH + 0.5) % 2**pkg.PHASE_WIDTH
+                math.floor(phi / TURN * 2.0**pkg.PHASE_WIDTH + 0.5) % 2**pkg.PHASE_WIDTH
                 for _, phi in mirror.harmonics
+            ),
+            motion_da=tuple(
+                size("mirror.slopes", a, pkg.SLOPE_MOTION_WIDTH, pkg.MOTION_SLOPE_FRACTION)
+                for a, _ in mirror.slopes
+            ),
+            motion_dphi=tuple(
+                size("mirror.slopes", phi / TURN, pkg.SLOPE_MOTION_WIDTH, pkg.PHI_SLOPE_FRACTION)
+                for _, phi in mirror.slopes
             ),
             table_amplitude=tuple(table[0].tolist()),
             table_midpoint=tuple(table[1].tolist()),

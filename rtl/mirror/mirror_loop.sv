@@ -21,7 +21,8 @@ module mirror_loop #(
   parameter int unsigned IndexOversample = 4,
   parameter int unsigned CountWidth      = 16,
   localparam int unsigned MotionBits = vrscan_pkg::HarmonicCount * vrscan_pkg::MotionWidth,
-  localparam int unsigned PhasesBits = vrscan_pkg::HarmonicCount * vrscan_pkg::PhaseWidth
+  localparam int unsigned PhasesBits = vrscan_pkg::HarmonicCount * vrscan_pkg::PhaseWidth,
+  localparam int unsigned SlopesBits = vrscan_pkg::HarmonicCount * vrscan_pkg::SlopeMotionWidth
 ) (
   input  wire logic                                             clk_i,
   input  wire logic                                             rst_i,
@@ -99,9 +100,12 @@ module mirror_loop #(
   input  wire logic        [                               7:0] hold_count_i,
   input  wire logic        [         vrscan_pkg::GainWidth-1:0] confidence_gain_i,
 
-  // Of scan_angle.
+  // Of motion_map.
+  input  wire logic        [        vrscan_pkg::PhaseWidth-1:0] drive_phase_i,
   input  wire logic        [                    MotionBits-1:0] motion_a_i,
   input  wire logic        [                    PhasesBits-1:0] motion_phi_i,
+  input  wire logic        [                    SlopesBits-1:0] motion_da_i,
+  input  wire logic        [                    SlopesBits-1:0] motion_dphi_i,
 
   // Of line_trigger.
   input  wire logic        [        vrscan_pkg::RatioWidth-1:0] ratio_i,
@@ -246,8 +250,34 @@ module mirror_loop #(
     if (rst_i) centre_q <= 1'b0;
   end
 
-  logic                                    scanned, overflow;
+  logic                                     scanned, overflow, scanning_q;
   logic signed [vrscan_pkg::AngleWidth-1:0] angle;
+
+  // The harmonics follow the drive's phase, between two angles.
+  logic                             offset_valid_q;
+  logic [vrscan_pkg::TurnWidth-1:0] offset_q;
+  logic [           MotionBits-1:0] a;
+  logic [           PhasesBits-1:0] phi;
+  motion_map u_motion_map (
+    .clk_i, .rst_i,
+    .valid_i (offset_valid_q),
+    .offset_i(offset_q),
+    .busy_i  (centre_q || scanning_q),
+    .a_o     (a),
+    .phi_o   (phi),
+    .offset_o(),
+    .drive_phase_i, .motion_a_i, .motion_phi_i, .motion_da_i, .motion_dphi_i
+  );
+  always_ff @(posedge clk_i) begin
+    offset_q       <= drive_phase_o - mirror_phase_o;
+    offset_valid_q <= measured_valid_o;
+    scanning_q     <= centre_q || (scanning_q && !scanned);
+    if (rst_i) begin
+      offset_valid_q <= 1'b0;
+      scanning_q     <= 1'b0;
+    end
+  end
+
   scan_angle u_scan_angle (
     .clk_i, .rst_i,
     .valid_i    (centre_q),
@@ -256,8 +286,8 @@ module mirror_loop #(
     .valid_o    (scanned),
     .angle_o    (angle),
     .overflow_o (overflow),
-    .a_i        (motion_a_i),
-    .phi_i      (motion_phi_i)
+    .a_i        (a),
+    .phi_i      (phi)
   );
 
   always_ff @(posedge clk_i) begin

@@ -1,19 +1,24 @@
 """The harmonics of (12) from a recorded motion, and the shipped ones from the simulated mirror.
 
-``python -m vrscan.calibrate.mirror`` prints the default of ``mirror.harmonics``, and what the
-paper's six and these leave of the motion.
+``python -m vrscan.calibrate.mirror`` prints the defaults of ``mirror.harmonics``,
+``mirror.drive_phase`` and ``mirror.slopes``, and what the paper's six harmonics, these, and their
+straight lines over the drive's phase leave of the motion.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 
 from vrscan.arrays import Floats
 from vrscan.config import FEWEST_HARMONICS, HARMONICS
 from vrscan.errors import InputError
+from vrscan.ideal.mirror import motion
 from vrscan.scene.mirror import Mirror, integrate, steady_state
 
+NOMINAL_LEVEL = 0.7  # of full scale, where the simulated mirror's torque is what it is called
 LEAST_SAMPLES = 3 * 2  # a harmonic: three for each number that is sought
 
 
@@ -130,18 +135,99 @@ def simulated_motion(
     return fit_motion(time, angle, frequency_hz, count=count)
 
 
+@dataclass(frozen=True)
+class OperatingMap:
+    """Harmonics of (12) as straight lines over the drive's phase, at one amplitude.
+
+    VR-SCAN V-B asks for a map over operating points: at one amplitude they differ by how far the
+    turning point is behind the drive's edge, which the index measures.
+    """
+
+    drive_phase: float  # turns, where ``harmonics`` hold
+    harmonics: Floats  # [count, 2]: a_k and phi_k, rad
+    slopes: Floats  # [count, 2]: of both, per turn of drive phase
+    left_rad: float  # rms of the angle that the straight lines leave, worst operating point
+    flat_rad: float  # the same without slopes
+
+
+def operating_map(
+    points: Sequence[Motion], amplitude_rad: float, *, reference: int | None = None
+) -> OperatingMap:
+    """Return the straight lines through the harmonics of several operating points.
+
+    Args:
+        points: Motions at about one amplitude whose ``phase_rad`` counts from the drive's rising
+            edge, two or more, all with as many harmonics.
+        amplitude_rad: For the errors.
+        reference: The point whose drive phase and harmonics are the map's; the middle one if None.
+
+    Raises:
+        InputError: if there are fewer than two different drive phases.
+    """
+    phase = np.array([point.phase_rad / (2.0 * math.pi) for point in points])
+    if len(points) < 2 or np.ptp(phase) == 0.0:
+        raise InputError("operating_map: needs two operating points or more")
+    stacked = np.stack([point.harmonics for point in points])
+    stacked[..., 1] = np.unwrap(stacked[..., 1], axis=0)
+    middle = len(points) // 2 if reference is None else reference
+    away = phase - phase[middle]
+    design = np.stack([np.ones_like(away), away], axis=1)
+    line = np.linalg.lstsq(design, stacked.reshape(len(points), -1), rcond=None)[0]
+    base, slope = (row.reshape(-1, 2) for row in line)
+    turns = np.arange(512) / 512.0
+    left, flat = 0.0, 0.0
+    for index, offset in enumerate(away.tolist()):
+        truth = motion(turns, amplitude_rad, stacked[index])
+        mapped = motion(turns, amplitude_rad, base + offset * slope)
+        left = max(left, float(np.std(mapped - truth)))
+        flat = max(flat, float(np.std(motion(turns, amplitude_rad, base) - truth)))
+    base[:, 1] = np.angle(np.exp(1j * base[:, 1]))
+    return OperatingMap(float(phase[middle]), base, slope, left, flat)
+
+
+LEVELS = (0.62, 0.66, 0.70, 0.74, 0.78)  # of the drive, over the band in which the loop rests
+
+
+def simulated_map(
+    amplitude_rad: float, mirror: Mirror | None = None, levels: Sequence[float] = LEVELS
+) -> tuple[OperatingMap, list[Motion]]:
+    """Return the map of the simulated mirror over drive levels, and the operating points.
+
+    Each level has the frequency at which the mirror swings by ``amplitude_rad``.
+    """
+    guess = (amplitude_rad, 0.065)
+    points = []
+    for level in levels:
+        drive = (level / NOMINAL_LEVEL) ** 2
+
+        def excess(frequency_hz: float, drive: float = drive) -> float:
+            found = simulated_motion(mirror, frequency_hz, drive, guess)
+            return found.amplitude_rad - amplitude_rad
+
+        frequency = brentq(excess, 248.85, 249.15, xtol=1e-6)
+        points.append(simulated_motion(mirror, frequency, drive, guess))
+    return operating_map(points, amplitude_rad), points
+
+
 def main() -> None:
-    """Print the shipped harmonics and how they were reached."""
-    motion = simulated_motion()
-    print(f"amplitude  {math.degrees(motion.amplitude_rad):.4f} degrees")
-    print(
-        f"phase      {motion.phase_rad / (2.0 * math.pi):.6f} turns after the drive's rising edge"
-    )
-    for count in (FEWEST_HARMONICS, len(HARMONICS)):
-        left = simulated_motion(count=count).residual_rad
-        print(f"residual   {left * 1e6:.3f} urad rms with {count} harmonics")
-    for order, (size, phi) in zip(HARMONICS, motion.harmonics, strict=True):
-        print(f"k = {order:2}  [{size:.9f}, {phi:.7f}]")
+    """Print the shipped harmonics, their slopes, and what they leave of the motion."""
+    chosen, points = simulated_map(math.radians(20.5))
+    for level, point in zip(LEVELS, points, strict=True):
+        print(
+            f"level {level:.2f}: {point.frequency_hz:.4f} Hz, drive phase "
+            f"{point.phase_rad / (2.0 * math.pi):.6f} turns, {point.residual_rad * 1e6:.2f} urad "
+            f"rms beyond k = {HARMONICS[-1]}"
+        )
+    six = simulated_motion(count=FEWEST_HARMONICS).residual_rad
+    print(f"{six * 1e6:.2f} urad rms beyond k = {HARMONICS[FEWEST_HARMONICS - 1]}")
+    left, flat = 1e6 * chosen.left_rad, 1e6 * chosen.flat_rad
+    print(f"straight lines leave {left:.2f} urad rms, none {flat:.2f}")
+    print(f"drive_phase = {chosen.drive_phase:.7f}")
+    for name, rows in (("harmonics", chosen.harmonics), ("slopes", chosen.slopes)):
+        print(f"{name} = [")
+        for size, phi in rows:
+            print(f"    [{size:.9f}, {phi:.7f}],")
+        print("]")
 
 
 if __name__ == "__main__":

@@ -19,6 +19,8 @@ from vrscan.fixed import (
     mirror_phase,
     pkg,
 )
+from vrscan.fixed.motion_map import LATENCY as MAP_LATENCY
+from vrscan.fixed.motion_map import motion_map
 from vrscan.fixed.scan_angle import LATENCY as SCAN_LATENCY
 from vrscan.fixed.scan_angle import scan_angle
 
@@ -85,8 +87,8 @@ class MirrorLoop:
     """Clock-accurate loop. A new one is as after a reset, its table written.
 
     Args:
-        registers: Whatever has the configuration ports as attributes without ``_i``, ``motion_a``
-            and ``motion_phi`` as sequences, and ``table_amplitude`` and ``table_midpoint``.
+        registers: Whatever has the configuration ports as attributes without ``_i``, those of
+            motion_map as sequences, and ``table_amplitude`` and ``table_midpoint``.
         index_oversample: ``IndexOversample``.
         count_width: ``CountWidth``.
 
@@ -117,8 +119,15 @@ class MirrorLoop:
         self.angle_line = 0
         self.amplitude = 0
 
-        self._a = np.array(registers.motion_a, np.int64)
-        self._phi = np.array(registers.motion_phi, np.int64)
+        self._drive_phase = registers.drive_phase
+        self._base = tuple(
+            np.array(getattr(registers, f"motion_{name}"), np.int64)
+            for name in ("a", "phi", "da", "dphi")
+        )
+        # The harmonics that there were, and the clock and the offset of those at work.
+        self._maps: list[tuple[Ints, ...]] = [self._base[:2]]
+        self._map_due = _NEVER
+        self._offset = 0
         self._comparator = 0
         self._gate = 0
         self._enable = False
@@ -126,17 +135,19 @@ class MirrorLoop:
         # The clock that each lane is in, and that of its next edge.
         self._mirror_clock = self._mirror_due = 0
         self._line_clock = self._line_due = 0
-        # The centre's phase, then the angle at work and the one that came out, phase and amplitude.
+        # The centre's phase, then the angle at work and the one that came out: phase, amplitude and
+        # which of the harmonics.
         self._centre_halves = 0
         self._centre_phase: int | None = None
-        self._scan = (0, 0)
+        self._scan = (0, 0, 0)
         self._scan_end = _NEVER
-        self._angle_of = (0, 0)
+        self._busy_until = -1
+        self._angle_of = (0, 0, 0)
         self._flags = 0
         self._confidence = 0
         # What the next report takes; the lines' angles are still phases and amplitudes.
         self._lines: list[tuple[int, ...]] = []
-        self._turns: list[tuple[int, int]] = []
+        self._turns: list[tuple[int, int, int]] = []
         self._measurements: list[tuple[int, ...]] = []
 
     def run(
@@ -273,8 +284,9 @@ class MirrorLoop:
             self._confidence = control.confidence
         if self._centre_phase is not None:
             # A centre that comes sooner than the last one's angle takes its place.
-            self._scan = (self._centre_phase, self.phase.amplitude)
-            self._scan_end = clock + SCAN_LATENCY
+            self._commit_map(clock - 1)
+            self._scan = (self._centre_phase, self.phase.amplitude, len(self._maps) - 1)
+            self._scan_end = self._busy_until = clock + SCAN_LATENCY
             self.amplitude = self.phase.amplitude
             self._centre_phase = None
         if self.trigger.centre:
@@ -315,6 +327,9 @@ class MirrorLoop:
         capture.step(self._comparator, self._gate)
         self._mirror_clock = self.clock + 1
         if phase.valid:
+            self._commit_map(self._mirror_clock + 1)
+            self._offset = (drive.phase - phase.phase) & _TURN_MASK
+            self._map_due = self._mirror_clock + MAP_LATENCY
             self._measurements.append(
                 (
                     self._mirror_clock, phase.measured, phase.error, drive.level, drive.word,
@@ -322,6 +337,19 @@ class MirrorLoop:
                 )
             )  # fmt: skip
         self._mirror_due = self._mirror_clock + self._mirror_idle()
+
+    def _commit_map(self, until: int) -> None:
+        """Let motion_map change the harmonics if it does in a clock up to ``until``.
+
+        It waits while an angle is at work. Only the start of an angle, and of new harmonics, looks.
+        """
+        due = self._map_due
+        if due <= self._busy_until:
+            due = self._busy_until + 1
+        if due <= until:
+            a, phi, _ = motion_map(self._offset, self._drive_phase, *self._base)
+            self._maps.append((a, phi))
+            self._map_due = _NEVER
 
     def _follows(self) -> bool:
         """Return whether the phase goes with a word that changes every few clocks."""
@@ -386,10 +414,11 @@ class MirrorLoop:
         self._line_clock = self.clock
         self.trigger.skip(clocks, enable=self._line_enable, word=self.drive.word)
 
-    def _angles(self, turns: list[tuple[int, int]]) -> tuple[Ints, Ints]:
+    def _angles(self, turns: list[tuple[int, int, int]]) -> tuple[Ints, Ints]:
         """Return the angles of phases and amplitudes, and the flags of those that saturate."""
-        given = np.array(turns, np.int64).reshape(-1, 2)
-        angle, overflow = scan_angle(given[:, 0], given[:, 1], self._a, self._phi)
+        given = np.array(turns, np.int64).reshape(-1, 3)
+        a, phi = (np.stack(words)[given[:, 2]] for words in zip(*self._maps, strict=True))
+        angle, overflow = scan_angle(given[:, 0], given[:, 1], a, phi)
         return angle, overflow * np.int64(_UNSETTLED)
 
     def _report(self) -> Report:

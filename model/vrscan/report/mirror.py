@@ -385,24 +385,23 @@ def _rms(values: Floats) -> float:
 
 
 def _crossing_rms_ns(run: Run) -> float:
-    """Return the rms time error of one crossing, from the amplitude's scatter in steady RUN.
+    """Return the rms time error of one crossing, from the tracker's errors in steady RUN.
 
-    The amplitude of neighbouring periods differs by the noise of four crossings: half a distance
-    has half the variance of a crossing's time, and the table's slope makes it an amplitude.
+    A middle of two has half their variance. The tracker's error is that of the middle and of its
+    own prediction: 1 + (2 a^2 + a b + 2 b) / (a (4 - 2 a - b)) times the variance, a and b the
+    shares of an error that phase and rate take (the alpha-beta filter's known noise ratio).
     """
     rows = run.recording.measurements
     time = rows["clock"] / run.registers.clock_hz
     end = run.event_s if not math.isnan(run.event_s) else math.inf
-    steady = rows["measured"][(time > run.run_s + STEADY_S) & (time < end)].astype(np.float64)
+    steady = rows["error"][(time > run.run_s + STEADY_S) & (time < end)].astype(np.float64)
     if steady.size < 8:
         return math.nan
-    # The second difference leaves drift out; its variance is six times that of the noise.
-    noise = float(np.std(np.diff(steady, 2))) / math.sqrt(6.0)
-    table = np.asarray(run.registers.table_amplitude, np.float64)
-    entry = int(np.searchsorted(table, steady.mean()))
-    slope = (table[entry] - table[entry - 1]) * 4.0 * len(table)  # steps a turn of half distance
-    period_ns = 1e9 / float(run.frequency_hz[-1])
-    return float(math.sqrt(2.0) * noise / slope * period_ns)
+    period = 2.0**pkg.TURN_WIDTH / run.registers.work_word  # clocks
+    a, b = 2.0**-run.registers.phase_shift, period * 2.0**-run.registers.rate_shift
+    ratio = 1.0 + (2.0 * a * a + a * b + 2.0 * b) / (a * (4.0 - 2.0 * a - b))
+    turns = float(np.std(steady)) / 2.0**pkg.ERROR_WIDTH
+    return math.sqrt(2.0 / ratio) * turns * period / run.registers.clock_hz * 1e9
 
 
 def table(run: Run, summary: Summary, title: str) -> RichTable:

@@ -18,7 +18,7 @@ from vrscan.engines import Engine, run
 from vrscan.errors import InputError
 from vrscan.lines import Lines
 from vrscan.report import efficiency, formats
-from vrscan.report.accuracy import angle, cordic, geometry, position, quality, scatter
+from vrscan.report.accuracy import angle, cordic, geometry, mirror, position, quality, scatter
 from vrscan.report.accuracy.figure import SEED, Figure
 from vrscan.scene.simple import SCENES, simulate
 
@@ -44,6 +44,7 @@ class Size:
     efficiency: int  # lines a cell
     fixed: int  # lines for the speed
     rtl: int  # the same; 0 leaves the RTL out
+    mirror: float  # seconds of RUN; 0 leaves the mirror's loop out
 
 
 FULL = Size(
@@ -57,6 +58,7 @@ FULL = Size(
     efficiency=4_000,
     fixed=10_000,
     rtl=2_000,
+    mirror=0.5,
 )
 QUICK = Size(
     vectors=10_000,
@@ -69,6 +71,7 @@ QUICK = Size(
     efficiency=300,
     fixed=2_000,
     rtl=0,
+    mirror=0.0,
 )
 
 
@@ -197,6 +200,15 @@ def stages(size: Size) -> list[Stage]:
     if size.rtl:
         measure = partial(_speed, Engine.RTL, size.rtl, LEAST_RTL, config)
         parts.append(at_once("speed, RTL", measure))
+    if size.mirror:
+        parts += [
+            at_once("mirror, steady", partial(mirror.steady, config, size.mirror)),
+            at_once("mirror, faults", partial(mirror.faults, config, size.mirror)),
+            *(
+                at_once(f"mirror, {hertz:+g} Hz", partial(mirror.drift, config, hertz, seconds))
+                for hertz, seconds in mirror.DRIFTS
+            ),
+        ]
     return parts
 
 
