@@ -113,7 +113,7 @@ class Mirror(_Section):
     # [a_k, phi_k_rad] of the simulated mirror where the loop rests at level 0.7, and how they
     # change a turn of drive_phase, as `python -m vrscan.calibrate.mirror` prints them. The paper's
     # six leave 3.96 urad rms of the motion, these nine 1.41; without slopes the band of levels adds
-    # up to 27. A file may give six to nine pairs, the rest are 0; without slopes it has none.
+    # up to 48. A file may give six to nine pairs, the rest are 0; without slopes it has none.
     harmonics: list[list[float]] = [
         [1.0, 0.0],
         [0.000638120, 2.8657650],
@@ -126,15 +126,15 @@ class Mirror(_Section):
         [0.000005089, -0.5293260],
     ]
     slopes: list[list[float]] = [
-        [0.0, 0.0],
-        [0.002023722, -15.4282742],
-        [0.001396896, -26.3842100],
-        [0.000438168, -38.5104956],
-        [0.000381881, -49.0996197],
-        [0.000184169, -63.6668763],
-        [0.000153300, -74.3780387],
-        [0.000087933, -89.8918372],
-        [0.000073335, -100.3756030],
+        [-0.003090255, -0.0171372],
+        [0.002021759, -15.4796859],
+        [0.001396327, -26.4698961],
+        [0.000437955, -38.6304561],
+        [0.000381772, -49.2538547],
+        [0.000184112, -63.8553857],
+        [0.000153265, -74.6008225],
+        [0.000087911, -90.1488955],
+        [0.000073320, -100.6669357],
     ]
     drive_phase: float = Field(default=0.0654279, ge=0, lt=1)  # turns, where the harmonics hold
 

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 from vrscan.arrays import Floats
 from vrscan.config import FEWEST_HARMONICS, HARMONICS
 from vrscan.errors import InputError
-from vrscan.ideal.mirror import motion
+from vrscan.ideal.mirror import crossings, motion
 from vrscan.scene.mirror import Mirror, integrate, steady_state
 
 NOMINAL_LEVEL = 0.7  # of full scale, where the simulated mirror's torque is what it is called
@@ -151,45 +151,80 @@ class OperatingMap:
 
 
 def operating_map(
-    points: Sequence[Motion], amplitude_rad: float, *, reference: int | None = None
+    points: Sequence[Motion], mark_rad: float, *, reference: int | None = None
 ) -> OperatingMap:
     """Return the straight lines through the harmonics of several operating points.
+
+    The index is measured with one table, that of the map's own harmonics, so where they differ the
+    phase and the amplitude that it gives are a little off. The map is of the motion in those: its
+    first harmonic, 1 and 0 at ``drive_phase``, has slopes too.
 
     Args:
         points: Motions at about one amplitude whose ``phase_rad`` counts from the drive's rising
             edge, two or more, all with as many harmonics.
-        amplitude_rad: For the errors.
-        reference: The point whose drive phase and harmonics are the map's; the middle one if None.
+        mark_rad: The index mark.
+        reference: The point whose drive phase is the map's; the middle one if None.
 
     Raises:
         InputError: if there are fewer than two different drive phases.
+        ValueError: if a motion does not pass the mark.
     """
     phase = np.array([point.phase_rad / (2.0 * math.pi) for point in points])
     if len(points) < 2 or np.ptp(phase) == 0.0:
         raise InputError("operating_map: needs two operating points or more")
-    stacked = np.stack([point.harmonics for point in points])
-    stacked[..., 1] = np.unwrap(stacked[..., 1], axis=0)
     middle = len(points) // 2 if reference is None else reference
     away = phase - phase[middle]
+    true = np.stack([point.harmonics for point in points])
+    true[..., 1] = np.unwrap(true[..., 1], axis=0)
     design = np.stack([np.ones_like(away), away], axis=1)
-    line = np.linalg.lstsq(design, stacked.reshape(len(points), -1), rcond=None)[0]
-    base, slope = (row.reshape(-1, 2) for row in line)
+    base = np.linalg.lstsq(design, true.reshape(len(points), -1), rcond=None)[0][0].reshape(-1, 2)
+    seen = np.stack(
+        [_as_seen(point, rows, mark_rad, base) for point, rows in zip(points, true, strict=True)]
+    )
+    slope = np.linalg.lstsq(away[:, None], (seen - base).reshape(len(points), -1), rcond=None)[0]
+    slope = slope.reshape(-1, 2)
     turns = np.arange(512) / 512.0
     left, flat = 0.0, 0.0
-    for index, offset in enumerate(away.tolist()):
-        truth = motion(turns, amplitude_rad, stacked[index])
-        mapped = motion(turns, amplitude_rad, base + offset * slope)
+    for point, offset, rows in zip(points, away.tolist(), seen, strict=True):
+        truth = motion(turns, point.amplitude_rad, rows)
+        mapped = motion(turns, point.amplitude_rad, base + offset * slope)
         left = max(left, float(np.std(mapped - truth)))
-        flat = max(flat, float(np.std(motion(turns, amplitude_rad, base) - truth)))
+        flat = max(flat, float(np.std(motion(turns, point.amplitude_rad, base) - truth)))
     base[:, 1] = np.angle(np.exp(1j * base[:, 1]))
     return OperatingMap(float(phase[middle]), base, slope, left, flat)
+
+
+def _as_seen(point: Motion, harmonics: Floats, mark_rad: float, table: Floats) -> Floats:
+    """Return the harmonics of a motion in the phase and amplitude that the index gives of it.
+
+    Args:
+        point: The motion.
+        harmonics: Its harmonics, phases unwrapped.
+        mark_rad: The index mark.
+        table: The harmonics that phase and amplitude are measured with.
+    """
+
+    def excess(half: float) -> float:
+        return float(crossings(np.array([half]), mark_rad, harmonics)[0][0]) - point.amplitude_rad
+
+    half = np.array([brentq(excess, 0.0, 0.2, xtol=1e-15)])
+    _, at = crossings(half, mark_rad, harmonics)
+    amplitude, taken_for = crossings(half, mark_rad, table)
+    k = np.asarray(HARMONICS[: len(harmonics)], np.float64)
+    seen = harmonics.copy()
+    seen[:, 0] *= point.amplitude_rad / float(amplitude[0])
+    seen[:, 1] += 2.0 * math.pi * k * float(taken_for[0] - at[0])
+    return seen
 
 
 LEVELS = (0.62, 0.66, 0.70, 0.74, 0.78)  # of the drive, over the band in which the loop rests
 
 
 def simulated_map(
-    amplitude_rad: float, mirror: Mirror | None = None, levels: Sequence[float] = LEVELS
+    amplitude_rad: float,
+    mark_rad: float,
+    mirror: Mirror | None = None,
+    levels: Sequence[float] = LEVELS,
 ) -> tuple[OperatingMap, list[Motion]]:
     """Return the map of the simulated mirror over drive levels, and the operating points.
 
@@ -206,12 +241,12 @@ def simulated_map(
 
         frequency = brentq(excess, 248.85, 249.15, xtol=1e-6)
         points.append(simulated_motion(mirror, frequency, drive, guess))
-    return operating_map(points, amplitude_rad), points
+    return operating_map(points, mark_rad), points
 
 
 def main() -> None:
     """Print the shipped harmonics, their slopes, and what they leave of the motion."""
-    chosen, points = simulated_map(math.radians(20.5))
+    chosen, points = simulated_map(math.radians(20.5), math.radians(17.0))
     for level, point in zip(LEVELS, points, strict=True):
         print(
             f"level {level:.2f}: {point.frequency_hz:.4f} Hz, drive phase "
