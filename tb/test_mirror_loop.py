@@ -31,6 +31,12 @@ NOT_RUNNING, INDEX_FAULT, UNSETTLED = (
 SIGNED = {"angle", "error"}
 WITH_ANGLE = ("angle_line", "angle", "mirror_flags", "confidence", "amplitude")
 WITH_MEASUREMENT = ("measured", "error")
+MOTION = {  # bits of a harmonic's
+    "motion_a": pkg.MOTION_WIDTH,
+    "motion_phi": pkg.PHASE_WIDTH,
+    "motion_da": pkg.SLOPE_MOTION_WIDTH,
+    "motion_dphi": pkg.SLOPE_MOTION_WIDTH,
+}
 CONTROL = ("comparator", "gate", "enable", "line_enable")  # inputs of a clock
 
 
@@ -54,6 +60,7 @@ def registers(draw: np.random.Generator, **changes: int) -> SimpleNamespace:
     motion[0] = (1 << pkg.MOTION_FRACTION) * int(draw.choice([1, 1, 1, -1]))
     if draw.random() < 0.2:
         motion[:] = (1 << (pkg.MOTION_WIDTH - 1)) - 1  # an angle that does not fit
+    slope = 1 << (pkg.SLOPE_MOTION_WIDTH - 2)
     values = {
         "sweep_word": word + 40_000_000,
         "work_word": word,
@@ -95,8 +102,11 @@ def registers(draw: np.random.Generator, **changes: int) -> SimpleNamespace:
         "exposure_clks": int(draw.integers(10, line_clks * 3 // 2)),
         "pulse_delay_clks": int(draw.integers(30)),
         "pulse_clks": pulse_clks,
+        "drive_phase": int(draw.integers(1 << pkg.PHASE_WIDTH)),
         "motion_a": motion.tolist(),
         "motion_phi": draw.integers(1 << pkg.PHASE_WIDTH, size=pkg.HARMONIC_COUNT).tolist(),
+        "motion_da": draw.integers(-slope, slope, pkg.HARMONIC_COUNT).tolist(),
+        "motion_dphi": draw.integers(-slope, slope, pkg.HARMONIC_COUNT).tolist(),
         "table_amplitude": table.astype(int).tolist(),
         "table_midpoint": draw.integers(-2000, 2000, TABLE_SIZE).tolist(),
     }
@@ -178,8 +188,8 @@ class Bench:
         dut.rst_i.value = 1
         for name in PORTS:
             drive(getattr(dut, f"{name}_i"), getattr(given, name))
-        drive(dut.motion_a_i, packed(given.motion_a, pkg.MOTION_WIDTH))
-        drive(dut.motion_phi_i, packed(given.motion_phi, pkg.PHASE_WIDTH))
+        for name, width in MOTION.items():
+            drive(getattr(dut, f"{name}_i"), packed(getattr(given, name), width))
         dut.table_write_i.value = 1
         table = zip(given.table_amplitude, given.table_midpoint, strict=True)
         for k, (turns, middle) in enumerate(table):
@@ -245,7 +255,7 @@ async def random_inputs_and_resets(dut) -> None:
     draw = generator(1)
     bench = await begin(dut)
     resets = set()
-    quick = [{}, {"sweep_timeout": 300}, {"settle_timeout": 2000}, {"lost_timeout": 10}]
+    quick = [{}, {"sweep_timeout": 300}, {"settle_timeout": 300}, {"lost_timeout": 10}]
     for episode in range(10):
         clocks = int(draw.integers(4000, 9000)) if episode else 4 * PERIOD_CLKS
         given = registers(draw, **quick[episode % len(quick)])
@@ -286,6 +296,8 @@ async def a_quiet_mirror_runs_without_flags(dut) -> None:
         ratio=4 << pkg.RATIO_FRACTION,
         motion_a=motion,
         motion_phi=[0] * pkg.HARMONIC_COUNT,
+        motion_da=[0] * pkg.HARMONIC_COUNT,
+        motion_dphi=[0] * pkg.HARMONIC_COUNT,
         table_midpoint=[0] * TABLE_SIZE,
     )
     start = float(draw.random())
