@@ -344,7 +344,7 @@ FAULTS = [
         ("products round down", "dropped + PhaseWidth'(half)", "dropped"),
         (
             "the half of a_k for phi_k",
-            "of_phi ? product[PhiDrop-1] : product[MotionDrop-1]",
+            "of_phi_q ? product[PhiDrop-1] : product[MotionDrop-1]",
             "product[MotionDrop-1]",
         ),
         ("base values forgotten", "sum_q     <= base_q + moved_q", "sum_q     <= moved_q"),
@@ -355,11 +355,15 @@ FAULTS = [
         ),
         ("a_k wraps", "fits   = signs == '0 || signs == '1", "fits   = 1'b1 || signs == '0"),
         ("a_k saturates to the wrong end", "? ~MotionMax : MotionMax", "? MotionMax : ~MotionMax"),
-        ("a_k for phi_k", "of_phi = step_q >= FirstPhi", "of_phi = step_q > FirstPhi"),
-        ("a result of the next kind", "if (store_q && of_phi_q)", "if (store_q && of_phi)"),
+        ("a_k for phi_k", "step_q[Done-1:Harmonics] != '0", "step_q[Done-1:Harmonics+1] != '0"),
+        ("a result of the next kind", "if (store_q && of_phi_q2)", "if (store_q && of_phi_q)"),
         ("busy is nothing", "commit = waiting_q && !busy_i", "commit = waiting_q"),
-        ("the last product forgotten", "store_q && step_q == Done", "store_q && step_q == LastPhi"),
-        ("results again and again", "      waiting_q <= 1'b0;\n      mapped_q", "      mapped_q"),
+        ("the last product forgotten", "store_q && step_q[Done]", "store_q && step_q[Done-1]"),
+        (
+            "results again and again",
+            "      waiting_q <= 1'b0;\n      mapped_q  <= 1'b1;",
+            "      mapped_q  <= 1'b1;",
+        ),
         ("base values come back", "      mapped_q  <= 1'b1;\n", ""),
         (
             "results that wait survive a start",
@@ -370,7 +374,7 @@ FAULTS = [
         ("no reset of the products", "(rst_i || valid_i),", "(valid_i),"),
         (
             "a start goes on with the step",
-            "      step_q    <= '0;\n      prepare_q <= 1'b1;",
+            "      step_q    <= (Done + 1)'(1);\n      prepare_q <= 1'b1;",
             "prepare_q <= 1'b1;",
         ),
         (

@@ -60,18 +60,13 @@ module motion_map #(
       vrscan_pkg::MotionSlopeFraction + PhaseWidth - vrscan_pkg::MotionFraction;
   localparam int unsigned PhiDrop = vrscan_pkg::PhiSlopeFraction;
 
-  // The a_k, then the phi_k.
-  localparam int unsigned StepWidth = $clog2(2 * Harmonics + 1);
-  localparam logic [StepWidth-1:0] FirstPhi = StepWidth'(Harmonics);
-  localparam logic [StepWidth-1:0] LastPhi = StepWidth'(2 * Harmonics - 1);
-  localparam logic [StepWidth-1:0] Done = StepWidth'(2 * Harmonics);
-
-  logic [StepWidth-1:0] step_q;
-  logic                 of_phi, of_phi_q;
-  logic                 prepare_q, start_q, add_q, store_q, waiting_q;
-  logic                 mapped_q;  // there were results
-  logic                 commit;
-  assign of_phi = step_q >= FirstPhi;
+  // One bit a step, which selects its constants at once: the a_k, then the phi_k, and all done.
+  localparam int unsigned Done = 2 * Harmonics;
+  logic [Done:0] step_q;
+  logic          of_phi_q, of_phi_q2;
+  logic          prepare_q, start_q, add_q, store_q, waiting_q;
+  logic          mapped_q;  // there were results
+  logic          commit;
   assign commit = waiting_q && !busy_i;
 
   // The step's constants; a_k is as wide as phi_k, so that one adder does for both.
@@ -83,11 +78,11 @@ module motion_map #(
     slope = '0;
     base  = '0;
     for (int unsigned n = 0; n < Harmonics; n++) begin
-      if (step_q == StepWidth'(n)) begin
+      if (step_q[n]) begin
         slope |= motion_da_i[SlopeWidth*n+:SlopeWidth];
         base  |= PhaseWidth'(signed'(motion_a_i[MotionWidth*n+:MotionWidth]));
       end
-      if (step_q == StepWidth'(Harmonics + n)) begin
+      if (step_q[Harmonics+n]) begin
         slope |= motion_dphi_i[SlopeWidth*n+:SlopeWidth];
         base  |= motion_phi_i[PhaseWidth*n+:PhaseWidth];
       end
@@ -115,8 +110,8 @@ module motion_map #(
   // To nearest, half up.
   logic [PhaseWidth-1:0] dropped, moved_q, sum_q;
   logic                  half;
-  assign dropped = of_phi ? PhaseWidth'(product >>> PhiDrop) : PhaseWidth'(product >>> MotionDrop);
-  assign half    = of_phi ? product[PhiDrop-1] : product[MotionDrop-1];
+  assign dropped = PhaseWidth'(of_phi_q ? product >>> PhiDrop : product >>> MotionDrop);
+  assign half    = of_phi_q ? product[PhiDrop-1] : product[MotionDrop-1];
 
   localparam logic [MotionWidth-1:0] MotionMax = {1'b0, {(MotionWidth - 1) {1'b1}}};
   logic [PhaseWidth-MotionWidth:0] signs;
@@ -137,17 +132,16 @@ module motion_map #(
     base_q    <= base;
     moved_q   <= dropped + PhaseWidth'(half);
     sum_q     <= base_q + moved_q;
-    prepare_q <= product_valid && step_q != LastPhi;
+    prepare_q <= product_valid && !step_q[Done-1];
     start_q   <= prepare_q;
     add_q     <= product_valid;
     store_q   <= add_q;
-    if (product_valid) begin
-      step_q   <= step_q + StepWidth'(1);
-      of_phi_q <= of_phi;
-    end
-    if (store_q && of_phi_q) phi_q <= {sum_q, phi_q[PhasesBits-1:PhaseWidth]};
-    if (store_q && !of_phi_q) a_q <= {motion, a_q[MotionBits-1:MotionWidth]};
-    if (store_q && step_q == Done) waiting_q <= 1'b1;
+    of_phi_q  <= step_q[Done-1:Harmonics] != '0;
+    of_phi_q2 <= of_phi_q;
+    if (product_valid) step_q <= step_q << 1;
+    if (store_q && of_phi_q2) phi_q <= {sum_q, phi_q[PhasesBits-1:PhaseWidth]};
+    if (store_q && !of_phi_q2) a_q <= {motion, a_q[MotionBits-1:MotionWidth]};
+    if (store_q && step_q[Done]) waiting_q <= 1'b1;
 
     if (commit) begin
       waiting_q <= 1'b0;
@@ -161,7 +155,7 @@ module motion_map #(
     end
     if (valid_i) begin
       offset_q  <= offset_i[OffsetDrop+:PhaseWidth] + PhaseWidth'(offset_i[OffsetDrop-1]);
-      step_q    <= '0;
+      step_q    <= (Done + 1)'(1);
       prepare_q <= 1'b1;
       waiting_q <= 1'b0;
     end
