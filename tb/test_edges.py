@@ -1,4 +1,4 @@
-"""Recorded edges: what is read, what a board would sample of them, and how bad files are refused."""
+"""Recorded edges: what is read, what a board would sample of them, how bad files are refused."""
 
 from pathlib import Path
 
