@@ -580,7 +580,8 @@ async def reset_in_every_state(dut) -> None:
     await bench.hold(0, 40)
     assert {kind for _, kind in bench.events} == set(STROBES) and bench.twin.glitch_count
     for age in range(1, len(comparator_words) + 40):
-        settings = Settings(1 + age // 6 % 2, 70, 90, 130)
+        # The only glitch is before clock 200, and one clock settles a level in some of the rest.
+        settings = Settings(1 if age > 200 and age // 6 % 2 else 2, 70, 90, 130)
         await bench.start(settings)
         part = min(age, len(comparator_words))
         await bench.clocks(comparator_words[:part], gate_words[:part])
