@@ -357,6 +357,17 @@ async def a_ratio_of_zero_has_no_lines(dut) -> None:
 
 
 @cocotb.test()
+async def half_a_step_is_rounded_up(dut) -> None:
+    """The least rate there is starts a line; what is rounded down to zero does not."""
+    bench = await begin(dut)
+    for word, ratio, lines in ((1, ONE // 2, 1), (1, ONE // 2 - 1, 0), (ONE // 2, 1, 1)):
+        await bench.start(with_changes(ratio=ratio), word=word)
+        await bench.clocks(3 * START_LATENCY)
+        assert len(bench.at("line_start")) == lines
+        assert len(bench.at("laser")) == lines * QUICK.pulse_clks
+
+
+@cocotb.test()
 async def a_huge_ratio_is_limited(dut) -> None:
     """At most a line in 32 clocks, whatever the word; just below the limit it is not limited."""
     bench = await begin(dut)
