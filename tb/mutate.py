@@ -377,13 +377,10 @@ FAULTS = [
             "      step_q    <= (Done + 1)'(1);\n      prepare_q <= 1'b1;",
             "prepare_q <= 1'b1;",
         ),
-        (
-            "no reset of the step",
-            "      step_q    <= '0;\n      prepare_q <= 1'b0;",
-            "prepare_q <= 1'b0;",
-        ),
-        ("no reset of the start", "      start_q   <= 1'b0;\n      waiting_q", "      waiting_q"),
-        ("no reset before the start", "      prepare_q <= 1'b0;\n      start_q", "      start_q"),
+        ("no reset before the start", "      prepare_q <= 1'b0;\n", ""),
+        ("no reset of the start", "      start_q   <= 1'b0;\n", ""),
+        ("no reset of the sum", "      add_q     <= 1'b0;\n", ""),
+        ("no reset of the last clock", "      store_q   <= 1'b0;\n", ""),
         (
             "no reset of what waits",
             "      waiting_q <= 1'b0;\n      mapped_q  <= 1'b0;",

@@ -160,9 +160,10 @@ module motion_map #(
       waiting_q <= 1'b0;
     end
     if (rst_i) begin
-      step_q    <= '0;
       prepare_q <= 1'b0;
       start_q   <= 1'b0;
+      add_q     <= 1'b0;
+      store_q   <= 1'b0;
       waiting_q <= 1'b0;
       mapped_q  <= 1'b0;
       a_o       <= motion_a_i;
