@@ -6,7 +6,8 @@ from fractions import Fraction
 import cocotb
 import numpy as np
 import pytest
-from harness import FallingEdge, drive, generator, parameters, reset, simulate
+from cocotb.triggers import RisingEdge, Timer
+from harness import CLOCK_NS, FallingEdge, drive, generator, parameters, reset, simulate
 
 from vrscan.fixed import pkg
 from vrscan.fixed.line_trigger import (
@@ -365,6 +366,25 @@ async def half_a_step_is_rounded_up(dut) -> None:
         await bench.clocks(3 * START_LATENCY)
         assert len(bench.at("line_start")) == lines
         assert len(bench.at("laser")) == lines * QUICK.pulse_clks
+
+
+@cocotb.test()
+async def a_line_without_end_has_one_pulse(dut) -> None:
+    """Its time stops at the largest value: where it wrapped the laser would be on again."""
+    bench = await begin(dut)
+    await bench.start(with_changes(ratio=ONE), word=1)
+    pulses = 0
+
+    async def count() -> None:
+        nonlocal pulses
+        while True:
+            await RisingEdge(dut.laser_o)
+            pulses += 1
+
+    task = cocotb.start_soon(count())
+    await Timer(CLOCK_NS * ((2 << pkg.LINE_CLKS_WIDTH) + 100), unit="ns")
+    task.cancel()
+    assert pulses == 1
 
 
 @cocotb.test()
