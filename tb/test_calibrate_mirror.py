@@ -1,12 +1,20 @@
 """The fit of the motion: what was put in comes out, with noise as theory says, or it is refused."""
 
 import math
+import tomllib
 
 import numpy as np
 import pytest
 from harness import generator
 
-from vrscan.calibrate.mirror import fit_motion, main, simulated_motion
+from vrscan.calibrate.mirror import (
+    Motion,
+    fit_motion,
+    main,
+    operating_map,
+    simulated_map,
+    simulated_motion,
+)
 from vrscan.config import Config
 from vrscan.errors import InputError
 from vrscan.ideal.mirror import motion
@@ -100,27 +108,78 @@ def test_what_cannot_be_fitted_is_refused() -> None:
     assert fit_motion(time[:36] * 8.0, angle[:36], FREQUENCY, count=6).residual_rad < 1.0
 
 
-def test_the_shipped_harmonics_are_the_simulated_mirrors() -> None:
-    """What `python -m vrscan.calibrate.mirror` prints is the default, to its last digit."""
-    fit = simulated_motion()
-    shipped = np.array(Config().mirror.harmonics)
-    assert np.abs(fit.harmonics - shipped)[:, 0].max() <= 0.6e-9
-    assert np.abs(fit.harmonics - shipped)[:, 1].max() <= 0.6e-7
-    assert abs(math.degrees(fit.amplitude_rad) - 20.5235) < 1e-3
-    six = simulated_motion(count=6)
-    for leaves in (six, fit):
+def test_nine_harmonics_leave_a_third_of_what_six_do() -> None:
+    six, nine = simulated_motion(count=6), simulated_motion()
+    for leaves in (six, nine):
         count = len(leaves.harmonics)
         print(f"{count} harmonics leave {leaves.residual_rad * 1e6:.3f} urad rms")
     assert abs(six.residual_rad - 3.96e-6) < 0.01e-6
-    assert abs(fit.residual_rad - 1.41e-6) < 0.01e-6
+    assert abs(nine.residual_rad - 1.41e-6) < 0.01e-6
 
 
-def test_the_command_prints_the_default(capsys: pytest.CaptureFixture[str]) -> None:
-    main()
-    lines = capsys.readouterr().out.splitlines()
-    printed = [
-        line.split("[")[1].rstrip("]").split(", ") for line in lines if line.startswith("k =")
+@pytest.fixture(scope="module")
+def shipped_map():
+    """The map of the simulated mirror."""
+    return simulated_map(math.radians(20.5), math.radians(17.0))[0]
+
+
+def test_the_shipped_map_is_the_simulated_mirrors(shipped_map) -> None:
+    """What `python -m vrscan.calibrate.mirror` prints is the default, to its last digit."""
+    mirror = Config().mirror
+    for found, shipped in (
+        (shipped_map.harmonics, mirror.harmonics),
+        (shipped_map.slopes, mirror.slopes),
+    ):
+        off = np.abs(found - np.array(shipped))
+        assert off[:, 0].max() <= 0.6e-9
+        assert off[:, 1].max() <= 0.6e-7
+    assert abs(shipped_map.drive_phase - mirror.drive_phase) <= 0.6e-7
+
+
+def test_straight_lines_follow_the_operating_point(shipped_map) -> None:
+    """Of 48 urad that fixed harmonics err by at the ends of the band, 2 are left."""
+    assert 40e-6 < shipped_map.flat_rad < 55e-6
+    assert shipped_map.left_rad < 2e-6
+
+
+def test_a_map_needs_two_operating_points() -> None:
+    point = Motion(249.0, 0.358, 0.4, np.array([[1.0, 0.0]]), 0.0)
+    with pytest.raises(InputError, match="two operating points"):
+        operating_map([point], 0.3)
+    with pytest.raises(InputError, match="two operating points"):
+        operating_map([point, point], 0.3)
+
+
+def test_a_map_of_known_lines_is_those_lines() -> None:
+    """Harmonics that are linear in the drive's phase, so small that the index does not see them."""
+    slope = np.array([[0.0, 0.0], [1e-7, 3.0]])
+    base = np.array([[1.0, 0.0], [1e-7, 0.4]])
+    points = [
+        Motion(249.0, 0.358, 2.0 * math.pi * (0.06 + d), base + d * slope, 0.0)
+        for d in (-0.01, 0.0, 0.004, 0.01)
     ]
-    assert [[float(a), float(phi)] for a, phi in printed] == Config().mirror.harmonics
-    assert "residual   3.959 urad rms with 6 harmonics" in lines
-    assert "residual   1.413 urad rms with 9 harmonics" in lines
+    found = operating_map(points, 0.3, reference=1)
+    assert found.drive_phase == pytest.approx(0.06)
+    assert np.allclose(found.harmonics, base, atol=1e-12)
+    assert np.allclose(found.slopes[1], slope[1], rtol=1e-3)
+    assert found.left_rad < 1e-2 * found.flat_rad
+
+
+def test_the_command_prints_the_default(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, shipped_map
+) -> None:
+    """As TOML that a configuration takes; the map is the one of the tests above."""
+    point = simulated_motion()
+    monkeypatch.setattr(
+        "vrscan.calibrate.mirror.simulated_map", lambda *_: (shipped_map, [point] * 5)
+    )
+    main()
+    text = capsys.readouterr().out
+    assert "3.96 urad rms beyond k = 11" in text
+    printed = tomllib.loads(text[text.index("drive_phase") :])
+    mirror = Config().mirror
+    assert printed == {
+        "drive_phase": mirror.drive_phase,
+        "harmonics": mirror.harmonics,
+        "slopes": mirror.slopes,
+    }

@@ -410,6 +410,20 @@ async def doubled_crossings(dut) -> None:
     await bench.hold(0, 70)
     assert [kind for _, kind in bench.events][4:] == ["valid", "doubled"]
     assert not bench.crossings[-1]["outward"] and bench.twin.alive
+    # The second outward comes in the clock of the first one's deadline, or is withheld: either is
+    # one fault, and no doubled one.
+    for apart, kinds in (
+        (CALM.width_max_clks, ["valid", "valid", "doubled"]),
+        (CALM.width_max_clks + 1, ["valid", "missing", "valid"]),
+        (pkg.MIN_CROSSING - 1, ["valid", "impossible"]),
+    ):
+        await bench.start(CALM)
+        await bench.hold(0, 20)
+        await bench.hold(1, apart - 20)
+        await bench.hold(1, 10, gate=0)
+        await bench.hold(0, 10)
+        await bench.hold(1, 20)
+        assert [kind for _, kind in bench.events] == kinds
     # The first crossing ever may go inward: no pair, no fault.
     await bench.start(CALM)
     await bench.hold(1, 100)

@@ -10,30 +10,16 @@ from typing import Any, Self
 import numpy as np
 
 from vrscan.config import Config, Mems
-from vrscan.fixed import pkg
+from vrscan.fixed import mirror_loop, pkg
 from vrscan.mirror_registers import PORTS, MirrorRegisters
 from vrscan.tools import repository_root, rtl_module
 from vrscan.verilated import Design, build
 
-Rows = np.ndarray[tuple[int], np.dtype[np.void]]
+Rows = mirror_loop.Rows
 
 # The rows that the engine writes; tb/engine/mirror.cpp has the same.
-LINE = np.dtype(
-    [
-        (name, np.int64)
-        for name in (
-            "line", "centre_halves", "clock", "state", "flags", "confidence", "angle", "amplitude",
-            "word", "level",
-        )
-    ]
-    + [("angle_true", np.float64)]
-)  # fmt: skip
-MEASUREMENT = np.dtype(
-    [
-        (name, np.int64)
-        for name in ("clock", "measured", "error", "level", "word", "phase", "drive_phase")
-    ]
-)
+LINE = np.dtype([*mirror_loop.LINE.descr, ("angle_true", np.float64)])
+MEASUREMENT = mirror_loop.MEASUREMENT
 SAMPLES = np.dtype([(name, np.int64) for name in ("clock", "comparator", "gate")])
 
 STATES = {

@@ -319,8 +319,9 @@ def write_csv(run: Run, file: BinaryIO) -> None:
 class Summary:
     """What a run showed; NaN where it did not show it.
 
-    Errors of angle and amplitude are of lines in RUN that carry no flag, after ``STEADY_S`` of it
-    and, if something happened, again from when the flags had gone on.
+    Errors of angle and amplitude are of lines in RUN that carry no flag, after ``STEADY_S`` of it;
+    where something happened, without those from then to the first flag, which nobody could know of,
+    and the amplitude without all until it is back.
     """
 
     start_s: float  # from power-on to RUN
@@ -331,6 +332,7 @@ class Summary:
     amplitude_rms_ppm: float  # true amplitude over the set one, less 1
     crossing_rms_ns: float  # of one index crossing, from the scatter of the amplitude
     flag_delay_periods: float  # from the event to the first flag
+    unnoticed_urad: float  # the largest error of an angle between them
     flagged_s: float  # from the event to the last flag
     back_s: float  # from the event until the true amplitude stays within BACK_PPM
     largest_ppm: float  # how far the event took the amplitude
@@ -342,7 +344,7 @@ def summarise(run: Run) -> Summary:
     flagged = running & (run.flags != 0)
     steady = running & (run.flags == 0) & (run.time_s > run.run_s + STEADY_S)
     deviation = 1e6 * (run.true_amplitude_rad / run.set_rad - 1.0)
-    delay = flagged_s = back = largest = math.nan
+    delay = flagged_s = back = largest = unnoticed = math.nan
     if not math.isnan(run.event_s):
         after = run.time_s > run.event_s
         flags = np.flatnonzero(after & (run.flags != 0))
@@ -351,6 +353,9 @@ def summarise(run: Run) -> Summary:
             clock = run.recording.lines["clock"][flags[0]] / run.registers.clock_hz
             delay = (clock - run.event_s) / period
             flagged_s = float(run.time_s[flags[-1]] - run.event_s)
+            between = after & (run.time_s < run.time_s[flags[0]])
+            unnoticed = 1e6 * float(np.abs(run.error_rad[between]).max(initial=0.0))
+            steady &= ~between
         off = np.flatnonzero(after & (np.abs(deviation) > BACK_PPM))
         back = float(run.time_s[off[-1]] - run.event_s) if off.size else 0.0
         if off.size and off[-1] == len(deviation) - 1:
@@ -374,6 +379,7 @@ def summarise(run: Run) -> Summary:
         amplitude_rms_ppm=_rms(deviation[steady_amplitude]),
         crossing_rms_ns=_crossing_rms_ns(run),
         flag_delay_periods=delay,
+        unnoticed_urad=unnoticed,
         flagged_s=flagged_s,
         back_s=back,
         largest_ppm=largest,
@@ -423,6 +429,7 @@ def table(run: Run, summary: Summary, title: str) -> RichTable:
     row("amplitude held, rms", summary.amplitude_rms_ppm, "{:.1f} ppm")
     row("index crossing, rms", summary.crossing_rms_ns, "{:.2f} ns")
     row("event flagged after", summary.flag_delay_periods, "{:.3f} periods")
+    row("largest angle error until then", summary.unnoticed_urad, "{:.0f} urad")
     row("last flag after the event", summary.flagged_s, "{:.3f} s")
     row("amplitude was off by", summary.largest_ppm, "{:.0f} ppm")
     row(f"back within {BACK_PPM:.0f} ppm after", summary.back_s, "{:.3f} s")

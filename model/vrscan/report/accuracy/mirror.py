@@ -83,7 +83,7 @@ def faults(config: Config, seconds: float) -> list[Figure]:
         (f"one pass of {DROP_EVERY} lost", Events(drop_every=DROP_EVERY)),
         (f"laser off the diode for {1e3 * DARK_S:g} ms", Events(laser_off_s=DARK_S)),
     ):
-        run, found = _one(config, seconds, events)
+        _, found = _one(config, seconds, events)
         figures += [
             Figure(
                 name,
@@ -96,24 +96,19 @@ def faults(config: Config, seconds: float) -> list[Figure]:
             Figure(name, f"{text}: last flag after", "s", found.flagged_s),
             Figure(
                 name,
-                f"{text}: angle where not flagged, before and behind, rms",
+                f"{text}: largest angle error until then",
                 "urad",
-                _calm_rms_urad(run, found),
+                found.unnoticed_urad,
+            ),
+            Figure(
+                name,
+                f"{text}: angle where not flagged, but for those, rms",
+                "urad",
+                found.angle_rms_urad,
                 limit=LIMIT_ANGLE_URAD,
             ),
         ]
     return figures
-
-
-def _calm_rms_urad(run: Run, found: Summary) -> float:
-    """Return the angle's rms error outside the event, until its last flag.
-
-    The lines between an event and its first flag know nothing of it.
-    """
-    after = 0.0 if math.isnan(found.flagged_s) else found.flagged_s
-    calm = (run.time_s < run.event_s) | (run.time_s > run.event_s + after)
-    chosen = run.error_rad[calm & run.running & (run.flags == 0) & (run.time_s > run.run_s)]
-    return float(1e6 * np.sqrt(np.mean(np.square(chosen)))) if chosen.size else math.nan
 
 
 def drift(config: Config, drift_hz: float, seconds: float) -> list[Figure]:
