@@ -334,6 +334,103 @@ FAULTS = [
         ),
     ),
     *faults(
+        "rtl/mirror/index_capture.sv",
+        ("one clock less to settle", "left_q <= 8'd1 : run", "left_q <= 8'd2 : run"),
+        (
+            "an entry level taken for a crossing",
+            "known_q && value_q != level_q",
+            "value_q != level_q",
+        ),
+        ("a glitch forgotten", "burst_q && value_q == level_q", "1'b0"),
+        (
+            "missing a clock late",
+            "(period_max_clks_i) - (TimeWidth + 1)'(1)",
+            "(period_max_clks_i)",
+        ),
+        ("a doubled one unseen", "before_outward_q == crossing_outward_q", "1'b0"),
+        ("alive after a deadline", "(alive_o && !late)", "alive_o"),
+        (
+            "an early one let through",
+            "(early || crossing_age_q[AgeWidth]);\n  assign doubled",
+            "(crossing_age_q[AgeWidth]);\n  assign doubled",
+        ),
+        ("no reset of the pair", "      pending_q          <= 1'b0;\n", ""),
+    ),
+    *faults(
+        "rtl/mirror/mirror_phase.sv",
+        ("the outward kept after a fault", "if (broken_i) pending_q <= 1'b0;", ""),
+        ("the last entry not held", "if (index_q != '1) index_q", "index_q"),
+        ("the rate not rounded", "middling_q >>> by_q3", "middling_q >>> (by_q3 | 2'd1)"),
+        (
+            "never acquires again",
+            "assign acquire = !tracking_o || beyond_q;",
+            "assign acquire = !tracking_o;",
+        ),
+        ("the middle a bit off", "first_q + (distance_q >> 1)", "first_q + (distance_q >> 1) + 1"),
+        ("no reset of the tracking", "      tracking_o  <= 1'b0;\n", ""),
+    ),
+    *faults(
+        "rtl/mirror/mirror_drive.sv",
+        (
+            "a runt at a stop",
+            "assign keep     = drive_o && high_q",
+            "assign keep     = 1'b0 && high_q",
+        ),
+        ("RUN without settling", "index_alive_i && settled_i", "index_alive_i"),
+        (
+            "the cause of the fault",
+            "state_o == Sweep  ? FaultWidth'(vrscan_pkg::FaultSweep)",
+            "state_o == Settle ? FaultWidth'(vrscan_pkg::FaultSweep)",
+        ),
+        (
+            "the word wraps below zero",
+            "else if (sum_q[SumWidth-1]) word_o <= '0;",
+            "else if (1'b0) word_o <= '0;",
+        ),
+        ("level after a fault", "if (!active_d) level_o <= '0;", "if (1'b0) level_o <= '0;"),
+        ("no reset of the pin", "      sigma_q     <= '0;\n", ""),
+    ),
+    *faults(
+        "rtl/mirror/amplitude_control.sv",
+        ("windup", "stands_q ? '0 : TermWidth'(product)", "TermWidth'(product)"),
+        (
+            "a settled limit beyond equality",
+            "e_size_q <= settle_limit_i",
+            "e_size_q < settle_limit_i",
+        ),
+        ("a shock at equality", "e_size_q > shock_limit_i", "e_size_q >= shock_limit_i"),
+        ("the trim the other way", "more_new_q == trim_up_i", "more_new_q != trim_up_i"),
+        (
+            "no largest step",
+            "> trim_step_i ? trim_step_i :",
+            "> trim_step_i ? TrimStepWidth'(rate_q) :",
+        ),
+        ("a fault keeps the confidence", "unsettled || index_fault ? '0", "unsettled ? '0"),
+    ),
+    *faults(
+        "rtl/mirror/mirror_loop.sv",
+        (
+            "half a clock forgotten",
+            "centre_half_o ? vrscan_pkg::TurnWidth'(increment >> 1) : '0",
+            "'0",
+        ),
+        ("harmonics that change at work", ".busy_i  (centre_q || scanning_q)", ".busy_i  (1'b0)"),
+        ("the flag of an angle that saturates", "unsettled || overflow", "unsettled"),
+        ("a fault of the index unheard", "missing || doubled || impossible", "missing || doubled"),
+    ),
+    *faults(
+        "rtl/sensor/line_trigger.sv",
+        ("the laser a clock longer", "time_q < pulse_end_q;", "time_q <= pulse_end_q;"),
+        ("the laser on after a stop", "      laser_o         <= 1'b0;\n", ""),
+        (
+            "a centre of odd pulses",
+            "half_q           <= pulse_clks_i[0];",
+            "half_q           <= 1'b0;",
+        ),
+        ("an overrun unseen", "wrap_q && (pulse_left ||", "wrap_q && (1'b0 ||"),
+        ("a step beyond the largest", "rounded_q[RoundedWidth-1:StepTop] != '0", "1'b0"),
+    ),
+    *faults(
         "rtl/mirror/motion_map.sv",
         ("the offset rounds down", " + PhaseWidth'(offset_i[OffsetDrop-1]);", ";"),
         (
