@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 from typer.testing import CliRunner
 
 from vrscan.cli import app, main
+from vrscan.config import load
 from vrscan.ideal.mirror import motion
 from vrscan.report.mirror import COLUMNS
 
@@ -135,6 +136,51 @@ def test_a_mirror_that_does_not_start_ends_in_fault(tmp_path: Path) -> None:
     assert result.exit_code == 1
     assert "did not settle in time" in result.output
     assert table(out)[-1]["state"] == "FAULT"
+
+
+def test_a_recorded_motion_gives_its_harmonics(tmp_path: Path) -> None:
+    """What ``calibrate mirror`` prints is a configuration with the motion's own numbers."""
+    hertz, file = 249.0012, tmp_path / "motion.csv"
+    time = np.arange(0.0, 0.2, 1 / 37_400)
+    angle = motion(time * hertz - PHASE, AMPLITUDE_RAD, HARMONICS)
+    rows = "".join(f"{t:.9f},,{a:.10f}\n" for t, a in zip(time, angle, strict=True))
+    file.write_text("time_s,other,seen\n0,,\n" + rows)
+    arguments = ["calibrate", "mirror", str(file), "--column", "seen", "--from", "0.01"]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    found = load(Path(written(tmp_path, result.output))).mirror
+    assert found.frequency_hz == pytest.approx(hertz, abs=1e-5)
+    assert math.radians(found.amplitude_deg) == pytest.approx(AMPLITUDE_RAD, rel=1e-8)
+    for got, want in zip(found.harmonics, HARMONICS, strict=False):
+        assert got[0] == pytest.approx(want[0], abs=1e-8)
+        if want[0]:
+            assert got[1] == pytest.approx(want[1], abs=1e-3)
+
+
+BAD_MOTIONS = {
+    "missing": (None, "motion.csv"),
+    "column": ("time_s,angle\n0,0\n", "no column angle_rad"),
+    "text": ("time_s,angle_rad\n0,now\n", "not a number"),
+    "nothing": ("time_s,angle_rad\n0,\n", "no angle_rad from 0 s on"),
+    "few": ("time_s,angle_rad\n0,0.1\n", "1 samples, needs"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_MOTIONS)
+def test_a_motion_that_cannot_be_fitted_is_one_line(
+    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, words = BAD_MOTIONS[name]
+    file = tmp_path / "motion.csv"
+    if text is not None:
+        file.write_text(text)
+    monkeypatch.setattr("sys.argv", ["vrscan", "calibrate", "mirror", str(file)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert words in error
 
 
 BAD = {

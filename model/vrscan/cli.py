@@ -1,6 +1,7 @@
 """The ``vrscan`` command."""
 
 import contextlib
+import math
 import signal
 import sys
 import time
@@ -41,6 +42,9 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+calibrate = typer.Typer(help="Find the instrument's parameters in recordings.")
+app.add_typer(calibrate, name="calibrate")
 
 ConfigOption = Annotated[
     Path | None, typer.Option("--config", help="TOML file whose values override the defaults.")
@@ -174,6 +178,31 @@ def mirror(
     console.print(f"{out}, {out.with_suffix('.png')}", highlight=False)
     if run.fault and recording is None:
         raise typer.Exit(1)
+
+
+@calibrate.command("mirror")
+def calibrate_mirror(
+    motion: Annotated[
+        Path, typer.Argument(metavar="MOTION.csv", help="With time_s and an angle, rad.")
+    ],
+    column: Annotated[str, typer.Option(help="Which column is the angle.")] = "angle_rad",
+    from_s: Annotated[
+        float, typer.Option("--from", help="Rows before this time are left out.")
+    ] = 0,
+    config: ConfigOption = None,
+) -> None:
+    """Fit (12) to a recorded motion and print it as the configuration takes it."""
+    from vrscan.calibrate.mirror import fit_motion, read_motion
+
+    settings = configuration.load(config)
+    times, angles = read_motion(motion, column, from_s)
+    found = fit_motion(times, angles, settings.mirror.frequency_hz, refine=True)
+    print(f"# {len(times)} samples; the fit leaves {1e6 * found.residual_rad:.3f} urad rms")
+    print("[mirror]")
+    print(f"frequency_hz = {found.frequency_hz:.7f}")
+    print(f"amplitude_deg = {math.degrees(found.amplitude_rad):.6f}")
+    rows = ", ".join(f"[{size:.9f}, {phi:.7f}]" for size, phi in found.harmonics)
+    print(f"harmonics = [{rows}]")
 
 
 def _happening(events: "MirrorEvents") -> str:

@@ -5,9 +5,11 @@
 straight lines over the drive's phase leave of the motion.
 """
 
+import csv
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import brentq
@@ -133,6 +135,44 @@ def simulated_motion(
     wave = drive * np.array([1.0, 0.0, 1.0, 0.0])
     angle, _ = integrate(mirror, edges, wave, start, time)
     return fit_motion(time, angle, frequency_hz, count=count)
+
+
+def read_motion(path: Path, column: str, from_s: float) -> tuple[Floats, Floats]:
+    """Return times, s, and angles, rad, [n] each, of a CSV file with a line of column names.
+
+    Args:
+        path: The file, one with the column ``time_s``; a mirror.csv is one.
+        column: Which column is the angle; rows where it is empty are left out.
+        from_s: Rows before this time are left out.
+
+    Raises:
+        InputError: naming file and column or line, if the file is missing, has no such column, or a
+            value is not a number.
+    """
+    times: list[float] = []
+    angles: list[float] = []
+    try:
+        with path.open(newline="") as file:
+            rows = csv.DictReader(file)
+            for name in ("time_s", column):
+                if name not in (rows.fieldnames or ()):
+                    raise InputError(f"{path}: no column {name}")
+            for row in rows:
+                if not row[column]:
+                    continue
+                time = float(row["time_s"])
+                if time >= from_s:
+                    times.append(time)
+                    angles.append(float(row[column]))
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from error
+    except (ValueError, TypeError, csv.Error) as error:
+        raise InputError(
+            f"{path}: line {len(times) + 2} or later: not a number ({error})"
+        ) from error
+    if not times:
+        raise InputError(f"{path}: no {column} from {from_s:g} s on")
+    return np.array(times), np.array(angles)
 
 
 @dataclass(frozen=True)
