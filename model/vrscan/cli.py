@@ -170,7 +170,7 @@ def mirror(
                 run = report.simulate(settings, length, events, progress)
         summary = report.summarise(run)
         report.write_csv(run, csv)
-        report.picture(run, title, png)
+        report.picture(run, summary, title, png)
     console = _console()
     console.print(report.table(run, summary, title))
     wall = time.perf_counter() - started

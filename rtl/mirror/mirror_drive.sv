@@ -85,7 +85,7 @@ module mirror_drive #(
   logic                        stop_q, stop, keep;  // a pulse is ended before OFF
   logic                        high_q;
   logic                        expired_q;
-  logic        [TimeWidth-1:0] timer_q, limit;
+  logic        [TimeWidth-1:0] timer_q, limit_q;  // the limit is that of state_o
   logic        [FineWidth-1:0] fine_q;
   logic signed [  FineWidth:0] left_q;  // fine_q less the working word less a step: < 0 is there
   logic signed [ SumWidth-1:0] sum_q;
@@ -120,14 +120,10 @@ module mirror_drive #(
     end
   end
 
-  always_comb begin
-    limit = lost_timeout_i;
-    if (state_o == Sweep) limit = sweep_timeout_i;
-    if (state_o == Settle) limit = settle_timeout_i;
-  end
-
   always_ff @(posedge clk_i) begin
     state_o <= state_d;
+    limit_q <= state_d == Sweep  ? sweep_timeout_i :
+               state_d == Settle ? settle_timeout_i : lost_timeout_i;
     stop_q  <= active && stop && state_d != Off;
     if (state_o == Off && state_d == Sweep) begin
       fault_o <= FaultWidth'(vrscan_pkg::FaultNone);
@@ -143,7 +139,7 @@ module mirror_drive #(
       timer_q <= '0;
     end
     expired_q <= active && state_d == state_o && !(state_o == Run && index_alive_i) &&
-                 timer_q >= limit;
+                 timer_q >= limit_q;
 
     fine_q <= fine_q - FineWidth'(sweep_rate_i);
     left_q <= left_q - (FineWidth + 1)'({1'b0, sweep_rate_i});

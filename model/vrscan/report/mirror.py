@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import matplotlib as mpl
 import numpy as np
@@ -33,6 +33,11 @@ _TURN = 2.0 * math.pi
 _PER_TURN = _TURN / 2.0**pkg.ANGLE_WIDTH
 _PER_AMPLITUDE = _TURN / 2.0**pkg.AMPLITUDE_FRACTION
 _BLOCK_LINES = 4 * len(HARMONICS)  # at least, to fit the true amplitude to
+
+# A legend that stands on whatever is drawn.
+_BOXED: dict[str, Any] = {
+    "frameon": True, "facecolor": "white", "edgecolor": LIGHT, "framealpha": 0.9,
+}  # fmt: skip
 
 Progress = Callable[[int], None]
 
@@ -441,7 +446,7 @@ def table(run: Run, summary: Summary, title: str) -> RichTable:
     return grid
 
 
-def picture(run: Run, title: str, file: BinaryIO) -> None:
+def picture(run: Run, summary: Summary, title: str, file: BinaryIO) -> None:
     """Draw start-up, amplitude with level and frequency, and the angle's error, as PNG."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(10.0, 9.6), layout="constrained")  # no window system involved
@@ -449,7 +454,7 @@ def picture(run: Run, title: str, file: BinaryIO) -> None:
         grid = figure.add_gridspec(3, 1)
         _draw_start(figure.add_subplot(grid[0]), run)
         _draw_amplitude(figure.add_subplot(grid[1]), run)
-        _draw_error(figure.add_subplot(grid[2]), run)
+        _draw_error(figure.add_subplot(grid[2]), run, summary)
         for axes in figure.axes:
             axes.grid(color=LIGHT, linewidth=0.5)
             axes.set_axisbelow(True)
@@ -491,7 +496,7 @@ def _draw_start(axes: Axes, run: Run) -> None:
     other.spines["right"].set_visible(True)
     other.ticklabel_format(useOffset=False)
     _shade(axes, run)
-    axes.legend(loc="lower right")
+    axes.legend(loc="upper center", **_BOXED)
 
 
 def _states(run: Run) -> list[str]:
@@ -521,13 +526,13 @@ def _draw_amplitude(axes: Axes, run: Run) -> None:
             axes.set_yscale("symlog", linthresh=BACK_PPM)
         axes.set_xlim(time[0], time[-1])
         _shade(axes, run)
-        axes.legend(loc="upper right")
+        other.legend(*axes.get_legend_handles_labels(), loc="upper right", **_BOXED)
     axes.set_title(f"Amplitude in RUN; the band is {BACK_PPM:.0f} ppm")
     axes.set_xlabel("time in s")
     axes.set_ylabel("off by, ppm")
 
 
-def _draw_error(axes: Axes, run: Run) -> None:
+def _draw_error(axes: Axes, run: Run, summary: Summary) -> None:
     """Angle less truth in RUN, or the angle itself where nobody knows the truth."""
     rows = run.running
     known = rows & ~np.isnan(run.true_rad)
@@ -539,13 +544,14 @@ def _draw_error(axes: Axes, run: Run) -> None:
         axes.plot(
             time[good], error[good], ".", color=COLOURS[0], markersize=1.5, label="not flagged"
         )
-        reach = 4.0 * _rms(error[good]) if good.any() else 1.0
-        axes.set_ylim(-max(reach, 1.0), max(reach, 1.0))
-        axes.set_title(f"Angle error in RUN, {_rms(error[good]):.2f} urad rms where not flagged")
+        rms = summary.angle_rms_urad
+        reach = max(1.0, 20.0 * (rms if math.isfinite(rms) else _rms(error)))
+        axes.set_ylim(-reach, reach)
+        axes.set_title(f"Angle error in RUN, {rms:.2f} urad rms where not flagged")
         axes.set_ylabel("measured - true in urad")
         axes.set_xlim(time[0], time[-1])
         _shade(axes, run)
-        axes.legend(loc="upper right", markerscale=4.0)
+        axes.legend(loc="upper right", markerscale=4.0, **_BOXED)
     else:
         last = slice(-min(len(run.time_s), 1200), None)
         axes.plot(
