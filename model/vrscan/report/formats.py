@@ -5,15 +5,21 @@ from collections.abc import Iterable
 from vrscan import chain
 from vrscan.config import Config
 from vrscan.fixed import (
+    amplitude_control,
     cordic_vector,
     distortion,
+    index_capture,
     line_receiver,
     line_statistics,
+    mirror_loop,
+    mirror_phase,
+    motion_map,
     peak_confidence,
     peak_isolate,
     peak_position,
     phase_correlate,
     pkg,
+    scan_angle,
     triangulate,
 )
 
@@ -131,6 +137,19 @@ def stages() -> str:
     return _table("stage | clocks", rows)
 
 
+def mirror_stages() -> str:
+    """Return the latencies of the mirror's loop as a table."""
+    rows = [
+        ("index_capture, from the clock that settles a level", index_capture.LATENCY),
+        ("mirror_phase, from the inward crossing", mirror_phase.LATENCY),
+        ("amplitude_control, from there to level and flags", amplitude_control.LATENCY),
+        ("motion_map, from there to the harmonics, between two angles", motion_map.LATENCY),
+        ("scan_angle", scan_angle.LATENCY),
+        ("**from the centre of the laser pulse to the line's angle**", mirror_loop.ANGLE_LATENCY),
+    ]
+    return _table("stage | clocks", rows)
+
+
 def blocks() -> dict[str, str]:
-    """Return the tables by the names of their markers."""
-    return {"formats": words(), "latencies": stages()}
+    """Return the generated tables by the names of their markers."""
+    return {"formats": words(), "latencies": stages(), "mirror latencies": mirror_stages()}
