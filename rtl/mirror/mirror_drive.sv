@@ -3,7 +3,7 @@
 // The phase is one turn a mirror period; the comb drive pulls twice a period, so the square wave
 // comes from twice the phase.  A resonant mirror with a hardening comb starts only from above:
 //
-//   OFF     word is sweep_word, phase 0.  enable_i -> SWEEP
+//   OFF     word is sweep_word, phase 0, both from its second clock on.  enable_i -> SWEEP
 //   SWEEP   the word falls by sweep_rate_i / 2**16 a clock, rounded down, until it is work_word:
 //           SETTLE; a sweep_word below work_word is there at once.  Time-out: FAULT
 //   SETTLE  the word is work_word + trim, saturated.  index_alive_i and settled_i: RUN.
@@ -95,7 +95,7 @@ module mirror_drive #(
   logic [StateWidth-1:0] state_d;
   assign active   = state_o == Sweep || state_o == Settle || state_o == Run;
   assign active_d = state_d == Sweep || state_d == Settle || state_d == Run;
-  assign off      = state_o == Off || state_d == Off;
+  assign off      = state_o == Off;
   assign stop     = stop_q || !enable_i;
   assign keep     = drive_o && high_q && !(stop_q && timer_q[StopWidth]);
 
@@ -151,7 +151,7 @@ module mirror_drive #(
 
     if (off) begin
       word_o <= sweep_word_i;
-    end else if (active_d && !stop) begin
+    end else if (active && !stop) begin
       if (state_o == Sweep && left_q[FineWidth]) word_o <= work_word_i;
       else if (state_o == Sweep) word_o <= fine_q[RateFraction+:WordWidth];
       else if (sum_q[SumWidth-1]) word_o <= '0;

@@ -179,7 +179,7 @@ class MirrorDrive:
         total = self._sigma + self.level
         self.level_pin = total >= _LEVELS
         self._sigma = total & (_LEVELS - 1)
-        off = _OFF in (state, following)
+        off = state == _OFF
         high = active and (self.phase & (_HALF - 1)) < self._duty
         self.phase = 0 if off else (self.phase + self.word) & _TURN_MASK
         active_next = _SWEEP <= following <= _RUN
@@ -187,7 +187,7 @@ class MirrorDrive:
         self._high = high
         if off:
             self.word = settings.sweep_word
-        elif active_next and not stop:
+        elif active and not stop:
             if state != _SWEEP:
                 self.word = min(max(self._sum, 0), _WORD_MAX)
             elif arrived:
