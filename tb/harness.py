@@ -9,7 +9,7 @@ import hashlib
 import json
 import os
 import random
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import cocotb
@@ -306,6 +306,55 @@ async def reset_at_every_age(
         assert_equal(got, _slice(want, k), _slice(inputs, k))
 
 
+class TwinBench:
+    """Drives a unit and its stateful twin with the same inputs, and compares them every clock.
+
+    A test's own class makes ``twin``, puts the first inputs into ``inputs``, and says in ``check``
+    what is compared.
+
+    Attributes:
+        strobes: Inputs that last one clock of ``clocks``.
+    """
+
+    strobes: tuple[str, ...] = ()
+
+    def __init__(self, dut, inputs: Iterable[str]) -> None:
+        self.dut = dut
+        self.inputs: dict[str, int | None] = dict.fromkeys(inputs)
+        self.twin = None
+        self.clock = 0
+
+    def check(self) -> None:
+        """Compare all outputs."""
+        raise NotImplementedError
+
+    def give(self, **inputs: int) -> None:
+        """Change inputs."""
+        for name, value in inputs.items():
+            if self.inputs[name] != value:
+                drive(getattr(self.dut, f"{name}_i"), value)
+                self.inputs[name] = value
+
+    async def reset_to(self, twin, **inputs: int) -> None:
+        """Reset for a clock with these inputs; a new twin goes on from there."""
+        self.give(**inputs)
+        self.dut.rst_i.value = 1
+        await FallingEdge(self.dut.clk_i)
+        self.dut.rst_i.value = 0
+        self.twin = twin
+        self.clock = 0
+
+    async def clocks(self, count: int = 1, **inputs: int) -> None:
+        """Go on by some clocks with these inputs."""
+        self.give(**inputs)
+        for _ in range(count):
+            await FallingEdge(self.dut.clk_i)
+            self.twin.step(**self.inputs)
+            self.clock += 1
+            self.check()
+            self.give(**dict.fromkeys(self.strobes, False))
+
+
 def _array(values: list[int]) -> np.ndarray:
     if any(abs(v) >= 1 << 63 for v in values):
         return np.array(values, dtype=object)
@@ -339,6 +388,7 @@ __all__ = [
     "FallingEdge",
     "ReadOnly",
     "RisingEdge",
+    "TwinBench",
     "as_integer",
     "assert_equal",
     "drive",

@@ -5,7 +5,7 @@ import dataclasses
 import cocotb
 import numpy as np
 import pytest
-from harness import FallingEdge, as_integer, drive, generator, reset, simulate
+from harness import TwinBench, as_integer, drive, generator, reset, simulate
 
 from vrscan.fixed import pkg
 from vrscan.fixed.amplitude_control import (
@@ -101,33 +101,22 @@ class Loop:
         return self.twin
 
 
-class Bench:
+class Bench(TwinBench):
     """Drives the RTL and its twin with the same inputs and compares every output every clock."""
 
+    strobes = ("valid", "acquired", "broken")
+
     def __init__(self, dut) -> None:
-        self.dut = dut
+        super().__init__(dut, QUIET)
         self.handles = [(getattr(dut, f"{name}_o"), signed) for name, signed in OUTPUTS.items()]
-        self.inputs = dict.fromkeys(QUIET)
 
     async def start(self, settings: Settings = CALM, **inputs: int) -> None:
         """Set the configuration and reset for a clock, with these inputs."""
         for name, value in vars(settings).items():
             drive(getattr(self.dut, f"{name}_i"), value)
         self.settings = settings
-        self.give(**(QUIET | inputs))
-        self.dut.rst_i.value = 1
-        await FallingEdge(self.dut.clk_i)
-        self.dut.rst_i.value = 0
-        self.twin = AmplitudeControl(settings)
-        self.clock = 0
+        await self.reset_to(AmplitudeControl(settings), **(QUIET | inputs))
         self.check()
-
-    def give(self, **inputs: int) -> None:
-        """Change inputs."""
-        for name, value in inputs.items():
-            if self.inputs[name] != value:
-                drive(getattr(self.dut, f"{name}_i"), value)
-                self.inputs[name] = value
 
     def check(self) -> None:
         """Compare all outputs."""
@@ -137,16 +126,6 @@ class Bench:
             f"clock {self.clock}, {self.inputs}: {tuple(OUTPUTS)} {got}, want {want}"
             f"\n{self.settings}"
         )
-
-    async def clocks(self, count: int = 1, **inputs: int) -> None:
-        """Go on by some clocks with these inputs; strobes last one."""
-        self.give(**inputs)
-        for _ in range(count):
-            await FallingEdge(self.dut.clk_i)
-            self.twin.step(**self.inputs)
-            self.clock += 1
-            self.check()
-            self.give(valid=False, acquired=False, broken=False)
 
     async def measure(self, e: int, error: int = 0, *, clocks: int = LATENCY, **more: int) -> None:
         """Take a measurement that is off by ``e``, and wait."""

@@ -7,7 +7,7 @@ import cocotb
 import numpy as np
 import pytest
 from cocotb.triggers import RisingEdge, Timer
-from harness import CLOCK_NS, FallingEdge, drive, generator, parameters, reset, simulate
+from harness import CLOCK_NS, FallingEdge, TwinBench, drive, generator, parameters, reset, simulate
 
 from vrscan.fixed import pkg
 from vrscan.fixed.line_trigger import (
@@ -54,7 +54,7 @@ def with_changes(**changes: int) -> Settings:
     return dataclasses.replace(QUICK, **changes)
 
 
-class Bench:
+class Bench(TwinBench):
     """Drives the RTL and its twin with the same inputs and compares every output every clock.
 
     Whatever runs through it, the laser is low when it has to be: after a clock with ``enable_i``
@@ -62,7 +62,7 @@ class Bench:
     """
 
     def __init__(self, dut) -> None:
-        self.dut = dut
+        super().__init__(dut, ("enable", "word"))
         self.handles = {name: getattr(dut, f"{name}_o") for name in OUTPUTS}
 
     async def start(self, settings: Settings = QUICK, *, word: int = WORD, enable: int = 1) -> None:
@@ -86,13 +86,6 @@ class Bench:
         for name, value in vars(settings).items():
             drive(getattr(self.dut, f"{name}_i"), value)
         self.twin.settings = settings
-
-    def give(self, **inputs: int) -> None:
-        """Change inputs."""
-        for name, value in inputs.items():
-            if self.inputs[name] != value:
-                drive(getattr(self.dut, f"{name}_i"), value)
-                self.inputs[name] = value
 
     def check(self) -> None:
         """Compare all outputs."""

@@ -6,7 +6,7 @@ import cocotb
 import numpy as np
 import pytest
 from cocotb.triggers import RisingEdge, Timer
-from harness import CLOCK_NS, FallingEdge, drive, generator, parameters, reset, simulate
+from harness import CLOCK_NS, FallingEdge, TwinBench, drive, generator, parameters, reset, simulate
 
 from vrscan.fixed import pkg
 from vrscan.fixed.mirror_drive import (
@@ -52,47 +52,26 @@ def shown(twin: MirrorDrive) -> tuple[int, ...]:
     return tuple(int(getattr(twin, name)) for name in OUTPUTS)
 
 
-class Bench:
+class Bench(TwinBench):
     """Drives the RTL and its twin with the same inputs and compares every output every clock."""
 
     def __init__(self, dut) -> None:
-        self.dut = dut
+        super().__init__(dut, QUIET)
         self.handles = [getattr(dut, f"{name}_o") for name in OUTPUTS]
-        self.inputs = dict.fromkeys(QUIET)
 
     async def start(self, settings: Settings = QUICK, **inputs: int) -> None:
         """Set the configuration and reset for a clock, with these inputs."""
         for name, value in vars(settings).items():
             drive(getattr(self.dut, f"{name}_i"), value)
-        self.give(**(QUIET | inputs))
-        self.dut.rst_i.value = 1
-        await FallingEdge(self.dut.clk_i)
-        self.dut.rst_i.value = 0
-        self.twin = MirrorDrive(settings, parameters()["StopWidth"])
-        self.clock = 0
+        twin = MirrorDrive(settings, parameters()["StopWidth"])
+        await self.reset_to(twin, **(QUIET | inputs))
         self.check()
-
-    def give(self, **inputs: int) -> None:
-        """Change inputs."""
-        for name, value in inputs.items():
-            if self.inputs[name] != value:
-                drive(getattr(self.dut, f"{name}_i"), value)
-                self.inputs[name] = value
 
     def check(self) -> None:
         """Compare all outputs."""
         got = tuple(int(handle.value) for handle in self.handles)
         want = shown(self.twin)
         assert got == want, f"clock {self.clock}, {self.inputs}: {OUTPUTS} {got}, want {want}"
-
-    async def clocks(self, count: int = 1, **inputs: int) -> None:
-        """Go on by some clocks with these inputs."""
-        self.give(**inputs)
-        for _ in range(count):
-            await FallingEdge(self.dut.clk_i)
-            self.twin.step(**self.inputs)
-            self.clock += 1
-            self.check()
 
     async def until(self, state: int, most: int = 5000, **inputs: int) -> int:
         """Go on until the drive is in a state and return how many clocks that took."""

@@ -5,7 +5,7 @@ import dataclasses
 import cocotb
 import numpy as np
 import pytest
-from harness import FallingEdge, as_integer, drive, generator, reset, simulate
+from harness import FallingEdge, TwinBench, as_integer, drive, generator, reset, simulate
 
 from vrscan.fixed import pkg
 from vrscan.fixed.motion_map import LATENCY, MOST_IDLE, MotionMap, Settings, motion_map
@@ -84,12 +84,13 @@ def offset_of(draw: np.random.Generator, settings: Settings) -> int:
     return (((settings.drive_phase + d) << DROP) + rest) % FULL_TURN
 
 
-class Bench:
+class Bench(TwinBench):
     """Drives the RTL and its twin with the same inputs and compares every output every clock."""
 
+    strobes = ("valid",)
+
     def __init__(self, dut) -> None:
-        self.dut = dut
-        self.inputs = dict.fromkeys(QUIET)
+        super().__init__(dut, QUIET)
 
     def configure(self, settings: Settings) -> None:
         """Set the configuration ports."""
@@ -104,21 +105,9 @@ class Bench:
 
     async def reset(self, **inputs: int) -> None:
         """Reset for a clock."""
-        self.give(**(QUIET | inputs))
-        self.dut.rst_i.value = 1
-        await FallingEdge(self.dut.clk_i)
-        self.dut.rst_i.value = 0
-        self.twin = MotionMap(self.settings)
-        self.clock = 0
+        await self.reset_to(MotionMap(self.settings), **(QUIET | inputs))
         self.give(valid=False)
         self.check()
-
-    def give(self, **inputs: int) -> None:
-        """Change inputs."""
-        for name, value in inputs.items():
-            if self.inputs[name] != value:
-                drive(getattr(self.dut, f"{name}_i"), value)
-                self.inputs[name] = value
 
     def check(self) -> None:
         """Compare all outputs."""
@@ -132,16 +121,6 @@ class Bench:
             f"clock {self.clock}, {self.inputs}: a, phi, offset {[hex(v) for v in got]}, "
             f"want {[hex(v) for v in want]}\n{self.settings}"
         )
-
-    async def clocks(self, count: int = 1, **inputs: int) -> None:
-        """Go on by some clocks with these inputs; valid lasts one."""
-        self.give(**inputs)
-        for _ in range(count):
-            await FallingEdge(self.dut.clk_i)
-            self.twin.step(**self.inputs)
-            self.clock += 1
-            self.check()
-            self.give(valid=False)
 
     async def work(self, offset: int, clocks: int = LATENCY, **inputs: int) -> None:
         """Start the work, and wait; behind valid the port carries something else."""
