@@ -70,16 +70,17 @@ module scan_angle #(
   logic signed [                  SumWidth-1:0] sum_q;
   assign harmonic = step_q < Lengthen;
 
-  // The harmonic's constants; behind the last one they are not used.
+  // The harmonic's constants; behind the last one they are not used.  Its phase goes through an adder,
+  // so that of the next harmonic is chosen while this one is at work.
   logic [vrscan_pkg::MotionWidth-1:0] motion;
-  logic [ vrscan_pkg::PhaseWidth-1:0] shift;
+  logic [ vrscan_pkg::PhaseWidth-1:0] next_shift, next_shift_q, shift_q;
   always_comb begin
-    motion = a_i[vrscan_pkg::MotionWidth-1:0];
-    shift  = phi_i[vrscan_pkg::PhaseWidth-1:0];
+    motion     = a_i[vrscan_pkg::MotionWidth-1:0];
+    next_shift = phi_i[vrscan_pkg::PhaseWidth-1:0];
     for (int unsigned n = 1; n < Harmonics; n++) begin
-      if (step_q == StepWidth'(n)) begin
-        motion = a_i[vrscan_pkg::MotionWidth*n+:vrscan_pkg::MotionWidth];
-        shift  = phi_i[vrscan_pkg::PhaseWidth*n+:vrscan_pkg::PhaseWidth];
+      if (step_q == StepWidth'(n)) motion = a_i[vrscan_pkg::MotionWidth*n+:vrscan_pkg::MotionWidth];
+      if (step_q == StepWidth'(n - 1)) begin
+        next_shift = phi_i[vrscan_pkg::PhaseWidth*n+:vrscan_pkg::PhaseWidth];
       end
     end
   end
@@ -147,11 +148,13 @@ module scan_angle #(
     wave_start_q <= prepare_q;
     start_q      <= 1'b0;
     if (prepare_q) begin
-      wave_phase_q <= turn_q - shift;
+      wave_phase_q <= turn_q - shift_q;
       motion_q     <= signed'(motion);
       turn_q       <= turn_q + twice_q;
     end
+    next_shift_q <= next_shift;
     if (product_valid) begin
+      shift_q   <= next_shift_q;
       sum_q     <= harmonic ? sum_q + lowered : lowered;
       angle_q   <= AngleSumWidth'(rounded >>> AngleDrop);
       step_q    <= step_q + StepWidth'(1);
@@ -167,6 +170,7 @@ module scan_angle #(
     end
     if (valid_i) begin
       step_q       <= '0;
+      shift_q      <= phi_i[vrscan_pkg::PhaseWidth-1:0];
       amplitude_q  <= amplitude_i;
       turn_q       <= phase_i;
       twice_q      <= {phase_i[vrscan_pkg::PhaseWidth-2:0], 1'b0};
