@@ -320,6 +320,40 @@ async def a_quiet_mirror_runs_without_flags(dut) -> None:
     assert good > 16
 
 
+@cocotb.test()
+async def an_angle_that_saturates_is_flagged(dut) -> None:
+    """Of a loop that is settled, the angles beyond half a turn are unsettled and no others."""
+    draw = generator(4)
+    bench = await begin(dut)
+    given = registers(
+        draw,
+        sweep_word=round(2**pkg.TURN_WIDTH / PERIOD_CLKS),
+        pulse_clks=7,
+        ratio=round(4.3 * 2**pkg.RATIO_FRACTION),
+        motion_a=[(1 << (pkg.MOTION_WIDTH - 1)) - 1] * pkg.HARMONIC_COUNT,
+        motion_phi=[0] * pkg.HARMONIC_COUNT,
+        motion_da=[0] * pkg.HARMONIC_COUNT,
+        motion_dphi=[0] * pkg.HARMONIC_COUNT,
+        table_midpoint=[0] * TABLE_SIZE,
+    )
+    top = (1 << pkg.AMPLITUDE_WIDTH) - 1
+    given.table_amplitude = [min(4 * value, top) for value in given.table_amplitude]
+    given.amplitude_set *= 4
+    clocks = 20 * PERIOD_CLKS
+    samples = index(draw, clocks, parameters()["IndexOversample"], quiet=True)
+    await bench.start(given)
+    seen = {0: 0, 4: 0}
+    for row in zip(*samples, strict=True):
+        await bench.clock(*row, True, True)
+        twin = bench.twin
+        if twin.angle_valid and twin.drive.state == RUN:
+            port = twin.ports()
+            end = 1 << (pkg.ANGLE_WIDTH - 1)
+            assert (port["angle"] in (-end, end - 1)) == (port["mirror_flags"] == 4)
+            seen[port["mirror_flags"]] += 1
+    assert min(seen.values()) > 3, seen
+
+
 @pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
 def test_mirror_loop_rtl_equals_model(widths: dict[str, int]) -> None:
     simulate("mirror_loop", __file__, widths)
