@@ -4,6 +4,7 @@ A test file holds both sides.  pytest calls ``simulate`` once an elaboration; th
 imports the same file again and runs every ``@cocotb.test()`` in it, which sweep the data.
 """
 
+import abc
 import contextlib
 import hashlib
 import json
@@ -306,7 +307,7 @@ async def reset_at_every_age(
         assert_equal(got, _slice(want, k), _slice(inputs, k))
 
 
-class TwinBench:
+class TwinBench(abc.ABC):
     """Drives a unit and its stateful twin with the same inputs, and compares them every clock.
 
     A test's own class makes ``twin``, puts the first inputs into ``inputs``, and says in ``check``
@@ -324,9 +325,9 @@ class TwinBench:
         self.twin = None
         self.clock = 0
 
+    @abc.abstractmethod
     def check(self) -> None:
         """Compare all outputs."""
-        raise NotImplementedError
 
     def give(self, **inputs: int) -> None:
         """Change inputs."""
