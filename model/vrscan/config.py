@@ -27,13 +27,13 @@ FEWEST_HARMONICS = 6  # as the paper has
 Positive = Annotated[float, Field(gt=0)]
 
 
-class _Section(BaseModel):
+class Section(BaseModel):
     """One table of the file: no unknown key, no type but the stated one, nothing infinite."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
-class Peak(_Section):
+class Peak(Section):
     """Threshold, window and confidence of the peak.
 
     The thresholds are the outcome of ``vrscan efficiency`` (12 bits, 5 electrons a count, read
@@ -80,7 +80,7 @@ class Peak(_Section):
         return self
 
 
-class Geometry(_Section):
+class Geometry(Section):
     """The triangle of base, camera and sensor; (2) to (5)."""
 
     base_mm: Positive = 60.0
@@ -99,7 +99,7 @@ class Geometry(_Section):
         return math.radians(self.bias_deg)
 
 
-class Mirror(_Section):
+class Mirror(Section):
     """The mirror's motion, (12), and the loop that drives it and holds its amplitude.
 
     The gains and rates were chosen on the mirror of ``[mems]``: it starts at up to twice the sweep
@@ -197,7 +197,7 @@ class Mirror(_Section):
         return value + [[0.0, 0.0]] * (most - len(value))
 
 
-class Line(_Section):
+class Line(Section):
     """Timing of a line and of its laser pulse."""
 
     rate_hz: float = Field(default=37_400.0, gt=0, le=1_000_000)
@@ -212,26 +212,26 @@ class Line(_Section):
         return self
 
 
-class Sensor(_Section):
+class Sensor(Section):
     """The line sensor."""
 
     pixel_width: int = Field(default=12, ge=8, le=16)  # bits
     line_length: int = Field(default=2048, ge=64, le=8192)  # px
 
 
-class Laser(_Section):
+class Laser(Section):
     """The laser."""
 
     power_max: int = Field(default=65_535, ge=1, le=65_535)  # power at which (10) is 1
 
 
-class Clock(_Section):
+class Clock(Section):
     """The FPGA's clock."""
 
     frequency_hz: float = Field(default=125e6, ge=1e6, le=1e9)
 
 
-class Mems(_Section):
+class Mems(Section):
     """The simulated mirror, ``vrscan.scene.mirror``; the instrument does not know these."""
 
     natural_hz: Positive = 248.5
@@ -244,7 +244,7 @@ class Mems(_Section):
     noise_urad: float = Field(default=0.0, ge=0)  # of the comparator: makes it chatter
 
 
-class Config(_Section):
+class Config(Section):
     """All of it."""
 
     clock: Clock = Clock()
