@@ -1,0 +1,249 @@
+"""The laser's beam: its width over distance, the stop that cuts it, its pulse and their smear."""
+
+import math
+from functools import lru_cache
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+from scipy.optimize import brentq
+from scipy.special import j0
+
+from vrscan.arrays import Floats
+from vrscan.config import Positive, Section
+from vrscan.errors import InputError
+
+_E2 = math.exp(-2.0)
+_UNCUT = 0.2  # beam over stop, below which exp(-50) of the power meets the stop's edge
+_NODES = 200  # of the integral over the stop; exact to 1e-12 from _UNCUT on
+_UNIFORM = 50.0  # beam over stop, from which on the stop is lit evenly to 4e-4 of the field
+
+
+class Laser(Section):
+    """The laser, its collimator and its pulse; the scene's table ``[laser]``.
+
+    ``power_mw`` is what the diode emits while it is on. What leaves the instrument is less by the
+    stop and by ``transmission``: see ``output_mw``.
+    """
+
+    wavelength_nm: float = Field(default=658.0, ge=400, le=1050)
+    power_mw: float = Field(default=50.0, ge=0)  # at the pulse's top
+    beam_diameter_mm: Positive = 1.0  # 1/e2, at the waist
+    waist_mm: float = 0.0  # distance of the waist from the pivot; negative: a diverging beam
+    m2: float = Field(default=1.0, ge=1)  # 1 is a pure TEM00
+    # Of the collimator, at the pivot; inf is no stop.
+    aperture_mm: Annotated[float, Field(gt=0, allow_inf_nan=True)] = 1.0
+    rise_us: float = Field(default=0.05, ge=0)  # of either edge, foot to top
+    transmission: float = Field(default=1.0, ge=0, le=1)  # of collimator, mirror and window
+
+    @property
+    def wavelength_mm(self) -> float:
+        """The wavelength in mm."""
+        return self.wavelength_nm * 1e-6
+
+
+def rayleigh_mm(laser: Laser) -> float:
+    """Return the distance from the waist where the uncut beam is sqrt(2) wider.
+
+    pi w0^2 / (M^2 lambda), iria (2-9), (2-16), with M^2 of (2-22).
+    """
+    waist = 0.5 * laser.beam_diameter_mm
+    return math.pi * waist**2 / (laser.m2 * laser.wavelength_mm)
+
+
+def truncation(laser: Laser) -> float:
+    """Return the 1/e2 diameter at the stop over the stop's diameter; 0 without a stop."""
+    at_stop = laser.beam_diameter_mm * math.hypot(1.0, laser.waist_mm / rayleigh_mm(laser))
+    return at_stop / laser.aperture_mm
+
+
+def transmitted(ratio: float) -> float:
+    """Return the share of a Gaussian beam's power that passes a centred round stop.
+
+    1 - exp(-2 / ratio^2): iria 2.3.1, where a ratio of 1 loses 13.5 %.
+
+    Args:
+        ratio: ``truncation``: 1/e2 diameter over the stop's, not negative.
+    """
+    return 1.0 if ratio == 0.0 else -math.expm1(-2.0 / ratio**2)
+
+
+def far_field(sine: Floats, ratio: float) -> Floats:
+    """Return the far field's irradiance behind a round stop, 1 on the axis.
+
+    |int_0^1 exp(-x^2/ratio^2) J0(pi u x) x dx|^2, the Hankel transform of what passes the stop
+    (iria 2.3.1; its limit for a wide beam is Airy's (2-4)). For a round stop that is centred.
+
+    Args:
+        sine: u, angle from the axis in wavelengths over the stop's diameter. Any shape.
+        ratio: ``truncation``, at least 0.2 (a less cut beam is Gaussian).
+
+    Raises:
+        ValueError: if ``ratio`` is less.
+    """
+    if ratio < _UNCUT:
+        raise ValueError(f"far_field: the ratio must be at least {_UNCUT}, and is {ratio}")
+    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+    x = 0.5 * (nodes + 1.0)
+    field = weights * x * np.exp(-np.square(x / ratio))
+    u = np.asarray(sine, np.float64)[..., None]
+    return np.asarray(np.square(j0(math.pi * u * x) @ field / field.sum()))
+
+
+@lru_cache(maxsize=64)
+def far_field_width(ratio: float, level: float = _E2) -> float:
+    """Return the full width of the far field, in wavelengths over the stop's diameter.
+
+    Args:
+        ratio: ``truncation``, positive. Below 0.2 the Gaussian's closed form is exact to 1e-10.
+        level: Of the irradiance on the axis, where the width is taken: 1/2, or 1/e2.
+
+    Raises:
+        ValueError: if ``ratio`` is not positive or ``level`` not in [0.02, 1).
+    """
+    # Airy's first ring reaches 0.0175, so the first crossing is the main lobe's.
+    if ratio <= 0.0 or not 0.02 <= level < 1.0:
+        raise ValueError(f"far_field_width: ratio {ratio} or level {level} out of range")
+    gaussian = math.sqrt(-2.0 * math.log(level)) * 2.0 / (math.pi * ratio)
+    if ratio < _UNCUT:
+        return gaussian
+
+    def excess(u: float) -> float:
+        return float(far_field(np.array(u), min(ratio, _UNIFORM))) - level
+
+    u = 0.0
+    step = 0.05 * max(gaussian, 0.2)
+    while excess(u + step) > 0.0:
+        u += step
+    return 2.0 * float(brentq(excess, u, u + step, xtol=1e-12))
+
+
+def widening(ratio: float) -> float:
+    """Return how much the stop widens the far field's 1/e2 width: 1 without one.
+
+    Args:
+        ratio: ``truncation``, not negative.
+    """
+    if ratio < _UNCUT:
+        return 1.0
+    return far_field_width(ratio) * math.pi * ratio / 4.0
+
+
+def radius_mm(distance: Floats, laser: Laser) -> Floats:
+    """Return the beam's 1/e2 radius.
+
+    The uncut beam is iria's (2-8) exactly, here in the form w^2 = ws^2 (1 - z/R)^2 +
+    (theta z)^2 with ws and R, (2-10), of the beam at the stop: a shadow and its diffraction. A stop
+    ends the shadow at its edge and widens the diffraction as ``widening`` says, so the result is
+    right near the stop, in the far field and where a beam is focused.
+
+    It leaves out: Fresnel rings in between (the test states by how much the radius that holds
+    1 - 1/e2 of the power differs), Airy rings beyond the 1/e2 width, the diode's ellipse and
+    astigmatism, the way from collimator to mirror, and the mirror's own edge.
+
+    Args:
+        distance: From the pivot, mm [n]. Infinite (no hit) gives an infinite radius.
+        laser: Its beam and stop.
+
+    Returns:
+        mm, of the shape of ``distance``, never 0.
+    """
+    distance = np.asarray(distance, np.float64)
+    rayleigh = rayleigh_mm(laser)
+    at_stop = 0.5 * laser.beam_diameter_mm * math.hypot(1.0, laser.waist_mm / rayleigh)
+    curvature = laser.waist_mm / (laser.waist_mm**2 + rayleigh**2)
+    spread = laser.m2 * laser.wavelength_mm / (math.pi * at_stop) * widening(truncation(laser))
+    shadow = min(at_stop, 0.5 * laser.aperture_mm)
+    finite = np.isfinite(distance)
+    z = np.where(finite, distance, 0.0)
+    radius = np.hypot(shadow * (1.0 - z * curvature), spread * z)
+    return np.where(finite, radius, np.inf)
+
+
+def output_mw(laser: Laser) -> float:
+    """Return the power that leaves the instrument at the pulse's top, mW."""
+    return laser.power_mw * laser.transmission * transmitted(truncation(laser))
+
+
+def _edge_s(laser: Laser, pulse_s: float) -> float:
+    edge = laser.rise_us * 1e-6
+    if edge > pulse_s:
+        raise InputError(
+            f"laser.rise_us = {laser.rise_us:g}: longer than the pulse of {pulse_s * 1e6:g} us"
+        )
+    return edge
+
+
+def pulse_shape(time_s: Floats, laser: Laser, pulse_s: float) -> Floats:
+    """Return the pulse's power over its top: a trapezoid.
+
+    Leaves out the diode's relaxation oscillation and its change of wavelength (chirp).
+
+    Args:
+        time_s: From the pulse's centre, any shape.
+        laser: Its edges.
+        pulse_s: Width at half height.
+
+    Raises:
+        InputError: if an edge is longer than the pulse.
+    """
+    edge = _edge_s(laser, pulse_s)
+    beyond = 0.5 * pulse_s - np.abs(np.asarray(time_s, np.float64))
+    if edge == 0.0:
+        return np.asarray(np.where(beyond >= 0.0, 1.0, 0.0))
+    return np.clip(beyond / edge + 0.5, 0.0, 1.0)
+
+
+def pulse_transform(frequency_hz: Floats, laser: Laser, pulse_s: float) -> Floats:
+    """Return the Fourier transform of the pulse about its centre, 1 at zero frequency.
+
+    A trapezoid is a box of the pulse's width folded with a box of the edge's, so the transform is
+    sinc(f pulse) sinc(f edge): real. A spot that moves v px/s has its spectrum at k cycles/px
+    multiplied by this at f = k v.
+
+    Args:
+        frequency_hz: Any shape.
+        laser: Its edges.
+        pulse_s: Width at half height.
+
+    Raises:
+        InputError: if an edge is longer than the pulse.
+    """
+    edge = _edge_s(laser, pulse_s)
+    f = np.asarray(frequency_hz, np.float64)
+    return np.asarray(np.sinc(f * pulse_s) * np.sinc(f * edge))
+
+
+def pulse_rms_s(laser: Laser, pulse_s: float) -> float:
+    """Return the pulse's rms duration, s; times a spot's speed it is what smear adds to its sigma.
+
+    Raises:
+        InputError: if an edge is longer than the pulse.
+    """
+    return math.hypot(pulse_s, _edge_s(laser, pulse_s)) / math.sqrt(12.0)
+
+
+def pulse_energy_j(laser: Laser, pulse_s: float) -> float:
+    """Return the energy of a pulse that leaves the instrument, J.
+
+    Raises:
+        InputError: if an edge is longer than the pulse.
+    """
+    _edge_s(laser, pulse_s)  # the trapezoid's area does not depend on it
+    return output_mw(laser) * 1e-3 * pulse_s
+
+
+def smear_px(rate_rad_per_s: Floats, du_dalpha_px_per_rad: Floats, pulse_s: float) -> Floats:
+    """Return how far the spot's image moves in a pulse, px: iria's dwell (1-40), turned round.
+
+    Leaves out the change of either rate within the pulse.
+
+    Args:
+        rate_rad_per_s: Of the optical scan angle [n].
+        du_dalpha_px_per_rad: Pixels per scan angle on this surface [n].
+        pulse_s: Width at half height.
+
+    Returns:
+        Full length, not negative, between the places at the half-height times [n].
+    """
+    return np.abs(np.asarray(rate_rad_per_s) * np.asarray(du_dalpha_px_per_rad)) * pulse_s
