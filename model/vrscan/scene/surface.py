@@ -1,0 +1,253 @@
+"""How a surface scatters: Lambert plus one lobe, and the scatter of a polished part.
+
+The lobe lives in direction cosines: what matters is ``beta``, the distance between the view and
+the mirror direction when both are projected on the surface. It is 0 exactly where the halfway
+vector is the normal, so camera and laser, which stand apart, see the glint at the bisector. A lobe
+that is a function of ``beta`` alone is reciprocal, stays finite at grazing incidence, and its
+power is a plain integral over the unit disc, so that it can never return more than it got.
+"""
+
+import math
+from functools import lru_cache
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from vrscan.arrays import Bools, Floats
+from vrscan.config import Section
+
+MIRROR_STEP = 2.0  # change of the refractive index, dn, that stands for a reflection
+WAVELENGTH_NM = 658.0
+
+
+class Material(Section):
+    """What a target is made of, one ``[material.NAME]`` of a scene.
+
+    ``lobe_deg`` is the lobe's standard deviation along each axis, as an angle at normal incidence.
+    With ``roughness_nm`` the part is polished: of ``gloss``, the share that the roughness scatters
+    goes into a K-correlation lobe, the rest stays in the Gaussian one, which then stands for the
+    figure and the waviness of the part and should be narrow.
+
+    ``looks`` is how many independent speckle patterns the surface itself averages (volume
+    scatter, depolarisation); 1 is a hard opaque surface.
+    """
+
+    reflectance: float = Field(default=0.3, ge=0, le=1)  # diffuse, Lambert
+    gloss: float = Field(default=0.0, ge=0, le=1)  # share of the light in the lobe
+    lobe_deg: float = Field(default=8.0, gt=0, le=60)
+    roughness_nm: float | None = Field(default=None, ge=0, le=1000)  # rms up to 1/wavelength
+    surface_wave_um: Annotated[float, Field(gt=0, le=1e6)] = 20.0  # typical wavelength of roughness
+    slope: float = Field(default=2.2, gt=0, le=20)  # of the scatter at high spatial frequency
+    looks: float = Field(default=1.0, ge=1, le=1000)
+
+    @model_validator(mode="after")
+    def _passive(self) -> "Material":
+        total = self.reflectance + self.gloss
+        if total > 1.0 + 1e-12:
+            raise ValueError(f"reflectance + gloss is {total:.4g}, and more than 1 is no surface")
+        return self
+
+
+def brdf(
+    material: Material,
+    incident: Floats,
+    normal: Floats,
+    view: Floats,
+    albedo: Floats | float = 1.0,
+    *,
+    wavelength_nm: float = WAVELENGTH_NM,
+    acceptance_rad: Floats | float = 0.0,
+) -> Floats:
+    """Return the share of the light that goes into each direction, per solid angle.
+
+    f_r = dL/dE of iria (1-15): reflectance / pi (1-16) plus the lobe
+
+        gloss / (2 pi s^2 (1 - exp(-1 / 2 s^2))) exp(-beta^2 / 2 s^2),  s = sin(lobe_deg)
+
+    which integrates to ``gloss`` at normal incidence and to less where part of it would lie below
+    the horizon. Of a polished part's gloss G the share q = 1 - exp(-TIS) is scattered: K-correlation
+    (metis (1), (2)) scaled to G q, and the Gaussian core is left with G (1 - q max(cos_in, cos_out)).
+    As the scattered light is at most G q cos_in, both together stay below G at any incidence.
+
+    Leaves out Fresnel's rise of the gloss towards grazing, shadowing by the surface's own hills,
+    polarisation, light that emerges beside where it entered, and any lobe but this one (no
+    retro-reflection, no grain of a machined part). For ``TIS`` near 1 and above, the scatter is
+    only of the right amount; its shape is that of a smooth surface.
+
+    Args:
+        material: The surface.
+        incident: Unit vectors towards the surface [n, 3].
+        normal: Unit normals [n, 3].
+        view: Unit vectors away from the surface [n, 3].
+        albedo: The reflectance map's factor, 0 to 1, [n] or one for all. It scales the diffuse part
+            alone: colour is below the surface, gloss is made by the surface.
+        wavelength_nm: Of the light.
+        acceptance_rad: Half angle of the lens as the point sees it. The lobe is widened by it, so
+            that the lens never collects more than the lobe holds however narrow it is; 0 is the
+            BRDF itself.
+
+    Returns:
+        sr^-1 [n]; 0 where light or camera is below the horizon or grazes it exactly.
+    """
+    cos_in = -np.einsum("ij,ij->i", incident, normal)
+    cos_out = np.einsum("ij,ij->i", view, normal)
+    lit: Bools = (cos_in > 0.0) & (cos_out > 0.0)
+    scattered = material.reflectance / math.pi * np.broadcast_to(albedo, lit.shape)
+    if material.gloss > 0.0:
+        half = view - incident
+        tangent = half - np.einsum("ij,ij->i", half, normal)[:, None] * normal
+        square = np.einsum("ij,ij->i", tangent, tangent)
+        lobe = _gauss(square, material.lobe_deg, acceptance_rad)
+        if material.roughness_nm:
+            share, skirt = _polish(material, wavelength_nm)
+            lobe = lobe * (1.0 - share * np.clip(np.maximum(cos_in, cos_out), 0.0, 1.0))
+            lobe = lobe + skirt * cos_in * cos_out * _k_shape(
+                square, 2.0 * math.pi * material.surface_wave_um, wavelength_nm, material.slope
+            )
+        scattered = scattered + material.gloss * lobe
+    return np.where(lit, scattered, 0.0)
+
+
+def _gauss(square: Floats, lobe_deg: float, acceptance_rad: Floats | float) -> Floats:
+    """Return the unit lobe at ``beta``^2, sr^-1."""
+    # The lens's disc adds a^2 / 2 to s^2: to first order that is the mean over the disc, and a
+    # perfect mirror gives pi a^2 / (pi a^2) = 1 of its light.
+    spread = math.sin(math.radians(lobe_deg)) ** 2 + 0.5 * np.square(acceptance_rad)
+    value: Floats = np.exp(-square / (2.0 * spread)) / (
+        2.0 * math.pi * spread * -np.expm1(-0.5 / spread)
+    )
+    return value
+
+
+@lru_cache(maxsize=64)
+def _polish(material: Material, wavelength_nm: float) -> tuple[float, float]:
+    """Return the scattered share of the gloss and the factor of its lobe's shape."""
+    sigma_nm = material.roughness_nm or 0.0
+    whole = float(tis(sigma_nm, wavelength_nm))
+    if whole == 0.0:
+        return 0.0, 0.0
+    share = -math.expm1(-whole)
+    length_um = 2.0 * math.pi * material.surface_wave_um
+    return share, share / whole * _k_peak(
+        sigma_nm, wavelength_nm, length_um, material.slope, MIRROR_STEP
+    )
+
+
+def tis(
+    sigma_nm: Floats | float, wavelength_nm: Floats | float, index_step: float = MIRROR_STEP
+) -> Floats:
+    """Return the total integrated scatter, metis (3): (2 pi dn sigma / lambda)^2.
+
+    The share of the specular light that a smooth surface scatters; small against 1 or not valid.
+
+    Args:
+        sigma_nm: rms roughness over spatial frequencies from 0 to 1/lambda.
+        wavelength_nm: Of the light.
+        index_step: Change of the refractive index at the surface; 2 for a mirror.
+    """
+    return np.asarray(
+        np.square(2.0 * math.pi * index_step * np.asarray(sigma_nm) / wavelength_nm),
+        dtype=np.float64,
+    )
+
+
+def bsdf_k(
+    beta: Floats | float,
+    cos_in: Floats | float,
+    cos_out: Floats | float,
+    *,
+    sigma_nm: float,
+    wavelength_nm: float,
+    length_um: float,
+    slope: float,
+    index_step: float = MIRROR_STEP,
+    specular: float = 1.0,
+) -> Floats:
+    """Return the K-correlation BSDF, metis (1), and (2) where the slope is 2.
+
+    Without its two cosines it integrates over the disc of direction cosines, d^2 beta =
+    cos_out d omega, to ``specular`` times ``tis``; with them a wide lobe holds somewhat less.
+
+    Leaves out what first-order scatter leaves out: roughness that is not small against the
+    wavelength, and polarisation.
+
+    Args:
+        beta: Distance of the scattered from the specular direction, in direction cosines.
+        cos_in: Cosine of the angle of incidence.
+        cos_out: Cosine of the scattered direction with the normal.
+        sigma_nm: rms roughness at this wavelength; ``scaled_sigma`` brings it from another.
+        wavelength_nm: Of the light.
+        length_um: B, 2 pi times the typical wavelength of the surface.
+        slope: s, of the BSDF at high spatial frequencies.
+        index_step: dn, the change of the refractive index at the surface; 2 for a mirror.
+        specular: R, the reflectivity, or the transmission for scatter in transmission.
+
+    Returns:
+        sr^-1, of the common shape of ``beta`` and the cosines.
+    """
+    peak = specular * _k_peak(sigma_nm, wavelength_nm, length_um, slope, index_step)
+    shape = _k_shape(np.square(beta), length_um, wavelength_nm, slope)
+    return np.asarray(peak * np.asarray(cos_in) * np.asarray(cos_out) * shape)
+
+
+def scaled_sigma(
+    sigma_nm: float, from_nm: float, to_nm: float, *, length_um: float, slope: float
+) -> float:
+    """Return the roughness that counts at another wavelength, metis (4), and (5) at slope 2.
+
+    A shorter wave sees finer roughness too, so its sigma is the larger one. (4) is printed with
+    plus signs in its brackets; they are minus, as in the normalisation of (1), or the two sides
+    do not agree at slope 2.
+
+    Args:
+        sigma_nm: rms roughness as it counts at ``from_nm``.
+        from_nm: Wavelength of the characterisation.
+        to_nm: Wavelength of use.
+        length_um: B.
+        slope: s.
+    """
+    ratio = _k_band(length_um, to_nm, slope) / _k_band(length_um, from_nm, slope)
+    return sigma_nm * math.sqrt(ratio)
+
+
+def roughness_xi(
+    sigma_nm: Floats | float,
+    wavelength_nm: float,
+    cos_in: Floats | float = 1.0,
+    cos_out: Floats | float = 1.0,
+) -> Floats:
+    """Return Rayleigh's roughness, iria (2-29): below 1 smooth, above 1 rough.
+
+    xi = (4 pi sigma / lambda) (cos_in + cos_out) / 2 with sigma the rms height (the report calls it
+    the variance). At 658 nm and normal incidence the limit is 52.4 nm.
+    """
+    mean = 0.5 * (np.asarray(cos_in) + np.asarray(cos_out))
+    return np.asarray(4.0 * math.pi * np.asarray(sigma_nm) / wavelength_nm * mean)
+
+
+def _k_exponent(length_um: float, wavelength_nm: float, slope: float) -> tuple[float, float]:
+    """Return L = ln(1 + B^2 / lambda^2) and t = (1 - s/2) L."""
+    log = math.log1p((1e3 * length_um / wavelength_nm) ** 2)
+    return log, (1.0 - 0.5 * slope) * log
+
+
+def _k_band(length_um: float, wavelength_nm: float, slope: float) -> float:
+    """Return (1 - (1 + B^2/lambda^2)^(1 - s/2)) / (s/2 - 1), which is L at slope 2."""
+    log, exponent = _k_exponent(length_um, wavelength_nm, slope)
+    return log if exponent == 0.0 else log * math.expm1(exponent) / exponent
+
+
+def _k_peak(
+    sigma_nm: float, wavelength_nm: float, length_um: float, slope: float, index_step: float
+) -> float:
+    """Return the BSDF of (1) or (2) at beta 0, without R and the cosines."""
+    waves = 1e3 * length_um / wavelength_nm
+    whole = float(tis(sigma_nm, wavelength_nm, index_step))
+    return whole * waves**2 / (math.pi * _k_band(length_um, wavelength_nm, slope))
+
+
+def _k_shape(square: Floats, length_um: float, wavelength_nm: float, slope: float) -> Floats:
+    """Return (1 + B^2 beta^2 / lambda^2)^(-s/2)."""
+    waves = 1e3 * length_um / wavelength_nm
+    return np.asarray(np.power(1.0 + waves**2 * square, -0.5 * slope))
