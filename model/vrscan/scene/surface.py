@@ -66,9 +66,10 @@ def brdf(
         gloss / (2 pi s^2 (1 - exp(-1 / 2 s^2))) exp(-beta^2 / 2 s^2),  s = sin(lobe_deg)
 
     which integrates to ``gloss`` at normal incidence and to less where part of it would lie below
-    the horizon. Of a polished part's gloss G the share q = 1 - exp(-TIS) is scattered: K-correlation
-    (metis (1), (2)) scaled to G q, and the Gaussian core is left with G (1 - q max(cos_in, cos_out)).
-    As the scattered light is at most G q cos_in, both together stay below G at any incidence.
+    the horizon. Of a polished part's gloss G the share q = 1 - exp(-TIS) is scattered: by
+    K-correlation (metis (1), (2)) scaled to G q, and the Gaussian core is left with
+    G (1 - q max(cos_in, cos_out)). As the scattered light is at most G q cos_in, both together
+    stay below G at any incidence.
 
     Leaves out Fresnel's rise of the gloss towards grazing, shadowing by the surface's own hills,
     polarisation, light that emerges beside where it entered, and any lobe but this one (no
