@@ -1,13 +1,40 @@
-"""From a spot on the sensor to counts: pixel integration, shot noise, read noise, the converter."""
+"""From a spot on the sensor to counts: pixel integration, noise, fixed pattern, the converter.
+
+``spot_electrons`` and ``expose`` are a sensor with independent noise in each call. The others,
+from ``SensorModel`` on, are the light simulator's: there the random numbers are one 16 bit word a
+pixel and line, the same whatever else is modelled, so that two runs of a scene differ only by the
+effects that one of them leaves out.
+"""
 
 import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Annotated
 
 import numpy as np
-from scipy.special import erf
+import numpy.typing as npt
+from pydantic import Field
+from scipy.special import erf, ndtri
 
 from vrscan.arrays import Floats, Pixels
+from vrscan.config import Positive, Section
 
 REACH = 8.0  # spot sigmas, beyond which a Gaussian is below 1e-14 of its peak
+
+WORDS = 1 << 16  # values of a random word
+
+# One number each keeps the random numbers of different uses apart. None is small: SeedSequence
+# takes (seed, use) and (seed, use, 0) for the same.
+_NOISE_STREAM = 0x6E6F6973
+_PATTERN_STREAM = 0x70617474
+
+_LEAST_VARIANCE = 1e-12  # e^2; keeps 0 / 0 from a sensor without light and read noise
+
+_CHUNK = 1 << 14  # pixels at a time: what one needs stays in the cache
+
+Singles = npt.NDArray[np.float32]
+Share = Annotated[float, Field(ge=0, le=1)]
+NotNegative = Annotated[float, Field(ge=0)]
 
 
 def spot_electrons(
@@ -86,3 +113,285 @@ def cramer_rao_variance(electrons: Floats, slope: Floats, dark_variance: float) 
         dark_variance: b^2, electrons squared.
     """
     return np.asarray(1.0 / (np.square(slope) / (dark_variance + electrons)).sum(axis=1))
+
+
+class SensorModel(Section):
+    """The sensor's physical part, ``[sensor]`` of a scene.
+
+    Left out: lag, crosstalk of optical and electrical origin, nonlinearity below full well,
+    column noise of the converter, temperature. With anti-blooming and a settled converter these are
+    below 1 % of the signal of a neighbouring pixel or line; crosstalk of 1 % widens a spot of
+    s = 2 px by 0.25 % and moves it by nothing.
+    """
+
+    quantum_efficiency: Share = 0.5  # electrons per photon, fill factor included
+    read_noise_e: NotNegative = 15.0  # rms
+    dark_e_per_s: NotNegative = 5000.0
+    full_well_e: Positive = 25_000.0  # 12 bits end at 20,475 e with 0.2 counts/e
+    prnu: float = Field(default=0.005, ge=0, lt=0.2)  # rms of the pixels' sensitivity
+    dsnu_e: NotNegative = 5.0  # rms of the pixels' offset
+    blooming: Share = 0.02  # of the charge above full well spills, the rest is drained
+    spill_px: Positive = 2.0  # how far spilt charge reaches, 1/e
+    offset_counts: NotNegative = 60.0
+    gain: Positive | None = None  # counts per electron; None is kappa of the instrument
+
+    def dark_electrons(self, exposure_s: float) -> float:
+        """Return the mean electrons of the dark current in ``exposure_s`` seconds."""
+        return self.dark_e_per_s * exposure_s
+
+
+@dataclass(frozen=True)
+class Readout:
+    """What turns electrons to counts, with all defaults filled in.
+
+    Attributes:
+        gain: Counts per electron.
+        offset_counts: Count of a pixel without electrons.
+        read_noise_e: Standard deviation, electrons.
+        top_count: Where counts end: the converter's last code, or full well if that is lower.
+    """
+
+    gain: float
+    offset_counts: float
+    read_noise_e: float
+    top_count: int
+
+
+def readout(model: SensorModel, kappa: float, pixel_width: int) -> Readout:
+    """Return the readout of ``model``.
+
+    Args:
+        model: The scene's sensor.
+        kappa: Counts per electron where the scene states no gain.
+        pixel_width: Bits of the converter.
+
+    Raises:
+        ValueError: if there is no gain.
+    """
+    gain = model.gain if model.gain is not None else kappa
+    if not gain > 0:
+        raise ValueError(f"a gain of {gain} counts per electron converts nothing")
+    full = math.floor(model.offset_counts + gain * model.full_well_e + 0.5)
+    return Readout(gain, model.offset_counts, model.read_noise_e, min(2**pixel_width - 1, full))
+
+
+def _normal() -> Singles:
+    """Return the quantiles of the normal distribution at the middles of ``WORDS`` equal steps."""
+    z = ndtri((np.arange(WORDS) + 0.5) / WORDS)
+    return np.asarray(z / np.sqrt(np.mean(np.square(z))), np.float32)
+
+
+NORMAL = _normal()  # by word: mean 0, variance 1, ends at -4.32 and 4.32
+
+
+def words(seed: int, block: int, rows: int, length: int) -> Pixels:
+    """Return the random words of a block of lines, one a pixel and line.
+
+    They depend on nothing but the arguments: whoever renders the block, in whatever order and with
+    whatever effects, has the same noise. ``block`` stands for a fixed range of lines; blocks of
+    another size have other words.
+
+    Args:
+        seed: The scene's seed, at least 0.
+        block: Number of the block, at least 0.
+        rows: Lines of the block.
+        length: Pixels of a line.
+
+    Returns:
+        uint16 [rows, length], even over 0..65535.
+    """
+    source = np.random.SFC64(np.random.SeedSequence((seed, _NOISE_STREAM, block)))
+    count = rows * length
+    raw = np.asarray(source.random_raw((count + 3) // 4), "<u8")
+    return np.asarray(raw.view("<u2")[:count].reshape(rows, length), np.uint16)
+
+
+def _levels(z: Singles, mean_e: Singles, readout: Readout) -> Singles:
+    """Return counts before the converter's rounding, half a count up, float32 as ``z``.
+
+    All in float32 and one operation at a time, so that a table and a single pixel agree to the last
+    bit.
+    """
+    variance = mean_e + np.float32(readout.read_noise_e**2)
+    bend = np.maximum(variance, np.float32(_LEAST_VARIANCE))
+    np.divide(mean_e, bend, out=bend)
+    bend *= np.float32(1.0 / 6.0)
+    # b^2 + 2 c^2 is the variance of b z + c (z^2 - 1)
+    level = np.square(bend)
+    level *= np.float32(2.0)
+    np.subtract(variance, level, out=level)
+    np.maximum(level, np.float32(0.0), out=level)
+    np.sqrt(level, out=level)
+    curved = np.square(z)
+    curved -= np.float32(1.0)
+    curved *= bend
+    scaled: Singles = level * z
+    scaled += curved
+    scaled += mean_e
+    scaled *= np.float32(readout.gain)
+    scaled += np.float32(readout.offset_counts + 0.5)
+    return scaled
+
+
+def _convert(level: Singles, top_count: int) -> Pixels:
+    """Return the converter's codes; overwrites ``level``. Truncation of a positive is floor."""
+    np.clip(level, np.float32(0.0), np.float32(top_count), out=level)
+    return level.astype(np.uint16)
+
+
+@lru_cache(maxsize=8)
+def _level_table(mean_e: float, readout: Readout) -> Singles:
+    return _levels(NORMAL, np.full(WORDS, mean_e, np.float32), readout)
+
+
+@lru_cache(maxsize=8)
+def _count_table(mean_e: float, readout: Readout) -> Pixels:
+    return _convert(_level_table(mean_e, readout).copy(), readout.top_count)
+
+
+def expose_even(
+    words: Pixels, mean_e: float, readout: Readout, offset_e: Singles | None = None
+) -> Pixels:
+    """Return the counts of pixels that all hold the same mean charge, by a table of all words.
+
+    Gives the same counts as ``expose_pixels`` with that mean everywhere, to the last bit, at a
+    fraction of its time. A new ``mean_e`` costs a new table, 0.5 ms.
+
+    Args:
+        words: Random words [n, length].
+        mean_e: Mean electrons, light and dark current, at least 0.
+        readout: Of the sensor.
+        offset_e: What each pixel reads more, electrons without noise [length]; see
+            ``FixedPattern.offset``.
+
+    Returns:
+        Counts, uint16 [n, length].
+
+    Raises:
+        ValueError: if the mean is negative or not finite.
+    """
+    if not 0 <= mean_e < math.inf:
+        raise ValueError(f"a mean of {mean_e} electrons")
+    if offset_e is None:
+        return _count_table(mean_e, readout).take(words, mode="wrap")
+    level = _level_table(mean_e, readout).take(words, mode="wrap")
+    level += offset_e * np.float32(readout.gain)
+    return _convert(level, readout.top_count)
+
+
+def expose_pixels(
+    words: Pixels, mean_e: Singles, readout: Readout, offset_e: Singles | None = None
+) -> Pixels:
+    """Return the counts of pixels, each with its own mean charge m.
+
+    With the word's normal deviate z, read variance r^2, v = m + r^2 and c = m / (6 v) the charge is
+
+        m + sqrt(v - 2 c^2) z + c (z^2 - 1),
+
+    the first terms of Cornish and Fisher's expansion (Cornish, Fisher 1938) of a Poisson number
+    plus Gaussian read noise: mean m and variance v exactly, third moment m - 4 c^3, where Poisson's
+    is m (c is at most 1/6).
+
+    Leaves out: tails beyond 4.3 standard deviations (1.6e-5 of all pixels); that charge comes in
+    whole electrons, which read noise above 1 e hides; read noise at full well.
+
+    Args:
+        words: Random words [n, w].
+        mean_e: Mean electrons, light and dark current, at least 0 [n, w].
+        readout: Of the sensor.
+        offset_e: As ``expose_even`` has it, [w] or [n, w].
+
+    Returns:
+        Counts, uint16 [n, w].
+    """
+    rows, length = words.shape
+    counts = np.empty((rows, length), np.uint16)
+    shift = None if offset_e is None else offset_e * np.float32(readout.gain)
+    step = max(1, _CHUNK // max(1, length))
+    for first in range(0, rows, step):
+        some = slice(first, first + step)
+        z = NORMAL.take(words[some], mode="wrap")
+        level = _levels(z, np.asarray(mean_e[some], np.float32), readout)
+        if shift is not None:
+            level += shift if shift.ndim == 1 else shift[some]
+        counts[some] = _convert(level, readout.top_count)
+    return counts
+
+
+@dataclass(frozen=True)
+class FixedPattern:
+    """What differs from pixel to pixel and is the same in every line.
+
+    Attributes:
+        sensitivity: A pixel's response to light over the mean of all, float32 [length].
+        dark_e: A pixel's offset, electrons without noise, float32 [length].
+    """
+
+    sensitivity: Singles
+    dark_e: Singles
+
+    def offset(self, even_e: float) -> Singles:
+        """Return each pixel's offset under even light of ``even_e`` electrons, [length].
+
+        Even light's own pattern is taken for an offset too: the pixel's mean is right, and its
+        noise is that of the mean pixel, 0.25 % off in 0.5 % of pattern. So a spot times
+        ``sensitivity`` on top of ``even_e`` and this offset gives, where the spot ends, the counts
+        of ``expose_even`` exactly.
+        """
+        return self.dark_e + np.float32(even_e) * (self.sensitivity - np.float32(1.0))
+
+
+def fixed_pattern(model: SensorModel, seed: int, length: int) -> FixedPattern:
+    """Return the fixed pattern of a sensor: Gaussian, white, of the sizes that ``model`` states.
+
+    Args:
+        model: The scene's sensor.
+        seed: The sensor's own seed, at least 0.
+        length: Pixels of a line.
+    """
+    rng = np.random.Generator(
+        np.random.SFC64(np.random.SeedSequence((seed, _PATTERN_STREAM, length)))
+    )
+    normal = rng.standard_normal((2, length))
+    sensitivity = np.maximum(1.0 + model.prnu * normal[0], 0.0)
+    return FixedPattern(
+        np.asarray(sensitivity, np.float32), np.asarray(model.dsnu_e * normal[1], np.float32)
+    )
+
+
+def bloom(mean_e: Singles, model: SensorModel) -> Singles:
+    """Return the charge after full pixels have spilt into their neighbours.
+
+    Of a pixel's charge above full well, ``blooming`` spills, half to either side, and the drain
+    takes the rest. Walking away, spilt charge passes full pixels and leaves the share
+    1 - exp(-1 / spill_px) in each other pixel, as far as that has room. So no pixel ends above full
+    well, and all charge is kept but for what is drained or walks over the end of the row.
+
+    Leaves out noise of the spill, blooming of the whole chip, and that a drain's share falls as it
+    fills.
+
+    Args:
+        mean_e: Mean electrons [n, w].
+        model: The scene's sensor.
+
+    Returns:
+        Mean electrons [n, w]; ``mean_e`` itself where nothing is above full well.
+    """
+    full = np.float32(model.full_well_e)
+    rows = np.flatnonzero((mean_e > full).any(axis=1))
+    if len(rows) == 0:
+        return mean_e
+    held = np.ascontiguousarray(mean_e[rows].T)
+    spilt = np.maximum(held - full, np.float32(0.0)) * np.float32(0.5 * model.blooming)
+    np.minimum(held, full, out=held)
+    share = np.float32(-math.expm1(-1.0 / model.spill_px))
+    for order in (range(len(held)), range(len(held) - 1, -1, -1)):
+        walking = np.zeros(held.shape[1], np.float32)
+        for pixel in order:
+            left = np.minimum(walking * share, full - held[pixel])
+            held[pixel] += left
+            walking -= left
+            walking += spilt[pixel]
+    result = mean_e.copy()
+    result[rows] = held.T
+    return result
