@@ -1,0 +1,219 @@
+"""Whether the laser stands out against the sun: brightness ratio B and the least power.
+
+The model of Liu et al., "Detectability of active triangulation range finder" (OSA), equations (1)
+to (4) and (6), for their line striper and for a spot. Where (6) is printed with the filter's
+transmittance in its band, (4) has that at the laser's line; what stands here follows from (4), so
+that B at the least power is the required one exactly.
+
+Leaves out speckle and sensor noise (but see ``required_ratio``), the beam's profile (the light is
+even over its cross section; a Gaussian spot of the same 1/e^2 width is twice as bright in the
+middle), haze, and a background that is lit otherwise than the surface around the laser's spot.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vrscan.arrays import Floats
+from vrscan.scene.sun import band_share, collection
+
+
+@dataclass(frozen=True)
+class Beam:
+    """The laser's light as it leaves the instrument."""
+
+    power_w: float
+    diameter_mm: float  # d
+    divergence_rad: float  # gamma, full angle
+    fan_rad: float | None = None  # beta of a line striper; None is a spot
+
+    def area_mm2(self, range_mm: Floats | float) -> Floats:
+        """Return the cross section at a range, Omega R^2.
+
+        D_2 = R gamma + d across. A striper is D_1 = R beta long, as the paper has it (d is left
+        out beside R beta: 0.9 % of its own at 0.5 m); a spot is a disc of diameter D_2.
+        """
+        across = np.asarray(range_mm) * self.divergence_rad + self.diameter_mm
+        if self.fan_rad is None:
+            return np.asarray(0.25 * math.pi * across**2)
+        return np.asarray(np.asarray(range_mm) * self.fan_rad * across)
+
+
+@dataclass(frozen=True)
+class Filter:
+    """The camera's bandpass filter as sun and laser see it."""
+
+    laser: float  # t_lambda0: transmittance at the laser's line
+    band: float  # t_lambdap: effective transmittance in the band
+    ratio: float  # r_lambdap: the band's share of the sun's irradiance
+
+
+@dataclass(frozen=True)
+class View:
+    """What the two pixels see, one with the laser's return and one without."""
+
+    laser_reflectance: float = 0.35
+    background_reflectance: float = 0.35
+    cos_in: float = 1.0  # between the laser's beam and the surface's normal
+    laser_off_axis_rad: float = 0.0
+    background_off_axis_rad: float = 0.0
+    f_number: float = 3.0  # cancels from B
+
+    def __post_init__(self) -> None:
+        shares = (self.laser_reflectance, self.background_reflectance, self.cos_in)
+        if not all(0.0 < share <= 1.0 for share in shares):
+            raise ValueError("reflectances and cos_in must be above 0 and at most 1")
+
+    @property
+    def contrast(self) -> float:
+        """rho_lsr C(alpha_lsr) over rho_bg C(alpha_bg)."""
+        laser = self.laser_reflectance * collection(self.f_number, self.laser_off_axis_rad)
+        other = self.background_reflectance * collection(
+            self.f_number, self.background_off_axis_rad
+        )
+        return float(laser / other)
+
+
+# The paper's striper and filter. Its band of 20 nm at 780 nm holds 2.32 % of the ASTM G173 global
+# spectrum, not the 3.52 % that it states.
+PAPER_BEAM = Beam(power_w=0.08, diameter_mm=6.8, divergence_rad=2e-3, fan_rad=1.57)
+PAPER_FILTER = Filter(laser=0.585, band=0.395, ratio=0.0352)
+PAPER_BAND_NM = (770.0, 790.0)
+
+
+def paper_filter_g173() -> Filter:
+    """Return the paper's filter with the ratio that the reference spectrum gives it."""
+    return replace(PAPER_FILTER, ratio=band_share(*PAPER_BAND_NM))
+
+
+def laser_irradiance(beam: Beam, range_mm: Floats | float, cos_in: Floats | float = 1.0) -> Floats:
+    """Return the laser's irradiance on the target, W/m^2; (1): P cos / (Omega R^2).
+
+    Raises:
+        ValueError: if a range is not above 0.
+    """
+    if not np.all(np.asarray(range_mm) > 0.0):
+        raise ValueError("range must be above 0")
+    return np.asarray(beam.power_w * np.asarray(cos_in) / (beam.area_mm2(range_mm) * 1e-6))
+
+
+def pixel_irradiance(
+    laser_w_m2: Floats | float,
+    sun_w_m2: Floats | float,
+    glass: Filter,
+    *,
+    reflectance: float,
+    f_number: float,
+    off_axis_rad: float = 0.0,
+) -> Floats:
+    """Return the irradiance on a pixel, W/m^2; (2).
+
+    Args:
+        laser_w_m2: Laser's irradiance on the surface; 0 for a background pixel.
+        sun_w_m2: The sun's, over its full spectrum.
+        glass: The filter.
+        reflectance: rho, Lambert.
+        f_number: f / D.
+        off_axis_rad: alpha.
+    """
+    light = np.asarray(laser_w_m2) * glass.laser + np.asarray(sun_w_m2) * glass.ratio * glass.band
+    return np.asarray(reflectance / math.pi * collection(f_number, off_axis_rad) * light)
+
+
+def brightness_ratio(
+    beam: Beam,
+    range_mm: Floats | float,
+    sun_w_m2: Floats | float,
+    glass: Filter,
+    view: View | None = None,
+) -> Floats:
+    """Return B, the pixel with laser over the pixel without; (4).
+
+    B > 1 is the paper's rule: the laser's pixel is the brighter. It is a rule about reflectances as
+    much as about power: with equal ones B exceeds 1 at any power, so (6) asks for none, and
+    only a required B above 1 (``required_ratio``) says anything.
+
+    Args:
+        beam: The laser.
+        range_mm: Distance of the target.
+        sun_w_m2: The sun's irradiance of the surface, over its full spectrum. 0 gives infinity,
+            and 1 times the contrast with a dark laser.
+        glass: The filter.
+        view: What the pixels see; None is the paper's.
+    """
+    seen = view or View()
+    signal = laser_irradiance(beam, range_mm, seen.cos_in) * glass.laser
+    noise = np.asarray(sun_w_m2) * glass.ratio * glass.band
+    dark = noise <= 0.0
+    over = signal / np.where(dark, 1.0, noise)
+    over = np.where(dark, np.where(signal > 0.0, np.inf, 0.0), over)
+    return np.asarray(seen.contrast * (over + 1.0))
+
+
+def least_power_w(
+    beam: Beam,
+    range_mm: Floats | float,
+    sun_w_m2: Floats | float,
+    glass: Filter,
+    view: View | None = None,
+    *,
+    required: float = 1.0,
+) -> Floats:
+    """Return the least power that reaches a brightness ratio; (6), derived from (4).
+
+    (6) as printed divides by the transmittance in the band instead of that at the laser's line:
+    with the paper's filter it asks for 1.48 times as much.
+
+    Args:
+        beam: Its shape; the power is not used.
+        range_mm: Distance of the target.
+        sun_w_m2: The sun's irradiance of the surface, over its full spectrum.
+        glass: The filter.
+        view: What the pixels see; None is the paper's.
+        required: The B to reach.
+
+    Returns:
+        W; 0 where B is reached without any laser.
+    """
+    seen = view or View()
+    unit = laser_irradiance(replace(beam, power_w=1.0), range_mm, seen.cos_in) * glass.laser
+    noise = np.asarray(sun_w_m2) * glass.ratio * glass.band
+    return np.asarray(np.clip(noise * (required / seen.contrast - 1.0), 0.0, None) / unit)
+
+
+def required_ratio(snr: float, background_electrons: float, dark_rms_electrons: float) -> float:
+    """Return the B at which the laser's signal is ``snr`` times the noise under it.
+
+    Signal (B - 1) N on a background of N electrons, whose noise is sqrt(B N + dark^2). It is the
+    answer to what (6) leaves open for equal reflectances.
+
+    Args:
+        snr: Peak signal over rms noise.
+        background_electrons: N, of a pixel without laser.
+        dark_rms_electrons: Read noise and quantisation.
+
+    Raises:
+        ValueError: if N is not above 0: without a background there is no ratio.
+    """
+    if not background_electrons > 0.0:
+        raise ValueError("background_electrons must be above 0")
+    dark = background_electrons + dark_rms_electrons**2
+    signal = 0.5 * (snr**2 + snr * math.sqrt(snr**2 + 4.0 * dark))
+    return 1.0 + signal / background_electrons
+
+
+def compare(range_mm: Floats, sun_w_m2: float) -> Floats:
+    """Return the paper's striper with its printed ratio and with ASTM G173's, side by side.
+
+    Args:
+        range_mm: Distances [n].
+        sun_w_m2: The sun's irradiance of the surface, over its full spectrum.
+
+    Returns:
+        [n, 3]: range in mm, B as printed, B with G173. The sun's light in the band is overstated by
+        the printed ratio, so B - 1 is too small by the ratio of the two, 1.52.
+    """
+    printed = brightness_ratio(PAPER_BEAM, range_mm, sun_w_m2, PAPER_FILTER)
+    spectrum = brightness_ratio(PAPER_BEAM, range_mm, sun_w_m2, paper_filter_g173())
+    return np.stack([np.asarray(range_mm, dtype=np.float64), printed, spectrum], axis=-1)
