@@ -1,12 +1,13 @@
 """A simulated scan against its truth: the table of errors and the picture."""
 
 from dataclasses import dataclass
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from rich.table import Table as RichTable
 
 from vrscan.arrays import Bools, Floats
@@ -15,6 +16,11 @@ from vrscan.ideal.peak import threshold
 from vrscan.lines import Lines, Truth
 from vrscan.report.style import COLOURS, INK, LIGHT, QUIET, STYLE
 from vrscan.table import Table
+
+_SHAPES = ((".", 2.0), ("x", 2.5), ("+", 3.0), ("^", 2.0))
+_TRUTH: dict[str, Any] = {"color": LIGHT, "markersize": 5.0, "markeredgewidth": 0.0}
+_WIDTH_POINTS = 650.0  # of a panel, roughly
+_CONTEXT_PX = 100  # either side of the brightest pixel where there is no window
 
 
 @dataclass(frozen=True)
@@ -51,10 +57,11 @@ def _errors(name: str, where: Bools, result: Table, truth: Truth) -> Errors:
         return Errors(name, int(where.sum()), 0, *[nothing] * 5)
     error = np.abs(result.z_mm[good] - truth.z_mm[good])
     share = 100.0 * error / truth.z_mm[good]  # spot and point are on one ray: z as good as range
-    ratio = error / result.sigma_z_mm[good]
+    sigma = result.sigma_z_mm[good]
+    ratio = error[sigma > 0.0] / sigma[sigma > 0.0]  # a sigma may round to 0
 
     def rms(values: Floats) -> float:
-        return float(np.sqrt(np.mean(np.square(values))))
+        return float(np.sqrt(np.mean(np.square(values)))) if values.size else float("nan")
 
     return Errors(
         name=name,
@@ -96,18 +103,34 @@ def error_table(errors: list[Errors], title: str) -> RichTable:
             f"{row.lines}",
             f"{row.points}",
             f"{100.0 * row.points / row.lines:.1f} %" if row.lines else "-",
-            f"{row.rms_mm:.4f}",
-            f"{row.max_mm:.4f}",
-            f"{row.rms_percent:.4f}",
-            f"{row.max_percent:.4f}",
-            f"{row.ratio:.3f}",
+            _number(row.rms_mm, 4),
+            _number(row.max_mm, 4),
+            _number(row.rms_percent, 4),
+            _number(row.max_percent, 4),
+            _number(row.ratio, 3),
             end_section=index == len(errors) - 2,
         )
     return grid
 
 
-def picture(recording: Lines, result: Table, config: Config, title: str, file: BinaryIO) -> None:
-    """Draw profile with truth, error along the scan, and one raw line with its window.
+def _number(value: float, decimals: int) -> str:
+    return f"{value:.{decimals}f}" if np.isfinite(value) else "-"
+
+
+def picture(
+    recording: Lines,
+    result: Table,
+    config: Config,
+    title: str,
+    file: BinaryIO,
+    *,
+    y_mm: Floats | None = None,
+) -> None:
+    """Draw profile with truth, error over the scan angle, and one raw line with its window.
+
+    The lines may come in any order of angle, as those of a mirror do that swings to and fro, and
+    any of them may be without spot or point. A scanner that moved gets a map of z over x and y in
+    place of the profile.
 
     Args:
         recording: Lines with truth.
@@ -115,15 +138,23 @@ def picture(recording: Lines, result: Table, config: Config, title: str, file: B
         config: What they were found with.
         title: One line on top.
         file: A binary file, written as PNG.
+        y_mm: Where the scanner was at each line [n]; None if it stood still.
+
+    Raises:
+        ValueError: if the lines have no truth.
     """
     truth = recording.truth
     if truth is None:
         raise ValueError("picture: lines without truth")
+    panned = y_mm is not None and np.ptp(y_mm) > 0.0 if len(result) else False
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(10.0, 9.2), layout="constrained")  # no window system involved
         figure.suptitle(title, x=0.012, ha="left", fontsize=12, fontweight="bold", color=INK)
         grid = figure.add_gridspec(3, 1, height_ratios=(1.5, 1.0, 1.0))
-        _draw_profile(figure.add_subplot(grid[0]), result, truth)
+        if panned and y_mm is not None:
+            _draw_map(figure.add_subplot(grid[0]), result, truth, y_mm)
+        else:
+            _draw_profile(figure.add_subplot(grid[0]), result, truth)
         _draw_error(figure.add_subplot(grid[1]), recording, result, truth)
         _draw_line(figure.add_subplot(grid[2]), recording, result, config, truth)
         for axes in figure.axes:
@@ -132,58 +163,131 @@ def picture(recording: Lines, result: Table, config: Config, title: str, file: B
         figure.savefig(file, format="png", dpi=130)
 
 
+def _dots(index: int) -> dict[str, Any]:
+    """Return how the points of a surface look: four colours, then the same in other shapes."""
+    shape, size = _SHAPES[index // len(COLOURS) % len(_SHAPES)]
+    return {
+        "linestyle": "",
+        "marker": shape,
+        "markersize": size,
+        "markeredgewidth": 0.7 if shape in "x+" else 0.0,
+        "color": COLOURS[index % len(COLOURS)],
+    }
+
+
+def _near(values: Floats, true: Floats) -> Bools:
+    """Return which values are not so far off that to show them would shrink the scene."""
+    real = true[np.isfinite(true)]
+    if not real.size:
+        return np.ones(len(values), np.bool_)
+    margin = max(0.3 * float(np.ptp(real)), 10.0)
+    return np.asarray((values > real.min() - margin) & (values < real.max() + margin))
+
+
 def _draw_profile(axes: Axes, result: Table, truth: Truth) -> None:
-    """Points over the true profile, which is broken where the surface jumps."""
-    jump = np.flatnonzero(np.abs(np.diff(truth.z_mm)) > 5.0) + 1
-    x, z = np.insert(truth.x_mm, jump, np.nan), np.insert(truth.z_mm, jump, np.nan)
-    axes.plot(x, z, color=LIGHT, linewidth=5.0, solid_capstyle="round", label="truth", zorder=1)
+    """Points over the true profile; all of it dots, as the lines come in any order."""
+    seen = np.isfinite(truth.position_px)
+    near = _near(result.x_mm, truth.x_mm) & _near(result.z_mm, truth.z_mm)
+    axes.plot(truth.x_mm, truth.z_mm, "o", **_TRUTH, label="truth", zorder=1)
     for index, name in enumerate(truth.names):
-        rows = result.located & (truth.surface == index)
-        axes.plot(
-            result.x_mm[rows],
-            result.z_mm[rows],
-            ".",
-            color=COLOURS[index % len(COLOURS)],
-            markersize=2.0,
-            label=f"{name}, {rows.sum()} points",
-        )
-    hidden = np.isnan(truth.position_px) & np.isfinite(truth.z_mm)
-    if hidden.any():
-        axes.plot(
-            truth.x_mm[hidden],
-            truth.z_mm[hidden],
-            "x",
-            color=QUIET,
-            markersize=3.0,
-            label=f"hidden from the camera, {hidden.sum()} lines",
-        )
+        surface = truth.surface == index
+        rows = result.located & surface & seen
+        if surface.any():
+            label = f"{name}, {_counted(rows, 'point')}"
+            rows = rows & near
+            axes.plot(result.x_mm[rows], result.z_mm[rows], **_dots(index), label=label)
+    hidden = np.isfinite(truth.z_mm) & ~seen
+    _draw_hidden(axes, truth.x_mm, truth.z_mm, hidden)
+    _draw_stray(axes, result.x_mm, result.z_mm, result.located & ~seen, near)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_title("Profile")
     axes.set_xlabel("x in mm")
     axes.set_ylabel("z in mm")
-    axes.legend(loc="lower left", markerscale=3.0)
+    _legend(axes, loc="lower left", markerscale=3.0)
+
+
+def _draw_map(axes: Axes, result: Table, truth: Truth, y_mm: Floats) -> None:
+    """Points of a scanner that moved: z as colour over x and y."""
+    seen = np.isfinite(truth.position_px)
+    near = _near(result.x_mm, truth.x_mm)
+    rows = result.located & seen
+    _draw_hidden(axes, truth.x_mm, y_mm, np.isfinite(truth.z_mm) & ~seen)
+    if (rows & near).any():
+        label = _counted(rows, "point")
+        rows = rows & near
+        low, high = np.percentile(result.z_mm[rows], (1.0, 99.0))
+        dots = axes.scatter(
+            result.x_mm[rows],
+            y_mm[rows],
+            c=result.z_mm[rows],
+            s=2.0,
+            linewidths=0,
+            cmap="viridis_r",  # near is bright
+            vmin=low,
+            vmax=max(high, low + 1e-3),
+            label=label,
+        )
+        assert axes.figure is not None
+        axes.figure.colorbar(dots, ax=axes, label="z in mm", pad=0.01)
+    _draw_stray(axes, result.x_mm, y_mm, result.located & ~seen, near)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_title("Points")
+    axes.set_xlabel("x in mm")
+    axes.set_ylabel("y in mm")
+    _legend(axes, loc="lower right", bbox_to_anchor=(1.0, 0.98), markerscale=3.0)
+
+
+def _draw_hidden(axes: Axes, across: Floats, up: Floats, rows: Bools) -> None:
+    if rows.any():
+        label = f"hidden from the camera, {_counted(rows, 'line')}"
+        style: dict[str, Any] = {"color": QUIET, "markersize": 3.0, "markeredgewidth": 0.7}
+        axes.plot(across[rows], up[rows], "x", **style, label=label)
+
+
+def _draw_stray(axes: Axes, across: Floats, up: Floats, rows: Bools, near: Bools) -> None:
+    if rows.any():
+        label = f"without a spot, {_counted(rows, 'point')}"
+        rows = rows & near
+        axes.plot(across[rows], up[rows], "d", color=INK, markersize=2.5, label=label)
+
+
+def _counted(rows: Bools, what: str) -> str:
+    count = int(rows.sum())
+    return f"{count} {what}" + ("" if count == 1 else "s")
+
+
+def _legend(axes: Axes, **options: Any) -> None:
+    """A legend, in columns of six at most, if there is anything to say."""
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        legend = axes.legend(handles, labels, ncols=1 + (len(handles) - 1) // 6, **options)
+        for mark in legend.legend_handles:  # small dots are enlarged, large ones are not
+            if isinstance(mark, Line2D):
+                mark.set_markersize(min(mark.get_markersize(), 6.0))
 
 
 def _draw_error(axes: Axes, recording: Lines, result: Table, truth: Truth) -> None:
-    """Error in z along the scan within twice the predicted sigma."""
+    """Error in z over the scan angle, each point in front of twice its predicted sigma."""
     good = result.located & np.isfinite(truth.position_px)
     angle = np.degrees(recording.angle_rad)
     error = np.where(good, 1e3 * (result.z_mm - truth.z_mm), np.nan)
-    sigma = np.where(good, 1e3 * result.sigma_z_mm, np.nan)
-    limit = 1.3 * float(np.nanpercentile(np.abs(error), 99.0)) if good.any() else 1.0
-    axes.fill_between(
-        angle,
-        -2.0 * sigma,
-        2.0 * sigma,
-        color=LIGHT,
-        linewidth=0,
-        label="twice the predicted sigma",
-    )
+    limit = 1.3 * float(np.percentile(np.abs(error[good]), 99.0)) if good.any() else 1.0
+    limit = max(limit, 1e-3)
+    if good.any():
+        sigma = np.minimum(2e3 * result.sigma_z_mm[good], 10.0 * limit)
+        axes.vlines(
+            angle[good],
+            -sigma,
+            sigma,
+            color=LIGHT,
+            linewidth=np.clip(_WIDTH_POINTS / np.unique(angle[good].round(2)).size, 1.0, 3.0),
+            label="twice the predicted sigma",
+            zorder=1,
+        )
     for index in range(len(truth.names)):
-        rows = truth.surface == index
-        colour = COLOURS[index % len(COLOURS)]
-        axes.plot(angle[rows], error[rows], ".", color=colour, markersize=2.0)
-    beyond = np.abs(np.nan_to_num(error)) > limit
+        rows = good & (truth.surface == index)
+        axes.plot(angle[rows], error[rows], **_dots(index))
+    beyond = good & (np.abs(np.nan_to_num(error)) > limit)
     if beyond.any():
         axes.plot(
             angle[beyond],
@@ -191,20 +295,25 @@ def _draw_error(axes: Axes, recording: Lines, result: Table, truth: Truth) -> No
             "d",
             color=INK,
             markersize=2.5,
-            label=f"beyond the axis, {beyond.sum()} points",
+            label=f"beyond the axis, {_counted(beyond, 'point')}",
         )
     axes.set_ylim(-limit, limit)
-    axes.set_title("Error in z along the scan")
+    if len(angle) and np.ptp(angle) > 0.0:
+        margin = 0.05 * np.ptp(angle)
+        axes.set_xlim(angle.min() - margin, angle.max() + margin)
+    axes.set_title("Error in z over the scan angle" if good.any() else "No point on a spot")
     axes.set_xlabel("scan angle in degrees")
     axes.set_ylabel("measured - true in µm")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2)
+    _legend(axes, loc="lower right", bbox_to_anchor=(1.0, 0.98))
 
 
 def _draw_line(axes: Axes, recording: Lines, result: Table, config: Config, truth: Truth) -> None:
     """One raw line around its window: the widest spot's, where the window shows best."""
+    axes.set_xlabel("pixel")
+    axes.set_ylabel("counts")
     rows = np.flatnonzero(result.located & np.isfinite(truth.position_px))
     if len(rows) == 0:
-        axes.set_title("No line with a point")
+        _draw_brightest(axes, recording)
         return
     by_width = rows[np.argsort(result.width[rows], kind="stable")]
     row = int(by_width[round(0.95 * (len(by_width) - 1))])
@@ -239,6 +348,18 @@ def _draw_line(axes: Axes, recording: Lines, result: Table, config: Config, trut
     )
     axes.set_xlim(first, last - 1)
     axes.set_title(f"Line {row} with its window")
-    axes.set_xlabel("pixel")
-    axes.set_ylabel("counts")
     axes.legend(loc="upper right")
+
+
+def _draw_brightest(axes: Axes, recording: Lines) -> None:
+    """The line with the brightest pixel, where no line has a point."""
+    axes.set_title("No line with a point")
+    if len(recording) == 0:
+        return
+    row = int(np.argmax(recording.lines.max(axis=1)))
+    line = recording.lines[row]
+    peak = int(np.argmax(line))
+    first, last = max(0, peak - _CONTEXT_PX), min(len(line), peak + _CONTEXT_PX + 1)
+    axes.step(np.arange(first, last), line[first:last], where="mid", color=COLOURS[0], linewidth=1)
+    axes.set_xlim(first, last - 1)
+    axes.set_title(f"No line with a point; the brightest, line {row}")
