@@ -46,6 +46,9 @@ class Plate(Section):
 class Window(Plate):
     """The front window of the camera."""
 
+    thickness_mm: Positive = 3.0
+    gap_mm: float = Field(default=4.0, ge=0, le=500)
+
 
 class Filter(Plate):
     """The interference filter, its stack on the front face."""
@@ -270,7 +273,7 @@ def halo_weights(
     share = ring[:, None] * on_row * (widest[:, None] / _RING_NODES) * (2.0 / math.pi)
     place = np.floor(radius[:, None] * np.cos(turn) + 0.5).astype(np.int64)
     seen = place < n_px
-    sums = np.bincount(place[seen], weights=share[seen], minlength=n_px)
+    sums = np.bincount(place[seen], share[seen], n_px).astype(np.float64)
     weights = sums * np.where(np.arange(n_px) == 0, 1.0, 0.5)  # two sides share all but pixel 0
     return Halo(weights=weights, row=float(sums.sum()), total=total)
 

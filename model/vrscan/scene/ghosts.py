@@ -1,0 +1,606 @@
+"""Ghosts: light that two surfaces of the receiver reflect before it reaches the sensor.
+
+Every surface is plane or curved, may be tilted, and acts on a ray as a 3 x 3 matrix on
+(y, slope, 1): y in mm, the slope dy/dz in the frame of the lens, whichever way the light runs. The
+axis y of the first plane is the sensor's u, of the second across the row. Reflections need no
+unfolding then: the path is the product of the matrices in the order in which the light meets them.
+
+What the model leaves out: aberrations (it is paraxial), diffraction, polarisation and the change
+of a coating with the angle, absorption in the glass, light that a mount or the sensor's package
+reflects, and interference between the two faces of a thin plate.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from scipy.special import erf
+
+from vrscan.arrays import Bools, Floats, Ints
+from vrscan.errors import InputError
+from vrscan.scene.stray import Plate, Stray, disc_overlap
+
+_TRAVELS_MM = np.array([0.0, 1.0, 2.0, 3.0])  # a path crosses the moving gap at most three times
+_MARGIN_PX = 20.0  # a spot's own size: a ghost that far beside the row still lights it
+_NEAREST_MM = 1.0  # nothing is imaged from nearer
+
+
+@dataclass(frozen=True)
+class Surface:
+    """One surface of the receiver."""
+
+    name: str
+    before: float  # index towards the object
+    after: float  # index towards the sensor
+    gap_mm: float  # to the next surface; behind the lens it is that of focus at infinity
+    reflectance: float = 0.0
+    curvature: float = 0.0  # mm^-1, positive with the centre towards the sensor
+    power: float = 0.0  # mm^-1, of an ideal thin lens
+    tilt_rad: float = 0.0  # about the axis across the row
+    across_rad: float = 0.0  # about the row
+
+
+@dataclass(frozen=True)
+class Ghosts:
+    """Ghosts [g] of spots [n], or of any shape of spots."""
+
+    names: tuple[str, ...]  # "near surface + far surface", the later reflection first
+    offset_px: Floats  # [g, n] along the row, from the spot to the ghost's middle
+    across_px: Floats  # [g, n] across the row
+    blur_px: Floats  # [g, n] radius of the ghost's disc
+    power: Floats  # [g, n] of the spot's light, 0 where the ghost misses the sensor
+    dropped: Floats  # [n] share of the light in ghosts that are dropped here or miss the sensor
+
+
+@dataclass(frozen=True)
+class Found:
+    """A ghost and the surfaces that make it."""
+
+    surfaces: tuple[str, ...]
+    times: tuple[int, ...]  # how often each of them reflects it
+    power: float  # of the spot's light
+    offset_px: float
+    across_px: float
+    blur_px: float
+
+    @property
+    def name(self) -> str:
+        """Its surfaces, each with the number of its reflections where that is not 1."""
+        parts = zip(self.surfaces, self.times, strict=True)
+        return " + ".join(name if count == 1 else f"{name} x{count}" for name, count in parts)
+
+
+@dataclass(frozen=True)
+class Stack:
+    """The receiver from its front window to the sensor, which is the last surface."""
+
+    surfaces: tuple[Surface, ...]
+    stop: int  # the surface at which the stop lies
+    moving: int  # the surface behind which the gap changes with the focus
+    f_number: float
+    focal_mm: float
+    pitch_mm: float
+    length_px: int
+    centre_px: float
+    least_power: float
+
+    @cached_property
+    def pairs(self) -> tuple[tuple[int, int], ...]:
+        """The pairs (near, far) of surfaces that reflect."""
+        active = [k for k, surface in enumerate(self.surfaces) if surface.reflectance > 0.0]
+        return tuple((near, far) for near in active for far in active if near < far)
+
+    @cached_property
+    def bare(self) -> Floats:
+        """Power of each pair's ghost over the direct light's, before the stop clips it [g].
+
+        The two reflectances; what lies between the two is crossed twice more.
+        """
+        kept = [1.0 - surface.reflectance for surface in self.surfaces]
+        powers = [
+            self.surfaces[near].reflectance
+            * self.surfaces[far].reflectance
+            * math.prod(kept[near + 1 : far]) ** 2
+            for near, far in self.pairs
+        ]
+        return np.array(powers, dtype=np.float64)
+
+    @cached_property
+    def _direct(self) -> tuple[Floats, Floats]:
+        """Rows of the direct path: at the stop, and on the sensor [plane, 3, power of travel]."""
+        visits = self._trace([(k, 1) for k in range(len(self.surfaces))])
+        return visits[self.stop], visits[-1]
+
+    @cached_property
+    def _paths(self) -> tuple[Floats, Floats, Ints]:
+        """Rows on the sensor [g, 2, 3, 4], at further crossings of the stop [e, 2, 3, 4], whose."""
+        ends, crossings, owners = [], [], []
+        last = len(self.surfaces) - 1
+        for number, (near, far) in enumerate(self.pairs):
+            route = [(k, 1) for k in range(far)]
+            route += [(far, 0)]
+            route += [(k, -1) for k in range(far - 1, near, -1)]
+            route += [(near, 0)]
+            route += [(k, 1) for k in range(near + 1, last + 1)]
+            visits = self._trace(route)
+            ends.append(visits[-1])
+            at_stop = [visits[step] for step, (k, _) in enumerate(route) if k == self.stop]
+            crossings += at_stop[1:]
+            owners += [number] * len(at_stop[1:])
+        empty = np.zeros((0, 2, 3, len(_TRAVELS_MM)))
+        return (
+            np.array(ends) if ends else empty,
+            np.array(crossings) if crossings else empty,
+            np.array(owners, dtype=np.int64),
+        )
+
+    @cached_property
+    def pupil_mm(self) -> float:
+        """Distance of the entrance pupil behind the first vertex; distances count from it."""
+        stop, _ = self._direct
+        return float(stop[0, 1, 0] / stop[0, 0, 0])
+
+    @cached_property
+    def stop_mm(self) -> float:
+        """Radius of the stop, from the f-number at infinity."""
+        stop, _ = self._direct
+        return float(abs(stop[0, 0, 0])) * 0.5 * self.focal_mm / self.f_number
+
+    def travel(self, focus_mm: Floats) -> Floats:
+        """Return how far the lens stands out, mm, when it is sharp at a distance; any shape."""
+        _, end = self._direct
+        near = 1.0 / np.maximum(np.asarray(focus_mm, dtype=np.float64), _NEAREST_MM)
+        gap = 1.0 - self.pupil_mm * near
+        steady = end[0, 0, 0] * gap + end[0, 1, 0] * near
+        moving = end[0, 0, 1] * gap + end[0, 1, 1] * near
+        return np.asarray(-steady / moving)
+
+    def _trace(self, route: Sequence[tuple[int, int]]) -> list[Floats]:
+        """Return (A, B, C) of y = A y1 + B slope1 + C at every step, as polynomials of the travel.
+
+        Args:
+            route: Surfaces in their order, and what each does: 1 and -1 let light through forwards
+                and backwards, 0 reflects it.
+
+        Returns:
+            An array [plane, 3, power of travel] a step, where the light meets the surface.
+        """
+        place = np.cumsum([0.0] + [surface.gap_mm for surface in self.surfaces[:-1]])
+        places = np.repeat(place[:, None], len(_TRAVELS_MM), axis=1)  # [surface, travel]
+        places[self.moving + 1 :] += _TRAVELS_MM
+        state = np.broadcast_to(np.eye(3), (len(_TRAVELS_MM), 2, 3, 3)).copy()
+        here = places[0]
+        fit = np.linalg.inv(np.vander(_TRAVELS_MM, increasing=True))
+        rows = []
+        for index, way in route:
+            state[..., 0, :] += (places[index] - here)[:, None, None] * state[..., 1, :]
+            here = places[index]
+            rows.append(np.einsum("pt,tqr->qrp", fit, state[..., 0, :]))
+            slope = np.stack([_bend(self.surfaces[index], way, plane) for plane in (0, 1)])
+            state[..., 1, :] = np.einsum("qr,tqrs->tqs", slope, state)
+        return rows
+
+    def _chief(self, powers: Floats, field_mm: Floats) -> tuple[Floats, Floats]:
+        """Return y1 and slope1 of the chief ray [plane, ...] to u = field on the row.
+
+        Args:
+            powers: Powers 0 to 3 of the travel [4, ...].
+            field_mm: Where the direct image is.
+        """
+        stop, end = (np.tensordot(rows, powers, 1) for rows in self._direct)
+        target = np.stack([field_mm, np.zeros_like(field_mm)])
+        wanted = target - end[:, 2]
+        centre = -stop[:, 2]
+        scale = stop[:, 0] * end[:, 1] - stop[:, 1] * end[:, 0]
+        y = (centre * end[:, 1] - stop[:, 1] * wanted) / scale
+        slope = (stop[:, 0] * wanted - end[:, 0] * centre) / scale
+        return y, slope
+
+
+def stack(
+    stray: Stray,
+    *,
+    focal_mm: float = 25.0,
+    pitch_mm: float = 0.007,
+    length_px: int = 2048,
+    centre_px: float = 1023.5,
+) -> Stack:
+    """Return the receiver that a scene's ``[stray]`` describes.
+
+    The lens is scaled to the focal length, alone and in air, and stands so far from the sensor
+    that infinity is sharp.
+
+    Args:
+        stray: Parts and their properties.
+        focal_mm: Focal length of the lens.
+        pitch_mm: Of the pixels.
+        length_px: Of the sensor.
+        centre_px: Where the optical axis meets it.
+
+    Raises:
+        InputError: if the prescription is no positive lens, or the cover does not fit behind it.
+    """
+    front: list[Surface] = []
+    for name, plate in (("window", stray.window), ("filter", stray.filter)):
+        if name in stray.enabled:
+            front += _plate(name, plate)
+    lens = _lens(stray, focal_mm)
+    cover = _plate("cover", stray.cover) if "cover" in stray.enabled else []
+    chip = stray.sensor_reflectance if "sensor" in stray.enabled else 0.0
+    sensor = Surface("sensor", 1.0, 1.0, 0.0, reflectance=chip)
+    at = min(stray.lens.stop, len(lens)) - 1
+    built = Stack(
+        surfaces=(*front, *lens, *cover, sensor),
+        stop=len(front) + at,
+        moving=len(front) + len(lens) - 1,
+        f_number=stray.lens.f_number,
+        focal_mm=focal_mm,
+        pitch_mm=pitch_mm,
+        length_px=length_px,
+        centre_px=centre_px,
+        least_power=stray.least_power,
+    )
+    gap = float(built.travel(np.array(np.inf)))
+    if gap < 0.0:
+        raise InputError(
+            f"stray.cover: needs {-gap:.3g} mm more than there is between lens and sensor"
+        )
+    surfaces = list(built.surfaces)
+    surfaces[built.moving] = replace(surfaces[built.moving], gap_mm=gap)
+    return replace(built, surfaces=tuple(surfaces))
+
+
+def ghosts(stack: Stack, focus_mm: Floats, distance_mm: Floats, field_mm: Floats) -> Ghosts:
+    """Return all ghosts of two reflections, followed over focus, distance and image position.
+
+    Metis 3.2 as an array: the three arguments broadcast, so that a cube over all of them is one
+    call. Each ghost is a linear form of the ray whose coefficients are cubic in the lens's travel;
+    they are found once a stack and are exact. Where the light crosses the stop again, it lets
+    through what the discs of beam and stop have in common; of several crossings the narrowest
+    counts, which is too much where they clip at different sides. A clipped ghost keeps its
+    middle and radius.
+
+    Weaker ghosts than ``least_power`` of the section and those that miss the sensor everywhere are
+    dropped; their light is in ``dropped``.
+
+    Args:
+        stack: The receiver.
+        focus_mm: The distance at which the camera is sharp.
+        distance_mm: Distance of the spot. Both count along the axis from the entrance pupil, the
+            camera's centre of projection; where not above 0, or NaN, the ghosts have no power.
+        field_mm: u of the direct image on the sensor, mm; NaN as above.
+
+    Returns:
+        Ghosts [g, n], the strongest first, finite throughout.
+    """
+    focus, distance, field = np.broadcast_arrays(
+        np.asarray(focus_mm, np.float64),
+        np.asarray(distance_mm, np.float64),
+        np.asarray(field_mm, np.float64),
+    )
+    shape = focus.shape
+    seen = (distance > 0.0) & np.isfinite(field) & (focus > 0.0)
+    field = np.where(seen, field, 0.0)
+    near = np.where(seen, 1.0 / np.where(seen, np.maximum(distance, _NEAREST_MM), 1.0), 0.0)
+    focus = np.where(seen, focus, np.inf)
+
+    order = np.argsort(-stack.bare, kind="stable")
+    strong = order[stack.bare[order] >= stack.least_power]
+    weak = float(stack.bare.sum() - stack.bare[strong].sum())
+    if focus.size and np.all(focus == focus.flat[0]):  # the usual scene: one focus for all lines
+        powers = stack.travel(focus.flat[0]) ** np.arange(4.0)
+        powers = powers.reshape(4, *([1] * len(shape)))
+    else:
+        powers = np.stack([stack.travel(focus) ** k for k in range(4)])
+    ends, crossings, owner = stack._paths
+    end = np.tensordot(ends[strong], powers, 1)  # [g, plane, 3, ...]
+    y, slope = stack._chief(powers, field)
+    stop, _ = (np.tensordot(rows, powers, 1) for rows in stack._direct)
+    # The pencil from the spot: how y1 and slope1 change with the height in the stop.
+    pencil_y = (1.0 - stack.pupil_mm * near) / stop[0, 0]
+    pencil_slope = near / stop[0, 0]
+
+    offset = (end[:, 0, 0] * y[0] + end[:, 0, 1] * slope[0] + end[:, 0, 2]) - field
+    across = end[:, 1, 0] * y[1] + end[:, 1, 1] * slope[1] + end[:, 1, 2]
+    blur = stack.stop_mm * np.abs(end[:, 0, 0] * pencil_y + end[:, 0, 1] * pencil_slope)
+    share = np.ones((len(stack.pairs), *shape))
+    wanted = np.isin(owner, strong)
+    rows = np.tensordot(crossings[wanted], powers, 1)
+    for row, number in zip(rows, owner[wanted], strict=True):
+        middle = np.hypot(
+            row[0, 0] * y[0] + row[0, 1] * slope[0] + row[0, 2],
+            row[1, 0] * y[1] + row[1, 1] * slope[1] + row[1, 2],
+        )
+        scale = np.abs(row[0, 0] * pencil_y + row[0, 1] * pencil_slope)
+        share[number] = np.minimum(share[number], _passed(scale * stack.stop_mm, middle, stack))
+    power = stack.bare[strong].reshape(-1, *([1] * len(shape))) * share[strong] * seen
+    pixels = 1.0 / stack.pitch_mm
+    offset, across, blur = offset * pixels, across * pixels, blur * pixels
+    lit = _on_sensor(field * pixels + offset, across, blur, stack)
+    missed = np.where(lit, 0.0, power).sum(axis=0)
+    power = np.where(lit, power, 0.0)
+    kept = lit.any(axis=tuple(range(1, lit.ndim))) if shape else lit
+    names = tuple(_pair_name(stack, stack.pairs[k]) for k in strong[kept])
+    whole = (int(kept.sum()), *shape)
+    return Ghosts(
+        names=names,
+        offset_px=np.broadcast_to(offset[kept], whole),
+        across_px=np.broadcast_to(across[kept], whole),
+        blur_px=np.broadcast_to(blur[kept], whole),
+        power=power[kept],
+        dropped=np.asarray(missed + weak * seen),
+    )
+
+
+def row_profile(
+    found: Ghosts, position_px: Floats, first_px: Floats, width: int, sigma_px: Floats | float
+) -> Floats:
+    """Return what ghosts put on the row, as a share of all light of the spot's image.
+
+    A ghost is a disc convolved with the spot's Gaussian. Far wider than the spot it is the disc's
+    chord along the row, with soft ends; otherwise a Gaussian of the disc's and the spot's variance.
+
+    Args:
+        found: Ghosts of n spots.
+        position_px: Where the spots are on the sensor [n]; not finite: no light.
+        first_px: First pixel of each window [n].
+        width: Pixels of a window.
+        sigma_px: Of the spot, alike along and across the row, above 0 [n].
+
+    Returns:
+        Shares [n, width].
+    """
+    sigma = np.broadcast_to(np.asarray(sigma_px, np.float64), np.shape(position_px))
+    good = np.isfinite(position_px)
+    from_first = np.where(good, position_px - first_px, 0.0)
+    pixel = np.arange(width)
+    total = np.zeros((len(from_first), width))
+    for offset, across, blur, power in zip(
+        found.offset_px, found.across_px, found.blur_px, found.power, strict=True
+    ):
+        lit = np.flatnonzero(good & (power > 0.0))
+        if lit.size == 0:
+            continue
+        radius, soft = blur[lit], sigma[lit]
+        away = pixel - (from_first + offset)[lit, None]
+        wide = radius > 3.0 * soft
+        # Wide: a slice of the disc as high as the row, its chord averaged over the spot's height.
+        node = np.array([-1.7320508, 0.0, 1.7320508])[:, None]  # Gauss-Hermite, three heights
+        weight = np.array([1.0, 4.0, 1.0])[:, None] / 6.0
+        height = across[lit] + node * soft
+        chord = np.sqrt(np.maximum(np.square(radius) - np.square(height), 0.0))
+        mean = (weight * chord).sum(axis=0)
+        chord = np.where(mean > 0.0, (weight * np.square(chord)).sum(axis=0), 0.0)
+        chord = np.sqrt(chord)
+        level = np.where(chord > 0.0, mean / np.where(chord > 0.0, chord, 1.0), 0.0)
+        level *= power[lit] / (math.pi * np.square(np.maximum(radius, 1e-9)))
+        edge = 1.0 / (math.sqrt(2.0) * soft[:, None])
+        disc = erf((away + chord[:, None]) * edge) - erf((away - chord[:, None]) * edge)
+        variance = np.square(soft) + 0.25 * np.square(radius) + 1.0 / 12.0
+        peak = power[lit] / (2.0 * math.pi * variance)
+        peak = peak * np.exp(-0.5 * np.square(across[lit]) / variance)
+        bell = peak[:, None] * np.exp(-0.5 * np.square(away) / variance[:, None])
+        total[lit] += np.where(wide[:, None], 0.5 * level[:, None] * disc, bell)
+    return total
+
+
+def identify(
+    stack: Stack,
+    *,
+    focus_mm: float = 500.0,
+    distance_mm: float = 500.0,
+    field_mm: float = 0.0,
+    least_power: float | None = None,
+) -> tuple[Found, ...]:
+    """Return which surfaces make each ghost, found by taking surfaces out one at a time.
+
+    Metis 3.1: light is split at every surface, whichever way it runs, until it is too weak, which
+    gives a list of images whose origin is not known. Then one surface after another transmits all
+    light, and the ghosts that are gone are assigned to it. How often a surface reflects a ghost
+    follows from the ghost's intensity when the surface reflects half as much. Ghosts of more than
+    two reflections are found too.
+
+    Ghosts that fall on each other are one row; all surfaces without which it loses light are named.
+    It traces rays one by one, apart from the matrices of ``ghosts``.
+
+    Args:
+        stack: The receiver.
+        focus_mm: Distance at which it is sharp, from the entrance pupil.
+        distance_mm: Distance of the spot.
+        field_mm: u of the direct image.
+        least_power: Light weaker than this share of the direct light is not followed; None takes
+            that of the stack.
+
+    Returns:
+        The ghosts, the strongest first.
+    """
+    least = stack.least_power if least_power is None else least_power
+    spot = (focus_mm, distance_mm, field_mm)
+    # A little below the threshold, so that a ghost which only weakens is not taken for gone.
+    whole = _split(stack, *spot, 0.1 * least)
+    makers: dict[tuple[int, int, int], list[tuple[str, int]]] = {key: [] for key in whole}
+    for index, surface in enumerate(stack.surfaces):
+        if surface.reflectance == 0.0:
+            continue
+        without = _split(_with(stack, index, 0.0), *spot, 0.01 * least)
+        half = _split(_with(stack, index, 0.5 * surface.reflectance), *spot, 0.01 * least)
+        for key, ghost in whole.items():
+            left = without[key].power if key in without else 0.0
+            if left < 0.99 * ghost.power:
+                weaker = half[key].power if key in half else 0.0
+                times = math.log2(ghost.power / weaker) if weaker > 0.0 else 1.0
+                makers[key].append((surface.name, max(1, round(times))))
+    found = [
+        replace(
+            ghost,
+            surfaces=tuple(name for name, _ in makers[key]),
+            times=tuple(count for _, count in makers[key]),
+        )
+        for key, ghost in whole.items()
+        if ghost.power >= least
+    ]
+    return tuple(sorted(found, key=lambda ghost: -ghost.power))
+
+
+def _plate(name: str, plate: Plate) -> list[Surface]:
+    tilt, across = math.radians(plate.tilt_deg), math.radians(plate.across_deg)
+    wedge = math.radians(plate.wedge_deg)
+    glass = plate.index
+    return [
+        Surface(
+            f"{name} 1",
+            1.0,
+            glass,
+            plate.thickness_mm,
+            reflectance=plate.front_reflectance,
+            tilt_rad=tilt,
+            across_rad=across,
+        ),
+        Surface(
+            f"{name} 2",
+            glass,
+            1.0,
+            plate.gap_mm,
+            reflectance=plate.back_reflectance,
+            tilt_rad=tilt + wedge,
+            across_rad=across,
+        ),
+    ]
+
+
+def _lens(stray: Stray, focal_mm: float) -> list[Surface]:
+    lens = stray.lens
+    if lens.kind == "thin":
+        return [Surface("lens", 1.0, 1.0, 0.0, power=1.0 / focal_mm)]
+    media = [1.0, *lens.index, 1.0]
+    bends = [1.0 / radius if radius else 0.0 for radius in lens.radii_mm]
+    height, slope = 1.0, 0.0
+    for bend, (before, after), gap in zip(
+        bends, pairwise(media), [*lens.spacing_mm, 0.0], strict=True
+    ):
+        slope = before / after * (slope + bend * height) - bend * height
+        height += slope * gap
+    if not slope < 0.0:
+        raise InputError("stray.lens: the prescription does not gather light")
+    scale = -slope * focal_mm  # focal length wanted over that of the prescription
+    kept = lens.reflectance if "lens" in stray.enabled else 0.0
+    return [
+        Surface(
+            f"lens {k + 1}", before, after, gap * scale, reflectance=kept, curvature=bend / scale
+        )
+        for k, (bend, (before, after), gap) in enumerate(
+            zip(bends, pairwise(media), [*lens.spacing_mm, 0.0], strict=True)
+        )
+    ]
+
+
+def _bend(surface: Surface, way: int, plane: int) -> Floats:
+    """Return how y, slope and 1 give the slope behind a surface.
+
+    The surface is z = c y^2 / 2 + t y, so that its normal leans by g = c y + t. Snell's law is
+    n (slope + g) = n' (slope' + g), in either direction; a mirror has slope' + g = -(slope + g).
+    """
+    tilt = surface.across_rad if plane else surface.tilt_rad
+    if way == 0:
+        return np.array([-2.0 * surface.curvature, -1.0, -2.0 * tilt])
+    before, after = surface.before, surface.after
+    ratio = before / after if way > 0 else after / before
+    extra = ratio - 1.0
+    return np.array([extra * surface.curvature - way * surface.power, ratio, extra * tilt])
+
+
+def _passed(radius: Floats, middle: Floats, stack: Stack) -> Floats:
+    """Return the share that the stop lets through of a beam of this radius, so far off its axis."""
+    radius = np.maximum(radius, 1e-6)
+    common = disc_overlap(radius, stack.stop_mm, middle)
+    return np.asarray(common / (math.pi * np.square(radius)))
+
+
+def _on_sensor(position: Floats, across: Floats, blur: Floats, stack: Stack) -> Bools:
+    """Return whether discs at ``position`` px from the axis light a pixel of the row."""
+    pixel = position + stack.centre_px
+    reach = blur + _MARGIN_PX
+    return (
+        (pixel > -0.5 - reach)
+        & (pixel < stack.length_px - 0.5 + reach)
+        & (np.abs(across) < 0.5 + reach)
+    )
+
+
+def _pair_name(stack: Stack, pair: tuple[int, int]) -> str:
+    return " + ".join(stack.surfaces[k].name for k in pair)
+
+
+def _with(stack: Stack, index: int, reflectance: float) -> Stack:
+    surfaces = list(stack.surfaces)
+    surfaces[index] = replace(surfaces[index], reflectance=reflectance)
+    return replace(stack, surfaces=tuple(surfaces))
+
+
+def _split(
+    stack: Stack, focus_mm: float, distance_mm: float, field_mm: float, least: float
+) -> dict[tuple[int, int, int], Found]:
+    """Return the images that split light makes, by place and size, without the direct one."""
+    travel = float(stack.travel(np.array(focus_mm)))
+    places = np.cumsum([0.0] + [surface.gap_mm for surface in stack.surfaces[:-1]])
+    places[stack.moving + 1 :] += travel
+    y, slope = stack._chief(travel ** np.arange(4.0), np.array(field_mm))
+    stop, _ = (np.tensordot(rows, travel ** np.arange(4.0), 1) for rows in stack._direct)
+    near = 1.0 / distance_mm
+    last = len(stack.surfaces) - 1
+    direct = math.prod(1.0 - surface.reflectance for surface in stack.surfaces[:-1])
+    images: dict[tuple[int, int, int], Found] = {}
+    # Chief ray along and across the row, and a ray of the pencil, each as (y, slope).
+    rays = np.array(
+        [
+            [y[0], slope[0]],
+            [y[1], slope[1]],
+            [(1.0 - stack.pupil_mm * near) / stop[0, 0], near / stop[0, 0]],
+        ]
+    )
+    lean = np.array(
+        [
+            [surface.tilt_rad for surface in stack.surfaces],
+            [surface.across_rad for surface in stack.surfaces],
+            [0.0 for _ in stack.surfaces],
+        ]
+    )
+    waiting = [(0, 1, rays, 1.0 / direct, 1.0, -1)]
+    while waiting:
+        index, way, rays, power, share, visits = waiting.pop()
+        surface = stack.surfaces[index]
+        if index == stack.stop:
+            visits += 1
+            if visits > 0:
+                middle = math.hypot(rays[0, 0], rays[1, 0])
+                radius = abs(rays[2, 0]) * stack.stop_mm
+                share = min(share, float(_passed(np.array(radius), np.array(middle), stack)))
+        if index == last:
+            offset, across = (rays[0, 0] - field_mm) / stack.pitch_mm, rays[1, 0] / stack.pitch_mm
+            blur = abs(rays[2, 0]) * stack.stop_mm / stack.pitch_mm
+            key = (round(1e4 * offset), round(1e4 * across), round(1e4 * blur))
+            old = images[key].power if key in images else 0.0
+            images[key] = Found((), (), old + power * share, offset, across, blur)
+        leaning = surface.curvature * rays[:, 0] + lean[:, index]
+        if 0 <= index + way <= last and power * (1.0 - surface.reflectance) >= least:
+            ratio = surface.before / surface.after
+            ratio = ratio if way > 0 else 1.0 / ratio
+            onward = rays.copy()
+            onward[:, 1] = ratio * (rays[:, 1] + leaning) - leaning
+            onward[:, 1] -= way * surface.power * rays[:, 0]
+            onward[:, 0] += onward[:, 1] * (places[index + way] - places[index])
+            waiting.append(
+                (index + way, way, onward, power * (1.0 - surface.reflectance), share, visits)
+            )
+        if index - way >= 0 and power * surface.reflectance >= least:
+            back = rays.copy()
+            back[:, 1] = -rays[:, 1] - 2.0 * leaning
+            back[:, 0] += back[:, 1] * (places[index - way] - places[index])
+            waiting.append((index - way, -way, back, power * surface.reflectance, share, visits))
+    # The direct image: where the spot is, as sharp as its defocus, with all of the light.
+    brightest = max(images, key=lambda key: images[key].power)
+    del images[brightest]
+    return images
