@@ -215,7 +215,7 @@ def test_an_even_sweep_is_known() -> None:
     assert (single.angle_rad[0], single.rate_rad_per_s[0]) == (-math.radians(10.0), 0.0)
 
 
-@pytest.mark.parametrize("mark_deg", [17.0, -17.0, 20.0])
+@pytest.mark.parametrize("mark_deg", [17.0, -17.0, 19.486, 20.0])
 def test_edges_are_read_back_with_the_same_crossings(tmp_path: Path, mark_deg: float) -> None:
     config = Config(mirror=Mirror(index_deg=mark_deg))
     scan = Scan(jitter_ns=200.0)

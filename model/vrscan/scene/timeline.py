@@ -313,8 +313,8 @@ def write_edges(
     """Write the index as a recording that ``vrscan.edges.read`` reads: EDGES.csv.
 
     The gate is open within ``mems.diode_deg`` of the mark, the comparator high beyond the mark; a
-    whole pass over the diode has one jitter. Without jitter or with it the crossings are those of
-    ``Timeline.index_s``. Only turns that lie wholly inside the time are written, to 1 ps.
+    whole pass over the diode has one jitter. The crossings are those of ``Timeline.index_s``. Only
+    turns that lie wholly inside the time are written, to 1 ps.
 
     Args:
         file: A binary file.
@@ -348,7 +348,8 @@ def write_edges(
         raise InputError("mems.diode_deg: the photodiode reaches to angle 0")
     near = _passes(motion, period, inner) + shift
     least = motion.amplitude_rad * min(1.0 + motion.drift * begin_s, 1.0 + motion.drift * end_s)
-    leaves = abs(motion.mark_rad + width) < 0.999 * least
+    highest = least * float(np.abs(series(np.arange(4096) / 4096, motion.harmonics)[0]).max())
+    leaves = abs(motion.mark_rad + width) < 0.9999 * highest  # else it turns on the diode
     rows = [(near[:, 0], 0, 1), (crossing[:, 0], 1, 1), (crossing[:, 1], 0, 1), (near[:, 1], 0, 0)]
     if leaves:
         far = _passes(motion, period, motion.mark_rad + width) + shift
