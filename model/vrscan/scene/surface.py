@@ -84,9 +84,9 @@ def brdf(
         albedo: The reflectance map's factor, 0 to 1, [n] or one for all. It scales the diffuse part
             alone: colour is below the surface, gloss is made by the surface.
         wavelength_nm: Of the light.
-        acceptance_rad: Half angle of the lens as the point sees it. The lobe is widened by it, so
-            that the lens never collects more than the lobe holds however narrow it is; 0 is the
-            BRDF itself.
+        acceptance_rad: Half angle of the lens as the point sees it, [n] or one for all. The lobe is
+            widened by it so that a lens in the middle of the glint collects its exact share, and
+            never more than the lobe holds however narrow that is; 0 is the BRDF itself.
 
     Returns:
         sr^-1 [n]; 0 where light or camera is below the horizon or grazes it exactly.
@@ -112,9 +112,11 @@ def brdf(
 
 def _gauss(square: Floats, lobe_deg: float, acceptance_rad: Floats | float) -> Floats:
     """Return the unit lobe at ``beta``^2, sr^-1."""
-    # The lens's disc adds a^2 / 2 to s^2: to first order that is the mean over the disc, and a
-    # perfect mirror gives pi a^2 / (pi a^2) = 1 of its light.
-    spread = math.sin(math.radians(lobe_deg)) ** 2 + 0.5 * np.square(acceptance_rad)
+    # A disc of radius a around the lobe's middle collects 1 - exp(-x), x = a^2 / 2 s^2; a lobe of
+    # s^2 x / (1 - exp(-x)) times the disc's area is the same share.
+    own = math.sin(math.radians(lobe_deg)) ** 2
+    disc = np.maximum(np.square(acceptance_rad) / (2.0 * own), 1e-12)
+    spread = own * disc / -np.expm1(-disc)
     value: Floats = np.exp(-square / (2.0 * spread)) / (
         2.0 * math.pi * spread * -np.expm1(-0.5 / spread)
     )
