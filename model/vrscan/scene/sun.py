@@ -6,7 +6,7 @@ with a given normal in the scanner's frame.
 
 import math
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime
 from functools import lru_cache
 from typing import Annotated, Any, Literal
 
@@ -63,6 +63,13 @@ class Sun(Section):
                 return datetime.fromisoformat(value)
             except ValueError as error:
                 raise ValueError("is not an ISO 8601 date and time") from error
+        return value
+
+    @field_validator("time")
+    @classmethod
+    def _known_years(cls, value: datetime) -> datetime:
+        if not 1900 <= value.year <= 2100:
+            raise ValueError("must be of the years 1900 to 2100")
         return value
 
     @model_validator(mode="after")
@@ -193,7 +200,8 @@ def _sky(sun: Sun) -> _Sky:
         )
     zenith, azimuth = float(place["apparent_zenith"]), float(place["azimuth"])
     cosine = math.cos(math.radians(zenith))
-    extra = float(pvlib.irradiance.get_extra_radiation(when).iloc[0])
+    day = sun.time.astimezone(UTC).timetuple().tm_yday
+    extra = float(pvlib.irradiance.get_extra_radiation(day))
     airmass = float(pvlib.atmosphere.get_relative_airmass(zenith))
     ghi, dni, dhi = _weather(sun, zenith, airmass, extra)
     even, patch, horizon = _perez(dhi, dni, extra, zenith, airmass)
@@ -284,7 +292,7 @@ def spectral_irradiance(wavelength_nm: Floats | float, column: Column = "global"
 
 
 def band_irradiance(low_nm: float, high_nm: float, column: Column = "global") -> float:
-    """Return the integral of ASTM G173's spectrum over a band, W/m^2.
+    """Return the integral of ASTM G173's spectrum over a band, W/m^2; 0 outside 280..4000 nm.
 
     Raises:
         ValueError: if the band is empty.
@@ -292,6 +300,7 @@ def band_irradiance(low_nm: float, high_nm: float, column: Column = "global") ->
     if not high_nm > low_nm:
         raise ValueError(f"band {low_nm} to {high_nm} nm is empty")
     tabled = _reference()["nm"]
+    low_nm, high_nm = (float(np.clip(edge, tabled[0], tabled[-1])) for edge in (low_nm, high_nm))
     inside = tabled[(tabled > low_nm) & (tabled < high_nm)]
     points = np.concatenate([[low_nm], inside, [high_nm]])
     return float(np.trapezoid(spectral_irradiance(points, column), points))
@@ -401,9 +410,9 @@ def lamp_spectrum(kind: str, wavelength_nm: Floats) -> Floats:
             (wavelength_nm / 560.0) ** -5 / np.expm1(1.438777e7 / (wavelength_nm * 2800.0))
         )
     if kind == "led":
-        flank = np.where(wavelength_nm < 595.0, 93.0, 66.0)  # half width at half height
+        flank = np.where(wavelength_nm < 595.0, 100.0, 65.0)  # half width at half height
         phosphor = 0.87 * np.exp2(-(((wavelength_nm - 595.0) / flank) ** 2))
-        return np.asarray(phosphor + np.exp2(-(((wavelength_nm - 450.0) / 12.0) ** 2)))
+        return np.asarray(phosphor + 0.85 * np.exp2(-(((wavelength_nm - 450.0) / 12.0) ** 2)))
     centre, width, power = _LINES.T[:, :, None]
     lines = power / width * np.exp2(-((2.0 * (wavelength_nm - centre) / width) ** 2))
     return np.asarray(lines.sum(axis=0))
