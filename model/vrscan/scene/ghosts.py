@@ -25,6 +25,7 @@ from vrscan.scene.stray import Plate, Stray, disc_overlap
 
 _TRAVELS_MM = np.array([0.0, 1.0, 2.0, 3.0])  # a path crosses the moving gap at most three times
 _MARGIN_PX = 20.0  # a spot's own size: a ghost that far beside the row still lights it
+_WIDE = 3.0  # a ghost's radius in the spot's sigma, above which its disc shows
 _NEAREST_MM = 1.0  # nothing is imaged from nearer
 
 
@@ -356,35 +357,32 @@ def row_profile(
     sigma = np.broadcast_to(np.asarray(sigma_px, np.float64), np.shape(position_px))
     good = np.isfinite(position_px)
     from_first = np.where(good, position_px - first_px, 0.0)
-    pixel = np.arange(width)
     total = np.zeros((len(from_first), width))
+    flat = np.zeros(len(from_first))
     for offset, across, blur, power in zip(
         found.offset_px, found.across_px, found.blur_px, found.power, strict=True
     ):
-        lit = np.flatnonzero(good & (power > 0.0))
-        if lit.size == 0:
-            continue
-        radius, soft = blur[lit], sigma[lit]
-        away = pixel - (from_first + offset)[lit, None]
-        wide = radius > 3.0 * soft
-        # Wide: a slice of the disc as high as the row, its chord averaged over the spot's height.
-        node = np.array([-1.7320508, 0.0, 1.7320508])[:, None]  # Gauss-Hermite, three heights
-        weight = np.array([1.0, 4.0, 1.0])[:, None] / 6.0
-        height = across[lit] + node * soft
-        chord = np.sqrt(np.maximum(np.square(radius) - np.square(height), 0.0))
-        mean = (weight * chord).sum(axis=0)
-        chord = np.where(mean > 0.0, (weight * np.square(chord)).sum(axis=0), 0.0)
-        chord = np.sqrt(chord)
-        level = np.where(chord > 0.0, mean / np.where(chord > 0.0, chord, 1.0), 0.0)
-        level *= power[lit] / (math.pi * np.square(np.maximum(radius, 1e-9)))
-        edge = 1.0 / (math.sqrt(2.0) * soft[:, None])
-        disc = erf((away + chord[:, None]) * edge) - erf((away - chord[:, None]) * edge)
-        variance = np.square(soft) + 0.25 * np.square(radius) + 1.0 / 12.0
-        peak = power[lit] / (2.0 * math.pi * variance)
-        peak = peak * np.exp(-0.5 * np.square(across[lit]) / variance)
-        bell = peak[:, None] * np.exp(-0.5 * np.square(away) / variance[:, None])
-        total[lit] += np.where(wide[:, None], 0.5 * level[:, None] * disc, bell)
-    return total
+        middle = from_first + offset
+        lit = good & (power > 0.0)
+        wide = lit & (blur > _WIDE * sigma)
+        level, chord = _slice(across, np.where(wide, blur, 1.0), sigma)
+        level = np.where(wide, level * power, 0.0)
+        soft = 4.0 * sigma
+        # Where the chord's ends are, against the window: beyond it the disc is even or not there.
+        even = (middle - chord + soft <= 0.0) & (middle + chord - soft >= width - 1.0)
+        beside = (middle - chord - soft > width - 1.0) | (middle + chord + soft < 0.0)
+        flat += np.where(even, level, 0.0)
+        ends = np.flatnonzero(wide & ~even & ~beside & (chord > 0.0))
+        total[ends] += level[ends, None] * _box(width, middle[ends], chord[ends], sigma[ends])
+        small = np.flatnonzero(lit & ~wide)
+        variance = np.square(sigma[small]) + 0.25 * np.square(blur[small])
+        # A pixel's height adds its variance across the row; along it the light is sampled.
+        high = variance + 1.0 / 12.0
+        peak = power[small] / (2.0 * math.pi * np.sqrt(variance * high))
+        peak = peak * np.exp(-0.5 * np.square(across[small]) / high)
+        away = np.arange(width) - middle[small, None]
+        total[small] += peak[:, None] * np.exp(-0.5 * np.square(away) / variance[:, None])
+    return total + flat[:, None]
 
 
 def identify(
@@ -403,8 +401,9 @@ def identify(
     follows from the ghost's intensity when the surface reflects half as much. Ghosts of more than
     two reflections are found too.
 
-    Ghosts that fall on each other are one row; all surfaces without which it loses light are named.
-    It traces rays one by one, apart from the matrices of ``ghosts``.
+    Ghosts that fall on each other within 1e-4 px are one row, and all surfaces without which it
+    loses light are named; one that falls so on the direct image is not seen. The tracing is apart
+    from the polynomials of ``ghosts``.
 
     Args:
         stack: The receiver.
@@ -419,14 +418,15 @@ def identify(
     """
     least = stack.least_power if least_power is None else least_power
     spot = (focus_mm, distance_mm, field_mm)
-    # A little below the threshold, so that a ghost which only weakens is not taken for gone.
-    whole = _split(stack, *spot, 0.1 * least)
+    # Well below the threshold, so that a ghost that only weakens is not taken for gone.
+    deep = 0.1 * least
+    whole = _split(stack, *spot, deep)
     makers: dict[tuple[int, int, int], list[tuple[str, int]]] = {key: [] for key in whole}
     for index, surface in enumerate(stack.surfaces):
         if surface.reflectance == 0.0:
             continue
-        without = _split(_with(stack, index, 0.0), *spot, 0.01 * least)
-        half = _split(_with(stack, index, 0.5 * surface.reflectance), *spot, 0.01 * least)
+        without = _split(_with(stack, index, 0.0), *spot, deep)
+        half = _split(_with(stack, index, 0.5 * surface.reflectance), *spot, deep)
         for key, ghost in whole.items():
             left = without[key].power if key in without else 0.0
             if left < 0.99 * ghost.power:
@@ -517,6 +517,29 @@ def _passed(radius: Floats, middle: Floats, stack: Stack) -> Floats:
     radius = np.maximum(radius, 1e-6)
     common = disc_overlap(radius, stack.stop_mm, middle)
     return np.asarray(common / (math.pi * np.square(radius)))
+
+
+def _slice(across: Floats, blur: Floats, sigma: Floats) -> tuple[Floats, Floats]:
+    """Return the row's level per unit of light, and half its chord, through discs [n].
+
+    The spot's own height moves the slice: the mean over three heights (Gauss-Hermite).
+    """
+    node = np.array([-math.sqrt(3.0), 0.0, math.sqrt(3.0)])[:, None]
+    weight = np.array([1.0, 4.0, 1.0])[:, None] / 6.0
+    square = np.maximum(np.square(blur) - np.square(across + node * sigma), 0.0)
+    mean = (weight * np.sqrt(square)).sum(axis=0)
+    chord = np.sqrt((weight * square).sum(axis=0))
+    level = mean / np.where(chord > 0.0, chord, 1.0) / (math.pi * np.square(blur))
+    return level, chord
+
+
+def _box(width: int, middle: Floats, half: Floats, sigma: Floats) -> Floats:
+    """Return boxes of height 1 [n, width], their ends softened by a Gaussian."""
+    away = np.arange(width) - middle[:, None]
+    edge = 1.0 / (math.sqrt(2.0) * sigma[:, None])
+    return np.asarray(
+        0.5 * (erf((away + half[:, None]) * edge) - erf((away - half[:, None]) * edge))
+    )
 
 
 def _on_sensor(position: Floats, across: Floats, blur: Floats, stack: Stack) -> Bools:
