@@ -46,8 +46,9 @@ class _Part:
         """Return about how far points are outside of it, mm."""
         px, py, pz = x - self.centre[0], y - self.centre[1], z - self.centre[2]
         if self.end is not None:
-            bar = np.subtract(self.end, self.centre)
-            share = np.clip((px * bar[0] + py * bar[1] + pz * bar[2]) / (bar @ bar), 0.0, 1.0)
+            bar = [float(b - a) for a, b in zip(self.centre, self.end, strict=True)]
+            square = sum(b * b for b in bar)
+            share = np.clip((px * bar[0] + py * bar[1] + pz * bar[2]) / square, 0.0, 1.0)
             px, py, pz = px - share * bar[0], py - share * bar[1], pz - share * bar[2]
             return np.asarray(np.sqrt(px * px + py * py + pz * pz) - self.radii[0])
         a, b, c = self.radii
@@ -146,7 +147,7 @@ def _curls() -> list[_Part]:
 
 def _distance(parts: list[_Part], x: Floats, y: Floats, z: Floats) -> Floats:
     """Return about how far points are outside the sculpture, mm; rows [h, n] share a y [h, 1]."""
-    total = np.full(x.shape, 1e3)
+    total = np.full(x.shape, 1e3, x.dtype)
     for part in parts:
         low, high = part.span
         first, last = np.searchsorted(y[:, 0], (low, high))
@@ -170,15 +171,16 @@ def _radius(parts: list[_Part], y: Floats, angle: Floats) -> Floats:
         y: Heights, rising, mm [h].
         angle: About the axis, rad [n].
     """
-    height = y[:, None]
-    sine, cosine = np.sin(angle), np.cos(angle)
-    r = np.full((y.size, angle.size), _START)
+    # Single precision, some 1e-5 mm here, halves the time.
+    height = y[:, None].astype(np.float32)
+    sine, cosine = np.sin(angle).astype(np.float32), np.cos(angle).astype(np.float32)
+    r = np.full((y.size, angle.size), _START, np.float32)
     for _ in range(_STEPS):
         gap = _distance(parts, r * sine, height, -r * cosine)
         r = np.maximum(r - _RELAX * gap, _INNER)
         if np.abs(gap[r > _INNER]).max(initial=0.0) < 0.02:
             break
-    return r
+    return r.astype(np.float64)
 
 
 @lru_cache(maxsize=4)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import trimesh  # type: ignore[import-untyped]
+import trimesh
 from embreex.mesh_construction import TriangleMesh  # type: ignore[import-untyped]
 from embreex.rtcore_scene import EmbreeScene  # type: ignore[import-untyped]
 
@@ -135,7 +135,7 @@ def load_mesh(path: Path, scale: float = 1.0) -> tuple[Floats, Ints]:
     if not path.is_file():
         raise InputError(f"{path}: no such mesh")
     try:
-        mesh = trimesh.load(path, force="mesh", process=False, skip_materials=True)
+        mesh = trimesh.load_mesh(path, process=False, skip_materials=True)
         vertices = np.asarray(mesh.vertices, np.float64).reshape(-1, 3)
         faces = np.asarray(mesh.faces, np.int64).reshape(-1, 3)
     except Exception as error:  # whatever a reader makes of a broken file

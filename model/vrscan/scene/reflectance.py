@@ -106,15 +106,17 @@ class Picture:
         column, row = across * columns - 0.5, down * rows - 0.5
         left, top = np.floor(column), np.floor(row)
         right_share, low_share = column - left, row - top
-        mode = "wrap" if self.repeat else "clip"
-        i, j = top.astype(np.int64), left.astype(np.int64)
 
-        def pixel(i: np.ndarray, j: np.ndarray) -> Floats:
-            flat = np.ravel_multi_index((i, j), self.grey.shape, mode=mode)
-            return np.take(self.grey, flat)
+        def pixel(i: Floats, j: Floats) -> Floats:
+            if self.repeat:
+                i, j = np.mod(i, rows), np.mod(j, columns)
+            else:
+                i, j = np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)
+            return np.asarray(self.grey[i.astype(np.int64), j.astype(np.int64)])
 
-        upper = (1.0 - right_share) * pixel(i, j) + right_share * pixel(i, j + 1)
-        lower = (1.0 - right_share) * pixel(i + 1, j) + right_share * pixel(i + 1, j + 1)
+        upper = (1.0 - right_share) * pixel(top, left) + right_share * pixel(top, left + 1)
+        top = top + 1
+        lower = (1.0 - right_share) * pixel(top, left) + right_share * pixel(top, left + 1)
         value = (1.0 - low_share) * upper + low_share * lower
         return np.where(inside | self.repeat, value, 1.0)
 

@@ -283,7 +283,7 @@ class Relief:
             low, high = np.where(value > 0.0, t, low), np.where(value > 0.0, high, t)
             rate = side * (dz - a * wave * dx * np.cos(wave * (x + t * dx)))
             step = t - value / np.where(rate < 0.0, rate, -1.0)
-            inside = (rate < 0.0) & (step > low) & (step < high)
+            inside = (rate < 0.0) & (step >= low) & (step <= high)
             new = np.where(inside, step, 0.5 * (low + high))
             moved = np.abs(np.where(crossed, new - t, 0.0)).max()
             t = new

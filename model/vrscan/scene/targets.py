@@ -369,11 +369,11 @@ def _names(targets: Sequence[TargetSection]) -> tuple[str, ...]:
     for target in targets:
         name = target.name
         if name is None:
+            name = target.kind
             number = 1
-            name = target.kind if kinds[target.kind] == 1 else f"{target.kind} 1"
-            while name in taken:
-                number += 1
+            while name in taken or (kinds[target.kind] > 1 and number == 1):
                 name = f"{target.kind} {number}"
+                number += 1
             taken.add(name)
         names.append(name)
     return tuple(names)

@@ -49,7 +49,8 @@ class Thread:
         """
         along = np.mod(axial - self.pitch * angle / (2.0 * math.pi), self.pitch)
         level = np.array([0.0, 0.0, -self.depth, -self.depth, 0.0])
-        return 0.5 * self.diameter + np.interp(along / self.pitch, np.append(_BREAKS, 1.0), level)
+        inwards = np.interp(along / self.pitch, np.append(_BREAKS, 1.0), level)
+        return np.asarray(0.5 * self.diameter + inwards)
 
     def mesh(self) -> tuple[Floats, Ints, Ints]:
         """Return vertices [v, 3], faces [f, 3] and what each face is part of [f].
@@ -128,8 +129,8 @@ class _Exact:
             new = new - np.clip(step, -_FAR, _FAR)
         value, gradient = self._surface(origin + new[:, None] * direction, part)
         good = (np.abs(new - distance) < _FAR) & (np.abs(value) < _CLOSE) & (part != END)
+        gradient[part == END] = (1.0, 0.0, 0.0)
         normal = gradient / np.sqrt(dot(gradient, gradient))[:, None]
-        normal[part == END] = (1.0, 0.0, 0.0)
         return np.where(good, new, distance), normal
 
 
