@@ -46,15 +46,22 @@ def transfer(frequency: Floats) -> Floats:
     return np.asarray((2.0 / math.pi) * (np.arccos(c) - c * np.sqrt(1.0 - c * c)))
 
 
+@lru_cache(maxsize=1)
+def _nodes() -> tuple[Floats, Floats, Floats]:
+    """Return nodes and weights over 0 to 1, and the transfer function at each pair of nodes."""
+    node, weight = np.polynomial.legendre.leggauss(_NODES)
+    u = 0.5 * (node + 1.0)
+    return u, 0.5 * weight, transfer(np.hypot(u[:, None], u))
+
+
 @lru_cache(maxsize=256)
 def _row_spectrum(pixel_cells: float) -> tuple[Floats, Floats]:
     """Return frequencies, in cut-offs, and the spectral weights of a row of pixels' energies."""
     if not pixel_cells > 0:
         raise ValueError(f"a pixel of {pixel_cells} cells")
-    node, weight = np.polynomial.legendre.leggauss(_NODES)
-    u = 0.5 * (node + 1.0)
-    pixel = 0.5 * weight * np.sinc(pixel_cells * u) ** 2
-    return u, (16.0 / math.pi) * pixel * (transfer(np.hypot(u[:, None], u)) @ pixel)
+    u, weight, pupil = _nodes()
+    pixel = weight * np.sinc(pixel_cells * u) ** 2
+    return u, (16.0 / math.pi) * pixel * (pupil @ pixel)
 
 
 def pixel_contrast2(pixel_cells: float) -> float:
