@@ -256,8 +256,9 @@ def halo_weights(
     # Rings from far inside the core outwards, linear where they are pixels apart.
     inner = np.geomspace(1e-6, 0.25, 200)
     reach = math.hypot(n_px, 0.5 + 6.0 * sigma_px)
-    outer = np.arange(0.25, reach + 1.0, 1.0 / _RINGS_PER_PX)[1:]
-    edge = np.concatenate([[0.0], inner, outer])
+    core = np.arange(0.25, 8.0, 0.125 / _RINGS_PER_PX)[1:]
+    outer = np.arange(8.0, reach + 1.0, 1.0 / _RINGS_PER_PX)
+    edge = np.concatenate([[0.0], inner, core, outer])
     within = np.zeros_like(edge)
     total = 0.0
     for index_step, lever in faces:
