@@ -223,6 +223,7 @@ class Laser(Section):
     """The laser."""
 
     power_max: int = Field(default=65_535, ge=1, le=65_535)  # power at which (10) is 1
+    rated_mw: Positive = 50.0  # which that is
 
 
 class Clock(Section):
@@ -285,14 +286,21 @@ def load(path: Path | None) -> Config:
     try:
         config = Config.model_validate(values)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"])
-        value = first["input"]
-        if first["type"] == "extra_forbidden":
-            raise InputError(f"{path}: unknown key {key} ({value!r})") from error
-        what = first["msg"].removeprefix("Value error, ")
-        what = what[0].lower() + what[1:]
-        shown = f" = {value!r}" if not isinstance(value, dict) else ""
-        raise InputError(f"{path}: {key}{shown}: {what}") from error
+        raise InputError(f"{path}: {complaint(error)}") from error
     config._source = str(path)
     return config
+
+
+def complaint(error: ValidationError) -> str:
+    """Return the first thing that is wrong with a file, by key and value, in one line."""
+    first = error.errors(include_url=False)[0]
+    key = ".".join(str(part) for part in first["loc"])
+    value = first["input"]
+    if first["type"] == "extra_forbidden":
+        return f"unknown key {key} ({value!r})"
+    what = first["msg"].removeprefix("Value error, ")
+    what = what[0].lower() + what[1:]
+    if not key:
+        return what
+    shown = f" = {value!r}" if not isinstance(value, dict) else ""
+    return f"{key}{shown}: {what}"

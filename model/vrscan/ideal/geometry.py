@@ -103,7 +103,10 @@ def project(x: Floats, z: Floats, geometry: Geometry) -> Floats:
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for _ in range(20):  # Newton; distortion is a few per cent, so it ends after five
             u, slope = undistorted(position, geometry)
-            position = position - (u - wanted) / slope
+            step = (u - wanted) / slope
+            position = position - step
+            if not np.any(np.abs(step) > 1e-12 * np.abs(position)):
+                break
         u, _ = undistorted(position, geometry)
         seen &= np.abs(u - wanted) < 1e-9 * geometry.focal_mm
     return np.where(seen, position, np.nan)

@@ -1,0 +1,153 @@
+"""A scene's file: what stands there, who lights it, and what looks at it.
+
+A scene is TOML; every table has defaults, so the shortest scene is one ``[[target]]``. What the
+instrument knows of itself (geometry, timing, thresholds) is not here but in its configuration.
+"""
+
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, PrivateAttr, ValidationError, field_validator, model_validator
+
+from vrscan.config import Positive, Section, complaint
+from vrscan.errors import InputError
+from vrscan.scene.beam import Laser
+from vrscan.scene.sensor import SensorModel
+from vrscan.scene.stray import Stray
+from vrscan.scene.sun import Lamp, Sun
+from vrscan.scene.surface import Material
+from vrscan.scene.targets import TargetSection
+from vrscan.scene.timeline import Scan
+
+DEFAULT_TOLERANCE_PX = 0.01
+
+
+class Lens(Section):
+    """The camera's lens and filter, ``[lens]``; the focal length is the instrument's."""
+
+    f_number: float = Field(default=3.0, ge=0.5, le=64)
+    focus_mm: Positive = 420.0  # depth along the lens's axis that is sharp
+    transmission: float = Field(default=0.9, ge=0, le=1)
+    filter_nm: tuple[float, float] = (645.0, 665.0)
+    filter_transmission: float = Field(default=0.85, ge=0, le=1)
+    coma_px: float = Field(default=0.3, ge=0, le=20)  # one-sided tail at the sensor's end
+    row_offset_px: float = 0.0  # of the row from the scan plane's image
+
+    @field_validator("filter_nm", mode="before")
+    @classmethod
+    def _pair(cls, value: object) -> object:
+        return tuple(value) if isinstance(value, list) else value
+
+    @model_validator(mode="after")
+    def _band(self) -> "Lens":
+        if not 280.0 <= self.filter_nm[0] < self.filter_nm[1] <= 4000.0:
+            raise ValueError(f"filter_nm {list(self.filter_nm)} must rise, within 280 to 4000")
+        return self
+
+
+class Speckle(Section):
+    """``[speckle]``: what of the laser's coherence averages it."""
+
+    looks: float = Field(default=1.0, ge=1, le=1000)  # independent patterns, as of many modes
+
+
+class Description(Section):
+    """A scene, as its file has it."""
+
+    title: str = ""
+    fidelity: Literal["auto", "full"] | list[str] = "auto"
+    tolerance_px: float = Field(default=DEFAULT_TOLERANCE_PX, gt=0, le=10)
+    seed: int = Field(default=20100301, ge=0)
+    exposure_us: float | None = Field(default=None, gt=0)  # None: a whole line period
+    scan: Scan = Scan()
+    laser: Laser = Laser()
+    lens: Lens = Lens()
+    sensor: SensorModel = SensorModel()
+    speckle: Speckle = Speckle()
+    stray: Stray = Stray()
+    sun: Sun | None = None
+    lamp: list[Lamp] = []
+    material: dict[str, Material] = {}
+    target: Annotated[list[TargetSection], Field(min_length=1)]
+
+    _folder: Path = PrivateAttr(Path())
+    _source: str = PrivateAttr("scene")
+
+    @property
+    def folder(self) -> Path:
+        """Where the files that the scene names are looked for."""
+        return self._folder
+
+    @property
+    def source(self) -> str:
+        """The file it came from, for messages."""
+        return self._source
+
+    @model_validator(mode="after")
+    def _materials(self) -> "Description":
+        for target in self.target:
+            if target.material != "default" and target.material not in self.material:
+                known = ", ".join(sorted(self.material)) or "none"
+                raise ValueError(f"no material {target.material!r} (there are {known})")
+        return self
+
+    def material_of(self, name: str) -> Material:
+        """Return a material; ``default`` need not be in the file."""
+        return self.material.get(name, Material())
+
+
+def shipped() -> tuple[str, ...]:
+    """Return the names of the scenes that come with the package, ``default`` first."""
+    folder = resources.files("vrscan.scene") / "scenes"
+    names = sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir())
+    return ("default", *[name for name in names if name != "default"])
+
+
+def load(name: str) -> Description:
+    """Return a scene by the name of a shipped one, or from a file.
+
+    Args:
+        name: One of ``shipped()``, or the path of a ``.toml`` file.
+
+    Raises:
+        InputError: naming file, key and value, if there is no such scene or file, the file is not
+            TOML, has an unknown key, or a value of the wrong type or out of range.
+    """
+    path = Path(name)
+    if path.suffix != ".toml":
+        if name not in shipped():
+            raise InputError(
+                f"{name}: no such scene (there are {', '.join(shipped())}, or FILE.toml)"
+            )
+        with resources.as_file(resources.files("vrscan.scene") / "scenes") as folder:
+            path = folder / f"{name}.toml"
+    try:
+        text = path.read_bytes().decode()
+        values = tomllib.loads(text)
+    except OSError as error:
+        raise InputError(f"{name}: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{name}: not a TOML file ({error})") from error
+    return parse(values, name, path.parent)
+
+
+def parse(values: dict[str, object], source: str, folder: Path) -> Description:
+    """Return a scene from what its file says.
+
+    Args:
+        values: The file's tables.
+        source: Its name, for messages.
+        folder: Where the files that it names are.
+
+    Raises:
+        InputError: naming source, key and value.
+    """
+    try:
+        description = Description.model_validate(values)
+    except ValidationError as error:
+        raise InputError(f"{source}: {complaint(error)}") from error
+    description._folder = folder
+    description._source = source
+    return description

@@ -1,0 +1,209 @@
+"""The spot's image on a sensor of one row: how wide, how high, how much of it falls on the row.
+
+A spot on the row is a slice through its image, not a projection of it. For a Gaussian image, 1/e2
+half height 2 s_y, blurred by a defocused lens's disc of radius a, the slice is the Gaussian along
+the row convolved with
+
+    k(x) = erf(sqrt(a^2 - x^2) / (sqrt(2) s_y)) / (pi a^2)    for |x| < a,
+
+the disc's chord seen through the Gaussian's height: a box for a spot much lower than the disc, the
+semicircle for one much higher. Everything else that blurs is a factor in the spatial frequency:
+pixel, diffraction, motion during the pulse, coma. So a line is one short inverse Fourier transform,
+at the same price whatever blurs it.
+
+It leaves out: field curvature and astigmatism (the instrument's triplet has little), the change of
+the focal distance with focus, which calibration takes up, and a row that is not straight.
+"""
+
+import functools
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+
+import numpy as np
+import numpy.typing as npt
+from scipy import fft
+from scipy.special import erf
+
+from vrscan.arrays import Floats, Ints
+from vrscan.config import Config
+from vrscan.scene.radiometry import mtf
+
+Singles = npt.NDArray[np.float32]
+Clock = Callable[[str], AbstractContextManager[None]]
+
+WIDTHS = (32, 64, 128, 256, 512, 1024, 2048)  # px: the windows that a profile may have
+REACH = 5.5  # of the Gaussian's sigmas, where 5e-7 of the peak is left
+_TAIL = 9.0  # of the coma's lengths, where 1e-4 of its peak is left
+_MARGIN = 4.0  # px
+_ROW_VARIANCE = 1.0 / 12.0  # px^2: that of the row's own height
+
+_STEP = 0.01  # of the table's frequency, in cycles a disc radius
+_END = 64.0  # beyond which the slice's transform is taken for zero
+_HEIGHTS = np.geomspace(0.02, 50.0, 64)  # s_y / a
+_NODES = 800  # of the quadrature over a quarter turn: the last frequency has 64 periods in it
+
+
+@functools.cache
+def _slices() -> tuple[npt.NDArray[np.float32], Floats]:
+    """Return the normalised transform of k [heights, frequencies], and the share of the row [heights].
+
+    The share is k's integral for a = 1: of all light in the image, what a row of height 1 holds
+    where the disc's radius is 1.
+    """
+    node, weight = np.polynomial.legendre.leggauss(_NODES)
+    angle, weight = 0.25 * np.pi * (node + 1.0), 0.25 * np.pi * weight
+    # x = sin(angle): 2/pi integral cos(angle) erf(cos(angle) / (sqrt2 r)) cos(2 pi q sin(angle)).
+    chord = np.cos(angle) * erf(np.cos(angle) / (np.sqrt(2.0) * _HEIGHTS[:, None])) * weight
+    frequency = np.arange(0.0, _END + 1.5 * _STEP, _STEP)
+    wave = np.cos(2.0 * np.pi * np.sin(angle)[:, None] * frequency)
+    table = 2.0 / np.pi * chord @ wave
+    share = table[:, 0].copy()
+    return (table / share[:, None]).astype(np.float32), share
+
+
+def defocus_radius_px(depth_mm: Floats, focus_mm: float, f_number: float, config: Config) -> Floats:
+    """Return the radius of the disc that a point out of focus becomes, geometric optics.
+
+    Args:
+        depth_mm: Distance from the lens along its axis [n].
+        focus_mm: The depth that is sharp.
+        f_number: Of the lens.
+        config: Focal length and pitch.
+    """
+    focal, pitch = config.geometry.focal_mm, config.geometry.pitch_mm
+    behind = 1.0 / np.maximum(depth_mm, 1e-3) - 1.0 / focus_mm
+    return np.asarray(0.5 * focal / f_number * focal / pitch * np.abs(behind))
+
+
+def row_share(sigma_y_px: Floats, radius_px: Floats, offset_px: float = 0.0) -> Floats:
+    """Return which part of the spot's light falls on the row: iria's eta_B for one row.
+
+    A row thinner than the image: its height enters as 1/12 px^2 of variance, which errs by 0.2 %
+    at s_y = 1 px. An offset of the row enters as if disc and spot were one Gaussian.
+
+    Args:
+        sigma_y_px: Of the Gaussian across the row [n].
+        radius_px: Of the defocused disc [n].
+        offset_px: Of the row from the image's middle.
+    """
+    sigma = np.sqrt(np.square(sigma_y_px) + _ROW_VARIANCE)
+    disc = np.maximum(radius_px, 1e-6)
+    _, shares = _slices()
+    ratio = sigma / disc
+    inside = np.interp(np.log(np.minimum(ratio, _HEIGHTS[-1])), np.log(_HEIGHTS), shares) / disc
+    high = 1.0 / (np.sqrt(2.0 * np.pi) * np.sqrt(np.square(sigma) + 0.25 * np.square(disc)))
+    share = np.where(ratio < _HEIGHTS[-1], inside, high)
+    width = np.square(sigma) + 0.25 * np.square(radius_px)
+    return np.asarray(np.minimum(share * np.exp(-0.5 * offset_px**2 / width), 1.0))
+
+
+def window_width(sigma_px: Floats, radius_px: Floats, smear_px: Floats, coma_px: Floats) -> Ints:
+    """Return how wide a window each profile needs, one of ``WIDTHS`` [n]."""
+    reach = REACH * sigma_px + radius_px + 0.5 * smear_px + _TAIL * coma_px + _MARGIN
+    place = np.searchsorted(np.array(WIDTHS), 2.0 * reach)
+    return np.asarray(np.array(WIDTHS)[np.minimum(place, len(WIDTHS) - 1)], np.int64)
+
+
+def diffraction(
+    frequency: Floats, wavelength_nm: float, f_number: float, pitch_mm: float
+) -> Floats:
+    """Return the transfer of a circular pupil, iria (1-37), at frequencies in cycles/px."""
+    cutoff = pitch_mm / (1e-6 * wavelength_nm * f_number)
+    return mtf(np.minimum(frequency / cutoff, 1.0))
+
+
+def frequencies(width: int) -> Floats:
+    """Return the frequencies of a profile's spectrum, cycles/px, 0 to 1 [width + 1]."""
+    return np.arange(width + 1) / width
+
+
+def profiles(
+    fraction_px: Floats,
+    width: int,
+    sigma_px: Floats,
+    *,
+    radius_px: Floats | None = None,
+    height_ratio: Floats | None = None,
+    speed_px: Floats | None = None,
+    pulse: "Singles | None" = None,
+    coma_px: Floats | None = None,
+    transfer: Singles | None = None,
+    spectrum: npt.NDArray[np.complex64] | None = None,
+    clock: Clock = lambda _: nullcontext(),
+) -> Singles:
+    """Return what share of each spot's light in the row each pixel of its window holds.
+
+    Args:
+        fraction_px: Where the spot is, from the window's pixel width / 2 [n].
+        width: Of the windows, even.
+        sigma_px: Of the Gaussian along the row [n].
+        radius_px: Of the defocused disc [n], or None.
+        height_ratio: s_y over that radius [n], with it.
+        speed_px: How far the spot moves in the pulse [n], or None.
+        pulse: The pulse's transform at 0, 0.001 .. in cycles a pulse, with it.
+        coma_px: Length of the one-sided exponential tail [n], or None; the centroid stays.
+        transfer: Any other factor [width + 1], at ``frequencies(width)``; the pixel is included.
+        spectrum: Instead of a point: the spectrum of the light along the row, about the same pixel,
+            [n, width + 1], which then holds the place, too.
+        clock: Called with the name of an effect, is a context that measures what it costs.
+
+    Returns:
+        float32 [n, width]; the rows sum to 1, but for what is beyond the window.
+    """
+    frequency = frequencies(width).astype(np.float32)
+    pixel = np.sinc(frequency)
+    if transfer is not None:
+        pixel = pixel * transfer
+    sigma = sigma_px.astype(np.float32)[:, None]
+    kernel = np.exp(-np.square(np.float32(np.sqrt(2.0) * np.pi) * sigma * frequency))
+    kernel *= pixel
+    if radius_px is not None and height_ratio is not None:
+        with clock("defocus"):
+            kernel *= _disc(frequency, radius_px, height_ratio)
+    if speed_px is not None and pulse is not None:
+        with clock("smear"):
+            turn = np.abs(speed_px).astype(np.float32)[:, None] * frequency * np.float32(1000.0)
+            kernel *= np.take(pulse, turn.astype(np.int32), mode="clip")
+    if spectrum is None:
+        turn = np.float32(-2.0 * np.pi) * fraction_px.astype(np.float32)[:, None] * frequency
+        light = np.empty(turn.shape, np.complex64)
+        light.real = kernel * np.cos(turn)
+        light.imag = kernel * np.sin(turn)
+    else:
+        light = kernel * spectrum
+    if coma_px is not None:
+        with clock("coma"):
+            light *= _tail(frequency, coma_px)
+    half = width // 2
+    folded = light[:, : half + 1] + np.conj(light[:, : half - 1 : -1])
+    folded[:, 1::2] *= -1.0  # the window's pixel width / 2 is the origin
+    return np.asarray(fft.irfft(folded, width, axis=1), np.float32)
+
+
+def _tail(frequency: Singles, coma_px: Floats) -> npt.NDArray[np.complex64]:
+    """Return the transform of an exponential tail towards rising pixels, its mean at 0."""
+    turn = np.float32(2.0 * np.pi) * coma_px.astype(np.float32)[:, None] * frequency
+    # exp(i t) / (1 + i t), with real numbers: numpy's complex division is slow.
+    cosine, sine, scale = np.cos(turn), np.sin(turn), 1.0 / (1.0 + np.square(turn))
+    found = np.empty(turn.shape, np.complex64)
+    found.real = (cosine + turn * sine) * scale
+    found.imag = (sine - turn * cosine) * scale
+    return found
+
+
+def _disc(frequency: Singles, radius_px: Floats, height_ratio: Floats) -> Singles:
+    table, _ = _slices()
+    ratio = np.clip(height_ratio, _HEIGHTS[0], _HEIGHTS[-1])
+    place = np.log(ratio / _HEIGHTS[0]) / np.log(_HEIGHTS[1] / _HEIGHTS[0])
+    row = np.minimum(place.astype(np.int64), len(_HEIGHTS) - 2)
+    share = (place - row).astype(np.float32)[:, None]
+    turn = radius_px.astype(np.float32)[:, None] * frequency * np.float32(1.0 / _STEP)
+    np.minimum(turn, np.float32(_END / _STEP), out=turn)
+    column = turn.astype(np.int32)
+    turn -= column
+    first = row[:, None] * table.shape[1] + column
+    flat = table.ravel()
+    stride = table.shape[1]
+    low = flat[first] * (1.0 - share) + flat[first + stride] * share
+    high = flat[first + 1] * (1.0 - share) + flat[first + stride + 1] * share
+    return np.asarray(low + turn * (high - low), np.float32)

@@ -1,0 +1,298 @@
+"""What all lines of a scene share, worked out once and when first needed."""
+
+from functools import cached_property
+
+import numpy as np
+from scipy.constants import c, h
+
+from vrscan.arrays import Floats, Ints
+from vrscan.config import Config
+from vrscan.errors import InputError
+from vrscan.ideal.geometry import undistorted
+from vrscan.scene.beam import output_mw, radius_mm
+from vrscan.scene.description import Description
+from vrscan.scene.ghosts import Ghosts, Stack, ghosts, stack
+from vrscan.scene.image import Singles
+from vrscan.scene.sensor import FixedPattern, fixed_pattern
+from vrscan.scene.speckle import Speckle
+from vrscan.scene.spots import Camera
+from vrscan.scene.stray import (
+    Halo,
+    WindowGhost,
+    dust_shadow,
+    halo_weights,
+    obscured_share,
+    window_ghost,
+)
+from vrscan.scene.targets import World
+
+_VIEW_STEP = 8  # px between the rays on which the camera's view is sampled
+_BOUNCE_KNOTS = 193  # angles at which the second bounce is worked out
+_BOUNCE_EDGE = 1.02  # of the mirror's amplitude, how far they reach
+_PAN_STEP_MM = 1.0  # of a moving scanner, in which its view is taken to be the same
+_RAYS = 1 << 16  # at a time
+_FARTHEST_MM = 1000.0  # where a ray that meets nothing is taken to end, at least
+
+
+class Light:
+    """A scene and an instrument that looks at it.
+
+    Args:
+        scene: What is there.
+        config: The instrument.
+
+    Raises:
+        InputError: if a mesh or map does not load, the laser is above its rating, no target is
+            where beam and camera meet, or the sun is not above the horizon.
+    """
+
+    def __init__(self, scene: Description, config: Config) -> None:
+        self.scene, self.config = scene, config
+        if scene.laser.power_mw > config.laser.rated_mw:
+            raise InputError(
+                f"{scene.source}: laser.power_mw = {scene.laser.power_mw:g}: above the rated "
+                f"{config.laser.rated_mw:g} mW"
+            )
+        self.world = World(scene.target, scene.folder)
+        self.materials = tuple(scene.material_of(target.material) for target in scene.target)
+        self.names = tuple(dict.fromkeys(self.world.names))
+        # The last entry is what index -1, no target, finds.
+        self.groups = np.array([self.names.index(n) for n in self.world.names] + [-1], np.int64)
+        self.looks = scene.speckle.looks * np.array(
+            [material.looks for material in self.materials] + [1.0]
+        )
+        self.exposure_s = (
+            1e-6 * scene.exposure_us if scene.exposure_us is not None else 1 / config.line.rate_hz
+        )
+        if self.exposure_s > 1.0 / config.line.rate_hz * (1 + 1e-9):
+            raise InputError(
+                f"{scene.source}: exposure_us = {scene.exposure_us:g}: longer than the line period"
+            )
+        ends = np.abs(self.world.bounds)
+        self.farthest_mm = float(ends[np.isfinite(ends)].max(initial=_FARTHEST_MM))
+        self._views: dict[int, tuple[Floats, Floats, Ints, Floats]] = {}
+        self._bounces: dict[int, Singles] = {}
+        if scene.sun is not None:
+            scene.sun.towards()  # complains of a night
+
+    @cached_property
+    def pattern(self) -> FixedPattern:
+        """The sensor's fixed pattern."""
+        return fixed_pattern(self.scene.sensor, self.scene.seed, self.config.sensor.line_length)
+
+    @cached_property
+    def speckle(self) -> Speckle:
+        """The gain of each pixel."""
+        geometry = self.config.geometry
+        return Speckle(
+            self.scene.seed,
+            self.config.sensor.line_length,
+            wavelength_nm=self.scene.laser.wavelength_nm,
+            focal_mm=geometry.focal_mm,
+            f_number=self.scene.lens.f_number,
+            pitch_mm=geometry.pitch_mm,
+        )
+
+    # -- stray light --
+
+    @cached_property
+    def halo(self) -> Halo:
+        """Scatter of the lens, to either end of the sensor from either end."""
+        geometry = self.config.geometry
+        return halo_weights(
+            2 * self.config.sensor.line_length,
+            self.scene.stray,
+            focal_mm=geometry.focal_mm,
+            pitch_mm=geometry.pitch_mm,
+            wavelength_nm=self.scene.laser.wavelength_nm,
+        )
+
+    @cached_property
+    def halo_table(self) -> Singles:
+        """The halo about its middle at 2 L, float32 [4 L]."""
+        weights = self.halo.weights
+        return np.concatenate([[0.0], weights[:0:-1], weights]).astype(np.float32)
+
+    @cached_property
+    def obscured(self) -> float:
+        """The share of light that dust on the pupil takes."""
+        return obscured_share(self.scene.stray, focal_mm=self.config.geometry.focal_mm)
+
+    @cached_property
+    def shadow(self) -> Singles:
+        """What dust on the cover leaves of each pixel's light, float32 [length]."""
+        return dust_shadow(
+            self.scene.stray,
+            self.config.sensor.line_length,
+            self.scene.seed,
+            pitch_mm=self.config.geometry.pitch_mm,
+        ).astype(np.float32)
+
+    @cached_property
+    def _stack(self) -> Stack:
+        geometry = self.config.geometry
+        return stack(
+            self.scene.stray,
+            focal_mm=geometry.focal_mm,
+            pitch_mm=geometry.pitch_mm,
+            length_px=self.config.sensor.line_length,
+            centre_px=geometry.centre_px,
+        )
+
+    def ghosts(self, depth_mm: Floats, field_mm: Floats) -> Ghosts:
+        """Return the ghosts of spots at these depths and image heights [n]."""
+        focus = np.full(len(depth_mm), self.scene.lens.focus_mm)
+        return ghosts(self._stack, focus, depth_mm, field_mm)
+
+    def window_ghost(self, angle_rad: Floats) -> WindowGhost:
+        """Return the scan head window's second beam [n]."""
+        return window_ghost(self.scene.stray.head_window, angle_rad)
+
+    # -- what the camera sees --
+
+    @property
+    def _view_px(self) -> Floats:
+        """The pixels for which the camera's view is worked out, and one after the last."""
+        count = -(-self.config.sensor.line_length // _VIEW_STEP) + 1
+        return _VIEW_STEP * np.arange(count, dtype=np.float64)
+
+    def view(self, y_mm: float) -> tuple[Floats, Floats, Ints, Floats]:
+        """Return what the camera sees: points, normals [m, 3], target, -1 for none, albedo [m].
+
+        For every eighth pixel. Points are in the scanner's frame, which is at ``y_mm``.
+        """
+        key = round(y_mm / _PAN_STEP_MM)
+        if key not in self._views:
+            y = key * _PAN_STEP_MM
+            camera = Camera.of(self.config, self.scene.lens.f_number)
+            pixel = self._view_px
+            u, _ = undistorted(pixel, self.config.geometry)
+            ray = camera.axis + (u / self.config.geometry.focal_mm)[:, None] * camera.side
+            ray /= np.linalg.norm(ray, axis=1)[:, None]
+            start = np.broadcast_to(camera.place, ray.shape) + np.array([0.0, y, 0.0])
+            hits = self.world.cast(start, ray)
+            distance = np.where(hits.target >= 0, hits.distance_mm, 0.0)
+            point = camera.place + distance[:, None] * ray
+            self._views[key] = point, hits.normal, hits.target, hits.albedo
+        return self._views[key]
+
+    @property
+    def _pixel_watts(self) -> Floats:
+        """Return W on a pixel for a radiance of 1 W/m2/sr, for every eighth pixel."""
+        geometry, lens = self.config.geometry, self.scene.lens
+        pixel = self._view_px
+        u, _ = undistorted(pixel, geometry)
+        fall = np.square(1.0 / (1.0 + np.square(u / geometry.focal_mm)))  # cos^4
+        area = np.square(1e-3 * geometry.pitch_mm)
+        aperture = 0.25 * np.pi / np.square(lens.f_number)
+        return np.asarray(area * aperture * fall * lens.transmission * lens.filter_transmission)
+
+    def _whole_row(self, values: Floats) -> Floats:
+        """Return a value for each pixel [..., length] from one for every eighth."""
+        length = self.config.sensor.line_length
+        place = np.arange(length) / _VIEW_STEP
+        left = place.astype(np.int64)
+        share = place - left
+        return values[..., left] * (1.0 - share) + values[..., left + 1] * share
+
+    def _diffuse(self, target: Ints, albedo: Floats) -> Floats:
+        known = np.array([material.reflectance for material in self.materials] + [0.0])
+        return known[target] * albedo
+
+    def ambient(self, name: str, y_mm: float) -> Floats:
+        """Return the electrons that sun or lamps put into each pixel in an exposure [length].
+
+        Surfaces are Lambert's. The sun's direct part is hidden by the scene's own targets.
+
+        Args:
+            name: ``sun`` or ``lamps``, the mean of their flicker.
+            y_mm: Where the scanner is.
+        """
+        point, normal, target, albedo = self.view(y_mm)
+        scene = self.scene
+        hit = target >= 0
+        irradiance = np.zeros(len(target))
+        if name == "sun" and scene.sun is not None:
+            start = point + np.array([0.0, round(y_mm / _PAN_STEP_MM) * _PAN_STEP_MM, 0.0])
+            far = start + 4.0 * (self.farthest_mm + 1.0) * scene.sun.towards()
+            shaded = np.zeros(len(target), np.bool_)
+            shaded[hit] = self.world.blocked(start[hit], far[hit])
+            irradiance = scene.sun.in_band_irradiance(
+                normal, shaded=shaded, band_nm=scene.lens.filter_nm
+            )
+        elif name == "lamps":
+            for lamp in scene.lamp:
+                irradiance = irradiance + lamp.in_band_irradiance(
+                    normal, band_nm=scene.lens.filter_nm
+                )
+        radiance = np.where(hit, self._diffuse(target, albedo) * irradiance / np.pi, 0.0)
+        middle_m = 1e-9 * 0.5 * sum(scene.lens.filter_nm)
+        photons = radiance * self._pixel_watts * self.exposure_s * middle_m / (h * c)
+        return self._whole_row(photons * scene.sensor.quantum_efficiency)
+
+    # -- the second bounce --
+
+    def bounced(self, angle_rad: Floats, y_mm: Floats) -> Singles:
+        """Return what the spot's light lights of the rest of the scene [n, length].
+
+        In units of the electrons that the whole beam would make if it went through the lens. Both
+        reflections are Lambert's; a third is left out, and so is the gloss of either. Worked out at
+        ``_BOUNCE_KNOTS`` angles and every eighth pixel; the spot's own width keeps a corner finite.
+        """
+        limit = _BOUNCE_EDGE * np.radians(self.config.mirror.amplitude_deg)
+        place = np.clip((angle_rad + limit) / (2.0 * limit), 0.0, 1.0) * (_BOUNCE_KNOTS - 1)
+        knot = np.minimum(place.astype(np.int64), _BOUNCE_KNOTS - 2)
+        share = (place - knot).astype(np.float32)[:, None]
+        keys = np.round(y_mm / _PAN_STEP_MM).astype(np.int64)
+        result = np.empty((len(angle_rad), self.config.sensor.line_length), np.float32)
+        for key in np.unique(keys):
+            rows = np.flatnonzero(keys == key)
+            table = self._bounce_table(int(key))
+            low, high = table[knot[rows]], table[knot[rows] + 1]
+            result[rows] = low + share[rows] * (high - low)
+        return result
+
+    def _bounce_table(self, key: int) -> Singles:
+        if key not in self._bounces:
+            limit = _BOUNCE_EDGE * np.radians(self.config.mirror.amplitude_deg)
+            angles = np.linspace(-limit, limit, _BOUNCE_KNOTS)
+            self._bounces = {key: self._bounce(angles, key * _PAN_STEP_MM)}
+        return self._bounces[key]
+
+    def _bounce(self, angle: Floats, y_mm: float) -> Singles:
+        point, normal, target, albedo = self.view(y_mm)
+        lift = np.array([0.0, y_mm, 0.0])
+        beam = np.stack([np.sin(angle), np.zeros(len(angle)), np.cos(angle)], axis=1)
+        hits = self.world.cast(np.zeros_like(beam) + lift, beam)
+        lit = np.flatnonzero(hits.target >= 0)
+        seen = np.flatnonzero(target >= 0)
+        found = np.zeros((len(angle), len(target)))
+        if len(lit) and len(seen):
+            spot = hits.distance_mm[lit, None] * beam[lit]
+            width = radius_mm(hits.distance_mm[lit], self.scene.laser)
+            way = point[seen][None] - spot[:, None]
+            square = np.einsum("ijk,ijk->ij", way, way)
+            unit = way / np.sqrt(np.maximum(square, 1e-12))[:, :, None]
+            leave = np.einsum("ijk,ik->ij", unit, hits.normal[lit])
+            arrive = -np.einsum("ijk,jk->ij", unit, normal[seen])
+            faces = (leave > 1e-9) & (arrive > 1e-9)
+            first, second = np.nonzero(faces)
+            for start in range(0, len(first), _RAYS):
+                some = slice(start, start + _RAYS)
+                i, j = first[some], second[some]
+                hidden = self.world.blocked(spot[i] + lift, point[seen][j] + lift)
+                faces[i[hidden], j[hidden]] = False
+            gain = self._diffuse(hits.target[lit], hits.albedo[lit]) / np.pi
+            form = np.where(faces, leave * arrive, 0.0)
+            # The spot is no point: nearer than its radius its light does not grow any more.
+            irradiance = gain[:, None] * form / (square + np.square(width)[:, None])
+            found[np.ix_(lit, seen)] = irradiance * self._diffuse(target, albedo)[seen] / np.pi
+        # W/mm2 to W/m2; the beam's own electrons hold lens and filter already.
+        lens = self.scene.lens
+        pupil = max(lens.transmission * lens.filter_transmission, 1e-12)
+        return self._whole_row(1e6 * found * self._pixel_watts / pupil).astype(np.float32)
+
+    @property
+    def output_mw(self) -> float:
+        """The power that leaves the instrument while the laser is on."""
+        return output_mw(self.scene.laser)

@@ -1,0 +1,179 @@
+"""A scene's lines: with the effects that it needs, in blocks, on any number of processes."""
+
+import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vrscan.arrays import Ints
+from vrscan.config import Config
+from vrscan.lines import Lines, Truth
+from vrscan.scene.description import Description
+from vrscan.scene.light import Light
+from vrscan.scene.render import Frame, Renderer
+from vrscan.scene.sensor import words
+from vrscan.scene.timeline import Timeline, timeline
+
+BLOCK = 512  # lines that are made together; their random numbers belong to the block
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A scan: its lines with truth, and when and where each was taken."""
+
+    lines: Lines
+    timeline: Timeline
+
+
+class Scanner:
+    """Takes the lines of a scan over a scene, in any order.
+
+    A line is the same whichever of its neighbours are made with it: random numbers belong to a
+    block of ``BLOCK`` lines, and blocks are always made whole.
+    """
+
+    def __init__(
+        self,
+        light: Light,
+        count: int,
+        active: frozenset[str],
+        *,
+        every_ray: bool = False,
+    ) -> None:
+        """Prepare a scan.
+
+        Args:
+            light: The scene and the instrument.
+            count: Lines of the scan.
+            active: The effects that are on.
+            every_ray: Whether every spot is followed part by part, needed or not.
+        """
+        self.light, self.count = light, count
+        self.renderer = Renderer(light, active, every_ray=every_ray)
+
+    @property
+    def blocks(self) -> int:
+        """How many blocks the scan has."""
+        return -(-self.count // BLOCK)
+
+    def timeline(self, block: int) -> Timeline:
+        """Return the timeline of a block, which is whole even if the scan ends in it."""
+        scene, config = self.light.scene, self.light.config
+        first = block * BLOCK
+        # The angles of an even sweep depend on the number of lines: it ends where it ends.
+        last = first + BLOCK if scene.scan.sweep == "mirror" else min(first + BLOCK, self.count)
+        total = max(self.count, last)
+        return timeline(first, last - first, total, config, scene.scan, scene.seed)
+
+    def block(self, number: int) -> Frame:
+        """Return a block of lines."""
+        when = self.timeline(number)
+        return self.renderer.render(when, self._words(number)[: len(when)])
+
+    def some(self, numbers: Ints) -> Frame:
+        """Return any lines, by rising number, as they are in their blocks."""
+        parts, noise = [], []
+        for block in np.unique(numbers // BLOCK).tolist():
+            rows = numbers[numbers // BLOCK == block] - block * BLOCK
+            parts.append(picked(self.timeline(block), rows))
+            noise.append(self._words(block)[rows])
+        return self.renderer.render(Timeline.joined(parts), np.concatenate(noise))
+
+    def _words(self, block: int) -> np.ndarray:
+        return words(self.light.scene.seed, block, BLOCK, self.light.config.sensor.line_length)
+
+
+def picked(whole: Timeline, rows: Ints | slice) -> Timeline:
+    """Return some lines of a timeline, with all its crossings."""
+    return replace(
+        whole,
+        line=whole.line[rows],
+        time_s=whole.time_s[rows],
+        angle_rad=whole.angle_rad[rows],
+        rate_rad_per_s=whole.rate_rad_per_s[rows],
+        y_mm=whole.y_mm[rows],
+        reported_rad=whole.reported_rad[rows],
+    )
+
+
+def simulate(
+    light: Light,
+    count: int,
+    active: frozenset[str],
+    *,
+    every_ray: bool = False,
+    jobs: int = 1,
+    progress: Callable[[int], None] | None = None,
+) -> Simulation:
+    """Return the lines of a scan.
+
+    Args:
+        light: The scene and the instrument.
+        count: Lines, at least 1.
+        active: The effects that are on.
+        every_ray: Whether every spot is followed part by part, needed or not.
+        jobs: Processes; 0 is one for each processor. The lines do not depend on it.
+        progress: Called with the number of lines done so far.
+    """
+    if count < 1:
+        raise ValueError(f"simulate: count {count} is below 1")
+    frames: Iterable[Frame]
+    scanner = Scanner(light, count, active, every_ray=every_ray)
+    workers = min(jobs or os.cpu_count() or 1, scanner.blocks)
+    if workers == 1:
+        return _collected(map(scanner.block, range(scanner.blocks)), scanner, progress)
+    given = (light.scene, light.config, count, active, every_ray)
+    with ProcessPoolExecutor(workers, initializer=_prepare, initargs=given) as pool:
+        frames = pool.map(_block, range(scanner.blocks))
+        return _collected(frames, scanner, progress)
+
+
+_worker: list[Scanner] = []  # of this process
+
+
+def _prepare(
+    scene: Description, config: Config, count: int, active: frozenset[str], every_ray: bool
+) -> None:
+    _worker[:] = [Scanner(Light(scene, config), count, active, every_ray=every_ray)]
+
+
+def _block(number: int) -> Frame:
+    return _worker[0].block(number)
+
+
+def _collected(
+    frames: Iterable[Frame], scanner: Scanner, progress: Callable[[int], None] | None
+) -> Simulation:
+    light, count = scanner.light, scanner.count
+    config = light.config
+    kept = []
+    for number, frame in enumerate(frames):
+        kept.append(frame)
+        if progress is not None:
+            progress(min((number + 1) * BLOCK, count))
+    truths = [frame.truth for frame in kept]
+    truth = Truth(
+        x_mm=np.concatenate([t.x_mm for t in truths])[:count],
+        z_mm=np.concatenate([t.z_mm for t in truths])[:count],
+        position_px=np.concatenate([t.position_px for t in truths])[:count],
+        surface=np.concatenate([t.surface for t in truths])[:count],
+        names=light.names,
+    )
+    level = light.scene.laser.power_mw / config.laser.rated_mw
+    power = np.full(count, round(level * config.laser.power_max), np.int64)
+    lines = Lines(
+        lines=np.concatenate([frame.lines for frame in kept])[:count],
+        angle_rad=np.concatenate([frame.reported_rad for frame in kept])[:count],
+        power=power,
+        truth=truth,
+    )
+    whole = Timeline.joined([frame.timeline for frame in kept])
+    when = picked(whole, slice(0, count))
+    # The last block was whole: crossings after the scan's end are none of its.
+    inside = when.index_s <= when.time_s[-1] + 1.0 / config.line.rate_hz
+    return Simulation(
+        lines,
+        replace(when, index_s=when.index_s[inside], index_outward=when.index_outward[inside]),
+    )

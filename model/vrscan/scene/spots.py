@@ -1,0 +1,160 @@
+"""Where rays of the beam meet the scene, where the camera sees that, and how much light it gets."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vrscan.arrays import Bools, Floats, Ints
+from vrscan.config import Config
+from vrscan.ideal.geometry import project, undistorted
+from vrscan.scene.description import Description
+from vrscan.scene.surface import Material, brdf
+from vrscan.scene.targets import World
+
+STEEPEST_PX_PER_MM = 2000.0  # of the image along a ray's offset: a surface along the beam
+BESIDE_PX = 400.0  # how far beside the sensor a spot may be whose flank is still drawn
+_NEAREST_MM = 1.0  # in front of the lens
+
+
+@dataclass(frozen=True)
+class Camera:
+    """The lens in the scanner's frame."""
+
+    place: Floats  # [3]
+    axis: Floats  # unit vector towards the scene [3]
+    side: Floats  # unit vector along which the image coordinate rises [3]
+    pupil_mm2: float
+
+    @classmethod
+    def of(cls, config: Config, f_number: float) -> "Camera":
+        """Return the camera of (2) and (4): at (B, 0, CZ), its axis at beta = Phi."""
+        geometry = config.geometry
+        sine, cosine = np.sin(geometry.bias_rad), np.cos(geometry.bias_rad)
+        return cls(
+            place=np.array([geometry.base_mm, 0.0, geometry.offset_mm]),
+            axis=np.array([-cosine, 0.0, sine]),
+            side=np.array([sine, 0.0, cosine]),
+            pupil_mm2=0.25 * np.pi * (geometry.focal_mm / f_number) ** 2,
+        )
+
+
+@dataclass(frozen=True)
+class Spots:
+    """n rays of the beam and what became of them; lengths in the scanner's frame, mm."""
+
+    lit: Bools  # the ray meets something
+    seen: Bools  # and nothing is between that and the lens, and its image is not far off the sensor
+    point: Floats  # [n, 3], the ray's start where not lit
+    target: Ints  # -1 where not lit
+    distance: Floats  # from the ray's start [n], infinite where not lit
+    depth: Floats  # from the lens along its axis [n]
+    position_px: Floats  # of the image [n], NaN where the camera cannot have one
+    px_per_mm: Floats  # how far the image moves when the ray is offset in the scan plane [n], or 0
+    collected: Floats  # share of the ray's light that enters the pupil [n], 0 where not seen
+
+
+def meet(
+    world: World,
+    materials: tuple[Material, ...],
+    scene: Description,
+    config: Config,
+    origin: Floats,
+    direction: Floats,
+    y_mm: Floats,
+    *,
+    gloss: bool,
+    falloff: bool,
+) -> Spots:
+    """Follow rays to the scene and on to the camera.
+
+    The light that the pupil collects is the range equation, iria (2-31): f_r cos(theta_v) A / R^2,
+    with the pupil foreshortened where ``falloff`` is on. A ray along a surface spreads without
+    limit over it: its image moves by ``STEEPEST_PX_PER_MM`` at most.
+
+    Args:
+        world: The targets.
+        materials: Of each target.
+        scene: Its lens and laser.
+        config: The geometry.
+        origin: In the scanner's frame, y = 0 [n, 3].
+        direction: Unit vectors, y = 0 [n, 3].
+        y_mm: Where the scanner is along y [n].
+        gloss: Whether lobes count.
+        falloff: Whether the pupil is foreshortened.
+    """
+    camera = Camera.of(config, scene.lens.f_number)
+    start = origin.copy()
+    start[:, 1] += y_mm
+    hits = world.cast(start, direction)
+    lit = hits.target >= 0
+    distance = np.where(lit, hits.distance_mm, 0.0)
+    point = origin + distance[:, None] * direction
+    depth = (point - camera.place) @ camera.axis
+    front = lit & (depth > _NEAREST_MM)
+    position = np.where(front, project(point[:, 0], point[:, 2], config.geometry), np.nan)
+    middle = 0.5 * config.sensor.line_length
+    with np.errstate(invalid="ignore"):
+        rows = np.flatnonzero(np.abs(position - middle) < middle + BESIDE_PX)
+    found = Spots(
+        lit=lit,
+        seen=np.zeros(len(lit), np.bool_),
+        point=point,
+        target=hits.target,
+        distance=np.where(lit, hits.distance_mm, np.inf),
+        depth=np.where(front, depth, 1.0),
+        position_px=position,
+        px_per_mm=np.zeros(len(lit)),
+        collected=np.zeros(len(lit)),
+    )
+    if len(rows) == 0:
+        return found
+
+    here, ray, normal = point[rows], direction[rows], hits.normal[rows]
+    lift = np.zeros_like(here)
+    lift[:, 1] = y_mm[rows]
+    clear = ~world.blocked(here + lift, camera.place + lift)
+    found.seen[rows] = clear
+    sight = camera.place - here
+    square = np.einsum("ij,ij->i", sight, sight)
+    far = np.sqrt(square)
+    view = sight / far[:, None]
+    deep, lateral = depth[rows], -(sight @ camera.side)
+    # An offset s in the scan plane moves the point by s (e - d (e.n)/(d.n)), e across the ray d.
+    slant = np.einsum("ij,ij->i", ray, normal)
+    slant = np.where(np.abs(slant) < 1e-9, -1e-9, slant)
+    along = (ray[:, 2] * normal[:, 0] - ray[:, 0] * normal[:, 2]) / slant
+    step_x, step_z = ray[:, 2] - along * ray[:, 0], -ray[:, 0] - along * ray[:, 2]
+    tangent = lateral / deep
+    moved = step_x * (camera.side[0] - tangent * camera.axis[0])
+    moved += step_z * (camera.side[2] - tangent * camera.axis[2])
+    _, slope = undistorted(position[rows], config.geometry)
+    lean = config.geometry.focal_mm * moved / deep / slope
+    found.px_per_mm[rows] = np.clip(lean, -STEEPEST_PX_PER_MM, STEEPEST_PX_PER_MM)
+
+    upright = np.maximum(np.einsum("ij,ij->i", view, normal), 0.0)
+    scattered = np.zeros(len(rows))
+    target = hits.target[rows]
+    for material in dict.fromkeys(materials):
+        kinds = np.array([own == material for own in materials])
+        own = np.flatnonzero(clear & kinds[target])
+        if len(own) == 0:
+            continue
+        if material.gloss == 0.0 or not gloss:
+            # Lambert alone, without the work of a lobe.
+            albedo = hits.albedo[rows[own]]
+            scattered[own] = material.reflectance / np.pi * albedo * (slant[own] < 0.0)
+            continue
+        scattered[own] = brdf(
+            material,
+            ray[own],
+            normal[own],
+            view[own],
+            hits.albedo[rows[own]],
+            wavelength_nm=scene.laser.wavelength_nm,
+            acceptance_rad=np.sqrt(camera.pupil_mm2 / np.pi) / far[own],
+        )
+    solid = camera.pupil_mm2 / square
+    if falloff:
+        solid = solid * deep / far
+    found.collected[rows] = np.minimum(scattered * upright * solid, 1.0)
+    return found
