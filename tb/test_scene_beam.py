@@ -89,7 +89,7 @@ def test_what_passes_the_stop() -> None:
 
 def _carried(laser: Laser, z: float, pixel: float, size: int) -> tuple[Floats, Floats]:
     """Carry the cut beam over z by its angular spectrum; irradiance [size, size], power 1."""
-    axis = (np.arange(size) - size // 2) * pixel
+    axis: Floats = (np.arange(size, dtype=np.float64) - size // 2) * pixel
     square = np.square(axis)[:, None] + np.square(axis)
     rayleigh = beam.rayleigh_mm(laser)
     at_stop = 0.5 * laser.beam_diameter_mm * math.hypot(1.0, laser.waist_mm / rayleigh)
@@ -106,6 +106,8 @@ def _carried(laser: Laser, z: float, pixel: float, size: int) -> tuple[Floats, F
 @pytest.mark.parametrize(
     ("laser", "z"),
     [
+        (Laser(), 0.0),
+        (Laser(), 15.0),
         (Laser(), 100.0),
         (Laser(), 300.0),
         (Laser(), 400.0),
@@ -113,6 +115,7 @@ def _carried(laser: Laser, z: float, pixel: float, size: int) -> tuple[Floats, F
         (Laser(), 1000.0),
         (Laser(aperture_mm=2 / 3), 250.0),
         (Laser(beam_diameter_mm=0.4, waist_mm=400.0, aperture_mm=0.8), 300.0),
+        (Laser(beam_diameter_mm=0.4, waist_mm=200.0, aperture_mm=0.8), 700.0),  # past its focus
         (Laser(waist_mm=-500.0, aperture_mm=1.2), 500.0),
     ],
 )

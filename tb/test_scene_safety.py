@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from vrscan.arrays import Floats
+from vrscan.arrays import Floats, Ints
 from vrscan.errors import InputError
 from vrscan.scene import safety as s
 from vrscan.scene.safety import Emission
@@ -122,7 +122,7 @@ def test_passes_at_the_turning_point_and_beyond_the_opening() -> None:
     t = np.linspace(-0.25, 0.75, 2_000_001) / emission.mirror_hz
     angle = emission.amplitude_rad * np.sin(2.0 * math.pi * emission.mirror_hz * t)
     half = math.atan(0.035)
-    for opening in (math.inf, math.radians(12.5)):
+    for opening in (math.inf, math.radians(12.5), 0.02):  # the last is less than the pupil
         moved = Emission(opening_rad=opening)
         for centre in (0.0, 0.15, 0.2, emission.amplitude_rad - half, 0.38, -0.1):
             inside = (np.abs(angle - abs(centre)) <= half) & (np.abs(angle) <= opening)
@@ -184,7 +184,7 @@ def test_no_stretch_of_the_exposure_exceeds_its_limit(
         assert min(tightest, mean) < 1.08  # a stretch may hold one pulse more than it does here
 
 
-def _some_pairs(rng: np.random.Generator, count: int) -> tuple[Floats, Floats]:
+def _some_pairs(rng: np.random.Generator, count: int) -> tuple[Ints, Ints]:
     pairs = np.sort(rng.integers(0, count, (2, 400_000)), axis=0)
     return pairs[0], pairs[1]
 
