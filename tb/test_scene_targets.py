@@ -246,7 +246,7 @@ def test_a_ray_from_a_surface_does_not_meet_it_at_once() -> None:
 
 
 def test_the_nearest_of_several_counts_and_hides_the_others() -> None:
-    targets = [
+    targets: list[t.TargetSection] = [
         t.Plane(name="wall", position_mm=(0, 0, 600)),
         t.Sphere(name="ball", radius_mm=20, position_mm=(10, 0, 400)),
         t.Cylinder(name="pipe", radius_mm=5, position_mm=(-30, 0, 500)),

@@ -15,11 +15,13 @@ import numpy as np
 
 from vrscan.arrays import Floats, Ints
 
-HEIGHT = 300.0  # mm of the sculpture as described below; y is up, the face looks along -z
+_Points = np.ndarray[tuple[int, ...], np.dtype[np.floating]]  # of either precision
+
+HEIGHT = 300.0  # mm as shipped; described below at 293.5 mm: y up, the face looks along -z
 _RINGS = 122
 _COLUMNS = 240
 _START = 130.0  # mm from the axis, outside of everything
-_STEPS = 60
+_STEPS = 40
 _RELAX = 0.85  # a blended distance may be too long
 _INNER = 0.5  # mm, least radius
 _GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
@@ -42,7 +44,7 @@ class _Part:
         reach = self.radii[1] + 2.0 * self.blend
         return min(y) - reach, max(y) + reach
 
-    def distance(self, x: Floats, y: Floats, z: Floats) -> Floats:
+    def distance(self, x: _Points, y: _Points, z: _Points) -> _Points:
         """Return about how far points are outside of it, mm."""
         px, py, pz = x - self.centre[0], y - self.centre[1], z - self.centre[2]
         if self.end is not None:
@@ -98,7 +100,7 @@ def _face() -> list[_Part]:
         *_pair(_ball(24.0, 211.0, -28.0, 12.0, 8.0)),  # cheekbones
         *_pair(_bar((4.0, 238.0, -43.5), (27.0, 238.0, -31.0), 6.5, 6.0)),  # brow
         *_pair(_Part((16.5, 227.0, -48.0), (12.0, 8.0, 11.0), None, 4.0, carve=True)),
-        *_pair(_ball(16.5, 226.5, -34.0, 8.5, 1.5)),  # eyes
+        *_pair(_ball(16.5, 226.5, -33.0, 8.5, 1.5)),  # eyes
         *_pair(_bar((9.5, 231.5, -41.0), (24.5, 230.5, -36.0), 1.9, 1.5)),  # upper lids
         *_pair(_bar((10.0, 221.0, -40.0), (24.0, 221.5, -36.0), 1.6, 1.5)),  # lower lids
         _bar((0.0, 236.0, -44.0), (0.0, 209.0, -60.0), 4.6, 5.0),  # nose
@@ -145,7 +147,7 @@ def _curls() -> list[_Part]:
     return parts
 
 
-def _distance(parts: list[_Part], x: Floats, y: Floats, z: Floats) -> Floats:
+def _distance(parts: list[_Part], x: _Points, y: _Points, z: _Points) -> _Points:
     """Return about how far points are outside the sculpture, mm; rows [h, n] share a y [h, 1]."""
     total = np.full(x.shape, 1e3, x.dtype)
     for part in parts:
@@ -201,7 +203,7 @@ def bust(height_mm: float = HEIGHT) -> tuple[Floats, Ints]:
         raise ValueError(f"bust: a height of {height_mm} mm is not positive")
     parts = _body() + _face() + _curls()
     # Rings are spread evenly along the mean contour, so that level parts get their share.
-    coarse = np.linspace(0.0, 300.0, 101)
+    coarse = np.concatenate([np.arange(0.0, 288.0, 3.0), np.arange(288.0, 300.0, 0.25)])
     contour = _radius(parts, coarse, np.linspace(0.0, 2.0 * math.pi, 48, endpoint=False))
     solid = contour.max(axis=1) > _INNER
     coarse, contour = coarse[solid], contour[solid]

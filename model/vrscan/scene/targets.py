@@ -367,9 +367,8 @@ def _names(targets: Sequence[TargetSection]) -> tuple[str, ...]:
     kinds = Counter(target.kind for target in targets if target.name is None)
     names = []
     for target in targets:
-        name = target.name
-        if name is None:
-            name = target.kind
+        name = target.name or target.kind
+        if target.name is None:
             number = 1
             while name in taken or (kinds[target.kind] > 1 and number == 1):
                 name = f"{target.kind} {number}"
