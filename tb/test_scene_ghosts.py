@@ -149,6 +149,7 @@ def test_ghosts_of_the_lens_agree_with_real_rays_at_small_angles(distance: float
         Stray(
             filter=Filter(tilt_deg=0.01, wedge_deg=0.004),
             cover=Cover(tilt_deg=-0.008),
+            least_density=0.0,
         )
     )
     focus, field = np.array(500.0), np.array(0.02)
@@ -269,7 +270,9 @@ def test_taking_surfaces_out_one_at_a_time_finds_the_pairs() -> None:
 
 
 def test_an_array_is_the_same_as_one_spot_at_a_time() -> None:
-    built = stack(Stray(window=Window(tilt_deg=1.0, across_deg=0.02), least_power=1e-5))
+    built = stack(
+        Stray(window=Window(tilt_deg=1.0, across_deg=0.02), least_power=1e-5, least_density=0.0)
+    )
     focus = np.array([300.0, 500.0])[:, None, None]
     distance = np.array([250.0, 400.0, 1000.0])[:, None]
     field = np.array([-6.0, -0.5, 0.0, 2.0])
@@ -291,8 +294,8 @@ def test_an_array_is_the_same_as_one_spot_at_a_time() -> None:
 
 def test_what_is_dropped_is_counted() -> None:
     field = np.array([0.0, 3.0])
-    whole = ghosts(stack(Stray(least_power=0.0)), FAR, np.array(400.0), field)
-    built = stack(Stray(least_power=1e-4))
+    whole = ghosts(stack(Stray(least_power=0.0, least_density=0.0)), FAR, np.array(400.0), field)
+    built = stack(Stray(least_power=1e-4, least_density=0.0))
     few = ghosts(built, FAR, np.array(400.0), field)
     assert 0 < len(few.names) < len(whole.names)
     assert set(few.names) < set(whole.names)
@@ -300,6 +303,13 @@ def test_what_is_dropped_is_counted() -> None:
     # What misses the sensor is dropped in both, and so is what the threshold takes.
     assert (few.dropped >= weak * (1.0 - 1e-12)).all()
     assert (few.power.sum(axis=0) + few.dropped <= built.bare.sum() * (1.0 + 1e-12)).all()
+    # By default the wide discs of the lens go too, which together would add less than this a pixel.
+    default = ghosts(stack(Stray()), FAR, np.array(400.0), field)
+    thin = [k for k, name in enumerate(whole.names) if name not in default.names]
+    density = whole.power[thin] / (math.pi * np.maximum(np.square(whole.blur_px[thin]), 1.0))
+    print(f"{len(thin)} of {len(whole.names)} dropped: {density.sum(axis=0).max():.1e} a pixel")
+    assert len(thin) > 40
+    assert density.sum(axis=0).max() < 1e-8
     aside = stack(Stray(enabled=["window"], window=Window(wedge_deg=5.0)))
     away = ghosts(aside, FAR, FAR, np.array([0.0])).offset_px[0, 0]
     gone = ghosts(aside, FAR, FAR, np.array([math.copysign(6.0, away)]))
@@ -368,7 +378,8 @@ def test_the_cover_must_fit_behind_the_lens() -> None:
 
 
 def test_a_longer_focal_length_scales_the_lens() -> None:
-    short, long = stack(Stray(enabled=["lens"])), stack(Stray(enabled=["lens"]), focal_mm=50.0)
+    only = Stray(enabled=["lens"], least_density=0.0)
+    short, long = stack(only), stack(only, focal_mm=50.0)
     assert long.stop_mm == pytest.approx(2.0 * short.stop_mm, rel=1e-9)
     field = np.array([1.0])
     near, wide = ghosts(short, FAR, FAR, field), ghosts(long, FAR, FAR, 2.0 * field)

@@ -87,6 +87,7 @@ class Stack:
     length_px: int
     centre_px: float
     least_power: float
+    least_density: float  # per pixel
 
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
@@ -243,6 +244,7 @@ def stack(
         length_px=length_px,
         centre_px=centre_px,
         least_power=stray.least_power,
+        least_density=stray.least_density,
     )
     gap = float(built.travel(np.array(np.inf)))
     if gap < 0.0:
@@ -264,8 +266,8 @@ def ghosts(stack: Stack, focus_mm: Floats, distance_mm: Floats, field_mm: Floats
     counts, which is too much where they clip at different sides. A clipped ghost keeps its
     middle and radius.
 
-    Weaker ghosts than ``least_power`` of the section and those that miss the sensor everywhere are
-    dropped; their light is in ``dropped``.
+    Ghosts that are weaker than the section's ``least_power``, thinner than its ``least_density``
+    for all of the spots, or miss the sensor for all are dropped; their light is in ``dropped``.
 
     Args:
         stack: The receiver.
@@ -288,42 +290,51 @@ def ghosts(stack: Stack, focus_mm: Floats, distance_mm: Floats, field_mm: Floats
     near = np.where(seen, 1.0 / np.where(seen, np.maximum(distance, _NEAREST_MM), 1.0), 0.0)
     focus = np.where(seen, focus, np.inf)
 
-    order = np.argsort(-stack.bare, kind="stable")
-    strong = order[stack.bare[order] >= stack.least_power]
-    weak = float(stack.bare.sum() - stack.bare[strong].sum())
     if focus.size and np.all(focus == focus.flat[0]):  # the usual scene: one focus for all lines
         powers = stack.travel(focus.flat[0]) ** np.arange(4.0)
         powers = powers.reshape(4, *([1] * len(shape)))
     else:
         powers = np.stack([stack.travel(focus) ** k for k in range(4)])
-    ends, crossings, owner = stack._paths
-    end = np.tensordot(ends[strong], powers, 1)  # [g, plane, 3, ...]
     y, slope = stack._chief(powers, field)
     stop, _ = (np.tensordot(rows, powers, 1) for rows in stack._direct)
     # The pencil from the spot: how y1 and slope1 change with the height in the stop.
     pencil_y = (1.0 - stack.pupil_mm * near) / stop[0, 0]
     pencil_slope = near / stop[0, 0]
 
+    ends, crossings, owner = stack._paths
+    order = np.argsort(-stack.bare, kind="stable")
+    order = order[stack.bare[order] >= stack.least_power]
+    end = np.tensordot(ends[order, 0, :2], powers, 1)
+    blur = stack.stop_mm * np.abs(end[:, 0] * pencil_y + end[:, 1] * pencil_slope)
+    blur = np.where(seen, blur, 0.0) / stack.pitch_mm
+    bare = stack.bare[order].reshape(-1, *([1] * len(shape)))
+    density = np.where(seen, bare / (math.pi * np.maximum(np.square(blur), 1.0)), 0.0)
+    dense = density.max(axis=tuple(range(1, density.ndim)), initial=0.0) >= stack.least_density
+    strong, blur, bare = order[dense], blur[dense], bare[dense]
+    weak = float(stack.bare.sum() - stack.bare[strong].sum())
+
+    end = np.tensordot(ends[strong], powers, 1)  # [g, plane, 3, ...]
     offset = (end[:, 0, 0] * y[0] + end[:, 0, 1] * slope[0] + end[:, 0, 2]) - field
     across = end[:, 1, 0] * y[1] + end[:, 1, 1] * slope[1] + end[:, 1, 2]
-    blur = stack.stop_mm * np.abs(end[:, 0, 0] * pencil_y + end[:, 0, 1] * pencil_slope)
-    share = np.ones((len(stack.pairs), *shape))
-    wanted = np.isin(owner, strong)
-    rows = np.tensordot(crossings[wanted], powers, 1)
-    for row, number in zip(rows, owner[wanted], strict=True):
+    offset, across = offset / stack.pitch_mm, across / stack.pitch_mm
+    lit = _on_sensor(field / stack.pitch_mm + offset, across, blur, stack)
+    share = np.ones((len(strong), *shape))
+    place = {pair: k for k, pair in enumerate(strong.tolist())}
+    for rows, pair in zip(crossings, owner.tolist(), strict=True):
+        if pair not in place:
+            continue
+        row = np.tensordot(rows, powers, 1)
         middle = np.hypot(
             row[0, 0] * y[0] + row[0, 1] * slope[0] + row[0, 2],
             row[1, 0] * y[1] + row[1, 1] * slope[1] + row[1, 2],
         )
-        scale = np.abs(row[0, 0] * pencil_y + row[0, 1] * pencil_slope)
-        share[number] = np.minimum(share[number], _passed(scale * stack.stop_mm, middle, stack))
-    power = stack.bare[strong].reshape(-1, *([1] * len(shape))) * share[strong] * seen
-    pixels = 1.0 / stack.pitch_mm
-    offset, across, blur = offset * pixels, across * pixels, blur * pixels
-    lit = _on_sensor(field * pixels + offset, across, blur, stack)
+        radius = np.abs(row[0, 0] * pencil_y + row[0, 1] * pencil_slope) * stack.stop_mm
+        k = place[pair]
+        share[k] = np.minimum(share[k], _passed(radius, middle, stack))
+    power = bare * share * seen
     missed = np.where(lit, 0.0, power).sum(axis=0)
     power = np.where(lit, power, 0.0)
-    kept = lit.any(axis=tuple(range(1, lit.ndim))) if shape else lit
+    kept = lit.any(axis=tuple(range(1, lit.ndim)))
     names = tuple(_pair_name(stack, stack.pairs[k]) for k in strong[kept])
     whole = (int(kept.sum()), *shape)
     return Ghosts(

@@ -151,6 +151,9 @@ class Stray(Section):
     polish: Polish = Polish()
     dust: Dust = Dust()
     least_power: float = Field(default=1e-6, ge=0, lt=1)  # weaker ghosts are summed, not followed
+    # So are ghosts that bring less than this share of the light to a pixel everywhere. The peak of
+    # a spot of 4 px has 1e-2; a discarded ghost is below its 1e-7.
+    least_density: float = Field(default=1e-9, ge=0, lt=1)
 
 
 @dataclass(frozen=True)
