@@ -387,3 +387,5 @@ def test_a_longer_focal_length_scales_the_lens() -> None:
     other = _row(wide, "lens 4 + lens 5")
     assert wide.offset_px[other] == pytest.approx(2.0 * near.offset_px[row], rel=1e-9)
     assert wide.blur_px[other] == pytest.approx(2.0 * near.blur_px[row], rel=1e-9)
+    slow = ghosts(stack(only, f_number=6.0), FAR, FAR, field)
+    assert slow.blur_px[row] == pytest.approx(0.5 * near.blur_px[row], rel=1e-9)

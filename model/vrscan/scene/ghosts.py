@@ -206,6 +206,7 @@ def stack(
     stray: Stray,
     *,
     focal_mm: float = 25.0,
+    f_number: float = 3.0,
     pitch_mm: float = 0.007,
     length_px: int = 2048,
     centre_px: float = 1023.5,
@@ -218,6 +219,7 @@ def stack(
     Args:
         stray: Parts and their properties.
         focal_mm: Focal length of the lens.
+        f_number: Its f-number at infinity, which sets the stop.
         pitch_mm: Of the pixels.
         length_px: Of the sensor.
         centre_px: Where the optical axis meets it.
@@ -238,7 +240,7 @@ def stack(
         surfaces=(*front, *lens, *cover, sensor),
         stop=len(front) + at,
         moving=len(front) + len(lens) - 1,
-        f_number=stray.lens.f_number,
+        f_number=f_number,
         focal_mm=focal_mm,
         pitch_mm=pitch_mm,
         length_px=length_px,

@@ -2,8 +2,8 @@
 
 Ghosts, which need the whole stack of surfaces, are in ``vrscan.scene.ghosts``. The sensor's axis u
 and all its tilts lie in the plane of triangulation; "across" is at right angles to the row.
-Sources: Farkhutdinov et al., the METIS stray light analysis ("metis"), (1) to (3), (6), 3 and 4.3;
-Dittman, Proc. SPIE 6291 (2006), for the scatter; MIL-STD-1246C for the dust.
+Sources: "Straylight analyses and mitigation strategies for the ELT METIS instrument" ("metis"), (1)
+to (3), (6), 3 and 4.3; Dittman, Proc. SPIE 6291 (2006), for the scatter; MIL-STD-1246C for dust.
 """
 
 import math
@@ -81,7 +81,6 @@ class Lens(Section):
         default=[1.6172, 1.0, 1.6150, 1.0, 1.6172]
     )
     stop: int = Field(default=3, ge=1)  # the stop lies at this surface; 1 is the first
-    f_number: float = Field(default=3.0, ge=0.7, le=64)
     reflectance: Share = 0.005  # of each surface
 
     @model_validator(mode="after")
@@ -333,7 +332,7 @@ def covered_share(level: float, smallest_um: float = 1.0) -> float:
     return 0.25 * math.pi * (ends + inner) * 1e-12 / _SQUARE_FOOT_M2
 
 
-def obscured_share(stray: Stray, *, focal_mm: float = 25.0) -> float:
+def obscured_share(stray: Stray, *, focal_mm: float = 25.0, f_number: float = 3.0) -> float:
     """Return the share of the light that dust, digs and scratches in the pupil take away.
 
     Metis 4.3: on faces near the pupil (window, filter, lens) every particle shadows all pixels
@@ -345,14 +344,15 @@ def obscured_share(stray: Stray, *, focal_mm: float = 25.0) -> float:
 
     Args:
         stray: Which faces there are, and how clean they are.
-        focal_mm: Focal length, which with the f-number gives the beam's width on the faces.
+        focal_mm: Focal length, which over the f-number is the beam's width on the faces.
+        f_number: Of the lens.
     """
     if "dust" not in stray.enabled:
         return 0.0
     dust = stray.dust
     faces = 2 * (("window" in stray.enabled) + ("filter" in stray.enabled))
     faces += len(stray.lens.radii_mm) if stray.lens.kind == "surfaces" else 2
-    diameter = focal_mm / stray.lens.f_number
+    diameter = focal_mm / f_number
     beam = 0.25 * math.pi * diameter**2
     defects = dust.digs * dust.dig_mm**2 + dust.scratches * dust.scratch_mm * diameter
     one = min(1.0, covered_share(dust.level, dust.smallest_um) + defects / beam)
@@ -365,6 +365,7 @@ def dust_shadow(
     seed: int,
     *,
     pitch_mm: float = 0.007,
+    f_number: float = 3.0,
 ) -> Floats:
     """Return the transmission of the sensor's cover for each pixel, with dust on both faces.
 
@@ -379,6 +380,7 @@ def dust_shadow(
         length_px: Pixels of the row.
         seed: Of the places and sizes; the same seed gives the same dust.
         pitch_mm: Of the pixels.
+        f_number: Of the lens.
 
     Returns:
         Shares of 0 to 1 [length_px].
@@ -390,7 +392,7 @@ def dust_shadow(
     dust, cover = stray.dust, stray.cover
     heights = (cover.gap_mm, cover.gap_mm + cover.thickness_mm / cover.index)
     for height in heights:
-        radius = max(0.5 * height / stray.lens.f_number, 0.5 * pitch_mm)
+        radius = max(0.5 * height / f_number, 0.5 * pitch_mm)
         margin = radius + 0.5e-3 * _LARGEST_UM
         area_m2 = 1e-6 * (length_px * pitch_mm + 2.0 * margin) * 2.0 * margin
         expected = float(particles(dust.cover_level, dust.smallest_um)) * area_m2 / _SQUARE_FOOT_M2
