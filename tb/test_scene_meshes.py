@@ -104,6 +104,40 @@ def test_no_ray_leaks_out_of_a_closed_mesh() -> None:
     assert np.abs(distance[: len(faces)] - length[: len(faces)]).max() < 1e-9
 
 
+def test_a_ray_that_starts_on_a_facet_goes_through_to_the_other_side() -> None:
+    vertices, faces = ball(2, 50.0)
+    caster = Caster(vertices, faces)
+    rng = np.random.default_rng(SEED)
+    share = rng.dirichlet((1.0, 1.0, 1.0), (4, len(faces)))
+    start = np.einsum("rfk,fkc->rfc", share, vertices[faces]).reshape(-1, 3)
+    gap = rng.normal(size=start.shape) * 15.0 - start
+    direction = gap / np.linalg.norm(gap, axis=1)[:, None]
+    got, _ = caster.meet(start, direction)
+    want = brute_force(vertices, faces, start + 1e-3 * direction, direction) + 1e-3
+    print(f"{len(start)} rays across, worst {np.abs(got - want).max():.1e} mm")
+    assert np.abs(got - want).max() < 1e-9
+
+
+def test_a_ray_along_a_face_meets_nothing_beyond_it() -> None:
+    block = trimesh.creation.box((100.0, 100.0, 100.0))
+    caster = Caster(np.array(block.vertices), np.array(block.faces))
+    # About float32's step above or below the upper face, and as good as parallel to it.
+    above = np.linspace(-4e-5, 4e-5, 161)
+    slope = np.array([0.0, 1e-12, 1e-9, -1e-9, 1e-7, -1e-7])
+    above, slope = (part.ravel() for part in np.meshgrid(above, slope))
+    origin = np.stack([np.full(above.size, 7.0), 50.0 + above, np.full(above.size, -300.0)], 1)
+    direction = np.stack([0.0 * slope, slope, np.ones(slope.size)], axis=1)
+    got, _ = caster.meet(origin, direction)
+    hit = np.isfinite(got)
+    assert 0 < hit.sum() < got.size
+    assert (got[hit] >= 250.0 - 1e-6).all() and (got[hit] <= 350.0 + 1e-6).all()
+    low, high = (above + 300.0 * slope + reach * np.abs(slope) for reach in (-400.0, 400.0))
+    print(
+        f"a hit {low[hit].max():.1e} mm above the face, no miss below it: {high[~hit].min():.1e} mm"
+    )
+    assert hit[high < -3e-5].all() and not hit[low > 3e-5].any()
+
+
 @pytest.mark.parametrize("kind", ["ball", "bust", "bolt"])
 def test_what_the_beam_sees_is_not_hidden_by_itself(kind: str, tmp_path: Path) -> None:
     if kind == "ball":

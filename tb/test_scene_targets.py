@@ -225,6 +225,24 @@ def test_relief_misses_no_first_crossing(amplitude: float, period: float) -> Non
     check_facing(hits, direction)
 
 
+def test_a_ray_that_touches_a_crest_does_not_get_lost() -> None:
+    amplitude, period = 8.0, 6.0
+    sheet = at_origin(t.Relief(amplitude_mm=amplitude, period_mm=period, size_mm=(120, 80)))
+    wave = 2 * np.pi / period
+    # Tangents just past a crest come down over five others; the next crest stops them for sure.
+    past = np.geomspace(1e-6, 0.02, 3000)
+    x = -period / 4 * 3 + past / wave
+    slope = amplitude * wave * np.cos(wave * x)
+    direction = np.stack([np.ones_like(x), 0 * x, slope], axis=1)
+    direction /= np.linalg.norm(direction, axis=1)[:, None]
+    touch = np.stack([x, 0 * x, amplitude * np.sin(wave * x)], axis=1)
+    origin = touch - 5.4 * period * direction
+    hits = sheet.cast(origin, direction)
+    assert (hits.distance_mm > 5.4 * period - 1e-3).all()
+    assert (hits.distance_mm < 6.5 * period).all()
+    print(f"{(hits.distance_mm < 5.5 * period).sum()} of {x.size} stopped where they touch")
+
+
 def test_a_ray_from_a_surface_does_not_meet_it_at_once() -> None:
     for target in (
         t.Plane(rotation_deg=(10, 40, 5)),
