@@ -1,0 +1,462 @@
+"""How fast and how wrong each fidelity is, against ``full`` with the same random numbers.
+
+Named work: ``count`` lines of a scene, rendered in one process; the points are those of the chain's
+bit-accurate model. A speed is that of the rendering alone, on one core: lines over the processor
+time of all threads, which other programs on the machine do not lengthen; the best of several short
+runs that take turns with those of the other fidelities, after a first run that fills the tables.
+"""
+
+import csv
+import io
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, BinaryIO
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from rich import box
+from rich.table import Table as RichTable
+
+from vrscan.arrays import Floats
+from vrscan.config import Config
+from vrscan.engines import Engine
+from vrscan.engines import run as run_engine
+from vrscan.ideal import geometry as triangle
+from vrscan.lines import Truth
+from vrscan.report.style import COLOURS, INK, LIGHT, QUIET, STYLE
+from vrscan.scene.description import Description
+from vrscan.scene.effects import present
+from vrscan.scene.light import Light
+from vrscan.scene.plan import plan
+from vrscan.scene.simulate import Simulation, simulate
+from vrscan.table import Table
+
+TOLERANCES_PX = (0.1, 0.03, 0.01)
+TIGHTEST = f"auto {TOLERANCES_PX[-1]:g}"
+AIM_AUTO, AIM_FULL = 20_000.0, 2_000.0  # lines/s
+AIM_FASTER = 5.0  # times, of the tightest auto on the default scene
+ROUNDS = 3  # timed runs of each fidelity
+PARTS = 3  # of a scene by depth, of which the worst counts
+
+_FLOOR_PX = 1e-4  # errors below are drawn there
+_COLUMNS = 4  # of panels
+
+
+@dataclass(frozen=True)
+class Row:
+    """One fidelity of one scene; errors are positions less those of ``full``."""
+
+    scene: str
+    fidelity: str
+    tolerance_px: float  # NaN where none is promised
+    effects: int  # that are on
+    of: int  # that the scene has
+    lines: int
+    lines_per_s: float
+    planning_s: float  # 0 where nothing is planned
+    points: int  # in both
+    bias_px: float
+    rms_px: float  # bias included
+    worst_px: float  # the same of the worst third of the points by depth
+    p99_px: float
+    max_px: float
+    bias_um: float  # in z
+    rms_um: float
+    differ: float  # share of lines with a point in only one of the two
+    truth_rms_px: float  # against the truth
+    truth_median_px: float  # of the absolute error against the truth
+
+    @property
+    def within(self) -> bool | None:
+        """Whether rms of every third is in the tolerance; None where there is none."""
+        return None if np.isnan(self.tolerance_px) else self.worst_px <= self.tolerance_px
+
+
+@dataclass
+class _Run:
+    """What is rendered again and again."""
+
+    fidelity: str
+    tolerance_px: float
+    light: Light
+    active: frozenset[str]
+    every_ray: bool
+    planning_s: float = 0.0
+    best_s: float = np.inf  # processor time
+
+    def go(self, count: int) -> Simulation:
+        """Render all lines."""
+        return simulate(self.light, count, self.active, every_ray=self.every_ray)
+
+
+def run(
+    scenes: Sequence[Description],
+    count: int,
+    config: Config,
+    progress: Callable[[int, int], None] | None = None,
+    *,
+    rounds: int = ROUNDS,
+) -> list[Row]:
+    """Return the rows of all scenes: minimal, auto from coarse to fine, full.
+
+    Args:
+        scenes: What is rendered.
+        count: Lines of each.
+        config: The instrument.
+        progress: Called with the number of steps done and of all.
+        rounds: Timed runs of each fidelity.
+
+    Raises:
+        InputError: if a scene has no target where beam and camera meet.
+    """
+    steps = len(TOLERANCES_PX) + (1 + rounds) * (len(TOLERANCES_PX) + 2)
+    total, done = steps * len(scenes), 0
+
+    def tick() -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(done, total)
+
+    rows: list[Row] = []
+    for scene in scenes:
+        rows += _scene(scene, count, config, rounds, tick)
+    return rows
+
+
+def _scene(
+    scene: Description, count: int, config: Config, rounds: int, tick: Callable[[], None]
+) -> list[Row]:
+    runs = []
+    for tolerance in TOLERANCES_PX:
+        # The renderer, too, asks the scene how exact a spot has to be.
+        light = Light(scene.model_copy(update={"tolerance_px": tolerance}), config)
+        chosen = plan(light, count, fidelity="auto", tolerance_px=tolerance)
+        name = f"auto {tolerance:g}"
+        given = (chosen.active, chosen.every_ray, chosen.seconds)
+        runs.append(_Run(name, tolerance, light, *given))
+        tick()
+    light = runs[-1].light
+    whole = frozenset(present(scene))
+    runs.insert(0, _Run("minimal", np.nan, light, frozenset(), every_ray=False))
+    runs.append(_Run("full", np.nan, light, whole, every_ray=True))
+
+    tables: list[Table] = []
+    truth: Truth | None = None
+    for each in runs:
+        made = each.go(count)
+        truth = made.lines.truth
+        tables.append(run_engine(Engine.FIXED, made.lines, config))
+        tick()
+    assert truth is not None  # a simulation has one, the same for all
+    for _ in range(rounds):
+        for each in runs:
+            begin = time.process_time()
+            each.go(count)
+            each.best_s = min(each.best_s, time.process_time() - begin)
+            tick()
+    return [
+        _row(scene.source, each, found, tables[-1], truth, len(whole), config)
+        for each, found in zip(runs, tables, strict=True)
+    ]
+
+
+def _row(
+    scene: str, made: _Run, found: Table, full: Table, truth: Truth, of: int, config: Config
+) -> Row:
+    both = found.located & full.located
+    px = _moved_px(found, full, config)[both]
+    um = 1e3 * (found.z_mm - full.z_mm)[both]
+    depth = full.z_mm[both]
+    parts = np.array_split(np.argsort(depth, kind="stable"), PARTS)
+    known = found.located & np.isfinite(truth.position_px)
+    error = (found.position_px - truth.position_px)[known]
+    return Row(
+        scene=scene,
+        fidelity=made.fidelity,
+        tolerance_px=made.tolerance_px,
+        effects=len(made.active),
+        of=of,
+        lines=len(found),
+        lines_per_s=len(found) / max(made.best_s, 1e-9),
+        planning_s=made.planning_s,
+        points=int(both.sum()),
+        bias_px=_mean(px),
+        rms_px=_rms(px),
+        worst_px=max(_rms(px[part]) for part in parts),
+        p99_px=float(np.percentile(np.abs(px), 99.0)) if px.size else 0.0,
+        max_px=float(np.abs(px).max(initial=0.0)),
+        bias_um=_mean(um),
+        rms_um=_rms(um),
+        differ=float((found.located != full.located).mean()),
+        truth_rms_px=_rms(error),
+        truth_median_px=float(np.median(np.abs(error))) if error.size else 0.0,
+    )
+
+
+def _moved_px(found: Table, full: Table, config: Config) -> Floats:
+    """Return how far points moved, px; one whose angle changed as the px that move z as far."""
+    both = found.located & full.located
+    moved = np.where(both, found.position_px - full.position_px, 0.0)
+    turned = both & (found.angle_rad != full.angle_rad)
+    if not turned.any():
+        return moved
+    u, step = triangle.undistorted(full.position_px[turned], config.geometry)
+    slope = triangle.triangle(u, full.angle_rad[turned], config.geometry).slope * step
+    rise = found.z_mm[turned] - full.z_mm[turned]
+    moved[turned] = np.where(slope == 0.0, 0.0, rise / np.where(slope == 0.0, 1.0, slope))
+    return moved
+
+
+def _mean(values: Floats) -> float:
+    return float(values.mean()) if values.size else 0.0
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if values.size else 0.0
+
+
+def faster(rows: Sequence[Row], scene: str) -> float:
+    """Return how many times as fast as full the tightest auto is on a scene."""
+    speed = {row.fidelity: row.lines_per_s for row in rows if row.scene == scene}
+    return speed[TIGHTEST] / speed["full"]
+
+
+def _scenes(rows: Sequence[Row]) -> list[str]:
+    return list(dict.fromkeys(row.scene for row in rows))
+
+
+def table(rows: Sequence[Row]) -> RichTable:
+    """Return the bench as a table for the terminal, 120 columns wide."""
+    lines = max((row.lines for row in rows), default=0)
+    grid = RichTable(
+        title=f"Fidelity against full with the same random numbers: {lines} lines of each scene, "
+        "chain fixed",
+        caption="lines/s: rendering alone, of one core's processor time, best of the runs; on: "
+        "effects. Position less that of full: bias, rms (with the\nbias), rms of the worst third "
+        "by depth, 99 % and largest; ok: the worst third is within auto's tolerance. differ: lines "
+        "with a point\nin only one of the two. truth: rms and median of the position's own error. "
+        "plan: s that planning took, once for a scan.",
+        title_justify="left",
+        caption_justify="left",
+        caption_style="",
+        box=box.SIMPLE_HEAD,
+        show_edge=False,
+        pad_edge=False,
+        padding=(0, 1, 0, 0),
+    )
+    for heading, justify in (
+        ("\nscene", "left"),
+        ("\nfidelity", "left"),
+        ("\non", "right"),
+        ("\nlines/s", "right"),
+        ("bias\npx", "right"),
+        ("rms\npx", "right"),
+        ("worst\npx", "right"),
+        ("99 %\npx", "right"),
+        ("max\npx", "right"),
+        ("\nok", "left"),
+        ("rms z\nµm", "right"),
+        ("\ndiffer", "right"),
+        ("truth\nrms px", "right"),
+        ("median\npx", "right"),
+        ("plan\ns", "right"),
+    ):
+        grid.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+    for index, row in enumerate(rows):
+        last = index + 1 == len(rows) or rows[index + 1].scene != row.scene
+        first = index == 0 or rows[index - 1].scene != row.scene
+        full = row.fidelity == "full"
+        errors = (row.bias_px, row.rms_px, row.worst_px, row.p99_px, row.max_px)
+        grid.add_row(
+            row.scene if first else "",
+            row.fidelity,
+            f"{row.effects}/{row.of}",
+            f"{row.lines_per_s:.0f}",
+            *["" if full else _short(value) for value in errors],
+            {True: "yes", False: "NO", None: ""}[row.within],
+            "" if full else f"{row.rms_um:.4g}",
+            f"{100.0 * row.differ:.2f} %" if row.differ > 0.0 else "",
+            _short(row.truth_rms_px),
+            _short(row.truth_median_px),
+            f"{row.planning_s:.1f}" if row.planning_s > 0.0 else "",
+            end_section=last,
+        )
+    return grid
+
+
+def _short(value: float) -> str:
+    """Return a number of px in six characters at most."""
+    if value == 0.0:
+        return "0"
+    digits = len(str(int(abs(value))))
+    return f"{value:.{max(5 - digits - (value < 0.0), 0)}f}"
+
+
+def write_csv(rows: Sequence[Row], file: BinaryIO) -> None:
+    """Write all figures; a tolerance that there is not stays empty.
+
+    Args:
+        rows: One row each.
+        file: A binary file.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    names = [field.name for field in fields(Row)]
+    writer.writerow((*names, "within"))
+    for row in rows:
+        values = [getattr(row, name) for name in names]
+        shown = [f"{value:.6g}" if isinstance(value, float) else value for value in values]
+        shown[names.index("tolerance_px")] = (
+            "" if row.within is None else f"{row.tolerance_px:g}"
+        )
+        writer.writerow((*shown, "" if row.within is None else int(row.within)))
+    file.write(text.getvalue().encode())
+
+
+def markdown(rows: Sequence[Row]) -> str:
+    """Return a Markdown table, a line for each scene: lines/s and rms px of each fidelity."""
+    names = list(dict.fromkeys(row.fidelity for row in rows))
+    lines = [
+        f"| scene | {' | '.join(names)} | faster | error of full |",
+        f"|{'---|' * (len(names) + 3)}",
+    ]
+    for scene in _scenes(rows):
+        here = {row.fidelity: row for row in rows if row.scene == scene}
+        cells = [_markdown_cell(here[name]) for name in names]
+        own = here["full"].truth_rms_px
+        times = f"{faster(rows, scene):.1f}"
+        lines.append(f"| {scene} | {' | '.join(cells)} | {times} | {own:.2g} px |")
+    return "\n".join(lines) + "\n"
+
+
+def _markdown_cell(row: Row) -> str:
+    speed = f"{row.lines_per_s:,.0f}"
+    if row.fidelity == "full":
+        return speed
+    error = f"{row.rms_px:.2g} px"
+    return f"{speed}, **{error}**" if row.within is False else f"{speed}, {error}"
+
+
+# The picture
+
+
+def _marks() -> dict[str, dict[str, Any]]:
+    """Return how each fidelity looks."""
+    marks: dict[str, dict[str, Any]] = {"minimal": {"marker": "s", "color": COLOURS[1]}}
+    for shape, tolerance in zip("v^o", TOLERANCES_PX, strict=True):
+        marks[f"auto {tolerance:g}"] = {"marker": shape, "color": COLOURS[0]}
+    return marks | {"full": {"marker": "D", "color": INK}}
+
+
+def picture(rows: Sequence[Row], file: BinaryIO) -> None:
+    """Draw speed over error, a panel for each scene, the others' curves behind it.
+
+    Args:
+        rows: Of one scene or more.
+        file: A binary file, written as PNG.
+    """
+    scenes = _scenes(rows)
+    columns = min(_COLUMNS, len(scenes) + 1)
+    high = -(-(len(scenes) + 1) // columns)  # one place is the legend's
+    lines = max((row.lines for row in rows), default=0)
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(2.75 * columns, 2.2 * high + 0.9), layout="constrained")
+        figure.suptitle(
+            f"Speed over error against full: {lines} lines of each scene, one core",
+            x=0.012,
+            ha="left",
+            fontsize=12,
+            fontweight="bold",
+            color=INK,
+        )
+        grid = figure.subplots(high, columns, sharex=True, sharey=True, squeeze=False)
+        panels = list(grid.ravel())
+        for axes, scene in zip(panels, scenes, strict=False):
+            _draw_panel(axes, rows, scene)
+        _limits(panels[0], rows)
+        for axes in panels[len(scenes) + 1 :]:
+            axes.axis("off")
+        _draw_legend(panels[len(scenes)])
+        for index in range(len(scenes)):
+            if index + columns >= len(scenes):  # nothing below: the ticks of a shared axis are ours
+                panels[index].tick_params(labelbottom=True)
+        figure.supxlabel(
+            "rms error of the position against full in px (0 stands at the left end)",
+            fontsize=9,
+            color=INK,
+        )
+        figure.supylabel("lines/s", fontsize=9, color=INK)
+        figure.savefig(file, format="png", dpi=130)
+
+
+def _place(row: Row) -> float:
+    return max(row.rms_px, _FLOOR_PX)
+
+
+def _limits(axes: Axes, rows: Sequence[Row]) -> None:
+    """Set the axes of all panels, which share them."""
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    largest = max([1.0, *[row.rms_px for row in rows]])
+    speeds = [row.lines_per_s for row in rows] + [AIM_AUTO, AIM_FULL]
+    axes.set_xlim(_FLOOR_PX / 1.6, 2.0 * largest)
+    axes.set_ylim(0.6 * min(speeds), 2.5 * max(speeds))
+    decades = range(-4, int(np.ceil(np.log10(largest))) + 1)
+    ticks = [10.0**power for power in decades if 10.0**power < 2.0 * largest]
+    axes.set_xticks(ticks, ["0", *[f"{tick:g}" for tick in ticks[1:]]])
+    axes.minorticks_off()
+
+
+def _draw_panel(axes: Axes, rows: Sequence[Row], scene: str) -> None:
+    for other in _scenes(rows):
+        if other != scene:
+            own = [row for row in rows if row.scene == other]
+            axes.plot(
+                [_place(row) for row in own],
+                [row.lines_per_s for row in own],
+                color=LIGHT,
+                linewidth=0.8,
+                zorder=1,
+            )
+    for tolerance in TOLERANCES_PX:
+        axes.axvline(tolerance, color=QUIET, linewidth=0.6, linestyle=(0, (1, 3)), zorder=0)
+    own = [row for row in rows if row.scene == scene]
+    axes.plot(
+        [_place(row) for row in own],
+        [row.lines_per_s for row in own],
+        color=QUIET,
+        linewidth=1.2,
+        zorder=2,
+    )
+    for row in own:
+        mark = _marks()[row.fidelity]
+        out = row.within is False
+        axes.plot(
+            _place(row),
+            row.lines_per_s,
+            markersize=6.0,
+            markerfacecolor="white" if out else mark["color"],
+            markeredgecolor=mark["color"],
+            markeredgewidth=1.2 if out else 0.0,
+            linestyle="",
+            marker=mark["marker"],
+            clip_on=False,
+            zorder=3,
+        )
+    axes.set_title(f"{scene}: {TIGHTEST} is {faster(rows, scene):.1f} times full", fontsize=8.5)
+    axes.tick_params(labelsize=7.5)
+
+
+def _draw_legend(axes: Axes) -> None:
+    axes.axis("off")
+    for name, mark in _marks().items():
+        axes.plot([], [], linestyle="", markersize=6.0, label=name, **mark)
+    hollow = {"marker": "o", "markerfacecolor": "white", "markeredgecolor": COLOURS[0]}
+    axes.plot([], [], linestyle="", markersize=6.0, label="out of its tolerance", **hollow)
+    axes.plot([], [], color=QUIET, linestyle=(0, (1, 3)), label="the tolerances")
+    axes.plot([], [], color=LIGHT, label="the other scenes")
+    axes.legend(loc="center left", borderaxespad=0.0)
