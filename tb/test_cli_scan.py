@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from vrscan import cli
+from vrscan.arrays import Pixels
 from vrscan.config import Config
 from vrscan.points import COLUMNS
-from vrscan.scene.simple import SCENES, simulate
+from vrscan.scene.description import shipped
+from vrscan.scene.simulate import take
 
 
 def command(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
@@ -23,7 +25,7 @@ def command(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
     return int(caught.value.code or 0)
 
 
-@pytest.mark.parametrize("scene", list(SCENES))
+@pytest.mark.parametrize("scene", shipped())
 def test_a_scan_writes_its_files_and_its_table(
     tmp_path: Path,
     scene: str,
@@ -32,8 +34,10 @@ def test_a_scan_writes_its_files_and_its_table(
 ) -> None:
     out = tmp_path / "scan"
     arguments = ["scan", scene, "--out", str(out), "--engine", "ideal", "--lines", "300"]
+    arguments += ["--fidelity", "full"]
     assert command(monkeypatch, *arguments) == 0
-    assert sorted(p.name for p in out.iterdir()) == ["picture.png", "points.csv", "points.ply"]
+    names = ["edges.csv", "picture.png", "points.csv", "points.ply"]
+    assert sorted(p.name for p in out.iterdir()) == names
     assert (out / "picture.png").read_bytes().startswith(b"\x89PNG")
     with (out / "points.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -48,15 +52,62 @@ def test_a_scan_writes_its_files_and_its_table(
     assert command(monkeypatch, *arguments) == 0
 
 
-def test_replay_of_a_scene_gives_the_points_of_the_scan(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    scan, lines, points = tmp_path / "scan", tmp_path / "lines.npz", tmp_path / "points.csv"
-    recording = simulate(SCENES["default"], 200, Config())
-    np.savez(lines, lines=recording.lines, angle_rad=recording.angle_rad)
-    command(monkeypatch, "scan", "--out", str(scan), "--engine", "ideal", "--lines", "200")
+def test_replay_of_a_scan_gives_its_points(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scan, points = tmp_path / "scan", tmp_path / "points.csv"
+    arguments = ["--out", str(scan), "--engine", "ideal", "--lines", "200", "--keep-lines"]
+    assert command(monkeypatch, "scan", "--fidelity", "minimal", *arguments) == 0
+    lines = scan / "lines.npz"
     command(monkeypatch, "replay", str(lines), "--out", str(points), "--engine", "ideal")
     assert points.read_bytes() == (scan / "points.csv").read_bytes()
+    with np.load(lines) as kept:
+        seen = np.isfinite(kept["true_position_px"])
+        assert seen.any()
+        assert set(kept["surface"][seen]) <= set(range(len(kept["surface_names"])))
+
+
+def test_a_scans_edges_are_a_mirrors_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scan, mirror = tmp_path / "scan", tmp_path / "mirror.csv"
+    arguments = ["--out", str(scan), "--engine", "ideal", "--lines", "1500"]
+    assert command(monkeypatch, "scan", "--fidelity", "minimal", *arguments) == 0
+    edges = scan / "edges.csv"
+    assert command(monkeypatch, "mirror", "--replay", str(edges), "--out", str(mirror)) == 0
+    assert mirror.stat().st_size > 0
+
+
+@pytest.mark.parametrize("scene", shipped())
+def test_a_budget_tells_what_each_effect_does(
+    tmp_path: Path,
+    scene: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    table = tmp_path / "budget.csv"
+    assert command(monkeypatch, "budget", scene, "--lines", "512", "--csv", str(table)) == 0
+    printed = capsys.readouterr().out
+    assert "speckle" in printed
+    assert "Laser safety" in printed
+    with table.open() as file:
+        rows = {row["effect"]: row for row in csv.DictReader(file)}
+    assert float(rows["speckle"]["near_rms_px"]) > 0.01
+
+
+def test_the_effects_of_a_scan_can_be_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["scan", "--out", str(tmp_path / "scan"), "--engine", "ideal", "--lines", "100"]
+    assert command(monkeypatch, *arguments, "--fidelity", "defocus, shot") == 0
+    assert "2 of" in capsys.readouterr().out
+
+
+def _bright_lines(count: int) -> Pixels:
+    """Return lines that have a point."""
+    recording = take("plane", 10 * count, Config(), "minimal").lines
+    truth = recording.truth
+    assert truth is not None
+    middle = np.abs(truth.position_px - 1023.5) < 800
+    return recording.lines[middle][:count]
 
 
 @pytest.mark.parametrize("engine", ["ideal", "fixed"])
@@ -65,7 +116,7 @@ def test_the_mirrors_flags_reach_the_points(
 ) -> None:
     """Recorded flags stand in the points, whose positions they leave alone."""
     good, bad = tmp_path / "good.npz", tmp_path / "bad.npz"
-    lines = simulate(SCENES["plane"], 4, Config()).lines
+    lines = _bright_lines(4)
     np.savez(good, lines=lines)
     np.savez(bad, lines=lines, mirror_flags=np.array([0, 1, 2, 4], np.uint8))
     rows = {}
@@ -87,7 +138,7 @@ def test_the_configuration_reaches_the_points(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lines, config = tmp_path / "lines.npz", tmp_path / "config.toml"
-    np.savez(lines, lines=simulate(SCENES["plane"], 20, Config()).lines)
+    np.savez(lines, lines=_bright_lines(20))
     config.write_text("[peak]\nk_height = 0.5\n")
     narrow, wide = tmp_path / "narrow.csv", tmp_path / "wide.csv"
     arguments = ["replay", str(lines), "--engine", "ideal", "--out"]

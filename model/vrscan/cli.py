@@ -32,6 +32,8 @@ from vrscan.table import Table
 
 if TYPE_CHECKING:
     from vrscan.report.mirror import Events as MirrorEvents
+    from vrscan.scene.light import Light
+    from vrscan.scene.plan import Plan
 
 EXIT_BAD_INPUT, EXIT_TERMINATED = 2, 143
 MOST_LINES = 1_000_000
@@ -46,6 +48,17 @@ app = typer.Typer(
 calibrate = typer.Typer(help="Find the instrument's parameters in recordings.")
 app.add_typer(calibrate, name="calibrate")
 
+bench = typer.Typer(help="Measure speed against error.")
+app.add_typer(bench, name="bench")
+
+SceneArgument = Annotated[
+    str, typer.Argument(help="One of the shipped scenes, or FILE.toml; none shows the default.")
+]
+FidelityOption = Annotated[
+    str | None,
+    typer.Option(help="auto, full, minimal, or effects by name, with commas; else the scene's."),
+]
+ToleranceOption = Annotated[float | None, typer.Option(help="Of auto, px; else the scene's.")]
 ConfigOption = Annotated[
     Path | None, typer.Option("--config", help="TOML file whose values override the defaults.")
 ]
@@ -60,33 +73,57 @@ CountOption = Annotated[int, typer.Option("--lines", help="Number of lines.")]
 
 @app.command()
 def scan(
-    out: Annotated[Path, typer.Option(help="Folder of points.csv, points.ply, picture.png.")],
-    scene: Annotated[str, typer.Argument(help="default, plane, step or cylinder.")] = "default",
+    out: Annotated[Path, typer.Option(help="Folder of points, picture and index edges.")],
+    scene: SceneArgument = "default",
     engine: EngineOption = Engine.RTL,
     count: CountOption = 3000,
+    fidelity: FidelityOption = None,
+    tolerance: ToleranceOption = None,
+    jobs: Annotated[int, typer.Option(help="Processes that simulate; 0: one a processor.")] = 1,
+    keep: Annotated[
+        bool, typer.Option("--keep-lines", help="Also write lines.npz: lines with their truth.")
+    ] = False,
     config: ConfigOption = None,
 ) -> None:
     """Simulate a scene, turn its lines into points and compare them with the truth."""
+    from vrscan.report import budget
     from vrscan.report import scan as report  # matplotlib takes a second to import
-    from vrscan.scene.simple import named, simulate
+    from vrscan.scene.simulate import simulate
+    from vrscan.scene.timeline import write_edges
 
     _check_count(count, 1)
-    chosen = named(scene)
+    if jobs < 0:
+        raise InputError(f"--jobs: must not be negative ({jobs})")
     settings = _settings(config)
-    with _folder(out), contextlib.ExitStack() as files:
-        csv, ply, png = (
-            files.enter_context(atomic_file(out / name))
-            for name in ("points.csv", "points.ply", "picture.png")
-        )
-        recording = simulate(chosen, count, settings)
+    light, chosen = _planned(scene, count, fidelity, tolerance, settings)
+    sweeps = light.scene.scan.sweep == "mirror"
+    names = ["points.csv", "points.ply", "picture.png"]
+    names += ["edges.csv"] * sweeps + ["lines.npz"] * keep
+    with _folder(out), contextlib.ExitStack() as stack:
+        files = {name: stack.enter_context(atomic_file(out / name)) for name in names}
+        with _bar("light", count) as progress:
+            taken = simulate(
+                light,
+                count,
+                chosen.active,
+                every_ray=chosen.every_ray,
+                jobs=jobs,
+                progress=progress,
+            )
+        recording, when = taken.lines, taken.timeline
         result = _run(engine, recording, settings)
         truth = recording.truth
         assert truth is not None  # a simulation has one
-        write_csv(result, csv)
-        write_ply(result, ply)
-        name = "plane, step and cylinder" if scene == "default" else scene
-        title = f"Scan of {name}: {count} lines, engine {engine}"
-        report.picture(recording, result, settings, title, png)
+        write_csv(result, files["points.csv"])
+        write_ply(result, files["points.ply"], when.y_mm)
+        if sweeps:
+            begin, end = light.scene.scan.start_s, float(when.time_s[-1])
+            scanned = light.scene.scan, light.scene.seed
+            write_edges(files["edges.csv"], begin, end, settings, *scanned)
+        if keep:
+            lines.write(recording, files["lines.npz"])
+        title = f"{light.scene.title or scene}: {count} lines, engine {engine}"
+        report.picture(recording, result, settings, title, files["picture.png"], y_mm=when.y_mm)
     console = _console()
     console.print(report.error_table(report.compare(result, truth), title))
     dark = int(np.isnan(truth.position_px).sum())
@@ -95,7 +132,70 @@ def scan(
         f"{dark} lines whose spot the camera cannot see, "
         f"{report.stray(result, truth)} of them with a point"
     )
-    console.print(f"{out}: points.csv, points.ply, picture.png", highlight=False)
+    for line in budget.summary(chosen):
+        console.print(line, highlight=False)
+    console.print(f"{out}: {', '.join(names)}", highlight=False)
+
+
+@app.command()
+def budget(
+    scene: SceneArgument = "default",
+    count: CountOption = 3000,
+    fidelity: FidelityOption = None,
+    tolerance: ToleranceOption = None,
+    csv: Annotated[Path | None, typer.Option(help="The same table as a file.")] = None,
+    config: ConfigOption = None,
+) -> None:
+    """Tell what each effect of a scene would do to its points, and which are simulated."""
+    from vrscan.report import budget as report
+
+    _check_count(count, 1)
+    settings = _settings(config)
+    with contextlib.ExitStack() as stack:
+        file = None if csv is None else stack.enter_context(atomic_file(csv))
+        light, chosen = _planned(scene, count, fidelity, tolerance, settings, each=True)
+        if file is not None:
+            report.budget_csv(chosen, file)
+    console = _console()
+    console.print(report.budget_table(chosen, light.scene))
+    for line in report.light_lines(light, chosen) + report.safety_lines(light.scene, settings):
+        console.print(line, highlight=False)
+
+
+@bench.command("light")
+def bench_light(
+    scenes: Annotated[
+        list[str] | None, typer.Argument(metavar="[SCENE]...", help="All shipped ones if none.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of fidelity.csv and .png; build/light.")
+    ] = None,
+    count: CountOption = 3072,
+    write: Annotated[bool, typer.Option("--write", help="Rewrite docs/light.md's table.")] = False,
+    config: ConfigOption = None,
+) -> None:
+    """Measure the simulator: lines/s against the error of what it leaves out."""
+    from vrscan.report import fidelity as report
+    from vrscan.scene.description import shipped
+    from vrscan.tools import build_folder, repository_root
+
+    _check_count(count, 1)
+    if write and scenes:
+        raise InputError(f"--write: needs all scenes ({', '.join(scenes)} given)")
+    settings = _settings(config)
+    chosen = scenes or list(shipped())
+    with _bar("light", len(chosen)) as progress:
+        rows = report.run(chosen, count, settings, progress)
+    folder = build_folder() / "light" if out is None else out
+    folder.mkdir(parents=True, exist_ok=True)
+    with atomic_file(folder / "fidelity.csv") as file:
+        report.write_csv(rows, file)
+    with atomic_file(folder / "fidelity.png") as file:
+        report.picture(rows, file)
+    _console().print(report.table(rows))
+    _console().print(f"{folder}: fidelity.csv, fidelity.png", highlight=False)
+    for path in report.write_pages(rows, repository_root()) if write else ():
+        _console().print(f"{path}: rewritten", highlight=False)
 
 
 @app.command()
@@ -268,11 +368,11 @@ def speed(
     config: ConfigOption = None,
 ) -> None:
     """Measure the lines per second of an engine, on lines of the default scene."""
-    from vrscan.scene.simple import SCENES, simulate
+    from vrscan.scene.simulate import take
 
     _check_count(count, 1)
     settings = _settings(config)
-    recording = simulate(SCENES["default"], count, settings)
+    recording = take("default", count, settings).lines
     warm = lines.Lines(recording.lines[:64], recording.angle_rad[:64], recording.power[:64])
     engines.run(engine, warm, settings)  # builds and imports are not what is measured
     wall, cpu = time.perf_counter(), time.process_time()
@@ -334,6 +434,39 @@ def _settings(path: Path | None) -> Config:
     settings = configuration.load(path)
     Registers.from_config(settings)
     return settings
+
+
+def _planned(
+    scene: str,
+    count: int,
+    fidelity: str | None,
+    tolerance: float | None,
+    settings: Config,
+    *,
+    each: bool = False,
+) -> tuple["Light", "Plan"]:
+    """Return a scene and which effects it gets, found under a bar."""
+    from vrscan.scene.description import load
+    from vrscan.scene.light import Light
+    from vrscan.scene.plan import plan
+
+    if tolerance is not None:
+        _check_range("--tolerance", tolerance, 1e-6, 10.0)
+    wanted: str | list[str] | None = fidelity
+    if fidelity is not None and fidelity not in ("auto", "full", "minimal"):
+        wanted = [name.strip() for name in fidelity.split(",")]
+    light = Light(load(scene), settings)
+    with _bar("budget", 100) as progress:
+        found = plan(
+            light,
+            count,
+            fidelity=wanted,
+            tolerance_px=tolerance,
+            each=each,
+            progress=lambda done, total: progress(100 * done // total),
+        )
+        progress(100)
+    return light, found
 
 
 def _check_count(count: int, least: int) -> None:

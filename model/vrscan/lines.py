@@ -3,7 +3,7 @@
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -94,6 +94,31 @@ def read(path: Path, config: Config) -> Lines:
         power=power.astype(np.int64),
         mirror_flags=raised.astype(np.int64),
     )
+
+
+def write(recording: Lines, file: BinaryIO) -> None:
+    """Write lines, and their truth if they have one, as an ``.npz`` that ``read`` reads.
+
+    Args:
+        recording: The lines.
+        file: A binary file. Beside what ``read`` takes it gets ``true_x_mm``, ``true_z_mm``,
+            ``true_position_px`` and ``surface`` [n], and ``surface_names``.
+    """
+    arrays: dict[str, npt.NDArray[Any]] = {
+        "lines": recording.lines,
+        "angle_rad": recording.angle_rad,
+        "power": recording.power.astype(np.uint16),
+    }
+    truth = recording.truth
+    if truth is not None:
+        arrays |= {
+            "true_x_mm": truth.x_mm,
+            "true_z_mm": truth.z_mm,
+            "true_position_px": truth.position_px,
+            "surface": truth.surface,
+            "surface_names": np.array(truth.names),
+        }
+    np.savez(file, allow_pickle=False, **arrays)
 
 
 def _load(path: Path) -> dict[str, npt.NDArray[Any]]:

@@ -278,13 +278,14 @@ def _flag_texts(flags: Mapping[str, Bools], rows: int) -> list[str]:
     return [texts[k] for k in kind.tolist()]
 
 
-def write_ply(result: Table, file: BinaryIO) -> None:
+def write_ply(result: Table, file: BinaryIO, y_mm: Floats | float = 0.0) -> None:
     """Write the located points as a binary little-endian PLY cloud.
 
     Args:
-        result: The points. The scan plane is y = 0.
+        result: The points.
         file: A binary file. Vertices have x, y, z and sigma_z in mm, the confidence 0 to 1, the
             line's number and the flag bits of ``vrscan_pkg``.
+        y_mm: Where the scanner, and so the scan plane, was at each line [n].
     """
     rows = np.flatnonzero(result.located)
     layout = [
@@ -298,6 +299,7 @@ def write_ply(result: Table, file: BinaryIO) -> None:
     ]
     vertices = np.zeros(len(rows), np.dtype([(name, kind) for name, kind, _ in layout]))
     vertices["x"], vertices["z"] = result.x_mm[rows], result.z_mm[rows]
+    vertices["y"] = np.broadcast_to(y_mm, len(result))[rows]
     vertices["sigma_z"], vertices["confidence"] = result.sigma_z_mm[rows], result.c_obj[rows]
     vertices["line"] = result.line[rows]
     vertices["flags"] = _flag_bits(result.flags, len(result))[rows]

@@ -279,7 +279,7 @@ def _background(light: Light) -> Floats:
     """Return the electrons that sun and lamps put into each pixel [length]."""
     scene = light.scene
     names = [name for name, there in (("sun", scene.sun), ("lamps", scene.lamp)) if there]
-    return np.sum([light.ambient(name, 0.0) for name in names], axis=0)
+    return np.asarray(np.sum([light.ambient(name, 0.0) for name in names], axis=0))
 
 
 def _background_lines(light: Light) -> list[str]:
@@ -390,3 +390,19 @@ def _glint_line(light: Light) -> str:
     if share > 0.0:
         line += f"; more than {_BRIGHT:g} times on {share:.1f} % of what the camera sees"
     return line
+
+
+def summary(plan: Plan) -> list[str]:
+    """Return which effects a scan has had, in a line or two."""
+    on, of = len(plan.active), len(plan.present)
+    planned, everything = plan.microseconds
+    if on == of:
+        return [f"effects: all {of}, {planned:.0f} us a line"]
+    error = float(plan.left_out.total_px.max())
+    lost = float(plan.left_out.changed.max())
+    points = f" and {100 * lost:.1f} % of the points" if lost else ""
+    what = f"{on} of {of} on (fidelity {plan.fidelity}{_tolerance(plan)})"
+    return [
+        f"effects: {what}, {planned:.0f} us a line instead of {everything:.0f}; what is left out "
+        f"changes {error:.4f} px rms{points}: see vrscan budget"
+    ]

@@ -20,7 +20,7 @@ from vrscan.lines import Lines
 from vrscan.report import efficiency, formats
 from vrscan.report.accuracy import angle, cordic, geometry, mirror, position, quality, scatter
 from vrscan.report.accuracy.figure import SEED, Figure
-from vrscan.scene.simple import SCENES, simulate
+from vrscan.scene.simulate import take
 
 CLOCK_HZ = 125e6
 PAPER_LINES = 37_400.0  # lines/s of the paper's sensor
@@ -153,7 +153,7 @@ def latency(config: Config) -> list[Figure]:
 
 
 def _speed(engine: Engine, count: int, least: float, config: Config) -> list[Figure]:
-    recording = simulate(SCENES["default"], count, config)
+    recording = take("default", count, config).lines
     warm = Lines(recording.lines[:64], recording.angle_rad[:64], recording.power[:64])
     try:
         run(engine, warm, config)  # builds and imports are not what is measured

@@ -68,8 +68,8 @@ class Description(Section):
     speckle: Speckle = Speckle()
     stray: Stray = Stray()
     sun: Sun | None = None
-    lamp: list[Lamp] = []
-    material: dict[str, Material] = {}
+    lamp: list[Lamp] = Field(default_factory=list)
+    material: dict[str, Material] = Field(default_factory=dict)
     target: Annotated[list[TargetSection], Field(min_length=1)]
 
     _folder: Path = PrivateAttr(Path())

@@ -62,6 +62,16 @@ def present(scene: Description) -> tuple[str, ...]:
         absent.add("lamps")
     if not any(material.gloss > 0.0 for material in materials):
         absent.add("gloss")
+    stray = scene.stray
+    head = stray.head_window
+    if "head_window" not in stray.enabled or head.inner_reflectance * head.outer_reflectance == 0.0:
+        absent.add("window")
+    if "halo" not in stray.enabled or stray.polish.roughness_nm == 0.0:
+        absent.add("halo")
+    if "dust" not in stray.enabled:
+        absent.add("dust")
+    if not {"window", "filter", "lens", "cover", "sensor"} & set(stray.enabled):
+        absent.add("ghosts")
     if scene.lens.coma_px == 0.0:
         absent.add("coma")
     if scene.sensor.prnu == 0.0:

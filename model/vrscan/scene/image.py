@@ -37,6 +37,11 @@ _TAIL = 9.0  # of the coma's lengths, where 1e-4 of its peak is left
 _MARGIN = 4.0  # px
 _ROW_VARIANCE = 1.0 / 12.0  # px^2: that of the row's own height
 
+# Cycles a pulse at which its transform is wanted: the middles of the table's steps, as each stands
+# for all of its step; but 0 for 0, where no light is lost.
+_TURN = 0.001
+PULSE_TURNS = _TURN * np.concatenate([[0.0], np.arange(1.5, 64000.0)])
+
 _STEP = 0.01  # of the table's frequency, in cycles a disc radius
 _END = 64.0  # beyond which the slice's transform is taken for zero
 _HEIGHTS = np.geomspace(0.02, 50.0, 64)  # s_y / a
@@ -45,7 +50,7 @@ _NODES = 800  # of the quadrature over a quarter turn: the last frequency has 64
 
 @functools.cache
 def _slices() -> tuple[npt.NDArray[np.float32], Floats]:
-    """Return the normalised transform of k [heights, frequencies], and the share of the row [heights].
+    """Return the normalised transform of k [heights, frequencies], and the row's share [heights].
 
     The share is k's integral for a = 1: of all light in the image, what a row of height 1 holds
     where the disc's radius is 1.
@@ -99,7 +104,8 @@ def row_share(sigma_y_px: Floats, radius_px: Floats, offset_px: float = 0.0) -> 
 
 def window_width(sigma_px: Floats, radius_px: Floats, smear_px: Floats, coma_px: Floats) -> Ints:
     """Return how wide a window each profile needs, one of ``WIDTHS`` [n]."""
-    reach = REACH * sigma_px + radius_px + 0.5 * smear_px + _TAIL * coma_px + _MARGIN
+    tail = _TAIL * np.abs(coma_px)
+    reach = REACH * sigma_px + radius_px + 0.5 * smear_px + tail + _MARGIN
     place = np.searchsorted(np.array(WIDTHS), 2.0 * reach)
     return np.asarray(np.array(WIDTHS)[np.minimum(place, len(WIDTHS) - 1)], np.int64)
 
@@ -140,8 +146,9 @@ def profiles(
         radius_px: Of the defocused disc [n], or None.
         height_ratio: s_y over that radius [n], with it.
         speed_px: How far the spot moves in the pulse [n], or None.
-        pulse: The pulse's transform at 0, 0.001 .. in cycles a pulse, with it.
-        coma_px: Length of the one-sided exponential tail [n], or None; the centroid stays.
+        pulse: The pulse's transform at ``PULSE_TURNS`` cycles a pulse, with it.
+        coma_px: Length of the one-sided exponential tail [n], towards rising pixels where it is
+            positive, or None; the centroid stays.
         transfer: Any other factor [width + 1], at ``frequencies(width)``; the pixel is included.
         spectrum: Instead of a point: the spectrum of the light along the row, about the same pixel,
             [n, width + 1], which then holds the place, too.
@@ -162,7 +169,8 @@ def profiles(
             kernel *= _disc(frequency, radius_px, height_ratio)
     if speed_px is not None and pulse is not None:
         with clock("smear"):
-            turn = np.abs(speed_px).astype(np.float32)[:, None] * frequency * np.float32(1000.0)
+            turn = np.abs(speed_px).astype(np.float32)[:, None] * frequency
+            turn *= np.float32(1.0 / _TURN)
             kernel *= np.take(pulse, turn.astype(np.int32), mode="clip")
     if spectrum is None:
         turn = np.float32(-2.0 * np.pi) * fraction_px.astype(np.float32)[:, None] * frequency
@@ -181,7 +189,7 @@ def profiles(
 
 
 def _tail(frequency: Singles, coma_px: Floats) -> npt.NDArray[np.complex64]:
-    """Return the transform of an exponential tail towards rising pixels, its mean at 0."""
+    """Return the transform of an exponential tail, its mean at 0."""
     turn = np.float32(2.0 * np.pi) * coma_px.astype(np.float32)[:, None] * frequency
     # exp(i t) / (1 + i t), with real numbers: numpy's complex division is slow.
     cosine, sine, scale = np.cos(turn), np.sin(turn), 1.0 / (1.0 + np.square(turn))

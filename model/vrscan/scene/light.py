@@ -1,11 +1,12 @@
 """What all lines of a scene share, worked out once and when first needed."""
 
+import math
 from functools import cached_property
 
 import numpy as np
 from scipy.constants import c, h
 
-from vrscan.arrays import Floats, Ints
+from vrscan.arrays import Bools, Floats, Ints
 from vrscan.config import Config
 from vrscan.errors import InputError
 from vrscan.ideal.geometry import undistorted
@@ -28,7 +29,7 @@ from vrscan.scene.targets import World
 
 _VIEW_STEP = 8  # px between the rays on which the camera's view is sampled
 _BOUNCE_KNOTS = 193  # angles at which the second bounce is worked out
-_BOUNCE_EDGE = 1.02  # of the mirror's amplitude, how far they reach
+_BOUNCE_EDGE = 1.02  # of the scan's amplitude, how far they reach
 _PAN_STEP_MM = 1.0  # of a moving scanner, in which its view is taken to be the same
 _RAYS = 1 << 16  # at a time
 _FARTHEST_MM = 1000.0  # where a ray that meets nothing is taken to end, at least
@@ -68,8 +69,21 @@ class Light:
             raise InputError(
                 f"{scene.source}: exposure_us = {scene.exposure_us:g}: longer than the line period"
             )
+        if self.exposure_s < 1e-6 * config.line.pulse_us * (1 - 1e-9):
+            raise InputError(
+                f"{scene.source}: exposure_us = {scene.exposure_us:g}: shorter than the laser's "
+                f"pulse of {config.line.pulse_us:g} us"
+            )
+        low, high = scene.lens.filter_nm
+        if not low <= scene.laser.wavelength_nm <= high:
+            raise InputError(
+                f"{scene.source}: laser.wavelength_nm = {scene.laser.wavelength_nm:g}: outside "
+                f"lens.filter_nm, {low:g} to {high:g}"
+            )
         ends = np.abs(self.world.bounds)
         self.farthest_mm = float(ends[np.isfinite(ends)].max(initial=_FARTHEST_MM))
+        # Where the beam's footprint needs rays: first angle, and whether at each, by effects.
+        self.split_maps: dict[frozenset[str], tuple[float, Bools]] = {}
         self._views: dict[int, tuple[Floats, Floats, Ints, Floats]] = {}
         self._bounces: dict[int, Singles] = {}
         if scene.sun is not None:
@@ -97,11 +111,15 @@ class Light:
 
     @cached_property
     def halo(self) -> Halo:
-        """Scatter of the lens, to either end of the sensor from either end."""
+        """Scatter of the lens, to either end of the sensor from either end.
+
+        Its row share depends on how high the spot is; it is that of a spot in focus.
+        """
         geometry = self.config.geometry
         return halo_weights(
             2 * self.config.sensor.line_length,
             self.scene.stray,
+            sigma_px=self._sharp_sigma_px,
             focal_mm=geometry.focal_mm,
             pitch_mm=geometry.pitch_mm,
             wavelength_nm=self.scene.laser.wavelength_nm,
@@ -109,14 +127,25 @@ class Light:
 
     @cached_property
     def halo_table(self) -> Singles:
-        """The halo about its middle at 2 L, float32 [4 L]."""
+        """The halo about its middle at 2 L, float32 [4 L], as wide a spot's as it is high."""
         weights = self.halo.weights
-        return np.concatenate([[0.0], weights[:0:-1], weights]).astype(np.float32)
+        reach = math.ceil(5.0 * self._sharp_sigma_px) + 1
+        spot = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1) / self._sharp_sigma_px))
+        spread = np.convolve(np.append(weights[:0:-1], weights), spot / spot.sum(), "same")
+        return np.append(0.0, spread).astype(np.float32)
+
+    @property
+    def _sharp_sigma_px(self) -> float:
+        """The sigma of a spot in focus on an upright surface."""
+        geometry, focus = self.config.geometry, self.scene.lens.focus_mm
+        width = float(radius_mm(np.array([focus]), self.scene.laser)[0])
+        return 0.5 * width * geometry.focal_mm / geometry.pitch_mm / focus
 
     @cached_property
     def obscured(self) -> float:
         """The share of light that dust on the pupil takes."""
-        return obscured_share(self.scene.stray, focal_mm=self.config.geometry.focal_mm)
+        focal = self.config.geometry.focal_mm
+        return obscured_share(self.scene.stray, focal_mm=focal, f_number=self.scene.lens.f_number)
 
     @cached_property
     def shadow(self) -> Singles:
@@ -126,6 +155,7 @@ class Light:
             self.config.sensor.line_length,
             self.scene.seed,
             pitch_mm=self.config.geometry.pitch_mm,
+            f_number=self.scene.lens.f_number,
         ).astype(np.float32)
 
     @cached_property
@@ -134,6 +164,7 @@ class Light:
         return stack(
             self.scene.stray,
             focal_mm=geometry.focal_mm,
+            f_number=self.scene.lens.f_number,
             pitch_mm=geometry.pitch_mm,
             length_px=self.config.sensor.line_length,
             centre_px=geometry.centre_px,
@@ -239,7 +270,7 @@ class Light:
         reflections are Lambert's; a third is left out, and so is the gloss of either. Worked out at
         ``_BOUNCE_KNOTS`` angles and every eighth pixel; the spot's own width keeps a corner finite.
         """
-        limit = _BOUNCE_EDGE * np.radians(self.config.mirror.amplitude_deg)
+        limit = self._bounce_limit
         place = np.clip((angle_rad + limit) / (2.0 * limit), 0.0, 1.0) * (_BOUNCE_KNOTS - 1)
         knot = np.minimum(place.astype(np.int64), _BOUNCE_KNOTS - 2)
         share = (place - knot).astype(np.float32)[:, None]
@@ -252,10 +283,15 @@ class Light:
             result[rows] = low + share[rows] * (high - low)
         return result
 
+    @property
+    def _bounce_limit(self) -> float:
+        scan, mirror = self.scene.scan, self.config.mirror
+        widest = scan.half_angle_deg if scan.sweep == "even" else mirror.amplitude_deg
+        return _BOUNCE_EDGE * math.radians(widest)
+
     def _bounce_table(self, key: int) -> Singles:
         if key not in self._bounces:
-            limit = _BOUNCE_EDGE * np.radians(self.config.mirror.amplitude_deg)
-            angles = np.linspace(-limit, limit, _BOUNCE_KNOTS)
+            angles = np.linspace(-self._bounce_limit, self._bounce_limit, _BOUNCE_KNOTS)
             self._bounces = {key: self._bounce(angles, key * _PAN_STEP_MM)}
         return self._bounces[key]
 

@@ -1,11 +1,12 @@
 """What each effect would do to a scene's points, and which of them are worth their time.
 
-A few hundred lines, a third of them near, in the middle and far, are rendered with everything and
-then with everything but one effect, always with the same random numbers, and go through the
-chain's bit-accurate model. What the position changes by is what the effect contributes here: its
-mean over a zone is the bias, the spread about it the rms. ``auto`` then leaves out what costs most
-for what it contributes, as long as everything left out together, rendered once more to be sure,
-stays below the tolerance in every zone and neither adds nor loses a point.
+A few hundred lines, near, in the middle, far, and such whose spot the camera does not see, are
+rendered with everything and then with everything but one effect, always with the same random
+numbers, and go through the chain's bit-accurate model. What the position changes by is what the
+effect contributes here: its mean over such a part is the bias, the spread about it the rms.
+``auto`` then leaves out what costs most for what it contributes, as long as everything left out
+together, rendered once more to be sure, stays below the tolerance in every zone and neither adds
+nor loses a point, be it one whose spot is hidden.
 """
 
 import time
@@ -27,27 +28,29 @@ from vrscan.scene.simulate import BLOCK, Scanner
 from vrscan.table import Table
 
 ZONES = ("near", "middle", "far")
-_PER_ZONE = 160  # probe lines
+PARTS = (*ZONES, "hidden")  # of the probe; the last: lines whose spot the camera does not see
+JUMP_PX = 3.0
+_PER_PART = 240  # probe lines
 _SURVEY = 4  # blocks in which they are looked for
 _STREAM = 0x9A1F
-_SAFETY = 0.7  # of the tolerance: the probe is a sample
+_SAFETY = 0.75  # of the tolerance: the probe is a sample
 _FREE_US = 0.05  # a line: an effect cheaper than that is not worth leaving out
 
 
 @dataclass(frozen=True)
 class Difference:
-    """What leaving something out changes, by zone; mean and spread of the points' positions."""
+    """What leaving something out changes, by part of the probe; mean and spread of positions."""
 
-    bias_px: Floats  # [3]
+    bias_px: Floats  # [4], as ``PARTS``
     rms_px: Floats  # about the bias
     bias_mm: Floats  # in z
     rms_mm: Floats
-    changed: Floats  # share of lines that have a point in only one of the two
+    changed: Floats  # share of lines with a point in only one of the two, or two far apart
 
     @property
     def total_px(self) -> Floats:
-        """Bias and spread together [3]."""
-        return np.hypot(self.bias_px, self.rms_px)
+        """Bias and spread together, near, middle and far [3]."""
+        return np.hypot(self.bias_px, self.rms_px)[: len(ZONES)]
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,8 @@ class Plan:
     tolerance_px: float
     active: frozenset[str]
     every_ray: bool
-    predictions: tuple[Prediction, ...]  # of the effects that the scene has
+    present: tuple[str, ...]  # the effects that the scene has
+    predictions: tuple[Prediction, ...]  # of them, where they were asked for
     absent: tuple[str, ...]  # the others
     left_out: Difference  # measured: everything that is off, together
     distance_mm: Floats  # mean z of each zone [3]
@@ -83,6 +87,7 @@ def plan(
     *,
     fidelity: str | list[str] | None = None,
     tolerance_px: float | None = None,
+    each: bool = True,
     progress: Callable[[int, int], None] | None = None,
 ) -> Plan:
     """Return which effects a scan gets.
@@ -92,6 +97,7 @@ def plan(
         count: Lines of the scan, from which the probe is drawn.
         fidelity: ``auto``, ``full``, ``minimal``, or a list of effects; the scene's own if None.
         tolerance_px: Of ``auto``; the scene's own if None.
+        each: Whether what single effects do is asked for; ``auto`` has to know it anyway.
         progress: Called with the number of renderings done and of all.
 
     Raises:
@@ -103,8 +109,8 @@ def plan(
     tolerance = scene.tolerance_px if tolerance_px is None else tolerance_px
     have = present(scene)
     listed = chosen(wanted, scene.source) if isinstance(wanted, list) else None
-    numbers, zone, distance = _probe(light, count)
-    probe = _Probe(light, count, numbers, zone)
+    numbers, part, distance = _probe(light, count)
+    probe = _Probe(light, count, numbers, part)
     total = len(have) + 2
     done = 0
 
@@ -120,7 +126,7 @@ def plan(
     full_us = probe.microseconds
     tick()
     found: dict[str, Difference] = {}
-    for name in have:
+    for name in have if each or wanted == "auto" else ():
         found[name] = probe.against(whole - {name}, every_ray=True)
         tick()
     cost = {name: 1e6 * seconds.get(name, 0.0) / len(numbers) for name in have}
@@ -141,8 +147,9 @@ def plan(
         tolerance_px=tolerance,
         active=active,
         every_ray=every_ray,
+        present=have,
         predictions=tuple(
-            Prediction(name, found[name], cost[name], name in active) for name in have
+            Prediction(name, found[name], cost[name], name in active) for name in found
         ),
         absent=tuple(name for name in EFFECTS if name not in have),
         left_out=left_out,
@@ -154,7 +161,7 @@ def plan(
 
 
 def _probe(light: Light, count: int) -> tuple[Ints, Ints, Floats]:
-    """Return numbers of probe lines, rising, the zone of each, and the zones' mean z."""
+    """Return numbers of probe lines, rising, the part of each, and the zones' mean z [3]."""
     scanner = Scanner(light, count, frozenset())
     blocks = np.unique(np.linspace(0, scanner.blocks - 1, _SURVEY).round().astype(np.int64))
     numbers, depths = [], []
@@ -163,26 +170,23 @@ def _probe(light: Light, count: int) -> tuple[Ints, Ints, Floats]:
         numbers.append(block * BLOCK + np.arange(len(truth.z_mm)))
         depths.append(np.where(np.isfinite(truth.position_px), truth.z_mm, np.nan))
     number, depth = np.concatenate(numbers), np.concatenate(depths)
-    seen = np.flatnonzero(np.isfinite(depth) & (number < count))
+    inside = number < count
+    seen = np.flatnonzero(np.isfinite(depth) & inside)
     if len(seen) == 0:
         raise InputError(
             f"{light.scene.source}: no target where beam and camera meet, in any of "
-            f"{int((number < count).sum())} lines"
+            f"{int(inside.sum())} lines"
         )
     by_depth = seen[np.argsort(depth[seen], kind="stable")]
+    groups = [*np.array_split(by_depth, len(ZONES)), np.flatnonzero(np.isnan(depth) & inside)]
     rng = np.random.default_rng((light.scene.seed, _STREAM))
-    picks, zones, distance = [], [], np.empty(len(ZONES))
-    for index, part in enumerate(np.array_split(by_depth, len(ZONES))):
-        source = part if len(part) else by_depth
-        some = rng.permutation(source)[:_PER_ZONE]
-        picks.append(some)
-        zones.append(np.full(len(some), index))
-        distance[index] = depth[some].mean()
-    pick, zone = np.concatenate(picks), np.concatenate(zones)
-    order = np.argsort(pick, kind="stable")
-    pick, zone = pick[order], zone[order]
-    once = np.flatnonzero(np.diff(pick, prepend=-1) > 0)
-    return number[pick[once]], zone[once], distance
+    pick = np.concatenate([rng.permutation(group)[:_PER_PART] for group in groups])
+    part = np.repeat(np.arange(len(PARTS)), [min(len(group), _PER_PART) for group in groups])
+    distance = np.array(
+        [depth[pick[part == k]].mean() if (part == k).any() else np.nan for k in range(len(ZONES))]
+    )
+    order = np.argsort(pick)
+    return number[pick[order]], part[order], distance
 
 
 class _Probe:
@@ -192,8 +196,8 @@ class _Probe:
     seconds: dict[str, float]
     microseconds: float
 
-    def __init__(self, light: Light, count: int, numbers: Ints, zone: Ints) -> None:
-        self.light, self.count, self.numbers, self.zone = light, count, numbers, zone
+    def __init__(self, light: Light, count: int, numbers: Ints, part: Ints) -> None:
+        self.light, self.count, self.numbers, self.part = light, count, numbers, part
         self._registers = Registers.from_config(light.config)
         self._power = np.full(len(numbers), light.config.laser.power_max, np.int64)
 
@@ -210,20 +214,21 @@ class _Probe:
     def against(self, active: frozenset[str], *, every_ray: bool) -> Difference:
         """Return what the reference has more than this set."""
         return difference(
-            self.reference, self.table(active, every_ray=every_ray), self.zone, self.light
+            self.reference, self.table(active, every_ray=every_ray), self.part, self.light
         )
 
 
-def difference(first: Table, second: Table, zone: Ints, light: Light) -> Difference:
-    """Return how two tables of the same lines differ, by zone.
+def difference(first: Table, second: Table, part: Ints, light: Light) -> Difference:
+    """Return how two tables of the same lines differ, by part.
 
-    What moves the angle and not the spot (the index) is given in the pixels that would move the
-    point as far.
+    Points more than ``JUMP_PX`` apart are of two peaks, not of one that moved: they count as
+    changed, and not in bias and rms. What moves the angle and not the spot (the index) is given in
+    the pixels that would move the point as far.
 
     Args:
         first: n points.
         second: Of the same lines.
-        zone: 0, 1, 2 for each line [n].
+        part: 0 to 3 for each line, as ``PARTS`` [n].
         light: The instrument, for the slope dz/dx_s.
     """
     both = first.located & second.located
@@ -237,12 +242,14 @@ def difference(first: Table, second: Table, zone: Ints, light: Light) -> Differe
         slope = triangle.triangle(u, first.angle_rad, geometry).slope * step
         bent = np.where(turned & (slope != 0.0), slope, 1.0)
         moved_px = np.where(turned, moved_mm / bent, moved_px)
-    changed = first.located != second.located
-    rows = [_zone(moved_px, moved_mm, changed, both, zone == k) for k in range(len(ZONES))]
+    jumped = np.abs(moved_px) > JUMP_PX
+    changed = (first.located != second.located) | jumped
+    both &= ~jumped
+    rows = [_part(moved_px, moved_mm, changed, both, part == k) for k in range(len(PARTS))]
     return Difference(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
-def _zone(
+def _part(
     px: Floats, mm: Floats, changed: Bools, both: Bools, inside: Bools
 ) -> tuple[float, float, float, float, float]:
     rows = both & inside
@@ -272,22 +279,21 @@ def _auto(
         return float(found[name].total_px.max()) / (cost[name] + _FREE_US)
 
     off: list[str] = []
-    bias, square = np.zeros(len(ZONES)), np.zeros(len(ZONES))
+    bias, square = np.zeros(len(PARTS)), np.zeros(len(PARTS))  # the hidden count only as points
     for name in sorted(found, key=price):
         one = found[name]
         if one.changed.any():
             continue
         after = np.sqrt((bias + np.abs(one.bias_px)) ** 2 + square + one.rms_px**2)
-        if after.max() > limit:
+        if after[: len(ZONES)].max() > limit:
             continue
         off.append(name)
         bias, square = bias + np.abs(one.bias_px), square + one.rms_px**2
     # Together they may do more than one by one: the sum is measured, and what weighs most returns.
     while True:
         active = whole - frozenset(off)
-        joint = probe.against(active, every_ray=False)
-        if joint.total_px.max() <= limit and not joint.changed.any():
-            return active, False
-        if not off:
-            return active, True
+        for every_ray in (False, True):
+            joint = probe.against(active, every_ray=every_ray)
+            if joint.total_px.max() <= limit and not joint.changed.any():
+                return active, every_ray
         off.remove(max(off, key=lambda name: float(found[name].total_px.max())))

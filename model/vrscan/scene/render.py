@@ -27,11 +27,14 @@ from vrscan.scene.spots import BESIDE_PX, Spots, meet
 from vrscan.scene.timeline import Timeline
 
 RAYS = 33  # across a spot that is followed part by part
+_TEST = 1.5  # 1/e2 radii from the axis, where rays tell whether a spot needs those
+_MAP_STEP = 2e-4  # rad between the angles at which that is found out: a fifth of a beam
 _SPREAD = 2.0  # of those rays, in 1/e2 radii, either side: 3e-4 of the peak is left
 _SMOOTH = 0.6  # sigma of one ray's share of the spot, in distances between rays
 _WIDEST_PX = 250.0  # of a spot's sigma: light along a surface is spread no farther
 _SHARPEN = 0.5  # px of defocus radius, from which on parts of a spot are blurred each for itself
 _WIDE_DISC = 8.0  # spot sigmas of a ghost's radius, from which on its ends count as hard
+_SPILT_E = 0.05  # electrons of blooming that may be lost at a window's end
 _CHUNK = 64  # lines whose rays are summed at a time
 
 
@@ -52,6 +55,7 @@ class _Pieces:
     row: Ints  # of the block [m]
     place_px: Floats
     electrons: Floats  # on the row
+    whole_e: Floats  # of all its light, on the row or not
     sigma_px: Floats  # along the row
     radius_px: Floats  # of the defocused disc
     height_px: Floats  # sigma across the row
@@ -71,7 +75,7 @@ class _Pieces:
         chosen = {
             name: value[rows] for name, value in vars(self).items() if isinstance(value, np.ndarray)
         }
-        return replace(self, **chosen)
+        return replace(self, **chosen)  # type: ignore[arg-type]
 
 
 class Renderer:
@@ -110,10 +114,8 @@ class Renderer:
             model = model.model_copy(update={"read_noise_e": 0.0})
         self._readout = readout(model, config.peak.kappa, config.sensor.pixel_width)
         # A spot that moves v px in the pulse has at k cycles/px the pulse's transform at k v.
-        turns = np.arange(0.0, 64.0, 0.001)
-        self._pulse = pulse_transform(turns / self._pulse_s, laser, self._pulse_s).astype(
-            np.float32
-        )
+        turns = image.PULSE_TURNS / self._pulse_s
+        self._pulse = pulse_transform(turns, laser, self._pulse_s).astype(np.float32)
         self._transfer: dict[int, Singles] = {}
         pattern = light.pattern
         self._sensitivity: Singles | None = pattern.sensitivity if "prnu" in active else None
@@ -122,6 +124,11 @@ class Renderer:
             known = self._sensitivity
             self._sensitivity = shadow if known is None else known * shadow
         self._even_e, self._uneven_e = self._ambient()
+        # Even light's pattern is taken for an offset, so that a table serves all dark pixels.
+        self._offset: Singles | None = pattern.dark_e if "dsnu" in active else None
+        if self._sensitivity is not None and self._even_e > 0.0:
+            extra = np.float32(self._even_e) * (self._sensitivity - np.float32(1.0))
+            self._offset = extra if self._offset is None else self._offset + extra
 
     # -- one block --
 
@@ -171,7 +178,7 @@ class Renderer:
         pieces = [self._whole(spots, timeline, np.arange(count))]
         if "footprint" in self.active:
             with self._clock("footprint"):
-                split = self._needs_rays(spots, beam, timeline)
+                split = self._split(spots, beam, timeline)
                 if split.any():
                     pieces = [self._whole(spots, timeline, np.flatnonzero(~split))]
                     pieces += self._by_rays(spots, beam, timeline, np.flatnonzero(split))
@@ -214,7 +221,8 @@ class Renderer:
         coma = np.zeros(len(depth))
         if "coma" in self.active:
             half = 0.5 * config.sensor.line_length
-            coma = lens.coma_px * np.minimum(np.abs(place - config.geometry.centre_px) / half, 2.0)
+            # Away from the axis on either side of it.
+            coma = lens.coma_px * np.clip((place - config.geometry.centre_px) / half, -2.0, 2.0)
         return radius, coma
 
     def _height(self, width_mm: Floats, depth: Floats) -> Floats:
@@ -231,10 +239,12 @@ class Renderer:
         radius, coma = self._blur(depth, place)
         share = image.row_share(height, radius, self.light.scene.lens.row_offset_px)
         speed = spots.px_per_mm[rows] * spots.distance[rows] * timeline.rate_rad_per_s[rows]
+        whole = self._sent(spots.distance[rows]) * spots.collected[rows]
         return _Pieces(
             row=rows,
             place_px=place,
-            electrons=self._sent(spots.distance[rows]) * spots.collected[rows] * share,
+            electrons=whole * share,
+            whole_e=whole,
             sigma_px=np.minimum(0.5 * width * np.abs(spots.px_per_mm[rows]), _WIDEST_PX),
             radius_px=radius,
             height_px=height,
@@ -246,7 +256,8 @@ class Renderer:
 
     def _sent(self, distance_mm: Floats) -> Floats:
         """Return the electrons that all light of the spot would make in the camera."""
-        return self._electrons * np.minimum(core_share(distance_mm, self._laser), 1.0)
+        core = np.minimum(core_share(distance_mm, self._laser), 1.0)
+        return np.asarray(self._electrons * core)
 
     def _speed(self, px_per_s: Floats) -> Floats:
         if "smear" not in self.active:
@@ -279,24 +290,51 @@ class Renderer:
         direction /= np.sqrt(1.0 + np.square(lean))[:, :, None]
         return origin.reshape(-1, 3), direction.reshape(-1, 3)
 
-    def _needs_rays(self, spots: Spots, beam: Floats, timeline: Timeline) -> Bools:
+    def _split(self, spots: Spots, beam: Floats, timeline: Timeline) -> Bools:
+        """Return the lines whose spots are followed ray by ray."""
+        if self.every_ray:
+            middle = 0.5 * self.light.config.sensor.line_length
+            with np.errstate(invalid="ignore"):
+                beside = np.abs(spots.position_px - middle) > middle + BESIDE_PX
+            return ~(beside & spots.lit)
+        if self.light.scene.scan.pan_mm_per_s != 0.0:
+            return self._needs_rays(spots, beam, timeline.y_mm)
+        # A scanner that stands still sees the same at the same angle: one map serves all lines.
+        start, split = self._split_map()
+        knot = ((timeline.angle_rad - start) / _MAP_STEP).astype(np.int64)
+        knot = np.clip(knot, 0, len(split) - 2)
+        return split[knot] | split[knot + 1]
+
+    def _split_map(self) -> tuple[float, Bools]:
+        """Return the first angle of the map, and at each of its angles whether rays are needed."""
+        light = self.light
+        key = frozenset(self.active & {"truncation", "gloss", "falloff"})
+        if key not in light.split_maps:
+            scan, mirror = light.scene.scan, light.config.mirror
+            reach = 1.05 * mirror.amplitude_deg if scan.sweep == "mirror" else scan.half_angle_deg
+            half = np.radians(reach)
+            angle = -half + _MAP_STEP * np.arange(int(2.0 * half / _MAP_STEP) + 2)
+            beam = np.stack([np.sin(angle), np.zeros(len(angle)), np.cos(angle)], axis=1)
+            still = np.zeros(len(angle))
+            spots = self._meet(np.zeros_like(beam), beam, still)
+            light.split_maps[key] = -half, self._needs_rays(spots, beam, still)
+        return light.split_maps[key]
+
+    def _needs_rays(self, spots: Spots, beam: Floats, y_mm: Floats) -> Bools:
         """Return the lines whose spot a tangent plane does not describe.
 
-        Two rays at one 1/e2 radius (two sigma) either side of the axis tell: an edge or a shadow
-        between them, curvature (the image's mean moves by a quarter of their common deviation), or
-        reflectance that changes across the spot.
+        Two rays three sigma either side of the axis tell: an edge or a shadow between them, beyond
+        which there is 0.1 % of the light; curvature, where the image's mean moves by a ninth of
+        their common deviation; or reflectance that changes across the spot.
         """
         split = np.zeros(len(spots.lit), np.bool_)
+        middle = 0.5 * self.light.config.sensor.line_length
         with np.errstate(invalid="ignore"):
-            middle = 0.5 * self.light.config.sensor.line_length
             beside = np.abs(spots.position_px - middle) > middle + BESIDE_PX
         rows = np.flatnonzero(~(beside & spots.lit))
-        if self.every_ray:
-            split[rows] = True
-            return split
         limit = self.light.scene.tolerance_px
-        origin, direction = self._offset_rays(spots, beam, rows, np.array([-1.0, 1.0]))
-        sides = self._meet(origin, direction, np.repeat(timeline.y_mm[rows], 2))
+        origin, direction = self._offset_rays(spots, beam, rows, np.array([-_TEST, _TEST]))
+        sides = self._meet(origin, direction, np.repeat(y_mm[rows], 2))
         seen = sides.seen.reshape(-1, 2)
         axis = spots.seen[rows]
         edge = (seen != axis[:, None]).any(axis=1)
@@ -307,11 +345,12 @@ class Renderer:
             distance = np.where(spots.lit, spots.distance, 0.0)[rows]
             width = radius_mm(distance, self._laser)
             step = np.abs(np.diff(place, axis=1)[:, 0])
-            bent = np.abs(place.mean(axis=1) - spots.position_px[rows]) > 2.0 * limit
-            bent |= np.abs(step - 2.0 * width * np.abs(spots.px_per_mm[rows])) > 0.2 * step
+            sag = np.abs(place.mean(axis=1) - spots.position_px[rows]) / (2.0 * _TEST) ** 2
+            bent = sag > 0.5 * limit
+            bent |= np.abs(step - 2.0 * _TEST * width * np.abs(spots.px_per_mm[rows])) > 0.1 * step
             light = sides.collected.reshape(-1, 2)
             tilt = np.abs(np.diff(light, axis=1)[:, 0])
-            uneven = 0.125 * tilt * step > limit * spots.collected[rows]
+            uneven = tilt * step > 2.0 * (2.0 * _TEST) ** 2 * limit * spots.collected[rows]
         split[rows] = edge | ((axis | seen.any(axis=1)) & (bent | uneven))
         return split
 
@@ -363,11 +402,13 @@ class Renderer:
             part = image.row_share(height, radius, lens.row_offset_px)
             step = _SMOOTH * (offset[1] - offset[0]) * width * mean(np.abs(lean))
             speed = mean(np.abs(lean)) * mean(distance) * timeline.rate_rad_per_s[rows[kept]]
+            amount = self._sent(mean(distance)) * whole[kept]
             pieces.append(
                 _Pieces(
                     row=rows[kept],
                     place_px=here,
-                    electrons=self._sent(mean(distance)) * whole[kept] * part,
+                    electrons=amount * part,
+                    whole_e=amount,
                     sigma_px=np.minimum(step, _WIDEST_PX),
                     radius_px=radius,
                     height_px=height,
@@ -398,6 +439,7 @@ class Renderer:
                     place_px=piece.place_px + shift,
                     parts_px=parts,
                     electrons=piece.electrons * ghost.power[piece.row],
+                    whole_e=piece.whole_e * ghost.power[piece.row],
                 )
             )
         return found
@@ -432,7 +474,8 @@ class Renderer:
             some.place_px - middle,
             width,
             some.sigma_px,
-            radius_px=some.radius_px if "defocus" in self.active else None,
+            # The disc of a ghost is its own.
+            radius_px=some.radius_px if "defocus" in self.active or not some.speckled else None,
             height_ratio=some.height_px / np.maximum(some.radius_px, 1e-3),
             speed_px=some.speed_px if "smear" in self.active else None,
             pulse=self._pulse,
@@ -445,16 +488,25 @@ class Renderer:
         np.maximum(light, np.float32(0.0), out=light)
         if "speckle" in self.active and some.speckled:
             with self._clock("speckle"):
-                light *= self.light.speckle.gain(
-                    first,
-                    width,
-                    timeline.angle_rad[some.row],
-                    self.light.looks[some.surface],
-                    some.range_mm,
-                    travel_mm=timeline.y_mm[some.row],
-                    surface=some.surface,
-                )
+                light *= self._speckle(some, first, width, timeline)
         return some.row, first, light
+
+    def _speckle(self, some: _Pieces, first: Ints, width: int, timeline: Timeline) -> Singles:
+        """Return the gains of the pixels of windows."""
+        length = self.light.config.sensor.line_length
+        gain = self.light.speckle.gain(
+            first if width <= length else np.zeros_like(first),
+            min(width, length),
+            timeline.angle_rad[some.row],
+            self.light.looks[some.surface],
+            some.range_mm,
+            travel_mm=timeline.y_mm[some.row],
+            surface=some.surface,
+        )
+        if width <= length:
+            return gain
+        column = np.clip(first[:, None] + np.arange(width), 0, length - 1)
+        return np.take_along_axis(gain, column, axis=1)
 
     def _pupil(self, width: int) -> Singles | None:
         if "diffraction" not in self.active:
@@ -497,17 +549,18 @@ class Renderer:
         for row, first, light in drawn:
             np.add.at(seen_once, row, 1)
             whole[row[(first < 0) | (first + light.shape[1] > length)]] = True
+            if "blooming" in self.active and not everywhere:
+                whole[row[self._spills(light)]] = True
         whole |= seen_once > 1
 
-        dark = self._dark_offset()
         if everywhere:
             lines = np.empty((count, length), np.uint16)
         else:
-            lines = self._even(words, dark)
+            lines = self._even(words)
         rows = np.flatnonzero(whole)
         place = np.full(count, -1)
         place[rows] = np.arange(len(rows))
-        field = np.full((len(rows), length), np.float32(self._even_e))
+        field = np.zeros((len(rows), length), np.float32)
         if self._uneven_e is not None:
             field += self._uneven_e
         for row, first, light in drawn:
@@ -515,25 +568,37 @@ class Renderer:
             if some.any():
                 _add(field, place[row[some]], first[some], light[some])
             if not some.all():
-                self._windows(lines, row[~some], first[~some], light[~some], words, dark)
+                self._windows(lines, row[~some], first[~some], light[~some], words)
         if len(rows):
             self._elsewhere(field, rows, pieces, timeline)
-            lines[rows] = self._pixels(field, words[rows], dark)
+            field += np.float32(self._even_e)
+            lines[rows] = self._pixels(field, words[rows], self._offset)
         return lines
 
-    def _dark_offset(self) -> Singles | None:
-        return self.light.pattern.dark_e if "dsnu" in self.active else None
+    def _spills(self, light: Singles) -> Bools:
+        """Return the windows, [m, w] electrons, over whose ends charge of full pixels spills."""
+        sensor, width = self.light.scene.sensor, light.shape[1]
+        full = np.float32(sensor.full_well_e - self._even_e)
+        spills = np.zeros(len(light), np.bool_)
+        rows = np.flatnonzero(light.max(axis=1) > full)
+        if len(rows):
+            over = light[rows] > full
+            excess = np.where(over, light[rows] - full, np.float32(0.0)).sum(axis=1)
+            charge = 0.5 * sensor.blooming * excess.astype(np.float64)  # to either side
+            reach = charge / sensor.full_well_e
+            reach += sensor.spill_px * np.log(np.maximum(charge / _SPILT_E, 1.0))
+            left, right = over.argmax(axis=1), over[:, ::-1].argmax(axis=1)
+            spills[rows] = np.minimum(left, right) < np.minimum(reach, width)
+        return spills
 
-    def _even(self, words: Pixels, dark: Singles | None) -> Pixels:
+    def _even(self, words: Pixels) -> Pixels:
         """Return lines without a spot."""
-        if self._sensitivity is not None:
-            extra = np.float32(self._even_e) * (self._sensitivity - np.float32(1.0))
-            if self._even_e > 0.0:
-                dark = extra if dark is None else dark + extra
         if "shot" in self.active:
-            return expose_even(words, self._even_e, self._readout, dark)
+            return expose_even(words, self._even_e, self._readout, self._offset)
         still = np.full(words.shape[1], np.float32(self._even_e))
-        return expose_even(words, 0.0, self._readout, still if dark is None else still + dark)
+        if self._offset is not None:
+            still += self._offset
+        return expose_even(words, 0.0, self._readout, still)
 
     def _pixels(self, mean_e: Singles, words: Pixels, dark: Singles | None) -> Pixels:
         """Return counts of pixels, [m, w], of their mean electrons."""
@@ -553,19 +618,18 @@ class Renderer:
         first: Ints,
         light: Singles,
         words: Pixels,
-        dark: Singles | None,
     ) -> None:
         """Put spots on an even background into their windows."""
         column = first[:, None] + np.arange(light.shape[1])
-        mean = light + np.float32(self._even_e)
-        offset = None
+        mean = light
         if self._sensitivity is not None:
-            with self._clock("prnu"):
-                mean = light * self._sensitivity[column] + np.float32(self._even_e)
-                offset = np.float32(self._even_e) * (self._sensitivity[column] - np.float32(1.0))
-        if dark is not None:
-            with self._clock("dsnu"):
-                offset = dark[column] if offset is None else offset + dark[column]
+            with self._clock("prnu" if "prnu" in self.active else "dust"):
+                mean = light * self._sensitivity[column]
+        mean = mean + np.float32(self._even_e)
+        offset = None
+        if self._offset is not None:
+            with self._clock("dsnu" if "dsnu" in self.active else "prnu"):
+                offset = self._offset[column]
         at = (row[:, None], column)
         lines[at] = self._pixels(mean, words[at], offset)
 
@@ -589,8 +653,7 @@ class Renderer:
                     kept = inside[piece.row] >= 0
                     some = piece.of(kept)
                     # The halo is of all light in the image, not of the row's share alone.
-                    share = image.row_share(some.height_px, some.radius_px)
-                    whole = (some.electrons / np.maximum(share, 1e-9)).astype(np.float32)
+                    whole = some.whole_e.astype(np.float32)
                     middle = np.clip(np.round(some.place_px), -length, 2 * length).astype(np.int64)
                     for at, start, amount in zip(inside[some.row], middle, whole, strict=True):
                         begin = 2 * length - int(start)
@@ -600,7 +663,7 @@ class Renderer:
                 bounced = self.light.bounced(timeline.angle_rad[rows], timeline.y_mm[rows])
                 field += bounced * np.float32(self._electrons)
         if self._sensitivity is not None:
-            with self._clock("prnu"):
+            with self._clock("prnu" if "prnu" in self.active else "dust"):
                 field *= self._sensitivity
 
     def _add_ghosts(
@@ -624,8 +687,7 @@ class Renderer:
             return
         u_mm = (piece.place_px - geometry.centre_px) * geometry.pitch_mm
         found = self.light.ghosts(piece.range_mm, u_mm)
-        share = image.row_share(piece.height_px, piece.radius_px)
-        whole = piece.electrons / np.maximum(share, 1e-9)
+        whole = piece.whole_e
         for offset, across, blur, power in zip(
             found.offset_px, found.across_px, found.blur_px, found.power, strict=True
         ):

@@ -30,6 +30,8 @@ _PATTERN_STREAM = 0x70617474
 
 _LEAST_VARIANCE = 1e-12  # e^2; keeps 0 / 0 from a sensor without light and read noise
 
+_SPILL_REACH = 16.0  # of the spill's 1/e length, where 1e-7 is left
+
 _CHUNK = 1 << 14  # pixels at a time: what one needs stays in the cache
 
 Singles = npt.NDArray[np.float32]
@@ -378,10 +380,21 @@ def bloom(mean_e: Singles, model: SensorModel) -> Singles:
         Mean electrons [n, w]; ``mean_e`` itself where nothing is above full well.
     """
     full = np.float32(model.full_well_e)
-    rows = np.flatnonzero((mean_e > full).any(axis=1))
+    over = mean_e > full
+    rows = np.flatnonzero(over.any(axis=1))
     if len(rows) == 0:
         return mean_e
-    held = np.ascontiguousarray(mean_e[rows].T)
+    # Only where charge gets to: the full pixels and some way on either side.
+    width = mean_e.shape[1]
+    excess = np.where(over[rows], mean_e[rows] - full, np.float32(0.0)).sum(axis=1)
+    filled = model.blooming * float(excess.max()) / model.full_well_e  # pixels, half of them a side
+    reach = math.ceil(_SPILL_REACH * model.spill_px + filled)
+    first = over[rows].argmax(axis=1) - reach
+    last = width - 1 - over[rows, ::-1].argmax(axis=1) + reach
+    column = first[:, None] + np.arange(int((last - first).max()) + 1)
+    inside = ((column >= 0) & (column < width)).T
+    at = (rows[:, None], np.clip(column, 0, width - 1))
+    held = np.where(inside, mean_e[at].T, np.float32(0.0))
     spilt = np.maximum(held - full, np.float32(0.0)) * np.float32(0.5 * model.blooming)
     np.minimum(held, full, out=held)
     share = np.float32(-math.expm1(-1.0 / model.spill_px))
@@ -393,5 +406,7 @@ def bloom(mean_e: Singles, model: SensorModel) -> Singles:
             walking -= left
             walking += spilt[pixel]
     result = mean_e.copy()
-    result[rows] = held.T
+    kept = inside.T
+    row = np.broadcast_to(rows[:, None], column.shape)[kept]
+    result[row, column[kept]] = held.T[kept]
     return result

@@ -10,7 +10,8 @@ import numpy as np
 from vrscan.arrays import Ints
 from vrscan.config import Config
 from vrscan.lines import Lines, Truth
-from vrscan.scene.description import Description
+from vrscan.scene.description import Description, load
+from vrscan.scene.effects import chosen, present
 from vrscan.scene.light import Light
 from vrscan.scene.render import Frame, Renderer
 from vrscan.scene.sensor import words
@@ -128,6 +129,26 @@ def simulate(
     with ProcessPoolExecutor(workers, initializer=_prepare, initargs=given) as pool:
         frames = pool.map(_block, range(scanner.blocks))
         return _collected(frames, scanner, progress)
+
+
+def take(name: str, count: int, config: Config, effects: str | list[str] = "full") -> Simulation:
+    """Return a scan of a scene by its name, with effects that nobody had to choose.
+
+    Args:
+        name: A shipped scene or a file.
+        count: Lines.
+        config: The instrument.
+        effects: ``full``, ``minimal``, or names.
+
+    Raises:
+        InputError: as ``description.load`` and ``Light``, or if an effect is unknown.
+    """
+    scene = load(name)
+    if effects == "full":
+        active = frozenset(present(scene))
+    else:
+        active = chosen([] if effects == "minimal" else list(effects), scene.source)
+    return simulate(Light(scene, config), count, active)
 
 
 _worker: list[Scanner] = []  # of this process
