@@ -21,14 +21,14 @@ from vrscan.scene.description import Description
 from vrscan.scene.detectability import Beam, Filter, View
 from vrscan.scene.effects import BASE, EFFECTS
 from vrscan.scene.light import Light
-from vrscan.scene.plan import ZONES, Difference, Plan
+from vrscan.scene.plan import JUMP_PX, PARTS, ZONES, Difference, Plan
 from vrscan.scene.spots import meet
 
 MOST_3B_MW = 500.0  # of the mean: class 3B ends there
 MOST_3B_J = 0.03  # of one pulse, 400 to 700 nm; above 700 nm more is allowed
 _RAYS = 801  # on which a glint is looked for
 _BRIGHT = 2.0  # times the diffuse light: a glint
-_NEIGHBOURS = 12  # of the camera's rays, which stand for a zone
+_NEAR = 0.05  # of a zone's z: what the camera sees so near stands for it
 _LEAST_COS = 0.05  # of the beam on a surface: flatter, a spot is no spot
 
 _FIGURES = ("bias_px", "rms_px", "bias_mm", "rms_mm", "changed")
@@ -40,9 +40,9 @@ def budget_table(plan: Plan, scene: Description) -> RichTable:
         title=f"{scene.source}: what its points lose without each effect, "
         f"fidelity {plan.fidelity}{_tolerance(plan)}",
         caption=f"Bias and rms about it: how the position moves (with everything, less without the "
-        f"effect), on {plan.lines} lines, a third\neach near, middle and far; points differ: lines "
-        f"with a point in only one of the two, in the worst third; µs a line.\nbase: "
-        f"{BASE}.",
+        f"effect), on {plan.lines} lines. Points differ: share of lines with a point in only one "
+        f"of the two, or two more than {JUMP_PX:g} px apart, worst of near, middle, far and hidden "
+        f"from the camera. µs a line. Base: {BASE}.",
         title_justify="left",
         caption_justify="left",
         caption_style="",
@@ -53,7 +53,7 @@ def budget_table(plan: Plan, scene: Description) -> RichTable:
     )
     grid.add_column("\n\neffect", no_wrap=True)
     for zone, z_mm in zip(ZONES, plan.distance_mm, strict=True):
-        head = f"{zone}, z {z_mm:.0f} mm"
+        head = f"{zone}, z {z_mm:.0f} mm" if np.isfinite(z_mm) else f"{zone}: no line"
         heads = f"{'bias':>7} {'rms':>6} {'bias':>6} {'rms':>5}"
         units = f"{'px':>7} {'px':>6} {'mm':>6} {'mm':>5}"
         grid.add_column(f"{head:^27}\n{heads}\n{units}", justify="right", no_wrap=True)
@@ -62,8 +62,9 @@ def budget_table(plan: Plan, scene: Description) -> RichTable:
     grid.add_column("µs", justify="right", no_wrap=True)
     planned_us, full_us = plan.microseconds
     blank = [""] * (len(ZONES) + 1)
-    base_us = full_us - sum(row.microseconds for row in plan.predictions)
-    grid.add_row("base", *blank, "on", f"{max(base_us, 0.0):.1f}")
+    if plan.predictions:
+        base_us = full_us - sum(row.microseconds for row in plan.predictions)
+        grid.add_row("base", *blank, "on", f"{max(base_us, 0.0):.1f}")
     for index, row in enumerate(plan.predictions):
         grid.add_row(
             row.name,
@@ -101,7 +102,7 @@ def effects_table(plan: Plan) -> RichTable:
 
 def _states(plan: Plan) -> dict[str, str]:
     """Return "on", "off" or "not in this scene" of every effect, in their order."""
-    known = {row.name: "on" if row.on else "off" for row in plan.predictions}
+    known = {name: "on" if name in plan.active else "off" for name in plan.present}
     return {name: known.get(name, "not in this scene") for name in EFFECTS}
 
 
@@ -143,6 +144,7 @@ def budget_csv(plan: Plan, file: BinaryIO) -> None:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     columns = [f"{zone}_{name}" for zone in ZONES for name in ("z_mm", *_FIGURES)]
+    columns += [f"{part}_changed" for part in PARTS[len(ZONES) :]]
     writer.writerow(("effect", "state", "us_per_line", *columns, "what", "without"))
     found = {row.name: row for row in plan.predictions}
     for name, state in _states(plan).items():
@@ -150,7 +152,7 @@ def budget_csv(plan: Plan, file: BinaryIO) -> None:
         row = found.get(name)
         figures = _row(plan, row.difference if row else None)
         price = f"{row.microseconds:.3f}" if row else ""
-        kept = state if row else "absent"
+        kept = "absent" if name in plan.absent else state
         writer.writerow((name, kept, price, *figures, effect.what, effect.without))
     planned_us, full_us = plan.microseconds
     nothing = _row(plan, None)
@@ -167,10 +169,13 @@ def budget_csv(plan: Plan, file: BinaryIO) -> None:
 def _row(plan: Plan, change: Difference | None) -> list[str]:
     cells = []
     for zone in range(len(ZONES)):
-        cells.append(f"{plan.distance_mm[zone]:.3f}")
+        z_mm = plan.distance_mm[zone]
+        cells.append(f"{z_mm:.3f}" if np.isfinite(z_mm) else "")
         cells += [
             "" if change is None else f"{getattr(change, name)[zone]:.6g}" for name in _FIGURES
         ]
+    for part in range(len(ZONES), len(PARTS)):
+        cells.append("" if change is None else f"{change.changed[part]:.6g}")
     return cells
 
 
@@ -311,7 +316,10 @@ def _brightness_lines(light: Light, plan: Plan) -> list[str]:
     glass = Filter(laser=1.0, band=1.0, ratio=1.0)
     cells = []
     for zone, z_mm in zip(ZONES, plan.distance_mm, strict=True):
-        near = seen[np.argsort(np.abs(point[seen, 2] - z_mm), kind="stable")[:_NEIGHBOURS]]
+        if not np.isfinite(z_mm):
+            continue
+        away = np.abs(point[seen, 2] - z_mm)
+        near = seen[away <= max(_NEAR * z_mm, float(away.min()))]
         irradiance = float(np.mean(_irradiance(light, point[near], normal[near])))
         way = np.linalg.norm(point[near], axis=1)
         facing = np.abs(np.einsum("ij,ij->i", point[near], normal[near])) / np.maximum(way, 1.0)

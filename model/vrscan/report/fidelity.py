@@ -11,6 +11,7 @@ import io
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any, BinaryIO
 
 import matplotlib as mpl
@@ -26,11 +27,12 @@ from vrscan.engines import Engine
 from vrscan.engines import run as run_engine
 from vrscan.ideal import geometry as triangle
 from vrscan.lines import Truth
+from vrscan.report.numbers import replace_block
 from vrscan.report.style import COLOURS, INK, LIGHT, QUIET, STYLE
-from vrscan.scene.description import Description
+from vrscan.scene.description import Description, load
 from vrscan.scene.effects import present
 from vrscan.scene.light import Light
-from vrscan.scene.plan import plan
+from vrscan.scene.plan import JUMP_PX, ZONES, plan
 from vrscan.scene.simulate import Simulation, simulate
 from vrscan.table import Table
 
@@ -39,15 +41,21 @@ TIGHTEST = f"auto {TOLERANCES_PX[-1]:g}"
 AIM_AUTO, AIM_FULL = 20_000.0, 2_000.0  # lines/s
 AIM_FASTER = 5.0  # times, of the tightest auto on the default scene
 ROUNDS = 3  # timed runs of each fidelity
-PARTS = 3  # of a scene by depth, of which the worst counts
 
 _FLOOR_PX = 1e-4  # errors below are drawn there
 _COLUMNS = 4  # of panels
+_TOLERANCE: dict[str, Any] = {"color": QUIET, "linewidth": 0.8, "linestyle": (0, (1, 3))}
+_AIM: dict[str, Any] = {"color": COLOURS[2], "linewidth": 0.8, "linestyle": (0, (5, 3))}
+_OUT: dict[str, Any] = {"markerfacecolor": "white", "markeredgewidth": 1.2}
 
 
 @dataclass(frozen=True)
 class Row:
-    """One fidelity of one scene; errors are positions less those of ``full``."""
+    """One fidelity of one scene; errors are positions less those of ``full``.
+
+    They are of lines whose spot the camera sees and that have a point in both, no farther apart
+    than ``JUMP_PX``: farther is another peak. ``differ`` counts the rest, of all lines.
+    """
 
     scene: str
     fidelity: str
@@ -57,7 +65,7 @@ class Row:
     lines: int
     lines_per_s: float
     planning_s: float  # 0 where nothing is planned
-    points: int  # in both
+    points: int  # that the errors are of
     bias_px: float
     rms_px: float  # bias included
     worst_px: float  # the same of the worst third of the points by depth
@@ -65,7 +73,7 @@ class Row:
     max_px: float
     bias_um: float  # in z
     rms_um: float
-    differ: float  # share of lines with a point in only one of the two
+    differ: float  # share of lines with a point in only one of the two, or two far apart
     truth_rms_px: float  # against the truth
     truth_median_px: float  # of the absolute error against the truth
 
@@ -93,43 +101,35 @@ class _Run:
 
 
 def run(
-    scenes: Sequence[Description],
+    scenes: Sequence[str],
     count: int,
     config: Config,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int], None] | None = None,
     *,
     rounds: int = ROUNDS,
 ) -> list[Row]:
     """Return the rows of all scenes: minimal, auto from coarse to fine, full.
 
     Args:
-        scenes: What is rendered.
+        scenes: Names of shipped ones, or files.
         count: Lines of each.
         config: The instrument.
-        progress: Called with the number of steps done and of all.
+        progress: Called with the number of scenes done so far.
         rounds: Timed runs of each fidelity.
 
     Raises:
-        InputError: if a scene has no target where beam and camera meet.
+        InputError: if a scene does not load, or has no target where beam and camera meet.
     """
-    steps = len(TOLERANCES_PX) + (1 + rounds) * (len(TOLERANCES_PX) + 2)
-    total, done = steps * len(scenes), 0
-
-    def tick() -> None:
-        nonlocal done
-        done += 1
-        if progress is not None:
-            progress(done, total)
-
+    loaded = [load(name) for name in scenes]  # all of them, before the first takes its time
     rows: list[Row] = []
-    for scene in scenes:
-        rows += _scene(scene, count, config, rounds, tick)
+    for done, scene in enumerate(loaded, start=1):
+        rows += _scene(scene, count, config, rounds)
+        if progress is not None:
+            progress(done)
     return rows
 
 
-def _scene(
-    scene: Description, count: int, config: Config, rounds: int, tick: Callable[[], None]
-) -> list[Row]:
+def _scene(scene: Description, count: int, config: Config, rounds: int) -> list[Row]:
     runs = []
     for tolerance in TOLERANCES_PX:
         # The renderer, too, asks the scene how exact a spot has to be.
@@ -138,7 +138,6 @@ def _scene(
         name = f"auto {tolerance:g}"
         given = (chosen.active, chosen.every_ray, chosen.seconds)
         runs.append(_Run(name, tolerance, light, *given))
-        tick()
     light = runs[-1].light
     whole = frozenset(present(scene))
     runs.insert(0, _Run("minimal", np.nan, light, frozenset(), every_ray=False))
@@ -150,14 +149,12 @@ def _scene(
         made = each.go(count)
         truth = made.lines.truth
         tables.append(run_engine(Engine.FIXED, made.lines, config))
-        tick()
     assert truth is not None  # a simulation has one, the same for all
     for _ in range(rounds):
         for each in runs:
             begin = time.process_time()
             each.go(count)
             each.best_s = min(each.best_s, time.process_time() - begin)
-            tick()
     return [
         _row(scene.source, each, found, tables[-1], truth, len(whole), config)
         for each, found in zip(runs, tables, strict=True)
@@ -167,12 +164,13 @@ def _scene(
 def _row(
     scene: str, made: _Run, found: Table, full: Table, truth: Truth, of: int, config: Config
 ) -> Row:
-    both = found.located & full.located
-    px = _moved_px(found, full, config)[both]
-    um = 1e3 * (found.z_mm - full.z_mm)[both]
-    depth = full.z_mm[both]
-    parts = np.array_split(np.argsort(depth, kind="stable"), PARTS)
-    known = found.located & np.isfinite(truth.position_px)
+    moved = _moved_px(found, full, config)
+    jumped = np.abs(moved) > JUMP_PX
+    seen = np.isfinite(truth.position_px)
+    used = found.located & full.located & seen & ~jumped
+    px, um = moved[used], 1e3 * (found.z_mm - full.z_mm)[used]
+    parts = np.array_split(np.argsort(truth.z_mm[used], kind="stable"), len(ZONES))
+    known = found.located & seen
     error = (found.position_px - truth.position_px)[known]
     return Row(
         scene=scene,
@@ -183,7 +181,7 @@ def _row(
         lines=len(found),
         lines_per_s=len(found) / max(made.best_s, 1e-9),
         planning_s=made.planning_s,
-        points=int(both.sum()),
+        points=int(used.sum()),
         bias_px=_mean(px),
         rms_px=_rms(px),
         worst_px=max(_rms(px[part]) for part in parts),
@@ -191,7 +189,7 @@ def _row(
         max_px=float(np.abs(px).max(initial=0.0)),
         bias_um=_mean(um),
         rms_um=_rms(um),
-        differ=float((found.located != full.located).mean()),
+        differ=float(((found.located != full.located) | jumped).mean()),
         truth_rms_px=_rms(error),
         truth_median_px=float(np.median(np.abs(error))) if error.size else 0.0,
     )
@@ -235,11 +233,12 @@ def table(rows: Sequence[Row]) -> RichTable:
     grid = RichTable(
         title=f"Fidelity against full with the same random numbers: {lines} lines of each scene, "
         "chain fixed",
-        caption="lines/s: rendering alone, of one core's processor time, best of the runs; on: "
-        "effects. Position less that of full: bias, rms (with the\nbias), rms of the worst third "
-        "by depth, 99 % and largest; ok: the worst third is within auto's tolerance. differ: lines "
-        "with a point\nin only one of the two. truth: rms and median of the position's own error. "
-        "plan: s that planning took, once for a scan.",
+        caption="lines/s: rendering alone, by one core's processor time; on: effects. Position "
+        "less that of full: bias, rms (bias included), rms of the worst third by depth, 99 % and "
+        "largest; ok: the worst third is within auto's tolerance; differ: lines with a point in "
+        f"only one of the two, or two more than {JUMP_PX:g} px apart, which count nowhere else. "
+        "Truth: rms and median of the position's own error. Plan: s that planning takes, once a "
+        "scan.",
         title_justify="left",
         caption_justify="left",
         caption_style="",
@@ -270,30 +269,36 @@ def table(rows: Sequence[Row]) -> RichTable:
         last = index + 1 == len(rows) or rows[index + 1].scene != row.scene
         first = index == 0 or rows[index - 1].scene != row.scene
         full = row.fidelity == "full"
-        errors = (row.bias_px, row.rms_px, row.worst_px, row.p99_px, row.max_px)
         grid.add_row(
             row.scene if first else "",
             row.fidelity,
             f"{row.effects}/{row.of}",
-            f"{row.lines_per_s:.0f}",
-            *["" if full else _short(value) for value in errors],
+            _speed(row.lines_per_s),
+            *["" if full else _short(value, 6) for value in (row.bias_px, row.rms_px)],
+            *["" if full else _short(value, 6) for value in (row.worst_px, row.p99_px)],
+            "" if full else _short(row.max_px, 5),
             {True: "yes", False: "NO", None: ""}[row.within],
-            "" if full else f"{row.rms_um:.4g}",
-            f"{100.0 * row.differ:.2f} %" if row.differ > 0.0 else "",
-            _short(row.truth_rms_px),
-            _short(row.truth_median_px),
+            "" if full else _short(row.rms_um, 5),
+            f"{100.0 * row.differ:.2f}%" if row.differ > 0.0 else "",
+            _short(row.truth_rms_px, 5),
+            _short(row.truth_median_px, 5),
             f"{row.planning_s:.1f}" if row.planning_s > 0.0 else "",
             end_section=last,
         )
     return grid
 
 
-def _short(value: float) -> str:
-    """Return a number of px in six characters at most."""
-    if value == 0.0:
-        return "0"
+def _short(value: float, room: int) -> str:
+    """Return a number in ``room`` characters, one more if it is negative."""
     digits = len(str(int(abs(value))))
-    return f"{value:.{max(5 - digits - (value < 0.0), 0)}f}"
+    shown = f"{value:.{max(room - 1 - digits, 0)}f}"
+    return "0" if float(shown) == 0.0 else shown
+
+
+def _speed(lines_per_s: float) -> str:
+    """Return a speed to three digits: no more come again."""
+    digits = len(str(int(lines_per_s)))
+    return f"{round(lines_per_s, 3 - digits):,.0f}"
 
 
 def write_csv(rows: Sequence[Row], file: BinaryIO) -> None:
@@ -310,35 +315,57 @@ def write_csv(rows: Sequence[Row], file: BinaryIO) -> None:
     for row in rows:
         values = [getattr(row, name) for name in names]
         shown = [f"{value:.6g}" if isinstance(value, float) else value for value in values]
-        shown[names.index("tolerance_px")] = (
-            "" if row.within is None else f"{row.tolerance_px:g}"
-        )
+        shown[names.index("tolerance_px")] = "" if row.within is None else f"{row.tolerance_px:g}"
         writer.writerow((*shown, "" if row.within is None else int(row.within)))
     file.write(text.getvalue().encode())
 
 
 def markdown(rows: Sequence[Row]) -> str:
-    """Return a Markdown table, a line for each scene: lines/s and rms px of each fidelity."""
+    """Return the bench for a page, a line for each scene.
+
+    In each fidelity's column lines/s and the error against full, rms of the worst third; bold is
+    beyond its tolerance.
+    """
     names = list(dict.fromkeys(row.fidelity for row in rows))
     lines = [
-        f"| scene | {' | '.join(names)} | faster | error of full |",
-        f"|{'---|' * (len(names) + 3)}",
+        f"| scene | {' | '.join(names)} | {TIGHTEST} over full | full against truth |",
+        f"|---|{'--:|' * (len(names) + 2)}",
     ]
     for scene in _scenes(rows):
         here = {row.fidelity: row for row in rows if row.scene == scene}
         cells = [_markdown_cell(here[name]) for name in names]
         own = here["full"].truth_rms_px
-        times = f"{faster(rows, scene):.1f}"
+        times = f"{faster(rows, scene):.1f} x"
         lines.append(f"| {scene} | {' | '.join(cells)} | {times} | {own:.2g} px |")
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines)
 
 
 def _markdown_cell(row: Row) -> str:
-    speed = f"{row.lines_per_s:,.0f}"
+    speed = _speed(row.lines_per_s)
     if row.fidelity == "full":
         return speed
-    error = f"{row.rms_px:.2g} px"
+    error = f"{row.worst_px:.2g} px"
     return f"{speed}, **{error}**" if row.within is False else f"{speed}, {error}"
+
+
+def write_pages(rows: Sequence[Row], root: Path) -> list[Path]:
+    """Rewrite the generated table of docs/light.md, and the picture beside it.
+
+    Args:
+        rows: Of all shipped scenes.
+        root: Folder of the README.
+
+    Returns:
+        The files, or none if the page or its markers are missing.
+    """
+    page, plot = root / "docs" / "light.md", root / "docs" / "light.png"
+    text = replace_block(page.read_text(), "fidelity", markdown(rows)) if page.exists() else None
+    if text is None:
+        return []
+    page.write_text(text)
+    with plot.open("wb") as file:
+        picture(rows, file)
+    return [page, plot]
 
 
 # The picture
@@ -349,22 +376,24 @@ def _marks() -> dict[str, dict[str, Any]]:
     marks: dict[str, dict[str, Any]] = {"minimal": {"marker": "s", "color": COLOURS[1]}}
     for shape, tolerance in zip("v^o", TOLERANCES_PX, strict=True):
         marks[f"auto {tolerance:g}"] = {"marker": shape, "color": COLOURS[0]}
-    return marks | {"full": {"marker": "D", "color": INK}}
+    # An auto that is full lies on it, and both are to be seen.
+    marks["full"] = {"marker": "D", "color": INK, "markersize": 7.5, "zorder": 3}
+    return {name: {"markersize": 5.5, "zorder": 4} | mark for name, mark in marks.items()}
 
 
 def picture(rows: Sequence[Row], file: BinaryIO) -> None:
-    """Draw speed over error, a panel for each scene, the others' curves behind it.
+    """Draw speed over error, a panel for each scene.
 
     Args:
         rows: Of one scene or more.
         file: A binary file, written as PNG.
     """
     scenes = _scenes(rows)
-    columns = min(_COLUMNS, len(scenes) + 1)
+    columns = min(_COLUMNS, max(len(scenes) + 1, 3))  # three, that the title has room
     high = -(-(len(scenes) + 1) // columns)  # one place is the legend's
     lines = max((row.lines for row in rows), default=0)
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(2.75 * columns, 2.2 * high + 0.9), layout="constrained")
+        figure = Figure(figsize=(2.75 * columns, 2.1 * high + 0.9), layout="constrained")
         figure.suptitle(
             f"Speed over error against full: {lines} lines of each scene, one core",
             x=0.012,
@@ -375,17 +404,17 @@ def picture(rows: Sequence[Row], file: BinaryIO) -> None:
         )
         grid = figure.subplots(high, columns, sharex=True, sharey=True, squeeze=False)
         panels = list(grid.ravel())
-        for axes, scene in zip(panels, scenes, strict=False):
-            _draw_panel(axes, rows, scene)
         _limits(panels[0], rows)
-        for axes in panels[len(scenes) + 1 :]:
-            axes.axis("off")
+        for index, (axes, scene) in enumerate(zip(panels, scenes, strict=False)):
+            _draw_panel(axes, rows, scene)
+            if index + columns >= len(scenes):  # no panel below
+                axes.tick_params(labelbottom=True)
         _draw_legend(panels[len(scenes)])
-        for index in range(len(scenes)):
-            if index + columns >= len(scenes):  # nothing below: the ticks of a shared axis are ours
-                panels[index].tick_params(labelbottom=True)
+        for axes in panels[len(scenes) :]:
+            axes.axis("off")
         figure.supxlabel(
-            "rms error of the position against full in px (0 stands at the left end)",
+            "rms difference of the position from full, worst third by depth, in px "
+            "(none: at the left end, marked 0)",
             fontsize=9,
             color=INK,
         )
@@ -394,69 +423,58 @@ def picture(rows: Sequence[Row], file: BinaryIO) -> None:
 
 
 def _place(row: Row) -> float:
-    return max(row.rms_px, _FLOOR_PX)
+    return max(row.worst_px, _FLOOR_PX)
 
 
 def _limits(axes: Axes, rows: Sequence[Row]) -> None:
     """Set the axes of all panels, which share them."""
     axes.set_xscale("log")
     axes.set_yscale("log")
-    largest = max([1.0, *[row.rms_px for row in rows]])
-    speeds = [row.lines_per_s for row in rows] + [AIM_AUTO, AIM_FULL]
-    axes.set_xlim(_FLOOR_PX / 1.6, 2.0 * largest)
-    axes.set_ylim(0.6 * min(speeds), 2.5 * max(speeds))
-    decades = range(-4, int(np.ceil(np.log10(largest))) + 1)
-    ticks = [10.0**power for power in decades if 10.0**power < 2.0 * largest]
-    axes.set_xticks(ticks, ["0", *[f"{tick:g}" for tick in ticks[1:]]])
+    largest = max([1.0, *[row.worst_px for row in rows]])
+    speeds = [row.lines_per_s for row in rows]
+    low, high = min([AIM_FULL, *speeds]), max([AIM_AUTO, *speeds])
+    axes.set_xlim(_FLOOR_PX / 1.8, 2.0 * largest)
+    axes.set_ylim(0.75 * low, 1.6 * high)
+    powers = range(1 + round(np.log10(_FLOOR_PX)), int(np.log10(2.0 * largest)) + 1)
+    ticks = [10.0**power for power in powers]
+    axes.set_xticks([_FLOOR_PX, *ticks], ["0", *[f"{tick:g}" for tick in ticks]])
+    round_ones = [k * 10.0**power for power in range(8) for k in (1, 2, 5)]
+    marks = [value for value in round_ones if 0.75 * low < value < 1.6 * high]
+    axes.set_yticks(marks, [f"{value:,.0f}" for value in marks])
     axes.minorticks_off()
 
 
 def _draw_panel(axes: Axes, rows: Sequence[Row], scene: str) -> None:
-    for other in _scenes(rows):
-        if other != scene:
-            own = [row for row in rows if row.scene == other]
-            axes.plot(
-                [_place(row) for row in own],
-                [row.lines_per_s for row in own],
-                color=LIGHT,
-                linewidth=0.8,
-                zorder=1,
-            )
+    axes.grid(axis="y", color=LIGHT, linewidth=0.5)
+    axes.set_axisbelow(True)
     for tolerance in TOLERANCES_PX:
-        axes.axvline(tolerance, color=QUIET, linewidth=0.6, linestyle=(0, (1, 3)), zorder=0)
+        axes.axvline(tolerance, **_TOLERANCE)
+    for aim in (AIM_AUTO, AIM_FULL):
+        axes.axhline(aim, **_AIM)
     own = [row for row in rows if row.scene == scene]
-    axes.plot(
-        [_place(row) for row in own],
-        [row.lines_per_s for row in own],
-        color=QUIET,
-        linewidth=1.2,
-        zorder=2,
-    )
+    speeds = [row.lines_per_s for row in own]
+    axes.plot([_place(row) for row in own], speeds, color=QUIET, linewidth=1.0, zorder=2)
+    marks = _marks()
     for row in own:
-        mark = _marks()[row.fidelity]
-        out = row.within is False
-        axes.plot(
-            _place(row),
-            row.lines_per_s,
-            markersize=6.0,
-            markerfacecolor="white" if out else mark["color"],
-            markeredgecolor=mark["color"],
-            markeredgewidth=1.2 if out else 0.0,
-            linestyle="",
-            marker=mark["marker"],
-            clip_on=False,
-            zorder=3,
-        )
-    axes.set_title(f"{scene}: {TIGHTEST} is {faster(rows, scene):.1f} times full", fontsize=8.5)
+        mark = marks[row.fidelity] | (_OUT if row.within is False else {})
+        axes.plot(_place(row), row.lines_per_s, linestyle="", clip_on=False, **mark)
+    axes.set_title(scene)
+    axes.set_title(
+        f"{TIGHTEST}: {faster(rows, scene):.1f} x full",
+        loc="right",
+        fontsize=8,
+        fontweight="normal",
+        color=QUIET,
+    )
     axes.tick_params(labelsize=7.5)
 
 
 def _draw_legend(axes: Axes) -> None:
-    axes.axis("off")
-    for name, mark in _marks().items():
-        axes.plot([], [], linestyle="", markersize=6.0, label=name, **mark)
-    hollow = {"marker": "o", "markerfacecolor": "white", "markeredgecolor": COLOURS[0]}
-    axes.plot([], [], linestyle="", markersize=6.0, label="out of its tolerance", **hollow)
-    axes.plot([], [], color=QUIET, linestyle=(0, (1, 3)), label="the tolerances")
-    axes.plot([], [], color=LIGHT, label="the other scenes")
+    marks = _marks()
+    for name, mark in marks.items():
+        axes.plot([], [], linestyle="", label=name, **mark)
+    out = marks[TIGHTEST] | _OUT
+    axes.plot([], [], linestyle="", label="auto, beyond its tolerance", **out)
+    axes.plot([], [], label="the tolerances", **_TOLERANCE)
+    axes.plot([], [], label=f"aims: {AIM_AUTO:,.0f} auto, {AIM_FULL:,.0f} full", **_AIM)
     axes.legend(loc="center left", borderaxespad=0.0)
