@@ -107,6 +107,7 @@ def scan(
                 count,
                 chosen.active,
                 every_ray=chosen.every_ray,
+                tolerance_px=chosen.tolerance_px,
                 jobs=jobs,
                 progress=progress,
             )

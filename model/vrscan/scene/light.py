@@ -82,8 +82,8 @@ class Light:
             )
         ends = np.abs(self.world.bounds)
         self.farthest_mm = float(ends[np.isfinite(ends)].max(initial=_FARTHEST_MM))
-        # Where the beam's footprint needs rays: first angle, and whether at each, by effects.
-        self.split_maps: dict[frozenset[str], tuple[float, Bools]] = {}
+        # Where spots need rays: the first angle, and whether at each, by tolerance and effects.
+        self.split_maps: dict[tuple[float, frozenset[str]], tuple[float, Bools]] = {}
         self._views: dict[int, tuple[Floats, Floats, Ints, Floats]] = {}
         self._bounces: dict[int, Singles] = {}
         if scene.sun is not None:

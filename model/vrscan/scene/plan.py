@@ -110,7 +110,7 @@ def plan(
     have = present(scene)
     listed = chosen(wanted, scene.source) if isinstance(wanted, list) else None
     numbers, part, distance = _probe(light, count)
-    probe = _Probe(light, count, numbers, part)
+    probe = _Probe(light, count, numbers, part, tolerance)
     total = len(have) + 2
     done = 0
 
@@ -196,14 +196,19 @@ class _Probe:
     seconds: dict[str, float]
     microseconds: float
 
-    def __init__(self, light: Light, count: int, numbers: Ints, part: Ints) -> None:
+    def __init__(
+        self, light: Light, count: int, numbers: Ints, part: Ints, tolerance_px: float
+    ) -> None:
         self.light, self.count, self.numbers, self.part = light, count, numbers, part
+        self.tolerance_px = tolerance_px
         self._registers = Registers.from_config(light.config)
         self._power = np.full(len(numbers), light.config.laser.power_max, np.int64)
 
     def table(self, active: frozenset[str], *, every_ray: bool) -> Table:
         """Return the points of the probe lines."""
-        scanner = Scanner(self.light, self.count, active, every_ray=every_ray)
+        scanner = Scanner(
+            self.light, self.count, active, every_ray=every_ray, tolerance_px=self.tolerance_px
+        )
         begin = time.perf_counter()
         frame: Frame = scanner.some(self.numbers)
         self.microseconds = 1e6 * (time.perf_counter() - begin) / len(self.numbers)

@@ -84,15 +84,24 @@ class Renderer:
     ``seconds`` holds what each effect has cost so far, and under ``""`` everything else.
     """
 
-    def __init__(self, light: Light, active: frozenset[str], *, every_ray: bool = False) -> None:
+    def __init__(
+        self,
+        light: Light,
+        active: frozenset[str],
+        *,
+        every_ray: bool = False,
+        tolerance_px: float | None = None,
+    ) -> None:
         """Prepare what depends on the effects alone.
 
         Args:
             light: The scene.
             active: Names of effects.
             every_ray: Whether every spot is followed part by part, needed or not.
+            tolerance_px: How far a tangent plane may be off before a spot is; the scene's if None.
         """
         self.light, self.active, self.every_ray = light, active, every_ray
+        self.tolerance_px = light.scene.tolerance_px if tolerance_px is None else tolerance_px
         self.seconds: dict[str, float] = {}
         self._inner = 0.0
         scene, config = light.scene, light.config
@@ -308,7 +317,7 @@ class Renderer:
     def _split_map(self) -> tuple[float, Bools]:
         """Return the first angle of the map, and at each of its angles whether rays are needed."""
         light = self.light
-        key = frozenset(self.active & {"truncation", "gloss", "falloff"})
+        key = self.tolerance_px, self.active & {"truncation", "gloss", "falloff"}
         if key not in light.split_maps:
             scan, mirror = light.scene.scan, light.config.mirror
             reach = 1.05 * mirror.amplitude_deg if scan.sweep == "mirror" else scan.half_angle_deg
@@ -332,7 +341,7 @@ class Renderer:
         with np.errstate(invalid="ignore"):
             beside = np.abs(spots.position_px - middle) > middle + BESIDE_PX
         rows = np.flatnonzero(~(beside & spots.lit))
-        limit = self.light.scene.tolerance_px
+        limit = self.tolerance_px
         origin, direction = self._offset_rays(spots, beam, rows, np.array([-_TEST, _TEST]))
         sides = self._meet(origin, direction, np.repeat(y_mm[rows], 2))
         seen = sides.seen.reshape(-1, 2)

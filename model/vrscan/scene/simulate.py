@@ -42,6 +42,7 @@ class Scanner:
         active: frozenset[str],
         *,
         every_ray: bool = False,
+        tolerance_px: float | None = None,
     ) -> None:
         """Prepare a scan.
 
@@ -50,9 +51,10 @@ class Scanner:
             count: Lines of the scan.
             active: The effects that are on.
             every_ray: Whether every spot is followed part by part, needed or not.
+            tolerance_px: How far a tangent plane may be off before a spot is; the scene's if None.
         """
         self.light, self.count = light, count
-        self.renderer = Renderer(light, active, every_ray=every_ray)
+        self.renderer = Renderer(light, active, every_ray=every_ray, tolerance_px=tolerance_px)
 
     @property
     def blocks(self) -> int:
@@ -105,6 +107,7 @@ def simulate(
     active: frozenset[str],
     *,
     every_ray: bool = False,
+    tolerance_px: float | None = None,
     jobs: int = 1,
     progress: Callable[[int], None] | None = None,
 ) -> Simulation:
@@ -115,17 +118,18 @@ def simulate(
         count: Lines, at least 1.
         active: The effects that are on.
         every_ray: Whether every spot is followed part by part, needed or not.
+        tolerance_px: How far a tangent plane may be off before a spot is; the scene's if None.
         jobs: Processes; 0 is one for each processor. The lines do not depend on it.
         progress: Called with the number of lines done so far.
     """
     if count < 1:
         raise ValueError(f"simulate: count {count} is below 1")
     frames: Iterable[Frame]
-    scanner = Scanner(light, count, active, every_ray=every_ray)
+    scanner = Scanner(light, count, active, every_ray=every_ray, tolerance_px=tolerance_px)
     workers = min(jobs or os.cpu_count() or 1, scanner.blocks)
     if workers == 1:
         return _collected(map(scanner.block, range(scanner.blocks)), scanner, progress)
-    given = (light.scene, light.config, count, active, every_ray)
+    given = (light.scene, light.config, count, active, every_ray, tolerance_px)
     with ProcessPoolExecutor(workers, initializer=_prepare, initargs=given) as pool:
         frames = pool.map(_block, range(scanner.blocks))
         return _collected(frames, scanner, progress)
@@ -155,9 +159,16 @@ _worker: list[Scanner] = []  # of this process
 
 
 def _prepare(
-    scene: Description, config: Config, count: int, active: frozenset[str], every_ray: bool
+    scene: Description,
+    config: Config,
+    count: int,
+    active: frozenset[str],
+    every_ray: bool,
+    tolerance_px: float | None,
 ) -> None:
-    _worker[:] = [Scanner(Light(scene, config), count, active, every_ray=every_ray)]
+    light = Light(scene, config)
+    how = Scanner(light, count, active, every_ray=every_ray, tolerance_px=tolerance_px)
+    _worker[:] = [how]
 
 
 def _block(number: int) -> Frame:
