@@ -31,6 +31,8 @@ _TEST = 1.5  # 1/e2 radii from the axis, where rays tell whether a spot needs th
 _MAP_STEP = 2e-4  # rad between the angles at which that is found out: a fifth of a beam
 _SPREAD = 2.0  # of those rays, in 1/e2 radii, either side: 3e-4 of the peak is left
 _SMOOTH = 0.6  # sigma of one ray's share of the spot, in distances between rays
+_TORN, _TORN_PX = 3.0, 0.5  # a jump of the image between rays, in expected steps and px
+_BISECTIONS = 5  # of the edge between two rays
 _WIDEST_PX = 250.0  # of a spot's sigma: light along a surface is spread no farther
 _SHARPEN = 0.5  # px of defocus radius, from which on parts of a spot are blurred each for itself
 _WIDE_DISC = 8.0  # spot sigmas of a ghost's radius, from which on its ends count as hard
@@ -282,7 +284,7 @@ class Renderer:
             spots: Of the axis.
             beam: The axes [n, 3].
             rows: Which lines [m].
-            offset: In 1/e2 radii [k].
+            offset: In 1/e2 radii, [k], or [m, k] of each line.
 
         Returns:
             Origins and directions [m * k, 3].
@@ -293,8 +295,9 @@ class Renderer:
         end = radius_mm(far, self._laser)
         axis = beam[rows]
         across = np.stack([axis[:, 2], np.zeros(len(rows)), -axis[:, 0]], axis=1)
-        origin = (start * offset)[None, :, None] * across[:, None, :]
-        lean = (end - start)[:, None] * offset[None, :] / far[:, None]
+        offset = np.atleast_2d(offset)
+        origin = (start * offset)[:, :, None] * across[:, None, :]
+        lean = (end - start)[:, None] * offset / far[:, None]
         direction = axis[:, None, :] + lean[:, :, None] * across[:, None, :]
         direction /= np.sqrt(1.0 + np.square(lean))[:, :, None]
         return origin.reshape(-1, 3), direction.reshape(-1, 3)
@@ -374,12 +377,12 @@ class Renderer:
         parts = self._meet(origin, direction, np.repeat(timeline.y_mm[rows], RAYS))
         # A ray's own share is smeared below; the profile is narrower by that.
         narrow = 1.0 - np.square(_SMOOTH * 2.0 * (offset[1] - offset[0]))
-        profile = np.exp(-2.0 * np.square(offset) / narrow)
         shape = (len(rows), RAYS)
+        cells, shift = self._cells(spots, beam, timeline, rows, offset, parts, narrow)
         place = parts.position_px.reshape(shape)
         used = parts.seen.reshape(shape)
-        light = np.where(used, parts.collected.reshape(shape), 0.0) * profile / profile.sum()
-        place = np.where(used, place, 0.0)
+        light = np.where(used, parts.collected.reshape(shape), 0.0) * cells
+        place = np.where(used, place, 0.0) + shift
         depth = np.where(used, parts.depth.reshape(shape), 1.0)
         target = parts.target.reshape(shape)
         distance = np.where(used, parts.distance.reshape(shape), 1.0)
@@ -430,6 +433,68 @@ class Renderer:
                 )
             )
         return pieces
+
+    def _cells(
+        self,
+        spots: Spots,
+        beam: Floats,
+        timeline: Timeline,
+        rows: Ints,
+        offset: Floats,
+        parts: Spots,
+        narrow: float,
+    ) -> tuple[Floats, Floats]:
+        """Return the share of the beam that each ray stands for, and its image's shift in px.
+
+        A ray stands for its cell, half way to its neighbours. Where two neighbours do not meet the
+        same thing, the edge between them is looked for, and the cells end there: else light would
+        jump from one surface to the other by a whole ray's as the beam moves.
+
+        Returns:
+            Shares and shifts [m, RAYS].
+        """
+        profile = np.exp(-2.0 * np.square(offset) / narrow)
+        whole = profile.sum()
+        shape = (len(rows), RAYS)
+        cells = np.broadcast_to(profile / whole, shape).copy()
+        shift = np.zeros(shape)
+        kind = np.where(parts.seen, parts.target, -1).reshape(shape)
+        depth, lean = parts.depth.reshape(shape), parts.px_per_mm.reshape(shape)
+        step = offset[1] - offset[0]
+        width = radius_mm(np.where(parts.lit, parts.distance, 0.0), self._laser).reshape(shape)
+        place = np.where(kind >= 0, parts.position_px.reshape(shape), 0.0)
+        expected = step * width * np.abs(lean)
+        jump = np.abs(np.diff(place, axis=1))
+        torn = jump > _TORN * np.maximum(expected[:, 1:], expected[:, :-1]) + _TORN_PX
+        edge = (kind[:, 1:] != kind[:, :-1]) | (torn & (kind[:, 1:] >= 0))
+        line, ray = np.nonzero(edge)
+        if len(line) == 0:
+            return cells, shift
+        low, high = np.zeros(len(line)), np.ones(len(line))
+        left, right = kind[line, ray], kind[line, ray + 1]
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (low + high)
+            here = (offset[ray] + middle * step)[:, None]
+            found = self._meet(
+                *self._offset_rays(spots, beam, rows[line], here), timeline.y_mm[rows[line]]
+            )
+            own = np.where(found.seen, found.target, -1)
+            nearer = np.abs(found.depth - depth[line, ray]) <= np.abs(
+                found.depth - depth[line, ray + 1]
+            )
+            same = (own == left) & (nearer | (own != right))
+            low, high = np.where(same, middle, low), np.where(same, high, middle)
+        end = 0.5 * (low + high)  # of the way to the next ray, where the cell ends; 1/2 elsewhere
+        moved = 0.25 + 0.5 * end  # the middle of what changes hands
+        amount = (end - 0.5) * np.exp(-2.0 * np.square(offset[ray] + moved * step) / narrow) / whole
+        moment = np.zeros(shape)
+        cells[line, ray] += amount
+        moment[line, ray] += amount * moved
+        cells[line, ray + 1] -= amount
+        moment[line, ray + 1] -= amount * (moved - 1.0)
+        np.maximum(cells, 0.0, out=cells)
+        shift = moment / np.maximum(cells, 1e-3 * profile / whole)
+        return cells, np.clip(shift, -0.75, 0.75) * step * width * lean
 
     def _window_ghosts(
         self, pieces: list[_Pieces], spots: Spots, timeline: Timeline
