@@ -3,8 +3,7 @@
 import csv
 import io
 import math
-import tempfile
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -50,35 +49,35 @@ blooming = 0
 """
 
 
-@cache
-def folder() -> Path:
-    return Path(tempfile.mkdtemp(prefix="fidelity"))
+@dataclass(frozen=True)
+class Bench:
+    """Two boards, one of them leaning, that have been through the bench."""
+
+    scenes: tuple[str, ...]  # files
+    rows: list[Row]
+    told: list[int]  # of the progress
 
 
-@cache
-def board(tilt: int, jitter: int = 1) -> str:
+def board(folder: Path, tilt: int, jitter: int = 1) -> str:
     """A file of a board that leans, seen by an instrument whose index jitters."""
-    path = folder() / f"board-{tilt}-{jitter}.toml"
+    path = folder / f"board-{tilt}-{jitter}.toml"
     path.write_text(BOARD.format(tilt=tilt, jitter=jitter))
     return str(path)
 
 
-SCENES = (board(0), board(20))
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
+    folder = tmp_path_factory.mktemp("scenes")
+    scenes, told = (board(folder, 0), board(folder, 20)), list[int]()
+    return Bench(scenes, fidelity.run(scenes, COUNT, CONFIG, told.append, rounds=1), told)
 
 
-@cache
-def bench() -> tuple[tuple[Row, ...], tuple[int, ...]]:
-    told: list[int] = []
-    rows = fidelity.run(list(SCENES), COUNT, CONFIG, told.append, rounds=1)
-    return tuple(rows), tuple(told)
-
-
-def test_each_scene_has_its_five_fidelities() -> None:
-    rows, told = bench()
+def test_each_scene_has_its_five_fidelities(bench: Bench) -> None:
+    rows, told = bench.rows, bench.told
     names = ["minimal", *[f"auto {t:g}" for t in TOLERANCES_PX], "full"]
     assert [row.fidelity for row in rows] == names * 2
-    assert [row.scene for row in rows] == [SCENES[0]] * 5 + [SCENES[1]] * 5
-    assert told == (1, 2)
+    assert [row.scene for row in rows] == [bench.scenes[0]] * 5 + [bench.scenes[1]] * 5
+    assert told == [1, 2]
     for row in rows:
         assert row.lines == COUNT
         assert math.isfinite(row.lines_per_s)
@@ -92,32 +91,32 @@ def test_each_scene_has_its_five_fidelities() -> None:
         assert 0 < row.points <= COUNT
 
 
-def test_full_differs_from_itself_in_nothing() -> None:
-    for row in bench()[0]:
+def test_full_differs_from_itself_in_nothing(bench: Bench) -> None:
+    for row in bench.rows:
         if row.fidelity == "full":
             assert (row.rms_px, row.max_px, row.rms_um, row.differ) == (0.0, 0.0, 0.0, 0.0)
             assert row.effects == row.of
             assert row.within is None
 
 
-def test_minimal_is_far_off_and_fast() -> None:
-    rows = bench()[0]
-    for scene in SCENES:
+def test_minimal_is_far_off_and_fast(bench: Bench) -> None:
+    rows = bench.rows
+    for scene in bench.scenes:
         here = {row.fidelity: row for row in rows if row.scene == scene}
         assert here["minimal"].worst_px > 5.0 * here["auto 0.01"].worst_px
         assert here["minimal"].lines_per_s > here["full"].lines_per_s
         assert here["minimal"].effects == 0
 
 
-def test_errors_are_those_of_two_simulations() -> None:
+def test_errors_are_those_of_two_simulations(bench: Bench) -> None:
     """The row of minimal, by hand: same lines, subtracted."""
-    light = Light(load(SCENES[0]), CONFIG)
+    light = Light(load(bench.scenes[0]), CONFIG)
     whole = frozenset(present(light.scene))
     full = simulate(light, COUNT, whole, every_ray=True)
     bare = simulate(light, COUNT, frozenset())
     first = run_engine(Engine.FIXED, full.lines, CONFIG)
     second = run_engine(Engine.FIXED, bare.lines, CONFIG)
-    row = bench()[0][0]
+    row = bench.rows[0]
     truth = full.lines.truth
     assert truth is not None
     seen = np.isfinite(truth.position_px)
@@ -136,8 +135,8 @@ def test_errors_are_those_of_two_simulations() -> None:
     assert row.truth_median_px == pytest.approx(np.median(np.abs(error)))
 
 
-def test_a_turned_angle_counts_as_the_pixels_that_move_z_as_far() -> None:
-    light = Light(load(board(20, 300)), CONFIG)
+def test_a_turned_angle_counts_as_the_pixels_that_move_z_as_far(tmp_path: Path) -> None:
+    light = Light(load(board(tmp_path, 20, 300)), CONFIG)
     whole = frozenset(present(light.scene))
     full = run_engine(Engine.FIXED, simulate(light, COUNT, whole, every_ray=True).lines, CONFIG)
     bare = run_engine(
@@ -160,14 +159,26 @@ def test_a_turned_angle_counts_as_the_pixels_that_move_z_as_far() -> None:
 
 
 def row(scene: str, name: str, worst: float, speed: float, tolerance: float = math.nan) -> Row:
-    return replace(
-        bench()[0][0],
+    return Row(
         scene=scene,
         fidelity=name,
         tolerance_px=tolerance,
+        effects=12,
+        of=20,
+        lines=COUNT,
         lines_per_s=speed,
-        rms_px=worst,
+        planning_s=0.0,
+        points=80,
+        bias_px=-0.5 * worst,
+        rms_px=0.8 * worst,
         worst_px=worst,
+        p99_px=2.0 * worst,
+        max_px=3.0 * worst,
+        bias_um=-123.4 * worst,
+        rms_um=234.5 * worst,
+        differ=0.0123 * worst,
+        truth_rms_px=0.45,
+        truth_median_px=0.21,
     )
 
 
@@ -200,9 +211,9 @@ def test_page_has_a_line_for_each_scene() -> None:
     assert "| 7.5 x |" in lines[2]
 
 
-def test_table_fits_and_marks_what_is_out() -> None:
+def test_table_fits_and_marks_what_is_out(bench: Bench) -> None:
     console = Console(width=120, file=io.StringIO())
-    wide = [replace(each, scene="window-ghost") for each in (*made_up(), *bench()[0])]
+    wide = [replace(each, scene="window-ghost") for each in (*made_up(), *bench.rows)]
     console.print(fidelity.table(wide))
     assert isinstance(console.file, io.StringIO)
     text = console.file.getvalue()
@@ -210,7 +221,7 @@ def test_table_fits_and_marks_what_is_out() -> None:
     (out,) = {line.split("NO")[0].split()[0] for line in text.splitlines() if " NO " in line}
     assert out == "auto"
     assert sum(" NO " in line for line in text.splitlines()) == 2 + sum(
-        each.within is False for each in bench()[0]
+        each.within is False for each in bench.rows
     )
 
 

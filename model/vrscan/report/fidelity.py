@@ -224,6 +224,11 @@ def _scenes(rows: Sequence[Row]) -> list[str]:
     return list(dict.fromkeys(row.scene for row in rows))
 
 
+def _title(scene: str) -> str:
+    """Return a scene's name without folder and suffix."""
+    return Path(scene).stem
+
+
 def table(rows: Sequence[Row]) -> RichTable:
     """Return the bench as a table for the terminal, 120 columns wide."""
     lines = max((row.lines for row in rows), default=0)
@@ -266,7 +271,7 @@ def table(rows: Sequence[Row]) -> RichTable:
         first = index == 0 or rows[index - 1].scene != row.scene
         full = row.fidelity == "full"
         grid.add_row(
-            row.scene if first else "",
+            _title(row.scene) if first else "",
             row.fidelity,
             f"{row.effects}/{row.of}",
             _speed(row.lines_per_s),
@@ -332,7 +337,7 @@ def markdown(rows: Sequence[Row]) -> str:
         cells = [_markdown_cell(here[name]) for name in names]
         own = here["full"].truth_rms_px
         times = f"{faster(rows, scene):.1f} x"
-        lines.append(f"| {scene} | {' | '.join(cells)} | {times} | {own:.2g} px |")
+        lines.append(f"| {_title(scene)} | {' | '.join(cells)} | {times} | {own:.2g} px |")
     return "\n".join(lines)
 
 
@@ -373,7 +378,7 @@ def _marks() -> dict[str, dict[str, Any]]:
     for shape, tolerance in zip("v^o", TOLERANCES_PX, strict=True):
         marks[f"auto {tolerance:g}"] = {"marker": shape, "color": COLOURS[0]}
     # An auto that is full lies on it, and both are to be seen.
-    marks["full"] = {"marker": "D", "color": INK, "markersize": 7.5, "zorder": 3}
+    marks["full"] = {"marker": "D", "color": INK, "markersize": 6.5, "zorder": 3}
     return {name: {"markersize": 5.5, "zorder": 4} | mark for name, mark in marks.items()}
 
 
@@ -454,7 +459,7 @@ def _draw_panel(axes: Axes, rows: Sequence[Row], scene: str) -> None:
     for row in own:
         mark = marks[row.fidelity] | (_OUT if row.within is False else {})
         axes.plot(_place(row), row.lines_per_s, linestyle="", clip_on=False, **mark)
-    axes.set_title(scene)
+    axes.set_title(_title(scene))
     axes.set_title(
         f"{TIGHTEST}: {faster(rows, scene):.1f} x full",
         loc="right",
