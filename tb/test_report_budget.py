@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rich.console import Console
-from rich.table import Table as RichTable
+from rich.console import Console, RenderableType
 
 from vrscan.config import Config
 from vrscan.report import budget
@@ -76,7 +75,7 @@ def made_up() -> Plan:
     )
 
 
-def shown(grid: RichTable) -> list[str]:
+def shown(grid: RenderableType) -> list[str]:
     console = Console(width=WIDTH, file=io.StringIO())
     console.print(grid)
     assert isinstance(console.file, io.StringIO)
@@ -86,7 +85,7 @@ def shown(grid: RichTable) -> list[str]:
 @pytest.mark.parametrize("what", ["measured", "made_up"])
 def test_every_figure_of_the_plan_is_in_the_table(what: str) -> None:
     found = planned()[1] if what == "measured" else made_up()
-    lines = shown(budget.budget_table(found, scene()))
+    lines = shown(budget.figures_table(found, scene()))
     assert not any("…" in line for line in lines)
     text = "\n".join(lines)
     for zone, z_mm in zip(ZONES, found.distance_mm, strict=True):
@@ -112,7 +111,7 @@ def test_every_figure_of_the_plan_is_in_the_table(what: str) -> None:
 
 def test_base_and_sums_add_up() -> None:
     found = made_up()
-    lines = {line.split("  ")[0]: line for line in shown(budget.budget_table(found, scene()))}
+    lines = {line.split("  ")[0]: line for line in shown(budget.figures_table(found, scene()))}
     effects = sum(row.microseconds for row in found.predictions)
     last = {name: float(line.split()[-1]) for name, line in lines.items() if name in SUMS}
     assert last["base"] + effects == pytest.approx(found.microseconds[1], abs=0.1)
@@ -124,6 +123,13 @@ def test_base_and_sums_add_up() -> None:
 
 
 SUMS = ("base", "left out", "planned", "all on")
+
+
+def test_budget_is_both_tables() -> None:
+    found = made_up()
+    lines = shown(budget.budget_table(found, scene()))
+    both = shown(budget.figures_table(found, scene())), shown(budget.effects_table(found))
+    assert [line.rstrip() for line in lines] == [line.rstrip() for line in (*both[0], "", *both[1])]
 
 
 def test_effects_say_what_stands_in_their_place() -> None:

@@ -10,6 +10,8 @@ from typing import BinaryIO
 
 import numpy as np
 from rich import box
+from rich.console import Group
+from rich.markup import escape
 from rich.table import Table as RichTable
 from rich.text import Text
 
@@ -34,10 +36,15 @@ _LEAST_COS = 0.05  # of the beam on a surface: flatter, a spot is no spot
 _FIGURES = ("bias_px", "rms_px", "bias_mm", "rms_mm", "changed")
 
 
-def budget_table(plan: Plan, scene: Description) -> RichTable:
-    """Return what leaving out each effect does, as a table for the terminal, 120 columns wide."""
+def budget_table(plan: Plan, scene: Description) -> Group:
+    """Return the budget for the terminal, 120 columns wide: figures, and what the effects are."""
+    return Group(figures_table(plan, scene), "", effects_table(plan))
+
+
+def figures_table(plan: Plan, scene: Description) -> RichTable:
+    """Return what leaving out each effect does: bias and rms in px and mm, near, middle and far."""
     grid = RichTable(
-        title=f"{scene.source}: what its points lose without each effect, "
+        title=f"{escape(scene.source)}: what its points lose without each effect, "
         f"fidelity {plan.fidelity}{_tolerance(plan)}",
         caption=f"Bias and rms about it: how the position moves (with everything, less without the "
         f"effect), on {plan.lines} lines. Points differ: share of lines with a point in only one "

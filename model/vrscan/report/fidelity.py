@@ -19,6 +19,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich import box
+from rich.markup import escape
 from rich.table import Table as RichTable
 
 from vrscan.arrays import Floats
@@ -271,7 +272,7 @@ def table(rows: Sequence[Row]) -> RichTable:
         first = index == 0 or rows[index - 1].scene != row.scene
         full = row.fidelity == "full"
         grid.add_row(
-            _title(row.scene) if first else "",
+            escape(_title(row.scene)) if first else "",
             row.fidelity,
             f"{row.effects}/{row.of}",
             _speed(row.lines_per_s),
