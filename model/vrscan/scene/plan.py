@@ -33,6 +33,7 @@ JUMP_PX = 3.0
 _PER_PART = 240  # probe lines
 _SURVEY = 4  # blocks in which they are looked for
 _STREAM = 0x9A1F
+_FIRST = 32  # lines that make the tables
 _SAFETY = 0.75  # of the tolerance: the probe is a sample
 _FREE_US = 0.05  # a line: an effect cheaper than that is not worth leaving out
 
@@ -101,7 +102,8 @@ def plan(
         progress: Called with the number of renderings done and of all.
 
     Raises:
-        InputError: if the camera sees none of the lines, or an effect is unknown.
+        InputError: if the camera sees none of the lines, an effect or fidelity is unknown, or the
+            tolerance is not positive.
     """
     begin = time.perf_counter()
     scene = light.scene
@@ -109,6 +111,10 @@ def plan(
     tolerance = scene.tolerance_px if tolerance_px is None else tolerance_px
     have = present(scene)
     listed = chosen(wanted, scene.source) if isinstance(wanted, list) else None
+    if listed is None and wanted not in ("auto", "full", "minimal"):
+        raise InputError(f"{scene.source}: fidelity {wanted!r} is not auto, full or minimal")
+    if not tolerance > 0.0:
+        raise InputError(f"{scene.source}: tolerance_px = {tolerance:g}: must be above 0")
     numbers, part, distance = _probe(light, count)
     probe = _Probe(light, count, numbers, part, tolerance)
     total = len(have) + 2
@@ -121,6 +127,7 @@ def plan(
             progress(min(done, total), total)
 
     whole = frozenset(have)
+    probe.prepare(whole)
     probe.reference = probe.table(whole, every_ray=True)
     seconds = probe.seconds  # of each effect, in the whole
     full_us = probe.microseconds
@@ -203,6 +210,10 @@ class _Probe:
         self.tolerance_px = tolerance_px
         self._registers = Registers.from_config(light.config)
         self._power = np.full(len(numbers), light.config.laser.power_max, np.int64)
+
+    def prepare(self, active: frozenset[str]) -> None:
+        """Let the scene make the tables that all lines share, lest one effect pays for them."""
+        Scanner(self.light, self.count, active, every_ray=True).some(self.numbers[:_FIRST])
 
     def table(self, active: frozenset[str], *, every_ray: bool) -> Table:
         """Return the points of the probe lines."""
