@@ -10,7 +10,8 @@ the same word of noise for the same pixel of the same line and agree bit for bit
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -32,11 +33,15 @@ _MAP_STEP = 2e-4  # rad between the angles at which that is found out: a fifth o
 _SPREAD = 2.0  # of those rays, in 1/e2 radii, either side: 3e-4 of the peak is left
 _SMOOTH = 0.6  # sigma of one ray's share of the spot, in distances between rays
 _TORN, _TORN_PX = 3.0, 0.5  # a jump of the image between rays, in expected steps and px
-_BISECTIONS = 5  # of the edge between two rays
+_SECTIONS = 6  # into which the way between two rays is cut to find an edge,
+_ROUNDS = 2  # and how often: to 1/36
 _WIDEST_PX = 250.0  # of a spot's sigma: light along a surface is spread no farther
 _SHARPEN = 0.5  # px of defocus radius, from which on parts of a spot are blurred each for itself
 _WIDE_DISC = 8.0  # spot sigmas of a ghost's radius, from which on its ends count as hard
 _SPILT_E = 0.05  # electrons of blooming that may be lost at a window's end
+_FIVE = np.linspace(-_SPREAD, _SPREAD, 5)  # 1/e2 radii, of rays that tell a smooth surface
+_SMOOTH_PX = 0.1  # how far their images may be off a parabola there
+_SMOOTH_LIGHT = 0.02  # and their light, of the middle one's
 _CHUNK = 64  # lines whose rays are summed at a time
 
 
@@ -373,15 +378,14 @@ class Renderer:
         lower parts see is taken to be the same, which for a sensor of one row is nearly so.
         """
         offset = np.linspace(-_SPREAD, _SPREAD, RAYS)
-        origin, direction = self._offset_rays(spots, beam, rows, offset)
-        parts = self._meet(origin, direction, np.repeat(timeline.y_mm[rows], RAYS))
+        parts = self._parts(spots, beam, timeline, rows, offset)
         # A ray's own share is smeared below; the profile is narrower by that.
         narrow = 1.0 - np.square(_SMOOTH * 2.0 * (offset[1] - offset[0]))
         shape = (len(rows), RAYS)
         cells, shift = self._cells(spots, beam, timeline, rows, offset, parts, narrow)
         place = parts.position_px.reshape(shape)
         used = parts.seen.reshape(shape)
-        light = np.where(used, parts.collected.reshape(shape), 0.0) * cells
+        light = np.where(used, np.maximum(parts.collected.reshape(shape), 0.0), 0.0) * cells
         place = np.where(used, place, 0.0) + shift
         depth = np.where(used, parts.depth.reshape(shape), 1.0)
         target = parts.target.reshape(shape)
@@ -434,6 +438,51 @@ class Renderer:
             )
         return pieces
 
+    def _parts(
+        self, spots: Spots, beam: Floats, timeline: Timeline, rows: Ints, offset: Floats
+    ) -> Spots:
+        """Return the rays of some lines' spots, [m * RAYS].
+
+        Five of them tell whether a spot is on one smooth surface: there the others lie on the
+        polynomial through the five, which follows the surface to the fifth order.
+        """
+        if self.every_ray:
+            origin, direction = self._offset_rays(spots, beam, rows, offset)
+            return self._meet(origin, direction, np.repeat(timeline.y_mm[rows], RAYS))
+        few = self._meet(
+            *self._offset_rays(spots, beam, rows, _FIVE), np.repeat(timeline.y_mm[rows], len(_FIVE))
+        )
+        shape = (len(rows), len(_FIVE))
+        target = few.target.reshape(shape)
+        smooth = few.seen.reshape(shape).all(axis=1) & (target == target[:, :1]).all(axis=1)
+        place = np.where(few.seen, few.position_px, 0.0).reshape(shape)
+        light = few.collected.reshape(shape)
+        # How far the parabola through the ends and the middle misses the two others.
+        smooth &= np.abs(place @ _MISS.T).max(axis=1) < _SMOOTH_PX
+        smooth &= np.abs(light @ _MISS.T).max(axis=1) < _SMOOTH_LIGHT * light[:, 2]
+        torn = np.flatnonzero(~smooth)
+        origin, direction = self._offset_rays(spots, beam, rows[torn], offset)
+        real = self._meet(origin, direction, np.repeat(timeline.y_mm[rows[torn]], RAYS))
+        even = np.flatnonzero(smooth)
+        blend = _lagrange(_FIVE, offset)
+
+        def joined(real: npt.NDArray[Any], few: npt.NDArray[Any], steady: bool) -> Any:
+            whole = np.empty((len(rows), RAYS, *real.shape[1:]), real.dtype)
+            whole[torn] = real.reshape(len(torn), RAYS, *real.shape[1:])
+            five = few.reshape(*shape, *few.shape[1:])[even]
+            whole[even] = five[:, 2:3] if steady else five @ blend.T
+            return whole.reshape(-1, *real.shape[1:])
+
+        steady = ("lit", "seen", "point", "target")  # these are the middle ray's
+        return Spots(
+            **{
+                field.name: joined(
+                    getattr(real, field.name), getattr(few, field.name), field.name in steady
+                )
+                for field in fields(Spots)
+            }
+        )
+
     def _cells(
         self,
         spots: Spots,
@@ -470,20 +519,21 @@ class Renderer:
         line, ray = np.nonzero(edge)
         if len(line) == 0:
             return cells, shift
-        low, high = np.zeros(len(line)), np.ones(len(line))
-        left, right = kind[line, ray], kind[line, ray + 1]
-        for _ in range(_BISECTIONS):
-            middle = 0.5 * (low + high)
-            here = (offset[ray] + middle * step)[:, None]
-            found = self._meet(
-                *self._offset_rays(spots, beam, rows[line], here), timeline.y_mm[rows[line]]
-            )
-            own = np.where(found.seen, found.target, -1)
-            nearer = np.abs(found.depth - depth[line, ray]) <= np.abs(
-                found.depth - depth[line, ray + 1]
-            )
+        low, size = np.zeros(len(line)), 1.0
+        left, right = kind[line, ray][:, None], kind[line, ray + 1][:, None]
+        ahead, behind = depth[line, ray][:, None], depth[line, ray + 1][:, None]
+        lines, y_mm = rows[line], np.repeat(timeline.y_mm[rows[line]], _SECTIONS - 1)
+        part = np.arange(1, _SECTIONS) / _SECTIONS
+        for _ in range(_ROUNDS):
+            here = offset[ray][:, None] + (low[:, None] + size * part) * step
+            found = self._meet(*self._offset_rays(spots, beam, lines, here), y_mm)
+            own = np.where(found.seen, found.target, -1).reshape(here.shape)
+            deep = found.depth.reshape(here.shape)
+            nearer = np.abs(deep - ahead) <= np.abs(deep - behind)
             same = (own == left) & (nearer | (own != right))
-            low, high = np.where(same, middle, low), np.where(same, high, middle)
+            size /= _SECTIONS
+            low += size * np.logical_and.accumulate(same, axis=1).sum(axis=1)
+        high = low + size
         end = 0.5 * (low + high)  # of the way to the next ray, where the cell ends; 1/2 elsewhere
         moved = 0.25 + 0.5 * end  # the middle of what changes hands
         amount = (end - 0.5) * np.exp(-2.0 * np.square(offset[ray] + moved * step) / narrow) / whole
@@ -798,6 +848,16 @@ class Renderer:
             )
             for row, first, light in self._drawn(some, timeline):
                 _add(field, inside[row], first, light)
+
+
+def _lagrange(knots: Floats, at: Floats) -> Floats:
+    """Return the matrix [places, knots] of the polynomial through values at the knots."""
+    each = np.eye(len(knots))
+    return np.stack([np.polyval(np.polyfit(knots, row, len(knots) - 1), at) for row in each], 1)
+
+
+_MISS = np.eye(5)[[1, 3]]
+_MISS[:, ::2] -= _lagrange(_FIVE[::2], _FIVE[[1, 3]])
 
 
 def _spectrum(offset_px: Floats, share: Floats, width: int) -> npt.NDArray[np.complex64]:

@@ -17,7 +17,7 @@ from vrscan.scene.render import Frame, Renderer
 from vrscan.scene.sensor import words
 from vrscan.scene.timeline import Timeline, timeline
 
-BLOCK = 512  # lines that are made together; their random numbers belong to the block
+BLOCK = 1024  # lines that are made together; their random numbers belong to the block
 
 
 @dataclass(frozen=True)
