@@ -666,7 +666,10 @@ class Renderer:
     ) -> Pixels:
         """Return the counts of a block; ``second`` are pieces too faint for ghosts and halo."""
         count, length = words.shape
-        drawn = [part for piece in pieces + second for part in self._drawn(piece, timeline)]
+        drawn = []
+        for row, first, light in (d for p in pieces + second for d in self._drawn(p, timeline)):
+            near = (first < length) & (first + light.shape[1] > 0)  # some of it is on the sensor
+            drawn.append((row[near], first[near], light[near]))
         everywhere = bool({"ghosts", "halo", "bounce"} & self.active) or self._uneven_e is not None
         whole = np.full(count, everywhere)
         seen_once = np.zeros(count, np.int64)
