@@ -1,6 +1,7 @@
 """What all lines of a scene share, worked out once and when first needed."""
 
 import math
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -176,8 +177,12 @@ class Light:
         return ghosts(self._stack, focus, depth_mm, field_mm)
 
     def window_ghost(self, angle_rad: Floats) -> WindowGhost:
-        """Return the scan head window's second beam [n]."""
-        return window_ghost(self.scene.stray.head_window, angle_rad)
+        """Return the scan head window's second beam [n]; without power if there is no window."""
+        stray = self.scene.stray
+        found = window_ghost(stray.head_window, angle_rad)
+        if "head_window" in stray.enabled:
+            return found
+        return replace(found, power=np.zeros_like(found.power))
 
     # -- what the camera sees --
 

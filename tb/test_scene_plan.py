@@ -1,0 +1,162 @@
+"""What a plan leaves out is worth leaving out, measured on every line and not on its probe."""
+
+import functools
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vrscan.config import Config
+from vrscan.engines import Engine, run
+from vrscan.errors import InputError
+from vrscan.scene.description import load, parse
+from vrscan.scene.effects import EFFECTS, present
+from vrscan.scene.light import Light
+from vrscan.scene.plan import PARTS, Plan, plan
+from vrscan.scene.simulate import simulate
+from vrscan.table import Table
+
+CONFIG = Config()
+COUNT = 1000
+
+
+@functools.cache
+def _light(name: str) -> Light:
+    return Light(load(name), CONFIG)
+
+
+@functools.cache
+def _plan(name: str, tolerance_px: float) -> Plan:
+    return plan(_light(name), COUNT, fidelity="auto", tolerance_px=tolerance_px)
+
+
+def _points(light: Light, active: frozenset[str], every_ray: bool, tolerance_px: float) -> Table:
+    scan = simulate(light, COUNT, active, every_ray=every_ray, tolerance_px=tolerance_px)
+    return run(Engine.FIXED, scan.lines, CONFIG)
+
+
+@functools.cache
+def _full(name: str) -> Table:
+    return _points(_light(name), frozenset(present(_light(name).scene)), True, 0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "tolerance_px"), [("default", 0.03), ("two-surfaces", 0.1), ("dark", 0.1)]
+)
+def test_what_is_left_out_is_below_the_tolerance_on_all_lines(
+    name: str, tolerance_px: float
+) -> None:
+    full, chosen = _full(name), _plan(name, tolerance_px)
+    got = _points(_light(name), chosen.active, chosen.every_ray, tolerance_px)
+    both = full.located & got.located
+    moved = (full.position_px - got.position_px)[both]
+    own = np.abs(moved) < 1.0  # others are of another peak
+    rms = float(np.sqrt(np.mean(np.square(moved[own]))))
+    other = int((~own).sum()) + int((full.located != got.located).sum())
+    off = sorted(frozenset(present(_light(name).scene)) - chosen.active)
+    print(f"{name}: rms {rms:.4f} of {tolerance_px} px, {other} of {COUNT} changed, off {off}")
+    assert both.sum() > 300
+    assert rms <= tolerance_px
+    assert other <= 0.01 * COUNT
+    assert off
+
+
+def test_a_wider_tolerance_leaves_out_more() -> None:
+    narrow, wide = _plan("default", 0.003), _plan("default", 0.03)
+    have = frozenset(present(_light("default").scene))
+    assert len(narrow.active) > len(wide.active)
+    # Each stays within its own, as measured together on the probe.
+    for found, limit in ((narrow, 0.003), (wide, 0.03)):
+        assert found.left_out.total_px.max() <= limit
+        assert not found.left_out.changed.any()
+        assert found.active <= have
+        assert found.present == present(_light("default").scene)
+
+
+def test_a_plan_says_what_it_decided() -> None:
+    found = _plan("default", 0.03)
+    assert found.fidelity == "auto"
+    assert found.tolerance_px == 0.03
+    assert {p.name for p in found.predictions} | set(found.absent) == set(EFFECTS)
+    assert {p.name for p in found.predictions if p.on} == found.active
+    assert (np.diff(found.distance_mm) > 0.0).all()
+    for prediction in found.predictions:
+        assert prediction.difference.bias_px.shape == (len(PARTS),)
+        assert prediction.microseconds >= 0.0
+        assert np.isfinite(prediction.difference.total_px).all()
+    # Speckle rules this instrument, as it rules every real one.
+    biggest = max(found.predictions, key=lambda p: float(p.difference.total_px.max()))
+    speckle = next(p for p in found.predictions if p.name == "speckle")
+    assert speckle.on
+    assert speckle.difference.total_px.max() > 0.1
+    assert biggest.on
+
+
+def test_tables_that_all_lines_share_are_not_the_price_of_an_effect() -> None:
+    # The speckle's table takes 30 ms, its look-up a few us a line; a probe has some 700 lines.
+    light = Light(load("plane"), CONFIG)
+    found = plan(light, 400, fidelity="full", each=True)
+    again = plan(light, 400, fidelity="full", each=True)
+    first, second = (
+        next(p.microseconds for p in one.predictions if p.name == "speckle")
+        for one in (found, again)
+    )
+    assert first < 5.0 * second + 5.0
+
+
+def test_full_minimal_and_lists_are_what_they_say() -> None:
+    light = _light("plane")
+    have = frozenset(present(light.scene))
+    full = plan(light, 300, fidelity="full")
+    assert full.active == have and full.every_ray
+    assert full.left_out.total_px.max() == 0.0
+    minimal = plan(light, 300, fidelity="minimal")
+    assert minimal.active == frozenset() and not minimal.every_ray
+    assert minimal.left_out.total_px.max() > 0.1
+    some = plan(light, 300, fidelity=["speckle", "sun"])
+    assert some.fidelity == "list"
+    assert some.active == {"speckle"}  # the scene has no sun
+    assert plan(light, 300, fidelity=[]).active == frozenset()
+
+
+def test_a_plan_that_cannot_be_made_is_told_in_one_line() -> None:
+    light = _light("plane")
+    wrong: list[dict[str, object]] = [
+        {"fidelity": ["speckel"]},
+        {"fidelity": ["sun", "sun"]},
+        {"fidelity": "best"},
+        {"tolerance_px": 0.0},
+        {"tolerance_px": -1.0},
+        {"tolerance_px": float("nan")},
+    ]
+    for arguments in wrong:
+        with pytest.raises(InputError) as caught:
+            plan(light, 300, **arguments)  # type: ignore[arg-type]
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("count", [1, 3, 40])
+def test_a_scan_of_few_lines_is_planned_too(count: int) -> None:
+    light = Light(
+        parse(
+            {
+                "target": [{"kind": "plane", "position_mm": [0, 0, 400]}],
+                "scan": {"sweep": "even", "half_angle_deg": 5.0},
+            },
+            "few",
+            Path(),
+        ),
+        CONFIG,
+    )
+    found = plan(light, count, fidelity="auto", tolerance_px=0.1)
+    assert found.lines == count
+    assert np.isfinite(found.left_out.total_px).all()
+
+
+def test_a_scene_without_power_needs_nothing() -> None:
+    values: dict[str, object] = {
+        "target": [{"kind": "plane", "position_mm": [0, 0, 400]}],
+        "laser": {"power_mw": 0},
+    }
+    found = plan(Light(parse(values, "dark", Path()), CONFIG), 100, fidelity="auto")
+    assert found.active == frozenset()
