@@ -2,8 +2,9 @@
 
 Named work: ``count`` lines of a scene, rendered in one process; the points are those of the chain's
 bit-accurate model. A speed is that of the rendering alone, on one core: lines over the processor
-time of all threads, which other programs on the machine do not lengthen; the best of several short
-runs that take turns with those of the other fidelities, after a first run that fills the tables.
+time of all threads, which other programs lengthen only through the caches and memory they share;
+the best of several short runs that take turns with those of the other fidelities, after a first run
+that fills the tables. On a machine with other work it still comes out a fifth to a half too low.
 """
 
 import csv
