@@ -75,6 +75,7 @@ def test_the_shortest_scene_is_one_target() -> None:
         ({"sensor": {"dark_e_per_s": 0, "blooming": 0}}, {"dark", "blooming"}),
         ({"lens": {"coma_px": 0}}, {"coma"}),
         ({"scan": {"sweep": "even"}}, {"index"}),
+        ({"laser": {"aperture_mm": float("inf")}}, {"truncation"}),
         ({"stray": {"enabled": ["lens"]}}, {"window", "halo", "dust"}),
         ({"stray": {"enabled": []}}, {"window", "halo", "dust", "ghosts"}),
         ({"stray": {"polish": {"roughness_nm": 0}}}, {"halo"}),

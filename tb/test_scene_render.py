@@ -18,6 +18,7 @@ from vrscan.scene.description import Description, parse
 from vrscan.scene.effects import EFFECTS
 from vrscan.scene.light import Light
 from vrscan.scene.render import Frame, Renderer
+from vrscan.scene.sensor import bloom
 from vrscan.scene.timeline import Timeline
 
 SEED = 20100301
@@ -667,6 +668,18 @@ def test_charge_that_spills_is_the_same_in_windows_and_whole_lines(full_well: fl
     whole = _frame(light, active | {"ghosts"}, angle).lines.astype(int)
     assert np.abs(window - whole).max() <= 1
     assert (window != whole).mean() < 1e-3
+
+
+def test_what_spills_in_a_line_does_not_depend_on_its_neighbours() -> None:
+    sensor = parse({"target": [_plane(300.0)], "sensor": {"full_well_e": 100}}, "s", Path()).sensor
+    light = np.zeros((2, 2048), np.float32)
+    light[0, 1000:1004] = 150.0
+    light[1, 500:540] = 1e9
+    both = bloom(light, sensor)
+    for k in range(2):
+        assert np.array_equal(bloom(light[k : k + 1], sensor)[0], both[k])
+    assert both.max() <= 100.0
+    assert both[1, 600] > 99.0  # 8e6 pixels full of charge: it reaches the ends
 
 
 # -- nothing breaks --

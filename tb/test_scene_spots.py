@@ -55,14 +55,16 @@ def _plane(z: float, turn: float = 0.0, tip: float = 0.0, **more: object) -> dic
     return {"kind": "plane", "position_mm": [0, 0, z], "rotation_deg": [tip, turn, 0], **more}
 
 
-def test_the_camera_sees_its_axis_in_the_middle_of_the_sensor() -> None:
-    camera = Camera.of(CONFIG, 3.0)
+@pytest.mark.parametrize("offset", [0.0, 15.0])
+def test_the_camera_sees_its_axis_in_the_middle_of_the_sensor(offset: float) -> None:
+    config = Config.model_validate({"geometry": {"offset_mm": offset}})
+    camera = Camera.of(config, 3.0)
     for along in (100.0, 700.0):
         point = camera.place + along * camera.axis
-        assert abs(project(point[:1], point[2:], CONFIG.geometry)[0] - 1023.5) < 1e-9
+        assert abs(project(point[:1], point[2:], config.geometry)[0] - 1023.5) < 1e-9
         beside = point + 0.01 * along * camera.side
         want = 1023.5 + 0.01 * 25.0 / 0.007
-        assert abs(project(beside[:1], beside[2:], CONFIG.geometry)[0] - want) < 1e-6
+        assert abs(project(beside[:1], beside[2:], config.geometry)[0] - want) < 1e-6
     assert abs(camera.axis @ camera.side) < 1e-15
     assert abs(camera.pupil_mm2 - 54.54) < 0.01
 

@@ -1,5 +1,6 @@
 """The effects that a scene may have, by name: what each is, and which a fidelity switches on."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -62,6 +63,8 @@ def present(scene: Description) -> tuple[str, ...]:
         absent.add("lamps")
     if not any(material.gloss > 0.0 for material in materials):
         absent.add("gloss")
+    if math.isinf(scene.laser.aperture_mm):
+        absent.add("truncation")
     stray = scene.stray
     head = stray.head_window
     if "head_window" not in stray.enabled or head.inner_reflectance * head.outer_reflectance == 0.0:

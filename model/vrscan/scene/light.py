@@ -44,8 +44,9 @@ class Light:
         config: The instrument.
 
     Raises:
-        InputError: if a mesh or map does not load, the laser is above its rating, no target is
-            where beam and camera meet, or the sun is not above the horizon.
+        InputError: if a mesh or map does not load, the laser is above its rating or not in the
+            filter's band, the exposure is shorter than its pulse or longer than a line, or the sun
+            is not above the horizon.
     """
 
     def __init__(self, scene: Description, config: Config) -> None:

@@ -646,7 +646,10 @@ class Renderer:
         return self._transfer[width]
 
     def _ambient(self) -> tuple[float, Singles | None]:
-        """Return the electrons that all pixels have, and those of each pixel or None."""
+        """Return the electrons that all pixels have, and those of each pixel or None.
+
+        A panning scanner keeps the view of its start, and lamps do not flicker.
+        """
         scene = self.light.scene
         even = 0.0
         if "dark" in self.active:

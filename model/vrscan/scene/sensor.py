@@ -387,12 +387,12 @@ def bloom(mean_e: Singles, model: SensorModel) -> Singles:
     # Only where charge gets to: the full pixels and some way on either side.
     width = mean_e.shape[1]
     excess = np.where(over[rows], mean_e[rows] - full, np.float32(0.0)).sum(axis=1)
-    filled = model.blooming * float(excess.max()) / model.full_well_e  # pixels, half of them a side
-    reach = math.ceil(_SPILL_REACH * model.spill_px + filled)
-    first = over[rows].argmax(axis=1) - reach
-    last = width - 1 - over[rows, ::-1].argmax(axis=1) + reach
+    filled = model.blooming * excess / full  # pixels, half of them a side
+    reach = np.minimum(np.ceil(_SPILL_REACH * model.spill_px + filled), width).astype(np.int64)
+    first = np.maximum(over[rows].argmax(axis=1) - reach, 0)
+    last = np.minimum(width - 1 - over[rows, ::-1].argmax(axis=1) + reach, width - 1)
     column = first[:, None] + np.arange(int((last - first).max()) + 1)
-    inside = ((column >= 0) & (column < width)).T
+    inside = (column <= last[:, None]).T  # a line's own reach, whatever its neighbours need
     at = (rows[:, None], np.clip(column, 0, width - 1))
     held = np.where(inside, mean_e[at].T, np.float32(0.0))
     spilt = np.maximum(held - full, np.float32(0.0)) * np.float32(0.5 * model.blooming)
