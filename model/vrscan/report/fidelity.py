@@ -27,14 +27,13 @@ from vrscan.arrays import Floats
 from vrscan.config import Config
 from vrscan.engines import Engine
 from vrscan.engines import run as run_engine
-from vrscan.ideal import geometry as triangle
 from vrscan.lines import Truth
 from vrscan.report.numbers import replace_block
 from vrscan.report.style import COLOURS, INK, LIGHT, QUIET, STYLE
 from vrscan.scene.description import Description, load
 from vrscan.scene.effects import present
 from vrscan.scene.light import Light
-from vrscan.scene.plan import JUMP_PX, ZONES, plan
+from vrscan.scene.plan import JUMP_PX, ZONES, moved, plan
 from vrscan.scene.simulate import Simulation, simulate
 from vrscan.table import Table
 
@@ -163,11 +162,11 @@ def _scene(scene: Description, count: int, config: Config, rounds: int) -> list[
 def _row(
     scene: str, made: _Run, found: Table, full: Table, truth: Truth, of: int, config: Config
 ) -> Row:
-    moved = _moved_px(found, full, config)
-    jumped = np.abs(moved) > JUMP_PX
+    apart = moved(found, full, config)
+    jumped = np.abs(apart) > JUMP_PX
     seen = np.isfinite(truth.position_px)
     used = found.located & full.located & seen & ~jumped
-    px, um = moved[used], 1e3 * (found.z_mm - full.z_mm)[used]
+    px, um = apart[used], 1e3 * (found.z_mm - full.z_mm)[used]
     parts = np.array_split(np.argsort(truth.z_mm[used], kind="stable"), len(ZONES))
     known = found.located & seen
     error = (found.position_px - truth.position_px)[known]
@@ -192,20 +191,6 @@ def _row(
         truth_rms_px=_rms(error),
         truth_median_px=float(np.median(np.abs(error))) if error.size else 0.0,
     )
-
-
-def _moved_px(found: Table, full: Table, config: Config) -> Floats:
-    """Return how far points moved, px; one whose angle changed as the px that move z as far."""
-    both = found.located & full.located
-    moved = np.where(both, found.position_px - full.position_px, 0.0)
-    turned = both & (found.angle_rad != full.angle_rad)
-    if not turned.any():
-        return moved
-    u, step = triangle.undistorted(full.position_px[turned], config.geometry)
-    slope = triangle.triangle(u, full.angle_rad[turned], config.geometry).slope * step
-    rise = found.z_mm[turned] - full.z_mm[turned]
-    moved[turned] = np.where(slope == 0.0, 0.0, rise / np.where(slope == 0.0, 1.0, slope))
-    return moved
 
 
 def _mean(values: Floats) -> float:

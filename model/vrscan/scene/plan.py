@@ -6,7 +6,8 @@ numbers, and go through the chain's bit-accurate model. What the position change
 effect contributes here: its mean over such a part is the bias, the spread about it the rms.
 ``auto`` then leaves out what costs most for what it contributes, as long as everything left out
 together, rendered once more to be sure, stays below the tolerance in every zone and neither adds
-nor loses a point, be it one whose spot is hidden.
+nor loses a point, be it one whose spot is hidden; in the end some thousand lines have to confirm
+that, of which at most three in a thousand may differ.
 """
 
 import time
@@ -17,6 +18,7 @@ import numpy as np
 
 from vrscan.arrays import Bools, Floats, Ints
 from vrscan.chain import run_fixed
+from vrscan.config import Config
 from vrscan.errors import InputError
 from vrscan.ideal import geometry as triangle
 from vrscan.points import table
@@ -30,11 +32,13 @@ from vrscan.table import Table
 ZONES = ("near", "middle", "far")
 PARTS = (*ZONES, "hidden")  # of the probe; the last: lines whose spot the camera does not see
 JUMP_PX = 3.0
-_PER_PART = 240  # probe lines
+_PER_PART = 160  # probe lines
 _SURVEY = 4  # blocks in which they are looked for
 _STREAM = 0x9A1F
 _FIRST = 32  # lines that make the tables
-_SAFETY = 0.75  # of the tolerance: the probe is a sample
+_SAFETY = 0.8  # of the tolerance, on the probe
+_SURVEYED = 0.95  # of it, on all lines of the survey
+_MOST_CHANGED = 0.003  # of those lines: points that come, go or jump
 _FREE_US = 0.05  # a line: an effect cheaper than that is not worth leaving out
 
 
@@ -115,8 +119,9 @@ def plan(
         raise InputError(f"{scene.source}: fidelity {wanted!r} is not auto, full or minimal")
     if not tolerance > 0.0:
         raise InputError(f"{scene.source}: tolerance_px = {tolerance:g}: must be above 0")
-    numbers, part, distance = _probe(light, count)
-    probe = _Probe(light, count, numbers, part, tolerance)
+    survey = _survey(light, count)
+    numbers = survey.numbers[survey.probe]
+    probe = _Probe(light, count, numbers, survey.part[survey.probe], tolerance)
     total = len(have) + 2
     done = 0
 
@@ -145,7 +150,9 @@ def plan(
     elif wanted == "minimal":
         active = frozenset[str]()
     else:
-        active, every_ray = _auto(probe, found, cost, whole, tolerance)
+        everything = _Probe(light, count, survey.numbers, survey.part, tolerance)
+        active, every_ray = _auto(probe, everything, found, cost, whole)
+        probe = everything
     left_out = probe.against(active, every_ray=every_ray)
     planned_us = probe.microseconds
     tick()
@@ -160,15 +167,25 @@ def plan(
         ),
         absent=tuple(name for name in EFFECTS if name not in have),
         left_out=left_out,
-        distance_mm=distance,
+        distance_mm=survey.distance_mm,
         microseconds=(planned_us, full_us),
         lines=len(numbers),
         seconds=time.perf_counter() - begin,
     )
 
 
-def _probe(light: Light, count: int) -> tuple[Ints, Ints, Floats]:
-    """Return numbers of probe lines, rising, the part of each, and the zones' mean z [3]."""
+@dataclass(frozen=True)
+class _Survey:
+    """Lines of some blocks of a scan, which the probes are drawn from."""
+
+    numbers: Ints  # rising [n]
+    part: Ints  # index into ``PARTS`` [n]
+    probe: Ints  # rows of those that are rendered with every effect left out [m]
+    distance_mm: Floats  # mean z of the zones [3]
+
+
+def _survey(light: Light, count: int) -> _Survey:
+    """Return what there is to see in a scan."""
     scanner = Scanner(light, count, frozenset())
     blocks = np.unique(np.linspace(0, scanner.blocks - 1, _SURVEY).round().astype(np.int64))
     numbers, depths = [], []
@@ -177,23 +194,22 @@ def _probe(light: Light, count: int) -> tuple[Ints, Ints, Floats]:
         numbers.append(block * BLOCK + np.arange(len(truth.z_mm)))
         depths.append(np.where(np.isfinite(truth.position_px), truth.z_mm, np.nan))
     number, depth = np.concatenate(numbers), np.concatenate(depths)
-    inside = number < count
-    seen = np.flatnonzero(np.isfinite(depth) & inside)
+    number, depth = number[number < count], depth[number < count]
+    seen = np.flatnonzero(np.isfinite(depth))
     if len(seen) == 0:
         raise InputError(
             f"{light.scene.source}: no target where beam and camera meet, in any of "
-            f"{int(inside.sum())} lines"
+            f"{len(number)} lines"
         )
     by_depth = seen[np.argsort(depth[seen], kind="stable")]
-    groups = [*np.array_split(by_depth, len(ZONES)), np.flatnonzero(np.isnan(depth) & inside)]
+    groups = [*np.array_split(by_depth, len(ZONES)), np.flatnonzero(np.isnan(depth))]
+    part = np.empty(len(number), np.int64)
+    for index, group in enumerate(groups):
+        part[group] = index
     rng = np.random.default_rng((light.scene.seed, _STREAM))
-    pick = np.concatenate([rng.permutation(group)[:_PER_PART] for group in groups])
-    part = np.repeat(np.arange(len(PARTS)), [min(len(group), _PER_PART) for group in groups])
-    distance = np.array(
-        [depth[pick[part == k]].mean() if (part == k).any() else np.nan for k in range(len(ZONES))]
-    )
-    order = np.argsort(pick)
-    return number[pick[order]], part[order], distance
+    probe = np.sort(np.concatenate([rng.permutation(group)[:_PER_PART] for group in groups]))
+    distance = [depth[group].mean() if len(group) else np.nan for group in groups[: len(ZONES)]]
+    return _Survey(number, part, probe, np.array(distance))
 
 
 class _Probe:
@@ -234,12 +250,33 @@ class _Probe:
         )
 
 
+def moved(first: Table, second: Table, config: Config) -> Floats:
+    """Return how far points are from those of a second table, px [n], 0 without a point in both.
+
+    Where the angle differs and not the spot (the index does that), it is the pixels that would move
+    z as far.
+
+    Args:
+        first: n points.
+        second: Of the same lines.
+        config: The instrument, for the slope dz/dx_s.
+    """
+    both = first.located & second.located
+    apart = np.where(both, first.position_px - second.position_px, 0.0)
+    turned = both & (first.angle_rad != second.angle_rad)
+    if turned.any():
+        u, step = triangle.undistorted(second.position_px[turned], config.geometry)
+        slope = triangle.triangle(u, second.angle_rad[turned], config.geometry).slope * step
+        rise = first.z_mm[turned] - second.z_mm[turned]
+        apart[turned] = np.where(slope == 0.0, 0.0, rise / np.where(slope == 0.0, 1.0, slope))
+    return apart
+
+
 def difference(first: Table, second: Table, part: Ints, light: Light) -> Difference:
     """Return how two tables of the same lines differ, by part.
 
     Points more than ``JUMP_PX`` apart are of two peaks, not of one that moved: they count as
-    changed, and not in bias and rms. What moves the angle and not the spot (the index) is given in
-    the pixels that would move the point as far.
+    changed, and not in bias and rms.
 
     Args:
         first: n points.
@@ -249,15 +286,7 @@ def difference(first: Table, second: Table, part: Ints, light: Light) -> Differe
     """
     both = first.located & second.located
     moved_mm = np.where(both, first.z_mm - second.z_mm, 0.0)
-    moved_px = np.where(both, first.position_px - second.position_px, 0.0)
-    turned = both & (first.angle_rad != second.angle_rad)
-    if turned.any():
-        geometry = light.config.geometry
-        place = np.where(both, first.position_px, geometry.centre_px)
-        u, step = triangle.undistorted(place, geometry)
-        slope = triangle.triangle(u, first.angle_rad, geometry).slope * step
-        bent = np.where(turned & (slope != 0.0), slope, 1.0)
-        moved_px = np.where(turned, moved_mm / bent, moved_px)
+    moved_px = moved(first, second, light.config)
     jumped = np.abs(moved_px) > JUMP_PX
     changed = (first.located != second.located) | jumped
     both &= ~jumped
@@ -283,13 +312,13 @@ def _part(
 
 def _auto(
     probe: _Probe,
+    everything: _Probe,
     found: dict[str, Difference],
     cost: dict[str, float],
     whole: frozenset[str],
-    tolerance: float,
 ) -> tuple[frozenset[str], bool]:
     """Return the effects that are on, and whether every spot needs its rays."""
-    limit = _SAFETY * tolerance
+    limit = _SAFETY * probe.tolerance_px
 
     def price(name: str) -> float:
         return float(found[name].total_px.max()) / (cost[name] + _FREE_US)
@@ -305,11 +334,27 @@ def _auto(
             continue
         off.append(name)
         bias, square = bias + np.abs(one.bias_px), square + one.rms_px**2
-    # Together they may do more than one by one: the sum is measured, and what weighs most returns.
-    while True:
-        active = whole - frozenset(off)
-        for every_ray in (False, True):
-            joint = probe.against(active, every_ray=every_ray)
-            if joint.total_px.max() <= limit and not joint.changed.any():
-                return active, every_ray
-        off.remove(max(off, key=lambda name: float(found[name].total_px.max())))
+    # Together they may do more than one by one, and the probe is a sample: the sum is measured, on
+    # the probe and then on all lines of the survey, and what weighs most returns.
+    everything.reference = everything.table(whole, every_ray=True)
+    checks = ((probe, limit, 0.0), (everything, _SURVEYED * probe.tolerance_px, _MOST_CHANGED))
+
+    def settled(every_ray: bool) -> tuple[float, frozenset[str], bool] | None:
+        """Return microseconds a line, effects and ``every_ray``; None if only rays would do."""
+        out = list(off)
+        while True:
+            active = whole - frozenset(out)
+            for lines, most, lost in checks:
+                joint = lines.against(active, every_ray=every_ray)
+                if joint.total_px.max() > most or joint.changed.max() > lost:
+                    break
+            else:
+                return everything.microseconds, active, every_ray
+            if not out:
+                return None
+            out.remove(max(out, key=price))
+
+    by_need, by_all = settled(False), settled(True)
+    if by_all is None or (by_need is not None and by_need[0] <= by_all[0]):
+        by_all = by_need
+    return (whole, True) if by_all is None else by_all[1:]
