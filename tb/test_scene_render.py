@@ -396,6 +396,31 @@ def test_speckle_of_lines_has_its_contrast(looks: float) -> None:
     assert abs(exact / many - 1.0) < 0.2
 
 
+@pytest.mark.parametrize(("waist_mm", "z"), [(1.0, 450.0), (2.0, 450.0), (2.0, 300.0)])
+def test_speckle_moves_the_centroid_as_far_as_it_must(waist_mm: float, z: float) -> None:
+    scene = _scene(_plane(z), laser={"beam_diameter_mm": waist_mm, "aperture_mm": math.inf})
+    light = Light(scene, CONFIG)
+    ends = _angle_at(150.0, z), _angle_at(1900.0, z)
+    angle = np.linspace(*ends, 1500)
+    place = _frame(light, set(), angle).truth.position_px
+    got = []
+    for line, middle in zip(_electrons(light, {"speckle"}, angle), place, strict=True):
+        x = np.arange(2048) - middle
+        near = np.abs(x) < 40
+        got.append(float((line * x)[near].sum() / line[near].sum()))
+    waist = 0.5 * waist_mm
+    width = waist * math.hypot(1.0, z * 658e-6 / (math.pi * waist**2))
+    sigma = 0.5 * width * 25.0 / 0.007 / _depth(0.0, z)
+    # Gains of contrast C and neighbours' correlation rho: C^2 (1 + 2 rho) sum f^2 x^2 / (sum f)^2.
+    contrast = float(light.speckle.contrast(np.array([z]))[0])
+    rho = light.speckle.correlation(z)
+    want = contrast * math.sqrt((1 + 2 * rho) * sigma / (4.0 * math.sqrt(math.pi)))
+    print(f"s {sigma:.2f}: centroid {np.std(got):.4f} / {want:.4f} px")
+    assert abs(np.std(got) / want - 1.0) < 0.12
+    assert abs(np.mean(got)) < 4.0 * want / math.sqrt(150)
+    assert 0.13 < np.std(got) < 0.29
+
+
 def test_pixels_differ_as_much_as_stated() -> None:
     scene = _scene(
         _plane(900.0),
