@@ -159,7 +159,8 @@ def budget(
             report.budget_csv(chosen, file)
     console = _console()
     console.print(report.budget_table(chosen, light.scene))
-    for line in report.light_lines(light, chosen) + report.safety_lines(light.scene, settings):
+    notes = report.light_lines(light, chosen) + report.stray_lines(light, chosen)
+    for line in notes + report.safety_lines(light.scene, settings):
         console.print(line, highlight=False)
 
 

@@ -25,9 +25,13 @@ from vrscan.scene.effects import BASE, EFFECTS
 from vrscan.scene.light import Light
 from vrscan.scene.plan import JUMP_PX, PARTS, ZONES, Difference, Plan
 from vrscan.scene.spots import meet
+from vrscan.scene.stray import attenuation
 
 MOST_3B_MW = 500.0  # of the mean: class 3B ends there
 MOST_3B_J = 0.03  # of one pulse, 400 to 700 nm; above 700 nm more is allowed
+_FIELD_MM = 2.0  # of the spot whose ghosts are shown
+_SHOWN = 3  # of them
+_BEYOND_PX = 20  # from a spot, where its halo is no part of it
 _RAYS = 801  # on which a glint is looked for
 _BRIGHT = 2.0  # times the diffuse light: a glint
 _NEAR = 0.05  # of a zone's z: what the camera sees so near stands for it
@@ -421,3 +425,46 @@ def summary(plan: Plan) -> list[str]:
         f"effects: {what}, {planned:.0f} us a line instead of {everything:.0f}; what is left out "
         f"changes {error:.4f} px rms{points}: see vrscan budget"
     ]
+
+
+def stray_lines(light: Light, plan: Plan) -> list[str]:
+    """Return the scene's strongest ghosts, its halo and what dust takes, in a line each.
+
+    Ghosts are of a spot at the middle of the scene's depth, 2 mm off the optical axis on the
+    sensor. A of metis (6) is here the halo's brightest pixel beyond the spot over all light.
+    """
+    lines = []
+    if "ghosts" in plan.present:
+        depth = np.array([np.nanmedian(plan.distance_mm)])
+        found = light.ghosts(depth, np.array([_FIELD_MM]))
+        order = np.argsort(-found.power[:, 0])[:_SHOWN]
+        each = [
+            f"{found.names[k]} {found.power[k, 0]:.1e} at {found.offset_px[k, 0]:+.0f} px "
+            f"in a disc of {found.blur_px[k, 0]:.0f} px"
+            for k in order
+            if found.power[k, 0] > 0.0
+        ]
+        if each:
+            lines.append(f"Ghosts of a spot {_FIELD_MM:g} mm off the axis: " + "; ".join(each))
+    if "window" in plan.present:
+        ghost = light.window_ghost(np.zeros(1))
+        turn = math.degrees(float(ghost.turn_rad[0]))
+        lines.append(
+            f"Scan head window: second beam of {ghost.power[0]:.1e}, "
+            f"{ghost.shift_mm[0]:+.2f} mm beside the first, turned by {turn:+.2f} degrees"
+        )
+    if "halo" in plan.present:
+        halo = light.halo
+        beyond = float(halo.weights[_BEYOND_PX:].max(initial=0.0))
+        level = attenuation(np.array([beyond]), 1.0, np.ones(1), 1.0)
+        lines.append(
+            f"Halo: {halo.total:.1e} of the light is scattered, {halo.row:.1e} of it onto the row; "
+            f"A of metis (6), {_BEYOND_PX} px and more from the spot: {level:.1e}"
+        )
+    if "dust" in plan.present:
+        lost = 100.0 * light.obscured
+        deepest = 100.0 * (1.0 - float(light.shadow.min()))
+        lines.append(
+            f"Dust: takes {lost:.2f} % of the light, of the darkest pixel {deepest:.1f} % more"
+        )
+    return lines

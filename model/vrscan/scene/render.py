@@ -198,10 +198,10 @@ class Renderer:
                 if split.any():
                     pieces = [self._whole(spots, timeline, np.flatnonzero(~split))]
                     pieces += self._by_rays(spots, beam, timeline, np.flatnonzero(split))
-        second = []
+        second: list[_Pieces] = []
         if "window" in self.active:
             with self._clock("window"):
-                second = self._window_ghosts(pieces, spots, timeline)
+                second.append(self._window_ghost(timeline))
         lines = self._expose(pieces, second, timeline, words)
         return Frame(
             lines=lines,
@@ -546,27 +546,19 @@ class Renderer:
         shift = moment / np.maximum(cells, 1e-3 * profile / whole)
         return cells, np.clip(shift, -0.75, 0.75) * step * width * lean
 
-    def _window_ghosts(
-        self, pieces: list[_Pieces], spots: Spots, timeline: Timeline
-    ) -> list[_Pieces]:
-        """Return the second spot that the scan head's window makes of each first one."""
+    def _window_ghost(self, timeline: Timeline) -> _Pieces:
+        """Return the second spots that the scan head's window makes: beams of their own.
+
+        Each is on its tangent plane; where one meets an edge its parts are not told apart.
+        """
         ghost = self.light.window_ghost(timeline.angle_rad)
-        lean = spots.px_per_mm
-        moved = lean * (ghost.shift_mm + ghost.turn_rad * np.where(spots.lit, spots.distance, 0.0))
-        found = []
-        for piece in pieces:
-            shift = moved[piece.row]
-            parts = None if piece.parts_px is None else piece.parts_px + shift[:, None]
-            found.append(
-                replace(
-                    piece,
-                    place_px=piece.place_px + shift,
-                    parts_px=parts,
-                    electrons=piece.electrons * ghost.power[piece.row],
-                    whole_e=piece.whole_e * ghost.power[piece.row],
-                )
-            )
-        return found
+        turned = timeline.angle_rad + ghost.turn_rad
+        across = np.stack([np.cos(turned), np.zeros(len(turned)), -np.sin(turned)], axis=1)
+        beam = np.stack([np.sin(turned), np.zeros(len(turned)), np.cos(turned)], axis=1)
+        spots = self._meet(ghost.shift_mm[:, None] * across, beam, timeline.y_mm)
+        piece = self._whole(spots, timeline, np.arange(len(turned)))
+        power = ghost.power[piece.row]
+        return replace(piece, electrons=piece.electrons * power, whole_e=piece.whole_e * power)
 
     # -- on the row --
 
