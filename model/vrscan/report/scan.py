@@ -80,7 +80,8 @@ def error_table(errors: list[Errors], title: str) -> RichTable:
     grid = RichTable(
         title=title,
         caption="error in z, in mm and in % of range; error/sigma is the rms of error over "
-        "predicted sigma; a spot is a line whose spot the camera sees",
+        "predicted sigma, which knows the sensor's noise and not speckle; a spot is a line whose "
+        "spot the camera sees",
         title_justify="left",
         caption_justify="left",
     )
