@@ -17,7 +17,7 @@ from vrscan.scene.simulate import simulate
 from vrscan.table import Table
 
 CONFIG = Config()
-COUNT = 600
+COUNT = 400
 
 
 @functools.cache
@@ -91,30 +91,26 @@ def test_a_plan_says_what_it_decided() -> None:
 
 
 def test_tables_that_all_lines_share_are_not_the_price_of_an_effect() -> None:
-    # The speckle's table takes 30 ms, its look-up a few us a line; a probe has some 700 lines.
-    light = Light(load("plane"), CONFIG)
-    found = plan(light, 400, fidelity="full", each=True)
-    again = plan(light, 400, fidelity="full", each=True)
-    first, second = (
-        next(p.microseconds for p in one.predictions if p.name == "speckle")
-        for one in (found, again)
-    )
-    assert first < 5.0 * second + 5.0
+    # The speckle's table takes 30 ms, 150 us for each of these lines; its look-up a few.
+    found = plan(Light(load("plane"), CONFIG), 200, fidelity="full", each=True)
+    price = next(p.microseconds for p in found.predictions if p.name == "speckle")
+    print(f"speckle: {price:.1f} us a line")
+    assert 0.0 < price < 50.0
 
 
 def test_full_minimal_and_lists_are_what_they_say() -> None:
     light = _light("plane")
     have = frozenset(present(light.scene))
-    full = plan(light, 150, fidelity="full")
+    full = plan(light, 60, fidelity="full")
     assert full.active == have and full.every_ray
     assert full.left_out.total_px.max() == 0.0
-    minimal = plan(light, 150, fidelity="minimal")
+    minimal = plan(light, 60, fidelity="minimal")
     assert minimal.active == frozenset() and not minimal.every_ray
     assert minimal.left_out.total_px.max() > 0.1
-    some = plan(light, 150, fidelity=["speckle", "sun"])
+    some = plan(light, 60, fidelity=["speckle", "sun"])
     assert some.fidelity == "list"
     assert some.active == {"speckle"}  # the scene has no sun
-    assert plan(light, 150, fidelity=[]).active == frozenset()
+    assert plan(light, 60, fidelity=[]).active == frozenset()
 
 
 def test_a_plan_that_cannot_be_made_is_told_in_one_line() -> None:
