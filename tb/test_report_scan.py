@@ -19,7 +19,9 @@ from vrscan.config import Config
 from vrscan.engines import Engine, run
 from vrscan.lines import Lines, Truth
 from vrscan.report import scan as report
-from vrscan.scene.simple import SCENES, simulate
+from vrscan.scene.description import load
+from vrscan.scene.light import Light
+from vrscan.scene.simulate import simulate
 from vrscan.scene.timeline import Scan, timeline
 from vrscan.table import Table
 
@@ -39,10 +41,16 @@ def chosen(recording: Lines, rows: Ints) -> Lines:
     )
 
 
+def swept(scene: str, count: int) -> Lines:
+    """Lines at even angles, with no more than the sensor's noise."""
+    even = load(scene).model_copy(update={"scan": Scan(sweep="even", half_angle_deg=11.0)})
+    return simulate(Light(even, CONFIG), count, frozenset({"shot", "read"})).lines
+
+
 def swinging(count: int = 1500, *, scene: str = "default") -> tuple[Lines, Floats]:
     """Lines of a mirror that swings over the scene and, at the turning points, beyond it."""
     lines = timeline(0, count, count, CONFIG, Scan(pan_mm_per_s=500.0), SEED)
-    even = simulate(SCENES[scene], count, CONFIG)
+    even = swept(scene, count)
     row = np.searchsorted(even.angle_rad, lines.angle_rad).clip(0, count - 1)
     recording = chosen(even, row)
     beyond = np.abs(lines.angle_rad) > np.abs(even.angle_rad).max()
@@ -128,7 +136,7 @@ def test_a_swinging_mirror_is_drawn_with_all_its_points(monkeypatch: pytest.Monk
     assert labels(profile)[0] == "truth"
     assert points_in(profile) == points_in(error) == everything.points
     shown = [name.split(",")[0] for name in labels(profile)]
-    assert shown[1:4] == ["plane", "step", "cylinder"]
+    assert shown[1:4] == ["table", "block", "pin"]
     low, high = error.get_xlim()
     assert low < -20.0 < 20.0 < high  # the lines that meet nothing are part of the scan
     assert "with its window" in line.get_title(loc="left")
@@ -150,7 +158,7 @@ def test_a_moving_scanner_gets_a_map(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("count", [1, 200])
 def test_a_scan_that_meets_nothing(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    recording = simulate(SCENES["plane"], count, CONFIG)
+    recording = swept("plane", count)
     recording = darkened(recording, np.ones(count, np.bool_))
     result, truth = measured(recording)
     rows = report.compare(result, truth)
@@ -169,7 +177,7 @@ def test_a_scan_that_meets_nothing(count: int, monkeypatch: pytest.MonkeyPatch) 
 def test_a_surface_without_points_is_in_the_table_and_not_in_the_legend(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    recording = simulate(SCENES["default"], 400, CONFIG)
+    recording = swept("default", 400)
     truth = recording.truth
     assert truth is not None
     named = dataclasses.replace(truth, names=(*truth.names, "behind"))
@@ -182,7 +190,7 @@ def test_a_surface_without_points_is_in_the_table_and_not_in_the_legend(
 
 
 def test_many_surfaces_can_be_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    recording = simulate(SCENES["plane"], 600, CONFIG)
+    recording = swept("plane", 600)
     truth = recording.truth
     assert truth is not None
     names = tuple(f"part {k}" for k in range(10))
@@ -205,7 +213,7 @@ def test_many_surfaces_can_be_told_apart(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_points_without_a_spot_are_drawn_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     """A line whose spot the camera cannot see, and that has a point all the same: a ghost's."""
-    recording = simulate(SCENES["plane"], 300, CONFIG)
+    recording = swept("plane", 300)
     truth = recording.truth
     assert truth is not None
     position = truth.position_px.copy()
@@ -220,7 +228,7 @@ def test_points_without_a_spot_are_drawn_apart(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_a_sigma_that_rounds_to_nothing_leaves_the_ratio_to_the_others() -> None:
-    recording = simulate(SCENES["plane"], 300, CONFIG)
+    recording = swept("plane", 300)
     result, truth = measured(recording)
     wanted = report.compare(result, truth)[-1].ratio
     sigma = result.sigma_z_mm.copy()
@@ -235,7 +243,7 @@ def test_a_sigma_that_rounds_to_nothing_leaves_the_ratio_to_the_others() -> None
 
 
 def test_lines_without_truth_have_no_picture(tmp_path: Path) -> None:
-    recording = simulate(SCENES["plane"], 3, CONFIG)
+    recording = swept("plane", 3)
     result, _ = measured(recording)
     bare = dataclasses.replace(recording, truth=None)
     with (

@@ -95,12 +95,14 @@ def scan(
     if jobs < 0:
         raise InputError(f"--jobs: must not be negative ({jobs})")
     settings = _settings(config)
-    light, chosen = _planned(scene, count, fidelity, tolerance, settings)
-    sweeps = light.scene.scan.sweep == "mirror"
-    names = ["points.csv", "points.ply", "picture.png"]
-    names += ["edges.csv"] * sweeps + ["lines.npz"] * keep
     with _folder(out), contextlib.ExitStack() as stack:
+        names = ["points.csv", "points.ply", "picture.png"] + ["lines.npz"] * keep
         files = {name: stack.enter_context(atomic_file(out / name)) for name in names}
+        light, chosen = _planned(scene, count, fidelity, tolerance, settings)
+        sweeps = light.scene.scan.sweep == "mirror"
+        if sweeps:
+            names.append("edges.csv")
+            files["edges.csv"] = stack.enter_context(atomic_file(out / "edges.csv"))
         with _bar("light", count) as progress:
             taken = simulate(
                 light,
@@ -448,9 +450,10 @@ def _planned(
     each: bool = False,
 ) -> tuple["Light", "Plan"]:
     """Return a scene and which effects it gets, found under a bar."""
+    from vrscan.scene import effects
     from vrscan.scene.description import load
     from vrscan.scene.light import Light
-    from vrscan.scene.plan import plan
+    from vrscan.scene.plan import plan, survey
 
     if tolerance is not None:
         _check_range("--tolerance", tolerance, 1e-6, 10.0)
@@ -458,6 +461,9 @@ def _planned(
     if fidelity is not None and fidelity not in ("auto", "full", "minimal"):
         wanted = [name.strip() for name in fidelity.split(",")]
     light = Light(load(scene), settings)
+    if isinstance(wanted, list):
+        effects.chosen(wanted, "--fidelity")
+    seen = survey(light, count)
     with _bar("budget", 100) as progress:
         found = plan(
             light,
@@ -465,6 +471,7 @@ def _planned(
             fidelity=wanted,
             tolerance_px=tolerance,
             each=each,
+            seen=seen,
             progress=lambda done, total: progress(100 * done // total),
         )
         progress(100)

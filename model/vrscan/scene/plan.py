@@ -86,6 +86,16 @@ class Plan:
     seconds: float  # that the planning took
 
 
+@dataclass(frozen=True)
+class Survey:
+    """Lines of some blocks of a scan, which the probes are drawn from."""
+
+    numbers: Ints  # rising [n]
+    part: Ints  # index into ``PARTS`` [n]
+    probe: Ints  # rows of those that are rendered with every effect left out [m]
+    distance_mm: Floats  # mean z of the zones [3]
+
+
 def plan(
     light: Light,
     count: int,
@@ -93,6 +103,7 @@ def plan(
     fidelity: str | list[str] | None = None,
     tolerance_px: float | None = None,
     each: bool = True,
+    seen: Survey | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Plan:
     """Return which effects a scan gets.
@@ -103,6 +114,7 @@ def plan(
         fidelity: ``auto``, ``full``, ``minimal``, or a list of effects; the scene's own if None.
         tolerance_px: Of ``auto``; the scene's own if None.
         each: Whether what single effects do is asked for; ``auto`` has to know it anyway.
+        seen: ``survey`` of the same scan, if somebody has made it.
         progress: Called with the number of renderings done and of all.
 
     Raises:
@@ -119,9 +131,9 @@ def plan(
         raise InputError(f"{scene.source}: fidelity {wanted!r} is not auto, full or minimal")
     if not tolerance > 0.0:
         raise InputError(f"{scene.source}: tolerance_px = {tolerance:g}: must be above 0")
-    survey = _survey(light, count)
-    numbers = survey.numbers[survey.probe]
-    probe = _Probe(light, count, numbers, survey.part[survey.probe], tolerance)
+    seen = survey(light, count) if seen is None else seen
+    numbers = seen.numbers[seen.probe]
+    probe = _Probe(light, count, numbers, seen.part[seen.probe], tolerance)
     total = len(have) + 2
     done = 0
 
@@ -150,7 +162,7 @@ def plan(
     elif wanted == "minimal":
         active = frozenset[str]()
     else:
-        everything = _Probe(light, count, survey.numbers, survey.part, tolerance)
+        everything = _Probe(light, count, seen.numbers, seen.part, tolerance)
         active, every_ray = _auto(probe, everything, found, cost, whole)
         probe = everything
     left_out = probe.against(active, every_ray=every_ray)
@@ -167,25 +179,19 @@ def plan(
         ),
         absent=tuple(name for name in EFFECTS if name not in have),
         left_out=left_out,
-        distance_mm=survey.distance_mm,
+        distance_mm=seen.distance_mm,
         microseconds=(planned_us, full_us),
         lines=len(numbers),
         seconds=time.perf_counter() - begin,
     )
 
 
-@dataclass(frozen=True)
-class _Survey:
-    """Lines of some blocks of a scan, which the probes are drawn from."""
+def survey(light: Light, count: int) -> Survey:
+    """Return what there is to see in a scan.
 
-    numbers: Ints  # rising [n]
-    part: Ints  # index into ``PARTS`` [n]
-    probe: Ints  # rows of those that are rendered with every effect left out [m]
-    distance_mm: Floats  # mean z of the zones [3]
-
-
-def _survey(light: Light, count: int) -> _Survey:
-    """Return what there is to see in a scan."""
+    Raises:
+        InputError: if the camera sees none of the lines.
+    """
     scanner = Scanner(light, count, frozenset())
     blocks = np.unique(np.linspace(0, scanner.blocks - 1, _SURVEY).round().astype(np.int64))
     numbers, depths = [], []
@@ -209,7 +215,7 @@ def _survey(light: Light, count: int) -> _Survey:
     rng = np.random.default_rng((light.scene.seed, _STREAM))
     probe = np.sort(np.concatenate([rng.permutation(group)[:_PER_PART] for group in groups]))
     distance = [depth[group].mean() if len(group) else np.nan for group in groups[: len(ZONES)]]
-    return _Survey(number, part, probe, np.array(distance))
+    return Survey(number, part, probe, np.array(distance))
 
 
 class _Probe:
