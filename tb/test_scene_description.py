@@ -1,5 +1,6 @@
 """A scene's file: what it may say, and one clear line for what it may not."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -185,3 +186,12 @@ def test_an_unknown_effect_is_told_in_one_line() -> None:
     scene = _parse(fidelity=["speckle", "gremlins"])
     _fails(lambda: plan(Light(scene, Config()), 300), "my.toml", "gremlins")
     assert chosen([], "my.toml") == frozenset()
+
+
+def test_the_page_on_light_knows_every_scene_and_every_effect() -> None:
+    page = (Path(__file__).parent.parent / "docs" / "light.md").read_text()
+    for name in shipped():
+        assert re.search(rf"\b{name}\b", page), f"docs/light.md: no scene {name}"
+    effects = page.partition("## The effects")[2].partition("\n## ")[0]
+    for name in EFFECTS:
+        assert re.search(rf"\| [^|]*\b{name}\b", effects), f"docs/light.md: no effect {name}"

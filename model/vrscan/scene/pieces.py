@@ -1,0 +1,481 @@
+"""From the beam to the row: which spots a line has, where on the row, how bright and how blurred.
+
+A spot is on its surface's tangent plane, or, where that does not do (edges, shadows, curvature,
+patterns), it is followed ray by ray and may end on two surfaces.
+"""
+
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.constants import c, h
+
+from vrscan.arrays import Bools, Floats, Ints
+from vrscan.scene import image
+from vrscan.scene.beam import core_share, output_mw, radius_mm
+from vrscan.scene.image import Clock
+from vrscan.scene.light import Light
+from vrscan.scene.spots import BESIDE_PX, Spots, meet
+from vrscan.scene.timeline import Timeline
+
+RAYS = 33  # across a spot that is followed part by part
+_TEST = 1.5  # 1/e2 radii from the axis, where rays tell whether a spot needs those
+_MAP_STEP = 2e-4  # rad between the angles at which that is found out: a fifth of a beam
+_SPREAD = 2.0  # of those rays, in 1/e2 radii, either side: 3e-4 of the peak is left
+_SMOOTH = 0.6  # sigma of one ray's share of the spot, in distances between rays
+_TORN, _TORN_PX = 3.0, 0.5  # a jump of the image between rays, in expected steps and px
+_SECTIONS = 6  # into which the way between two rays is cut to find an edge,
+_ROUNDS = 2  # and how often: to 1/36
+WIDEST_PX = 250.0  # of a spot's sigma: light along a surface is spread no farther
+_SHARPEN = 0.5  # px of defocus radius, from which on parts of a spot are blurred each for itself
+_FIVE = np.linspace(-_SPREAD, _SPREAD, 5)  # 1/e2 radii, of rays that tell a smooth surface
+_SMOOTH_PX = 0.1  # how far their images may be off a parabola there
+_SMOOTH_LIGHT = 0.02  # and their light, of the middle one's
+
+
+@dataclass
+class Pieces:
+    """m pieces of light on the row."""
+
+    row: Ints  # of the block [m]
+    place_px: Floats
+    electrons: Floats  # on the row
+    whole_e: Floats  # of all its light, on the row or not
+    sigma_px: Floats  # along the row
+    radius_px: Floats  # of the defocused disc
+    height_px: Floats  # sigma across the row
+    speed_px: Floats  # how far it moves in the pulse
+    coma_px: Floats
+    surface: Ints
+    range_mm: Floats
+    speckled: bool = True
+    parts_px: Floats | None = None  # places of a spot's rays [m, RAYS]
+    share: Floats | None = None  # of the light [m, RAYS]
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    def of(self, rows: Ints | Bools) -> "Pieces":
+        """Return some of them."""
+        chosen = {
+            name: value[rows] for name, value in vars(self).items() if isinstance(value, np.ndarray)
+        }
+        return replace(self, **chosen)  # type: ignore[arg-type]
+
+
+class Spotter:
+    """Finds the spots of lines, with the effects ``active``.
+
+    ``electrons`` is what the whole beam would make if it went through the lens.
+    """
+
+    def __init__(
+        self,
+        light: Light,
+        active: frozenset[str],
+        clock: Clock,
+        *,
+        every_ray: bool,
+        tolerance_px: float,
+    ) -> None:
+        """Prepare what depends on the effects alone.
+
+        Args:
+            light: The scene.
+            active: Names of effects.
+            clock: Called with the name of an effect, is a context that measures what it costs.
+            every_ray: Whether every spot is followed part by part, needed or not.
+            tolerance_px: How far a tangent plane may be off before a spot is.
+        """
+        self.light, self.active, self.clock = light, active, clock
+        self.every_ray, self.tolerance_px = every_ray, tolerance_px
+        scene, config = light.scene, light.config
+        laser = scene.laser
+        if "truncation" not in active:
+            laser = laser.model_copy(update={"aperture_mm": float("inf")})
+        self._laser = laser
+        self._pulse_s = 1e-6 * config.line.pulse_us
+        photon_j = h * c / (1e-9 * laser.wavelength_nm)
+        pupil = scene.lens.transmission * scene.lens.filter_transmission
+        if "dust" in active:
+            pupil *= 1.0 - light.obscured
+        if "halo" in active:
+            pupil *= 1.0 - light.halo.total
+        energy = 1e-3 * output_mw(laser) * self._pulse_s
+        self.electrons = energy / photon_j * scene.sensor.quantum_efficiency * pupil
+
+    def find(self, timeline: Timeline) -> tuple[Spots, list[Pieces], list[Pieces]]:
+        """Return the spots of the beam's axis, their pieces, and pieces of second beams."""
+        count, angle = len(timeline), timeline.angle_rad
+        beam = np.stack([np.sin(angle), np.zeros(count), np.cos(angle)], axis=1)
+        spots = self._meet(np.zeros((count, 3)), beam, timeline.y_mm)
+        pieces = [self._whole(spots, timeline, np.arange(count))]
+        if "footprint" in self.active:
+            with self.clock("footprint"):
+                split = self._split(spots, beam, timeline)
+                if split.any():
+                    pieces = [self._whole(spots, timeline, np.flatnonzero(~split))]
+                    pieces += self._by_rays(spots, beam, timeline, np.flatnonzero(split))
+        second: list[Pieces] = []
+        if "window" in self.active:
+            with self.clock("window"):
+                second.append(self._window_ghost(timeline))
+        return spots, pieces, second
+
+    def _meet(self, origin: Floats, direction: Floats, y_mm: Floats) -> Spots:
+        light = self.light
+        return meet(
+            light.world,
+            light.materials,
+            light.scene,
+            light.config,
+            origin,
+            direction,
+            y_mm,
+            gloss="gloss" in self.active,
+            falloff="falloff" in self.active,
+        )
+
+    def _blur(self, depth: Floats, place: Floats) -> tuple[Floats, Floats]:
+        """Return radius of the disc and coma's length, px."""
+        light = self.light
+        lens, config = light.scene.lens, light.config
+        radius = np.zeros(len(depth))
+        if "defocus" in self.active:
+            radius = image.defocus_radius_px(depth, lens.focus_mm, lens.f_number, config)
+        coma = np.zeros(len(depth))
+        if "coma" in self.active:
+            half = 0.5 * config.sensor.line_length
+            # Away from the axis on either side of it.
+            coma = lens.coma_px * np.clip((place - config.geometry.centre_px) / half, -2.0, 2.0)
+        return radius, coma
+
+    def _height(self, width_mm: Floats, depth: Floats) -> Floats:
+        """Return the spot's sigma across the row, px."""
+        geometry = self.light.config.geometry
+        return np.asarray(0.5 * width_mm * geometry.focal_mm / geometry.pitch_mm / depth)
+
+    def _whole(self, spots: Spots, timeline: Timeline, rows: Ints) -> Pieces:
+        """Return the spots of some lines, each on its tangent plane."""
+        rows = rows[spots.seen[rows] & (spots.collected[rows] > 0.0)]
+        width = radius_mm(spots.distance[rows], self._laser)
+        place, depth = spots.position_px[rows], spots.depth[rows]
+        height = self._height(width, depth)
+        radius, coma = self._blur(depth, place)
+        share = image.row_share(height, radius, self.light.scene.lens.row_offset_px)
+        speed = spots.px_per_mm[rows] * spots.distance[rows] * timeline.rate_rad_per_s[rows]
+        whole = self._sent(spots.distance[rows]) * spots.collected[rows]
+        return Pieces(
+            row=rows,
+            place_px=place,
+            electrons=whole * share,
+            whole_e=whole,
+            sigma_px=np.minimum(0.5 * width * np.abs(spots.px_per_mm[rows]), WIDEST_PX),
+            radius_px=radius,
+            height_px=height,
+            speed_px=self._speed(speed),
+            coma_px=coma,
+            surface=spots.target[rows],
+            range_mm=depth,
+        )
+
+    def _sent(self, distance_mm: Floats) -> Floats:
+        """Return the electrons that all light of the spot would make in the camera."""
+        core = np.minimum(core_share(distance_mm, self._laser), 1.0)
+        return np.asarray(self.electrons * core)
+
+    def _speed(self, px_per_s: Floats) -> Floats:
+        if "smear" not in self.active:
+            return np.zeros(len(px_per_s))
+        return np.minimum(np.abs(px_per_s) * self._pulse_s, 4.0 * WIDEST_PX)
+
+    def _offset_rays(
+        self, spots: Spots, beam: Floats, rows: Ints, offset: Floats
+    ) -> tuple[Floats, Floats]:
+        """Return rays of the beam's cross-section, which follow its width from pivot to spot.
+
+        Args:
+            spots: Of the axis.
+            beam: The axes [n, 3].
+            rows: Which lines [m].
+            offset: In 1/e2 radii, [k], or [m, k] of each line.
+
+        Returns:
+            Origins and directions [m * k, 3].
+        """
+        missed = ~spots.lit[rows]
+        far = np.where(missed, self.light.farthest_mm, spots.distance[rows])
+        start = radius_mm(np.zeros(1), self._laser)[0]
+        end = radius_mm(far, self._laser)
+        axis = beam[rows]
+        across = np.stack([axis[:, 2], np.zeros(len(rows)), -axis[:, 0]], axis=1)
+        offset = np.atleast_2d(offset)
+        origin = (start * offset)[:, :, None] * across[:, None, :]
+        lean = (end - start)[:, None] * offset / far[:, None]
+        direction = axis[:, None, :] + lean[:, :, None] * across[:, None, :]
+        direction /= np.sqrt(1.0 + np.square(lean))[:, :, None]
+        return origin.reshape(-1, 3), direction.reshape(-1, 3)
+
+    def _split(self, spots: Spots, beam: Floats, timeline: Timeline) -> Bools:
+        """Return the lines whose spots are followed ray by ray."""
+        if self.every_ray:
+            middle = 0.5 * self.light.config.sensor.line_length
+            with np.errstate(invalid="ignore"):
+                beside = np.abs(spots.position_px - middle) > middle + BESIDE_PX
+            return ~(beside & spots.lit)
+        if self.light.scene.scan.pan_mm_per_s != 0.0:
+            return self._needs_rays(spots, beam, timeline.y_mm)
+        # A scanner that stands still sees the same at the same angle: one map serves all lines.
+        start, split = self._split_map()
+        knot = ((timeline.angle_rad - start) / _MAP_STEP).astype(np.int64)
+        knot = np.clip(knot, 0, len(split) - 2)
+        return split[knot] | split[knot + 1]
+
+    def _split_map(self) -> tuple[float, Bools]:
+        """Return the first angle of the map, and at each of its angles whether rays are needed."""
+        light = self.light
+        key = self.tolerance_px, self.active & {"truncation", "gloss", "falloff"}
+        if key not in light.split_maps:
+            scan, mirror = light.scene.scan, light.config.mirror
+            reach = 1.05 * mirror.amplitude_deg if scan.sweep == "mirror" else scan.half_angle_deg
+            half = np.radians(reach)
+            angle = -half + _MAP_STEP * np.arange(int(2.0 * half / _MAP_STEP) + 2)
+            beam = np.stack([np.sin(angle), np.zeros(len(angle)), np.cos(angle)], axis=1)
+            still = np.zeros(len(angle))
+            spots = self._meet(np.zeros_like(beam), beam, still)
+            light.split_maps[key] = -half, self._needs_rays(spots, beam, still)
+        return light.split_maps[key]
+
+    def _needs_rays(self, spots: Spots, beam: Floats, y_mm: Floats) -> Bools:
+        """Return the lines whose spot a tangent plane does not describe.
+
+        Two rays three sigma either side of the axis tell: an edge or a shadow between them, beyond
+        which there is 0.1 % of the light; curvature, where the image's mean moves by a ninth of
+        their common deviation; or reflectance that changes across the spot.
+        """
+        split = np.zeros(len(spots.lit), np.bool_)
+        middle = 0.5 * self.light.config.sensor.line_length
+        with np.errstate(invalid="ignore"):
+            beside = np.abs(spots.position_px - middle) > middle + BESIDE_PX
+        rows = np.flatnonzero(~(beside & spots.lit))
+        limit = self.tolerance_px
+        origin, direction = self._offset_rays(spots, beam, rows, np.array([-_TEST, _TEST]))
+        sides = self._meet(origin, direction, np.repeat(y_mm[rows], 2))
+        seen = sides.seen.reshape(-1, 2)
+        axis = spots.seen[rows]
+        edge = (seen != axis[:, None]).any(axis=1)
+        other = (sides.target.reshape(-1, 2) != spots.target[rows, None]).any(axis=1)
+        edge |= other & seen.any(axis=1)
+        with np.errstate(invalid="ignore"):
+            place = sides.position_px.reshape(-1, 2)
+            distance = np.where(spots.lit, spots.distance, 0.0)[rows]
+            width = radius_mm(distance, self._laser)
+            step = np.abs(np.diff(place, axis=1)[:, 0])
+            sag = np.abs(place.mean(axis=1) - spots.position_px[rows]) / (2.0 * _TEST) ** 2
+            bent = sag > 0.5 * limit
+            bent |= np.abs(step - 2.0 * _TEST * width * np.abs(spots.px_per_mm[rows])) > 0.1 * step
+            light = sides.collected.reshape(-1, 2)
+            tilt = np.abs(np.diff(light, axis=1)[:, 0])
+            uneven = tilt * step > 2.0 * (2.0 * _TEST) ** 2 * limit * spots.collected[rows]
+        split[rows] = edge | ((axis | seen.any(axis=1)) & (bent | uneven))
+        return split
+
+    def _by_rays(self, spots: Spots, beam: Floats, timeline: Timeline, rows: Ints) -> list[Pieces]:
+        """Return the spots of some lines, followed ray by ray, at most two pieces a line.
+
+        The beam's profile across the scan plane is that of its middle: what a spot's upper and
+        lower parts see is taken to be the same, which for a sensor of one row is nearly so.
+        """
+        offset = np.linspace(-_SPREAD, _SPREAD, RAYS)
+        parts = self._parts(spots, beam, timeline, rows, offset)
+        # A ray's own share is smeared below; the profile is narrower by that.
+        narrow = 1.0 - np.square(_SMOOTH * 2.0 * (offset[1] - offset[0]))
+        shape = (len(rows), RAYS)
+        cells, shift = self._cells(spots, beam, timeline, rows, offset, parts, narrow)
+        place = parts.position_px.reshape(shape)
+        used = parts.seen.reshape(shape)
+        light = np.where(used, np.maximum(parts.collected.reshape(shape), 0.0), 0.0) * cells
+        place = np.where(used, place, 0.0) + shift
+        depth = np.where(used, parts.depth.reshape(shape), 1.0)
+        target = parts.target.reshape(shape)
+        distance = np.where(used, parts.distance.reshape(shape), 1.0)
+        lean = np.where(used, parts.px_per_mm.reshape(shape), 0.0)
+
+        brightest = light.argmax(axis=1)[:, None]
+        ahead = np.take_along_axis(depth, brightest, axis=1)
+        lens, config = self.light.scene.lens, self.light.config
+        unsharp = image.defocus_radius_px(depth, 1.0, lens.f_number, config)
+        unsharp -= image.defocus_radius_px(ahead, 1.0, lens.f_number, config)
+        same = np.abs(unsharp) < _SHARPEN
+        pieces = []
+        for some in (same, ~same):
+            weight = np.where(some, light, 0.0)
+            whole = weight.sum(axis=1)
+            kept = whole > 0.0
+            if not kept.any():
+                continue
+            share = weight[kept] / whole[kept][:, None]
+            main = np.take_along_axis(target[kept], share.argmax(axis=1)[:, None], axis=1)[:, 0]
+
+            def mean(values: Floats, share: Floats = share, kept: Bools = kept) -> Floats:
+                return np.asarray((values[kept] * share).sum(axis=1))
+
+            here, behind = mean(place), mean(depth)
+            width = radius_mm(mean(distance), self._laser)
+            height = self._height(width, behind)
+            radius, coma = self._blur(behind, here)
+            part = image.row_share(height, radius, lens.row_offset_px)
+            step = _SMOOTH * (offset[1] - offset[0]) * width * mean(np.abs(lean))
+            speed = mean(np.abs(lean)) * mean(distance) * timeline.rate_rad_per_s[rows[kept]]
+            amount = self._sent(mean(distance)) * whole[kept]
+            pieces.append(
+                Pieces(
+                    row=rows[kept],
+                    place_px=here,
+                    electrons=amount * part,
+                    whole_e=amount,
+                    sigma_px=np.minimum(step, WIDEST_PX),
+                    radius_px=radius,
+                    height_px=height,
+                    speed_px=self._speed(speed),
+                    coma_px=coma,
+                    surface=main,
+                    range_mm=behind,
+                    parts_px=place[kept],
+                    share=share,
+                )
+            )
+        return pieces
+
+    def _parts(
+        self, spots: Spots, beam: Floats, timeline: Timeline, rows: Ints, offset: Floats
+    ) -> Spots:
+        """Return the rays of some lines' spots, [m * RAYS].
+
+        Five of them tell whether a spot is on one smooth surface: there the others lie on the
+        polynomial through the five, which follows the surface to the fifth order.
+        """
+        if self.every_ray:
+            origin, direction = self._offset_rays(spots, beam, rows, offset)
+            return self._meet(origin, direction, np.repeat(timeline.y_mm[rows], RAYS))
+        few = self._meet(
+            *self._offset_rays(spots, beam, rows, _FIVE), np.repeat(timeline.y_mm[rows], len(_FIVE))
+        )
+        shape = (len(rows), len(_FIVE))
+        target = few.target.reshape(shape)
+        smooth = few.seen.reshape(shape).all(axis=1) & (target == target[:, :1]).all(axis=1)
+        place = np.where(few.seen, few.position_px, 0.0).reshape(shape)
+        light = few.collected.reshape(shape)
+        # How far the parabola through the ends and the middle misses the two others.
+        smooth &= np.abs(place @ _MISS.T).max(axis=1) < _SMOOTH_PX
+        smooth &= np.abs(light @ _MISS.T).max(axis=1) < _SMOOTH_LIGHT * light[:, 2]
+        torn = np.flatnonzero(~smooth)
+        origin, direction = self._offset_rays(spots, beam, rows[torn], offset)
+        real = self._meet(origin, direction, np.repeat(timeline.y_mm[rows[torn]], RAYS))
+        even = np.flatnonzero(smooth)
+        blend = _lagrange(_FIVE, offset)
+
+        def joined(real: npt.NDArray[Any], few: npt.NDArray[Any], steady: bool) -> Any:
+            whole = np.empty((len(rows), RAYS, *real.shape[1:]), real.dtype)
+            whole[torn] = real.reshape(len(torn), RAYS, *real.shape[1:])
+            five = few.reshape(*shape, *few.shape[1:])[even]
+            whole[even] = five[:, 2:3] if steady else five @ blend.T
+            return whole.reshape(-1, *real.shape[1:])
+
+        steady = ("lit", "seen", "point", "target")  # these are the middle ray's
+        return Spots(
+            **{
+                field.name: joined(
+                    getattr(real, field.name), getattr(few, field.name), field.name in steady
+                )
+                for field in fields(Spots)
+            }
+        )
+
+    def _cells(
+        self,
+        spots: Spots,
+        beam: Floats,
+        timeline: Timeline,
+        rows: Ints,
+        offset: Floats,
+        parts: Spots,
+        narrow: float,
+    ) -> tuple[Floats, Floats]:
+        """Return the share of the beam that each ray stands for, and its image's shift in px.
+
+        A ray stands for its cell, half way to its neighbours. Where two neighbours do not meet the
+        same thing, the edge between them is looked for, and the cells end there: else light would
+        jump from one surface to the other by a whole ray's as the beam moves.
+
+        Returns:
+            Shares and shifts [m, RAYS].
+        """
+        profile = np.exp(-2.0 * np.square(offset) / narrow)
+        whole = profile.sum()
+        shape = (len(rows), RAYS)
+        cells = np.broadcast_to(profile / whole, shape).copy()
+        shift = np.zeros(shape)
+        kind = np.where(parts.seen, parts.target, -1).reshape(shape)
+        depth, lean = parts.depth.reshape(shape), parts.px_per_mm.reshape(shape)
+        step = offset[1] - offset[0]
+        width = radius_mm(np.where(parts.lit, parts.distance, 0.0), self._laser).reshape(shape)
+        place = np.where(kind >= 0, parts.position_px.reshape(shape), 0.0)
+        expected = step * width * np.abs(lean)
+        jump = np.abs(np.diff(place, axis=1))
+        torn = jump > _TORN * np.maximum(expected[:, 1:], expected[:, :-1]) + _TORN_PX
+        edge = (kind[:, 1:] != kind[:, :-1]) | (torn & (kind[:, 1:] >= 0))
+        line, ray = np.nonzero(edge)
+        if len(line) == 0:
+            return cells, shift
+        low, size = np.zeros(len(line)), 1.0
+        left, right = kind[line, ray][:, None], kind[line, ray + 1][:, None]
+        ahead, behind = depth[line, ray][:, None], depth[line, ray + 1][:, None]
+        lines, y_mm = rows[line], np.repeat(timeline.y_mm[rows[line]], _SECTIONS - 1)
+        part = np.arange(1, _SECTIONS) / _SECTIONS
+        for _ in range(_ROUNDS):
+            here = offset[ray][:, None] + (low[:, None] + size * part) * step
+            found = self._meet(*self._offset_rays(spots, beam, lines, here), y_mm)
+            own = np.where(found.seen, found.target, -1).reshape(here.shape)
+            deep = found.depth.reshape(here.shape)
+            nearer = np.abs(deep - ahead) <= np.abs(deep - behind)
+            same = (own == left) & (nearer | (own != right))
+            size /= _SECTIONS
+            low += size * np.logical_and.accumulate(same, axis=1).sum(axis=1)
+        high = low + size
+        end = 0.5 * (low + high)  # of the way to the next ray, where the cell ends; 1/2 elsewhere
+        moved = 0.25 + 0.5 * end  # the middle of what changes hands
+        amount = (end - 0.5) * np.exp(-2.0 * np.square(offset[ray] + moved * step) / narrow) / whole
+        moment = np.zeros(shape)
+        cells[line, ray] += amount
+        moment[line, ray] += amount * moved
+        cells[line, ray + 1] -= amount
+        moment[line, ray + 1] -= amount * (moved - 1.0)
+        np.maximum(cells, 0.0, out=cells)
+        shift = moment / np.maximum(cells, 1e-3 * profile / whole)
+        return cells, np.clip(shift, -0.75, 0.75) * step * width * lean
+
+    def _window_ghost(self, timeline: Timeline) -> Pieces:
+        """Return the second spots that the scan head's window makes: beams of their own.
+
+        Each is on its tangent plane; where one meets an edge its parts are not told apart.
+        """
+        ghost = self.light.window_ghost(timeline.angle_rad)
+        turned = timeline.angle_rad + ghost.turn_rad
+        across = np.stack([np.cos(turned), np.zeros(len(turned)), -np.sin(turned)], axis=1)
+        beam = np.stack([np.sin(turned), np.zeros(len(turned)), np.cos(turned)], axis=1)
+        spots = self._meet(ghost.shift_mm[:, None] * across, beam, timeline.y_mm)
+        piece = self._whole(spots, timeline, np.arange(len(turned)))
+        power = ghost.power[piece.row]
+        return replace(piece, electrons=piece.electrons * power, whole_e=piece.whole_e * power)
+
+
+def _lagrange(knots: Floats, at: Floats) -> Floats:
+    """Return the matrix [places, knots] of the polynomial through values at the knots."""
+    each = np.eye(len(knots))
+    return np.stack([np.polyval(np.polyfit(knots, row, len(knots) - 1), at) for row in each], 1)
+
+
+_MISS = np.eye(5)[[1, 3]]
+_MISS[:, ::2] -= _lagrange(_FIVE[::2], _FIVE[[1, 3]])
