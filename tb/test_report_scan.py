@@ -242,6 +242,19 @@ def test_a_sigma_that_rounds_to_nothing_leaves_the_ratio_to_the_others() -> None
     assert none.points == 300
 
 
+def test_points_on_another_spot_are_counted_and_not_in_the_errors() -> None:
+    recording = swept("plane", 300)
+    result, truth = measured(recording)
+    before = report.compare(result, truth)[-1]
+    assert before.astray == 0
+    place = truth.position_px.copy()
+    place[50:57] += report.ASTRAY_PX + 1.0  # as if the spot were there
+    moved = dataclasses.replace(truth, position_px=place, z_mm=truth.z_mm + 0.0)
+    after = report.compare(result, moved)[-1]
+    assert (after.points, after.astray) == (before.points, 7)
+    assert after.rms_mm == pytest.approx(before.rms_mm, rel=0.1)
+
+
 def test_lines_without_truth_have_no_picture(tmp_path: Path) -> None:
     recording = swept("plane", 3)
     result, _ = measured(recording)

@@ -17,6 +17,7 @@ from vrscan.lines import Lines, Truth
 from vrscan.report.style import COLOURS, INK, LIGHT, QUIET, STYLE
 from vrscan.table import Table
 
+ASTRAY_PX = 10.0
 _SHAPES = ((".", 2.0), ("x", 2.5), ("+", 3.0), ("^", 2.0))
 _TRUTH: dict[str, Any] = {"color": LIGHT, "markersize": 5.0, "markeredgewidth": 0.0}
 _WIDTH_POINTS = 650.0  # of a panel, roughly
@@ -30,7 +31,8 @@ class Errors:
     name: str
     lines: int  # with a spot that the camera sees
     points: int
-    rms_mm: float
+    astray: int  # of them, more than ``ASTRAY_PX`` off on the sensor: on another spot
+    rms_mm: float  # of the others, as all that follows
     max_mm: float
     rms_percent: float  # of the range
     max_percent: float
@@ -51,10 +53,12 @@ def stray(result: Table, truth: Truth) -> int:
 
 
 def _errors(name: str, where: Bools, result: Table, truth: Truth) -> Errors:
-    good = where & result.located
-    if not good.any():
+    found = where & result.located
+    if not found.any():
         nothing = float("nan")
-        return Errors(name, int(where.sum()), 0, *[nothing] * 5)
+        return Errors(name, int(where.sum()), 0, 0, *[nothing] * 5)
+    with np.errstate(invalid="ignore"):
+        good = found & (np.abs(result.position_px - truth.position_px) <= ASTRAY_PX)
     error = np.abs(result.z_mm[good] - truth.z_mm[good])
     share = 100.0 * error / truth.z_mm[good]  # spot and point are on one ray: z as good as range
     sigma = result.sigma_z_mm[good]
@@ -63,14 +67,18 @@ def _errors(name: str, where: Bools, result: Table, truth: Truth) -> Errors:
     def rms(values: Floats) -> float:
         return float(np.sqrt(np.mean(np.square(values)))) if values.size else float("nan")
 
+    def largest(values: Floats) -> float:
+        return float(values.max()) if values.size else float("nan")
+
     return Errors(
         name=name,
         lines=int(where.sum()),
-        points=int(good.sum()),
+        points=int(found.sum()),
+        astray=int(found.sum() - good.sum()),
         rms_mm=rms(error),
-        max_mm=float(error.max()),
+        max_mm=largest(error),
         rms_percent=rms(share),
-        max_percent=float(share.max()),
+        max_percent=largest(share),
         ratio=rms(ratio),
     )
 
@@ -81,7 +89,8 @@ def error_table(errors: list[Errors], title: str) -> RichTable:
         title=title,
         caption="error in z, in mm and in % of range; error/sigma is the rms of error over "
         "predicted sigma, which knows the sensor's noise and not speckle; a spot is a line whose "
-        "spot the camera sees",
+        f"spot the camera sees; points astray are over {ASTRAY_PX:g} px off, on another spot, and "
+        "in no error",
         title_justify="left",
         caption_justify="left",
     )
@@ -90,6 +99,7 @@ def error_table(errors: list[Errors], title: str) -> RichTable:
         "spots",
         "points",
         "valid",
+        "astray",
         "rms mm",
         "max mm",
         "rms %",
@@ -104,6 +114,7 @@ def error_table(errors: list[Errors], title: str) -> RichTable:
             f"{row.lines}",
             f"{row.points}",
             f"{100.0 * row.points / row.lines:.1f} %" if row.lines else "-",
+            f"{row.astray}",
             _number(row.rms_mm, 4),
             _number(row.max_mm, 4),
             _number(row.rms_percent, 4),
