@@ -461,8 +461,9 @@ def _planned(
     if fidelity is not None and fidelity not in ("auto", "full", "minimal"):
         wanted = [name.strip() for name in fidelity.split(",")]
     light = Light(load(scene), settings)
-    if isinstance(wanted, list):
-        effects.chosen(wanted, "--fidelity")
+    for names, source in ((wanted, "--fidelity"), (light.scene.fidelity, light.scene.source)):
+        if isinstance(names, list):
+            effects.chosen(names, source)  # before there is a bar
     seen = survey(light, count)
     with _bar("budget", 100) as progress:
         found = plan(
