@@ -71,6 +71,23 @@ def test_a_wider_tolerance_leaves_out_more() -> None:
         assert found.present == present(_light("default").scene)
 
 
+def test_a_plan_does_not_depend_on_how_long_things_take(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same scene gets the same effects, and so the same lines, on a slow and a busy machine."""
+    rng, now = np.random.default_rng(3), [0.0]
+
+    def erratic() -> float:
+        now[0] += float(rng.exponential(0.01))
+        return now[0]
+
+    wanted = _plan("default", 0.03)
+    monkeypatch.setattr("time.perf_counter", erratic)
+    found = plan(_light("default"), COUNT, fidelity="auto", tolerance_px=0.03)
+    assert (found.active, found.every_ray) == (wanted.active, wanted.every_ray)
+    assert [p.microseconds for p in found.predictions] != [
+        p.microseconds for p in wanted.predictions
+    ]
+
+
 def test_a_plan_says_what_it_decided() -> None:
     found = _plan("default", 0.03)
     assert found.fidelity == "auto"

@@ -15,35 +15,41 @@ class Effect:
     name: str
     what: str  # in a few words
     without: str  # what stands in its place
+    typical_us: float  # a line; what auto reckons with, so that it chooses alike on any machine
 
 
 _ALL = (
-    Effect("footprint", "the spot's parts meet the scene each for itself", "a tangent plane"),
-    Effect("smear", "the beam turns while the laser is on", "a spot at rest"),
-    Effect("truncation", "the collimator's edge cuts the beam", "an uncut Gaussian beam"),
-    Effect("diffraction", "the lens's pupil", "a geometric image"),
-    Effect("defocus", "the lens's disc for other depths than its focus", "a sharp image"),
-    Effect("coma", "a one-sided tail that grows with the field", "a symmetric spot"),
-    Effect("falloff", "the pupil seen from the side", "the same pupil for all pixels"),
-    Effect("gloss", "the lobe about the mirror direction", "Lambert alone"),
-    Effect("bounce", "light from the spot that lights the rest of the scene", "one reflection"),
-    Effect("speckle", "a rough surface under coherent light", "smooth light"),
-    Effect("sun", "sun and sky on what the camera sees", "darkness"),
-    Effect("lamps", "indoor light", "darkness"),
-    Effect("ghosts", "double reflections in the camera", "one image"),
-    Effect("window", "the double reflection in the scan head's window", "one beam"),
-    Effect("halo", "scatter of the lens's surfaces", "smooth surfaces"),
-    Effect("dust", "particles on pupil and cover", "clean surfaces"),
-    Effect("shot", "photon noise", "the mean"),
-    Effect("read", "noise of the read-out", "none"),
-    Effect("dark", "dark current", "none"),
-    Effect("prnu", "pixels differ in sensitivity", "equal ones"),
-    Effect("dsnu", "pixels differ in offset", "equal ones"),
-    Effect("blooming", "full pixels spill", "full pixels clip"),
-    Effect("index", "jitter and drift of the index: the reported angle", "the true angle"),
+    Effect("footprint", "the spot's parts meet the scene each for itself", "a tangent plane", 8.0),
+    Effect("smear", "the beam turns while the laser is on", "a spot at rest", 0.5),
+    Effect("truncation", "the collimator's edge cuts the beam", "an uncut Gaussian beam", 0.0),
+    Effect("diffraction", "the lens's pupil", "a geometric image", 0.0),
+    Effect("defocus", "the lens's disc for other depths than its focus", "a sharp image", 4.0),
+    Effect("coma", "a one-sided tail that grows with the field", "a symmetric spot", 1.5),
+    Effect("falloff", "the pupil seen from the side", "the same pupil for all pixels", 0.0),
+    Effect("gloss", "the lobe about the mirror direction", "Lambert alone", 0.5),
+    Effect(
+        "bounce", "light from the spot that lights the rest of the scene", "one reflection", 10.0
+    ),
+    Effect("speckle", "a rough surface under coherent light", "smooth light", 2.0),
+    Effect("sun", "sun and sky on what the camera sees", "darkness", 5.0),
+    Effect("lamps", "indoor light", "darkness", 5.0),
+    Effect("ghosts", "double reflections in the camera", "one image", 25.0),
+    Effect("window", "the double reflection in the scan head's window", "one beam", 2.5),
+    Effect("halo", "scatter of the lens's surfaces", "smooth surfaces", 4.0),
+    Effect("dust", "particles on pupil and cover", "clean surfaces", 0.3),
+    Effect("shot", "photon noise", "the mean", 0.1),
+    Effect("read", "noise of the read-out", "none", 0.1),
+    Effect("dark", "dark current", "none", 0.0),
+    Effect("prnu", "pixels differ in sensitivity", "equal ones", 0.4),
+    Effect("dsnu", "pixels differ in offset", "equal ones", 0.3),
+    Effect("blooming", "full pixels spill", "full pixels clip", 4.0),
+    Effect("index", "jitter and drift of the index: the reported angle", "the true angle", 0.0),
 )
 
 EFFECTS = {effect.name: effect for effect in _ALL}
+WHOLE_LINE = frozenset({"ghosts", "halo", "bounce"})  # with one of these no line is mostly even
+WHOLE_LINE_US = 15.0  # what that costs, typically
+EVERY_RAY_US = 30.0  # and what it costs to follow every spot ray by ray
 BASE = (
     "beam width, range equation with Lambert and the row's share, occlusion, (2)-(5), pixel "
     "aperture, exposure, gain, full scale and converter are always there"
@@ -105,3 +111,10 @@ def chosen(names: Iterable[str], source: str) -> frozenset[str]:
         if names.count(name) > 1:
             raise InputError(f"{source}: effect {name!r} stands there twice")
     return frozenset(names)
+
+
+def typical_us(active: frozenset[str], *, every_ray: bool) -> float:
+    """Return what a set of effects typically costs, microseconds a line."""
+    total = sum(EFFECTS[name].typical_us for name in active)
+    total += WHOLE_LINE_US if active & WHOLE_LINE else 0.0
+    return total + (EVERY_RAY_US if every_ray and "footprint" in active else 0.0)

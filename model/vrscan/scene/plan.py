@@ -23,7 +23,7 @@ from vrscan.errors import InputError
 from vrscan.ideal import geometry as triangle
 from vrscan.points import table
 from vrscan.registers import Registers, angle_turns
-from vrscan.scene.effects import EFFECTS, chosen, present
+from vrscan.scene.effects import EFFECTS, chosen, present, typical_us
 from vrscan.scene.light import Light
 from vrscan.scene.render import Frame
 from vrscan.scene.simulate import BLOCK, Scanner
@@ -163,7 +163,7 @@ def plan(
         active = frozenset[str]()
     else:
         everything = _Probe(light, count, seen.numbers, seen.part, tolerance)
-        active, every_ray = _auto(probe, everything, found, cost, whole)
+        active, every_ray = _auto(probe, everything, found, whole)
         probe = everything
     left_out = probe.against(active, every_ray=every_ray)
     planned_us = probe.microseconds
@@ -320,14 +320,18 @@ def _auto(
     probe: _Probe,
     everything: _Probe,
     found: dict[str, Difference],
-    cost: dict[str, float],
     whole: frozenset[str],
 ) -> tuple[frozenset[str], bool]:
-    """Return the effects that are on, and whether every spot needs its rays."""
+    """Return the effects that are on, and whether every spot needs its rays.
+
+    Time is reckoned with as it typically is, not as it was measured: the same scene gets the same
+    effects, and so the same lines, whenever and wherever it is simulated.
+    """
     limit = _SAFETY * probe.tolerance_px
 
     def price(name: str) -> float:
-        return float(found[name].total_px.max()) / (cost[name] + _FREE_US)
+        cost = typical_us(frozenset({name}), every_ray=False) + _FREE_US
+        return float(found[name].total_px.max()) / cost
 
     off: list[str] = []
     bias, square = np.zeros(len(PARTS)), np.zeros(len(PARTS))  # the hidden count only as points
@@ -346,7 +350,7 @@ def _auto(
     checks = ((probe, limit, 0.0), (everything, _SURVEYED * probe.tolerance_px, _MOST_CHANGED))
 
     def settled(every_ray: bool) -> tuple[float, frozenset[str], bool] | None:
-        """Return microseconds a line, effects and ``every_ray``; None if only rays would do."""
+        """Return typical us a line, effects and ``every_ray``; None if only rays would do."""
         out = list(off)
         while True:
             active = whole - frozenset(out)
@@ -355,7 +359,7 @@ def _auto(
                 if joint.total_px.max() > most or joint.changed.max() > lost:
                     break
             else:
-                return everything.microseconds, active, every_ray
+                return typical_us(active, every_ray=every_ray), active, every_ray
             if not out:
                 return None
             out.remove(max(out, key=price))
