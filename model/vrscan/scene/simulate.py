@@ -180,12 +180,18 @@ def _collected(
 ) -> Simulation:
     light, count = scanner.light, scanner.count
     config = light.config
-    kept = []
+    counts = np.empty((count, config.sensor.line_length), np.uint16)  # a scan may be gigabytes
+    reported = np.empty(count)
+    truths, whens = [], []
     for number, frame in enumerate(frames):
-        kept.append(frame)
+        first = number * BLOCK
+        some = slice(first, min(first + BLOCK, count))
+        inside = some.stop - first
+        counts[some], reported[some] = frame.lines[:inside], frame.reported_rad[:inside]
+        truths.append(frame.truth)
+        whens.append(frame.timeline)
         if progress is not None:
-            progress(min((number + 1) * BLOCK, count))
-    truths = [frame.truth for frame in kept]
+            progress(some.stop)
     truth = Truth(
         x_mm=np.concatenate([t.x_mm for t in truths])[:count],
         z_mm=np.concatenate([t.z_mm for t in truths])[:count],
@@ -195,17 +201,13 @@ def _collected(
     )
     level = light.scene.laser.power_mw / config.laser.rated_mw
     power = np.full(count, round(level * config.laser.power_max), np.int64)
-    lines = Lines(
-        lines=np.concatenate([frame.lines for frame in kept])[:count],
-        angle_rad=np.concatenate([frame.reported_rad for frame in kept])[:count],
-        power=power,
-        truth=truth,
-    )
-    whole = Timeline.joined([frame.timeline for frame in kept])
-    when = picked(whole, slice(0, count))
+    lines = Lines(lines=counts, angle_rad=reported, power=power, truth=truth)
+    when = picked(Timeline.joined(whens), slice(0, count))
     # The last block was whole: crossings after the scan's end are none of its.
-    inside = when.index_s <= when.time_s[-1] + 1.0 / config.line.rate_hz
+    inside_scan = when.index_s <= when.time_s[-1] + 1.0 / config.line.rate_hz
     return Simulation(
         lines,
-        replace(when, index_s=when.index_s[inside], index_outward=when.index_outward[inside]),
+        replace(
+            when, index_s=when.index_s[inside_scan], index_outward=when.index_outward[inside_scan]
+        ),
     )
