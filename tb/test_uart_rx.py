@@ -8,6 +8,7 @@ import pytest
 from harness import TwinBench, generator, reset, simulate
 
 from vrscan.fixed.uart_rx import STEP_MAX, STEP_MAX_MAJORITY, UartRx, latency
+from vrscan.fixed.uart_tx import UartTx
 
 ONE = 1 << 24
 FASTEST = STEP_MAX_MAJORITY
@@ -123,6 +124,27 @@ async def random_levels(dut) -> None:
             for kind in bench.kinds():
                 total[kind] += 1
     assert all(count > 10 for count in total.values()), total
+
+
+@cocotb.test()
+async def a_rate_that_changes_every_clock(dut) -> None:
+    """What comes out means nothing, but it is defined."""
+    draw = generator(9)
+    bench = await begin(dut)
+    for least in (3, 2, 0):
+        await bench.start()
+        for _ in range(8000):
+            step = int(draw.integers(ONE)) >> int(draw.integers(least, 6))
+            await bench.clocks(rx=bool(draw.random() < 0.3), step=step)
+        assert len(bench.events) > 50
+    # A start bit that skips its first two samples has nothing of the bits before it.
+    await bench.start()
+    await bench.clocks(30)
+    await bench.clocks(2, rx=False)
+    await bench.clocks(step=1 << 23)
+    await bench.clocks(2, rx=True, step=1)
+    await bench.clocks(10, step=FASTEST)
+    assert bench.events == []
 
 
 @cocotb.test()
@@ -271,11 +293,13 @@ async def reset_at_every_age(dut) -> None:
         await bench.clocks(10, rx=True)
         assert bench.kinds() == ["valid"] and bench.data == [0x6B]
     # A strobe that is due in the clock of the reset does not come.
-    for levels in (frame(0x11), [0] * 10, [0, 0, *[1] * 8]):
-        for age in range(76, 80):
+    byte = np.repeat(frame(0x11), 8)
+    low_stop = np.append(byte[:72], np.zeros(8, int))
+    for line in (byte, low_stop, np.zeros(80, int), np.arange(80) >= 2):
+        for age in (*range(4, 12), *range(76, 80)):
             await bench.start()
             await bench.clocks(4)
-            await bench.line(sampled(levels, 8.0)[:age])
+            await bench.line(line[:age])
             await bench.start()
             await bench.clocks(100)
             assert bench.events == []
@@ -377,6 +401,30 @@ def test_uart_rx_model_after_noise_receives_again() -> None:
         noise = np.repeat(draw.integers(0, 2, 60), draw.integers(1, 12, 60))
         line = np.concatenate([noise, np.ones(90, int), np.repeat(frame(0xD2), 8)])
         assert heard(line, FASTEST)[0][-1] == 0xD2
+
+
+@pytest.mark.parametrize("step", [STEP_MAX, 3_333_333, FASTEST, 2_000_003, LINK, 1 << 18])
+def test_uart_rx_model_hears_uart_tx(step: int) -> None:
+    """Both at one clock and rate, bytes back to back, and after them a break."""
+    draw = generator(8)
+    tx, rx = UartTx(), UartRx()
+    sent: list[int] = []
+    got: list[int] = []
+    breaks = faults = 0
+    for clock in range(900 * ONE // step):
+        sending = clock < 500 * ONE // step
+        byte = int(draw.integers(256))
+        if sending and tx.ready:
+            sent.append(byte)
+        line = tx.tx
+        held = 700 * ONE // step < clock < 730 * ONE // step
+        tx.step(valid=sending, data=byte, step=step, break_=held)
+        rx.step(rx=line, step=step)
+        got += [rx.data] if rx.valid else []
+        breaks += rx.break_
+        faults += rx.glitch + rx.framing
+    assert got == sent and len(sent) >= 50
+    assert breaks == faults == 1
 
 
 @pytest.mark.parametrize("step", [-1, ONE])
