@@ -7,9 +7,9 @@
 // Every byte of the frame is written once and read once, so the input waits just where the frame
 // has a byte more than the payload.
 //
-//   ready_o      low for 1 clock after 254 bytes without a zero and 2 until the ring has drained
-//                that far, and for 4 after last_i: two of CRC, the code, the 0x00.  Each of the two
-//                CRC bytes may end a block, which takes a clock more.
+//   ready_o      with ready_i high, low for 1 clock after 254 bytes without a zero and for 2 until
+//                the ring has room again, and for 4 after last_i: two of CRC, the code, the 0x00;
+//                a block that is full by then adds its own.  ready_i low: until there is room.
 //   too_long_o   a byte more than MaxPayload was taken, once a frame.  The frame goes out as it is,
 //                and the other end will refuse it.
 //   data_o       stays while ready_i is low; 0x00 is the end of a frame and nothing else
@@ -134,7 +134,6 @@ module frame_encoder #(
     if (rst_i) begin
       state_q    <= DATA;
       full_q     <= 1'b0;
-      room_q     <= 1'b0;
       ready_o    <= 1'b0;
       read_q     <= 8'd0;
       slot_q     <= 8'd0;
