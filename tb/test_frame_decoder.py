@@ -242,6 +242,9 @@ async def every_status_and_its_limits(dut) -> None:
         assert await bench.expect(frame(payload)[:-1] + b"\5\0") == [Status.MALFORMED]
     wrong = cobs(b"\5" + checked(b"\5")[:0:-1]) + b"\0"
     assert await bench.expect(wrong) == [Status.CRC]
+    for bit in range(16):
+        data = int.from_bytes(checked(b"\5"), "big") ^ 1 << bit
+        assert await bench.expect(cobs(data.to_bytes(3, "big")) + b"\0") == [Status.CRC]
     assert await bench.expect(wrong, {1}) == [Status.FRAMING]
     assert await bench.expect(b"\xff\1\0", {0}) == [Status.FRAMING]
     assert await bench.expect(b"\xff\1\0") == [Status.MALFORMED]
@@ -319,7 +322,7 @@ async def reset_at_every_age(dut) -> None:
                 await bench.start()
                 await bench.send(stream[:age], {age - 2} if data == 1 else (), after=0)
                 await bench.start(valid=1, data=data, error=int(data == 1))
-                await bench.send(frame(after))
+                await bench.send(bytes(age % 2) + frame(after))
                 assert bench.results == [(Status.OK, after)]
                 assert not bench.out
 
