@@ -1,0 +1,151 @@
+// frame_encoder: a payload becomes a frame: a CRC is put behind it, COBS takes out the zeros, and
+// 0x00 ends it.
+//
+// COBS tells ahead of each block of up to 254 bytes where the next zero is.  So a block opens with
+// a free slot in a ring of 256 bytes; its bytes follow, and at its end the slot gets the code.  A
+// zero of the payload is the clock in which the code is written; the 0x00 takes a slot of its own.
+// Every byte of the frame is written once and read once, so the input waits just where the frame
+// has a byte more than the payload.
+//
+//   ready_o      with ready_i high, low for 1 clock after 254 bytes without a zero and for 2 until
+//                the ring has room again, and for 4 after last_i: two of CRC, the code, the 0x00;
+//                a block that is full by then adds its own.  ready_i low: until there is room.
+//   too_long_o   a byte more than MaxPayload was taken, once a frame.  The frame goes out as it is,
+//                and the other end will refuse it.
+//   data_o       stays while ready_i is low; 0x00 is the end of a frame and nothing else
+//   Latency      5 clocks from last_i taken to valid_o with the code of a block that is not full,
+//                2 from the zero that ends a block; then a byte a clock
+//   Model        vrscan.fixed.frame_encoder, bit-exact
+
+`default_nettype none
+
+module frame_encoder #(
+  parameter int unsigned MaxPayload = 1024  // bytes
+) (
+  input  wire logic       clk_i,
+  input  wire logic       rst_i,
+
+  input  wire logic       valid_i,
+  output      logic       ready_o,
+  input  wire logic [7:0] data_i,
+  input  wire logic       last_i,
+
+  output      logic       valid_o,
+  input  wire logic       ready_i,
+  output      logic [7:0] data_o,
+
+  output      logic       too_long_o
+);
+
+  if (MaxPayload < 1 || MaxPayload > 65535) begin : gen_bad_max_payload
+    $error("frame_encoder: MaxPayload must be 1 to 65535");
+  end
+
+  localparam int unsigned CountWidth = $clog2(MaxPayload + 2);
+
+  localparam logic [2:0] DATA = 3'd0;
+  localparam logic [2:0] CRC_HIGH = 3'd1;
+  localparam logic [2:0] CRC_LOW = 3'd2;
+  localparam logic [2:0] CODE = 3'd3;
+  localparam logic [2:0] DELIMITER = 3'd4;
+
+  logic [7:0] ring_mem [256];
+
+  // The open slot is always taken, so fill_q on read_q can only be a full ring.
+  logic [                    2:0] state_q, state;
+  logic [                    7:0] read_q, slot_q, fill_q;
+  logic [                    7:0] code_q;  // of the open block as it is, 1 to 255
+  logic                           full_q, full, room_q, room;
+  logic [frame_pkg::CrcWidth-1:0] crc_q;
+  logic [         CountWidth-1:0] count_q;
+
+  // Whether a byte is stored is known without looking at it; whether it is a zero comes last.
+  logic [7:0] given;
+  logic       accept, put, zero, close, store;
+  assign accept = valid_i && ready_o;
+  always_comb begin
+    case (state_q)
+      CRC_HIGH: {zero, given} = {crc_q[15:8] == 8'd0, crc_q[15:8]};
+      CRC_LOW: {zero, given} = {crc_q[7:0] == 8'd0, crc_q[7:0]};
+      default: {zero, given} = {data_i == 8'd0, data_i};
+    endcase
+    case (state_q)
+      DATA: begin
+        put   = accept;
+        close = full_q ? room_q : accept && zero;
+        store = accept || (full_q && room_q);
+      end
+      CRC_HIGH, CRC_LOW: begin
+        put   = room_q && !full_q;
+        close = room_q && (full_q || zero);
+        store = room_q;
+      end
+      default: begin
+        put   = 1'b0;
+        close = room_q;
+        store = room_q;
+      end
+    endcase
+    case (state_q)
+      DATA: state = accept && last_i ? CRC_HIGH : DATA;
+      CRC_HIGH: state = put ? CRC_LOW : CRC_HIGH;
+      CRC_LOW: state = put ? CODE : CRC_LOW;
+      CODE: state = close ? DELIMITER : CODE;
+      default: state = close ? DATA : DELIMITER;
+    endcase
+    full = full_q ? !room_q : put && !zero && code_q == 8'd254;
+    // What is read in this clock is seen a clock later.
+    room = store ? fill_q + 8'd1 != read_q : fill_q != read_q;
+  end
+
+  logic [7:0] address, value;
+  assign address = close ? slot_q : fill_q;
+  assign value   = !close ? given : state_q == DELIMITER ? 8'd0 : code_q;
+
+  logic take, filled;
+  assign take   = !valid_o || ready_i;
+  assign filled = read_q != slot_q;
+
+  always_ff @(posedge clk_i) begin
+    if (store) ring_mem[address] <= value;
+    if (take) data_o <= ring_mem[read_q];
+
+    state_q <= state;
+    full_q  <= full;
+    room_q  <= room;
+    ready_o <= state == DATA && !full && room;
+    if (store) fill_q <= fill_q + 8'd1;
+    if (close) slot_q <= fill_q;
+    if (close) code_q <= 8'd1;
+    else if (put) code_q <= code_q + 8'd1;
+
+    if (state_q == DELIMITER) crc_q <= frame_pkg::CrcInit;
+    else if (accept) crc_q <= frame_pkg::crc_next(crc_q, data_i);
+
+    too_long_o <= accept && count_q == CountWidth'(MaxPayload);
+    if (state_q == DELIMITER) count_q <= '0;
+    else if (accept && count_q != CountWidth'(MaxPayload + 1)) count_q <= count_q + CountWidth'(1);
+
+    if (take) begin
+      valid_o <= filled;
+      if (filled) read_q <= read_q + 8'd1;
+    end
+
+    if (rst_i) begin
+      state_q    <= DATA;
+      full_q     <= 1'b0;
+      ready_o    <= 1'b0;
+      read_q     <= 8'd0;
+      slot_q     <= 8'd0;
+      fill_q     <= 8'd1;
+      code_q     <= 8'd1;
+      crc_q      <= frame_pkg::CrcInit;
+      count_q    <= '0;
+      too_long_o <= 1'b0;
+      valid_o    <= 1'b0;
+    end
+  end
+
+endmodule
+
+`default_nettype wire
