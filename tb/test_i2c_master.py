@@ -359,6 +359,19 @@ async def a_device_that_holds_the_bus(dut) -> None:
         assert bench.twin.status is Status.OK, count
         assert bench.twin.recovery_count == 1
         assert bench.decoder.rises == count + 1 + 54 + 1, "the clocks, a stop, the write"
+    # SDA is high in every other clock, and low again in the stop after it.
+    for first, rises in ((1, RECOVERY_CLOCKS + 1), (2, RECOVERY_CLOCKS)):
+        await bench.start(timeout=60)
+        await bench.clocks(20, other_sda_low=1)
+        bench.decoder.clear()
+        await bench.take(**WRITE_ALL)
+        low = 1
+        while not await bench.clock_of_command(other_sda_low=low):
+            if not bench.decoder.scl:
+                low = bench.decoder.rises % 2 ^ first % 2 ^ 1
+        assert bench.twin.status is Status.BUS_STUCK
+        assert bench.decoder.rises == rises
+        await bench.clocks(20, other_sda_low=0)
     # SCL goes down, and SDA again, while it recovers.
     for line in ("hold_scl", "hold_sda"):
         for count in range(1, 60, 3):
@@ -380,8 +393,11 @@ async def a_device_that_holds_the_bus(dut) -> None:
 
 
 @cocotb.test()
-async def reset_at_every_age(dut) -> None:
-    """The master stops anywhere; the device goes on from there, and the next command works."""
+async def reset_mid_stream(dut) -> None:
+    """The master stops anywhere; the device goes on from there, and the next command works.
+
+    Every fifth clock of a write and a read, other ones in the other elaboration.
+    """
     bench = await begin(dut, 6, timeout=40)
     worst = 0
     recovered = 0
@@ -427,7 +443,8 @@ async def another_master(dut) -> None:
         await bench.start(quarter=9)
         await bench.take(**WRITE_ALL)
         high = pulls = 0
-        while not await bench.clock_of_command(other_scl_low=pulls):
+        # SDA goes on with SCL's fall, the soonest that it may.
+        while not await bench.clock_of_command(other_scl_low=pulls, flip_sda=pulls):
             within = "S" in bench.decoder.seen and bench.decoder.rises <= 54
             high = high + 1 if bench.decoder.scl and within else 0
             pulls = int(not bench.twin.scl_low and (pulls or high == shorter))

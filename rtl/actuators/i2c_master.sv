@@ -3,7 +3,8 @@
 // A bit is low for two quarters, SDA changing between them, and high for two from when SCL is seen
 // high: stretching costs no high time, and SDA is taken in the middle.  Where another master ends
 // the high time earlier, the bit ends with it.  Start and stop have two quarters on either side, so
-// a quarter of 2.5 us keeps every minimum of the 100 kHz mode, 0.65 us those of 400 kHz.
+// a quarter of 2.5 us keeps every minimum of the 100 kHz mode, 0.7 us those of the 400 kHz mode,
+// edges of 0.1 us included.
 //
 // A command waits until both lines were high for three quarters.  If after timeout_i clocks a line
 // is low, the bus is not free:
