@@ -1,0 +1,293 @@
+"""Register writes and reads over I2C, the twin of ``rtl/actuators/i2c_master.sv``."""
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from enum import IntEnum
+
+SEEN_LATENCY = 5  # clocks from a pin to the level that is acted on
+BIT_EXTRA = SEEN_LATENCY + 1  # clocks of a bit beside its four quarters, where SCL rises at once
+MIN_QUARTER = 4
+RECOVERY_CLOCKS = 9
+
+
+class Status(IntEnum):
+    """What became of a command."""
+
+    OK = 0
+    NACK_ADDRESS = 1
+    NACK_DATA = 2
+    STRETCH_TIMEOUT = 3
+    BUS_STUCK = 4
+    ARBITRATION = 5
+
+
+def command_clocks(*, read: bool, count: int, quarter: int) -> int:
+    """Return the clocks from a command to its reply on a free bus that nobody stretches.
+
+    Args:
+        read: A read, not a write.
+        count: Data bytes, 1 to 4.
+        quarter: Clocks of a quarter, at least 4.
+    """
+    on_bus = count + (3 if read else 2)
+    quarters = 36 * on_bus + (17 if read else 11)
+    return quarters * quarter + BIT_EXTRA * (9 * on_bus + (2 if read else 1))
+
+
+def most_clocks(*, quarter: int, timeout: int) -> int:
+    """Return a bound of the clocks from any command to its reply, when both lines are released."""
+    return 322 * quarter + 77 * (timeout + 3)
+
+
+@dataclass(frozen=True)
+class _Command:
+    read: bool
+    address: int
+    register: int
+    count: int
+    data: int
+
+
+class _EndedError(Exception):
+    """The command ends at this clock, both lines released."""
+
+    def __init__(self, status: Status) -> None:
+        super().__init__(status.name)
+        self.status = status
+
+
+class _Line:
+    """What is seen of a pin: two flops, and a level that three equal samples in a row change."""
+
+    def __init__(self) -> None:
+        self.level = False
+        self.before = False
+        self._synchronised = [False, False]
+        self._recent = [False, False]
+
+    def step(self, pin: bool) -> None:
+        """Take a clock's sample."""
+        self.before = self.level
+        sample = self._synchronised[1]
+        if self._recent == [sample, sample]:
+            self.level = sample
+        self._recent = [sample, self._recent[0]]
+        self._synchronised = [pin, self._synchronised[0]]
+
+
+class I2cMaster:
+    """Clock-accurate master. A new one is as after a reset.
+
+    Args:
+        count_width: Bits of the counter, ``CountWidth``.
+
+    Attributes:
+        ready: A command is taken in this clock.
+        valid: A command has ended; with it
+        status: how, and
+        data: what was read, 0 if nothing was.
+        scl_low, sda_low: The line is pulled low.
+        recovery_count: Begun recoveries, saturating.
+    """
+
+    def __init__(self, count_width: int = 16) -> None:
+        self.ready = True
+        self.valid = False
+        self.status = Status.OK
+        self.data = 0
+        self.scl_low = False
+        self.sda_low = False
+        self.recovery_count = 0
+        self._count_max = (1 << count_width) - 1
+        self._scl = _Line()
+        self._sda = _Line()
+        self._quarter = MIN_QUARTER
+        self._timeout = 0
+        self._work: Generator[None, None, None] | None = None
+
+    def step(
+        self,
+        *,
+        valid: bool,
+        read: bool,
+        address: int,
+        register: int,
+        bytes: int,
+        data: int,
+        scl: bool,
+        sda: bool,
+        quarter: int,
+        timeout: int,
+    ) -> None:
+        """Go on by a clock, in which these are the inputs and the levels of the pins."""
+        self.valid = False
+        if self._work is not None:
+            next(self._work, None)
+            if self.valid:
+                self._work = None
+                self.ready = True
+        elif valid:
+            self.ready = False
+            self._quarter = max(quarter, MIN_QUARTER)
+            self._timeout = timeout
+            self._work = self._run(_Command(read, address, register, bytes + 1, data))
+        self._scl.step(scl)
+        self._sda.step(sda)
+
+    # A generator is resumed once a clock: what it does until it yields is done at one clock edge.
+
+    def _run(self, command: _Command) -> Generator[None, None, None]:
+        """Do a command from the clock after it was taken to its reply."""
+        data = 0
+        try:
+            yield from self._bus_is_free()
+            self.sda_low = True
+            yield from self._started()
+            status, data = yield from self._bytes(command)
+            yield from self._stop()
+        except _EndedError as ended:
+            self.scl_low = self.sda_low = False
+            status = ended.status
+        self.valid = True
+        self.status = status
+        self.data = data if command.read and status is Status.OK else 0
+
+    def _bus_is_free(self) -> Generator[None, None, None]:
+        """Wait for the bus, and recover it if it does not come."""
+        if (yield from self._wait_for_bus(self._timeout)):
+            return
+        self.recovery_count = min(self.recovery_count + 1, self._count_max)
+        try:
+            yield from self._recover()
+        except _EndedError:
+            raise _EndedError(Status.BUS_STUCK) from None
+        yield
+        if not (yield from self._wait_for_bus(0)):
+            raise _EndedError(Status.BUS_STUCK)
+
+    def _wait_for_bus(self, patience: int) -> Generator[None, None, bool]:
+        """Return whether the bus is free; if not, it is SDA alone that is low."""
+        calm = 0
+        moved = False
+        while True:
+            moved |= self._scl.before and not self._scl.level
+            if self._scl.level and self._sda.level:
+                calm += 1
+                if calm == 3 * self._quarter:
+                    return True
+            else:
+                calm = 0
+                if patience <= 0:
+                    if moved:
+                        raise _EndedError(Status.ARBITRATION)
+                    if not self._scl.level:
+                        raise _EndedError(Status.BUS_STUCK)
+                    return False
+            patience -= 1
+            yield
+
+    def _recover(self) -> Generator[None, None, None]:
+        """Clock until SDA is high after a stop."""
+        clocks = 0
+        self.scl_low = True
+        while clocks < RECOVERY_CLOCKS:
+            clocks += 1
+            if not (yield from self._bit(True, ours=False)):
+                continue
+            clocks += 1
+            yield from self._stop()
+            if self._sda.level:
+                return
+            if clocks < RECOVERY_CLOCKS:
+                self.scl_low = True
+        raise _EndedError(Status.BUS_STUCK)
+
+    def _bytes(self, command: _Command) -> Generator[None, None, tuple[Status, int]]:
+        """Do all bytes; SCL is low before and after."""
+        if (yield from self._send(command.address << 1)):
+            return Status.NACK_ADDRESS, 0
+        if (yield from self._send(command.register)):
+            return Status.NACK_DATA, 0
+        if not command.read:
+            for k in reversed(range(command.count)):
+                if (yield from self._send(command.data >> 8 * k & 0xFF)):
+                    return Status.NACK_DATA, 0
+            return Status.OK, 0
+        yield from self._start_again()
+        if (yield from self._send(command.address << 1 | 1)):
+            return Status.NACK_ADDRESS, 0
+        data = 0
+        for k in reversed(range(command.count)):
+            for _ in range(8):
+                data = data << 1 | (yield from self._bit(True, ours=False))
+            yield from self._bit(k == 0, ours=True)
+        return Status.OK, data
+
+    def _send(self, byte: int) -> Generator[None, None, bool]:
+        """Send a byte and return the bit after it: high is no acknowledgement."""
+        for k in reversed(range(8)):
+            yield from self._bit(byte >> k & 1 == 1, ours=True)
+        return (yield from self._bit(True, ours=False))
+
+    def _bit(self, value: bool, *, ours: bool) -> Generator[None, None, bool]:
+        """Do a bit from SCL's fall to the next and return what SDA was."""
+        yield from self._low(not value)
+        yield from self._quarter_of_bit()
+        seen = self._sda.before
+        if ours and value and not seen:
+            raise _EndedError(Status.ARBITRATION)
+        yield from self._quarter_of_bit()
+        self.scl_low = True
+        return seen
+
+    def _quarter_of_bit(self) -> Generator[None, None, None]:
+        """Wait for a quarter, or until SCL falls."""
+        for _ in range(self._quarter):
+            yield
+            if not self._scl.level:
+                return
+
+    def _start_again(self) -> Generator[None, None, None]:
+        yield from self._low(False)
+        yield from self._high()
+        if not self._sda.level:
+            raise _EndedError(Status.ARBITRATION)
+        self.sda_low = True
+        yield from self._started()
+
+    def _started(self) -> Generator[None, None, None]:
+        """Go on from SDA's fall to SCL's."""
+        for _ in range(2 * self._quarter):
+            yield
+            if not self._scl.level:
+                break
+        self.scl_low = True
+
+    def _stop(self) -> Generator[None, None, None]:
+        yield from self._low(True)
+        yield from self._high()
+        self.sda_low = False
+        yield from self._pause(2 * self._quarter)
+
+    def _pause(self, clocks: int) -> Generator[None, None, None]:
+        for _ in range(clocks):
+            yield
+
+    def _low(self, sda_low: bool) -> Generator[None, None, None]:
+        """Do the low time, with SDA's change in its middle, and wait until SCL is seen high."""
+        yield from self._pause(self._quarter)
+        self.sda_low = sda_low
+        yield from self._pause(self._quarter)
+        self.scl_low = False
+        for _ in range(self._timeout + 1):
+            yield
+            if self._scl.level:
+                return
+        raise _EndedError(Status.STRETCH_TIMEOUT)
+
+    def _high(self) -> Generator[None, None, None]:
+        """Do the high time before a start or a stop, in which nobody may touch SCL."""
+        for _ in range(2 * self._quarter):
+            yield
+            if not self._scl.level:
+                raise _EndedError(Status.ARBITRATION)

@@ -1,0 +1,118 @@
+// i2c_device: a focus motor with 256 registers on an I2C bus, and all that can be wrong with it.
+//
+// The first byte after its address sets the register pointer, further ones write, reads go on from
+// it; the pointer counts on.  Registers 0 and 1 are the motor's target, 2 and 3 where it is, high
+// byte first; the position is frozen at each start condition, so that its bytes belong together.
+//
+//   nack_address_i  not acknowledged, as if it were not there
+//   nack_byte_i     the byte after the address that is not acknowledged, and not written: 0 is the
+//                   register, 15 none
+//   stretch_clks_i  SCL is held low for so long after each byte, or with stretch_bits_i each bit
+//   hold_*_i        the line is held low, whatever happens
+//   position_o      moves by one every StepClks
+//
+// It leaves out rise times; the lines are looked at unfiltered.
+
+`default_nettype none
+
+module i2c_device #(
+  parameter int unsigned StepClks = 16
+) (
+  input  wire logic        clk_i,
+  input  wire logic        rst_i,
+
+  input  wire logic        scl_i,
+  input  wire logic        sda_i,
+  output      logic        scl_low_o,
+  output      logic        sda_low_o,
+
+  input  wire logic [ 6:0] address_i,
+  input  wire logic        nack_address_i,
+  input  wire logic [ 3:0] nack_byte_i,
+  input  wire logic [15:0] stretch_clks_i,
+  input  wire logic        stretch_bits_i,
+  input  wire logic        hold_scl_i,
+  input  wire logic        hold_sda_i,
+
+  output      logic [15:0] position_o
+);
+
+  logic [ 7:0] registers_q[256];
+  logic [ 7:0] pointer_q, shift_q, shown;
+  logic [15:0] frozen_q, target, stretch_q, step_q;
+  logic [ 3:0] bit_q, bit_now, byte_q;
+  logic        scl_q, sda_q, active_q, reading_q, pull_q, hold_scl_q, hold_sda_q;
+
+  assign target    = {registers_q[0], registers_q[1]};
+  assign scl_low_o = hold_scl_q || stretch_q != '0;
+  assign sda_low_o = hold_sda_q || pull_q;
+  assign bit_now   = bit_q == 4'd8 ? 4'd0 : bit_q + 4'd1;
+  always_comb begin
+    shown = registers_q[pointer_q];
+    if (pointer_q == 8'd2) shown = frozen_q[15:8];
+    if (pointer_q == 8'd3) shown = frozen_q[7:0];
+  end
+
+  always_ff @(posedge clk_i) begin
+    scl_q <= scl_i;
+    sda_q <= sda_i;
+    hold_scl_q <= hold_scl_i;
+    hold_sda_q <= hold_sda_i;
+    if (stretch_q != '0) stretch_q <= stretch_q - 16'd1;
+
+    if (scl_q && scl_i && sda_q && !sda_i) begin
+      active_q  <= 1'b1;
+      reading_q <= 1'b0;
+      pull_q    <= 1'b0;
+      bit_q     <= '1;  // the next fall of SCL begins bit 0
+      byte_q    <= '0;
+      frozen_q  <= position_o;
+    end else if (scl_q && scl_i && !sda_q && sda_i) begin
+      active_q <= 1'b0;
+      pull_q   <= 1'b0;
+    end else if (active_q && !scl_q && scl_i) begin
+      shift_q <= {shift_q[6:0], sda_i};
+      if (reading_q && byte_q != '0 && bit_q == 4'd8 && sda_i) active_q <= 1'b0;
+    end else if (active_q && scl_q && !scl_i) begin
+      bit_q  <= bit_now;
+      pull_q <= reading_q && bit_now != 4'd8 && !shown[3'd7-bit_now[2:0]];
+      if (stretch_bits_i || (bit_now == 4'd0 && bit_q == 4'd8)) stretch_q <= stretch_clks_i;
+      if (bit_now == 4'd0 && bit_q == 4'd8 && byte_q != '1) byte_q <= byte_q + 4'd1;
+      if (bit_now == 4'd8) begin
+        if (byte_q == '0) begin
+          if (shift_q[7:1] != address_i || nack_address_i) active_q <= 1'b0;
+          else pull_q <= 1'b1;
+          reading_q <= shift_q[0];
+        end else if (reading_q) begin
+          pointer_q <= pointer_q + 8'd1;
+        end else if (byte_q != nack_byte_i + 4'd1) begin
+          pull_q    <= 1'b1;
+          pointer_q <= byte_q == 4'd1 ? shift_q : pointer_q + 8'd1;
+          if (byte_q != 4'd1) registers_q[pointer_q] <= shift_q;
+        end
+      end
+    end
+
+    step_q <= step_q + 16'd1;
+    if (step_q == 16'(StepClks - 1)) begin
+      step_q <= '0;
+      if (position_o < target) position_o <= position_o + 16'd1;
+      if (position_o > target) position_o <= position_o - 16'd1;
+    end
+
+    if (rst_i) begin
+      scl_q      <= 1'b1;
+      sda_q      <= 1'b1;
+      active_q   <= 1'b0;
+      pull_q     <= 1'b0;
+      stretch_q  <= '0;
+      step_q     <= '0;
+      position_o <= '0;
+      pointer_q  <= '0;
+      for (int unsigned k = 0; k < 256; k++) registers_q[k] <= '0;
+    end
+  end
+
+endmodule
+
+`default_nettype wire
