@@ -1,6 +1,7 @@
 """Write what is generated from a single home elsewhere; with --check only say what is stale.
 
 * ``rtl/vrscan_pkg.sv`` -> ``model/vrscan/fixed/pkg.py``: every width and flag bit.
+* ``rtl/link/link_pkg.sv`` -> ``model/vrscan/fixed/link_pkg.py``: the numbers of the protocol.
 * ``vrscan.fixed.quarter_wave.table()`` -> ``rtl/trig/quarter_wave_rom.sv``.
 * ``vrscan.fixed.cordic_vector`` -> ``rtl/trig/cordic_pkg.sv``: the angles of the iterations.
 """
@@ -15,17 +16,27 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "model"))
 
 
+def _localparams(source: str) -> list[tuple[str, str, int]]:
+    """Return the localparams of a package: their name, that of the Python constant, the value."""
+    found = re.findall(r"localparam int unsigned (\w+) = ([^;]+);", (ROOT / source).read_text())
+    return [(n, re.sub(r"(?<!^)(?=[A-Z])", "_", n).upper(), int(value)) for n, value in found]
+
+
+def link_package() -> str:
+    """Return link_pkg.py: the localparams of link_pkg.sv as Python constants."""
+    source = "rtl/link/link_pkg.sv"
+    lines = [f'"""The serial protocol\'s numbers, written from {source} by scripts/generate.py."""', ""]
+    lines += [f"{constant} = {value}" for _, constant, value in _localparams(source)]
+    return "\n".join([*lines, ""])
+
+
 def package() -> str:
     """Return pkg.py: the localparams of vrscan_pkg.sv as Python constants."""
-    text = (ROOT / "rtl" / "vrscan_pkg.sv").read_text()
-    lines = [
-        '"""Widths and flag bits, written from rtl/vrscan_pkg.sv by scripts/generate.py."""',
-        "",
-    ]
+    source = "rtl/vrscan_pkg.sv"
+    lines = [f'"""Widths and flag bits, written from {source} by scripts/generate.py."""', ""]
     flags = []
-    for name, value in re.findall(r"localparam int unsigned (\w+) = ([^;]+);", text):
-        constant = re.sub(r"(?<!^)(?=[A-Z])", "_", name).upper()
-        lines.append(f"{constant} = {int(value)}")
+    for name, constant, value in _localparams(source):
+        lines.append(f"{constant} = {value}")
         if name.startswith("Flag") and name != "FlagWidth":
             flags.append((constant.removeprefix("FLAG_"), constant))
     lines += ["", "FLAGS = {"]
@@ -50,6 +61,7 @@ def cordic_package() -> str:
 
 TARGETS: dict[str, Callable[[], str]] = {
     "model/vrscan/fixed/pkg.py": package,
+    "model/vrscan/fixed/link_pkg.py": link_package,
     "rtl/trig/quarter_wave_rom.sv": quarter_wave_rom,
     "rtl/trig/cordic_pkg.sv": cordic_package,
 }
