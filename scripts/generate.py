@@ -25,7 +25,10 @@ def _localparams(source: str) -> list[tuple[str, str, int]]:
 def link_package() -> str:
     """Return link_pkg.py: the localparams of link_pkg.sv as Python constants."""
     source = "rtl/link/link_pkg.sv"
-    lines = [f'"""The serial protocol\'s numbers, written from {source} by scripts/generate.py."""', ""]
+    lines = [
+        f'"""The serial protocol\'s numbers, written from {source} by scripts/generate.py."""',
+        "",
+    ]
     lines += [f"{constant} = {value}" for _, constant, value in _localparams(source)]
     return "\n".join([*lines, ""])
 
