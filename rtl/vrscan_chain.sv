@@ -7,6 +7,7 @@
 //
 //   angle_i, power_i, mirror_flags_i  of the line, sampled with its end; the flags are those from
 //                     FlagNotRunning on, and a point that has them keeps its position
+//   user_i, user_o    whatever else belongs to the line, sampled with its end; not looked at
 //   left_o, right_o   meaningless where width_o is 0
 //   position_o, sigma_o, x_o, z_o, sigma_z_o  meaningless where measured_o is 0
 //   valid_o, ready_i  a point that nobody took is kept and the next one dropped and counted
@@ -22,6 +23,7 @@ module vrscan_chain #(
   parameter int unsigned PixelWidth = 12,
   parameter int unsigned MaxWindow  = 255,
   parameter int unsigned CountWidth = 16,  // of the counters of dropped lines and points
+  parameter int unsigned UserWidth  = 8,
   localparam int unsigned IndexWidth    = $clog2(LineLength),
   localparam int unsigned WidthWidth    = $clog2(LineLength + 1),
   localparam int unsigned PositionWidth = IndexWidth + 1 + vrscan_pkg::PositionFraction,
@@ -37,6 +39,7 @@ module vrscan_chain #(
   input  wire logic signed [      vrscan_pkg::AngleWidth-1:0] angle_i,
   input  wire logic        [      vrscan_pkg::PowerWidth-1:0] power_i,
   input  wire logic        [ vrscan_pkg::MirrorFlagWidth-1:0] mirror_flags_i,
+  input  wire logic        [                   UserWidth-1:0] user_i,
 
   output      logic                                           valid_o,
   input  wire logic                                           ready_i,
@@ -60,6 +63,8 @@ module vrscan_chain #(
   output      logic        [      vrscan_pkg::SigmaWidth-1:0] sigma_z_o,
   output      logic        [ vrscan_pkg::ConfidenceWidth-1:0] c_obj_o,
   output      logic        [ vrscan_pkg::ConfidenceWidth-1:0] c_sfm_o,
+  output      logic        [      vrscan_pkg::PowerWidth-1:0] power_o,
+  output      logic        [                   UserWidth-1:0] user_o,
 
   // Configuration; it has to hold until the points of all lines are out.
   input  wire logic                                           period_n_i,
@@ -121,17 +126,20 @@ module vrscan_chain #(
     logic [     vrscan_pkg::AngleWidth-1:0] angle;
     logic [     vrscan_pkg::PowerWidth-1:0] power;
     logic [vrscan_pkg::MirrorFlagWidth-1:0] mirror_flags;
+    logic [                  UserWidth-1:0] user;
   } line_t;
   line_t line, measured_line;
   logic [     vrscan_pkg::AngleWidth-1:0] angle_q;  // beside line_receiver's register
   logic [     vrscan_pkg::PowerWidth-1:0] power_q;
   logic [vrscan_pkg::MirrorFlagWidth-1:0] mirror_flags_q;
+  logic [                  UserWidth-1:0] user_q;
   always_ff @(posedge clk_i) begin
     angle_q        <= unsigned'(angle_i);
     power_q        <= power_i;
     mirror_flags_q <= mirror_flags_i;
+    user_q         <= user_i;
   end
-  assign line = {line_number, lost, angle_q, power_q, mirror_flags_q};
+  assign line = {line_number, lost, angle_q, power_q, mirror_flags_q, user_q};
 
   typedef struct packed {
     line_t                                line;
@@ -401,6 +409,8 @@ module vrscan_chain #(
   assign angle_o        = signed'(taken.window.row.line.angle);
   assign c_obj_o        = taken.c_obj;
   assign c_sfm_o        = taken.c_sfm;
+  assign power_o        = taken.window.row.line.power;
+  assign user_o         = taken.window.row.line.user;
 
 endmodule
 

@@ -25,6 +25,7 @@ ELABORATIONS = [
     {"LineLength": 547, "PixelWidth": 16, "MaxWindow": 70},
 ]
 SIGNED = {"position", "angle", "x", "z"}
+BESIDE = ("power", "user")  # what only passes through
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class Strobes:
     angle: int = 0
     power: int = 0
     mirror_flags: int = 0
+    user: int = 0
 
 
 def min_period() -> int:
@@ -84,6 +86,7 @@ def as_strobes(pixels: np.ndarray, salt: int, *, gap: float = 0.0) -> list[Strob
     draw = generator(salt)
     angle, power = int(draw.integers(-(1 << 20), 1 << 20)), int(draw.integers(1 << 16))
     raised = int(draw.integers(1 << pkg.MIRROR_FLAG_WIDTH))
+    user = int(draw.integers(256))
     clocks: list[Strobes] = []
     for k, pixel in enumerate(pixels.tolist()):
         while draw.random() < gap:
@@ -95,7 +98,8 @@ def as_strobes(pixels: np.ndarray, salt: int, *, gap: float = 0.0) -> list[Strob
         last = k == len(pixels) - 1
         # What counts is sampled with the line's end.
         flags = raised if last else 7 - raised
-        clocks.append(Strobes(not clocks, True, pixel, last, angle, power, flags))
+        beside = user if last else 255 - user
+        clocks.append(Strobes(not clocks, True, pixel, last, angle, power, flags, beside))
     return clocks
 
 
@@ -115,6 +119,7 @@ async def drive(dut, clocks: list[Strobes]) -> list[tuple[int, dict[str, int]]]:
         dut.angle_i.value = s.angle & ((1 << pkg.ANGLE_WIDTH) - 1)
         dut.power_i.value = s.power
         dut.mirror_flags_i.value = s.mirror_flags
+        dut.user_i.value = s.user
         await FallingEdge(dut.clk_i)
         if dut.valid_o.value and dut.ready_i.value:
             got.append((cycle + 1, read_point(dut)))
@@ -123,7 +128,8 @@ async def drive(dut, clocks: list[Strobes]) -> list[tuple[int, dict[str, int]]]:
 
 def read_point(dut) -> dict[str, int]:
     """Return the point on the output ports."""
-    return {n: as_integer(getattr(dut, f"{n}_o"), signed=n in SIGNED) for n in RESULTS}
+    ports = (*RESULTS, *BESIDE)
+    return {n: as_integer(getattr(dut, f"{n}_o"), signed=n in SIGNED) for n in ports}
 
 
 def expected(clocks: list[Strobes], given: Registers) -> list[tuple[int, dict[str, int]]]:
@@ -133,6 +139,7 @@ def expected(clocks: list[Strobes], given: Registers) -> list[tuple[int, dict[st
     twin = LineReceiver(length, min_period())
     pixels: list[int] = []
     ends, lines, angles, powers, raised, numbers, lost = [], [], [], [], [], [], []
+    users = []
     for cycle, s in enumerate(clocks):
         got = twin.step(s.start, s.valid, s.pixel, s.end)
         if got.index is not None:
@@ -143,6 +150,7 @@ def expected(clocks: list[Strobes], given: Registers) -> list[tuple[int, dict[st
             angles.append(s.angle)
             powers.append(s.power)
             raised.append(s.mirror_flags)
+            users.append(s.user)
             numbers.append(got.line_number)
             lost.append(got.lost)
     if not lines:
@@ -157,7 +165,8 @@ def expected(clocks: list[Strobes], given: Registers) -> list[tuple[int, dict[st
     )
     flags = points.flags | np.array(lost, np.int64) << pkg.FLAG_LINES_LOST
     points = replace(points, line=np.array(numbers), flags=flags)
-    return [(end + due(points, k), row(points, k)) for k, end in enumerate(ends)]
+    beside = [{"power": power, "user": user} for power, user in zip(powers, users, strict=True)]
+    return [(end + due(points, k), row(points, k) | beside[k]) for k, end in enumerate(ends)]
 
 
 def due(points: Points, k: int) -> int:
@@ -185,7 +194,7 @@ async def compare(dut, clocks: list[Strobes], given: Registers) -> list[dict[str
     want = expected(clocks, given)
     got = await drive(dut, clocks)
     for k, (have, need) in enumerate(zip(got, want, strict=False)):
-        wrong = {n: (have[1][n], need[1][n]) for n in RESULTS if have[1][n] != need[1][n]}
+        wrong = {n: (have[1][n], need[1][n]) for n in need[1] if have[1][n] != need[1][n]}
         assert have[0] == need[0] and not wrong, (
             f"point {k}: clock {have[0]}, want {need[0]}; (got, want) {wrong}"
         )
