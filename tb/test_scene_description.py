@@ -106,7 +106,7 @@ def test_a_files_own_files_are_looked_for_beside_it(tmp_path: Path) -> None:
     assert scene.folder == tmp_path
     assert scene.source == name
     _fails(lambda: Light(scene, Config()), "box.stl")
-    import trimesh  # type: ignore[import-untyped]
+    import trimesh
 
     trimesh.creation.box((30, 30, 30)).export(tmp_path / "box.stl")
     assert Light(scene, Config()).world.bounds[0, 2] == pytest.approx(385.0)

@@ -4,11 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from scipy.special import erf
 
 from vrscan.arrays import Floats
 from vrscan.errors import InputError
-from vrscan.scene.ghosts import Ghosts, Stack, ghosts, identify, row_profile, stack
+from vrscan.scene.ghosts import Ghosts, Stack, ghosts, identify, stack
 from vrscan.scene.stray import Cover, Filter, Lens, Plate, Stray, Window
 
 PITCH_MM = 0.007
@@ -326,48 +325,8 @@ def test_spots_that_are_not_there_have_dark_finite_ghosts() -> None:
         assert np.isfinite(values).all()
     assert found.power[:, 0].sum() > 0.0
     assert (found.power[:, 1:5] == 0.0).all()
-    profile = row_profile(found, 1023.5 + field / PITCH_MM, np.full(6, 1000.0), 48, 4.0)
-    assert np.isfinite(profile).all()
-    assert (profile[1:5] == 0.0).all()
     without = ghosts(stack(Stray(enabled=[])), FAR, FAR, np.zeros(3))
     assert without.names == () and without.power.shape == (0, 3)
-    assert (row_profile(without, np.zeros(3), np.zeros(3), 8, 2.0) == 0.0).all()
-
-
-def _single(across: float, blur: float) -> Ghosts:
-    def array(value: float) -> Floats:
-        return np.full((1, 1), value)
-
-    return Ghosts(("one",), array(3.3), array(across), array(blur), array(0.01), np.zeros(1))
-
-
-@pytest.mark.parametrize("blur", [0.0, 2.0, 5.9, 12.0, 40.0])
-def test_a_ghost_s_light_on_all_rows_is_its_power(blur: float) -> None:
-    middle, first = np.array([70.0]), np.zeros(1)
-    light = sum(
-        float(row_profile(_single(float(row), blur), middle, first, 160, 3.0).sum())
-        for row in range(-80, 81)
-    )
-    print(f"radius {blur:g} px: {light:.6f} of 0.01")
-    assert light == pytest.approx(0.01, rel=0.02)
-
-
-@pytest.mark.parametrize(("across", "blur"), [(0.0, 30.0), (10.0, 30.0), (2.0, 1.0), (0.0, 12.0)])
-def test_a_ghost_on_the_row_is_a_disc_blurred_by_the_spot(across: float, blur: float) -> None:
-    sigma, width = 3.0, 120
-    got = row_profile(_single(across, blur), np.array([55.0]), np.zeros(1), width, sigma)[0]
-    # The disc as thin strips along the row, each a box blurred along it and weighted across it.
-    height = np.linspace(-blur, blur, 4001)
-    chord = np.sqrt(np.maximum(blur**2 - np.square(height), 0.0))
-    away = (np.arange(width) - 58.3)[:, None]
-    scale = 1.0 / (math.sqrt(2.0) * sigma)
-    along = 0.5 * (erf((away + chord) * scale) - erf((away - chord) * scale))
-    gap = across + height
-    onto = 0.5 * (erf((gap + 0.5) * scale) - erf((gap - 0.5) * scale))
-    want = 0.01 * (along * onto).sum(axis=1) * (height[1] - height[0]) / (math.pi * blur**2)
-    error = np.abs(got - want).max() / want.max()
-    print(f"worst pixel {100.0 * error:.2f} % of the ghost's peak")
-    assert error < 0.05
 
 
 def test_the_cover_must_fit_behind_the_lens() -> None:

@@ -2,6 +2,7 @@
 
 import functools
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -132,7 +133,7 @@ def test_full_minimal_and_lists_are_what_they_say() -> None:
 
 def test_a_plan_that_cannot_be_made_is_told_in_one_line() -> None:
     light = _light("plane")
-    wrong: list[dict[str, object]] = [
+    wrong: list[dict[str, Any]] = [
         {"fidelity": ["speckel"]},
         {"fidelity": ["sun", "sun"]},
         {"fidelity": "best"},
@@ -142,7 +143,7 @@ def test_a_plan_that_cannot_be_made_is_told_in_one_line() -> None:
     ]
     for arguments in wrong:
         with pytest.raises(InputError) as caught:
-            plan(light, 300, **arguments)  # type: ignore[arg-type]
+            plan(light, 300, **arguments)
         assert "\n" not in str(caught.value)
 
 

@@ -8,6 +8,7 @@ import pytest
 from scipy import stats
 
 from vrscan.arrays import Floats
+from vrscan.scene.radiometry import mtf
 from vrscan.scene.sensor import spot_electrons
 from vrscan.scene.speckle import (
     KNOT_STEP,
@@ -17,7 +18,6 @@ from vrscan.scene.speckle import (
     pixel_contrast2,
     pixel_correlation,
     position_rms_px,
-    transfer,
     turn_correlation,
 )
 
@@ -248,10 +248,10 @@ def test_pattern_changes_as_the_light_turns_like_a_coherent_image(speckle: Speck
 def test_turned_light_correlates_with_the_pupils_overlap_or_its_square() -> None:
     turn = np.array([0.0, 0.1, 0.3, 0.6, 0.9, 1.0, 2.0])
     point, sum_of_many = turn_correlation(1e-3, turn), turn_correlation(20.0, turn)
-    print(f"a point {np.round(point, 3)} / {np.round(transfer(turn) ** 2, 3)}")
-    print(f"400 cells {np.round(sum_of_many, 3)} / {np.round(transfer(turn), 3)}")
-    assert point == pytest.approx(transfer(turn) ** 2, abs=0.005)
-    assert sum_of_many == pytest.approx(transfer(turn), abs=0.05)
+    print(f"a point {np.round(point, 3)} / {np.round(mtf(turn) ** 2, 3)}")
+    print(f"400 cells {np.round(sum_of_many, 3)} / {np.round(mtf(turn), 3)}")
+    assert point == pytest.approx(mtf(turn) ** 2, abs=0.005)
+    assert sum_of_many == pytest.approx(mtf(turn), abs=0.05)
 
 
 def test_pattern_changes_as_the_scanner_travels_like_a_coherent_image(speckle: Speckle) -> None:
@@ -323,7 +323,6 @@ def test_limits_of_the_pixel_sum() -> None:
     assert pixel_contrast2(1e-3) == pytest.approx(1.0, abs=1e-5)  # a point sees contrast 1
     area = 4 / math.pi / 15**2  # and a large pixel 1/M, M pixel over correlation area
     assert pixel_contrast2(15.0) == pytest.approx(area, rel=0.1)
-    assert transfer(np.array([0.0, 1.0, 3.0])) == pytest.approx([1.0, 0.0, 0.0])
 
 
 def test_programming_errors_are_named(speckle: Speckle) -> None:

@@ -6,8 +6,8 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import numpy as np
-import pandas as pd  # type: ignore[import-untyped]
-import pvlib  # type: ignore[import-untyped]
+import pandas as pd
+import pvlib
 import pytest
 from pydantic import ValidationError
 

@@ -9,7 +9,6 @@ import math
 from typing import BinaryIO
 
 import numpy as np
-from rich import box
 from rich.console import Group
 from rich.markup import escape
 from rich.table import Table as RichTable
@@ -17,6 +16,7 @@ from rich.text import Text
 
 from vrscan.arrays import Bools, Floats
 from vrscan.config import Config
+from vrscan.report.style import wide_table
 from vrscan.scene import detectability, safety
 from vrscan.scene.beam import output_mw, radius_mm
 from vrscan.scene.description import Description
@@ -47,20 +47,13 @@ def budget_table(plan: Plan, scene: Description) -> Group:
 
 def figures_table(plan: Plan, scene: Description) -> RichTable:
     """Return what leaving out each effect does: bias and rms in px and mm, near, middle and far."""
-    grid = RichTable(
-        title=f"{escape(scene.source)}: what its points lose without each effect, "
+    grid = wide_table(
+        f"{escape(scene.source)}: what its points lose without each effect, "
         f"fidelity {plan.fidelity}{_tolerance(plan)}",
         caption=f"Bias and rms about it: how the position moves (with everything, less without the "
         f"effect), on {plan.lines} lines. Points differ: share of lines with a point in only one "
         f"of the two, or two more than {JUMP_PX:g} px apart, worst of near, middle, far and hidden "
         f"from the camera. µs a line. Base: {BASE}.",
-        title_justify="left",
-        caption_justify="left",
-        caption_style="",
-        box=box.SIMPLE_HEAD,
-        show_edge=False,
-        pad_edge=False,
-        padding=(0, 1, 0, 0),
     )
     grid.add_column("\n\neffect", no_wrap=True)
     for zone, z_mm in zip(ZONES, plan.distance_mm, strict=True):
@@ -94,14 +87,7 @@ def figures_table(plan: Plan, scene: Description) -> RichTable:
 
 def effects_table(plan: Plan) -> RichTable:
     """Return what the effects are, what stands in place of those that are off, and the absent."""
-    grid = RichTable(
-        title="The effects",
-        title_justify="left",
-        box=box.SIMPLE_HEAD,
-        show_edge=False,
-        pad_edge=False,
-        padding=(0, 2, 0, 0),
-    )
+    grid = wide_table("The effects", gap=2)
     for heading in ("effect", "what it is", "", "in its place"):
         grid.add_column(heading, no_wrap=True)
     for name, state in _states(plan).items():
@@ -337,7 +323,7 @@ def _brightness_lines(light: Light, plan: Plan) -> list[str]:
         range_mm = float(way.mean())
         view = View(cos_in=float(np.clip(facing.mean(), _LEAST_COS, 1.0)))
         beam = Beam(
-            power_w=1e-3 * light.output_mw * share,
+            power_w=1e-3 * output_mw(scene.laser) * share,
             diameter_mm=2.0 * float(radius_mm(np.array(range_mm), scene.laser)),
             divergence_rad=0.0,
         )

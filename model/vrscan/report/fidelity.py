@@ -19,7 +19,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from rich import box
+from rich.console import JustifyMethod
 from rich.markup import escape
 from rich.table import Table as RichTable
 
@@ -29,7 +29,7 @@ from vrscan.engines import Engine
 from vrscan.engines import run as run_engine
 from vrscan.lines import Truth
 from vrscan.report.numbers import replace_block
-from vrscan.report.style import COLOURS, INK, LIGHT, QUIET, STYLE
+from vrscan.report.style import COLOURS, INK, LIGHT, QUIET, STYLE, wide_table
 from vrscan.scene.description import Description, load
 from vrscan.scene.effects import present
 from vrscan.scene.light import Light
@@ -219,23 +219,16 @@ def _title(scene: str) -> str:
 def table(rows: Sequence[Row]) -> RichTable:
     """Return the bench as a table for the terminal, 120 columns wide."""
     lines = max((row.lines for row in rows), default=0)
-    grid = RichTable(
-        title=f"Fidelity against full with the same random numbers: {lines} lines of each scene, "
+    grid = wide_table(
+        f"Fidelity against full with the same random numbers: {lines} lines of each scene, "
         "chain fixed",
         caption="lines/s: rendering alone, by one core's processor time; on: effects. Position "
         "less that of full: bias, rms (bias included), rms of the worst third by depth, 99 % and "
         "largest; ok: the worst third is within auto's tolerance; differ: lines with a point in "
         f"only one of the two, or two more than {JUMP_PX:g} px apart, which count nowhere else. "
         "Truth: rms and median of the position's own error. Plan: s that planning takes.",
-        title_justify="left",
-        caption_justify="left",
-        caption_style="",
-        box=box.SIMPLE_HEAD,
-        show_edge=False,
-        pad_edge=False,
-        padding=(0, 1, 0, 0),
     )
-    for heading, justify in (
+    headings: tuple[tuple[str, JustifyMethod], ...] = (
         ("\nscene", "left"),
         ("\nfidelity", "left"),
         ("\non", "right"),
@@ -251,8 +244,9 @@ def table(rows: Sequence[Row]) -> RichTable:
         ("truth\nrms", "right"),
         ("truth\nmed.", "right"),
         ("plan\ns", "right"),
-    ):
-        grid.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+    )
+    for heading, justify in headings:
+        grid.add_column(heading, justify=justify, no_wrap=True)
     for index, row in enumerate(rows):
         last = index + 1 == len(rows) or rows[index + 1].scene != row.scene
         first = index == 0 or rows[index - 1].scene != row.scene

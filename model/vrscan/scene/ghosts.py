@@ -17,7 +17,6 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import erf
 
 from vrscan.arrays import Bools, Floats, Ints
 from vrscan.errors import InputError
@@ -25,7 +24,6 @@ from vrscan.scene.stray import Plate, Stray, disc_overlap
 
 _TRAVELS_MM = np.array([0.0, 1.0, 2.0, 3.0])  # a path crosses the moving gap at most three times
 _MARGIN_PX = 20.0  # a spot's own size: a ghost that far beside the row still lights it
-_WIDE = 3.0  # a ghost's radius in the spot's sigma, above which its disc shows
 _NEAREST_MM = 1.0  # nothing is imaged from nearer
 
 
@@ -349,55 +347,6 @@ def ghosts(stack: Stack, focus_mm: Floats, distance_mm: Floats, field_mm: Floats
     )
 
 
-def row_profile(
-    found: Ghosts, position_px: Floats, first_px: Floats, width: int, sigma_px: Floats | float
-) -> Floats:
-    """Return what ghosts put on the row, as a share of all light of the spot's image.
-
-    A ghost is a disc convolved with the spot's Gaussian. Far wider than the spot it is the disc's
-    chord along the row, with soft ends; otherwise a Gaussian of the disc's and the spot's variance.
-
-    Args:
-        found: Ghosts of n spots.
-        position_px: Where the spots are on the sensor [n]; not finite: no light.
-        first_px: First pixel of each window [n].
-        width: Pixels of a window.
-        sigma_px: Of the spot, alike along and across the row, above 0 [n].
-
-    Returns:
-        Shares [n, width].
-    """
-    sigma = np.broadcast_to(np.asarray(sigma_px, np.float64), np.shape(position_px))
-    good = np.isfinite(position_px)
-    from_first = np.where(good, position_px - first_px, 0.0)
-    total = np.zeros((len(from_first), width))
-    flat = np.zeros(len(from_first))
-    for offset, across, blur, power in zip(
-        found.offset_px, found.across_px, found.blur_px, found.power, strict=True
-    ):
-        middle = from_first + offset
-        lit = good & (power > 0.0)
-        wide = lit & (blur > _WIDE * sigma)
-        level, chord = _slice(across, np.where(wide, blur, 1.0), sigma)
-        level = np.where(wide, level * power, 0.0)
-        soft = 4.0 * sigma
-        # Where the chord's ends are, against the window: beyond it the disc is even or not there.
-        even = (middle - chord + soft <= 0.0) & (middle + chord - soft >= width - 1.0)
-        beside = (middle - chord - soft > width - 1.0) | (middle + chord + soft < 0.0)
-        flat += np.where(even, level, 0.0)
-        ends = np.flatnonzero(wide & ~even & ~beside & (chord > 0.0))
-        total[ends] += level[ends, None] * _box(width, middle[ends], chord[ends], sigma[ends])
-        small = np.flatnonzero(lit & ~wide)
-        variance = np.square(sigma[small]) + 0.25 * np.square(blur[small])
-        # A pixel's height adds its variance across the row; along it the light is sampled.
-        high = variance + 1.0 / 12.0
-        peak = power[small] / (2.0 * math.pi * np.sqrt(variance * high))
-        peak = peak * np.exp(-0.5 * np.square(across[small]) / high)
-        away = np.arange(width) - middle[small, None]
-        total[small] += peak[:, None] * np.exp(-0.5 * np.square(away) / variance[:, None])
-    return total + flat[:, None]
-
-
 def identify(
     stack: Stack,
     *,
@@ -530,29 +479,6 @@ def _passed(radius: Floats, middle: Floats, stack: Stack) -> Floats:
     radius = np.maximum(radius, 1e-6)
     common = disc_overlap(radius, stack.stop_mm, middle)
     return np.asarray(common / (math.pi * np.square(radius)))
-
-
-def _slice(across: Floats, blur: Floats, sigma: Floats) -> tuple[Floats, Floats]:
-    """Return the row's level per unit of light, and half its chord, through discs [n].
-
-    The spot's own height moves the slice: the mean over three heights (Gauss-Hermite).
-    """
-    node = np.array([-math.sqrt(3.0), 0.0, math.sqrt(3.0)])[:, None]
-    weight = np.array([1.0, 4.0, 1.0])[:, None] / 6.0
-    square = np.maximum(np.square(blur) - np.square(across + node * sigma), 0.0)
-    mean = (weight * np.sqrt(square)).sum(axis=0)
-    chord = np.sqrt((weight * square).sum(axis=0))
-    level = mean / np.where(chord > 0.0, chord, 1.0) / (math.pi * np.square(blur))
-    return level, chord
-
-
-def _box(width: int, middle: Floats, half: Floats, sigma: Floats) -> Floats:
-    """Return boxes of height 1 [n, width], their ends softened by a Gaussian."""
-    away = np.arange(width) - middle[:, None]
-    edge = 1.0 / (math.sqrt(2.0) * sigma[:, None])
-    return np.asarray(
-        0.5 * (erf((away + half[:, None]) * edge) - erf((away - half[:, None]) * edge))
-    )
 
 
 def _on_sensor(position: Floats, across: Floats, blur: Floats, stack: Stack) -> Bools:

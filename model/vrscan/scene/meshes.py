@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from embreex.mesh_construction import TriangleMesh  # type: ignore[import-untyped]
-from embreex.rtcore_scene import EmbreeScene  # type: ignore[import-untyped]
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
 
 from vrscan.arrays import Floats, Ints
 from vrscan.errors import InputError

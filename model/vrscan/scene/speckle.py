@@ -19,6 +19,7 @@ import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
 from vrscan.arrays import Floats, Ints
+from vrscan.scene.radiometry import mtf
 
 Singles = npt.NDArray[np.float32]
 
@@ -35,23 +36,12 @@ _PUPIL_GRID = 64  # grid points across the pupil; its soft edge keeps areas to 1
 _NODES = 160  # of the quadrature; the integrand has less than 30 oscillations
 
 
-def transfer(frequency: Floats) -> Floats:
-    """Return a circular pupil's optical transfer function, the overlap of two shifted discs.
-
-    Args:
-        frequency: In units of the cut-off 1 / (lambda F), at least 0; or the pupils' distance over
-            their diameter. Any shape.
-    """
-    c = np.clip(frequency, 0.0, 1.0)
-    return np.asarray((2.0 / math.pi) * (np.arccos(c) - c * np.sqrt(1.0 - c * c)))
-
-
 @lru_cache(maxsize=1)
 def _nodes() -> tuple[Floats, Floats, Floats]:
     """Return nodes and weights over 0 to 1, and the transfer function at each pair of nodes."""
     node, weight = np.polynomial.legendre.leggauss(_NODES)
     u = 0.5 * (node + 1.0)
-    return u, 0.5 * weight, transfer(np.hypot(u[:, None], u))
+    return u, 0.5 * weight, mtf(np.hypot(u[:, None], u))
 
 
 @lru_cache(maxsize=256)

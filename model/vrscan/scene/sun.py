@@ -160,7 +160,7 @@ class _Sky:
 
 def _pvlib() -> Any:
     """Return pvlib: imported here, as a scene without a sun need not wait a second for it."""
-    import pvlib  # type: ignore[import-untyped]
+    import pvlib
 
     return pvlib
 
@@ -185,7 +185,7 @@ def _frame(sun: Sun) -> Floats:
 @lru_cache(maxsize=64)
 def _sky(sun: Sun) -> _Sky:
     """Return sun and sky of a site; raises InputError where the sun is not above the horizon."""
-    import pandas as pd  # type: ignore[import-untyped]
+    import pandas as pd
 
     pvlib = _pvlib()
     when = pd.DatetimeIndex([sun.time])

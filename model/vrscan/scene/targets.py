@@ -9,6 +9,7 @@ light's path, and motion of a target.
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -35,7 +36,7 @@ Size3 = Annotated[
 ]
 
 
-class Target(Section):
+class Target(Section, ABC):
     """What all targets have."""
 
     name: str | None = Field(default=None, min_length=1)  # the kind, numbered, if there is none
@@ -44,6 +45,7 @@ class Target(Section):
     material: str = "default"  # one of the scene's materials
     map: MapSection | None = None  # a factor on the material's reflectance
 
+    @abstractmethod
     def shape(self, folder: Path) -> Shape:
         """Return the target in its own frame.
 
@@ -53,7 +55,6 @@ class Target(Section):
         Raises:
             InputError: if a file that it names is no good.
         """
-        raise NotImplementedError
 
 
 class Plane(Target):
