@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from vrscan.config import Config
 from vrscan.ideal.geometry import project, triangle, undistorted
 from vrscan.scene.description import Description, parse
 from vrscan.scene.effects import EFFECTS
+from vrscan.scene.ghosts import Ghosts
 from vrscan.scene.light import Light
 from vrscan.scene.render import Frame, Renderer
 from vrscan.scene.sensor import bloom
@@ -177,9 +179,9 @@ def test_the_pupil_from_the_side_is_foreshortened() -> None:
     assert np.allclose(got / plain, np.cos(np.arctan(u / 25.0)), rtol=2e-4)
 
 
-def test_sunlight_of_the_digest_makes_542_electrons(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sunlight_of_the_digest_makes_542_electrons() -> None:
     # 0.15 W cm^-2 um^-1 through 20 nm, a whole line of 26.74 us; 658 nm is the digest's photon.
-    lamp = {"kind": "led", "illuminance_lux": 500}
+    lamp = {"kind": "led", "illuminance_lux": 500, "flicker": 0.0}
     lens = {"filter_nm": [648, 668], "transmission": 1, "filter_transmission": 1}
     scene = _scene(_plane(400.0), lamp=[lamp], lens=lens)
     up = np.array([[0.0, 0.0, -1.0]])
@@ -204,6 +206,80 @@ def test_no_light_comes_from_where_nothing_is() -> None:
     assert got[: int(edge[0]) - 9].max() == 0.0
     assert got[int(edge[1]) + 10 :].max() == 0.0
     assert got[int(edge[0]) + 10 : int(edge[1]) - 9].min() > 0.0
+
+
+def _ambient(
+    scene: Description, name: str, time_s: Floats | float = 0.0, y_mm: Floats | float = 0.0
+) -> Floats:
+    """Return the electrons of lines with nothing but sun or lamps [n, length], to 1/40."""
+    fine = scene.sensor.model_copy(update={"gain": 20.0})
+    scene = scene.model_copy(update={"sensor": fine})
+    time, y = np.broadcast_arrays(np.asarray(time_s, np.float64), np.asarray(y_mm, np.float64))
+    when = replace(_times(np.full(len(time), 0.9)), time_s=time, y_mm=y)
+    words = np.zeros((len(time), 2048), np.uint16)
+    lines = Renderer(Light(scene, CONFIG), frozenset({name})).render(when, words).lines
+    assert lines.max() < 65535
+    return lines.astype(np.float64) / 20.0
+
+
+def test_lamps_flicker_from_line_to_line() -> None:
+    quarter = 0.25 / 120.0  # of the flicker, at 60 Hz: crest, mean, trough, mean, crest
+    time = 7.0 / 120.0 + quarter * np.arange(5)
+    lamp = {"illuminance_lux": 100_000.0, "mains_hz": 60.0}
+    deep, weak = {**lamp, "flicker": 0.4}, {**lamp, "flicker": 0.1, "phase_rad": math.pi}
+    steady = _ambient(_scene(_plane(400.0), lamp=[{**lamp, "flicker": 0.0}]), "lamps", time)
+    assert steady[:, 1000].min() > 300.0
+    assert np.ptp(steady, axis=0).max() == 0.0
+    for lamps, level in (
+        ([deep], [1.4, 1.0, 0.6, 1.0, 1.4]),
+        ([deep, weak], [2.3, 2.0, 1.7, 2.0, 2.3]),  # the weak one is dark when the deep is bright
+    ):
+        got = _ambient(_scene(_plane(400.0), lamp=lamps), "lamps", time)
+        print(f"levels {(got / steady).mean(axis=1).round(4)} / {level}")
+        assert np.abs(got - np.array(level)[:, None] * steady).max() < 0.026 * (1.0 + max(level))
+
+
+@pytest.mark.parametrize("name", ["sun", "lamps"])
+def test_a_panning_scanner_sees_the_light_of_what_is_before_it(name: str) -> None:
+    def plane(y: float, material: str) -> dict[str, object]:
+        where = {"position_mm": [0, y, 400], "size_mm": [2000, 100]}
+        return {"kind": "plane", "material": material, **where}
+
+    tables: dict[str, object] = {
+        "material": {"grey": {"reflectance": 0.2}, "white": {"reflectance": 0.6}},
+        "sun": {"heading_deg": 180.0},
+        "lamp": [{"illuminance_lux": 20_000.0, "flicker": 0.0}],
+    }
+    two = plane(-50.0, "grey"), plane(50.0, "white")
+    y = np.array([-150.0, -60.0, -5.0, 5.0, 60.0, 150.0])
+    got = _ambient(_scene(*two, scan={"pan_mm_per_s": 300.0}, **tables), name, y_mm=y)
+    print(f"{name}: {got[:, 1000]} electrons")
+    assert got[[0, 5]].max() == 0.0
+    assert got[1, 1000] > 10.0
+    assert np.array_equal(got[1], got[2])
+    assert np.array_equal(got[3], got[4])
+    assert np.abs(got[4] - 3.0 * got[1]).max() <= 0.026 * 4.0
+    # A line does not depend on the lines beside it.
+    alone = _ambient(_scene(*two, scan={"pan_mm_per_s": 300.0}, **tables), name, y_mm=y[3:4])
+    assert np.array_equal(alone[0], got[3])
+
+
+def test_a_panning_scanner_leaves_the_shadow_of_a_roof() -> None:
+    # The sun stands high in the north, where the wall faces: below the roof it gets the sky alone.
+    sun = {"heading_deg": 180.0, "sky": "given", "dni_w_m2": 800.0, "dhi_w_m2": 60.0}
+    roof = {"kind": "box", "position_mm": [0, 60, 370], "size_mm": [2000, 4, 60]}
+    scene = _scene(_plane(400.0), roof, sun=sun, scan={"pan_mm_per_s": 300.0})
+    assert scene.sun is not None
+    band = scene.lens.filter_nm
+    facing = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, -1.0]])
+    shade, light = scene.sun.in_band_irradiance(
+        facing, shaded=np.array([True, False]), band_nm=band
+    )
+    got = _ambient(scene, "sun", y_mm=np.array([0.0, 40.0, 100.0]))[:, 900:1100].mean(axis=1)
+    print(f"in the light over in the shade {got[2] / got[0]:.3f} / {light / shade:.3f}")
+    assert light / shade > 2.0
+    assert abs(got[1] / got[0] - 1.0) < 0.01
+    assert abs(got[2] / got[0] / (light / shade) - 1.0) < 0.02
 
 
 # -- where it is and how wide --
@@ -516,6 +592,54 @@ def test_the_chips_ghost_off_its_cover_is_a_disc_where_geometry_puts_it() -> Non
         assert abs(math.sqrt(variance) / (radius / math.sqrt(3.0)) - 1.0) < 0.1
 
 
+@pytest.mark.parametrize(
+    ("across", "blur"),
+    [(0.0, 0.0), (2.0, 1.0), (0.0, 5.9), (0.0, 12.0), (0.0, 30.0), (10.0, 30.0), (-20.0, 30.0)],
+)
+def test_a_ghost_on_the_row_is_a_disc_blurred_by_the_spot(
+    across: float, blur: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place, away = 800.0, 300.3
+
+    def one(self: Light, depth_mm: Floats, field_mm: Floats) -> Ghosts:
+        assert depth_mm.shape == field_mm.shape == (1,)
+        values = (np.full((1, 1), value) for value in (away, across, blur, 1.0))
+        return Ghosts(("one",), *values, np.zeros(1))
+
+    monkeypatch.setattr(Light, "ghosts", one)
+    angle = np.array([_angle_at(place, 420.0)])
+    light = _fine(Light(_scene(_plane(420.0)), CONFIG), angle)
+    x = 420.0 * math.tan(angle[0])
+    width = 0.5 * math.hypot(1.0, math.hypot(x, 420.0) * 658e-6 / math.pi / 0.25)
+    sigma = 0.5 * width * 25.0 / 0.007 / _depth(x, 420.0)
+    plain, lit = (_electrons(light, more, angle)[0] for more in (set(), {"ghosts"}))
+    whole = plain.sum() / float(erf(0.5 / (math.sqrt(2.0) * sigma)))
+    got = (lit - plain) / whole
+
+    # The disc as thin strips along the row, each a box blurred along it and weighted across it.
+    strip = np.linspace(-1.0, 1.0, 4001)[1:-1]
+    radius = max(blur, 1e-3)
+    chord = radius * np.sqrt(1.0 - np.square(strip))
+    offset = (np.arange(2048) - place - away)[:, None]
+    scale = 1.0 / (math.sqrt(2.0) * math.hypot(sigma, math.sqrt(1.0 / 12.0)))  # with a pixel's
+    along = 0.5 * (erf((offset + chord) * scale) - erf((offset - chord) * scale))
+    gap, scale = across + radius * strip, 1.0 / (math.sqrt(2.0) * sigma)
+    onto = 0.5 * (erf((gap + 0.5) * scale) - erf((gap - 0.5) * scale))
+    want = along @ onto * (strip[1] - strip[0]) / (math.pi * radius)
+    error = np.abs(got - want) / want.max()
+    if blur > 8.0 * sigma:  # its ends count as hard
+        end = math.sqrt(blur**2 - across**2)
+        error = error[np.abs(np.abs(offset[:, 0]) - end) > 4.0 * sigma]
+    off = float(offset[:, 0] @ got) / got.sum()
+    print(
+        f"light {got.sum():.5f} / {want.sum():.5f}, middle {off:+.3f} px off, "
+        f"worst pixel {100.0 * error.max():.2f} %"
+    )
+    assert abs(got.sum() / want.sum() - 1.0) < 0.02
+    assert abs(off) < 0.05
+    assert error.max() < 0.02
+
+
 def test_a_small_ghost_has_its_disc_with_and_without_defocus() -> None:
     stray = _bare_stack()
     stray["cover"] = {**stray["cover"], "gap_mm": 0.3}  # a disc of 14 px
@@ -658,7 +782,7 @@ FULL_WELLS = [25_000.0, 400.0]
     ],
 )
 def test_windows_and_whole_lines_have_the_same_counts(active: set[str], full_well: float) -> None:
-    lamp = {"kind": "halogen", "illuminance_lux": 2000.0}
+    lamp = {"kind": "halogen", "illuminance_lux": 2000.0, "flicker": 0.0}  # else all are whole
     # No effect of "ghosts" but that whole lines are worked out: there is nothing that reflects.
     scene = _scene(
         _plane(350.0, 8.0),

@@ -1,17 +1,17 @@
 """What all lines of a scene share, worked out once and when first needed."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from scipy.constants import c, h
 
 from vrscan.arrays import Bools, Floats, Ints
 from vrscan.config import Config
 from vrscan.errors import InputError
 from vrscan.ideal.geometry import undistorted
-from vrscan.scene.beam import output_mw, radius_mm
+from vrscan.scene.beam import radius_mm
 from vrscan.scene.description import Description
 from vrscan.scene.ghosts import Ghosts, Stack, ghosts, stack
 from vrscan.scene.image import Singles
@@ -26,7 +26,9 @@ from vrscan.scene.stray import (
     obscured_share,
     window_ghost,
 )
+from vrscan.scene.sun import Lamp, Sun, collection, pixel_electrons
 from vrscan.scene.targets import World
+from vrscan.scene.timeline import Timeline
 
 _VIEW_STEP = 8  # px between the rays on which the camera's view is sampled
 _BOUNCE_KNOTS = 193  # angles at which the second bounce is worked out
@@ -214,15 +216,10 @@ class Light:
         return self._views[key]
 
     @property
-    def _pixel_watts(self) -> Floats:
-        """Return W on a pixel for a radiance of 1 W/m2/sr, for every eighth pixel."""
-        geometry, lens = self.config.geometry, self.scene.lens
-        pixel = self._view_px
-        u, _ = undistorted(pixel, geometry)
-        fall = np.square(1.0 / (1.0 + np.square(u / geometry.focal_mm)))  # cos^4
-        area = np.square(1e-3 * geometry.pitch_mm)
-        aperture = 0.25 * np.pi / np.square(lens.f_number)
-        return np.asarray(area * aperture * fall * lens.transmission * lens.filter_transmission)
+    def _off_axis_rad(self) -> Floats:
+        """How far off the axis every eighth pixel looks."""
+        u, _ = undistorted(self._view_px, self.config.geometry)
+        return np.asarray(np.arctan(u / self.config.geometry.focal_mm))
 
     def _whole_row(self, values: Floats) -> Floats:
         """Return a value for each pixel [..., length] from one for every eighth."""
@@ -245,27 +242,64 @@ class Light:
             name: ``sun`` or ``lamps``, the mean of their flicker.
             y_mm: Where the scanner is.
         """
+        found = np.zeros(self.config.sensor.line_length)
+        for source in self._sources(name):
+            found += self._ambient_of(source, y_mm)
+        return found
+
+    def changing_ambient(self, names: Iterable[str], timeline: Timeline) -> Singles:
+        """Return the same of lines that see different things, or at different times [n, length].
+
+        Args:
+            names: Of ``ambient``.
+            timeline: n lines: where the scanner is, and where in their flicker lamps are.
+        """
+        found = np.zeros((len(timeline), self.config.sensor.line_length), np.float32)
+        keys = np.round(timeline.y_mm / _PAN_STEP_MM).astype(np.int64)
+        for source in (source for name in names for source in self._sources(name)):
+            level = np.ones(len(timeline))
+            if isinstance(source, Lamp):
+                level = source.level(timeline.time_s)
+            for key in np.unique(keys).tolist():
+                rows = np.flatnonzero(keys == key)
+                light = self._ambient_of(source, key * _PAN_STEP_MM)
+                found[rows] += (level[rows, None] * light).astype(np.float32)
+        return found
+
+    def flicker_e(self) -> float:
+        """Return how far the lamps' flicker moves a pixel from its mean, at most, electrons."""
+        return sum(
+            lamp.depth * float(self._ambient_of(lamp, 0.0).max()) for lamp in self.scene.lamp
+        )
+
+    def _sources(self, name: str) -> list[Sun | Lamp]:
+        if name == "sun":
+            return [] if self.scene.sun is None else [self.scene.sun]
+        return list(self.scene.lamp)
+
+    def _ambient_of(self, source: Sun | Lamp, y_mm: float) -> Floats:
         point, normal, target, albedo = self.view(y_mm)
         scene = self.scene
         hit = target >= 0
-        irradiance = np.zeros(len(target))
-        if name == "sun" and scene.sun is not None:
+        shaded = np.zeros(len(target), np.bool_)
+        if isinstance(source, Sun):
             start = point + np.array([0.0, round(y_mm / _PAN_STEP_MM) * _PAN_STEP_MM, 0.0])
-            far = start + 4.0 * (self.farthest_mm + 1.0) * scene.sun.towards()
-            shaded = np.zeros(len(target), np.bool_)
+            far = start + 4.0 * (self.farthest_mm + 1.0) * source.towards()
             shaded[hit] = self.world.blocked(start[hit], far[hit])
-            irradiance = scene.sun.in_band_irradiance(
-                normal, shaded=shaded, band_nm=scene.lens.filter_nm
-            )
-        elif name == "lamps":
-            for lamp in scene.lamp:
-                irradiance = irradiance + lamp.in_band_irradiance(
-                    normal, band_nm=scene.lens.filter_nm
-                )
+        band = scene.lens.filter_nm
+        irradiance = source.in_band_irradiance(normal, shaded=shaded, band_nm=band)
         radiance = np.where(hit, self._diffuse(target, albedo) * irradiance / np.pi, 0.0)
-        middle_m = 1e-9 * 0.5 * sum(scene.lens.filter_nm)
-        photons = radiance * self._pixel_watts * self.exposure_s * middle_m / (h * c)
-        return self._whole_row(photons * scene.sensor.quantum_efficiency)
+        electrons = pixel_electrons(
+            radiance,
+            f_number=scene.lens.f_number,
+            pixel_um2=np.square(1e3 * self.config.geometry.pitch_mm),
+            exposure_s=self.exposure_s,
+            quantum_efficiency=scene.sensor.quantum_efficiency,
+            transmission=scene.lens.transmission * scene.lens.filter_transmission,
+            off_axis_rad=self._off_axis_rad,
+            wavelength_nm=0.5 * sum(band),
+        )
+        return self._whole_row(electrons)
 
     # -- the second bounce --
 
@@ -329,12 +363,7 @@ class Light:
             # The spot is no point: nearer than its radius its light does not grow any more.
             irradiance = gain[:, None] * form / (square + np.square(width)[:, None])
             found[np.ix_(lit, seen)] = irradiance * self._diffuse(target, albedo)[seen] / np.pi
-        # W/mm2 to W/m2; the beam's own electrons hold lens and filter already.
-        lens = self.scene.lens
-        pupil = max(lens.transmission * lens.filter_transmission, 1e-12)
-        return self._whole_row(1e6 * found * self._pixel_watts / pupil).astype(np.float32)
-
-    @property
-    def output_mw(self) -> float:
-        """The power that leaves the instrument while the laser is on."""
-        return output_mw(self.scene.laser)
+        # In mm2, as the irradiance is; the beam's own electrons hold lens and filter already.
+        area = np.square(self.config.geometry.pitch_mm)
+        seen_sr = collection(self.scene.lens.f_number, self._off_axis_rad)
+        return self._whole_row(found * area * seen_sr).astype(np.float32)

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.constants import c, h
 
 from vrscan.arrays import Bools, Floats, Ints
 from vrscan.scene import image
 from vrscan.scene.beam import core_share, output_mw, radius_mm
 from vrscan.scene.image import Clock
 from vrscan.scene.light import Light
+from vrscan.scene.radiometry import photoelectrons
 from vrscan.scene.spots import BESIDE_PX, Spots, meet
 from vrscan.scene.timeline import Timeline
 
@@ -58,10 +58,10 @@ class Pieces:
 
     def of(self, rows: Ints | Bools) -> "Pieces":
         """Return some of them."""
-        chosen = {
+        chosen: dict[str, Any] = {
             name: value[rows] for name, value in vars(self).items() if isinstance(value, np.ndarray)
         }
-        return replace(self, **chosen)  # type: ignore[arg-type]
+        return replace(self, **chosen)
 
 
 class Spotter:
@@ -96,14 +96,15 @@ class Spotter:
             laser = laser.model_copy(update={"aperture_mm": float("inf")})
         self._laser = laser
         self._pulse_s = 1e-6 * config.line.pulse_us
-        photon_j = h * c / (1e-9 * laser.wavelength_nm)
         pupil = scene.lens.transmission * scene.lens.filter_transmission
         if "dust" in active:
             pupil *= 1.0 - light.obscured
         if "halo" in active:
             pupil *= 1.0 - light.halo.total
-        energy = 1e-3 * output_mw(laser) * self._pulse_s
-        self.electrons = energy / photon_j * scene.sensor.quantum_efficiency * pupil
+        efficiency = scene.sensor.quantum_efficiency * pupil
+        power_w = 1e-3 * output_mw(laser)
+        found = photoelectrons(power_w, self._pulse_s, efficiency, laser.wavelength_nm)
+        self.electrons = float(found)
 
     def find(self, timeline: Timeline) -> tuple[Spots, list[Pieces], list[Pieces]]:
         """Return the spots of the beam's axis, their pieces, and pieces of second beams."""

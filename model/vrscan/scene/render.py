@@ -20,6 +20,7 @@ from vrscan.arrays import Bools, Floats, Ints, Pixels
 from vrscan.lines import Truth
 from vrscan.scene import image
 from vrscan.scene.beam import pulse_transform
+from vrscan.scene.effects import WHOLE_LINE
 from vrscan.scene.image import Singles
 from vrscan.scene.light import Light
 from vrscan.scene.pieces import Pieces, Spotter
@@ -28,6 +29,7 @@ from vrscan.scene.spots import Spots
 from vrscan.scene.timeline import Timeline
 
 _WIDE_DISC = 8.0  # spot sigmas of a ghost's radius, from which on its ends count as hard
+_LEAST_FLICKER_E = 0.1  # of lamps, electrons
 _SPILT_E = 0.05  # electrons of blooming that may be lost at a window's end
 _CHUNK = 64  # lines whose rays are summed at a time
 
@@ -87,6 +89,14 @@ class Renderer:
             shadow = light.shadow
             known = self._sensitivity
             self._sensitivity = shadow if known is None else known * shadow
+        # A panning scanner sees something else in every line, and lamps may flicker.
+        panning = scene.scan.pan_mm_per_s != 0.0
+        flickers = "lamps" in active and light.flicker_e() > _LEAST_FLICKER_E
+        self._changing = [
+            name
+            for name in ("sun", "lamps")
+            if name in active and (panning or (flickers and name == "lamps"))
+        ]
         self._even_e, self._uneven_e = self._ambient()
         # Even light's pattern is taken for an offset, so that a table serves all dark pixels.
         self._offset: Singles | None = pattern.dark_e if "dsnu" in active else None
@@ -223,17 +233,14 @@ class Renderer:
         return self._transfer[width]
 
     def _ambient(self) -> tuple[float, Singles | None]:
-        """Return the electrons that all pixels have, and those of each pixel or None.
-
-        A panning scanner keeps the view of its start, and lamps do not flicker.
-        """
+        """Return the electrons that all lines have: of every pixel alike, and of each or None."""
         scene = self.light.scene
         even = 0.0
         if "dark" in self.active:
             even += scene.sensor.dark_electrons(self.light.exposure_s)
         uneven = None
         for name in ("sun", "lamps"):
-            if name in self.active:
+            if name in self.active and name not in self._changing:
                 known = self.light.ambient(name, 0.0)
                 if np.ptp(known) > 0.02 * known.mean() + 0.1:
                     uneven = known if uneven is None else uneven + known
@@ -250,7 +257,8 @@ class Renderer:
         for row, first, light in (d for p in pieces + second for d in self._drawn(p, timeline)):
             near = (first < length) & (first + light.shape[1] > 0)  # some of it is on the sensor
             drawn.append((row[near], first[near], light[near]))
-        everywhere = bool({"ghosts", "halo", "bounce"} & self.active) or self._uneven_e is not None
+        everywhere = bool(WHOLE_LINE & self.active or self._changing)
+        everywhere |= self._uneven_e is not None
         whole = np.full(count, everywhere)
         seen_once = np.zeros(count, np.int64)
         for row, first, light in drawn:
@@ -270,6 +278,9 @@ class Renderer:
         field = np.zeros((len(rows), length), np.float32)
         if self._uneven_e is not None:
             field += self._uneven_e
+        if self._changing:
+            with self._clock(self._changing[0]):
+                field += self.light.changing_ambient(self._changing, timeline)
         for row, first, light in drawn:
             some = whole[row]
             if some.any():
@@ -385,7 +396,8 @@ class Renderer:
 
         A disc far wider than the spot has hard ends: what the spot's own width does to them is
         left out. Its chord along the row is a run of equal pixels: a step up in ``steps`` and one
-        down, of which the row holds the sum.
+        down, of which the row holds the sum. A smaller one beside the row is dimmed as if disc and
+        spot were one Gaussian.
         """
         geometry = self.light.config.geometry
         piece = piece.of(inside[piece.row] >= 0)
