@@ -16,11 +16,10 @@ from pydantic import AwareDatetime, Field, field_validator, model_validator
 from vrscan.arrays import Bools, Floats
 from vrscan.config import Positive, Section
 from vrscan.errors import InputError
+from vrscan.scene.radiometry import photoelectrons
 
 FILTER_NM = (645.0, 665.0)
 LUMENS_PER_WATT = 683.0  # at 555 nm, where the eye's sensitivity V is 1
-PLANCK_J_S = 6.62607015e-34
-LIGHT_M_S = 299_792_458.0
 
 Column = Literal["global", "direct", "extraterrestrial"]
 Irradiance = Annotated[float, Field(ge=0, le=2000)]
@@ -478,6 +477,6 @@ def pixel_electrons(
         off_axis_rad: Angle of the pixel's ray with the axis.
         wavelength_nm: Stands for the whole band.
     """
-    photon_j = PLANCK_J_S * LIGHT_M_S / (wavelength_nm * 1e-9)
     power_w = radiance_w_m2_sr * collection(f_number, off_axis_rad) * pixel_um2 * 1e-12
-    return np.asarray(power_w * exposure_s / photon_j * quantum_efficiency * transmission)
+    efficiency = quantum_efficiency * transmission
+    return photoelectrons(power_w, exposure_s, efficiency, wavelength_nm)
