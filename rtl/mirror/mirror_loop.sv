@@ -7,7 +7,7 @@
 //
 //   comparator_i, gate_i  IndexOversample samples a clock, bit 0 the oldest
 //   drive_o, level_o, level_pin_o  to the mirror: square wave, voltage, and the voltage on a pin
-//   line_start_o, exposure_o, laser_o  to sensor and laser
+//   line_start_o, exposure_o, laser_o  to sensor and laser; line_o is the number of that line
 //   angle_valid_o  angle_o, mirror_flags_o, confidence_o, amplitude_o and angle_line_o belong to the
 //                  line whose centre_o was AngleLatency clocks before; the flags are those of now,
 //                  vrscan_pkg::FlagNotRunning and the next two; an angle that saturates is unsettled
@@ -36,6 +36,7 @@ module mirror_loop #(
   output      logic                                             line_start_o,
   output      logic                                             exposure_o,
   output      logic                                             laser_o,
+  output      logic        [   vrscan_pkg::LineNumberWidth-1:0] line_o,
 
   // The angle of a line.
   output      logic                                             centre_o,
@@ -220,7 +221,6 @@ module mirror_loop #(
   );
 
   // ---- lines and their angle ----
-  logic [vrscan_pkg::LineNumberWidth-1:0] line;
   line_trigger #(
     .CountWidth(CountWidth)
   ) u_line_trigger (
@@ -228,7 +228,7 @@ module mirror_loop #(
     .enable_i(line_enable_i),
     .word_i  (word_o),
     .line_start_o,
-    .line_o  (line),
+    .line_o,
     .exposure_o, .laser_o, .centre_o, .centre_half_o,
     .overrun_o(),
     .overrun_count_o,
@@ -246,7 +246,7 @@ module mirror_loop #(
   always_ff @(posedge clk_i) begin
     centre_q       <= centre_o;
     centre_phase_q <= mirror_phase_o + advance;
-    if (centre_o) angle_line_o <= line;
+    if (centre_o) angle_line_o <= line_o;
     if (rst_i) centre_q <= 1'b0;
   end
 

@@ -52,7 +52,7 @@ MEASUREMENT = np.dtype(
 # Outputs of the parts that are the loop's.
 _OF_DRIVE = ("drive", "level", "level_pin", "state", "fault", "word")
 _OF_TRIGGER = (
-    "line_start", "exposure", "laser", "centre", "centre_half", "overrun_count",
+    "line_start", "line", "exposure", "laser", "centre", "centre_half", "overrun_count",
 )  # fmt: skip
 _OF_CAPTURE = ("missing_count", "doubled_count", "impossible_count", "glitch_count")
 
