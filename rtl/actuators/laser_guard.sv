@@ -1,0 +1,106 @@
+// laser_guard: the second line of defence, in a clock of its own: no light without a heartbeat.
+//
+// Everything that limits the light stands in the core's clock.  This module does not: it takes the
+// board's raw oscillator, watches a signal that the core toggles, and lets the light pass only while
+// that goes on.  clk_i must not come from the core's clock or its PLL.
+//
+//   pulse_o, index_light_o  the requests and a registered permission: a gate's delay, no jitter.
+//                 Only where a permission ends or begins may a pulse be cut short, at any moment
+//   heartbeat_i   any change is a beat; synchronised here, so each level lasts 2 clocks at least.
+//                 GuardClks clocks without a beat are a trip
+//   pulse_i       synchronised too.  High at PulseClks samples on end is a trip
+//   Restart       after a reset or a trip the light stays off until RestartBeats beats have come
+//                 with no trip between them, and pulse_i is low
+//   trips_o       how often each came since the reset: heartbeat, pulse; stop at their largest value
+//   fault_o       what tripped last: bit 0 the heartbeat, bit 1 a pulse; 0 after a reset
+//   ok_o          the permission; whoever reads it in another clock synchronises it
+//   Latency  heartbeat_i's last change to dark: at most GuardClks + 4 clocks; a pulse's rise to
+//            dark: at most PulseClks + 3
+//   Model    vrscan.fixed.laser_guard, bit-exact
+
+`default_nettype none
+
+module laser_guard #(
+  parameter int unsigned GuardClks    = 256,  // 10 us at 25 MHz: four beats of 2**8 core clocks
+  parameter int unsigned PulseClks    = 500,  // 20 us at 25 MHz: beyond laser_control's own limit
+  parameter int unsigned RestartBeats = 16,
+  parameter int unsigned CountWidth   = 16
+) (
+  input  wire logic                  clk_i,
+  input  wire logic                  rst_i,
+
+  input  wire logic                  heartbeat_i,
+  input  wire logic                  pulse_i,
+  input  wire logic                  index_light_i,
+
+  output      logic                  pulse_o,
+  output      logic                  index_light_o,
+  output      logic                  ok_o,
+
+  output      logic [           1:0] fault_o,
+  output      logic [CountWidth-1:0] heartbeat_trips_o,
+  output      logic [CountWidth-1:0] pulse_trips_o
+);
+
+  if (GuardClks < 4 || PulseClks < 1 || RestartBeats < 1) begin : gen_bad_clks
+    $error("laser_guard: GuardClks must be at least 4, PulseClks and RestartBeats at least 1");
+  end
+
+  localparam int unsigned SilentWidth = $clog2(GuardClks + 1);
+  localparam int unsigned HighWidth = $clog2(PulseClks + 1);
+  localparam int unsigned BeatsWidth = $clog2(RestartBeats + 1);
+
+  logic [            2:0] heartbeat_q;
+  logic [            1:0] pulse_q;
+  logic [SilentWidth-1:0] silent_q;
+  logic [  HighWidth-1:0] high_q;
+  logic [ BeatsWidth-1:0] beats_q;
+  logic                   beat, silent, long, ready;
+  assign beat   = heartbeat_q[2] != heartbeat_q[1];
+  assign silent = silent_q == SilentWidth'(GuardClks);
+  assign long   = high_q == HighWidth'(PulseClks);
+  assign ready  = beats_q == BeatsWidth'(RestartBeats);
+
+  assign pulse_o       = pulse_i && ok_o;
+  assign index_light_o = index_light_i && ok_o;
+
+  always_ff @(posedge clk_i) begin
+    heartbeat_q <= {heartbeat_q[1:0], heartbeat_i};
+    pulse_q     <= {pulse_q[0], pulse_i};
+
+    if (beat) silent_q <= '0;
+    else if (!silent) silent_q <= silent_q + SilentWidth'(1);
+    if (!pulse_q[1]) high_q <= '0;
+    else if (!long) high_q <= high_q + HighWidth'(1);
+
+    if (silent || long) beats_q <= '0;
+    else if (beat && !ready) beats_q <= beats_q + BeatsWidth'(1);
+    ok_o <= !silent && !long && ready && (ok_o || !pulse_q[1]);
+
+    if (ok_o && silent) begin
+      fault_o[0] <= 1'b1;
+      fault_o[1] <= long;
+      if (heartbeat_trips_o != '1) heartbeat_trips_o <= heartbeat_trips_o + CountWidth'(1);
+    end
+    if (ok_o && long) begin
+      fault_o[0] <= silent;
+      fault_o[1] <= 1'b1;
+      if (pulse_trips_o != '1) pulse_trips_o <= pulse_trips_o + CountWidth'(1);
+    end
+
+    if (rst_i) begin
+      heartbeat_q       <= '0;
+      pulse_q           <= '0;
+      silent_q          <= SilentWidth'(GuardClks);
+      high_q            <= '0;
+      beats_q           <= '0;
+      ok_o              <= 1'b0;
+      fault_o           <= '0;
+      heartbeat_trips_o <= '0;
+      pulse_trips_o     <= '0;
+    end
+  end
+
+endmodule
+
+`default_nettype wire
