@@ -78,6 +78,212 @@ module uart_link #(
   output      logic [             CountWidth-1:0] commands_lost_o
 );
 
+  localparam int unsigned Sources = Streams + 1;
+  localparam int unsigned TrialWidth = $clog2(TrialClks + 1);
+  localparam int unsigned QuietWidth = 3;
+  // To nearest.
+  localparam logic [63:0] Scaled = (64'(Baud) << StepWidth) + 64'(ClockHz) / 64'd2;
+  localparam logic [63:0] Step = Scaled / 64'(ClockHz);
+  localparam logic [StepWidth-1:0] DefaultStep = Step[StepWidth-1:0];
+
+  if (Step < 64'd1 || Step > 64'd1 << (StepWidth - 3)) begin : gen_bad_baud
+    $error("uart_link: Baud must be at most ClockHz / 8");
+  end
+  if (TrialClks < 1) begin : gen_bad_trial_clks
+    $error("uart_link: TrialClks must be at least 1");
+  end
+
+  logic       heard, framing, broken, glitch;
+  logic [7:0] heard_data;
+  uart_rx u_uart_rx (
+    .clk_i,
+    .rst_i,
+    .valid_o  (heard),
+    .data_o   (heard_data),
+    .framing_o(framing),
+    .break_o  (broken),
+    .glitch_o (glitch),
+    .rx_i,
+    .step_i   (uart_step_now_o)
+  );
+
+  // A break ends the frame that it broke.
+  logic       payload_valid, frame_done, frame_good;
+  logic [7:0] payload_data;
+  logic [frame_pkg::StatusWidth-1:0] frame_status;
+  assign frame_good = frame_done && frame_status == frame_pkg::StatusOk;
+  frame_decoder #(
+    .MaxPayload(link_pkg::MaxPayload)
+  ) u_frame_decoder (
+    .clk_i,
+    .rst_i,
+    .valid_i (heard || broken),
+    .data_i  (heard_data),
+    .error_i (framing),
+    .valid_o (payload_valid),
+    .data_o  (payload_data),
+    .first_o (),
+    .done_o  (frame_done),
+    .status_o(frame_status)
+  );
+
+  logic       reply_valid, reply_ready, reply_last, server_busy;
+  logic [7:0] reply_data;
+  command_server u_command_server (
+    .clk_i,
+    .rst_i,
+    .valid_i (payload_valid),
+    .data_i  (payload_data),
+    .done_i  (frame_done),
+    .status_i(frame_status),
+    .halt_i  (broken),
+    .valid_o (reply_valid),
+    .ready_i (reply_ready),
+    .data_o  (reply_data),
+    .last_o  (reply_last),
+    .bus_valid_o,
+    .bus_access_o,
+    .bus_address_o,
+    .bus_data_o,
+    .bus_done_i,
+    .bus_status_i,
+    .bus_data_i,
+    .stream_start_o,
+    .stream_stop_o,
+    .stream_format_o,
+    .stream_step_o,
+    .capture_start_o,
+    .capture_mode_o,
+    .capture_argument_o,
+    .capture_busy_i,
+    .alive_o,
+    .busy_o  (server_busy),
+    .frames_good_o,
+    .frames_crc_o,
+    .frames_malformed_o,
+    .frames_too_long_o,
+    .frames_too_short_o,
+    .frames_framing_o,
+    .commands_bad_o,
+    .commands_lost_o
+  );
+
+  logic       wanted_q;  // another rate is
+  logic       merged_valid, merged_ready, merged_last, arbiter_busy;
+  logic [7:0] merged_data;
+  packet_arbiter #(
+    .Sources(Sources)
+  ) u_packet_arbiter (
+    .clk_i,
+    .rst_i,
+    .valid_i({packet_valid_i, reply_valid}),
+    .ready_o({packet_ready_o, reply_ready}),
+    .data_i ({packet_data_i, reply_data}),
+    .last_i ({packet_last_i, reply_last}),
+    .hold_i (wanted_q),
+    .valid_o(merged_valid),
+    .ready_i(merged_ready),
+    .data_o (merged_data),
+    .last_o (merged_last),
+    .busy_o (arbiter_busy)
+  );
+
+  logic       coded_valid, coded_ready;
+  logic [7:0] coded_data;
+  frame_encoder #(
+    .MaxPayload(link_pkg::MaxPayload)
+  ) u_frame_encoder (
+    .clk_i,
+    .rst_i,
+    .valid_i   (merged_valid),
+    .ready_o   (merged_ready),
+    .data_i    (merged_data),
+    .last_i    (merged_last),
+    .valid_o   (coded_valid),
+    .ready_i   (coded_ready),
+    .data_o    (coded_data),
+    .too_long_o()
+  );
+
+  logic       lead_q;      // a 0x00 is to go in front of the next frame,
+  logic       boundary_q;  // which may begin here
+  logic       lead, told_ready, transmitter_busy;
+  logic [7:0] told_data;
+  assign lead        = lead_q && boundary_q;
+  assign told_data   = lead ? 8'd0 : coded_data;
+  assign coded_ready = told_ready && !lead;
+  uart_tx u_uart_tx (
+    .clk_i,
+    .rst_i,
+    .valid_i(coded_valid),
+    .ready_o(told_ready),
+    .data_i (told_data),
+    .tx_o,
+    .step_i (uart_step_now_o),
+    .break_i(1'b0),
+    .busy_o (transmitter_busy)
+  );
+
+  // What one unit has taken, the next shows a few clocks later.
+  logic [QuietWidth-1:0] quiet_q;
+  logic                  quiet, change, trial_q, expire;
+  logic [TrialWidth-1:0] trial_left_q;
+  assign quiet = !server_busy && !arbiter_busy && !merged_valid && merged_ready && !coded_valid
+      && !transmitter_busy;
+  assign change = wanted_q && quiet && quiet_q == '1;
+  assign expire = trial_q && trial_left_q == '0;
+
+  always_ff @(posedge clk_i) begin
+    if (!quiet) quiet_q <= '0;
+    else if (quiet_q != '1) quiet_q <= quiet_q + QuietWidth'(1);
+
+    if (coded_valid && told_ready) boundary_q <= told_data == 8'd0;
+    if (coded_valid && told_ready && lead) lead_q <= 1'b0;
+    if (framing) lead_q <= 1'b1;
+
+    trial_left_q <= trial_left_q - TrialWidth'(1);
+    if (frame_good) trial_q <= 1'b0;
+    if (change) begin
+      uart_step_now_o <= uart_step_i;
+      wanted_q        <= 1'b0;
+      trial_q         <= 1'b1;
+      trial_left_q    <= TrialWidth'(TrialClks - 1);
+      lead_q          <= 1'b1;
+    end else if (expire && !frame_good) begin
+      uart_step_now_o  <= DefaultStep;
+      trial_q          <= 1'b0;
+      lead_q           <= 1'b1;
+      uart_fallbacks_o <= more(uart_fallbacks_o);
+    end
+    if (uart_step_written_i) wanted_q <= 1'b1;
+    if (broken) begin
+      uart_step_now_o <= DefaultStep;
+      wanted_q        <= 1'b0;
+      trial_q         <= 1'b0;
+    end
+
+    if (framing && !broken) uart_framing_o <= more(uart_framing_o);
+    if (broken) uart_breaks_o <= more(uart_breaks_o);
+    if (glitch) uart_glitches_o <= more(uart_glitches_o);
+
+    if (rst_i) begin
+      uart_step_now_o  <= DefaultStep;
+      quiet_q          <= '0;
+      wanted_q         <= 1'b0;
+      trial_q          <= 1'b0;
+      lead_q           <= 1'b1;
+      boundary_q       <= 1'b1;
+      uart_framing_o   <= '0;
+      uart_breaks_o    <= '0;
+      uart_glitches_o  <= '0;
+      uart_fallbacks_o <= '0;
+    end
+  end
+
+  function automatic logic [CountWidth-1:0] more(input logic [CountWidth-1:0] count);
+    more = count == '1 ? count : count + CountWidth'(1);
+  endfunction
+
 endmodule
 
 `default_nettype wire
