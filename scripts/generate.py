@@ -4,6 +4,8 @@
 * ``rtl/link/link_pkg.sv`` -> ``model/vrscan/fixed/link_pkg.py``: the numbers of the protocol.
 * ``vrscan.fixed.quarter_wave.table()`` -> ``rtl/trig/quarter_wave_rom.sv``.
 * ``vrscan.fixed.cordic_vector`` -> ``rtl/trig/cordic_pkg.sv``: the angles of the iterations.
+* ``rtl/link/registers.toml`` -> ``rtl/link/register_file.sv``, ``docs/registers.md`` and
+  ``model/vrscan/link/register_map.py``: every register.
 """
 
 import argparse
@@ -62,11 +64,35 @@ def cordic_package() -> str:
     return package_source()
 
 
+def register_file() -> str:
+    """Return the module that holds the registers."""
+    from registers import register_file
+
+    return register_file()
+
+
+def register_map() -> str:
+    """Return the registers as the host knows them."""
+    from registers import register_map
+
+    return register_map()
+
+
+def register_page() -> str:
+    """Return the page that lists the registers."""
+    from registers import document
+
+    return document()
+
+
 TARGETS: dict[str, Callable[[], str]] = {
     "model/vrscan/fixed/pkg.py": package,
     "model/vrscan/fixed/link_pkg.py": link_package,
     "rtl/trig/quarter_wave_rom.sv": quarter_wave_rom,
     "rtl/trig/cordic_pkg.sv": cordic_package,
+    "rtl/link/register_file.sv": register_file,
+    "model/vrscan/link/register_map.py": register_map,
+    "docs/registers.md": register_page,
 }
 
 

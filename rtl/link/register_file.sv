@@ -1,0 +1,1021 @@
+// register_file: every register of the instrument, on the bus of the link.
+//
+// Generated from rtl/link/registers.toml by scripts/registers.py; docs/registers.md lists the
+// registers and says how they behave.
+//
+// A memory has the rule of each address; the value is compared with the rule's bounds, a register
+// takes it, and all are read through the sixteen words of a page and then the page.  So what a
+// WRITE answers has been read back.
+//
+//   bus_valid_i   ignored from the clock after it until bus_done_o
+//   bus_access_i  link_pkg; CHECK says what WRITE would, and changes nothing; 3 is as READ
+//   bus_status_o  with bus_done_o, the first that applies: StatusNoAddress, StatusReadOnly,
+//                 StatusLocked, StatusBadValue, StatusOk
+//   bus_data_o    with bus_done_o, the word as it is read; 0 unless OK
+//   *_o           what the bus has written, 6 clocks after bus_valid_i
+//   *_strobe_o    in the first clock in which *_o has what was written
+//   *_i           a READ sees them 6 clocks after bus_valid_i
+//   Wide ones     take effect with their higher word; until then the lower one waits, and is read
+//                 as written.  The READ of a lower word of *_i keeps the higher one for its READ
+//   Tables        an entry goes out with its last field, the others are those written before; a
+//                 reset leaves what was written for the bus to read
+//   Latency       9 clocks from bus_valid_i to bus_done_o
+//   Model         vrscan.fixed.register_file, bit-exact
+
+`default_nettype none
+
+module register_file (
+  input  wire logic                                                   clk_i,
+  input  wire logic                                                   rst_i,
+
+  input  wire logic                                                   bus_valid_i,
+  input  wire logic                       [link_pkg::AccessWidth-1:0] bus_access_i,
+  input  wire logic                      [link_pkg::AddressWidth-1:0] bus_address_i,
+  input  wire logic                                            [31:0] bus_data_i,
+  output      logic                                                   bus_done_o,
+  output      logic                       [link_pkg::StatusWidth-1:0] bus_status_o,
+  output      logic                                            [31:0] bus_data_o,
+
+  // What this is, and how it was built.
+  input  wire logic                                            [15:0] board_id_i,
+  input  wire logic                                            [31:0] clock_hz_i,
+  input  wire logic                                            [15:0] line_length_i,
+  input  wire logic                                             [7:0] pixel_width_i,
+  input  wire logic                                             [7:0] max_window_i,
+  input  wire logic                                             [7:0] lanes_i,
+  input  wire logic                                             [7:0] index_oversample_i,
+  output      logic                                            [31:0] scratch_o,
+  input  wire logic                                            [47:0] uptime_i,
+
+  // Threshold, window and confidence of the peak; holds until the points of all lines are out.
+  output      logic                                                   period_n_o,
+  output      logic                                                   noise_row_o,
+  output      logic                                            [15:0] k_noise_o,
+  output      logic                                            [15:0] k_height_o,
+  output      logic                        [vrscan_pkg::SnrWidth-1:0] snr_min_o,
+  output      logic                     [vrscan_pkg::WindowWidth-1:0] min_width_o,
+  output      logic                     [vrscan_pkg::WindowWidth-1:0] max_width_o,
+  output      logic                      [vrscan_pkg::KappaWidth-1:0] kappa_o,
+  output      logic                       [vrscan_pkg::GainWidth-1:0] c_obj_gain_o,
+  output      logic                       [vrscan_pkg::GainWidth-1:0] c_sfm_gain_o,
+
+  // The triangle; R = 2**ceil(log2(line_length)) px. It holds until the points of all lines are out.
+  output      logic signed                                     [31:0] centre_o,
+  output      logic signed          [vrscan_pkg::DistortionWidth-1:0] k1_o,
+  output      logic signed          [vrscan_pkg::DistortionWidth-1:0] k2_o,
+  output      logic                                                   even_o,
+  output      logic signed            [vrscan_pkg::GeometryWidth-1:0] n0_o,
+  output      logic signed            [vrscan_pkg::GeometryWidth-1:0] n1_o,
+  output      logic signed            [vrscan_pkg::GeometryWidth-1:0] d0_o,
+  output      logic signed            [vrscan_pkg::GeometryWidth-1:0] d1_o,
+  output      logic signed            [vrscan_pkg::GeometryWidth-1:0] e0_o,
+  output      logic signed            [vrscan_pkg::GeometryWidth-1:0] e1_o,
+
+  // Lines and points that were lost.
+  input  wire logic                                            [15:0] short_count_i,
+  input  wire logic                                            [15:0] long_count_i,
+  input  wire logic                                            [15:0] unfinished_count_i,
+  input  wire logic                                            [15:0] early_count_i,
+  input  wire logic                                            [15:0] dropped_count_i,
+
+  // The mirror's loop.
+  output      logic                                                   mirror_enable_o,
+  output      logic                                                   line_enable_o,
+  output      logic                       [vrscan_pkg::WordWidth-1:0] sweep_word_o,
+  output      logic                       [vrscan_pkg::WordWidth-1:0] work_word_o,
+  output      logic                                            [31:0] sweep_rate_o,
+  output      logic                                             [7:0] glitch_clks_o,
+  output      logic                       [vrscan_pkg::TimeWidth-1:0] width_min_clks_o,
+  output      logic                       [vrscan_pkg::TimeWidth-1:0] width_max_clks_o,
+  output      logic                       [vrscan_pkg::TimeWidth-1:0] period_max_clks_o,
+  output      logic                                             [3:0] phase_shift_o,
+  output      logic                                             [5:0] rate_shift_o,
+  output      logic                                             [3:0] amplitude_shift_o,
+  output      logic                      [vrscan_pkg::ErrorWidth-1:0] error_limit_o,
+  output      logic                  [vrscan_pkg::AmplitudeWidth-1:0] amplitude_set_o,
+  output      logic                [vrscan_pkg::ControlGainWidth-1:0] k_p_o,
+  output      logic                [vrscan_pkg::ControlGainWidth-1:0] k_i_o,
+  output      logic                      [vrscan_pkg::LevelWidth-1:0] level_low_o,
+  output      logic                      [vrscan_pkg::LevelWidth-1:0] level_high_o,
+  output      logic                      [vrscan_pkg::LevelWidth-1:0] level_nominal_o,
+  output      logic                   [vrscan_pkg::TrimStepWidth-1:0] trim_step_o,
+  output      logic                [vrscan_pkg::ControlGainWidth-1:0] trim_gain_o,
+  output      logic                                                   trim_up_o,
+  output      logic                  [vrscan_pkg::AmplitudeWidth-1:0] settle_limit_o,
+  output      logic                  [vrscan_pkg::AmplitudeWidth-1:0] shock_limit_o,
+  output      logic                      [vrscan_pkg::ErrorWidth-1:0] phase_limit_o,
+  output      logic                                             [7:0] settle_count_o,
+  output      logic                                             [7:0] hold_count_o,
+  output      logic                       [vrscan_pkg::GainWidth-1:0] confidence_gain_o,
+
+  // What bounds the mirror's drive.
+  output      logic                                            [15:0] duty_o,
+  output      logic                      [vrscan_pkg::LevelWidth-1:0] sweep_level_o,
+  output      logic                      [vrscan_pkg::LevelWidth-1:0] level_min_o,
+  output      logic                      [vrscan_pkg::LevelWidth-1:0] level_max_o,
+  output      logic signed                [vrscan_pkg::TrimWidth-1:0] trim_min_o,
+  output      logic signed                [vrscan_pkg::TrimWidth-1:0] trim_max_o,
+  output      logic                       [vrscan_pkg::TimeWidth-1:0] sweep_timeout_o,
+  output      logic                       [vrscan_pkg::TimeWidth-1:0] settle_timeout_o,
+  output      logic                       [vrscan_pkg::TimeWidth-1:0] lost_timeout_o,
+
+  // The mirror's motion, (12), at k = 1, 3 .. 17.
+  output      logic                      [vrscan_pkg::PhaseWidth-1:0] drive_phase_o,
+  output      logic                   [9*vrscan_pkg::MotionWidth-1:0] motion_a_o,
+  output      logic                    [9*vrscan_pkg::PhaseWidth-1:0] motion_phi_o,
+  output      logic              [9*vrscan_pkg::SlopeMotionWidth-1:0] motion_da_o,
+  output      logic              [9*vrscan_pkg::SlopeMotionWidth-1:0] motion_dphi_o,
+
+  // Timing of a line; clocks count from its start.
+  output      logic                      [vrscan_pkg::RatioWidth-1:0] ratio_o,
+  output      logic                   [vrscan_pkg::LineClksWidth-1:0] exposure_delay_clks_o,
+  output      logic                   [vrscan_pkg::LineClksWidth-1:0] exposure_clks_o,
+  output      logic                   [vrscan_pkg::LineClksWidth-1:0] pulse_delay_clks_o,
+  output      logic                   [vrscan_pkg::LineClksWidth-1:0] pulse_clks_o,
+
+  // How the mirror is.
+  input  wire logic                [vrscan_pkg::MirrorStateWidth-1:0] mirror_state_i,
+  input  wire logic                      [vrscan_pkg::FaultWidth-1:0] mirror_fault_i,
+  input  wire logic                       [vrscan_pkg::WordWidth-1:0] mirror_word_i,
+  input  wire logic                       [vrscan_pkg::TurnWidth-1:0] mirror_drive_phase_i,
+  input  wire logic                       [vrscan_pkg::TurnWidth-1:0] mirror_phase_i,
+  input  wire logic                      [vrscan_pkg::LevelWidth-1:0] mirror_level_i,
+  input  wire logic                                                   index_alive_i,
+  input  wire logic                                                   mirror_settled_i,
+  input  wire logic                  [vrscan_pkg::AmplitudeWidth-1:0] mirror_measured_i,
+  input  wire logic signed               [vrscan_pkg::ErrorWidth-1:0] mirror_error_i,
+  input  wire logic                                            [15:0] missing_count_i,
+  input  wire logic                                            [15:0] doubled_count_i,
+  input  wire logic                                            [15:0] impossible_count_i,
+  input  wire logic                                            [15:0] glitch_count_i,
+  input  wire logic                                            [15:0] overrun_count_i,
+
+  // Each takes a 1 and nothing else, and keeps it until reset.
+  output      logic                                                   lock_calibration_o,
+  output      logic                                                   lock_mirror_o,
+
+  // Of the mirror: entry i is for a half distance of the crossings of i / 4096 turns.
+  output      logic                                                   table_write_o,
+  output      logic                                             [9:0] table_index_o,
+  output      logic                  [vrscan_pkg::AmplitudeWidth-1:0] table_amplitude_o,
+  output      logic signed            [vrscan_pkg::MidpointWidth-1:0] table_midpoint_o
+);
+
+  // ---- an access, and how far it is ----
+  logic [8:1] step_q;
+  logic [link_pkg::AccessWidth-1:0] access_q;
+  logic [link_pkg::AddressWidth-1:0] address_q;
+  logic [31:0] data_q;
+  logic start, read, write_q;
+  assign start = bus_valid_i && step_q == '0;
+  assign read = access_q != link_pkg::AccessWidth'(link_pkg::AccessCheck)
+                && access_q != link_pkg::AccessWidth'(link_pkg::AccessWrite);
+  always_ff @(posedge clk_i) begin
+    step_q <= {step_q[7:1], start};
+    if (start) begin
+      access_q  <= bus_access_i;
+      address_q <= bus_address_i;
+      data_q    <= bus_data_i;
+    end
+    if (rst_i) step_q <= '0;
+  end
+
+  // ---- 1: look up the rule; 2: take it.  Its bounds are signed, hence the 33 bits ----
+  localparam logic [1:0] KindNone = 2'd0;
+  localparam logic [1:0] KindReadOnly = 2'd1;
+  localparam logic [1:0] KindReadWrite = 2'd2;
+  typedef struct packed {
+    logic [1:0] kind;
+    logic [1:0] lock;
+    logic signed [32:0] minimum;
+    logic signed [32:0] maximum;
+  } rule_t;
+  logic [69:0] rule_mem[1024];
+  logic [69:0] map_rule_q;
+  logic map_hit_q;
+  rule_t rule_q;
+  logic table_hit_q;
+  logic [9:0] table_index;
+  assign table_index = address_q[10:1];
+  always_ff @(posedge clk_i) begin
+    map_rule_q <= rule_mem[address_q[9:0]];
+    map_hit_q  <= address_q[15:10] == '0;
+    table_hit_q <= address_q[15:11] == 5'h08;
+    rule_q <= map_hit_q ? map_rule_q : '0;
+    if (table_hit_q)
+      case (address_q[0:0])
+        1'h0: rule_q <=
+          {KindReadWrite, 2'd1, 33'h000000000, 33'h003ffffff};
+        1'h1: rule_q <=
+          {KindReadWrite, 2'd1, 33'h1f8000000, 33'h007ffffff};
+        default: rule_q <= '0;
+      endcase
+  end
+
+  // ---- 3: against the rule; 4: the verdict ----
+  logic [3:0] locks;
+  assign locks = {1'd0, lock_mirror_o, lock_calibration_o, 1'b0};
+  logic signed [32:0] value;
+  assign value = signed'({rule_q.minimum[32] && data_q[31], data_q});
+  logic [1:0] kind_q;
+  logic below_q, above_q, locked_q;
+  logic [link_pkg::StatusWidth-1:0] verdict, status_q;
+  always_comb begin
+    verdict = link_pkg::StatusWidth'(link_pkg::StatusOk);
+    if (kind_q == KindNone)
+      verdict = link_pkg::StatusWidth'(link_pkg::StatusNoAddress);
+    else if (!read && kind_q == KindReadOnly)
+      verdict = link_pkg::StatusWidth'(link_pkg::StatusReadOnly);
+    else if (!read && locked_q)
+      verdict = link_pkg::StatusWidth'(link_pkg::StatusLocked);
+    else if (!read && (below_q || above_q))
+      verdict = link_pkg::StatusWidth'(link_pkg::StatusBadValue);
+  end
+  always_ff @(posedge clk_i) begin
+    kind_q   <= rule_q.kind;
+    below_q  <= value < rule_q.minimum;
+    above_q  <= value > rule_q.maximum;
+    locked_q <= locks[rule_q.lock];
+    status_q <= verdict;
+    write_q  <= step_q[4] && access_q == link_pkg::AccessWidth'(link_pkg::AccessWrite)
+                && verdict == link_pkg::StatusWidth'(link_pkg::StatusOk);
+    if (rst_i) write_q <= 1'b0;
+  end
+
+  // ---- 5: a register takes the word ----
+  logic [31:0] sweep_word_low_q;
+  logic [31:0] work_word_low_q;
+  logic [31:0] ratio_low_q;
+  always_ff @(posedge clk_i) begin
+    if (write_q && map_hit_q)
+      case (address_q[9:0])
+        10'h00a: scratch_o <= data_q;
+        10'h010: period_n_o <= data_q[0];
+        10'h011: noise_row_o <= data_q[0];
+        10'h012: k_noise_o <= data_q[15:0];
+        10'h013: k_height_o <= data_q[15:0];
+        10'h014: snr_min_o <= data_q[15:0];
+        10'h015: min_width_o <= data_q[7:0];
+        10'h016: max_width_o <= data_q[7:0];
+        10'h017: kappa_o <= data_q[17:0];
+        10'h018: c_obj_gain_o <= data_q[23:0];
+        10'h019: c_sfm_gain_o <= data_q[23:0];
+        10'h020: centre_o <= signed'(data_q);
+        10'h021: k1_o <= signed'(data_q[25:0]);
+        10'h022: k2_o <= signed'(data_q[25:0]);
+        10'h023: even_o <= data_q[0];
+        10'h024: n0_o <= signed'(data_q);
+        10'h025: n1_o <= signed'(data_q);
+        10'h026: d0_o <= signed'(data_q);
+        10'h027: d1_o <= signed'(data_q);
+        10'h028: e0_o <= signed'(data_q);
+        10'h029: e1_o <= signed'(data_q);
+        10'h040: mirror_enable_o <= data_q[0];
+        10'h041: line_enable_o <= data_q[0];
+        10'h042: sweep_word_low_q <= data_q;
+        10'h043: sweep_word_o <= {data_q[7:0], sweep_word_low_q};
+        10'h044: work_word_low_q <= data_q;
+        10'h045: work_word_o <= {data_q[7:0], work_word_low_q};
+        10'h046: sweep_rate_o <= data_q;
+        10'h047: glitch_clks_o <= data_q[7:0];
+        10'h048: width_min_clks_o <= data_q;
+        10'h049: width_max_clks_o <= data_q;
+        10'h04a: period_max_clks_o <= data_q;
+        10'h04b: phase_shift_o <= data_q[3:0];
+        10'h04c: rate_shift_o <= data_q[5:0];
+        10'h04d: amplitude_shift_o <= data_q[3:0];
+        10'h04e: error_limit_o <= data_q[27:0];
+        10'h04f: amplitude_set_o <= data_q[25:0];
+        10'h050: k_p_o <= data_q[17:0];
+        10'h051: k_i_o <= data_q[17:0];
+        10'h052: level_low_o <= data_q[19:0];
+        10'h053: level_high_o <= data_q[19:0];
+        10'h054: level_nominal_o <= data_q[19:0];
+        10'h055: trim_step_o <= data_q[23:0];
+        10'h056: trim_gain_o <= data_q[17:0];
+        10'h057: trim_up_o <= data_q[0];
+        10'h058: settle_limit_o <= data_q[25:0];
+        10'h059: shock_limit_o <= data_q[25:0];
+        10'h05a: phase_limit_o <= data_q[27:0];
+        10'h05b: settle_count_o <= data_q[7:0];
+        10'h05c: hold_count_o <= data_q[7:0];
+        10'h05d: confidence_gain_o <= data_q[23:0];
+        10'h060: duty_o <= data_q[15:0];
+        10'h061: sweep_level_o <= data_q[19:0];
+        10'h062: level_min_o <= data_q[19:0];
+        10'h063: level_max_o <= data_q[19:0];
+        10'h064: trim_min_o <= signed'(data_q);
+        10'h065: trim_max_o <= signed'(data_q);
+        10'h066: sweep_timeout_o <= data_q;
+        10'h067: settle_timeout_o <= data_q;
+        10'h068: lost_timeout_o <= data_q;
+        10'h080: drive_phase_o <= data_q[27:0];
+        10'h081: motion_a_o[0+:24] <= data_q[23:0];
+        10'h082: motion_a_o[24+:24] <= data_q[23:0];
+        10'h083: motion_a_o[48+:24] <= data_q[23:0];
+        10'h084: motion_a_o[72+:24] <= data_q[23:0];
+        10'h085: motion_a_o[96+:24] <= data_q[23:0];
+        10'h086: motion_a_o[120+:24] <= data_q[23:0];
+        10'h087: motion_a_o[144+:24] <= data_q[23:0];
+        10'h088: motion_a_o[168+:24] <= data_q[23:0];
+        10'h089: motion_a_o[192+:24] <= data_q[23:0];
+        10'h08a: motion_phi_o[0+:28] <= data_q[27:0];
+        10'h08b: motion_phi_o[28+:28] <= data_q[27:0];
+        10'h08c: motion_phi_o[56+:28] <= data_q[27:0];
+        10'h08d: motion_phi_o[84+:28] <= data_q[27:0];
+        10'h08e: motion_phi_o[112+:28] <= data_q[27:0];
+        10'h08f: motion_phi_o[140+:28] <= data_q[27:0];
+        10'h090: motion_phi_o[168+:28] <= data_q[27:0];
+        10'h091: motion_phi_o[196+:28] <= data_q[27:0];
+        10'h092: motion_phi_o[224+:28] <= data_q[27:0];
+        10'h093: motion_da_o[0+:24] <= data_q[23:0];
+        10'h094: motion_da_o[24+:24] <= data_q[23:0];
+        10'h095: motion_da_o[48+:24] <= data_q[23:0];
+        10'h096: motion_da_o[72+:24] <= data_q[23:0];
+        10'h097: motion_da_o[96+:24] <= data_q[23:0];
+        10'h098: motion_da_o[120+:24] <= data_q[23:0];
+        10'h099: motion_da_o[144+:24] <= data_q[23:0];
+        10'h09a: motion_da_o[168+:24] <= data_q[23:0];
+        10'h09b: motion_da_o[192+:24] <= data_q[23:0];
+        10'h09c: motion_dphi_o[0+:24] <= data_q[23:0];
+        10'h09d: motion_dphi_o[24+:24] <= data_q[23:0];
+        10'h09e: motion_dphi_o[48+:24] <= data_q[23:0];
+        10'h09f: motion_dphi_o[72+:24] <= data_q[23:0];
+        10'h0a0: motion_dphi_o[96+:24] <= data_q[23:0];
+        10'h0a1: motion_dphi_o[120+:24] <= data_q[23:0];
+        10'h0a2: motion_dphi_o[144+:24] <= data_q[23:0];
+        10'h0a3: motion_dphi_o[168+:24] <= data_q[23:0];
+        10'h0a4: motion_dphi_o[192+:24] <= data_q[23:0];
+        10'h0b0: ratio_low_q <= data_q;
+        10'h0b1: ratio_o <= {data_q[11:0], ratio_low_q};
+        10'h0b2: exposure_delay_clks_o <= data_q[19:0];
+        10'h0b3: exposure_clks_o <= data_q[19:0];
+        10'h0b4: pulse_delay_clks_o <= data_q[19:0];
+        10'h0b5: pulse_clks_o <= data_q[19:0];
+        10'h3f0: lock_calibration_o <= data_q[0];
+        10'h3f1: lock_mirror_o <= data_q[0];
+        default: ;
+      endcase
+    if (rst_i) begin
+      scratch_o <= '0;
+      period_n_o <= 1'h1;
+      noise_row_o <= '0;
+      k_noise_o <= 16'h0280;
+      k_height_o <= 16'h051f;
+      snr_min_o <= 16'h0800;
+      min_width_o <= 8'h03;
+      max_width_o <= 8'hff;
+      kappa_o <= 18'h03333;
+      c_obj_gain_o <= 24'h00028d;
+      c_sfm_gain_o <= 24'h0000ff;
+      centre_o <= 32'h3ff80000;
+      k1_o <= '0;
+      k2_o <= '0;
+      even_o <= '0;
+      n0_o <= 32'h03b6a848;
+      n1_o <= 32'h004c9d79;
+      d0_o <= 32'h08e8364b;
+      d1_o <= 32'hdba83161;
+      e0_o <= 32'h3f608d52;
+      e1_o <= 32'h051b9098;
+      mirror_enable_o <= '0;
+      line_enable_o <= '0;
+      sweep_word_low_q <= 32'h00000000;
+      sweep_word_o <= '0;
+      work_word_low_q <= 32'h00000000;
+      work_word_o <= '0;
+      sweep_rate_o <= '0;
+      glitch_clks_o <= '0;
+      width_min_clks_o <= '0;
+      width_max_clks_o <= '0;
+      period_max_clks_o <= '0;
+      phase_shift_o <= '0;
+      rate_shift_o <= '0;
+      amplitude_shift_o <= '0;
+      error_limit_o <= '0;
+      amplitude_set_o <= '0;
+      k_p_o <= '0;
+      k_i_o <= '0;
+      level_low_o <= '0;
+      level_high_o <= '0;
+      level_nominal_o <= '0;
+      trim_step_o <= '0;
+      trim_gain_o <= '0;
+      trim_up_o <= '0;
+      settle_limit_o <= '0;
+      shock_limit_o <= '0;
+      phase_limit_o <= '0;
+      settle_count_o <= '0;
+      hold_count_o <= '0;
+      confidence_gain_o <= '0;
+      duty_o <= '0;
+      sweep_level_o <= '0;
+      level_min_o <= '0;
+      level_max_o <= '0;
+      trim_min_o <= '0;
+      trim_max_o <= '0;
+      sweep_timeout_o <= '0;
+      settle_timeout_o <= '0;
+      lost_timeout_o <= '0;
+      drive_phase_o <= '0;
+      motion_a_o <= '0;
+      motion_phi_o <= '0;
+      motion_da_o <= '0;
+      motion_dphi_o <= '0;
+      ratio_low_q <= 32'h00000000;
+      ratio_o <= '0;
+      exposure_delay_clks_o <= '0;
+      exposure_clks_o <= '0;
+      pulse_delay_clks_o <= '0;
+      pulse_clks_o <= '0;
+      lock_calibration_o <= '0;
+      lock_mirror_o <= '0;
+    end
+  end
+
+  // ---- table: written at 5, read back at 6 and 7 ----
+  logic [25:0] table_amplitude_mem[1024];
+  logic [25:0] table_amplitude_q, table_amplitude_q2;
+  logic [27:0] table_midpoint_mem[1024];
+  logic [27:0] table_midpoint_q;
+  logic [31:0] table_read_q;
+  always_ff @(posedge clk_i) begin
+    if (write_q && table_hit_q && address_q[0:0] == 1'h0 && !rst_i)
+      table_amplitude_mem[table_index] <= data_q[25:0];
+    table_amplitude_q <= table_amplitude_mem[table_index];
+    table_amplitude_q2 <= table_amplitude_q;
+    if (write_q && table_hit_q && address_q[0:0] == 1'h1 && !rst_i)
+      table_midpoint_mem[table_index] <= data_q[27:0];
+    table_midpoint_q <= table_midpoint_mem[table_index];
+    table_write_o <= 1'b0;
+    if (write_q && table_hit_q && address_q[0:0] == 1'h1) begin
+      table_write_o <= 1'b1;
+      table_index_o <= table_index;
+      table_amplitude_o <= table_amplitude_q2;
+      table_midpoint_o <= signed'(data_q[27:0]);
+    end
+    case (address_q[0:0])
+      1'h0: table_read_q <= 32'(table_amplitude_q);
+      1'h1: table_read_q <= 32'(signed'(table_midpoint_q));
+      default: table_read_q <= '0;
+    endcase
+    if (rst_i) table_write_o <= 1'b0;
+  end
+
+  // ---- 6: the words of a page; what is wide stays whole ----
+  logic [15:0] uptime_high_q;
+  logic [7:0] mirror_word_high_q;
+  logic [15:0] mirror_drive_phase_high_q;
+  logic [15:0] mirror_phase_high_q;
+  always_ff @(posedge clk_i)
+    if (step_q[6] && read && map_hit_q)
+      case (address_q[9:0])
+        10'h00b: uptime_high_q <= uptime_i[47:32];
+        10'h0c2: mirror_word_high_q <= mirror_word_i[39:32];
+        10'h0c4: mirror_drive_phase_high_q <= mirror_drive_phase_i[47:32];
+        10'h0c6: mirror_phase_high_q <= mirror_phase_i[47:32];
+        default: ;
+      endcase
+
+  logic [31:0] page_00_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_00_q <= 32'h56525343;
+      4'h1: page_00_q <= 32'ha76c0dfd;
+      4'h2: page_00_q <= 32'h00000100;
+      4'h3: page_00_q <= 32'(board_id_i);
+      4'h4: page_00_q <= clock_hz_i;
+      4'h5: page_00_q <= 32'(line_length_i);
+      4'h6: page_00_q <= 32'(pixel_width_i);
+      4'h7: page_00_q <= 32'(max_window_i);
+      4'h8: page_00_q <= 32'(lanes_i);
+      4'h9: page_00_q <= 32'(index_oversample_i);
+      4'ha: page_00_q <= scratch_o;
+      4'hb: page_00_q <= uptime_i[31:0];
+      4'hc: page_00_q <= 32'(uptime_high_q);
+      default: page_00_q <= '0;
+    endcase
+
+  logic [31:0] page_01_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_01_q <= 32'(period_n_o);
+      4'h1: page_01_q <= 32'(noise_row_o);
+      4'h2: page_01_q <= 32'(k_noise_o);
+      4'h3: page_01_q <= 32'(k_height_o);
+      4'h4: page_01_q <= 32'(snr_min_o);
+      4'h5: page_01_q <= 32'(min_width_o);
+      4'h6: page_01_q <= 32'(max_width_o);
+      4'h7: page_01_q <= 32'(kappa_o);
+      4'h8: page_01_q <= 32'(c_obj_gain_o);
+      4'h9: page_01_q <= 32'(c_sfm_gain_o);
+      default: page_01_q <= '0;
+    endcase
+
+  logic [31:0] page_02_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_02_q <= unsigned'(centre_o);
+      4'h1: page_02_q <= 32'(k1_o);
+      4'h2: page_02_q <= 32'(k2_o);
+      4'h3: page_02_q <= 32'(even_o);
+      4'h4: page_02_q <= unsigned'(n0_o);
+      4'h5: page_02_q <= unsigned'(n1_o);
+      4'h6: page_02_q <= unsigned'(d0_o);
+      4'h7: page_02_q <= unsigned'(d1_o);
+      4'h8: page_02_q <= unsigned'(e0_o);
+      4'h9: page_02_q <= unsigned'(e1_o);
+      default: page_02_q <= '0;
+    endcase
+
+  logic [31:0] page_03_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_03_q <= 32'(short_count_i);
+      4'h1: page_03_q <= 32'(long_count_i);
+      4'h2: page_03_q <= 32'(unfinished_count_i);
+      4'h3: page_03_q <= 32'(early_count_i);
+      4'h4: page_03_q <= 32'(dropped_count_i);
+      default: page_03_q <= '0;
+    endcase
+
+  logic [31:0] page_04_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_04_q <= 32'(mirror_enable_o);
+      4'h1: page_04_q <= 32'(line_enable_o);
+      4'h2: page_04_q <= sweep_word_low_q;
+      4'h3: page_04_q <= 32'(sweep_word_o[39:32]);
+      4'h4: page_04_q <= work_word_low_q;
+      4'h5: page_04_q <= 32'(work_word_o[39:32]);
+      4'h6: page_04_q <= sweep_rate_o;
+      4'h7: page_04_q <= 32'(glitch_clks_o);
+      4'h8: page_04_q <= width_min_clks_o;
+      4'h9: page_04_q <= width_max_clks_o;
+      4'ha: page_04_q <= period_max_clks_o;
+      4'hb: page_04_q <= 32'(phase_shift_o);
+      4'hc: page_04_q <= 32'(rate_shift_o);
+      4'hd: page_04_q <= 32'(amplitude_shift_o);
+      4'he: page_04_q <= 32'(error_limit_o);
+      4'hf: page_04_q <= 32'(amplitude_set_o);
+      default: page_04_q <= '0;
+    endcase
+
+  logic [31:0] page_05_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_05_q <= 32'(k_p_o);
+      4'h1: page_05_q <= 32'(k_i_o);
+      4'h2: page_05_q <= 32'(level_low_o);
+      4'h3: page_05_q <= 32'(level_high_o);
+      4'h4: page_05_q <= 32'(level_nominal_o);
+      4'h5: page_05_q <= 32'(trim_step_o);
+      4'h6: page_05_q <= 32'(trim_gain_o);
+      4'h7: page_05_q <= 32'(trim_up_o);
+      4'h8: page_05_q <= 32'(settle_limit_o);
+      4'h9: page_05_q <= 32'(shock_limit_o);
+      4'ha: page_05_q <= 32'(phase_limit_o);
+      4'hb: page_05_q <= 32'(settle_count_o);
+      4'hc: page_05_q <= 32'(hold_count_o);
+      4'hd: page_05_q <= 32'(confidence_gain_o);
+      default: page_05_q <= '0;
+    endcase
+
+  logic [31:0] page_06_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_06_q <= 32'(duty_o);
+      4'h1: page_06_q <= 32'(sweep_level_o);
+      4'h2: page_06_q <= 32'(level_min_o);
+      4'h3: page_06_q <= 32'(level_max_o);
+      4'h4: page_06_q <= unsigned'(trim_min_o);
+      4'h5: page_06_q <= unsigned'(trim_max_o);
+      4'h6: page_06_q <= sweep_timeout_o;
+      4'h7: page_06_q <= settle_timeout_o;
+      4'h8: page_06_q <= lost_timeout_o;
+      default: page_06_q <= '0;
+    endcase
+
+  logic [31:0] page_08_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_08_q <= 32'(drive_phase_o);
+      4'h1: page_08_q <= 32'(signed'(motion_a_o[0+:24]));
+      4'h2: page_08_q <= 32'(signed'(motion_a_o[24+:24]));
+      4'h3: page_08_q <= 32'(signed'(motion_a_o[48+:24]));
+      4'h4: page_08_q <= 32'(signed'(motion_a_o[72+:24]));
+      4'h5: page_08_q <= 32'(signed'(motion_a_o[96+:24]));
+      4'h6: page_08_q <= 32'(signed'(motion_a_o[120+:24]));
+      4'h7: page_08_q <= 32'(signed'(motion_a_o[144+:24]));
+      4'h8: page_08_q <= 32'(signed'(motion_a_o[168+:24]));
+      4'h9: page_08_q <= 32'(signed'(motion_a_o[192+:24]));
+      4'ha: page_08_q <= 32'(motion_phi_o[0+:28]);
+      4'hb: page_08_q <= 32'(motion_phi_o[28+:28]);
+      4'hc: page_08_q <= 32'(motion_phi_o[56+:28]);
+      4'hd: page_08_q <= 32'(motion_phi_o[84+:28]);
+      4'he: page_08_q <= 32'(motion_phi_o[112+:28]);
+      4'hf: page_08_q <= 32'(motion_phi_o[140+:28]);
+      default: page_08_q <= '0;
+    endcase
+
+  logic [31:0] page_09_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_09_q <= 32'(motion_phi_o[168+:28]);
+      4'h1: page_09_q <= 32'(motion_phi_o[196+:28]);
+      4'h2: page_09_q <= 32'(motion_phi_o[224+:28]);
+      4'h3: page_09_q <= 32'(signed'(motion_da_o[0+:24]));
+      4'h4: page_09_q <= 32'(signed'(motion_da_o[24+:24]));
+      4'h5: page_09_q <= 32'(signed'(motion_da_o[48+:24]));
+      4'h6: page_09_q <= 32'(signed'(motion_da_o[72+:24]));
+      4'h7: page_09_q <= 32'(signed'(motion_da_o[96+:24]));
+      4'h8: page_09_q <= 32'(signed'(motion_da_o[120+:24]));
+      4'h9: page_09_q <= 32'(signed'(motion_da_o[144+:24]));
+      4'ha: page_09_q <= 32'(signed'(motion_da_o[168+:24]));
+      4'hb: page_09_q <= 32'(signed'(motion_da_o[192+:24]));
+      4'hc: page_09_q <= 32'(signed'(motion_dphi_o[0+:24]));
+      4'hd: page_09_q <= 32'(signed'(motion_dphi_o[24+:24]));
+      4'he: page_09_q <= 32'(signed'(motion_dphi_o[48+:24]));
+      4'hf: page_09_q <= 32'(signed'(motion_dphi_o[72+:24]));
+      default: page_09_q <= '0;
+    endcase
+
+  logic [31:0] page_0a_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_0a_q <= 32'(signed'(motion_dphi_o[96+:24]));
+      4'h1: page_0a_q <= 32'(signed'(motion_dphi_o[120+:24]));
+      4'h2: page_0a_q <= 32'(signed'(motion_dphi_o[144+:24]));
+      4'h3: page_0a_q <= 32'(signed'(motion_dphi_o[168+:24]));
+      4'h4: page_0a_q <= 32'(signed'(motion_dphi_o[192+:24]));
+      default: page_0a_q <= '0;
+    endcase
+
+  logic [31:0] page_0b_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_0b_q <= ratio_low_q;
+      4'h1: page_0b_q <= 32'(ratio_o[43:32]);
+      4'h2: page_0b_q <= 32'(exposure_delay_clks_o);
+      4'h3: page_0b_q <= 32'(exposure_clks_o);
+      4'h4: page_0b_q <= 32'(pulse_delay_clks_o);
+      4'h5: page_0b_q <= 32'(pulse_clks_o);
+      default: page_0b_q <= '0;
+    endcase
+
+  logic [31:0] page_0c_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_0c_q <= 32'(mirror_state_i);
+      4'h1: page_0c_q <= 32'(mirror_fault_i);
+      4'h2: page_0c_q <= mirror_word_i[31:0];
+      4'h3: page_0c_q <= 32'(mirror_word_high_q);
+      4'h4: page_0c_q <= mirror_drive_phase_i[31:0];
+      4'h5: page_0c_q <= 32'(mirror_drive_phase_high_q);
+      4'h6: page_0c_q <= mirror_phase_i[31:0];
+      4'h7: page_0c_q <= 32'(mirror_phase_high_q);
+      4'h8: page_0c_q <= 32'(mirror_level_i);
+      4'h9: page_0c_q <= 32'(index_alive_i);
+      4'ha: page_0c_q <= 32'(mirror_settled_i);
+      4'hb: page_0c_q <= 32'(mirror_measured_i);
+      4'hc: page_0c_q <= 32'(mirror_error_i);
+      4'hd: page_0c_q <= 32'(missing_count_i);
+      4'he: page_0c_q <= 32'(doubled_count_i);
+      4'hf: page_0c_q <= 32'(impossible_count_i);
+      default: page_0c_q <= '0;
+    endcase
+
+  logic [31:0] page_0d_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_0d_q <= 32'(glitch_count_i);
+      4'h1: page_0d_q <= 32'(overrun_count_i);
+      default: page_0d_q <= '0;
+    endcase
+
+  logic [31:0] page_3f_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_3f_q <= 32'(lock_calibration_o);
+      4'h1: page_3f_q <= 32'(lock_mirror_o);
+      default: page_3f_q <= '0;
+    endcase
+
+  // ---- 7: the page; 8: the answer ----
+  logic [31:0] read_q;
+  always_ff @(posedge clk_i)
+    case (address_q[9:4])
+      6'h00: read_q <= page_00_q;
+      6'h01: read_q <= page_01_q;
+      6'h02: read_q <= page_02_q;
+      6'h03: read_q <= page_03_q;
+      6'h04: read_q <= page_04_q;
+      6'h05: read_q <= page_05_q;
+      6'h06: read_q <= page_06_q;
+      6'h08: read_q <= page_08_q;
+      6'h09: read_q <= page_09_q;
+      6'h0a: read_q <= page_0a_q;
+      6'h0b: read_q <= page_0b_q;
+      6'h0c: read_q <= page_0c_q;
+      6'h0d: read_q <= page_0d_q;
+      6'h3f: read_q <= page_3f_q;
+      default: read_q <= '0;
+    endcase
+
+  always_ff @(posedge clk_i) begin
+    bus_done_o   <= step_q[8];
+    bus_status_o <= status_q;
+    bus_data_o   <= read_q;
+    if (table_hit_q) bus_data_o <= table_read_q;
+    if (status_q != link_pkg::StatusWidth'(link_pkg::StatusOk)) bus_data_o <= '0;
+    if (rst_i) bus_done_o <= 1'b0;
+  end
+
+  // ---- the rules, by address ----
+  initial begin
+    for (int k = 0; k < 1024; k = k + 1) rule_mem[k] = '0;
+    // identity
+    rule_mem[0] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // map_hash
+    rule_mem[1] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // version
+    rule_mem[2] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // board_id
+    rule_mem[3] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // clock_hz
+    rule_mem[4] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // line_length
+    rule_mem[5] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // pixel_width
+    rule_mem[6] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // max_window
+    rule_mem[7] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // lanes
+    rule_mem[8] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // index_oversample
+    rule_mem[9] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // scratch
+    rule_mem[10] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0ffffffff};
+    // uptime, word 0
+    rule_mem[11] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // uptime, word 1
+    rule_mem[12] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // period_n
+    rule_mem[16] = {KindReadWrite, 2'd1, 33'h000000000, 33'h000000001};
+    // noise_row
+    rule_mem[17] = {KindReadWrite, 2'd1, 33'h000000000, 33'h000000001};
+    // k_noise
+    rule_mem[18] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00000ffff};
+    // k_height
+    rule_mem[19] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00000ffff};
+    // snr_min
+    rule_mem[20] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00000ffff};
+    // min_width
+    rule_mem[21] = {KindReadWrite, 2'd1, 33'h000000003, 33'h0000000ff};
+    // max_width
+    rule_mem[22] = {KindReadWrite, 2'd1, 33'h000000003, 33'h0000000ff};
+    // kappa
+    rule_mem[23] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00003ffff};
+    // c_obj_gain
+    rule_mem[24] = {KindReadWrite, 2'd1, 33'h000000000, 33'h000ffffff};
+    // c_sfm_gain
+    rule_mem[25] = {KindReadWrite, 2'd1, 33'h000000000, 33'h000ffffff};
+    // centre
+    rule_mem[32] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
+    // k1
+    rule_mem[33] = {KindReadWrite, 2'd1, 33'h1fe000000, 33'h001ffffff};
+    // k2
+    rule_mem[34] = {KindReadWrite, 2'd1, 33'h1fe000000, 33'h001ffffff};
+    // even
+    rule_mem[35] = {KindReadWrite, 2'd1, 33'h000000000, 33'h000000001};
+    // n0
+    rule_mem[36] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
+    // n1
+    rule_mem[37] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
+    // d0
+    rule_mem[38] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
+    // d1
+    rule_mem[39] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
+    // e0
+    rule_mem[40] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
+    // e1
+    rule_mem[41] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
+    // short_count
+    rule_mem[48] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // long_count
+    rule_mem[49] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // unfinished_count
+    rule_mem[50] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // early_count
+    rule_mem[51] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // dropped_count
+    rule_mem[52] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // mirror_enable
+    rule_mem[64] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000001};
+    // line_enable
+    rule_mem[65] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000001};
+    // sweep_word, word 0
+    rule_mem[66] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0ffffffff};
+    // sweep_word, word 1
+    rule_mem[67] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000000ff};
+    // work_word, word 0
+    rule_mem[68] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0ffffffff};
+    // work_word, word 1
+    rule_mem[69] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000000ff};
+    // sweep_rate
+    rule_mem[70] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0ffffffff};
+    // glitch_clks
+    rule_mem[71] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000000ff};
+    // width_min_clks
+    rule_mem[72] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0ffffffff};
+    // width_max_clks
+    rule_mem[73] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0ffffffff};
+    // period_max_clks
+    rule_mem[74] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0ffffffff};
+    // phase_shift
+    rule_mem[75] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000000f};
+    // rate_shift
+    rule_mem[76] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000003f};
+    // amplitude_shift
+    rule_mem[77] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000000f};
+    // error_limit
+    rule_mem[78] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00fffffff};
+    // amplitude_set
+    rule_mem[79] = {KindReadWrite, 2'd0, 33'h000000000, 33'h003ffffff};
+    // k_p
+    rule_mem[80] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00003ffff};
+    // k_i
+    rule_mem[81] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00003ffff};
+    // level_low
+    rule_mem[82] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000fffff};
+    // level_high
+    rule_mem[83] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000fffff};
+    // level_nominal
+    rule_mem[84] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000fffff};
+    // trim_step
+    rule_mem[85] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000ffffff};
+    // trim_gain
+    rule_mem[86] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00003ffff};
+    // trim_up
+    rule_mem[87] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000001};
+    // settle_limit
+    rule_mem[88] = {KindReadWrite, 2'd0, 33'h000000000, 33'h003ffffff};
+    // shock_limit
+    rule_mem[89] = {KindReadWrite, 2'd0, 33'h000000000, 33'h003ffffff};
+    // phase_limit
+    rule_mem[90] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00fffffff};
+    // settle_count
+    rule_mem[91] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000000ff};
+    // hold_count
+    rule_mem[92] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000000ff};
+    // confidence_gain
+    rule_mem[93] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000ffffff};
+    // duty
+    rule_mem[96] = {KindReadWrite, 2'd2, 33'h000000000, 33'h00000ffff};
+    // sweep_level
+    rule_mem[97] = {KindReadWrite, 2'd2, 33'h000000000, 33'h0000fffff};
+    // level_min
+    rule_mem[98] = {KindReadWrite, 2'd2, 33'h000000000, 33'h0000fffff};
+    // level_max
+    rule_mem[99] = {KindReadWrite, 2'd2, 33'h000000000, 33'h0000fffff};
+    // trim_min
+    rule_mem[100] = {KindReadWrite, 2'd2, 33'h180000000, 33'h07fffffff};
+    // trim_max
+    rule_mem[101] = {KindReadWrite, 2'd2, 33'h180000000, 33'h07fffffff};
+    // sweep_timeout
+    rule_mem[102] = {KindReadWrite, 2'd2, 33'h000000000, 33'h0ffffffff};
+    // settle_timeout
+    rule_mem[103] = {KindReadWrite, 2'd2, 33'h000000000, 33'h0ffffffff};
+    // lost_timeout
+    rule_mem[104] = {KindReadWrite, 2'd2, 33'h000000000, 33'h0ffffffff};
+    // drive_phase
+    rule_mem[128] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00fffffff};
+    // motion_a[0]
+    rule_mem[129] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_a[1]
+    rule_mem[130] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_a[2]
+    rule_mem[131] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_a[3]
+    rule_mem[132] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_a[4]
+    rule_mem[133] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_a[5]
+    rule_mem[134] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_a[6]
+    rule_mem[135] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_a[7]
+    rule_mem[136] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_a[8]
+    rule_mem[137] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_phi[0]
+    rule_mem[138] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00fffffff};
+    // motion_phi[1]
+    rule_mem[139] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00fffffff};
+    // motion_phi[2]
+    rule_mem[140] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00fffffff};
+    // motion_phi[3]
+    rule_mem[141] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00fffffff};
+    // motion_phi[4]
+    rule_mem[142] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00fffffff};
+    // motion_phi[5]
+    rule_mem[143] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00fffffff};
+    // motion_phi[6]
+    rule_mem[144] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00fffffff};
+    // motion_phi[7]
+    rule_mem[145] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00fffffff};
+    // motion_phi[8]
+    rule_mem[146] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00fffffff};
+    // motion_da[0]
+    rule_mem[147] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_da[1]
+    rule_mem[148] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_da[2]
+    rule_mem[149] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_da[3]
+    rule_mem[150] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_da[4]
+    rule_mem[151] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_da[5]
+    rule_mem[152] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_da[6]
+    rule_mem[153] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_da[7]
+    rule_mem[154] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_da[8]
+    rule_mem[155] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_dphi[0]
+    rule_mem[156] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_dphi[1]
+    rule_mem[157] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_dphi[2]
+    rule_mem[158] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_dphi[3]
+    rule_mem[159] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_dphi[4]
+    rule_mem[160] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_dphi[5]
+    rule_mem[161] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_dphi[6]
+    rule_mem[162] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_dphi[7]
+    rule_mem[163] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // motion_dphi[8]
+    rule_mem[164] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // ratio, word 0
+    rule_mem[176] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0ffffffff};
+    // ratio, word 1
+    rule_mem[177] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000fff};
+    // exposure_delay_clks
+    rule_mem[178] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000fffff};
+    // exposure_clks
+    rule_mem[179] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000fffff};
+    // pulse_delay_clks
+    rule_mem[180] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000fffff};
+    // pulse_clks
+    rule_mem[181] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000fffff};
+    // mirror_state
+    rule_mem[192] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // mirror_fault
+    rule_mem[193] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // mirror_word, word 0
+    rule_mem[194] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // mirror_word, word 1
+    rule_mem[195] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // mirror_drive_phase, word 0
+    rule_mem[196] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // mirror_drive_phase, word 1
+    rule_mem[197] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // mirror_phase, word 0
+    rule_mem[198] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // mirror_phase, word 1
+    rule_mem[199] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // mirror_level
+    rule_mem[200] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // index_alive
+    rule_mem[201] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // mirror_settled
+    rule_mem[202] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // mirror_measured
+    rule_mem[203] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // mirror_error
+    rule_mem[204] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // missing_count
+    rule_mem[205] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // doubled_count
+    rule_mem[206] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // impossible_count
+    rule_mem[207] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // glitch_count
+    rule_mem[208] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // overrun_count
+    rule_mem[209] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // lock_calibration
+    rule_mem[1008] = {KindReadWrite, 2'd0, 33'h000000001, 33'h000000001};
+    // lock_mirror
+    rule_mem[1009] = {KindReadWrite, 2'd0, 33'h000000001, 33'h000000001};
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,1143 @@
+"""The registers: from their one description to RTL, Python and a page.
+
+``rtl/link/registers.toml`` is read and checked here; ``scripts/generate.py`` writes what
+``register_file``, ``register_map`` and ``document`` return.
+"""
+
+import hashlib
+import json
+import re
+import tomllib
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+
+from vrscan.config import complaint
+from vrscan.config import load as load_config
+from vrscan.errors import InputError
+from vrscan.fixed import link_pkg, pkg
+from vrscan.registers import Registers as ChainRegisters
+
+ROOT = Path(__file__).resolve().parents[1]
+SOURCE = "rtl/link/registers.toml"
+WORD = 32  # bits
+MAP_BITS = 10  # of the addresses of registers; windows lie above
+PAGE_BITS = 4
+LATENCY = 9  # clocks from bus_valid_i to bus_done_o
+
+Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9]*(_[a-z0-9]+)*$")]
+Number = int | str  # or the name of a localparam
+Access = Literal["rw", "strobe", "ro", "counter", "constant"]
+WRITABLE = ("rw", "strobe")
+
+
+class Strict(BaseModel):
+    """One table of the file: no unknown key, no type but the stated one."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class Entry(Strict):
+    """A register, or a field of a window, as it stands in the file."""
+
+    width: Number
+    doc: str
+    count: Number = 1
+    access: Access | None = None
+    signed: bool = False
+    reset: int | Literal["config"] | None = None
+    value: int | Literal["map_hash", "version"] | None = None
+    fraction: Number = 0
+    unit: str = ""
+    min: Number | None = None
+    max: Number | None = None
+    lock: Name | None = None
+
+
+class FieldEntry(Strict):
+    """A field of a window as it stands in the file."""
+
+    width: Number
+    doc: str
+    signed: bool = False
+    fraction: Number = 0
+    unit: str = ""
+    min: Number | None = None
+    max: Number | None = None
+
+
+class GroupEntry(Strict):
+    """A group of registers as it stands in the file."""
+
+    address: int = Field(ge=0)
+    doc: str
+    access: Access | None = None
+    reset: int | Literal["config"] = 0
+    lock: Name | None = None
+    registers: dict[Name, Entry] = Field(min_length=1)
+
+
+class WindowEntry(Strict):
+    """A table as it stands in the file."""
+
+    address: int = Field(ge=0)
+    doc: str
+    entries: int = Field(ge=2)
+    lock: Name | None = None
+    fields: dict[Name, FieldEntry] = Field(min_length=1)
+
+
+class File(Strict):
+    """The whole file."""
+
+    locks_address: int = Field(ge=0)
+    locks: dict[Name, str]
+    groups: dict[Name, GroupEntry]
+    windows: dict[Name, WindowEntry] = {}
+
+
+@dataclass(frozen=True)
+class Register:
+    """A register with every number worked out; a field of a window is one without an address."""
+
+    name: str
+    group: str
+    address: int
+    words: int  # all of them
+    count: int
+    width: int
+    width_text: str  # in SystemVerilog
+    signed: bool
+    access: str
+    lock: str | None
+    reset: tuple[int, ...]
+    fraction: int
+    unit: str
+    minimum: int
+    maximum: int
+    doc: str
+
+    @property
+    def writable(self) -> bool:
+        """Whether the bus writes it."""
+        return self.access in WRITABLE
+
+    @property
+    def wide(self) -> bool:
+        """Whether it takes two words."""
+        return self.width > WORD
+
+
+@dataclass(frozen=True)
+class Window:
+    """A table with every number worked out. Entry i begins at address + i * stride."""
+
+    name: str
+    address: int
+    entries: int
+    stride: int  # words, a power of two
+    lock: str | None
+    doc: str
+    fields: tuple[Register, ...]
+
+    @property
+    def field_bits(self) -> int:
+        """Bits of an address that say which field."""
+        return self.stride.bit_length() - 1
+
+    @property
+    def index_bits(self) -> int:
+        """Bits of an address that say which entry."""
+        return (self.entries - 1).bit_length()
+
+    @property
+    def bits(self) -> int:
+        """Bits of an address within the window."""
+        return self.field_bits + self.index_bits
+
+
+@dataclass(frozen=True)
+class Group:
+    """Registers that belong together."""
+
+    name: str
+    address: int
+    doc: str
+    registers: tuple[Register, ...]
+
+
+@dataclass(frozen=True)
+class Map:
+    """All registers."""
+
+    groups: tuple[Group, ...]
+    windows: tuple[Window, ...]
+    locks: tuple[str, ...]
+    hash: int
+
+    @property
+    def registers(self) -> tuple[Register, ...]:
+        """The registers of all groups, by address."""
+        return tuple(register for group in self.groups for register in group.registers)
+
+
+def _constant(name: str) -> tuple[str, int] | None:
+    """Return the SystemVerilog of a localparam and its value, or None if there is none."""
+    python = re.sub(r"(?<!^)(?=[A-Z])", "_", name).upper()
+    for package, module in (("vrscan_pkg", pkg), ("link_pkg", link_pkg)):
+        if hasattr(module, python):
+            return f"{package}::{name}", int(getattr(module, python))
+    return None
+
+
+class _Reader:
+    """Turns what stands in the file into registers; every complaint names file and place."""
+
+    def __init__(self, source: str, file: File) -> None:
+        self._source = source
+        self._file = file
+        self._defaults: ChainRegisters | None = None
+
+    def complain(self, place: str, what: str) -> InputError:
+        """Return an error of one line."""
+        return InputError(f"{self._source}: {place}: {what}")
+
+    def _number(self, place: str, key: str, value: Number) -> tuple[str, int]:
+        if isinstance(value, int):
+            return str(value), value
+        found = _constant(value)
+        if found is None:
+            raise self.complain(place, f"{key} = {value!r}: no localparam of this name")
+        return found
+
+    def _default(self, place: str, name: str) -> int:
+        if self._defaults is None:
+            self._defaults = ChainRegisters.from_config(load_config(None))
+        value = getattr(self._defaults, name, None)
+        if value is None:
+            raise self.complain(place, 'reset = "config": the configuration has no such register')
+        return int(value)
+
+    def _lock(self, place: str, lock: str | None) -> str | None:
+        if lock is not None and lock not in self._file.locks:
+            raise self.complain(place, f"lock = {lock!r}: there is no such lock")
+        return lock
+
+    def _range(self, place: str, entry: Entry | FieldEntry, width: int) -> tuple[int, int]:
+        lowest = -(1 << (width - 1)) if entry.signed else 0
+        highest = lowest + (1 << width) - 1
+        low = lowest if entry.min is None else self._number(place, "min", entry.min)[1]
+        high = highest if entry.max is None else self._number(place, "max", entry.max)[1]
+        if not lowest <= low <= high <= highest:
+            raise self.complain(place, f"min {low} to max {high} is not within {width} bits")
+        if width > WORD and (low, high) != (lowest, highest):
+            raise self.complain(place, f"min and max need at most {WORD} bits")
+        return low, high
+
+    def register(self, group_name: str, group: GroupEntry, name: str, address: int) -> Register:
+        """Return a register of a group."""
+        entry = group.registers[name]
+        place = f"group {group_name}, register {name}"
+        width_text, width = self._number(place, "width", entry.width)
+        if not 1 <= width <= 2 * WORD:
+            raise self.complain(place, f"width {width} is not 1 to {2 * WORD}")
+        count = self._number(place, "count", entry.count)[1]
+        if count < 1 or (count > 1 and width > WORD):
+            raise self.complain(place, f"count {count}: 1, or more of at most {WORD} bits")
+        access = entry.access or group.access
+        if access is None:
+            raise self.complain(place, "access is missing, here and in the group")
+        low, high = self._range(place, entry, width)
+        if access == "strobe" and (count > 1 or width > WORD):
+            raise self.complain(place, "a strobe is one word")
+        if (access == "constant") != (entry.value is not None):
+            raise self.complain(place, "value is for a constant, and a constant has one")
+        if access not in WRITABLE and (
+            entry.reset is not None
+            or entry.lock is not None
+            or entry.min is not None
+            or entry.max is not None
+        ):
+            raise self.complain(place, "reset, lock, min and max are for what can be written")
+        reset = 0
+        if access in WRITABLE:
+            given = group.reset if entry.reset is None else entry.reset
+            reset = self._default(place, name) if given == "config" else given
+            if not low <= reset <= high and entry.reset is not None:
+                raise self.complain(place, f"reset {reset} is not within {low} to {high}")
+        elif access == "constant":
+            if count > 1 or width > WORD:
+                raise self.complain(place, "a constant is one word")
+            if entry.value == "version":
+                reset = _version()
+            elif isinstance(entry.value, int):
+                reset = entry.value
+            if not low <= reset <= high:
+                raise self.complain(place, f"value {reset} is not within {low} to {high}")
+        lock = (entry.lock or group.lock) if access in WRITABLE else None
+        return Register(
+            name=name,
+            group=group_name,
+            address=address,
+            words=count * (2 if width > WORD else 1),
+            count=count,
+            width=width,
+            width_text=width_text,
+            signed=entry.signed,
+            access=access,
+            lock=self._lock(place, lock),
+            reset=(reset,) * count,
+            fraction=self._number(place, "fraction", entry.fraction)[1],
+            unit=entry.unit,
+            minimum=low,
+            maximum=high,
+            doc=entry.doc,
+        )
+
+    def group(self, name: str, group: GroupEntry) -> Group:
+        """Return a group; its registers follow each other."""
+        self._lock(f"group {name}", group.lock)
+        registers: list[Register] = []
+        address = group.address
+        for key in group.registers:
+            registers.append(self.register(name, group, key, address))
+            address += registers[-1].words
+            if address > 1 << MAP_BITS:
+                raise self.complain(
+                    f"group {name}, register {key}", f"ends above {(1 << MAP_BITS) - 1:#06x}"
+                )
+        return Group(name, group.address, group.doc, tuple(registers))
+
+    def locks(self) -> Group:
+        """Return the locks as a group: each takes a 1 and nothing else."""
+        registers = [
+            Register(
+                name=name,
+                group="locks",
+                address=self._file.locks_address + k,
+                words=1,
+                count=1,
+                width=1,
+                width_text="1",
+                signed=False,
+                access="rw",
+                lock=None,
+                reset=(0,),
+                fraction=0,
+                unit="",
+                minimum=1,
+                maximum=1,
+                doc=f"1 keeps until reset: {guarded}",
+            )
+            for k, (name, guarded) in enumerate(self._file.locks.items())
+        ]
+        if self._file.locks_address + len(registers) > 1 << MAP_BITS:
+            raise self.complain("locks_address", f"ends above {(1 << MAP_BITS) - 1:#06x}")
+        doc = "Each takes a 1 and nothing else, and keeps it until reset"
+        return Group("locks", self._file.locks_address, doc, tuple(registers))
+
+    def window(self, name: str, window: WindowEntry) -> Window:
+        """Return a window."""
+        place = f"window {name}"
+        fields = []
+        for key, entry in window.fields.items():
+            at = f"{place}, field {key}"
+            width_text, width = self._number(at, "width", entry.width)
+            if not 1 <= width <= WORD:
+                raise self.complain(at, f"width {width} is not 1 to {WORD}")
+            low, high = self._range(at, entry, width)
+            fields.append(
+                Register(
+                    name=f"{name}_{key}",
+                    group=name,
+                    address=0,
+                    words=1,
+                    count=1,
+                    width=width,
+                    width_text=width_text,
+                    signed=entry.signed,
+                    access="rw",
+                    lock=window.lock,
+                    reset=(0,),
+                    fraction=self._number(at, "fraction", entry.fraction)[1],
+                    unit=entry.unit,
+                    minimum=low,
+                    maximum=high,
+                    doc=entry.doc,
+                )
+            )
+        stride = 1 << (len(fields) - 1).bit_length()
+        made = Window(
+            name=name,
+            address=window.address,
+            entries=window.entries,
+            stride=stride,
+            lock=self._lock(place, window.lock),
+            doc=window.doc,
+            fields=tuple(fields),
+        )
+        size = 1 << made.bits
+        if window.address % size or not 1 << MAP_BITS <= window.address <= 65536 - size:
+            raise self.complain(
+                place,
+                f"address {window.address:#06x} is not a multiple of {size:#x} "
+                f"from {1 << MAP_BITS:#x} to {65536 - size:#x}",
+            )
+        return made
+
+
+def _version() -> int:
+    """Return the version of pyproject.toml as a word."""
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        text: str = tomllib.load(file)["project"]["version"]
+    major, minor, patch = (int(part) for part in text.split("."))
+    return major << 16 | minor << 8 | patch
+
+
+def _hash(registers: list[Register], windows: list[Window]) -> int:
+    """Return 32 bits of a hash of what a host has to know: neither words nor resets."""
+
+    def facts(register: Register) -> list[object]:
+        return [
+            register.name, register.address, register.count, register.width, register.signed,
+            register.access, register.lock, register.fraction, register.unit, register.minimum,
+            register.maximum,
+        ]  # fmt: skip
+
+    known = [
+        [facts(register) for register in registers],
+        [
+            [window.name, window.address, window.entries, [facts(field) for field in window.fields]]
+            for window in windows
+        ],
+    ]
+    return int(hashlib.sha256(json.dumps(known).encode()).hexdigest()[: WORD // 4], 16)
+
+
+def _ports(made: Register | Window) -> list[str]:
+    """Return the names that a register or window takes up, without their endings."""
+    if isinstance(made, Window):
+        own = [made.name, f"{made.name}_write", f"{made.name}_index"]
+        return own + [field.name for field in made.fields]
+    return [made.name, f"{made.name}_strobe"] if made.access == "strobe" else [made.name]
+
+
+def parse(path: Path) -> Map:
+    """Return the registers of a description.
+
+    Raises:
+        InputError: in one line that names the file and, of a register, its group and name, if it
+            is not TOML, has an unknown key or a value of the wrong type or out of range, or two
+            registers have a name or an address in common.
+    """
+    try:
+        with path.open("rb") as stream:
+            file = File.model_validate(tomllib.load(stream))
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not a TOML file ({error})") from error
+    except ValidationError as error:
+        raise InputError(f"{path}: {complaint(error)}") from error
+    reader = _Reader(str(path), file)
+    groups = [reader.group(name, group) for name, group in file.groups.items()]
+    if file.locks:
+        groups.append(reader.locks())
+    groups.sort(key=lambda group: group.address)
+    registers = [register for group in groups for register in group.registers]
+    windows = [reader.window(name, window) for name, window in file.windows.items()]
+
+    owner: dict[str, str] = {"clk": "the clock", "rst": "the reset"}
+    for made in [*registers, *windows]:
+        place = (
+            f"window {made.name}"
+            if isinstance(made, Window)
+            else f"group {made.group}, register {made.name}"
+        )
+        for name in _ports(made):
+            if name in owner:
+                raise reader.complain(place, f"the name {name} is taken by {owner[name]}")
+            owner[name] = place
+    before = registers[0]
+    for register in registers[1:]:
+        if register.address < before.address + before.words:
+            raise reader.complain(
+                f"group {register.group}, register {register.name}",
+                f"address {register.address:#06x} is taken by "
+                f"group {before.group}, register {before.name}",
+            )
+        before = register
+    for k, window in enumerate(windows):
+        for other in windows[:k]:
+            start = max(window.address, other.address)
+            if start < min(window.address + (1 << window.bits), other.address + (1 << other.bits)):
+                raise reader.complain(
+                    f"window {window.name}", f"{start:#06x} is taken by window {other.name}"
+                )
+    taken = {r.address + k for r in registers for k in range(r.words)}
+    if file.locks and file.locks_address + len(file.locks) in taken:
+        # A command that is checked as a whole must not lock what its later words write.
+        raise reader.complain("locks_address", "a register follows the locks without a gap")
+
+    digest = _hash(registers, windows)
+    hashed = [
+        key
+        for group in file.groups.values()
+        for key, entry in group.registers.items()
+        if entry.value == "map_hash"
+    ]
+    groups = [
+        replace(
+            group,
+            registers=tuple(
+                replace(register, reset=(digest,)) if register.name in hashed else register
+                for register in group.registers
+            ),
+        )
+        for group in groups
+    ]
+    return Map(tuple(groups), tuple(windows), tuple(file.locks), digest)
+
+
+@cache
+def the_map() -> Map:
+    """Return the registers of the instrument."""
+    return parse(ROOT / SOURCE)
+
+
+# ---- SystemVerilog ----
+
+
+def _range_text(width_text: str, count: int = 1) -> str:
+    """Return the range of a port, empty for a single bit."""
+    if width_text == "1" and count == 1:
+        return ""
+    width = width_text if count == 1 else f"{count}*{width_text}"
+    return f"[{int(width) - 1}:0]" if width.isdigit() else f"[{width}-1:0]"
+
+
+def _port(direction: str, name: str, span: str = "", *, signed: bool = False) -> str:
+    kind = "input  wire logic" if direction == "input" else "output      logic"
+    words = [kind, "signed" if signed else "      ", f"{span:>42}", name]
+    return "  " + " ".join(words)
+
+
+def _port_of(register: Register) -> list[str]:
+    span = _range_text(register.width_text, register.count)
+    signed = register.signed and register.count == 1
+    if register.access == "constant":
+        return []
+    if not register.writable:
+        return [_port("input", f"{register.name}_i", span, signed=signed)]
+    ports = [_port("output", f"{register.name}_o", span, signed=signed)]
+    if register.access == "strobe":
+        ports.append(_port("output", f"{register.name}_strobe_o"))
+    return ports
+
+
+def _literal(width: int, value: int) -> str:
+    """Return a number as hexadecimal digits of its width."""
+    return f"{width}'h{value & ((1 << width) - 1):0{-(-width // 4)}x}"
+
+
+def _slice(register: Register, element: int, word: int) -> str:
+    """Return what a word holds of a port."""
+    port = f"{register.name}_{'o' if register.writable else 'i'}"
+    if register.count > 1:
+        return f"{port}[{element * register.width}+:{register.width}]"
+    if register.wide:
+        if word == 0:
+            low = f"{register.name}_low_q" if register.writable else f"{port}[{WORD - 1}:0]"
+            return low
+        if not register.writable:
+            return f"{register.name}_high_q"
+        return f"{port}[{register.width - 1}:{WORD}]"
+    return port
+
+
+def _as_word(register: Register, element: int, word: int) -> str:
+    """Return a word as it is read."""
+    if register.access == "constant":
+        return _literal(WORD, register.reset[0])
+    text = _slice(register, element, word)
+    width = register.width if not register.wide else (WORD, register.width - WORD)[word]
+    if width == WORD:
+        return f"unsigned'({text})" if register.signed and register.count == 1 else text
+    if not register.signed or (register.wide and word == 0):
+        return f"{WORD}'({text})"
+    if register.count == 1 and not register.wide:
+        return f"{WORD}'({text})"  # the port is signed
+    return f"{WORD}'(signed'({text}))"
+
+
+def _words(register: Register) -> list[tuple[int, int, int]]:
+    """Return address, element and word of each of a register's words."""
+    each = register.words // register.count
+    return [(register.address + k, k // each, k % each) for k in range(register.words)]
+
+
+def _element(register: Register, element: int) -> str:
+    """Return what a comment calls a register or one of several."""
+    return f"{register.name}[{element}]" if register.count > 1 else register.name
+
+
+def _bounds(register: Register, word: int) -> tuple[int, int]:
+    """Return the least and the largest value that a word takes."""
+    if not register.wide:
+        return register.minimum, register.maximum
+    if word == 0:
+        return 0, (1 << WORD) - 1
+    return register.minimum >> WORD, register.maximum >> WORD
+
+
+class _Rules:
+    """What the RTL knows of an address: its kind, its lock, and what it takes."""
+
+    def __init__(self, locks: tuple[str, ...]) -> None:
+        self._locks = locks
+        self.lock_bits = max(1, len(locks).bit_length())
+        self.bits = 2 + self.lock_bits + 2 * (WORD + 1)
+
+    def lock(self, name: str | None) -> int:
+        """Return the number of a lock, 0 for none."""
+        return 0 if name is None else 1 + self._locks.index(name)
+
+    def rule(self, register: Register, word: int) -> str:
+        """Return an entry of the rules' memory."""
+        low, high = _bounds(register, word) if register.writable else (0, 0)
+        kind = "KindReadWrite" if register.writable else "KindReadOnly"
+        lock = f"{self.lock_bits}'d{self.lock(register.lock)}"
+        return f"{{{kind}, {lock}, {_literal(WORD + 1, low)}, {_literal(WORD + 1, high)}}}"
+
+
+def _ports_section(registers: Map) -> list[str]:
+    lines = [
+        _port("input", "clk_i,"),
+        _port("input", "rst_i,"),
+        "",
+        _port("input", "bus_valid_i,"),
+        _port("input", "bus_access_i,", "[link_pkg::AccessWidth-1:0]"),
+        _port("input", "bus_address_i,", "[link_pkg::AddressWidth-1:0]"),
+        _port("input", "bus_data_i,", "[31:0]"),
+        _port("output", "bus_done_o,"),
+        _port("output", "bus_status_o,", "[link_pkg::StatusWidth-1:0]"),
+        _port("output", "bus_data_o,", "[31:0]"),
+    ]
+    for group in registers.groups:
+        lines += ["", f"  // {group.doc}."]
+        lines += [f"{port}," for register in group.registers for port in _port_of(register)]
+    for window in registers.windows:
+        lines += ["", f"  // {window.doc}."]
+        lines.append(_port("output", f"{window.name}_write_o,"))
+        lines.append(_port("output", f"{window.name}_index_o,", f"[{window.index_bits - 1}:0]"))
+        lines += [f"{port}," for field in window.fields for port in _port_of(field)]
+    lines[-1] = lines[-1].removesuffix(",")
+    return lines
+
+
+HEADER = """\
+// register_file: every register of the instrument, on the bus of the link.
+//
+// Generated from {source} by scripts/registers.py; docs/registers.md lists the
+// registers and says how they behave.
+//
+// A memory has the rule of each address; the value is compared with the rule's bounds, a register
+// takes it, and all are read through the sixteen words of a page and then the page.  So what a
+// WRITE answers has been read back.
+//
+//   bus_valid_i   ignored from the clock after it until bus_done_o
+//   bus_access_i  link_pkg; CHECK says what WRITE would, and changes nothing; 3 is as READ
+//   bus_status_o  with bus_done_o, the first that applies: StatusNoAddress, StatusReadOnly,
+//                 StatusLocked, StatusBadValue, StatusOk
+//   bus_data_o    with bus_done_o, the word as it is read; 0 unless OK
+//   *_o           what the bus has written, {written} clocks after bus_valid_i
+//   *_strobe_o    in the first clock in which *_o has what was written
+//   *_i           a READ sees them {sampled} clocks after bus_valid_i
+//   Wide ones     take effect with their higher word; until then the lower one waits, and is read
+//                 as written.  The READ of a lower word of *_i keeps the higher one for its READ
+//   Tables        an entry goes out with its last field, the others are those written before; a
+//                 reset leaves what was written for the bus to read
+//   Latency       {latency} clocks from bus_valid_i to bus_done_o
+//   Model         vrscan.fixed.register_file, bit-exact
+
+`default_nettype none
+
+module register_file (
+"""
+
+
+def register_file() -> str:
+    """Return register_file.sv."""
+    made = the_map()
+    rules = _Rules(made.locks)
+    registers = made.registers
+    rw = [register for register in registers if register.writable]
+    wide_inputs = [r for r in registers if r.wide and not r.writable]
+    strobes = [register for register in registers if register.access == "strobe"]
+    words = [(a, r, e, w) for r in registers for a, e, w in _words(r)]
+    pages = sorted({address >> PAGE_BITS for address, *_ in words})
+    last = LATENCY - 1
+    map_bits = MAP_BITS
+    entries = 1 << map_bits
+
+    out = HEADER.format(source=SOURCE, latency=LATENCY, written=6, sampled=6).splitlines()
+    out += _ports_section(made)
+    out += [
+        ");",
+        "",
+        "  // ---- an access, and how far it is ----",
+        f"  logic [{last}:1] step_q;",
+        "  logic [link_pkg::AccessWidth-1:0] access_q;",
+        "  logic [link_pkg::AddressWidth-1:0] address_q;",
+        "  logic [31:0] data_q;",
+        "  logic start, read, write_q;",
+        "  assign start = bus_valid_i && step_q == '0;",
+        "  assign read = access_q != link_pkg::AccessWidth'(link_pkg::AccessCheck)",
+        "                && access_q != link_pkg::AccessWidth'(link_pkg::AccessWrite);",
+        "  always_ff @(posedge clk_i) begin",
+        f"    step_q <= {{step_q[{last - 1}:1], start}};",
+        "    if (start) begin",
+        "      access_q  <= bus_access_i;",
+        "      address_q <= bus_address_i;",
+        "      data_q    <= bus_data_i;",
+        "    end",
+        "    if (rst_i) step_q <= '0;",
+        "  end",
+        "",
+        "  // ---- 1: look up the rule; 2: take it.  Its bounds are signed, hence the 33 bits ----",
+        "  localparam logic [1:0] KindNone = 2'd0;",
+        "  localparam logic [1:0] KindReadOnly = 2'd1;",
+        "  localparam logic [1:0] KindReadWrite = 2'd2;",
+        "  typedef struct packed {",
+        "    logic [1:0] kind;",
+        f"    logic [{rules.lock_bits - 1}:0] lock;",
+        f"    logic signed [{WORD}:0] minimum;",
+        f"    logic signed [{WORD}:0] maximum;",
+        "  } rule_t;",
+        f"  logic [{rules.bits - 1}:0] rule_mem[{entries}];",
+        f"  logic [{rules.bits - 1}:0] map_rule_q;",
+        "  logic map_hit_q;",
+        "  rule_t rule_q;",
+    ]
+    for window in made.windows:
+        out.append(f"  logic {window.name}_hit_q;")
+        index = window.index_bits
+        out.append(f"  logic [{index - 1}:0] {window.name}_index;")
+        low = window.field_bits
+        out.append(f"  assign {window.name}_index = address_q[{low + index - 1}:{low}];")
+    out += [
+        "  always_ff @(posedge clk_i) begin",
+        f"    map_rule_q <= rule_mem[address_q[{map_bits - 1}:0]];",
+        f"    map_hit_q  <= address_q[15:{map_bits}] == '0;",
+    ]
+    for window in made.windows:
+        top = window.bits
+        hit = f"address_q[15:{top}] == {_literal(16 - top, window.address >> top)}"
+        if window.entries != 1 << window.index_bits:
+            span = f"{window.index_bits}'d{window.entries - 1}"
+            hit += f" && {window.name}_index <= {span}"
+        out.append(f"    {window.name}_hit_q <= {hit};")
+    out.append("    rule_q <= map_hit_q ? map_rule_q : '0;")
+    for window in made.windows:
+        if len(window.fields) == 1:
+            out.append(f"    if ({window.name}_hit_q) rule_q <= {rules.rule(window.fields[0], 0)};")
+            continue
+        out.append(f"    if ({window.name}_hit_q)")
+        out.append(f"      case (address_q[{window.field_bits - 1}:0])")
+        for k, field in enumerate(window.fields):
+            at = _literal(window.field_bits, k)
+            out += [f"        {at}: rule_q <=", f"          {rules.rule(field, 0)};"]
+        out += ["        default: rule_q <= '0;", "      endcase"]
+    out += ["  end", ""]
+
+    padded = (1 << rules.lock_bits) - 1 - len(made.locks)
+    lock_list = [f"{name}_o" for name in reversed(made.locks)]
+    lock_list = ([f"{padded}'d0"] if padded else []) + lock_list + ["1'b0"]
+    out += [
+        "  // ---- 3: against the rule; 4: the verdict ----",
+        f"  logic [{(1 << rules.lock_bits) - 1}:0] locks;",
+        f"  assign locks = {{{', '.join(lock_list)}}};",
+        f"  logic signed [{WORD}:0] value;",
+        f"  assign value = signed'({{rule_q.minimum[{WORD}] && data_q[{WORD - 1}], data_q}});",
+        "  logic [1:0] kind_q;",
+        "  logic below_q, above_q, locked_q;",
+        "  logic [link_pkg::StatusWidth-1:0] verdict, status_q;",
+        "  always_comb begin",
+        "    verdict = link_pkg::StatusWidth'(link_pkg::StatusOk);",
+        "    if (kind_q == KindNone)",
+        "      verdict = link_pkg::StatusWidth'(link_pkg::StatusNoAddress);",
+        "    else if (!read && kind_q == KindReadOnly)",
+        "      verdict = link_pkg::StatusWidth'(link_pkg::StatusReadOnly);",
+        "    else if (!read && locked_q)",
+        "      verdict = link_pkg::StatusWidth'(link_pkg::StatusLocked);",
+        "    else if (!read && (below_q || above_q))",
+        "      verdict = link_pkg::StatusWidth'(link_pkg::StatusBadValue);",
+        "  end",
+        "  always_ff @(posedge clk_i) begin",
+        "    kind_q   <= rule_q.kind;",
+        "    below_q  <= value < rule_q.minimum;",
+        "    above_q  <= value > rule_q.maximum;",
+        "    locked_q <= locks[rule_q.lock];",
+        "    status_q <= verdict;",
+        "    write_q  <= step_q[4] && access_q == link_pkg::AccessWidth'(link_pkg::AccessWrite)",
+        "                && verdict == link_pkg::StatusWidth'(link_pkg::StatusOk);",
+        "    if (rst_i) write_q <= 1'b0;",
+        "  end",
+        "",
+        "  // ---- 5: a register takes the word ----",
+    ]
+    out += [f"  logic [{WORD - 1}:0] {r.name}_low_q;" for r in rw if r.wide]
+    out.append("  always_ff @(posedge clk_i) begin")
+    out += [f"    {register.name}_strobe_o <= 1'b0;" for register in strobes]
+    out.append("    if (write_q && map_hit_q)")
+    out.append(f"      case (address_q[{map_bits - 1}:0])")
+    for address, register, element, word in words:
+        if not register.writable:
+            continue
+        at = _literal(map_bits, address)
+        width = register.width
+        if register.wide and word == 0:
+            take = f"{register.name}_low_q <= data_q;"
+        elif register.wide:
+            take = f"{register.name}_o <= {{data_q[{width - WORD - 1}:0], {register.name}_low_q}};"
+        else:
+            bits = "data_q" if width == WORD else f"data_q[{width - 1}:0]"
+            bits = "data_q[0]" if width == 1 else bits
+            if register.signed and register.count == 1:
+                bits = f"signed'({bits})"
+            take = f"{_slice(register, element, 0)} <= {bits};"
+        if register.access == "strobe":
+            out += [
+                f"        {at}: begin",
+                f"          {take}",
+                f"          {register.name}_strobe_o <= 1'b1;",
+                "        end",
+            ]
+        else:
+            out.append(f"        {at}: {take}")
+    out += ["        default: ;", "      endcase", "    if (rst_i) begin"]
+    for register in rw:
+        if register.wide:
+            out.append(f"      {register.name}_low_q <= {_literal(WORD, register.reset[0])};")
+        bits = sum(
+            (value & ((1 << register.width) - 1)) << (k * register.width)
+            for k, value in enumerate(register.reset)
+        )
+        value = _literal(register.width * register.count, bits) if bits else "'0"
+        out.append(f"      {register.name}_o <= {value};")
+        if register.access == "strobe":
+            out.append(f"      {register.name}_strobe_o <= 1'b0;")
+    out += ["    end", "  end", ""]
+
+    for window in made.windows:
+        out += _window_memory(window)
+    out.append("  // ---- 6: the words of a page; what is wide stays whole ----")
+    if wide_inputs:
+        for register in wide_inputs:
+            out.append(f"  logic [{register.width - WORD - 1}:0] {register.name}_high_q;")
+        out += [
+            "  always_ff @(posedge clk_i)",
+            "    if (step_q[6] && read && map_hit_q)",
+            f"      case (address_q[{map_bits - 1}:0])",
+        ]
+        for register in wide_inputs:
+            high = f"{register.name}_i[{register.width - 1}:{WORD}]"
+            at = _literal(map_bits, register.address)
+            out.append(f"        {at}: {register.name}_high_q <= {high};")
+        out += ["        default: ;", "      endcase", ""]
+    for page in pages:
+        out += [
+            f"  logic [{WORD - 1}:0] page_{page:02x}_q;",
+            "  always_ff @(posedge clk_i)",
+            f"    case (address_q[{PAGE_BITS - 1}:0])",
+        ]
+        for address, register, element, word in words:
+            if address >> PAGE_BITS == page:
+                at = _literal(PAGE_BITS, address & ((1 << PAGE_BITS) - 1))
+                out.append(f"      {at}: page_{page:02x}_q <= {_as_word(register, element, word)};")
+        out += [f"      default: page_{page:02x}_q <= '0;", "    endcase", ""]
+    out += [
+        "  // ---- 7: the page; 8: the answer ----",
+        f"  logic [{WORD - 1}:0] read_q;",
+        "  always_ff @(posedge clk_i)",
+        f"    case (address_q[{map_bits - 1}:{PAGE_BITS}])",
+    ]
+    for page in pages:
+        out.append(f"      {_literal(map_bits - PAGE_BITS, page)}: read_q <= page_{page:02x}_q;")
+    out += [
+        "      default: read_q <= '0;",
+        "    endcase",
+        "",
+        "  always_ff @(posedge clk_i) begin",
+        f"    bus_done_o   <= step_q[{last}];",
+        "    bus_status_o <= status_q;",
+        "    bus_data_o   <= read_q;",
+    ]
+    out += [f"    if ({w.name}_hit_q) bus_data_o <= {w.name}_read_q;" for w in made.windows]
+    out += [
+        "    if (status_q != link_pkg::StatusWidth'(link_pkg::StatusOk)) bus_data_o <= '0;",
+        "    if (rst_i) bus_done_o <= 1'b0;",
+        "  end",
+        "",
+        "  // ---- the rules, by address ----",
+        "  initial begin",
+        f"    for (int k = 0; k < {entries}; k = k + 1) rule_mem[k] = '0;",
+    ]
+    for address, register, element, word in words:
+        out += [
+            f"    // {_element(register, element)}" + (f", word {word}" if register.wide else ""),
+            f"    rule_mem[{address}] = {rules.rule(register, word)};",
+        ]
+    out += ["  end", "", "endmodule", "", "`default_nettype wire", ""]
+    return "\n".join(out)
+
+
+def _window_memory(window: Window) -> list[str]:
+    """Return a table's own memory, a field each, and what leaves with an entry."""
+    name, bits, size = window.name, window.field_bits, 1 << window.index_bits
+    last = len(window.fields) - 1
+    out = [f"  // ---- {name}: written at 5, read back at 6 and 7 ----"]
+    for k, field in enumerate(window.fields):
+        kept = f"{field.name}_q" if k == last else f"{field.name}_q, {field.name}_q2"
+        out += [
+            f"  logic [{field.width - 1}:0] {field.name}_mem[{size}];",
+            f"  logic [{field.width - 1}:0] {kept};",
+        ]
+    out += [f"  logic [{WORD - 1}:0] {name}_read_q;", "  always_ff @(posedge clk_i) begin"]
+    for k, field in enumerate(window.fields):
+        here = f"write_q && {name}_hit_q"
+        if bits:
+            here += f" && address_q[{bits - 1}:0] == {_literal(bits, k)}"
+        out += [
+            f"    if ({here} && !rst_i)",
+            f"      {field.name}_mem[{name}_index] <= data_q[{field.width - 1}:0];",
+            f"    {field.name}_q <= {field.name}_mem[{name}_index];",
+        ]
+        if k != last:
+            out.append(f"    {field.name}_q2 <= {field.name}_q;")
+    out.append(f"    {name}_write_o <= 1'b0;")
+    here = f"write_q && {name}_hit_q"
+    if bits:
+        here += f" && address_q[{bits - 1}:0] == {_literal(bits, last)}"
+    out += [
+        f"    if ({here}) begin",
+        f"      {name}_write_o <= 1'b1;",
+        f"      {name}_index_o <= {name}_index;",
+    ]
+    for k, field in enumerate(window.fields):
+        source = f"data_q[{field.width - 1}:0]" if k == last else f"{field.name}_q2"
+        source = f"signed'({source})" if field.signed else source
+        out.append(f"      {field.name}_o <= {source};")
+    out.append("    end")
+
+    def word(field: Register) -> str:
+        text = f"{field.name}_q"
+        if field.width == WORD:
+            return text
+        return f"{WORD}'(signed'({text}))" if field.signed else f"{WORD}'({text})"
+
+    if bits:
+        out.append(f"    case (address_q[{bits - 1}:0])")
+        for k, field in enumerate(window.fields):
+            out.append(f"      {_literal(bits, k)}: {name}_read_q <= {word(field)};")
+        out += [f"      default: {name}_read_q <= '0;", "    endcase"]
+    else:
+        out.append(f"    {name}_read_q <= {word(window.fields[0])};")
+    out += [f"    if (rst_i) {name}_write_o <= 1'b0;", "  end", ""]
+    return out
+
+
+# ---- Python ----
+
+PYTHON_HEADER = f'''"""Every register by name, written from {SOURCE} by scripts/generate.py."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Access = Literal["rw", "strobe", "ro", "counter", "constant"]
+
+
+@dataclass(frozen=True)
+class Register:
+    """A register, several of one kind, or a field of a table.
+
+    Attributes:
+        name: Of the port, without its direction.
+        address: Of its first word; of a field, its place in an entry.
+        words: All of them; a value of more than 32 bits has two, the lower first.
+        count: How many values.
+        width: Bits of a value.
+        signed: Two's complement; a word is sign-extended.
+        access: "rw" and "strobe" can be written; "constant" never changes.
+        lock: The register that keeps it as it is, or None.
+        reset: Values after a reset; of a constant its value.
+        fraction: value = integer / 2**fraction.
+        unit: Of the value; empty where it has none.
+        minimum: Least integer that it takes.
+        maximum: Largest integer that it takes.
+        doc: What it means.
+    """
+
+    name: str
+    address: int
+    words: int
+    count: int
+    width: int
+    signed: bool
+    access: Access
+    lock: str | None
+    reset: tuple[int, ...]
+    fraction: int
+    unit: str
+    minimum: int
+    maximum: int
+    doc: str
+
+
+@dataclass(frozen=True)
+class Window:
+    """A table. Field k of entry i is at address + i * stride + k, the last one writes the entry."""
+
+    name: str
+    address: int
+    entries: int
+    stride: int  # words
+    fields: tuple[Register, ...]
+    lock: str | None
+    doc: str
+'''
+
+
+def _python(register: Register, address: int) -> str:
+    values = [
+        register.name, address, register.words, register.count, register.width, register.signed,
+        register.access, register.lock, register.reset, register.fraction, register.unit,
+        register.minimum, register.maximum, register.doc,
+    ]  # fmt: skip
+    body = "".join(f"        {_quoted(value)},\n" for value in values)
+    return f"    Register(\n{body}    ),\n"
+
+
+def _quoted(value: object) -> str:
+    """Return a value as ruff writes it."""
+    if isinstance(value, str):
+        return repr(value) if '"' in value else f'"{value}"'
+    return repr(value)
+
+
+def register_map() -> str:
+    """Return register_map.py."""
+    made = the_map()
+    out = [PYTHON_HEADER, "\n\n"]
+    out.append(f"MAP_HASH = 0x{made.hash:08X}\n\n")
+    out.append("_REGISTERS = (\n")
+    out += [_python(register, register.address) for register in made.registers]
+    out.append(")\n\n_WINDOWS = (\n")
+    for window in made.windows:
+        fields = "".join(_python(field, k) for k, field in enumerate(window.fields))
+        fields = fields.replace("\n    ", "\n            ")
+        out.append(
+            f"    Window(\n        {_quoted(window.name)},\n        {window.address},\n"
+            f"        {window.entries},\n        {window.stride},\n        (\n"
+            f"        {fields.rstrip()}\n        ),\n"
+            f"        {_quoted(window.lock)},\n        {_quoted(window.doc)},\n    ),\n"
+        )
+    out.append(
+        ")\n\nREGISTERS: dict[str, Register] = {one.name: one for one in _REGISTERS}\n"
+        "WINDOWS: dict[str, Window] = {one.name: one for one in _WINDOWS}\n"
+    )
+    names = ", ".join(_quoted(name) for name in made.locks)
+    out.append(f"LOCKS: tuple[str, ...] = ({names}{',' if len(made.locks) == 1 else ''})\n")
+    return "".join(out)
+
+
+# ---- the page ----
+
+PAGE_HEADER = f"""# Registers
+
+Written from [{SOURCE}](../{SOURCE}) by `scripts/generate.py`; the map's hash is {{hash}}.
+
+Words of 32 bits, by word address. The value is word / 2^fraction, in its unit; signed ones are
+sign-extended to the word.
+
+- **Write.** The answer to a write has been read back from the register. A value that does not fit
+  in the width (of a signed one: that is no sign extension) or is outside the range is `BAD_VALUE`,
+  and nothing changes.
+- **Wide.** More than 32 bits are two words, the lower first. They take effect together when the
+  higher one is written; until then the lower one waits, and is read as it was written. Reading the
+  lower word of a measured value keeps the higher one for the next read, so a value is never torn.
+- **Several.** `name[n]` is n values in consecutive words.
+- **Access.** rw; strobe: rw, and every write is an event; ro; counter: ro, and stops at its largest
+  value; constant: ro, and never changes.
+- **Locks.** A lock takes a 1 and nothing else, and keeps it until reset. What names it answers
+  `LOCKED` to a write from then on. No register follows the locks, so a command that is checked as a
+  whole cannot lock what its later words write.
+- **Tables.** A field is a word. An entry goes out with its last field; the others are those
+  written before. A reset leaves a table as it is; before it is written it means nothing.
+- **Elsewhere** there is nothing: `NO_ADDRESS`.
+"""
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+def _limits(register: Register) -> str:
+    """Return the range where it is not that of the width."""
+    lowest = -(1 << (register.width - 1)) if register.signed else 0
+    if (register.minimum, register.maximum) == (lowest, lowest + (1 << register.width) - 1):
+        return ""
+    return f"; {register.minimum} to {register.maximum}"
+
+
+def _format(register: Register) -> str:
+    """Return sign, bits and fraction: s26.24 has 24 fraction bits."""
+    fraction = f".{register.fraction}" if register.fraction else ""
+    return f"{'s' if register.signed else 'u'}{register.width}{fraction}"
+
+
+def _row(register: Register, address: str) -> str:
+    name = register.name if register.count == 1 else f"{register.name}[{register.count}]"
+    reset = register.reset[0]
+    shown = f"0x{reset:08X}" if register.access == "constant" else str(reset)
+    cells = [
+        address,
+        f"`{name}`",
+        register.access,
+        _format(register),
+        shown if register.writable or register.access == "constant" else "",
+        register.unit,
+        f"`{register.lock}`" if register.lock else "",
+        register.doc + _limits(register),
+    ]
+    return "| " + " | ".join(_cell(cell) for cell in cells) + " |"
+
+
+def document() -> str:
+    """Return docs/registers.md."""
+    made = the_map()
+    lines = PAGE_HEADER.format(hash=f"0x{made.hash:08X}").splitlines()
+    titles = ["address", "name", "access", "format", "reset", "unit", "lock", "meaning"]
+    head = ["", "| " + " | ".join(titles) + " |", "|" + "---|" * len(titles)]
+    for group in made.groups:
+        lines += ["", f"## {group.name}", "", f"{group.doc}.", *head]
+        for register in group.registers:
+            span = f"0x{register.address:04X}"
+            if register.words > 1:
+                span += f"..{register.address + register.words - 1:04X}"
+            lines.append(_row(register, span))
+    for window in made.windows:
+        end = window.address + (window.entries - 1) * window.stride + len(window.fields) - 1
+        lines += [
+            "",
+            f"## Table {window.name}",
+            "",
+            f"{window.doc}. {window.entries} entries of {window.stride} words, "
+            f"0x{window.address:04X}..{end:04X}.",
+            *head,
+        ]
+        lines += [_row(field, f"+{k}") for k, field in enumerate(window.fields)]
+    return "\n".join([*lines, ""])
