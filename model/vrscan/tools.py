@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
@@ -58,12 +59,17 @@ def rtl_modules() -> list[Path]:
     return [f for f in rtl_sources() if not f.stem.endswith("_pkg")]
 
 
-def rtl_closure(module: Path) -> list[Path]:
+def rtl_closure(module: Path, others: Sequence[Path] = ()) -> list[Path]:
     """Return the files that a module is made of, packages first, itself among them.
 
     A file has the name of its module or package, so naming it in the code is using it.
+
+    Args:
+        module: The top, in ``rtl/`` or one of ``others``.
+        others: Files from elsewhere that may be used.
     """
-    files = {f.stem: f for f in rtl_sources()}
+    sources = [*rtl_sources(), *others]
+    files = {f.stem: f for f in sources}
     found: set[str] = set()
     waiting = {module.stem}
     while waiting:
@@ -71,7 +77,7 @@ def rtl_closure(module: Path) -> list[Path]:
         found.add(stem)
         code = re.sub(r"//.*", "", files[stem].read_text())
         waiting |= set(re.findall(r"\w+", code)) & files.keys() - found
-    return [f for f in rtl_sources() if f.stem in found]
+    return [f for f in sources if f.stem in found]
 
 
 @cache

@@ -1,4 +1,7 @@
-"""RTL behind a C interface: Verilated, compiled with its harness, built once a source state."""
+"""RTL behind a C interface: Verilated, compiled with its harness, built once a source state.
+
+``build`` makes a shared object that Python calls, ``build_program`` a program with its own main.
+"""
 
 import hashlib
 import os
@@ -14,6 +17,7 @@ from filelock import FileLock
 from vrscan.errors import InputError
 from vrscan.tools import (
     build_folder,
+    repository_root,
     rtl_closure,
     rtl_folders,
     rtl_packages,
@@ -26,6 +30,22 @@ def _call(command: Sequence[str], environment: Mapping[str, str]) -> None:
     if done.returncode:
         print(done.stdout + done.stderr, file=sys.stderr)
         raise InputError(f"rtl engine: {Path(command[0]).name} failed; its messages are above")
+
+
+def _tools() -> tuple[dict[str, str], dict[str, str]]:
+    """Return the environment, and where Verilator and the compiler are.
+
+    Raises:
+        InputError: if one is missing.
+    """
+    environment = verilator_environment()
+    found = {}
+    for tool in ("verilator", os.environ.get("CXX", "g++")):
+        path = shutil.which(tool, path=environment["PATH"])
+        if path is None:
+            raise InputError(f"rtl engine: {tool} is missing: apt install {tool}")
+        found["verilator" if tool == "verilator" else "compiler"] = path
+    return environment, found
 
 
 def _verilator_root(environment: Mapping[str, str]) -> str:
@@ -59,12 +79,7 @@ def build(name: str, harness: Path, ports: str, designs: Sequence[Design]) -> Pa
     Raises:
         InputError: if a tool is missing or fails.
     """
-    environment = verilator_environment()
-    compiler = os.environ.get("CXX", "g++")
-    found = {tool: shutil.which(tool, path=environment["PATH"]) for tool in ("verilator", compiler)}
-    for tool, path in found.items():
-        if path is None:
-            raise InputError(f"rtl engine: {tool} is missing: apt install {tool}")
+    environment, found = _tools()
     parameters = [dict(design.parameters) for design in designs]
     digest = hashlib.sha256(repr((parameters, ports, found)).encode())
     for design in designs:
@@ -85,7 +100,7 @@ def build(name: str, harness: Path, ports: str, designs: Sequence[Design]) -> Pa
         for design in designs:
             _call(
                 [
-                    str(found["verilator"]), "--cc", "--build", "-j", str(os.cpu_count() or 1),
+                    found["verilator"], "--cc", "--build", "-j", str(os.cpu_count() or 1),
                     "-O3", "--noassert", "--x-assign", "fast", "-CFLAGS", "-fPIC",
                     "-MAKEFLAGS", "OPT_FAST=-O2",
                     "--top-module", design.top.stem, "--prefix", design.prefix(),
@@ -102,7 +117,7 @@ def build(name: str, harness: Path, ports: str, designs: Sequence[Design]) -> Pa
         made = [work / design.prefix() for design in designs]
         _call(
             [
-                str(found[compiler]), "-shared", "-fPIC", "-O2", "-std=c++17", "-pthread",
+                found["compiler"], "-shared", "-fPIC", "-O2", "-std=c++17", "-pthread",
                 f"-I{work}", *(f"-I{place}" for place in made),
                 f"-I{include}", f"-I{include / 'vltstd'}", str(harness),
                 *(str(place / f"{place.name}__ALL.a") for place in made),
@@ -113,6 +128,52 @@ def build(name: str, harness: Path, ports: str, designs: Sequence[Design]) -> Pa
         linked.replace(library)
         shutil.rmtree(work)
     return library
+
+
+def build_program(top: Path, parameters: Mapping[str, int | float], main: Path) -> Path:
+    """Return a program of a top module with inputs ``clk_i`` and ``rst_i`` and its C++ main.
+
+    Args:
+        top: Of ``tb/board``; it may use ``rtl/`` and ``tb/devices``.
+        parameters: Of the top.
+        main: C++, with its headers beside it; it includes ``top.h`` and knows the top as Top.
+
+    Raises:
+        InputError: if a tool is missing or fails.
+    """
+    environment, found = _tools()
+    devices = sorted((repository_root() / "tb" / "devices").glob("*.sv"))
+    sources = rtl_closure(top, [*devices, top])
+    headers = sorted(main.parent.glob("*.h"))
+    digest = hashlib.sha256(repr((dict(parameters), top.stem, found)).encode())
+    for source in (*sources, *headers, main, Path(__file__)):
+        digest.update(source.read_bytes())
+    folder = build_folder() / "board"
+    folder.mkdir(exist_ok=True)
+    program = folder / f"{top.stem}_{digest.hexdigest()[:16]}"
+    with FileLock(f"{program}.lock"):
+        if program.exists():
+            return program
+        print(f"vrscan: building the virtual {top.stem}", file=sys.stderr)
+        work = Path(f"{program}.work")
+        work.mkdir(exist_ok=True)
+        (work / "top.h").write_text(f'#include "V{top.stem}.h"\nusing Top = V{top.stem};\n')
+        # Floats are those of numpy: no fused multiply-add.
+        flags = f"-std=c++17 -I.. -I{main.parent} -ffp-contract=off"
+        _call(
+            [
+                found["verilator"], "--cc", "--exe", "--build", "-j", str(os.cpu_count() or 1),
+                "-O3", "--noassert", "--x-assign", "fast", "--x-initial", "fast",
+                "-CFLAGS", flags, "-MAKEFLAGS", "OPT_FAST=-O2",
+                "--top-module", top.stem, "--Mdir", str(work / "obj"), "-o", str(work / "program"),
+                *(f"-G{key}={value!r}" for key, value in parameters.items()),
+                *(str(file) for file in sources), str(main),
+            ],
+            environment,
+        )  # fmt: skip
+        (work / "program").replace(program)
+        shutil.rmtree(work)
+    return program
 
 
 def _sources(design: Design) -> list[Path]:

@@ -24,7 +24,7 @@ from vrscan.scene.effects import WHOLE_LINE
 from vrscan.scene.image import Singles
 from vrscan.scene.light import Light
 from vrscan.scene.pieces import Pieces, Spotter
-from vrscan.scene.sensor import bloom, expose_even, expose_pixels, readout
+from vrscan.scene.sensor import Readout, bloom, expose_even, expose_pixels, readout
 from vrscan.scene.spots import Spots
 from vrscan.scene.timeline import Timeline
 
@@ -42,6 +42,20 @@ class Frame:
     timeline: Timeline
     reported_rad: Floats  # the angle that the chain is told [n]
     truth: Truth
+
+
+@dataclass(frozen=True)
+class Charge:
+    """Mean electrons of n lines, before blooming, noise and converter.
+
+    A line's mean is ``laser_e + other_e``, and each pixel's noiseless offset ``other_offset_e +
+    offset_e``; all but ``offset_e`` grow with the light that they stand for.
+    """
+
+    laser_e: Singles  # [n, length]
+    other_e: Singles  # of all other light and the dark current in an exposure [length]
+    other_offset_e: Singles  # what ``other_e`` differs by from pixel to pixel where it is even
+    offset_e: Singles  # the sensor's own
 
 
 class Renderer:
@@ -139,6 +153,36 @@ class Renderer:
             reported_rad=(timeline.reported_rad if "index" in self.active else timeline.angle_rad),
             truth=self.truth(spots),
         )
+
+    def charge(self, timeline: Timeline) -> Charge:
+        """Return what lines hold before the sensor, the laser's part by itself.
+
+        It leaves out the lamps' flicker and a scanner's way along y.
+
+        Args:
+            timeline: n lines, of which the angles and their rates count.
+        """
+        _, pieces, second = self._spotter.find(timeline)
+        length = self.light.config.sensor.line_length
+        laser = np.zeros((len(timeline), length), np.float32)
+        for row, first, light in (d for p in pieces + second for d in self._drawn(p, timeline)):
+            _add(laser, row, first, light)
+        self._elsewhere(laser, np.arange(len(timeline)), pieces, timeline)
+        other = np.zeros(length, np.float32) if self._uneven_e is None else self._uneven_e.copy()
+        for name in self._changing:
+            other += self.light.ambient(name, 0.0).astype(np.float32)
+        offset = np.zeros(length, np.float32)
+        own = self.light.pattern.dark_e if "dsnu" in self.active else offset
+        if self._sensitivity is not None:
+            other *= self._sensitivity
+            offset = np.float32(self._even_e) * (self._sensitivity - np.float32(1.0))
+        other += np.float32(self._even_e)
+        return Charge(laser_e=laser, other_e=other, other_offset_e=offset, offset_e=own)
+
+    @property
+    def readout(self) -> Readout:
+        """What turns charge to counts."""
+        return self._readout
 
     def truth(self, spots: Spots) -> Truth:
         """Return what the lines' spots are: of the beam's axis."""

@@ -28,9 +28,9 @@ WORDS = 1 << 16  # values of a random word
 _NOISE_STREAM = 0x6E6F6973
 _PATTERN_STREAM = 0x70617474
 
-_LEAST_VARIANCE = 1e-12  # e^2; keeps 0 / 0 from a sensor without light and read noise
+LEAST_VARIANCE = 1e-12  # e^2; keeps 0 / 0 from a sensor without light and read noise
 
-_SPILL_REACH = 16.0  # of the spill's 1/e length, where 1e-7 is left
+SPILL_REACH = 16.0  # of the spill's 1/e length, where 1e-7 is left
 
 _CHUNK = 1 << 14  # pixels at a time: what one needs stays in the cache
 
@@ -215,7 +215,7 @@ def _levels(z: Singles, mean_e: Singles, readout: Readout) -> Singles:
     bit.
     """
     variance = mean_e + np.float32(readout.read_noise_e**2)
-    bend = np.maximum(variance, np.float32(_LEAST_VARIANCE))
+    bend = np.maximum(variance, np.float32(LEAST_VARIANCE))
     np.divide(mean_e, bend, out=bend)
     bend *= np.float32(1.0 / 6.0)
     # b^2 + 2 c^2 is the variance of b z + c (z^2 - 1)
@@ -388,7 +388,7 @@ def bloom(mean_e: Singles, model: SensorModel) -> Singles:
     width = mean_e.shape[1]
     excess = np.where(over[rows], mean_e[rows] - full, np.float32(0.0)).sum(axis=1)
     filled = model.blooming * excess / full  # pixels, half of them a side
-    reach = np.minimum(np.ceil(_SPILL_REACH * model.spill_px + filled), width).astype(np.int64)
+    reach = np.minimum(np.ceil(SPILL_REACH * model.spill_px + filled), width).astype(np.int64)
     first = np.maximum(over[rows].argmax(axis=1) - reach, 0)
     last = np.minimum(width - 1 - over[rows, ::-1].argmax(axis=1) + reach, width - 1)
     column = first[:, None] + np.arange(int((last - first).max()) + 1)
