@@ -22,10 +22,10 @@
 //   test_lines_i     lines of a run, 0 is without end
 //   test_period_clks_i  from line start to line start; at least LineLength + 16 clocks
 //   test_start_i     begins a run; one that is on its way is cut off, in mid-line too
-//   test_stop_i      ends it with the line that has begun; test_start_i in the same clock wins
-//   test_running_o   from the clock after test_start_i until the clock after the last line_end_o
-//   Latency  vrscan.fixed.test_line.START_LATENCY clocks from test_start_i to the first
-//            line_start_o; the pixels of a line have no gaps
+//   test_stop_i      ends it with the line that has begun, 15 clocks before its line_start_o, or a
+//                    clock later where none has; test_start_i in the same clock wins
+//   test_running_o   from the clock after test_start_i to the last line_end_o
+//   Latency  27 clocks from test_start_i to the first line_start_o; lines have no gaps
 //   Model    vrscan.fixed.test_line, bit-exact
 
 `default_nettype none
@@ -67,6 +67,210 @@ module test_line #(
   end
   if (PixelWidth < 8 || PixelWidth > 16) begin : gen_bad_width
     $error("test_line: PixelWidth must be 8..16");
+  end
+
+  localparam int unsigned Aligned       = vrscan_pkg::AlignedWidth;
+  localparam int unsigned PhaseWidth    = vrscan_pkg::PhaseWidth;
+  localparam int unsigned PlaceWidth    = 24;
+  localparam int unsigned Fraction      = vrscan_pkg::PositionFraction;
+  localparam int unsigned PeriodWidth   = 24;
+  localparam int unsigned MinGap        = 16;
+  localparam int unsigned AWidth        = PlaceWidth + 1;
+  localparam int unsigned BWidth        = PhaseWidth + 2;
+  // The phase of any pixel against any place: below 2**24 2**29 / 2**12, and 2**12 2**29.
+  localparam int unsigned FullWidth     = PlaceWidth + PhaseWidth + 1 - Fraction + 1;
+  localparam int unsigned MovedWidth    = PlaceWidth + 2;
+  localparam int unsigned LeftWidth     = $clog2(LineLength);
+  localparam logic signed [MovedWidth-1:0] Length = MovedWidth'(LineLength << Fraction);
+  localparam logic [PeriodWidth-1:0] MinPeriod = PeriodWidth'(LineLength + MinGap);
+
+  // Bits of a pixel before it is rounded: the product of height and 1 + cos has 17 fraction bits.
+  localparam int unsigned WaveWidth     = 17;
+  localparam int unsigned SumFraction   = 17;
+  localparam int unsigned NoiseFraction = 9;
+  localparam int unsigned DrawWidth     = 11;  // -510 .. 510
+  localparam int unsigned BellWidth     = Aligned + WaveWidth;
+  localparam int unsigned NoiseWidth    = Aligned + DrawWidth + 1;
+  localparam int unsigned SumWidth      = Aligned + SumFraction + 3;
+  localparam logic [WaveWidth-1:0] One  = WaveWidth'(65534);  // of quarter_wave, 17 bits
+  localparam logic [31:0] SeedMask      = 32'h9E3779B9;
+
+  // ---- the run: when a line begins, and where its pulse is ----
+  logic signed [   PlaceWidth-1:0] move_q;
+  logic        [     PhaseWidth:0] step_q;
+  logic        [      Aligned-1:0] height_q, pedestal_q, noise_q;
+  logic        [  PeriodWidth-1:0] period_set_q, period_q, count_q;  // two clocks less
+  logic                            active_q, endless_q, one_left_q, due_q, ready_q, start;
+  logic        [             31:0] lines_left_q;
+  logic        [   PlaceWidth-1:0] place_q, place_next_q;
+  logic signed [   MovedWidth-1:0] moved_q, moved_q2;
+  logic                            below_q, above_q;
+
+  logic                            scale_q, product_valid, rounded_valid_q;
+  logic signed [AWidth+BWidth-1:0] product;
+  logic signed [    FullWidth-1:0] rounded_q, first_phase_q;
+  multiply #(
+    .AWidth(AWidth),
+    .BWidth(BWidth)
+  ) u_multiply (
+    .clk_i, .rst_i,
+    .valid_i  (scale_q),
+    .a_i      (signed'({1'b0, place_q})),
+    .b_i      (signed'({1'b0, step_q})),
+    .valid_o  (product_valid),
+    .product_o(product)
+  );
+  logic unused_product;
+  assign unused_product = &{1'b0, product[AWidth+BWidth-1], product[Fraction-2:0]};
+
+  assign start = active_q && ready_q && due_q;
+
+  always_ff @(posedge clk_i) begin
+    // The place of the next line.  It is at rest long before that line begins.
+    moved_q      <= MovedWidth'(signed'({1'b0, place_q})) + MovedWidth'(move_q);
+    moved_q2     <= moved_q;
+    below_q      <= moved_q[MovedWidth-1];
+    above_q      <= moved_q >= Length;
+    place_next_q <= PlaceWidth'(below_q ? moved_q2 + Length :
+                                above_q ? moved_q2 - Length : moved_q2);
+
+    // The phase of its first pixel: to nearest, half up.
+    scale_q         <= start;
+    rounded_valid_q <= product_valid && !scale_q;
+    rounded_q       <= FullWidth'(product >>> Fraction)
+                       + FullWidth'(signed'({1'b0, product[Fraction-1]}));
+    first_phase_q   <= -rounded_q;
+    ready_q         <= (ready_q || rounded_valid_q) && !start;
+
+    period_q   <= period_set_q < MinPeriod ? MinPeriod - PeriodWidth'(2) :
+                                             period_set_q - PeriodWidth'(2);
+    count_q    <= start ? period_q : count_q - PeriodWidth'(1);
+    due_q      <= (due_q || count_q == '0) && !start;
+    one_left_q <= lines_left_q == 32'd1;
+    if (start) begin
+      place_q <= place_next_q;
+      if (!endless_q) lines_left_q <= lines_left_q - 32'd1;
+      if (one_left_q) active_q <= 1'b0;
+    end
+    if (test_stop_i) active_q <= 1'b0;
+    if (test_start_i) begin
+      active_q        <= 1'b1;
+      due_q           <= 1'b1;
+      ready_q         <= 1'b0;
+      scale_q         <= 1'b1;
+      rounded_valid_q <= 1'b0;
+      place_q         <= test_position_i;
+      move_q          <= test_move_i;
+      step_q          <= test_step_i;
+      height_q        <= test_height_i;
+      pedestal_q      <= test_pedestal_i;
+      noise_q         <= test_noise_i;
+      lines_left_q    <= test_lines_i;
+      endless_q       <= test_lines_i == '0;
+      period_set_q    <= test_period_clks_i;
+    end
+    if (rst_i) begin
+      active_q        <= 1'b0;
+      scale_q         <= 1'b0;
+    end
+  end
+
+  // ---- the line: a phase a clock ----
+  localparam int unsigned Stages = 14;  // of which one is the output
+  logic                        in_line_q, first_q, last;
+  logic [       LeftWidth-1:0] left_q;
+  logic signed [FullWidth-1:0] phase_q;
+  logic [          Stages-1:1] valid_q, first_pipe_q, last_pipe_q;
+  assign last = in_line_q && left_q == '0;
+
+  always_ff @(posedge clk_i) begin
+    in_line_q <= start || (in_line_q && !last);
+    first_q   <= start;
+    left_q    <= start ? LeftWidth'(LineLength - 1) : left_q - LeftWidth'(1);
+    phase_q   <= start ? first_phase_q : phase_q + FullWidth'(signed'({1'b0, step_q}));
+
+    valid_q      <= {valid_q[Stages-2:1], in_line_q};
+    first_pipe_q <= {first_pipe_q[Stages-2:1], first_q};
+    last_pipe_q  <= {last_pipe_q[Stages-2:1], last};
+
+    pixel_valid_o  <= valid_q[Stages-1];
+    line_start_o   <= first_pipe_q[Stages-1];
+    line_end_o     <= last_pipe_q[Stages-1];
+    test_running_o <= active_q || in_line_q || valid_q != '0;
+
+    if (rst_i || test_start_i) begin
+      in_line_q      <= 1'b0;
+      first_q        <= 1'b0;
+      valid_q        <= '0;
+      first_pipe_q   <= '0;
+      last_pipe_q    <= '0;
+      pixel_valid_o  <= 1'b0;
+      line_start_o   <= 1'b0;
+      line_end_o     <= 1'b0;
+      test_running_o <= !rst_i;
+    end
+  end
+
+  // ---- the pulse; the numbers are the stages ----
+  logic signed [WaveWidth-1:0] cosine;
+  quarter_wave #(
+    .PhaseWidth(PhaseWidth),
+    .AmplWidth (WaveWidth)
+  ) u_quarter_wave (
+    .clk_i, .rst_i,
+    .valid_i (in_line_q),
+    .phase_i (phase_q[PhaseWidth-1:0]),
+    .valid_o (),
+    .sine_o  (),
+    .cosine_o(cosine)
+  );
+
+  // Within half a turn all bits from the phase's own sign upward are equal.
+  localparam int unsigned WaveStage = vrscan_pkg::QuarterWaveLatency;
+  logic [        WaveStage:1] inside_q;
+  logic [      WaveWidth-1:0] lift_q9, lift_q10;
+  logic [      BellWidth-1:0] bell_q11, bell_q12;
+
+  // ---- the noise ----
+  logic        [          31:0] x_q, x_left, x_right, x_next, seed;
+  logic        [           8:0] low_q7, high_q7;
+  logic signed [ DrawWidth-1:0] draw_q8, draw_q9;
+  logic signed [NoiseWidth-1:0] noise_q10, noise_q11;
+  assign seed    = test_seed_i == SeedMask ? SeedMask : test_seed_i ^ SeedMask;
+  assign x_left  = x_q ^ (x_q << 13);
+  assign x_right = x_left ^ (x_left >> 17);
+  assign x_next  = x_right ^ (x_right << 5);
+
+  // ---- the sum ----
+  localparam logic signed [SumWidth-1:0] Half = SumWidth'(1) << (Aligned + SumFraction
+                                                                 - PixelWidth - 1);
+  logic signed [SumWidth-1:0] base_q12, total_q13;
+
+  always_ff @(posedge clk_i) begin
+    inside_q <= {inside_q[WaveStage-1:1], phase_q[FullWidth-1:PhaseWidth-1] == '0 ||
+                                          phase_q[FullWidth-1:PhaseWidth-1] == '1};
+    lift_q9  <= inside_q[WaveStage] ? One + unsigned'(cosine) : '0;
+    lift_q10 <= lift_q9;
+    bell_q11 <= BellWidth'(lift_q10) * BellWidth'(height_q);
+    bell_q12 <= bell_q11;
+
+    if (valid_q[5]) x_q <= x_next;
+    if (test_start_i) x_q <= seed;
+    low_q7    <= 9'(x_q[7:0]) + 9'(x_q[15:8]);
+    high_q7   <= 9'(x_q[23:16]) + 9'(x_q[31:24]);
+    draw_q8   <= signed'(DrawWidth'(low_q7) + DrawWidth'(high_q7) - DrawWidth'(510));
+    draw_q9   <= draw_q8;
+    noise_q10 <= NoiseWidth'(draw_q9) * NoiseWidth'(signed'({1'b0, noise_q}));
+    noise_q11 <= noise_q10;
+
+    base_q12  <= SumWidth'(signed'({1'b0, pedestal_q, {SumFraction{1'b0}}})) + Half
+                 + (SumWidth'(noise_q11) <<< (SumFraction - NoiseFraction));
+    total_q13 <= base_q12 + SumWidth'(signed'({1'b0, bell_q12}));
+
+    // To nearest, half up: the half is in the sum.
+    pixel_o <= total_q13[Aligned+SumFraction-1-:PixelWidth];
+    if (total_q13[SumWidth-2:Aligned+SumFraction] != '0) pixel_o <= '1;
+    if (total_q13[SumWidth-1]) pixel_o <= '0;
   end
 
 endmodule

@@ -1,0 +1,267 @@
+"""Synthetic lines in place of the sensor's, the twin of ``rtl/sensor/test_line.sv``.
+
+``lines`` gives whole lines at once; ``TestLine`` says in which clock each of their pixels comes.
+The noise is that of G. Marsaglia, *Xorshift RNGs* (2003).
+"""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from vrscan.arrays import Ints, Pixels
+from vrscan.fixed import pkg
+from vrscan.fixed.multiply import latency as multiply_latency
+from vrscan.fixed.quarter_wave import quarter_wave
+
+PLACE_WIDTH = 24  # of position and move
+PERIOD_WIDTH = 24
+MIN_GAP = 16  # clocks between two lines
+MOST_LENGTH = 1 << (PLACE_WIDTH - pkg.POSITION_FRACTION)
+WAVE_WIDTH = 17  # of the cosine
+WAVE_ONE = 65534  # of 1 << 16: what stands for 1
+SUM_FRACTION = 17  # of a pixel before it is rounded, in counts of pkg.ALIGNED_WIDTH bits
+NOISE_FRACTION = 9
+NOISE_PEAK = 510
+SEED_MASK = 0x9E3779B9
+
+LINE_LATENCY = 15  # clocks from the last one in which a stop prevents a line to its line_start
+# Clocks from test_start_i to the first line_start_o.
+START_LATENCY = multiply_latency(PLACE_WIDTH + 1, pkg.PHASE_WIDTH + 2) + 3 + LINE_LATENCY
+
+_WORD = (1 << 32) - 1
+_CHUNK = 1 << 21  # pixels that are worked out at once, for the memory's sake
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The registers of a run.
+
+    Attributes:
+        position: Of the first line's pulse; u24, px, 12 fraction bits.
+        move: Added from line to line; s24, px, 12 fraction bits.
+        step: 2**28 / width of the pulse in px, u29: see ``step_of_width``.
+        height, pedestal, noise: Of the pulse, below it, and peak of the noise; u16, counts
+            left-aligned to 16 bits.
+        seed: Of the noise; u32.
+        lines: Of a run; u32, 0 is without end.
+        period_clks: From line start to line start; u24, as the least period where it is shorter.
+
+    Raises:
+        ValueError: if a value does not fit.
+    """
+
+    position: int
+    move: int
+    step: int
+    height: int
+    pedestal: int
+    noise: int
+    seed: int
+    lines: int
+    period_clks: int
+
+    def __post_init__(self) -> None:
+        """Check the widths."""
+        widths = {
+            "position": PLACE_WIDTH,
+            "step": pkg.PHASE_WIDTH + 1,
+            "seed": 32,
+            "lines": 32,
+            "period_clks": PERIOD_WIDTH,
+        }
+        for field in fields(self):
+            legal = range(1 << widths.get(field.name, pkg.ALIGNED_WIDTH))
+            if field.name == "move":
+                legal = range(-1 << (PLACE_WIDTH - 1), 1 << (PLACE_WIDTH - 1))
+            if getattr(self, field.name) not in legal:
+                raise ValueError(f"test_line: {field.name} is not in {legal}")
+
+
+def step_of_width(width: float) -> int:
+    """Return ``Settings.step`` for a pulse of this full width at its foot, px, at least 0.5."""
+    return round((1 << pkg.PHASE_WIDTH) / width)
+
+
+def least_period(line_length: int) -> int:
+    """Return the clocks from line start to line start where the register asks for fewer."""
+    return line_length + MIN_GAP
+
+
+def _stepped(x: Ints) -> Ints:
+    """Return the states of the noise's register, int64, a pixel later."""
+    x = x ^ (x << 13) & _WORD
+    x = x ^ x >> 17
+    return x ^ (x << 5) & _WORD
+
+
+def _states(seed: int, count: int) -> Ints:
+    """Return the register's states in the first ``count`` pixels.
+
+    A step is linear: that of many pixels is the exclusive or of what it makes of each byte, so the
+    states known so far give as many again.
+    """
+    states = np.empty(count, np.int64)
+    states[:1] = _stepped(np.array([seed ^ SEED_MASK or SEED_MASK]))
+    bits = _stepped(1 << np.arange(32, dtype=np.int64))  # what a step makes of every bit
+    known = 1
+    while known < count:
+        tables = np.zeros((4, 256), np.int64)
+        for bit in range(32):
+            chosen = np.arange(256) >> bit % 8 & 1 == 1
+            tables[bit // 8, chosen] ^= bits[bit]
+
+        def ahead(x: Ints, tables: Ints = tables) -> Ints:
+            jumped: Ints = tables[0][x & 255] ^ tables[1][x >> 8 & 255]
+            jumped ^= tables[2][x >> 16 & 255] ^ tables[3][x >> 24]
+            return jumped
+
+        more = min(known, count - known)
+        states[known : known + more] = ahead(states[:more])
+        bits = ahead(bits)
+        known += more
+    return states
+
+
+def draws(seed: int, count: int) -> Ints:
+    """Return the noise of a run's first ``count`` pixels before its scale, -510 .. 510."""
+    states = _states(seed, count)
+    return sum(states >> 8 * k & 255 for k in range(4)) - np.int64(NOISE_PEAK)
+
+
+def positions(settings: Settings, count: int, *, line_length: int) -> Ints:
+    """Return where the pulses of a run's first ``count`` lines stand: px, 12 fraction bits."""
+    length = line_length << pkg.POSITION_FRACTION
+    place = settings.position
+    found = []
+    for _ in range(count):
+        found.append(place)
+        place += settings.move
+        place += length if place < 0 else -length if place >= length else 0
+        place &= (1 << PLACE_WIDTH) - 1
+    return np.array(found, np.int64)
+
+
+def lines(
+    settings: Settings, count: int | None = None, *, line_length: int = 2048, pixel_width: int = 12
+) -> Pixels:
+    """Return the first ``count`` lines of a run, or all of it, as the hardware sends them.
+
+    Args:
+        settings: The registers; ``lines`` of them are a run, whatever ``count`` is.
+        count: Lines to return, ``settings.lines`` where None.
+        line_length: ``LineLength`` of the module.
+        pixel_width: ``PixelWidth`` of the module.
+
+    Returns:
+        uint16 [count, line_length], full scale 2**pixel_width.
+
+    Raises:
+        ValueError: if there is no such module, or a run without end is asked for.
+    """
+    if not (pkg.BLOCK_LENGTH <= line_length <= MOST_LENGTH and 8 <= pixel_width <= 16):
+        raise ValueError("test_line: line_length must be 64 to 4096 and pixel_width 8 to 16")
+    if count is None:
+        if not settings.lines:
+            raise ValueError("test_line: a run without end")
+        count = settings.lines
+    # The phase of a line's first pixel: to nearest, half up.
+    half = 1 << (pkg.POSITION_FRACTION - 1)
+    places = positions(settings, count, line_length=line_length)
+    first = -((places * settings.step + half) >> pkg.POSITION_FRACTION)
+    noise = draws(settings.seed, count * line_length).reshape(count, line_length)
+    made = np.empty((count, line_length), np.uint16)
+    rows = max(_CHUNK // line_length, 1)
+    for k in range(0, count, rows):
+        made[k : k + rows] = _pixels(
+            settings, first[k : k + rows], noise[k : k + rows], pixel_width
+        )
+    return made
+
+
+def _pixels(settings: Settings, first: Ints, noise: Ints, pixel_width: int) -> Pixels:
+    """Return lines from the phases of their first pixels and their noise."""
+    half_turn = 1 << (pkg.PHASE_WIDTH - 1)
+    phase = first[:, None] + settings.step * np.arange(noise.shape[1])
+    inside = (phase >= -half_turn) & (phase < half_turn)
+    turn = phase[inside] & (2 * half_turn - 1)
+    _, cosine = quarter_wave(turn, phase_width=pkg.PHASE_WIDTH, ampl_width=WAVE_WIDTH)
+
+    # Rounded once, to nearest, half up.
+    cut = pkg.ALIGNED_WIDTH + SUM_FRACTION - pixel_width
+    total = noise * (settings.noise << (SUM_FRACTION - NOISE_FRACTION))
+    total += (settings.pedestal << SUM_FRACTION) + (1 << (cut - 1))
+    total[inside] += settings.height * (WAVE_ONE + cosine)
+    pixels: Pixels = np.clip(total >> cut, 0, (1 << pixel_width) - 1).astype(np.uint16)
+    return pixels
+
+
+class TestLine:
+    """Clock-accurate source. A new one is as after a reset.
+
+    Args:
+        settings: The registers; ``settings`` may be replaced between two steps, which counts from
+            the next start.
+        line_length: ``LineLength``.
+        pixel_width: ``PixelWidth``.
+
+    Attributes:
+        line_start, line_end, pixel_valid: The strobes.
+        pixel: With ``pixel_valid``; the hardware does not define it otherwise.
+        running: A run is on its way.
+    """
+
+    __test__ = False  # it is no test
+
+    def __init__(self, settings: Settings, line_length: int = 2048, pixel_width: int = 12) -> None:
+        self.settings = settings
+        self.line_length = line_length
+        self.pixel_width = pixel_width
+        self.line_start = False
+        self.line_end = False
+        self.pixel_valid = False
+        self.pixel = 0
+        self.running = False
+        self._run = settings
+        self._made: Pixels = np.empty((0, line_length), np.uint16)
+        self._active = False
+        self._begun = 0  # lines of the run so far
+        self._wait = 0  # clocks until the next line begins
+        self._age = 0  # clocks since the last one did, 0 is never
+
+    def step(self, *, test_start: bool, test_stop: bool) -> None:
+        """Go on by a clock."""
+        if test_start:
+            self.line_start = self.line_end = self.pixel_valid = False
+            self._run = self.settings
+            self._made = self._made[:0]
+            self._active = self.running = True
+            self._begun = self._age = 0
+            self._wait = START_LATENCY - LINE_LATENCY - 1
+            return
+        self._age += self._age > 0
+        self.running = self._active or 1 < self._age < LINE_LATENCY + self.line_length
+        index = self._age - LINE_LATENCY
+        self.pixel_valid = 0 <= index < self.line_length
+        self.line_start = index == 0
+        self.line_end = index == self.line_length - 1
+        if self.pixel_valid:
+            self.pixel = int(self._line()[index])
+        if self._active:
+            if self._wait == 0:
+                self._begun += 1
+                self._age = 1
+                self._wait = max(self._run.period_clks, least_period(self.line_length))
+                self._active = self._begun != self._run.lines
+            self._wait -= 1
+            self._active = self._active and not test_stop
+
+    def _line(self) -> Pixels:
+        """Return the line that is on its way; a run is worked out in twice as many lines a time."""
+        if self._begun > len(self._made):
+            self._made = lines(
+                self._run,
+                2 * self._begun,
+                line_length=self.line_length,
+                pixel_width=self.pixel_width,
+            )
+        return self._made[self._begun - 1]
