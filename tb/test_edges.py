@@ -25,7 +25,7 @@ def test_levels_hold_from_their_row_on(tmp_path: Path) -> None:
     assert gate.tolist() == [1, 1, 0]
 
 
-@pytest.mark.parametrize("oversample", [1, 4, 8])
+@pytest.mark.parametrize("oversample", [1, 2, 4, 8])
 def test_samples_are_the_levels_at_their_times(oversample: int) -> None:
     """Every sample of every clock, rebuilt from the changes, against the levels at its time."""
     random = np.random.default_rng(7)

@@ -14,6 +14,7 @@ NEAR_WRAP = (1 << pkg.TIME_WIDTH) - 700
 ELABORATIONS = [
     {"IndexOversample": 4, "CountWidth": 16, "InitialTime": 0},
     {"IndexOversample": 1, "CountWidth": 3, "InitialTime": NEAR_WRAP},
+    {"IndexOversample": 2, "CountWidth": 3, "InitialTime": 0},
     {"IndexOversample": 8, "CountWidth": 3, "InitialTime": NEAR_WRAP},
 ]
 STEP = 1 << pkg.SUB_WIDTH
@@ -154,7 +155,7 @@ async def random_samples(dut) -> None:
     ):
         await bench.start(settings)
         o = bench.oversample
-        count = 7000 * o
+        count = 10000 * o
         few = [(1, 2), (1, 3 * o), (2 * o, 12 * o), (60 * o, 75 * o), (60 * o, 160 * o)]
         often = settings.period_max_clks > 3000  # the gate closes often, and little is missing
         pauses = [(1, 4), (70 * o, 150 * o)] if often else [(1, 4), (300 * o, 900 * o)]
@@ -671,7 +672,7 @@ def errors_of(
     return np.array(errors)
 
 
-@pytest.mark.parametrize("oversample", [1, 4, 8])
+@pytest.mark.parametrize("oversample", [1, 2, 4, 8])
 def test_index_capture_model_times_clean_edges_without_bias(oversample: int) -> None:
     """Edges anywhere between two samples: the error is even over one sample, its mean zero."""
     settings = Settings(3, 100, 1000, 2000)
@@ -712,7 +713,7 @@ def outputs(twin: IndexCapture) -> tuple[int, ...]:
     return tuple(int(getattr(twin, name)) for name in STROBES + STATUS + WITH_VALID)
 
 
-@pytest.mark.parametrize("oversample", [1, 4, 8])
+@pytest.mark.parametrize("oversample", [1, 2, 4, 8])
 def test_index_capture_model_skip_is_many_steps(oversample: int) -> None:
     """Random levels, two twins: one takes every step, the other skips whenever it can."""
     draw = generator(oversample)
@@ -751,7 +752,7 @@ def test_index_capture_model_skip_is_many_steps(oversample: int) -> None:
         lambda: Settings(0, -1, 0, 0),
         lambda: Settings(0, 0, 1 << 32, 0),
         lambda: Settings(0, 0, 0, 1 << 32),
-        lambda: IndexCapture(CALM, 2),
+        lambda: IndexCapture(CALM, 3),
     ],
 )
 def test_index_capture_model_rejects_what_does_not_fit(make: Callable[[], object]) -> None:

@@ -14,7 +14,7 @@ TOP_RAD = 20e-6
 HALF_PASS = 64  # clocks from a pass's beginning to about its middle
 NOISE_HZ = 20.0e6
 ELABORATIONS = [
-    {"IndexOversample": oversample, "StepClks": 16, "SinceWidth": 5} for oversample in (1, 4, 8)
+    {"IndexOversample": oversample, "StepClks": 16, "SinceWidth": 5} for oversample in (1, 2, 4, 8)
 ]
 
 

@@ -164,7 +164,7 @@ class Mirror(Section):
     settle_timeout_s: Positive = 5.0
     lost_timeout_s: Positive = 0.02
 
-    oversample: Literal[1, 4, 8] = 4  # samples a clock of the index inputs
+    oversample: Literal[1, 2, 4, 8] = 4  # samples a clock of the index inputs
     glitch_us: float = Field(default=0.1, ge=0)  # a shorter pulse of the comparator is a glitch
 
     @model_validator(mode="after")

@@ -31,7 +31,7 @@
 `default_nettype none
 
 module index_capture #(
-  parameter int unsigned IndexOversample = 4,  // samples a clock: 1, 4 or 8
+  parameter int unsigned IndexOversample = 4,  // samples a clock: 1, 2, 4 or 8
   parameter int unsigned CountWidth      = 16,
   parameter int unsigned InitialTime     = 0  // clocks
 ) (
@@ -62,8 +62,9 @@ module index_capture #(
   output      logic [                                CountWidth-1:0] glitch_count_o
 );
 
-  if (IndexOversample != 1 && IndexOversample != 4 && IndexOversample != 8) begin : gen_bad_samples
-    $error("index_capture: IndexOversample must be 1, 4 or 8");
+  if (IndexOversample == 0 || IndexOversample > 8
+      || (IndexOversample & (IndexOversample - 1)) != 0) begin : gen_bad_samples
+    $error("index_capture: IndexOversample must be 1, 2, 4 or 8");
   end
 
   localparam int unsigned TimeWidth = vrscan_pkg::TimeWidth;

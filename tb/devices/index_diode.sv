@@ -54,8 +54,9 @@ module index_diode #(
   localparam real Sigmas = 9.0;  // what no Gaussian number here exceeds
   localparam real SlackRad = 1.0e-6;
 
-  if (IndexOversample != 1 && IndexOversample != 4 && IndexOversample != 8) begin : gen_bad_index
-    $error("index_diode: IndexOversample must be 1, 4 or 8");
+  if (IndexOversample == 0 || IndexOversample > 8
+      || (IndexOversample & (IndexOversample - 1)) != 0) begin : gen_bad_index
+    $error("index_diode: IndexOversample must be 1, 2, 4 or 8");
   end
 
   // Marsaglia's xorshift64.

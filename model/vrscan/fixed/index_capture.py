@@ -48,7 +48,7 @@ class IndexCapture:
 
     Args:
         settings: The configuration ports.
-        index_oversample: Samples a clock, ``IndexOversample``: 1, 4 or 8.
+        index_oversample: Samples a clock, ``IndexOversample``: 1, 2, 4 or 8.
         count_width: Bits of the counters, ``CountWidth``.
         initial_time: Clocks, ``InitialTime``.
 
@@ -72,8 +72,8 @@ class IndexCapture:
         count_width: int = 16,
         initial_time: int = 0,
     ) -> None:
-        if index_oversample not in (1, 4, 8):
-            raise ValueError("index_capture: index_oversample must be 1, 4 or 8")
+        if index_oversample not in (1, 2, 4, 8):
+            raise ValueError("index_capture: index_oversample must be 1, 2, 4 or 8")
         self.valid = False
         self.outward = False
         self.time = 0
