@@ -36,8 +36,8 @@
 //   power_o       changes between pulses only: in the second clock after a request ends, or when a
 //                 limit comes down.  At most laser_limit_power
 //   *_pin_o       sigma-delta of the first order: of 2**16 clocks power_o (startup_o) are high
-//   power_line_o  from the clock after centre_i on: what the pulse had, 0 if it was suppressed, and
-//                 0 from the clock after a cut; inward_line_o is its direction
+//   power_line_o  from the clock of centre_i to the next: what the pulse has, 0 if it is suppressed,
+//                 and 0 from the clock after a cut; inward_line_o is its direction
 //   phase_i       mirror_phase_o's top bits.  The first half turn is inward
 //   guard_ok_i    of laser_guard; synchronised here.  1 where there is none
 //   heartbeat_o   toggles every 2**HeartbeatBits clocks
@@ -206,7 +206,12 @@ module laser_control #(
   assign laser_power_inward_o  = inward_q;
   assign laser_power_outward_o = outward_q;
 
-  logic whole_q;  // the pulse went on beyond its centre
+  // The line, from the clock of its centre on.
+  logic                  whole_q;  // the pulse goes on beyond its centre
+  logic [PowerWidth-1:0] line_q;
+  logic                  line_inward_q;
+  assign power_line_o  = centre_i ? (pulse_o ? power_o : '0) : line_q;
+  assign inward_line_o = centre_i ? inward : line_inward_q;
 
   // ---- the next power ----
   localparam int unsigned FactorFraction = 14;
@@ -314,12 +319,8 @@ module laser_control #(
 
     // A cut that comes behind the centre still takes the line its power.
     whole_q <= laser_i && (centre_i ? pulse_o : whole_q);
-    if (centre_i) begin
-      power_line_o  <= pulse_o ? power_o : '0;
-      inward_line_o <= inward;
-    end else if (whole_q && laser_i && !pulse_o) begin
-      power_line_o <= '0;
-    end
+    line_q        <= whole_q && laser_i && !pulse_o && !centre_i ? '0 : power_line_o;
+    line_inward_q <= inward_line_o;
 
     {power_pin_o, power_sigma_q}     <= {1'b0, power_sigma_q} + {1'b0, power_o};
     {startup_pin_o, startup_sigma_q} <= {1'b0, startup_sigma_q} + {1'b0, startup_o};
@@ -411,8 +412,8 @@ module laser_control #(
       request_q              <= '0;
       power_o                <= '0;
       whole_q                <= 1'b0;
-      power_line_o           <= '0;
-      inward_line_o          <= 1'b0;
+      line_q                 <= '0;
+      line_inward_q          <= 1'b0;
       power_pin_o            <= 1'b0;
       power_sigma_q          <= '0;
       startup_pin_o          <= 1'b0;

@@ -9,13 +9,14 @@
 //   heartbeat_i   any change is a beat; synchronised here, so each level lasts 2 clocks at least.
 //                 GuardClks clocks without a beat are a trip
 //   pulse_i       synchronised too.  High at PulseClks samples on end is a trip
-//   Restart       after a reset or a trip the light stays off until RestartBeats beats have come
-//                 with no trip between them, and pulse_i is low
+//   Restart       after a reset or a trip the light stays off until RestartBeats beats have come,
+//                 the one that ends a silence not counted, with no trip between them, and pulse_i
+//                 is low
 //   trips_o       how often each came since the reset: heartbeat, pulse; stop at their largest value
 //   fault_o       what tripped last: bit 0 the heartbeat, bit 1 a pulse; 0 after a reset
 //   ok_o          the permission; whoever reads it in another clock synchronises it
-//   Latency  heartbeat_i's last change to dark: at most GuardClks + 4 clocks; a pulse's rise to
-//            dark: at most PulseClks + 3
+//   Latency  from the clock that samples it: heartbeat_i's last change to dark GuardClks + 4
+//            clocks, a pulse's rise to dark PulseClks + 3; one more from the change itself
 //   Model    vrscan.fixed.laser_guard, bit-exact
 
 `default_nettype none
