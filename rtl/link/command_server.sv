@@ -170,9 +170,10 @@ module command_server #(
   logic [ IndexWidth-1:0] put_index_q, store_q, send_q, last_q;
   logic [8*ReplyBytes-1:0] header_q;
   logic [             2:0] header_left_q;
-  logic                    take, ends;
+  logic                    take, ends, executes;
   assign take = !valid_o || ready_i;
   assign ends = state_q == HEADER && header_left_q == 3'd1;
+  assign executes = state_q != IDLE && state_q != SEND && state_q != DRAIN;
 
   always_ff @(posedge clk_i) begin
     if (valid_i) command_mem[{tail_q, received_q[IndexWidth-1:0]}] <= data_i;
@@ -218,8 +219,6 @@ module command_server #(
           head_q  <= head_q + PlaceWidth'(1);
           fetch_q <= IndexWidth'(CommandBytes);
           state_q <= LOAD;
-        end else if (halt_i) begin
-          oldest_q <= tail_q;
         end
       end
 
@@ -402,7 +401,8 @@ module command_server #(
     endcase
 
     if (halt_i) begin
-      head_q          <= tail_q;
+      head_q <= tail_q;
+      if (!executes) oldest_q <= tail_q;
       stream_stop_o   <= 1'b1;
       stream_start_o  <= 1'b0;
       capture_start_o <= 1'b1;
