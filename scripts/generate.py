@@ -66,23 +66,30 @@ def cordic_package() -> str:
 
 def register_file() -> str:
     """Return the module that holds the registers."""
-    from registers import register_file
+    from registers import described, register_file
 
-    return register_file()
+    return register_file(described())
+
+
+def odd_register_file() -> str:
+    """Return the same for the tests' registers, which have every shape there is."""
+    from registers import described, register_file
+
+    return register_file(described("tb/devices/odd_registers.toml"), "odd_registers")
 
 
 def register_map() -> str:
     """Return the registers as the host knows them."""
-    from registers import register_map
+    from registers import described, register_map
 
-    return register_map()
+    return register_map(described())
 
 
 def register_page() -> str:
     """Return the page that lists the registers."""
-    from registers import document
+    from registers import described, document
 
-    return document()
+    return document(described())
 
 
 TARGETS: dict[str, Callable[[], str]] = {
@@ -93,6 +100,7 @@ TARGETS: dict[str, Callable[[], str]] = {
     "rtl/link/register_file.sv": register_file,
     "model/vrscan/link/register_map.py": register_map,
     "docs/registers.md": register_page,
+    "tb/devices/odd_registers.sv": odd_register_file,
 }
 
 

@@ -171,8 +171,9 @@ class Group:
 
 @dataclass(frozen=True)
 class Map:
-    """All registers."""
+    """All registers of a description."""
 
+    source: str
     groups: tuple[Group, ...]
     windows: tuple[Window, ...]
     locks: tuple[str, ...]
@@ -499,13 +500,14 @@ def parse(path: Path) -> Map:
         )
         for group in groups
     ]
-    return Map(tuple(groups), tuple(windows), tuple(file.locks), digest)
+    source = path.relative_to(ROOT) if path.is_relative_to(ROOT) else path
+    return Map(str(source), tuple(groups), tuple(windows), tuple(file.locks), digest)
 
 
 @cache
-def the_map() -> Map:
-    """Return the registers of the instrument."""
-    return parse(ROOT / SOURCE)
+def described(source: str = SOURCE) -> Map:
+    """Return the registers of a description of this repository, those of the instrument if none."""
+    return parse(ROOT / source)
 
 
 # ---- SystemVerilog ----
@@ -639,10 +641,10 @@ def _ports_section(registers: Map) -> list[str]:
 
 
 HEADER = """\
-// register_file: every register of the instrument, on the bus of the link.
+// {name}: registers on the bus of the link.
 //
-// Generated from {source} by scripts/registers.py; docs/registers.md lists the
-// registers and says how they behave.
+// Generated from {source} by scripts/generate.py; docs/registers.md lists
+// them and says how they behave.
 //
 // A memory has the rule of each address; the value is compared with the rule's bounds, a register
 // takes it, and all are read through the sixteen words of a page and then the page.  So what a
@@ -665,13 +667,12 @@ HEADER = """\
 
 `default_nettype none
 
-module register_file (
+module {name} (
 """
 
 
-def register_file() -> str:
-    """Return register_file.sv."""
-    made = the_map()
+def register_file(made: Map, name: str = "register_file") -> str:
+    """Return the module that holds the registers."""
     rules = _Rules(made.locks)
     registers = made.registers
     rw = [register for register in registers if register.writable]
@@ -683,7 +684,9 @@ def register_file() -> str:
     map_bits = MAP_BITS
     entries = 1 << map_bits
 
-    out = HEADER.format(source=SOURCE, latency=LATENCY, written=6, sampled=6).splitlines()
+    out = HEADER.format(
+        name=name, source=made.source, latency=LATENCY, written=6, sampled=6
+    ).splitlines()
     out += _ports_section(made)
     out += [
         ");",
@@ -952,7 +955,7 @@ def _window_memory(window: Window) -> list[str]:
 
 # ---- Python ----
 
-PYTHON_HEADER = f'''"""Every register by name, written from {SOURCE} by scripts/generate.py."""
+PYTHON_HEADER = '''"""Every register by name, written from SOURCE by scripts/generate.py."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -1028,10 +1031,9 @@ def _quoted(value: object) -> str:
     return repr(value)
 
 
-def register_map() -> str:
+def register_map(made: Map) -> str:
     """Return register_map.py."""
-    made = the_map()
-    out = [PYTHON_HEADER, "\n\n"]
+    out = [PYTHON_HEADER.replace("SOURCE", made.source), "\n\n"]
     out.append(f"MAP_HASH = 0x{made.hash:08X}\n\n")
     out.append("_REGISTERS = (\n")
     out += [_python(register, register.address) for register in made.registers]
@@ -1116,9 +1118,8 @@ def _row(register: Register, address: str) -> str:
     return "| " + " | ".join(_cell(cell) for cell in cells) + " |"
 
 
-def document() -> str:
+def document(made: Map) -> str:
     """Return docs/registers.md."""
-    made = the_map()
     lines = PAGE_HEADER.format(hash=f"0x{made.hash:08X}").splitlines()
     titles = ["address", "name", "access", "format", "reset", "unit", "lock", "meaning"]
     head = ["", "| " + " | ".join(titles) + " |", "|" + "---|" * len(titles)]

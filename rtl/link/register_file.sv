@@ -1,7 +1,7 @@
-// register_file: every register of the instrument, on the bus of the link.
+// register_file: registers on the bus of the link.
 //
-// Generated from rtl/link/registers.toml by scripts/registers.py; docs/registers.md lists the
-// registers and says how they behave.
+// Generated from rtl/link/registers.toml by scripts/generate.py; docs/registers.md lists
+// them and says how they behave.
 //
 // A memory has the rule of each address; the value is compared with the rule's bounds, a register
 // takes it, and all are read through the sixteen words of a page and then the page.  So what a

@@ -1,0 +1,522 @@
+// odd_registers: registers on the bus of the link.
+//
+// Generated from tb/devices/odd_registers.toml by scripts/generate.py; docs/registers.md lists
+// them and says how they behave.
+//
+// A memory has the rule of each address; the value is compared with the rule's bounds, a register
+// takes it, and all are read through the sixteen words of a page and then the page.  So what a
+// WRITE answers has been read back.
+//
+//   bus_valid_i   ignored from the clock after it until bus_done_o
+//   bus_access_i  link_pkg; CHECK says what WRITE would, and changes nothing; 3 is as READ
+//   bus_status_o  with bus_done_o, the first that applies: StatusNoAddress, StatusReadOnly,
+//                 StatusLocked, StatusBadValue, StatusOk
+//   bus_data_o    with bus_done_o, the word as it is read; 0 unless OK
+//   *_o           what the bus has written, 6 clocks after bus_valid_i
+//   *_strobe_o    in the first clock in which *_o has what was written
+//   *_i           a READ sees them 6 clocks after bus_valid_i
+//   Wide ones     take effect with their higher word; until then the lower one waits, and is read
+//                 as written.  The READ of a lower word of *_i keeps the higher one for its READ
+//   Tables        an entry goes out with its last field, the others are those written before; a
+//                 reset leaves what was written for the bus to read
+//   Latency       9 clocks from bus_valid_i to bus_done_o
+//   Model         vrscan.fixed.register_file, bit-exact
+
+`default_nettype none
+
+module odd_registers (
+  input  wire logic                                                   clk_i,
+  input  wire logic                                                   rst_i,
+
+  input  wire logic                                                   bus_valid_i,
+  input  wire logic                       [link_pkg::AccessWidth-1:0] bus_access_i,
+  input  wire logic                      [link_pkg::AddressWidth-1:0] bus_address_i,
+  input  wire logic                                            [31:0] bus_data_i,
+  output      logic                                                   bus_done_o,
+  output      logic                       [link_pkg::StatusWidth-1:0] bus_status_o,
+  output      logic                                            [31:0] bus_data_o,
+
+  // Two words each.
+  output      logic                                            [32:0] long_o,
+  output      logic                                            [63:0] longest_o,
+  output      logic signed                                     [39:0] negative_long_o,
+
+  // What the bus reads.
+  input  wire logic                                            [15:0] count_i,
+  input  wire logic signed                                      [8:0] level_i,
+  input  wire logic                                                   flag_i,
+  input  wire logic                                        [3*11-1:0] levels_i,
+  input  wire logic                                            [63:0] time_i,
+  input  wire logic signed                                     [44:0] place_i,
+  input  wire logic signed                                     [31:0] raw_i,
+
+  // Each takes a 1 and nothing else, and keeps it until reset.
+  output      logic                                                   lock_a_o,
+  output      logic                                                   lock_b_o,
+  output      logic                                                   lock_c_o,
+  output      logic                                                   lock_d_o,
+
+  // What the bus writes.
+  output      logic                                                   bit_o,
+  output      logic                                            [31:0] word_o,
+  output      logic signed                                      [4:0] small_o,
+  output      logic                                            [11:0] bounded_o,
+  output      logic signed                                     [11:0] centred_o,
+  output      logic signed                                     [31:0] below_o,
+  output      logic signed                                     [31:0] above_o,
+  output      logic                                             [3:0] late_o,
+  output      logic                                             [2:0] event_o,
+  output      logic                                                   event_strobe_o,
+  output      logic signed                                     [31:0] signal_o,
+  output      logic                                                   signal_strobe_o,
+  output      logic                                         [5*1-1:0] bits_o,
+  output      logic                                        [3*17-1:0] several_o,
+  output      logic                                        [2*32-1:0] words_o,
+
+  // Words that never change.
+
+  // One field, and entries that are no power of two.
+  output      logic                                                   single_write_o,
+  output      logic                                             [2:0] single_index_o,
+  output      logic signed                                     [31:0] single_value_o,
+
+  // Three fields of four words.
+  output      logic                                                   triple_write_o,
+  output      logic                                             [2:0] triple_index_o,
+  output      logic                                            [31:0] triple_low_o,
+  output      logic signed                                      [6:0] triple_middle_o,
+  output      logic                                                   triple_high_o
+);
+
+  // ---- an access, and how far it is ----
+  logic [8:1] step_q;
+  logic [link_pkg::AccessWidth-1:0] access_q;
+  logic [link_pkg::AddressWidth-1:0] address_q;
+  logic [31:0] data_q;
+  logic start, read, write_q;
+  assign start = bus_valid_i && step_q == '0;
+  assign read = access_q != link_pkg::AccessWidth'(link_pkg::AccessCheck)
+                && access_q != link_pkg::AccessWidth'(link_pkg::AccessWrite);
+  always_ff @(posedge clk_i) begin
+    step_q <= {step_q[7:1], start};
+    if (start) begin
+      access_q  <= bus_access_i;
+      address_q <= bus_address_i;
+      data_q    <= bus_data_i;
+    end
+    if (rst_i) step_q <= '0;
+  end
+
+  // ---- 1: look up the rule; 2: take it.  Its bounds are signed, hence the 33 bits ----
+  localparam logic [1:0] KindNone = 2'd0;
+  localparam logic [1:0] KindReadOnly = 2'd1;
+  localparam logic [1:0] KindReadWrite = 2'd2;
+  typedef struct packed {
+    logic [1:0] kind;
+    logic [2:0] lock;
+    logic signed [32:0] minimum;
+    logic signed [32:0] maximum;
+  } rule_t;
+  logic [70:0] rule_mem[1024];
+  logic [70:0] map_rule_q;
+  logic map_hit_q;
+  rule_t rule_q;
+  logic single_hit_q;
+  logic [2:0] single_index;
+  assign single_index = address_q[2:0];
+  logic triple_hit_q;
+  logic [2:0] triple_index;
+  assign triple_index = address_q[4:2];
+  always_ff @(posedge clk_i) begin
+    map_rule_q <= rule_mem[address_q[9:0]];
+    map_hit_q  <= address_q[15:10] == '0;
+    single_hit_q <= address_q[15:3] == 13'h0080 && single_index <= 3'd4;
+    triple_hit_q <= address_q[15:5] == 11'h7ff;
+    rule_q <= map_hit_q ? map_rule_q : '0;
+    if (single_hit_q) rule_q <= {KindReadWrite, 3'd0, 33'h1fffffff7, 33'h07fffffff};
+    if (triple_hit_q)
+      case (address_q[1:0])
+        2'h0: rule_q <=
+          {KindReadWrite, 3'd4, 33'h000000000, 33'h0ffffffff};
+        2'h1: rule_q <=
+          {KindReadWrite, 3'd4, 33'h1ffffffc4, 33'h00000003f};
+        2'h2: rule_q <=
+          {KindReadWrite, 3'd4, 33'h000000000, 33'h000000001};
+        default: rule_q <= '0;
+      endcase
+  end
+
+  // ---- 3: against the rule; 4: the verdict ----
+  logic [7:0] locks;
+  assign locks = {3'd0, lock_d_o, lock_c_o, lock_b_o, lock_a_o, 1'b0};
+  logic signed [32:0] value;
+  assign value = signed'({rule_q.minimum[32] && data_q[31], data_q});
+  logic [1:0] kind_q;
+  logic below_q, above_q, locked_q;
+  logic [link_pkg::StatusWidth-1:0] verdict, status_q;
+  always_comb begin
+    verdict = link_pkg::StatusWidth'(link_pkg::StatusOk);
+    if (kind_q == KindNone)
+      verdict = link_pkg::StatusWidth'(link_pkg::StatusNoAddress);
+    else if (!read && kind_q == KindReadOnly)
+      verdict = link_pkg::StatusWidth'(link_pkg::StatusReadOnly);
+    else if (!read && locked_q)
+      verdict = link_pkg::StatusWidth'(link_pkg::StatusLocked);
+    else if (!read && (below_q || above_q))
+      verdict = link_pkg::StatusWidth'(link_pkg::StatusBadValue);
+  end
+  always_ff @(posedge clk_i) begin
+    kind_q   <= rule_q.kind;
+    below_q  <= value < rule_q.minimum;
+    above_q  <= value > rule_q.maximum;
+    locked_q <= locks[rule_q.lock];
+    status_q <= verdict;
+    write_q  <= step_q[4] && access_q == link_pkg::AccessWidth'(link_pkg::AccessWrite)
+                && verdict == link_pkg::StatusWidth'(link_pkg::StatusOk);
+    if (rst_i) write_q <= 1'b0;
+  end
+
+  // ---- 5: a register takes the word ----
+  logic [31:0] long_low_q;
+  logic [31:0] longest_low_q;
+  logic [31:0] negative_long_low_q;
+  always_ff @(posedge clk_i) begin
+    event_strobe_o <= 1'b0;
+    signal_strobe_o <= 1'b0;
+    if (write_q && map_hit_q)
+      case (address_q[9:0])
+        10'h000: long_low_q <= data_q;
+        10'h001: long_o <= {data_q[0:0], long_low_q};
+        10'h002: longest_low_q <= data_q;
+        10'h003: longest_o <= {data_q[31:0], longest_low_q};
+        10'h004: negative_long_low_q <= data_q;
+        10'h005: negative_long_o <= {data_q[7:0], negative_long_low_q};
+        10'h10e: lock_a_o <= data_q[0];
+        10'h10f: lock_b_o <= data_q[0];
+        10'h110: lock_c_o <= data_q[0];
+        10'h111: lock_d_o <= data_q[0];
+        10'h1fc: bit_o <= data_q[0];
+        10'h1fd: word_o <= data_q;
+        10'h1fe: small_o <= signed'(data_q[4:0]);
+        10'h1ff: bounded_o <= data_q[11:0];
+        10'h200: centred_o <= signed'(data_q[11:0]);
+        10'h201: below_o <= signed'(data_q);
+        10'h202: above_o <= signed'(data_q);
+        10'h203: late_o <= data_q[3:0];
+        10'h204: begin
+          event_o <= data_q[2:0];
+          event_strobe_o <= 1'b1;
+        end
+        10'h205: begin
+          signal_o <= signed'(data_q);
+          signal_strobe_o <= 1'b1;
+        end
+        10'h206: bits_o[0+:1] <= data_q[0];
+        10'h207: bits_o[1+:1] <= data_q[0];
+        10'h208: bits_o[2+:1] <= data_q[0];
+        10'h209: bits_o[3+:1] <= data_q[0];
+        10'h20a: bits_o[4+:1] <= data_q[0];
+        10'h20b: several_o[0+:17] <= data_q[16:0];
+        10'h20c: several_o[17+:17] <= data_q[16:0];
+        10'h20d: several_o[34+:17] <= data_q[16:0];
+        10'h20e: words_o[0+:32] <= data_q;
+        10'h20f: words_o[32+:32] <= data_q;
+        default: ;
+      endcase
+    if (rst_i) begin
+      long_low_q <= 32'h80000001;
+      long_o <= 33'h180000001;
+      longest_low_q <= 32'h00000000;
+      longest_o <= '0;
+      negative_long_low_q <= 32'hfffffffe;
+      negative_long_o <= 40'hfffffffffe;
+      lock_a_o <= '0;
+      lock_b_o <= '0;
+      lock_c_o <= '0;
+      lock_d_o <= '0;
+      bit_o <= 1'h1;
+      word_o <= 32'hee6b2800;
+      small_o <= 5'h10;
+      bounded_o <= 12'h009;
+      centred_o <= '0;
+      below_o <= 32'hfffffff9;
+      above_o <= 32'h00000007;
+      late_o <= '0;
+      event_o <= 3'h2;
+      event_strobe_o <= 1'b0;
+      signal_o <= '0;
+      signal_strobe_o <= 1'b0;
+      bits_o <= 5'h1f;
+      several_o <= 51'h7fffbfffdfffe;
+      words_o <= '0;
+    end
+  end
+
+  // ---- single: written at 5, read back at 6 and 7 ----
+  logic [31:0] single_value_mem[8];
+  logic [31:0] single_value_q;
+  logic [31:0] single_read_q;
+  always_ff @(posedge clk_i) begin
+    if (write_q && single_hit_q && !rst_i)
+      single_value_mem[single_index] <= data_q[31:0];
+    single_value_q <= single_value_mem[single_index];
+    single_write_o <= 1'b0;
+    if (write_q && single_hit_q) begin
+      single_write_o <= 1'b1;
+      single_index_o <= single_index;
+      single_value_o <= signed'(data_q[31:0]);
+    end
+    single_read_q <= single_value_q;
+    if (rst_i) single_write_o <= 1'b0;
+  end
+
+  // ---- triple: written at 5, read back at 6 and 7 ----
+  logic [31:0] triple_low_mem[8];
+  logic [31:0] triple_low_q, triple_low_q2;
+  logic [6:0] triple_middle_mem[8];
+  logic [6:0] triple_middle_q, triple_middle_q2;
+  logic [0:0] triple_high_mem[8];
+  logic [0:0] triple_high_q;
+  logic [31:0] triple_read_q;
+  always_ff @(posedge clk_i) begin
+    if (write_q && triple_hit_q && address_q[1:0] == 2'h0 && !rst_i)
+      triple_low_mem[triple_index] <= data_q[31:0];
+    triple_low_q <= triple_low_mem[triple_index];
+    triple_low_q2 <= triple_low_q;
+    if (write_q && triple_hit_q && address_q[1:0] == 2'h1 && !rst_i)
+      triple_middle_mem[triple_index] <= data_q[6:0];
+    triple_middle_q <= triple_middle_mem[triple_index];
+    triple_middle_q2 <= triple_middle_q;
+    if (write_q && triple_hit_q && address_q[1:0] == 2'h2 && !rst_i)
+      triple_high_mem[triple_index] <= data_q[0:0];
+    triple_high_q <= triple_high_mem[triple_index];
+    triple_write_o <= 1'b0;
+    if (write_q && triple_hit_q && address_q[1:0] == 2'h2) begin
+      triple_write_o <= 1'b1;
+      triple_index_o <= triple_index;
+      triple_low_o <= triple_low_q2;
+      triple_middle_o <= signed'(triple_middle_q2);
+      triple_high_o <= data_q[0:0];
+    end
+    case (address_q[1:0])
+      2'h0: triple_read_q <= triple_low_q;
+      2'h1: triple_read_q <= 32'(signed'(triple_middle_q));
+      2'h2: triple_read_q <= 32'(triple_high_q);
+      default: triple_read_q <= '0;
+    endcase
+    if (rst_i) triple_write_o <= 1'b0;
+  end
+
+  // ---- 6: the words of a page; what is wide stays whole ----
+  logic [31:0] time_high_q;
+  logic [12:0] place_high_q;
+  always_ff @(posedge clk_i)
+    if (step_q[6] && read && map_hit_q)
+      case (address_q[9:0])
+        10'h106: time_high_q <= time_i[63:32];
+        10'h108: place_high_q <= place_i[44:32];
+        default: ;
+      endcase
+
+  logic [31:0] page_00_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_00_q <= long_low_q;
+      4'h1: page_00_q <= 32'(long_o[32:32]);
+      4'h2: page_00_q <= longest_low_q;
+      4'h3: page_00_q <= longest_o[63:32];
+      4'h4: page_00_q <= unsigned'(negative_long_low_q);
+      4'h5: page_00_q <= 32'(signed'(negative_long_o[39:32]));
+      default: page_00_q <= '0;
+    endcase
+
+  logic [31:0] page_10_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_10_q <= 32'(count_i);
+      4'h1: page_10_q <= 32'(level_i);
+      4'h2: page_10_q <= 32'(flag_i);
+      4'h3: page_10_q <= 32'(signed'(levels_i[0+:11]));
+      4'h4: page_10_q <= 32'(signed'(levels_i[11+:11]));
+      4'h5: page_10_q <= 32'(signed'(levels_i[22+:11]));
+      4'h6: page_10_q <= time_i[31:0];
+      4'h7: page_10_q <= time_high_q;
+      4'h8: page_10_q <= unsigned'(place_i[31:0]);
+      4'h9: page_10_q <= 32'(signed'(place_high_q));
+      4'ha: page_10_q <= unsigned'(raw_i);
+      4'he: page_10_q <= 32'(lock_a_o);
+      4'hf: page_10_q <= 32'(lock_b_o);
+      default: page_10_q <= '0;
+    endcase
+
+  logic [31:0] page_11_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_11_q <= 32'(lock_c_o);
+      4'h1: page_11_q <= 32'(lock_d_o);
+      default: page_11_q <= '0;
+    endcase
+
+  logic [31:0] page_1f_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'hc: page_1f_q <= 32'(bit_o);
+      4'hd: page_1f_q <= word_o;
+      4'he: page_1f_q <= 32'(small_o);
+      4'hf: page_1f_q <= 32'(bounded_o);
+      default: page_1f_q <= '0;
+    endcase
+
+  logic [31:0] page_20_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_20_q <= 32'(centred_o);
+      4'h1: page_20_q <= unsigned'(below_o);
+      4'h2: page_20_q <= unsigned'(above_o);
+      4'h3: page_20_q <= 32'(late_o);
+      4'h4: page_20_q <= 32'(event_o);
+      4'h5: page_20_q <= unsigned'(signal_o);
+      4'h6: page_20_q <= 32'(bits_o[0+:1]);
+      4'h7: page_20_q <= 32'(bits_o[1+:1]);
+      4'h8: page_20_q <= 32'(bits_o[2+:1]);
+      4'h9: page_20_q <= 32'(bits_o[3+:1]);
+      4'ha: page_20_q <= 32'(bits_o[4+:1]);
+      4'hb: page_20_q <= 32'(signed'(several_o[0+:17]));
+      4'hc: page_20_q <= 32'(signed'(several_o[17+:17]));
+      4'hd: page_20_q <= 32'(signed'(several_o[34+:17]));
+      4'he: page_20_q <= words_o[0+:32];
+      4'hf: page_20_q <= words_o[32+:32];
+      default: page_20_q <= '0;
+    endcase
+
+  logic [31:0] page_3f_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h8: page_3f_q <= 32'h000000c8;
+      4'h9: page_3f_q <= 32'hfffffffd;
+      4'ha: page_3f_q <= 32'hc27a7e9f;
+      4'hb: page_3f_q <= 32'h00000100;
+      default: page_3f_q <= '0;
+    endcase
+
+  // ---- 7: the page; 8: the answer ----
+  logic [31:0] read_q;
+  always_ff @(posedge clk_i)
+    case (address_q[9:4])
+      6'h00: read_q <= page_00_q;
+      6'h10: read_q <= page_10_q;
+      6'h11: read_q <= page_11_q;
+      6'h1f: read_q <= page_1f_q;
+      6'h20: read_q <= page_20_q;
+      6'h3f: read_q <= page_3f_q;
+      default: read_q <= '0;
+    endcase
+
+  always_ff @(posedge clk_i) begin
+    bus_done_o   <= step_q[8];
+    bus_status_o <= status_q;
+    bus_data_o   <= read_q;
+    if (single_hit_q) bus_data_o <= single_read_q;
+    if (triple_hit_q) bus_data_o <= triple_read_q;
+    if (status_q != link_pkg::StatusWidth'(link_pkg::StatusOk)) bus_data_o <= '0;
+    if (rst_i) bus_done_o <= 1'b0;
+  end
+
+  // ---- the rules, by address ----
+  initial begin
+    for (int k = 0; k < 1024; k = k + 1) rule_mem[k] = '0;
+    // long, word 0
+    rule_mem[0] = {KindReadWrite, 3'd0, 33'h000000000, 33'h0ffffffff};
+    // long, word 1
+    rule_mem[1] = {KindReadWrite, 3'd0, 33'h000000000, 33'h000000001};
+    // longest, word 0
+    rule_mem[2] = {KindReadWrite, 3'd1, 33'h000000000, 33'h0ffffffff};
+    // longest, word 1
+    rule_mem[3] = {KindReadWrite, 3'd1, 33'h000000000, 33'h0ffffffff};
+    // negative_long, word 0
+    rule_mem[4] = {KindReadWrite, 3'd0, 33'h000000000, 33'h0ffffffff};
+    // negative_long, word 1
+    rule_mem[5] = {KindReadWrite, 3'd0, 33'h1ffffff80, 33'h00000007f};
+    // count
+    rule_mem[256] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    // level
+    rule_mem[257] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    // flag
+    rule_mem[258] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    // levels[0]
+    rule_mem[259] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    // levels[1]
+    rule_mem[260] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    // levels[2]
+    rule_mem[261] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    // time, word 0
+    rule_mem[262] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    // time, word 1
+    rule_mem[263] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    // place, word 0
+    rule_mem[264] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    // place, word 1
+    rule_mem[265] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    // raw
+    rule_mem[266] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    // lock_a
+    rule_mem[270] = {KindReadWrite, 3'd0, 33'h000000001, 33'h000000001};
+    // lock_b
+    rule_mem[271] = {KindReadWrite, 3'd0, 33'h000000001, 33'h000000001};
+    // lock_c
+    rule_mem[272] = {KindReadWrite, 3'd0, 33'h000000001, 33'h000000001};
+    // lock_d
+    rule_mem[273] = {KindReadWrite, 3'd0, 33'h000000001, 33'h000000001};
+    // bit
+    rule_mem[508] = {KindReadWrite, 3'd0, 33'h000000000, 33'h000000001};
+    // word
+    rule_mem[509] = {KindReadWrite, 3'd2, 33'h000000000, 33'h0ffffffff};
+    // small
+    rule_mem[510] = {KindReadWrite, 3'd0, 33'h1fffffff0, 33'h00000000f};
+    // bounded
+    rule_mem[511] = {KindReadWrite, 3'd1, 33'h000000007, 33'h000000fa0};
+    // centred
+    rule_mem[512] = {KindReadWrite, 3'd0, 33'h1fffffffb, 33'h000000005};
+    // below
+    rule_mem[513] = {KindReadWrite, 3'd0, 33'h180000000, 33'h1fffffffe};
+    // above
+    rule_mem[514] = {KindReadWrite, 3'd0, 33'h000000003, 33'h07fffffff};
+    // late
+    rule_mem[515] = {KindReadWrite, 3'd0, 33'h000000003, 33'h00000000f};
+    // event
+    rule_mem[516] = {KindReadWrite, 3'd0, 33'h000000000, 33'h000000007};
+    // signal
+    rule_mem[517] = {KindReadWrite, 3'd1, 33'h180000000, 33'h07fffffff};
+    // bits[0]
+    rule_mem[518] = {KindReadWrite, 3'd0, 33'h000000000, 33'h000000001};
+    // bits[1]
+    rule_mem[519] = {KindReadWrite, 3'd0, 33'h000000000, 33'h000000001};
+    // bits[2]
+    rule_mem[520] = {KindReadWrite, 3'd0, 33'h000000000, 33'h000000001};
+    // bits[3]
+    rule_mem[521] = {KindReadWrite, 3'd0, 33'h000000000, 33'h000000001};
+    // bits[4]
+    rule_mem[522] = {KindReadWrite, 3'd0, 33'h000000000, 33'h000000001};
+    // several[0]
+    rule_mem[523] = {KindReadWrite, 3'd2, 33'h1ffff0000, 33'h00000ffff};
+    // several[1]
+    rule_mem[524] = {KindReadWrite, 3'd2, 33'h1ffff0000, 33'h00000ffff};
+    // several[2]
+    rule_mem[525] = {KindReadWrite, 3'd2, 33'h1ffff0000, 33'h00000ffff};
+    // words[0]
+    rule_mem[526] = {KindReadWrite, 3'd0, 33'h00000000a, 33'h0ffffffff};
+    // words[1]
+    rule_mem[527] = {KindReadWrite, 3'd0, 33'h00000000a, 33'h0ffffffff};
+    // first
+    rule_mem[1016] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    // negative
+    rule_mem[1017] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    // hash
+    rule_mem[1018] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    // version
+    rule_mem[1019] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+  end
+
+endmodule
+
+`default_nettype wire
