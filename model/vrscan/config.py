@@ -226,6 +226,48 @@ class Laser(Section):
     rated_mw: Positive = 50.0  # which that is
 
 
+class Focus(Section):
+    """The autofocus, VR-SCAN IV-E: a motor that moves the lens, and its position sensor, on I2C.
+
+    Off as shipped: with the lens the image moves, and ``[geometry]`` holds for one position. 10 um
+    beside the focus blur a point of a lens of 1:3 by half a pixel.
+    """
+
+    mode: Literal["off", "manual", "automatic"] = "off"
+    manual_mm: Positive = 500.0  # z that is sharp in mode manual
+    near_mm: Positive = 240.0  # z from which on there is a position
+    far_mm: Positive = 1000.0  # and up to which
+    infinity_mm: float = 0.0  # position of the lens for objects infinitely far away
+    travel_mm: Positive = 3.0  # positions are 0 .. travel_mm, nearer objects have larger ones
+    resolution_um: Positive = 0.5  # of the position
+
+    average_points: int = Field(default=4096, ge=1, le=32_768)  # a power of two
+    lapse_points: int = Field(default=20_000, ge=0, le=65_535)  # not good ones end an average
+    hysteresis_um: float = Field(default=10.0, ge=0)  # a target is kept for nearer ones
+    hold_points: int = Field(default=4096, ge=1, le=65_535)  # and for so many points in any case
+    tolerance_um: float = Field(default=1.0, ge=0)  # nearer to the target is in position
+    timeout_s: Positive = 1.0  # to reach a target
+    retries: int = Field(default=3, ge=0, le=255)  # of a command and of a target
+
+    address: int = Field(default=0x2A, ge=0, le=0x7F)  # of the motor
+    quarter_us: Positive = 2.5  # of a bit: 100 kHz
+    stretch_ms: Positive = 25.0  # that the clock may be held, and the bus be busy
+    poll_ms: float = Field(default=2.0, ge=0)  # between two commands
+
+    @field_validator("average_points")
+    @classmethod
+    def _power(cls, value: int) -> int:
+        if value & (value - 1):
+            raise ValueError("must be a power of two")
+        return value
+
+    @model_validator(mode="after")
+    def _range(self) -> "Focus":
+        if self.near_mm >= self.far_mm:
+            raise ValueError(f"near_mm {self.near_mm} is not below far_mm {self.far_mm}")
+        return self
+
+
 class Clock(Section):
     """The FPGA's clock."""
 
@@ -256,6 +298,7 @@ class Config(Section):
     line: Line = Line()
     sensor: Sensor = Sensor()
     laser: Laser = Laser()
+    focus: Focus = Focus()
     _source: str = PrivateAttr("defaults")
 
     @property
