@@ -12,7 +12,7 @@
 //   rx_i                 asynchronous
 //   packet_*_i           source k of Streams in bit k, byte k; whole packets of at most
 //                        link_pkg::MaxPayload bytes
-//   uart_step_i          bits a clock, 24 fraction bits; uart_step_strobe_i with a write of it
+//   uart_step_i          bits a clock, 24 fraction bits; uart_step_written_i with a write of it
 //   uart_step_now_o      the rate that holds
 //   bus_*, stream_*, capture_*, alive_o, frames_*_o, commands_*_o  of command_server
 //   uart_*_o             bytes without a stop bit, breaks, glitches, rates that got no frame; stop at
@@ -61,7 +61,7 @@ module uart_link #(
   output      logic                               alive_o,
 
   input  wire logic [              StepWidth-1:0] uart_step_i,
-  input  wire logic                               uart_step_strobe_i,
+  input  wire logic                               uart_step_written_i,
 
   output      logic [              StepWidth-1:0] uart_step_now_o,
   output      logic [             CountWidth-1:0] uart_framing_o,
@@ -255,7 +255,7 @@ module uart_link #(
       lead_q           <= 1'b1;
       uart_fallbacks_o <= more(uart_fallbacks_o);
     end
-    if (uart_step_strobe_i) wanted_q <= 1'b1;
+    if (uart_step_written_i) wanted_q <= 1'b1;
     if (broken) begin
       uart_step_now_o <= DefaultStep;
       wanted_q        <= 1'b0;
