@@ -11,13 +11,13 @@
 //   centre_i       middle of the pulse: power_i, inward_i and the time are sampled
 //   angle_valid_i  angle_i, mirror_flags_i and confidence_i of the line angle_line_i, whose
 //                  centre_i has come
-//   angle_o ..     hold from Latency clocks after the later of line_start_i and angle_valid_i until
-//                  the next line_start_i, whatever comes meanwhile.  Until then, and where there
-//                  was no exposure, no centre or no angle, they are those of an untagged line: all
-//                  0 but for mirror_flags_o, which is UNSETTLED alone
-//   untagged_count_o  line_end_i of lines that were untagged in that clock; stops at its largest
+//   angle_o ..     hold until the next line_start_i, whatever comes meanwhile.  In the Latency
+//                  before, and where there was no exposure, no centre or no angle, they are those
+//                  of an untagged line: all 0 but for mirror_flags_o, which is UNSETTLED alone
 //   time_o         of centre_i, in clocks since the reset, modulo 2**32
-//   Latency  vrscan.fixed.line_tag.LATENCY clocks
+//   untagged_count_o  lines that were untagged in the clock of their line_end_i; stops at its
+//                  largest value
+//   Latency  4 clocks from line_start_i, or angle_valid_i where that is later, to angle_o ..
 //   Model    vrscan.fixed.line_tag, bit-exact
 
 `default_nettype none
@@ -57,6 +57,118 @@ module line_tag #(
 
   if (Depth < 2 || (Depth & (Depth - 1)) != 0) begin : gen_bad_depth
     $error("line_tag: Depth must be a power of two, at least 2");
+  end
+
+  localparam int unsigned LineWidth = vrscan_pkg::LineNumberWidth;
+  localparam int unsigned IndexWidth = $clog2(Depth);
+  localparam logic [vrscan_pkg::MirrorFlagWidth-1:0] Unsettled =
+      {1'b1, {(vrscan_pkg::MirrorFlagWidth - 1){1'b0}}};
+
+  typedef struct packed {
+    logic [vrscan_pkg::PowerWidth-1:0] power;
+    logic                              inward;
+    logic [ vrscan_pkg::TimeWidth-1:0] stamp;
+  } centre_t;
+  typedef struct packed {
+    logic [     vrscan_pkg::AngleWidth-1:0] angle;
+    logic [vrscan_pkg::MirrorFlagWidth-1:0] flags;
+    logic [vrscan_pkg::ConfidenceWidth-1:0] confidence;
+  } angle_t;
+
+  // The table: a line's number is beside each half, as an older line's may still be there.
+  localparam int unsigned CentreBits =
+      LineWidth + vrscan_pkg::PowerWidth + 1 + vrscan_pkg::TimeWidth;
+  localparam int unsigned AngleBits = LineWidth + vrscan_pkg::AngleWidth
+      + vrscan_pkg::MirrorFlagWidth + vrscan_pkg::ConfidenceWidth;
+  logic [CentreBits-1:0] centre_mem [Depth];
+  logic [ AngleBits-1:0] angle_mem [Depth];
+  logic [     Depth-1:0] centred_q, angled_q;
+
+  // The exposure that is on, the last one that ended, and the one that is being read out.
+  logic                 exposure_q, ended, ended_q, wanted_q, start_q, open_q, tagged_q;
+  logic [LineWidth-1:0] exposed_line_q, ended_line_q, wanted_line_q;
+  assign ended = exposure_q && !exposure_i;
+
+  logic [vrscan_pkg::TimeWidth-1:0] clock_q;
+  logic [           IndexWidth-1:0] index, centre_index, angle_index;
+  assign index        = wanted_line_q[IndexWidth-1:0];
+  assign centre_index = line_i[IndexWidth-1:0];
+  assign angle_index  = angle_line_i[IndexWidth-1:0];
+
+  // What the table has, and a clock later whether it is of the line that is read out.
+  logic                 centred_q2, angled_q2, centre_match_q, angle_match_q;
+  logic [LineWidth-1:0] centre_line_q, angle_line_q;
+  centre_t              centre_q, centre_q2;
+  angle_t               angle_q, angle_q2;
+
+  always_ff @(posedge clk_i) begin
+    clock_q <= clock_q + vrscan_pkg::TimeWidth'(1);
+
+    if (centre_i) begin
+      centre_mem[centre_index] <= {line_i, power_i, inward_i, clock_q};
+      centred_q[centre_index]  <= 1'b1;
+      angled_q[centre_index]   <= 1'b0;
+    end
+    if (angle_valid_i) begin
+      angle_mem[angle_index] <= {angle_line_i, unsigned'(angle_i), mirror_flags_i, confidence_i};
+      angled_q[angle_index]  <= 1'b1;
+    end
+
+    exposure_q <= exposure_i;
+    if (exposure_i && !exposure_q) exposed_line_q <= line_i;
+    if (ended) ended_line_q <= exposed_line_q;
+    ended_q <= (ended_q || ended) && !line_start_i;
+    start_q <= line_start_i;
+    if (line_start_i) begin
+      wanted_q      <= ended_q || ended;
+      wanted_line_q <= ended ? exposed_line_q : ended_line_q;
+    end
+
+    {centre_line_q, centre_q} <= centre_mem[index];
+    {angle_line_q, angle_q}   <= angle_mem[index];
+    centred_q2     <= centred_q[index] && wanted_q;
+    angled_q2      <= angled_q[index];
+    centre_q2      <= centre_q;
+    angle_q2       <= angle_q;
+    centre_match_q <= centred_q2 && centre_line_q == wanted_line_q && !start_q && !line_start_i;
+    angle_match_q  <= angled_q2 && angle_line_q == wanted_line_q;
+
+    // What has been tagged stays as it is: the table may go on to a later line.
+    if (centre_match_q && angle_match_q && !tagged_q) begin
+      tagged_q       <= 1'b1;
+      angle_o        <= signed'(angle_q2.angle);
+      mirror_flags_o <= angle_q2.flags;
+      confidence_o   <= angle_q2.confidence;
+      power_o        <= centre_q2.power;
+      inward_o       <= centre_q2.inward;
+      time_o         <= centre_q2.stamp;
+    end
+    open_q <= (open_q || line_start_i) && !line_end_i;
+    if (line_end_i && (line_start_i || (open_q && !tagged_q)) && untagged_count_o != '1) begin
+      untagged_count_o <= untagged_count_o + CountWidth'(1);
+    end
+
+    if (rst_i || line_start_i) begin
+      tagged_q       <= 1'b0;
+      angle_o        <= '0;
+      mirror_flags_o <= Unsettled;
+      confidence_o   <= '0;
+      power_o        <= '0;
+      inward_o       <= 1'b0;
+      time_o         <= '0;
+    end
+    if (rst_i) begin
+      clock_q          <= '0;
+      centred_q        <= '0;
+      angled_q         <= '0;
+      exposure_q       <= 1'b0;
+      ended_q          <= 1'b0;
+      wanted_q         <= 1'b0;
+      centred_q2       <= 1'b0;
+      centre_match_q   <= 1'b0;
+      open_q           <= 1'b0;
+      untagged_count_o <= '0;
+    end
   end
 
 endmodule

@@ -125,7 +125,8 @@ def _states(seed: int, count: int) -> Ints:
 def draws(seed: int, count: int) -> Ints:
     """Return the noise of a run's first ``count`` pixels before its scale, -510 .. 510."""
     states = _states(seed, count)
-    return sum(states >> 8 * k & 255 for k in range(4)) - np.int64(NOISE_PEAK)
+    total: Ints = (states & 255) + (states >> 8 & 255) + (states >> 16 & 255) + (states >> 24)
+    return total - NOISE_PEAK
 
 
 def positions(settings: Settings, count: int, *, line_length: int) -> Ints:
@@ -264,4 +265,5 @@ class TestLine:
                 line_length=self.line_length,
                 pixel_width=self.pixel_width,
             )
-        return self._made[self._begun - 1]
+        made: Pixels = self._made[self._begun - 1]
+        return made
