@@ -46,10 +46,10 @@ def test_the_table_is_the_lens(near: float, far: float, offset: float) -> None:
     )
     given = FocusRegisters.from_config(config)
     assert given.focus_mode == Mode.AUTOMATIC
-    assert len(given.focus_table) == TABLE_SIZE
+    assert len(given.focus_table_position) == TABLE_SIZE
     z = np.linspace(near, far, 2001)
     got = [position(round(mm * MM), given.focus_z_begin, given.focus_z_shift,
-                    list(given.focus_table)) for mm in z]  # fmt: skip
+                    list(given.focus_table_position)) for mm in z]  # fmt: skip
     want = [(0.05 + image_shift(mm, config.geometry)) / 0.5e-3 for mm in z]
     worst = float(np.abs(np.array(got) - want).max())
     # An eighth of the spacing squared times the curvature where it is largest; two roundings, and
@@ -70,7 +70,7 @@ def test_the_shipped_registers() -> None:
     values = {
         field.name.removeprefix("focus_"): getattr(given, field.name)
         for field in dataclasses.fields(given)
-        if field.name != "focus_table"
+        if field.name != "focus_table_position"
     }
     assert Settings(**values) == Settings(
         mode=0,
@@ -89,8 +89,8 @@ def test_the_shipped_registers() -> None:
         timeout_clks=125_000_000,
         retries=3,
     )
-    assert max(given.focus_table) <= 6000
-    assert min(np.diff(given.focus_table)) < 0
+    assert max(given.focus_table_position) <= 6000
+    assert min(np.diff(given.focus_table_position)) < 0
     assert registers(mode="manual").focus_mode == Mode.MANUAL
 
 
@@ -119,7 +119,7 @@ def test_what_does_not_fit(focus: dict[str, object], words: str) -> None:
 def test_a_focus_that_is_off_asks_nothing_of_the_lens() -> None:
     config = Config(geometry=Geometry(focal_mm=300.0), clock=Clock(frequency_hz=100e6))
     given = FocusRegisters.from_config(config)
-    assert set(given.focus_table) == {6000}
+    assert set(given.focus_table_position) == {6000}
     assert given.focus_quarter_clks == 250
 
 

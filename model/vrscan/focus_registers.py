@@ -40,7 +40,7 @@ def image_shift(z_mm: float, geometry: Geometry) -> float:
 class FocusRegisters:
     """Configuration of the autofocus in integers; formats are those of ``focus_control``.
 
-    ``focus_table`` is written through the table's port; everything else is a port.
+    ``focus_table_position`` is written through the table's port; everything else is a port.
     """
 
     focus_manual: int
@@ -58,7 +58,7 @@ class FocusRegisters:
     focus_timeout_clks: int
     focus_retries: int
     focus_mode: int
-    focus_table: tuple[int, ...]
+    focus_table_position: tuple[int, ...]
 
     @classmethod
     def from_config(cls, config: Config) -> "FocusRegisters":
@@ -135,5 +135,5 @@ class FocusRegisters:
             focus_timeout_clks=fit("timeout_clks", "timeout_s", focus.timeout_s * clock),
             focus_retries=focus.retries,
             focus_mode=Mode[focus.mode.upper()],
-            focus_table=tuple(entry(k) for k in range(TABLE_SIZE)),
+            focus_table_position=tuple(entry(k) for k in range(TABLE_SIZE)),
         )
