@@ -4,8 +4,9 @@
 * ``rtl/link/link_pkg.sv`` -> ``model/vrscan/fixed/link_pkg.py``: the numbers of the protocol.
 * ``vrscan.fixed.quarter_wave.table()`` -> ``rtl/trig/quarter_wave_rom.sv``.
 * ``vrscan.fixed.cordic_vector`` -> ``rtl/trig/cordic_pkg.sv``: the angles of the iterations.
-* ``rtl/link/registers.toml`` -> ``rtl/link/register_file.sv``, ``docs/registers.md`` and
-  ``model/vrscan/link/register_map.py``: every register.
+* ``rtl/link/registers.toml`` -> ``rtl/link/register_file.sv``, ``register_pkg.sv`` and
+  ``register_bank.sv``, ``docs/registers.md`` and ``model/vrscan/link/register_map.py``: every
+  register.
 """
 
 import argparse
@@ -92,12 +93,30 @@ def register_page() -> str:
     return document(described())
 
 
+def register_package() -> str:
+    """Return the package with the registers as structs."""
+    from register_structs import register_pkg
+    from registers import described
+
+    return register_pkg(described())
+
+
+def register_bank() -> str:
+    """Return the wrapper of register_file that has those for ports."""
+    from register_structs import register_bank
+    from registers import described
+
+    return register_bank(described())
+
+
 TARGETS: dict[str, Callable[[], str]] = {
     "model/vrscan/fixed/pkg.py": package,
     "model/vrscan/fixed/link_pkg.py": link_package,
     "rtl/trig/quarter_wave_rom.sv": quarter_wave_rom,
     "rtl/trig/cordic_pkg.sv": cordic_package,
     "rtl/link/register_file.sv": register_file,
+    "rtl/link/register_pkg.sv": register_package,
+    "rtl/link/register_bank.sv": register_bank,
     "model/vrscan/link/register_map.py": register_map,
     "docs/registers.md": register_page,
     "tb/devices/odd_registers.sv": odd_register_file,

