@@ -34,10 +34,15 @@ BOARDS = {
 }
 
 
+def _sources(name: str) -> list[Path]:
+    """Return the files that a board is made of."""
+    return rtl_closure(next(f for f in rtl_boards() if f.stem == name), rtl_boards())
+
+
 def synthesise(name: str, folder: Path) -> Path:
     """Return the netlist of a board, as JSON."""
     netlist = folder / "netlist.json"
-    files = rtl_closure(next(f for f in rtl_boards() if f.stem == name))
+    files = _sources(name)
     reads = "\n".join(f"read_verilog -sv -defer {f.relative_to(ROOT)}" for f in files)
     script = folder / "synthesise.ys"
     script.write_text(
@@ -68,8 +73,7 @@ def build(name: str, seeds: tuple[int, ...], console: Console) -> int:
     folder = build_folder() / "bitstream" / name
     folder.mkdir(parents=True, exist_ok=True)
     digest = hashlib.sha256()
-    wrapper = next(f for f in rtl_boards() if f.stem == name)
-    for source in (*rtl_closure(wrapper), ROOT / "constraints" / f"{name}.lpf", Path(__file__)):
+    for source in (*_sources(name), ROOT / "constraints" / f"{name}.lpf", Path(__file__)):
         digest.update(source.read_bytes())
     stamp, bitstream = folder / "sources.sha256", folder / f"{name}.bit"
     if not (bitstream.exists() and stamp.exists() and stamp.read_text() == digest.hexdigest()):

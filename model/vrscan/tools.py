@@ -80,6 +80,11 @@ def rtl_closure(module: Path, others: Sequence[Path] = ()) -> list[Path]:
     return [f for f in sources if f.stem in found]
 
 
+def rtl_boards() -> list[Path]:
+    """Return the wrapper of every board; it has cells of its vendor's in it."""
+    return sorted((repository_root() / "rtl" / "boards").glob("*.sv"))
+
+
 @cache
 def _verilator_on_path() -> bool:
     found = shutil.which("verilator")
