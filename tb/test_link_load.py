@@ -1,0 +1,126 @@
+"""What a configuration writes into a board: every register, at the board's clock."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+
+from vrscan.config import Config, Mirror, load
+from vrscan.errors import InputError
+from vrscan.fixed import link_pkg
+from vrscan.fixed.register_file import WORD_MASK, WRITABLE, RegisterFile
+from vrscan.link.load import CONTROLS, settings
+from vrscan.link.register_map import LOCKS, REGISTERS, WINDOWS
+from vrscan.mirror_registers import MirrorRegisters
+
+
+@dataclass(frozen=True)
+class Built:
+    clock_hz: int = 100_000_000
+    line_length: int = 2048
+    pixel_width: int = 12
+    index_oversample: int = 4
+
+
+BUILT = Built()
+FIELDS = {
+    field.name: (window, field) for window in WINDOWS.values() for field in window.fields
+}  # fmt: skip
+
+
+def test_every_register_has_a_value_or_is_a_control() -> None:
+    written = {name for name, register in REGISTERS.items() if register.access in WRITABLE}
+    assert written >= CONTROLS
+    values = settings(Config(), BUILT)
+    assert set(values) == (written - CONTROLS - set(LOCKS)) | set(FIELDS)
+
+
+def test_every_value_fits() -> None:
+    for name, value in settings(Config(), BUILT).items():
+        register = FIELDS[name][1] if name in FIELDS else REGISTERS[name]
+        count = FIELDS[name][0].entries if name in FIELDS else register.count
+        values = value if isinstance(value, tuple) else (value,)
+        assert len(values) == count, name
+        assert all(type(v) is int for v in values), name
+        assert all(register.minimum <= v <= register.maximum for v in values), name
+
+
+def test_the_shipped_board_resets_to_what_the_configuration_has_of_the_image() -> None:
+    """Those that do not depend on the clock: peak and geometry."""
+    values = settings(Config(), BUILT)
+    calibrated = [
+        register
+        for register in REGISTERS.values()
+        if register.lock == "lock_calibration" and "motion" not in register.name
+    ]
+    names = {register.name for register in calibrated} - {"drive_phase"}
+    assert {"k_noise", "max_width", "centre", "n0", "e1"} <= names
+    for name in names:
+        assert REGISTERS[name].reset == (values[name],), name
+
+
+def test_the_clock_is_the_boards() -> None:
+    slow, fast = settings(Config(), BUILT), settings(Config(), replace(BUILT, clock_hz=125_000_000))
+    assert slow["settle_timeout"] == 500_000_000 and fast["settle_timeout"] == 625_000_000
+    assert slow["pulse_clks"] == 100 and fast["pulse_clks"] == 125
+    ratio = MirrorRegisters.from_config(Config()).work_word
+    assert fast["work_word"] == ratio
+    assert slow["k_noise"] == fast["k_noise"]
+
+
+def test_all_of_it_goes_through_the_bus() -> None:
+    """Written into the twin word by word, each value is in effect."""
+    twin = RegisterFile()
+    values = settings(Config(), BUILT)
+
+    def write(address: int, data: int) -> None:
+        word = data & WORD_MASK
+        assert twin.access(link_pkg.ACCESS_WRITE, address, word) == (link_pkg.STATUS_OK, word)
+
+    for name, value in values.items():
+        if name in FIELDS:
+            continue
+        register = REGISTERS[name]
+        each = register.words // register.count
+        wanted = value if isinstance(value, tuple) else (value,)
+        for k in range(register.words):
+            write(register.address + k, wanted[k // each] >> (32 * (k % each)))
+        assert tuple(twin.values[name]) == wanted
+    table = WINDOWS["table"]
+    for entry in range(table.entries):
+        for field in table.fields:
+            column = values[field.name]
+            assert isinstance(column, tuple)
+            write(table.address + entry * table.stride + field.address, column[entry])
+    entries = [one for one in twin.written if one.name == "table"]
+    assert [one.entry for one in entries] == list(range(1024))
+    assert tuple(one.values[1] for one in entries) == values["table_midpoint"]
+
+
+@pytest.mark.parametrize(
+    ("built", "words"),
+    [
+        (Built(line_length=1024), "sensor.line_length = 2048: the board is built with line_length"),
+        (Built(pixel_width=10), "sensor.pixel_width = 12: the board is built with pixel_width"),
+        (Built(index_oversample=8), "mirror.oversample = 4: the board is built with index_oversam"),
+    ],
+)
+def test_a_configuration_of_another_board_is_refused(built: Built, words: str) -> None:
+    with pytest.raises(InputError) as error:
+        settings(Config(), built)
+    assert str(error.value).startswith(f"defaults: {words}")
+    assert "\n" not in str(error.value)
+
+
+def test_complaints_name_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "scanner.toml"
+    path.write_text("[mirror]\nglitch_us = 2.0\n")
+    settings(load(path), BUILT)
+    with pytest.raises(InputError, match=r"scanner.toml: mirror.glitch_us"):
+        settings(load(path), replace(BUILT, clock_hz=200_000_000))
+
+
+def test_another_configuration_has_other_values() -> None:
+    other = settings(Config(mirror=Mirror(level_max=0.9)), BUILT)
+    same = settings(Config(), BUILT)
+    assert {name for name in same if same[name] != other[name]} == {"level_max"}
