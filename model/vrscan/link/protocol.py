@@ -1,0 +1,378 @@
+"""Frames and payloads of the serial protocol, as a host sends and reads them.
+
+Bytes in, bytes out: the port, its time and its sequence numbers are the caller's. docs/link.md says
+what the payloads mean.
+"""
+
+import binascii
+import struct
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from vrscan.arrays import Pixels
+from vrscan.fixed import link_pkg
+from vrscan.fixed.frame_decoder import CRC_BYTES
+from vrscan.fixed.frame_decoder import Status as FrameStatus
+from vrscan.fixed.frame_encoder import CRC_INIT
+from vrscan.link import records
+from vrscan.link.records import Records
+
+_BLOCK = 254  # bytes without a zero that one code can count
+_MOST = link_pkg.MAX_PAYLOAD + CRC_BYTES
+_MOST_CODED = _MOST + -(-_MOST // _BLOCK)  # of a frame without its 0x00
+
+_BATCH = struct.Struct("<BBBBIH")
+_PIXELS = struct.Struct("<BBBBI")
+_RECORD = struct.Struct("<BBBBI")
+
+
+class Command(IntEnum):
+    """The first byte of a command."""
+
+    PING = link_pkg.COMMAND_PING
+    READ = link_pkg.COMMAND_READ
+    WRITE = link_pkg.COMMAND_WRITE
+    STREAM_START = link_pkg.COMMAND_STREAM_START
+    STREAM_STOP = link_pkg.COMMAND_STREAM_STOP
+    CAPTURE = link_pkg.COMMAND_CAPTURE
+
+
+class Status(IntEnum):
+    """What became of a command."""
+
+    OK = link_pkg.STATUS_OK
+    UNKNOWN_COMMAND = link_pkg.STATUS_UNKNOWN_COMMAND
+    BAD_LENGTH = link_pkg.STATUS_BAD_LENGTH
+    NO_ADDRESS = link_pkg.STATUS_NO_ADDRESS
+    READ_ONLY = link_pkg.STATUS_READ_ONLY
+    LOCKED = link_pkg.STATUS_LOCKED
+    BAD_VALUE = link_pkg.STATUS_BAD_VALUE
+    BUSY = link_pkg.STATUS_BUSY
+    BAD_FRAME = link_pkg.STATUS_BAD_FRAME
+
+
+class CaptureMode(IntEnum):
+    """What a CAPTURE asks for."""
+
+    STOP = link_pkg.CAPTURE_STOP
+    NEXT = link_pkg.CAPTURE_NEXT
+    LINE = link_pkg.CAPTURE_LINE
+    EVERY = link_pkg.CAPTURE_EVERY
+
+
+COMMANDS = {int(command): command.name for command in Command}
+BAD_FRAME = link_pkg.REPLY_BIT | link_pkg.COMMAND_NONE  # first byte of the reply to one
+
+
+# ---- frames ----
+
+
+def encode_frame(payload: bytes) -> bytes:
+    """Return the frame of a payload, with its 0x00 at the end.
+
+    Raises:
+        ValueError: if it is empty or too long.
+    """
+    if not 1 <= len(payload) <= link_pkg.MAX_PAYLOAD:
+        raise ValueError(f"a payload has 1 to {link_pkg.MAX_PAYLOAD} bytes, not {len(payload)}")
+    data = payload + binascii.crc_hqx(payload, CRC_INIT).to_bytes(CRC_BYTES, "big")
+    coded = bytearray()
+    pieces = data.split(b"\0")
+    for number, piece in enumerate(pieces, 1):
+        blocks = [piece[k : k + _BLOCK] for k in range(0, len(piece), _BLOCK)] or [b""]
+        for block in blocks:
+            coded.append(len(block) + 1)
+            coded += block
+        if len(blocks[-1]) == _BLOCK and number < len(pieces):
+            coded.append(1)  # a full block has no zero behind it
+    coded.append(0)
+    return bytes(coded)
+
+
+def decode_frame(coded: bytes) -> tuple[FrameStatus, bytes]:
+    """Return what a frame is, and its payload if it is good.
+
+    Args:
+        coded: The frame without its 0x00; not empty.
+    """
+    if len(coded) > _MOST_CODED:
+        return FrameStatus.TOO_LONG, b""
+    data = bytearray()
+    at = 0
+    while at < len(coded):
+        code = coded[at]
+        data += coded[at + 1 : at + code]
+        at += code
+        if code <= _BLOCK and at < len(coded):
+            data.append(0)
+    if at > len(coded):
+        return FrameStatus.MALFORMED, b""
+    if len(data) > _MOST:
+        return FrameStatus.TOO_LONG, b""
+    if len(data) <= CRC_BYTES:
+        return FrameStatus.TOO_SHORT, b""
+    if binascii.crc_hqx(data, CRC_INIT):
+        return FrameStatus.CRC, b""
+    return FrameStatus.OK, bytes(data[:-CRC_BYTES])
+
+
+class FrameReader:
+    """Takes bytes as they come, and gives the payloads of good frames.
+
+    After anything bad it goes on behind the next 0x00.
+
+    Attributes:
+        good: Frames that were good.
+        bad: How many frames were not, by the name of their fault.
+    """
+
+    def __init__(self) -> None:
+        self.good = 0
+        self.bad: Counter[str] = Counter()
+        self._open = bytearray()  # what came since the last 0x00; one byte too many at most
+
+    def feed(self, data: bytes) -> list[bytes]:
+        """Take bytes, any number, and return the payloads of the good frames that they end."""
+        *ends, rest = data.split(b"\0")
+        payloads = []
+        for end in ends:
+            coded = bytes(self._open) + end
+            self._open.clear()
+            if not coded:
+                continue
+            status, payload = decode_frame(coded)
+            if status == FrameStatus.OK:
+                self.good += 1
+                payloads.append(payload)
+            else:
+                self.bad[status.name.lower()] += 1
+        self._open += rest[: _MOST_CODED + 1 - len(self._open)]
+        return payloads
+
+    def reset(self) -> None:
+        """Forget what came since the last 0x00."""
+        self._open.clear()
+
+
+# ---- commands ----
+
+
+def command(operation: int, sequence: int, data: bytes = b"") -> bytes:
+    """Return the payload of a command.
+
+    Args:
+        operation: A ``Command``.
+        sequence: u8; the reply brings it back.
+        data: What ``read``, ``write``, ``stream_start`` or ``capture`` return.
+    """
+    return bytes([operation, sequence]) + data
+
+
+def read(address: int, count: int) -> bytes:
+    """Return the data of a READ of ``count`` words from an address on."""
+    _check_words(address, count)
+    return struct.pack("<HB", address, count)
+
+
+def write(address: int, words: Sequence[int]) -> bytes:
+    """Return the data of a WRITE of words from an address on."""
+    _check_words(address, len(words))
+    return struct.pack(f"<H{len(words)}I", address, *words)
+
+
+def _check_words(address: int, count: int) -> None:
+    if not 1 <= count <= link_pkg.MAX_WORDS:
+        raise ValueError(f"a command takes 1 to {link_pkg.MAX_WORDS} words, not {count}")
+    if address not in range(1 << link_pkg.ADDRESS_WIDTH):
+        raise ValueError(f"there is no address {address:#x}")
+
+
+def stream_start(full: bool, step: int) -> bytes:
+    """Return the data of a STREAM_START: full or compact records, of every ``step``-th line."""
+    if step not in range(1, 256):
+        raise ValueError(f"a stream takes every 1st to 255th line, not every {step}th")
+    return bytes([full, step])
+
+
+def capture(mode: int, argument: int = 0) -> bytes:
+    """Return the data of a CAPTURE.
+
+    Args:
+        mode: A ``CaptureMode``.
+        argument: The line of LINE, the n of EVERY; u32.
+    """
+    mode = CaptureMode(mode)
+    if argument not in range(1 << 32) or (mode == CaptureMode.EVERY and argument == 0):
+        raise ValueError(f"capture {mode.name} does not take {argument}")
+    return struct.pack("<BI", mode, argument)
+
+
+# ---- replies ----
+
+
+@dataclass(frozen=True)
+class Reply:
+    """What comes back for a command, or for a frame that was none.
+
+    Attributes:
+        operation: Of the command; ``link_pkg.COMMAND_NONE`` of a bad frame.
+        sequence: Of the command.
+        status: What became of it.
+        data: What follows.
+    """
+
+    operation: int
+    sequence: int
+    status: Status
+    data: bytes
+
+
+@dataclass(frozen=True)
+class Words:
+    """What comes back for a READ or a WRITE.
+
+    Attributes:
+        status: What became of it.
+        words: As they are read, or read back; none where the status is not OK.
+        address: The first word that was refused, None where none was.
+    """
+
+    status: Status
+    words: tuple[int, ...]
+    address: int | None
+
+
+def reply(payload: bytes) -> Reply:
+    """Return a payload as a reply.
+
+    Raises:
+        ValueError: if it is none.
+    """
+    if len(payload) < 3 or not payload[0] & link_pkg.REPLY_BIT:
+        raise ValueError("no reply")
+    operation = payload[0] ^ link_pkg.REPLY_BIT
+    return Reply(operation, payload[1], Status(payload[2]), payload[3:])
+
+
+def words(payload: bytes) -> Words:
+    """Return a payload as a reply to a READ or a WRITE.
+
+    Raises:
+        ValueError: if it is none.
+    """
+    found = reply(payload)
+    status, data = found.status, found.data
+    if not data and status != Status.OK:
+        return Words(status, (), None)
+    if status != Status.OK and len(data) == 3 and data[0] == 0:
+        return Words(status, (), int.from_bytes(data[1:], "little"))
+    if status == Status.OK and data and len(data) == 1 + 4 * data[0]:
+        return Words(status, struct.unpack(f"<{data[0]}I", data[1:]), None)
+    raise ValueError("no reply to a READ or a WRITE")
+
+
+# ---- streams ----
+
+
+@dataclass(frozen=True)
+class Batch:
+    """A packet of points.
+
+    Attributes:
+        sequence: Of the packets of points, u8.
+        full: Records are full ones.
+        step: From the line of one record to that of the next.
+        first: Line of the first record, u32.
+        dropped: Points that the board had no room for so far, u16.
+        records: An array of ``records.FULL`` or ``records.COMPACT``.
+    """
+
+    sequence: int
+    full: bool
+    step: int
+    first: int
+    dropped: int
+    records: Records
+
+
+@dataclass(frozen=True)
+class CapturePixels:
+    """A packet of a raw line.
+
+    Attributes:
+        sequence: Of the packets of captures, u8.
+        chunk: Its pixels begin with number ``link_pkg.CAPTURE_CHUNK * chunk``.
+        line: The line's number, u32.
+        pixels: uint16, counts.
+    """
+
+    sequence: int
+    chunk: int
+    line: int
+    pixels: Pixels
+
+
+@dataclass(frozen=True)
+class CaptureRecord:
+    """The packet that ends a raw line.
+
+    Attributes:
+        sequence: Of the packets of captures, u8.
+        line: The line's number, u32.
+        record: One of ``records.FULL``, None where the line gave no point.
+    """
+
+    sequence: int
+    line: int
+    record: Records | None
+
+
+def points(payload: bytes) -> Batch:
+    """Return a payload as a packet of points.
+
+    Raises:
+        ValueError: if it is none.
+    """
+    kinds = {link_pkg.STREAM_POINTS_COMPACT: False, link_pkg.STREAM_POINTS_FULL: True}
+    if len(payload) < _BATCH.size or payload[0] not in kinds:
+        raise ValueError("no packet of points")
+    kind, sequence, count, step, first, dropped = _BATCH.unpack_from(payload)
+    full = kinds[kind]
+    data = payload[_BATCH.size :]
+    if len(data) != count * (link_pkg.FULL_BYTES if full else link_pkg.COMPACT_BYTES):
+        raise ValueError(f"a packet of {count} points has {len(data)} bytes of them")
+    found = records.decode_full(data) if full else records.decode_compact(data)
+    return Batch(sequence, full, step, first, dropped, found)
+
+
+def capture_pixels(payload: bytes) -> CapturePixels:
+    """Return a payload as pixels of a raw line.
+
+    Raises:
+        ValueError: if it is none.
+    """
+    if len(payload) < _PIXELS.size or payload[0] != link_pkg.STREAM_CAPTURE_PIXELS:
+        raise ValueError("no pixels")
+    _, sequence, chunk, count, line = _PIXELS.unpack_from(payload)
+    if len(payload) != _PIXELS.size + 2 * count:
+        raise ValueError(f"{count} pixels in {len(payload) - _PIXELS.size} bytes")
+    return CapturePixels(sequence, chunk, line, np.frombuffer(payload, "<u2", offset=_PIXELS.size))
+
+
+def capture_record(payload: bytes) -> CaptureRecord:
+    """Return a payload as the end of a raw line.
+
+    Raises:
+        ValueError: if it is none.
+    """
+    if len(payload) < _RECORD.size or payload[0] != link_pkg.STREAM_CAPTURE_RECORD:
+        raise ValueError("no end of a raw line")
+    _, sequence, absent, _, line = _RECORD.unpack_from(payload)
+    data = payload[_RECORD.size :]
+    if absent not in (0, 1) or len(data) != link_pkg.FULL_BYTES * (1 - absent):
+        raise ValueError("the record of a raw line is not whole")
+    return CaptureRecord(sequence, line, None if absent else records.decode_full(data)[0])
