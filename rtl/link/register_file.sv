@@ -150,6 +150,54 @@ module register_file (
   input  wire logic                                            [15:0] glitch_count_i,
   input  wire logic                                            [15:0] overrun_count_i,
 
+  // The serial line; a counter of frames counts those that have ended so.
+  output      logic                                            [23:0] uart_step_o,
+  output      logic                                                   uart_step_strobe_o,
+  input  wire logic                                            [23:0] uart_step_now_i,
+  input  wire logic                                            [15:0] uart_framing_i,
+  input  wire logic                                            [15:0] uart_breaks_i,
+  input  wire logic                                            [15:0] uart_glitches_i,
+  input  wire logic                                            [15:0] uart_fallbacks_i,
+  input  wire logic                                            [15:0] frames_good_i,
+  input  wire logic                                            [15:0] frames_crc_i,
+  input  wire logic                                            [15:0] frames_malformed_i,
+  input  wire logic                                            [15:0] frames_too_long_i,
+  input  wire logic                                            [15:0] frames_too_short_i,
+  input  wire logic                                            [15:0] frames_framing_i,
+  input  wire logic                                            [15:0] commands_bad_i,
+  input  wire logic                                            [15:0] commands_lost_i,
+
+  // The autofocus; positions in steps of the motor's sensor.
+  output      logic                                             [1:0] focus_mode_o,
+  output      logic                                            [15:0] focus_manual_o,
+  output      logic                                             [3:0] focus_average_shift_o,
+  output      logic                                            [15:0] focus_lapse_o,
+  output      logic signed              [vrscan_pkg::LengthWidth-1:0] focus_z_begin_o,
+  output      logic                                             [3:0] focus_z_shift_o,
+  output      logic                                            [15:0] focus_hysteresis_o,
+  output      logic                                            [15:0] focus_hold_o,
+  output      logic                                             [6:0] focus_address_o,
+  output      logic                                            [15:0] focus_quarter_clks_o,
+  output      logic                                            [23:0] focus_stretch_clks_o,
+  output      logic                                            [23:0] focus_poll_clks_o,
+  output      logic                                            [15:0] focus_tolerance_o,
+  output      logic                                            [31:0] focus_timeout_clks_o,
+  output      logic                                             [7:0] focus_retries_o,
+
+  // How the autofocus is.
+  input  wire logic                                             [2:0] focus_state_i,
+  input  wire logic                                             [2:0] focus_fault_i,
+  input  wire logic                                                   focus_in_position_i,
+  input  wire logic signed              [vrscan_pkg::LengthWidth-1:0] focus_distance_i,
+  input  wire logic                                            [15:0] focus_target_i,
+  input  wire logic                                            [15:0] focus_position_i,
+  input  wire logic                                            [15:0] focus_nack_count_i,
+  input  wire logic                                            [15:0] focus_stretch_count_i,
+  input  wire logic                                            [15:0] focus_stuck_count_i,
+  input  wire logic                                            [15:0] focus_arbitration_count_i,
+  input  wire logic                                            [15:0] focus_timeout_count_i,
+  input  wire logic                                            [15:0] focus_recovery_count_i,
+
   // Each takes a 1 and nothing else, and keeps it until reset.
   output      logic                                                   lock_calibration_o,
   output      logic                                                   lock_mirror_o,
@@ -158,7 +206,12 @@ module register_file (
   output      logic                                                   table_write_o,
   output      logic                                             [9:0] table_index_o,
   output      logic                  [vrscan_pkg::AmplitudeWidth-1:0] table_amplitude_o,
-  output      logic signed            [vrscan_pkg::MidpointWidth-1:0] table_midpoint_o
+  output      logic signed            [vrscan_pkg::MidpointWidth-1:0] table_midpoint_o,
+
+  // Of the autofocus: entry i is for a distance of focus_z_begin + i 2**(focus_z_shift + 10) steps.
+  output      logic                                                   focus_table_write_o,
+  output      logic                                             [5:0] focus_table_index_o,
+  output      logic                                            [15:0] focus_table_position_o
 );
 
   // ---- an access, and how far it is ----
@@ -197,10 +250,14 @@ module register_file (
   logic table_hit_q;
   logic [9:0] table_index;
   assign table_index = address_q[10:1];
+  logic focus_table_hit_q;
+  logic [5:0] focus_table_index;
+  assign focus_table_index = address_q[5:0];
   always_ff @(posedge clk_i) begin
     map_rule_q <= rule_mem[address_q[9:0]];
     map_hit_q  <= address_q[15:10] == '0;
     table_hit_q <= address_q[15:11] == 5'h08;
+    focus_table_hit_q <= address_q[15:6] == 10'h140;
     rule_q <= map_hit_q ? map_rule_q : '0;
     if (table_hit_q)
       case (address_q[0:0])
@@ -210,6 +267,7 @@ module register_file (
           {KindReadWrite, 2'd1, 33'h1f8000000, 33'h007ffffff};
         default: rule_q <= '0;
       endcase
+    if (focus_table_hit_q) rule_q <= {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
   end
 
   // ---- 3: against the rule; 4: the verdict ----
@@ -247,6 +305,7 @@ module register_file (
   logic [31:0] work_word_low_q;
   logic [31:0] ratio_low_q;
   always_ff @(posedge clk_i) begin
+    uart_step_strobe_o <= 1'b0;
     if (write_q && map_hit_q)
       case (address_q[9:0])
         10'h00a: scratch_o <= data_q;
@@ -352,6 +411,25 @@ module register_file (
         10'h0b3: exposure_clks_o <= data_q[19:0];
         10'h0b4: pulse_delay_clks_o <= data_q[19:0];
         10'h0b5: pulse_clks_o <= data_q[19:0];
+        10'h0e0: begin
+          uart_step_o <= data_q[23:0];
+          uart_step_strobe_o <= 1'b1;
+        end
+        10'h180: focus_mode_o <= data_q[1:0];
+        10'h181: focus_manual_o <= data_q[15:0];
+        10'h182: focus_average_shift_o <= data_q[3:0];
+        10'h183: focus_lapse_o <= data_q[15:0];
+        10'h184: focus_z_begin_o <= signed'(data_q[23:0]);
+        10'h185: focus_z_shift_o <= data_q[3:0];
+        10'h186: focus_hysteresis_o <= data_q[15:0];
+        10'h187: focus_hold_o <= data_q[15:0];
+        10'h188: focus_address_o <= data_q[6:0];
+        10'h189: focus_quarter_clks_o <= data_q[15:0];
+        10'h18a: focus_stretch_clks_o <= data_q[23:0];
+        10'h18b: focus_poll_clks_o <= data_q[23:0];
+        10'h18c: focus_tolerance_o <= data_q[15:0];
+        10'h18d: focus_timeout_clks_o <= data_q;
+        10'h18e: focus_retries_o <= data_q[7:0];
         10'h3f0: lock_calibration_o <= data_q[0];
         10'h3f1: lock_mirror_o <= data_q[0];
         default: ;
@@ -428,6 +506,23 @@ module register_file (
       exposure_clks_o <= '0;
       pulse_delay_clks_o <= '0;
       pulse_clks_o <= '0;
+      uart_step_o <= 24'h07ae14;
+      uart_step_strobe_o <= 1'b0;
+      focus_mode_o <= '0;
+      focus_manual_o <= '0;
+      focus_average_shift_o <= '0;
+      focus_lapse_o <= '0;
+      focus_z_begin_o <= '0;
+      focus_z_shift_o <= '0;
+      focus_hysteresis_o <= '0;
+      focus_hold_o <= '0;
+      focus_address_o <= '0;
+      focus_quarter_clks_o <= 16'h00fa;
+      focus_stretch_clks_o <= 24'h2625a0;
+      focus_poll_clks_o <= 24'h030d40;
+      focus_tolerance_o <= '0;
+      focus_timeout_clks_o <= '0;
+      focus_retries_o <= '0;
       lock_calibration_o <= '0;
       lock_mirror_o <= '0;
     end
@@ -462,6 +557,24 @@ module register_file (
     if (rst_i) table_write_o <= 1'b0;
   end
 
+  // ---- focus_table: written at 5, read back at 6 and 7 ----
+  logic [15:0] focus_table_position_mem[64];
+  logic [15:0] focus_table_position_q;
+  logic [31:0] focus_table_read_q;
+  always_ff @(posedge clk_i) begin
+    if (write_q && focus_table_hit_q && !rst_i)
+      focus_table_position_mem[focus_table_index] <= data_q[15:0];
+    focus_table_position_q <= focus_table_position_mem[focus_table_index];
+    focus_table_write_o <= 1'b0;
+    if (write_q && focus_table_hit_q) begin
+      focus_table_write_o <= 1'b1;
+      focus_table_index_o <= focus_table_index;
+      focus_table_position_o <= data_q[15:0];
+    end
+    focus_table_read_q <= 32'(focus_table_position_q);
+    if (rst_i) focus_table_write_o <= 1'b0;
+  end
+
   // ---- 6: the words of a page; what is wide stays whole ----
   logic [15:0] uptime_high_q;
   logic [7:0] mirror_word_high_q;
@@ -481,7 +594,7 @@ module register_file (
   always_ff @(posedge clk_i)
     case (address_q[3:0])
       4'h0: page_00_q <= 32'h56525343;
-      4'h1: page_00_q <= 32'ha76c0dfd;
+      4'h1: page_00_q <= 32'hf3c254ff;
       4'h2: page_00_q <= 32'h00000100;
       4'h3: page_00_q <= 32'(board_id_i);
       4'h4: page_00_q <= clock_hz_i;
@@ -693,6 +806,65 @@ module register_file (
       default: page_0d_q <= '0;
     endcase
 
+  logic [31:0] page_0e_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_0e_q <= 32'(uart_step_o);
+      4'h1: page_0e_q <= 32'(uart_step_now_i);
+      4'h2: page_0e_q <= 32'(uart_framing_i);
+      4'h3: page_0e_q <= 32'(uart_breaks_i);
+      4'h4: page_0e_q <= 32'(uart_glitches_i);
+      4'h5: page_0e_q <= 32'(uart_fallbacks_i);
+      4'h6: page_0e_q <= 32'(frames_good_i);
+      4'h7: page_0e_q <= 32'(frames_crc_i);
+      4'h8: page_0e_q <= 32'(frames_malformed_i);
+      4'h9: page_0e_q <= 32'(frames_too_long_i);
+      4'ha: page_0e_q <= 32'(frames_too_short_i);
+      4'hb: page_0e_q <= 32'(frames_framing_i);
+      4'hc: page_0e_q <= 32'(commands_bad_i);
+      4'hd: page_0e_q <= 32'(commands_lost_i);
+      default: page_0e_q <= '0;
+    endcase
+
+  logic [31:0] page_18_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_18_q <= 32'(focus_mode_o);
+      4'h1: page_18_q <= 32'(focus_manual_o);
+      4'h2: page_18_q <= 32'(focus_average_shift_o);
+      4'h3: page_18_q <= 32'(focus_lapse_o);
+      4'h4: page_18_q <= 32'(focus_z_begin_o);
+      4'h5: page_18_q <= 32'(focus_z_shift_o);
+      4'h6: page_18_q <= 32'(focus_hysteresis_o);
+      4'h7: page_18_q <= 32'(focus_hold_o);
+      4'h8: page_18_q <= 32'(focus_address_o);
+      4'h9: page_18_q <= 32'(focus_quarter_clks_o);
+      4'ha: page_18_q <= 32'(focus_stretch_clks_o);
+      4'hb: page_18_q <= 32'(focus_poll_clks_o);
+      4'hc: page_18_q <= 32'(focus_tolerance_o);
+      4'hd: page_18_q <= focus_timeout_clks_o;
+      4'he: page_18_q <= 32'(focus_retries_o);
+      default: page_18_q <= '0;
+    endcase
+
+  logic [31:0] page_1a_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_1a_q <= 32'(focus_state_i);
+      4'h1: page_1a_q <= 32'(focus_fault_i);
+      4'h2: page_1a_q <= 32'(focus_in_position_i);
+      4'h3: page_1a_q <= 32'(focus_distance_i);
+      4'h4: page_1a_q <= 32'(focus_target_i);
+      4'h5: page_1a_q <= 32'(focus_position_i);
+      4'h6: page_1a_q <= 32'(focus_nack_count_i);
+      4'h7: page_1a_q <= 32'(focus_stretch_count_i);
+      4'h8: page_1a_q <= 32'(focus_stuck_count_i);
+      4'h9: page_1a_q <= 32'(focus_arbitration_count_i);
+      4'ha: page_1a_q <= 32'(focus_timeout_count_i);
+      4'hb: page_1a_q <= 32'(focus_recovery_count_i);
+      default: page_1a_q <= '0;
+    endcase
+
   logic [31:0] page_3f_q;
   always_ff @(posedge clk_i)
     case (address_q[3:0])
@@ -718,6 +890,9 @@ module register_file (
       6'h0b: read_q <= page_0b_q;
       6'h0c: read_q <= page_0c_q;
       6'h0d: read_q <= page_0d_q;
+      6'h0e: read_q <= page_0e_q;
+      6'h18: read_q <= page_18_q;
+      6'h1a: read_q <= page_1a_q;
       6'h3f: read_q <= page_3f_q;
       default: read_q <= '0;
     endcase
@@ -727,6 +902,7 @@ module register_file (
     bus_status_o <= status_q;
     bus_data_o   <= read_q;
     if (table_hit_q) bus_data_o <= table_read_q;
+    if (focus_table_hit_q) bus_data_o <= focus_table_read_q;
     if (status_q != link_pkg::StatusWidth'(link_pkg::StatusOk)) bus_data_o <= '0;
     if (rst_i) bus_done_o <= 1'b0;
   end
@@ -1010,6 +1186,88 @@ module register_file (
     rule_mem[208] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
     // overrun_count
     rule_mem[209] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // uart_step
+    rule_mem[224] = {KindReadWrite, 2'd0, 33'h000000400, 33'h000200000};
+    // uart_step_now
+    rule_mem[225] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // uart_framing
+    rule_mem[226] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // uart_breaks
+    rule_mem[227] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // uart_glitches
+    rule_mem[228] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // uart_fallbacks
+    rule_mem[229] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // frames_good
+    rule_mem[230] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // frames_crc
+    rule_mem[231] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // frames_malformed
+    rule_mem[232] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // frames_too_long
+    rule_mem[233] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // frames_too_short
+    rule_mem[234] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // frames_framing
+    rule_mem[235] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // commands_bad
+    rule_mem[236] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // commands_lost
+    rule_mem[237] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // focus_mode
+    rule_mem[384] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000002};
+    // focus_manual
+    rule_mem[385] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    // focus_average_shift
+    rule_mem[386] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000000f};
+    // focus_lapse
+    rule_mem[387] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    // focus_z_begin
+    rule_mem[388] = {KindReadWrite, 2'd0, 33'h1ff800000, 33'h0007fffff};
+    // focus_z_shift
+    rule_mem[389] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000000f};
+    // focus_hysteresis
+    rule_mem[390] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    // focus_hold
+    rule_mem[391] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    // focus_address
+    rule_mem[392] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000007f};
+    // focus_quarter_clks
+    rule_mem[393] = {KindReadWrite, 2'd0, 33'h000000004, 33'h00000ffff};
+    // focus_stretch_clks
+    rule_mem[394] = {KindReadWrite, 2'd0, 33'h000000007, 33'h000ffffff};
+    // focus_poll_clks
+    rule_mem[395] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000ffffff};
+    // focus_tolerance
+    rule_mem[396] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    // focus_timeout_clks
+    rule_mem[397] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0ffffffff};
+    // focus_retries
+    rule_mem[398] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000000ff};
+    // focus_state
+    rule_mem[416] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // focus_fault
+    rule_mem[417] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // focus_in_position
+    rule_mem[418] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // focus_distance
+    rule_mem[419] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // focus_target
+    rule_mem[420] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // focus_position
+    rule_mem[421] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // focus_nack_count
+    rule_mem[422] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // focus_stretch_count
+    rule_mem[423] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // focus_stuck_count
+    rule_mem[424] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // focus_arbitration_count
+    rule_mem[425] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // focus_timeout_count
+    rule_mem[426] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // focus_recovery_count
+    rule_mem[427] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
     // lock_calibration
     rule_mem[1008] = {KindReadWrite, 2'd0, 33'h000000001, 33'h000000001};
     // lock_mirror
