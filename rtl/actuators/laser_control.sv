@@ -31,7 +31,9 @@
 // to nearest, half up, within laser_power_min (at least 1) .. laser_power_max; of limits that
 // contradict each other the upper one is looked at first.  Each direction of the scan has its own
 // power, or with laser_shared both have one.  Points with point_test_i or of no power say
-// nothing.  Without laser_adapt the power is laser_power.
+// nothing.  With laser_enable or laser_adapt low the powers are laser_power, at least the least
+// one: there the adaptation begins.  Without laser_adapt the power is laser_power.  What the next
+// power is made of must hold meanwhile.
 //
 //   power_o       changes between pulses only: in the second clock after a request ends, or when a
 //                 limit comes down.  At most laser_limit_power
@@ -46,7 +48,7 @@
 //   Latency  interlock to pulse_o and index_light_o 1 clock, phase_i to index_light_o 3, guard_ok_i
 //            to both 3; a limit to power_o and startup_o 2; the last alive_i to dark:
 //            laser_watchdog_clks + 3; point_valid_i to the new power: 21; a point_valid_i
-//            meanwhile starts anew.  *_pin_o and the counters follow by a clock
+//            within the first 19 of these starts anew.  *_pin_o and the counters follow by a clock
 //   Model    vrscan.fixed.laser_control, bit-exact
 
 `default_nettype none
@@ -241,7 +243,7 @@ module laser_control #(
   logic signed [ FactorWidth-1:0] factor_q;
   logic signed [    NewWidth-1:0] new_q;
   logic                           above_q, below_q;
-  logic        [  PowerWidth-1:0] least_q, clipped_q;
+  logic        [  PowerWidth-1:0] least_q, first_q, clipped_q;
   logic                           start;
   logic signed [  ErrorWidth-1:0] a;
   logic signed [ FactorWidth-1:0] b;
@@ -368,11 +370,10 @@ module laser_control #(
       if (laser_shared_i || point_inward_q) inward_q <= clipped_q;
       if (laser_shared_i || !point_inward_q) outward_q <= clipped_q;
     end
-    if (!laser_adapt_i) begin
-      age_q     <= '0;
-      inward_q  <= laser_power_i;
-      outward_q <= laser_power_i;
-    end
+    first_q <= laser_power_i < least_q ? least_q : laser_power_i;
+    if (!laser_adapt_i || !laser_enable_i) age_q <= '0;
+    if (!laser_adapt_i || !laser_enable_i || inward_q == '0) inward_q <= first_q;
+    if (!laser_adapt_i || !laser_enable_i || outward_q == '0) outward_q <= first_q;
 
     full_before_q <= full_q;
     if (cut_q && laser_i && laser_cut_count_o != '1) begin
@@ -420,6 +421,8 @@ module laser_control #(
       startup_sigma_q        <= '0;
       beat_q                 <= '0;
       age_q                  <= '0;
+      least_q                <= '0;
+      first_q                <= '0;
       inward_q               <= '0;
       outward_q              <= '0;
       laser_cut_count_o      <= '0;

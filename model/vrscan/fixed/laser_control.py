@@ -219,6 +219,7 @@ class LaserControl:
         self._beat_bits = heartbeat_bits
         self._point = (0, 0, False, False, False)
         self._age = 0
+        self._first = self._least = 0
 
     @property
     def heartbeat(self) -> bool:
@@ -320,18 +321,25 @@ class LaserControl:
         self._limit()
 
         # The next power.
-        if point_valid and not point_test and point_power:
-            height = max(point_maximum - point_background, 0)
-            self._point = (point_power, height, point_measured, point_saturated, point_inward)
-            self._age = 1
-        elif self._age == POWER_LATENCY - 1:
+        none_inward, none_outward = not self.power_inward, not self.power_outward
+        if self._age == POWER_LATENCY - 1:
             self._commit()
             self._age = 0
         elif self._age:
             self._age += 1
-        if not self.settings.adapt:
+        if point_valid and not point_test and point_power:
+            height = max(point_maximum - point_background, 0)
+            self._point = (point_power, height, point_measured, point_saturated, point_inward)
+            self._age = 1
+        still = not self.settings.adapt or not enable
+        if still:
             self._age = 0
-            self.power_inward = self.power_outward = self.settings.power
+        if still or none_inward:
+            self.power_inward = self._first
+        if still or none_outward:
+            self.power_outward = self._first
+        self._first = max(self.settings.power, self._least)
+        self._least = max(self.settings.power_min, 1)
 
     def _shine(self, phase: int, *, awake: bool, seeking: bool, run: bool) -> None:
         """Move the start-up channel."""
