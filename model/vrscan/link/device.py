@@ -1,0 +1,749 @@
+"""A board on a serial port: its registers, its points, its raw lines.
+
+    with Device("/dev/ttyUSB1") as device:
+        device.load(config)
+        device.registers.mirror_enable = 1
+        with device.stream() as points:
+            for batch in points:
+                ...
+
+Every command is repeated when no reply comes, but for a write of a register whose every write is an
+event: whether such a write was done is then not known, and the error says so. Times to wait are of
+this machine's clock; a simulated board needs many of its seconds for one of its own.
+"""
+
+import contextlib
+import os
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+from vrscan.config import Config
+from vrscan.errors import InputError
+from vrscan.fixed import link_pkg
+from vrscan.link import protocol, values
+from vrscan.link.protocol import Status
+from vrscan.link.register_map import LOCKS, MAP_HASH, REGISTERS
+from vrscan.link.stream import DEPTH, Captured, CaptureStream, PointStream
+from vrscan.link.transport import LinkError, NoAnswerError, Traffic, Transport, UnpluggedError
+from vrscan.link.values import Block, Value
+
+BAUD = 3_000_000
+TIMEOUT_S = 5.0
+IDENTITY = REGISTERS["identity"].reset[0]
+UART_FRACTION = 24  # of uart_step: bits a clock
+LEAST_CLOCKS_A_BIT = 8
+MOST_RATE_ERROR = 0.01  # what is left of a bit at a byte's end then is enough
+ALIVE_S = 1.0 / 3.0  # between two signs of life, where the board does not say how long it waits
+OFF, SWEEP, SETTLE, RUN, FAULT = range(5)  # of mirror_state
+STATES = ("OFF", "SWEEP", "SETTLE", "RUN", "FAULT")
+FAULTS = ("none", "sweep", "settle", "index")
+
+_MEANING = {
+    Status.UNKNOWN_COMMAND: "the board does not know the command",
+    Status.BAD_LENGTH: "the command's length is wrong",
+    Status.NO_ADDRESS: "there is no such register",
+    Status.READ_ONLY: "it cannot be written",
+    Status.LOCKED: "it is locked until the board is reset",
+    Status.BAD_VALUE: "it does not take this value",
+    Status.BUSY: "a capture runs",
+    Status.BAD_FRAME: "the frame came to grief",
+}
+
+
+class DeviceError(LinkError):
+    """The board refused a command.
+
+    Attributes:
+        status: ``link_pkg.STATUS_*``.
+        register: What it was about, or None.
+        value: What was to be written, or None.
+    """
+
+    def __init__(
+        self, port: str, status: int, register: str | None = None, value: Value | None = None
+    ) -> None:
+        self.status, self.register, self.value = status, register, value
+        what = "" if register is None else f"{register}: "
+        if value is not None:
+            what = f"{register} = {value}: "
+        known = Status(status) if status in set(Status) else None
+        meaning = f"status {status}" if known is None else f"{known.name}: {_MEANING[known]}"
+        super().__init__(f"{port}: {what}{meaning}")
+
+
+@dataclass(frozen=True)
+class Build:
+    """What a board says of itself; the fields are registers of the group identity."""
+
+    identity: int
+    map_hash: int
+    version: int
+    board_id: int
+    clock_hz: int
+    line_length: int
+    pixel_width: int
+    max_window: int
+    lanes: int
+    index_oversample: int
+
+    @property
+    def version_text(self) -> str:
+        """The version as it is written: major.minor.patch."""
+        return f"{self.version >> 16}.{self.version >> 8 & 255}.{self.version & 255}"
+
+
+class RegisterView:
+    """The registers as attributes, ``registers.k_noise = 640``, and as items."""
+
+    _device: "Device"
+
+    def __init__(self, device: "Device") -> None:
+        object.__setattr__(self, "_device", device)
+
+    def __getattr__(self, name: str) -> Value:
+        if name not in values.NAMES:
+            raise AttributeError(f"no register {name!r}")
+        return self._device.read(name)
+
+    def __setattr__(self, name: str, value: Value) -> None:
+        if name not in values.NAMES:
+            raise AttributeError(f"no register {name!r}")
+        self._device.write(name, value)
+
+    def __getitem__(self, name: str) -> Value:
+        return self._device.read(name)
+
+    def __setitem__(self, name: str, value: Value) -> None:
+        self._device.write(name, value)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(values.NAMES)
+
+    def __dir__(self) -> list[str]:
+        return list(values.NAMES)
+
+
+class Device:
+    """A board. It is connected from when it is made until ``close``.
+
+    Args:
+        port: Of pyserial: a name, or an URL.
+        baud: The rate that the board has after a reset.
+        timeout: Seconds to wait for a reply; a simulated board may need more.
+        keep_alive: Whether to send a sign of life when nothing else goes out, as the board turns
+            its laser off without any.
+
+    Attributes:
+        registers: The registers as attributes.
+        build: What the board says of itself.
+        alive_errors: Signs of life that were not answered.
+
+    Raises:
+        LinkError: if the port cannot be opened, nothing or something else answers, or its registers
+            are not those that this program knows.
+    """
+
+    def __init__(
+        self,
+        port: str,
+        *,
+        baud: int = BAUD,
+        timeout: float = TIMEOUT_S,
+        keep_alive: bool = True,
+    ) -> None:
+        self.port = port
+        self.timeout = timeout
+        self.registers = RegisterView(self)
+        self.alive_errors = 0
+        self._default_baud = baud
+        self._keep_alive = keep_alive
+        self._points: PointStream | None = None
+        self._closing = threading.Event()
+        self._pulse: threading.Thread | None = None
+        self._transport = Transport(port, baud, timeout)
+        try:
+            self._connect()
+        except BaseException:
+            self._transport.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    # ---- connection ----
+
+    def _connect(self) -> None:
+        """Find the board at the other end, silence it and see what it is."""
+        transport = self._transport
+        self.round_trip_s = self._hail()
+        self.silence()
+        transport.drain(*self._quiet())
+        self.build = self._identify()
+        if self._keep_alive:
+            self._closing.clear()
+            self._pulse = threading.Thread(
+                target=self._live, name=f"alive {self.port}", daemon=True
+            )
+            self._pulse.start()
+
+    def _hail(self) -> float:
+        """Return the seconds of a ping; a board that does not answer is told to begin anew."""
+        transport = self._transport
+        for with_break in (False, True):
+            if with_break:  # it may have another rate
+                transport.send_break()
+            transport.send(b"\0")  # what was left of a frame ends here
+            with contextlib.suppress(NoAnswerError):
+                self.ping(wait=self.timeout / 2)
+                return self.ping(wait=self.timeout / 2)
+        raise NoAnswerError(
+            f"{self.port}: no board answers at {transport.baud} baud within {self.timeout:g} s"
+            f"{' (there is traffic)' if transport.traffic.bytes_in else ''}"
+        )
+
+    def _identify(self) -> Build:
+        """Return what the board is, which has to be one of ours."""
+        first = ("identity", "map_hash", "version")  # these never move
+        known = self.read_many(first)
+        if known["identity"] != IDENTITY:
+            raise LinkError(
+                f"{self.port}: no scanner: identity is {known['identity']:#010x}, "
+                f"want {IDENTITY:#010x}"
+            )
+        if known["map_hash"] != MAP_HASH:
+            raise LinkError(
+                f"{self.port}: the board's registers are not this program's: map_hash is "
+                f"{known['map_hash']:#010x}, want {MAP_HASH:#010x}"
+            )
+        names = tuple(Build.__dataclass_fields__)
+        found = self.read_many(names)
+        return Build(**{name: _integer(found[name]) for name in names})
+
+    def reconnect(self, wait: float | None = None) -> None:
+        """Close the port and open it again, as after it was unplugged.
+
+        The board may have been without power: its registers, its streams and its rate are then as
+        after a reset.
+
+        Args:
+            wait: Seconds until the port has to be there, the timeout where None.
+
+        Raises:
+            LinkError: if it does not come back, or another board does.
+        """
+        before = self.build
+        self._disconnect()
+        end = time.monotonic() + (self.timeout if wait is None else wait)
+        while True:
+            try:
+                self._transport = Transport(self.port, self._default_baud, self.timeout)
+                break
+            except LinkError:
+                if time.monotonic() > end:
+                    raise
+                time.sleep(0.1)
+        try:
+            self._connect()
+            if self.build != before:
+                raise LinkError(f"{self.port}: this is another board than before")
+        except BaseException:
+            self._disconnect()
+            raise
+
+    def close(self) -> None:
+        """Stop what streams, take the rate back, and close the port; the mirror stays as it is."""
+        with contextlib.suppress(LinkError):
+            self.silence()
+            if self._transport.baud != self._default_baud:
+                self.set_baud(self._default_baud)
+        self._disconnect()
+
+    def _disconnect(self) -> None:
+        self._closing.set()
+        self._transport.close()
+        if self._pulse is not None and self._pulse is not threading.current_thread():
+            self._pulse.join()
+        self._pulse = None
+
+    def silence(self) -> None:
+        """Stop streams and captures."""
+        self._command(link_pkg.COMMAND_STREAM_STOP)
+        stop = protocol.capture(link_pkg.CAPTURE_STOP, 0)
+        self._command(link_pkg.COMMAND_CAPTURE, stop)
+
+    def _quiet(self) -> tuple[float, float]:
+        """Return how long nothing has to come until nothing more will, and how long to wait."""
+        return max(0.05, 3.0 * self.round_trip_s), self.timeout
+
+    def _live(self) -> None:
+        """Send a sign of life whenever nothing else did."""
+        period = self._alive_period()
+        while not self._closing.wait(period / 4):
+            if time.monotonic() - self._transport.traffic.last_out_s < 0.75 * period:
+                continue
+            try:
+                self.ping()
+            except UnpluggedError:
+                return
+            except LinkError:
+                self.alive_errors += 1
+
+    def _alive_period(self) -> float:
+        """Return a third of the time after which the board turns its laser off, s."""
+        return ALIVE_S
+
+    @property
+    def traffic(self) -> Traffic:
+        """What came and went over the port."""
+        return self._transport.traffic
+
+    @property
+    def baud(self) -> int:
+        """The rate."""
+        return self._transport.baud
+
+    # ---- commands ----
+
+    def _command(
+        self,
+        operation: int,
+        data: bytes = b"",
+        *,
+        again: bool = True,
+        then: Callable[[], None] | None = None,
+    ) -> bytes:
+        """Do a command and return what follows the status in its reply."""
+        reply = self._transport.command(operation, data, again=again, then=then)
+        if reply[2] != link_pkg.STATUS_OK:
+            raise DeviceError(self.port, reply[2])
+        return reply[3:]
+
+    def ping(self, data: bytes | None = None, *, wait: float | None = None) -> float:
+        """Send data there and back, and return the seconds that took.
+
+        Raises:
+            LinkError: if no reply comes, or another one.
+        """
+        data = os.urandom(4) if data is None else data
+        start = time.monotonic()
+        reply = self._transport.command(link_pkg.COMMAND_PING, data, wait=wait)
+        if reply[2] != link_pkg.STATUS_OK:
+            raise DeviceError(self.port, reply[2])
+        if reply[3:] != data:
+            raise LinkError(f"{self.port}: a ping of {data.hex()} came back as {reply[3:].hex()}")
+        return time.monotonic() - start
+
+    # ---- registers ----
+
+    def read_words(self, address: int, count: int) -> list[int]:
+        """Return words of consecutive addresses, at most ``link_pkg.MAX_WORDS``.
+
+        Raises:
+            DeviceError: naming the register, if the board refuses.
+        """
+        reply = self._transport.command(link_pkg.COMMAND_READ, protocol.read(address, count))
+        return self._words(reply, count, None)
+
+    def write_words(self, block: Block, *, again: bool = True) -> list[int]:
+        """Write words, all of them or none, and return what was read back.
+
+        Raises:
+            DeviceError: naming register and value, if the board refuses.
+        """
+        data = protocol.write(block.address, block.words)
+        reply = self._transport.command(link_pkg.COMMAND_WRITE, data, again=again)
+        return self._words(reply, len(block.words), block)
+
+    def _words(self, reply: bytes, count: int, written: Block | None) -> list[int]:
+        """Return the words of a reply to a READ or a WRITE."""
+        try:
+            answer = protocol.words(reply)
+        except ValueError as error:
+            raise LinkError(f"{self.port}: {error} came ({reply.hex()})") from error
+        if answer.status != link_pkg.STATUS_OK:
+            name = value = None
+            if answer.address is not None:
+                name = values.name_at(answer.address)
+                if written is not None:
+                    value = written.words[answer.address - written.address]
+            raise DeviceError(self.port, answer.status, name, value)
+        if len(answer.words) != count:
+            raise LinkError(f"{self.port}: {len(answer.words)} words came, want {count}")
+        return list(answer.words)
+
+    def read(self, name: str) -> Value:
+        """Return a register's integer, or a tuple of them where it has several.
+
+        Args:
+            name: Of a register, or of a field of a table.
+
+        Raises:
+            InputError: if there is no such register.
+        """
+        return self.read_many([name])[name]
+
+    def read_scaled(self, name: str) -> float | tuple[float, ...]:
+        """Return a register in its unit, which is ``values.find(name).unit``."""
+        return values.to_scaled(name, self.read(name))
+
+    def read_many(
+        self, names: Iterable[str], progress: Callable[[int, int], None] | None = None
+    ) -> dict[str, Value]:
+        """Return several registers by name, with the fewest commands.
+
+        Args:
+            names: Of registers, or of fields of tables.
+            progress: Called with how many commands are done, and how many there are.
+        """
+        names = tuple(names)
+        found: dict[int, int] = {}
+        blocks = values.read_blocks(names)
+        for k, block in enumerate(blocks):
+            words = self.read_words(block.address, len(block.words))
+            found.update(zip(range(block.address, block.address + len(words)), words, strict=True))
+            if progress is not None:
+                progress(k + 1, len(blocks))
+        return {
+            name: values.from_words(name, [found[a] for a in values.addresses(name)])
+            for name in names
+        }
+
+    def write(self, name: str, value: Value) -> None:
+        """Write a register, or all of it where it has several values, and check what it then is.
+
+        Raises:
+            InputError: if there is no such register, or the value does not fit.
+            DeviceError: naming register and value, if the board refuses it.
+            NoAnswerError: if no reply came. A register whose every write is an event is written
+                once only, and whether that was done is then not known.
+        """
+        self.write_many([(name, value)])
+
+    def write_scaled(self, name: str, value: float | Sequence[float]) -> Value:
+        """Write a value in the register's unit, and return the integer that stands for it."""
+        integer = values.from_scaled(name, value)
+        self.write(name, integer)
+        return integer
+
+    def write_many(
+        self,
+        settings: Iterable[tuple[str, Value]],
+        progress: Callable[[int, int], None] | None = None,
+    ) -> None:
+        """Write registers and tables with the fewest commands, and check what they then are.
+
+        Args:
+            settings: Names and values. A field of a table comes with the table's other fields.
+            progress: Called with how many commands are done, and how many there are.
+
+        Raises:
+            InputError: before anything is written, if a name or a value is wrong.
+            DeviceError: naming register and value, if the board refuses; blocks before are written.
+        """
+        settings = list(settings)
+        blocks = values.write_blocks(settings)
+        events = {
+            values.find(name).address
+            for name, _ in settings
+            if values.find(name).access == "strobe" and name in REGISTERS
+        }
+        for k, block in enumerate(blocks):
+            reach = range(block.address, block.address + len(block.words))
+            back = self.write_words(block, again=events.isdisjoint(reach))
+            for address, got, want in zip(reach, back, block.words, strict=True):
+                if got != want:
+                    raise LinkError(
+                        f"{self.port}: {values.name_at(address)}: reads {got:#x} after a write of "
+                        f"{want:#x}"
+                    )
+            if progress is not None:
+                progress(k + 1, len(blocks))
+
+    def lock(self, group: str) -> None:
+        """Lock a group until the board is reset: ``"calibration"`` or ``"mirror"``, say."""
+        name = group if group in LOCKS else f"lock_{group}"
+        if name not in LOCKS:
+            known = ", ".join(lock.removeprefix("lock_") for lock in LOCKS)
+            raise InputError(f"no lock {group!r}; there are {known}")
+        self.write(name, 1)
+
+    # ---- configuration ----
+
+    def settings(self, config: Config) -> dict[str, Value]:
+        """Return what a configuration writes into this board, by register or field of a table.
+
+        Raises:
+            InputError: if it is for another line, sensor or sampling, or a value does not fit.
+        """
+        from vrscan.link.load import settings
+
+        return settings(config, self.build)
+
+    def load(
+        self,
+        config: Config,
+        *,
+        force: bool = False,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> None:
+        """Write a whole configuration and check what was read back.
+
+        Args:
+            config: For this board's line and sensor; its clock does not count.
+            force: Whether to write while the mirror moves: the tables of its motion and the limits
+                of its drive then change under it.
+            progress: Called with how many commands are done, and how many there are.
+
+        Raises:
+            InputError: if the configuration is not for this board, or the mirror moves.
+            DeviceError: naming register and value, if the board refuses, as where it is locked.
+        """
+        wanted = self.settings(config)
+        state = _integer(self.read("mirror_state"))
+        if state in (SWEEP, SETTLE, RUN) and not force:
+            raise LinkError(
+                f"{self.port}: the mirror is in {STATES[state]}: stop it first "
+                "(mirror_enable = 0), or force it"
+            )
+        self.write_many(wanted.items(), progress)
+
+    def wait_for_mirror(
+        self, wanted: int = RUN, progress: Callable[[str, float], None] | None = None
+    ) -> None:
+        """Wait until the mirror is in a state, for as long as the board itself allows it.
+
+        Args:
+            wanted: The state.
+            progress: Called with the state's name and the share of the time that is over.
+
+        Raises:
+            LinkError: if it is in FAULT, or not there in time.
+        """
+        start = _integer(self.read("uptime"))
+        limits = self.read_many(("sweep_timeout", "settle_timeout"))
+        allowed = sum(_integer(each) for each in limits.values()) + self.build.clock_hz // 10
+        while True:
+            now = self.read_many(("mirror_state", "mirror_fault", "uptime"))
+            state, spent = _integer(now["mirror_state"]), _integer(now["uptime"]) - start
+            if progress is not None:
+                progress(_of(STATES, state), min(1.0, spent / allowed))
+            if state == wanted:
+                return
+            if state == FAULT:
+                fault = _of(FAULTS, _integer(now["mirror_fault"]))
+                raise LinkError(f"{self.port}: the mirror is in FAULT: {fault}")
+            if spent > allowed:
+                raise LinkError(
+                    f"{self.port}: the mirror is in {_of(STATES, state)} and not in "
+                    f"{_of(STATES, wanted)} after {spent / self.build.clock_hz:.3g} s"
+                )
+            self._closing.wait(0.1)
+
+    # ---- points and lines ----
+
+    def stream(self, full: bool = True, step: int = 1, *, depth: int = DEPTH) -> PointStream:
+        """Let the board send points.
+
+        Args:
+            full: All there is of a point, or compact records.
+            step: Every step-th line, 1 to 255.
+            depth: Points that may wait in this program.
+
+        Returns:
+            The points to iterate over; leaving its ``with`` stops it.
+
+        Raises:
+            InputError: if ``step`` is out of range.
+            LinkError: if points are already being sent.
+        """
+        if step not in range(1, 256):
+            raise InputError(f"step: must be 1 to 255 ({step})")
+        if self._points is not None:
+            raise LinkError(f"{self.port}: points are already being sent")
+        transport = self._transport
+        kind = link_pkg.STREAM_POINTS_FULL if full else link_pkg.STREAM_POINTS_COMPACT
+
+        def stop() -> None:
+            try:
+                self._command(link_pkg.COMMAND_STREAM_STOP)
+                transport.drain(*self._quiet())  # the reply overtakes the last packets
+            finally:
+                transport.sinks.pop(kind, None)
+                self._points = None
+
+        points = PointStream(
+            full=full,
+            step=step,
+            stop=stop,
+            bad_frames=lambda: transport.traffic.bad_frames,
+            check=transport.check,
+            depth=depth,
+        )
+
+        def sink(payload: bytes) -> None:
+            if payload:
+                points.take(protocol.points(payload))
+            else:
+                points.wake()
+
+        transport.sinks[kind] = sink
+        self._points = points
+        try:
+            start = protocol.stream_start(full, step)
+            self._command(link_pkg.COMMAND_STREAM_START, start, then=points.begin)
+        except BaseException:
+            transport.sinks.pop(kind, None)
+            self._points = None
+            raise
+        return points
+
+    def capture(
+        self, mode: int = link_pkg.CAPTURE_NEXT, argument: int = 0, *, timeout: float | None = None
+    ) -> Captured:
+        """Return the pixels of one raw line with its point.
+
+        A line that did not come whole is asked for again, unless it is that of a number.
+
+        Args:
+            mode: ``link_pkg.CAPTURE_NEXT``, or ``CAPTURE_LINE`` with its number in ``argument``.
+            argument: See ``mode``.
+            timeout: Seconds to wait for it, three times that of a command where None.
+
+        Raises:
+            NoAnswerError: if no line came.
+            DeviceError: ``BUSY``, if another one is awaited.
+        """
+        limit = 3.0 * self.timeout if timeout is None else timeout
+        end = time.monotonic() + limit
+        with self.captured(mode, argument) as lines:
+            while True:
+                found = lines.get(max(0.0, end - time.monotonic()))
+                if found is not None:
+                    return found
+                if time.monotonic() >= end:
+                    raise NoAnswerError(f"{self.port}: no line came within {limit:g} s")
+                if mode == link_pkg.CAPTURE_LINE:
+                    raise LinkError(f"{self.port}: line {argument} came with packets missing")
+                if mode == link_pkg.CAPTURE_NEXT:
+                    self._capture(lines, mode, argument)
+
+    @contextlib.contextmanager
+    def captured(self, mode: int, argument: int = 0) -> Iterator[CaptureStream]:
+        """Let the board send raw lines for as long as the context lasts.
+
+        Args:
+            mode: ``link_pkg.CAPTURE_NEXT``; ``CAPTURE_LINE``, the one with the number ``argument``;
+                ``CAPTURE_EVERY``, every ``argument``-th, one at a time.
+            argument: See ``mode``.
+
+        Yields:
+            The lines to fetch.
+
+        Raises:
+            LinkError: if lines are already being captured.
+        """
+        with self._captures() as lines:
+            self._capture(lines, mode, argument)
+            yield lines
+
+    def _capture(self, lines: CaptureStream, mode: int, argument: int) -> None:
+        data = protocol.capture(mode, argument)
+        # Once more would be BUSY where it is the reply that was lost.
+        self._command(link_pkg.COMMAND_CAPTURE, data, again=False, then=lines.begin)
+
+    @contextlib.contextmanager
+    def _captures(self) -> Iterator[CaptureStream]:
+        """Take lines for as long as the context lasts."""
+        transport = self._transport
+        lines = CaptureStream(self.build.line_length, transport.check)
+        kinds = link_pkg.STREAM_CAPTURE_PIXELS, link_pkg.STREAM_CAPTURE_RECORD
+        if transport.sinks.keys() & set(kinds):
+            raise LinkError(f"{self.port}: lines are already being captured")
+
+        def pixels(payload: bytes) -> None:
+            if payload:
+                lines.take_pixels(protocol.capture_pixels(payload))
+            else:
+                lines.wake()
+
+        def record(payload: bytes) -> None:
+            if payload:
+                lines.take_record(protocol.capture_record(payload))
+            else:
+                lines.wake()
+
+        transport.sinks.update(zip(kinds, (pixels, record), strict=True))
+        try:
+            yield lines
+        finally:
+            try:
+                stop = protocol.capture(link_pkg.CAPTURE_STOP, 0)
+                with contextlib.suppress(LinkError):
+                    self._command(link_pkg.COMMAND_CAPTURE, stop)
+                    transport.drain(*self._quiet())
+            finally:
+                for kind in kinds:
+                    transport.sinks.pop(kind, None)
+
+    # ---- rate ----
+
+    def set_baud(self, rate: int) -> None:
+        """Change the rate on both sides.
+
+        The board takes the rate on trial: where nothing that it understands comes at the new one,
+        it goes back to its default, and so does this side.
+
+        Raises:
+            InputError: if the board's clock cannot make the rate.
+            LinkError: if the other side is not heard at it; the default rate then holds.
+        """
+        clock = self.build.clock_hz
+        step = round(rate * 2**UART_FRACTION / clock)
+        register = values.find("uart_step")
+        if not (
+            register.minimum <= step <= register.maximum
+            and 0 < rate * LEAST_CLOCKS_A_BIT <= clock
+            and abs(step * clock / 2**UART_FRACTION / rate - 1.0) < MOST_RATE_ERROR
+        ):
+            most = clock // LEAST_CLOCKS_A_BIT
+            raise InputError(f"baud: the board makes rates up to {most} ({rate})")
+        transport = self._transport
+        before = transport.baud
+        self.write("uart_step", step)
+        try:
+            transport.baud = rate
+            self._settle()
+        except LinkError as error:
+            transport.baud = before
+            transport.send_break()
+            transport.baud = self._default_baud
+            self._settle()
+            raise LinkError(f"{self.port}: nothing is heard at {rate} baud") from error
+
+    def _settle(self) -> None:
+        """Wait until the board hears and is heard."""
+        self._transport.send(b"\0")
+        self.ping()
+
+
+def _integer(value: Value) -> int:
+    """Return the value of a register that has one."""
+    assert isinstance(value, int)
+    return value
+
+
+def _of(names: Sequence[str], index: int) -> str:
+    """Return a name by its number, which may be none of them."""
+    return names[index] if index < len(names) else str(index)

@@ -1,0 +1,440 @@
+"""A board proves itself: what its registers answer, and what it makes of its own test lines.
+
+The board's test lines are the twin's, pixel by pixel, so the bit-accurate model says what every
+field of every record has to be. Nothing of what is changed stays, but for the numbers of the lines.
+"""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from vrscan.chain import run_fixed
+from vrscan.errors import InputError
+from vrscan.fixed import link_pkg, pkg
+from vrscan.fixed.test_line import Settings, least_period, lines, step_of_width
+from vrscan.link import records, values
+from vrscan.link.device import OFF, Device, DeviceError
+from vrscan.link.records import Records
+from vrscan.link.register_map import LOCKS, REGISTERS, WINDOWS
+from vrscan.link.stream import COMPACT
+from vrscan.link.transport import LinkError
+from vrscan.points import Points
+from vrscan.registers import Registers
+
+ONE_PX = 1 << pkg.POSITION_FRACTION
+FULL_SCALE = (1 << pkg.ALIGNED_WIDTH) - 1
+LINES = 40  # of a run: what the board's buffer holds of full records, and as many more as it sends
+ANGLES = (0, 1 << 19, -(3 << 18), (1 << 21) - 1, -(1 << 21))  # of the test lines, in turn
+POWERS = (65_535, 30_000, 1_000, 1, 0)
+PATTERNS = (0, 0xFFFF_FFFF, 0x5555_5555, 0xAAAA_AAAA, *(1 << k for k in range(32)))
+# What the chain makes a point with: it can be anything while there are no lines.
+CHAIN = tuple(
+    field.name for field in fields(Registers) if field.name not in ("pixel_width", "line_length")
+)
+QUIET = (*CHAIN, "drive_phase", "motion_a", "motion_phi", "motion_da", "motion_dphi", "scratch")
+TEST = tuple(f"test_{field.name}" for field in fields(Settings))
+CHANGED = ("test_angle", "test_power", *TEST, "points_batch", "points_timeout_clks")
+# A board that works does not count these, whatever the self-test does.
+FAULTS = (
+    "short_count",
+    "long_count",
+    "unfinished_count",
+    "early_count",
+    "dropped_count",
+    "uart_framing",
+    "uart_breaks",
+    "uart_fallbacks",
+    "frames_crc",
+    "frames_malformed",
+    "frames_too_long",
+    "frames_too_short",
+    "frames_framing",
+    "commands_lost",
+    "points_dropped",
+)
+
+
+@dataclass(frozen=True)
+class Check:
+    """What was compared.
+
+    Attributes:
+        what: In a few words.
+        lines: Of the sensor's length, that the board made.
+        compared: Numbers that were the same, or all up to the first that was not.
+        difference: The first one, with what came and what should have; None where there is none.
+    """
+
+    what: str
+    lines: int
+    compared: int
+    difference: str | None = None
+
+
+Progress = Callable[[str, int, int], None]
+
+
+def runs(line_length: int) -> dict[str, Settings]:
+    """Return the runs of test lines, by what they are."""
+    middle = line_length // 2 * ONE_PX
+    plain = Settings(
+        position=middle + 1234,
+        move=3 * ONE_PX + 789,
+        step=step_of_width(24.0),
+        height=40_000,
+        pedestal=1_000,
+        noise=200,
+        seed=1,
+        lines=LINES,
+        period_clks=0,
+    )
+    edge = (line_length - 1) * ONE_PX
+    return {
+        "moving peak": plain,
+        "narrow peak": replace(plain, step=step_of_width(4.0), move=ONE_PX + 97),
+        "one pixel": replace(plain, step=step_of_width(1.0), noise=0, move=555),
+        "wide peak": replace(plain, step=step_of_width(200.0), move=-7 * ONE_PX - 11),
+        "wider than the window": replace(plain, step=step_of_width(line_length / 2)),
+        "saturated": replace(plain, height=FULL_SCALE, pedestal=30_000, seed=2),
+        "across the edges": replace(plain, position=edge - 5 * ONE_PX, move=ONE_PX // 2, seed=3),
+        "much noise": replace(plain, height=9_000, noise=6_000, seed=4),
+        "nothing but noise": replace(plain, height=0, noise=3_000, seed=5),
+        "black": replace(plain, height=0, pedestal=0, noise=0),
+        "white": replace(plain, height=0, pedestal=FULL_SCALE, noise=0),
+        "without a foot": replace(plain, step=0, noise=500, seed=6),
+        "spread out": replace(plain, period_clks=4 * least_period(line_length), seed=7),
+    }
+
+
+def first_difference(got: Records, want: Records) -> tuple[int, str | None]:
+    """Return how many numbers were compared, and the first one that differs as text.
+
+    Args:
+        got: A structured array.
+        want: One of the same fields and as many rows.
+    """
+    names = want.dtype.names or ()
+    wrong = np.stack([np.asarray(got[name]) != np.asarray(want[name]) for name in names], 1)
+    rows = np.flatnonzero(wrong.any(axis=1))
+    if not len(rows):
+        return wrong.size, None
+    row = int(rows[0])
+    name = names[int(np.flatnonzero(wrong[row])[0])]
+    return row * len(names), (
+        f"line {row} of {len(want)}: {name} is {got[name][row]}, want {want[name][row]} "
+        f"({len(rows)} lines differ)"
+    )
+
+
+def full_records(points: Points, first: int, power: int) -> Records:
+    """Return the full records of a run of test lines.
+
+    Args:
+        points: What the model makes of the lines.
+        first: Number of the first line.
+        power: Of all lines.
+    """
+    found = np.zeros(len(points), records.FULL)
+    for name in records.FULL.names or ():
+        if hasattr(points, name):
+            kind = records.FULL[name]
+            found[name] = getattr(points, name).astype(np.int64).astype(kind)
+    found["line"] = (first + np.arange(len(points))) % (1 << pkg.LINE_NUMBER_WIDTH)
+    found["power"] = power
+    found["bits"] = records.TEST | np.where(points.measured, records.MEASURED, 0)
+    return found
+
+
+class SelfTest:
+    """A self-test of a board.
+
+    Args:
+        device: The board. Its lines have to stand still.
+        progress: Called with what is done, and how many of how many steps of it are.
+
+    Raises:
+        InputError: if the board makes lines, or its mirror moves.
+    """
+
+    def __init__(self, device: Device, progress: Progress = lambda *_: None) -> None:
+        self.device = device
+        self.progress = progress
+        state = device.read_many(("line_enable", "mirror_state"))
+        if state["line_enable"]:
+            raise InputError(f"{device.port}: lines run: stop them first (line_enable = 0)")
+        self._still = state["mirror_state"] == OFF
+        found = device.read_many((*CHAIN, *CHANGED))
+        self._before = {name: found[name] for name in CHANGED}
+        chain = {name: found[name] for name in CHAIN}
+        for name in ("period_n", "noise_row", "even"):
+            chain[name] = bool(chain[name])
+        self._chain = Registers(
+            pixel_width=device.build.pixel_width,
+            line_length=device.build.line_length,
+            **chain,  # type: ignore[arg-type]
+        )
+
+    def __iter__(self) -> Iterator[Check]:
+        """Do one check after the other; what follows a difference means little."""
+        device = self.device
+        faults = self._counters()
+        try:
+            yield self.pings()
+            yield self.registers()
+            yield self.answers()
+            named = runs(device.build.line_length)
+            for full in (True, False):
+                for k, (name, settings) in enumerate(named.items()):
+                    yield self.run(name, settings, full, ANGLES[k % 5], POWERS[k % 5])
+            for name in ("moving peak", "saturated", "nothing but noise"):
+                yield self.captured(name, named[name])
+            yield self.no_faults(faults)
+        finally:
+            device.write("test_stop", 1)
+            device.write_many(self._before.items())
+
+    # ---- the link and the registers ----
+
+    def pings(self) -> Check:
+        """Send every byte and every length there and back."""
+        longest = link_pkg.MAX_PAYLOAD - 3
+        payloads = [bytes(range(256))[:longest], bytes(range(256))[-longest:], bytes(longest)]
+        payloads += [bytes([255 - k]) * k for k in (0, 1, 2, 3, 100, longest)]
+        for k, payload in enumerate(payloads):
+            try:
+                self.device.ping(payload)
+            except LinkError as error:
+                return Check("pings", 0, sum(map(len, payloads[:k])), str(error))
+            self.progress("pings", k + 1, len(payloads))
+        return Check("pings", 0, sum(map(len, payloads)))
+
+    def registers(self) -> Check:
+        """Write patterns to registers that may hold them, read them back, and restore them."""
+        what, compared = "registers hold what is written", 0
+        names = [name for name in QUIET if self._free(name)]
+        before = self.device.read_many(names)
+        try:
+            for k, pattern in enumerate(PATTERNS):
+                settings = [(name, _filled(name, pattern + 77 * k)) for name in names]
+                self.device.write_many(settings)
+                found = self.device.read_many(names)
+                for name, want in settings:
+                    if found[name] != want:
+                        return Check(what, 0, compared, f"{name} is {found[name]}, want {want}")
+                    compared += values.count(name)
+                self.progress(what, k + 1, len(PATTERNS))
+        except LinkError as error:
+            return Check(what, 0, compared, str(error))
+        finally:
+            self.device.write_many(before.items())
+        return Check(what, 0, compared)
+
+    def _free(self, name: str) -> bool:
+        """Whether a register can be changed for a moment."""
+        lock = values.find(name).lock
+        open_ = lock is None or not self.device.read(lock)
+        return open_ and (self._still or name == "scratch" or name in CHAIN)
+
+    def answers(self) -> Check:
+        """Do what is refused, everywhere, and see how."""
+        what, compared = "accesses are refused", 0
+        before = self._counter("commands_bad")
+        expected = list(self._refused())
+        for k, (place, access, status) in enumerate(expected):
+            try:
+                access()
+            except DeviceError as error:
+                if error.status != status:
+                    return Check(what, 0, compared, f"{place}: {error}, want status {status}")
+            except LinkError as error:
+                return Check(what, 0, compared, f"{place}: {error}")
+            else:
+                return Check(what, 0, compared, f"{place}: was done, want status {status}")
+            compared += 1
+            self.progress(what, k + 1, len(expected))
+        counted = self._counter("commands_bad") - before
+        if counted not in (len(expected), (1 << 16) - 1 - before):
+            return Check(what, 0, compared, f"commands_bad rose by {counted}, want {len(expected)}")
+        return Check(what, 0, compared + 1)
+
+    def _refused(self) -> Iterator[tuple[str, Callable[[], object], int]]:
+        """Yield accesses that are refused, with where and the status."""
+        device = self.device
+        closed = {lock for lock in LOCKS if device.read(lock)}
+        current = device.read_many([r.name for r in REGISTERS.values() if r.access == "rw"])
+
+        def write(address: int, word: int) -> Callable[[], object]:
+            return lambda: device.write_words(values.Block(address, [word]))
+
+        def read(address: int) -> Callable[[], object]:
+            return lambda: device.read_words(address, 1)
+
+        for register in REGISTERS.values():
+            name, address = register.name, register.address
+            if register.access not in values.WRITABLE:
+                yield name, write(address, 0), link_pkg.STATUS_READ_ONLY
+            elif register.lock in closed:
+                first = values.to_words(name, current.get(name, 0))[0]
+                yield name, write(address, first), link_pkg.STATUS_LOCKED
+            elif register.width < values.WORD_BITS and register.maximum >= 0:
+                word = (register.maximum + 1) & values.WORD_MASK
+                yield name, write(address, word), link_pkg.STATUS_BAD_VALUE
+                word = (register.minimum - 1) & values.WORD_MASK
+                yield name, write(address, word), link_pkg.STATUS_BAD_VALUE
+        for address in _holes():
+            place = f"{address:#06x}"
+            yield place, read(address), link_pkg.STATUS_NO_ADDRESS
+            yield place, write(address, 0), link_pkg.STATUS_NO_ADDRESS
+
+    def _counter(self, name: str) -> int:
+        return int(self.device.read(name))  # type: ignore[arg-type]
+
+    def _counters(self) -> dict[str, values.Value]:
+        names = [r.name for r in REGISTERS.values() if r.access == "counter"]
+        return self.device.read_many(name for name in FAULTS if name in names)
+
+    def no_faults(self, before: dict[str, values.Value]) -> Check:
+        """See that nothing was counted that a board that works does not count."""
+        what = "no faults were counted"
+        for name, now in self._counters().items():
+            if now != before[name]:
+                return Check(what, 0, len(before), f"{name} is {now}, want {before[name]}")
+        return Check(what, 0, len(before))
+
+    # ---- lines ----
+
+    def run(self, name: str, settings: Settings, full: bool, angle: int, power: int) -> Check:
+        """Stream the points of a run and compare every field of all of them."""
+        kind = "full" if full else "compact"
+        what = f"{name}, {kind}"
+        self._set(settings, angle, power)
+        with self.device.stream(full) as stream:
+            self.device.write("test_start", 1)
+            try:
+                got = self._received(what, stream, settings.lines)
+            finally:
+                self.device.write("test_stop", 1)
+        if len(got) != settings.lines or stream.account.lost:
+            short = f"{len(got)} records, want {settings.lines} ({stream.account})"
+            return Check(what, settings.lines, 0, short)
+        want = self._wanted(settings, angle, power, int(got["line"][0]))
+        if not full:
+            packed = records.compact(want)
+            want = np.zeros(len(packed), COMPACT)
+            want["line"] = (int(got["line"][0]) + np.arange(len(packed))) % (1 << 32)
+            for column in records.COMPACT.names or ():
+                want[column] = packed[column]
+        compared, difference = first_difference(got, want)
+        return Check(what, len(got), compared, difference)
+
+    def _received(self, what: str, stream, count: int) -> Records:  # type: ignore[no-untyped-def]
+        """Return the records of a run, or those that came until none did for the timeout."""
+        parts: list[Records] = []
+        come = 0
+        end = time.monotonic() + 2.0 * self.device.timeout
+        while come < count and time.monotonic() < end:
+            part = stream.get(end - time.monotonic())
+            if part is not None:
+                parts.append(part)
+                come += len(part)
+                self.progress(what, come, count)
+                end = time.monotonic() + 2.0 * self.device.timeout
+        return np.concatenate(parts) if parts else np.zeros(0, records.FULL)
+
+    def _wanted(self, settings: Settings, angle: int, power: int, first: int) -> Records:
+        """Return the full records that a run has to give."""
+        count = settings.lines
+        points = run_fixed(
+            self._lines(settings, count),
+            np.full(count, angle, np.int64),
+            np.full(count, power, np.int64),
+            self._chain,
+            max_window=self.device.build.max_window,
+        )
+        return full_records(points, first, power)
+
+    def _lines(self, settings: Settings, count: int):  # type: ignore[no-untyped-def]
+        build = self.device.build
+        return lines(settings, count, line_length=build.line_length, pixel_width=build.pixel_width)
+
+    def _set(self, settings: Settings, angle: int, power: int) -> None:
+        """Set the registers of a run."""
+        wanted: list[tuple[str, values.Value]] = [
+            (f"test_{field.name}", getattr(settings, field.name)) for field in fields(Settings)
+        ]
+        # A batch that is not full goes out after a tenth of a second of the board's.
+        wanted += [("test_angle", angle), ("test_power", power), ("points_batch", 255)]
+        timeout = min(self.device.build.clock_hz // 100, (1 << 24) - 1)
+        self.device.write_many([*wanted, ("points_timeout_clks", timeout)])
+
+    def captured(self, name: str, settings: Settings) -> Check:
+        """Capture the first line of a run, and one in its middle, pixel by pixel."""
+        what, compared = f"{name}, captured", 0
+        angle, power = ANGLES[1], POWERS[1]
+        settings = replace(settings, lines=8, period_clks=0)
+        self._set(settings, angle, power)
+        pixels = self._lines(settings, settings.lines)
+        want = self._wanted(settings, angle, power, 0)
+        first: int | None = None
+        for place in (0, 5):
+            number = 0 if first is None else first + settings.lines + place
+            mode = link_pkg.CAPTURE_NEXT if first is None else link_pkg.CAPTURE_LINE
+            with self.device.captured(mode, number) as waiting:
+                self.device.write("test_start", 1)
+                got = waiting.get(3.0 * self.device.timeout)
+            if got is None:
+                return Check(what, 1, compared, f"line {place} of the run did not come whole")
+            first = got.line if first is None else number - place
+            if got.line != first + place:
+                return Check(what, 1, compared, f"line {got.line} came, want {first + place}")
+            wrong = np.flatnonzero(got.pixels != pixels[place])
+            if len(wrong):
+                k = wrong[0]
+                text = f"pixel {k} is {got.pixels[k]}, want {pixels[place, k]}"
+                return Check(what, 1, compared + int(k), f"line {place} of the run: {text}")
+            compared += got.pixels.size
+            if got.record is None:
+                return Check(what, 1, compared, f"line {place} of the run gave no point")
+            record = want[place : place + 1].copy()
+            record["line"] = got.line
+            more, difference = first_difference(got.record, record)
+            compared += more
+            if difference is not None:
+                return Check(what, 1, compared, difference)
+            self.progress(what, place, 5)
+            self._settled()
+        return Check(what, 2, compared)
+
+    def _settled(self) -> None:
+        """Wait until a run has ended."""
+        end = time.monotonic() + 2.0 * self.device.timeout
+        while self.device.read("test_running"):
+            if time.monotonic() > end:
+                raise LinkError(f"{self.device.port}: the run of test lines does not end")
+
+
+def _filled(name: str, pattern: int) -> values.Value:
+    """Return a legal value of a register, made of the bits of a pattern."""
+    register = values.find(name)
+    span = register.maximum - register.minimum + 1
+    found = tuple(
+        register.minimum + (pattern * (k + 1)) * 0x1_0001 % span for k in range(values.count(name))
+    )
+    return found if len(found) > 1 else found[0]
+
+
+def _holes() -> Sequence[int]:
+    """Return the first and the last address of every gap of the map."""
+    taken = sorted(
+        [(r.address, r.words) for r in REGISTERS.values()]
+        + [(w.address, w.entries * w.stride) for w in WINDOWS.values()]
+    )
+    holes = []
+    at = 0
+    for address, words in [*taken, (1 << link_pkg.ADDRESS_WIDTH, 0)]:
+        if address > at:
+            holes += sorted({at, address - 1})
+        at = max(at, address + words)
+    return holes

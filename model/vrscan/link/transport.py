@@ -1,0 +1,307 @@
+"""A serial port with a board at its other end: commands with their replies, and what comes unasked.
+
+One thread reads. It gives a reply to the command that waits for it, by its sequence number, and a
+packet of a stream to whoever has asked for its kind. What nobody waits for is counted.
+"""
+
+import contextlib
+import errno
+import os
+import re
+import termios
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import serial
+
+from vrscan.errors import InputError
+from vrscan.fixed import link_pkg
+from vrscan.link import protocol
+
+POLL_S = 0.1  # of the reading thread: how soon it sees that it is to end
+ATTEMPTS = 4  # of a command that may be repeated
+
+Sink = Callable[[bytes], None]
+
+
+class LinkError(InputError):
+    """The link does not do what was asked; the text is one line."""
+
+
+class NoAnswerError(LinkError):
+    """No reply came in time."""
+
+
+class UnpluggedError(LinkError):
+    """The port is gone."""
+
+
+@dataclass
+class Traffic:
+    """What came over the port since it was opened.
+
+    Attributes:
+        bytes_in, bytes_out: All of them, also those between frames.
+        frames: Good ones.
+        bad: Bad ones, by their fault.
+        refused: Frames that the board found bad.
+        retries: Commands that were sent again.
+        late: Replies that nobody waited for any more.
+        unasked: Packets of streams that nobody waited for.
+        unknown: Good frames that are no packet of this protocol.
+        last_out_s: When the last command went out, of ``time.monotonic``.
+    """
+
+    bytes_in: int = 0
+    bytes_out: int = 0
+    frames: int = 0
+    bad: Counter[str] = field(default_factory=Counter)
+    refused: int = 0
+    retries: int = 0
+    late: int = 0
+    unasked: int = 0
+    unknown: int = 0
+    last_out_s: float = 0.0
+
+    @property
+    def bad_frames(self) -> int:
+        """Frames that were no good, of all faults."""
+        return sum(self.bad.values())
+
+
+class Transport:
+    """An open port.
+
+    Args:
+        port: Its name, or an URL of pyserial.
+        baud: Its rate.
+        timeout: Seconds until a command without a reply is given up.
+
+    Attributes:
+        port, timeout: As given.
+        traffic: What came and went.
+        sinks: What takes the packets that begin with a byte; called in the reading thread.
+
+    Raises:
+        LinkError: if there is no such port, or another program has it.
+    """
+
+    def __init__(self, port: str, baud: int, timeout: float) -> None:
+        self.port = port
+        self.timeout = timeout
+        self.traffic = Traffic()
+        self.sinks: dict[int, Sink] = {}
+        self._frames = protocol.FrameReader()
+        self.traffic.bad = self._frames.bad
+        self._turn = threading.RLock()  # one command at a time
+        self._arrived = threading.Condition()
+        self._sequence = 0
+        self._awaited: tuple[int, int] | None = None  # first two bytes of the reply
+        self._reply: bytes | None = None
+        self._then: Callable[[], None] | None = None
+        self._nacks = 0  # frames that the board found bad since the command went out
+        self._failure: UnpluggedError | None = None
+        self._ending = False
+        self._serial = _opened(port, baud, timeout)
+        self._reader = threading.Thread(target=self._read, name=f"reader {port}", daemon=True)
+        self._reader.start()
+
+    def close(self) -> None:
+        """Close the port; the reading thread ends."""
+        self._ending = True
+        with contextlib.suppress(Exception):
+            self._serial.cancel_read()
+        if threading.current_thread() is not self._reader:
+            self._reader.join()
+        with contextlib.suppress(Exception):  # an unplugged one may complain
+            self._serial.close()
+
+    @property
+    def baud(self) -> int:
+        """The port's rate; writing it takes effect when all that was sent is out."""
+        return int(self._serial.baudrate)
+
+    @baud.setter
+    def baud(self, rate: int) -> None:
+        try:
+            self._serial.flush()
+            self._serial.baudrate = rate
+        except (OSError, ValueError, OverflowError) as error:
+            raise LinkError(f"{self.port}: no rate of {rate} baud ({_reason(error)})") from error
+
+    def send_break(self) -> None:
+        """Hold the line low for a while: the board stops its streams and takes its default rate."""
+        with contextlib.suppress(OSError):  # a port that knows no break
+            self._serial.send_break()
+
+    def check(self) -> None:
+        """Raise the error that ended the reading thread, if one did."""
+        if self._failure is not None:
+            raise self._failure
+
+    def send(self, data: bytes) -> None:
+        """Send bytes as they are.
+
+        Raises:
+            UnpluggedError: if the port is gone.
+            NoAnswerError: if it takes nothing.
+        """
+        self.check()
+        try:
+            self._serial.write(data)
+        except serial.SerialTimeoutException as error:
+            raise NoAnswerError(f"{self.port}: takes no data for {self.timeout:g} s") from error
+        except (OSError, TypeError, ValueError) as error:  # the last two where it was closed
+            raise self._unplugged(error) from error
+        self.traffic.bytes_out += len(data)
+        self.traffic.last_out_s = time.monotonic()
+
+    def command(
+        self,
+        operation: int,
+        data: bytes = b"",
+        *,
+        again: bool = True,
+        wait: float | None = None,
+        then: Callable[[], None] | None = None,
+    ) -> bytes:
+        """Send a command and return the payload of its reply, whatever its status.
+
+        Args:
+            operation: First byte of the command.
+            data: What follows the sequence number.
+            again: Whether it may be executed twice: it is then sent again when no reply comes.
+            wait: Seconds for all attempts together, ``timeout`` where None.
+            then: Called in the reading thread with a reply of ``STATUS_OK``, before anything that
+                comes after it is looked at.
+
+        Raises:
+            NoAnswerError: if no reply came. A command that may not be repeated may have been
+                executed.
+            UnpluggedError: if the port is gone.
+        """
+        wait = self.timeout if wait is None else wait
+        attempts = ATTEMPTS if again else 1
+        with self._turn:
+            self._then = then
+            for attempt in range(attempts):
+                self.traffic.retries += attempt > 0
+                reply = self._once(operation, data, wait / attempts, nacked=again)
+                if reply is not None:
+                    return reply
+        tried = f" and {attempts} attempts" if again else ""
+        unsure = "" if again else "; whether the board did it is not known"
+        name = protocol.COMMANDS.get(operation, f"command {operation:#04x}")
+        raise NoAnswerError(f"{self.port}: no answer to {name} after {wait:g} s{tried}{unsure}")
+
+    def _once(self, operation: int, data: bytes, wait: float, *, nacked: bool) -> bytes | None:
+        """Send a command and return its reply; with ``nacked`` give up where its frame was bad."""
+        self._sequence = (self._sequence + 1) & 0xFF
+        frame = protocol.encode_frame(protocol.command(operation, self._sequence, data))
+        with self._arrived:
+            self._awaited = operation | link_pkg.REPLY_BIT, self._sequence
+            self._reply = None
+            self._nacks = 0
+        self.send(frame)
+        with self._arrived:
+            self._arrived.wait_for(
+                lambda: (
+                    self._reply is not None
+                    or self._failure is not None
+                    or (nacked and self._nacks > 0)
+                ),
+                wait,
+            )
+            self._awaited = None
+            reply, self._reply = self._reply, None
+        if reply is None:
+            self.check()
+        return reply
+
+    def drain(self, quiet: float, longest: float) -> None:
+        """Wait until nothing has come for ``quiet`` s, but no longer than ``longest`` s."""
+        end = time.monotonic() + longest
+        while time.monotonic() < end:
+            before = self.traffic.bytes_in
+            time.sleep(quiet)
+            self.check()
+            if self.traffic.bytes_in == before:
+                return
+
+    def _read(self) -> None:
+        """Read until the port is closed or gone."""
+        try:
+            while not self._ending:
+                data = self._serial.read(self._serial.in_waiting or 1)
+                self.traffic.bytes_in += len(data)
+                for payload in self._frames.feed(data):
+                    self._sort(payload)
+                self.traffic.frames = self._frames.good
+        except Exception as error:
+            if not self._ending:
+                self._unplugged(error)
+
+    def _unplugged(self, error: Exception) -> UnpluggedError:
+        """Keep the error that ends it all, and wake who waits."""
+        with self._arrived:
+            if self._failure is None:
+                self._failure = UnpluggedError(f"{self.port}: the port is gone ({_reason(error)})")
+            self._arrived.notify_all()
+        for sink in list(self.sinks.values()):
+            sink(b"")
+        return self._failure
+
+    def _sort(self, payload: bytes) -> None:
+        """Give the payload of a good frame to whom it belongs."""
+        if not payload[0] & link_pkg.REPLY_BIT:
+            sink = self.sinks.get(payload[0])
+            if sink is None:
+                self.traffic.unasked += 1
+                return
+            try:
+                sink(payload)
+            except ValueError:
+                self.traffic.unknown += 1
+            return
+        with self._arrived:
+            if payload[0] == protocol.BAD_FRAME:
+                self.traffic.refused += 1
+                self._nacks += 1
+            elif tuple(payload[:2]) == self._awaited and len(payload) > 2:
+                self._reply = payload
+                self._awaited = None
+                if self._then is not None and payload[2] == link_pkg.STATUS_OK:
+                    self._then()
+            else:
+                self.traffic.late += 1
+            self._arrived.notify_all()
+
+
+def _opened(port: str, baud: int, timeout: float) -> serial.Serial:
+    """Return an open port that no other program has."""
+    try:
+        return serial.serial_for_url(
+            port, baud, timeout=POLL_S, write_timeout=timeout, exclusive=True
+        )
+    except serial.SerialException as error:
+        if error.errno in (errno.EAGAIN, errno.EBUSY):
+            raise LinkError(f"{port}: another program has this port open") from error
+        raise LinkError(f"{port}: cannot open ({_reason(error)})") from error
+    except (OSError, ValueError, OverflowError, termios.error) as error:
+        raise LinkError(f"{port}: cannot open at {baud} baud ({_reason(error)})") from error
+
+
+def _reason(error: BaseException) -> str:
+    """Return what the system says of an error, without what pyserial puts around it."""
+    number = getattr(error, "errno", None)
+    if number is None and error.args and isinstance(error.args[0], int):
+        number = error.args[0]
+    if isinstance(number, int):
+        return os.strerror(number)
+    found = re.search(r"\[Errno (\d+)\]|\((\d+), '", str(error))
+    if found is not None:
+        return os.strerror(int(found[1] or found[2]))
+    return str(error) or type(error).__name__
