@@ -5,6 +5,7 @@ from typing import Protocol
 
 from vrscan.config import Clock, Config
 from vrscan.errors import InputError
+from vrscan.focus_registers import FocusRegisters
 from vrscan.mirror_registers import MirrorRegisters
 from vrscan.registers import Registers
 
@@ -61,7 +62,11 @@ def settings(config: Config, build: Build) -> dict[str, int | tuple[int, ...]]:
             )
     on_board = config.model_copy(update={"clock": Clock(frequency_hz=float(build.clock_hz))})
     values: dict[str, int | tuple[int, ...]] = {}
-    for registers in (Registers.from_config(on_board), MirrorRegisters.from_config(on_board)):
+    for registers in (
+        Registers.from_config(on_board),
+        MirrorRegisters.from_config(on_board),
+        FocusRegisters.from_config(on_board),
+    ):
         for field in fields(registers):
             if field.name not in _BUILT:
                 value = getattr(registers, field.name)
