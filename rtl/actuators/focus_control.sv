@@ -177,7 +177,7 @@ module focus_control #(
     delta_q  <= (DeltaWidth'(z_q) <<< FineWidth) - DeltaWidth'(average_q);
     enough_q <= level_q >= focus_average_shift_i;
     shift_q  <= level_q >= focus_average_shift_i ? focus_average_shift_i : level_q;
-    coarse_q <= {delta_q, 1'b0} >>> {shift_q[3:2], 2'b00};
+    coarse_q <= signed'({delta_q, 1'b0}) >>> {shift_q[3:2], 2'b00};
     fine_q   <= coarse_q >>> shift_q[1:0];
     part_q   <= signed'(fine_q[DeltaWidth:1]) + DeltaWidth'(signed'({1'b0, fine_q[0]}));
     if (age_q == Average) begin

@@ -71,6 +71,7 @@ module i2c_bus #(
     .scl_i(scl_o), .sda_i(sda_o), .scl_low_o(device_scl_low_o), .sda_low_o(device_sda_low_o),
     .address_i(device_address_i),
     .nack_address_i, .nack_byte_i, .stretch_clks_i, .stretch_bits_i, .hold_scl_i, .hold_sda_i,
+    .stall_i(1'b0), .push_i('0), .noise_i('0),
     .position_o
   );
 

@@ -9,14 +9,18 @@
 //                   register, 15 none
 //   stretch_clks_i  SCL is held low for so long after each byte, or with stretch_bits_i each bit
 //   hold_*_i        the line is held low, whatever happens
-//   position_o      moves by one every StepClks
+//   stall_i         the motor stands
+//   push_i          it is moved by so much, as by a knock
+//   noise_i         what the sensor shows beside the position
+//   position_o      moves by one every StepClks, up to Travel
 //
-// It leaves out rise times; the lines are looked at unfiltered.
+// It leaves out rise times, and the motor's run-up and creep; the lines are looked at unfiltered.
 
 `default_nettype none
 
 module i2c_device #(
-  parameter int unsigned StepClks = 16
+  parameter int unsigned StepClks = 16,
+  parameter int unsigned Travel   = 65535
 ) (
   input  wire logic        clk_i,
   input  wire logic        rst_i,
@@ -34,16 +38,27 @@ module i2c_device #(
   input  wire logic        hold_scl_i,
   input  wire logic        hold_sda_i,
 
+  input  wire logic        stall_i,
+  input  wire logic signed [15:0] push_i,
+  input  wire logic signed [ 7:0] noise_i,
   output      logic [15:0] position_o
 );
 
   logic [ 7:0] registers_q[256];
   logic [ 7:0] pointer_q, shift_q, shown;
-  logic [15:0] frozen_q, target, stretch_q, step_q;
+  logic [15:0] frozen_q, target, stretch_q, step_q, from;
+  logic signed [17:0] shown_position, pushed;
   logic [ 3:0] bit_q, bit_now, byte_q;
   logic        scl_q, sda_q, active_q, reading_q, pull_q, hold_scl_q, hold_sda_q;
 
   assign target    = {registers_q[0], registers_q[1]};
+  assign shown_position = signed'({2'b00, position_o}) + 18'(noise_i);
+  assign pushed = signed'({2'b00, position_o}) + 18'(push_i);
+
+  function automatic logic [15:0] limited(input logic signed [17:0] value);
+    limited = value < 0 ? '0 : value > 18'(Travel) ? 16'(Travel) : 16'(value);
+  endfunction
+  assign from = limited(pushed);
   assign scl_low_o = hold_scl_q || stretch_q != '0;
   assign sda_low_o = hold_sda_q || pull_q;
   assign bit_now   = bit_q == 4'd8 ? 4'd0 : bit_q + 4'd1;
@@ -66,7 +81,7 @@ module i2c_device #(
       pull_q    <= 1'b0;
       bit_q     <= '1;  // the next fall of SCL begins bit 0
       byte_q    <= '0;
-      frozen_q  <= position_o;
+      frozen_q  <= limited(shown_position);
     end else if (scl_q && scl_i && !sda_q && sda_i) begin
       active_q <= 1'b0;
       pull_q   <= 1'b0;
@@ -93,11 +108,12 @@ module i2c_device #(
       end
     end
 
-    step_q <= step_q + 16'd1;
+    step_q     <= step_q + 16'd1;
+    position_o <= from;
     if (step_q == 16'(StepClks - 1)) begin
       step_q <= '0;
-      if (position_o < target) position_o <= position_o + 16'd1;
-      if (position_o > target) position_o <= position_o - 16'd1;
+      if (!stall_i && from < target && from < 16'(Travel)) position_o <= from + 16'd1;
+      if (!stall_i && from > target) position_o <= from - 16'd1;
     end
 
     if (rst_i) begin
