@@ -198,6 +198,28 @@ module register_file (
   input  wire logic                                            [15:0] focus_timeout_count_i,
   input  wire logic                                            [15:0] focus_recovery_count_i,
 
+  // Test lines in place of the sensor's: a raised cosine on a pedestal with noise. A run takes what was written before test_start.
+  output      logic                                            [23:0] test_position_o,
+  output      logic signed                                     [23:0] test_move_o,
+  output      logic                                            [28:0] test_step_o,
+  output      logic                    [vrscan_pkg::AlignedWidth-1:0] test_height_o,
+  output      logic                    [vrscan_pkg::AlignedWidth-1:0] test_pedestal_o,
+  output      logic                    [vrscan_pkg::AlignedWidth-1:0] test_noise_o,
+  output      logic                                            [31:0] test_seed_o,
+  output      logic                                            [31:0] test_lines_o,
+  output      logic                                            [23:0] test_period_clks_o,
+  output      logic signed               [vrscan_pkg::AngleWidth-1:0] test_angle_o,
+  output      logic                      [vrscan_pkg::PowerWidth-1:0] test_power_o,
+  output      logic                                                   test_start_o,
+  output      logic                                                   test_start_strobe_o,
+  output      logic                                                   test_stop_o,
+  output      logic                                                   test_stop_strobe_o,
+  input  wire logic                                                   test_running_i,
+
+  // Lines between trigger and readout.
+  input  wire logic                                            [15:0] untagged_count_i,
+  input  wire logic                                            [15:0] pixel_overflow_count_i,
+
   // Each takes a 1 and nothing else, and keeps it until reset.
   output      logic                                                   lock_calibration_o,
   output      logic                                                   lock_mirror_o,
@@ -306,6 +328,8 @@ module register_file (
   logic [31:0] ratio_low_q;
   always_ff @(posedge clk_i) begin
     uart_step_strobe_o <= 1'b0;
+    test_start_strobe_o <= 1'b0;
+    test_stop_strobe_o <= 1'b0;
     if (write_q && map_hit_q)
       case (address_q[9:0])
         10'h00a: scratch_o <= data_q;
@@ -430,6 +454,25 @@ module register_file (
         10'h18c: focus_tolerance_o <= data_q[15:0];
         10'h18d: focus_timeout_clks_o <= data_q;
         10'h18e: focus_retries_o <= data_q[7:0];
+        10'h1c0: test_position_o <= data_q[23:0];
+        10'h1c1: test_move_o <= signed'(data_q[23:0]);
+        10'h1c2: test_step_o <= data_q[28:0];
+        10'h1c3: test_height_o <= data_q[15:0];
+        10'h1c4: test_pedestal_o <= data_q[15:0];
+        10'h1c5: test_noise_o <= data_q[15:0];
+        10'h1c6: test_seed_o <= data_q;
+        10'h1c7: test_lines_o <= data_q;
+        10'h1c8: test_period_clks_o <= data_q[23:0];
+        10'h1c9: test_angle_o <= signed'(data_q[23:0]);
+        10'h1ca: test_power_o <= data_q[15:0];
+        10'h1cb: begin
+          test_start_o <= data_q[0];
+          test_start_strobe_o <= 1'b1;
+        end
+        10'h1cc: begin
+          test_stop_o <= data_q[0];
+          test_stop_strobe_o <= 1'b1;
+        end
         10'h3f0: lock_calibration_o <= data_q[0];
         10'h3f1: lock_mirror_o <= data_q[0];
         default: ;
@@ -523,6 +566,21 @@ module register_file (
       focus_tolerance_o <= '0;
       focus_timeout_clks_o <= '0;
       focus_retries_o <= '0;
+      test_position_o <= 24'h400000;
+      test_move_o <= 24'h001000;
+      test_step_o <= 29'h00cccccd;
+      test_height_o <= 16'h9c40;
+      test_pedestal_o <= 16'h07d0;
+      test_noise_o <= 16'h03e8;
+      test_seed_o <= '0;
+      test_lines_o <= '0;
+      test_period_clks_o <= '0;
+      test_angle_o <= '0;
+      test_power_o <= '0;
+      test_start_o <= '0;
+      test_start_strobe_o <= 1'b0;
+      test_stop_o <= '0;
+      test_stop_strobe_o <= 1'b0;
       lock_calibration_o <= '0;
       lock_mirror_o <= '0;
     end
@@ -594,7 +652,7 @@ module register_file (
   always_ff @(posedge clk_i)
     case (address_q[3:0])
       4'h0: page_00_q <= 32'h56525343;
-      4'h1: page_00_q <= 32'hf3c254ff;
+      4'h1: page_00_q <= 32'h8108453b;
       4'h2: page_00_q <= 32'h00000100;
       4'h3: page_00_q <= 32'(board_id_i);
       4'h4: page_00_q <= clock_hz_i;
@@ -865,6 +923,34 @@ module register_file (
       default: page_1a_q <= '0;
     endcase
 
+  logic [31:0] page_1c_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_1c_q <= 32'(test_position_o);
+      4'h1: page_1c_q <= 32'(test_move_o);
+      4'h2: page_1c_q <= 32'(test_step_o);
+      4'h3: page_1c_q <= 32'(test_height_o);
+      4'h4: page_1c_q <= 32'(test_pedestal_o);
+      4'h5: page_1c_q <= 32'(test_noise_o);
+      4'h6: page_1c_q <= test_seed_o;
+      4'h7: page_1c_q <= test_lines_o;
+      4'h8: page_1c_q <= 32'(test_period_clks_o);
+      4'h9: page_1c_q <= 32'(test_angle_o);
+      4'ha: page_1c_q <= 32'(test_power_o);
+      4'hb: page_1c_q <= 32'(test_start_o);
+      4'hc: page_1c_q <= 32'(test_stop_o);
+      4'hd: page_1c_q <= 32'(test_running_i);
+      default: page_1c_q <= '0;
+    endcase
+
+  logic [31:0] page_1d_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_1d_q <= 32'(untagged_count_i);
+      4'h1: page_1d_q <= 32'(pixel_overflow_count_i);
+      default: page_1d_q <= '0;
+    endcase
+
   logic [31:0] page_3f_q;
   always_ff @(posedge clk_i)
     case (address_q[3:0])
@@ -893,6 +979,8 @@ module register_file (
       6'h0e: read_q <= page_0e_q;
       6'h18: read_q <= page_18_q;
       6'h1a: read_q <= page_1a_q;
+      6'h1c: read_q <= page_1c_q;
+      6'h1d: read_q <= page_1d_q;
       6'h3f: read_q <= page_3f_q;
       default: read_q <= '0;
     endcase
@@ -1268,6 +1356,38 @@ module register_file (
     rule_mem[426] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
     // focus_recovery_count
     rule_mem[427] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // test_position
+    rule_mem[448] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000ffffff};
+    // test_move
+    rule_mem[449] = {KindReadWrite, 2'd0, 33'h1ff800000, 33'h0007fffff};
+    // test_step
+    rule_mem[450] = {KindReadWrite, 2'd0, 33'h000000000, 33'h01fffffff};
+    // test_height
+    rule_mem[451] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    // test_pedestal
+    rule_mem[452] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    // test_noise
+    rule_mem[453] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    // test_seed
+    rule_mem[454] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0ffffffff};
+    // test_lines
+    rule_mem[455] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0ffffffff};
+    // test_period_clks
+    rule_mem[456] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000ffffff};
+    // test_angle
+    rule_mem[457] = {KindReadWrite, 2'd0, 33'h1ff800000, 33'h0007fffff};
+    // test_power
+    rule_mem[458] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    // test_start
+    rule_mem[459] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000001};
+    // test_stop
+    rule_mem[460] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000001};
+    // test_running
+    rule_mem[461] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // untagged_count
+    rule_mem[464] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // pixel_overflow_count
+    rule_mem[465] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
     // lock_calibration
     rule_mem[1008] = {KindReadWrite, 2'd0, 33'h000000001, 33'h000000001};
     // lock_mirror

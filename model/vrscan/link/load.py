@@ -10,7 +10,14 @@ from vrscan.mirror_registers import MirrorRegisters
 from vrscan.registers import Registers
 
 # Registers that no configuration has: the host writes them when it wants something.
-CONTROLS = frozenset({"scratch", "uart_step", "mirror_enable", "line_enable"})
+CONTROLS = frozenset(
+    {
+        *("scratch", "uart_step", "mirror_enable", "line_enable"),
+        *("test_position", "test_move", "test_step", "test_height", "test_pedestal", "test_noise"),
+        *("test_seed", "test_lines", "test_period_clks", "test_angle", "test_power"),
+        *("test_start", "test_stop"),
+    }
+)
 
 # Fields that are no registers that can be written: how the board is built.
 _BUILT = frozenset({"clock_hz", "line_length", "pixel_width", "oversample"})
