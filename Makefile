@@ -13,7 +13,12 @@ ARGS :=
 MODULES :=
 export PYTHON ?= python3
 
-.PHONY: help setup simulate scan test mutate numbers lint timing clean distclean
+# Of make board and make bitstream.
+SCENE := default
+BOARD := ulx3s
+
+.PHONY: help setup simulate scan test board mutate numbers lint formal timing bitstream clean \
+  distclean
 
 help: ## list these targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' Makefile | \
@@ -35,6 +40,9 @@ scan: setup ## run the default scene through the RTL: points, picture and error 
 test: simulate ## run every test; ARGS="-k divide" picks some
 	@$(BIN)/pytest --numprocesses auto --dist worksteal $(ARGS)
 
+board: simulate ## simulate a board with a serial port, until stopped; SCENE=corner picks what it sees
+	@$(BIN)/vrscan board $(SCENE) $(ARGS)
+
 mutate: simulate ## put faults into a copy, which the tests must notice; MODULES="divide" picks some
 	@$(BIN)/python tb/mutate.py $(MODULES)
 
@@ -44,8 +52,14 @@ numbers: setup ## print the number table: measured, predicted, floor
 lint: setup ## Verilator -Wall, Yosys and Verible on the RTL, ruff and mypy on the Python
 	@$(BIN)/python scripts/lint.py
 
+formal: setup ## prove that no reachable state has more light than it may
+	@$(BIN)/python scripts/formal.py $(ARGS)
+
 timing: setup ## synthesise, place and route each module; MODULES="divide multiply" picks some
 	@$(BIN)/python scripts/timing.py $(MODULES)
+
+bitstream: setup ## build the bitstream of BOARD=ulx3s; it fails where a clock is not met
+	@$(BIN)/python scripts/bitstream.py $(BOARD) $(ARGS)
 
 clean: ## remove what was built
 	@rm -rf $(BUILD) .pytest_cache .hypothesis .mypy_cache .ruff_cache

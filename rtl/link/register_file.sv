@@ -167,6 +167,44 @@ module register_file (
   input  wire logic                                            [15:0] commands_bad_i,
   input  wire logic                                            [15:0] commands_lost_i,
 
+  // The laser's power: 65535 is full scale. Dark until it is loaded.
+  output      logic                                                   laser_enable_o,
+  output      logic                                                   laser_adapt_o,
+  output      logic                                                   laser_shared_o,
+  output      logic                      [vrscan_pkg::PowerWidth-1:0] laser_power_o,
+  output      logic                      [vrscan_pkg::PowerWidth-1:0] laser_power_min_o,
+  output      logic                      [vrscan_pkg::PowerWidth-1:0] laser_power_max_o,
+  output      logic                      [vrscan_pkg::PowerWidth-1:0] laser_startup_o,
+  output      logic                    [vrscan_pkg::AlignedWidth-1:0] laser_target_o,
+  output      logic                                            [13:0] laser_cut_o,
+  output      logic                                            [15:0] laser_down_o,
+  output      logic                                            [15:0] laser_up_o,
+  output      logic                                            [13:0] laser_search_o,
+  output      logic                                            [15:0] laser_index_begin_o,
+  output      logic                                            [15:0] laser_index_end_o,
+
+  // What no other register exceeds; above them are the ceilings of the build.
+  output      logic                      [vrscan_pkg::PowerWidth-1:0] laser_limit_power_o,
+  output      logic                      [vrscan_pkg::PowerWidth-1:0] laser_limit_startup_o,
+  output      logic                   [vrscan_pkg::LineClksWidth-1:0] laser_limit_pulse_clks_o,
+  output      logic                      [vrscan_pkg::PowerWidth-1:0] laser_limit_drain_o,
+  output      logic                                            [31:0] laser_limit_bucket_o,
+  output      logic                                            [31:0] laser_watchdog_clks_o,
+
+  // How the laser is.
+  input  wire logic                                             [4:0] laser_status_i,
+  input  wire logic                      [vrscan_pkg::PowerWidth-1:0] laser_power_inward_i,
+  input  wire logic                      [vrscan_pkg::PowerWidth-1:0] laser_power_outward_i,
+  input  wire logic                                            [15:0] laser_cut_count_i,
+  input  wire logic                                            [15:0] laser_duty_count_i,
+  input  wire logic                                            [15:0] laser_watchdog_count_i,
+
+  // What is sent to the host.
+  output      logic                                             [7:0] points_batch_o,
+  output      logic                                            [23:0] points_timeout_clks_o,
+  input  wire logic                                            [15:0] points_dropped_i,
+  input  wire logic                                                   capture_busy_i,
+
   // The autofocus; positions in steps of the motor's sensor.
   output      logic                                             [1:0] focus_mode_o,
   output      logic                                            [15:0] focus_manual_o,
@@ -223,6 +261,7 @@ module register_file (
   // Each takes a 1 and nothing else, and keeps it until reset.
   output      logic                                                   lock_calibration_o,
   output      logic                                                   lock_mirror_o,
+  output      logic                                                   lock_laser_o,
 
   // Of the mirror: entry i is for a half distance of the crossings of i / 4096 turns.
   output      logic                                                   table_write_o,
@@ -294,7 +333,7 @@ module register_file (
 
   // ---- 3: against the rule; 4: the verdict ----
   logic [3:0] locks;
-  assign locks = {1'd0, lock_mirror_o, lock_calibration_o, 1'b0};
+  assign locks = {lock_laser_o, lock_mirror_o, lock_calibration_o, 1'b0};
   logic signed [32:0] value;
   assign value = signed'({rule_q.minimum[32] && data_q[31], data_q});
   logic [1:0] kind_q;
@@ -439,6 +478,28 @@ module register_file (
           uart_step_o <= data_q[23:0];
           uart_step_strobe_o <= 1'b1;
         end
+        10'h100: laser_enable_o <= data_q[0];
+        10'h101: laser_adapt_o <= data_q[0];
+        10'h102: laser_shared_o <= data_q[0];
+        10'h103: laser_power_o <= data_q[15:0];
+        10'h104: laser_power_min_o <= data_q[15:0];
+        10'h105: laser_power_max_o <= data_q[15:0];
+        10'h106: laser_startup_o <= data_q[15:0];
+        10'h107: laser_target_o <= data_q[15:0];
+        10'h108: laser_cut_o <= data_q[13:0];
+        10'h109: laser_down_o <= data_q[15:0];
+        10'h10a: laser_up_o <= data_q[15:0];
+        10'h10b: laser_search_o <= data_q[13:0];
+        10'h10c: laser_index_begin_o <= data_q[15:0];
+        10'h10d: laser_index_end_o <= data_q[15:0];
+        10'h120: laser_limit_power_o <= data_q[15:0];
+        10'h121: laser_limit_startup_o <= data_q[15:0];
+        10'h122: laser_limit_pulse_clks_o <= data_q[19:0];
+        10'h123: laser_limit_drain_o <= data_q[15:0];
+        10'h124: laser_limit_bucket_o <= data_q;
+        10'h125: laser_watchdog_clks_o <= data_q;
+        10'h160: points_batch_o <= data_q[7:0];
+        10'h161: points_timeout_clks_o <= data_q[23:0];
         10'h180: focus_mode_o <= data_q[1:0];
         10'h181: focus_manual_o <= data_q[15:0];
         10'h182: focus_average_shift_o <= data_q[3:0];
@@ -475,6 +536,7 @@ module register_file (
         end
         10'h3f0: lock_calibration_o <= data_q[0];
         10'h3f1: lock_mirror_o <= data_q[0];
+        10'h3f2: lock_laser_o <= data_q[0];
         default: ;
       endcase
     if (rst_i) begin
@@ -551,6 +613,28 @@ module register_file (
       pulse_clks_o <= '0;
       uart_step_o <= 24'h07ae14;
       uart_step_strobe_o <= 1'b0;
+      laser_enable_o <= '0;
+      laser_adapt_o <= '0;
+      laser_shared_o <= '0;
+      laser_power_o <= '0;
+      laser_power_min_o <= '0;
+      laser_power_max_o <= '0;
+      laser_startup_o <= '0;
+      laser_target_o <= '0;
+      laser_cut_o <= '0;
+      laser_down_o <= '0;
+      laser_up_o <= '0;
+      laser_search_o <= '0;
+      laser_index_begin_o <= '0;
+      laser_index_end_o <= '0;
+      laser_limit_power_o <= '0;
+      laser_limit_startup_o <= '0;
+      laser_limit_pulse_clks_o <= '0;
+      laser_limit_drain_o <= '0;
+      laser_limit_bucket_o <= '0;
+      laser_watchdog_clks_o <= '0;
+      points_batch_o <= 8'h18;
+      points_timeout_clks_o <= 24'h1e8480;
       focus_mode_o <= '0;
       focus_manual_o <= '0;
       focus_average_shift_o <= '0;
@@ -583,6 +667,7 @@ module register_file (
       test_stop_strobe_o <= 1'b0;
       lock_calibration_o <= '0;
       lock_mirror_o <= '0;
+      lock_laser_o <= '0;
     end
   end
 
@@ -652,7 +737,7 @@ module register_file (
   always_ff @(posedge clk_i)
     case (address_q[3:0])
       4'h0: page_00_q <= 32'h56525343;
-      4'h1: page_00_q <= 32'h8108453b;
+      4'h1: page_00_q <= 32'h9bd00595;
       4'h2: page_00_q <= 32'h00000100;
       4'h3: page_00_q <= 32'(board_id_i);
       4'h4: page_00_q <= clock_hz_i;
@@ -884,6 +969,60 @@ module register_file (
       default: page_0e_q <= '0;
     endcase
 
+  logic [31:0] page_10_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_10_q <= 32'(laser_enable_o);
+      4'h1: page_10_q <= 32'(laser_adapt_o);
+      4'h2: page_10_q <= 32'(laser_shared_o);
+      4'h3: page_10_q <= 32'(laser_power_o);
+      4'h4: page_10_q <= 32'(laser_power_min_o);
+      4'h5: page_10_q <= 32'(laser_power_max_o);
+      4'h6: page_10_q <= 32'(laser_startup_o);
+      4'h7: page_10_q <= 32'(laser_target_o);
+      4'h8: page_10_q <= 32'(laser_cut_o);
+      4'h9: page_10_q <= 32'(laser_down_o);
+      4'ha: page_10_q <= 32'(laser_up_o);
+      4'hb: page_10_q <= 32'(laser_search_o);
+      4'hc: page_10_q <= 32'(laser_index_begin_o);
+      4'hd: page_10_q <= 32'(laser_index_end_o);
+      default: page_10_q <= '0;
+    endcase
+
+  logic [31:0] page_12_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_12_q <= 32'(laser_limit_power_o);
+      4'h1: page_12_q <= 32'(laser_limit_startup_o);
+      4'h2: page_12_q <= 32'(laser_limit_pulse_clks_o);
+      4'h3: page_12_q <= 32'(laser_limit_drain_o);
+      4'h4: page_12_q <= laser_limit_bucket_o;
+      4'h5: page_12_q <= laser_watchdog_clks_o;
+      default: page_12_q <= '0;
+    endcase
+
+  logic [31:0] page_13_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_13_q <= 32'(laser_status_i);
+      4'h1: page_13_q <= 32'(laser_power_inward_i);
+      4'h2: page_13_q <= 32'(laser_power_outward_i);
+      4'h3: page_13_q <= 32'(laser_cut_count_i);
+      4'h4: page_13_q <= 32'(laser_duty_count_i);
+      4'h5: page_13_q <= 32'(laser_watchdog_count_i);
+      default: page_13_q <= '0;
+    endcase
+
+  logic [31:0] page_16_q;
+  always_ff @(posedge clk_i)
+    case (address_q[3:0])
+      4'h0: page_16_q <= 32'(points_batch_o);
+      4'h1: page_16_q <= 32'(points_timeout_clks_o);
+      4'h2: page_16_q <= 32'(points_dropped_i);
+      4'h3: page_16_q <= 32'(capture_busy_i);
+      default: page_16_q <= '0;
+    endcase
+
   logic [31:0] page_18_q;
   always_ff @(posedge clk_i)
     case (address_q[3:0])
@@ -956,6 +1095,7 @@ module register_file (
     case (address_q[3:0])
       4'h0: page_3f_q <= 32'(lock_calibration_o);
       4'h1: page_3f_q <= 32'(lock_mirror_o);
+      4'h2: page_3f_q <= 32'(lock_laser_o);
       default: page_3f_q <= '0;
     endcase
 
@@ -977,6 +1117,10 @@ module register_file (
       6'h0c: read_q <= page_0c_q;
       6'h0d: read_q <= page_0d_q;
       6'h0e: read_q <= page_0e_q;
+      6'h10: read_q <= page_10_q;
+      6'h12: read_q <= page_12_q;
+      6'h13: read_q <= page_13_q;
+      6'h16: read_q <= page_16_q;
       6'h18: read_q <= page_18_q;
       6'h1a: read_q <= page_1a_q;
       6'h1c: read_q <= page_1c_q;
@@ -1302,6 +1446,66 @@ module register_file (
     rule_mem[236] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
     // commands_lost
     rule_mem[237] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // laser_enable
+    rule_mem[256] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000001};
+    // laser_adapt
+    rule_mem[257] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000001};
+    // laser_shared
+    rule_mem[258] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000001};
+    // laser_power
+    rule_mem[259] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    // laser_power_min
+    rule_mem[260] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    // laser_power_max
+    rule_mem[261] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    // laser_startup
+    rule_mem[262] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    // laser_target
+    rule_mem[263] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    // laser_cut
+    rule_mem[264] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000003fff};
+    // laser_down
+    rule_mem[265] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    // laser_up
+    rule_mem[266] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    // laser_search
+    rule_mem[267] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000003fff};
+    // laser_index_begin
+    rule_mem[268] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    // laser_index_end
+    rule_mem[269] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    // laser_limit_power
+    rule_mem[288] = {KindReadWrite, 2'd3, 33'h000000000, 33'h00000ffff};
+    // laser_limit_startup
+    rule_mem[289] = {KindReadWrite, 2'd3, 33'h000000000, 33'h00000ffff};
+    // laser_limit_pulse_clks
+    rule_mem[290] = {KindReadWrite, 2'd3, 33'h000000000, 33'h0000fffff};
+    // laser_limit_drain
+    rule_mem[291] = {KindReadWrite, 2'd3, 33'h000000000, 33'h00000ffff};
+    // laser_limit_bucket
+    rule_mem[292] = {KindReadWrite, 2'd3, 33'h000000000, 33'h0ffffffff};
+    // laser_watchdog_clks
+    rule_mem[293] = {KindReadWrite, 2'd3, 33'h000000000, 33'h0ffffffff};
+    // laser_status
+    rule_mem[304] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // laser_power_inward
+    rule_mem[305] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // laser_power_outward
+    rule_mem[306] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // laser_cut_count
+    rule_mem[307] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // laser_duty_count
+    rule_mem[308] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // laser_watchdog_count
+    rule_mem[309] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // points_batch
+    rule_mem[352] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000000ff};
+    // points_timeout_clks
+    rule_mem[353] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000ffffff};
+    // points_dropped
+    rule_mem[354] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // capture_busy
+    rule_mem[355] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
     // focus_mode
     rule_mem[384] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000002};
     // focus_manual
@@ -1392,6 +1596,8 @@ module register_file (
     rule_mem[1008] = {KindReadWrite, 2'd0, 33'h000000001, 33'h000000001};
     // lock_mirror
     rule_mem[1009] = {KindReadWrite, 2'd0, 33'h000000001, 33'h000000001};
+    // lock_laser
+    rule_mem[1010] = {KindReadWrite, 2'd0, 33'h000000001, 33'h000000001};
   end
 
 endmodule
