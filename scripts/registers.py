@@ -7,6 +7,7 @@
 import hashlib
 import json
 import re
+import textwrap
 import tomllib
 from dataclasses import dataclass, replace
 from functools import cache
@@ -26,6 +27,7 @@ SOURCE = "rtl/link/registers.toml"
 WORD = 32  # bits
 MAP_BITS = 10  # of the addresses of registers; windows lie above
 PAGE_BITS = 4
+COLUMNS = 100
 LATENCY = 9  # clocks from bus_valid_i to bus_done_o
 
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9]*(_[a-z0-9]+)*$")]
@@ -1014,21 +1016,25 @@ class Window:
 '''
 
 
-def _python(register: Register, address: int) -> str:
+def _python(register: Register, address: int, indent: int = 8) -> str:
     values = [
         register.name, address, register.words, register.count, register.width, register.signed,
         register.access, register.lock, register.reset, register.fraction, register.unit,
         register.minimum, register.maximum, register.doc,
     ]  # fmt: skip
-    body = "".join(f"        {_quoted(value)},\n" for value in values)
+    body = "".join(f"        {_quoted(value, indent)},\n" for value in values)
     return f"    Register(\n{body}    ),\n"
 
 
-def _quoted(value: object) -> str:
-    """Return a value as ruff writes it."""
-    if isinstance(value, str):
-        return repr(value) if '"' in value else f'"{value}"'
-    return repr(value)
+def _quoted(value: object, indent: int = 8) -> str:
+    """Return a value as ruff writes it, a text that is too long for its line in pieces."""
+    if not isinstance(value, str):
+        return repr(value)
+    pieces = [value]
+    if len(value) + 3 > COLUMNS - indent:
+        pieces = textwrap.wrap(value, 70, drop_whitespace=False, break_long_words=False)
+    quoted = [repr(piece) if '"' in piece else f'"{piece}"' for piece in pieces]
+    return "\n        ".join(quoted)
 
 
 def register_map(made: Map) -> str:
@@ -1039,7 +1045,7 @@ def register_map(made: Map) -> str:
     out += [_python(register, register.address) for register in made.registers]
     out.append(")\n\n_WINDOWS = (\n")
     for window in made.windows:
-        fields = "".join(_python(field, k) for k, field in enumerate(window.fields))
+        fields = "".join(_python(field, k, 16) for k, field in enumerate(window.fields))
         fields = fields.replace("\n    ", "\n            ")
         out.append(
             f"    Window(\n        {_quoted(window.name)},\n        {window.address},\n"
@@ -1092,6 +1098,8 @@ def _limits(register: Register) -> str:
     lowest = -(1 << (register.width - 1)) if register.signed else 0
     if (register.minimum, register.maximum) == (lowest, lowest + (1 << register.width) - 1):
         return ""
+    if register.minimum == register.maximum:
+        return f"; only {register.minimum}"
     return f"; {register.minimum} to {register.maximum}"
 
 
@@ -1136,7 +1144,8 @@ def document(made: Map) -> str:
             "",
             f"## Table {window.name}",
             "",
-            f"{window.doc}. {window.entries} entries of {window.stride} words, "
+            f"{window.doc}. {window.entries} entries of {window.stride} "
+            f"word{'s' * (window.stride > 1)}, "
             f"0x{window.address:04X}..{end:04X}.",
             *head,
         ]
