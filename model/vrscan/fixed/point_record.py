@@ -1,0 +1,43 @@
+"""All that is known of a line's point, in 64 bytes, the twin of ``rtl/link/point_record.sv``."""
+
+import numpy as np
+
+from vrscan.arrays import Bools, Ints
+from vrscan.link.records import FULL, INWARD, MEASURED, TEST, Records
+from vrscan.points import Points
+
+LATENCY = 1  # clocks from valid_i to the first byte
+
+# What has no meaning, and so is 0, where a point is not measured.
+_OF_MEASURED = ("position", "sigma", "x", "z", "sigma_z")
+
+
+def point_record(
+    points: Points, power: Ints, confidence: Ints, inward: Bools, test: Bools, time: Ints
+) -> Records:
+    """Return the records of points; ``vrscan.link.records.encode_full`` has their bytes.
+
+    Args:
+        points: n points as the chain gives them.
+        power: Of the laser in the line, u16 [n].
+        confidence: Of the mirror, u8 [n].
+        inward: Whether the mirror moves inward [n].
+        test: Whether the line is of the test pattern [n].
+        time: Centre of the pulse, clocks, u32 [n].
+
+    Returns:
+        An array of ``vrscan.link.records.FULL`` [n].
+    """
+    records = np.zeros(len(points), FULL)
+    for name in FULL.names or ():
+        if hasattr(points, name):
+            records[name] = getattr(points, name)
+    records["power"] = power
+    records["confidence"] = confidence
+    records["time"] = time
+    records["bits"] = MEASURED * points.measured + INWARD * inward + TEST * test
+    for name in _OF_MEASURED:
+        records[name][~points.measured] = 0
+    for name in ("left", "right"):
+        records[name][points.width == 0] = 0
+    return records
