@@ -617,6 +617,11 @@ class _Rules:
         return f"{{{kind}, {lock}, {_literal(WORD + 1, low)}, {_literal(WORD + 1, high)}}}"
 
 
+def _comment(doc: str) -> list[str]:
+    """Return a sentence as a comment."""
+    return [f"  // {line}" for line in textwrap.wrap(f"{doc}.", COLUMNS - 5)]
+
+
 def _ports_section(registers: Map) -> list[str]:
     lines = [
         _port("input", "clk_i,"),
@@ -631,10 +636,10 @@ def _ports_section(registers: Map) -> list[str]:
         _port("output", "bus_data_o,", "[31:0]"),
     ]
     for group in registers.groups:
-        lines += ["", f"  // {group.doc}."]
+        lines += ["", *_comment(group.doc)]
         lines += [f"{port}," for register in group.registers for port in _port_of(register)]
     for window in registers.windows:
-        lines += ["", f"  // {window.doc}."]
+        lines += ["", *_comment(window.doc)]
         lines.append(_port("output", f"{window.name}_write_o,"))
         lines.append(_port("output", f"{window.name}_index_o,", f"[{window.index_bits - 1}:0]"))
         lines += [f"{port}," for field in window.fields for port in _port_of(field)]

@@ -59,7 +59,8 @@ module register_file (
   output      logic                       [vrscan_pkg::GainWidth-1:0] c_obj_gain_o,
   output      logic                       [vrscan_pkg::GainWidth-1:0] c_sfm_gain_o,
 
-  // The triangle; R = 2**ceil(log2(line_length)) px. It holds until the points of all lines are out.
+  // The triangle; R = 2**ceil(log2(line_length)) px. It holds until the points of all lines are
+  // out.
   output      logic signed                                     [31:0] centre_o,
   output      logic signed          [vrscan_pkg::DistortionWidth-1:0] k1_o,
   output      logic signed          [vrscan_pkg::DistortionWidth-1:0] k2_o,
@@ -236,7 +237,8 @@ module register_file (
   input  wire logic                                            [15:0] focus_timeout_count_i,
   input  wire logic                                            [15:0] focus_recovery_count_i,
 
-  // Test lines in place of the sensor's: a raised cosine on a pedestal with noise. A run takes what was written before test_start.
+  // Test lines in place of the sensor's: a raised cosine on a pedestal with noise. A run takes what
+  // was written before test_start.
   output      logic                                            [23:0] test_position_o,
   output      logic signed                                     [23:0] test_move_o,
   output      logic                                            [28:0] test_step_o,
