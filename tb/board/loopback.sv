@@ -1,7 +1,7 @@
 // loopback: what a test of the virtual board's own parts needs: an UART that sends back what it hears
 // at a rate of its own, and a sensor that is exposed at any angle and sends its lines over it.
 //
-// A byte that is no digit comes back.  A digit d exposes a line at (d - 4.5) * AngleRad with the laser
+// A byte that is no digit comes back, the first one after a break as BREAK.  A digit d exposes a line at (d - 4.5) * AngleRad with the laser
 // on for d * PulseClks / 8 clocks at full power; its pixels follow, low byte first.
 
 `default_nettype none
@@ -21,13 +21,14 @@ module loopback #(
 
   localparam logic [23:0] Step = 24'((64'(Baud) * 64'h100_0000 + 64'(ClockHz / 2)) / 64'(ClockHz));
   localparam logic [7:0] Zero = 8'h30;
+  localparam logic [7:0] BREAK = 8'h42;
 
-  logic       to_board, to_host, heard, ready;
+  logic       to_board, to_host, heard, broken, broken_q, ready;
   logic [7:0] byte_in;
   serial_port u_serial_port (.clk_i, .rst_i, .rx_i(to_host), .tx_o(to_board));
   uart_rx u_uart_rx (
     .clk_i, .rst_i,
-    .valid_o(heard), .data_o(byte_in), .framing_o(), .break_o(), .glitch_o(),
+    .valid_o(heard), .data_o(byte_in), .framing_o(), .break_o(broken), .glitch_o(),
     .rx_i(to_board), .step_i(Step)
   );
 
@@ -63,9 +64,10 @@ module loopback #(
       fifo_q[in_q+DepthBits'(1)] <= 8'(pixel >> 8);
       in_q                         <= in_q + DepthBits'(2);
     end else if (heard && !is_digit) begin
-      fifo_q[in_q] <= byte_in;
+      fifo_q[in_q] <= broken_q ? BREAK : byte_in;
       in_q         <= in_q + DepthBits'(1);
     end
+    broken_q   <= broken || (broken_q && !heard);
     time_q     <= time_q + 32'd1;
     laser_q    <= exposure_q && time_q < pulse_q;
     if (time_q == 32'(ExposureClks - 1)) exposure_q <= 1'b0;
@@ -79,6 +81,7 @@ module loopback #(
       in_q       <= '0;
       out_q      <= '0;
       exposure_q <= 1'b0;
+      broken_q   <= 1'b0;
     end
   end
 

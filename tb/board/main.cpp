@@ -3,7 +3,7 @@
 //   --library FILE   of vrscan.scene.library
 //   --port LINK      becomes a link to the pty
 //   --status FILE    rewritten as it runs: JSON
-//   --clock-hz N --baud N   of the board; the port's rate until the host sets its own
+//   --clock-hz N     of the board
 //   --seconds S      stops after so much simulated time
 //   --real-time      not faster than that
 //   +name=value      is the design's
@@ -40,7 +40,6 @@ double now_s() {
 struct Options {
   std::string library, port, status;
   double clock_hz = 100e6, seconds = 0.0;
-  int64_t baud = 3'000'000;
   bool real_time = false;
 
   Options(int count, char** words) {
@@ -57,7 +56,6 @@ struct Options {
       else if (word == "--port") port = value;
       else if (word == "--status") status = value;
       else if (word == "--clock-hz") clock_hz = std::stod(value);
-      else if (word == "--baud") baud = std::stoll(value);
       else if (word == "--seconds") seconds = std::stod(value);
       else throw std::runtime_error(word + ": unknown");
     }
@@ -148,7 +146,7 @@ void run(int count, char** words) {
   const Options options(count, words);
   clock_s = 1.0 / options.clock_hz;
   sensor = std::make_unique<Sensor>(options.library);
-  serial = std::make_unique<Serial>(options.clock_hz, options.baud);
+  serial = std::make_unique<Serial>(options.clock_hz);
   std::unique_ptr<Link> link;
   if (!options.port.empty()) link = std::make_unique<Link>(options.port, serial->name());
 

@@ -27,7 +27,7 @@
 
 class Serial {
  public:
-  Serial(double clock_hz, int64_t baud) : clock_hz_(clock_hz) {
+  explicit Serial(double clock_hz) : clock_hz_(clock_hz) {
     master_ = posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
     char name[64];
     if (master_ < 0 || grantpt(master_) != 0 || unlockpt(master_) != 0 ||
@@ -35,9 +35,9 @@ class Serial {
       throw std::runtime_error(std::string("no pty: ") + strerror(errno));
     }
     name_ = name;
-    leave(baud);
-    baud_ = wanted_ = baud;
-    step_ = step_of(baud);
+    leave(kBaud);
+    baud_ = wanted_ = kBaud;
+    step_ = step_of(kBaud);
   }
   ~Serial() { ::close(master_); }
   Serial(const Serial&) = delete;
@@ -107,6 +107,7 @@ class Serial {
 
  private:
   static constexpr size_t kFew = 32;  // bytes that are on their way to the line
+  static constexpr int64_t kBaud = 9600;  // until the host says something, as of any port
 
   // The steps that the line's transmitter and receiver can do.
   int step_of(int64_t baud) const {

@@ -1,0 +1,182 @@
+// board: vrscan with all that hangs on its pins: mirror, sensor, lens motor, and a host's USB adapter.
+//
+//   ClockHz .. BoardId  of vrscan; the others are those of mems_mirror and the index diode
+//   +swinging=1         the mirror starts as +angle= and +velocity= say, rad and rad/s, with the first
+//                       pulse of the drive; else it starts at rest
+//   +seed=              of the index's jitter
+
+`default_nettype none
+
+module board #(
+  parameter int unsigned ClockHz         = 100_000_000,
+  parameter int unsigned IndexOversample = 4,
+  parameter int unsigned LineLength      = 2048,
+  parameter int unsigned PixelWidth      = 12,
+  parameter int unsigned BoardId         = 255,
+  parameter real         NaturalHz       = 248.5,
+  parameter real         Quality         = 200.0,
+  parameter real         Torque          = 8.52e4,
+  parameter real         CombRad         = 0.14870205226991687,
+  parameter real         Bias            = 2.0e-7,
+  parameter real         MarkRad         = 0.29670597283903605,
+  parameter real         DiodeRad        = 0.017453292519943295,
+  parameter real         NoiseRad        = 0.0,
+  parameter real         JitterS         = 1.0e-9,
+  parameter int unsigned FocusAddress    = 42,
+  parameter int unsigned FocusTravel     = 6000,
+  parameter int unsigned FocusStepClks   = 5000  // a step of the motor
+) (
+  input wire logic clk_i,
+  input wire logic rst_i
+);
+
+  localparam int unsigned StepClks = ClockHz >= 1_500_000 ? (ClockHz + 500_000) / 1_000_000 : 1;
+
+  // ---- what it is started with ----
+  logic [31:0] seed;
+  real         start_angle, start_velocity;
+  bit          swinging;
+  initial begin
+    seed           = 32'd1;
+    start_angle    = 0.0;
+    start_velocity = 0.0;
+    swinging       = 1'b0;
+    void'($value$plusargs("swinging=%d", swinging));
+    void'($value$plusargs("seed=%d", seed));
+    void'($value$plusargs("angle=%f", start_angle));
+    void'($value$plusargs("velocity=%f", start_velocity));
+  end
+
+  // ---- vrscan ----
+  logic                              to_board, to_host;
+  logic [       IndexOversample-1:0] comparator, gate;
+  logic                              drive, exposure, pulse, index_light;
+  logic [vrscan_pkg::LevelWidth-1:0] level;
+  logic [vrscan_pkg::PowerWidth-1:0] power;
+  logic                              line_start, line_end, pixel_valid;
+  logic [            PixelWidth-1:0] pixel;
+  logic                              scl, sda, scl_low, sda_low, motor_scl_low, motor_sda_low;
+  assign scl = !(scl_low || motor_scl_low);
+  assign sda = !(sda_low || motor_sda_low);
+  vrscan #(
+    .ClockHz(ClockHz), .LineLength(LineLength), .PixelWidth(PixelWidth),
+    .IndexOversample(IndexOversample), .BoardId(BoardId)
+  ) u_vrscan (
+    .clk_i, .rst_i,
+    .line_start_i          (line_start),
+    .line_end_i            (line_end),
+    .pixel_valid_i         (pixel_valid),
+    .pixel_i               (pixel),
+    .pixel_overflow_count_i(16'd0),
+    .line_start_o          (),
+    .exposure_o            (exposure),
+    .comparator_i          (comparator),
+    .gate_i                (gate),
+    .drive_o               (drive),
+    .level_o               (level),
+    .level_pin_o           (),
+    .pulse_o               (pulse),
+    .power_o               (power),
+    .power_pin_o           (),
+    .index_light_o         (index_light),
+    .startup_o             (),
+    .startup_pin_o         (),
+    .heartbeat_o           (),
+    .guard_ok_i            (1'b1),
+    .focus_scl_i           (scl),
+    .focus_sda_i           (sda),
+    .focus_scl_low_o       (scl_low),
+    .focus_sda_low_o       (sda_low),
+    .rx_i                  (to_board),
+    .tx_o                  (to_host),
+    .mirror_state_o        (),
+    .measured_o            (),
+    .line_o                (),
+    .centre_o              (),
+    .centre_half_o         ()
+  );
+
+  serial_port u_serial_port (.clk_i, .rst_i, .rx_i(to_host), .tx_o(to_board));
+
+  // ---- mirror ----
+  logic driven_q;
+  real  angle;
+  logic pulse_q;
+  mirror_world #(
+    .ClockHz(ClockHz), .StepClks(StepClks), .IndexOversample(IndexOversample),
+    .NaturalHz(NaturalHz), .Quality(Quality), .Torque(Torque), .CombRad(CombRad), .Bias(Bias)
+  ) u_mirror_world (
+    .clk_i,
+    .rst_i              (rst_i || (swinging && !driven_q && !drive)),
+    .drive_i            (drive),
+    .level_i            (level),
+    .centre_i           (pulse != pulse_q),
+    .half_i             (1'b0),
+    .comparator_o       (comparator),
+    .gate_o             (gate),
+    .angle_true_o       (angle),
+    .on_diode_o         (),
+    .laser_on_i         (index_light || pulse),
+    .drop_i             (1'b0),
+    .shock_i            (1'b0),
+    .seed_i             (seed),
+    .shock_rad_per_s_i  (0.0),
+    .natural_offset_hz_i(0.0),
+    .damping_factor_i   (1.0),
+    .start_angle_i      (start_angle),
+    .start_velocity_i   (start_velocity),
+    .mark_rad_i         (MarkRad),
+    .width_rad_i        (DiodeRad),
+    .noise_rad_i        (NoiseRad),
+    .jitter_s_i         (JitterS)
+  );
+
+  // The angle at the pulse's centre is the mean of those at its edges, to 0.1 urad.
+  logic begun_q, ended_q;
+  real  begin_angle_q, angle_q;
+  always_ff @(posedge clk_i) begin
+    driven_q <= (driven_q || drive) && !rst_i;
+    pulse_q  <= pulse && !rst_i;
+    begun_q  <= pulse && !pulse_q;
+    ended_q  <= !pulse && pulse_q;
+    if (begun_q) begin_angle_q <= angle;
+    if (begun_q) angle_q <= angle;
+    if (ended_q) angle_q <= 0.5 * (begin_angle_q + angle);
+  end
+
+  // ---- sensor ----
+  line_sensor #(.LineLength(LineLength), .PixelWidth(PixelWidth)) u_line_sensor (
+    .clk_i, .rst_i,
+    .exposure_i   (exposure),
+    .laser_i      (pulse),
+    .power_i      (power),
+    .angle_i      (angle_q),
+    .line_start_o (line_start),
+    .line_end_o   (line_end),
+    .pixel_valid_o(pixel_valid),
+    .pixel_o      (pixel)
+  );
+
+  // ---- lens ----
+  i2c_device #(.StepClks(FocusStepClks), .Travel(FocusTravel)) u_i2c_device (
+    .clk_i, .rst_i,
+    .scl_i         (scl),
+    .sda_i         (sda),
+    .scl_low_o     (motor_scl_low),
+    .sda_low_o     (motor_sda_low),
+    .address_i     (7'(FocusAddress)),
+    .nack_address_i(1'b0),
+    .nack_byte_i   (4'd15),
+    .stretch_clks_i(16'd0),
+    .stretch_bits_i(1'b0),
+    .hold_scl_i    (1'b0),
+    .hold_sda_i    (1'b0),
+    .stall_i       (1'b0),
+    .push_i        (16'sd0),
+    .noise_i       (8'sd0),
+    .position_o    ()
+  );
+
+endmodule
+
+`default_nettype wire
