@@ -16,6 +16,7 @@ CONTROLS = frozenset(
         *("test_position", "test_move", "test_step", "test_height", "test_pedestal", "test_noise"),
         *("test_seed", "test_lines", "test_period_clks", "test_angle", "test_power"),
         *("test_start", "test_stop"),
+        *("points_batch", "points_timeout_clks"),
     }
 )
 
