@@ -37,7 +37,8 @@ IDENTITY = REGISTERS["identity"].reset[0]
 UART_FRACTION = 24  # of uart_step: bits a clock
 LEAST_CLOCKS_A_BIT = 8
 MOST_RATE_ERROR = 0.01  # what is left of a bit at a byte's end then is enough
-ALIVE_S = 1.0 / 3.0  # between two signs of life, where the board does not say how long it waits
+SILENCE_S = 1.0  # the longest that any board's laser stays on without its host
+WATCHDOG = "laser_watchdog_clks"
 OFF, SWEEP, SETTLE, RUN, FAULT = range(5)  # of mirror_state
 STATES = ("OFF", "SWEEP", "SETTLE", "RUN", "FAULT")
 FAULTS = ("none", "sweep", "settle", "index")
@@ -191,6 +192,7 @@ class Device:
         self.silence()
         transport.drain(*self._quiet())
         self.build = self._identify()
+        self._watchdog_clks = _integer(self.read(WATCHDOG))
         if self._keep_alive:
             self._closing.clear()
             self._pulse = threading.Thread(
@@ -289,9 +291,9 @@ class Device:
 
     def _live(self) -> None:
         """Send a sign of life whenever nothing else did."""
-        period = self._alive_period()
-        while not self._closing.wait(period / 4):
-            if time.monotonic() - self._transport.traffic.last_out_s < 0.75 * period:
+        while not self._closing.wait(self._alive_period() / 4):
+            silent = time.monotonic() - self._transport.traffic.last_out_s
+            if silent < 0.75 * self._alive_period():
                 continue
             try:
                 self.ping()
@@ -301,13 +303,20 @@ class Device:
                 self.alive_errors += 1
 
     def _alive_period(self) -> float:
-        """Return a third of the time after which the board turns its laser off, s."""
-        return ALIVE_S
+        """Return a third of the time after which the board turns its laser off, s.
+
+        A simulated board's clock is slow, and this is more often than it needs.
+        """
+        return min(self._watchdog_clks / self.build.clock_hz or SILENCE_S, SILENCE_S) / 3.0
 
     @property
     def traffic(self) -> Traffic:
         """What came and went over the port."""
         return self._transport.traffic
+
+    def uptime(self) -> int:
+        """Return the board's clocks since its reset."""
+        return _integer(self.read("uptime"))
 
     @property
     def baud(self) -> int:
@@ -470,6 +479,7 @@ class Device:
                     )
             if progress is not None:
                 progress(k + 1, len(blocks))
+        self._watchdog_clks = _integer(dict(settings).get(WATCHDOG, self._watchdog_clks))
 
     def lock(self, group: str) -> None:
         """Lock a group until the board is reset: ``"calibration"`` or ``"mirror"``, say."""
@@ -511,13 +521,21 @@ class Device:
             DeviceError: naming register and value, if the board refuses, as where it is locked.
         """
         wanted = self.settings(config)
+        self.check_still(force)
+        self.write_many(wanted.items(), progress)
+
+    def check_still(self, force: bool = False) -> None:
+        """Raise an error if the mirror moves, unless it does not matter.
+
+        Raises:
+            LinkError: with the mirror's state.
+        """
         state = _integer(self.read("mirror_state"))
         if state in (SWEEP, SETTLE, RUN) and not force:
             raise LinkError(
                 f"{self.port}: the mirror is in {STATES[state]}: stop it first "
                 "(mirror_enable = 0), or force it"
             )
-        self.write_many(wanted.items(), progress)
 
     def wait_for_mirror(
         self, wanted: int = RUN, progress: Callable[[str, float], None] | None = None
@@ -531,7 +549,7 @@ class Device:
         Raises:
             LinkError: if it is in FAULT, or not there in time.
         """
-        start = _integer(self.read("uptime"))
+        start = self.uptime()
         limits = self.read_many(("sweep_timeout", "settle_timeout"))
         allowed = sum(_integer(each) for each in limits.values()) + self.build.clock_hz // 10
         while True:

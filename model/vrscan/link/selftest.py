@@ -4,6 +4,7 @@ The board's test lines are the twin's, pixel by pixel, so the bit-accurate model
 field of every record has to be. Nothing of what is changed stays, but for the numbers of the lines.
 """
 
+import contextlib
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
@@ -11,7 +12,6 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from vrscan.chain import run_fixed
-from vrscan.errors import InputError
 from vrscan.fixed import link_pkg, pkg
 from vrscan.fixed.test_line import Settings, least_period, lines, step_of_width
 from vrscan.link import records, values
@@ -74,6 +74,46 @@ class Check:
 
 
 Progress = Callable[[str, int, int], None]
+
+
+def arrange(
+    device: Device, settings: Settings, *, lines: int | None = None, angle: int = 0, power: int = 0
+) -> None:
+    """Set the registers of a run of test lines.
+
+    Args:
+        device: The board.
+        settings: Of the lines.
+        lines: Instead of those of ``settings``, if given.
+        angle: Of all lines; s24, a fraction of a turn.
+        power: Of all lines.
+    """
+    if lines is not None:
+        settings = replace(settings, lines=lines)
+    wanted: list[tuple[str, values.Value]] = [
+        (f"test_{field.name}", getattr(settings, field.name)) for field in fields(Settings)
+    ]
+    # A batch that is not full goes out after a hundredth of a second of the board's.
+    timeout = min(device.build.clock_hz // 100, (1 << 24) - 1)
+    wanted += [("test_angle", angle), ("test_power", power)]
+    device.write_many([*wanted, ("points_batch", 255), ("points_timeout_clks", timeout)])
+
+
+@contextlib.contextmanager
+def arranged(device: Device) -> Iterator[None]:
+    """Restore what ``arrange`` changes, and end the lines.
+
+    Raises:
+        LinkError: if the sensor's lines run: they would come among the test's.
+    """
+    if device.read("line_enable"):
+        raise LinkError(f"{device.port}: lines run: stop them first (line_enable = 0)")
+    before = device.read_many(CHANGED)
+    try:
+        yield
+    finally:
+        device.write("test_stop", 1)
+        device.write_many(before.items())
 
 
 def runs(line_length: int) -> dict[str, Settings]:
@@ -153,21 +193,14 @@ class SelfTest:
     Args:
         device: The board. Its lines have to stand still.
         progress: Called with what is done, and how many of how many steps of it are.
-
-    Raises:
-        InputError: if the board makes lines, or its mirror moves.
     """
 
     def __init__(self, device: Device, progress: Progress = lambda *_: None) -> None:
         self.device = device
         self.progress = progress
-        state = device.read_many(("line_enable", "mirror_state"))
-        if state["line_enable"]:
-            raise InputError(f"{device.port}: lines run: stop them first (line_enable = 0)")
-        self._still = state["mirror_state"] == OFF
-        found = device.read_many((*CHAIN, *CHANGED))
-        self._before = {name: found[name] for name in CHANGED}
-        chain = {name: found[name] for name in CHAIN}
+        self._still = device.read("mirror_state") == OFF
+        found = device.read_many(CHAIN)
+        chain = dict(found)
         for name in ("period_n", "noise_row", "even"):
             chain[name] = bool(chain[name])
         self._chain = Registers(
@@ -176,11 +209,11 @@ class SelfTest:
             **chain,  # type: ignore[arg-type]
         )
 
-    def __iter__(self) -> Iterator[Check]:
+    def checks(self) -> Iterator[Check]:
         """Do one check after the other; what follows a difference means little."""
         device = self.device
-        faults = self._counters()
-        try:
+        with arranged(device):
+            faults = self._counters()
             yield self.pings()
             yield self.registers()
             yield self.answers()
@@ -191,9 +224,6 @@ class SelfTest:
             for name in ("moving peak", "saturated", "nothing but noise"):
                 yield self.captured(name, named[name])
             yield self.no_faults(faults)
-        finally:
-            device.write("test_stop", 1)
-            device.write_many(self._before.items())
 
     # ---- the link and the registers ----
 
@@ -309,7 +339,7 @@ class SelfTest:
         """Stream the points of a run and compare every field of all of them."""
         kind = "full" if full else "compact"
         what = f"{name}, {kind}"
-        self._set(settings, angle, power)
+        arrange(self.device, settings, angle=angle, power=power)
         with self.device.stream(full) as stream:
             self.device.write("test_start", 1)
             try:
@@ -359,22 +389,12 @@ class SelfTest:
         build = self.device.build
         return lines(settings, count, line_length=build.line_length, pixel_width=build.pixel_width)
 
-    def _set(self, settings: Settings, angle: int, power: int) -> None:
-        """Set the registers of a run."""
-        wanted: list[tuple[str, values.Value]] = [
-            (f"test_{field.name}", getattr(settings, field.name)) for field in fields(Settings)
-        ]
-        # A batch that is not full goes out after a tenth of a second of the board's.
-        wanted += [("test_angle", angle), ("test_power", power), ("points_batch", 255)]
-        timeout = min(self.device.build.clock_hz // 100, (1 << 24) - 1)
-        self.device.write_many([*wanted, ("points_timeout_clks", timeout)])
-
     def captured(self, name: str, settings: Settings) -> Check:
         """Capture the first line of a run, and one in its middle, pixel by pixel."""
         what, compared = f"{name}, captured", 0
         angle, power = ANGLES[1], POWERS[1]
         settings = replace(settings, lines=8, period_clks=0)
-        self._set(settings, angle, power)
+        arrange(self.device, settings, angle=angle, power=power)
         pixels = self._lines(settings, settings.lines)
         want = self._wanted(settings, angle, power, 0)
         first: int | None = None

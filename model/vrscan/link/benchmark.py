@@ -1,0 +1,99 @@
+"""How fast a link is: commands there and back, registers, points."""
+
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from vrscan.fixed import link_pkg
+from vrscan.link import selftest
+from vrscan.link.device import Device
+from vrscan.link.register_map import REGISTERS, WINDOWS
+from vrscan.link.report import Rate, Trips, one
+from vrscan.link.values import Block
+
+Progress = Callable[[int, int, str], None]
+BITS_A_BYTE = 10  # with start and stop
+
+
+def round_trips(device: Device, count: int, progress: Progress) -> list[Trips]:
+    """Return the times of pings, and of the shortest and longest reads and writes.
+
+    Args:
+        device: The board. What it holds stays.
+        count: Of each kind.
+        progress: Called with how many of how many are done, and of what.
+    """
+    most = link_pkg.MAX_WORDS
+    table = next(iter(WINDOWS.values())).address
+    scratch = Block(REGISTERS["scratch"].address, [one(device.read("scratch"))])
+    kinds: list[tuple[str, int, Callable[[], object]]] = [
+        ("ping", 0, lambda: device.ping(b"")),
+        ("ping of 250 bytes", 0, lambda: device.ping(bytes(250))),
+        ("read of 1 word", 1, lambda: device.read_words(0, 1)),
+        (f"read of {most} words", most, lambda: device.read_words(table, most)),
+        ("write of 1 word", 1, lambda: device.write_words(scratch)),
+    ]
+    found = []
+    for what, words, act in kinds:
+        seconds = []
+        clocks = device.uptime()
+        for k in range(count):
+            start = time.perf_counter()
+            act()
+            seconds.append(time.perf_counter() - start)
+            progress(k + 1, count, what)
+        clocks = device.uptime() - clocks
+        # The clocks' own read is about one more.
+        board_s = clocks * count / (count + 1) / device.build.clock_hz
+        found.append(Trips(what, np.array(seconds), board_s, words))
+    return found
+
+
+def streams(device: Device, bauds: Sequence[int], seconds: float, progress: Progress) -> list[Rate]:
+    """Return how many points come at each rate, of test lines that follow each other at once.
+
+    Args:
+        device: The board. Its lines have to stand still, and what is changed is restored.
+        bauds: The rates to try.
+        seconds: Of each, by this machine's clock.
+        progress: Called with how many of how many are done, and of what.
+    """
+    settings = selftest.runs(device.build.line_length)["moving peak"]
+    present = device.baud
+    found = []
+    with selftest.arranged(device):
+        selftest.arrange(device, settings, lines=0)
+        try:
+            for k, baud in enumerate(bauds):
+                if baud != device.baud:
+                    device.set_baud(baud)
+                for full in (True, False):
+                    text = f"{baud} baud, {'full' if full else 'compact'}"
+                    progress(2 * k + (not full), 2 * len(bauds), text)
+                    found.append(_stream(device, full, seconds))
+        finally:
+            if device.baud != present:
+                device.set_baud(present)
+    return found
+
+
+def _stream(device: Device, full: bool, seconds: float) -> Rate:
+    """Return how many points come at the present rate."""
+    come = 0
+    with device.stream(full) as points:
+        device.write("test_start", 1)
+        try:
+            points.get(device.timeout)  # it runs
+            clocks, start = device.uptime(), time.perf_counter()
+            bytes_in = device.traffic.bytes_in
+            while time.perf_counter() - start < seconds:
+                part = points.get(0.05)
+                come += 0 if part is None else len(part)
+            bytes_in = device.traffic.bytes_in - bytes_in
+            clocks, spent = device.uptime() - clocks, time.perf_counter() - start
+        finally:
+            device.write("test_stop", 1)
+    board_s = clocks / device.build.clock_hz
+    line_s = bytes_in * BITS_A_BYTE / device.baud
+    return Rate(device.baud, full, come, spent, board_s, line_s / board_s if board_s else 0.0)
