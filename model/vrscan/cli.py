@@ -27,6 +27,7 @@ from vrscan import engines, lines
 from vrscan.config import Config
 from vrscan.engines import Engine
 from vrscan.errors import InputError
+from vrscan.link.cli import link
 from vrscan.points import atomic_file, write_csv, write_ply
 from vrscan.registers import Registers
 from vrscan.table import Table
@@ -51,6 +52,8 @@ app.add_typer(calibrate, name="calibrate")
 
 bench = typer.Typer(help="Measure speed against error.")
 app.add_typer(bench, name="bench")
+
+app.add_typer(link, name="link")
 
 SceneArgument = Annotated[
     str, typer.Argument(help="One of the shipped scenes, or FILE.toml; none shows the default.")
