@@ -89,7 +89,7 @@ async def random_inputs_and_resets(dut) -> None:
     draw = generator(1)
     bench = await begin(dut)
     guard, longest = bench.parameters.guard_clks, bench.parameters.pulse_clks
-    often, long = (0.97, 0.03) if guard < 100 else (0.998, 0.2)  # no gap, a long pulse
+    often, long = (0.97, 0.03) if guard < 100 else (0.999, 0.6)  # no gap, a long pulse
     seen = set()
     resets = set()
     for _ in range(25):

@@ -6,13 +6,14 @@ from typing import Protocol
 from vrscan.config import Clock, Config
 from vrscan.errors import InputError
 from vrscan.focus_registers import FocusRegisters
+from vrscan.laser_registers import LaserRegisters
 from vrscan.mirror_registers import MirrorRegisters
 from vrscan.registers import Registers
 
 # Registers that no configuration has: the host writes them when it wants something.
 CONTROLS = frozenset(
     {
-        *("scratch", "uart_step", "mirror_enable", "line_enable"),
+        *("scratch", "uart_step", "mirror_enable", "line_enable", "laser_enable"),
         *("test_position", "test_move", "test_step", "test_height", "test_pedestal", "test_noise"),
         *("test_seed", "test_lines", "test_period_clks", "test_angle", "test_power"),
         *("test_start", "test_stop"),
@@ -74,6 +75,7 @@ def settings(config: Config, build: Build) -> dict[str, int | tuple[int, ...]]:
         Registers.from_config(on_board),
         MirrorRegisters.from_config(on_board),
         FocusRegisters.from_config(on_board),
+        LaserRegisters.from_config(on_board),
     ):
         for field in fields(registers):
             if field.name not in _BUILT:

@@ -1,0 +1,213 @@
+// laser_control_properties: what the light of laser_control never does, with any inputs.
+//
+// Every input is free in every clock, the reset too but for the first one.  "held" says that the
+// limits have stood for as long as they take to get through; without it the ceilings hold.  What
+// begins with "step_" is no claim of its own but what the induction needs; scripts/formal.py ties
+// the wires "inside_*" to registers of the same name.
+
+`default_nettype none
+
+module laser_control_properties #(
+  parameter int unsigned StartupCeiling      = 1_311,
+  parameter int unsigned PowerCeiling        = 65_535,
+  parameter int unsigned PulseCeilingClks    = 1_250,
+  parameter int unsigned DrainCeiling        = 4_096,
+  parameter int unsigned BucketCeiling       = 268_435_456,
+  parameter int unsigned WatchdogCeilingClks = 134_217_728
+) (
+  input wire logic        clk_i,
+  input wire logic        rst_i,
+  input wire logic        laser_i,
+  input wire logic        line_start_i,
+  input wire logic        centre_i,
+  input wire logic [ 2:0] state_i,
+  input wire logic        index_alive_i,
+  input wire logic [15:0] phase_i,
+  input wire logic        alive_i,
+  input wire logic        guard_ok_i,
+  input wire logic        point_valid_i,
+  input wire logic        point_measured_i,
+  input wire logic        point_saturated_i,
+  input wire logic [15:0] point_maximum_i,
+  input wire logic [15:0] point_background_i,
+  input wire logic [15:0] point_power_i,
+  input wire logic        point_inward_i,
+  input wire logic        point_test_i,
+  input wire logic        laser_enable_i,
+  input wire logic        laser_adapt_i,
+  input wire logic        laser_shared_i,
+  input wire logic [15:0] laser_power_i,
+  input wire logic [15:0] laser_power_min_i,
+  input wire logic [15:0] laser_power_max_i,
+  input wire logic [15:0] laser_startup_i,
+  input wire logic [15:0] laser_target_i,
+  input wire logic [13:0] laser_cut_i,
+  input wire logic [15:0] laser_down_i,
+  input wire logic [15:0] laser_up_i,
+  input wire logic [13:0] laser_search_i,
+  input wire logic [15:0] laser_index_begin_i,
+  input wire logic [15:0] laser_index_end_i,
+  input wire logic [15:0] laser_limit_power_i,
+  input wire logic [15:0] laser_limit_startup_i,
+  input wire logic [19:0] laser_limit_pulse_clks_i,
+  input wire logic [15:0] laser_limit_drain_i,
+  input wire logic [31:0] laser_limit_bucket_i,
+  input wire logic [31:0] laser_watchdog_clks_i,
+  input wire logic        window_i  // a stretch of time begins, at any moment
+);
+
+  logic        pulse, index_light, power_pin, startup_pin, heartbeat, inward_line;
+  logic [15:0] power, startup, power_line;
+
+  laser_control #(
+    .PowerCeiling(PowerCeiling), .StartupCeiling(StartupCeiling),
+    .PulseCeilingClks(PulseCeilingClks), .DrainCeiling(DrainCeiling),
+    .BucketCeiling(BucketCeiling), .WatchdogCeilingClks(WatchdogCeilingClks)
+  ) dut (
+    .clk_i, .rst_i,
+    .laser_i, .line_start_i, .centre_i, .state_i, .index_alive_i, .phase_i, .alive_i, .guard_ok_i,
+    .point_valid_i, .point_measured_i, .point_saturated_i, .point_maximum_i, .point_background_i,
+    .point_power_i, .point_inward_i, .point_test_i,
+    .pulse_o       (pulse),
+    .power_o       (power),
+    .power_pin_o   (power_pin),
+    .index_light_o (index_light),
+    .startup_o     (startup),
+    .startup_pin_o (startup_pin),
+    .heartbeat_o   (heartbeat),
+    .power_line_o  (power_line),
+    .inward_line_o (inward_line),
+    .laser_enable_i, .laser_adapt_i, .laser_shared_i, .laser_power_i, .laser_power_min_i,
+    .laser_power_max_i, .laser_startup_i, .laser_target_i, .laser_cut_i, .laser_down_i,
+    .laser_up_i, .laser_search_i, .laser_index_begin_i, .laser_index_end_i,
+    .laser_limit_power_i, .laser_limit_startup_i, .laser_limit_pulse_clks_i, .laser_limit_drain_i,
+    .laser_limit_bucket_i, .laser_watchdog_clks_i,
+    .laser_status_o(), .laser_power_inward_o(), .laser_power_outward_o(), .laser_cut_count_o(),
+    .laser_duty_count_o(), .laser_watchdog_count_o()
+  );
+
+  // Tied to registers of dut.
+  (* keep *) wire        inside_heard_q;
+  (* keep *) wire [31:0] inside_silent_q, inside_watchdog_q;
+  (* keep *) wire [19:0] inside_clks_q, inside_limit_pulse_q;
+  (* keep *) wire [31:0] inside_level_q, inside_bucket_q;
+  (* keep *) wire [17:0] inside_delta_q;
+  (* keep *) wire [15:0] inside_drain_q, inside_limit_power_q, inside_limit_startup_q;
+  (* keep *) wire [32:0] inside_threshold_q;
+  (* keep *) wire        inside_full_q, inside_permit_q;
+
+  // ---- what has been ----
+  logic        first_q = 1'b1;
+  logic        well_q;  // the interlock, a clock ago
+  logic        seeking_q, run_q;
+  logic        awake_q;
+  logic        laser_q;
+  logic [ 3:0] held_q;  // clocks that the limits have stood, up to 15
+  logic [15:0] limit_power_q, limit_startup_q, limit_drain_q;
+  logic [19:0] limit_pulse_q;
+  logic [31:0] limit_bucket_q, limit_watchdog_q;
+  logic [32:0] silent_q;  // clocks since the host was heard
+  logic        heard_q;  // it was, ever
+  logic [20:0] long_q;  // clocks that the pulse has been on
+  logic [63:0] energy_q, drained_q;  // since window_i
+  logic        same, held;
+  assign same = limit_power_q == laser_limit_power_i && limit_startup_q == laser_limit_startup_i &&
+                limit_pulse_q == laser_limit_pulse_clks_i && limit_drain_q == laser_limit_drain_i &&
+                limit_bucket_q == laser_limit_bucket_i && limit_watchdog_q == laser_watchdog_clks_i;
+  assign held = held_q >= 4'd3 && same;
+
+  logic [15:0] added;
+  logic [16:0] total;
+  assign added = pulse ? power : 16'd0;
+  assign total = {1'b0, added} + {1'b0, index_light ? startup : 16'd0};
+
+  function automatic logic [31:0] smaller(input logic [31:0] value, input logic [31:0] ceiling);
+    smaller = value > ceiling ? ceiling : value;
+  endfunction
+
+  always_ff @(posedge clk_i) begin
+    first_q          <= 1'b0;
+    well_q           <= !rst_i && state_i == 3'(vrscan_pkg::MirrorRun) && index_alive_i &&
+                        laser_enable_i;
+    seeking_q        <= state_i == 3'(vrscan_pkg::MirrorSweep) ||
+                        state_i == 3'(vrscan_pkg::MirrorSettle);
+    run_q            <= state_i == 3'(vrscan_pkg::MirrorRun);
+    awake_q          <= !rst_i && laser_enable_i;
+    laser_q          <= laser_i;
+    limit_power_q    <= laser_limit_power_i;
+    limit_startup_q  <= laser_limit_startup_i;
+    limit_pulse_q    <= laser_limit_pulse_clks_i;
+    limit_drain_q    <= laser_limit_drain_i;
+    limit_bucket_q   <= laser_limit_bucket_i;
+    limit_watchdog_q <= laser_watchdog_clks_i;
+    held_q           <= rst_i || !same ? 4'd0 : held_q == 4'd15 ? held_q : held_q + 4'd1;
+    heard_q          <= !rst_i && (heard_q || alive_i);
+    silent_q         <= rst_i || alive_i ? 33'd0 : silent_q == '1 ? silent_q : silent_q + 33'd1;
+    long_q           <= rst_i || !pulse ? 21'd0 : long_q == '1 ? long_q : long_q + 21'd1;
+    energy_q         <= rst_i || window_i ? 64'd0 : energy_q + 64'(added);
+    drained_q        <= rst_i || window_i ? 64'd0 : drained_q + 64'(inside_drain_q);
+  end
+
+  // The bucket with what is on its way into it.
+  logic signed [33:0] filling;
+  logic        [33:0] filled;
+  assign filling = signed'({2'b00, inside_level_q}) + 34'(signed'(inside_delta_q));
+  assign filled  = filling[33] ? '0 : unsigned'(filling);
+
+  always_comb begin
+    assume (!first_q || rst_i);
+    // A stretch of time of a thousand years has no overflow.
+    assume (energy_q < 64'h4000_0000_0000_0000 && drained_q < 64'h4000_0000_0000_0000);
+    if (!first_q) begin
+      // Without RUN, index, enable: nothing of the main channel, at once.
+      dark_without_interlock: assert (well_q || (!pulse && power == '0 && total <= 17'(startup)));
+      startup_limit_without_interlock:
+      assert (well_q || (total <= 17'(StartupCeiling) &&
+                         (!held || total <= 17'(laser_limit_startup_i))));
+      no_light_without_enable: assert (awake_q || (!pulse && !index_light && startup == '0));
+      no_light_off_or_fault: assert (seeking_q || run_q || (!pulse && !index_light && total == '0));
+      // A silent host.
+      no_light_before_a_host:
+      assert (heard_q || (!pulse && !index_light));
+      no_light_of_a_silent_host:
+      assert (silent_q < 33'(WatchdogCeilingClks) + 33'd2 || (!pulse && !index_light));
+      no_light_of_a_silent_host_by_register:
+      assert (!held || laser_watchdog_clks_i == '0 ||
+              silent_q < 33'(laser_watchdog_clks_i) + 33'd2 || (!pulse && !index_light));
+      // The length of a pulse.
+      pulse_length: assert (!pulse || (long_q < 21'(PulseCeilingClks) &&
+                                       (!held || long_q < 21'(laser_limit_pulse_clks_i))));
+      no_second_pulse_of_a_request: assert (!pulse || !laser_q || long_q != '0);
+      // Powers.
+      power_limit: assert (power <= 16'(PowerCeiling) && (!held || power <= laser_limit_power_i));
+      startup_limit: assert (startup <= 16'(StartupCeiling) &&
+                             (!held || startup <= laser_limit_startup_i));
+      // Energy of any stretch: the bucket and what drained meanwhile.
+      drain_limit: assert (inside_drain_q <= 16'(DrainCeiling) &&
+                           (!held || inside_drain_q <= laser_limit_drain_i));
+      energy_of_any_stretch: assert (energy_q <= drained_q + 64'(filled));
+      bucket_limit: assert (filled <= 34'(BucketCeiling));
+
+      step_silent: assert (!inside_heard_q || {1'b0, inside_silent_q} == silent_q);
+      step_heard: assert (!inside_heard_q || heard_q);
+      step_watchdog: assert (inside_watchdog_q <= WatchdogCeilingClks);
+      step_clks: assert (!inside_permit_q || long_q <= 21'(inside_clks_q));
+      step_long: assert (!pulse || long_q == 21'(inside_clks_q));
+      step_pulse: assert (inside_limit_pulse_q <= 20'(PulseCeilingClks));
+      step_threshold: assert (signed'(inside_threshold_q) <=
+                              signed'(33'(BucketCeiling)) - 33'sd262144);
+      step_bucket: assert (inside_bucket_q <= BucketCeiling);
+      step_powers: assert (inside_limit_power_q <= 16'(PowerCeiling) &&
+                           inside_limit_startup_q <= 16'(StartupCeiling));
+
+      full_power: cover (pulse && power == 16'(PowerCeiling) && long_q == 21'd4);
+      startup_in_sweep: cover (index_light && seeking_q && startup == 16'(StartupCeiling));
+      startup_in_run: cover (index_light && run_q && !pulse && startup != '0);
+      bucket_full: cover (inside_full_q && well_q && energy_q != '0);
+      cut: cover (laser_i && laser_q && !pulse && well_q && long_q == 21'd3);
+    end
+  end
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,149 @@
+// laser_pair_properties: laser_control with the state of the real mirror_drive.
+//
+// The interlock hangs on mirror_drive's state; here that state is the real one, and mirror_drive's
+// own inputs are free.  What begins with "step_" is no claim of its own but what the induction needs;
+// scripts/formal.py ties the wires "inside_*" to registers of the same name of the drive.
+
+`default_nettype none
+
+module laser_pair_properties (
+  input wire logic               clk_i,
+  input wire logic               rst_i,
+  input wire logic               enable_i,
+  input wire logic               index_alive_i,
+  input wire logic               settled_i,
+  input wire logic        [19:0] level_i,
+  input wire logic signed [31:0] trim_i,
+  input wire logic        [39:0] sweep_word_i,
+  input wire logic        [39:0] work_word_i,
+  input wire logic        [31:0] sweep_rate_i,
+  input wire logic        [15:0] duty_i,
+  input wire logic        [19:0] sweep_level_i,
+  input wire logic        [31:0] sweep_timeout_i,
+  input wire logic        [31:0] settle_timeout_i,
+  input wire logic        [31:0] lost_timeout_i,
+  input wire logic               laser_i,
+  input wire logic               line_start_i,
+  input wire logic               centre_i,
+  input wire logic        [15:0] phase_i,
+  input wire logic               alive_i,
+  input wire logic               guard_ok_i,
+  input wire logic               laser_enable_i,
+  input wire logic        [15:0] laser_power_i,
+  input wire logic        [15:0] laser_startup_i,
+  input wire logic        [15:0] laser_index_begin_i,
+  input wire logic        [15:0] laser_index_end_i,
+  input wire logic        [15:0] laser_limit_power_i,
+  input wire logic        [15:0] laser_limit_startup_i,
+  input wire logic        [19:0] laser_limit_pulse_clks_i,
+  input wire logic        [15:0] laser_limit_drain_i,
+  input wire logic        [31:0] laser_limit_bucket_i,
+  input wire logic        [31:0] laser_watchdog_clks_i
+);
+
+  logic [ 2:0] state;
+  logic        pulse, index_light;
+  logic [15:0] power, startup;
+
+  mirror_drive dut (
+    .clk_i, .rst_i, .enable_i, .index_alive_i, .settled_i, .level_i, .trim_i,
+    .state_o    (state),
+    .fault_o    (),
+    .drive_o    (),
+    .level_o    (),
+    .level_pin_o(),
+    .phase_o    (),
+    .word_o     (),
+    .sweep_word_i, .work_word_i, .sweep_rate_i, .duty_i, .sweep_level_i,
+    .sweep_timeout_i, .settle_timeout_i, .lost_timeout_i
+  );
+
+  laser_control u_laser_control (
+    .clk_i, .rst_i, .laser_i, .line_start_i, .centre_i,
+    .state_i           (state),
+    .index_alive_i, .phase_i, .alive_i, .guard_ok_i,
+    .point_valid_i     (1'b0),
+    .point_measured_i  (1'b0),
+    .point_saturated_i (1'b0),
+    .point_maximum_i   (16'd0),
+    .point_background_i(16'd0),
+    .point_power_i     (16'd0),
+    .point_inward_i    (1'b0),
+    .point_test_i      (1'b0),
+    .pulse_o           (pulse),
+    .power_o           (power),
+    .power_pin_o       (),
+    .index_light_o     (index_light),
+    .startup_o         (startup),
+    .startup_pin_o     (),
+    .heartbeat_o       (),
+    .power_line_o      (),
+    .inward_line_o     (),
+    .laser_enable_i,
+    .laser_adapt_i     (1'b0),
+    .laser_shared_i    (1'b0),
+    .laser_power_i,
+    .laser_power_min_i (16'd0),
+    .laser_power_max_i (16'd0),
+    .laser_startup_i,
+    .laser_target_i    (16'd0),
+    .laser_cut_i       (14'd0),
+    .laser_down_i      (16'd0),
+    .laser_up_i        (16'd0),
+    .laser_search_i    (14'd0),
+    .laser_index_begin_i, .laser_index_end_i, .laser_limit_power_i, .laser_limit_startup_i,
+    .laser_limit_pulse_clks_i, .laser_limit_drain_i, .laser_limit_bucket_i, .laser_watchdog_clks_i,
+    .laser_status_o(), .laser_power_inward_o(), .laser_power_outward_o(), .laser_cut_count_o(),
+    .laser_duty_count_o(), .laser_watchdog_count_o()
+  );
+
+  (* keep *) wire [31:0] inside_timer_q, inside_limit_q;
+  (* keep *) wire        inside_stop_q, inside_expired_q;
+
+  localparam logic [2:0] Off = 3'(vrscan_pkg::MirrorOff);
+  localparam logic [2:0] Run = 3'(vrscan_pkg::MirrorRun);
+  localparam logic [2:0] Fault = 3'(vrscan_pkg::MirrorFault);
+
+  logic        first_q = 1'b1;
+  logic        run_q, lit_q, alive_q, stopping_q;
+  logic [31:0] lost_timeout_q;
+  logic [32:0] away_q;  // clocks without an index since RUN, lost_timeout and enable as they are
+  logic        goes_on;
+  assign goes_on = !index_alive_i && enable_i && !stopping_q &&
+                   lost_timeout_i == lost_timeout_q && (state == Run || away_q != '0);
+
+  always_ff @(posedge clk_i) begin
+    first_q        <= 1'b0;
+    run_q          <= !rst_i && state == Run;
+    lit_q          <= !rst_i && state != Off && state != Fault;
+    alive_q        <= index_alive_i;
+    stopping_q     <= !rst_i && state != Off && (stopping_q || !enable_i);
+    lost_timeout_q <= lost_timeout_i;
+    away_q         <= rst_i || !goes_on ? 33'd0 : away_q == '1 ? away_q : away_q + 33'd1;
+  end
+
+  always_comb begin
+    assume (!first_q || rst_i);
+    if (!first_q) begin
+      pulses_in_run_only: assert (run_q || (!pulse && power == '0));
+      no_light_off_or_fault: assert (lit_q || (!pulse && !index_light && startup == '0));
+      no_pulse_without_index: assert (alive_q || !pulse);
+      // A stopped mirror: no light of any kind after the time-out and 3 clocks.
+      no_light_of_a_stopped_mirror:
+      assert (away_q < {1'b0, lost_timeout_q} + 33'd3 || (!pulse && !index_light));
+
+      step_stop: assert (!inside_stop_q || stopping_q || state == Off);
+      step_timer: assert (away_q == '0 || state != Run || {1'b0, inside_timer_q} >= away_q ||
+                          inside_expired_q);
+      step_away: assert (away_q == '0 || state == Run || state == Fault);
+      step_lost: assert (away_q < {1'b0, lost_timeout_q} + 33'd2 || state == Fault);
+      step_limit: assert (away_q == '0 || state != Run || inside_limit_q == lost_timeout_q);
+
+      pulse_in_run: cover (pulse && power == 16'hffff);
+      fault: cover (state == Fault && away_q != '0 && startup == '0);
+    end
+  end
+
+endmodule
+
+`default_nettype wire

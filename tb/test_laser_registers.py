@@ -1,0 +1,106 @@
+"""LaserRegisters: a configuration in milliwatts and microseconds as the laser's registers."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from vrscan.config import Config
+from vrscan.errors import InputError
+from vrscan.fixed.laser_control import BUCKET_MARGIN, Ceilings, Settings
+from vrscan.ideal.mirror import motion
+from vrscan.laser_registers import LaserRegisters
+
+SHIPPED = LaserRegisters.from_config(Config())
+
+
+def registers(section: str, **values: float) -> LaserRegisters:
+    """Return the registers of the defaults but for some values."""
+    return LaserRegisters.from_config(Config.model_validate({section: values}))
+
+
+def test_every_register_is_a_port() -> None:
+    """The names are those of the settings, but for the one that switches the light on."""
+    names = {field.name for field in dataclasses.fields(LaserRegisters)}
+    assert names == set(Settings().ports) - {"laser_enable"}
+    Settings(**{name.removeprefix("laser_"): value for name, value in vars(SHIPPED).items()})
+
+
+def test_shipped_limits_are_within_the_ceilings() -> None:
+    """No limit that a host reads back is more than what holds, and pulses get through."""
+    ceilings = Ceilings()
+    assert SHIPPED.laser_limit_power <= ceilings.power
+    assert SHIPPED.laser_limit_startup <= ceilings.startup
+    assert SHIPPED.laser_limit_pulse_clks <= ceilings.pulse_clks
+    assert SHIPPED.laser_limit_drain <= ceilings.drain
+    assert BUCKET_MARGIN < SHIPPED.laser_limit_bucket <= ceilings.bucket
+    assert 0 < SHIPPED.laser_watchdog_clks <= ceilings.watchdog_clks
+    assert SHIPPED.laser_startup - SHIPPED.laser_limit_startup <= 1
+
+
+def test_the_shipped_line_is_within_its_limits() -> None:
+    """At full power on every line the bucket never fills."""
+    config = Config()
+    pulse_clks = config.line.pulse_us * 1e-6 * config.clock.frequency_hz
+    line_clks = config.clock.frequency_hz / config.line.rate_hz
+    assert SHIPPED.laser_power_max * pulse_clks / line_clks < SHIPPED.laser_limit_drain
+
+
+def test_limits_are_rounded_down() -> None:
+    """Half a step more than a register can say is not granted; a whole one is."""
+    step_mw = 50.0 / 65_535
+    assert registers("laser", limit_power_mw=99.5 * step_mw).laser_limit_power == 99
+    assert registers("laser", limit_power_mw=100 * step_mw).laser_limit_power == 100
+    assert registers("laser", power_mw=99.6 * step_mw).laser_power == 100
+    assert registers("laser", watchdog_s=1e-12).laser_watchdog_clks == 1
+
+
+def test_energy_and_average_are_of_the_same_light() -> None:
+    """A bucket's power times clocks, and a drain's power, in joules and watts."""
+    watts = 0.05 / 65_535
+    second = Config().clock.frequency_hz
+    assert math.isclose(SHIPPED.laser_limit_bucket * watts / second, 1e-6, rel_tol=1e-6)
+    assert math.isclose(SHIPPED.laser_limit_drain * watts, 2.5e-3, rel_tol=1e-3)
+
+
+@pytest.mark.parametrize("index_deg", [17.0, -17.0])
+@pytest.mark.parametrize("margin_deg", [0.0, 2.0, 17.0])
+def test_the_index_is_lit_beyond_its_margin(index_deg: float, margin_deg: float) -> None:
+    """The window's phases are those at which the beam is that far out, on the mark's side."""
+    config = Config.model_validate(
+        {"mirror": {"index_deg": index_deg}, "laser": {"index_margin_deg": margin_deg}}
+    )
+    found = LaserRegisters.from_config(config)
+    phase = np.arange(0, 1 << 16)
+    inside = (phase - found.laser_index_begin) % 65536 < (
+        found.laser_index_end - found.laser_index_begin
+    ) % 65536
+    angle = np.degrees(
+        motion(
+            phase / 65536,
+            math.radians(config.mirror.amplitude_deg),
+            np.array(config.mirror.harmonics),
+        )
+    )
+    outside = angle * np.sign(index_deg) > abs(index_deg) - margin_deg
+    # The harmonics, which the window leaves out, move the angle by a fraction of a degree.
+    far = np.abs(angle * np.sign(index_deg) - (abs(index_deg) - margin_deg)) > 0.2
+    assert np.array_equal(inside[far], outside[far])
+
+
+@pytest.mark.parametrize(
+    ("section", "values", "key"),
+    [
+        ("line", {"pulse_us": 2.1}, "pulse_us"),
+        ("laser", {"limit_power_mw": 50.1}, "limit_power_mw"),
+        ("laser", {"max_mw": 51.0}, "max_mw"),
+        ("laser", {"index_margin_deg": 17.1}, "index_margin_deg"),
+        ("laser", {"watchdog_s": 40.0}, "watchdog_s"),
+        ("laser", {"limit_burst_uj": 30.0}, "limit_burst_uj"),
+    ],
+)
+def test_what_does_not_fit_is_named(section: str, values: dict[str, float], key: str) -> None:
+    """In one line with the key."""
+    with pytest.raises(InputError, match=key):
+        registers(section, **values)
