@@ -2,8 +2,8 @@
 
 A file holds, for even steps of the angle, the electrons that the laser at rated power puts into
 each pixel, what all other light does, and the constants of the sensor: everything but the noise.
-Between two angles it is linear. On the default scene a step of 175 urad moves the spot by 0.6 px,
-a seventh of its deviation; see ``tb/test_scene_library.py`` for what is lost by it.
+Between two angles it is linear: on the default scene 0.007 px and 8 um rms off but for the spots at
+edges, where the nearest angle alone would be 0.19 px and 200 um, and speckle is 0.32 px and 320 um.
 """
 
 import hashlib
