@@ -1,0 +1,167 @@
+"""point_record: every byte of the RTL against the model, the model against the layout."""
+
+import cocotb
+import numpy as np
+import pytest
+from harness import FallingEdge, drive, generator, parameters, reset, simulate
+
+from vrscan.fixed import link_pkg, pkg
+from vrscan.fixed.point_record import LATENCY, point_record
+from vrscan.link.records import Records, encode_full
+from vrscan.points import Points
+
+ELABORATIONS = [
+    {"LineLength": 2048, "PixelWidth": 12},
+    {"LineLength": 64, "PixelWidth": 8},
+    {"LineLength": 32768, "PixelWidth": 16},
+]
+SIGNED = ("position", "angle", "x", "z")
+ADDED = ("power", "confidence", "inward", "test", "time")
+
+
+def widths(line_length: int, pixel_width: int) -> dict[str, int]:
+    """Return the bits of every port."""
+    index = (line_length - 1).bit_length()
+    return {
+        "line": pkg.LINE_NUMBER_WIDTH,
+        "flags": pkg.FLAG_WIDTH,
+        "measured": 1,
+        "left": index,
+        "right": index,
+        "width": line_length.bit_length(),
+        "maximum": pixel_width,
+        "row_mean": pkg.COUNT_WIDTH,
+        "row_variance": pkg.VARIANCE_WIDTH,
+        "background": pkg.COUNT_WIDTH,
+        "noise": pkg.COUNT_WIDTH,
+        "snr": pkg.SNR_WIDTH,
+        "position": index + 1 + pkg.POSITION_FRACTION,
+        "sigma": pkg.SIGMA_WIDTH,
+        "angle": pkg.ANGLE_WIDTH,
+        "x": pkg.LENGTH_WIDTH,
+        "z": pkg.LENGTH_WIDTH,
+        "sigma_z": pkg.SIGMA_WIDTH,
+        "c_obj": pkg.CONFIDENCE_WIDTH,
+        "c_sfm": pkg.CONFIDENCE_WIDTH,
+        "power": pkg.POWER_WIDTH,
+        "confidence": 8,
+        "inward": 1,
+        "test": 1,
+        "time": pkg.TIME_WIDTH,
+    }
+
+
+def random_inputs(
+    draw: np.random.Generator, count: int, line_length: int, pixel_width: int
+) -> dict[str, np.ndarray]:
+    """Return values of all ports, a third of them the least or the largest."""
+    inputs = {}
+    for name, width in widths(line_length, pixel_width).items():
+        least = -(1 << (width - 1)) if name in SIGNED else 0
+        most = least + (1 << width) - 1
+        values = draw.integers(least, most, count, endpoint=True)
+        ends = draw.choice([least, most], count)
+        inputs[name] = np.where(draw.random(count) < 1 / 3, ends, values)
+    for name in ("measured", "inward", "test"):
+        inputs[name] = draw.random(count) < 0.5
+    inputs["width"][draw.random(count) < 0.3] = 0
+    return inputs
+
+
+def records_of(inputs: dict[str, np.ndarray]) -> Records:
+    """Return what the model makes of them."""
+    columns = {name: values for name, values in inputs.items() if name not in ADDED}
+    return point_record(Points(**columns), **{name: inputs[name] for name in ADDED})
+
+
+async def give(dut, inputs: dict[str, np.ndarray], k: int) -> None:
+    """Give a point for a clock, and other values behind it."""
+    for name, values in inputs.items():
+        drive(getattr(dut, f"{name}_i"), int(values[k]))
+    dut.valid_i.value = 1
+    await FallingEdge(dut.clk_i)
+    dut.valid_i.value = 0
+    for name, values in inputs.items():
+        drive(getattr(dut, f"{name}_i"), int(values[k - 1]))
+
+
+@cocotb.test()
+async def random_points_come_out_byte_for_byte(dut) -> None:
+    await reset(dut)
+    draw = generator(1)
+    inputs = random_inputs(draw, 300, parameters()["LineLength"], parameters()["PixelWidth"])
+    wanted = records_of(inputs)
+    for k in range(len(wanted)):
+        assert not dut.record_valid_o.value
+        await give(dut, inputs, k)
+        for _ in range(LATENCY - 1):
+            await FallingEdge(dut.clk_i)
+        got = bytearray()
+        # Some points follow each other as closely as they may.
+        closely = k % 3 == 0 and k + 1 < len(wanted)
+        for index in range(link_pkg.FULL_BYTES - closely):
+            assert dut.record_valid_o.value
+            assert dut.record_index_o.value.to_unsigned() == index
+            got.append(dut.record_o.value.to_unsigned())
+            await FallingEdge(dut.clk_i)
+        want = encode_full(wanted[k : k + 1])
+        if closely:
+            assert dut.record_valid_o.value and dut.record_index_o.value.to_unsigned() == 63
+            got.append(dut.record_o.value.to_unsigned())
+        assert bytes(got) == want, {name: int(values[k]) for name, values in inputs.items()}
+        if closely:
+            await give(dut, inputs, 0)
+            assert dut.record_valid_o.value and dut.record_index_o.value.to_unsigned() == 0
+            for _ in range(link_pkg.FULL_BYTES):
+                await FallingEdge(dut.clk_i)
+
+
+@cocotb.test()
+async def reset_ends_a_record(dut) -> None:
+    await reset(dut)
+    inputs = random_inputs(generator(2), 2, parameters()["LineLength"], parameters()["PixelWidth"])
+    for age in (0, 1, 30, 63):
+        await give(dut, inputs, 1)
+        for _ in range(age):
+            await FallingEdge(dut.clk_i)
+        dut.rst_i.value = 1
+        await give(dut, inputs, 1)
+        dut.rst_i.value = 0
+        for _ in range(70):
+            assert not dut.record_valid_o.value
+            await FallingEdge(dut.clk_i)
+
+
+@pytest.mark.parametrize("values", ELABORATIONS, ids=str)
+def test_point_record(values: dict[str, int]) -> None:
+    simulate("point_record", __file__, values)
+
+
+# Where a number lies, how long it is, and what it is called.
+LAYOUT = [
+    (0, 4, "line"), (4, 2, "flags"), (6, 2, "left"), (8, 2, "right"), (10, 2, "maximum"),
+    (12, 4, "row_mean"), (16, 4, "row_variance"), (20, 4, "background"), (24, 4, "noise"),
+    (28, 2, "snr"), (30, 2, "sigma"), (32, 4, "position"), (36, 4, "angle"), (40, 4, "x"),
+    (44, 4, "z"), (48, 2, "sigma_z"), (50, 2, "power"), (52, 1, "c_obj"), (53, 1, "c_sfm"),
+    (54, 2, "width"), (56, 1, "confidence"), (60, 4, "time"),
+]  # fmt: skip
+
+
+def test_point_record_model_has_the_layout_of_the_link() -> None:
+    inputs = random_inputs(generator(3), 200, 2048, 12)
+    records = records_of(inputs)
+    data = encode_full(records)
+    assert len(data) == 200 * 64
+    for k in range(200):
+        record = data[64 * k : 64 * k + 64]
+        one = {name: int(values[k]) for name, values in inputs.items()}
+        for place, size, name in LAYOUT:
+            want = one[name]
+            if name in ("position", "sigma", "x", "z", "sigma_z") and not one["measured"]:
+                want = 0
+            if name in ("left", "right") and not one["width"]:
+                want = 0
+            got = int.from_bytes(record[place : place + size], "little", signed=name in SIGNED)
+            assert got == want, name
+        assert record[57] == one["measured"] + 2 * one["inward"] + 4 * one["test"]
+        assert record[58:60] == b"\0\0"
