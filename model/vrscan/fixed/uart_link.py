@@ -20,6 +20,10 @@ from vrscan.fixed.uart_tx import UartTx
 STEP_WIDTH = 24
 COUNT_MAX = 0xFFFF
 QUIET_CLKS = 8  # nothing goes out for so long before the rate changes
+STREAM_BYTES = 240  # of the longest packet of a stream
+# Bytes on the line between a command and its reply, at most: such a packet with CRC, codes and
+# 0x00, the encoder's ring, four registers, and two while the command is taken and executed.
+MOST_BEFORE_REPLY = STREAM_BYTES + 5 + 256 + 4 + 2
 
 
 def default_step(clock_hz: int, baud: int) -> int:
