@@ -52,7 +52,7 @@ LOW = {
     "WatchdogCeilingClks": 150,
 }
 HIGH = {
-    "HeartbeatBits": 5,
+    "HeartbeatBits": 9,
     "PowerCeiling": 65_535,
     "StartupCeiling": 65_535,
     "PulseCeilingClks": (1 << 20) - 2,
@@ -138,7 +138,7 @@ class Bench(TwinBench):
         given = parameters()
         self.ceilings = Ceilings(**{CEILINGS[k]: v for k, v in given.items() if k in CEILINGS})
         self.bits = {
-            "heartbeat_bits": given.get("HeartbeatBits", 8),
+            "heartbeat_bits": given.get("HeartbeatBits", 5),
             "count_width": given.get("CountWidth", 16),
         }
         self.settings: Settings | None = None
@@ -560,7 +560,7 @@ async def pins_are_high_in_proportion(dut) -> None:
         high += (int(dut.power_pin_o.value), int(dut.startup_pin_o.value))
         beats.append(int(dut.heartbeat_o.value))
     assert tuple(high) == (12_345, OPEN.startup)
-    assert np.all(np.diff(np.flatnonzero(np.diff(beats))) == 1 << 8)
+    assert np.all(np.diff(np.flatnonzero(np.diff(beats))) == 1 << 5)
 
 
 @cocotb.test()

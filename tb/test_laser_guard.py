@@ -89,14 +89,14 @@ async def random_inputs_and_resets(dut) -> None:
     draw = generator(1)
     bench = await begin(dut)
     guard, longest = bench.parameters.guard_clks, bench.parameters.pulse_clks
-    often, long = (0.97, 0.03) if guard < 100 else (0.999, 0.6)  # no gap, a long pulse
+    often, long = (0.97, 0.03) if longest < 100 else (0.997, 0.4)  # no gap, a long pulse
     seen = set()
     resets = set()
     for _ in range(25):
         drive(dut.index_light_i, 0)
         await bench.start(heartbeat=int(draw.integers(2)), pulse=int(draw.integers(2)))
         gap, left, pulse_left = 2, 0, 0
-        for _ in range(int(draw.integers(20, 40 + 6 * guard))):
+        for _ in range(int(draw.integers(20, 40 + 6 * (guard + longest)))):
             inputs = {"index_light": int(draw.integers(2))}
             if left <= 0:
                 inputs["heartbeat"] = 1 - bench.inputs["heartbeat"]

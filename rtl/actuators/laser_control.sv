@@ -55,7 +55,7 @@
 
 module laser_control #(
   parameter int unsigned CountWidth          = 16,
-  parameter int unsigned HeartbeatBits       = 8,
+  parameter int unsigned HeartbeatBits       = 5,  // a beat every 0.26 us at 125 MHz
   parameter int unsigned PowerCeiling        = 65_535,
   parameter int unsigned StartupCeiling      = 1_311,  // 1 mW of 50 mW
   parameter int unsigned PulseCeilingClks    = 1_250,  // 10 us at 125 MHz

@@ -22,8 +22,8 @@
 `default_nettype none
 
 module laser_guard #(
-  parameter int unsigned GuardClks    = 256,  // 10 us at 25 MHz: four beats of 2**8 core clocks
-  parameter int unsigned PulseClks    = 500,  // 20 us at 25 MHz: beyond laser_control's own limit
+  parameter int unsigned GuardClks    = 16,  // 0.64 us at 25 MHz: two beats of 2**5 clocks, 100 MHz
+  parameter int unsigned PulseClks    = 300,  // 12 us at 25 MHz: beyond laser_control's own limit
   parameter int unsigned RestartBeats = 16,
   parameter int unsigned CountWidth   = 16
 ) (

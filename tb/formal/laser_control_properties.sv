@@ -102,6 +102,7 @@ module laser_control_properties #(
   logic        seeking_q, run_q;
   logic        awake_q;
   logic        laser_q;
+  logic [ 2:0] guard_q;
   logic [ 3:0] held_q;  // clocks that the limits have stood, up to 15
   logic [15:0] limit_power_q, limit_startup_q, limit_drain_q;
   logic [19:0] limit_pulse_q;
@@ -109,7 +110,8 @@ module laser_control_properties #(
   logic [32:0] silent_q;  // clocks since the host was heard
   logic        heard_q;  // it was, ever
   logic [20:0] long_q;  // clocks that the pulse has been on
-  logic [63:0] energy_q, drained_q;  // since window_i
+  // Energy since window_i less what drained; it may be more than that, but no more than nothing.
+  logic signed [47:0] excess_q, excess;
   logic        same, held;
   assign same = limit_power_q == laser_limit_power_i && limit_startup_q == laser_limit_startup_i &&
                 limit_pulse_q == laser_limit_pulse_clks_i && limit_drain_q == laser_limit_drain_i &&
@@ -121,12 +123,22 @@ module laser_control_properties #(
   assign added = pulse ? power : 16'd0;
   assign total = {1'b0, added} + {1'b0, index_light ? startup : 16'd0};
 
-  function automatic logic [31:0] smaller(input logic [31:0] value, input logic [31:0] ceiling);
-    smaller = value > ceiling ? ceiling : value;
-  endfunction
+  localparam logic signed [47:0] Floor = 48'sh10_0000_0000;
+  assign excess = excess_q + signed'(48'(added)) - signed'(48'(inside_drain_q));
+
+  // The bucket with what is on its way into it.
+  logic signed [33:0] filling;
+  logic        [33:0] filled;
+  assign filling = signed'({2'b00, inside_level_q}) + 34'(signed'(inside_delta_q));
+  assign filled  = filling[33] ? '0 : unsigned'(filling);
+
+  // The limits have stood long enough, and with them what is in the bucket has been within it.
+  logic fits_q;
 
   always_ff @(posedge clk_i) begin
     first_q          <= 1'b0;
+    fits_q           <= !rst_i && same && (fits_q || (held_q == 4'd15 &&
+                                                      filled <= 34'(laser_limit_bucket_i)));
     well_q           <= !rst_i && state_i == 3'(vrscan_pkg::MirrorRun) && index_alive_i &&
                         laser_enable_i;
     seeking_q        <= state_i == 3'(vrscan_pkg::MirrorSweep) ||
@@ -134,6 +146,7 @@ module laser_control_properties #(
     run_q            <= state_i == 3'(vrscan_pkg::MirrorRun);
     awake_q          <= !rst_i && laser_enable_i;
     laser_q          <= laser_i;
+    guard_q          <= rst_i ? '0 : {guard_q[1:0], guard_ok_i};
     limit_power_q    <= laser_limit_power_i;
     limit_startup_q  <= laser_limit_startup_i;
     limit_pulse_q    <= laser_limit_pulse_clks_i;
@@ -144,20 +157,11 @@ module laser_control_properties #(
     heard_q          <= !rst_i && (heard_q || alive_i);
     silent_q         <= rst_i || alive_i ? 33'd0 : silent_q == '1 ? silent_q : silent_q + 33'd1;
     long_q           <= rst_i || !pulse ? 21'd0 : long_q == '1 ? long_q : long_q + 21'd1;
-    energy_q         <= rst_i || window_i ? 64'd0 : energy_q + 64'(added);
-    drained_q        <= rst_i || window_i ? 64'd0 : drained_q + 64'(inside_drain_q);
+    excess_q         <= rst_i || window_i ? 48'sd0 : excess < -Floor ? -Floor : excess;
   end
-
-  // The bucket with what is on its way into it.
-  logic signed [33:0] filling;
-  logic        [33:0] filled;
-  assign filling = signed'({2'b00, inside_level_q}) + 34'(signed'(inside_delta_q));
-  assign filled  = filling[33] ? '0 : unsigned'(filling);
 
   always_comb begin
     assume (!first_q || rst_i);
-    // A stretch of time of a thousand years has no overflow.
-    assume (energy_q < 64'h4000_0000_0000_0000 && drained_q < 64'h4000_0000_0000_0000);
     if (!first_q) begin
       // Without RUN, index, enable: nothing of the main channel, at once.
       dark_without_interlock: assert (well_q || (!pulse && power == '0 && total <= 17'(startup)));
@@ -166,6 +170,7 @@ module laser_control_properties #(
                          (!held || total <= 17'(laser_limit_startup_i))));
       no_light_without_enable: assert (awake_q || (!pulse && !index_light && startup == '0));
       no_light_off_or_fault: assert (seeking_q || run_q || (!pulse && !index_light && total == '0));
+      no_light_without_guard: assert (guard_q[2] || (!pulse && !index_light));
       // A silent host.
       no_light_before_a_host:
       assert (heard_q || (!pulse && !index_light));
@@ -182,11 +187,12 @@ module laser_control_properties #(
       power_limit: assert (power <= 16'(PowerCeiling) && (!held || power <= laser_limit_power_i));
       startup_limit: assert (startup <= 16'(StartupCeiling) &&
                              (!held || startup <= laser_limit_startup_i));
-      // Energy of any stretch: the bucket and what drained meanwhile.
+      // Energy of any stretch of time: what drained meanwhile, and the bucket.
       drain_limit: assert (inside_drain_q <= 16'(DrainCeiling) &&
                            (!held || inside_drain_q <= laser_limit_drain_i));
-      energy_of_any_stretch: assert (energy_q <= drained_q + 64'(filled));
+      energy_of_any_stretch: assert (excess_q <= signed'(48'(filled)));
       bucket_limit: assert (filled <= 34'(BucketCeiling));
+      energy_by_register: assert (!fits_q || filled <= 34'(limit_bucket_q));
 
       step_silent: assert (!inside_heard_q || {1'b0, inside_silent_q} == silent_q);
       step_heard: assert (!inside_heard_q || heard_q);
@@ -200,10 +206,10 @@ module laser_control_properties #(
       step_powers: assert (inside_limit_power_q <= 16'(PowerCeiling) &&
                            inside_limit_startup_q <= 16'(StartupCeiling));
 
-      full_power: cover (pulse && power == 16'(PowerCeiling) && long_q == 21'd4);
+      full_power: cover (held && pulse && power == 16'(PowerCeiling) && long_q == 21'd4);
       startup_in_sweep: cover (index_light && seeking_q && startup == 16'(StartupCeiling));
       startup_in_run: cover (index_light && run_q && !pulse && startup != '0);
-      bucket_full: cover (inside_full_q && well_q && energy_q != '0);
+      bucket_full: cover (inside_full_q && well_q && excess_q > 48'sd0);
       cut: cover (laser_i && laser_q && !pulse && well_q && long_q == 21'd3);
     end
   end

@@ -7,8 +7,8 @@
 `default_nettype none
 
 module laser_guard_properties #(
-  parameter int unsigned GuardClks    = 256,
-  parameter int unsigned PulseClks    = 500,
+  parameter int unsigned GuardClks    = 16,
+  parameter int unsigned PulseClks    = 300,
   parameter int unsigned RestartBeats = 16
 ) (
   input wire logic clk_i,
@@ -33,9 +33,9 @@ module laser_guard_properties #(
   );
 
   // Tied to registers of dut.
-  (* keep *) wire [8:0] inside_silent_q;
-  (* keep *) wire [8:0] inside_high_q;
-  (* keep *) wire [4:0] inside_beats_q;
+  (* keep *) wire [$clog2(GuardClks+1)-1:0] inside_silent_q;
+  (* keep *) wire [$clog2(PulseClks+1)-1:0] inside_high_q;
+  (* keep *) wire [$clog2(RestartBeats+1)-1:0] inside_beats_q;
   (* keep *) wire [2:0] inside_heartbeat_q;
 
   logic        first_q = 1'b1;
@@ -76,14 +76,15 @@ module laser_guard_properties #(
 
       step_silent: assert (silent_q < 16'd2 || 16'(inside_silent_q) == 16'(GuardClks) ||
                            16'(inside_silent_q) >= silent_q - 16'd2);
-      step_silent_range: assert (inside_silent_q <= 9'(GuardClks));
+      step_silent_range: assert (16'(inside_silent_q) <= 16'(GuardClks));
       step_high: assert (request_q < 16'd2 || 16'(inside_high_q) == 16'(PulseClks) ||
                          16'(inside_high_q) >= request_q - 16'd2);
-      step_high_range: assert (inside_high_q <= 9'(PulseClks));
+      step_high_range: assert (16'(inside_high_q) <= 16'(PulseClks));
       step_long: assert (!pulse || long_q <= request_q);
       step_heartbeat: assert (inside_heartbeat_q[0] == heartbeat_q);
-      step_beats: assert (ok || ok_q || 17'(inside_beats_q) + 17'(on_their_way) <= 17'(changes_q) + 17'd3);
-      step_ready: assert (!ok || inside_beats_q == 5'(RestartBeats));
+      step_beats:
+      assert (ok || ok_q || 17'(inside_beats_q) + 17'(on_their_way) <= 17'(changes_q) + 17'd3);
+      step_ready: assert (!ok || 16'(inside_beats_q) == 16'(RestartBeats));
 
       light: cover (pulse && index_light && long_q == 16'd2);
     end

