@@ -27,7 +27,8 @@ from vrscan.link.records import Records
 
 CLOCK_HZ = 100_000_000
 LINE_LENGTH = 256
-BUFFER_PACKETS = 20  # that wait; more are dropped
+CAPTURES = (link_pkg.STREAM_CAPTURE_PIXELS, link_pkg.STREAM_CAPTURE_RECORD)
+MOST_DUE = 100.0  # lines that are made at once, where the machine is busy
 
 
 @dataclass
@@ -62,6 +63,8 @@ class FakeBoard:
         file: The registers.
         lines_per_s: While lines run and their records are given.
         executed: How often a command of each first byte was.
+        room: Packets that may wait; points beyond are dropped.
+        silent_lines: Lines that give no record.
     """
 
     def __init__(self, path: Path, *, map_hash: int | None = None, seed: int = 1) -> None:
@@ -70,7 +73,8 @@ class FakeBoard:
         self.file = RegisterFile()
         self.lines_per_s = 2000.0
         self.executed: dict[int, int] = {}
-        self.silent_lines: set[int] = set()  # that give no record
+        self.room = 100
+        self.silent_lines: set[int] = set()
         self._map_hash = map_hash
         self._random = random.Random(seed)
         self._stop = threading.Event()
@@ -190,7 +194,7 @@ class FakeBoard:
             now = time.monotonic()
             self._make_lines((now - before) * self.lines_per_s)
             before = now
-            for _ in range(4):
+            for _ in range(8):
                 if self._packets:
                     self._send(self._packets.popleft())
 
@@ -224,6 +228,8 @@ class FakeBoard:
 
     def _execute(self, payload: bytes) -> Outcome:
         self.executed[payload[0]] = self.executed.get(payload[0], 0) + 1
+        sent = not any(packet[0] in CAPTURES for packet in self._packets)
+        self.file.inputs["capture_busy"] = int(self._capture is not None or not sent)
         self.file.inputs["uptime"] = int((time.monotonic() - self._start) * CLOCK_HZ)
         run = execute(payload, self._capture is not None)
         try:
@@ -267,7 +273,7 @@ class FakeBoard:
         if not self.file.values["line_enable"][0]:
             self._due = 0.0
             return
-        self._due += more
+        self._due = min(self._due + more, MOST_DUE)
         while self._due >= 1.0:
             self._due -= 1.0
             k = self._line % len(self.made)
@@ -286,7 +292,7 @@ class FakeBoard:
             return
         if self._batch and line != (int(self._batch[-1]["line"]) + step) % (1 << 32):
             self._close_batch()
-        if len(self._packets) >= BUFFER_PACKETS:
+        if len(self._packets) >= self.room:
             self._dropped = (self._dropped + 1) % (1 << 16)
             return
         self._batch.append(record)

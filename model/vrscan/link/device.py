@@ -646,16 +646,19 @@ class Device:
         limit = 3.0 * self.timeout if timeout is None else timeout
         end = time.monotonic() + limit
         with self.captured(mode, argument) as lines:
-            while True:
-                found = lines.get(max(0.0, end - time.monotonic()))
+            while time.monotonic() < end:
+                found = lines.get(max(0.0, min(self.timeout / 4, end - time.monotonic())))
                 if found is not None:
                     return found
-                if time.monotonic() >= end:
-                    raise NoAnswerError(f"{self.port}: no line came within {limit:g} s")
+                if self.read("capture_busy"):
+                    continue
+                found = lines.get(max(self._quiet()[0], 0.1))  # its last packet may be on the way
+                if found is not None:
+                    return found
                 if mode == link_pkg.CAPTURE_LINE:
                     raise LinkError(f"{self.port}: line {argument} came with packets missing")
-                if mode == link_pkg.CAPTURE_NEXT:
-                    self._capture(lines, mode, argument)
+                self._capture(lines, mode, argument)
+        raise NoAnswerError(f"{self.port}: no line came within {limit:g} s")
 
     @contextlib.contextmanager
     def captured(self, mode: int, argument: int = 0) -> Iterator[CaptureStream]:
@@ -677,9 +680,13 @@ class Device:
             yield lines
 
     def _capture(self, lines: CaptureStream, mode: int, argument: int) -> None:
-        data = protocol.capture(mode, argument)
-        # Once more would be BUSY where it is the reply that was lost.
-        self._command(link_pkg.COMMAND_CAPTURE, data, again=False, then=lines.begin)
+        lines.begin()
+        before = self.traffic.retries
+        try:
+            self._command(link_pkg.COMMAND_CAPTURE, protocol.capture(mode, argument))
+        except DeviceError as error:
+            if error.status != Status.BUSY or self.traffic.retries == before:
+                raise  # else it was the first one's reply that did not come
 
     @contextlib.contextmanager
     def _captures(self) -> Iterator[CaptureStream]:

@@ -22,7 +22,9 @@ from vrscan.fixed import link_pkg
 from vrscan.link import protocol
 
 POLL_S = 0.1  # of the reading thread: how soon it sees that it is to end
-ATTEMPTS = 4  # of a command that may be repeated
+ATTEMPTS = 4  # of a command that may be repeated, where nothing comes; more where it is bad
+BREAK_RATIO = 12  # a byte of zeros is then longer than one with its stop bit
+BREAK_S = 0.05  # until a port has taken a byte
 
 Sink = Callable[[bytes], None]
 
@@ -102,7 +104,7 @@ class Transport:
         self._awaited: tuple[int, int] | None = None  # first two bytes of the reply
         self._reply: bytes | None = None
         self._then: Callable[[], None] | None = None
-        self._nacks = 0  # frames that the board found bad since the command went out
+        self._spoiled = False  # a frame was bad since the command went out, here or there
         self._failure: UnpluggedError | None = None
         self._ending = False
         self._serial = _opened(port, baud, timeout)
@@ -133,9 +135,16 @@ class Transport:
             raise LinkError(f"{self.port}: no rate of {rate} baud ({_reason(error)})") from error
 
     def send_break(self) -> None:
-        """Hold the line low for a while: the board stops its streams and takes its default rate."""
-        with contextlib.suppress(OSError):  # a port that knows no break
-            self._serial.send_break()
+        """Hold the line low for longer than a byte: the board begins anew, at its default rate.
+
+        It is a 0x00 at a rate so low that the board sees no stop bit: every port can do that, where
+        a real break does not pass a pty and some adapters.
+        """
+        rate = self.baud
+        self.baud = rate // BREAK_RATIO
+        self.send(b"\0")
+        time.sleep(max(BREAK_S, 10.0 * BREAK_RATIO / rate))
+        self.baud = rate
 
     def check(self) -> None:
         """Raise the error that ended the reading thread, if one did."""
@@ -184,36 +193,41 @@ class Transport:
             UnpluggedError: if the port is gone.
         """
         wait = self.timeout if wait is None else wait
-        attempts = ATTEMPTS if again else 1
+        end = time.monotonic() + wait
+        attempts = 0
         with self._turn:
             self._then = then
-            for attempt in range(attempts):
-                self.traffic.retries += attempt > 0
-                reply = self._once(operation, data, wait / attempts, nacked=again)
+            while attempts == 0 or (again and time.monotonic() < end):
+                self.traffic.retries += attempts > 0
+                left = end - time.monotonic()
+                limit = min(left, wait / ATTEMPTS) if again else left
+                reply = self._once(operation, data, limit, again, first=attempts == 0)
                 if reply is not None:
                     return reply
+                attempts += 1
         tried = f" and {attempts} attempts" if again else ""
         unsure = "" if again else "; whether the board did it is not known"
         name = protocol.COMMANDS.get(operation, f"command {operation:#04x}")
         raise NoAnswerError(f"{self.port}: no answer to {name} after {wait:g} s{tried}{unsure}")
 
-    def _once(self, operation: int, data: bytes, wait: float, *, nacked: bool) -> bytes | None:
-        """Send a command and return its reply; with ``nacked`` give up where its frame was bad."""
+    def _once(
+        self, operation: int, data: bytes, limit: float, hasty: bool, *, first: bool
+    ) -> bytes | None:
+        """Send a command and return its reply, or None; ``hasty``: as soon as a frame was bad."""
         self._sequence = (self._sequence + 1) & 0xFF
         frame = protocol.encode_frame(protocol.command(operation, self._sequence, data))
         with self._arrived:
             self._awaited = operation | link_pkg.REPLY_BIT, self._sequence
             self._reply = None
-            self._nacks = 0
-        self.send(frame)
+            self._spoiled = False
+        # The 0x00 that ended the one before may not have come.
+        self.send(frame if first else b"\0" + frame)
         with self._arrived:
             self._arrived.wait_for(
-                lambda: (
-                    self._reply is not None
-                    or self._failure is not None
-                    or (nacked and self._nacks > 0)
-                ),
-                wait,
+                lambda: self._reply is not None
+                or self._failure is not None
+                or (hasty and self._spoiled),
+                limit,
             )
             self._awaited = None
             reply, self._reply = self._reply, None
@@ -233,6 +247,7 @@ class Transport:
 
     def _read(self) -> None:
         """Read until the port is closed or gone."""
+        bad = 0
         try:
             while not self._ending:
                 data = self._serial.read(self._serial.in_waiting or 1)
@@ -240,6 +255,11 @@ class Transport:
                 for payload in self._frames.feed(data):
                     self._sort(payload)
                 self.traffic.frames = self._frames.good
+                if self.traffic.bad_frames != bad:
+                    bad = self.traffic.bad_frames
+                    with self._arrived:
+                        self._spoiled = True
+                        self._arrived.notify_all()
         except Exception as error:
             if not self._ending:
                 self._unplugged(error)
@@ -269,7 +289,7 @@ class Transport:
         with self._arrived:
             if payload[0] == protocol.BAD_FRAME:
                 self.traffic.refused += 1
-                self._nacks += 1
+                self._spoiled = True
             elif tuple(payload[:2]) == self._awaited and len(payload) > 2:
                 self._reply = payload
                 self._awaited = None

@@ -1,0 +1,381 @@
+"""``vrscan link`` on a board made of the twins: what it prints and writes, and what is wrong."""
+
+import csv
+import json
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import Result
+from fake_board import LINE_LENGTH, FakeBoard
+from typer.testing import CliRunner
+
+from vrscan.chain import run_fixed
+from vrscan.cli import app, main
+from vrscan.config import Config
+from vrscan.fixed import pkg
+from vrscan.fixed.test_line import Settings, lines
+from vrscan.lines import read as read_lines
+from vrscan.link import records, values
+from vrscan.link.cli import link
+from vrscan.link.live import braille
+from vrscan.link.selftest import CHAIN, full_records
+from vrscan.points import COLUMNS
+from vrscan.registers import Registers
+
+COUNT = 200
+CONFIG = {"sensor": {"line_length": LINE_LENGTH}, "geometry": {"centre_px": 127.5}}
+
+
+def chain(board: FakeBoard) -> Registers:
+    """Return what the board makes its points with."""
+    held = {name: board.file.values[name][0] for name in CHAIN}
+    for name in ("period_n", "noise_row", "even"):
+        held[name] = bool(held[name])
+    return Registers(pixel_width=12, line_length=LINE_LENGTH, **held)
+
+
+class TestBoard(FakeBoard):
+    """A board that has test lines, too: its twin's points of its twin's lines."""
+
+    __test__ = False
+
+    def spoil(self, field: str | None) -> None:
+        """Make the next records of test lines wrong in a field."""
+        self.spoiled = field
+
+    def _execute(self, payload: bytes):  # type: ignore[no-untyped-def]
+        outcome = super()._execute(payload)
+        for event in self.file.written:
+            if event.name == "test_start":
+                self._test_lines()
+        self.file.written.clear()
+        return outcome
+
+    def _test_lines(self) -> None:
+        held = {f.name: self.file.values[f"test_{f.name}"][0] for f in fields(Settings)}
+        count = held["lines"] or 400
+        pixels = lines(Settings(**held), count, line_length=LINE_LENGTH)
+        angle, power = self.file.values["test_angle"][0], self.file.values["test_power"][0]
+        points = run_fixed(
+            pixels, np.full(count, angle), np.full(count, power), chain(self), max_window=255
+        )
+        made = full_records(points, 0, power)
+        field = getattr(self, "spoiled", None)
+        if field is not None:
+            made[field][count // 2] ^= 1
+        self.run_test(pixels, made)
+
+
+@pytest.fixture
+def board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[TestBoard]:
+    with TestBoard(tmp_path / "port") as made:
+        config = Registers.from_config(Config.model_validate(CONFIG))
+        count = 600
+        draw = np.random.default_rng(5)
+        settings = Settings(
+            position=40 << pkg.POSITION_FRACTION, move=4096, step=1 << 24, height=40_000,
+            pedestal=1_000, noise=300, seed=3, lines=count, period_clks=0,
+        )  # fmt: skip
+        made.pixels = lines(settings, count, line_length=LINE_LENGTH)
+        angle = draw.integers(-(1 << 20), 1 << 20, count)
+        points = run_fixed(made.pixels, angle, np.full(count, 60_000), config, max_window=255)
+        made.made = full_records(points, 0, 60_000)
+        made.room = 10_000
+        made.file.values["line_enable"] = [1]
+        (tmp_path / "config.toml").write_text(
+            f"[sensor]\nline_length = {LINE_LENGTH}\n[geometry]\ncentre_px = 127.5\n"
+            "[peak]\nk_noise = 3.5\n"
+        )
+        (tmp_path / "wide.toml").write_text("[peak]\nk_noise = 3.5\n")
+        monkeypatch.chdir(tmp_path)
+        yield made
+
+
+def run(*words: str) -> Result:
+    return CliRunner().invoke(app, ["link", *words, "--port", "port", "--timeout", "4"])
+
+
+def printed(*words: str) -> str:
+    result = run(*words)
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def test_info(board: FakeBoard) -> None:
+    board.file.inputs.update(mirror_state=3, mirror_settled=1, frames_crc=0, glitch_count=5)
+    text = printed("info")
+    for part in ("100 MHz", "256 px of 12 bits", "RUN, settled", "glitch_count 5", "nothing"):
+        assert part in text
+
+
+def test_registers_by_name(board: FakeBoard) -> None:
+    text = printed("registers", "k_noise")
+    assert "0x0012" in text
+    assert "640" in text
+    assert "2.5" in text
+    everything = printed("registers")
+    for name in ("identity", "motion_a[9]", "table_amplitude[1024]", "lock_mirror"):
+        assert name in everything
+
+
+def test_read_and_write_in_units_and_as_integers(board: FakeBoard) -> None:
+    assert printed("write", "k_noise", "3.25") == "k_noise = 3.25\n"
+    assert board.file.values["k_noise"] == [832]
+    assert printed("read", "k_noise", "--raw") == "k_noise = 832\n"
+    assert printed("write", "trim_min", "-5", "--raw") == "trim_min = -5\n"
+    assert board.file.values["trim_min"] == [-5]
+    nine = [str(k) for k in range(-4, 5)]
+    assert printed("write", "motion_a", *nine, "--raw") == f"motion_a = {' '.join(nine)}\n"
+    assert printed("write", "scratch", "0xffffffff") == "scratch = 4294967295\n"
+    word = 2**43 + 1
+    assert printed("write", "ratio", str(word), "--raw") == f"ratio = {word}\n"
+    shown = printed("read", "ratio").split()[2]
+    assert values.from_scaled("ratio", float(shown)) == word
+
+
+def test_points_as_csv_are_those_of_every_engine(board: FakeBoard) -> None:
+    text = printed("points", "--out", "points.csv", "--count", str(COUNT))
+    assert "0 lines missing" in text
+    with Path("points.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert ",".join(rows[0]) == COLUMNS
+    assert len(rows) == COUNT
+    for row in rows[:: COUNT // 7]:
+        want = board.made[int(row["line"]) % len(board.made)]
+        assert float(row["z_mm"]) * 4096 == pytest.approx(int(want["z"]), abs=0.5)
+
+
+def test_points_as_arrays(board: FakeBoard) -> None:
+    printed("points", "--out", "full.npz", "--count", "100")
+    printed("points", "--out", "compact.npz", "--seconds", "0.3", "--compact", "--step", "3")
+    with np.load("full.npz") as full:
+        place = full["line"].astype(np.int64) % len(board.made)
+        assert len(place) == 100
+        for name in records.FULL.names or ():
+            if name != "line":
+                assert np.array_equal(full[name], board.made[name][place])
+        assert int(full["account_missing"]) == 0
+    with np.load("compact.npz") as compact:
+        assert np.all(np.diff(compact["line"].astype(np.int64)) == 3)
+        place = compact["line"].astype(np.int64) % len(board.made)
+        assert np.array_equal(compact["flags"], records.compact(board.made[place])["flags"])
+
+
+def test_lost_points_are_status_1(board: FakeBoard) -> None:
+    board.silent_lines = set(range(1_000, 10_000_000, 50))
+    lossy = ("points", "--out", "points.csv", "--count", "200")
+    result = run(*lossy)
+    assert result.exit_code == 1
+    assert "points were lost" in result.stderr
+    assert Path("points.csv").exists()
+    assert run(*lossy, "--allow-loss").exit_code == 0
+
+
+def test_compact_points_as_csv(board: FakeBoard) -> None:
+    printed("points", "--out", "points.csv", "--count", "50", "--compact")
+    with Path("points.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == ["line", "x_mm", "z_mm", "c_obj", "flags"]
+    assert len(rows) == 50
+    for row in rows:
+        want = board.made[int(row["line"]) % len(board.made)]
+        located = bool(records.compact(want.reshape(1))["flags"][0] & 1)
+        assert located == bool(row["z_mm"])
+        if located:
+            assert float(row["x_mm"]) * 4096 == pytest.approx(int(want["x"]), abs=0.5)
+
+
+def test_captured_lines_can_be_replayed(board: FakeBoard) -> None:
+    printed("capture", "--lines", "4", "--out", "lines.npz")
+    found = read_lines(Path("lines.npz"), Config.model_validate(CONFIG))
+    assert len(found) == 4
+    with np.load("lines.npz") as raw:
+        place = raw["number"].astype(np.int64) % len(board.made)
+    assert np.array_equal(found.lines, board.pixels[place % len(board.pixels)])
+    turns = board.made["angle"][place] / 2.0**24
+    assert found.angle_rad == pytest.approx(2.0 * np.pi * turns)
+
+
+def test_a_captured_line_as_text_csv_and_picture(board: FakeBoard) -> None:
+    text = printed("capture")
+    assert "█" in text
+    assert "256 px" in text
+    printed("capture", "--out", "line.csv", "--lines", "2")
+    with Path("line.csv").open() as file:
+        assert len(list(csv.reader(file))) == LINE_LENGTH + 1
+    printed("capture", "--out", "line.png")
+    assert Path("line.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_load_shows_what_changes(board: FakeBoard) -> None:
+    text = printed("load", "--config", "config.toml")
+    assert any(line.split() == ["k_noise", "2.5", "3.5"] for line in text.splitlines())
+    assert board.file.values["k_noise"] == [896]
+    again = printed("load", "--config", "config.toml")
+    assert ", 0 of them changed" in " ".join(again.split())
+
+
+def test_load_and_start(board: FakeBoard) -> None:
+    def running() -> None:
+        board.file.inputs["mirror_state"] = 3
+
+    board.file.values["line_enable"] = [0]
+    threading.Timer(1.0, running).start()
+    text = printed("load", "--config", "config.toml", "--start")
+    assert "the mirror is in RUN" in text
+    assert board.file.values["line_enable"] == board.file.values["mirror_enable"] == [1]
+
+
+def test_watch_for_a_moment(board: FakeBoard) -> None:
+    board.file.inputs.update(mirror_state=3, mirror_word=round(249.0 / 100e6 * 2**48))
+    text = printed("watch", "--seconds", "1.0", "--step", "5")
+    assert "249.0000 Hz" in text
+    assert "0 lines missing" in text
+    assert any(0x2800 < ord(each) < 0x2900 for each in text)
+    assert "no point" not in text.splitlines()[-16]
+
+
+def test_ctrl_c_ends_it_cleanly(board: FakeBoard) -> None:
+    threading.Timer(1.5, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+    text = printed("points", "--out", "points.npz", "--seconds", "60")
+    assert "0 lines missing" in text
+    with np.load("points.npz") as found:
+        assert len(found["line"]) > 0
+
+
+def test_selftest_finds_nothing(board: TestBoard) -> None:
+    board.file.values["line_enable"] = [0]
+    before = json.dumps(board.file.values)
+    text = printed("selftest")
+    assert text.count("equal") == text.count("moving peak") + 28
+    assert json.dumps(board.file.values) == before
+
+
+@pytest.mark.parametrize("field", ["x", "row_variance", "c_sfm", "flags", "width", "bits"])
+def test_selftest_finds_a_wrong_bit(board: TestBoard, field: str) -> None:
+    board.file.values["line_enable"] = [0]
+    board.spoil(field)
+    result = run("selftest")
+    assert result.exit_code == 1
+    assert f"{field} is" in result.stderr
+    assert "want" in result.stderr
+    assert "line 20 of 40" in result.stderr
+
+
+def test_selftest_finds_a_register_that_does_not_hold(board: TestBoard) -> None:
+    board.file.values["line_enable"] = [0]
+    access = board.file.access
+
+    def stuck(kind: int, address: int, data: int = 0) -> tuple[int, int]:
+        status, word = access(kind, address, data)
+        return status, word & ~4 if address == 0x20 else word
+
+    board.file.access = stuck  # type: ignore[method-assign]
+    result = run("selftest")
+    assert result.exit_code == 1
+    assert "centre" in result.stderr
+
+
+def test_bench(board: TestBoard) -> None:
+    board.file.values["line_enable"] = [0]
+    text = printed("bench", "--pings", "5", "--seconds", "0.2", "--bauds", "3000000,1000000")
+    assert "ping of 250 bytes" in text
+    assert text.count("compact") == 2
+    assert "1000000" in text
+
+
+CASES = {
+    "no_port": (["link", "info"], ["--port"]),
+    "missing_port": (["link", "info", "--port", "none"], ["none", "No such file"]),
+    "file_as_port": (["link", "info", "--port", "wide.toml"], ["wide.toml"]),
+    "baud": (["link", "info", "--port", "port", "--baud", "0"], ["--baud", "(0)"]),
+    "timeout": (["link", "info", "--port", "port", "--timeout", "0"], ["--timeout", "(0)"]),
+    "unknown_register": (["link", "read", "k_nois", "--port", "port"], ["k_nois", "k_noise"]),
+    "no_such_filter": (["link", "registers", "kk_noise", "--port", "port"], ["kk_noise"]),
+    "no_number": (["link", "write", "k_noise", "x", "--port", "port"], ["k_noise", "(x)"]),
+    "no_integer": (
+        ["link", "write", "k_noise", "2.5", "--raw", "--port", "port"],
+        ["k_noise", "(2.5)"],
+    ),
+    "too_large": (["link", "write", "k_noise", "300", "--port", "port"], ["k_noise", "(300)"]),
+    "not_finite": (["link", "write", "k_noise", "nan", "--port", "port"], ["k_noise", "nan"]),
+    "too_many": (["link", "write", "k_noise", "1", "2", "--port", "port"], ["k_noise", "(2)"]),
+    "read_only": (["link", "write", "uptime", "1", "--port", "port"], ["uptime"]),
+    "no_count": (["link", "points", "--out", "p.csv", "--port", "port"], ["--count"]),
+    "bad_count": (
+        ["link", "points", "--out", "p.csv", "--count", "0", "--port", "port"],
+        ["--count", "(0)"],
+    ),
+    "bad_step": (
+        ["link", "points", "--out", "p.csv", "--count", "1", "--step", "256", "--port", "port"],
+        ["--step", "(256)"],
+    ),
+    "bad_ending": (
+        ["link", "points", "--out", "p.txt", "--count", "1", "--port", "port"],
+        ["p.txt"],
+    ),
+    "no_folder": (
+        ["link", "points", "--out", "no/p.csv", "--count", "1", "--port", "port"],
+        ["no/p.csv"],
+    ),
+    "bad_line": (["link", "capture", "--line", "-1", "--port", "port"], ["--line", "(-1)"]),
+    "lines_and_line": (
+        ["link", "capture", "--line", "1", "--lines", "2", "--port", "port"],
+        ["--line"],
+    ),
+    "other_sensor": (
+        ["link", "load", "--config", "wide.toml", "--port", "port"],
+        ["sensor.line_length"],
+    ),
+    "missing_config": (["link", "load", "--config", "no.toml", "--port", "port"], ["no.toml"]),
+    "lines_run": (["link", "selftest", "--port", "port"], ["lines run"]),
+    "bad_bauds": (["link", "bench", "--bauds", "fast", "--port", "port"], ["--bauds", "fast"]),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_bad_input_is_one_line(
+    board: FakeBoard, case: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words, says = CASES[case]
+    before = sorted(os.listdir())
+    monkeypatch.delenv("VRSCAN_PORT", raising=False)
+    monkeypatch.setattr("sys.argv", ["vrscan", *words])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 2
+    complaint = capsys.readouterr().err.strip().splitlines()
+    assert complaint[-1].startswith("vrscan: ")
+    for part in says:
+        assert part in complaint[-1]
+    assert len([line for line in complaint if line.startswith("vrscan: ")]) == 1
+    assert sorted(os.listdir()) == before
+
+
+def test_a_mirror_that_moves_is_not_loaded(board: FakeBoard) -> None:
+    board.file.inputs["mirror_state"] = 3
+    result = run("load", "--config", "config.toml")
+    assert result.exit_code != 0
+    assert "RUN" in str(result.exception)
+    assert board.file.values["k_noise"] == [640]
+    assert run("load", "--config", "config.toml", "--force").exit_code == 0
+
+
+def test_the_help_is_quick() -> None:
+    assert {command.name or command.callback.__name__ for command in link.registered_commands} == {
+        "info", "registers", "read", "write", "watch", "capture", "points", "load", "selftest",
+        "bench",
+    }  # fmt: skip
+
+
+def test_a_picture_of_dots() -> None:
+    x = np.array([0.0, 3.0])
+    assert braille(x, x, 2, 1) == "\u2801\u2880"
+    assert braille(np.zeros(0), np.zeros(0), 2, 1) == "\u2800\u2800"
+    assert braille(np.ones(1), np.ones(1), 1, 1) != "\u2800"

@@ -1,0 +1,599 @@
+"""``Device`` against a board made of the twins, on a line that can be bad."""
+
+import itertools
+import re
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fake_board import FakeBoard
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from random_records import random_records
+
+from vrscan.config import Config
+from vrscan.errors import InputError
+from vrscan.fixed import link_pkg
+from vrscan.link import records, values
+from vrscan.link.device import Device, DeviceError
+from vrscan.link.load import settings as load_settings
+from vrscan.link.protocol import Batch
+from vrscan.link.register_map import MAP_HASH, REGISTERS, WINDOWS
+from vrscan.link.stream import PointStream
+from vrscan.link.transport import LinkError, NoAnswerError, UnpluggedError
+
+TIMEOUT_S = 4.0
+SEED = 20261122
+
+
+@pytest.fixture
+def board(tmp_path: Path) -> Iterator[FakeBoard]:
+    with FakeBoard(tmp_path / "port") as made:
+        made.made = random_records(np.random.default_rng(SEED), range(997))
+        made.pixels = np.random.default_rng(SEED).integers(0, 4096, (7, 256), dtype=np.uint16)
+        yield made
+
+
+@pytest.fixture
+def device(board: FakeBoard) -> Iterator[Device]:
+    with Device(str(board.path), timeout=TIMEOUT_S) as made:
+        yield made
+
+
+def connected(board: FakeBoard, **more: object) -> Device:
+    return Device(str(board.path), timeout=TIMEOUT_S, **more)  # type: ignore[arg-type]
+
+
+# ---- registers ----
+
+
+def test_what_a_board_is(device: Device) -> None:
+    build = device.build
+    assert (build.clock_hz, build.line_length, build.board_id) == (100_000_000, 256, 7)
+    assert build.version_text.count(".") == 2
+    assert build.map_hash == MAP_HASH
+
+
+@settings(
+    deadline=None,
+    max_examples=30,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(data=st.data())
+def test_every_legal_value_comes_back(
+    device: Device, board: FakeBoard, data: st.DataObject
+) -> None:
+    writable = [r for r in REGISTERS.values() if r.access == "rw" and not r.name.startswith("lock")]
+    register = data.draw(st.sampled_from(writable))
+    one = st.integers(register.minimum, register.maximum)
+    value: values.Value = data.draw(one)
+    if register.count > 1:
+        value = tuple(data.draw(st.lists(one, min_size=register.count, max_size=register.count)))
+    setattr(device.registers, register.name, value)
+    assert getattr(device.registers, register.name) == value == device.registers[register.name]
+    held = board.file.values[register.name]
+    assert tuple(held) == (value if isinstance(value, tuple) else (value,))
+
+
+@settings(deadline=None, max_examples=50)
+@given(
+    name=st.sampled_from(sorted(n for n, r in REGISTERS.items() if r.width <= 48 and r.count == 1)),
+    data=st.data(),
+)
+def test_units_and_integers_are_the_same(name: str, data: st.DataObject) -> None:
+    register = REGISTERS[name]
+    value = data.draw(st.integers(register.minimum, register.maximum))
+    scaled = values.to_scaled(name, value)
+    assert values.from_scaled(name, scaled) == value
+    assert values.from_words(name, values.to_words(name, value)) == value
+    with pytest.raises(InputError, match=name):
+        values.to_words(name, register.maximum + 1)
+    with pytest.raises(InputError, match=name):
+        values.from_scaled(name, (register.maximum + 1) * 2.0**-register.fraction)
+
+
+def test_blocks_are_few_and_tear_nothing() -> None:
+    wide = {r.address for r in REGISTERS.values() if r.width > 32}
+    names = [r.name for r in REGISTERS.values() if r.access == "rw"]
+    fields = [field.name for window in WINDOWS.values() for field in window.fields]
+    zeros = [
+        (name, tuple([max(0, values.find(name).minimum)] * values.count(name)))
+        for name in names + fields
+    ]
+    blocks = values.write_blocks(zeros)
+    written = [block.address + k for block in blocks for k in range(len(block.words))]
+    wanted = sorted(address for name in names + fields for address in values.addresses(name))
+    assert written == wanted
+    assert max(len(block.words) for block in blocks) <= link_pkg.MAX_WORDS
+    for block in blocks:
+        assert block.address + len(block.words) - 1 not in wide
+        for window in WINDOWS.values():
+            inside = window.address <= block.address < window.address + 2 * window.entries
+            assert not inside or (block.address - window.address) % window.stride == 0
+    neighbours = sum(
+        1 for a, b in itertools.pairwise(blocks)
+        if a.address + len(a.words) == b.address and len(a.words) < link_pkg.MAX_WORDS - 1
+    )  # fmt: skip
+    assert neighbours == 0
+
+
+def test_what_is_wrong_is_told_before_it_is_sent(device: Device, board: FakeBoard) -> None:
+    before = board.executed.get(link_pkg.COMMAND_WRITE, 0)
+    for name, value, says in (
+        ("min_width", 2, "min_width: must be 3 to 255 (2)"),
+        ("min_widht", 3, "min_width"),
+        ("uptime", 0, "uptime: cannot be written"),
+        ("motion_a", (1, 2), "motion_a: needs 9 values (2)"),
+        ("motion_a", (0,) * 8 + (1 << 24,), "motion_a[8]"),
+        ("table_amplitude", (0,) * 1024, "table_midpoint: is missing"),
+        ("k_noise", 2.5, "k_noise: needs an integer (2.5)"),
+    ):
+        with pytest.raises(InputError, match=re.escape(says)):
+            device.write(name, value)  # type: ignore[arg-type]
+    assert board.executed.get(link_pkg.COMMAND_WRITE, 0) == before
+    with pytest.raises(AttributeError):
+        device.registers.k_nose = 3
+    with pytest.raises(AttributeError):
+        _ = device.registers.k_nose
+
+
+def test_what_the_board_refuses_names_register_and_value(device: Device) -> None:
+    cases = (
+        (values.Block(REGISTERS["min_width"].address, [1]), "min_width = 1: BAD_VALUE"),
+        (values.Block(REGISTERS["uptime"].address, [9]), "uptime = 9: READ_ONLY"),
+        (values.Block(0x3000, [9]), "address 0x3000 = 9: NO_ADDRESS"),
+    )
+    for block, says in cases:
+        with pytest.raises(DeviceError, match=says):
+            device.write_words(block)
+    device.lock("calibration")
+    with pytest.raises(DeviceError, match=r"k_noise = 7: LOCKED") as error:
+        device.write("k_noise", 7)
+    assert error.value.status == link_pkg.STATUS_LOCKED
+    assert "\n" not in str(error.value)
+    with pytest.raises(InputError, match="no lock 'door'"):
+        device.lock("door")
+
+
+def board_config(**more: object) -> Config:
+    own = {"sensor": {"line_length": 256}, "geometry": {"centre_px": 127.5}}
+    return Config.model_validate(own | more)
+
+
+def test_a_configuration_is_loaded_whole(device: Device, board: FakeBoard) -> None:
+    config = board_config(peak={"k_noise": 3.25, "min_width": 5})
+    done: list[tuple[int, int]] = []
+    device.load(config, progress=lambda k, n: done.append((k, n)))
+    wanted = load_settings(config, device.build)
+    assert device.read_many(wanted) == wanted
+    assert device.registers.k_noise == 832
+    commands = board.executed[link_pkg.COMMAND_WRITE]
+    words = sum(len(values.addresses(name)) for name in wanted)
+    assert done[-1] == (commands, commands)
+    assert commands < words / link_pkg.MAX_WORDS + 20
+
+
+def test_no_configuration_while_the_mirror_moves(device: Device, board: FakeBoard) -> None:
+    board.file.inputs["mirror_state"] = 3
+    before = device.read("k_noise")
+    with pytest.raises(LinkError, match="the mirror is in RUN"):
+        device.load(board_config(peak={"k_noise": 9.0}))
+    assert device.read("k_noise") == before
+    device.load(board_config(peak={"k_noise": 9.0}), force=True)
+    assert device.read("k_noise") == 9 * 256
+
+
+def test_a_configuration_for_another_sensor_is_refused(device: Device) -> None:
+    with pytest.raises(InputError, match=r"sensor\.line_length"):
+        device.load(Config())
+
+
+def test_waiting_for_the_mirror(device: Device, board: FakeBoard) -> None:
+    seen: list[str] = []
+    device.write_many([("sweep_timeout", 10_000_000), ("settle_timeout", 10_000_000)])
+    board.file.inputs["mirror_state"] = 1
+    threading.Timer(0.15, lambda: board.file.inputs.update(mirror_state=3)).start()
+    device.wait_for_mirror(progress=lambda state, share: seen.append(state))
+    assert seen[0] == "SWEEP"
+    assert seen[-1] == "RUN"
+    board.file.inputs.update(mirror_state=4, mirror_fault=1)
+    with pytest.raises(LinkError, match="FAULT: sweep"):
+        device.wait_for_mirror()
+    board.file.inputs.update(mirror_state=2)
+    with pytest.raises(LinkError, match=r"is in SETTLE and not in RUN after 0\.[34]"):
+        device.wait_for_mirror()
+
+
+# ---- a bad line ----
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_bad_line_changes_nothing_but_the_time(tmp_path: Path, seed: int) -> None:
+    with (
+        FakeBoard(tmp_path / "port", seed=seed) as board,
+        Device(str(board.path), timeout=4) as dev,
+    ):
+        board.faults.drop = board.faults.flip = 0.003
+        draw = np.random.default_rng(seed)
+        for _ in range(60):
+            value = tuple(draw.integers(-(1 << 23), 1 << 23, 9).tolist())
+            dev.write("motion_a", value)
+            assert dev.read("motion_a") == value
+        board.faults.drop = board.faults.flip = 0.0
+        traffic = dev.traffic
+        assert traffic.retries > 0
+        assert traffic.bad_frames + traffic.refused > 0
+        assert dev.ping() < 1.0
+
+
+def test_a_lost_reply_is_asked_for_again(device: Device, board: FakeBoard) -> None:
+    board.faults.lose_replies = 2
+    device.write("k_noise", 321)
+    assert board.file.values["k_noise"] == [321]
+    assert device.traffic.retries == 2
+
+
+def test_an_event_is_not_written_again(device: Device, board: FakeBoard) -> None:
+    device._transport.timeout = 0.5
+    before = len(board.file.written)
+    board.faults.lose_replies = 1
+    with pytest.raises(NoAnswerError, match="whether the board did it is not known"):
+        device.write("test_stop", 1)
+    assert len(board.file.written) == before + 1
+    assert device.traffic.retries == 0
+
+
+def test_a_late_reply_is_not_taken_for_another(device: Device, board: FakeBoard) -> None:
+    device._transport.timeout = 1.0
+    board.faults.delay_s = 0.4  # longer than an attempt
+    with pytest.raises(NoAnswerError, match="no answer to READ after 1 s and 4 attempts"):
+        device.read("k_noise")
+    board.faults.delay_s = 0.0
+    time.sleep(2.0)
+    assert device.traffic.late == 4
+    assert device.read("identity") == REGISTERS["identity"].reset[0]
+
+
+def test_garbage_between_frames(device: Device, board: FakeBoard) -> None:
+    draw = np.random.default_rng(SEED)
+    for _ in range(20):
+        board.send_raw(draw.bytes(300))
+        device.ping()
+    assert device.traffic.bad_frames > 0
+
+
+def test_a_silent_board(tmp_path: Path) -> None:
+    with FakeBoard(tmp_path / "port") as board:
+        board.faults.silent = True
+        start = time.monotonic()
+        with pytest.raises(NoAnswerError, match=r"at 3000000 baud within 0\.5 s"):
+            Device(str(board.path), timeout=0.5)
+        assert time.monotonic() - start < 2.0
+
+
+def test_no_port_and_a_port_that_is_taken(tmp_path: Path, device: Device) -> None:
+    with pytest.raises(LinkError, match="No such file"):
+        Device(str(tmp_path / "none"))
+    with pytest.raises(LinkError, match="another program has this port"):
+        Device(device.port)
+
+
+def test_another_map(tmp_path: Path) -> None:
+    with FakeBoard(tmp_path / "port", map_hash=0x12345678) as board:
+        with pytest.raises(LinkError, match=f"0x12345678, want {MAP_HASH:#010x}") as error:
+            connected(board)
+        assert "\n" not in str(error.value)
+
+
+# ---- unplugged ----
+
+
+def test_unplugged_and_plugged_again(board: FakeBoard) -> None:
+    with connected(board) as device:
+        board.unplug()
+        with pytest.raises(UnpluggedError, match="the port is gone"):
+            device.read("uptime")
+        with pytest.raises(UnpluggedError):
+            device.read("uptime")
+        with pytest.raises(LinkError, match="No such file"):
+            device.reconnect(0.2)
+        board.reset()
+        threading.Timer(0.3, board.plug).start()
+        device.reconnect(3.0)
+        device.write("k_noise", 77)
+        assert board.file.values["k_noise"] == [77]
+
+
+def test_unplugged_in_a_stream_ends_it(board: FakeBoard, device: Device) -> None:
+    device.write("line_enable", 1)
+    stream = device.stream()
+    assert stream.get(TIMEOUT_S) is not None
+    board.unplug()
+    with pytest.raises(UnpluggedError):
+        for _ in stream:
+            pass
+
+
+def test_one_host_after_another_and_one_that_died(board: FakeBoard) -> None:
+    for k in range(3):
+        with connected(board) as device:
+            device.write("line_enable", 1)
+            stream = device.stream(full=k % 2 == 0)
+            assert stream.get(TIMEOUT_S) is not None
+            device.captured(link_pkg.CAPTURE_EVERY, 3).__enter__()
+            device._disconnect()  # without a word to the board
+        with connected(board) as device:
+            time.sleep(0.1)
+            unasked = device.traffic.unasked
+            time.sleep(0.1)
+            assert device.traffic.unasked == unasked  # nothing streams any more
+            with device.stream() as stream:
+                found = stream.get(TIMEOUT_S)
+            assert found is not None
+            assert stream.account.lost == 0
+
+
+def test_the_sign_of_life(board: FakeBoard) -> None:
+    with connected(board) as device:
+        device.write("laser_watchdog_clks", 15_000_000)  # 0.15 s
+        before = board.executed[link_pkg.COMMAND_PING]
+        time.sleep(1.0)
+        pings = board.executed[link_pkg.COMMAND_PING] - before
+        assert 6 <= pings <= 60
+        for _ in range(20):
+            time.sleep(0.02)
+            device.read("uptime")
+        more = board.executed[link_pkg.COMMAND_PING] - before - pings
+        assert more <= 3  # other commands are a sign, too
+        assert device.alive_errors == 0
+    before = board.executed[link_pkg.COMMAND_PING]
+    time.sleep(0.2)
+    assert board.executed[link_pkg.COMMAND_PING] == before
+
+
+# ---- points ----
+
+
+@pytest.mark.parametrize("full", [True, False])
+@pytest.mark.parametrize("step", [1, 7])
+def test_points_are_those_of_the_board(
+    device: Device, board: FakeBoard, full: bool, step: int
+) -> None:
+    device.write("line_enable", 1)
+    parts = []
+    with device.stream(full, step) as stream:
+        for part in stream:
+            parts.append(part)
+            if sum(map(len, parts)) >= 300:
+                stream.stop()
+    found = np.concatenate(parts)
+    assert len(found) == stream.account.records >= 300
+    assert str(stream.account).endswith(" 0 bad frames")
+    assert stream.account.lost == stream.account.disordered == 0
+    lines = found["line"].astype(np.int64)
+    assert np.all(np.diff(lines) == step)
+    want = board.made[lines % len(board.made)].copy()
+    want["line"] = lines
+    if not full:
+        want = records.compact(want)
+    for name in want.dtype.names or ():
+        assert np.array_equal(found[name], want[name]), name
+
+
+def test_lines_that_are_missing_are_counted(device: Device, board: FakeBoard) -> None:
+    device.write("line_enable", 1)
+    with device.stream() as stream:
+        first = stream.get(TIMEOUT_S)
+        assert first is not None
+        begin = int(first["line"][-1]) + 200
+        board.silent_lines = {begin, begin + 1, begin + 7}
+        while stream.account.records < 600:
+            stream.get(TIMEOUT_S)
+    assert stream.account.missing == stream.account.lost == 3
+    assert stream.account.packets_lost == stream.account.dropped == 0
+
+
+def test_what_a_bad_line_loses_is_counted(device: Device, board: FakeBoard) -> None:
+    device.write("line_enable", 1)
+    parts = []
+    with device.stream() as stream:
+        while stream.account.records < 300:
+            parts.append(stream.get(TIMEOUT_S))
+        board.faults.flip = 0.0005
+        while stream.account.records < 1500:
+            parts.append(stream.get(TIMEOUT_S))
+        board.faults.flip = 0.0
+        end = stream.account.records + 100
+        while stream.account.records < end:
+            parts.append(stream.get(TIMEOUT_S))
+        stream.stop()
+        parts.append(stream.get(0.0))
+    lines = np.concatenate([part for part in parts if part is not None])["line"].astype(np.int64)
+    gaps = int((np.diff(lines) - 1).sum())
+    account = stream.account
+    assert account.missing == gaps > 0
+    assert account.packets_lost > 0
+    assert account.bad_frames >= account.packets_lost
+    assert account.lost == gaps
+
+
+def test_what_the_board_drops_is_counted(device: Device, board: FakeBoard) -> None:
+    device.write("line_enable", 1)
+    board.room = 2
+    with device.stream() as stream:
+        while stream.account.records < 600:
+            stream.get(TIMEOUT_S)
+    assert stream.account.dropped > 0
+    assert stream.account.missing >= stream.account.dropped - 3
+    assert stream.account.packets_lost == 0
+
+
+def test_a_slow_program_loses_points_and_is_told(device: Device) -> None:
+    device.write("line_enable", 1)
+    with device.stream(depth=60) as stream:
+        while stream.account.records < 400:
+            time.sleep(0.01)
+        found = stream.get(0.0)
+    assert found is not None
+    assert len(found) <= 60
+    assert stream.account.overflow >= 340
+    assert stream.account.lost == stream.account.overflow
+
+
+def test_one_stream_at_a_time(device: Device) -> None:
+    with device.stream(), pytest.raises(LinkError, match="already being sent"):
+        device.stream()
+    with device.stream():
+        pass
+    with pytest.raises(InputError, match="step"):
+        device.stream(step=0)
+
+
+def test_commands_while_points_come(device: Device) -> None:
+    device.write("line_enable", 1)
+    with device.stream() as stream:
+        for k in range(200):
+            device.write("scratch", k)
+            assert device.read("scratch") == k
+        assert stream.account.records > 0
+    assert stream.account.lost == 0
+
+
+def account_of(packets: list[tuple[int, int, int, int]], step: int) -> PointStream:
+    """Return a stream that has taken packets of (sequence, first, count, dropped)."""
+    stream = PointStream(
+        full=True, step=step, stop=lambda: None, bad_frames=lambda: 0, check=lambda: None
+    )
+    stream.begin()
+    for sequence, first, count, dropped in packets:
+        found = np.zeros(count, records.FULL)
+        found["line"] = (first + step * np.arange(count)) % (1 << 32)
+        stream.take(Batch(sequence % 256, True, step, first % (1 << 32), dropped % 65536, found))
+    return stream
+
+
+@given(
+    step=st.integers(1, 255),
+    first=st.integers(0, (1 << 32) - 1),
+    seed=st.integers(0, 1 << 30),
+    lost=st.floats(0.0, 0.5),
+)
+@settings(deadline=None, max_examples=25)
+def test_the_account_is_right_whatever_is_lost(
+    step: int, first: int, seed: int, lost: float
+) -> None:
+    draw = np.random.default_rng(seed)
+    line, dropped, sequence = first, 0, 0
+    sent, kept, missing, open_gap, packets_lost = [], 0, 0, 0, 0
+    for k in range(60):
+        gone = int(draw.integers(0, 5)) if draw.random() < 0.1 else 0  # dropped by the board
+        line, dropped = line + step * gone, dropped + gone
+        open_gap += gone
+        count = int(draw.integers(1, 4))
+        arrives = k in (0, 59) or draw.random() >= lost
+        if arrives:
+            sent.append((sequence, line, count, dropped))
+            missing, kept, open_gap = missing + (open_gap if kept else 0), kept + count, 0
+        else:
+            open_gap += count
+            packets_lost += 1
+        line, sequence = line + step * count, sequence + 1
+    # More than 255 packets on end cannot be told from none.
+    account = account_of(sent, step).account
+    assert (account.records, account.missing, account.dropped) == (kept, missing, dropped)
+    assert account.packets_lost == packets_lost
+    assert account.restarts == account.disordered == account.overflow == 0
+
+
+def test_a_record_in_the_wrong_place_is_noticed() -> None:
+    stream = account_of([(0, 10, 3, 0)], 1)
+    found = np.zeros(2, records.FULL)
+    found["line"] = [13, 15]
+    stream.take(Batch(1, True, 1, 13, 0, found))
+    assert stream.account.disordered == 1
+    stream.take(Batch(2, True, 1, 3, 0, found[:0]))
+    assert stream.account.restarts == 1
+
+
+# ---- raw lines ----
+
+
+def test_raw_lines_are_those_of_the_board(device: Device, board: FakeBoard) -> None:
+    device.write("line_enable", 1)
+    for _ in range(3):
+        got = device.capture()
+        place = got.line % len(board.made)
+        assert np.array_equal(got.pixels, board.pixels[place % len(board.pixels)])
+        assert got.record is not None
+        want = board.made[place : place + 1].copy()
+        want["line"] = got.line
+        assert np.array_equal(got.record, want)
+    got = device.capture(link_pkg.CAPTURE_LINE, got.line + 500)
+    assert got.line % 1 == 0
+    with device.captured(link_pkg.CAPTURE_EVERY, 10) as lines:
+        found = [lines.get(TIMEOUT_S) for _ in range(5)]
+    assert [each.line % 10 for each in found if each is not None] == [0] * 5
+
+
+def test_a_line_that_did_not_come_whole_is_asked_for_again(
+    device: Device, board: FakeBoard
+) -> None:
+    device.write("line_enable", 1)
+    device.timeout = 0.4
+    board.faults.flip = 0.001
+    for _ in range(12):
+        got = device.capture(timeout=10.0)
+        place = got.line % len(board.made)
+        assert np.array_equal(got.pixels, board.pixels[place % len(board.pixels)])
+    board.faults.flip = 0.0
+    device.capture()
+
+
+def test_no_line_comes(device: Device) -> None:
+    with pytest.raises(NoAnswerError, match=r"no line came within 0\.3 s"):
+        device.capture(timeout=0.3)
+    device.write("line_enable", 1)
+    device.capture()  # the one before does not wait any more
+
+
+def test_points_and_lines_at_once(device: Device) -> None:
+    device.write("line_enable", 1)
+    with device.stream(False, 20) as stream, device.captured(link_pkg.CAPTURE_EVERY, 50) as lines:
+        for _ in range(5):
+            assert lines.get(TIMEOUT_S) is not None
+    assert stream.account.records > 0
+
+
+# ---- rate ----
+
+
+def test_rates_that_cannot_be(device: Device) -> None:
+    for rate in (0, -1, 100, 12_500_001, 100_000_000):
+        with pytest.raises(InputError, match="baud"):
+            device.set_baud(rate)
+    assert device.baud == 3_000_000
+
+
+def test_a_rate_that_is_heard(device: Device, board: FakeBoard) -> None:
+    device.set_baud(1_000_000)
+    assert device.baud == 1_000_000
+    assert board.file.values["uart_step"] == [round(1e6 * 2**24 / 100e6)]
+    device.ping()
+
+
+def test_a_rate_that_is_not_heard_is_taken_back(board: FakeBoard) -> None:
+    with connected(board) as device:
+        send = device._transport.send
+
+        def deaf(data: bytes) -> None:  # the board has its default rate again, say
+            if device.baud == 3_000_000:
+                send(data)
+
+        device._transport.send = deaf  # type: ignore[method-assign]
+        with pytest.raises(LinkError, match="nothing is heard at 500000 baud"):
+            device.set_baud(500_000)
+        assert device.baud == 3_000_000
+        device.ping()
