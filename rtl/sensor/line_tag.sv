@@ -107,7 +107,7 @@ module line_tag #(
     if (centre_i) begin
       centre_mem[centre_index] <= {line_i, power_i, inward_i, clock_q};
       centred_q[centre_index]  <= 1'b1;
-      angled_q[centre_index]   <= 1'b0;
+      angled_q[centre_index]   <= 1'b0;  // which needs no reset: centred_q comes first
     end
     if (angle_valid_i) begin
       angle_mem[angle_index] <= {angle_line_i, unsigned'(angle_i), mirror_flags_i, confidence_i};
@@ -160,7 +160,6 @@ module line_tag #(
     if (rst_i) begin
       clock_q          <= '0;
       centred_q        <= '0;
-      angled_q         <= '0;
       exposure_q       <= 1'b0;
       ended_q          <= 1'b0;
       wanted_q         <= 1'b0;
