@@ -12,6 +12,7 @@ from vrscan.fixed import pkg
 from vrscan.fixed.mirror_drive import (
     DRIVE_LATENCY,
     MOST_IDLE,
+    READY_LATENCY,
     TIMEOUT_LATENCY,
     TRIM_LATENCY,
     MirrorDrive,
@@ -188,7 +189,9 @@ async def from_off_to_run(dut) -> None:
     await bench.clocks()
     assert bench.twin.word == QUICK.work_word + 99
     for alive, settled, state in ((0, 1, SETTLE), (1, 0, SETTLE), (1, 1, RUN)):
-        await bench.clocks(index_alive=alive, settled=settled)
+        await bench.clocks(READY_LATENCY - 1, index_alive=alive, settled=settled)
+        assert bench.twin.state == SETTLE
+        await bench.clocks()
         assert bench.twin.state == state
     await bench.clocks(settled=0, level=LEVEL_MAX)
     await bench.clocks(2000)
@@ -243,8 +246,8 @@ async def arriving_wins_over_a_time_out(dut) -> None:
         await bench.until(state)
     for late, state in ((0, RUN), (1, FAULT)):
         await bench.into(SETTLE, with_changes(settle_timeout=40))
-        await bench.clocks(40 + TIMEOUT_LATENCY - 1 + late)
-        await bench.clocks(index_alive=1, settled=1)
+        await bench.clocks(40 + TIMEOUT_LATENCY - READY_LATENCY + late)
+        await bench.clocks(READY_LATENCY, index_alive=1, settled=1)
         assert bench.twin.state == state
 
 
@@ -282,7 +285,10 @@ async def a_stop_leaves_no_runt(dut) -> None:
     for chosen, state in ((slow, SWEEP), (settings, SETTLE), (settings, RUN)):
         chosen = dataclasses.replace(chosen, duty=1 << 14)
         for moment in range(0, period + 3, 1 if state == RUN else 7):
-            await bench.into(state, chosen)
+            await bench.into(SETTLE if state == RUN else state, chosen)
+            if state == RUN:
+                await bench.clocks(period // 2)  # not within a pulse: the wave has whole ones
+                await bench.until(RUN, index_alive=True, settled=True)
             wave = [bench.twin.drive]
             level = bench.twin.level
             for k in range(moment + 2 * period):

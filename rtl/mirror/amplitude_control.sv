@@ -195,13 +195,16 @@ module amplitude_control (
   logic        [ConfidenceWidth-1:0] confidence_q;
 
   // The flags.
+  // The counts are compared a clock ahead; one that was cleared in that clock begins with this one.
   logic [7:0] good_count_q, good_count_d;
-  logic       good, unsettled, index_fault, settled, held;
-  assign good         = fine_q && in_phase_q && !shock_q;
+  logic       good_q, bad_q, clear, cleared_q;
+  logic       settles_q, holds_q, first_settles_q, first_holds_q;
+  logic       unsettled, index_fault, settled, held;
+  assign clear        = acquired_i || broken_i || !active;
   assign good_count_d = good_count_q == '1 ? good_count_q : good_count_q + 8'd1;
-  assign settled      = good && good_count_d >= settle_count_i;
-  assign held         = good && good_count_d >= hold_count_i;
-  assign unsettled    = shock_q || !in_phase_q || (unsettled_o && !settled);
+  assign settled      = good_q && (cleared_q ? first_settles_q : settles_q);
+  assign held         = good_q && (cleared_q ? first_holds_q : holds_q);
+  assign unsettled    = bad_q || (unsettled_o && !settled);
   assign index_fault  = index_fault_o && !held;
 
   always_ff @(posedge clk_i) begin
@@ -218,6 +221,14 @@ module amplitude_control (
     fine_q       <= e_size_q <= settle_limit_i;
     shock_q      <= e_size_q > shock_limit_i;
     in_phase_q   <= error_size_q <= phase_limit_i;
+    good_q       <= fine_q && in_phase_q && !shock_q;
+    bad_q        <= shock_q || !in_phase_q;
+
+    cleared_q       <= clear;
+    settles_q       <= good_count_d >= settle_count_i;
+    holds_q         <= good_count_d >= hold_count_i;
+    first_settles_q <= settle_count_i <= 8'd1;
+    first_holds_q   <= hold_count_i <= 8'd1;
 
     if (age_q == Integral) proportional_q <= TermWidth'(product);
     if (age_q == Gain) integral_q <= stands_q ? '0 : TermWidth'(product);
@@ -269,14 +280,14 @@ module amplitude_control (
       settled_o         <= settled;
       unsettled_o       <= unsettled;
       index_fault_o     <= index_fault;
-      good_count_q      <= good ? good_count_d : '0;
+      good_count_q      <= good_q ? good_count_d : '0;
       confidence_o      <= unsettled || index_fault ? '0 : confidence_q;
       if (more_new_q || less_new_q) begin
         trim_o <= trim_above_q ? trim_max_i :
                   trim_below_q ? trim_min_i : TrimWidth'(trim_sum_q);
       end
     end
-    if (acquired_i || broken_i || !active) begin
+    if (clear) begin
       settled_o    <= 1'b0;
       good_count_q <= '0;
       confidence_o <= '0;

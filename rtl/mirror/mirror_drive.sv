@@ -23,8 +23,8 @@
 //   level_o      what is applied, full scale 2**20: 0 in OFF and FAULT
 //   level_pin_o  sigma-delta of the first order: of 2**20 clocks level_o are high, exactly
 //   fault_o      why FAULT came; kept until the next start
-//   Latency  enable_i to state_o, and level_i to level_o in SETTLE and RUN: 1 clock; trim_i to
-//            word_o: 2 clocks; level_o to level_pin_o: 1 clock.  SWEEP and SETTLE last their
+//   Latency  enable_i to state_o, and level_i to level_o in SETTLE and RUN: 1 clock; index_alive_i
+//            and settled_i to RUN, and trim_i to word_o: 2 clocks; level_o to level_pin_o: 1 clock.  SWEEP and SETTLE last their
 //            time-out and 2 clocks at most, RUN 2 clocks more than the index may be away.  The word
 //            falls from the third clock of SWEEP.
 //   Model    vrscan.fixed.mirror_drive, bit-exact
@@ -85,6 +85,7 @@ module mirror_drive #(
   logic                        stop_q, stop, keep;  // a pulse is ended before OFF
   logic                        high_q;
   logic                        expired_q;
+  logic                        ready_q;  // for RUN
   logic        [TimeWidth-1:0] timer_q, limit_q;  // the limit is that of state_o
   logic        [FineWidth-1:0] fine_q;
   logic signed [  FineWidth:0] left_q;  // fine_q less the working word less a step: < 0 is there
@@ -111,7 +112,7 @@ module mirror_drive #(
           else if (expired_q) state_d = Fault;
         end
         Settle: begin
-          if (index_alive_i && settled_i) state_d = Run;
+          if (ready_q) state_d = Run;
           else if (expired_q) state_d = Fault;
         end
         Run: if (expired_q) state_d = Fault;
@@ -121,6 +122,7 @@ module mirror_drive #(
   end
 
   always_ff @(posedge clk_i) begin
+    ready_q <= index_alive_i && settled_i;
     state_o <= state_d;
     limit_q <= state_d == Sweep  ? sweep_timeout_i :
                state_d == Settle ? settle_timeout_i : lost_timeout_i;

@@ -10,6 +10,7 @@ from vrscan.fixed import pkg
 
 DRIVE_LATENCY = 2  # clocks from phase to drive
 TRIM_LATENCY = 2  # clocks from trim_i to word_o
+READY_LATENCY = 2  # clocks from index_alive_i and settled_i to RUN
 TIMEOUT_LATENCY = 2  # clocks that a state outlasts its time-out
 MOST_IDLE = 1 << 40
 RATE_WIDTH = 32
@@ -117,6 +118,7 @@ class MirrorDrive:
         self._stop = False
         self._high = False
         self._expired = False
+        self._ready = False  # for RUN
         self._timer = 0
         self._fine = 0  # the sweep's word with its fraction
         self._sum = 0  # working word and trim
@@ -145,7 +147,7 @@ class MirrorDrive:
             elif self._expired:
                 following = _FAULT
         elif state == _SETTLE:
-            if index_alive and settled:
+            if self._ready:
                 following = _RUN
             elif self._expired:
                 following = _FAULT
@@ -206,6 +208,7 @@ class MirrorDrive:
         elif not stop:
             self.level = level
         self.state = following
+        self._ready = index_alive and settled
         self._stop = active and stop and following != _OFF
 
     def idle(self, *, enable: bool, trim: int, level: int, index_alive: bool, settled: bool) -> int:
@@ -238,7 +241,7 @@ class MirrorDrive:
             if self._sum != aim or self.word != min(max(aim, 0), _WORD_MAX) or self.level != level:
                 return 0
             if state == _SETTLE:
-                if index_alive and settled:
+                if self._ready or (index_alive and settled):
                     return 0
                 most = settings.settle_timeout - self._timer
             elif index_alive:
@@ -264,6 +267,7 @@ class MirrorDrive:
         self.level_pin = total >= _LEVELS
         self._sigma = total & (_LEVELS - 1)
         self._sum = self.settings.work_word + trim
+        self._ready = index_alive and settled
         state = self.state
         if state == _OFF:
             self._timer = 0
