@@ -26,7 +26,7 @@ from vrscan.link.protocol import encode_frame
 from vrscan.link.records import Records
 
 CLOCK_HZ = 100_000_000
-LINE_LENGTH = 256
+LINE_LENGTH = 1024
 CAPTURES = (link_pkg.STREAM_CAPTURE_PIXELS, link_pkg.STREAM_CAPTURE_RECORD)
 MOST_DUE = 100.0  # lines that are made at once, where the machine is busy
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fake_board import FakeBoard
+from fake_board import LINE_LENGTH, FakeBoard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from random_records import random_records
@@ -33,7 +33,9 @@ SEED = 20261122
 def board(tmp_path: Path) -> Iterator[FakeBoard]:
     with FakeBoard(tmp_path / "port") as made:
         made.made = random_records(np.random.default_rng(SEED), range(997))
-        made.pixels = np.random.default_rng(SEED).integers(0, 4096, (7, 256), dtype=np.uint16)
+        made.pixels = np.random.default_rng(SEED).integers(
+            0, 4096, (7, LINE_LENGTH), dtype=np.uint16
+        )
         yield made
 
 
@@ -52,7 +54,7 @@ def connected(board: FakeBoard, **more: object) -> Device:
 
 def test_what_a_board_is(device: Device) -> None:
     build = device.build
-    assert (build.clock_hz, build.line_length, build.board_id) == (100_000_000, 256, 7)
+    assert (build.clock_hz, build.line_length, build.board_id) == (100_000_000, LINE_LENGTH, 7)
     assert build.version_text.count(".") == 2
     assert build.map_hash == MAP_HASH
 
@@ -159,7 +161,7 @@ def test_what_the_board_refuses_names_register_and_value(device: Device) -> None
 
 
 def board_config(**more: object) -> Config:
-    own = {"sensor": {"line_length": 256}, "geometry": {"centre_px": 127.5}}
+    own = {"sensor": {"line_length": LINE_LENGTH}, "geometry": {"centre_px": 511.5}}
     return Config.model_validate(own | more)
 
 
@@ -543,8 +545,8 @@ def test_a_line_that_did_not_come_whole_is_asked_for_again(
 ) -> None:
     device.write("line_enable", 1)
     device.timeout = 0.4
-    board.faults.flip = 0.001
-    for _ in range(12):
+    board.faults.flip = 0.0005
+    for _ in range(8):
         got = device.capture(timeout=10.0)
         place = got.line % len(board.made)
         assert np.array_equal(got.pixels, board.pixels[place % len(board.pixels)])

@@ -281,9 +281,9 @@ class Device:
 
     def silence(self) -> None:
         """Stop streams and captures."""
-        self._command(link_pkg.COMMAND_STREAM_STOP)
+        self.command(link_pkg.COMMAND_STREAM_STOP)
         stop = protocol.capture(link_pkg.CAPTURE_STOP, 0)
-        self._command(link_pkg.COMMAND_CAPTURE, stop)
+        self.command(link_pkg.COMMAND_CAPTURE, stop)
 
     def _quiet(self) -> tuple[float, float]:
         """Return how long nothing has to come until nothing more will, and how long to wait."""
@@ -325,7 +325,7 @@ class Device:
 
     # ---- commands ----
 
-    def _command(
+    def command(
         self,
         operation: int,
         data: bytes = b"",
@@ -333,7 +333,17 @@ class Device:
         again: bool = True,
         then: Callable[[], None] | None = None,
     ) -> bytes:
-        """Do a command and return what follows the status in its reply."""
+        """Do a command and return what follows the status in its reply.
+
+        Args:
+            operation: First byte of the command.
+            data: What follows the sequence number.
+            again: Whether it may be done twice, as it is when its reply does not come.
+            then: See ``Transport.command``.
+
+        Raises:
+            DeviceError: if the board refuses it.
+        """
         reply = self._transport.command(operation, data, again=again, then=then)
         if reply[2] != link_pkg.STATUS_OK:
             raise DeviceError(self.port, reply[2])
@@ -595,8 +605,9 @@ class Device:
 
         def stop() -> None:
             try:
-                self._command(link_pkg.COMMAND_STREAM_STOP)
-                transport.drain(*self._quiet())  # the reply overtakes the last packets
+                self.command(link_pkg.COMMAND_STREAM_STOP)
+                # The reply overtakes the last packets.
+                transport.drain(*self._quiet(), lambda: points.account.packets)
             finally:
                 transport.sinks.pop(kind, None)
                 self._points = None
@@ -620,7 +631,7 @@ class Device:
         self._points = points
         try:
             start = protocol.stream_start(full, step)
-            self._command(link_pkg.COMMAND_STREAM_START, start, then=points.begin)
+            self.command(link_pkg.COMMAND_STREAM_START, start, then=points.begin)
         except BaseException:
             transport.sinks.pop(kind, None)
             self._points = None
@@ -683,7 +694,7 @@ class Device:
         lines.begin()
         before = self.traffic.retries
         try:
-            self._command(link_pkg.COMMAND_CAPTURE, protocol.capture(mode, argument))
+            self.command(link_pkg.COMMAND_CAPTURE, protocol.capture(mode, argument))
         except DeviceError as error:
             if error.status != Status.BUSY or self.traffic.retries == before:
                 raise  # else it was the first one's reply that did not come
@@ -716,8 +727,10 @@ class Device:
             try:
                 stop = protocol.capture(link_pkg.CAPTURE_STOP, 0)
                 with contextlib.suppress(LinkError):
-                    self._command(link_pkg.COMMAND_CAPTURE, stop)
-                    transport.drain(*self._quiet())
+                    self.command(link_pkg.COMMAND_CAPTURE, stop)
+                    end = time.monotonic() + self.timeout
+                    while self.read("capture_busy") and time.monotonic() < end:
+                        time.sleep(0.01)
             finally:
                 for kind in kinds:
                     transport.sinks.pop(kind, None)

@@ -224,9 +224,11 @@ class Transport:
         self.send(frame if first else b"\0" + frame)
         with self._arrived:
             self._arrived.wait_for(
-                lambda: self._reply is not None
-                or self._failure is not None
-                or (hasty and self._spoiled),
+                lambda: (
+                    self._reply is not None
+                    or self._failure is not None
+                    or (hasty and self._spoiled)
+                ),
                 limit,
             )
             self._awaited = None
@@ -235,14 +237,21 @@ class Transport:
             self.check()
         return reply
 
-    def drain(self, quiet: float, longest: float) -> None:
-        """Wait until nothing has come for ``quiet`` s, but no longer than ``longest`` s."""
+    def drain(self, quiet: float, longest: float, come: Callable[[], int] | None = None) -> None:
+        """Wait until nothing has come for ``quiet`` s, but no longer than ``longest`` s.
+
+        Args:
+            quiet: See above.
+            longest: See above.
+            come: Says how much has; bytes of any kind where None.
+        """
+        come = come or (lambda: self.traffic.bytes_in)
         end = time.monotonic() + longest
         while time.monotonic() < end:
-            before = self.traffic.bytes_in
+            before = come()
             time.sleep(quiet)
             self.check()
-            if self.traffic.bytes_in == before:
+            if come() == before:
                 return
 
     def _read(self) -> None:
