@@ -195,13 +195,14 @@ module line_capture #(
   logic [             5:0] record_place_q;
   logic [  IndexWidth-1:0] pixel_place_q;
   logic [  PixelWidth-1:0] pixel_q;
-  logic [            15:0] pixel;
-  logic [             7:0] high_q, count, body;
-  logic                    odd_q, in_header, sent;
+  logic [            15:0] word_q;
+  logic [             7:0] count, body;
+  logic                    odd_q, in_header, fetch, sent;
   assign count     = many_q ? 8'(Chunk) : 8'(rest_q);
-  assign pixel     = 16'(pixel_q);
   assign in_header = place_q != 4'(HeaderBytes);
-  assign body      = record_q ? record_mem[record_place_q] : odd_q ? high_q : pixel[7:0];
+  assign body      = record_q ? record_mem[record_place_q]
+                              : odd_q ? word_q[15:8] : word_q[7:0];
+  assign fetch     = place_q == 4'(HeaderBytes - 1) || (odd_q && left_bytes_q != 8'd0);
   assign sent      = valid_o && ready_i && last_o;
 
   always_ff @(posedge clk_i) begin
@@ -284,11 +285,11 @@ module line_capture #(
           end else begin
             record_place_q <= record_place_q + 6'd1;
             odd_q          <= !odd_q;
-            // The memory takes a clock: the next pixel is fetched while the upper byte goes out.
-            if (!odd_q) begin
-              high_q        <= pixel[15:8];
-              pixel_place_q <= pixel_place_q + IndexWidth'(1);
-            end
+          end
+          // The next pixel, if it is of this packet; the memory has had time for it.
+          if (fetch) begin
+            word_q        <= 16'(pixel_q);
+            pixel_place_q <= pixel_place_q + IndexWidth'(1);
           end
         end
       end

@@ -355,12 +355,13 @@ module point_packer #(
 
   // ---- the ring and its reader, which learns a packet's length from its header ----
   logic [7:0] ring_mem [BufferBytes];
-  logic [2:0] place_q;  // byte that is read, stops at 4
+  logic [2:0] place_q;  // byte that is read, stops at 5
+  logic [4:0] records_q;
   logic [7:0] left_q;  // bytes behind it
   logic       full_format_q, next, filled, ends;
   assign next   = !valid_o || ready_i;
   assign filled = read_q != head_q;
-  assign ends   = place_q == 3'd4 && left_q == 8'd0;
+  assign ends   = place_q == 3'd5 && left_q == 8'd0;
 
   always_ff @(posedge clk_i) begin
     if (write_q2) ring_mem[address_q2] <= byte_q;
@@ -370,10 +371,12 @@ module point_packer #(
       last_o  <= ends;
       if (filled) begin
         read_q  <= read_q + PointerWidth'(1);
-        place_q <= ends ? 3'd0 : place_q == 3'd4 ? 3'd4 : place_q + 3'd1;
+        place_q <= ends ? 3'd0 : place_q == 3'd5 ? 3'd5 : place_q + 3'd1;
         if (place_q == 3'd1) full_format_q <= data_o[0];
-        // Behind byte 4 there are 5 of the header, and the records.
-        if (place_q == 3'd3) left_q <= (full_format_q ? data_o << 6 : data_o << 3) + 8'd5;
+        if (place_q == 3'd3) records_q <= data_o[4:0];
+        // Behind byte 5 there are 4 of the header, and the records.
+        if (place_q == 3'd4) left_q <= (full_format_q ? {records_q[1:0], 6'd0}
+                                                      : {records_q, 3'd0}) + 8'd4;
         else left_q <= left_q - 8'd1;
       end
     end
