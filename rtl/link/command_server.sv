@@ -132,7 +132,7 @@ module command_server #(
 
   // As many bytes of the command as fetch_q says, from read_q on, are shifted in.
   logic [     IndexWidth-1:0] read_q, fetch_q;
-  logic                       arrive_q, fetched;
+  logic                       arrive_q, arrive_q2, fetched;
   logic [                7:0] byte_q;
   logic [8*CommandBytes-1:0]  shift_q;
   logic [                7:0] op, byte2, byte3, byte4;
@@ -187,17 +187,18 @@ module command_server #(
     else if (valid_i) received_q <= received_q + LengthWidth'(1);
     if (push) tail_q <= tail_q + PlaceWidth'(1);
 
-    arrive_q <= fetch_q != '0;
+    arrive_q  <= fetch_q != '0;
+    arrive_q2 <= arrive_q;
     if (fetch_q != '0) begin
       read_q  <= read_q + IndexWidth'(1);
       fetch_q <= fetch_q - IndexWidth'(1);
     end
     if (arrive_q) shift_q <= {byte_q, shift_q[8*CommandBytes-1:8]};
 
-    put_valid_q <= (state_q == COPY && arrive_q) || state_q == STORE || state_q == HEADER;
+    put_valid_q <= (state_q == COPY && arrive_q2) || state_q == STORE || state_q == HEADER;
     put_index_q <= store_q;
     case (state_q)
-      COPY: put_data_q <= byte_q;
+      COPY: put_data_q <= shift_q[8*CommandBytes-1-:8];
       STORE: put_data_q <= answer_q[7:0];
       default: put_data_q <= header_q[7:0];
     endcase
@@ -295,7 +296,7 @@ module command_server #(
       end
 
       COPY: begin
-        if (arrive_q) store_q <= store_q + IndexWidth'(1);
+        if (arrive_q2) store_q <= store_q + IndexWidth'(1);
         if (fetched) state_q <= COMPOSE;
       end
 

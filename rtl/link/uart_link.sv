@@ -205,19 +205,22 @@ module uart_link #(
     .too_long_o()
   );
 
+  // A byte waits here, as the encoder's memory is slow.
+  logic       held_valid_q;
+  logic [7:0] held_q;
+  assign coded_ready = !held_valid_q;
+
   logic       lead_q;      // a 0x00 is to go in front of the next frame,
   logic       boundary_q;  // which may begin here
-  logic       lead, told_ready, transmitter_busy;
-  logic [7:0] told_data;
-  assign lead        = lead_q && boundary_q;
-  assign told_data   = lead ? 8'd0 : coded_data;
-  assign coded_ready = told_ready && !lead;
+  logic       lead, told, told_ready, transmitter_busy;
+  assign lead = lead_q && boundary_q;
+  assign told = held_valid_q && told_ready;
   uart_tx u_uart_tx (
     .clk_i,
     .rst_i,
-    .valid_i(coded_valid),
+    .valid_i(held_valid_q),
     .ready_o(told_ready),
-    .data_i (told_data),
+    .data_i (lead ? 8'd0 : held_q),
     .tx_o,
     .step_i (uart_step_now_o),
     .break_i(1'b0),
@@ -229,7 +232,7 @@ module uart_link #(
   logic                  quiet, change, trial_q, expire;
   logic [TrialWidth-1:0] trial_left_q;
   assign quiet = !server_busy && !arbiter_busy && !merged_valid && merged_ready && !coded_valid
-      && !transmitter_busy;
+      && !held_valid_q && !transmitter_busy;
   assign change = wanted_q && quiet && quiet_q == '1;
   assign expire = trial_q && trial_left_q == '0;
 
@@ -237,8 +240,10 @@ module uart_link #(
     if (!quiet) quiet_q <= '0;
     else if (quiet_q != '1) quiet_q <= quiet_q + QuietWidth'(1);
 
-    if (coded_valid && told_ready) boundary_q <= told_data == 8'd0;
-    if (coded_valid && told_ready && lead) lead_q <= 1'b0;
+    if (!held_valid_q) held_q <= coded_data;
+    held_valid_q <= held_valid_q ? !told_ready || lead : coded_valid;
+    if (told) boundary_q <= lead || held_q == 8'd0;
+    if (told && lead) lead_q <= 1'b0;
     if (framing) lead_q <= 1'b1;
 
     trial_left_q <= trial_left_q - TrialWidth'(1);
@@ -269,6 +274,7 @@ module uart_link #(
     if (rst_i) begin
       uart_step_now_o  <= DefaultStep;
       quiet_q          <= '0;
+      held_valid_q     <= 1'b0;
       wanted_q         <= 1'b0;
       trial_q          <= 1'b0;
       lead_q           <= 1'b1;

@@ -22,8 +22,9 @@ COUNT_MAX = 0xFFFF
 QUIET_CLKS = 8  # nothing goes out for so long before the rate changes
 STREAM_BYTES = 240  # of the longest packet of a stream
 # Bytes on the line between a command and its reply, at most: such a packet with CRC, codes and
-# 0x00, the encoder's ring, four registers, and two while the command is taken and executed.
-MOST_BEFORE_REPLY = STREAM_BYTES + 5 + 256 + 4 + 2
+# 0x00, the encoder's ring, five registers, and two while the command is taken and executed.
+MOST_BEFORE_REPLY = STREAM_BYTES + 4 + 256 + 5 + 2
+_HELD = 1  # clock of a byte between encoder and transmitter
 
 
 def default_step(clock_hz: int, baud: int) -> int:
@@ -55,7 +56,7 @@ def latency(
         clocks += zero + frame_encoder.ZERO_LATENCY
     else:
         clocks += len(outcome.reply) - 1 + frame_encoder.LATENCY
-    return clocks + uart_tx.LATENCY
+    return clocks + _HELD + uart_tx.LATENCY
 
 
 class UartLink:
@@ -97,6 +98,7 @@ class UartLink:
         self._arbiter = PacketArbiter(streams + 1)
         self._encoder = FrameEncoder(link_pkg.MAX_PAYLOAD)
         self._transmitter = UartTx()
+        self._held: int | None = None  # a byte that waits for the transmitter
         self._wanted = False  # another rate is
         self._quiet = 0
         self._trial: int | None = None  # clocks that are left of it
@@ -133,18 +135,22 @@ class UartLink:
         broken, framing, glitch = receiver.break_, receiver.framing, receiver.glitch
         good = decoder.done and decoder.status == FrameStatus.OK
         lead = self._lead and self._boundary
-        told = 0 if lead else encoder.data
-        sent = encoder.valid and transmitter.ready
-        taken = transmitter.ready and not lead
+        held = self._held
+        told = 0 if lead or held is None else held
+        sent = held is not None and transmitter.ready
         reply_ready = bool(arbiter.ready(encoder.ready) & 1)
         idle = not (server.busy or arbiter.busy or arbiter.valid or encoder.valid)
-        quiet = idle and encoder.ready and not transmitter.busy
+        quiet = idle and encoder.ready and held is None and not transmitter.busy
 
         # Each sees what the one before it had put out.
-        transmitter.step(valid=encoder.valid, data=told, step=step, break_=False)
+        transmitter.step(valid=held is not None, data=told, step=step, break_=False)
         merged = arbiter.valid, arbiter.data, arbiter.last
         merged_ready = encoder.ready
-        encoder.step(*merged, taken)
+        if held is None:
+            self._held = encoder.data if encoder.valid else None
+        elif sent and not lead:
+            self._held = None
+        encoder.step(*merged, held is None)
         arbiter.step(
             valid=packet_valid << 1 | server.valid,
             data=packet_data << 8 | server.data,
