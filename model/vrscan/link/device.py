@@ -269,7 +269,8 @@ class Device:
         with contextlib.suppress(LinkError):
             self.silence()
             if self._transport.baud != self._default_baud:
-                self.set_baud(self._default_baud)
+                self._transport.send_break()
+                self._transport.baud = self._default_baud
         self._disconnect()
 
     def _disconnect(self) -> None:

@@ -28,7 +28,8 @@ FULL_SCALE = (1 << pkg.ALIGNED_WIDTH) - 1
 LINES = 40  # of a run: what the board's buffer holds of full records, and as many more as it sends
 ANGLES = (0, 1 << 19, -(3 << 18), (1 << 21) - 1, -(1 << 21))  # of the test lines, in turn
 POWERS = (65_535, 30_000, 1_000, 1, 0)
-PATTERNS = (0, 0xFFFF_FFFF, 0x5555_5555, 0xAAAA_AAAA, *(1 << k for k in range(32)))
+PATTERNS = (0, 0xFFFF_FFFF, 0x5555_5555, 0xAAAA_AAAA, 0x1234_5678, 0x0F1E_2D3C)
+WALKING = tuple(1 << k for k in range(values.WORD_BITS))
 # What the chain makes a point with: it can be anything while there are no lines.
 CHAIN = tuple(
     field.name for field in fields(Registers) if field.name not in ("pixel_width", "line_length")
@@ -243,7 +244,13 @@ class SelfTest:
     def registers(self) -> Check:
         """Write patterns to registers that may hold them, read them back, and restore them."""
         what, compared = "registers hold what is written", 0
-        names = [name for name in QUIET if self._free(name)]
+        closed = {lock for lock, value in self.device.read_many(LOCKS).items() if value}
+        names = [
+            name
+            for name in QUIET
+            if values.find(name).lock not in closed
+            and (self._still or name in CHAIN or name == "scratch")
+        ]
         before = self.device.read_many(names)
         try:
             for k, pattern in enumerate(PATTERNS):
@@ -255,17 +262,14 @@ class SelfTest:
                         return Check(what, 0, compared, f"{name} is {found[name]}, want {want}")
                     compared += values.count(name)
                 self.progress(what, k + 1, len(PATTERNS))
+            for word in WALKING:
+                self.device.write("scratch", word)
+                compared += 1
         except LinkError as error:
             return Check(what, 0, compared, str(error))
         finally:
             self.device.write_many(before.items())
         return Check(what, 0, compared)
-
-    def _free(self, name: str) -> bool:
-        """Whether a register can be changed for a moment."""
-        lock = values.find(name).lock
-        open_ = lock is None or not self.device.read(lock)
-        return open_ and (self._still or name == "scratch" or name in CHAIN)
 
     def answers(self) -> Check:
         """Do what is refused, everywhere, and see how."""
@@ -317,7 +321,7 @@ class SelfTest:
     def _refused(self) -> Iterator[tuple[str, Callable[[], object], int]]:
         """Yield accesses that are refused, with where and the status."""
         device = self.device
-        closed = {lock for lock in LOCKS if device.read(lock)}
+        closed = {lock for lock, value in device.read_many(LOCKS).items() if value}
         current = device.read_many([r.name for r in REGISTERS.values() if r.access == "rw"])
 
         def write(address: int, word: int) -> Callable[[], object]:
