@@ -147,6 +147,8 @@ def test_what_the_board_refuses_names_register_and_value(device: Device) -> None
         (values.Block(REGISTERS["min_width"].address, [1]), "min_width = 1: BAD_VALUE"),
         (values.Block(REGISTERS["uptime"].address, [9]), "uptime = 9: READ_ONLY"),
         (values.Block(0x3000, [9]), "address 0x3000 = 9: NO_ADDRESS"),
+        (values.Block(REGISTERS["k1"].address, [1 << 31]), "k1 = -2147483648: BAD_VALUE"),
+        (values.Block(REGISTERS["motion_a"].address + 3, [1 << 30]), r"motion_a\[3\] = 1073741824"),
     )
     for block, says in cases:
         with pytest.raises(DeviceError, match=says):

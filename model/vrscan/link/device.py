@@ -397,7 +397,8 @@ class Device:
             if answer.address is not None:
                 name = values.name_at(answer.address)
                 if written is not None:
-                    value = written.words[answer.address - written.address]
+                    word = written.words[answer.address - written.address]
+                    value = values.integer_at(answer.address, word)
             raise DeviceError(self.port, answer.status, name, value)
         if len(answer.words) != count:
             raise LinkError(f"{self.port}: {len(answer.words)} words came, want {count}")
@@ -655,6 +656,8 @@ class Device:
             NoAnswerError: if no line came.
             DeviceError: ``BUSY``, if another one is awaited.
         """
+        if mode == link_pkg.CAPTURE_STOP:
+            raise InputError("mode: a line is wanted, and not to stop")
         limit = 3.0 * self.timeout if timeout is None else timeout
         end = time.monotonic() + limit
         with self.captured(mode, argument) as lines:

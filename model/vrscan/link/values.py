@@ -57,17 +57,32 @@ def addresses(name: str) -> list[int]:
     return [register.address + k for k in range(register.words)]
 
 
-def name_at(address: int) -> str:
-    """Return what an address belongs to: a register's name, with an index where it has several."""
+def _at(address: int) -> tuple[Register, int] | None:
+    """Return the register or the field that an address belongs to, and which of its values."""
     for register in REGISTERS.values():
         if 0 <= address - register.address < register.words:
-            place = (address - register.address) // words_per_value(register)
-            return register.name if register.count == 1 else f"{register.name}[{place}]"
+            return register, (address - register.address) // words_per_value(register)
     for window in WINDOWS.values():
         entry, place = divmod(address - window.address, window.stride)
         if 0 <= entry < window.entries and place < len(window.fields):
-            return f"{window.fields[place].name}[{entry}]"
-    return f"address {address:#06x}"
+            return window.fields[place], entry
+    return None
+
+
+def name_at(address: int) -> str:
+    """Return what an address belongs to: a register's name, with an index where it has several."""
+    found = _at(address)
+    if found is None:
+        return f"address {address:#06x}"
+    register, place = found
+    return register.name if count(register.name) == 1 else f"{register.name}[{place}]"
+
+
+def integer_at(address: int, word: int) -> int:
+    """Return the integer that a word at an address stands for."""
+    found = _at(address)
+    negative = found is not None and found[0].signed and word >> (WORD_BITS - 1)
+    return word - (1 << WORD_BITS) if negative else word
 
 
 def to_words(name: str, value: Value) -> list[int]:
