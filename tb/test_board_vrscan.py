@@ -1,0 +1,112 @@
+"""The virtual board as a whole: a host that starts the mirror gets the scene's points.
+
+At a clock of 25 MHz and with fewer lines, where a second of mirror time takes a quarter.
+"""
+
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from vrscan.board import Board
+from vrscan.config import Config
+from vrscan.fixed import pkg
+from vrscan.link.device import Device
+from vrscan.scene import library as lines
+from vrscan.scene.description import load
+
+SCENE = "default"
+CONFIG = Config.model_validate(
+    {
+        "clock": {"frequency_hz": 25e6},
+        "line": {"rate_hz": 9000.0},
+        "mirror": {"sweep_span_hz": 0.0},  # it swings already
+    }
+)
+SHARE = 0.4  # of the rated power
+STREAM_CLKS = 4_000_000
+
+
+@pytest.fixture(scope="module")
+def board(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Board]:
+    port = tmp_path_factory.mktemp("board") / "port"
+    with Board(SCENE, CONFIG, port=port, swinging=True) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def device(board: Board) -> Iterator[Device]:
+    with Device(str(board.port), timeout=20.0) as found:
+        found.load(CONFIG)
+        yield found
+
+
+def test_it_says_what_it_is(device: Device) -> None:
+    build = device.build
+    assert (build.clock_hz, build.board_id) == (25_000_000, 255)
+    assert build.line_length == CONFIG.sensor.line_length
+    assert build.index_oversample == CONFIG.mirror.oversample
+
+
+def test_the_points_are_the_scenes(board: Board, device: Device) -> None:
+    power = round(SHARE * CONFIG.laser.power_max)
+    device.write_many(
+        [("line_enable", 1), ("laser_adapt", 0), ("laser_power", power), ("laser_enable", 1)]
+    )
+    device.write("mirror_enable", 1)
+    device.wait_for_mirror()
+    begin, rows = board.clocks(), []
+    with device.stream(full=True, step=5) as points:
+        for some in points:
+            rows.append(some)
+            if board.clocks() > begin + STREAM_CLKS:
+                break
+    found = np.concatenate(rows)
+    fields = {name: found[name] for name in found.dtype.names}
+    assert len(found) > 150 and (np.diff(fields["line"].astype(int)) > 0).all()
+    raised = fields["flags"] >> pkg.FLAG_NOT_RUNNING
+    assert (raised == 0).mean() > 0.9 and (fields["power"] == power).mean() > 0.9
+
+    scale = 2.0**pkg.LENGTH_FRACTION
+    angle = 2.0 * np.pi * fields["angle"] / 2.0**pkg.ANGLE_WIDTH
+    x, z, sigma = fields["x"] / scale, fields["z"] / scale, fields["sigma_z"] / scale
+    made = lines.renderer(load(SCENE), CONFIG)
+    words = np.zeros((len(found), CONFIG.sensor.line_length), np.uint16)
+    truth = made.render(lines.at_angles(angle, CONFIG.mirror), words).truth
+    # LOW_SNR .. NO_PHASE but RIVAL, which noise raises, and the mirror's.
+    bad = (1 << pkg.FLAG_LOW_SNR) | (1 << pkg.FLAG_TOO_WIDE) | (1 << pkg.FLAG_TOO_NARROW)
+    bad |= (1 << pkg.FLAG_AT_EDGE) | (1 << pkg.FLAG_NO_PHASE) | (7 << pkg.FLAG_NOT_RUNNING)
+    seen = (fields["flags"] & bad == 0) & np.isfinite(truth.position_px)
+    assert seen.sum() > 80
+    off = np.abs(z - truth.z_mm)[seen]
+    print(f"{seen.sum()} points: z off by {np.median(off):.3f} mm in the middle of all")
+    # Speckle is not in sigma, and spots at edges are nobody's.
+    assert np.median(off) < 0.5 and np.median(sigma[seen]) < 0.5
+    assert (off < 3.0).mean() > 0.9
+    assert (np.abs(x - truth.x_mm)[seen] < 1.0).mean() > 0.9
+    assert np.ptp(z[seen]) > 50.0  # of table, block and pin
+
+
+def test_a_captured_line_is_what_the_sensor_made(board: Board, device: Device) -> None:
+    pixels = device.capture().pixels
+    assert len(pixels) == CONFIG.sensor.line_length
+    dark = load(SCENE).sensor
+    assert abs(np.median(pixels) - dark.offset_counts) < 20 and pixels.std() > 0.5
+
+
+def test_its_lines_are_all_read_out(board: Board, device: Device) -> None:
+    status = board.status()
+    assert status.lines > 200 and status.lines_lost == 0 and status.framing == 0
+    names = ("short_count", "long_count", "unfinished_count", "untagged_count", "uart_framing")
+    assert [device.read(name) for name in names] == [0] * len(names)
+
+
+def test_unplugging_stops_nothing_and_the_next_host_is_heard(board: Board, device: Device) -> None:
+    device.close()
+    before = board.status()
+    time.sleep(0.2)
+    with Device(str(board.port), timeout=20.0) as again:
+        assert again.build.board_id == 255
+        assert again.read("mirror_state") == pkg.MIRROR_RUN
+    assert board.running and board.status().lines > before.lines
