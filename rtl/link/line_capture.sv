@@ -172,7 +172,7 @@ module line_capture #(
     end
     if (every && captured) first_q <= 1'b0;
 
-    if (ends || state_q != ARMED) capturing_q <= 1'b0;
+    if (state_q != ARMED) capturing_q <= 1'b0;
     else if (line_start_i) capturing_q <= wanted;
     if (wanted) line_q <= number_q;
     if (state_q == ARMED && one_line) line_q <= argument_q;
