@@ -544,6 +544,86 @@ FAULTS = [
         ("stages take too long", "MinPeriodOverhead = 450", "MinPeriodOverhead = 300"),
         test="vrscan_chain",
     ),
+    # ---- the instrument on a wire ----
+    *faults(
+        "tb/devices/odd_registers.sv",
+        (
+            "a read of a table's address keeps",
+            "step_q[6] && read && map_hit_q",
+            "step_q[6] && map_hit_q",
+        ),
+        ("an access in an access", "bus_valid_i && step_q == '0;", "bus_valid_i;"),
+        ("the largest value is too large", "value > rule_q.maximum", "value >= rule_q.maximum"),
+        ("an address of the upper half", "address_q[15:10] == '0;", "address_q[14:10] == '0;"),
+        test="register_file",
+        only="odd",
+    ),
+    *faults(
+        "rtl/sensor/test_line.sv",
+        ("the place LineLength itself", "moved_q >= Length", "moved_q > Length"),
+        (
+            "a place rounded down",
+            "+ FullWidth'(signed'({1'b0, product[Fraction-1]}))",
+            "+ FullWidth'(0)",
+        ),
+    ),
+    *faults(
+        "rtl/sensor/line_tag.sv",
+        ("an exposure is forgotten", "<= ended_q || ended;", "<= ended_q;"),
+        ("a tag changes in its line", "angle_match_q && !tagged_q", "angle_match_q"),
+        (
+            "the last line's angle at a new start",
+            "&& !start_q && !line_start_i;",
+            "&& !line_start_i;",
+        ),
+    ),
+    *faults(
+        "rtl/link/point_packer.sv",
+        ("no room between records of a batch", "!room;", "!room && !open;"),
+        ("the line after the expected one", "line_q - base_q;", "line_q - base_q + 32'd1;"),
+        (
+            "no room for a header",
+            "BufferBytes - FullBytes - HeaderBytes",
+            "BufferBytes - FullBytes",
+        ),
+        ("a gap of 256 lines", "line_q != expected_q;", "line_q[7:0] != expected_q[7:0];"),
+    ),
+    *faults(
+        "rtl/link/line_capture.sv",
+        ("a wait without end", "&& ahead != '1;", ";"),
+        ("a line that has wrapped", "borrow_q <= above[8];", "borrow_q <= 1'b0;"),
+    ),
+    *faults(
+        "rtl/actuators/laser_control.sv",
+        ("a pulse that has begun is permitted", "&& (permit_q || !laser_i);", ";"),
+        ("a full bucket opens at once", "over || (full_q && level_q != '0)", "over"),
+        ("a new power in a pulse", "(laser_q && !laser_i)", "!laser_i"),
+    ),
+    *faults(
+        "rtl/actuators/laser_guard.sv",
+        ("light begins in a pulse", "ready && (ok_o || !pulse_q[1])", "ready"),
+    ),
+    *faults(
+        "rtl/actuators/focus_control.sv",
+        ("distances fall as they rise", "signed'({delta_q, 1'b0}) >>>", "{delta_q, 1'b0} >>>"),
+        (
+            "a lapse one early",
+            "if (others_q > focus_lapse_i) begin",
+            "if (others_q >= focus_lapse_i) begin",
+        ),
+        ("a target at once", "(far_q && held_q)", "far_q"),
+        (
+            "the reply of a command that was given up",
+            "end_of_command && !abandoned_q",
+            "end_of_command",
+        ),
+    ),
+    *faults(
+        "rtl/actuators/i2c_master.sv",
+        ("the last clock of a recovery", "bit_q >= LAST_CLOCK", "bit_q > LAST_CLOCK"),
+        ("a value keeps old bytes", "value = bytes_q == '0;", "value = 1'b0;"),
+        ("SDA a clock early", "sample_q <= sda_q2", "sample_q <= sda_q"),
+    ),
     # ---- the models, against mathematics ----
     *faults(
         "model/vrscan/fixed/divide.py",
