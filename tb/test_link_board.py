@@ -79,7 +79,7 @@ def test_loaded_and_started_by_the_command(board: Board, tmp_path: Path) -> None
     with Device(str(board.port), timeout=TIMEOUT_S) as device:
         assert device.read_many(wanted) == wanted
         assert device.read("mirror_state") == 3
-        device.write_many([("laser_adapt", 0), ("laser_power", 20_000), ("laser_enable", 1)])
+        device.write_many([("laser_adapt", 0), ("laser_power", 20_000)])
         with pytest.raises(LinkError, match="the mirror is in RUN"):
             device.load(CONFIG)
         with pytest.raises(LinkError, match="lines run"):

@@ -86,7 +86,7 @@ def board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[TestBoard
         points = run_fixed(made.pixels, angle, np.full(count, 60_000), config, max_window=255)
         made.made = full_records(points, 0, 60_000)
         made.room = 10_000
-        made.file.values["line_enable"] = [1]
+        made.file.values.update(line_enable=[1], sweep_timeout=[1_000_000_000])
         (tmp_path / "config.toml").write_text(
             f"[sensor]\nline_length = {LINE_LENGTH}\n[geometry]\ncentre_px = 511.5\n"
             "[peak]\nk_noise = 3.5\n"
@@ -241,8 +241,39 @@ def test_load_and_start(board: FakeBoard) -> None:
     board.file.values["line_enable"] = [0]
     threading.Timer(1.0, running).start()
     text = printed("load", "--config", "config.toml", "--start")
-    assert "the mirror is in RUN" in text
-    assert board.file.values["line_enable"] == board.file.values["mirror_enable"] == [1]
+    assert "the mirror is in RUN; the laser goes off" in text
+    for name in ("line_enable", "laser_enable", "mirror_enable"):
+        assert board.file.values[name] == [1]
+
+
+def test_started_for_a_command_only(board: FakeBoard) -> None:
+    def running() -> None:
+        board.file.inputs["mirror_state"] = 3
+
+    for words in (
+        ["points", "--count", "20", "--out", "points.csv"],
+        ["capture", "--out", "line.npz"],
+        ["watch", "--seconds", "0.5"],
+    ):
+        board.file.inputs["mirror_state"] = 1
+        board.file.values.update(line_enable=[0], laser_enable=[0], mirror_enable=[0])
+        threading.Timer(0.5, running).start()
+        printed(*words, "--start")
+        for name in ("line_enable", "laser_enable", "mirror_enable"):
+            assert board.file.values[name] == [0]
+
+
+def test_a_mirror_that_does_not_start_is_stopped(board: FakeBoard) -> None:
+    def fault() -> None:
+        board.file.inputs.update(mirror_state=4, mirror_fault=2)
+
+    board.file.inputs["mirror_state"] = 1
+    threading.Timer(0.5, fault).start()
+    result = run("points", "--count", "20", "--out", "points.csv", "--start")
+    assert "FAULT: settle" in str(result.exception)
+    assert not Path("points.csv").exists()
+    for name in ("line_enable", "laser_enable", "mirror_enable"):
+        assert board.file.values[name] == [0]
 
 
 def test_watch_for_a_moment(board: FakeBoard) -> None:

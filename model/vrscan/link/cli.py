@@ -33,6 +33,10 @@ BaudOption = Annotated[int, typer.Option("--baud", help="Its rate after a reset.
 TimeoutOption = Annotated[
     float, typer.Option("--timeout", help="Seconds to wait for a reply; a simulation needs more.")
 ]
+StartOption = Annotated[
+    bool,
+    typer.Option("--start", help="Start lines, laser and mirror before, and stop them after."),
+]
 RawOption = Annotated[bool, typer.Option("--raw", help="Integers instead of units.")]
 BAUD, TIMEOUT_S = 3_000_000, 5.0
 
@@ -115,6 +119,7 @@ def write(
 def watch(
     seconds: Annotated[float | None, typer.Option(help="Ends after so long.")] = None,
     step: Annotated[int, typer.Option(help="Shows every so many lines' point.")] = 32,
+    start: StartOption = False,
     port: PortOption = None,
     baud: BaudOption = BAUD,
     timeout: TimeoutOption = TIMEOUT_S,
@@ -125,7 +130,7 @@ def watch(
     if seconds is not None:
         _check("--seconds", seconds, 0.01, 1e6)
     _check("--step", step, 1, 255)
-    with _device(port, baud, timeout) as device:
+    with _device(port, baud, timeout) as device, _running(device, start):
         live.watch(device, _console(), seconds=seconds, step=step)
 
 
@@ -137,6 +142,7 @@ def capture(
     count: Annotated[int, typer.Option("--lines", help="How many.")] = 1,
     every: Annotated[int, typer.Option(help="Every so many lines, one at a time.")] = 1,
     line: Annotated[int | None, typer.Option(help="The one with this number.")] = None,
+    start: StartOption = False,
     port: PortOption = None,
     baud: BaudOption = BAUD,
     timeout: TimeoutOption = TIMEOUT_S,
@@ -155,6 +161,7 @@ def capture(
     with contextlib.ExitStack() as stack:
         file = None if out is None else stack.enter_context(atomic_file(out))
         device = stack.enter_context(_device(port, baud, timeout))
+        stack.enter_context(_running(device, start))
         found = _captured(device, count, every, line)
         settings = report.threshold_settings(device)
         if file is not None:
@@ -177,6 +184,7 @@ def points(
         bool, typer.Option("--full/--compact", help="All of a point, or x, z, confidence, flags.")
     ] = True,
     step: Annotated[int, typer.Option(help="Of every so many lines.")] = 1,
+    start: StartOption = False,
     allow_loss: Annotated[
         bool, typer.Option("--allow-loss", help="Status 0 even if points were lost.")
     ] = False,
@@ -197,7 +205,7 @@ def points(
     _check("--step", step, 1, 255)
     kind = _suffix(out, FORMATS)
     with atomic_file(out) as file, _device(port, baud, timeout) as device:
-        with device.stream(full, step) as stream:
+        with _running(device, start), device.stream(full, step) as stream:
             found = _recorded(stream, count, seconds, timeout)
         account = stream.account
         report.write_points(kind, file, found, full, step, device.build, account)
@@ -214,7 +222,7 @@ def load(
         Path | None, typer.Option("--config", help="TOML file that overrides the defaults.")
     ] = None,
     start: Annotated[
-        bool, typer.Option("--start", help="Then start lines and mirror, and wait for RUN.")
+        bool, typer.Option("--start", help="Then start lines, laser, mirror, and wait for RUN.")
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Even while the mirror moves.")] = False,
     port: PortOption = None,
@@ -243,13 +251,13 @@ def load(
             highlight=False,
         )
         if start:
-            device.write("line_enable", 1)
-            device.write("mirror_enable", 1)
             with _bar("mirror") as bar:
-                device.wait_for_mirror(
-                    progress=lambda state, share: bar(round(100 * share), 100, f"mirror {state}")
-                )
-            console.print("the mirror is in RUN")
+                device.start(lambda state, share: bar(round(100 * share), 100, f"mirror {state}"))
+            silence = device.silence_s()
+            console.print(
+                f"the mirror is in RUN; the laser goes off {silence:g} s after the last command",
+                highlight=False,
+            )
 
 
 @link.command()
@@ -327,6 +335,20 @@ def _device(port: str | None, baud: int, timeout: float) -> Iterator["Device"]:
         raise InputError(f"--port: which one? {f'there are {there}' if there else 'there is none'}")
     with Device(port, baud=baud, timeout=timeout) as device:
         yield device
+
+
+@contextlib.contextmanager
+def _running(device: "Device", wanted: bool) -> Iterator[None]:
+    """Run lines, laser and mirror for as long as the context lasts, if that is wanted."""
+    if not wanted:
+        yield
+        return
+    with _bar("mirror") as bar, contextlib.ExitStack() as stack:
+        progress = lambda state, share: bar(round(100 * share), 100, f"mirror {state}")  # noqa: E731
+        stack.enter_context(device.started(progress))
+        running = stack.pop_all()
+    with running:
+        yield
 
 
 def _check(name: str, value: float, low: float, high: float) -> None:

@@ -303,12 +303,16 @@ class Device:
             except LinkError:
                 self.alive_errors += 1
 
+    def silence_s(self) -> float:
+        """Return the time without a command after which the board turns its laser off, s."""
+        return min(self._watchdog_clks / self.build.clock_hz or SILENCE_S, SILENCE_S)
+
     def _alive_period(self) -> float:
-        """Return a third of the time after which the board turns its laser off, s.
+        """Return the time between two signs of life, s.
 
         A simulated board's clock is slow, and this is more often than it needs.
         """
-        return min(self._watchdog_clks / self.build.clock_hz or SILENCE_S, SILENCE_S) / 3.0
+        return self.silence_s() / 3.0
 
     @property
     def traffic(self) -> Traffic:
@@ -548,6 +552,45 @@ class Device:
                 f"{self.port}: the mirror is in {STATES[state]}: stop it first "
                 "(mirror_enable = 0), or force it"
             )
+
+    def start(self, progress: Callable[[str, float], None] | None = None) -> None:
+        """Start lines, laser and mirror, and wait until the mirror is in RUN.
+
+        The index needs the laser's light. The board turns that off when it does not hear its host:
+        it all runs for as long as this device is open, and is then best stopped.
+
+        Args:
+            progress: As of ``wait_for_mirror``.
+
+        Raises:
+            LinkError: as ``wait_for_mirror``; everything is then stopped.
+        """
+        if self.read("mirror_state") == FAULT:
+            self.write("mirror_enable", 0)  # ends it
+        self.write_many([("line_enable", 1), ("laser_enable", 0)])  # ends a trip of the watchdog
+        self.write("laser_enable", 1)
+        self.write("mirror_enable", 1)
+        try:
+            self.wait_for_mirror(progress=progress)
+        except BaseException:
+            with contextlib.suppress(LinkError):
+                self.stop()
+            raise
+
+    def stop(self) -> None:
+        """Stop laser, mirror and lines."""
+        for name in ("laser_enable", "mirror_enable", "line_enable"):
+            self.write(name, 0)
+
+    @contextlib.contextmanager
+    def started(self, progress: Callable[[str, float], None] | None = None) -> Iterator[None]:
+        """Run lines, laser and mirror for as long as the context lasts."""
+        self.start(progress)
+        try:
+            yield
+        finally:
+            with contextlib.suppress(UnpluggedError):
+                self.stop()
 
     def wait_for_mirror(
         self, wanted: int = RUN, progress: Callable[[str, float], None] | None = None
