@@ -17,7 +17,7 @@ from vrscan.fixed.test_line import Settings, least_period, lines, step_of_width
 from vrscan.link import protocol, records, values
 from vrscan.link.device import OFF, Device, DeviceError
 from vrscan.link.records import Records
-from vrscan.link.register_map import LOCKS, REGISTERS, WINDOWS
+from vrscan.link.register_map import LOCKS, REGISTERS, WINDOWS, Window
 from vrscan.link.stream import COMPACT
 from vrscan.link.transport import LinkError
 from vrscan.points import Points
@@ -265,11 +265,47 @@ class SelfTest:
             for word in WALKING:
                 self.device.write("scratch", word)
                 compared += 1
+            for window in WINDOWS.values():
+                if window.lock not in closed and self._still:
+                    compared += self._entries(window)
         except LinkError as error:
             return Check(what, 0, compared, str(error))
         finally:
             self.device.write_many(before.items())
         return Check(what, 0, compared)
+
+    def _entries(self, window: Window) -> int:
+        """Write patterns to a table's first, middle and last entry, and return how many words.
+
+        Raises:
+            LinkError: if one reads otherwise.
+        """
+        places = [window.address + k * window.stride for k in (0, window.entries // 2 - 1, -1)]
+        places[-1] += window.entries * window.stride
+        width = len(window.fields)
+        before = [self.device.read_words(place, width) for place in places]
+        compared = 0
+        try:
+            for pattern in PATTERNS:
+                wanted = [
+                    [
+                        values.within(field, pattern * (7 * k + j + 1)) & values.WORD_MASK
+                        for j, field in enumerate(window.fields)
+                    ]
+                    for k in range(len(places))
+                ]
+                for place, words in zip(places, wanted, strict=True):
+                    self.device.write_words(values.Block(place, words))
+                for place, words in zip(places, wanted, strict=True):  # none changed another
+                    found = self.device.read_words(place, width)
+                    if found != words:
+                        name = values.name_at(place)
+                        raise LinkError(f"{name}: reads {found}, want {words}")
+                    compared += width
+        finally:
+            for place, words in zip(places, before, strict=True):
+                self.device.write_words(values.Block(place, words))
+        return compared
 
     def answers(self) -> Check:
         """Do what is refused, everywhere, and see how."""
@@ -467,9 +503,8 @@ class SelfTest:
 def _filled(name: str, pattern: int) -> values.Value:
     """Return a legal value of a register, made of the bits of a pattern."""
     register = values.find(name)
-    span = register.maximum - register.minimum + 1
     found = tuple(
-        register.minimum + (pattern * (k + 1)) * 0x1_0001 % span for k in range(values.count(name))
+        values.within(register, pattern * (k + 1) * 0x1_0001) for k in range(values.count(name))
     )
     return found if len(found) > 1 else found[0]
 

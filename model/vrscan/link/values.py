@@ -40,6 +40,11 @@ def count(name: str) -> int:
     return FIELDS[name][0].entries if name in FIELDS else find(name).count
 
 
+def within(register: Register, number: int) -> int:
+    """Return a number brought into a register's range, modulo the range's length."""
+    return register.minimum + number % (register.maximum - register.minimum + 1)
+
+
 def words_per_value(register: Register) -> int:
     """Return the words of one of a register's values."""
     return register.words // register.count
