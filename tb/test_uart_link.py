@@ -323,7 +323,7 @@ async def a_reply_waits_for_one_packet_and_the_encoder(dut) -> None:
     most = 0
     bound = MOST_BEFORE_REPLY + len(encode_frame(bytes([0x81, 0, 0])))
     for k in range(bench.streams):
-        bench.waiting[k].extend(bench.packet(0x40 + k) for _ in range(10))
+        bench.waiting[k].extend(bench.packet(0x40 + k) for _ in range(20 // bench.streams))
     await bench.clocks(bench.bits(2500))
     for number in range(4):
         await bench.send(encode_frame(command(Command.PING, number)))
