@@ -64,7 +64,9 @@ class TestBoard(FakeBoard):
         points = run_fixed(
             pixels, np.full(count, angle), np.full(count, power), chain(self), max_window=255
         )
-        made = full_records(points, 0, power)
+        made = full_records(points, 0, 0)
+        # What a chain does not know: bit 0 measured, bit 2 a test line.
+        made["power"], made["bits"] = power, 4 + points.measured
         field = getattr(self, "spoiled", None)
         if field is not None:
             made[field][count // 2] ^= 1

@@ -122,6 +122,21 @@ def test_blocks_are_few_and_tear_nothing() -> None:
     assert neighbours == 0
 
 
+@pytest.mark.parametrize("most", [2, 3, 5, 8])
+def test_shorter_commands_tear_nothing(monkeypatch: pytest.MonkeyPatch, most: int) -> None:
+    monkeypatch.setattr(link_pkg, "MAX_WORDS", most)
+    lower = {r.address for r in REGISTERS.values() if r.width > 32}
+    names = [*REGISTERS, *(field.name for window in WINDOWS.values() for field in window.fields)]
+    blocks = values.read_blocks(names)
+    assert max(len(block.words) for block in blocks) <= most
+    for block in blocks:
+        end = block.address + len(block.words)
+        assert end - 1 not in lower
+        for window in WINDOWS.values():
+            inside = 0 <= end - window.address <= window.stride * window.entries
+            assert not inside or (end - window.address) % window.stride == 0
+
+
 def test_what_is_wrong_is_told_before_it_is_sent(device: Device, board: FakeBoard) -> None:
     before = board.executed.get(link_pkg.COMMAND_WRITE, 0)
     for name, value, says in (
@@ -492,12 +507,12 @@ def test_the_account_is_right_whatever_is_lost(
     draw = np.random.default_rng(seed)
     line, dropped, sequence = first, 0, 0
     sent, kept, missing, open_gap, packets_lost = [], 0, 0, 0, 0
-    for k in range(60):
+    for k in range(300):
         gone = int(draw.integers(0, 5)) if draw.random() < 0.1 else 0  # dropped by the board
         line, dropped = line + step * gone, dropped + gone
         open_gap += gone
         count = int(draw.integers(1, 4))
-        arrives = k in (0, 59) or draw.random() >= lost
+        arrives = k in (0, 299) or draw.random() >= lost
         if arrives:
             sent.append((sequence, line, count, dropped))
             missing, kept, open_gap = missing + (open_gap if kept else 0), kept + count, 0
