@@ -129,18 +129,18 @@ def test_every_byte_comes_back_in_order_while_the_board_sets_the_pace(board: Pro
     assert taken >= len(data) * 10 * CLOCK_HZ // BAUD
 
 
-def test_bytes_wait_in_the_pty_and_the_host_with_them(board: Process) -> None:
-    board.signal(signal.SIGSTOP)
+def test_a_host_that_writes_faster_has_to_wait(board: Process) -> None:
     with Host(board.port) as host:
         os.set_blocking(host.file, False)
-        sent = 0
-        with contextlib.suppress(BlockingIOError):
-            while sent < 1 << 20:
-                sent += os.write(host.file, bytes(1000))
-        assert sent < 1 << 20
-        board.signal(signal.SIGCONT)
-        os.set_blocking(host.file, True)
-        assert host.read(sent) == bytes(sent)
+        sent, until = 0, board.clocks() + CLOCK_HZ
+        while board.clocks() < until:
+            with contextlib.suppress(BlockingIOError):
+                while True:
+                    sent += os.write(host.file, bytes(1000))
+            time.sleep(0.001)
+        taken = board.status().from_host
+    assert taken >= 0.9 * BAUD / 10
+    assert sent - taken < 40_000  # in the pty, and since the status
 
 
 @pytest.mark.parametrize("off", [-0.02, 0.02])
@@ -162,14 +162,21 @@ def test_another_rate_than_the_boards_is_not_understood_until_it_is_the_same(
         assert host.ask(data) == data
 
 
-def test_a_new_rate_does_not_tear_what_is_on_its_way(board: Process) -> None:
-    with Host(board.port) as host:
-        for _ in range(20):
-            os.write(host.file, b"abcdefgh")
-            time.sleep(0.01)  # the board has taken them
-            host.rate(2 * BAUD)
-            host.rate(BAUD)
-        assert host.read(160) == b"abcdefgh" * 20
+def test_a_new_rate_waits_for_the_bytes_that_the_adapter_has(tmp_path: Path) -> None:
+    port, data = tmp_path / "port", no_digits(24, 4)
+    # So slow that there is time to change it: ten bits are 10 ms.
+    slow = words(port, "--clock-hz", "10000", "--real-time")
+    with Process(slow, port) as board, Host(port, 1000) as host:
+        os.write(host.file, data)
+        while board.status().from_host < 2:
+            time.sleep(0.01)
+        host.rate(2000)
+        while (status := board.status()).baud == 1000:
+            assert board.running
+            time.sleep(0.01)
+        assert status.from_host == len(data)
+        # The last echo is still on its way when the rate changes.
+        assert host.read(len(data) - 2) == data[:-2]
 
 
 def test_a_zero_at_a_tenth_of_the_rate_is_a_break(board: Process) -> None:
