@@ -19,6 +19,7 @@ import pytest
 from harness import generator
 
 from vrscan.board import Process, status_file
+from vrscan.cli import main
 from vrscan.config import Config
 from vrscan.errors import InputError
 from vrscan.scene import library as lines
@@ -315,3 +316,24 @@ def test_a_library_that_is_none_is_refused(tmp_path: Path) -> None:
     given[given.index("--library") + 1] = str(broken)
     with pytest.raises(InputError, match=r"library\.bin: no "), Process(given, port):
         pass
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (["nosuch"], "nosuch: no such scene"),
+        (["--seconds", "-1"], "--seconds: must be"),
+        (["--clock-hz", "nan"], "--clock-hz: must be"),
+    ],
+)
+def test_bad_input_is_one_line(
+    given: list[str],
+    said: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("sys.argv", ["vrscan", "board", *given])
+    with pytest.raises(SystemExit) as end:
+        main()
+    told = capsys.readouterr().err
+    assert end.value.code == 2 and said in told and told.count("\n") == 1

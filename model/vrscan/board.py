@@ -110,7 +110,10 @@ def command(
     """
     program = build(config)
     lines = library(load(scene), config, build_folder() / "board", progress=progress)
-    port.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        port.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{port.parent}: cannot make the folder ({error.strerror})") from error
     words = [str(program), "--library", str(lines), "--port", str(port)]
     words += ["--status", str(status_file(port)), "--clock-hz", repr(config.clock.frequency_hz)]
     if seconds is not None:

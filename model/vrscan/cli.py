@@ -310,7 +310,8 @@ def board(
 ) -> None:
     """Simulate a board before a scene, with a serial port to talk to it, until it is stopped."""
     from vrscan import board as virtual
-    from vrscan.scene.library import ANGLES
+    from vrscan.scene.description import load
+    from vrscan.scene.library import ANGLES, renderer
     from vrscan.tools import build_folder
 
     settings = virtual.on_board(_settings(config))
@@ -320,6 +321,8 @@ def board(
         settings = settings.model_copy(update={"clock": clock})
     if seconds is not None:
         _check_range("--seconds", seconds, 1e-6, 1e6)
+    renderer(load(scene), settings)  # complains before there is a bar, or a build
+    virtual.build(settings)
     with _bar("scene", ANGLES) as progress:
         words = virtual.command(
             scene,
