@@ -71,25 +71,25 @@ class ToolError(Exception):
 
 
 def run(tool: str, *arguments: str | Path, log: Path) -> str:
-    """Run a tool, keep all it says in ``log`` and return it.
+    """Run a tool, keep all it says in ``log``, from its first word on, and return it.
 
     The tools see /tmp as a folder of their own, so every path is given from the top of the
     repository, wherever that lies.
     """
     words = [a.relative_to(ROOT) if isinstance(a, Path) else a for a in arguments]
-    done = subprocess.run(
-        [BIN / tool, *words],
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=False,
-    )
-    log.write_text(done.stdout)
+    with log.open("w") as words_of_it:
+        done = subprocess.run(
+            [BIN / tool, *words],
+            cwd=ROOT,
+            stdout=words_of_it,
+            stderr=subprocess.STDOUT,
+            check=False,
+        )
+    said = log.read_text()
     if done.returncode:
-        errors = [line for line in done.stdout.splitlines() if "ERROR" in line]
-        raise ToolError("\n".join([*(errors or done.stdout.splitlines()[-5:]), f"see {log}"]))
-    return done.stdout
+        errors = [line for line in said.splitlines() if "ERROR" in line]
+        raise ToolError("\n".join([*(errors or said.splitlines()[-5:]), f"see {log}"]))
+    return said
 
 
 class Surrounding:

@@ -26,6 +26,20 @@ module IDDRX1F (
 );
 endmodule
 
+module BB (
+  inout  wire logic B,
+  input  wire logic I, T,
+  output      logic O
+);
+endmodule
+
+module IOBUF (
+  inout  wire logic IO,
+  input  wire logic I, T,
+  output      logic O
+);
+endmodule
+
 module BUFG (
   input  wire logic I,
   output      logic O

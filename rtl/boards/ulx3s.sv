@@ -66,11 +66,13 @@ module ulx3s (
     .ENCLKOP     (1'b0)
   );
 
-  // The configuration sets the flip-flops: a reset comes first in each clock.
-  logic [3:0] rst_q = '1, guard_rst_q = '1, pixel_rst_q = '1;
-  always_ff @(posedge clk) rst_q <= {rst_q[2:0], !locked || button_i};
-  always_ff @(posedge clk_25mhz_i) guard_rst_q <= {guard_rst_q[2:0], button_i};
-  always_ff @(posedge sensor_clk_i) pixel_rst_q <= {pixel_rst_q[2:0], rst_q[3]};
+  // Flip-flops are 0 after the configuration: a reset comes first in each clock.
+  logic [3:0] run_q, guard_run_q, pixel_run_q;
+  logic       rst;
+  assign rst = !run_q[3];
+  always_ff @(posedge clk) run_q <= {run_q[2:0], locked && !button_i};
+  always_ff @(posedge clk_25mhz_i) guard_run_q <= {guard_run_q[2:0], !button_i};
+  always_ff @(posedge sensor_clk_i) pixel_run_q <= {pixel_run_q[2:0], run_q[3]};
 
   // ---- inputs ----
   logic [1:0] comparator_ddr, gate_ddr, comparator_q, gate_q, comparator_q2, gate_q2;
@@ -90,9 +92,9 @@ module ulx3s (
   logic [15:0] overflow_count;
   pixel_fifo u_pixel_fifo (
     .clk_i           (clk),
-    .rst_i           (rst_q[3]),
+    .rst_i           (rst),
     .pixel_clk_i     (sensor_clk_i),
-    .pixel_rst_i     (pixel_rst_q[3]),
+    .pixel_rst_i     (!pixel_run_q[3]),
     .line_valid_i    (sensor_valid_i),
     .pixel_valid_i   (1'b1),
     .pixel_i         (sensor_pixel_i),
@@ -105,12 +107,12 @@ module ulx3s (
 
   // ---- the instrument ----
   logic [vrscan_pkg::MirrorStateWidth-1:0] mirror_state;
-  logic pulse, index_light, heartbeat, guard_ok, measured, scl_low, sda_low;
+  logic pulse, index_light, heartbeat, guard_ok, measured, scl, sda, scl_low, sda_low;
   vrscan #(
     .ClockHz(ClockHz), .IndexOversample(2), .BoardId(1)
   ) u_vrscan (
     .clk_i                 (clk),
-    .rst_i                 (rst_q[3]),
+    .rst_i                 (rst),
     .line_start_i          (line_start),
     .line_end_i            (line_end),
     .pixel_valid_i         (pixel_valid),
@@ -131,8 +133,8 @@ module ulx3s (
     .startup_pin_o         (startup_o),
     .heartbeat_o           (heartbeat),
     .guard_ok_i            (guard_ok),
-    .focus_scl_i           (focus_scl_io),
-    .focus_sda_i           (focus_sda_io),
+    .focus_scl_i           (scl),
+    .focus_sda_i           (sda),
     .focus_scl_low_o       (scl_low),
     .focus_sda_low_o       (sda_low),
     .rx_i                  (uart_rx_i),
@@ -143,12 +145,12 @@ module ulx3s (
     .centre_o              (),
     .centre_half_o         ()
   );
-  assign focus_scl_io = scl_low ? 1'b0 : 1'bz;
-  assign focus_sda_io = sda_low ? 1'b0 : 1'bz;
+  BB u_scl (.B(focus_scl_io), .I(1'b0), .T(!scl_low), .O(scl));
+  BB u_sda (.B(focus_sda_io), .I(1'b0), .T(!sda_low), .O(sda));
 
   laser_guard u_laser_guard (
     .clk_i            (clk_25mhz_i),
-    .rst_i            (guard_rst_q[3]),
+    .rst_i            (!guard_run_q[3]),
     .heartbeat_i      (heartbeat),
     .pulse_i          (pulse),
     .index_light_i    (index_light),
