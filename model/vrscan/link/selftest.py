@@ -109,6 +109,8 @@ def arranged(device: Device) -> Iterator[None]:
     """
     if device.read("line_enable"):
         raise LinkError(f"{device.port}: lines run: stop them first (line_enable = 0)")
+    device.write("test_stop", 1)  # of a run that another host has left
+    _settled(device)
     before = device.read_many(CHANGED)
     try:
         yield
@@ -489,15 +491,16 @@ class SelfTest:
             if difference is not None:
                 return Check(what, 1, compared, difference)
             self.progress(what, place, 5)
-            self._settled()
+            _settled(self.device)
         return Check(what, 2, compared)
 
-    def _settled(self) -> None:
-        """Wait until a run has ended."""
-        end = time.monotonic() + 2.0 * self.device.timeout
-        while self.device.read("test_running"):
-            if time.monotonic() > end:
-                raise LinkError(f"{self.device.port}: the run of test lines does not end")
+
+def _settled(device: Device) -> None:
+    """Wait until a run has ended."""
+    end = time.monotonic() + 2.0 * device.timeout
+    while device.read("test_running"):
+        if time.monotonic() > end:
+            raise LinkError(f"{device.port}: the run of test lines does not end")
 
 
 def _filled(name: str, pattern: int) -> values.Value:
