@@ -1,8 +1,8 @@
-// board: vrscan with all that hangs on its pins: mirror, sensor, lens motor, and a host's USB adapter.
+// board: vrscan with all that hangs on its pins: mirror, sensor, lens motor, a host's USB adapter.
 //
 //   ClockHz .. BoardId  of vrscan; the others are those of mems_mirror and the index diode
-//   +swinging=1         the mirror starts as +angle= and +velocity= say, rad and rad/s, with the first
-//                       pulse of the drive; else it starts at rest
+//   +swinging=1         the mirror starts as +angle= and +velocity= say, rad and rad/s, with the
+//                       first pulse of the drive; else it starts at rest
 //   +seed=              of the index's jitter
 
 `default_nettype none

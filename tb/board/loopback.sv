@@ -1,8 +1,9 @@
-// loopback: what a test of the virtual board's own parts needs: an UART that sends back what it hears
-// at a rate of its own, and a sensor that is exposed at any angle and sends its lines over it.
+// loopback: what a test of the virtual board's own parts needs: an UART that sends back what it
+// hears at a rate of its own, and a sensor that is exposed at any angle.
 //
-// A byte that is no digit comes back, the first one after a break as BREAK.  A digit d exposes a line at (d - 4.5) * AngleRad with the laser
-// on for d * PulseClks / 8 clocks at full power; its pixels follow, low byte first.
+// A byte that is no digit comes back, the first one after a break as BREAK.  A digit d exposes a
+// line at (d - 4.5) * AngleRad with the laser on for d * PulseClks / 8 clocks at full power; its
+// pixels follow, low byte first.
 
 `default_nettype none
 

@@ -1,10 +1,10 @@
 // The host's end of the virtual board's serial line: a pty that behaves as a USB adapter's port.
 //
-// The line has the rate that the host gave its port, any rate.  A new one begins when the bytes that
-// were taken for the line are out.  Bytes of the host are taken only as the line can have them, and
-// wait in the pty meanwhile; bytes of the board that the host does not read are lost when the pty is
-// full, and those that come while nobody has the port open.  Nothing of before is left for who opens
-// it next.
+// The line has the rate that the host gave its port, any rate.  A new one begins when the bytes
+// that were taken for the line are out.  Bytes of the host are taken only as the line can have
+// them, and wait in the pty meanwhile; bytes of the board that the host does not read are lost when
+// the pty is full, and those that come while nobody has the port open.  Nothing of before is left
+// for who opens it next.
 
 #pragma once
 

@@ -7,9 +7,9 @@
 //
 // An exposure that ends before the line of the one before is out is lost, and told to the C side.
 //
-//   sensor_expose(angle, light, exposure_clks)  makes the pixels of a line: light is the sum of power_i
-//   sensor_pixel(index)   a pixel of that line
-//   sensor_lost()         a line was lost
+//   sensor_expose(angle, light, exposure_clks)  a line is to be made; light is the sum of power_i
+//   sensor_pixel(index)                         a pixel of that line
+//   sensor_lost()                               a line was lost
 
 `default_nettype none
 
