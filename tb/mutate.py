@@ -579,12 +579,12 @@ FAULTS = [
     ),
     *faults(
         "rtl/link/point_packer.sv",
-        ("no room between records of a batch", "!room;", "!room && !open;"),
+        ("no room between records of a batch", "open || room_q;", "room_q;"),
         ("the line after the expected one", "line_q - base_q;", "line_q - base_q + 32'd1;"),
         (
             "no room for a header",
-            "BufferBytes - FullBytes - HeaderBytes",
-            "BufferBytes - FullBytes",
+            "BufferBytes - HeaderBytes - MostFull",
+            "BufferBytes - MostFull",
         ),
         ("a gap of 256 lines", "line_q != expected_q;", "line_q[7:0] != expected_q[7:0];"),
     ),

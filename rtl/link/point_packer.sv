@@ -5,9 +5,10 @@
 // bytes go into a ring as they come, behind room for the header, which is written last; only then
 // is the packet there for the reader.
 //
-// A record for which the ring has no room is dropped.  The next one kept has FlagPointsLost
-// (CompactLost) and, where it is a full one, their number.  Records come at least 160 clocks apart;
-// one that comes sooner is dropped too.
+// A batch begins where the ring has room for the longest one, so that a slow reader gets whole ones;
+// a record without that room is dropped.  The next one kept has FlagPointsLost (CompactLost) and,
+// where it is a full one, their number.  Records come at least 160 clocks apart; one that comes
+// sooner is dropped too.
 //
 //   stream_start_i  ends the stream that runs, as stream_stop_i does, and begins one from sequence
 //                   number and count of dropped points 0 with the next record's line; what comes
@@ -190,14 +191,14 @@ module point_packer #(
   logic [            31:0] first_line_q;
   logic [PointerWidth-1:0] head_q;  // where the open batch begins, and what the reader has ends
   logic [PointerWidth-1:0] fill_q, read_q, used_q;
-  logic                    open, full_q, expired_q, room_more_q, room_new_q, room;
+  logic                    open, full_q, expired_q, room_q, room;
   logic                    keep, drop_late, drop_early;
   logic [  CountWidth-1:0] dropped_q, lost_q;
   logic [            15:0] record_lost_q;
   logic                    any_lost_q;
   logic [             1:0] drops_q;
   assign open       = count_q != '0;
-  assign room       = open ? room_more_q : room_new_q;
+  assign room       = open || room_q;
   assign keep       = state_q == ROOM && room;
   assign drop_late  = state_q == ROOM && !room;
   assign drop_early = begins && (held_q || filling_q);
@@ -223,11 +224,10 @@ module point_packer #(
     if (keep && !open) age_q <= '0;
     else if (age_q != '1) age_q <= age_q + TimeoutWidth'(1);
 
-    used_q      <= fill_q - read_q;
-    room_more_q <= used_q <= (format_q ? PointerWidth'(BufferBytes - FullBytes)
-                                       : PointerWidth'(BufferBytes - CompactBytes));
-    room_new_q  <= used_q <= (format_q ? PointerWidth'(BufferBytes - FullBytes - HeaderBytes)
-                                       : PointerWidth'(BufferBytes - CompactBytes - HeaderBytes));
+    used_q <= fill_q - read_q;
+    room_q <= used_q <= (format_q ? PointerWidth'(BufferBytes - HeaderBytes - MostFull * FullBytes)
+                                  : PointerWidth'(BufferBytes - HeaderBytes
+                                                  - MostCompact * CompactBytes));
 
     case (state_q)
       IDLE: begin

@@ -180,13 +180,13 @@ class PointPacker:
         if self._records and line != self._expected:
             yield from self._close()
         size = record_bytes(self._full)
-        header = 0 if self._records else link_pkg.BATCH_HEADER_BYTES
-        if self._seen[0] + header + size > self._buffer_bytes:
-            self._drops += 1
-            return
         if not self._records:
+            longest = link_pkg.BATCH_HEADER_BYTES + most_records(self._full) * size
+            if self._seen[0] + longest > self._buffer_bytes:
+                self._drops += 1
+                return
             self._first, self._age = line, 0
-        self._used += header
+            self._used += link_pkg.BATCH_HEADER_BYTES
         kept = decode_full(record).copy()
         kept["lost"], self._lost = self._lost, 0
         kept["flags"][kept["lost"] != 0] |= 1 << pkg.FLAG_POINTS_LOST
