@@ -13,6 +13,7 @@ import numpy as np
 
 from vrscan.chain import run_fixed
 from vrscan.fixed import link_pkg, pkg
+from vrscan.fixed.point_record import point_record
 from vrscan.fixed.test_line import Settings, least_period, lines, step_of_width
 from vrscan.link import protocol, records, values
 from vrscan.link.device import OFF, Device, DeviceError
@@ -179,14 +180,9 @@ def full_records(points: Points, first: int, power: int) -> Records:
         first: Number of the first line.
         power: Of all lines.
     """
-    found = np.zeros(len(points), records.FULL)
-    for name in records.FULL.names or ():
-        if hasattr(points, name):
-            kind = records.FULL[name]
-            found[name] = getattr(points, name).astype(np.int64).astype(kind)
+    none, no = np.zeros(len(points), np.int64), np.zeros(len(points), np.bool_)
+    found = point_record(points, none + power, none, no, ~no, none)
     found["line"] = (first + np.arange(len(points))) % (1 << pkg.LINE_NUMBER_WIDTH)
-    found["power"] = power
-    found["bits"] = records.TEST | np.where(points.measured, records.MEASURED, 0)
     return found
 
 
