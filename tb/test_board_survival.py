@@ -266,6 +266,123 @@ def test_points_that_a_slow_line_has_no_room_for(board: Board) -> None:
         passes(device)
 
 
+class Storm:
+    """Commands with what has to be answered, by a model of the registers that they touch."""
+
+    def __init__(self, held: dict[str, int]) -> None:
+        self.held = held
+        self.chance = generator(6)
+
+    def next(self) -> tuple[int, bytes, bytes]:
+        """Return a command's operation and data, and how its reply begins, from the status on."""
+        kind = int(self.chance.integers(10))
+        some = int(self.chance.integers(1 << 32))
+        names = ("scratch", "points_batch", "k_noise", "snr_min", "min_width", "c_obj_gain")
+        name = names[some % len(names)]
+        register = REGISTERS[name]
+        if kind < 4:  # any word, also what does not fit
+            word = some if kind == 0 else values.within(register, some)
+            return Command.WRITE, protocol.write(register.address, [word]), self.write(name, word)
+        if kind < 7:
+            word = self.held[name]
+            reply = struct.pack("<BBI", Status.OK, 1, word)
+            return Command.READ, protocol.read(register.address, 1), reply
+        if kind == 7:
+            address = 0x2000 + some % 0x1000
+            reply = struct.pack("<BBH", Status.NO_ADDRESS, 0, address)
+            if some & 1 << 31:
+                return Command.READ, protocol.read(address, 62), reply
+            return Command.WRITE, protocol.write(address, [some]), reply
+        if kind == 8:
+            register = REGISTERS["mirror_state"]
+            if some & 1 << 31:
+                reply = struct.pack("<BBI", Status.OK, 1, RUN)
+                return Command.READ, protocol.read(register.address, 1), reply
+            reply = struct.pack("<BBH", Status.READ_ONLY, 0, register.address)
+            return Command.WRITE, protocol.write(register.address, [0]), reply
+        reply = bytes([Status.OK, 12])
+        return Command.READ, protocol.read(REGISTERS["mirror_word"].address, 12), reply
+
+    def write(self, name: str, word: int) -> bytes:
+        """Write a word to a register, and return the reply."""
+        register = REGISTERS[name]
+        refused = None
+        if register.lock is not None and self.held[register.lock]:
+            refused = Status.LOCKED
+        elif not register.minimum <= word <= register.maximum:
+            refused = Status.BAD_VALUE
+        if refused is not None:
+            return struct.pack("<BBH", refused, 0, register.address)
+        self.held[name] = word
+        return struct.pack("<BBI", Status.OK, 1, word)
+
+
+def test_a_storm_of_commands_while_the_mirror_runs(slow_board: Board) -> None:
+    commands, window = 2000, 6
+    touched = ("scratch", "points_batch", "k_noise", "snr_min", "min_width", "c_obj_gain")
+    with connected(slow_board) as device:
+        device.load(SLOW)
+        power = SLOW.laser.power_max // 2
+        device.write_many(
+            [("line_enable", 1), ("laser_adapt", 0), ("laser_power", power), ("laser_enable", 1)]
+        )
+        device.write("mirror_enable", 1)
+        device.wait_for_mirror()
+        held = device.read_many([*touched, "lock_calibration"])
+        faults = device.read_many([*INDEX, *CHAIN, "commands_lost"])
+    storm, sensor = Storm(dict(held)), slow_board.status()
+    batches: list[Batch] = []
+    with Wire(slow_board.port) as wire:
+        wire.command(Command.STREAM_START, protocol.stream_start(True, 1), before=b"\0")
+        waiting: deque[tuple[bytes, bytes]] = deque()
+        answers: Counter[str] = Counter()
+        sent = 0
+        begin = slow_board.clocks()
+        while sent < commands or waiting:
+            while sent < commands and len(waiting) < window:
+                if sent == commands // 2:
+                    data = protocol.write(REGISTERS["lock_calibration"].address, [1])
+                    operation, want = Command.WRITE, storm.write("lock_calibration", 1)
+                else:
+                    operation, data, want = storm.next()
+                frame, sequence = wire.frame(operation, data)
+                wire.send(frame)
+                waiting.append((bytes([link_pkg.REPLY_BIT | operation, sequence]), want))
+                sent += 1
+            payload = wire.payload()
+            if payload[0] == link_pkg.STREAM_POINTS_FULL:
+                batches.append(protocol.points(payload))
+                continue
+            head, want = waiting.popleft()
+            assert payload[:2] == head and payload[2:].startswith(want), (payload.hex(), want.hex())
+            answers[Status(payload[2]).name] += 1
+        took = slow_board.clocks() - begin
+        wire.command(Command.STREAM_STOP)
+        assert wire.frames.bad.total() == 0
+    found = np.concatenate([batch.records for batch in batches])
+    lines = found["line"].astype(np.int64)
+    lost = (np.diff(lines) - 1).sum()
+    print(f"\n{commands} commands in {took / 1e6:.1f} M clocks: {dict(answers)}; ", end="")
+    print(f"{len(lines)} points in {len(batches)} packets, {lost} had no room")
+    assert set(answers) == {"OK", "LOCKED", "BAD_VALUE", "NO_ADDRESS", "READ_ONLY"}
+    assert min(answers.values()) > 50
+    assert [batch.sequence for batch in batches] == [k % 256 for k in range(len(batches))]
+    assert (np.diff(lines) > 0).all() and len(lines) > 500
+    assert np.array_equal(found["lost"][1:], np.diff(lines) - 1) and found["lost"][0] == 0
+    # A packet's header counts what was dropped until it was written.
+    gaps = np.cumsum([int(batch.records["lost"].sum()) for batch in batches])
+    dropped = np.array([batch.dropped for batch in batches])
+    assert (gaps <= dropped).all() and (dropped[:-1] <= gaps[1:]).all()
+    running = (1 << pkg.FLAG_NOT_RUNNING) | (1 << pkg.FLAG_INDEX_FAULT)
+    assert (found["flags"] & (running | 1 << pkg.FLAG_LINES_LOST) == 0).all()
+    with connected(slow_board) as device:
+        assert device.read("mirror_state") == RUN
+        assert device.read_many(list(faults)) == faults
+        assert slow_board.status().lines_lost == sensor.lines_lost
+        device.write_many([("mirror_enable", 0), ("line_enable", 0), ("laser_enable", 0)])
+        passes(device)
+
+
 def test_a_rate_that_no_host_follows(slow_board: Board) -> None:
     with connected(slow_board) as device:
         before = device.read("uart_fallbacks")
@@ -453,121 +570,4 @@ def test_a_break_in_mid_stream(slow_board: Board) -> None:
                 assert device.read("test_running") == 1 and points.account.records == come
             assert device.read("uart_step_now") == usual
             assert device.read("uart_breaks") == breaks + 1
-        passes(device)
-
-
-class Storm:
-    """Commands with what has to be answered, by a model of the registers that they touch."""
-
-    def __init__(self, held: dict[str, int]) -> None:
-        self.held = held
-        self.chance = generator(6)
-
-    def next(self) -> tuple[int, bytes, bytes]:
-        """Return a command's operation and data, and how its reply begins, from the status on."""
-        kind = int(self.chance.integers(10))
-        some = int(self.chance.integers(1 << 32))
-        names = ("scratch", "points_batch", "k_noise", "snr_min", "min_width", "c_obj_gain")
-        name = names[some % len(names)]
-        register = REGISTERS[name]
-        if kind < 4:  # any word, also what does not fit
-            word = some if kind == 0 else values.within(register, some)
-            return Command.WRITE, protocol.write(register.address, [word]), self.write(name, word)
-        if kind < 7:
-            word = self.held[name]
-            reply = struct.pack("<BBI", Status.OK, 1, word)
-            return Command.READ, protocol.read(register.address, 1), reply
-        if kind == 7:
-            address = 0x2000 + some % 0x1000
-            reply = struct.pack("<BBH", Status.NO_ADDRESS, 0, address)
-            if some & 1 << 31:
-                return Command.READ, protocol.read(address, 62), reply
-            return Command.WRITE, protocol.write(address, [some]), reply
-        if kind == 8:
-            register = REGISTERS["mirror_state"]
-            if some & 1 << 31:
-                reply = struct.pack("<BBI", Status.OK, 1, RUN)
-                return Command.READ, protocol.read(register.address, 1), reply
-            reply = struct.pack("<BBH", Status.READ_ONLY, 0, register.address)
-            return Command.WRITE, protocol.write(register.address, [0]), reply
-        reply = bytes([Status.OK, 12])
-        return Command.READ, protocol.read(REGISTERS["mirror_word"].address, 12), reply
-
-    def write(self, name: str, word: int) -> bytes:
-        """Write a word to a register, and return the reply."""
-        register = REGISTERS[name]
-        refused = None
-        if register.lock is not None and self.held[register.lock]:
-            refused = Status.LOCKED
-        elif not register.minimum <= word <= register.maximum:
-            refused = Status.BAD_VALUE
-        if refused is not None:
-            return struct.pack("<BBH", refused, 0, register.address)
-        self.held[name] = word
-        return struct.pack("<BBI", Status.OK, 1, word)
-
-
-def test_a_storm_of_commands_while_the_mirror_runs(slow_board: Board) -> None:
-    commands, window = 2000, 6
-    touched = ("scratch", "points_batch", "k_noise", "snr_min", "min_width", "c_obj_gain")
-    with connected(slow_board) as device:
-        device.load(SLOW)
-        power = SLOW.laser.power_max // 2
-        device.write_many(
-            [("line_enable", 1), ("laser_adapt", 0), ("laser_power", power), ("laser_enable", 1)]
-        )
-        device.write("mirror_enable", 1)
-        device.wait_for_mirror()
-        held = device.read_many([*touched, "lock_calibration"])
-        faults = device.read_many([*INDEX, *CHAIN, "commands_lost"])
-    storm, sensor = Storm(dict(held)), slow_board.status()
-    batches: list[Batch] = []
-    with Wire(slow_board.port) as wire:
-        wire.command(Command.STREAM_START, protocol.stream_start(True, 1), before=b"\0")
-        waiting: deque[tuple[bytes, bytes]] = deque()
-        answers: Counter[str] = Counter()
-        sent = 0
-        begin = slow_board.clocks()
-        while sent < commands or waiting:
-            while sent < commands and len(waiting) < window:
-                if sent == commands // 2:
-                    data = protocol.write(REGISTERS["lock_calibration"].address, [1])
-                    operation, want = Command.WRITE, storm.write("lock_calibration", 1)
-                else:
-                    operation, data, want = storm.next()
-                frame, sequence = wire.frame(operation, data)
-                wire.send(frame)
-                waiting.append((bytes([link_pkg.REPLY_BIT | operation, sequence]), want))
-                sent += 1
-            payload = wire.payload()
-            if payload[0] == link_pkg.STREAM_POINTS_FULL:
-                batches.append(protocol.points(payload))
-                continue
-            head, want = waiting.popleft()
-            assert payload[:2] == head and payload[2:].startswith(want), (payload.hex(), want.hex())
-            answers[Status(payload[2]).name] += 1
-        took = slow_board.clocks() - begin
-        wire.command(Command.STREAM_STOP)
-        assert wire.frames.bad.total() == 0
-    found = np.concatenate([batch.records for batch in batches])
-    lines = found["line"].astype(np.int64)
-    lost = (np.diff(lines) - 1).sum()
-    print(f"\n{commands} commands in {took / 1e6:.1f} M clocks: {dict(answers)}; ", end="")
-    print(f"{len(lines)} points in {len(batches)} packets, {lost} had no room")
-    assert set(answers) == {"OK", "LOCKED", "BAD_VALUE", "NO_ADDRESS", "READ_ONLY"}
-    assert min(answers.values()) > 50
-    assert [batch.sequence for batch in batches] == [k % 256 for k in range(len(batches))]
-    assert (np.diff(lines) > 0).all() and len(lines) > 500
-    assert np.array_equal(found["lost"][1:], np.diff(lines) - 1) and found["lost"][0] == 0
-    # A packet's header counts what was dropped until it was written.
-    gaps = np.cumsum([int(batch.records["lost"].sum()) for batch in batches])
-    dropped = np.array([batch.dropped for batch in batches])
-    assert (gaps <= dropped).all() and (dropped[:-1] <= gaps[1:]).all()
-    running = (1 << pkg.FLAG_NOT_RUNNING) | (1 << pkg.FLAG_INDEX_FAULT)
-    assert (found["flags"] & (running | 1 << pkg.FLAG_LINES_LOST) == 0).all()
-    with connected(slow_board) as device:
-        assert device.read("mirror_state") == RUN
-        assert device.read_many(list(faults)) == faults
-        assert slow_board.status().lines_lost == sensor.lines_lost
-        device.write_many([("mirror_enable", 0), ("line_enable", 0), ("laser_enable", 0)])
         passes(device)
