@@ -16,7 +16,8 @@
 //   Test lines    from test_start on until the run has ended they take the sensor's place; a line of
 //                 the sensor that is cut off by that counts as unfinished.  Their points carry
 //                 test_angle and test_power, and nothing of mirror and laser
-//   Model         vrscan.fixed's modules; the link shows all of them to be equal, bit by bit
+//   Model         each module's own.  tb/test_link_board.py lets this top compute on the virtual board,
+//                 and compares every field of every point with vrscan.chain
 
 `default_nettype none
 

@@ -69,7 +69,8 @@ def register_pkg(made: Map) -> str:
 def register_bank(made: Map) -> str:
     """Return the wrapper that has the structs for ports."""
     lines = [
-        "// register_bank: register_file with a struct for each side; wiring only.",
+        "// register_bank: register_file with a struct for each side.  Wiring only: register_file",
+        "// has the twin and the test, and vrscan's tests go through this.",
         "//",
         f"// Generated from {made.source} by scripts/generate.py.",
         "",

@@ -1,9 +1,9 @@
 // The ports of the vendors' cells that rtl/boards instantiates, for the linters.
 
-// verilator lint_off DECLFILENAME
-// verilator lint_off UNUSEDSIGNAL
-// verilator lint_off UNUSEDPARAM
-// verilator lint_off UNDRIVEN
+/* verilator lint_off DECLFILENAME */  // all of a few lines: one file
+/* verilator lint_off UNUSEDSIGNAL */  // ports only: nothing is behind them
+/* verilator lint_off UNUSEDPARAM */  // as above
+/* verilator lint_off UNDRIVEN */  // as above
 `default_nettype none
 
 module EHXPLLL #(

@@ -18,6 +18,7 @@ from vrscan.chain import run_fixed
 from vrscan.cli import app, main
 from vrscan.config import Config
 from vrscan.fixed import pkg
+from vrscan.fixed.command_server import Outcome
 from vrscan.fixed.test_line import Settings, lines
 from vrscan.lines import read as read_lines
 from vrscan.link import records, values
@@ -48,7 +49,7 @@ class TestBoard(FakeBoard):
         """Make the next records of test lines wrong in a field."""
         self.spoiled = field
 
-    def _execute(self, payload: bytes):  # type: ignore[no-untyped-def]
+    def _execute(self, payload: bytes) -> Outcome:
         outcome = super()._execute(payload)
         for event in self.file.written:
             if event.name == "test_start":

@@ -1,4 +1,5 @@
-// register_bank: register_file with a struct for each side; wiring only.
+// register_bank: register_file with a struct for each side.  Wiring only: register_file
+// has the twin and the test, and vrscan's tests go through this.
 //
 // Generated from rtl/link/registers.toml by scripts/generate.py.
 

@@ -9,8 +9,8 @@ from vrscan.fixed import link_pkg
 from vrscan.link import selftest
 from vrscan.link.device import Device
 from vrscan.link.register_map import REGISTERS, WINDOWS
-from vrscan.link.report import Rate, Trips, one
-from vrscan.link.values import Block
+from vrscan.link.report import Rate, Trips
+from vrscan.link.values import Block, integer
 
 Progress = Callable[[int, int, str], None]
 BITS_A_BYTE = 10  # with start and stop
@@ -26,7 +26,7 @@ def round_trips(device: Device, count: int, progress: Progress) -> list[Trips]:
     """
     most = link_pkg.MAX_WORDS
     table = next(iter(WINDOWS.values())).address
-    scratch = Block(REGISTERS["scratch"].address, [one(device.read("scratch"))])
+    scratch = Block(REGISTERS["scratch"].address, [integer(device.read("scratch"))])
     kinds: list[tuple[str, int, Callable[[], object]]] = [
         ("ping", 0, lambda: device.ping(b"")),
         ("ping of 250 bytes", 0, lambda: device.ping(bytes(250))),

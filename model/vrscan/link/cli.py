@@ -344,7 +344,10 @@ def _running(device: "Device", wanted: bool) -> Iterator[None]:
         yield
         return
     with _bar("mirror") as bar, contextlib.ExitStack() as stack:
-        progress = lambda state, share: bar(round(100 * share), 100, f"mirror {state}")  # noqa: E731
+
+        def progress(state: str, share: float) -> None:
+            bar(round(100 * share), 100, f"mirror {state}")
+
         stack.enter_context(device.started(progress))
         running = stack.pop_all()
     with running:

@@ -29,7 +29,7 @@ from vrscan.link.protocol import Status
 from vrscan.link.register_map import LOCKS, MAP_HASH, REGISTERS
 from vrscan.link.stream import DEPTH, Captured, CaptureStream, PointStream
 from vrscan.link.transport import LinkError, NoAnswerError, Traffic, Transport, UnpluggedError
-from vrscan.link.values import Block, Value
+from vrscan.link.values import Block, Value, integer
 
 BAUD = 3_000_000
 TIMEOUT_S = 5.0
@@ -192,7 +192,7 @@ class Device:
         self.silence()
         transport.drain(*self._quiet())
         self.build = self._identify()
-        self._watchdog_clks = _integer(self.read(WATCHDOG))
+        self._watchdog_clks = integer(self.read(WATCHDOG))
         if self._keep_alive:
             self._closing.clear()
             self._pulse = threading.Thread(
@@ -231,7 +231,7 @@ class Device:
             )
         names = tuple(Build.__dataclass_fields__)
         found = self.read_many(names)
-        return Build(**{name: _integer(found[name]) for name in names})
+        return Build(**{name: integer(found[name]) for name in names})
 
     def reconnect(self, wait: float | None = None) -> None:
         """Close the port and open it again, as after it was unplugged.
@@ -321,7 +321,7 @@ class Device:
 
     def uptime(self) -> int:
         """Return the board's clocks since its reset."""
-        return _integer(self.read("uptime"))
+        return integer(self.read("uptime"))
 
     @property
     def baud(self) -> int:
@@ -495,7 +495,7 @@ class Device:
                     )
             if progress is not None:
                 progress(k + 1, len(blocks))
-        self._watchdog_clks = _integer(dict(settings).get(WATCHDOG, self._watchdog_clks))
+        self._watchdog_clks = integer(dict(settings).get(WATCHDOG, self._watchdog_clks))
 
     def lock(self, group: str) -> None:
         """Lock a group until the board is reset: ``"calibration"`` or ``"mirror"``, say."""
@@ -546,7 +546,7 @@ class Device:
         Raises:
             LinkError: with the mirror's state.
         """
-        state = _integer(self.read("mirror_state"))
+        state = integer(self.read("mirror_state"))
         if state in (SWEEP, SETTLE, RUN) and not force:
             raise LinkError(
                 f"{self.port}: the mirror is in {STATES[state]}: stop it first "
@@ -606,16 +606,16 @@ class Device:
         """
         start = self.uptime()
         limits = self.read_many(("sweep_timeout", "settle_timeout"))
-        allowed = sum(_integer(each) for each in limits.values()) + self.build.clock_hz // 10
+        allowed = sum(integer(each) for each in limits.values()) + self.build.clock_hz // 10
         while True:
             now = self.read_many(("mirror_state", "mirror_fault", "uptime"))
-            state, spent = _integer(now["mirror_state"]), _integer(now["uptime"]) - start
+            state, spent = integer(now["mirror_state"]), integer(now["uptime"]) - start
             if progress is not None:
                 progress(_of(STATES, state), min(1.0, spent / allowed))
             if state == wanted:
                 return
             if state == FAULT:
-                fault = _of(FAULTS, _integer(now["mirror_fault"]))
+                fault = _of(FAULTS, integer(now["mirror_fault"]))
                 raise LinkError(f"{self.port}: the mirror is in FAULT: {fault}")
             if spent > allowed:
                 raise LinkError(
@@ -821,12 +821,6 @@ class Device:
         """Wait until the board hears and is heard."""
         self._transport.send(b"\0")
         self.ping()
-
-
-def _integer(value: Value) -> int:
-    """Return the value of a register that has one."""
-    assert isinstance(value, int)
-    return value
 
 
 def _of(names: Sequence[str], index: int) -> str:

@@ -19,9 +19,9 @@ from vrscan.fixed import pkg
 from vrscan.link import records, values
 from vrscan.link.device import Device
 from vrscan.link.records import Records
-from vrscan.link.report import mirror_text, one
+from vrscan.link.report import mirror_text
 from vrscan.link.stream import Account
-from vrscan.link.values import Value
+from vrscan.link.values import Value, integer
 
 KEPT = 2000  # points of the picture, at most
 REFRESH_S = 0.2
@@ -108,11 +108,11 @@ def _view(
 ) -> Group:
     """Return all there is to see."""
     clock = device.build.clock_hz
-    amplitude = float(values.to_scaled("mirror_measured", found["mirror_measured"])) * 360.0  # type: ignore[arg-type]
-    frequency = one(found["mirror_word"]) / 2.0**pkg.TURN_WIDTH * clock
-    level = one(found["mirror_level"]) / 2.0**pkg.LEVEL_WIDTH
+    amplitude = integer(found["mirror_measured"]) / 2.0**pkg.AMPLITUDE_FRACTION * 360.0
+    frequency = integer(found["mirror_word"]) / 2.0**pkg.TURN_WIDTH * clock
+    level = integer(found["mirror_level"]) / 2.0**pkg.LEVEL_WIDTH
     power = [
-        100.0 * one(found[f"laser_power_{way}"]) / (2**pkg.POWER_WIDTH - 1)
+        100.0 * integer(found[f"laser_power_{way}"]) / (2**pkg.POWER_WIDTH - 1)
         for way in ("inward", "outward")
     ]
     distance = values.to_scaled("focus_distance", found["focus_distance"])
@@ -128,7 +128,7 @@ def _view(
     table.add_row(
         "laser",
         f"inward {power[0]:.1f} %, outward {power[1]:.1f} %, "
-        f"status {one(found['laser_status']):#x}",
+        f"status {integer(found['laser_status']):#x}",
     )
     table.add_row(
         "focus",
@@ -151,7 +151,7 @@ def watch(device: Device, console: Console, *, seconds: float | None, step: int)
     start = before = time.monotonic()
     with _keys() as pressed, device.stream(True, step) as stream:
         found = device.read_many(STATUS)
-        clocks, come = one(found["uptime"]), 0
+        clocks, come = integer(found["uptime"]), 0
         with Live(
             _view(device, found, stream.account, profile, ["none yet"]),
             console=console,
@@ -167,13 +167,13 @@ def watch(device: Device, console: Console, *, seconds: float | None, step: int)
                 if now - before < REFRESH_S:
                     continue
                 found = device.read_many(STATUS)
-                passed = one(found["uptime"]) - clocks
+                passed = integer(found["uptime"]) - clocks
                 more = stream.account.records - come
                 rates = [f"{more / (now - before):.0f} /s"]
                 if passed > 0:
                     board = more / passed * device.build.clock_hz
                     rates.append(f"{board:.0f} /s of the board's time")
-                clocks, come, before = one(found["uptime"]), stream.account.records, now
+                clocks, come, before = integer(found["uptime"]), stream.account.records, now
                 live.update(_view(device, found, stream.account, profile, rates), refresh=True)
 
 

@@ -16,7 +16,7 @@ from vrscan.link.records import Records
 from vrscan.link.register_map import LOCKS, REGISTERS
 from vrscan.link.selftest import Check
 from vrscan.link.stream import Account, Captured
-from vrscan.link.values import Value
+from vrscan.link.values import Value, integer
 from vrscan.points import table as in_units
 from vrscan.points import write_csv
 from vrscan.report.style import wide_table
@@ -89,8 +89,8 @@ def info_table(device: Device) -> RichTable:
     build = device.build
     # The table of counters is read as they are, at one time.
     found = device.read_many(name for name, each in REGISTERS.items() if each.access != "strobe")
-    uptime = one(found["uptime"])
-    word = one(found["mirror_word"]) / 2.0**pkg.TURN_WIDTH * build.clock_hz
+    uptime = integer(found["uptime"])
+    word = integer(found["mirror_word"]) / 2.0**pkg.TURN_WIDTH * build.clock_hz
     counted = [
         f"{name} {value}"
         for name, value in found.items()
@@ -124,9 +124,9 @@ def info_table(device: Device) -> RichTable:
 
 def mirror_text(found: Mapping[str, Value]) -> str:
     """Return the mirror's state in words."""
-    state = one(found["mirror_state"])
+    state = integer(found["mirror_state"])
     text = STATES[state] if state < len(STATES) else str(state)
-    fault = one(found["mirror_fault"])
+    fault = integer(found["mirror_fault"])
     if text == "FAULT":
         text += f" ({FAULTS[fault] if fault < len(FAULTS) else fault})"
     return f"{text}, {'settled' if found['mirror_settled'] else 'not settled'}"
@@ -239,8 +239,11 @@ class Threshold:
 def threshold_settings(device: Device) -> Threshold:
     """Return what the board makes thresholds with."""
     found = device.read_many(("k_noise", "k_height"))
-    scaled = {name: values.to_scaled(name, value) for name, value in found.items()}
-    return Threshold(**scaled)  # type: ignore[arg-type]
+    k_noise, k_height = (integer(found[name]) for name in ("k_noise", "k_height"))
+    return Threshold(
+        k_noise / 2.0**pkg.K_NOISE_FRACTION,
+        k_height / 2.0**pkg.K_HEIGHT_FRACTION,
+    )
 
 
 @dataclass(frozen=True)
@@ -476,9 +479,3 @@ def bench_tables(trips: Sequence[Trips], rates: Sequence[Rate]) -> RichTable:
     both.add_row(first)
     both.add_row(second)
     return both
-
-
-def one(value: Value) -> int:
-    """Return the integer of a register that has one."""
-    assert isinstance(value, int)
-    return value

@@ -8,9 +8,11 @@ import contextlib
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
+from vrscan.arrays import Pixels
 from vrscan.chain import run_fixed
 from vrscan.fixed import link_pkg, pkg
 from vrscan.fixed.point_record import point_record
@@ -19,7 +21,7 @@ from vrscan.link import protocol, records, values
 from vrscan.link.device import OFF, Device, DeviceError
 from vrscan.link.records import Records
 from vrscan.link.register_map import LOCKS, REGISTERS, WINDOWS, Window
-from vrscan.link.stream import COMPACT
+from vrscan.link.stream import COMPACT, PointStream
 from vrscan.link.transport import LinkError
 from vrscan.points import Points
 from vrscan.registers import Registers
@@ -199,13 +201,13 @@ class SelfTest:
         self.progress = progress
         self._still = device.read("mirror_state") == OFF
         found = device.read_many(CHAIN)
-        chain = dict(found)
+        chain: dict[str, Any] = dict(found)
         for name in ("period_n", "noise_row", "even"):
             chain[name] = bool(chain[name])
         self._chain = Registers(
             pixel_width=device.build.pixel_width,
             line_length=device.build.line_length,
-            **chain,  # type: ignore[arg-type]
+            **chain,
         )
 
     def checks(self) -> Iterator[Check]:
@@ -382,7 +384,7 @@ class SelfTest:
             yield place, write(address, 0), link_pkg.STATUS_NO_ADDRESS
 
     def _counter(self, name: str) -> int:
-        return int(self.device.read(name))  # type: ignore[arg-type]
+        return values.integer(self.device.read(name))
 
     def _counters(self) -> dict[str, values.Value]:
         names = [r.name for r in REGISTERS.values() if r.access == "counter"]
@@ -422,7 +424,7 @@ class SelfTest:
         compared, difference = first_difference(got, want)
         return Check(what, len(got), compared, difference)
 
-    def _received(self, what: str, stream, count: int) -> Records:  # type: ignore[no-untyped-def]
+    def _received(self, what: str, stream: PointStream, count: int) -> Records:
         """Return the records of a run, or those that came until none did for the timeout."""
         parts: list[Records] = []
         come = 0
@@ -448,7 +450,7 @@ class SelfTest:
         )
         return full_records(points, first, power)
 
-    def _lines(self, settings: Settings, count: int):  # type: ignore[no-untyped-def]
+    def _lines(self, settings: Settings, count: int) -> Pixels:
         build = self.device.build
         return lines(settings, count, line_length=build.line_length, pixel_width=build.pixel_width)
 

@@ -125,6 +125,12 @@ def from_words(name: str, words: Sequence[int]) -> Value:
     return values[0] if expected == 1 else tuple(values)
 
 
+def integer(value: Value) -> int:
+    """Return the integer of a register that has one."""
+    assert isinstance(value, int)
+    return value
+
+
 def to_scaled(name: str, value: Value) -> float | tuple[float, ...]:
     """Return a value in its register's unit."""
     step = 2.0 ** -find(name).fraction
