@@ -17,8 +17,8 @@ export PYTHON ?= python3
 SCENE := default
 BOARD := ulx3s
 
-.PHONY: help setup simulate scan test board mutate numbers lint formal timing bitstream clean \
-  distclean
+.PHONY: help setup simulate scan test board mutate numbers bench lint formal timing bitstream \
+  clean distclean
 
 help: ## list these targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' Makefile | \
@@ -48,6 +48,9 @@ mutate: simulate ## put faults into a copy, which the tests must notice; MODULES
 
 numbers: setup ## print the number table: measured, predicted, floor
 	@$(BIN)/vrscan numbers
+
+bench: setup ## speed against error, as a page in build/report; ARGS="--quick --scheduler ADDRESS"
+	@$(BIN)/vrscan bench report $(ARGS)
 
 lint: setup ## Verilator -Wall, Yosys and Verible on the RTL, ruff and mypy on the Python
 	@$(BIN)/python scripts/lint.py

@@ -24,6 +24,7 @@ from rich.progress import (
 
 from vrscan import config as configuration
 from vrscan import engines, lines
+from vrscan.cases.cli import cases
 from vrscan.config import Config
 from vrscan.engines import Engine
 from vrscan.errors import InputError
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     from vrscan.scene.light import Light
     from vrscan.scene.plan import Plan
 
-EXIT_BAD_INPUT, EXIT_TERMINATED = 2, 143
+EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_TERMINATED = 2, 130, 143
 MOST_LINES = 1_000_000
 MOST_SECONDS = 60.0  # of mirror time; one takes half a minute
 
@@ -54,6 +55,7 @@ bench = typer.Typer(help="Measure speed against error.")
 app.add_typer(bench, name="bench")
 
 app.add_typer(link, name="link")
+app.command()(cases)
 
 SceneArgument = Annotated[
     str, typer.Argument(help="One of the shipped scenes, or FILE.toml; none shows the default.")
@@ -204,6 +206,75 @@ def bench_light(
     _console().print(f"{folder}: fidelity.csv, fidelity.png", highlight=False)
     for path in report.write_pages(rows, repository_root()) if write else ():
         _console().print(f"{path}: rewritten", highlight=False)
+
+
+@bench.command("report")
+def bench_report(
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of index.html, its tables and pictures.")
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="A tenth of the lines, two scenes, no RTL: a minute.")
+    ] = False,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Dask scheduler for the sweeps: tcp://HOST:PORT."),
+    ] = None,
+    jobs: Annotated[int, typer.Option(help="Processes here; 0: one a processor.")] = 0,
+    seed: Annotated[
+        int | None, typer.Option(help="Of the sweeps' random numbers; always the same if none.")
+    ] = None,
+    config: ConfigOption = None,
+) -> None:
+    """Write the page: detectors, hard lines, instrument and growth; speed against error."""
+    from vrscan.bench import report
+    from vrscan.bench.sections.section import Order
+    from vrscan.tools import build_folder
+
+    if jobs < 0:
+        raise InputError(f"--jobs: must not be negative ({jobs})")
+    if seed is not None and not 0 <= seed <= report.MOST_SEED:
+        raise InputError(f"--seed: must be 0 to {report.MOST_SEED} ({seed})")
+    order = Order(_settings(config), report.SEED if seed is None else seed, quick)
+    folder = build_folder() / "report" if out is None else out
+    total, known = len(report.cells(order)), 0
+    try:
+        with _bar("cells", total) as progress:
+
+            def tell(done: int) -> None:
+                nonlocal known
+                known = done
+                progress(done)
+
+            report.make(order, folder, scheduler=scheduler, jobs=jobs, progress=tell)
+    except KeyboardInterrupt:
+        text = f"interrupted; {known} of {total} cells are kept, the same command goes on there"
+        print(f"vrscan: {text}", file=sys.stderr)
+        raise typer.Exit(EXIT_INTERRUPTED) from None
+    _console().print(f"{folder / report.INDEX}: {total} cells", highlight=False, soft_wrap=True)
+
+
+@bench.command("tune")
+def bench_tune(
+    count: Annotated[int, typer.Option("--lines", help="Lines a cell.")] = 2000,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler: tcp://HOST:PORT.")
+    ] = None,
+    config: ConfigOption = None,
+) -> None:
+    """Search each detector's parameter; the best belong into vrscan/detectors/catalogue.py."""
+    from vrscan.bench import tune
+    from vrscan.bench.keep import Keep
+    from vrscan.bench.report import machine
+    from vrscan.bench.runner import run
+    from vrscan.tools import build_folder
+
+    _check_count(count, 100)
+    cells = tune.cells(_settings(config), count)
+    keep = Keep(build_folder() / "bench", machine())
+    with _bar("training cells", len(cells)) as progress:
+        figures = run(cells, keep, scheduler=scheduler, progress=progress)
+    _console().print(tune.table(tune.trials(figures)))
 
 
 @app.command()

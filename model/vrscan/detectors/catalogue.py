@@ -1,0 +1,278 @@
+"""The detectors side by side, each with the one parameter that it was tuned by.
+
+The values were chosen by ``vrscan bench tune``, which prints the whole search: of each grid the one
+with the least geometric mean of rms over bound on the training cells of ``vrscan.bench.tune``, with
+other random numbers than any test. The instrument's own thresholds are those of ``vrscan
+efficiency``, see ``vrscan.config.Peak``.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import ValidationError
+
+from vrscan.arrays import Floats, Pixels
+from vrscan.config import Config, Peak
+from vrscan.detectors import fits, simple
+from vrscan.engines import Engine, run
+from vrscan.lines import Lines
+
+_CHUNK = 512  # lines at a time: what a cache holds
+
+# Lines [n, length], background and noise [n] in counts, and counts per electron, to positions [n].
+Locate = Callable[[Pixels, Floats, Floats, float], Floats]
+Make = Callable[[float, Config], Locate]
+
+
+@dataclass(frozen=True)
+class Detector:
+    """One detector.
+
+    Attributes:
+        key: Short name.
+        title: Its name on the page.
+        make: What it is with a value of its parameter.
+        parameter: What was tuned, or what stands in its place.
+        grid: Values that were tried; empty where there is no parameter.
+        value: The one that was chosen.
+        modules: RTL that does it, if there is any.
+        source: Where it comes from.
+    """
+
+    key: str
+    title: str
+    make: Make
+    parameter: str
+    source: str
+    grid: tuple[float, ...] = ()
+    value: float = 0.0
+    modules: tuple[str, ...] = ()
+
+    @property
+    def engine(self) -> bool:
+        """Whether it is the whole chain, which takes its own background."""
+        return self.source.startswith(_VR_SCAN)
+
+    def locate(
+        self,
+        lines: Pixels,
+        background: Floats,
+        noise: Floats,
+        config: Config,
+        value: float | None = None,
+    ) -> Floats:
+        """Return the position of the peak of each line, px, NaN where there is none [n].
+
+        Args:
+            lines: Counts [n, length].
+            background: Mean of each line's background, counts [n]; the instrument and (8) as
+                printed take their own.
+            noise: Its standard deviation, counts [n].
+            config: Pixel width and conversion factor; the instrument's thresholds.
+            value: Of the parameter; the tuned one if None.
+        """
+        find = self.make(self.value if value is None else value, config)
+        kappa = config.peak.kappa
+        parts = [np.empty(0)]
+        for start in range(0, len(lines), _CHUNK):
+            some = slice(start, start + _CHUNK)
+            parts.append(find(lines[some], background[some], noise[some], kappa))
+        return np.concatenate(parts)
+
+
+def _chain(engine: Engine, config: Config) -> Locate:
+    """Return the instrument's chain as a detector."""
+
+    def find(lines: Pixels, background: Floats, noise: Floats, kappa: float) -> Floats:
+        length = lines.shape[1]
+        sensor = config.sensor.model_copy(update={"line_length": length})
+        peak = config.peak.model_copy(update={"kappa": kappa})
+        centre = config.geometry.model_copy(update={"centre_px": 0.5 * (length - 1)})
+        own = config.model_copy(update={"sensor": sensor, "peak": peak, "geometry": centre})
+        power = np.full(len(lines), config.laser.power_max, np.int64)
+        given = Lines(lines=lines, angle_rad=np.zeros(len(lines)), power=power)
+        found = run(engine, given, own)
+        return np.where(found.measured, found.position_px, np.nan)
+
+    return find
+
+
+def _shipped(engine: Engine, window: str) -> Make:
+    def make(value: float, config: Config) -> Locate:
+        peak = config.peak.model_copy(update={"window": window})
+        return _chain(engine, config.model_copy(update={"peak": peak}))
+
+    return make
+
+
+def _printed(value: float, config: Config) -> Locate:
+    changed = {"period": "n-1", "window": "threshold", "noise": "row", "k_height": 0.0}
+    peak = config.peak.model_copy(update={**changed, "k_noise": value, "snr_min": 2.0})
+    return _chain(Engine.IDEAL, config.model_copy(update={"peak": peak}))
+
+
+def _full(config: Config) -> int:
+    return (1 << config.sensor.pixel_width) - 1
+
+
+def _noise_cut(value: float, config: Config) -> Locate:
+    return lambda p, b, n, _: simple.centroid(p, b, n, k_noise=value, k_height=0.0)
+
+
+def _height_cut(value: float, config: Config) -> Locate:
+    return lambda p, b, n, _: simple.centroid(p, b, n, k_noise=0.0, k_height=value)
+
+
+def _parabola(value: float, config: Config) -> Locate:
+    return lambda p, b, n, _: simple.parabola(p, b, n, width=int(value))
+
+
+def _gaussian3(value: float, config: Config) -> Locate:
+    return lambda p, b, n, _: simple.gaussian3(p, b, n, width=int(value))
+
+
+def _blais_rioux(order: int) -> Make:
+    return lambda value, config: lambda p, b, n, _: simple.blais_rioux(p, b, n, order=order)
+
+
+def _matched(value: float, config: Config) -> Locate:
+    return lambda p, b, n, _: simple.matched(p, b, n, ratio=value)
+
+
+def _least_squares(value: float, config: Config) -> Locate:
+    return lambda p, b, n, _: fits.least_squares(p, b, n, reach=value, full=_full(config))
+
+
+def _likelihood(value: float, config: Config) -> Locate:
+    return lambda p, b, n, k: fits.likelihood(p, b, n, k, reach=value, full=_full(config))
+
+
+_CHAIN = ("peak_isolate", "phase_correlate", "peak_position")
+_VR_SCAN = "VR-SCAN (8), section IV-G"
+_FISHER = "Fisher and Naidu 1996"
+_WIDTHS = (1.0, 3.0, 5.0, 7.0, 9.0, 13.0)
+_REACHES = (2.0, 2.5, 3.0, 3.5, 4.0, 5.0)
+
+_EVERY = (
+    Detector(
+        "printed",
+        "(8) as printed",
+        _printed,
+        "threshold, deviations of the row above its mean",
+        _VR_SCAN,
+        (0.0, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0),
+        0.2,
+        _CHAIN,
+    ),
+    Detector(
+        "shipped",
+        "T = N, shipped",
+        _shipped(Engine.FIXED, "threshold"),
+        "as configured",
+        f"{_VR_SCAN}, T = N",
+        modules=_CHAIN,
+    ),
+    Detector(
+        "float",
+        "T = N, float64",
+        _shipped(Engine.IDEAL, "threshold"),
+        "as configured",
+        f"{_VR_SCAN}, T = N",
+    ),
+    Detector(
+        "two-pass",
+        "T = N, two passes",
+        _shipped(Engine.FIXED, "two_pass"),
+        "as configured",
+        f"{_VR_SCAN}, T = N, window from a first pass",
+    ),
+    Detector(
+        "centroid-noise",
+        "centroid, cut by noise",
+        _noise_cut,
+        "cut, deviations above background",
+        _FISHER,
+        (1.0, 2.0, 3.0, 5.0, 8.0, 12.0),
+        2.0,
+    ),
+    Detector(
+        "centroid-height",
+        "centroid, cut by height",
+        _height_cut,
+        "cut, share of the height",
+        _FISHER,
+        (0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2),
+        0.01,
+    ),
+    Detector(
+        "parabola",
+        "parabola through 3",
+        _parabola,
+        "mean before it, px",
+        _FISHER,
+        _WIDTHS,
+        5.0,
+    ),
+    Detector(
+        "gaussian-3",
+        "Gaussian through 3",
+        _gaussian3,
+        "mean before it, px",
+        _FISHER,
+        _WIDTHS,
+        5.0,
+    ),
+    Detector("blais-rioux-4", "Blais-Rioux 4", _blais_rioux(4), "none", "Blais and Rioux 1986"),
+    Detector("blais-rioux-8", "Blais-Rioux 8", _blais_rioux(8), "none", "Blais and Rioux 1986"),
+    Detector(
+        "matched",
+        "matched filter",
+        _matched,
+        "width of the filter over that of the peak",
+        "Turin 1960",
+        (0.6, 0.8, 1.0, 1.2, 1.4, 1.6, 1.8, 2.0),
+        1.4,
+    ),
+    Detector(
+        "least-squares",
+        "Gaussian, least squares",
+        _least_squares,
+        "reach, widths of the peak",
+        "Levenberg 1944, Marquardt 1963",
+        _REACHES,
+        5.0,
+    ),
+    Detector(
+        "likelihood",
+        "maximum likelihood",
+        _likelihood,
+        "reach, widths of the peak",
+        "Fisher scoring; Winick 1986",
+        _REACHES,
+        3.5,
+    ),
+)
+
+
+def _accepted(window: str) -> bool:
+    """Return whether the configuration has this kind of window."""
+    try:
+        Peak.model_validate({"window": window})
+    except ValidationError:
+        return False
+    return True
+
+
+def detectors() -> tuple[Detector, ...]:
+    """Return every detector that there is: two passes only where the configuration takes them."""
+    return tuple(d for d in _EVERY if d.key != "two-pass" or _accepted("two_pass"))
+
+
+def detector(key: str) -> Detector:
+    """Return a detector by its short name.
+
+    Raises:
+        KeyError: if there is none.
+    """
+    return {each.key: each for each in detectors()}[key]

@@ -1,0 +1,105 @@
+"""The surroundings of each line's maximum: what most detectors work on."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vrscan.arrays import Bools, Floats, Ints, Pixels
+
+REACH = 127  # px on either side of the maximum: together the instrument's longest window, 255
+LEAST_SNR = 8.0  # a lower peak is none, as the shipped snr_min has it
+K_NOISE = 2.5  # of the run, as shipped: threshold above background in noise
+K_HEIGHT = 0.02  # and in heights of the peak
+
+
+@dataclass(frozen=True)
+class Patch:
+    """The pixels around the maxima of n lines; columns are pixels, ``REACH`` is the maximum's."""
+
+    peak: Ints  # first maximum, px [n]
+    signal: Floats  # counts above background, 0 off the sensor [n, 2 REACH + 1]
+    raw: Floats  # counts, the background's off the sensor [n, 2 REACH + 1]
+    inside: Bools  # on the sensor [n, 2 REACH + 1]
+    height: Floats  # of the maximum above background, counts [n]
+    found: Bools  # it is LEAST_SNR times the noise [n]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What the run above the threshold says of a peak; all arrays [n], places from the maximum."""
+
+    mask: Bools  # pixels of the run [n, 2 REACH + 1]
+    centre: Floats  # centroid of the run, px from the maximum
+    sigma: Floats  # area / height / sqrt(2 pi), at least 0.3 px
+
+
+def columns() -> Floats:
+    """Return the places of a patch's columns, px from the maximum."""
+    return np.arange(-REACH, REACH + 1, dtype=np.float64)
+
+
+def cut(lines: Pixels, background: Floats, noise: Floats) -> Patch:
+    """Return the patches of n lines.
+
+    Args:
+        lines: Counts [n, length].
+        background: Mean of each line's background, counts [n].
+        noise: Its standard deviation, counts [n].
+    """
+    peak = lines.argmax(axis=1).astype(np.int64)
+    index = peak[:, None] + np.arange(-REACH, REACH + 1)
+    inside = (index >= 0) & (index < lines.shape[1])
+    pixels = np.take_along_axis(lines, np.clip(index, 0, lines.shape[1] - 1), axis=1)
+    raw = np.where(inside, pixels, background[:, None])
+    signal = raw - background[:, None]
+    height = signal[:, REACH].copy()
+    return Patch(
+        peak=peak,
+        signal=signal,
+        raw=raw,
+        inside=inside,
+        height=height,
+        found=(height > 0.0) & (height >= LEAST_SNR * noise),
+    )
+
+
+def run(patch: Patch, level: Floats) -> Bools:
+    """Return the run of pixels above ``level`` that holds the maximum [n, 2 REACH + 1].
+
+    Args:
+        patch: Of n lines.
+        level: Threshold above background, counts [n].
+    """
+    below = ~(patch.signal > level[:, None]) | ~patch.inside
+    # Walking away from the maximum, a run lasts until the first pixel that is not above.
+    right = ~np.logical_or.accumulate(below[:, REACH:], axis=1)
+    left = ~np.logical_or.accumulate(below[:, REACH::-1], axis=1)
+    return np.concatenate([left[:, :0:-1], right], axis=1)
+
+
+def shape(patch: Patch, noise: Floats) -> Shape:
+    """Return centre and width of each peak, from the run that the shipped threshold cuts out.
+
+    Args:
+        patch: Of n lines.
+        noise: Of their background, counts [n].
+    """
+    mask = run(patch, np.maximum(K_NOISE * noise, K_HEIGHT * patch.height))
+    inside = np.where(mask, patch.signal, 0.0)
+    area = np.where(patch.found, inside.sum(axis=1), 1.0)
+    centre = inside @ columns() / np.where(area > 0.0, area, 1.0)
+    height = np.where(patch.found, patch.height, 1.0)
+    sigma = np.maximum(area / height / np.sqrt(2.0 * np.pi), 0.3)
+    return Shape(mask=mask, centre=centre, sigma=sigma)
+
+
+def place(patch: Patch, offset: Floats) -> Floats:
+    """Return positions, px, NaN where there is no peak or the offset is outside the patch.
+
+    Args:
+        patch: Of n lines.
+        offset: From the maximum, px [n].
+    """
+    with np.errstate(invalid="ignore"):
+        good = patch.found & (np.abs(offset) <= REACH)
+    return np.where(good, patch.peak + offset, np.nan)
