@@ -1,0 +1,30 @@
+"""All entries, by room."""
+
+from collections.abc import Callable, Iterator
+from functools import cache
+
+from vrscan.cases import geometry, lines, phase, statistics, timing, window
+from vrscan.cases.case import Case
+
+# Modes of the window in which lines are tried, the shipped one first; see ``peak.window``.
+WINDOWS = ("threshold",)
+
+ROOMS: dict[str, Callable[[], Iterator[Case]]] = {
+    "The line": lines.cases,
+    "What lies under the spot": window.cases,
+    "The phase": phase.cases,
+    "Numbers, widths and lengths": statistics.cases,
+    "The triangle": geometry.cases,
+    "Time, counters and queues": timing.cases,
+}
+
+
+@cache
+def rooms() -> dict[str, tuple[Case, ...]]:
+    """Return the entries of every room, in the order of the page."""
+    return {title: tuple(cases()) for title, cases in ROOMS.items()}
+
+
+def every() -> tuple[Case, ...]:
+    """Return all entries."""
+    return tuple(case for cases in rooms().values() for case in cases)

@@ -1,0 +1,189 @@
+"""The catalogue of hard cases: model against definition, RTL against model, and the page."""
+
+import ast
+import re
+from collections import defaultdict
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vrscan import engines
+from vrscan.cases import page, printed
+from vrscan.cases.case import CHAIN_TEST, Case, LineCase, ModuleCase
+from vrscan.cases.registry import WINDOWS, every
+from vrscan.chain import MAX_WINDOW
+from vrscan.config import Config
+from vrscan.engines import Engine
+from vrscan.fixed import pkg
+from vrscan.lines import Lines
+from vrscan.points import Points, points_equal
+from vrscan.registers import Registers, angle_turns
+from vrscan.report.efficiency import as_printed, cell_lines
+from vrscan.rtl import run_rtl
+from vrscan.tools import repository_root
+
+MOST_ROWS = 120
+LEAST_PERIOD = 2 * MAX_WINDOW + pkg.MIN_PERIOD_OVERHEAD  # clocks from line to line
+
+
+def line_cases() -> list[LineCase]:
+    return [case for case in every() if isinstance(case, LineCase)]
+
+
+def named(name: str) -> LineCase:
+    return next(case for case in line_cases() if case.name == name)
+
+
+BUILDS: dict[tuple[int, int], list[LineCase]] = defaultdict(list)
+for one in line_cases():
+    BUILDS[one.build].append(one)
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+@pytest.mark.parametrize("case", every(), ids=lambda case: case.name)
+def test_model_is_what_is_defined(case: Case, window: str) -> None:
+    if isinstance(case, ModuleCase) and window != WINDOWS[0]:
+        pytest.skip("the window's mode does not matter to it")
+    assert not case.outcome(window).wrong
+
+
+def rtl_points(case: LineCase, window: str) -> Points:
+    """Return the RTL's points; one line at a time where they are shorter than the least period."""
+    registers = Registers.from_config(case.config(window))
+    angle = angle_turns(case.angle_rad)
+    step = len(case.lines) if case.line_length >= LEAST_PERIOD else 1
+    parts = []
+    for k in range(0, len(case.lines), step):
+        part = slice(k, k + step)
+        points = run_rtl(case.pixels[part], angle[part], case.power[part], registers)
+        parts.append(replace(points, line=points.line + k))
+    return Points.concatenate(parts)
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+@pytest.mark.parametrize("build", BUILDS, ids=lambda build: "{}x{}".format(*build))
+def test_chain_rtl_equals_model(build: tuple[int, int], window: str) -> None:
+    for case in BUILDS[build]:
+        difference = points_equal(rtl_points(case, window), case.points(window))
+        assert difference is None, f"{case.name}: {difference}"
+
+
+def test_every_width_and_length_is_built() -> None:
+    assert {length for length, _ in BUILDS} == {64, 1000, 2048, 4096}
+    assert {width for _, width in BUILDS} == {8, 10, 12, 16}
+
+
+def functions(file: Path) -> dict[str, ast.AST]:
+    tree = ast.parse(file.read_text())
+    kinds = (ast.FunctionDef, ast.AsyncFunctionDef)
+    return {node.name: node for node in tree.body if isinstance(node, kinds)}
+
+
+def is_test(name: str, node: ast.AST) -> bool:
+    """Whether pytest or cocotb runs it."""
+    if isinstance(node, ast.FunctionDef):
+        return name.startswith("test_")
+    decorators = [ast.unparse(d) for d in node.decorator_list]
+    return any(d.startswith("cocotb.test") for d in decorators)
+
+
+@pytest.mark.parametrize("case", every(), ids=lambda case: case.name)
+def test_the_rtl_test_of_an_entry_is_there(case: Case) -> None:
+    assert case.rtl
+    simulated = False
+    for test in case.rtl:
+        file, name = test.split("::")
+        found = functions(Path(__file__).parent / file)
+        assert name in found and is_test(name, found[name]), test
+        # A cocotb test, and a pytest function beside it that builds the RTL; or the chain's RTL.
+        cocotb = isinstance(found[name], ast.AsyncFunctionDef)
+        simulated |= cocotb and any(n.startswith("test_") for n in found)
+        simulated |= test == CHAIN_TEST
+    assert simulated, f"no test of {case.name} runs the RTL"
+
+
+def test_names_are_words_and_nobody_has_them_twice() -> None:
+    names = [case.name for case in every()]
+    assert len(set(names)) == len(names) <= MOST_ROWS
+    assert all(re.fullmatch(r"[a-z0-9.]+(-[a-z0-9.]+)*", name) for name in names)
+    assert all(case.breaks and case.defined for case in every())
+
+
+def test_page_is_what_the_generator_makes() -> None:
+    text = (repository_root() / page.PAGE).read_text()
+    assert text == page.page(page.measure()), f"{page.PAGE} is stale: vrscan cases --write"
+
+
+def altered(case: LineCase, **changes: object) -> LineCase:
+    """Return the entry with another statement on its first line."""
+    return replace(case, lines=(replace(case.lines[0], **changes), *case.lines[1:]))
+
+
+def test_an_entry_notices_what_is_not_as_defined() -> None:
+    """Another flag, window, position or place; other pixels; a point that must not be there."""
+    case = named("peak-3-px")
+    assert not case.outcome().wrong
+    for changes in (
+        {"flags": frozenset({"RIVAL"})},
+        {"flags": frozenset({"TOO_NARROW"})},
+        {"window": (700, 703)},
+        {"position": 701.01},
+        {"true": 701.5},
+        {"pixels": np.roll(case.lines[0].pixels, 1)},
+    ):
+        assert altered(case, **changes).outcome().wrong, changes
+    place = named("rays-parallel")
+    assert replace(place, no_range=(0,)).outcome().wrong
+    place = named("beta-90")
+    assert altered(place, true=1024.1).outcome().wrong
+    assert replace(place, out_of_range=(1,)).outcome().wrong
+
+
+def test_an_error_without_a_warning_is_told() -> None:
+    outcome = named("rival-0.9-near").outcome()
+    assert len(outcome.unnoticed) == 1 and outcome.unnoticed[0] > 1.0
+    assert not named("rival-0.9").outcome().unnoticed
+
+
+def test_printed_equations_are_those_of_the_float_engine() -> None:
+    """On ordinary lines, where nothing is undefined, one is as good as the other."""
+    lines, _, _ = cell_lines(4.0, 0.5, 100, Config())
+    want = engines.run(Engine.IDEAL, lines, as_printed(Config()))
+    assert want.measured.all()
+    got = [printed.place(row).position for row in lines.lines]
+    assert np.allclose(np.array(got, float), want.position_px, rtol=0, atol=1e-9)
+
+
+def test_printed_points_are_those_of_the_triangle() -> None:
+    """With a perfect lens and rays that meet, (3) and (4) as printed are the triangle's."""
+    case = named("denominator-small")
+    recording = Lines(case.pixels, case.angle_rad, case.power)
+    want = engines.run(Engine.IDEAL, recording, case.config())
+    for k, line in enumerate(case.lines):
+        x, z = printed.point(line.true, case.angle_rad[k], case.geometry)
+        assert x == pytest.approx(want.x_mm[k], abs=1e-6)
+        assert z == pytest.approx(want.z_mm[k], abs=1e-6)
+
+
+def test_the_command_shows_and_writes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from typer.testing import CliRunner
+
+    from vrscan import tools
+    from vrscan.cases import registry
+    from vrscan.cli import app
+
+    few = {"The line": (named("peak-3-px"), named("peak-2-px"))}
+    monkeypatch.setattr(registry, "rooms", lambda: few)
+    monkeypatch.setattr(page, "rooms", lambda: few)
+    monkeypatch.setattr(tools, "repository_root", lambda: tmp_path)
+    (tmp_path / "docs").mkdir()
+    shown = CliRunner().invoke(app, ["cases", "--write"])
+    assert shown.exit_code == 0, shown.output
+    text = (tmp_path / page.PAGE).read_text()
+    assert "| peak-3-px |" in text and "peak-2-px" in shown.output
+    wrong = altered(named("peak-3-px"), position=701.01)
+    few["The line"] = (wrong,)
+    failed = CliRunner().invoke(app, ["cases"])
+    assert failed.exit_code == 1
