@@ -239,7 +239,7 @@ def bench_report(
     folder = build_folder() / "report" if out is None else out
     total, known = len(report.cells(order)), 0
     try:
-        with _bar("cells", total) as progress:
+        with _folder(folder), _bar("cells", total) as progress:
 
             def tell(done: int) -> None:
                 nonlocal known

@@ -15,7 +15,6 @@ from vrscan.bench.runner import run
 from vrscan.bench.sections import ALL
 from vrscan.bench.sections.section import Order, Section
 from vrscan.config import Config
-from vrscan.errors import InputError
 from vrscan.points import atomic_file
 from vrscan.tools import build_folder
 
@@ -59,7 +58,7 @@ def make(
 
     Args:
         order: What is asked for.
-        out: Folder of the page; made if it is missing.
+        out: Folder of the page; it exists.
         scheduler: Address of a Dask scheduler; without one, processes here.
         jobs: Processes here, 0 is one for each processor.
         progress: Called with the number of cells done so far, of ``cells``.
@@ -67,12 +66,8 @@ def make(
         kept: Folder of the computed cells; build/bench if None.
 
     Raises:
-        InputError: if the folder cannot be made or written, or as ``runner.run``.
+        InputError: if the folder cannot be written, or as ``runner.run``.
     """
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{out}: cannot make the folder ({error.strerror})") from error
     begin = datetime.now(UTC)
     keep = Keep(build_folder() / "bench" if kept is None else kept, machine())
     wanted = cells(order, sections)

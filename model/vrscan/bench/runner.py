@@ -94,11 +94,17 @@ def _collect(
             key = futures[future]
             code, figures = future.result()
             if code != version(cells[key].work):
-                raise InputError(f"--scheduler: a worker of {scheduler} has other code than this")
+                raise InputError(_other(scheduler, cells[key]))
             done(key, figures)
     finally:
         for future in futures:
             future.cancel()
+
+
+def _other(scheduler: str | None, cell: Cell) -> str:
+    if scheduler is None:
+        return f"the code of {cell.work} has changed while it ran: start again"
+    return f"--scheduler: a worker of {scheduler} has other code than this machine ({cell.work})"
 
 
 @contextlib.contextmanager
@@ -136,7 +142,7 @@ def check(scheduler: str) -> None:
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     try:
         workers = asyncio.run(asyncio.wait_for(_workers(scheduler), PATIENCE_S))
-    except (OSError, ValueError, TimeoutError, TypeError, KeyError) as error:
+    except Exception as error:  # as many kinds as there are things that may listen there
         reason = str(error).splitlines()[0] if str(error) else f"within {PATIENCE_S:g} s"
         raise InputError(f"--scheduler: no Dask scheduler at {scheduler} ({reason})") from error
     if not workers:

@@ -17,7 +17,7 @@ from vrscan.fixed import peak_position, phase_correlate
 from vrscan.report.efficiency import LOST_PX, PEAKS, SIGMAS_PX
 from vrscan.report.style import INK, LIGHT, STYLE
 
-LINES, QUICK_LINES = 4000, 300  # a cell
+LINES, QUICK_LINES = 5000, 300  # a cell
 SHOWN_PEAK = 0.5  # whose rms the table shows
 SPEED_SIGMA_PX = 4.0
 WINDOW_PX = 32  # for which clocks are stated

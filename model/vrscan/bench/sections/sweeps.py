@@ -20,7 +20,7 @@ from vrscan.report.efficiency import LOST_PX
 from vrscan.report.style import LIGHT, QUIET, STYLE
 from vrscan.scene.speckle import position_rms_px
 
-LINES, QUICK_LINES = 3000, 200  # a cell
+LINES, QUICK_LINES = 4000, 200  # a cell
 _LEAST_LOST = 0.005  # below, no panel of lost lines
 Parameters = dict[str, float]
 

@@ -1,0 +1,207 @@
+"""The runner of the benchmark: what is kept, what is done again, and who does it."""
+
+import json
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import bench_work
+import pytest
+from distributed import LocalCluster
+
+from vrscan import cli
+from vrscan.bench import cells, detect, report, runner
+from vrscan.bench.cells import Cell, plain
+from vrscan.bench.keep import Keep
+from vrscan.config import Config
+from vrscan.errors import InputError
+
+SEED = 11
+NOTED = "bench_work:noted"
+
+
+def work(number: int, folder: Path, *, timed: bool = False, **more: str) -> Cell:
+    parameters = {"number": number, "marks": str(folder / "marks"), **more}
+    return Cell(NOTED, parameters, SEED, timed)
+
+
+def marks(folder: Path) -> list[int]:
+    path = folder / "marks"
+    return [int(x.split()[0]) for x in path.read_text().splitlines()] if path.exists() else []
+
+
+def spots(count: int) -> list[Cell]:
+    common = {"config": plain(Config()), "lines": 40, "peak": 0.4}
+    return [Cell(detect.WORK, {**common, "sigma_px": 1.0 + k}, SEED) for k in range(count)]
+
+
+@pytest.fixture
+def keep(tmp_path: Path) -> Keep:
+    return Keep(tmp_path / "kept", "this machine")
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[str]:
+    """The address of a scheduler with two workers, threads of this process."""
+    with LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        processes=False,
+        protocol="tcp://",
+        host="127.0.0.1",
+        dashboard_address=":0",
+    ) as found:
+        yield found.scheduler_address
+
+
+def test_a_key_depends_on_parameters_seed_and_code_and_on_the_machine_only_if_timed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = work(1, tmp_path)
+    same = Cell(first.work, dict(reversed(first.parameters.items())), SEED)
+    assert first.key("a") == first.key("b") == same.key()
+    timed = work(1, tmp_path, timed=True)
+    assert timed.key("a") != timed.key("b")
+    keys = {first.key(), work(2, tmp_path).key(), Cell(first.work, first.parameters, 12).key()}
+    monkeypatch.setattr(cells, "version", lambda _: "other code")
+    assert len(keys | {first.key()}) == 4
+
+
+def test_a_version_is_that_of_every_file_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    version = cells.version.__wrapped__
+    before = version(NOTED)
+    assert version(NOTED) == before
+    monkeypatch.setattr("bench_work.SOURCES", (*bench_work.SOURCES, "arrays.py"))
+    assert version(NOTED) != before
+    monkeypatch.setattr("bench_work.SOURCES", (*bench_work.SOURCES, "rtl/trig/divide.sv"))
+    assert version(NOTED) != before
+    monkeypatch.setattr("bench_work.SOURCES", ("no_such_file.py",))
+    with pytest.raises(FileNotFoundError, match=r"no_such_file\.py"):
+        version(NOTED)
+
+
+def test_what_is_kept_is_not_done_again(tmp_path: Path, keep: Keep) -> None:
+    first = [work(k, tmp_path) for k in (3, 1, 2)]
+    told: list[int] = []
+    found = runner.run(first, keep, jobs=2, progress=told.append)
+    assert [f["square"] for f in found] == [9, 1, 4]
+    assert sorted(marks(tmp_path)) == [1, 2, 3]
+    assert told[0] == 0 and told[-1] == 3 and told == sorted(told)
+    more = [*first, work(4, tmp_path), work(4, tmp_path), work(5, tmp_path, timed=True)]
+    told.clear()
+    assert [f["square"] for f in runner.run(more, keep, jobs=1, progress=told.append)] == [
+        9, 1, 4, 16, 16, 25
+    ]  # fmt: skip
+    assert told[0] == 3 and told[-1] == 6
+    assert sorted(marks(tmp_path)) == [1, 2, 3, 4, 5]
+
+
+def test_a_run_that_ended_early_goes_on_where_it_was(tmp_path: Path, keep: Keep) -> None:
+    stop = tmp_path / "stop"
+    stop.touch()
+    wanted = [work(1, tmp_path), work(2, tmp_path, fails=str(stop)), work(3, tmp_path)]
+    with pytest.raises(RuntimeError, match="told to"):
+        runner.run(wanted, keep, jobs=1)
+    before = marks(tmp_path)
+    assert 1 in before and 2 not in before
+    for file in (tmp_path / "kept").iterdir():  # nothing half-written, nothing temporary
+        assert file.suffix == ".json"
+        assert json.loads(file.read_text())["figures"]["seed"] == SEED
+    stop.unlink()
+    assert [f["square"] for f in runner.run(wanted, keep, jobs=1)] == [1, 4, 9]
+    assert marks(tmp_path).count(1) == 1
+
+
+@pytest.mark.parametrize("text", ["", '{"figures": ', "[]", '{"figures": 3}', '{"work": "x"}'])
+def test_a_damaged_file_is_done_again(tmp_path: Path, keep: Keep, text: str) -> None:
+    cell = work(6, tmp_path, timed=True)
+    runner.run([cell], keep)
+    keep.path(cell).write_text(text)
+    assert runner.run([cell], keep) == [{"square": 36, "seed": SEED}]
+    assert marks(tmp_path) == [6, 6]
+    assert keep.get(cell) == {"square": 36, "seed": SEED}
+
+
+def test_code_that_changed_meanwhile_is_noticed(
+    tmp_path: Path, keep: Keep, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(runner, "version", lambda _: "changed")
+    with pytest.raises(InputError, match="changed while it ran"):
+        runner.run([work(1, tmp_path)], keep, jobs=1)
+    assert not list((tmp_path / "kept").iterdir())
+
+
+def test_processes_and_a_cluster_give_the_same_numbers(tmp_path: Path, cluster: str) -> None:
+    wanted = spots(3)
+    here = runner.run(wanted, Keep(tmp_path / "here", ""), jobs=2)
+    there = runner.run(wanted, Keep(tmp_path / "there", ""), scheduler=cluster)
+    assert here == there
+    assert len({f["bound_px"] for f in here}) == 3
+    direct = [detect.spots(cell.parameters, cell.seed) for cell in wanted]
+    assert direct == here
+    other = Cell(wanted[0].work, wanted[0].parameters, SEED + 1)
+    assert detect.spots(other.parameters, other.seed)["errors"] != here[0]["errors"]
+
+
+def test_a_cluster_with_other_code_is_an_error(
+    tmp_path: Path, keep: Keep, cluster: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(runner, "version", lambda _: "newer")
+    with pytest.raises(InputError, match="other code"):
+        runner.run([work(1, tmp_path)], keep, scheduler=cluster)
+
+
+def test_a_cluster_without_workers_is_an_error(tmp_path: Path, keep: Keep) -> None:
+    empty = LocalCluster(
+        n_workers=0, processes=False, protocol="tcp://", host="127.0.0.1", dashboard_address=":0"
+    )
+    with empty, pytest.raises(InputError, match="has no workers"):
+        runner.run([work(1, tmp_path)], keep, scheduler=empty.scheduler_address)
+
+
+def listening(server: socket.socket, answer: bytes) -> Callable[[], None]:
+    """Take connections and say something that no scheduler says."""
+
+    def serve() -> None:
+        held = []
+        while True:
+            try:
+                connection, _ = server.accept()
+            except OSError:
+                return
+            connection.sendall(answer)
+            held.append(connection)
+
+    return serve
+
+
+@pytest.mark.parametrize("kind", ["closed", "nonsense", "unknown_scheme", "silent", "wrong"])
+def test_an_address_where_no_scheduler_answers_is_one_line(
+    kind: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(runner, "PATIENCE_S", 1.0)
+    server = socket.create_server(("127.0.0.1", 0))
+    port = server.getsockname()[1]
+    address = {"nonsense": "here and there", "unknown_scheme": f"gopher://127.0.0.1:{port}"}
+    asked = address.get(kind, f"tcp://127.0.0.1:{port}")
+    if kind == "closed":
+        server.close()
+    else:
+        answer = b"HTTP/1.1 400 Bad Request\r\n\r\n" if kind == "wrong" else b""
+        threading.Thread(target=listening(server, answer), daemon=True).start()
+    out = tmp_path / "page"
+    monkeypatch.setattr(report, "ALL", ())
+    words = ["bench", "report", "--quick", "--out", str(out), "--scheduler", asked]
+    monkeypatch.setattr("sys.argv", ["vrscan", *words])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    server.close()
+    assert ended.value.code == cli.EXIT_BAD_INPUT
+    complaint = [x for x in capsys.readouterr().err.splitlines() if x.startswith("vrscan:")]
+    assert len(complaint) == 1
+    assert "--scheduler" in complaint[0] and asked in complaint[0]
+    assert not out.exists()
