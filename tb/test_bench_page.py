@@ -1,0 +1,420 @@
+"""The benchmark's page: what is on it is what the cells came to, and it needs nothing else.
+
+The figures are made up here, so every number on the page can be told from where it comes.
+"""
+
+import csv
+import io
+import math
+import re
+import signal
+import subprocess
+import sys
+import time
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vrscan import cli
+from vrscan.bench import cost, detect, instrument, page, report
+from vrscan.bench.cells import Cell, Figures
+from vrscan.bench.sections import ALL, compare, growth, sweeps
+from vrscan.bench.sections.section import Order
+from vrscan.bench.spots import Spot, score, take
+from vrscan.config import Config
+from vrscan.detectors.catalogue import detectors
+from vrscan.report.efficiency import LOST_PX, PEAKS, SIGMAS_PX, cell_lines
+from vrscan.tools import repository_root
+
+ORDER = Order(Config(), 1, quick=True)
+KEYS = [each.key for each in detectors()]
+BOUND = 0.01
+ZONES = ("near", "middle", "far")
+
+
+def errors(key: str) -> dict[str, float]:
+    """Return what a detector is off by, the same in every cell."""
+    size = BOUND * (1.0 + KEYS.index(key))
+    lost = 0.02 if key == "parabola" else 0.0
+    return {"rms": size, "bias": -0.3 * size, "spread": 0.95 * size, "lost": lost}
+
+
+def budget_csv() -> str:
+    names = ("z_mm", "bias_px", "rms_px", "bias_mm", "rms_mm", "changed")
+    heads = [f"{zone}_{name}" for zone in ZONES for name in names]
+    rows = [["effect", "state", *heads, "what", "without"]]
+    rows.append(["speckle", "on", *["300", "0.03", "0.04", "0.3", "0.4", "0.01"] * 3, "a", "b"])
+    rows.append(["sun", "absent", *["300", "", "", "", "", ""] * 3, "a, b", ""])
+    rows.append(["left_out", "", *["300", "1", "1", "1", "1", "1"] * 3, "all", ""])
+    text = io.StringIO()
+    csv.writer(text).writerows(rows)
+    return text.getvalue()
+
+
+def made_up(cell: Cell) -> Figures:
+    """Return figures of the form that the work of a cell has."""
+    if cell.work == detect.WORK:
+        found = {key: errors(key) for key in KEYS}
+        return {"bound_px": BOUND, "lines": cell.parameters["lines"], "errors": found}
+    if cell.work == cost.WORK:
+        rates = {key: 1000.0 * (1 + k) for k, key in enumerate(["reference", *KEYS])}
+        return {"rates": rates, "lines": 7}
+    if cell.work == instrument.BUDGET:
+        rest = ("error_px", "median_px", "error_mm", "median_mm", "arithmetic_px", "arithmetic_mm")
+        return {"csv": budget_csv(), "points": 5, **dict.fromkeys(rest, 0.002)}
+    if cell.work == instrument.FIDELITY:
+        names = ("minimal", "auto 0.1", "auto 0.01", "full")
+        numbers = ("worst_px", "rms_um", "truth_rms_px")
+        return {
+            "rows": [
+                {"scene": cell.parameters["scene"], "fidelity": name, "effects": 3, "of": 9}
+                | {"lines_per_s": 4000.0 / (1 + k)}
+                | dict.fromkeys(numbers, 0.01)
+                for k, name in enumerate(names)
+            ]
+        }
+    if cell.work == instrument.SPEED:
+        rates = {"reference": 2000.0, "fixed": 1000.0, "ideal": 500.0}
+        return {"rates": rates, "lines": dict.fromkeys(rates, 9) | {"rtl": 0}, "missing": "no RTL"}
+    assert cell.work == instrument.GROWTH
+    # Time goes with the square of the length and the root of the number.
+    rows = [
+        [name, length, count, 1e-9 * length**2 * count**0.5]
+        for length, count in cell.parameters["sizes"]
+        for name in ("reference", "fixed", "ideal", "simulator")
+    ]
+    return {"seconds": rows}
+
+
+class Reader(HTMLParser):
+    """Collects ids, links, sources and table rows of a page, and checks that tags close."""
+
+    VOID = ("meta", "img", "br")
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.ids: list[str] = []
+        self.links: list[str] = []
+        self.sources: list[str] = []
+        self.rows: dict[str, list[str]] = {}
+        self._open: list[str] = []
+        self._row: list[str] | None = None
+        self.feed(text)
+        assert not self._open
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = dict(attrs)
+        if tag not in self.VOID:
+            self._open.append(tag)
+        if given.get("id"):
+            self.ids.append(str(given["id"]))
+        self.links += [str(given["href"])] if "href" in given else []
+        self.sources += [str(given["src"])] if "src" in given else []
+        if tag == "tr" and given.get("id"):
+            self._row = self.rows.setdefault(str(given["id"]), [])
+        if tag == "td" and self._row is not None:
+            self._row.append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag
+        if tag == "tr":
+            self._row = None
+
+    def handle_data(self, data: str) -> None:
+        if self._row:
+            self._row[-1] += data
+
+
+@pytest.fixture(scope="module")
+def parts() -> list[page.Part]:
+    cost.build_folder, kept = (lambda: Path("/nowhere")), cost.build_folder
+    try:
+        return [page.Part(s.key, s.title, s.blocks(ORDER, made_up)) for s in ALL]
+    finally:
+        cost.build_folder = kept
+
+
+@pytest.fixture(scope="module")
+def text(parts: list[page.Part]) -> str:
+    return page.page("Title <&>", "lead", [("Seed", "1 & 2")], parts)
+
+
+@pytest.fixture(scope="module")
+def read(text: str) -> Reader:
+    return Reader(text)
+
+
+def test_the_page_holds_all_it_shows(text: str, read: Reader, parts: list[page.Part]) -> None:
+    assert len(set(read.ids)) == len(read.ids) > 200
+    assert read.sources and all(s.startswith("data:image/png;base64,") for s in read.sources)
+    beside = page.files(parts)
+    for link in read.links:
+        assert link.removeprefix("#") in (read.ids if link.startswith("#") else beside), link
+    assert not re.search(r"https?:|<script|@import|url\(", text)
+    assert "Title &lt;&amp;&gt;" in text and "1 &amp; 2" in text
+    pictures = [name for name in beside if name.endswith(".png")]
+    assert len(pictures) == len(read.sources) >= len(sweeps.SWEEPS) + 3
+    assert all(beside[name].startswith(b"\x89PNG") for name in pictures)
+
+
+def test_each_table_has_its_file_with_a_row_for_each_figure(parts: list[page.Part]) -> None:
+    beside = page.files(parts)
+    tables = [b for part in parts for b in part.blocks if isinstance(b, page.Table)]
+    assert len(tables) >= len(sweeps.SWEEPS) + 6
+    for table in tables:
+        rows = list(csv.reader(io.StringIO(beside[f"{table.name}.csv"].decode())))
+        assert rows[0] == list(table.columns)
+        assert len(rows) == 1 + len(table.values) > 1
+        assert {len(row) for row in rows} == {len(table.columns)}, table.name
+        assert all(len(row.cells) == len(table.headings) for row in table.rows), table.name
+
+
+def test_the_table_of_detectors_is_what_the_cells_say(read: Reader, parts: list[page.Part]) -> None:
+    assert {f"detector-{key}" for key in KEYS} < set(read.rows)
+    for key in KEYS:
+        found, error = read.rows[f"detector-{key}"], errors(key)
+        square = (1.0 - error["lost"]) * error["rms"] ** 2 + error["lost"] * LOST_PX**2
+        assert float(found[2]) == pytest.approx(BOUND**2 / square, abs=6e-4)
+        assert found[4] == ("2.00 %" if error["lost"] else "0")
+        assert float(found[5]) == pytest.approx(1e3 * error["rms"], rel=0.01)
+    cells = [s for s in compare.cells(ORDER) if s.work == detect.WORK]
+    assert len(cells) == len(PEAKS) * len(SIGMAS_PX)
+    data = page.files(parts)["detectors.csv"].decode()
+    assert len(list(csv.DictReader(io.StringIO(data)))) == len(cells) * len(KEYS)
+
+
+def test_costs_are_over_the_reference_and_tell_what_fills_them_in(
+    read: Reader, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert read.rows["cost-parabola"][2] == f"{2.0 + KEYS.index('parabola'):.2f}"
+    assert read.rows["cost-parabola"][4] == "no RTL"
+    assert read.rows["cost-shipped"][4] == "run make timing"
+    (tmp_path / "timing").mkdir()
+    modules = ("peak_isolate", "phase_correlate", "peak_position", "vrscan_chain")
+    rows = [f"{name},130.5,1,{100 + k},9,0,{0.5 * k},,x" for k, name in enumerate(modules)]
+    head = "module,fmax_mhz,seed,lut,ff,ebr,dsp,warnings,slowest_path"
+    (tmp_path / "timing" / "timing.csv").write_text("\n".join([head, *rows]) + "\n")
+    monkeypatch.setattr(cost, "build_folder", lambda: tmp_path)
+    placed = [page.Part(s.key, s.title, s.blocks(ORDER, made_up)) for s in (ALL[0], ALL[2])]
+    found = Reader(page.page("", "", [], placed)).rows
+    assert found["cost-shipped"][4:] == ["303", "1.5"]
+    assert found["speed-hardware"][1] == f"{130.5e6 / 2048:,.0f}"
+    (tmp_path / "timing" / "timing.csv").write_text("damaged\n")
+    assert cost.timing() == {}
+
+
+def test_budget_takes_the_worst_zone_and_leaves_absent_effects_out(
+    read: Reader, parts: list[page.Part]
+) -> None:
+    assert read.rows["budget-speckle"][1] == "50"  # hypot(0.03, 0.04) px
+    assert read.rows["budget-z-speckle"][1] == "500"
+    assert "budget-sun" not in read.rows and "budget-left_out" not in read.rows
+    assert read.rows["budget-arithmetic"][1] == "2"
+    assert page.files(parts)["budget-default.csv"].decode() == budget_csv()
+    assert read.rows["speed-fixed"][1:3] == ["1,000", "0.5"]
+    assert read.rows["speed-rtl"][1:] == ["", "", "", "no RTL"]
+
+
+def test_growth_finds_the_exponent(read: Reader) -> None:
+    assert read.rows["growth-fixed-length"][2] == "2.00"
+    assert read.rows["growth-fixed-lines"][2] == "0.50"
+    assert growth.exponent([1, 2, 4, 8], [3, 6, 12, 24]) == pytest.approx(1.0)
+    assert math.isnan(growth.exponent([1], [1.0]))
+
+
+def test_times_of_a_budget_are_left_out_by_column() -> None:
+    text = 'effect,us_per_line,what\nsun,1.5,"a, b"\nall,2.5,c\n'
+    rows = list(csv.reader(io.StringIO(instrument._without_times(text))))
+    assert rows == [["effect", "what"], ["sun", "a, b"], ["all", "c"]]
+
+
+def test_the_best_of_several_rounds_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    durations = {"a": iter([9.0, 1.0, 3.0, 2.0, 4.0]), "b": iter([9.0, 0.05, 0.25, 0.25] * 9)}
+    monkeypatch.setattr(time, "process_time", lambda: now[0])
+
+    def work(name: str) -> None:
+        now[0] += next(durations[name])
+
+    found = instrument.best({"a": lambda: work("a"), "b": lambda: work("b")})
+    assert found["a"] == pytest.approx(2.0)
+    assert found["b"] < 9.0 and next(durations["b"]) > 0.0  # repeated, not once a round
+
+
+def test_two_things_of_one_name_are_refused() -> None:
+    row = page.Row("same", ["1"])
+    table = page.Table("name", ["a"], [row, row], "", ["a"])
+    with pytest.raises(ValueError, match="twice: same"):
+        page.page("", "", [], [page.Part("p", "P", [table])])
+    with pytest.raises(ValueError, match=r"two files name\.csv"):
+        page.files([page.Part("p", "P", [table, table])])
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(None, "-"), (math.nan, "-"), (math.inf, "∞"), (0.0, "0"), (12345.6, "12,346"),
+     (99.96, "100"), (1.2345, "1.23"), (0.00123, "0.00123"), (3e-6, "3.00e-06"), (-250.2, "-250")],
+)  # fmt: skip
+def test_numbers_are_short(value: float | None, text: str) -> None:
+    assert page.number(value) == text
+
+
+# The lines behind the figures.
+
+
+def test_lines_and_bound_are_those_of_the_efficiency_study() -> None:
+    config = Config()
+    taken = take(Spot(4.0, 0.2), 400, config, np.random.default_rng(3))
+    lines, _, bound = cell_lines(4.0, 0.2, 400, config)
+    assert float(taken.bound.mean()) == pytest.approx(float(bound.mean()), rel=1e-3)
+    for moment in (np.mean, np.std):
+        assert moment(taken.lines) == pytest.approx(moment(lines.lines), rel=0.01)
+    assert int(taken.lines.max()) == pytest.approx(int(lines.lines.max()), rel=0.1)
+
+
+def test_each_ugliness_does_what_it_says() -> None:
+    config = Config()
+
+    def mean_line(spot: Spot) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """Return the mean of what is left and right of the spot, -200 .. 200 px."""
+        taken = take(spot, 400, config, np.random.default_rng(4))
+        at = np.round(taken.true).astype(int)[:, None] + np.arange(-200, 201)
+        return np.take_along_axis(taken.lines, at, axis=1).mean(axis=0)
+
+    plain_line = mean_line(Spot(3.0, 0.3, level=300.0))
+    assert plain_line[:100].mean() == pytest.approx(300.0, abs=1.0)
+    assert plain_line[200] == pytest.approx(300.0 + 0.3 * 4096, rel=0.02)
+    sloped = mean_line(Spot(3.0, 0.3, level=300.0, slope=1.0)) - plain_line
+    assert sloped[200 - 40] == pytest.approx(-40.0, abs=3.0)
+    assert sloped[200 + 40] == pytest.approx(40.0, abs=3.0)
+    assert abs(sloped[10]) < 3.0 and abs(sloped[390]) < 3.0
+    rival = mean_line(Spot(3.0, 0.3, level=300.0, rival=0.5, rival_px=30.0)) - plain_line
+    assert rival[230] == pytest.approx(0.5 * 0.3 * 4096, rel=0.03)
+    skewed = mean_line(Spot(3.0, 0.3, level=300.0, skew=0.3)) - plain_line
+    assert skewed[205] > 20.0 and skewed[195] < -20.0
+    full = take(Spot(3.0, 5.0), 10, config, np.random.default_rng(4))
+    assert (full.lines == 4095).sum(axis=1).min() >= 8
+    assert np.isfinite(full.bound).all()
+
+
+def test_speckle_has_the_contrast_asked_for() -> None:
+    config = Config()
+    for contrast in (0.05, 0.2):
+        spot = Spot(6.0, 0.5, contrast=contrast)
+        taken = take(spot, 1500, config, np.random.default_rng(5))
+        at = np.round(taken.true).astype(int)
+        top = taken.lines[np.arange(len(at)), at].astype(float) - 60.0
+        shot = math.sqrt(config.peak.kappa * (top.mean() + 60.0) + 9.0) / top.mean()
+        shape = 0.5 * (1.0 / 6.0) ** 2 / 3.0  # of the centre within its pixel
+        measured = float(top.std() / top.mean())
+        assert measured == pytest.approx(math.hypot(contrast, shot, shape), rel=0.12)
+
+
+def test_lost_lines_count_apart() -> None:
+    true = np.zeros(10)
+    found = np.array([0.1, 0.1, 0.1, 0.1, -0.1, -0.1, 7.0, np.nan, 0.1, 0.1])
+    result = score(found, true)
+    assert result.lost == pytest.approx(0.2)
+    assert result.rms == pytest.approx(0.1)
+    assert result.bias == pytest.approx(0.05)
+    assert result.spread == pytest.approx(math.sqrt(0.01 - 0.0025))
+    assert score(np.full(3, np.nan), np.zeros(3)).lost == 1.0
+
+
+# The command.
+
+BAD = {
+    "seed": (["--seed", "-1"], ["--seed", "-1"]),
+    "jobs": (["--jobs", "-2"], ["--jobs", "-2"]),
+    "config": (["--config", "none.toml"], ["none.toml"]),
+    "folder": (["--out", "file"], ["file"]),
+    "nested": (["--out", "none/none"], ["none/none"]),
+    "option": (["--fast"], ["--fast"]),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_one_line(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words, said = BAD[name]
+    (tmp_path / "file").write_text("")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(report, "make", lambda *_, **__: pytest.fail("it began"))
+    monkeypatch.setattr("sys.argv", ["vrscan", "bench", "report", "--quick", *words])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == cli.EXIT_BAD_INPUT
+    output = capsys.readouterr()
+    assert output.out == ""
+    (line,) = (x for x in output.err.splitlines() if x)
+    assert line.startswith("vrscan:") and all(word in line for word in said)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file"]
+
+
+def test_an_interrupt_tells_what_is_kept_and_leaves_no_page(tmp_path: Path) -> None:
+    out = tmp_path / "page"
+    script = (
+        "import sys; from vrscan import cli; from vrscan.bench import report\n"
+        "def make(order, folder, *, progress, **_):\n"
+        "    import time; progress(3); print('ready', flush=True); time.sleep(60)\n"
+        "report.make = make\n"
+        f"sys.argv = ['vrscan', 'bench', 'report', '--quick', '--out', {str(out)!r}]\n"
+        "cli.main()\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", script],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=repository_root(),
+    ) as running:
+        assert running.stdout is not None and running.stderr is not None
+        assert running.stdout.readline() == "ready\n"
+        running.send_signal(signal.SIGINT)
+        said = running.stderr.read()
+    assert running.returncode == cli.EXIT_INTERRUPTED
+    (line,) = (x for x in said.splitlines() if x.startswith("vrscan:"))
+    assert "3 of " in line and "kept" in line
+    assert "Traceback" not in said
+    assert not out.exists()
+
+
+def test_a_page_is_written_from_cells_and_then_from_what_is_kept(tmp_path: Path) -> None:
+    done: list[int] = []
+    small = Order(Config(), 3, quick=True)
+    one = sweeps.Section("one", "One", lambda o: sweeps.cells(o)[:2], lambda o, f: _shown(o, f))
+    for _ in range(2):
+        done.clear()
+        files = report.make(
+            small,
+            tmp_path,
+            jobs=1,
+            progress=done.append,
+            sections=[one],
+            kept=tmp_path / "kept",
+        )
+        assert [path.name for path in files] == ["one.csv", "index.html"]
+        text = (tmp_path / "index.html").read_text()
+        for fact in ("Seed", "3; the shipped scenes", "quick", "defaults"):
+            assert fact in text
+    assert done == [2]  # nothing was left to do
+    assert len(list((tmp_path / "kept").iterdir())) == 2
+    rows = list(csv.DictReader((tmp_path / "one.csv").open()))
+    assert [float(row["bound"]) for row in rows] == sorted(float(row["bound"]) for row in rows)
+
+
+def _shown(order: Order, found: Any) -> list[page.Block]:
+    figures = [found(cell) for cell in sweeps.cells(order)[:2]]
+    values = [[k, each["bound_px"]] for k, each in enumerate(figures)]
+    rows = [page.Row(f"row-{k}", [str(k), page.number(v)]) for k, v in values]
+    return [page.Table("one", ["k", "bound"], rows, "Two.", ["k", "bound"], values)]
+
+
+def test_changed_values_stand_in_the_head() -> None:
+    peak = Config().peak.model_copy(update={"k_noise": 3.0})
+    assert report.changes(Config().model_copy(update={"peak": peak})) == ["peak.k_noise = 3.0"]
+    assert report.changes(Config()) == []
