@@ -84,6 +84,30 @@ module vrscan #(
   localparam int unsigned CentreWidth   = IndexWidth + 1 + vrscan_pkg::OffsetFraction;
   localparam int unsigned AlignedWidth  = vrscan_pkg::AlignedWidth;
 
+  // ---- a reset for each room, a clock after rst_i; register_bank makes its own ----
+  logic rst_own;
+  logic rst_uart_link;
+  logic rst_mirror_loop;
+  logic rst_laser_control;
+  logic rst_test_line;
+  logic rst_line_tag;
+  logic rst_vrscan_chain;
+  logic rst_point_record;
+  logic rst_point_packer;
+  logic rst_line_capture;
+  logic rst_focus_control;
+  local_register u_reset_own (.clk_i, .d_i(rst_i), .q_o(rst_own));
+  local_register u_reset_uart_link (.clk_i, .d_i(rst_i), .q_o(rst_uart_link));
+  local_register u_reset_mirror_loop (.clk_i, .d_i(rst_i), .q_o(rst_mirror_loop));
+  local_register u_reset_laser_control (.clk_i, .d_i(rst_i), .q_o(rst_laser_control));
+  local_register u_reset_test_line (.clk_i, .d_i(rst_i), .q_o(rst_test_line));
+  local_register u_reset_line_tag (.clk_i, .d_i(rst_i), .q_o(rst_line_tag));
+  local_register u_reset_vrscan_chain (.clk_i, .d_i(rst_i), .q_o(rst_vrscan_chain));
+  local_register u_reset_point_record (.clk_i, .d_i(rst_i), .q_o(rst_point_record));
+  local_register u_reset_point_packer (.clk_i, .d_i(rst_i), .q_o(rst_point_packer));
+  local_register u_reset_line_capture (.clk_i, .d_i(rst_i), .q_o(rst_line_capture));
+  local_register u_reset_focus_control (.clk_i, .d_i(rst_i), .q_o(rst_focus_control));
+
   // ---- host and registers ----
   localparam int unsigned Streams = 2;
   logic [  Streams-1:0] packet_valid, packet_ready, packet_last;
@@ -104,7 +128,7 @@ module vrscan #(
   uart_link #(
     .ClockHz(ClockHz), .Baud(Baud), .Streams(Streams)
   ) u_uart_link (
-    .clk_i, .rst_i,
+    .clk_i, .rst_i(rst_uart_link),
     .rx_i, .tx_o,
     .packet_valid_i    (packet_valid),
     .packet_ready_o    (packet_ready),
@@ -159,7 +183,7 @@ module vrscan #(
   logic [47:0] uptime_q;
   always_ff @(posedge clk_i) begin
     uptime_q <= uptime_q + 48'd1;
-    if (rst_i) uptime_q <= '0;
+    if (rst_own) uptime_q <= '0;
   end
   assign status.board_id             = 16'(BoardId);
   assign status.clock_hz             = ClockHz;
@@ -183,7 +207,7 @@ module vrscan #(
   mirror_loop #(
     .IndexOversample(IndexOversample)
   ) u_mirror_loop (
-    .clk_i, .rst_i,
+    .clk_i, .rst_i(rst_mirror_loop),
     .comparator_i, .gate_i,
     .drive_o, .level_o, .level_pin_o,
     .line_start_o, .exposure_o,
@@ -271,7 +295,7 @@ module vrscan #(
       measured_q <= measured;
       error_q    <= error;
     end
-    if (rst_i) begin
+    if (rst_own) begin
       measured_q <= '0;
       error_q    <= '0;
     end
@@ -301,7 +325,7 @@ module vrscan #(
     .BucketCeiling      ((ClockHz / 1_000_000) * 2_097_152),
     .WatchdogCeilingClks(ClockHz)
   ) u_laser_control (
-    .clk_i, .rst_i,
+    .clk_i, .rst_i(rst_laser_control),
     .laser_i           (laser),
     .line_start_i      (line_start_o),
     .centre_i          (centre_o),
@@ -355,7 +379,7 @@ module vrscan #(
   test_line #(
     .Lanes(Lanes), .LineLength(LineLength), .PixelWidth(PixelWidth)
   ) u_test_line (
-    .clk_i, .rst_i,
+    .clk_i, .rst_i(rst_test_line),
     .line_start_o      (test_start),
     .line_end_o        (test_end),
     .pixel_valid_o     (test_valid),
@@ -382,7 +406,7 @@ module vrscan #(
   logic                                          tag_inward;
   logic        [      vrscan_pkg::TimeWidth-1:0] tag_moment;
   line_tag u_line_tag (
-    .clk_i, .rst_i,
+    .clk_i, .rst_i(rst_line_tag),
     .exposure_i    (exposure_o),
     .line_i        (line_o),
     .centre_i      (centre_o),
@@ -419,7 +443,7 @@ module vrscan #(
     line_beside    <= test_running ? {1'b1, (1 + vrscan_pkg::ConfidenceWidth
                                              + vrscan_pkg::TimeWidth)'(0)}
                                    : {1'b0, tag_inward, tag_confidence, tag_moment};
-    if (rst_i) begin
+    if (rst_own) begin
       line_start_q  <= 1'b0;
       line_end_q    <= 1'b0;
       pixel_valid_q <= 1'b0;
@@ -442,7 +466,7 @@ module vrscan #(
     .Lanes(Lanes), .LineLength(LineLength), .PixelWidth(PixelWidth), .MaxWindow(MaxWindow),
     .UserWidth($bits(line_beside))
   ) u_vrscan_chain (
-    .clk_i, .rst_i,
+    .clk_i, .rst_i(rst_vrscan_chain),
     .line_start_i  (line_start_q),
     .line_end_i    (line_end_q),
     .pixel_valid_i (pixel_valid_q),
@@ -510,7 +534,7 @@ module vrscan #(
   point_record #(
     .LineLength(LineLength), .PixelWidth(PixelWidth)
   ) u_point_record (
-    .clk_i, .rst_i,
+    .clk_i, .rst_i(rst_point_record),
     .valid_i       (point_valid),
     .line_i        (point_line),
     .flags_i       (flags),
@@ -543,7 +567,7 @@ module vrscan #(
   );
 
   point_packer u_point_packer (
-    .clk_i, .rst_i,
+    .clk_i, .rst_i(rst_point_packer),
     .record_valid_i       (record_valid),
     .record_index_i       (record_index),
     .record_i             (record),
@@ -563,7 +587,7 @@ module vrscan #(
   line_capture #(
     .LineLength(LineLength), .PixelWidth(PixelWidth)
   ) u_line_capture (
-    .clk_i, .rst_i,
+    .clk_i, .rst_i(rst_line_capture),
     .line_start_i      (line_start_q),
     .line_end_i        (line_end_q),
     .pixel_valid_i     (pixel_valid_q),
@@ -583,7 +607,7 @@ module vrscan #(
 
   // ---- lens ----
   focus_control u_focus_control (
-    .clk_i, .rst_i,
+    .clk_i, .rst_i(rst_focus_control),
     .valid_i   (point_valid),
     .measured_i(point_measured),
     .flags_i   (flags),

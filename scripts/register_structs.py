@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from registers import Map, Register
+from registers import Map, Register, written_groups
 
 
 @dataclass(frozen=True)
@@ -68,9 +68,11 @@ def register_pkg(made: Map) -> str:
 
 def register_bank(made: Map) -> str:
     """Return the wrapper that has the structs for ports."""
+    groups = len(written_groups(made))
     lines = [
         "// register_bank: register_file with a struct for each side.  Wiring only: register_file",
-        "// has the twin and the test, and vrscan's tests go through this.",
+        "// has the twin and the test, and vrscan's tests go through this.  Each group of settings",
+        "// has the register of its reset, a clock after rst_i.",
         "//",
         f"// Generated from {made.source} by scripts/generate.py.",
         "",
@@ -92,8 +94,15 @@ def register_bank(made: Map) -> str:
         "  input  wire register_pkg::status_t             status_i",
         ");",
         "",
+        "  logic rst;",
+        f"  logic [{groups - 1}:0] group_rst;",
+        "  local_register u_reset (.clk_i, .d_i(rst_i), .q_o(rst));",
+        f"  for (genvar k = 0; k < {groups}; k++) begin : gen_reset",
+        "    local_register u_reset (.clk_i, .d_i(rst_i), .q_o(group_rst[k]));",
+        "  end",
+        "",
         "  register_file u_register_file (",
-        "    .clk_i, .rst_i,",
+        "    .clk_i, .rst_i(rst), .group_rst_i(group_rst),",
         "    .bus_valid_i, .bus_access_i, .bus_address_i, .bus_data_i,",
         "    .bus_done_o, .bus_status_o, .bus_data_o,",
     ]

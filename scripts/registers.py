@@ -28,7 +28,7 @@ WORD = 32  # bits
 MAP_BITS = 10  # of the addresses of registers; windows lie above
 PAGE_BITS = 4
 COLUMNS = 100
-LATENCY = 9  # clocks from bus_valid_i to bus_done_o
+LATENCY = 10  # clocks from bus_valid_i to bus_done_o
 
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9]*(_[a-z0-9]+)*$")]
 Number = int | str  # or the name of a localparam
@@ -597,6 +597,11 @@ def _bounds(register: Register, word: int) -> tuple[int, int]:
     return register.minimum >> WORD, register.maximum >> WORD
 
 
+def written_groups(registers: Map) -> tuple[Group, ...]:
+    """Return the groups with something to reset, in the order of their resets."""
+    return tuple(g for g in registers.groups if any(r.writable for r in g.registers))
+
+
 class _Rules:
     """What the RTL knows of an address: its kind, its lock, and what it takes."""
 
@@ -626,6 +631,7 @@ def _ports_section(registers: Map) -> list[str]:
     lines = [
         _port("input", "clk_i,"),
         _port("input", "rst_i,"),
+        _port("input", "group_rst_i,", f"[{len(written_groups(registers))}-1:0]"),
         "",
         _port("input", "bus_valid_i,"),
         _port("input", "bus_access_i,", "[link_pkg::AccessWidth-1:0]"),
@@ -655,8 +661,10 @@ HEADER = """\
 //
 // A memory has the rule of each address; the value is compared with the rule's bounds, a register
 // takes it, and all are read through the sixteen words of a page and then the page.  So what a
-// WRITE answers has been read back.
+// WRITE answers has been read back.  The registers stand all over the die, so what goes to many of
+// them, data, selection and reset, comes from registers near them.
 //
+//   group_rst_i   with rst_i: one for each group of settings, so that no net resets all of them
 //   bus_valid_i   ignored from the clock after it until bus_done_o
 //   bus_access_i  link_pkg; CHECK says what WRITE would, and changes nothing; 3 is as READ
 //   bus_status_o  with bus_done_o, the first that applies: StatusNoAddress, StatusReadOnly,
@@ -684,7 +692,6 @@ def register_file(made: Map, name: str = "register_file") -> str:
     registers = made.registers
     rw = [register for register in registers if register.writable]
     wide_inputs = [r for r in registers if r.wide and not r.writable]
-    strobes = [register for register in registers if register.access == "strobe"]
     words = [(a, r, e, w) for r in registers for a, e, w in _words(r)]
     pages = sorted({address >> PAGE_BITS for address, *_ in words})
     last = LATENCY - 1
@@ -692,7 +699,7 @@ def register_file(made: Map, name: str = "register_file") -> str:
     entries = 1 << map_bits
 
     out = HEADER.format(
-        name=name, source=made.source, latency=LATENCY, written=6, sampled=6
+        name=name, source=made.source, latency=LATENCY, written=7, sampled=7
     ).splitlines()
     out += _ports_section(made)
     out += [
@@ -797,89 +804,114 @@ def register_file(made: Map, name: str = "register_file") -> str:
         "    if (rst_i) write_q <= 1'b0;",
         "  end",
         "",
-        "  // ---- 5: a register takes the word ----",
+        "  // ---- 2: which page, which of its words, for writing and for reading ----",
+        *(f"  logic page_{page:02x}_hit_q;" for page in pages),
+        f"  logic [{(1 << PAGE_BITS) - 1}:0] word_hit_q;",
+        "  always_ff @(posedge clk_i) begin",
     ]
+    out += [
+        f"    page_{page:02x}_hit_q <= address_q[15:{PAGE_BITS}] == {16 - PAGE_BITS}'h{page:03x};"
+        for page in pages
+    ]
+    out += [
+        f"    for (int unsigned k = 0; k < {1 << PAGE_BITS}; k++)",
+        f"      word_hit_q[k] <= address_q[{PAGE_BITS - 1}:0] == {PAGE_BITS}'(k);",
+        "  end",
+        "",
+        "  // ---- 5: which register; 6: it takes the word ----",
+        f"  logic [{sum(register.writable for _, register, *_ in words) - 1}:0] take_q;",
+        "  logic write_q2;",
+        "  always_ff @(posedge clk_i) begin",
+        "    write_q2 <= write_q;",
+        "    if (rst_i) write_q2 <= 1'b0;",
+    ]
+    writable = [word for word in words if word[1].writable]
+    for k, (address, *_) in enumerate(writable):
+        page, word = divmod(address, 1 << PAGE_BITS)
+        out.append(
+            f"    take_q[{k}] <= write_q && page_{page:02x}_hit_q && word_hit_q[{word}] && !rst_i;"
+        )
+    out += ["  end", ""]
+    group_of = {r.name: g.name for g in made.groups for r in g.registers}
+    data_width = {
+        group.name: min(WORD, max(r.width for r in group.registers if r.writable))
+        for group in written_groups(made)
+    }
+    for group_name, taken in data_width.items():
+        out += [
+            f"  logic [{taken - 1}:0] {group_name}_data;",
+            f"  local_register #(.Width({taken})) u_{group_name}_data (",
+            f"    .clk_i, .d_i(data_q[{taken - 1}:0]), .q_o({group_name}_data)",
+            "  );",
+        ]
     out += [f"  logic [{WORD - 1}:0] {r.name}_low_q;" for r in rw if r.wide]
     out.append("  always_ff @(posedge clk_i) begin")
-    out += [f"    {register.name}_strobe_o <= 1'b0;" for register in strobes]
-    out.append("    if (write_q && map_hit_q)")
-    out.append(f"      case (address_q[{map_bits - 1}:0])")
-    for address, register, element, word in words:
-        if not register.writable:
-            continue
-        at = _literal(map_bits, address)
+    out += [
+        f"    {register.name}_strobe_o <= take_q[{k}];"
+        for k, (_, register, *_) in enumerate(writable)
+        if register.access == "strobe"
+    ]
+    for k, (_, register, element, word) in enumerate(writable):
         width = register.width
+        data = f"{group_of[register.name]}_data"
         if register.wide and word == 0:
-            take = f"{register.name}_low_q <= data_q;"
+            take = f"{register.name}_low_q <= {data};"
         elif register.wide:
-            take = f"{register.name}_o <= {{data_q[{width - WORD - 1}:0], {register.name}_low_q}};"
+            take = f"{register.name}_o <= {{{data}[{width - WORD - 1}:0], {register.name}_low_q}};"
         else:
-            bits = "data_q" if width == WORD else f"data_q[{width - 1}:0]"
-            bits = "data_q[0]" if width == 1 else bits
+            whole = width == data_width[group_of[register.name]]
+            bits = data if whole else f"{data}[{width - 1}:0]"
+            bits = f"{data}[0]" if width == 1 else bits
             if register.signed and register.count == 1:
                 bits = f"signed'({bits})"
             take = f"{_slice(register, element, 0)} <= {bits};"
-        if register.access == "strobe":
-            out += [
-                f"        {at}: begin",
-                f"          {take}",
-                f"          {register.name}_strobe_o <= 1'b1;",
-                "        end",
-            ]
-        else:
-            out.append(f"        {at}: {take}")
-    out += ["        default: ;", "      endcase", "    if (rst_i) begin"]
-    for register in rw:
-        if register.wide:
-            out.append(f"      {register.name}_low_q <= {_literal(WORD, register.reset[0])};")
-        bits = sum(
-            (value & ((1 << register.width) - 1)) << (k * register.width)
-            for k, value in enumerate(register.reset)
-        )
-        value = _literal(register.width * register.count, bits) if bits else "'0"
-        out.append(f"      {register.name}_o <= {value};")
-        if register.access == "strobe":
-            out.append(f"      {register.name}_strobe_o <= 1'b0;")
-    out += ["    end", "  end", ""]
+        out.append(f"    if (take_q[{k}]) {take}")
+    for number, group in enumerate(written_groups(made)):
+        out.append(f"    if (group_rst_i[{number}]) begin  // {group.name}")
+        for register in group.registers:
+            if register.writable:
+                out += _reset(register)
+        out.append("    end")
+    out += ["  end", ""]
 
     for window in made.windows:
         out += _window_memory(window)
-    out.append("  // ---- 6: the words of a page; what is wide stays whole ----")
+    out.append("  // ---- 7: the words of a page; what is wide stays whole ----")
     if wide_inputs:
         for register in wide_inputs:
             out.append(f"  logic [{register.width - WORD - 1}:0] {register.name}_high_q;")
-        out += [
-            "  always_ff @(posedge clk_i)",
-            "    if (step_q[6] && read && map_hit_q)",
-            f"      case (address_q[{map_bits - 1}:0])",
-        ]
-        for register in wide_inputs:
+        out += [f"  logic [{len(wide_inputs) - 1}:0] keep_q;", "  always_ff @(posedge clk_i) begin"]
+        for k, register in enumerate(wide_inputs):
             high = f"{register.name}_i[{register.width - 1}:{WORD}]"
-            at = _literal(map_bits, register.address)
-            out.append(f"        {at}: {register.name}_high_q <= {high};")
-        out += ["        default: ;", "      endcase", ""]
+            page, word = divmod(register.address, 1 << PAGE_BITS)
+            hit = f"page_{page:02x}_hit_q && word_hit_q[{word}]"
+            out += [
+                f"    keep_q[{k}] <= step_q[6] && read && {hit};",
+                f"    if (keep_q[{k}]) {register.name}_high_q <= {high};",
+            ]
+        out += ["    if (rst_i) keep_q <= '0;", "  end", ""]
     for page in pages:
+        here = [word for word in words if word[0] >> PAGE_BITS == page]
+        name = f"page_{page:02x}"
         out += [
-            f"  logic [{WORD - 1}:0] page_{page:02x}_q;",
-            "  always_ff @(posedge clk_i)",
-            f"    case (address_q[{PAGE_BITS - 1}:0])",
+            f"  logic [{WORD - 1}:0] {name}_q;",
+            f"  logic [{PAGE_BITS - 1}:0] {name}_word;",
+            f"  local_register #(.Width({PAGE_BITS})) u_{name}_word (",
+            f"    .clk_i, .d_i(address_q[{PAGE_BITS - 1}:0]), .q_o({name}_word)",
+            "  );",
+            "  always_ff @(posedge clk_i) begin",
+            f"    case ({name}_word)",
         ]
-        for address, register, element, word in words:
-            if address >> PAGE_BITS == page:
-                at = _literal(PAGE_BITS, address & ((1 << PAGE_BITS) - 1))
-                out.append(f"      {at}: page_{page:02x}_q <= {_as_word(register, element, word)};")
-        out += [f"      default: page_{page:02x}_q <= '0;", "    endcase", ""]
+        for k, (address, register, element, word) in enumerate(here):
+            at = _literal(PAGE_BITS, address & ((1 << PAGE_BITS) - 1))
+            at = at if k < len(here) - 1 else "default"  # where there is none, the status says so
+            out.append(f"      {at}: {name}_q <= {_as_word(register, element, word)};")
+        out += ["    endcase", f"    if (!{name}_hit_q) {name}_q <= '0;", "  end", ""]
     out += [
-        "  // ---- 7: the page; 8: the answer ----",
+        "  // ---- 8: the page, the only one that is not 0; 9: the answer ----",
         f"  logic [{WORD - 1}:0] read_q;",
         "  always_ff @(posedge clk_i)",
-        f"    case (address_q[{map_bits - 1}:{PAGE_BITS}])",
-    ]
-    for page in pages:
-        out.append(f"      {_literal(map_bits - PAGE_BITS, page)}: read_q <= page_{page:02x}_q;")
-    out += [
-        "      default: read_q <= '0;",
-        "    endcase",
+        "    read_q <= " + "\n              | ".join(f"page_{page:02x}_q" for page in pages) + ";",
         "",
         "  always_ff @(posedge clk_i) begin",
         f"    bus_done_o   <= step_q[{last}];",
@@ -905,11 +937,27 @@ def register_file(made: Map, name: str = "register_file") -> str:
     return "\n".join(out)
 
 
+def _reset(register: Register) -> list[str]:
+    """Return what a reset does to a register that can be written."""
+    out = []
+    if register.wide:
+        out.append(f"      {register.name}_low_q <= {_literal(WORD, register.reset[0])};")
+    bits = sum(
+        (value & ((1 << register.width) - 1)) << (k * register.width)
+        for k, value in enumerate(register.reset)
+    )
+    value = _literal(register.width * register.count, bits) if bits else "'0"
+    out.append(f"      {register.name}_o <= {value};")
+    if register.access == "strobe":
+        out.append(f"      {register.name}_strobe_o <= 1'b0;")
+    return out
+
+
 def _window_memory(window: Window) -> list[str]:
     """Return a table's own memory, a field each, and what leaves with an entry."""
     name, bits, size = window.name, window.field_bits, 1 << window.index_bits
     last = len(window.fields) - 1
-    out = [f"  // ---- {name}: written at 5, read back at 6 and 7 ----"]
+    out = [f"  // ---- {name}: written at 6, read back at 7 and 8 ----"]
     for k, field in enumerate(window.fields):
         kept = f"{field.name}_q" if k == last else f"{field.name}_q, {field.name}_q2"
         out += [
@@ -918,7 +966,7 @@ def _window_memory(window: Window) -> list[str]:
         ]
     out += [f"  logic [{WORD - 1}:0] {name}_read_q;", "  always_ff @(posedge clk_i) begin"]
     for k, field in enumerate(window.fields):
-        here = f"write_q && {name}_hit_q"
+        here = f"write_q2 && {name}_hit_q"
         if bits:
             here += f" && address_q[{bits - 1}:0] == {_literal(bits, k)}"
         out += [
@@ -929,7 +977,7 @@ def _window_memory(window: Window) -> list[str]:
         if k != last:
             out.append(f"    {field.name}_q2 <= {field.name}_q;")
     out.append(f"    {name}_write_o <= 1'b0;")
-    here = f"write_q && {name}_hit_q"
+    here = f"write_q2 && {name}_hit_q"
     if bits:
         here += f" && address_q[{bits - 1}:0] == {_literal(bits, last)}"
     out += [

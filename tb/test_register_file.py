@@ -182,8 +182,10 @@ class Bus:
 
     async def reset(self) -> None:
         self.dut.rst_i.value = 1
+        self.dut.group_rst_i.value = (1 << len(self.dut.group_rst_i)) - 1
         await FallingEdge(self.dut.clk_i)
         self.dut.rst_i.value = 0
+        self.dut.group_rst_i.value = 0
         self.twin.reset()
         self.check_outputs("after a reset")
         self.check_strobes("after a reset", [])
@@ -200,8 +202,7 @@ class Bus:
 async def new_bus(dut) -> Bus:
     await reset(dut)
     bus = Bus(dut)
-    bus.twin.reset()
-    bus.check_outputs("after a reset")
+    await bus.reset()
     return bus
 
 
@@ -431,7 +432,7 @@ async def an_access_before_the_answer_is_ignored(dut) -> None:
     bus = await new_bus(dut)
     registers = [r for r in bus.rw if r.name not in bus.map.LOCKS and r.words == 1]
     for age in range(1, LATENCY):
-        first, second = registers[age], registers[age + 1]
+        first, second = (registers[k % len(registers)] for k in (age, age + 1))
         data = bus.word_of(first, first.address)
         bus.present(WRITE, first.address, data)
         for clock in range(1, LATENCY + 1):

@@ -1,5 +1,6 @@
 // register_bank: register_file with a struct for each side.  Wiring only: register_file
-// has the twin and the test, and vrscan's tests go through this.
+// has the twin and the test, and vrscan's tests go through this.  Each group of settings
+// has the register of its reset, a clock after rst_i.
 //
 // Generated from rtl/link/registers.toml by scripts/generate.py.
 
@@ -21,8 +22,15 @@ module register_bank (
   input  wire register_pkg::status_t             status_i
 );
 
+  logic rst;
+  logic [13:0] group_rst;
+  local_register u_reset (.clk_i, .d_i(rst_i), .q_o(rst));
+  for (genvar k = 0; k < 14; k++) begin : gen_reset
+    local_register u_reset (.clk_i, .d_i(rst_i), .q_o(group_rst[k]));
+  end
+
   register_file u_register_file (
-    .clk_i, .rst_i,
+    .clk_i, .rst_i(rst), .group_rst_i(group_rst),
     .bus_valid_i, .bus_access_i, .bus_address_i, .bus_data_i,
     .bus_done_o, .bus_status_o, .bus_data_o,
     .board_id_i(status_i.board_id),

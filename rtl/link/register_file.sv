@@ -5,21 +5,23 @@
 //
 // A memory has the rule of each address; the value is compared with the rule's bounds, a register
 // takes it, and all are read through the sixteen words of a page and then the page.  So what a
-// WRITE answers has been read back.
+// WRITE answers has been read back.  The registers stand all over the die, so what goes to many of
+// them, data, selection and reset, comes from registers near them.
 //
+//   group_rst_i   with rst_i: one for each group of settings, so that no net resets all of them
 //   bus_valid_i   ignored from the clock after it until bus_done_o
 //   bus_access_i  link_pkg; CHECK says what WRITE would, and changes nothing; 3 is as READ
 //   bus_status_o  with bus_done_o, the first that applies: StatusNoAddress, StatusReadOnly,
 //                 StatusLocked, StatusBadValue, StatusOk
 //   bus_data_o    with bus_done_o, the word as it is read; 0 unless OK
-//   *_o           what the bus has written, 6 clocks after bus_valid_i
+//   *_o           what the bus has written, 7 clocks after bus_valid_i
 //   *_strobe_o    in the first clock in which *_o has what was written
-//   *_i           a READ sees them 6 clocks after bus_valid_i
+//   *_i           a READ sees them 7 clocks after bus_valid_i
 //   Wide ones     take effect with their higher word; until then the lower one waits, and is read
 //                 as written.  The READ of a lower word of *_i keeps the higher one for its READ
 //   Tables        an entry goes out with its last field, the others are those written before; a
 //                 reset leaves what was written for the bus to read
-//   Latency       9 clocks from bus_valid_i to bus_done_o
+//   Latency       10 clocks from bus_valid_i to bus_done_o
 //   Model         vrscan.fixed.register_file, bit-exact
 
 `default_nettype none
@@ -27,6 +29,7 @@
 module register_file (
   input  wire logic                                                   clk_i,
   input  wire logic                                                   rst_i,
+  input  wire logic                                          [14-1:0] group_rst_i,
 
   input  wire logic                                                   bus_valid_i,
   input  wire logic                       [link_pkg::AccessWidth-1:0] bus_access_i,
@@ -278,7 +281,7 @@ module register_file (
 );
 
   // ---- an access, and how far it is ----
-  logic [8:1] step_q;
+  logic [9:1] step_q;
   logic [link_pkg::AccessWidth-1:0] access_q;
   logic [link_pkg::AddressWidth-1:0] address_q;
   logic [31:0] data_q;
@@ -287,7 +290,7 @@ module register_file (
   assign read = access_q != link_pkg::AccessWidth'(link_pkg::AccessCheck)
                 && access_q != link_pkg::AccessWidth'(link_pkg::AccessWrite);
   always_ff @(posedge clk_i) begin
-    step_q <= {step_q[7:1], start};
+    step_q <= {step_q[8:1], start};
     if (start) begin
       access_q  <= bus_access_i;
       address_q <= bus_address_i;
@@ -363,186 +366,448 @@ module register_file (
     if (rst_i) write_q <= 1'b0;
   end
 
-  // ---- 5: a register takes the word ----
+  // ---- 2: which page, which of its words, for writing and for reading ----
+  logic page_00_hit_q;
+  logic page_01_hit_q;
+  logic page_02_hit_q;
+  logic page_03_hit_q;
+  logic page_04_hit_q;
+  logic page_05_hit_q;
+  logic page_06_hit_q;
+  logic page_08_hit_q;
+  logic page_09_hit_q;
+  logic page_0a_hit_q;
+  logic page_0b_hit_q;
+  logic page_0c_hit_q;
+  logic page_0d_hit_q;
+  logic page_0e_hit_q;
+  logic page_10_hit_q;
+  logic page_12_hit_q;
+  logic page_13_hit_q;
+  logic page_16_hit_q;
+  logic page_18_hit_q;
+  logic page_1a_hit_q;
+  logic page_1c_hit_q;
+  logic page_1d_hit_q;
+  logic page_3f_hit_q;
+  logic [15:0] word_hit_q;
+  always_ff @(posedge clk_i) begin
+    page_00_hit_q <= address_q[15:4] == 12'h000;
+    page_01_hit_q <= address_q[15:4] == 12'h001;
+    page_02_hit_q <= address_q[15:4] == 12'h002;
+    page_03_hit_q <= address_q[15:4] == 12'h003;
+    page_04_hit_q <= address_q[15:4] == 12'h004;
+    page_05_hit_q <= address_q[15:4] == 12'h005;
+    page_06_hit_q <= address_q[15:4] == 12'h006;
+    page_08_hit_q <= address_q[15:4] == 12'h008;
+    page_09_hit_q <= address_q[15:4] == 12'h009;
+    page_0a_hit_q <= address_q[15:4] == 12'h00a;
+    page_0b_hit_q <= address_q[15:4] == 12'h00b;
+    page_0c_hit_q <= address_q[15:4] == 12'h00c;
+    page_0d_hit_q <= address_q[15:4] == 12'h00d;
+    page_0e_hit_q <= address_q[15:4] == 12'h00e;
+    page_10_hit_q <= address_q[15:4] == 12'h010;
+    page_12_hit_q <= address_q[15:4] == 12'h012;
+    page_13_hit_q <= address_q[15:4] == 12'h013;
+    page_16_hit_q <= address_q[15:4] == 12'h016;
+    page_18_hit_q <= address_q[15:4] == 12'h018;
+    page_1a_hit_q <= address_q[15:4] == 12'h01a;
+    page_1c_hit_q <= address_q[15:4] == 12'h01c;
+    page_1d_hit_q <= address_q[15:4] == 12'h01d;
+    page_3f_hit_q <= address_q[15:4] == 12'h03f;
+    for (int unsigned k = 0; k < 16; k++)
+      word_hit_q[k] <= address_q[3:0] == 4'(k);
+  end
+
+  // ---- 5: which register; 6: it takes the word ----
+  logic [156:0] take_q;
+  logic write_q2;
+  always_ff @(posedge clk_i) begin
+    write_q2 <= write_q;
+    if (rst_i) write_q2 <= 1'b0;
+    take_q[0] <= write_q && page_00_hit_q && word_hit_q[10] && !rst_i;
+    take_q[1] <= write_q && page_01_hit_q && word_hit_q[0] && !rst_i;
+    take_q[2] <= write_q && page_01_hit_q && word_hit_q[1] && !rst_i;
+    take_q[3] <= write_q && page_01_hit_q && word_hit_q[2] && !rst_i;
+    take_q[4] <= write_q && page_01_hit_q && word_hit_q[3] && !rst_i;
+    take_q[5] <= write_q && page_01_hit_q && word_hit_q[4] && !rst_i;
+    take_q[6] <= write_q && page_01_hit_q && word_hit_q[5] && !rst_i;
+    take_q[7] <= write_q && page_01_hit_q && word_hit_q[6] && !rst_i;
+    take_q[8] <= write_q && page_01_hit_q && word_hit_q[7] && !rst_i;
+    take_q[9] <= write_q && page_01_hit_q && word_hit_q[8] && !rst_i;
+    take_q[10] <= write_q && page_01_hit_q && word_hit_q[9] && !rst_i;
+    take_q[11] <= write_q && page_02_hit_q && word_hit_q[0] && !rst_i;
+    take_q[12] <= write_q && page_02_hit_q && word_hit_q[1] && !rst_i;
+    take_q[13] <= write_q && page_02_hit_q && word_hit_q[2] && !rst_i;
+    take_q[14] <= write_q && page_02_hit_q && word_hit_q[3] && !rst_i;
+    take_q[15] <= write_q && page_02_hit_q && word_hit_q[4] && !rst_i;
+    take_q[16] <= write_q && page_02_hit_q && word_hit_q[5] && !rst_i;
+    take_q[17] <= write_q && page_02_hit_q && word_hit_q[6] && !rst_i;
+    take_q[18] <= write_q && page_02_hit_q && word_hit_q[7] && !rst_i;
+    take_q[19] <= write_q && page_02_hit_q && word_hit_q[8] && !rst_i;
+    take_q[20] <= write_q && page_02_hit_q && word_hit_q[9] && !rst_i;
+    take_q[21] <= write_q && page_04_hit_q && word_hit_q[0] && !rst_i;
+    take_q[22] <= write_q && page_04_hit_q && word_hit_q[1] && !rst_i;
+    take_q[23] <= write_q && page_04_hit_q && word_hit_q[2] && !rst_i;
+    take_q[24] <= write_q && page_04_hit_q && word_hit_q[3] && !rst_i;
+    take_q[25] <= write_q && page_04_hit_q && word_hit_q[4] && !rst_i;
+    take_q[26] <= write_q && page_04_hit_q && word_hit_q[5] && !rst_i;
+    take_q[27] <= write_q && page_04_hit_q && word_hit_q[6] && !rst_i;
+    take_q[28] <= write_q && page_04_hit_q && word_hit_q[7] && !rst_i;
+    take_q[29] <= write_q && page_04_hit_q && word_hit_q[8] && !rst_i;
+    take_q[30] <= write_q && page_04_hit_q && word_hit_q[9] && !rst_i;
+    take_q[31] <= write_q && page_04_hit_q && word_hit_q[10] && !rst_i;
+    take_q[32] <= write_q && page_04_hit_q && word_hit_q[11] && !rst_i;
+    take_q[33] <= write_q && page_04_hit_q && word_hit_q[12] && !rst_i;
+    take_q[34] <= write_q && page_04_hit_q && word_hit_q[13] && !rst_i;
+    take_q[35] <= write_q && page_04_hit_q && word_hit_q[14] && !rst_i;
+    take_q[36] <= write_q && page_04_hit_q && word_hit_q[15] && !rst_i;
+    take_q[37] <= write_q && page_05_hit_q && word_hit_q[0] && !rst_i;
+    take_q[38] <= write_q && page_05_hit_q && word_hit_q[1] && !rst_i;
+    take_q[39] <= write_q && page_05_hit_q && word_hit_q[2] && !rst_i;
+    take_q[40] <= write_q && page_05_hit_q && word_hit_q[3] && !rst_i;
+    take_q[41] <= write_q && page_05_hit_q && word_hit_q[4] && !rst_i;
+    take_q[42] <= write_q && page_05_hit_q && word_hit_q[5] && !rst_i;
+    take_q[43] <= write_q && page_05_hit_q && word_hit_q[6] && !rst_i;
+    take_q[44] <= write_q && page_05_hit_q && word_hit_q[7] && !rst_i;
+    take_q[45] <= write_q && page_05_hit_q && word_hit_q[8] && !rst_i;
+    take_q[46] <= write_q && page_05_hit_q && word_hit_q[9] && !rst_i;
+    take_q[47] <= write_q && page_05_hit_q && word_hit_q[10] && !rst_i;
+    take_q[48] <= write_q && page_05_hit_q && word_hit_q[11] && !rst_i;
+    take_q[49] <= write_q && page_05_hit_q && word_hit_q[12] && !rst_i;
+    take_q[50] <= write_q && page_05_hit_q && word_hit_q[13] && !rst_i;
+    take_q[51] <= write_q && page_06_hit_q && word_hit_q[0] && !rst_i;
+    take_q[52] <= write_q && page_06_hit_q && word_hit_q[1] && !rst_i;
+    take_q[53] <= write_q && page_06_hit_q && word_hit_q[2] && !rst_i;
+    take_q[54] <= write_q && page_06_hit_q && word_hit_q[3] && !rst_i;
+    take_q[55] <= write_q && page_06_hit_q && word_hit_q[4] && !rst_i;
+    take_q[56] <= write_q && page_06_hit_q && word_hit_q[5] && !rst_i;
+    take_q[57] <= write_q && page_06_hit_q && word_hit_q[6] && !rst_i;
+    take_q[58] <= write_q && page_06_hit_q && word_hit_q[7] && !rst_i;
+    take_q[59] <= write_q && page_06_hit_q && word_hit_q[8] && !rst_i;
+    take_q[60] <= write_q && page_08_hit_q && word_hit_q[0] && !rst_i;
+    take_q[61] <= write_q && page_08_hit_q && word_hit_q[1] && !rst_i;
+    take_q[62] <= write_q && page_08_hit_q && word_hit_q[2] && !rst_i;
+    take_q[63] <= write_q && page_08_hit_q && word_hit_q[3] && !rst_i;
+    take_q[64] <= write_q && page_08_hit_q && word_hit_q[4] && !rst_i;
+    take_q[65] <= write_q && page_08_hit_q && word_hit_q[5] && !rst_i;
+    take_q[66] <= write_q && page_08_hit_q && word_hit_q[6] && !rst_i;
+    take_q[67] <= write_q && page_08_hit_q && word_hit_q[7] && !rst_i;
+    take_q[68] <= write_q && page_08_hit_q && word_hit_q[8] && !rst_i;
+    take_q[69] <= write_q && page_08_hit_q && word_hit_q[9] && !rst_i;
+    take_q[70] <= write_q && page_08_hit_q && word_hit_q[10] && !rst_i;
+    take_q[71] <= write_q && page_08_hit_q && word_hit_q[11] && !rst_i;
+    take_q[72] <= write_q && page_08_hit_q && word_hit_q[12] && !rst_i;
+    take_q[73] <= write_q && page_08_hit_q && word_hit_q[13] && !rst_i;
+    take_q[74] <= write_q && page_08_hit_q && word_hit_q[14] && !rst_i;
+    take_q[75] <= write_q && page_08_hit_q && word_hit_q[15] && !rst_i;
+    take_q[76] <= write_q && page_09_hit_q && word_hit_q[0] && !rst_i;
+    take_q[77] <= write_q && page_09_hit_q && word_hit_q[1] && !rst_i;
+    take_q[78] <= write_q && page_09_hit_q && word_hit_q[2] && !rst_i;
+    take_q[79] <= write_q && page_09_hit_q && word_hit_q[3] && !rst_i;
+    take_q[80] <= write_q && page_09_hit_q && word_hit_q[4] && !rst_i;
+    take_q[81] <= write_q && page_09_hit_q && word_hit_q[5] && !rst_i;
+    take_q[82] <= write_q && page_09_hit_q && word_hit_q[6] && !rst_i;
+    take_q[83] <= write_q && page_09_hit_q && word_hit_q[7] && !rst_i;
+    take_q[84] <= write_q && page_09_hit_q && word_hit_q[8] && !rst_i;
+    take_q[85] <= write_q && page_09_hit_q && word_hit_q[9] && !rst_i;
+    take_q[86] <= write_q && page_09_hit_q && word_hit_q[10] && !rst_i;
+    take_q[87] <= write_q && page_09_hit_q && word_hit_q[11] && !rst_i;
+    take_q[88] <= write_q && page_09_hit_q && word_hit_q[12] && !rst_i;
+    take_q[89] <= write_q && page_09_hit_q && word_hit_q[13] && !rst_i;
+    take_q[90] <= write_q && page_09_hit_q && word_hit_q[14] && !rst_i;
+    take_q[91] <= write_q && page_09_hit_q && word_hit_q[15] && !rst_i;
+    take_q[92] <= write_q && page_0a_hit_q && word_hit_q[0] && !rst_i;
+    take_q[93] <= write_q && page_0a_hit_q && word_hit_q[1] && !rst_i;
+    take_q[94] <= write_q && page_0a_hit_q && word_hit_q[2] && !rst_i;
+    take_q[95] <= write_q && page_0a_hit_q && word_hit_q[3] && !rst_i;
+    take_q[96] <= write_q && page_0a_hit_q && word_hit_q[4] && !rst_i;
+    take_q[97] <= write_q && page_0b_hit_q && word_hit_q[0] && !rst_i;
+    take_q[98] <= write_q && page_0b_hit_q && word_hit_q[1] && !rst_i;
+    take_q[99] <= write_q && page_0b_hit_q && word_hit_q[2] && !rst_i;
+    take_q[100] <= write_q && page_0b_hit_q && word_hit_q[3] && !rst_i;
+    take_q[101] <= write_q && page_0b_hit_q && word_hit_q[4] && !rst_i;
+    take_q[102] <= write_q && page_0b_hit_q && word_hit_q[5] && !rst_i;
+    take_q[103] <= write_q && page_0e_hit_q && word_hit_q[0] && !rst_i;
+    take_q[104] <= write_q && page_10_hit_q && word_hit_q[0] && !rst_i;
+    take_q[105] <= write_q && page_10_hit_q && word_hit_q[1] && !rst_i;
+    take_q[106] <= write_q && page_10_hit_q && word_hit_q[2] && !rst_i;
+    take_q[107] <= write_q && page_10_hit_q && word_hit_q[3] && !rst_i;
+    take_q[108] <= write_q && page_10_hit_q && word_hit_q[4] && !rst_i;
+    take_q[109] <= write_q && page_10_hit_q && word_hit_q[5] && !rst_i;
+    take_q[110] <= write_q && page_10_hit_q && word_hit_q[6] && !rst_i;
+    take_q[111] <= write_q && page_10_hit_q && word_hit_q[7] && !rst_i;
+    take_q[112] <= write_q && page_10_hit_q && word_hit_q[8] && !rst_i;
+    take_q[113] <= write_q && page_10_hit_q && word_hit_q[9] && !rst_i;
+    take_q[114] <= write_q && page_10_hit_q && word_hit_q[10] && !rst_i;
+    take_q[115] <= write_q && page_10_hit_q && word_hit_q[11] && !rst_i;
+    take_q[116] <= write_q && page_10_hit_q && word_hit_q[12] && !rst_i;
+    take_q[117] <= write_q && page_10_hit_q && word_hit_q[13] && !rst_i;
+    take_q[118] <= write_q && page_12_hit_q && word_hit_q[0] && !rst_i;
+    take_q[119] <= write_q && page_12_hit_q && word_hit_q[1] && !rst_i;
+    take_q[120] <= write_q && page_12_hit_q && word_hit_q[2] && !rst_i;
+    take_q[121] <= write_q && page_12_hit_q && word_hit_q[3] && !rst_i;
+    take_q[122] <= write_q && page_12_hit_q && word_hit_q[4] && !rst_i;
+    take_q[123] <= write_q && page_12_hit_q && word_hit_q[5] && !rst_i;
+    take_q[124] <= write_q && page_16_hit_q && word_hit_q[0] && !rst_i;
+    take_q[125] <= write_q && page_16_hit_q && word_hit_q[1] && !rst_i;
+    take_q[126] <= write_q && page_18_hit_q && word_hit_q[0] && !rst_i;
+    take_q[127] <= write_q && page_18_hit_q && word_hit_q[1] && !rst_i;
+    take_q[128] <= write_q && page_18_hit_q && word_hit_q[2] && !rst_i;
+    take_q[129] <= write_q && page_18_hit_q && word_hit_q[3] && !rst_i;
+    take_q[130] <= write_q && page_18_hit_q && word_hit_q[4] && !rst_i;
+    take_q[131] <= write_q && page_18_hit_q && word_hit_q[5] && !rst_i;
+    take_q[132] <= write_q && page_18_hit_q && word_hit_q[6] && !rst_i;
+    take_q[133] <= write_q && page_18_hit_q && word_hit_q[7] && !rst_i;
+    take_q[134] <= write_q && page_18_hit_q && word_hit_q[8] && !rst_i;
+    take_q[135] <= write_q && page_18_hit_q && word_hit_q[9] && !rst_i;
+    take_q[136] <= write_q && page_18_hit_q && word_hit_q[10] && !rst_i;
+    take_q[137] <= write_q && page_18_hit_q && word_hit_q[11] && !rst_i;
+    take_q[138] <= write_q && page_18_hit_q && word_hit_q[12] && !rst_i;
+    take_q[139] <= write_q && page_18_hit_q && word_hit_q[13] && !rst_i;
+    take_q[140] <= write_q && page_18_hit_q && word_hit_q[14] && !rst_i;
+    take_q[141] <= write_q && page_1c_hit_q && word_hit_q[0] && !rst_i;
+    take_q[142] <= write_q && page_1c_hit_q && word_hit_q[1] && !rst_i;
+    take_q[143] <= write_q && page_1c_hit_q && word_hit_q[2] && !rst_i;
+    take_q[144] <= write_q && page_1c_hit_q && word_hit_q[3] && !rst_i;
+    take_q[145] <= write_q && page_1c_hit_q && word_hit_q[4] && !rst_i;
+    take_q[146] <= write_q && page_1c_hit_q && word_hit_q[5] && !rst_i;
+    take_q[147] <= write_q && page_1c_hit_q && word_hit_q[6] && !rst_i;
+    take_q[148] <= write_q && page_1c_hit_q && word_hit_q[7] && !rst_i;
+    take_q[149] <= write_q && page_1c_hit_q && word_hit_q[8] && !rst_i;
+    take_q[150] <= write_q && page_1c_hit_q && word_hit_q[9] && !rst_i;
+    take_q[151] <= write_q && page_1c_hit_q && word_hit_q[10] && !rst_i;
+    take_q[152] <= write_q && page_1c_hit_q && word_hit_q[11] && !rst_i;
+    take_q[153] <= write_q && page_1c_hit_q && word_hit_q[12] && !rst_i;
+    take_q[154] <= write_q && page_3f_hit_q && word_hit_q[0] && !rst_i;
+    take_q[155] <= write_q && page_3f_hit_q && word_hit_q[1] && !rst_i;
+    take_q[156] <= write_q && page_3f_hit_q && word_hit_q[2] && !rst_i;
+  end
+
+  logic [31:0] identity_data;
+  local_register #(.Width(32)) u_identity_data (
+    .clk_i, .d_i(data_q[31:0]), .q_o(identity_data)
+  );
+  logic [23:0] peak_data;
+  local_register #(.Width(24)) u_peak_data (
+    .clk_i, .d_i(data_q[23:0]), .q_o(peak_data)
+  );
+  logic [31:0] geometry_data;
+  local_register #(.Width(32)) u_geometry_data (
+    .clk_i, .d_i(data_q[31:0]), .q_o(geometry_data)
+  );
+  logic [31:0] mirror_data;
+  local_register #(.Width(32)) u_mirror_data (
+    .clk_i, .d_i(data_q[31:0]), .q_o(mirror_data)
+  );
+  logic [31:0] mirror_limits_data;
+  local_register #(.Width(32)) u_mirror_limits_data (
+    .clk_i, .d_i(data_q[31:0]), .q_o(mirror_limits_data)
+  );
+  logic [27:0] motion_data;
+  local_register #(.Width(28)) u_motion_data (
+    .clk_i, .d_i(data_q[27:0]), .q_o(motion_data)
+  );
+  logic [31:0] line_data;
+  local_register #(.Width(32)) u_line_data (
+    .clk_i, .d_i(data_q[31:0]), .q_o(line_data)
+  );
+  logic [23:0] link_data;
+  local_register #(.Width(24)) u_link_data (
+    .clk_i, .d_i(data_q[23:0]), .q_o(link_data)
+  );
+  logic [15:0] laser_data;
+  local_register #(.Width(16)) u_laser_data (
+    .clk_i, .d_i(data_q[15:0]), .q_o(laser_data)
+  );
+  logic [31:0] laser_limits_data;
+  local_register #(.Width(32)) u_laser_limits_data (
+    .clk_i, .d_i(data_q[31:0]), .q_o(laser_limits_data)
+  );
+  logic [23:0] points_data;
+  local_register #(.Width(24)) u_points_data (
+    .clk_i, .d_i(data_q[23:0]), .q_o(points_data)
+  );
+  logic [31:0] focus_data;
+  local_register #(.Width(32)) u_focus_data (
+    .clk_i, .d_i(data_q[31:0]), .q_o(focus_data)
+  );
+  logic [31:0] test_data;
+  local_register #(.Width(32)) u_test_data (
+    .clk_i, .d_i(data_q[31:0]), .q_o(test_data)
+  );
+  logic [0:0] locks_data;
+  local_register #(.Width(1)) u_locks_data (
+    .clk_i, .d_i(data_q[0:0]), .q_o(locks_data)
+  );
   logic [31:0] sweep_word_low_q;
   logic [31:0] work_word_low_q;
   logic [31:0] ratio_low_q;
   always_ff @(posedge clk_i) begin
-    uart_step_strobe_o <= 1'b0;
-    test_start_strobe_o <= 1'b0;
-    test_stop_strobe_o <= 1'b0;
-    if (write_q && map_hit_q)
-      case (address_q[9:0])
-        10'h00a: scratch_o <= data_q;
-        10'h010: period_n_o <= data_q[0];
-        10'h011: noise_row_o <= data_q[0];
-        10'h012: k_noise_o <= data_q[15:0];
-        10'h013: k_height_o <= data_q[15:0];
-        10'h014: snr_min_o <= data_q[15:0];
-        10'h015: min_width_o <= data_q[7:0];
-        10'h016: max_width_o <= data_q[7:0];
-        10'h017: kappa_o <= data_q[17:0];
-        10'h018: c_obj_gain_o <= data_q[23:0];
-        10'h019: c_sfm_gain_o <= data_q[23:0];
-        10'h020: centre_o <= signed'(data_q);
-        10'h021: k1_o <= signed'(data_q[25:0]);
-        10'h022: k2_o <= signed'(data_q[25:0]);
-        10'h023: even_o <= data_q[0];
-        10'h024: n0_o <= signed'(data_q);
-        10'h025: n1_o <= signed'(data_q);
-        10'h026: d0_o <= signed'(data_q);
-        10'h027: d1_o <= signed'(data_q);
-        10'h028: e0_o <= signed'(data_q);
-        10'h029: e1_o <= signed'(data_q);
-        10'h040: mirror_enable_o <= data_q[0];
-        10'h041: line_enable_o <= data_q[0];
-        10'h042: sweep_word_low_q <= data_q;
-        10'h043: sweep_word_o <= {data_q[7:0], sweep_word_low_q};
-        10'h044: work_word_low_q <= data_q;
-        10'h045: work_word_o <= {data_q[7:0], work_word_low_q};
-        10'h046: sweep_rate_o <= data_q;
-        10'h047: glitch_clks_o <= data_q[7:0];
-        10'h048: width_min_clks_o <= data_q;
-        10'h049: width_max_clks_o <= data_q;
-        10'h04a: period_max_clks_o <= data_q;
-        10'h04b: phase_shift_o <= data_q[3:0];
-        10'h04c: rate_shift_o <= data_q[5:0];
-        10'h04d: amplitude_shift_o <= data_q[3:0];
-        10'h04e: error_limit_o <= data_q[27:0];
-        10'h04f: amplitude_set_o <= data_q[25:0];
-        10'h050: k_p_o <= data_q[17:0];
-        10'h051: k_i_o <= data_q[17:0];
-        10'h052: level_low_o <= data_q[19:0];
-        10'h053: level_high_o <= data_q[19:0];
-        10'h054: level_nominal_o <= data_q[19:0];
-        10'h055: trim_step_o <= data_q[23:0];
-        10'h056: trim_gain_o <= data_q[17:0];
-        10'h057: trim_up_o <= data_q[0];
-        10'h058: settle_limit_o <= data_q[25:0];
-        10'h059: shock_limit_o <= data_q[25:0];
-        10'h05a: phase_limit_o <= data_q[27:0];
-        10'h05b: settle_count_o <= data_q[7:0];
-        10'h05c: hold_count_o <= data_q[7:0];
-        10'h05d: confidence_gain_o <= data_q[23:0];
-        10'h060: duty_o <= data_q[15:0];
-        10'h061: sweep_level_o <= data_q[19:0];
-        10'h062: level_min_o <= data_q[19:0];
-        10'h063: level_max_o <= data_q[19:0];
-        10'h064: trim_min_o <= signed'(data_q);
-        10'h065: trim_max_o <= signed'(data_q);
-        10'h066: sweep_timeout_o <= data_q;
-        10'h067: settle_timeout_o <= data_q;
-        10'h068: lost_timeout_o <= data_q;
-        10'h080: drive_phase_o <= data_q[27:0];
-        10'h081: motion_a_o[0+:24] <= data_q[23:0];
-        10'h082: motion_a_o[24+:24] <= data_q[23:0];
-        10'h083: motion_a_o[48+:24] <= data_q[23:0];
-        10'h084: motion_a_o[72+:24] <= data_q[23:0];
-        10'h085: motion_a_o[96+:24] <= data_q[23:0];
-        10'h086: motion_a_o[120+:24] <= data_q[23:0];
-        10'h087: motion_a_o[144+:24] <= data_q[23:0];
-        10'h088: motion_a_o[168+:24] <= data_q[23:0];
-        10'h089: motion_a_o[192+:24] <= data_q[23:0];
-        10'h08a: motion_phi_o[0+:28] <= data_q[27:0];
-        10'h08b: motion_phi_o[28+:28] <= data_q[27:0];
-        10'h08c: motion_phi_o[56+:28] <= data_q[27:0];
-        10'h08d: motion_phi_o[84+:28] <= data_q[27:0];
-        10'h08e: motion_phi_o[112+:28] <= data_q[27:0];
-        10'h08f: motion_phi_o[140+:28] <= data_q[27:0];
-        10'h090: motion_phi_o[168+:28] <= data_q[27:0];
-        10'h091: motion_phi_o[196+:28] <= data_q[27:0];
-        10'h092: motion_phi_o[224+:28] <= data_q[27:0];
-        10'h093: motion_da_o[0+:24] <= data_q[23:0];
-        10'h094: motion_da_o[24+:24] <= data_q[23:0];
-        10'h095: motion_da_o[48+:24] <= data_q[23:0];
-        10'h096: motion_da_o[72+:24] <= data_q[23:0];
-        10'h097: motion_da_o[96+:24] <= data_q[23:0];
-        10'h098: motion_da_o[120+:24] <= data_q[23:0];
-        10'h099: motion_da_o[144+:24] <= data_q[23:0];
-        10'h09a: motion_da_o[168+:24] <= data_q[23:0];
-        10'h09b: motion_da_o[192+:24] <= data_q[23:0];
-        10'h09c: motion_dphi_o[0+:24] <= data_q[23:0];
-        10'h09d: motion_dphi_o[24+:24] <= data_q[23:0];
-        10'h09e: motion_dphi_o[48+:24] <= data_q[23:0];
-        10'h09f: motion_dphi_o[72+:24] <= data_q[23:0];
-        10'h0a0: motion_dphi_o[96+:24] <= data_q[23:0];
-        10'h0a1: motion_dphi_o[120+:24] <= data_q[23:0];
-        10'h0a2: motion_dphi_o[144+:24] <= data_q[23:0];
-        10'h0a3: motion_dphi_o[168+:24] <= data_q[23:0];
-        10'h0a4: motion_dphi_o[192+:24] <= data_q[23:0];
-        10'h0b0: ratio_low_q <= data_q;
-        10'h0b1: ratio_o <= {data_q[11:0], ratio_low_q};
-        10'h0b2: exposure_delay_clks_o <= data_q[19:0];
-        10'h0b3: exposure_clks_o <= data_q[19:0];
-        10'h0b4: pulse_delay_clks_o <= data_q[19:0];
-        10'h0b5: pulse_clks_o <= data_q[19:0];
-        10'h0e0: begin
-          uart_step_o <= data_q[23:0];
-          uart_step_strobe_o <= 1'b1;
-        end
-        10'h100: laser_enable_o <= data_q[0];
-        10'h101: laser_adapt_o <= data_q[0];
-        10'h102: laser_shared_o <= data_q[0];
-        10'h103: laser_power_o <= data_q[15:0];
-        10'h104: laser_power_min_o <= data_q[15:0];
-        10'h105: laser_power_max_o <= data_q[15:0];
-        10'h106: laser_startup_o <= data_q[15:0];
-        10'h107: laser_target_o <= data_q[15:0];
-        10'h108: laser_cut_o <= data_q[13:0];
-        10'h109: laser_down_o <= data_q[15:0];
-        10'h10a: laser_up_o <= data_q[15:0];
-        10'h10b: laser_search_o <= data_q[13:0];
-        10'h10c: laser_index_begin_o <= data_q[15:0];
-        10'h10d: laser_index_end_o <= data_q[15:0];
-        10'h120: laser_limit_power_o <= data_q[15:0];
-        10'h121: laser_limit_startup_o <= data_q[15:0];
-        10'h122: laser_limit_pulse_clks_o <= data_q[19:0];
-        10'h123: laser_limit_drain_o <= data_q[15:0];
-        10'h124: laser_limit_bucket_o <= data_q;
-        10'h125: laser_watchdog_clks_o <= data_q;
-        10'h160: points_batch_o <= data_q[7:0];
-        10'h161: points_timeout_clks_o <= data_q[23:0];
-        10'h180: focus_mode_o <= data_q[1:0];
-        10'h181: focus_manual_o <= data_q[15:0];
-        10'h182: focus_average_shift_o <= data_q[3:0];
-        10'h183: focus_lapse_o <= data_q[15:0];
-        10'h184: focus_z_begin_o <= signed'(data_q[23:0]);
-        10'h185: focus_z_shift_o <= data_q[3:0];
-        10'h186: focus_hysteresis_o <= data_q[15:0];
-        10'h187: focus_hold_o <= data_q[15:0];
-        10'h188: focus_address_o <= data_q[6:0];
-        10'h189: focus_quarter_clks_o <= data_q[15:0];
-        10'h18a: focus_stretch_clks_o <= data_q[23:0];
-        10'h18b: focus_poll_clks_o <= data_q[23:0];
-        10'h18c: focus_tolerance_o <= data_q[15:0];
-        10'h18d: focus_timeout_clks_o <= data_q;
-        10'h18e: focus_retries_o <= data_q[7:0];
-        10'h1c0: test_position_o <= data_q[23:0];
-        10'h1c1: test_move_o <= signed'(data_q[23:0]);
-        10'h1c2: test_step_o <= data_q[28:0];
-        10'h1c3: test_height_o <= data_q[15:0];
-        10'h1c4: test_pedestal_o <= data_q[15:0];
-        10'h1c5: test_noise_o <= data_q[15:0];
-        10'h1c6: test_seed_o <= data_q;
-        10'h1c7: test_lines_o <= data_q;
-        10'h1c8: test_period_clks_o <= data_q[23:0];
-        10'h1c9: test_angle_o <= signed'(data_q[23:0]);
-        10'h1ca: test_power_o <= data_q[15:0];
-        10'h1cb: begin
-          test_start_o <= data_q[0];
-          test_start_strobe_o <= 1'b1;
-        end
-        10'h1cc: begin
-          test_stop_o <= data_q[0];
-          test_stop_strobe_o <= 1'b1;
-        end
-        10'h3f0: lock_calibration_o <= data_q[0];
-        10'h3f1: lock_mirror_o <= data_q[0];
-        10'h3f2: lock_laser_o <= data_q[0];
-        default: ;
-      endcase
-    if (rst_i) begin
+    uart_step_strobe_o <= take_q[103];
+    test_start_strobe_o <= take_q[152];
+    test_stop_strobe_o <= take_q[153];
+    if (take_q[0]) scratch_o <= identity_data;
+    if (take_q[1]) period_n_o <= peak_data[0];
+    if (take_q[2]) noise_row_o <= peak_data[0];
+    if (take_q[3]) k_noise_o <= peak_data[15:0];
+    if (take_q[4]) k_height_o <= peak_data[15:0];
+    if (take_q[5]) snr_min_o <= peak_data[15:0];
+    if (take_q[6]) min_width_o <= peak_data[7:0];
+    if (take_q[7]) max_width_o <= peak_data[7:0];
+    if (take_q[8]) kappa_o <= peak_data[17:0];
+    if (take_q[9]) c_obj_gain_o <= peak_data;
+    if (take_q[10]) c_sfm_gain_o <= peak_data;
+    if (take_q[11]) centre_o <= signed'(geometry_data);
+    if (take_q[12]) k1_o <= signed'(geometry_data[25:0]);
+    if (take_q[13]) k2_o <= signed'(geometry_data[25:0]);
+    if (take_q[14]) even_o <= geometry_data[0];
+    if (take_q[15]) n0_o <= signed'(geometry_data);
+    if (take_q[16]) n1_o <= signed'(geometry_data);
+    if (take_q[17]) d0_o <= signed'(geometry_data);
+    if (take_q[18]) d1_o <= signed'(geometry_data);
+    if (take_q[19]) e0_o <= signed'(geometry_data);
+    if (take_q[20]) e1_o <= signed'(geometry_data);
+    if (take_q[21]) mirror_enable_o <= mirror_data[0];
+    if (take_q[22]) line_enable_o <= mirror_data[0];
+    if (take_q[23]) sweep_word_low_q <= mirror_data;
+    if (take_q[24]) sweep_word_o <= {mirror_data[7:0], sweep_word_low_q};
+    if (take_q[25]) work_word_low_q <= mirror_data;
+    if (take_q[26]) work_word_o <= {mirror_data[7:0], work_word_low_q};
+    if (take_q[27]) sweep_rate_o <= mirror_data;
+    if (take_q[28]) glitch_clks_o <= mirror_data[7:0];
+    if (take_q[29]) width_min_clks_o <= mirror_data;
+    if (take_q[30]) width_max_clks_o <= mirror_data;
+    if (take_q[31]) period_max_clks_o <= mirror_data;
+    if (take_q[32]) phase_shift_o <= mirror_data[3:0];
+    if (take_q[33]) rate_shift_o <= mirror_data[5:0];
+    if (take_q[34]) amplitude_shift_o <= mirror_data[3:0];
+    if (take_q[35]) error_limit_o <= mirror_data[27:0];
+    if (take_q[36]) amplitude_set_o <= mirror_data[25:0];
+    if (take_q[37]) k_p_o <= mirror_data[17:0];
+    if (take_q[38]) k_i_o <= mirror_data[17:0];
+    if (take_q[39]) level_low_o <= mirror_data[19:0];
+    if (take_q[40]) level_high_o <= mirror_data[19:0];
+    if (take_q[41]) level_nominal_o <= mirror_data[19:0];
+    if (take_q[42]) trim_step_o <= mirror_data[23:0];
+    if (take_q[43]) trim_gain_o <= mirror_data[17:0];
+    if (take_q[44]) trim_up_o <= mirror_data[0];
+    if (take_q[45]) settle_limit_o <= mirror_data[25:0];
+    if (take_q[46]) shock_limit_o <= mirror_data[25:0];
+    if (take_q[47]) phase_limit_o <= mirror_data[27:0];
+    if (take_q[48]) settle_count_o <= mirror_data[7:0];
+    if (take_q[49]) hold_count_o <= mirror_data[7:0];
+    if (take_q[50]) confidence_gain_o <= mirror_data[23:0];
+    if (take_q[51]) duty_o <= mirror_limits_data[15:0];
+    if (take_q[52]) sweep_level_o <= mirror_limits_data[19:0];
+    if (take_q[53]) level_min_o <= mirror_limits_data[19:0];
+    if (take_q[54]) level_max_o <= mirror_limits_data[19:0];
+    if (take_q[55]) trim_min_o <= signed'(mirror_limits_data);
+    if (take_q[56]) trim_max_o <= signed'(mirror_limits_data);
+    if (take_q[57]) sweep_timeout_o <= mirror_limits_data;
+    if (take_q[58]) settle_timeout_o <= mirror_limits_data;
+    if (take_q[59]) lost_timeout_o <= mirror_limits_data;
+    if (take_q[60]) drive_phase_o <= motion_data;
+    if (take_q[61]) motion_a_o[0+:24] <= motion_data[23:0];
+    if (take_q[62]) motion_a_o[24+:24] <= motion_data[23:0];
+    if (take_q[63]) motion_a_o[48+:24] <= motion_data[23:0];
+    if (take_q[64]) motion_a_o[72+:24] <= motion_data[23:0];
+    if (take_q[65]) motion_a_o[96+:24] <= motion_data[23:0];
+    if (take_q[66]) motion_a_o[120+:24] <= motion_data[23:0];
+    if (take_q[67]) motion_a_o[144+:24] <= motion_data[23:0];
+    if (take_q[68]) motion_a_o[168+:24] <= motion_data[23:0];
+    if (take_q[69]) motion_a_o[192+:24] <= motion_data[23:0];
+    if (take_q[70]) motion_phi_o[0+:28] <= motion_data;
+    if (take_q[71]) motion_phi_o[28+:28] <= motion_data;
+    if (take_q[72]) motion_phi_o[56+:28] <= motion_data;
+    if (take_q[73]) motion_phi_o[84+:28] <= motion_data;
+    if (take_q[74]) motion_phi_o[112+:28] <= motion_data;
+    if (take_q[75]) motion_phi_o[140+:28] <= motion_data;
+    if (take_q[76]) motion_phi_o[168+:28] <= motion_data;
+    if (take_q[77]) motion_phi_o[196+:28] <= motion_data;
+    if (take_q[78]) motion_phi_o[224+:28] <= motion_data;
+    if (take_q[79]) motion_da_o[0+:24] <= motion_data[23:0];
+    if (take_q[80]) motion_da_o[24+:24] <= motion_data[23:0];
+    if (take_q[81]) motion_da_o[48+:24] <= motion_data[23:0];
+    if (take_q[82]) motion_da_o[72+:24] <= motion_data[23:0];
+    if (take_q[83]) motion_da_o[96+:24] <= motion_data[23:0];
+    if (take_q[84]) motion_da_o[120+:24] <= motion_data[23:0];
+    if (take_q[85]) motion_da_o[144+:24] <= motion_data[23:0];
+    if (take_q[86]) motion_da_o[168+:24] <= motion_data[23:0];
+    if (take_q[87]) motion_da_o[192+:24] <= motion_data[23:0];
+    if (take_q[88]) motion_dphi_o[0+:24] <= motion_data[23:0];
+    if (take_q[89]) motion_dphi_o[24+:24] <= motion_data[23:0];
+    if (take_q[90]) motion_dphi_o[48+:24] <= motion_data[23:0];
+    if (take_q[91]) motion_dphi_o[72+:24] <= motion_data[23:0];
+    if (take_q[92]) motion_dphi_o[96+:24] <= motion_data[23:0];
+    if (take_q[93]) motion_dphi_o[120+:24] <= motion_data[23:0];
+    if (take_q[94]) motion_dphi_o[144+:24] <= motion_data[23:0];
+    if (take_q[95]) motion_dphi_o[168+:24] <= motion_data[23:0];
+    if (take_q[96]) motion_dphi_o[192+:24] <= motion_data[23:0];
+    if (take_q[97]) ratio_low_q <= line_data;
+    if (take_q[98]) ratio_o <= {line_data[11:0], ratio_low_q};
+    if (take_q[99]) exposure_delay_clks_o <= line_data[19:0];
+    if (take_q[100]) exposure_clks_o <= line_data[19:0];
+    if (take_q[101]) pulse_delay_clks_o <= line_data[19:0];
+    if (take_q[102]) pulse_clks_o <= line_data[19:0];
+    if (take_q[103]) uart_step_o <= link_data;
+    if (take_q[104]) laser_enable_o <= laser_data[0];
+    if (take_q[105]) laser_adapt_o <= laser_data[0];
+    if (take_q[106]) laser_shared_o <= laser_data[0];
+    if (take_q[107]) laser_power_o <= laser_data;
+    if (take_q[108]) laser_power_min_o <= laser_data;
+    if (take_q[109]) laser_power_max_o <= laser_data;
+    if (take_q[110]) laser_startup_o <= laser_data;
+    if (take_q[111]) laser_target_o <= laser_data;
+    if (take_q[112]) laser_cut_o <= laser_data[13:0];
+    if (take_q[113]) laser_down_o <= laser_data;
+    if (take_q[114]) laser_up_o <= laser_data;
+    if (take_q[115]) laser_search_o <= laser_data[13:0];
+    if (take_q[116]) laser_index_begin_o <= laser_data;
+    if (take_q[117]) laser_index_end_o <= laser_data;
+    if (take_q[118]) laser_limit_power_o <= laser_limits_data[15:0];
+    if (take_q[119]) laser_limit_startup_o <= laser_limits_data[15:0];
+    if (take_q[120]) laser_limit_pulse_clks_o <= laser_limits_data[19:0];
+    if (take_q[121]) laser_limit_drain_o <= laser_limits_data[15:0];
+    if (take_q[122]) laser_limit_bucket_o <= laser_limits_data;
+    if (take_q[123]) laser_watchdog_clks_o <= laser_limits_data;
+    if (take_q[124]) points_batch_o <= points_data[7:0];
+    if (take_q[125]) points_timeout_clks_o <= points_data;
+    if (take_q[126]) focus_mode_o <= focus_data[1:0];
+    if (take_q[127]) focus_manual_o <= focus_data[15:0];
+    if (take_q[128]) focus_average_shift_o <= focus_data[3:0];
+    if (take_q[129]) focus_lapse_o <= focus_data[15:0];
+    if (take_q[130]) focus_z_begin_o <= signed'(focus_data[23:0]);
+    if (take_q[131]) focus_z_shift_o <= focus_data[3:0];
+    if (take_q[132]) focus_hysteresis_o <= focus_data[15:0];
+    if (take_q[133]) focus_hold_o <= focus_data[15:0];
+    if (take_q[134]) focus_address_o <= focus_data[6:0];
+    if (take_q[135]) focus_quarter_clks_o <= focus_data[15:0];
+    if (take_q[136]) focus_stretch_clks_o <= focus_data[23:0];
+    if (take_q[137]) focus_poll_clks_o <= focus_data[23:0];
+    if (take_q[138]) focus_tolerance_o <= focus_data[15:0];
+    if (take_q[139]) focus_timeout_clks_o <= focus_data;
+    if (take_q[140]) focus_retries_o <= focus_data[7:0];
+    if (take_q[141]) test_position_o <= test_data[23:0];
+    if (take_q[142]) test_move_o <= signed'(test_data[23:0]);
+    if (take_q[143]) test_step_o <= test_data[28:0];
+    if (take_q[144]) test_height_o <= test_data[15:0];
+    if (take_q[145]) test_pedestal_o <= test_data[15:0];
+    if (take_q[146]) test_noise_o <= test_data[15:0];
+    if (take_q[147]) test_seed_o <= test_data;
+    if (take_q[148]) test_lines_o <= test_data;
+    if (take_q[149]) test_period_clks_o <= test_data[23:0];
+    if (take_q[150]) test_angle_o <= signed'(test_data[23:0]);
+    if (take_q[151]) test_power_o <= test_data[15:0];
+    if (take_q[152]) test_start_o <= test_data[0];
+    if (take_q[153]) test_stop_o <= test_data[0];
+    if (take_q[154]) lock_calibration_o <= locks_data[0];
+    if (take_q[155]) lock_mirror_o <= locks_data[0];
+    if (take_q[156]) lock_laser_o <= locks_data[0];
+    if (group_rst_i[0]) begin  // identity
       scratch_o <= '0;
+    end
+    if (group_rst_i[1]) begin  // peak
       period_n_o <= 1'h1;
       noise_row_o <= '0;
       k_noise_o <= 16'h0280;
@@ -553,6 +818,8 @@ module register_file (
       kappa_o <= 18'h03333;
       c_obj_gain_o <= 24'h00028d;
       c_sfm_gain_o <= 24'h0000ff;
+    end
+    if (group_rst_i[2]) begin  // geometry
       centre_o <= 32'h3ff80000;
       k1_o <= '0;
       k2_o <= '0;
@@ -563,6 +830,8 @@ module register_file (
       d1_o <= 32'hdba83161;
       e0_o <= 32'h3f608d52;
       e1_o <= 32'h051b9098;
+    end
+    if (group_rst_i[3]) begin  // mirror
       mirror_enable_o <= '0;
       line_enable_o <= '0;
       sweep_word_low_q <= 32'h00000000;
@@ -593,6 +862,8 @@ module register_file (
       settle_count_o <= '0;
       hold_count_o <= '0;
       confidence_gain_o <= '0;
+    end
+    if (group_rst_i[4]) begin  // mirror_limits
       duty_o <= '0;
       sweep_level_o <= '0;
       level_min_o <= '0;
@@ -602,19 +873,27 @@ module register_file (
       sweep_timeout_o <= '0;
       settle_timeout_o <= '0;
       lost_timeout_o <= '0;
+    end
+    if (group_rst_i[5]) begin  // motion
       drive_phase_o <= '0;
       motion_a_o <= '0;
       motion_phi_o <= '0;
       motion_da_o <= '0;
       motion_dphi_o <= '0;
+    end
+    if (group_rst_i[6]) begin  // line
       ratio_low_q <= 32'h00000000;
       ratio_o <= '0;
       exposure_delay_clks_o <= '0;
       exposure_clks_o <= '0;
       pulse_delay_clks_o <= '0;
       pulse_clks_o <= '0;
+    end
+    if (group_rst_i[7]) begin  // link
       uart_step_o <= 24'h07ae14;
       uart_step_strobe_o <= 1'b0;
+    end
+    if (group_rst_i[8]) begin  // laser
       laser_enable_o <= '0;
       laser_adapt_o <= '0;
       laser_shared_o <= '0;
@@ -629,14 +908,20 @@ module register_file (
       laser_search_o <= '0;
       laser_index_begin_o <= '0;
       laser_index_end_o <= '0;
+    end
+    if (group_rst_i[9]) begin  // laser_limits
       laser_limit_power_o <= '0;
       laser_limit_startup_o <= '0;
       laser_limit_pulse_clks_o <= '0;
       laser_limit_drain_o <= '0;
       laser_limit_bucket_o <= '0;
       laser_watchdog_clks_o <= '0;
+    end
+    if (group_rst_i[10]) begin  // points
       points_batch_o <= 8'h18;
       points_timeout_clks_o <= 24'h1e8480;
+    end
+    if (group_rst_i[11]) begin  // focus
       focus_mode_o <= '0;
       focus_manual_o <= '0;
       focus_average_shift_o <= '0;
@@ -652,6 +937,8 @@ module register_file (
       focus_tolerance_o <= '0;
       focus_timeout_clks_o <= '0;
       focus_retries_o <= '0;
+    end
+    if (group_rst_i[12]) begin  // test
       test_position_o <= 24'h400000;
       test_move_o <= 24'h001000;
       test_step_o <= 29'h00cccccd;
@@ -667,28 +954,30 @@ module register_file (
       test_start_strobe_o <= 1'b0;
       test_stop_o <= '0;
       test_stop_strobe_o <= 1'b0;
+    end
+    if (group_rst_i[13]) begin  // locks
       lock_calibration_o <= '0;
       lock_mirror_o <= '0;
       lock_laser_o <= '0;
     end
   end
 
-  // ---- table: written at 5, read back at 6 and 7 ----
+  // ---- table: written at 6, read back at 7 and 8 ----
   logic [25:0] table_amplitude_mem[1024];
   logic [25:0] table_amplitude_q, table_amplitude_q2;
   logic [27:0] table_midpoint_mem[1024];
   logic [27:0] table_midpoint_q;
   logic [31:0] table_read_q;
   always_ff @(posedge clk_i) begin
-    if (write_q && table_hit_q && address_q[0:0] == 1'h0 && !rst_i)
+    if (write_q2 && table_hit_q && address_q[0:0] == 1'h0 && !rst_i)
       table_amplitude_mem[table_index] <= data_q[25:0];
     table_amplitude_q <= table_amplitude_mem[table_index];
     table_amplitude_q2 <= table_amplitude_q;
-    if (write_q && table_hit_q && address_q[0:0] == 1'h1 && !rst_i)
+    if (write_q2 && table_hit_q && address_q[0:0] == 1'h1 && !rst_i)
       table_midpoint_mem[table_index] <= data_q[27:0];
     table_midpoint_q <= table_midpoint_mem[table_index];
     table_write_o <= 1'b0;
-    if (write_q && table_hit_q && address_q[0:0] == 1'h1) begin
+    if (write_q2 && table_hit_q && address_q[0:0] == 1'h1) begin
       table_write_o <= 1'b1;
       table_index_o <= table_index;
       table_amplitude_o <= table_amplitude_q2;
@@ -702,16 +991,16 @@ module register_file (
     if (rst_i) table_write_o <= 1'b0;
   end
 
-  // ---- focus_table: written at 5, read back at 6 and 7 ----
+  // ---- focus_table: written at 6, read back at 7 and 8 ----
   logic [15:0] focus_table_position_mem[64];
   logic [15:0] focus_table_position_q;
   logic [31:0] focus_table_read_q;
   always_ff @(posedge clk_i) begin
-    if (write_q && focus_table_hit_q && !rst_i)
+    if (write_q2 && focus_table_hit_q && !rst_i)
       focus_table_position_mem[focus_table_index] <= data_q[15:0];
     focus_table_position_q <= focus_table_position_mem[focus_table_index];
     focus_table_write_o <= 1'b0;
-    if (write_q && focus_table_hit_q) begin
+    if (write_q2 && focus_table_hit_q) begin
       focus_table_write_o <= 1'b1;
       focus_table_index_o <= focus_table_index;
       focus_table_position_o <= data_q[15:0];
@@ -720,24 +1009,31 @@ module register_file (
     if (rst_i) focus_table_write_o <= 1'b0;
   end
 
-  // ---- 6: the words of a page; what is wide stays whole ----
+  // ---- 7: the words of a page; what is wide stays whole ----
   logic [15:0] uptime_high_q;
   logic [7:0] mirror_word_high_q;
   logic [15:0] mirror_drive_phase_high_q;
   logic [15:0] mirror_phase_high_q;
-  always_ff @(posedge clk_i)
-    if (step_q[6] && read && map_hit_q)
-      case (address_q[9:0])
-        10'h00b: uptime_high_q <= uptime_i[47:32];
-        10'h0c2: mirror_word_high_q <= mirror_word_i[39:32];
-        10'h0c4: mirror_drive_phase_high_q <= mirror_drive_phase_i[47:32];
-        10'h0c6: mirror_phase_high_q <= mirror_phase_i[47:32];
-        default: ;
-      endcase
+  logic [3:0] keep_q;
+  always_ff @(posedge clk_i) begin
+    keep_q[0] <= step_q[6] && read && page_00_hit_q && word_hit_q[11];
+    if (keep_q[0]) uptime_high_q <= uptime_i[47:32];
+    keep_q[1] <= step_q[6] && read && page_0c_hit_q && word_hit_q[2];
+    if (keep_q[1]) mirror_word_high_q <= mirror_word_i[39:32];
+    keep_q[2] <= step_q[6] && read && page_0c_hit_q && word_hit_q[4];
+    if (keep_q[2]) mirror_drive_phase_high_q <= mirror_drive_phase_i[47:32];
+    keep_q[3] <= step_q[6] && read && page_0c_hit_q && word_hit_q[6];
+    if (keep_q[3]) mirror_phase_high_q <= mirror_phase_i[47:32];
+    if (rst_i) keep_q <= '0;
+  end
 
   logic [31:0] page_00_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_00_word;
+  local_register #(.Width(4)) u_page_00_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_00_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_00_word)
       4'h0: page_00_q <= 32'h56525343;
       4'h1: page_00_q <= 32'h9bd00595;
       4'h2: page_00_q <= 32'h00000100;
@@ -750,13 +1046,18 @@ module register_file (
       4'h9: page_00_q <= 32'(index_oversample_i);
       4'ha: page_00_q <= scratch_o;
       4'hb: page_00_q <= uptime_i[31:0];
-      4'hc: page_00_q <= 32'(uptime_high_q);
-      default: page_00_q <= '0;
+      default: page_00_q <= 32'(uptime_high_q);
     endcase
+    if (!page_00_hit_q) page_00_q <= '0;
+  end
 
   logic [31:0] page_01_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_01_word;
+  local_register #(.Width(4)) u_page_01_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_01_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_01_word)
       4'h0: page_01_q <= 32'(period_n_o);
       4'h1: page_01_q <= 32'(noise_row_o);
       4'h2: page_01_q <= 32'(k_noise_o);
@@ -766,13 +1067,18 @@ module register_file (
       4'h6: page_01_q <= 32'(max_width_o);
       4'h7: page_01_q <= 32'(kappa_o);
       4'h8: page_01_q <= 32'(c_obj_gain_o);
-      4'h9: page_01_q <= 32'(c_sfm_gain_o);
-      default: page_01_q <= '0;
+      default: page_01_q <= 32'(c_sfm_gain_o);
     endcase
+    if (!page_01_hit_q) page_01_q <= '0;
+  end
 
   logic [31:0] page_02_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_02_word;
+  local_register #(.Width(4)) u_page_02_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_02_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_02_word)
       4'h0: page_02_q <= unsigned'(centre_o);
       4'h1: page_02_q <= 32'(k1_o);
       4'h2: page_02_q <= 32'(k2_o);
@@ -782,24 +1088,34 @@ module register_file (
       4'h6: page_02_q <= unsigned'(d0_o);
       4'h7: page_02_q <= unsigned'(d1_o);
       4'h8: page_02_q <= unsigned'(e0_o);
-      4'h9: page_02_q <= unsigned'(e1_o);
-      default: page_02_q <= '0;
+      default: page_02_q <= unsigned'(e1_o);
     endcase
+    if (!page_02_hit_q) page_02_q <= '0;
+  end
 
   logic [31:0] page_03_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_03_word;
+  local_register #(.Width(4)) u_page_03_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_03_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_03_word)
       4'h0: page_03_q <= 32'(short_count_i);
       4'h1: page_03_q <= 32'(long_count_i);
       4'h2: page_03_q <= 32'(unfinished_count_i);
       4'h3: page_03_q <= 32'(early_count_i);
-      4'h4: page_03_q <= 32'(dropped_count_i);
-      default: page_03_q <= '0;
+      default: page_03_q <= 32'(dropped_count_i);
     endcase
+    if (!page_03_hit_q) page_03_q <= '0;
+  end
 
   logic [31:0] page_04_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_04_word;
+  local_register #(.Width(4)) u_page_04_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_04_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_04_word)
       4'h0: page_04_q <= 32'(mirror_enable_o);
       4'h1: page_04_q <= 32'(line_enable_o);
       4'h2: page_04_q <= sweep_word_low_q;
@@ -815,13 +1131,18 @@ module register_file (
       4'hc: page_04_q <= 32'(rate_shift_o);
       4'hd: page_04_q <= 32'(amplitude_shift_o);
       4'he: page_04_q <= 32'(error_limit_o);
-      4'hf: page_04_q <= 32'(amplitude_set_o);
-      default: page_04_q <= '0;
+      default: page_04_q <= 32'(amplitude_set_o);
     endcase
+    if (!page_04_hit_q) page_04_q <= '0;
+  end
 
   logic [31:0] page_05_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_05_word;
+  local_register #(.Width(4)) u_page_05_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_05_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_05_word)
       4'h0: page_05_q <= 32'(k_p_o);
       4'h1: page_05_q <= 32'(k_i_o);
       4'h2: page_05_q <= 32'(level_low_o);
@@ -835,13 +1156,18 @@ module register_file (
       4'ha: page_05_q <= 32'(phase_limit_o);
       4'hb: page_05_q <= 32'(settle_count_o);
       4'hc: page_05_q <= 32'(hold_count_o);
-      4'hd: page_05_q <= 32'(confidence_gain_o);
-      default: page_05_q <= '0;
+      default: page_05_q <= 32'(confidence_gain_o);
     endcase
+    if (!page_05_hit_q) page_05_q <= '0;
+  end
 
   logic [31:0] page_06_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_06_word;
+  local_register #(.Width(4)) u_page_06_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_06_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_06_word)
       4'h0: page_06_q <= 32'(duty_o);
       4'h1: page_06_q <= 32'(sweep_level_o);
       4'h2: page_06_q <= 32'(level_min_o);
@@ -850,13 +1176,18 @@ module register_file (
       4'h5: page_06_q <= unsigned'(trim_max_o);
       4'h6: page_06_q <= sweep_timeout_o;
       4'h7: page_06_q <= settle_timeout_o;
-      4'h8: page_06_q <= lost_timeout_o;
-      default: page_06_q <= '0;
+      default: page_06_q <= lost_timeout_o;
     endcase
+    if (!page_06_hit_q) page_06_q <= '0;
+  end
 
   logic [31:0] page_08_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_08_word;
+  local_register #(.Width(4)) u_page_08_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_08_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_08_word)
       4'h0: page_08_q <= 32'(drive_phase_o);
       4'h1: page_08_q <= 32'(signed'(motion_a_o[0+:24]));
       4'h2: page_08_q <= 32'(signed'(motion_a_o[24+:24]));
@@ -872,13 +1203,18 @@ module register_file (
       4'hc: page_08_q <= 32'(motion_phi_o[56+:28]);
       4'hd: page_08_q <= 32'(motion_phi_o[84+:28]);
       4'he: page_08_q <= 32'(motion_phi_o[112+:28]);
-      4'hf: page_08_q <= 32'(motion_phi_o[140+:28]);
-      default: page_08_q <= '0;
+      default: page_08_q <= 32'(motion_phi_o[140+:28]);
     endcase
+    if (!page_08_hit_q) page_08_q <= '0;
+  end
 
   logic [31:0] page_09_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_09_word;
+  local_register #(.Width(4)) u_page_09_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_09_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_09_word)
       4'h0: page_09_q <= 32'(motion_phi_o[168+:28]);
       4'h1: page_09_q <= 32'(motion_phi_o[196+:28]);
       4'h2: page_09_q <= 32'(motion_phi_o[224+:28]);
@@ -894,36 +1230,51 @@ module register_file (
       4'hc: page_09_q <= 32'(signed'(motion_dphi_o[0+:24]));
       4'hd: page_09_q <= 32'(signed'(motion_dphi_o[24+:24]));
       4'he: page_09_q <= 32'(signed'(motion_dphi_o[48+:24]));
-      4'hf: page_09_q <= 32'(signed'(motion_dphi_o[72+:24]));
-      default: page_09_q <= '0;
+      default: page_09_q <= 32'(signed'(motion_dphi_o[72+:24]));
     endcase
+    if (!page_09_hit_q) page_09_q <= '0;
+  end
 
   logic [31:0] page_0a_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_0a_word;
+  local_register #(.Width(4)) u_page_0a_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_0a_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_0a_word)
       4'h0: page_0a_q <= 32'(signed'(motion_dphi_o[96+:24]));
       4'h1: page_0a_q <= 32'(signed'(motion_dphi_o[120+:24]));
       4'h2: page_0a_q <= 32'(signed'(motion_dphi_o[144+:24]));
       4'h3: page_0a_q <= 32'(signed'(motion_dphi_o[168+:24]));
-      4'h4: page_0a_q <= 32'(signed'(motion_dphi_o[192+:24]));
-      default: page_0a_q <= '0;
+      default: page_0a_q <= 32'(signed'(motion_dphi_o[192+:24]));
     endcase
+    if (!page_0a_hit_q) page_0a_q <= '0;
+  end
 
   logic [31:0] page_0b_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_0b_word;
+  local_register #(.Width(4)) u_page_0b_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_0b_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_0b_word)
       4'h0: page_0b_q <= ratio_low_q;
       4'h1: page_0b_q <= 32'(ratio_o[43:32]);
       4'h2: page_0b_q <= 32'(exposure_delay_clks_o);
       4'h3: page_0b_q <= 32'(exposure_clks_o);
       4'h4: page_0b_q <= 32'(pulse_delay_clks_o);
-      4'h5: page_0b_q <= 32'(pulse_clks_o);
-      default: page_0b_q <= '0;
+      default: page_0b_q <= 32'(pulse_clks_o);
     endcase
+    if (!page_0b_hit_q) page_0b_q <= '0;
+  end
 
   logic [31:0] page_0c_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_0c_word;
+  local_register #(.Width(4)) u_page_0c_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_0c_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_0c_word)
       4'h0: page_0c_q <= 32'(mirror_state_i);
       4'h1: page_0c_q <= 32'(mirror_fault_i);
       4'h2: page_0c_q <= mirror_word_i[31:0];
@@ -939,21 +1290,31 @@ module register_file (
       4'hc: page_0c_q <= 32'(mirror_error_i);
       4'hd: page_0c_q <= 32'(missing_count_i);
       4'he: page_0c_q <= 32'(doubled_count_i);
-      4'hf: page_0c_q <= 32'(impossible_count_i);
-      default: page_0c_q <= '0;
+      default: page_0c_q <= 32'(impossible_count_i);
     endcase
+    if (!page_0c_hit_q) page_0c_q <= '0;
+  end
 
   logic [31:0] page_0d_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_0d_word;
+  local_register #(.Width(4)) u_page_0d_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_0d_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_0d_word)
       4'h0: page_0d_q <= 32'(glitch_count_i);
-      4'h1: page_0d_q <= 32'(overrun_count_i);
-      default: page_0d_q <= '0;
+      default: page_0d_q <= 32'(overrun_count_i);
     endcase
+    if (!page_0d_hit_q) page_0d_q <= '0;
+  end
 
   logic [31:0] page_0e_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_0e_word;
+  local_register #(.Width(4)) u_page_0e_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_0e_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_0e_word)
       4'h0: page_0e_q <= 32'(uart_step_o);
       4'h1: page_0e_q <= 32'(uart_step_now_i);
       4'h2: page_0e_q <= 32'(uart_framing_i);
@@ -967,13 +1328,18 @@ module register_file (
       4'ha: page_0e_q <= 32'(frames_too_short_i);
       4'hb: page_0e_q <= 32'(frames_framing_i);
       4'hc: page_0e_q <= 32'(commands_bad_i);
-      4'hd: page_0e_q <= 32'(commands_lost_i);
-      default: page_0e_q <= '0;
+      default: page_0e_q <= 32'(commands_lost_i);
     endcase
+    if (!page_0e_hit_q) page_0e_q <= '0;
+  end
 
   logic [31:0] page_10_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_10_word;
+  local_register #(.Width(4)) u_page_10_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_10_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_10_word)
       4'h0: page_10_q <= 32'(laser_enable_o);
       4'h1: page_10_q <= 32'(laser_adapt_o);
       4'h2: page_10_q <= 32'(laser_shared_o);
@@ -987,47 +1353,67 @@ module register_file (
       4'ha: page_10_q <= 32'(laser_up_o);
       4'hb: page_10_q <= 32'(laser_search_o);
       4'hc: page_10_q <= 32'(laser_index_begin_o);
-      4'hd: page_10_q <= 32'(laser_index_end_o);
-      default: page_10_q <= '0;
+      default: page_10_q <= 32'(laser_index_end_o);
     endcase
+    if (!page_10_hit_q) page_10_q <= '0;
+  end
 
   logic [31:0] page_12_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_12_word;
+  local_register #(.Width(4)) u_page_12_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_12_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_12_word)
       4'h0: page_12_q <= 32'(laser_limit_power_o);
       4'h1: page_12_q <= 32'(laser_limit_startup_o);
       4'h2: page_12_q <= 32'(laser_limit_pulse_clks_o);
       4'h3: page_12_q <= 32'(laser_limit_drain_o);
       4'h4: page_12_q <= laser_limit_bucket_o;
-      4'h5: page_12_q <= laser_watchdog_clks_o;
-      default: page_12_q <= '0;
+      default: page_12_q <= laser_watchdog_clks_o;
     endcase
+    if (!page_12_hit_q) page_12_q <= '0;
+  end
 
   logic [31:0] page_13_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_13_word;
+  local_register #(.Width(4)) u_page_13_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_13_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_13_word)
       4'h0: page_13_q <= 32'(laser_status_i);
       4'h1: page_13_q <= 32'(laser_power_inward_i);
       4'h2: page_13_q <= 32'(laser_power_outward_i);
       4'h3: page_13_q <= 32'(laser_cut_count_i);
       4'h4: page_13_q <= 32'(laser_duty_count_i);
-      4'h5: page_13_q <= 32'(laser_watchdog_count_i);
-      default: page_13_q <= '0;
+      default: page_13_q <= 32'(laser_watchdog_count_i);
     endcase
+    if (!page_13_hit_q) page_13_q <= '0;
+  end
 
   logic [31:0] page_16_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_16_word;
+  local_register #(.Width(4)) u_page_16_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_16_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_16_word)
       4'h0: page_16_q <= 32'(points_batch_o);
       4'h1: page_16_q <= 32'(points_timeout_clks_o);
       4'h2: page_16_q <= 32'(points_dropped_i);
-      4'h3: page_16_q <= 32'(capture_busy_i);
-      default: page_16_q <= '0;
+      default: page_16_q <= 32'(capture_busy_i);
     endcase
+    if (!page_16_hit_q) page_16_q <= '0;
+  end
 
   logic [31:0] page_18_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_18_word;
+  local_register #(.Width(4)) u_page_18_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_18_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_18_word)
       4'h0: page_18_q <= 32'(focus_mode_o);
       4'h1: page_18_q <= 32'(focus_manual_o);
       4'h2: page_18_q <= 32'(focus_average_shift_o);
@@ -1042,13 +1428,18 @@ module register_file (
       4'hb: page_18_q <= 32'(focus_poll_clks_o);
       4'hc: page_18_q <= 32'(focus_tolerance_o);
       4'hd: page_18_q <= focus_timeout_clks_o;
-      4'he: page_18_q <= 32'(focus_retries_o);
-      default: page_18_q <= '0;
+      default: page_18_q <= 32'(focus_retries_o);
     endcase
+    if (!page_18_hit_q) page_18_q <= '0;
+  end
 
   logic [31:0] page_1a_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_1a_word;
+  local_register #(.Width(4)) u_page_1a_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_1a_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_1a_word)
       4'h0: page_1a_q <= 32'(focus_state_i);
       4'h1: page_1a_q <= 32'(focus_fault_i);
       4'h2: page_1a_q <= 32'(focus_in_position_i);
@@ -1060,13 +1451,18 @@ module register_file (
       4'h8: page_1a_q <= 32'(focus_stuck_count_i);
       4'h9: page_1a_q <= 32'(focus_arbitration_count_i);
       4'ha: page_1a_q <= 32'(focus_timeout_count_i);
-      4'hb: page_1a_q <= 32'(focus_recovery_count_i);
-      default: page_1a_q <= '0;
+      default: page_1a_q <= 32'(focus_recovery_count_i);
     endcase
+    if (!page_1a_hit_q) page_1a_q <= '0;
+  end
 
   logic [31:0] page_1c_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_1c_word;
+  local_register #(.Width(4)) u_page_1c_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_1c_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_1c_word)
       4'h0: page_1c_q <= 32'(test_position_o);
       4'h1: page_1c_q <= 32'(test_move_o);
       4'h2: page_1c_q <= 32'(test_step_o);
@@ -1080,59 +1476,67 @@ module register_file (
       4'ha: page_1c_q <= 32'(test_power_o);
       4'hb: page_1c_q <= 32'(test_start_o);
       4'hc: page_1c_q <= 32'(test_stop_o);
-      4'hd: page_1c_q <= 32'(test_running_i);
-      default: page_1c_q <= '0;
+      default: page_1c_q <= 32'(test_running_i);
     endcase
+    if (!page_1c_hit_q) page_1c_q <= '0;
+  end
 
   logic [31:0] page_1d_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_1d_word;
+  local_register #(.Width(4)) u_page_1d_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_1d_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_1d_word)
       4'h0: page_1d_q <= 32'(untagged_count_i);
-      4'h1: page_1d_q <= 32'(pixel_overflow_count_i);
-      default: page_1d_q <= '0;
+      default: page_1d_q <= 32'(pixel_overflow_count_i);
     endcase
+    if (!page_1d_hit_q) page_1d_q <= '0;
+  end
 
   logic [31:0] page_3f_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_3f_word;
+  local_register #(.Width(4)) u_page_3f_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_3f_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_3f_word)
       4'h0: page_3f_q <= 32'(lock_calibration_o);
       4'h1: page_3f_q <= 32'(lock_mirror_o);
-      4'h2: page_3f_q <= 32'(lock_laser_o);
-      default: page_3f_q <= '0;
+      default: page_3f_q <= 32'(lock_laser_o);
     endcase
+    if (!page_3f_hit_q) page_3f_q <= '0;
+  end
 
-  // ---- 7: the page; 8: the answer ----
+  // ---- 8: the page, the only one that is not 0; 9: the answer ----
   logic [31:0] read_q;
   always_ff @(posedge clk_i)
-    case (address_q[9:4])
-      6'h00: read_q <= page_00_q;
-      6'h01: read_q <= page_01_q;
-      6'h02: read_q <= page_02_q;
-      6'h03: read_q <= page_03_q;
-      6'h04: read_q <= page_04_q;
-      6'h05: read_q <= page_05_q;
-      6'h06: read_q <= page_06_q;
-      6'h08: read_q <= page_08_q;
-      6'h09: read_q <= page_09_q;
-      6'h0a: read_q <= page_0a_q;
-      6'h0b: read_q <= page_0b_q;
-      6'h0c: read_q <= page_0c_q;
-      6'h0d: read_q <= page_0d_q;
-      6'h0e: read_q <= page_0e_q;
-      6'h10: read_q <= page_10_q;
-      6'h12: read_q <= page_12_q;
-      6'h13: read_q <= page_13_q;
-      6'h16: read_q <= page_16_q;
-      6'h18: read_q <= page_18_q;
-      6'h1a: read_q <= page_1a_q;
-      6'h1c: read_q <= page_1c_q;
-      6'h1d: read_q <= page_1d_q;
-      6'h3f: read_q <= page_3f_q;
-      default: read_q <= '0;
-    endcase
+    read_q <= page_00_q
+              | page_01_q
+              | page_02_q
+              | page_03_q
+              | page_04_q
+              | page_05_q
+              | page_06_q
+              | page_08_q
+              | page_09_q
+              | page_0a_q
+              | page_0b_q
+              | page_0c_q
+              | page_0d_q
+              | page_0e_q
+              | page_10_q
+              | page_12_q
+              | page_13_q
+              | page_16_q
+              | page_18_q
+              | page_1a_q
+              | page_1c_q
+              | page_1d_q
+              | page_3f_q;
 
   always_ff @(posedge clk_i) begin
-    bus_done_o   <= step_q[8];
+    bus_done_o   <= step_q[9];
     bus_status_o <= status_q;
     bus_data_o   <= read_q;
     if (table_hit_q) bus_data_o <= table_read_q;

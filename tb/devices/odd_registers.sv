@@ -5,21 +5,23 @@
 //
 // A memory has the rule of each address; the value is compared with the rule's bounds, a register
 // takes it, and all are read through the sixteen words of a page and then the page.  So what a
-// WRITE answers has been read back.
+// WRITE answers has been read back.  The registers stand all over the die, so what goes to many of
+// them, data, selection and reset, comes from registers near them.
 //
+//   group_rst_i   with rst_i: one for each group of settings, so that no net resets all of them
 //   bus_valid_i   ignored from the clock after it until bus_done_o
 //   bus_access_i  link_pkg; CHECK says what WRITE would, and changes nothing; 3 is as READ
 //   bus_status_o  with bus_done_o, the first that applies: StatusNoAddress, StatusReadOnly,
 //                 StatusLocked, StatusBadValue, StatusOk
 //   bus_data_o    with bus_done_o, the word as it is read; 0 unless OK
-//   *_o           what the bus has written, 6 clocks after bus_valid_i
+//   *_o           what the bus has written, 7 clocks after bus_valid_i
 //   *_strobe_o    in the first clock in which *_o has what was written
-//   *_i           a READ sees them 6 clocks after bus_valid_i
+//   *_i           a READ sees them 7 clocks after bus_valid_i
 //   Wide ones     take effect with their higher word; until then the lower one waits, and is read
 //                 as written.  The READ of a lower word of *_i keeps the higher one for its READ
 //   Tables        an entry goes out with its last field, the others are those written before; a
 //                 reset leaves what was written for the bus to read
-//   Latency       9 clocks from bus_valid_i to bus_done_o
+//   Latency       10 clocks from bus_valid_i to bus_done_o
 //   Model         vrscan.fixed.register_file, bit-exact
 
 `default_nettype none
@@ -27,6 +29,7 @@
 module odd_registers (
   input  wire logic                                                   clk_i,
   input  wire logic                                                   rst_i,
+  input  wire logic                                           [3-1:0] group_rst_i,
 
   input  wire logic                                                   bus_valid_i,
   input  wire logic                       [link_pkg::AccessWidth-1:0] bus_access_i,
@@ -89,7 +92,7 @@ module odd_registers (
 );
 
   // ---- an access, and how far it is ----
-  logic [8:1] step_q;
+  logic [9:1] step_q;
   logic [link_pkg::AccessWidth-1:0] access_q;
   logic [link_pkg::AddressWidth-1:0] address_q;
   logic [31:0] data_q;
@@ -98,7 +101,7 @@ module odd_registers (
   assign read = access_q != link_pkg::AccessWidth'(link_pkg::AccessCheck)
                 && access_q != link_pkg::AccessWidth'(link_pkg::AccessWrite);
   always_ff @(posedge clk_i) begin
-    step_q <= {step_q[7:1], start};
+    step_q <= {step_q[8:1], start};
     if (start) begin
       access_q  <= bus_access_i;
       address_q <= bus_address_i;
@@ -176,64 +179,126 @@ module odd_registers (
     if (rst_i) write_q <= 1'b0;
   end
 
-  // ---- 5: a register takes the word ----
+  // ---- 2: which page, which of its words, for writing and for reading ----
+  logic page_00_hit_q;
+  logic page_10_hit_q;
+  logic page_11_hit_q;
+  logic page_1f_hit_q;
+  logic page_20_hit_q;
+  logic page_3f_hit_q;
+  logic [15:0] word_hit_q;
+  always_ff @(posedge clk_i) begin
+    page_00_hit_q <= address_q[15:4] == 12'h000;
+    page_10_hit_q <= address_q[15:4] == 12'h010;
+    page_11_hit_q <= address_q[15:4] == 12'h011;
+    page_1f_hit_q <= address_q[15:4] == 12'h01f;
+    page_20_hit_q <= address_q[15:4] == 12'h020;
+    page_3f_hit_q <= address_q[15:4] == 12'h03f;
+    for (int unsigned k = 0; k < 16; k++)
+      word_hit_q[k] <= address_q[3:0] == 4'(k);
+  end
+
+  // ---- 5: which register; 6: it takes the word ----
+  logic [29:0] take_q;
+  logic write_q2;
+  always_ff @(posedge clk_i) begin
+    write_q2 <= write_q;
+    if (rst_i) write_q2 <= 1'b0;
+    take_q[0] <= write_q && page_00_hit_q && word_hit_q[0] && !rst_i;
+    take_q[1] <= write_q && page_00_hit_q && word_hit_q[1] && !rst_i;
+    take_q[2] <= write_q && page_00_hit_q && word_hit_q[2] && !rst_i;
+    take_q[3] <= write_q && page_00_hit_q && word_hit_q[3] && !rst_i;
+    take_q[4] <= write_q && page_00_hit_q && word_hit_q[4] && !rst_i;
+    take_q[5] <= write_q && page_00_hit_q && word_hit_q[5] && !rst_i;
+    take_q[6] <= write_q && page_10_hit_q && word_hit_q[14] && !rst_i;
+    take_q[7] <= write_q && page_10_hit_q && word_hit_q[15] && !rst_i;
+    take_q[8] <= write_q && page_11_hit_q && word_hit_q[0] && !rst_i;
+    take_q[9] <= write_q && page_11_hit_q && word_hit_q[1] && !rst_i;
+    take_q[10] <= write_q && page_1f_hit_q && word_hit_q[12] && !rst_i;
+    take_q[11] <= write_q && page_1f_hit_q && word_hit_q[13] && !rst_i;
+    take_q[12] <= write_q && page_1f_hit_q && word_hit_q[14] && !rst_i;
+    take_q[13] <= write_q && page_1f_hit_q && word_hit_q[15] && !rst_i;
+    take_q[14] <= write_q && page_20_hit_q && word_hit_q[0] && !rst_i;
+    take_q[15] <= write_q && page_20_hit_q && word_hit_q[1] && !rst_i;
+    take_q[16] <= write_q && page_20_hit_q && word_hit_q[2] && !rst_i;
+    take_q[17] <= write_q && page_20_hit_q && word_hit_q[3] && !rst_i;
+    take_q[18] <= write_q && page_20_hit_q && word_hit_q[4] && !rst_i;
+    take_q[19] <= write_q && page_20_hit_q && word_hit_q[5] && !rst_i;
+    take_q[20] <= write_q && page_20_hit_q && word_hit_q[6] && !rst_i;
+    take_q[21] <= write_q && page_20_hit_q && word_hit_q[7] && !rst_i;
+    take_q[22] <= write_q && page_20_hit_q && word_hit_q[8] && !rst_i;
+    take_q[23] <= write_q && page_20_hit_q && word_hit_q[9] && !rst_i;
+    take_q[24] <= write_q && page_20_hit_q && word_hit_q[10] && !rst_i;
+    take_q[25] <= write_q && page_20_hit_q && word_hit_q[11] && !rst_i;
+    take_q[26] <= write_q && page_20_hit_q && word_hit_q[12] && !rst_i;
+    take_q[27] <= write_q && page_20_hit_q && word_hit_q[13] && !rst_i;
+    take_q[28] <= write_q && page_20_hit_q && word_hit_q[14] && !rst_i;
+    take_q[29] <= write_q && page_20_hit_q && word_hit_q[15] && !rst_i;
+  end
+
+  logic [31:0] wide_data;
+  local_register #(.Width(32)) u_wide_data (
+    .clk_i, .d_i(data_q[31:0]), .q_o(wide_data)
+  );
+  logic [0:0] locks_data;
+  local_register #(.Width(1)) u_locks_data (
+    .clk_i, .d_i(data_q[0:0]), .q_o(locks_data)
+  );
+  logic [31:0] written_data;
+  local_register #(.Width(32)) u_written_data (
+    .clk_i, .d_i(data_q[31:0]), .q_o(written_data)
+  );
   logic [31:0] long_low_q;
   logic [31:0] longest_low_q;
   logic [31:0] negative_long_low_q;
   always_ff @(posedge clk_i) begin
-    event_strobe_o <= 1'b0;
-    signal_strobe_o <= 1'b0;
-    if (write_q && map_hit_q)
-      case (address_q[9:0])
-        10'h000: long_low_q <= data_q;
-        10'h001: long_o <= {data_q[0:0], long_low_q};
-        10'h002: longest_low_q <= data_q;
-        10'h003: longest_o <= {data_q[31:0], longest_low_q};
-        10'h004: negative_long_low_q <= data_q;
-        10'h005: negative_long_o <= {data_q[7:0], negative_long_low_q};
-        10'h10e: lock_a_o <= data_q[0];
-        10'h10f: lock_b_o <= data_q[0];
-        10'h110: lock_c_o <= data_q[0];
-        10'h111: lock_d_o <= data_q[0];
-        10'h1fc: bit_o <= data_q[0];
-        10'h1fd: word_o <= data_q;
-        10'h1fe: small_o <= signed'(data_q[4:0]);
-        10'h1ff: bounded_o <= data_q[11:0];
-        10'h200: centred_o <= signed'(data_q[11:0]);
-        10'h201: below_o <= signed'(data_q);
-        10'h202: above_o <= signed'(data_q);
-        10'h203: late_o <= data_q[3:0];
-        10'h204: begin
-          event_o <= data_q[2:0];
-          event_strobe_o <= 1'b1;
-        end
-        10'h205: begin
-          signal_o <= signed'(data_q);
-          signal_strobe_o <= 1'b1;
-        end
-        10'h206: bits_o[0+:1] <= data_q[0];
-        10'h207: bits_o[1+:1] <= data_q[0];
-        10'h208: bits_o[2+:1] <= data_q[0];
-        10'h209: bits_o[3+:1] <= data_q[0];
-        10'h20a: bits_o[4+:1] <= data_q[0];
-        10'h20b: several_o[0+:17] <= data_q[16:0];
-        10'h20c: several_o[17+:17] <= data_q[16:0];
-        10'h20d: several_o[34+:17] <= data_q[16:0];
-        10'h20e: words_o[0+:32] <= data_q;
-        10'h20f: words_o[32+:32] <= data_q;
-        default: ;
-      endcase
-    if (rst_i) begin
+    event_strobe_o <= take_q[18];
+    signal_strobe_o <= take_q[19];
+    if (take_q[0]) long_low_q <= wide_data;
+    if (take_q[1]) long_o <= {wide_data[0:0], long_low_q};
+    if (take_q[2]) longest_low_q <= wide_data;
+    if (take_q[3]) longest_o <= {wide_data[31:0], longest_low_q};
+    if (take_q[4]) negative_long_low_q <= wide_data;
+    if (take_q[5]) negative_long_o <= {wide_data[7:0], negative_long_low_q};
+    if (take_q[6]) lock_a_o <= locks_data[0];
+    if (take_q[7]) lock_b_o <= locks_data[0];
+    if (take_q[8]) lock_c_o <= locks_data[0];
+    if (take_q[9]) lock_d_o <= locks_data[0];
+    if (take_q[10]) bit_o <= written_data[0];
+    if (take_q[11]) word_o <= written_data;
+    if (take_q[12]) small_o <= signed'(written_data[4:0]);
+    if (take_q[13]) bounded_o <= written_data[11:0];
+    if (take_q[14]) centred_o <= signed'(written_data[11:0]);
+    if (take_q[15]) below_o <= signed'(written_data);
+    if (take_q[16]) above_o <= signed'(written_data);
+    if (take_q[17]) late_o <= written_data[3:0];
+    if (take_q[18]) event_o <= written_data[2:0];
+    if (take_q[19]) signal_o <= signed'(written_data);
+    if (take_q[20]) bits_o[0+:1] <= written_data[0];
+    if (take_q[21]) bits_o[1+:1] <= written_data[0];
+    if (take_q[22]) bits_o[2+:1] <= written_data[0];
+    if (take_q[23]) bits_o[3+:1] <= written_data[0];
+    if (take_q[24]) bits_o[4+:1] <= written_data[0];
+    if (take_q[25]) several_o[0+:17] <= written_data[16:0];
+    if (take_q[26]) several_o[17+:17] <= written_data[16:0];
+    if (take_q[27]) several_o[34+:17] <= written_data[16:0];
+    if (take_q[28]) words_o[0+:32] <= written_data;
+    if (take_q[29]) words_o[32+:32] <= written_data;
+    if (group_rst_i[0]) begin  // wide
       long_low_q <= 32'h80000001;
       long_o <= 33'h180000001;
       longest_low_q <= 32'h00000000;
       longest_o <= '0;
       negative_long_low_q <= 32'hfffffffe;
       negative_long_o <= 40'hfffffffffe;
+    end
+    if (group_rst_i[1]) begin  // locks
       lock_a_o <= '0;
       lock_b_o <= '0;
       lock_c_o <= '0;
       lock_d_o <= '0;
+    end
+    if (group_rst_i[2]) begin  // written
       bit_o <= 1'h1;
       word_o <= 32'hee6b2800;
       small_o <= 5'h10;
@@ -252,16 +317,16 @@ module odd_registers (
     end
   end
 
-  // ---- single: written at 5, read back at 6 and 7 ----
+  // ---- single: written at 6, read back at 7 and 8 ----
   logic [31:0] single_value_mem[8];
   logic [31:0] single_value_q;
   logic [31:0] single_read_q;
   always_ff @(posedge clk_i) begin
-    if (write_q && single_hit_q && !rst_i)
+    if (write_q2 && single_hit_q && !rst_i)
       single_value_mem[single_index] <= data_q[31:0];
     single_value_q <= single_value_mem[single_index];
     single_write_o <= 1'b0;
-    if (write_q && single_hit_q) begin
+    if (write_q2 && single_hit_q) begin
       single_write_o <= 1'b1;
       single_index_o <= single_index;
       single_value_o <= signed'(data_q[31:0]);
@@ -270,7 +335,7 @@ module odd_registers (
     if (rst_i) single_write_o <= 1'b0;
   end
 
-  // ---- triple: written at 5, read back at 6 and 7 ----
+  // ---- triple: written at 6, read back at 7 and 8 ----
   logic [31:0] triple_low_mem[8];
   logic [31:0] triple_low_q, triple_low_q2;
   logic [6:0] triple_middle_mem[8];
@@ -279,19 +344,19 @@ module odd_registers (
   logic [0:0] triple_high_q;
   logic [31:0] triple_read_q;
   always_ff @(posedge clk_i) begin
-    if (write_q && triple_hit_q && address_q[1:0] == 2'h0 && !rst_i)
+    if (write_q2 && triple_hit_q && address_q[1:0] == 2'h0 && !rst_i)
       triple_low_mem[triple_index] <= data_q[31:0];
     triple_low_q <= triple_low_mem[triple_index];
     triple_low_q2 <= triple_low_q;
-    if (write_q && triple_hit_q && address_q[1:0] == 2'h1 && !rst_i)
+    if (write_q2 && triple_hit_q && address_q[1:0] == 2'h1 && !rst_i)
       triple_middle_mem[triple_index] <= data_q[6:0];
     triple_middle_q <= triple_middle_mem[triple_index];
     triple_middle_q2 <= triple_middle_q;
-    if (write_q && triple_hit_q && address_q[1:0] == 2'h2 && !rst_i)
+    if (write_q2 && triple_hit_q && address_q[1:0] == 2'h2 && !rst_i)
       triple_high_mem[triple_index] <= data_q[0:0];
     triple_high_q <= triple_high_mem[triple_index];
     triple_write_o <= 1'b0;
-    if (write_q && triple_hit_q && address_q[1:0] == 2'h2) begin
+    if (write_q2 && triple_hit_q && address_q[1:0] == 2'h2) begin
       triple_write_o <= 1'b1;
       triple_index_o <= triple_index;
       triple_low_o <= triple_low_q2;
@@ -307,32 +372,42 @@ module odd_registers (
     if (rst_i) triple_write_o <= 1'b0;
   end
 
-  // ---- 6: the words of a page; what is wide stays whole ----
+  // ---- 7: the words of a page; what is wide stays whole ----
   logic [31:0] time_high_q;
   logic [12:0] place_high_q;
-  always_ff @(posedge clk_i)
-    if (step_q[6] && read && map_hit_q)
-      case (address_q[9:0])
-        10'h106: time_high_q <= time_i[63:32];
-        10'h108: place_high_q <= place_i[44:32];
-        default: ;
-      endcase
+  logic [1:0] keep_q;
+  always_ff @(posedge clk_i) begin
+    keep_q[0] <= step_q[6] && read && page_10_hit_q && word_hit_q[6];
+    if (keep_q[0]) time_high_q <= time_i[63:32];
+    keep_q[1] <= step_q[6] && read && page_10_hit_q && word_hit_q[8];
+    if (keep_q[1]) place_high_q <= place_i[44:32];
+    if (rst_i) keep_q <= '0;
+  end
 
   logic [31:0] page_00_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_00_word;
+  local_register #(.Width(4)) u_page_00_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_00_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_00_word)
       4'h0: page_00_q <= long_low_q;
       4'h1: page_00_q <= 32'(long_o[32:32]);
       4'h2: page_00_q <= longest_low_q;
       4'h3: page_00_q <= longest_o[63:32];
       4'h4: page_00_q <= unsigned'(negative_long_low_q);
-      4'h5: page_00_q <= 32'(signed'(negative_long_o[39:32]));
-      default: page_00_q <= '0;
+      default: page_00_q <= 32'(signed'(negative_long_o[39:32]));
     endcase
+    if (!page_00_hit_q) page_00_q <= '0;
+  end
 
   logic [31:0] page_10_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_10_word;
+  local_register #(.Width(4)) u_page_10_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_10_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_10_word)
       4'h0: page_10_q <= 32'(count_i);
       4'h1: page_10_q <= 32'(level_i);
       4'h2: page_10_q <= 32'(flag_i);
@@ -345,31 +420,46 @@ module odd_registers (
       4'h9: page_10_q <= 32'(signed'(place_high_q));
       4'ha: page_10_q <= unsigned'(raw_i);
       4'he: page_10_q <= 32'(lock_a_o);
-      4'hf: page_10_q <= 32'(lock_b_o);
-      default: page_10_q <= '0;
+      default: page_10_q <= 32'(lock_b_o);
     endcase
+    if (!page_10_hit_q) page_10_q <= '0;
+  end
 
   logic [31:0] page_11_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_11_word;
+  local_register #(.Width(4)) u_page_11_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_11_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_11_word)
       4'h0: page_11_q <= 32'(lock_c_o);
-      4'h1: page_11_q <= 32'(lock_d_o);
-      default: page_11_q <= '0;
+      default: page_11_q <= 32'(lock_d_o);
     endcase
+    if (!page_11_hit_q) page_11_q <= '0;
+  end
 
   logic [31:0] page_1f_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_1f_word;
+  local_register #(.Width(4)) u_page_1f_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_1f_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_1f_word)
       4'hc: page_1f_q <= 32'(bit_o);
       4'hd: page_1f_q <= word_o;
       4'he: page_1f_q <= 32'(small_o);
-      4'hf: page_1f_q <= 32'(bounded_o);
-      default: page_1f_q <= '0;
+      default: page_1f_q <= 32'(bounded_o);
     endcase
+    if (!page_1f_hit_q) page_1f_q <= '0;
+  end
 
   logic [31:0] page_20_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_20_word;
+  local_register #(.Width(4)) u_page_20_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_20_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_20_word)
       4'h0: page_20_q <= 32'(centred_o);
       4'h1: page_20_q <= unsigned'(below_o);
       4'h2: page_20_q <= unsigned'(above_o);
@@ -385,35 +475,38 @@ module odd_registers (
       4'hc: page_20_q <= 32'(signed'(several_o[17+:17]));
       4'hd: page_20_q <= 32'(signed'(several_o[34+:17]));
       4'he: page_20_q <= words_o[0+:32];
-      4'hf: page_20_q <= words_o[32+:32];
-      default: page_20_q <= '0;
+      default: page_20_q <= words_o[32+:32];
     endcase
+    if (!page_20_hit_q) page_20_q <= '0;
+  end
 
   logic [31:0] page_3f_q;
-  always_ff @(posedge clk_i)
-    case (address_q[3:0])
+  logic [3:0] page_3f_word;
+  local_register #(.Width(4)) u_page_3f_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_3f_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_3f_word)
       4'h8: page_3f_q <= 32'h000000c8;
       4'h9: page_3f_q <= 32'hfffffffd;
       4'ha: page_3f_q <= 32'hc27a7e9f;
-      4'hb: page_3f_q <= 32'h00000100;
-      default: page_3f_q <= '0;
+      default: page_3f_q <= 32'h00000100;
     endcase
+    if (!page_3f_hit_q) page_3f_q <= '0;
+  end
 
-  // ---- 7: the page; 8: the answer ----
+  // ---- 8: the page, the only one that is not 0; 9: the answer ----
   logic [31:0] read_q;
   always_ff @(posedge clk_i)
-    case (address_q[9:4])
-      6'h00: read_q <= page_00_q;
-      6'h10: read_q <= page_10_q;
-      6'h11: read_q <= page_11_q;
-      6'h1f: read_q <= page_1f_q;
-      6'h20: read_q <= page_20_q;
-      6'h3f: read_q <= page_3f_q;
-      default: read_q <= '0;
-    endcase
+    read_q <= page_00_q
+              | page_10_q
+              | page_11_q
+              | page_1f_q
+              | page_20_q
+              | page_3f_q;
 
   always_ff @(posedge clk_i) begin
-    bus_done_o   <= step_q[8];
+    bus_done_o   <= step_q[9];
     bus_status_o <= status_q;
     bus_data_o   <= read_q;
     if (single_hit_q) bus_data_o <= single_read_q;

@@ -6,9 +6,9 @@ from typing import NamedTuple
 from vrscan.fixed import link_pkg
 from vrscan.link.register_map import LOCKS, REGISTERS, WINDOWS, Register, Window
 
-LATENCY = 9  # clocks from bus_valid_i to bus_done_o
-WRITTEN = 6  # clocks from bus_valid_i to the first clock with what was written
-SAMPLED = 6  # clocks from bus_valid_i to the one in which a READ sees the inputs
+LATENCY = 10  # clocks from bus_valid_i to bus_done_o
+WRITTEN = 7  # clocks from bus_valid_i to the first clock with what was written
+SAMPLED = 7  # clocks from bus_valid_i to the one in which a READ sees the inputs
 
 WORD_BITS = 32
 WORD_MASK = (1 << WORD_BITS) - 1
