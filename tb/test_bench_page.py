@@ -63,7 +63,8 @@ def made_up(cell: Cell) -> Figures:
         rates = {key: 1000.0 * (1 + k) for k, key in enumerate(["reference", *KEYS])}
         return {"rates": rates, "lines": 7}
     if cell.work == instrument.BUDGET:
-        rest = ("error_px", "median_px", "error_mm", "median_mm", "arithmetic_px", "arithmetic_mm")
+        rest = ("jumped", "error_px", "median_px", "error_mm", "median_mm", "other_window")
+        rest += ("arithmetic_px", "arithmetic_mm")
         return {"csv": budget_csv(), "points": 5, **dict.fromkeys(rest, 0.002)}
     if cell.work == instrument.FIDELITY:
         names = ("minimal", "auto 0.1", "auto 0.01", "full")

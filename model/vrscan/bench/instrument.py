@@ -19,7 +19,7 @@ from vrscan.report import budget as light_budget
 from vrscan.report import fidelity as light_fidelity
 from vrscan.scene.description import load
 from vrscan.scene.light import Light
-from vrscan.scene.plan import plan
+from vrscan.scene.plan import JUMP_PX, plan
 from vrscan.scene.simulate import simulate, take
 
 SOURCES = (
@@ -63,8 +63,10 @@ def budget(parameters: dict[str, Any], seed: int) -> Figures:
         seed: Of nothing.
 
     Returns:
-        ``csv``, the table of ``vrscan budget --csv`` without its times; rms of the positions and
-        of z about the truth, and of the bit-accurate model about the float equations.
+        ``csv``, the table of ``vrscan budget --csv`` without its times; rms and median of positions
+        and of z about the truth, the rms of those within ``JUMP_PX``, and the share beyond; rms of
+        the bit-accurate model about the float equations where both have the same window, and the
+        share where they have not.
     """
     config, count = configuration(parameters), int(parameters["lines"])
     light = Light(load(parameters["scene"]), config)
@@ -76,17 +78,21 @@ def budget(parameters: dict[str, Any], seed: int) -> Figures:
     assert truth is not None  # a simulation has one
     fixed, ideal = (run(engine, lines, config) for engine in (Engine.FIXED, Engine.IDEAL))
     both = fixed.located & ideal.located
+    same = both & (fixed.left == ideal.left) & (fixed.width == ideal.width)
     seen = fixed.located & np.isfinite(truth.position_px)
-    error = (fixed.position_px - truth.position_px)[seen]
+    px, mm = fixed.position_px - truth.position_px, fixed.z_mm - truth.z_mm
+    near = seen & (np.abs(px) < JUMP_PX)
     return {
         "csv": _without_times(file.getvalue().decode()),
         "points": int(seen.sum()),
-        "error_px": _rms(error),
-        "median_px": float(np.median(np.abs(error))) if len(error) else 0.0,
-        "error_mm": _rms((fixed.z_mm - truth.z_mm)[seen]),
-        "median_mm": float(np.median(np.abs(fixed.z_mm - truth.z_mm)[seen])) if len(error) else 0.0,
-        "arithmetic_px": _rms((fixed.position_px - ideal.position_px)[both]),
-        "arithmetic_mm": _rms((fixed.z_mm - ideal.z_mm)[both]),
+        "jumped": 1.0 - float(near.sum()) / max(int(seen.sum()), 1),
+        "error_px": _rms(px[near]),
+        "median_px": _median(px[seen]),
+        "error_mm": _rms(mm[near]),
+        "median_mm": _median(mm[seen]),
+        "other_window": 1.0 - float(same.sum()) / max(int(both.sum()), 1),
+        "arithmetic_px": _rms((fixed.position_px - ideal.position_px)[same]),
+        "arithmetic_mm": _rms((fixed.z_mm - ideal.z_mm)[same]),
     }
 
 
@@ -95,6 +101,10 @@ def _without_times(text: str) -> str:
     rows = [line.split(",") for line in text.splitlines()]
     column = rows[0].index("us_per_line")
     return "\n".join(",".join(row[:column] + row[column + 1 :]) for row in rows) + "\n"
+
+
+def _median(values: Floats) -> float:
+    return float(np.median(np.abs(values))) if len(values) else 0.0
 
 
 def _rms(values: Floats) -> float:
@@ -179,17 +189,19 @@ def speed(parameters: dict[str, Any], seed: int) -> Figures:
 
 
 def _of_length(config: Config, length: int) -> Config:
-    """Return the instrument with lines of another length and the same scale."""
+    """Return the instrument with lines of another length, of which it sees the same."""
     sensor = config.sensor.model_copy(update={"line_length": length})
-    geometry = config.geometry.model_copy(update={"centre_px": 0.5 * (length - 1)})
+    # A longer sensor has its axis where it was: farther out its pixels see nothing.
+    centre = min(config.geometry.centre_px, 0.5 * (length - 1))
+    geometry = config.geometry.model_copy(update={"centre_px": centre})
     return config.model_copy(update={"sensor": sensor, "geometry": geometry})
 
 
 def growth(parameters: dict[str, Any], seed: int) -> Figures:
     """Return s of the engines for one size of work, a timed work.
 
-    The lines are those of the default scene; longer ones are seen by a longer sensor, so that the
-    spot is the same and the background more.
+    The lines are those of the default scene; a longer sensor has the same spots and more
+    background, a shorter one sees less of the scene.
 
     Args:
         parameters: ``config``, ``sizes``, pairs of line length and number of lines, and ``rtl``,
@@ -204,9 +216,12 @@ def growth(parameters: dict[str, Any], seed: int) -> Figures:
     for length, count in parameters["sizes"]:
         own = _of_length(config, length)
         light = Light(load("default"), own)
-        everything = plan(light, count, fidelity="full", each=False)
-        recording = simulate(light, count, everything.active).lines
-        works = _growing(recording, light, everything.active, count, own)
+        try:
+            active = plan(light, count, fidelity="full", each=False).active
+        except InputError:  # a length with which the registers overflow, or nothing is seen
+            continue
+        recording = simulate(light, count, active).lines
+        works = _growing(recording, light, active, count, own)
         seconds = best(works, rounds=2)
         rows += [[name, length, count, seconds[name]] for name in works]
     for length, count in parameters["rtl"]:

@@ -130,7 +130,7 @@ def csv_text(table: Table) -> bytes:
 
 _STYLE = f"""
 :root {{ color: {INK}; background: #fff; font: 15px/1.5 system-ui, "DejaVu Sans", sans-serif; }}
-body {{ max-width: 1180px; margin: 2rem auto; padding: 0 1.2rem; }}
+body {{ max-width: 1260px; margin: 2rem auto; padding: 0 1.2rem; }}
 h1 {{ font-size: 1.6rem; margin-bottom: .2rem; }}
 h2 {{ font-size: 1.25rem; margin-top: 2.6rem; border-top: 2px solid {LIGHT}; padding-top: .8rem; }}
 h3 {{ font-size: 1.02rem; margin: 1.8rem 0 .3rem; }}
@@ -142,24 +142,31 @@ nav ol {{ columns: 2; max-width: 56rem; }} nav ul {{ padding-left: 1.1rem; }}
 figure {{ margin: 1rem 0; }} figure img {{ max-width: 100%; height: auto; }}
 figcaption, .note {{ color: #52606d; font-size: .87rem; max-width: 60rem; }}
 .wide {{ overflow-x: auto; margin: .8rem 0 .3rem; }}
-table {{ border-collapse: collapse; font-size: .84rem; font-variant-numeric: tabular-nums; }}
+table {{ border-collapse: collapse; font-size: .8rem; font-variant-numeric: tabular-nums; }}
 th {{ text-align: right; vertical-align: bottom; white-space: pre; font-weight: 600;
-  border-bottom: 1px solid {QUIET}; padding: .15rem .55rem; }}
-td {{ text-align: right; padding: .12rem .55rem; border-bottom: 1px solid #eef1f4; }}
+  border-bottom: 1px solid {QUIET}; padding: .15rem .42rem; }}
+td {{ text-align: right; padding: .12rem .42rem; border-bottom: 1px solid #eef1f4; }}
 th:first-child, td:first-child {{ text-align: left; }}
 td {{ white-space: nowrap; }}
-td.words {{ text-align: left; white-space: normal; min-width: 15rem; }}
+th.words, td.words {{ text-align: left; }}
+td.words {{ white-space: normal; min-width: 16rem; }}
 tr.bold td {{ font-weight: 600; background: #f3f7fa; }}
 tr:target td {{ background: #fff3cd; }}
 td a {{ color: inherit; text-decoration: none; }}
 @media print {{ h2 {{ break-before: page; }} }}
 """
 
-_LONG = 24  # characters: a cell of words, not of numbers
+_LONG = 26  # characters: a cell of words, not of numbers
 
 
 def _table(table: Table) -> str:
-    head = "".join(f"<th>{html.escape(text)}</th>" for text in table.headings)
+    # A column is of words where any of its cells is a phrase; the first has its own style.
+    texts = {k for row in table.rows for k, cell in enumerate(row.cells) if k and len(cell) > _LONG}
+    kinds = [' class="words"' if k in texts else "" for k in range(len(table.headings))]
+    head = "".join(
+        f"<th{kind}>{html.escape(text)}</th>"
+        for kind, text in zip(kinds, table.headings, strict=True)
+    )
     body = []
     for row in table.rows:
         cells = []
@@ -167,8 +174,7 @@ def _table(table: Table) -> str:
             shown = html.escape(cell)
             if index == 0:
                 shown = f'<a href="#{row.key}">{shown}</a>'
-            kind = ' class="words"' if index and len(cell) > _LONG else ""
-            cells.append(f"<td{kind}>{shown}</td>")
+            cells.append(f"<td{kinds[index]}>{shown}</td>")
         mark = ' class="bold"' if row.bold else ""
         body.append(f'<tr id="{row.key}"{mark}>{"".join(cells)}</tr>')
     return (
