@@ -500,6 +500,7 @@ module vrscan #(
     .power_o       (power),
     .user_o        (beside),
     .period_n_i    (settings.period_n),
+    .window_two_pass_i(settings.window_two_pass),
     .noise_row_i   (settings.noise_row),
     .k_noise_i     (settings.k_noise),
     .k_height_i    (settings.k_height),

@@ -8,11 +8,12 @@
 //   angle_i, power_i, mirror_flags_i  of the line, sampled with its end; the flags are those from
 //                     FlagNotRunning on, and a point that has them keeps its position
 //   user_i, user_o    whatever else belongs to the line, sampled with its end; not looked at
-//   left_o, right_o   meaningless where width_o is 0
+//   left_o, right_o   meaningless where width_o is 0; with window_two_pass_i of the second window
 //   position_o, sigma_o, x_o, z_o, sigma_z_o  meaningless where measured_o is 0
 //   valid_o, ready_i  a point that nobody took is kept and the next one dropped and counted
 //   Latency  vrscan.chain.latency(width) clocks from the last pixel with its line_end_i to valid_o:
-//            a constant plus twice the window, or another constant where nothing is measured
+//            a constant plus twice the window, with two passes plus the first window and another
+//            constant, or a third constant where nothing is measured
 //   Model    vrscan.chain, bit-exact
 
 `default_nettype none
@@ -68,6 +69,7 @@ module vrscan_chain #(
 
   // Configuration; it has to hold until the points of all lines are out.
   input  wire logic                                           period_n_i,
+  input  wire logic                                           window_two_pass_i,
   input  wire logic                                           noise_row_i,
   input  wire logic        [                            15:0] k_noise_i,
   input  wire logic        [                            15:0] k_height_i,
@@ -96,9 +98,11 @@ module vrscan_chain #(
   output      logic        [                  CountWidth-1:0] dropped_count_o
 );
 
-  // The longest a stage holds a line; the test keeps MinPeriodOverhead above the latencies.
+  // The longest a stage holds a line; the test keeps both overheads above the latencies.
   localparam int unsigned LinePeriod = 2 * MaxWindow + vrscan_pkg::MinPeriodOverhead;
+  localparam int unsigned TwoPeriod  = 3 * MaxWindow + vrscan_pkg::TwoPassOverhead;
   localparam int unsigned MinPeriod  = LineLength >= LinePeriod ? 0 : LinePeriod;
+  localparam int unsigned LongPeriod = LineLength >= TwoPeriod ? 0 : TwoPeriod;
 
   // ---- sensor ----
   logic                                   received, good, lost;
@@ -107,7 +111,7 @@ module vrscan_chain #(
   logic [vrscan_pkg::LineNumberWidth-1:0] line_number;
   line_receiver #(
     .Lanes(Lanes), .LineLength(LineLength), .PixelWidth(PixelWidth),
-    .MinPeriod(MinPeriod), .CountWidth(CountWidth)
+    .MinPeriod(MinPeriod), .LongPeriod(LongPeriod), .CountWidth(CountWidth)
   ) u_line_receiver (
     .clk_i, .rst_i,
     .line_start_i, .line_end_i, .pixel_valid_i, .pixel_i,
@@ -117,6 +121,7 @@ module vrscan_chain #(
     .good_o       (good),
     .line_number_o(line_number),
     .lost_o       (lost),
+    .long_i       (window_two_pass_i),
     .short_count_o, .long_count_o, .unfinished_count_o, .early_count_o
   );
 
@@ -202,9 +207,9 @@ module vrscan_chain #(
     logic [vrscan_pkg::CountWidth-1:0] background;
     logic [vrscan_pkg::CountWidth-1:0] noise;
   } window_t;
-  window_t                            window, peak;
+  window_t                            window, first, peak;
   logic                               window_valid, window_measured;
-  logic [vrscan_pkg::WindowWidth-1:0] read_index;
+  logic [  vrscan_pkg::RingWidth-1:0] read_index, correlate_index, refine_index;
   logic [             PixelWidth-1:0] read_pixel;
   peak_isolate #(
     .Lanes(Lanes), .LineLength(LineLength), .PixelWidth(PixelWidth), .MaxWindow(MaxWindow),
@@ -244,28 +249,86 @@ module vrscan_chain #(
   logic        [       vrscan_pkg::SumWidth-1:0] height_sum;
   logic signed [      vrscan_pkg::WaveWidth-1:0] wave;
   logic signed [ vrscan_pkg::WaveCountWidth-1:0] wave_count;
+  logic                                          refine, refined, refining, refined_at_edge;
+  logic        [                 IndexWidth-1:0] refined_left, refined_right;
+  logic        [    vrscan_pkg::WindowWidth-1:0] refined_width;
+  logic signed [      vrscan_pkg::RampWidth-1:0] refined_ramp;
+  logic signed [vrscan_pkg::SlopeLevelWidth-1:0] refined_slope;
+  assign read_index = refining ? refine_index : correlate_index;
+
   phase_correlate #(.PixelWidth(PixelWidth), .UserWidth($bits(window))) u_phase_correlate (
     .clk_i, .rst_i,
-    .valid_i     (window_valid),
-    .measured_i  (window_measured),
-    .width_i     (vrscan_pkg::WindowWidth'(window.width)),
-    .background_i(window.background),
-    .user_i      (window),
-    .read_index_o(read_index),
-    .read_pixel_i(read_pixel),
-    .valid_o     (phase_valid),
-    .measured_o  (phase_measured),
-    .no_phase_o  (no_phase),
-    .width_o     (window_width),
-    .period_o    (period),
-    .phase_o     (phase),
-    .magnitude_o (magnitude),
-    .sum_o       (height_sum),
-    .wave_o      (wave),
-    .count_o     (wave_count),
-    .user_o      (peak),
+    .valid_i        (window_valid),
+    .measured_i     (window_measured),
+    .left_i         (vrscan_pkg::RingWidth'(window.left)),
+    .width_i        (vrscan_pkg::WindowWidth'(window.width)),
+    .background_i   (window.background),
+    .user_i         (window),
+    .read_index_o   (correlate_index),
+    .read_pixel_i   (read_pixel),
+    .refine_o       (refine),
+    .refined_i      (refined),
+    .refined_left_i (vrscan_pkg::RingWidth'(refined_left)),
+    .refined_width_i(refined_width),
+    .refined_ramp_i (refined_ramp),
+    .refined_slope_i(refined_slope),
+    .valid_o        (phase_valid),
+    .measured_o     (phase_measured),
+    .no_phase_o     (no_phase),
+    .width_o        (window_width),
+    .period_o       (period),
+    .phase_o        (phase),
+    .magnitude_o    (magnitude),
+    .sum_o          (height_sum),
+    .wave_o         (wave),
+    .count_o        (wave_count),
+    .user_o         (first),
+    .window_two_pass_i,
     .period_n_i
   );
+
+  // What peak_isolate says of a line stays until the next one's window is known.
+  peak_refine #(
+    .LineLength(LineLength), .PixelWidth(PixelWidth), .MaxWindow(MaxWindow)
+  ) u_peak_refine (
+    .clk_i, .rst_i,
+    .start_i     (window_valid && window_measured && window_two_pass_i),
+    .maximum_i   (window.maximum),
+    .background_i(window.background),
+    .noise_i     (window.noise),
+    .left_i      (window.left),
+    .valid_i     (refine),
+    .width_i     (window_width),
+    .phase_i     (phase),
+    .magnitude_i (magnitude),
+    .sum_i       (height_sum),
+    .reading_o   (refining),
+    .read_index_o(refine_index),
+    .read_pixel_i(read_pixel),
+    .valid_o     (refined),
+    .left_o      (refined_left),
+    .right_o     (refined_right),
+    .width_o     (refined_width),
+    .at_edge_o   (refined_at_edge),
+    .ramp_o      (refined_ramp),
+    .slope_o     (refined_slope),
+    .kappa_i
+  );
+
+  // The window that the phase is of.
+  logic second_q;
+  always_ff @(posedge clk_i) begin
+    if (window_valid) second_q <= window_measured && window_two_pass_i;
+  end
+  always_comb begin
+    peak = first;
+    if (second_q) begin
+      peak.left  = refined_left;
+      peak.right = refined_right;
+      peak.width = WidthWidth'(refined_width);
+      peak.flags[vrscan_pkg::FlagAtEdge] = refined_at_edge;
+    end
+  end
 
   logic                            position_valid;
   logic signed [PositionWidth-1:0] position;

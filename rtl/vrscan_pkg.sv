@@ -29,8 +29,10 @@ package vrscan_pkg;
   localparam int unsigned GainWidth = 24;  // confidence gains
   localparam int unsigned GainFraction = 16;
 
-  // A line every 2 MaxWindow + MinPeriodOverhead clocks, or LineLength where that is longer.
+  // A line every 2 MaxWindow + MinPeriodOverhead clocks, with two passes every 3 MaxWindow +
+  // TwoPassOverhead clocks, or LineLength where that is longer.
   localparam int unsigned MinPeriodOverhead = 450;
+  localparam int unsigned TwoPassOverhead = 710;
 
   // Statistics.
   localparam int unsigned BlockLength = 64;
@@ -55,6 +57,15 @@ package vrscan_pkg;
   // A harmonic below 2**NoPhaseShift / (K SineAmplitude) = 1.2e-6 of its sum is rounding.
   localparam int unsigned NoPhaseShift = 4;
   localparam int unsigned MinWindow = 3;  // a shorter window has no phase (T = N from N = 3)
+
+  // Two passes.  The pixels around the run with the maximum stand in a ring, by the lower bits of
+  // their index, until RingMargin pixels behind it: a second window, its gap and its blocks reach
+  // 228 pixels beyond the run on either side, and a run has at most 255.
+  localparam int unsigned RingWidth = 10;
+  localparam int unsigned RingMargin = 256;
+  localparam int unsigned SlopeLevelWidth = 27;  // of the background, aligned counts a px, signed
+  localparam int unsigned RampWidth = 28;  // what is taken off a pixel, aligned counts, signed
+  localparam int unsigned RampFraction = 12;  // of both
 
   // Geometry.
   localparam int unsigned OffsetFraction = 20;  // px

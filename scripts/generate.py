@@ -4,6 +4,7 @@
 * ``rtl/link/link_pkg.sv`` -> ``model/vrscan/fixed/link_pkg.py``: the numbers of the protocol.
 * ``vrscan.fixed.quarter_wave.table()`` -> ``rtl/trig/quarter_wave_rom.sv``.
 * ``vrscan.fixed.cordic_vector`` -> ``rtl/trig/cordic_pkg.sv``: the angles of the iterations.
+* ``vrscan.fixed.peak_refine`` -> ``rtl/peak/spot_sigma_pkg.sv``: a spot's width by its harmonic.
 * ``rtl/link/registers.toml`` -> ``rtl/link/register_file.sv``, ``register_pkg.sv`` and
   ``register_bank.sv``, ``docs/registers.md`` and ``model/vrscan/link/register_map.py``: every
   register.
@@ -65,6 +66,13 @@ def cordic_package() -> str:
     return package_source()
 
 
+def spot_sigma_package() -> str:
+    """Return the package with the spots' widths."""
+    from vrscan.fixed.peak_refine import table_source
+
+    return table_source()
+
+
 def register_file() -> str:
     """Return the module that holds the registers."""
     from registers import described, register_file
@@ -114,6 +122,7 @@ TARGETS: dict[str, Callable[[], str]] = {
     "model/vrscan/fixed/link_pkg.py": link_package,
     "rtl/trig/quarter_wave_rom.sv": quarter_wave_rom,
     "rtl/trig/cordic_pkg.sv": cordic_package,
+    "rtl/peak/spot_sigma_pkg.sv": spot_sigma_package,
     "rtl/link/register_file.sv": register_file,
     "rtl/link/register_pkg.sv": register_package,
     "rtl/link/register_bank.sv": register_bank,

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from harness import generator
 
-from vrscan.chain import latency, run_fixed
-from vrscan.config import Config
+from vrscan.chain import MAX_WINDOW, first_windows, latency, run_fixed
+from vrscan.config import Config, Peak
 from vrscan.fixed import pkg
 from vrscan.points import Points, points_equal
 from vrscan.registers import Registers
@@ -63,6 +63,7 @@ def extremes(registers: Registers, draw: np.random.Generator) -> Registers:
         **vars(registers)
         | {
             "period_n": bool(draw.integers(2)),
+            "window_two_pass": bool(draw.integers(2)),
             "noise_row": bool(draw.integers(2)),
             "even": bool(draw.integers(2)),
             "k_noise": word(11),
@@ -80,13 +81,17 @@ def extremes(registers: Registers, draw: np.random.Generator) -> Registers:
     )
 
 
-@pytest.mark.parametrize("salt", range(6))
+ONE_PASS = Registers.from_config(Config())
+TWO_PASS = Registers.from_config(Config(peak=Peak(window="two_pass")))
+
+
+@pytest.mark.parametrize("salt", range(8))
 def test_chain_rtl_equals_model_on_whole_lines(salt: int) -> None:
-    """2,400 lines in all: shipped registers first, then registers at random."""
+    """3,200 lines in all: shipped registers of both modes first, then registers at random."""
     draw = generator(salt)
-    registers = Registers.from_config(Config())
-    if salt:
-        registers = extremes(registers, draw)
+    registers = (ONE_PASS, TWO_PASS)[salt % 2]
+    if salt > 1:
+        registers = replace(extremes(registers, draw), window_two_pass=registers.window_two_pass)
     lines = np.concatenate([spots(200, salt), plateaus(200, 100 + salt)])
     angle = draw.integers(-(1 << 23), 1 << 23, len(lines)) >> draw.integers(0, 5)
     power = draw.integers(0, 1 << 16, len(lines))
@@ -96,20 +101,40 @@ def test_chain_rtl_equals_model_on_whole_lines(salt: int) -> None:
     assert points_equal(got, want) is None
 
 
-def test_latency_is_its_formula() -> None:
+@pytest.mark.parametrize("two_pass", [False, True])
+def test_latency_is_its_formula(two_pass: bool) -> None:
     """Every width and every unmeasured line, back to back: the clock of each point."""
-    registers = Registers.from_config(Config())
+    registers = replace(ONE_PASS, window_two_pass=two_pass)
     lines = plateaus(320, 7)
     angle = power = np.zeros(len(lines), np.int64)
     points = run_fixed(lines, angle, power, registers)
-    no_window = pkg.FLAG_LOW_SNR, pkg.FLAG_TOO_NARROW, pkg.FLAG_TOO_WIDE
-    measured = (points.flags & sum(1 << bit for bit in no_window)) == 0
+    _, first = first_windows(lines, registers, MAX_WINDOW)
     want = [
-        latency(int(width), measured=bool(m), line_length=LENGTH, pixel_width=12)
-        for width, m in zip(points.width, measured, strict=True)
+        latency(
+            int(width),
+            measured=bool(m),
+            line_length=LENGTH,
+            pixel_width=12,
+            first_width=int(before) if registers.window_two_pass else None,
+        )
+        for width, m, before in zip(points.width, first.measured, first.width, strict=True)
     ]
     assert latencies(lines, angle, power, registers).tolist() == want
-    assert len({*points.width[measured].tolist()}) > 200
+    assert len({*first.width[first.measured].tolist()}) > 200
+
+
+def test_one_bitstream_does_both() -> None:
+    """The same lines in both modes: other windows, other positions, the same thresholds."""
+    lines, nothing = spots(100, 60), np.zeros(100, np.int64)
+    two = replace(ONE_PASS, window_two_pass=True)
+    before, after = (run_rtl(lines, nothing, nothing, r) for r in (ONE_PASS, two))
+    both = before.measured & after.measured
+    assert both.sum() > 50
+    assert (before.position != after.position)[both].mean() > 0.7
+    near = np.abs(before.position - after.position)[both & (before.flags == 0)]
+    assert np.median(near) < 1 << (pkg.POSITION_FRACTION - 2)
+    assert np.array_equal(before.background, after.background)
+    assert np.array_equal(before.snr, after.snr)
 
 
 def test_every_flag_that_a_good_line_can_raise() -> None:

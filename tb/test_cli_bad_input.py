@@ -29,7 +29,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "key.toml").write_text("[peak]\nk_nose = 3\n")
     (tmp_path / "value.toml").write_text("[peak]\nmin_width = 1\n")
     (tmp_path / "register.toml").write_text("[geometry]\nk1 = 1\n")
-    (tmp_path / "two_pass.toml").write_text('[peak]\nwindow = "two_pass"\n')
+    (tmp_path / "two_pass.toml").write_text('[peak]\nwindow = "two_pass"\nperiod = "n-1"\n')
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -59,9 +59,9 @@ CASES = {
         ["replay", "good.npz", *REPLAY, "--config", "register.toml"],
         ["register.toml", "geometry.k1"],
     ),
-    "not_built": (
+    "two_pass_period": (
         ["replay", "good.npz", *REPLAY, "--config", "two_pass.toml"],
-        ["two_pass.toml", "not built"],
+        ["two_pass.toml", 'needs period = "n"'],
     ),
     "no_such_folder": (["replay", "good.npz", "--out", "no/out.csv", *IDEAL], ["no/out.csv"]),
     "out_is_folder": (["replay", "good.npz", "--out", ".", *IDEAL], ["."]),

@@ -55,7 +55,10 @@ BAD = {
     "unknown_section": ("[peek]\nk_noise = 3\n", ["peek"]),
     "unknown_key": ("[peak]\nk_nose = 3\n", ["peak.k_nose", "3"]),
     "unknown_choice": ('[peak]\nperiod = "n+1"\n', ["peak.period", "n+1"]),
-    "not_built": ('[peak]\nwindow = "two_pass"\n', ["peak.window", "two_pass", "not built"]),
+    "two_pass_period": (
+        '[peak]\nwindow = "two_pass"\nperiod = "n-1"\n',
+        ["peak", "two_pass", 'period = "n"'],
+    ),
     "text_for_number": ('[peak]\nk_noise = "3"\n', ["peak.k_noise", "'3'"]),
     "truth_for_number": ("[peak]\nk_noise = true\n", ["peak.k_noise", "True"]),
     "fraction_for_count": ("[peak]\nmin_width = 3.5\n", ["peak.min_width", "3.5"]),

@@ -10,6 +10,8 @@ from vrscan.fixed.line_receiver import LineReceiver
 ELABORATIONS = [
     {"LineLength": 64, "PixelWidth": 8, "MinPeriod": 0, "CountWidth": 3},
     {"LineLength": 100, "PixelWidth": 16, "MinPeriod": 130, "CountWidth": 16},
+    {"LineLength": 70, "PixelWidth": 12, "MinPeriod": 90, "LongPeriod": 141, "CountWidth": 16},
+    {"LineLength": 64, "PixelWidth": 12, "MinPeriod": 0, "LongPeriod": 65, "CountWidth": 16},
 ]
 
 
@@ -110,6 +112,22 @@ async def the_least_period_is_enough(dut) -> None:
     pause = np.zeros((period - length, 4), np.int64)
     strobes = np.concatenate([line(length), pause, line(length), pause[1:], line(length)])
     assert await clock_through(dut, model(), strobes) == [0, 1]
+
+
+@cocotb.test()
+async def the_long_period_counts_where_it_is_asked_for(dut) -> None:
+    """With long_i ends that are LongPeriod apart are good, a clock less is early."""
+    given = parameters()
+    length, period = given["LineLength"], given.get("LongPeriod", given["MinPeriod"])
+    if not period:
+        return
+    await reset(dut)
+    dut.long_i.value = 1
+    twin = LineReceiver(length, period, given["CountWidth"])
+    pause = np.zeros((period - length, 4), np.int64)
+    strobes = [line(length), pause, line(length), pause[1:], line(length), line(length)]
+    good = await clock_through(dut, twin, np.concatenate(strobes))
+    assert good == [0, 1, 3]
 
 
 @cocotb.test()

@@ -35,7 +35,7 @@ CONFIG = {"sensor": {"line_length": LINE_LENGTH}, "geometry": {"centre_px": 511.
 def chain(board: FakeBoard) -> Registers:
     """Return what the board makes its points with."""
     held = {name: board.file.values[name][0] for name in CHAIN}
-    for name in ("period_n", "noise_row", "even"):
+    for name in ("period_n", "window_two_pass", "noise_row", "even"):
         held[name] = bool(held[name])
     return Registers(pixel_width=12, line_length=LINE_LENGTH, **held)
 

@@ -24,7 +24,9 @@ ELABORATIONS = [
     {"LineLength": 300, "PixelWidth": 12, "MaxWindow": 255, "UserWidth": 8},
     {"LineLength": 100, "PixelWidth": 8, "MaxWindow": 20, "UserWidth": 8},
     {"LineLength": 129, "PixelWidth": 16, "MaxWindow": 64, "UserWidth": 8},
+    {"LineLength": 1400, "PixelWidth": 12, "MaxWindow": 20, "UserWidth": 8},  # the ring goes round
 ]
+REACH = 228  # pixels beside a run that a second window, its gap and its blocks may want
 OUTPUTS = ("measured", "left", "right", "width", "flags")
 
 
@@ -82,7 +84,7 @@ async def send(
     got: dict[str, list[int]] = {name: [] for name in OUTPUTS}
     replays: list[int] = []  # clocks in which a replay's first pixel comes
     replayed = 0
-    reading: list[int] = []  # pixels still to read from the last window
+    reading: list[int] = []  # indices to read around the last window
     read_at = 0
     cycle = 0
     last = len(lines) * length + latency(length) + 300
@@ -103,17 +105,18 @@ async def send(
             if index == length - 1:
                 replays.pop(0)
                 replayed += 1
-        if reading:
-            dut.read_index_i.value = read_at
+        if read_at < len(reading):
+            dut.read_index_i.value = reading[read_at] % (1 << pkg.RING_WIDTH)
         await FallingEdge(dut.clk_i)
         cycle += 1
         if reading:
             read_at += 1
-            if read_at >= 2:
-                got_pixel, want_pixel = int(dut.read_pixel_o.value), reading.pop(0)
+            if 2 <= read_at <= len(reading) + 1:
+                ended = len(got["left"]) - 1
+                index = reading[read_at - 2]
+                got_pixel, want_pixel = int(dut.read_pixel_o.value), int(lines[ended, index])
                 assert got_pixel == want_pixel, (
-                    f"window {len(got['left']) - 1}, place {read_at - 2}: got {got_pixel}, "
-                    f"want {want_pixel}"
+                    f"window {ended}, pixel {index}: got {got_pixel}, want {want_pixel}"
                 )
         # Line k's statistics come at clock k * length.
         started, rest = divmod(cycle - replay_latency(), length)
@@ -131,8 +134,13 @@ async def send(
             assert int(dut.maximum_o.value) == statistics.maximum[row]
             for name in OUTPUTS:
                 got[name].append(as_integer(getattr(dut, f"{name}_o"), signed=False))
-            left, width = int(want.left[row]), int(want.width[row])
-            reading = lines[row, left : left + min(width, given["MaxWindow"])].tolist()
+            left, right = int(want.left[row]), int(want.right[row])
+            if want.width[row] <= given["MaxWindow"]:
+                # As many as there are clocks until the next line ends, from either end in turn.
+                around = range(max(0, left - REACH), min(length, right + REACH + 1))
+                reading = list(around[-(length - 4) :] if row % 2 else around[: length - 4])
+            else:
+                reading = []
             read_at = 0
     assert_equal(
         {name: np.array(values) for name, values in got.items()},

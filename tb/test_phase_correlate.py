@@ -3,12 +3,23 @@
 import cocotb
 import numpy as np
 import pytest
-from harness import FallingEdge, as_integer, assert_equal, generator, parameters, reset, simulate
+from harness import (
+    FallingEdge,
+    as_integer,
+    assert_equal,
+    drive,
+    generator,
+    parameters,
+    reset,
+    simulate,
+)
 
 from vrscan.fixed import cordic_vector, pkg, quarter_wave
 from vrscan.fixed.phase_correlate import (
     UNMEASURED_LATENCY,
     Harmonics,
+    first_harmonics,
+    first_latency,
     latency,
     phase_correlate,
 )
@@ -30,6 +41,7 @@ OUTPUTS = {
     "count": True,
 }
 LENGTH = 256
+RING = 1 << pkg.RING_WIDTH
 
 
 def windows(pixel_width: int, widths: list[int], salt: int) -> tuple[np.ndarray, np.ndarray]:
@@ -54,13 +66,20 @@ def windows(pixel_width: int, widths: list[int], salt: int) -> tuple[np.ndarray,
 
 
 async def send(
-    dut, lines: np.ndarray, background: np.ndarray, widths: np.ndarray, *, period_n: bool
+    dut,
+    lines: np.ndarray,
+    background: np.ndarray,
+    widths: np.ndarray,
+    *,
+    period_n: bool,
+    left: np.ndarray | None = None,
 ) -> None:
     """Send windows one after the other and compare results and latencies."""
     measured = widths >= pkg.MIN_WINDOW
+    left = np.zeros(len(lines), np.int64) if left is None else left
     want: Harmonics = phase_correlate(
         lines,
-        left=np.zeros(len(lines), np.int64),
+        left=left,
         width=widths,
         background=background,
         measured=measured,
@@ -68,10 +87,12 @@ async def send(
         period_n=period_n,
     )
     dut.period_n_i.value = int(period_n)
+    dut.window_two_pass_i.value = 0
     got: dict[str, list[int]] = {name: [] for name in OUTPUTS}
     for row, pixels in enumerate(lines):
         dut.valid_i.value = 1
         dut.measured_i.value = int(measured[row])
+        dut.left_i.value = int(left[row]) % RING
         dut.width_i.value = int(widths[row]) & 0xFF
         dut.background_i.value = int(background[row])
         dut.user_i.value = row & 0xFF
@@ -82,8 +103,9 @@ async def send(
             await FallingEdge(dut.clk_i)
             dut.valid_i.value = 0
             dut.width_i.value = dut.background_i.value = dut.measured_i.value = 0
-            dut.read_pixel_i.value = int(pixels[asked])
+            dut.read_pixel_i.value = int(pixels[asked % len(pixels)])
             assert int(dut.valid_o.value) == (cycle == expected), f"window {row}, cycle {cycle}"
+            assert dut.refine_o.value == 0, f"window {row}, cycle {cycle}"
         assert int(dut.user_o.value) == row & 0xFF
         assert int(dut.width_o.value) == int(widths[row]) & 0xFF
         for name, signed in OUTPUTS.items():
@@ -127,6 +149,103 @@ async def ends_of_the_range(dut) -> None:
 
 
 @cocotb.test()
+async def windows_anywhere_in_the_ring(dut) -> None:
+    """Windows that begin at any index, also where the ring's indices begin anew."""
+    await reset(dut)
+    draw = generator(8)
+    around = draw.integers(0, 1 << parameters()["PixelWidth"], (8, RING)).astype(np.uint16)
+    lines = np.concatenate([around, around[:, :LENGTH]], axis=1)
+    left = np.r_[0, RING - 1, RING - 40, draw.integers(0, RING, 5)]
+    widths = draw.integers(3, 256, 8)
+    await send(dut, lines, np.zeros(8, np.int64), widths, period_n=True, left=left)
+
+
+async def refine(dut, salt: int, count: int) -> None:
+    """Send pairs of windows, the second with a ramp, and compare both harmonics."""
+    draw = generator(salt)
+    width = parameters()["PixelWidth"]
+    top = (1 << width) - 1
+    first, second = draw.integers(3, 256, (2, count))
+    second[:3] = 3, 255, 255
+    lines = draw.integers(0, top + 1, (count, 2 * LENGTH))
+    lines[2] = np.arange(2 * LENGTH) % 2 * top
+    left = draw.integers(0, LENGTH, count)
+    left[:3] = 0
+    background = draw.integers(0, top << (pkg.COUNT_WIDTH - width), count)
+    # The first window's pixels are above the background, the second one's need not be.
+    for k in range(count):
+        low = background[k] >> (pkg.COUNT_WIDTH - width)
+        lines[k, : first[k]] = np.maximum(lines[k, : first[k]], low + 1)
+    lines = np.minimum(lines, top).astype(np.uint16)
+    steepest = (1 << (pkg.ALIGNED_WIDTH + pkg.RAMP_FRACTION)) // (second + 2)
+    slope = (steepest * draw.choice([0, 1, 1e-3], count)).astype(np.int64)
+    slope *= draw.choice([-1, 1], count)
+    ramp = -((slope * (second - 1)) >> 1) + (1 << (pkg.RAMP_FRACTION - 1))
+    given = {"background": background, "pixel_width": width, "period_n": True}
+    before = first_harmonics(lines, left=np.zeros(count, np.int64), width=first, **given)
+    want = phase_correlate(
+        lines,
+        left=left,
+        width=second,
+        measured=np.ones(count, np.bool_),
+        ramp=ramp,
+        slope=slope,
+        **given,
+    )
+    dut.window_two_pass_i.value = 1
+    dut.period_n_i.value = 0  # two passes have T = N, whatever this says
+    got: dict[str, list[int]] = {name: [] for name in OUTPUTS}
+    earlier: dict[str, list[int]] = {name: [] for name in ("phase", "magnitude", "sum")}
+    for row in range(count):
+        dut.valid_i.value = dut.measured_i.value = 1
+        dut.left_i.value = 0
+        dut.width_i.value = int(first[row])
+        dut.background_i.value = int(background[row])
+        wait = int(draw.integers(1, 20))  # for the second window
+        refined = first_latency(int(first[row]))
+        ends = refined + wait + latency(int(second[row]))
+        asked = next_asked = 0
+        for cycle in range(1, ends + 1):
+            asked, next_asked = next_asked, as_integer(dut.read_index_o, signed=False)
+            await FallingEdge(dut.clk_i)
+            dut.valid_i.value = dut.measured_i.value = dut.refined_i.value = 0
+            dut.read_pixel_i.value = int(lines[row, asked % lines.shape[1]])
+            assert int(dut.refine_o.value) == (cycle == refined), f"windows {row}, cycle {cycle}"
+            assert int(dut.valid_o.value) == (cycle == ends), f"windows {row}, cycle {cycle}"
+            if cycle == refined:
+                for name, values in earlier.items():
+                    values.append(as_integer(getattr(dut, f"{name}_o"), signed=False))
+            if cycle == refined + wait:
+                dut.refined_i.value = 1
+                dut.refined_left_i.value = int(left[row])
+                dut.refined_width_i.value = int(second[row])
+                drive(dut.refined_ramp_i, int(ramp[row]))
+                drive(dut.refined_slope_i, int(slope[row]))
+        for name, signed in OUTPUTS.items():
+            got[name].append(as_integer(getattr(dut, f"{name}_o"), signed=signed))
+    inputs = {"first": first, "second": second, "slope": slope}
+    assert_equal(
+        {name: np.array(values) for name, values in earlier.items()},
+        {name: getattr(before, name) for name in earlier},
+        inputs,
+    )
+    assert_equal(
+        {name: np.array(values) for name, values in got.items()},
+        {name: getattr(want, name) for name in OUTPUTS},
+        inputs,
+    )
+
+
+@cocotb.test()
+async def second_windows_on_a_ramp(dut) -> None:
+    """Any second window with any ramp: heights below zero, sums below zero, the steepest ramps."""
+    await reset(dut)
+    await refine(dut, 9, 60)
+    lines, background = windows(parameters()["PixelWidth"], [40, 2, 8], 10)
+    await send(dut, lines, background, np.array([40, 2, 8]), period_n=False)
+
+
+@cocotb.test()
 async def reset_mid_window(dut) -> None:
     """A reset in every phase of the work: nothing comes out, and the next window is right."""
     await reset(dut)
@@ -142,6 +261,18 @@ async def reset_mid_window(dut) -> None:
         await FallingEdge(dut.clk_i)
         dut.rst_i.value = dut.valid_i.value = 0
         assert dut.valid_o.value == 0, f"a result after a reset at age {age}"
+        await send(dut, lines, background, np.array([40]), period_n=True)
+    # A reset while the second window is awaited, or on its way.
+    for age in (first_latency(40) + 3, first_latency(40) + 30):
+        dut.window_two_pass_i.value = dut.valid_i.value = dut.measured_i.value = 1
+        for cycle in range(age):
+            await FallingEdge(dut.clk_i)
+            dut.valid_i.value = 0
+            dut.refined_i.value = int(cycle == first_latency(40) + 4)
+            dut.refined_width_i.value = 30
+        dut.rst_i.value = 1
+        await FallingEdge(dut.clk_i)
+        dut.rst_i.value = dut.refined_i.value = 0
         await send(dut, lines, background, np.array([40]), period_n=True)
 
 

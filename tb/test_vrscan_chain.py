@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from harness import FallingEdge, as_integer, generator, parameters, reset, simulate
 
-from vrscan.chain import latency, run_fixed
-from vrscan.config import Config, Geometry, Sensor
+from vrscan import chain
+from vrscan.chain import run_fixed
+from vrscan.config import Config, Geometry, Peak, Sensor
 from vrscan.fixed import pkg
 from vrscan.fixed.line_receiver import LineReceiver
 from vrscan.points import Points
@@ -23,6 +24,7 @@ ELABORATIONS = [
     {"LineLength": 600, "PixelWidth": 12, "MaxWindow": 60},  # lines may follow without a gap
     {"LineLength": 130, "PixelWidth": 8, "MaxWindow": 20, "CountWidth": 1},  # they may not
     {"LineLength": 547, "PixelWidth": 16, "MaxWindow": 70},
+    {"LineLength": 1200, "PixelWidth": 12, "MaxWindow": 60},  # nor do those of two passes
 ]
 SIGNED = {"position", "angle", "x", "z"}
 BESIDE = ("power", "user")  # what only passes through
@@ -42,11 +44,10 @@ class Strobes:
     user: int = 0
 
 
-def min_period() -> int:
+def min_period(two_pass: bool = False) -> int:
     """Return the clocks between two good lines that the elaboration asks for."""
     given = parameters()
-    period = 2 * given["MaxWindow"] + pkg.MIN_PERIOD_OVERHEAD
-    return 0 if given["LineLength"] >= period else period
+    return chain.min_period(given["LineLength"], given["MaxWindow"], two_pass=two_pass)
 
 
 def counted(dut, *names: str) -> list[int]:
@@ -59,12 +60,13 @@ def limited(*counts: int) -> list[int]:
     return [min(count, (1 << parameters().get("CountWidth", 16)) - 1) for count in counts]
 
 
-def registers() -> Registers:
+def registers(two_pass: bool = False) -> Registers:
     """Return the shipped registers for the running elaboration."""
     given = parameters()
     sensor = Sensor(pixel_width=given["PixelWidth"], line_length=given["LineLength"])
     geometry = Geometry(centre_px=(given["LineLength"] - 1) / 2)
-    return Registers.from_config(Config(sensor=sensor, geometry=geometry))
+    peak = Peak(window="two_pass" if two_pass else "threshold")
+    return Registers.from_config(Config(sensor=sensor, geometry=geometry, peak=peak))
 
 
 def spot_lines(count: int, salt: int) -> np.ndarray:
@@ -136,7 +138,7 @@ def expected(clocks: list[Strobes], given: Registers) -> list[tuple[int, dict[st
     """Return (clock, point) by the receiver's twin and the model of the chain."""
     elaboration = parameters()
     length = elaboration["LineLength"]
-    twin = LineReceiver(length, min_period())
+    twin = LineReceiver(length, min_period(given.window_two_pass))
     pixels: list[int] = []
     ends, lines, angles, powers, raised, numbers, lost = [], [], [], [], [], [], []
     users = []
@@ -166,21 +168,19 @@ def expected(clocks: list[Strobes], given: Registers) -> list[tuple[int, dict[st
     flags = points.flags | np.array(lost, np.int64) << pkg.FLAG_LINES_LOST
     points = replace(points, line=np.array(numbers), flags=flags)
     beside = [{"power": power, "user": user} for power, user in zip(powers, users, strict=True)]
-    return [(end + due(points, k), row(points, k) | beside[k]) for k, end in enumerate(ends)]
-
-
-def due(points: Points, k: int) -> int:
-    """Return the clocks from the last pixel of line k to its point."""
-    elaboration = parameters()
-    bad = pkg.FLAG_LOW_SNR, pkg.FLAG_TOO_NARROW, pkg.FLAG_TOO_WIDE
-    measured = not int(points.flags[k]) & sum(1 << bit for bit in bad)
-    return latency(
-        int(points.width[k]),
-        measured=measured,
-        line_length=elaboration["LineLength"],
-        pixel_width=elaboration["PixelWidth"],
-        max_window=elaboration["MaxWindow"],
-    )
+    _, first = chain.first_windows(np.array(lines, np.uint16), given, elaboration["MaxWindow"])
+    due = [
+        chain.latency(
+            int(points.width[k]),
+            measured=bool(first.measured[k]),
+            line_length=length,
+            pixel_width=elaboration["PixelWidth"],
+            max_window=elaboration["MaxWindow"],
+            first_width=int(first.width[k]) if given.window_two_pass else None,
+        )
+        for k in range(len(lines))
+    ]
+    return [(end + due[k], row(points, k) | beside[k]) for k, end in enumerate(ends)]
 
 
 def row(points: Points, k: int) -> dict[str, int]:
@@ -202,10 +202,10 @@ async def compare(dut, clocks: list[Strobes], given: Registers) -> list[dict[str
     return [point for _, point in got]
 
 
-async def start(dut) -> Registers:
+async def start(dut, two_pass: bool = False) -> Registers:
     """Reset, load the registers and open the consumer."""
     await reset(dut)
-    given = registers()
+    given = registers(two_pass)
     for name in CONFIGURATION:
         handle = getattr(dut, f"{name}_i")
         value = int(getattr(given, name))
@@ -231,6 +231,30 @@ async def lines_back_to_back(dut) -> None:
     if parameters()["LineLength"] <= 3 * pkg.BLOCK_LENGTH:
         # Three blocks, of which a maximum in the middle leaves none.
         assert any(point["flags"] >> pkg.FLAG_ROW_STATISTICS & 1 for point in points)
+
+
+@cocotb.test()
+async def two_passes_back_to_back(dut) -> None:
+    """Two windows a line; the least period is theirs, and a reset in mid-stream leaves nothing."""
+    given = await start(dut, two_pass=True)
+    lines = spot_lines(24, 6)
+    clocks = [s for k, line in enumerate(lines) for s in as_strobes(line, k)]
+    points = await compare(dut, clocks, given)
+    apart = min_period(two_pass=True)
+    if not apart:
+        assert len(points) == len(lines)
+    else:
+        assert 0 < len(points) < len(lines)
+        assert counted(dut, "early") == limited(len(lines) - len(points))
+    part = [s for k, line in enumerate(lines[:4]) for s in as_strobes(line, k) + idle(apart)]
+    whole = expected(part + idle(3000), given)[0][0]
+    for age in np.linspace(whole - 700, whole + 10, 6).astype(int):
+        await drive(dut, (part + idle(3000))[:age])
+        dut.rst_i.value = dut.pixel_valid_i.value = dut.line_end_i.value = 1
+        await FallingEdge(dut.clk_i)
+        dut.rst_i.value = 0
+        points = await compare(dut, part, given)
+        assert points[0]["line"] == 0 and len(points) == 4
 
 
 @cocotb.test()
@@ -326,6 +350,7 @@ def test_no_stage_is_busy_longer_than_the_least_period(line_length: int, pixel_w
         peak_confidence,
         peak_isolate,
         peak_position,
+        peak_refine,
         phase_correlate,
         triangulate,
     )
@@ -340,3 +365,12 @@ def test_no_stage_is_busy_longer_than_the_least_period(line_length: int, pixel_w
         quality = max(offset, peak_confidence.latency()) + 2
         assert phase_correlate.latency(max_window) + quality <= period
         assert period >= triangulate.BUSY
+
+        # With two passes, the same of the second window and what lies between the two.
+        period = max(3 * max_window + pkg.TWO_PASS_OVERHEAD, line_length)
+        assert max(threshold, peak_isolate.replay_latency()) + 2 <= period
+        both = phase_correlate.first_latency(max_window) + peak_refine.latency()
+        assert both + phase_correlate.latency(max_window) + quality <= period
+        # The line's pixels and statistics are those of the line until then.
+        assert phase_correlate.first_latency(pkg.MIN_WINDOW) > peak_refine.START_LATENCY
+    assert 3 * 255 + pkg.TWO_PASS_OVERHEAD <= 2048

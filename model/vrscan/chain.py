@@ -1,6 +1,7 @@
 """The bit-accurate signal chain, the twin of ``rtl/vrscan_chain.sv``."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from vrscan.fixed import (
     peak_confidence,
     peak_isolate,
     peak_position,
+    peak_refine,
     phase_correlate,
     pkg,
 )
@@ -22,11 +24,19 @@ from vrscan.registers import Registers
 MAX_WINDOW = 255
 CHUNK = 1024  # lines at a time: what a core's cache holds
 
+_FirstWindows = tuple[line_statistics.LineStatistics, peak_isolate.Windows]
+
 _ANGLE_SIGN = 1 << (pkg.ANGLE_WIDTH - 1)
 
 
 def latency(
-    width: int, *, measured: bool, line_length: int, pixel_width: int, max_window: int = MAX_WINDOW
+    width: int,
+    *,
+    measured: bool,
+    line_length: int,
+    pixel_width: int,
+    max_window: int = MAX_WINDOW,
+    first_width: int | None = None,
 ) -> int:
     """Return the clocks from a line's last pixel to its point.
 
@@ -36,28 +46,34 @@ def latency(
         line_length: ``LineLength``.
         pixel_width: ``PixelWidth``.
         max_window: ``MaxWindow``.
+        first_width: With two passes, the pixels in the first window.
     """
     offset = peak_position.LATENCY + geometry_distortion.latency(line_length)
+    phase = phase_correlate.latency(width) if measured else phase_correlate.UNMEASURED_LATENCY
+    if measured and first_width is not None:
+        phase += phase_correlate.first_latency(first_width) + peak_refine.latency()
     return (
         line_receiver.LATENCY
         + line_statistics.latency(line_length, pixel_width, max_window)
         + peak_isolate.latency(line_length)
-        + (phase_correlate.latency(width) if measured else phase_correlate.UNMEASURED_LATENCY)
+        + phase
         + max(offset, peak_confidence.latency())
         + 1
         + geometry_triangulate.LATENCY
     )
 
 
-def _run(
-    lines: Pixels,
-    angle: Ints,
-    power: Ints,
-    mirror_flags: Ints,
-    first: int,
-    registers: Registers,
-    max_window: int,
-) -> Points:
+def min_period(line_length: int, max_window: int, *, two_pass: bool) -> int:
+    """Return the clocks between two good lines' ends that the chain asks for; 0 for no limit."""
+    if two_pass:
+        period = 3 * max_window + pkg.TWO_PASS_OVERHEAD
+    else:
+        period = 2 * max_window + pkg.MIN_PERIOD_OVERHEAD
+    return 0 if line_length >= period else period
+
+
+def first_windows(lines: Pixels, registers: Registers, max_window: int) -> _FirstWindows:
+    """Return statistics and first window of every line; arguments as for ``run_fixed``."""
     r = registers
     statistics = line_statistics.line_statistics(
         lines, pixel_width=r.pixel_width, max_window=max_window, noise_row=r.noise_row
@@ -73,6 +89,67 @@ def _run(
         min_width=r.min_width,
         max_width=r.max_width,
     )
+    return statistics, window
+
+
+def _refined(
+    lines: Pixels, first: _FirstWindows, registers: Registers, max_window: int
+) -> tuple[peak_isolate.Windows, Ints, Ints]:
+    """Return the windows, ramps and slopes of the second pass; the first window where none is."""
+    statistics, window = first
+    ramp, slope = np.zeros((2, len(lines)), np.int64)
+    rows = np.flatnonzero(window.measured)
+    if not rows.size:
+        return window, ramp, slope
+    harmonic = phase_correlate.first_harmonics(
+        lines[rows],
+        left=window.left[rows],
+        width=window.width[rows],
+        background=statistics.background[rows],
+        pixel_width=registers.pixel_width,
+        period_n=True,
+    )
+    second = peak_refine.peak_refine(
+        lines[rows],
+        left=window.left[rows],
+        width=window.width[rows],
+        phase=harmonic.phase,
+        magnitude=harmonic.magnitude,
+        sum=harmonic.sum,
+        maximum=statistics.maximum[rows],
+        background=statistics.background[rows],
+        noise=statistics.noise[rows],
+        pixel_width=registers.pixel_width,
+        max_window=max_window,
+        kappa=registers.kappa,
+    )
+    left, right = window.left.copy(), window.right.copy()
+    width, flags = window.width.copy(), window.flags.copy()
+    left[rows], width[rows] = second.left, second.width
+    right[rows] = second.left + second.width - 1
+    at_edge = (left[rows] == 0) | (right[rows] == lines.shape[1] - 1)
+    flags[rows] &= ~(1 << pkg.FLAG_AT_EDGE)
+    flags[rows] |= at_edge.astype(np.int64) << pkg.FLAG_AT_EDGE
+    ramp[rows], slope[rows] = second.ramp, second.slope
+    return replace(window, left=left, right=right, width=width, flags=flags), ramp, slope
+
+
+def _run(
+    lines: Pixels,
+    angle: Ints,
+    power: Ints,
+    mirror_flags: Ints,
+    first: int,
+    registers: Registers,
+    max_window: int,
+) -> Points:
+    r = registers
+    first_window = first_windows(lines, r, max_window)
+    statistics, window = first_window
+    ramp: Ints | int = 0
+    slope: Ints | int = 0
+    if r.window_two_pass:
+        window, ramp, slope = _refined(lines, first_window, r, max_window)
     harmonic = phase_correlate.phase_correlate(
         lines,
         left=window.left,
@@ -80,7 +157,9 @@ def _run(
         background=statistics.background,
         measured=window.measured,
         pixel_width=r.pixel_width,
-        period_n=r.period_n,
+        period_n=r.period_n or r.window_two_pass,
+        ramp=ramp,
+        slope=slope,
     )
     position = peak_position.peak_position(
         window.left, harmonic.period, harmonic.phase, line_length=r.line_length

@@ -53,6 +53,10 @@ class Peak(Section):
 
     No line was lost in any of them. ``snr_min`` and ``min_width`` cost nothing there, where the
     dimmest spot stands 44 deviations high; 8 and 3 px keep lines without a spot out.
+
+    With ``window = "two_pass"`` the first window only has to find the spot and its width, and
+    ``k_first`` takes the place of ``k_height``: so high that the run does not climb a background
+    that slopes by 1 count/px beside a spot of s = 12 px at 5 %.
     """
 
     period: Literal["n", "n-1"] = "n"
@@ -60,24 +64,30 @@ class Peak(Section):
     noise: Literal["background", "row"] = "background"
     k_noise: float = Field(default=2.5, ge=0, lt=256)  # threshold above background, in noise
     k_height: float = Field(default=0.02, ge=0, lt=1)  # the same in heights of the peak
+    k_first: float = Field(default=0.25, ge=0, lt=1)  # k_height of the first of two passes
     snr_min: float = Field(default=8.0, ge=0, lt=256)
     snr_max: float = Field(default=100.0, ge=1, lt=256)  # where the object's confidence is 1
     min_width: int = Field(default=3, ge=3, le=255)  # px
     max_width: int = Field(default=255, ge=3, le=255)  # px
     kappa: float = Field(default=0.2, ge=0, lt=4)  # counts per electron
 
-    @field_validator("window")
-    @classmethod
-    def _built(cls, value: str) -> str:
-        if value == "two_pass":
-            raise ValueError('is not built yet; "threshold" is')
-        return value
-
     @model_validator(mode="after")
     def _widths(self) -> "Peak":
         if self.min_width > self.max_width:
             raise ValueError(f"min_width {self.min_width} is above max_width {self.max_width}")
+        if self.window == "two_pass" and self.period != "n":
+            raise ValueError('window = "two_pass" needs period = "n"')
         return self
+
+    @property
+    def two_pass(self) -> bool:
+        """Whether a second window follows the first."""
+        return self.window == "two_pass"
+
+    @property
+    def cut_height(self) -> float:
+        """The threshold's share of the peak's height, in the mode that is chosen."""
+        return self.k_first if self.two_pass else self.k_height
 
 
 class Geometry(Section):

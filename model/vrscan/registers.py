@@ -51,6 +51,7 @@ class Registers:
     pixel_width: int
     line_length: int
     period_n: bool  # period T = N, else N - 1
+    window_two_pass: bool  # a second window follows the first; the period is T = N
     noise_row: bool  # row statistics decide, else those of the background
     k_noise: int  # u16, 8 fraction bits
     k_height: int  # u16, 16 fraction bits
@@ -103,9 +104,10 @@ class Registers:
             pixel_width=config.sensor.pixel_width,
             line_length=length,
             period_n=peak.period == "n",
+            window_two_pass=peak.two_pass,
             noise_row=peak.noise == "row",
             k_noise=unsigned("peak.k_noise", peak.k_noise, 16, pkg.K_NOISE_FRACTION),
-            k_height=unsigned("peak.k_height", peak.k_height, 16, pkg.K_HEIGHT_FRACTION),
+            k_height=unsigned("peak.k_height", peak.cut_height, 16, pkg.K_HEIGHT_FRACTION),
             snr_min=unsigned("peak.snr_min", peak.snr_min, pkg.SNR_WIDTH, pkg.SNR_FRACTION),
             min_width=peak.min_width,
             max_width=peak.max_width,

@@ -16,8 +16,9 @@ from vrscan.tools import repository_root, rtl_module
 
 # Configuration ports, in the order in which the engine takes them, with the fields of Registers.
 CONFIGURATION = (
-    "period_n", "noise_row", "k_noise", "k_height", "snr_min", "min_width", "max_width", "kappa",
-    "c_obj_gain", "c_sfm_gain", "centre", "k1", "k2", "even", "n0", "n1", "d0", "d1", "e0", "e1",
+    "period_n", "window_two_pass", "noise_row", "k_noise", "k_height", "snr_min", "min_width",
+    "max_width", "kappa", "c_obj_gain", "c_sfm_gain", "centre", "k1", "k2", "even",
+    "n0", "n1", "d0", "d1", "e0", "e1",
 )  # fmt: skip
 # Result ports, in the order in which the engine gives them: the fields of Points.
 RESULTS = (
@@ -108,6 +109,7 @@ def _run(
         line_length=length,
         pixel_width=registers.pixel_width,
         max_window=max_window,
+        first_width=max_window if registers.window_two_pass else None,
     )
 
     def address(array: np.ndarray[tuple[int, ...], np.dtype[np.generic]]) -> ctypes.c_void_p:

@@ -52,6 +52,7 @@ module register_bank (
     .kappa_o(settings_o.kappa),
     .c_obj_gain_o(settings_o.c_obj_gain),
     .c_sfm_gain_o(settings_o.c_sfm_gain),
+    .window_two_pass_o(settings_o.window_two_pass),
     .centre_o(settings_o.centre),
     .k1_o(settings_o.k1),
     .k2_o(settings_o.k2),

@@ -18,6 +18,7 @@ package register_pkg;
     logic [17:0] kappa;
     logic [23:0] c_obj_gain;
     logic [23:0] c_sfm_gain;
+    logic window_two_pass;
     logic signed [31:0] centre;
     logic signed [25:0] k1;
     logic signed [25:0] k2;

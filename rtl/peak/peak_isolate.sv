@@ -3,8 +3,8 @@
 //   threshold = background + max(k_noise noise, k_height (maximum - background))
 //
 // The statistics of a line come in, the line is replayed from the buffer, and after its last
-// pixel the window goes out with its flags.  The window's pixels stand in a memory of their own,
-// readable until the next line ends.  No decision divides: the S/N is compared as
+// pixel the window goes out with its flags.  The window's pixels, and those around it, stand in a
+// ring by the lower bits of their index, readable until the next line ends.  No decision divides: the S/N is compared as
 // (maximum - background) < snr_min noise.
 //
 // A run is a rival when it is at least min_width wide: what could not be a peak is no rival, and
@@ -12,7 +12,8 @@
 //
 //   left_o, right_o, width_o  the window; width_o is 0 where the maximum is not above the threshold
 //   measured_o                none of LOW_SNR, TOO_NARROW and TOO_WIDE
-//   read_index_i, read_pixel_o  pixel of the window, 2 clocks later
+//   read_index_i, read_pixel_o  a pixel by its index modulo 2**RingWidth, 2 clocks later: of the
+//                             window and of RingMargin pixels beside it, as far as there are any
 //   Latency  vrscan.fixed.peak_isolate.latency() clocks from valid_i to valid_o; replay_o comes
 //            vrscan.fixed.peak_isolate.replay_latency() clocks after valid_i
 //   Model    vrscan.fixed.peak_isolate, bit-exact
@@ -57,7 +58,7 @@ module peak_isolate #(
   output      logic [ vrscan_pkg::CountWidth-1:0] noise_o,
   output      logic [              UserWidth-1:0] user_o,
 
-  input  wire logic [vrscan_pkg::WindowWidth-1:0] read_index_i,
+  input  wire logic [  vrscan_pkg::RingWidth-1:0] read_index_i,
   output      logic [             PixelWidth-1:0] read_pixel_o,
 
   // Configuration.
@@ -285,19 +286,24 @@ module peak_isolate #(
   end
 
   // ---- the window's pixels ----
-  // Every run is written from place 0 until the one with the maximum has ended; then the bank
-  // rests, and the next line uses the other one.
-  logic [PixelWidth-1:0]  window_mem [2 << WindowWidth];
-  logic                   bank_q;
-  logic [PixelWidth-1:0]  read_q;
-  logic [ WidthWidth-1:0] place;
-  logic                   keep;
-  assign place = in_run_q ? run_width_q : '0;
-  assign keep  = seen_q && above_q && (!found_q || first_q) && place < WidthWidth'(MaxWindow);
+  // Pixels go round in the ring until RingMargin of them have followed the run with the maximum;
+  // then the bank rests, and the next line uses the other one.
+  localparam int unsigned RingWidth = vrscan_pkg::RingWidth;
+  localparam int unsigned LateWidth = $clog2(vrscan_pkg::RingMargin + 1);
+  logic [PixelWidth-1:0] ring_mem [2 << RingWidth];
+  logic                  bank_q;
+  logic [PixelWidth-1:0] read_q;
+  logic [ LateWidth-1:0] late_q;  // pixels behind the run
+  logic                  keep;
+  assign keep = seen_q && (first_q || late_q != LateWidth'(vrscan_pkg::RingMargin));
   always_ff @(posedge clk_i) begin
-    if (keep) window_mem[{bank_q, WindowWidth'(place)}] <= pixel_q;
-    read_q       <= window_mem[{!bank_q, read_index_i}];
+    if (keep) ring_mem[{bank_q, RingWidth'(index_q)}] <= pixel_q;
+    read_q       <= ring_mem[{!bank_q, read_index_i}];
     read_pixel_o <= read_q;
+    if (seen_q) begin
+      if (first_q)              late_q <= '0;
+      else if (found_q && keep) late_q <= late_q + LateWidth'(1);
+    end
     if (seen_q && last_q) bank_q <= !bank_q;
     if (rst_i) bank_q <= 1'b0;
   end

@@ -9,18 +9,24 @@
 // give sum(v_i sin^2(theta_i - phi)) = (sum(v_i) - sum(v_i cos(2 theta_i - 2 phi))) / 2, exactly
 // the variance that the phase feels, for any mixture of constant and shot noise.
 //
+// With two passes, the first harmonic of the first window goes to peak_refine, which answers with
+// the second window and the level of the background beside it.  The level is taken off in pass 1,
+// beside the background; the noise of pass 2 is that of the pixels as they are.
+//
 // Pixels are left-aligned to 16 bits ("aligned counts"), so all widths behind are the same for
 // every PixelWidth.
 //
 //   phase_o        turns, unsigned: peak_position makes delta of (8) from it
 //   magnitude_o    cordic gain times |X + iY|, X and Y in aligned counts times the table amplitude
-//   pedestal_o     what was taken off, aligned counts
-//   sum_o          sum of pixel - pedestal, aligned counts
+//   left_i         index of the window's first pixel modulo 2**RingWidth
+//   refine_o       phase_o, magnitude_o and sum_o are those of the first of two windows
+//   sum_o          sum of pixel - pedestal, aligned counts, at least 0
 //   wave_o         sum of (pixel - pedestal) cos(2 theta - 2 phi), aligned counts, 4 fraction bits
 //   count_o        sum of cos(2 theta - 2 phi), 8 fraction bits
 //   no_phase_o     X = Y = 0, or so small against the sum that it is rounding: a flat window
 //   Latency  vrscan.fixed.phase_correlate.latency(N): 2 N + a constant, or 2 clocks for a line
-//            that is not measured; a valid_i meanwhile is ignored
+//            that is not measured; a valid_i meanwhile is ignored.  first_latency(N) from valid_i
+//            to refine_o, then latency(N) from refined_i on
 //   Model    vrscan.fixed.phase_correlate, bit-exact
 
 `default_nettype none
@@ -34,13 +40,22 @@ module phase_correlate #(
 
   input  wire logic                                         valid_i,
   input  wire logic                                         measured_i,
+  input  wire logic        [     vrscan_pkg::RingWidth-1:0] left_i,
   input  wire logic        [   vrscan_pkg::WindowWidth-1:0] width_i,
   input  wire logic        [    vrscan_pkg::CountWidth-1:0] background_i,
   input  wire logic        [                 UserWidth-1:0] user_i,
 
   // The window's pixels: two clocks from index to pixel.
-  output      logic        [   vrscan_pkg::WindowWidth-1:0] read_index_o,
+  output      logic        [     vrscan_pkg::RingWidth-1:0] read_index_o,
   input  wire logic        [                PixelWidth-1:0] read_pixel_i,
+
+  // The second window.
+  output      logic                                         refine_o,
+  input  wire logic                                         refined_i,
+  input  wire logic        [     vrscan_pkg::RingWidth-1:0] refined_left_i,
+  input  wire logic        [   vrscan_pkg::WindowWidth-1:0] refined_width_i,
+  input  wire logic signed [     vrscan_pkg::RampWidth-1:0] refined_ramp_i,
+  input  wire logic signed [vrscan_pkg::SlopeLevelWidth-1:0] refined_slope_i,
 
   output      logic                                         valid_o,
   output      logic                                         measured_o,
@@ -55,6 +70,7 @@ module phase_correlate #(
   output      logic        [                 UserWidth-1:0] user_o,
 
   // Configuration.
+  input  wire logic                                         window_two_pass_i,
   input  wire logic                                         period_n_i  // T = N, else N - 1
 );
 
@@ -68,7 +84,9 @@ module phase_correlate #(
   localparam int unsigned HighWidth     = SineWidth - LowWidth;
 
   // ---- control ----
-  typedef enum logic [2:0] { IDLE, STEP, FIRST_PASS, PHASE, SECOND_PASS, DRAIN } state_e;
+  typedef enum logic [2:0] {
+    IDLE, STEP, FIRST_PASS, PHASE, REFINE, SECOND_PASS, DRAIN
+  } state_e;
   state_e                   state_q;
   logic                     begin_pass;  // the sums start at zero
   logic                     step_start_q, step_valid;
@@ -80,7 +98,16 @@ module phase_correlate #(
   logic                     issue_q;
   logic                     restore_q;  // the sample that puts the pedestal back
   logic                     summed_q;  // the second pass is complete
-  logic [vrscan_pkg::SumWidth-1:0] sum_q;  // of the heights
+  logic                     again_q;  // another window follows this one
+  logic [vrscan_pkg::RingWidth-1:0]  first_index_q;  // of the window
+  // Of 255 heights below 2**17: with a level taken off they may be negative.
+  localparam int unsigned TotalWidth = vrscan_pkg::SumWidth + 2;
+  logic signed [TotalWidth-1:0]      sum_q;  // of the heights
+  logic [vrscan_pkg::SumWidth-1:0]   positive_sum_q;
+  // What is taken off the next pixel beside the background: at most half of what one can be.
+  logic signed [vrscan_pkg::RampWidth-1:0]       ramp_q;
+  logic signed [vrscan_pkg::SlopeLevelWidth-1:0] slope_q;
+  logic                     issue_q2;
 
   divide #(
     .DividendWidth(StepWidth + 1), .DivisorWidth(WindowWidth), .QuotientWidth(StepWidth)
@@ -98,9 +125,9 @@ module phase_correlate #(
   logic [    vrscan_pkg::AngleWidth-1:0] cordic_angle;
   logic [vrscan_pkg::MagnitudeWidth-1:0] cordic_magnitude;
 
-  // The sum is still that of the first pass.
+  // The sum is still that of the first pass, and has been for long.
   logic [vrscan_pkg::MagnitudeWidth-1:0] no_phase_below;
-  assign no_phase_below = vrscan_pkg::MagnitudeWidth'(sum_q) << vrscan_pkg::NoPhaseShift;
+  assign no_phase_below = vrscan_pkg::MagnitudeWidth'(positive_sum_q) << vrscan_pkg::NoPhaseShift;
 
   assign begin_pass = (state_q == IDLE && valid_i) || cordic_valid;
 
@@ -108,14 +135,22 @@ module phase_correlate #(
     step_start_q <= 1'b0;
     issue_q      <= 1'b0;
     restore_q    <= 1'b0;
+    refine_o     <= 1'b0;
     valid_o      <= 1'b0;
+    positive_sum_q <= sum_q < 0 ? '0 : sum_q[vrscan_pkg::SumWidth-1:0];
+    issue_q2       <= issue_q;
+    if (issue_q2) ramp_q <= ramp_q + vrscan_pkg::RampWidth'(slope_q);
     unique case (state_q)
       IDLE: if (valid_i) begin
         // Where nothing is measured the results are zero.
         measured_o   <= measured_i;
         user_o       <= user_i;
         width_o      <= width_i;
-        period_o     <= width_i - WindowWidth'(!period_n_i);
+        period_o     <= width_i - WindowWidth'(!(period_n_i || window_two_pass_i));
+        first_index_q <= left_i;
+        ramp_q       <= '0;
+        slope_q      <= '0;
+        again_q      <= window_two_pass_i;
         phase_o      <= '0;
         magnitude_o  <= '0;
         no_phase_o   <= 1'b0;
@@ -127,13 +162,13 @@ module phase_correlate #(
         angle_q      <= '0;
         angle_step_q <= step;
         left_q       <= width_o;
-        read_index_o <= '0;
+        read_index_o <= first_index_q;
         issue_q      <= 1'b1;
         state_q      <= FIRST_PASS;
       end
       FIRST_PASS, SECOND_PASS: begin
         angle_q      <= angle_q + angle_step_q;
-        read_index_o <= read_index_o + WindowWidth'(1);
+        read_index_o <= read_index_o + vrscan_pkg::RingWidth'(1);
         left_q       <= left_q - WindowWidth'(1);
         issue_q      <= left_q != WindowWidth'(1);
         if (left_q == WindowWidth'(1)) begin
@@ -150,13 +185,27 @@ module phase_correlate #(
                           {(StepWidth - vrscan_pkg::AngleWidth + 1){1'b0}}};
         angle_step_q <= angle_step_q << 1;
         left_q       <= width_o;
-        read_index_o <= '0;
-        issue_q      <= 1'b1;
-        state_q      <= SECOND_PASS;
+        read_index_o <= first_index_q;
+        ramp_q       <= '0;
+        slope_q      <= '0;
+        sum_o        <= positive_sum_q;
+        refine_o     <= again_q;
+        issue_q      <= !again_q;
+        state_q      <= again_q ? REFINE : SECOND_PASS;
+      end
+      REFINE: if (refined_i) begin
+        again_q       <= 1'b0;
+        width_o       <= refined_width_i;
+        period_o      <= refined_width_i;
+        first_index_q <= refined_left_i;
+        ramp_q        <= refined_ramp_i;
+        slope_q       <= refined_slope_i;
+        step_start_q  <= 1'b1;
+        state_q       <= STEP;
       end
       DRAIN: if (summed_q || !measured_o) begin
         measured_o <= measured_o && !no_phase_o;
-        sum_o      <= sum_q;
+        sum_o      <= sum_q < 0 ? '0 : sum_q[vrscan_pkg::SumWidth-1:0];
         // To nearest, half up; the table's amplitude is 2**(SineWidth - 1) within 4e-5.
         wave_o     <= (vrscan_pkg::WaveWidth)'((x_q + HarmonicWidth'(1 << (WaveShift - 1)))
                                                >>> WaveShift);
@@ -173,6 +222,7 @@ module phase_correlate #(
       step_start_q <= 1'b0;
       issue_q      <= 1'b0;
       restore_q    <= 1'b0;
+      refine_o     <= 1'b0;
       valid_o      <= 1'b0;
     end
   end
@@ -182,7 +232,7 @@ module phase_correlate #(
 
   // ---- samples: the pixel waits for its sine ----
   localparam int unsigned TableLatency = vrscan_pkg::QuarterWaveLatency;
-  localparam int unsigned HeightWidth  = AlignedWidth + 1;  // above the pedestal, and a sign
+  localparam int unsigned HeightWidth  = AlignedWidth + 2;  // above pedestal and ramp, and a sign
   localparam int unsigned Delay        = TableLatency - 3;  // index to pixel to height takes three
 
   logic signed [SineWidth-1:0] sine, cosine;
@@ -198,6 +248,7 @@ module phase_correlate #(
 
   logic        [  AlignedWidth-1:0] aligned;
   logic        [   HeightWidth-1:0] height_q;
+  logic signed [   HeightWidth-1:0] level_q;  // of the pixel that comes next
   logic                             restore_q2, restore_q3, restore_q4;
   logic        [Delay*HeightWidth-1:0] height_delay_q;
   logic        [         Delay-1:0] restore_delay_q;
@@ -211,8 +262,10 @@ module phase_correlate #(
     restore_q2 <= restore_q;
     restore_q3 <= restore_q2;
     restore_q4 <= restore_q3;
-    if (restore_q3) height_q <= {1'b0, period_o == width_o ? AlignedWidth'(0) : pedestal_q};
-    else            height_q <= {1'b0, aligned} - {1'b0, pedestal_q};
+    level_q    <= signed'(HeightWidth'(pedestal_q))
+                  + HeightWidth'(ramp_q >>> vrscan_pkg::RampFraction);
+    if (restore_q3) height_q <= period_o == width_o ? '0 : HeightWidth'(pedestal_q);
+    else            height_q <= HeightWidth'(aligned) - unsigned'(level_q);
     height_delay_q  <= (Delay*HeightWidth)'({height_delay_q, height_q});
     restore_delay_q <= Delay'({restore_delay_q, restore_q4});
   end
@@ -278,7 +331,8 @@ module phase_correlate #(
   end
 
   // ---- sums ----
-  // At most 255 pixels and the pedestal, below 2**16 each: |X|, |Y| < 2**(8 + 16 + 23).
+  // At most 255 pixels and the pedestal, below 2**16 each: |X|, |Y| < 2**(8 + 16 + 23).  With a ramp
+  // heights are below 1.5 * 2**16, but then T = N, and 255 |cosines| add up to at most 170.
   localparam int unsigned PlainWidth     = SineWidth + WindowWidth;
   localparam int unsigned WaveShift      = SineWidth - 1 - vrscan_pkg::WaveFraction;
   localparam int unsigned WaveCountShift = SineWidth - 1 - vrscan_pkg::WaveCountFraction;
@@ -299,7 +353,7 @@ module phase_correlate #(
       y_q     <= y_q + HarmonicWidth'(sine_product_q5);
       taken_q <= taken_q + WindowWidth'(1);
       if (!arrived_restored) begin
-        sum_q       <= sum_q + vrscan_pkg::SumWidth'(arrived_height);
+        sum_q       <= sum_q + TotalWidth'(signed'(arrived_height));
         plain_sum_q <= plain_sum_q + PlainWidth'(arrived_cosine);
       end
     end

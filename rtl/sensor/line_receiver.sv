@@ -3,7 +3,7 @@
 // A line begins at line_start_i and ends at line_end_i; a pixel in the same clock belongs to it.
 // Between them pixels may come with gaps, outside of them pixels are blanking and are ignored.
 // Only a line of exactly LineLength pixels that ends at least MinPeriod clocks after the one
-// before is declared good; every other line is counted by its fault and reported with the next
+// before, or LongPeriod where long_i says so, is declared good; every other line is counted by its fault and reported with the next
 // good line.  Nothing behind this module has to undo anything: index 0 starts a line anew.
 //
 //   valid_o, pixel_o, index_o  the pixels of the line, index_o of the first lane
@@ -20,6 +20,7 @@ module line_receiver #(
   parameter int unsigned LineLength = 2048,
   parameter int unsigned PixelWidth = 12,
   parameter int unsigned MinPeriod  = 0,  // clocks between two good lines' ends, 0 for no limit
+  parameter int unsigned LongPeriod = MinPeriod,  // the same with long_i, not below it
   parameter int unsigned CountWidth = 16,
   localparam int unsigned IndexWidth = $clog2(LineLength)
 ) (
@@ -37,6 +38,8 @@ module line_receiver #(
   output      logic                                   good_o,
   output      logic [vrscan_pkg::LineNumberWidth-1:0] line_number_o,
   output      logic                                   lost_o,
+
+  input  wire logic                                   long_i,
 
   // Dropped lines by fault; each counter stops at its largest value.
   output      logic [                 CountWidth-1:0] short_count_o,
@@ -56,13 +59,17 @@ module line_receiver #(
   end
 
   localparam int unsigned FillWidth = $clog2(LineLength + 1);
-  localparam int unsigned PeriodWidth = $clog2(MinPeriod + 2);
+  if (LongPeriod < MinPeriod) begin : gen_bad_period
+    $error("line_receiver: LongPeriod must not be below MinPeriod");
+  end
+  localparam int unsigned PeriodWidth = $clog2(LongPeriod + 2);
 
   logic                                   in_line_q, over_q, lost_q;
   logic                                   short_q, long_q, unfinished_q, early_q;
   logic [                  FillWidth-1:0] fill_q;  // pixels of this line so far
   logic [vrscan_pkg::LineNumberWidth-1:0] number_q;  // of the next line to start
-  logic [                PeriodWidth-1:0] period_q;  // clocks since the last good end, saturating
+  logic [                PeriodWidth-1:0] period_q;  // since the last good end, while it counts
+  logic                                   too_early_q, waiting_q;  // for MinPeriod, for LongPeriod
 
   // Whether the line is full, or wants one pixel, is known before the pixel comes.
   logic                 full_q, one_left_q;
@@ -77,7 +84,7 @@ module line_receiver #(
   assign over       = (over_q && !line_start_i) || (active && pixel_valid_i && full);
   assign ends       = active && line_end_i;
   assign is_short   = !(full || (one_left_q && !line_start_i && pixel_valid_i));
-  assign is_early   = period_q != PeriodWidth'(MinPeriod);  // it stops there
+  assign is_early   = long_i ? waiting_q : too_early_q;
   assign good       = ends && !is_short && !over && !is_early;
   assign unfinished = in_line_q && line_start_i;
   assign dropped    = unfinished || (ends && !good);
@@ -100,8 +107,14 @@ module line_receiver #(
     lost_o        <= lost_q;
     lost_q        <= (lost_q || dropped) && !good;
 
-    if (good) period_q <= PeriodWidth'(MinPeriod == 0 ? 0 : 1);
-    else if (is_early) period_q <= period_q + PeriodWidth'(1);
+    period_q <= good ? PeriodWidth'(1) : period_q + PeriodWidth'(1);
+    if (good) begin
+      too_early_q <= MinPeriod > 1;
+      waiting_q   <= LongPeriod > 1;
+    end else begin
+      if (period_q == PeriodWidth'(MinPeriod - 1)) too_early_q <= 1'b0;
+      if (period_q == PeriodWidth'(LongPeriod - 1)) waiting_q <= 1'b0;
+    end
 
     // Faults are counted a clock later, which keeps the counters off the path of the pixels.
     short_q      <= ends && is_short;
@@ -121,7 +134,8 @@ module line_receiver #(
       in_line_q          <= 1'b0;
       lost_q             <= 1'b0;
       number_q           <= '0;
-      period_q           <= PeriodWidth'(MinPeriod);
+      too_early_q        <= 1'b0;
+      waiting_q          <= 1'b0;
       short_q            <= 1'b0;
       long_q             <= 1'b0;
       unfinished_q       <= 1'b0;

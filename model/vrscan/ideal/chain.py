@@ -6,9 +6,9 @@ import numpy as np
 
 from vrscan.arrays import Bools, Floats, Ints, Pixels
 from vrscan.config import Config
-from vrscan.ideal import confidence, geometry
+from vrscan.ideal import confidence, geometry, two_pass
 from vrscan.ideal.peak import isolate, threshold
-from vrscan.ideal.position import first_harmonic, windows
+from vrscan.ideal.position import Phase, first_harmonic, windows
 from vrscan.ideal.statistics import statistics
 from vrscan.table import Table
 
@@ -62,24 +62,47 @@ def _run(
     noise = np.where(by_row, np.sqrt(row.row_variance), row.noise)
     height = row.maximum - background
     low_snr = (height <= 0.0) | (height < peak.snr_min * noise)
-    level = threshold(background, noise, row.maximum, k_noise=peak.k_noise, k_height=peak.k_height)
+    level = threshold(
+        background, noise, row.maximum, k_noise=peak.k_noise, k_height=peak.cut_height
+    )
     window = isolate(lines, row.first_maximum, level, min_width=peak.min_width)
     snr = confidence.signal_to_noise(row.maximum, background, noise)
 
     too_narrow = window.width < peak.min_width
     too_wide = window.width > peak.max_width
     valid = np.flatnonzero(~(low_snr | too_narrow | too_wide))
-    found = first_harmonic(
-        windows(lines[valid], window.left[valid], window.width[valid]),
-        window.width[valid],
-        period_n=peak.period == "n",
-        background=background[valid],
-        noise=noise[valid],
-        kappa=peak.kappa,
-    )
+    left, right, width = window.left.copy(), window.right.copy(), window.width.copy()
+
+    def correlate(slope: Floats | None = None) -> Phase:
+        return first_harmonic(
+            windows(lines[valid], left[valid], width[valid]),
+            width[valid],
+            period_n=peak.period == "n" or peak.two_pass,
+            background=background[valid],
+            noise=noise[valid],
+            kappa=peak.kappa,
+            slope=slope,
+        )
+
+    found = correlate()
+    if peak.two_pass:
+        shot = np.maximum(peak.kappa * height[valid], np.finfo(np.float64).tiny)
+        second = two_pass.second_windows(
+            lines[valid],
+            left=left[valid],
+            width=width[valid],
+            position=left[valid] + found.delta,
+            share=found.magnitude / found.light,
+            rho=np.square(noise[valid]) / shot,
+            noise=noise[valid],
+            max_window=MAX_WINDOW,
+        )
+        left[valid], width[valid] = second.left, second.width
+        right[valid] = second.left + second.width - 1
+        found = correlate(second.slope)
     measured = np.zeros(len(lines), np.bool_)
     measured[valid] = ~found.no_phase
-    position = _spread(window.left[valid] + found.delta, valid, len(lines))
+    position = _spread(left[valid] + found.delta, valid, len(lines))
     sigma = _spread(found.sigma, valid, len(lines))
     u, scale = geometry.undistorted(position, config.geometry)
     located = geometry.triangle(u, angle_rad, config.geometry)
@@ -89,7 +112,7 @@ def _run(
         "LOW_SNR": low_snr,
         "TOO_NARROW": too_narrow,
         "TOO_WIDE": too_wide,
-        "AT_EDGE": present & ((window.left == 0) | (window.right == last)),
+        "AT_EDGE": present & ((left == 0) | (right == last)),
         "SATURATED": present & (row.maximum == full),
         "RIVAL": window.rival,
         "NO_PHASE": _spread(found.no_phase.astype(np.float64), valid, len(lines)) > 0,
@@ -101,9 +124,9 @@ def _run(
     return Table(
         line=np.arange(first, first + len(lines)),
         flags=flags,
-        left=window.left,
-        right=window.right,
-        width=window.width,
+        left=left,
+        right=right,
+        width=width,
         maximum=row.maximum,
         row_mean=row.row_mean,
         row_variance=row.row_variance,

@@ -18,6 +18,7 @@ class Phase:
     phase: Floats  # rad, 0 to 2 pi
     magnitude: Floats  # |P1|, counts
     sigma: Floats  # standard deviation of delta, px
+    light: Floats  # sum of the pixels above background, counts
     no_phase: Bools  # X = Y = 0: the rest is 0
 
 
@@ -39,7 +40,14 @@ def windows(lines: Pixels, left: Ints, width: Ints) -> Floats:
 
 
 def first_harmonic(
-    pixels: Floats, width: Ints, *, period_n: bool, background: Floats, noise: Floats, kappa: float
+    pixels: Floats,
+    width: Ints,
+    *,
+    period_n: bool,
+    background: Floats,
+    noise: Floats,
+    kappa: float,
+    slope: Floats | None = None,
 ) -> Phase:
     """Return position and standard deviation from the phase of the first harmonic.
 
@@ -57,6 +65,8 @@ def first_harmonic(
         background: Mean of the background, counts [n].
         noise: Its standard deviation, counts [n].
         kappa: Counts per electron.
+        slope: Of a line through the window's middle that is taken off before the correlation,
+            counts a px [n]. The variance is that of the pixels as they are.
 
     Returns:
         The phases of n windows.
@@ -65,8 +75,12 @@ def first_harmonic(
     inside = step < width[:, None]
     period = (width if period_n else width - 1).astype(np.float64)
     theta = 2.0 * np.pi * step / period[:, None]
-    x = (pixels * np.cos(theta)).sum(axis=1)
-    y = (pixels * np.sin(theta)).sum(axis=1)
+    flat = pixels
+    if slope is not None:
+        ramp = slope[:, None] * (step - (width[:, None] - 1) / 2.0)
+        flat = np.where(inside, pixels - ramp, 0.0)
+    x = (flat * np.cos(theta)).sum(axis=1)
+    y = (flat * np.sin(theta)).sum(axis=1)
     magnitude = np.hypot(x, y)
     signal = np.where(inside, np.maximum(pixels - background[:, None], 0.0), 0.0)
     dust = NO_PHASE_DUST * pixels.sum(axis=1)  # what float64 leaves of a pedestal
@@ -84,5 +98,6 @@ def first_harmonic(
         phase=phase,
         magnitude=np.where(no_phase, 0.0, magnitude),
         sigma=sigma,
+        light=signal.sum(axis=1),
         no_phase=no_phase,
     )

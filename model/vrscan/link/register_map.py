@@ -56,7 +56,7 @@ class Window:
     doc: str
 
 
-MAP_HASH = 0x9BD00595
+MAP_HASH = 0xE6A86393
 
 _REGISTERS = (
     Register(
@@ -84,7 +84,7 @@ _REGISTERS = (
         False,
         "constant",
         None,
-        (2614101397,),
+        (3869795219,),
         0,
         "",
         0,
@@ -410,6 +410,22 @@ _REGISTERS = (
         0,
         16777215,
         "c_sfm = power * gain / 2**16",
+    ),
+    Register(
+        "window_two_pass",
+        26,
+        1,
+        1,
+        1,
+        False,
+        "rw",
+        "lock_calibration",
+        (0,),
+        0,
+        "",
+        0,
+        1,
+        "1: a second window follows the first, T = N",
     ),
     Register(
         "centre",
