@@ -182,9 +182,12 @@ def test_the_table_of_detectors_is_what_the_cells_say(read: Reader, parts: list[
         assert found[4] == ("2.00 %" if error["lost"] else "0")
         assert float(found[5]) == pytest.approx(1e3 * error["rms"], rel=0.01)
     cells = [s for s in compare.cells(ORDER) if s.work == detect.WORK]
-    assert len(cells) == len(PEAKS) * len(SIGMAS_PX)
+    assert len(cells) == (1 + len(PEAKS)) * len(SIGMAS_PX)
+    assert read.rows["map-likelihood-2"][0] == "maximum likelihood, 2 %"
+    own = f"{(BOUND / errors('likelihood')['rms']) ** 2:.3f}"
+    assert read.rows["map-likelihood-90"][1:] == [own] * len(SIGMAS_PX)
     data = page.files(parts)["detectors.csv"].decode()
-    assert len(list(csv.DictReader(io.StringIO(data)))) == len(cells) * len(KEYS)
+    assert len(list(csv.DictReader(io.StringIO(data)))) == len(PEAKS) * len(SIGMAS_PX) * len(KEYS)
 
 
 def test_costs_are_over_the_reference_and_tell_what_fills_them_in(

@@ -22,6 +22,8 @@ SHOWN_PEAK = 0.5  # whose rms the table shows
 SPEED_SIGMA_PX = 4.0
 WINDOW_PX = 32  # for which clocks are stated
 SHIPPED = "shipped"
+FAINT = 0.02  # of full scale: fainter than the spots of the mean
+MAPPED = ("printed", "shipped", "two-pass", "likelihood")  # whose efficiency is shown by spot
 
 
 def _spot(order: Order, sigma: float, peak: float) -> Cell:
@@ -37,8 +39,8 @@ def _speed(order: Order) -> Cell:
 
 
 def cells(order: Order) -> list[Cell]:
-    """Return the spots of ``vrscan efficiency``, and the speed."""
-    grid = [_spot(order, sigma, peak) for peak in PEAKS for sigma in SIGMAS_PX]
+    """Return the spots of ``vrscan efficiency``, fainter ones, and the speed."""
+    grid = [_spot(order, sigma, peak) for peak in (FAINT, *PEAKS) for sigma in SIGMAS_PX]
     return [*grid, _speed(order)]
 
 
@@ -75,6 +77,7 @@ def blocks(order: Order, found: Found) -> Sequence[Block]:
         ),
         Heading("error", "Error against the bound"),
         _errors(listed, grid, every, mean, count),
+        _map(listed, order, found),
         Heading("cost", "What each costs"),
         _costs(listed, speed, mean),
         Picture(
@@ -140,6 +143,34 @@ def _errors(
          "spread_px", "lost", "efficiency"],
         values,
     )  # fmt: skip
+
+
+def _map(listed: Sequence[Detector], order: Order, found: Found) -> Table:
+    """Return the efficiency of the instrument's detectors by width and height of the spot."""
+    rows: list[Row] = []
+    values: list[list[Any]] = []
+    for each in listed:
+        if each.key not in MAPPED:
+            continue
+        for peak in (FAINT, *PEAKS):
+            scores = []
+            for sigma in SIGMAS_PX:
+                cell = found(_spot(order, sigma, peak))
+                error = cell["errors"][each.key]
+                scores.append(_efficiency(cell["bound_px"], error))
+                values.append([each.key, peak, sigma, scores[-1], error["lost"]])
+            percent = f"{100.0 * peak:g}"
+            texts = [f"{each.title}, {percent} %", *(f"{score:.3f}" for score in scores)]
+            rows.append(Row(f"map-{each.key}-{percent}", texts, bold=each.key == SHIPPED))
+    return Table(
+        "efficiency",
+        ["efficiency: detector, height", *(f"s = {s:g} px" for s in SIGMAS_PX)],
+        rows,
+        "Bound's variance over mean square error by width and height of the spot, in per cent of "
+        f"full scale. The means above are without the {100.0 * FAINT:g} %.",
+        ["detector", "peak", "sigma_px", "efficiency", "lost"],
+        values,
+    )
 
 
 def _cells_of(modules: Sequence[str]) -> tuple[int, float] | None:
