@@ -9,6 +9,7 @@ NO_POINT = "no point"
 NO_PEAK = "no peak"  # S/N below the printed detector's least one
 NO_WINDOW = "no window"  # not even the maximum is above the threshold
 PHANTOM = "a point where there is none"
+OTHER_WINDOW = "the place of another window"
 ZERO_SNR = "0/0 in S/N"
 ZERO_PERIOD = "0/0 in (8)"
 HUGE = 1e6  # from here on a float is what it is by rounding only

@@ -87,8 +87,8 @@ def _narrow() -> Iterator[Case]:
     three = [
         # Heights a, b, c at the phases 0, 1/3, 2/3: by hand where two are equal.
         line(box(dark, 700, [1000, 3000, 1000]), "", true=701, window=(700, 702), position=701),
-        line(box(dark, 700, [3000, 3000, 1000]), "", true=700.5, window=(700, 702), position=700.5),
-        line(box(dark, 700, [1000, 3000, 3000]), "", true=701.5, window=(700, 702), position=701.5),
+        line(box(dark, 700, [3000, 3000, 1000]), "", window=(700, 702), position=700.5),
+        line(box(dark, 700, [1000, 3000, 3000]), "", window=(700, 702), position=701.5),
     ]
     yield LineCase(
         "peak-3-px",

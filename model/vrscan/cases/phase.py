@@ -7,7 +7,7 @@ import numpy as np
 
 from vrscan.cases.case import STEP_PX, Case, Line, LineCase, ModuleCase, Outcome
 from vrscan.cases.errors import PHANTOM, Value, number, summary
-from vrscan.cases.shapes import background, box, line
+from vrscan.cases.shapes import LEVEL, background, box, line
 from vrscan.fixed import pkg
 from vrscan.fixed.cordic_vector import angle_bounds, cordic_vector
 from vrscan.fixed.peak_position import peak_position
@@ -16,20 +16,30 @@ LEFT = 700
 TURN = 1 << pkg.ANGLE_WIDTH
 
 
-def _window(heights: list[int], position: float | None, flags: str = "") -> Line:
-    """Return a line whose window is just these pixels, and its position from the left edge."""
+def _window(
+    heights: list[int], position: float | None, flags: str = "", true: float | None = None
+) -> Line:
+    """Return a line whose window is just these pixels; places are px from its left edge."""
     pixels = box(background(), LEFT, heights)
     place = None if position is None else LEFT + position
-    return line(pixels, flags, window=(LEFT, LEFT + len(heights) - 1), position=place)
+    middle = None if true is None else LEFT + true
+    return line(pixels, flags, true=middle, window=(LEFT, LEFT + len(heights) - 1), position=place)
+
+
+def _no_phase(heights: list[int]) -> Line:
+    """Return a window without a harmonic; another window may find the middle of its light."""
+    above = np.array(heights) - LEVEL
+    return _window(heights, None, "NO_PHASE", float(above @ np.arange(len(above)) / above.sum()))
 
 
 def _cancelled() -> Iterator[Case]:
-    combs = [_window([1000, 3000] * (n // 2), None, "NO_PHASE") for n in (4, 6, 20, 50, 200, 254)]
+    combs = [_no_phase([1000, 3000] * (n // 2)) for n in (4, 6, 20, 50, 200, 254)]
     yield LineCase(
         "comb-even",
         "every second pixel of the window is dark: X and Y cancel",
         "N even: the first harmonic of a pattern of two pixels is exactly 0: NO_PHASE",
         tuple(combs),
+        two_pass_px=0.6,
     )
     # sum (-1)^k e^(i 2 pi k / N) = e^(-i pi / N) / cos(pi / N): half a pixel before phase 0.
     odd = []
@@ -64,7 +74,7 @@ def _cancelled() -> Iterator[Case]:
         tuple(bright),
         within_px=26.0,
     )
-    flat = [_window([2000] * n, None, "NO_PHASE") for n in (3, 4, 16, 100, 255)]
+    flat = [_no_phase([2000] * n) for n in (3, 4, 16, 100, 255)]
     yield LineCase("flat-window", "all samples alike", "no harmonic: NO_PHASE", tuple(flat))
     nearly = [2000] * 20
     nearly[4] += 1
@@ -93,9 +103,9 @@ def _axes() -> Iterator[Case]:
         "x-and-y-zero",
         "atan2(0, 0)",
         "NO_PHASE",
-        (_window([3000, 1000, 3000, 1000], None, "NO_PHASE"),
-         _window([1500, 2500, 1500, 2500], None, "NO_PHASE")),
-    )  # fmt: skip
+        (_no_phase([3000, 1000, 3000, 1000]), _no_phase([1500, 2500, 1500, 2500])),
+        two_pass_px=0.6,
+    )
     waves = []
     for n in (12, 20, 100):
         turn = 2.0 * np.pi * np.arange(n) / n

@@ -7,7 +7,7 @@ from vrscan.cases import geometry, lines, phase, statistics, timing, window
 from vrscan.cases.case import Case
 
 # Modes of the window in which lines are tried, the shipped one first; see ``peak.window``.
-WINDOWS = ("threshold",)
+WINDOWS = ("threshold", "two_pass")
 
 ROOMS: dict[str, Callable[[], Iterator[Case]]] = {
     "The line": lines.cases,

@@ -4,8 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from vrscan.arrays import Floats
-from vrscan.cases.case import Case, Line, LineCase
+from vrscan.cases.case import Case, Line, LineCase, SpreadCase
 from vrscan.cases.shapes import (
     FULL,
     LENGTH,
@@ -68,6 +67,23 @@ def _slopes() -> Iterator[Case]:
             f"the slope is part of the window of (8): within {within} px",
             tuple(lines),
             within_px=within,
+        )
+    long = np.where(np.abs(place - 1024) <= 200, 200.0 + (place - 1024.0), 0.0)
+    for sigma in (3.0, 8.0):
+        lines = [
+            line(
+                clipped(background() + long + gauss(LENGTH, 1024 + part, sigma, 3000)),
+                "TOO_WIDE",
+                true=1024 + part,
+            )
+            for part in PARTS
+        ]
+        yield LineCase(
+            f"slope-1-count-per-px-of-400-px-{sigma:g}",
+            f"a slope that rises by 400 counts under a spot of {sigma:g} px and 3000 counts",
+            "the run climbs the slope, which is above the cut: TOO_WIDE; two passes begin with a "
+            "higher cut and take the slope off: within 0.01 px",
+            tuple(lines),
         )
     halo = np.where(np.abs(place - 1024) <= 40, 180.0 + (place - 1024.0), 0.0)
     lines = [
@@ -167,37 +183,16 @@ def _noises() -> Iterator[Case]:
         "the step counts as noise and lifts the cut; the spot is symmetric, so its place stays",
         (line(step, None, true=700),),
     )
-    skew = [
-        line(
-            clipped(60.0 + height * _skewed(np.arange(LENGTH, dtype=np.float64) - 700.0)),
-            None,
-            true=_skewed_place(),
-        )
-        for height in (120.0, 400.0, 1200.0, 3600.0)
-    ]
-    yield LineCase(
+    place = np.arange(LENGTH, dtype=np.float64) - 700.0
+    skewed = np.exp(-(place**2) / (2.0 * np.where(place < 0, 2.25, 3.75) ** 2))
+    skew = [line(clipped(background() + h * FULL * skewed), None) for h in (0.1, 0.25, 0.5, 0.9)]
+    yield SpreadCase(
         "skewed-spot",
         "sides of 2.25 and 3.75 px: where it is cut decides its place, and power moves the cut",
-        "cut at 2 % of any height: from 3 to 88 % of full scale the place of the first harmonic of "
-        "that shape, within 0.05 px",
+        "cut at a share of any height: from 10 to 90 % of full scale it moves less than 0.02 px",
         tuple(skew),
-        within_px=0.05,
+        within_px=0.02,
     )
-
-
-def _skewed(place: Floats) -> Floats:
-    sigma = np.where(place < 0, 2.25, 3.75)
-    return np.asarray(np.exp(-(place**2) / (2.0 * sigma**2)))
-
-
-def _skewed_place() -> float:
-    """Return the place of the skewed spot's first harmonic between its cuts at 2 %, px."""
-    reach = float(np.sqrt(-2.0 * np.log(0.02)))
-    first, period = -2.25 * reach, 6.0 * reach
-    place = first + period * np.arange(20_001, dtype=np.float64) / 20_000.0
-    wave = np.exp(2j * np.pi * (place - first) / period)
-    turn = np.angle((_skewed(place) * wave).sum()) / (2.0 * np.pi) % 1.0
-    return float(700.0 + first + turn * period)
 
 
 def cases() -> Iterator[Case]:
