@@ -20,9 +20,10 @@ def iterations(angle_width: int) -> int:
     return angle_width + 2
 
 
-def latency(xy_width: int, angle_width: int) -> int:
-    """Return the clocks from ``valid_i`` to ``valid_o``."""
-    return 2 * iterations(angle_width) + 2 * ((xy_width - 1) // COARSE) + 18
+def latency(xy_width: int, angle_width: int, rotations: int | None = None) -> int:
+    """Return the clocks from ``valid_i`` to ``valid_o``; ``rotations`` as for ``cordic_vector``."""
+    count = iterations(angle_width) if rotations is None else rotations
+    return 2 * count + 2 * ((xy_width - 1) // COARSE) + 18
 
 
 def arc_tangents() -> list[int]:
@@ -64,7 +65,9 @@ def magnitude_bound(magnitude: Floats, *, angle_width: int) -> Floats:
     return 0.5 + share * magnitude
 
 
-def cordic_vector(x: Ints, y: Ints, *, xy_width: int, angle_width: int) -> tuple[Ints, Ints, Bools]:
+def cordic_vector(
+    x: Ints, y: Ints, *, xy_width: int, angle_width: int, rotations: int | None = None
+) -> tuple[Ints, Ints, Bools]:
     """Return angle and magnitude of the vectors (x, y) exactly as the hardware does.
 
     Args:
@@ -72,6 +75,8 @@ def cordic_vector(x: Ints, y: Ints, *, xy_width: int, angle_width: int) -> tuple
         y: The same, broadcast against ``x``.
         xy_width: ``XyWidth`` of the module, 9 to 60.
         angle_width: ``AngleWidth`` of the module, 8 to 28.
+        rotations: How many, at most ``TABLE_ENTRIES``; the module has ``iterations(angle_width)``,
+            the design space others. Bounds and gain are those of the module's.
 
     Returns:
         The angle atan2(y, x), int64 in [0, 2**angle_width), in turns / 2**angle_width, to within
@@ -83,6 +88,9 @@ def cordic_vector(x: Ints, y: Ints, *, xy_width: int, angle_width: int) -> tuple
     """
     if not (9 <= xy_width <= 60 and 8 <= angle_width <= 28):
         raise ValueError("cordic_vector: xy_width must be 9 to 60, angle_width 8 to 28")
+    count = iterations(angle_width) if rotations is None else rotations
+    if not 1 <= count <= TABLE_ENTRIES:
+        raise ValueError(f"cordic_vector: rotations must be 1 to {TABLE_ENTRIES}")
     x, y = np.broadcast_arrays(np.asarray(x, np.int64), np.asarray(y, np.int64))
     for operand in (x, y):
         if np.any(operand >> (xy_width - 1) != operand >> 63):
@@ -105,7 +113,7 @@ def cordic_vector(x: Ints, y: Ints, *, xy_width: int, angle_width: int) -> tuple
     accumulator = angle_width + ANGLE_GUARD
     turned = np.where(x < 0, 1 << (accumulator - 1), 0) + (1 << (ANGLE_GUARD - 1))
     flip = (x < 0) ^ (y < 0)
-    for i, entry in enumerate(arc_tangents()[: iterations(angle_width)]):
+    for i, entry in enumerate(arc_tangents()[:count]):
         below = side < 0
         part = side >> (2 * i)
         side, along = (
@@ -121,8 +129,13 @@ def cordic_vector(x: Ints, y: Ints, *, xy_width: int, angle_width: int) -> tuple
     return np.where(zero, 0, angle), np.where(zero, 0, magnitude), zero
 
 
-def package_source() -> str:
-    """Return rtl/trig/cordic_pkg.sv, the arc tangents for any angle width."""
+def package_source(entries: int = TABLE_ENTRIES) -> str:
+    """Return rtl/trig/cordic_pkg.sv, the arc tangents for any angle width.
+
+    Args:
+        entries: The rotations it serves; the repository's file serves all.
+    """
+    arcs = arc_tangents()[:entries]
     lines = [
         "// cordic_pkg: the angles of a CORDIC's rotations.",
         "//",
@@ -138,9 +151,9 @@ def package_source() -> str:
         "    case (index)",
         *(
             f"      5'd{i}: arc_tangent = {TABLE_WIDTH}'h{entry:0{TABLE_WIDTH // 4}x};"
-            for i, entry in enumerate(arc_tangents()[:-1])
+            for i, entry in enumerate(arcs[:-1])
         ),
-        f"      default: arc_tangent = {TABLE_WIDTH}'h{arc_tangents()[-1]:0{TABLE_WIDTH // 4}x};",
+        f"      default: arc_tangent = {TABLE_WIDTH}'h{arcs[-1]:0{TABLE_WIDTH // 4}x};",
         "    endcase",
         "  endfunction",
         "endpackage",
