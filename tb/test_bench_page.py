@@ -197,7 +197,7 @@ def test_costs_are_over_the_reference_and_tell_what_fills_them_in(
     assert read.rows["cost-parabola"][4] == "no RTL"
     assert read.rows["cost-shipped"][4] == "run make timing"
     (tmp_path / "timing").mkdir()
-    modules = ("peak_isolate", "phase_correlate", "peak_position", "vrscan_chain")
+    modules = ("peak_isolate", "phase_correlate", "peak_position", "vrscan_chain", "peak_refine")
     rows = [f"{name},130.5,1,{100 + k},9,0,{0.5 * k},,x" for k, name in enumerate(modules)]
     head = "module,fmax_mhz,seed,lut,ff,ebr,dsp,warnings,slowest_path"
     (tmp_path / "timing" / "timing.csv").write_text("\n".join([head, *rows]) + "\n")
@@ -205,6 +205,8 @@ def test_costs_are_over_the_reference_and_tell_what_fills_them_in(
     placed = [page.Part(s.key, s.title, s.blocks(ORDER, made_up)) for s in (ALL[0], ALL[2])]
     found = Reader(page.page("", "", [], placed)).rows
     assert found["cost-shipped"][4:] == ["303", "1.5"]
+    assert found["cost-two-pass"][4:] == ["407", "3.5"]
+    assert int(found["cost-two-pass"][3]) > int(found["cost-shipped"][3]) > 100
     assert found["speed-hardware"][1] == f"{130.5e6 / 2048:,.0f}"
     (tmp_path / "timing" / "timing.csv").write_text("damaged\n")
     assert cost.timing() == {}

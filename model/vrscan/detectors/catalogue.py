@@ -100,7 +100,7 @@ def _chain(engine: Engine, config: Config) -> Locate:
 
 def _shipped(engine: Engine, window: str) -> Make:
     def make(value: float, config: Config) -> Locate:
-        peak = config.peak.model_copy(update={"window": window})
+        peak = config.peak.model_copy(update={"window": window, "period": "n"})
         return _chain(engine, config.model_copy(update={"peak": peak}))
 
     return make
@@ -186,6 +186,7 @@ _EVERY = (
         _shipped(Engine.FIXED, "two_pass"),
         "as configured",
         f"{_VR_SCAN}, T = N, window from a first pass",
+        modules=(*_CHAIN, "peak_refine"),
     ),
     Detector(
         "centroid-noise",

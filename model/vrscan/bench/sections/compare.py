@@ -13,7 +13,7 @@ from vrscan.bench.cells import Cell, plain
 from vrscan.bench.page import Block, Heading, Picture, Row, Table, Text, number
 from vrscan.bench.sections.section import Found, Order, Section, look, png
 from vrscan.detectors.catalogue import Detector, detectors
-from vrscan.fixed import peak_position, phase_correlate
+from vrscan.fixed import peak_position, peak_refine, phase_correlate
 from vrscan.report.efficiency import LOST_PX, PEAKS, SIGMAS_PX
 from vrscan.report.style import INK, LIGHT, STYLE
 
@@ -21,6 +21,7 @@ LINES, QUICK_LINES = 5000, 300  # a cell
 SHOWN_PEAK = 0.5  # whose rms the table shows
 SPEED_SIGMA_PX = 4.0
 WINDOW_PX = 32  # for which clocks are stated
+FIRST_PX = 16  # of the first of two passes then
 SHIPPED = "shipped"
 FAINT = 0.02  # of full scale: fainter than the spots of the mean
 MAPPED = ("printed", "shipped", "two-pass", "likelihood")  # whose efficiency is shown by spot
@@ -184,10 +185,19 @@ def _cells_of(modules: Sequence[str]) -> tuple[int, float] | None:
     )
 
 
+def _clocks(each: Detector) -> int | None:
+    """Return the clocks from a window's last pixel to the position, None without RTL."""
+    if not each.modules:
+        return None
+    clocks = phase_correlate.latency(WINDOW_PX) + peak_position.LATENCY
+    if "peak_refine" in each.modules:
+        clocks += phase_correlate.first_latency(FIRST_PX) + peak_refine.latency()
+    return clocks
+
+
 def _costs(listed: Sequence[Detector], speed: dict[str, Any], mean: dict[str, float]) -> Table:
     rates = speed["rates"]
     reference = rates["reference"]
-    clocks = phase_correlate.latency(WINDOW_PX) + peak_position.LATENCY
     rows = [Row("cost-reference", ["statistics alone", number(reference), "1"] + [""] * 3)]
     values: list[list[Any]] = [["reference", reference, 1.0, None, None, None, None]]
     for each in listed:
@@ -196,7 +206,8 @@ def _costs(listed: Sequence[Detector], speed: dict[str, Any], mean: dict[str, fl
             lut, dsp = f"{cells_of[0]:,}", f"{cells_of[1]:g}"
         else:
             lut = dsp = f"run {cost.TIMING}" if each.modules else "no RTL"
-        took = f"{clocks}" if each.modules else "no RTL"
+        clocks = _clocks(each)
+        took = "no RTL" if clocks is None else f"{clocks}"
         rows.append(
             Row(
                 f"cost-{each.key}",
@@ -209,7 +220,7 @@ def _costs(listed: Sequence[Detector], speed: dict[str, Any], mean: dict[str, fl
                 each.key,
                 rate,
                 rate / reference,
-                clocks if each.modules else None,
+                clocks,
                 *(cells_of or (None, None)),
                 mean[each.key],
             ]
@@ -230,9 +241,11 @@ def _costs(listed: Sequence[Detector], speed: dict[str, Any], mean: dict[str, fl
         "three rounds in turns; processor time. The reference is the named work that all need: "
         "maximum, mean and variance of every line in numpy, measured in the same run; compare "
         "machines by the ratio. (8) and T = N run the whole chain, to (x, z) and its deviation. "
-        "Clocks: from the window's last pixel to the position; a line takes as many clocks as it "
-        "has pixels, whatever the window. LUT and DSP: window, correlator and position, each "
-        f"module placed alone, from <code>{cost.TIMING}</code>.",
+        "Clocks: from the window's last pixel to the position, with two passes from the first "
+        f"window's, {FIRST_PX} px; a line takes as many clocks as it has pixels, whatever the "
+        "window. LUT and DSP: window, correlator and position, and what makes the second window, "
+        f"each module placed alone, from <code>{cost.TIMING}</code>; the correlator does both "
+        "periods and one pass or two.",
         ["detector", "lines_per_s", "over_reference", "clocks", "lut", "dsp", "efficiency"],
         values,
     )
