@@ -14,7 +14,7 @@ from scipy.special import erf
 from vrscan.arrays import Bools, Floats, Pixels
 from vrscan.detectors.patch import Patch, columns, cut, place, shape
 
-_STEPS = 20
+_STEPS = 40
 _CLOSE = 1e-5  # px: a smaller step ends the fit
 _LEAST_WIDTH, _MOST_WIDTH = 0.25, 64.0  # px
 _LEAST_VARIANCE = 1.0 / 12.0  # counts^2: the converter's step
@@ -75,7 +75,6 @@ def _fit(
     step, used, signal = step[some], used[:, some], patch.signal[:, some]
     height, centre, width = patch.height.copy(), first.centre.copy(), first.sigma.copy()
     height = np.where(patch.found, height, 1.0)
-    scale = np.stack([height, first.sigma, first.sigma], axis=1)
     white = np.maximum(np.square(noise), _LEAST_VARIANCE)[:, None]
 
     def weights(profile: Floats) -> Floats:
@@ -89,6 +88,8 @@ def _fit(
     cost = (weight * np.square(signal - given[0])).sum(axis=1)
     for _ in range(_STEPS):
         profile, *slopes = given
+        # A clipped spot may be twenty times as high as it looks: the height's unit follows it.
+        scale = np.stack([height, first.sigma, first.sigma], axis=1)
         jacobian = np.stack(slopes, axis=1) * scale[:, :, None]
         weighted = jacobian * weight[:, None, :]
         normal = weighted @ jacobian.transpose(0, 2, 1)

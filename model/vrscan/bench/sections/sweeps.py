@@ -131,15 +131,16 @@ SWEEPS = (
         "height over full scale",
         (0.5, 0.9, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0),
         _of_width(2.0, 6.0),
-        "Full pixels say nothing of the place, so the bound, which leaves them out, rises; the "
-        "first full pixel is no top, so what looks for one is off by half the plateau.",
+        "Full pixels say nothing of the place; the bound, which leaves them out, still falls a "
+        "little with the brighter flanks. The first full pixel is no top, so what looks for one is "
+        "off by half the plateau; a window from threshold to threshold keeps its middle.",
         _named("peak"),
         log=True,
     ),
     Sweep(
         "skew",
         "Skewed spots",
-        "skew: sides of (1 - skew) s and (1 + skew) s",
+        "skew: how much of s the sides differ from it",
         (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3),
         (
             Panel("s = 3 px, 10 % of full scale", {"sigma_px": 3.0, "peak": 0.1}),
