@@ -329,7 +329,7 @@ module peak_isolate #(
       flags_o[vrscan_pkg::FlagTooWide]   <= too_wide;
       flags_o[vrscan_pkg::FlagAtEdge]    <=
           found_q && (found_left_q == '0 || found_right_q == IndexWidth'(LineLength - 1));
-      flags_o[vrscan_pkg::FlagSaturated] <= found_q && (&end_maximum_q);
+      flags_o[vrscan_pkg::FlagSaturated] <= &end_maximum_q;
       flags_o[vrscan_pkg::FlagRival]     <= rival_q;
     end
     if (rst_i) valid_o <= 1'b0;

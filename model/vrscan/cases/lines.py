@@ -28,8 +28,8 @@ NEARLY = "position within 0.01 px of the spot's centre"
 INSIDE = "position within one step of the symmetric spot's centre"
 
 
-def _even(value: int) -> Line:
-    return line(np.full(LENGTH, value, np.uint16), NOTHING)
+def _even(value: int, flags: str = NOTHING) -> Line:
+    return line(np.full(LENGTH, value, np.uint16), flags)
 
 
 def _empty() -> Iterator[Case]:
@@ -38,9 +38,9 @@ def _empty() -> Iterator[Case]:
     yield LineCase("line-zero", "S/N is 0/0, every sum is 0", defined, (_even(0),))
     yield LineCase(
         "line-full-scale",
-        "S/N is 0/0; no run to be SATURATED",
-        f"{defined}; not SATURATED, for there is no window",
-        (_even(FULL),),
+        "S/N is 0/0, and more light is not what is missing",
+        f"{defined}; SATURATED without a window, so that the laser goes down",
+        (_even(FULL, f"{NOTHING} SATURATED"),),
     )
     noisy = 60.0 + 3.0 * generator(1).standard_normal((20, LENGTH))
     yield LineCase(

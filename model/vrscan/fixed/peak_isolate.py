@@ -113,7 +113,7 @@ def peak_isolate(
 
     too_narrow, too_wide = width < min_width, width > max_width
     at_edge = found & ((left == 0) | (right == length - 1))
-    saturated = found & (statistics.maximum == (1 << pixel_width) - 1)
+    saturated = statistics.maximum == (1 << pixel_width) - 1
     flags = np.zeros(count, np.int64)
     for bit, condition in (
         (pkg.FLAG_LOW_SNR, low_snr),

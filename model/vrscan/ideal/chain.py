@@ -113,7 +113,7 @@ def _run(
         "TOO_NARROW": too_narrow,
         "TOO_WIDE": too_wide,
         "AT_EDGE": present & ((left == 0) | (right == last)),
-        "SATURATED": present & (row.maximum == full),
+        "SATURATED": row.maximum == full,
         "RIVAL": window.rival,
         "NO_PHASE": _spread(found.no_phase.astype(np.float64), valid, len(lines)) > 0,
         "NO_NOISE": noise == 0.0,
