@@ -21,7 +21,7 @@ SEED = 11
 NOTED = "bench_work:noted"
 
 
-def work(number: int, folder: Path, *, timed: bool = False, **more: str) -> Cell:
+def work(number: int, folder: Path, *, timed: bool = False, **more: str | float) -> Cell:
     parameters = {"number": number, "marks": str(folder / "marks"), **more}
     return Cell(NOTED, parameters, SEED, timed)
 
@@ -158,6 +158,31 @@ def test_a_cluster_without_workers_is_an_error(tmp_path: Path, keep: Keep) -> No
     )
     with empty, pytest.raises(InputError, match="has no workers"):
         runner.run([work(1, tmp_path)], keep, scheduler=empty.scheduler_address)
+
+
+def test_a_cluster_that_goes_away_is_an_error_and_what_it_did_is_kept(
+    tmp_path: Path, keep: Keep
+) -> None:
+    leaving = LocalCluster(
+        n_workers=1,
+        threads_per_worker=1,
+        processes=False,
+        protocol="tcp://",
+        host="127.0.0.1",
+        dashboard_address=":0",
+    )
+    wanted = [work(1, tmp_path), *(work(k, tmp_path, seconds=2.0) for k in (2, 3))]
+
+    def close_after_the_first(done: int) -> None:
+        if done == 1:
+            leaving.close()
+
+    with pytest.raises(InputError, match="was lost"):
+        runner.run(
+            wanted, keep, scheduler=leaving.scheduler_address, progress=close_after_the_first
+        )
+    assert keep.get(wanted[0]) == {"square": 1, "seed": SEED}
+    assert len(list((tmp_path / "kept").iterdir())) == 1
 
 
 def listening(server: socket.socket, answer: bytes) -> Callable[[], None]:

@@ -12,7 +12,13 @@ import multiprocessing
 import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import (
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    as_completed,
+)
 from typing import Any
 
 from vrscan.bench.cells import Cell, Figures, do, version
@@ -116,7 +122,7 @@ def _executor(scheduler: str | None, workers: int) -> Iterator[Executor]:
         with ProcessPoolExecutor(workers, mp_context=context, initializer=_quiet) as pool:
             yield pool
         return
-    from distributed import Client  # takes half a second to import
+    from distributed import Client, KilledWorker  # takes half a second to import
     from distributed.comm.core import CommClosedError
 
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # one line says it all
@@ -124,8 +130,9 @@ def _executor(scheduler: str | None, workers: int) -> Iterator[Executor]:
     with connect(scheduler, timeout=PATIENCE_S, set_as_default=False) as client:
         try:
             yield client.get_executor(pure=False)
-        except (CommClosedError, OSError, asyncio.CancelledError) as error:
-            raise InputError(f"--scheduler: {scheduler} was lost ({error})") from error
+        except (CommClosedError, CancelledError, KilledWorker, OSError) as error:
+            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+            raise InputError(f"--scheduler: {scheduler} was lost ({reason})") from error
 
 
 def _quiet() -> None:
