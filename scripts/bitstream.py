@@ -22,6 +22,8 @@ from rich.markup import escape
 from rich.table import Table
 from timing import SEEDS, ToolError, run
 
+from vrscan.report.numbers import replace_block
+from vrscan.report.readme import linked
 from vrscan.tools import build_folder, repository_root, rtl_boards, rtl_closure
 
 ROOT = repository_root()
@@ -167,15 +169,41 @@ def _reached(board: Board, report: Path) -> str:
     return ", ".join(f"{name} {got:.1f} of {wanted:.1f} MHz" for name, (got, wanted) in clocks)
 
 
-def _table(name: str, board: Board, report: Path) -> Table:
-    table = Table("", "used", "there are", title=f"{name}: {_reached(board, report)}", box=None)
+def _used(report: Path) -> list[tuple[str, str, str]]:
+    """Return what of the chip is used: its name, how many, of how many."""
     used = json.loads(report.read_text())["utilization"]
     names = {"TRELLIS_COMB": "LUT", "TRELLIS_FF": "flip-flop", "DP16KD": "block RAM",
              "MULT18X18D": "multiplier", "TRELLIS_IO": "pin"}  # fmt: skip
-    for cell, what in names.items():
-        if cell in used:
-            table.add_row(what, f"{used[cell]['used']:,}", f"{used[cell]['available']:,}")
+    return [
+        (what, f"{used[cell]['used']:,}", f"{used[cell]['available']:,}")
+        for cell, what in names.items()
+        if cell in used
+    ]
+
+
+def _table(name: str, board: Board, report: Path) -> Table:
+    table = Table("", "used", "there are", title=f"{name}: {_reached(board, report)}", box=None)
+    for row in _used(report):
+        table.add_row(*row)
     return table
+
+
+def write_readme(board: Board, report: Path) -> None:
+    """Put clocks and size between the README's markers."""
+    clocks = [
+        (f"{name}, MHz", f"{got:.1f}", f"{wanted:.1f}")
+        for name, (got, wanted) in sorted(_clocks(board, report).items())
+    ]
+    rows = ["| figure | reached or used | wanted or there |", "|---|--:|--:|"]
+    rows += [
+        f"| {linked('bitstream', what)} | {used} | {there} |"
+        for what, used, there in (*clocks, *_used(report))
+    ]
+    page = ROOT / "README.md"
+    text = replace_block(page.read_text(), "bitstream", "\n".join(rows))
+    if text is None:
+        raise ToolError("the README has no bitstream markers")
+    page.write_text(text)
 
 
 def main() -> int:
@@ -183,10 +211,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("board", choices=sorted(BOARDS))
     parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS, help="tried in this order")
+    parser.add_argument("--write", action="store_true", help="put the table into the README")
     arguments = parser.parse_args()
     console, complaints = Console(highlight=False), Console(stderr=True, highlight=False)
     try:
         status = build(arguments.board, tuple(arguments.seeds), console)
+        if arguments.write and status == 0:
+            folder = build_folder() / "bitstream" / arguments.board
+            write_readme(BOARDS[arguments.board], folder / "report.json")
     except ToolError as error:
         complaints.print(f"{arguments.board}: {error}", markup=False)
         return 1

@@ -25,6 +25,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from vrscan.report.numbers import replace_block
+from vrscan.report.readme import linked
 from vrscan.tools import build_folder, repository_root, rtl_closure, rtl_module, rtl_modules
 
 TARGET_MHZ = 125
@@ -292,7 +293,8 @@ def write_readme(results: list[Result]) -> None:
     """Put the table between the README's markers."""
     rows = ["| module | Fmax MHz | LUT | FF | EBR | DSP |", "|---|--:|--:|--:|--:|--:|"]
     rows += [
-        f"| {r.module} | {r.fmax_mhz:.1f} | {r.lut} | {r.ff} | {r.ebr:g} | {r.dsp:g} |"
+        f"| {linked('timing', r.module)} | {r.fmax_mhz:.1f} | {r.lut} | {r.ff} "
+        f"| {r.ebr:g} | {r.dsp:g} |"
         for r in results
     ]
     page = ROOT / "README.md"

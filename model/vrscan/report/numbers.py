@@ -20,6 +20,7 @@ from vrscan.lines import Lines
 from vrscan.report import efficiency, formats
 from vrscan.report.accuracy import angle, cordic, geometry, mirror, position, quality, scatter
 from vrscan.report.accuracy.figure import SEED, Figure
+from vrscan.report.readme import linked
 from vrscan.scene.simulate import take
 
 CLOCK_HZ = 125e6
@@ -286,7 +287,8 @@ def summary(figures: Sequence[Figure]) -> str:
     ]
     for headline, figure in worst.items():
         numbers = (_text(figure.measured), _text(figure.predicted), _text(figure.floor))
-        lines.append(f"| {headline} | {figure.unit} | {' | '.join(numbers)} | {_limit(figure)} |")
+        name = linked("numbers", headline)
+        lines.append(f"| {name} | {figure.unit} | {' | '.join(numbers)} | {_limit(figure)} |")
     return "\n".join(lines)
 
 
