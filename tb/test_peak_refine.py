@@ -347,7 +347,7 @@ def test_peak_refine_model_is_the_float_rule() -> None:
     assert same.mean() > 0.5
     step = 2.0**-pkg.RAMP_FRACTION / 16
     assert np.abs(got.slope * step - want.slope)[same].max() <= 0.51 * step
-    middle = got.ramp + got.slope * (got.width - 1) / 2 - (1 << (pkg.RAMP_FRACTION - 1))
+    middle = got.ramp + got.slope * (got.width - 1) / 2
     assert np.abs(middle).max() <= 1
 
 

@@ -180,7 +180,7 @@ async def refine(dut, salt: int, count: int) -> None:
     steepest = (1 << (pkg.ALIGNED_WIDTH + pkg.RAMP_FRACTION)) // (second + 2)
     slope = (steepest * draw.choice([0, 1, 1e-3], count)).astype(np.int64)
     slope *= draw.choice([-1, 1], count)
-    ramp = -((slope * (second - 1)) >> 1) + (1 << (pkg.RAMP_FRACTION - 1))
+    ramp = -((slope * (second - 1)) >> 1)
     given = {"background": background, "pixel_width": width, "period_n": True}
     before = first_harmonics(lines, left=np.zeros(count, np.int64), width=first, **given)
     want = phase_correlate(

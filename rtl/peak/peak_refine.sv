@@ -16,7 +16,7 @@
 //   reading_o      read_index_o is to be read: pixels by their index modulo 2**RingWidth, which
 //                  come 2 clocks later
 //   ramp_o         what the baseline takes off the window's first pixel, and slope_o from pixel to
-//                  pixel: aligned counts, RampFraction fraction bits; the half of a rounding is in
+//                  pixel: aligned counts, RampFraction fraction bits
 //   at_edge_o      the window ends at the line's end
 //   Latency  vrscan.fixed.peak_refine.latency() clocks from valid_i, which comes START_LATENCY
 //            clocks after start_i at the earliest, to valid_o; either is ignored meanwhile
@@ -77,7 +77,7 @@ module peak_refine #(
 
   // ---- one multiplier, one divider ----
   localparam int unsigned AWidth        = SlopeWidth;
-  localparam int unsigned BWidth        = AngleWidth + 1;
+  localparam int unsigned BWidth        = CountWidth + 1;
   localparam int unsigned DividendWidth = 38;
   localparam int unsigned DivisorWidth  = 26;
   localparam int unsigned QuotientWidth = 26;
@@ -140,28 +140,37 @@ module peak_refine #(
   localparam int unsigned ScaleShift  = CountShift + vrscan_pkg::RampFraction
                                         - (CountWidth - vrscan_pkg::AlignedWidth) - BlockBits;
 
-  typedef enum logic [4:0] {
-    IDLE, SQUARE, LIGHT, RUNG, SHARE, LOOK, NARROW, SIGMA, WIDTH, CLIP, PLACE, ENDS, CUT, COUNT,
-    KEEP, EDGE, BESIDE, ROOM, READ, PICK, SCALE, SHIFT, SLOPE, LEVEL, RAMP
+  typedef enum logic [3:0] {
+    IDLE, SQUARE, LIGHT, RUNG, SHARE, LOOK, SIGMA, WIDTH, PLACE, BESIDE, READ, PICK, SCALE, SLOPE,
+    LEVEL, RAMP
   } state_e;
   state_e                         state_q;
   logic        [   StepWidth-1:0] step_q;
 
+  // Registers that follow their inputs every clock: a state waits until they have settled.
   logic        [  CountWidth-1:0] height_q;  // maximum - background
-  logic        [2*CountWidth+9:0] dark_q;
-  logic        [2*CountWidth+9:0] shot_q;
-  logic        [             1:0] rung_q;
   logic        [   TableBits-1:0] share_q;
   logic        [  SigmaWidth-1:0] sigma_q;
   logic        [   WindowWidth:0] half_pixels_q;  // from left_i to the position
   logic signed [  PlaceWidth-1:0] centre_q;
   logic        [             9:0] rounded_q;
   logic        [ WindowWidth-1:0] wanted_q;
-  logic signed [  PlaceWidth-1:0] first_q, last_q, count_q;
+  logic signed [  PlaceWidth-1:0] first_q, last_q, cut_first_q, cut_last_q, count_q;
+  logic                           short_q;
   logic        [             2:0] block_bits_q;
   logic        [     BlockBits:0] block_q;  // its pixels
   logic        [ WindowWidth-4:0] gap_q;
   logic signed [  PlaceWidth-1:0] left_edge_q, right_edge_q;  // last pixels of the gaps
+  logic        [   RiseWidth-1:0] size_q;
+  logic                           falling_q;
+  localparam logic [StepWidth-1:0] PlaceSteps  = StepWidth'(6);  // rounded_q to short_q
+  localparam logic [StepWidth-1:0] BesideSteps = StepWidth'(2);  // width_o to the edges
+
+  localparam int unsigned ShotWidth = CountWidth + vrscan_pkg::KappaWidth - 4;
+  logic        [2*CountWidth-1:0] dark_q;
+  logic        [   ShotWidth-1:0] shot_q;
+  logic        [             1:0] rung_q;
+  logic        [   WindowWidth:0] position_q;  // of the phase, in half pixels
   logic signed [  PlaceWidth-1:0] left_room_q, right_room_q;  // beyond this pair; negative: cut
   logic        [   RingWidth-1:0] left_place_q, right_place_q;
   logic        [   SpanWidth-1:0] distance_q, span_q;
@@ -184,14 +193,11 @@ module peak_refine #(
   logic        [    SumWidth-1:0] excess_q;
   logic signed [      SumWidth:0] picked_rise_q, picked_rise_q2;
   logic signed [   RiseWidth-1:0] total_q;
-  logic        [   RiseWidth-1:0] size_q;
-  logic                           falling_q;
 
   always_ff @(posedge clk_i) begin
     multiply_start_q <= 1'b0;
     divide_start_q   <= 1'b0;
     valid_o          <= 1'b0;
-    height_q         <= (CountWidth'(maximum_i) << CountShift) - background_i;
     unique case (state_q)
       IDLE: if (start_i) begin
         a_q              <= AWidth'(signed'({1'b0, noise_i}));
@@ -202,136 +208,89 @@ module peak_refine #(
         dividend_q       <= DividendWidth'(magnitude_i >> MagnitudeShift);
         divisor_q        <= DivisorWidth'(sum_i) << SumShift;
         divide_start_q   <= 1'b1;
-        a_q              <= AWidth'(signed'({1'b0, width_i}));
-        b_q              <= BWidth'(signed'({1'b0, phase_i}));
+        a_q              <= AWidth'(signed'({1'b0, phase_i}));
+        b_q              <= BWidth'(signed'({1'b0, width_i}));
         multiply_start_q <= 1'b1;
         state_q          <= SHARE;
       end
 
-      // The dark variance over kappa times the height, while the first window is correlated; kappa
-      // has 4 fraction bits more than a count.
+      // The dark variance over kappa times the height, while the first window is correlated, against
+      // 1, 5/16 and 5/64; kappa has 4 fraction bits more than a count, and an integer above x is one
+      // above floor(x).
       SQUARE: if (product_valid) begin
-        dark_q           <= (2 * CountWidth + 10)'(product[2*CountWidth-1:0]) << 4;
+        dark_q           <= product[2*CountWidth-1:0];
         a_q              <= AWidth'(signed'({1'b0, height_q}));
         b_q              <= BWidth'(signed'({1'b0, kappa_i}));
         multiply_start_q <= 1'b1;
         state_q          <= LIGHT;
       end
       LIGHT: if (product_valid) begin
-        shot_q  <= (2 * CountWidth + 10)'(product[CountWidth+vrscan_pkg::KappaWidth-1:0]);
+        shot_q  <= ShotWidth'(product >>> 4);
         rung_q  <= '0;
         step_q  <= '0;
         state_q <= RUNG;
       end
       RUNG: begin
-        rung_q <= rung_q + 2'(dark_q > shot_q);
-        dark_q <= step_q == '0 ? dark_q << 4 : dark_q << 2;
-        if (step_q == '0) shot_q <= shot_q + (shot_q << 2);
-        step_q <= step_q + StepWidth'(1);
+        rung_q  <= rung_q + 2'(dark_q > (2 * CountWidth)'(shot_q));
+        shot_q  <= step_q == '0 ? ShotWidth'((product + (product <<< 2)) >>> 8) : shot_q >> 2;
+        step_q  <= step_q + StepWidth'(1);
         if (step_q == StepWidth'(2)) state_q <= IDLE;
       end
 
       // The spot's sigma, and the width that is wanted.
       SHARE: begin
-        if (product_valid) half_pixels_q <= (WindowWidth + 1)'(product >>> (AngleWidth - 1));
+        if (product_valid) position_q <= (WindowWidth + 1)'(product >>> (AngleWidth - 1));
         if (quotient_valid) begin
-          share_q <= |quotient[QuotientWidth-1:EntryShift+TableBits]
-                     ? '1 : quotient[EntryShift+:TableBits];
+          step_q  <= '0;
           state_q <= LOOK;
         end
       end
       LOOK: begin
-        sigma_q <= spot_sigma_pkg::sigma(share_q);
-        state_q <= NARROW;
-      end
-      NARROW: begin
-        if (sigma_q == spot_sigma_pkg::Largest) begin
-          half_pixels_q <= (WindowWidth + 1)'(width_i) - (WindowWidth + 1)'(1);
-        end
-        a_q              <= AWidth'(signed'({1'b0, width_i}));
-        b_q              <= BWidth'(signed'({1'b0, sigma_q}));
-        multiply_start_q <= 1'b1;
-        state_q          <= SIGMA;
+        a_q              <= AWidth'(signed'({1'b0, sigma_q}));
+        b_q              <= BWidth'(signed'({1'b0, width_i}));
+        step_q           <= step_q + StepWidth'(1);
+        multiply_start_q <= step_q[0];
+        if (step_q[0]) state_q <= SIGMA;
       end
       SIGMA: if (product_valid) begin
-        centre_q         <= PlaceWidth'(signed'({1'b0, left_i, 1'b0}))
-                            + PlaceWidth'(signed'({1'b0, half_pixels_q}));
         a_q              <= AWidth'(product);
         b_q              <= BWidth'(signed'({1'b0, sigmas(rung_q)}));
         multiply_start_q <= 1'b1;
         state_q          <= WIDTH;
       end
-      WIDTH: if (product_valid) begin
-        // To nearest, half up; at most half of 255, 6.75 times.
-        rounded_q <= 10'((product + (AWidth + BWidth)'(1 << (WidthShift - 1))) >>> WidthShift);
-        centre_q  <= centre_q + PlaceWidth'(2);
-        state_q   <= CLIP;
-      end
-      CLIP: begin
-        wanted_q <= rounded_q < 10'(vrscan_pkg::MinWindow) ? WindowWidth'(vrscan_pkg::MinWindow)
-                    : rounded_q > 10'(MaxWindow) ? WindowWidth'(MaxWindow)
-                    : WindowWidth'(rounded_q);
-        state_q  <= PLACE;
+      WIDTH: begin
+        step_q <= '0;
+        if (product_valid) state_q <= PLACE;
       end
 
-      // Its place: to nearest, half up.
+      // Its place, and where the blocks beside it begin.
       PLACE: begin
-        first_q <= (centre_q - PlaceWidth'(signed'({1'b0, wanted_q}))) >>> 1;
-        state_q <= ENDS;
-      end
-      ENDS: begin
-        last_q  <= first_q + PlaceWidth'(signed'({1'b0, wanted_q})) - PlaceWidth'(1);
-        state_q <= CUT;
-      end
-      CUT: begin
-        if (first_q < 0) first_q <= '0;
-        if (last_q > PlaceWidth'(LineLength - 1)) last_q <= PlaceWidth'(LineLength - 1);
-        state_q <= COUNT;
-      end
-      COUNT: begin
-        count_q <= last_q - first_q + PlaceWidth'(1);
-        state_q <= KEEP;
-      end
-      KEEP: begin
-        if (count_q < PlaceWidth'(vrscan_pkg::MinWindow)) begin
-          left_o  <= left_i;
-          right_o <= left_i + IndexWidth'(width_i) - IndexWidth'(1);
-          width_o <= width_i;
-        end else begin
-          left_o  <= IndexWidth'(first_q);
-          right_o <= IndexWidth'(last_q);
-          width_o <= WindowWidth'(count_q);
+        step_q  <= step_q + StepWidth'(1);
+        left_o  <= short_q ? left_i : IndexWidth'(cut_first_q);
+        right_o <= short_q ? left_i + IndexWidth'(width_i) - IndexWidth'(1)
+                           : IndexWidth'(cut_last_q);
+        width_o <= short_q ? width_i : WindowWidth'(count_q);
+        if (step_q == PlaceSteps) begin
+          step_q  <= '0;
+          state_q <= BESIDE;
         end
-        state_q <= EDGE;
-      end
-
-      // The blocks beside it.
-      EDGE: begin
-        at_edge_o    <= left_o == '0 || right_o == IndexWidth'(LineLength - 1);
-        block_bits_q <= width_o[WindowWidth-1:4] != '0 ? 3'd4 : width_o[3] ? 3'd3
-                        : width_o[2] ? 3'd2 : 3'd1;
-        gap_q        <= width_o[WindowWidth-1:3];
-        state_q      <= BESIDE;
       end
       BESIDE: begin
-        block_q      <= (BlockBits + 1)'(1) << block_bits_q;
-        left_edge_q  <= PlaceWidth'(signed'({1'b0, left_o})) - PlaceWidth'(gap_q);
-        right_edge_q <= PlaceWidth'(signed'({1'b0, right_o})) + PlaceWidth'(gap_q);
-        distance_q   <= SpanWidth'(width_o) + (SpanWidth'(gap_q) << 1);
-        state_q      <= ROOM;
-      end
-      ROOM: begin
+        step_q        <= step_q + StepWidth'(1);
+        at_edge_o     <= left_o == '0 || right_o == IndexWidth'(LineLength - 1);
         left_room_q   <= left_edge_q - PlaceWidth'(block_q);
         right_room_q  <= PlaceWidth'(LineLength - 1) - right_edge_q - PlaceWidth'(block_q);
         left_place_q  <= RingWidth'(left_edge_q) - RingWidth'(1);
         right_place_q <= RingWidth'(right_edge_q) + RingWidth'(1);
-        distance_q    <= distance_q + SpanWidth'(block_q);
+        distance_q    <= SpanWidth'(width_o) + (SpanWidth'(gap_q) << 1) + SpanWidth'(block_q);
         span_q        <= '0;
         total_q       <= '0;
         least_q       <= '1;
-        step_q        <= '0;
-        reading_o     <= 1'b1;
-        state_q       <= READ;
+        if (step_q == BesideSteps) begin
+          step_q    <= '0;
+          reading_o <= 1'b1;
+          state_q   <= READ;
+        end
       end
       READ: begin
         // After the last step no pixel is taken until the last pair is in.
@@ -361,19 +320,19 @@ module peak_refine #(
           end
           distance_q <= distance_q + (SpanWidth'(block_q) << 1);
         end
-        if (step_q == StepWidth'(Pairs + 1)) state_q <= SCALE;
+        if (step_q == StepWidth'(Pairs + 1)) begin
+          step_q  <= '0;
+          state_q <= SCALE;
+        end
       end
       SCALE: begin
-        reading_o <= 1'b0;
-        falling_q <= total_q < 0;
-        size_q    <= total_q < 0 ? RiseWidth'(-total_q) : RiseWidth'(total_q);
-        state_q   <= SHIFT;
-      end
-      SHIFT: begin
+        // For size_q to follow, and for the division to take it.
+        reading_o      <= 1'b0;
+        step_q         <= step_q + StepWidth'(1);
         dividend_q     <= DividendWidth'(size_q) << (6'(ScaleShift + BlockBits) - 6'(block_bits_q));
         divisor_q      <= DivisorWidth'(span_q);
-        divide_start_q <= 1'b1;
-        state_q        <= SLOPE;
+        divide_start_q <= step_q[0];
+        if (step_q[0]) state_q <= SLOPE;
       end
       SLOPE: if (quotient_valid) begin
         slope_o <= span_q == '0 ? '0
@@ -387,8 +346,7 @@ module peak_refine #(
         state_q          <= RAMP;
       end
       RAMP: if (product_valid) begin
-        // Minus half the rise over the window, and the half of the rounding.
-        ramp_o  <= RampWidth'(1 << (vrscan_pkg::RampFraction - 1)) - RampWidth'(product >>> 1);
+        ramp_o  <= RampWidth'(0) - RampWidth'(product >>> 1);  // in the window's middle it is 0
         valid_o <= 1'b1;
         state_q <= IDLE;
       end
@@ -401,6 +359,43 @@ module peak_refine #(
       reading_o        <= 1'b0;
       valid_o          <= 1'b0;
     end
+  end
+
+  // ---- what follows its inputs ----
+  logic signed [PlaceWidth-1:0] next_first;
+  assign next_first = first_q + PlaceWidth'(1);
+  always_ff @(posedge clk_i) begin
+    height_q <= (CountWidth'(maximum_i) << CountShift) - background_i;
+
+    share_q       <= |quotient[QuotientWidth-1:EntryShift+TableBits]
+                     ? '1 : quotient[EntryShift+:TableBits];
+    sigma_q       <= spot_sigma_pkg::sigma(share_q);
+    half_pixels_q <= sigma_q == spot_sigma_pkg::Largest
+                     ? (WindowWidth + 1)'(width_i) - (WindowWidth + 1)'(1) : position_q;
+    centre_q      <= PlaceWidth'(signed'({1'b0, left_i, 1'b0}))
+                     + PlaceWidth'(signed'({1'b0, half_pixels_q}));
+
+    // To nearest, half up; at most half of 255, 6.75 times.
+    rounded_q <= 10'((product + (AWidth + BWidth)'(1 << (WidthShift - 1))) >>> WidthShift);
+    wanted_q  <= rounded_q < 10'(vrscan_pkg::MinWindow) ? WindowWidth'(vrscan_pkg::MinWindow)
+                 : rounded_q > 10'(MaxWindow) ? WindowWidth'(MaxWindow) : WindowWidth'(rounded_q);
+    // To nearest, half up: floor(x / 2 + 1), the 1 in what follows.
+    first_q     <= (centre_q - PlaceWidth'(signed'({1'b0, wanted_q}))) >>> 1;
+    last_q      <= first_q + PlaceWidth'(signed'({1'b0, wanted_q}));
+    cut_first_q <= next_first < 0 ? '0 : next_first;
+    cut_last_q  <= last_q > PlaceWidth'(LineLength - 1) ? PlaceWidth'(LineLength - 1) : last_q;
+    count_q     <= cut_last_q - cut_first_q + PlaceWidth'(1);
+    short_q     <= count_q < PlaceWidth'(vrscan_pkg::MinWindow);
+
+    block_bits_q <= width_o[WindowWidth-1:4] != '0 ? 3'd4 : width_o[3] ? 3'd3
+                    : width_o[2] ? 3'd2 : 3'd1;
+    block_q      <= (BlockBits + 1)'(1) << block_bits_q;
+    gap_q        <= width_o[WindowWidth-1:3];
+    left_edge_q  <= PlaceWidth'(signed'({1'b0, left_o})) - PlaceWidth'(gap_q);
+    right_edge_q <= PlaceWidth'(signed'({1'b0, right_o})) + PlaceWidth'(gap_q);
+
+    falling_q <= total_q < 0;
+    size_q    <= total_q < 0 ? RiseWidth'(-total_q) : RiseWidth'(total_q);
   end
 
   // ---- the pairs' sums: a pixel comes two clocks behind its index ----

@@ -104,8 +104,12 @@ module phase_correlate #(
   localparam int unsigned TotalWidth = vrscan_pkg::SumWidth + 2;
   logic signed [TotalWidth-1:0]      sum_q;  // of the heights
   logic [vrscan_pkg::SumWidth-1:0]   positive_sum_q;
-  // What is taken off the next pixel beside the background: at most half of what one can be.
+  // What is taken off the next pixel beside the background: at most half of what one can be.  What
+  // is lost by rounding goes over to the pixel behind it, so that it adds up to nothing.
   logic signed [vrscan_pkg::RampWidth-1:0]       ramp_q;
+  logic        [vrscan_pkg::RampFraction-1:0]    rest_q, rest;
+  logic                                          carry;
+  assign {carry, rest} = {1'b0, rest_q} + {1'b0, ramp_q[vrscan_pkg::RampFraction-1:0]};
   logic signed [vrscan_pkg::SlopeLevelWidth-1:0] slope_q;
   logic                     issue_q2;
 
@@ -139,7 +143,10 @@ module phase_correlate #(
     valid_o      <= 1'b0;
     positive_sum_q <= sum_q < 0 ? '0 : sum_q[vrscan_pkg::SumWidth-1:0];
     issue_q2       <= issue_q;
-    if (issue_q2) ramp_q <= ramp_q + vrscan_pkg::RampWidth'(slope_q);
+    if (issue_q2) begin
+      ramp_q <= ramp_q + vrscan_pkg::RampWidth'(slope_q);
+      rest_q <= rest;
+    end
     unique case (state_q)
       IDLE: if (valid_i) begin
         // Where nothing is measured the results are zero.
@@ -149,6 +156,7 @@ module phase_correlate #(
         period_o     <= width_i - WindowWidth'(!(period_n_i || window_two_pass_i));
         first_index_q <= left_i;
         ramp_q       <= '0;
+        rest_q       <= '0;
         slope_q      <= '0;
         again_q      <= window_two_pass_i;
         phase_o      <= '0;
@@ -187,6 +195,7 @@ module phase_correlate #(
         left_q       <= width_o;
         read_index_o <= first_index_q;
         ramp_q       <= '0;
+        rest_q       <= '0;
         slope_q      <= '0;
         sum_o        <= positive_sum_q;
         refine_o     <= again_q;
@@ -199,6 +208,7 @@ module phase_correlate #(
         period_o      <= refined_width_i;
         first_index_q <= refined_left_i;
         ramp_q        <= refined_ramp_i;
+        rest_q        <= {1'b1, {(vrscan_pkg::RampFraction - 1){1'b0}}};
         slope_q       <= refined_slope_i;
         step_start_q  <= 1'b1;
         state_q       <= STEP;
@@ -263,7 +273,8 @@ module phase_correlate #(
     restore_q3 <= restore_q2;
     restore_q4 <= restore_q3;
     level_q    <= signed'(HeightWidth'(pedestal_q))
-                  + HeightWidth'(ramp_q >>> vrscan_pkg::RampFraction);
+                  + HeightWidth'(ramp_q >>> vrscan_pkg::RampFraction)
+                  + signed'(HeightWidth'(carry));
     if (restore_q3) height_q <= period_o == width_o ? '0 : HeightWidth'(pedestal_q);
     else            height_q <= HeightWidth'(aligned) - unsigned'(level_q);
     height_delay_q  <= (Delay*HeightWidth)'({height_delay_q, height_q});

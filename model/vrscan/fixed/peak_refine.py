@@ -58,7 +58,7 @@ def latency() -> int:
     """Return the clocks from ``valid_i`` to ``valid_o``, whatever the window."""
     quotient = divide_latency(QUOTIENT_WIDTH) + 1
     pixels = PAIRS << (BLOCK_BITS + 1)
-    return 2 * quotient + 3 * _PRODUCT_CLKS + pixels + 25
+    return 2 * quotient + 3 * _PRODUCT_CLKS + pixels + 26
 
 
 def sigma_table() -> Ints:
@@ -208,6 +208,5 @@ def peak_refine(
     count = np.where(kept, last - first + 1, width)
 
     slope = _slope(lines, first, count, noise, pixel_width)
-    # In the window's middle nothing is taken off; the half is that of the rounding.
-    ramp = -((slope * (count - 1)) >> 1) + (1 << (pkg.RAMP_FRACTION - 1))
+    ramp = -((slope * (count - 1)) >> 1)  # in the window's middle it is 0
     return Refined(left=first, width=count, ramp=ramp, slope=slope)

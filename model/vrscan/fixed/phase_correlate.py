@@ -95,7 +95,10 @@ def first_harmonics(
     place = np.arange(aligned.shape[1])
     pedestal = background >> (pkg.COUNT_WIDTH - pkg.ALIGNED_WIDTH)
     begin, rise = (np.broadcast_to(np.asarray(v, np.int64), len(lines)) for v in (ramp, slope))
-    level = (begin[:, None] + place * rise[:, None]) >> pkg.RAMP_FRACTION
+    # What a pixel's rounding loses goes over to the pixel behind it.
+    lowered = np.cumsum(begin[:, None] + place * rise[:, None], axis=1)
+    lowered = (lowered + (1 << (pkg.RAMP_FRACTION - 1))) >> pkg.RAMP_FRACTION
+    level = np.diff(lowered, axis=1, prepend=0)
     height = np.where(inside, aligned - pedestal[:, None] - level, 0)
     step, _ = divide(np.int64(_TURN), width - (not period_n), quotient_width=STEP_WIDTH)
     x, y, _ = _correlate(height, (place * step[:, None]) & (_TURN - 1), inside)

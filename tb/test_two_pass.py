@@ -1,0 +1,174 @@
+"""The accurate mode against its goals; the whole study is ``vrscan efficiency``."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from harness import generator
+
+from vrscan.chain import run_fixed
+from vrscan.config import Config, Peak
+from vrscan.engines import Engine
+from vrscan.fixed import pkg
+from vrscan.ideal import two_pass as ideal
+from vrscan.ideal.chain import run as run_ideal
+from vrscan.registers import Registers
+from vrscan.report import two_pass
+from vrscan.report.efficiency import cell_lines
+
+TWO = Config(peak=Peak(window="two_pass"))
+# Of an efficiency of 0.97: the two errors are correlated by 0.985, so 1,500 lines tell their ratio
+# to sqrt(2 / 1500 * 2 * 0.03) = 0.9 %.
+COUNT, CHANCE = 1500, 0.018
+
+
+@pytest.mark.parametrize("engine", [Engine.FIXED, Engine.IDEAL])
+def test_efficiency_reaches_the_goal_in_every_corner(engine: Engine) -> None:
+    """The narrowest and widest spots at the least and largest heights, and beside a rung."""
+    cells = two_pass.study(engine, Config(), COUNT, peaks=(0.05, 0.09, 0.9), sigmas_px=(1, 2, 12))
+    for cell in cells:
+        assert cell.two_pass >= two_pass.GOAL - CHANCE, cell
+        assert cell.lost == 0.0, cell
+    assert np.mean([cell.two_pass for cell in cells]) >= two_pass.GOAL + CHANCE / 3
+    assert np.mean([cell.one_pass for cell in cells]) < 0.93
+    for cell in two_pass.study(engine, Config(), COUNT, peaks=(0.02,), sigmas_px=(1, 12)):
+        assert cell.two_pass >= two_pass.GOAL_DIM, cell
+        assert cell.one_pass < two_pass.GOAL_DIM, cell
+        assert cell.lost <= 0.002, cell
+
+
+def test_the_score_reaches_the_bound() -> None:
+    """The efficient score's mean square is the bound, whatever the spot, within chance."""
+    for sigma, peak in ((1.0, 0.05), (4.0, 0.9), (12.0, 0.02)):
+        lines, true, bound = cell_lines(sigma, peak, 2000, Config())
+        score = two_pass.efficient_score(lines.lines, true, sigma, peak, Config())
+        assert np.square(score).mean() / bound.mean() == pytest.approx(1.0, abs=0.12)
+        assert abs(score.mean()) < 4 * np.sqrt(bound.mean() / 2000)
+
+
+@pytest.mark.parametrize("engine", [Engine.FIXED, Engine.IDEAL])
+def test_a_skewed_spot_stays(engine: Engine) -> None:
+    one, two = two_pass.skew_positions(engine, Config(), 600)
+    assert np.ptp(two) < two_pass.GOAL_SKEW_PX
+    assert np.ptp(two) < np.ptp(one)
+
+
+@pytest.mark.parametrize("engine", [Engine.FIXED, Engine.IDEAL])
+def test_a_slope_costs_next_to_nothing(engine: Engine) -> None:
+    """Less than the goal in the mean, and not a hundredth more scatter."""
+    for result in two_pass.slope_study(engine, Config(), 300):
+        assert abs(result.bias) < two_pass.GOAL_SLOPE_PX, result
+        assert result.rms < 1.01 * result.level_rms + 1e-4, result
+
+
+def test_without_the_baseline_a_slope_pulls(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the goal of the slope is worth: the same windows on the background as it is."""
+    monkeypatch.setattr(ideal, "baseline", lambda lines, *_: np.zeros(len(lines)))
+    results = two_pass.slope_study(Engine.IDEAL, Config(), 100, peaks=(0.2,), sigmas_px=(3.0, 8.0))
+    assert all(abs(result.bias) > 4 * two_pass.GOAL_SLOPE_PX for result in results)
+
+
+def test_the_study_knows_the_slope() -> None:
+    """One count a px at the spot, none where the statistics look."""
+    place = np.arange(-400.0, 401.0)
+    rise = two_pass.sloping(place)
+    near = np.abs(place) <= two_pass.SLOPE_REACH_PX
+    assert np.allclose(rise[near], two_pass.SLOPE * place[near])
+    assert not rise[np.abs(place) >= two_pass.SLOPE_END_PX].any()
+
+
+def test_tables_have_a_row_a_height() -> None:
+    cells = two_pass.study(Engine.FIXED, Config(), 50, peaks=(0.2, 0.9), sigmas_px=(3.0,))
+    assert two_pass.efficiency_grid(cells, Engine.FIXED, 50).row_count == 2
+    one, two = two_pass.skew_positions(Engine.FIXED, Config(), 20, peaks=(0.2, 0.9))
+    assert two_pass.skew_grid(one, two, (0.2, 0.9)).row_count == 2
+    slopes = two_pass.slope_study(Engine.FIXED, Config(), 20, peaks=(0.2,), sigmas_px=(3.0,))
+    assert two_pass.slope_grid(slopes).row_count == 1
+
+
+def test_figures_say_what_is_missed() -> None:
+    good = two_pass.Cell(3.0, 0.5, 0.92, 0.97, 0.0)
+    slope = two_pass.Slope(3.0, 0.5, -0.001, 0.01, 0.01)
+    still = np.array([1.0, 1.01])
+    dim = two_pass.Cell(1.0, 0.02, 0.8, 0.93, 0.0)
+    assert all(holds for _, holds in two_pass.figures([good, dim], still, [slope]))
+    missed = (
+        ([replace(good, two_pass=0.949), dim], still, [slope]),
+        ([good, replace(dim, two_pass=0.899)], still, [slope]),
+        ([good, dim], np.array([1.0, 1.03]), [slope]),
+        ([good, dim], still, [slope, replace(slope, bias=-0.006)]),
+    )
+    for k, given in enumerate(missed):
+        assert [holds for _, holds in two_pass.figures(*given)] == [k != n for n in range(4)]
+
+
+def spots(count: int, salt: int) -> np.ndarray:
+    """Return lines with a spot each, of any width and height, saturated ones and rivals too."""
+    draw = generator(salt)
+    place = np.arange(2048)
+    centre, sigma = draw.uniform(10, 2038, (count, 1)), 10 ** draw.uniform(0, 1.2, (count, 1))
+    height = 10 ** draw.uniform(2.3, 4.0, (count, 1))
+    lines = 60 + height * np.exp(-0.5 * ((place - centre) / sigma) ** 2)
+    rival = centre + sigma * draw.uniform(6, 12, (count, 1))
+    share = draw.uniform(0, 0.6, (count, 1)) * (draw.random((count, 1)) < 0.3)
+    lines += share * np.minimum(height, 4000) * np.exp(-0.5 * ((place - rival) / sigma) ** 2)
+    lines += 4 * draw.standard_normal(lines.shape)
+    return np.clip(np.round(lines), 0, 4095).astype(np.uint16)
+
+
+def test_model_is_the_float_chain_where_their_windows_agree() -> None:
+    """Within 0.3e-3 px, the bound of one window, and what the baseline's rounding adds.
+
+    A slope is right to half of 2**-12 aligned counts a px, which moves the position by at most
+    N**3 / (4 pi**2 |P1|) of it. What is taken off a pixel is a whole aligned count, and the rest
+    goes over to the next one: the sum of the rests' differences times a sine is at most 2, which
+    moves it by at most 2 N / (2 pi |P1|).
+    """
+    lines = spots(1500, 1)
+    nothing = np.zeros(len(lines), np.int64)
+    got = run_fixed(lines, nothing, nothing, Registers.from_config(TWO))
+    want = run_ideal(lines, np.zeros(len(lines)), nothing, TWO)
+    same = (got.left == want.left) & (got.width == want.width) & got.measured & want.measured
+    assert same.mean() > 0.5
+    width = got.width[same]
+    light = 16.0 * (got.maximum[same] - 60.0) * width / 10  # aligned counts, less than |P1|
+    bound = width**3 / (4 * np.pi**2 * light) * 2.0 ** -(pkg.RAMP_FRACTION + 1)
+    bound += width / (np.pi * light)
+    error = np.abs(got.position / 2**pkg.POSITION_FRACTION - want.position_px)[same]
+    assert (error <= 3e-4 + bound).all(), error.max()
+    assert np.percentile(error, 99) < 4e-4
+    sigma = got.sigma[same] / 2**pkg.SIGMA_FRACTION / np.maximum(want.sigma_px[same], 1e-3)
+    assert np.median(np.abs(sigma - 1)) < 0.02
+    # The flags are those of the same rules.
+    for name, bit in pkg.FLAGS.items():
+        if bit <= pkg.FLAG_ROW_STATISTICS:
+            assert (got.flags >> bit & 1 == want.flags[name])[same].all(), name
+
+
+def test_sigma_is_the_spread() -> None:
+    """The point's own sigma, over the bound's spots, is their root mean square error."""
+    for sigma, peak in ((2.0, 0.2), (8.0, 0.05)):
+        lines, true, _ = cell_lines(sigma, peak, 1500, Config())
+        nothing = np.zeros(1500, np.int64)
+        got = run_fixed(lines.lines, nothing, nothing, Registers.from_config(TWO))
+        error = got.position / 2**pkg.POSITION_FRACTION - true
+        told = got.sigma / 2**pkg.SIGMA_FRACTION
+        assert np.sqrt(np.square(error).mean()) == pytest.approx(told.mean(), rel=0.08)
+
+
+def test_a_spot_that_comes_from_the_edge() -> None:
+    """Centred on the last pixel and beyond: AT_EDGE, a position on the sensor, never a crash."""
+    place = np.arange(2048)
+    centre = np.linspace(2030, 2060, 61)[:, None]
+    lines = 60 + 2000 * np.exp(-0.5 * ((place - centre) / 4.0) ** 2)
+    noise = 3 * generator(3).standard_normal(lines.shape)
+    lines = np.clip(np.round(lines + noise), 0, 4095).astype(np.uint16)
+    lines = np.concatenate([lines, lines[:, ::-1]])
+    nothing = np.zeros(len(lines), np.int64)
+    got = run_fixed(lines, nothing, nothing, Registers.from_config(TWO))
+    at_edge = got.flags >> pkg.FLAG_AT_EDGE & 1 == 1
+    near = np.tile(centre[:, 0] > 2034.5, 2)
+    assert at_edge[near & got.measured].all()
+    assert (got.position[got.measured] >= 0).all()
+    assert (got.left >= 0).all() and (got.right <= 2047).all()
+    assert got.measured.mean() > 0.6
