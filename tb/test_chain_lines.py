@@ -8,7 +8,7 @@ import pytest
 from harness import generator
 
 from vrscan.chain import MAX_WINDOW, first_windows, latency, run_fixed
-from vrscan.config import Config, Peak
+from vrscan.config import Config, Geometry, Peak, Sensor
 from vrscan.fixed import pkg
 from vrscan.points import Points, points_equal
 from vrscan.registers import Registers
@@ -135,6 +135,22 @@ def test_one_bitstream_does_both() -> None:
     assert np.median(near) < 1 << (pkg.POSITION_FRACTION - 2)
     assert np.array_equal(before.background, after.background)
     assert np.array_equal(before.snr, after.snr)
+
+
+@pytest.mark.parametrize("two_pass", [False, True])
+def test_short_lines_come_with_a_gap(two_pass: bool) -> None:
+    """Lines in whose time no window of 255 pixels is measured: every point, in its clock."""
+    peak = Peak(window="two_pass" if two_pass else "threshold")
+    config = Config(peak=peak, sensor=Sensor(line_length=700), geometry=Geometry(centre_px=349.5))
+    registers = Registers.from_config(config)
+    lines = spots(150, 70)[:, 600:1300]
+    nothing = np.zeros(len(lines), np.int64)
+    want = run_fixed(lines, nothing, nothing, registers)
+    assert points_equal(run_rtl(lines, nothing, nothing, registers), want) is None
+    assert 0.2 < want.measured.mean() < 1
+    clocks = latencies(lines, nothing, nothing, registers)
+    idle = latency(0, measured=False, line_length=700, pixel_width=12)
+    assert (clocks[~want.measured] == idle).any() and clocks.min() == idle
 
 
 def test_every_flag_that_a_good_line_can_raise() -> None:

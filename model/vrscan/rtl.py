@@ -8,7 +8,7 @@ import numpy as np
 
 from vrscan import verilated
 from vrscan.arrays import Ints, Pixels
-from vrscan.chain import MAX_WINDOW, latency
+from vrscan.chain import MAX_WINDOW, latency, min_period
 from vrscan.fixed import pkg
 from vrscan.points import Points
 from vrscan.registers import Registers
@@ -112,6 +112,10 @@ def _run(
         first_width=max_window if registers.window_two_pass else None,
     )
 
+    # Lines follow as close as the chain takes them.
+    two_pass = registers.window_two_pass
+    gap = max(0, min_period(length, max_window, two_pass=two_pass) - length)
+
     def address(array: np.ndarray[tuple[int, ...], np.dtype[np.generic]]) -> ctypes.c_void_p:
         return ctypes.c_void_p(array.ctypes.data)
 
@@ -129,6 +133,7 @@ def _run(
                 address(raised_bytes[part]),
                 ctypes.c_int64(part.stop - part.start),
                 ctypes.c_int64(length),
+                ctypes.c_int64(gap),
                 ctypes.c_int64(longest + 1 if part.stop == len(lines) else 0),
                 address(room),
                 ctypes.c_int64(len(room)),
@@ -146,7 +151,7 @@ def _run(
     }
     measured = columns.pop("measured").astype(np.bool_)
     points = Points(**columns, measured=measured, pixel_width=registers.pixel_width)
-    return points, results[:, -1] - (np.arange(len(lines)) * length + length - 1)
+    return points, results[:, -1] - (np.arange(len(lines)) * (length + gap) + length - 1)
 
 
 def run_rtl(
@@ -159,7 +164,9 @@ def run_rtl(
     mirror_flags: Ints | int = 0,
     max_window: int = MAX_WINDOW,
 ) -> Points:
-    """Return the point of every line, as the RTL gives it, line after line without a gap.
+    """Return the point of every line, as the RTL gives it.
+
+    Lines follow without a gap, or with the shortest that their length asks for.
 
     Args:
         lines: Pixels, uint16 [n, registers.line_length].

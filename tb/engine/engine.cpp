@@ -1,8 +1,8 @@
 // The verilated vrscan_chain behind three C functions, for vrscan.rtl to call with numpy buffers.
 //
 // Ports are listed once, in Python: ports.h is written beside the verilated model and defines
-// CONFIGURATION(X) and RESULTS(X).  Lines go in back to back, a pixel a clock; points are taken in
-// the clock in which they come.
+// CONFIGURATION(X) and RESULTS(X).  Lines go in a pixel a clock, with as many clocks between them as
+// is asked for; points are taken in the clock in which they come.
 
 #include <cstdint>
 #include <memory>
@@ -63,10 +63,11 @@ void* engine_create(const uint64_t* configuration) {
   return engine.release();
 }
 
-// Sends `lines` lines and then `idle` clocks; returns the points that came out meanwhile.
+// Sends `lines` lines, `gap` clocks behind each, and then `idle` clocks; returns the points that
+// came out meanwhile.
 int64_t engine_run(void* handle, const uint16_t* pixels, const uint32_t* angle,
                    const uint16_t* power, const uint8_t* mirror_flags, int64_t lines,
-                   int64_t length, int64_t idle, int64_t* results, int64_t room) {
+                   int64_t length, int64_t gap, int64_t idle, int64_t* results, int64_t room) {
   Engine& engine = *static_cast<Engine*>(handle);
   Vvrscan_chain& chain = engine.chain;
   engine.results = results;
@@ -83,10 +84,11 @@ int64_t engine_run(void* handle, const uint16_t* pixels, const uint32_t* angle,
       chain.pixel_i = *pixels++;
       engine.clock();
     }
+    chain.line_start_i = 0;
+    chain.line_end_i = 0;
+    chain.pixel_valid_i = 0;
+    for (int64_t k = 0; k < gap; ++k) engine.clock();
   }
-  chain.line_start_i = 0;
-  chain.line_end_i = 0;
-  chain.pixel_valid_i = 0;
   for (int64_t k = 0; k < idle; ++k) engine.clock();
   return engine.count;
 }
