@@ -19,7 +19,7 @@ from vrscan.scene.description import Lens
 from vrscan.scene.sensor import REACH
 from vrscan.scene.speckle import Speckle
 
-SLOPE_PX, RETURN_PX = 50, 150  # a slope is straight so far from the spot, and 0 from there on
+SLOPE_PX, RETURN_PX = 100, 250  # a slope is straight so far from the spot, and 0 from there on
 SPECKLE_MM = 400.0  # distance of the surface whose speckle is taken
 WAVELENGTH_NM = 658.0
 _PATTERNS = 4  # of speckle in a cell

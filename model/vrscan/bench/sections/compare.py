@@ -1,5 +1,6 @@
 """Detectors side by side: each one's error over all spots, and its price."""
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -280,15 +281,16 @@ def _picture(listed: Sequence[Detector], rates: dict[str, float], mean: dict[str
 
 
 def _label(axes: Axes, places: dict[Detector, tuple[float, float]]) -> None:
-    """Write the names beside their points, lower where one would lie on another."""
+    """Write the names beside their points, lower or higher where one would lie on another."""
     taken: list[tuple[float, float, float]] = []  # left, right, height of what is written, points
     scale = 72.0 / axes.figure.dpi
     at = {each: axes.transData.transform(place) * scale for each, place in places.items()}
     for each, (x, y) in sorted(at.items(), key=lambda item: -item[1][1]):
         left, right, line = x + 7.0, x + 12.0 + 4.6 * len(each.title), y
         marks = [(px - 5.0, px + 5.0, py) for px, py in at.values() if (px, py) != (x, y)]
+        shifts = itertools.chain([0.0], *([-step, step] for step in np.arange(1.0, 200.0)))
         while any(a < right and left < b and abs(line - h) < 9.0 for a, b, h in taken + marks):
-            line -= 1.0
+            line = y + float(next(shifts))
         taken.append((left, right, line))
         axes.annotate(
             each.title,

@@ -13,7 +13,7 @@ from vrscan.bench import detect
 from vrscan.bench.cells import Cell, Figures, plain
 from vrscan.bench.page import Block, Heading, Picture, Row, Table, Text, number, slug
 from vrscan.bench.sections.section import BOUND, Found, Order, Section, look, png
-from vrscan.bench.spots import most_contrast
+from vrscan.bench.spots import RETURN_PX, SLOPE_PX, most_contrast
 from vrscan.config import Config
 from vrscan.detectors.catalogue import detectors
 from vrscan.report.efficiency import LOST_PX
@@ -91,7 +91,8 @@ SWEEPS = (
             Panel("5 % of full scale", {"peak": 0.05}),
         ),
         "What looks at three pixels falls behind as the spot gets wide; the harmonic, the matched "
-        "filter and the fits follow the bound. Below 1 px the pixel itself is as wide as the spot.",
+        "filter and the fits follow the bound. Below 1 px the pixel itself is as wide as the spot, "
+        "and two passes lose it: fewer than three pixels are above a quarter of its height.",
         _named("sigma_px"),
         log=True,
     ),
@@ -120,9 +121,11 @@ SWEEPS = (
         "Sloping background",
         "slope, counts/px",
         (0.0, 0.1, 0.2, 0.5, 1.0, 2.0),
-        _of_width(3.0, 8.0, peak=0.2, level=300.0),
-        "A slope pulls every detector that takes the background for even. It is straight for 50 px "
-        "on either side and gone at 150 px, so the background is measured where there is none.",
+        _of_width(3.0, 8.0, peak=0.5, level=300.0),
+        "A slope pulls every detector that takes the background for even. It is straight for "
+        f"{SLOPE_PX} px on either side and gone at {RETURN_PX} px, so the background is measured "
+        "where there is none; where it rises above the threshold beside the spot, the window runs "
+        "on. Two passes take it off.",
         _named("slope"),
     ),
     Sweep(
@@ -240,7 +243,7 @@ def _table(sweep: Sweep, got: dict[tuple[str, float], Figures]) -> Table:
                 )
     return Table(
         f"sweep-{sweep.key}",
-        [_broken(sweep.axis, 18), "spot", "\nbound", *(_broken(e.title, 12) for e in listed)],
+        [_broken(sweep.axis, 14), "spot", "bound", *(_broken(e.title, 9) for e in listed)],
         rows,
         "rms error, 1e-3 px; † more than 1 % of the lines are lost, - all of them. The file has "
         "bias, spread and lost lines, too.",
