@@ -339,7 +339,7 @@ def _draw_line(axes: Axes, recording: Lines, result: Table, config: Config, trut
         result.noise[row : row + 1],
         result.maximum[row : row + 1],
         k_noise=config.peak.k_noise,
-        k_height=config.peak.k_height,
+        k_height=config.peak.cut_height,
     )[0]
     axes.axvspan(
         left - 0.5,
