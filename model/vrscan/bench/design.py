@@ -45,10 +45,12 @@ SOURCES = (
     "points.py",
     "registers.py",
 )
-EXACT, NOISY = (f"vrscan.bench.design:{name}" for name in ("exact", "noisy"))
+EXACT, NOISY, SKEWED = (f"vrscan.bench.design:{name}" for name in ("exact", "noisy", "skewed"))
 
 SPOTS_PX = (1.0, 2.0, 4.0, 8.0, 12.0, 40.0)  # without noise; the last fills the largest window
 HEIGHTS = (0.05, 0.5)  # of full scale
+SKEW, SKEW_PX = 0.25, 3.0  # sides of 0.75 and 1.25 times so many px
+SKEW_HEIGHTS = (0.1, 0.2, 0.5, 0.9)  # of full scale
 RANGES_MM = (250.0, 500.0, 1000.0)
 _ADC_BITS = 12  # of the counts that noise and background are given in
 _STEP_WIDTH = phase_correlate.STEP_WIDTH
@@ -188,6 +190,38 @@ def every(lines: Pixels, cut: Cut, designs: Sequence[Design], *, period_n: bool)
     return found
 
 
+def bound(design: Design, ratio: float = 0.1) -> float:
+    """Return the largest error of a position that the widths allow, px: T = N, any heights.
+
+    As ``docs/numbers.md`` derives it, with the table's largest error measured: half an output step,
+    the CORDIC's, and what errors of the samples can turn a harmonic of ``ratio`` times their sum.
+
+    Args:
+        design: The widths.
+        ratio: Of first harmonic to the sum of the heights.
+    """
+    width = np.arange(pkg.MIN_WINDOW, MAX_WINDOW + 1)[:, None]
+    place = np.arange(MAX_WINDOW)
+    step, _ = divide(np.int64(_TURN), width, quotient_width=_STEP_WIDTH)
+    sine, cosine = quarter_wave.quarter_wave(
+        ((place * step) & (_TURN - 1)) >> (_STEP_WIDTH - design.phase_width),
+        phase_width=design.phase_width,
+        ampl_width=design.sine_width,
+        table_bits=design.table_bits,
+        entry_width=design.entry_width,
+    )
+    full = quarter_wave.amplitude(design.sine_width, design.table_bits, design.entry_width)
+    error = np.abs((cosine + 1j * sine) / full - np.exp(2j * np.pi * place / width))
+    worst = np.where(place < width, error, 0.0).max(axis=1)
+    period = width[:, 0].astype(np.float64)
+    steps, _ = cordic_vector.angle_bounds(design.angle_width, design.rotations)
+    turned = np.arcsin(np.minimum(worst / ratio, 1.0)) / (2.0 * np.pi)
+    reach = 2.0 ** -(pkg.POSITION_FRACTION + 1) + period * (
+        steps * 2.0**-design.angle_width + turned
+    )
+    return float(np.minimum(reach, period / 2.0).max())
+
+
 def clocks(design: Design, width: int, first_width: int | None = None) -> int:
     """Return the clocks from the end of a line's replay to its position.
 
@@ -229,7 +263,12 @@ def sensor(config: Config, pixel_width: int, **peak: Any) -> Config:
 
 
 def light(
-    sigma_px: float, peak: float, true: Floats, config: Config, draw: np.random.Generator | None
+    sigma_px: float,
+    peak: float,
+    true: Floats,
+    config: Config,
+    draw: np.random.Generator | None,
+    skew: float = 0.0,
 ) -> tuple[Floats, float]:
     """Return lines of one spot each as they reach the converter, and the bound.
 
@@ -241,15 +280,16 @@ def light(
         true: Where it is, px [n].
         config: Line length, and counts per electron at its pixel width.
         draw: Of photons and read noise; without one there is no noise.
+        skew: Sides of (1 - skew) and (1 + skew) times ``sigma_px``; the top is at ``true``.
 
     Returns:
-        Counts of 12 bits [n, line_length], not rounded, and the least variance of an estimate, px^2.
+        Counts of 12 bits [n, line_length], not rounded, and the least variance of a position, px^2.
     """
     kappa = math.ldexp(config.peak.kappa, _ADC_BITS - config.sensor.pixel_width)
-    reach = math.ceil(REACH * sigma_px)
+    reach = math.ceil(REACH * (1.0 + skew) * sigma_px)
     first = np.round(true).astype(np.int64) - reach
-    edges = first[:, None] + np.arange(2 * reach + 2) - 0.5
-    shape, slope = profile(true, sigma_px, sigma_px, edges)
+    edges = first[:, None] + np.arange(2 * reach + 2.0) - 0.5
+    shape, slope = profile(true, (1.0 - skew) * sigma_px, (1.0 + skew) * sigma_px, edges)
     electrons = peak * 2**_ADC_BITS / kappa
     dark = (READ_NOISE_COUNTS**2 + 1.0 / 12.0) / kappa**2 + BACKGROUND_COUNTS / kappa
     told = np.square(electrons * slope) / (dark + electrons * shape)
@@ -331,7 +371,7 @@ def exact(parameters: dict[str, Any], seed: int) -> Figures:
                 )
                 return found.delta
 
-            def off(position: Floats, exact: Floats, period: Floats = period) -> Floats:
+            def off(position: Any, exact: Floats, period: Floats = period) -> Floats:
                 return np.asarray((position - exact + period / 2.0) % period - period / 2.0)
 
             want = delta(lines[rows])
@@ -366,8 +406,8 @@ def noisy(parameters: dict[str, Any], seed: int) -> Figures:
 
     Returns:
         By height of ``PEAKS``: ``bound_px``; ``designs``, the scores of each; ``rules``, the scores
-        of each, with the mean of the window's pixels, ``width``, and of the first window's, where
-        there are two, ``first``.
+        of each, with the mean of the window's pixels, ``width``, of the first window's, where there
+        are two, ``first``, and the share of lines with the flag RIVAL, ``rival``: there is none.
     """
     base = configuration(parameters)
     sigma, count = float(parameters["sigma_px"]), int(parameters["lines"])
@@ -382,6 +422,7 @@ def noisy(parameters: dict[str, Any], seed: int) -> Figures:
         by_rule = [np.full(count, np.nan) for _ in rules]
         widths: list[list[Floats]] = [[] for _ in rules]
         firsts: list[list[Floats]] = [[] for _ in rules]
+        rivals = [0 for _ in rules]
         bounds = []
         for start in range(0, count, _CHUNK):
             part = np.arange(start, min(start + _CHUNK, count))
@@ -404,17 +445,45 @@ def noisy(parameters: dict[str, Any], seed: int) -> Figures:
                 rows = np.flatnonzero(points.measured)
                 position = points.position[rows] * 2.0**-pkg.POSITION_FRACTION
                 by_rule[k][part[rows]] = position
+                rivals[k] += int((points.flags[rows] >> pkg.FLAG_RIVAL & 1).sum())
                 widths[k].append(points.width[rows].astype(np.float64))
                 firsts[k].append(_first_widths(lines[rows], config))
         result["bound_px"].append(math.sqrt(sum(bounds) / count))
         result["designs"].append([asdict(score(found[design], true)) for design in designs])
         result["rules"].append(
             [
-                asdict(score(where, true)) | {"width": _mean(width), "first": _mean(first)}
-                for where, width, first in zip(by_rule, widths, firsts, strict=True)
+                asdict(score(where, true))
+                | {"width": _mean(width), "first": _mean(first), "rival": rival / count}
+                for where, width, first, rival in zip(by_rule, widths, firsts, rivals, strict=True)
             ]
         )
     return result
+
+
+def skewed(parameters: dict[str, Any], seed: int) -> Figures:
+    """Return how far rules of the window move a skewed spot as its height changes.
+
+    Args:
+        parameters: ``config``, ``lines`` for each of ``SKEW_HEIGHTS``, and ``rules``: values of
+            [peak] that change.
+        seed: Of the noise.
+
+    Returns:
+        ``moved``: largest less smallest mean position of each rule, px.
+    """
+    base, count = configuration(parameters), int(parameters["lines"])
+    rules: list[dict[str, Any]] = parameters["rules"]
+    means: list[list[float]] = [[] for _ in rules]
+    for peak in SKEW_HEIGHTS:
+        draw = np.random.default_rng([seed, round(1000 * peak)])
+        length = base.sensor.line_length
+        true = draw.uniform(0.25 * length, 0.75 * length, count)
+        lines = converted(light(SKEW_PX, peak, true, base, draw, SKEW)[0], _ADC_BITS)
+        for mean, rule in zip(means, rules, strict=True):
+            points = _run(lines, sensor(base, _ADC_BITS, **rule))
+            found = points.position * 2.0**-pkg.POSITION_FRACTION - true
+            mean.append(_mean([found[points.measured]]))
+    return {"moved": [max(mean) - min(mean) for mean in means]}
 
 
 def _mean(parts: Sequence[Floats]) -> float:

@@ -32,13 +32,15 @@ def arc_tangents() -> list[int]:
     return [math.floor(math.atan(2.0**-i) * scale) for i in range(TABLE_ENTRIES)]
 
 
-def angle_bounds(angle_width: int) -> tuple[float, float]:
+def angle_bounds(angle_width: int, rotations: int | None = None) -> tuple[float, float]:
     """Return peak and rms of the angle's error in output steps, derived from the widths.
+
+    ``rotations`` are those of ``cordic_vector``.
 
     The output's rounding, what the last rotation leaves, the cut arc tangents and the cut input.
     For the rms the first two are uniform and the small ones count in full.
     """
-    count = iterations(angle_width)
+    count = iterations(angle_width) if rotations is None else rotations
     steps_per_radian = 2.0**angle_width / (2 * math.pi)
     left = math.atan(2.0 ** (1 - count)) * steps_per_radian
     table = count * 2.0**-ANGLE_GUARD
@@ -76,7 +78,8 @@ def cordic_vector(
         xy_width: ``XyWidth`` of the module, 9 to 60.
         angle_width: ``AngleWidth`` of the module, 8 to 28.
         rotations: How many, at most ``TABLE_ENTRIES``; the module has ``iterations(angle_width)``,
-            the design space others. Bounds and gain are those of the module's.
+            the design space others. Bounds and gain are those of the
+            module's, ``angle_bounds`` takes it.
 
     Returns:
         The angle atan2(y, x), int64 in [0, 2**angle_width), in turns / 2**angle_width, to within
