@@ -135,7 +135,7 @@ async def send(
             for name in OUTPUTS:
                 got[name].append(as_integer(getattr(dut, f"{name}_o"), signed=False))
             left, right = int(want.left[row]), int(want.right[row])
-            if want.width[row] <= given["MaxWindow"]:
+            if 0 < want.width[row] <= given["MaxWindow"]:
                 # As many as there are clocks until the next line ends, from either end in turn.
                 around = range(max(0, left - REACH), min(length, right + REACH + 1))
                 reading = list(around[-(length - 4) :] if row % 2 else around[: length - 4])
