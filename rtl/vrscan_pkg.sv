@@ -32,7 +32,7 @@ package vrscan_pkg;
   // A line every 2 MaxWindow + MinPeriodOverhead clocks, with two passes every 3 MaxWindow +
   // TwoPassOverhead clocks, or LineLength where that is longer.
   localparam int unsigned MinPeriodOverhead = 450;
-  localparam int unsigned TwoPassOverhead = 710;
+  localparam int unsigned TwoPassOverhead = 750;
 
   // Statistics.
   localparam int unsigned BlockLength = 64;

@@ -4,8 +4,8 @@
 //
 // The statistics of a line come in, the line is replayed from the buffer, and after its last
 // pixel the window goes out with its flags.  The window's pixels, and those around it, stand in a
-// ring by the lower bits of their index, readable until the next line ends.  No decision divides: the S/N is compared as
-// (maximum - background) < snr_min noise.
+// ring by the lower bits of their index, readable until the next line ends.  No decision divides:
+// the S/N is compared as (maximum - background) < snr_min noise.
 //
 // A run is a rival when it is at least min_width wide: what could not be a peak is no rival, and
 // single noise pixels above a low threshold would otherwise flag every line.
