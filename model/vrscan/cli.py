@@ -468,11 +468,18 @@ def efficiency(
 ) -> None:
     """Compare the detector with the Cramer-Rao bound; exit status 1 below the stated figures."""
     from vrscan.report import efficiency as report
+    from vrscan.report import two_pass
 
     _check_count(count, 100)
     settings = _settings(config)
     with _bar("spots", len(report.PEAKS) * len(report.SIGMAS_PX)) as progress:
         cells = report.study(engine, settings, count, progress)
+    with _bar("two passes", len(two_pass.PEAKS) * len(two_pass.SIGMAS_PX) + 2) as progress:
+        both = two_pass.study(engine, settings, count, progress)
+        one, two = two_pass.skew_positions(engine, settings, count // 2)
+        progress(len(both) + 1)
+        slopes = two_pass.slope_study(engine, settings, count // 4)
+        progress(len(both) + 2)
     console = _console()
     console.print(report.efficiency_table(cells, engine, count))
     shipped, printed = [c.shipped for c in cells], [c.printed for c in cells]
@@ -485,7 +492,14 @@ def efficiency(
         f"lost, worst cell: {100 * lost:.2f} % (at most {100 * report.GOAL_LOST:.1f} %), "
         f"(8) as printed {100 * report.worst_lost(printed):.2f} %"
     )
-    if mean < report.GOAL_EFFICIENCY or lost > report.GOAL_LOST:
+    console.print(two_pass.efficiency_grid(both, engine, count))
+    console.print(two_pass.skew_grid(one, two))
+    console.print(two_pass.slope_grid(slopes))
+    figures = two_pass.figures(both, two, slopes)
+    for text, _ in figures:
+        console.print(text)
+    reached = mean >= report.GOAL_EFFICIENCY and lost <= report.GOAL_LOST
+    if not (reached and all(holds for _, holds in figures)):
         raise typer.Exit(1)
 
 

@@ -7,9 +7,11 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import BinaryIO
 
+import numpy as np
 from rich.table import Table as RichTable
 
 from vrscan import chain
@@ -17,7 +19,7 @@ from vrscan.config import Config
 from vrscan.engines import Engine, run
 from vrscan.errors import InputError
 from vrscan.lines import Lines
-from vrscan.report import efficiency, formats
+from vrscan.report import efficiency, formats, two_pass
 from vrscan.report.accuracy import angle, cordic, geometry, mirror, position, quality, scatter
 from vrscan.report.accuracy.figure import SEED, Figure
 from vrscan.report.readme import linked
@@ -43,6 +45,7 @@ class Size:
     distances: int  # a pixel
     noisy: int  # lines a spot
     efficiency: int  # lines a cell
+    two_pass: int  # the same, of the study that stands on few of them; 0 leaves it out
     fixed: int  # lines for the speed
     rtl: int  # the same; 0 leaves the RTL out
     mirror: float  # seconds of RUN; 0 leaves the mirror's loop out
@@ -57,6 +60,7 @@ FULL = Size(
     distances=60,
     noisy=4_000,
     efficiency=4_000,
+    two_pass=4_000,
     fixed=10_000,
     rtl=2_000,
     mirror=0.5,
@@ -70,6 +74,7 @@ QUICK = Size(
     distances=4,
     noisy=300,
     efficiency=300,
+    two_pass=0,
     fixed=2_000,
     rtl=0,
     mirror=0.0,
@@ -126,18 +131,56 @@ def _efficiency(count: int, progress: Progress) -> list[Figure]:
     return figures
 
 
+def _two_passes(count: int, progress: Progress) -> list[Figure]:
+    config, group = Config(), "two passes"
+    cells = two_pass.study(Engine.FIXED, config, count, progress)
+    places = two_pass.skew_positions(Engine.FIXED, config, count // 2)
+    slopes = two_pass.slope_study(Engine.FIXED, config, count // 4)
+    figures = []
+    for name, goal, is_dim in (
+        ("5 to 90 % of full scale", two_pass.GOAL, False),
+        ("2 % of full scale", two_pass.GOAL_DIM, True),
+    ):
+        some = [cell for cell in cells if (cell.peak == two_pass.DIM_PEAK) == is_dim]
+        figures += [
+            Figure(group, f"efficiency, {name}, worst of {len(some)} spots", "1",
+                   min(cell.two_pass for cell in some), limit=goal, at_least=True,
+                   headline=f"two passes: efficiency, {name}, worst spot"),
+            Figure(group, f"one pass, {name}, worst spot", "1",
+                   min(cell.one_pass for cell in some)),
+        ]  # fmt: skip
+    before, after = (float(np.ptp(each)) for each in places)
+    pull = max(abs(result.bias) for result in slopes)
+    return [
+        *figures,
+        Figure(group, "a skewed spot moves, 10 to 90 % of full scale", "px", after,
+               limit=two_pass.GOAL_SKEW_PX,
+               headline="two passes: a skewed spot moves, 10 to 90 % of full scale"),
+        Figure(group, "one pass, a skewed spot moves", "px", before),
+        Figure(group, "a slope of 1 count/px pulls", "px", pull, limit=two_pass.GOAL_SLOPE_PX,
+               headline="two passes: a slope of 1 count/px pulls"),
+    ]  # fmt: skip
+
+
 def latency(config: Config) -> list[Figure]:
     """Return the clocks from a line's last pixel to its point, which the RTL's tests assert."""
     group = f"latency, last pixel to point, {CLOCK_HZ / 1e6:g} MHz"
     length, width = config.sensor.line_length, config.sensor.pixel_width
     figures = []
-    for window in (None, *LATENCY_WIDTHS):
+    kinds = [(None, False), *((w, twice) for twice, w in product((False, True), LATENCY_WIDTHS))]
+    for window, twice in kinds:
         clocks = chain.latency(
-            window or 0, measured=window is not None, line_length=length, pixel_width=width
+            window or 0,
+            measured=window is not None,
+            line_length=length,
+            pixel_width=width,
+            first_width=window if twice else None,
         )
         name = "not measured" if window is None else f"N = {window}"
+        name += ", and again" if twice else ""
         figures.append(Figure(group, name, "clocks", clocks))
         shown = "latency, last pixel to point, at most" if window else ""
+        shown = f"two passes: {shown}" if twice else shown
         figures.append(Figure(group, name, "us", 1e6 * clocks / CLOCK_HZ, headline=shown))
     return [
         *figures,
@@ -198,6 +241,9 @@ def stages(size: Size) -> list[Stage]:
         at_once("latency", partial(latency, config)),
         at_once("speed, fixed", partial(_speed, Engine.FIXED, size.fixed, LEAST_FIXED, config)),
     ]
+    if size.two_pass:
+        cells = len(two_pass.PEAKS) * len(two_pass.SIGMAS_PX)
+        parts.append(Stage("two passes", cells, partial(_two_passes, size.two_pass)))
     if size.rtl:
         measure = partial(_speed, Engine.RTL, size.rtl, LEAST_RTL, config)
         parts.append(at_once("speed, RTL", measure))
