@@ -1,0 +1,31 @@
+"""Every figure of the README's tables has its row on the benchmark's page, and links to it."""
+
+import re
+
+from vrscan.bench.sections import readme as section
+from vrscan.bench.sections.section import Order
+from vrscan.config import Config
+from vrscan.report import readme
+from vrscan.tools import repository_root
+
+
+def test_every_figure_links_to_its_row() -> None:
+    text = (repository_root() / "README.md").read_text()
+    links = re.findall(rf"\]\({re.escape(readme.PAGE)}#([^)]*)\)", text)
+    blocks = section.SECTION.blocks(Order(Config(), 1, quick=True), lambda cell: {})
+    rows = [row.key for block in blocks for row in getattr(block, "rows", ())]
+    assert links == rows
+    assert len(set(rows)) == len(rows)
+    assert {table.name for table in readme.tables(repository_root() / "README.md")} == set(
+        readme.MAKERS
+    )
+
+
+def test_links_are_taken_off_for_the_page(tmp_path) -> None:
+    page = tmp_path / "README.md"
+    row = f"| {readme.linked('timing', 'a_b c')} | 1 |"
+    page.write_text(
+        f"<!-- timing: begin -->\n\n| m | f |\n|---|--:|\n{row}\n\n<!-- timing: end -->"
+    )
+    assert list(readme.tables(page)) == [readme.Shown("timing", ("m", "f"), (("a_b c", "1"),))]
+    assert readme.row_id("timing", "a_b c") == "readme-timing-a-b-c"
