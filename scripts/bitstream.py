@@ -152,7 +152,10 @@ def _met(
 def _clocks(board: Board, report: Path) -> dict[str, tuple[float, float]]:
     """Return what each clock reaches and what it has to, MHz."""
     clocks = {
-        name.removeprefix("$glbnet$"): (found["achieved"], found["constraint"])
+        name.removeprefix("$glbnet$").removesuffix("$TRELLIS_IO_IN"): (
+            found["achieved"],
+            found["constraint"],
+        )
         for name, found in json.loads(report.read_text())["fmax"].items()
     }
     if "clk" not in clocks or clocks["clk"][1] < board.core_mhz:
