@@ -444,6 +444,9 @@ async def the_rate_changes_when_all_is_out(dut) -> None:
         for waiting in bench.waiting:
             while len(waiting) > 2:
                 waiting.pop()
+        # Nobody has been heard at that rate yet.
+        await bench.clocks(bench.trial // 2)
+        assert len(bench.bytes) == at and any(bench.waiting)
         await bench.pinged(9)
         # With a 0x00 in front.
         assert bench.bytes[at] == 0

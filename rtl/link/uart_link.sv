@@ -2,9 +2,10 @@
 // packets of streams out.
 //
 // The rate is the default's, Baud, until uart_step is written.  The new one holds when the reply to
-// that write, and all else that was to go out, is on the line; until then no packet of a stream
-// begins.  It holds for good with the first good frame; where none comes within TrialClks, and
-// after a break, the default is back.  A break stops streams and capture, too.
+// that write, and all else that was to go out, is on the line.  It holds for good with the first
+// good frame, and until then no packet of a stream begins: nobody may be listening at that rate.
+// Where none comes within TrialClks, and after a break, the default is back.  A break stops streams
+// and capture, too.
 //
 // A 0x00 goes out before the next frame after a reset, a change of the rate, and a byte without its
 // stop bit: the other end may have heard what was none.
@@ -168,7 +169,8 @@ module uart_link #(
     .commands_lost_o
   );
 
-  logic       wanted_q;  // another rate is
+  logic       wanted_q;  // another rate is,
+  logic       trial_q;   // or has not been heard at yet
   logic       merged_valid, merged_ready, merged_last, arbiter_busy;
   logic [7:0] merged_data;
   packet_arbiter #(
@@ -180,7 +182,7 @@ module uart_link #(
     .ready_o({packet_ready_o, reply_ready}),
     .data_i ({packet_data_i, reply_data}),
     .last_i ({packet_last_i, reply_last}),
-    .hold_i (wanted_q),
+    .hold_i (wanted_q || trial_q),
     .valid_o(merged_valid),
     .ready_i(merged_ready),
     .data_o (merged_data),
@@ -229,7 +231,7 @@ module uart_link #(
 
   // What one unit has taken, the next shows a few clocks later.
   logic [QuietWidth-1:0] quiet_q;
-  logic                  quiet, change, trial_q, expire;
+  logic                  quiet, change, expire;
   logic [TrialWidth-1:0] trial_left_q;
   assign quiet = !server_busy && !arbiter_busy && !merged_valid && merged_ready && !coded_valid
       && !held_valid_q && !transmitter_busy;

@@ -155,7 +155,7 @@ class UartLink:
             valid=packet_valid << 1 | server.valid,
             data=packet_data << 8 | server.data,
             last=packet_last << 1 | (server.valid and server.last),
-            hold=self._wanted,
+            hold=self._wanted or self._trial is not None,
             ready=merged_ready,
         )
         server.step(
