@@ -235,7 +235,7 @@ FAULTS = [
             "        slope_q      <= '0;\n        sum_o",
             "        sum_o",
         ),
-        ("ramp a pixel late", "if (issue_q2) ramp_q", "if (issue_q2 && issue_q) ramp_q"),
+        ("ramp a pixel late", "    if (issue_q2) begin", "    if (issue_q2 && issue_q) begin"),
         ("a third window", "        again_q       <= 1'b0;\n", ""),
         ("a sum below zero", "sum_o      <= sum_q < 0 ? '0 : sum_q", "sum_o      <= sum_q"),
         ("second harmonic from the wrong side", "<= -{cordic_angle", "<= {cordic_angle"),
@@ -247,16 +247,16 @@ FAULTS = [
     ),
     *faults(
         "rtl/peak/peak_refine.sv",
-        ("a limit belongs above", "2'(dark_q > shot_q)", "2'(dark_q >= shot_q)"),
-        ("a plateau has a phase", "if (sigma_q == spot_sigma_pkg::Largest)", "if (1'b0)"),
+        ("a limit belongs above", "2'(dark_q > (2", "2'(dark_q >= (2"),
+        ("a plateau has a phase", "sigma_q == spot_sigma_pkg::Largest\n", "1'b0\n"),
         ("width rounds down", "(1 << (WidthShift - 1))) >>>", "(0)) >>>"),
-        ("place rounds down", "centre_q + PlaceWidth'(2);", "centre_q + PlaceWidth'(1);"),
+        ("place rounds down", "next_first = first_q + PlaceWidth'(1)", "next_first = first_q"),
         (
             "two pixels are a window",
             "count_q < PlaceWidth'(vrscan",
             "count_q < PlaceWidth'(0 * vrscan",
         ),
-        ("left end not cut", "if (first_q < 0) first_q <= '0;", ""),
+        ("left end not cut", "next_first < 0 ? '0 : next_first", "next_first"),
         ("a pair that is cut counts", "whole ? sum_q : {SumWidth{1'b1}}", "sum_q"),
         (
             "a bright pair counts",
@@ -588,6 +588,7 @@ FAULTS = [
         "rtl/vrscan_pkg.sv",
         ("sigma's constant", "SigmaGain = 24873230", "SigmaGain = 24973230"),
         ("stages take too long", "MinPeriodOverhead = 450", "MinPeriodOverhead = 300"),
+        ("the triangle is busy", "TwoPassOverhead = 750", "TwoPassOverhead = 746"),
         test="vrscan_chain",
     ),
     # ---- the instrument on a wire ----
@@ -595,8 +596,8 @@ FAULTS = [
         "tb/devices/odd_registers.sv",
         (
             "a read of a table's address keeps",
-            "step_q[6] && read && map_hit_q",
-            "step_q[6] && map_hit_q",
+            "keep_q[0] <= step_q[6] && read",
+            "keep_q[0] <= step_q[6]",
         ),
         ("an access in an access", "bus_valid_i && step_q == '0;", "bus_valid_i;"),
         ("the largest value is too large", "value > rule_q.maximum", "value >= rule_q.maximum"),
@@ -612,6 +613,12 @@ FAULTS = [
             "+ FullWidth'(signed'({1'b0, product[Fraction-1]}))",
             "+ FullWidth'(0)",
         ),
+    ),
+    *faults(
+        "rtl/sensor/pixel_fifo.sv",
+        ("a flush in a flush", "&& !flush_q && !acknowledge_q2;", "&& !flush_q;"),
+        ("what had not been read stays", "      read_valid_q     <= 1'b0;\n", ""),
+        ("the rest of a line", "      drop_q <= 1'b1;  // what", "      drop_q <= 1'b0;  // what"),
     ),
     *faults(
         "rtl/sensor/line_tag.sv",
@@ -633,6 +640,23 @@ FAULTS = [
             "BufferBytes - MostFull",
         ),
         ("a gap of 256 lines", "line_q != expected_q;", "line_q[7:0] != expected_q[7:0];"),
+    ),
+    *faults(
+        "rtl/link/uart_link.sv",
+        ("streams at a new rate", ".hold_i (wanted_q || trial_q)", ".hold_i (wanted_q)"),
+        ("a rate before the reply is out", "wanted_q && quiet && quiet_q == '1", "wanted_q"),
+        ("any frame makes a rate hold", "frame_done && frame_status", "frame_done || frame_status"),
+        (
+            "no 0x00 after a rate that got no frame",
+            "      lead_q           <= 1'b1;\n      uart_fallbacks_o",
+            "      uart_fallbacks_o",
+        ),
+        (
+            "a break keeps the rate",
+            "if (broken) begin\n      uart_step_now_o <= DefaultStep;\n",
+            "if (broken) begin\n",
+        ),
+        ("a break is a bad byte, too", "if (framing && !broken)", "if (framing)"),
     ),
     *faults(
         "rtl/link/line_capture.sv",
@@ -686,8 +710,8 @@ FAULTS = [
         ("table at whole steps", "(k + 0.5) * (math", "k * (math"),
         (
             "cosine's slope",
-            "table()[index]\n    cosine_entry = table()[size - 1 - index]",
-            "table()[index]\n    cosine_entry = table()[size - 2 - index]",
+            "cosine_entry = entries[size - 1 - index]",
+            "cosine_entry = entries[size - 2 - index]",
         ),
         only=NO_RTL,
     ),

@@ -291,6 +291,43 @@ async def resets_that_follow_each_other(dut) -> None:
 
 
 @cocotb.test()
+async def resets_among_short_lines(dut) -> None:
+    """The sensor sends on between two flushes: what it sent before the second does not come."""
+    bench = Bench(dut)
+    for clock, pixel_clock, phase in ((8, 10, 0), (8, 8, 3), (4, 12, 1), (4, 40, 0)):
+        await bench.start(clock, pixel_clock, phase)
+        edges = 3 * pixel_clock // clock  # that the flush's end takes to come back
+        for distance in range(1, 12 + 2 * edges):
+            short: Samples = []
+            for k in range(80 + (distance + 12) * clock // pixel_clock):
+                pixels = [(True, True, 2 * k % 200), (True, True, (2 * k + 1) % 200)]
+                short += [*pixels, (False, False, 0)]
+            count = 0
+
+            async def send(short: Samples = short) -> None:
+                nonlocal count
+                for sample in short:
+                    await bench.send([sample])
+                    count += 1
+
+            task = cocotb.start_soon(send())
+            await Timer(20 * pixel_clock, "ns")
+            await bench.pulse("rst", 1)
+            await Timer(distance * clock, "ns")
+            before = count
+            await bench.pulse("rst", 1)
+            await Timer(1, "ns")
+            bench.got.clear()
+            await task
+            await bench.settle()
+            given = words(short)
+            where = f"{distance} clocks, at {clock}, {pixel_clock}"
+            assert bench.got and bench.got[0].start, where
+            assert bench.got == given[-len(bench.got) :], where
+            assert len(bench.got) <= len(words(short[before:])), where
+
+
+@cocotb.test()
 async def resets_and_the_counter(dut) -> None:
     """The sensor's reset keeps it, this side's sets it to zero; it stops at its largest value."""
     draw = generator(6)
