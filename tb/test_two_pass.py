@@ -117,25 +117,16 @@ def spots(count: int, salt: int) -> np.ndarray:
 
 
 def test_model_is_the_float_chain_where_their_windows_agree() -> None:
-    """Within 0.3e-3 px, the bound of one window, and what the baseline's rounding adds.
-
-    A slope is right to half of 2**-12 aligned counts a px, which moves the position by at most
-    N**3 / (4 pi**2 |P1|) of it. What is taken off a pixel is a whole aligned count, and the rest
-    goes over to the next one: the sum of the rests' differences times a sine is at most 2, which
-    moves it by at most 2 N / (2 pi |P1|).
-    """
+    """Within the bound of one window and what the baseline's rounding adds."""
     lines = spots(1500, 1)
     nothing = np.zeros(len(lines), np.int64)
     got = run_fixed(lines, nothing, nothing, Registers.from_config(TWO))
     want = run_ideal(lines, np.zeros(len(lines)), nothing, TWO)
     same = (got.left == want.left) & (got.width == want.width) & got.measured & want.measured
     assert same.mean() > 0.5
-    width = got.width[same]
-    light = 16.0 * (got.maximum[same] - 60.0) * width / 10  # aligned counts, less than |P1|
-    bound = width**3 / (4 * np.pi**2 * light) * 2.0 ** -(pkg.RAMP_FRACTION + 1)
-    bound += width / (np.pi * light)
+    bound = two_pass.rounding_bound(got.width[same], 16.0 * (got.maximum[same] - 60.0))
     error = np.abs(got.position / 2**pkg.POSITION_FRACTION - want.position_px)[same]
-    assert (error <= 3e-4 + bound).all(), error.max()
+    assert (error <= bound).all(), error.max()
     assert np.percentile(error, 99) < 4e-4
     sigma = got.sigma[same] / 2**pkg.SIGMA_FRACTION / np.maximum(want.sigma_px[same], 1e-3)
     assert np.median(np.abs(sigma - 1)) < 0.02

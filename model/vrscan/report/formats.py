@@ -17,6 +17,7 @@ from vrscan.fixed import (
     peak_confidence,
     peak_isolate,
     peak_position,
+    peak_refine,
     phase_correlate,
     pkg,
     scan_angle,
@@ -67,6 +68,10 @@ def words() -> str:
         ("magnitude", f"u{pkg.MAGNITUDE_WIDTH}", "-", "aligned counts",
          f"{cordic_vector.GAIN:.9f} x {pkg.SINE_AMPLITUDE} x first harmonic"),
         ("phase", f"u{pkg.ANGLE_WIDTH}", pkg.ANGLE_WIDTH, "turns", ""),
+        ("baseline, at the first pixel", f"s{pkg.RAMP_WIDTH}", pkg.RAMP_FRACTION, "aligned counts",
+         "of the second window"),
+        ("baseline, from pixel to pixel", f"s{pkg.SLOPE_LEVEL_WIDTH}", pkg.RAMP_FRACTION,
+         "aligned counts", ""),
         ("offset from the axis", f"s(b + {pkg.OFFSET_FRACTION + 2})", pkg.OFFSET_FRACTION, "px",
          "saturates: OUT_OF_RANGE"),
         ("slope", f"s{pkg.SLOPE_WIDTH}", pkg.SLOPE_FRACTION, "1", "saturates: OUT_OF_RANGE"),
@@ -116,6 +121,8 @@ def stages() -> str:
     position = peak_position.LATENCY + distortion.latency(length)
     total = chain.latency(narrow, measured=True, line_length=length, pixel_width=width) - 2 * narrow
     unmeasured = chain.latency(0, measured=False, line_length=length, pixel_width=width)
+    first = phase_correlate.first_latency(narrow) - narrow
+    second = first + peak_refine.latency()
     statistics = line_statistics.latency(length, width, chain.MAX_WINDOW)
     rows: list[tuple[object, ...]] = [
         ("line_receiver", line_receiver.LATENCY),
@@ -133,6 +140,10 @@ def stages() -> str:
         ("hand-over", 1),
         ("triangulate", triangulate.LATENCY),
         ("**from the last pixel to the point**", f"**{total} + 2 N; {unmeasured} unmeasured**"),
+        (
+            "with two passes more, N1 pixels in the first window",
+            f"{second} + N1: the first harmonic {first} + N1, peak_refine {peak_refine.latency()}",
+        ),
     ]
     return _table("stage | clocks", rows)
 

@@ -149,10 +149,17 @@ def _two_passes(count: int, progress: Progress) -> list[Figure]:
             Figure(group, f"one pass, {name}, worst spot", "1",
                    min(cell.one_pass for cell in some)),
         ]  # fmt: skip
+    error, bound, same = two_pass.arithmetic(config, count // 4)
+    nearest = int(np.argmax(error / bound))
     before, after = (float(np.ptp(each)) for each in places)
     pull = max(abs(result.bias) for result in slopes)
     return [
         *figures,
+        Figure(group, "against float64 in the same window, nearest to its bound", "1e-3 px",
+               1e3 * float(error[nearest]), 1e3 * float(bound[nearest])),
+        Figure(group, "against float64 in the same window, rms", "1e-3 px",
+               1e3 * float(np.sqrt(np.square(error).mean()))),
+        Figure(group, "lines where float64 has the same window", "%", 100.0 * same),
         Figure(group, "a skewed spot moves, 10 to 90 % of full scale", "px", after,
                limit=two_pass.GOAL_SKEW_PX,
                headline="two passes: a skewed spot moves, 10 to 90 % of full scale"),

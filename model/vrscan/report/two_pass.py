@@ -13,10 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from rich.table import Table as RichTable
 
-from vrscan.arrays import Floats, Pixels
+from vrscan.arrays import Floats, Ints, Pixels
 from vrscan.config import Config
 from vrscan.engines import Engine, run
+from vrscan.fixed import pkg
 from vrscan.lines import Lines
+from vrscan.report.accuracy import position
 from vrscan.report.efficiency import (
     BACKGROUND_COUNTS,
     LOST_PX,
@@ -132,6 +134,59 @@ def study(
             if progress is not None:
                 progress(len(cells))
     return cells
+
+
+def rounding_bound(width: Ints, height: Floats) -> Floats:
+    """Return the largest error of the model's second window against float64 in the same one, px.
+
+    That of one window, and what the baseline's rounding adds. A slope is right to half of a step a
+    px, which moves the position by at most N**3 / (4 pi**2 |P1|) of it. What is taken off a pixel
+    is a whole aligned count, and the rest goes over to the next one: the sum of the rests'
+    differences times a sine is at most 2, which moves it by at most 2 N / (2 pi |P1|).
+
+    Args:
+        width: Of the windows, px [n].
+        height: Of the spots, aligned counts [n]; |P1| is more than a tenth of it times the width.
+    """
+    n = np.asarray(width, np.float64)
+    light = n * height / 10.0
+    bound = n**3 / (4.0 * np.pi**2 * light) * 2.0 ** -(pkg.RAMP_FRACTION + 1) + n / (np.pi * light)
+    return np.asarray(position.guarantee(period_n=True) + bound)
+
+
+def arithmetic(
+    config: Config,
+    count: int,
+    *,
+    peaks: Sequence[float] = PEAKS,
+    sigmas_px: Sequence[float] = SIGMAS_PX,
+) -> tuple[Floats, Floats, float]:
+    """Return errors of the model against the float64 chain where both have the same window, px.
+
+    Args:
+        config: Thresholds and sensor.
+        count: Lines of each width and height.
+        peaks: Heights, shares of full scale.
+        sigmas_px: Widths.
+
+    Returns:
+        Errors [n], the bound of each [n], and the share of lines with the same window.
+    """
+    settings = with_window(config, True)
+    errors, bounds, lines_with_both = [], [], 0
+    aligned = 2.0 ** (pkg.ALIGNED_WIDTH - config.sensor.pixel_width)
+    for peak in peaks:
+        for sigma in sigmas_px:
+            lines, _, _ = cell_lines(sigma, peak, count, config)
+            got, want = (run(each, lines, settings) for each in (Engine.FIXED, Engine.IDEAL))
+            both = got.measured & want.measured
+            same = both & (got.left == want.left) & (got.width == want.width)
+            height = aligned * (got.maximum - got.background)[same]
+            errors.append(np.abs(got.position_px - want.position_px)[same])
+            bounds.append(rounding_bound(got.width[same], height))
+            lines_with_both += int(both.sum())
+    error = np.concatenate(errors)
+    return error, np.concatenate(bounds), len(error) / max(lines_with_both, 1)
 
 
 def _profile(centre: Floats, sides: tuple[float, float], height: float, length: int) -> Floats:
