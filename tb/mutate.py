@@ -464,14 +464,15 @@ FAULTS = [
     ),
     *faults(
         "rtl/sensor/line_trigger.sv",
-        ("the laser a clock longer", "time_q < pulse_end_q;", "time_q <= pulse_end_q;"),
+        ("the laser a clock longer", "if (ahead_q == pulse_end_q)", "if (time_q == pulse_end_q)"),
+        ("a pulse of no clocks", "pulse_delay_clks_i != '0 || pulse_clks_i != '0", "1'b1"),
         ("the laser on after a stop", "      laser_o         <= 1'b0;\n", ""),
         (
             "a centre of odd pulses",
             "half_q           <= pulse_clks_i[0];",
             "half_q           <= 1'b0;",
         ),
-        ("an overrun unseen", "wrap_q && (pulse_left ||", "wrap_q && (1'b0 ||"),
+        ("an overrun unseen", "wrap_q && (pulse_left_q ||", "wrap_q && (1'b0 ||"),
         ("a step beyond the largest", "rounded_q[RoundedWidth-1:StepTop] != '0", "1'b0"),
     ),
     *faults(

@@ -94,17 +94,17 @@ module line_trigger #(
 
   // The line: the clocks since its start, and what was set when it began.
   logic                   first_q, live_q, late_q;
-  logic [SpanWidth-1:0]   time_q;
+  logic [SpanWidth-1:0]   time_q, ahead_q;  // ahead_q is what time_q will be
   logic [SpanWidth-1:0]   exposure_begin_q, exposure_end_q, pulse_begin_q, pulse_end_q, centre_q;
   logic                   exposed_q, half_q;
   logic                   skip_laser_q, skip_exposure_q;
   logic [NumberWidth-1:0] number_q;
 
-  logic pulse_left, exposure_left, pulse, exposure, skip_laser, skip_exposure;
-  assign pulse_left    = live_q && time_q < pulse_end_q;
-  assign exposure_left = live_q && time_q < exposure_end_q;
-  assign pulse         = pulse_left && time_q >= pulse_begin_q;
-  assign exposure      = exposure_left && time_q >= exposure_begin_q;
+  // Whether begin and end have been reached, at time_q.
+  logic pulse_begun_q, pulse_left_q, exposure_begun_q, exposure_left_q;
+  logic pulse, exposure, skip_laser, skip_exposure;
+  assign pulse         = pulse_left_q && pulse_begun_q;
+  assign exposure      = exposure_left_q && exposure_begun_q;
   assign skip_laser    = first_q ? laser_o && pulse : skip_laser_q;
   assign skip_exposure = first_q ? exposure_o && exposure : skip_exposure_q;
 
@@ -133,11 +133,21 @@ module line_trigger #(
     end
 
     first_q <= wrap_q;
-    late_q  <= wrap_q && (pulse_left || (exposure_left && exposed_q));
-    if (time_q != '1) time_q <= time_q + SpanWidth'(1);
+    late_q  <= wrap_q && (pulse_left_q || (exposure_left_q && exposed_q));
+    time_q  <= ahead_q;
+    if (ahead_q != '1) ahead_q <= ahead_q + SpanWidth'(1);
+    if (ahead_q == pulse_begin_q) pulse_begun_q <= 1'b1;
+    if (ahead_q == pulse_end_q) pulse_left_q <= 1'b0;
+    if (ahead_q == exposure_begin_q) exposure_begun_q <= 1'b1;
+    if (ahead_q == exposure_end_q) exposure_left_q <= 1'b0;
     if (wrap_q) begin
       live_q           <= 1'b1;
       time_q           <= '0;
+      ahead_q          <= SpanWidth'(1);
+      pulse_begun_q    <= pulse_delay_clks_i == '0;
+      pulse_left_q     <= pulse_delay_clks_i != '0 || pulse_clks_i != '0;
+      exposure_begun_q <= exposure_delay_clks_i == '0;
+      exposure_left_q  <= exposure_delay_clks_i != '0 || exposure_clks_i != '0;
       exposure_begin_q <= SpanWidth'(exposure_delay_clks_i);
       exposure_end_q   <= SpanWidth'(exposure_delay_clks_i) + SpanWidth'(exposure_clks_i);
       exposed_q        <= exposure_clks_i != '0;
@@ -172,6 +182,8 @@ module line_trigger #(
       first_q         <= 1'b0;
       live_q          <= 1'b0;
       late_q          <= 1'b0;
+      pulse_left_q    <= 1'b0;
+      exposure_left_q <= 1'b0;
       line_start_o    <= 1'b0;
       exposure_o      <= 1'b0;
       laser_o         <= 1'b0;
