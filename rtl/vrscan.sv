@@ -450,6 +450,29 @@ module vrscan #(
     end
   end
 
+  // Once more, beside the chain: what it begins with is not where the sensor's pins are.
+  logic                                          line_start_q2, line_end_q2, pixel_valid_q2;
+  logic        [           Lanes*PixelWidth-1:0] pixel_q2;
+  logic signed [     vrscan_pkg::AngleWidth-1:0] angle_q2;
+  logic        [     vrscan_pkg::PowerWidth-1:0] power_q2;
+  logic        [vrscan_pkg::MirrorFlagWidth-1:0] mirror_flags_q2;
+  beside_t                                       line_beside_q2;
+  always_ff @(posedge clk_i) begin
+    line_start_q2   <= line_start_q;
+    line_end_q2     <= line_end_q;
+    pixel_valid_q2  <= pixel_valid_q;
+    pixel_q2        <= pixel_q;
+    angle_q2        <= angle_q;
+    power_q2        <= power_q;
+    mirror_flags_q2 <= mirror_flags_q;
+    line_beside_q2  <= line_beside;
+    if (rst_own) begin
+      line_start_q2  <= 1'b0;
+      line_end_q2    <= 1'b0;
+      pixel_valid_q2 <= 1'b0;
+    end
+  end
+
   // ---- from pixels to a point, which is always taken ----
   logic        [vrscan_pkg::LineNumberWidth-1:0] point_line;
   logic        [                 IndexWidth-1:0] left, right;
@@ -467,14 +490,14 @@ module vrscan #(
     .UserWidth($bits(line_beside))
   ) u_vrscan_chain (
     .clk_i, .rst_i(rst_vrscan_chain),
-    .line_start_i  (line_start_q),
-    .line_end_i    (line_end_q),
-    .pixel_valid_i (pixel_valid_q),
-    .pixel_i       (pixel_q),
-    .angle_i       (angle_q),
-    .power_i       (power_q),
-    .mirror_flags_i(mirror_flags_q),
-    .user_i        (line_beside),
+    .line_start_i  (line_start_q2),
+    .line_end_i    (line_end_q2),
+    .pixel_valid_i (pixel_valid_q2),
+    .pixel_i       (pixel_q2),
+    .angle_i       (angle_q2),
+    .power_i       (power_q2),
+    .mirror_flags_i(mirror_flags_q2),
+    .user_i        (line_beside_q2),
     .valid_o       (point_valid),
     .ready_i       (1'b1),
     .line_o        (point_line),

@@ -132,6 +132,7 @@ module command_server #(
 
   // As many bytes of the command as fetch_q says, from read_q on, are shifted in.
   logic [     IndexWidth-1:0] read_q, fetch_q;
+  logic [     IndexWidth-1:0] echo_q;  // bytes of a PING that go back
   logic                       arrive_q, arrive_q2, fetched;
   logic [                7:0] byte_q;
   logic [8*CommandBytes-1:0]  shift_q;
@@ -260,6 +261,7 @@ module command_server #(
         else if (is_capture_q && may_be_busy_q && capture_busy_i) status_q <= BUSY;
         else status_q <= OK;
         // The words of a WRITE are a quarter of its bytes, without the first four.
+        echo_q  <= length[IndexWidth-1:0] - IndexWidth'(2);
         words_q <= is_read_q ? byte4[WordsWidth-1:0] : length[WordsWidth+1:2] - WordsWidth'(1);
         state_q <= ACT;
       end
@@ -273,7 +275,7 @@ module command_server #(
         state_q   <= COMPOSE;
         if (status_q == OK) begin
           if (is_ping_q) begin
-            fetch_q <= length[IndexWidth-1:0] - IndexWidth'(2);
+            fetch_q <= echo_q;
             state_q <= COPY;
           end
           if (is_read_q) state_q <= ACCESS;
