@@ -14,12 +14,10 @@ import numpy as np
 from vrscan.arrays import Floats, Ints, Pixels
 from vrscan.bench.cells import Figures, configuration
 from vrscan.bench.spots import profile, score
-from vrscan.chain import MAX_WINDOW, run_fixed
+from vrscan.chain import MAX_WINDOW, first_windows, run_fixed
 from vrscan.config import Config
 from vrscan.fixed import (
     cordic_vector,
-    line_statistics,
-    peak_isolate,
     phase_correlate,
     pkg,
     quarter_wave,
@@ -493,20 +491,7 @@ def _mean(parts: Sequence[Floats]) -> float:
 
 def _first_widths(lines: Pixels, config: Config) -> Floats:
     """Return the pixels of the windows that the threshold cuts, px [n]."""
-    r = Registers.from_config(config)
-    found = peak_isolate.peak_isolate(
-        lines,
-        line_statistics.line_statistics(
-            lines, pixel_width=r.pixel_width, max_window=MAX_WINDOW, noise_row=r.noise_row
-        ),
-        pixel_width=r.pixel_width,
-        max_window=MAX_WINDOW,
-        k_noise=r.k_noise,
-        k_height=r.k_height,
-        snr_min=r.snr_min,
-        min_width=r.min_width,
-        max_width=r.max_width,
-    )
+    _, found = first_windows(lines, Registers.from_config(config), MAX_WINDOW)
     return found.width.astype(np.float64)
 
 
