@@ -10,6 +10,8 @@ import hashlib
 import json
 import os
 import random
+import shlex
+import subprocess
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -34,13 +36,75 @@ CLOCK_NS = 8
 SEED = 20100301  # printed by every simulation; one seed for all random data
 
 
+# Simulations are short and cocotb takes most of their time, so a quick compilation is worth more
+# than quick code; Verilator's runtime is compiled once, and well.
+_MODEL_FLAGS = "-O1"
+_RUNTIME_FLAGS = "-O2"
+_RUNTIME_PARTS = ("verilated", "verilated_dpi", "verilated_threads", "verilated_vpi")
+
+
 class _Verilator(Verilator):
-    """Verilator with only the top level's own signals visible, and a warning as an error."""
+    """Verilator with only the top level's own signals visible, and a warning as an error.
+
+    What every model shares comes ready from ``runtime``: Verilator's runtime as an archive, and
+    its headers compiled.
+    """
+
+    def __init__(self, runtime: Path) -> None:
+        super().__init__()
+        self._runtime = runtime
 
     def _build_command(self) -> list[list[str]]:
         verilate, make = super()._build_command()
         verilate.remove("--public-flat-rw")
-        return [verilate, make]
+        shared = (
+            f"OPT_FAST={_MODEL_FLAGS}",
+            f"OPT_SLOW={_MODEL_FLAGS}",
+            f"USER_CPPFLAGS=-include {self._runtime / 'runtime.h'}",
+            "VK_GLOBAL_OBJS=",
+            f"LOADLIBES={self._runtime / 'runtime.a'}",
+        )
+        return [verilate, [*make, *shared]]
+
+
+def _runtime(environment: Mapping[str, str]) -> Path:
+    """Return the folder of the runtime that all models share, built if it is missing.
+
+    Raises:
+        RuntimeError: if the compiler fails.
+    """
+    include = Path(environment["VERILATOR_ROOT"]) / "include"
+    compiler = shlex.split(environment.get("CXX", "c++"))
+    version = subprocess.run([*compiler, "--version"], capture_output=True, check=True).stdout
+    digest = hashlib.sha256(repr((_MODEL_FLAGS, _RUNTIME_FLAGS, str(include))).encode() + version)
+    digest.update(Path(__file__).read_bytes())
+    folder = build_folder() / "sim" / f"runtime_{digest.hexdigest()[:10]}"
+    folder.mkdir(parents=True, exist_ok=True)
+    done = folder / "done"
+    with FileLock(folder / "lock"):
+        if done.exists():
+            return folder
+        # As verilated.mk has them: a compiled header counts only with the flags it was made with.
+        switches = ("COVERAGE", "SC", "TIMING", "TRACE", "TRACE_FST", "TRACE_VCD", "TRACE_SAIF")
+        common = [f"-I{include}", f"-I{include / 'vltstd'}", *(f"-DVM_{s}=0" for s in switches)]
+        header = folder / "runtime.h"
+        names = ("verilated.h", "verilated_dpi.h", "verilated_vpi.h", "memory", "string")
+        header.write_text("".join(f"#include <{name}>\n" for name in names))
+        commands = [
+            [*compiler, *common, _MODEL_FLAGS, "-x", "c++-header", str(header), "-o", f"{header}.gch"]
+        ]
+        objects = [folder / f"{part}.o" for part in _RUNTIME_PARTS]
+        for part, target in zip(_RUNTIME_PARTS, objects, strict=True):
+            source = str(include / f"{part}.cpp")
+            commands.append([*compiler, *common, _RUNTIME_FLAGS, "-c", source, "-o", str(target)])
+        archive = folder / "runtime.a"
+        commands.append(["ar", "rcs", str(archive), *map(str, objects)])
+        for command in commands:
+            made = subprocess.run(command, capture_output=True, text=True, check=False)
+            if made.returncode:
+                raise RuntimeError(f"{' '.join(command)}\n{made.stderr[-4000:]}")
+        done.touch()
+    return folder
 
 
 @contextlib.contextmanager
@@ -103,7 +167,7 @@ def simulate(
     device = devices / f"{module}.sv"
     libraries = [part for place in [*rtl_folders(), devices] for part in ("-y", str(place))]
     with _environment(environment), FileLock(folder / "lock"):
-        runner = _Verilator()
+        runner = _Verilator(_runtime(environment))
         _build(
             runner,
             sources=[
