@@ -17,6 +17,7 @@ from pathlib import Path
 
 import cocotb
 import numpy as np
+import pytest
 from cocotb.clock import Clock
 from cocotb.handle import LogicArrayObject, LogicObject
 from cocotb.triggers import FallingEdge, ReadOnly, RisingEdge
@@ -33,6 +34,10 @@ from vrscan.tools import (
 )
 
 CLOCK_NS = 8
+# A test of RTL whose cocotb tests ask ``rounds`` comes in both volumes, the long one in make soak.
+EACH_VOLUME = pytest.mark.parametrize(
+    "volume", ["short", pytest.param("long", marks=pytest.mark.soak)]
+)
 SEED = 20100301  # printed by every simulation; one seed for all random data
 
 
@@ -132,6 +137,7 @@ def simulate(
     *,
     sources: Sequence[Path] | None = None,
     visible: Sequence[tuple[str, str]] = (),
+    volume: str = "short",
 ) -> None:
     """Build ``module`` with ``parameters`` and run every cocotb test of ``test_file`` on it.
 
@@ -142,6 +148,7 @@ def simulate(
             ``parameters()``, so no number is stated twice.
         sources: Extra SystemVerilog files, before those of ``rtl/``.
         visible: (module, signal) pairs below the top that the tests read.
+        volume: Which of the numbers of ``rounds`` holds, "short" or "long".
 
     Raises:
         RuntimeError: if the build or a test fails.
@@ -191,6 +198,7 @@ def simulate(
             extra_env={
                 "PYTHONPATH": path,
                 "VRSCAN_PARAMETERS": json.dumps(parameters),
+                "VRSCAN_VOLUME": volume,
                 # Of all files, numpy's too, it would rewrite the assertions.
                 "COCOTB_REWRITE_ASSERTION_FILES": "test_*.py harness.py",
             },
@@ -200,6 +208,11 @@ def simulate(
 def parameters() -> dict[str, int]:
     """Return the parameters of the running elaboration (inside the simulator)."""
     return json.loads(os.environ["VRSCAN_PARAMETERS"])
+
+
+def rounds(short: int, long: int) -> int:
+    """Return how often something random is tried in the running volume (inside the simulator)."""
+    return {"short": short, "long": long}[os.environ["VRSCAN_VOLUME"]]
 
 
 def generator(salt: int = 0) -> np.random.Generator:
@@ -454,6 +467,7 @@ def assert_equal(
 
 __all__ = [
     "CLOCK_NS",
+    "EACH_VOLUME",
     "SEED",
     "FallingEdge",
     "ReadOnly",
@@ -467,6 +481,7 @@ __all__ = [
     "reset",
     "reset_at_every_age",
     "restart_at_every_age",
+    "rounds",
     "run_vectors",
     "simulate",
 ]
