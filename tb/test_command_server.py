@@ -18,7 +18,16 @@ from bus_registers import (
 )
 from cocotb.triggers import FallingEdge, Timer
 from frame_oracle import frame, is_good, random_bytes
-from harness import CLOCK_NS, EACH_VOLUME, TwinBench, generator, reset, rounds, simulate
+from harness import (
+    CLOCK_NS,
+    EACH_VOLUME,
+    TwinBench,
+    as_integer,
+    generator,
+    reset,
+    rounds,
+    simulate,
+)
 
 from vrscan.fixed import link_pkg
 from vrscan.fixed.command_server import (
@@ -113,7 +122,7 @@ class Bench(TwinBench):
         if self.clock % 16 == 0 or any(twin.strobes) or self.done_clock == self.clock:
             names += vars(twin.counters)
             want += vars(twin.counters).values()
-        got = [int(getattr(dut, f"{name}_o").value) for name in names]
+        got = [as_integer(getattr(dut, f"{name}_o")) for name in names]
         assert got == [int(value) for value in want], (
             f"clock {self.clock}, {self.inputs}: {names} {got}, want {want}"
         )
@@ -574,7 +583,7 @@ async def counters_stop_at_their_largest(dut) -> None:
         await Timer(clocks * CLOCK_NS, "ns")
         await FallingEdge(dut.clk_i)
         for name in vars(bench.twin.counters):
-            got = int(getattr(dut, f"{name}_o").value)
+            got = as_integer(getattr(dut, f"{name}_o"))
             assert got == (COUNT_MAX if name in counters else 0), (name, got)
 
 

@@ -5,7 +5,14 @@ from collections.abc import Iterator
 import cocotb
 import numpy as np
 import pytest
-from harness import FallingEdge, generator, parameters, reset, simulate
+from harness import (
+    FallingEdge,
+    as_integer,
+    generator,
+    parameters,
+    reset,
+    simulate,
+)
 
 from vrscan.fixed.i2c_master import (
     MIN_QUARTER,
@@ -143,7 +150,7 @@ class Bench:
         names = ["ready", "valid", "scl_low", "sda_low", "recovery_count"]
         if twin.valid:
             names += ["status", "data"]
-        got = [int(getattr(dut, f"{name}_o").value) for name in names]
+        got = [as_integer(getattr(dut, f"{name}_o")) for name in names]
         want = [int(getattr(twin, name)) for name in names]
         assert got == want, f"clock {self.clock}: {names} {got}, want {want}, {self.inputs}"
         self.pulls = int(dut.device_scl_low_o.value), int(dut.device_sda_low_o.value)

@@ -5,7 +5,14 @@ from collections.abc import Callable, Iterator
 import cocotb
 import numpy as np
 import pytest
-from harness import FallingEdge, generator, parameters, reset, simulate
+from harness import (
+    FallingEdge,
+    as_integer,
+    generator,
+    parameters,
+    reset,
+    simulate,
+)
 
 from vrscan.fixed import pkg
 from vrscan.fixed.index_capture import LATENCY, IndexCapture, Settings
@@ -69,11 +76,11 @@ class Bench:
     def check(self, where: str) -> None:
         """Compare all that is defined."""
         dut, twin = self.dut, self.twin
-        got = tuple(int(getattr(dut, f"{name}_o").value) for name in STROBES + STATUS)
+        got = tuple(as_integer(getattr(dut, f"{name}_o")) for name in STROBES + STATUS)
         want = tuple(int(getattr(twin, name)) for name in STROBES + STATUS)
         assert got == want, f"clock {self.clock}, {where}: {STROBES + STATUS} {got}, want {want}"
         if twin.valid:
-            got = tuple(int(getattr(dut, f"{name}_o").value) for name in WITH_VALID)
+            got = tuple(as_integer(getattr(dut, f"{name}_o")) for name in WITH_VALID)
             want = tuple(int(getattr(twin, name)) for name in WITH_VALID)
             assert got == want, f"clock {self.clock}, {where}: {WITH_VALID} {got}, want {want}"
 

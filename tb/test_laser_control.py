@@ -7,7 +7,15 @@ import cocotb
 import numpy as np
 import pytest
 from cocotb.triggers import Timer
-from harness import TwinBench, drive, generator, parameters, reset, simulate
+from harness import (
+    TwinBench,
+    as_integer,
+    drive,
+    generator,
+    parameters,
+    reset,
+    simulate,
+)
 
 from vrscan.fixed import pkg
 from vrscan.fixed.laser_control import (
@@ -177,7 +185,7 @@ class Bench(TwinBench):
         """Compare all registers."""
         twin, inputs = self.twin, self.inputs
         for name, handle in self.registers:
-            got, want = int(handle.value), int(getattr(twin, name))
+            got, want = as_integer(handle), int(getattr(twin, name))
             assert got == want, f"clock {self.clock}, {name}: {got}, want {want}, {inputs}"
 
     def check_gates(self) -> None:

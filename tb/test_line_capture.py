@@ -6,7 +6,14 @@ from dataclasses import dataclass
 import cocotb
 import numpy as np
 import pytest
-from harness import TwinBench, generator, parameters, reset, simulate
+from harness import (
+    TwinBench,
+    as_integer,
+    generator,
+    parameters,
+    reset,
+    simulate,
+)
 from random_records import random_records
 
 from vrscan.chain import latency
@@ -71,7 +78,7 @@ class Bench(TwinBench):
         self.reads = True
 
     def check(self) -> None:
-        got = tuple(int(handle.value) for handle in self.handles)
+        got = tuple(as_integer(handle) for handle in self.handles)
         want = tuple(int(getattr(self.twin, name)) for name in OUTPUTS)
         if not self.twin.valid:
             got, want = got[:2], want[:2]

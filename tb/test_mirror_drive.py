@@ -11,6 +11,7 @@ from harness import (
     EACH_VOLUME,
     FallingEdge,
     TwinBench,
+    as_integer,
     drive,
     generator,
     parameters,
@@ -81,7 +82,7 @@ class Bench(TwinBench):
 
     def check(self) -> None:
         """Compare all outputs."""
-        got = tuple(int(handle.value) for handle in self.handles)
+        got = tuple(as_integer(handle) for handle in self.handles)
         want = shown(self.twin)
         assert got == want, f"clock {self.clock}, {self.inputs}: {OUTPUTS} {got}, want {want}"
 

@@ -6,7 +6,16 @@ from dataclasses import dataclass
 import cocotb
 import numpy as np
 import pytest
-from harness import EACH_VOLUME, TwinBench, generator, parameters, reset, rounds, simulate
+from harness import (
+    EACH_VOLUME,
+    TwinBench,
+    as_integer,
+    generator,
+    parameters,
+    reset,
+    rounds,
+    simulate,
+)
 from random_records import random_records
 
 from vrscan.fixed import pkg
@@ -128,7 +137,7 @@ class Bench(TwinBench):
         self.ready = 1.0  # how often the other end takes a byte
 
     def check(self) -> None:
-        got = tuple(int(handle.value) for handle in self.handles)
+        got = tuple(as_integer(handle) for handle in self.handles)
         want = tuple(int(getattr(self.twin, name)) for name in OUTPUTS)
         if not self.twin.valid:
             got, want = got[::3], want[::3]

@@ -10,7 +10,16 @@ from types import ModuleType
 
 import cocotb
 import pytest
-from harness import EACH_VOLUME, FallingEdge, as_integer, drive, generator, reset, rounds, simulate
+from harness import (
+    EACH_VOLUME,
+    FallingEdge,
+    as_integer,
+    drive,
+    generator,
+    reset,
+    rounds,
+    simulate,
+)
 
 from vrscan.fixed import link_pkg
 from vrscan.fixed.register_file import (
@@ -130,7 +139,7 @@ class Bus:
     def check_strobes(self, where: str, due: list[Written]) -> None:
         for name, handle in self.strobes.items():
             wanted = [one for one in due if one.name == name]
-            assert int(handle.value) == len(wanted), f"{where}: strobe of {name}"
+            assert as_integer(handle) == len(wanted), f"{where}: strobe of {name}"
             if wanted and name in self.map.WINDOWS:
                 got = [as_integer(getattr(self.dut, f"{name}_index_o"), signed=False)]
                 for field in self.map.WINDOWS[name].fields:

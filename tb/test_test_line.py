@@ -6,7 +6,15 @@ import time
 import cocotb
 import numpy as np
 import pytest
-from harness import TwinBench, drive, generator, parameters, reset, simulate
+from harness import (
+    TwinBench,
+    as_integer,
+    drive,
+    generator,
+    parameters,
+    reset,
+    simulate,
+)
 
 from vrscan.chain import run_fixed
 from vrscan.config import Config
@@ -118,7 +126,7 @@ class Bench(TwinBench):
         """Compare all outputs."""
         dut, twin = self.dut, self.twin
         got = tuple(
-            int(handle.value)
+            as_integer(handle)
             for handle in (dut.line_start_o, dut.line_end_o, dut.pixel_valid_o, dut.test_running_o)
         )
         want = (twin.line_start, twin.line_end, twin.pixel_valid, twin.running)
