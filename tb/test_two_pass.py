@@ -116,24 +116,61 @@ def spots(count: int, salt: int) -> np.ndarray:
     return np.clip(np.round(lines), 0, 4095).astype(np.uint16)
 
 
-def test_model_is_the_float_chain_where_their_windows_agree() -> None:
-    """Within the bound of one window and what the baseline's rounding adds."""
+def harmonic_by_definition(
+    line: np.ndarray, left: int, width: int, *, slope: float, background: float, noise: float
+) -> tuple[float, float]:
+    """Return position and standard deviation, px, of (8) with T = N as a sum of complex numbers."""
+    step = np.arange(width)
+    pixels = line[left : left + width].astype(float)
+    turn = np.exp(2j * np.pi * step / width)
+    harmonic = ((pixels - slope * (step - (width - 1) / 2)) * turn).sum()
+    phase = np.angle(harmonic) % (2 * np.pi)
+    variance = noise**2 + TWO.peak.kappa * np.maximum(pixels - background, 0.0)
+    across = np.imag(turn * np.exp(-1j * phase))
+    spread = np.sqrt((variance * across**2).sum()) / np.abs(harmonic)
+    return left + width * phase / (2 * np.pi), width * spread / (2 * np.pi)
+
+
+def test_model_is_the_float_chain_on_every_line() -> None:
+    """Flags, windows, positions and sigmas of all lines, also where the windows differ.
+
+    What a window is rounded by moves its ends by a pixel or so (``test_peak_refine``): there the
+    position has to be that of float64 in the model's own window, within the bound of one window
+    and what the baseline's rounding adds.
+    """
     lines = spots(1500, 1)
     nothing = np.zeros(len(lines), np.int64)
     got = run_fixed(lines, nothing, nothing, Registers.from_config(TWO))
     want = run_ideal(lines, np.zeros(len(lines)), nothing, TWO)
-    same = (got.left == want.left) & (got.width == want.width) & got.measured & want.measured
-    assert same.mean() > 0.5
-    bound = two_pass.rounding_bound(got.width[same], 16.0 * (got.maximum[same] - 60.0))
-    error = np.abs(got.position / 2**pkg.POSITION_FRACTION - want.position_px)[same]
-    assert (error <= bound).all(), error.max()
-    assert np.percentile(error, 99) < 4e-4
-    sigma = got.sigma[same] / 2**pkg.SIGMA_FRACTION / np.maximum(want.sigma_px[same], 1e-3)
-    assert np.median(np.abs(sigma - 1)) < 0.02
-    # The flags are those of the same rules.
+    assert got.measured.all() and want.measured.all()
     for name, bit in pkg.FLAGS.items():
         if bit <= pkg.FLAG_ROW_STATISTICS:
-            assert (got.flags >> bit & 1 == want.flags[name])[same].all(), name
+            assert np.array_equal(got.flags >> bit & 1 == 1, want.flags[name]), name
+    assert (np.abs(got.width - want.width) <= 0.03 * want.width + 1).all()
+    assert (np.abs(got.left - want.left) <= 0.015 * want.width + 2).all()
+    same = (got.left == want.left) & (got.width == want.width)
+    assert same.mean() > 0.7
+
+    slope = ideal.baseline(lines, got.left, got.width, want.noise)
+    place, sigma = np.transpose(
+        [
+            harmonic_by_definition(
+                lines[k], int(got.left[k]), int(got.width[k]), slope=slope[k],
+                background=want.background[k], noise=want.noise[k],
+            )
+            for k in range(len(lines))
+        ]
+    )  # fmt: skip
+    bound = two_pass.rounding_bound(got.width, 16.0 * (got.maximum - 60.0))
+    error = np.abs(got.position / 2**pkg.POSITION_FRACTION - place)
+    print(
+        f"\n{np.mean(~same):.1%} of the windows differ, error / bound {(error / bound).max():.3f}"
+    )
+    assert (error <= bound).all(), error.max()
+    assert np.percentile(error, 99) < 4e-4
+    # Sigma is good to 0.5 % or a step.
+    steps = sigma * 2**pkg.SIGMA_FRACTION
+    assert (np.abs(got.sigma - steps) <= np.maximum(1.0, 0.005 * steps)).all()
 
 
 def test_sigma_is_the_spread() -> None:
