@@ -109,7 +109,7 @@ def test_minimal_is_far_off(bench: Bench) -> None:
         assert here["minimal"].effects == 0
 
 
-def test_what_is_left_out_is_not_traced(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_left_out_is_not_traced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The work behind the speeds, in rays: a line of full takes 30 times those of minimal."""
     cast, rays = World.cast, [0]
 
@@ -118,7 +118,7 @@ def test_what_is_left_out_is_not_traced(bench: Bench, monkeypatch: pytest.Monkey
         return cast(world, origin, direction)
 
     monkeypatch.setattr(World, "cast", counted)
-    light = Light(load(bench.scenes[1]), CONFIG)
+    light = Light(load(board(tmp_path, 20)), CONFIG)
     whole = frozenset(present(light.scene))
 
     def taken(active: frozenset[str], *, every_ray: bool = False) -> int:
