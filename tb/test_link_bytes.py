@@ -55,6 +55,13 @@ EXCHANGES = {
         "03 82 2A 08 01 43 53 52 56 D4 C0 00",
         "82 2A 00 01 43 53 52 56",
     ),
+    # NO_ADDRESS: three words from 0x3001 on.
+    "READ refused": (
+        (Command.READ, 0x31, protocol.read(0x3001, 3)),
+        "08 02 31 01 30 03 0D 14 00",
+        "04 82 31 03 05 01 30 69 71 00",
+        "82 31 03 00 01 30",
+    ),
     "PING": (
         (Command.PING, 0x2B, b"\0\xff"),
         "03 01 2B 04 FF 9A B3 00",
