@@ -957,8 +957,16 @@ def test_any_length_of_sensor_works(length: int) -> None:
     angle = np.radians(np.linspace(-20, 20, 60))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        lines = _frame(light, frozenset(EFFECTS), angle, every_ray=True).lines
-    assert lines.shape == (60, length)
+        frame = _frame(light, frozenset(EFFECTS), angle, every_ray=True)
+    assert frame.lines.shape == (60, length)
+    assert frame.lines.std(axis=1).min() > 0.5  # a blur, and its noise
+    # The truth is where the ray meets the leaning plane, on any sensor that is long enough.
+    way = 450.0 / (np.cos(angle) + np.tan(np.radians(30.0)) * np.sin(angle))
+    pixel = project(way * np.sin(angle), way * np.cos(angle), config.geometry)
+    seen = np.abs(pixel - config.geometry.centre_px) <= length / 2
+    assert seen.any()
+    assert np.array_equal(np.isfinite(frame.truth.position_px), seen)
+    assert np.abs(frame.truth.position_px - pixel)[seen].max() < 1e-6
 
 
 @settings(deadline=None, max_examples=12, derandomize=True)

@@ -1,10 +1,14 @@
 """The accurate mode against its goals; the whole study is ``vrscan efficiency``."""
 
+import io
+import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from harness import generator
+from rich.console import Console
+from rich.table import Table
 
 from vrscan.chain import run_fixed
 from vrscan.config import Config, Peak
@@ -77,13 +81,29 @@ def test_the_study_knows_the_slope() -> None:
     assert not rise[np.abs(place) >= two_pass.SLOPE_END_PX].any()
 
 
+def shown(grid: Table) -> list[list[str]]:
+    """Return the cells of a table's rows as they are printed."""
+    console = Console(width=120, file=io.StringIO())
+    console.print(grid)
+    assert isinstance(console.file, io.StringIO)
+    rows = (row.strip("│").split("│") for row in console.file.getvalue().splitlines())
+    return [[cell.strip() for cell in row] for row in rows]
+
+
 def test_tables_have_a_row_a_height() -> None:
-    cells = two_pass.study(Engine.FIXED, Config(), 50, peaks=(0.2, 0.9), sigmas_px=(3.0,))
-    assert two_pass.efficiency_grid(cells, Engine.FIXED, 50).row_count == 2
-    one, two = two_pass.skew_positions(Engine.FIXED, Config(), 20, peaks=(0.2, 0.9))
-    assert two_pass.skew_grid(one, two, (0.2, 0.9)).row_count == 2
-    slopes = two_pass.slope_study(Engine.FIXED, Config(), 20, peaks=(0.2,), sigmas_px=(3.0,))
-    assert two_pass.slope_grid(slopes).row_count == 1
+    """The numbers of each in its place, whatever order they come in."""
+    cells = [
+        two_pass.Cell(sigma, peak, 0.9 + peak / 100, 0.95 + sigma / 1000, 0.0)
+        for peak, sigma in itertools.product((0.02, 0.5), (8.0, 3.0))
+    ]
+    rows = shown(two_pass.efficiency_grid(cells, Engine.FIXED, 50))
+    assert ["2 %", "0.900 / 0.953", "0.900 / 0.958"] in rows
+    assert ["50 %", "0.905 / 0.953", "0.905 / 0.958"] in rows
+    rows = shown(two_pass.skew_grid(np.array([-0.1, 0.25]), np.array([-0.2, -0.21]), (0.2, 0.9)))
+    assert ["one pass", "-0.100", "0.250", "0.3500"] in rows
+    assert ["two passes", "-0.200", "-0.210", "0.0100"] in rows
+    slopes = [two_pass.Slope(3.0, 0.2, -0.001, 0.0112, 0.0111)]
+    assert ["20 %", "-1.00; 11.1, 11.2"] in shown(two_pass.slope_grid(slopes))
 
 
 def test_figures_say_what_is_missed() -> None:
@@ -196,7 +216,9 @@ def test_a_spot_that_comes_from_the_edge() -> None:
     got = run_fixed(lines, nothing, nothing, Registers.from_config(TWO))
     at_edge = got.flags >> pkg.FLAG_AT_EDGE & 1 == 1
     near = np.tile(centre[:, 0] > 2034.5, 2)
+    assert (near & got.measured).sum() > 40
     assert at_edge[near & got.measured].all()
     assert (got.position[got.measured] >= 0).all()
+    assert (got.position < 2048 << pkg.POSITION_FRACTION).all()
     assert (got.left >= 0).all() and (got.right <= 2047).all()
     assert got.measured.mean() > 0.6
