@@ -1,7 +1,7 @@
 """A board made of the twins, on a pty: real frames, real registers, and a line that can be bad.
 
-What it sends is put together as docs/link.md has it, with nothing of ``vrscan.link``: that is what
-reads it.
+Commands are executed by the twin. Frames and packets are put together here as docs/link.md has them
+and not by ``vrscan.link``, which is what reads them.
 """
 
 import contextlib
