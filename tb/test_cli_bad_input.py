@@ -51,7 +51,7 @@ CASES = {
     "large_flag": (["replay", "flag.npz", *REPLAY], ["flag.npz", "mirror_flags", "8 at line 2"]),
     "misspelt_angle": (
         ["replay", "degrees.npz", *REPLAY],
-        ["degrees.npz", "'angle_deg' is no angle_rad", "mirror_flags"],
+        ["degrees.npz", "no array named angle_rad, but 'angle_deg'", "mirror_flags"],
     ),
     "missing_config": (["replay", "good.npz", *REPLAY, "--config", "no.toml"], ["no.toml"]),
     "unknown_key": (

@@ -98,7 +98,7 @@ def test_a_misspelt_name_is_told(tmp_path: Path, meant: str, name: str) -> None:
     known.pop(meant, None)
     path = tmp_path / "lines.npz"
     np.savez(path, **known, **{name: ANGLES})
-    refused(path, [f"{name!r} is no {meant}", "known are lines, angle_rad, power, mirror_flags"])
+    refused(path, [f"no array named {meant}, but {name!r}", "known are lines, angle_rad, power"])
 
 
 def test_other_arrays_are_ignored_and_so_is_a_likely_name_beside_the_right_one(

@@ -290,7 +290,7 @@ def replay(
     write = writers[_suffix(out, tuple(writers))]
     settings = _settings(config)
     with atomic_file(out) as file:
-        with warnings.catch_warnings(record=True) as told:
+        with warnings.catch_warnings(record=True, action="always") as told:
             recorded = lines.read(recording, settings)
         for each in told:
             print(f"vrscan: {each.message}", file=sys.stderr)

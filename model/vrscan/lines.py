@@ -229,10 +229,12 @@ def _check_names(path: Path, names: list[str]) -> None:
     for wanted, word in _WORDS.items():
         if wanted in names:
             continue
-        for name in set(names) - set(_ARRAYS):
+        for name in names:
             given = name.casefold()
-            if word in given or difflib.get_close_matches(given, [wanted], cutoff=_MISSPELT):
-                raise InputError(f"{path}: {name!r} is no {wanted} (known are {known})")
+            near = word in given or difflib.get_close_matches(given, [wanted], cutoff=_MISSPELT)
+            if near and name not in _ARRAYS:
+                has = f"but {name!r} (known are {known})"
+                raise InputError(f"{path}: no array named {wanted}, {has}")
 
 
 def _checked_shape(lines: Pixels, length: int) -> Pixels:
@@ -246,10 +248,9 @@ def _checked_shape(lines: Pixels, length: int) -> Pixels:
 
 
 def _check_pixels(lines: Pixels, pixel_width: int) -> None:
-    full = 2**pixel_width - 1
-    largest = int(lines.max(initial=0))
-    if largest > full:
+    if int(np.bitwise_or.reduce(lines, axis=None)) >> pixel_width:  # faster than the maximum
         row, pixel = np.unravel_index(int(lines.argmax()), lines.shape)
+        largest, full = lines[row, pixel], 2**pixel_width - 1
         raise LinesError(f"pixel above {full} ({largest} at line {row}, pixel {pixel})")
 
 
