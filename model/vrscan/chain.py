@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from vrscan.arrays import Ints, Pixels
+from vrscan.contract import checked_words
 from vrscan.fixed import distortion as geometry_distortion
 from vrscan.fixed import (
     line_receiver,
@@ -18,7 +19,6 @@ from vrscan.fixed import (
     pkg,
 )
 from vrscan.fixed import triangulate as geometry_triangulate
-from vrscan.lines import checked_words
 from vrscan.points import Points
 from vrscan.registers import Registers
 
@@ -265,7 +265,7 @@ def run_fixed(
         n points, numbered from 0.
 
     Raises:
-        ValueError: a ``LinesError``, if ``vrscan.lines.checked_words`` refuses an argument.
+        ValueError: a ``LinesError``, if ``vrscan.contract.checked_words`` refuses an argument.
     """
     lines, angle, power, raised = checked_words(
         lines,

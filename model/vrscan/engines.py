@@ -4,8 +4,9 @@ from collections.abc import Callable
 from enum import StrEnum
 
 from vrscan.config import Config
+from vrscan.contract import checked
 from vrscan.ideal import chain as ideal
-from vrscan.lines import Lines, checked
+from vrscan.lines import Lines
 from vrscan.points import table
 from vrscan.registers import Registers, angle_turns
 from vrscan.table import Table
@@ -34,7 +35,7 @@ def run(
         progress: Called with the number of lines done so far.
 
     Raises:
-        InputError: if the configuration does not fit in the registers, or ``vrscan.lines.checked``
+        InputError: if the configuration does not fit in the registers, or ``contract.checked``
             refuses the lines: the same ones for every engine, with the same text.
     """
     registers = Registers.from_config(config)  # checks the configuration for every engine alike

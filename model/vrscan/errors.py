@@ -9,7 +9,7 @@ class InputError(Exception):
 
 
 class LinesError(InputError, ValueError):
-    """Lines, angles, powers or flags that no engine takes; ``vrscan.lines`` says which it does.
+    """Lines, angles, powers or flags that no engine takes; ``vrscan.contract`` says which it does.
 
     A command's user gave a bad file, a program's author bad arrays: it is the error of both.
     """

@@ -7,9 +7,9 @@ import numpy as np
 
 from vrscan.arrays import Floats, Ints
 from vrscan.config import Config
+from vrscan.contract import checked_angles
 from vrscan.errors import InputError
 from vrscan.fixed import pkg
-from vrscan.lines import checked_angles
 
 CONFIDENCE_ONE = 2**pkg.CONFIDENCE_WIDTH - 1
 

@@ -9,8 +9,8 @@ import numpy as np
 from vrscan import verilated
 from vrscan.arrays import Ints, Pixels
 from vrscan.chain import MAX_WINDOW, latency, min_period
+from vrscan.contract import checked_words
 from vrscan.fixed import pkg
-from vrscan.lines import checked_words
 from vrscan.points import Points
 from vrscan.registers import Registers
 from vrscan.tools import repository_root, rtl_module
@@ -179,7 +179,7 @@ def run_rtl(
 
     Raises:
         InputError: if the engine cannot be built.
-        ValueError: a ``LinesError``, if ``vrscan.lines.checked_words`` refuses an argument.
+        ValueError: a ``LinesError``, if ``vrscan.contract.checked_words`` refuses an argument.
         RuntimeError: if the RTL does not answer every line, in order.
     """
     return _run(lines, angle, power, registers, progress, mirror_flags, max_window)[0]
