@@ -6,11 +6,13 @@ import cocotb
 import numpy as np
 import pytest
 from harness import (
+    EACH_VOLUME,
     FallingEdge,
     as_integer,
     generator,
     parameters,
     reset,
+    rounds,
     simulate,
 )
 
@@ -241,7 +243,7 @@ async def the_bus_shows_what_was_asked_for(dut) -> None:
     """Random commands, some back to back, against a dictionary; levels and latencies."""
     bench = await begin(dut, 1)
     memory = dict.fromkeys(range(256), 0)
-    for k in range(60):
+    for k in range(rounds(30, 300)):
         quarter = int(bench.draw.choice([0, 3, 4, 5, 7, 11]))
         stretch = int(bench.draw.choice([0, 0, 1, 8, 40, 200]))
         bench.give(quarter=quarter, stretch_clks=stretch, stretch_bits=int(bench.draw.integers(2)))
@@ -403,7 +405,7 @@ async def a_device_that_holds_the_bus(dut) -> None:
 async def reset_mid_stream(dut) -> None:
     """The master stops anywhere; the device goes on from there, and the next command works.
 
-    Every fifth clock of a write and a read, other ones in the other elaboration.
+    Every so many clocks of a write and a read, other ones in the other elaboration.
     """
     bench = await begin(dut, 6, timeout=40)
     worst = 0
@@ -411,7 +413,7 @@ async def reset_mid_stream(dut) -> None:
     seen = 0
     for read, most in ((0, command_clocks(read=False, count=1, quarter=4)), (1, 0)):
         most = most or command_clocks(read=True, count=1, quarter=4)
-        for age in range(1 + parameters()["CountWidth"] % 5, most, 5):
+        for age in range(1 + parameters()["CountWidth"] % 5, most, rounds(15, 1)):
             await bench.start(timeout=40)
             await bench.take(read=read, address=ADDRESS, register=0x40, bytes=0, data=0x55)
             await bench.clocks(age)
@@ -423,7 +425,7 @@ async def reset_mid_stream(dut) -> None:
             recovered += bench.twin.recovery_count
             seen += 1
     print(f"reset: {seen} ages, {recovered} recoveries, the next command at most {worst} clocks")
-    assert recovered > 5
+    assert recovered > rounds(1, 25)
 
 
 @cocotb.test()
@@ -579,7 +581,7 @@ async def a_bus_without_any_order(dut) -> None:
     """Random pulls, pins, faults, commands and resets: as the twin, and always a reply in time."""
     bench = await begin(dut, 9)
     draw = bench.draw
-    for k in range(400):
+    for k in range(rounds(250, 2000)):
         if k % 10 == 0:
             await bench.restart(device=bool(k % 20), valid=int(draw.integers(2)))
             bench.give(valid=0)
@@ -609,6 +611,7 @@ async def a_bus_without_any_order(dut) -> None:
     assert len(bench.seen) == len(Status), bench.seen
 
 
+@EACH_VOLUME
 @pytest.mark.parametrize("given", ELABORATIONS, ids=str)
-def test_i2c_master_rtl_equals_model(given: dict[str, int]) -> None:
-    simulate("i2c_bus", __file__, given)
+def test_i2c_master_rtl_equals_model(given: dict[str, int], volume: str) -> None:
+    simulate("i2c_bus", __file__, given, volume=volume)

@@ -7,11 +7,13 @@ import cocotb
 import numpy as np
 import pytest
 from harness import (
+    EACH_VOLUME,
     TwinBench,
     as_integer,
     generator,
     parameters,
     reset,
+    rounds,
     simulate,
 )
 from random_records import random_records
@@ -581,7 +583,7 @@ async def everything_at_random(dut) -> None:
     """Only the model knows what is right."""
     bench = await begin(dut)
     bench.reads = False
-    for _ in range(25 if is_large() else 300):
+    for _ in range(rounds(12, 60) if is_large() else rounds(100, 1000)):
         bench.ready = float(bench.draw.choice([0.0, 0.1, 0.5, 1.0, 1.0, 1.0]))
         if bench.draw.random() < 0.5:
             await bench.tick(int(bench.draw.integers(1, 6)))
@@ -607,9 +609,10 @@ async def everything_at_random(dut) -> None:
             await bench.tick(capture_start=1, capture_mode=CAPTURE_STOP)
 
 
+@EACH_VOLUME
 @pytest.mark.parametrize("values", ELABORATIONS, ids=str)
-def test_line_capture(values: dict[str, int]) -> None:
-    simulate("line_capture", __file__, values)
+def test_line_capture(values: dict[str, int], volume: str) -> None:
+    simulate("line_capture", __file__, values, volume=volume)
 
 
 @pytest.mark.parametrize("length", [63, 25501])
