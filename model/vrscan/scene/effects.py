@@ -50,6 +50,8 @@ EFFECTS = {effect.name: effect for effect in _ALL}
 WHOLE_LINE = frozenset({"ghosts", "halo", "bounce"})  # with one of these no line is mostly even
 WHOLE_LINE_US = 15.0  # what that costs, typically
 EVERY_RAY_US = 30.0  # and what it costs to follow every spot ray by ray
+LINE_US = 20.0  # a line without any effect, up to its point
+START_US = 8000.0  # what some lines cost that are rendered by themselves, however few
 BASE = (
     "beam width, range equation with Lambert and the row's share, occlusion, (2)-(5), pixel "
     "aperture, exposure, gain, full scale and converter are always there"
