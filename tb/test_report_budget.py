@@ -127,6 +127,16 @@ def test_base_and_sums_add_up() -> None:
 SUMS = ("base", "left out", "planned", "all on")
 
 
+def test_budget_of_a_short_scan_says_that_it_has_everything() -> None:
+    found = made_up()
+    note = "simulated with everything"
+    assert note not in " ".join(" ".join(shown(budget.figures_table(found, scene()))).split())
+    for fidelity, told in (("auto", True), ("list", False)):
+        short = replace(found, count=3000, fidelity=fidelity)
+        text = " ".join(" ".join(shown(budget.figures_table(short, scene()))).split())
+        assert (note in text) == told
+
+
 def test_budget_is_both_tables() -> None:
     found = made_up()
     lines = shown(budget.budget_table(found, scene()))

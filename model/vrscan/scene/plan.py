@@ -19,10 +19,11 @@ import itertools
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from vrscan.arrays import Bools, Floats, Ints
+from vrscan.arrays import Bools, Floats, Ints, Pixels
 from vrscan.chain import run_fixed
 from vrscan.config import Config
 from vrscan.errors import InputError
@@ -41,6 +42,7 @@ from vrscan.scene.effects import (
 from vrscan.scene.light import Light
 from vrscan.scene.render import Renderer
 from vrscan.scene.simulate import BLOCK, Scanner, picked
+from vrscan.scene.timeline import Timeline
 from vrscan.table import Table
 
 ZONES = ("near", "middle", "far")
@@ -50,7 +52,7 @@ LEAST_LINES = 16_384  # of a scan: fewer cost less in full than what there is to
 _SURVEY = 4  # blocks in which the survey's lines are looked for
 _PANNED = 24, 80  # blocks and consecutive lines of each, where the scanner pans
 _PER_ZONE = 340, 1280  # lines of the survey, at least and at most, if there are so many
-_SHARE = 60  # lines of the scan for each of them, in between
+_SHARE = 100  # lines of the scan for each of them, in between
 _HIDDEN = 4  # times fewer lines that the camera does not see
 _STEPS, _TABLE = (16, 48, 128), 160  # lines a part: ends of a try's steps; of the budget
 _STEP = 512  # lines of a step that confirms
@@ -270,7 +272,7 @@ class _Trial:
         self, light: Light, count: int, seen: Survey, tolerance_px: float, full: frozenset[str]
     ) -> None:
         self.light, self.seen, self.tolerance_px, self.full = light, seen, tolerance_px, full
-        self._timeline, self._words = Scanner(light, count, frozenset()).given(seen.numbers)
+        self._count = count
         self.spent_us = 0.0  # what all renderings have cost, typically
         self.microseconds: dict[frozenset[str], float] = {}  # a line, at best, by effects
         self._registers = Registers.from_config(light.config)
@@ -279,6 +281,11 @@ class _Trial:
         self._steps = [np.arange(a, b) for a, b in itertools.pairwise(sorted(ends))]
         self._references: dict[int, Table] = {}  # of steps, by their first line
         self._worst: tuple[Ints, Table] | None = None  # lines that failed, and their reference
+
+    @cached_property
+    def _given(self) -> tuple[Timeline, Pixels]:
+        """What the survey's lines are rendered from."""
+        return Scanner(self.light, self._count, frozenset()).given(self.seen.numbers)
 
     def points(self, rows: Ints, effects: frozenset[str]) -> Table:
         """Return the points of some lines."""
@@ -289,9 +296,9 @@ class _Trial:
             tolerance_px=self.tolerance_px,
         )
         self.spent_us += START_US + len(rows) * _us(effects)
-        words = self._words[rows]
+        timeline, words = picked(self._given[0], rows), self._given[1][rows]
         begin = time.perf_counter()
-        frame = renderer.render(picked(self._timeline, rows), words)
+        frame = renderer.render(timeline, words)
         taken_us = 1e6 * (time.perf_counter() - begin) / len(rows)
         self.microseconds[effects] = min(taken_us, self.microseconds.get(effects, np.inf))
         self.seconds = dict(renderer.seconds)
@@ -443,6 +450,12 @@ def _auto(trial: _Trial, worth: int, tick: Callable[[], None]) -> tuple[frozense
     full = state = trial.full
     kept = [(full, _NOTHING)]
     before_us = trial.spent_us
+
+    def confirms(effects: frozenset[str]) -> bool:
+        """Return whether it pays to render the rest of the survey for these effects."""
+        rest_us = (len(trial.seen.numbers) - lines) * (_us(full) + _us(effects))
+        return worth * (_us(full) - _us(effects)) >= _ODDS * rest_us
+
     dear = sorted(full & EFFECTS.keys(), key=lambda name: -EFFECTS[name].typical_us)
     everywhere = [name for name in dear if name in WHOLE_LINE]
     others = [name for name in dear if name not in WHOLE_LINE]
@@ -453,6 +466,8 @@ def _auto(trial: _Trial, worth: int, tick: Callable[[], None]) -> tuple[frozense
         less = state.difference(names)
         saved_us = worth * (_us(full) - _us(state))
         if trial.spent_us - before_us > _STAKE * worth * _us(full) + saved_us:
+            break
+        if not confirms(less.difference(*todo)):
             break
         if worth * (_us(state) - _us(less)) < _ODDS * (START_US + lines * _us(less)):
             continue
@@ -468,8 +483,7 @@ def _auto(trial: _Trial, worth: int, tick: Callable[[], None]) -> tuple[frozense
         return kept[-1]
     while len(kept) > 1:
         state, _ = kept.pop()
-        rest_us = (len(trial.seen.numbers) - lines) * (_us(full) + _us(state))
-        if worth * (_us(full) - _us(state)) < _ODDS * rest_us:
+        if not confirms(state):
             break
         tick()
         found = trial.judge(state, len(trial.seen.numbers))
