@@ -167,7 +167,7 @@ def expected(line_length: int, given: Columns) -> Columns:
 async def any_point_back_to_back(dut) -> None:
     """Corners, visible points and noise on all ports, as fast as it takes points."""
     widths = parameters()
-    given = operands(widths, rounds(150, 2000))
+    given = operands(widths, rounds(350, 3000))
     want = expected(widths["LineLength"], given)
     for name in ("measured_o", "no_range_o", "out_of_range_o"):
         assert 0.01 < np.mean(want[name]) < 0.99, f"{name} is hardly ever different"
