@@ -18,6 +18,7 @@ from pathlib import Path
 import cocotb
 import numpy as np
 import pytest
+from _pytest.mark import ParameterSet
 from cocotb.clock import Clock
 from cocotb.handle import LogicArrayObject, LogicObject
 from cocotb.triggers import FallingEdge, ReadOnly, RisingEdge
@@ -34,10 +35,15 @@ from vrscan.tools import (
 )
 
 CLOCK_NS = 8
-# A test of RTL whose cocotb tests ask ``rounds`` comes in both volumes, the long one in make soak.
-EACH_VOLUME = pytest.mark.parametrize(
-    "volume", ["short", pytest.param("long", marks=pytest.mark.soak)]
-)
+
+
+def in_volume(value: int | str) -> ParameterSet:
+    """Return a parameter that only the long tests take, which make soak runs."""
+    return pytest.param(value, marks=pytest.mark.soak)
+
+
+# A test of RTL whose cocotb tests ask ``rounds`` comes in both volumes.
+EACH_VOLUME = pytest.mark.parametrize("volume", ["short", in_volume("long")])
 SEED = 20100301  # printed by every simulation; one seed for all random data
 
 
@@ -486,6 +492,7 @@ __all__ = [
     "assert_equal",
     "drive",
     "generator",
+    "in_volume",
     "parameters",
     "reset",
     "reset_at_every_age",

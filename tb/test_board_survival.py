@@ -16,8 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from _pytest.mark import ParameterSet
-from harness import generator
+from harness import generator, in_volume
 from test_board import Host
 from test_board_vrscan import CONFIG as SLOW  # its clock is a quarter: its seconds are, too
 from test_board_vrscan import SCENE
@@ -70,11 +69,6 @@ def slow_board(tmp_path: Path) -> Iterator[Board]:
     """A board of 25 MHz whose mirror swings when its drive begins."""
     with Board(SCENE, SLOW, port=tmp_path / "port", swinging=True) as running:
         yield running
-
-
-def in_volume(value: int | str) -> ParameterSet:
-    """Return a parameter that only the long tests take."""
-    return pytest.param(value, marks=pytest.mark.soak)
 
 
 class Wire(Host):

@@ -5,7 +5,10 @@ import tomllib
 
 import numpy as np
 import pytest
-from harness import generator
+from harness import (
+    generator,
+    in_volume,
+)
 
 from vrscan.calibrate.mirror import (
     Motion,
@@ -57,9 +60,10 @@ def test_a_wrong_frequency_is_found() -> None:
     assert fit_motion(time, angle, 248.0).residual_rad > 0.01
 
 
-def test_noise_does_what_theory_says() -> None:
+@pytest.mark.parametrize("trials", [40, in_volume(400)])
+def test_noise_does_what_theory_says(trials: int) -> None:
     """White noise: the amplitude scatters by sigma sqrt(2/n), a_k by the same over A, as does f."""
-    count, sigma, trials = 1500, 1e-4, 150
+    count, sigma = 1500, 1e-4
     time, angle = recorded(count)
     draw = generator(2)
     fits = [

@@ -20,6 +20,7 @@ from harness import (
     TwinBench,
     as_integer,
     generator,
+    in_volume,
     parameters,
     reset,
     simulate,
@@ -398,11 +399,12 @@ def test_frame_decoder_model_refuses_every_flip_of_one_bit() -> None:
     assert accepted <= 3 + 3 * flips / 2**16
 
 
+@pytest.mark.parametrize("count", [100_000, in_volume(2_000_000)])
 @pytest.mark.parametrize("zeros", [0.0, 0.1, 0.4])
-def test_frame_decoder_model_takes_a_million_random_bytes(zeros: float) -> None:
+def test_frame_decoder_model_takes_random_bytes(zeros: float, count: int) -> None:
     draw = generator(4)
     after = b"\x13\0\x37"
-    stream = draw.integers(0, 256, 1_000_000).astype(np.uint8)
+    stream = draw.integers(0, 256, count).astype(np.uint8)
     # With many zeros there are many short frames; small codes make them whole.
     stream[draw.random(len(stream)) < zeros] = 0
     small = draw.random(len(stream)) < 2 * zeros
@@ -421,6 +423,7 @@ def test_frame_decoder_model_takes_a_million_random_bytes(zeros: float) -> None:
     assert list(taken_by(twin, frame(after))) == [(Status.OK, after)]
 
 
+@pytest.mark.soak
 def test_frame_decoder_model_accepts_a_random_crc_once_in_65536() -> None:
     draw = generator(5)
     count = 300_000

@@ -7,7 +7,7 @@ import cocotb
 import numpy as np
 import pytest
 from cocotb.triggers import Timer
-from harness import CLOCK_NS, generator, parameters, reset, simulate
+from harness import CLOCK_NS, EACH_VOLUME, generator, parameters, reset, rounds, simulate
 
 from vrscan.fixed import pkg
 from vrscan.ideal.mirror import half_turn_residual
@@ -83,7 +83,7 @@ async def any_drive_any_level_shocks_and_drift(dut) -> None:
     bench = Bench(dut)
     draw = generator(1)
     fast = bench.clock_s < 1e-7
-    count = 16 if fast else 240
+    count = rounds(8, 32) if fast else rounds(120, 480)
     lengths = draw.integers(1, round(1.0e-3 / bench.clock_s), size=count)
     lengths[draw.random(count) < 0.2] = draw.integers(1, 5)  # and changes clock after clock
     start = (0.35, 30.0)
@@ -136,7 +136,7 @@ async def tens_of_periods_at_a_steady_drive(dut) -> None:
     bench = Bench(dut)
     quarter = round(1.0 / (4 * 249.0 * bench.clock_s))
     frequency = 1.0 / (4 * quarter * bench.clock_s)
-    periods = 3 if bench.clock_s < 1e-7 else 40
+    periods = rounds(2, 6) if bench.clock_s < 1e-7 else 40
     start = steady_state(Mirror(), frequency)
     await bench.start(*start)
     edges = np.arange(4 * periods + 1) * quarter
@@ -215,9 +215,10 @@ async def reset_starts_anew_at_any_moment(dut) -> None:
         assert abs(bench.angle() - want[-1]) < SHORT_BOUND_RAD
 
 
+@EACH_VOLUME
 @pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
-def test_mems_mirror_moves_as_the_equation(widths: dict[str, int]) -> None:
-    simulate("mems_mirror", __file__, widths)
+def test_mems_mirror_moves_as_the_equation(widths: dict[str, int], volume: str) -> None:
+    simulate("mems_mirror", __file__, widths, volume=volume)
 
 
 def test_amplitude_follows_drift_damping_and_level() -> None:
