@@ -1,6 +1,7 @@
 """The whole chain at its shipped size, from C++: RTL against the model, line for line."""
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -135,6 +136,20 @@ def test_one_bitstream_does_both() -> None:
     assert np.median(near) < 1 << (pkg.POSITION_FRACTION - 2)
     assert np.array_equal(before.background, after.background)
     assert np.array_equal(before.snr, after.snr)
+
+
+def test_engines_in_several_threads_do_not_meet() -> None:
+    """Three at once, in the mode that each asks for."""
+    lines, nothing = spots(90, 80), np.zeros(90, np.int64)
+    work = [(k, (ONE_PASS, TWO_PASS)[k % 2]) for k in range(3)]
+
+    def run(part: tuple[int, Registers]) -> Points:
+        return run_rtl(lines[part[0] :: 3], nothing[:30], nothing[:30], part[1])
+
+    with ThreadPoolExecutor(3) as pool:
+        for (k, registers), got in zip(work, pool.map(run, work), strict=True):
+            want = run_fixed(lines[k::3], nothing[:30], nothing[:30], registers)
+            assert points_equal(got, want) is None
 
 
 @pytest.mark.parametrize("two_pass", [False, True])

@@ -8,8 +8,12 @@
 #include <memory>
 
 #include "Vvrscan_chain.h"
+#include "Vvrscan_chain___024root.h"
+#include "clock.h"
 #include "ports.h"
 #include "verilated.h"
+
+ROOT_EVALUATION(Vvrscan_chain)
 
 namespace {
 
@@ -22,9 +26,7 @@ struct Engine {
   int64_t clocks = 0;  // since the reset
 
   void clock() {
-    chain.clk_i = 0;
-    chain.eval();
-    // Settled: a point that is valid now is taken by the coming edge.
+    // A point that is valid now is taken by the coming edge; outputs are registered.
     if (chain.valid_o && chain.ready_i && !chain.rst_i) {
       if (count < room) {
         int64_t* row = results;
@@ -36,8 +38,7 @@ struct Engine {
       }
       ++count;
     }
-    chain.clk_i = 1;
-    chain.eval();
+    rise(chain);
     clocks = chain.rst_i ? 0 : clocks + 1;
   }
 };
@@ -58,6 +59,7 @@ void* engine_create(const uint64_t* configuration) {
   chain.pixel_valid_i = 0;
   chain.ready_i = 1;
   chain.rst_i = 1;
+  start(chain);
   for (int k = 0; k < 4; ++k) engine->clock();
   chain.rst_i = 0;
   return engine.release();

@@ -9,9 +9,15 @@
 #include <memory>
 
 #include "Vmirror_loop.h"
+#include "Vmirror_loop___024root.h"
 #include "Vmirror_world.h"
+#include "Vmirror_world___024root.h"
+#include "clock.h"
 #include "ports.h"
 #include "verilated.h"
+
+ROOT_EVALUATION(Vmirror_loop)
+ROOT_EVALUATION(Vmirror_world)
 
 namespace {
 
@@ -61,19 +67,14 @@ struct Engine {
   bool on_diode = false;
   bool simulated = true;
 
+  Engine() {
+    start(loop);
+    start(world);
+  }
+
   void tick() {
-    loop.clk_i = 1;
-    loop.eval();
-    if (simulated) {
-      world.clk_i = 1;
-      world.eval();
-    }
-    loop.clk_i = 0;
-    loop.eval();
-    if (simulated) {
-      world.clk_i = 0;
-      world.eval();
-    }
+    rise(loop);
+    if (simulated) rise(world);
   }
 };
 

