@@ -112,6 +112,58 @@ def test_bad_input(
     assert sorted(folder.rglob("*")) == before
 
 
+# Commands whose result has nowhere to go, and the work that must not begin then.
+NOWHERE = {
+    "bench_light_below_nothing": (["bench", "light", "--out", "no/where"], "report.fidelity.run"),
+    "bench_light_into_file": (["bench", "light", "--out", "good.npz"], "report.fidelity.run"),
+    "bench_light_into_unwritable": (["bench", "light", "--out", "/proc"], "report.fidelity.run"),
+    "bench_light_rewrites_nothing": (["bench", "light", "--write"], "report.fidelity.run"),
+    "bench_report_into_unwritable": (
+        ["bench", "report", "--quick", "--out", "/proc"],
+        "bench.report.run",
+    ),
+    "numbers_below_nothing": (
+        ["numbers", "--csv", "no/numbers.csv"],
+        "report.accuracy.cordic.measure",
+    ),
+    "numbers_rewrites_nothing": (["numbers", "--write"], "report.accuracy.cordic.measure"),
+    "cases_rewrites_nothing": (["cases", "--write"], "cases.page.measure"),
+    "budget_below_nothing": (["budget", "--csv", "no/budget.csv"], "scene.plan.plan"),
+    "mirror_below_nothing": (["mirror", "--out", "no/mirror.csv"], "report.mirror.simulate"),
+    "mirror_onto_its_picture": (["mirror", "--out", "mirror.png"], "report.mirror.simulate"),
+    "board_below_file": (["board", "--port-file", "good.npz/port"], "board.build"),
+    "board_into_unwritable": (["board", "--port-file", "/proc/port"], "board.build"),
+}
+
+
+@pytest.mark.parametrize("case", NOWHERE)
+def test_what_cannot_be_written_is_told_before_the_work(
+    folder: Path,
+    case: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    arguments, work = NOWHERE[case]
+
+    def began(*_: object, **__: object) -> None:
+        raise AssertionError(f"{work} began")
+
+    monkeypatch.setattr(f"vrscan.{work}", began)
+    if "--write" in arguments:
+        for module in ("tools", "cases.page"):
+            monkeypatch.setattr(
+                f"vrscan.{module}.repository_root", lambda: folder / "root", raising=False
+            )
+    before = sorted(folder.rglob("*"))
+    monkeypatch.setattr(sys, "argv", ["vrscan", *arguments])
+    with pytest.raises(SystemExit) as caught:
+        cli.main()
+    error = capsys.readouterr().err
+    assert caught.value.code == 2
+    assert error.startswith("vrscan: ") and error.count("\n") == 1, error
+    assert sorted(folder.rglob("*")) == before
+
+
 def start(*arguments: str) -> subprocess.Popen[str]:
     environment = {"PYTHONPATH": str(repository_root() / "model")}
     return subprocess.Popen(

@@ -29,7 +29,7 @@ from vrscan.config import Config
 from vrscan.engines import Engine
 from vrscan.errors import InputError
 from vrscan.link.cli import link
-from vrscan.points import atomic_file, write_csv, write_ply
+from vrscan.points import atomic_file, check_writable, write_csv, write_ply
 from vrscan.registers import Registers
 from vrscan.table import Table
 
@@ -194,15 +194,19 @@ def bench_light(
         raise InputError(f"--write: needs all scenes ({', '.join(scenes)} given)")
     settings = _settings(config)
     chosen = scenes or list(shipped())
-    with _bar("light", len(chosen)) as progress:
-        rows = report.run(chosen, count, settings, progress)
+    for path in report.pages(repository_root()) if write else ():
+        check_writable(path)
     folder = build_folder() / "light" if out is None else out
-    folder.mkdir(parents=True, exist_ok=True)
-    with atomic_file(folder / "fidelity.csv") as file:
-        report.write_csv(rows, file)
-    with atomic_file(folder / "fidelity.png") as file:
-        report.picture(rows, file)
-    _console().print(report.table(rows))
+    with (
+        _folder(folder),
+        atomic_file(folder / "fidelity.csv") as csv,
+        atomic_file(folder / "fidelity.png") as png,
+    ):
+        with _bar("light", len(chosen)) as progress:
+            rows = report.run(chosen, count, settings, progress)
+        _console().print(report.table(rows))
+        report.write_csv(rows, csv)
+        report.picture(rows, png)
     _console().print(f"{folder}: fidelity.csv, fidelity.png", highlight=False)
     for path in report.write_pages(rows, repository_root()) if write else ():
         _console().print(f"{path}: rewritten", highlight=False)
@@ -239,14 +243,16 @@ def bench_report(
     folder = build_folder() / "report" if out is None else out
     total, known = len(report.cells(order)), 0
     try:
-        with _folder(folder), _bar("cells", total) as progress:
+        with _folder(folder):
+            check_writable(folder / report.INDEX)
+            with _bar("cells", total) as progress:
 
-            def tell(done: int) -> None:
-                nonlocal known
-                known = done
-                progress(done)
+                def tell(done: int) -> None:
+                    nonlocal known
+                    known = done
+                    progress(done)
 
-            report.make(order, folder, scheduler=scheduler, jobs=jobs, progress=tell)
+                report.make(order, folder, scheduler=scheduler, jobs=jobs, progress=tell)
     except KeyboardInterrupt:
         text = f"interrupted; {known} of {total} cells are kept, the same command goes on there"
         print(f"vrscan: {text}", file=sys.stderr)
@@ -327,6 +333,8 @@ def mirror(
         raise InputError(f"--drop: must be 0 for none, or 2 or more ({drop})")
     if seconds is not None:
         _check_range("--seconds", seconds, 0.001, MOST_SECONDS)
+    if out.suffix == ".png":
+        raise InputError(f"{out}: is the picture's name; the table needs another, as mirror.csv")
     events = report.Events(drift_hz=drift, shock_rad_per_s=shock, drop_every=drop)
     if recording is not None:
         if events.any or jitter_ns is not None:
@@ -392,13 +400,15 @@ def board(
         settings = settings.model_copy(update={"clock": clock})
     if seconds is not None:
         _check_range("--seconds", seconds, 1e-6, 1e6)
+    where = build_folder() / "board" / "port" if port is None else port
     renderer(load(scene), settings)  # complains before there is a bar, or a build
+    virtual.make_folder(where)
     virtual.build(settings)
     with _bar("scene", ANGLES) as progress:
         words = virtual.command(
             scene,
             settings,
-            build_folder() / "board" / "port" if port is None else port,
+            where,
             swinging=swinging,
             seconds=seconds,
             real_time=real_time,
@@ -551,16 +561,18 @@ def numbers(
     if not chosen:
         names = ", ".join(stage.name for stage in stages)
         raise InputError(f"--only: nothing begins with {only!r}; there are {names}")
-    figures = []
-    for stage in chosen:
-        with _bar(stage.name, stage.steps) as progress:
-            figures += stage.run(progress)
-            progress(stage.steps)
-    _console().print(report.table(figures))
+    for path in report.pages(repository_root()) if write else ():
+        check_writable(path)
     if out is None:
         out = build_folder() / "numbers" / "numbers.csv"
         out.parent.mkdir(exist_ok=True)
+    figures = []
     with atomic_file(out) as file:
+        for stage in chosen:
+            with _bar(stage.name, stage.steps) as progress:
+                figures += stage.run(progress)
+                progress(stage.steps)
+        _console().print(report.table(figures))
         report.write_csv(figures, file)
     for path in report.write_pages(figures, repository_root()) if write else ():
         _console().print(f"{path}: tables rewritten", highlight=False)

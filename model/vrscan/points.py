@@ -172,14 +172,7 @@ def atomic_file(path: Path) -> Iterator[BinaryIO]:
     Raises:
         InputError: if the folder is missing or unwritable, or ``path`` is no regular file.
     """
-    if path.exists() and not path.is_file():
-        raise InputError(f"{path}: not a regular file")
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: no such folder ({path.parent})")
-    try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    except OSError as error:
-        raise InputError(f"{path}: cannot write ({error.strerror})") from error
+    handle, name = _beside(path)
     try:
         with os.fdopen(handle, "wb") as file:
             yield file
@@ -194,6 +187,29 @@ def atomic_file(path: Path) -> Iterator[BinaryIO]:
     finally:
         with contextlib.suppress(FileNotFoundError):
             os.unlink(name)
+
+
+def check_writable(path: Path) -> None:
+    """See that ``atomic_file`` would open a file, before the work whose result goes there.
+
+    Raises:
+        InputError: as ``atomic_file``.
+    """
+    handle, name = _beside(path)
+    os.close(handle)
+    os.unlink(name)
+
+
+def _beside(path: Path) -> tuple[int, str]:
+    """Return descriptor and name of a new file in the folder of another one."""
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path}: not a regular file")
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: no such folder ({path.parent})")
+    try:
+        return tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    except OSError as error:
+        raise InputError(f"{path}: cannot write ({error.strerror})") from error
 
 
 def write_csv(result: Table, file: BinaryIO) -> None:
