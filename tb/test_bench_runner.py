@@ -1,8 +1,13 @@
 """The runner of the benchmark: what is kept, what is done again, and who does it."""
 
 import json
+import os
+import signal
 import socket
+import subprocess
+import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -16,6 +21,7 @@ from vrscan.bench.cells import Cell, plain
 from vrscan.bench.keep import Keep
 from vrscan.config import Config
 from vrscan.errors import InputError
+from vrscan.tools import repository_root
 
 SEED = 11
 NOTED = "bench_work:noted"
@@ -111,6 +117,30 @@ def test_a_run_that_ended_early_goes_on_where_it_was(tmp_path: Path, keep: Keep)
     stop.unlink()
     assert [f["square"] for f in runner.run(wanted, keep, jobs=1)] == [1, 4, 9]
     assert marks(tmp_path).count(1) == 1
+
+
+def test_an_interrupt_while_processes_start_is_one_line(tmp_path: Path) -> None:
+    """It goes to all of them, as from a terminal."""
+    out = tmp_path / "page"
+    words = [sys.executable, "-m", "vrscan", "bench", "report", "--quick", "--jobs", "2"]
+    with subprocess.Popen(
+        [*words, "--seed", str(time.time_ns() % 2**32), "--out", str(out)],
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=repository_root(),
+        start_new_session=True,
+    ) as running:
+        assert running.stderr is not None
+        children = Path(f"/proc/{running.pid}/task/{running.pid}/children")
+        while running.poll() is None and len(children.read_text().split()) < 3:  # one tracks others
+            time.sleep(0.001)
+        os.killpg(running.pid, signal.SIGINT)
+        said = running.stderr.read()
+    assert running.returncode == cli.EXIT_INTERRUPTED, said
+    assert "Traceback" not in said, said
+    (line,) = (x for x in said.splitlines() if x.startswith("vrscan:"))
+    assert "kept" in line
+    assert not out.exists()
 
 
 @pytest.mark.parametrize("text", ["", '{"figures": ', "[]", '{"figures": 3}', '{"work": "x"}'])

@@ -1,9 +1,12 @@
 """Bad input at the command: one line on the error stream, status 2, nothing left behind."""
 
+import re
 import signal
 import subprocess
 import sys
 import time
+import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -164,10 +167,10 @@ def test_what_cannot_be_written_is_told_before_the_work(
     assert sorted(folder.rglob("*")) == before
 
 
-def start(*arguments: str) -> subprocess.Popen[str]:
+def start(*arguments: str, options: Sequence[str] = ()) -> subprocess.Popen[str]:
     environment = {"PYTHONPATH": str(repository_root() / "model")}
     return subprocess.Popen(
-        [sys.executable, "-m", "vrscan.cli", *arguments],
+        [sys.executable, *options, "-m", "vrscan", *arguments],
         env=environment,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -183,6 +186,40 @@ def test_the_process_says_one_line_and_ends_with_two(folder: Path) -> None:
     assert err == "vrscan: none.npy: No such file or directory\n"
 
 
+# What Python says it has imported when the interrupt comes, from the start into the command.
+MOMENTS = (
+    "csv",
+    "numpy",
+    "pydantic",
+    "vrscan.engines",
+    "vrscan.cli",
+    "matplotlib",
+    "vrscan.scene.simulate",
+)
+
+
+@pytest.mark.parametrize("moment", MOMENTS)
+def test_an_interrupt_while_it_starts_is_one_line(folder: Path, moment: str) -> None:
+    arguments = ["scan", "--out", "scan", "--lines", "200000", *IDEAL]
+    with start(*arguments, options=["-X", "importtime"]) as process:
+        assert process.stderr is not None
+        imported = re.compile(rf"\|\s+({moment})$")
+        assert any(imported.search(line.rstrip()) for line in process.stderr), "not imported"
+        process.send_signal(signal.SIGINT)
+        rest = [x for x in process.stderr if not x.startswith("import time:")]
+    assert process.returncode == 130, rest
+    assert "".join(rest).strip() == "vrscan: interrupted"
+    assert not (folder / "scan").exists()
+
+
+def test_the_version_is_the_packages(folder: Path) -> None:
+    described = tomllib.loads((repository_root() / "pyproject.toml").read_text())
+    with start("--version") as process:
+        out, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (0, "")
+    assert out == f"vrscan {described['project']['version']}\n"
+
+
 @pytest.mark.parametrize(("signum", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
 def test_an_interrupted_scan_leaves_nothing(
     folder: Path, signum: signal.Signals, status: int
@@ -195,4 +232,5 @@ def test_an_interrupted_scan_leaves_nothing(
     _, err = process.communicate(timeout=60)
     assert process.returncode == status, err
     assert "Traceback" not in err
+    assert err.count("vrscan: ") == (signum == signal.SIGINT)
     assert not (folder / "scan").exists()

@@ -7,6 +7,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
+from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -27,7 +28,13 @@ from vrscan import engines, lines
 from vrscan.cases.cli import cases
 from vrscan.config import Config
 from vrscan.engines import Engine
-from vrscan.errors import InputError
+from vrscan.errors import (
+    EXIT_BAD_INPUT,
+    EXIT_INTERRUPTED,
+    EXIT_TERMINATED,
+    InputError,
+    InterruptError,
+)
 from vrscan.link.cli import link
 from vrscan.points import atomic_file, check_writable, write_csv, write_ply
 from vrscan.registers import Registers
@@ -38,7 +45,6 @@ if TYPE_CHECKING:
     from vrscan.scene.light import Light
     from vrscan.scene.plan import Plan
 
-EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_TERMINATED = 2, 130, 143
 MOST_LINES = 1_000_000
 MOST_SECONDS = 60.0  # of mirror time; one takes half a minute
 
@@ -56,6 +62,24 @@ app.add_typer(bench, name="bench")
 
 app.add_typer(link, name="link")
 app.command()(cases)
+
+
+def _version(wanted: bool) -> None:
+    """Print the version and end."""
+    if wanted:
+        print(f"vrscan {metadata.version('vrscan')}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Print it and end."),
+    ] = False,
+) -> None:
+    """Take the options that belong to no command."""
+
 
 SceneArgument = Annotated[
     str, typer.Argument(help="One of the shipped scenes, or FILE.toml; none shows the default.")
@@ -254,9 +278,9 @@ def bench_report(
 
                 report.make(order, folder, scheduler=scheduler, jobs=jobs, progress=tell)
     except KeyboardInterrupt:
-        text = f"interrupted; {known} of {total} cells are kept, the same command goes on there"
-        print(f"vrscan: {text}", file=sys.stderr)
-        raise typer.Exit(EXIT_INTERRUPTED) from None
+        raise InterruptError(
+            f"interrupted; {known} of {total} cells are kept, the same command goes on there"
+        ) from None
     _console().print(f"{folder / report.INDEX}: {total} cells", highlight=False, soft_wrap=True)
 
 
@@ -681,8 +705,13 @@ def main() -> None:
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(EXIT_TERMINATED))  # so that files are tidied
     try:
         status = app(sys.argv[1:] or ["--help"], prog_name="vrscan", standalone_mode=False)
+        if status == EXIT_INTERRUPTED:
+            _complain("interrupted")
     except InputError as error:
         status = _complain(str(error))
+    except InterruptError as error:
+        _complain(str(error))
+        status = EXIT_INTERRUPTED
     except typer.TyperException as error:  # an unknown option, a missing argument
         text = error.format_message().replace("Value error, ", "")
         if isinstance(error.__cause__, ValidationError):
@@ -695,7 +724,3 @@ def _complain(text: str) -> int:
     """Print one line on the error stream and return the exit status."""
     print(f"vrscan: {' '.join(text.split())}", file=sys.stderr)
     return EXIT_BAD_INPUT
-
-
-if __name__ == "__main__":
-    main()
