@@ -374,7 +374,8 @@ def mirror(
     with atomic_file(out) as csv, atomic_file(out.with_suffix(".png")) as png:
         start = report.START_S + settings.mirror.sweep_span_hz / settings.mirror.sweep_hz_per_s
         whole = length if recording is not None else length + start
-        with _bar("mirror time, us", round(1e6 * whole)) as progress:
+        what = "recorded edges" if recording is not None else "start and run"
+        with _bar(f"{what}, us of mirror time", round(1e6 * whole)) as progress:
             if recording is not None:
                 run = report.replay(settings, rows, amplitude, length, progress)
             else:
