@@ -122,7 +122,7 @@ def _closure(work: str) -> tuple[dict[str, Path], frozenset[str]]:
     waiting = [first]
     while waiting:
         name = waiting.pop()
-        for each in {name.rpartition(".")[0], *_imported(found[name])} - found.keys():
+        for each in {name.rpartition(".")[0] or name, *_imported(found[name])} - found.keys():
             if each.partition(".")[0] != _PACKAGE.name:
                 libraries.add(each.partition(".")[0])
             elif (file := _file(each)) is not None:

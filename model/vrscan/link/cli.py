@@ -174,7 +174,7 @@ def capture(
         device = stack.enter_context(_device(port, baud, timeout))
         stack.enter_context(_running(device, start))
         found = _captured(device, count, every, line, peak)
-        dark = "" if any(map(_has_peak, found)) else device.darkness()
+        note = "" if any(map(_has_peak, found)) else _why_dark(device)
         settings = report.threshold_settings(device)
         if file is not None:
             report.write_captures(kind, file, found, settings, device.build.pixel_width)
@@ -185,8 +185,8 @@ def capture(
             console.print(report.capture_text(each, console.width), highlight=False)
     else:
         console.print(f"{out}: {len(found)} lines", highlight=False)
-    if dark:
-        print(f"vrscan: no peak: {dark} (--start starts all)", file=sys.stderr)
+    if note:
+        print(f"vrscan: no peak: {note}", file=sys.stderr)
 
 
 @link.command()
@@ -227,14 +227,14 @@ def points(
             taken = device.least_step(full) if step is None else step
             with device.stream(full, taken) as stream:
                 found = _recorded(device, stream, count, seconds)
-            dark = "" if records.measured(found).any() else device.darkness()
+            note = "" if records.measured(found).any() else _why_dark(device)
         account = stream.account
         report.write_points(kind, file, found, full, taken, device.build, account)
     which = "every line" if taken == 1 else f"one line in {taken}"
     print(f"{out}: {len(found)} points in the file, of {which}")
     print(account)
-    if dark:
-        print(f"vrscan: no peak: {dark} (--start starts all)", file=sys.stderr)
+    if note:
+        print(f"vrscan: no peak: {note}", file=sys.stderr)
     if account.lost and not allow_loss:
         print(f"vrscan: {out}: points were lost", file=sys.stderr)
         raise typer.Exit(1)
@@ -500,9 +500,13 @@ def _captured(
 
 def _no_peak(device: "Device") -> InputError:
     """Return the complaint of having waited for a peak for long enough."""
+    return InputError(f"--peak: none in {MOST_DARK} lines: {_why_dark(device)}")
+
+
+def _why_dark(device: "Device") -> str:
+    """Return why there is no peak."""
     reason = device.darkness()
-    why = f"{reason} (--start starts all)" if reason else "nothing reflects the laser"
-    return InputError(f"--peak: none in {MOST_DARK} lines: {why}")
+    return f"{reason} (--start starts all)" if reason else "nothing is seen in the laser's light"
 
 
 def _recorded(

@@ -767,7 +767,9 @@ class Device:
                 if mode == link_pkg.CAPTURE_LINE:
                     raise LinkError(f"{self.port}: line {argument} came with packets missing")
                 self._capture(lines, mode, argument)
-        raise NoAnswerError(f"{self.port}: no line came within {limit:g} s")
+        reason = self.darkness()
+        why = f" ({reason})" if reason else ""
+        raise NoAnswerError(f"{self.port}: no line came within {limit:g} s{why}")
 
     @contextlib.contextmanager
     def captured(self, mode: int, argument: int = 0) -> Iterator[CaptureStream]:
