@@ -17,7 +17,10 @@ export PYTHON ?= python3
 SCENE := default
 BOARD := ulx3s
 
-.PHONY: help setup simulate scan test board mutate numbers bench lint formal timing bitstream \
+# Tests that share a fixture stay together.
+PYTEST_JOBS := --numprocesses auto --dist loadgroup
+
+.PHONY: help setup simulate scan test soak board mutate numbers bench lint formal timing bitstream \
   clean distclean
 
 help: ## list these targets
@@ -38,7 +41,10 @@ scan: setup ## run the default scene through the RTL: points, picture and error 
 	@$(BIN)/vrscan scan --out $(BUILD)/scan
 
 test: simulate ## run every test; ARGS="-k divide" picks some
-	@$(BIN)/pytest --numprocesses auto --dist worksteal $(ARGS)
+	@$(BIN)/pytest $(PYTEST_JOBS) $(ARGS)
+
+soak: simulate ## run the long tests: more random data, a million bytes, every scene in full
+	@$(BIN)/pytest $(PYTEST_JOBS) -m soak $(ARGS)
 
 board: simulate ## simulate a board with a serial port, until stopped; SCENE=corner picks what it sees
 	@$(BIN)/vrscan board $(SCENE) $(ARGS)

@@ -1,4 +1,8 @@
-"""A board made of the twins, on a pty: real frames, real registers, and a line that can be bad."""
+"""A board made of the twins, on a pty: real frames, real registers, and a line that can be bad.
+
+Commands are executed by the twin. Frames and packets are put together here as docs/link.md has them
+and not by ``vrscan.link``, which is what reads them.
+"""
 
 import contextlib
 import os
@@ -10,10 +14,12 @@ import threading
 import time
 import tty
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from frame_oracle import frame
 
 from vrscan.arrays import Pixels
 from vrscan.fixed import link_pkg
@@ -22,13 +28,37 @@ from vrscan.fixed.frame_decoder import FrameDecoder, Status
 from vrscan.fixed.point_packer import most_records
 from vrscan.fixed.register_file import RegisterFile
 from vrscan.link import records
-from vrscan.link.protocol import encode_frame
 from vrscan.link.records import Records
 
 CLOCK_HZ = 100_000_000
 LINE_LENGTH = 1024
-CAPTURES = (link_pkg.STREAM_CAPTURE_PIXELS, link_pkg.STREAM_CAPTURE_RECORD)
 MOST_DUE = 100.0  # lines that are made at once, where the machine is busy
+
+# Packets and records, byte by byte.
+COMPACT_POINTS, FULL_POINTS, PIXELS, LAST = 0x40, 0x41, 0x48, 0x49
+CHUNK = 100  # pixels
+FULL_RECORD = struct.Struct("<I4H4I2H4i2H2BH2BHI")
+FIELDS = (
+    "line", "flags", "left", "right", "maximum", "row_mean", "row_variance", "background", "noise",
+    "snr", "sigma", "position", "angle", "x", "z", "sigma_z", "power", "c_obj", "c_sfm", "width",
+    "confidence", "bits", "lost", "time",
+)  # fmt: skip
+GATHERED = {1: 0x0047, 2: 0x0008, 3: 0x0010, 4: 0x0020, 5: 0x0600, 6: 0xE000, 7: 0x1800}
+NO_RANGE = 0x0200
+
+
+def full_bytes(record: np.void) -> bytes:
+    """Return a full record's 64 bytes."""
+    return FULL_RECORD.pack(*(int(record[name]) for name in FIELDS))
+
+
+def compact_bytes(record: np.void) -> bytes:
+    """Return a compact record's 8 bytes."""
+    flags = int(record["flags"])
+    bits = int(record["bits"]) & 1 if not flags & NO_RANGE else 0
+    bits |= sum(1 << bit for bit, mask in GATHERED.items() if flags & mask)
+    place = (int(record[name]).to_bytes(3, "little", signed=True) for name in ("x", "z"))
+    return b"".join(place) + bytes([record["c_obj"], bits])
 
 
 @dataclass
@@ -62,6 +92,7 @@ class FakeBoard:
         faults: Of the line.
         file: The registers.
         lines_per_s: While lines run and their records are given.
+        clocks: Says how many have passed since the reset.
         executed: How often a command of each first byte was.
         room: Packets that may wait; points beyond are dropped.
         silent_lines: Lines that give no record.
@@ -79,14 +110,15 @@ class FakeBoard:
         self._random = random.Random(seed)
         self._stop = threading.Event()
         self._master = self._slave = -1
-        self._start = time.monotonic()
-        self._decoder = FrameDecoder(link_pkg.MAX_PAYLOAD)
+        start = time.monotonic()
+        self.clocks: Callable[[], int] = lambda: int((time.monotonic() - start) * CLOCK_HZ)
+        self._decoder = FrameDecoder(256)
         self._payload = bytearray()
         self._line = 1000  # the next one
         self._due = 0.0  # lines that have not been made yet
         self._streaming: tuple[bool, int] | None = None
         self._sequence = self._dropped = 0
-        self._batch: list[Records] = []
+        self._batch: list[np.void] = []
         self._capture: tuple[int, int] | None = None
         self._capture_sequence = 0
         self._packets: deque[bytes] = deque()
@@ -150,7 +182,7 @@ class FakeBoard:
 
     def _send(self, payload: bytes) -> None:
         if not self.faults.silent:
-            self._write(self._spoiled(encode_frame(payload)))
+            self._write(self._spoiled(frame(payload)))
 
     def send_raw(self, data: bytes) -> None:
         """Send bytes that are no frame."""
@@ -228,9 +260,9 @@ class FakeBoard:
 
     def _execute(self, payload: bytes) -> Outcome:
         self.executed[payload[0]] = self.executed.get(payload[0], 0) + 1
-        sent = not any(packet[0] in CAPTURES for packet in self._packets)
+        sent = not any(packet[0] in (PIXELS, LAST) for packet in self._packets)
         self.file.inputs["capture_busy"] = int(self._capture is not None or not sent)
-        self.file.inputs["uptime"] = int((time.monotonic() - self._start) * CLOCK_HZ)
+        self.file.inputs["uptime"] = self.clocks()
         run = execute(payload, self._capture is not None)
         try:
             access = next(run)
@@ -304,18 +336,13 @@ class FakeBoard:
             self._batch = []
             return
         full, step = self._streaming
-        batch = np.array(self._batch, records.FULL)
-        self._batch = []
-        kind = link_pkg.STREAM_POINTS_FULL if full else link_pkg.STREAM_POINTS_COMPACT
-        first = int(batch["line"][0])
+        batch, self._batch = self._batch, []
+        kind, encode = (FULL_POINTS, full_bytes) if full else (COMPACT_POINTS, compact_bytes)
         header = struct.pack(
-            "<BBBBIH", kind, self._sequence, len(batch), step, first, self._dropped
+            "<BBBBIH", kind, self._sequence, len(batch), step, int(batch[0]["line"]), self._dropped
         )
         self._sequence = (self._sequence + 1) & 0xFF
-        data = (
-            records.encode_full(batch) if full else records.encode_compact(records.compact(batch))
-        )
-        self._packets.append(header + data)
+        self._packets.append(header + b"".join(map(encode, batch)))
 
     def _captured(self, line: int, pixels: Pixels, record: np.void) -> None:
         assert self._capture is not None
@@ -326,15 +353,12 @@ class FakeBoard:
             return
         if mode != link_pkg.CAPTURE_EVERY:
             self._capture = None
-        size = link_pkg.CAPTURE_CHUNK
-        for chunk in range(-(-len(pixels) // size)):
-            part = pixels[chunk * size : (chunk + 1) * size].astype("<u2")
-            head = struct.pack(
-                "<BBBBI", link_pkg.STREAM_CAPTURE_PIXELS, self._tick(), chunk, len(part), line
-            )
+        for chunk in range(-(-len(pixels) // CHUNK)):
+            part = pixels[chunk * CHUNK : (chunk + 1) * CHUNK].astype("<u2")
+            head = struct.pack("<BBBBI", PIXELS, self._tick(), chunk, len(part), line)
             self._packets.append(head + part.tobytes())
-        head = struct.pack("<BBBBI", link_pkg.STREAM_CAPTURE_RECORD, self._tick(), 0, 0, line)
-        self._packets.append(head + np.array([record], records.FULL).tobytes())
+        head = struct.pack("<BBBBI", LAST, self._tick(), 0, 0, line)
+        self._packets.append(head + full_bytes(record))
 
     def _tick(self) -> int:
         sequence = self._capture_sequence

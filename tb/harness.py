@@ -10,11 +10,14 @@ import hashlib
 import json
 import os
 import random
+import shlex
+import subprocess
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import cocotb
 import numpy as np
+import pytest
 from cocotb.clock import Clock
 from cocotb.handle import LogicArrayObject, LogicObject
 from cocotb.triggers import FallingEdge, ReadOnly, RisingEdge
@@ -31,16 +34,81 @@ from vrscan.tools import (
 )
 
 CLOCK_NS = 8
+# A test of RTL whose cocotb tests ask ``rounds`` comes in both volumes, the long one in make soak.
+EACH_VOLUME = pytest.mark.parametrize(
+    "volume", ["short", pytest.param("long", marks=pytest.mark.soak)]
+)
 SEED = 20100301  # printed by every simulation; one seed for all random data
 
 
+# Simulations are short and cocotb takes most of their time, so a quick compilation is worth more
+# than quick code; Verilator's runtime is compiled once, and well.
+_MODEL_FLAGS = "-O1"
+_RUNTIME_FLAGS = "-O2"
+_RUNTIME_PARTS = ("verilated", "verilated_dpi", "verilated_threads", "verilated_vpi")
+
+
 class _Verilator(Verilator):
-    """Verilator with only the top level's own signals visible, and a warning as an error."""
+    """Verilator with only the top level's own signals visible, and a warning as an error.
+
+    What every model shares comes ready from ``runtime``: Verilator's runtime as an archive, and
+    its headers compiled.
+    """
+
+    def __init__(self, runtime: Path) -> None:
+        super().__init__()
+        self._runtime = runtime
 
     def _build_command(self) -> list[list[str]]:
         verilate, make = super()._build_command()
         verilate.remove("--public-flat-rw")
-        return [verilate, make]
+        shared = (
+            f"OPT_FAST={_MODEL_FLAGS}",
+            f"OPT_SLOW={_MODEL_FLAGS}",
+            f"USER_CPPFLAGS=-include {self._runtime / 'runtime.h'}",
+            "VK_GLOBAL_OBJS=",
+            f"LOADLIBES={self._runtime / 'runtime.a'}",
+        )
+        return [verilate, [*make, *shared]]
+
+
+def _runtime(environment: Mapping[str, str]) -> Path:
+    """Return the folder of the runtime that all models share, built if it is missing.
+
+    Raises:
+        RuntimeError: if the compiler fails.
+    """
+    include = Path(environment["VERILATOR_ROOT"]) / "include"
+    compiler = shlex.split(environment.get("CXX", "c++"))
+    version = subprocess.run([*compiler, "--version"], capture_output=True, check=True).stdout
+    digest = hashlib.sha256(repr((_MODEL_FLAGS, _RUNTIME_FLAGS, str(include))).encode() + version)
+    digest.update(Path(__file__).read_bytes())
+    folder = build_folder() / "sim" / f"runtime_{digest.hexdigest()[:10]}"
+    folder.mkdir(parents=True, exist_ok=True)
+    done = folder / "done"
+    with FileLock(folder / "lock"):
+        if done.exists():
+            return folder
+        # As verilated.mk has them: a compiled header counts only with the flags it was made with.
+        switches = ("COVERAGE", "SC", "TIMING", "TRACE", "TRACE_FST", "TRACE_VCD", "TRACE_SAIF")
+        common = [f"-I{include}", f"-I{include / 'vltstd'}", *(f"-DVM_{s}=0" for s in switches)]
+        header = folder / "runtime.h"
+        names = ("verilated.h", "verilated_dpi.h", "verilated_vpi.h", "memory", "string")
+        header.write_text("".join(f"#include <{name}>\n" for name in names))
+        to_header = ["-x", "c++-header", str(header), "-o", f"{header}.gch"]
+        commands = [[*compiler, *common, _MODEL_FLAGS, *to_header]]
+        objects = [folder / f"{part}.o" for part in _RUNTIME_PARTS]
+        for part, target in zip(_RUNTIME_PARTS, objects, strict=True):
+            source = str(include / f"{part}.cpp")
+            commands.append([*compiler, *common, _RUNTIME_FLAGS, "-c", source, "-o", str(target)])
+        archive = folder / "runtime.a"
+        commands.append(["ar", "rcs", str(archive), *map(str, objects)])
+        for command in commands:
+            made = subprocess.run(command, capture_output=True, text=True, check=False)
+            if made.returncode:
+                raise RuntimeError(f"{' '.join(command)}\n{made.stderr[-4000:]}")
+        done.touch()
+    return folder
 
 
 @contextlib.contextmanager
@@ -69,6 +137,7 @@ def simulate(
     *,
     sources: Sequence[Path] | None = None,
     visible: Sequence[tuple[str, str]] = (),
+    volume: str = "short",
 ) -> None:
     """Build ``module`` with ``parameters`` and run every cocotb test of ``test_file`` on it.
 
@@ -79,6 +148,7 @@ def simulate(
             ``parameters()``, so no number is stated twice.
         sources: Extra SystemVerilog files, before those of ``rtl/``.
         visible: (module, signal) pairs below the top that the tests read.
+        volume: Which of the numbers of ``rounds`` holds, "short" or "long".
 
     Raises:
         RuntimeError: if the build or a test fails.
@@ -103,7 +173,7 @@ def simulate(
     device = devices / f"{module}.sv"
     libraries = [part for place in [*rtl_folders(), devices] for part in ("-y", str(place))]
     with _environment(environment), FileLock(folder / "lock"):
-        runner = _Verilator()
+        runner = _Verilator(_runtime(environment))
         _build(
             runner,
             sources=[
@@ -125,13 +195,24 @@ def simulate(
             test_dir=folder,
             results_xml=str(folder / "results.xml"),
             seed=SEED,
-            extra_env={"PYTHONPATH": path, "VRSCAN_PARAMETERS": json.dumps(parameters)},
+            extra_env={
+                "PYTHONPATH": path,
+                "VRSCAN_PARAMETERS": json.dumps(parameters),
+                "VRSCAN_VOLUME": volume,
+                # Of all files, numpy's too, it would rewrite the assertions.
+                "COCOTB_REWRITE_ASSERTION_FILES": "test_*.py harness.py",
+            },
         )
 
 
 def parameters() -> dict[str, int]:
     """Return the parameters of the running elaboration (inside the simulator)."""
     return json.loads(os.environ["VRSCAN_PARAMETERS"])
+
+
+def rounds(short: int, long: int) -> int:
+    """Return how often something random is tried in the running volume (inside the simulator)."""
+    return {"short": short, "long": long}[os.environ["VRSCAN_VOLUME"]]
 
 
 def generator(salt: int = 0) -> np.random.Generator:
@@ -155,12 +236,13 @@ async def reset(dut) -> None:
     dut.rst_i.value = 0
 
 
-def as_integer(handle, *, signed: bool) -> int:
+def as_integer(handle, *, signed: bool = False) -> int:
     """Return the value of a port as an integer."""
-    value = handle.value
-    if isinstance(handle, LogicObject):
-        return int(value)
-    return value.to_signed() if signed else value.to_unsigned()
+    # As handle.value does, but without an array of four-state bits in between, which Verilator does
+    # not have and which takes six times as long.
+    bits = handle._handle.get_signal_val_binstr()
+    value = int(bits, 2)
+    return value - (1 << len(bits)) if signed and bits[0] == "1" else value
 
 
 def drive(handle, value: int) -> None:
@@ -199,15 +281,21 @@ async def run_vectors(
     count = len(next(iter(inputs.values())))
     columns = {name: [int(v) for v in values] for name, values in inputs.items()}
     handles = {name: getattr(dut, name) for name in columns}
+    ports = {name: getattr(dut, name) for name in outputs}
+    edge, valid_i, valid_o = FallingEdge(dut.clk_i), dut.valid_i, dut.valid_o
     results: dict[str, list[int]] = {name: [] for name in outputs}
     due: list[int] = []
     cycle = 0
     sent = 0
     wait = 0
-    while len(results[next(iter(outputs))]) < count:
+    before = None
+    first = next(iter(results.values()))
+    while len(first) < count:
         # At the falling edge the inputs change; the outputs are those of the last rising edge.
         valid = sent < count and wait == 0
-        dut.valid_i.value = int(valid)
+        if valid != before:
+            valid_i.value = int(valid)
+            before = valid
         if valid:
             for name, values in columns.items():
                 drive(handles[name], values[sent])
@@ -219,22 +307,22 @@ async def run_vectors(
             if gaps:
                 for name, handle in handles.items():
                     drive(handle, columns[name][chance.randrange(count)])
-        await FallingEdge(dut.clk_i)
+        await edge
         cycle += 1
         expected = bool(due) and due[0] == cycle
-        assert int(dut.valid_o.value) == expected, (
-            f"cycle {cycle}: valid_o is {int(dut.valid_o.value)}, want {int(expected)} "
-            f"(latency {latency})"
+        came = as_integer(valid_o)
+        assert came == expected, (
+            f"cycle {cycle}: valid_o is {came}, want {int(expected)} (latency {latency})"
         )
         if expected:
             due.pop(0)
             for name, signed in outputs.items():
-                results[name].append(as_integer(getattr(dut, name), signed=signed))
+                results[name].append(as_integer(ports[name], signed=signed))
     dut.valid_i.value = 0
     if count > 1:
         for age in range(1, latency + 2):
-            await FallingEdge(dut.clk_i)
-            assert dut.valid_o.value == 0, f"a second result, {age} clocks after the last one"
+            await edge
+            assert as_integer(valid_o) == 0, f"a second result, {age} clocks after the last one"
     return {name: _array(values) for name, values in results.items()}
 
 
@@ -348,12 +436,15 @@ class TwinBench(abc.ABC):
     async def clocks(self, count: int = 1, **inputs: int) -> None:
         """Go on by some clocks with these inputs."""
         self.give(**inputs)
+        edge = FallingEdge(self.dut.clk_i)
         for _ in range(count):
-            await FallingEdge(self.dut.clk_i)
+            await edge
             self.twin.step(**self.inputs)
             self.clock += 1
             self.check()
-            self.give(**dict.fromkeys(self.strobes, False))
+            for name in self.strobes:
+                if self.inputs[name]:
+                    self.give(**{name: False})
 
 
 def _array(values: list[int]) -> np.ndarray:
@@ -385,6 +476,7 @@ def assert_equal(
 
 __all__ = [
     "CLOCK_NS",
+    "EACH_VOLUME",
     "SEED",
     "FallingEdge",
     "ReadOnly",
@@ -398,6 +490,7 @@ __all__ = [
     "reset",
     "reset_at_every_age",
     "restart_at_every_age",
+    "rounds",
     "run_vectors",
     "simulate",
 ]

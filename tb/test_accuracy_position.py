@@ -19,8 +19,10 @@ def test_position_within_bound_and_limit(period_n: bool) -> None:
     """Every shape, pedestals to 95 % of full scale, and the worst windows there can be."""
     found = figures(period_n)
     print(*found, sep="\n")
+    assert len(found) == 8
+    assert sum(not np.isnan(figure.limit) for figure in found) == 7
     for figure in found:
-        assert figure.passes, figure
+        assert figure.judged and figure.passes, figure
 
 
 @pytest.mark.parametrize("period_n", [True, False])

@@ -5,7 +5,7 @@ import dataclasses
 import cocotb
 import numpy as np
 import pytest
-from harness import TwinBench, as_integer, drive, generator, reset, simulate
+from harness import EACH_VOLUME, TwinBench, as_integer, drive, generator, reset, rounds, simulate
 
 from vrscan.fixed import pkg
 from vrscan.fixed.amplitude_control import (
@@ -226,7 +226,7 @@ async def random_measurements_at_small_limits(dut) -> None:
     draw = generator(1)
     bench = await begin(dut)
     seen = set()
-    for _ in range(60):
+    for _ in range(rounds(25, 200)):
         await bench.start(small_settings(draw), state=SWEEP)
         await bench.clocks(1 + int(draw.integers(3)))
         bench.give(state=int(draw.choice([SETTLE, RUN])))
@@ -253,7 +253,7 @@ async def random_measurements_of_any_size(dut) -> None:
     """The widest words through all of the arithmetic."""
     draw = generator(2)
     bench = await begin(dut)
-    for _ in range(150):
+    for _ in range(rounds(60, 500)):
         await bench.start(wide_settings(draw), state=SWEEP)
         await bench.clocks(2)
         bench.give(state=RUN)
@@ -267,7 +267,7 @@ async def random_strobes_states_and_resets(dut) -> None:
     draw = generator(3)
     bench = await begin(dut)
     measured = 0
-    for _ in range(60):
+    for _ in range(rounds(40, 200)):
         settings = small_settings(draw)
         await bench.start(settings, state=int(draw.integers(5)), broken=True, acquired=True)
         for _ in range(30):
@@ -282,7 +282,7 @@ async def random_strobes_states_and_resets(dut) -> None:
             else:
                 await bench.clocks(clocks, **strobes)
             measured += clocks >= LATENCY
-    assert measured > 500
+    assert measured > rounds(300, 1500)
 
 
 @cocotb.test()
@@ -351,8 +351,9 @@ async def counts_of_255(dut) -> None:
         assert bench.twin.index_fault == (k < 254)
 
 
-def test_amplitude_control_rtl_equals_model() -> None:
-    simulate("amplitude_control", __file__)
+@EACH_VOLUME
+def test_amplitude_control_rtl_equals_model(volume: str) -> None:
+    simulate("amplitude_control", __file__, volume=volume)
 
 
 # ---- the model alone ----

@@ -5,6 +5,7 @@ They run on ``loopback``, which echoes bytes and sends a line of the sensor for 
 
 import contextlib
 import fcntl
+import itertools
 import os
 import select
 import signal
@@ -131,17 +132,26 @@ def test_every_byte_comes_back_in_order_while_the_board_sets_the_pace(board: Pro
 
 
 def test_a_host_that_writes_faster_has_to_wait(board: Process) -> None:
+    """The pty fills up, and what is in it goes at the line's own rate, by the board's clocks."""
+    a_byte = 10 * CLOCK_HZ // BAUD  # clocks
     with Host(board.port) as host:
         os.set_blocking(host.file, False)
-        sent, until = 0, board.clocks() + CLOCK_HZ
-        while board.clocks() < until:
-            with contextlib.suppress(BlockingIOError):
-                while True:
-                    sent += os.write(host.file, bytes(1000))
+        sent, begin = 0, board.status()
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                sent += os.write(host.file, bytes(1000))
+                assert sent < begin.from_host + 100_000
+        seen = [board.status()]  # now and then, of while there is something to take
+        while seen[-1].from_host < sent:
             time.sleep(0.001)
-        taken = board.status().from_host
-    assert taken >= 0.9 * BAUD / 10
-    assert sent - taken < 40_000  # in the pty, and since the status
+            seen.append(board.status())
+    for now in seen:
+        assert now.from_host <= (now.clocks - begin.clocks) / a_byte + 1, (begin, now)
+    busy = [now for now in seen if 0 < now.from_host < sent]
+    for first, last in itertools.pairwise(busy):
+        taken = last.from_host - first.from_host
+        assert abs(taken - (last.clocks - first.clocks) / a_byte) <= 2, (first, last)
+    print(f"{sent} bytes, {len({now.clocks for now in busy})} looks at them")
 
 
 @pytest.mark.parametrize("off", [-0.02, 0.02])

@@ -5,7 +5,16 @@ from dataclasses import replace
 import cocotb
 import numpy as np
 import pytest
-from harness import TwinBench, as_integer, generator, parameters, reset, simulate
+from harness import (
+    EACH_VOLUME,
+    TwinBench,
+    as_integer,
+    generator,
+    parameters,
+    reset,
+    rounds,
+    simulate,
+)
 
 from vrscan.fixed import pkg
 from vrscan.fixed.focus_control import (
@@ -145,21 +154,21 @@ class Bench(TwinBench):
             got, want = as_integer(handle, signed=signed), int(getattr(twin, name))
             assert got == want, f"clock {self.clock}: {name} {got}, want {want}, {self.inputs}"
         dut = self.dut
-        lows = bool(dut.focus_scl_low_o.value), bool(dut.focus_sda_low_o.value)
+        lows = as_integer(dut.focus_scl_low_o), as_integer(dut.focus_sda_low_o)
         assert lows == (twin.master.scl_low, twin.master.sda_low), f"clock {self.clock}: lines"
-        self.pulls = bool(dut.device_scl_low_o.value), bool(dut.device_sda_low_o.value)
+        self.pulls = as_integer(dut.device_scl_low_o), as_integer(dut.device_sda_low_o)
         if twin.master.valid:
             self.ends.append(twin.master.status)
 
     async def clocks(self, count: int = 1, **inputs: int) -> None:
         """Go on by some clocks with these inputs."""
         self.give(**inputs)
-        now, dut = self.inputs, self.dut
+        now, edge = self.inputs, self.dut.clk_i.falling_edge
         for _ in range(count):
             master = self.twin.master
             scl = not (master.scl_low or self.pulls[0] or now["other_scl_low"])
             sda = not (master.sda_low or self.pulls[1] or now["other_sda_low"])
-            await dut.clk_i.falling_edge
+            await edge
             self.twin.step(
                 valid=bool(now["valid"]),
                 measured=bool(now["measured"]),
@@ -174,7 +183,9 @@ class Bench(TwinBench):
             )
             self.clock += 1
             self.check()
-            self.give(**dict.fromkeys(self.strobes, 0))
+            for name in self.strobes:
+                if now[name]:
+                    self.give(**{name: 0})
 
     async def point(self, mm: float = 0.0, *, period: int = TARGET_LATENCY, **point: int) -> None:
         """Give a point and wait for the next one's time."""
@@ -397,6 +408,8 @@ async def it_does_not_hunt(dut) -> None:
 @cocotb.test()
 async def the_lens_follows_the_scene(dut) -> None:
     """Noisy points of three distances: sharp at each, and a write of the motor for each."""
+    if parameters()["CountWidth"] != 16:
+        return  # counters are no part of it
     bench = await begin(dut, 5, mode=Mode.AUTOMATIC, average_shift=4, hysteresis=14, hold=60)
     await bench.clocks(2000)
     assert bench.twin.state is State.WAIT
@@ -467,6 +480,8 @@ async def commands_in_their_time(dut) -> None:
 @cocotb.test()
 async def a_new_target_on_the_way(dut) -> None:
     """The position of a target that is gone is no matter; in_position falls a clock after it."""
+    if parameters()["CountWidth"] != 16:
+        return  # counters are no part of it
     bench = await begin(dut, 7)
     await bench.reach(300)
     bench.configure(manual=1500)
@@ -490,7 +505,7 @@ async def a_new_target_on_the_way(dut) -> None:
     assert bench.twin.in_position
     # At every place of a command.
     total = command_clocks(read=True, count=2, quarter=4) + 170
-    for age in range(0, total, 71):
+    for age in range(0, total, rounds(142, 17)):
         await bench.commands()
         bench.configure(manual=310 + age % 5)
         await bench.clocks(age)
@@ -503,6 +518,8 @@ async def a_new_target_on_the_way(dut) -> None:
 @cocotb.test()
 async def off_at_every_place(dut) -> None:
     """Off for a clock or more anywhere in a command: the old reply is nobody's, then it works."""
+    if parameters()["CountWidth"] != 16:
+        return  # counters are no part of it
     bench = await begin(dut, 8)
     await bench.reach(100)
     total = command_clocks(read=True, count=2, quarter=4) + 170
@@ -600,7 +617,7 @@ async def a_bus_that_recovers(dut) -> None:
     await bench.reach(50)
     # The control is reset while the device sends: it may hold SDA for ever.
     recovered = 0
-    for age in range(520, 1000, 29):
+    for age in range(520, 1000, rounds(58, 7)):
         await bench.commands()
         await bench.clocks(150)
         await bench.clocks(age)
@@ -611,7 +628,7 @@ async def a_bus_that_recovers(dut) -> None:
         assert abs(int(dut.position_o.value) - bench.twin.target) <= 1
         recovered += bench.twin.recovery_count
     print(f"{recovered} recoveries")
-    assert recovered > 3
+    assert recovered > rounds(1, 12)
     # SDA is low for the first few clocks of the recovery only: the command goes through.
     for clocks in (1, 4, 8):
         await bench.start()
@@ -628,7 +645,7 @@ async def a_bus_that_recovers(dut) -> None:
     # Another master takes the bus in the middle of a byte.
     await bench.start(retries=8)
     await bench.reach(50)
-    for age in range(200, 900, 23):
+    for age in range(200, 900, rounds(46, 5)):
         await bench.commands()
         await bench.clocks(age)
         await bench.clocks(45, other_sda_low=1)
@@ -636,7 +653,7 @@ async def a_bus_that_recovers(dut) -> None:
         await bench.commands(2)
         await bench.until(State.HOLD)
     lost = bench.ends.count(Status.ARBITRATION)
-    assert lost > 8
+    assert lost > rounds(4, 32)
     assert bench.twin.arbitration_count == min(lost, (1 << parameters()["CountWidth"]) - 1)
 
 
@@ -715,6 +732,8 @@ async def a_motor_in_trouble(dut) -> None:
 @cocotb.test()
 async def reset_mid_stream(dut) -> None:
     """At every age of a point, and in every state: nothing is left but the table."""
+    if parameters()["CountWidth"] != 16:
+        return  # counters are no part of it
     bench = await begin(dut, 12)
     for age in range(1, TARGET_LATENCY + 2):
         await bench.start(mode=Mode.AUTOMATIC, average_shift=0)
@@ -752,7 +771,7 @@ async def anything_at_any_time(dut) -> None:
     bench = await begin(dut, 13)
     draw = bench.draw
     states: set[State] = set()
-    for k in range(30):
+    for k in range(rounds(30, 120)):
         if k % 6 == 0:
             await bench.start(
                 quarter_clks=int(draw.integers(4, 6)),
@@ -809,6 +828,7 @@ def test_settings_that_do_not_fit() -> None:
                 replace(SETTINGS, **{name: value})
 
 
+@EACH_VOLUME
 @pytest.mark.parametrize("given", ELABORATIONS, ids=str)
-def test_focus_control_rtl_equals_model(given: dict[str, int]) -> None:
-    simulate("focus_bus", __file__, given)
+def test_focus_control_rtl_equals_model(given: dict[str, int], volume: str) -> None:
+    simulate("focus_bus", __file__, given, volume=volume)

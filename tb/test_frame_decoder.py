@@ -16,7 +16,14 @@ from frame_oracle import (
     uncobs,
     with_crc_byte,
 )
-from harness import TwinBench, generator, parameters, reset, simulate
+from harness import (
+    TwinBench,
+    as_integer,
+    generator,
+    parameters,
+    reset,
+    simulate,
+)
 
 from vrscan.fixed.frame_decoder import LATENCY, FrameDecoder, Status
 
@@ -91,7 +98,7 @@ class Bench(TwinBench):
     def check(self) -> None:
         dut, twin = self.dut, self.twin
         names = ("valid", "done", *(("data", "first") * twin.valid), *(("status",) * twin.done))
-        got = tuple(int(getattr(dut, f"{name}_o").value) for name in names)
+        got = tuple(as_integer(getattr(dut, f"{name}_o")) for name in names)
         want = tuple(int(getattr(twin, name)) for name in names)
         assert got == want, f"clock {self.clock}, {self.inputs}: {names} {got}, want {want}"
         if twin.valid:

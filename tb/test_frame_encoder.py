@@ -6,7 +6,14 @@ import cocotb
 import numpy as np
 import pytest
 from frame_oracle import checked, cobs, frame, random_bytes, random_payload, uncobs, with_crc_byte
-from harness import TwinBench, generator, parameters, reset, simulate
+from harness import (
+    TwinBench,
+    as_integer,
+    generator,
+    parameters,
+    reset,
+    simulate,
+)
 
 from vrscan.fixed.frame_encoder import (
     BLOCK_BUBBLE,
@@ -32,7 +39,7 @@ class Bench(TwinBench):
     def check(self) -> None:
         dut, twin = self.dut, self.twin
         for name in ("ready", "valid", "too_long"):
-            got, want = int(getattr(dut, f"{name}_o").value), int(getattr(twin, name))
+            got, want = as_integer(getattr(dut, f"{name}_o")), int(getattr(twin, name))
             assert got == want, f"clock {self.clock}, {self.inputs}: {name} {got}, want {want}"
         if twin.valid:
             got = int(dut.data_o.value)

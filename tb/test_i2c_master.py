@@ -5,7 +5,16 @@ from collections.abc import Iterator
 import cocotb
 import numpy as np
 import pytest
-from harness import FallingEdge, generator, parameters, reset, simulate
+from harness import (
+    EACH_VOLUME,
+    FallingEdge,
+    as_integer,
+    generator,
+    parameters,
+    reset,
+    rounds,
+    simulate,
+)
 
 from vrscan.fixed.i2c_master import (
     MIN_QUARTER,
@@ -143,7 +152,7 @@ class Bench:
         names = ["ready", "valid", "scl_low", "sda_low", "recovery_count"]
         if twin.valid:
             names += ["status", "data"]
-        got = [int(getattr(dut, f"{name}_o").value) for name in names]
+        got = [as_integer(getattr(dut, f"{name}_o")) for name in names]
         want = [int(getattr(twin, name)) for name in names]
         assert got == want, f"clock {self.clock}: {names} {got}, want {want}, {self.inputs}"
         self.pulls = int(dut.device_scl_low_o.value), int(dut.device_sda_low_o.value)
@@ -234,7 +243,7 @@ async def the_bus_shows_what_was_asked_for(dut) -> None:
     """Random commands, some back to back, against a dictionary; levels and latencies."""
     bench = await begin(dut, 1)
     memory = dict.fromkeys(range(256), 0)
-    for k in range(60):
+    for k in range(rounds(30, 300)):
         quarter = int(bench.draw.choice([0, 3, 4, 5, 7, 11]))
         stretch = int(bench.draw.choice([0, 0, 1, 8, 40, 200]))
         bench.give(quarter=quarter, stretch_clks=stretch, stretch_bits=int(bench.draw.integers(2)))
@@ -396,7 +405,7 @@ async def a_device_that_holds_the_bus(dut) -> None:
 async def reset_mid_stream(dut) -> None:
     """The master stops anywhere; the device goes on from there, and the next command works.
 
-    Every fifth clock of a write and a read, other ones in the other elaboration.
+    Every so many clocks of a write and a read, other ones in the other elaboration.
     """
     bench = await begin(dut, 6, timeout=40)
     worst = 0
@@ -404,7 +413,7 @@ async def reset_mid_stream(dut) -> None:
     seen = 0
     for read, most in ((0, command_clocks(read=False, count=1, quarter=4)), (1, 0)):
         most = most or command_clocks(read=True, count=1, quarter=4)
-        for age in range(1 + parameters()["CountWidth"] % 5, most, 5):
+        for age in range(1 + parameters()["CountWidth"] % 5, most, rounds(15, 1)):
             await bench.start(timeout=40)
             await bench.take(read=read, address=ADDRESS, register=0x40, bytes=0, data=0x55)
             await bench.clocks(age)
@@ -416,7 +425,7 @@ async def reset_mid_stream(dut) -> None:
             recovered += bench.twin.recovery_count
             seen += 1
     print(f"reset: {seen} ages, {recovered} recoveries, the next command at most {worst} clocks")
-    assert recovered > 5
+    assert recovered > rounds(1, 25)
 
 
 @cocotb.test()
@@ -572,7 +581,7 @@ async def a_bus_without_any_order(dut) -> None:
     """Random pulls, pins, faults, commands and resets: as the twin, and always a reply in time."""
     bench = await begin(dut, 9)
     draw = bench.draw
-    for k in range(400):
+    for k in range(rounds(250, 2000)):
         if k % 10 == 0:
             await bench.restart(device=bool(k % 20), valid=int(draw.integers(2)))
             bench.give(valid=0)
@@ -602,6 +611,7 @@ async def a_bus_without_any_order(dut) -> None:
     assert len(bench.seen) == len(Status), bench.seen
 
 
+@EACH_VOLUME
 @pytest.mark.parametrize("given", ELABORATIONS, ids=str)
-def test_i2c_master_rtl_equals_model(given: dict[str, int]) -> None:
-    simulate("i2c_bus", __file__, given)
+def test_i2c_master_rtl_equals_model(given: dict[str, int], volume: str) -> None:
+    simulate("i2c_bus", __file__, given, volume=volume)

@@ -7,7 +7,17 @@ import cocotb
 import numpy as np
 import pytest
 from cocotb.triggers import Timer
-from harness import TwinBench, drive, generator, parameters, reset, simulate
+from harness import (
+    EACH_VOLUME,
+    TwinBench,
+    as_integer,
+    drive,
+    generator,
+    parameters,
+    reset,
+    rounds,
+    simulate,
+)
 
 from vrscan.fixed import pkg
 from vrscan.fixed.laser_control import (
@@ -177,7 +187,7 @@ class Bench(TwinBench):
         """Compare all registers."""
         twin, inputs = self.twin, self.inputs
         for name, handle in self.registers:
-            got, want = int(handle.value), int(getattr(twin, name))
+            got, want = as_integer(handle), int(getattr(twin, name))
             assert got == want, f"clock {self.clock}, {name}: {got}, want {want}, {inputs}"
 
     def check_gates(self) -> None:
@@ -287,7 +297,7 @@ async def random_inputs_and_resets(dut) -> None:
     bench = await begin(dut)
     seen = set()
     counts = np.zeros(3, dtype=int)
-    for _ in range(60):
+    for _ in range(rounds(40, 400)):
         scene = Scene(draw)
         await bench.start(random_settings(draw, bench.ceilings), **scene.step())
         for _ in range(int(draw.integers(100, 700))):
@@ -695,10 +705,11 @@ async def the_loop_follows_a_step_of_the_surface(dut) -> None:
                 assert abs(waiting[-1] / ideal - 1) < CLOSE, (before, after, k, waiting, ideal)
 
 
+@EACH_VOLUME
 @pytest.mark.parametrize("elaboration", ELABORATIONS, ids=["low", "high", "shipped"])
-def test_rtl(elaboration: dict[str, int]) -> None:
+def test_rtl(elaboration: dict[str, int], volume: str) -> None:
     """Every elaboration runs every test above."""
-    simulate("laser_control", __file__, elaboration)
+    simulate("laser_control", __file__, elaboration, volume=volume)
 
 
 @pytest.mark.parametrize("name", list(vars(OPEN)))

@@ -2,7 +2,16 @@
 
 import cocotb
 import pytest
-from harness import FallingEdge, TwinBench, drive, generator, parameters, reset, simulate
+from harness import (
+    FallingEdge,
+    TwinBench,
+    as_integer,
+    drive,
+    generator,
+    parameters,
+    reset,
+    simulate,
+)
 
 from vrscan.fixed.laser_guard import (
     FAULT_HEARTBEAT,
@@ -62,7 +71,7 @@ class Bench(TwinBench):
             int(twin.ok and self.inputs["index_light"]),
         )
         names = ("ok", "fault", "heartbeat_trips", "pulse_trips", "pulse", "index_light")
-        got = tuple(int(getattr(dut, f"{name}_o").value) for name in names)
+        got = tuple(as_integer(getattr(dut, f"{name}_o")) for name in names)
         assert got == want, f"clock {self.clock}, {self.inputs}: {names} {got}, want {want}"
 
     async def beats(self, count: int, spacing: int, **inputs: int) -> None:

@@ -6,7 +6,16 @@ from dataclasses import dataclass
 import cocotb
 import numpy as np
 import pytest
-from harness import TwinBench, generator, parameters, reset, simulate
+from harness import (
+    EACH_VOLUME,
+    TwinBench,
+    as_integer,
+    generator,
+    parameters,
+    reset,
+    rounds,
+    simulate,
+)
 from random_records import random_records
 
 from vrscan.chain import latency
@@ -71,7 +80,7 @@ class Bench(TwinBench):
         self.reads = True
 
     def check(self) -> None:
-        got = tuple(int(handle.value) for handle in self.handles)
+        got = tuple(as_integer(handle) for handle in self.handles)
         want = tuple(int(getattr(self.twin, name)) for name in OUTPUTS)
         if not self.twin.valid:
             got, want = got[:2], want[:2]
@@ -574,7 +583,7 @@ async def everything_at_random(dut) -> None:
     """Only the model knows what is right."""
     bench = await begin(dut)
     bench.reads = False
-    for _ in range(25 if is_large() else 300):
+    for _ in range(rounds(12, 60) if is_large() else rounds(100, 1000)):
         bench.ready = float(bench.draw.choice([0.0, 0.1, 0.5, 1.0, 1.0, 1.0]))
         if bench.draw.random() < 0.5:
             await bench.tick(int(bench.draw.integers(1, 6)))
@@ -600,9 +609,10 @@ async def everything_at_random(dut) -> None:
             await bench.tick(capture_start=1, capture_mode=CAPTURE_STOP)
 
 
+@EACH_VOLUME
 @pytest.mark.parametrize("values", ELABORATIONS, ids=str)
-def test_line_capture(values: dict[str, int]) -> None:
-    simulate("line_capture", __file__, values)
+def test_line_capture(values: dict[str, int], volume: str) -> None:
+    simulate("line_capture", __file__, values, volume=volume)
 
 
 @pytest.mark.parametrize("length", [63, 25501])

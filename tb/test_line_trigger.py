@@ -7,7 +7,17 @@ import cocotb
 import numpy as np
 import pytest
 from cocotb.triggers import RisingEdge, Timer
-from harness import CLOCK_NS, FallingEdge, TwinBench, drive, generator, parameters, reset, simulate
+from harness import (
+    CLOCK_NS,
+    FallingEdge,
+    TwinBench,
+    as_integer,
+    drive,
+    generator,
+    parameters,
+    reset,
+    simulate,
+)
 
 from vrscan.fixed import pkg
 from vrscan.fixed.line_trigger import (
@@ -89,7 +99,7 @@ class Bench(TwinBench):
 
     def check(self) -> None:
         """Compare all outputs."""
-        got = tuple(int(handle.value) for handle in self.handles.values())
+        got = tuple(as_integer(handle) for handle in self.handles.values())
         want = tuple(int(getattr(self.twin, name)) for name in OUTPUTS)
         assert got == want, f"clock {self.clock}, {self.inputs}: {OUTPUTS} {got}, want {want}"
         for name, value in zip(OUTPUTS, got, strict=True):

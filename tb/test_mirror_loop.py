@@ -7,7 +7,17 @@ from types import SimpleNamespace
 import cocotb
 import numpy as np
 import pytest
-from harness import FallingEdge, as_integer, drive, generator, parameters, reset, simulate
+from harness import (
+    EACH_VOLUME,
+    FallingEdge,
+    as_integer,
+    drive,
+    generator,
+    parameters,
+    reset,
+    rounds,
+    simulate,
+)
 
 from vrscan.fixed import pkg
 from vrscan.fixed.mirror_loop import ANGLE_LATENCY, LINE, MEASUREMENT, MirrorLoop
@@ -257,7 +267,7 @@ async def random_inputs_and_resets(dut) -> None:
     bench = await begin(dut)
     resets = set()
     quick = [{}, {"sweep_timeout": 300}, {"settle_timeout": 300}, {"lost_timeout": 10}]
-    for episode in range(10):
+    for episode in range(rounds(8, 40)):
         clocks = int(draw.integers(4000, 9000)) if episode else 4 * PERIOD_CLKS
         given = registers(draw, **quick[episode % len(quick)])
         samples = index(draw, clocks, parameters()["IndexOversample"], quiet=episode == 0)
@@ -355,9 +365,10 @@ async def an_angle_that_saturates_is_flagged(dut) -> None:
     assert min(seen.values()) > 3, seen
 
 
+@EACH_VOLUME
 @pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
-def test_mirror_loop_rtl_equals_model(widths: dict[str, int]) -> None:
-    simulate("mirror_loop", __file__, widths)
+def test_mirror_loop_rtl_equals_model(widths: dict[str, int], volume: str) -> None:
+    simulate("mirror_loop", __file__, widths, volume=volume)
 
 
 # ---- the model alone ----

@@ -4,7 +4,14 @@ from collections import deque
 
 import cocotb
 import pytest
-from harness import TwinBench, generator, parameters, reset, simulate
+from harness import (
+    TwinBench,
+    as_integer,
+    generator,
+    parameters,
+    reset,
+    simulate,
+)
 
 from vrscan.fixed.packet_arbiter import LATENCY, PACKET_BUBBLE, PacketArbiter
 
@@ -25,7 +32,7 @@ class Bench(TwinBench):
         names = ["valid", "busy", "ready", *(("data", "last") * twin.valid)]
         want = [twin.valid, twin.busy, twin.ready(bool(self.inputs["ready"]))]
         want += [twin.data, twin.last] * twin.valid
-        got = [int(getattr(dut, f"{name}_o").value) for name in names]
+        got = [as_integer(getattr(dut, f"{name}_o")) for name in names]
         assert got == [int(value) for value in want], (
             f"clock {self.clock}, {self.inputs}: {names} {got}, want {want}"
         )

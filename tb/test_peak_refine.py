@@ -15,12 +15,12 @@ from harness import (
     reset,
     simulate,
 )
+from scipy.integrate import quad
+from scipy.optimize import brentq
 
 from vrscan.fixed import pkg
 from vrscan.fixed.peak_refine import (
     START_LATENCY,
-    WIDTH_FRACTION,
-    WIDTHS,
     Refined,
     latency,
     peak_refine,
@@ -37,6 +37,29 @@ ELABORATIONS = [
 OUTPUTS = {"left": False, "width": False, "ramp": True, "slope": True}
 RING = 1 << pkg.RING_WIDTH
 KAPPA = 0.2
+SHARE_ONE = 13813603.0  # |P1| over the sum of a line: the CORDIC's gain times the sine's amplitude
+
+
+def share_by_quadrature(sigma: float) -> float:
+    """Return |P1| over the sum of a Gaussian in its window, ``sigma`` in windows."""
+
+    def spot(place: float) -> float:
+        return math.exp(-0.5 * (place / sigma) ** 2)
+
+    def wave(place: float) -> float:
+        return spot(place) * math.cos(2 * math.pi * place)
+
+    even = {"a": 0.0, "b": 0.5, "epsabs": 1e-13, "epsrel": 1e-11}
+    return quad(wave, **even)[0] / quad(spot, **even)[0]
+
+
+def sigma_by_quadrature(share: float) -> float:
+    """Return the sigma, in windows, that has this share, from 0.1 to 0.5."""
+    if share >= share_by_quadrature(0.1):
+        return 0.1
+    if share <= share_by_quadrature(0.5):
+        return 0.5
+    return float(brentq(lambda sigma: share_by_quadrature(sigma) - share, 0.1, 0.5))
 
 
 @dataclass(frozen=True)
@@ -246,25 +269,24 @@ async def ladder_at_its_limits(dut) -> None:
     roots = [256, 257, *(math.isqrt(int(2**16 * r)) + d for r in (5 / 16, 5 / 64) for d in (0, 1))]
     count = len(roots)
     lines = np.zeros((count, length), np.int64)
-    lines[:, 30:34] = 16
+    lines[:, 30:43] = 16
     cases = measured(
-        lines, np.full(count, 30), np.full(count, 4), np.zeros(count), np.zeros(count), 12
+        lines, np.full(count, 30), np.full(count, 13), np.zeros(count), np.zeros(count), 12
     )
     cases = replace(
         cases,
-        magnitude=np.full(count, 1 << 40),
+        magnitude=np.full(count, 516 << 31),  # the middle of an entry of the table
         sum=np.full(count, 1 << 17),
         noise=np.array(roots),
         background=np.full(count, (16 << shift) - (1 << 10)),
     )
     want = await send(dut, cases, 1 << 10)
     exact = np.square(np.array(roots)) / 2**16
-    rung = np.searchsorted(np.array(ideal.RHO), exact, side="left")
-    table = sigma_table()
-    share = table[((1 << 40) >> 12) // ((1 << 17) << 2) >> 3]
-    wanted = np.round(4 * share * np.array(WIDTHS)[rung] / 2.0 ** (9 + WIDTH_FRACTION))
-    assert sorted(set(rung.tolist())) == [0, 1, 2, 3]
-    assert want.width.tolist() == np.minimum(np.maximum(wanted, 3), given["MaxWindow"]).tolist()
+    sigmas = np.select([exact <= 5 / 64, exact <= 5 / 16, exact <= 1], [6.75, 6.5, 5.5], 5.0)
+    assert set(sigmas) == {6.75, 6.5, 5.5, 5.0}
+    wanted = np.round(13 * sigma_by_quadrature(516 * 2**14 / SHARE_ONE) * sigmas)
+    assert set(wanted) == {14, 13, 11, 10}
+    assert want.width.tolist() == wanted.tolist()
 
 
 @cocotb.test()
@@ -391,11 +413,41 @@ def test_a_plateau_keeps_its_middle() -> None:
     assert got.width[0] > 40
 
 
-def test_table_is_the_share_of_a_cut_gaussian() -> None:
-    """An entry gives back the sigma of a Gaussian in a window of T = N to 2 %, within limits."""
+def test_every_entry_of_the_table_is_the_sigma_by_quadrature() -> None:
+    """To nearest, in the middle of its shares, from that of a line to that of a plateau."""
     table = sigma_table()
-    assert table.max() == 256 and table.min() == round(0.1 * 512)
-    for cut in np.linspace(1.05, 3.4, 40):
-        share = float(ideal.harmonic_share(np.array([cut]))[0])
-        entry = table[int(share * 13813603 / 2**14) >> 3]
-        assert entry / 512 == pytest.approx(0.5 / cut, rel=0.03), cut
+    steps = 4.0 + 8.0 * np.arange(128)
+    want = 512 * np.array([sigma_by_quadrature(step * 2**14 / SHARE_ONE) for step in steps])
+    assert want.min() == 51.2 and want.max() == 256.0
+    assert len(np.unique(want)) > 70
+    assert np.abs(table - want).max() <= 0.5 + 1e-3
+
+
+def test_the_equations_invert_the_same_share() -> None:
+    sigma = np.linspace(0.101, 0.499, 50)
+    share = np.array([share_by_quadrature(each) for each in sigma])
+    assert np.abs(ideal.sigma_share(share) / sigma - 1).max() < 1e-4
+
+
+@pytest.mark.parametrize("width", [32, 51, 76])
+def test_a_gaussian_gets_the_window_of_its_sigma(width: int) -> None:
+    """A spot of pixels in its first window, no noise: 6.75 sigmas, within an entry of the table.
+
+    The quotient is an integer below the share, an entry half of 8 of its steps away: 5 at most.
+    """
+    given = {"LineLength": 2048, "PixelWidth": 16, "MaxWindow": 255}
+    step = 5 * 2**14 / SHARE_ONE
+    share = np.linspace(0.05, 0.49, 60)  # below 0.1: the least
+    left = 1000
+    centre = left + (width - 1) / 2
+    lines = np.array([np.round(gaussian(centre, s * width, 60_000.0)) for s in share])
+    zeros = np.zeros(len(share))
+    cases = measured(lines, np.full(len(share), left), np.full(len(share), width), zeros, zeros, 16)
+    got = cases.refined(given, kappa_register(16))
+    exact = np.array([share_by_quadrature(max(s, 0.1)) for s in share])
+    for sign, end in ((-1, exact + step), (1, exact - step)):
+        sigma = width * np.array([sigma_by_quadrature(each) for each in end])
+        most = 6.75 * (sigma + sign * width / 1024) + sign * 0.5
+        beyond = sign * (got.width - most)
+        assert (beyond <= 0).all(), share[beyond > 0]
+    assert np.abs(2 * got.left + got.width - 1 - 2 * centre).max() <= 1

@@ -6,7 +6,7 @@ import pytest
 from cocotb.clock import Clock
 from cocotb.triggers import Timer
 from cocotb.utils import get_sim_time
-from harness import FallingEdge, RisingEdge, generator, parameters, simulate
+from harness import EACH_VOLUME, FallingEdge, RisingEdge, generator, parameters, rounds, simulate
 
 from vrscan.fixed.pixel_fifo import Word, lost, split, words
 
@@ -266,7 +266,7 @@ async def resets_that_follow_each_other(dut) -> None:
     for clock, pixel_clock, phase in ((8, 10, 0), (10, 8, 0), (12, 4, 1), (4, 12, 1)):
         await bench.start(clock, pixel_clock, phase)
         for first, second in (("rst", "rst"), ("pixel_rst", "rst"), ("rst", "pixel_rst")):
-            for distance in range(1, 20):
+            for distance in range(1, 20, rounds(3, 1)):
                 pixels: Samples = [(True, True, k % 99 + 1) for k in range(200)]
                 task = cocotb.start_soon(bench.send([*pixels, *[(False, False, 0)] * 3] * 2))
                 await bench.pulse(first, 1)
@@ -297,7 +297,7 @@ async def resets_among_short_lines(dut) -> None:
     for clock, pixel_clock, phase in ((8, 10, 0), (8, 8, 3), (4, 12, 1), (4, 40, 0)):
         await bench.start(clock, pixel_clock, phase)
         edges = 3 * pixel_clock // clock  # that the flush's end takes to come back
-        for distance in range(1, 12 + 2 * edges):
+        for distance in range(1, 12 + 2 * edges, rounds(3, 1)):
             short: Samples = []
             for k in range(80 + (distance + 12) * clock // pixel_clock):
                 pixels = [(True, True, 2 * k % 200), (True, True, (2 * k + 1) % 200)]
@@ -365,9 +365,10 @@ async def a_reset_waits_for_the_sensors_clock(dut) -> None:
     assert bench.got == words(after)
 
 
+@EACH_VOLUME
 @pytest.mark.parametrize("elaboration", ELABORATIONS, ids=str)
-def test_pixel_fifo_keeps_the_models_order(elaboration: dict[str, int]) -> None:
-    simulate("pixel_fifo", __file__, elaboration)
+def test_pixel_fifo_keeps_the_models_order(elaboration: dict[str, int], volume: str) -> None:
+    simulate("pixel_fifo", __file__, elaboration, volume=volume)
 
 
 # ---- the model alone ----

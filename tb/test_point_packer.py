@@ -6,7 +6,16 @@ from dataclasses import dataclass
 import cocotb
 import numpy as np
 import pytest
-from harness import TwinBench, generator, parameters, reset, simulate
+from harness import (
+    EACH_VOLUME,
+    TwinBench,
+    as_integer,
+    generator,
+    parameters,
+    reset,
+    rounds,
+    simulate,
+)
 from random_records import random_records
 
 from vrscan.fixed import pkg
@@ -128,7 +137,7 @@ class Bench(TwinBench):
         self.ready = 1.0  # how often the other end takes a byte
 
     def check(self) -> None:
-        got = tuple(int(handle.value) for handle in self.handles)
+        got = tuple(as_integer(handle) for handle in self.handles)
         want = tuple(int(getattr(self.twin, name)) for name in OUTPUTS)
         if not self.twin.valid:
             got, want = got[::3], want[::3]
@@ -368,7 +377,7 @@ async def old_batch_is_closed(dut) -> None:
 async def stop_at_any_moment_sends_what_there_is(dut) -> None:
     bench = await begin(dut)
     for form in (COMPACT, FULL):
-        for age in range(form, 170, 19 if is_large() else 1):
+        for age in range(form, 170, 19 if is_large() else rounds(3, 1)):
             gap = 1 + age % 2
             records = random_records(bench.draw, [20, 21, 21 + gap, 30])
             await bench.stream(form, records[:2], points_batch=4)
@@ -391,7 +400,7 @@ async def stop_at_any_moment_sends_what_there_is(dut) -> None:
 @cocotb.test()
 async def start_at_any_moment_begins_anew(dut) -> None:
     bench = await begin(dut)
-    for age in range(0, 260, 29 if is_large() else 3):
+    for age in range(0, 260, 29 if is_large() else rounds(7, 1)):
         first, second = age % 2, age // 2 % 2
         step = 1 + age % 3
         one = random_records(bench.draw, lines_from(100, 3))
@@ -432,7 +441,7 @@ async def nothing_runs_before_a_start_or_after_a_stop(dut) -> None:
 @cocotb.test()
 async def reset_forgets_everything(dut) -> None:
     bench = await begin(dut)
-    for age in range(0, 900, 67 if is_large() else 7):
+    for age in range(0, 900, 67 if is_large() else rounds(23, 3)):
         form = age % 2
         before = random_records(bench.draw, lines_from(3, 6))
         bench.ready = 0.3
@@ -463,7 +472,7 @@ async def everything_at_random(dut) -> None:
     """Only the model knows what is right: settings change and records come too early, too."""
     bench = await begin(dut)
     line = LINES - 300
-    for _ in range(60 if is_large() else 120):
+    for _ in range(rounds(30, 120)):
         bench.ready = float(bench.draw.choice([0.0, 0.01, 0.1, 0.5, 1.0]))
         settings = {
             "points_batch": int(bench.draw.choice([0, 1, 2, 3, 10, 28, 255])),
@@ -494,9 +503,10 @@ async def everything_at_random(dut) -> None:
     assert bench.twin.points_dropped == min(before + 1, count_max())
 
 
+@EACH_VOLUME
 @pytest.mark.parametrize("values", ELABORATIONS, ids=str)
-def test_point_packer(values: dict[str, int]) -> None:
-    simulate("point_packer", __file__, values)
+def test_point_packer(values: dict[str, int], volume: str) -> None:
+    simulate("point_packer", __file__, values, volume=volume)
 
 
 @pytest.mark.parametrize("size", [0, 128, 300, 1 << 17])

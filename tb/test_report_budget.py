@@ -4,6 +4,7 @@ import csv
 import io
 import math
 import re
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -70,6 +71,7 @@ def made_up() -> Plan:
         left_out=change(0.003),
         distance_mm=np.array([250.25, 400.0, 1234.5]),
         microseconds=(40.0, 300.0),
+        count=100_000,
         lines=640,
         seconds=2.5,
     )
@@ -125,6 +127,16 @@ def test_base_and_sums_add_up() -> None:
 SUMS = ("base", "left out", "planned", "all on")
 
 
+def test_budget_of_a_short_scan_says_that_it_has_everything() -> None:
+    found = made_up()
+    note = "simulated with everything"
+    assert note not in " ".join(" ".join(shown(budget.figures_table(found, scene()))).split())
+    for fidelity, told in (("auto", True), ("list", False)):
+        short = replace(found, count=3000, fidelity=fidelity)
+        text = " ".join(" ".join(shown(budget.figures_table(short, scene()))).split())
+        assert (note in text) == told
+
+
 def test_budget_is_both_tables() -> None:
     found = made_up()
     lines = shown(budget.budget_table(found, scene()))
@@ -153,6 +165,19 @@ def test_numbers_keep_their_room(value: float, decimals: int) -> None:
     step = 10.0 ** -max(decimals + 1 - len(str(int(abs(value)))), 0)
     assert abs(float(text) - value) <= 0.51 * step
     assert not text.startswith("-0.0") or float(text) != 0.0
+
+
+def test_summary_says_what_a_scan_has_had() -> None:
+    found = made_up()
+    (line,) = budget.summary(found)
+    assert f"{len(found.active)} of {len(found.present)} on" in line
+    assert "40 us a line instead of 300" in line
+    assert f"{found.left_out.total_px.max():.4f} px" in line
+    whole = replace(found, active=frozenset(found.present), every_ray=True, count=3000)
+    (line,) = budget.summary(whole)
+    assert "3,000 lines" in line and "choosing costs" in line
+    (line,) = budget.summary(replace(whole, fidelity="full"))
+    assert line == f"effects: all {len(found.present)}"
 
 
 def test_csv_holds_the_plan() -> None:

@@ -6,12 +6,14 @@ import cocotb
 import numpy as np
 import pytest
 from harness import (
+    EACH_VOLUME,
     assert_equal,
     drive,
     generator,
     reset,
     reset_at_every_age,
     restart_at_every_age,
+    rounds,
     run_vectors,
     simulate,
 )
@@ -123,7 +125,7 @@ def only_data(given: Columns) -> Columns:
 @cocotb.test()
 async def any_motion_back_to_back(dut) -> None:
     """Corners, mirrors and anything, a new phase in the clock of the last result."""
-    given = operands(1500)
+    given = operands(rounds(400, 3000))
     want = expected(given)
     assert 0.05 < np.mean(want["overflow_o"]) < 0.9, "one of the two cases is not tested"
     assert {ANGLE_END - 1, -ANGLE_END} <= set(want["angle_o"][want["overflow_o"] == 1].tolist())
@@ -162,8 +164,9 @@ async def reset_without_a_new_phase(dut) -> None:
     await reset_at_every_age(dut, only_data(given), want, OUTPUTS, latency=LATENCY, valid=False)
 
 
-def test_scan_angle_rtl_equals_model() -> None:
-    simulate("scan_angle", __file__)
+@EACH_VOLUME
+def test_scan_angle_rtl_equals_model(volume: str) -> None:
+    simulate("scan_angle", __file__, volume=volume)
 
 
 def test_latency_is_within_its_limit() -> None:

@@ -1,7 +1,6 @@
 """Meshes: rays against brute force and closed forms, files good and bad, the bust, the bolt."""
 
 import pickle
-import time
 from pathlib import Path
 
 import numpy as np
@@ -244,12 +243,9 @@ def test_a_caster_can_be_sent_to_another_process() -> None:
 
 def test_the_bust_is_a_closed_head_of_its_size() -> None:
     bust.cache_clear()
-    begin = time.process_time()
     vertices, faces = bust()
-    spent = time.process_time() - begin
     mesh = trimesh.Trimesh(vertices, faces, process=False)
-    print(f"bust: {len(faces)} faces, {spent:.2f} s, {mesh.volume / 1e3:.0f} cm3")
-    assert spent < 3.0  # some 0.5 on a free core
+    print(f"bust: {len(faces)} faces, {mesh.volume / 1e3:.0f} cm3")
     assert len(faces) <= 60_000 and open_edges(faces) == 0
     assert mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0.0
     assert mesh.body_count == 1 and mesh.euler_number == 2

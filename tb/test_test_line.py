@@ -1,12 +1,19 @@
 """test_line: every clock of the RTL against the model, and the model against the formula."""
 
 import dataclasses
-import time
 
 import cocotb
 import numpy as np
 import pytest
-from harness import TwinBench, drive, generator, parameters, reset, simulate
+from harness import (
+    TwinBench,
+    as_integer,
+    drive,
+    generator,
+    parameters,
+    reset,
+    simulate,
+)
 
 from vrscan.chain import run_fixed
 from vrscan.config import Config
@@ -118,7 +125,7 @@ class Bench(TwinBench):
         """Compare all outputs."""
         dut, twin = self.dut, self.twin
         got = tuple(
-            int(handle.value)
+            as_integer(handle)
             for handle in (dut.line_start_o, dut.line_end_o, dut.pixel_valid_o, dut.test_running_o)
         )
         want = (twin.line_start, twin.line_end, twin.pixel_valid, twin.running)
@@ -413,17 +420,11 @@ def test_the_cosine_never_exceeds_its_one() -> None:
     assert amplitude(WAVE_WIDTH) + error_bound(WAVE_WIDTH) < WAVE_ONE + 1
 
 
-def test_a_thousand_lines_take_about_a_second() -> None:
-    began = time.perf_counter()
-    made = lines(with_changes(lines=1000))
-    print(f"\n1000 lines of 2048 pixels: {time.perf_counter() - began:.2f} s")
-    assert made.shape == (1000, 2048) and made.dtype == np.uint16
-
-
 def test_a_prefix_of_a_run_is_the_same() -> None:
     """Of lines that are worked out in blocks, too."""
     settings = with_changes(lines=0)
     many = lines(settings, 33_000, line_length=64)
+    assert many.shape == (33_000, 64) and many.dtype == np.uint16
     assert np.array_equal(lines(settings, 32_900, line_length=64), many[:-100])
     place = int(positions(settings, 33_000, line_length=64)[-1])
     last = lines(with_changes(position=place, noise=0), 1, line_length=64)

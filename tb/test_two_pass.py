@@ -1,10 +1,14 @@
 """The accurate mode against its goals; the whole study is ``vrscan efficiency``."""
 
+import io
+import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from harness import generator
+from rich.console import Console
+from rich.table import Table
 
 from vrscan.chain import run_fixed
 from vrscan.config import Config, Peak
@@ -77,13 +81,29 @@ def test_the_study_knows_the_slope() -> None:
     assert not rise[np.abs(place) >= two_pass.SLOPE_END_PX].any()
 
 
+def shown(grid: Table) -> list[list[str]]:
+    """Return the cells of a table's rows as they are printed."""
+    console = Console(width=120, file=io.StringIO())
+    console.print(grid)
+    assert isinstance(console.file, io.StringIO)
+    rows = (row.strip("│").split("│") for row in console.file.getvalue().splitlines())
+    return [[cell.strip() for cell in row] for row in rows]
+
+
 def test_tables_have_a_row_a_height() -> None:
-    cells = two_pass.study(Engine.FIXED, Config(), 50, peaks=(0.2, 0.9), sigmas_px=(3.0,))
-    assert two_pass.efficiency_grid(cells, Engine.FIXED, 50).row_count == 2
-    one, two = two_pass.skew_positions(Engine.FIXED, Config(), 20, peaks=(0.2, 0.9))
-    assert two_pass.skew_grid(one, two, (0.2, 0.9)).row_count == 2
-    slopes = two_pass.slope_study(Engine.FIXED, Config(), 20, peaks=(0.2,), sigmas_px=(3.0,))
-    assert two_pass.slope_grid(slopes).row_count == 1
+    """The numbers of each in its place, whatever order they come in."""
+    cells = [
+        two_pass.Cell(sigma, peak, 0.9 + peak / 100, 0.95 + sigma / 1000, 0.0)
+        for peak, sigma in itertools.product((0.02, 0.5), (8.0, 3.0))
+    ]
+    rows = shown(two_pass.efficiency_grid(cells, Engine.FIXED, 50))
+    assert ["2 %", "0.900 / 0.953", "0.900 / 0.958"] in rows
+    assert ["50 %", "0.905 / 0.953", "0.905 / 0.958"] in rows
+    rows = shown(two_pass.skew_grid(np.array([-0.1, 0.25]), np.array([-0.2, -0.21]), (0.2, 0.9)))
+    assert ["one pass", "-0.100", "0.250", "0.3500"] in rows
+    assert ["two passes", "-0.200", "-0.210", "0.0100"] in rows
+    slopes = [two_pass.Slope(3.0, 0.2, -0.001, 0.0112, 0.0111)]
+    assert ["20 %", "-1.00; 11.1, 11.2"] in shown(two_pass.slope_grid(slopes))
 
 
 def test_figures_say_what_is_missed() -> None:
@@ -116,24 +136,61 @@ def spots(count: int, salt: int) -> np.ndarray:
     return np.clip(np.round(lines), 0, 4095).astype(np.uint16)
 
 
-def test_model_is_the_float_chain_where_their_windows_agree() -> None:
-    """Within the bound of one window and what the baseline's rounding adds."""
+def harmonic_by_definition(
+    line: np.ndarray, left: int, width: int, *, slope: float, background: float, noise: float
+) -> tuple[float, float]:
+    """Return position and standard deviation, px, of (8) with T = N as a sum of complex numbers."""
+    step = np.arange(width)
+    pixels = line[left : left + width].astype(float)
+    turn = np.exp(2j * np.pi * step / width)
+    harmonic = ((pixels - slope * (step - (width - 1) / 2)) * turn).sum()
+    phase = np.angle(harmonic) % (2 * np.pi)
+    variance = noise**2 + TWO.peak.kappa * np.maximum(pixels - background, 0.0)
+    across = np.imag(turn * np.exp(-1j * phase))
+    spread = np.sqrt((variance * across**2).sum()) / np.abs(harmonic)
+    return left + width * phase / (2 * np.pi), width * spread / (2 * np.pi)
+
+
+def test_model_is_the_float_chain_on_every_line() -> None:
+    """Flags, windows, positions and sigmas of all lines, also where the windows differ.
+
+    What a window is rounded by moves its ends by a pixel or so (``test_peak_refine``): there the
+    position has to be that of float64 in the model's own window, within the bound of one window
+    and what the baseline's rounding adds.
+    """
     lines = spots(1500, 1)
     nothing = np.zeros(len(lines), np.int64)
     got = run_fixed(lines, nothing, nothing, Registers.from_config(TWO))
     want = run_ideal(lines, np.zeros(len(lines)), nothing, TWO)
-    same = (got.left == want.left) & (got.width == want.width) & got.measured & want.measured
-    assert same.mean() > 0.5
-    bound = two_pass.rounding_bound(got.width[same], 16.0 * (got.maximum[same] - 60.0))
-    error = np.abs(got.position / 2**pkg.POSITION_FRACTION - want.position_px)[same]
-    assert (error <= bound).all(), error.max()
-    assert np.percentile(error, 99) < 4e-4
-    sigma = got.sigma[same] / 2**pkg.SIGMA_FRACTION / np.maximum(want.sigma_px[same], 1e-3)
-    assert np.median(np.abs(sigma - 1)) < 0.02
-    # The flags are those of the same rules.
+    assert got.measured.all() and want.measured.all()
     for name, bit in pkg.FLAGS.items():
         if bit <= pkg.FLAG_ROW_STATISTICS:
-            assert (got.flags >> bit & 1 == want.flags[name])[same].all(), name
+            assert np.array_equal(got.flags >> bit & 1 == 1, want.flags[name]), name
+    assert (np.abs(got.width - want.width) <= 0.03 * want.width + 1).all()
+    assert (np.abs(got.left - want.left) <= 0.015 * want.width + 2).all()
+    same = (got.left == want.left) & (got.width == want.width)
+    assert same.mean() > 0.7
+
+    slope = ideal.baseline(lines, got.left, got.width, want.noise)
+    place, sigma = np.transpose(
+        [
+            harmonic_by_definition(
+                lines[k], int(got.left[k]), int(got.width[k]), slope=slope[k],
+                background=want.background[k], noise=want.noise[k],
+            )
+            for k in range(len(lines))
+        ]
+    )  # fmt: skip
+    bound = two_pass.rounding_bound(got.width, 16.0 * (got.maximum - 60.0))
+    error = np.abs(got.position / 2**pkg.POSITION_FRACTION - place)
+    print(
+        f"\n{np.mean(~same):.1%} of the windows differ, error / bound {(error / bound).max():.3f}"
+    )
+    assert (error <= bound).all(), error.max()
+    assert np.percentile(error, 99) < 4e-4
+    # Sigma is good to 0.5 % or a step.
+    steps = sigma * 2**pkg.SIGMA_FRACTION
+    assert (np.abs(got.sigma - steps) <= np.maximum(1.0, 0.005 * steps)).all()
 
 
 def test_sigma_is_the_spread() -> None:
@@ -159,7 +216,9 @@ def test_a_spot_that_comes_from_the_edge() -> None:
     got = run_fixed(lines, nothing, nothing, Registers.from_config(TWO))
     at_edge = got.flags >> pkg.FLAG_AT_EDGE & 1 == 1
     near = np.tile(centre[:, 0] > 2034.5, 2)
+    assert (near & got.measured).sum() > 40
     assert at_edge[near & got.measured].all()
     assert (got.position[got.measured] >= 0).all()
+    assert (got.position < 2048 << pkg.POSITION_FRACTION).all()
     assert (got.left >= 0).all() and (got.right <= 2047).all()
     assert got.measured.mean() > 0.6

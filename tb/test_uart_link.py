@@ -8,7 +8,15 @@ from bus_registers import FIRST, BusRegisters
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, Timer
 from frame_oracle import random_bytes
-from harness import CLOCK_NS, TwinBench, generator, parameters, reset, simulate
+from harness import (
+    CLOCK_NS,
+    TwinBench,
+    as_integer,
+    generator,
+    parameters,
+    reset,
+    simulate,
+)
 
 from vrscan.fixed import link_pkg
 from vrscan.fixed.command_server import Answer, answer
@@ -115,7 +123,7 @@ class Bench(TwinBench):
         names = self.dut_names
         want = [twin.tx, twin.packet_ready(), server.bus is not None, server.alive, twin.step_now]
         want += [name in server.strobes for name in STROBES]
-        got = [int(handle.value) for handle in self.handles]
+        got = [as_integer(handle) for handle in self.handles]
         if server.bus:
             names = [*names, "bus_access", "bus_address"]
             want += server.bus[:2]
@@ -126,7 +134,7 @@ class Bench(TwinBench):
             names = [*names, *COUNTS, *vars(server.counters)]
             want += [getattr(twin, name) for name in COUNTS.values()]
             want += vars(server.counters).values()
-        got += [int(getattr(dut, f"{name}_o").value) for name in names[len(got) :]]
+        got += [as_integer(getattr(dut, f"{name}_o")) for name in names[len(got) :]]
         assert got == [int(value) for value in want], (
             f"clock {self.clock}, {self.inputs}: {names} {got}, want {want}"
         )

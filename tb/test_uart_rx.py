@@ -5,7 +5,13 @@ from collections.abc import Sequence
 import cocotb
 import numpy as np
 import pytest
-from harness import TwinBench, generator, reset, simulate
+from harness import (
+    TwinBench,
+    as_integer,
+    generator,
+    reset,
+    simulate,
+)
 
 from vrscan.fixed.uart_rx import STEP_MAX, STEP_MAX_MAJORITY, UartRx, latency
 from vrscan.fixed.uart_tx import UartTx
@@ -77,7 +83,7 @@ class Bench(TwinBench):
     def check(self) -> None:
         """Compare all that is defined."""
         twin = self.twin
-        got = tuple(int(handle.value) for handle in self.handles)
+        got = tuple(as_integer(handle) for handle in self.handles)
         want = tuple(int(getattr(twin, name)) for name in OUTPUTS)
         assert got == want, f"clock {self.clock}, {self.inputs}: {OUTPUTS} {got}, want {want}"
         self.events += [(self.clock, name) for name in OUTPUTS if getattr(twin, name)]

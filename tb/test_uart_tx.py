@@ -5,7 +5,15 @@ from math import ceil
 import cocotb
 import numpy as np
 import pytest
-from harness import FallingEdge, TwinBench, drive, generator, reset, simulate
+from harness import (
+    FallingEdge,
+    TwinBench,
+    as_integer,
+    drive,
+    generator,
+    reset,
+    simulate,
+)
 
 from vrscan.fixed.uart_tx import LATENCY, UartTx
 
@@ -60,7 +68,7 @@ class Bench(TwinBench):
         self.compare()
 
     def compare(self) -> None:
-        got = tuple(int(handle.value) for handle in self.handles)
+        got = tuple(as_integer(handle) for handle in self.handles)
         want = tuple(int(getattr(self.twin, name)) for name in OUTPUTS)
         assert got == want, f"clock {self.clock}, {self.inputs}: {OUTPUTS} {got}, want {want}"
 

@@ -9,7 +9,16 @@ from dataclasses import dataclass, replace
 import cocotb
 import numpy as np
 import pytest
-from harness import FallingEdge, as_integer, generator, parameters, reset, simulate
+from harness import (
+    EACH_VOLUME,
+    FallingEdge,
+    as_integer,
+    generator,
+    parameters,
+    reset,
+    rounds,
+    simulate,
+)
 
 from vrscan import chain
 from vrscan.chain import run_fixed
@@ -248,7 +257,7 @@ async def two_passes_back_to_back(dut) -> None:
         assert counted(dut, "early") == limited(len(lines) - len(points))
     part = [s for k, line in enumerate(lines[:4]) for s in as_strobes(line, k) + idle(apart)]
     whole = expected(part + idle(3000), given)[0][0]
-    for age in np.linspace(whole - 700, whole + 10, 6).astype(int):
+    for age in np.linspace(whole - 700, whole + 10, rounds(3, 24)).astype(int):
         await drive(dut, (part + idle(3000))[:age])
         dut.rst_i.value = dut.pixel_valid_i.value = dut.line_end_i.value = 1
         await FallingEdge(dut.clk_i)
@@ -335,9 +344,10 @@ async def reset_mid_stream(dut) -> None:
         assert points[0]["line"] == 0
 
 
+@EACH_VOLUME
 @pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
-def test_vrscan_chain_rtl_equals_model(widths: dict[str, int]) -> None:
-    simulate("vrscan_chain", __file__, widths)
+def test_vrscan_chain_rtl_equals_model(widths: dict[str, int], volume: str) -> None:
+    simulate("vrscan_chain", __file__, widths, volume=volume)
 
 
 @pytest.mark.parametrize("pixel_width", [8, 12, 16])

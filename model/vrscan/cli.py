@@ -6,10 +6,11 @@ import os
 import signal
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, BinaryIO
 
 import numpy as np
 import typer
@@ -35,7 +36,7 @@ from vrscan.errors import (
     InputError,
     InterruptError,
 )
-from vrscan.link.cli import link
+from vrscan.link.cli import _suffix, link
 from vrscan.points import atomic_file, check_writable, write_csv, write_ply
 from vrscan.registers import Registers
 from vrscan.table import Table
@@ -310,15 +311,20 @@ def bench_tune(
 @app.command()
 def replay(
     recording: Annotated[Path, typer.Argument(metavar="LINES", help=".npy or .npz of lines.")],
-    out: Annotated[Path, typer.Option(help="The points.csv to write.")],
+    out: Annotated[Path, typer.Option(help="The points to write: .csv, or a .ply cloud.")],
     engine: EngineOption = Engine.RTL,
     config: ConfigOption = None,
 ) -> None:
     """Turn recorded lines into points."""
+    writers: dict[str, Callable[[Table, BinaryIO], None]] = {".csv": write_csv, ".ply": write_ply}
+    write = writers[_suffix(out, tuple(writers))]
     settings = _settings(config)
-    recorded = lines.read(recording, settings)
     with atomic_file(out) as file:
-        write_csv(_run(engine, recorded, settings), file)
+        with warnings.catch_warnings(record=True, action="always") as told:
+            recorded = lines.read(recording, settings)
+        for each in told:
+            print(f"vrscan: {each.message}", file=sys.stderr)
+        write(_run(engine, recorded, settings), file)
 
 
 @app.command()
@@ -350,6 +356,7 @@ def mirror(
     """Run the RTL's mirror loop against the simulated mirror, or on recorded index edges."""
     from vrscan.report import mirror as report
 
+    _suffix(out, (".csv",))  # a .png would be overwritten by the picture
     settings = _mirror_settings(config, jitter_ns)
     _check_range("--drift", drift, -100.0, 100.0)
     _check_range("--shock", shock, -1000.0, 1000.0)
@@ -357,8 +364,6 @@ def mirror(
         raise InputError(f"--drop: must be 0 for none, or 2 or more ({drop})")
     if seconds is not None:
         _check_range("--seconds", seconds, 0.001, MOST_SECONDS)
-    if out.suffix == ".png":
-        raise InputError(f"{out}: is the picture's name; the table needs another, as mirror.csv")
     events = report.Events(drift_hz=drift, shock_rad_per_s=shock, drop_every=drop)
     if recording is not None:
         if events.any or jitter_ns is not None:

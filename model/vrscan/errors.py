@@ -12,3 +12,14 @@ class InputError(Exception):
 
 class InterruptError(Exception):
     """Ctrl-C, where there is more to say of it: one line, which the commands print; status 130."""
+
+
+class LinesError(InputError, ValueError):
+    """Lines, angles, powers or flags that no engine takes; ``vrscan.contract`` says which it does.
+
+    A command's user gave a bad file, a program's author bad arrays: it is the error of both.
+    """
+
+
+class InputWarning(UserWarning):
+    """Input that is good as far as it goes: the text is one line that says what is assumed."""

@@ -1,5 +1,6 @@
 """Sensor lines: the type that every engine reads, and the reader of recorded ones."""
 
+import difflib
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,10 +11,12 @@ import numpy.typing as npt
 
 from vrscan.arrays import Floats, Ints, Pixels
 from vrscan.config import Config
-from vrscan.errors import InputError
+from vrscan.contract import checked, checked_flags, checked_power
+from vrscan.errors import InputError, InputWarning, LinesError
 
-ANGLE_LIMIT_RAD = np.pi
-MIRROR_FLAGS_ALL = 7  # three bits
+_ARRAYS = ("lines", "angle_rad", "power", "mirror_flags")  # of an .npz
+_WORDS = {"angle_rad": "angle", "power": "power", "mirror_flags": "flag"}  # that give one away
+_MISSPELT = 0.85  # difflib's likeness from which a name is another one, misspelt
 
 
 @dataclass(frozen=True)
@@ -48,52 +51,41 @@ class Lines:
 def read(path: Path, config: Config) -> Lines:
     """Return recorded lines from ``.npy`` or ``.npz``.
 
-    An ``.npz`` holds ``lines`` and optionally ``angle_rad`` [n] (0 where it is not given),
-    ``power`` [n] (full power where it is not given) and ``mirror_flags`` [n] (0 where it is not
-    given: the angle is good); other arrays in it are ignored.
+    An ``.npz`` holds ``lines`` and optionally ``angle_rad`` [n] (0 where it is not given, with an
+    ``InputWarning``), ``power`` [n] (full power where it is not given) and ``mirror_flags`` [n] or
+    one for all (0 where it is not given: the angle is good); other arrays in it are ignored, but
+    not one that looks like a misspelt name of these, such as ``angle_deg`` without ``angle_rad``.
 
     Args:
         path: The file.
         config: Its sensor says how long a line is and how many bits a pixel has.
 
     Returns:
-        The lines, uint16 [n, line_length], n at least 1.
+        The lines as ``checked`` gives them, n at least 1.
 
     Raises:
-        InputError: naming the file and the value, if it is missing, damaged, or holds anything
-            but lines of that length and width, angles within +-pi rad, and flags of 0 to 7.
+        InputError: naming the file and what is wrong, if it is missing, damaged or empty, or holds
+            a misspelt name or what ``checked`` refuses.
     """
     arrays = _load(path)
-    if "lines" not in arrays:
-        raise InputError(f"{path}: no array named lines (has {', '.join(arrays) or 'none'})")
-    lines = arrays["lines"]
-    _check_lines(path, lines, config)
-    count = len(lines)
-    angle = arrays.get("angle_rad", np.zeros(count))
-    _check_column(path, "angle_rad", angle, count, "f")
-    bad = np.flatnonzero(~(np.abs(angle) <= ANGLE_LIMIT_RAD))  # NaN compares false
-    if len(bad):
-        raise InputError(
-            f"{path}: angle_rad outside -pi to pi ({angle[bad[0]]:g} at line {bad[0]})"
-        )
-    power = arrays.get("power", np.full(count, config.laser.power_max, np.uint16))
-    _check_column(path, "power", power, count, "u")
-    bad = np.flatnonzero(power > config.laser.power_max)
-    if len(bad):
-        limit = config.laser.power_max
-        raise InputError(f"{path}: power above {limit} ({power[bad[0]]} at line {bad[0]})")
-    raised = arrays.get("mirror_flags", np.zeros(count, np.uint8))
-    _check_column(path, "mirror_flags", raised, count, "u")
-    bad = np.flatnonzero(raised > MIRROR_FLAGS_ALL)
-    if len(bad):
-        limit = MIRROR_FLAGS_ALL
-        raise InputError(f"{path}: mirror_flags above {limit} ({raised[bad[0]]} at line {bad[0]})")
-    return Lines(
-        lines=np.ascontiguousarray(lines, np.uint16),
-        angle_rad=angle.astype(np.float64),
-        power=power.astype(np.int64),
-        mirror_flags=raised.astype(np.int64),
+    count = arrays["lines"].shape[:1]
+    given = Lines(
+        lines=arrays["lines"],
+        angle_rad=arrays.get("angle_rad", np.zeros(count)),
+        power=arrays.get("power", np.full(count, config.laser.power_max)),
+        mirror_flags=arrays.get("mirror_flags", 0),
     )
+    try:
+        recording = checked(given, config)
+    except LinesError as error:
+        raise LinesError(f"{path}: {error}") from None
+    if len(recording) == 0:
+        raise InputError(f"{path}: no lines (shape {given.lines.shape})")
+    if "angle_rad" not in arrays:
+        text = "no angle_rad: every line is taken at angle 0, so every x is 0"
+        hint = "an .npz takes angle_rad [n] beside lines"
+        warnings.warn(f"{path}: {text} ({hint})", InputWarning, stacklevel=2)
+    return recording
 
 
 def write(recording: Lines, file: BinaryIO) -> None:
@@ -103,11 +95,16 @@ def write(recording: Lines, file: BinaryIO) -> None:
         recording: The lines.
         file: A binary file. Beside what ``read`` takes it gets ``true_x_mm``, ``true_z_mm``,
             ``true_position_px`` and ``surface`` [n], and ``surface_names``.
+
+    Raises:
+        LinesError: if powers or flags do not fit in what they are written as.
     """
+    count = len(recording)
     arrays: dict[str, npt.NDArray[Any]] = {
         "lines": recording.lines,
         "angle_rad": recording.angle_rad,
-        "power": recording.power.astype(np.uint16),
+        "power": checked_power(recording.power, count).astype(np.uint16),
+        "mirror_flags": checked_flags(recording.mirror_flags, count).astype(np.uint8),
     }
     truth = recording.truth
     if truth is not None:
@@ -123,7 +120,6 @@ def write(recording: Lines, file: BinaryIO) -> None:
 
 def _load(path: Path) -> dict[str, npt.NDArray[Any]]:
     """Return the arrays of a file that a recording may hold; a bare array is ``lines``."""
-    wanted = ("lines", "angle_rad", "power", "mirror_flags")
     try:
         with path.open("rb") as file, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # numpy's doubts about a damaged header
@@ -133,7 +129,8 @@ def _load(path: Path) -> dict[str, npt.NDArray[Any]]:
             if isinstance(loaded, np.ndarray):
                 return {"lines": loaded}
             with loaded:
-                return {name: loaded[name] for name in wanted if name in loaded.files}
+                _check_names(path, loaded.files)
+                return {name: loaded[name] for name in _ARRAYS if name in loaded.files}
     except InputError:
         raise
     except OSError as error:
@@ -145,24 +142,18 @@ def _load(path: Path) -> dict[str, npt.NDArray[Any]]:
         raise InputError(f"{path}: not a .npy or .npz file of lines ({reason})") from error
 
 
-def _check_lines(path: Path, lines: npt.NDArray[Any], config: Config) -> None:
-    length = config.sensor.line_length
-    if lines.dtype.kind != "u" or lines.dtype.itemsize != 2:
-        raise InputError(f"{path}: lines must be uint16 (are {lines.dtype})")
-    if lines.ndim != 2 or lines.shape[1] != length:
-        raise InputError(f"{path}: lines must have shape [n, {length}] (have {lines.shape})")
-    if len(lines) == 0:
-        raise InputError(f"{path}: no lines (shape {lines.shape})")
-    full = 2**config.sensor.pixel_width - 1
-    largest = int(lines.max())
-    if largest > full:
-        row, pixel = np.unravel_index(int(lines.argmax()), lines.shape)
-        raise InputError(f"{path}: pixel above {full} ({largest} at line {row}, pixel {pixel})")
-
-
-def _check_column(path: Path, name: str, column: npt.NDArray[Any], count: int, kind: str) -> None:
-    if column.dtype.kind != kind:
-        wanted = {"f": "floating point", "u": "unsigned integers"}[kind]
-        raise InputError(f"{path}: {name} must be {wanted} (is {column.dtype})")
-    if column.shape != (count,):
-        raise InputError(f"{path}: {name} must have shape ({count},) (has {column.shape})")
+def _check_names(path: Path, names: list[str]) -> None:
+    """Refuse an archive without lines, or with a misspelt name of an array that it lacks."""
+    known = ", ".join(_ARRAYS)
+    if "lines" not in names:
+        has = ", ".join(map(repr, names)) or "none"
+        raise InputError(f"{path}: no array named lines (has {has}; known are {known})")
+    for wanted, word in _WORDS.items():
+        if wanted in names:
+            continue
+        for name in names:
+            given = name.casefold()
+            near = word in given or difflib.get_close_matches(given, [wanted], cutoff=_MISSPELT)
+            if near and name not in _ARRAYS:
+                has = f"but {name!r} (known are {known})"
+                raise InputError(f"{path}: no array named {wanted}, {has}")

@@ -1,6 +1,6 @@
 """What a scene's light does to its points, effect by effect, and whether its laser is safe.
 
-The figures are those of ``vrscan.scene.plan``: measured on probe lines, not estimated.
+The figures are those of ``vrscan.scene.plan``: measured on lines of the scan, not estimated.
 """
 
 import csv
@@ -23,7 +23,7 @@ from vrscan.scene.description import Description
 from vrscan.scene.detectability import Beam, Filter, View
 from vrscan.scene.effects import BASE, EFFECTS
 from vrscan.scene.light import Light
-from vrscan.scene.plan import JUMP_PX, PARTS, ZONES, Difference, Plan
+from vrscan.scene.plan import JUMP_PX, LEAST_LINES, PARTS, ZONES, Difference, Plan
 from vrscan.scene.spots import meet
 from vrscan.scene.stray import attenuation
 
@@ -53,7 +53,7 @@ def figures_table(plan: Plan, scene: Description) -> RichTable:
         caption=f"Bias and rms about it: how the position moves (with everything, less without the "
         f"effect), on {plan.lines} lines. Points differ: share of lines with a point in only one "
         f"of the two, or two more than {JUMP_PX:g} px apart, worst of near, middle, far and hidden "
-        f"from the camera. µs a line. Base: {BASE}.",
+        f"from the camera. µs a line. Base: {BASE}.{_short(plan)}",
     )
     grid.add_column("\n\neffect", no_wrap=True)
     for zone, z_mm in zip(ZONES, plan.distance_mm, strict=True):
@@ -105,6 +105,16 @@ def _states(plan: Plan) -> dict[str, str]:
 
 def _tolerance(plan: Plan) -> str:
     return f" at {plan.tolerance_px:g} px" if plan.fidelity == "auto" else ""
+
+
+def _short(plan: Plan) -> str:
+    """Return that a scan so short has everything, where that is not what the table shows."""
+    if plan.fidelity != "auto" or plan.count >= LEAST_LINES:
+        return ""
+    return (
+        f" On and off are those of {LEAST_LINES:,} lines: fewer are simulated with everything, "
+        "which costs less than choosing."
+    )
 
 
 def _cells(change: Difference) -> list[Text]:
@@ -400,9 +410,14 @@ def _glint_line(light: Light) -> str:
 def summary(plan: Plan) -> list[str]:
     """Return which effects a scan has had, in a line or two."""
     on, of = len(plan.active), len(plan.present)
-    planned, everything = plan.microseconds
+    if plan.fidelity == "auto" and plan.every_ray and on == of:
+        return [
+            f"effects: all {of}, as in full: to leave some out would not save on {plan.count:,} "
+            "lines what choosing costs"
+        ]
     if on == of:
-        return [f"effects: all {of}, {planned:.0f} us a line"]
+        return [f"effects: all {of}"]
+    planned, everything = plan.microseconds
     error = float(plan.left_out.total_px.max())
     lost = float(plan.left_out.changed.max())
     points = f" and {100 * lost:.1f} % of the points" if lost else ""

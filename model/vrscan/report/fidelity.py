@@ -42,6 +42,7 @@ TOLERANCES_PX = (0.1, 0.03, 0.01)
 TIGHTEST = f"auto {TOLERANCES_PX[-1]:g}"
 AIM_AUTO, AIM_FULL = 20_000.0, 2_000.0  # lines/s
 AIM_FASTER = 5.0  # times, of the tightest auto on the default scene
+WORTH = 100_000  # lines on which a choice has to pay: a long scan's
 ROUNDS = 3  # timed runs of each fidelity
 
 _FLOOR_PX = 1e-4  # errors below are drawn there
@@ -143,7 +144,9 @@ def _scene(scene: Description, count: int, config: Config, rounds: int) -> list[
     assert truth is not None  # a simulation has one, the same for all
     runs = [_Run("minimal", np.nan, light, frozenset(), every_ray=False)]
     for tolerance in TOLERANCES_PX:
-        chosen = plan(light, count, fidelity="auto", tolerance_px=tolerance)
+        chosen = plan(
+            light, count, fidelity="auto", tolerance_px=tolerance, each=False, worth=WORTH
+        )
         given = (chosen.active, chosen.every_ray, chosen.seconds)
         runs.append(_Run(f"auto {tolerance:g}", tolerance, light, *given))
     tables = [run_engine(Engine.FIXED, each.go(count).lines, config) for each in runs]

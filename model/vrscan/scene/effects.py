@@ -28,7 +28,7 @@ _ALL = (
     Effect("falloff", "the pupil seen from the side", "the same pupil for all pixels", 0.0),
     Effect("gloss", "the lobe about the mirror direction", "Lambert alone", 0.5),
     Effect(
-        "bounce", "light from the spot that lights the rest of the scene", "one reflection", 10.0
+        "bounce", "light from the spot that lights the rest of the scene", "one reflection", 5.0
     ),
     Effect("speckle", "a rough surface under coherent light", "smooth light", 2.0),
     Effect("sun", "sun and sky on what the camera sees", "darkness", 5.0),
@@ -49,7 +49,9 @@ _ALL = (
 EFFECTS = {effect.name: effect for effect in _ALL}
 WHOLE_LINE = frozenset({"ghosts", "halo", "bounce"})  # with one of these no line is mostly even
 WHOLE_LINE_US = 15.0  # what that costs, typically
-EVERY_RAY_US = 30.0  # and what it costs to follow every spot ray by ray
+EVERY_RAY_US = 20.0  # and what it costs to follow every spot ray by ray
+LINE_US = 20.0  # a line without any effect, up to its point
+START_US = 8000.0  # what some lines cost that are rendered by themselves, however few
 BASE = (
     "beam width, range equation with Lambert and the row's share, occlusion, (2)-(5), pixel "
     "aperture, exposure, gain, full scale and converter are always there"

@@ -33,6 +33,7 @@ from vrscan.scene.timeline import Timeline
 _VIEW_STEP = 8  # px between the rays on which the camera's view is sampled
 _BOUNCE_KNOTS = 193  # angles at which the second bounce is worked out
 _BOUNCE_EDGE = 1.02  # of the scan's amplitude, how far they reach
+_BOUNCE_TABLES = 48  # of places of a panning scanner, which are kept
 _PAN_STEP_MM = 1.0  # of a moving scanner, in which its view is taken to be the same
 _RAYS = 1 << 16  # at a time
 _FARTHEST_MM = 1000.0  # where a ray that meets nothing is taken to end, at least
@@ -332,7 +333,9 @@ class Light:
     def _bounce_table(self, key: int) -> Singles:
         if key not in self._bounces:
             angles = np.linspace(-self._bounce_limit, self._bounce_limit, _BOUNCE_KNOTS)
-            self._bounces = {key: self._bounce(angles, key * _PAN_STEP_MM)}
+            if len(self._bounces) >= _BOUNCE_TABLES:
+                self._bounces.clear()
+            self._bounces[key] = self._bounce(angles, key * _PAN_STEP_MM)
         return self._bounces[key]
 
     def _bounce(self, angle: Floats, y_mm: float) -> Singles:

@@ -1,50 +1,74 @@
 """What each effect would do to a scene's points, and which of them are worth their time.
 
-A few hundred lines, near, in the middle, far, and such whose spot the camera does not see, are
-rendered with everything and then with everything but one effect, always with the same random
-numbers, and go through the chain's bit-accurate model. What the position changes by is what the
-effect contributes here: its mean over such a part is the bias, the spread about it the rms.
-``auto`` then leaves out what costs most for what it contributes, as long as everything left out
-together, rendered once more to be sure, stays below the tolerance in every zone and neither adds
-nor loses a point, be it one whose spot is hidden; in the end some thousand lines have to confirm
-that, of which at most three in a thousand may differ.
+Lines of a few blocks, near, in the middle, far, and such whose spot the camera does not see, are
+rendered with everything and then with less, always with the same random numbers, and go through the
+chain's bit-accurate model. What the position changes by is what was left out: its mean over such a
+part is the bias, the spread about it the rms.
+
+``auto`` leaves effects out, the dearest first and several at once where it can, as long as all that
+is left out together stays below the tolerance in every zone of a survey, with a margin for lines
+that move far, and at most three lines in a thousand of each part, or one, gain, lose or change
+their point. Each try is made on some thousand lines, and ends as soon as it cannot succeed any
+more; what is left in the end has to hold on the whole survey. What a try may cost, and what it may
+save on the scan's lines, is reckoned with typical times and not measured, so that the same scene
+gets the same effects, and so the same lines, whenever and wherever it is simulated. Where choosing
+would cost more than it saves, the scan has everything.
 """
 
+import itertools
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from vrscan.arrays import Bools, Floats, Ints
+from vrscan.arrays import Bools, Floats, Ints, Pixels
 from vrscan.chain import run_fixed
 from vrscan.config import Config
 from vrscan.errors import InputError
 from vrscan.ideal import geometry as triangle
 from vrscan.points import table
 from vrscan.registers import Registers, angle_turns
-from vrscan.scene.effects import EFFECTS, chosen, present, typical_us
+from vrscan.scene.effects import (
+    EFFECTS,
+    LINE_US,
+    START_US,
+    WHOLE_LINE,
+    chosen,
+    present,
+    typical_us,
+)
 from vrscan.scene.light import Light
-from vrscan.scene.render import Frame
-from vrscan.scene.simulate import BLOCK, Scanner
+from vrscan.scene.render import Renderer
+from vrscan.scene.simulate import BLOCK, Scanner, picked
+from vrscan.scene.timeline import Timeline
 from vrscan.table import Table
 
 ZONES = ("near", "middle", "far")
-PARTS = (*ZONES, "hidden")  # of the probe; the last: lines whose spot the camera does not see
+PARTS = (*ZONES, "hidden")  # of the survey; the last: lines whose spot the camera does not see
 JUMP_PX = 3.0
-_PER_PART = 160  # probe lines
-_SURVEY = 4  # blocks in which they are looked for
+LEAST_LINES = 16_384  # of a scan: fewer cost less in full than what there is to choose
+_SURVEY = 4  # blocks in which the survey's lines are looked for
+_PANNED = 24, 80  # blocks and consecutive lines of each, where the scanner pans
+_PER_ZONE = 340, 1280  # lines of the survey, at least and at most, if there are so many
+_SHARE = 100  # lines of the scan for each of them, in between
+_HIDDEN = 4  # times fewer lines that the camera does not see
+_STEPS, _TABLE = (16, 48, 128), 160  # lines a part: ends of a try's steps; of the budget
+_STEP = 512  # lines of a step that confirms
+_WORST = 64  # lines that were worst in a try that failed, and come first in the next
 _STREAM = 0x9A1F
-_FIRST = 32  # lines that make the tables
-_SAFETY = 0.8  # of the tolerance, on the probe
-_SURVEYED = 0.95  # of it, on all lines of the survey
-_MOST_CHANGED = 0.003  # of those lines: points that come, go or jump
-_FREE_US = 0.05  # a line: an effect cheaper than that is not worth leaving out
+_READY = 32  # lines that make the tables
+_SIGMAS = 2.0  # standard errors that a mean square has to be below the tolerance's
+_MOST_CHANGED = 0.003  # of a part's lines, or one: points that come, go or jump
+_STAKE = 0.03  # of what the scan costs in full is what may be spent on tries, and what they save
+_ODDS = 3.0  # times what a try costs is what it has to save: it may fail
+_RAYS = "every ray"  # left out like an effect: spots are followed ray by ray where needed
 
 
 @dataclass(frozen=True)
 class Difference:
-    """What leaving something out changes, by part of the probe; mean and spread of positions."""
+    """What leaving something out changes, by part of the lines; mean and spread of positions."""
 
     bias_px: Floats  # [4], as ``PARTS``
     rms_px: Floats  # about the bias
@@ -56,6 +80,9 @@ class Difference:
     def total_px(self) -> Floats:
         """Bias and spread together, near, middle and far [3]."""
         return np.hypot(self.bias_px, self.rms_px)[: len(ZONES)]
+
+
+_NOTHING = Difference(*np.zeros((5, len(PARTS))))
 
 
 @dataclass(frozen=True)
@@ -81,19 +108,24 @@ class Plan:
     absent: tuple[str, ...]  # the others
     left_out: Difference  # measured: everything that is off, together
     distance_mm: Floats  # mean z of each zone [3]
-    microseconds: tuple[float, float]  # a line: as planned, and with everything
-    lines: int  # of the probe
+    microseconds: tuple[float, float]  # a line: as planned, and with everything; or NaN
+    count: int  # lines of the scan
+    lines: int  # that the predictions, or else what is left out, were measured on
     seconds: float  # that the planning took
 
 
 @dataclass(frozen=True)
 class Survey:
-    """Lines of some blocks of a scan, which the probes are drawn from."""
+    """Lines of some blocks of a scan, of each part about as many, in the order of their use."""
 
-    numbers: Ints  # rising [n]
+    numbers: Ints  # [n]
     part: Ints  # index into ``PARTS`` [n]
-    probe: Ints  # rows of those that are rendered with every effect left out [m]
+    rank: Ints  # rising: which of its part a line is [n]
     distance_mm: Floats  # mean z of the zones [3]
+
+    def first(self, per_part: int) -> int:
+        """Return how many lines the first ``per_part`` of each part are."""
+        return int(np.searchsorted(self.rank, per_part))
 
 
 def plan(
@@ -104,18 +136,21 @@ def plan(
     tolerance_px: float | None = None,
     each: bool = True,
     seen: Survey | None = None,
+    worth: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Plan:
     """Return which effects a scan gets.
 
     Args:
         light: The scene and the instrument.
-        count: Lines of the scan, from which the probe is drawn.
+        count: Lines of the scan, from which the survey is drawn.
         fidelity: ``auto``, ``full``, ``minimal``, or a list of effects; the scene's own if None.
         tolerance_px: Of ``auto``; the scene's own if None.
-        each: Whether what single effects do is asked for; ``auto`` has to know it anyway.
+        each: Whether what single effects do is asked for. ``auto`` then chooses as for
+            ``LEAST_LINES`` if the scan is shorter.
         seen: ``survey`` of the same scan, if somebody has made it.
-        progress: Called with the number of renderings done and of all.
+        worth: Lines on which the choice of ``auto`` has to pay; ``count`` if None.
+        progress: Called with the number of steps done and of all.
 
     Raises:
         InputError: if the camera sees none of the lines, an effect or fidelity is unknown, or the
@@ -131,10 +166,13 @@ def plan(
         raise InputError(f"{scene.source}: fidelity {wanted!r} is not auto, full or minimal")
     if not tolerance > 0.0:
         raise InputError(f"{scene.source}: tolerance_px = {tolerance:g}: must be above 0")
+    worth = count if worth is None else worth
+    if each:
+        worth = max(worth, LEAST_LINES)
     seen = survey(light, count) if seen is None else seen
-    numbers = seen.numbers[seen.probe]
-    probe = _Probe(light, count, numbers, seen.part[seen.probe], tolerance)
-    total = len(have) + 2
+    full = frozenset((*have, _RAYS))
+    trial = _Trial(light, count, seen, tolerance, full)
+    total = 2 + len(have) * (each + (wanted == "auto"))
     done = 0
 
     def tick() -> None:
@@ -143,45 +181,44 @@ def plan(
         if progress is not None:
             progress(min(done, total), total)
 
-    whole = frozenset(have)
-    probe.prepare(whole)
-    probe.reference = probe.table(whole, every_ray=True)
-    seconds = probe.seconds  # of each effect, in the whole
-    full_us = probe.microseconds
-    tick()
+    table_rows = np.arange(seen.first(_TABLE))
+    part = seen.part[table_rows]
     found: dict[str, Difference] = {}
-    for name in have if each or wanted == "auto" else ():
-        found[name] = probe.against(whole - {name}, every_ray=True)
+    cost: dict[str, float] = {}
+    measured: dict[frozenset[str], float] = {}
+    if each or wanted not in ("auto", "full"):
+        trial.points(table_rows[:_READY], full)  # makes the tables, lest one effect pays for them
+        reference = trial.points(table_rows, full)
+        measured = dict(trial.microseconds)  # together with the price of each effect
+        cost = {name: 1e6 * trial.seconds.get(name, 0.0) / len(part) for name in have}
+    tick()
+    for name in have if each else ():
+        found[name] = difference(reference, trial.points(table_rows, full - {name}), part, light)
         tick()
-    cost = {name: 1e6 * seconds.get(name, 0.0) / len(numbers) for name in have}
-    every_ray = wanted == "full"
-    if listed is not None:
-        active = listed & whole
-    elif wanted == "full":
-        active = whole
-    elif wanted == "minimal":
-        active = frozenset[str]()
-    else:
-        everything = _Probe(light, count, seen.numbers, seen.part, tolerance)
-        active, every_ray = _auto(probe, everything, found, whole)
-        probe = everything
-    left_out = probe.against(active, every_ray=every_ray)
-    planned_us = probe.microseconds
+    state, left_out = full, _NOTHING
+    if wanted == "auto":
+        if worth >= LEAST_LINES:
+            state, left_out = _auto(trial, worth, tick)
+    elif wanted != "full":
+        state = frozenset(have) & (listed or frozenset())
+        left_out = difference(reference, trial.points(table_rows, state), part, light)
+    us = {full: np.nan} | trial.microseconds | measured
     tick()
     return Plan(
         fidelity="list" if listed is not None else str(wanted),
         tolerance_px=tolerance,
-        active=active,
-        every_ray=every_ray,
+        active=state - {_RAYS},
+        every_ray=_RAYS in state,
         present=have,
         predictions=tuple(
-            Prediction(name, found[name], cost[name], name in active) for name in found
+            Prediction(name, found[name], cost[name], name in state) for name in found
         ),
         absent=tuple(name for name in EFFECTS if name not in have),
         left_out=left_out,
         distance_mm=seen.distance_mm,
-        microseconds=(planned_us, full_us),
-        lines=len(numbers),
+        microseconds=(us[state], us[full]),
+        count=count,
+        lines=len(table_rows),
         seconds=time.perf_counter() - begin,
     )
 
@@ -193,10 +230,12 @@ def survey(light: Light, count: int) -> Survey:
         InputError: if the camera sees none of the lines.
     """
     scanner = Scanner(light, count, frozenset())
-    blocks = np.unique(np.linspace(0, scanner.blocks - 1, _SURVEY).round().astype(np.int64))
+    # A scanner that pans sees each place in few lines, and what it sees there takes its time.
+    some, rows = (_SURVEY, BLOCK) if light.scene.scan.pan_mm_per_s == 0.0 else _PANNED
+    blocks = np.unique(np.linspace(0, scanner.blocks - 1, some).round().astype(np.int64))
     numbers, depths = [], []
     for block in blocks.tolist():
-        truth = scanner.block(block).truth
+        truth = scanner.renderer.look(picked(scanner.timeline(block), slice(rows)))
         numbers.append(block * BLOCK + np.arange(len(truth.z_mm)))
         depths.append(np.where(np.isfinite(truth.position_px), truth.z_mm, np.nan))
     number, depth = np.concatenate(numbers), np.concatenate(depths)
@@ -209,51 +248,135 @@ def survey(light: Light, count: int) -> Survey:
         )
     by_depth = seen[np.argsort(depth[seen], kind="stable")]
     groups = [*np.array_split(by_depth, len(ZONES)), np.flatnonzero(np.isnan(depth))]
-    part = np.empty(len(number), np.int64)
-    for index, group in enumerate(groups):
-        part[group] = index
-    rng = np.random.default_rng((light.scene.seed, _STREAM))
-    probe = np.sort(np.concatenate([rng.permutation(group)[:_PER_PART] for group in groups]))
     distance = [depth[group].mean() if len(group) else np.nan for group in groups[: len(ZONES)]]
-    return Survey(number, part, probe, np.array(distance))
+    most = int(np.clip(count // _SHARE, *_PER_ZONE))
+    limits = [most] * len(ZONES) + [most // _HIDDEN]
+    rng = np.random.default_rng((light.scene.seed, _STREAM))
+    drawn = [rng.permutation(group)[:n] for group, n in zip(groups, limits, strict=True)]
+    part = np.repeat(np.arange(len(PARTS)), [len(group) for group in drawn])
+    rank = np.concatenate([np.arange(len(group)) for group in drawn])
+    order = np.lexsort((part, rank))
+    chosen_lines = number[np.concatenate(drawn)]
+    return Survey(chosen_lines[order], part[order], rank[order], np.array(distance))
 
 
-class _Probe:
-    """Renders the probe lines with any set of effects and compares the points."""
+class _Trial:
+    """Lines of a survey, rendered with any set of effects, and compared with all effects.
 
-    reference: Table
-    seconds: dict[str, float]
-    microseconds: float
+    ``_RAYS`` among the effects stands for every spot's being followed ray by ray.
+    """
+
+    seconds: dict[str, float]  # of each effect, in the last lines rendered
 
     def __init__(
-        self, light: Light, count: int, numbers: Ints, part: Ints, tolerance_px: float
+        self, light: Light, count: int, seen: Survey, tolerance_px: float, full: frozenset[str]
     ) -> None:
-        self.light, self.count, self.numbers, self.part = light, count, numbers, part
-        self.tolerance_px = tolerance_px
+        self.light, self.seen, self.tolerance_px, self.full = light, seen, tolerance_px, full
+        self._count = count
+        self.spent_us = 0.0  # what all renderings have cost, typically
+        self.microseconds: dict[frozenset[str], float] = {}  # a line, at best, by effects
         self._registers = Registers.from_config(light.config)
-        self._power = np.full(len(numbers), light.config.laser.power_max, np.int64)
+        tries, last = seen.first(_PER_ZONE[0]), len(seen.numbers)
+        ends = {0, *(seen.first(n) for n in _STEPS), tries, *range(tries, last, _STEP), last}
+        self._steps = [np.arange(a, b) for a, b in itertools.pairwise(sorted(ends))]
+        self._references: dict[int, Table] = {}  # of steps, by their first line
+        self._worst: tuple[Ints, Table] | None = None  # lines that failed, and their reference
 
-    def prepare(self, active: frozenset[str]) -> None:
-        """Let the scene make the tables that all lines share, lest one effect pays for them."""
-        Scanner(self.light, self.count, active, every_ray=True).some(self.numbers[:_FIRST])
+    @cached_property
+    def _given(self) -> tuple[Timeline, Pixels]:
+        """What the survey's lines are rendered from."""
+        return Scanner(self.light, self._count, frozenset()).given(self.seen.numbers)
 
-    def table(self, active: frozenset[str], *, every_ray: bool) -> Table:
-        """Return the points of the probe lines."""
-        scanner = Scanner(
-            self.light, self.count, active, every_ray=every_ray, tolerance_px=self.tolerance_px
+    def points(self, rows: Ints, effects: frozenset[str]) -> Table:
+        """Return the points of some lines."""
+        renderer = Renderer(
+            self.light,
+            effects - {_RAYS},
+            every_ray=_RAYS in effects,
+            tolerance_px=self.tolerance_px,
         )
+        self.spent_us += START_US + len(rows) * _us(effects)
+        timeline, words = picked(self._given[0], rows), self._given[1][rows]
         begin = time.perf_counter()
-        frame: Frame = scanner.some(self.numbers)
-        self.microseconds = 1e6 * (time.perf_counter() - begin) / len(self.numbers)
-        self.seconds = dict(scanner.renderer.seconds)
+        frame = renderer.render(timeline, words)
+        taken_us = 1e6 * (time.perf_counter() - begin) / len(rows)
+        self.microseconds[effects] = min(taken_us, self.microseconds.get(effects, np.inf))
+        self.seconds = dict(renderer.seconds)
+        power = np.full(len(rows), self.light.config.laser.power_max, np.int64)
         angle = angle_turns(frame.reported_rad)
-        return table(run_fixed(frame.lines, angle, self._power, self._registers))
+        return table(run_fixed(frame.lines, angle, power, self._registers))
 
-    def against(self, active: frozenset[str], *, every_ray: bool) -> Difference:
-        """Return what the reference has more than this set."""
-        return difference(
-            self.reference, self.table(active, every_ray=every_ray), self.part, self.light
+    def judge(self, effects: frozenset[str], lines: int) -> Difference | None:
+        """Return what the other effects do to the first lines, or None as soon as it is too much.
+
+        Of each zone the mean square of what moves, and ``_SIGMAS`` standard errors of that mean
+        more, has to be below the tolerance's square. So a few lines that move far weigh more.
+        """
+        part = self.seen.part[:lines]
+        size = np.bincount(part, minlength=len(PARTS)).astype(np.float64)
+        if self._worst is not None:
+            rows, reference = self._worst
+            spent = _spent(reference, self.points(rows, effects), self.light.config)
+            if self._exceeds(spent, self.seen.part[rows], size):
+                return None
+        pairs: list[tuple[Table, Table]] = []
+        spent = np.zeros((2, 0))
+        for rows in self._steps:
+            begin, done = int(rows[0]), int(rows[-1]) + 1
+            if begin not in self._references:
+                self._references[begin] = self.points(rows, self.full)
+            pairs.append((self._references[begin], self.points(rows, effects)))
+            spent = np.append(spent, _spent(*pairs[-1], self.light.config), axis=1)
+            if done == lines or self._exceeds(spent, part[:done], size, done / lines):
+                break
+        first, second = (Table.joined(each) for each in zip(*pairs, strict=True))
+        both = first.located & second.located
+        if done == lines and not self._exceeds(
+            spent, part, size, kept=np.bincount(part, both, len(PARTS)).astype(np.float64)
+        ):
+            return difference(first, second, part, self.light)
+        if len(pairs) > 1:
+            room = np.array([np.square(self.tolerance_px) * size, np.ones(len(PARTS))])
+            score = (spent / room[:, part[:done]]).sum(axis=0)
+            rows = np.sort(np.argsort(-score, kind="stable")[:_WORST])
+            self._worst = rows, self.points(rows, self.full)
+        return None
+
+    def _exceeds(
+        self,
+        spent: Floats,
+        part: Ints,
+        size: Floats,
+        share: float = 1.0,
+        kept: Floats | None = None,
+    ) -> bool:
+        """Return whether some lines alone are too much for all of their part.
+
+        Args:
+            spent: Of the lines, as ``_spent`` has it [2, n].
+            part: Of the lines [n].
+            size: Lines of each part [4].
+            share: Of the lines that these are; they may have the root of that share of what
+                squares may add up to.
+            kept: Lines of each part that have both points [4]; ``size`` if None.
+        """
+        square, fourth, other = (
+            np.bincount(part, values, len(PARTS))
+            for values in (spent[0], np.square(spent[0]), spent[1])
         )
+        room = np.square(self.tolerance_px) * (size if kept is None else kept)
+        over = square + _SIGMAS * np.sqrt(fourth) > room
+        over |= square > np.sqrt(share) * room
+        return bool(
+            over[: len(ZONES)].any() or (other > np.maximum(_MOST_CHANGED * size, 1.0)).any()
+        )
+
+
+def _spent(first: Table, second: Table, config: Config) -> Floats:
+    """Return of each line the square of what has moved, and whether its point is another [2, n]."""
+    apart = moved(first, second, config)
+    other = (np.abs(apart) > JUMP_PX) | (first.located != second.located)
+    return np.array([np.where(other, 0.0, np.square(apart)), other])
 
 
 def moved(first: Table, second: Table, config: Config) -> Floats:
@@ -316,55 +439,54 @@ def _part(
     )
 
 
-def _auto(
-    probe: _Probe,
-    everything: _Probe,
-    found: dict[str, Difference],
-    whole: frozenset[str],
-) -> tuple[frozenset[str], bool]:
-    """Return the effects that are on, and whether every spot needs its rays.
+def _us(effects: frozenset[str]) -> float:
+    """Return what a line with these effects typically costs, up to its point."""
+    return typical_us(effects - {_RAYS}, every_ray=_RAYS in effects) + LINE_US
 
-    Time is reckoned with as it typically is, not as it was measured: the same scene gets the same
-    effects, and so the same lines, whenever and wherever it is simulated.
-    """
-    limit = _SAFETY * probe.tolerance_px
 
-    def price(name: str) -> float:
-        cost = typical_us(frozenset({name}), every_ray=False) + _FREE_US
-        return float(found[name].total_px.max()) / cost
+def _auto(trial: _Trial, worth: int, tick: Callable[[], None]) -> tuple[frozenset[str], Difference]:
+    """Return the effects that are on, with ``_RAYS`` if every spot needs them, and what is lost."""
+    lines = trial.seen.first(_PER_ZONE[0])
+    full = state = trial.full
+    kept = [(full, _NOTHING)]
+    before_us = trial.spent_us
 
-    off: list[str] = []
-    bias, square = np.zeros(len(PARTS)), np.zeros(len(PARTS))  # the hidden count only as points
-    for name in sorted(found, key=price):
-        one = found[name]
-        if one.changed.any():
+    def confirms(effects: frozenset[str]) -> bool:
+        """Return whether it pays to render the rest of the survey for these effects."""
+        rest_us = (len(trial.seen.numbers) - lines) * (_us(full) + _us(effects))
+        return worth * (_us(full) - _us(effects)) >= _ODDS * rest_us
+
+    dear = sorted(full & EFFECTS.keys(), key=lambda name: -EFFECTS[name].typical_us)
+    everywhere = [name for name in dear if name in WHOLE_LINE]
+    others = [name for name in dear if name not in WHOLE_LINE]
+    todo = [everywhere, [_RAYS], [name for name in others if EFFECTS[name].typical_us > 0.0]]
+    while todo:
+        # A spot that needs its rays where a plane does not do needs more than a plane.
+        names = [name for name in todo.pop(0) if name != "footprint" or _RAYS not in state]
+        less = state.difference(names)
+        saved_us = worth * (_us(full) - _us(state))
+        if trial.spent_us - before_us > _STAKE * worth * _us(full) + saved_us:
+            break
+        if not confirms(less.difference(*todo)):
+            break
+        if worth * (_us(state) - _us(less)) < _ODDS * (START_US + lines * _us(less)):
             continue
-        after = np.sqrt((bias + np.abs(one.bias_px)) ** 2 + square + one.rms_px**2)
-        if after[: len(ZONES)].max() > limit:
-            continue
-        off.append(name)
-        bias, square = bias + np.abs(one.bias_px), square + one.rms_px**2
-    # Together they may do more than one by one, and the probe is a sample: the sum is measured, on
-    # the probe and then on all lines of the survey, and what weighs most returns.
-    everything.reference = everything.table(whole, every_ray=True)
-    checks = ((probe, limit, 0.0), (everything, _SURVEYED * probe.tolerance_px, _MOST_CHANGED))
-
-    def settled(every_ray: bool) -> tuple[float, frozenset[str], bool] | None:
-        """Return typical us a line, effects and ``every_ray``; None if only rays would do."""
-        out = list(off)
-        while True:
-            active = whole - frozenset(out)
-            for lines, most, lost in checks:
-                joint = lines.against(active, every_ray=every_ray)
-                if joint.total_px.max() > most or joint.changed.max() > lost:
-                    break
-            else:
-                return typical_us(active, every_ray=every_ray), active, every_ray
-            if not out:
-                return None
-            out.remove(max(out, key=price))
-
-    by_need, by_all = settled(False), settled(True)
-    if by_all is None or (by_need is not None and by_need[0] <= by_all[0]):
-        by_all = by_need
-    return (whole, True) if by_all is None else by_all[1:]
+        tick()
+        found = trial.judge(less, lines)
+        if found is not None:
+            state = less
+            kept.append((state, found))
+        elif len(names) > 1:
+            half = len(names) // 2
+            todo += [names[:half], names[half:]]
+    if len(trial.seen.numbers) == lines:
+        return kept[-1]
+    while len(kept) > 1:
+        state, _ = kept.pop()
+        if not confirms(state):
+            break
+        tick()
+        found = trial.judge(state, len(trial.seen.numbers))
+        if found is not None:
+            return state, found
+    return full, _NOTHING

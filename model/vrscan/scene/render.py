@@ -154,6 +154,10 @@ class Renderer:
             truth=self.truth(spots),
         )
 
+    def look(self, timeline: Timeline) -> Truth:
+        """Return what the spots of lines are, without making the lines."""
+        return self.truth(self._spotter.find(timeline)[0])
+
     def charge(self, timeline: Timeline) -> Charge:
         """Return what lines hold before the sensor, the laser's part by itself.
 

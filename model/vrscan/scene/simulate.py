@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vrscan.arrays import Ints
+from vrscan.arrays import Ints, Pixels
 from vrscan.config import Config
 from vrscan.lines import Lines, Truth
 from vrscan.scene.description import Description, load
@@ -75,17 +75,25 @@ class Scanner:
         when = self.timeline(number)
         return self.renderer.render(when, self._words(number)[: len(when)])
 
-    def some(self, numbers: Ints) -> Frame:
-        """Return any lines, by rising number, as they are in their blocks."""
+    def given(self, numbers: Ints) -> tuple[Timeline, Pixels]:
+        """Return what any lines are rendered from, whatever the effects: timeline and words."""
         parts, noise = [], []
-        for block in np.unique(numbers // BLOCK).tolist():
-            rows = numbers[numbers // BLOCK == block] - block * BLOCK
+        order = np.argsort(numbers, kind="stable")
+        rising = numbers[order]
+        for block in np.unique(rising // BLOCK).tolist():
+            rows = rising[rising // BLOCK == block] - block * BLOCK
             parts.append(picked(self.timeline(block), rows))
-            noise.append(self._words(block)[rows])
-        return self.renderer.render(Timeline.joined(parts), np.concatenate(noise))
+            noise.append(self._words(block, int(rows[-1]) + 1)[rows])
+        place = np.argsort(order, kind="stable")
+        return picked(Timeline.joined(parts), place), np.concatenate(noise)[place]
 
-    def _words(self, block: int) -> np.ndarray:
-        return words(self.light.scene.seed, block, BLOCK, self.light.config.sensor.line_length)
+    def some(self, numbers: Ints) -> Frame:
+        """Return any lines as they are in their blocks."""
+        return self.renderer.render(*self.given(numbers))
+
+    def _words(self, block: int, lines: int = BLOCK) -> Pixels:
+        """Return the random words of the first lines of a block."""
+        return words(self.light.scene.seed, block, lines, self.light.config.sensor.line_length)
 
 
 def picked(whole: Timeline, rows: Ints | slice) -> Timeline:
