@@ -4,7 +4,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-SOURCES = ("errors.py",)
+READS: tuple[str, ...] = ()
 
 
 def noted(parameters: dict[str, Any], seed: int) -> dict[str, Any]:

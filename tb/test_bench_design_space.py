@@ -21,10 +21,11 @@ from hypothesis import strategies as st
 
 from vrscan.bench import design, design_cost, page
 from vrscan.bench.cells import Cell, Figures, plain
-from vrscan.bench.design import Cut, Design, bound, clocks, every, exact, noisy, skewed
+from vrscan.bench.design import Cut, bound, clocks, every, exact, noisy, skewed
 from vrscan.bench.design_cost import PARTS, SECOND_PASS, WHOLE, cell, changed, synthesise, texts
 from vrscan.bench.sections import design_space
 from vrscan.bench.sections.section import Order
+from vrscan.bench.widths import Design
 from vrscan.chain import run_fixed
 from vrscan.config import Config
 from vrscan.fixed import peak_position, phase_correlate, pkg, quarter_wave

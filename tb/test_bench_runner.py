@@ -1,21 +1,37 @@
 """The runner of the benchmark: what is kept, what is done again, and who does it."""
 
 import json
+import os
+import shutil
+import signal
 import socket
+import subprocess
+import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import bench_work
 import pytest
 from distributed import LocalCluster
 
 from vrscan import cli
-from vrscan.bench import cells, detect, report, runner
+from vrscan.bench import (
+    cells,
+    cost,
+    design,
+    design_cost,
+    detect,
+    instrument,
+    report,
+    runner,
+    tune,
+)
 from vrscan.bench.cells import Cell, plain
 from vrscan.bench.keep import Keep
 from vrscan.config import Config
 from vrscan.errors import InputError
+from vrscan.tools import repository_root
 
 SEED = 11
 NOTED = "bench_work:noted"
@@ -68,17 +84,97 @@ def test_a_key_depends_on_parameters_seed_and_code_and_on_the_machine_only_if_ti
     assert len(keys | {first.key()}) == 4
 
 
-def test_a_version_is_that_of_every_file_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_version_is_that_of_every_file_that_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
     version = cells.version.__wrapped__
     before = version(NOTED)
     assert version(NOTED) == before
-    monkeypatch.setattr("bench_work.SOURCES", (*bench_work.SOURCES, "arrays.py"))
-    assert version(NOTED) != before
-    monkeypatch.setattr("bench_work.SOURCES", (*bench_work.SOURCES, "rtl/trig/divide.sv"))
-    assert version(NOTED) != before
-    monkeypatch.setattr("bench_work.SOURCES", ("no_such_file.py",))
-    with pytest.raises(FileNotFoundError, match=r"no_such_file\.py"):
+    monkeypatch.setattr("bench_work.READS", ("scene/scenes/step.toml",))
+    other = version(NOTED)
+    monkeypatch.setattr("bench_work.READS", ("rtl/trig/divide.sv",))
+    assert len({before, other, version(NOTED)}) == 3
+    monkeypatch.setattr("bench_work.READS", ("no_such_file.txt",))
+    with pytest.raises(FileNotFoundError, match=r"no_such_file\.txt"):
         version(NOTED)
+
+
+WORKS = (
+    detect.WORK,
+    tune.WORK,
+    cost.WORK,
+    design.NOISY,
+    design_cost.WORK,
+    *(instrument.BUDGET, instrument.FIDELITY, instrument.SPEED, instrument.GROWTH),
+)
+
+
+def versions(root: Path) -> dict[str, str]:
+    """Return the versions of the works in a copy of the repository."""
+    script = f"from vrscan.bench.cells import version\nfor w in {WORKS}: print(w, version(w))"
+    found = subprocess.run(
+        [sys.executable, "-c", script],
+        env={**os.environ, "PYTHONPATH": str(root / "model")},
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+    )
+    return dict(line.split() for line in found.stdout.splitlines())
+
+
+def test_a_change_of_any_module_that_is_used_is_another_version(tmp_path: Path) -> None:
+    """Used directly or by what is used; and of no other module."""
+    for name in ("model", "rtl"):
+        shutil.copytree(repository_root() / name, tmp_path / name)
+    (tmp_path / "tb").symlink_to(repository_root() / "tb")
+    before = versions(tmp_path)
+    light = {instrument.BUDGET, instrument.FIDELITY, instrument.SPEED, instrument.GROWTH, cost.WORK}
+    spots = {detect.WORK, tune.WORK, design.NOISY}
+    for file, concerned in (
+        ("model/vrscan/scene/description.py", light | spots),
+        ("model/vrscan/scene/ghosts.py", light),
+        ("model/vrscan/scene/scenes/default.toml", light - {cost.WORK}),
+        ("model/vrscan/bench/widths.py", {design.NOISY, design_cost.WORK}),
+        ("model/vrscan/link/stream.py", set()),
+    ):
+        with (tmp_path / file).open("a") as changed:
+            changed.write("\n")
+        after = versions(tmp_path)
+        assert {work for work in WORKS if after[work] != before[work]} == concerned, file
+        before = after
+
+
+def test_a_cell_reads_nothing_that_its_version_does_not_know() -> None:
+    """Of modules and of other files, as seen while it is done."""
+    script = """
+import json, sys
+opened = set()
+sys.addaudithook(lambda event, args: event == "open" and opened.add(str(args[0])))
+from vrscan.bench import cells
+from vrscan.config import Config
+work, parameters = json.loads(sys.argv[1])
+cells.resolve(work)({"config": cells.plain(Config()), **parameters}, 1)
+loaded = [m.__file__ for n, m in sys.modules.items() if n.split(".")[0] == "vrscan" and m.__file__]
+print(json.dumps([sorted(opened), loaded]))
+"""
+    root = repository_root()
+    beside = [root / "build", root / ".venv"]
+    for work, parameters in (
+        (detect.WORK, {"lines": 40, "sigma_px": 2.0, "peak": 0.4}),
+        (instrument.BUDGET, {"lines": 64, "scene": "bolt"}),
+        (instrument.SPEED, {"lines": 64, "rtl": 16}),
+    ):
+        done = subprocess.run(
+            [sys.executable, "-c", script, json.dumps([work, parameters])],
+            env={**os.environ, "PYTHONPATH": str(root / "model")},
+            stdout=subprocess.PIPE,
+            text=True,
+            check=True,
+        )
+        opened, loaded = json.loads(done.stdout.splitlines()[-1])
+        read = {Path(name) for name in opened if name.startswith(f"{root}/")}
+        read = {x for x in read if x.suffix != ".pyc" and not any(map(x.is_relative_to, beside))}
+        known = set(cells.files(work).values())
+        assert {Path(name) for name in loaded} | read <= known, work
+        assert len(loaded) > 50
 
 
 def test_what_is_kept_is_not_done_again(tmp_path: Path, keep: Keep) -> None:
@@ -111,6 +207,30 @@ def test_a_run_that_ended_early_goes_on_where_it_was(tmp_path: Path, keep: Keep)
     stop.unlink()
     assert [f["square"] for f in runner.run(wanted, keep, jobs=1)] == [1, 4, 9]
     assert marks(tmp_path).count(1) == 1
+
+
+def test_an_interrupt_while_processes_start_is_one_line(tmp_path: Path) -> None:
+    """It goes to all of them, as from a terminal."""
+    out = tmp_path / "page"
+    words = [sys.executable, "-m", "vrscan", "bench", "report", "--quick", "--jobs", "2"]
+    with subprocess.Popen(
+        [*words, "--seed", str(time.time_ns() % 2**32), "--out", str(out)],
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=repository_root(),
+        start_new_session=True,
+    ) as running:
+        assert running.stderr is not None
+        children = Path(f"/proc/{running.pid}/task/{running.pid}/children")
+        while running.poll() is None and len(children.read_text().split()) < 3:  # one tracks others
+            time.sleep(0.001)
+        os.killpg(running.pid, signal.SIGINT)
+        said = running.stderr.read()
+    assert running.returncode == cli.EXIT_INTERRUPTED, said
+    assert "Traceback" not in said, said
+    (line,) = (x for x in said.splitlines() if x.startswith("vrscan:"))
+    assert "kept" in line
+    assert not out.exists()
 
 
 @pytest.mark.parametrize("text", ["", '{"figures": ', "[]", '{"figures": 3}', '{"work": "x"}'])

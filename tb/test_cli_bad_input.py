@@ -1,9 +1,12 @@
 """Bad input at the command: one line on the error stream, status 2, nothing left behind."""
 
+import re
 import signal
 import subprocess
 import sys
 import time
+import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -125,6 +128,57 @@ def test_bad_input(
     assert sorted(folder.rglob("*")) == before
 
 
+# Commands whose result has nowhere to go, and the work that must not begin then.
+NOWHERE = {
+    "bench_light_below_nothing": (["bench", "light", "--out", "no/where"], "report.fidelity.run"),
+    "bench_light_into_file": (["bench", "light", "--out", "good.npz"], "report.fidelity.run"),
+    "bench_light_into_unwritable": (["bench", "light", "--out", "/proc"], "report.fidelity.run"),
+    "bench_light_rewrites_nothing": (["bench", "light", "--write"], "report.fidelity.run"),
+    "bench_report_into_unwritable": (
+        ["bench", "report", "--quick", "--out", "/proc"],
+        "bench.report.run",
+    ),
+    "numbers_below_nothing": (
+        ["numbers", "--csv", "no/numbers.csv"],
+        "report.accuracy.cordic.measure",
+    ),
+    "numbers_rewrites_nothing": (["numbers", "--write"], "report.accuracy.cordic.measure"),
+    "cases_rewrites_nothing": (["cases", "--write"], "cases.page.measure"),
+    "budget_below_nothing": (["budget", "--csv", "no/budget.csv"], "scene.plan.plan"),
+    "mirror_below_nothing": (["mirror", "--out", "no/mirror.csv"], "report.mirror.simulate"),
+    "board_below_file": (["board", "--port-file", "good.npz/port"], "board.build"),
+    "board_into_unwritable": (["board", "--port-file", "/proc/port"], "board.build"),
+}
+
+
+@pytest.mark.parametrize("case", NOWHERE)
+def test_what_cannot_be_written_is_told_before_the_work(
+    folder: Path,
+    case: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    arguments, work = NOWHERE[case]
+
+    def began(*_: object, **__: object) -> None:
+        raise AssertionError(f"{work} began")
+
+    monkeypatch.setattr(f"vrscan.{work}", began)
+    if "--write" in arguments:
+        for module in ("tools", "cases.page"):
+            monkeypatch.setattr(
+                f"vrscan.{module}.repository_root", lambda: folder / "root", raising=False
+            )
+    before = sorted(folder.rglob("*"))
+    monkeypatch.setattr(sys, "argv", ["vrscan", *arguments])
+    with pytest.raises(SystemExit) as caught:
+        cli.main()
+    error = capsys.readouterr().err
+    assert caught.value.code == 2
+    assert error.startswith("vrscan: ") and error.count("\n") == 1, error
+    assert sorted(folder.rglob("*")) == before
+
+
 def replayed(
     name: str, out: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> list[str]:
@@ -158,10 +212,10 @@ def test_a_suffix_says_what_is_written(
         assert (folder / out).read_bytes().startswith(begin)
 
 
-def start(*arguments: str) -> subprocess.Popen[str]:
+def start(*arguments: str, options: Sequence[str] = ()) -> subprocess.Popen[str]:
     environment = {"PYTHONPATH": str(repository_root() / "model")}
     return subprocess.Popen(
-        [sys.executable, "-m", "vrscan.cli", *arguments],
+        [sys.executable, *options, "-m", "vrscan", *arguments],
         env=environment,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -177,6 +231,40 @@ def test_the_process_says_one_line_and_ends_with_two(folder: Path) -> None:
     assert err == "vrscan: none.npy: No such file or directory\n"
 
 
+# What Python says it has imported when the interrupt comes, from the start into the command.
+MOMENTS = (
+    "csv",
+    "numpy",
+    "pydantic",
+    "vrscan.engines",
+    "vrscan.cli",
+    "matplotlib",
+    "vrscan.scene.simulate",
+)
+
+
+@pytest.mark.parametrize("moment", MOMENTS)
+def test_an_interrupt_while_it_starts_is_one_line(folder: Path, moment: str) -> None:
+    arguments = ["scan", "--out", "scan", "--lines", "200000", *IDEAL]
+    with start(*arguments, options=["-X", "importtime"]) as process:
+        assert process.stderr is not None
+        imported = re.compile(rf"\|\s+({moment})$")
+        assert any(imported.search(line.rstrip()) for line in process.stderr), "not imported"
+        process.send_signal(signal.SIGINT)
+        rest = [x for x in process.stderr if not x.startswith("import time:")]
+    assert process.returncode == 130, rest
+    assert "".join(rest).strip() == "vrscan: interrupted"
+    assert not (folder / "scan").exists()
+
+
+def test_the_version_is_the_packages(folder: Path) -> None:
+    described = tomllib.loads((repository_root() / "pyproject.toml").read_text())
+    with start("--version") as process:
+        out, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (0, "")
+    assert out == f"vrscan {described['project']['version']}\n"
+
+
 @pytest.mark.parametrize(("signum", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
 def test_an_interrupted_scan_leaves_nothing(
     folder: Path, signum: signal.Signals, status: int
@@ -189,4 +277,5 @@ def test_an_interrupted_scan_leaves_nothing(
     _, err = process.communicate(timeout=60)
     assert process.returncode == status, err
     assert "Traceback" not in err
+    assert err.count("vrscan: ") == (signum == signal.SIGINT)
     assert not (folder / "scan").exists()

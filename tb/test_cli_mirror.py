@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from vrscan.cli import app, main
 from vrscan.config import load
 from vrscan.ideal.mirror import motion
-from vrscan.report.mirror import COLUMNS
+from vrscan.report.mirror import COLUMNS, Events, simulate
 
 CLOCK = "[clock]\nfrequency_hz = 10e6\n"
 STEP_S = 25e-9  # of the index's samples
@@ -81,6 +81,14 @@ def test_a_shock_from_power_on(tmp_path: Path) -> None:
     amplitude = column(rows, "amplitude_true_rad")
     assert abs(amplitude[-1] / math.radians(20.5) - 1) < 1e-4
     assert out.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_its_progress_goes_on_every_few_milliseconds(tmp_path: Path) -> None:
+    told: list[int] = []
+    config = load(Path(written(tmp_path, CLOCK)))
+    simulate(config, 0.01, Events(), told.append, start_seconds=0.05)
+    assert told[-1] == 50_000
+    assert np.diff([0, *told]).min() > 0 and np.diff([0, *told]).max() <= 4_000  # us
 
 
 def recorded(path: Path, seconds: float) -> None:

@@ -4,12 +4,14 @@ The board is that of ``test_board_vrscan``, whose elaboration it shares.
 """
 
 import csv
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from test_board_vrscan import CONFIG, SCENE
+from test_documented_commands import ROOT, commands
 from typer.testing import CliRunner
 
 from vrscan.board import Board
@@ -42,15 +44,6 @@ def run(board: Board, *words: str) -> str:
     return result.stdout
 
 
-def test_every_bit_of_the_test_lines_points_is_the_models(device: Device) -> None:
-    checks = list(selftest.SelfTest(device).checks())
-    for check in checks:
-        print(check)
-    assert [check.difference for check in checks if check.difference] == []
-    assert sum(check.lines for check in checks) > 1000
-    assert sum(check.compared for check in checks) > 20_000
-
-
 def test_a_wrong_setting_is_noticed(device: Device) -> None:
     test = selftest.SelfTest(device)
     with selftest.arranged(device):
@@ -65,18 +58,49 @@ def test_a_wrong_setting_is_noticed(device: Device) -> None:
     assert "want" in check.difference
 
 
-def test_loaded_and_started_by_the_command(board: Board, tmp_path: Path) -> None:
-    config = tmp_path / "config.toml"
-    config.write_text(
+def test_the_readmes_commands_work_as_printed(
+    board: Board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One after the other, with this board's configuration and less to wait for."""
+    monkeypatch.chdir(tmp_path)
+    Path("build").mkdir()
+    Path("config.toml").write_text(
         f"[clock]\nfrequency_hz = {CONFIG.clock.frequency_hz}\n"
         f"[line]\nrate_hz = {CONFIG.line.rate_hz}\n"
         f"[mirror]\nsweep_span_hz = {CONFIG.mirror.sweep_span_hz}\n"
     )
+    more = {"load": ("--config", "config.toml"), "watch": ("--seconds", "3")}
+    said = {}
+    for group, *words in commands(ROOT / "README.md"):
+        if group == "link":
+            fewer = ["100" if word == "1000" else word for word in words]
+            said[words[0]] = run(board, *fewer, *more.get(words[0], ()))
+    assert list(said) == ["selftest", "load", "watch", "points", "capture"]
+
+    found = re.search(r"(\d+) numbers of (\d+) lines", said["selftest"])
+    assert found and int(found[1]) > 20_000 and int(found[2]) > 1000
+    assert "the mirror is in RUN" in said["load"]
+    assert "RUN" in said["watch"] and "Hz" in said["watch"]
+
+    lost = "0 lines missing, 0 dropped by the board, 0 packets lost, 0 bad frames"
+    assert lost in said["points"]
+    with Path("build/points.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 100
+    numbers = [int(row["line"]) for row in rows]
+    assert set(np.diff(numbers).tolist()) == {3}  # 9000 lines a second, and a third is carried
+    assert sum(bool(row["z_mm"]) for row in rows) > 20
+
+    assert Path("build/line.png").read_bytes().startswith(b"\x89PNG")
+    (line,) = (x.split() for x in said["capture"].splitlines() if ".." in x)
+    left, right = (float(px) for px in line[6].split(".."))
+    assert left <= float(line[7]) <= right
+    assert float(line[2]) > float(line[5])  # above its threshold
+
+
+def test_a_configuration_is_held_and_guarded(board: Board) -> None:
     with Device(str(board.port), timeout=TIMEOUT_S) as device:
         wanted = device.settings(CONFIG)
-    text = run(board, "load", "--config", str(config), "--start")
-    assert "the mirror is in RUN" in text
-    with Device(str(board.port), timeout=TIMEOUT_S) as device:
         assert device.read_many(wanted) == wanted
         assert device.read("mirror_state") == 3
         device.write_many([("laser_adapt", 0), ("laser_power", 20_000)])
@@ -84,18 +108,6 @@ def test_loaded_and_started_by_the_command(board: Board, tmp_path: Path) -> None
             device.load(CONFIG)
         with pytest.raises(LinkError, match="lines run"):
             next(selftest.SelfTest(device).checks())
-
-
-def test_points_by_the_command(board: Board, tmp_path: Path) -> None:
-    text = run(
-        board, "points", "--out", str(tmp_path / "points.csv"), "--count", "60", "--step", "5"
-    )
-    assert "0 lines missing, 0 dropped by the board, 0 packets lost, 0 bad frames" in text
-    with (tmp_path / "points.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows) == 60
-    numbers = [int(row["line"]) for row in rows]
-    assert np.all(np.diff(numbers) == 5)
 
 
 def test_raw_lines_by_the_command(board: Board, tmp_path: Path) -> None:
@@ -106,12 +118,6 @@ def test_raw_lines_by_the_command(board: Board, tmp_path: Path) -> None:
     with np.load(out) as raw:
         assert raw["has_point"].all()
         assert np.array_equal(raw["lines"].max(axis=1), raw["point_maximum"])
-
-
-def test_watched_for_a_moment(board: Board) -> None:
-    text = run(board, "watch", "--seconds", "3")
-    assert "RUN" in text
-    assert "Hz" in text
 
 
 def test_points_and_a_line_at_once_and_one_host_after_another(board: Board) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import Result
-from fake_board import LINE_LENGTH, FakeBoard
+from fake_board import CLOCK_HZ, LINE_LENGTH, FakeBoard
 from typer.testing import CliRunner
 
 from vrscan.chain import run_fixed
@@ -229,6 +229,41 @@ def test_a_captured_line_as_text_csv_and_picture(board: FakeBoard) -> None:
     assert Path("line.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_lines_with_a_peak_are_waited_for(board: FakeBoard) -> None:
+    board.made["bits"] = np.arange(COUNT * 3) % 7 == 3
+    for count in (1, 3):
+        printed("capture", "--peak", "--out", "line.npz", "--lines", str(count))
+        with np.load("line.npz") as found:
+            assert found["point_bits"].tolist() == [1] * count
+
+
+def test_where_there_is_no_peak_it_is_said_why(board: FakeBoard) -> None:
+    board.made["bits"] = 0
+    board.file.inputs.update(mirror_state=4, mirror_fault=3, laser_status=16)
+    for words in (["capture", "--out", "x.png"], ["points", "--out", "x.csv", "--count", "20"]):
+        result = run(*words)
+        assert result.exit_code == 0, result.output
+        (line,) = (x for x in result.stderr.splitlines() if x.startswith("vrscan: "))
+        assert "no peak: the laser went off" in line and "FAULT (index)" in line
+        Path(words[2]).unlink()
+    for count in ("1", "2"):
+        result = run("capture", "--peak", "--out", "x.png", "--lines", count)
+        assert result.exit_code != 0
+        assert "none in 50 lines: the laser went off" in str(result.exception)
+        assert not Path("x.png").exists()
+
+
+def test_points_that_the_serial_line_does_not_carry_are_not_asked_for(board: FakeBoard) -> None:
+    board.file.inputs["mirror_word"] = round(249 / CLOCK_HZ * 2**48)
+    board.file.values["ratio"] = [round(37_400 / 249 * 2**32)]
+    for kind, step in (("--full", 10), ("--compact", 2)):
+        text = printed("points", kind, "--out", "points.csv", "--count", "50")
+        assert f"50 points in the file, of one line in {step}\n" in text
+        with Path("points.csv").open() as file:
+            numbers = [int(row["line"]) for row in csv.DictReader(file)]
+        assert set(np.diff(numbers).tolist()) == {step}
+
+
 def test_load_shows_what_changes(board: FakeBoard) -> None:
     text = printed("load", "--config", "config.toml")
     assert any(line.split() == ["k_noise", "2.5", "3.5"] for line in text.splitlines())
@@ -372,6 +407,7 @@ CASES = {
         ["no/p.csv"],
     ),
     "bad_line": (["link", "capture", "--line", "-1", "--port", "port"], ["--line", "(-1)"]),
+    "peak_and_line": (["link", "capture", "--line", "1", "--peak", "--port", "port"], ["--peak"]),
     "lines_and_line": (
         ["link", "capture", "--line", "1", "--lines", "2", "--port", "port"],
         ["--line"],

@@ -1,6 +1,7 @@
 """``Device`` against a board made of the twins, on a line that can be bad."""
 
 import itertools
+import math
 import re
 import threading
 import time
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fake_board import LINE_LENGTH, FakeBoard
+from fake_board import CLOCK_HZ, LINE_LENGTH, FakeBoard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from random_records import random_records
@@ -220,7 +221,7 @@ def test_a_configuration_for_another_sensor_is_refused(device: Device) -> None:
 
 
 def test_waiting_for_the_mirror(quiet: Device, board: FakeBoard) -> None:
-    """By a clock of the board that goes on by 50 ms a command, two a look; 300 ms are allowed."""
+    """By a clock of the board that goes on by 50 ms a command; 300 ms are allowed."""
     seen: list[tuple[str, float]] = []
 
     def told(state: str, share: float) -> None:
@@ -231,13 +232,60 @@ def test_waiting_for_the_mirror(quiet: Device, board: FakeBoard) -> None:
     board.clocks = itertools.count(1_000, 5_000_000).__next__
     board.file.inputs["mirror_state"] = 1
     quiet.wait_for_mirror(progress=told)
-    assert seen == [("SWEEP", pytest.approx(1 / 3)), ("RUN", pytest.approx(2 / 3))]
+    assert [state.split(",")[0] for state, _ in seen] == ["SWEEP", "RUN"]
+    assert 0.0 < seen[0][1] < 1.0 and seen[1][1] == 1.0
     board.file.inputs.update(mirror_state=4, mirror_fault=1)
     with pytest.raises(LinkError, match="FAULT: sweep"):
         quiet.wait_for_mirror()
     board.file.inputs.update(mirror_state=2)
-    with pytest.raises(LinkError, match=r"is in SETTLE and not in RUN after 0\.4 s$"):
+    with pytest.raises(LinkError, match=r"is in SETTLE and not in RUN after 0\.35 s$"):
         quiet.wait_for_mirror()
+
+
+def test_a_start_is_seen_to_go_on(device: Device, board: FakeBoard) -> None:
+    """By the drive's frequency, and by the share of the time that this sweep and its end take."""
+    turn = 2**48 / CLOCK_HZ
+    high, low = round(275 * turn), round(249 * turn)
+    device.write_many([("sweep_word", high), ("work_word", low), ("sweep_timeout", 10**9)])
+    device.write("sweep_rate", round(65536 * (high - low) / (0.3 * CLOCK_HZ)))  # 0.3 s of sweep
+    told: list[tuple[str, float]] = []
+
+    def look(text: str, share: float) -> None:
+        told.append((text, share))
+        if share > 0.3:
+            board.file.inputs["mirror_state"] = 3
+
+    board.file.inputs.update(mirror_state=1, mirror_word=round(262.5 * turn))
+    device.wait_for_mirror(progress=look)
+    shares = [share for _, share in told]
+    assert told[0][0] == "SWEEP, drive 262.50 Hz"
+    assert len(set(shares)) > 2 and shares == sorted(shares)
+    assert 0.3 < shares[-2] < 0.9  # within a second of the board's time
+    assert shares[-1] == 1.0
+
+
+def test_why_it_is_dark(device: Device, board: FakeBoard) -> None:
+    device.write_many([("line_enable", 0), ("laser_enable", 0)])
+    board.file.inputs.update(mirror_state=0)
+    assert device.darkness() == "lines stand still, the laser is off, the mirror is in OFF"
+    device.write_many([("line_enable", 1), ("laser_enable", 1)])
+    board.file.inputs.update(mirror_state=4, mirror_fault=3, laser_status=16)
+    assert "went off" in device.darkness() and "FAULT (index)" in device.darkness()
+    board.file.inputs.update(mirror_state=3, laser_status=7)
+    assert device.darkness() == ""
+
+
+def test_the_least_step_is_what_the_serial_line_carries(device: Device, board: FakeBoard) -> None:
+    """3 full points in a frame of 206 bytes, 28 compact ones in one of 238, of ten bits a byte."""
+    assert (device.least_step(True), device.least_step(False)) == (1, 1)  # lines stand still
+    board.file.inputs["mirror_word"] = round(249 / CLOCK_HZ * 2**48)
+    device.write("ratio", round(37_400 / 249 * 2**32))
+    for full, share in ((True, 37_400 * 2060 / 3 / 3e6), (False, 37_400 * 2380 / 28 / 3e6)):
+        assert device.least_step(full) == math.ceil(share / 0.9)
+    device.write("points_batch", 1)
+    assert device.least_step(True) == math.ceil(37_400 * 780 / 3e6 / 0.9)
+    device.write("ratio", round(1_000_000 / 249 * 2**32))
+    assert device.least_step(True) == 255
 
 
 # ---- a bad line ----

@@ -1,6 +1,7 @@
 """mirror_loop: every clock of the wiring against the twin, with the index of a made-up mirror."""
 
 import itertools
+import pickle
 from types import SimpleNamespace
 
 import cocotb
@@ -405,6 +406,25 @@ def test_running_is_stepping() -> None:
             lines += len(got.lines)
             measurements += len(got.measurements)
     assert lines > 100 and measurements > 50
+
+
+def test_a_long_run_holds_no_more_than_a_short_one() -> None:
+    """What a loop holds between two reports does not grow with the clocks behind it."""
+    draw = generator(4)
+    clocks = 60 * PERIOD_CLKS
+    given = registers(draw)
+    comparator, gate = (np.array(bits) for bits in index(draw, clocks, 4, quiet=True))
+    changed = np.flatnonzero(np.diff(comparator, prepend=0) | np.diff(gate, prepend=0))
+    samples = np.zeros(len(changed), SAMPLES)
+    samples["clock"] = changed
+    samples["comparator"], samples["gate"] = comparator[changed], gate[changed]
+    loop = MirrorLoop(given)
+    held, measurements = [], 0
+    for period in range(60):
+        measurements += len(loop.run((period + 1) * PERIOD_CLKS, samples).measurements)
+        held.append(len(pickle.dumps(loop)))
+    assert measurements > 50
+    assert max(held[30:]) < max(held[:30]) + 100, held
 
 
 def test_rows_are_the_engines() -> None:

@@ -20,6 +20,7 @@ import numpy as np
 
 from vrscan.config import Config
 from vrscan.errors import InputError
+from vrscan.points import check_writable
 from vrscan.scene.description import load
 from vrscan.scene.library import library
 from vrscan.scene.timeline import series
@@ -76,6 +77,19 @@ def build(config: Config) -> Path:
     return build_program(folder / "board.sv", parameters, folder / "main.cpp")
 
 
+def make_folder(port: Path) -> None:
+    """Make the folder of a port if it is missing.
+
+    Raises:
+        InputError: if it cannot be made, or nothing can be written there.
+    """
+    try:
+        port.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{port.parent}: cannot make the folder ({error.strerror})") from error
+    check_writable(status_file(port))
+
+
 def status_file(port: Path) -> Path:
     """Return the file that tells what the board behind a port has done."""
     return port.with_name(f"{port.name}.json")
@@ -108,12 +122,9 @@ def command(
     Raises:
         InputError: as ``load``, ``library`` and ``build``.
     """
+    make_folder(port)
     program = build(config)
     lines = library(load(scene), config, build_folder() / "board", progress=progress)
-    try:
-        port.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{port.parent}: cannot make the folder ({error.strerror})") from error
     words = [str(program), "--library", str(lines), "--port", str(port)]
     words += ["--status", str(status_file(port)), "--clock-hz", repr(config.clock.frequency_hz)]
     if seconds is not None:

@@ -8,6 +8,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, BinaryIO
 
@@ -28,9 +29,15 @@ from vrscan import engines, lines
 from vrscan.cases.cli import cases
 from vrscan.config import Config
 from vrscan.engines import Engine
-from vrscan.errors import InputError
+from vrscan.errors import (
+    EXIT_BAD_INPUT,
+    EXIT_INTERRUPTED,
+    EXIT_TERMINATED,
+    InputError,
+    InterruptError,
+)
 from vrscan.link.cli import _suffix, link
-from vrscan.points import atomic_file, write_csv, write_ply
+from vrscan.points import atomic_file, check_writable, write_csv, write_ply
 from vrscan.registers import Registers
 from vrscan.table import Table
 
@@ -39,7 +46,6 @@ if TYPE_CHECKING:
     from vrscan.scene.light import Light
     from vrscan.scene.plan import Plan
 
-EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_TERMINATED = 2, 130, 143
 MOST_LINES = 1_000_000
 MOST_SECONDS = 60.0  # of mirror time; one takes half a minute
 
@@ -57,6 +63,24 @@ app.add_typer(bench, name="bench")
 
 app.add_typer(link, name="link")
 app.command()(cases)
+
+
+def _version(wanted: bool) -> None:
+    """Print the version and end."""
+    if wanted:
+        print(f"vrscan {metadata.version('vrscan')}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Print it and end."),
+    ] = False,
+) -> None:
+    """Take the options that belong to no command."""
+
 
 SceneArgument = Annotated[
     str, typer.Argument(help="One of the shipped scenes, or FILE.toml; none shows the default.")
@@ -195,15 +219,19 @@ def bench_light(
         raise InputError(f"--write: needs all scenes ({', '.join(scenes)} given)")
     settings = _settings(config)
     chosen = scenes or list(shipped())
-    with _bar("light", len(chosen)) as progress:
-        rows = report.run(chosen, count, settings, progress)
+    for path in report.pages(repository_root()) if write else ():
+        check_writable(path)
     folder = build_folder() / "light" if out is None else out
-    folder.mkdir(parents=True, exist_ok=True)
-    with atomic_file(folder / "fidelity.csv") as file:
-        report.write_csv(rows, file)
-    with atomic_file(folder / "fidelity.png") as file:
-        report.picture(rows, file)
-    _console().print(report.table(rows))
+    with (
+        _folder(folder),
+        atomic_file(folder / "fidelity.csv") as csv,
+        atomic_file(folder / "fidelity.png") as png,
+    ):
+        with _bar("light", len(chosen)) as progress:
+            rows = report.run(chosen, count, settings, progress)
+        _console().print(report.table(rows))
+        report.write_csv(rows, csv)
+        report.picture(rows, png)
     _console().print(f"{folder}: fidelity.csv, fidelity.png", highlight=False)
     for path in report.write_pages(rows, repository_root()) if write else ():
         _console().print(f"{path}: rewritten", highlight=False)
@@ -240,18 +268,20 @@ def bench_report(
     folder = build_folder() / "report" if out is None else out
     total, known = len(report.cells(order)), 0
     try:
-        with _folder(folder), _bar("cells", total) as progress:
+        with _folder(folder):
+            check_writable(folder / report.INDEX)
+            with _bar("cells", total) as progress:
 
-            def tell(done: int) -> None:
-                nonlocal known
-                known = done
-                progress(done)
+                def tell(done: int) -> None:
+                    nonlocal known
+                    known = done
+                    progress(done)
 
-            report.make(order, folder, scheduler=scheduler, jobs=jobs, progress=tell)
+                report.make(order, folder, scheduler=scheduler, jobs=jobs, progress=tell)
     except KeyboardInterrupt:
-        text = f"interrupted; {known} of {total} cells are kept, the same command goes on there"
-        print(f"vrscan: {text}", file=sys.stderr)
-        raise typer.Exit(EXIT_INTERRUPTED) from None
+        raise InterruptError(
+            f"interrupted; {known} of {total} cells are kept, the same command goes on there"
+        ) from None
     _console().print(f"{folder / report.INDEX}: {total} cells", highlight=False, soft_wrap=True)
 
 
@@ -349,7 +379,8 @@ def mirror(
     with atomic_file(out) as csv, atomic_file(out.with_suffix(".png")) as png:
         start = report.START_S + settings.mirror.sweep_span_hz / settings.mirror.sweep_hz_per_s
         whole = length if recording is not None else length + start
-        with _bar("mirror time, us", round(1e6 * whole)) as progress:
+        what = "recorded edges" if recording is not None else "start and run"
+        with _bar(f"{what}, us of mirror time", round(1e6 * whole)) as progress:
             if recording is not None:
                 run = report.replay(settings, rows, amplitude, length, progress)
             else:
@@ -399,13 +430,15 @@ def board(
         settings = settings.model_copy(update={"clock": clock})
     if seconds is not None:
         _check_range("--seconds", seconds, 1e-6, 1e6)
+    where = build_folder() / "board" / "port" if port is None else port
     renderer(load(scene), settings)  # complains before there is a bar, or a build
+    virtual.make_folder(where)
     virtual.build(settings)
     with _bar("scene", ANGLES) as progress:
         words = virtual.command(
             scene,
             settings,
-            build_folder() / "board" / "port" if port is None else port,
+            where,
             swinging=swinging,
             seconds=seconds,
             real_time=real_time,
@@ -558,16 +591,18 @@ def numbers(
     if not chosen:
         names = ", ".join(stage.name for stage in stages)
         raise InputError(f"--only: nothing begins with {only!r}; there are {names}")
-    figures = []
-    for stage in chosen:
-        with _bar(stage.name, stage.steps) as progress:
-            figures += stage.run(progress)
-            progress(stage.steps)
-    _console().print(report.table(figures))
+    for path in report.pages(repository_root()) if write else ():
+        check_writable(path)
     if out is None:
         out = build_folder() / "numbers" / "numbers.csv"
         out.parent.mkdir(exist_ok=True)
+    figures = []
     with atomic_file(out) as file:
+        for stage in chosen:
+            with _bar(stage.name, stage.steps) as progress:
+                figures += stage.run(progress)
+                progress(stage.steps)
+        _console().print(report.table(figures))
         report.write_csv(figures, file)
     for path in report.write_pages(figures, repository_root()) if write else ():
         _console().print(f"{path}: tables rewritten", highlight=False)
@@ -676,8 +711,13 @@ def main() -> None:
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(EXIT_TERMINATED))  # so that files are tidied
     try:
         status = app(sys.argv[1:] or ["--help"], prog_name="vrscan", standalone_mode=False)
+        if status == EXIT_INTERRUPTED:
+            _complain("interrupted")
     except InputError as error:
         status = _complain(str(error))
+    except InterruptError as error:
+        _complain(str(error))
+        status = EXIT_INTERRUPTED
     except typer.TyperException as error:  # an unknown option, a missing argument
         text = error.format_message().replace("Value error, ", "")
         if isinstance(error.__cause__, ValidationError):
@@ -690,7 +730,3 @@ def _complain(text: str) -> int:
     """Print one line on the error stream and return the exit status."""
     print(f"vrscan: {' '.join(text.split())}", file=sys.stderr)
     return EXIT_BAD_INPUT
-
-
-if __name__ == "__main__":
-    main()

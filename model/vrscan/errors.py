@@ -1,4 +1,6 @@
-"""What the user did wrong, said in one line."""
+"""What ends a command, said in one line."""
+
+EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_TERMINATED = 2, 130, 143
 
 
 class InputError(Exception):
@@ -6,6 +8,10 @@ class InputError(Exception):
 
     The commands print it on the error stream and end with status 2.
     """
+
+
+class InterruptError(Exception):
+    """Ctrl-C, where there is more to say of it: one line, which the commands print; status 130."""
 
 
 class LinesError(InputError, ValueError):

@@ -45,6 +45,7 @@ _WIDE = (
     ("motion_dphi", pkg.SLOPE_MOTION_WIDTH),
 )
 _NEVER = -1
+CHUNK_S = 0.004  # of mirror time between two words on the progress: some seconds here
 
 
 @dataclass(frozen=True)
@@ -240,7 +241,7 @@ class Mirror:
         """
         end = self.clock + clocks
         parts: list[Recording] = []
-        chunk = max(1, round(0.02 * self.registers.clock_hz))
+        chunk = max(1, round(CHUNK_S * self.registers.clock_hz))
         samples = None if replay is None else np.ascontiguousarray(replay, SAMPLES)
         while self.clock < end and self.state != until_state:
             stop = min(end, self.clock + chunk)

@@ -7,7 +7,7 @@ engines.
 import contextlib
 import errno
 import os
-import tempfile
+import secrets
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -172,28 +172,49 @@ def atomic_file(path: Path) -> Iterator[BinaryIO]:
     Raises:
         InputError: if the folder is missing or unwritable, or ``path`` is no regular file.
     """
-    if path.exists() and not path.is_file():
-        raise InputError(f"{path}: not a regular file")
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: no such folder ({path.parent})")
+    temporary = _beside(path)
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    except OSError as error:
-        raise InputError(f"{path}: cannot write ({error.strerror})") from error
-    try:
-        with os.fdopen(handle, "wb") as file:
+        with _created(temporary, path) as file:
             yield file
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(name, 0o666 & ~mask)
-        os.replace(name, path)
+        os.replace(temporary, path)
     except OSError as error:
         if error.errno not in _DISK_ERRORS:  # of what ran meanwhile, not of this file
             raise
         raise InputError(f"{path}: cannot write ({error.strerror})") from error
     finally:
-        with contextlib.suppress(FileNotFoundError):
-            os.unlink(name)
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+
+
+def check_writable(path: Path) -> None:
+    """See that ``atomic_file`` would open a file, before the work whose result goes there.
+
+    Raises:
+        InputError: as ``atomic_file``.
+    """
+    temporary = _beside(path)
+    try:
+        _created(temporary, path).close()
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+
+
+def _beside(path: Path) -> Path:
+    """Return the name of a file that is not there yet, in the folder of another one."""
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path}: not a regular file")
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: no such folder ({path.parent})")
+    return path.with_name(f".{path.name}.{secrets.token_hex(8)}")
+
+
+def _created(temporary: Path, path: Path) -> BinaryIO:
+    """Return a new file that will be ``path``."""
+    try:
+        return temporary.open("xb")
+    except OSError as error:
+        raise InputError(f"{path}: cannot write ({error.strerror})") from error
 
 
 def write_csv(result: Table, file: BinaryIO) -> None:

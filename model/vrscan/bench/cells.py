@@ -1,13 +1,16 @@
 """A cell: named work with its parameters and its seed, the figures it comes to, and its key.
 
-Work is named ``module:function``. The function takes parameters and seed and returns figures, and
-the module says in ``SOURCES`` which files of the package it depends on. So a cell can be done by
-any process that has the package, and a result is kept under a key of parameters, seed and code.
+Work is named ``module:function``. The function takes parameters and seed and returns figures. So a
+cell can be done by any process that has the package, and a result is kept under a key of
+parameters, seed and code: all that the module imports, and the other files that it reads, which it
+names in ``READS``, of the package or below ``rtl/`` and ``tb/``.
 """
 
+import ast
 import hashlib
-import importlib
+import importlib.util
 import json
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
@@ -23,7 +26,6 @@ Work = Callable[[dict[str, Any], int], Figures]
 
 _PACKAGE = Path(__file__).parents[1]
 _BESIDE = ("rtl/", "tb/")  # patterns that begin so are of the repository
-_LIBRARIES = ("numpy", "scipy")  # whose versions change numbers, or may
 
 
 @dataclass(frozen=True)
@@ -53,33 +55,105 @@ class Cell:
         return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
-def resolve(work: str) -> tuple[Work, tuple[str, ...]]:
-    """Return the function of a work and the patterns of the files that it depends on.
+def resolve(work: str) -> Work:
+    """Return the function of a work.
 
     Raises:
         ImportError: if there is no such module.
-        AttributeError: if it has no such function, or no ``SOURCES``.
+        AttributeError: if it has no such function.
     """
     name, _, function = work.partition(":")
-    module = importlib.import_module(name)
-    return getattr(module, function), module.SOURCES
+    found: Work = getattr(importlib.import_module(name), function)
+    return found
 
 
 @cache
 def version(work: str) -> str:
-    """Return a hash of the code that a work depends on: its files, and libraries."""
+    """Return a hash of all code that a work depends on: modules, the files they read, libraries.
+
+    Raises:
+        ImportError: if there is no such module.
+        FileNotFoundError: if there is none of the files that it says it reads.
+    """
     digest = hashlib.sha256()
-    for pattern in resolve(work)[1]:
-        base = repository_root() if pattern.startswith(_BESIDE) else _PACKAGE
-        found = sorted(base.glob(pattern))
-        if not found:
-            raise FileNotFoundError(f"{work}: no file {pattern}")
-        for file in found:
-            digest.update(str(file.relative_to(base)).encode())
-            digest.update(file.read_bytes())
-    for library in _LIBRARIES:
-        digest.update(f"{library} {metadata.version(library)}".encode())
+    for name, file in files(work).items():
+        digest.update(name.encode())
+        digest.update(file.read_bytes())
+    distributions = metadata.packages_distributions()
+    for library in sorted(_closure(work)[1]):
+        for each in sorted(set(distributions.get(library, ()))):
+            digest.update(f"{each} {metadata.version(each)}".encode())
     return digest.hexdigest()
+
+
+def files(work: str) -> dict[str, Path]:
+    """Return the files that a work depends on, by a name that is the same on every machine.
+
+    They are its module with all that this imports of the package, directly or not, and what its
+    ``READS`` names.
+
+    Raises:
+        ImportError: if there is no such module.
+        FileNotFoundError: if there is none of the files that it says it reads.
+    """
+    found = dict(_closure(work)[0])
+    module = importlib.import_module(work.partition(":")[0])
+    for pattern in getattr(module, "READS", ()):
+        base = repository_root() if pattern.startswith(_BESIDE) else _PACKAGE
+        read = {str(file.relative_to(base)): file for file in base.glob(pattern)}
+        if not read:
+            raise FileNotFoundError(f"{work}: no file {pattern}")
+        found |= read
+    return dict(sorted(found.items()))
+
+
+@cache
+def _closure(work: str) -> tuple[dict[str, Path], frozenset[str]]:
+    """Return the modules of the package that a work's needs, and the names of the libraries.
+
+    An import counts wherever it stands, in a function too, but for those of types alone.
+    """
+    first = work.partition(":")[0]
+    spec = importlib.util.find_spec(first)
+    if spec is None or spec.origin is None:
+        raise ImportError(f"no module {first}")
+    found = {first: Path(spec.origin)}
+    libraries = set()
+    waiting = [first]
+    while waiting:
+        name = waiting.pop()
+        for each in {name.rpartition(".")[0] or name, *_imported(found[name])} - found.keys():
+            if each.partition(".")[0] != _PACKAGE.name:
+                libraries.add(each.partition(".")[0])
+            elif (file := _file(each)) is not None:
+                found[each] = file
+                waiting.append(each)
+    return found, frozenset(libraries - sys.stdlib_module_names)
+
+
+def _file(module: str) -> Path | None:
+    """Return the file of a module of the package, None where the name is not one of a module."""
+    place = _PACKAGE.parent.joinpath(*module.split("."))
+    return next((x for x in (place.with_suffix(".py"), place / "__init__.py") if x.exists()), None)
+
+
+def _imported(file: Path) -> set[str]:
+    """Return what a file imports: names of modules, and of what may be modules in them."""
+    names: set[str] = set()
+    waiting: list[ast.AST] = [ast.parse(file.read_bytes())]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            waiting += node.orelse
+            continue
+        if isinstance(node, ast.Import):
+            names |= {each.name for each in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            if node.level or node.module is None:
+                raise ImportError(f"{file}: a relative import, in line {node.lineno}")
+            names |= {node.module, *(f"{node.module}.{each.name}" for each in node.names)}
+        waiting += ast.iter_child_nodes(node)
+    return names
 
 
 def do(work: str, parameters: dict[str, Any], seed: int) -> tuple[str, Figures]:
@@ -87,7 +161,7 @@ def do(work: str, parameters: dict[str, Any], seed: int) -> tuple[str, Figures]:
 
     The figures have been through JSON, so that fresh and kept ones are the same.
     """
-    figures = resolve(work)[0](parameters, seed)
+    figures = resolve(work)(parameters, seed)
     return version(work), json.loads(json.dumps(figures))
 
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from vrscan.arrays import Pixels
 from vrscan.bench.cells import Figures, configuration
-from vrscan.bench.detect import SOURCES as DETECT
 from vrscan.bench.detect import source
 from vrscan.bench.instrument import CHUNK, MAX_WINDOW, best, reference
 from vrscan.bench.spots import Spot, take
@@ -18,7 +17,6 @@ from vrscan.detectors.catalogue import Detector, detectors
 from vrscan.ideal.statistics import statistics
 from vrscan.tools import build_folder
 
-SOURCES = ("bench/cost.py", "bench/instrument.py", *DETECT)
 WORK = "vrscan.bench.cost:software"
 TIMING = "make timing"  # fills in what the place and route tools find
 

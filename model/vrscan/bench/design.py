@@ -7,13 +7,14 @@ harmonic of (8) is taken, as in rtl/peak/phase_correlate.sv with other widths.
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from vrscan.arrays import Floats, Ints, Pixels
 from vrscan.bench.cells import Figures, configuration
 from vrscan.bench.spots import profile, score
+from vrscan.bench.widths import ADC_BITS, Design
 from vrscan.chain import MAX_WINDOW, first_windows, run_fixed
 from vrscan.config import Config
 from vrscan.fixed import (
@@ -31,18 +32,6 @@ from vrscan.registers import Registers
 from vrscan.report.efficiency import BACKGROUND_COUNTS, PEAKS, READ_NOISE_COUNTS
 from vrscan.scene.sensor import REACH
 
-SOURCES = (
-    "bench/design.py",
-    "bench/spots.py",
-    "report/efficiency.py",
-    "scene/sensor.py",
-    "ideal/position.py",
-    "fixed/*.py",
-    "chain.py",
-    "config.py",
-    "points.py",
-    "registers.py",
-)
 EXACT, NOISY, SKEWED = (f"vrscan.bench.design:{name}" for name in ("exact", "noisy", "skewed"))
 
 SPOTS_PX = (1.0, 2.0, 4.0, 8.0, 12.0, 40.0)  # without noise; the last fills the largest window
@@ -50,64 +39,9 @@ HEIGHTS = (0.05, 0.5)  # of full scale
 SKEW, SKEW_PX = 0.25, 3.0  # sides of 0.75 and 1.25 times so many px
 SKEW_HEIGHTS = (0.1, 0.2, 0.5, 0.9)  # of full scale
 RANGES_MM = (250.0, 500.0, 1000.0)
-_ADC_BITS = 12  # of the counts that noise and background are given in
 _STEP_WIDTH = phase_correlate.STEP_WIDTH
 _TURN = 1 << _STEP_WIDTH
 _CHUNK = 256  # lines
-
-
-@dataclass(frozen=True)
-class Design:
-    """The widths that are changed; the defaults are the shipped ones.
-
-    Attributes:
-        table_bits: Logarithm of the length of the quarter-wave table.
-        entry_width: Bits of its entries.
-        sine_width: Bits of a sine behind it, ``vrscan_pkg::SineWidth``.
-        phase_width: Bits of the phase before it, ``vrscan_pkg::PhaseWidth``.
-        angle_width: Bits of the CORDIC's angle, ``vrscan_pkg::AngleWidth``.
-        rotations: Of the CORDIC.
-        pixel_width: Bits of a pixel.
-    """
-
-    table_bits: int = quarter_wave.TABLE_BITS
-    entry_width: int = quarter_wave.ENTRY_WIDTH
-    sine_width: int = pkg.SINE_WIDTH
-    phase_width: int = pkg.PHASE_WIDTH
-    angle_width: int = pkg.ANGLE_WIDTH
-    rotations: int = cordic_vector.iterations(pkg.ANGLE_WIDTH)
-    pixel_width: int = _ADC_BITS
-
-    @property
-    def xy_width(self) -> int:
-        """Bits of X and Y, ``vrscan_pkg::HarmonicWidth``."""
-        return pkg.ALIGNED_WIDTH + self.sine_width + pkg.WINDOW_WIDTH
-
-    @property
-    def sine_amplitude(self) -> int:
-        """What stands for a sine of 1, ``vrscan_pkg::SineAmplitude``."""
-        return round(quarter_wave.amplitude(self.sine_width, self.table_bits, self.entry_width))
-
-    @property
-    def key(self) -> str:
-        """A name for rows and files."""
-        return "-".join(
-            f"{letter}{value}" for letter, value in zip("despark", vars(self).values(), strict=True)
-        )
-
-    @property
-    def table(self) -> tuple[int, int, int, int]:
-        """What X and Y depend on, but for the pixels."""
-        return self.table_bits, self.entry_width, self.sine_width, self.phase_width
-
-    def plain(self) -> dict[str, int]:
-        """Return it as a parameter of a cell."""
-        return asdict(self)
-
-    @classmethod
-    def of(cls, values: dict[str, int]) -> Self:
-        """Return the design that ``plain`` gave."""
-        return cls(**values)
 
 
 @dataclass(frozen=True)
@@ -283,12 +217,12 @@ def light(
     Returns:
         Counts of 12 bits [n, line_length], not rounded, and the least variance of a position, px^2.
     """
-    kappa = math.ldexp(config.peak.kappa, _ADC_BITS - config.sensor.pixel_width)
+    kappa = math.ldexp(config.peak.kappa, ADC_BITS - config.sensor.pixel_width)
     reach = math.ceil(REACH * (1.0 + skew) * sigma_px)
     first = np.round(true).astype(np.int64) - reach
     edges = first[:, None] + np.arange(2 * reach + 2.0) - 0.5
     shape, slope = profile(true, (1.0 - skew) * sigma_px, (1.0 + skew) * sigma_px, edges)
-    electrons = peak * 2**_ADC_BITS / kappa
+    electrons = peak * 2**ADC_BITS / kappa
     dark = (READ_NOISE_COUNTS**2 + 1.0 / 12.0) / kappa**2 + BACKGROUND_COUNTS / kappa
     told = np.square(electrons * slope) / (dark + electrons * shape)
     seen = electrons * shape + BACKGROUND_COUNTS / kappa
@@ -304,7 +238,7 @@ def light(
 
 def converted(counts: Floats, pixel_width: int) -> Pixels:
     """Return what a converter of so many bits makes of counts of 12 bits."""
-    scaled = np.floor(np.ldexp(counts, pixel_width - _ADC_BITS) + 0.5)
+    scaled = np.floor(np.ldexp(counts, pixel_width - ADC_BITS) + 0.5)
     return np.clip(scaled, 0, 2**pixel_width - 1).astype(np.uint16)
 
 
@@ -377,7 +311,7 @@ def exact(parameters: dict[str, Any], seed: int) -> Figures:
                 position = found.position * 2.0**-pkg.POSITION_FRACTION - cut.left
                 errors[k].append(off(position, want))
                 unrounded[k].append(off(found.unrounded - cut.left, want))
-            converter.append(off(want, delta(np.ldexp(counts[rows], bits - _ADC_BITS))))
+            converter.append(off(want, delta(np.ldexp(counts[rows], bits - ADC_BITS))))
     return {
         "errors": [
             {"rms": _rms(e), "max": float(np.abs(np.concatenate(e)).max()), "unrounded": _rms(u)}
@@ -436,9 +370,9 @@ def noisy(parameters: dict[str, Any], seed: int) -> Figures:
                     own, every(lines[rows], cut, own, period_n=period_n), strict=True
                 ):
                     found[design][part[rows]] = place.position * 2.0**-pkg.POSITION_FRACTION
-            lines = converted(counts, _ADC_BITS)
+            lines = converted(counts, ADC_BITS)
             for k, rule in enumerate(rules):
-                config = sensor(base, _ADC_BITS, **rule)
+                config = sensor(base, ADC_BITS, **rule)
                 points = _run(lines, config)
                 rows = np.flatnonzero(points.measured)
                 position = points.position[rows] * 2.0**-pkg.POSITION_FRACTION
@@ -476,9 +410,9 @@ def skewed(parameters: dict[str, Any], seed: int) -> Figures:
         draw = np.random.default_rng([seed, round(1000 * peak)])
         length = base.sensor.line_length
         true = draw.uniform(0.25 * length, 0.75 * length, count)
-        lines = converted(light(SKEW_PX, peak, true, base, draw, SKEW)[0], _ADC_BITS)
+        lines = converted(light(SKEW_PX, peak, true, base, draw, SKEW)[0], ADC_BITS)
         for mean, rule in zip(means, rules, strict=True):
-            points = _run(lines, sensor(base, _ADC_BITS, **rule))
+            points = _run(lines, sensor(base, ADC_BITS, **rule))
             found = points.position * 2.0**-pkg.POSITION_FRACTION - true
             mean.append(_mean([found[points.measured]]))
     return {"moved": [max(mean) - min(mean) for mean in means]}

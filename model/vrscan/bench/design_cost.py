@@ -18,12 +18,11 @@ from pathlib import Path
 from typing import Any
 
 from vrscan.bench.cells import Cell, Figures
-from vrscan.bench.design import Design
+from vrscan.bench.widths import Design
 from vrscan.errors import InputError
 from vrscan.fixed import cordic_vector, quarter_wave
 from vrscan.tools import build_folder, repository_root, rtl_closure, rtl_module
 
-SOURCES = ("bench/design_cost.py", "tools.py")  # the text itself is a part of the key
 WORK = "vrscan.bench.design_cost:synthesise"
 
 # What a cell of the netlist takes, as scripts/timing.py counts it.

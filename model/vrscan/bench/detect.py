@@ -13,22 +13,6 @@ from vrscan.detectors.catalogue import detectors
 from vrscan.detectors.patch import REACH
 from vrscan.ideal.statistics import statistics
 
-SOURCES = (
-    "bench/detect.py",
-    "bench/spots.py",
-    "detectors/*.py",
-    "report/efficiency.py",
-    "scene/sensor.py",
-    "scene/speckle.py",
-    "scene/radiometry.py",
-    "ideal/*.py",
-    "fixed/*.py",
-    "chain.py",
-    "config.py",
-    "engines.py",
-    "points.py",
-    "registers.py",
-)
 WORK = "vrscan.bench.detect:spots"
 _MAX_WINDOW = 2 * REACH + 1
 

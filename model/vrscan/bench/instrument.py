@@ -22,28 +22,7 @@ from vrscan.scene.light import Light
 from vrscan.scene.plan import JUMP_PX, plan
 from vrscan.scene.simulate import simulate, take
 
-SOURCES = (
-    "bench/instrument.py",
-    "chain.py",
-    "config.py",
-    "engines.py",
-    "lines.py",
-    "points.py",
-    "registers.py",
-    "rtl.py",
-    "table.py",
-    "verilated.py",
-    "fixed/*.py",
-    "ideal/*.py",
-    "scene/*.py",
-    "scene/scenes/*.toml",
-    "report/budget.py",
-    "report/fidelity.py",
-    "rtl/*/*.sv",
-    "rtl/*.sv",
-    "tb/engine/clock.h",
-    "tb/engine/engine.cpp",
-)
+READS = ("scene/scenes/*.toml", "rtl/**/*.sv", "tb/engine/*")
 BUDGET, FIDELITY, SPEED, GROWTH = (
     f"vrscan.bench.instrument:{name}" for name in ("budget", "fidelity", "speed", "growth")
 )

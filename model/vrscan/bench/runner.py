@@ -94,8 +94,9 @@ def _collect(
 ) -> None:
     futures: dict[Future[tuple[str, Figures]], str] = {}
     try:
-        for key, cell in cells.items():
-            futures[executor.submit(do, cell.work, cell.parameters, cell.seed)] = key
+        with _deaf():
+            for key, cell in cells.items():
+                futures[executor.submit(do, cell.work, cell.parameters, cell.seed)] = key
         for future in as_completed(futures):
             key = futures[future]
             code, figures = future.result()
@@ -119,7 +120,7 @@ def _executor(scheduler: str | None, workers: int) -> Iterator[Executor]:
     if scheduler is None:
         # Not forked: a fork may hold a lock of the thread that draws the progress.
         context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(workers, mp_context=context, initializer=_quiet) as pool:
+        with ProcessPoolExecutor(workers, mp_context=context) as pool:
             yield pool
         return
     from distributed import Client, KilledWorker  # takes half a second to import
@@ -135,9 +136,17 @@ def _executor(scheduler: str | None, workers: int) -> Iterator[Executor]:
             raise InputError(f"--scheduler: {scheduler} was lost ({reason})") from error
 
 
-def _quiet() -> None:
-    """Leave Ctrl-C to the process that waits for the results."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+@contextlib.contextmanager
+def _deaf() -> Iterator[None]:
+    """Leave Ctrl-C to this process, which waits for the results, and not to those started here.
+
+    They inherit what is blocked, from their first moment on. Here it is heard afterwards.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def check(scheduler: str) -> None:

@@ -14,7 +14,6 @@ import numpy as np
 from rich.table import Table as RichTable
 
 from vrscan.bench.cells import Cell, Figures, configuration, plain
-from vrscan.bench.detect import SOURCES as DETECT
 from vrscan.bench.detect import source
 from vrscan.bench.spots import Spot, score, take
 from vrscan.config import Config
@@ -23,7 +22,6 @@ from vrscan.detectors.patch import REACH
 from vrscan.ideal.statistics import statistics
 from vrscan.report.efficiency import LOST_PX
 
-SOURCES = ("bench/tune.py", *DETECT)
 WORK = "vrscan.bench.tune:train"
 SEED = 19860200  # no test has it
 SIGMAS_PX, PEAKS = (1.0, 1.7, 3.0, 5.0, 9.0), (0.05, 0.25, 0.7)

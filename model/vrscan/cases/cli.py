@@ -17,11 +17,14 @@ def cases(
     from vrscan.cases import page
     from vrscan.cases.registry import rooms
     from vrscan.errors import InputError
-    from vrscan.points import atomic_file
+    from vrscan.points import atomic_file, check_writable
     from vrscan.tools import repository_root
 
     if not any(case.name.startswith(only) for room in rooms().values() for case in room):
         raise InputError(f"--only: nothing begins with {only!r}")
+    path = repository_root() / page.PAGE
+    if write:
+        check_writable(path)
     outcomes = page.measure()
     console = Console()
     for title, room in rooms().items():
@@ -33,7 +36,6 @@ def cases(
         if grid.row_count:
             console.print(grid)
     if write:
-        path = repository_root() / page.PAGE
         with atomic_file(path) as file:
             file.write(page.page(outcomes).encode())
         console.print(f"{path}: rewritten", highlight=False)

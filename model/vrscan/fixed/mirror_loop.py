@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     Kind = TypeVar("Kind", bound=DataclassInstance)
 
 Rows = np.ndarray[tuple[int], np.dtype[np.void]]
+Map = tuple[Ints, Ints]  # a and phi of the harmonics, [HARMONIC_COUNT] each
+Turn = tuple[int, int, Map]  # phase and amplitude of an angle, and the harmonics it is made with
 
 ANGLE_LATENCY = SCAN_LATENCY + 2  # clocks from centre_o to angle_valid_o
 
@@ -124,8 +126,8 @@ class MirrorLoop:
             np.array(getattr(registers, f"motion_{name}"), np.int64)
             for name in ("a", "phi", "da", "dphi")
         )
-        # The harmonics that there were, and the clock and the offset of those at work.
-        self._maps: list[tuple[Ints, ...]] = [self._base[:2]]
+        # The harmonics in use, a and phi; the clock and the offset of those at work.
+        self._map: Map = (self._base[0], self._base[1])
         self._map_due = _NEVER
         self._offset = 0
         self._comparator = 0
@@ -135,19 +137,18 @@ class MirrorLoop:
         # The clock that each lane is in, and that of its next edge.
         self._mirror_clock = self._mirror_due = 0
         self._line_clock = self._line_due = 0
-        # The centre's phase, then the angle at work and the one that came out: phase, amplitude and
-        # which of the harmonics.
+        # The centre's phase, then the angle at work and the one that came out.
         self._centre_halves = 0
         self._centre_phase: int | None = None
-        self._scan = (0, 0, 0)
+        self._scan: Turn = (0, 0, self._map)
         self._scan_end = _NEVER
         self._busy_until = -1
-        self._angle_of = (0, 0, 0)
+        self._angle_of = self._scan
         self._flags = 0
         self._confidence = 0
         # What the next report takes; the lines' angles are still phases and amplitudes.
         self._lines: list[tuple[int, ...]] = []
-        self._turns: list[tuple[int, int, int]] = []
+        self._turns: list[Turn] = []
         self._measurements: list[tuple[int, ...]] = []
 
     def run(
@@ -285,7 +286,7 @@ class MirrorLoop:
         if self._centre_phase is not None:
             # A centre that comes sooner than the last one's angle takes its place.
             self._commit_map(clock - 1)
-            self._scan = (self._centre_phase, self.phase.amplitude, len(self._maps) - 1)
+            self._scan = (self._centre_phase, self.phase.amplitude, self._map)
             self._scan_end = self._busy_until = clock + SCAN_LATENCY
             self.amplitude = self.phase.amplitude
             self._centre_phase = None
@@ -348,7 +349,7 @@ class MirrorLoop:
             due = self._busy_until + 1
         if due <= until:
             a, phi, _ = motion_map(self._offset, self._drive_phase, *self._base)
-            self._maps.append((a, phi))
+            self._map = a, phi
             self._map_due = _NEVER
 
     def _follows(self) -> bool:
@@ -414,11 +415,13 @@ class MirrorLoop:
         self._line_clock = self.clock
         self.trigger.skip(clocks, enable=self._line_enable, word=self.drive.word)
 
-    def _angles(self, turns: list[tuple[int, int, int]]) -> tuple[Ints, Ints]:
+    @staticmethod
+    def _angles(turns: list[Turn]) -> tuple[Ints, Ints]:
         """Return the angles of phases and amplitudes, and the flags of those that saturate."""
-        given = np.array(turns, np.int64).reshape(-1, 3)
-        a, phi = (np.stack(words)[given[:, 2]] for words in zip(*self._maps, strict=True))
-        angle, overflow = scan_angle(given[:, 0], given[:, 1], a, phi)
+        shape = -1, pkg.HARMONIC_COUNT
+        phase, amplitude = (np.array([turn[k] for turn in turns], np.int64) for k in (0, 1))
+        a, phi = (np.array([turn[2][k] for turn in turns], np.int64).reshape(shape) for k in (0, 1))
+        angle, overflow = scan_angle(phase, amplitude, a, phi)
         return angle, overflow * np.int64(_UNSETTLED)
 
     def _report(self) -> Report:

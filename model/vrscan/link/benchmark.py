@@ -7,13 +7,12 @@ import numpy as np
 
 from vrscan.fixed import link_pkg
 from vrscan.link import selftest
-from vrscan.link.device import Device
+from vrscan.link.device import BITS_A_BYTE, Device
 from vrscan.link.register_map import REGISTERS, WINDOWS
 from vrscan.link.report import Rate, Trips
 from vrscan.link.values import Block, integer
 
 Progress = Callable[[int, int, str], None]
-BITS_A_BYTE = 10  # with start and stop
 
 
 def round_trips(device: Device, count: int, progress: Progress) -> list[Trips]:

@@ -15,7 +15,7 @@ from vrscan.errors import InputError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from vrscan.link.device import Device
+    from vrscan.link.device import Device, StartProgress
     from vrscan.link.records import Records
     from vrscan.link.stream import Captured, PointStream
 
@@ -23,6 +23,7 @@ FORMATS = (".npz", ".csv")
 PICTURES = (".npz", ".csv", ".png")
 MOST_POINTS = 100_000_000
 MOST_LINES = 100_000
+MOST_DARK = 50  # lines without a peak, where one is wanted
 
 link = typer.Typer(help="Talk to a board: registers, points, raw lines, self-test.")
 
@@ -31,7 +32,12 @@ PortOption = Annotated[
 ]
 BaudOption = Annotated[int, typer.Option("--baud", help="Its rate after a reset.")]
 TimeoutOption = Annotated[
-    float, typer.Option("--timeout", help="Seconds to wait for a reply; a simulation needs more.")
+    float,
+    typer.Option(
+        "--timeout",
+        envvar="VRSCAN_TIMEOUT",
+        help="Seconds to wait for a reply; a simulation needs more.",
+    ),
 ]
 StartOption = Annotated[
     bool,
@@ -142,6 +148,9 @@ def capture(
     count: Annotated[int, typer.Option("--lines", help="How many.")] = 1,
     every: Annotated[int, typer.Option(help="Every so many lines, one at a time.")] = 1,
     line: Annotated[int | None, typer.Option(help="The one with this number.")] = None,
+    peak: Annotated[
+        bool, typer.Option("--peak", help="Only lines with a peak; others are let go.")
+    ] = False,
     start: StartOption = False,
     port: PortOption = None,
     baud: BaudOption = BAUD,
@@ -157,12 +166,15 @@ def capture(
         _check("--line", line, 0, 2**32 - 1)
         if count > 1:
             raise InputError(f"--line: is one line, and not {count}")
+        if peak:
+            raise InputError("--line: is one line, with a peak or without (--peak)")
     kind = _suffix(out, PICTURES)
     with contextlib.ExitStack() as stack:
         file = None if out is None else stack.enter_context(atomic_file(out))
         device = stack.enter_context(_device(port, baud, timeout))
         stack.enter_context(_running(device, start))
-        found = _captured(device, count, every, line)
+        found = _captured(device, count, every, line, peak)
+        note = "" if any(map(_has_peak, found)) else _why_dark(device)
         settings = report.threshold_settings(device)
         if file is not None:
             report.write_captures(kind, file, found, settings, device.build.pixel_width)
@@ -173,6 +185,8 @@ def capture(
             console.print(report.capture_text(each, console.width), highlight=False)
     else:
         console.print(f"{out}: {len(found)} lines", highlight=False)
+    if note:
+        print(f"vrscan: no peak: {note}", file=sys.stderr)
 
 
 @link.command()
@@ -183,7 +197,10 @@ def points(
     full: Annotated[
         bool, typer.Option("--full/--compact", help="All of a point, or x, z, confidence, flags.")
     ] = True,
-    step: Annotated[int, typer.Option(help="Of every so many lines.")] = 1,
+    step: Annotated[
+        int | None,
+        typer.Option(help="Of every so many lines; else of as many as the serial line carries."),
+    ] = None,
     start: StartOption = False,
     allow_loss: Annotated[
         bool, typer.Option("--allow-loss", help="Status 0 even if points were lost.")
@@ -193,7 +210,7 @@ def points(
     timeout: TimeoutOption = TIMEOUT_S,
 ) -> None:
     """Record points; exit status 1 if some were lost."""
-    from vrscan.link import report
+    from vrscan.link import records, report
     from vrscan.points import atomic_file
 
     if (count is None) == (seconds is None):
@@ -202,15 +219,22 @@ def points(
         _check("--count", count, 1, MOST_POINTS)
     if seconds is not None:
         _check("--seconds", seconds, 0.001, 1e6)
-    _check("--step", step, 1, 255)
+    if step is not None:
+        _check("--step", step, 1, 255)
     kind = _suffix(out, FORMATS)
     with atomic_file(out) as file, _device(port, baud, timeout) as device:
-        with _running(device, start), device.stream(full, step) as stream:
-            found = _recorded(stream, count, seconds, timeout)
+        with _running(device, start):
+            taken = device.least_step(full) if step is None else step
+            with device.stream(full, taken) as stream:
+                found = _recorded(device, stream, count, seconds)
+            note = "" if records.measured(found).any() else _why_dark(device)
         account = stream.account
-        report.write_points(kind, file, found, full, step, device.build, account)
-    print(f"{out}: {len(found)} points in the file")
+        report.write_points(kind, file, found, full, taken, device.build, account)
+    which = "every line" if taken == 1 else f"one line in {taken}"
+    print(f"{out}: {len(found)} points in the file, of {which}")
     print(account)
+    if note:
+        print(f"vrscan: no peak: {note}", file=sys.stderr)
     if account.lost and not allow_loss:
         print(f"vrscan: {out}: points were lost", file=sys.stderr)
         raise typer.Exit(1)
@@ -251,8 +275,8 @@ def load(
             highlight=False,
         )
         if start:
-            with _bar("mirror") as bar:
-                device.start(lambda state, share: bar(round(100 * share), 100, f"mirror {state}"))
+            with _starting() as progress:
+                device.start(progress)
             silence = device.silence_s()
             console.print(
                 f"the mirror is in RUN; the laser goes off {silence:g} s after the last command",
@@ -343,15 +367,19 @@ def _running(device: "Device", wanted: bool) -> Iterator[None]:
     if not wanted:
         yield
         return
-    with _bar("mirror") as bar, contextlib.ExitStack() as stack:
-
-        def progress(state: str, share: float) -> None:
-            bar(round(100 * share), 100, f"mirror {state}")
-
-        stack.enter_context(device.started(progress))
-        running = stack.pop_all()
-    with running:
+    with contextlib.ExitStack() as stack:
+        with _starting() as progress:
+            stack.enter_context(device.started(progress))
         yield
+
+
+@contextlib.contextmanager
+def _starting() -> Iterator["StartProgress"]:
+    """Show a bar while the mirror starts; yields what is told of it."""
+    with _bar("waiting for the mirror") as bar:
+        yield lambda state, share: bar(
+            round(100 * share), 100, f"waiting for the mirror's RUN: {state}"
+        )
 
 
 def _check(name: str, value: float, low: float, high: float) -> None:
@@ -422,24 +450,44 @@ def interrupted() -> Iterator[Callable[[], bool]]:
         signal.signal(signal.SIGINT, before)
 
 
-def _captured(device: "Device", count: int, every: int, line: int | None) -> "list[Captured]":
-    """Return raw lines."""
+def _has_peak(each: "Captured") -> bool:
+    """Return whether a line has a point with a position."""
+    from vrscan.link.records import measured
+
+    return each.record is not None and bool(measured(each.record)[0])
+
+
+def _captured(
+    device: "Device", count: int, every: int, line: int | None, peak: bool
+) -> "list[Captured]":
+    """Return raw lines, where ``peak`` only those with one."""
     from vrscan.fixed import link_pkg
 
     if line is not None:
         return [device.capture(link_pkg.CAPTURE_LINE, line)]
     if count == 1:
-        return [device.capture()]
+        for _ in range(MOST_DARK):
+            one = device.capture()
+            if not peak or _has_peak(one):
+                return [one]
+        raise _no_peak(device)
     found: list[Captured] = []
+    dark = 0  # lines without a peak, one after the other
     wanted = device.captured(link_pkg.CAPTURE_EVERY, every)
     with _bar("lines") as bar, interrupted() as ended, wanted as lines:
         last = time.monotonic()
         while len(found) < count and not ended():
             each = lines.get(0.2)
             if each is not None:
+                last = time.monotonic()
+                if peak and not _has_peak(each):
+                    dark += 1
+                    if dark == MOST_DARK:
+                        raise _no_peak(device)
+                    continue
+                dark = 0
                 found.append(each)
                 bar(len(found), count)
-                last = time.monotonic()
             elif time.monotonic() - last > 3.0 * device.timeout:
                 raise InputError(
                     f"{device.port}: no line for {3.0 * device.timeout:g} s, "
@@ -450,8 +498,19 @@ def _captured(device: "Device", count: int, every: int, line: int | None) -> "li
     return found
 
 
+def _no_peak(device: "Device") -> InputError:
+    """Return the complaint of having waited for a peak for long enough."""
+    return InputError(f"--peak: none in {MOST_DARK} lines: {_why_dark(device)}")
+
+
+def _why_dark(device: "Device") -> str:
+    """Return why there is no peak."""
+    reason = device.darkness()
+    return f"{reason} (--start starts all)" if reason else "nothing is seen in the laser's light"
+
+
 def _recorded(
-    stream: "PointStream", count: int | None, seconds: float | None, timeout: float
+    device: "Device", stream: "PointStream", count: int | None, seconds: float | None
 ) -> "Records":
     """Return the points of a stream, so many or for so long, or until Ctrl-C."""
     import numpy as np
@@ -474,9 +533,10 @@ def _recorded(
                 parts.append(part)
                 come += len(part)
                 last = now
-            elif count is not None and now - last > 3.0 * timeout:
+            elif count is not None and now - last > 3.0 * device.timeout:
                 raise InputError(
-                    f"no point for {3.0 * timeout:g} s, {come} of {count} came: do lines run?"
+                    f"no point for {3.0 * device.timeout:g} s, {come} of {count} came: "
+                    f"{device.darkness() or 'the board says nothing of why'}"
                 )
             if count is not None:
                 bar(min(come, count), count)

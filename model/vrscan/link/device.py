@@ -13,6 +13,7 @@ this machine's clock; a simulated board needs many of its seconds for one of its
 """
 
 import contextlib
+import math
 import os
 import threading
 import time
@@ -23,7 +24,10 @@ from typing import Self
 
 from vrscan.config import Config
 from vrscan.errors import InputError
-from vrscan.fixed import link_pkg
+from vrscan.fixed import link_pkg, pkg
+from vrscan.fixed.line_trigger import line_step
+from vrscan.fixed.mirror_drive import RATE_FRACTION
+from vrscan.fixed.point_packer import most_records, record_bytes
 from vrscan.link import protocol, values
 from vrscan.link.protocol import Status
 from vrscan.link.register_map import LOCKS, MAP_HASH, REGISTERS
@@ -34,6 +38,7 @@ from vrscan.link.values import Block, Value, integer
 BAUD = 3_000_000
 TIMEOUT_S = 5.0
 IDENTITY = REGISTERS["identity"].reset[0]
+BITS_A_BYTE = 10  # with start and stop
 UART_FRACTION = 24  # of uart_step: bits a clock
 LEAST_CLOCKS_A_BIT = 8
 MOST_RATE_ERROR = 0.01  # what is left of a bit at a byte's end then is enough
@@ -42,6 +47,15 @@ WATCHDOG = "laser_watchdog_clks"
 OFF, SWEEP, SETTLE, RUN, FAULT = range(5)  # of mirror_state
 STATES = ("OFF", "SWEEP", "SETTLE", "RUN", "FAULT")
 FAULTS = ("none", "sweep", "settle", "index")
+
+SETTLE_S = 0.3  # of a start, after its sweep, about
+_START = ("sweep_timeout", "settle_timeout", "sweep_word", "work_word", "sweep_rate")
+_TRIPPED = 4  # bit of laser_status
+MOST_STEP = 255  # of a stream
+_STREAM_SHARE = 0.9  # of the line's time, for points; the rest is for replies
+
+# Told a text and a share of 1.
+StartProgress = Callable[[str, float], None]
 
 _MEANING = {
     Status.UNKNOWN_COMMAND: "the board does not know the command",
@@ -553,7 +567,7 @@ class Device:
                 "(mirror_enable = 0), or force it"
             )
 
-    def start(self, progress: Callable[[str, float], None] | None = None) -> None:
+    def start(self, progress: StartProgress | None = None) -> None:
         """Start lines, laser and mirror, and wait until the mirror is in RUN.
 
         The index needs the laser's light. The board turns that off when it does not hear its host:
@@ -583,7 +597,7 @@ class Device:
             self.write(name, 0)
 
     @contextlib.contextmanager
-    def started(self, progress: Callable[[str, float], None] | None = None) -> Iterator[None]:
+    def started(self, progress: StartProgress | None = None) -> Iterator[None]:
         """Run lines, laser and mirror for as long as the context lasts."""
         self.start(progress)
         try:
@@ -592,26 +606,29 @@ class Device:
             with contextlib.suppress(UnpluggedError):
                 self.stop()
 
-    def wait_for_mirror(
-        self, wanted: int = RUN, progress: Callable[[str, float], None] | None = None
-    ) -> None:
+    def wait_for_mirror(self, wanted: int = RUN, progress: StartProgress | None = None) -> None:
         """Wait until the mirror is in a state, for as long as the board itself allows it.
 
         Args:
             wanted: The state.
-            progress: Called with the state's name and the share of the time that is over.
+            progress: Called with the state's name and the drive's frequency, as text, and with the
+                share of the time that a start takes, in the board's time.
 
         Raises:
             LinkError: if it is in FAULT, or not there in time.
         """
-        start = self.uptime()
-        limits = self.read_many(("sweep_timeout", "settle_timeout"))
-        allowed = sum(integer(each) for each in limits.values()) + self.build.clock_hz // 10
+        start, clock_hz = self.uptime(), self.build.clock_hz
+        held = self.read_many(_START)
+        sweep, settle, high, low, rate = (integer(held[name]) for name in _START)
+        allowed = sweep + settle + clock_hz // 10
+        expected = SETTLE_S * clock_hz + ((high - low) << RATE_FRACTION) / max(rate, 1)
         while True:
-            now = self.read_many(("mirror_state", "mirror_fault", "uptime"))
+            now = self.read_many(("mirror_state", "mirror_fault", "mirror_word", "uptime"))
             state, spent = integer(now["mirror_state"]), integer(now["uptime"]) - start
             if progress is not None:
-                progress(_of(STATES, state), min(1.0, spent / allowed))
+                drive_hz = integer(now["mirror_word"]) / 2.0**pkg.TURN_WIDTH * clock_hz
+                share = 1.0 if state == wanted else min(0.99, spent / expected)
+                progress(f"{_of(STATES, state)}, drive {drive_hz:.2f} Hz", share)
             if state == wanted:
                 return
             if state == FAULT:
@@ -624,7 +641,41 @@ class Device:
                 )
             self._closing.wait(0.1)
 
+    def darkness(self) -> str:
+        """Return why lines have no peak as far as the board knows, or nothing."""
+        names = ("line_enable", "laser_enable", "laser_status", "mirror_state", "mirror_fault")
+        found = {name: integer(value) for name, value in self.read_many(names).items()}
+        state, reasons = found["mirror_state"], []
+        if not found["line_enable"]:
+            reasons.append("lines stand still")
+        if found["laser_status"] >> _TRIPPED & 1:
+            reasons.append(f"the laser went off {self.silence_s():g} s after a host's last command")
+        elif not found["laser_enable"]:
+            reasons.append("the laser is off")
+        if state != RUN:
+            fault = f" ({_of(FAULTS, found['mirror_fault'])})" if state == FAULT else ""
+            reasons.append(f"the mirror is in {_of(STATES, state)}{fault}")
+        return ", ".join(reasons)
+
     # ---- points and lines ----
+
+    def least_step(self, full: bool) -> int:
+        """Return the smallest step of a stream whose points the serial line carries.
+
+        That is of the lines' present rate and the link's present one, with a tenth to spare for
+        replies; 1 where lines stand still.
+
+        Args:
+            full: Whether the points are full ones.
+        """
+        found = self.read_many(("mirror_word", "ratio", "points_batch"))
+        word, ratio, batch = (integer(value) for value in found.values())
+        lines_per_s = line_step(word, ratio) / 2.0**pkg.TURN_WIDTH * self.build.clock_hz
+        count = min(batch, most_records(full)) or 1
+        payload = bytes(link_pkg.BATCH_HEADER_BYTES + count * record_bytes(full))
+        packet_s = len(protocol.encode_frame(payload)) * BITS_A_BYTE / self.baud
+        step = math.ceil(lines_per_s * packet_s / count / _STREAM_SHARE)
+        return min(max(step, 1), MOST_STEP)
 
     def stream(self, full: bool = True, step: int = 1, *, depth: int = DEPTH) -> PointStream:
         """Let the board send points.
@@ -641,8 +692,8 @@ class Device:
             InputError: if ``step`` is out of range.
             LinkError: if points are already being sent.
         """
-        if step not in range(1, 256):
-            raise InputError(f"step: must be 1 to 255 ({step})")
+        if step not in range(1, MOST_STEP + 1):
+            raise InputError(f"step: must be 1 to {MOST_STEP} ({step})")
         if self._points is not None:
             raise LinkError(f"{self.port}: points are already being sent")
         transport = self._transport
@@ -716,7 +767,9 @@ class Device:
                 if mode == link_pkg.CAPTURE_LINE:
                     raise LinkError(f"{self.port}: line {argument} came with packets missing")
                 self._capture(lines, mode, argument)
-        raise NoAnswerError(f"{self.port}: no line came within {limit:g} s")
+        reason = self.darkness()
+        why = f" ({reason})" if reason else ""
+        raise NoAnswerError(f"{self.port}: no line came within {limit:g} s{why}")
 
     @contextlib.contextmanager
     def captured(self, mode: int, argument: int = 0) -> Iterator[CaptureStream]:

@@ -83,17 +83,17 @@ class Profile:
         """Return the share of the points that are measured."""
         if not len(self._points):
             return 0.0
-        return float((self._points["bits"] & records.MEASURED != 0).mean())
+        return float(records.measured(self._points).mean())
 
     def snr(self) -> float:
         """Return the median of the signal over noise of what is measured."""
-        found = self._points["snr"][self._points["bits"] & records.MEASURED != 0]
+        found = self._points["snr"][records.measured(self._points)]
         return float(np.median(found)) * 2.0**-pkg.SNR_FRACTION if len(found) else 0.0
 
     def picture(self) -> Panel:
         """Return the points that have a place."""
         points = self._points
-        good = points["bits"] & records.MEASURED != 0
+        good = records.measured(points)
         good &= points["flags"] >> pkg.FLAG_NO_RANGE & 1 == 0
         step = 2.0**-pkg.LENGTH_FRACTION
         x, z = points["x"][good] * step, points["z"][good] * step

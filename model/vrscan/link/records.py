@@ -9,6 +9,7 @@ from dataclasses import fields
 import numpy as np
 import numpy.typing as npt
 
+from vrscan.arrays import Bools
 from vrscan.fixed import link_pkg, pkg
 from vrscan.points import Points
 
@@ -115,6 +116,13 @@ def decode_full(data: bytes) -> Records:
 def encode_full(records: Records) -> bytes:
     """Return an array of ``FULL`` as it lies in a packet."""
     return np.ascontiguousarray(records, FULL).tobytes()
+
+
+def measured(found: Records) -> Bools:
+    """Return which points are measured, [n]; of compact ones, which have a range besides."""
+    if "bits" in (found.dtype.names or ()):
+        return np.asarray(found["bits"] & MEASURED != 0)
+    return np.asarray(found["flags"] >> link_pkg.COMPACT_MEASURED & 1 != 0)
 
 
 def compact(records: Records) -> Records:

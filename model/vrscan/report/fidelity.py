@@ -28,6 +28,7 @@ from vrscan.config import Config
 from vrscan.engines import Engine
 from vrscan.engines import run as run_engine
 from vrscan.lines import Truth
+from vrscan.points import atomic_file
 from vrscan.report.numbers import replace_block
 from vrscan.report.style import COLOURS, INK, LIGHT, QUIET, STYLE, wide_table
 from vrscan.scene.description import Description, load
@@ -333,6 +334,11 @@ def _markdown_cell(row: Row) -> str:
     return f"{speed}, **{error}**" if row.within is False else f"{speed}, {error}"
 
 
+def pages(root: Path) -> tuple[Path, Path]:
+    """Return the page and the picture that ``write_pages`` rewrites."""
+    return root / "docs" / "light.md", root / "docs" / "fidelity.png"
+
+
 def write_pages(rows: Sequence[Row], root: Path) -> list[Path]:
     """Rewrite the generated table of docs/light.md, and the picture beside it.
 
@@ -343,13 +349,13 @@ def write_pages(rows: Sequence[Row], root: Path) -> list[Path]:
     Returns:
         The files, or none if the page or its markers are missing.
     """
-    page, plot = root / "docs" / "light.md", root / "docs" / "fidelity.png"
+    page, plot = pages(root)
     text = replace_block(page.read_text(), "fidelity", markdown(rows)) if page.exists() else None
     if text is None:
         return []
-    page.write_text(text)
-    with plot.open("wb") as file:
-        picture(rows, file)
+    with atomic_file(page) as words, atomic_file(plot) as drawing:
+        words.write(text.encode())
+        picture(rows, drawing)
     return [page, plot]
 
 

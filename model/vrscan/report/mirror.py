@@ -17,7 +17,17 @@ from vrscan.arrays import Bools, Floats
 from vrscan.config import HARMONICS, Config
 from vrscan.fixed import pkg
 from vrscan.ideal.mirror import crossings
-from vrscan.mirror import FAULTS, FLAG_NAMES, SAMPLES, STATES, Mirror, Recording, Rows, World
+from vrscan.mirror import (
+    CHUNK_S,
+    FAULTS,
+    FLAG_NAMES,
+    SAMPLES,
+    STATES,
+    Mirror,
+    Recording,
+    Rows,
+    World,
+)
 from vrscan.mirror_registers import MirrorRegisters
 from vrscan.report.style import COLOURS, INK, LIGHT, QUIET, STYLE
 
@@ -131,7 +141,7 @@ def simulate(
     with Mirror(registers, config.mems, quiet) as mirror:
         parts = []
         while mirror.state not in (pkg.MIRROR_RUN, pkg.MIRROR_FAULT) and mirror.clock < longest:
-            step = min(round(0.02 * hertz), longest - mirror.clock)
+            step = min(round(CHUNK_S * hertz), longest - mirror.clock)
             parts.append(mirror.run(step, quiet, until_state=pkg.MIRROR_RUN, progress=told))
         run = mirror.clock if mirror.state == pkg.MIRROR_RUN else math.nan
         event = math.nan

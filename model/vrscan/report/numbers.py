@@ -19,6 +19,7 @@ from vrscan.config import Config
 from vrscan.engines import Engine, run
 from vrscan.errors import InputError
 from vrscan.lines import Lines
+from vrscan.points import atomic_file
 from vrscan.report import efficiency, formats, two_pass
 from vrscan.report.accuracy import angle, cordic, geometry, mirror, position, quality, scatter
 from vrscan.report.accuracy.figure import SEED, Figure
@@ -374,6 +375,11 @@ def replace_block(text: str, name: str, block: str) -> str | None:
     return f"{before}{begin}\n\n{block}\n\n{end}{after}"
 
 
+def pages(root: Path) -> tuple[Path, Path]:
+    """Return the pages that ``write_pages`` rewrites, those with the number table."""
+    return root / "README.md", root / "docs" / "numbers.md"
+
+
 def write_pages(figures: Sequence[Figure], root: Path) -> list[Path]:
     """Rewrite the generated blocks of README.md and docs/numbers.md.
 
@@ -385,16 +391,15 @@ def write_pages(figures: Sequence[Figure], root: Path) -> list[Path]:
         The files that have their markers; the others stay as they are.
     """
     written = []
-    for path, blocks in (
-        (root / "README.md", {"numbers": summary(figures)}),
-        (root / "docs" / "numbers.md", {"numbers": markdown(figures), **formats.blocks()}),
-    ):
+    new = {"numbers": summary(figures)}, {"numbers": markdown(figures), **formats.blocks()}
+    for path, blocks in zip(pages(root), new, strict=True):
         if not path.exists():
             continue
         text = path.read_text()
         for name, block in blocks.items():
             text = replace_block(text, name, block) or text
         if all(replace_block(text, name, block) == text for name, block in blocks.items()):
-            path.write_text(text)
+            with atomic_file(path) as file:
+                file.write(text.encode())
             written.append(path)
     return written

@@ -11,9 +11,10 @@ from matplotlib.figure import Figure
 
 from vrscan.bench import cost, design, design_cost
 from vrscan.bench.cells import Cell, Figures, plain
-from vrscan.bench.design import RANGES_MM, Design
+from vrscan.bench.design import RANGES_MM
 from vrscan.bench.page import Block, Heading, Picture, Row, Table, Text, number
 from vrscan.bench.sections.section import Found, Order, Section, png
+from vrscan.bench.widths import Design
 from vrscan.report.efficiency import LOST_PX, PEAKS, SIGMAS_PX
 from vrscan.report.style import COLOURS, INK, LIGHT, QUIET, STYLE
 

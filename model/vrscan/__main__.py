@@ -1,0 +1,39 @@
+"""The start of the ``vrscan`` command: Ctrl-C ends it with one line, even while it imports."""
+
+import os
+import signal
+from collections.abc import Callable
+from types import FrameType
+
+from vrscan.errors import EXIT_INTERRUPTED
+
+
+def main() -> None:
+    """Run the command; where it is interrupted it first tidies up what it has begun."""
+    _on_interrupt(_end)
+    from vrscan.cli import main as command  # takes a second
+
+    try:
+        try:
+            _on_interrupt(signal.default_int_handler)
+            command()
+        finally:
+            _on_interrupt(_end)
+    except KeyboardInterrupt:
+        _end(signal.SIGINT, None)
+
+
+def _on_interrupt(handler: Callable[[int, FrameType | None], None]) -> None:
+    """Let a handler have Ctrl-C, but in a shell's background job, which ignores it."""
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        signal.signal(signal.SIGINT, handler)
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    """End at once, where there is nothing to tidy up and an exception could surface anywhere."""
+    os.write(2, b"vrscan: interrupted\n")
+    os._exit(EXIT_INTERRUPTED)
+
+
+if __name__ == "__main__":
+    main()
