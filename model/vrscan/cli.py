@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 from pydantic import ValidationError
 from rich.console import Console
@@ -29,7 +28,7 @@ from vrscan.config import Config
 from vrscan.engines import Engine
 from vrscan.errors import InputError
 from vrscan.link.cli import link
-from vrscan.points import atomic_file, write_csv, write_ply
+from vrscan.points import atomic_file, csv_file, csv_rows, ply_file
 from vrscan.registers import Registers
 from vrscan.table import Table
 
@@ -75,6 +74,9 @@ EngineOption = Annotated[
     ),
 ]
 CountOption = Annotated[int, typer.Option("--lines", help="Number of lines.")]
+JobsOption = Annotated[
+    int, typer.Option(help="Processes; 0: one a processor, fewer where lines are few.")
+]
 
 
 @app.command()
@@ -85,21 +87,21 @@ def scan(
     count: CountOption = 3000,
     fidelity: FidelityOption = None,
     tolerance: ToleranceOption = None,
-    jobs: Annotated[int, typer.Option(help="Processes that simulate; 0: one a processor.")] = 1,
+    jobs: JobsOption = 0,
     keep: Annotated[
         bool, typer.Option("--keep-lines", help="Also write lines.npz: lines with their truth.")
     ] = False,
     config: ConfigOption = None,
 ) -> None:
     """Simulate a scene, turn its lines into points and compare them with the truth."""
+    from vrscan import scan as scans
     from vrscan.report import budget
     from vrscan.report import scan as report  # matplotlib takes a second to import
-    from vrscan.scene.simulate import simulate
+    from vrscan.scene.simulate import Scanner
     from vrscan.scene.timeline import write_edges
 
     _check_count(count, 1)
-    if jobs < 0:
-        raise InputError(f"--jobs: must not be negative ({jobs})")
+    _check_jobs(jobs)
     settings = _settings(config)
     with _folder(out), contextlib.ExitStack() as stack:
         names = ["points.csv", "points.ply", "picture.png"] + ["lines.npz"] * keep
@@ -109,37 +111,51 @@ def scan(
         if sweeps:
             names.append("edges.csv")
             files["edges.csv"] = stack.enter_context(atomic_file(out / "edges.csv"))
-        with _bar("light", count) as progress:
-            taken = simulate(
-                light,
-                count,
-                chosen.active,
-                every_ray=chosen.every_ray,
-                tolerance_px=chosen.tolerance_px,
-                jobs=jobs,
-                progress=progress,
-            )
-        recording, when = taken.lines, taken.timeline
-        result = _run(engine, recording, settings)
-        truth = recording.truth
-        assert truth is not None  # a simulation has one
-        write_csv(result, files["points.csv"])
-        write_ply(result, files["points.ply"], when.y_mm)
+        scanner = Scanner(
+            light,
+            count,
+            chosen.active,
+            every_ray=chosen.every_ray,
+            tolerance_px=chosen.tolerance_px,
+        )
+        with contextlib.ExitStack() as parts:
+            csv = parts.enter_context(csv_file(files["points.csv"]))
+            ply = parts.enter_context(ply_file(files["points.ply"], out))
+            if keep:
+                given = files["lines.npz"], count, settings.sensor.line_length, light.names, out
+                archive = parts.enter_context(lines.archive(*given))
+
+            def take(part: scans.Part) -> None:
+                csv(part.csv)
+                ply(part.ply)
+                if part.lines is not None:
+                    archive(part.lines)
+
+            with _bar(f"light, {engine}", count) as progress:
+                tally, sample = scans.scan(
+                    scanner, engine, take, keep=keep, jobs=jobs, progress=progress
+                )
         if sweeps:
-            begin, end = light.scene.scan.start_s, float(when.time_s[-1])
+            begin, end = light.scene.scan.start_s, scanner.end_s
             scanned = light.scene.scan, light.scene.seed
             write_edges(files["edges.csv"], begin, end, settings, *scanned)
-        if keep:
-            lines.write(recording, files["lines.npz"])
         title = f"{light.scene.title or scene}: {count} lines, engine {engine}"
-        report.picture(recording, result, settings, title, files["picture.png"], y_mm=when.y_mm)
+        drawn = len(sample.lines)
+        report.picture(
+            sample.lines,
+            sample.points,
+            settings,
+            title if drawn == count else f"{title}; {drawn} of them drawn",
+            files["picture.png"],
+            y_mm=sample.y_mm,
+            pixels=scanner.line,
+        )
     console = _console()
-    console.print(report.error_table(report.compare(result, truth), title))
-    dark = int(np.isnan(truth.position_px).sum())
+    console.print(report.error_table(tally.errors(), title))
     console.print(
-        f"{len(result)} lines, {int(result.located.sum())} points; "
-        f"{dark} lines whose spot the camera cannot see, "
-        f"{report.stray(result, truth)} of them with a point"
+        f"{tally.lines} lines, {tally.points} points; "
+        f"{tally.dark} lines whose spot the camera cannot see, "
+        f"{tally.stray} of them with a point"
     )
     for line in budget.summary(chosen):
         console.print(line, highlight=False)
@@ -231,8 +247,7 @@ def bench_report(
     from vrscan.bench.sections.section import Order
     from vrscan.tools import build_folder
 
-    if jobs < 0:
-        raise InputError(f"--jobs: must not be negative ({jobs})")
+    _check_jobs(jobs)
     if seed is not None and not 0 <= seed <= report.MOST_SEED:
         raise InputError(f"--seed: must be 0 to {report.MOST_SEED} ({seed})")
     order = Order(_settings(config), report.SEED if seed is None else seed, quick)
@@ -282,13 +297,25 @@ def replay(
     recording: Annotated[Path, typer.Argument(metavar="LINES", help=".npy or .npz of lines.")],
     out: Annotated[Path, typer.Option(help="The points.csv to write.")],
     engine: EngineOption = Engine.RTL,
+    jobs: JobsOption = 0,
     config: ConfigOption = None,
 ) -> None:
     """Turn recorded lines into points."""
+    _check_jobs(jobs)
     settings = _settings(config)
-    recorded = lines.read(recording, settings)
-    with atomic_file(out) as file:
-        write_csv(_run(engine, recorded, settings), file)
+    with atomic_file(out) as file, lines.opened(recording, settings) as recorded:
+        blocks, jobs = (
+            recorded.blocks(engines.BLOCK),
+            engines.processes(engine, recorded.count, jobs),
+        )
+        with (
+            csv_file(file) as write,
+            _bar(f"engine {engine}", recorded.count) as progress,
+            engines.streamed(engine, blocks, settings, csv_rows, jobs) as found,
+        ):
+            for done, rows in found:
+                write(rows)
+                progress(done)
 
 
 @app.command()
@@ -615,6 +642,11 @@ def _planned(
         )
         progress(100)
     return light, found
+
+
+def _check_jobs(jobs: int) -> None:
+    if jobs < 0:
+        raise InputError(f"--jobs: must not be negative ({jobs})")
 
 
 def _check_count(count: int, least: int) -> None:
