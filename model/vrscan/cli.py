@@ -30,7 +30,6 @@ from vrscan.errors import InputError
 from vrscan.link.cli import link
 from vrscan.points import atomic_file, csv_file, csv_rows, ply_file
 from vrscan.registers import Registers
-from vrscan.table import Table
 
 if TYPE_CHECKING:
     from vrscan.report.mirror import Events as MirrorEvents
@@ -532,26 +531,27 @@ def efficiency(
 
 @app.command()
 def speed(
-    engine: EngineOption = Engine.FIXED,
-    count: CountOption = 10_000,
+    engine: Annotated[Engine | None, typer.Option(help="Which one; all three if none.")] = None,
+    count: Annotated[
+        int | None, typer.Option("--lines", help="Number of lines; 10000, or 2000 of the RTL.")
+    ] = None,
+    jobs: Annotated[int, typer.Option(help="Cores, beside the one; 0: all.")] = 0,
     config: ConfigOption = None,
 ) -> None:
-    """Measure the lines per second of an engine, on lines of the default scene."""
-    from vrscan.scene.simulate import take
+    """Measure the lines per second of the engines, on one core and on all of them."""
+    from vrscan.report import speed as report
 
-    _check_count(count, 1)
+    if count is not None:
+        _check_count(count, 1)
+    _check_jobs(jobs)
     settings = _settings(config)
-    recording = take("default", count, settings).lines
-    warm = lines.Lines(recording.lines[:64], recording.angle_rad[:64], recording.power[:64])
-    engines.run(engine, warm, settings)  # builds and imports are not what is measured
-    wall, cpu = time.perf_counter(), time.process_time()
-    _run(engine, recording, settings)
-    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-    _console().print(
-        f"engine {engine}: {count / wall:.0f} lines/s on {cpu / wall:.2f} cores "
-        f"({count} lines in {wall:.2f} s); the paper's sensor reads 37400 lines/s",
-        highlight=False,
-    )
+    chosen = list(Engine) if engine is None else [engine]
+    rates = []
+    with _bar("engines", len(chosen)) as progress:
+        for each in chosen:
+            rates.append(report.measure(each, settings, count, jobs or None))
+            progress(len(rates))
+    _console().print(report.table(rates))
 
 
 @app.command()
@@ -659,24 +659,27 @@ def _console() -> Console:
     return Console(width=None if sys.stdout.isatty() else 120)
 
 
-def _run(engine: Engine, recording: lines.Lines, settings: Config) -> Table:
-    """Run an engine under a bar."""
-    with _bar(f"engine {engine}", len(recording)) as progress:
-        return engines.run(engine, recording, settings, progress)
-
-
 @contextlib.contextmanager
 def _bar(text: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Show a bar on the error stream; yields a function that is told how many are done."""
+    """Show a bar on the error stream; yields a function that is told how many are done.
+
+    It disappears if what it shows fails: what went wrong is the only thing to read then.
+    """
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True)) as progress:
+    console = Console(stderr=True)
+    with Progress(*columns, console=console) as progress:
         task = progress.add_task(text, total=total)
-        yield lambda done: progress.update(task, completed=done)
+        try:
+            yield lambda done: progress.update(task, completed=done)
+        except BaseException:
+            progress.live.transient = True
+            console.quiet = not console.is_terminal
+            raise
 
 
 @contextlib.contextmanager

@@ -28,6 +28,7 @@ SOURCES = (
     "config.py",
     "engines.py",
     "lines.py",
+    "parallel.py",
     "points.py",
     "registers.py",
     "rtl.py",
