@@ -37,7 +37,8 @@ if TYPE_CHECKING:
     from vrscan.scene.plan import Plan
 
 EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_TERMINATED = 2, 130, 143
-MOST_LINES = 1_000_000
+MOST_LINES = 1_000_000  # that are in memory together
+MOST_SCANNED = 2**32  # as RTL and cloud number them
 MOST_SECONDS = 60.0  # of mirror time; one takes half a minute
 
 app = typer.Typer(
@@ -99,7 +100,7 @@ def scan(
     from vrscan.scene.simulate import Scanner
     from vrscan.scene.timeline import write_edges
 
-    _check_count(count, 1)
+    _check_count(count, 1, MOST_SCANNED)
     _check_jobs(jobs)
     settings = _settings(config)
     with _folder(out), contextlib.ExitStack() as stack:
@@ -649,9 +650,9 @@ def _check_jobs(jobs: int) -> None:
         raise InputError(f"--jobs: must not be negative ({jobs})")
 
 
-def _check_count(count: int, least: int) -> None:
-    if not least <= count <= MOST_LINES:
-        raise InputError(f"--lines: must be {least} to {MOST_LINES} ({count})")
+def _check_count(count: int, least: int, most: int = MOST_LINES) -> None:
+    if not least <= count <= most:
+        raise InputError(f"--lines: must be {least} to {most} ({count})")
 
 
 def _console() -> Console:

@@ -7,8 +7,6 @@ back only where they are to be kept.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import reduce
-from operator import add
 
 import numpy as np
 
@@ -22,6 +20,7 @@ from vrscan.scene.simulate import BLOCK, Scanner
 from vrscan.table import Table
 
 MOST_DRAWN = 30_000  # lines of a picture
+_JOINED = 64  # samples
 _STREAM = 0xD2A3  # of the random numbers that pick them
 
 
@@ -102,15 +101,17 @@ def scan(
         InputError: as ``engines.run`` and ``parallel.workers``.
     """
     jobs = processes(engine, scanner.count, jobs)
-    tallies, samples = [], []
-    done = 0
+    tally: Tally | None = None
+    samples: list[Sample] = []
     prepare(engine, scanner.light.config)
     with workers(_Work(scanner, engine, keep), jobs) as do:
         for each in do(range(scanner.blocks)):
             take(each)
-            tallies.append(each.tally)
+            tally = each.tally if tally is None else tally + each.tally
             samples.append(each.sample)
-            done += each.tally.lines
+            if len(samples) == _JOINED:  # a sample of no lines takes memory, too
+                samples = [Sample.joined(samples)]
             if progress is not None:
-                progress(done)
-    return reduce(add, tallies), Sample.joined(samples)
+                progress(tally.lines)
+    assert tally is not None  # of one line at least
+    return tally, Sample.joined(samples)
