@@ -28,6 +28,7 @@ from vrscan.config import Config
 from vrscan.engines import Engine
 from vrscan.errors import InputError
 from vrscan.link.cli import link
+from vrscan.parallel import processors
 from vrscan.points import atomic_file, csv_file, csv_rows, ply_file
 from vrscan.registers import Registers
 
@@ -491,6 +492,7 @@ def _check_range(name: str, value: float, low: float, high: float) -> None:
 def efficiency(
     engine: EngineOption = Engine.FIXED,
     count: Annotated[int, typer.Option("--lines", help="Lines a cell.")] = 4000,
+    jobs: Annotated[int, typer.Option(help="Processes; 0: one a processor.")] = 0,
     config: ConfigOption = None,
 ) -> None:
     """Compare the detector with the Cramer-Rao bound; exit status 1 below the stated figures."""
@@ -498,11 +500,14 @@ def efficiency(
     from vrscan.report import two_pass
 
     _check_count(count, 100)
+    _check_jobs(jobs)
     settings = _settings(config)
+    engines.prepare(engine, settings)
+    cores = jobs or processors()
     with _bar("spots", len(report.PEAKS) * len(report.SIGMAS_PX)) as progress:
-        cells = report.study(engine, settings, count, progress)
+        cells = report.study(engine, settings, count, progress, jobs=cores)
     with _bar("two passes", len(two_pass.PEAKS) * len(two_pass.SIGMAS_PX) + 2) as progress:
-        both = two_pass.study(engine, settings, count, progress)
+        both = two_pass.study(engine, settings, count, progress, jobs=cores)
         one, two = two_pass.skew_positions(engine, settings, count // 2)
         progress(len(both) + 1)
         slopes = two_pass.slope_study(engine, settings, count // 4)
