@@ -107,6 +107,7 @@ def scan(
     with _folder(out), contextlib.ExitStack() as stack:
         names = ["points.csv", "points.ply", "picture.png"] + ["lines.npz"] * keep
         files = {name: stack.enter_context(atomic_file(out / name)) for name in names}
+        engines.prepare(engine, settings)
         light, chosen = _planned(scene, count, fidelity, tolerance, settings)
         sweeps = light.scene.scan.sweep == "mirror"
         if sweeps:
@@ -305,10 +306,9 @@ def replay(
     _check_jobs(jobs)
     settings = _settings(config)
     with atomic_file(out) as file, lines.opened(recording, settings) as recorded:
-        blocks, jobs = (
-            recorded.blocks(engines.BLOCK),
-            engines.processes(engine, recorded.count, jobs),
-        )
+        engines.prepare(engine, settings)
+        blocks = recorded.blocks(engines.BLOCK)
+        jobs = engines.processes(engine, recorded.count, jobs)
         with (
             csv_file(file) as write,
             _bar(f"engine {engine}", recorded.count) as progress,

@@ -117,7 +117,7 @@ def streamed(
     """Run an engine on any number of lines, of which only some blocks are in memory.
 
     Args:
-        engine: Who computes the points.
+        engine: Who computes the points; ``prepare`` has been called.
         blocks: The lines, in their order; how many are in one does not matter to the points.
         config: Thresholds and geometry.
         then: Done to each block's points, by the process that computed them.
@@ -136,13 +136,12 @@ def streamed(
             yield first, block
             first += len(block)
 
-    prepare(engine, config)
     with workers(_Work(engine, config, then), jobs) as do:
         yield do(numbered())
 
 
 def prepare(engine: Engine, config: Config) -> None:
-    """Build what an engine needs, once, before processes look for it.
+    """Build what an engine needs, here and once, so that its messages come before any other.
 
     Raises:
         InputError: if it cannot be built, or the configuration does not fit in the registers.

@@ -66,17 +66,12 @@ def workers(work: Callable[[T], R], jobs: int) -> Iterator[Callable[[Iterable[T]
         pool.shutdown(kill_workers=True)
 
 
-def quiet() -> None:
-    """Leave Ctrl-C and SIGTERM to the process that waits for the results."""
-    for each in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(each, signal.SIG_IGN)
-
-
 _work: list[Callable[[Any], Any]] = []  # of this process
 
 
 def _begin(work: Callable[[Any], Any]) -> None:
-    quiet()
+    for each in (signal.SIGINT, signal.SIGTERM):  # they are for who waits for the results
+        signal.signal(each, signal.SIG_IGN)
     _work[:] = [work]
 
 

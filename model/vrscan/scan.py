@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vrscan.arrays import Floats
-from vrscan.engines import Engine, prepare, processes, run_block
+from vrscan.engines import Engine, processes, run_block
 from vrscan.lines import Lines, bare, joined, part
 from vrscan.parallel import workers
 from vrscan.points import csv_rows, ply_vertices
@@ -91,7 +91,7 @@ def scan(
 
     Args:
         scanner: The scene, its effects, and how many lines.
-        engine: Who turns lines into points.
+        engine: Who turns lines into points; ``engines.prepare`` has been called.
         take: Called with each block, in the order of its lines.
         keep: Whether blocks come with their lines.
         jobs: Processes, as for ``engines.processes``. The blocks do not depend on it.
@@ -103,7 +103,6 @@ def scan(
     jobs = processes(engine, scanner.count, jobs)
     tally: Tally | None = None
     samples: list[Sample] = []
-    prepare(engine, scanner.light.config)
     with workers(_Work(scanner, engine, keep), jobs) as do:
         for each in do(range(scanner.blocks)):
             take(each)
