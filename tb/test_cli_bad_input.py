@@ -20,6 +20,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     np.savez(tmp_path / "good.npz", lines=good)
     np.savez(tmp_path / "nan.npz", lines=good, angle_rad=np.array([0.0, np.nan, 0.0]))
     np.savez(tmp_path / "pi.npz", lines=good, angle_rad=np.array([0.0, 0.0, 3.2]))
+    np.savez(tmp_path / "degrees.npz", lines=good, angle_deg=np.zeros(3))
     np.savez(tmp_path / "flag.npz", lines=good, mirror_flags=np.array([0, 0, 8], np.uint8))
     np.save(tmp_path / "bright.npy", good + np.uint16(4096))
     np.save(tmp_path / "short.npy", good[:, :100])
@@ -30,6 +31,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "value.toml").write_text("[peak]\nmin_width = 1\n")
     (tmp_path / "register.toml").write_text("[geometry]\nk1 = 1\n")
     (tmp_path / "two_pass.toml").write_text('[peak]\nwindow = "two_pass"\nperiod = "n-1"\n')
+    (tmp_path / "folder.csv").mkdir()
+    (tmp_path / "null.csv").symlink_to("/dev/null")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -46,6 +49,10 @@ CASES = {
     "nan_angle": (["replay", "nan.npz", *REPLAY], ["nan.npz", "nan at line 1"]),
     "large_angle": (["replay", "pi.npz", *REPLAY], ["pi.npz", "3.2 at line 2"]),
     "large_flag": (["replay", "flag.npz", *REPLAY], ["flag.npz", "mirror_flags", "8 at line 2"]),
+    "misspelt_angle": (
+        ["replay", "degrees.npz", *REPLAY],
+        ["degrees.npz", "no array named angle_rad, but 'angle_deg'", "mirror_flags"],
+    ),
     "missing_config": (["replay", "good.npz", *REPLAY, "--config", "no.toml"], ["no.toml"]),
     "unknown_key": (
         ["replay", "good.npz", *REPLAY, "--config", "key.toml"],
@@ -64,8 +71,14 @@ CASES = {
         ["two_pass.toml", 'needs period = "n"'],
     ),
     "no_such_folder": (["replay", "good.npz", "--out", "no/out.csv", *IDEAL], ["no/out.csv"]),
-    "out_is_folder": (["replay", "good.npz", "--out", ".", *IDEAL], ["."]),
-    "out_is_device": (["replay", "good.npz", "--out", "/dev/null", *IDEAL], ["/dev/null"]),
+    "out_is_folder": (["replay", "good.npz", "--out", "folder.csv", *IDEAL], ["folder.csv"]),
+    "out_is_device": (["replay", "good.npz", "--out", "null.csv", *IDEAL], ["null.csv"]),
+    "out_is_picture": (
+        ["replay", "good.npz", "--out", "out.png", *IDEAL],
+        ["out.png", ".csv or .ply"],
+    ),
+    "out_is_nothing_known": (["replay", "good.npz", "--out", "out", *IDEAL], [".csv or .ply"]),
+    "mirror_into_its_picture": (["mirror", "--out", "mirror.png"], ["mirror.png", ".csv"]),
     "unwritable": (["replay", "good.npz", "--out", "/proc/out.csv", *IDEAL], ["/proc/out.csv"]),
     "scan_into_unwritable": (["scan", "--out", "/proc", *IDEAL], ["/proc/points.csv"]),
     "scan_into_file": (["scan", "--out", "good.npz", *IDEAL], ["good.npz"]),
@@ -110,6 +123,39 @@ def test_bad_input(
     for part in wanted:
         assert part in output.err
     assert sorted(folder.rglob("*")) == before
+
+
+def replayed(
+    name: str, out: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> list[str]:
+    """Replay a file and return the lines on the error stream, the bar's left out."""
+    monkeypatch.setattr(sys, "argv", ["vrscan", "replay", name, "--out", out, *IDEAL])
+    handler = signal.getsignal(signal.SIGTERM)
+    with pytest.raises(SystemExit) as caught:
+        cli.main()
+    signal.signal(signal.SIGTERM, handler)
+    assert not caught.value.code
+    return [line for line in capsys.readouterr().err.splitlines() if line.startswith("vrscan")]
+
+
+@pytest.mark.parametrize("name", ["good.npz", "good.npy"])
+def test_a_recording_without_angles_is_told_in_one_line(
+    folder: Path, name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = np.full((3, 2048), 60, np.uint16)
+    np.save("good.npy", lines)
+    (told,) = replayed(name, "out.csv", monkeypatch, capsys)
+    assert told.startswith(f"vrscan: {name}: no angle_rad: every line is taken at angle 0")
+    np.savez("angles.npz", lines=lines, angle_rad=np.zeros(3))
+    assert replayed("angles.npz", "out.csv", monkeypatch, capsys) == []
+
+
+def test_a_suffix_says_what_is_written(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for out, begin in (("out.csv", b"line,peak,"), ("out.ply", b"ply\nformat binary")):
+        replayed("good.npz", out, monkeypatch, capsys)
+        assert (folder / out).read_bytes().startswith(begin)
 
 
 def start(*arguments: str) -> subprocess.Popen[str]:

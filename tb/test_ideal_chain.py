@@ -116,8 +116,10 @@ def test_many_lines_are_rows_in_order() -> None:
     assert np.abs(result.position_px - centres).max() < 0.2
 
 
-def test_no_lines_are_no_rows() -> None:
-    result = run(np.zeros((0, LENGTH), np.uint16), np.zeros(0), np.zeros(0, int), Config())
+@pytest.mark.parametrize("window", ["threshold", "two_pass"])
+def test_no_lines_are_no_rows(window: str) -> None:
+    config = Config.model_validate({"peak": {"window": window}})
+    result = run(np.zeros((0, LENGTH), np.uint16), np.zeros(0), np.zeros(0, int), config)
     file = io.BytesIO()
     write_csv(result, file)
     assert file.getvalue().count(b"\n") == 1  # the heading

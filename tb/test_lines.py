@@ -1,5 +1,7 @@
-"""Reading recorded lines: what is taken and how what is not is refused."""
+"""Recorded lines: what is read and how what is not is refused, and what is written."""
 
+import io
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -7,18 +9,24 @@ import numpy as np
 import pytest
 
 from vrscan.config import Config
-from vrscan.errors import InputError
-from vrscan.lines import read
+from vrscan.errors import InputError, InputWarning
+from vrscan.lines import Lines, Truth, read, write
 
 SEED = 20100301
 GOOD = np.full((3, 2048), 60, np.uint16)
 GOOD[:, 1000:1008] = 4095
+ANGLES = np.zeros(3)
 
 
 def test_an_array_alone_has_angle_zero_and_full_power(tmp_path: Path) -> None:
     path = tmp_path / "lines.npy"
     np.save(path, GOOD)
-    recording = read(path, Config())
+    with pytest.warns(InputWarning) as told:
+        recording = read(path, Config())
+    assert [str(each.message) for each in told] == [
+        f"{path}: no angle_rad: every line is taken at angle 0, so every x is 0 "
+        "(an .npz takes angle_rad [n] beside lines)"
+    ]
     assert np.array_equal(recording.lines, GOOD)
     assert recording.angle_rad.tolist() == [0.0] * 3
     assert recording.power.tolist() == [65_535] * 3
@@ -32,12 +40,77 @@ def test_an_archive_brings_angles_and_may_hold_more(tmp_path: Path, save: Any) -
     big_endian = GOOD.astype(">u2")
     power, raised = np.array([1, 2, 3], np.uint16), np.array([7, 0, 4], np.uint8)
     save(path, lines=big_endian, angle_rad=angle, power=power, mirror_flags=raised, more="text")
-    recording = read(path, Config())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        recording = read(path, Config())
     assert recording.lines.dtype == np.uint16
     assert np.array_equal(recording.lines, GOOD)
     assert np.array_equal(recording.angle_rad, angle)
     assert recording.power.tolist() == [1, 2, 3]
     assert recording.mirror_flags.tolist() == [7, 0, 4]
+
+
+@pytest.mark.parametrize("raised", [5, np.array([0, 3, 7])])
+def test_what_is_written_is_read(tmp_path: Path, raised: Any) -> None:
+    position = np.array([1003.5, np.nan, 7.0])
+    truth = Truth(ANGLES, ANGLES + 300.0, position, np.array([0, -1, 1]), ("plate", "bolt"))
+    angle, power = np.array([-0.3, 0.0, 0.3]), np.array([0, 30_000, 65_535])
+    path = tmp_path / "lines.npz"
+    with path.open("wb") as file:
+        write(Lines(GOOD, angle, power, truth, mirror_flags=raised), file)
+    recording = read(path, Config())
+    assert np.array_equal(recording.lines, GOOD)
+    assert np.array_equal(recording.angle_rad, angle)
+    assert np.array_equal(recording.power, power)
+    assert np.array_equal(recording.mirror_flags, np.broadcast_to(raised, 3))
+    with np.load(path) as arrays:
+        assert np.array_equal(arrays["true_position_px"], position, equal_nan=True)
+        assert arrays["surface_names"].tolist() == ["plate", "bolt"]
+
+
+@pytest.mark.parametrize(
+    ("changed", "text"),
+    [
+        ({"power": np.full(3, 65_536)}, "power outside 0 to 65535"),
+        ({"mirror_flags": 256}, "mirror_flags outside 0 to 7"),
+    ],
+)
+def test_what_would_wrap_is_not_written(changed: dict[str, Any], text: str) -> None:
+    file = io.BytesIO()
+    with pytest.raises(InputError, match=text):
+        write(
+            Lines(**{"lines": GOOD, "angle_rad": ANGLES, "power": ANGLES.astype(int)} | changed),
+            file,
+        )
+    assert not file.getvalue()
+
+
+MISSPELT = {
+    "angle_rad": ["angle_deg", "angle", "scan_angle", "Angle_rad", "angles_rad", "angel_rad"],
+    "power": ["Power", "laser_power", "pwer"],
+    "mirror_flags": ["flags", "mirror_flag", "mirro_flags"],
+}
+
+
+@pytest.mark.parametrize(("meant", "name"), [(k, name) for k in MISSPELT for name in MISSPELT[k]])
+def test_a_misspelt_name_is_told(tmp_path: Path, meant: str, name: str) -> None:
+    known = {"lines": GOOD, "angle_rad": ANGLES}
+    known.pop(meant, None)
+    path = tmp_path / "lines.npz"
+    np.savez(path, **known, **{name: ANGLES})
+    refused(path, [f"no array named {meant}, but {name!r}", "known are lines, angle_rad, power"])
+
+
+def test_other_arrays_are_ignored_and_so_is_a_likely_name_beside_the_right_one(
+    tmp_path: Path,
+) -> None:
+    others = dict.fromkeys(("angle_deg", "height_mm", "range_mm", "time_s", "number"), ANGLES)
+    path = tmp_path / "lines.npz"
+    np.savez(path, lines=GOOD, angle_rad=ANGLES + 0.5, **others)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        recording = read(path, Config())
+    assert recording.angle_rad.tolist() == [0.5] * 3
 
 
 def too_bright() -> np.ndarray:
@@ -46,10 +119,9 @@ def too_bright() -> np.ndarray:
     return lines
 
 
-ANGLES = np.zeros(3)
-INFINITE = np.array([0.0, 0.0, np.inf])
 BAD_ARCHIVES: dict[str, tuple[dict[str, Any], list[str]]] = {
-    "no_lines": ({"rows": GOOD}, ["lines"]),
+    "no_lines": ({"rows": GOOD}, ["no array named lines", "has 'rows'"]),
+    "a_number": ({"lines": np.uint16(3)}, ["2048", "()"]),
     "signed": ({"lines": GOOD.astype(np.int16)}, ["uint16", "int16"]),
     "wide": ({"lines": GOOD.astype(np.uint32)}, ["uint16", "uint32"]),
     "floating": ({"lines": GOOD.astype(float)}, ["uint16", "float64"]),
@@ -69,16 +141,17 @@ BAD_ARCHIVES: dict[str, tuple[dict[str, Any], list[str]]] = {
     "few_angles": ({"lines": GOOD, "angle_rad": ANGLES[:2]}, ["(3,)", "(2,)"]),
     "integer_angles": ({"lines": GOOD, "angle_rad": np.zeros(3, int)}, ["angle_rad", "int64"]),
     "text_angles": ({"lines": GOOD, "angle_rad": np.array(["a"] * 3)}, ["angle_rad", "<U1"]),
-    "signed_power": ({"lines": GOOD, "power": np.zeros(3, int)}, ["power", "int64"]),
+    "floating_power": ({"lines": GOOD, "power": ANGLES}, ["power", "float64"]),
+    "negative_power": ({"lines": GOOD, "power": np.array([1, -2, 3])}, ["power", "-2 at line 1"]),
     "large_power": ({"lines": GOOD, "power": np.full(3, 70_000, np.uint32)}, ["power", "70000"]),
-    "signed_flags": ({"lines": GOOD, "mirror_flags": np.zeros(3, int)}, ["mirror_flags", "int64"]),
+    "floating_flags": ({"lines": GOOD, "mirror_flags": ANGLES}, ["mirror_flags", "float64"]),
     "few_flags": (
         {"lines": GOOD, "mirror_flags": np.zeros(2, np.uint8)},
         ["mirror_flags", "(3,)", "(2,)"],
     ),
     "large_flag": (
         {"lines": GOOD, "mirror_flags": np.array([7, 8, 9], np.uint8)},
-        ["mirror_flags above 7", "8 at line 1"],
+        ["mirror_flags outside 0 to 7", "8 at line 1"],
     ),
 }
 
@@ -119,6 +192,7 @@ def test_bad_files_are_one_line(tmp_path: Path) -> None:
     refused(path, [])
 
 
+@pytest.mark.filterwarnings("ignore::vrscan.errors.InputWarning")
 def test_the_sensor_of_the_configuration_decides(tmp_path: Path) -> None:
     path = tmp_path / "lines.npy"
     np.save(path, np.full((2, 512), 255, np.uint16))
@@ -129,6 +203,7 @@ def test_the_sensor_of_the_configuration_decides(tmp_path: Path) -> None:
         read(path, config)
 
 
+@pytest.mark.filterwarnings("ignore::vrscan.errors.InputWarning")
 @pytest.mark.parametrize("name", ["lines.npy", "plain.npz", "packed.npz"])
 def test_damage_is_refused_or_changes_numbers_but_never_more(tmp_path: Path, name: str) -> None:
     """Any byte can be wrong: what comes back is an InputError or lines of the right kind."""

@@ -13,6 +13,8 @@ from vrscan.errors import InputError
 from vrscan.lines import Lines, archive, joined, opened, part, read
 from vrscan.scene.simulate import take
 
+pytestmark = pytest.mark.filterwarnings("ignore::vrscan.errors.InputWarning")
+
 SEED = 20100301
 CONFIG = Config()
 COUNT = 23

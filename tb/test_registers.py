@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from vrscan.config import Config, Geometry, Peak, Sensor
+from vrscan.errors import InputError
 from vrscan.ideal.geometry import triangle, undistorted
 from vrscan.registers import Registers, angle_turns
 
@@ -56,3 +57,17 @@ def test_angles_are_turns_and_wrap_at_half_a_turn() -> None:
         [0.0, np.pi / 2, -np.pi / 2, np.pi, -np.pi, 2 * np.pi / 2**24, 1.2 * np.pi / 2**24]
     )
     assert angle_turns(angle).tolist() == [0, 2**22, -(2**22), -(2**23), -(2**23), 1, 1]
+
+
+@pytest.mark.parametrize("angle", [np.nan, np.inf, -np.inf, 3.15, -7.0])
+def test_angles_that_are_none_of_a_turn_are_refused(angle: float) -> None:
+    """Beyond half a turn an angle would be another one, and what is no number would be 0."""
+    with pytest.raises(InputError, match=rf"angle_rad outside -pi to pi \({angle} at line 1\)"):
+        angle_turns(np.array([0.0, angle]))
+
+
+def test_angles_of_other_kinds_are_refused() -> None:
+    """Integers are turns or degrees by mistake; a complex number would lose half of itself."""
+    for angle in (np.array([1]), np.array([True]), np.array([0.1 + 1j]), np.array(["0.1"])):
+        with pytest.raises(InputError, match="must be floating point"):
+            angle_turns(angle)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from vrscan.arrays import Ints, Pixels
+from vrscan.contract import checked_words
 from vrscan.fixed import distortion as geometry_distortion
 from vrscan.fixed import (
     line_receiver,
@@ -264,13 +265,16 @@ def run_fixed(
         n points, numbered from 0.
 
     Raises:
-        ValueError: if a line has another length, or a pixel or a flag does not fit.
+        ValueError: a ``LinesError``, if ``vrscan.contract.checked_words`` refuses an argument.
     """
-    if lines.ndim != 2 or lines.shape[1] != registers.line_length:
-        raise ValueError(f"chain: lines of shape {lines.shape}, want [n, {registers.line_length}]")
-    raised = np.broadcast_to(np.asarray(mirror_flags, np.int64), len(lines))
-    if np.any(raised >> pkg.MIRROR_FLAG_WIDTH):
-        raise ValueError(f"chain: mirror_flags do not fit in {pkg.MIRROR_FLAG_WIDTH} bits")
+    lines, angle, power, raised = checked_words(
+        lines,
+        angle,
+        power,
+        mirror_flags,
+        line_length=registers.line_length,
+        pixel_width=registers.pixel_width,
+    )
     parts = []
     for start in range(0, max(1, len(lines)), CHUNK):
         part = slice(start, start + CHUNK)

@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -26,10 +27,10 @@ from vrscan import engines, lines
 from vrscan.cases.cli import cases
 from vrscan.config import Config
 from vrscan.engines import Engine
-from vrscan.errors import InputError
-from vrscan.link.cli import link
+from vrscan.errors import InputError, InputWarning
+from vrscan.link.cli import _suffix, link
 from vrscan.parallel import processors
-from vrscan.points import atomic_file, csv_file, csv_rows, ply_file
+from vrscan.points import atomic_file, csv_file, csv_rows, ply_file, ply_vertices
 from vrscan.registers import Registers
 
 if TYPE_CHECKING:
@@ -297,26 +298,31 @@ def bench_tune(
 @app.command()
 def replay(
     recording: Annotated[Path, typer.Argument(metavar="LINES", help=".npy or .npz of lines.")],
-    out: Annotated[Path, typer.Option(help="The points.csv to write.")],
+    out: Annotated[Path, typer.Option(help="The points to write: .csv, or a .ply cloud.")],
     engine: EngineOption = Engine.RTL,
     jobs: JobsOption = 0,
     config: ConfigOption = None,
 ) -> None:
     """Turn recorded lines into points."""
     _check_jobs(jobs)
+    suffix = _suffix(out, (".csv", ".ply"))
     settings = _settings(config)
     with atomic_file(out) as file, lines.opened(recording, settings) as recorded:
         engines.prepare(engine, settings)
         blocks = recorded.blocks(engines.BLOCK)
         jobs = engines.processes(engine, recorded.count, jobs)
+        then = csv_rows if suffix == ".csv" else ply_vertices
         with (
-            csv_file(file) as write,
+            warnings.catch_warnings(record=True, action="always", category=InputWarning) as told,
+            csv_file(file) if suffix == ".csv" else ply_file(file, out.parent) as write,
             _bar(f"engine {engine}", recorded.count) as progress,
-            engines.streamed(engine, blocks, settings, csv_rows, jobs) as found,
+            engines.streamed(engine, blocks, settings, then, jobs) as found,
         ):
             for done, rows in found:
                 write(rows)
                 progress(done)
+    for each in told:
+        print(f"vrscan: {each.message}", file=sys.stderr)
 
 
 @app.command()
@@ -348,6 +354,7 @@ def mirror(
     """Run the RTL's mirror loop against the simulated mirror, or on recorded index edges."""
     from vrscan.report import mirror as report
 
+    _suffix(out, (".csv",))  # a .png would be overwritten by the picture
     settings = _mirror_settings(config, jitter_ns)
     _check_range("--drift", drift, -100.0, 100.0)
     _check_range("--shock", shock, -1000.0, 1000.0)

@@ -9,6 +9,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from vrscan.config import Config
+from vrscan.contract import checked
 from vrscan.ideal import chain as ideal
 from vrscan.lines import Lines
 from vrscan.parallel import processors, workers
@@ -43,14 +44,16 @@ def run(
 
     Args:
         engine: Who computes it.
-        recording: n lines.
+        recording: n lines; none give an empty table.
         config: Thresholds and geometry.
         progress: Called with the number of lines done so far.
 
     Raises:
-        InputError: if the configuration does not fit in the registers.
+        InputError: if the configuration does not fit in the registers, or ``contract.checked``
+            refuses the lines: the same ones for every engine, with the same text.
     """
     registers = Registers.from_config(config)  # checks the configuration for every engine alike
+    recording = checked(recording, config, pixels=False)  # each engine reads the pixels itself
     lines, power, raised = recording.lines, recording.power, recording.mirror_flags
     if engine is Engine.IDEAL:
         return ideal.run(lines, recording.angle_rad, power, config, progress, mirror_flags=raised)

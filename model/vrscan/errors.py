@@ -6,3 +6,14 @@ class InputError(Exception):
 
     The commands print it on the error stream and end with status 2.
     """
+
+
+class LinesError(InputError, ValueError):
+    """Lines, angles, powers or flags that no engine takes; ``vrscan.contract`` says which it does.
+
+    A command's user gave a bad file, a program's author bad arrays: it is the error of both.
+    """
+
+
+class InputWarning(UserWarning):
+    """Input that is good as far as it goes: the text is one line that says what is assumed."""

@@ -1,6 +1,7 @@
 """Sensor lines: the type that every engine reads, and the reader of recorded ones."""
 
 import contextlib
+import difflib
 import math
 import shutil
 import tempfile
@@ -16,11 +17,12 @@ import numpy.typing as npt
 
 from vrscan.arrays import Bools, Floats, Ints, Pixels
 from vrscan.config import Config
-from vrscan.errors import InputError
+from vrscan.contract import checked, checked_flags, checked_power
+from vrscan.errors import InputError, InputWarning, LinesError
 
-ANGLE_LIMIT_RAD = np.pi
-MIRROR_FLAGS_ALL = 7  # three bits
-_WANTED = ("lines", "angle_rad", "power", "mirror_flags")  # arrays of a file
+_ARRAYS = ("lines", "angle_rad", "power", "mirror_flags")  # of an .npz
+_WORDS = {"angle_rad": "angle", "power": "power", "mirror_flags": "flag"}  # that give one away
+_MISSPELT = 0.85  # difflib's likeness from which a name is another one, misspelt
 
 
 @dataclass(frozen=True)
@@ -55,24 +57,27 @@ class Lines:
 def read(path: Path, config: Config) -> Lines:
     """Return recorded lines from ``.npy`` or ``.npz``.
 
-    An ``.npz`` holds ``lines`` and optionally ``angle_rad`` [n] (0 where it is not given),
-    ``power`` [n] (full power where it is not given) and ``mirror_flags`` [n] (0 where it is not
-    given: the angle is good); other arrays in it are ignored.
+    An ``.npz`` holds ``lines`` and optionally ``angle_rad`` [n] (0 where it is not given, with an
+    ``InputWarning``), ``power`` [n] (full power where it is not given) and ``mirror_flags`` [n] or
+    one for all (0 where it is not given: the angle is good); other arrays in it are ignored, but
+    not one that looks like a misspelt name of these, such as ``angle_deg`` without ``angle_rad``.
 
     Args:
         path: The file.
         config: Its sensor says how long a line is and how many bits a pixel has.
 
     Returns:
-        The lines, uint16 [n, line_length], n at least 1.
+        The lines as ``checked`` gives them, n at least 1.
 
     Raises:
-        InputError: naming the file and the value, if it is missing, damaged, or holds anything
-            but lines of that length and width, angles within +-pi rad, and flags of 0 to 7.
+        InputError: naming the file and what is wrong, if it is missing, damaged or empty, or holds
+            a misspelt name or what ``checked`` refuses.
     """
     arrays = _load(path)
-    _check_kinds(path, arrays, config)
-    return _checked(path, arrays, config)
+    recording = _checked(path, arrays, config)
+    if "angle_rad" not in arrays:
+        _warn(path)
+    return recording
 
 
 @dataclass(frozen=True)
@@ -106,74 +111,93 @@ def opened(path: Path, config: Config) -> Iterator[Recording]:
             file = stack.enter_context(path.open("rb"))
             if not file.peek(1):
                 raise InputError(f"{path}: empty file (0 bytes)")
-            columns = {name: _Column(each) for name, each in _members(file, stack).items()}
+            columns = {name: _Column(each) for name, each in _members(path, file, stack).items()}
         kinds = {name: column.kind for name, column in columns.items()}
-        _check_kinds(path, kinds, config)
+        _checked(path, kinds, config, pixels=False)
         count = len(kinds["lines"])
 
         def blocks(size: int) -> Iterator[Lines]:
-            whole = None if columns["lines"].in_order else read(path, config)
+            whole = None if columns["lines"].in_order else _checked(path, _load(path), config)
             for start in range(0, count, size):
                 rows = slice(start, min(start + size, count))
                 if whole is not None:
                     yield part(whole, rows)
                     continue
                 with _told(path):
-                    read_rows = {n: c.rows(rows.stop - start) for n, c in columns.items()}
+                    arrays = {n: c.rows(rows.stop - start) for n, c in columns.items()}
                     if rows.stop == count:
                         for column in columns.values():
                             column.end()
-                yield _checked(path, read_rows, config, start)
+                yield _checked(path, arrays, config, first=start)
+            if "angle_rad" not in columns:  # said only of what is good otherwise
+                _warn(path)
 
         yield Recording(count, blocks)
 
 
+def write(recording: Lines, file: BinaryIO) -> None:
+    """Write lines, and their truth if they have one, as an ``.npz``; see ``archive``."""
+    count, length = recording.lines.shape
+    power = checked_power(recording.power, count)
+    raised = checked_flags(recording.mirror_flags, count)
+    names = None if recording.truth is None else recording.truth.names
+    with archive(file, count, length, names) as take:
+        take(replace(recording, power=power, mirror_flags=raised))
+
+
 @contextlib.contextmanager
 def archive(
-    file: BinaryIO, count: int, length: int, names: tuple[str, ...], folder: Path | None = None
+    file: BinaryIO,
+    count: int,
+    length: int,
+    names: tuple[str, ...] | None,
+    folder: Path | None = None,
 ) -> Iterator[Callable[[Lines], None]]:
-    """Begin an ``.npz`` that ``read`` reads; yields a function that takes lines and their truth.
+    """Begin an ``.npz`` that ``read`` reads; yields a function that takes its lines.
 
     Args:
         file: A binary file. Beside what ``read`` takes it gets ``true_x_mm``, ``true_z_mm``,
             ``true_position_px`` and ``surface`` [n], and ``surface_names``.
         count: Lines, in all.
         length: Pixels of a line.
-        names: Of the surfaces.
+        names: Of the surfaces; None if the lines have no truth.
         folder: Where the columns wait, in files without a name, until the lines are there; the
             system's for temporary files if None.
+
+    Raises:
+        LinesError: if powers or flags do not fit in what they are written as.
     """
-    types = {"angle_rad": "<f8", "power": "<u2", "true_x_mm": "<f8", "true_z_mm": "<f8"}
-    types |= {"true_position_px": "<f8", "surface": "<i8"}
+    types = {"angle_rad": "<f8", "power": "<u2", "mirror_flags": "|u1"}
+    if names is not None:
+        types |= dict.fromkeys(("true_x_mm", "true_z_mm", "true_position_px"), "<f8")
+        types |= {"surface": "<i8"}
     with contextlib.ExitStack() as stack:
         packed = stack.enter_context(zipfile.ZipFile(file, "w"))
         waiting = {name: stack.enter_context(tempfile.TemporaryFile(dir=folder)) for name in types}
         with _member(packed, "lines", "<u2", (count, length)) as pixels:
 
-            def write(recording: Lines) -> None:
-                truth = recording.truth
-                if truth is None:
-                    raise ValueError("archive: lines without truth")
-                pixels.write(np.ascontiguousarray(recording.lines, "<u2").data)
-                columns = (
+            def take(recording: Lines) -> None:
+                some, truth = len(recording), recording.truth
+                columns: list[npt.NDArray[Any]] = [
                     recording.angle_rad,
-                    recording.power,
-                    truth.x_mm,
-                    truth.z_mm,
-                    truth.position_px,
-                    truth.surface,
-                )
+                    checked_power(recording.power, some),
+                    checked_flags(recording.mirror_flags, some),
+                ]
+                if truth is not None:
+                    columns += [truth.x_mm, truth.z_mm, truth.position_px, truth.surface]
+                pixels.write(np.ascontiguousarray(recording.lines, "<u2").data)
                 for (name, kind), column in zip(types.items(), columns, strict=True):
                     waiting[name].write(np.ascontiguousarray(column, kind).data)
 
-            yield write
+            yield take
         for name, kind in types.items():
             with _member(packed, name, kind, (count,)) as member:
                 waiting[name].seek(0)
                 shutil.copyfileobj(waiting[name], member)
-        words = np.array(names)
-        with _member(packed, "surface_names", words.dtype.str, words.shape) as member:
-            member.write(words.tobytes())
+        if names is not None:
+            words = np.array(names)
+            with _member(packed, "surface_names", words.dtype.str, words.shape) as member:
+                member.write(words.tobytes())
 
 
 def _member(
@@ -234,7 +258,7 @@ def joined(parts: Sequence[Lines]) -> Lines:
     )
 
 
-def _members(file: BinaryIO, stack: contextlib.ExitStack) -> dict[str, IO[bytes]]:
+def _members(path: Path, file: BinaryIO, stack: contextlib.ExitStack) -> dict[str, IO[bytes]]:
     """Return the arrays of a file that a recording may hold, as files; see ``_load``."""
     start = file.read(2)
     file.seek(0)
@@ -242,8 +266,9 @@ def _members(file: BinaryIO, stack: contextlib.ExitStack) -> dict[str, IO[bytes]
         return {"lines": file}
     packed = stack.enter_context(zipfile.ZipFile(file))
     there = {name.removesuffix(".npy"): name for name in packed.namelist()}
+    _check_names(path, list(there))
     return {
-        name: stack.enter_context(packed.open(there[name])) for name in _WANTED if name in there
+        name: stack.enter_context(packed.open(there[name])) for name in _ARRAYS if name in there
     }
 
 
@@ -266,17 +291,23 @@ class _Column:
             raise ValueError("no array of plain numbers")
         if dtype.hasobject:
             raise ValueError("no array of plain numbers")
-        self.kind = np.broadcast_to(np.zeros((), dtype), shape)
+        self._dtype = dtype
+        self.kind = np.broadcast_to(np.zeros((), dtype.newbyteorder("=")), shape)
+        self._one: npt.NDArray[Any] | None = None
         self.in_order = not fortran or len(shape) < 2
 
     def rows(self, count: int) -> npt.NDArray[Any]:
-        """Return the next rows."""
-        shape = (count, *self.kind.shape[1:])
-        size = math.prod(shape) * self.kind.itemsize
+        """Return the next rows; of an array without rows, it."""
+        if self._one is not None:
+            return self._one
+        shape = (count, *self.kind.shape[1:]) if self.kind.ndim else ()
+        size = math.prod(shape) * self._dtype.itemsize
         data = self._file.read(size)
         if len(data) < size:
             raise ValueError("it ends too early")
-        return np.frombuffer(data, self.kind.dtype).reshape(shape)
+        found = np.frombuffer(data, self._dtype).reshape(shape)
+        self._one = None if shape else found
+        return found
 
     def end(self) -> None:
         """Read what is left: the checksum of an archive's array is compared at its end."""
@@ -311,63 +342,53 @@ def _load(path: Path) -> dict[str, npt.NDArray[Any]]:
         if isinstance(loaded, np.ndarray):
             return {"lines": loaded}
         with loaded:
-            return {name: loaded[name] for name in _WANTED if name in loaded.files}
-
-
-def _check_kinds(path: Path, arrays: Mapping[str, npt.NDArray[Any]], config: Config) -> None:
-    """Check types and shapes; no value is looked at."""
-    if "lines" not in arrays:
-        raise InputError(f"{path}: no array named lines (has {', '.join(arrays) or 'none'})")
-    lines, length = arrays["lines"], config.sensor.line_length
-    if lines.dtype.kind != "u" or lines.dtype.itemsize != 2:
-        raise InputError(f"{path}: lines must be uint16 (are {lines.dtype})")
-    if lines.ndim != 2 or lines.shape[1] != length:
-        raise InputError(f"{path}: lines must have shape [n, {length}] (have {lines.shape})")
-    if len(lines) == 0:
-        raise InputError(f"{path}: no lines (shape {lines.shape})")
-    for name, kind in (("angle_rad", "f"), ("power", "u"), ("mirror_flags", "u")):
-        if name in arrays:
-            _check_column(path, name, arrays[name], len(lines), kind)
+            _check_names(path, loaded.files)
+            return {name: loaded[name] for name in _ARRAYS if name in loaded.files}
 
 
 def _checked(
-    path: Path, arrays: Mapping[str, npt.NDArray[Any]], config: Config, first: int = 0
+    path: Path,
+    arrays: Mapping[str, npt.NDArray[Any]],
+    config: Config,
+    *,
+    first: int = 0,
+    pixels: bool = True,
 ) -> Lines:
-    """Return lines of the right types and shapes, their values checked; ``first`` is a number."""
-    lines = arrays["lines"]
-    count = len(lines)
-    full = 2**config.sensor.pixel_width - 1
-    largest = int(lines.max())
-    if largest > full:
-        row, pixel = np.unravel_index(int(lines.argmax()), lines.shape)
-        place = f"line {first + row}, pixel {pixel}"
-        raise InputError(f"{path}: pixel above {full} ({largest} at {place})")
-    angle = arrays.get("angle_rad", np.zeros(count))
-    bad = np.flatnonzero(~(np.abs(angle) <= ANGLE_LIMIT_RAD))  # NaN compares false
-    if len(bad):
-        place = f"{angle[bad[0]]:g} at line {first + bad[0]}"
-        raise InputError(f"{path}: angle_rad outside -pi to pi ({place})")
-    power = arrays.get("power", np.full(count, config.laser.power_max, np.uint16))
-    raised = arrays.get("mirror_flags", np.zeros(count, np.uint8))
-    for name, column, limit in (
-        ("power", power, config.laser.power_max),
-        ("mirror_flags", raised, MIRROR_FLAGS_ALL),
-    ):
-        bad = np.flatnonzero(column > limit)
-        if len(bad):
-            place = f"{column[bad[0]]} at line {first + bad[0]}"
-            raise InputError(f"{path}: {name} above {limit} ({place})")
-    return Lines(
-        lines=np.ascontiguousarray(lines, np.uint16),
-        angle_rad=angle.astype(np.float64),
-        power=power.astype(np.int64),
-        mirror_flags=raised.astype(np.int64),
+    """Return the lines of a file's arrays; arguments as for ``checked``."""
+    count = arrays["lines"].shape[:1]
+    given = Lines(
+        lines=arrays["lines"],
+        angle_rad=arrays.get("angle_rad", np.broadcast_to(0.0, count)),
+        power=arrays.get("power", np.broadcast_to(config.laser.power_max, count)),
+        mirror_flags=arrays.get("mirror_flags", 0),
     )
+    try:
+        recording = checked(given, config, first=first, pixels=pixels)
+    except LinesError as error:
+        raise LinesError(f"{path}: {error}") from None
+    if len(recording) == 0:
+        raise InputError(f"{path}: no lines (shape {given.lines.shape})")
+    return recording
 
 
-def _check_column(path: Path, name: str, column: npt.NDArray[Any], count: int, kind: str) -> None:
-    if column.dtype.kind != kind:
-        wanted = {"f": "floating point", "u": "unsigned integers"}[kind]
-        raise InputError(f"{path}: {name} must be {wanted} (is {column.dtype})")
-    if column.shape != (count,):
-        raise InputError(f"{path}: {name} must have shape ({count},) (has {column.shape})")
+def _warn(path: Path) -> None:
+    text = "no angle_rad: every line is taken at angle 0, so every x is 0"
+    hint = "an .npz takes angle_rad [n] beside lines"
+    warnings.warn(f"{path}: {text} ({hint})", InputWarning, stacklevel=3)
+
+
+def _check_names(path: Path, names: list[str]) -> None:
+    """Refuse an archive without lines, or with a misspelt name of an array that it lacks."""
+    known = ", ".join(_ARRAYS)
+    if "lines" not in names:
+        has = ", ".join(map(repr, names)) or "none"
+        raise InputError(f"{path}: no array named lines (has {has}; known are {known})")
+    for wanted, word in _WORDS.items():
+        if wanted in names:
+            continue
+        for name in names:
+            given = name.casefold()
+            near = word in given or difflib.get_close_matches(given, [wanted], cutoff=_MISSPELT)
+            if near and name not in _ARRAYS:
+                has = f"but {name!r} (known are {known})"
+                raise InputError(f"{path}: no array named {wanted}, {has}")

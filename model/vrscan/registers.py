@@ -7,6 +7,7 @@ import numpy as np
 
 from vrscan.arrays import Floats, Ints
 from vrscan.config import Config
+from vrscan.contract import checked_angles
 from vrscan.errors import InputError
 from vrscan.fixed import pkg
 
@@ -146,8 +147,11 @@ def angle_turns(angle_rad: Floats) -> Ints:
 
     Returns:
         int64 array of the same shape, in [-2**23, 2**23).
+
+    Raises:
+        LinesError: if an angle is outside, or not a number.
     """
     half = 2 ** (pkg.ANGLE_WIDTH - 1)
-    turns = np.floor(np.asarray(angle_rad, np.float64) * (half / np.pi) + 0.5).astype(np.int64)
+    turns = np.floor(checked_angles(angle_rad) * (half / np.pi) + 0.5).astype(np.int64)
     wrapped: Ints = (turns + half) % (2 * half) - half
     return wrapped

@@ -9,6 +9,7 @@ import numpy as np
 from vrscan import verilated
 from vrscan.arrays import Ints, Pixels
 from vrscan.chain import MAX_WINDOW, latency, min_period
+from vrscan.contract import checked_words
 from vrscan.fixed import pkg
 from vrscan.points import Points
 from vrscan.registers import Registers
@@ -85,13 +86,9 @@ def _run(
 ) -> tuple[Points, Ints]:
     """Return the points, and the clocks from each line's last pixel to its point."""
     length = registers.line_length
-    if lines.ndim != 2 or lines.shape[1] != length:
-        raise ValueError(f"rtl engine: lines of shape {lines.shape}, want [n, {length}]")
-    if lines.size and int(lines.max()) >> registers.pixel_width:
-        raise ValueError(f"rtl engine: a pixel does not fit in {registers.pixel_width} bits")
-    raised = np.broadcast_to(np.asarray(mirror_flags, np.int64), len(lines))
-    if np.any(raised >> pkg.MIRROR_FLAG_WIDTH):
-        raise ValueError(f"rtl engine: mirror_flags do not fit in {pkg.MIRROR_FLAG_WIDTH} bits")
+    lines, angle, power, raised = checked_words(
+        lines, angle, power, mirror_flags, line_length=length, pixel_width=registers.pixel_width
+    )
     library = ctypes.CDLL(str(build(length, registers.pixel_width, max_window)))
     library.engine_create.restype = ctypes.c_void_p
     library.engine_run.restype = ctypes.c_int64
@@ -182,7 +179,7 @@ def run_rtl(
 
     Raises:
         InputError: if the engine cannot be built.
-        ValueError: if a line has another length, or a pixel or a flag does not fit.
+        ValueError: a ``LinesError``, if ``vrscan.contract.checked_words`` refuses an argument.
         RuntimeError: if the RTL does not answer every line, in order.
     """
     return _run(lines, angle, power, registers, progress, mirror_flags, max_window)[0]

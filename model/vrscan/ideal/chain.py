@@ -6,10 +6,12 @@ import numpy as np
 
 from vrscan.arrays import Bools, Floats, Ints, Pixels
 from vrscan.config import Config
+from vrscan.contract import checked
 from vrscan.ideal import confidence, geometry, two_pass
 from vrscan.ideal.peak import isolate, threshold
 from vrscan.ideal.position import Phase, first_harmonic, windows
 from vrscan.ideal.statistics import statistics
+from vrscan.lines import Lines
 from vrscan.table import Table
 
 MAX_WINDOW = 255  # px
@@ -38,17 +40,20 @@ def run(
 
     Returns:
         A table of n rows. Numbers are not limited to the widths of the fixed-point formats.
+
+    Raises:
+        ValueError: a ``LinesError``, if ``vrscan.contract.checked`` refuses an argument.
     """
-    raised = np.broadcast_to(np.asarray(mirror_flags, np.int64), len(lines))
+    given = checked(Lines(lines, angle_rad, power, mirror_flags=mirror_flags), config)
+    lines, angle_rad, power = given.lines, given.angle_rad, given.power
+    raised = np.asarray(given.mirror_flags)
     parts = []
-    for start in range(0, len(lines), _CHUNK):
+    for start in range(0, max(1, len(given)), _CHUNK):
         part = slice(start, start + _CHUNK)
-        given = lines[part], angle_rad[part], power[part], raised[part]
-        parts.append(_run(*given, config, start))
+        some = lines[part], angle_rad[part], power[part], raised[part]
+        parts.append(_run(*some, config, start))
         if progress is not None:
-            progress(min(start + _CHUNK, len(lines)))
-    if not parts:
-        return _run(lines, angle_rad, power, raised, config, 0)
+            progress(min(start + _CHUNK, len(given)))
     return Table.joined(parts)
 
 
