@@ -1,8 +1,11 @@
 """The commands that end well: their files and what they print."""
 
 import csv
+import os
 import signal
+import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +17,7 @@ from vrscan.config import Config
 from vrscan.points import COLUMNS
 from vrscan.scene.description import shipped
 from vrscan.scene.simulate import take
+from vrscan.tools import repository_root
 
 
 def command(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
@@ -63,6 +67,67 @@ def test_replay_of_a_scan_gives_its_points(tmp_path: Path, monkeypatch: pytest.M
         seen = np.isfinite(kept["true_position_px"])
         assert seen.any()
         assert set(kept["surface"][seen]) <= set(range(len(kept["surface_names"])))
+
+
+@pytest.mark.parametrize("engine", ["ideal", "rtl"])
+def test_files_do_not_depend_on_the_number_of_processes(
+    engine: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A scan of two blocks and a bit, and a replay of its lines: the same bytes."""
+    monkeypatch.chdir(tmp_path)
+    arguments = ["--engine", engine, "--lines", "2100", "--fidelity", "minimal", "--keep-lines"]
+    for jobs in ("1", "2"):
+        assert command(monkeypatch, "scan", "--out", jobs, "--jobs", jobs, *arguments) == 0
+    for name in ("points.csv", "points.ply", "edges.csv", "picture.png"):
+        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes(), name
+    one, two = (np.load(tmp_path / jobs / "lines.npz") for jobs in ("1", "2"))
+    for name in one.files:
+        assert one[name].tobytes() == two[name].tobytes(), name
+    arguments = ["2/lines.npz", "--engine", engine, "--jobs", "2", "--out", "points.csv"]
+    assert command(monkeypatch, "replay", *arguments) == 0
+    assert (tmp_path / "points.csv").read_bytes() == (tmp_path / "1" / "points.csv").read_bytes()
+
+
+@pytest.mark.parametrize(("signum", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_an_interrupt_of_all_processes_leaves_no_file_and_no_process(
+    tmp_path: Path, signum: signal.Signals, status: int
+) -> None:
+    """The signal goes to the whole group, as Ctrl-C does, when blocks are on their way."""
+    arguments = ["--lines", "200000", "--engine", "ideal", "--jobs", "2", "--fidelity", "minimal"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "vrscan.cli", "scan", "--out", "scan", *arguments],
+        env=os.environ | {"PYTHONPATH": str(repository_root() / "model")},
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+
+    def written() -> int:
+        return sum(path.stat().st_size for path in tmp_path.glob("scan/.points.csv.*"))
+
+    deadline = time.monotonic() + 120
+    while written() < 100_000 and time.monotonic() < deadline:
+        time.sleep(0.02)
+    os.killpg(process.pid, signum)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == status, err
+    assert "Traceback" not in err
+    assert not (tmp_path / "scan").exists()
+    deadline = time.monotonic() + 10
+    while _group_lives(process.pid) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert not _group_lives(process.pid)
+
+
+def _group_lives(group: int) -> bool:
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 def test_a_scans_edges_are_a_mirrors_recording(
@@ -153,11 +218,18 @@ def test_the_configuration_reaches_the_points(
     assert max(widths(narrow)) < min(widths(wide))
 
 
-def test_speed_says_lines_per_second(
+def test_speed_is_of_one_core_and_of_more(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert command(monkeypatch, "speed", "--engine", "ideal", "--lines", "500") == 0
-    assert "lines/s" in capsys.readouterr().out
+    arguments = ["speed", "--engine", "ideal", "--lines", "300"]
+    for jobs, headings in (("1", ["one core"]), ("2", ["one core", "2 cores"])):
+        assert command(monkeypatch, *arguments, "--jobs", jobs) == 0
+        printed = capsys.readouterr().out
+        row = next(line for line in printed.splitlines() if " ideal " in line)
+        rates = [float(word) for word in row.replace("│", " ").split()[1:]]
+        assert len(rates) == (1 if jobs == "1" else 3)
+        assert min(rates) > 0.0
+        assert all(f"{heading}, lines/s" in printed for heading in headings)
 
 
 @pytest.mark.parametrize("name", ["scan", "replay", "efficiency", "speed"])

@@ -23,6 +23,8 @@ def test_shipped_thresholds_reach_the_goal(engine: Engine) -> None:
     done: list[int] = []
     cells = study(engine, Config(), COUNT, done.append)
     assert done == list(range(1, len(PEAKS) * len(SIGMAS_PX) + 1))
+    if engine is Engine.IDEAL:
+        assert study(engine, Config(), COUNT, jobs=2) == cells
     shipped, printed = [cell.shipped for cell in cells], [cell.printed for cell in cells]
     assert geometric_mean(shipped) >= GOAL_EFFICIENCY
     assert worst_lost(shipped) <= GOAL_LOST

@@ -10,7 +10,19 @@ import pytest
 
 from vrscan.errors import InputError
 from vrscan.fixed import pkg
-from vrscan.points import COLUMNS, Points, atomic_file, points_equal, table, write_csv, write_ply
+from vrscan.points import (
+    COLUMNS,
+    Points,
+    atomic_file,
+    csv_file,
+    csv_rows,
+    ply_file,
+    ply_vertices,
+    points_equal,
+    table,
+    write_csv,
+    write_ply,
+)
 
 COUNT = 4000
 SEED = 20100301
@@ -112,6 +124,23 @@ def test_the_cloud_holds_the_located_points() -> None:
     assert not vertices["y"].any()
     assert np.array_equal(vertices["flags"], points.flags[rows])
     assert np.array_equal(vertices["line"], rows)
+
+
+@pytest.mark.parametrize("size", [1, 999, COUNT])
+def test_files_grow_by_blocks_to_what_they_are_at_once(size: int) -> None:
+    result = table(random_points())
+    at_once, cloud, grown, grown_cloud = (io.BytesIO() for _ in range(4))
+    y_mm = np.arange(float(COUNT))
+    write_csv(result, at_once)
+    write_ply(result, cloud, y_mm)
+    with csv_file(grown) as write_rows, ply_file(grown_cloud) as write_vertices:
+        for start in range(0, COUNT, size):
+            rows = np.zeros(COUNT, np.bool_)
+            rows[start : start + size] = True
+            write_rows(csv_rows(result.of(rows)))
+            write_vertices(ply_vertices(result.of(rows), y_mm[rows]))
+    assert grown.getvalue() == at_once.getvalue()
+    assert grown_cloud.getvalue() == cloud.getvalue()
 
 
 def test_the_first_difference_is_named() -> None:

@@ -19,6 +19,7 @@ from vrscan.config import Config
 from vrscan.engines import Engine, run
 from vrscan.lines import Lines, Truth
 from vrscan.report import scan as report
+from vrscan.report.tally import ASTRAY_PX, Errors, Tally
 from vrscan.scene.description import load
 from vrscan.scene.light import Light
 from vrscan.scene.simulate import simulate
@@ -78,6 +79,10 @@ def measured(recording: Lines) -> tuple[Table, Truth]:
     return run(Engine.IDEAL, recording, CONFIG), recording.truth
 
 
+def compare(result: Table, truth: Truth) -> list[Errors]:
+    return Tally.of(result, truth).errors()
+
+
 def drawn(
     recording: Lines, result: Table, monkeypatch: pytest.MonkeyPatch, **options: Any
 ) -> list[Axes]:
@@ -120,7 +125,7 @@ def test_the_table_does_not_depend_on_the_order_of_lines() -> None:
     tables = []
     for lines in (recording, shuffled):
         result, truth = measured(lines)
-        tables.append([dataclasses.astuple(row) for row in report.compare(result, truth)])
+        tables.append([dataclasses.astuple(row) for row in compare(result, truth)])
     assert [row[:3] for row in tables[0]] == [row[:3] for row in tables[1]]
     for first, second in zip(*tables, strict=True):
         assert np.allclose(first[3:], second[3:], rtol=1e-12)
@@ -129,7 +134,7 @@ def test_the_table_does_not_depend_on_the_order_of_lines() -> None:
 def test_a_swinging_mirror_is_drawn_with_all_its_points(monkeypatch: pytest.MonkeyPatch) -> None:
     recording, _ = swinging()
     result, truth = measured(recording)
-    everything = report.compare(result, truth)[-1]
+    everything = compare(result, truth)[-1]
     assert 0.3 < everything.lines / len(recording) < 0.5  # the rest is beyond the scene
     profile, error, line = drawn(recording, result, monkeypatch)
     assert profile.get_title(loc="left") == "Profile"
@@ -147,7 +152,7 @@ def test_a_moving_scanner_gets_a_map(monkeypatch: pytest.MonkeyPatch) -> None:
     result, truth = measured(recording)
     axes = drawn(recording, result, monkeypatch, y_mm=y)
     assert axes[0].get_ylabel() == "y in mm"
-    points = report.compare(result, truth)[-1].points
+    points = compare(result, truth)[-1].points
     assert labels(axes[0])[-1] == f"{points} points"
     offsets = np.asarray(axes[0].collections[0].get_offsets())
     assert offsets.shape == (points, 2)
@@ -161,7 +166,7 @@ def test_a_scan_that_meets_nothing(count: int, monkeypatch: pytest.MonkeyPatch) 
     recording = swept("plane", count)
     recording = darkened(recording, np.ones(count, np.bool_))
     result, truth = measured(recording)
-    rows = report.compare(result, truth)
+    rows = compare(result, truth)
     assert [(row.lines, row.points) for row in rows] == [(0, 0), (0, 0)]
     console = Console(width=120, file=io.StringIO(), record=True)
     console.print(report.error_table(rows, "nothing"))
@@ -183,7 +188,7 @@ def test_a_surface_without_points_is_in_the_table_and_not_in_the_legend(
     named = dataclasses.replace(truth, names=(*truth.names, "behind"))
     recording = dataclasses.replace(recording, truth=named)
     result, _ = measured(recording)
-    row = next(row for row in report.compare(result, named) if row.name == "behind")
+    row = next(row for row in compare(result, named) if row.name == "behind")
     assert (row.lines, row.points) == (0, 0)
     axes = drawn(recording, result, monkeypatch)
     assert not any(label.startswith("behind") for label in labels(axes[0]))
@@ -221,7 +226,7 @@ def test_points_without_a_spot_are_drawn_apart(monkeypatch: pytest.MonkeyPatch) 
     haunted = dataclasses.replace(truth, position_px=position)
     recording = dataclasses.replace(recording, truth=haunted)
     result, _ = measured(recording)
-    assert report.stray(result, haunted) == 20
+    assert Tally.of(result, haunted).stray == 20
     axes = drawn(recording, result, monkeypatch)
     assert "without a spot, 20 points" in labels(axes[0])
     assert points_in(axes[0]) == int(result.located.sum()) - 20
@@ -230,13 +235,13 @@ def test_points_without_a_spot_are_drawn_apart(monkeypatch: pytest.MonkeyPatch) 
 def test_a_sigma_that_rounds_to_nothing_leaves_the_ratio_to_the_others() -> None:
     recording = swept("plane", 300)
     result, truth = measured(recording)
-    wanted = report.compare(result, truth)[-1].ratio
+    wanted = compare(result, truth)[-1].ratio
     sigma = result.sigma_z_mm.copy()
     sigma[::50] = 0.0
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        ratio = report.compare(dataclasses.replace(result, sigma_z_mm=sigma), truth)[-1].ratio
-        none = report.compare(dataclasses.replace(result, sigma_z_mm=0.0 * sigma), truth)[-1]
+        ratio = compare(dataclasses.replace(result, sigma_z_mm=sigma), truth)[-1].ratio
+        none = compare(dataclasses.replace(result, sigma_z_mm=0.0 * sigma), truth)[-1]
     assert ratio == pytest.approx(wanted, rel=0.1)
     assert np.isnan(none.ratio)
     assert none.points == 300
@@ -245,12 +250,12 @@ def test_a_sigma_that_rounds_to_nothing_leaves_the_ratio_to_the_others() -> None
 def test_points_on_another_spot_are_counted_and_not_in_the_errors() -> None:
     recording = swept("plane", 300)
     result, truth = measured(recording)
-    before = report.compare(result, truth)[-1]
+    before = compare(result, truth)[-1]
     assert before.astray == 0
     place = truth.position_px.copy()
-    place[50:57] += report.ASTRAY_PX + 1.0  # as if the spot were there
+    place[50:57] += ASTRAY_PX + 1.0  # as if the spot were there
     moved = dataclasses.replace(truth, position_px=place, z_mm=truth.z_mm + 0.0)
-    after = report.compare(result, moved)[-1]
+    after = compare(result, moved)[-1]
     assert (after.points, after.astray) == (before.points, 7)
     assert after.rms_mm == pytest.approx(before.rms_mm, rel=0.1)
 

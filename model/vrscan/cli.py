@@ -10,9 +10,8 @@ import warnings
 from collections.abc import Callable, Iterator
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, BinaryIO
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 from pydantic import ValidationError
 from rich.console import Console
@@ -34,19 +33,28 @@ from vrscan.errors import (
     EXIT_INTERRUPTED,
     EXIT_TERMINATED,
     InputError,
+    InputWarning,
     InterruptError,
 )
 from vrscan.link.cli import _suffix, link
-from vrscan.points import atomic_file, check_writable, write_csv, write_ply
+from vrscan.parallel import processors
+from vrscan.points import (
+    atomic_file,
+    check_writable,
+    csv_file,
+    csv_rows,
+    ply_file,
+    ply_vertices,
+)
 from vrscan.registers import Registers
-from vrscan.table import Table
 
 if TYPE_CHECKING:
     from vrscan.report.mirror import Events as MirrorEvents
     from vrscan.scene.light import Light
     from vrscan.scene.plan import Plan
 
-MOST_LINES = 1_000_000
+MOST_LINES = 1_000_000  # that are in memory together
+MOST_SCANNED = 2**32  # as RTL and cloud number them
 MOST_SECONDS = 60.0  # of mirror time; one takes half a minute
 
 app = typer.Typer(
@@ -100,6 +108,9 @@ EngineOption = Annotated[
     ),
 ]
 CountOption = Annotated[int, typer.Option("--lines", help="Number of lines.")]
+JobsOption = Annotated[
+    int, typer.Option(help="Processes; 0: one a processor, fewer where lines are few.")
+]
 
 
 @app.command()
@@ -110,61 +121,76 @@ def scan(
     count: CountOption = 3000,
     fidelity: FidelityOption = None,
     tolerance: ToleranceOption = None,
-    jobs: Annotated[int, typer.Option(help="Processes that simulate; 0: one a processor.")] = 1,
+    jobs: JobsOption = 0,
     keep: Annotated[
         bool, typer.Option("--keep-lines", help="Also write lines.npz: lines with their truth.")
     ] = False,
     config: ConfigOption = None,
 ) -> None:
     """Simulate a scene, turn its lines into points and compare them with the truth."""
+    from vrscan import scan as scans
     from vrscan.report import budget
     from vrscan.report import scan as report  # matplotlib takes a second to import
-    from vrscan.scene.simulate import simulate
+    from vrscan.scene.simulate import Scanner
     from vrscan.scene.timeline import write_edges
 
-    _check_count(count, 1)
-    if jobs < 0:
-        raise InputError(f"--jobs: must not be negative ({jobs})")
+    _check_count(count, 1, MOST_SCANNED)
+    _check_jobs(jobs)
     settings = _settings(config)
     with _folder(out), contextlib.ExitStack() as stack:
         names = ["points.csv", "points.ply", "picture.png"] + ["lines.npz"] * keep
         files = {name: stack.enter_context(atomic_file(out / name)) for name in names}
+        engines.prepare(engine, settings)
         light, chosen = _planned(scene, count, fidelity, tolerance, settings)
         sweeps = light.scene.scan.sweep == "mirror"
         if sweeps:
             names.append("edges.csv")
             files["edges.csv"] = stack.enter_context(atomic_file(out / "edges.csv"))
-        with _bar("light", count) as progress:
-            taken = simulate(
-                light,
-                count,
-                chosen.active,
-                every_ray=chosen.every_ray,
-                tolerance_px=chosen.tolerance_px,
-                jobs=jobs,
-                progress=progress,
-            )
-        recording, when = taken.lines, taken.timeline
-        result = _run(engine, recording, settings)
-        truth = recording.truth
-        assert truth is not None  # a simulation has one
-        write_csv(result, files["points.csv"])
-        write_ply(result, files["points.ply"], when.y_mm)
+        scanner = Scanner(
+            light,
+            count,
+            chosen.active,
+            every_ray=chosen.every_ray,
+            tolerance_px=chosen.tolerance_px,
+        )
+        with contextlib.ExitStack() as parts:
+            csv = parts.enter_context(csv_file(files["points.csv"]))
+            ply = parts.enter_context(ply_file(files["points.ply"], out))
+            if keep:
+                given = files["lines.npz"], count, settings.sensor.line_length, light.names, out
+                archive = parts.enter_context(lines.archive(*given))
+
+            def take(part: scans.Part) -> None:
+                csv(part.csv)
+                ply(part.ply)
+                if part.lines is not None:
+                    archive(part.lines)
+
+            with _bar(f"light, {engine}", count) as progress:
+                tally, sample = scans.scan(
+                    scanner, engine, take, keep=keep, jobs=jobs, progress=progress
+                )
         if sweeps:
-            begin, end = light.scene.scan.start_s, float(when.time_s[-1])
+            begin, end = light.scene.scan.start_s, scanner.end_s
             scanned = light.scene.scan, light.scene.seed
             write_edges(files["edges.csv"], begin, end, settings, *scanned)
-        if keep:
-            lines.write(recording, files["lines.npz"])
         title = f"{light.scene.title or scene}: {count} lines, engine {engine}"
-        report.picture(recording, result, settings, title, files["picture.png"], y_mm=when.y_mm)
+        drawn = len(sample.lines)
+        report.picture(
+            sample.lines,
+            sample.points,
+            settings,
+            title if drawn == count else f"{title}; {drawn} of them drawn",
+            files["picture.png"],
+            y_mm=sample.y_mm,
+            pixels=scanner.line,
+        )
     console = _console()
-    console.print(report.error_table(report.compare(result, truth), title))
-    dark = int(np.isnan(truth.position_px).sum())
+    console.print(report.error_table(tally.errors(), title))
     console.print(
-        f"{len(result)} lines, {int(result.located.sum())} points; "
-        f"{dark} lines whose spot the camera cannot see, "
-        f"{report.stray(result, truth)} of them with a point"
+        f"{tally.lines} lines, {tally.points} points; "
+        f"{tally.dark} lines whose spot the camera cannot see, "
+        f"{tally.stray} of them with a point"
     )
     for line in budget.summary(chosen):
         console.print(line, highlight=False)
@@ -260,8 +286,7 @@ def bench_report(
     from vrscan.bench.sections.section import Order
     from vrscan.tools import build_folder
 
-    if jobs < 0:
-        raise InputError(f"--jobs: must not be negative ({jobs})")
+    _check_jobs(jobs)
     if seed is not None and not 0 <= seed <= report.MOST_SEED:
         raise InputError(f"--seed: must be 0 to {report.MOST_SEED} ({seed})")
     order = Order(_settings(config), report.SEED if seed is None else seed, quick)
@@ -313,18 +338,29 @@ def replay(
     recording: Annotated[Path, typer.Argument(metavar="LINES", help=".npy or .npz of lines.")],
     out: Annotated[Path, typer.Option(help="The points to write: .csv, or a .ply cloud.")],
     engine: EngineOption = Engine.RTL,
+    jobs: JobsOption = 0,
     config: ConfigOption = None,
 ) -> None:
     """Turn recorded lines into points."""
-    writers: dict[str, Callable[[Table, BinaryIO], None]] = {".csv": write_csv, ".ply": write_ply}
-    write = writers[_suffix(out, tuple(writers))]
+    _check_jobs(jobs)
+    suffix = _suffix(out, (".csv", ".ply"))
     settings = _settings(config)
-    with atomic_file(out) as file:
-        with warnings.catch_warnings(record=True, action="always") as told:
-            recorded = lines.read(recording, settings)
-        for each in told:
-            print(f"vrscan: {each.message}", file=sys.stderr)
-        write(_run(engine, recorded, settings), file)
+    with atomic_file(out) as file, lines.opened(recording, settings) as recorded:
+        engines.prepare(engine, settings)
+        blocks = recorded.blocks(engines.BLOCK)
+        jobs = engines.processes(engine, recorded.count, jobs)
+        then = csv_rows if suffix == ".csv" else ply_vertices
+        with (
+            warnings.catch_warnings(record=True, action="always", category=InputWarning) as told,
+            csv_file(file) if suffix == ".csv" else ply_file(file, out.parent) as write,
+            _bar(f"engine {engine}", recorded.count) as progress,
+            engines.streamed(engine, blocks, settings, then, jobs) as found,
+        ):
+            for done, rows in found:
+                write(rows)
+                progress(done)
+    for each in told:
+        print(f"vrscan: {each.message}", file=sys.stderr)
 
 
 @app.command()
@@ -504,6 +540,7 @@ def _check_range(name: str, value: float, low: float, high: float) -> None:
 def efficiency(
     engine: EngineOption = Engine.FIXED,
     count: Annotated[int, typer.Option("--lines", help="Lines a cell.")] = 4000,
+    jobs: Annotated[int, typer.Option(help="Processes; 0: one a processor.")] = 0,
     config: ConfigOption = None,
 ) -> None:
     """Compare the detector with the Cramer-Rao bound; exit status 1 below the stated figures."""
@@ -511,11 +548,14 @@ def efficiency(
     from vrscan.report import two_pass
 
     _check_count(count, 100)
+    _check_jobs(jobs)
     settings = _settings(config)
+    engines.prepare(engine, settings)
+    cores = jobs or processors()
     with _bar("spots", len(report.PEAKS) * len(report.SIGMAS_PX)) as progress:
-        cells = report.study(engine, settings, count, progress)
+        cells = report.study(engine, settings, count, progress, jobs=cores)
     with _bar("two passes", len(two_pass.PEAKS) * len(two_pass.SIGMAS_PX) + 2) as progress:
-        both = two_pass.study(engine, settings, count, progress)
+        both = two_pass.study(engine, settings, count, progress, jobs=cores)
         one, two = two_pass.skew_positions(engine, settings, count // 2)
         progress(len(both) + 1)
         slopes = two_pass.slope_study(engine, settings, count // 4)
@@ -545,26 +585,27 @@ def efficiency(
 
 @app.command()
 def speed(
-    engine: EngineOption = Engine.FIXED,
-    count: CountOption = 10_000,
+    engine: Annotated[Engine | None, typer.Option(help="Which one; all three if none.")] = None,
+    count: Annotated[
+        int | None, typer.Option("--lines", help="Number of lines; 10000, or 2000 of the RTL.")
+    ] = None,
+    jobs: Annotated[int, typer.Option(help="Cores, beside the one; 0: all.")] = 0,
     config: ConfigOption = None,
 ) -> None:
-    """Measure the lines per second of an engine, on lines of the default scene."""
-    from vrscan.scene.simulate import take
+    """Measure the lines per second of the engines, on one core and on all of them."""
+    from vrscan.report import speed as report
 
-    _check_count(count, 1)
+    if count is not None:
+        _check_count(count, 1)
+    _check_jobs(jobs)
     settings = _settings(config)
-    recording = take("default", count, settings).lines
-    warm = lines.Lines(recording.lines[:64], recording.angle_rad[:64], recording.power[:64])
-    engines.run(engine, warm, settings)  # builds and imports are not what is measured
-    wall, cpu = time.perf_counter(), time.process_time()
-    _run(engine, recording, settings)
-    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-    _console().print(
-        f"engine {engine}: {count / wall:.0f} lines/s on {cpu / wall:.2f} cores "
-        f"({count} lines in {wall:.2f} s); the paper's sensor reads 37400 lines/s",
-        highlight=False,
-    )
+    chosen = list(Engine) if engine is None else [engine]
+    rates = []
+    with _bar("engines", len(chosen)) as progress:
+        for each in chosen:
+            rates.append(report.measure(each, settings, count, jobs or None))
+            progress(len(rates))
+    _console().print(report.table(rates))
 
 
 @app.command()
@@ -659,9 +700,14 @@ def _planned(
     return light, found
 
 
-def _check_count(count: int, least: int) -> None:
-    if not least <= count <= MOST_LINES:
-        raise InputError(f"--lines: must be {least} to {MOST_LINES} ({count})")
+def _check_jobs(jobs: int) -> None:
+    if jobs < 0:
+        raise InputError(f"--jobs: must not be negative ({jobs})")
+
+
+def _check_count(count: int, least: int, most: int = MOST_LINES) -> None:
+    if not least <= count <= most:
+        raise InputError(f"--lines: must be {least} to {most} ({count})")
 
 
 def _console() -> Console:
@@ -669,24 +715,27 @@ def _console() -> Console:
     return Console(width=None if sys.stdout.isatty() else 120)
 
 
-def _run(engine: Engine, recording: lines.Lines, settings: Config) -> Table:
-    """Run an engine under a bar."""
-    with _bar(f"engine {engine}", len(recording)) as progress:
-        return engines.run(engine, recording, settings, progress)
-
-
 @contextlib.contextmanager
 def _bar(text: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Show a bar on the error stream; yields a function that is told how many are done."""
+    """Show a bar on the error stream; yields a function that is told how many are done.
+
+    It disappears if what it shows fails: what went wrong is the only thing to read then.
+    """
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True)) as progress:
+    console = Console(stderr=True)
+    with Progress(*columns, console=console) as progress:
         task = progress.add_task(text, total=total)
-        yield lambda done: progress.update(task, completed=done)
+        try:
+            yield lambda done: progress.update(task, completed=done)
+        except BaseException:
+            progress.live.transient = True
+            console.quiet = not console.is_terminal
+            raise
 
 
 @contextlib.contextmanager

@@ -23,7 +23,7 @@ _FLAGS_LIMIT = 2**pkg.MIRROR_FLAG_WIDTH - 1
 _ANGLE_HALF = 2 ** (pkg.ANGLE_WIDTH - 1)  # half a turn
 
 
-def checked(recording: "Lines", config: Config, *, pixels: bool = True) -> "Lines":
+def checked(recording: "Lines", config: Config, *, first: int = 0, pixels: bool = True) -> "Lines":
     """Return lines as every engine takes them, or say what is wrong with them.
 
     Args:
@@ -31,6 +31,7 @@ def checked(recording: "Lines", config: Config, *, pixels: bool = True) -> "Line
             floating-point type within +-pi rad, powers of any integer type from 0 to
             ``laser.power_max``, and flags of any integer type from 0 to 7.
         config: Its sensor says how long a line is and how many bits a pixel has.
+        first: Number of the first line, for what is said of a value.
         pixels: Whether to read every pixel. The engines do, so ``engines.run`` need not.
 
     Returns:
@@ -41,11 +42,11 @@ def checked(recording: "Lines", config: Config, *, pixels: bool = True) -> "Line
     """
     lines = _shaped(recording.lines, config.sensor.line_length)
     count = len(lines)
-    angle = checked_angles(_column("angle_rad", recording.angle_rad, count))
-    power = checked_power(recording.power, count, config.laser.power_max)
-    raised = checked_flags(recording.mirror_flags, count)
+    angle = checked_angles(_column("angle_rad", recording.angle_rad, count), first)
+    power = checked_power(recording.power, count, config.laser.power_max, first)
+    raised = checked_flags(recording.mirror_flags, count, first)
     if pixels:
-        _check_pixels(lines, config.sensor.pixel_width)
+        _check_pixels(lines, config.sensor.pixel_width, first)
     return replace(recording, lines=lines, angle_rad=angle, power=power, mirror_flags=raised)
 
 
@@ -80,7 +81,7 @@ def checked_words(
     return lines, angle, power, raised
 
 
-def checked_angles(angle_rad: npt.ArrayLike) -> Floats:
+def checked_angles(angle_rad: npt.ArrayLike, first: int = 0) -> Floats:
     """Return angles as float64, any shape.
 
     Raises:
@@ -90,21 +91,25 @@ def checked_angles(angle_rad: npt.ArrayLike) -> Floats:
     if angle.dtype.kind != "f":
         raise LinesError(f"angle_rad must be floating point (is {angle.dtype})")
     angle = angle.astype(np.float64, copy=False)
-    _check_limits("angle_rad", angle, np.abs(angle) <= np.pi, "-pi to pi")  # NaN compares false
+    _check_limits(
+        "angle_rad", angle, np.abs(angle) <= np.pi, "-pi to pi", first
+    )  # NaN compares false
     return angle
 
 
-def checked_power(power: npt.ArrayLike, count: int, limit: int = POWER_LIMIT) -> Ints:
+def checked_power(
+    power: npt.ArrayLike, count: int, limit: int = POWER_LIMIT, first: int = 0
+) -> Ints:
     """Return the laser power of each line [count]; raises as ``checked``."""
-    return _whole("power", power, count, 0, limit)
+    return _whole("power", power, count, 0, limit, first)
 
 
-def checked_flags(mirror_flags: npt.ArrayLike, count: int) -> Ints:
+def checked_flags(mirror_flags: npt.ArrayLike, count: int, first: int = 0) -> Ints:
     """Return the mirror's flags of each line [count], given so or as one for all."""
     given = np.asarray(mirror_flags)
     if given.ndim == 0:
         given = np.broadcast_to(given, count)
-    return _whole("mirror_flags", given, count, 0, _FLAGS_LIMIT)
+    return _whole("mirror_flags", given, count, 0, _FLAGS_LIMIT, first)
 
 
 def _shaped(lines: Pixels, length: int) -> Pixels:
@@ -117,11 +122,11 @@ def _shaped(lines: Pixels, length: int) -> Pixels:
     return given.astype(np.uint16, copy=False)
 
 
-def _check_pixels(lines: Pixels, pixel_width: int) -> None:
+def _check_pixels(lines: Pixels, pixel_width: int, first: int = 0) -> None:
     if int(np.bitwise_or.reduce(lines, axis=None)) >> pixel_width:  # faster than the maximum
         row, pixel = np.unravel_index(int(lines.argmax()), lines.shape)
         largest, full = lines[row, pixel], 2**pixel_width - 1
-        raise LinesError(f"pixel above {full} ({largest} at line {row}, pixel {pixel})")
+        raise LinesError(f"pixel above {full} ({largest} at line {first + row}, pixel {pixel})")
 
 
 def _column(name: str, values: npt.ArrayLike, count: int) -> npt.NDArray[Any]:
@@ -132,20 +137,25 @@ def _column(name: str, values: npt.ArrayLike, count: int) -> npt.NDArray[Any]:
     return column
 
 
-def _whole(name: str, values: npt.ArrayLike, count: int, low: int, high: int) -> Ints:
+def _whole(
+    name: str, values: npt.ArrayLike, count: int, low: int, high: int, first: int = 0
+) -> Ints:
     """Return integers from low to high, one a line."""
     column = _column(name, values, count)
     if column.dtype.kind not in "iu":
         raise LinesError(f"{name} must be integers (is {column.dtype})")
     # Compared in their own type: no integer is too large to be told.
-    _check_limits(name, column, (column >= low) & (column <= high), f"{low} to {high}")
+    _check_limits(name, column, (column >= low) & (column <= high), f"{low} to {high}", first)
     return column.astype(np.int64, copy=False)
 
 
-def _check_limits(name: str, values: npt.NDArray[Any], inside: Bools, limits: str) -> None:
+def _check_limits(
+    name: str, values: npt.NDArray[Any], inside: Bools, limits: str, first: int = 0
+) -> None:
     """Refuse values of which not all are inside, naming the first that is not."""
     outside = np.argwhere(~np.atleast_1d(inside))
     if len(outside):
         place = tuple(outside[0].tolist())
-        value, line = np.atleast_1d(values)[place], ", ".join(map(str, place))
+        value = np.atleast_1d(values)[place]
+        line = ", ".join(map(str, (first + place[0], *place[1:])))
         raise LinesError(f"{name} outside {limits} ({value} at line {line})")

@@ -8,7 +8,9 @@ import contextlib
 import errno
 import os
 import secrets
-from collections.abc import Iterator, Mapping, Sequence
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import BinaryIO
@@ -25,6 +27,11 @@ COLUMNS = (
     "position_px,sigma_px,angle_rad,x_mm,z_mm,sigma_z_mm,c_obj,c_sfm"
 )
 _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
+_VERTEX = np.dtype(
+    [(name, "<f4") for name in ("x", "y", "z", "sigma_z", "confidence")]
+    + [("line", "<u4"), ("flags", "<u2")]
+)
+_PLY_KINDS = {"<f4": "float", "<u4": "uint", "<u2": "ushort"}
 _CONFIDENCE_ONE = 2**pkg.CONFIDENCE_WIDTH - 1
 
 
@@ -218,7 +225,25 @@ def _created(temporary: Path, path: Path) -> BinaryIO:
 
 
 def write_csv(result: Table, file: BinaryIO) -> None:
-    """Write points.csv: one row a peak, in the columns ``COLUMNS``.
+    """Write points.csv: the columns ``COLUMNS``, and ``csv_rows``.
+
+    Args:
+        result: The points.
+        file: A binary file.
+    """
+    with csv_file(file) as write:
+        write(csv_rows(result))
+
+
+@contextlib.contextmanager
+def csv_file(file: BinaryIO) -> Iterator[Callable[[bytes], object]]:
+    """Begin a points.csv; yields a function that takes ``csv_rows`` of points, in their order."""
+    file.write(f"{COLUMNS}\n".encode())
+    yield file.write
+
+
+def csv_rows(result: Table) -> bytes:
+    """Return the rows of points.csv, one a peak, in the columns ``COLUMNS``.
 
     Every fixed-point number has just the decimals from which its word is read back. Fields that
     mean nothing are empty: left and right without a window, position and sigma without a valid
@@ -226,7 +251,6 @@ def write_csv(result: Table, file: BinaryIO) -> None:
 
     Args:
         result: The points.
-        file: A binary file.
     """
     # The float engine's numbers end where the formats end.
     count = f"%.{_decimals(pkg.COUNT_WIDTH - result.pixel_width)}f"
@@ -278,9 +302,8 @@ def write_csv(result: Table, file: BinaryIO) -> None:
         ),
         text("%.3f,%.3f", everywhere, result.c_obj, result.c_sfm),
     )
-    file.write(f"{COLUMNS}\n".encode())
     rows = map(",".join, zip(*columns, strict=True))
-    file.write("".join(f"{row}\n" for row in rows).encode())
+    return "".join(f"{row}\n" for row in rows).encode()
 
 
 def _flag_bits(flags: Mapping[str, Bools], rows: int) -> Ints:
@@ -304,34 +327,54 @@ def write_ply(result: Table, file: BinaryIO, y_mm: Floats | float = 0.0) -> None
 
     Args:
         result: The points.
-        file: A binary file. Vertices have x, y, z and sigma_z in mm, the confidence 0 to 1, the
-            line's number and the flag bits of ``vrscan_pkg``.
+        file: A binary file.
+        y_mm: As for ``ply_vertices``.
+    """
+    with ply_file(file) as write:
+        write(ply_vertices(result, y_mm))
+
+
+@contextlib.contextmanager
+def ply_file(file: BinaryIO, folder: Path | None = None) -> Iterator[Callable[[bytes], object]]:
+    """Begin a PLY cloud; yields a function that takes ``ply_vertices``, in their order.
+
+    Args:
+        file: A binary file.
+        folder: Where the vertices wait, in a file without a name, until the header can tell how
+            many there are; the system's for temporary files if None.
+    """
+    with tempfile.TemporaryFile(dir=folder) as vertices:
+        yield vertices.write
+        header = [
+            "ply",
+            "format binary_little_endian 1.0",
+            "comment x and z in mm in the scan plane y = 0",
+            "comment flags by bit: " + " ".join(f"{b}={name}" for name, b in pkg.FLAGS.items()),
+            f"element vertex {vertices.tell() // _VERTEX.itemsize}",
+            *(f"property {_PLY_KINDS[_VERTEX[name].str]} {name}" for name in _VERTEX.names or ()),
+            "end_header",
+        ]
+        file.write(("\n".join(header) + "\n").encode("ascii"))
+        vertices.seek(0)
+        shutil.copyfileobj(vertices, file)
+
+
+def ply_vertices(result: Table, y_mm: Floats | float = 0.0) -> bytes:
+    """Return the located points as vertices of a PLY cloud.
+
+    Args:
+        result: The points.
         y_mm: Where the scanner, and so the scan plane, was at each line [n].
+
+    Returns:
+        For each x, y, z and sigma_z in mm, the confidence 0 to 1, the line's number and the flag
+        bits of ``vrscan_pkg``.
     """
     rows = np.flatnonzero(result.located)
-    layout = [
-        ("x", "<f4", "float"),
-        ("y", "<f4", "float"),
-        ("z", "<f4", "float"),
-        ("sigma_z", "<f4", "float"),
-        ("confidence", "<f4", "float"),
-        ("line", "<u4", "uint"),
-        ("flags", "<u2", "ushort"),
-    ]
-    vertices = np.zeros(len(rows), np.dtype([(name, kind) for name, kind, _ in layout]))
+    vertices = np.zeros(len(rows), _VERTEX)
     vertices["x"], vertices["z"] = result.x_mm[rows], result.z_mm[rows]
     vertices["y"] = np.broadcast_to(y_mm, len(result))[rows]
     vertices["sigma_z"], vertices["confidence"] = result.sigma_z_mm[rows], result.c_obj[rows]
     vertices["line"] = result.line[rows]
     vertices["flags"] = _flag_bits(result.flags, len(result))[rows]
-    header = [
-        "ply",
-        "format binary_little_endian 1.0",
-        "comment x and z in mm in the scan plane y = 0",
-        "comment flags by bit: " + " ".join(f"{bit}={name}" for name, bit in pkg.FLAGS.items()),
-        f"element vertex {len(rows)}",
-        *(f"property {kind} {name}" for name, _, kind in layout),
-        "end_header",
-    ]
-    file.write(("\n".join(header) + "\n").encode("ascii"))
-    file.write(vertices.tobytes())
+    return vertices.tobytes()

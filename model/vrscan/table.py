@@ -44,6 +44,16 @@ class Table:
         """Return the number of points."""
         return len(self.line)
 
+    def of(self, rows: Bools) -> "Table":
+        """Return some of the rows."""
+        columns = {
+            field.name: getattr(self, field.name)[rows]
+            for field in fields(self)
+            if field.name not in ("flags", "pixel_width")
+        }
+        flags = {name: raised[rows] for name, raised in self.flags.items()}
+        return Table(flags=flags, pixel_width=self.pixel_width, **columns)
+
     @classmethod
     def joined(cls, parts: Sequence["Table"]) -> "Table":
         """Return one table of all rows of ``parts``, at least one, of one pixel width."""

@@ -8,6 +8,8 @@ passes make of the same lines; ``vrscan.report.two_pass`` has more of those.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from itertools import product
 
 import numpy as np
 from rich.table import Table as RichTable
@@ -16,6 +18,7 @@ from vrscan.arrays import Floats
 from vrscan.config import Config
 from vrscan.engines import Engine, run
 from vrscan.lines import Lines
+from vrscan.parallel import workers
 from vrscan.scene.sensor import cramer_rao_variance, expose, spot_electrons
 from vrscan.table import Table
 
@@ -113,7 +116,12 @@ def _score(result: Table, true: Floats, bound: Floats) -> Score:
 
 
 def study(
-    engine: Engine, config: Config, count: int, progress: Callable[[int], None] | None = None
+    engine: Engine,
+    config: Config,
+    count: int,
+    progress: Callable[[int], None] | None = None,
+    *,
+    jobs: int = 1,
 ) -> list[Cell]:
     """Return the score of every width and height.
 
@@ -122,24 +130,28 @@ def study(
         config: Its thresholds are the ones under test.
         count: Lines a cell.
         progress: Called with the number of cells done so far.
+        jobs: Processes, which share the cells.
     """
     cells: list[Cell] = []
-    for peak in PEAKS:
-        for sigma in SIGMAS_PX:
-            lines, true, bound = cell_lines(sigma, peak, count, config)
-            cells.append(
-                Cell(
-                    sigma_px=sigma,
-                    peak=peak,
-                    bound_px=float(bound.mean()) ** 0.5,
-                    shipped=_score(run(engine, lines, with_window(config, False)), true, bound),
-                    two_pass=_score(run(engine, lines, with_window(config, True)), true, bound),
-                    printed=_score(run(engine, lines, as_printed(config)), true, bound),
-                )
-            )
+    with workers(partial(_cell, engine, config, count), jobs) as do:
+        for cell in do(product(PEAKS, SIGMAS_PX)):
+            cells.append(cell)
             if progress is not None:
                 progress(len(cells))
     return cells
+
+
+def _cell(engine: Engine, config: Config, count: int, spot: tuple[float, float]) -> Cell:
+    peak, sigma = spot
+    lines, true, bound = cell_lines(sigma, peak, count, config)
+    return Cell(
+        sigma_px=sigma,
+        peak=peak,
+        bound_px=float(bound.mean()) ** 0.5,
+        shipped=_score(run(engine, lines, with_window(config, False)), true, bound),
+        two_pass=_score(run(engine, lines, with_window(config, True)), true, bound),
+        printed=_score(run(engine, lines, as_printed(config)), true, bound),
+    )
 
 
 def geometric_mean(scores: list[Score]) -> float:

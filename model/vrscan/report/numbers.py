@@ -3,7 +3,6 @@
 import csv
 import io
 import math
-import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -16,18 +15,15 @@ from rich.table import Table as RichTable
 
 from vrscan import chain
 from vrscan.config import Config
-from vrscan.engines import Engine, run
+from vrscan.engines import Engine
 from vrscan.errors import InputError
-from vrscan.lines import Lines
 from vrscan.points import atomic_file
-from vrscan.report import efficiency, formats, two_pass
+from vrscan.report import efficiency, formats, speed, two_pass
 from vrscan.report.accuracy import angle, cordic, geometry, mirror, position, quality, scatter
 from vrscan.report.accuracy.figure import SEED, Figure
 from vrscan.report.readme import linked
-from vrscan.scene.simulate import take
 
 CLOCK_HZ = 125e6
-PAPER_LINES = 37_400.0  # lines/s of the paper's sensor
 LEAST_FIXED, LEAST_RTL = 10_000.0, 400.0  # lines/s
 LATENCY_WIDTHS = (3, 16, 64, 255)
 
@@ -48,7 +44,9 @@ class Size:
     efficiency: int  # lines a cell
     two_pass: int  # the same, of the study that stands on few of them; 0 leaves it out
     fixed: int  # lines for the speed
+    ideal: int  # the same
     rtl: int  # the same; 0 leaves the RTL out
+    all_cores: bool  # whether the speed on all cores is measured, too
     mirror: float  # seconds of RUN; 0 leaves the mirror's loop out
 
 
@@ -63,7 +61,9 @@ FULL = Size(
     efficiency=4_000,
     two_pass=4_000,
     fixed=10_000,
+    ideal=10_000,
     rtl=2_000,
+    all_cores=True,
     mirror=0.5,
 )
 QUICK = Size(
@@ -77,7 +77,9 @@ QUICK = Size(
     efficiency=300,
     two_pass=0,
     fixed=2_000,
+    ideal=2_000,
     rtl=0,
+    all_cores=False,
     mirror=0.0,
 )
 
@@ -197,27 +199,28 @@ def latency(config: Config) -> list[Figure]:
             f"lines of {length} px without a gap",
             "lines/s",
             CLOCK_HZ / length,
-            limit=PAPER_LINES,
+            limit=speed.PAPER_LINES,
             at_least=True,
             headline=f"lines of {length} px at {CLOCK_HZ / 1e6:g} MHz",
         ),
     ]
 
 
-def _speed(engine: Engine, count: int, least: float, config: Config) -> list[Figure]:
-    recording = take("default", count, config).lines
-    warm = Lines(recording.lines[:64], recording.angle_rad[:64], recording.power[:64])
+def _speed(
+    engine: Engine, count: int, least: float, all_cores: bool, config: Config
+) -> list[Figure]:
     try:
-        run(engine, warm, config)  # builds and imports are not what is measured
-        start = time.process_time()  # of this core, whatever else runs on the machine
-        run(engine, recording, config)
+        rate = speed.measure(engine, config, count, None if all_cores else 1)
     except InputError:  # no compiler here
         return []
-    rate = count / (time.process_time() - start)
-    name = f"engine {engine}, {count} lines of the default scene"
-    group = "speed on this machine, one core"
-    shown = f"engine {engine} on one core"
-    return [Figure(group, name, "lines/s", rate, limit=least, at_least=True, headline=shown)]
+    group, scene = "speed on this machine", "of the default scene"
+    one, every = f"engine {engine} on one core", f"engine {engine} on all cores"
+    name = f"{one}, {count} lines {scene}"
+    figures = [Figure(group, name, "lines/s", rate.one, limit=least, at_least=True, headline=one)]
+    if all_cores:
+        name = f"{every}, {rate.cores} of them, lines {scene}"
+        figures.append(Figure(group, name, "lines/s", rate.every, headline=every))
+    return figures
 
 
 def stages(size: Size) -> list[Stage]:
@@ -247,14 +250,18 @@ def stages(size: Size) -> list[Stage]:
             partial(_efficiency, size.efficiency),
         ),
         at_once("latency", partial(latency, config)),
-        at_once("speed, fixed", partial(_speed, Engine.FIXED, size.fixed, LEAST_FIXED, config)),
     ]
     if size.two_pass:
         cells = len(two_pass.PEAKS) * len(two_pass.SIGMAS_PX)
         parts.append(Stage("two passes", cells, partial(_two_passes, size.two_pass)))
-    if size.rtl:
-        measure = partial(_speed, Engine.RTL, size.rtl, LEAST_RTL, config)
-        parts.append(at_once("speed, RTL", measure))
+    for engine, count, least in (
+        (Engine.FIXED, size.fixed, LEAST_FIXED),
+        (Engine.IDEAL, size.ideal, math.nan),
+        (Engine.RTL, size.rtl, LEAST_RTL),
+    ):
+        if count:
+            given = engine, count, least, size.all_cores, config
+            parts.append(at_once(f"speed, {engine}", partial(_speed, *given)))
     if size.mirror:
         parts += [
             at_once("mirror, steady", partial(mirror.steady, config, size.mirror)),

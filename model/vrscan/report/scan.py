@@ -1,6 +1,6 @@
 """A simulated scan against its truth: the table of errors and the picture."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Any, BinaryIO
 
 import matplotlib as mpl
@@ -10,77 +10,18 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from rich.table import Table as RichTable
 
-from vrscan.arrays import Bools, Floats
+from vrscan.arrays import Bools, Floats, Pixels
 from vrscan.config import Config
 from vrscan.ideal.peak import threshold
 from vrscan.lines import Lines, Truth
 from vrscan.report.style import COLOURS, INK, LIGHT, QUIET, STYLE
+from vrscan.report.tally import ASTRAY_PX, Errors
 from vrscan.table import Table
 
-ASTRAY_PX = 10.0
 _SHAPES = ((".", 2.0), ("x", 2.5), ("+", 3.0), ("^", 2.0))
 _TRUTH: dict[str, Any] = {"color": LIGHT, "markersize": 5.0, "markeredgewidth": 0.0}
 _WIDTH_POINTS = 650.0  # of a panel, roughly
 _CONTEXT_PX = 100  # either side of the brightest pixel where there is no window
-
-
-@dataclass(frozen=True)
-class Errors:
-    """How far the points of one surface are from the truth, in z."""
-
-    name: str
-    lines: int  # with a spot that the camera sees
-    points: int
-    astray: int  # of them, more than ``ASTRAY_PX`` off on the sensor: on another spot
-    rms_mm: float  # of the others, as all that follows
-    max_mm: float
-    rms_percent: float  # of the range
-    max_percent: float
-    ratio: float  # rms of error over predicted sigma: 1 where the prediction is right
-
-
-def compare(result: Table, truth: Truth) -> list[Errors]:
-    """Return the errors of each surface, and of all of them last."""
-    seen = np.isfinite(truth.position_px)
-    rows = [(name, truth.surface == index) for index, name in enumerate(truth.names)]
-    rows.append(("all", np.ones(len(result), np.bool_)))
-    return [_errors(name, where & seen, result, truth) for name, where in rows]
-
-
-def stray(result: Table, truth: Truth) -> int:
-    """Return how many points there are where the camera sees no spot."""
-    return int((result.located & np.isnan(truth.position_px)).sum())
-
-
-def _errors(name: str, where: Bools, result: Table, truth: Truth) -> Errors:
-    found = where & result.located
-    if not found.any():
-        nothing = float("nan")
-        return Errors(name, int(where.sum()), 0, 0, *[nothing] * 5)
-    with np.errstate(invalid="ignore"):
-        good = found & (np.abs(result.position_px - truth.position_px) <= ASTRAY_PX)
-    error = np.abs(result.z_mm[good] - truth.z_mm[good])
-    share = 100.0 * error / truth.z_mm[good]  # spot and point are on one ray: z as good as range
-    sigma = result.sigma_z_mm[good]
-    ratio = error[sigma > 0.0] / sigma[sigma > 0.0]  # a sigma may round to 0
-
-    def rms(values: Floats) -> float:
-        return float(np.sqrt(np.mean(np.square(values)))) if values.size else float("nan")
-
-    def largest(values: Floats) -> float:
-        return float(values.max()) if values.size else float("nan")
-
-    return Errors(
-        name=name,
-        lines=int(where.sum()),
-        points=int(found.sum()),
-        astray=int(found.sum() - good.sum()),
-        rms_mm=rms(error),
-        max_mm=largest(error),
-        rms_percent=rms(share),
-        max_percent=largest(share),
-        ratio=rms(ratio),
-    )
 
 
 def error_table(errors: list[Errors], title: str) -> RichTable:
@@ -137,6 +78,7 @@ def picture(
     file: BinaryIO,
     *,
     y_mm: Floats | None = None,
+    pixels: Callable[[int], Pixels] | None = None,
 ) -> None:
     """Draw profile with truth, error over the scan angle, and one raw line with its window.
 
@@ -151,6 +93,7 @@ def picture(
         title: One line on top.
         file: A binary file, written as PNG.
         y_mm: Where the scanner was at each line [n]; None if it stood still.
+        pixels: Returns the counts [length] of a line by its number, if the recording lacks them.
 
     Raises:
         ValueError: if the lines have no truth.
@@ -168,7 +111,8 @@ def picture(
         else:
             _draw_profile(figure.add_subplot(grid[0]), result, truth)
         _draw_error(figure.add_subplot(grid[1]), recording, result, truth)
-        _draw_line(figure.add_subplot(grid[2]), recording, result, config, truth)
+        show = pixels or (lambda number: recording.lines[number])
+        _draw_line(figure.add_subplot(grid[2]), show, result, config, truth)
         for axes in figure.axes:
             axes.grid(color=LIGHT, linewidth=0.5)
             axes.set_axisbelow(True)
@@ -319,20 +263,24 @@ def _draw_error(axes: Axes, recording: Lines, result: Table, truth: Truth) -> No
     _legend(axes, loc="lower right", bbox_to_anchor=(1.0, 0.98))
 
 
-def _draw_line(axes: Axes, recording: Lines, result: Table, config: Config, truth: Truth) -> None:
+def _draw_line(
+    axes: Axes, pixels: Callable[[int], Pixels], result: Table, config: Config, truth: Truth
+) -> None:
     """One raw line around its window: the widest spot's, where the window shows best."""
     axes.set_xlabel("pixel")
     axes.set_ylabel("counts")
     rows = np.flatnonzero(result.located & np.isfinite(truth.position_px))
     if len(rows) == 0:
-        _draw_brightest(axes, recording)
+        _draw_brightest(axes, pixels, result)
         return
     by_width = rows[np.argsort(result.width[rows], kind="stable")]
     row = int(by_width[round(0.95 * (len(by_width) - 1))])
+    number = int(result.line[row])
+    line = pixels(number)
     left, right = int(result.left[row]), int(result.right[row])
     reach = 2 * (right - left + 1)
     first = max(0, left - reach)
-    last = min(recording.lines.shape[1], right + reach + 1)
+    last = min(len(line), right + reach + 1)
     pixel = np.arange(first, last)
     level = threshold(
         result.background[row : row + 1],
@@ -348,7 +296,7 @@ def _draw_line(axes: Axes, recording: Lines, result: Table, config: Config, trut
         linewidth=0,
         label=f"window, {right - left + 1} px",
     )
-    axes.step(pixel, recording.lines[row, first:last], where="mid", color=COLOURS[0], linewidth=1)
+    axes.step(pixel, line[first:last], where="mid", color=COLOURS[0], linewidth=1)
     axes.axhline(level, color=COLOURS[1], linewidth=1, label=f"threshold, {level:.0f} counts")
     axes.axvline(
         result.position_px[row],
@@ -359,19 +307,19 @@ def _draw_line(axes: Axes, recording: Lines, result: Table, config: Config, trut
         f" (true {truth.position_px[row]:.3f})",
     )
     axes.set_xlim(first, last - 1)
-    axes.set_title(f"Line {row} with its window")
+    axes.set_title(f"Line {number} with its window")
     axes.legend(loc="upper right")
 
 
-def _draw_brightest(axes: Axes, recording: Lines) -> None:
+def _draw_brightest(axes: Axes, pixels: Callable[[int], Pixels], result: Table) -> None:
     """The line with the brightest pixel, where no line has a point."""
     axes.set_title("No line with a point")
-    if len(recording) == 0:
+    if len(result) == 0:
         return
-    row = int(np.argmax(recording.lines.max(axis=1)))
-    line = recording.lines[row]
+    number = int(result.line[np.argmax(result.maximum)])
+    line = pixels(number)
     peak = int(np.argmax(line))
     first, last = max(0, peak - _CONTEXT_PX), min(len(line), peak + _CONTEXT_PX + 1)
     axes.step(np.arange(first, last), line[first:last], where="mid", color=COLOURS[0], linewidth=1)
     axes.set_xlim(first, last - 1)
-    axes.set_title(f"No line with a point; the brightest, line {row}")
+    axes.set_title(f"No line with a point; the brightest, line {number}")

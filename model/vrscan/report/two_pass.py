@@ -9,6 +9,8 @@ so most of the chance drops out.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import product
 
 import numpy as np
 from rich.table import Table as RichTable
@@ -18,6 +20,7 @@ from vrscan.config import Config
 from vrscan.engines import Engine, run
 from vrscan.fixed import pkg
 from vrscan.lines import Lines
+from vrscan.parallel import workers
 from vrscan.report.accuracy import position
 from vrscan.report.efficiency import (
     BACKGROUND_COUNTS,
@@ -107,6 +110,7 @@ def study(
     *,
     peaks: Sequence[float] = PEAKS,
     sigmas_px: Sequence[float] = SIGMAS_PX,
+    jobs: int = 1,
 ) -> list[Cell]:
     """Return the efficiency of both modes for every height and width of spot.
 
@@ -117,23 +121,29 @@ def study(
         progress: Called with the number of cells done so far.
         peaks: Heights, shares of full scale.
         sigmas_px: Widths.
+        jobs: Processes, which share the cells.
     """
     cells: list[Cell] = []
-    for peak in peaks:
-        for sigma in sigmas_px:
-            lines, true, _ = cell_lines(sigma, peak, count, config)
-            least = np.square(efficient_score(lines.lines, true, sigma, peak, config))
-            found, lost = [], 0.0
-            for two_pass in (False, True):
-                result = run(engine, lines, with_window(config, two_pass))
-                error = result.position_px - true
-                good = result.measured & (np.abs(error) <= LOST_PX)
-                found.append(float(least[good].mean() / np.square(error[good]).mean()))
-                lost = 1.0 - float(good.mean())
-            cells.append(Cell(sigma, peak, found[0], found[1], lost))
+    with workers(partial(_cell, engine, config, count), jobs) as do:
+        for cell in do(product(peaks, sigmas_px)):
+            cells.append(cell)
             if progress is not None:
                 progress(len(cells))
     return cells
+
+
+def _cell(engine: Engine, config: Config, count: int, spot: tuple[float, float]) -> Cell:
+    peak, sigma = spot
+    lines, true, _ = cell_lines(sigma, peak, count, config)
+    least = np.square(efficient_score(lines.lines, true, sigma, peak, config))
+    found, lost = [], 0.0
+    for two_pass in (False, True):
+        result = run(engine, lines, with_window(config, two_pass))
+        error = result.position_px - true
+        good = result.measured & (np.abs(error) <= LOST_PX)
+        found.append(float(least[good].mean() / np.square(error[good]).mean()))
+        lost = 1.0 - float(good.mean())
+    return Cell(sigma, peak, found[0], found[1], lost)
 
 
 def rounding_bound(width: Ints, height: Floats) -> Floats:

@@ -34,6 +34,7 @@ _VIEW_STEP = 8  # px between the rays on which the camera's view is sampled
 _BOUNCE_KNOTS = 193  # angles at which the second bounce is worked out
 _BOUNCE_EDGE = 1.02  # of the scan's amplitude, how far they reach
 _BOUNCE_TABLES = 48  # of places of a panning scanner, which are kept
+_VIEWS = 64  # of a moving scanner that are kept
 _PAN_STEP_MM = 1.0  # of a moving scanner, in which its view is taken to be the same
 _RAYS = 1 << 16  # at a time
 _FARTHEST_MM = 1000.0  # where a ray that meets nothing is taken to end, at least
@@ -213,6 +214,8 @@ class Light:
             hits = self.world.cast(start, ray)
             distance = np.where(hits.target >= 0, hits.distance_mm, 0.0)
             point = camera.place + distance[:, None] * ray
+            if len(self._views) == _VIEWS:
+                self._views.pop(next(iter(self._views)))  # the oldest
             self._views[key] = point, hits.normal, hits.target, hits.albedo
         return self._views[key]
 

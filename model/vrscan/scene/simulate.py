@@ -1,15 +1,15 @@
 """A scene's lines: with the effects that it needs, in blocks, on any number of processes."""
 
-import os
-from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from vrscan.arrays import Ints, Pixels
 from vrscan.config import Config
-from vrscan.lines import Lines, Truth
+from vrscan.lines import Lines, bare, joined, part
+from vrscan.parallel import processors, workers
 from vrscan.scene.description import Description, load
 from vrscan.scene.effects import chosen, present
 from vrscan.scene.light import Light
@@ -55,6 +55,11 @@ class Scanner:
         """
         self.light, self.count = light, count
         self.renderer = Renderer(light, active, every_ray=every_ray, tolerance_px=tolerance_px)
+        self._given = (light.scene, light.config, count, active, every_ray, tolerance_px)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Go to another process as what it is made of: rays cannot be sent, and tables are long."""
+        return _scanner, self._given
 
     @property
     def blocks(self) -> int:
@@ -75,6 +80,16 @@ class Scanner:
         when = self.timeline(number)
         return self.renderer.render(when, self._words(number)[: len(when)])
 
+    def part(self, number: int) -> Simulation:
+        """Return those lines of a block that are of the scan."""
+        frame = self.block(number)
+        rows = slice(0, min(len(frame.lines), self.count - number * BLOCK))
+        laser = self.light.config.laser
+        level = self.light.scene.laser.power_mw / laser.rated_mw
+        power = np.full(len(frame.lines), round(level * laser.power_max), np.int64)
+        whole = Lines(frame.lines, frame.reported_rad, power, frame.truth)
+        return Simulation(part(whole, rows), picked(frame.timeline, rows))
+
     def given(self, numbers: Ints) -> tuple[Timeline, Pixels]:
         """Return what any lines are rendered from, whatever the effects: timeline and words."""
         parts, noise = [], []
@@ -90,6 +105,16 @@ class Scanner:
     def some(self, numbers: Ints) -> Frame:
         """Return any lines as they are in their blocks."""
         return self.renderer.render(*self.given(numbers))
+
+    def line(self, number: int) -> Pixels:
+        """Return the counts of one line [length]."""
+        line: Pixels = self.some(np.array([number])).lines[0]
+        return line
+
+    @property
+    def end_s(self) -> float:
+        """When the last line is taken, s."""
+        return float(self.timeline(self.blocks - 1).time_s[(self.count - 1) % BLOCK])
 
     def _words(self, block: int, lines: int = BLOCK) -> Pixels:
         """Return the random words of the first lines of a block."""
@@ -132,15 +157,23 @@ def simulate(
     """
     if count < 1:
         raise ValueError(f"simulate: count {count} is below 1")
-    frames: Iterable[Frame]
     scanner = Scanner(light, count, active, every_ray=every_ray, tolerance_px=tolerance_px)
-    workers = min(jobs or os.cpu_count() or 1, scanner.blocks)
-    if workers == 1:
-        return _collected(map(scanner.block, range(scanner.blocks)), scanner, progress)
-    given = (light.scene, light.config, count, active, every_ray, tolerance_px)
-    with ProcessPoolExecutor(workers, initializer=_prepare, initargs=given) as pool:
-        frames = pool.map(_block, range(scanner.blocks))
-        return _collected(frames, scanner, progress)
+    counts = np.empty((count, light.config.sensor.line_length), np.uint16)  # may be gigabytes
+    parts = []
+    with workers(scanner.part, min(jobs or processors(), scanner.blocks)) as do:
+        for number, made in enumerate(do(range(scanner.blocks))):
+            done = number * BLOCK + len(made.lines)
+            counts[number * BLOCK : done] = made.lines.lines
+            parts.append(replace(made, lines=bare(made.lines)))
+            if progress is not None:
+                progress(done)
+    when = Timeline.joined([made.timeline for made in parts])
+    # The last block was whole: crossings after the scan's end are none of its.
+    inside = when.index_s <= when.time_s[-1] + 1.0 / light.config.line.rate_hz
+    return Simulation(
+        replace(joined([made.lines for made in parts]), lines=counts),
+        replace(when, index_s=when.index_s[inside], index_outward=when.index_outward[inside]),
+    )
 
 
 def take(name: str, count: int, config: Config, effects: str | list[str] = "full") -> Simulation:
@@ -163,59 +196,13 @@ def take(name: str, count: int, config: Config, effects: str | list[str] = "full
     return simulate(Light(scene, config), count, active)
 
 
-_worker: list[Scanner] = []  # of this process
-
-
-def _prepare(
+def _scanner(
     scene: Description,
     config: Config,
     count: int,
     active: frozenset[str],
     every_ray: bool,
     tolerance_px: float | None,
-) -> None:
+) -> Scanner:
     light = Light(scene, config)
-    how = Scanner(light, count, active, every_ray=every_ray, tolerance_px=tolerance_px)
-    _worker[:] = [how]
-
-
-def _block(number: int) -> Frame:
-    return _worker[0].block(number)
-
-
-def _collected(
-    frames: Iterable[Frame], scanner: Scanner, progress: Callable[[int], None] | None
-) -> Simulation:
-    light, count = scanner.light, scanner.count
-    config = light.config
-    counts = np.empty((count, config.sensor.line_length), np.uint16)  # a scan may be gigabytes
-    reported = np.empty(count)
-    truths, whens = [], []
-    for number, frame in enumerate(frames):
-        first = number * BLOCK
-        some = slice(first, min(first + BLOCK, count))
-        inside = some.stop - first
-        counts[some], reported[some] = frame.lines[:inside], frame.reported_rad[:inside]
-        truths.append(frame.truth)
-        whens.append(frame.timeline)
-        if progress is not None:
-            progress(some.stop)
-    truth = Truth(
-        x_mm=np.concatenate([t.x_mm for t in truths])[:count],
-        z_mm=np.concatenate([t.z_mm for t in truths])[:count],
-        position_px=np.concatenate([t.position_px for t in truths])[:count],
-        surface=np.concatenate([t.surface for t in truths])[:count],
-        names=light.names,
-    )
-    level = light.scene.laser.power_mw / config.laser.rated_mw
-    power = np.full(count, round(level * config.laser.power_max), np.int64)
-    lines = Lines(lines=counts, angle_rad=reported, power=power, truth=truth)
-    when = picked(Timeline.joined(whens), slice(0, count))
-    # The last block was whole: crossings after the scan's end are none of its.
-    inside_scan = when.index_s <= when.time_s[-1] + 1.0 / config.line.rate_hz
-    return Simulation(
-        lines,
-        replace(
-            when, index_s=when.index_s[inside_scan], index_outward=when.index_outward[inside_scan]
-        ),
-    )
+    return Scanner(light, count, active, every_ray=every_ray, tolerance_px=tolerance_px)

@@ -337,28 +337,36 @@ def write_edges(
         raise InputError("scan.sweep: an even sweep has no index")
     motion = _Motion.of(config, scan)
     frequency = motion.frequency_hz + motion.phase_drift
-    first, last = math.floor(begin_s * frequency) - 2, math.ceil(end_s * frequency) + 2
-    crossing, _, _ = _periods(motion, seed, first, last)
-    period = np.arange(first, last + 1, dtype=np.float64)
-    true = _passes(motion, period, motion.mark_rad)
-    shift = crossing - true
     width = math.copysign(math.radians(config.mems.diode_deg), motion.mark_rad)
     inner = motion.mark_rad - width
     if inner * motion.mark_rad <= 0.0:
         raise InputError("mems.diode_deg: the photodiode reaches to angle 0")
-    near = _passes(motion, period, inner) + shift
     least = motion.amplitude_rad * min(1.0 + motion.drift * begin_s, 1.0 + motion.drift * end_s)
     highest = least * float(np.abs(series(np.arange(4096) / 4096, motion.harmonics)[0]).max())
     leaves = abs(motion.mark_rad + width) < 0.9999 * highest  # else it turns on the diode
-    rows = [(near[:, 0], 0, 1), (crossing[:, 0], 1, 1), (crossing[:, 1], 0, 1), (near[:, 1], 0, 0)]
-    if leaves:
-        far = _passes(motion, period, motion.mark_rad + width) + shift
-        rows[2:2] = [(far[:, 0], 1, 0), (far[:, 1], 1, 1)]
-    whole = (near[:, 0] >= begin_s) & (near[:, 1] < end_s)
-    time = np.stack([row[0] for row in rows], axis=1)[whole]
-    levels = [f"{comparator},{gate}" for _, comparator, gate in rows]
-    text = [",".join(COLUMNS)]
-    for turn in time.tolist():
-        text += [f"{at:.12f},{level}" for at, level in zip(turn, levels, strict=True)]
-    file.write(("\n".join(text) + "\n").encode("ascii"))
-    return int(whole.sum())
+    file.write(f"{','.join(COLUMNS)}\n".encode("ascii"))
+    first, last = math.floor(begin_s * frequency) - 2, math.ceil(end_s * frequency) + 2
+    pairs = 0
+    for start in range(first, last + 1, PERIODS):
+        stop = min(start + PERIODS, last + 1)
+        period = np.arange(start, stop, dtype=np.float64)
+        crossing, _, _ = _periods(motion, seed, start, stop - 1)
+        shift = crossing - _passes(motion, period, motion.mark_rad)
+        near = _passes(motion, period, inner) + shift
+        rows = [
+            (near[:, 0], 0, 1),
+            (crossing[:, 0], 1, 1),
+            (crossing[:, 1], 0, 1),
+            (near[:, 1], 0, 0),
+        ]
+        if leaves:
+            far = _passes(motion, period, motion.mark_rad + width) + shift
+            rows[2:2] = [(far[:, 0], 1, 0), (far[:, 1], 1, 1)]
+        whole = (near[:, 0] >= begin_s) & (near[:, 1] < end_s)
+        time = np.stack([row[0] for row in rows], axis=1)[whole]
+        levels = [f"{comparator},{gate}" for _, comparator, gate in rows]
+        for turn in time.tolist():
+            text = [f"{at:.12f},{level}\n" for at, level in zip(turn, levels, strict=True)]
+            file.write("".join(text).encode("ascii"))
+        pairs += int(whole.sum())
+    return pairs

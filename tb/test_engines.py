@@ -1,0 +1,210 @@
+"""Engines on blocks of lines and on many processes: the points are the same, and memory is not."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vrscan.config import Config
+from vrscan.engines import BLOCK, Engine, processes, run, streamed
+from vrscan.errors import InputError
+from vrscan.lines import Lines, part
+from vrscan.parallel import processors, workers
+from vrscan.points import csv_rows
+from vrscan.scene.simulate import take
+from vrscan.tools import repository_root
+
+SEED = 20100301
+CONFIG = Config()
+TWO_PASS = Config.model_validate({"peak": {"window": "two_pass"}})
+
+
+def ugly(count: int) -> Lines:
+    """Lines of a scene, and between them some that are black, white, noise or two spots."""
+    rng = np.random.default_rng(SEED)
+    lines = take("default", count, CONFIG).lines
+    pixels = lines.lines.copy()
+    kind = rng.integers(0, 8, count)
+    pixels[kind == 0] = 0
+    pixels[kind == 1] = 4095
+    pixels[kind == 2] = rng.integers(0, 4096, pixels[kind == 2].shape)
+    pixels[kind == 3, :20] = 4000
+    pixels[kind == 4, -9:] = 4095
+    flags = rng.integers(0, 8, count)
+    return Lines(pixels, lines.angle_rad, rng.integers(0, 65536, count), mirror_flags=flags)
+
+
+def rows_in_blocks(
+    engine: Engine, recording: Lines, config: Config, sizes: list[int], jobs: int = 1
+) -> bytes:
+    """Return the rows of points.csv of lines in blocks of the given sizes, in turns."""
+
+    def blocks() -> Iterator[Lines]:
+        start, turn = 0, 0
+        while start < len(recording):
+            size = sizes[turn % len(sizes)]
+            yield part(recording, slice(start, start + size))
+            start, turn = start + size, turn + 1
+
+    with streamed(engine, blocks(), config, csv_rows, jobs) as found:
+        done, rows = zip(*found, strict=True)
+    assert done[-1] == len(recording)
+    assert list(done) == sorted(set(done))
+    return b"".join(rows)
+
+
+@pytest.mark.parametrize("config", [CONFIG, TWO_PASS], ids=["one_pass", "two_pass"])
+@pytest.mark.parametrize("engine", Engine)
+def test_points_do_not_depend_on_the_blocks(engine: Engine, config: Config) -> None:
+    recording = ugly(150)
+    whole = csv_rows(run(engine, recording, config))
+    for sizes in ([1], [7], [1, 64, 3], [149], [1000]):
+        assert rows_in_blocks(engine, recording, config, sizes) == whole, sizes
+
+
+@pytest.mark.parametrize("engine", Engine)
+def test_points_do_not_depend_on_the_processes(engine: Engine) -> None:
+    recording = ugly(150)
+    whole = csv_rows(run(engine, recording, CONFIG))
+    assert rows_in_blocks(engine, recording, CONFIG, [1, 40], jobs=3) == whole
+
+
+def test_few_lines_are_not_worth_a_process() -> None:
+    for engine in Engine:
+        assert processes(engine, 300, 0) == 1
+        assert processes(engine, 10**9, 0) == processors()
+        assert processes(engine, 10**9, 5) == 5
+        assert processes(engine, 2 * BLOCK, 5) == 2  # no more than blocks
+
+
+def _slowly(number: int) -> tuple[int, int]:
+    time.sleep(0.02)
+    return number, os.getpid()
+
+
+def _fails_at_seven(number: int) -> int:
+    if number == 7:
+        raise InputError("the eighth of them")
+    return number
+
+
+def _dies_at_seven(number: int) -> int:
+    if number == 7:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+def alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("jobs", [1, 2, 3])
+def test_results_come_in_order_and_few_are_in_flight(jobs: int) -> None:
+    taken: list[int] = []
+
+    def items() -> Iterator[int]:
+        for number in range(60):
+            taken.append(number)
+            yield number
+
+    seen: set[int] = set()
+    with workers(_slowly, jobs) as do:
+        for want, (number, process) in enumerate(do(items())):
+            assert number == want
+            if want == 5:
+                time.sleep(0.3)  # whoever takes the results may be slow
+            assert len(taken) <= want + 2 * jobs
+            seen.add(process)
+    assert len(taken) == 60
+    assert len(seen) <= jobs
+    if jobs > 1:
+        assert os.getpid() not in seen
+        assert not any(alive(process) for process in seen)
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_goes_wrong_in_a_process_arrives_as_it_is(jobs: int) -> None:
+    found: list[int] = []
+    with workers(_fails_at_seven, jobs) as do:
+        results = do(range(20))
+        found.extend(next(results) for _ in range(7))
+        with pytest.raises(InputError, match=r"^the eighth of them$"):
+            next(results)
+    assert found == list(range(7))
+
+
+def test_a_killed_process_is_an_error_and_no_hang() -> None:
+    with pytest.raises(InputError, match="process was killed"), workers(_dies_at_seven, 2) as do:
+        list(do(range(1000)))
+
+
+def test_whoever_stops_early_leaves_no_process() -> None:
+    with workers(_slowly, 2) as do:
+        results = do(range(10**9))
+        seen = {next(results)[1] for _ in range(6)}
+        assert any(alive(process) for process in seen)
+    assert not any(alive(process) for process in seen)
+
+
+PEAK = """
+from pathlib import Path
+from vrscan import cli
+try:
+    cli.main()
+finally:
+    # Not getrusage: that begins with the memory of the process that started this one.
+    status = Path("/proc/self/status").read_text()
+    print("peak", status.split("VmHWM:")[1].split()[0])
+"""
+
+
+def peak_bytes(folder: Path, *arguments: str) -> int:
+    """Return the largest memory that a command had."""
+    done = subprocess.run(
+        [sys.executable, "-c", PEAK, *arguments],
+        env=os.environ | {"PYTHONPATH": str(repository_root() / "model")},
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return 1024 * int(done.stdout.split("peak")[-1])
+
+
+FEW, MANY = 2 * BLOCK, 12 * BLOCK
+ROOM = 0.25 * (MANY - FEW) * 2 * CONFIG.sensor.line_length  # bytes; all pixels are four times that
+
+
+def test_a_scan_of_more_lines_takes_no_more_memory(tmp_path: Path) -> None:
+    arguments = ["--engine", "ideal", "--fidelity", "minimal", "--jobs", "1", "--keep-lines"]
+    few, many = (
+        peak_bytes(tmp_path, "scan", "--out", f"out{n}", "--lines", str(n), *arguments)
+        for n in (FEW, MANY)
+    )
+    assert many - few < ROOM, (few, many)
+    assert (tmp_path / f"out{MANY}" / "lines.npz").stat().st_size > 4 * ROOM
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".npz"])
+def test_a_replay_of_more_lines_takes_no_more_memory(tmp_path: Path, suffix: str) -> None:
+    peaks = []
+    for count in (FEW, MANY):
+        lines = np.full((count, CONFIG.sensor.line_length), 60, np.uint16)
+        path = tmp_path / f"lines{count}{suffix}"
+        if suffix == ".npy":
+            np.save(path, lines)
+        else:
+            np.savez_compressed(path, lines=lines)
+        arguments = ["--engine", "ideal", "--jobs", "1", "--out", "points.csv"]
+        peaks.append(peak_bytes(tmp_path, "replay", str(path), *arguments))
+    assert peaks[1] - peaks[0] < ROOM, peaks

@@ -1,0 +1,131 @@
+"""Recorded lines a block at a time: what is read, what is refused, and what is written."""
+
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from test_lines import BAD_ARCHIVES
+
+from vrscan.config import Config
+from vrscan.errors import InputError
+from vrscan.lines import Lines, archive, joined, opened, part, read
+from vrscan.scene.simulate import take
+
+pytestmark = pytest.mark.filterwarnings("ignore::vrscan.errors.InputWarning")
+
+SEED = 20100301
+CONFIG = Config()
+COUNT = 23
+
+
+def arrays() -> dict[str, Any]:
+    rng = np.random.default_rng(SEED)
+    return {
+        "lines": rng.integers(0, 4096, (COUNT, 2048), np.uint16),
+        "angle_rad": rng.uniform(-1.0, 1.0, COUNT).astype(np.float32),
+        "power": rng.integers(0, 65536, COUNT, np.uint16),
+        "mirror_flags": rng.integers(0, 8, COUNT, np.uint8),
+        "more": np.array("text"),
+    }
+
+
+def in_blocks(path: Path, size: int) -> Lines:
+    with opened(path, CONFIG) as recorded:
+        blocks = list(recorded.blocks(size))
+    assert recorded.count == sum(map(len, blocks))
+    assert all(len(block) == size for block in blocks[:-1])
+    return joined(blocks)
+
+
+def same(first: Lines, second: Lines) -> bool:
+    names = ("lines", "angle_rad", "power", "mirror_flags")
+    return all(np.array_equal(getattr(first, n), getattr(second, n)) for n in names)
+
+
+@pytest.mark.parametrize("size", [1, 5, COUNT, 1000])
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_blocks_are_what_is_read_whole(tmp_path: Path, order: Any, size: int) -> None:
+    given = arrays()
+    given["lines"] = np.asarray(given["lines"].astype(">u2"), order=order)
+    np.savez(tmp_path / "plain.npz", **given)
+    np.savez_compressed(tmp_path / "packed.npz", **given)
+    np.save(tmp_path / "lines.npy", given["lines"])
+    for name in ("plain.npz", "packed.npz", "lines.npy"):
+        assert same(in_blocks(tmp_path / name, size), read(tmp_path / name, CONFIG)), name
+
+
+@pytest.mark.parametrize("name", BAD_ARCHIVES)
+def test_blocks_are_refused_as_the_whole_is(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "lines.npz"
+    np.savez(path, **BAD_ARCHIVES[name][0])
+    with pytest.raises(InputError) as whole:
+        read(path, CONFIG)
+    for size in (1, 100):
+        with pytest.raises(InputError) as blocks:
+            in_blocks(path, size)
+        assert str(blocks.value) == str(whole.value)
+
+
+@pytest.mark.parametrize("name", ["lines.npy", "plain.npz", "packed.npz"])
+def test_damage_is_an_input_error_or_lines_of_the_right_kind(tmp_path: Path, name: str) -> None:
+    rng = np.random.default_rng(SEED)
+    given = arrays()
+    np.save(tmp_path / "lines.npy", given["lines"])
+    np.savez(tmp_path / "plain.npz", **given)
+    np.savez_compressed(tmp_path / "packed.npz", **given)
+    whole = (tmp_path / name).read_bytes()
+    path = tmp_path / f"damaged_{name}"
+    refusals: list[str] = []
+    for trial in range(200):
+        damaged = bytearray(whole)
+        place = int(rng.integers(0, 200 if trial % 2 else len(whole)))
+        place = place if trial % 4 < 2 else len(whole) - 1 - place
+        damaged[place] = int(rng.integers(0, 256))
+        path.write_bytes(damaged[: place + 1] if trial % 10 == 0 else damaged)
+        try:
+            found = in_blocks(path, 5)
+        except InputError as error:
+            refusals.append(str(error))
+        else:
+            assert found.lines.shape[1] == 2048
+            assert found.lines.max() <= 4095
+    assert len(refusals) > 20
+    assert not any("\n" in refusal for refusal in refusals)
+
+
+def test_a_changed_pixel_of_an_archive_is_noticed_in_any_block(tmp_path: Path) -> None:
+    path = tmp_path / "lines.npz"
+    np.savez(path, **arrays())
+    whole = bytearray(path.read_bytes())
+    with zipfile.ZipFile(path) as packed:
+        place = packed.getinfo("lines.npy").header_offset + 1000 + 2 * 2048 * (COUNT - 1)
+    whole[place] ^= 1
+    path.write_bytes(whole)
+    with pytest.raises(InputError, match="CRC"):
+        in_blocks(path, 5)
+
+
+@pytest.mark.parametrize("sizes", [[1], [20, 3], [7]])
+def test_an_archive_of_blocks_is_read_again(tmp_path: Path, sizes: list[int]) -> None:
+    recording = take("default", 30, CONFIG).lines
+    truth = recording.truth
+    assert truth is not None
+    path = tmp_path / "lines.npz"
+    with path.open("wb") as file, archive(file, 30, 2048, truth.names) as write:
+        start, turn = 0, 0
+        while start < 30:
+            size = sizes[turn % len(sizes)]
+            write(part(recording, slice(start, start + size)))
+            start, turn = start + size, turn + 1
+    back = read(path, CONFIG)
+    assert np.array_equal(back.lines, recording.lines)
+    assert np.array_equal(back.angle_rad, recording.angle_rad)
+    assert np.array_equal(back.power, recording.power)
+    with np.load(path) as kept:
+        assert np.array_equal(kept["true_x_mm"], truth.x_mm, equal_nan=True)
+        assert np.array_equal(kept["true_z_mm"], truth.z_mm, equal_nan=True)
+        assert np.array_equal(kept["true_position_px"], truth.position_px, equal_nan=True)
+        assert np.array_equal(kept["surface"], truth.surface)
+        assert tuple(kept["surface_names"]) == truth.names
