@@ -56,6 +56,25 @@ def test_a_scan_writes_its_files_and_its_table(
     assert command(monkeypatch, *arguments) == 0
 
 
+@pytest.mark.soak
+@pytest.mark.parametrize("scene", shipped())
+def test_a_scene_in_full_has_the_same_points_whoever_computes_them(
+    tmp_path: Path, scene: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """RTL in one process and its model in two, in both modes."""
+    accurate = tmp_path / "two_pass.toml"
+    accurate.write_text('[peak]\nwindow = "two_pass"\n')
+    for mode in ([], ["--config", str(accurate)]):
+        points = []
+        for engine, jobs in (("rtl", "1"), ("fixed", "2")):
+            out = tmp_path / f"{engine}{len(mode)}"
+            how = ["--engine", engine, "--jobs", jobs, "--lines", "4000", "--fidelity", "full"]
+            assert command(monkeypatch, "scan", scene, "--out", str(out), *how, *mode) == 0
+            points.append((out / "points.csv").read_bytes())
+        assert points[0] == points[1]
+        assert points[0].count(b"\n") == 4001
+
+
 def test_replay_of_a_scan_gives_its_points(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scan, points = tmp_path / "scan", tmp_path / "points.csv"
     arguments = ["--out", str(scan), "--engine", "ideal", "--lines", "200", "--keep-lines"]
