@@ -114,7 +114,7 @@ def test_an_interrupt_of_all_processes_leaves_no_file_and_no_process(
     """The signal goes to the whole group, as Ctrl-C does, when blocks are on their way."""
     arguments = ["--lines", "200000", "--engine", "ideal", "--jobs", "2", "--fidelity", "minimal"]
     process = subprocess.Popen(
-        [sys.executable, "-m", "vrscan.cli", "scan", "--out", "scan", *arguments],
+        [sys.executable, "-m", "vrscan", "scan", "--out", "scan", *arguments],
         env=os.environ | {"PYTHONPATH": str(repository_root() / "model")},
         cwd=tmp_path,
         stdout=subprocess.PIPE,
@@ -129,6 +129,7 @@ def test_an_interrupt_of_all_processes_leaves_no_file_and_no_process(
 
     deadline = time.monotonic() + 120
     while written() < 100_000 and time.monotonic() < deadline:
+        assert process.poll() is None, process.communicate()[1]
         time.sleep(0.02)
     os.killpg(process.pid, signum)
     _, err = process.communicate(timeout=60)
