@@ -37,9 +37,9 @@ from vrscan.tools import (
 CLOCK_NS = 8
 
 
-def in_volume(value: int | str) -> ParameterSet:
-    """Return a parameter that only the long tests take, which make soak runs."""
-    return pytest.param(value, marks=pytest.mark.soak)
+def in_volume(*values: int | str) -> ParameterSet:
+    """Return parameters that only the long tests take, which make soak runs."""
+    return pytest.param(*values, marks=pytest.mark.soak)
 
 
 # A test of RTL whose cocotb tests ask ``rounds`` comes in both volumes.

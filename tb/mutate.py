@@ -796,9 +796,12 @@ FAULTS = [
         test="accuracy_scan_angle",
     ),
     *faults(
+        "model/vrscan/contract.py",
+        ("one flag too many", "2**pkg.MIRROR_FLAG_WIDTH - 1", "2**pkg.MIRROR_FLAG_WIDTH"),
+    ),
+    *faults(
         "model/vrscan/lines.py",
-        ("one flag too many", "MIRROR_FLAGS_ALL = 7", "MIRROR_FLAGS_ALL = 8"),
-        ("flags are dropped", "mirror_flags=raised.astype(np.int64)", "mirror_flags=0"),
+        ("flags are dropped", 'arrays.get("mirror_flags", 0)', "0"),
     ),
     *faults(
         "model/vrscan/engines.py",

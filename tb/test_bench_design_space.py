@@ -223,6 +223,7 @@ def test_cells_are_counted_as_make_timing_counts_them() -> None:
     assert counted == {"lut": 7, "ff": 0, "ebr": 0, "dsp": 0.5}
 
 
+@pytest.mark.soak
 def test_a_smaller_part_takes_less() -> None:
     (part,) = (part for part in PARTS if part.module == "cordic_vector")
     small = replace(SHIPPED, sine_width=16, angle_width=12, rotations=8)

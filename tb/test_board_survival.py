@@ -187,8 +187,9 @@ def show(baud: int, points: float, line_rate: float) -> None:
     )
 
 
-@pytest.mark.parametrize("count", [30_000, in_volume(1_000_000)])
-def test_random_bytes(board: Board, count: int) -> None:
+@pytest.mark.parametrize(("name", "count"), [("slow_board", 30_000), in_volume("board", 1_000_000)])
+def test_random_bytes(name: str, count: int, request: pytest.FixtureRequest) -> None:
+    board: Board = request.getfixturevalue(name)
     chance = generator(1)
     data = chance.integers(0, 256, count, dtype=np.uint8)
     # Frames of some 22 bytes, and behind them some of 256.
@@ -198,14 +199,16 @@ def test_random_bytes(board: Board, count: int) -> None:
     ends = Counter(decoder.take(byte).status for byte in data.tolist())
     assert ends[FrameStatus.OK] == 0, "another seed: the noise has a good frame"
     bad = {f"frames_{s.name.lower()}": n for s, n in ends.items() if s is not None}
-    assert set(bad) == set(FRAMES) and max(bad.values()) < 0xFFFF
+    assert set(bad) <= set(FRAMES) and max(bad.values()) < 0xFFFF
+    assert len(bad) == len(FRAMES) or count < 1_000_000
 
     with connected(board) as device:
-        device.set_baud(FAST_BAUD)
+        baud = device.build.clock_hz // 8
+        device.set_baud(baud)
         settings, before = settings_of(device), device.read_many(COUNTERS)
         device._disconnect()
     begin, clocks = time.monotonic(), board.clocks()
-    with Wire(board.port, FAST_BAUD) as wire:
+    with Wire(board.port, baud) as wire:
         wire.send(data.tobytes())
         *refused, reply = wire.command(Command.PING, b"alive", before=b"\0")
         assert reply[2:] == b"\0alive"
@@ -213,7 +216,7 @@ def test_random_bytes(board: Board, count: int) -> None:
         assert {each[:3] for each in refused} == {bytes([0xFF, 0, Status.BAD_FRAME])}
     wall = time.monotonic() - begin
     clocks = board.clocks() - clocks
-    with connected(board, FAST_BAUD) as device:
+    with connected(board, baud) as device:
         now = device.read_many(COUNTERS)
         after = settings_of(device)
         assert {name: after[name] for name in after if after[name] != settings[name]} == {}
@@ -227,11 +230,17 @@ def test_random_bytes(board: Board, count: int) -> None:
         passes(device)
 
 
-def test_points_that_a_slow_line_has_no_room_for(board: Board) -> None:
-    baud = 115_200
+@pytest.mark.parametrize(
+    ("name", "baud", "line_rate"),
+    [("slow_board", 500_000, 9000), in_volume("board", 115_200, LINE_RATE)],
+)
+def test_points_that_a_slow_line_has_no_room_for(
+    name: str, baud: int, line_rate: int, request: pytest.FixtureRequest
+) -> None:
+    board: Board = request.getfixturevalue(name)
     with connected(board) as device, selftest.arranged(device):
         clock = device.build.clock_hz
-        endless(device, clock // LINE_RATE)
+        endless(device, clock // line_rate)
         before = device.read("points_dropped")
         device.set_baud(baud)
         with device.stream(False) as points:
@@ -258,7 +267,7 @@ def test_points_that_a_slow_line_has_no_room_for(board: Board) -> None:
         # A packet's header counts what was dropped until it was written.
         assert account.missing == (gap - 1).sum() <= account.dropped
         rate = (account.records - first.records) * clock / (end - start)
-        show(baud, rate, LINE_RATE)
+        show(baud, rate, line_rate)
         assert rate > 0.85 * baud * BATCH / (10 * PACKET_BYTES)
     with connected(board) as device:
         passes(device)
@@ -382,6 +391,7 @@ def test_a_storm_of_commands_while_the_mirror_runs(slow_board: Board, commands: 
         passes(device)
 
 
+@pytest.mark.soak
 def test_a_rate_that_no_host_follows(slow_board: Board) -> None:
     with connected(slow_board) as device:
         before = device.read("uart_fallbacks")
@@ -397,9 +407,9 @@ def test_a_rate_that_no_host_follows(slow_board: Board) -> None:
         passes(device)
 
 
-@pytest.mark.parametrize("share", [40, in_volume(10)])  # of a second
-def test_the_rate_of_the_scan_at_4_mbaud(board: Board, share: int) -> None:
-    baud = 4_000_000
+@pytest.mark.soak
+def test_the_rate_of_the_scan_at_4_mbaud(board: Board) -> None:
+    baud, share = 4_000_000, 10  # of a second
     with connected(board) as device:
         clock = device.build.clock_hz
         device.set_baud(baud)

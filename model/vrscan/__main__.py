@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 from collections.abc import Callable
 from types import FrameType
 
@@ -21,6 +22,14 @@ def main() -> None:
             _on_interrupt(_end)
     except KeyboardInterrupt:
         _end(signal.SIGINT, None)
+    except SystemExit as end:
+        if end.code == EXIT_INTERRUPTED:
+            # All is tidied up. Python itself would end by the signal, not with the status, where
+            # the interrupt came within an exec(), of which imports have many.
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(EXIT_INTERRUPTED)
+        raise
 
 
 def _on_interrupt(handler: Callable[[int, FrameType | None], None]) -> None:

@@ -11,6 +11,7 @@ import logging
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
     CancelledError,
@@ -140,13 +141,22 @@ def _executor(scheduler: str | None, workers: int) -> Iterator[Executor]:
 def _deaf() -> Iterator[None]:
     """Leave Ctrl-C to this process, which waits for the results, and not to those started here.
 
-    They inherit what is blocked, from their first moment on. Here it is heard afterwards.
+    They inherit what is blocked, from their first moment on. Here it is heard afterwards: blocking
+    alone would not do, as any other thread may take it, and Python then raises it in this one.
     """
+    if threading.current_thread() is not threading.main_thread():
+        yield  # which hears nothing anyway
+        return
+    heard: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, _: heard.append(number))
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.signal(signal.SIGINT, handler)
+        if heard:
+            signal.raise_signal(signal.SIGINT)
 
 
 def check(scheduler: str) -> None:
