@@ -79,11 +79,14 @@ def version(work: str) -> str:
     for name, file in files(work).items():
         digest.update(name.encode())
         digest.update(file.read_bytes())
-    distributions = metadata.packages_distributions()
+    distributions = _distributions()
     for library in sorted(_closure(work)[1]):
         for each in sorted(set(distributions.get(library, ()))):
             digest.update(f"{each} {metadata.version(each)}".encode())
     return digest.hexdigest()
+
+
+_distributions = cache(metadata.packages_distributions)  # it reads what every package has
 
 
 def files(work: str) -> dict[str, Path]:
