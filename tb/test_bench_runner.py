@@ -130,9 +130,7 @@ def test_a_change_of_any_module_that_is_used_is_another_version(tmp_path: Path) 
     spots = {detect.WORK, tune.WORK, design.NOISY}
     for file, concerned in (
         ("model/vrscan/scene/description.py", light | spots),
-        ("model/vrscan/scene/ghosts.py", light),
         ("model/vrscan/scene/scenes/default.toml", light - {cost.WORK}),
-        ("model/vrscan/bench/widths.py", {design.NOISY, design_cost.WORK}),
         ("model/vrscan/link/stream.py", set()),
     ):
         with (tmp_path / file).open("a") as changed:

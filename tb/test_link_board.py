@@ -138,6 +138,7 @@ def test_points_and_a_line_at_once_and_one_host_after_another(board: Board) -> N
         assert device.traffic.unasked == before
 
 
+@pytest.mark.soak
 def test_another_rate_and_back(board: Board) -> None:
     with Device(str(board.port), timeout=TIMEOUT_S) as device:
         device.set_baud(1_000_000)

@@ -10,11 +10,13 @@ from cocotb.triggers import FallingEdge, Timer
 from frame_oracle import random_bytes
 from harness import (
     CLOCK_NS,
+    EACH_VOLUME,
     TwinBench,
     as_integer,
     generator,
     parameters,
     reset,
+    rounds,
     simulate,
 )
 
@@ -331,9 +333,10 @@ async def a_reply_waits_for_one_packet_and_the_encoder(dut) -> None:
     most = 0
     bound = MOST_BEFORE_REPLY + len(encode_frame(bytes([0x81, 0, 0])))
     for k in range(bench.streams):
-        bench.waiting[k].extend(bench.packet(0x40 + k) for _ in range(20 // bench.streams))
+        count = rounds(12, 60) // bench.streams
+        bench.waiting[k].extend(bench.packet(0x40 + k) for _ in range(count))
     await bench.clocks(bench.bits(2500))
-    for number in range(4):
+    for number in range(rounds(2, 12)):
         await bench.send(encode_frame(command(Command.PING, number)))
         at = len(bench.bytes)
         asked = bench.clock
@@ -564,9 +567,10 @@ async def glitches_stop_at_their_largest_count(dut) -> None:
     pulses.stop()
 
 
+@EACH_VOLUME
 @pytest.mark.parametrize("given", ELABORATIONS, ids=lambda given: f"{given['Baud']}")
-def test_uart_link_rtl_equals_model(given: dict[str, int]) -> None:
-    simulate("uart_link", __file__, given)
+def test_uart_link_rtl_equals_model(given: dict[str, int], volume: str) -> None:
+    simulate("uart_link", __file__, given, volume=volume)
 
 
 # ---- the model alone ----
