@@ -20,8 +20,7 @@ from vrscan.scene.description import shipped
 from vrscan.scene.simulate import take
 from vrscan.tools import repository_root
 
-
-# A mesh, mirror and glass, the sun, a panning scanner: every kind of light. The others are like them.
+# Meshes, mirrors, glass, the sun, a panning scanner: every kind of light.
 FEW = ("default", "bolt", "bust", "glossy", "sunlit", "window-ghost")
 SCENES = [scene if scene in FEW else in_volume(scene) for scene in shipped()]
 
