@@ -18,7 +18,7 @@ from vrscan.board import Board
 from vrscan.cli import app
 from vrscan.lines import read as read_lines
 from vrscan.link import selftest
-from vrscan.link.device import Device
+from vrscan.link.device import RUN, Device
 from vrscan.link.transport import LinkError, UnpluggedError
 
 TIMEOUT_S = 60.0
@@ -141,6 +141,9 @@ def test_points_and_a_line_at_once_and_one_host_after_another(board: Board) -> N
 @pytest.mark.soak
 def test_another_rate_and_back(board: Board) -> None:
     with Device(str(board.port), timeout=TIMEOUT_S) as device:
+        if device.read("mirror_state") != RUN:  # of the tests above none has started it
+            device.load(CONFIG)
+            device.start()
         device.set_baud(1_000_000)
         with device.stream(False, 50) as points:
             assert points.get(TIMEOUT_S) is not None
