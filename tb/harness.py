@@ -78,17 +78,26 @@ class _Verilator(Verilator):
         return [verilate, [*make, *shared]]
 
 
+def _answer(command: Sequence[str], environment: Mapping[str, str]) -> str:
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
 def _runtime(environment: Mapping[str, str]) -> Path:
     """Return the folder of the runtime that all models share, built if it is missing.
 
     Raises:
         RuntimeError: if the compiler fails.
     """
-    include = Path(environment["VERILATOR_ROOT"]) / "include"
+    root = environment.get("VERILATOR_ROOT")
+    if root is None:  # a Verilator of the machine's own
+        root = _answer(["verilator", "--getenv", "VERILATOR_ROOT"], environment)
+    include = Path(root) / "include"
     compiler = shlex.split(environment.get("CXX", "c++"))
-    version = subprocess.run([*compiler, "--version"], capture_output=True, check=True).stdout
-    digest = hashlib.sha256(repr((_MODEL_FLAGS, _RUNTIME_FLAGS, str(include))).encode() + version)
-    digest.update(Path(__file__).read_bytes())
+    version = _answer([*compiler, "--version"], environment)
+    digest = hashlib.sha256(repr((_MODEL_FLAGS, _RUNTIME_FLAGS, root, version)).encode())
+    for file in (Path(__file__), include / "verilated_config.h"):
+        digest.update(file.read_bytes())
     folder = build_folder() / "sim" / f"runtime_{digest.hexdigest()[:10]}"
     folder.mkdir(parents=True, exist_ok=True)
     done = folder / "done"
