@@ -17,7 +17,7 @@
 //                 the sensor that is cut off by that counts as unfinished.  Their points carry
 //                 test_angle and test_power, and nothing of mirror and laser
 //   Model         each module's own.  tb/test_link_board.py lets this top compute on the virtual board,
-//                 and compares every field of every point with vrscan.chain
+//                 and compares every field of every point with vrscan.fixed.vrscan_chain
 
 `default_nettype none
 

@@ -11,10 +11,10 @@
 //   left_o, right_o   meaningless where width_o is 0; with window_two_pass_i of the second window
 //   position_o, sigma_o, x_o, z_o, sigma_z_o  meaningless where measured_o is 0
 //   valid_o, ready_i  a point that nobody took is kept and the next one dropped and counted
-//   Latency  vrscan.chain.latency(width) clocks from the last pixel with its line_end_i to valid_o:
+//   Latency  vrscan.fixed.vrscan_chain.latency(width) clocks from the last pixel with its line_end_i to valid_o:
 //            a constant plus twice the window, with two passes plus the first window and another
 //            constant, or a third constant where nothing is measured
-//   Model    vrscan.chain, bit-exact
+//   Model    vrscan.fixed.vrscan_chain, bit-exact
 
 `default_nettype none
 

@@ -1,6 +1,6 @@
 // vrscan_pkg: the widths, formats and flag bits that all rooms agree on.
 //
-// scripts/generate.py writes every localparam into model/vrscan/fixed/pkg.py, so a number stands
+// scripts/generate.py writes every localparam into model/vrscan/data/pkg.py, so a number stands
 // here and nowhere else.  Values are plain numbers or sums and differences of earlier names.
 
 `default_nettype none

@@ -22,9 +22,9 @@ from rich.markup import escape
 from rich.table import Table
 from timing import SEEDS, ToolError, run
 
-from vrscan.report.numbers import replace_block
-from vrscan.report.readme import linked
-from vrscan.tools import build_folder, repository_root, rtl_boards, rtl_closure
+from vrscan.engines.tools import build_folder, repository_root, rtl_boards, rtl_closure
+from vrscan.study.report.numbers import replace_block
+from vrscan.study.report.readme_tables import linked
 
 ROOT = repository_root()
 

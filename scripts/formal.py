@@ -21,7 +21,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from vrscan.tools import build_folder, repository_root
+from vrscan.engines.tools import build_folder, repository_root
 
 ROOT = repository_root()
 BIN = Path(sys.executable).parent

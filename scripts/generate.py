@@ -1,12 +1,12 @@
 """Write what is generated from a single home elsewhere; with --check only say what is stale.
 
-* ``rtl/vrscan_pkg.sv`` -> ``model/vrscan/fixed/pkg.py``: every width and flag bit.
-* ``rtl/link/link_pkg.sv`` -> ``model/vrscan/fixed/link_pkg.py``: the numbers of the protocol.
+* ``rtl/vrscan_pkg.sv`` -> ``model/vrscan/data/pkg.py``: every width and flag bit.
+* ``rtl/link/link_pkg.sv`` -> ``model/vrscan/data/link_pkg.py``: the numbers of the protocol.
 * ``vrscan.fixed.quarter_wave.table()`` -> ``rtl/trig/quarter_wave_rom.sv``.
 * ``vrscan.fixed.cordic_vector`` -> ``rtl/trig/cordic_pkg.sv``: the angles of the iterations.
 * ``vrscan.fixed.peak_refine`` -> ``rtl/peak/spot_sigma_pkg.sv``: a spot's width by its harmonic.
 * ``rtl/link/registers.toml`` -> ``rtl/link/register_file.sv``, ``register_pkg.sv`` and
-  ``register_bank.sv``, ``docs/registers.md`` and ``model/vrscan/link/register_map.py``: every
+  ``register_bank.sv``, ``docs/registers.md`` and ``model/vrscan/registers/register_map.py``: every
   register.
 """
 
@@ -118,15 +118,15 @@ def register_bank() -> str:
 
 
 TARGETS: dict[str, Callable[[], str]] = {
-    "model/vrscan/fixed/pkg.py": package,
-    "model/vrscan/fixed/link_pkg.py": link_package,
+    "model/vrscan/data/pkg.py": package,
+    "model/vrscan/data/link_pkg.py": link_package,
     "rtl/trig/quarter_wave_rom.sv": quarter_wave_rom,
     "rtl/trig/cordic_pkg.sv": cordic_package,
     "rtl/peak/spot_sigma_pkg.sv": spot_sigma_package,
     "rtl/link/register_file.sv": register_file,
     "rtl/link/register_pkg.sv": register_package,
     "rtl/link/register_bank.sv": register_bank,
-    "model/vrscan/link/register_map.py": register_map,
+    "model/vrscan/registers/register_map.py": register_map,
     "docs/registers.md": register_page,
     "tb/devices/odd_registers.sv": odd_register_file,
 }

@@ -11,7 +11,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from vrscan.tools import (
+from vrscan.engines.tools import (
     repository_root,
     rtl_boards,
     rtl_closure,

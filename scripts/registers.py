@@ -16,11 +16,11 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
-from vrscan.config import complaint
-from vrscan.config import load as load_config
-from vrscan.errors import InputError
-from vrscan.fixed import link_pkg, pkg
-from vrscan.registers import Registers as ChainRegisters
+from vrscan.data import link_pkg, pkg
+from vrscan.data.config import complaint
+from vrscan.data.config import load as load_config
+from vrscan.data.errors import InputError
+from vrscan.registers.chain_registers import Registers as ChainRegisters
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = "rtl/link/registers.toml"
@@ -678,7 +678,7 @@ HEADER = """\
 //   Tables        an entry goes out with its last field, the others are those written before; a
 //                 reset leaves what was written for the bus to read
 //   Latency       {latency} clocks from bus_valid_i to bus_done_o
-//   Model         vrscan.fixed.register_file, bit-exact
+//   Model         vrscan.clocked.register_file, bit-exact
 
 `default_nettype none
 

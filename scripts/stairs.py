@@ -20,12 +20,13 @@ from rich.progress import Progress
 from rich.table import Table as RichTable
 from scipy.optimize import least_squares
 
-from vrscan import config as configuration
-from vrscan import engines, lines
-from vrscan.arrays import Bools, Floats, Pixels
-from vrscan.engines import Engine
-from vrscan.errors import InputError
-from vrscan.table import Table
+from vrscan.data import config as configuration
+from vrscan.data import line_files
+from vrscan.data.arrays import Bools, Floats, Pixels
+from vrscan.data.errors import InputError
+from vrscan.data.table import Table
+from vrscan.engines import engine as engines
+from vrscan.engines.engine import Engine
 
 USABLE_SHARE = 0.05  # of full scale, maximum above median
 GOAL_VALID = 0.95
@@ -129,7 +130,7 @@ def experiment(path: Path, engine: Engine, config_path: Path | None = None) -> O
         InputError: if the file is not the staircase's.
     """
     config = configuration.load(config_path)
-    recording = lines.read(path, config)
+    recording = line_files.read(path, config)
     with np.load(path) as arrays:
         if "height_mm" not in arrays.files:
             raise InputError(f"{path}: no array named height_mm")

@@ -24,9 +24,9 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from vrscan.report.numbers import replace_block
-from vrscan.report.readme import linked
-from vrscan.tools import build_folder, repository_root, rtl_closure, rtl_module, rtl_modules
+from vrscan.engines.tools import build_folder, repository_root, rtl_closure, rtl_module, rtl_modules
+from vrscan.study.report.numbers import replace_block
+from vrscan.study.report.readme_tables import linked
 
 TARGET_MHZ = 125
 DEVICE = ["--85k", "--speed", "6", "--package", "CABGA381"]

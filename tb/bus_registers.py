@@ -1,7 +1,7 @@
 """A few registers on the bus of the link, in plain Python: every status is among their answers."""
 
-from vrscan.fixed import link_pkg
-from vrscan.fixed.command_server import Access, Answer
+from vrscan.clocked.command_server import Access, Answer
+from vrscan.data import link_pkg
 
 FIRST = 0x100  # of the free registers
 COUNT = 64

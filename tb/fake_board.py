@@ -21,14 +21,13 @@ from pathlib import Path
 import numpy as np
 from frame_oracle import frame
 
-from vrscan.arrays import Pixels
-from vrscan.fixed import link_pkg
-from vrscan.fixed.command_server import Access, Answer, Outcome, bad_frame, execute
-from vrscan.fixed.frame_decoder import FrameDecoder, Status
-from vrscan.fixed.point_packer import most_records
-from vrscan.fixed.register_file import RegisterFile
-from vrscan.link import records
-from vrscan.link.records import Records
+from vrscan.clocked.command_server import Access, Answer, Outcome, bad_frame, execute
+from vrscan.clocked.frame_decoder import FrameDecoder, Status
+from vrscan.clocked.point_packer import most_records
+from vrscan.clocked.register_file import RegisterFile
+from vrscan.data import link_pkg, records
+from vrscan.data.arrays import Pixels
+from vrscan.data.records import Records
 
 CLOCK_HZ = 100_000_000
 LINE_LENGTH = 1024

@@ -25,7 +25,7 @@ from cocotb.triggers import FallingEdge, ReadOnly, RisingEdge
 from cocotb_tools.runner import Verilator
 from filelock import FileLock
 
-from vrscan.tools import (
+from vrscan.engines.tools import (
     build_folder,
     repository_root,
     rtl_folders,

@@ -21,7 +21,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from vrscan.tools import repository_root
+from vrscan.engines.tools import repository_root
 
 PARTS = ("rtl", "tb", "model", "scripts", "pyproject.toml")
 SECONDS = 200  # a test that takes longer hangs, which is red too
@@ -796,15 +796,15 @@ FAULTS = [
         test="accuracy_scan_angle",
     ),
     *faults(
-        "model/vrscan/contract.py",
+        "model/vrscan/data/contract.py",
         ("one flag too many", "2**pkg.MIRROR_FLAG_WIDTH - 1", "2**pkg.MIRROR_FLAG_WIDTH"),
     ),
     *faults(
-        "model/vrscan/lines.py",
+        "model/vrscan/data/lines.py",
         ("flags are dropped", 'arrays.get("mirror_flags", 0)', "0"),
     ),
     *faults(
-        "model/vrscan/engines.py",
+        "model/vrscan/engines/engine.py",
         (
             "no flags for the model",
             "progress, mirror_flags=raised))\n    from",
@@ -813,12 +813,12 @@ FAULTS = [
         test="cli_scan",
     ),
     *faults(
-        "model/vrscan/registers.py",
+        "model/vrscan/registers/chain_registers.py",
         ("offset's sign", "base * cosine - offset * sine", "base * cosine + offset * sine"),
         ("angles round down", "(half / np.pi) + 0.5)", "(half / np.pi))"),
     ),
     *faults(
-        "model/vrscan/points.py",
+        "model/vrscan/data/points.py",
         ("variance's format", "VARIANCE_WIDTH - 2 * points", "VARIANCE_WIDTH - 1 * points"),
     ),
     # ---- the equations ----

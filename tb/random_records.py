@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vrscan.fixed import pkg
-from vrscan.link.records import FULL, Records
+from vrscan.data import pkg
+from vrscan.data.records import FULL, Records
 
 LENGTHS = ("x", "z")
 

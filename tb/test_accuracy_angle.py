@@ -2,7 +2,7 @@
 
 import pytest
 
-from vrscan.report.accuracy import cordic
+from vrscan.study.report.accuracy import cordic_accuracy as cordic
 
 
 def test_angle_within_bound_and_limit_at_every_amplitude() -> None:

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from vrscan.config import Geometry
-from vrscan.report.accuracy import geometry
+from vrscan.data.config import Geometry
+from vrscan.study.report.accuracy import geometry_accuracy as geometry
 
 
 def test_points_within_bound_and_limit() -> None:

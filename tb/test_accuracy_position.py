@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from vrscan.report.accuracy import position
-from vrscan.report.accuracy.figure import Figure
+from vrscan.study.report.accuracy import position_accuracy as position
+from vrscan.study.report.accuracy.figure import Figure
 
 
 def figures(period_n: bool, every: int = 3) -> list[Figure]:

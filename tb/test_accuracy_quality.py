@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from vrscan.config import Config
-from vrscan.report.accuracy import quality
+from vrscan.data.config import Config
+from vrscan.study.report.accuracy import quality_accuracy as quality
 
 
 def test_snr_and_sigma_within_bound_and_limit() -> None:

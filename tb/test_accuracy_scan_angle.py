@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from vrscan.fixed import pkg
-from vrscan.report.accuracy import angle
+from vrscan.data import pkg
+from vrscan.study.report.accuracy import angle_accuracy as angle
 
 TURN = 1 << pkg.PHASE_WIDTH
 

@@ -4,7 +4,7 @@ import math
 
 from scipy.stats import chi2, norm
 
-from vrscan.report.accuracy import scatter
+from vrscan.study.report.accuracy import scatter_accuracy as scatter
 
 COUNT = 1_000
 CHANCE = norm.sf(4.0)  # of either end: four deviations

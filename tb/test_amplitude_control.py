@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from harness import EACH_VOLUME, TwinBench, as_integer, drive, generator, reset, rounds, simulate
 
-from vrscan.fixed import pkg
-from vrscan.fixed.amplitude_control import (
+from vrscan.clocked.amplitude_control import (
     CONFIDENCE_FRACTION,
     LATENCY,
     MOST_IDLE,
     AmplitudeControl,
     Settings,
 )
+from vrscan.data import pkg
 
 OUTPUTS = {
     "level": False,

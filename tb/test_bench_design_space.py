@@ -19,21 +19,31 @@ from harness import assert_equal, generator, reset, run_vectors, simulate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vrscan.bench import design, design_cost, page
-from vrscan.bench.cells import Cell, Figures, plain
-from vrscan.bench.design import Cut, bound, clocks, every, exact, noisy, skewed
-from vrscan.bench.design_cost import PARTS, SECOND_PASS, WHOLE, cell, changed, synthesise, texts
-from vrscan.bench.sections import design_space
-from vrscan.bench.sections.section import Order
-from vrscan.bench.widths import Design
-from vrscan.chain import run_fixed
-from vrscan.config import Config
-from vrscan.fixed import peak_position, phase_correlate, pkg, quarter_wave
+from vrscan.data import pkg
+from vrscan.data.config import Config
+from vrscan.engines.tools import build_folder, repository_root, rtl_module
+from vrscan.fixed import peak_position, phase_correlate, quarter_wave
+from vrscan.fixed.vrscan_chain import run_fixed
 from vrscan.ideal.geometry import project
-from vrscan.registers import Registers
-from vrscan.report.accuracy.position import guarantee
-from vrscan.report.efficiency import PEAKS, SIGMAS_PX
-from vrscan.tools import build_folder, repository_root, rtl_module
+from vrscan.registers.chain_registers import Registers
+from vrscan.study.bench import bench_page as page
+from vrscan.study.bench import design, design_cost
+from vrscan.study.bench.cells import Cell, Figures, plain
+from vrscan.study.bench.design import Cut, bound, clocks, every, exact, noisy, skewed
+from vrscan.study.bench.design_cost import (
+    PARTS,
+    SECOND_PASS,
+    WHOLE,
+    cell,
+    changed,
+    synthesise,
+    texts,
+)
+from vrscan.study.bench.sections import design_space_section as design_space
+from vrscan.study.bench.sections.section import Order
+from vrscan.study.bench.widths import Design
+from vrscan.study.report.accuracy.position_accuracy import guarantee
+from vrscan.study.report.efficiency import PEAKS, SIGMAS_PX
 
 ORDER = Order(Config(), 1, quick=True)
 SHIPPED = Design()

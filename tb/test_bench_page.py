@@ -18,17 +18,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vrscan import cli
-from vrscan.bench import cost, detect, instrument, page, report
-from vrscan.bench.cells import Cell, Figures
-from vrscan.bench.sections import compare, growth, sweeps
-from vrscan.bench.sections import instrument as whole
-from vrscan.bench.sections.section import Order
-from vrscan.bench.spots import Spot, score, take
-from vrscan.config import Config
+from vrscan.cli import app as cli
+from vrscan.data.config import Config
 from vrscan.detectors.catalogue import detectors
-from vrscan.report.efficiency import LOST_PX, PEAKS, SIGMAS_PX, cell_lines
-from vrscan.tools import repository_root
+from vrscan.engines.tools import repository_root
+from vrscan.study.bench import bench_page as page
+from vrscan.study.bench import bench_report as report
+from vrscan.study.bench import cost, detect, instrument
+from vrscan.study.bench.bench_spots import Spot, score, take
+from vrscan.study.bench.cells import Cell, Figures
+from vrscan.study.bench.sections import compare_section as compare
+from vrscan.study.bench.sections import growth_section as growth
+from vrscan.study.bench.sections import instrument_section as whole
+from vrscan.study.bench.sections import sweeps_section as sweeps
+from vrscan.study.bench.sections.section import Order
+from vrscan.study.report.efficiency import LOST_PX, PEAKS, SIGMAS_PX, cell_lines
 
 ORDER = Order(Config(), 1, quick=True)
 OWN = (compare.SECTION, sweeps.SECTION, whole.SECTION, growth.SECTION)  # others have own tests
@@ -367,7 +371,7 @@ def test_bad_input_is_one_line(
 def test_an_interrupt_tells_what_is_kept_and_leaves_no_page(tmp_path: Path) -> None:
     out = tmp_path / "page"
     script = (
-        "import sys; from vrscan import cli; from vrscan.bench import report\n"
+        "import sys; from vrscan import cli; from vrscan.study.bench import report\n"
         "def make(order, folder, *, progress, **_):\n"
         "    import time; progress(3); print('ready', flush=True); time.sleep(60)\n"
         "report.make = make\n"

@@ -15,23 +15,14 @@ from pathlib import Path
 import pytest
 from distributed import LocalCluster
 
-from vrscan import cli
-from vrscan.bench import (
-    cells,
-    cost,
-    design,
-    design_cost,
-    detect,
-    instrument,
-    report,
-    runner,
-    tune,
-)
-from vrscan.bench.cells import Cell, plain
-from vrscan.bench.keep import Keep
-from vrscan.config import Config
-from vrscan.errors import InputError
-from vrscan.tools import repository_root
+from vrscan.cli import app as cli
+from vrscan.data.config import Config
+from vrscan.data.errors import InputError
+from vrscan.engines.tools import repository_root
+from vrscan.study.bench import bench_report as report
+from vrscan.study.bench import cells, cost, design, design_cost, detect, instrument, runner, tune
+from vrscan.study.bench.cells import Cell, plain
+from vrscan.study.bench.keep import Keep
 
 SEED = 11
 NOTED = "bench_work:noted"
@@ -109,7 +100,7 @@ WORKS = (
 
 def versions(root: Path) -> dict[str, str]:
     """Return the versions of the works in a copy of the repository."""
-    script = f"from vrscan.bench.cells import version\nfor w in {WORKS}: print(w, version(w))"
+    script = f"from vrscan.study.bench.cells import version\nfor w in {WORKS}: print(w, version(w))"
     found = subprocess.run(
         [sys.executable, "-c", script],
         env={**os.environ, "PYTHONPATH": str(root / "model")},

@@ -19,15 +19,15 @@ import numpy as np
 import pytest
 from harness import generator
 
-from vrscan.board import Process, status_file
-from vrscan.cli import main
-from vrscan.config import Config
-from vrscan.errors import InputError
+from vrscan.cli.app import main
+from vrscan.data.config import Config
+from vrscan.data.errors import InputError
+from vrscan.engines.board import Process, status_file
+from vrscan.engines.tools import build_folder, repository_root
+from vrscan.engines.verilated import build_program
 from vrscan.scene import library as lines
 from vrscan.scene.description import load
 from vrscan.scene.sensor import bloom, expose_pixels
-from vrscan.tools import build_folder, repository_root
-from vrscan.verilated import build_program
 
 CLOCK_HZ = 10_000_000
 BAUD = 1_000_000

@@ -21,17 +21,18 @@ from test_board import Host
 from test_board_vrscan import CONFIG as SLOW  # its clock is a quarter: its seconds are, too
 from test_board_vrscan import SCENE
 
-from vrscan.board import Board
-from vrscan.fixed import link_pkg, pkg
-from vrscan.fixed.frame_decoder import FrameDecoder
-from vrscan.fixed.frame_decoder import Status as FrameStatus
+from vrscan.clocked.frame_decoder import FrameDecoder
+from vrscan.clocked.frame_decoder import Status as FrameStatus
+from vrscan.data import link_pkg, pkg
+from vrscan.engines.board import Board
 from vrscan.fixed.test_line import least_period
-from vrscan.link import protocol, selftest, values
+from vrscan.link import protocol, selftest
 from vrscan.link.device import BAUD, RUN, Device
 from vrscan.link.protocol import Batch, Command, Status
-from vrscan.link.register_map import REGISTERS
 from vrscan.link.stream import PointStream
 from vrscan.link.transport import NoAnswerError
+from vrscan.registers import values
+from vrscan.registers.register_map import REGISTERS
 
 TIMEOUT_S = 240.0  # of this machine, whatever else it does
 FAST_BAUD = 12_500_000  # an eighth of the clock

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from vrscan.board import Board
-from vrscan.config import Config
-from vrscan.fixed import pkg
+from vrscan.data import pkg
+from vrscan.data.config import Config
+from vrscan.engines.board import Board
 from vrscan.link.device import Device
 from vrscan.scene import library as lines
 from vrscan.scene.description import load

@@ -10,7 +10,7 @@ from harness import (
     in_volume,
 )
 
-from vrscan.calibrate.mirror import (
+from vrscan.calibrate.motion_fit import (
     Motion,
     fit_motion,
     main,
@@ -18,9 +18,9 @@ from vrscan.calibrate.mirror import (
     simulated_map,
     simulated_motion,
 )
-from vrscan.config import Config
-from vrscan.errors import InputError
-from vrscan.ideal.mirror import motion
+from vrscan.data.config import Config
+from vrscan.data.errors import InputError
+from vrscan.ideal.motion import motion
 
 HARMONIC = np.array(
     [
@@ -128,7 +128,7 @@ def shipped_map():
 
 
 def test_the_shipped_map_is_the_simulated_mirrors(shipped_map) -> None:
-    """What `python -m vrscan.calibrate.mirror` prints is the default, to its last digit."""
+    """What `python -m vrscan.calibrate.motion_fit` prints is the default, to its last digit."""
     mirror = Config().mirror
     for found, shipped in (
         (shipped_map.harmonics, mirror.harmonics),
@@ -175,7 +175,7 @@ def test_the_command_prints_the_default(
     """As TOML that a configuration takes; the map is the one of the tests above."""
     point = simulated_motion()
     monkeypatch.setattr(
-        "vrscan.calibrate.mirror.simulated_map", lambda *_: (shipped_map, [point] * 5)
+        "vrscan.calibrate.motion_fit.simulated_map", lambda *_: (shipped_map, [point] * 5)
     )
     main()
     text = capsys.readouterr().out

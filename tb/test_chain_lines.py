@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from harness import generator
 
-from vrscan.chain import MAX_WINDOW, first_windows, latency, run_fixed
-from vrscan.config import Config, Geometry, Peak, Sensor
-from vrscan.fixed import pkg
-from vrscan.points import Points, points_equal
-from vrscan.registers import Registers
-from vrscan.rtl import latencies, run_rtl
+from vrscan.data import pkg
+from vrscan.data.config import Config, Geometry, Peak, Sensor
+from vrscan.data.points import Points, points_equal
+from vrscan.engines.chain_engine import latencies, run_rtl
+from vrscan.fixed.vrscan_chain import MAX_WINDOW, first_windows, latency, run_fixed
+from vrscan.registers.chain_registers import Registers
 
 LENGTH = 2048
 

@@ -12,16 +12,17 @@ import numpy as np
 import pytest
 from harness import generator
 
-from vrscan.chain import run_fixed
-from vrscan.config import Config
-from vrscan.fixed import amplitude_control, mirror_phase, pkg
-from vrscan.fixed.mirror_loop import ANGLE_LATENCY, LINE, MirrorLoop
+from vrscan.clocked import amplitude_control, mirror_phase
+from vrscan.clocked.mirror_loop import ANGLE_LATENCY, LINE, MirrorLoop
+from vrscan.data import pkg
+from vrscan.data.config import Config
+from vrscan.data.points import Points
+from vrscan.engines.chain_engine import run_rtl
+from vrscan.engines.mirror_engine import COUNTS, Mirror, Recording, World
+from vrscan.fixed.vrscan_chain import run_fixed
 from vrscan.ideal.geometry import project
-from vrscan.mirror import COUNTS, Mirror, Recording, World
-from vrscan.mirror_registers import INDEX_TIMEOUT, MirrorRegisters
-from vrscan.points import Points
-from vrscan.registers import Registers
-from vrscan.rtl import run_rtl
+from vrscan.registers.chain_registers import Registers
+from vrscan.registers.mirror_registers import INDEX_TIMEOUT, MirrorRegisters
 from vrscan.scene.sensor import expose, spot_electrons
 
 CLOCK_HZ = 10e6

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vrscan import cli
-from vrscan.tools import repository_root
+from vrscan.cli import app as cli
+from vrscan.engines.tools import repository_root
 
 
 @pytest.fixture
@@ -236,8 +236,8 @@ MOMENTS = (
     "csv",
     "numpy",
     "pydantic",
-    "vrscan.engines",
-    "vrscan.cli",
+    "vrscan.engines.engine",
+    "vrscan.cli.app",
     "matplotlib",
     "vrscan.scene.simulate",
 )

@@ -12,10 +12,10 @@ import pytest
 from scipy.optimize import brentq
 from typer.testing import CliRunner
 
-from vrscan.cli import app, main
-from vrscan.config import load
-from vrscan.ideal.mirror import motion
-from vrscan.report.mirror import COLUMNS, Events, simulate
+from vrscan.cli.app import app, main
+from vrscan.data.config import load
+from vrscan.ideal.motion import motion
+from vrscan.study.report.mirror_report import COLUMNS, Events, simulate
 
 CLOCK = "[clock]\nfrequency_hz = 10e6\n"
 STEP_S = 25e-9  # of the index's samples

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from harness import in_volume
 
-from vrscan import cli
-from vrscan.arrays import Pixels
-from vrscan.config import Config
-from vrscan.points import COLUMNS
+from vrscan.cli import app as cli
+from vrscan.data.arrays import Pixels
+from vrscan.data.config import Config
+from vrscan.data.points import COLUMNS
+from vrscan.engines.tools import repository_root
 from vrscan.scene.description import shipped
 from vrscan.scene.simulate import take
-from vrscan.tools import repository_root
 
 # Meshes, mirrors, glass, the sun, a panning scanner: every kind of light.
 FEW = ("default", "bolt", "bust", "glossy", "sunlit", "window-ghost")

@@ -29,8 +29,7 @@ from harness import (
     simulate,
 )
 
-from vrscan.fixed import link_pkg
-from vrscan.fixed.command_server import (
+from vrscan.clocked.command_server import (
     BAD_FRAME_PLACES,
     COUNT_MAX,
     FRAME_COUNTERS,
@@ -41,8 +40,9 @@ from vrscan.fixed.command_server import (
     answer,
     latency,
 )
-from vrscan.fixed.frame_decoder import FrameDecoder
-from vrscan.fixed.frame_decoder import Status as FrameStatus
+from vrscan.clocked.frame_decoder import FrameDecoder
+from vrscan.clocked.frame_decoder import Status as FrameStatus
+from vrscan.data import link_pkg
 
 # The protocol in plain numbers.
 PING, READ, WRITE, START, STOP, CAPTURE = 0x01, 0x02, 0x03, 0x10, 0x11, 0x12

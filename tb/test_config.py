@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from vrscan.config import HARMONICS, Config, load
-from vrscan.errors import InputError
-from vrscan.fixed import pkg
-from vrscan.registers import Registers
+from vrscan.data import pkg
+from vrscan.data.config import HARMONICS, Config, load
+from vrscan.data.errors import InputError
+from vrscan.registers.chain_registers import Registers
 
 
 def write(folder: Path, text: str) -> Path:

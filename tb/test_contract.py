@@ -10,15 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vrscan import engines
-from vrscan.chain import run_fixed
-from vrscan.config import Config
-from vrscan.engines import Engine
-from vrscan.errors import InputError
+from vrscan.data.config import Config
+from vrscan.data.errors import InputError
+from vrscan.data.lines import Lines
+from vrscan.engines import engine as engines
+from vrscan.engines.chain_engine import run_rtl
+from vrscan.engines.engine import Engine
+from vrscan.fixed.vrscan_chain import run_fixed
 from vrscan.ideal.chain import run as run_ideal
-from vrscan.lines import Lines
-from vrscan.registers import Registers, angle_turns
-from vrscan.rtl import run_rtl
+from vrscan.registers.chain_registers import Registers, angle_turns
 
 LENGTH = 2048
 SPOT = np.full((3, LENGTH), 60, np.uint16)

@@ -11,15 +11,15 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from vrscan.arrays import Floats, Pixels
-from vrscan.bench import tune
-from vrscan.bench.spots import Spot, profile, score, take
-from vrscan.config import Config, Peak, Sensor
+from vrscan.data.arrays import Floats, Pixels
+from vrscan.data.config import Config, Peak, Sensor
 from vrscan.detectors import catalogue, fits, simple
 from vrscan.detectors.catalogue import Detector, detectors
-from vrscan.engines import Engine
+from vrscan.engines.engine import Engine
 from vrscan.ideal.statistics import statistics
 from vrscan.scene.sensor import spot_electrons
+from vrscan.study.bench import tune
+from vrscan.study.bench.bench_spots import Spot, profile, score, take
 
 SIGMAS = (1.0, 2.0, 4.0, 8.0, 12.0)
 SEED = 5

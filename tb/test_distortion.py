@@ -20,11 +20,11 @@ from harness import (
     simulate,
 )
 
-from vrscan.config import Config, Geometry
-from vrscan.fixed import pkg
+from vrscan.data import pkg
+from vrscan.data.config import Config, Geometry
 from vrscan.fixed.distortion import Distorted, distortion, latency, offset_width
 from vrscan.ideal.geometry import undistorted
-from vrscan.registers import Registers
+from vrscan.registers.chain_registers import Registers
 
 ELABORATIONS = [{"LineLength": 2048}, {"LineLength": 2}, {"LineLength": 5000}]
 OUTPUTS = {"offset_o": True, "slope_o": True, "saturated_o": False}

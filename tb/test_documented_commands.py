@@ -9,8 +9,8 @@ import click
 import pytest
 import typer
 
-from vrscan.cli import app
-from vrscan.tools import repository_root
+from vrscan.cli.app import app
+from vrscan.engines.tools import repository_root
 
 ROOT = repository_root()
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vrscan.edges import pairs, read, sample
-from vrscan.errors import InputError
+from vrscan.data.edges import pairs, read, sample
+from vrscan.data.errors import InputError
 
 CLOCK_HZ = 125e6
 

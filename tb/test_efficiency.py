@@ -2,9 +2,9 @@
 
 import pytest
 
-from vrscan.config import Config
-from vrscan.engines import Engine
-from vrscan.report.efficiency import (
+from vrscan.data.config import Config
+from vrscan.engines.engine import Engine
+from vrscan.study.report.efficiency import (
     GOAL_EFFICIENCY,
     GOAL_LOST,
     PEAKS,

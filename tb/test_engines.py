@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vrscan.config import Config
-from vrscan.engines import BLOCK, Engine, processes, run, streamed
-from vrscan.errors import InputError
-from vrscan.lines import Lines, part
-from vrscan.parallel import processors, workers
-from vrscan.points import csv_rows
+from vrscan.data.config import Config
+from vrscan.data.errors import InputError
+from vrscan.data.lines import Lines, part
+from vrscan.data.parallel import processors, workers
+from vrscan.data.points import csv_rows
+from vrscan.engines.engine import BLOCK, Engine, processes, run, streamed
+from vrscan.engines.tools import repository_root
 from vrscan.scene.simulate import take
-from vrscan.tools import repository_root
 
 SEED = 20100301
 CONFIG = Config()

@@ -16,8 +16,7 @@ from harness import (
     simulate,
 )
 
-from vrscan.fixed import pkg
-from vrscan.fixed.focus_control import (
+from vrscan.clocked.focus_control import (
     BAD_FLAGS,
     DISTANCE_LATENCY,
     FRACTION_WIDTH,
@@ -33,7 +32,8 @@ from vrscan.fixed.focus_control import (
     State,
     position,
 )
-from vrscan.fixed.i2c_master import Status, command_clocks
+from vrscan.clocked.i2c_master import Status, command_clocks
+from vrscan.data import pkg
 
 ELABORATIONS = [{"CountWidth": 16}, {"CountWidth": 2}]
 ADDRESS = 0x2A

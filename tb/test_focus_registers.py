@@ -5,10 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from vrscan.config import Clock, Config, Focus, Geometry
-from vrscan.errors import InputError
-from vrscan.fixed.focus_control import TABLE_SIZE, Mode, Settings, position
-from vrscan.focus_registers import FocusRegisters, image_shift
+from vrscan.clocked.focus_control import TABLE_SIZE, Mode, Settings, position
+from vrscan.data.config import Clock, Config, Focus, Geometry
+from vrscan.data.errors import InputError
+from vrscan.registers.focus_registers import FocusRegisters, image_shift
 
 MM = 4096  # steps of z
 

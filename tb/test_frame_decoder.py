@@ -26,7 +26,7 @@ from harness import (
     simulate,
 )
 
-from vrscan.fixed.frame_decoder import LATENCY, FrameDecoder, Status
+from vrscan.clocked.frame_decoder import LATENCY, FrameDecoder, Status
 
 ELABORATIONS = [{"MaxPayload": 1024}, {"MaxPayload": 1}, {"MaxPayload": 300}]
 INPUTS = ("valid", "data", "error")

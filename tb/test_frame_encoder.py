@@ -15,7 +15,7 @@ from harness import (
     simulate,
 )
 
-from vrscan.fixed.frame_encoder import (
+from vrscan.clocked.frame_encoder import (
     BLOCK_BUBBLE,
     CRC_INIT,
     FRAME_BUBBLE,

@@ -10,18 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vrscan import engines
-from vrscan.cases import page, printed
-from vrscan.cases.case import CHAIN_TEST, Case, LineCase, ModuleCase
-from vrscan.cases.registry import WINDOWS, every
-from vrscan.config import Config
-from vrscan.engines import Engine
-from vrscan.lines import Lines
-from vrscan.points import Points, points_equal
-from vrscan.registers import Registers, angle_turns
-from vrscan.report.efficiency import as_printed, cell_lines
-from vrscan.rtl import run_rtl
-from vrscan.tools import repository_root
+from vrscan.data.config import Config
+from vrscan.data.lines import Lines
+from vrscan.data.points import Points, points_equal
+from vrscan.engines import engine as engines
+from vrscan.engines.chain_engine import run_rtl
+from vrscan.engines.engine import Engine
+from vrscan.engines.tools import repository_root
+from vrscan.registers.chain_registers import Registers, angle_turns
+from vrscan.study.cases import case_page as page
+from vrscan.study.cases import printed
+from vrscan.study.cases.case import CHAIN_TEST, Case, LineCase, ModuleCase
+from vrscan.study.cases.registry import WINDOWS, every
+from vrscan.study.report.efficiency import as_printed, cell_lines
 
 MOST_ROWS = 120
 SHORT = 2048  # px: shorter lines may follow each other faster than windows are measured
@@ -255,9 +256,9 @@ def test_printed_points_are_those_of_the_triangle() -> None:
 def test_the_command_shows_and_writes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from typer.testing import CliRunner
 
-    from vrscan import tools
-    from vrscan.cases import registry
-    from vrscan.cli import app
+    from vrscan.cli.app import app
+    from vrscan.engines import tools
+    from vrscan.study.cases import registry
 
     few = {"The line": (named("peak-3-px"), named("peak-2-px"))}
     monkeypatch.setattr(registry, "rooms", lambda: few)

@@ -16,7 +16,7 @@ from harness import (
     simulate,
 )
 
-from vrscan.fixed.i2c_master import (
+from vrscan.clocked.i2c_master import (
     MIN_QUARTER,
     RECOVERY_CLOCKS,
     SEEN_LATENCY,

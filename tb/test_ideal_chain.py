@@ -5,10 +5,10 @@ import io
 import numpy as np
 import pytest
 
-from vrscan.config import Config
+from vrscan.data.config import Config
+from vrscan.data.points import write_csv
+from vrscan.data.table import Table
 from vrscan.ideal.chain import run
-from vrscan.points import write_csv
-from vrscan.table import Table
 
 LENGTH = 2048
 STEP = np.arange(LENGTH)

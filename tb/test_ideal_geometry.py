@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vrscan.config import Geometry
+from vrscan.data.config import Geometry
 from vrscan.ideal import geometry as g
 
 ODD = Geometry(k1=2e-4, k2=-1e-6, offset_mm=2.0)

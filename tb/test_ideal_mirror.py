@@ -7,8 +7,8 @@ import pytest
 from harness import generator
 from scipy.optimize import brentq
 
-from vrscan.config import HARMONICS, Config
-from vrscan.ideal.mirror import crossings, half_turn_residual, motion
+from vrscan.data.config import HARMONICS, Config
+from vrscan.ideal.motion import crossings, half_turn_residual, motion
 
 LARGE = [[1.0, 0.0], [0.03, 2.0], [0.01, -1.3], [4e-3, 0.7], [2e-3, 3.0], [1e-3, -1.1]]
 SHIPPED = Config().mirror.harmonics

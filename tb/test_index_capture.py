@@ -16,8 +16,8 @@ from harness import (
     simulate,
 )
 
-from vrscan.fixed import pkg
-from vrscan.fixed.index_capture import LATENCY, IndexCapture, Settings
+from vrscan.clocked.index_capture import LATENCY, IndexCapture, Settings
+from vrscan.data import pkg
 
 NEAR_WRAP = (1 << pkg.TIME_WIDTH) - 700
 ELABORATIONS = [

@@ -19,8 +19,7 @@ from harness import (
     simulate,
 )
 
-from vrscan.fixed import pkg
-from vrscan.fixed.laser_control import (
+from vrscan.clocked.laser_control import (
     BUCKET_MARGIN,
     FACTOR_MAX,
     GUARD_LATENCY,
@@ -36,6 +35,7 @@ from vrscan.fixed.laser_control import (
     next_power,
     port,
 )
+from vrscan.data import pkg
 
 OFF, SWEEP, SETTLE = pkg.MIRROR_OFF, pkg.MIRROR_SWEEP, pkg.MIRROR_SETTLE
 RUN, FAULT = pkg.MIRROR_RUN, pkg.MIRROR_FAULT

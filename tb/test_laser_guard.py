@@ -13,7 +13,7 @@ from harness import (
     simulate,
 )
 
-from vrscan.fixed.laser_guard import (
+from vrscan.clocked.laser_guard import (
     FAULT_HEARTBEAT,
     FAULT_PULSE,
     HEARTBEAT_LATENCY,

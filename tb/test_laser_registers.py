@@ -6,11 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from vrscan.config import Config
-from vrscan.errors import InputError
-from vrscan.fixed.laser_control import BUCKET_MARGIN, Ceilings, Settings
-from vrscan.ideal.mirror import motion
-from vrscan.laser_registers import LaserRegisters
+from vrscan.clocked.laser_control import BUCKET_MARGIN, Ceilings, Settings
+from vrscan.data.config import Config
+from vrscan.data.errors import InputError
+from vrscan.ideal.motion import motion
+from vrscan.registers.laser_registers import LaserRegisters
 
 SHIPPED = LaserRegisters.from_config(Config())
 

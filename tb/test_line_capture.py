@@ -18,9 +18,8 @@ from harness import (
 )
 from random_records import random_records
 
-from vrscan.chain import latency
-from vrscan.fixed.line_capture import BETWEEN, LATENCY, LineCapture, record_clks
-from vrscan.fixed.link_pkg import (
+from vrscan.clocked.line_capture import BETWEEN, LATENCY, LineCapture, record_clks
+from vrscan.data.link_pkg import (
     CAPTURE_EVERY,
     CAPTURE_LINE,
     CAPTURE_NEXT,
@@ -28,6 +27,7 @@ from vrscan.fixed.link_pkg import (
     STREAM_CAPTURE_PIXELS,
     STREAM_CAPTURE_RECORD,
 )
+from vrscan.fixed.vrscan_chain import latency
 
 ELABORATIONS = [
     {"LineLength": 230, "PixelWidth": 12},

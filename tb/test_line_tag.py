@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from harness import TwinBench, as_integer, generator, parameters, reset, simulate
 
-from vrscan.fixed import pkg
-from vrscan.fixed.line_tag import LATENCY, LineTag, Tag
+from vrscan.clocked.line_tag import LATENCY, LineTag, Tag
+from vrscan.data import pkg
 
 ELABORATIONS = [{"Depth": 4, "CountWidth": 16}, {"Depth": 2, "CountWidth": 3}]
 OUTPUTS = ("angle", "power", "mirror_flags", "confidence", "inward", "time")

@@ -19,8 +19,7 @@ from harness import (
     simulate,
 )
 
-from vrscan.fixed import pkg
-from vrscan.fixed.line_trigger import (
+from vrscan.clocked.line_trigger import (
     MIN_LINE_CLKS,
     MOST_IDLE,
     START_LATENCY,
@@ -29,6 +28,7 @@ from vrscan.fixed.line_trigger import (
     Settings,
     line_step,
 )
+from vrscan.data import pkg
 
 ELABORATIONS = [{"CountWidth": 3}, {"CountWidth": 16}]
 OUTPUTS = (

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vrscan.config import Config
-from vrscan.errors import InputError, InputWarning
-from vrscan.lines import Lines, Truth, read, write
+from vrscan.data.config import Config
+from vrscan.data.errors import InputError, InputWarning
+from vrscan.data.line_files import read, write
+from vrscan.data.lines import Lines, Truth
 
 SEED = 20100301
 GOOD = np.full((3, 2048), 60, np.uint16)
@@ -192,7 +193,7 @@ def test_bad_files_are_one_line(tmp_path: Path) -> None:
     refused(path, [])
 
 
-@pytest.mark.filterwarnings("ignore::vrscan.errors.InputWarning")
+@pytest.mark.filterwarnings("ignore::vrscan.data.errors.InputWarning")
 def test_the_sensor_of_the_configuration_decides(tmp_path: Path) -> None:
     path = tmp_path / "lines.npy"
     np.save(path, np.full((2, 512), 255, np.uint16))
@@ -203,7 +204,7 @@ def test_the_sensor_of_the_configuration_decides(tmp_path: Path) -> None:
         read(path, config)
 
 
-@pytest.mark.filterwarnings("ignore::vrscan.errors.InputWarning")
+@pytest.mark.filterwarnings("ignore::vrscan.data.errors.InputWarning")
 @pytest.mark.parametrize("name", ["lines.npy", "plain.npz", "packed.npz"])
 def test_damage_is_refused_or_changes_numbers_but_never_more(tmp_path: Path, name: str) -> None:
     """Any byte can be wrong: what comes back is an InputError or lines of the right kind."""

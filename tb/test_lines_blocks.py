@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from test_lines import BAD_ARCHIVES
 
-from vrscan.config import Config
-from vrscan.errors import InputError
-from vrscan.lines import Lines, archive, joined, opened, part, read
+from vrscan.data.config import Config
+from vrscan.data.errors import InputError
+from vrscan.data.line_files import archive, opened, read
+from vrscan.data.lines import Lines, joined, part
 from vrscan.scene.simulate import take
 
-pytestmark = pytest.mark.filterwarnings("ignore::vrscan.errors.InputWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::vrscan.data.errors.InputWarning")
 
 SEED = 20100301
 CONFIG = Config()

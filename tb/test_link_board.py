@@ -14,9 +14,9 @@ from test_board_vrscan import CONFIG, SCENE
 from test_documented_commands import ROOT, commands
 from typer.testing import CliRunner
 
-from vrscan.board import Board
-from vrscan.cli import app
-from vrscan.lines import read as read_lines
+from vrscan.cli.app import app
+from vrscan.data.line_files import read as read_lines
+from vrscan.engines.board import Board
 from vrscan.link import selftest
 from vrscan.link.device import RUN, Device
 from vrscan.link.transport import LinkError, UnpluggedError

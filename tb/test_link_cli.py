@@ -14,19 +14,19 @@ from click.testing import Result
 from fake_board import CLOCK_HZ, LINE_LENGTH, FakeBoard
 from typer.testing import CliRunner
 
-from vrscan.chain import run_fixed
-from vrscan.cli import app, main
-from vrscan.config import Config
-from vrscan.fixed import pkg
-from vrscan.fixed.command_server import Outcome
+from vrscan.cli.app import app, main
+from vrscan.cli.link_commands import link
+from vrscan.cli.live import braille
+from vrscan.clocked.command_server import Outcome
+from vrscan.data import pkg, records
+from vrscan.data.config import Config
+from vrscan.data.line_files import read as read_lines
+from vrscan.data.points import COLUMNS
 from vrscan.fixed.test_line import Settings, lines
-from vrscan.lines import read as read_lines
-from vrscan.link import records, values
-from vrscan.link.cli import link
-from vrscan.link.live import braille
+from vrscan.fixed.vrscan_chain import run_fixed
 from vrscan.link.selftest import CHAIN, full_records, runs
-from vrscan.points import COLUMNS
-from vrscan.registers import Registers
+from vrscan.registers import values
+from vrscan.registers.chain_registers import Registers
 
 COUNT = 200
 CONFIG = {"sensor": {"line_length": LINE_LENGTH}, "geometry": {"centre_px": 511.5}}

@@ -15,18 +15,18 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from random_records import random_records
 
-from vrscan.config import Config
-from vrscan.errors import InputError
-from vrscan.fixed import link_pkg
+from vrscan.data import link_pkg, records
+from vrscan.data.config import Config
+from vrscan.data.errors import InputError
 from vrscan.link import device as device_module
-from vrscan.link import records, values
 from vrscan.link import transport as transport_module
 from vrscan.link.device import Device, DeviceError
-from vrscan.link.load import settings as load_settings
 from vrscan.link.protocol import Batch
-from vrscan.link.register_map import MAP_HASH, REGISTERS, WINDOWS
 from vrscan.link.stream import PointStream
 from vrscan.link.transport import LinkError, NoAnswerError, UnpluggedError
+from vrscan.registers import values
+from vrscan.registers.load import settings as load_settings
+from vrscan.registers.register_map import MAP_HASH, REGISTERS, WINDOWS
 
 TIMEOUT_S = 4.0
 SEED = 20261122

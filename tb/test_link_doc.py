@@ -6,14 +6,14 @@ import re
 import pytest
 from bus_registers import FIRST, BusRegisters
 
-from vrscan.fixed import link_pkg, pkg
-from vrscan.fixed.command_server import answer, latency
-from vrscan.fixed.frame_decoder import Status as FrameStatus
-from vrscan.fixed.uart_link import MOST_BEFORE_REPLY
-from vrscan.link import protocol, records
+from vrscan.clocked.command_server import answer, latency
+from vrscan.clocked.frame_decoder import Status as FrameStatus
+from vrscan.clocked.uart_link import MOST_BEFORE_REPLY
+from vrscan.data import link_pkg, pkg, records
+from vrscan.engines.tools import repository_root
+from vrscan.link import protocol
 from vrscan.link.protocol import CaptureMode, Command, Status, command
-from vrscan.link.register_map import REGISTERS
-from vrscan.tools import repository_root
+from vrscan.registers.register_map import REGISTERS
 
 DOCUMENT = (repository_root() / "docs/link.md").read_text()
 BUS_LATENCY = 9

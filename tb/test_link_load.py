@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from vrscan.config import Config, Mirror, load
-from vrscan.errors import InputError
-from vrscan.fixed import link_pkg
-from vrscan.fixed.register_file import WORD_MASK, WRITABLE, RegisterFile
-from vrscan.link.load import CONTROLS, settings
-from vrscan.link.register_map import LOCKS, REGISTERS, WINDOWS
-from vrscan.mirror_registers import MirrorRegisters
+from vrscan.clocked.register_file import WORD_MASK, WRITABLE, RegisterFile
+from vrscan.data import link_pkg
+from vrscan.data.config import Config, Mirror, load
+from vrscan.data.errors import InputError
+from vrscan.registers.load import CONTROLS, settings
+from vrscan.registers.mirror_registers import MirrorRegisters
+from vrscan.registers.register_map import LOCKS, REGISTERS, WINDOWS
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ import pytest
 from cocotb.triggers import Timer
 from harness import CLOCK_NS, EACH_VOLUME, generator, parameters, reset, rounds, simulate
 
-from vrscan.fixed import pkg
-from vrscan.ideal.mirror import half_turn_residual
-from vrscan.scene.mirror import Mirror, integrate, steady_state, sweep
+from vrscan.data import pkg
+from vrscan.ideal.motion import half_turn_residual
+from vrscan.scene.mems_mirror import Mirror, integrate, steady_state, sweep
 
 # Steps of 125 clocks, of one clock, and of a number that divides no half period.
 ELABORATIONS = [

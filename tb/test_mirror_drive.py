@@ -20,8 +20,7 @@ from harness import (
     simulate,
 )
 
-from vrscan.fixed import pkg
-from vrscan.fixed.mirror_drive import (
+from vrscan.clocked.mirror_drive import (
     DRIVE_LATENCY,
     MOST_IDLE,
     READY_LATENCY,
@@ -31,6 +30,7 @@ from vrscan.fixed.mirror_drive import (
     Settings,
     floor_sum,
 )
+from vrscan.data import pkg
 
 ELABORATIONS = [{"StopWidth": 6}, {"StopWidth": 24}]
 OUTPUTS = ("state", "fault", "drive", "level", "level_pin", "phase", "word")

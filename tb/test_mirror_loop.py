@@ -19,13 +19,13 @@ from harness import (
     simulate,
 )
 
-from vrscan.fixed import pkg
-from vrscan.fixed.mirror_loop import ANGLE_LATENCY, LINE, MEASUREMENT, MirrorLoop
-from vrscan.fixed.mirror_phase import TABLE_SIZE
-from vrscan.mirror import LINE as ENGINE_LINE
-from vrscan.mirror import MEASUREMENT as ENGINE_MEASUREMENT
-from vrscan.mirror import SAMPLES
-from vrscan.mirror_registers import PORTS
+from vrscan.clocked.mirror_loop import ANGLE_LATENCY, LINE, MEASUREMENT, MirrorLoop
+from vrscan.clocked.mirror_phase import TABLE_SIZE
+from vrscan.data import pkg
+from vrscan.engines.mirror_engine import LINE as ENGINE_LINE
+from vrscan.engines.mirror_engine import MEASUREMENT as ENGINE_MEASUREMENT
+from vrscan.engines.mirror_engine import SAMPLES
+from vrscan.registers.mirror_registers import PORTS
 
 ELABORATIONS = [
     {"IndexOversample": 4, "CountWidth": 16},

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from harness import FallingEdge, drive, generator, reset, simulate
 
-from vrscan.fixed import pkg
-from vrscan.fixed.mirror_phase import (
+from vrscan.clocked.mirror_phase import (
     FINE_WIDTH,
     FIRST_READ,
     HALF_FRACTION,
@@ -20,6 +19,7 @@ from vrscan.fixed.mirror_phase import (
     Settings,
     interpolated,
 )
+from vrscan.data import pkg
 
 TURN = 1 << pkg.TURN_WIDTH
 WORD_MAX = (1 << pkg.WORD_WIDTH) - 1

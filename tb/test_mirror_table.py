@@ -6,11 +6,16 @@ import numpy as np
 import pytest
 from harness import generator
 
-from vrscan.config import Config
-from vrscan.errors import InputError
-from vrscan.fixed import pkg
-from vrscan.ideal.mirror import crossings
-from vrscan.mirror_table import ENTRIES, ENTRIES_PER_TURN, amplitude_table, interpolation_bound
+from vrscan.data import pkg
+from vrscan.data.config import Config
+from vrscan.data.errors import InputError
+from vrscan.ideal.motion import crossings
+from vrscan.registers.mirror_table import (
+    ENTRIES,
+    ENTRIES_PER_TURN,
+    amplitude_table,
+    interpolation_bound,
+)
 
 SHIPPED = Config().mirror.harmonics
 MARK = math.radians(Config().mirror.index_deg)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from harness import FallingEdge, TwinBench, as_integer, drive, generator, reset, simulate
 
-from vrscan.fixed import pkg
+from vrscan.data import pkg
 from vrscan.fixed.motion_map import LATENCY, MOST_IDLE, MotionMap, Settings, motion_map
 
 COUNT = pkg.HARMONIC_COUNT

@@ -3,7 +3,7 @@
 import pytest
 from mutate import FAULTS
 
-from vrscan.tools import repository_root
+from vrscan.engines.tools import repository_root
 
 
 @pytest.mark.parametrize("file", sorted({fault.file for fault in FAULTS}))

@@ -7,10 +7,10 @@ import math
 import pytest
 from typer.testing import CliRunner
 
-from vrscan.cli import app
-from vrscan.report import formats, numbers
-from vrscan.report.accuracy.figure import Figure
-from vrscan.tools import repository_root
+from vrscan.cli.app import app
+from vrscan.engines.tools import repository_root
+from vrscan.study.report import formats, numbers
+from vrscan.study.report.accuracy.figure import Figure
 
 GOOD = Figure("group", "good", "px", 0.5, 0.8, 0.4, 1.0, headline="shown")
 NEAR = Figure("group", "near", "px", 0.7, 0.8, 0.4, 1.0, headline="shown")

@@ -13,7 +13,7 @@ from harness import (
     simulate,
 )
 
-from vrscan.fixed.packet_arbiter import LATENCY, PACKET_BUBBLE, PacketArbiter
+from vrscan.clocked.packet_arbiter import LATENCY, PACKET_BUBBLE, PacketArbiter
 
 ELABORATIONS = [{"Sources": 3}, {"Sources": 2}, {"Sources": 7}]
 QUIET = {"valid": 0, "data": 0, "last": 0, "hold": 0, "ready": 1}

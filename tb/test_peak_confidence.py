@@ -18,7 +18,8 @@ from harness import (
     simulate,
 )
 
-from vrscan.fixed import cordic_vector, pkg
+from vrscan.data import pkg
+from vrscan.fixed import cordic_vector
 from vrscan.fixed.peak_confidence import latency, peak_confidence
 
 ELABORATIONS = [{"PixelWidth": 12}, {"PixelWidth": 8}, {"PixelWidth": 16}]

@@ -15,7 +15,8 @@ from harness import (
     simulate,
 )
 
-from vrscan.fixed import line_buffer, pkg
+from vrscan.data import pkg
+from vrscan.fixed import line_buffer
 from vrscan.fixed.line_statistics import LineStatistics, line_statistics
 from vrscan.fixed.peak_isolate import Windows, latency, peak_isolate, replay_latency
 from vrscan.ideal import peak as ideal

@@ -14,7 +14,7 @@ from harness import (
     simulate,
 )
 
-from vrscan.fixed import pkg
+from vrscan.data import pkg
 from vrscan.fixed.peak_position import LATENCY, peak_position
 
 ELABORATIONS = [{"LineLength": 2048}, {"LineLength": 65}]

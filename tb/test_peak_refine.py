@@ -18,14 +18,8 @@ from harness import (
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from vrscan.fixed import pkg
-from vrscan.fixed.peak_refine import (
-    START_LATENCY,
-    Refined,
-    latency,
-    peak_refine,
-    sigma_table,
-)
+from vrscan.data import pkg
+from vrscan.fixed.peak_refine import START_LATENCY, Refined, latency, peak_refine, sigma_table
 from vrscan.fixed.phase_correlate import first_harmonics
 from vrscan.ideal import two_pass as ideal
 

@@ -14,7 +14,8 @@ from harness import (
     simulate,
 )
 
-from vrscan.fixed import cordic_vector, pkg, quarter_wave
+from vrscan.data import pkg
+from vrscan.fixed import cordic_vector, quarter_wave
 from vrscan.fixed.phase_correlate import (
     UNMEASURED_LATENCY,
     Harmonics,

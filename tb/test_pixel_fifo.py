@@ -8,7 +8,7 @@ from cocotb.triggers import Timer
 from cocotb.utils import get_sim_time
 from harness import EACH_VOLUME, FallingEdge, RisingEdge, generator, parameters, rounds, simulate
 
-from vrscan.fixed.pixel_fifo import Word, lost, split, words
+from vrscan.clocked.pixel_fifo import Word, lost, split, words
 
 ELABORATIONS = [
     {"PixelWidth": 12, "Depth": 64, "CountWidth": 16},

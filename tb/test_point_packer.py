@@ -18,10 +18,10 @@ from harness import (
 )
 from random_records import random_records
 
-from vrscan.fixed import pkg
-from vrscan.fixed.link_pkg import STREAM_POINTS_COMPACT, STREAM_POINTS_FULL
-from vrscan.fixed.point_packer import SPACING, PointPacker, latency, most_records, record_bytes
-from vrscan.link.records import Records, compact, decode_compact, decode_full
+from vrscan.clocked.point_packer import SPACING, PointPacker, latency, most_records, record_bytes
+from vrscan.data import pkg
+from vrscan.data.link_pkg import STREAM_POINTS_COMPACT, STREAM_POINTS_FULL
+from vrscan.data.records import Records, compact, decode_compact, decode_full
 
 ELABORATIONS = [
     {"BufferBytes": 4096},

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from harness import FallingEdge, drive, generator, parameters, reset, simulate
 
-from vrscan.fixed import link_pkg, pkg
+from vrscan.data import link_pkg, pkg
+from vrscan.data.points import Points
+from vrscan.data.records import Records, encode_full
 from vrscan.fixed.point_record import LATENCY, point_record
-from vrscan.link.records import Records, encode_full
-from vrscan.points import Points
 
 ELABORATIONS = [
     {"LineLength": 2048, "PixelWidth": 12},

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vrscan.errors import InputError
-from vrscan.fixed import pkg
-from vrscan.points import (
+from vrscan.data import pkg
+from vrscan.data.errors import InputError
+from vrscan.data.points import (
     COLUMNS,
     Points,
     atomic_file,

@@ -7,12 +7,12 @@ from frame_oracle import frame
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from vrscan.fixed import link_pkg
-from vrscan.fixed.command_server import answer, bad_frame
-from vrscan.fixed.frame_decoder import FrameDecoder
-from vrscan.fixed.frame_decoder import Status as FrameStatus
-from vrscan.fixed.frame_encoder import FrameEncoder
-from vrscan.link import protocol, records
+from vrscan.clocked.command_server import answer, bad_frame
+from vrscan.clocked.frame_decoder import FrameDecoder
+from vrscan.clocked.frame_decoder import Status as FrameStatus
+from vrscan.clocked.frame_encoder import FrameEncoder
+from vrscan.data import link_pkg, records
+from vrscan.link import protocol
 from vrscan.link.protocol import Command, FrameReader, Status
 
 MOST = link_pkg.MAX_PAYLOAD

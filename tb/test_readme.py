@@ -2,12 +2,12 @@
 
 import re
 
-from vrscan.bench.sections import readme as section
-from vrscan.bench.sections.section import Order
-from vrscan.config import Config
-from vrscan.report import readme
+from vrscan.data.config import Config
+from vrscan.engines.tools import repository_root
 from vrscan.scene.description import shipped
-from vrscan.tools import repository_root
+from vrscan.study.bench.sections import readme_section as section
+from vrscan.study.bench.sections.section import Order
+from vrscan.study.report import readme_tables as readme
 
 
 def test_every_figure_links_to_its_row() -> None:

@@ -5,8 +5,8 @@ import pytest
 from harness import generator
 from random_records import random_records
 
-from vrscan.fixed import link_pkg, pkg
-from vrscan.link.records import (
+from vrscan.data import link_pkg, pkg
+from vrscan.data.records import (
     COMPACT,
     MEASURED,
     compact,

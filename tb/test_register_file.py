@@ -21,8 +21,7 @@ from harness import (
     simulate,
 )
 
-from vrscan.fixed import link_pkg
-from vrscan.fixed.register_file import (
+from vrscan.clocked.register_file import (
     LATENCY,
     SAMPLED,
     WORD_MASK,
@@ -31,8 +30,9 @@ from vrscan.fixed.register_file import (
     RegisterFile,
     Written,
 )
-from vrscan.link import register_map
-from vrscan.tools import repository_root
+from vrscan.data import link_pkg
+from vrscan.engines.tools import repository_root
+from vrscan.registers import register_map
 
 READ, CHECK, WRITE = link_pkg.ACCESS_READ, link_pkg.ACCESS_CHECK, link_pkg.ACCESS_WRITE
 RESERVED = 3

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from vrscan.config import load
-from vrscan.errors import InputError
-from vrscan.fixed import link_pkg, pkg
-from vrscan.link.register_map import LOCKS, MAP_HASH, REGISTERS, WINDOWS
-from vrscan.registers import Registers
-from vrscan.tools import repository_root, rtl_module
+from vrscan.data import link_pkg, pkg
+from vrscan.data.config import load
+from vrscan.data.errors import InputError
+from vrscan.engines.tools import repository_root, rtl_module
+from vrscan.registers.chain_registers import Registers
+from vrscan.registers.register_map import LOCKS, MAP_HASH, REGISTERS, WINDOWS
 
 SCRIPTS = repository_root() / "scripts"
 

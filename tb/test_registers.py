@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from vrscan.config import Config, Geometry, Peak, Sensor
-from vrscan.errors import InputError
+from vrscan.data.config import Config, Geometry, Peak, Sensor
+from vrscan.data.errors import InputError
 from vrscan.ideal.geometry import triangle, undistorted
-from vrscan.registers import Registers, angle_turns
+from vrscan.registers.chain_registers import Registers, angle_turns
 
 
 def test_thresholds_and_gains() -> None:

@@ -15,16 +15,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console, RenderableType
 
-from vrscan.config import Config
-from vrscan.report import budget
+from vrscan.data.config import Config
 from vrscan.scene.beam import radius_mm
 from vrscan.scene.description import Description, parse
 from vrscan.scene.effects import EFFECTS, present
 from vrscan.scene.light import Light
-from vrscan.scene.plan import ZONES, Difference, Plan, Prediction, plan
 from vrscan.scene.simulate import simulate
 from vrscan.scene.sun import watts_per_lumen
 from vrscan.scene.surface import brdf
+from vrscan.study.plan import ZONES, Difference, Plan, Prediction, plan
+from vrscan.study.report import budget
 
 CONFIG = Config()
 WIDTH = 120

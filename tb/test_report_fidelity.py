@@ -12,20 +12,20 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from vrscan.arrays import Floats
-from vrscan.config import Config
-from vrscan.engines import Engine
-from vrscan.engines import run as run_engine
-from vrscan.errors import InputError
+from vrscan.data.arrays import Floats
+from vrscan.data.config import Config
+from vrscan.data.errors import InputError
+from vrscan.engines.engine import Engine
+from vrscan.engines.engine import run as run_engine
 from vrscan.ideal import geometry as triangle
-from vrscan.report import fidelity
-from vrscan.report.fidelity import TOLERANCES_PX, Row
 from vrscan.scene.description import load
 from vrscan.scene.effects import present
 from vrscan.scene.light import Light
-from vrscan.scene.plan import JUMP_PX, difference, moved
 from vrscan.scene.simulate import simulate
 from vrscan.scene.targets import Hits, World
+from vrscan.study.plan import JUMP_PX, difference, moved
+from vrscan.study.report import fidelity
+from vrscan.study.report.fidelity import TOLERANCES_PX, Row
 
 CONFIG = Config()
 COUNT = 90

@@ -14,17 +14,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from vrscan.arrays import Floats, Ints
-from vrscan.config import Config
-from vrscan.engines import Engine, run
-from vrscan.lines import Lines, Truth
-from vrscan.report import scan as report
-from vrscan.report.tally import ASTRAY_PX, Errors, Tally
+from vrscan.data.arrays import Floats, Ints
+from vrscan.data.config import Config
+from vrscan.data.lines import Lines, Truth
+from vrscan.data.table import Table
+from vrscan.engines.engine import Engine, run
 from vrscan.scene.description import load
 from vrscan.scene.light import Light
 from vrscan.scene.simulate import simulate
 from vrscan.scene.timeline import Scan, timeline
-from vrscan.table import Table
+from vrscan.study.report import scan_report as report
+from vrscan.study.report.tally import ASTRAY_PX, Errors, Tally
 
 CONFIG = Config()
 SEED = 20100301

@@ -18,7 +18,7 @@ from harness import (
     simulate,
 )
 
-from vrscan.fixed import pkg
+from vrscan.data import pkg
 from vrscan.fixed.quarter_wave import amplitude as wave_amplitude
 from vrscan.fixed.scan_angle import (
     AMPL_WIDTH,

@@ -8,9 +8,9 @@ from pydantic import ValidationError
 from scipy.optimize import curve_fit
 from scipy.special import j1
 
-from vrscan.arrays import Floats
-from vrscan.config import Geometry
-from vrscan.errors import InputError
+from vrscan.data.arrays import Floats
+from vrscan.data.config import Geometry
+from vrscan.data.errors import InputError
 from vrscan.ideal.geometry import project
 from vrscan.scene import beam
 from vrscan.scene.beam import Laser

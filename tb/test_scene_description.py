@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vrscan.config import Config
-from vrscan.errors import InputError
+from vrscan.data.config import Config
+from vrscan.data.errors import InputError
 from vrscan.scene.description import Description, load, parse, shipped
 from vrscan.scene.effects import BASE, EFFECTS, chosen, present
 from vrscan.scene.light import Light
-from vrscan.scene.plan import plan
 from vrscan.scene.simulate import simulate
+from vrscan.study.plan import plan
 
 WANTED = [
     *("default", "plane", "step", "relief", "bolt", "bust", "dark", "glossy"),

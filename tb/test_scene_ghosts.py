@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from vrscan.arrays import Floats
-from vrscan.errors import InputError
+from vrscan.data.arrays import Floats
+from vrscan.data.errors import InputError
 from vrscan.scene.ghosts import Ghosts, Stack, ghosts, identify, stack
 from vrscan.scene.stray import Cover, Filter, Lens, Plate, Stray, Window
 

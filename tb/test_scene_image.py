@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import erf, j1
 
-from vrscan.arrays import Floats
-from vrscan.config import Config
+from vrscan.data.arrays import Floats
+from vrscan.data.config import Config
 from vrscan.scene import image
 from vrscan.scene.beam import Laser, pulse_rms_s, pulse_transform
 

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from harness import generator
 
-from vrscan.chain import run_fixed
-from vrscan.config import Config
-from vrscan.points import table
-from vrscan.registers import Registers, angle_turns
+from vrscan.data.config import Config
+from vrscan.data.points import table
+from vrscan.data.table import Table
+from vrscan.fixed.vrscan_chain import run_fixed
+from vrscan.registers.chain_registers import Registers, angle_turns
 from vrscan.scene import library as lines
 from vrscan.scene.description import Description, load, parse
 from vrscan.scene.effects import present
@@ -18,7 +19,6 @@ from vrscan.scene.light import Light
 from vrscan.scene.render import Renderer
 from vrscan.scene.sensor import bloom, expose_pixels
 from vrscan.scene.timeline import Scan, timeline
-from vrscan.table import Table
 
 CONFIG = Config()
 LENGTH = CONFIG.sensor.line_length

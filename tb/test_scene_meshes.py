@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from vrscan.arrays import Floats, Ints
-from vrscan.errors import InputError
+from vrscan.data.arrays import Floats, Ints
+from vrscan.data.errors import InputError
 from vrscan.scene import targets as t
 from vrscan.scene.bust import bust
 from vrscan.scene.meshes import Caster, load_mesh, open_edges, welded

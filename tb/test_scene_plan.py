@@ -7,19 +7,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vrscan.chain import run_fixed
-from vrscan.config import Config
-from vrscan.engines import Engine, run
-from vrscan.errors import InputError
-from vrscan.points import table
-from vrscan.registers import Registers, angle_turns
+from vrscan.data.config import Config
+from vrscan.data.errors import InputError
+from vrscan.data.points import table
+from vrscan.data.table import Table
+from vrscan.engines.engine import Engine, run
+from vrscan.fixed.vrscan_chain import run_fixed
+from vrscan.registers.chain_registers import Registers, angle_turns
 from vrscan.scene.description import load, parse
 from vrscan.scene.effects import EFFECTS, present
 from vrscan.scene.light import Light
-from vrscan.scene.plan import JUMP_PX, LEAST_LINES, PARTS, Plan, plan, survey
 from vrscan.scene.simulate import BLOCK, Scanner, simulate
 from vrscan.scene.speckle import Speckle
-from vrscan.table import Table
+from vrscan.study.plan import JUMP_PX, LEAST_LINES, PARTS, Plan, plan, survey
 
 CONFIG = Config()
 COUNT = 400

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from vrscan.config import Config
+from vrscan.data.config import Config
 from vrscan.scene import radiometry as r
 from vrscan.scene.beam import Laser, radius_mm
 

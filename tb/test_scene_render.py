@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from scipy.constants import c, h
 from scipy.special import erf
 
-from vrscan.arrays import Floats
-from vrscan.config import Config
+from vrscan.data.arrays import Floats
+from vrscan.data.config import Config
 from vrscan.ideal.geometry import project, triangle, undistorted
 from vrscan.scene.description import Description, parse
 from vrscan.scene.effects import EFFECTS

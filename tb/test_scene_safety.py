@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from vrscan.arrays import Floats, Ints
-from vrscan.errors import InputError
+from vrscan.data.arrays import Floats, Ints
+from vrscan.data.errors import InputError
 from vrscan.scene import safety as s
 from vrscan.scene.safety import Emission
 

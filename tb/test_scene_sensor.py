@@ -7,7 +7,7 @@ import pytest
 from pydantic import ValidationError
 from scipy import stats
 
-from vrscan.arrays import Pixels
+from vrscan.data.arrays import Pixels
 from vrscan.scene.sensor import (
     NORMAL,
     WORDS,

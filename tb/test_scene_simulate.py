@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vrscan.config import Config
+from vrscan.data.config import Config
 from vrscan.ideal.geometry import triangle, undistorted
 from vrscan.scene.description import Description, load, parse
 from vrscan.scene.effects import present

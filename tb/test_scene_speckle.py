@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pytest
 from scipy import stats
 
-from vrscan.arrays import Floats
+from vrscan.data.arrays import Floats
 from vrscan.scene.radiometry import mtf
 from vrscan.scene.sensor import spot_electrons
 from vrscan.scene.speckle import (

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vrscan.arrays import Floats
-from vrscan.config import Config
+from vrscan.data.arrays import Floats
+from vrscan.data.config import Config
 from vrscan.ideal.geometry import project
 from vrscan.scene.description import Description, parse
 from vrscan.scene.light import Light

@@ -11,8 +11,8 @@ import pvlib
 import pytest
 from pydantic import ValidationError
 
-from vrscan.arrays import Floats
-from vrscan.errors import InputError
+from vrscan.data.arrays import Floats
+from vrscan.data.errors import InputError
 from vrscan.scene.sun import (
     Lamp,
     Sun,

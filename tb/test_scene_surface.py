@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from vrscan.arrays import Floats
+from vrscan.data.arrays import Floats
 from vrscan.scene.surface import Material, brdf, bsdf_k, roughness_xi, scaled_sigma, tis
 
 # Table 1 of the METIS paper, with lambda_0 in um as it must be: sigma nm, dn, B mm, s, and TIS by

@@ -9,8 +9,8 @@ from PIL import Image
 from pydantic import TypeAdapter, ValidationError
 from scipy.optimize import brentq
 
-from vrscan.arrays import Floats
-from vrscan.errors import InputError
+from vrscan.data.arrays import Floats
+from vrscan.data.errors import InputError
 from vrscan.scene import shapes
 from vrscan.scene import targets as t
 from vrscan.scene.reflectance import Checker, ImageMap, Stripes, load_map

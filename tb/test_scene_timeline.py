@@ -10,11 +10,11 @@ import pytest
 from pydantic import ValidationError
 from scipy.optimize import brentq
 
-from vrscan import edges
-from vrscan.arrays import Floats
-from vrscan.config import Config, Line, Mems, Mirror
-from vrscan.errors import InputError
-from vrscan.ideal.mirror import motion
+from vrscan.data import edges
+from vrscan.data.arrays import Floats
+from vrscan.data.config import Config, Line, Mems, Mirror
+from vrscan.data.errors import InputError
+from vrscan.ideal.motion import motion
 from vrscan.scene.timeline import Scan, Timeline, angle_error_rad, series, timeline, write_edges
 
 SEED = 20100301

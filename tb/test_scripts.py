@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from vrscan.tools import repository_root, rtl_closure, rtl_module
+from vrscan.engines.tools import repository_root, rtl_closure, rtl_module
 
 SCRIPTS = repository_root() / "scripts"
 NEEDED = ["cat", "dirname", "g++", "make", "python3", "sed", "sh", "sha256sum"]

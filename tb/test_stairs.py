@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from vrscan.engines import Engine
-from vrscan.tools import repository_root
+from vrscan.engines.engine import Engine
+from vrscan.engines.tools import repository_root
 
 sys.path.insert(0, str(repository_root() / "scripts"))
 import stairs

@@ -15,9 +15,8 @@ from harness import (
     simulate,
 )
 
-from vrscan.chain import run_fixed
-from vrscan.config import Config
-from vrscan.fixed import pkg
+from vrscan.data import pkg
+from vrscan.data.config import Config
 from vrscan.fixed.quarter_wave import amplitude, error_bound
 from vrscan.fixed.test_line import (
     LINE_LATENCY,
@@ -35,8 +34,9 @@ from vrscan.fixed.test_line import (
     positions,
     step_of_width,
 )
-from vrscan.link.register_map import REGISTERS
-from vrscan.registers import Registers
+from vrscan.fixed.vrscan_chain import run_fixed
+from vrscan.registers.chain_registers import Registers
+from vrscan.registers.register_map import REGISTERS
 
 ELABORATIONS = [
     {"LineLength": 64, "PixelWidth": 8},

@@ -22,20 +22,13 @@ from harness import (
 )
 from test_distortion import bound_px, lenses
 
-from vrscan.config import Config, Geometry
-from vrscan.fixed import pkg
+from vrscan.data import pkg
+from vrscan.data.config import Config, Geometry
 from vrscan.fixed.distortion import distortion, offset_width
 from vrscan.fixed.quarter_wave import MAX_STEP, error_bound
-from vrscan.fixed.triangulate import (
-    AMPL_WIDTH,
-    BUSY,
-    FRACTION,
-    LATENCY,
-    Triangulated,
-    triangulate,
-)
+from vrscan.fixed.triangulate import AMPL_WIDTH, BUSY, FRACTION, LATENCY, Triangulated, triangulate
 from vrscan.ideal import geometry as ideal
-from vrscan.registers import Registers, angle_turns
+from vrscan.registers.chain_registers import Registers, angle_turns
 
 ELABORATIONS = [
     {"LineLength": 2048, "UserWidth": 40},

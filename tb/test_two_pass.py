@@ -10,15 +10,15 @@ from harness import generator
 from rich.console import Console
 from rich.table import Table
 
-from vrscan.chain import run_fixed
-from vrscan.config import Config, Peak
-from vrscan.engines import Engine
-from vrscan.fixed import pkg
+from vrscan.data import pkg
+from vrscan.data.config import Config, Peak
+from vrscan.engines.engine import Engine
+from vrscan.fixed.vrscan_chain import run_fixed
 from vrscan.ideal import two_pass as ideal
 from vrscan.ideal.chain import run as run_ideal
-from vrscan.registers import Registers
-from vrscan.report import two_pass
-from vrscan.report.efficiency import cell_lines
+from vrscan.registers.chain_registers import Registers
+from vrscan.study.report import two_pass_report as two_pass
+from vrscan.study.report.efficiency import cell_lines
 
 TWO = Config(peak=Peak(window="two_pass"))
 # Of an efficiency of 0.97: the two errors are correlated by 0.985, so 1,500 lines tell their ratio

@@ -20,10 +20,9 @@ from harness import (
     simulate,
 )
 
-from vrscan.fixed import link_pkg
-from vrscan.fixed.command_server import Answer, answer
-from vrscan.fixed.frame_decoder import Status as FrameStatus
-from vrscan.fixed.uart_link import (
+from vrscan.clocked.command_server import Answer, answer
+from vrscan.clocked.frame_decoder import Status as FrameStatus
+from vrscan.clocked.uart_link import (
     COUNT_MAX,
     MOST_BEFORE_REPLY,
     STREAM_BYTES,
@@ -31,8 +30,9 @@ from vrscan.fixed.uart_link import (
     default_step,
     latency,
 )
-from vrscan.fixed.uart_rx import UartRx
-from vrscan.fixed.uart_tx import UartTx
+from vrscan.clocked.uart_rx import UartRx
+from vrscan.clocked.uart_tx import UartTx
+from vrscan.data import link_pkg
 from vrscan.link.protocol import (
     BAD_FRAME,
     CaptureMode,
@@ -45,7 +45,7 @@ from vrscan.link.protocol import (
     stream_start,
     write,
 )
-from vrscan.link.register_map import REGISTERS
+from vrscan.registers.register_map import REGISTERS
 
 ELABORATIONS = [
     {"ClockHz": 8_000_000, "Baud": 1_000_000, "TrialClks": 8_000, "Streams": 2},

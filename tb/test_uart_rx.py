@@ -13,8 +13,8 @@ from harness import (
     simulate,
 )
 
-from vrscan.fixed.uart_rx import STEP_MAX, STEP_MAX_MAJORITY, UartRx, latency
-from vrscan.fixed.uart_tx import UartTx
+from vrscan.clocked.uart_rx import STEP_MAX, STEP_MAX_MAJORITY, UartRx, latency
+from vrscan.clocked.uart_tx import UartTx
 
 ONE = 1 << 24
 FASTEST = STEP_MAX_MAJORITY

@@ -15,7 +15,7 @@ from harness import (
     simulate,
 )
 
-from vrscan.fixed.uart_tx import LATENCY, UartTx
+from vrscan.clocked.uart_tx import LATENCY, UartTx
 
 ONE = 1 << 24
 FASTEST = 1 << 21

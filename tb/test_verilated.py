@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from vrscan import verilated
-from vrscan.errors import InputError
-from vrscan.tools import rtl_module
-from vrscan.verilated import Design, build
+from vrscan.data.errors import InputError
+from vrscan.engines import verilated
+from vrscan.engines.tools import rtl_module
+from vrscan.engines.verilated import Design, build
 
 TELLS = """#!/bin/sh
 if [ "$1" = --version ]; then cat "$(dirname "$0")/{name}.version"; exit; fi

@@ -20,14 +20,14 @@ from harness import (
     simulate,
 )
 
-from vrscan import chain
-from vrscan.chain import run_fixed
-from vrscan.config import Config, Geometry, Peak, Sensor
-from vrscan.fixed import pkg
+from vrscan.data import pkg
+from vrscan.data.config import Config, Geometry, Peak, Sensor
+from vrscan.data.points import Points
+from vrscan.engines.chain_engine import CONFIGURATION, RESULTS
+from vrscan.fixed import vrscan_chain as chain
 from vrscan.fixed.line_receiver import LineReceiver
-from vrscan.points import Points
-from vrscan.registers import Registers
-from vrscan.rtl import CONFIGURATION, RESULTS
+from vrscan.fixed.vrscan_chain import run_fixed
+from vrscan.registers.chain_registers import Registers
 
 ELABORATIONS = [
     {"LineLength": 600, "PixelWidth": 12, "MaxWindow": 60},  # lines may follow without a gap

@@ -6,13 +6,13 @@ import sys
 from collections.abc import Callable
 from types import FrameType
 
-from vrscan.errors import EXIT_INTERRUPTED
+from vrscan.data.errors import EXIT_INTERRUPTED
 
 
 def main() -> None:
     """Run the command; where it is interrupted it first tidies up what it has begun."""
     _on_interrupt(_end)
-    from vrscan.cli import main as command  # takes a second
+    from vrscan.cli.app import main as command
 
     try:
         try:

@@ -44,7 +44,7 @@
 //            table and its registers must hold; focus_manual_i to it: 1 clock.  Of a command, the
 //            position comes a clock after i2c_master's reply, state, fault and timeout_count 5
 //            clocks after it, and the next command focus_poll_clks_i + 6
-//   Model    vrscan.fixed.focus_control, bit-exact
+//   Model    vrscan.clocked.focus_control, bit-exact
 
 `default_nettype none
 

@@ -30,7 +30,7 @@
 //            Undisturbed, valid_o comes 36 W + 11 quarters + 6 (9 W + 1) clocks after a write of
 //            W - 2 bytes was taken, 36 R + 17 quarters + 6 (9 R + 2) after a read of R - 3 bytes; at
 //            most 322 quarters + 77 (timeout_i + 3) whatever the bus does
-//   Model    vrscan.fixed.i2c_master, bit-exact
+//   Model    vrscan.clocked.i2c_master, bit-exact
 //
 // It leaves out the addresses of 10 bits, and starts and stops of other masters within a byte.
 

@@ -49,7 +49,7 @@
 //            to both 3; a limit to power_o and startup_o 2; the last alive_i to dark:
 //            laser_watchdog_clks + 3; point_valid_i to the new power: 21; a point_valid_i
 //            within the first 19 of these starts anew.  *_pin_o and the counters follow by a clock
-//   Model    vrscan.fixed.laser_control, bit-exact
+//   Model    vrscan.clocked.laser_control, bit-exact
 
 `default_nettype none
 

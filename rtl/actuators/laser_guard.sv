@@ -17,7 +17,7 @@
 //   ok_o          the permission; whoever reads it in another clock synchronises it
 //   Latency  from the clock that samples it: heartbeat_i's last change to dark GuardClks + 4
 //            clocks, a pulse's rise to dark PulseClks + 3; one more from the change itself
-//   Model    vrscan.fixed.laser_guard, bit-exact
+//   Model    vrscan.clocked.laser_guard, bit-exact
 
 `default_nettype none
 

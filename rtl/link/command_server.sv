@@ -19,8 +19,8 @@
 //   alive_o        a command of a known kind and the right length is executed
 //   busy_o         a command waits, is executed or has its reply not yet taken
 //   frames_*_o, commands_*_o  how many there were, by their status; stop at 2**16 - 1
-//   Latency        see vrscan.fixed.command_server
-//   Model          vrscan.fixed.command_server, bit-exact
+//   Latency        see vrscan.clocked.command_server
+//   Model          vrscan.clocked.command_server, bit-exact
 
 `default_nettype none
 

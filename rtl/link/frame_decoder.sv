@@ -15,7 +15,7 @@
 //   done_o      the frame has ended; status_o is one of frame_pkg's.  Of several faults it names
 //               the one highest here: Framing, Malformed, TooLong, TooShort, Crc.
 //   Latency     2 clocks from the byte that lets one go, and from the 0x00 to done_o
-//   Model       vrscan.fixed.frame_decoder, bit-exact
+//   Model       vrscan.clocked.frame_decoder, bit-exact
 
 `default_nettype none
 

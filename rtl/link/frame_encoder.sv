@@ -15,7 +15,7 @@
 //   data_o       stays while ready_i is low; 0x00 is the end of a frame and nothing else
 //   Latency      5 clocks from last_i taken to valid_o with the code of a block that is not full,
 //                2 from the zero that ends a block; then a byte a clock
-//   Model        vrscan.fixed.frame_encoder, bit-exact
+//   Model        vrscan.clocked.frame_encoder, bit-exact
 
 `default_nettype none
 

@@ -2,7 +2,7 @@
 //
 // The CRC has 16 bits, polynomial 0x1021, begins with ones, is neither reflected nor inverted, and
 // is sent high byte first: run over payload and CRC, it ends at zero.  The other home of these
-// facts is vrscan.fixed.frame_encoder and frame_decoder.
+// facts is vrscan.clocked.frame_encoder and frame_decoder.
 
 `default_nettype none
 

@@ -18,7 +18,7 @@
 //   capture_busy_o   a capture runs; 2 clocks after its start, 1 after its end
 //   Latency  3 clocks from the line_end_i of the line to valid_o, then a byte a clock; 2 between
 //            two packets
-//   Model    vrscan.fixed.line_capture, bit-exact
+//   Model    vrscan.clocked.line_capture, bit-exact
 
 `default_nettype none
 

@@ -1,6 +1,6 @@
 // link_pkg: the numbers of the serial protocol: commands, reply codes, streams and record sizes.
 //
-// scripts/generate.py writes every localparam into model/vrscan/fixed/link_pkg.py; docs/link.md
+// scripts/generate.py writes every localparam into model/vrscan/data/link_pkg.py; docs/link.md
 // says what they mean.
 
 `default_nettype none

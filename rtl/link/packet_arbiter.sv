@@ -10,7 +10,7 @@
 //   busy_o   a packet is being taken
 //   Latency  2 clocks from valid_i to valid_o, then a byte a clock; one clock more from packet to
 //            packet
-//   Model    vrscan.fixed.packet_arbiter, bit-exact
+//   Model    vrscan.clocked.packet_arbiter, bit-exact
 
 `default_nettype none
 

@@ -23,7 +23,7 @@
 //   points_dropped_o  stops at its largest value; not of the stream but since reset
 //   Latency  from the first byte of a batch's last record to valid_o, where the reader is idle: 87
 //            clocks for a compact record, 143 for a full one
-//   Model    vrscan.fixed.point_packer, bit-exact
+//   Model    vrscan.clocked.point_packer, bit-exact
 
 `default_nettype none
 

@@ -18,7 +18,7 @@
 //   bus_*, stream_*, capture_*, alive_o, frames_*_o, commands_*_o  of command_server
 //   uart_*_o             bytes without a stop bit, breaks, glitches, rates that got no frame; stop at
 //                        2**16 - 1
-//   Model                vrscan.fixed.uart_link, bit-exact
+//   Model                vrscan.clocked.uart_link, bit-exact
 
 `default_nettype none
 

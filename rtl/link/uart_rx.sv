@@ -19,7 +19,7 @@
 //   Tolerance  bits of T clocks, a rate off by a share e, and each edge, by itself, by up to J clocks:
 //              slow 8 T e < T/2 - 1 - 2 J, fast 10 T e < T/2 - 1 - 2 J, or T/2 - 2 J where T/2 is
 //              whole.  At clk/8 4.7 and 5.0 % (J = 0), 3.1 and 3.7 % (1/2), 1.5 and 2.5 % (1)
-//   Model      vrscan.fixed.uart_rx, bit-exact
+//   Model      vrscan.clocked.uart_rx, bit-exact
 
 `default_nettype none
 

@@ -11,7 +11,7 @@
 //   step_i   bits a clock, 24 fraction bits; 0 stops the line where it is
 //   busy_o   a byte waits or is on the line, or a break or the time after it
 //   Latency  valid_i, with ready_o, to the start bit from rest: 2 clocks
-//   Model    vrscan.fixed.uart_tx, bit-exact
+//   Model    vrscan.clocked.uart_tx, bit-exact
 
 `default_nettype none
 

@@ -35,7 +35,7 @@
 //            clocks lie between two measurements, and a mirror's period is far more.  broken_i,
 //            acquired_i and state_i to the outputs: 1 clock.  The configuration must hold
 //            meanwhile.
-//   Model    vrscan.fixed.amplitude_control, bit-exact
+//   Model    vrscan.clocked.amplitude_control, bit-exact
 
 `default_nettype none
 

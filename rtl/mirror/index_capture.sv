@@ -26,7 +26,7 @@
 //   *_count_o    stop at their largest value, and follow the strobes by a clock
 //   Latency      valid_o is 4 clocks after the last clock that settles the level, and at least
 //                MinCrossing clocks after the valid_o before
-//   Model        vrscan.fixed.index_capture, bit-exact
+//   Model        vrscan.clocked.index_capture, bit-exact
 
 `default_nettype none
 

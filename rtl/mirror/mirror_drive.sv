@@ -27,7 +27,7 @@
 //            and settled_i to RUN, and trim_i to word_o: 2 clocks; level_o to level_pin_o: 1 clock.  SWEEP and SETTLE last their
 //            time-out and 2 clocks at most, RUN 2 clocks more than the index may be away.  The word
 //            falls from the third clock of SWEEP.
-//   Model    vrscan.fixed.mirror_drive, bit-exact
+//   Model    vrscan.clocked.mirror_drive, bit-exact
 
 `default_nettype none
 

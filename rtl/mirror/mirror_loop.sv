@@ -13,7 +13,7 @@
 //                  vrscan_pkg::FlagNotRunning and the next two; an angle that saturates is unsettled
 //   Latency  scan_angle's and 2 more clocks from centre_o to angle_valid_o; the centres of two lines
 //            are to be at least as far apart, or the first one's angle does not come
-//   Model    vrscan.fixed.mirror_loop, bit-exact
+//   Model    vrscan.clocked.mirror_loop, bit-exact
 
 `default_nettype none
 

@@ -22,7 +22,7 @@
 //   Rounding     to nearest, half up
 //   Latency      47 clocks from an inward to valid_o; in the clock before, the phase advances by
 //                the increment still, less the correction
-//   Model        vrscan.fixed.mirror_phase, bit-exact
+//   Model        vrscan.clocked.mirror_phase, bit-exact
 
 `default_nettype none
 

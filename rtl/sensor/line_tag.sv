@@ -18,7 +18,7 @@
 //   untagged_count_o  lines that were untagged in the clock of their line_end_i; stops at its
 //                  largest value
 //   Latency  4 clocks from line_start_i, or angle_valid_i where that is later, to angle_o ..
-//   Model    vrscan.fixed.line_tag, bit-exact
+//   Model    vrscan.clocked.line_tag, bit-exact
 
 `default_nettype none
 

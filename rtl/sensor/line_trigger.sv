@@ -21,7 +21,7 @@
 //   enable_i    low: laser and exposure are low from the next clock, the accumulator starts anew
 //   Latency  enable_i to the first line_start_o: the latency of multiply + 5, 19 clocks; the
 //            accumulator's wrap to line_start_o: 2 clocks
-//   Model    vrscan.fixed.line_trigger, bit-exact
+//   Model    vrscan.clocked.line_trigger, bit-exact
 
 `default_nettype none
 

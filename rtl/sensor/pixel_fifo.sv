@@ -18,7 +18,7 @@
 //                  they are to arrive within a period of the faster clock of each other
 //   Latency  a pixel waits for the next one, or the line's fall, to know whether it is the last;
 //            then it takes one pixel clock and, if the FIFO is empty, the fourth edge of clk_i
-//   Model    the order of the words only, vrscan.fixed.pixel_fifo: between two clocks no model has
+//   Model    the order of the words only, vrscan.clocked.pixel_fifo: between two clocks no model has
 //            the clock of a word
 
 `default_nettype none

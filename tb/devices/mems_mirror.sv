@@ -16,7 +16,7 @@
 //                         angle + d (velocity + d (acceleration + d jerk / 3) / 2)
 //                         to 5e-13 rad for d up to 1 us, while drive and level hold
 //   Reset                 holds the start angle and velocity; time 0 is the first clock without it
-//   Model                 vrscan.scene.mirror, by scipy; they agree to 1e-9 rad
+//   Model                 vrscan.scene.mems_mirror, by scipy; they agree to 1e-9 rad
 //
 // It leaves out: the beam's own width, higher modes, noise of the drive, temperature but for the
 // two inputs.

@@ -22,7 +22,7 @@
 //   Tables        an entry goes out with its last field, the others are those written before; a
 //                 reset leaves what was written for the bus to read
 //   Latency       10 clocks from bus_valid_i to bus_done_o
-//   Model         vrscan.fixed.register_file, bit-exact
+//   Model         vrscan.clocked.register_file, bit-exact
 
 `default_nettype none
 

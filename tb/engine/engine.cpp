@@ -1,4 +1,4 @@
-// The verilated vrscan_chain behind three C functions, for vrscan.rtl to call with numpy buffers.
+// The verilated vrscan_chain behind three C functions, for vrscan.engines.chain_engine to call with numpy buffers.
 //
 // Ports are listed once, in Python: ports.h is written beside the verilated model and defines
 // CONFIGURATION(X) and RESULTS(X).  Lines go in a pixel a clock, with as many clocks between them as

@@ -1,4 +1,4 @@
-// The verilated mirror_loop and the simulated mirror_world behind C functions, for vrscan.mirror.
+// The verilated mirror_loop and the simulated mirror_world behind C functions, for vrscan.engines.mirror_engine.
 //
 // Ports are listed once, in Python: ports.h defines CONFIGURATION(X), of the loop's ports that hold
 // still, and WIDE(X), of those wider than 64 bits.  Time is in clocks since the reset.  What the loop
@@ -21,7 +21,7 @@ ROOT_EVALUATION(Vmirror_world)
 
 namespace {
 
-// As vrscan.mirror knows them.
+// As vrscan.engines.mirror_engine knows them.
 struct Line {
   int64_t line, centre_halves, clock, state, flags, confidence, angle, amplitude, word, level;
   double angle_true;

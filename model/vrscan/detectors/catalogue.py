@@ -1,9 +1,9 @@
 """The detectors side by side, each with the one parameter that it was tuned by.
 
 The values were chosen by ``vrscan bench tune``, which prints the whole search: of each grid the one
-with the least geometric mean of rms over bound on the training cells of ``vrscan.bench.tune``, with
+with the least geometric mean of rms over bound on the training cells of ``study.bench.tune``, with
 other random numbers than any test. The instrument's own thresholds are those of ``vrscan
-efficiency``, see ``vrscan.config.Peak``.
+efficiency``, see ``vrscan.data.config.Peak``.
 """
 
 from collections.abc import Callable
@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import ValidationError
 
-from vrscan.arrays import Floats, Pixels
-from vrscan.config import Config, Peak
+from vrscan.data.arrays import Floats, Pixels
+from vrscan.data.config import Config, Peak
+from vrscan.data.lines import Lines
 from vrscan.detectors import fits, simple
-from vrscan.engines import Engine, run
-from vrscan.lines import Lines
+from vrscan.engines.engine import Engine, run
 
 _CHUNK = 512  # lines at a time: what a cache holds
 

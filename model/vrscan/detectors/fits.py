@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.special import erf
 
-from vrscan.arrays import Bools, Floats, Pixels
+from vrscan.data.arrays import Bools, Floats, Pixels
 from vrscan.detectors.patch import Patch, columns, cut, place, shape
 
 _STEPS = 40

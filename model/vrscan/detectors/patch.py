@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vrscan.arrays import Bools, Floats, Ints, Pixels
+from vrscan.data.arrays import Bools, Floats, Ints, Pixels
 
 REACH = 127  # px on either side of the maximum: together the instrument's longest window, 255
 LEAST_SNR = 8.0  # a lower peak is none, as the shipped snr_min has it

@@ -7,7 +7,7 @@ the filter of Blais and Rioux. Offsets are px from the maximum.
 
 import numpy as np
 
-from vrscan.arrays import Floats, Pixels
+from vrscan.data.arrays import Floats, Pixels
 from vrscan.detectors.patch import REACH, Patch, columns, cut, place, run, shape
 
 _LEAST_COUNT = 0.5  # a pixel below has no logarithm worth taking

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from vrscan.arrays import Bools, Floats, Ints
+from vrscan.data.arrays import Bools, Floats, Ints
 
 TABLE_ENTRIES = 32
 TABLE_WIDTH = 40  # fraction bits of a turn

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vrscan.arrays import Bools, Ints
-from vrscan.fixed import pkg
+from vrscan.data import pkg
+from vrscan.data.arrays import Bools, Ints
 from vrscan.fixed.multiply import latency as multiply_latency
 from vrscan.fixed.multiply import multiply
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vrscan.arrays import Bools, Ints
+from vrscan.data.arrays import Bools, Ints
 
 
 def latency(quotient_width: int) -> int:

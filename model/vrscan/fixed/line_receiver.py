@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from vrscan.fixed import pkg
+from vrscan.data import pkg
 
 LATENCY = 1  # clocks from pixel_valid_i to valid_o and from line_end_i to good_o
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vrscan.arrays import Ints
-from vrscan.fixed import pkg
+from vrscan.data import pkg
+from vrscan.data.arrays import Ints
 from vrscan.fixed.multiply import latency as multiply_latency
 from vrscan.fixed.multiply import multiply
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vrscan.arrays import Ints
+from vrscan.data.arrays import Ints
 
 
 def _limbs(width: int) -> int:

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vrscan.arrays import Bools, Ints, Pixels
-from vrscan.fixed import line_buffer, pkg
+from vrscan.data import pkg
+from vrscan.data.arrays import Bools, Ints, Pixels
+from vrscan.fixed import line_buffer
 from vrscan.fixed.line_statistics import LineStatistics
 from vrscan.fixed.multiply import latency as multiply_latency
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from vrscan.arrays import Ints
-from vrscan.fixed import pkg
+from vrscan.data import pkg
+from vrscan.data.arrays import Ints
 from vrscan.fixed.multiply import latency as multiply_latency
 
 LATENCY = multiply_latency(pkg.ANGLE_WIDTH + 1, pkg.WINDOW_WIDTH + 1) + 1

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vrscan.arrays import Bools, Ints, Pixels
+from vrscan.data import pkg
+from vrscan.data.arrays import Bools, Ints, Pixels
 from vrscan.fixed import cordic_vector as cordic
-from vrscan.fixed import pkg
 from vrscan.fixed.divide import divide
 from vrscan.fixed.divide import latency as divide_latency
 from vrscan.fixed.quarter_wave import quarter_wave

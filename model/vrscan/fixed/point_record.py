@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from vrscan.arrays import Bools, Ints
-from vrscan.link.records import FULL, INWARD, MEASURED, TEST, Records
-from vrscan.points import Points
+from vrscan.data.arrays import Bools, Ints
+from vrscan.data.points import Points
+from vrscan.data.records import FULL, INWARD, MEASURED, TEST, Records
 
 LATENCY = 1  # clocks from valid_i to the first byte
 
@@ -15,7 +15,7 @@ _OF_MEASURED = ("position", "sigma", "x", "z", "sigma_z")
 def point_record(
     points: Points, power: Ints, confidence: Ints, inward: Bools, test: Bools, time: Ints
 ) -> Records:
-    """Return the records of points; ``vrscan.link.records.encode_full`` has their bytes.
+    """Return the records of points; ``vrscan.data.records.encode_full`` has their bytes.
 
     Args:
         points: n points as the chain gives them.
@@ -26,7 +26,7 @@ def point_record(
         time: Centre of the pulse, clocks, u32 [n].
 
     Returns:
-        An array of ``vrscan.link.records.FULL`` [n].
+        An array of ``vrscan.data.records.FULL`` [n].
     """
     records = np.zeros(len(points), FULL)
     for name in FULL.names or ():

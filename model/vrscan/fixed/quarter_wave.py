@@ -5,8 +5,8 @@ from functools import cache
 
 import numpy as np
 
-from vrscan.arrays import Ints
-from vrscan.fixed import pkg
+from vrscan.data import pkg
+from vrscan.data.arrays import Ints
 
 LATENCY = pkg.QUARTER_WAVE_LATENCY  # clocks from valid_i to valid_o
 

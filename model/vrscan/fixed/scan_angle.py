@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
-from vrscan.arrays import Bools, Floats, Ints
-from vrscan.fixed import pkg
+from vrscan.data import pkg
+from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.fixed.multiply import latency as multiply_latency
 from vrscan.fixed.multiply import multiply
 from vrscan.fixed.quarter_wave import LATENCY as QUARTER_WAVE_LATENCY

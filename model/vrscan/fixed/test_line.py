@@ -8,8 +8,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from vrscan.arrays import Ints, Pixels
-from vrscan.fixed import pkg
+from vrscan.data import pkg
+from vrscan.data.arrays import Ints, Pixels
 from vrscan.fixed.multiply import latency as multiply_latency
 from vrscan.fixed.quarter_wave import quarter_wave
 

@@ -4,15 +4,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from vrscan.arrays import Bools, Floats, Ints, Pixels
-from vrscan.config import Config
-from vrscan.contract import checked
+from vrscan.data.arrays import Bools, Floats, Ints, Pixels
+from vrscan.data.config import Config
+from vrscan.data.contract import checked
+from vrscan.data.lines import Lines
+from vrscan.data.table import Table
 from vrscan.ideal import confidence, geometry, two_pass
 from vrscan.ideal.peak import isolate, threshold
 from vrscan.ideal.position import Phase, first_harmonic, windows
 from vrscan.ideal.statistics import statistics
-from vrscan.lines import Lines
-from vrscan.table import Table
 
 MAX_WINDOW = 255  # px
 MIRROR_FLAGS = ("NOT_RUNNING", "INDEX_FAULT", "UNSETTLED")  # by bit
@@ -42,7 +42,7 @@ def run(
         A table of n rows. Numbers are not limited to the widths of the fixed-point formats.
 
     Raises:
-        ValueError: a ``LinesError``, if ``vrscan.contract.checked`` refuses an argument.
+        ValueError: a ``LinesError``, if ``vrscan.data.contract.checked`` refuses an argument.
     """
     given = checked(Lines(lines, angle_rad, power, mirror_flags=mirror_flags), config)
     lines, angle_rad, power = given.lines, given.angle_rad, given.power

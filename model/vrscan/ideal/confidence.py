@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vrscan.arrays import Bools, Floats, Ints
+from vrscan.data.arrays import Bools, Floats, Ints
 
 
 def signal_to_noise(maximum: Ints, background: Floats, noise: Floats) -> Floats:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vrscan.arrays import Bools, Floats
-from vrscan.config import Geometry
+from vrscan.data.arrays import Bools, Floats
+from vrscan.data.config import Geometry
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vrscan.arrays import Bools, Floats, Ints, Pixels
+from vrscan.data.arrays import Bools, Floats, Ints, Pixels
 
 NO_PHASE_LIMIT = 1.16e-6  # of the sum above background: a smaller harmonic is rounding
 NO_PHASE_DUST = 1e-12  # of the sum of raw pixels

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vrscan.arrays import Bools, Floats, Ints, Pixels
+from vrscan.data.arrays import Bools, Floats, Ints, Pixels
 
 BLOCK_LENGTH = 64  # px
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vrscan.arrays import Floats, Ints, Pixels
+from vrscan.data.arrays import Floats, Ints, Pixels
 
 # The window's width in spot sigmas, by rho = dark variance / (kappa peak): where shot noise leads,
 # the flanks still tell something; where the dark does, they are noise. The steps are those of the

@@ -5,12 +5,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from vrscan.fixed import link_pkg
+from vrscan.data import link_pkg
 from vrscan.link import selftest
 from vrscan.link.device import BITS_A_BYTE, Device
-from vrscan.link.register_map import REGISTERS, WINDOWS
-from vrscan.link.report import Rate, Trips
-from vrscan.link.values import Block, integer
+from vrscan.link.link_report import Rate, Trips
+from vrscan.registers.register_map import REGISTERS, WINDOWS
+from vrscan.registers.values import Block, integer
 
 Progress = Callable[[int, int, str], None]
 

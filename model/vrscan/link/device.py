@@ -22,18 +22,19 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
-from vrscan.config import Config
-from vrscan.errors import InputError
-from vrscan.fixed import link_pkg, pkg
-from vrscan.fixed.line_trigger import line_step
-from vrscan.fixed.mirror_drive import RATE_FRACTION
-from vrscan.fixed.point_packer import most_records, record_bytes
-from vrscan.link import protocol, values
+from vrscan.clocked.line_trigger import line_step
+from vrscan.clocked.mirror_drive import RATE_FRACTION
+from vrscan.clocked.point_packer import most_records, record_bytes
+from vrscan.data import link_pkg, pkg
+from vrscan.data.config import Config
+from vrscan.data.errors import InputError
+from vrscan.link import protocol
 from vrscan.link.protocol import Status
-from vrscan.link.register_map import LOCKS, MAP_HASH, REGISTERS
 from vrscan.link.stream import DEPTH, Captured, CaptureStream, PointStream
 from vrscan.link.transport import LinkError, NoAnswerError, Traffic, Transport, UnpluggedError
-from vrscan.link.values import Block, Value, integer
+from vrscan.registers import values
+from vrscan.registers.register_map import LOCKS, MAP_HASH, REGISTERS
+from vrscan.registers.values import Block, Value, integer
 
 BAUD = 3_000_000
 TIMEOUT_S = 5.0
@@ -527,7 +528,7 @@ class Device:
         Raises:
             InputError: if it is for another line, sensor or sampling, or a value does not fit.
         """
-        from vrscan.link.load import settings
+        from vrscan.registers.load import settings
 
         return settings(config, self.build)
 

@@ -13,13 +13,12 @@ from enum import IntEnum
 
 import numpy as np
 
-from vrscan.arrays import Pixels
-from vrscan.fixed import link_pkg
-from vrscan.fixed.frame_decoder import CRC_BYTES
-from vrscan.fixed.frame_decoder import Status as FrameStatus
-from vrscan.fixed.frame_encoder import CRC_INIT
-from vrscan.link import records
-from vrscan.link.records import Records
+from vrscan.clocked.frame_decoder import CRC_BYTES
+from vrscan.clocked.frame_decoder import Status as FrameStatus
+from vrscan.clocked.frame_encoder import CRC_INIT
+from vrscan.data import link_pkg, records
+from vrscan.data.arrays import Pixels
+from vrscan.data.records import Records
 
 _BLOCK = 254  # bytes without a zero that one code can count
 _MOST = link_pkg.MAX_PAYLOAD + CRC_BYTES

@@ -12,19 +12,20 @@ from typing import Any
 
 import numpy as np
 
-from vrscan.arrays import Pixels
-from vrscan.chain import run_fixed
-from vrscan.fixed import link_pkg, pkg
+from vrscan.data import link_pkg, pkg, records
+from vrscan.data.arrays import Pixels
+from vrscan.data.points import Points
+from vrscan.data.records import Records
 from vrscan.fixed.point_record import point_record
 from vrscan.fixed.test_line import Settings, least_period, lines, step_of_width
-from vrscan.link import protocol, records, values
+from vrscan.fixed.vrscan_chain import run_fixed
+from vrscan.link import protocol
 from vrscan.link.device import OFF, Device, DeviceError
-from vrscan.link.records import Records
-from vrscan.link.register_map import LOCKS, REGISTERS, WINDOWS, Window
 from vrscan.link.stream import COMPACT, PointStream
 from vrscan.link.transport import LinkError
-from vrscan.points import Points
-from vrscan.registers import Registers
+from vrscan.registers import values
+from vrscan.registers.chain_registers import Registers
+from vrscan.registers.register_map import LOCKS, REGISTERS, WINDOWS, Window
 
 ONE_PX = 1 << pkg.POSITION_FRACTION
 FULL_SCALE = (1 << pkg.ALIGNED_WIDTH) - 1

@@ -13,11 +13,10 @@ from typing import Self
 
 import numpy as np
 
-from vrscan.arrays import Pixels
-from vrscan.fixed import link_pkg
-from vrscan.link import records
+from vrscan.data import link_pkg, records
+from vrscan.data.arrays import Pixels
+from vrscan.data.records import Records
 from vrscan.link.protocol import Batch, CapturePixels, CaptureRecord
-from vrscan.link.records import Records
 from vrscan.link.transport import LinkError
 
 DEPTH = 1 << 20  # records that wait for the program

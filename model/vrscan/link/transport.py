@@ -17,8 +17,8 @@ from dataclasses import dataclass, field
 
 import serial
 
-from vrscan.errors import InputError
-from vrscan.fixed import link_pkg
+from vrscan.data import link_pkg
+from vrscan.data.errors import InputError
 from vrscan.link import protocol
 
 POLL_S = 0.1  # of the reading thread: how soon it sees that it is to end

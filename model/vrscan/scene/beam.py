@@ -10,9 +10,9 @@ from pydantic import Field
 from scipy.optimize import brentq
 from scipy.special import j0
 
-from vrscan.arrays import Floats
-from vrscan.config import Positive, Section
-from vrscan.errors import InputError
+from vrscan.data.arrays import Floats
+from vrscan.data.config import Positive, Section
+from vrscan.data.errors import InputError
 
 _E2 = math.exp(-2.0)
 _UNCUT = 0.2  # beam over stop, below which exp(-50) of the power meets the stop's edge

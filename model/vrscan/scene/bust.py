@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from vrscan.arrays import Floats, Ints
+from vrscan.data.arrays import Floats, Ints
 
 _Points = np.ndarray[tuple[int, ...], np.dtype[np.floating]]  # of either precision
 

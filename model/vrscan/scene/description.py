@@ -11,8 +11,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PrivateAttr, ValidationError, field_validator, model_validator
 
-from vrscan.config import Positive, Section, complaint
-from vrscan.errors import InputError
+from vrscan.data.config import Positive, Section, complaint
+from vrscan.data.errors import InputError
 from vrscan.scene.beam import Laser
 from vrscan.scene.sensor import SensorModel
 from vrscan.scene.stray import Stray

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vrscan.arrays import Floats
+from vrscan.data.arrays import Floats
 from vrscan.scene.sun import band_share, collection
 
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from vrscan.errors import InputError
+from vrscan.data.errors import InputError
 from vrscan.scene.description import Description
 
 

@@ -18,8 +18,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from vrscan.arrays import Bools, Floats, Ints
-from vrscan.errors import InputError
+from vrscan.data.arrays import Bools, Floats, Ints
+from vrscan.data.errors import InputError
 from vrscan.scene.stray import Plate, Stray, disc_overlap
 
 _TRAVELS_MM = np.array([0.0, 1.0, 2.0, 3.0])  # a path crosses the moving gap at most three times

@@ -24,8 +24,8 @@ import numpy.typing as npt
 from scipy import fft
 from scipy.special import erf
 
-from vrscan.arrays import Floats, Ints
-from vrscan.config import Config
+from vrscan.data.arrays import Floats, Ints
+from vrscan.data.config import Config
 from vrscan.scene.radiometry import mtf
 
 Singles = npt.NDArray[np.float32]

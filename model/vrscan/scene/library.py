@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from filelock import FileLock
 
-from vrscan.arrays import Floats, Pixels
-from vrscan.config import Config, Mirror
-from vrscan.points import atomic_file
+from vrscan.data.arrays import Floats, Pixels
+from vrscan.data.config import Config, Mirror
+from vrscan.data.points import atomic_file
 from vrscan.scene import sensor
 from vrscan.scene.description import Description
 from vrscan.scene.effects import present

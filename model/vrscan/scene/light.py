@@ -7,9 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
-from vrscan.arrays import Bools, Floats, Ints
-from vrscan.config import Config
-from vrscan.errors import InputError
+from vrscan.data.arrays import Bools, Floats, Ints
+from vrscan.data.config import Config
+from vrscan.data.errors import InputError
 from vrscan.ideal.geometry import undistorted
 from vrscan.scene.beam import radius_mm
 from vrscan.scene.description import Description

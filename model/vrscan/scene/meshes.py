@@ -13,8 +13,8 @@ import trimesh
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from vrscan.arrays import Floats, Ints
-from vrscan.errors import InputError
+from vrscan.data.arrays import Floats, Ints
+from vrscan.data.errors import InputError
 from vrscan.scene.shapes import START, dot, slab
 
 SUFFIXES = (".stl", ".obj", ".ply")

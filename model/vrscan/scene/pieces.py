@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vrscan.arrays import Bools, Floats, Ints
+from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.scene import image
 from vrscan.scene.beam import core_share, output_mw, radius_mm
 from vrscan.scene.image import Clock

@@ -16,7 +16,7 @@ from scipy.constants import e as ELEMENTARY_CHARGE
 from scipy.constants import h as PLANCK
 from scipy.special import erf, j1
 
-from vrscan.arrays import Floats
+from vrscan.data.arrays import Floats
 
 Real = float | Floats
 

@@ -13,9 +13,9 @@ import numpy as np
 from PIL import Image
 from pydantic import BeforeValidator, Field
 
-from vrscan.arrays import Floats
-from vrscan.config import Positive, Section
-from vrscan.errors import InputError
+from vrscan.data.arrays import Floats
+from vrscan.data.config import Positive, Section
+from vrscan.data.errors import InputError
 
 
 def _tuple(value: object) -> object:

@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from vrscan.arrays import Bools, Floats, Ints, Pixels
-from vrscan.lines import Truth
+from vrscan.data.arrays import Bools, Floats, Ints, Pixels
+from vrscan.data.lines import Truth
 from vrscan.scene import image
 from vrscan.scene.beam import pulse_transform
 from vrscan.scene.effects import WHOLE_LINE

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from vrscan.errors import InputError
+from vrscan.data.errors import InputError
 
 LaserClass = Literal["1", "2", "3R"]
 CLASSES: tuple[LaserClass, ...] = ("1", "2", "3R")

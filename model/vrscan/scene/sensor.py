@@ -16,8 +16,8 @@ import numpy.typing as npt
 from pydantic import Field
 from scipy.special import erf, ndtri
 
-from vrscan.arrays import Floats, Pixels
-from vrscan.config import Positive, Section
+from vrscan.data.arrays import Floats, Pixels
+from vrscan.data.config import Positive, Section
 
 REACH = 8.0  # spot sigmas, beyond which a Gaussian is below 1e-14 of its peak
 

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from vrscan.arrays import Floats
+from vrscan.data.arrays import Floats
 
 START = 1e-6  # mm
 _SEAM = 1e-9  # mm by which faces overlap, so that no ray slips between two of them

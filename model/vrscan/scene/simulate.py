@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from vrscan.arrays import Ints, Pixels
-from vrscan.config import Config
-from vrscan.lines import Lines, bare, joined, part
-from vrscan.parallel import processors, workers
+from vrscan.data.arrays import Ints, Pixels
+from vrscan.data.config import Config
+from vrscan.data.lines import Lines, bare, joined, part
+from vrscan.data.parallel import processors, workers
 from vrscan.scene.description import Description, load
 from vrscan.scene.effects import chosen, present
 from vrscan.scene.light import Light

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
-from vrscan.arrays import Floats, Ints
+from vrscan.data.arrays import Floats, Ints
 from vrscan.scene.radiometry import mtf
 
 Singles = npt.NDArray[np.float32]

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vrscan.arrays import Bools, Floats, Ints
-from vrscan.config import Config
+from vrscan.data.arrays import Bools, Floats, Ints
+from vrscan.data.config import Config
 from vrscan.ideal.geometry import project, undistorted
 from vrscan.scene.description import Description
 from vrscan.scene.surface import Material, brdf

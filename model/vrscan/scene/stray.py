@@ -15,8 +15,8 @@ import numpy as np
 from pydantic import Field, model_validator
 from scipy.special import erf
 
-from vrscan.arrays import Bools, Floats
-from vrscan.config import Positive, Section
+from vrscan.data.arrays import Bools, Floats
+from vrscan.data.config import Positive, Section
 from vrscan.scene.surface import tis
 
 Part = Literal["window", "filter", "lens", "cover", "sensor", "head_window", "halo", "dust"]

@@ -13,9 +13,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AwareDatetime, Field, field_validator, model_validator
 
-from vrscan.arrays import Bools, Floats
-from vrscan.config import Positive, Section
-from vrscan.errors import InputError
+from vrscan.data.arrays import Bools, Floats
+from vrscan.data.config import Positive, Section
+from vrscan.data.errors import InputError
 from vrscan.scene.radiometry import photoelectrons
 
 FILTER_NM = (645.0, 665.0)

@@ -14,8 +14,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from vrscan.arrays import Bools, Floats
-from vrscan.config import Section
+from vrscan.data.arrays import Bools, Floats
+from vrscan.data.config import Section
 
 MIRROR_STEP = 2.0  # change of the refractive index, dn, that stands for a reflection
 WAVELENGTH_NM = 658.0

@@ -19,9 +19,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
-from vrscan.arrays import Bools, Floats, Ints
-from vrscan.config import Positive, Section
-from vrscan.errors import InputError
+from vrscan.data.arrays import Bools, Floats, Ints
+from vrscan.data.config import Positive, Section
+from vrscan.data.errors import InputError
 from vrscan.scene import shapes, thread
 from vrscan.scene.bust import bust
 from vrscan.scene.meshes import Caster, load_mesh

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vrscan.arrays import Floats, Ints
+from vrscan.data.arrays import Floats, Ints
 from vrscan.scene.meshes import Caster, welded
 from vrscan.scene.shapes import dot
 

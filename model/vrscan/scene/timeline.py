@@ -23,11 +23,11 @@ from typing import BinaryIO, Literal
 import numpy as np
 from pydantic import Field
 
-from vrscan.arrays import Bools, Floats, Ints
-from vrscan.config import HARMONICS, Config, Mirror, Section
-from vrscan.edges import COLUMNS
-from vrscan.errors import InputError
-from vrscan.ideal.mirror import crossings
+from vrscan.data.arrays import Bools, Floats, Ints
+from vrscan.data.config import HARMONICS, Config, Mirror, Section
+from vrscan.data.edges import COLUMNS
+from vrscan.data.errors import InputError
+from vrscan.ideal.motion import crossings
 
 PERIODS = 64  # that are worked out and kept together
 _STREAM = 0x1DE8  # sets these random numbers apart from others of the same seed
@@ -310,7 +310,7 @@ def angle_error_rad(config: Config, scan: Scan) -> float:
 def write_edges(
     file: BinaryIO, begin_s: float, end_s: float, config: Config, scan: Scan, seed: int
 ) -> int:
-    """Write the index as a recording that ``vrscan.edges.read`` reads: EDGES.csv.
+    """Write the index as a recording that ``vrscan.data.edges.read`` reads: EDGES.csv.
 
     The gate is open within ``mems.diode_deg`` of the mark, the comparator high beyond the mark; a
     whole pass over the diode has one jitter. The crossings are those of ``Timeline.index_s``. Only

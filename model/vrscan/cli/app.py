@@ -1,0 +1,782 @@
+"""The ``vrscan`` command."""
+
+import contextlib
+import math
+import os
+import signal
+import sys
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from pydantic import ValidationError
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeRemainingColumn,
+)
+
+from vrscan.cli.case_commands import cases
+from vrscan.cli.link_commands import _suffix, link
+from vrscan.data import config as configuration
+from vrscan.data import line_files
+from vrscan.data.config import Config
+from vrscan.data.errors import (
+    EXIT_BAD_INPUT,
+    EXIT_INTERRUPTED,
+    EXIT_TERMINATED,
+    InputError,
+    InputWarning,
+    InterruptError,
+)
+from vrscan.data.parallel import processors
+from vrscan.data.points import (
+    atomic_file,
+    check_writable,
+    csv_file,
+    csv_rows,
+    ply_file,
+    ply_vertices,
+)
+from vrscan.engines import engine as engines
+from vrscan.engines.engine import Engine
+from vrscan.registers.chain_registers import Registers
+
+if TYPE_CHECKING:
+    from vrscan.scene.light import Light
+    from vrscan.study.plan import Plan
+    from vrscan.study.report.mirror_report import Events as MirrorEvents
+
+MOST_LINES = 1_000_000  # that are in memory together
+MOST_SCANNED = 2**32  # as RTL and cloud number them
+MOST_SECONDS = 60.0  # of mirror time; one takes half a minute
+
+app = typer.Typer(
+    help="A MEMS laser triangulation scanner: from sensor lines to (x, z) points.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+calibrate = typer.Typer(help="Find the instrument's parameters in recordings.")
+app.add_typer(calibrate, name="calibrate")
+
+bench = typer.Typer(help="Measure speed against error.")
+app.add_typer(bench, name="bench")
+
+app.add_typer(link, name="link")
+app.command()(cases)
+
+
+def _version(wanted: bool) -> None:
+    """Print the version and end."""
+    if wanted:
+        print(f"vrscan {metadata.version('vrscan')}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Print it and end."),
+    ] = False,
+) -> None:
+    """Take the options that belong to no command."""
+
+
+SceneArgument = Annotated[
+    str, typer.Argument(help="One of the shipped scenes, or FILE.toml; none shows the default.")
+]
+FidelityOption = Annotated[
+    str | None,
+    typer.Option(help="auto, full, minimal, or effects by name, with commas; else the scene's."),
+]
+ToleranceOption = Annotated[float | None, typer.Option(help="Of auto, px; else the scene's.")]
+ConfigOption = Annotated[
+    Path | None, typer.Option("--config", help="TOML file whose values override the defaults.")
+]
+EngineOption = Annotated[
+    Engine,
+    typer.Option(
+        help="The RTL itself, its bit-accurate model, or the papers' equations in float64."
+    ),
+]
+CountOption = Annotated[int, typer.Option("--lines", help="Number of lines.")]
+JobsOption = Annotated[
+    int, typer.Option(help="Processes; 0: one a processor, fewer where lines are few.")
+]
+
+
+@app.command()
+def scan(
+    out: Annotated[Path, typer.Option(help="Folder of points, picture and index edges.")],
+    scene: SceneArgument = "default",
+    engine: EngineOption = Engine.RTL,
+    count: CountOption = 3000,
+    fidelity: FidelityOption = None,
+    tolerance: ToleranceOption = None,
+    jobs: JobsOption = 0,
+    keep: Annotated[
+        bool, typer.Option("--keep-lines", help="Also write lines.npz: lines with their truth.")
+    ] = False,
+    config: ConfigOption = None,
+) -> None:
+    """Simulate a scene, turn its lines into points and compare them with the truth."""
+    from vrscan.scene.simulate import Scanner
+    from vrscan.scene.timeline import write_edges
+    from vrscan.study import scan as scans
+    from vrscan.study.report import budget
+    from vrscan.study.report import scan_report as report
+
+    _check_count(count, 1, MOST_SCANNED)
+    _check_jobs(jobs)
+    settings = _settings(config)
+    with _folder(out), contextlib.ExitStack() as stack:
+        names = ["points.csv", "points.ply", "picture.png"] + ["lines.npz"] * keep
+        files = {name: stack.enter_context(atomic_file(out / name)) for name in names}
+        engines.prepare(engine, settings)
+        light, chosen = _planned(scene, count, fidelity, tolerance, settings)
+        sweeps = light.scene.scan.sweep == "mirror"
+        if sweeps:
+            names.append("edges.csv")
+            files["edges.csv"] = stack.enter_context(atomic_file(out / "edges.csv"))
+        scanner = Scanner(
+            light,
+            count,
+            chosen.active,
+            every_ray=chosen.every_ray,
+            tolerance_px=chosen.tolerance_px,
+        )
+        with contextlib.ExitStack() as parts:
+            csv = parts.enter_context(csv_file(files["points.csv"]))
+            ply = parts.enter_context(ply_file(files["points.ply"], out))
+            if keep:
+                given = files["lines.npz"], count, settings.sensor.line_length, light.names, out
+                archive = parts.enter_context(line_files.archive(*given))
+
+            def take(part: scans.Part) -> None:
+                csv(part.csv)
+                ply(part.ply)
+                if part.lines is not None:
+                    archive(part.lines)
+
+            with _bar(f"light, {engine}", count) as progress:
+                tally, sample = scans.scan(
+                    scanner, engine, take, keep=keep, jobs=jobs, progress=progress
+                )
+        if sweeps:
+            begin, end = light.scene.scan.start_s, scanner.end_s
+            scanned = light.scene.scan, light.scene.seed
+            write_edges(files["edges.csv"], begin, end, settings, *scanned)
+        title = f"{light.scene.title or scene}: {count} lines, engine {engine}"
+        drawn = len(sample.lines)
+        report.picture(
+            sample.lines,
+            sample.points,
+            settings,
+            title if drawn == count else f"{title}; {drawn} of them drawn",
+            files["picture.png"],
+            y_mm=sample.y_mm,
+            pixels=scanner.line,
+        )
+    console = _console()
+    console.print(report.error_table(tally.errors(), title))
+    console.print(
+        f"{tally.lines} lines, {tally.points} points; "
+        f"{tally.dark} lines whose spot the camera cannot see, "
+        f"{tally.stray} of them with a point"
+    )
+    for line in budget.summary(chosen):
+        console.print(line, highlight=False)
+    console.print(f"{out}: {', '.join(names)}", highlight=False)
+
+
+@app.command()
+def budget(
+    scene: SceneArgument = "default",
+    count: CountOption = 3000,
+    fidelity: FidelityOption = None,
+    tolerance: ToleranceOption = None,
+    csv: Annotated[Path | None, typer.Option(help="The same table as a file.")] = None,
+    config: ConfigOption = None,
+) -> None:
+    """Tell what each effect of a scene would do to its points, and which are simulated."""
+    from vrscan.study.report import budget as report
+
+    _check_count(count, 1)
+    settings = _settings(config)
+    with contextlib.ExitStack() as stack:
+        file = None if csv is None else stack.enter_context(atomic_file(csv))
+        light, chosen = _planned(scene, count, fidelity, tolerance, settings, each=True)
+        if file is not None:
+            report.budget_csv(chosen, file)
+    console = _console()
+    console.print(report.budget_table(chosen, light.scene))
+    notes = report.light_lines(light, chosen) + report.stray_lines(light, chosen)
+    for line in notes + report.safety_lines(light.scene, settings):
+        console.print(line, highlight=False)
+
+
+@bench.command("light")
+def bench_light(
+    scenes: Annotated[
+        list[str] | None, typer.Argument(metavar="[SCENE]...", help="All shipped ones if none.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of fidelity.csv and .png; build/light.")
+    ] = None,
+    count: CountOption = 3072,
+    write: Annotated[bool, typer.Option("--write", help="Rewrite docs/light.md's table.")] = False,
+    config: ConfigOption = None,
+) -> None:
+    """Measure the simulator: lines/s against the error of what it leaves out."""
+    from vrscan.engines.tools import build_folder, repository_root
+    from vrscan.scene.description import shipped
+    from vrscan.study.report import fidelity as report
+
+    _check_count(count, 1)
+    if write and scenes:
+        raise InputError(f"--write: needs all scenes ({', '.join(scenes)} given)")
+    settings = _settings(config)
+    chosen = scenes or list(shipped())
+    for path in report.pages(repository_root()) if write else ():
+        check_writable(path)
+    folder = build_folder() / "light" if out is None else out
+    with (
+        _folder(folder),
+        atomic_file(folder / "fidelity.csv") as csv,
+        atomic_file(folder / "fidelity.png") as png,
+    ):
+        with _bar("light", len(chosen)) as progress:
+            rows = report.run(chosen, count, settings, progress)
+        _console().print(report.table(rows))
+        report.write_csv(rows, csv)
+        report.picture(rows, png)
+    _console().print(f"{folder}: fidelity.csv, fidelity.png", highlight=False)
+    for path in report.write_pages(rows, repository_root()) if write else ():
+        _console().print(f"{path}: rewritten", highlight=False)
+
+
+@bench.command("report")
+def bench_report(
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of index.html, its tables and pictures.")
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="A tenth of the lines, two scenes, no RTL: a minute.")
+    ] = False,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Dask scheduler for the sweeps: tcp://HOST:PORT."),
+    ] = None,
+    jobs: Annotated[int, typer.Option(help="Processes here; 0: one a processor.")] = 0,
+    seed: Annotated[
+        int | None, typer.Option(help="Of the sweeps' random numbers; always the same if none.")
+    ] = None,
+    config: ConfigOption = None,
+) -> None:
+    """Write the page: detectors, hard lines, instrument and growth; speed against error."""
+    from vrscan.engines.tools import build_folder
+    from vrscan.study.bench import bench_report as report
+    from vrscan.study.bench.sections.section import Order
+
+    _check_jobs(jobs)
+    if seed is not None and not 0 <= seed <= report.MOST_SEED:
+        raise InputError(f"--seed: must be 0 to {report.MOST_SEED} ({seed})")
+    order = Order(_settings(config), report.SEED if seed is None else seed, quick)
+    folder = build_folder() / "report" if out is None else out
+    total, known = len(report.cells(order)), 0
+    try:
+        with _folder(folder):
+            check_writable(folder / report.INDEX)
+            with _bar("cells", total) as progress:
+
+                def tell(done: int) -> None:
+                    nonlocal known
+                    known = done
+                    progress(done)
+
+                report.make(order, folder, scheduler=scheduler, jobs=jobs, progress=tell)
+    except KeyboardInterrupt:
+        raise InterruptError(
+            f"interrupted; {known} of {total} cells are kept, the same command goes on there"
+        ) from None
+    _console().print(f"{folder / report.INDEX}: {total} cells", highlight=False, soft_wrap=True)
+
+
+@bench.command("tune")
+def bench_tune(
+    count: Annotated[int, typer.Option("--lines", help="Lines a cell.")] = 2000,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler: tcp://HOST:PORT.")
+    ] = None,
+    config: ConfigOption = None,
+) -> None:
+    """Search each detector's parameter; the best belong into vrscan/detectors/catalogue.py."""
+    from vrscan.engines.tools import build_folder
+    from vrscan.study.bench import tune
+    from vrscan.study.bench.bench_report import machine
+    from vrscan.study.bench.keep import Keep
+    from vrscan.study.bench.runner import run
+
+    _check_count(count, 100)
+    cells = tune.cells(_settings(config), count)
+    keep = Keep(build_folder() / "bench", machine())
+    with _bar("training cells", len(cells)) as progress:
+        figures = run(cells, keep, scheduler=scheduler, progress=progress)
+    _console().print(tune.table(tune.trials(figures)))
+
+
+@app.command()
+def replay(
+    recording: Annotated[Path, typer.Argument(metavar="LINES", help=".npy or .npz of lines.")],
+    out: Annotated[Path, typer.Option(help="The points to write: .csv, or a .ply cloud.")],
+    engine: EngineOption = Engine.RTL,
+    jobs: JobsOption = 0,
+    config: ConfigOption = None,
+) -> None:
+    """Turn recorded lines into points."""
+    _check_jobs(jobs)
+    suffix = _suffix(out, (".csv", ".ply"))
+    settings = _settings(config)
+    with atomic_file(out) as file, line_files.opened(recording, settings) as recorded:
+        engines.prepare(engine, settings)
+        blocks = recorded.blocks(engines.BLOCK)
+        jobs = engines.processes(engine, recorded.count, jobs)
+        then = csv_rows if suffix == ".csv" else ply_vertices
+        with (
+            warnings.catch_warnings(record=True, action="always", category=InputWarning) as told,
+            csv_file(file) if suffix == ".csv" else ply_file(file, out.parent) as write,
+            _bar(f"engine {engine}", recorded.count) as progress,
+            engines.streamed(engine, blocks, settings, then, jobs) as found,
+        ):
+            for done, rows in found:
+                write(rows)
+                progress(done)
+    for each in told:
+        print(f"vrscan: {each.message}", file=sys.stderr)
+
+
+@app.command()
+def mirror(
+    out: Annotated[Path, typer.Option(help="The mirror.csv to write; the picture goes beside it.")],
+    seconds: Annotated[
+        float | None,
+        typer.Option(help="Mirror time from RUN on; 0.5, or 3 with --drift. Of a replay: all."),
+    ] = None,
+    drift: Annotated[
+        float, typer.Option(help="Hz: the natural frequency changes by it 0.1 s after RUN.")
+    ] = 0.0,
+    shock: Annotated[
+        float, typer.Option(help="rad/s: added to the mirror's velocity 0.1 s after RUN.")
+    ] = 0.0,
+    jitter_ns: Annotated[
+        float | None,
+        typer.Option(help="Of the index comparator, rms; else mems.jitter_ns."),
+    ] = None,
+    drop: Annotated[
+        int, typer.Option(help="Every n-th pass over the index is lost, from 0.1 s after RUN.")
+    ] = 0,
+    recording: Annotated[
+        Path | None,
+        typer.Option("--replay", metavar="EDGES.csv", help="Recorded edges instead of a mirror."),
+    ] = None,
+    config: ConfigOption = None,
+) -> None:
+    """Run the RTL's mirror loop against the simulated mirror, or on recorded index edges."""
+    from vrscan.study.report import mirror_report as report
+
+    _suffix(out, (".csv",))  # a .png would be overwritten by the picture
+    settings = _mirror_settings(config, jitter_ns)
+    _check_range("--drift", drift, -100.0, 100.0)
+    _check_range("--shock", shock, -1000.0, 1000.0)
+    if drop < 0 or drop == 1:
+        raise InputError(f"--drop: must be 0 for none, or 2 or more ({drop})")
+    if seconds is not None:
+        _check_range("--seconds", seconds, 0.001, MOST_SECONDS)
+    events = report.Events(drift_hz=drift, shock_rad_per_s=shock, drop_every=drop)
+    if recording is not None:
+        if events.any or jitter_ns is not None:
+            raise InputError("--replay: no --drift, --shock, --drop or --jitter-ns with it")
+        rows, amplitude, last = report.read_edges(recording, settings)
+        length = last if seconds is None else min(seconds, last)
+        _check_range(f"{recording}: last time_s", length, 0.0, MOST_SECONDS)
+        title = f"Mirror: {recording.name}, {length:.3f} s"
+    else:
+        length = (3.0 if drift else 0.5) if seconds is None else seconds
+        title = f"Mirror: start and {length:g} s of RUN{_happening(events)}"
+    started = time.perf_counter()
+    with atomic_file(out) as csv, atomic_file(out.with_suffix(".png")) as png:
+        start = report.START_S + settings.mirror.sweep_span_hz / settings.mirror.sweep_hz_per_s
+        whole = length if recording is not None else length + start
+        what = "recorded edges" if recording is not None else "start and run"
+        with _bar(f"{what}, us of mirror time", round(1e6 * whole)) as progress:
+            if recording is not None:
+                run = report.replay(settings, rows, amplitude, length, progress)
+            else:
+                run = report.simulate(settings, length, events, progress)
+        summary = report.summarise(run)
+        report.write_csv(run, csv)
+        report.picture(run, summary, title, png)
+    console = _console()
+    console.print(report.table(run, summary, title))
+    wall = time.perf_counter() - started
+    console.print(f"{run.end_s:.3f} s of mirror time in {wall:.1f} s")
+    console.print(f"{out}, {out.with_suffix('.png')}", highlight=False)
+    if run.fault and recording is None:
+        raise typer.Exit(1)
+
+
+@app.command()
+def board(
+    scene: SceneArgument = "default",
+    port: Annotated[
+        Path | None, typer.Option("--port-file", help="Link to the port; build/board/port.")
+    ] = None,
+    swinging: Annotated[
+        bool, typer.Option("--swinging", help="The mirror starts at its working point.")
+    ] = False,
+    seconds: Annotated[
+        float | None, typer.Option(help="Simulated time after which it stops; else never.")
+    ] = None,
+    real_time: Annotated[
+        bool, typer.Option("--real-time", help="No faster than time goes.")
+    ] = False,
+    clock_hz: Annotated[
+        float | None, typer.Option(help="Of the board; the configuration's, or 100 MHz.")
+    ] = None,
+    config: ConfigOption = None,
+) -> None:
+    """Simulate a board before a scene, with a serial port to talk to it, until it is stopped."""
+    from vrscan.engines import board as virtual
+    from vrscan.engines.tools import build_folder
+    from vrscan.scene.description import load
+    from vrscan.scene.library import ANGLES, renderer
+
+    settings = virtual.on_board(_settings(config))
+    if clock_hz is not None:
+        _check_range("--clock-hz", clock_hz, 1e6, 1e9)
+        clock = settings.clock.model_copy(update={"frequency_hz": clock_hz})
+        settings = settings.model_copy(update={"clock": clock})
+    if seconds is not None:
+        _check_range("--seconds", seconds, 1e-6, 1e6)
+    where = build_folder() / "board" / "port" if port is None else port
+    renderer(load(scene), settings)  # complains before there is a bar, or a build
+    virtual.make_folder(where)
+    virtual.build(settings)
+    with _bar("scene", ANGLES) as progress:
+        words = virtual.command(
+            scene,
+            settings,
+            where,
+            swinging=swinging,
+            seconds=seconds,
+            real_time=real_time,
+            progress=progress,
+        )
+        progress(ANGLES)
+    os.execv(words[0], words)
+
+
+@calibrate.command("mirror")
+def calibrate_mirror(
+    motion: Annotated[
+        Path, typer.Argument(metavar="MOTION.csv", help="With time_s and an angle, rad.")
+    ],
+    column: Annotated[str, typer.Option(help="Which column is the angle.")] = "angle_rad",
+    from_s: Annotated[
+        float, typer.Option("--from", help="Rows before this time are left out.")
+    ] = 0,
+    config: ConfigOption = None,
+) -> None:
+    """Fit (12) to a recorded motion and print it as the configuration takes it."""
+    from vrscan.calibrate.motion_fit import fit_motion, read_motion
+
+    settings = configuration.load(config)
+    times, angles = read_motion(motion, column, from_s)
+    found = fit_motion(times, angles, settings.mirror.frequency_hz, refine=True)
+    print(f"# {len(times)} samples; the fit leaves {1e6 * found.residual_rad:.3f} urad rms")
+    print("[mirror]")
+    print(f"frequency_hz = {found.frequency_hz:.7f}")
+    print(f"amplitude_deg = {math.degrees(found.amplitude_rad):.6f}")
+    rows = ", ".join(f"[{size:.9f}, {phi:.7f}]" for size, phi in found.harmonics)
+    print(f"harmonics = [{rows}]")
+
+
+def _happening(events: "MirrorEvents") -> str:
+    """Return what happens in a run, for its title."""
+    parts = []
+    if events.drift_hz:
+        parts.append(f"natural frequency {events.drift_hz:+g} Hz")
+    if events.shock_rad_per_s:
+        parts.append(f"shock of {events.shock_rad_per_s:g} rad/s")
+    if events.drop_every:
+        parts.append(f"one index pass of {events.drop_every} lost")
+    return "".join(f", {part}" for part in parts)
+
+
+def _mirror_settings(path: Path | None, jitter_ns: float | None) -> Config:
+    """Return the configuration with the jitter asked for."""
+    settings = configuration.load(path)
+    if jitter_ns is None:
+        return settings
+    _check_range("--jitter-ns", jitter_ns, 0.0, 1e6)
+    mems = settings.mems.model_copy(update={"jitter_ns": jitter_ns})
+    return settings.model_copy(update={"mems": mems})
+
+
+def _check_range(name: str, value: float, low: float, high: float) -> None:
+    if not low <= value <= high:  # also what is not a number
+        raise InputError(f"{name}: must be {low:g} to {high:g} ({value:g})")
+
+
+@app.command()
+def efficiency(
+    engine: EngineOption = Engine.FIXED,
+    count: Annotated[int, typer.Option("--lines", help="Lines a cell.")] = 4000,
+    jobs: Annotated[int, typer.Option(help="Processes; 0: one a processor.")] = 0,
+    config: ConfigOption = None,
+) -> None:
+    """Compare the detector with the Cramer-Rao bound; exit status 1 below the stated figures."""
+    from vrscan.study.report import efficiency as report
+    from vrscan.study.report import two_pass_report as two_pass
+
+    _check_count(count, 100)
+    _check_jobs(jobs)
+    settings = _settings(config)
+    engines.prepare(engine, settings)
+    cores = jobs or processors()
+    with _bar("spots", len(report.PEAKS) * len(report.SIGMAS_PX)) as progress:
+        cells = report.study(engine, settings, count, progress, jobs=cores)
+    with _bar("two passes", len(two_pass.PEAKS) * len(two_pass.SIGMAS_PX) + 2) as progress:
+        both = two_pass.study(engine, settings, count, progress, jobs=cores)
+        one, two = two_pass.skew_positions(engine, settings, count // 2)
+        progress(len(both) + 1)
+        slopes = two_pass.slope_study(engine, settings, count // 4)
+        progress(len(both) + 2)
+    console = _console()
+    console.print(report.efficiency_table(cells, engine, count))
+    shipped, printed = [c.shipped for c in cells], [c.printed for c in cells]
+    mean, lost = report.geometric_mean(shipped), report.worst_lost(shipped)
+    console.print(
+        f"geometric mean: {mean:.3f} (at least {report.GOAL_EFFICIENCY:.2f}), "
+        f"(8) as printed {report.geometric_mean(printed):.3f}"
+    )
+    console.print(
+        f"lost, worst cell: {100 * lost:.2f} % (at most {100 * report.GOAL_LOST:.1f} %), "
+        f"(8) as printed {100 * report.worst_lost(printed):.2f} %"
+    )
+    console.print(two_pass.efficiency_grid(both, engine, count))
+    console.print(two_pass.skew_grid(one, two))
+    console.print(two_pass.slope_grid(slopes))
+    figures = two_pass.figures(both, two, slopes)
+    for text, _ in figures:
+        console.print(text)
+    reached = mean >= report.GOAL_EFFICIENCY and lost <= report.GOAL_LOST
+    if not (reached and all(holds for _, holds in figures)):
+        raise typer.Exit(1)
+
+
+@app.command()
+def speed(
+    engine: Annotated[Engine | None, typer.Option(help="Which one; all three if none.")] = None,
+    count: Annotated[
+        int | None, typer.Option("--lines", help="Number of lines; 10000, or 2000 of the RTL.")
+    ] = None,
+    jobs: Annotated[int, typer.Option(help="Cores, beside the one; 0: all.")] = 0,
+    config: ConfigOption = None,
+) -> None:
+    """Measure the lines per second of the engines, on one core and on all of them."""
+    from vrscan.study.report import speed as report
+
+    if count is not None:
+        _check_count(count, 1)
+    _check_jobs(jobs)
+    settings = _settings(config)
+    chosen = list(Engine) if engine is None else [engine]
+    rates = []
+    with _bar("engines", len(chosen)) as progress:
+        for each in chosen:
+            rates.append(report.measure(each, settings, count, jobs or None))
+            progress(len(rates))
+    _console().print(report.table(rates))
+
+
+@app.command()
+def numbers(
+    out: Annotated[
+        Path | None, typer.Option("--csv", help="File for it; build/numbers/numbers.csv.")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="A tenth of the work, no RTL.")] = False,
+    write: Annotated[
+        bool, typer.Option("--write", help="Rewrite the tables of README.md and docs/numbers.md.")
+    ] = False,
+    only: Annotated[
+        str, typer.Option(help="Measure what begins so: mirror, position, latency, ...")
+    ] = "",
+) -> None:
+    """Measure accuracy, efficiency, latency and speed; exit status 1 if a figure fails."""
+    from vrscan.engines.tools import build_folder, repository_root
+    from vrscan.study.report import numbers as report
+
+    if write and (quick or only):
+        raise InputError(f"--write: needs all of it ({'--quick' if quick else '--only'} is given)")
+    stages = report.stages(report.QUICK if quick else report.FULL)
+    chosen = [stage for stage in stages if stage.name.startswith(only)]
+    if not chosen:
+        names = ", ".join(stage.name for stage in stages)
+        raise InputError(f"--only: nothing begins with {only!r}; there are {names}")
+    for path in report.pages(repository_root()) if write else ():
+        check_writable(path)
+    if out is None:
+        out = build_folder() / "numbers" / "numbers.csv"
+        out.parent.mkdir(exist_ok=True)
+    figures = []
+    with atomic_file(out) as file:
+        for stage in chosen:
+            with _bar(stage.name, stage.steps) as progress:
+                figures += stage.run(progress)
+                progress(stage.steps)
+        _console().print(report.table(figures))
+        report.write_csv(figures, file)
+    for path in report.write_pages(figures, repository_root()) if write else ():
+        _console().print(f"{path}: tables rewritten", highlight=False)
+    failed = [figure for figure in figures if not figure.passes]
+    for figure in failed:
+        print(f"vrscan: {figure.group}: {figure.name}: FAIL", file=sys.stderr)
+    if failed:
+        raise typer.Exit(1)
+
+
+def _settings(path: Path | None) -> Config:
+    """Return the configuration, known to fit in the registers."""
+    settings = configuration.load(path)
+    Registers.from_config(settings)
+    return settings
+
+
+def _planned(
+    scene: str,
+    count: int,
+    fidelity: str | None,
+    tolerance: float | None,
+    settings: Config,
+    *,
+    each: bool = False,
+) -> tuple["Light", "Plan"]:
+    """Return a scene and which effects it gets, found under a bar."""
+    from vrscan.scene import effects
+    from vrscan.scene.description import load
+    from vrscan.scene.light import Light
+    from vrscan.study.plan import plan, survey
+
+    if tolerance is not None:
+        _check_range("--tolerance", tolerance, 1e-6, 10.0)
+    wanted: str | list[str] | None = fidelity
+    if fidelity is not None and fidelity not in ("auto", "full", "minimal"):
+        wanted = [name.strip() for name in fidelity.split(",")]
+    light = Light(load(scene), settings)
+    for names, source in ((wanted, "--fidelity"), (light.scene.fidelity, light.scene.source)):
+        if isinstance(names, list):
+            effects.chosen(names, source)  # before there is a bar
+    seen = survey(light, count)
+    with _bar("budget", 100) as progress:
+        found = plan(
+            light,
+            count,
+            fidelity=wanted,
+            tolerance_px=tolerance,
+            each=each,
+            seen=seen,
+            progress=lambda done, total: progress(100 * done // total),
+        )
+        progress(100)
+    return light, found
+
+
+def _check_jobs(jobs: int) -> None:
+    if jobs < 0:
+        raise InputError(f"--jobs: must not be negative ({jobs})")
+
+
+def _check_count(count: int, least: int, most: int = MOST_LINES) -> None:
+    if not least <= count <= most:
+        raise InputError(f"--lines: must be {least} to {most} ({count})")
+
+
+def _console() -> Console:
+    """Return the output, wide enough for the tables where it is no terminal."""
+    return Console(width=None if sys.stdout.isatty() else 120)
+
+
+@contextlib.contextmanager
+def _bar(text: str, total: int) -> Iterator[Callable[[int], None]]:
+    """Show a bar on the error stream; yields a function that is told how many are done.
+
+    It disappears if what it shows fails: what went wrong is the only thing to read then.
+    """
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )
+    console = Console(stderr=True)
+    with Progress(*columns, console=console) as progress:
+        task = progress.add_task(text, total=total)
+        try:
+            yield lambda done: progress.update(task, completed=done)
+        except BaseException:
+            progress.live.transient = True
+            console.quiet = not console.is_terminal
+            raise
+
+
+@contextlib.contextmanager
+def _folder(path: Path) -> Iterator[None]:
+    """Make the folder if it is missing, and take it away again if what follows fails."""
+    made = not path.exists()
+    try:
+        path.mkdir(exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{path}: cannot make the folder ({error.strerror})") from error
+    try:
+        yield
+    except BaseException:
+        if made:
+            with contextlib.suppress(OSError):
+                path.rmdir()
+        raise
+
+
+def main() -> None:
+    """Run the command; whatever the user got wrong is one line on the error stream."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(EXIT_TERMINATED))  # so that files are tidied
+    try:
+        status = app(sys.argv[1:] or ["--help"], prog_name="vrscan", standalone_mode=False)
+        if status == EXIT_INTERRUPTED:
+            _complain("interrupted")
+    except InputError as error:
+        status = _complain(str(error))
+    except InterruptError as error:
+        _complain(str(error))
+        status = EXIT_INTERRUPTED
+    except typer.TyperException as error:  # an unknown option, a missing argument
+        text = error.format_message().replace("Value error, ", "")
+        if isinstance(error.__cause__, ValidationError):
+            text = f"{text} ({error.__cause__.errors()[0]['input']})"
+        status = _complain(text)
+    sys.exit(status)
+
+
+def _complain(text: str) -> int:
+    """Print one line on the error stream and return the exit status."""
+    print(f"vrscan: {' '.join(text.split())}", file=sys.stderr)
+    return EXIT_BAD_INPUT

@@ -1,0 +1,48 @@
+"""``vrscan cases``: the catalogue of hard cases, as a table here and as a page."""
+
+import sys
+from typing import Annotated
+
+import typer
+
+
+def cases(
+    write: Annotated[bool, typer.Option("--write", help="Rewrite docs/hard-cases.md.")] = False,
+    only: Annotated[str, typer.Option(help="Show what begins so: plateau, rival, ...")] = "",
+) -> None:
+    """Run the hard cases; exit status 1 if one is not as defined."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from vrscan.data.errors import InputError
+    from vrscan.data.points import atomic_file, check_writable
+    from vrscan.engines.tools import repository_root
+    from vrscan.study.cases import case_page as page
+    from vrscan.study.cases.registry import rooms
+
+    if not any(case.name.startswith(only) for room in rooms().values() for case in room):
+        raise InputError(f"--only: nothing begins with {only!r}")
+    path = repository_root() / page.PAGE
+    if write:
+        check_writable(path)
+    outcomes = page.measure()
+    console = Console()
+    for title, room in rooms().items():
+        grid = Table("case", "flags", "error here", "as printed, float64", title=title)
+        for case in room:
+            if case.name.startswith(only):
+                cells = page.cells(case, outcomes[case.name])
+                grid.add_row(cells[0], cells[3], cells[4].replace("**", ""), cells[5])
+        if grid.row_count:
+            console.print(grid)
+    if write:
+        with atomic_file(path) as file:
+            file.write(page.page(outcomes).encode())
+        console.print(f"{path}: rewritten", highlight=False)
+    failed = False
+    for name, found in outcomes.items():
+        for text in (text for outcome in found for text in outcome.wrong):
+            print(f"vrscan: {name}: {text}", file=sys.stderr)
+            failed = True
+    if failed:
+        raise typer.Exit(1)

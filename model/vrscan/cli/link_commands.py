@@ -1,0 +1,545 @@
+"""The commands of ``vrscan link``: a board on a serial port."""
+
+import contextlib
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from vrscan.cli.interrupt import interrupted
+from vrscan.data.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from vrscan.data.records import Records
+    from vrscan.link.device import Device, StartProgress
+    from vrscan.link.stream import Captured, PointStream
+
+FORMATS = (".npz", ".csv")
+PICTURES = (".npz", ".csv", ".png")
+MOST_POINTS = 100_000_000
+MOST_LINES = 100_000
+MOST_DARK = 50  # lines without a peak, where one is wanted
+
+link = typer.Typer(help="Talk to a board: registers, points, raw lines, self-test.")
+
+PortOption = Annotated[
+    str | None, typer.Option("--port", "-p", envvar="VRSCAN_PORT", help="Serial port of the board.")
+]
+BaudOption = Annotated[int, typer.Option("--baud", help="Its rate after a reset.")]
+TimeoutOption = Annotated[
+    float,
+    typer.Option(
+        "--timeout",
+        envvar="VRSCAN_TIMEOUT",
+        help="Seconds to wait for a reply; a simulation needs more.",
+    ),
+]
+StartOption = Annotated[
+    bool,
+    typer.Option("--start", help="Start lines, laser and mirror before, and stop them after."),
+]
+RawOption = Annotated[bool, typer.Option("--raw", help="Integers instead of units.")]
+BAUD, TIMEOUT_S = 3_000_000, 5.0
+
+
+@link.command()
+def info(
+    port: PortOption = None, baud: BaudOption = BAUD, timeout: TimeoutOption = TIMEOUT_S
+) -> None:
+    """Show what a board is, and how it is."""
+    from vrscan.link import link_report as report
+
+    with _device(port, baud, timeout) as device:
+        _console().print(report.info_table(device))
+
+
+@link.command()
+def registers(
+    name: Annotated[str, typer.Argument(help="Only those with this in their name.")] = "",
+    port: PortOption = None,
+    baud: BaudOption = BAUD,
+    timeout: TimeoutOption = TIMEOUT_S,
+) -> None:
+    """Show all registers with their values and units; of a table, its first entries."""
+    from vrscan.link import link_report as report
+    from vrscan.registers import values
+
+    names = [each for each in values.NAMES if name in each]
+    if not names:
+        values.find(name)  # says what is like it
+    with _device(port, baud, timeout) as device:
+        found = device.read_many(names)
+    _console().print(report.register_table(found))
+
+
+@link.command()
+def read(
+    names: Annotated[list[str], typer.Argument(metavar="NAME...", help="Of registers.")],
+    raw: RawOption = False,
+    port: PortOption = None,
+    baud: BaudOption = BAUD,
+    timeout: TimeoutOption = TIMEOUT_S,
+) -> None:
+    """Read registers, one a line."""
+    from vrscan.link import link_report as report
+    from vrscan.registers import values
+
+    for name in names:
+        values.find(name)
+    with _device(port, baud, timeout) as device:
+        found = device.read_many(names)
+    for name, value in found.items():
+        print(f"{name} = {report.value_text(name, value, raw=raw, most=None)}")
+
+
+@link.command(context_settings={"ignore_unknown_options": True})  # a value may begin with a minus
+def write(
+    name: Annotated[str, typer.Argument(help="Of a register.")],
+    value: Annotated[list[str], typer.Argument(metavar="VALUE...", help="In its unit.")],
+    raw: RawOption = False,
+    port: PortOption = None,
+    baud: BaudOption = BAUD,
+    timeout: TimeoutOption = TIMEOUT_S,
+) -> None:
+    """Write a register, all values of it, and read it back."""
+    from vrscan.link import link_report as report
+    from vrscan.registers import values
+
+    numbers = [_number(name, text, raw) for text in value]
+    integers: values.Value
+    if raw:
+        whole = [number for number in numbers if isinstance(number, int)]
+        integers = whole[0] if len(whole) == 1 else tuple(whole)
+        values.to_words(name, integers)
+    else:
+        integers = values.from_scaled(name, numbers)
+    with _device(port, baud, timeout) as device:
+        device.write(name, integers)
+        found = device.read(name)
+    print(f"{name} = {report.value_text(name, found, raw=raw, most=None)}")
+
+
+@link.command()
+def watch(
+    seconds: Annotated[float | None, typer.Option(help="Ends after so long.")] = None,
+    step: Annotated[int, typer.Option(help="Shows every so many lines' point.")] = 32,
+    start: StartOption = False,
+    port: PortOption = None,
+    baud: BaudOption = BAUD,
+    timeout: TimeoutOption = TIMEOUT_S,
+) -> None:
+    """Watch points, mirror, laser and focus live, until q or Ctrl-C."""
+    from vrscan.cli import live
+
+    if seconds is not None:
+        _check("--seconds", seconds, 0.01, 1e6)
+    _check("--step", step, 1, 255)
+    with _device(port, baud, timeout) as device, _running(device, start):
+        live.watch(device, _console(), seconds=seconds, step=step)
+
+
+@link.command()
+def capture(
+    out: Annotated[
+        Path | None, typer.Option(help=".npz, as replay reads it, .csv or .png; else in text.")
+    ] = None,
+    count: Annotated[int, typer.Option("--lines", help="How many.")] = 1,
+    every: Annotated[int, typer.Option(help="Every so many lines, one at a time.")] = 1,
+    line: Annotated[int | None, typer.Option(help="The one with this number.")] = None,
+    peak: Annotated[
+        bool, typer.Option("--peak", help="Only lines with a peak; others are let go.")
+    ] = False,
+    start: StartOption = False,
+    port: PortOption = None,
+    baud: BaudOption = BAUD,
+    timeout: TimeoutOption = TIMEOUT_S,
+) -> None:
+    """Fetch raw lines with what the board made of them."""
+    from vrscan.data.points import atomic_file
+    from vrscan.link import link_report as report
+
+    _check("--lines", count, 1, MOST_LINES)
+    _check("--every", every, 1, 2**32 - 1)
+    if line is not None:
+        _check("--line", line, 0, 2**32 - 1)
+        if count > 1:
+            raise InputError(f"--line: is one line, and not {count}")
+        if peak:
+            raise InputError("--line: is one line, with a peak or without (--peak)")
+    kind = _suffix(out, PICTURES)
+    with contextlib.ExitStack() as stack:
+        file = None if out is None else stack.enter_context(atomic_file(out))
+        device = stack.enter_context(_device(port, baud, timeout))
+        stack.enter_context(_running(device, start))
+        found = _captured(device, count, every, line, peak)
+        note = "" if any(map(_has_peak, found)) else _why_dark(device)
+        settings = report.threshold_settings(device)
+        if file is not None:
+            report.write_captures(kind, file, found, settings, device.build.pixel_width)
+    console = _console()
+    console.print(report.capture_table(found, settings, device.build.pixel_width))
+    if out is None:
+        for each in found[:3]:
+            console.print(report.capture_text(each, console.width), highlight=False)
+    else:
+        console.print(f"{out}: {len(found)} lines", highlight=False)
+    if note:
+        print(f"vrscan: no peak: {note}", file=sys.stderr)
+
+
+@link.command()
+def points(
+    out: Annotated[Path, typer.Option(help=".npz, or .csv.")],
+    count: Annotated[int | None, typer.Option(help="So many points.")] = None,
+    seconds: Annotated[float | None, typer.Option(help="For so long.")] = None,
+    full: Annotated[
+        bool, typer.Option("--full/--compact", help="All of a point, or x, z, confidence, flags.")
+    ] = True,
+    step: Annotated[
+        int | None,
+        typer.Option(help="Of every so many lines; else of as many as the serial line carries."),
+    ] = None,
+    start: StartOption = False,
+    allow_loss: Annotated[
+        bool, typer.Option("--allow-loss", help="Status 0 even if points were lost.")
+    ] = False,
+    port: PortOption = None,
+    baud: BaudOption = BAUD,
+    timeout: TimeoutOption = TIMEOUT_S,
+) -> None:
+    """Record points; exit status 1 if some were lost."""
+    from vrscan.data import records
+    from vrscan.data.points import atomic_file
+    from vrscan.link import link_report as report
+
+    if (count is None) == (seconds is None):
+        raise InputError("--count or --seconds: one of them is needed")
+    if count is not None:
+        _check("--count", count, 1, MOST_POINTS)
+    if seconds is not None:
+        _check("--seconds", seconds, 0.001, 1e6)
+    if step is not None:
+        _check("--step", step, 1, 255)
+    kind = _suffix(out, FORMATS)
+    with atomic_file(out) as file, _device(port, baud, timeout) as device:
+        with _running(device, start):
+            taken = device.least_step(full) if step is None else step
+            with device.stream(full, taken) as stream:
+                found = _recorded(device, stream, count, seconds)
+            note = "" if records.measured(found).any() else _why_dark(device)
+        account = stream.account
+        report.write_points(kind, file, found, full, taken, device.build, account)
+    which = "every line" if taken == 1 else f"one line in {taken}"
+    print(f"{out}: {len(found)} points in the file, of {which}")
+    print(account)
+    if note:
+        print(f"vrscan: no peak: {note}", file=sys.stderr)
+    if account.lost and not allow_loss:
+        print(f"vrscan: {out}: points were lost", file=sys.stderr)
+        raise typer.Exit(1)
+
+
+@link.command()
+def load(
+    config: Annotated[
+        Path | None, typer.Option("--config", help="TOML file that overrides the defaults.")
+    ] = None,
+    start: Annotated[
+        bool, typer.Option("--start", help="Then start lines, laser, mirror, and wait for RUN.")
+    ] = False,
+    force: Annotated[bool, typer.Option("--force", help="Even while the mirror moves.")] = False,
+    port: PortOption = None,
+    baud: BaudOption = BAUD,
+    timeout: TimeoutOption = TIMEOUT_S,
+) -> None:
+    """Write a configuration into the board, and show what that changes."""
+    from vrscan.data import config as configuration
+    from vrscan.link import link_report as report
+
+    settings = configuration.load(config)
+    console = _console()
+    with _device(port, baud, timeout) as device:
+        wanted = device.settings(settings)
+        device.check_still(force)
+        with _bar("read") as progress:
+            before = device.read_many(wanted, progress)
+        with _bar("write") as progress:
+            device.load(settings, force=force, progress=progress)
+        changed = {name: before[name] for name in wanted if before[name] != wanted[name]}
+        if changed:
+            console.print(report.change_table(changed, wanted))
+        console.print(
+            f"{device.port}: {len(wanted)} registers and columns of tables written, "
+            f"{len(changed)} of them changed",
+            highlight=False,
+        )
+        if start:
+            with _starting() as progress:
+                device.start(progress)
+            silence = device.silence_s()
+            console.print(
+                f"the mirror is in RUN; the laser goes off {silence:g} s after the last command",
+                highlight=False,
+            )
+
+
+@link.command()
+def selftest(
+    port: PortOption = None, baud: BaudOption = BAUD, timeout: TimeoutOption = TIMEOUT_S
+) -> None:
+    """Compare all that the board makes of its test lines with the model; status 1 if it differs."""
+    from vrscan.link import link_report as report
+    from vrscan.link.selftest import SelfTest
+
+    checks = []
+    begun = time.monotonic()
+    with _device(port, baud, timeout) as device, _bar("self-test") as bar:
+        clocks = device.uptime()
+        test = SelfTest(device, lambda what, done, steps: bar(done, steps, what))
+        for check in test.checks():
+            checks.append(check)
+            if check.difference is not None:
+                break
+        clocks = device.uptime() - clocks
+        board_s = clocks / device.build.clock_hz
+    console = _console()
+    console.print(report.check_table(checks))
+    console.print(
+        f"{sum(check.compared for check in checks)} numbers of {sum(c.lines for c in checks)} "
+        f"lines, {board_s:.3g} s of the board's time in {time.monotonic() - begun:.1f} s",
+        highlight=False,
+    )
+    failed = [check for check in checks if check.difference is not None]
+    if failed:
+        print(f"vrscan: {failed[0].what}: {failed[0].difference}", file=sys.stderr)
+        raise typer.Exit(1)
+
+
+@link.command()
+def bench(
+    bauds: Annotated[
+        str, typer.Option("--bauds", help="Rates to try, with commas; else only the present one.")
+    ] = "",
+    pings: Annotated[int, typer.Option(help="Round trips.")] = 200,
+    seconds: Annotated[float, typer.Option(help="Of each stream.")] = 2.0,
+    port: PortOption = None,
+    baud: BaudOption = BAUD,
+    timeout: TimeoutOption = TIMEOUT_S,
+) -> None:
+    """Measure round trips, registers and points a second, by this clock and by the board's."""
+    from vrscan.link import benchmark
+    from vrscan.link import link_report as report
+
+    _check("--pings", pings, 3, 100_000)
+    _check("--seconds", seconds, 0.01, 3600.0)
+    try:
+        rates = [int(text) for text in bauds.split(",")] if bauds else [baud]
+    except ValueError:
+        raise InputError(f"--bauds: must be rates with commas ({bauds})") from None
+    with _device(port, baud, timeout) as device, _bar("bench") as bar:
+        trips = benchmark.round_trips(device, pings, bar)
+        streams = benchmark.streams(device, rates, seconds, bar)
+    _console().print(report.bench_tables(trips, streams))
+
+
+# ---- what they share ----
+
+
+@contextlib.contextmanager
+def _device(port: str | None, baud: int, timeout: float) -> Iterator["Device"]:
+    """Connect to the board; Ctrl-C and SIGTERM leave it stopped."""
+    from vrscan.link.device import Device
+
+    _check("--baud", baud, 1, 1_000_000_000)
+    _check("--timeout", timeout, 0.01, 3600.0)
+    if port is None:
+        from serial.tools.list_ports import comports
+
+        there = ", ".join(each.device for each in comports() if each.hwid != "n/a")
+        raise InputError(f"--port: which one? {f'there are {there}' if there else 'there is none'}")
+    with Device(port, baud=baud, timeout=timeout) as device:
+        yield device
+
+
+@contextlib.contextmanager
+def _running(device: "Device", wanted: bool) -> Iterator[None]:
+    """Run lines, laser and mirror for as long as the context lasts, if that is wanted."""
+    if not wanted:
+        yield
+        return
+    with contextlib.ExitStack() as stack:
+        with _starting() as progress:
+            stack.enter_context(device.started(progress))
+        yield
+
+
+@contextlib.contextmanager
+def _starting() -> Iterator["StartProgress"]:
+    """Show a bar while the mirror starts; yields what is told of it."""
+    with _bar("waiting for the mirror") as bar:
+        yield lambda state, share: bar(
+            round(100 * share), 100, f"waiting for the mirror's RUN: {state}"
+        )
+
+
+def _check(name: str, value: float, low: float, high: float) -> None:
+    if not low <= value <= high:  # also what is not a number
+        raise InputError(f"{name}: must be {low:g} to {high:g} ({value:g})")
+
+
+def _suffix(path: Path | None, known: tuple[str, ...]) -> str:
+    """Return the ending of a file's name, which has to be a known one."""
+    if path is None:
+        return ""
+    if path.suffix not in known:
+        raise InputError(f"{path}: must end in {' or '.join(known)}")
+    return path.suffix
+
+
+def _number(name: str, text: str, raw: bool) -> int | float:
+    """Return what was typed as a number."""
+    with contextlib.suppress(ValueError):
+        return int(text, 0)
+    if not raw:
+        with contextlib.suppress(ValueError):
+            return float(text)
+    raise InputError(f"{name}: must be {'an integer' if raw else 'a number'} ({text})")
+
+
+def _console() -> "Console":
+    """Return the output, wide enough for the tables where it is no terminal."""
+    from rich.console import Console
+
+    return Console(width=None if sys.stdout.isatty() else 120)
+
+
+@contextlib.contextmanager
+def _bar(text: str) -> Iterator[Callable[..., None]]:
+    """Show a bar on the error stream; yields what takes how much is done, of how much, of what."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        task = progress.add_task(text, total=None)
+
+        def update(done: int, total: int, description: str = text) -> None:
+            progress.update(task, completed=done, total=total, description=description)
+
+        yield update
+
+
+def _has_peak(each: "Captured") -> bool:
+    """Return whether a line has a point with a position."""
+    from vrscan.data.records import measured
+
+    return each.record is not None and bool(measured(each.record)[0])
+
+
+def _captured(
+    device: "Device", count: int, every: int, line: int | None, peak: bool
+) -> "list[Captured]":
+    """Return raw lines, where ``peak`` only those with one."""
+    from vrscan.data import link_pkg
+
+    if line is not None:
+        return [device.capture(link_pkg.CAPTURE_LINE, line)]
+    if count == 1:
+        for _ in range(MOST_DARK):
+            one = device.capture()
+            if not peak or _has_peak(one):
+                return [one]
+        raise _no_peak(device)
+    found: list[Captured] = []
+    dark = 0  # lines without a peak, one after the other
+    wanted = device.captured(link_pkg.CAPTURE_EVERY, every)
+    with _bar("lines") as bar, interrupted() as ended, wanted as lines:
+        last = time.monotonic()
+        while len(found) < count and not ended():
+            each = lines.get(0.2)
+            if each is not None:
+                last = time.monotonic()
+                if peak and not _has_peak(each):
+                    dark += 1
+                    if dark == MOST_DARK:
+                        raise _no_peak(device)
+                    continue
+                dark = 0
+                found.append(each)
+                bar(len(found), count)
+            elif time.monotonic() - last > 3.0 * device.timeout:
+                raise InputError(
+                    f"{device.port}: no line for {3.0 * device.timeout:g} s, "
+                    f"{len(found)} of {count} came"
+                )
+    if not found:
+        raise InputError(f"{device.port}: ended before a line came")
+    return found
+
+
+def _no_peak(device: "Device") -> InputError:
+    """Return the complaint of having waited for a peak for long enough."""
+    return InputError(f"--peak: none in {MOST_DARK} lines: {_why_dark(device)}")
+
+
+def _why_dark(device: "Device") -> str:
+    """Return why there is no peak."""
+    reason = device.darkness()
+    return f"{reason} (--start starts all)" if reason else "nothing is seen in the laser's light"
+
+
+def _recorded(
+    device: "Device", stream: "PointStream", count: int | None, seconds: float | None
+) -> "Records":
+    """Return the points of a stream, so many or for so long, or until Ctrl-C."""
+    import numpy as np
+
+    from vrscan.data import records
+    from vrscan.link.stream import COMPACT
+
+    parts: list[Records] = []
+    come = 0
+    with _bar("points") as bar, interrupted() as ended:
+        start = last = time.monotonic()
+        while not ended():
+            now = time.monotonic()
+            if count is not None and come >= count:
+                break
+            if seconds is not None and now - start >= seconds:
+                break
+            part = stream.get(0.1)
+            if part is not None:
+                parts.append(part)
+                come += len(part)
+                last = now
+            elif count is not None and now - last > 3.0 * device.timeout:
+                raise InputError(
+                    f"no point for {3.0 * device.timeout:g} s, {come} of {count} came: "
+                    f"{device.darkness() or 'the board says nothing of why'}"
+                )
+            if count is not None:
+                bar(min(come, count), count)
+            elif seconds is not None:
+                bar(
+                    min(round(now - start), round(seconds)),
+                    max(1, round(seconds)),
+                    f"{come} points",
+                )
+        stream.stop()
+        if count is None:  # those on the way belong to it
+            rest = stream.get(0.0)
+            parts += [] if rest is None else [rest]
+    found = (
+        np.concatenate(parts) if parts else np.zeros(0, records.FULL if stream.full else COMPACT)
+    )
+    return found[:count]

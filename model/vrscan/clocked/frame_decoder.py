@@ -1,0 +1,132 @@
+"""A frame becomes a payload and a verdict, the twin of ``rtl/link/frame_decoder.sv``."""
+
+from enum import IntEnum
+from typing import NamedTuple
+
+from vrscan.clocked.frame_encoder import CRC_INIT, crc_next
+
+LATENCY = 2  # clocks from a byte to what it lets go, and from the 0x00 to done_o
+CRC_BYTES = 2
+
+
+class Status(IntEnum):
+    """How a frame has ended, ``status_o``."""
+
+    OK = 0
+    CRC = 1
+    MALFORMED = 2
+    TOO_LONG = 3
+    TOO_SHORT = 4
+    FRAMING = 5
+
+
+class Event(NamedTuple):
+    """What a byte lets go: a byte of the payload, or the frame's status, or neither.
+
+    Attributes:
+        data: A byte of the payload.
+        first: It is the frame's first.
+        status: The frame has ended, so.
+    """
+
+    data: int | None
+    first: bool
+    status: Status | None
+
+
+_NOTHING = Event(None, False, None)
+
+
+class FrameDecoder:
+    """Clock-accurate decoder. A new one is as after a reset.
+
+    ``take`` alone is the same without the clocks: what one byte after another lets go.
+
+    Args:
+        max_payload: Bytes, ``MaxPayload``.
+
+    Attributes:
+        valid: ``data`` is a byte of the payload, which is good if the frame ends with OK.
+        data, first: With ``valid``.
+        done: The frame has ended.
+        status: With ``done``.
+
+    Raises:
+        ValueError: if ``max_payload`` is out of range.
+    """
+
+    def __init__(self, max_payload: int = 1024) -> None:
+        if max_payload not in range(1, 1 << 16):
+            raise ValueError("frame_decoder: max_payload must be 1 to 65535")
+        self.valid = False
+        self.data = 0
+        self.first = False
+        self.done = False
+        self.status = Status.OK
+
+        self._max_payload = max_payload
+        self._waiting = _NOTHING
+        self._begin()
+
+    def _begin(self) -> None:
+        """Be between two frames."""
+        self._open = False
+        self._framing = False
+        self._left = 0  # bytes of the block still to come
+        self._due = False  # the block before the next code ends in a zero
+        self._count = 0  # bytes decoded
+        self._crc = CRC_INIT
+        self._newer = 0
+        self._older = 0
+
+    def step(self, valid: bool, data: int, error: bool) -> None:
+        """Do one clock with these inputs."""
+        event = self._waiting
+        self._waiting = self.take(data, error) if valid else _NOTHING
+        self.valid = event.data is not None
+        if event.data is not None:
+            self.data, self.first = event.data, event.first
+        self.done = event.status is not None
+        if event.status is not None:
+            self.status = event.status
+
+    def take(self, data: int, error: bool = False) -> Event:
+        """Take a byte, ``error`` where it had no stop bit, and return what it lets go."""
+        if data == 0:
+            if not self._open:
+                return _NOTHING
+            event = Event(None, False, self._verdict(error))
+            self._begin()
+            return event
+        self._open = True
+        self._framing = self._framing or bool(error)
+        if self._left:
+            self._left -= 1
+            return self._decoded(data)
+        due = self._due
+        self._left = data - 1
+        self._due = data != 255
+        return self._decoded(0) if due else _NOTHING
+
+    def _decoded(self, data: int) -> Event:
+        """Run a decoded byte through CRC and delay, and return the one that goes out."""
+        index = self._count - CRC_BYTES  # in the payload, of the byte that goes out
+        out = self._older
+        self._older, self._newer = self._newer, data
+        self._count += 1
+        self._crc = crc_next(self._crc, data)
+        if 0 <= index < self._max_payload:
+            return Event(out, index == 0, None)
+        return _NOTHING
+
+    def _verdict(self, error: bool) -> Status:
+        """Return the status of the frame that ends here."""
+        if self._framing or error:
+            return Status.FRAMING
+        if self._left:
+            return Status.MALFORMED
+        if self._count > self._max_payload + CRC_BYTES:
+            return Status.TOO_LONG
+        if self._count <= CRC_BYTES:
+            return Status.TOO_SHORT
+        return Status.CRC if self._crc else Status.OK

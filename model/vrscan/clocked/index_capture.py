@@ -1,0 +1,246 @@
+"""Crossings of the index mark, the twin of ``rtl/mirror/index_capture.sv``.
+
+VR-SCAN IV-D and IV-F: a two-field photodiode whose comparator tells on which side of the mark the
+beam is, and whose gate tells that there is a beam.
+"""
+
+from dataclasses import dataclass, fields
+
+from vrscan.data import pkg
+
+LATENCY = 4  # clocks from the last clock that settles a level to valid_o
+MOST_IDLE = 1 << 40
+
+_STEP = 1 << pkg.SUB_WIDTH
+_TIME_MASK = (1 << (pkg.TIME_WIDTH + pkg.SUB_WIDTH)) - 1
+_AGES = 1 << pkg.AGE_WIDTH
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Configuration, clocks.
+
+    Attributes:
+        glitch_clks: For so long the samples have to agree; u8, 0 counts as 1.
+        width_min_clks: An inward sooner after its outward is impossible; u32.
+        width_max_clks: An inward later after its outward is missing; u32.
+        period_max_clks: An outward later after the one before is missing; u32.
+
+    Raises:
+        ValueError: if a value does not fit.
+    """
+
+    glitch_clks: int
+    width_min_clks: int
+    width_max_clks: int
+    period_max_clks: int
+
+    def __post_init__(self) -> None:
+        """Check the widths."""
+        for field in fields(self):
+            width = 8 if field.name == "glitch_clks" else pkg.TIME_WIDTH
+            if getattr(self, field.name) not in range(1 << width):
+                raise ValueError(f"index_capture: {field.name} does not fit in {width} bits")
+
+
+class IndexCapture:
+    """Clock-accurate capture. A new one is as after a reset.
+
+    Args:
+        settings: The configuration ports.
+        index_oversample: Samples a clock, ``IndexOversample``: 1, 2, 4 or 8.
+        count_width: Bits of the counters, ``CountWidth``.
+        initial_time: Clocks, ``InitialTime``.
+
+    Attributes:
+        valid: A crossing is reported in this clock.
+        outward: Its way; with ``valid``.
+        time: When it was, 1/16 clocks, modulo 2**36; with ``valid``.
+        age: From ``time`` to this clock, 1/16 clocks; with ``valid``.
+        missing, doubled, impossible: Faults of this clock.
+        alive: There was a pair, and no deadline has passed since.
+        missing_count, doubled_count, impossible_count, glitch_count: Saturating.
+
+    Raises:
+        ValueError: if ``index_oversample`` is none of the three.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        index_oversample: int = 4,
+        count_width: int = 16,
+        initial_time: int = 0,
+    ) -> None:
+        if index_oversample not in (1, 2, 4, 8):
+            raise ValueError("index_capture: index_oversample must be 1, 2, 4 or 8")
+        self.valid = False
+        self.outward = False
+        self.time = 0
+        self.age = 0
+        self.missing = False
+        self.doubled = False
+        self.impossible = False
+        self.alive = False
+        self.missing_count = 0
+        self.doubled_count = 0
+        self.impossible_count = 0
+        self.glitch_count = 0
+
+        self._samples = index_oversample
+        self._all = (1 << index_oversample) - 1
+        self._weight = _STEP // index_oversample  # of a sample
+        self._base_age = (LATENCY - 1) * _STEP + self._weight // 2
+        self._run_clks = max(settings.glitch_clks, 1)
+        self._width_min = settings.width_min_clks
+        self._width_max = settings.width_max_clks
+        self._period_max = settings.period_max_clks
+        self._count_max = (1 << count_width) - 1
+        self._initial_time = initial_time
+
+        self._now = 0  # clocks since the reset, without end
+        # The clock's samples, put together; a clock later, how long they have agreed.
+        self._open = False
+        self._ones = 0
+        self._open_before = False
+        self._ones_before = 0
+        self._value: bool | None = None  # in which all samples agreed
+        self._run = 0  # clocks for which they have, at most ``_run_clks``
+        # Bursts.
+        self._level: bool | None = None  # the settled one
+        self._burst = False
+        self._burst_age = self._base_age
+        self._crossing = False
+        self._crossing_outward = False
+        self._crossing_age = 0
+        self._glitch = False
+        # Pairs, by the clock in which a limit passes.
+        self._pending = False
+        self._before: bool | None = None  # which way the crossing before went
+        self._period_end: int | None = None
+        self._width_end = 0
+        self._width_begin = 0
+        self._near_end = 0
+
+    def step(self, comparator: int, gate: int) -> None:
+        """Take one clock's samples, bit 0 the oldest, and go on to the next clock."""
+        now = self._now
+        self._now = now + 1
+        if self.missing:
+            self.missing_count = min(self.missing_count + 1, self._count_max)
+        if self.doubled:
+            self.doubled_count = min(self.doubled_count + 1, self._count_max)
+        if self.impossible:
+            self.impossible_count = min(self.impossible_count + 1, self._count_max)
+        if self._glitch:
+            self.glitch_count = min(self.glitch_count + 1, self._count_max)
+        self._pair(now)
+        self._settle()
+
+        if self._open and self._ones in (0, self._samples):
+            value = self._ones != 0
+            self._run = min(self._run + 1, self._run_clks) if value is self._value else 1
+            self._value = value
+        else:
+            self._run = 0
+            self._value = None
+        self._open_before = self._open
+        self._ones_before = self._ones
+        self._open = gate == self._all
+        self._ones = comparator.bit_count()
+
+    def _settle(self) -> None:
+        """Follow the settled level."""
+        self._crossing = self._glitch = False
+        if not self._open_before:
+            self._level = None
+            self._burst = False
+            return
+        level = self._level
+        if level is not None:
+            fresh = self._samples - self._ones_before if level else self._ones_before
+            if fresh or self._burst:
+                if not self._burst:
+                    self._burst_age = self._base_age
+                self._burst = True
+                self._burst_age += fresh * self._weight
+        if self._run == self._run_clks:
+            if self._burst:
+                self._crossing = self._value is not level
+                self._crossing_outward = self._value is True
+                self._crossing_age = self._burst_age
+                self._glitch = self._value is level
+            self._level = self._value
+            self._burst = False
+
+    def _pair(self, now: int) -> None:
+        """Look at the deadlines, then judge a crossing."""
+        late = self._pending and now >= self._width_end
+        if self._period_end is not None and now >= self._period_end:
+            late = True
+            self._period_end = now + max(self._period_max, 1)
+        if late:
+            self._pending = self.alive = False
+            self._before = None
+        self.missing = late
+        self.valid = self.doubled = self.impossible = False
+        if not self._crossing:
+            return
+        outward = self._crossing_outward
+        early = self._pending and not outward and now < self._width_begin
+        if now < self._near_end or early or self._crossing_age >= _AGES:
+            self.impossible = True
+            self._pending = False
+        else:
+            self.valid = True
+            self.outward = outward
+            self.age = self._crossing_age
+            self.time = ((self._initial_time + now + 1) * _STEP - self.age) & _TIME_MASK
+            self.doubled = self._before is outward
+            if outward:
+                self._period_end = now + self._period_max + 1
+                self._width_end = now + self._width_max + 1
+                self._width_begin = now + self._width_min
+            elif self._pending:
+                self.alive = True
+            self._pending = outward
+        self._before = outward
+        self._near_end = now + pkg.MIN_CROSSING
+
+    def idle(self, comparator: int, gate: int) -> int:
+        """Return for how many clocks these samples would change nothing but the time."""
+        if (
+            self._crossing
+            or self._glitch
+            or self._burst
+            or self.valid
+            or self.missing
+            or self.doubled
+            or self.impossible
+        ):
+            return 0
+        if gate == self._all:
+            settled = (
+                self._open_before
+                and self._run == self._run_clks
+                and self._value is self._level
+                and comparator in (0, self._all)
+                and (comparator != 0) is self._level
+                and self._ones == comparator.bit_count()
+                and self._open
+            )
+            if not settled:
+                return 0
+        elif self._open or self._open_before or self._level is not None:
+            return 0
+        end = self._now + MOST_IDLE
+        if self._period_end is not None:
+            end = min(end, self._period_end)
+        if self._pending:
+            end = min(end, self._width_end)
+        return max(end - self._now, 0)
+
+    def skip(self, n: int, comparator: int, gate: int) -> None:
+        """Do ``n`` clocks with these samples at once; ``n`` at most what ``idle`` says."""
+        del comparator, gate
+        self._now += n

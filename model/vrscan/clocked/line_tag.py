@@ -1,0 +1,115 @@
+"""What belongs to the line that is being read out, the twin of ``rtl/sensor/line_tag.sv``."""
+
+from dataclasses import dataclass
+
+from vrscan.data import pkg
+
+LATENCY = 4  # clocks from line_start_i, or angle_valid_i where that is later, to the outputs
+
+_TIME_MASK = (1 << pkg.TIME_WIDTH) - 1
+
+
+@dataclass(frozen=True)
+class Tag:
+    """The outputs. Those of an untagged line are the defaults.
+
+    Attributes:
+        angle: Of the line of sight; s24, turns.
+        power: Of the laser; u16.
+        mirror_flags: ``FLAG_NOT_RUNNING`` and those above it; an untagged line is UNSETTLED.
+        confidence: In the angle; u8.
+        inward: Direction of the mirror.
+        time: Of the pulse's centre; u32, clocks since the reset.
+    """
+
+    angle: int = 0
+    power: int = 0
+    mirror_flags: int = 1 << (pkg.FLAG_UNSETTLED - pkg.FLAG_NOT_RUNNING)
+    confidence: int = 0
+    inward: int = 0
+    time: int = 0
+
+
+class LineTag:
+    """Clock-accurate table. A new one is as after a reset.
+
+    Args:
+        depth: Lines from a centre to the end of its readout, ``Depth``.
+        count_width: Bits of the counter, ``CountWidth``.
+
+    Attributes:
+        tag: The outputs.
+        tagged: They are those of a line.
+        untagged_count: Lines that were not tagged at their end; stops at its largest value.
+    """
+
+    def __init__(self, depth: int = 4, count_width: int = 16) -> None:
+        self.tag = Tag()
+        self.tagged = False
+        self.untagged_count = 0
+        self._depth = depth
+        self._count_max = (1 << count_width) - 1
+        self._clock = 0
+        # By the line's number modulo depth: number, power, inward, time; and number, angle ...
+        self._centres: dict[int, tuple[int, int, int, int]] = {}
+        self._angles: dict[int, tuple[int, int, int, int]] = {}
+        self._exposed: int | None = None  # the line whose exposure is on
+        self._ended: int | None = None  # of the last one that has not been read out
+        self._wanted: int | None = None  # of the readout
+        self._open = False
+        self._found: list[Tag | None] = []  # on the way to the outputs
+
+    def step(
+        self,
+        *,
+        exposure: bool,
+        line: int,
+        centre: bool,
+        power: int,
+        inward: bool,
+        angle_valid: bool,
+        angle_line: int,
+        angle: int,
+        mirror_flags: int,
+        confidence: int,
+        line_start: bool,
+        line_end: bool,
+    ) -> None:
+        """Go on by a clock."""
+        if centre:
+            slot = line % self._depth
+            self._centres[slot] = (line, power, int(inward), self._clock)
+            self._angles.pop(slot, None)
+        if angle_valid:
+            self._angles[angle_line % self._depth] = (angle_line, angle, mirror_flags, confidence)
+        self._clock = (self._clock + 1) & _TIME_MASK
+
+        if not exposure:
+            if self._exposed is not None:
+                self._ended = self._exposed
+            self._exposed = None
+        elif self._exposed is None:
+            self._exposed = line
+
+        if line_end and (line_start or (self._open and not self.tagged)):
+            self.untagged_count = min(self.untagged_count + 1, self._count_max)
+        self._open = (self._open or line_start) and not line_end
+        if line_start:
+            self._wanted, self._ended = self._ended, None
+            self._found = []
+            self.tag, self.tagged = Tag(), False
+        self._found.append(self._look_up())
+        if len(self._found) == LATENCY:
+            found = self._found.pop(0)
+            if found is not None and not self.tagged:
+                self.tag, self.tagged = found, True
+
+    def _look_up(self) -> Tag | None:
+        """Return what the table has of the line that is read out, or None."""
+        if self._wanted is None:
+            return None
+        slot = self._wanted % self._depth
+        centre, angle = self._centres.get(slot), self._angles.get(slot)
+        if centre is None or angle is None or not centre[0] == angle[0] == self._wanted:
+            return None
+        return Tag(angle[1], centre[1], angle[2], angle[3], centre[2], centre[3])

@@ -1,0 +1,243 @@
+"""Time base of the lines, the twin of ``rtl/sensor/line_trigger.sv``."""
+
+from dataclasses import dataclass, fields
+
+from vrscan.data import pkg
+from vrscan.fixed.multiply import latency as multiply_latency
+
+# Clocks from enable_i to the first line_start_o.
+START_LATENCY = multiply_latency(pkg.WORD_WIDTH + 1, pkg.RATIO_WIDTH + 1) + 5
+WRAP_LATENCY = 2  # clocks from the accumulator's wrap to line_start_o
+MIN_LINE_CLKS = 32
+MOST_IDLE = 1 << 40
+
+_TURN = 1 << pkg.TURN_WIDTH
+_STEP_MAX = _TURN // MIN_LINE_CLKS
+_STEP_LATENCY = START_LATENCY - 3  # clocks from a sample of the word to the step
+_NUMBER_MASK = (1 << pkg.LINE_NUMBER_WIDTH) - 1
+_TIME_MAX = (1 << (pkg.LINE_CLKS_WIDTH + 1)) - 1
+_RATIO_HALF = 1 << (pkg.RATIO_FRACTION - 1)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Configuration.
+
+    Attributes:
+        ratio: Lines a mirror period; u44, 32 fraction bits.
+        exposure_delay_clks, pulse_delay_clks: From line_start; u20, clocks.
+        exposure_clks, pulse_clks: How long they last; u20, clocks, 0 for none.
+
+    Raises:
+        ValueError: if a value does not fit.
+    """
+
+    ratio: int
+    exposure_delay_clks: int
+    exposure_clks: int
+    pulse_delay_clks: int
+    pulse_clks: int
+
+    def __post_init__(self) -> None:
+        """Check the widths."""
+        for field in fields(self):
+            width = pkg.RATIO_WIDTH if field.name == "ratio" else pkg.LINE_CLKS_WIDTH
+            if getattr(self, field.name) not in range(1 << width):
+                raise ValueError(f"line_trigger: {field.name} does not fit in {width} bits")
+
+
+def line_step(word: int, ratio: int) -> int:
+    """Return the accumulator's step: turns of a line a clock, 48 fraction bits.
+
+    To nearest, half up, and at most a turn in 32 clocks.
+
+    Args:
+        word: Turns of the mirror a clock; u40, 48 fraction bits.
+        ratio: Lines a mirror period; u44, 32 fraction bits.
+    """
+    return min((word * ratio + _RATIO_HALF) >> pkg.RATIO_FRACTION, _STEP_MAX)
+
+
+class LineTrigger:
+    """Clock-accurate time base. A new one is as after a reset.
+
+    Args:
+        settings: The configuration ports; ``settings`` may be replaced between two steps, which
+            counts from the next line.
+        count_width: Bits of the counter, ``CountWidth``.
+
+    Attributes:
+        line_start: A line starts in this clock.
+        line: Its number, modulo 2**32.
+        exposure, laser: Of the sensor and the laser.
+        centre: This clock holds the middle of the laser's pulse,
+        centre_half: which is half a clock later.
+        overrun: With ``line_start``: the line before had not ended.
+        overrun_count: Saturating.
+    """
+
+    def __init__(self, settings: Settings, count_width: int = 16) -> None:
+        self.settings = settings
+        self.line_start = False
+        self.line = 0
+        self.exposure = False
+        self.laser = False
+        self.centre = False
+        self.centre_half = False
+        self.overrun = False
+        self.overrun_count = 0
+        self._count_max = (1 << count_width) - 1
+        # The next line's step: the one on its way, and in how many clocks it arrives; 0 is idle.
+        self._coming = 0
+        self._left = 0
+        self._arrived = False
+        self._next = 0
+        self._run = False
+        self._wrap = False
+        self._turn = 0
+        self._step = 0
+        # The line.
+        self._first = False
+        self._live = False
+        self._late = False
+        self._time = 0  # clocks since its start
+        self._exposure = (0, 0)  # begin and end
+        self._exposed = False
+        self._pulse = (0, 0)
+        self._centre = 0
+        self._half = False
+        self._skip_laser = False
+        self._skip_exposure = False
+        self._number = 0
+
+    def step(self, *, enable: bool, word: int) -> None:
+        """Go on by a clock."""
+        if not enable:
+            self._stop()
+            return
+        wrap = self._wrap
+        time = self._time
+        live = self._live
+        first = self._first
+
+        # The line's outputs.
+        pulse_left = live and time < self._pulse[1]
+        exposure_left = live and time < self._exposure[1]
+        pulse = pulse_left and time >= self._pulse[0]
+        exposure = exposure_left and time >= self._exposure[0]
+        self.line_start = first
+        self.overrun = self._late
+        if first:
+            self._skip_laser = self.laser and pulse
+            self._skip_exposure = self.exposure and exposure
+            self.line = self._number
+            self._number = (self._number + 1) & _NUMBER_MASK
+            if self._late and self.overrun_count < self._count_max:
+                self.overrun_count += 1
+        self.laser = pulse and not self._skip_laser
+        self.exposure = exposure and not self._skip_exposure
+        self.centre = live and time == self._centre
+        self.centre_half = self._half
+        self._first = wrap
+        self._late = wrap and (pulse_left or (exposure_left and self._exposed))
+        if wrap:
+            self._begin()
+        elif time < _TIME_MAX:
+            self._time = time + 1
+
+        # The accumulator.
+        run = self._run
+        sample = self.samples
+        if wrap:
+            self._step = self._next
+            self._run = self._next != 0
+        self._wrap = False
+        if run and self._run:
+            turn = self._turn + self._step
+            self._wrap = turn >= _TURN
+            self._turn = turn & (_TURN - 1)
+        elif not run and self._arrived and self._next:
+            self._run = self._wrap = True
+            self._turn = 0
+
+        # The next step.
+        self._arrived = False
+        if sample:
+            self._coming = line_step(word, self.settings.ratio)
+            self._left = _STEP_LATENCY - 1
+        elif self._left:
+            self._left -= 1
+            if not self._left:
+                self._next = self._coming
+                self._arrived = True
+
+    def _begin(self) -> None:
+        """Begin a line with the present settings."""
+        settings = self.settings
+        begin = settings.exposure_delay_clks
+        self._exposure = (begin, begin + settings.exposure_clks)
+        self._exposed = settings.exposure_clks != 0
+        begin = settings.pulse_delay_clks
+        self._pulse = (begin, begin + settings.pulse_clks)
+        self._centre = begin + settings.pulse_clks // 2
+        self._half = settings.pulse_clks % 2 == 1
+        self._time = 0
+        self._live = True
+
+    def _stop(self) -> None:
+        """Take a clock with ``enable`` low."""
+        self.line_start = self.exposure = self.laser = self.centre = self.overrun = False
+        self.centre_half = self._half
+        if self._wrap:
+            self._begin()
+        self._left = 0
+        self._arrived = self._run = self._wrap = False
+        self._first = self._live = self._late = False
+
+    @property
+    def samples(self) -> bool:
+        """Whether a step of this clock takes the word, if enabled; no other does."""
+        return self._wrap or not (self._run or self._left or self._arrived)
+
+    def idle(self, *, enable: bool, word: int) -> int:
+        """Return for how many clocks these inputs change nothing but accumulators and counters."""
+        del word
+        strobe = self.line_start or self.centre or self.overrun
+        if strobe or self._wrap or self._first or self.centre_half != self._half:
+            return 0
+        if not enable:
+            quiet = not (self.laser or self.exposure or self._run or self._live or self._left)
+            return MOST_IDLE if quiet and not self._arrived else 0
+        if self._run:
+            # The last of these is the one before the wrap.
+            most = (_TURN - 1 - self._turn) // self._step
+        elif self._left:
+            most = self._left - 1
+        else:
+            return 0
+        if self._live:
+            time = self._time
+            pulse = self._pulse[0] <= time < self._pulse[1] and not self._skip_laser
+            exposure = self._exposure[0] <= time < self._exposure[1] and not self._skip_exposure
+            if time == self._centre or pulse != self.laser or exposure != self.exposure:
+                return 0
+            for edge in (*self._pulse, *self._exposure, self._centre):
+                if time < edge < time + most:
+                    most = edge - time
+        return most if most < MOST_IDLE else MOST_IDLE
+
+    def skip(self, clocks: int, *, enable: bool, word: int) -> None:
+        """Take ``clocks`` steps at once, at most as many as ``idle`` says with these inputs."""
+        del word
+        if clocks <= 0 or not enable:
+            return
+        self._time = min(self._time + clocks, _TIME_MAX)
+        if self._run:
+            self._turn += clocks * self._step
+        if self._left:
+            self._arrived = self._left == clocks
+            self._left = max(self._left - clocks, 0)
+            if not self._left:
+                self._next = self._coming
+        else:
+            self._arrived = False

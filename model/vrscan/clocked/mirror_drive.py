@@ -1,0 +1,284 @@
+"""Start, drive and stop of the mirror, the twin of ``rtl/mirror/mirror_drive.sv``.
+
+VR-SCAN IV-G2: a down sweep from a high frequency starts the mirror, then it is driven at a fixed
+working frequency. The drive is a square wave at twice the mirror's frequency.
+"""
+
+from dataclasses import dataclass, fields
+
+from vrscan.data import pkg
+
+DRIVE_LATENCY = 2  # clocks from phase to drive
+TRIM_LATENCY = 2  # clocks from trim_i to word_o
+READY_LATENCY = 2  # clocks from index_alive_i and settled_i to RUN
+TIMEOUT_LATENCY = 2  # clocks that a state outlasts its time-out
+MOST_IDLE = 1 << 40
+RATE_WIDTH = 32
+RATE_FRACTION = 16
+DUTY_WIDTH = 16
+
+_TURN_MASK = (1 << pkg.TURN_WIDTH) - 1
+_WORD_MAX = (1 << pkg.WORD_WIDTH) - 1
+_LEVELS = 1 << pkg.LEVEL_WIDTH
+_HALF = 1 << (pkg.TURN_WIDTH - 1)  # a period of the drive
+_DUTY_SHIFT = pkg.TURN_WIDTH - 1 - DUTY_WIDTH
+
+_OFF, _SWEEP, _SETTLE = pkg.MIRROR_OFF, pkg.MIRROR_SWEEP, pkg.MIRROR_SETTLE
+_RUN, _FAULT = pkg.MIRROR_RUN, pkg.MIRROR_FAULT
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Configuration.
+
+    Attributes:
+        sweep_word: Word from which the sweep begins; u40, turns a clock, 48 fraction bits.
+        work_word: The word at which it ends; u40.
+        sweep_rate: What the word falls a clock; u32, 16 fraction bits of a word.
+        duty: Share of the drive's period; u16, 65535 is all but 1/65536.
+        sweep_level: Drive level of the sweep; u20.
+        sweep_timeout, settle_timeout: The longest SWEEP and SETTLE; u32, clocks.
+        lost_timeout: For so long the index may be away in RUN; u32, clocks.
+
+    Raises:
+        ValueError: if a value does not fit.
+    """
+
+    sweep_word: int
+    work_word: int
+    sweep_rate: int
+    duty: int
+    sweep_level: int
+    sweep_timeout: int
+    settle_timeout: int
+    lost_timeout: int
+
+    def __post_init__(self) -> None:
+        """Check the widths."""
+        widths = {
+            "sweep_word": pkg.WORD_WIDTH,
+            "work_word": pkg.WORD_WIDTH,
+            "sweep_rate": RATE_WIDTH,
+            "duty": DUTY_WIDTH,
+            "sweep_level": pkg.LEVEL_WIDTH,
+        }
+        for field in fields(self):
+            width = widths.get(field.name, pkg.TIME_WIDTH)
+            if getattr(self, field.name) not in range(1 << width):
+                raise ValueError(f"mirror_drive: {field.name} does not fit in {width} bits")
+
+
+def floor_sum(count: int, numerator: int, offset: int, denominator: int) -> int:
+    """Return the sum of (numerator k + offset) // denominator over k = 0 .. count - 1.
+
+    Euclid's algorithm on the lattice points below a line: a logarithmic number of steps.
+    ``numerator`` and ``offset`` may be negative.
+    """
+    total = 0
+    while True:
+        whole, numerator = divmod(numerator, denominator)
+        total += whole * (count * (count - 1) // 2)
+        whole, offset = divmod(offset, denominator)
+        total += whole * count
+        # What is left lies below a line of slope less than one: count it along the other axis.
+        count, offset = divmod(numerator * count + offset, denominator)
+        if not count:
+            return total
+        numerator, denominator = denominator, numerator
+
+
+class MirrorDrive:
+    """Clock-accurate drive. A new one is as after a reset.
+
+    Args:
+        settings: The configuration ports.
+        stop_width: A pulse that a stop waits for is cut off after 2**stop_width clocks and one.
+
+    Attributes:
+        state: ``pkg.MIRROR_*``.
+        fault: ``pkg.FAULT_*``, until the next start.
+        drive: The square wave, of the phase two clocks before.
+        level: What is applied; u20.
+        level_pin: Its sigma-delta of the first order.
+        phase: u48, turns.
+        word: u40.
+    """
+
+    def __init__(self, settings: Settings, stop_width: int = 24) -> None:
+        self.settings = settings
+        self.state = _OFF
+        self.fault = pkg.FAULT_NONE
+        self.drive = False
+        self.level = 0
+        self.level_pin = False
+        self.phase = 0
+        self.word = 0
+        self._duty = settings.duty << _DUTY_SHIFT
+        self._stop_clks = 1 << stop_width
+        self._stop = False
+        self._high = False
+        self._expired = False
+        self._ready = False  # for RUN
+        self._timer = 0
+        self._fine = 0  # the sweep's word with its fraction
+        self._sum = 0  # working word and trim
+        self._sigma = 0
+
+    def step(
+        self, *, enable: bool, trim: int, level: int, index_alive: bool, settled: bool
+    ) -> None:
+        """Go on by a clock."""
+        state = self.state
+        settings = self.settings
+        active = _SWEEP <= state <= _RUN
+        stop = self._stop or not enable
+        arrived = self._fine <= settings.work_word << RATE_FRACTION
+        following = state
+        if active and stop:
+            cut = self._stop and self._timer >= self._stop_clks
+            if not (self.drive and self._high) or cut:
+                following = _OFF
+        elif state == _OFF:
+            if enable:
+                following = _SWEEP
+        elif state == _SWEEP:
+            if arrived:
+                following = _SETTLE
+            elif self._expired:
+                following = _FAULT
+        elif state == _SETTLE:
+            if self._ready:
+                following = _RUN
+            elif self._expired:
+                following = _FAULT
+        elif state == _RUN:
+            if self._expired:
+                following = _FAULT
+        elif not enable:
+            following = _OFF
+
+        if state == _OFF and following == _SWEEP:
+            self.fault = pkg.FAULT_NONE
+        elif active and following == _FAULT:
+            self.fault = {_SWEEP: pkg.FAULT_SWEEP, _SETTLE: pkg.FAULT_SETTLE}.get(
+                state, pkg.FAULT_INDEX
+            )
+
+        present = state == _RUN and index_alive
+        limit = (
+            settings.sweep_timeout
+            if state == _SWEEP
+            else settings.settle_timeout
+            if state == _SETTLE
+            else settings.lost_timeout
+        )
+        self._expired = active and following == state and not present and self._timer >= limit
+        if following != state or stop != self._stop or (present and not stop):
+            self._timer = 0
+        else:
+            self._timer += 1
+
+        total = self._sigma + self.level
+        self.level_pin = total >= _LEVELS
+        self._sigma = total & (_LEVELS - 1)
+        off = state == _OFF
+        high = active and (self.phase & (_HALF - 1)) < self._duty
+        self.phase = 0 if off else (self.phase + self.word) & _TURN_MASK
+        active_next = _SWEEP <= following <= _RUN
+        self.drive = active_next and self._high
+        self._high = high
+        if off:
+            self.word = settings.sweep_word
+        elif active and not stop:
+            if state != _SWEEP:
+                self.word = min(max(self._sum, 0), _WORD_MAX)
+            elif arrived:
+                self.word = settings.work_word
+            else:
+                self.word = self._fine >> RATE_FRACTION
+        self._sum = settings.work_word + trim
+        if state == _OFF:
+            self._fine = settings.sweep_word << RATE_FRACTION
+        else:
+            self._fine -= settings.sweep_rate
+        if not active_next:
+            self.level = 0
+        elif following == _SWEEP:
+            self.level = settings.sweep_level
+        elif not stop:
+            self.level = level
+        self.state = following
+        self._ready = index_alive and settled
+        self._stop = active and stop and following != _OFF
+
+    def idle(self, *, enable: bool, trim: int, level: int, index_alive: bool, settled: bool) -> int:
+        """Return for how many clocks these inputs change nothing but accumulators and timers.
+
+        ``phase``, ``word`` in a sweep, and ``level_pin`` go on; ``skip`` knows where they arrive.
+        """
+        state = self.state
+        settings = self.settings
+        if state in (_OFF, _FAULT):
+            waits = enable == (state == _FAULT)
+            quiet = not (self.drive or self._high or self.level or self._stop)
+            settled_down = state == _FAULT or (
+                self.word == settings.sweep_word
+                and self.phase == 0
+                and self._fine == settings.sweep_word << RATE_FRACTION
+            )
+            return MOST_IDLE if waits and quiet and settled_down else 0
+        if not enable or self._stop or self._high != self.drive or self._expired:
+            return 0
+        if state == _SWEEP:
+            left = self._fine - (settings.work_word << RATE_FRACTION)
+            if left <= 0 or self.level != settings.sweep_level:
+                return 0
+            # The word only falls: the edges below come no sooner than with the present one.
+            most = -(-left // settings.sweep_rate) if settings.sweep_rate else MOST_IDLE
+            most = min(most, settings.sweep_timeout - self._timer)
+        else:
+            aim = settings.work_word + trim
+            if self._sum != aim or self.word != min(max(aim, 0), _WORD_MAX) or self.level != level:
+                return 0
+            if state == _SETTLE:
+                if self._ready or (index_alive and settled):
+                    return 0
+                most = settings.settle_timeout - self._timer
+            elif index_alive:
+                most = 0 if self._timer else MOST_IDLE
+            else:
+                most = settings.lost_timeout - self._timer
+        within = self.phase & (_HALF - 1)
+        if (within < self._duty) != self._high:
+            return 0
+        if self.word:
+            edge = self._duty if self._high else _HALF
+            most = min(most, -(-(edge - within) // self.word))
+        return max(0, min(most, MOST_IDLE))
+
+    def skip(
+        self, clocks: int, *, enable: bool, trim: int, level: int, index_alive: bool, settled: bool
+    ) -> None:
+        """Take ``clocks`` steps at once, at most as many as ``idle`` says with these inputs."""
+        if clocks <= 0:
+            return
+        before = self._sigma + (clocks - 1) * self.level
+        total = (before & (_LEVELS - 1)) + self.level
+        self.level_pin = total >= _LEVELS
+        self._sigma = total & (_LEVELS - 1)
+        self._sum = self.settings.work_word + trim
+        self._ready = index_alive and settled
+        state = self.state
+        if state == _OFF:
+            self._timer = 0
+            return
+        rate = self.settings.sweep_rate
+        if state == _SWEEP:
+            # The words of the first clock, and of those that follow the falling register.
+            self.phase += self.word + floor_sum(clocks - 1, -rate, self._fine, 1 << RATE_FRACTION)
+            self.word = (self._fine - (clocks - 1) * rate) >> RATE_FRACTION
+        else:
+            self.phase += clocks * self.word
+        self.phase &= _TURN_MASK
+        self._fine -= clocks * rate
+        self._timer += 0 if state == _RUN and index_alive else clocks

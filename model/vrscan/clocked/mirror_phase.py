@@ -1,0 +1,265 @@
+"""Phase and amplitude of the mirror, the twin of ``rtl/mirror/mirror_phase.sv``.
+
+VR-SCAN IV-D and IV-G2: the middle of two crossings of the index mark gives the phase, half their
+distance the amplitude. A table holds both for the motion (12) with its harmonics.
+"""
+
+from dataclasses import dataclass, fields
+from typing import NamedTuple
+
+import numpy as np
+
+from vrscan.data import pkg
+from vrscan.data.arrays import Bools, Ints
+from vrscan.fixed.multiply import latency as multiply_latency
+
+MOST_IDLE = 1 << 40
+FINE_WIDTH = 15  # bits of the average below those of the amplitude: ``FineWidth``
+HALF_WIDTH = 28  # of half the distance
+HALF_FRACTION = 29
+TABLE_SIZE = 1 << pkg.AMPLITUDE_TABLE_BITS
+FRACTION_WIDTH = HALF_WIDTH - 1 - pkg.AMPLITUDE_TABLE_BITS  # ``FractionWidth``
+
+_PRODUCT = multiply_latency(pkg.WORD_WIDTH + 1, FRACTION_WIDTH + 1)
+OUTWARD_CLKS = _PRODUCT + 3  # clocks from an outward to the next crossing that is not ignored
+LATENCY = 3 * _PRODUCT + 23  # clocks from an inward's valid_i to valid_o
+FIRST_READ = _PRODUCT + 6  # clocks from valid_i to the one that reads entry i; the next reads i + 1
+_TURN_MASK = (1 << pkg.TURN_WIDTH) - 1
+_WORD_MAX = (1 << pkg.WORD_WIDTH) - 1
+
+
+def _signed(value: int, width: int) -> int:
+    """Return the low bits of a number as two's complement."""
+    return ((value + (1 << (width - 1))) & ((1 << width) - 1)) - (1 << (width - 1))
+
+
+def _rounded(value: int, shift: int) -> int:
+    """Return value / 2**shift, to nearest, half up."""
+    return (value + (1 << shift >> 1)) >> shift
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Configuration.
+
+    Attributes:
+        phase_shift: The phase takes error / 2**phase_shift; u4.
+        rate_shift: The increment takes error, in 2**-48 turns, / 2**rate_shift; u6.
+        amplitude_shift: The average takes the difference / 2**amplitude_shift; u4.
+        error_limit: Beyond it the error is taken off whole, turns, 28 fraction bits; u28.
+
+    Raises:
+        ValueError: if a value does not fit.
+    """
+
+    phase_shift: int
+    rate_shift: int
+    amplitude_shift: int
+    error_limit: int
+
+    def __post_init__(self) -> None:
+        """Check the widths."""
+        widths = {"rate_shift": 6, "error_limit": pkg.ERROR_WIDTH}
+        for field in fields(self):
+            width = widths.get(field.name, 4)
+            if getattr(self, field.name) not in range(1 << width):
+                raise ValueError(f"mirror_phase: {field.name} does not fit in {width} bits")
+
+
+@dataclass(frozen=True)
+class Interpolated:
+    """What the table holds for half distances; arrays of their shape.
+
+    Attributes:
+        amplitude: Turns, 28 fraction bits; u26, int64.
+        midpoint: Turns, 28 fraction bits; s28, wraps, int64.
+        out_of_table: The half distance is a quarter turn or more: the last entry; bool.
+    """
+
+    amplitude: Ints
+    midpoint: Ints
+    out_of_table: Bools
+
+
+def interpolated(half: Ints, amplitude: Ints, midpoint: Ints) -> Interpolated:
+    """Return amplitude and middle from the table exactly as the hardware rounds them.
+
+    Args:
+        half: Half distances, turns, 29 fraction bits, u28. Any shape.
+        amplitude: The table's amplitudes [1024], u26; entry i is for i / 4096 turns.
+        midpoint: The table's middles [1024], s28.
+    """
+    half = np.asarray(half, np.int64)
+    outside = half >> (HALF_WIDTH - 1) != 0
+    index = np.where(outside, TABLE_SIZE - 1, (half >> FRACTION_WIDTH) & (TABLE_SIZE - 1))
+    following = np.minimum(index + 1, TABLE_SIZE - 1)
+    fraction = half & ((1 << FRACTION_WIDTH) - 1)
+    bias = 1 << (FRACTION_WIDTH - 1)
+
+    rise = amplitude[following] - amplitude[index]
+    step = (midpoint[following] - midpoint[index] + (1 << 27)) % (1 << 28) - (1 << 27)
+    middle = midpoint[index] + ((step * fraction + bias) >> FRACTION_WIDTH)
+    return Interpolated(
+        amplitude=amplitude[index] + ((rise * fraction + bias) >> FRACTION_WIDTH),
+        midpoint=(middle + (1 << 27)) % (1 << 28) - (1 << 27),
+        out_of_table=outside,
+    )
+
+
+class _Pair(NamedTuple):
+    """A pair at work: the clock of its inward, distance and middle in 2**-48 turns."""
+
+    clock: int
+    distance: int
+    middle: int
+
+
+class MirrorPhase:
+    """Clock-accurate tracker. A new one is as after a reset, with a table of zeros.
+
+    Args:
+        settings: The configuration ports.
+
+    Attributes:
+        phase: Turns, 48 fraction bits, u48; of the current clock.
+        increment: What the phase advances by, u40.
+        valid: There is a new measurement; the five below are of the last one.
+        measured: Amplitude, turns, 28 fraction bits, u26.
+        error: The middle less the table's, turns, 28 fraction bits, s28.
+        half: Half the distance, turns, 29 fraction bits, u28, saturating.
+        out_of_table: ``half`` is a quarter turn or more.
+        acquired: The error was taken off whole; only with ``valid``.
+        amplitude: Averaged; u26.
+        tracking: There was a measurement since the reset.
+        table_amplitude, table_midpoint: The table, lists of 1024; a reset leaves it alone.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.phase = 0
+        self.increment = 0
+        self.valid = False
+        self.measured = 0
+        self.amplitude = 0
+        self.error = 0
+        self.half = 0
+        self.out_of_table = False
+        self.tracking = False
+        self.acquired = False
+        self.table_amplitude = [0] * TABLE_SIZE
+        self.table_midpoint = [0] * TABLE_SIZE
+
+        self._settings = settings
+        self._clock = 0
+        self._free = 0  # the clock from which on a crossing is taken
+        self._first: int | None = None  # phase of the outward that waits for its inward
+        self._pair: _Pair | None = None
+        self._due = 0  # the clock in which the pair at work does something next
+        self._half = 0
+        self._entries: list[tuple[int, int]] = []
+        self._average = 0
+
+    def step(
+        self,
+        *,
+        valid: bool = False,
+        outward: bool = False,
+        age: int = 0,
+        broken: bool = False,
+        word: int = 0,
+        table_write: bool = False,
+        table_index: int = 0,
+        table_amplitude: int = 0,
+        table_midpoint: int = 0,
+    ) -> None:
+        """Take the ports of one clock and go on to the next; names and formats are the ports'."""
+        clock = self._clock
+        self._clock = clock + 1
+        self.valid = self.acquired = False
+        phase, increment = self.phase, self.increment
+        self.phase = (phase + increment) & _TURN_MASK
+        if not self.tracking:
+            self.increment = word
+        if self._pair is not None and clock == self._due:
+            self._work(self._pair, increment, word)
+        if table_write:
+            self.table_amplitude[table_index] = table_amplitude
+            self.table_midpoint[table_index] = table_midpoint
+        if broken:
+            self._first = None
+        if not valid or clock < self._free:
+            return
+        position = (phase - _rounded(increment * age, pkg.SUB_WIDTH)) & _TURN_MASK
+        if outward:
+            self._first = position
+            self._free = clock + OUTWARD_CLKS
+        elif self._first is not None:
+            distance = (position - self._first) & _TURN_MASK
+            self._pair = _Pair(clock, distance, self._first + (distance >> 1))
+            self._first = None
+            self._half = min(_rounded(distance, pkg.TURN_WIDTH - HALF_WIDTH), (1 << HALF_WIDTH) - 1)
+            self._entries = []
+            self._due = clock + FIRST_READ
+            self._free = clock + LATENCY
+
+    def _work(self, pair: _Pair, increment: int, word: int) -> None:
+        """Read an entry, then the next one, then correct."""
+        outside = self._half >> (HALF_WIDTH - 1) != 0
+        if len(self._entries) < 2:
+            index = TABLE_SIZE - 1 if outside else self._half >> FRACTION_WIDTH
+            index = min(index + len(self._entries), TABLE_SIZE - 1)
+            self._entries.append((self.table_amplitude[index], self.table_midpoint[index]))
+            self._due = self._due + 1 if len(self._entries) < 2 else pair.clock + LATENCY - 1
+            return
+        (amplitude, midpoint), (next_amplitude, next_midpoint) = self._entries
+        fraction = self._half & ((1 << FRACTION_WIDTH) - 1)
+        rise = _signed(next_midpoint - midpoint, pkg.MIDPOINT_WIDTH)
+        measured = amplitude + _rounded((next_amplitude - amplitude) * fraction, FRACTION_WIDTH)
+        midpoint += _rounded(rise * fraction, FRACTION_WIDTH)
+        below = pkg.TURN_WIDTH - pkg.ERROR_WIDTH
+        error = _signed(pair.middle - (midpoint << below), pkg.TURN_WIDTH)
+        rounded = min(_rounded(error, below), (1 << (pkg.ERROR_WIDTH - 1)) - 1)
+
+        settings = self._settings
+        if not self.tracking or abs(rounded) > settings.error_limit:
+            self.acquired = True
+            correction = error
+            self.increment = word
+            self._average = measured << FINE_WIDTH
+        else:
+            correction = _rounded(error, settings.phase_shift)
+            faster = increment - _rounded(error, settings.rate_shift)
+            self.increment = min(max(faster, 0), _WORD_MAX)
+            gap = (measured << FINE_WIDTH) - self._average
+            self._average += _rounded(gap, settings.amplitude_shift)
+        self.phase = (self.phase - correction) & _TURN_MASK
+        self.tracking = self.valid = True
+        self.measured = measured
+        self.amplitude = _rounded(self._average, FINE_WIDTH)
+        self.error = rounded
+        self.half = self._half
+        self.out_of_table = outside
+        self._pair = None
+
+    def idle(self, *, word: int = 0) -> int:
+        """Return for how many clocks without a strobe only the phase would advance."""
+        if self.valid or not (self.tracking or word == self.increment):
+            return 0
+        return MOST_IDLE if self._pair is None else self._due - self._clock
+
+    def skip(self, n: int, *, word: int = 0) -> None:
+        """Do ``n`` clocks without a strobe at once; ``n`` at most what ``idle`` says."""
+        del word
+        self._clock += n
+        self.phase = (self.phase + n * self.increment) & _TURN_MASK
+
+    def follow(self, n: int, *, advance: int, word: int) -> None:
+        """Do ``n`` clocks without a strobe at once in which ``word`` changes, before any tracking.
+
+        Args:
+            n: At most what ``idle`` says with the present increment as ``word``.
+            advance: The sum of the increments: of the present one and all words but the last.
+            word: The last of them.
+        """
+        self._clock += n
+        self.phase = (self.phase + advance) & _TURN_MASK
+        self.increment = word

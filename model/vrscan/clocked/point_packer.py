@@ -1,0 +1,227 @@
+"""Records of points become packets, the twin of ``rtl/link/point_packer.sv``."""
+
+from collections import deque
+from collections.abc import Iterator
+
+from vrscan.data import link_pkg, pkg
+from vrscan.data.records import compact, decode_full, encode_compact, encode_full
+
+MOST_COMPACT = 28  # records a packet
+MOST_FULL = 3
+SPACING = 160  # clocks between the first bytes of two records
+_LINES = 1 << pkg.LINE_NUMBER_WIDTH
+
+
+def record_bytes(full: bool) -> int:
+    """Return the bytes of a full record or a compact one."""
+    return link_pkg.FULL_BYTES if full else link_pkg.COMPACT_BYTES
+
+
+def most_records(full: bool) -> int:
+    """Return the records of the longest packet of full or compact ones."""
+    return MOST_FULL if full else MOST_COMPACT
+
+
+def latency(full: bool) -> int:
+    """Return the clocks from the first byte of a batch's last record to ``valid_o``."""
+    held = link_pkg.FULL_BYTES  # all of it is there
+    return held + 2 + record_bytes(full) + 2 + link_pkg.BATCH_HEADER_BYTES + 1
+
+
+class PointPacker:
+    """Clock-accurate packer. A new one is as after a reset.
+
+    Args:
+        buffer_bytes: ``BufferBytes``.
+        timeout_width: Bits of a batch's age, ``TimeoutWidth``.
+        count_width: Bits of what counts dropped records, ``CountWidth``.
+
+    Attributes:
+        valid: A byte of a packet is there.
+        data, last: With ``valid``.
+        points_dropped: Records dropped, stops at its largest value.
+
+    Raises:
+        ValueError: if ``buffer_bytes`` or ``count_width`` is out of range.
+    """
+
+    def __init__(
+        self, buffer_bytes: int = 4096, timeout_width: int = 24, count_width: int = 16
+    ) -> None:
+        if buffer_bytes not in {1 << k for k in range(8, 17)}:
+            raise ValueError("point_packer: buffer_bytes must be a power of two from 256 to 65536")
+        if count_width not in range(2, 17):
+            raise ValueError("point_packer: count_width must be 2 to 16")
+        self.valid = False
+        self.data = 0
+        self.last = False
+        self.points_dropped = 0
+
+        self._buffer_bytes = buffer_bytes
+        self._age_max = (1 << timeout_width) - 1
+        self._count_max = (1 << count_width) - 1
+        self._used = 0  # bytes of the ring
+        self._seen = deque([0, 0, 0], maxlen=3)  # the same, with its past
+        self._packets: deque[bytes] = deque()
+        self._leaving = b""  # what is left of the packet that goes out
+
+        # The stream, and the command for the next one: whether it runs, full and step.
+        self._running = False
+        self._full = False
+        self._step = 0
+        self._command: tuple[bool, bool, int] | None = None
+        self._began = False  # in this clock
+        self._sequence = 0
+        self._base: int | None = None  # a line of it
+
+        # Records that were dropped: all, those since the last one kept, those of this clock.
+        self._dropped = 0
+        self._lost = 0
+        self._drops = 0
+
+        # The record that comes, and the one that is there.
+        self._coming: bytearray | None = None
+        self._held: bytes | None = None
+
+        # The batch that is open, if it has records.
+        self._records: list[bytes] = []
+        self._first = 0
+        self._expected = 0
+        self._age = 0
+        self._expired = False
+        self._limit = 0
+        self._complete = False
+        self._work = self._working()
+
+    def step(
+        self,
+        record_valid: bool,
+        record_index: int,
+        record: int,
+        ready: bool,
+        stream_start: bool,
+        stream_stop: bool,
+        stream_format: bool,
+        stream_step: int,
+        points_batch: int,
+        points_timeout_clks: int,
+    ) -> None:
+        """Do one clock with these inputs."""
+        accepts = self._running and self._command is None
+        held = self._held is not None
+        count, full, age = len(self._records), self._full, self._age
+        drops, self._drops = self._drops, 0
+        self._seen.append(self._used)
+        self._age = min(age + 1, self._age_max)
+        self._began = False
+
+        if not self.valid or ready:
+            self._give()
+        next(self._work)
+        if not self._began:
+            self._dropped = (self._dropped + drops) & self._count_max
+            self._lost = min(self._lost + drops, self._count_max)
+        self.points_dropped = min(self.points_dropped + drops, self._count_max)
+
+        self._complete = count >= self._limit
+        self._limit = min(points_batch, most_records(full))
+        self._expired = bool(count and points_timeout_clks and age >= points_timeout_clks)
+        if record_valid:
+            self._receive(record_index, record, accepts, held)
+        if stream_start or stream_stop:
+            self._command = (not stream_stop, bool(stream_format), stream_step)
+
+    def _give(self) -> None:
+        """Put out the next byte, if a packet is there."""
+        if not self._leaving and self._packets:
+            self._leaving = self._packets.popleft()
+        self.valid = bool(self._leaving)
+        if self.valid:
+            self.data, self.last = self._leaving[0], len(self._leaving) == 1
+            self._leaving = self._leaving[1:]
+            self._used -= 1
+
+    def _receive(self, index: int, byte: int, accepts: bool, held: bool) -> None:
+        """Take a byte of a record."""
+        if index == 0 and accepts:
+            self._drops += held or self._coming is not None
+            if not held and self._coming is None:
+                self._coming = bytearray(link_pkg.FULL_BYTES)
+        if self._coming is not None:
+            self._coming[index] = byte
+            if index == link_pkg.FULL_BYTES - 1:
+                self._held, self._coming = bytes(self._coming), None
+
+    def _working(self) -> Iterator[None]:
+        """Do what is to be done with records and batches, a clock after the other."""
+        while True:
+            if self._held is not None:
+                yield from self._sort(self._held)
+                self._held = None
+                yield
+                continue
+            between = self._command is not None and self._coming is None
+            if self._records and (between or self._complete or self._expired):
+                yield
+                yield from self._close()
+                continue
+            if between:
+                self._begin()
+            yield
+
+    def _sort(self, record: bytes) -> Iterator[None]:
+        """Keep a record or drop it, up to the last clock of it."""
+        line = int.from_bytes(record[:4], "little")
+        base = line if self._base is None else self._base
+        if (line - base) % _LINES % self._step:
+            return
+        self._base = line
+        yield
+        if self._records and line != self._expected:
+            yield from self._close()
+        size = record_bytes(self._full)
+        if not self._records:
+            longest = link_pkg.BATCH_HEADER_BYTES + most_records(self._full) * size
+            if self._seen[0] + longest > self._buffer_bytes:
+                self._drops += 1
+                return
+            self._first, self._age = line, 0
+            self._used += link_pkg.BATCH_HEADER_BYTES
+        kept = decode_full(record).copy()
+        kept["lost"], self._lost = self._lost, 0
+        kept["flags"][kept["lost"] != 0] |= 1 << pkg.FLAG_POINTS_LOST
+        yield
+        for _ in range(size - 1):
+            self._used += 1
+            yield
+        self._used += 1
+        self._expected = (line + self._step) % _LINES
+        self._records.append(encode_full(kept) if self._full else encode_compact(compact(kept)))
+
+    def _close(self) -> Iterator[None]:
+        """Write the header of the open batch, and hand the packet to the reader."""
+        dropped = 0
+        for place in range(link_pkg.BATCH_HEADER_BYTES - 1):
+            if place == link_pkg.BATCH_HEADER_BYTES - 2:
+                dropped = self._dropped
+            yield
+        kind = link_pkg.STREAM_POINTS_FULL if self._full else link_pkg.STREAM_POINTS_COMPACT
+        header = bytes([kind, self._sequence, len(self._records), self._step])
+        header += self._first.to_bytes(4, "little") + dropped.to_bytes(2, "little")
+        self._packets.append(header + b"".join(self._records))
+        self._sequence = (self._sequence + 1) % 256
+        self._records = []
+        yield
+
+    def _begin(self) -> None:
+        """Obey the command that waits."""
+        assert self._command is not None
+        self._running, full, step = self._command
+        self._command = None
+        if self._running:
+            self._full, self._step = full, step
+            self._began = True
+            self._sequence = 0
+            self._dropped = 0
+            self._lost = 0
+            self._base = None

@@ -1,0 +1,189 @@
+"""Registers on a bus, the twin of ``rtl/link/register_file.sv``: an access at a time."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from vrscan.data import link_pkg
+from vrscan.registers.register_map import LOCKS, REGISTERS, WINDOWS, Register, Window
+
+LATENCY = 10  # clocks from bus_valid_i to bus_done_o
+WRITTEN = 7  # clocks from bus_valid_i to the first clock with what was written
+SAMPLED = 7  # clocks from bus_valid_i to the one in which a READ sees the inputs
+
+WORD_BITS = 32
+WORD_MASK = (1 << WORD_BITS) - 1
+WRITABLE = ("rw", "strobe")
+
+
+class Place(NamedTuple):
+    """What an address is: a word of one of a register's elements."""
+
+    register: Register
+    element: int
+    word: int  # 0 the lowest
+
+
+class Written(NamedTuple):
+    """An event that a write has set off: a strobe, or an entry of a table.
+
+    Attributes:
+        name: Of the register, or of the table.
+        entry: Its number in the table; 0 of a register.
+        values: Of the entry's fields, or of the register alone.
+    """
+
+    name: str
+    entry: int
+    values: tuple[int, ...]
+
+
+def from_word(data: int, signed: bool) -> int:
+    """Return a word of 32 bits as the integer it stands for."""
+    return data - (1 << WORD_BITS) if signed and data >> (WORD_BITS - 1) else data
+
+
+def wrapped(value: int, register: Register) -> int:
+    """Return the lower bits of a value as a register's integer."""
+    value &= (1 << register.width) - 1
+    negative = register.signed and value >> (register.width - 1)
+    return value - (1 << register.width) if negative else value
+
+
+class RegisterFile:
+    """All registers, and what the bus does with them. A new one is as after power-up.
+
+    Args:
+        registers: The registers; the instrument's if not given.
+        windows: The tables.
+        locks: The locks' names.
+
+    Attributes:
+        inputs: What the ports of read registers carry, by name: an integer, or one each element.
+        values: What is in effect in written registers, by name, one each element: the ports.
+        written: What writes have set off since the last ``reset``, the newest last.
+    """
+
+    def __init__(
+        self,
+        registers: Mapping[str, Register] = REGISTERS,
+        windows: Mapping[str, Window] = WINDOWS,
+        locks: Sequence[str] = LOCKS,
+    ) -> None:
+        self._registers = registers
+        self._windows = windows
+        self._locks = locks
+        self._places: dict[int, Place] = {}
+        for register in registers.values():
+            each = register.words // register.count
+            for k in range(register.words):
+                self._places[register.address + k] = Place(register, k // each, k % each)
+        self.inputs: dict[str, int | tuple[int, ...]] = {
+            register.name: 0 if register.count == 1 else (0,) * register.count
+            for register in registers.values()
+            if register.access in ("ro", "counter")
+        }
+        self._kept: dict[str, int] = dict.fromkeys(self.inputs, 0)  # higher words of wide inputs
+        self._tables = {
+            (window.name, field.address): [0] * window.entries
+            for window in windows.values()
+            for field in window.fields
+        }
+        self.reset()
+
+    def reset(self) -> None:
+        """Do what ``rst_i`` does; tables and what a READ has kept stay."""
+        written = [r for r in self._registers.values() if r.access in WRITABLE]
+        self.values = {register.name: list(register.reset) for register in written}
+        self._waiting = {  # lower words of wide registers
+            register.name: register.reset[0] & WORD_MASK for register in written
+        }
+        self.written: list[Written] = []
+
+    def access(self, access: int, address: int, data: int = 0) -> tuple[int, int]:
+        """Do one access.
+
+        Args:
+            access: READ, CHECK or WRITE of ``link_pkg``; anything else is a READ.
+            address: Of a word.
+            data: A word of 32 bits, of a CHECK or WRITE.
+
+        Returns:
+            Status, and the word as it is then read; 0 unless the status is OK.
+        """
+        changes = access in (link_pkg.ACCESS_CHECK, link_pkg.ACCESS_WRITE)
+        place = self._places.get(address)
+        cell = self._cell(address) if place is None else None
+        if cell is not None:
+            window, index, field = cell
+            status = self._verdict(changes, field, 0, window.lock, data)
+            if status == link_pkg.STATUS_OK and access == link_pkg.ACCESS_WRITE:
+                self._write_cell(window, index, field, data)
+            read = self._tables[window.name, field.address][index] & WORD_MASK
+        elif place is not None:
+            status = self._verdict(changes, place.register, place.word, place.register.lock, data)
+            if status == link_pkg.STATUS_OK and access == link_pkg.ACCESS_WRITE:
+                self._write(place, data)
+            read = self._read(place, keep=not changes)
+        else:
+            return link_pkg.STATUS_NO_ADDRESS, 0
+        return status, read if status == link_pkg.STATUS_OK else 0
+
+    def _cell(self, address: int) -> tuple[Window, int, Register] | None:
+        for window in self._windows.values():
+            index, k = divmod(address - window.address, window.stride)
+            if 0 <= index < window.entries and k < len(window.fields):
+                return window, index, window.fields[k]
+        return None
+
+    def _verdict(
+        self, changes: bool, register: Register, word: int, lock: str | None, data: int
+    ) -> int:
+        """Return what becomes of an access."""
+        if not changes:
+            return link_pkg.STATUS_OK
+        if register.access not in WRITABLE:
+            return link_pkg.STATUS_READ_ONLY
+        if lock is not None and self.values[lock] == [1]:
+            return link_pkg.STATUS_LOCKED
+        low, high = register.minimum, register.maximum
+        if register.width > WORD_BITS:
+            low, high = (low >> WORD_BITS, high >> WORD_BITS) if word else (0, WORD_MASK)
+        good = low <= from_word(data, low < 0) <= high
+        return link_pkg.STATUS_OK if good else link_pkg.STATUS_BAD_VALUE
+
+    def _write(self, place: Place, data: int) -> None:
+        register, element, word = place
+        name = register.name
+        if register.width > WORD_BITS:
+            if word == 0:
+                self._waiting[name] = data
+                return
+            data = data << WORD_BITS | self._waiting[name]
+        self.values[name][element] = wrapped(data, register)
+        if register.access == "strobe":
+            self.written.append(Written(name, 0, tuple(self.values[name])))
+
+    def _write_cell(self, window: Window, index: int, field: Register, data: int) -> None:
+        self._tables[window.name, field.address][index] = wrapped(data, field)
+        if field.address == len(window.fields) - 1:
+            entry = tuple(self._tables[window.name, f.address][index] for f in window.fields)
+            self.written.append(Written(window.name, index, entry))
+
+    def _read(self, place: Place, *, keep: bool) -> int:
+        """Return a word; a READ of a wide input's lower one keeps the higher one."""
+        register, element, word = place
+        name, wide = register.name, register.width > WORD_BITS
+        if register.access == "constant":
+            value = register.reset[0]
+        elif register.access in WRITABLE:
+            value = self.values[name][element]
+            if wide:
+                value = value >> WORD_BITS if word else self._waiting[name]
+        else:
+            given = self.inputs[name]
+            value = given[element] if isinstance(given, tuple) else given
+            if wide and word:
+                value = self._kept[name]
+            elif wide and keep:
+                self._kept[name] = value >> WORD_BITS
+        return value & WORD_MASK

@@ -1,0 +1,209 @@
+"""The host's end of the serial line, the twin of ``rtl/link/uart_link.sv``."""
+
+from vrscan.clocked import (
+    command_server,
+    frame_decoder,
+    frame_encoder,
+    packet_arbiter,
+    uart_rx,
+    uart_tx,
+)
+from vrscan.clocked.command_server import CommandServer, Outcome
+from vrscan.clocked.frame_decoder import FrameDecoder
+from vrscan.clocked.frame_decoder import Status as FrameStatus
+from vrscan.clocked.frame_encoder import FrameEncoder
+from vrscan.clocked.packet_arbiter import PacketArbiter
+from vrscan.clocked.uart_rx import UartRx
+from vrscan.clocked.uart_tx import UartTx
+from vrscan.data import link_pkg
+
+STEP_WIDTH = 24
+COUNT_MAX = 0xFFFF
+QUIET_CLKS = 8  # nothing goes out for so long before the rate changes
+STREAM_BYTES = 240  # of the longest packet of a stream
+# Bytes on the line between a command and its reply, at most: such a packet with CRC, codes and
+# 0x00, the encoder's ring, five registers, and two while the command is taken and executed.
+MOST_BEFORE_REPLY = STREAM_BYTES + 4 + 256 + 5 + 2
+_HELD = 1  # clock of a byte between encoder and transmitter
+
+
+def default_step(clock_hz: int, baud: int) -> int:
+    """Return ``uart_step`` of a rate, bits a clock with 24 fraction bits, to nearest."""
+    return ((baud << STEP_WIDTH) + clock_hz // 2) // clock_hz
+
+
+def latency(
+    step: int, payload: bytes, outcome: Outcome, accesses: int = 0, bus_latency: int = 0
+) -> int:
+    """Return the clocks from a command to its reply, where nothing else is under way.
+
+    Args:
+        step: Of the rate.
+        payload: The command.
+        outcome: What it comes to.
+        accesses: How many accesses to registers it makes.
+        bus_latency: Clocks of one of them.
+
+    Returns:
+        From the first low sample of the start bit of the 0x00 that ends the command to that of the
+        reply's first byte.
+    """
+    clocks = uart_rx.latency(step) + frame_decoder.LATENCY
+    clocks += command_server.latency(payload, outcome, accesses, bus_latency)
+    clocks += packet_arbiter.LATENCY
+    zero = outcome.reply.find(0)
+    if zero >= 0:
+        clocks += zero + frame_encoder.ZERO_LATENCY
+    else:
+        clocks += len(outcome.reply) - 1 + frame_encoder.LATENCY
+    return clocks + _HELD + uart_tx.LATENCY
+
+
+class UartLink:
+    """Clock-accurate link. A new one is as after a reset.
+
+    Args:
+        clock_hz: ``ClockHz``.
+        baud: ``Baud``.
+        trial_clks: ``TrialClks``.
+        streams: ``Streams``.
+
+    Attributes:
+        tx: The line out.
+        server: What executes commands; its outputs are the link's.
+        step_now: The rate that holds.
+        framing, breaks, glitches, fallbacks: What was counted.
+    """
+
+    def __init__(
+        self,
+        clock_hz: int = 100_000_000,
+        baud: int = 3_000_000,
+        trial_clks: int | None = None,
+        streams: int = 2,
+    ) -> None:
+        self._default = default_step(clock_hz, baud)
+        if not 1 <= self._default <= uart_rx.STEP_MAX_MAJORITY:
+            raise ValueError("uart_link: baud must be at most clock_hz / 8")
+        self._trial_clks = clock_hz if trial_clks is None else trial_clks
+        self.server = CommandServer()
+        self.step_now = self._default
+        self.framing = 0
+        self.breaks = 0
+        self.glitches = 0
+        self.fallbacks = 0
+
+        self._receiver = UartRx()
+        self._decoder = FrameDecoder(link_pkg.MAX_PAYLOAD)
+        self._arbiter = PacketArbiter(streams + 1)
+        self._encoder = FrameEncoder(link_pkg.MAX_PAYLOAD)
+        self._transmitter = UartTx()
+        self._held: int | None = None  # a byte that waits for the transmitter
+        self._wanted = False  # another rate is
+        self._quiet = 0
+        self._trial: int | None = None  # clocks that are left of it
+        self._lead = True  # a 0x00 is to go in front of the next frame,
+        self._boundary = True  # which may begin here
+
+    @property
+    def tx(self) -> bool:
+        """The line out."""
+        return self._transmitter.tx
+
+    def packet_ready(self) -> int:
+        """Return ``packet_ready_o``."""
+        return self._arbiter.ready(self._encoder.ready) >> 1
+
+    def step(
+        self,
+        *,
+        rx: bool,
+        packet_valid: int,
+        packet_data: int,
+        packet_last: int,
+        bus_done: bool,
+        bus_status: int,
+        bus_data: int,
+        capture_busy: bool,
+        uart_step: int,
+        uart_step_written: bool,
+    ) -> None:
+        """Go on by a clock."""
+        receiver, decoder, server = self._receiver, self._decoder, self.server
+        arbiter, encoder, transmitter = self._arbiter, self._encoder, self._transmitter
+        step = self.step_now
+        broken, framing, glitch = receiver.break_, receiver.framing, receiver.glitch
+        good = decoder.done and decoder.status == FrameStatus.OK
+        lead = self._lead and self._boundary
+        held = self._held
+        told = 0 if lead or held is None else held
+        sent = held is not None and transmitter.ready
+        reply_ready = bool(arbiter.ready(encoder.ready) & 1)
+        idle = not (server.busy or arbiter.busy or arbiter.valid or encoder.valid)
+        quiet = idle and encoder.ready and held is None and not transmitter.busy
+
+        # Each sees what the one before it had put out.
+        transmitter.step(valid=held is not None, data=told, step=step, break_=False)
+        merged = arbiter.valid, arbiter.data, arbiter.last
+        merged_ready = encoder.ready
+        if held is None:
+            self._held = encoder.data if encoder.valid else None
+        elif sent and not lead:
+            self._held = None
+        encoder.step(*merged, held is None)
+        arbiter.step(
+            valid=packet_valid << 1 | server.valid,
+            data=packet_data << 8 | server.data,
+            last=packet_last << 1 | (server.valid and server.last),
+            hold=self._wanted or self._trial is not None,
+            ready=merged_ready,
+        )
+        server.step(
+            valid=decoder.valid,
+            data=decoder.data,
+            done=decoder.done,
+            status=decoder.status,
+            halt=broken,
+            ready=reply_ready,
+            bus_done=bus_done,
+            bus_status=bus_status,
+            bus_data=bus_data,
+            capture_busy=capture_busy,
+        )
+        decoder.step(receiver.valid or broken, receiver.data, framing)
+        receiver.step(rx=rx, step=step)
+
+        if sent:
+            self._boundary = told == 0
+            self._lead = self._lead and not lead
+        self._lead = self._lead or framing
+        self._count(framing=framing and not broken, breaks=broken, glitches=glitch)
+        self._change_rate(quiet, good, broken, uart_step, uart_step_written)
+
+    def _count(self, **events: bool) -> None:
+        for name, event in events.items():
+            if event:
+                setattr(self, name, min(getattr(self, name) + 1, COUNT_MAX))
+
+    def _change_rate(
+        self, quiet: bool, good: bool, broken: bool, wanted_step: int, written: bool
+    ) -> None:
+        """Take another rate, or the default again."""
+        expires = self._trial == 0
+        if self._trial is not None:
+            self._trial = None if good or expires else self._trial - 1
+        if self._wanted and quiet and self._quiet == QUIET_CLKS - 1:
+            self.step_now = wanted_step
+            self._wanted = False
+            self._trial = self._trial_clks - 1
+            self._lead = True
+        elif expires and not good:
+            self.step_now = self._default
+            self._lead = True
+            self._count(fallbacks=True)
+        self._quiet = min(self._quiet + 1, QUIET_CLKS - 1) if quiet else 0
+        self._wanted = self._wanted or written
+        if broken:
+            self.step_now = self._default
+            self._wanted = False
+            self._trial = None

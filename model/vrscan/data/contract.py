@@ -1,0 +1,159 @@
+"""What goes into the engines, checked in one place.
+
+``checked`` says it in physical units, ``checked_words`` in the integers of the RTL. What they
+refuse is refused by every engine with the same text, before any work is done.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from vrscan.data import pkg
+from vrscan.data.arrays import Bools, Floats, Ints, Pixels
+from vrscan.data.config import Config
+from vrscan.data.errors import LinesError
+from vrscan.data.lines import Lines
+
+POWER_LIMIT = 2**16 - 1  # of the RTL's port
+_FLAGS_LIMIT = 2**pkg.MIRROR_FLAG_WIDTH - 1
+_ANGLE_HALF = 2 ** (pkg.ANGLE_WIDTH - 1)  # half a turn
+
+
+def checked(recording: Lines, config: Config, *, first: int = 0, pixels: bool = True) -> Lines:
+    """Return lines as every engine takes them, or say what is wrong with them.
+
+    Args:
+        recording: n lines, n may be 0. Lines are uint16 of either byte order, angles of any
+            floating-point type within +-pi rad, powers of any integer type from 0 to
+            ``laser.power_max``, and flags of any integer type from 0 to 7.
+        config: Its sensor says how long a line is and how many bits a pixel has.
+        first: Number of the first line, for what is said of a value.
+        pixels: Whether to read every pixel. The engines do, so ``engines.run`` need not.
+
+    Returns:
+        The same lines in the machine's own types, with flags for each line [n].
+
+    Raises:
+        LinesError: naming the array, what it must be, and a value that is not.
+    """
+    lines = _shaped(recording.lines, config.sensor.line_length)
+    count = len(lines)
+    angle = checked_angles(_column("angle_rad", recording.angle_rad, count), first)
+    power = checked_power(recording.power, count, config.laser.power_max, first)
+    raised = checked_flags(recording.mirror_flags, count, first)
+    if pixels:
+        _check_pixels(lines, config.sensor.pixel_width, first)
+    return replace(recording, lines=lines, angle_rad=angle, power=power, mirror_flags=raised)
+
+
+def checked_words(
+    lines: Pixels,
+    angle: Ints,
+    power: Ints,
+    mirror_flags: Ints | int,
+    *,
+    line_length: int,
+    pixel_width: int,
+) -> tuple[Pixels, Ints, Ints, Ints]:
+    """Return lines, angles, powers and flags as RTL and model take them; see ``checked``.
+
+    Args:
+        lines: uint16 [n, line_length], below 2**pixel_width.
+        angle: Fractions of a turn as signed integers of 24 bits [n].
+        power: Integers of 16 bits [n].
+        mirror_flags: 0 to 7, [n] or one for all.
+        line_length: Of the elaboration.
+        pixel_width: Of the elaboration.
+
+    Raises:
+        LinesError: naming the array, what it must be, and a value that is not.
+    """
+    lines = _shaped(lines, line_length)
+    count = len(lines)
+    angle = _whole("angle", angle, count, -_ANGLE_HALF, _ANGLE_HALF - 1)
+    power = checked_power(power, count)
+    raised = checked_flags(mirror_flags, count)
+    _check_pixels(lines, pixel_width)
+    return lines, angle, power, raised
+
+
+def checked_angles(angle_rad: npt.ArrayLike, first: int = 0) -> Floats:
+    """Return angles as float64, any shape.
+
+    Raises:
+        LinesError: if they are not floating-point numbers within +-pi rad.
+    """
+    angle = np.asarray(angle_rad)
+    if angle.dtype.kind != "f":
+        raise LinesError(f"angle_rad must be floating point (is {angle.dtype})")
+    angle = angle.astype(np.float64, copy=False)
+    _check_limits(
+        "angle_rad", angle, np.abs(angle) <= np.pi, "-pi to pi", first
+    )  # NaN compares false
+    return angle
+
+
+def checked_power(
+    power: npt.ArrayLike, count: int, limit: int = POWER_LIMIT, first: int = 0
+) -> Ints:
+    """Return the laser power of each line [count]; raises as ``checked``."""
+    return _whole("power", power, count, 0, limit, first)
+
+
+def checked_flags(mirror_flags: npt.ArrayLike, count: int, first: int = 0) -> Ints:
+    """Return the mirror's flags of each line [count], given so or as one for all."""
+    given = np.asarray(mirror_flags)
+    if given.ndim == 0:
+        given = np.broadcast_to(given, count)
+    return _whole("mirror_flags", given, count, 0, _FLAGS_LIMIT, first)
+
+
+def _shaped(lines: Pixels, length: int) -> Pixels:
+    """Return lines of the machine's byte order; what they hold is not looked at."""
+    given = np.asarray(lines)
+    if given.dtype.kind != "u" or given.dtype.itemsize != 2:
+        raise LinesError(f"lines must be uint16 (are {given.dtype})")
+    if given.ndim != 2 or given.shape[1] != length:
+        raise LinesError(f"lines must have shape [n, {length}] (have {given.shape})")
+    return given.astype(np.uint16, copy=False)
+
+
+def _check_pixels(lines: Pixels, pixel_width: int, first: int = 0) -> None:
+    if int(np.bitwise_or.reduce(lines, axis=None)) >> pixel_width:  # faster than the maximum
+        row, pixel = np.unravel_index(int(lines.argmax()), lines.shape)
+        largest, full = lines[row, pixel], 2**pixel_width - 1
+        raise LinesError(f"pixel above {full} ({largest} at line {first + row}, pixel {pixel})")
+
+
+def _column(name: str, values: npt.ArrayLike, count: int) -> npt.NDArray[Any]:
+    """Return values that are one a line."""
+    column = np.asarray(values)
+    if column.shape != (count,):
+        raise LinesError(f"{name} must have shape ({count},) (has {column.shape})")
+    return column
+
+
+def _whole(
+    name: str, values: npt.ArrayLike, count: int, low: int, high: int, first: int = 0
+) -> Ints:
+    """Return integers from low to high, one a line."""
+    column = _column(name, values, count)
+    if column.dtype.kind not in "iu":
+        raise LinesError(f"{name} must be integers (is {column.dtype})")
+    # Compared in their own type: no integer is too large to be told.
+    _check_limits(name, column, (column >= low) & (column <= high), f"{low} to {high}", first)
+    return column.astype(np.int64, copy=False)
+
+
+def _check_limits(
+    name: str, values: npt.NDArray[Any], inside: Bools, limits: str, first: int = 0
+) -> None:
+    """Refuse values of which not all are inside, naming the first that is not."""
+    outside = np.argwhere(~np.atleast_1d(inside))
+    if len(outside):
+        place = tuple(outside[0].tolist())
+        value = np.atleast_1d(values)[place]
+        line = ", ".join(map(str, (first + place[0], *place[1:])))
+        raise LinesError(f"{name} outside {limits} ({value} at line {line})")

@@ -1,0 +1,317 @@
+"""Files of recorded sensor lines, read whole or a block at a time."""
+
+import contextlib
+import difflib
+import math
+import shutil
+import tempfile
+import warnings
+import zipfile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import IO, Any, BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+from vrscan.data.config import Config
+from vrscan.data.contract import checked, checked_flags, checked_power
+from vrscan.data.errors import InputError, InputWarning, LinesError
+from vrscan.data.lines import Lines, part
+
+_ARRAYS = ("lines", "angle_rad", "power", "mirror_flags")  # of an .npz
+_WORDS = {"angle_rad": "angle", "power": "power", "mirror_flags": "flag"}  # that give one away
+_MISSPELT = 0.85  # difflib's likeness from which a name is another one, misspelt
+
+
+def read(path: Path, config: Config) -> Lines:
+    """Return recorded lines from ``.npy`` or ``.npz``.
+
+    An ``.npz`` holds ``lines`` and optionally ``angle_rad`` [n] (0 where it is not given, with an
+    ``InputWarning``), ``power`` [n] (full power where it is not given) and ``mirror_flags`` [n] or
+    one for all (0 where it is not given: the angle is good); other arrays in it are ignored, but
+    not one that looks like a misspelt name of these, such as ``angle_deg`` without ``angle_rad``.
+
+    Args:
+        path: The file.
+        config: Its sensor says how long a line is and how many bits a pixel has.
+
+    Returns:
+        The lines as ``checked`` gives them, n at least 1.
+
+    Raises:
+        InputError: naming the file and what is wrong, if it is missing, damaged or empty, or holds
+            a misspelt name or what ``checked`` refuses.
+    """
+    arrays = _load(path)
+    recording = _checked(path, arrays, config)
+    if "angle_rad" not in arrays:
+        _warn(path)
+    return recording
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Recorded lines that are read a block at a time.
+
+    Attributes:
+        count: Lines.
+        blocks: Returns an iterator over all lines, so many at a time; to be called once.
+    """
+
+    count: int
+    blocks: Callable[[int], Iterator[Lines]]
+
+
+@contextlib.contextmanager
+def opened(path: Path, config: Config) -> Iterator[Recording]:
+    """Open what ``read`` reads, for blocks of lines that are checked as they are read.
+
+    Only an array in Fortran order, of which no line is in one piece, is read whole.
+
+    Args:
+        path: The file.
+        config: As for ``read``.
+
+    Raises:
+        InputError: as ``read``, here or from ``blocks``.
+    """
+    with contextlib.ExitStack() as stack:
+        with _told(path):
+            file = stack.enter_context(path.open("rb"))
+            if not file.peek(1):
+                raise InputError(f"{path}: empty file (0 bytes)")
+            columns = {name: _Column(each) for name, each in _members(path, file, stack).items()}
+        kinds = {name: column.kind for name, column in columns.items()}
+        _checked(path, kinds, config, pixels=False)
+        count = len(kinds["lines"])
+
+        def blocks(size: int) -> Iterator[Lines]:
+            whole = None if columns["lines"].in_order else _checked(path, _load(path), config)
+            for start in range(0, count, size):
+                rows = slice(start, min(start + size, count))
+                if whole is not None:
+                    yield part(whole, rows)
+                    continue
+                with _told(path):
+                    arrays = {n: c.rows(rows.stop - start) for n, c in columns.items()}
+                    if rows.stop == count:
+                        for column in columns.values():
+                            column.end()
+                yield _checked(path, arrays, config, first=start)
+            if "angle_rad" not in columns:  # said only of what is good otherwise
+                _warn(path)
+
+        yield Recording(count, blocks)
+
+
+def write(recording: Lines, file: BinaryIO) -> None:
+    """Write lines, and their truth if they have one, as an ``.npz``; see ``archive``."""
+    count, length = recording.lines.shape
+    power = checked_power(recording.power, count)
+    raised = checked_flags(recording.mirror_flags, count)
+    names = None if recording.truth is None else recording.truth.names
+    with archive(file, count, length, names) as take:
+        take(replace(recording, power=power, mirror_flags=raised))
+
+
+@contextlib.contextmanager
+def archive(
+    file: BinaryIO,
+    count: int,
+    length: int,
+    names: tuple[str, ...] | None,
+    folder: Path | None = None,
+) -> Iterator[Callable[[Lines], None]]:
+    """Begin an ``.npz`` that ``read`` reads; yields a function that takes its lines.
+
+    Args:
+        file: A binary file. Beside what ``read`` takes it gets ``true_x_mm``, ``true_z_mm``,
+            ``true_position_px`` and ``surface`` [n], and ``surface_names``.
+        count: Lines, in all.
+        length: Pixels of a line.
+        names: Of the surfaces; None if the lines have no truth.
+        folder: Where the columns wait, in files without a name, until the lines are there; the
+            system's for temporary files if None.
+
+    Raises:
+        LinesError: if powers or flags do not fit in what they are written as.
+    """
+    types = {"angle_rad": "<f8", "power": "<u2", "mirror_flags": "|u1"}
+    if names is not None:
+        types |= dict.fromkeys(("true_x_mm", "true_z_mm", "true_position_px"), "<f8")
+        types |= {"surface": "<i8"}
+    with contextlib.ExitStack() as stack:
+        packed = stack.enter_context(zipfile.ZipFile(file, "w"))
+        waiting = {name: stack.enter_context(tempfile.TemporaryFile(dir=folder)) for name in types}
+        with _member(packed, "lines", "<u2", (count, length)) as pixels:
+
+            def take(recording: Lines) -> None:
+                some, truth = len(recording), recording.truth
+                columns: list[npt.NDArray[Any]] = [
+                    recording.angle_rad,
+                    checked_power(recording.power, some),
+                    checked_flags(recording.mirror_flags, some),
+                ]
+                if truth is not None:
+                    columns += [truth.x_mm, truth.z_mm, truth.position_px, truth.surface]
+                pixels.write(np.ascontiguousarray(recording.lines, "<u2").data)
+                for (name, kind), column in zip(types.items(), columns, strict=True):
+                    waiting[name].write(np.ascontiguousarray(column, kind).data)
+
+            yield take
+        for name, kind in types.items():
+            with _member(packed, name, kind, (count,)) as member:
+                waiting[name].seek(0)
+                shutil.copyfileobj(waiting[name], member)
+        if names is not None:
+            words = np.array(names)
+            with _member(packed, "surface_names", words.dtype.str, words.shape) as member:
+                member.write(words.tobytes())
+
+
+def _member(
+    packed: zipfile.ZipFile, name: str, kind: str, shape: tuple[int, ...]
+) -> contextlib.AbstractContextManager[IO[bytes]]:
+    """Begin an array of an ``.npz``."""
+    member = packed.open(f"{name}.npy", "w", force_zip64=True)
+    header = {"descr": kind, "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(member, header)
+    return member
+
+
+def _members(path: Path, file: BinaryIO, stack: contextlib.ExitStack) -> dict[str, IO[bytes]]:
+    """Return the arrays of a file that a recording may hold, as files; see ``_load``."""
+    start = file.read(2)
+    file.seek(0)
+    if start != b"PK":
+        return {"lines": file}
+    packed = stack.enter_context(zipfile.ZipFile(file))
+    there = {name.removesuffix(".npy"): name for name in packed.namelist()}
+    _check_names(path, list(there))
+    return {
+        name: stack.enter_context(packed.open(there[name])) for name in _ARRAYS if name in there
+    }
+
+
+class _Column:
+    """An array in a file, whose rows are read one after the other.
+
+    Attributes:
+        kind: An array of its type and shape, whose values are nothing.
+        in_order: Whether rows lie one after the other.
+    """
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+        version = np.lib.format.read_magic(file)
+        if version == (1, 0):
+            shape, fortran, dtype = np.lib.format.read_array_header_1_0(file)
+        elif version == (2, 0):
+            shape, fortran, dtype = np.lib.format.read_array_header_2_0(file)
+        else:
+            raise ValueError("no array of plain numbers")
+        if dtype.hasobject:
+            raise ValueError("no array of plain numbers")
+        self._dtype = dtype
+        self.kind = np.broadcast_to(np.zeros((), dtype.newbyteorder("=")), shape)
+        self._one: npt.NDArray[Any] | None = None
+        self.in_order = not fortran or len(shape) < 2
+
+    def rows(self, count: int) -> npt.NDArray[Any]:
+        """Return the next rows; of an array without rows, it."""
+        if self._one is not None:
+            return self._one
+        shape = (count, *self.kind.shape[1:]) if self.kind.ndim else ()
+        size = math.prod(shape) * self._dtype.itemsize
+        data = self._file.read(size)
+        if len(data) < size:
+            raise ValueError("it ends too early")
+        found = np.frombuffer(data, self._dtype).reshape(shape)
+        self._one = None if shape else found
+        return found
+
+    def end(self) -> None:
+        """Read what is left: the checksum of an archive's array is compared at its end."""
+        while self._file.read(1 << 20):
+            pass
+
+
+@contextlib.contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """Turn what reading a file raises into an ``InputError``."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # numpy's doubts about a damaged header
+            yield
+    except InputError:
+        raise
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or 'cannot read'}") from error
+    except Exception as error:  # a damaged file makes numpy, zipfile, zlib and tokenize raise
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        if "pickle" in reason:  # numpy's way to say that it knows neither format nor type
+            reason = "no array of plain numbers"
+        raise InputError(f"{path}: not a .npy or .npz file of lines ({reason})") from error
+
+
+def _load(path: Path) -> dict[str, npt.NDArray[Any]]:
+    """Return the arrays of a file that a recording may hold; a bare array is ``lines``."""
+    with _told(path), path.open("rb") as file:
+        if not file.peek(1):
+            raise InputError(f"{path}: empty file (0 bytes)")
+        loaded = np.load(file, allow_pickle=False)
+        if isinstance(loaded, np.ndarray):
+            return {"lines": loaded}
+        with loaded:
+            _check_names(path, loaded.files)
+            return {name: loaded[name] for name in _ARRAYS if name in loaded.files}
+
+
+def _checked(
+    path: Path,
+    arrays: Mapping[str, npt.NDArray[Any]],
+    config: Config,
+    *,
+    first: int = 0,
+    pixels: bool = True,
+) -> Lines:
+    """Return the lines of a file's arrays; arguments as for ``checked``."""
+    count = arrays["lines"].shape[:1]
+    given = Lines(
+        lines=arrays["lines"],
+        angle_rad=arrays.get("angle_rad", np.broadcast_to(0.0, count)),
+        power=arrays.get("power", np.broadcast_to(config.laser.power_max, count)),
+        mirror_flags=arrays.get("mirror_flags", 0),
+    )
+    try:
+        recording = checked(given, config, first=first, pixels=pixels)
+    except LinesError as error:
+        raise LinesError(f"{path}: {error}") from None
+    if len(recording) == 0:
+        raise InputError(f"{path}: no lines (shape {given.lines.shape})")
+    return recording
+
+
+def _warn(path: Path) -> None:
+    text = "no angle_rad: every line is taken at angle 0, so every x is 0"
+    hint = "an .npz takes angle_rad [n] beside lines"
+    warnings.warn(f"{path}: {text} ({hint})", InputWarning, stacklevel=3)
+
+
+def _check_names(path: Path, names: list[str]) -> None:
+    """Refuse an archive without lines, or with a misspelt name of an array that it lacks."""
+    known = ", ".join(_ARRAYS)
+    if "lines" not in names:
+        has = ", ".join(map(repr, names)) or "none"
+        raise InputError(f"{path}: no array named lines (has {has}; known are {known})")
+    for wanted, word in _WORDS.items():
+        if wanted in names:
+            continue
+        for name in names:
+            given = name.casefold()
+            near = word in given or difflib.get_close_matches(given, [wanted], cutoff=_MISSPELT)
+            if near and name not in _ARRAYS:
+                has = f"but {name!r} (known are {known})"
+                raise InputError(f"{path}: no array named {wanted}, {has}")

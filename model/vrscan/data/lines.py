@@ -1,0 +1,85 @@
+"""Sensor lines: the type that every engine reads."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vrscan.data.arrays import Bools, Floats, Ints, Pixels
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What a simulated line saw; all arrays [n], NaN where there is no such thing."""
+
+    x_mm: Floats  # the spot
+    z_mm: Floats
+    position_px: Floats  # its image; NaN where the camera does not see it
+    surface: Ints  # index into ``names``, -1 without a spot
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Lines:
+    """n sensor lines with what the chain needs to know of each.
+
+    Whatever makes light (a recording, the simple scene, a full simulator) ends in this type.
+    """
+
+    lines: Pixels  # counts [n, length]
+    angle_rad: Floats  # scan angle at the pulse's centre [n]
+    power: Ints  # laser power [n], u16
+    truth: Truth | None = None
+    mirror_flags: Ints | int = 0  # [n] or one for all; bit 0 NOT_RUNNING, INDEX_FAULT, UNSETTLED
+
+    def __len__(self) -> int:
+        """Return the number of lines."""
+        return len(self.lines)
+
+
+def part(recording: Lines, rows: slice | Bools) -> Lines:
+    """Return some of the lines, with their truth if they have one."""
+    truth, raised = recording.truth, recording.mirror_flags
+    if truth is not None:
+        truth = Truth(
+            x_mm=truth.x_mm[rows],
+            z_mm=truth.z_mm[rows],
+            position_px=truth.position_px[rows],
+            surface=truth.surface[rows],
+            names=truth.names,
+        )
+    return Lines(
+        lines=recording.lines[rows],
+        angle_rad=recording.angle_rad[rows],
+        power=recording.power[rows],
+        truth=truth,
+        mirror_flags=raised if isinstance(raised, int) else raised[rows],
+    )
+
+
+def bare(recording: Lines) -> Lines:
+    """Return the lines without their pixels: of length 0."""
+    return replace(recording, lines=np.empty((len(recording), 0), np.uint16))
+
+
+def joined(parts: Sequence[Lines]) -> Lines:
+    """Return all lines of ``parts``, at least one; with truth if the first have it."""
+    truths = [each.truth for each in parts if each.truth is not None]
+    truth = None
+    if parts[0].truth is not None:
+        truth = Truth(
+            x_mm=np.concatenate([each.x_mm for each in truths]),
+            z_mm=np.concatenate([each.z_mm for each in truths]),
+            position_px=np.concatenate([each.position_px for each in truths]),
+            surface=np.concatenate([each.surface for each in truths]),
+            names=truths[0].names,
+        )
+    return Lines(
+        lines=np.concatenate([each.lines for each in parts]),
+        angle_rad=np.concatenate([each.angle_rad for each in parts]),
+        power=np.concatenate([each.power for each in parts]),
+        truth=truth,
+        mirror_flags=np.concatenate(
+            [np.broadcast_to(np.asarray(each.mirror_flags), len(each)) for each in parts]
+        ),
+    )

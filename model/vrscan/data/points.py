@@ -1,0 +1,380 @@
+"""Points: what RTL and fixed model say of each line, in raw words, and the files they end in.
+
+The files are written from a ``Table``, which the float engine fills too: one format for three
+engines.
+"""
+
+import contextlib
+import errno
+import os
+import secrets
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from vrscan.data import pkg
+from vrscan.data.arrays import Bools, Floats, Ints
+from vrscan.data.errors import InputError
+from vrscan.data.table import Table
+
+COLUMNS = (
+    "line,peak,flags,left,right,maximum,row_mean,row_variance,background,noise,snr,"
+    "position_px,sigma_px,angle_rad,x_mm,z_mm,sigma_z_mm,c_obj,c_sfm"
+)
+_DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
+_VERTEX = np.dtype(
+    [(name, "<f4") for name in ("x", "y", "z", "sigma_z", "confidence")]
+    + [("line", "<u4"), ("flags", "<u2")]
+)
+_PLY_KINDS = {"<f4": "float", "<u4": "uint", "<u2": "ushort"}
+_CONFIDENCE_ONE = 2**pkg.CONFIDENCE_WIDTH - 1
+
+
+def _decimals(fraction_bits: int) -> int:
+    """Return the decimals from which a fixed-point number is read back exactly."""
+    return int(np.ceil(fraction_bits * np.log10(2.0)))
+
+
+@dataclass(frozen=True)
+class Points:
+    """One point a line, as integers in the raw formats of ``vrscan_pkg``; all arrays [n].
+
+    Attributes:
+        line: Line number.
+        flags: Bits of ``pkg.FLAGS``.
+        left: First pixel of the window, px.
+        right: Last pixel of the window, px.
+        width: Pixels in the window; ``left`` and ``right`` mean nothing where it is 0.
+        maximum: Largest pixel, counts.
+        row_mean: u24, 24 - PixelWidth fraction bits, counts; so are background and noise.
+        row_variance: u32, 32 - 2 PixelWidth fraction bits, counts squared.
+        background: Mean that decides, counts.
+        noise: Standard deviation that decides, counts.
+        snr: u16, 8 fraction bits.
+        position: Signed, 12 fraction bits, px.
+        sigma: u16, 12 fraction bits, px.
+        angle: s24, fraction of a turn.
+        x: s24, 12 fraction bits, mm; so is z.
+        z: See ``x``.
+        sigma_z: u16, 12 fraction bits, mm.
+        c_obj: u8, 255 is 1.0; (9).
+        c_sfm: u8, 255 is 1.0; (10).
+        measured: Whether the line has a position.
+        pixel_width: Bits of a pixel.
+    """
+
+    line: Ints
+    flags: Ints
+    left: Ints
+    right: Ints
+    width: Ints
+    maximum: Ints
+    row_mean: Ints
+    row_variance: Ints
+    background: Ints
+    noise: Ints
+    snr: Ints
+    position: Ints
+    sigma: Ints
+    angle: Ints
+    x: Ints
+    z: Ints
+    sigma_z: Ints
+    c_obj: Ints
+    c_sfm: Ints
+    measured: Bools
+    pixel_width: int = 12
+
+    def __len__(self) -> int:
+        """Return the number of points."""
+        return len(self.line)
+
+    @classmethod
+    def concatenate(cls, parts: Sequence["Points"]) -> "Points":
+        """Return the points of one or more parts, all of the same pixel width, in order."""
+        columns = {
+            field.name: np.concatenate([getattr(part, field.name) for part in parts])
+            for field in fields(cls)
+            if field.name != "pixel_width"
+        }
+        return cls(**columns, pixel_width=parts[0].pixel_width)
+
+
+def points_equal(first: Points, second: Points) -> str | None:
+    """Return None if both are the same in every field, else one line on the first difference."""
+    if len(first) != len(second):
+        return f"{len(first)} points, want {len(second)}"
+    if first.pixel_width != second.pixel_width:
+        return f"pixels of {first.pixel_width} bits, want {second.pixel_width}"
+    for field in fields(Points):
+        if field.name == "pixel_width":
+            continue
+        got, want = getattr(first, field.name), getattr(second, field.name)
+        wrong = np.flatnonzero(np.asarray(got, np.int64) != np.asarray(want, np.int64))
+        if len(wrong):
+            row = wrong[0]
+            return f"row {row}: {field.name} is {got[row]}, want {want[row]} ({len(wrong)} differ)"
+    return None
+
+
+def table(points: Points) -> Table:
+    """Return integer points in physical units; exact but for the angle's factor of 2 pi.
+
+    Args:
+        points: n points.
+
+    Returns:
+        A table of n rows. Rows with NO_RANGE are measured but not located: their x and z are
+        placeholders.
+    """
+    flags = {name: (points.flags >> bit & 1).astype(np.bool_) for name, bit in pkg.FLAGS.items()}
+    count = pkg.COUNT_WIDTH - points.pixel_width
+    measured = points.measured.astype(np.bool_)
+    return Table(
+        line=points.line,
+        flags=flags,
+        left=points.left,
+        right=points.right,
+        width=points.width,
+        maximum=points.maximum,
+        row_mean=_scaled(points.row_mean, count),
+        row_variance=_scaled(points.row_variance, pkg.VARIANCE_WIDTH - 2 * points.pixel_width),
+        background=_scaled(points.background, count),
+        noise=_scaled(points.noise, count),
+        snr=_scaled(points.snr, pkg.SNR_FRACTION),
+        position_px=_scaled(points.position, pkg.POSITION_FRACTION),
+        sigma_px=_scaled(points.sigma, pkg.SIGMA_FRACTION),
+        angle_rad=_scaled(points.angle, pkg.ANGLE_WIDTH) * (2.0 * np.pi),
+        x_mm=_scaled(points.x, pkg.LENGTH_FRACTION),
+        z_mm=_scaled(points.z, pkg.LENGTH_FRACTION),
+        sigma_z_mm=_scaled(points.sigma_z, pkg.SIGMA_FRACTION),
+        c_obj=points.c_obj.astype(np.float64) / _CONFIDENCE_ONE,
+        c_sfm=points.c_sfm.astype(np.float64) / _CONFIDENCE_ONE,
+        measured=measured,
+        located=measured & ~flags["NO_RANGE"],
+        pixel_width=points.pixel_width,
+    )
+
+
+def _scaled(words: Ints, fraction_bits: int) -> Floats:
+    """Return fixed-point words as numbers."""
+    return words.astype(np.float64) * 2.0**-fraction_bits
+
+
+@contextlib.contextmanager
+def atomic_file(path: Path) -> Iterator[BinaryIO]:
+    """Open a file that appears under its name only when everything is written.
+
+    Args:
+        path: The file; its folder must exist. An existing regular file is replaced at the end.
+
+    Yields:
+        A binary file in the same folder under a temporary name, removed on any failure.
+
+    Raises:
+        InputError: if the folder is missing or unwritable, or ``path`` is no regular file.
+    """
+    temporary = _beside(path)
+    try:
+        with _created(temporary, path) as file:
+            yield file
+        os.replace(temporary, path)
+    except OSError as error:
+        if error.errno not in _DISK_ERRORS:  # of what ran meanwhile, not of this file
+            raise
+        raise InputError(f"{path}: cannot write ({error.strerror})") from error
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+
+
+def check_writable(path: Path) -> None:
+    """See that ``atomic_file`` would open a file, before the work whose result goes there.
+
+    Raises:
+        InputError: as ``atomic_file``.
+    """
+    temporary = _beside(path)
+    try:
+        _created(temporary, path).close()
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+
+
+def _beside(path: Path) -> Path:
+    """Return the name of a file that is not there yet, in the folder of another one."""
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path}: not a regular file")
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: no such folder ({path.parent})")
+    return path.with_name(f".{path.name}.{secrets.token_hex(8)}")
+
+
+def _created(temporary: Path, path: Path) -> BinaryIO:
+    """Return a new file that will be ``path``."""
+    try:
+        return temporary.open("xb")
+    except OSError as error:
+        raise InputError(f"{path}: cannot write ({error.strerror})") from error
+
+
+def write_csv(result: Table, file: BinaryIO) -> None:
+    """Write points.csv: the columns ``COLUMNS``, and ``csv_rows``.
+
+    Args:
+        result: The points.
+        file: A binary file.
+    """
+    with csv_file(file) as write:
+        write(csv_rows(result))
+
+
+@contextlib.contextmanager
+def csv_file(file: BinaryIO) -> Iterator[Callable[[bytes], object]]:
+    """Begin a points.csv; yields a function that takes ``csv_rows`` of points, in their order."""
+    file.write(f"{COLUMNS}\n".encode())
+    yield file.write
+
+
+def csv_rows(result: Table) -> bytes:
+    """Return the rows of points.csv, one a peak, in the columns ``COLUMNS``.
+
+    Every fixed-point number has just the decimals from which its word is read back. Fields that
+    mean nothing are empty: left and right without a window, position and sigma without a valid
+    peak, x, z and sigma_z where the rays do not meet.
+
+    Args:
+        result: The points.
+    """
+    # The float engine's numbers end where the formats end.
+    count = f"%.{_decimals(pkg.COUNT_WIDTH - result.pixel_width)}f"
+    variance = f"%.{_decimals(pkg.VARIANCE_WIDTH - 2 * result.pixel_width)}f"
+    snr, angle = f"%.{_decimals(pkg.SNR_FRACTION)}f", f"%.{_decimals(pkg.ANGLE_WIDTH - 3)}f"
+    position, length = _decimals(pkg.POSITION_FRACTION), _decimals(pkg.LENGTH_FRACTION)
+    sigma = f"%.{_decimals(pkg.SIGMA_FRACTION)}f"
+    statistics = f"%d,{count},{variance},{count},{count},{snr}"
+
+    def text(form: str, rows: Bools, *columns: Ints | Floats) -> list[str]:
+        """Return one text a row: the columns in ``form`` in ``rows``, bare commas elsewhere."""
+        texts = ["," * form.count(",")] * len(result)
+        chosen = np.flatnonzero(rows)
+        values = zip(*(column[chosen].tolist() for column in columns), strict=True)
+        for row, value in zip(chosen.tolist(), values, strict=True):
+            texts[row] = form % value
+        return texts
+
+    everywhere = np.ones(len(result), np.bool_)
+    snr_limit = (2**pkg.SNR_WIDTH - 1) * 2.0**-pkg.SNR_FRACTION
+    sigma_limit = (2**pkg.SIGMA_WIDTH - 1) * 2.0**-pkg.SIGMA_FRACTION
+    columns = (
+        text("%d,0", everywhere, result.line),
+        _flag_texts(result.flags, len(result)),
+        text("%d,%d", result.width > 0, result.left, result.right),
+        text(
+            statistics,
+            everywhere,
+            result.maximum,
+            result.row_mean,
+            result.row_variance,
+            result.background,
+            result.noise,
+            np.minimum(result.snr, snr_limit),
+        ),
+        text(
+            f"%.{position}f,{sigma}",
+            result.measured,
+            result.position_px,
+            np.minimum(result.sigma_px, sigma_limit),
+        ),
+        text(angle, everywhere, result.angle_rad),
+        text(
+            f"%.{length}f,%.{length}f,{sigma}",
+            result.located,
+            result.x_mm,
+            result.z_mm,
+            np.minimum(result.sigma_z_mm, sigma_limit),
+        ),
+        text("%.3f,%.3f", everywhere, result.c_obj, result.c_sfm),
+    )
+    rows = map(",".join, zip(*columns, strict=True))
+    return "".join(f"{row}\n" for row in rows).encode()
+
+
+def _flag_bits(flags: Mapping[str, Bools], rows: int) -> Ints:
+    """Return each row's flags as the bits of ``pkg.FLAGS``."""
+    bits = np.zeros(rows, np.int64)
+    for name, where in flags.items():
+        bits |= where.astype(np.int64) << pkg.FLAGS[name]
+    return bits
+
+
+def _flag_texts(flags: Mapping[str, Bools], rows: int) -> list[str]:
+    """Return the names of each row's flags, joined by ``|``."""
+    bits = _flag_bits(flags, rows)
+    kinds, kind = np.unique(bits, return_inverse=True)
+    texts = ["|".join(n for n, bit in pkg.FLAGS.items() if k >> bit & 1) for k in kinds.tolist()]
+    return [texts[k] for k in kind.tolist()]
+
+
+def write_ply(result: Table, file: BinaryIO, y_mm: Floats | float = 0.0) -> None:
+    """Write the located points as a binary little-endian PLY cloud.
+
+    Args:
+        result: The points.
+        file: A binary file.
+        y_mm: As for ``ply_vertices``.
+    """
+    with ply_file(file) as write:
+        write(ply_vertices(result, y_mm))
+
+
+@contextlib.contextmanager
+def ply_file(file: BinaryIO, folder: Path | None = None) -> Iterator[Callable[[bytes], object]]:
+    """Begin a PLY cloud; yields a function that takes ``ply_vertices``, in their order.
+
+    Args:
+        file: A binary file.
+        folder: Where the vertices wait, in a file without a name, until the header can tell how
+            many there are; the system's for temporary files if None.
+    """
+    with tempfile.TemporaryFile(dir=folder) as vertices:
+        yield vertices.write
+        header = [
+            "ply",
+            "format binary_little_endian 1.0",
+            "comment x and z in mm in the scan plane y = 0",
+            "comment flags by bit: " + " ".join(f"{b}={name}" for name, b in pkg.FLAGS.items()),
+            f"element vertex {vertices.tell() // _VERTEX.itemsize}",
+            *(f"property {_PLY_KINDS[_VERTEX[name].str]} {name}" for name in _VERTEX.names or ()),
+            "end_header",
+        ]
+        file.write(("\n".join(header) + "\n").encode("ascii"))
+        vertices.seek(0)
+        shutil.copyfileobj(vertices, file)
+
+
+def ply_vertices(result: Table, y_mm: Floats | float = 0.0) -> bytes:
+    """Return the located points as vertices of a PLY cloud.
+
+    Args:
+        result: The points.
+        y_mm: Where the scanner, and so the scan plane, was at each line [n].
+
+    Returns:
+        For each x, y, z and sigma_z in mm, the confidence 0 to 1, the line's number and the flag
+        bits of ``vrscan_pkg``.
+    """
+    rows = np.flatnonzero(result.located)
+    vertices = np.zeros(len(rows), _VERTEX)
+    vertices["x"], vertices["z"] = result.x_mm[rows], result.z_mm[rows]
+    vertices["y"] = np.broadcast_to(y_mm, len(result))[rows]
+    vertices["sigma_z"], vertices["confidence"] = result.sigma_z_mm[rows], result.c_obj[rows]
+    vertices["line"] = result.line[rows]
+    vertices["flags"] = _flag_bits(result.flags, len(result))[rows]
+    return vertices.tobytes()

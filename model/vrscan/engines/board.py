@@ -1,0 +1,295 @@
+"""The virtual board: ``vrscan`` in Verilator, with mirror, sensor and lens, on a serial port.
+
+A host talks to it as to a real one, by a path. Its time is its own: what takes a second there takes
+minutes here, so whoever waits for it should count its clocks.
+"""
+
+import contextlib
+import json
+import math
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from vrscan.data.config import Config
+from vrscan.data.errors import InputError
+from vrscan.data.points import check_writable
+from vrscan.engines.tools import build_folder, repository_root
+from vrscan.engines.verilated import build_program
+from vrscan.scene.description import load
+from vrscan.scene.library import library
+from vrscan.scene.timeline import series
+
+CLOCK_HZ = 100e6  # of real boards, where a configuration does not say
+MOTOR_MM_PER_S = 10.0  # of the lens
+_START_S, _STOP_S = 60.0, 20.0  # how long a start and an end may take
+
+
+def on_board(config: Config) -> Config:
+    """Return the configuration with the clock of real boards, unless it states its own."""
+    if "frequency_hz" in config.clock.model_fields_set:
+        return config
+    clock = config.clock.model_copy(update={"frequency_hz": CLOCK_HZ})
+    changed = config.model_copy(update={"clock": clock})
+    changed._source = config._source
+    return changed
+
+
+def build(config: Config) -> Path:
+    """Return the program of the board, built if a source or a parameter has changed.
+
+    Raises:
+        InputError: if a tool is missing or fails.
+    """
+    clock_hz, mems, mirror, focus = (
+        config.clock.frequency_hz,
+        config.mems,
+        config.mirror,
+        config.focus,
+    )
+    resolution_mm = 1e-3 * focus.resolution_um
+    parameters: dict[str, int | float] = {
+        "ClockHz": round(clock_hz),
+        "IndexOversample": mirror.oversample,
+        "LineLength": config.sensor.line_length,
+        "PixelWidth": config.sensor.pixel_width,
+        "NaturalHz": mems.natural_hz,
+        "Quality": mems.quality,
+        "Torque": mems.torque,
+        "CombRad": math.radians(mems.comb_deg),
+        "Bias": mems.asymmetry,
+        "MarkRad": math.radians(mirror.index_deg),
+        "DiodeRad": math.radians(mems.diode_deg),
+        "NoiseRad": 1e-6 * mems.noise_urad,
+        "JitterS": 1e-9 * mems.jitter_ns,
+        "FocusAddress": focus.address,
+        "FocusTravel": round(focus.travel_mm / resolution_mm),
+        "FocusStepClks": max(1, round(clock_hz * resolution_mm / MOTOR_MM_PER_S)),
+    }
+    folder = repository_root() / "tb" / "board"
+    return build_program(folder / "board.sv", parameters, folder / "main.cpp")
+
+
+def make_folder(port: Path) -> None:
+    """Make the folder of a port if it is missing.
+
+    Raises:
+        InputError: if it cannot be made, or nothing can be written there.
+    """
+    try:
+        port.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{port.parent}: cannot make the folder ({error.strerror})") from error
+    check_writable(status_file(port))
+
+
+def status_file(port: Path) -> Path:
+    """Return the file that tells what the board behind a port has done."""
+    return port.with_name(f"{port.name}.json")
+
+
+def command(
+    scene: str,
+    config: Config,
+    port: Path,
+    *,
+    swinging: bool = False,
+    seconds: float | None = None,
+    real_time: bool = False,
+    seed: int = 1,
+    progress: Callable[[int], None] | None = None,
+) -> list[str]:
+    """Return the command that runs a board, after making what it needs.
+
+    Args:
+        scene: A shipped scene or a file.
+        config: The instrument; its clock is the board's.
+        port: The link that becomes the serial port.
+        swinging: Whether the mirror is, from the drive's first pulse on, as where the loop comes
+            to rest; else it is still.
+        seconds: Simulated time after which it stops; for ever if None.
+        real_time: Never faster than time goes.
+        seed: Of the index's jitter; the scene's own seed is that of the sensor's noise.
+        progress: Called with the number of angles of the scene that are rendered so far.
+
+    Raises:
+        InputError: as ``load``, ``library`` and ``build``.
+    """
+    make_folder(port)
+    program = build(config)
+    lines = library(load(scene), config, build_folder() / "board", progress=progress)
+    words = [str(program), "--library", str(lines), "--port", str(port)]
+    words += ["--status", str(status_file(port)), "--clock-hz", repr(config.clock.frequency_hz)]
+    if seconds is not None:
+        words += ["--seconds", repr(seconds)]
+    if real_time:
+        words.append("--real-time")
+    words.append(f"+seed={seed}")
+    if swinging:
+        mirror = config.mirror
+        # The drive's phase is 0 at its first pulse, and leads the mirror's by so much.
+        shape, slope = series(np.array([-mirror.drive_phase]), mirror.harmonics)
+        size = math.radians(mirror.amplitude_deg)
+        angle, velocity = size * float(shape[0]), size * float(slope[0]) * mirror.frequency_hz
+        words += ["+swinging=1", f"+angle={angle!r}", f"+velocity={velocity!r}"]
+    return words
+
+
+@dataclass(frozen=True)
+class Status:
+    """What a board has done since it was switched on.
+
+    ``to_host`` and ``from_host`` are bytes; ``dropped`` those that the host did not read,
+    ``unheard`` those that came while nobody had the port open. ``framing`` and ``breaks`` are what
+    the board's own line showed. ``lines_lost`` were exposed while the sensor still read out,
+    ``lines_outside`` were beyond the angles that are rendered, and dark.
+    """
+
+    clocks: int
+    wall_s: float
+    clock_hz: float
+    baud: int
+    open: bool
+    opened: int
+    to_host: int
+    from_host: int
+    dropped: int
+    unheard: int
+    framing: int
+    breaks: int
+    lines: int
+    lines_lost: int
+    lines_outside: int
+
+
+class Process:
+    """A board's program while it runs: started by ``with``, stopped at its end."""
+
+    def __init__(self, words: list[str], port: Path) -> None:
+        """Prepare a start.
+
+        Args:
+            words: The command; ``--port`` is ``port`` and ``--status`` its ``status_file``.
+            port: The link to the serial port.
+        """
+        self.port = port
+        self._words = words
+        self._log = port.with_name(f"{port.name}.log")
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def __enter__(self) -> Self:
+        """Start it, and wait until its port is there.
+
+        Raises:
+            InputError: if it ends, or does not get that far.
+        """
+        with contextlib.suppress(FileNotFoundError):
+            status_file(self.port).unlink()
+        with self._log.open("wb") as log:
+            self._process = subprocess.Popen(
+                self._words, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT
+            )
+        end = time.monotonic() + _START_S
+        while not status_file(self.port).exists():
+            if self._process.poll() is not None or time.monotonic() > end:
+                self.stop()
+                raise InputError(f"virtual board: it did not start: {self.log().strip()}")
+            time.sleep(0.01)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Stop it."""
+        self.stop()
+
+    def log(self) -> str:
+        """Return what it has printed."""
+        return self._log.read_text(errors="replace")
+
+    @property
+    def running(self) -> bool:
+        """Whether it still runs."""
+        return self._process is not None and self._process.poll() is None
+
+    def status(self) -> Status:
+        """Return what it has done; at most a twentieth of a second old while it runs."""
+        return Status(**json.loads(status_file(self.port).read_text()))
+
+    def clocks(self) -> int:
+        """Return the clocks since its reset."""
+        return self.status().clocks
+
+    def wait(self, clocks: int) -> None:
+        """Wait until it is so many clocks further than now, or more.
+
+        Raises:
+            RuntimeError: if it ends before.
+        """
+        old = self.clocks()  # of up to a twentieth of a second ago
+        until = None
+        while until is None or self.clocks() < until:
+            if not self.running:
+                raise RuntimeError(f"virtual board: it ended: {self.log().strip()}")
+            time.sleep(0.02)
+            if until is None and self.clocks() > old:
+                until = self.clocks() + clocks
+
+    def signal(self, number: int) -> None:
+        """Send it a signal."""
+        if self._process is not None:
+            self._process.send_signal(number)
+
+    def stop(self) -> int:
+        """End it as SIGTERM does, and return its exit status; once more does nothing."""
+        if self._process is None:
+            return 0
+        if self._process.poll() is None:
+            self._process.send_signal(signal.SIGTERM)
+        try:
+            return self._process.wait(_STOP_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            return self._process.wait()
+
+
+class Board(Process):
+    """A virtual board: ``with Board("default", config) as board`` and talk to ``board.port``."""
+
+    def __init__(
+        self,
+        scene: str = "default",
+        config: Config | None = None,
+        *,
+        port: Path | None = None,
+        swinging: bool = False,
+        seconds: float | None = None,
+        seed: int = 1,
+    ) -> None:
+        """Make what a board needs; the first time of a configuration takes a minute or two.
+
+        Args:
+            scene: A shipped scene or a file.
+            config: The instrument; the shipped one with ``CLOCK_HZ`` if None.
+            port: The link that becomes the serial port; ``build/board/port`` if None.
+            swinging: As ``command`` has it.
+            seconds: Simulated time after which it stops; for ever if None.
+            seed: Of the index's jitter.
+
+        Raises:
+            InputError: as ``command``.
+        """
+        self.config = on_board(Config() if config is None else config)
+        where = build_folder() / "board" / "port" if port is None else port
+        words = command(scene, self.config, where, swinging=swinging, seconds=seconds, seed=seed)
+        super().__init__(words, where)

@@ -1,0 +1,291 @@
+"""The RTL's mirror loop as an engine: against the simulated mirror, or on recorded samples."""
+
+import ctypes
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import astuple, dataclass
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from vrscan.clocked import mirror_loop
+from vrscan.data import pkg
+from vrscan.data.config import Config, Mems
+from vrscan.data.edges import SAMPLES, Rows
+from vrscan.engines.tools import repository_root, rtl_module
+from vrscan.engines.verilated import Design, build
+from vrscan.registers.mirror_registers import PORTS, MirrorRegisters
+
+# The rows that the engine writes; tb/engine/mirror.cpp has the same.
+LINE = np.dtype([*mirror_loop.LINE.descr, ("angle_true", np.float64)])
+MEASUREMENT = mirror_loop.MEASUREMENT
+
+STATES = {
+    pkg.MIRROR_OFF: "OFF",
+    pkg.MIRROR_SWEEP: "SWEEP",
+    pkg.MIRROR_SETTLE: "SETTLE",
+    pkg.MIRROR_RUN: "RUN",
+    pkg.MIRROR_FAULT: "FAULT",
+}
+FAULTS = {
+    pkg.FAULT_NONE: "none",
+    pkg.FAULT_SWEEP: "the sweep took too long",
+    pkg.FAULT_SETTLE: "the amplitude did not settle in time",
+    pkg.FAULT_INDEX: "the index was lost",
+}
+COUNTS = ("missing", "doubled", "impossible", "glitch", "overrun")
+FLAG_NAMES = ("NOT_RUNNING", "INDEX_FAULT", "UNSETTLED")  # of a line, from pkg.FLAG_NOT_RUNNING on
+_DEVICES = ("mems_mirror", "index_diode")
+_WIDE = (
+    ("motion_a", pkg.MOTION_WIDTH),
+    ("motion_phi", pkg.PHASE_WIDTH),
+    ("motion_da", pkg.SLOPE_MOTION_WIDTH),
+    ("motion_dphi", pkg.SLOPE_MOTION_WIDTH),
+)
+_NEVER = -1
+CHUNK_S = 0.004  # of mirror time between two words on the progress: some seconds here
+
+
+@dataclass(frozen=True)
+class World:
+    """What the simulated mirror meets during a run.
+
+    ``shock_rad_per_s`` is added to its velocity in the run's first clock. Of every ``drop_every``
+    passes over the diode one is lost; 0 loses none.
+    """
+
+    natural_offset_hz: float
+    damping_factor: float
+    jitter_s: float
+    noise_rad: float
+    mark_rad: float
+    width_rad: float
+    shock_rad_per_s: float
+    start_angle: float
+    start_velocity: float
+    laser_on: int
+    drop_every: int
+    seed: int
+
+    @classmethod
+    def from_config(cls, config: Config, *, seed: int = 1) -> "World":
+        """Return a quiet world: no drift, no shock, nothing dropped; a mirror at rest."""
+        mems = config.mems
+        return cls(
+            natural_offset_hz=0.0,
+            damping_factor=1.0,
+            jitter_s=1e-9 * mems.jitter_ns,
+            noise_rad=1e-6 * mems.noise_urad,
+            mark_rad=math.radians(config.mirror.index_deg),
+            width_rad=math.radians(mems.diode_deg),
+            shock_rad_per_s=0.0,
+            start_angle=0.0,
+            start_velocity=0.0,
+            laser_on=1,
+            drop_every=0,
+            seed=seed,
+        )
+
+
+class _World(ctypes.Structure):
+    _fields_ = (
+        *((name, ctypes.c_double) for name in list(World.__dataclass_fields__)[:-3]),
+        *((name, ctypes.c_int64) for name in list(World.__dataclass_fields__)[-3:]),
+    )
+
+
+class _Log(ctypes.Structure):
+    _fields_ = (("rows", ctypes.c_void_p), ("room", ctypes.c_int64), ("count", ctypes.c_int64))
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What a run of the loop reported, as structured arrays.
+
+    Attributes:
+        lines: ``LINE`` rows, one a line: the laser pulse's centre in half clocks; state, flags and
+            what else the loop said of it; and the mirror's true angle, rad.
+        measurements: ``MEASUREMENT`` rows, one a pair of crossings.
+        samples: ``SAMPLES`` rows, one a change of what index_capture sees; bit 0 is the oldest.
+    """
+
+    lines: Rows
+    measurements: Rows
+    samples: Rows
+
+    @classmethod
+    def joined(cls, parts: Sequence["Recording"]) -> "Recording":
+        """Return recordings that follow each other as one."""
+        return cls(
+            np.concatenate([part.lines for part in parts]),
+            np.concatenate([part.measurements for part in parts]),
+            np.concatenate([part.samples for part in parts]),
+        )
+
+
+def _library(registers: MirrorRegisters, mems: Mems) -> ctypes.CDLL:
+    devices = repository_root() / "tb" / "devices"
+    hertz = round(registers.clock_hz)
+    ports = (
+        "#define CONFIGURATION(X) " + " ".join(f"X({name})" for name in PORTS) + "\n"
+        "#define WIDE(X) " + " ".join(f"X({name})" for name, _ in _WIDE) + "\n"
+        f"#define MIDPOINT_WIDTH {pkg.MIDPOINT_WIDTH}\n"
+        f"#define ANGLE_WIDTH {pkg.ANGLE_WIDTH}\n"
+        f"#define ERROR_WIDTH {pkg.ERROR_WIDTH}\n"
+    )
+    loop = Design(rtl_module("mirror_loop"), {"IndexOversample": registers.oversample})
+    world = Design(
+        devices / "mirror_world.sv",
+        {
+            "ClockHz": hertz,
+            "StepClks": max(1, round(hertz * 1e-6)),
+            "IndexOversample": registers.oversample,
+            "NaturalHz": mems.natural_hz,
+            "Quality": mems.quality,
+            "Torque": mems.torque,
+            "CombRad": math.radians(mems.comb_deg),
+            "Bias": mems.asymmetry,
+        },
+        [devices / f"{name}.sv" for name in _DEVICES],
+    )
+    harness = repository_root() / "tb" / "engine" / "mirror.cpp"
+    library = ctypes.CDLL(str(build("mirror", harness, ports, [loop, world])))
+    library.mirror_create.restype = ctypes.c_void_p
+    for name in ("mirror_run", "mirror_state", "mirror_fault"):
+        getattr(library, name).restype = ctypes.c_int64
+    return library
+
+
+def _packed(values: Sequence[int], width: int) -> list[int]:
+    """Return numbers of ``width`` bits, the first lowest, as words of 32 bits."""
+    whole = sum((value & (1 << width) - 1) << width * k for k, value in enumerate(values))
+    return [whole >> shift & 0xFFFFFFFF for shift in range(0, width * len(values), 32)]
+
+
+def _address(array: np.ndarray[Any, Any]) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+class Mirror:
+    """The Verilated ``mirror_loop``, and the simulated mirror that it drives.
+
+    Time is in clocks; clock 0 is the first one after the reset, and the loop is enabled in it.
+    """
+
+    def __init__(self, registers: MirrorRegisters, mems: Mems, world: World) -> None:
+        """Build what has changed, reset, write the table.
+
+        Raises:
+            InputError: if the engine cannot be built.
+        """
+        self._library = _library(registers, mems)
+        self._handle = ctypes.c_void_p(self._library.mirror_create())
+        self.registers = registers
+        self.clock = 0
+        self.configure(registers)
+        self._library.mirror_world(self._handle, ctypes.byref(_World(*astuple(world))))
+        amplitude = np.array(registers.table_amplitude, np.uint32)
+        midpoint = np.array(registers.table_midpoint, np.int32)
+        self._library.mirror_reset(
+            self._handle, _address(amplitude), _address(midpoint), ctypes.c_int64(len(amplitude))
+        )
+
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Free the simulation."""
+        self._library.mirror_destroy(self._handle)
+
+    def configure(self, registers: MirrorRegisters, *, enable: bool = True) -> None:
+        """Set every port of the configuration, and ``enable_i``; the table stays."""
+        words = [int(getattr(registers, name)) & (1 << 64) - 1 for name in PORTS]
+        wide = [w for name, bits in _WIDE for w in _packed(getattr(registers, name), bits)]
+        self._library.mirror_configure(
+            self._handle,
+            (ctypes.c_uint64 * len(words))(*words),
+            (ctypes.c_uint32 * len(wide))(*wide),
+            ctypes.c_int64(enable),
+            ctypes.c_int64(1),
+        )
+
+    def run(
+        self,
+        clocks: int,
+        world: World,
+        *,
+        until_state: int = _NEVER,
+        replay: Rows | None = None,
+        progress: Callable[[int], None] | None = None,
+    ) -> Recording:
+        """Run for some clocks, or until the loop is in a state.
+
+        Args:
+            clocks: How many, at most.
+            world: What the mirror meets; a shock comes in the first clock.
+            until_state: One of ``STATES``, or -1 for none.
+            replay: ``SAMPLES`` rows, rising in time, in place of the simulated diode's.
+            progress: Told the clocks since the reset.
+
+        Raises:
+            RuntimeError: if the loop reports more than the line rate and the mirror's frequency
+                let expect.
+        """
+        end = self.clock + clocks
+        parts: list[Recording] = []
+        chunk = max(1, round(CHUNK_S * self.registers.clock_hz))
+        samples = None if replay is None else np.ascontiguousarray(replay, SAMPLES)
+        while self.clock < end and self.state != until_state:
+            stop = min(end, self.clock + chunk)
+            parts.append(self._chunk(stop, world, until_state, samples))
+            world = World(**{**world.__dict__, "shock_rad_per_s": 0.0})
+            if progress is not None:
+                progress(self.clock)
+        if not parts:
+            parts.append(self._chunk(self.clock, world, until_state, samples))
+        return Recording.joined(parts)
+
+    def _chunk(self, stop: int, world: World, state: int, replay: Rows | None) -> Recording:
+        span = stop - self.clock
+        most = 2 * span // 32 + 4  # a line takes 32 clocks or more
+        lines = np.zeros(min(most, 200_000), LINE)
+        measurements = np.zeros(span // pkg.MIN_CROSSING + 4, MEASUREMENT)
+        samples = np.zeros(min(span, 1_000_000) + 4, SAMPLES)
+        logs = [_Log(rows.ctypes.data, len(rows), 0) for rows in (lines, measurements, samples)]
+        self.clock = self._library.mirror_run(
+            self._handle,
+            ctypes.c_int64(stop),
+            ctypes.c_int64(state),
+            ctypes.byref(_World(*astuple(world))),
+            *(ctypes.byref(log) for log in logs),
+            None if replay is None else _address(replay),
+            ctypes.c_int64(0 if replay is None else len(replay)),
+        )
+        if any(log.count > log.room for log in logs):
+            raise RuntimeError("mirror engine: more reports than there was room for")
+        return Recording(*(rows[: log.count].copy() for rows, log in zip(
+            (lines, measurements, samples), logs, strict=True)))  # fmt: skip
+
+    @property
+    def state(self) -> int:
+        """The loop's state now, one of ``STATES``."""
+        return int(self._library.mirror_state(self._handle))
+
+    @property
+    def fault(self) -> int:
+        """Why it is in FAULT, one of ``FAULTS``."""
+        return int(self._library.mirror_fault(self._handle))
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """The loop's counters of what was wrong, by the names of ``COUNTS``."""
+        values = np.zeros(len(COUNTS), np.int64)
+        self._library.mirror_counts(self._handle, _address(values))
+        return dict(zip(COUNTS, values.tolist(), strict=True))

@@ -1,0 +1,285 @@
+"""The bit-accurate signal chain, the twin of ``rtl/vrscan_chain.sv``."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from vrscan.data import pkg
+from vrscan.data.arrays import Ints, Pixels
+from vrscan.data.contract import checked_words
+from vrscan.data.points import Points
+from vrscan.fixed import distortion as geometry_distortion
+from vrscan.fixed import (
+    line_receiver,
+    line_statistics,
+    peak_confidence,
+    peak_isolate,
+    peak_position,
+    peak_refine,
+    phase_correlate,
+)
+from vrscan.fixed import triangulate as geometry_triangulate
+from vrscan.registers.chain_registers import Registers
+
+MAX_WINDOW = 255
+CHUNK = 1024  # lines at a time: what a core's cache holds
+
+_FirstWindows = tuple[line_statistics.LineStatistics, peak_isolate.Windows]
+
+_ANGLE_SIGN = 1 << (pkg.ANGLE_WIDTH - 1)
+
+
+def latency(
+    width: int,
+    *,
+    measured: bool,
+    line_length: int,
+    pixel_width: int,
+    max_window: int = MAX_WINDOW,
+    first_width: int | None = None,
+) -> int:
+    """Return the clocks from a line's last pixel to its point.
+
+    Args:
+        width: Pixels in the window.
+        measured: Whether the window is measured (none of LOW_SNR, TOO_NARROW, TOO_WIDE).
+        line_length: ``LineLength``.
+        pixel_width: ``PixelWidth``.
+        max_window: ``MaxWindow``.
+        first_width: With two passes, the pixels in the first window.
+    """
+    offset = peak_position.LATENCY + geometry_distortion.latency(line_length)
+    phase = phase_correlate.latency(width) if measured else phase_correlate.UNMEASURED_LATENCY
+    if measured and first_width is not None:
+        phase += phase_correlate.first_latency(first_width) + peak_refine.latency()
+    return (
+        line_receiver.LATENCY
+        + line_statistics.latency(line_length, pixel_width, max_window)
+        + peak_isolate.latency(line_length)
+        + phase
+        + max(offset, peak_confidence.latency())
+        + 1
+        + geometry_triangulate.LATENCY
+    )
+
+
+def min_period(line_length: int, max_window: int, *, two_pass: bool) -> int:
+    """Return the clocks between two good lines' ends that the chain asks for; 0 for no limit."""
+    if two_pass:
+        period = 3 * max_window + pkg.TWO_PASS_OVERHEAD
+    else:
+        period = 2 * max_window + pkg.MIN_PERIOD_OVERHEAD
+    return 0 if line_length >= period else period
+
+
+def first_windows(lines: Pixels, registers: Registers, max_window: int) -> _FirstWindows:
+    """Return statistics and first window of every line; arguments as for ``run_fixed``."""
+    r = registers
+    statistics = line_statistics.line_statistics(
+        lines, pixel_width=r.pixel_width, max_window=max_window, noise_row=r.noise_row
+    )
+    window = peak_isolate.peak_isolate(
+        lines,
+        statistics,
+        pixel_width=r.pixel_width,
+        max_window=max_window,
+        k_noise=r.k_noise,
+        k_height=r.k_height,
+        snr_min=r.snr_min,
+        min_width=r.min_width,
+        max_width=r.max_width,
+    )
+    return statistics, window
+
+
+def _refined(
+    lines: Pixels, first: _FirstWindows, registers: Registers, max_window: int
+) -> tuple[peak_isolate.Windows, Ints, Ints]:
+    """Return the windows, ramps and slopes of the second pass; the first window where none is."""
+    statistics, window = first
+    ramp, slope = np.zeros((2, len(lines)), np.int64)
+    rows = np.flatnonzero(window.measured)
+    if not rows.size:
+        return window, ramp, slope
+    harmonic = phase_correlate.first_harmonics(
+        lines[rows],
+        left=window.left[rows],
+        width=window.width[rows],
+        background=statistics.background[rows],
+        pixel_width=registers.pixel_width,
+        period_n=True,
+    )
+    second = peak_refine.peak_refine(
+        lines[rows],
+        left=window.left[rows],
+        width=window.width[rows],
+        phase=harmonic.phase,
+        magnitude=harmonic.magnitude,
+        sum=harmonic.sum,
+        maximum=statistics.maximum[rows],
+        background=statistics.background[rows],
+        noise=statistics.noise[rows],
+        pixel_width=registers.pixel_width,
+        max_window=max_window,
+        kappa=registers.kappa,
+    )
+    left, right = window.left.copy(), window.right.copy()
+    width, flags = window.width.copy(), window.flags.copy()
+    left[rows], width[rows] = second.left, second.width
+    right[rows] = second.left + second.width - 1
+    at_edge = (left[rows] == 0) | (right[rows] == lines.shape[1] - 1)
+    flags[rows] &= ~(1 << pkg.FLAG_AT_EDGE)
+    flags[rows] |= at_edge.astype(np.int64) << pkg.FLAG_AT_EDGE
+    ramp[rows], slope[rows] = second.ramp, second.slope
+    return replace(window, left=left, right=right, width=width, flags=flags), ramp, slope
+
+
+def _run(
+    lines: Pixels,
+    angle: Ints,
+    power: Ints,
+    mirror_flags: Ints,
+    first: int,
+    registers: Registers,
+    max_window: int,
+) -> Points:
+    r = registers
+    first_window = first_windows(lines, r, max_window)
+    statistics, window = first_window
+    ramp: Ints | int = 0
+    slope: Ints | int = 0
+    if r.window_two_pass:
+        window, ramp, slope = _refined(lines, first_window, r, max_window)
+    harmonic = phase_correlate.phase_correlate(
+        lines,
+        left=window.left,
+        width=window.width,
+        background=statistics.background,
+        measured=window.measured,
+        pixel_width=r.pixel_width,
+        period_n=r.period_n or r.window_two_pass,
+        ramp=ramp,
+        slope=slope,
+    )
+    position = peak_position.peak_position(
+        window.left, harmonic.period, harmonic.phase, line_length=r.line_length
+    )
+    quality = peak_confidence.peak_confidence(
+        measured=harmonic.measured,
+        low_snr=(window.flags >> pkg.FLAG_LOW_SNR & 1).astype(np.bool_),
+        maximum=statistics.maximum,
+        background=statistics.background,
+        noise=statistics.noise,
+        width=window.width & ((1 << pkg.WINDOW_WIDTH) - 1),
+        period=harmonic.period,
+        magnitude=harmonic.magnitude,
+        sum=harmonic.sum,
+        wave=harmonic.wave,
+        count=harmonic.count,
+        power=power,
+        pixel_width=r.pixel_width,
+        kappa=r.kappa,
+        c_obj_gain=r.c_obj_gain,
+        c_sfm_gain=r.c_sfm_gain,
+    )
+    corrected = geometry_distortion.distortion(
+        position,
+        centre=r.centre,
+        k1=r.k1,
+        k2=r.k2,
+        even=r.even,
+        line_length=r.line_length,
+    )
+    place = geometry_triangulate.triangulate(
+        corrected.offset,
+        corrected.slope,
+        quality.sigma,
+        angle,
+        measured=harmonic.measured,
+        saturated=corrected.saturated,
+        n0=r.n0,
+        n1=r.n1,
+        d0=r.d0,
+        d1=r.d1,
+        e0=r.e0,
+        e1=r.e1,
+        line_length=r.line_length,
+    )
+    flags = window.flags | mirror_flags << pkg.FLAG_NOT_RUNNING
+    for bit, condition in (
+        (pkg.FLAG_NO_PHASE, harmonic.no_phase),
+        (pkg.FLAG_NO_NOISE, quality.no_noise),
+        (pkg.FLAG_ROW_STATISTICS, statistics.row_statistics),
+        (pkg.FLAG_NO_RANGE, place.no_range),
+        (pkg.FLAG_OUT_OF_RANGE, place.out_of_range),
+    ):
+        flags |= condition.astype(np.int64) << bit
+    return Points(
+        line=first + np.arange(len(lines)),
+        flags=flags,
+        left=window.left,
+        right=window.right,
+        width=window.width,
+        maximum=statistics.maximum,
+        row_mean=statistics.row_mean,
+        row_variance=statistics.row_variance,
+        background=statistics.background,
+        noise=statistics.noise,
+        snr=quality.snr,
+        position=np.where(harmonic.measured, position, 0),
+        sigma=quality.sigma,
+        angle=angle,
+        x=place.x,
+        z=place.z,
+        sigma_z=place.sigma_z,
+        c_obj=quality.c_obj,
+        c_sfm=quality.c_sfm,
+        measured=harmonic.measured,
+        pixel_width=r.pixel_width,
+    )
+
+
+def run_fixed(
+    lines: Pixels,
+    angle: Ints,
+    power: Ints,
+    registers: Registers,
+    progress: Callable[[int], None] | None = None,
+    *,
+    mirror_flags: Ints | int = 0,
+    max_window: int = MAX_WINDOW,
+) -> Points:
+    """Return the point of every line, bit for bit what the RTL gives for good lines.
+
+    Args:
+        lines: Pixels, uint16 [n, registers.line_length].
+        angle: Scan angles, fractions of a turn as 24-bit signed integers, [n].
+        power: Laser power, u16, [n].
+        registers: The configuration; ``pixel_width`` and ``line_length`` are the elaboration's.
+        progress: Called with the lines done so far.
+        mirror_flags: The mirror's flags, bit 0 for NOT_RUNNING and up, 0..7, [n] or one for all.
+        max_window: ``MaxWindow`` of the elaboration.
+
+    Returns:
+        n points, numbered from 0.
+
+    Raises:
+        ValueError: a ``LinesError``, if ``vrscan.data.contract.checked_words`` refuses an argument.
+    """
+    lines, angle, power, raised = checked_words(
+        lines,
+        angle,
+        power,
+        mirror_flags,
+        line_length=registers.line_length,
+        pixel_width=registers.pixel_width,
+    )
+    parts = []
+    for start in range(0, max(1, len(lines)), CHUNK):
+        part = slice(start, start + CHUNK)
+        given = lines[part], angle[part], power[part], raised[part]
+        parts.append(_run(*given, start, registers, max_window))
+        if progress is not None:
+            progress(min(start + CHUNK, len(lines)))
+    return Points.concatenate(parts)

@@ -1,0 +1,481 @@
+"""What the commands of ``vrscan link`` print and write."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import BinaryIO
+
+import numpy as np
+from rich.table import Table as RichTable
+
+from vrscan.data import link_pkg, pkg, records
+from vrscan.data.arrays import Floats
+from vrscan.data.points import table as in_units
+from vrscan.data.points import write_csv
+from vrscan.data.records import Records
+from vrscan.link.device import FAULTS, STATES, Build, Device
+from vrscan.link.selftest import Check
+from vrscan.link.stream import Account, Captured
+from vrscan.registers import values
+from vrscan.registers.register_map import LOCKS, REGISTERS
+from vrscan.registers.values import Value, integer
+from vrscan.show.style import wide_table
+
+SHOWN = 4  # of many values
+COMPACT_FLAGS = {
+    getattr(link_pkg, f"COMPACT_{name}"): name
+    for name in ("WEAK", "AT_EDGE", "SATURATED", "RIVAL", "RANGE", "MIRROR", "LOST")
+}
+_MARKS = " ▁▂▃▄▅▆▇█"
+
+
+# ---- registers ----
+
+
+def value_text(name: str, value: Value, *, raw: bool = False, most: int | None = SHOWN) -> str:
+    """Return a register's value as text, in its unit, or as integers.
+
+    Args:
+        name: Of the register.
+        value: Its integers.
+        raw: Whether they are to be shown as they are.
+        most: How many of them are shown, all where None.
+    """
+    register = values.find(name)
+    integers = value if isinstance(value, tuple) else (value,)
+    shown = integers[:most]
+    if raw:
+        return " ".join(str(each) for each in shown) + " ..." * (len(shown) < len(integers))
+    digits = max(1, math.ceil(register.width * math.log10(2.0)))
+    texts = []
+    for each in shown:
+        if register.fraction:
+            texts.append(f"{math.ldexp(each, -register.fraction):.{digits}g}")
+        elif name in ("identity", "map_hash"):
+            texts.append(f"{each:#010x}")
+        else:
+            texts.append(str(each))
+    text = " ".join(texts) + " ..." * (len(shown) < len(integers))
+    return f"{text} {register.unit}".rstrip()
+
+
+def register_table(found: Mapping[str, Value]) -> RichTable:
+    """Return registers with their values, as integers and in their units."""
+    table = wide_table("Registers", "a table shows its first entries")
+    for heading in ("address", "name", "access", "format"):
+        table.add_column(heading, no_wrap=True)
+    table.add_column("integer", justify="right", overflow="fold")
+    table.add_column("value", justify="right", overflow="fold")
+    table.add_column("meaning", overflow="fold")
+    for name, value in found.items():
+        register = values.find(name)
+        sign = "s" if register.signed else "u"
+        fraction = f".{register.fraction}" if register.fraction else ""
+        several = f"[{values.count(name)}]" if values.count(name) > 1 else ""
+        table.add_row(
+            f"{values.addresses(name)[0]:#06x}",
+            f"{name}{several}",
+            register.access,
+            f"{sign}{register.width}{fraction}",
+            value_text(name, value, raw=True, most=2),
+            value_text(name, value, most=2),
+            register.doc,
+        )
+    return table
+
+
+def info_table(device: Device) -> RichTable:
+    """Return what a board is and how it is."""
+    build = device.build
+    # The table of counters is read as they are, at one time.
+    found = device.read_many(name for name, each in REGISTERS.items() if each.access != "strobe")
+    uptime = integer(found["uptime"])
+    word = integer(found["mirror_word"]) / 2.0**pkg.TURN_WIDTH * build.clock_hz
+    counted = [
+        f"{name} {value}"
+        for name, value in found.items()
+        if REGISTERS[name].access == "counter" and value and name != "frames_good"
+    ]
+    locked = [name.removeprefix("lock_") for name in LOCKS if found[name]]
+    table = wide_table(f"Board at {device.port}")
+    table.show_header = False
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    rows = [
+        ("version", f"{build.version_text}, map {build.map_hash:#010x}, board {build.board_id}"),
+        ("clock", f"{build.clock_hz / 1e6:g} MHz"),
+        (
+            "sensor",
+            f"{build.line_length} px of {build.pixel_width} bits, windows up to "
+            f"{build.max_window} px, {build.lanes} lane, {build.index_oversample} index samples "
+            "a clock",
+        ),
+        ("uptime", f"{uptime / build.clock_hz:.6g} s of the board's time"),
+        ("link", f"{device.baud} baud, {1e3 * device.round_trip_s:.3g} ms there and back"),
+        ("mirror", f"{mirror_text(found)}, drive {word:.4f} Hz"),
+        ("lines", "run" if found["line_enable"] else "stand still"),
+        ("locked", ", ".join(locked) or "nothing"),
+        ("counted", ", ".join(counted) or "no fault"),
+    ]
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def mirror_text(found: Mapping[str, Value]) -> str:
+    """Return the mirror's state in words."""
+    state = integer(found["mirror_state"])
+    text = STATES[state] if state < len(STATES) else str(state)
+    fault = integer(found["mirror_fault"])
+    if text == "FAULT":
+        text += f" ({FAULTS[fault] if fault < len(FAULTS) else fault})"
+    return f"{text}, {'settled' if found['mirror_settled'] else 'not settled'}"
+
+
+def change_table(before: Mapping[str, Value], after: Mapping[str, Value]) -> RichTable:
+    """Return what a configuration changes.
+
+    Args:
+        before: Values of the registers that change.
+        after: Their new ones, and others.
+    """
+    table = wide_table("Changed")
+    table.add_column("name", no_wrap=True)
+    table.add_column("before", justify="right")
+    table.add_column("after", justify="right")
+    for name, old in before.items():
+        new = after[name]
+        if isinstance(old, tuple) and isinstance(new, tuple):
+            differ = sum(a != b for a, b in zip(old, new, strict=True))
+            table.add_row(name, f"{len(old)} values", f"{differ} of them others")
+        else:
+            table.add_row(name, value_text(name, old), value_text(name, new))
+    return table
+
+
+def check_table(checks: Sequence[Check]) -> RichTable:
+    """Return the checks of a self-test."""
+    table = wide_table("Self-test")
+    table.add_column("what", no_wrap=True)
+    table.add_column("lines", justify="right")
+    table.add_column("compared", justify="right")
+    table.add_column("result", overflow="fold")
+    for check in checks:
+        table.add_row(
+            check.what,
+            str(check.lines) if check.lines else "",
+            str(check.compared),
+            check.difference or "equal",
+        )
+    return table
+
+
+# ---- points ----
+
+
+def write_points(
+    kind: str,
+    file: BinaryIO,
+    found: Records,
+    full: bool,
+    step: int,
+    build: Build,
+    account: Account,
+) -> None:
+    """Write points.
+
+    Args:
+        kind: ``".csv"``: full ones as every engine's points.csv; ``".npz"``: all fields as the
+            integers they are, with what their formats depend on and the stream's account.
+        file: A binary file.
+        found: The points.
+        full: Whether they are full ones.
+        step: Of every so many lines.
+        build: The board.
+        account: Of the stream.
+    """
+    if kind == ".npz":
+        names = found.dtype.names or ()
+        facts = {f"account_{key}": np.int64(value) for key, value in asdict(account).items()}
+        np.savez_compressed(
+            file,
+            allow_pickle=False,
+            pixel_width=np.int64(build.pixel_width),
+            clock_hz=np.int64(build.clock_hz),
+            step=np.int64(step),
+            **facts,
+            **{name: found[name] for name in names},
+        )
+    elif full:
+        write_csv(in_units(records.points(found, build.pixel_width)), file)
+    else:
+        _write_compact(found, file)
+
+
+def _write_compact(found: Records, file: BinaryIO) -> None:
+    """Write compact points as text; x and z of those not measured are empty."""
+    decimals = math.ceil(pkg.LENGTH_FRACTION * math.log10(2.0))
+    file.write(b"line,x_mm,z_mm,c_obj,flags\n")
+    step = 2.0**-pkg.LENGTH_FRACTION
+    for line, x, z, c_obj, flags in found.tolist():
+        place = ","
+        if flags >> link_pkg.COMPACT_MEASURED & 1:
+            place = f"{x * step:.{decimals}f},{z * step:.{decimals}f}"
+        names = "|".join(name for bit, name in COMPACT_FLAGS.items() if flags >> bit & 1)
+        file.write(f"{line},{place},{c_obj / 255:.3f},{names}\n".encode())
+
+
+# ---- raw lines ----
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """What a threshold is made with, as it was in the board."""
+
+    k_noise: float
+    k_height: float
+
+
+def threshold_settings(device: Device) -> Threshold:
+    """Return what the board makes thresholds with."""
+    found = device.read_many(("k_noise", "k_height"))
+    k_noise, k_height = (integer(found[name]) for name in ("k_noise", "k_height"))
+    return Threshold(
+        k_noise / 2.0**pkg.K_NOISE_FRACTION,
+        k_height / 2.0**pkg.K_HEIGHT_FRACTION,
+    )
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A point's numbers in counts and px."""
+
+    background: float
+    noise: float
+    threshold: float
+    maximum: float
+    left: int
+    right: int
+    position: float | None
+    snr: float
+    flags: str
+
+
+def _in_counts(record: Records, settings: Threshold, pixel_width: int) -> _Line:
+    found = in_units(records.points(record, pixel_width))
+    background, noise = float(found.background[0]), float(found.noise[0])
+    maximum = float(found.maximum[0])
+    above = max(settings.k_noise * noise, settings.k_height * (maximum - background))
+    has = int(found.width[0]) > 0
+    return _Line(
+        background=background,
+        noise=noise,
+        threshold=background + above,
+        maximum=maximum,
+        left=int(found.left[0]) if has else 0,
+        right=int(found.right[0]) if has else -1,
+        position=float(found.position_px[0]) if found.measured[0] else None,
+        snr=float(found.snr[0]),
+        flags="|".join(name for name, where in found.flags.items() if where[0]),
+    )
+
+
+def capture_table(found: Sequence[Captured], settings: Threshold, pixel_width: int) -> RichTable:
+    """Return raw lines with what the board made of each."""
+    table = wide_table("Lines")
+    for heading in ("line", "least", "most", "background", "noise", "threshold", "window"):
+        table.add_column(heading, justify="right")
+    for heading in ("position", "S/N"):
+        table.add_column(heading, justify="right")
+    table.add_column("flags", overflow="fold")
+    for each in found:
+        pixels = str(int(each.pixels.min())), str(int(each.pixels.max()))
+        if each.record is None:
+            table.add_row(str(each.line), *pixels, *[""] * 6, "no point")
+            continue
+        line = _in_counts(each.record, settings, pixel_width)
+        table.add_row(
+            str(each.line),
+            *pixels,
+            f"{line.background:.1f}",
+            f"{line.noise:.2f}",
+            f"{line.threshold:.1f}",
+            f"{line.left}..{line.right}" if line.right >= line.left else "",
+            "" if line.position is None else f"{line.position:.3f}",
+            f"{line.snr:.1f}",
+            line.flags,
+        )
+    return table
+
+
+def capture_text(each: Captured, width: int, rows: int = 6) -> str:
+    """Return a raw line as text: the largest pixel of each column, from 0 to the line's largest."""
+    columns = min(width, len(each.pixels))
+    edges = np.linspace(0, len(each.pixels), columns + 1).astype(np.int64)[:-1]
+    heights = np.maximum.reduceat(each.pixels, edges).astype(np.float64)
+    steps = len(_MARKS) - 1
+    scaled = np.round(heights / max(1.0, heights.max()) * rows * steps).astype(np.int64)
+    lines = [f"line {each.line}, 0 to {int(heights.max())}, {len(each.pixels)} px"]
+    for row in range(rows - 1, -1, -1):
+        part = np.clip(scaled - row * steps, 0, steps)
+        lines.append("".join(_MARKS[k] for k in part))
+    return "\n".join(lines)
+
+
+def write_captures(
+    kind: str, file: BinaryIO, found: Sequence[Captured], settings: Threshold, pixel_width: int
+) -> None:
+    """Write raw lines.
+
+    Args:
+        kind: ``".npz"``: as ``vrscan replay`` reads it, with the points' fields beside;
+            ``".csv"``: a column a line; ``".png"``: a picture.
+        file: A binary file.
+        found: The lines.
+        settings: Of the thresholds in the picture.
+        pixel_width: Bits of a pixel.
+    """
+    if kind == ".csv":
+        file.write(("pixel," + ",".join(f"line_{each.line}" for each in found) + "\n").encode())
+        for k, row in enumerate(np.stack([each.pixels for each in found], axis=1).tolist()):
+            file.write((f"{k}," + ",".join(map(str, row)) + "\n").encode())
+    elif kind == ".png":
+        _picture(file, found, settings, pixel_width)
+    else:
+        empty = np.zeros(1, records.FULL)
+        points = np.concatenate([empty if e.record is None else e.record for e in found])
+        angle = points["angle"] * (2.0 * math.pi / 2.0**pkg.ANGLE_WIDTH)
+        mirror = points["flags"] >> pkg.FLAG_NOT_RUNNING & ((1 << pkg.MIRROR_FLAG_WIDTH) - 1)
+        names = [name for name in records.FULL.names or () if name not in ("angle", "power")]
+        np.savez_compressed(
+            file,
+            allow_pickle=False,
+            lines=np.stack([each.pixels for each in found]),
+            angle_rad=angle.astype(np.float64),
+            power=points["power"].astype(np.uint16),
+            mirror_flags=mirror.astype(np.uint8),
+            number=np.array([each.line for each in found], np.uint32),
+            has_point=np.array([each.record is not None for each in found]),
+            **{f"point_{name}": points[name] for name in names},
+        )
+
+
+def _picture(
+    file: BinaryIO, found: Sequence[Captured], settings: Threshold, pixel_width: int
+) -> None:
+    """Draw each line with its window, background and threshold."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    from vrscan.show.style import COLOURS, QUIET, STYLE
+
+    shown = found[:12]
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(9.0, 2.2 * len(shown) + 0.4), layout="constrained")
+        axes = figure.subplots(len(shown), 1, squeeze=False)[:, 0]
+        for axis, each in zip(axes, shown, strict=True):
+            axis.plot(each.pixels, color=COLOURS[0], linewidth=0.8, drawstyle="steps-mid")
+            title = f"line {each.line}"
+            if each.record is not None:
+                line = _in_counts(each.record, settings, pixel_width)
+                axis.axhline(line.background, color=QUIET, linewidth=0.8, label="background")
+                axis.axhline(
+                    line.threshold,
+                    color=COLOURS[1],
+                    linewidth=0.8,
+                    dashes=(4, 3),
+                    label="threshold",
+                )
+                if line.right >= line.left:
+                    ends = line.left - 0.5, line.right + 0.5
+                    axis.axvspan(*ends, color=COLOURS[2], alpha=0.2, label="window")
+                if line.position is not None:
+                    axis.axvline(line.position, color=COLOURS[3], linewidth=0.8, label="position")
+                    title += f": {line.position:.3f} px, S/N {line.snr:.1f}"
+                title += f" {line.flags}" if line.flags else ""
+            axis.set_title(title)
+            axis.set_xlim(0, len(each.pixels) - 1)
+            axis.set_ylabel("counts")
+        axes[0].legend(loc="upper right", ncols=4)
+        axes[-1].set_xlabel("pixel")
+        figure.savefig(file, format="png", dpi=120)
+
+
+# ---- bench ----
+
+
+@dataclass(frozen=True)
+class Trips:
+    """Many round trips of one kind.
+
+    Attributes:
+        what: The command.
+        seconds: Of each, by this machine's clock.
+        board_s: Of all together, by the board's.
+        words: Registers' words of each.
+    """
+
+    what: str
+    seconds: Floats
+    board_s: float
+    words: int
+
+
+@dataclass(frozen=True)
+class Rate:
+    """A stream of test lines as fast as they go.
+
+    Attributes:
+        baud: The rate.
+        full: Of full records.
+        points: That came.
+        seconds: By this machine's clock.
+        board_s: By the board's.
+        share: Of the line's time that was used, by the board's clock.
+    """
+
+    baud: int
+    full: bool
+    points: int
+    seconds: float
+    board_s: float
+    share: float
+
+
+def bench_tables(trips: Sequence[Trips], rates: Sequence[Rate]) -> RichTable:
+    """Return round trips and streams as one table of tables."""
+    first = wide_table("Commands", "board: of a simulated one this is what counts", gap=2)
+    first.add_column("command", no_wrap=True)
+    for heading in ("median ms", "p95 ms", "1/s", "words/s", "board ms", "board words/s"):
+        first.add_column(heading, justify="right")
+    for trip in trips:
+        mean, count = float(trip.seconds.mean()), len(trip.seconds)
+        board = trip.board_s / count
+        first.add_row(
+            trip.what,
+            f"{1e3 * float(np.median(trip.seconds)):.3f}",
+            f"{1e3 * float(np.percentile(trip.seconds, 95)):.3f}",
+            f"{1.0 / mean:.0f}",
+            f"{trip.words / mean:.0f}" if trip.words else "",
+            f"{1e3 * board:.4f}",
+            f"{trip.words / board:.0f}" if trip.words and board else "",
+        )
+    second = wide_table("Points", "of test lines, as many as the line carries", gap=2)
+    second.add_column("baud", justify="right")
+    second.add_column("records")
+    for heading in ("points", "points/s", "board s", "board points/s", "of the line"):
+        second.add_column(heading, justify="right")
+    for rate in rates:
+        second.add_row(
+            str(rate.baud),
+            "full" if rate.full else "compact",
+            str(rate.points),
+            f"{rate.points / rate.seconds:.0f}",
+            f"{rate.board_s:.4f}",
+            f"{rate.points / rate.board_s:.0f}" if rate.board_s else "",
+            f"{100 * rate.share:.0f} %",
+        )
+    both = RichTable.grid(padding=(0, 0, 1, 0))
+    both.add_row(first)
+    both.add_row(second)
+    return both

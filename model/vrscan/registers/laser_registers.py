@@ -1,0 +1,108 @@
+"""The laser's configuration as the integers that the ports of ``laser_control`` take."""
+
+import math
+from dataclasses import dataclass
+
+from vrscan.data.config import Config
+from vrscan.data.errors import InputError
+from vrscan.registers.chain_registers import fit
+from vrscan.registers.register_map import REGISTERS
+
+
+@dataclass(frozen=True)
+class LaserRegisters:
+    """Configuration of the laser in integers; formats are those of ``laser_control``.
+
+    ``laser_enable`` is not among them: the light is switched on by whoever wants it.
+    """
+
+    laser_limit_power: int
+    laser_limit_startup: int
+    laser_limit_pulse_clks: int
+    laser_limit_drain: int
+    laser_limit_bucket: int
+    laser_watchdog_clks: int
+    laser_adapt: int
+    laser_shared: int
+    laser_power: int
+    laser_power_min: int
+    laser_power_max: int
+    laser_startup: int
+    laser_target: int
+    laser_cut: int
+    laser_down: int
+    laser_up: int
+    laser_search: int
+    laser_index_begin: int
+    laser_index_end: int
+
+    @classmethod
+    def from_config(cls, config: Config) -> "LaserRegisters":
+        """Return the registers of a configuration: limits rounded down, all else to nearest.
+
+        Raises:
+            InputError: naming the key, if a value does not fit in its register, a pulse is longer
+                than its limit, or the index is not lit before the beam comes to the mark.
+        """
+        laser, line, mirror = config.laser, config.line, config.mirror
+        clock = config.clock.frequency_hz
+        per_mw = laser.power_max / laser.rated_mw
+
+        def share(key: str) -> int:
+            return fit(config.source, f"laser.{key}", getattr(laser, key), f"laser_{key}")
+
+        def power(key: str, name: str) -> int:
+            return fit(config.source, f"laser.{key}", per_mw * getattr(laser, key), name)
+
+        def limit(key: str, value: float, name: str) -> int:
+            # What is a limit to the last digit must not become one less.
+            return fit(config.source, f"laser.{key}", math.floor(value * (1.0 + 1e-12)), name)
+
+        if line.pulse_us > laser.limit_pulse_us:
+            raise InputError(
+                f"{config.source}: line.pulse_us: {line.pulse_us:g} is above "
+                f"laser.limit_pulse_us = {laser.limit_pulse_us:g}: every pulse would be cut"
+            )
+        if laser.index_margin_deg > abs(mirror.index_deg):
+            raise InputError(
+                f"{config.source}: laser.index_margin_deg: {laser.index_margin_deg:g} is more than "
+                f"the mark's {abs(mirror.index_deg):g} degrees"
+            )
+        # Phase 0 is the largest angle: the beam is beyond the window's edge for a symmetric part.
+        edge = (abs(mirror.index_deg) - laser.index_margin_deg) / mirror.amplitude_deg
+        half = math.acos(min(edge, 1.0)) / (2.0 * math.pi)
+        middle = 0.0 if mirror.index_deg > 0 else 0.5
+        one = 1 << REGISTERS["laser_index_begin"].width
+
+        joules = 1e-6 * laser.limit_burst_uj
+        bucket = joules / (1e-3 * laser.rated_mw) * clock * laser.power_max
+        pulse_clks = 1e-6 * laser.limit_pulse_us * clock
+        return cls(
+            laser_limit_power=limit(
+                "limit_power_mw", per_mw * laser.limit_power_mw, "laser_limit_power"
+            ),
+            laser_limit_startup=limit(
+                "limit_startup_mw", per_mw * laser.limit_startup_mw, "limit_startup"
+            ),
+            laser_limit_pulse_clks=limit("limit_pulse_us", pulse_clks, "laser_limit_pulse_clks"),
+            laser_limit_drain=limit(
+                "limit_average_mw", per_mw * laser.limit_average_mw, "limit_drain"
+            ),
+            laser_limit_bucket=limit("limit_burst_uj", bucket, "laser_limit_bucket"),
+            laser_watchdog_clks=max(
+                limit("watchdog_s", laser.watchdog_s * clock, "laser_watchdog_clks"), 1
+            ),
+            laser_adapt=int(laser.adapt),
+            laser_shared=int(laser.shared),
+            laser_power=power("power_mw", "laser_power"),
+            laser_power_min=power("min_mw", "laser_power_min"),
+            laser_power_max=power("max_mw", "laser_power_max"),
+            laser_startup=power("startup_mw", "laser_startup"),
+            laser_target=share("target"),
+            laser_cut=share("cut"),
+            laser_down=share("down"),
+            laser_up=share("up"),
+            laser_search=share("search"),
+            laser_index_begin=math.floor((middle - half) * one) % one,
+            laser_index_end=math.ceil((middle + half) * one) % one,
+        )

@@ -1,0 +1,84 @@
+"""A configuration as what a host writes into a board's registers."""
+
+from dataclasses import fields
+from typing import Protocol
+
+from vrscan.data.config import Clock, Config
+from vrscan.data.errors import InputError
+from vrscan.registers.chain_registers import Registers
+from vrscan.registers.focus_registers import FocusRegisters
+from vrscan.registers.laser_registers import LaserRegisters
+from vrscan.registers.mirror_registers import MirrorRegisters
+
+# Registers that no configuration has: the host writes them when it wants something.
+CONTROLS = frozenset(
+    {
+        *("scratch", "uart_step", "mirror_enable", "line_enable", "laser_enable"),
+        *("test_position", "test_move", "test_step", "test_height", "test_pedestal", "test_noise"),
+        *("test_seed", "test_lines", "test_period_clks", "test_angle", "test_power"),
+        *("test_start", "test_stop"),
+        *("points_batch", "points_timeout_clks"),
+    }
+)
+
+# Fields that are no registers that can be written: how the board is built.
+_BUILT = frozenset({"clock_hz", "line_length", "pixel_width", "oversample"})
+
+
+class Build(Protocol):
+    """How a board is built, as its registers of these names say."""
+
+    @property
+    def clock_hz(self) -> int:
+        """Frequency of its clock, Hz."""
+
+    @property
+    def line_length(self) -> int:
+        """``LineLength``, px."""
+
+    @property
+    def pixel_width(self) -> int:
+        """``PixelWidth``, bits."""
+
+    @property
+    def index_oversample(self) -> int:
+        """``IndexOversample``."""
+
+
+def settings(config: Config, build: Build) -> dict[str, int | tuple[int, ...]]:
+    """Return the value of every register and table that a configuration decides.
+
+    Args:
+        config: The configuration; its clock does not count, the board has its own.
+        build: How the board is built.
+
+    Returns:
+        Integers by the name of the register, tuples where it has several; a table's by the names of
+        its fields, an integer an entry.
+
+    Raises:
+        InputError: in one line with the key, if the configuration is for another line, sensor or
+            sampling than the board's, or a value does not fit in its register.
+    """
+    for key, wanted, register, built in (
+        ("sensor.line_length", config.sensor.line_length, "line_length", build.line_length),
+        ("sensor.pixel_width", config.sensor.pixel_width, "pixel_width", build.pixel_width),
+        ("mirror.oversample", config.mirror.oversample, "index_oversample", build.index_oversample),
+    ):
+        if wanted != built:
+            raise InputError(
+                f"{config.source}: {key} = {wanted}: the board is built with {register} = {built}"
+            )
+    on_board = config.model_copy(update={"clock": Clock(frequency_hz=float(build.clock_hz))})
+    values: dict[str, int | tuple[int, ...]] = {}
+    for registers in (
+        Registers.from_config(on_board),
+        MirrorRegisters.from_config(on_board),
+        FocusRegisters.from_config(on_board),
+        LaserRegisters.from_config(on_board),
+    ):
+        for field in fields(registers):
+            if field.name not in _BUILT:
+                value = getattr(registers, field.name)
+                values[field.name] = value if isinstance(value, tuple) else int(value)
+    return values

@@ -1,0 +1,210 @@
+"""The mirror's configuration as the integers that the ports of ``mirror_loop`` take."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+
+from vrscan.data import pkg
+from vrscan.data.config import Config
+from vrscan.data.errors import InputError
+from vrscan.registers.chain_registers import fit
+from vrscan.registers.mirror_table import amplitude_table
+
+TURN = 2.0 * math.pi
+INDEX_TIMEOUT = 1.125  # periods: an index mark is missing when it comes later
+CONFIDENCE_ONE = 2**pkg.CONFIDENCE_WIDTH - 1
+REACQUIRE_TURNS = 1.0 / 64  # a phase error above this is no error of tracking
+EXPOSURE_SHARE = 0.9  # of the line period
+
+
+@dataclass(frozen=True)
+class MirrorRegisters:
+    """Configuration of the mirror's loop in integers; formats are those of ``vrscan_pkg``.
+
+    ``oversample`` is an elaboration parameter and ``clock_hz`` a property of the board: they travel
+    along because the formats depend on them. ``table_amplitude`` and ``table_midpoint`` are written
+    through the table's port; everything else is a port.
+    """
+
+    clock_hz: float
+    oversample: int
+    sweep_word: int
+    work_word: int
+    sweep_rate: int
+    duty: int
+    sweep_level: int
+    sweep_timeout: int
+    settle_timeout: int
+    lost_timeout: int
+    glitch_clks: int
+    width_min_clks: int
+    width_max_clks: int
+    period_max_clks: int
+    phase_shift: int
+    rate_shift: int
+    amplitude_shift: int
+    error_limit: int
+    amplitude_set: int
+    k_p: int
+    k_i: int
+    level_min: int
+    level_max: int
+    level_low: int
+    level_high: int
+    level_nominal: int
+    trim_step: int
+    trim_gain: int
+    trim_min: int
+    trim_max: int
+    trim_up: int
+    settle_limit: int
+    shock_limit: int
+    phase_limit: int
+    settle_count: int
+    hold_count: int
+    confidence_gain: int
+    ratio: int
+    exposure_delay_clks: int
+    exposure_clks: int
+    pulse_delay_clks: int
+    pulse_clks: int
+    drive_phase: int
+    motion_a: tuple[int, ...]
+    motion_phi: tuple[int, ...]
+    motion_da: tuple[int, ...]
+    motion_dphi: tuple[int, ...]
+    table_amplitude: tuple[int, ...]
+    table_midpoint: tuple[int, ...]
+
+    @classmethod
+    def from_config(cls, config: Config) -> "MirrorRegisters":
+        """Return the registers of a configuration, each rounded to nearest, half up.
+
+        Raises:
+            InputError: naming the key, if a value does not fit in its register, the mark is out of
+                the mirror's reach, or the harmonics leave no unique amplitude.
+        """
+        mirror, line, clock = config.mirror, config.line, config.clock.frequency_hz
+
+        def put(name: str, key: str, value: float) -> int:
+            return fit(config.source, key, value, name)
+
+        def clocks(name: str, key: str, seconds: float) -> int:
+            return put(name, key, seconds * clock)
+
+        def in_line(name: str, key: str, microseconds: float) -> int:
+            return put(name, key, microseconds * 1e-6 * clock)
+
+        if not 0 < abs(mirror.index_deg) < mirror.amplitude_deg:
+            raise InputError(
+                f"{config.source}: mirror.index_deg: {mirror.index_deg} is not between 0 and the "
+                f"amplitude of {mirror.amplitude_deg}: the mirror would never pass the mark"
+            )
+        turns = mirror.amplitude_deg / 360.0
+        period_clks = clock / mirror.frequency_hz
+        sweep_rate = mirror.sweep_hz_per_s / clock**2 * 2.0 ** (pkg.TURN_WIDTH + 16)
+        sweep_s = mirror.sweep_span_hz / mirror.sweep_hz_per_s
+        # Level steps an amplitude step; the integral term adds up once a period.
+        gain = mirror.proportional * mirror.level / turns
+        gain *= 2.0 ** (pkg.LEVEL_WIDTH - pkg.AMPLITUDE_FRACTION)
+        per_period = 1.0 / (mirror.integral_s * mirror.frequency_hz)
+        trim = mirror.trim_hz / clock
+        per_hz = 2.0**pkg.TURN_WIDTH / clock / mirror.frequency_hz  # word steps a period
+        step = mirror.trim_hz_per_s * per_hz
+        trim_gain = mirror.trim_gain_hz_per_s * per_hz / 2.0**pkg.LEVEL_WIDTH
+        shock = put("shock_limit", "mirror.shock_ppm", 1e-6 * mirror.shock_ppm * turns)
+        # A tracker of second order that does not overshoot: the rate takes a quarter of the phase's
+        # share squared.
+        shift = mirror.averaging_periods.bit_length() - 1
+        rate_shift = round(math.log2(period_clks)) + 2 * shift + 1
+        table = amplitude_table(math.radians(mirror.index_deg), mirror.harmonics)
+        exposure_us = max(EXPOSURE_SHARE * 1e6 / line.rate_hz, line.pulse_delay_us + line.pulse_us)
+
+        def harmonics(name: str, key: str, values: Iterable[float]) -> tuple[int, ...]:
+            return tuple(put(name, f"mirror.{key}", value) for value in values)
+
+        return cls(
+            clock_hz=clock,
+            oversample=mirror.oversample,
+            sweep_word=put(
+                "sweep_word",
+                "mirror.sweep_span_hz",
+                (mirror.frequency_hz + mirror.sweep_span_hz) / clock,
+            ),
+            work_word=put("work_word", "mirror.frequency_hz", mirror.frequency_hz / clock),
+            sweep_rate=put("sweep_rate", "mirror.sweep_hz_per_s", sweep_rate),
+            duty=put("duty", "mirror.duty", mirror.duty),
+            sweep_level=put("sweep_level", "mirror.sweep_level", mirror.sweep_level),
+            sweep_timeout=clocks("sweep_timeout", "mirror.sweep_hz_per_s", 2.0 * sweep_s + 1e-3),
+            settle_timeout=clocks(
+                "settle_timeout", "mirror.settle_timeout_s", mirror.settle_timeout_s
+            ),
+            lost_timeout=clocks("lost_timeout", "mirror.lost_timeout_s", mirror.lost_timeout_s),
+            glitch_clks=put(
+                "glitch_clks", "mirror.glitch_us", max(1.0, mirror.glitch_us * 1e-6 * clock)
+            ),
+            width_min_clks=pkg.MIN_CROSSING,
+            width_max_clks=clocks(
+                "width_max_clks", "mirror.frequency_hz", 0.5 / mirror.frequency_hz
+            ),
+            period_max_clks=clocks(
+                "period_max_clks", "mirror.frequency_hz", INDEX_TIMEOUT / mirror.frequency_hz
+            ),
+            phase_shift=shift,
+            rate_shift=rate_shift,
+            amplitude_shift=shift,
+            error_limit=put("error_limit", "mirror.frequency_hz", REACQUIRE_TURNS),
+            amplitude_set=put("amplitude_set", "mirror.amplitude_deg", turns),
+            k_p=put("k_p", "mirror.proportional", gain),
+            k_i=put("k_i", "mirror.integral_s", gain * per_period),
+            level_min=put("level_min", "mirror.level_min", mirror.level_min),
+            level_max=put("level_max", "mirror.level_max", mirror.level_max),
+            level_low=put("level_low", "mirror.level_low", mirror.level_low),
+            level_high=put("level_high", "mirror.level_high", mirror.level_high),
+            level_nominal=put("level_nominal", "mirror.level", mirror.level),
+            trim_step=put("trim_step", "mirror.trim_hz_per_s", step),
+            trim_gain=put("trim_gain", "mirror.trim_gain_hz_per_s", trim_gain),
+            trim_min=put("trim_min", "mirror.trim_hz", -trim),
+            trim_max=put("trim_max", "mirror.trim_hz", trim),
+            trim_up=int(not mirror.amplitude_falls),
+            settle_limit=put("settle_limit", "mirror.settle_ppm", 1e-6 * mirror.settle_ppm * turns),
+            shock_limit=shock,
+            phase_limit=put(
+                "phase_limit",
+                "mirror.phase_limit_urad",
+                1e-6 * mirror.phase_limit_urad / TURN,
+            ),
+            settle_count=mirror.settle_periods,
+            hold_count=mirror.hold_periods,
+            confidence_gain=put(
+                "confidence_gain", "mirror.shock_ppm", CONFIDENCE_ONE / max(shock, 1)
+            ),
+            ratio=put("ratio", "line.rate_hz", line.rate_hz / mirror.frequency_hz),
+            exposure_delay_clks=0,
+            exposure_clks=in_line("exposure_clks", "line.rate_hz", exposure_us),
+            pulse_delay_clks=in_line(
+                "pulse_delay_clks", "line.pulse_delay_us", line.pulse_delay_us
+            ),
+            pulse_clks=in_line("pulse_clks", "line.pulse_us", line.pulse_us),
+            drive_phase=put("drive_phase", "mirror.drive_phase", mirror.drive_phase),
+            motion_a=harmonics("motion_a", "harmonics", (a for a, _ in mirror.harmonics)),
+            motion_phi=tuple(
+                math.floor(phi / TURN * 2.0**pkg.PHASE_WIDTH + 0.5) % 2**pkg.PHASE_WIDTH
+                for _, phi in mirror.harmonics
+            ),
+            motion_da=harmonics("motion_da", "slopes", (a for a, _ in mirror.slopes)),
+            motion_dphi=harmonics(
+                "motion_dphi", "slopes", (phi / TURN for _, phi in mirror.slopes)
+            ),
+            table_amplitude=tuple(table[0].tolist()),
+            table_midpoint=tuple(table[1].tolist()),
+        )
+
+
+# Ports that hold still, in the order in which the engine takes them.
+PORTS = tuple(
+    field.name
+    for field in fields(MirrorRegisters)
+    if field.name not in ("clock_hz", "oversample")
+    and not field.name.startswith(("motion_", "table_"))
+)

@@ -1,0 +1,59 @@
+"""From an index mark and the motion's harmonics to the table that the tracker measures with."""
+
+import numpy as np
+
+from vrscan.data import pkg
+from vrscan.data.arrays import Floats, Ints
+from vrscan.data.errors import InputError
+from vrscan.ideal.motion import Harmonics, crossings
+
+ENTRIES = 2**pkg.AMPLITUDE_TABLE_BITS
+ENTRIES_PER_TURN = 4 * ENTRIES
+
+
+def amplitude_table(mark_rad: float, harmonics: Harmonics) -> tuple[Ints, Ints]:
+    """Return amplitude and midpoint for half distances of i / 4096 turns.
+
+    Args:
+        mark_rad: Angle of the index mark; negative for one on the other side.
+        harmonics: [1 to 9, 2], pairs [a_k, phi_k], rad.
+
+    Returns:
+        Amplitude [1024], turns, 28 fraction bits, unsigned 26 bits, rising with i, at its largest
+        value from where it would be above a quarter of a turn; and midpoint [1024], turns, 28
+        fraction bits, signed 28 bits: the phase of (12) halfway between the crossings.
+
+    Raises:
+        InputError: naming ``mirror.harmonics`` or ``mirror.index_deg``, if two amplitudes have the
+            same half distance, a midpoint is nowhere near a turning point, or the mark is zero.
+    """
+    half = np.arange(ENTRIES) / ENTRIES_PER_TURN
+    try:
+        amplitude, middle = crossings(half, mark_rad, harmonics)
+    except ValueError as error:
+        raise InputError(f"mirror.harmonics, mirror.index_deg: {error}") from error
+    top = 2**pkg.AMPLITUDE_WIDTH - 1
+    steps = np.minimum(amplitude / (2.0 * np.pi) * 2.0**pkg.AMPLITUDE_FRACTION, top)
+    if np.any(np.diff(steps) < 0.0):
+        raise InputError("mirror.harmonics: too large: two amplitudes have the same index times")
+    one = 2**pkg.MIDPOINT_WIDTH
+    turns = np.floor(middle * one + 0.5).astype(np.int64)
+    return np.floor(steps + 0.5).astype(np.int64), (turns + one // 2) % one - one // 2
+
+
+def interpolation_bound(half: Floats, mark_rad: float, harmonics: Harmonics) -> Floats:
+    """Return how far a straight line between entries may be from the amplitude, turns.
+
+    An eighth of the entries' distance squared times the second derivative, here taken from three
+    amplitudes around the interval that holds each ``half``; half a step of rounding is added.
+
+    Args:
+        half: Turns [n], at least one entry away from both ends.
+        mark_rad: As for ``amplitude_table``.
+        harmonics: As for ``amplitude_table``.
+    """
+    step = 1.0 / ENTRIES_PER_TURN
+    first = np.floor(half / step) * step
+    ends = [crossings(first + k * step, mark_rad, harmonics)[0] for k in range(-1, 3)]
+    curve = np.maximum(ends[0] - 2 * ends[1] + ends[2], ends[1] - 2 * ends[2] + ends[3])
+    return np.asarray(curve / 8.0 / (2.0 * np.pi) + 2.0 ** -(pkg.AMPLITUDE_FRACTION + 1))

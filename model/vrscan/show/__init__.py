@@ -1,0 +1,1 @@
+"""How tables and pictures look, of every command and page; it uses ``data`` alone."""

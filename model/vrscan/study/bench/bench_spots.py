@@ -1,0 +1,205 @@
+"""Lines of single spots whose place is known, ugly in one way each, and the bound on their error.
+
+The sensor is that of ``vrscan efficiency``: read noise 3 counts, 5 electrons a count at the shipped
+conversion factor. The spot's own pixels and those beside it hold Poisson numbers; far from the
+spot, where there is nothing but even light, the Poisson number is drawn as a normal one.
+"""
+
+import math
+from dataclasses import dataclass, fields
+from typing import Any, Self
+
+import numpy as np
+from scipy.special import erf
+
+from vrscan.data.arrays import Floats, Pixels
+from vrscan.data.config import Config
+from vrscan.scene.description import Lens
+from vrscan.scene.sensor import REACH
+from vrscan.scene.speckle import Speckle
+from vrscan.study.report.efficiency import BACKGROUND_COUNTS, LOST_PX, READ_NOISE_COUNTS
+
+SLOPE_PX, RETURN_PX = 100, 250  # a slope is straight so far from the spot, and 0 from there on
+SPECKLE_MM = 400.0  # distance of the surface whose speckle is taken
+WAVELENGTH_NM = 658.0
+_PATTERNS = 4  # of speckle in a cell
+_ANGLE_RAD = 0.3  # either way: 28 pupil widths, over which a pattern changes as often
+
+
+@dataclass(frozen=True)
+class Spot:
+    """What the lines of a cell look like.
+
+    Attributes:
+        sigma_px: Standard deviation of the spot.
+        peak: Its height, share of full scale; above 1 it is clipped.
+        level: Even light below it, counts.
+        slope: Of the background around the spot, counts/px.
+        skew: Sides of (1 - skew) and (1 + skew) times ``sigma_px``; the position is the top's.
+        contrast: Of the speckle of a pixel; at most what the lens gives.
+        rival: Height of a second spot over that of the first.
+        rival_px: How far to the right it is.
+    """
+
+    sigma_px: float
+    peak: float
+    level: float = BACKGROUND_COUNTS
+    slope: float = 0.0
+    skew: float = 0.0
+    contrast: float = 0.0
+    rival: float = 0.0
+    rival_px: float = 0.0
+
+    @classmethod
+    def of(cls, parameters: dict[str, Any]) -> Self:
+        """Return the spot that a cell's parameters tell of; other keys are not looked at."""
+        return cls(**{f.name: parameters[f.name] for f in fields(cls) if f.name in parameters})
+
+
+@dataclass(frozen=True)
+class Taken:
+    """n lines of a spot."""
+
+    lines: Pixels  # counts [n, length]
+    true: Floats  # position, px [n]
+    bound: Floats  # least variance of its estimate, px^2 [n]
+
+
+@dataclass(frozen=True)
+class Score:
+    """How far a detector is off; lost lines count in ``lost`` alone."""
+
+    rms: float  # px, bias included
+    bias: float  # px
+    spread: float  # px, about the bias
+    lost: float  # share of lines without a position or more than LOST_PX off
+
+
+def profile(centre: Floats, left: float, right: float, edges: Floats) -> tuple[Floats, Floats]:
+    """Return a spot of height 1 integrated over each pixel, and its derivative by the centre.
+
+    Args:
+        centre: Of the spot, px [n].
+        left: Standard deviation of its left side, px.
+        right: Of its right side, px.
+        edges: Of the pixels, px [n, m + 1].
+
+    Returns:
+        Two arrays [n, m].
+    """
+    away = edges - centre[:, None]
+    sigma = np.where(away < 0.0, left, right)
+    area = sigma * math.sqrt(0.5 * math.pi) * erf(away / (math.sqrt(2.0) * sigma))
+    density = np.exp(-0.5 * np.square(away / sigma))
+    return np.diff(area, axis=1), -np.diff(density, axis=1)
+
+
+def _gains(
+    first: Floats, width: int, spot: Spot, config: Config, rng: np.random.Generator
+) -> Floats:
+    """Return what speckle multiplies the light of each pixel of each window by [n, width]."""
+    lens, count = Lens(), len(first)
+    gains = np.empty((count, width))
+    for part in np.array_split(np.arange(count), _PATTERNS):
+        pattern = Speckle(
+            int(rng.integers(1 << 31)),
+            config.sensor.line_length,
+            wavelength_nm=WAVELENGTH_NM,
+            focal_mm=config.geometry.focal_mm,
+            f_number=lens.f_number,
+            pitch_mm=config.geometry.pitch_mm,
+        )
+        distance = np.full(len(part), SPECKLE_MM)
+        most = float(pattern.contrast(distance[:1])[0])
+        looks = (most / min(spot.contrast, most)) ** 2
+        angle = rng.uniform(-_ANGLE_RAD, _ANGLE_RAD, len(part))
+        gains[part] = pattern.gain(first[part].astype(np.int64), width, angle, looks, distance)
+    return gains
+
+
+def most_contrast(config: Config) -> tuple[float, float]:
+    """Return the contrast of a pixel without averaging, and the correlation of neighbours."""
+    pattern = Speckle(
+        0,
+        64,
+        wavelength_nm=WAVELENGTH_NM,
+        focal_mm=config.geometry.focal_mm,
+        f_number=Lens().f_number,
+        pitch_mm=config.geometry.pitch_mm,
+    )
+    distance = np.array([SPECKLE_MM])
+    return float(pattern.contrast(distance)[0]), pattern.correlation(SPECKLE_MM)
+
+
+def take(spot: Spot, count: int, config: Config, rng: np.random.Generator) -> Taken:
+    """Return lines of a spot that is anywhere between two pixels, in the middle half of the line.
+
+    The bound knows the background, the second spot and the speckle's mean, and that a pixel at full
+    scale tells nothing.
+
+    Args:
+        spot: How it looks.
+        count: Lines.
+        config: Sensor and conversion factor.
+        rng: Source of everything random.
+    """
+    length, kappa = config.sensor.line_length, config.peak.kappa
+    full = 2**config.sensor.pixel_width - 1
+    true = rng.uniform(0.25 * length, 0.75 * length, count)
+    left, right = (1.0 - spot.skew) * spot.sigma_px, (1.0 + spot.skew) * spot.sigma_px
+    reach = math.ceil(REACH * max(left, right))
+    if spot.slope:
+        reach = max(reach, RETURN_PX)
+    width = 2 * reach + 1 + math.ceil(spot.rival_px)
+    first = np.round(true) - reach
+    pixel = first[:, None] + np.arange(width)
+    edges = first[:, None] + np.arange(width + 1) - 0.5
+    peak = spot.peak * (full + 1) / kappa
+    shape, slope = profile(true, left, right, edges)
+    light = peak * shape
+    if spot.rival:
+        light += peak * spot.rival * profile(true + spot.rival_px, left, right, edges)[0]
+    if spot.contrast:
+        light = light * _gains(first, width, spot, config, rng)
+    away = pixel - true[:, None]
+    fade = np.clip((RETURN_PX - np.abs(away)) / (RETURN_PX - SLOPE_PX), 0.0, 1.0)
+    ramp = spot.slope * np.clip(away, -SLOPE_PX, SLOPE_PX) * fade
+    below = np.maximum(spot.level + ramp, 0.0) / kappa
+
+    dark = (READ_NOISE_COUNTS**2 + 1.0 / 12.0) / kappa**2 + below
+    tells = kappa * (light + below) < full
+    told = np.where(tells, np.square(peak * slope) / (dark + peak * shape), 0.0)
+    bound = 1.0 / told.sum(axis=1)
+
+    even = math.hypot(READ_NOISE_COUNTS, math.sqrt(kappa * spot.level))
+    counts = rng.standard_normal((count, length), np.float32)
+    counts *= np.float32(even)
+    counts += np.float32(spot.level)
+    shot = kappa * rng.poisson(light + below)
+    own = shot + READ_NOISE_COUNTS * rng.standard_normal(shot.shape)
+    inside = (pixel >= 0) & (pixel < length)
+    row = np.broadcast_to(np.arange(count)[:, None], pixel.shape)
+    counts[row[inside], pixel[inside].astype(np.int64)] = own[inside]
+    lines = np.clip(np.floor(counts + np.float32(0.5)), 0, full).astype(np.uint16)
+    return Taken(lines=lines, true=true, bound=bound)
+
+
+def score(position: Floats, true: Floats) -> Score:
+    """Return how far positions are off.
+
+    Args:
+        position: Found, px, NaN where nothing was [n].
+        true: px [n].
+    """
+    error = position - true
+    with np.errstate(invalid="ignore"):
+        good = np.abs(error) <= LOST_PX
+    kept = error[good]
+    if not kept.size:
+        return Score(math.inf, math.nan, math.nan, 1.0)
+    return Score(
+        rms=float(np.sqrt(np.square(kept).mean())),
+        bias=float(kept.mean()),
+        spread=float(kept.std()),
+        lost=1.0 - float(good.mean()),
+    )

@@ -1,0 +1,44 @@
+"""The work of the detector sweeps: all detectors on the lines of one kind of spot."""
+
+import json
+import zlib
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from vrscan.detectors.catalogue import detectors
+from vrscan.detectors.patch import REACH
+from vrscan.ideal.statistics import statistics
+from vrscan.study.bench.bench_spots import Spot, score, take
+from vrscan.study.bench.cells import Figures, configuration
+
+WORK = "vrscan.study.bench.detect:spots"
+_MAX_WINDOW = 2 * REACH + 1
+
+
+def source(parameters: dict[str, Any], seed: int) -> np.random.Generator:
+    """Return the random numbers of a cell: those of no other parameters and no other seed."""
+    text = json.dumps({k: v for k, v in parameters.items() if k != "config"}, sort_keys=True)
+    return np.random.default_rng([seed, zlib.crc32(text.encode())])
+
+
+def spots(parameters: dict[str, Any], seed: int) -> Figures:
+    """Return the errors of every detector on spots of one kind.
+
+    Args:
+        parameters: ``config``, ``lines`` and the fields of ``Spot`` that are not as usual.
+        seed: Of the random numbers.
+
+    Returns:
+        ``bound_px``, ``lines``, and by each detector's short name rms, bias, spread and lost.
+    """
+    config, count = configuration(parameters), int(parameters["lines"])
+    taken = take(Spot.of(parameters), count, config, source(parameters, seed))
+    row = statistics(taken.lines, max_window=_MAX_WINDOW)
+    errors = {}
+    for each in detectors():
+        found = each.locate(taken.lines, row.background, row.noise, config)
+        errors[each.key] = asdict(score(found, taken.true))
+    bound = float(np.sqrt(taken.bound.mean()))
+    return {"bound_px": bound, "lines": count, "errors": errors}

@@ -1,0 +1,227 @@
+"""The work of the whole instrument: its error by cause, and how fast each part of it is."""
+
+import io
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from vrscan.data.arrays import Floats, Pixels
+from vrscan.data.config import Config
+from vrscan.data.errors import InputError
+from vrscan.data.lines import Lines
+from vrscan.engines.engine import Engine, run
+from vrscan.ideal.statistics import statistics
+from vrscan.scene.description import load
+from vrscan.scene.light import Light
+from vrscan.scene.simulate import simulate, take
+from vrscan.study.bench.cells import Figures, configuration
+from vrscan.study.plan import JUMP_PX, plan
+from vrscan.study.report import budget as light_budget
+from vrscan.study.report import fidelity as light_fidelity
+
+READS = ("scene/scenes/*.toml", "rtl/**/*.sv", "tb/engine/*")
+BUDGET, FIDELITY, SPEED, GROWTH = (
+    f"vrscan.study.bench.instrument:{name}" for name in ("budget", "fidelity", "speed", "growth")
+)
+MAX_WINDOW = 255
+ROUNDS = 3  # of each, in turns; the best counts
+LEAST_S = 0.15  # processor time of a timed run: what is shorter is repeated
+CHUNK = 512  # lines at a time: what a cache holds
+REFERENCE = "maximum, mean and variance of every line in numpy (ideal.statistics)"
+
+
+def budget(parameters: dict[str, Any], seed: int) -> Figures:
+    """Return what each effect does to a scene's points, and what the arithmetic adds.
+
+    The scene has its own seed; ``seed`` is not used.
+
+    Args:
+        parameters: ``config``, ``scene`` and ``lines``.
+        seed: Of nothing.
+
+    Returns:
+        ``csv``, the table of ``vrscan budget --csv`` without its times; rms and median of positions
+        and of z about the truth, the rms of those within ``JUMP_PX``, and the share beyond; rms of
+        the bit-accurate model about the float equations where both have the same window, and the
+        share where they have not.
+    """
+    config, count = configuration(parameters), int(parameters["lines"])
+    light = Light(load(parameters["scene"]), config)
+    found = plan(light, count, fidelity="full", each=True)
+    file = io.BytesIO()
+    light_budget.budget_csv(found, file)
+    lines = simulate(light, count, found.active, every_ray=True).lines
+    truth = lines.truth
+    assert truth is not None  # a simulation has one
+    fixed, ideal = (run(engine, lines, config) for engine in (Engine.FIXED, Engine.IDEAL))
+    both = fixed.located & ideal.located
+    same = both & (fixed.left == ideal.left) & (fixed.width == ideal.width)
+    seen = fixed.located & np.isfinite(truth.position_px)
+    px, mm = fixed.position_px - truth.position_px, fixed.z_mm - truth.z_mm
+    near = seen & (np.abs(px) < JUMP_PX)
+    return {
+        "csv": _without_times(file.getvalue().decode()),
+        "points": int(seen.sum()),
+        "jumped": 1.0 - float(near.sum()) / max(int(seen.sum()), 1),
+        "error_px": _rms(px[near]),
+        "median_px": _median(px[seen]),
+        "error_mm": _rms(mm[near]),
+        "median_mm": _median(mm[seen]),
+        "other_window": 1.0 - float(same.sum()) / max(int(both.sum()), 1),
+        "arithmetic_px": _rms((fixed.position_px - ideal.position_px)[same]),
+        "arithmetic_mm": _rms((fixed.z_mm - ideal.z_mm)[same]),
+    }
+
+
+def _without_times(text: str) -> str:
+    """Return the budget's table without the column that another run would not repeat."""
+    rows = [line.split(",") for line in text.splitlines()]
+    column = rows[0].index("us_per_line")
+    return "\n".join(",".join(row[:column] + row[column + 1 :]) for row in rows) + "\n"
+
+
+def _median(values: Floats) -> float:
+    return float(np.median(np.abs(values))) if len(values) else 0.0
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0
+
+
+def fidelity(parameters: dict[str, Any], seed: int) -> Figures:
+    """Return the rows of ``vrscan bench light`` for one scene, a timed work.
+
+    Args:
+        parameters: ``config``, ``scene`` and ``lines``.
+        seed: Of nothing: the scene has its own.
+    """
+    config, count = configuration(parameters), int(parameters["lines"])
+    rows = light_fidelity.run([parameters["scene"]], count, config, rounds=2)
+    return {"rows": [asdict(row) for row in rows]}
+
+
+def best(works: dict[str, Callable[[], object]], rounds: int = ROUNDS) -> dict[str, float]:
+    """Return the processor time of each work, s: the best of several runs that take turns.
+
+    What is shorter than ``LEAST_S`` is repeated that long, and its mean taken.
+    """
+    seconds = dict.fromkeys(works, float("inf"))
+    times = dict.fromkeys(works, 1)
+    for name, work in works.items():
+        work()  # fills tables, imports and caches
+        begin = time.process_time()
+        work()
+        times[name] = 1 + int(LEAST_S / max(time.process_time() - begin, 1e-6))
+    for _ in range(rounds):
+        for name, work in works.items():
+            begin = time.process_time()
+            for _ in range(times[name]):
+                work()
+            spent = (time.process_time() - begin) / times[name]
+            seconds[name] = min(seconds[name], spent)
+    return seconds
+
+
+def reference(lines: Pixels) -> None:
+    """Do the named work that speeds are compared with, ``CHUNK`` lines at a time."""
+    for start in range(0, len(lines), CHUNK):
+        statistics(lines[start : start + CHUNK], max_window=MAX_WINDOW)
+
+
+def _some(recording: Lines, count: int) -> Lines:
+    return Lines(recording.lines[:count], recording.angle_rad[:count], recording.power[:count])
+
+
+def speed(parameters: dict[str, Any], seed: int) -> Figures:
+    """Return lines/s of the engines on one core, a timed work; of the RTL where it can be built.
+
+    Args:
+        parameters: ``config``, ``lines`` of the default scene, ``rtl`` of them for the RTL.
+        seed: Of nothing: the scene has its own.
+
+    Returns:
+        ``rates`` by name, that of the reference among them, and ``missing``, why the RTL is.
+    """
+    config = configuration(parameters)
+    count, few = int(parameters["lines"]), int(parameters["rtl"])
+    recording = take("default", count, config).lines
+    short = _some(recording, few)
+    works: dict[str, Callable[[], object]] = {
+        "reference": lambda: reference(recording.lines),
+        "fixed": lambda: run(Engine.FIXED, recording, config),
+        "ideal": lambda: run(Engine.IDEAL, recording, config),
+    }
+    missing = "not asked for with --quick"
+    if few:
+        try:
+            run(Engine.RTL, _some(recording, 8), config)
+            works["rtl"] = lambda: run(Engine.RTL, short, config)
+            missing = ""
+        except InputError as error:  # no compiler here
+            missing = str(error)
+    seconds = best(works)
+    lines = dict.fromkeys(works, count) | {"rtl": few}
+    rates = {name: lines[name] / seconds[name] for name in works}
+    return {"rates": rates, "missing": missing, "lines": lines}
+
+
+def _of_length(config: Config, length: int) -> Config:
+    """Return the instrument with lines of another length, of which it sees the same."""
+    sensor = config.sensor.model_copy(update={"line_length": length})
+    # A longer sensor has its axis where it was: farther out its pixels see nothing.
+    centre = min(config.geometry.centre_px, 0.5 * (length - 1))
+    geometry = config.geometry.model_copy(update={"centre_px": centre})
+    return config.model_copy(update={"sensor": sensor, "geometry": geometry})
+
+
+def growth(parameters: dict[str, Any], seed: int) -> Figures:
+    """Return s of the engines for one size of work, a timed work.
+
+    The lines are those of the default scene; a longer sensor has the same spots and more
+    background, a shorter one sees less of the scene.
+
+    Args:
+        parameters: ``config``, ``sizes``, pairs of line length and number of lines, and ``rtl``,
+            such pairs for the RTL.
+        seed: Of nothing: the scene has its own.
+
+    Returns:
+        ``seconds``: rows of name, length, lines, s.
+    """
+    config = configuration(parameters)
+    rows = []
+    for length, count in parameters["sizes"]:
+        own = _of_length(config, length)
+        light = Light(load("default"), own)
+        try:
+            active = plan(light, count, fidelity="full", each=False).active
+        except InputError:  # a length with which the registers overflow, or nothing is seen
+            continue
+        recording = simulate(light, count, active).lines
+        works = _growing(recording, light, active, count, own)
+        seconds = best(works, rounds=2)
+        rows += [[name, length, count, seconds[name]] for name in works]
+    for length, count in parameters["rtl"]:
+        own = _of_length(config, length)
+        recording = take("default", count, own).lines
+        try:
+            run(Engine.RTL, _some(recording, 8), own)
+        except InputError:
+            continue
+        seconds = best({"rtl": lambda: run(Engine.RTL, recording, own)}, rounds=2)  # noqa: B023
+        rows.append(["rtl", length, count, seconds["rtl"]])
+    return {"seconds": rows}
+
+
+def _growing(
+    recording: Lines, light: Light, active: frozenset[str], count: int, config: Config
+) -> dict[str, Callable[[], object]]:
+    return {
+        "reference": lambda: reference(recording.lines),
+        "fixed": lambda: run(Engine.FIXED, recording, config),
+        "ideal": lambda: run(Engine.IDEAL, recording, config),
+        "simulator": lambda: simulate(light, count, active, every_ray=True),
+    }

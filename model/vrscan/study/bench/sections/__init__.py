@@ -1,0 +1,22 @@
+"""The sections of the page, a module each: which cells it asks for, and what it makes of them.
+
+A section module has ``SECTION``; ``ALL`` lists them in their order on the page. To add one, write a
+module beside these and put its ``SECTION`` here.
+"""
+
+from vrscan.study.bench.sections import compare_section as compare
+from vrscan.study.bench.sections import design_space_section as design_space
+from vrscan.study.bench.sections import growth_section as growth
+from vrscan.study.bench.sections import instrument_section as instrument
+from vrscan.study.bench.sections import readme_section as readme
+from vrscan.study.bench.sections import sweeps_section as sweeps
+from vrscan.study.bench.sections.section import Section
+
+ALL: tuple[Section, ...] = (
+    compare.SECTION,
+    sweeps.SECTION,
+    design_space.SECTION,
+    instrument.SECTION,
+    growth.SECTION,
+    readme.SECTION,
+)

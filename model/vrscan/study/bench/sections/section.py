@@ -1,0 +1,82 @@
+"""What a section is, and what its pictures share."""
+
+import io
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from matplotlib.figure import Figure
+
+from vrscan.data.config import Config
+from vrscan.show.style import COLOURS, INK, QUIET
+from vrscan.study.bench.bench_page import Block
+from vrscan.study.bench.cells import Cell, Figures
+
+Found = Callable[[Cell], Figures]  # the figures of a cell that the section has asked for
+
+BOUND = {"color": INK, "linestyle": (0, (4, 2)), "linewidth": 1.1, "zorder": 5}
+
+
+@dataclass(frozen=True)
+class Order:
+    """What is asked for: the same for all sections."""
+
+    config: Config
+    seed: int
+    quick: bool  # a tenth of the work
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of the page.
+
+    Attributes:
+        key: Its id on the page.
+        title: Its heading.
+        cells: What it needs computed.
+        blocks: What it shows, from the figures of those cells.
+    """
+
+    key: str
+    title: str
+    cells: Callable[[Order], Sequence[Cell]]
+    blocks: Callable[[Order, Found], Sequence[Block]]
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a detector's line is drawn."""
+
+    colour: str
+    marker: str
+    dashes: str = "-"
+    width: float = 1.0
+
+
+_FALLBACK = Look(QUIET, "x", ":")
+_LOOKS = {
+    "printed": Look(COLOURS[0], "v", "--"),
+    "shipped": Look(COLOURS[0], "o", width=2.2),
+    "float": Look("#7fb2d1", "."),
+    "two-pass": Look("#0b3c5d", "D", width=2.2),
+    "centroid-noise": Look(COLOURS[1], "s"),
+    "centroid-height": Look("#e8a598", "s", "--"),
+    "parabola": Look(COLOURS[2], "^"),
+    "gaussian-3": Look("#8fbf93", "^", "--"),
+    "blais-rioux-4": Look(COLOURS[3], "<"),
+    "blais-rioux-8": Look("#b795bf", ">", "--"),
+    "matched": Look("#b8860b", "P"),
+    "least-squares": Look("#6b705c", "X"),
+    "likelihood": Look("#d1495b", "*"),
+}
+
+
+def look(key: str) -> Look:
+    """Return how a detector is drawn."""
+    return _LOOKS.get(key, _FALLBACK)
+
+
+def png(figure: Figure) -> bytes:
+    """Return a figure as a file that is the same for the same figure."""
+    file = io.BytesIO()
+    figure.savefig(file, format="png", dpi=120, metadata={"Software": None})
+    return file.getvalue()

@@ -1,0 +1,31 @@
+"""A line of an entry, with what is defined for it."""
+
+from dataclasses import dataclass
+
+from vrscan.data.arrays import Pixels
+
+UNMEASURED = frozenset({"LOW_SNR", "TOO_NARROW", "TOO_WIDE", "NO_PHASE"})
+
+
+@dataclass(frozen=True)
+class Line:
+    """One sensor line, and what is defined for it.
+
+    Attributes:
+        pixels: Counts [length].
+        flags: Names of the flags that it raises, exactly; None: those that the equations raise.
+        true: Where the spot is, px; None where there is none, or none that could be told.
+        window: First and last pixel of the one-pass window, px; None: those of the equations.
+        position: By (8) with T = N over the one-pass window, px; None: that of the equations.
+    """
+
+    pixels: Pixels
+    flags: frozenset[str] | None = frozenset()
+    true: float | None = None
+    window: tuple[int, int] | None = None
+    position: float | None = None
+
+    @property
+    def measured(self) -> bool | None:
+        """Whether it has a position; None where its flags are not stated."""
+        return None if self.flags is None else not self.flags & UNMEASURED

@@ -1,0 +1,484 @@
+"""What each effect would do to a scene's points, and which of them are worth their time.
+
+Lines of a few blocks, near, in the middle, far, and such whose spot the camera does not see, are
+rendered with everything and then with less, always with the same random numbers, and go through the
+chain's bit-accurate model. What the position changes by is what was left out: its mean over such a
+part is the bias, the spread about it the rms.
+
+``auto`` leaves effects out, the dearest first and several at once where it can, as long as all that
+is left out together stays below the tolerance in every zone of a survey, with a margin for lines
+that move far, and at most three lines in a thousand of each part, or one, gain, lose or change
+their point. Each try is made on some thousand lines, and ends as soon as it cannot succeed any
+more; what is left in the end has to hold on the whole survey. What a try may cost, and what it may
+save on the scan's lines, is reckoned with typical times and not measured, so that the same scene
+gets the same effects, and so the same lines, whenever and wherever it is simulated. Where choosing
+would cost more than it saves, the scan has everything.
+"""
+
+import itertools
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from vrscan.data.arrays import Bools, Floats, Ints, Pixels
+from vrscan.data.config import Config
+from vrscan.data.errors import InputError
+from vrscan.data.points import table
+from vrscan.data.table import Table
+from vrscan.fixed.vrscan_chain import run_fixed
+from vrscan.ideal import geometry as triangle
+from vrscan.registers.chain_registers import Registers, angle_turns
+from vrscan.scene.effects import EFFECTS, LINE_US, START_US, WHOLE_LINE, chosen, present, typical_us
+from vrscan.scene.light import Light
+from vrscan.scene.render import Renderer
+from vrscan.scene.simulate import BLOCK, Scanner, picked
+from vrscan.scene.timeline import Timeline
+
+ZONES = ("near", "middle", "far")
+PARTS = (*ZONES, "hidden")  # of the survey; the last: lines whose spot the camera does not see
+JUMP_PX = 3.0
+LEAST_LINES = 16_384  # of a scan: fewer cost less in full than what there is to choose
+_SURVEY = 4  # blocks in which the survey's lines are looked for
+_PANNED = 24, 80  # blocks and consecutive lines of each, where the scanner pans
+_PER_ZONE = 340, 1280  # lines of the survey, at least and at most, if there are so many
+_SHARE = 100  # lines of the scan for each of them, in between
+_HIDDEN = 4  # times fewer lines that the camera does not see
+_STEPS, _TABLE = (16, 48, 128), 160  # lines a part: ends of a try's steps; of the budget
+_STEP = 512  # lines of a step that confirms
+_WORST = 64  # lines that were worst in a try that failed, and come first in the next
+_STREAM = 0x9A1F
+_READY = 32  # lines that make the tables
+_SIGMAS = 2.0  # standard errors that a mean square has to be below the tolerance's
+_MOST_CHANGED = 0.003  # of a part's lines, or one: points that come, go or jump
+_STAKE = 0.03  # of what the scan costs in full is what may be spent on tries, and what they save
+_ODDS = 3.0  # times what a try costs is what it has to save: it may fail
+_RAYS = "every ray"  # left out like an effect: spots are followed ray by ray where needed
+
+
+@dataclass(frozen=True)
+class Difference:
+    """What leaving something out changes, by part of the lines; mean and spread of positions."""
+
+    bias_px: Floats  # [4], as ``PARTS``
+    rms_px: Floats  # about the bias
+    bias_mm: Floats  # in z
+    rms_mm: Floats
+    changed: Floats  # share of lines with a point in only one of the two, or two far apart
+
+    @property
+    def total_px(self) -> Floats:
+        """Bias and spread together, near, middle and far [3]."""
+        return np.hypot(self.bias_px, self.rms_px)[: len(ZONES)]
+
+
+_NOTHING = Difference(*np.zeros((5, len(PARTS))))
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """One effect in this scene."""
+
+    name: str
+    difference: Difference
+    microseconds: float  # a line
+    on: bool
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Which effects a scene gets, and what the others would have done."""
+
+    fidelity: str  # "auto", "full", "minimal" or "list"
+    tolerance_px: float
+    active: frozenset[str]
+    every_ray: bool
+    present: tuple[str, ...]  # the effects that the scene has
+    predictions: tuple[Prediction, ...]  # of them, where they were asked for
+    absent: tuple[str, ...]  # the others
+    left_out: Difference  # measured: everything that is off, together
+    distance_mm: Floats  # mean z of each zone [3]
+    microseconds: tuple[float, float]  # a line: as planned, and with everything; or NaN
+    count: int  # lines of the scan
+    lines: int  # that the predictions, or else what is left out, were measured on
+    seconds: float  # that the planning took
+
+
+@dataclass(frozen=True)
+class Survey:
+    """Lines of some blocks of a scan, of each part about as many, in the order of their use."""
+
+    numbers: Ints  # [n]
+    part: Ints  # index into ``PARTS`` [n]
+    rank: Ints  # rising: which of its part a line is [n]
+    distance_mm: Floats  # mean z of the zones [3]
+
+    def first(self, per_part: int) -> int:
+        """Return how many lines the first ``per_part`` of each part are."""
+        return int(np.searchsorted(self.rank, per_part))
+
+
+def plan(
+    light: Light,
+    count: int,
+    *,
+    fidelity: str | list[str] | None = None,
+    tolerance_px: float | None = None,
+    each: bool = True,
+    seen: Survey | None = None,
+    worth: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Plan:
+    """Return which effects a scan gets.
+
+    Args:
+        light: The scene and the instrument.
+        count: Lines of the scan, from which the survey is drawn.
+        fidelity: ``auto``, ``full``, ``minimal``, or a list of effects; the scene's own if None.
+        tolerance_px: Of ``auto``; the scene's own if None.
+        each: Whether what single effects do is asked for. ``auto`` then chooses as for
+            ``LEAST_LINES`` if the scan is shorter.
+        seen: ``survey`` of the same scan, if somebody has made it.
+        worth: Lines on which the choice of ``auto`` has to pay; ``count`` if None.
+        progress: Called with the number of steps done and of all.
+
+    Raises:
+        InputError: if the camera sees none of the lines, an effect or fidelity is unknown, or the
+            tolerance is not positive.
+    """
+    begin = time.perf_counter()
+    scene = light.scene
+    wanted = scene.fidelity if fidelity is None else fidelity
+    tolerance = scene.tolerance_px if tolerance_px is None else tolerance_px
+    have = present(scene)
+    listed = chosen(wanted, scene.source) if isinstance(wanted, list) else None
+    if listed is None and wanted not in ("auto", "full", "minimal"):
+        raise InputError(f"{scene.source}: fidelity {wanted!r} is not auto, full or minimal")
+    if not tolerance > 0.0:
+        raise InputError(f"{scene.source}: tolerance_px = {tolerance:g}: must be above 0")
+    worth = count if worth is None else worth
+    if each:
+        worth = max(worth, LEAST_LINES)
+    seen = survey(light, count) if seen is None else seen
+    full = frozenset((*have, _RAYS))
+    trial = _Trial(light, count, seen, tolerance, full)
+    total = 2 + len(have) * (each + (wanted == "auto"))
+    done = 0
+
+    def tick() -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(min(done, total), total)
+
+    table_rows = np.arange(seen.first(_TABLE))
+    part = seen.part[table_rows]
+    found: dict[str, Difference] = {}
+    cost: dict[str, float] = {}
+    measured: dict[frozenset[str], float] = {}
+    if each or wanted not in ("auto", "full"):
+        trial.points(table_rows[:_READY], full)  # makes the tables, lest one effect pays for them
+        reference = trial.points(table_rows, full)
+        measured = dict(trial.microseconds)  # together with the price of each effect
+        cost = {name: 1e6 * trial.seconds.get(name, 0.0) / len(part) for name in have}
+    tick()
+    for name in have if each else ():
+        found[name] = difference(reference, trial.points(table_rows, full - {name}), part, light)
+        tick()
+    state, left_out = full, _NOTHING
+    if wanted == "auto":
+        if worth >= LEAST_LINES:
+            state, left_out = _auto(trial, worth, tick)
+    elif wanted != "full":
+        state = frozenset(have) & (listed or frozenset())
+        left_out = difference(reference, trial.points(table_rows, state), part, light)
+    us = {full: np.nan} | trial.microseconds | measured
+    tick()
+    return Plan(
+        fidelity="list" if listed is not None else str(wanted),
+        tolerance_px=tolerance,
+        active=state - {_RAYS},
+        every_ray=_RAYS in state,
+        present=have,
+        predictions=tuple(
+            Prediction(name, found[name], cost[name], name in state) for name in found
+        ),
+        absent=tuple(name for name in EFFECTS if name not in have),
+        left_out=left_out,
+        distance_mm=seen.distance_mm,
+        microseconds=(us[state], us[full]),
+        count=count,
+        lines=len(table_rows),
+        seconds=time.perf_counter() - begin,
+    )
+
+
+def survey(light: Light, count: int) -> Survey:
+    """Return what there is to see in a scan.
+
+    Raises:
+        InputError: if the camera sees none of the lines.
+    """
+    scanner = Scanner(light, count, frozenset())
+    # A scanner that pans sees each place in few lines, and what it sees there takes its time.
+    some, rows = (_SURVEY, BLOCK) if light.scene.scan.pan_mm_per_s == 0.0 else _PANNED
+    blocks = np.unique(np.linspace(0, scanner.blocks - 1, some).round().astype(np.int64))
+    numbers, depths = [], []
+    for block in blocks.tolist():
+        truth = scanner.renderer.look(picked(scanner.timeline(block), slice(rows)))
+        numbers.append(block * BLOCK + np.arange(len(truth.z_mm)))
+        depths.append(np.where(np.isfinite(truth.position_px), truth.z_mm, np.nan))
+    number, depth = np.concatenate(numbers), np.concatenate(depths)
+    number, depth = number[number < count], depth[number < count]
+    seen = np.flatnonzero(np.isfinite(depth))
+    if len(seen) == 0:
+        raise InputError(
+            f"{light.scene.source}: no target where beam and camera meet, in any of "
+            f"{len(number)} lines"
+        )
+    by_depth = seen[np.argsort(depth[seen], kind="stable")]
+    groups = [*np.array_split(by_depth, len(ZONES)), np.flatnonzero(np.isnan(depth))]
+    distance = [depth[group].mean() if len(group) else np.nan for group in groups[: len(ZONES)]]
+    most = int(np.clip(count // _SHARE, *_PER_ZONE))
+    limits = [most] * len(ZONES) + [most // _HIDDEN]
+    rng = np.random.default_rng((light.scene.seed, _STREAM))
+    drawn = [rng.permutation(group)[:n] for group, n in zip(groups, limits, strict=True)]
+    part = np.repeat(np.arange(len(PARTS)), [len(group) for group in drawn])
+    rank = np.concatenate([np.arange(len(group)) for group in drawn])
+    order = np.lexsort((part, rank))
+    chosen_lines = number[np.concatenate(drawn)]
+    return Survey(chosen_lines[order], part[order], rank[order], np.array(distance))
+
+
+class _Trial:
+    """Lines of a survey, rendered with any set of effects, and compared with all effects.
+
+    ``_RAYS`` among the effects stands for every spot's being followed ray by ray.
+    """
+
+    seconds: dict[str, float]  # of each effect, in the last lines rendered
+
+    def __init__(
+        self, light: Light, count: int, seen: Survey, tolerance_px: float, full: frozenset[str]
+    ) -> None:
+        self.light, self.seen, self.tolerance_px, self.full = light, seen, tolerance_px, full
+        self._count = count
+        self.spent_us = 0.0  # what all renderings have cost, typically
+        self.microseconds: dict[frozenset[str], float] = {}  # a line, at best, by effects
+        self._registers = Registers.from_config(light.config)
+        tries, last = seen.first(_PER_ZONE[0]), len(seen.numbers)
+        ends = {0, *(seen.first(n) for n in _STEPS), tries, *range(tries, last, _STEP), last}
+        self._steps = [np.arange(a, b) for a, b in itertools.pairwise(sorted(ends))]
+        self._references: dict[int, Table] = {}  # of steps, by their first line
+        self._worst: tuple[Ints, Table] | None = None  # lines that failed, and their reference
+
+    @cached_property
+    def _given(self) -> tuple[Timeline, Pixels]:
+        """What the survey's lines are rendered from."""
+        return Scanner(self.light, self._count, frozenset()).given(self.seen.numbers)
+
+    def points(self, rows: Ints, effects: frozenset[str]) -> Table:
+        """Return the points of some lines."""
+        renderer = Renderer(
+            self.light,
+            effects - {_RAYS},
+            every_ray=_RAYS in effects,
+            tolerance_px=self.tolerance_px,
+        )
+        self.spent_us += START_US + len(rows) * _us(effects)
+        timeline, words = picked(self._given[0], rows), self._given[1][rows]
+        begin = time.perf_counter()
+        frame = renderer.render(timeline, words)
+        taken_us = 1e6 * (time.perf_counter() - begin) / len(rows)
+        self.microseconds[effects] = min(taken_us, self.microseconds.get(effects, np.inf))
+        self.seconds = dict(renderer.seconds)
+        power = np.full(len(rows), self.light.config.laser.power_max, np.int64)
+        angle = angle_turns(frame.reported_rad)
+        return table(run_fixed(frame.lines, angle, power, self._registers))
+
+    def judge(self, effects: frozenset[str], lines: int) -> Difference | None:
+        """Return what the other effects do to the first lines, or None as soon as it is too much.
+
+        Of each zone the mean square of what moves, and ``_SIGMAS`` standard errors of that mean
+        more, has to be below the tolerance's square. So a few lines that move far weigh more.
+        """
+        part = self.seen.part[:lines]
+        size = np.bincount(part, minlength=len(PARTS)).astype(np.float64)
+        if self._worst is not None:
+            rows, reference = self._worst
+            spent = _spent(reference, self.points(rows, effects), self.light.config)
+            if self._exceeds(spent, self.seen.part[rows], size):
+                return None
+        pairs: list[tuple[Table, Table]] = []
+        spent = np.zeros((2, 0))
+        for rows in self._steps:
+            begin, done = int(rows[0]), int(rows[-1]) + 1
+            if begin not in self._references:
+                self._references[begin] = self.points(rows, self.full)
+            pairs.append((self._references[begin], self.points(rows, effects)))
+            spent = np.append(spent, _spent(*pairs[-1], self.light.config), axis=1)
+            if done == lines or self._exceeds(spent, part[:done], size, done / lines):
+                break
+        first, second = (Table.joined(each) for each in zip(*pairs, strict=True))
+        both = first.located & second.located
+        if done == lines and not self._exceeds(
+            spent, part, size, kept=np.bincount(part, both, len(PARTS)).astype(np.float64)
+        ):
+            return difference(first, second, part, self.light)
+        if len(pairs) > 1:
+            room = np.array([np.square(self.tolerance_px) * size, np.ones(len(PARTS))])
+            score = (spent / room[:, part[:done]]).sum(axis=0)
+            rows = np.sort(np.argsort(-score, kind="stable")[:_WORST])
+            self._worst = rows, self.points(rows, self.full)
+        return None
+
+    def _exceeds(
+        self,
+        spent: Floats,
+        part: Ints,
+        size: Floats,
+        share: float = 1.0,
+        kept: Floats | None = None,
+    ) -> bool:
+        """Return whether some lines alone are too much for all of their part.
+
+        Args:
+            spent: Of the lines, as ``_spent`` has it [2, n].
+            part: Of the lines [n].
+            size: Lines of each part [4].
+            share: Of the lines that these are; they may have the root of that share of what
+                squares may add up to.
+            kept: Lines of each part that have both points [4]; ``size`` if None.
+        """
+        square, fourth, other = (
+            np.bincount(part, values, len(PARTS))
+            for values in (spent[0], np.square(spent[0]), spent[1])
+        )
+        room = np.square(self.tolerance_px) * (size if kept is None else kept)
+        over = square + _SIGMAS * np.sqrt(fourth) > room
+        over |= square > np.sqrt(share) * room
+        return bool(
+            over[: len(ZONES)].any() or (other > np.maximum(_MOST_CHANGED * size, 1.0)).any()
+        )
+
+
+def _spent(first: Table, second: Table, config: Config) -> Floats:
+    """Return of each line the square of what has moved, and whether its point is another [2, n]."""
+    apart = moved(first, second, config)
+    other = (np.abs(apart) > JUMP_PX) | (first.located != second.located)
+    return np.array([np.where(other, 0.0, np.square(apart)), other])
+
+
+def moved(first: Table, second: Table, config: Config) -> Floats:
+    """Return how far points are from those of a second table, px [n], 0 without a point in both.
+
+    Where the angle differs and not the spot (the index does that), it is the pixels that would move
+    z as far.
+
+    Args:
+        first: n points.
+        second: Of the same lines.
+        config: The instrument, for the slope dz/dx_s.
+    """
+    both = first.located & second.located
+    apart = np.where(both, first.position_px - second.position_px, 0.0)
+    turned = both & (first.angle_rad != second.angle_rad)
+    if turned.any():
+        u, step = triangle.undistorted(second.position_px[turned], config.geometry)
+        slope = triangle.triangle(u, second.angle_rad[turned], config.geometry).slope * step
+        rise = first.z_mm[turned] - second.z_mm[turned]
+        apart[turned] = np.where(slope == 0.0, 0.0, rise / np.where(slope == 0.0, 1.0, slope))
+    return apart
+
+
+def difference(first: Table, second: Table, part: Ints, light: Light) -> Difference:
+    """Return how two tables of the same lines differ, by part.
+
+    Points more than ``JUMP_PX`` apart are of two peaks, not of one that moved: they count as
+    changed, and not in bias and rms.
+
+    Args:
+        first: n points.
+        second: Of the same lines.
+        part: 0 to 3 for each line, as ``PARTS`` [n].
+        light: The instrument, for the slope dz/dx_s.
+    """
+    both = first.located & second.located
+    moved_mm = np.where(both, first.z_mm - second.z_mm, 0.0)
+    moved_px = moved(first, second, light.config)
+    jumped = np.abs(moved_px) > JUMP_PX
+    changed = (first.located != second.located) | jumped
+    both &= ~jumped
+    rows = [_part(moved_px, moved_mm, changed, both, part == k) for k in range(len(PARTS))]
+    return Difference(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def _part(
+    px: Floats, mm: Floats, changed: Bools, both: Bools, inside: Bools
+) -> tuple[float, float, float, float, float]:
+    rows = both & inside
+    lost = float(changed[inside].mean()) if inside.any() else 0.0
+    if not rows.any():
+        return 0.0, 0.0, 0.0, 0.0, lost
+    return (
+        float(px[rows].mean()),
+        float(px[rows].std()),
+        float(mm[rows].mean()),
+        float(mm[rows].std()),
+        lost,
+    )
+
+
+def _us(effects: frozenset[str]) -> float:
+    """Return what a line with these effects typically costs, up to its point."""
+    return typical_us(effects - {_RAYS}, every_ray=_RAYS in effects) + LINE_US
+
+
+def _auto(trial: _Trial, worth: int, tick: Callable[[], None]) -> tuple[frozenset[str], Difference]:
+    """Return the effects that are on, with ``_RAYS`` if every spot needs them, and what is lost."""
+    lines = trial.seen.first(_PER_ZONE[0])
+    full = state = trial.full
+    kept = [(full, _NOTHING)]
+    before_us = trial.spent_us
+
+    def confirms(effects: frozenset[str]) -> bool:
+        """Return whether it pays to render the rest of the survey for these effects."""
+        rest_us = (len(trial.seen.numbers) - lines) * (_us(full) + _us(effects))
+        return worth * (_us(full) - _us(effects)) >= _ODDS * rest_us
+
+    dear = sorted(full & EFFECTS.keys(), key=lambda name: -EFFECTS[name].typical_us)
+    everywhere = [name for name in dear if name in WHOLE_LINE]
+    others = [name for name in dear if name not in WHOLE_LINE]
+    todo = [everywhere, [_RAYS], [name for name in others if EFFECTS[name].typical_us > 0.0]]
+    while todo:
+        # A spot that needs its rays where a plane does not do needs more than a plane.
+        names = [name for name in todo.pop(0) if name != "footprint" or _RAYS not in state]
+        less = state.difference(names)
+        saved_us = worth * (_us(full) - _us(state))
+        if trial.spent_us - before_us > _STAKE * worth * _us(full) + saved_us:
+            break
+        if not confirms(less.difference(*todo)):
+            break
+        if worth * (_us(state) - _us(less)) < _ODDS * (START_US + lines * _us(less)):
+            continue
+        tick()
+        found = trial.judge(less, lines)
+        if found is not None:
+            state = less
+            kept.append((state, found))
+        elif len(names) > 1:
+            half = len(names) // 2
+            todo += [names[:half], names[half:]]
+    if len(trial.seen.numbers) == lines:
+        return kept[-1]
+    while len(kept) > 1:
+        state, _ = kept.pop()
+        if not confirms(state):
+            break
+        tick()
+        found = trial.judge(state, len(trial.seen.numbers))
+        if found is not None:
+            return state, found
+    return full, _NOTHING

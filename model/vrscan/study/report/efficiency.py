@@ -1,0 +1,204 @@
+"""How close the shipped detector comes to the Cramer-Rao bound: the study behind the thresholds.
+
+12 bits, 5 electrons a count, read noise 3 counts, background 60 counts; Gaussian spots whose
+centres are anywhere between two pixels. (8) as printed (period N - 1, threshold from the row's
+mean and deviation, the pedestal left in) stands beside the shipped detector, and so does what two
+passes make of the same lines; ``vrscan.study.report.two_pass_report`` has more of those.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+
+import numpy as np
+from rich.table import Table as RichTable
+
+from vrscan.data.arrays import Floats
+from vrscan.data.config import Config
+from vrscan.data.lines import Lines
+from vrscan.data.parallel import workers
+from vrscan.data.table import Table
+from vrscan.engines.engine import Engine, run
+from vrscan.scene.sensor import cramer_rao_variance, expose, spot_electrons
+
+SIGMAS_PX = (1.0, 2.0, 4.0, 8.0, 12.0)
+PEAKS = (0.05, 0.20, 0.50, 0.90)  # of full scale
+READ_NOISE_COUNTS = 3.0
+BACKGROUND_COUNTS = 60.0
+LOST_PX = 5.0  # a position further off counts as lost
+GOAL_EFFICIENCY, GOAL_LOST = 0.90, 0.002
+_SEED = 20100301
+
+
+@dataclass(frozen=True)
+class Score:
+    """One detector in one cell."""
+
+    efficiency: float  # bound variance over mean square error of the lines that are not lost
+    rms_px: float
+    lost: float  # share of lines without a position or more than LOST_PX off
+    rival: float  # share of lines flagged RIVAL, though there is one spot only
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One width and height of spot."""
+
+    sigma_px: float
+    peak: float
+    bound_px: float
+    shipped: Score
+    two_pass: Score
+    printed: Score
+
+
+def as_printed(config: Config) -> Config:
+    """Return the configuration in which the detector is the paper's."""
+    update = {"period": "n-1", "window": "threshold", "noise": "row", "k_height": 0.0}
+    peak = config.peak.model_copy(update={**update, "k_noise": 1.0, "snr_min": 2.0})
+    return config.model_copy(update={"peak": peak})
+
+
+def with_window(config: Config, two_pass: bool) -> Config:
+    """Return the configuration with one pass or two."""
+    update = {"window": "two_pass", "period": "n"} if two_pass else {"window": "threshold"}
+    return config.model_copy(update={"peak": config.peak.model_copy(update=update)})
+
+
+def cell_lines(
+    sigma_px: float, peak: float, count: int, config: Config
+) -> tuple[Lines, Floats, Floats]:
+    """Return noisy lines of one spot each.
+
+    Args:
+        sigma_px: Standard deviation of the spot.
+        peak: Its height, share of full scale.
+        count: Lines.
+        config: Sensor and conversion factor.
+
+    Returns:
+        The lines, the true positions in px [count] and the bound on their variance, px^2 [count].
+    """
+    rng = np.random.default_rng([_SEED, round(100 * sigma_px), round(1000 * peak)])
+    length, kappa = config.sensor.line_length, config.peak.kappa
+    true = rng.uniform(0.25 * length, 0.75 * length, count)
+    sigma = np.full(count, sigma_px)
+    height = np.full(count, peak * 2**config.sensor.pixel_width / kappa)
+    electrons = spot_electrons(true, sigma, height, length)
+    step = 1e-3
+    ahead = spot_electrons(true + step, sigma, height, length)
+    behind = spot_electrons(true - step, sigma, height, length)
+    dark = (READ_NOISE_COUNTS**2 + 1.0 / 12.0) / kappa**2 + BACKGROUND_COUNTS / kappa
+    bound = cramer_rao_variance(electrons, (ahead - behind) / (2.0 * step), dark)
+    lines = expose(
+        electrons,
+        rng,
+        background_counts=BACKGROUND_COUNTS,
+        read_noise_counts=READ_NOISE_COUNTS,
+        kappa=kappa,
+        pixel_width=config.sensor.pixel_width,
+    )
+    power = np.full(count, config.laser.power_max, np.int64)
+    return Lines(lines=lines, angle_rad=np.zeros(count), power=power), true, bound
+
+
+def _score(result: Table, true: Floats, bound: Floats) -> Score:
+    error = result.position_px - true
+    good = result.measured & (np.abs(error) <= LOST_PX)
+    square = float(np.square(error[good]).mean()) if good.any() else float("inf")
+    return Score(
+        efficiency=float(bound.mean()) / square,
+        rms_px=square**0.5,
+        lost=1.0 - float(good.mean()),
+        rival=float(result.flags["RIVAL"].mean()),
+    )
+
+
+def study(
+    engine: Engine,
+    config: Config,
+    count: int,
+    progress: Callable[[int], None] | None = None,
+    *,
+    jobs: int = 1,
+) -> list[Cell]:
+    """Return the score of every width and height.
+
+    Args:
+        engine: Who detects.
+        config: Its thresholds are the ones under test.
+        count: Lines a cell.
+        progress: Called with the number of cells done so far.
+        jobs: Processes, which share the cells.
+    """
+    cells: list[Cell] = []
+    with workers(partial(_cell, engine, config, count), jobs) as do:
+        for cell in do(product(PEAKS, SIGMAS_PX)):
+            cells.append(cell)
+            if progress is not None:
+                progress(len(cells))
+    return cells
+
+
+def _cell(engine: Engine, config: Config, count: int, spot: tuple[float, float]) -> Cell:
+    peak, sigma = spot
+    lines, true, bound = cell_lines(sigma, peak, count, config)
+    return Cell(
+        sigma_px=sigma,
+        peak=peak,
+        bound_px=float(bound.mean()) ** 0.5,
+        shipped=_score(run(engine, lines, with_window(config, False)), true, bound),
+        two_pass=_score(run(engine, lines, with_window(config, True)), true, bound),
+        printed=_score(run(engine, lines, as_printed(config)), true, bound),
+    )
+
+
+def geometric_mean(scores: list[Score]) -> float:
+    """Return the geometric mean of the efficiency."""
+    return float(np.exp(np.mean([np.log(score.efficiency) for score in scores])))
+
+
+def worst_lost(scores: list[Score]) -> float:
+    """Return the largest share of lost lines in any cell."""
+    return max(score.lost for score in scores)
+
+
+def efficiency_table(cells: list[Cell], engine: Engine, count: int) -> RichTable:
+    """Return the study as a table for the terminal: bound, shipped detector, two passes, (8)."""
+    grid = RichTable(
+        title=f"Efficiency with one pass and with two, engine {engine}, {count} lines a cell",
+        caption="rms errors in 1e-3 px: the bound's, with one pass as shipped, with two, and of "
+        "(8) as printed; eff. = bound variance / mean square error; "
+        f"lost = no position or more than {LOST_PX:g} px off",
+        title_justify="left",
+        caption_justify="left",
+    )
+    for heading in (
+        "peak",
+        "s, px",
+        "bound",
+        *("one pass", "eff.", "lost %", "RIVAL %"),
+        *("two", "eff.", "lost %"),
+        *("(8)", "eff.", "lost %"),
+    ):
+        grid.add_column(heading, justify="right")
+    for index, cell in enumerate(cells):
+        shipped, two_pass, printed = cell.shipped, cell.two_pass, cell.printed
+        grid.add_row(
+            f"{100 * cell.peak:.0f} %",
+            f"{cell.sigma_px:g}",
+            f"{1e3 * cell.bound_px:.2f}",
+            f"{1e3 * shipped.rms_px:.2f}",
+            f"{shipped.efficiency:.3f}",
+            f"{100 * shipped.lost:.2f}",
+            f"{100 * shipped.rival:.2f}",
+            f"{1e3 * two_pass.rms_px:.2f}",
+            f"{two_pass.efficiency:.3f}",
+            f"{100 * two_pass.lost:.2f}",
+            f"{1e3 * printed.rms_px:.2f}",
+            f"{printed.efficiency:.3f}",
+            f"{100 * printed.lost:.2f}",
+            end_section=(index + 1) % len(SIGMAS_PX) == 0,
+        )
+    return grid

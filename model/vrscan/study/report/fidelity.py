@@ -1,0 +1,471 @@
+"""How fast and how wrong each fidelity is, against ``full`` with the same random numbers.
+
+Named work: ``count`` lines of a scene, rendered in one process; the points are those of the chain's
+bit-accurate model. A speed is that of the rendering alone, on one core: lines over the processor
+time of all threads, which other programs lengthen only through the caches and memory they share;
+the best of several short runs that take turns with those of the other fidelities, after a first run
+that fills the tables. On a machine with other work it still comes out a fifth to a half too low.
+"""
+
+import csv
+import io
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from rich.console import JustifyMethod
+from rich.markup import escape
+from rich.table import Table as RichTable
+
+from vrscan.data.arrays import Floats
+from vrscan.data.config import Config
+from vrscan.data.lines import Truth
+from vrscan.data.points import atomic_file
+from vrscan.data.table import Table
+from vrscan.engines.engine import Engine
+from vrscan.engines.engine import run as run_engine
+from vrscan.scene.description import Description, load
+from vrscan.scene.effects import present
+from vrscan.scene.light import Light
+from vrscan.scene.simulate import Simulation, simulate
+from vrscan.show.style import COLOURS, INK, LIGHT, QUIET, STYLE, wide_table
+from vrscan.study.plan import JUMP_PX, ZONES, moved, plan
+from vrscan.study.report.numbers import replace_block
+
+TOLERANCES_PX = (0.1, 0.03, 0.01)
+TIGHTEST = f"auto {TOLERANCES_PX[-1]:g}"
+AIM_AUTO, AIM_FULL = 20_000.0, 2_000.0  # lines/s
+AIM_FASTER = 5.0  # times, of the tightest auto on the default scene
+WORTH = 100_000  # lines on which a choice has to pay: a long scan's
+ROUNDS = 3  # timed runs of each fidelity
+
+_FLOOR_PX = 1e-4  # errors below are drawn there
+_COLUMNS = 4  # of panels
+_TOLERANCE: dict[str, Any] = {"color": QUIET, "linewidth": 0.8, "linestyle": (0, (1, 3))}
+_AIM: dict[str, Any] = {"color": COLOURS[2], "linewidth": 0.8, "linestyle": (0, (5, 3))}
+_OUT: dict[str, Any] = {"markerfacecolor": "white", "markeredgewidth": 1.2}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One fidelity of one scene; errors are positions less those of ``full``.
+
+    They are of lines whose spot the camera sees and that have a point in both, no farther apart
+    than ``JUMP_PX``: farther is another peak. ``differ`` counts the rest, of all lines.
+    """
+
+    scene: str
+    fidelity: str
+    tolerance_px: float  # NaN where none is promised
+    effects: int  # that are on
+    of: int  # that the scene has
+    lines: int
+    lines_per_s: float
+    planning_s: float  # with filled tables; 0 where nothing is planned
+    points: int  # that the errors are of
+    bias_px: float
+    rms_px: float  # bias included
+    worst_px: float  # the same of the worst third of the points by depth
+    p99_px: float
+    max_px: float
+    bias_um: float  # in z
+    rms_um: float
+    differ: float  # share of lines with a point in only one of the two, or two far apart
+    truth_rms_px: float  # against the truth
+    truth_median_px: float  # of the absolute error against the truth
+
+    @property
+    def within(self) -> bool | None:
+        """Whether rms of every third is in the tolerance; None where there is none."""
+        return None if np.isnan(self.tolerance_px) else self.worst_px <= self.tolerance_px
+
+
+@dataclass
+class _Run:
+    """What is rendered again and again."""
+
+    fidelity: str
+    tolerance_px: float
+    light: Light
+    active: frozenset[str]
+    every_ray: bool
+    planning_s: float = 0.0
+    best_s: float = np.inf  # processor time
+
+    def go(self, count: int) -> Simulation:
+        """Render all lines."""
+        tolerance = None if np.isnan(self.tolerance_px) else self.tolerance_px
+        return simulate(
+            self.light, count, self.active, every_ray=self.every_ray, tolerance_px=tolerance
+        )
+
+
+def run(
+    scenes: Sequence[str],
+    count: int,
+    config: Config,
+    progress: Callable[[int], None] | None = None,
+    *,
+    rounds: int = ROUNDS,
+) -> list[Row]:
+    """Return the rows of all scenes: minimal, auto from coarse to fine, full.
+
+    Args:
+        scenes: Names of shipped ones, or files.
+        count: Lines of each.
+        config: The instrument.
+        progress: Called with the number of scenes done so far.
+        rounds: Timed runs of each fidelity.
+
+    Raises:
+        InputError: if a scene does not load, or has no target where beam and camera meet.
+    """
+    loaded = [load(name) for name in scenes]  # all of them, before the first takes its time
+    rows: list[Row] = []
+    for done, scene in enumerate(loaded, start=1):
+        rows += _scene(scene, count, config, rounds)
+        if progress is not None:
+            progress(done)
+    return rows
+
+
+def _scene(scene: Description, count: int, config: Config, rounds: int) -> list[Row]:
+    light = Light(scene, config)
+    whole = frozenset(present(scene))
+    full = _Run("full", np.nan, light, whole, every_ray=True)
+    reference = full.go(count)  # first of all: it fills the tables that all of them use
+    truth = reference.lines.truth
+    assert truth is not None  # a simulation has one, the same for all
+    runs = [_Run("minimal", np.nan, light, frozenset(), every_ray=False)]
+    for tolerance in TOLERANCES_PX:
+        chosen = plan(
+            light, count, fidelity="auto", tolerance_px=tolerance, each=False, worth=WORTH
+        )
+        given = (chosen.active, chosen.every_ray, chosen.seconds)
+        runs.append(_Run(f"auto {tolerance:g}", tolerance, light, *given))
+    tables = [run_engine(Engine.FIXED, each.go(count).lines, config) for each in runs]
+    tables.append(run_engine(Engine.FIXED, reference.lines, config))
+    runs.append(full)
+    for _ in range(rounds):
+        for each in runs:
+            begin = time.process_time()
+            each.go(count)
+            each.best_s = min(each.best_s, time.process_time() - begin)
+    return [
+        _row(scene.source, each, found, tables[-1], truth, len(whole), config)
+        for each, found in zip(runs, tables, strict=True)
+    ]
+
+
+def _row(
+    scene: str, made: _Run, found: Table, full: Table, truth: Truth, of: int, config: Config
+) -> Row:
+    apart = moved(found, full, config)
+    jumped = np.abs(apart) > JUMP_PX
+    seen = np.isfinite(truth.position_px)
+    used = found.located & full.located & seen & ~jumped
+    px, um = apart[used], 1e3 * (found.z_mm - full.z_mm)[used]
+    parts = np.array_split(np.argsort(truth.z_mm[used], kind="stable"), len(ZONES))
+    known = found.located & seen
+    error = (found.position_px - truth.position_px)[known]
+    return Row(
+        scene=scene,
+        fidelity=made.fidelity,
+        tolerance_px=made.tolerance_px,
+        effects=len(made.active),
+        of=of,
+        lines=len(found),
+        lines_per_s=len(found) / max(made.best_s, 1e-9),
+        planning_s=made.planning_s,
+        points=int(used.sum()),
+        bias_px=_mean(px),
+        rms_px=_rms(px),
+        worst_px=max(_rms(px[part]) for part in parts),
+        p99_px=float(np.percentile(np.abs(px), 99.0)) if px.size else 0.0,
+        max_px=float(np.abs(px).max(initial=0.0)),
+        bias_um=_mean(um),
+        rms_um=_rms(um),
+        differ=float(((found.located != full.located) | jumped).mean()),
+        truth_rms_px=_rms(error),
+        truth_median_px=float(np.median(np.abs(error))) if error.size else 0.0,
+    )
+
+
+def _mean(values: Floats) -> float:
+    return float(values.mean()) if values.size else 0.0
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if values.size else 0.0
+
+
+def faster(rows: Sequence[Row], scene: str) -> float:
+    """Return how many times as fast as full the tightest auto is on a scene."""
+    speed = {row.fidelity: row.lines_per_s for row in rows if row.scene == scene}
+    return speed[TIGHTEST] / speed["full"]
+
+
+def _scenes(rows: Sequence[Row]) -> list[str]:
+    return list(dict.fromkeys(row.scene for row in rows))
+
+
+def _title(scene: str) -> str:
+    """Return a scene's name without folder and suffix."""
+    return Path(scene).stem
+
+
+def table(rows: Sequence[Row]) -> RichTable:
+    """Return the bench as a table for the terminal, 120 columns wide."""
+    lines = max((row.lines for row in rows), default=0)
+    grid = wide_table(
+        f"Fidelity against full with the same random numbers: {lines} lines of each scene, "
+        "chain fixed",
+        caption="lines/s: rendering alone, by one core's processor time; on: effects. Position "
+        "less that of full: bias, rms (bias included), rms of the worst third by depth, 99 % and "
+        "largest; ok: the worst third is within auto's tolerance; differ: lines with a point in "
+        f"only one of the two, or two more than {JUMP_PX:g} px apart, which count nowhere else. "
+        "Truth: rms and median of the position's own error. Plan: s that planning takes.",
+    )
+    headings: tuple[tuple[str, JustifyMethod], ...] = (
+        ("\nscene", "left"),
+        ("\nfidelity", "left"),
+        ("\non", "right"),
+        ("\nlines/s", "right"),
+        ("bias\npx", "right"),
+        ("rms\npx", "right"),
+        ("worst\npx", "right"),
+        ("99 %\npx", "right"),
+        ("max\npx", "right"),
+        ("\nok", "left"),
+        ("rms z\nµm", "right"),
+        ("\ndiffer", "right"),
+        ("truth\nrms", "right"),
+        ("truth\nmed.", "right"),
+        ("plan\ns", "right"),
+    )
+    for heading, justify in headings:
+        grid.add_column(heading, justify=justify, no_wrap=True)
+    for index, row in enumerate(rows):
+        last = index + 1 == len(rows) or rows[index + 1].scene != row.scene
+        first = index == 0 or rows[index - 1].scene != row.scene
+        full = row.fidelity == "full"
+        grid.add_row(
+            escape(_title(row.scene)) if first else "",
+            row.fidelity,
+            f"{row.effects}/{row.of}",
+            _speed(row.lines_per_s),
+            *["" if full else _short(value, 6) for value in (row.bias_px, row.rms_px)],
+            *["" if full else _short(value, 6) for value in (row.worst_px, row.p99_px)],
+            "" if full else _short(row.max_px, 5),
+            {True: "yes", False: "NO", None: ""}[row.within],
+            "" if full else _short(row.rms_um, 5),
+            f"{100.0 * row.differ:.2f}%" if row.differ > 0.0 else "",
+            _short(row.truth_rms_px, 5),
+            _short(row.truth_median_px, 5),
+            f"{row.planning_s:.1f}" if row.planning_s > 0.0 else "",
+            end_section=last,
+        )
+    return grid
+
+
+def _short(value: float, room: int) -> str:
+    """Return a number in ``room`` characters, one more if it is negative."""
+    digits = len(str(int(abs(value))))
+    shown = f"{value:.{max(room - 1 - digits, 0)}f}"
+    return "0" if float(shown) == 0.0 else shown
+
+
+def _speed(lines_per_s: float) -> str:
+    """Return a speed to three digits: no more come again."""
+    digits = len(str(int(lines_per_s)))
+    return f"{round(lines_per_s, 3 - digits):,.0f}"
+
+
+def write_csv(rows: Sequence[Row], file: BinaryIO) -> None:
+    """Write all figures; a tolerance that there is not stays empty.
+
+    Args:
+        rows: One row each.
+        file: A binary file.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    names = [field.name for field in fields(Row)]
+    writer.writerow((*names, "within"))
+    for row in rows:
+        values = [getattr(row, name) for name in names]
+        shown = [f"{value:.6g}" if isinstance(value, float) else value for value in values]
+        shown[names.index("tolerance_px")] = "" if row.within is None else f"{row.tolerance_px:g}"
+        writer.writerow((*shown, "" if row.within is None else int(row.within)))
+    file.write(text.getvalue().encode())
+
+
+def markdown(rows: Sequence[Row]) -> str:
+    """Return the bench for a page, a line for each scene.
+
+    In each fidelity's column lines/s and the error against full, rms of the worst third; bold is
+    beyond its tolerance.
+    """
+    names = list(dict.fromkeys(row.fidelity for row in rows))
+    lines = [
+        f"| scene | {' | '.join(names)} | {TIGHTEST} over full | full against truth |",
+        f"|---|{'--:|' * (len(names) + 2)}",
+    ]
+    for scene in _scenes(rows):
+        here = {row.fidelity: row for row in rows if row.scene == scene}
+        cells = [_markdown_cell(here[name]) for name in names]
+        own = here["full"].truth_rms_px
+        times = f"{faster(rows, scene):.1f} x"
+        lines.append(f"| {_title(scene)} | {' | '.join(cells)} | {times} | {own:.2g} px |")
+    return "\n".join(lines)
+
+
+def _markdown_cell(row: Row) -> str:
+    speed = _speed(row.lines_per_s)
+    if row.fidelity == "full":
+        return speed
+    error = f"{row.worst_px:.2g} px"
+    return f"{speed}, **{error}**" if row.within is False else f"{speed}, {error}"
+
+
+def pages(root: Path) -> tuple[Path, Path]:
+    """Return the page and the picture that ``write_pages`` rewrites."""
+    return root / "docs" / "light.md", root / "docs" / "fidelity.png"
+
+
+def write_pages(rows: Sequence[Row], root: Path) -> list[Path]:
+    """Rewrite the generated table of docs/light.md, and the picture beside it.
+
+    Args:
+        rows: Of all shipped scenes.
+        root: Folder of the README.
+
+    Returns:
+        The files, or none if the page or its markers are missing.
+    """
+    page, plot = pages(root)
+    text = replace_block(page.read_text(), "fidelity", markdown(rows)) if page.exists() else None
+    if text is None:
+        return []
+    with atomic_file(page) as words, atomic_file(plot) as drawing:
+        words.write(text.encode())
+        picture(rows, drawing)
+    return [page, plot]
+
+
+# The picture
+
+
+def _marks() -> dict[str, dict[str, Any]]:
+    """Return how each fidelity looks."""
+    marks: dict[str, dict[str, Any]] = {"minimal": {"marker": "s", "color": COLOURS[1]}}
+    for shape, tolerance in zip("v^o", TOLERANCES_PX, strict=True):
+        marks[f"auto {tolerance:g}"] = {"marker": shape, "color": COLOURS[0]}
+    # An auto that is full lies on it, and both are to be seen.
+    marks["full"] = {"marker": "D", "color": INK, "markersize": 6.5, "zorder": 3}
+    return {name: {"markersize": 5.5, "zorder": 4} | mark for name, mark in marks.items()}
+
+
+def picture(rows: Sequence[Row], file: BinaryIO) -> None:
+    """Draw speed over error, a panel for each scene.
+
+    Args:
+        rows: Of one scene or more.
+        file: A binary file, written as PNG.
+    """
+    scenes = _scenes(rows)
+    columns = min(_COLUMNS, max(len(scenes) + 1, 3))  # three, that the title has room
+    high = -(-(len(scenes) + 1) // columns)  # one place is the legend's
+    lines = max((row.lines for row in rows), default=0)
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(2.75 * columns, 2.1 * high + 0.9), layout="constrained")
+        figure.suptitle(
+            f"Speed over error against full: {lines} lines of each scene, one core",
+            x=0.012,
+            ha="left",
+            fontsize=12,
+            fontweight="bold",
+            color=INK,
+        )
+        grid = figure.subplots(high, columns, sharex=True, sharey=True, squeeze=False)
+        panels = list(grid.ravel())
+        _limits(panels[0], rows)
+        for index, (axes, scene) in enumerate(zip(panels, scenes, strict=False)):
+            _draw_panel(axes, rows, scene)
+            if index + columns >= len(scenes):  # no panel below
+                axes.tick_params(labelbottom=True)
+        _draw_legend(panels[len(scenes)])
+        for axes in panels[len(scenes) :]:
+            axes.axis("off")
+        figure.supxlabel(
+            "rms difference of the position from full, worst third by depth, in px "
+            "(none: at the left end, marked 0)",
+            fontsize=9,
+            color=INK,
+        )
+        figure.supylabel("lines/s", fontsize=9, color=INK)
+        figure.savefig(file, format="png", dpi=130)
+
+
+def _place(row: Row) -> float:
+    return max(row.worst_px, _FLOOR_PX)
+
+
+def _limits(axes: Axes, rows: Sequence[Row]) -> None:
+    """Set the axes of all panels, which share them."""
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    largest = max([1.0, *[row.worst_px for row in rows]])
+    speeds = [row.lines_per_s for row in rows]
+    low, high = min([AIM_FULL, *speeds]), max([AIM_AUTO, *speeds])
+    axes.set_xlim(_FLOOR_PX / 1.8, 2.0 * largest)
+    axes.set_ylim(0.75 * low, 1.6 * high)
+    powers = range(1 + round(np.log10(_FLOOR_PX)), int(np.log10(2.0 * largest)) + 1)
+    ticks = [10.0**power for power in powers]
+    axes.set_xticks([_FLOOR_PX, *ticks], ["0", *[f"{tick:g}" for tick in ticks]])
+    round_ones = [k * 10.0**power for power in range(8) for k in (1, 2, 5)]
+    marks = [value for value in round_ones if 0.75 * low < value < 1.6 * high]
+    axes.set_yticks(marks, [f"{value:,.0f}" for value in marks])
+    axes.minorticks_off()
+
+
+def _draw_panel(axes: Axes, rows: Sequence[Row], scene: str) -> None:
+    axes.grid(axis="y", color=LIGHT, linewidth=0.5)
+    axes.set_axisbelow(True)
+    for tolerance in TOLERANCES_PX:
+        axes.axvline(tolerance, **_TOLERANCE)
+    for aim in (AIM_AUTO, AIM_FULL):
+        axes.axhline(aim, **_AIM)
+    own = [row for row in rows if row.scene == scene]
+    speeds = [row.lines_per_s for row in own]
+    axes.plot([_place(row) for row in own], speeds, color=QUIET, linewidth=1.0, zorder=2)
+    marks = _marks()
+    for row in own:
+        mark = marks[row.fidelity] | (_OUT if row.within is False else {})
+        axes.plot(_place(row), row.lines_per_s, linestyle="", clip_on=False, **mark)
+    axes.set_title(_title(scene))
+    axes.set_title(
+        f"{TIGHTEST}: {faster(rows, scene):.1f} x full",
+        loc="right",
+        fontsize=8,
+        fontweight="normal",
+        color=QUIET,
+    )
+    axes.tick_params(labelsize=7.5)
+
+
+def _draw_legend(axes: Axes) -> None:
+    marks = _marks()
+    for name, mark in marks.items():
+        axes.plot([], [], linestyle="", label=name, **mark)
+    out = marks[TIGHTEST] | _OUT
+    axes.plot([], [], linestyle="", label="auto, beyond its tolerance", **out)
+    axes.plot([], [], label="the tolerances", **_TOLERANCE)
+    axes.plot([], [], label=f"aims: {AIM_AUTO:,.0f} auto, {AIM_FULL:,.0f} full", **_AIM)
+    axes.legend(loc="center left", borderaxespad=0.0)

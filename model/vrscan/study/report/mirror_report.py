@@ -1,0 +1,588 @@
+"""A run of the mirror's loop against the truth: mirror.csv, its summary, its picture."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from rich.table import Table as RichTable
+
+from vrscan.data import edges, pkg
+from vrscan.data.arrays import Bools, Floats
+from vrscan.data.config import HARMONICS, Config
+from vrscan.data.edges import SAMPLES, Rows
+from vrscan.engines.mirror_engine import (
+    CHUNK_S,
+    FAULTS,
+    FLAG_NAMES,
+    STATES,
+    Mirror,
+    Recording,
+    World,
+)
+from vrscan.ideal.motion import crossings
+from vrscan.registers.mirror_registers import MirrorRegisters
+from vrscan.show.style import COLOURS, INK, LIGHT, QUIET, STYLE
+
+COLUMNS = (
+    "line,time_s,state,angle_true_rad,angle_rad,amplitude_true_rad,amplitude_rad,frequency_hz,"
+    "drive_level,flags"
+)
+START_S = 0.3  # what the start takes besides its sweep, about
+EVENT_S = 0.1  # after RUN: when drift, shock and drops come
+BACK_PPM = 100.0  # of the amplitude: closer is back
+STEADY_S = 0.05  # after an event that is over: what is judged begins
+_TURN = 2.0 * math.pi
+_PER_TURN = _TURN / 2.0**pkg.ANGLE_WIDTH
+_PER_AMPLITUDE = _TURN / 2.0**pkg.AMPLITUDE_FRACTION
+_BLOCK_LINES = 4 * len(HARMONICS)  # at least, to fit the true amplitude to
+
+# A legend that stands on whatever is drawn.
+_BOXED: dict[str, Any] = {
+    "frameon": True, "facecolor": "white", "edgecolor": LIGHT, "framealpha": 0.9,
+}  # fmt: skip
+
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Events:
+    """What is done to the mirror, ``EVENT_S`` after its loop has reached RUN."""
+
+    drift_hz: float = 0.0  # of its natural frequency, at once
+    shock_rad_per_s: float = 0.0  # added to its velocity
+    drop_every: int = 0  # of so many passes over the diode one is lost
+    laser_off_s: float = 0.0  # for how long
+
+    @property
+    def any(self) -> bool:
+        """Whether something happens."""
+        return self != Events()
+
+
+@dataclass(frozen=True)
+class Run:
+    """The lines of a run in physical units, all arrays [n], and what belongs to all of them.
+
+    ``true_rad`` and ``true_amplitude_rad`` are NaN where nobody knows, in a replay.
+    """
+
+    line: Floats
+    time_s: Floats
+    state: Floats
+    true_rad: Floats
+    angle_rad: Floats
+    true_amplitude_rad: Floats
+    amplitude_rad: Floats
+    frequency_hz: Floats
+    level: Floats
+    flags: Floats
+    confidence: Floats
+    recording: Recording
+    registers: MirrorRegisters
+    set_rad: float
+    run_s: float  # when RUN was reached; NaN if it was not
+    event_s: float  # when the events came; NaN without
+    end_s: float
+    counts: dict[str, int]
+    fault: int
+
+    @property
+    def running(self) -> Bools:
+        """The lines in RUN."""
+        return np.asarray(self.state == pkg.MIRROR_RUN)
+
+    @property
+    def error_rad(self) -> Floats:
+        """Angle less truth."""
+        return self.angle_rad - self.true_rad
+
+
+def simulate(
+    config: Config,
+    seconds: float,
+    events: Events,
+    progress: Progress | None = None,
+    *,
+    start_seconds: float | None = None,
+    seed: int = 1,
+) -> Run:
+    """Start the mirror from rest, let it run, and let something happen to it.
+
+    Args:
+        config: The instrument's, and the simulated mirror's.
+        seconds: Of mirror time, from RUN on; ``EVENT_S`` of them before the events.
+        events: What happens.
+        progress: Told the microseconds of mirror time so far.
+        start_seconds: The longest start; the loop's own time-outs if None.
+        seed: Of jitter and noise.
+
+    Raises:
+        InputError: if a value does not fit in its register, or the engine cannot be built.
+    """
+    registers = MirrorRegisters.from_config(config)
+    hertz = registers.clock_hz
+    quiet = World.from_config(config, seed=seed)
+    longest = registers.sweep_timeout + registers.settle_timeout + round(0.01 * hertz)
+    if start_seconds is not None:
+        longest = round(start_seconds * hertz)
+
+    def told(clocks: int) -> None:
+        if progress is not None:
+            progress(round(1e6 * clocks / hertz))
+
+    with Mirror(registers, config.mems, quiet) as mirror:
+        parts = []
+        while mirror.state not in (pkg.MIRROR_RUN, pkg.MIRROR_FAULT) and mirror.clock < longest:
+            step = min(round(CHUNK_S * hertz), longest - mirror.clock)
+            parts.append(mirror.run(step, quiet, until_state=pkg.MIRROR_RUN, progress=told))
+        run = mirror.clock if mirror.state == pkg.MIRROR_RUN else math.nan
+        event = math.nan
+        if mirror.state == pkg.MIRROR_RUN:
+            end = mirror.clock + round(seconds * hertz)
+            before = round(min(seconds, EVENT_S) * hertz)
+            parts.append(mirror.run(before, quiet, progress=told))
+            event = mirror.clock if events.any else math.nan
+            world = replace(
+                quiet,
+                natural_offset_hz=events.drift_hz,
+                shock_rad_per_s=events.shock_rad_per_s,
+                drop_every=events.drop_every,
+            )
+            if events.laser_off_s:
+                dark = min(end - mirror.clock, round(events.laser_off_s * hertz))
+                parts.append(mirror.run(dark, replace(world, laser_on=0), progress=told))
+                world = replace(world, shock_rad_per_s=0.0)
+            parts.append(mirror.run(end - mirror.clock, world, progress=told))
+        recording = Recording.joined(parts)
+        return _run(recording, mirror, config, run / hertz, event / hertz, true=True)
+
+
+def replay(
+    config: Config,
+    recorded: Rows,
+    set_rad: float,
+    seconds: float,
+    progress: Progress | None = None,
+) -> Run:
+    """Run recorded samples through the loop, with the drive at its frequency from time 0.
+
+    Args:
+        config: The instrument's.
+        recorded: ``SAMPLES`` rows.
+        set_rad: The amplitude from which an error is counted: nobody controls the recorded one.
+        seconds: How long.
+        progress: Told the microseconds of mirror time so far.
+
+    Raises:
+        InputError: as for ``simulate``.
+    """
+    registers = MirrorRegisters.from_config(config)
+    registers = replace(
+        registers,
+        sweep_word=registers.work_word,
+        trim_min=0,
+        trim_max=0,
+        amplitude_set=round(set_rad / _PER_AMPLITUDE),
+    )
+    hertz = registers.clock_hz
+    world = World.from_config(config)
+    with Mirror(registers, config.mems, world) as mirror:
+        recording = mirror.run(
+            math.ceil(seconds * hertz),
+            world,
+            replay=recorded,
+            progress=lambda clocks: progress(round(1e6 * clocks / hertz)) if progress else None,
+        )
+        run = recording.lines["clock"][recording.lines["state"] == pkg.MIRROR_RUN]
+        started = run[0] / hertz if run.size else math.nan
+        return _run(recording, mirror, config, started, math.nan, true=False, set_rad=set_rad)
+
+
+def recorded_amplitude(times: tuple[Floats, Floats], config: Config) -> float:
+    """Return the amplitude that most pairs of crossings of a recording have, rad.
+
+    Args:
+        times: Outward and inward, s, [n] each, from ``edges.pairs``.
+        config: The instrument's; its own amplitude is the answer for no pair at all.
+    """
+    outward, inward = times
+    mirror = config.mirror
+    half = (inward - outward) / 2.0 * mirror.frequency_hz
+    half = half[(half > 0.0) & (half < 0.25)]
+    if half.size == 0:
+        return math.radians(mirror.amplitude_deg)
+    mark = math.radians(mirror.index_deg)
+    return float(crossings(np.array([np.median(half)]), mark, mirror.harmonics)[0][0])
+
+
+def _run(
+    recording: Recording,
+    mirror: Mirror,
+    config: Config,
+    run_s: float,
+    event_s: float,
+    *,
+    true: bool,
+    set_rad: float | None = None,
+) -> Run:
+    registers, lines = mirror.registers, recording.lines
+    hertz = registers.clock_hz
+    time = lines["centre_halves"] / (2.0 * hertz)
+    angle_true = lines["angle_true"] if true else np.full(len(lines), np.nan)
+    frequency = lines["word"] * (hertz / 2.0**pkg.TURN_WIDTH)
+    return Run(
+        line=lines["line"],
+        time_s=time,
+        state=lines["state"],
+        true_rad=angle_true,
+        angle_rad=lines["angle"] * _PER_TURN,
+        true_amplitude_rad=true_amplitude(time, angle_true, frequency),
+        amplitude_rad=lines["amplitude"] * _PER_AMPLITUDE,
+        frequency_hz=frequency,
+        level=lines["level"] / 2.0**pkg.LEVEL_WIDTH,
+        flags=lines["flags"],
+        confidence=lines["confidence"] / (2.0**pkg.CONFIDENCE_WIDTH - 1.0),
+        recording=recording,
+        registers=registers,
+        set_rad=math.radians(config.mirror.amplitude_deg) if set_rad is None else set_rad,
+        run_s=run_s,
+        event_s=event_s,
+        end_s=mirror.clock / hertz,
+        counts=mirror.counts,
+        fault=mirror.fault,
+    )
+
+
+def true_amplitude(time_s: Floats, angle_rad: Floats, frequency_hz: Floats) -> Floats:
+    """Return the first harmonic's amplitude of a motion, by least squares over each few periods.
+
+    Args:
+        time_s: [n], rising.
+        angle_rad: [n]; NaN gives NaN.
+        frequency_hz: [n], near the motion's own.
+
+    Returns:
+        rad [n], linear between the blocks; NaN where there is less than a block.
+    """
+    nothing = np.full(len(time_s), np.nan)
+    if len(time_s) < _BLOCK_LINES or np.isnan(angle_rad).any():
+        return nothing
+    step = np.diff(time_s)
+    turns = np.concatenate([[0.0], np.cumsum(step * (frequency_hz[1:] + frequency_hz[:-1]) / 2.0)])
+    # Whole periods, and lines enough for all harmonics; what is left at the end joins no block.
+    per_turn = (len(time_s) - 1) / max(turns[-1], 1e-9)
+    periods = max(1, math.ceil(_BLOCK_LINES / max(per_turn, 1e-9)))
+    size = max(_BLOCK_LINES, round(periods * per_turn))
+    count = len(time_s) // size
+    if count == 0:
+        return nothing
+    used = count * size
+    phase = _TURN * np.multiply.outer(turns[:used] % 1.0, np.asarray(HARMONICS, np.float64))
+    design = np.concatenate([np.cos(phase), np.sin(phase)], axis=1).reshape(count, size, -1)
+    # A little of the unit matrix keeps blocks solvable in which the motion is not sampled evenly.
+    normal = np.einsum("bik,bil->bkl", design, design) + 1e-9 * np.eye(design.shape[2])
+    right = np.einsum("bik,bi->bk", design, angle_rad[:used].reshape(count, size))
+    solution = np.linalg.solve(normal, right[..., None])[..., 0]
+    amplitude = np.hypot(solution[:, 0], solution[:, len(HARMONICS)])
+    centre = time_s[:used].reshape(count, size).mean(axis=1)
+    return np.asarray(np.interp(time_s, centre, amplitude))
+
+
+def write_csv(run: Run, file: BinaryIO) -> None:
+    """Write mirror.csv, one row a line in the columns ``COLUMNS``; truth that is unknown is empty.
+
+    Times and angles have the decimals from which the words are read back.
+    """
+    names = [
+        "|".join(name for bit, name in enumerate(FLAG_NAMES) if flags >> bit & 1)
+        for flags in range(1 << len(FLAG_NAMES))
+    ]
+    known = bool(len(run.time_s)) and not np.isnan(run.true_rad).all()
+    file.write(f"{COLUMNS}\n".encode())
+    rows = zip(
+        run.line.tolist(),
+        run.time_s.tolist(),
+        run.state.tolist(),
+        run.true_rad.tolist(),
+        run.angle_rad.tolist(),
+        run.true_amplitude_rad.tolist(),
+        run.amplitude_rad.tolist(),
+        run.frequency_hz.tolist(),
+        run.level.tolist(),
+        run.flags.tolist(),
+        strict=True,
+    )
+    form = "%d,%.10f,%s,%s,%.9f,%s,%.10f,%.7f,%.7f,%s\n"
+    text = []
+    for line, time, state, true, angle, reach, amplitude, hertz, level, flags in rows:
+        truth = f"{true:.10f}" if known else ""
+        height = f"{reach:.10f}" if known and not math.isnan(reach) else ""
+        words = (line, time, STATES[state], truth, angle, height, amplitude, hertz, level)
+        text.append(form % (*words, names[flags]))
+    file.write("".join(text).encode())
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a run showed; NaN where it did not show it.
+
+    Errors of angle and amplitude are of lines in RUN that carry no flag, after ``STEADY_S`` of it;
+    where something happened, without those from then to the first flag, which nobody could know of,
+    and the amplitude without all until it is back.
+    """
+
+    start_s: float  # from power-on to RUN
+    lines: int  # in RUN
+    flagged: int  # of them
+    angle_rms_urad: float
+    angle_max_urad: float
+    amplitude_rms_ppm: float  # true amplitude over the set one, less 1
+    crossing_rms_ns: float  # of one index crossing, from the scatter of the amplitude
+    flag_delay_periods: float  # from the event to the first flag
+    unnoticed_urad: float  # the largest error of an angle between them
+    flagged_s: float  # from the event to the last flag
+    back_s: float  # from the event until the true amplitude stays within BACK_PPM
+    largest_ppm: float  # how far the event took the amplitude
+
+
+def summarise(run: Run) -> Summary:
+    """Return what a run showed."""
+    running = run.running & (run.time_s > run.run_s)
+    flagged = running & (run.flags != 0)
+    steady = running & (run.flags == 0) & (run.time_s > run.run_s + STEADY_S)
+    deviation = 1e6 * (run.true_amplitude_rad / run.set_rad - 1.0)
+    delay = flagged_s = back = largest = unnoticed = math.nan
+    if not math.isnan(run.event_s):
+        after = run.time_s > run.event_s
+        flags = np.flatnonzero(after & (run.flags != 0))
+        if flags.size:
+            period = 1.0 / run.frequency_hz[flags[0]]
+            clock = run.recording.lines["clock"][flags[0]] / run.registers.clock_hz
+            delay = (clock - run.event_s) / period
+            flagged_s = float(run.time_s[flags[-1]] - run.event_s)
+            between = after & (run.time_s < run.time_s[flags[0]])
+            unnoticed = 1e6 * float(np.abs(run.error_rad[between]).max(initial=0.0))
+            steady &= ~between
+        off = np.flatnonzero(after & (np.abs(deviation) > BACK_PPM))
+        back = float(run.time_s[off[-1]] - run.event_s) if off.size else 0.0
+        if off.size and off[-1] == len(deviation) - 1:
+            back = math.nan
+        largest = float(np.abs(deviation[after]).max()) if after.any() else math.nan
+        quiet = ~after
+        if not math.isnan(back):
+            quiet |= run.time_s > run.event_s + max(
+                back, 0.0 if math.isnan(flagged_s) else flagged_s
+            )
+        steady_amplitude = steady & quiet
+    else:
+        steady_amplitude = steady
+    error = 1e6 * run.error_rad[steady]
+    return Summary(
+        start_s=run.run_s,
+        lines=int(running.sum()),
+        flagged=int(flagged.sum()),
+        angle_rms_urad=_rms(error),
+        angle_max_urad=float(np.abs(error).max()) if error.size else math.nan,
+        amplitude_rms_ppm=_rms(deviation[steady_amplitude]),
+        crossing_rms_ns=_crossing_rms_ns(run),
+        flag_delay_periods=delay,
+        unnoticed_urad=unnoticed,
+        flagged_s=flagged_s,
+        back_s=back,
+        largest_ppm=largest,
+    )
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if values.size else math.nan
+
+
+def _crossing_rms_ns(run: Run) -> float:
+    """Return the rms time error of one crossing, from the tracker's errors in steady RUN.
+
+    A middle of two has half their variance. The tracker's error is that of the middle and of its
+    own prediction: 1 + (2 a^2 + a b + 2 b) / (a (4 - 2 a - b)) times the variance, a and b the
+    shares of an error that phase and rate take (the alpha-beta filter's known noise ratio).
+    """
+    rows = run.recording.measurements
+    time = rows["clock"] / run.registers.clock_hz
+    end = run.event_s if not math.isnan(run.event_s) else math.inf
+    steady = rows["error"][(time > run.run_s + STEADY_S) & (time < end)].astype(np.float64)
+    if steady.size < 8:
+        return math.nan
+    period = 2.0**pkg.TURN_WIDTH / run.registers.work_word  # clocks
+    a, b = 2.0**-run.registers.phase_shift, period * 2.0**-run.registers.rate_shift
+    ratio = 1.0 + (2.0 * a * a + a * b + 2.0 * b) / (a * (4.0 - 2.0 * a - b))
+    turns = float(np.std(steady)) / 2.0**pkg.ERROR_WIDTH
+    return math.sqrt(2.0 / ratio) * turns * period / run.registers.clock_hz * 1e9
+
+
+def table(run: Run, summary: Summary, title: str) -> RichTable:
+    """Return the summary as a table for the terminal."""
+    grid = RichTable(title=title, title_justify="left", show_header=False)
+    grid.add_column()
+    grid.add_column(justify="right")
+
+    def row(name: str, value: float, form: str) -> None:
+        if not math.isnan(value):
+            grid.add_row(name, form.format(value))
+
+    row("RUN after", summary.start_s, "{:.3f} s")
+    row("mirror time", run.end_s, "{:.3f} s")
+    grid.add_row("lines in RUN", f"{summary.lines}")
+    grid.add_row("of them flagged", f"{summary.flagged}")
+    row("angle error, unflagged, rms", summary.angle_rms_urad, "{:.2f} urad")
+    row("angle error, unflagged, largest", summary.angle_max_urad, "{:.2f} urad")
+    row("amplitude held, rms", summary.amplitude_rms_ppm, "{:.1f} ppm")
+    row("index crossing, rms", summary.crossing_rms_ns, "{:.2f} ns")
+    row("event flagged after", summary.flag_delay_periods, "{:.3f} periods")
+    row("largest angle error until then", summary.unnoticed_urad, "{:.0f} urad")
+    row("last flag after the event", summary.flagged_s, "{:.3f} s")
+    row("amplitude was off by", summary.largest_ppm, "{:.0f} ppm")
+    row(f"back within {BACK_PPM:.0f} ppm after", summary.back_s, "{:.3f} s")
+    for name, count in run.counts.items():
+        if count:
+            grid.add_row(f"{name} (counter)", f"{count}")
+    if run.fault:
+        grid.add_row("FAULT", FAULTS[run.fault])
+    return grid
+
+
+def picture(run: Run, summary: Summary, title: str, file: BinaryIO) -> None:
+    """Draw start-up, amplitude with level and frequency, and the angle's error, as PNG."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(10.0, 9.6), layout="constrained")  # no window system involved
+        figure.suptitle(title, x=0.012, ha="left", fontsize=12, fontweight="bold", color=INK)
+        grid = figure.add_gridspec(3, 1)
+        _draw_start(figure.add_subplot(grid[0]), run)
+        _draw_amplitude(figure.add_subplot(grid[1]), run)
+        _draw_error(figure.add_subplot(grid[2]), run, summary)
+        for axes in figure.axes:
+            axes.grid(color=LIGHT, linewidth=0.5)
+            axes.set_axisbelow(True)
+        figure.savefig(file, format="png", dpi=130)
+
+
+def _shade(axes: Axes, run: Run) -> None:
+    """Where lines carry a flag, and when something happened."""
+    if not len(run.time_s):
+        return
+    bad = np.concatenate([[0], (run.flags != 0).astype(np.int64), [0]])
+    first, last = np.flatnonzero(np.diff(bad) == 1), np.flatnonzero(np.diff(bad) == -1)
+    for index, (start, stop) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
+        axes.axvspan(
+            run.time_s[start],
+            run.time_s[min(stop, len(run.time_s) - 1)],
+            color="#fbe9d7",
+            linewidth=0,
+            zorder=0,
+            label="lines are flagged" if index == 0 else None,
+        )
+    if not math.isnan(run.event_s):
+        axes.axvline(run.event_s, color=INK, linewidth=1, linestyle="--", label="event")
+
+
+def _draw_start(axes: Axes, run: Run) -> None:
+    """Envelope and drive frequency since power-on."""
+    height = run.true_amplitude_rad if not np.isnan(run.true_amplitude_rad).all() else (
+        run.amplitude_rad)  # fmt: skip
+    axes.plot(run.time_s, np.degrees(height), color=COLOURS[0], linewidth=1.2, label="amplitude")
+    axes.set_ylabel("amplitude in degrees")
+    axes.set_title("Start-up: " + ", ".join(_states(run)))
+    axes.set_xlabel("time in s")
+    if not math.isnan(run.run_s) and run.run_s > run.time_s[0]:
+        axes.set_xlim(0.0, 1.15 * run.run_s)
+    other = axes.twinx()
+    other.plot(run.time_s, run.frequency_hz, color=COLOURS[1], linewidth=1.2)
+    other.set_ylabel("drive in Hz", color=COLOURS[1])
+    other.spines["right"].set_visible(True)
+    other.ticklabel_format(useOffset=False)
+    _shade(axes, run)
+    axes.legend(loc="upper center", **_BOXED)
+
+
+def _states(run: Run) -> list[str]:
+    """Return each state with the time at which the first line had it."""
+    changes = np.flatnonzero(np.diff(run.state, prepend=-1))
+    return [f"{STATES[int(run.state[k])]} at {run.time_s[k]:.3f} s" for k in changes[:6]]
+
+
+def _draw_amplitude(axes: Axes, run: Run) -> None:
+    """How far the amplitude is from the set one, and the drive's level, since RUN."""
+    rows = run.running
+    if rows.any():
+        time = run.time_s[rows]
+        measured = 1e6 * (run.amplitude_rad[rows] / run.set_rad - 1.0)
+        true = 1e6 * (run.true_amplitude_rad[rows] / run.set_rad - 1.0)
+        axes.plot(time, measured, color=QUIET, linewidth=0.6, label="measured, averaged")
+        if not np.isnan(true).all():
+            axes.plot(time, true, color=COLOURS[0], linewidth=1.2, label="true")
+        axes.axhspan(-BACK_PPM, BACK_PPM, color=LIGHT, linewidth=0, zorder=0)
+        other = axes.twinx()
+        other.plot(time, run.level[rows], color=COLOURS[1], linewidth=0.8)
+        other.set_ylabel("drive level", color=COLOURS[1])
+        other.spines["right"].set_visible(True)
+        other.ticklabel_format(useOffset=False)
+        reach = float(np.nanmax(np.abs(np.concatenate([measured, np.nan_to_num(true)]))))
+        if reach > 30.0 * BACK_PPM:
+            axes.set_yscale("symlog", linthresh=BACK_PPM)
+        axes.set_xlim(time[0], time[-1])
+        _shade(axes, run)
+        other.legend(*axes.get_legend_handles_labels(), loc="upper right", **_BOXED)
+    axes.set_title(f"Amplitude in RUN; the band is {BACK_PPM:.0f} ppm")
+    axes.set_xlabel("time in s")
+    axes.set_ylabel("off by, ppm")
+
+
+def _draw_error(axes: Axes, run: Run, summary: Summary) -> None:
+    """Angle less truth in RUN, or the angle itself where nobody knows the truth."""
+    rows = run.running
+    known = rows & ~np.isnan(run.true_rad)
+    axes.set_xlabel("time in s")
+    if known.any():
+        time, error = run.time_s[known], 1e6 * run.error_rad[known]
+        good = run.flags[known] == 0
+        axes.plot(time[~good], error[~good], ".", color=COLOURS[1], markersize=1.5, label="flagged")
+        axes.plot(
+            time[good], error[good], ".", color=COLOURS[0], markersize=1.5, label="not flagged"
+        )
+        rms = summary.angle_rms_urad
+        reach = max(1.0, 20.0 * (rms if math.isfinite(rms) else _rms(error)))
+        axes.set_ylim(-reach, reach)
+        axes.set_title(f"Angle error in RUN, {rms:.2f} urad rms where not flagged")
+        axes.set_ylabel("measured - true in urad")
+        axes.set_xlim(time[0], time[-1])
+        _shade(axes, run)
+        axes.legend(loc="upper right", markerscale=4.0, **_BOXED)
+    else:
+        last = slice(-min(len(run.time_s), 1200), None)
+        axes.plot(
+            run.time_s[last], np.degrees(run.angle_rad[last]), ".", color=COLOURS[0], markersize=2.0
+        )
+        axes.set_title("Angle of the last lines")
+        axes.set_ylabel("scan angle in degrees")
+
+
+def read_edges(path: Path, config: Config) -> tuple[Rows, float, float]:
+    """Return a recording's samples, its amplitude, rad, and its length, s.
+
+    Raises:
+        InputError: as for ``edges.read``.
+    """
+    time, comparator, gate = edges.read(path)
+    rows = edges.sample(
+        time,
+        comparator,
+        gate,
+        clock_hz=config.clock.frequency_hz,
+        oversample=config.mirror.oversample,
+    )
+    amplitude = recorded_amplitude(edges.pairs(time, comparator, gate), config)
+    assert rows.dtype == SAMPLES
+    return rows, amplitude, float(time[-1])

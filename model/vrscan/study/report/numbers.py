@@ -1,0 +1,419 @@
+"""The number table: accuracy, efficiency, latency and speed, as ``vrscan numbers`` prints them."""
+
+import csv
+import io
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from rich.table import Table as RichTable
+
+from vrscan.data.config import Config
+from vrscan.data.errors import InputError
+from vrscan.data.points import atomic_file
+from vrscan.engines.engine import Engine
+from vrscan.fixed import vrscan_chain as chain
+from vrscan.study.report import efficiency, formats, speed
+from vrscan.study.report import two_pass_report as two_pass
+from vrscan.study.report.accuracy import angle_accuracy as angle
+from vrscan.study.report.accuracy import cordic_accuracy as cordic
+from vrscan.study.report.accuracy import geometry_accuracy as geometry
+from vrscan.study.report.accuracy import mirror_accuracy as mirror
+from vrscan.study.report.accuracy import position_accuracy as position
+from vrscan.study.report.accuracy import quality_accuracy as quality
+from vrscan.study.report.accuracy import scatter_accuracy as scatter
+from vrscan.study.report.accuracy.figure import SEED, Figure
+from vrscan.study.report.readme_tables import linked
+
+CLOCK_HZ = 125e6
+LEAST_FIXED, LEAST_RTL = 10_000.0, 400.0  # lines/s
+LATENCY_WIDTHS = (3, 16, 64, 255)
+
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much is measured."""
+
+    vectors: int  # a decade of amplitudes, and phases a mirror
+    windows: int  # a width, shape and pedestal
+    directions: int  # phases a width, for the worst windows
+    every: int  # step of the width, px
+    lines: int  # of S/N and sigma, a configuration
+    distances: int  # a pixel
+    noisy: int  # lines a spot
+    efficiency: int  # lines a cell
+    two_pass: int  # the same, of the study that stands on few of them; 0 leaves it out
+    fixed: int  # lines for the speed
+    ideal: int  # the same
+    rtl: int  # the same; 0 leaves the RTL out
+    all_cores: bool  # whether the speed on all cores is measured, too
+    mirror: float  # seconds of RUN; 0 leaves the mirror's loop out
+
+
+FULL = Size(
+    vectors=100_000,
+    windows=12,
+    directions=8,
+    every=1,
+    lines=10_000,
+    distances=60,
+    noisy=4_000,
+    efficiency=4_000,
+    two_pass=4_000,
+    fixed=10_000,
+    ideal=10_000,
+    rtl=2_000,
+    all_cores=True,
+    mirror=0.5,
+)
+QUICK = Size(
+    vectors=10_000,
+    windows=1,
+    directions=1,
+    every=4,
+    lines=1_000,
+    distances=4,
+    noisy=300,
+    efficiency=300,
+    two_pass=0,
+    fixed=2_000,
+    ideal=2_000,
+    rtl=0,
+    all_cores=False,
+    mirror=0.0,
+)
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A part of the table and how often it tells its progress."""
+
+    name: str
+    steps: int
+    run: Callable[[Progress], list[Figure]]
+
+
+def _positions(size: Size, period_n: bool, progress: Progress) -> list[Figure]:
+    result = position.sweep(
+        size.windows, size.directions, period_n=period_n, every=size.every, progress=progress
+    )
+    return position.measure(result, period_n=period_n)
+
+
+def _efficiency(count: int, progress: Progress) -> list[Figure]:
+    cells = efficiency.study(Engine.FIXED, Config(), count, progress)
+    figures = []
+    for name, scores, judged in (
+        ("shipped", [cell.shipped for cell in cells], True),
+        ("(8) as printed", [cell.printed for cell in cells], False),
+    ):
+        least = efficiency.GOAL_EFFICIENCY if judged else math.nan
+        most = 100.0 * efficiency.GOAL_LOST if judged else math.nan
+        group = "efficiency, bound over measured variance"
+        mean, worst = efficiency.geometric_mean(scores), min(s.efficiency for s in scores)
+        figures += [
+            Figure(
+                group,
+                f"{name}, geometric mean",
+                "1",
+                mean,
+                limit=least,
+                at_least=True,
+                headline="efficiency against the Cramer-Rao bound" if judged else "",
+            ),
+            Figure(group, f"{name}, worst of {len(cells)} spots", "1", worst),
+            Figure(
+                group,
+                f"{name}, lost, worst spot",
+                "%",
+                100.0 * efficiency.worst_lost(scores),
+                limit=most,
+                headline="lines lost, worst spot" if judged else "",
+            ),
+        ]
+    return figures
+
+
+def _two_passes(count: int, progress: Progress) -> list[Figure]:
+    config, group = Config(), "two passes"
+    cells = two_pass.study(Engine.FIXED, config, count, progress)
+    places = two_pass.skew_positions(Engine.FIXED, config, count // 2)
+    slopes = two_pass.slope_study(Engine.FIXED, config, count // 4)
+    figures = []
+    for name, goal, is_dim in (
+        ("5 to 90 % of full scale", two_pass.GOAL, False),
+        ("2 % of full scale", two_pass.GOAL_DIM, True),
+    ):
+        some = [cell for cell in cells if (cell.peak == two_pass.DIM_PEAK) == is_dim]
+        figures += [
+            Figure(group, f"efficiency, {name}, worst of {len(some)} spots", "1",
+                   min(cell.two_pass for cell in some), limit=goal, at_least=True,
+                   headline=f"two passes: efficiency, {name}, worst spot"),
+            Figure(group, f"one pass, {name}, worst spot", "1",
+                   min(cell.one_pass for cell in some)),
+        ]  # fmt: skip
+    error, bound, same = two_pass.arithmetic(config, count // 4)
+    nearest = int(np.argmax(error / bound))
+    before, after = (float(np.ptp(each)) for each in places)
+    pull = max(abs(result.bias) for result in slopes)
+    return [
+        *figures,
+        Figure(group, "against float64 in the same window, nearest to its bound", "1e-3 px",
+               1e3 * float(error[nearest]), 1e3 * float(bound[nearest])),
+        Figure(group, "against float64 in the same window, rms", "1e-3 px",
+               1e3 * float(np.sqrt(np.square(error).mean()))),
+        Figure(group, "lines where float64 has the same window", "%", 100.0 * same),
+        Figure(group, "a skewed spot moves, 10 to 90 % of full scale", "px", after,
+               limit=two_pass.GOAL_SKEW_PX,
+               headline="two passes: a skewed spot moves, 10 to 90 % of full scale"),
+        Figure(group, "one pass, a skewed spot moves", "px", before),
+        Figure(group, "a slope of 1 count/px pulls", "px", pull, limit=two_pass.GOAL_SLOPE_PX,
+               headline="two passes: a slope of 1 count/px pulls"),
+    ]  # fmt: skip
+
+
+def latency(config: Config) -> list[Figure]:
+    """Return the clocks from a line's last pixel to its point, which the RTL's tests assert."""
+    group = f"latency, last pixel to point, {CLOCK_HZ / 1e6:g} MHz"
+    length, width = config.sensor.line_length, config.sensor.pixel_width
+    figures = []
+    kinds = [(None, False), *((w, twice) for twice, w in product((False, True), LATENCY_WIDTHS))]
+    for window, twice in kinds:
+        clocks = chain.latency(
+            window or 0,
+            measured=window is not None,
+            line_length=length,
+            pixel_width=width,
+            first_width=window if twice else None,
+        )
+        name = "not measured" if window is None else f"N = {window}"
+        name += ", and again" if twice else ""
+        figures.append(Figure(group, name, "clocks", clocks))
+        shown = "latency, last pixel to point, at most" if window else ""
+        shown = f"two passes: {shown}" if twice else shown
+        figures.append(Figure(group, name, "us", 1e6 * clocks / CLOCK_HZ, headline=shown))
+    return [
+        *figures,
+        Figure(
+            group,
+            f"lines of {length} px without a gap",
+            "lines/s",
+            CLOCK_HZ / length,
+            limit=speed.PAPER_LINES,
+            at_least=True,
+            headline=f"lines of {length} px at {CLOCK_HZ / 1e6:g} MHz",
+        ),
+    ]
+
+
+def _speed(
+    engine: Engine, count: int, least: float, all_cores: bool, config: Config
+) -> list[Figure]:
+    try:
+        rate = speed.measure(engine, config, count, None if all_cores else 1)
+    except InputError:  # no compiler here
+        return []
+    group, scene = "speed on this machine", "of the default scene"
+    one, every = f"engine {engine} on one core", f"engine {engine} on all cores"
+    name = f"{one}, {count} lines {scene}"
+    figures = [Figure(group, name, "lines/s", rate.one, limit=least, at_least=True, headline=one)]
+    if all_cores:
+        name = f"{every}, {rate.cores} of them, lines {scene}"
+        figures.append(Figure(group, name, "lines/s", rate.every, headline=every))
+    return figures
+
+
+def stages(size: Size) -> list[Stage]:
+    """Return what the table is made of, in its order."""
+    config = Config()
+
+    def at_once(name: str, measure: Callable[[], list[Figure]]) -> Stage:
+        return Stage(name, 1, lambda _: measure())
+
+    parts = [
+        at_once("cordic_vector", partial(cordic.measure, size.vectors)),
+        *(
+            Stage(
+                f"position, T = {'N' if period_n else 'N - 1'}",
+                position.batches(size.every),
+                partial(_positions, size, period_n),
+            )
+            for period_n in (True, False)
+        ),
+        at_once("S/N and sigma", partial(quality.measure, size.lines)),
+        Stage("x and z", geometry.INSTRUMENTS, partial(geometry.measure, size.distances)),
+        at_once("scan angle", partial(angle.measure, size.vectors)),
+        at_once("scatter", partial(scatter.measure, size.noisy)),
+        Stage(
+            "efficiency",
+            len(efficiency.PEAKS) * len(efficiency.SIGMAS_PX),
+            partial(_efficiency, size.efficiency),
+        ),
+        at_once("latency", partial(latency, config)),
+    ]
+    if size.two_pass:
+        cells = len(two_pass.PEAKS) * len(two_pass.SIGMAS_PX)
+        parts.append(Stage("two passes", cells, partial(_two_passes, size.two_pass)))
+    for engine, count, least in (
+        (Engine.FIXED, size.fixed, LEAST_FIXED),
+        (Engine.IDEAL, size.ideal, math.nan),
+        (Engine.RTL, size.rtl, LEAST_RTL),
+    ):
+        if count:
+            given = engine, count, least, size.all_cores, config
+            parts.append(at_once(f"speed, {engine}", partial(_speed, *given)))
+    if size.mirror:
+        parts += [
+            at_once("mirror, steady", partial(mirror.steady, config, size.mirror)),
+            at_once("mirror, faults", partial(mirror.faults, config, size.mirror)),
+            *(
+                at_once(f"mirror, {hertz:+g} Hz", partial(mirror.drift, config, hertz, seconds))
+                for hertz, seconds in mirror.DRIFTS
+            ),
+        ]
+    return parts
+
+
+def _text(value: float) -> str:
+    if math.isnan(value):
+        return "-"
+    if value == 0.0 or 1e-3 <= abs(value) < 1e6:
+        return f"{value:.4g}" if abs(value) < 1e4 else f"{value:.0f}"
+    return f"{value:.3g}"
+
+
+def _limit(figure: Figure) -> str:
+    text = _text(figure.limit)
+    return f">= {text}" if figure.at_least and text != "-" else text
+
+
+def _verdict(figure: Figure) -> str:
+    if not figure.judged:
+        return ""
+    return "ok" if figure.passes else "FAIL"
+
+
+def _cells(figure: Figure) -> tuple[str, ...]:
+    numbers = (_text(figure.measured), _text(figure.predicted), _text(figure.floor))
+    return figure.name, figure.unit, *numbers, _limit(figure), _verdict(figure)
+
+
+HEADINGS = ("figure", "unit", "measured", "predicted", "floor", "limit", "")
+
+
+def table(figures: Sequence[Figure]) -> RichTable:
+    """Return the table for the terminal."""
+    grid = RichTable(
+        title=f"Measured, predicted from the widths, and what is asked; seed {SEED}",
+        caption="floor: what the output's own rounding leaves; 0.5 % or step: error in units of "
+        "what is allowed, 0.5 % of the value or one step; ratio: first harmonic of (8) over the "
+        "sum above background",
+        title_justify="left",
+        caption_justify="left",
+    )
+    for column, heading in enumerate(HEADINGS):
+        grid.add_column(heading, justify="right" if 2 <= column <= 5 else "left")
+    group = ""
+    for figure in figures:
+        if figure.group != group:
+            group = figure.group
+            grid.add_section()
+            grid.add_row(f"[bold]{group}[/bold]")
+        grid.add_row(*_cells(figure))
+    return grid
+
+
+def markdown(figures: Iterable[Figure]) -> str:
+    """Return the table for a page, a heading row a group."""
+    lines = [f"| {' | '.join(HEADINGS)} |", "|---|---|--:|--:|--:|--:|---|"]
+    group = ""
+    for figure in figures:
+        if figure.group != group:
+            group = figure.group
+            lines.append(f"| **{group}** |" + " |" * (len(HEADINGS) - 1))
+        lines.append(f"| {' | '.join(_cells(figure))} |")
+    return "\n".join(lines)
+
+
+def summary(figures: Sequence[Figure]) -> str:
+    """Return a row a headline: of the figures that share it, the one nearest to its limit."""
+    worst: dict[str, Figure] = {}
+    for figure in figures:
+        held = worst.get(figure.headline, figure)
+        worst[figure.headline] = max(held, figure, key=lambda f: f.nearness)
+    worst.pop("", None)
+    lines = [
+        "| figure | unit | measured | predicted | floor | limit |",
+        "|---|---|--:|--:|--:|--:|",
+    ]
+    for headline, figure in worst.items():
+        numbers = (_text(figure.measured), _text(figure.predicted), _text(figure.floor))
+        name = linked("numbers", headline)
+        lines.append(f"| {name} | {figure.unit} | {' | '.join(numbers)} | {_limit(figure)} |")
+    return "\n".join(lines)
+
+
+def write_csv(figures: Iterable[Figure], file: BinaryIO) -> None:
+    """Write numbers.csv; what there is not stays empty.
+
+    Args:
+        figures: One row each.
+        file: A binary file.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    columns = ("group", "name", "unit", "measured", "predicted", "floor", "limit")
+    writer.writerow((*columns, "limit_is", "passes"))
+    for figure in figures:
+        values = [getattr(figure, name) for name in columns]
+        shown = ["" if isinstance(v, float) and math.isnan(v) else v for v in values]
+        kind = "least" if figure.at_least else "most"
+        writer.writerow((*shown, kind, int(figure.passes) if figure.judged else ""))
+    file.write(text.getvalue().encode())
+
+
+def replace_block(text: str, name: str, block: str) -> str | None:
+    """Return ``text`` with ``block`` between the markers of that name, or None without markers."""
+    begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
+    before, found_begin, rest = text.partition(begin)
+    _, found_end, after = rest.partition(end)
+    if not (found_begin and found_end):
+        return None
+    return f"{before}{begin}\n\n{block}\n\n{end}{after}"
+
+
+def pages(root: Path) -> tuple[Path, Path]:
+    """Return the pages that ``write_pages`` rewrites, those with the number table."""
+    return root / "README.md", root / "docs" / "numbers.md"
+
+
+def write_pages(figures: Sequence[Figure], root: Path) -> list[Path]:
+    """Rewrite the generated blocks of README.md and docs/numbers.md.
+
+    Args:
+        figures: Of the full size.
+        root: Folder of the README.
+
+    Returns:
+        The files that have their markers; the others stay as they are.
+    """
+    written = []
+    new = {"numbers": summary(figures)}, {"numbers": markdown(figures), **formats.blocks()}
+    for path, blocks in zip(pages(root), new, strict=True):
+        if not path.exists():
+            continue
+        text = path.read_text()
+        for name, block in blocks.items():
+            text = replace_block(text, name, block) or text
+        if all(replace_block(text, name, block) == text for name, block in blocks.items()):
+            with atomic_file(path) as file:
+                file.write(text.encode())
+            written.append(path)
+    return written

@@ -1,0 +1,109 @@
+"""Lines per second of the engines, on one core and on all of them."""
+
+import math
+import os
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rich.table import Table as RichTable
+
+from vrscan.data.config import Config
+from vrscan.data.lines import Lines, part
+from vrscan.data.parallel import processors, workers
+from vrscan.engines.engine import BLOCK, Engine, prepare, run
+from vrscan.scene.simulate import take
+
+LINES = {Engine.RTL: 2_000, Engine.FIXED: 10_000, Engine.IDEAL: 10_000}  # that are measured
+PAPER_LINES = 37_400.0  # lines/s of the paper's sensor
+_WARM = 64  # lines: builds and imports are not what is measured
+_LEAST_S = 1.0  # of a run on all cores, about
+_BLOCK_S = 0.1  # of a block, so that all cores end together
+
+
+@dataclass(frozen=True)
+class Rate:
+    """Lines per second of an engine."""
+
+    engine: Engine
+    lines: int  # that were measured on one core
+    one: float  # on one core
+    cores: int
+    every: float  # on so many cores at a time; NaN if not measured
+
+
+@dataclass(frozen=True)
+class _Again:
+    """The work of a process: an engine on some of the lines that it has, again and again."""
+
+    engine: Engine
+    recording: Lines
+    config: Config
+
+    def __call__(self, rows: slice) -> tuple[int, float]:
+        """Return which process did it, and the processor time it took, s."""
+        start = time.process_time()
+        run(self.engine, part(self.recording, rows), self.config)
+        return os.getpid(), time.process_time() - start
+
+
+def measure(
+    engine: Engine, config: Config, count: int | None = None, cores: int | None = None
+) -> Rate:
+    """Return the speed of an engine on lines of the default scene.
+
+    The processors' time counts, whatever else runs on the machine. On more cores than one,
+    processes that have the lines already work on blocks of them at the same time, and share the
+    memory as they do in a scan.
+
+    Args:
+        engine: Who is measured.
+        config: The instrument.
+        count: Lines; those of ``LINES`` if None.
+        cores: Processes of the second measurement; one a processor if None, and none if 1.
+
+    Raises:
+        InputError: if the engine cannot be built.
+    """
+    count = LINES[engine] if count is None else count
+    cores = processors() if cores is None else cores
+    prepare(engine, config)
+    recording = take("default", count, config).lines
+    run(engine, part(recording, slice(0, _WARM)), config)
+    start = time.process_time()
+    run(engine, recording, config)
+    one = count / (time.process_time() - start)
+    if cores == 1:
+        return Rate(engine, count, one, 1, math.nan)
+    size = min(max(round(_BLOCK_S * one), 1), BLOCK, count)
+    blocks = [slice(first, first + size) for first in range(0, count - size + 1, size)]
+    work = blocks * max(1, math.ceil(_LEAST_S * one * cores / (size * len(blocks))))
+    with workers(_Again(engine, recording, config), cores) as do:
+        ready: set[int] = set()
+        while len(ready) < cores:
+            ready.update(process for process, _ in do([slice(0, _WARM)] * 2 * cores))
+        spent = [seconds for _, seconds in do(work)]
+    every = cores * size * len(work) / sum(spent)
+    return Rate(engine, count, one, cores, every)
+
+
+def table(rates: Sequence[Rate]) -> RichTable:
+    """Return the speeds, at least one, as a table for the terminal."""
+    grid = RichTable(
+        title="Lines of the default scene a second",
+        caption=f"the paper's sensor reads {PAPER_LINES:.0f} lines/s",
+        title_justify="left",
+        caption_justify="left",
+    )
+    grid.add_column("engine")
+    cores = rates[0].cores
+    for heading in ("one core, lines/s", f"{cores} cores, lines/s", "times")[
+        : 3 if cores > 1 else 1
+    ]:
+        grid.add_column(heading, justify="right")
+    for rate in rates:
+        cells = [rate.engine.value, f"{rate.one:.0f}"]
+        if cores > 1:
+            cells += [f"{rate.every:.0f}", f"{rate.every / rate.one:.2f}"]
+        grid.add_row(*cells)
+    return grid

@@ -1,0 +1,388 @@
+"""What the second window is worth: its efficiency, and what skew and slope do to it.
+
+Sensor and spots are those of ``vrscan.study.report.efficiency``. There efficiency is the bound over the
+measured mean square error, which chance alone moves by 2 % with 4,000 lines; here it is the mean
+square error of the efficient score over the detector's, on the same lines. The score is the
+estimate that reaches the bound, of which it needs the truth; both errors come from the same noise,
+so most of the chance drops out.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+
+import numpy as np
+from rich.table import Table as RichTable
+
+from vrscan.data import pkg
+from vrscan.data.arrays import Floats, Ints, Pixels
+from vrscan.data.config import Config
+from vrscan.data.lines import Lines
+from vrscan.data.parallel import workers
+from vrscan.engines.engine import Engine, run
+from vrscan.scene.sensor import spot_electrons
+from vrscan.study.report.accuracy import position_accuracy as position
+from vrscan.study.report.efficiency import (
+    BACKGROUND_COUNTS,
+    LOST_PX,
+    READ_NOISE_COUNTS,
+    cell_lines,
+    with_window,
+)
+
+SIGMAS_PX = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
+DIM_PEAK = 0.02  # of full scale
+PEAKS = (DIM_PEAK, 0.05, 0.10, 0.20, 0.50, 0.90)
+GOAL, GOAL_DIM = 0.95, 0.90  # of the efficiency in every cell, and below 5 %
+
+SKEW = 0.25  # sides of 0.75 s and 1.25 s
+SKEW_SIGMA_PX = 3.0
+SKEW_PEAKS = (0.10, 0.15, 0.20, 0.30, 0.50, 0.70, 0.90)
+GOAL_SKEW_PX = 0.02
+
+SLOPE_SIGMAS_PX = (1.0, 3.0, 8.0, 12.0)
+SLOPE_PEAKS = (0.05, 0.20, 0.90)
+SLOPE = 1.0  # counts a px
+SLOPE_REACH_PX, SLOPE_END_PX = 120, 250  # straight so far; back at the background's level
+SLOPE_BACKGROUND_COUNTS = 200.0
+GOAL_SLOPE_PX = 0.005
+_SUBPIXELS = 8
+_SEED = 20100302
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Efficiency and share of lost lines of one width and height of spot, in both modes."""
+
+    sigma_px: float
+    peak: float
+    one_pass: float
+    two_pass: float
+    lost: float  # of two passes: no position, or more than LOST_PX off
+
+
+@dataclass(frozen=True)
+class Slope:
+    """What a slope does to a spot with two passes, px."""
+
+    sigma_px: float
+    peak: float
+    bias: float  # mean of what a position changes by
+    rms: float  # of the positions on the slope
+    level_rms: float  # of those without one
+
+
+def efficient_score(
+    lines: Pixels, true: Floats, sigma_px: float, peak: float, config: Config
+) -> Floats:
+    """Return the error of the estimate that reaches the bound, px [n].
+
+    The Fisher information's inverse times sum_i (df_i / dmu) (p_i - f_i) / (b^2 + f_i), at the
+    truth (Winick 1986).
+
+    Args:
+        lines: Counts [n, length].
+        true: Centres, px [n].
+        sigma_px: Standard deviation of the spots.
+        peak: Their height, share of full scale.
+        config: Sensor and conversion factor.
+    """
+    kappa, length = config.peak.kappa, lines.shape[1]
+    sigma = np.full(len(true), sigma_px)
+    height = np.full(len(true), peak * 2**config.sensor.pixel_width / kappa)
+    step = 1e-3
+    mean = spot_electrons(true, sigma, height, length)
+    slope = spot_electrons(true + step, sigma, height, length)
+    slope -= spot_electrons(true - step, sigma, height, length)
+    slope /= 2.0 * step
+    dark = (READ_NOISE_COUNTS**2 + 1.0 / 12.0) / kappa**2 + BACKGROUND_COUNTS / kappa
+    weight = slope / (dark + mean)
+    residual = lines / kappa - mean - BACKGROUND_COUNTS / kappa
+    return np.asarray((weight * residual).sum(axis=1) / (weight * slope).sum(axis=1))
+
+
+def study(
+    engine: Engine,
+    config: Config,
+    count: int,
+    progress: Callable[[int], None] | None = None,
+    *,
+    peaks: Sequence[float] = PEAKS,
+    sigmas_px: Sequence[float] = SIGMAS_PX,
+    jobs: int = 1,
+) -> list[Cell]:
+    """Return the efficiency of both modes for every height and width of spot.
+
+    Args:
+        engine: Who detects.
+        config: Thresholds and sensor.
+        count: Lines a cell.
+        progress: Called with the number of cells done so far.
+        peaks: Heights, shares of full scale.
+        sigmas_px: Widths.
+        jobs: Processes, which share the cells.
+    """
+    cells: list[Cell] = []
+    with workers(partial(_cell, engine, config, count), jobs) as do:
+        for cell in do(product(peaks, sigmas_px)):
+            cells.append(cell)
+            if progress is not None:
+                progress(len(cells))
+    return cells
+
+
+def _cell(engine: Engine, config: Config, count: int, spot: tuple[float, float]) -> Cell:
+    peak, sigma = spot
+    lines, true, _ = cell_lines(sigma, peak, count, config)
+    least = np.square(efficient_score(lines.lines, true, sigma, peak, config))
+    found, lost = [], 0.0
+    for two_pass in (False, True):
+        result = run(engine, lines, with_window(config, two_pass))
+        error = result.position_px - true
+        good = result.measured & (np.abs(error) <= LOST_PX)
+        found.append(float(least[good].mean() / np.square(error[good]).mean()))
+        lost = 1.0 - float(good.mean())
+    return Cell(sigma, peak, found[0], found[1], lost)
+
+
+def rounding_bound(width: Ints, height: Floats) -> Floats:
+    """Return the largest error of the model's second window against float64 in the same one, px.
+
+    That of one window, and what the baseline's rounding adds. A slope is right to half of a step a
+    px, which moves the position by at most N**3 / (4 pi**2 |P1|) of it. What is taken off a pixel
+    is a whole aligned count, and the rest goes over to the next one: the sum of the rests'
+    differences times a sine is at most 2, which moves it by at most 2 N / (2 pi |P1|).
+
+    Args:
+        width: Of the windows, px [n].
+        height: Of the spots, aligned counts [n]; |P1| is more than a tenth of it times the width.
+    """
+    n = np.asarray(width, np.float64)
+    light = n * height / 10.0
+    bound = n**3 / (4.0 * np.pi**2 * light) * 2.0 ** -(pkg.RAMP_FRACTION + 1) + n / (np.pi * light)
+    return np.asarray(position.guarantee(period_n=True) + bound)
+
+
+def arithmetic(
+    config: Config,
+    count: int,
+    *,
+    peaks: Sequence[float] = PEAKS,
+    sigmas_px: Sequence[float] = SIGMAS_PX,
+) -> tuple[Floats, Floats, float]:
+    """Return errors of the model against the float64 chain where both have the same window, px.
+
+    Args:
+        config: Thresholds and sensor.
+        count: Lines of each width and height.
+        peaks: Heights, shares of full scale.
+        sigmas_px: Widths.
+
+    Returns:
+        Errors [n], the bound of each [n], and the share of lines with the same window.
+    """
+    settings = with_window(config, True)
+    errors, bounds, lines_with_both = [], [], 0
+    aligned = 2.0 ** (pkg.ALIGNED_WIDTH - config.sensor.pixel_width)
+    for peak in peaks:
+        for sigma in sigmas_px:
+            lines, _, _ = cell_lines(sigma, peak, count, config)
+            got, want = (run(each, lines, settings) for each in (Engine.FIXED, Engine.IDEAL))
+            both = got.measured & want.measured
+            same = both & (got.left == want.left) & (got.width == want.width)
+            height = aligned * (got.maximum - got.background)[same]
+            errors.append(np.abs(got.position_px - want.position_px)[same])
+            bounds.append(rounding_bound(got.width[same], height))
+            lines_with_both += int(both.sum())
+    error = np.concatenate(errors)
+    return error, np.concatenate(bounds), len(error) / max(lines_with_both, 1)
+
+
+def _profile(centre: Floats, sides: tuple[float, float], height: float, length: int) -> Floats:
+    """Return spots whose sides have two widths, integrated over each pixel, [n, length]."""
+    spots = np.zeros((len(centre), length))
+    for part in (np.arange(_SUBPIXELS) + 0.5) / _SUBPIXELS - 0.5:
+        place = np.arange(length) + part - centre[:, None]
+        width = np.where(place < 0.0, sides[0], sides[1])
+        spots += np.exp(-0.5 * np.square(place / width))
+    return np.asarray(height / _SUBPIXELS * spots)
+
+
+def _counts(mean: Floats, draws: Floats, config: Config) -> Pixels:
+    """Return counts with the noise of the study, Gaussian, from standard normal ``draws``."""
+    spread = np.sqrt(READ_NOISE_COUNTS**2 + config.peak.kappa * mean)
+    top = 2**config.sensor.pixel_width - 1
+    return np.clip(np.floor(mean + spread * draws + 0.5), 0, top).astype(np.uint16)
+
+
+def _positions(engine: Engine, pixels: Pixels, config: Config, two_pass: bool) -> Floats:
+    count = len(pixels)
+    power = np.full(count, config.laser.power_max, np.int64)
+    lines = Lines(lines=pixels, angle_rad=np.zeros(count), power=power)
+    result = run(engine, lines, with_window(config, two_pass))
+    return np.asarray(np.where(result.measured, result.position_px, np.nan))
+
+
+def _draws(count: int, salt: int, config: Config) -> tuple[Floats, Floats]:
+    """Return centres in the middle half of the line and standard normal noise."""
+    rng = np.random.default_rng([_SEED, salt])
+    length = config.sensor.line_length
+    centre = rng.uniform(0.25 * length, 0.75 * length, count)
+    return centre, rng.standard_normal((count, length))
+
+
+def skew_positions(
+    engine: Engine,
+    config: Config,
+    count: int,
+    *,
+    sigma_px: float = SKEW_SIGMA_PX,
+    peaks: Sequence[float] = SKEW_PEAKS,
+) -> tuple[Floats, Floats]:
+    """Return where a skewed spot is found, px from its highest place, in one pass and in two.
+
+    Its sides have (1 - SKEW) and (1 + SKEW) times ``sigma_px``; the same spots and the same draws
+    of noise at each height, mean over ``count`` lines, [len(peaks)] each.
+    """
+    centre, draws = _draws(count, 1, config)
+    sides = (1.0 - SKEW) * sigma_px, (1.0 + SKEW) * sigma_px
+    shape = _profile(centre, sides, 1.0, draws.shape[1])
+    full = float(2**config.sensor.pixel_width)
+    found = np.zeros((2, len(peaks)))
+    for k, peak in enumerate(peaks):
+        pixels = _counts(BACKGROUND_COUNTS + peak * full * shape, draws, config)
+        for two_pass in (False, True):
+            places = _positions(engine, pixels, config, two_pass) - centre
+            found[int(two_pass), k] = np.nanmean(places)
+    return found[0], found[1]
+
+
+def sloping(place: Floats) -> Floats:
+    """Return a background that slopes by SLOPE at a spot, counts over its level, any shape.
+
+    Straight for SLOPE_REACH_PX on either side, which holds the widest window and its blocks, and
+    back at SLOPE_END_PX, so that the line's statistics, which leave out what is near the spot, do
+    not see it: a level elsewhere is another matter, a threshold's.
+
+    Args:
+        place: Distance from the spot, px.
+    """
+    far = np.abs(place)
+    back = SLOPE_REACH_PX * (SLOPE_END_PX - far) / (SLOPE_END_PX - SLOPE_REACH_PX)
+    return np.asarray(
+        SLOPE * np.sign(place) * np.where(far < SLOPE_REACH_PX, far, np.maximum(back, 0.0))
+    )
+
+
+def slope_study(
+    engine: Engine,
+    config: Config,
+    count: int,
+    *,
+    peaks: Sequence[float] = SLOPE_PEAKS,
+    sigmas_px: Sequence[float] = SLOPE_SIGMAS_PX,
+) -> list[Slope]:
+    """Return what ``sloping`` does to spots of every height and width, with two passes.
+
+    Spots and draws of noise are the same with and without it, so that what differs is its doing.
+    """
+    results = []
+    full = float(2**config.sensor.pixel_width)
+    for peak in peaks:
+        for sigma in sigmas_px:
+            centre, draws = _draws(count, 2, config)
+            spot = _profile(centre, (sigma, sigma), peak * full, draws.shape[1])
+            level = SLOPE_BACKGROUND_COUNTS + spot
+            rise = sloping(np.arange(draws.shape[1]) - centre[:, None])
+            flat, tilted = (
+                _positions(engine, _counts(mean, draws, config), config, True) - centre
+                for mean in (level, level + rise)
+            )
+            results.append(
+                Slope(
+                    sigma_px=sigma,
+                    peak=peak,
+                    bias=float(np.nanmean(tilted - flat)),
+                    rms=float(np.nanstd(tilted)),
+                    level_rms=float(np.nanstd(flat)),
+                )
+            )
+    return results
+
+
+def figures(cells: list[Cell], places: Floats, slopes: list[Slope]) -> list[tuple[str, bool]]:
+    """Return what is asked of two passes in words, and whether it holds.
+
+    Args:
+        cells: Of ``study``.
+        places: Of ``skew_positions``, with two passes.
+        slopes: Of ``slope_study``.
+    """
+    bright = min((c.two_pass for c in cells if c.peak >= 0.05), default=1.0)
+    dim = min((c.two_pass for c in cells if c.peak < 0.05), default=1.0)
+    moves = float(np.ptp(places))
+    pull = max(abs(result.bias) for result in slopes)
+    return [
+        (f"worst efficiency from 5 % up: {bright:.3f} (at least {GOAL:.2f})", bright >= GOAL),
+        (f"worst efficiency below: {dim:.3f} (at least {GOAL_DIM:.2f})", dim >= GOAL_DIM),
+        (f"a skewed spot moves by {moves:.4f} px (below {GOAL_SKEW_PX:g})", moves < GOAL_SKEW_PX),
+        (f"a slope pulls by {pull:.4f} px (below {GOAL_SLOPE_PX:g})", pull < GOAL_SLOPE_PX),
+    ]
+
+
+def efficiency_grid(cells: list[Cell], engine: Engine, count: int) -> RichTable:
+    """Return the efficiencies as a table, a row a height: one pass, then two."""
+    sigmas = sorted({cell.sigma_px for cell in cells})
+    grid = RichTable(
+        title=f"Efficiency with one pass / two passes, engine {engine}, {count} lines a cell",
+        caption="mean square error of the efficient score over the detector's, on the same lines",
+        title_justify="left",
+        caption_justify="left",
+    )
+    grid.add_column("peak", justify="right")
+    for sigma in sigmas:
+        grid.add_column(f"{sigma:g} px", justify="right")
+    for peak in dict.fromkeys(cell.peak for cell in cells):
+        row = {cell.sigma_px: cell for cell in cells if cell.peak == peak}
+        values = [f"{row[s].one_pass:.3f} / {row[s].two_pass:.3f}" for s in sigmas]
+        grid.add_row(f"{100 * peak:g} %", *values)
+    return grid
+
+
+def skew_grid(one: Floats, two: Floats, peaks: Sequence[float] = SKEW_PEAKS) -> RichTable:
+    """Return the places of a skewed spot as a table, and how far it moves."""
+    grid = RichTable(
+        title=f"A spot with sides of {1 - SKEW:g} s and {1 + SKEW:g} s, s = {SKEW_SIGMA_PX:g} px: "
+        "px from its highest place",
+        title_justify="left",
+    )
+    grid.add_column("peak")
+    for heading in (*(f"{100 * peak:.0f} %" for peak in peaks), "moves by"):
+        grid.add_column(heading, justify="right")
+    for name, places in (("one pass", one), ("two passes", two)):
+        grid.add_row(name, *(f"{place:.3f}" for place in places), f"{np.ptp(places):.4f}")
+    return grid
+
+
+def slope_grid(results: list[Slope]) -> RichTable:
+    """Return what a slope does as a table, a row a height."""
+    sigmas = sorted({result.sigma_px for result in results})
+    grid = RichTable(
+        title=f"A background that slopes by {SLOPE:g} count/px, two passes: bias, and rms without "
+        "and with it, 1e-3 px",
+        title_justify="left",
+    )
+    grid.add_column("peak", justify="right")
+    for sigma in sigmas:
+        grid.add_column(f"{sigma:g} px", justify="right")
+    for peak in dict.fromkeys(result.peak for result in results):
+        row = {result.sigma_px: result for result in results if result.peak == peak}
+        grid.add_row(
+            f"{100 * peak:g} %",
+            *(
+                f"{1e3 * row[s].bias:+.2f}; {1e3 * row[s].level_rms:.1f}, {1e3 * row[s].rms:.1f}"
+                for s in sigmas
+            ),
+        )
+    return grid

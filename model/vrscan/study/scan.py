@@ -1,0 +1,116 @@
+"""A simulated scan, block by block: light, points, files and errors, in memory of one size.
+
+A process simulates a block of lines and runs the engine on it, so pixels stay where they are made.
+What comes back are the bytes of the files and the sums of the errors. The lines themselves come
+back only where they are to be kept.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from vrscan.data.arrays import Floats
+from vrscan.data.lines import Lines, bare, joined, part
+from vrscan.data.parallel import workers
+from vrscan.data.points import csv_rows, ply_vertices
+from vrscan.data.table import Table
+from vrscan.engines.engine import Engine, processes, run_block
+from vrscan.scene.simulate import BLOCK, Scanner
+from vrscan.study.report.tally import Tally
+
+MOST_DRAWN = 30_000  # lines of a picture
+_JOINED = 64  # samples
+_STREAM = 0xD2A3  # of the random numbers that pick them
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Lines that stand for all of a scan in its picture: all of them where they are few."""
+
+    lines: Lines  # n, of no pixels
+    points: Table
+    y_mm: Floats  # where the scanner was [n]
+
+    @classmethod
+    def joined(cls, parts: list["Sample"]) -> "Sample":
+        """Return one sample of all lines of ``parts``, at least one."""
+        return cls(
+            lines=joined([each.lines for each in parts]),
+            points=Table.joined([each.points for each in parts]),
+            y_mm=np.concatenate([each.y_mm for each in parts]),
+        )
+
+
+@dataclass(frozen=True)
+class Part:
+    """What a block of a scan comes to."""
+
+    csv: bytes  # of ``csv_rows``
+    ply: bytes  # of ``ply_vertices``
+    tally: Tally
+    sample: Sample
+    lines: Lines | None  # with their truth, if they are kept
+
+
+@dataclass(frozen=True)
+class _Work:
+    """The work of a process."""
+
+    scanner: Scanner
+    engine: Engine
+    keep: bool
+
+    def __call__(self, number: int) -> Part:
+        taken = self.scanner.part(number)
+        lines, y_mm = taken.lines, taken.timeline.y_mm
+        truth = lines.truth
+        assert truth is not None  # a simulation has one
+        points = run_block(self.engine, lines, self.scanner.light.config, number * BLOCK)
+        rng = np.random.default_rng((self.scanner.light.scene.seed, _STREAM, number))
+        drawn = rng.random(len(lines)) < MOST_DRAWN / self.scanner.count
+        return Part(
+            csv=csv_rows(points),
+            ply=ply_vertices(points, y_mm),
+            tally=Tally.of(points, truth),
+            sample=Sample(part(bare(lines), drawn), points.of(drawn), y_mm[drawn]),
+            lines=lines if self.keep else None,
+        )
+
+
+def scan(
+    scanner: Scanner,
+    engine: Engine,
+    take: Callable[[Part], None],
+    *,
+    keep: bool = False,
+    jobs: int = 1,
+    progress: Callable[[int], None] | None = None,
+) -> tuple[Tally, Sample]:
+    """Scan a scene.
+
+    Args:
+        scanner: The scene, its effects, and how many lines.
+        engine: Who turns lines into points; ``engines.prepare`` has been called.
+        take: Called with each block, in the order of its lines.
+        keep: Whether blocks come with their lines.
+        jobs: Processes, as for ``engines.processes``. The blocks do not depend on it.
+        progress: Called with the number of lines done so far.
+
+    Raises:
+        InputError: as ``engines.run`` and ``parallel.workers``.
+    """
+    jobs = processes(engine, scanner.count, jobs)
+    tally: Tally | None = None
+    samples: list[Sample] = []
+    with workers(_Work(scanner, engine, keep), jobs) as do:
+        for each in do(range(scanner.blocks)):
+            take(each)
+            tally = each.tally if tally is None else tally + each.tally
+            samples.append(each.sample)
+            if len(samples) == _JOINED:  # a sample of no lines takes memory, too
+                samples = [Sample.joined(samples)]
+            if progress is not None:
+                progress(tally.lines)
+    assert tally is not None  # of one line at least
+    return tally, Sample.joined(samples)
