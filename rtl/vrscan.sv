@@ -16,7 +16,7 @@
 //   Test lines    from test_start on until the run has ended they take the sensor's place; a line of
 //                 the sensor that is cut off by that counts as unfinished.  Their points carry
 //                 test_angle and test_power, and nothing of mirror and laser
-//   Model         each module's own.  tb/test_link_board.py lets this top compute on the virtual board,
+//   Model         each module's own.  tb/link/test_link_board.py lets this top compute on the virtual board,
 //                 and compares every field of every point with vrscan.fixed.vrscan_chain
 
 `default_nettype none

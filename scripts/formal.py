@@ -30,7 +30,7 @@ PROPERTIES = ROOT / "tb" / "formal"
 STEP = "step_"  # how properties begin that are no claim of their own
 
 CONTROL = "rtl/actuators/laser_control.sv"
-GUARD = "rtl/actuators/laser_guard.sv"
+GUARD = "rtl/safety/laser_guard.sv"
 DRIVE = "rtl/mirror/mirror_drive.sv"
 
 

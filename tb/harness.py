@@ -182,7 +182,11 @@ def simulate(
     if not control.exists() or control.read_text() != text:
         control.write_text(text)
     path = os.pathsep.join(
-        [str(repository_root() / "model"), str(Path(test_file).parent), *os.sys.path]
+        [
+            str(p)
+            for p in (repository_root() / "model", Path(__file__).parent, Path(test_file).parent)
+        ]
+        + sys.path
     )
     devices = repository_root() / "tb" / "devices"
     device = devices / f"{module}.sv"

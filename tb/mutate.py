@@ -463,7 +463,7 @@ FAULTS = [
         ("a fault of the index unheard", "missing || doubled || impossible", "missing || doubled"),
     ),
     *faults(
-        "rtl/sensor/line_trigger.sv",
+        "rtl/timing/line_trigger.sv",
         ("the laser a clock longer", "if (ahead_q == pulse_end_q)", "if (time_q == pulse_end_q)"),
         ("a pulse of no clocks", "pulse_delay_clks_i != '0 || pulse_clks_i != '0", "1'b1"),
         ("the laser on after a stop", "      laser_o         <= 1'b0;\n", ""),
@@ -622,7 +622,7 @@ FAULTS = [
         ("the rest of a line", "      drop_q <= 1'b1;  // what", "      drop_q <= 1'b0;  // what"),
     ),
     *faults(
-        "rtl/sensor/line_tag.sv",
+        "rtl/timing/line_tag.sv",
         ("an exposure is forgotten", "<= ended_q || ended;", "<= ended_q;"),
         ("a tag changes in its line", "angle_match_q && !tagged_q", "angle_match_q"),
         (
@@ -632,7 +632,7 @@ FAULTS = [
         ),
     ),
     *faults(
-        "rtl/link/point_packer.sv",
+        "rtl/points/point_packer.sv",
         ("no room between records of a batch", "open || room_q;", "room_q;"),
         ("the line after the expected one", "line_q - base_q;", "line_q - base_q + 32'd1;"),
         (
@@ -671,7 +671,7 @@ FAULTS = [
         ("a new power in a pulse", "(laser_q && !laser_i)", "!laser_i"),
     ),
     *faults(
-        "rtl/actuators/laser_guard.sv",
+        "rtl/safety/laser_guard.sv",
         ("light begins in a pulse", "ready && (ok_o || !pulse_q[1])", "ready"),
     ),
     *faults(
@@ -952,7 +952,10 @@ def main(words: list[str]) -> int:
         for k in range(count):
             trees.put(copied(Path(place) / str(k)))
         # Without a fault all is green; for what is simulated, one test stands for the others.
-        tests = [("tb/test_line_buffer.py", ""), *{(f.test, f.only) for f in chosen if f.only}]
+        tests = [
+            ("tb/sensor/test_line_buffer.py", ""),
+            *{(f.test, f.only) for f in chosen if f.only},
+        ]
         for test, only in tests:
             if verdict(trees.queue[0], test, only) != "green":
                 console.print(f"mutate: {test} is red without a fault")

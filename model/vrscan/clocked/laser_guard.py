@@ -1,4 +1,4 @@
-"""The light's gate in a clock of its own, the twin of ``rtl/actuators/laser_guard.sv``."""
+"""The light's gate in a clock of its own, the twin of ``rtl/safety/laser_guard.sv``."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What belongs to the line that is being read out, the twin of ``rtl/sensor/line_tag.sv``."""
+"""What belongs to the line that is being read out, the twin of ``rtl/timing/line_tag.sv``."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Time base of the lines, the twin of ``rtl/sensor/line_trigger.sv``."""
+"""Time base of the lines, the twin of ``rtl/timing/line_trigger.sv``."""
 
 from dataclasses import dataclass, fields
 

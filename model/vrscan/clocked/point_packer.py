@@ -1,4 +1,4 @@
-"""Records of points become packets, the twin of ``rtl/link/point_packer.sv``."""
+"""Records of points become packets, the twin of ``rtl/points/point_packer.sv``."""
 
 from collections import deque
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""All that is known of a line's point, in 64 bytes, the twin of ``rtl/link/point_record.sv``."""
+"""All that is known of a line's point, in 64 bytes, the twin of ``rtl/points/point_record.sv``."""
 
 import numpy as np
 

@@ -2,5 +2,5 @@
 
 An entry has a stable name, says what breaks there, and states the defined result so that it can
 be checked; beside its error stands that of VR-SCAN's equations in float64, computed each time.
-``vrscan cases`` shows them, ``tb/test_hard_cases.py`` proves them at RTL and model.
+``vrscan cases`` shows them, ``tb/study/cases/test_cases.py`` proves them at RTL and model.
 """

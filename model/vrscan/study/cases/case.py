@@ -33,7 +33,7 @@ from vrscan.study.cases.case_errors import (
 from vrscan.study.cases.case_line import Line
 from vrscan.study.report.accuracy.position_accuracy import error_bounds, phase_bounds
 
-CHAIN_TEST = "test_hard_cases.py::test_chain_rtl_equals_model"
+CHAIN_TEST = "test_cases.py::test_chain_rtl_equals_model"
 WARNINGS = ("AT_EDGE", "SATURATED", "RIVAL", "ROW_STATISTICS")
 OF_THE_POINT = frozenset({"NO_RANGE", "OUT_OF_RANGE"})  # which an entry without angles is not about
 STEP_PX = 2.0**-pkg.POSITION_FRACTION

@@ -255,7 +255,7 @@ def cases() -> Iterator[Case]:
         "it wraps to minus half a turn, which is the same direction; (3) takes it for 0",
         _half_turn,
         (
-            "test_registers.py::test_angles_are_turns_and_wrap_at_half_a_turn",
+            "test_chain_registers.py::test_angles_are_turns_and_wrap_at_half_a_turn",
             "test_triangulate.py::any_point_back_to_back",
         ),
     )

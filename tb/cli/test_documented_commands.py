@@ -1,29 +1,14 @@
 """The commands that README and docs print: they can be given so, and write below build/ only."""
 
-import re
-import shlex
-from collections.abc import Iterator
-from pathlib import Path
-
 import click
 import pytest
 import typer
+from documented import ROOT, commands
 
 from vrscan.cli.app import app
-from vrscan.engines.tools import repository_root
 
-ROOT = repository_root()
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 WRITTEN = ("--out", "--csv", "--port-file")
-
-
-def commands(page: Path) -> Iterator[list[str]]:
-    """Yield the words of each ``vrscan`` command in a page's code blocks."""
-    for block in re.findall(r"^```\w*\n(.*?)^```", page.read_text(), re.DOTALL | re.MULTILINE):
-        for line in block.splitlines():
-            words = shlex.split(line.removeprefix("$ "), comments=True) if "vrscan " in line else []
-            if words and words[0].endswith("bin/vrscan"):
-                yield words[1:]
 
 
 FOUND = [(page.name, words) for page in PAGES for words in commands(page)]

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 import pytest
 from harness import generator, in_volume
-from test_board import Host
-from test_board_vrscan import CONFIG as SLOW  # its clock is a quarter: its seconds are, too
-from test_board_vrscan import SCENE
+from port_host import Host
+from slow_board import CONFIG as SLOW
+from slow_board import SCENE
 
 from vrscan.clocked.frame_decoder import FrameDecoder
 from vrscan.clocked.frame_decoder import Status as FrameStatus

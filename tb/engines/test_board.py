@@ -8,22 +8,14 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from slow_board import CONFIG, SCENE
 
 from vrscan.data import pkg
-from vrscan.data.config import Config
 from vrscan.engines.board import Board
 from vrscan.link.device import Device
 from vrscan.scene import library as lines
 from vrscan.scene.description import load
 
-SCENE = "default"
-CONFIG = Config.model_validate(
-    {
-        "clock": {"frequency_hz": 25e6},
-        "line": {"rate_hz": 9000.0},
-        "mirror": {"sweep_span_hz": 0.0},  # it swings already
-    }
-)
 POWER = round(0.4 * CONFIG.laser.power_max)
 STREAM_CLKS = 4_000_000
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_lines import BAD_ARCHIVES
+from test_line_files import BAD_ARCHIVES
 
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError

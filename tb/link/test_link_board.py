@@ -1,6 +1,6 @@
 """The host against the RTL of the whole instrument, on the virtual board's serial port.
 
-The board is that of ``test_board_vrscan``, whose elaboration it shares.
+The board is that of ``test_board``, whose elaboration it shares.
 """
 
 import csv
@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_board_vrscan import CONFIG, SCENE
-from test_documented_commands import ROOT, commands
+from documented import ROOT, commands
+from slow_board import CONFIG, SCENE
 from typer.testing import CliRunner
 
 from vrscan.cli.app import app
