@@ -1,7 +1,10 @@
 """What holds for every test."""
 
+import os
 import signal
+from collections.abc import Iterator
 
+import harness
 import pytest
 
 # A shell's background jobs ignore an interrupt, and so would what the tests start to interrupt it.
@@ -17,3 +20,29 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         known = item._fixtureinfo.name2fixturedefs
         if any(known[name][-1].scope == "module" for name in item.fixturenames if name in known):
             item.add_marker(pytest.mark.xdist_group(item.module.__name__))
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let --cache-clear mean the simulations that passed before, too."""
+    if config.option.cacheclear:
+        os.environ[harness.ANEW] = "1"
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
+    """Report which simulations stood: a worker's reports are all that its controller sees."""
+    harness.STOOD.clear()
+    yield
+    if harness.STOOD:
+        item.user_properties.append(("stood", len(harness.STOOD)))
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say how many simulations did not have to run."""
+    passed = terminalreporter.stats.get("passed", [])
+    stood = sum(n for report in passed for name, n in report.user_properties if name == "stood")
+    if stood:
+        terminalreporter.write_line(
+            f"{stood} simulations stand as they passed: nothing that they read has changed "
+            '(ARGS="--cache-clear" runs them)'
+        )

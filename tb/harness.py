@@ -12,6 +12,7 @@ import os
 import random
 import shlex
 import subprocess
+import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -35,6 +36,9 @@ from vrscan.engines.tools import (
 )
 
 CLOCK_NS = 8
+
+ANEW = "VRSCAN_ANEW"  # in the environment, every simulation runs
+STOOD: list[str] = []  # the simulations of this process that did not have to run again
 
 
 def in_volume(*values: int | str) -> ParameterSet:
@@ -145,6 +149,32 @@ def _build(runner: _Verilator, log_file: Path, **arguments: object) -> None:
         raise RuntimeError("\n" + log_file.read_text()[-4000:]) from error
 
 
+def _state(files: Iterable[str], circumstances: Sequence[str]) -> dict[str, str]:
+    """Return what a result depends on: a hash of every file, and the circumstances."""
+    state = {"circumstances": hashlib.sha256(repr(circumstances).encode()).hexdigest()}
+    for name in files:
+        file = Path(name)
+        content = file.read_bytes() if file.is_file() else b"gone"
+        state[name] = hashlib.sha256(content).hexdigest()
+    return state
+
+
+def _stands(kept: Path, circumstances: Sequence[str]) -> bool:
+    """Return whether a simulation passed before, and nothing that it read has changed since."""
+    if ANEW in os.environ or not kept.exists():
+        return False
+    before = json.loads(kept.read_text())
+    return before == _state([name for name in before if name != "circumstances"], circumstances)
+
+
+def _keep(kept: Path, reads: Path, verilated: Path, circumstances: Sequence[str]) -> None:
+    """Note that a simulation passed, with all that it read: RTL, its tests, the model."""
+    sources = verilated.read_text().partition(":")[2].split()
+    files = [name for name in sources if name.endswith((".sv", ".vlt"))]
+    state = _state([*files, *json.loads(reads.read_text())], circumstances)
+    kept.write_text(json.dumps(state, indent=0))
+
+
 def simulate(
     module: str,
     test_file: str,
@@ -155,6 +185,9 @@ def simulate(
     volume: str = "short",
 ) -> None:
     """Build ``module`` with ``parameters`` and run every cocotb test of ``test_file`` on it.
+
+    A simulation has no chance in it, so one that passed stands until a file that it read changes;
+    ``pytest --cache-clear`` runs it again all the same.
 
     Args:
         module: Name of the top module, in ``rtl/`` or ``tb/devices/``.
@@ -191,8 +224,20 @@ def simulate(
     devices = repository_root() / "tb" / "devices"
     device = devices / f"{module}.sv"
     libraries = [part for place in [*rtl_folders(), devices] for part in ("-y", str(place))]
+    stem = Path(test_file).stem
+    kept = folder / f"{stem}_{volume}.json"
     with _environment(environment), FileLock(folder / "lock"):
-        runner = _Verilator(_runtime(environment))
+        runtime = _runtime(environment)
+        places = sorted(str(f) for place in [*rtl_folders(), devices] for f in place.glob("*.sv"))
+        circumstances = [runtime.name, sys.version, *places]
+        circumstances.append((repository_root() / "requirements.txt").read_text())
+        if _stands(kept, circumstances):
+            STOOD.append(kept.name)
+            return
+        reads = folder / "reads.json"
+        for stale in (kept, reads):
+            stale.unlink(missing_ok=True)
+        runner = _Verilator(runtime)
         _build(
             runner,
             sources=[
@@ -210,7 +255,7 @@ def simulate(
         )
         runner.test(
             hdl_toplevel=module,
-            test_module=Path(test_file).stem,
+            test_module=["reads", stem],
             test_dir=folder,
             results_xml=str(folder / "results.xml"),
             seed=SEED,
@@ -218,10 +263,12 @@ def simulate(
                 "PYTHONPATH": path,
                 "VRSCAN_PARAMETERS": json.dumps(parameters),
                 "VRSCAN_VOLUME": volume,
+                "VRSCAN_READS": str(reads),
                 # Of all files, numpy's too, it would rewrite the assertions.
                 "COCOTB_REWRITE_ASSERTION_FILES": "test_*.py harness.py",
             },
         )
+        _keep(kept, reads, folder / "Vtop__ver.d", circumstances)
 
 
 def parameters() -> dict[str, int]:

@@ -23,6 +23,7 @@ from rich.table import Table
 
 from vrscan.engines.tools import repository_root
 
+ROOT = repository_root()
 PARTS = ("rtl", "tb", "model", "scripts", "pyproject.toml")
 SECONDS = 200  # a test that takes longer hangs, which is red too
 NO_RTL = "not rtl"  # for a model: mathematics has to notice, not only the RTL
@@ -42,7 +43,8 @@ class Fault:
 
 def faults(file: str, *edits: tuple[str, str, str], test: str = "", only: str = "") -> list[Fault]:
     """Return faults of one file, by default for the test that has the file's name."""
-    path = f"tb/test_{test or Path(file).stem}.py"
+    name = f"test_{test or Path(file).stem}.py"
+    path = str(next((ROOT / "tb").rglob(name)).relative_to(ROOT))
     return [Fault(file, *edit, path, only) for edit in edits]
 
 

@@ -123,7 +123,8 @@ class Mirror(Section):
     # [a_k, phi_k_rad] of the simulated mirror where the loop rests at level 0.7, and how they
     # change a turn of drive_phase, as `python -m vrscan.calibrate.motion_fit` prints them. The
     # paper's six leave 3.96 urad rms of the motion, these nine 1.41; without slopes the band of
-    # levels adds up to 48. A file may give six to nine pairs, the rest are 0; without slopes it has none.
+    # levels adds up to 48. A file may give six to nine pairs, the rest are 0; without slopes it
+    # has none.
     harmonics: list[list[float]] = [
         [1.0, 0.0],
         [0.000638120, 2.8657650],

@@ -24,6 +24,7 @@ from vrscan.study.cases.case import CHAIN_TEST, Case, LineCase, ModuleCase
 from vrscan.study.cases.registry import WINDOWS, every
 from vrscan.study.report.efficiency import as_printed, cell_lines
 
+TB = repository_root() / "tb"
 MOST_ROWS = 120
 SHORT = 2048  # px: shorter lines may follow each other faster than windows are measured
 
@@ -99,7 +100,7 @@ def test_the_rtl_test_of_an_entry_is_there(case: Case) -> None:
     simulated = False
     for test in case.rtl:
         file, name = test.split("::")
-        found = functions(Path(__file__).parent / file)
+        found = functions(next(TB.rglob(file)))
         assert name in found and is_test(name, found[name]), test
         # A cocotb test, and a pytest function beside it that builds the RTL; or the chain's RTL.
         cocotb = isinstance(found[name], ast.AsyncFunctionDef)

@@ -18,7 +18,7 @@ _HEAD = f"""# Hard cases
 What the chain does where a line, a number or a clock is at its worst. Each row is a test: its lines
 go through the model, which must do what the row says, and through the RTL, which must give the same
 bits; a row of one module names the test of its RTL. `vrscan cases --write` makes this page from
-`model/vrscan/cases`; `tb/study/cases/test_cases.py` fails when it is stale.
+`model/vrscan/study/cases`; `tb/study/cases/test_cases.py` fails when it is stale.
 
 - *Defined result*, *flags* and *error here* are those of the shipped configuration, one pass, and
   the error is the largest over the row's lines; what `window = "two_pass"` makes of them stands

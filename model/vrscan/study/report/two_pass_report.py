@@ -1,6 +1,6 @@
 """What the second window is worth: its efficiency, and what skew and slope do to it.
 
-Sensor and spots are those of ``vrscan.study.report.efficiency``. There efficiency is the bound over the
+Sensor and spots are those of ``study.report.efficiency``. There efficiency is the bound over the
 measured mean square error, which chance alone moves by 2 % with 4,000 lines; here it is the mean
 square error of the efficient score over the detector's, on the same lines. The score is the
 estimate that reaches the bound, of which it needs the truth; both errors come from the same noise,
