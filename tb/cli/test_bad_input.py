@@ -130,24 +130,36 @@ def test_bad_input(
 
 # Commands whose result has nowhere to go, and the work that must not begin then.
 NOWHERE = {
-    "bench_light_below_nothing": (["bench", "light", "--out", "no/where"], "report.fidelity.run"),
-    "bench_light_into_file": (["bench", "light", "--out", "good.npz"], "report.fidelity.run"),
-    "bench_light_into_unwritable": (["bench", "light", "--out", "/proc"], "report.fidelity.run"),
-    "bench_light_rewrites_nothing": (["bench", "light", "--write"], "report.fidelity.run"),
+    "bench_light_below_nothing": (
+        ["bench", "light", "--out", "no/where"],
+        "study.report.fidelity.run",
+    ),
+    "bench_light_into_file": (["bench", "light", "--out", "good.npz"], "study.report.fidelity.run"),
+    "bench_light_into_unwritable": (
+        ["bench", "light", "--out", "/proc"],
+        "study.report.fidelity.run",
+    ),
+    "bench_light_rewrites_nothing": (["bench", "light", "--write"], "study.report.fidelity.run"),
     "bench_report_into_unwritable": (
         ["bench", "report", "--quick", "--out", "/proc"],
-        "bench.report.run",
+        "study.bench.bench_report.run",
     ),
     "numbers_below_nothing": (
         ["numbers", "--csv", "no/numbers.csv"],
-        "report.accuracy.cordic.measure",
+        "study.report.accuracy.cordic_accuracy.measure",
     ),
-    "numbers_rewrites_nothing": (["numbers", "--write"], "report.accuracy.cordic.measure"),
-    "cases_rewrites_nothing": (["cases", "--write"], "cases.page.measure"),
-    "budget_below_nothing": (["budget", "--csv", "no/budget.csv"], "scene.plan.plan"),
-    "mirror_below_nothing": (["mirror", "--out", "no/mirror.csv"], "report.mirror.simulate"),
-    "board_below_file": (["board", "--port-file", "good.npz/port"], "board.build"),
-    "board_into_unwritable": (["board", "--port-file", "/proc/port"], "board.build"),
+    "numbers_rewrites_nothing": (
+        ["numbers", "--write"],
+        "study.report.accuracy.cordic_accuracy.measure",
+    ),
+    "cases_rewrites_nothing": (["cases", "--write"], "study.cases.case_page.measure"),
+    "budget_below_nothing": (["budget", "--csv", "no/budget.csv"], "study.plan.plan"),
+    "mirror_below_nothing": (
+        ["mirror", "--out", "no/mirror.csv"],
+        "study.report.mirror_report.simulate",
+    ),
+    "board_below_file": (["board", "--port-file", "good.npz/port"], "engines.board.build"),
+    "board_into_unwritable": (["board", "--port-file", "/proc/port"], "engines.board.build"),
 }
 
 
@@ -165,7 +177,7 @@ def test_what_cannot_be_written_is_told_before_the_work(
 
     monkeypatch.setattr(f"vrscan.{work}", began)
     if "--write" in arguments:
-        for module in ("tools", "cases.page"):
+        for module in ("engines.tools", "study.cases.case_page"):
             monkeypatch.setattr(
                 f"vrscan.{module}.repository_root", lambda: folder / "root", raising=False
             )

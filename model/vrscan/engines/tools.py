@@ -15,7 +15,7 @@ OLDEST_VERILATOR = (5, 36)
 
 def repository_root() -> Path:
     """Return the folder that holds rtl/, tb/ and model/."""
-    return Path(__file__).resolve().parents[2]
+    return Path(__file__).resolve().parents[3]
 
 
 def build_folder() -> Path:

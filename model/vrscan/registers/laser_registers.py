@@ -82,11 +82,11 @@ class LaserRegisters:
                 "limit_power_mw", per_mw * laser.limit_power_mw, "laser_limit_power"
             ),
             laser_limit_startup=limit(
-                "limit_startup_mw", per_mw * laser.limit_startup_mw, "limit_startup"
+                "limit_startup_mw", per_mw * laser.limit_startup_mw, "laser_limit_startup"
             ),
             laser_limit_pulse_clks=limit("limit_pulse_us", pulse_clks, "laser_limit_pulse_clks"),
             laser_limit_drain=limit(
-                "limit_average_mw", per_mw * laser.limit_average_mw, "limit_drain"
+                "limit_average_mw", per_mw * laser.limit_average_mw, "laser_limit_drain"
             ),
             laser_limit_bucket=limit("limit_burst_uj", bucket, "laser_limit_bucket"),
             laser_watchdog_clks=max(

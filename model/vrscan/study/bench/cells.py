@@ -24,7 +24,7 @@ from vrscan.engines.tools import repository_root
 Figures = dict[str, Any]  # what JSON holds
 Work = Callable[[dict[str, Any], int], Figures]
 
-_PACKAGE = Path(__file__).parents[1]
+_PACKAGE = Path(__file__).parents[2]
 _BESIDE = ("rtl/", "tb/")  # patterns that begin so are of the repository
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 
+from vrscan.engines.tools import repository_root
 from vrscan.study.cases.case import UNNOTICED_PX, Case, LineCase, Outcome
 from vrscan.study.cases.case_errors import number
 from vrscan.study.cases.registry import WINDOWS, rooms
@@ -69,7 +70,9 @@ def _proof(case: Case) -> str:
     if isinstance(case, LineCase):
         return "{} x {}".format(*case.build)
     files = dict.fromkeys(test.split("::")[0] for test in case.rtl)
-    return ", ".join(f"[{file.removesuffix('.py')}](../tb/{file})" for file in files)
+    tb = repository_root() / "tb"
+    places = [next(tb.rglob(file)).relative_to(tb) for file in files]
+    return ", ".join(f"[{place.stem}](../tb/{place})" for place in places)
 
 
 def cells(case: Case, outcomes: list[Outcome]) -> tuple[str, ...]:
