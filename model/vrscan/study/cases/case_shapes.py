@@ -7,7 +7,7 @@ is exactly what the entry says.
 import numpy as np
 
 from vrscan.data.arrays import Floats, Pixels
-from vrscan.study.cases.case import Line
+from vrscan.study.cases.case_line import Line
 
 LENGTH, FULL = 2048, 4095
 LEVEL = 60  # counts: mean of the background, which goes up and down by one: its noise is 1

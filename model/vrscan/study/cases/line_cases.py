@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from vrscan.data.config import Peak
-from vrscan.study.cases.case import STEP_PX, Case, Line, LineCase
+from vrscan.study.cases.case import STEP_PX, Case, LineCase
+from vrscan.study.cases.case_line import Line
 from vrscan.study.cases.case_shapes import (
     FULL,
     LENGTH,

@@ -8,8 +8,9 @@ import numpy as np
 from vrscan.data import pkg
 from vrscan.fixed.cordic_vector import angle_bounds, cordic_vector
 from vrscan.fixed.peak_position import peak_position
-from vrscan.study.cases.case import STEP_PX, Case, Line, LineCase, ModuleCase, Outcome
+from vrscan.study.cases.case import STEP_PX, Case, LineCase, ModuleCase, Outcome
 from vrscan.study.cases.case_errors import PHANTOM, Value, number, summary
+from vrscan.study.cases.case_line import Line
 from vrscan.study.cases.case_shapes import LEVEL, background, box, line
 
 LEFT = 700

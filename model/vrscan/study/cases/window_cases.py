@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from vrscan.study.cases.case import Case, Line, LineCase, SpreadCase
+from vrscan.study.cases.case import Case, LineCase, SpreadCase
+from vrscan.study.cases.case_line import Line
 from vrscan.study.cases.case_shapes import (
     FULL,
     LENGTH,
