@@ -24,7 +24,6 @@ from timing import SEEDS, ToolError, run
 
 from vrscan.engines.tools import build_folder, repository_root, rtl_boards, rtl_closure
 from vrscan.study.report.numbers import replace_block
-from vrscan.study.report.readme_tables import linked
 
 ROOT = repository_root()
 
@@ -191,21 +190,18 @@ def _table(name: str, board: Board, report: Path) -> Table:
     return table
 
 
-def write_readme(board: Board, report: Path) -> None:
-    """Put clocks and size between the README's markers."""
+def write_numbers(board: Board, report: Path) -> None:
+    """Put clocks and size into docs/numbers.md."""
     clocks = [
         (f"{name}, MHz", f"{got:.1f}", f"{wanted:.1f}")
         for name, (got, wanted) in sorted(_clocks(board, report).items())
     ]
     rows = ["| figure | reached or used | wanted or there |", "|---|--:|--:|"]
-    rows += [
-        f"| {linked('bitstream', what)} | {used} | {there} |"
-        for what, used, there in (*clocks, *_used(report))
-    ]
-    page = ROOT / "README.md"
+    rows += [f"| {what} | {used} | {there} |" for what, used, there in (*clocks, *_used(report))]
+    page = ROOT / "docs" / "numbers.md"
     text = replace_block(page.read_text(), "bitstream", "\n".join(rows))
     if text is None:
-        raise ToolError("the README has no bitstream markers")
+        raise ToolError("docs/numbers.md has no bitstream markers")
     page.write_text(text)
 
 
@@ -214,14 +210,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("board", choices=sorted(BOARDS))
     parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS, help="tried in this order")
-    parser.add_argument("--write", action="store_true", help="put the table into the README")
+    parser.add_argument("--write", action="store_true", help="put the table into docs/numbers.md")
     arguments = parser.parse_args()
     console, complaints = Console(highlight=False), Console(stderr=True, highlight=False)
     try:
         status = build(arguments.board, tuple(arguments.seeds), console)
         if arguments.write and status == 0:
             folder = build_folder() / "bitstream" / arguments.board
-            write_readme(BOARDS[arguments.board], folder / "report.json")
+            write_numbers(BOARDS[arguments.board], folder / "report.json")
     except ToolError as error:
         complaints.print(f"{arguments.board}: {error}", markup=False)
         return 1

@@ -26,7 +26,6 @@ from rich.table import Table
 
 from vrscan.engines.tools import build_folder, repository_root, rtl_closure, rtl_module, rtl_modules
 from vrscan.study.report.numbers import replace_block
-from vrscan.study.report.readme_tables import linked
 
 TARGET_MHZ = 125
 DEVICE = ["--85k", "--speed", "6", "--package", "CABGA381"]
@@ -293,18 +292,17 @@ def show(results: list[Result], console: Console) -> None:
     console.print(table)
 
 
-def write_readme(results: list[Result]) -> None:
-    """Put the table between the README's markers."""
+def write_numbers(results: list[Result]) -> None:
+    """Put the table into docs/numbers.md."""
     rows = ["| module | Fmax MHz | LUT | FF | EBR | DSP |", "|---|--:|--:|--:|--:|--:|"]
     rows += [
-        f"| {linked('timing', r.module)} | {r.fmax_mhz:.1f} | {r.lut} | {r.ff} "
-        f"| {r.ebr:g} | {r.dsp:g} |"
+        f"| {r.module} | {r.fmax_mhz:.1f} | {r.lut} | {r.ff} | {r.ebr:g} | {r.dsp:g} |"
         for r in results
     ]
-    page = ROOT / "README.md"
+    page = ROOT / "docs" / "numbers.md"
     text = replace_block(page.read_text(), "timing", "\n".join(rows))
     if text is None:
-        raise SystemExit("timing: the README has no timing markers")
+        raise SystemExit("timing: docs/numbers.md has no timing markers")
     page.write_text(text)
 
 
@@ -312,7 +310,7 @@ def main() -> int:
     """Return 0 when every module is fast enough and gave no warning."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("modules", nargs="*", help="only these; all when none is named")
-    parser.add_argument("--write", action="store_true", help="put the table into the README")
+    parser.add_argument("--write", action="store_true", help="put the table into docs/numbers.md")
     arguments = parser.parse_args()
     names = arguments.modules
     if names and arguments.write:
@@ -363,7 +361,7 @@ def main() -> int:
             writer.writeheader()
             writer.writerows(asdict(result) for result in results)
     if arguments.write and len(results) == len(modules):
-        write_readme(results)
+        write_numbers(results)
     failures += sum(not result.passes() for result in results)
     verdict = f"{failures} of {len(modules)} modules fail" if failures else "every module passes"
     console.print(f"timing: {verdict}; {TARGET_MHZ} MHz on LFE5U-85F, speed {DEVICE[2]}")

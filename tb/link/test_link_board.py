@@ -71,7 +71,7 @@ def test_the_readmes_commands_work_as_printed(
     )
     more = {"load": ("--config", "config.toml"), "watch": ("--seconds", "3")}
     said = {}
-    for group, *words in commands(ROOT / "README.md"):
+    for group, *words in commands(ROOT / "docs" / "usage.md"):
         if group == "link":
             fewer = ["100" if word == "1000" else word for word in words]
             said[words[0]] = run(board, *fewer, *more.get(words[0], ()))

@@ -8,6 +8,7 @@ import pytest
 
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
+from vrscan.engines.tools import repository_root
 from vrscan.scene.description import Description, load, parse, shipped
 from vrscan.scene.effects import BASE, EFFECTS, chosen, present
 from vrscan.scene.light import Light
@@ -189,7 +190,7 @@ def test_an_unknown_effect_is_told_in_one_line() -> None:
 
 
 def test_the_page_on_light_knows_every_scene_and_every_effect() -> None:
-    page = (Path(__file__).parent.parent / "docs" / "light.md").read_text()
+    page = (repository_root() / "docs" / "light.md").read_text()
     for name in shipped():
         assert re.search(rf"\b{name}\b", page), f"docs/light.md: no scene {name}"
     effects = page.partition("## The effects")[2].partition("\n## ")[0]

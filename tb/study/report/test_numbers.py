@@ -3,6 +3,7 @@
 import csv
 import io
 import math
+import re
 
 import pytest
 from typer.testing import CliRunner
@@ -55,8 +56,33 @@ def test_csv_leaves_empty_what_there_is_not() -> None:
 
 def test_summary_shows_the_one_nearest_to_its_limit() -> None:
     text = numbers.summary([GOOD, NEAR, BAD, BARE])
-    name = "[shown](build/report/index.html#readme-numbers-shown)"
-    assert text.splitlines()[2:] == [f"| {name} | px | 0.7 | 0.8 | 0.4 | 1 |"]
+    assert text.splitlines()[2:] == ["| shown | px | 0.7 | 0.8 | 0.4 | 1 |"]
+
+
+def test_the_readme_shows_headlines_of_the_page() -> None:
+    """As docs/numbers.md has them, and each name links to the section that is there."""
+    root = repository_root()
+    readme, page = (root / "README.md").read_text(), (root / "docs" / "numbers.md").read_text()
+    place, _, anchor = numbers._SUMMARY.partition("#")
+    assert place == "docs/numbers.md"
+    assert anchor in {h.lower().replace(" ", "-") for h in re.findall(r"^#+ (.*)$", page, re.M)}
+    block = page.partition("<!-- summary: begin -->")[2].partition("<!-- summary: end -->")[0]
+    rows = [[c.strip() for c in x.strip("| ").split(" | ")] for x in block.splitlines()[4:] if x]
+    measured = {name: (value, unit) for name, unit, value, *_ in rows}
+    shown = re.findall(
+        rf"^\| \[(.*)\]\({re.escape(numbers._SUMMARY)}\) \| (\S+)(.*?) \|", readme, re.M
+    )
+    assert [name for name, *_ in shown] == list(numbers.README)
+    for name, value, unit in shown:
+        assert (value, unit.strip() or "1") == measured[name], name
+
+
+def test_the_excerpt_leaves_out_what_was_not_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(numbers, "README", ("shown", "not measured"))
+    text = numbers.excerpt([GOOD, NEAR, BARE])
+    assert text.splitlines()[2:] == [
+        "| [shown](docs/numbers.md#headline-figures) | 0.7 px | <= 1 |"
+    ]
 
 
 def test_blocks_are_replaced_between_their_markers_only() -> None:
@@ -72,7 +98,7 @@ def test_pages_are_rewritten_where_they_have_their_markers(tmp_path) -> None:
     (tmp_path / "docs").mkdir()
     readme, page = tmp_path / "README.md", tmp_path / "docs" / "numbers.md"
     readme.write_text("no markers\n")
-    marks = ("numbers", *formats.blocks())
+    marks = ("numbers", "summary", *formats.blocks())
     page.write_text("".join(f"<!-- {m}: begin -->\n<!-- {m}: end -->\n" for m in marks))
     assert numbers.write_pages([GOOD], tmp_path) == [page]
     assert readme.read_text() == "no markers\n"

@@ -18,6 +18,11 @@ from vrscan.show.style import INK, LIGHT, QUIET
 Value = str | int | float | None
 
 
+def slug(text: str) -> str:
+    """Return a text as an id: lower case, digits, points and hyphens."""
+    return re.sub(r"[^a-z0-9.]+", "-", text.lower()).strip("-")
+
+
 @dataclass(frozen=True)
 class Text:
     """A paragraph; ``body`` is HTML."""

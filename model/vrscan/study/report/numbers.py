@@ -28,7 +28,6 @@ from vrscan.study.report.accuracy import position_accuracy as position
 from vrscan.study.report.accuracy import quality_accuracy as quality
 from vrscan.study.report.accuracy import scatter_accuracy as scatter
 from vrscan.study.report.accuracy.figure import SEED, Figure
-from vrscan.study.report.readme_tables import linked
 
 CLOCK_HZ = 125e6
 LEAST_FIXED, LEAST_RTL = 10_000.0, 400.0  # lines/s
@@ -305,6 +304,17 @@ def _cells(figure: Figure) -> tuple[str, ...]:
     return figure.name, figure.unit, *numbers, _limit(figure), _verdict(figure)
 
 
+README = (  # the headlines that it shows
+    "position, T = N, rms",
+    "x and z, 250 to 1000 mm, maximum",
+    "efficiency against the Cramer-Rao bound",
+    "two passes: efficiency, 5 to 90 % of full scale, worst spot",
+    "latency, last pixel to point, at most",
+    "lines of 2048 px at 125 MHz",
+    "angle against the mirror's truth in RUN, rms",
+    "engine rtl on one core",
+)
+_SUMMARY = "docs/numbers.md#headline-figures"
 HEADINGS = ("figure", "unit", "measured", "predicted", "floor", "limit", "")
 
 
@@ -342,21 +352,35 @@ def markdown(figures: Iterable[Figure]) -> str:
     return "\n".join(lines)
 
 
-def summary(figures: Sequence[Figure]) -> str:
-    """Return a row a headline: of the figures that share it, the one nearest to its limit."""
+def headlines(figures: Iterable[Figure]) -> dict[str, Figure]:
+    """Return a figure for each headline: of those that share it, the one nearest to its limit."""
     worst: dict[str, Figure] = {}
     for figure in figures:
         held = worst.get(figure.headline, figure)
         worst[figure.headline] = max(held, figure, key=lambda f: f.nearness)
     worst.pop("", None)
-    lines = [
-        "| figure | unit | measured | predicted | floor | limit |",
-        "|---|---|--:|--:|--:|--:|",
-    ]
-    for headline, figure in worst.items():
-        numbers = (_text(figure.measured), _text(figure.predicted), _text(figure.floor))
-        name = linked("numbers", headline)
-        lines.append(f"| {name} | {figure.unit} | {' | '.join(numbers)} | {_limit(figure)} |")
+    return worst
+
+
+def summary(figures: Iterable[Figure]) -> str:
+    """Return the table of headlines for docs/numbers.md."""
+    lines = [f"| {' | '.join(HEADINGS[:-1])} |", "|---|---|--:|--:|--:|--:|"]
+    for headline, figure in headlines(figures).items():
+        lines.append(f"| {' | '.join((headline, *_cells(figure)[1:-1]))} |")
+    return "\n".join(lines)
+
+
+def excerpt(figures: Iterable[Figure]) -> str:
+    """Return the table of the README, whose names link to docs/numbers.md."""
+    found = headlines(figures)
+    lines = ["| figure | reached | asked |", "|---|--:|--:|"]
+    for headline in README:
+        figure = found.get(headline)
+        if figure is not None:
+            limit = _limit(figure)
+            asked = f"<= {limit}" if limit[0].isdigit() else limit
+            reached = f"{_text(figure.measured)} {figure.unit}".removesuffix(" 1")
+            lines.append(f"| [{headline}]({_SUMMARY}) | {reached} | {asked} |")
     return "\n".join(lines)
 
 
@@ -405,7 +429,10 @@ def write_pages(figures: Sequence[Figure], root: Path) -> list[Path]:
         The files that have their markers; the others stay as they are.
     """
     written = []
-    new = {"numbers": summary(figures)}, {"numbers": markdown(figures), **formats.blocks()}
+    new = (
+        {"numbers": excerpt(figures)},
+        {"numbers": markdown(figures), "summary": summary(figures), **formats.blocks()},
+    )
     for path, blocks in zip(pages(root), new, strict=True):
         if not path.exists():
             continue

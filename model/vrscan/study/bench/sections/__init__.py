@@ -8,7 +8,6 @@ from vrscan.study.bench.sections import compare_section as compare
 from vrscan.study.bench.sections import design_space_section as design_space
 from vrscan.study.bench.sections import growth_section as growth
 from vrscan.study.bench.sections import instrument_section as instrument
-from vrscan.study.bench.sections import readme_section as readme
 from vrscan.study.bench.sections import sweeps_section as sweeps
 from vrscan.study.bench.sections.section import Section
 
@@ -18,5 +17,4 @@ ALL: tuple[Section, ...] = (
     design_space.SECTION,
     instrument.SECTION,
     growth.SECTION,
-    readme.SECTION,
 )

@@ -14,12 +14,11 @@ from vrscan.detectors.catalogue import detectors
 from vrscan.scene.speckle import position_rms_px
 from vrscan.show.style import LIGHT, QUIET, STYLE
 from vrscan.study.bench import detect
-from vrscan.study.bench.bench_page import Block, Heading, Picture, Row, Table, Text, number
+from vrscan.study.bench.bench_page import Block, Heading, Picture, Row, Table, Text, number, slug
 from vrscan.study.bench.bench_spots import RETURN_PX, SLOPE_PX, most_contrast
 from vrscan.study.bench.cells import Cell, Figures, plain
 from vrscan.study.bench.sections.section import BOUND, Found, Order, Section, look, png
 from vrscan.study.report.efficiency import LOST_PX
-from vrscan.study.report.readme_tables import slug
 
 LINES, QUICK_LINES = 4000, 200  # a cell
 _LEAST_LOST = 0.005  # below, no panel of lost lines
