@@ -4,6 +4,7 @@ import contextlib
 import signal
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor
 from typing import Any, TypeVar
 
 from vrscan.data.errors import InputError
@@ -43,23 +44,38 @@ def workers(work: Callable[[T], R], jobs: int) -> Iterator[Callable[[Iterable[T]
     if jobs <= 1:
         yield lambda items: map(work, items)
         return
+    with executor(jobs, work) as pool:
+
+        def ordered(items: Iterable[T]) -> Iterator[R]:
+            waiting: deque[Any] = deque()
+            for item in items:
+                waiting.append(pool.submit(_do, item))
+                if len(waiting) >= _AHEAD * jobs:
+                    yield waiting.popleft().result()
+            while waiting:
+                yield waiting.popleft().result()
+
+        yield ordered
+
+
+@contextlib.contextmanager
+def executor(jobs: int, work: Callable[[Any], Any] | None = None) -> Iterator[Executor]:
+    """Start processes, and end them; an interrupt is left to the process that waits for them.
+
+    Args:
+        jobs: Number of processes.
+        work: What ``workers`` has them do.
+
+    Raises:
+        InputError: if a process was killed.
+    """
     from loky import ProcessPoolExecutor
     from loky.process_executor import BrokenProcessPool
 
     # Not forked: a fork may hold a lock of the thread that draws the progress.
     pool = ProcessPoolExecutor(jobs, timeout=_IDLE_S, initializer=_begin, initargs=(work,))
-
-    def ordered(items: Iterable[T]) -> Iterator[R]:
-        waiting: deque[Any] = deque()
-        for item in items:
-            waiting.append(pool.submit(_do, item))
-            if len(waiting) >= _AHEAD * jobs:
-                yield waiting.popleft().result()
-        while waiting:
-            yield waiting.popleft().result()
-
     try:
-        yield ordered
+        yield pool
     except BrokenProcessPool as error:
         raise InputError("--jobs: a process was killed; fewer of them need less memory") from error
     finally:
@@ -69,10 +85,10 @@ def workers(work: Callable[[T], R], jobs: int) -> Iterator[Callable[[Iterable[T]
 _work: list[Callable[[Any], Any]] = []  # of this process
 
 
-def _begin(work: Callable[[Any], Any]) -> None:
+def _begin(work: Callable[[Any], Any] | None) -> None:
     for each in (signal.SIGINT, signal.SIGTERM):  # they are for who waits for the results
         signal.signal(each, signal.SIG_IGN)
-    _work[:] = [work]
+    _work[:] = [] if work is None else [work]
 
 
 def _do(item: Any) -> Any:

@@ -8,20 +8,17 @@ error, not another number. On processors of another kind the last digits of a su
 import asyncio
 import contextlib
 import logging
-import multiprocessing
 import os
-import signal
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
     CancelledError,
     Executor,
     Future,
-    ProcessPoolExecutor,
     as_completed,
 )
 from typing import Any
 
+from vrscan.data import parallel
 from vrscan.data.errors import InputError
 from vrscan.study.bench.cells import Cell, Figures, do, version
 from vrscan.study.bench.keep import Keep
@@ -95,9 +92,8 @@ def _collect(
 ) -> None:
     futures: dict[Future[tuple[str, Figures]], str] = {}
     try:
-        with _deaf():
-            for key, cell in cells.items():
-                futures[executor.submit(do, cell.work, cell.parameters, cell.seed)] = key
+        for key, cell in cells.items():
+            futures[executor.submit(do, cell.work, cell.parameters, cell.seed)] = key
         for future in as_completed(futures):
             key = futures[future]
             code, figures = future.result()
@@ -119,9 +115,7 @@ def _other(scheduler: str | None, cell: Cell) -> str:
 def _executor(scheduler: str | None, workers: int) -> Iterator[Executor]:
     """Yield who does the work."""
     if scheduler is None:
-        # Not forked: a fork may hold a lock of the thread that draws the progress.
-        context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(workers, mp_context=context) as pool:
+        with parallel.executor(workers) as pool:
             yield pool
         return
     from distributed import Client, KilledWorker  # takes half a second to import
@@ -135,28 +129,6 @@ def _executor(scheduler: str | None, workers: int) -> Iterator[Executor]:
         except (CommClosedError, CancelledError, KilledWorker, OSError) as error:
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             raise InputError(f"--scheduler: {scheduler} was lost ({reason})") from error
-
-
-@contextlib.contextmanager
-def _deaf() -> Iterator[None]:
-    """Leave Ctrl-C to this process, which waits for the results, and not to those started here.
-
-    They inherit what is blocked, from their first moment on. Here it is heard afterwards: blocking
-    alone would not do, as any other thread may take it, and Python then raises it in this one.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield  # which hears nothing anyway
-        return
-    heard: list[int] = []
-    handler = signal.signal(signal.SIGINT, lambda number, _: heard.append(number))
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        signal.signal(signal.SIGINT, handler)
-        if heard:
-            signal.raise_signal(signal.SIGINT)
 
 
 def check(scheduler: str) -> None:
