@@ -795,14 +795,14 @@ FAULTS = [
     *faults(
         "model/vrscan/fixed/scan_angle.py",
         ("rounds down", "(total + (1 << (drop - 1))) >> drop", "total >> drop"),
-        test="accuracy_scan_angle",
+        test="scan_angle_accuracy",
     ),
     *faults(
         "model/vrscan/data/contract.py",
         ("one flag too many", "2**pkg.MIRROR_FLAG_WIDTH - 1", "2**pkg.MIRROR_FLAG_WIDTH"),
     ),
     *faults(
-        "model/vrscan/data/lines.py",
+        "model/vrscan/data/line_files.py",
         ("flags are dropped", 'arrays.get("mirror_flags", 0)', "0"),
     ),
     *faults(
@@ -812,7 +812,7 @@ FAULTS = [
             "progress, mirror_flags=raised))\n    from",
             "progress))\n    from",
         ),
-        test="cli_scan",
+        test="scan_command",
     ),
     *faults(
         "model/vrscan/registers/chain_registers.py",
@@ -830,7 +830,7 @@ FAULTS = [
         ("(3): offset's sign", "+ geometry.offset_mm * across", "- geometry.offset_mm * across"),
         ("(6): not squared", "np.square(range_mm) * position", "range_mm * position"),
         ("parting rays have a range", "(n <= 0.0) | (d <= 0.0)", "(n <= 0.0)"),
-        test="ideal_geometry",
+        test="geometry",
     ),
     *faults(
         "model/vrscan/ideal/position.py",
@@ -845,7 +845,7 @@ FAULTS = [
             "np.square(noise)[:, None] + kappa * signal",
             "np.square(noise)[:, None] + 0 * signal",
         ),
-        test="ideal_position",
+        test="position",
     ),
     *faults(
         "model/vrscan/ideal/position.py",
@@ -857,19 +857,19 @@ FAULTS = [
         "model/vrscan/ideal/confidence.py",
         ("(9): not limited", "np.minimum(snr / snr_max, 1.0)", "snr / snr_max"),
         ("(10): where there is an object", "np.where(valid, 0.0, np", "np.where(~valid, 0.0, np"),
-        test="ideal_position",
+        test="position",
     ),
     *faults(
         "model/vrscan/ideal/statistics.py",
         ("a guard block less", "kept = distance > guard", "kept = distance >= guard"),
         ("the peak counts", "(where * squares).sum", "squares.sum"),
-        test="ideal_statistics",
+        test="statistics",
     ),
     *faults(
         "model/vrscan/ideal/peak.py",
         ("the smaller term", "np.maximum(k_noise * noise, k", "np.minimum(k_noise * noise, k"),
         ("any run is a rival", "== min_width).any", ">= 1).any"),
-        test="ideal_statistics",
+        test="statistics",
     ),
     *faults(
         "model/vrscan/ideal/peak.py",
@@ -886,7 +886,7 @@ FAULTS = [
             '"INDEX_FAULT", "UNSETTLED")',
             '"UNSETTLED", "INDEX_FAULT")',
         ),
-        test="ideal_chain",
+        test="chain",
     ),
 ]
 

@@ -371,12 +371,12 @@ def test_bad_input_is_one_line(
 def test_an_interrupt_tells_what_is_kept_and_leaves_no_page(tmp_path: Path) -> None:
     out = tmp_path / "page"
     script = (
-        "import sys; from vrscan import cli; from vrscan.study.bench import report\n"
+        "import sys; from vrscan.cli import app; from vrscan.study.bench import bench_report\n"
         "def make(order, folder, *, progress, **_):\n"
         "    import time; progress(3); print('ready', flush=True); time.sleep(60)\n"
-        "report.make = make\n"
+        "bench_report.make = make\n"
         f"sys.argv = ['vrscan', 'bench', 'report', '--quick', '--out', {str(out)!r}]\n"
-        "cli.main()\n"
+        "app.main()\n"
     )
     with subprocess.Popen(
         [sys.executable, "-c", script],
