@@ -250,9 +250,38 @@ def as_integer(handle, *, signed: bool = False) -> int:
     """Return the value of a port as an integer."""
     # As handle.value does, but without an array of four-state bits in between, which Verilator does
     # not have and which takes six times as long.
-    bits = handle._handle.get_signal_val_binstr()
+    return _integer(handle._handle.get_signal_val_binstr(), signed)
+
+
+def _integer(bits: str, signed: bool) -> int:
     value = int(bits, 2)
     return value - (1 << len(bits)) if signed and bits[0] == "1" else value
+
+
+class Ports:
+    """Ports whose values are wanted at every clock, as ``as_integer`` returns each.
+
+    Args:
+        dut: Whose they are.
+        names: Of the ports.
+        signed: Those of them that are.
+    """
+
+    def __init__(self, dut, names: Iterable[str], signed: Iterable[str] = ()) -> None:
+        names, signed = list(names), set(signed)
+        assert signed <= set(names), signed - set(names)
+        self._readers = [getattr(dut, name)._handle.get_signal_val_binstr for name in names]
+        self._signed = [name in signed for name in names]
+        self._bits: list[str] = []
+        self._values: tuple[int, ...] = ()
+
+    def read(self) -> tuple[int, ...]:
+        """Return the values of now."""
+        bits = [reader() for reader in self._readers]
+        if bits != self._bits:  # most clocks change nothing
+            self._bits = bits
+            self._values = tuple(map(_integer, bits, self._signed))
+        return self._values
 
 
 def drive(handle, value: int) -> None:
@@ -420,6 +449,7 @@ class TwinBench(abc.ABC):
     def __init__(self, dut, inputs: Iterable[str]) -> None:
         self.dut = dut
         self.inputs: dict[str, int | None] = dict.fromkeys(inputs)
+        self._handles = {name: getattr(dut, f"{name}_i") for name in self.inputs}
         self.twin = None
         self.clock = 0
 
@@ -431,7 +461,7 @@ class TwinBench(abc.ABC):
         """Change inputs."""
         for name, value in inputs.items():
             if self.inputs[name] != value:
-                drive(getattr(self.dut, f"{name}_i"), value)
+                drive(self._handles[name], value)
                 self.inputs[name] = value
 
     async def reset_to(self, twin, **inputs: int) -> None:
@@ -489,6 +519,7 @@ __all__ = [
     "EACH_VOLUME",
     "SEED",
     "FallingEdge",
+    "Ports",
     "ReadOnly",
     "RisingEdge",
     "TwinBench",
