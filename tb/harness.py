@@ -6,12 +6,11 @@ imports the same file again and runs every ``@cocotb.test()`` in it, which sweep
 
 import abc
 import contextlib
+import functools
 import hashlib
 import json
 import os
 import random
-import shlex
-import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -34,6 +33,7 @@ from vrscan.engines.tools import (
     rtl_packages,
     verilator_environment,
 )
+from vrscan.verilated import Tools
 
 CLOCK_NS = 8
 
@@ -53,81 +53,29 @@ SEED = 20100301  # printed by every simulation; one seed for all random data
 
 # Simulations are short and cocotb takes most of their time, so a quick compilation is worth more
 # than quick code; Verilator's runtime is compiled once, and well.
-_MODEL_FLAGS = "-O1"
-_RUNTIME_FLAGS = "-O2"
-_RUNTIME_PARTS = ("verilated", "verilated_dpi", "verilated_threads", "verilated_vpi")
+_OPTIMISATION = "-O1"
 
 
 class _Verilator(Verilator):
     """Verilator with only the top level's own signals visible, and a warning as an error.
 
-    What every model shares comes ready from ``runtime``: Verilator's runtime as an archive, and
-    its headers compiled.
+    What every model shares comes ready, by the variables ``shared``.
     """
 
-    def __init__(self, runtime: Path) -> None:
+    def __init__(self, shared: Sequence[str]) -> None:
         super().__init__()
-        self._runtime = runtime
+        self._shared = shared
 
     def _build_command(self) -> list[list[str]]:
         verilate, make = super()._build_command()
         verilate.remove("--public-flat-rw")
-        shared = (
-            f"OPT_FAST={_MODEL_FLAGS}",
-            f"OPT_SLOW={_MODEL_FLAGS}",
-            f"USER_CPPFLAGS=-include {self._runtime / 'runtime.h'}",
-            "VK_GLOBAL_OBJS=",
-            f"LOADLIBES={self._runtime / 'runtime.a'}",
-        )
-        return [verilate, [*make, *shared]]
+        return [verilate, [*make, *self._shared]]
 
 
-def _answer(command: Sequence[str], environment: Mapping[str, str]) -> str:
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    return done.stdout.strip()
-
-
-def _runtime(environment: Mapping[str, str]) -> Path:
-    """Return the folder of the runtime that all models share, built if it is missing.
-
-    Raises:
-        RuntimeError: if the compiler fails.
-    """
-    root = environment.get("VERILATOR_ROOT")
-    if root is None:  # a Verilator of the machine's own
-        root = _answer(["verilator", "--getenv", "VERILATOR_ROOT"], environment)
-    include = Path(root) / "include"
-    compiler = shlex.split(environment.get("CXX", "c++"))
-    version = _answer([*compiler, "--version"], environment)
-    digest = hashlib.sha256(repr((_MODEL_FLAGS, _RUNTIME_FLAGS, root, version)).encode())
-    for file in (Path(__file__), include / "verilated_config.h"):
-        digest.update(file.read_bytes())
-    folder = build_folder() / "sim" / f"runtime_{digest.hexdigest()[:10]}"
-    folder.mkdir(parents=True, exist_ok=True)
-    done = folder / "done"
-    with FileLock(folder / "lock"):
-        if done.exists():
-            return folder
-        # As verilated.mk has them: a compiled header counts only with the flags it was made with.
-        switches = ("COVERAGE", "SC", "TIMING", "TRACE", "TRACE_FST", "TRACE_VCD", "TRACE_SAIF")
-        common = [f"-I{include}", f"-I{include / 'vltstd'}", *(f"-DVM_{s}=0" for s in switches)]
-        header = folder / "runtime.h"
-        names = ("verilated.h", "verilated_dpi.h", "verilated_vpi.h", "memory", "string")
-        header.write_text("".join(f"#include <{name}>\n" for name in names))
-        to_header = ["-x", "c++-header", str(header), "-o", f"{header}.gch"]
-        commands = [[*compiler, *common, _MODEL_FLAGS, *to_header]]
-        objects = [folder / f"{part}.o" for part in _RUNTIME_PARTS]
-        for part, target in zip(_RUNTIME_PARTS, objects, strict=True):
-            source = str(include / f"{part}.cpp")
-            commands.append([*compiler, *common, _RUNTIME_FLAGS, "-c", source, "-o", str(target)])
-        archive = folder / "runtime.a"
-        commands.append(["ar", "rcs", str(archive), *map(str, objects)])
-        for command in commands:
-            made = subprocess.run(command, capture_output=True, text=True, check=False)
-            if made.returncode:
-                raise RuntimeError(f"{' '.join(command)}\n{made.stderr[-4000:]}")
-        done.touch()
-    return folder
+@functools.cache
+def _shared() -> list[str]:
+    """Return the variables by which a Makefile takes what all models share, built if missing."""
+    return Tools.found().shared(_OPTIMISATION)
 
 
 @contextlib.contextmanager
@@ -227,9 +175,9 @@ def simulate(
     stem = Path(test_file).stem
     kept = folder / f"{stem}_{volume}.json"
     with _environment(environment), FileLock(folder / "lock"):
-        runtime = _runtime(environment)
+        shared = _shared()
         places = sorted(str(f) for place in [*rtl_folders(), devices] for f in place.glob("*.sv"))
-        circumstances = [runtime.name, sys.version, *places]
+        circumstances = [*shared, sys.version, *places]
         circumstances.append((repository_root() / "requirements.txt").read_text())
         if _stands(kept, circumstances):
             STOOD.append(kept.name)
@@ -237,7 +185,7 @@ def simulate(
         reads = folder / "reads.json"
         for stale in (kept, reads):
             stale.unlink(missing_ok=True)
-        runner = _Verilator(runtime)
+        runner = _Verilator(shared)
         _build(
             runner,
             sources=[
@@ -306,9 +254,38 @@ def as_integer(handle, *, signed: bool = False) -> int:
     """Return the value of a port as an integer."""
     # As handle.value does, but without an array of four-state bits in between, which Verilator does
     # not have and which takes six times as long.
-    bits = handle._handle.get_signal_val_binstr()
+    return _integer(handle._handle.get_signal_val_binstr(), signed)
+
+
+def _integer(bits: str, signed: bool) -> int:
     value = int(bits, 2)
     return value - (1 << len(bits)) if signed and bits[0] == "1" else value
+
+
+class Ports:
+    """Ports whose values are wanted at every clock, as ``as_integer`` returns each.
+
+    Args:
+        dut: Whose they are.
+        names: Of the ports.
+        signed: Those of them that are.
+    """
+
+    def __init__(self, dut, names: Iterable[str], signed: Iterable[str] = ()) -> None:
+        names, signed = list(names), set(signed)
+        assert signed <= set(names), signed - set(names)
+        self._readers = [getattr(dut, name)._handle.get_signal_val_binstr for name in names]
+        self._signed = [name in signed for name in names]
+        self._bits: list[str] = []
+        self._values: tuple[int, ...] = ()
+
+    def read(self) -> tuple[int, ...]:
+        """Return the values of now."""
+        bits = [reader() for reader in self._readers]
+        if bits != self._bits:  # most clocks change nothing
+            self._bits = bits
+            self._values = tuple(map(_integer, bits, self._signed))
+        return self._values
 
 
 def drive(handle, value: int) -> None:
@@ -476,6 +453,7 @@ class TwinBench(abc.ABC):
     def __init__(self, dut, inputs: Iterable[str]) -> None:
         self.dut = dut
         self.inputs: dict[str, int | None] = dict.fromkeys(inputs)
+        self._handles = {name: getattr(dut, f"{name}_i") for name in self.inputs}
         self.twin = None
         self.clock = 0
 
@@ -487,7 +465,7 @@ class TwinBench(abc.ABC):
         """Change inputs."""
         for name, value in inputs.items():
             if self.inputs[name] != value:
-                drive(getattr(self.dut, f"{name}_i"), value)
+                drive(self._handles[name], value)
                 self.inputs[name] = value
 
     async def reset_to(self, twin, **inputs: int) -> None:
@@ -545,6 +523,7 @@ __all__ = [
     "EACH_VOLUME",
     "SEED",
     "FallingEdge",
+    "Ports",
     "ReadOnly",
     "RisingEdge",
     "TwinBench",

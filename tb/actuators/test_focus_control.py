@@ -1,14 +1,15 @@
 """focus_control: every clock of the RTL against the model, with a motor on a bus that can fail."""
 
 from dataclasses import replace
+from operator import attrgetter
 
 import cocotb
 import numpy as np
 import pytest
 from harness import (
     EACH_VOLUME,
+    Ports,
     TwinBench,
-    as_integer,
     generator,
     parameters,
     reset,
@@ -85,6 +86,7 @@ STATUS = (
     "state", "fault", "distance", "target", "position", "in_position", "nack_count",
     "stretch_count", "stuck_count", "arbitration_count", "timeout_count", "recovery_count",
 )  # fmt: skip
+STATUS_OF = attrgetter(*STATUS)
 
 
 def lens(distance: float) -> float:
@@ -113,7 +115,9 @@ class Bench(TwinBench):
         names = [*CALM, *(f"focus_{name}" for name in WIDTHS)]
         super().__init__(dut, names)
         self.draw = generator(salt)
-        self.outputs = [(n, getattr(dut, f"focus_{n}_o"), n == "distance") for n in STATUS]
+        outputs = [f"focus_{name}_o" for name in (*STATUS, "scl_low", "sda_low")]
+        self.outputs = Ports(dut, outputs, ["focus_distance_o"])
+        self.device = Ports(dut, ["device_scl_low_o", "device_sda_low_o"])
         self.settings = SETTINGS
         self.table = list(TABLE)
         self.ends: list[Status] = []
@@ -150,13 +154,10 @@ class Bench(TwinBench):
     def check(self) -> None:
         """Compare all outputs, and look at the device."""
         twin = self.twin
-        for name, handle, signed in self.outputs:
-            got, want = as_integer(handle, signed=signed), int(getattr(twin, name))
-            assert got == want, f"clock {self.clock}: {name} {got}, want {want}, {self.inputs}"
-        dut = self.dut
-        lows = as_integer(dut.focus_scl_low_o), as_integer(dut.focus_sda_low_o)
-        assert lows == (twin.master.scl_low, twin.master.sda_low), f"clock {self.clock}: lines"
-        self.pulls = as_integer(dut.device_scl_low_o), as_integer(dut.device_sda_low_o)
+        got = self.outputs.read()
+        want = (*STATUS_OF(twin), twin.master.scl_low, twin.master.sda_low)
+        assert got == want, f"clock {self.clock}: {STATUS} {got}, want {want}, {self.inputs}"
+        self.pulls = self.device.read()
         if twin.master.valid:
             self.ends.append(twin.master.status)
 

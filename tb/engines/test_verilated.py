@@ -14,15 +14,15 @@ if [ "$1" = --version ]; then cat "$(dirname "$0")/{name}.version"; exit; fi
 if [ "$1" = --getenv ]; then dirname "$0"; exit; fi
 """
 MAKES = """while [ "$1" != -o ]; do shift; done
-echo built >> "$(dirname "$0")/builds"
+echo "$2" >> "$(dirname "$0")/builds"
 : > "$2"
 """
 
 
 @pytest.fixture
 def tools(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a folder with a Verilator and a compiler, and what they say that they are."""
-    for name, rest in (("verilator", ""), ("g++", MAKES)):
+    """Return a folder with a Verilator, a make and a compiler, and what they say that they are."""
+    for name, rest in (("verilator", ""), ("make", ""), ("g++", MAKES)):
         (tmp_path / name).write_text(TELLS.format(name=name) + rest)
         (tmp_path / name).chmod(0o755)
         (tmp_path / f"{name}.version").write_text("rev UNKNOWN.REV\n")
@@ -35,14 +35,14 @@ def tools(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def made(tools: Path) -> Path:
+def made(tools: Path, name: str = "pretended") -> Path:
     harness = tools / "harness.cpp"
     harness.touch()
-    return build("pretended", harness, "", [Design(rtl_module("divide"), {})])
+    return build(name, harness, "", [Design(rtl_module("divide"), {})])
 
 
-def builds(tools: Path) -> int:
-    return len((tools / "builds").read_text().split())
+def builds(tools: Path, suffix: str = ".so") -> int:
+    return sum(name.endswith(suffix) for name in (tools / "builds").read_text().split())
 
 
 def test_what_is_built_is_kept(tools: Path) -> None:
@@ -50,6 +50,17 @@ def test_what_is_built_is_kept(tools: Path) -> None:
     assert first.exists() and made(tools) == first
     assert builds(tools) == 1
     assert sorted(file.suffix for file in (tools / "engine").iterdir()) == [".lock", ".so"]
+
+
+def test_what_all_models_share_is_compiled_once(tools: Path) -> None:
+    made(tools, "one")
+    shared = builds(tools, ".o"), builds(tools, ".gch")
+    assert shared == (len(list((tools / "runtime").glob("library_*/*.o"))), 1) and shared[0] > 1
+    made(tools, "two")
+    assert (builds(tools, ".o"), builds(tools, ".gch"), builds(tools)) == (*shared, 2)
+    (tools / "g++.version").write_text("15.1\n")
+    made(tools, "two")
+    assert (builds(tools, ".o"), builds(tools, ".gch")) == (2 * shared[0], 2)
 
 
 @pytest.mark.parametrize(
@@ -70,7 +81,7 @@ def test_a_header_of_the_harness_builds_anew(tools: Path) -> None:
     assert made(tools) != first
 
 
-@pytest.mark.parametrize("name", ["verilator", "g++"])
+@pytest.mark.parametrize("name", ["verilator", "make", "g++"])
 def test_a_tool_that_fails_is_named(
     tools: Path, name: str, capfd: pytest.CaptureFixture[str]
 ) -> None:

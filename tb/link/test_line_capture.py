@@ -2,14 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 import cocotb
 import numpy as np
 import pytest
 from harness import (
     EACH_VOLUME,
+    Ports,
     TwinBench,
-    as_integer,
     generator,
     parameters,
     reset,
@@ -35,6 +36,7 @@ ELABORATIONS = [
     {"LineLength": 2048, "PixelWidth": 8},
 ]
 OUTPUTS = ("valid", "capture_busy", "data", "last")
+OUTPUTS_OF = attrgetter(*OUTPUTS)
 QUIET = {
     "line_start": 0,
     "line_end": 0,
@@ -75,13 +77,12 @@ class Bench(TwinBench):
         self.draw = generator(1)
         self.length = parameters()["LineLength"]
         self.width = parameters()["PixelWidth"]
-        self.handles = [getattr(dut, f"{name}_o") for name in OUTPUTS]
+        self.outputs = Ports(dut, [f"{name}_o" for name in OUTPUTS])
         self.ready = 1.0  # how often the other end takes a byte
         self.reads = True
 
     def check(self) -> None:
-        got = tuple(as_integer(handle) for handle in self.handles)
-        want = tuple(int(getattr(self.twin, name)) for name in OUTPUTS)
+        got, want = self.outputs.read(), OUTPUTS_OF(self.twin)
         if not self.twin.valid:
             got, want = got[:2], want[:2]
         assert got == want, f"clock {self.clock}, {self.inputs}: {OUTPUTS} {got}, want {want}"

@@ -11,6 +11,7 @@ from frame_oracle import random_bytes
 from harness import (
     CLOCK_NS,
     EACH_VOLUME,
+    Ports,
     TwinBench,
     as_integer,
     generator,
@@ -89,7 +90,7 @@ class Bench(TwinBench):
         self.trial = given["TrialClks"]
         self.default = default_step(given["ClockHz"], given["Baud"])
         self.dut_names = ["tx", "packet_ready", "bus_valid", "alive", "uart_step_now", *STROBES]
-        self.handles = [getattr(dut, f"{name}_o") for name in self.dut_names]
+        self.outputs = Ports(dut, [f"{name}_o" for name in self.dut_names])
 
     async def start(self, **inputs: int) -> None:
         """Reset for a clock; the host and all around are new ones, too."""
@@ -125,7 +126,7 @@ class Bench(TwinBench):
         names = self.dut_names
         want = [twin.tx, twin.packet_ready(), server.bus is not None, server.alive, twin.step_now]
         want += [name in server.strobes for name in STROBES]
-        got = [as_integer(handle) for handle in self.handles]
+        got = list(self.outputs.read())
         if server.bus:
             names = [*names, "bus_access", "bus_address"]
             want += server.bus[:2]

@@ -5,7 +5,7 @@ import dataclasses
 import cocotb
 import numpy as np
 import pytest
-from harness import EACH_VOLUME, TwinBench, as_integer, drive, generator, reset, rounds, simulate
+from harness import EACH_VOLUME, Ports, TwinBench, drive, generator, reset, rounds, simulate
 
 from vrscan.clocked.amplitude_control import (
     CONFIDENCE_FRACTION,
@@ -108,7 +108,8 @@ class Bench(TwinBench):
 
     def __init__(self, dut) -> None:
         super().__init__(dut, QUIET)
-        self.handles = [(getattr(dut, f"{name}_o"), signed) for name, signed in OUTPUTS.items()]
+        signed = [f"{name}_o" for name in OUTPUTS if OUTPUTS[name]]
+        self.outputs = Ports(dut, [f"{name}_o" for name in OUTPUTS], signed)
 
     async def start(self, settings: Settings = CALM, **inputs: int) -> None:
         """Set the configuration and reset for a clock, with these inputs."""
@@ -120,7 +121,7 @@ class Bench(TwinBench):
 
     def check(self) -> None:
         """Compare all outputs."""
-        got = tuple(as_integer(handle, signed=signed) for handle, signed in self.handles)
+        got = self.outputs.read()
         want = shown(self.twin)
         assert got == want, (
             f"clock {self.clock}, {self.inputs}: {tuple(OUTPUTS)} {got}, want {want}"

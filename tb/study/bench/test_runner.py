@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -98,17 +98,31 @@ WORKS = (
 )
 
 
-def versions(root: Path) -> dict[str, str]:
-    """Return the versions of the works in a copy of the repository."""
-    script = f"from vrscan.study.bench.cells import version\nfor w in {WORKS}: print(w, version(w))"
+def versions(root: Path, files: Sequence[str]) -> list[dict[str, str]]:
+    """Return the versions of the works in a copy of the repository, then after each file's change.
+
+    One process has them all, and forgets what it has read of the files in between.
+    """
+    script = f"""
+import json, sys
+from vrscan.study.bench import cells
+print(json.dumps({{work: cells.version(work) for work in {WORKS}}}))
+for file in sys.argv[1:]:
+    with open(file, "a") as changed:
+        changed.write("\\n")
+    cells.version.cache_clear()
+    cells._closure.cache_clear()
+    print(json.dumps({{work: cells.version(work) for work in {WORKS}}}))
+"""
     found = subprocess.run(
-        [sys.executable, "-c", script],
+        [sys.executable, "-c", script, *files],
         env={**os.environ, "PYTHONPATH": str(root / "model")},
+        cwd=root,
         stdout=subprocess.PIPE,
         text=True,
         check=True,
     )
-    return dict(line.split() for line in found.stdout.splitlines())
+    return [json.loads(line) for line in found.stdout.splitlines()]
 
 
 def test_a_change_of_any_module_that_is_used_is_another_version(tmp_path: Path) -> None:
@@ -116,19 +130,16 @@ def test_a_change_of_any_module_that_is_used_is_another_version(tmp_path: Path) 
     for name in ("model", "rtl"):
         shutil.copytree(repository_root() / name, tmp_path / name)
     (tmp_path / "tb").symlink_to(repository_root() / "tb")
-    before = versions(tmp_path)
     light = {instrument.BUDGET, instrument.FIDELITY, instrument.SPEED, instrument.GROWTH, cost.WORK}
     spots = {detect.WORK, tune.WORK, design.NOISY}
-    for file, concerned in (
-        ("model/vrscan/scene/description.py", light | spots),
-        ("model/vrscan/scene/scenes/default.toml", light - {cost.WORK}),
-        ("model/vrscan/link/stream.py", set()),
-    ):
-        with (tmp_path / file).open("a") as changed:
-            changed.write("\n")
-        after = versions(tmp_path)
-        assert {work for work in WORKS if after[work] != before[work]} == concerned, file
-        before = after
+    concerned = {
+        "model/vrscan/scene/description.py": light | spots,
+        "model/vrscan/scene/scenes/default.toml": light - {cost.WORK},
+        "model/vrscan/link/stream.py": set(),
+    }
+    found = versions(tmp_path, list(concerned))
+    for file, before, after in zip(concerned, found[:-1], found[1:], strict=True):
+        assert {work for work in WORKS if after[work] != before[work]} == concerned[file], file
 
 
 def test_a_cell_reads_nothing_that_its_version_does_not_know() -> None:

@@ -125,7 +125,8 @@ def _closure(work: str) -> tuple[dict[str, Path], frozenset[str]]:
     waiting = [first]
     while waiting:
         name = waiting.pop()
-        for each in {name.rpartition(".")[0] or name, *_imported(found[name])} - found.keys():
+        imported = _imported(found[name], found[name].read_bytes())
+        for each in {name.rpartition(".")[0] or name, *imported} - found.keys():
             if each.partition(".")[0] != _PACKAGE.name:
                 libraries.add(each.partition(".")[0])
             elif (file := _file(each)) is not None:
@@ -140,10 +141,11 @@ def _file(module: str) -> Path | None:
     return next((x for x in (place.with_suffix(".py"), place / "__init__.py") if x.exists()), None)
 
 
-def _imported(file: Path) -> set[str]:
+@cache  # works share most of their modules, and parsing these takes the time
+def _imported(file: Path, source: bytes) -> frozenset[str]:
     """Return what a file imports: names of modules, and of what may be modules in them."""
     names: set[str] = set()
-    waiting: list[ast.AST] = [ast.parse(file.read_bytes())]
+    waiting: list[ast.AST] = [ast.parse(source)]
     while waiting:
         node = waiting.pop()
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
@@ -156,7 +158,7 @@ def _imported(file: Path) -> set[str]:
                 raise ImportError(f"{file}: a relative import, in line {node.lineno}")
             names |= {node.module, *(f"{node.module}.{each.name}" for each in node.names)}
         waiting += ast.iter_child_nodes(node)
-    return names
+    return frozenset(names)
 
 
 def do(work: str, parameters: dict[str, Any], seed: int) -> tuple[str, Figures]:
