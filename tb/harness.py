@@ -33,7 +33,7 @@ from vrscan.engines.tools import (
     rtl_packages,
     verilator_environment,
 )
-from vrscan.verilated import Tools
+from vrscan.engines.verilated import Tools
 
 CLOCK_NS = 8
 

@@ -1,7 +1,7 @@
 """The instrument's configuration: the shipped defaults and the TOML file that overrides them.
 
-The thresholds of ``[peak]`` come from the study that ``vrscan efficiency`` repeats; its figures
-stand at ``Peak``.
+The thresholds of ``[peak]`` come from the study that ``vrscan efficiency`` repeats; the docstring
+of ``Peak`` has its figures.
 """
 
 import math
@@ -21,14 +21,17 @@ from pydantic import (
 
 from vrscan.data.errors import InputError
 
-HARMONICS = (1, 3, 5, 7, 9, 11, 13, 15, 17)  # of the mirror's motion, (12)
-FEWEST_HARMONICS = 6  # as the paper has
+HARMONICS = (1, 3, 5, 7, 9, 11, 13, 15, 17)  # orders k in the mirror's motion, (12)
+FEWEST_HARMONICS = 6  # the paper's number
 
 Positive = Annotated[float, Field(gt=0)]
 
 
 class Section(BaseModel):
-    """One table of the file: no unknown key, no type but the stated one, nothing infinite."""
+    """One table of the configuration file.
+
+    It refuses unknown keys, values of another type than the stated one, and infinite values.
+    """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
@@ -36,12 +39,12 @@ class Section(BaseModel):
 class Peak(Section):
     """Threshold, window and confidence of the peak.
 
-    The thresholds are the outcome of ``vrscan efficiency`` (12 bits, 5 electrons a count, read
+    The thresholds are the outcome of ``vrscan efficiency`` (12 bits, 5 electrons per count, read
     noise 3 and background 60 counts; spots of s = 1, 2, 4, 8, 12 px, peaks of 5, 20, 50, 90 % of
-    full scale; 4,000 lines each): the geometric mean of the efficiency over the 20 spots, the
-    worst share of lines with a false RIVAL (s = 12 px at 5 %: flakes of the spot's own flank), and
-    how far a spot with sides of 0.75 s and 1.25 s, s = 3 px, moves between 10 and 90 % of full
-    scale:
+    full scale; 4,000 lines each). The table gives the geometric mean of the efficiency over the 20
+    spots, the largest share of lines with a false RIVAL (s = 12 px at 5 %, where noise breaks up
+    the spot's own flank), and how far a spot with sides of 0.75 s and 1.25 s, s = 3 px, moves
+    between 10 and 90 % of full scale:
 
     | k_noise | k_height | efficiency | RIVAL | skewed spot moves |
     |---|---|---|---|---|
@@ -51,24 +54,24 @@ class Peak(Section):
     | 2.5 | 0.03 | 0.896 | 9 % | 0.00 px |
     | 3.5 | 0.02 | 0.915 | 4 % | 0.06 px |
 
-    No line was lost in any of them. ``snr_min`` and ``min_width`` cost nothing there, where the
-    dimmest spot stands 44 deviations high; 8 and 3 px keep lines without a spot out.
+    No line was lost in any of them. ``snr_min`` and ``min_width`` cost nothing there, because the
+    dimmest spot is 44 standard deviations high; 8 and 3 px keep lines without a spot out.
 
     With ``window = "two_pass"`` the first window only has to find the spot and its width, and
-    ``k_first`` takes the place of ``k_height``: so high that the run does not climb a background
-    that slopes by 1 count/px beside a spot of s = 12 px at 5 %.
+    ``k_first`` replaces ``k_height``. It is so high that the run does not climb a background that
+    slopes by 1 count/px beside a spot of s = 12 px at 5 %.
     """
 
     period: Literal["n", "n-1"] = "n"
     window: Literal["threshold", "two_pass"] = "threshold"
     noise: Literal["background", "row"] = "background"
-    k_noise: float = Field(default=2.5, ge=0, lt=256)  # threshold above background, in noise
-    k_height: float = Field(default=0.02, ge=0, lt=1)  # the same in heights of the peak
-    k_first: float = Field(default=0.25, ge=0, lt=1)  # k_height of the first of two passes
+    k_noise: float = Field(default=2.5, ge=0, lt=256)  # threshold above background / noise
+    k_height: float = Field(default=0.02, ge=0, lt=1)  # threshold above background / peak's height
+    k_first: float = Field(default=0.25, ge=0, lt=1)  # k_height in the first of two passes
     snr_min: float = Field(default=8.0, ge=0, lt=256)
-    snr_max: float = Field(default=100.0, ge=1, lt=256)  # where the object's confidence is 1
-    min_width: int = Field(default=3, ge=3, le=255)  # px
-    max_width: int = Field(default=255, ge=3, le=255)  # px
+    snr_max: float = Field(default=100.0, ge=1, lt=256)  # S/N at which C_obj is 1
+    min_width: int = Field(default=3, ge=3, le=255)  # narrowest window, px
+    max_width: int = Field(default=255, ge=3, le=255)  # widest window, px
     kappa: float = Field(default=0.2, ge=0, lt=4)  # counts per electron
 
     @model_validator(mode="after")
@@ -81,17 +84,17 @@ class Peak(Section):
 
     @property
     def two_pass(self) -> bool:
-        """Whether a second window follows the first."""
+        """Return whether a second window follows the first."""
         return self.window == "two_pass"
 
     @property
     def cut_height(self) -> float:
-        """The threshold's share of the peak's height, in the mode that is chosen."""
+        """Return the threshold's share of the peak's height in the chosen mode."""
         return self.k_first if self.two_pass else self.k_height
 
 
 class Geometry(Section):
-    """The triangle of base, camera and sensor; (2) to (5)."""
+    """The triangle of base, camera and sensor, (2) to (5)."""
 
     base_mm: Positive = 60.0
     bias_deg: float = Field(default=82.0, gt=0, lt=180)
@@ -99,32 +102,32 @@ class Geometry(Section):
     focal_mm: Positive = 25.0
     pitch_mm: Positive = 0.007
     centre_px: float = 1023.5
-    k1: float = 0.0  # mm^-2
-    k2: float = 0.0  # mm^-4
+    k1: float = 0.0  # radial distortion, mm^-2
+    k2: float = 0.0  # radial distortion, mm^-4
     distortion: Literal["odd", "even"] = "odd"
 
     @property
     def bias_rad(self) -> float:
-        """The camera's bias in rad."""
+        """Return the camera's bias, rad."""
         return math.radians(self.bias_deg)
 
 
 class Mirror(Section):
-    """The mirror's motion, (12), and the loop that drives it and holds its amplitude.
+    """The mirror's motion (12), and the loop that drives the mirror and holds its amplitude.
 
-    The gains and rates were chosen on the mirror of ``[mems]``: it starts at up to twice the sweep
-    rate, and the loop settles fastest with this integral time and trim gain; a third more of either
-    gain of the trim rings.
+    The gains and rates were chosen on the mirror of ``[mems]``. This mirror starts at up to twice
+    the sweep rate, and the loop settles fastest with this integral time and trim gain; with either
+    trim gain a third higher the loop rings.
     """
 
     frequency_hz: float = Field(default=249.0, gt=0, le=10_000)
     amplitude_deg: float = Field(default=20.5, gt=0, lt=90)
     index_deg: float = Field(default=17.0, gt=-90, lt=90)
-    # [a_k, phi_k_rad] of the simulated mirror where the loop rests at level 0.7, and how they
-    # change a turn of drive_phase, as `python -m vrscan.calibrate.motion_fit` prints them. The
-    # paper's six leave 3.96 urad rms of the motion, these nine 1.41; without slopes the band of
-    # levels adds up to 48. A file may give six to nine pairs, the rest are 0; without slopes it
-    # has none.
+    # [a_k, phi_k_rad] of the simulated mirror where the loop rests at level 0.7, and their change
+    # per turn of drive_phase, as `python -m vrscan.calibrate.motion_fit` prints them. The paper's
+    # six harmonics leave 3.96 urad rms of the motion, these nine leave 1.41; without slopes the
+    # band of levels adds up to 48. A file may give six to nine pairs, and the others are 0. A file
+    # without slopes has slopes of 0.
     harmonics: list[list[float]] = [
         [1.0, 0.0],
         [0.000638120, 2.8657650],
@@ -147,35 +150,35 @@ class Mirror(Section):
         [0.000087911, -90.1488955],
         [0.000073320, -100.6669357],
     ]
-    drive_phase: float = Field(default=0.0654279, ge=0, lt=1)  # turns, where the harmonics hold
+    drive_phase: float = Field(default=0.0654279, ge=0, lt=1)  # turns, where harmonics hold
 
-    sweep_span_hz: float = Field(default=26.0, ge=0)  # the start sweeps down from so far above
+    sweep_span_hz: float = Field(default=26.0, ge=0)  # height of the start above work
     sweep_hz_per_s: Positive = 40.0
-    sweep_level: float = Field(default=0.999, gt=0, lt=1)  # of the drive, meanwhile
-    duty: float = Field(default=0.5, ge=0, lt=1)  # of the drive's square wave
+    sweep_level: float = Field(default=0.999, gt=0, lt=1)  # level of the drive in the sweep
+    duty: float = Field(default=0.5, ge=0, lt=1)  # duty of the drive's square wave
 
-    level: float = Field(default=0.7, gt=0, lt=1)  # of the drive: to begin with and to return to
+    level: float = Field(default=0.7, gt=0, lt=1)  # level of the drive: at first, and nominal
     level_min: float = Field(default=0.3, ge=0, lt=1)
     level_max: float = Field(default=0.999, gt=0, lt=1)
-    level_low: float = Field(default=0.62, ge=0, lt=1)  # below: the frequency steps
-    level_high: float = Field(default=0.78, ge=0, lt=1)  # above: the frequency steps
-    proportional: float = Field(default=20.0, ge=0)  # relative level over relative amplitude
+    level_low: float = Field(default=0.62, ge=0, lt=1)  # below it the frequency steps
+    level_high: float = Field(default=0.78, ge=0, lt=1)  # above it the frequency steps
+    proportional: float = Field(default=20.0, ge=0)  # relative level / relative amplitude
     integral_s: Positive = 0.03  # time constant of the integral term
-    trim_hz: float = Field(default=2.0, ge=0)  # how far the frequency may step, either way
-    trim_hz_per_s: float = Field(default=0.6, ge=0)  # how fast, at most
-    trim_gain_hz_per_s: float = Field(default=2.0, ge=0)  # and for a level that is off by 1
-    amplitude_falls: bool = True  # with a rising frequency
+    trim_hz: float = Field(default=2.0, ge=0)  # range of the trim, either way
+    trim_hz_per_s: float = Field(default=0.6, ge=0)  # largest rate of the trim
+    trim_gain_hz_per_s: float = Field(default=2.0, ge=0)  # rate for a level off by 1
+    amplitude_falls: bool = True  # whether the amplitude falls with a rising frequency
 
-    averaging_periods: Literal[1, 2, 4, 8, 16] = 2  # of the phase and the amplitude
-    settle_ppm: Positive = 50.0  # of the amplitude: closer is settled
-    shock_ppm: Positive = 300.0  # of the amplitude: farther is a shock
-    phase_limit_urad: Positive = 60.0  # of the mirror's phase
+    averaging_periods: Literal[1, 2, 4, 8, 16] = 2  # averaging of phase and amplitude
+    settle_ppm: Positive = 50.0  # error of the amplitude below which it is settled
+    shock_ppm: Positive = 300.0  # error of the amplitude above which there is a shock
+    phase_limit_urad: Positive = 60.0  # largest error of the mirror's phase
     settle_periods: int = Field(default=16, ge=1, le=255)
-    hold_periods: int = Field(default=4, ge=1, le=255)  # good ones that end an index fault
+    hold_periods: int = Field(default=4, ge=1, le=255)  # good periods to end an index fault
     settle_timeout_s: Positive = 5.0
     lost_timeout_s: Positive = 0.02
 
-    oversample: Literal[1, 2, 4, 8] = 4  # samples a clock of the index inputs
+    oversample: Literal[1, 2, 4, 8] = 4  # samples per clock of the index inputs
     glitch_us: float = Field(default=0.1, ge=0)  # a shorter pulse of the comparator is a glitch
 
     @model_validator(mode="after")
@@ -233,64 +236,65 @@ class Sensor(Section):
 class Laser(Section):
     """The laser: how its power follows the peaks, and the limits of its light.
 
-    A hardware ceiling stands above every limit, ``docs/laser-safety.md``. One power for both
-    directions follows a scene better than two: at the turn the next place is the neighbour, while
-    a direction's own power stands for the far end of the scan. Of surfaces whose reflectance has
-    steps over the whole range of 273:1 peaks are within half and twice the target on 56 % of the
-    lines with one power and 48 % with two, on a slope of 20:1 on 99 and 85 %.
+    A hardware ceiling lies above every limit, ``docs/laser-safety.md``. One power for both
+    directions of the scan follows a scene better than one for each: at the turning point the next
+    place on the scene is the neighbouring one, while a direction's own power was set at the far end
+    of the scan. On surfaces whose reflectance has steps over the whole range of 273:1, peaks are
+    within half and twice the target on 56 % of the lines with one power and on 48 % with two; on a
+    slope of 20:1 on 99 and 85 %.
     """
 
     power_max: int = Field(default=65_535, ge=1, le=65_535)  # power at which (10) is 1
-    rated_mw: Positive = 50.0  # which that is
+    rated_mw: Positive = 50.0  # power of the laser at power_max
 
     adapt: bool = True
     shared: bool = True  # one power for both directions of the scan
-    power_mw: float = Field(default=5.0, ge=0)  # without adapt; where the adaptation begins
-    min_mw: float = Field(default=0.18, ge=0)  # of what adapts: rated_mw / 273
+    power_mw: float = Field(default=5.0, ge=0)  # fixed, or start of the adaptation
+    min_mw: float = Field(default=0.18, ge=0)  # least adapted power: rated_mw / 273
     max_mw: float = Field(default=50.0, ge=0)
-    startup_mw: float = Field(default=1.0, ge=0)  # of the start-up channel, for the index
-    target: float = Field(default=0.5, ge=0, lt=1)  # height of a peak, of full scale
-    cut: float = Field(default=0.25, ge=0, lt=1)  # factor after a saturated peak
-    down: float = Field(default=1.0, ge=0, lt=8)  # share of what a peak is too high, a line
-    up: float = Field(default=1.5, ge=0, lt=8)  # share of what a peak is too low, a line
+    startup_mw: float = Field(default=1.0, ge=0)  # power of the start-up channel, for the index
+    target: float = Field(default=0.5, ge=0, lt=1)  # height of a peak / full scale
+    cut: float = Field(default=0.25, ge=0, lt=1)  # factor of the power after saturation
+    down: float = Field(default=1.0, ge=0, lt=8)  # share of a peak's excess corrected per line
+    up: float = Field(default=1.5, ge=0, lt=8)  # share of a peak's lack corrected per line
     search: float = Field(default=0.5, ge=0, lt=1)  # growth of the power where there is no peak
-    index_margin_deg: float = Field(default=2.0, ge=0)  # before the mark the index is lit in RUN
+    index_margin_deg: float = Field(default=2.0, ge=0)  # lit in RUN so far before the mark
 
     limit_power_mw: float = Field(default=50.0, ge=0)
     limit_startup_mw: float = Field(default=1.0, ge=0)
     limit_pulse_us: float = Field(default=2.0, ge=0)
     limit_average_mw: float = Field(default=2.5, ge=0)
-    limit_burst_uj: float = Field(default=1.0, ge=0)  # beyond the average, at once
-    watchdog_s: Positive = 0.5  # dark when the host is silent for so long
+    limit_burst_uj: float = Field(default=1.0, ge=0)  # energy beyond the average, at once
+    watchdog_s: Positive = 0.5  # light goes off when the host is silent for longer
 
 
 class Focus(Section):
     """The autofocus, VR-SCAN IV-E: a motor that moves the lens, and its position sensor, on I2C.
 
-    Off as shipped: with the lens the image moves, and ``[geometry]`` holds for one position. 10 um
-    beside the focus blur a point of a lens of 1:3 by half a pixel.
+    It is off as shipped, because the image moves with the lens and ``[geometry]`` holds for one
+    position only. A defocus of 10 um blurs a point by half a pixel with a lens of 1:3.
     """
 
     mode: Literal["off", "manual", "automatic"] = "off"
-    manual_mm: Positive = 500.0  # z that is sharp in mode manual
-    near_mm: Positive = 240.0  # z from which on there is a position
-    far_mm: Positive = 1000.0  # and up to which
-    infinity_mm: float = 0.0  # position of the lens for objects infinitely far away
-    travel_mm: Positive = 3.0  # positions are 0 .. travel_mm, nearer objects have larger ones
-    resolution_um: Positive = 0.5  # of the position
+    manual_mm: Positive = 500.0  # z in focus in the mode manual
+    near_mm: Positive = 240.0  # least z that has a lens position
+    far_mm: Positive = 1000.0  # largest z that has a lens position
+    infinity_mm: float = 0.0  # position of the lens for objects at infinity
+    travel_mm: Positive = 3.0  # positions are 0 .. travel_mm, larger for nearer objects
+    resolution_um: Positive = 0.5  # step of the lens position
 
     average_points: int = Field(default=4096, ge=1, le=32_768)  # a power of two
-    lapse_points: int = Field(default=20_000, ge=0, le=65_535)  # not good ones end an average
-    hysteresis_um: float = Field(default=10.0, ge=0)  # a target is kept for nearer ones
-    hold_points: int = Field(default=4096, ge=1, le=65_535)  # and for so many points in any case
-    tolerance_um: float = Field(default=1.0, ge=0)  # nearer to the target is in position
-    timeout_s: Positive = 1.0  # to reach a target
-    retries: int = Field(default=3, ge=0, le=255)  # of a command and of a target
+    lapse_points: int = Field(default=20_000, ge=0, le=65_535)  # bad points to end an average
+    hysteresis_um: float = Field(default=10.0, ge=0)  # least change of the target
+    hold_points: int = Field(default=4096, ge=1, le=65_535)  # points for which a target is kept
+    tolerance_um: float = Field(default=1.0, ge=0)  # largest distance to the target in position
+    timeout_s: Positive = 1.0  # longest time to reach a target
+    retries: int = Field(default=3, ge=0, le=255)  # retries of a command and of a target
 
-    address: int = Field(default=0x2A, ge=0, le=0x7F)  # of the motor
-    quarter_us: Positive = 2.5  # of a bit: 100 kHz
-    stretch_ms: Positive = 25.0  # that the clock may be held, and the bus be busy
-    poll_ms: float = Field(default=2.0, ge=0)  # between two commands
+    address: int = Field(default=0x2A, ge=0, le=0x7F)  # I2C address of the motor
+    quarter_us: Positive = 2.5  # quarter of a bit: 100 kHz
+    stretch_ms: Positive = 25.0  # longest time of a stretched clock or a busy bus
+    poll_ms: float = Field(default=2.0, ge=0)  # pause between two commands
 
     @field_validator("average_points")
     @classmethod
@@ -313,20 +317,20 @@ class Clock(Section):
 
 
 class Mems(Section):
-    """The simulated mirror, ``vrscan.scene.mems_mirror``; the instrument does not know these."""
+    """The simulated mirror, ``vrscan.scene.mems_mirror``; the instrument does not know it."""
 
     natural_hz: Positive = 248.5
     quality: Positive = 200.0
-    torque: Positive = 8.52e4  # s^-2, at a level of 0.7
+    torque: Positive = 8.52e4  # s^-2, at a drive level of 0.7
     comb_deg: Positive = 8.52
-    asymmetry: float = 2e-7  # a constant torque, over natural angular frequency squared, rad
-    diode_deg: Positive = 1.0  # either side of the mark: the beam is on the photodiode
-    jitter_ns: float = Field(default=1.0, ge=0)  # of a crossing, rms
-    noise_urad: float = Field(default=0.0, ge=0)  # of the comparator: makes it chatter
+    asymmetry: float = 2e-7  # constant torque over natural angular frequency squared, rad
+    diode_deg: Positive = 1.0  # half width of the photodiode about the mark
+    jitter_ns: float = Field(default=1.0, ge=0)  # jitter of a crossing, rms
+    noise_urad: float = Field(default=0.0, ge=0)  # noise of the comparator: makes it chatter
 
 
 class Config(Section):
-    """All of it."""
+    """The whole configuration, one attribute for each table of the file."""
 
     clock: Clock = Clock()
     peak: Peak = Peak()
@@ -341,7 +345,7 @@ class Config(Section):
 
     @property
     def source(self) -> str:
-        """The file this came from, or ``defaults``."""
+        """Return the file that this configuration came from, or ``defaults``."""
         return self._source
 
 
@@ -373,7 +377,7 @@ def load(path: Path | None) -> Config:
 
 
 def complaint(error: ValidationError) -> str:
-    """Return the first thing that is wrong with a file, by key and value, in one line."""
+    """Return the first fault of a file in one line, with its key and value."""
     first = error.errors(include_url=False)[0]
     key = ".".join(str(part) for part in first["loc"])
     value = first["input"]

@@ -1,7 +1,7 @@
-"""What goes into the engines, checked in one place.
+"""Which lines the engines take, checked in one place.
 
-``checked`` says it in physical units, ``checked_words`` in the integers of the RTL. What they
-refuse is refused by every engine with the same text, before any work is done.
+``checked`` takes them in physical units, ``checked_words`` in the integers of the RTL. Every engine
+refuses the same input with the same text, before any work is done.
 """
 
 from dataclasses import replace
@@ -16,20 +16,20 @@ from vrscan.data.config import Config
 from vrscan.data.errors import LinesError
 from vrscan.data.lines import Lines
 
-POWER_LIMIT = 2**16 - 1  # of the RTL's port
+POWER_LIMIT = 2**16 - 1  # largest value of the RTL's port
 _FLAGS_LIMIT = 2**pkg.MIRROR_FLAG_WIDTH - 1
 _ANGLE_HALF = 2 ** (pkg.ANGLE_WIDTH - 1)  # half a turn
 
 
 def checked(recording: Lines, config: Config, *, first: int = 0, pixels: bool = True) -> Lines:
-    """Return lines as every engine takes them, or say what is wrong with them.
+    """Return lines in the form that every engine takes, or raise an error that says what is wrong.
 
     Args:
         recording: n lines, n may be 0. Lines are uint16 of either byte order, angles of any
             floating-point type within +-pi rad, powers of any integer type from 0 to
             ``laser.power_max``, and flags of any integer type from 0 to 7.
-        config: Its sensor says how long a line is and how many bits a pixel has.
-        first: Number of the first line, for what is said of a value.
+        config: The configuration, whose sensor gives the line's length and the bits of a pixel.
+        first: Number of the first line, for error messages that name a line.
         pixels: Whether to read every pixel. The engines do, so ``engines.run`` need not.
 
     Returns:
@@ -57,15 +57,15 @@ def checked_words(
     line_length: int,
     pixel_width: int,
 ) -> tuple[Pixels, Ints, Ints, Ints]:
-    """Return lines, angles, powers and flags as RTL and model take them; see ``checked``.
+    """Return lines, angles, powers and flags in the form that RTL and model take; see ``checked``.
 
     Args:
-        lines: uint16 [n, line_length], below 2**pixel_width.
-        angle: Fractions of a turn as signed integers of 24 bits [n].
-        power: Integers of 16 bits [n].
-        mirror_flags: 0 to 7, [n] or one for all.
-        line_length: Of the elaboration.
-        pixel_width: Of the elaboration.
+        lines: Pixels, uint16 [n, line_length], below 2**pixel_width.
+        angle: Scan angles, fractions of a turn as signed integers of 24 bits [n].
+        power: Laser powers, integers of 16 bits [n].
+        mirror_flags: Flags of the mirror, 0 to 7, [n] or one for all.
+        line_length: ``LineLength`` of the elaboration.
+        pixel_width: ``PixelWidth`` of the elaboration.
 
     Raises:
         LinesError: naming the array, what it must be, and a value that is not.
@@ -98,12 +98,16 @@ def checked_angles(angle_rad: npt.ArrayLike, first: int = 0) -> Floats:
 def checked_power(
     power: npt.ArrayLike, count: int, limit: int = POWER_LIMIT, first: int = 0
 ) -> Ints:
-    """Return the laser power of each line [count]; raises as ``checked``."""
+    """Return the laser power of each line [count].
+
+    Raises:
+        LinesError: as ``checked``.
+    """
     return _whole("power", power, count, 0, limit, first)
 
 
 def checked_flags(mirror_flags: npt.ArrayLike, count: int, first: int = 0) -> Ints:
-    """Return the mirror's flags of each line [count], given so or as one for all."""
+    """Return the mirror's flags of each line [count], from one for each line or one for all."""
     given = np.asarray(mirror_flags)
     if given.ndim == 0:
         given = np.broadcast_to(given, count)
@@ -111,7 +115,7 @@ def checked_flags(mirror_flags: npt.ArrayLike, count: int, first: int = 0) -> In
 
 
 def _shaped(lines: Pixels, length: int) -> Pixels:
-    """Return lines of the machine's byte order; what they hold is not looked at."""
+    """Return lines in the machine's byte order; the values of the pixels are not checked."""
     given = np.asarray(lines)
     if given.dtype.kind != "u" or given.dtype.itemsize != 2:
         raise LinesError(f"lines must be uint16 (are {given.dtype})")
@@ -128,7 +132,7 @@ def _check_pixels(lines: Pixels, pixel_width: int, first: int = 0) -> None:
 
 
 def _column(name: str, values: npt.ArrayLike, count: int) -> npt.NDArray[Any]:
-    """Return values that are one a line."""
+    """Return values, one for each line."""
     column = np.asarray(values)
     if column.shape != (count,):
         raise LinesError(f"{name} must have shape ({count},) (has {column.shape})")
@@ -138,11 +142,11 @@ def _column(name: str, values: npt.ArrayLike, count: int) -> npt.NDArray[Any]:
 def _whole(
     name: str, values: npt.ArrayLike, count: int, low: int, high: int, first: int = 0
 ) -> Ints:
-    """Return integers from low to high, one a line."""
+    """Return integers from low to high, one for each line."""
     column = _column(name, values, count)
     if column.dtype.kind not in "iu":
         raise LinesError(f"{name} must be integers (is {column.dtype})")
-    # Compared in their own type: no integer is too large to be told.
+    # The values are compared in their own type, so the message can name even the largest integer.
     _check_limits(name, column, (column >= low) & (column <= high), f"{low} to {high}", first)
     return column.astype(np.int64, copy=False)
 
@@ -150,7 +154,7 @@ def _whole(
 def _check_limits(
     name: str, values: npt.NDArray[Any], inside: Bools, limits: str, first: int = 0
 ) -> None:
-    """Refuse values of which not all are inside, naming the first that is not."""
+    """Raise an error unless all values are inside; it names the first one that is not."""
     outside = np.argwhere(~np.atleast_1d(inside))
     if len(outside):
         place = tuple(outside[0].tolist())

@@ -1,4 +1,4 @@
-"""Recorded edges of the index, a logic analyser's say, as the samples that the RTL takes."""
+"""Recorded edges of the index, from a logic analyser for example, as samples that the RTL takes."""
 
 import csv
 import math
@@ -10,17 +10,17 @@ from vrscan.data.arrays import Floats, Ints
 from vrscan.data.errors import InputError
 
 Rows = np.ndarray[tuple[int], np.dtype[np.void]]
-# A change of what index_capture sees; bit 0 of the levels is the oldest sample of the clock.
+# A change of the inputs of index_capture; bit 0 of the levels is the oldest sample of the clock.
 SAMPLES = np.dtype([(name, np.int64) for name in ("clock", "comparator", "gate")])
 COLUMNS = ("time_s", "comparator", "gate")
-_SLACK = 1e-3  # of a sample: times come in decimals, edges on samples are to stay there
+_SLACK = 1e-3  # share of a sample: keeps edges on samples despite decimal times
 
 
 def read(path: Path) -> tuple[Floats, Ints, Ints]:
-    """Return time [n], s, and the levels of comparator and gate [n] from then on.
+    """Return time [n], s, and the levels of comparator and gate [n] from each time on.
 
     Args:
-        path: A CSV file with the columns ``COLUMNS``, a row at every change.
+        path: A CSV file with the columns ``COLUMNS`` and a row at every change.
 
     Raises:
         InputError: naming file and line, if the file is missing, has other columns or no row, a
@@ -65,14 +65,14 @@ def read(path: Path) -> tuple[Floats, Ints, Ints]:
 def sample(
     time_s: Floats, comparator: Ints, gate: Ints, *, clock_hz: float, oversample: int
 ) -> Rows:
-    """Return the changes of what a board's wrapper would sample, ``SAMPLES`` rows.
+    """Return the changes of the samples that a board's wrapper would take, ``SAMPLES`` rows.
 
     Sample j of clock n is taken at (n + j / oversample) / clock_hz, with the levels from the last
     row at or before it; both are 0 before the first row.
     """
     at = np.ceil(time_s * (clock_hz * oversample) - _SLACK).astype(np.int64)
     at = np.maximum(at, 0)
-    # Only the clocks with an edge, and those behind them, can differ from the one before.
+    # Only the clocks with an edge, and the next ones, can differ from the clock before.
     clock = np.unique(np.concatenate([at // oversample, at // oversample + 1]))
     row = np.searchsorted(at, clock[:, None] * oversample + np.arange(oversample), side="right") - 1
     weight = 1 << np.arange(oversample)
@@ -92,7 +92,7 @@ def sample(
 
 
 def pairs(time_s: Floats, comparator: Ints, gate: Ints) -> tuple[Floats, Floats]:
-    """Return the times of the outward crossings that an inward one follows, and of those, [n].
+    """Return the times of the outward crossings that an inward one follows, and of the latter, [n].
 
     A crossing is a change of the comparator between two rows with the gate open.
     """

@@ -1,4 +1,4 @@
-"""What ends a command, said in one line."""
+"""Errors that end a command with a message of one line."""
 
 EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_TERMINATED = 2, 130, 143
 
@@ -11,15 +11,16 @@ class InputError(Exception):
 
 
 class InterruptError(Exception):
-    """Ctrl-C, where there is more to say of it: one line, which the commands print; status 130."""
+    """Ctrl-C with a message of one line; the commands print it and end with status 130."""
 
 
 class LinesError(InputError, ValueError):
-    """Lines, angles, powers or flags that no engine takes; ``contract`` says which it does.
+    """Lines, angles, powers or flags that no engine takes; ``contract`` defines what they take.
 
-    A command's user gave a bad file, a program's author bad arrays: it is the error of both.
+    It is an ``InputError``, for the user who gives a command a bad file, and a ``ValueError``, for
+    the author of a program that passes bad arrays.
     """
 
 
 class InputWarning(UserWarning):
-    """Input that is good as far as it goes: the text is one line that says what is assumed."""
+    """Input that is good as far as it goes; the text is one line that says what is assumed."""

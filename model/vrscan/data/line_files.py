@@ -20,22 +20,22 @@ from vrscan.data.contract import checked, checked_flags, checked_power
 from vrscan.data.errors import InputError, InputWarning, LinesError
 from vrscan.data.lines import Lines, part
 
-_ARRAYS = ("lines", "angle_rad", "power", "mirror_flags")  # of an .npz
-_WORDS = {"angle_rad": "angle", "power": "power", "mirror_flags": "flag"}  # that give one away
-_MISSPELT = 0.85  # difflib's likeness from which a name is another one, misspelt
+_ARRAYS = ("lines", "angle_rad", "power", "mirror_flags")  # in an .npz
+_WORDS = {"angle_rad": "angle", "power": "power", "mirror_flags": "flag"}  # in misspelt names
+_MISSPELT = 0.85  # difflib's likeness from which a name counts as misspelt
 
 
 def read(path: Path, config: Config) -> Lines:
     """Return recorded lines from ``.npy`` or ``.npz``.
 
-    An ``.npz`` holds ``lines`` and optionally ``angle_rad`` [n] (0 where it is not given, with an
-    ``InputWarning``), ``power`` [n] (full power where it is not given) and ``mirror_flags`` [n] or
-    one for all (0 where it is not given: the angle is good); other arrays in it are ignored, but
-    not one that looks like a misspelt name of these, such as ``angle_deg`` without ``angle_rad``.
+    An ``.npz`` holds ``lines`` and optionally ``angle_rad`` [n] (by default 0, with an
+    ``InputWarning``), ``power`` [n] (by default full power) and ``mirror_flags`` [n] or one for all
+    (by default 0: the angle is good). Other arrays in it are ignored, but a name that looks like a
+    misspelt one of these, such as ``angle_deg`` without ``angle_rad``, is refused.
 
     Args:
         path: The file.
-        config: Its sensor says how long a line is and how many bits a pixel has.
+        config: The configuration, whose sensor gives the line's length and the bits of a pixel.
 
     Returns:
         The lines as ``checked`` gives them, n at least 1.
@@ -56,8 +56,9 @@ class Recording:
     """Recorded lines that are read a block at a time.
 
     Attributes:
-        count: Lines.
-        blocks: Returns an iterator over all lines, so many at a time; to be called once.
+        count: Number of lines.
+        blocks: Returns an iterator over blocks of at most the given number of lines; may be called
+            once.
     """
 
     count: int
@@ -66,13 +67,13 @@ class Recording:
 
 @contextlib.contextmanager
 def opened(path: Path, config: Config) -> Iterator[Recording]:
-    """Open what ``read`` reads, for blocks of lines that are checked as they are read.
+    """Open a file that ``read`` reads, to read and check its lines block by block.
 
     Only an array in Fortran order, of which no line is in one piece, is read whole.
 
     Args:
         path: The file.
-        config: As for ``read``.
+        config: The configuration, as in ``read``.
 
     Raises:
         InputError: as ``read``, here or from ``blocks``.
@@ -100,7 +101,7 @@ def opened(path: Path, config: Config) -> Iterator[Recording]:
                         for column in columns.values():
                             column.end()
                 yield _checked(path, arrays, config, first=start)
-            if "angle_rad" not in columns:  # said only of what is good otherwise
+            if "angle_rad" not in columns:  # warns only of a file that is good otherwise
                 _warn(path)
 
         yield Recording(count, blocks)
@@ -124,19 +125,19 @@ def archive(
     names: tuple[str, ...] | None,
     folder: Path | None = None,
 ) -> Iterator[Callable[[Lines], None]]:
-    """Begin an ``.npz`` that ``read`` reads; yields a function that takes its lines.
+    """Begin an ``.npz`` that ``read`` reads; yield a function that takes its lines.
 
     Args:
-        file: A binary file. Beside what ``read`` takes it gets ``true_x_mm``, ``true_z_mm``,
-            ``true_position_px`` and ``surface`` [n], and ``surface_names``.
-        count: Lines, in all.
-        length: Pixels of a line.
-        names: Of the surfaces; None if the lines have no truth.
-        folder: Where the columns wait, in files without a name, until the lines are there; the
-            system's for temporary files if None.
+        file: A binary file. Besides the arrays that ``read`` takes it gets ``true_x_mm``,
+            ``true_z_mm``, ``true_position_px`` and ``surface`` [n], and ``surface_names``.
+        count: Number of lines in all.
+        length: Number of pixels of a line.
+        names: Names of the surfaces; None if the lines have no truth.
+        folder: Folder of the unnamed files that hold the columns until all lines are there; the
+            system's folder for temporary files if None.
 
     Raises:
-        LinesError: if powers or flags do not fit in what they are written as.
+        LinesError: if powers or flags do not fit in the types in which they are written.
     """
     types = {"angle_rad": "<f8", "power": "<u2", "mirror_flags": "|u1"}
     if names is not None:
@@ -182,7 +183,7 @@ def _member(
 
 
 def _members(path: Path, file: BinaryIO, stack: contextlib.ExitStack) -> dict[str, IO[bytes]]:
-    """Return the arrays of a file that a recording may hold, as files; see ``_load``."""
+    """Return the arrays of a file that belong to a recording, as open files; see ``_load``."""
     start = file.read(2)
     file.seek(0)
     if start != b"PK":
@@ -199,8 +200,8 @@ class _Column:
     """An array in a file, whose rows are read one after the other.
 
     Attributes:
-        kind: An array of its type and shape, whose values are nothing.
-        in_order: Whether rows lie one after the other.
+        kind: An array of the same type and shape without meaningful values.
+        in_order: Whether the rows lie one after the other in the file.
     """
 
     def __init__(self, file: IO[bytes]) -> None:
@@ -220,7 +221,7 @@ class _Column:
         self.in_order = not fortran or len(shape) < 2
 
     def rows(self, count: int) -> npt.NDArray[Any]:
-        """Return the next rows; of an array without rows, it."""
+        """Return the next rows; an array without rows is returned whole."""
         if self._one is not None:
             return self._one
         shape = (count, *self.kind.shape[1:]) if self.kind.ndim else ()
@@ -233,17 +234,17 @@ class _Column:
         return found
 
     def end(self) -> None:
-        """Read what is left: the checksum of an archive's array is compared at its end."""
+        """Read the rest, because the checksum of an array in an archive is compared at its end."""
         while self._file.read(1 << 20):
             pass
 
 
 @contextlib.contextmanager
 def _told(path: Path) -> Iterator[None]:
-    """Turn what reading a file raises into an ``InputError``."""
+    """Turn the errors of reading a file into an ``InputError``."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # numpy's doubts about a damaged header
+            warnings.simplefilter("ignore")  # warnings of numpy about a damaged header
             yield
     except InputError:
         raise
@@ -251,13 +252,13 @@ def _told(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: {error.strerror or 'cannot read'}") from error
     except Exception as error:  # a damaged file makes numpy, zipfile, zlib and tokenize raise
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        if "pickle" in reason:  # numpy's way to say that it knows neither format nor type
+        if "pickle" in reason:  # numpy knows neither the format nor the type
             reason = "no array of plain numbers"
         raise InputError(f"{path}: not a .npy or .npz file of lines ({reason})") from error
 
 
 def _load(path: Path) -> dict[str, npt.NDArray[Any]]:
-    """Return the arrays of a file that a recording may hold; a bare array is ``lines``."""
+    """Return the arrays of a file that belong to a recording; a bare array is ``lines``."""
     with _told(path), path.open("rb") as file:
         if not file.peek(1):
             raise InputError(f"{path}: empty file (0 bytes)")
@@ -277,7 +278,7 @@ def _checked(
     first: int = 0,
     pixels: bool = True,
 ) -> Lines:
-    """Return the lines of a file's arrays; arguments as for ``checked``."""
+    """Return the lines of a file's arrays; the arguments are those of ``checked``."""
     count = arrays["lines"].shape[:1]
     given = Lines(
         lines=arrays["lines"],

@@ -1,4 +1,4 @@
-"""Sensor lines: the type that every engine reads."""
+"""Sensor lines: the type that every engine takes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,20 +10,20 @@ from vrscan.data.arrays import Bools, Floats, Ints, Pixels
 
 @dataclass(frozen=True)
 class Truth:
-    """What a simulated line saw; all arrays [n], NaN where there is no such thing."""
+    """The truth of simulated lines; all arrays [n], NaN where a line has no such value."""
 
-    x_mm: Floats  # the spot
+    x_mm: Floats  # x of the spot
     z_mm: Floats
-    position_px: Floats  # its image; NaN where the camera does not see it
+    position_px: Floats  # position of the spot's image; NaN where the camera does not see it
     surface: Ints  # index into ``names``, -1 without a spot
     names: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Lines:
-    """n sensor lines with what the chain needs to know of each.
+    """n sensor lines with the data that the chain needs for each.
 
-    Whatever makes light (a recording, the simple scene, a full simulator) ends in this type.
+    Every source of lines (a recording, the simple scene, the full simulator) gives this type.
     """
 
     lines: Pixels  # counts [n, length]

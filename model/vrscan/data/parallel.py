@@ -1,4 +1,4 @@
-"""Work on all cores: results come in order, and only so many of them are in flight."""
+"""Work on all cores: results come in order, and the number of items in flight is limited."""
 
 import contextlib
 import signal
@@ -12,12 +12,12 @@ from vrscan.data.errors import InputError
 T = TypeVar("T")
 R = TypeVar("R")
 
-_AHEAD = 2  # items in flight for each process: one that it does and one that waits for it
-_IDLE_S = 60.0  # after which a process ends whose parent was killed
+_AHEAD = 2  # items in flight per process: one in work and one waiting
+_IDLE_S = 60.0  # time after which a process without a parent ends
 
 
 def processors() -> int:
-    """Return how many processors there are for this process."""
+    """Return the number of processors that this process may use."""
     from loky import cpu_count
 
     return int(cpu_count())
@@ -27,16 +27,16 @@ def processors() -> int:
 def workers(work: Callable[[T], R], jobs: int) -> Iterator[Callable[[Iterable[T]], Iterator[R]]]:
     """Start processes that do one kind of work, and end them.
 
-    The work goes to each process once, so it may hold what all items share. However it ends, by an
-    error or an interrupt too, no process is left behind.
+    The work is sent to each process once, so it may hold data that all items share. No process is
+    left behind at the end, not even after an error or an interrupt.
 
     Args:
-        work: Picklable, unless it is done here.
-        jobs: Processes; 1 does the work in this one.
+        work: The function that is applied to each item. It must be picklable unless ``jobs`` is 1.
+        jobs: Number of processes; 1 does the work in this process.
 
     Yields:
-        A function that takes items and yields the result of each, in their order. At most
-        ``2 * jobs`` items are taken and not yet yielded, however many there are.
+        A function that takes items and yields the result of each, in their order. At most ``2 *
+        jobs`` items are taken and not yet yielded, however many there are.
 
     Raises:
         InputError: if the work raises it, or a process was killed.
@@ -60,11 +60,11 @@ def workers(work: Callable[[T], R], jobs: int) -> Iterator[Callable[[Iterable[T]
 
 @contextlib.contextmanager
 def executor(jobs: int, work: Callable[[Any], Any] | None = None) -> Iterator[Executor]:
-    """Start processes, and end them; an interrupt is left to the process that waits for them.
+    """Start processes, and end them; the process that waits for them handles interrupts.
 
     Args:
         jobs: Number of processes.
-        work: What ``workers`` has them do.
+        work: The work that the processes do for ``workers``.
 
     Raises:
         InputError: if a process was killed.
@@ -82,11 +82,11 @@ def executor(jobs: int, work: Callable[[Any], Any] | None = None) -> Iterator[Ex
         pool.shutdown(kill_workers=True)
 
 
-_work: list[Callable[[Any], Any]] = []  # of this process
+_work: list[Callable[[Any], Any]] = []  # the work of this process
 
 
 def _begin(work: Callable[[Any], Any] | None) -> None:
-    for each in (signal.SIGINT, signal.SIGTERM):  # they are for who waits for the results
+    for each in (signal.SIGINT, signal.SIGTERM):  # the waiting process handles them
         signal.signal(each, signal.SIG_IGN)
     _work[:] = [] if work is None else [work]
 

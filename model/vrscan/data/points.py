@@ -1,7 +1,7 @@
-"""Points: what RTL and fixed model say of each line, in raw words, and the files they end in.
+"""Points: the results of RTL and fixed model for each line as raw words, and the files of points.
 
-The files are written from a ``Table``, which the float engine fills too: one format for three
-engines.
+The files are written from a ``Table``, which the float engine fills too, so all three engines write
+one format.
 """
 
 import contextlib
@@ -36,34 +36,35 @@ _CONFIDENCE_ONE = 2**pkg.CONFIDENCE_WIDTH - 1
 
 
 def _decimals(fraction_bits: int) -> int:
-    """Return the decimals from which a fixed-point number is read back exactly."""
+    """Return the number of decimals from which a fixed-point number is read back exactly."""
     return int(np.ceil(fraction_bits * np.log10(2.0)))
 
 
 @dataclass(frozen=True)
 class Points:
-    """One point a line, as integers in the raw formats of ``vrscan_pkg``; all arrays [n].
+    """One point for each line, as integers in the raw formats of ``vrscan_pkg``; all arrays [n].
 
     Attributes:
-        line: Line number.
+        line: Number of the line.
         flags: Bits of ``pkg.FLAGS``.
         left: First pixel of the window, px.
         right: Last pixel of the window, px.
-        width: Pixels in the window; ``left`` and ``right`` mean nothing where it is 0.
+        width: Number of pixels of the window; ``left`` and ``right`` mean nothing where it is 0.
         maximum: Largest pixel, counts.
-        row_mean: u24, 24 - PixelWidth fraction bits, counts; so are background and noise.
-        row_variance: u32, 32 - 2 PixelWidth fraction bits, counts squared.
-        background: Mean that decides, counts.
-        noise: Standard deviation that decides, counts.
-        snr: u16, 8 fraction bits.
-        position: Signed, 12 fraction bits, px.
-        sigma: u16, 12 fraction bits, px.
-        angle: s24, fraction of a turn.
-        x: s24, 12 fraction bits, mm; so is z.
-        z: See ``x``.
-        sigma_z: u16, 12 fraction bits, mm.
-        c_obj: u8, 255 is 1.0; (9).
-        c_sfm: u8, 255 is 1.0; (10).
+        row_mean: Mean of the row, counts, u24, 24 - PixelWidth fraction bits; background and noise
+            have the same format.
+        row_variance: Variance of the row, counts squared, u32, 32 - 2 PixelWidth fraction bits.
+        background: Mean of the background, or of the row with ROW_STATISTICS, counts.
+        noise: Standard deviation of the background, or of the row with ROW_STATISTICS, counts.
+        snr: Signal-to-noise ratio, u16, 8 fraction bits.
+        position: Position of the peak, px, signed, 12 fraction bits.
+        sigma: Standard deviation of the position, px, u16, 12 fraction bits.
+        angle: Scan angle, fraction of a turn, s24.
+        x: x of the point, mm, s24, 12 fraction bits.
+        z: z of the point, in the format of ``x``.
+        sigma_z: Standard deviation of z, mm, u16, 12 fraction bits.
+        c_obj: Confidence in an object (9), u8, 255 is 1.0.
+        c_sfm: Confidence in free space (10), u8, 255 is 1.0.
         measured: Whether the line has a position.
         pixel_width: Bits of a pixel.
     """
@@ -106,7 +107,7 @@ class Points:
 
 
 def points_equal(first: Points, second: Points) -> str | None:
-    """Return None if both are the same in every field, else one line on the first difference."""
+    """Return None if both are the same in every field, else one line about the first difference."""
     if len(first) != len(second):
         return f"{len(first)} points, want {len(second)}"
     if first.pixel_width != second.pixel_width:
@@ -185,7 +186,7 @@ def atomic_file(path: Path) -> Iterator[BinaryIO]:
             yield file
         os.replace(temporary, path)
     except OSError as error:
-        if error.errno not in _DISK_ERRORS:  # of what ran meanwhile, not of this file
+        if error.errno not in _DISK_ERRORS:  # an error of the caller's block, not of this file
             raise
         raise InputError(f"{path}: cannot write ({error.strerror})") from error
     finally:
@@ -194,7 +195,7 @@ def atomic_file(path: Path) -> Iterator[BinaryIO]:
 
 
 def check_writable(path: Path) -> None:
-    """See that ``atomic_file`` would open a file, before the work whose result goes there.
+    """Check that ``atomic_file`` could open a file, before the work whose result goes there.
 
     Raises:
         InputError: as ``atomic_file``.
@@ -208,7 +209,7 @@ def check_writable(path: Path) -> None:
 
 
 def _beside(path: Path) -> Path:
-    """Return the name of a file that is not there yet, in the folder of another one."""
+    """Return the name of a file that does not exist yet, in the folder of another file."""
     if path.exists() and not path.is_file():
         raise InputError(f"{path}: not a regular file")
     if not path.parent.is_dir():
@@ -217,7 +218,7 @@ def _beside(path: Path) -> Path:
 
 
 def _created(temporary: Path, path: Path) -> BinaryIO:
-    """Return a new file that will be ``path``."""
+    """Return a new file that will replace ``path``."""
     try:
         return temporary.open("xb")
     except OSError as error:
@@ -237,22 +238,22 @@ def write_csv(result: Table, file: BinaryIO) -> None:
 
 @contextlib.contextmanager
 def csv_file(file: BinaryIO) -> Iterator[Callable[[bytes], object]]:
-    """Begin a points.csv; yields a function that takes ``csv_rows`` of points, in their order."""
+    """Begin a points.csv; yield a function that takes ``csv_rows`` of points, in their order."""
     file.write(f"{COLUMNS}\n".encode())
     yield file.write
 
 
 def csv_rows(result: Table) -> bytes:
-    """Return the rows of points.csv, one a peak, in the columns ``COLUMNS``.
+    """Return the rows of points.csv, one for each peak, in the columns ``COLUMNS``.
 
-    Every fixed-point number has just the decimals from which its word is read back. Fields that
-    mean nothing are empty: left and right without a window, position and sigma without a valid
-    peak, x, z and sigma_z where the rays do not meet.
+    Every fixed-point number has just the decimals from which its word is read back. Fields without
+    meaning are empty: left and right without a window, position and sigma without a valid peak, x,
+    z and sigma_z where the rays do not meet.
 
     Args:
         result: The points.
     """
-    # The float engine's numbers end where the formats end.
+    # The numbers of the float engine are limited to the range of the formats.
     count = f"%.{_decimals(pkg.COUNT_WIDTH - result.pixel_width)}f"
     variance = f"%.{_decimals(pkg.VARIANCE_WIDTH - 2 * result.pixel_width)}f"
     snr, angle = f"%.{_decimals(pkg.SNR_FRACTION)}f", f"%.{_decimals(pkg.ANGLE_WIDTH - 3)}f"
@@ -261,7 +262,7 @@ def csv_rows(result: Table) -> bytes:
     statistics = f"%d,{count},{variance},{count},{count},{snr}"
 
     def text(form: str, rows: Bools, *columns: Ints | Floats) -> list[str]:
-        """Return one text a row: the columns in ``form`` in ``rows``, bare commas elsewhere."""
+        """Return a text for each row: the columns in ``form`` in ``rows``, commas elsewhere."""
         texts = ["," * form.count(",")] * len(result)
         chosen = np.flatnonzero(rows)
         values = zip(*(column[chosen].tolist() for column in columns), strict=True)
@@ -328,7 +329,7 @@ def write_ply(result: Table, file: BinaryIO, y_mm: Floats | float = 0.0) -> None
     Args:
         result: The points.
         file: A binary file.
-        y_mm: As for ``ply_vertices``.
+        y_mm: Position of the scan plane, as in ``ply_vertices``.
     """
     with ply_file(file) as write:
         write(ply_vertices(result, y_mm))
@@ -336,12 +337,12 @@ def write_ply(result: Table, file: BinaryIO, y_mm: Floats | float = 0.0) -> None
 
 @contextlib.contextmanager
 def ply_file(file: BinaryIO, folder: Path | None = None) -> Iterator[Callable[[bytes], object]]:
-    """Begin a PLY cloud; yields a function that takes ``ply_vertices``, in their order.
+    """Begin a PLY cloud; yield a function that takes ``ply_vertices``, in their order.
 
     Args:
         file: A binary file.
-        folder: Where the vertices wait, in a file without a name, until the header can tell how
-            many there are; the system's for temporary files if None.
+        folder: Folder of the unnamed file that holds the vertices until their number, which the
+            header needs, is known; the system's folder for temporary files if None.
     """
     with tempfile.TemporaryFile(dir=folder) as vertices:
         yield vertices.write
@@ -364,11 +365,11 @@ def ply_vertices(result: Table, y_mm: Floats | float = 0.0) -> bytes:
 
     Args:
         result: The points.
-        y_mm: Where the scanner, and so the scan plane, was at each line [n].
+        y_mm: Position of the scanner, and so of the scan plane, at each line [n].
 
     Returns:
-        For each x, y, z and sigma_z in mm, the confidence 0 to 1, the line's number and the flag
-        bits of ``vrscan_pkg``.
+        For each point x, y, z and sigma_z in mm, the confidence 0 to 1, the number of the line and
+        the flag bits of ``vrscan_pkg``.
     """
     rows = np.flatnonzero(result.located)
     vertices = np.zeros(len(rows), _VERTEX)

@@ -1,7 +1,7 @@
-"""Records of points as they lie in packets: 8 bytes or 64 a point, little endian.
+"""Records of points as they lie in packets: 8 or 64 bytes each, little endian.
 
-A record decodes to a structured array with one field a number, in the raw formats of
-``vrscan_pkg``; ``points`` makes of full ones what the rest of the package works with.
+A record decodes to a structured array with one field for each number, in the raw formats of
+``vrscan_pkg``. ``points`` turns full records into the ``Points`` of the rest of the package.
 """
 
 from dataclasses import fields
@@ -13,7 +13,7 @@ from vrscan.data import link_pkg, pkg
 from vrscan.data.arrays import Bools
 from vrscan.data.points import Points
 
-# A record as it is decoded: numpy knows no numbers of 24 bits.
+# The decoded records; numpy has no numbers of 24 bits.
 COMPACT = np.dtype([("x", "<i4"), ("z", "<i4"), ("c_obj", "u1"), ("flags", "u1")])
 FULL = np.dtype(
     [
@@ -43,13 +43,13 @@ FULL = np.dtype(
         ("time", "<u4"),
     ]
 )
-# Bits of a full record's ``bits``.
+# Bits of the field ``bits`` of a full record.
 MEASURED, INWARD, TEST = 1, 2, 4
 
 # A compact record as it lies in a packet.
 _PACKED = np.dtype([("x", "u1", 3), ("z", "u1", 3), ("c_obj", "u1"), ("flags", "u1")])
 
-# Of a compact record: which flags of a point set which bit.
+# The bits of a compact record's flags, and the flags of a point that set each.
 _GATHERED = {
     link_pkg.COMPACT_WEAK: ("LOW_SNR", "TOO_NARROW", "TOO_WIDE", "NO_PHASE"),
     link_pkg.COMPACT_AT_EDGE: ("AT_EDGE",),
@@ -119,16 +119,16 @@ def encode_full(records: Records) -> bytes:
 
 
 def measured(found: Records) -> Bools:
-    """Return which points are measured, [n]; of compact ones, which have a range besides."""
+    """Return which points are measured [n]; for compact records, which also have a range."""
     if "bits" in (found.dtype.names or ()):
         return np.asarray(found["bits"] & MEASURED != 0)
     return np.asarray(found["flags"] >> link_pkg.COMPACT_MEASURED & 1 != 0)
 
 
 def compact(records: Records) -> Records:
-    """Return what the compact records of these full ones are, an array of ``COMPACT``.
+    """Return the compact records of full records, an array of ``COMPACT``.
 
-    A point without a range has no x and z: it counts as measured in the full record only.
+    A point without a range has no x and z, so only its full record counts as measured.
     """
     flags = records["flags"].astype(np.int64)
     lost = (records["lost"] != 0).astype(np.int64) << pkg.FLAG_POINTS_LOST
@@ -145,7 +145,7 @@ def compact(records: Records) -> Records:
 
 
 def points(records: Records, pixel_width: int = 12) -> Points:
-    """Return full records as points, without what only the link adds to them.
+    """Return full records as points, without the fields that only the link adds to them.
 
     Args:
         records: An array of ``FULL``.

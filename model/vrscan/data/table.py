@@ -1,4 +1,4 @@
-"""Points in physical units: what every engine ends in, whatever its numbers are."""
+"""Points in physical units: the result of every engine, whatever its number format."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -12,9 +12,9 @@ from vrscan.data.arrays import Bools, Floats, Ints
 class Table:
     """The columns of points.csv in physical units; all arrays [n].
 
-    ``flags`` maps a flag's name to the rows that have it. ``measured`` says where position_px and
-    sigma_px mean anything, ``located`` where x_mm, z_mm and sigma_z_mm do, ``width`` > 0 where
-    left and right do. Confidences are 0 to 1.
+    ``flags`` maps a flag's name to the rows that have it. position_px and sigma_px are valid where
+    ``measured``, x_mm, z_mm and sigma_z_mm where ``located``, left and right where ``width`` > 0.
+    Confidences are 0 to 1.
     """
 
     line: Ints
@@ -56,7 +56,7 @@ class Table:
 
     @classmethod
     def joined(cls, parts: Sequence["Table"]) -> "Table":
-        """Return one table of all rows of ``parts``, at least one, of one pixel width."""
+        """Return one table of all rows of ``parts``: at least one part, all of one pixel width."""
         columns = {
             field.name: np.concatenate([getattr(part, field.name) for part in parts])
             for field in fields(cls)

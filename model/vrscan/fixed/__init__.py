@@ -1,5 +1,6 @@
 """Bit-accurate twins of the arithmetic, over whole arrays: from pixels to points, and the angle.
 
-A twin has its module's name; ``vrscan_chain`` joins them. The twins import no float code: they use
-``data`` and ``registers``.
+A twin is the Python model of an RTL module: it has the module's name and computes the same bits.
+``vrscan_chain`` joins them. The twins import no floating-point code; they use ``data`` and
+``registers``.
 """

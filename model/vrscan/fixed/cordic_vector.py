@@ -21,13 +21,13 @@ def iterations(angle_width: int) -> int:
 
 
 def latency(xy_width: int, angle_width: int, rotations: int | None = None) -> int:
-    """Return the clocks from ``valid_i`` to ``valid_o``; ``rotations`` as for ``cordic_vector``."""
+    """Return the clocks from ``valid_i`` to ``valid_o``; ``rotations`` as in ``cordic_vector``."""
     count = iterations(angle_width) if rotations is None else rotations
     return 2 * count + 2 * ((xy_width - 1) // COARSE) + 18
 
 
 def arc_tangents() -> list[int]:
-    """Return atan(2**-i) in turns / 2**TABLE_WIDTH, cut, for i = 0 to TABLE_ENTRIES - 1."""
+    """Return atan(2**-i) in turns / 2**TABLE_WIDTH, cut to integers, for i < TABLE_ENTRIES."""
     scale = 2**TABLE_WIDTH / (2 * math.pi)
     return [math.floor(math.atan(2.0**-i) * scale) for i in range(TABLE_ENTRIES)]
 
@@ -37,8 +37,9 @@ def angle_bounds(angle_width: int, rotations: int | None = None) -> tuple[float,
 
     ``rotations`` are those of ``cordic_vector``.
 
-    The output's rounding, what the last rotation leaves, the cut arc tangents and the cut input.
-    For the rms the first two are uniform and the small ones count in full.
+    The error consists of the output's rounding, the remainder of the last rotation, the cut arc
+    tangents and the cut input. For the rms the first two are uniformly distributed and the small
+    ones count in full.
     """
     count = iterations(angle_width) if rotations is None else rotations
     steps_per_radian = 2.0**angle_width / (2 * math.pi)
@@ -74,12 +75,12 @@ def cordic_vector(
 
     Args:
         x: Signed integers of ``xy_width`` bits. Any shape.
-        y: The same, broadcast against ``x``.
+        y: Signed integers of ``xy_width`` bits, broadcast against ``x``.
         xy_width: ``XyWidth`` of the module, 9 to 60.
         angle_width: ``AngleWidth`` of the module, 8 to 28.
-        rotations: How many, at most ``TABLE_ENTRIES``; the module has ``iterations(angle_width)``,
-            the design space others. Bounds and gain are those of the
-            module's, ``angle_bounds`` takes it.
+        rotations: Number of rotations, at most ``TABLE_ENTRIES``. The module has
+            ``iterations(angle_width)``, which is the default; the design space has others. Bounds
+            and gain are those of the module; ``angle_bounds`` also takes the number of rotations.
 
     Returns:
         The angle atan2(y, x), int64 in [0, 2**angle_width), in turns / 2**angle_width, to within
@@ -136,7 +137,7 @@ def package_source(entries: int = TABLE_ENTRIES) -> str:
     """Return rtl/trig/cordic_pkg.sv, the arc tangents for any angle width.
 
     Args:
-        entries: The rotations it serves; the repository's file serves all.
+        entries: Largest number of rotations; the repository's file serves all.
     """
     arcs = arc_tangents()[:entries]
     lines = [

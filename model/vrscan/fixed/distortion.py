@@ -13,7 +13,7 @@ from vrscan.data.arrays import Bools, Ints
 from vrscan.fixed.multiply import latency as multiply_latency
 from vrscan.fixed.multiply import multiply
 
-FRACTION = 29  # of every intermediate, and what every product moves down: ``Fraction``
+FRACTION = 29  # fraction bits of every intermediate, and shift of every product: ``Fraction``
 FACTOR_WIDTH = 32  # ``FactorWidth``
 CURVE_FRACTION = 23  # ``CurveFraction``
 PRODUCTS = 5
@@ -24,9 +24,9 @@ class Distorted:
     """Corrected positions, int64 of the shape of ``position``.
 
     Attributes:
-        offset: From the optical axis, px, 20 fraction bits.
+        offset: Distance from the optical axis, px, 20 fraction bits.
         slope: d offset / d position, 16 fraction bits.
-        saturated: Whether one of them did not fit, or the correction is beyond 100 %; bool.
+        saturated: Whether one of them did not fit, or the correction exceeds 100 %; bool.
     """
 
     offset: Ints
@@ -73,10 +73,10 @@ def distortion(
 
     Args:
         position: Positions on the sensor, px, 12 fraction bits, ``PositionWidth`` bits. Any shape.
-        centre: The optical axis, px, 20 fraction bits, ``CentreWidth`` bits.
+        centre: Position of the optical axis, px, 20 fraction bits, ``CentreWidth`` bits.
         k1: k1 R^2, 24 fraction bits, s26.
         k2: k2 R^4, 24 fraction bits, s26.
-        even: Take (5) as printed.
+        even: Whether to take (5) as printed.
         line_length: ``LineLength`` of the module.
     """
     pixel_bits = _pixel_bits(line_length)
@@ -89,7 +89,7 @@ def distortion(
 
     r = (np.asarray(position, np.int64) << (pkg.OFFSET_FRACTION - pkg.POSITION_FRACTION)) - centre
     up = FRACTION - pkg.OFFSET_FRACTION - pixel_bits
-    # To nearest, half up, where the line is so long that bits go.
+    # To nearest, half up, where the line is so long that bits are lost.
     s = r << up if up >= 0 else (r + (1 << (-up - 1))) >> -up
     align = FRACTION - pkg.DISTORTION_FRACTION
     first = np.asarray(k1, np.int64) << align

@@ -9,7 +9,8 @@ LATENCY = 3  # clocks from replay_i to the first valid_o
 class LineBuffer:
     """Two banks of ``line_length`` pixels: one is written, the last good line is replayed.
 
-    The model keeps whole lines; when a replayed pixel appears is ``LATENCY`` and one a clock.
+    The model keeps whole lines. In the hardware the replayed pixels begin to come after ``LATENCY``
+    clocks, one per clock.
     """
 
     line_length: int = 2048
@@ -17,11 +18,11 @@ class LineBuffer:
     _readable: dict[int, int] = field(default_factory=dict, init=False)
 
     def write(self, index: int, pixel: int) -> None:
-        """Store a pixel of the line that is coming in."""
+        """Store a pixel of the incoming line."""
         self._writing[index] = pixel
 
     def good(self) -> None:
-        """Make the line that came in the readable one."""
+        """Make the incoming line the readable one."""
         self._writing, self._readable = self._readable, self._writing
 
     def replay(self) -> list[int]:

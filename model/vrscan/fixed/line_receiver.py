@@ -9,7 +9,7 @@ LATENCY = 1  # clocks from pixel_valid_i to valid_o and from line_end_i to good_
 
 @dataclass(frozen=True)
 class Received:
-    """Registered outputs of one clock; a field is None where the hardware does not define it."""
+    """Registered outputs of one clock; None where the hardware does not define a value."""
 
     pixel: int | None = None
     index: int | None = None
@@ -23,12 +23,13 @@ class LineReceiver:
     """Clock-accurate receiver.
 
     Args:
-        line_length: Pixels of a good line, ``LineLength``.
-        min_period: Clocks between the ends of two good lines, ``MinPeriod``; 0 for no limit.
+        line_length: Number of pixels of a good line, ``LineLength``.
+        min_period: Least number of clocks between the ends of two good lines, ``MinPeriod``; 0 for
+            no limit.
         count_width: Bits of the fault counters, ``CountWidth``; they stop at their largest value.
 
     Attributes:
-        short, long, unfinished, early: Dropped lines by fault.
+        short, long, unfinished, early: Numbers of dropped lines by fault.
     """
 
     line_length: int = 2048
@@ -46,14 +47,14 @@ class LineReceiver:
     _period: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
-        """Start as after a reset: no line ended recently."""
+        """Set the state after a reset: no line has ended recently."""
         self._period = self.min_period
 
     def _count(self, value: int) -> int:
         return min(value + 1, (1 << self.count_width) - 1)
 
     def step(self, start: bool, valid: bool, pixel: int, end: bool) -> Received:
-        """Take the strobes of one clock and return what the outputs carry after it."""
+        """Take the strobes of one clock and return the outputs after it."""
         number_mask = (1 << pkg.LINE_NUMBER_WIDTH) - 1
         dropped = False
         if start:

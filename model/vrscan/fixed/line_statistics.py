@@ -21,12 +21,13 @@ class LineStatistics:
 
     Attributes:
         maximum: Largest pixel, counts.
-        max_index: Its first place, px.
+        max_index: First place of the maximum, px.
         row_mean: Mean of the whole line, counts, 24 - PixelWidth fraction bits.
         row_variance: Population variance of the whole line, counts^2, 32 - 2 PixelWidth.
-        background: Mean that decides, format of ``row_mean``.
-        noise: Standard deviation that decides, format of ``row_mean``.
-        row_statistics: Whether no block was left and the row had to decide, bool [n].
+        background: Mean of the background, or of the row where ``row_statistics``; format of
+            ``row_mean``.
+        noise: Standard deviation of the background, or of the row; format of ``row_mean``.
+        row_statistics: Whether the row is used because no block of background was left, bool [n].
     """
 
     maximum: Ints
@@ -39,7 +40,7 @@ class LineStatistics:
 
 
 def guard_blocks(max_window: int) -> int:
-    """Return the blocks on either side of the maximum's that a window can reach."""
+    """Return the number of blocks on either side of the maximum's that a window can reach."""
     return -(-max_window // pkg.BLOCK_LENGTH)
 
 
@@ -53,7 +54,7 @@ def latency(line_length: int, pixel_width: int, max_window: int) -> int:
     )
     quotient = 1 + divide_latency(pkg.VARIANCE_WIDTH)
     root = 1 + square_root_latency(sum_width - 1 + ROOT_FRACTION)
-    # Both run from the clock in which the sums of the background are known.
+    # Both start in the clock in which the sums of the background are known.
     select = 4 + 2 * guard_blocks(max_window) + 1 + 4
     return select + max(3 * quotient, 4 * product + root + 1) + 1 + quotient
 
@@ -70,7 +71,7 @@ def line_statistics(
         lines: Pixels below 2**pixel_width, [n, line_length].
         pixel_width: ``PixelWidth`` of the module, 8..16.
         max_window: ``MaxWindow`` of the module, at most 255.
-        noise_row: Whether the row decides, ``noise_row_i``.
+        noise_row: Whether to use the statistics of the row, ``noise_row_i``.
 
     Returns:
         The statistics, n entries each.

@@ -28,7 +28,7 @@ _QUARTER = 1 << (pkg.PHASE_WIDTH - 2)
 _MOTION_END = 1 << (pkg.MOTION_WIDTH - 1)
 _SLOPE_END = 1 << (pkg.SLOPE_MOTION_WIDTH - 1)
 _TURN = 1 << pkg.PHASE_WIDTH
-# Of the arguments that are one a harmonic: the least value, and the one behind the largest.
+# Range of the arguments with one value per harmonic: the least value, and the largest + 1.
 _HARMONICS = {
     "a": (-_MOTION_END, _MOTION_END),
     "phi": (0, _TURN),
@@ -49,14 +49,14 @@ def motion_map(
     """Return the harmonics at a phase of the drive, exactly as the hardware rounds them.
 
     Args:
-        offset: The drive's phase less the mirror's, turns, 48 fraction bits, u48. Any shape.
+        offset: Phase of the drive less that of the mirror, turns, 48 fraction bits, u48. Any shape.
         drive_phase: The offset at which ``a`` and ``phi`` hold, turns, 28 fraction bits, u28;
             broadcast against ``offset``.
-        a: a_k there, 22 fraction bits, s24; the last axis is the harmonic, the others are
-            broadcast against ``offset``.
-        phi: phi_k there, turns, 28 fraction bits, u28, [..., 9] as ``a``.
-        da: Change of a_k a turn of the drive, 22 fraction bits, s24, [..., 9].
-        dphi: Change of phi_k, turns a turn, 16 fraction bits, s24, [..., 9].
+        a: a_k at ``drive_phase``, 22 fraction bits, s24; the last axis is the harmonic, the others
+            are broadcast against ``offset``.
+        phi: phi_k at ``drive_phase``, turns, 28 fraction bits, u28, [..., 9] like ``a``.
+        da: Change of a_k per turn of the drive, 22 fraction bits, s24, [..., 9].
+        dphi: Change of phi_k, turns per turn, 16 fraction bits, s24, [..., 9].
 
     Returns:
         a_k and phi_k, int64 [..., 9] in the formats of ``a``, which saturates, and ``phi``, which
@@ -87,18 +87,18 @@ def motion_map(
 
 @dataclass(frozen=True)
 class Settings:
-    """Configuration.
+    """The configuration of the map.
 
     Attributes:
         drive_phase: Offset at which ``motion_a`` and ``motion_phi`` hold; u28, turns, 28 fraction
             bits.
         motion_a: a_k, k = 1, 3 .. 17; s24, 22 fraction bits.
         motion_phi: phi_k; u28, turns, 28 fraction bits.
-        motion_da: Change of a_k a turn; s24, 22 fraction bits.
-        motion_dphi: Change of phi_k, turns a turn; s24, 16 fraction bits.
+        motion_da: Change of a_k per turn of the drive; s24, 22 fraction bits.
+        motion_dphi: Change of phi_k, turns per turn; s24, 16 fraction bits.
 
     Raises:
-        ValueError: if a value does not fit, or there are not 9 of each.
+        ValueError: if a value does not fit, or there are not 9 values of each.
     """
 
     drive_phase: int
@@ -120,15 +120,16 @@ class Settings:
 
 
 class MotionMap:
-    """Clock-accurate map. A new one is as after a reset.
+    """Clock-accurate map; a new one is in the state after a reset.
 
     Args:
-        settings: The configuration ports.
+        settings: The values of the configuration ports.
 
     Attributes:
         a: a_k, k = 1, 3 .. 17; s24, 22 fraction bits.
         phi: phi_k; u28, turns, 28 fraction bits.
-        offset: d that they belong to; s28, turns, 28 fraction bits.
+        offset: Phase d of the drive to which ``a`` and ``phi`` belong; s28, turns, 28 fraction
+            bits.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -136,11 +137,11 @@ class MotionMap:
         self.a = settings.motion_a
         self.phi = settings.motion_phi
         self.offset = 0
-        self._age = 0  # clocks since valid, 0 is idle; stands where the results wait
+        self._age = 0  # clocks since valid, 0 when idle; stops while the results wait
         self._offset = 0
 
     def step(self, *, valid: bool, offset: int, busy: bool) -> None:
-        """Go on by a clock."""
+        """Advance by one clock."""
         if self._age == _COMMIT:
             if not busy:
                 self._age = 0
@@ -173,7 +174,7 @@ class MotionMap:
         return _COMMIT - self._age if self._age and not busy else MOST_IDLE
 
     def skip(self, clocks: int, *, valid: bool, offset: int, busy: bool) -> None:
-        """Take ``clocks`` steps at once, at most as many as ``idle`` says with these inputs."""
+        """Take ``clocks`` steps at once, at most as many as ``idle`` returns for these inputs."""
         del valid, offset, busy
         if self._age:
             self._age = min(self._age + clocks, _COMMIT)

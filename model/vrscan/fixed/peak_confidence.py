@@ -24,10 +24,10 @@ class Confidence:
 
     Attributes:
         snr: (maximum - background) / noise, 8 fraction bits, saturating.
-        no_noise: Whether the noise is zero and the S/N therefore its largest value, bool.
+        no_noise: Whether the noise is zero, so that the S/N is its largest value, bool.
         sigma: Standard deviation of the position, px, 12 fraction bits, saturating.
-        c_obj: Confidence in an object, 255 is 1 (9).
-        c_sfm: Confidence in free space, 255 is 1 (10).
+        c_obj: Confidence in an object (9); 255 is 1.
+        c_sfm: Confidence in free space (10); 255 is 1.
     """
 
     snr: Ints
@@ -76,20 +76,21 @@ def peak_confidence(
 
     Args:
         measured: Whether the peak has a phase, bool [n].
-        low_snr: Whether it is below the least S/N, bool [n].
-        maximum: Counts, [n].
-        background: Counts, 24 - PixelWidth fraction bits, [n].
-        noise: Same format, at most half of full scale, [n].
+        low_snr: Whether the peak is below the least S/N, bool [n].
+        maximum: Largest pixel, counts, [n].
+        background: Level of the background, counts, 24 - PixelWidth fraction bits, [n].
+        noise: Noise of the background in the same format, at most half of full scale, [n].
         width: N modulo 256, [n].
         period: T modulo 256, [n].
-        magnitude: Of ``phase_correlate``, as ``sum``, ``wave`` and ``count``, [n].
+        magnitude: Magnitude of the first harmonic from ``phase_correlate``, which also gives
+            ``sum``, ``wave`` and ``count``, [n].
         sum: Sum of pixel - pedestal, aligned counts, [n].
-        wave: Its second harmonic, [n].
-        count: The second harmonic of ones, [n].
+        wave: Second harmonic of the window, [n].
+        count: Second harmonic of ones, [n].
         power: Laser power, [n].
         pixel_width: ``PixelWidth`` of the module.
         kappa: Counts per electron, 28 - PixelWidth fraction bits.
-        c_obj_gain: 255 / snr_max, for an S/N with its fraction bits, 16 fraction bits.
+        c_obj_gain: 255 / snr_max for an S/N with its fraction bits; 16 fraction bits.
         c_sfm_gain: 255 / power_max, 16 fraction bits.
 
     Returns:

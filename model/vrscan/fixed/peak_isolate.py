@@ -19,9 +19,9 @@ class Windows:
 
     Attributes:
         measured: Whether the window goes to the phase detector.
-        left: First pixel above the threshold; the maximum's place where there is none.
-        right: Last pixel, likewise.
-        width: Pixels above the threshold, 0 where the maximum is not.
+        left: First pixel above the threshold; the maximum's place where no pixel is above it.
+        right: Last pixel above the threshold; the maximum's place where no pixel is above it.
+        width: Number of pixels in the window, 0 where the maximum is not above the threshold.
         flags: Bits LOW_SNR to RIVAL of ``pkg.FLAGS``.
     """
 
@@ -58,17 +58,17 @@ def peak_isolate(
 
     Args:
         lines: Pixels, [n, line_length].
-        statistics: Their statistics; ``background`` and ``noise`` decide.
+        statistics: Statistics of the lines; ``background`` and ``noise`` are used.
         pixel_width: ``PixelWidth`` of the module.
         max_window: ``MaxWindow`` of the module.
-        k_noise: Threshold above the background in noise, 8 fraction bits.
-        k_height: Threshold above the background in heights of the peak, 16 fraction bits.
+        k_noise: Threshold above the background over the noise, 8 fraction bits.
+        k_height: Threshold above the background over the peak's height, 16 fraction bits.
         snr_min: Least signal-to-noise ratio, 8 fraction bits.
         min_width: Least width; below 3 counts as 3.
-        max_width: Largest width; above ``max_window`` counts as that.
+        max_width: Largest width; above ``max_window`` counts as ``max_window``.
 
     Returns:
-        One window a line.
+        One window for each line.
     """
     count, length = lines.shape
     shift = pkg.COUNT_WIDTH - pixel_width

@@ -15,7 +15,7 @@ def peak_position(left: Ints, period: Ints, phase: Ints, *, line_length: int) ->
     Args:
         left: First pixel of the window, [n].
         period: T, px, [n].
-        phase: Fraction of a turn, 24 bits, [n].
+        phase: Phase of the first harmonic, fraction of a turn, 24 bits, [n].
         line_length: ``LineLength`` of the module; a position rounded up to the power of two at or
             above it is the largest one below.
 

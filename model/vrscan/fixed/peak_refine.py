@@ -11,25 +11,25 @@ from vrscan.fixed.divide import divide
 from vrscan.fixed.divide import latency as divide_latency
 from vrscan.fixed.multiply import latency as multiply_latency
 
-# |P1| / sum of a Gaussian that a window of T = N cuts grows with the place of the cut, from 0 for
-# a box to 1 for a line, so its sigma over N is a function of the share. An entry is for shares of
+# |P1| / sum of a Gaussian that a window of T = N cuts grows with the width of the cut, from 0 for a
+# box to 1 for a spike, so its sigma over N is a function of this share. An entry is for shares of
 # 2**-SHARE_BITS of 843 steps, which stand for 1.
-SIGMA_FRACTION = 9  # of a share of N
+SIGMA_FRACTION = 9  # fraction bits of sigma over N
 SIGMA_LEAST, SIGMA_LARGEST = 0.1, 0.5
 TABLE_BITS = 7
-ENTRY_SHIFT = 3  # steps of the quotient an entry
-MAGNITUDE_SHIFT, SUM_SHIFT = 12, 2  # what the division leaves of its operands
+ENTRY_SHIFT = 3  # steps of the quotient per entry, as a power of two
+MAGNITUDE_SHIFT, SUM_SHIFT = 12, 2  # bits that the division drops from its operands
 SHARE_ONE = cordic.GAIN * pkg.SINE_AMPLITUDE / 2 ** (MAGNITUDE_SHIFT + SUM_SHIFT)
 
 # Width in spot sigmas where the dark variance over the shot noise of the peak is at most 5/64,
-# 5/16, 1, and above.
+# at most 5/16, at most 1, and larger.
 WIDTH_FRACTION = 3
 WIDTHS = (54, 52, 44, 40)
 
 GAP_SHIFT = 3  # an eighth of the window lies between it and the blocks
 PAIRS = 4
 BLOCK_BITS = 4  # a block has at most 16 pixels
-BRIGHTER_SHIFT = 5  # a pair brighter than the darkest by 32 noises is left out
+BRIGHTER_SHIFT = 5  # a pair brighter than the darkest by 32 times the noise is left out
 QUOTIENT_WIDTH = 26
 
 
@@ -38,10 +38,10 @@ class Refined:
     """Second windows of n lines, int64 [n] each.
 
     Attributes:
-        left: First pixel.
-        width: Pixels.
-        ramp: What the baseline takes off the first pixel, aligned counts, 12 fraction bits.
-        slope: What it takes off more from pixel to pixel, in the same format.
+        left: First pixel of the window.
+        width: Number of pixels of the window.
+        ramp: What the baseline subtracts from the first pixel, aligned counts, 12 fraction bits.
+        slope: What the baseline subtracts in addition from pixel to pixel, in the same format.
     """
 
     left: Ints
@@ -116,13 +116,13 @@ def _block_sum(total: Ints, first: Ints, size: Ints, whole: Bools) -> Ints:
 
 
 def _slope(lines: Pixels, left: Ints, width: Ints, noise: Ints, pixel_width: int) -> Ints:
-    """Return the slope beside each window, aligned counts a px, 12 fraction bits, [n]."""
+    """Return the slope beside each window, aligned counts per px, 12 fraction bits, [n]."""
     count, length = lines.shape
     total = np.zeros((count, length + 1), np.int64)
     np.cumsum(lines, axis=1, out=total[:, 1:])
     bits = np.minimum(np.floor(np.log2(width)).astype(np.int64), BLOCK_BITS)
     size, gap = 1 << bits, width >> GAP_SHIFT
-    never = np.int64(1) << (pixel_width + BLOCK_BITS + 2)  # above every sum
+    never = np.int64(1) << (pixel_width + BLOCK_BITS + 2)  # larger than every sum
     sums = np.full((count, PAIRS), never)
     rises, distances = np.zeros((2, count, PAIRS), np.int64)
     for k in range(PAIRS):
@@ -160,24 +160,26 @@ def peak_refine(
 ) -> Refined:
     """Return the window that suits spot and noise, and the slope of the background beside it.
 
-    The first window's |P1| / sum gives the spot's sigma, the noise the width in sigmas; the middle
-    is the first position, or that of the window where it holds a plateau. The line's end cuts the
-    window; where fewer than 3 pixels are left, the first one stands.
+    The first window's |P1| / sum gives the spot's sigma, and the noise gives the width in sigmas.
+    The middle of the window is the first position, or the middle of the first window where that
+    holds a plateau. The line's end cuts the window; where fewer than 3 pixels are left, the first
+    window is kept.
 
-    The slope is that between PAIRS blocks of up to 16 pixels on either side. Light only adds: pairs
-    at one distance that are brighter than the darkest pair by more than noise hold a rival and are
-    left out, as are those that the line's end cuts; without any the slope is 0.
+    The slope is that between PAIRS blocks of up to 16 pixels on either side. Light is never
+    negative: pairs of blocks at equal distances that are brighter than the darkest pair by more
+    than the noise hold a rival and are left out, as are those that the line's end cuts; without any
+    pair the slope is 0.
 
     Args:
         lines: Pixels, [n, line_length].
         left: First pixel of the first window, [n].
-        width: Its pixels, 3 to 255, [n].
-        phase: Of its first harmonic, T = N, fraction of a turn, 24 bits, [n].
-        magnitude: As ``phase_correlate`` gives it, [n].
-        sum: Of its heights, aligned counts, [n].
-        maximum: Counts, [n].
-        background: Counts, 24 - PixelWidth fraction bits, [n].
-        noise: Same format, at most half of full scale, [n].
+        width: Number of pixels of the first window, 3 to 255, [n].
+        phase: Phase of its first harmonic, T = N, fraction of a turn, 24 bits, [n].
+        magnitude: Magnitude of its first harmonic from ``phase_correlate``, [n].
+        sum: Sum of its heights, aligned counts, [n].
+        maximum: Largest pixel, counts, [n].
+        background: Level of the background, counts, 24 - PixelWidth fraction bits, [n].
+        noise: Noise of the background in the same format, at most half of full scale, [n].
         pixel_width: ``PixelWidth`` of the module.
         max_window: ``MaxWindow`` of the module.
         kappa: Counts per electron, 28 - PixelWidth fraction bits.
@@ -208,5 +210,5 @@ def peak_refine(
     count = np.where(kept, last - first + 1, width)
 
     slope = _slope(lines, first, count, noise, pixel_width)
-    ramp = -((slope * (count - 1)) >> 1)  # in the window's middle it is 0
+    ramp = -((slope * (count - 1)) >> 1)  # the ramp is 0 in the window's middle
     return Refined(left=first, width=count, ramp=ramp, slope=slope)

@@ -18,14 +18,14 @@ UNMEASURED_LATENCY = 2  # clocks from valid_i to valid_o for a line that is not 
 
 @dataclass(frozen=True)
 class Harmonics:
-    """First harmonics of n windows, int64 [n] each; all zero where nothing is measured.
+    """First harmonics of n windows, int64 [n] each; all zero where no window is measured.
 
     Attributes:
-        measured: Whether there was a window and it has a phase.
-        no_phase: Whether there was a window whose harmonic is zero or nothing but rounding: X and Y
-            together below 1.2e-6 of the sum of the heights that were correlated.
+        measured: Whether there was a window, and it has a phase.
+        no_phase: Whether there was a window whose harmonic is zero or no more than rounding: X and
+            Y together below 1.2e-6 of the sum of the heights that were correlated.
         period: T of the window, px.
-        phase: Fraction of a turn, 24 bits.
+        phase: Phase of the first harmonic, fraction of a turn, 24 bits.
         magnitude: CORDIC gain times table amplitude times |P1|, aligned counts.
         sum: Sum of pixel - pedestal, aligned counts, at least 0.
         wave: Sum of (pixel - pedestal) cos(2 theta - 2 phi), 4 fraction bits.
@@ -44,11 +44,11 @@ class Harmonics:
 
 @dataclass(frozen=True)
 class FirstHarmonics:
-    """What the first pass over n windows finds, int64 [n] each."""
+    """Results of the first pass over n windows, int64 [n] each."""
 
     phase: Ints
     magnitude: Ints
-    sum: Ints  # of the heights that were correlated, at least 0
+    sum: Ints  # sum of the heights that were correlated, at least 0
     zero: Bools  # X = Y = 0
 
 
@@ -58,7 +58,7 @@ _PIPELINE = pkg.QUARTER_WAVE_LATENCY + 6  # table, q to q5, accumulator
 def first_latency(width: int) -> int:
     """Return the clocks from ``valid_i``, or ``refined_i``, to the harmonic of ``width`` pixels.
 
-    In the first of two passes that is ``refine_o``.
+    In the first of two passes that is the clock of ``refine_o``.
     """
     step = 1 + divide_latency(STEP_WIDTH) + 1
     return step + width + _PIPELINE + 1 + cordic.latency(pkg.HARMONIC_WIDTH, pkg.ANGLE_WIDTH)
@@ -70,7 +70,7 @@ def latency(width: int) -> int:
 
 
 def _pixels(lines: Pixels, left: Ints, width: Ints, pixel_width: int) -> tuple[Ints, Bools]:
-    """Return aligned counts of each window, [n, m], and which are inside."""
+    """Return the aligned counts of each window, [n, m], and which of them are inside."""
     place = np.arange(int(width.max(initial=0)))
     inside = place < width[:, None]
     columns = np.minimum(left[:, None] + place, lines.shape[1] - 1)
@@ -90,12 +90,12 @@ def first_harmonics(
     ramp: Ints | int = 0,
     slope: Ints | int = 0,
 ) -> FirstHarmonics:
-    """Return phase and magnitude of every window; arguments as for ``phase_correlate``."""
+    """Return phase and magnitude of every window; arguments as in ``phase_correlate``."""
     aligned, inside = _pixels(lines, left, width, pixel_width)
     place = np.arange(aligned.shape[1])
     pedestal = background >> (pkg.COUNT_WIDTH - pkg.ALIGNED_WIDTH)
     begin, rise = (np.broadcast_to(np.asarray(v, np.int64), len(lines)) for v in (ramp, slope))
-    # What a pixel's rounding loses goes over to the pixel behind it.
+    # The remainder of a pixel's rounding is carried to the next pixel.
     lowered = np.cumsum(begin[:, None] + place * rise[:, None], axis=1)
     lowered = (lowered + (1 << (pkg.RAMP_FRACTION - 1))) >> pkg.RAMP_FRACTION
     level = np.diff(lowered, axis=1, prepend=0)
@@ -137,17 +137,17 @@ def phase_correlate(
     Args:
         lines: Pixels, [n, line_length].
         left: First pixel of the window, [n].
-        width: Its pixels, at most 255 where it is measured, [n].
-        background: Counts, 24 - PixelWidth fraction bits, [n].
+        width: Number of pixels of the window, at most 255 where it is measured, [n].
+        background: Level of the background, counts, 24 - PixelWidth fraction bits, [n].
         measured: Which windows to measure, bool [n].
         pixel_width: ``PixelWidth`` of the module.
         period_n: Whether T = N; otherwise T = N - 1, on the raw pixels as (8) is printed.
-        ramp: What the first pass takes off the window's first pixel beside the background, aligned
-            counts, 12 fraction bits, [n] or one for all.
-        slope: What it takes off more from pixel to pixel, in the same format.
+        ramp: What the first pass subtracts from the window's first pixel besides the background,
+            aligned counts, 12 fraction bits, [n] or one for all.
+        slope: What it subtracts in addition from pixel to pixel, in the same format.
 
     Returns:
-        One harmonic a line.
+        One harmonic for each line.
     """
     count = len(lines)
     rows = np.flatnonzero(measured)
@@ -156,7 +156,7 @@ def phase_correlate(
         for name in ("period", "phase", "magnitude", "sum", "wave", "count")
     }
     no_phase = np.zeros(count, np.bool_)
-    # The period leaves the hardware for every line, modulo its width.
+    # The hardware outputs the period of every line, modulo its width.
     results["period"][:] = (width - (not period_n)) & ((1 << pkg.WINDOW_WIDTH) - 1)
     if rows.size:
         n = width[rows]
@@ -171,7 +171,7 @@ def phase_correlate(
             ramp=begin[rows],
             slope=rise[rows],
         )
-        # The noise is that of the pixels as they are: here nothing but the background is taken off.
+        # The noise is that of the pixels as they are, so only the background is subtracted here.
         aligned, inside = _pixels(lines[rows], left[rows], n, pixel_width)
         pedestal = background[rows] >> (pkg.COUNT_WIDTH - pkg.ALIGNED_WIDTH)
         height = np.where(inside, aligned - pedestal[:, None], 0)

@@ -1,4 +1,4 @@
-"""All that is known of a line's point, in 64 bytes, the twin of ``rtl/points/point_record.sv``."""
+"""The record of a line's point in 64 bytes, the twin of ``rtl/points/point_record.sv``."""
 
 import numpy as np
 
@@ -8,22 +8,22 @@ from vrscan.data.records import FULL, INWARD, MEASURED, TEST, Records
 
 LATENCY = 1  # clocks from valid_i to the first byte
 
-# What has no meaning, and so is 0, where a point is not measured.
+# The fields that have no meaning, and so are 0, where a point is not measured.
 _OF_MEASURED = ("position", "sigma", "x", "z", "sigma_z")
 
 
 def point_record(
     points: Points, power: Ints, confidence: Ints, inward: Bools, test: Bools, time: Ints
 ) -> Records:
-    """Return the records of points; ``vrscan.data.records.encode_full`` has their bytes.
+    """Return the records of points; ``vrscan.data.records.encode_full`` turns them into bytes.
 
     Args:
         points: n points as the chain gives them.
-        power: Of the laser in the line, u16 [n].
-        confidence: Of the mirror, u8 [n].
+        power: Laser power in the line, u16 [n].
+        confidence: Confidence in the scan angle, u8 [n].
         inward: Whether the mirror moves inward [n].
-        test: Whether the line is of the test pattern [n].
-        time: Centre of the pulse, clocks, u32 [n].
+        test: Whether the line is one of the test pattern [n].
+        time: Time of the centre of the pulse, clocks, u32 [n].
 
     Returns:
         An array of ``vrscan.data.records.FULL`` [n].

@@ -12,9 +12,9 @@ LATENCY = pkg.QUARTER_WAVE_LATENCY  # clocks from valid_i to valid_o
 
 TABLE_BITS = 10
 ENTRY_WIDTH = 32
-SLOPE_WIDTH = 17  # top bits of an entry that are multiplied with d
+SLOPE_WIDTH = 17  # number of top bits of an entry that are multiplied by d
 TURN = 102944  # 2 pi / 8 in 2**-17, an 18-bit operand
-_EXTRA = 17  # fraction bits of the small angle d in radians beyond TABLE_BITS: it fills 18 bits
+_EXTRA = 17  # fraction bits of the angle d, rad, beyond TABLE_BITS; it has 18
 
 
 def max_step(table_bits: int) -> float:
@@ -23,7 +23,7 @@ def max_step(table_bits: int) -> float:
 
 
 MAX_STEP = max_step(TABLE_BITS)
-LENGTH_ERROR = MAX_STEP * MAX_STEP / 4  # 1.5e-7, of the linear interpolation, about its middle
+LENGTH_ERROR = MAX_STEP * MAX_STEP / 4  # 1.5e-7, length error of the interpolation, either way
 
 
 def headroom(table_bits: int) -> int:
@@ -60,10 +60,10 @@ def table(table_bits: int = TABLE_BITS, entry_width: int = ENTRY_WIDTH) -> Ints:
 def amplitude(
     ampl_width: int, table_bits: int = TABLE_BITS, entry_width: int = ENTRY_WIDTH
 ) -> float:
-    """Return what stands for a sine of 1, in output steps.
+    """Return the output that stands for a sine of 1, in output steps.
 
-    The length of (cosine, sine) grows by d**2 / 2 of the linear interpolation; the middle of that
-    range is the amplitude, so that the length errs by +/-LENGTH_ERROR at most.
+    By the linear interpolation the length of (cosine, sine) grows by d**2 / 2; the middle of that
+    range is the amplitude, so the error of the length is +/-LENGTH_ERROR at most.
     """
     length_error = max_step(table_bits) ** 2 / 4
     peak = _peak(table_bits, entry_width)
@@ -75,8 +75,8 @@ def error_bound(
 ) -> float:
     """Return the largest error of an output against ``amplitude * sin``, in output steps.
 
-    The sum of all roundings, each derived from a width: the interpolation's length error and its
-    cubic term, the entry, d and its constant, the cut factor, the cut product, the output.
+    It is the sum of all roundings, each derived from a width: the interpolation's length error and
+    its cubic term, the entry, d and its constant, the cut factor, the cut product, and the output.
     """
     largest = max_step(table_bits)
     turn_error = abs(TURN / 2**17 * 8 / (2 * math.pi) - 1)
@@ -106,7 +106,8 @@ def quarter_wave(
         phase: Integers in [0, 2**phase_width), in units of one turn / 2**phase_width. Any shape.
         phase_width: Bits per turn, ``PhaseWidth`` of the module, 14 to 30.
         ampl_width: Signed output width, ``AmplWidth`` of the module, 16 to 30.
-        table_bits: Logarithm of the table's length; the module has 10, the design space others.
+        table_bits: Logarithm to base 2 of the table's length; the module has 10, the design space
+            others.
         entry_width: Bits of an entry, 17 or more and no fewer than ``ampl_width``; the module has
             32.
 

@@ -16,11 +16,11 @@ from vrscan.fixed.quarter_wave import amplitude as wave_amplitude
 from vrscan.fixed.quarter_wave import error_bound, quarter_wave
 
 AMPL_WIDTH = 30  # ``AmplWidth``
-FRACTION = AMPL_WIDTH - 1  # what every product moves down: ``Fraction``
+FRACTION = AMPL_WIDTH - 1  # shift of every product: ``Fraction``
 SUM_FRACTION = 29  # ``SumFraction``
 SUM_WIDTH = SUM_FRACTION + 6  # ``SumWidth``
 FACTOR_WIDTH = AMPL_WIDTH + 1  # ``FactorWidth``
-# What takes quarter_wave's 1.0 back to 1: ``InverseLength``.
+# The factor that turns quarter_wave's 1.0 into 1: ``InverseLength``.
 INVERSE_LENGTH = math.floor(math.ldexp(1.0, 2 * FRACTION) / wave_amplitude(AMPL_WIDTH) + 0.5)
 
 _PRODUCT = multiply_latency(SUM_WIDTH, FACTOR_WIDTH)
@@ -38,15 +38,15 @@ def scan_angle(phase: Ints, amplitude: Ints | int, a: Ints, phi: Ints) -> tuple[
     """Return scan angles exactly as the hardware rounds them.
 
     Args:
-        phase: p, turns, 28 fraction bits, u28. Any shape.
-        amplitude: A, turns, 28 fraction bits, u26; broadcast against ``phase``.
+        phase: Phase p, turns, 28 fraction bits, u28. Any shape.
+        amplitude: Amplitude A, turns, 28 fraction bits, u26; broadcast against ``phase``.
         a: a_k, 22 fraction bits, s24; the last axis is the harmonic, the others are broadcast.
-        phi: phi_k, turns, 28 fraction bits, u28, [..., 9] as ``a``.
+        phi: phi_k, turns, 28 fraction bits, u28, [..., 9] like ``a``.
 
     Returns:
-        The angles, int64, fractions of a turn, 24 bits, and whether one did not fit and saturates;
-        both of the shape that all arguments have together. An angle errs by ``error_bound_turns``
-        at most.
+        The angles, int64, fractions of a turn, 24 bits, and whether an angle did not fit and is
+        saturated; both have the broadcast shape of all arguments. The error of an angle is at most
+        ``error_bound_turns``.
 
     Raises:
         ValueError: if an argument does not fit in its format or there are not 9 harmonics.
@@ -82,13 +82,13 @@ def scan_angle(phase: Ints, amplitude: Ints | int, a: Ints, phi: Ints) -> tuple[
 def error_bound_turns(amplitude: Floats, motion: Floats) -> Floats:
     """Return the largest error of an angle against (12) of the same integers, turns.
 
-    With e a step of ``SUM_FRACTION`` bits and s = sum |a_k|: the cosines err by s times
-    quarter_wave's bound, their cut products by e each, the inverse of its 1.0 by s 2**-30 and its
-    product by e, all of which A scales. The product with A is cut to bits that the rounding of the
-    angle, half a step, does not tell from the exact one.
+    With e a step of ``SUM_FRACTION`` bits and s = sum |a_k|, the errors are: s times quarter_wave's
+    bound for the cosines, e for each of their cut products, s 2**-30 for the inverse of its 1.0,
+    and e for the product with the inverse. A scales all of them. The product with A is cut to so
+    many bits that the rounding of the angle, half a step, is that of the exact product.
 
     Args:
-        amplitude: A, turns, [...].
+        amplitude: Amplitude A, turns, [...].
         motion: a_k, [..., 9].
     """
     step = 2.0**-SUM_FRACTION
@@ -100,5 +100,5 @@ def error_bound_turns(amplitude: Floats, motion: Floats) -> Floats:
 
 
 def floor_turns() -> float:
-    """Return what the rounding of the angle alone leaves, turns."""
+    """Return the rms error that the rounding of the angle alone leaves, turns."""
     return 2.0 ** -(pkg.ANGLE_WIDTH + 1)

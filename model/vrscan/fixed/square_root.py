@@ -29,7 +29,7 @@ def square_root(radicand: Ints, *, root_width: int) -> Ints:
     limit = min((1 << 2 * root_width) - 1, 1 << 62)
     if radicand.size and (radicand.min() < 0 or radicand.max() > limit):
         raise ValueError(f"square_root: radicands must be 0 to {limit}")
-    # The float's root is off by one at most; integers decide.
+    # The floating-point root is off by one at most; integers correct it.
     root = np.sqrt(radicand.astype(np.float64)).astype(np.int64)
     root -= root * root > radicand
     root += (root + 1) * (root + 1) <= radicand

@@ -1,7 +1,7 @@
 """Synthetic lines in place of the sensor's, the twin of ``rtl/sensor/test_line.sv``.
 
-``lines`` gives whole lines at once; ``TestLine`` says in which clock each of their pixels comes.
-The noise is that of G. Marsaglia, *Xorshift RNGs* (2003).
+``lines`` gives whole lines at once; ``TestLine`` gives each of their pixels in its clock. The noise
+is that of G. Marsaglia, *Xorshift RNGs* (2003).
 """
 
 from dataclasses import dataclass, fields
@@ -13,38 +13,39 @@ from vrscan.data.arrays import Ints, Pixels
 from vrscan.fixed.multiply import latency as multiply_latency
 from vrscan.fixed.quarter_wave import quarter_wave
 
-PLACE_WIDTH = 24  # of position and move
+PLACE_WIDTH = 24  # bits of position and move
 PERIOD_WIDTH = 24
 MIN_GAP = 16  # clocks between two lines
 MOST_LENGTH = 1 << (PLACE_WIDTH - pkg.POSITION_FRACTION)
-WAVE_WIDTH = 17  # of the cosine
-WAVE_ONE = 65534  # of 1 << 16: what stands for 1
-SUM_FRACTION = 17  # of a pixel before it is rounded, in counts of pkg.ALIGNED_WIDTH bits
+WAVE_WIDTH = 17  # bits of the cosine
+WAVE_ONE = 65534  # stands for 1, instead of 1 << 16
+SUM_FRACTION = 17  # fraction bits of an unrounded pixel in counts of pkg.ALIGNED_WIDTH bits
 NOISE_FRACTION = 9
 NOISE_PEAK = 510
 SEED_MASK = 0x9E3779B9
 
-LINE_LATENCY = 15  # clocks from the last one in which a stop prevents a line to its line_start
+LINE_LATENCY = 15  # clocks from the last stop that prevents a line to its line_start
 # Clocks from test_start_i to the first line_start_o.
 START_LATENCY = multiply_latency(PLACE_WIDTH + 1, pkg.PHASE_WIDTH + 2) + 3 + LINE_LATENCY
 
 _WORD = (1 << 32) - 1
-_CHUNK = 1 << 21  # pixels that are worked out at once, for the memory's sake
+_CHUNK = 1 << 21  # pixels that are computed at once, to limit the memory
 
 
 @dataclass(frozen=True)
 class Settings:
-    """The registers of a run.
+    """The registers of a run of test lines.
 
     Attributes:
-        position: Of the first line's pulse; u24, px, 12 fraction bits.
-        move: Added from line to line; s24, px, 12 fraction bits.
+        position: Position of the first line's pulse; u24, px, 12 fraction bits.
+        move: Distance by which the pulse moves from line to line; s24, px, 12 fraction bits.
         step: 2**28 / width of the pulse in px, u29: see ``step_of_width``.
-        height, pedestal, noise: Of the pulse, below it, and peak of the noise; u16, counts
-            left-aligned to 16 bits.
-        seed: Of the noise; u32.
-        lines: Of a run; u32, 0 is without end.
-        period_clks: From line start to line start; u24, as the least period where it is shorter.
+        height, pedestal, noise: Height of the pulse, level below it, and peak of the noise; u16,
+            counts left-aligned to 16 bits.
+        seed: Seed of the noise; u32.
+        lines: Number of lines of the run; u32, 0 for a run without end.
+        period_clks: Clocks from line start to line start; u24, raised to the least period where it
+            is shorter.
 
     Raises:
         ValueError: if a value does not fit.
@@ -88,21 +89,21 @@ def least_period(line_length: int) -> int:
 
 
 def _stepped(x: Ints) -> Ints:
-    """Return the states of the noise's register, int64, a pixel later."""
+    """Return the states of the noise's shift register one pixel later, int64."""
     x = x ^ (x << 13) & _WORD
     x = x ^ x >> 17
     return x ^ (x << 5) & _WORD
 
 
 def _states(seed: int, count: int) -> Ints:
-    """Return the register's states in the first ``count`` pixels.
+    """Return the states of the noise's shift register in the first ``count`` pixels.
 
-    A step is linear: that of many pixels is the exclusive or of what it makes of each byte, so the
-    states known so far give as many again.
+    A step is linear: the state many pixels later is the exclusive or of what those steps make of
+    each byte, so the states known so far give as many new ones.
     """
     states = np.empty(count, np.int64)
     states[:1] = _stepped(np.array([seed ^ SEED_MASK or SEED_MASK]))
-    bits = _stepped(1 << np.arange(32, dtype=np.int64))  # what a step makes of every bit
+    bits = _stepped(1 << np.arange(32, dtype=np.int64))  # the step's result for every bit
     known = 1
     while known < count:
         tables = np.zeros((4, 256), np.int64)
@@ -123,14 +124,14 @@ def _states(seed: int, count: int) -> Ints:
 
 
 def draws(seed: int, count: int) -> Ints:
-    """Return the noise of a run's first ``count`` pixels before its scale, -510 .. 510."""
+    """Return the noise of a run's first ``count`` pixels before it is scaled, -510 .. 510."""
     states = _states(seed, count)
     total: Ints = (states & 255) + (states >> 8 & 255) + (states >> 16 & 255) + (states >> 24)
     return total - NOISE_PEAK
 
 
 def positions(settings: Settings, count: int, *, line_length: int) -> Ints:
-    """Return where the pulses of a run's first ``count`` lines stand: px, 12 fraction bits."""
+    """Return the positions of the pulses of a run's first ``count`` lines, px, 12 fraction bits."""
     length = line_length << pkg.POSITION_FRACTION
     place = settings.position
     found = []
@@ -148,8 +149,8 @@ def lines(
     """Return the first ``count`` lines of a run, or all of it, as the hardware sends them.
 
     Args:
-        settings: The registers; ``lines`` of them are a run, whatever ``count`` is.
-        count: Lines to return, ``settings.lines`` where None.
+        settings: The registers; ``lines`` of them is the length of the run, whatever ``count`` is.
+        count: Number of lines to return; ``settings.lines`` if None.
         line_length: ``LineLength`` of the module.
         pixel_width: ``PixelWidth`` of the module.
 
@@ -157,7 +158,7 @@ def lines(
         uint16 [count, line_length], full scale 2**pixel_width.
 
     Raises:
-        ValueError: if there is no such module, or a run without end is asked for.
+        ValueError: if there is no such module, or all lines of a run without end are asked for.
     """
     if not (pkg.BLOCK_LENGTH <= line_length <= MOST_LENGTH and 8 <= pixel_width <= 16):
         raise ValueError("test_line: line_length must be 64 to 4096 and pixel_width 8 to 16")
@@ -197,21 +198,21 @@ def _pixels(settings: Settings, first: Ints, noise: Ints, pixel_width: int) -> P
 
 
 class TestLine:
-    """Clock-accurate source. A new one is as after a reset.
+    """Clock-accurate source of test lines; a new one is in the state after a reset.
 
     Args:
-        settings: The registers; ``settings`` may be replaced between two steps, which counts from
-            the next start.
-        line_length: ``LineLength``.
-        pixel_width: ``PixelWidth``.
+        settings: The registers; ``settings`` may be replaced between two steps, which takes effect
+            at the next start.
+        line_length: ``LineLength`` of the module.
+        pixel_width: ``PixelWidth`` of the module.
 
     Attributes:
         line_start, line_end, pixel_valid: The strobes.
-        pixel: With ``pixel_valid``; the hardware does not define it otherwise.
-        running: A run is on its way.
+        pixel: The pixel with ``pixel_valid``; the hardware does not define it otherwise.
+        running: Whether a run is in progress.
     """
 
-    __test__ = False  # it is no test
+    __test__ = False  # pytest must not collect it as a test
 
     def __init__(self, settings: Settings, line_length: int = 2048, pixel_width: int = 12) -> None:
         self.settings = settings
@@ -227,10 +228,10 @@ class TestLine:
         self._active = False
         self._begun = 0  # lines of the run so far
         self._wait = 0  # clocks until the next line begins
-        self._age = 0  # clocks since the last one did, 0 is never
+        self._age = 0  # clocks since the last line began, 0 before the first one
 
     def step(self, *, test_start: bool, test_stop: bool) -> None:
-        """Go on by a clock."""
+        """Advance by one clock."""
         if test_start:
             self.line_start = self.line_end = self.pixel_valid = False
             self._run = self.settings
@@ -257,7 +258,7 @@ class TestLine:
             self._active = self._active and not test_stop
 
     def _line(self) -> Pixels:
-        """Return the line that is on its way; a run is worked out in twice as many lines a time."""
+        """Return the line in progress; each time twice as many lines of a run are computed."""
         if self._begun > len(self._made):
             self._made = lines(
                 self._run,

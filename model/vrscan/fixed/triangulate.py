@@ -23,13 +23,13 @@ from vrscan.fixed.quarter_wave import LATENCY as QUARTER_WAVE_LATENCY
 from vrscan.fixed.quarter_wave import quarter_wave
 
 AMPL_WIDTH = 30  # ``AmplWidth``
-FRACTION = AMPL_WIDTH - 1  # what every product moves down: ``Fraction``
+FRACTION = AMPL_WIDTH - 1  # shift of every product: ``Fraction``
 FACTOR_WIDTH = 32  # ``FactorWidth``
 ROUNDED_WIDTH = 34  # ``RoundedWidth``
 RANGE_WIDTH = 32  # ``RangeWidth``, of q with pkg.BASE_FRACTION fraction bits
 SPREAD_FRACTION = 24  # ``SpreadFraction``, of sigma in corrected px
 GRADIENT_FRACTION = 13  # ``GradientFraction``
-GRADIENT_SPARE = 4  # ``GradientSpare``, bits that the gradient moves up before it is multiplied
+GRADIENT_SPARE = 4  # ``GradientSpare``, left shift of the gradient before it is multiplied
 
 LATENCY = (
     QUARTER_WAVE_LATENCY
@@ -47,9 +47,11 @@ class Triangulated:
     Attributes:
         x: mm, 12 fraction bits; 0 without a range.
         z: mm, 12 fraction bits; 0 without a range.
-        sigma_z: Standard deviation of z, mm, 12 fraction bits, saturating; largest without a range.
-        no_range: The rays are parallel, meet behind mirror or camera, or 4096 mm or more away.
-        out_of_range: x or z saturated, or the offset had.
+        sigma_z: Standard deviation of z, mm, 12 fraction bits, saturating; its largest value
+            without a range.
+        no_range: Whether the rays are parallel, or meet behind mirror or camera, or 4096 mm or more
+            away.
+        out_of_range: Whether x or z saturated, or the offset had saturated.
     """
 
     x: Ints
@@ -96,14 +98,14 @@ def triangulate(
         slope: d offset / d position, 16 fraction bits.
         sigma: Standard deviation of the position, px, 12 fraction bits, u16.
         angle: Scan angle, fraction of a turn, s24.
-        measured: Whether there is a position; where not, every result is 0.
+        measured: Whether there is a position; where there is none, every result is 0.
         saturated: Whether ``distortion`` could not represent the offset.
-        n0: mm, 20 fraction bits, s32, as are the others.
-        n1: mm, 20 fraction bits.
-        d0: In units of f, 30 fraction bits, as are the following.
-        d1: Of s.
-        e0: Of sin a.
-        e1: Of s sin a.
+        n0: Constant part of n, mm, 20 fraction bits; s32, as are the following.
+        n1: Factor of s in n, mm, 20 fraction bits.
+        d0: Factor of cos a in d, in units of f, 30 fraction bits, as are the following.
+        d1: Factor of s cos a in d.
+        e0: Factor of sin a in d.
+        e1: Factor of s sin a in d.
         line_length: ``LineLength`` of the module.
     """
     pixel_bits = (line_length - 1).bit_length()

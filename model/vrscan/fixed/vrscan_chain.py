@@ -23,7 +23,7 @@ from vrscan.fixed import triangulate as geometry_triangulate
 from vrscan.registers.chain_registers import Registers
 
 MAX_WINDOW = 255
-CHUNK = 1024  # lines at a time: what a core's cache holds
+CHUNK = 1024  # lines computed at a time: they fit in a core's cache
 
 _FirstWindows = tuple[line_statistics.LineStatistics, peak_isolate.Windows]
 
@@ -42,12 +42,12 @@ def latency(
     """Return the clocks from a line's last pixel to its point.
 
     Args:
-        width: Pixels in the window.
+        width: Number of pixels in the window.
         measured: Whether the window is measured (none of LOW_SNR, TOO_NARROW, TOO_WIDE).
-        line_length: ``LineLength``.
-        pixel_width: ``PixelWidth``.
-        max_window: ``MaxWindow``.
-        first_width: With two passes, the pixels in the first window.
+        line_length: ``LineLength`` of the elaboration.
+        pixel_width: ``PixelWidth`` of the elaboration.
+        max_window: ``MaxWindow`` of the elaboration.
+        first_width: With two passes, the number of pixels in the first window.
     """
     offset = peak_position.LATENCY + geometry_distortion.latency(line_length)
     phase = phase_correlate.latency(width) if measured else phase_correlate.UNMEASURED_LATENCY
@@ -65,7 +65,7 @@ def latency(
 
 
 def min_period(line_length: int, max_window: int, *, two_pass: bool) -> int:
-    """Return the clocks between two good lines' ends that the chain asks for; 0 for no limit."""
+    """Return the least clocks between the ends of two good lines; 0 for no limit."""
     if two_pass:
         period = 3 * max_window + pkg.TWO_PASS_OVERHEAD
     else:
@@ -74,7 +74,7 @@ def min_period(line_length: int, max_window: int, *, two_pass: bool) -> int:
 
 
 def first_windows(lines: Pixels, registers: Registers, max_window: int) -> _FirstWindows:
-    """Return statistics and first window of every line; arguments as for ``run_fixed``."""
+    """Return statistics and first window of every line; arguments as in ``run_fixed``."""
     r = registers
     statistics = line_statistics.line_statistics(
         lines, pixel_width=r.pixel_width, max_window=max_window, noise_row=r.noise_row
@@ -96,7 +96,7 @@ def first_windows(lines: Pixels, registers: Registers, max_window: int) -> _Firs
 def _refined(
     lines: Pixels, first: _FirstWindows, registers: Registers, max_window: int
 ) -> tuple[peak_isolate.Windows, Ints, Ints]:
-    """Return the windows, ramps and slopes of the second pass; the first window where none is."""
+    """Return windows, ramps and slopes of the second pass; the first window where there is none."""
     statistics, window = first
     ramp, slope = np.zeros((2, len(lines)), np.int64)
     rows = np.flatnonzero(window.measured)
@@ -250,15 +250,16 @@ def run_fixed(
     mirror_flags: Ints | int = 0,
     max_window: int = MAX_WINDOW,
 ) -> Points:
-    """Return the point of every line, bit for bit what the RTL gives for good lines.
+    """Return the point of every line, bit for bit as the RTL for good lines.
 
     Args:
         lines: Pixels, uint16 [n, registers.line_length].
         angle: Scan angles, fractions of a turn as 24-bit signed integers, [n].
-        power: Laser power, u16, [n].
+        power: Laser powers, u16, [n].
         registers: The configuration; ``pixel_width`` and ``line_length`` are the elaboration's.
-        progress: Called with the lines done so far.
-        mirror_flags: The mirror's flags, bit 0 for NOT_RUNNING and up, 0..7, [n] or one for all.
+        progress: Called with the number of lines done so far.
+        mirror_flags: Flags of the mirror from bit 0, NOT_RUNNING, upwards; 0..7, [n] or one for
+            all.
         max_window: ``MaxWindow`` of the elaboration.
 
     Returns:

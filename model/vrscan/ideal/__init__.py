@@ -1,4 +1,4 @@
-"""The papers' equations in float64: the oracle of ``vrscan.fixed``, which it never imports.
+"""The papers' equations in float64: the reference for ``vrscan.fixed``, which it never imports.
 
-It uses ``data`` alone, and whoever compares with the truth may use it.
+It uses ``data`` only. Any package that compares with the truth may use it.
 """

@@ -16,7 +16,7 @@ from vrscan.ideal.statistics import statistics
 
 MAX_WINDOW = 255  # px
 MIRROR_FLAGS = ("NOT_RUNNING", "INDEX_FAULT", "UNSETTLED")  # by bit
-_CHUNK = 512  # lines at a time: what a cache holds
+_CHUNK = 512  # lines computed at a time: they fit in a cache
 
 
 def run(

@@ -13,7 +13,7 @@ def signal_to_noise(maximum: Ints, background: Floats, noise: Floats) -> Floats:
     Args:
         maximum: Largest pixel, counts [n].
         background: Mean of the background, counts [n].
-        noise: Its standard deviation, counts [n].
+        noise: Standard deviation of the background, counts [n].
     """
     height = np.maximum(maximum - background, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -25,8 +25,8 @@ def object_confidence(snr: Floats, valid: Bools, *, snr_max: float) -> Floats:
 
     Args:
         snr: Signal-to-noise ratio [n].
-        valid: Where it reaches snr_min [n].
-        snr_max: Ratio of confidence 1.
+        valid: Whether the ratio reaches snr_min [n].
+        snr_max: Signal-to-noise ratio at which the confidence is 1.
     """
     return np.where(valid, np.minimum(snr / snr_max, 1.0), 0.0)
 
@@ -36,7 +36,7 @@ def free_confidence(power: Ints, valid: Bools, *, power_max: int) -> Floats:
 
     Args:
         power: Laser power of each line [n].
-        valid: Where the signal-to-noise ratio reaches snr_min [n].
-        power_max: Power of confidence 1.
+        valid: Whether the signal-to-noise ratio reaches snr_min [n].
+        power_max: Laser power at which the confidence is 1.
     """
     return np.where(valid, 0.0, np.minimum(power / power_max, 1.0))

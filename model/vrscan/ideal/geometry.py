@@ -14,12 +14,12 @@ from vrscan.data.config import Geometry
 
 @dataclass(frozen=True)
 class Located:
-    """Where rays meet."""
+    """The places where rays meet."""
 
     x: Floats  # mm
     z: Floats  # mm
     slope: Floats  # dz/du, dimensionless
-    no_range: Bools  # parallel, or meeting behind mirror or camera: x, z and slope are 0
+    no_range: Bools  # rays parallel, or meeting behind mirror or camera: x, z, slope are 0
 
 
 def undistorted(position_px: Floats, geometry: Geometry) -> tuple[Floats, Floats]:
@@ -44,7 +44,7 @@ def undistorted(position_px: Floats, geometry: Geometry) -> tuple[Floats, Floats
 
 
 def triangle_printed(u: Floats, angle: Floats, geometry: Geometry) -> tuple[Floats, Floats]:
-    """Return (x, z) from VR-SCAN (3) and (4) as printed; useless near beta = 90 degrees.
+    """Return (x, z) from VR-SCAN (3) and (4) as printed; not usable near beta = 90 degrees.
 
     Args:
         u: Corrected image coordinate, mm.
@@ -86,14 +86,14 @@ def triangle(u: Floats, angle: Floats, geometry: Geometry) -> Located:
 
 
 def project(x: Floats, z: Floats, geometry: Geometry) -> Floats:
-    """Return the position in px at which the camera sees (x, z): (2), (4) and (5) inverted.
+    """Return the position in px at which the camera sees (x, z), from (2), (4) and (5) inverted.
 
     Points behind the camera, and images that the distortion cannot produce, give NaN.
 
     Args:
-        x: mm.
-        z: mm.
-        geometry: The whole of it.
+        x: Coordinate along the scan, mm.
+        z: Distance from the mirror, mm.
+        geometry: The whole geometry.
     """
     beta = np.arctan2(z - geometry.offset_mm, geometry.base_mm - x)
     off_axis = beta - geometry.bias_rad
@@ -118,7 +118,7 @@ def radial_error(range_mm: Floats, position_error_mm: float, geometry: Geometry)
     Args:
         range_mm: Distance r.
         position_error_mm: Precision p_p on the sensor.
-        geometry: Base and focal length.
+        geometry: The base and focal length.
     """
     return np.square(range_mm) * position_error_mm / (geometry.focal_mm * geometry.base_mm)
 
@@ -129,7 +129,7 @@ def lateral_error(range_mm: Floats, position_error_mm: float, geometry: Geometry
     Args:
         range_mm: Distance r.
         position_error_mm: Precision p_p on the sensor.
-        geometry: Focal length.
+        geometry: The focal length.
     """
     return range_mm * position_error_mm / geometry.focal_mm
 
@@ -140,7 +140,7 @@ def angle_precision(range_mm: Floats, position_error_mm: float, geometry: Geomet
     Args:
         range_mm: Distance r.
         position_error_mm: Precision p_p on the sensor.
-        geometry: Focal length.
+        geometry: The focal length.
     """
     lateral = lateral_error(range_mm, position_error_mm, geometry)
     return np.asarray(np.arctan(lateral / range_mm))

@@ -1,8 +1,8 @@
-"""The mirror's motion: VR-SCAN (11) and (12), and what the index mark says of it.
+"""The mirror's motion, VR-SCAN (11) and (12), and what an index mark tells about it.
 
-(7), the precision that the scan angle needs, is ``vrscan.ideal.geometry.angle_precision``. Phases
-p = 2 pi f0 t - phi_0 are given in turns, angles in rad; harmonics are one to nine pairs
-[a_k, phi_k], phi_k in rad, for k = 1, 3 .. 17 with a_1 = 1 and phi_1 = 0; the paper has six.
+The precision that the scan angle needs, (7), is ``vrscan.ideal.geometry.angle_precision``. Phases p
+= 2 pi f0 t - phi_0 are given in turns and angles in rad. Harmonics are one to nine pairs [a_k,
+phi_k], phi_k in rad, for k = 1, 3 .. 17 with a_1 = 1 and phi_1 = 0; the paper has six.
 """
 
 from collections.abc import Sequence
@@ -30,9 +30,9 @@ def motion(phase: Floats, amplitude: Floats | float, harmonics: Harmonics) -> Fl
     """Return the scan angle of (12), A sum a_k cos(k p - phi_k).
 
     Args:
-        phase: p, turns, any shape.
-        amplitude: A, rad, broadcast against ``phase``.
-        harmonics: [1 to 9, 2].
+        phase: Phase p, turns, any shape.
+        amplitude: Amplitude A, rad, broadcast against ``phase``.
+        harmonics: Pairs [a_k, phi_k], [1 to 9, 2].
 
     Raises:
         ValueError: if ``harmonics`` has another shape or is not finite.
@@ -43,16 +43,16 @@ def motion(phase: Floats, amplitude: Floats | float, harmonics: Harmonics) -> Fl
 
 
 def half_turn_residual(time_s: Floats, angle_rad: Floats, frequency_hz: float) -> Floats:
-    """Return a(t) + a(t + T/2), which (11) says is zero, for all t of which both are recorded.
+    """Return a(t) + a(t + T/2), which (11) says is zero, for all t at which both were recorded.
 
     Args:
-        time_s: Rising [n]. Between them a cubic spline is used: with m samples a period it errs by
-            4 m^-4 of the amplitude, 4e-8 of it for m = 100.
-        angle_rad: [n].
-        frequency_hz: 1 / T.
+        time_s: Rising times [n]. Between them a cubic spline is used; with m samples per period its
+            error is 4 m^-4 of the amplitude, 4e-8 of it for m = 100.
+        angle_rad: Angles at these times [n].
+        frequency_hz: Frequency of the motion, 1 / T.
 
     Returns:
-        rad, [those of ``time_s`` that have a partner].
+        The sums in rad, [number of ``time_s`` that have a partner].
 
     Raises:
         ValueError: if shapes disagree or the recording is shorter than half a period.
@@ -76,17 +76,18 @@ def crossings(half: Floats, mark_rad: float, harmonics: Harmonics) -> tuple[Floa
     point itself, is no special case. A mark below zero is passed half a turn later, (11).
 
     Args:
-        half: h, turns, 0 to 0.25. Any shape.
+        half: Half distance h of the crossings, turns, 0 to 0.25. Any shape.
         mark_rad: Angle of the mark, not zero.
-        harmonics: [1 to 9, 2].
+        harmonics: Pairs [a_k, phi_k], [1 to 9, 2].
 
     Returns:
-        A, rad, infinite where S is zero or has the other sign, and m, turns, -0.25 to 0.75; both
-        of the shape of ``half``.
+        The amplitude A, rad, infinite where S is zero or has the other sign, and the midpoint m,
+        turns, -0.25 to 0.75; both of the shape of ``half``.
 
     Raises:
-        ValueError: if an h is outside, the mark is zero, or the harmonics are so large, sum k |a_k|
-            above the first not below 1, that there need be no midpoint near the turning point.
+        ValueError: if an h is outside its range, the mark is zero, or the harmonics are so large
+            (sum k |a_k| above the first not below 1) that there need be no midpoint near the
+            turning point.
     """
     k, a, phi = _pairs(harmonics)
     half = np.asarray(half, np.float64)

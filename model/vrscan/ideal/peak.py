@@ -1,4 +1,4 @@
-"""Threshold and window: where the peak is and whether it is one."""
+"""Threshold and window: where the peak is, and whether it is a peak."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from vrscan.data.arrays import Bools, Floats, Ints, Pixels
 
 @dataclass(frozen=True)
 class Windows:
-    """The run above the threshold of each of n lines; all arrays [n]."""
+    """The runs above the threshold in n lines; all arrays [n]."""
 
     left: Ints  # first pixel
     right: Ints  # last pixel; left - 1 without a run
@@ -27,7 +27,7 @@ def threshold(
 
     Args:
         background: Mean of the background, counts [n].
-        noise: Its standard deviation, counts [n].
+        noise: Standard deviation of the background, counts [n].
         maximum: Largest pixel, counts [n].
         k_noise: Threshold above background in standard deviations.
         k_height: Threshold above background in heights of the peak.

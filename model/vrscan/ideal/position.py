@@ -6,20 +6,20 @@ import numpy as np
 
 from vrscan.data.arrays import Bools, Floats, Ints, Pixels
 
-NO_PHASE_LIMIT = 1.16e-6  # of the sum above background: a smaller harmonic is rounding
-NO_PHASE_DUST = 1e-12  # of the sum of raw pixels
+NO_PHASE_LIMIT = 1.16e-6  # share of the sum above background: a smaller harmonic is rounding
+NO_PHASE_DUST = 1e-12  # share of the sum of raw pixels
 
 
 @dataclass(frozen=True)
 class Phase:
-    """First harmonic of n windows; all arrays [n]."""
+    """First harmonics of n windows; all arrays [n]."""
 
     delta: Floats  # position from the window's left edge, px
     phase: Floats  # rad, 0 to 2 pi
     magnitude: Floats  # |P1|, counts
     sigma: Floats  # standard deviation of delta, px
     light: Floats  # sum of the pixels above background, counts
-    no_phase: Bools  # X = Y = 0: the rest is 0
+    no_phase: Bools  # X = Y = 0: all other values are 0
 
 
 def windows(lines: Pixels, left: Ints, width: Ints) -> Floats:
@@ -61,12 +61,12 @@ def first_harmonic(
     Args:
         pixels: Counts [n, m], zeros behind each window's end.
         width: N of each window [n], 3 or more.
-        period_n: T = N instead of N - 1.
+        period_n: Whether T = N; otherwise T = N - 1.
         background: Mean of the background, counts [n].
-        noise: Its standard deviation, counts [n].
+        noise: Standard deviation of the background, counts [n].
         kappa: Counts per electron.
-        slope: Of a line through the window's middle that is taken off before the correlation,
-            counts a px [n]. The variance is that of the pixels as they are.
+        slope: Slope of a line through the window's middle that is subtracted before the
+            correlation, counts per px [n]. The variance is that of the pixels as they are.
 
     Returns:
         The phases of n windows.

@@ -1,4 +1,4 @@
-"""Mean and noise of a line, of the whole row and of its background away from the peak."""
+"""Mean and noise of a line: of its whole row, and of its background away from the peak."""
 
 from dataclasses import dataclass
 
@@ -14,12 +14,12 @@ class Statistics:
     """Statistics of n lines, counts; all arrays [n]."""
 
     maximum: Ints
-    first_maximum: Ints  # its first index, px
+    first_maximum: Ints  # first index of the maximum, px
     row_mean: Floats
     row_variance: Floats  # counts squared
     background: Floats
     noise: Floats
-    row_only: Bools  # no background block was left, so the row's own were taken
+    row_only: Bools  # no background block was left, so the row's statistics are used
 
 
 def statistics(lines: Pixels, *, max_window: int) -> Statistics:

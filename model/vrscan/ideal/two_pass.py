@@ -1,4 +1,4 @@
-"""The second window of the accurate mode: as wide as the noise asks, on a level baseline."""
+"""The second window of the accurate mode: its width suits the noise, and its baseline is level."""
 
 from dataclasses import dataclass
 
@@ -6,18 +6,19 @@ import numpy as np
 
 from vrscan.data.arrays import Floats, Ints, Pixels
 
-# The window's width in spot sigmas, by rho = dark variance / (kappa peak): where shot noise leads,
-# the flanks still tell something; where the dark does, they are noise. The steps are those of the
-# best efficiency against the Cramer-Rao bound (``vrscan efficiency``), but for one thing: from
-# 10 % of full scale up the width hardly changes, or a skewed spot would move with its power.
+# The window's width in spot sigmas depends on rho = dark variance / (kappa peak): where shot noise
+# dominates, the flanks carry information; where dark noise dominates, they are noise. The steps are
+# those of the best efficiency against the Cramer-Rao bound (``vrscan efficiency``), with one
+# exception: from 10 % of full scale up the width hardly changes, because a skewed spot would move
+# with its power.
 RHO = (5 / 64, 5 / 16, 1.0)
 WIDTHS = (6.75, 6.5, 5.5, 5.0)
-LEAST_SHARE, LARGEST_SHARE = 0.1, 0.5  # of the first window: the spot's sigma
-GAP_SHIFT = 3  # an eighth of the window lies between it and each side
+LEAST_SHARE, LARGEST_SHARE = 0.1, 0.5  # sigma of the spot over the first window
+GAP_SHIFT = 3  # an eighth of the window lies between it and the blocks
 LARGEST_BLOCK = 16  # px
 PAIRS = 4
-BRIGHTER = 32.0  # deviations of a pixel: what two blocks of 16 differ by 4 deviations of theirs
-FEWEST = 3  # pixels of a window
+BRIGHTER = 32.0  # standard deviations of a pixel: 4 of the difference of two blocks of 16
+FEWEST = 3  # least number of pixels of a window
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ class Windows:
 
     left: Ints  # first pixel
     width: Ints  # px
-    slope: Floats  # of the background, counts a px
+    slope: Floats  # of the background, counts per px
     sigma: Floats  # of the spot, px, from the first window
 
 
@@ -39,14 +40,14 @@ def harmonic_share(cut: Floats) -> Floats:
 
 _CUT = np.linspace(0.05, 8.0, 800)
 _SHARE = harmonic_share(_CUT)
-_BOX = float(np.interp(0.5 / LARGEST_SHARE, _CUT, _SHARE))  # below: a plateau, not a spot
+_BOX = float(np.interp(0.5 / LARGEST_SHARE, _CUT, _SHARE))  # a smaller share is a plateau's
 
 
 def sigma_share(share: Floats) -> Floats:
     """Return sigma / N of the Gaussian whose window of N pixels has |P1| / sum = ``share``, [n].
 
-    The share grows with the place of the cut, from 0 for a box to 1 for a line on nothing; what a
-    box or a line would give is limited to LARGEST_SHARE and LEAST_SHARE.
+    The share grows with the width of the cut, from 0 for a box to 1 for a single pixel's spike. The
+    result is limited to LEAST_SHARE and LARGEST_SHARE.
     """
     cut = np.interp(share, _SHARE, _CUT)
     return np.clip(0.5 / cut, LEAST_SHARE, LARGEST_SHARE)
@@ -58,23 +59,24 @@ def relative_width(rho: Floats) -> Floats:
 
 
 def block(width: Ints) -> Ints:
-    """Return the pixels of a block beside a window: the power of two at or below it, up to 16."""
+    """Return the pixels of a block beside a window: the power of two below or at it, up to 16."""
     power = np.floor(np.log2(width)).astype(np.int64)
     return np.asarray(np.minimum(1 << power, LARGEST_BLOCK))
 
 
 def baseline(lines: Pixels, left: Ints, width: Ints, noise: Floats) -> Floats:
-    """Return the slope of the background beside each window, counts a px [n].
+    """Return the slope of the background beside each window, counts per px [n].
 
-    PAIRS blocks on either side, the first an eighth of the window away from it. Light only adds,
-    so of the pairs at one distance the one with the least sum has no rival in it; pairs that are
-    brighter by more than noise are left out, and so are those that the sensor's end cuts. The
-    slope is the sum of the differences of the others over the sum of their distances.
+    It is taken from PAIRS blocks on either side, the first an eighth of the window away from it.
+    Light is never negative, so of the pairs of blocks at equal distances the one with the least sum
+    has no rival in it. Pairs that are brighter than it by more than the noise are left out, and so
+    are those that the sensor's end cuts. The slope is the sum of the differences of the other pairs
+    over the sum of their distances.
 
     Args:
         lines: Counts [n, length].
         left: First pixel of each window [n].
-        width: Its pixels [n].
+        width: Number of pixels of each window [n].
         noise: Standard deviation of the background, counts [n].
 
     Returns:
@@ -115,22 +117,22 @@ def second_windows(
 ) -> Windows:
     """Return the second window of each line and the slope of the background beside it.
 
-    The width is ``relative_width`` times sigma, the window's middle the first position, or that of
-    the first window where it holds a plateau, which has no phase to speak of. The line's end cuts
-    it.
+    The width is ``relative_width`` times sigma. The middle of the window is the first position, or
+    the middle of the first window where that holds a plateau, whose phase is of no use. The line's
+    end cuts the window.
 
     Args:
         lines: Counts [n, length].
         left: First pixel of the first window [n].
-        width: Its pixels [n].
-        position: Of its first harmonic, px [n].
-        share: |P1| over the sum of its pixels above background [n].
+        width: Number of pixels of the first window [n].
+        position: Position from the first window's first harmonic, px [n].
+        share: |P1| over the sum of the first window's pixels above background [n].
         rho: Dark variance over kappa times the peak's height [n].
         noise: Standard deviation of the background, counts [n].
         max_window: Largest window, px.
 
     Returns:
-        The windows. Where fewer than FEWEST pixels are left it is the first one.
+        The windows. Where fewer than FEWEST pixels are left, the first window is returned.
     """
     sigma = width * sigma_share(share)
     box = share < _BOX

@@ -1,4 +1,4 @@
-"""The laser's beam: its width over distance, the stop that cuts it, its pulse and their smear."""
+"""The laser's beam: its width over distance, the stop that cuts it, its pulse, and the smear."""
 
 import math
 from dataclasses import dataclass
@@ -16,35 +16,35 @@ from vrscan.data.errors import InputError
 
 _E2 = math.exp(-2.0)
 _UNCUT = 0.2  # beam over stop, below which exp(-50) of the power meets the stop's edge
-_NODES = 200  # of the integral over the stop; exact to 1e-12 from _UNCUT on
-_UNIFORM = 50.0  # beam over stop, from which on the stop is lit evenly to 4e-4 of the field
-_FIRST_S = 0.0625  # of the table of spots: 15 Fresnel zones in the stop
-_DISTANCES = 200  # of that table
-_STEP_U = 0.04  # of its radii, in wavelengths over the stop's diameter
-_REACH = 2.5  # of a fit, in radii
-_TRIALS = 91  # of a fit's radius, before a parabola through the best three
+_NODES = 200  # nodes of the integral over the stop; exact to 1e-12 from _UNCUT on
+_UNIFORM = 50.0  # beam over stop; above it the stop is lit evenly to 4e-4 of the field
+_FIRST_S = 0.0625  # first s in the table of spots: 15 Fresnel zones in the stop
+_DISTANCES = 200  # number of distances in that table
+_STEP_U = 0.04  # step of its radii, in wavelengths over the stop's diameter
+_REACH = 2.5  # range of a fit, in radii
+_TRIALS = 91  # radii that a fit tries, before a parabola through the best three
 
 
 class Laser(Section):
     """The laser, its collimator and its pulse; the scene's table ``[laser]``.
 
-    ``power_mw`` is what the diode emits while it is on. What leaves the instrument is less by the
-    stop and by ``transmission``: see ``output_mw``.
+    ``power_mw`` is what the diode emits while it is on. The stop and ``transmission`` reduce what
+    leaves the instrument: see ``output_mw``.
     """
 
     wavelength_nm: float = Field(default=658.0, ge=400, le=1050)
-    power_mw: float = Field(default=50.0, ge=0)  # at the pulse's top
-    beam_diameter_mm: Positive = 1.0  # 1/e2, at the waist
+    power_mw: float = Field(default=50.0, ge=0)  # power at the pulse's top
+    beam_diameter_mm: Positive = 1.0  # 1/e2 diameter at the waist
     waist_mm: float = 0.0  # distance of the waist from the pivot; negative: a diverging beam
-    m2: float = Field(default=1.0, ge=1)  # 1 is a pure TEM00
-    # Of the collimator, at the pivot; inf is no stop.
+    m2: float = Field(default=1.0, ge=1)  # beam quality; 1 is a pure TEM00
+    # Diameter of the collimator's stop, at the pivot; inf is no stop.
     aperture_mm: Annotated[float, Field(gt=0, allow_inf_nan=True)] = 1.0
-    rise_us: float = Field(default=0.05, ge=0)  # of either edge, foot to top
-    transmission: float = Field(default=1.0, ge=0, le=1)  # of collimator, mirror and window
+    rise_us: float = Field(default=0.05, ge=0)  # duration of either edge, foot to top
+    transmission: float = Field(default=1.0, ge=0, le=1)  # collimator, mirror and window together
 
     @property
     def wavelength_mm(self) -> float:
-        """The wavelength in mm."""
+        """Return the wavelength, mm."""
         return self.wavelength_nm * 1e-6
 
 
@@ -69,20 +69,20 @@ def transmitted(ratio: float) -> float:
     1 - exp(-2 / ratio^2): iria 2.3.1, where a ratio of 1 loses 13.5 %.
 
     Args:
-        ratio: ``truncation``: 1/e2 diameter over the stop's, not negative.
+        ratio: Ratio from ``truncation``: 1/e2 diameter over the stop's, not negative.
     """
     return 1.0 if ratio == 0.0 else -math.expm1(-2.0 / ratio**2)
 
 
 def far_field(sine: Floats, ratio: float) -> Floats:
-    """Return the far field's irradiance behind a round stop, 1 on the axis.
+    """Return the far field's irradiance behind a centred round stop, 1 on the axis.
 
     |int_0^1 exp(-x^2/ratio^2) J0(pi u x) x dx|^2, the Hankel transform of what passes the stop
-    (iria 2.3.1; its limit for a wide beam is Airy's (2-4)). For a round stop that is centred.
+    (iria 2.3.1; its limit for a wide beam is Airy's (2-4)).
 
     Args:
         sine: u, angle from the axis in wavelengths over the stop's diameter. Any shape.
-        ratio: ``truncation``, at least 0.2 (a less cut beam is Gaussian).
+        ratio: Ratio from ``truncation``, at least 0.2 (a less cut beam is Gaussian).
 
     Raises:
         ValueError: if ``ratio`` is less.
@@ -101,8 +101,9 @@ def far_field_width(ratio: float, level: float = _E2) -> float:
     """Return the full width of the far field, in wavelengths over the stop's diameter.
 
     Args:
-        ratio: ``truncation``, positive. Below 0.2 the Gaussian's closed form is exact to 1e-10.
-        level: Of the irradiance on the axis, where the width is taken: 1/2, or 1/e2.
+        ratio: Ratio from ``truncation``, positive. Below 0.2 the Gaussian's closed form is exact to
+            1e-10.
+        level: Share of the irradiance on the axis at which the width is taken: 1/2, or 1/e2.
 
     Raises:
         ValueError: if ``ratio`` is not positive or ``level`` not in [0.02, 1).
@@ -125,10 +126,10 @@ def far_field_width(ratio: float, level: float = _E2) -> float:
 
 
 def widening(ratio: float) -> float:
-    """Return how much the stop widens the far field's 1/e2 width: 1 without one.
+    """Return the factor by which the stop widens the far field's 1/e2 width: 1 without a stop.
 
     Args:
-        ratio: ``truncation``, not negative.
+        ratio: Ratio from ``truncation``, not negative.
     """
     if ratio < _UNCUT:
         return 1.0
@@ -138,11 +139,11 @@ def widening(ratio: float) -> float:
 def _fit(r: Floats, irradiance: Floats) -> tuple[float, float]:
     """Return 1/e2 radius and integral over r dr of the Gaussian nearest to a round spot.
 
-    Nearest is least squares over the cross section: the radius with the largest <I g>^2 / <g g>.
+    Nearest means least squares over the cross section: the radius with the largest <I g>^2 / <g g>.
 
     Args:
-        r: Even steps from 0, to 2 to 3 radii [m].
-        irradiance: At ``r`` [m].
+        r: Radii in even steps from 0, up to 2 to 3 beam radii [m].
+        irradiance: Irradiance at ``r`` [m].
     """
 
     def overlap(radius: Floats) -> tuple[Floats, Floats]:
@@ -162,18 +163,18 @@ def _fit(r: Floats, irradiance: Floats) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class _Spots:
-    """Gaussians that fit a cut, flat wave behind the stop; lengths in the stop's radius a."""
+    """Gaussians that fit a cut, flat wave behind the stop; lengths are in the stop's radius a."""
 
     near: float  # radius of the shadow
     far: float  # slope of the far field's 1/e2 radius with nu = lambda z / a^2
     s: Floats  # nu / (1 + nu), 0 to 1
     ratio: Floats  # fitted radius over hypot(near, far nu)
-    core: Floats  # the fitted Gaussian's power over all
+    core: Floats  # the fitted Gaussian's power over the whole power
 
 
 @lru_cache(maxsize=16)
 def _spots(ratio: float) -> _Spots:
-    """Fit Fresnel's integral over the stop, at all distances; ``ratio`` is at least 0.2."""
+    """Fit Fresnel's integral over the stop at all distances; ``ratio`` is at least 0.2."""
     ratio = min(ratio, _UNIFORM)
     power = 0.25 * ratio**2 * transmitted(ratio)  # int |field|^2 x dx
     r = np.linspace(0.0, 2.5, 501)
@@ -211,7 +212,7 @@ def _at(distance: Floats, laser: Laser) -> tuple[Floats, Floats]:
     finite = np.isfinite(distance)
     z = np.where(finite, np.abs(distance), 0.0)
     rayleigh = rayleigh_mm(laser)
-    # A wave that converges to R is, at z, the flat wave's at z / (1 - z/R), 1 - z/R as large.
+    # A wave that converges to R is at z the flat wave at z / (1 - z/R), scaled by 1 - z/R.
     scale = 1.0 - z * laser.waist_mm / (laser.waist_mm**2 + rayleigh**2)
     wavelength = laser.m2 * laser.wavelength_mm
     cut = truncation(laser)
@@ -243,11 +244,12 @@ def radius_mm(distance: Floats, laser: Laser) -> Floats:
     a^2/lambda (25 mm here), where the rings are many and narrow, it interpolates to the shadow.
 
     Args:
-        distance: From the pivot, mm [n]. Infinite (no hit) gives an infinite radius.
-        laser: Its beam and stop.
+        distance: Distances from the pivot, mm [n]. An infinite one (no hit) gives an infinite
+            radius.
+        laser: The laser's beam and stop.
 
     Returns:
-        mm, of the shape of ``distance``, never 0.
+        Radii, mm, of the shape of ``distance``, never 0.
     """
     return _at(distance, laser)[0]
 
@@ -255,13 +257,13 @@ def radius_mm(distance: Floats, laser: Laser) -> Floats:
 def core_share(distance: Floats, laser: Laser) -> Floats:
     """Return the share of the emitted power that the Gaussian of ``radius_mm`` holds.
 
-    1 without a stop. Behind one the rest is in rings around; where the beam is flatter than a
-    Gaussian, near the stop, the share is a little above 1. The peak irradiance is this share times
-    2 P / (pi w^2).
+    It is 1 without a stop. Behind a stop the rest is in rings around the spot; where the beam is
+    flatter than a Gaussian, near the stop, the share is a little above 1. The peak irradiance is
+    this share times 2 P / (pi w^2).
 
     Args:
-        distance: From the pivot, mm [n]. Infinite (no hit) gives 0.
-        laser: Its beam and stop.
+        distance: Distances from the pivot, mm [n]. An infinite one (no hit) gives 0.
+        laser: The laser's beam and stop.
     """
     return _at(distance, laser)[1]
 
@@ -283,12 +285,12 @@ def _edge_s(laser: Laser, pulse_s: float) -> float:
 def pulse_shape(time_s: Floats, laser: Laser, pulse_s: float) -> Floats:
     """Return the pulse's power over its top: a trapezoid.
 
-    Leaves out the diode's relaxation oscillation and its change of wavelength (chirp).
+    It leaves out the diode's relaxation oscillation and its change of wavelength (chirp).
 
     Args:
-        time_s: From the pulse's centre, any shape.
-        laser: Its edges.
-        pulse_s: Width at half height.
+        time_s: Times from the pulse's centre, any shape.
+        laser: The laser, whose edges are used.
+        pulse_s: Width of the pulse at half height.
 
     Raises:
         InputError: if an edge is longer than the pulse.
@@ -308,9 +310,9 @@ def pulse_transform(frequency_hz: Floats, laser: Laser, pulse_s: float) -> Float
     multiplied by this at f = k v.
 
     Args:
-        frequency_hz: Any shape.
-        laser: Its edges.
-        pulse_s: Width at half height.
+        frequency_hz: Frequencies of any shape.
+        laser: The laser, whose edges are used.
+        pulse_s: Width of the pulse at half height.
 
     Raises:
         InputError: if an edge is longer than the pulse.
@@ -321,7 +323,7 @@ def pulse_transform(frequency_hz: Floats, laser: Laser, pulse_s: float) -> Float
 
 
 def pulse_rms_s(laser: Laser, pulse_s: float) -> float:
-    """Return the pulse's rms duration, s; times a spot's speed it is what smear adds to its sigma.
+    """Return the pulse's rms duration, s; times a spot's speed it is the sigma that smear adds.
 
     Raises:
         InputError: if an edge is longer than the pulse.
@@ -340,14 +342,14 @@ def pulse_energy_j(laser: Laser, pulse_s: float) -> float:
 
 
 def smear_px(rate_rad_per_s: Floats, du_dalpha_px_per_rad: Floats, pulse_s: float) -> Floats:
-    """Return how far the spot's image moves in a pulse, px: iria's dwell (1-40), turned round.
+    """Return how far the spot's image moves in a pulse, px: iria's dwell (1-40), inverted.
 
-    Leaves out the change of either rate within the pulse.
+    It leaves out the change of either rate within the pulse.
 
     Args:
-        rate_rad_per_s: Of the optical scan angle [n].
+        rate_rad_per_s: Rates of the optical scan angle [n].
         du_dalpha_px_per_rad: Pixels per scan angle on this surface [n].
-        pulse_s: Width at half height.
+        pulse_s: Width of the pulse at half height.
 
     Returns:
         Full length, not negative, between the places at the half-height times [n].

@@ -20,9 +20,9 @@ _Points = np.ndarray[tuple[int, ...], np.dtype[np.floating]]  # of either precis
 HEIGHT = 300.0  # mm as shipped; described below at 293.5 mm: y up, the face looks along -z
 _RINGS = 122
 _COLUMNS = 240
-_START = 130.0  # mm from the axis, outside of everything
+_START = 130.0  # mm from the axis, outside the whole sculpture
 _STEPS = 40
-_RELAX = 0.85  # a blended distance may be too long
+_RELAX = 0.85  # shortens the steps: a blended distance may be too long
 _INNER = 0.5  # mm, least radius
 _GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
 
@@ -34,18 +34,18 @@ class _Part:
     centre: tuple[float, float, float]
     radii: tuple[float, float, float]
     end: tuple[float, float, float] | None = None
-    blend: float = 4.0  # width of the seam with what came before
-    carve: bool = False  # takes away
+    blend: float = 4.0  # width of the seam with the parts before
+    carve: bool = False  # whether the part is taken away
 
     @property
     def span(self) -> tuple[float, float]:
-        """Lowest and highest y that it can change."""
+        """Return the lowest and highest y that the part can change."""
         y = (self.centre[1], self.centre[1] if self.end is None else self.end[1])
         reach = self.radii[1] + 2.0 * self.blend
         return min(y) - reach, max(y) + reach
 
     def distance(self, x: _Points, y: _Points, z: _Points) -> _Points:
-        """Return about how far points are outside of it, mm."""
+        """Return the approximate distance of points outside the part, mm."""
         px, py, pz = x - self.centre[0], y - self.centre[1], z - self.centre[2]
         if self.end is not None:
             bar = [float(b - a) for a, b in zip(self.centre, self.end, strict=True)]
@@ -148,7 +148,10 @@ def _curls() -> list[_Part]:
 
 
 def _distance(parts: list[_Part], x: _Points, y: _Points, z: _Points) -> _Points:
-    """Return about how far points are outside the sculpture, mm; rows [h, n] share a y [h, 1]."""
+    """Return the approximate distance of points outside the sculpture, mm.
+
+    Rows [h, n] share a y [h, 1].
+    """
     total = np.full(x.shape, 1e3, x.dtype)
     for part in parts:
         low, high = part.span
@@ -166,14 +169,14 @@ def _distance(parts: list[_Part], x: _Points, y: _Points, z: _Points) -> _Points
 
 
 def _radius(parts: list[_Part], y: Floats, angle: Floats) -> Floats:
-    """Return how far from the axis the outermost surface is, mm [h, n].
+    """Return the distance of the outermost surface from the axis, mm [h, n].
 
     Args:
-        parts: The sculpture.
-        y: Heights, rising, mm [h].
-        angle: About the axis, rad [n].
+        parts: The parts of the sculpture.
+        y: Rising heights, mm [h].
+        angle: Angles about the axis, rad [n].
     """
-    # Single precision, some 1e-5 mm here, halves the time.
+    # Single precision, an error of some 1e-5 mm here, halves the time.
     height = y[:, None].astype(np.float32)
     sine, cosine = np.sin(angle).astype(np.float32), np.cos(angle).astype(np.float32)
     r = np.full((y.size, angle.size), _START, np.float32)
@@ -190,7 +193,7 @@ def bust(height_mm: float = HEIGHT) -> tuple[Floats, Ints]:
     """Return the bust as a closed mesh; the arrays are shared and read-only.
 
     Args:
-        height_mm: From the pedestal's foot to the hair.
+        height_mm: Height from the pedestal's foot to the hair.
 
     Returns:
         Vertices, mm [v, 3]: y is up, the face looks along -z, the origin is on the axis at half
@@ -208,7 +211,7 @@ def bust(height_mm: float = HEIGHT) -> tuple[Floats, Ints]:
     solid = contour.max(axis=1) > _INNER
     coarse, contour = coarse[solid], contour[solid]
     step = np.hypot(np.diff(coarse), np.abs(np.diff(contour, axis=0)).mean(axis=1))
-    step *= np.where(coarse[1:] > 175.0, 1.6, 1.0)  # the head is what is looked at
+    step *= np.where(coarse[1:] > 175.0, 1.6, 1.0)  # the head gets more of them
     along = np.concatenate([[0.0], np.cumsum(step)])
     y = np.interp(np.linspace(0.0, along[-1], _RINGS), along, coarse)
     # Columns are twice as close in front as behind.

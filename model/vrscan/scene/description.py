@@ -1,7 +1,7 @@
 """A scene's file: what stands there, who lights it, and what looks at it.
 
 A scene is TOML; every table has defaults, so the shortest scene is one ``[[target]]``. What the
-instrument knows of itself (geometry, timing, thresholds) is not here but in its configuration.
+instrument knows about itself (geometry, timing, thresholds) is not here but in its configuration.
 """
 
 import tomllib
@@ -28,12 +28,12 @@ class Lens(Section):
     """The camera's lens and filter, ``[lens]``; the focal length is the instrument's."""
 
     f_number: float = Field(default=3.0, ge=0.5, le=64)
-    focus_mm: Positive = 420.0  # depth along the lens's axis that is sharp
+    focus_mm: Positive = 420.0  # depth along the lens's axis that is in focus
     transmission: float = Field(default=0.9, ge=0, le=1)
     filter_nm: tuple[float, float] = (645.0, 665.0)
     filter_transmission: float = Field(default=0.85, ge=0, le=1)
-    coma_px: float = Field(default=0.3, ge=0, le=20)  # one-sided tail at the sensor's end
-    row_offset_px: float = 0.0  # of the row from the scan plane's image
+    coma_px: float = Field(default=0.3, ge=0, le=20)  # length of the tail at the sensor's end
+    row_offset_px: float = 0.0  # offset of the row from the scan plane's image
 
     @field_validator("filter_nm", mode="before")
     @classmethod
@@ -48,13 +48,13 @@ class Lens(Section):
 
 
 class Speckle(Section):
-    """``[speckle]``: what of the laser's coherence averages it."""
+    """The table ``[speckle]``: averaging of speckle by the laser's coherence."""
 
-    looks: float = Field(default=1.0, ge=1, le=1000)  # independent patterns, as of many modes
+    looks: float = Field(default=1.0, ge=1, le=1000)  # independent patterns, as by many modes
 
 
 class Description(Section):
-    """A scene, as its file has it."""
+    """A scene in the form of its file."""
 
     title: str = ""
     fidelity: Literal["auto", "full"] | list[str] = "auto"
@@ -77,12 +77,12 @@ class Description(Section):
 
     @property
     def folder(self) -> Path:
-        """Where the files that the scene names are looked for."""
+        """Return the folder in which the files that the scene names are looked for."""
         return self._folder
 
     @property
     def source(self) -> str:
-        """The file it came from, for messages."""
+        """Return the file that the scene came from, for messages."""
         return self._source
 
     @model_validator(mode="after")
@@ -94,7 +94,7 @@ class Description(Section):
         return self
 
     def material_of(self, name: str) -> Material:
-        """Return a material; ``default`` need not be in the file."""
+        """Return the material of this name; ``default`` need not be in the file."""
         return self.material.get(name, Material())
 
 
@@ -106,7 +106,7 @@ def shipped() -> tuple[str, ...]:
 
 
 def load(name: str) -> Description:
-    """Return a scene by the name of a shipped one, or from a file.
+    """Return a shipped scene by its name, or a scene from a file.
 
     Args:
         name: One of ``shipped()``, or the path of a ``.toml`` file.
@@ -134,12 +134,12 @@ def load(name: str) -> Description:
 
 
 def parse(values: dict[str, object], source: str, folder: Path) -> Description:
-    """Return a scene from what its file says.
+    """Return a scene from the contents of its file.
 
     Args:
         values: The file's tables.
-        source: Its name, for messages.
-        folder: Where the files that it names are.
+        source: Name of the file, for messages.
+        folder: Folder of the files that the scene names.
 
     Raises:
         InputError: naming source, key and value.

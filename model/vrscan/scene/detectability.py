@@ -1,13 +1,13 @@
 """Whether the laser stands out against the sun: brightness ratio B and the least power.
 
-The model of Liu et al., "Detectability of active triangulation range finder" (OSA), equations (1)
-to (4) and (6), for their line striper and for a spot. Where (6) is printed with the filter's
-transmittance in its band, (4) has that at the laser's line; what stands here follows from (4), so
-that B at the least power is the required one exactly.
+The model is that of Liu et al., "Detectability of active triangulation range finder" (OSA),
+equations (1) to (4) and (6), for their line striper and for a spot. (6) is printed with the
+filter's transmittance in its band where (4) has that at the laser's line; the form here follows
+from (4), so that B at the least power is the required one exactly.
 
-Leaves out speckle and sensor noise (but see ``required_ratio``), the beam's profile (the light is
-even over its cross section; a Gaussian spot of the same 1/e^2 width is twice as bright in the
-middle), haze, and a background that is lit otherwise than the surface around the laser's spot.
+The model leaves out speckle and sensor noise (but see ``required_ratio``), the beam's profile (the
+light is even over its cross section; a Gaussian spot of the same 1/e^2 width is twice as bright in
+the middle), haze, and a background that is lit otherwise than the surface around the laser's spot.
 """
 
 import math
@@ -26,10 +26,10 @@ class Beam:
     power_w: float
     diameter_mm: float  # d
     divergence_rad: float  # gamma, full angle
-    fan_rad: float | None = None  # beta of a line striper; None is a spot
+    fan_rad: float | None = None  # beta of a line striper; None for a spot
 
     def area_mm2(self, range_mm: Floats | float) -> Floats:
-        """Return the cross section at a range, Omega R^2.
+        """Return the area of the cross section at a range, Omega R^2.
 
         D_2 = R gamma + d across. A striper is D_1 = R beta long, as the paper has it (d is left
         out beside R beta: 0.9 % of its own at 0.5 m); a spot is a disc of diameter D_2.
@@ -42,7 +42,7 @@ class Beam:
 
 @dataclass(frozen=True)
 class Filter:
-    """The camera's bandpass filter as sun and laser see it."""
+    """The camera's bandpass filter, for the light of sun and laser."""
 
     laser: float  # t_lambda0: transmittance at the laser's line
     band: float  # t_lambdap: effective transmittance in the band
@@ -51,11 +51,11 @@ class Filter:
 
 @dataclass(frozen=True)
 class View:
-    """What the two pixels see, one with the laser's return and one without."""
+    """The two pixels that are compared, one with the laser's return and one without."""
 
     laser_reflectance: float = 0.35
     background_reflectance: float = 0.35
-    cos_in: float = 1.0  # between the laser's beam and the surface's normal
+    cos_in: float = 1.0  # cosine of laser beam and surface normal
     laser_off_axis_rad: float = 0.0
     background_off_axis_rad: float = 0.0
     f_number: float = 3.0  # cancels from B
@@ -67,7 +67,7 @@ class View:
 
     @property
     def contrast(self) -> float:
-        """rho_lsr C(alpha_lsr) over rho_bg C(alpha_bg)."""
+        """Return rho_lsr C(alpha_lsr) over rho_bg C(alpha_bg)."""
         laser = self.laser_reflectance * collection(self.f_number, self.laser_off_axis_rad)
         other = self.background_reflectance * collection(
             self.f_number, self.background_off_axis_rad
@@ -83,7 +83,7 @@ PAPER_BAND_NM = (770.0, 790.0)
 
 
 def paper_filter_g173() -> Filter:
-    """Return the paper's filter with the ratio that the reference spectrum gives it."""
+    """Return the paper's filter with the ratio from the reference spectrum."""
     return replace(PAPER_FILTER, ratio=band_share(*PAPER_BAND_NM))
 
 
@@ -110,12 +110,12 @@ def pixel_irradiance(
     """Return the irradiance on a pixel, W/m^2; (2).
 
     Args:
-        laser_w_m2: Laser's irradiance on the surface; 0 for a background pixel.
-        sun_w_m2: The sun's, over its full spectrum.
-        glass: The filter.
-        reflectance: rho, Lambert.
-        f_number: f / D.
-        off_axis_rad: alpha.
+        laser_w_m2: Irradiance of the laser on the surface; 0 for a background pixel.
+        sun_w_m2: Irradiance of the sun on the surface, over its full spectrum.
+        glass: The camera's filter.
+        reflectance: Lambertian reflectance rho.
+        f_number: f-number f / D of the lens.
+        off_axis_rad: Angle alpha of the pixel from the axis.
     """
     light = np.asarray(laser_w_m2) * glass.laser + np.asarray(sun_w_m2) * glass.ratio * glass.band
     return np.asarray(reflectance / math.pi * collection(f_number, off_axis_rad) * light)
@@ -128,19 +128,19 @@ def brightness_ratio(
     glass: Filter,
     view: View | None = None,
 ) -> Floats:
-    """Return B, the pixel with laser over the pixel without; (4).
+    """Return B, the irradiance of the pixel with laser over that of the pixel without; (4).
 
     B > 1 is the paper's rule: the laser's pixel is the brighter. It is a rule about reflectances as
-    much as about power: with equal ones B exceeds 1 at any power, so (6) asks for none, and
+    much as about power: with equal ones B exceeds 1 at any power, so (6) asks for no power, and
     only a required B above 1 (``required_ratio``) says anything.
 
     Args:
         beam: The laser.
         range_mm: Distance of the target.
-        sun_w_m2: The sun's irradiance of the surface, over its full spectrum. 0 gives infinity,
-            and 1 times the contrast with a dark laser.
-        glass: The filter.
-        view: What the pixels see; None is the paper's.
+        sun_w_m2: Irradiance of the sun on the surface, over its full spectrum. 0 gives infinity, or
+            1 times the contrast with a dark laser.
+        glass: The camera's filter.
+        view: The two pixels; None is the paper's view.
     """
     seen = view or View()
     signal = laser_irradiance(beam, range_mm, seen.cos_in) * glass.laser
@@ -166,15 +166,15 @@ def least_power_w(
     with the paper's filter it asks for 1.48 times as much.
 
     Args:
-        beam: Its shape; the power is not used.
+        beam: The laser's beam; its power is not used.
         range_mm: Distance of the target.
-        sun_w_m2: The sun's irradiance of the surface, over its full spectrum.
-        glass: The filter.
-        view: What the pixels see; None is the paper's.
-        required: The B to reach.
+        sun_w_m2: Irradiance of the sun on the surface, over its full spectrum.
+        glass: The camera's filter.
+        view: The two pixels; None is the paper's view.
+        required: Brightness ratio B to reach.
 
     Returns:
-        W; 0 where B is reached without any laser.
+        Power in W; 0 where B is reached without any laser.
     """
     seen = view or View()
     unit = laser_irradiance(replace(beam, power_w=1.0), range_mm, seen.cos_in) * glass.laser
@@ -190,8 +190,8 @@ def required_ratio(snr: float, background_electrons: float, dark_rms_electrons: 
 
     Args:
         snr: Peak signal over rms noise.
-        background_electrons: N, of a pixel without laser.
-        dark_rms_electrons: Read noise and quantisation.
+        background_electrons: Electrons N of a pixel without laser.
+        dark_rms_electrons: Rms of read noise and quantisation.
 
     Raises:
         ValueError: if N is not above 0: without a background there is no ratio.
@@ -204,15 +204,15 @@ def required_ratio(snr: float, background_electrons: float, dark_rms_electrons: 
 
 
 def compare(range_mm: Floats, sun_w_m2: float) -> Floats:
-    """Return the paper's striper with its printed ratio and with ASTM G173's, side by side.
+    """Return B of the paper's striper with the printed ratio and with that of ASTM G173.
 
     Args:
         range_mm: Distances [n].
-        sun_w_m2: The sun's irradiance of the surface, over its full spectrum.
+        sun_w_m2: Irradiance of the sun on the surface, over its full spectrum.
 
     Returns:
-        [n, 3]: range in mm, B as printed, B with G173. The sun's light in the band is overstated by
-        the printed ratio, so B - 1 is too small by the ratio of the two, 1.52.
+        [n, 3]: range in mm, B as printed, B with G173. The printed ratio overstates the sun's light
+            in the band, so B - 1 is too small by the ratio of the two, 1.52.
     """
     printed = brightness_ratio(PAPER_BEAM, range_mm, sun_w_m2, PAPER_FILTER)
     spectrum = brightness_ratio(PAPER_BEAM, range_mm, sun_w_m2, paper_filter_g173())

@@ -1,4 +1,4 @@
-"""The effects that a scene may have, by name: what each is, and which a fidelity switches on."""
+"""The effects that a scene may have, by name, and which of them a fidelity switches on."""
 
 import math
 from collections.abc import Iterable
@@ -10,12 +10,12 @@ from vrscan.scene.description import Description
 
 @dataclass(frozen=True)
 class Effect:
-    """One thing that light or sensor do, which a simulation may leave out."""
+    """One effect of light or sensor, which a simulation may leave out."""
 
     name: str
-    what: str  # in a few words
-    without: str  # what stands in its place
-    typical_us: float  # a line; what auto reckons with, so that it chooses alike on any machine
+    what: str  # description in a few words
+    without: str  # what replaces it
+    typical_us: float  # per line; auto uses it, so its choice is the same on any machine
 
 
 _ALL = (
@@ -48,10 +48,10 @@ _ALL = (
 
 EFFECTS = {effect.name: effect for effect in _ALL}
 WHOLE_LINE = frozenset({"ghosts", "halo", "bounce"})  # with one of these no line is mostly even
-WHOLE_LINE_US = 15.0  # what that costs, typically
-EVERY_RAY_US = 20.0  # and what it costs to follow every spot ray by ray
-LINE_US = 20.0  # a line without any effect, up to its point
-START_US = 8000.0  # what some lines cost that are rendered by themselves, however few
+WHOLE_LINE_US = 15.0  # typical time of these
+EVERY_RAY_US = 20.0  # typical time of following every spot ray by ray
+LINE_US = 20.0  # typical time of a line without effects, up to its point
+START_US = 8000.0  # typical time to start rendering, however few the lines
 BASE = (
     "beam width, range equation with Lambert and the row's share, occlusion, (2)-(5), pixel "
     "aperture, exposure, gain, full scale and converter are always there"
@@ -59,7 +59,7 @@ BASE = (
 
 
 def present(scene: Description) -> tuple[str, ...]:
-    """Return the effects that a scene can have at all, in their order.
+    """Return the effects that can occur in a scene, in their order.
 
     The others (a sun that does not shine, a gloss that no target has) would change no bit.
     """
@@ -104,7 +104,7 @@ def chosen(names: Iterable[str], source: str) -> frozenset[str]:
     """Return a list of effects as a set.
 
     Raises:
-        InputError: if a name is none, or stands there twice.
+        InputError: if a name is unknown, or is given twice.
     """
     names = list(names)
     for name in names:
@@ -116,7 +116,7 @@ def chosen(names: Iterable[str], source: str) -> frozenset[str]:
 
 
 def typical_us(active: frozenset[str], *, every_ray: bool) -> float:
-    """Return what a set of effects typically costs, microseconds a line."""
+    """Return the typical time of a set of effects, microseconds per line."""
     total = sum(EFFECTS[name].typical_us for name in active)
     total += WHOLE_LINE_US if active & WHOLE_LINE else 0.0
     return total + (EVERY_RAY_US if every_ray and "footprint" in active else 0.0)

@@ -1,12 +1,13 @@
 """Ghosts: light that two surfaces of the receiver reflect before it reaches the sensor.
 
-Every surface is plane or curved, may be tilted, and acts on a ray as a 3 x 3 matrix on
-(y, slope, 1): y in mm, the slope dy/dz in the frame of the lens, whichever way the light runs. The
-axis y of the first plane is the sensor's u, of the second across the row. Reflections need no
-unfolding then: the path is the product of the matrices in the order in which the light meets them.
+Every surface is plane or curved, may be tilted, and acts on a ray as a 3 x 3 matrix on (y, slope,
+1): y in mm, the slope dy/dz in the frame of the lens, in whichever direction the light runs. The
+axis y of the first plane is the sensor's u, that of the second runs across the row. Reflections
+then need no unfolding: the path is the product of the matrices in the order in which the light
+meets them.
 
-What the model leaves out: aberrations (it is paraxial), diffraction, polarisation and the change
-of a coating with the angle, absorption in the glass, light that a mount or the sensor's package
+The model leaves out aberrations (it is paraxial), diffraction, polarisation and the change of a
+coating with the angle, absorption in the glass, light that a mount or the sensor's package
 reflects, and interference between the two faces of a thin plate.
 """
 
@@ -23,8 +24,8 @@ from vrscan.data.errors import InputError
 from vrscan.scene.stray import Plate, Stray, disc_overlap
 
 _TRAVELS_MM = np.array([0.0, 1.0, 2.0, 3.0])  # a path crosses the moving gap at most three times
-_MARGIN_PX = 20.0  # a spot's own size: a ghost that far beside the row still lights it
-_NEAREST_MM = 1.0  # nothing is imaged from nearer
+_MARGIN_PX = 20.0  # size of a spot: a ghost that far beside the row still lights it
+_NEAREST_MM = 1.0  # least distance that is imaged
 
 
 @dataclass(frozen=True)
@@ -32,42 +33,42 @@ class Surface:
     """One surface of the receiver."""
 
     name: str
-    before: float  # index towards the object
-    after: float  # index towards the sensor
-    gap_mm: float  # to the next surface; behind the lens it is that of focus at infinity
+    before: float  # refractive index towards the object
+    after: float  # refractive index towards the sensor
+    gap_mm: float  # gap to the next surface; behind the lens that of focus at infinity
     reflectance: float = 0.0
     curvature: float = 0.0  # mm^-1, positive with the centre towards the sensor
-    power: float = 0.0  # mm^-1, of an ideal thin lens
+    power: float = 0.0  # mm^-1, for an ideal thin lens
     tilt_rad: float = 0.0  # about the axis across the row
     across_rad: float = 0.0  # about the row
 
 
 @dataclass(frozen=True)
 class Ghosts:
-    """Ghosts [g] of spots [n], or of any shape of spots."""
+    """Ghosts [g] of spots [n]; the spots may have any shape."""
 
     names: tuple[str, ...]  # "near surface + far surface", the later reflection first
     offset_px: Floats  # [g, n] along the row, from the spot to the ghost's middle
     across_px: Floats  # [g, n] across the row
     blur_px: Floats  # [g, n] radius of the ghost's disc
-    power: Floats  # [g, n] of the spot's light, 0 where the ghost misses the sensor
+    power: Floats  # [g, n] share of the spot's light, 0 where the ghost misses the sensor
     dropped: Floats  # [n] share of the light in ghosts that are dropped here or miss the sensor
 
 
 @dataclass(frozen=True)
 class Found:
-    """A ghost and the surfaces that make it."""
+    """A ghost with the surfaces that make it."""
 
     surfaces: tuple[str, ...]
-    times: tuple[int, ...]  # how often each of them reflects it
-    power: float  # of the spot's light
+    times: tuple[int, ...]  # number of reflections at each surface
+    power: float  # share of the spot's light
     offset_px: float
     across_px: float
     blur_px: float
 
     @property
     def name(self) -> str:
-        """Its surfaces, each with the number of its reflections where that is not 1."""
+        """Return its surfaces, each with the number of its reflections where that is not 1."""
         parts = zip(self.surfaces, self.times, strict=True)
         return " + ".join(name if count == 1 else f"{name} x{count}" for name, count in parts)
 
@@ -85,19 +86,20 @@ class Stack:
     length_px: int
     centre_px: float
     least_power: float
-    least_density: float  # per pixel
+    least_density: float  # least share of the light per pixel
 
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
-        """The pairs (near, far) of surfaces that reflect."""
+        """Return the pairs (near, far) of surfaces that reflect."""
         active = [k for k, surface in enumerate(self.surfaces) if surface.reflectance > 0.0]
         return tuple((near, far) for near in active for far in active if near < far)
 
     @cached_property
     def bare(self) -> Floats:
-        """Power of each pair's ghost over the direct light's, before the stop clips it [g].
+        """Return the power of each pair's ghost over the direct light's, before clipping [g].
 
-        The two reflectances; what lies between the two is crossed twice more.
+        It is the product of the two reflectances; the surfaces between the two are crossed twice
+        more.
         """
         kept = [1.0 - surface.reflectance for surface in self.surfaces]
         powers = [
@@ -110,13 +112,16 @@ class Stack:
 
     @cached_property
     def _direct(self) -> tuple[Floats, Floats]:
-        """Rows of the direct path: at the stop, and on the sensor [plane, 3, power of travel]."""
+        """Return the direct path's rows at stop and sensor [plane, 3, power of travel]."""
         visits = self._trace([(k, 1) for k in range(len(self.surfaces))])
         return visits[self.stop], visits[-1]
 
     @cached_property
     def _paths(self) -> tuple[Floats, Floats, Ints]:
-        """Rows on the sensor [g, 2, 3, 4], at further crossings of the stop [e, 2, 3, 4], whose."""
+        """Return rows on the sensor and at further crossings of the stop, and the latter's ghosts.
+
+        Their shapes are [g, 2, 3, 4], [e, 2, 3, 4] and [e].
+        """
         ends, crossings, owners = [], [], []
         last = len(self.surfaces) - 1
         for number, (near, far) in enumerate(self.pairs):
@@ -139,18 +144,18 @@ class Stack:
 
     @cached_property
     def pupil_mm(self) -> float:
-        """Distance of the entrance pupil behind the first vertex; distances count from it."""
+        """Return how far the entrance pupil, where distances start, is behind the first vertex."""
         stop, _ = self._direct
         return float(stop[0, 1, 0] / stop[0, 0, 0])
 
     @cached_property
     def stop_mm(self) -> float:
-        """Radius of the stop, from the f-number at infinity."""
+        """Return the radius of the stop, from the f-number at infinity."""
         stop, _ = self._direct
         return float(abs(stop[0, 0, 0])) * 0.5 * self.focal_mm / self.f_number
 
     def travel(self, focus_mm: Floats) -> Floats:
-        """Return how far the lens stands out, mm, when it is sharp at a distance; any shape."""
+        """Return the travel of the lens, mm, when it is focused at a distance; any shape."""
         _, end = self._direct
         near = 1.0 / np.maximum(np.asarray(focus_mm, dtype=np.float64), _NEAREST_MM)
         gap = 1.0 - self.pupil_mm * near
@@ -162,11 +167,11 @@ class Stack:
         """Return (A, B, C) of y = A y1 + B slope1 + C at every step, as polynomials of the travel.
 
         Args:
-            route: Surfaces in their order, and what each does: 1 and -1 let light through forwards
-                and backwards, 0 reflects it.
+            route: Surfaces in the order of the path, and the action of each: 1 and -1 let light
+                through forwards and backwards, 0 reflects it.
 
         Returns:
-            An array [plane, 3, power of travel] a step, where the light meets the surface.
+            One array [plane, 3, power of travel] for each step, where the light meets the surface.
         """
         place = np.cumsum([0.0] + [surface.gap_mm for surface in self.surfaces[:-1]])
         places = np.repeat(place[:, None], len(_TRAVELS_MM), axis=1)  # [surface, travel]
@@ -188,7 +193,7 @@ class Stack:
 
         Args:
             powers: Powers 0 to 3 of the travel [4, ...].
-            field_mm: Where the direct image is.
+            field_mm: Position of the direct image.
         """
         stop, end = (np.tensordot(rows, powers, 1) for rows in self._direct)
         target = np.stack([field_mm, np.zeros_like(field_mm)])
@@ -215,12 +220,12 @@ def stack(
     that infinity is sharp.
 
     Args:
-        stray: Parts and their properties.
+        stray: The parts and their properties.
         focal_mm: Focal length of the lens.
-        f_number: Its f-number at infinity, which sets the stop.
-        pitch_mm: Of the pixels.
-        length_px: Of the sensor.
-        centre_px: Where the optical axis meets it.
+        f_number: f-number of the lens at infinity, which sets the stop.
+        pitch_mm: Pitch of the pixels.
+        length_px: Number of pixels of the sensor.
+        centre_px: Position where the optical axis meets the sensor.
 
     Raises:
         InputError: if the prescription is no positive lens, or the cover does not fit behind it.
@@ -271,10 +276,10 @@ def ghosts(stack: Stack, focus_mm: Floats, distance_mm: Floats, field_mm: Floats
 
     Args:
         stack: The receiver.
-        focus_mm: The distance at which the camera is sharp.
+        focus_mm: The distance at which the camera is in focus.
         distance_mm: Distance of the spot. Both count along the axis from the entrance pupil, the
             camera's centre of projection; where not above 0, or NaN, the ghosts have no power.
-        field_mm: u of the direct image on the sensor, mm; NaN as above.
+        field_mm: Position u of the direct image on the sensor, mm; NaN as above.
 
     Returns:
         Ghosts [g, n], the strongest first, finite throughout.
@@ -369,9 +374,9 @@ def identify(
 
     Args:
         stack: The receiver.
-        focus_mm: Distance at which it is sharp, from the entrance pupil.
+        focus_mm: Distance at which the receiver is in focus, from the entrance pupil.
         distance_mm: Distance of the spot.
-        field_mm: u of the direct image.
+        field_mm: Position u of the direct image.
         least_power: Light weaker than this share of the direct light is not followed; None takes
             that of the stack.
 
@@ -380,7 +385,7 @@ def identify(
     """
     least = stack.least_power if least_power is None else least_power
     spot = (focus_mm, distance_mm, field_mm)
-    # Well below the threshold, so that a ghost that only weakens is not taken for gone.
+    # Well below the threshold, so that a ghost that only weakens does not count as gone.
     deep = 0.1 * least
     whole = _split(stack, *spot, deep)
     makers: dict[tuple[int, int, int], list[tuple[str, int]]] = {key: [] for key in whole}
@@ -460,10 +465,10 @@ def _lens(stray: Stray, focal_mm: float) -> list[Surface]:
 
 
 def _bend(surface: Surface, way: int, plane: int) -> Floats:
-    """Return how y, slope and 1 give the slope behind a surface.
+    """Return the factors of y, slope and 1 that give the slope behind a surface.
 
-    The surface is z = c y^2 / 2 + t y, so that its normal leans by g = c y + t. Snell's law is
-    n (slope + g) = n' (slope' + g), in either direction; a mirror has slope' + g = -(slope + g).
+    The surface is z = c y^2 / 2 + t y, so that its normal leans by g = c y + t. Snell's law is n
+    (slope + g) = n' (slope' + g), in either direction; a mirror has slope' + g = -(slope + g).
     """
     tilt = surface.across_rad if plane else surface.tilt_rad
     if way == 0:
@@ -475,7 +480,7 @@ def _bend(surface: Surface, way: int, plane: int) -> Floats:
 
 
 def _passed(radius: Floats, middle: Floats, stack: Stack) -> Floats:
-    """Return the share that the stop lets through of a beam of this radius, so far off its axis."""
+    """Return the share of a beam of this radius, so far off the axis, that passes the stop."""
     radius = np.maximum(radius, 1e-6)
     common = disc_overlap(radius, stack.stop_mm, middle)
     return np.asarray(common / (math.pi * np.square(radius)))
@@ -505,7 +510,7 @@ def _with(stack: Stack, index: int, reflectance: float) -> Stack:
 def _split(
     stack: Stack, focus_mm: float, distance_mm: float, field_mm: float, least: float
 ) -> dict[tuple[int, int, int], Found]:
-    """Return the images that split light makes, by place and size, without the direct one."""
+    """Return the images that the split light makes, by place and size, without the direct one."""
     travel = float(stack.travel(np.array(focus_mm)))
     places = np.cumsum([0.0] + [surface.gap_mm for surface in stack.surfaces[:-1]])
     places[stack.moving + 1 :] += travel

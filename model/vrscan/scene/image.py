@@ -32,28 +32,28 @@ Singles = npt.NDArray[np.float32]
 Clock = Callable[[str], AbstractContextManager[None]]
 
 WIDTHS = (32, 64, 128, 256, 512, 1024, 2048)  # px: the windows that a profile may have
-REACH = 5.5  # of the Gaussian's sigmas, where 5e-7 of the peak is left
-_TAIL = 9.0  # of the coma's lengths, where 1e-4 of its peak is left
+REACH = 5.5  # sigmas of the Gaussian; 5e-7 of the peak is left there
+_TAIL = 9.0  # lengths of the coma; 1e-4 of its peak is left there
 _MARGIN = 4.0  # px
-_ROW_VARIANCE = 1.0 / 12.0  # px^2: that of the row's own height
+_ROW_VARIANCE = 1.0 / 12.0  # px^2: variance of the row's own height
 
 # Cycles a pulse at which its transform is wanted: the middles of the table's steps, as each stands
 # for all of its step; but 0 for 0, where no light is lost.
 _TURN = 0.001
 PULSE_TURNS = _TURN * np.concatenate([[0.0], np.arange(1.5, 64000.0)])
 
-_STEP = 0.01  # of the table's frequency, in cycles a disc radius
-_END = 64.0  # beyond which the slice's transform is taken for zero
+_STEP = 0.01  # step of the table's frequency, in cycles per disc radius
+_END = 64.0  # frequency above which the slice's transform counts as zero
 _HEIGHTS = np.geomspace(0.02, 50.0, 64)  # s_y / a
-_NODES = 800  # of the quadrature over a quarter turn: the last frequency has 64 periods in it
+_NODES = 800  # nodes of the quadrature over a quarter turn: the last frequency has 64 periods
 
 
 @functools.cache
 def _slices() -> tuple[npt.NDArray[np.float32], Floats]:
     """Return the normalised transform of k [heights, frequencies], and the row's share [heights].
 
-    The share is k's integral for a = 1: of all light in the image, what a row of height 1 holds
-    where the disc's radius is 1.
+    The share is the integral of k for a = 1: of all light in the image, the part in a row of height
+    1 where the disc's radius is 1.
     """
     node, weight = np.polynomial.legendre.leggauss(_NODES)
     angle, weight = 0.25 * np.pi * (node + 1.0), 0.25 * np.pi * weight
@@ -67,13 +67,13 @@ def _slices() -> tuple[npt.NDArray[np.float32], Floats]:
 
 
 def defocus_radius_px(depth_mm: Floats, focus_mm: float, f_number: float, config: Config) -> Floats:
-    """Return the radius of the disc that a point out of focus becomes, geometric optics.
+    """Return the radius of the disc into which a point out of focus is blurred, geometric optics.
 
     Args:
         depth_mm: Distance from the lens along its axis [n].
-        focus_mm: The depth that is sharp.
-        f_number: Of the lens.
-        config: Focal length and pitch.
+        focus_mm: Depth that is in focus.
+        f_number: f-number of the lens.
+        config: The configuration, whose focal length and pitch are used.
     """
     focal, pitch = config.geometry.focal_mm, config.geometry.pitch_mm
     behind = 1.0 / np.maximum(depth_mm, 1e-3) - 1.0 / focus_mm
@@ -81,15 +81,15 @@ def defocus_radius_px(depth_mm: Floats, focus_mm: float, f_number: float, config
 
 
 def row_share(sigma_y_px: Floats, radius_px: Floats, offset_px: float = 0.0) -> Floats:
-    """Return which part of the spot's light falls on the row: iria's eta_B for one row.
+    """Return the share of the spot's light that falls on the row: iria's eta_B for one row.
 
-    A row thinner than the image: its height enters as 1/12 px^2 of variance, which errs by 0.2 %
-    at s_y = 1 px. An offset of the row enters as if disc and spot were one Gaussian.
+    The row is thinner than the image: its height enters as 1/12 px^2 of variance, with an error of
+    0.2 % at s_y = 1 px. An offset of the row enters as if disc and spot were one Gaussian.
 
     Args:
-        sigma_y_px: Of the Gaussian across the row [n].
-        radius_px: Of the defocused disc [n].
-        offset_px: Of the row from the image's middle.
+        sigma_y_px: Sigma of the Gaussian across the row [n].
+        radius_px: Radius of the defocused disc [n].
+        offset_px: Offset of the row from the image's middle.
     """
     sigma = np.sqrt(np.square(sigma_y_px) + _ROW_VARIANCE)
     disc = np.maximum(radius_px, 1e-6)
@@ -103,7 +103,7 @@ def row_share(sigma_y_px: Floats, radius_px: Floats, offset_px: float = 0.0) -> 
 
 
 def window_width(sigma_px: Floats, radius_px: Floats, smear_px: Floats, coma_px: Floats) -> Ints:
-    """Return how wide a window each profile needs, one of ``WIDTHS`` [n]."""
+    """Return the width of the window that each profile needs, one of ``WIDTHS`` [n]."""
     tail = _TAIL * np.abs(coma_px)
     reach = REACH * sigma_px + radius_px + 0.5 * smear_px + tail + _MARGIN
     place = np.searchsorted(np.array(WIDTHS), 2.0 * reach)
@@ -137,25 +137,26 @@ def profiles(
     spectrum: npt.NDArray[np.complex64] | None = None,
     clock: Clock = lambda _: nullcontext(),
 ) -> Singles:
-    """Return what share of each spot's light in the row each pixel of its window holds.
+    """Return the share of each spot's light in the row that each pixel of its window holds.
 
     Args:
-        fraction_px: Where the spot is, from the window's pixel width / 2 [n].
-        width: Of the windows, even.
-        sigma_px: Of the Gaussian along the row [n].
-        radius_px: Of the defocused disc [n], or None.
-        height_ratio: s_y over that radius [n], with it.
-        speed_px: How far the spot moves in the pulse [n], or None.
-        pulse: The pulse's transform at ``PULSE_TURNS`` cycles a pulse, with it.
+        fraction_px: Position of the spot, from the window's pixel width / 2 [n].
+        width: Width of the windows, px, even.
+        sigma_px: Sigma of the Gaussian along the row [n].
+        radius_px: Radius of the defocused disc [n], or None.
+        height_ratio: s_y over that radius [n]; given with it.
+        speed_px: Distance that the spot moves in the pulse [n], or None.
+        pulse: Transform of the pulse at ``PULSE_TURNS`` cycles per pulse; given with ``speed_px``.
         coma_px: Length of the one-sided exponential tail [n], towards rising pixels where it is
             positive, or None; the centroid stays.
         transfer: Any other factor [width + 1], at ``frequencies(width)``; the pixel is included.
-        spectrum: Instead of a point: the spectrum of the light along the row, about the same pixel,
-            [n, width + 1], which then holds the place, too.
-        clock: Called with the name of an effect, is a context that measures what it costs.
+        spectrum: Replaces a point: the spectrum of the light along the row, about the same pixel,
+            [n, width + 1], which then also holds the position.
+        clock: Function that is called with the name of an effect and returns a context that
+            measures its time.
 
     Returns:
-        float32 [n, width]; the rows sum to 1, but for what is beyond the window.
+        float32 [n, width]; the rows sum to 1, except for what is beyond the window.
     """
     frequency = frequencies(width).astype(np.float32)
     pixel = np.sinc(frequency)

@@ -1,9 +1,10 @@
-"""A scene's lines by the beam's angle, as the virtual board's sensor takes them.
+"""A scene's lines by the beam's angle, in the form that the virtual board's sensor takes.
 
-A file holds, for even steps of the angle, the electrons that the laser at rated power puts into
-each pixel, what all other light does, and the constants of the sensor: everything but the noise.
-Between two angles it is linear: on the default scene 0.007 px and 8 um rms off but for the spots at
-edges, where the nearest angle alone would be 0.19 px and 200 um, and speckle is 0.32 px and 320 um.
+For even steps of the angle, a file holds the electrons that the laser at rated power puts into each
+pixel, those of all other light, and the constants of the sensor: everything but the noise. Between
+two angles the sensor interpolates linearly. On the default scene this is 0.007 px and 8 um rms off
+except for the spots at edges, where the nearest angle alone would be 0.19 px and 200 um off;
+speckle is 0.32 px and 320 um.
 """
 
 import hashlib
@@ -25,14 +26,14 @@ from vrscan.scene.render import Renderer
 from vrscan.scene.timeline import Timeline, series
 
 ANGLES = 4096
-REACH = 1.05  # of the mirror's amplitude; beyond it there is no laser light
+REACH = 1.05  # share of the mirror's amplitude; beyond it there is no laser light
 HEADER = 4096  # bytes of text before the arrays, which begin on a page
 _BLOCK = 256  # angles that are rendered at a time
-_FINE = 1 << 16  # steps of half a period in which the mirror's speed is looked up
+_FINE = 1 << 16  # steps per half period of the table of the mirror's speed
 
 
 def standing(scene: Description, config: Config) -> Description:
-    """Return the scene as the board has it: the scanner stands, the laser is at its rated power."""
+    """Return the scene for the board: the scanner stands, the laser is at its rated power."""
     laser = scene.laser.model_copy(update={"power_mw": config.laser.rated_mw})
     scan = scene.scan.model_copy(update={"pan_mm_per_s": 0.0})
     return scene.model_copy(update={"laser": laser, "scan": scan})
@@ -45,7 +46,7 @@ def angles(config: Config, count: int = ANGLES) -> Floats:
 
 
 def at_angles(angle_rad: Floats, mirror: Mirror) -> Timeline:
-    """Return lines at any angles, each with the speed that the working mirror has there."""
+    """Return lines at any angles, each with the speed that the mirror in RUN has there."""
     phase = np.linspace(0.0, 0.5, _FINE)
     shape, slope = series(phase, mirror.harmonics)
     amplitude = math.radians(mirror.amplitude_deg)
@@ -67,7 +68,7 @@ def at_angles(angle_rad: Floats, mirror: Mirror) -> Timeline:
 
 
 def renderer(scene: Description, config: Config) -> Renderer:
-    """Return what renders the library's lines, with every effect that the scene has.
+    """Return the renderer of the library's lines, with every effect that the scene has.
 
     Raises:
         InputError: as ``Light``.
@@ -108,13 +109,13 @@ def library(
     count: int = ANGLES,
     progress: Callable[[int], None] | None = None,
 ) -> Path:
-    """Return the library of a scene, made if there is none of this scene, instrument and code.
+    """Return the library of a scene; make it if there is none for this scene, instrument and code.
 
     Args:
-        scene: What is there.
+        scene: The scene.
         config: The instrument.
-        folder: Where the file is kept.
-        count: Angles.
+        folder: Folder in which the file is kept.
+        count: Number of angles.
         progress: Called with the number of angles done so far.
 
     Raises:
@@ -142,7 +143,7 @@ def _digest(scene: Description, config: Config, count: int) -> str:
 
 
 def _files(values: object) -> list[str]:
-    """Return what is called ``file`` anywhere in a scene."""
+    """Return the values of all keys ``file`` anywhere in a scene."""
     if isinstance(values, dict):
         own = [str(value) for key, value in values.items() if key == "file"]
         return own + [name for value in values.values() for name in _files(value)]
@@ -176,7 +177,7 @@ def _write(
 
 
 def words(seed: int, line: int, length: int) -> Pixels:
-    """Return the random words of a line of the board: splitmix64 of the seed, line and place."""
+    """Return the random words of a line of the board: splitmix64 of the seed, line and pixel."""
     with np.errstate(over="ignore"):
         step = np.uint64(0x9E3779B97F4A7C15)
         count = np.uint64(line << 16) + np.arange(1, (length + 3) // 4 + 1, dtype=np.uint64)

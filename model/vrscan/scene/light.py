@@ -1,4 +1,4 @@
-"""What all lines of a scene share, worked out once and when first needed."""
+"""What all lines of a scene share; each part is computed once, when first needed."""
 
 import math
 from collections.abc import Iterable
@@ -31,20 +31,20 @@ from vrscan.scene.targets import World
 from vrscan.scene.timeline import Timeline
 
 _VIEW_STEP = 8  # px between the rays on which the camera's view is sampled
-_BOUNCE_KNOTS = 193  # angles at which the second bounce is worked out
-_BOUNCE_EDGE = 1.02  # of the scan's amplitude, how far they reach
-_BOUNCE_TABLES = 48  # of places of a panning scanner, which are kept
-_VIEWS = 64  # of a moving scanner that are kept
-_PAN_STEP_MM = 1.0  # of a moving scanner, in which its view is taken to be the same
-_RAYS = 1 << 16  # at a time
-_FARTHEST_MM = 1000.0  # where a ray that meets nothing is taken to end, at least
+_BOUNCE_KNOTS = 193  # angles at which the second bounce is computed
+_BOUNCE_EDGE = 1.02  # range of these angles over the scan's amplitude
+_BOUNCE_TABLES = 48  # number of places of a panning scanner that are kept
+_VIEWS = 64  # number of views of a moving scanner that are kept
+_PAN_STEP_MM = 1.0  # distance over which a moving scanner's view counts as the same
+_RAYS = 1 << 16  # rays followed at a time
+_FARTHEST_MM = 1000.0  # least distance at which a ray that meets nothing ends
 
 
 class Light:
     """A scene and an instrument that looks at it.
 
     Args:
-        scene: What is there.
+        scene: The scene.
         config: The instrument.
 
     Raises:
@@ -63,7 +63,7 @@ class Light:
         self.world = World(scene.target, scene.folder)
         self.materials = tuple(scene.material_of(target.material) for target in scene.target)
         self.names = tuple(dict.fromkeys(self.world.names))
-        # The last entry is what index -1, no target, finds.
+        # The last entry is for the index -1, no target.
         self.groups = np.array([self.names.index(n) for n in self.world.names] + [-1], np.int64)
         self.looks = scene.speckle.looks * np.array(
             [material.looks for material in self.materials] + [1.0]
@@ -93,16 +93,16 @@ class Light:
         self._views: dict[int, tuple[Floats, Floats, Ints, Floats]] = {}
         self._bounces: dict[int, Singles] = {}
         if scene.sun is not None:
-            scene.sun.towards()  # complains of a night
+            scene.sun.towards()  # raises an error at night
 
     @cached_property
     def pattern(self) -> FixedPattern:
-        """The sensor's fixed pattern."""
+        """Return the sensor's fixed pattern."""
         return fixed_pattern(self.scene.sensor, self.scene.seed, self.config.sensor.line_length)
 
     @cached_property
     def speckle(self) -> Speckle:
-        """The gain of each pixel."""
+        """Return the speckle, the gain of each pixel."""
         geometry = self.config.geometry
         return Speckle(
             self.scene.seed,
@@ -117,9 +117,9 @@ class Light:
 
     @cached_property
     def halo(self) -> Halo:
-        """Scatter of the lens, to either end of the sensor from either end.
+        """Return the scatter of the lens, to either end of the sensor from either end.
 
-        Its row share depends on how high the spot is; it is that of a spot in focus.
+        Its row share depends on the height of the spot; it is that of a spot in focus.
         """
         geometry = self.config.geometry
         return halo_weights(
@@ -133,7 +133,7 @@ class Light:
 
     @cached_property
     def halo_table(self) -> Singles:
-        """The halo about its middle at 2 L, float32 [4 L], as wide a spot's as it is high."""
+        """Return the halo about its middle at 2 L, float32 [4 L], as wide as the spot is high."""
         weights = self.halo.weights
         reach = math.ceil(5.0 * self._sharp_sigma_px) + 1
         spot = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1) / self._sharp_sigma_px))
@@ -142,20 +142,20 @@ class Light:
 
     @property
     def _sharp_sigma_px(self) -> float:
-        """The sigma of a spot in focus on an upright surface."""
+        """Return the sigma of a spot in focus on an upright surface."""
         geometry, focus = self.config.geometry, self.scene.lens.focus_mm
         width = float(radius_mm(np.array([focus]), self.scene.laser)[0])
         return 0.5 * width * geometry.focal_mm / geometry.pitch_mm / focus
 
     @cached_property
     def obscured(self) -> float:
-        """The share of light that dust on the pupil takes."""
+        """Return the share of light that dust on the pupil absorbs."""
         focal = self.config.geometry.focal_mm
         return obscured_share(self.scene.stray, focal_mm=focal, f_number=self.scene.lens.f_number)
 
     @cached_property
     def shadow(self) -> Singles:
-        """What dust on the cover leaves of each pixel's light, float32 [length]."""
+        """Return the share of each pixel's light that passes the cover's dust, float32 [length]."""
         return dust_shadow(
             self.scene.stray,
             self.config.sensor.line_length,
@@ -182,7 +182,7 @@ class Light:
         return ghosts(self._stack, focus, depth_mm, field_mm)
 
     def window_ghost(self, angle_rad: Floats) -> WindowGhost:
-        """Return the scan head window's second beam [n]; without power if there is no window."""
+        """Return the second beam of the scan head's window [n], without power if there is none."""
         stray = self.scene.stray
         found = window_ghost(stray.head_window, angle_rad)
         if "head_window" in stray.enabled:
@@ -193,14 +193,15 @@ class Light:
 
     @property
     def _view_px(self) -> Floats:
-        """The pixels for which the camera's view is worked out, and one after the last."""
+        """Return the pixels for which the camera's view is computed, and one after the last."""
         count = -(-self.config.sensor.line_length // _VIEW_STEP) + 1
         return _VIEW_STEP * np.arange(count, dtype=np.float64)
 
     def view(self, y_mm: float) -> tuple[Floats, Floats, Ints, Floats]:
-        """Return what the camera sees: points, normals [m, 3], target, -1 for none, albedo [m].
+        """Return what the camera sees: points, normals [m, 3], target (-1 for none) and albedo [m].
 
-        For every eighth pixel. Points are in the scanner's frame, which is at ``y_mm``.
+        It is computed for every eighth pixel. Points are in the scanner's frame, which is at
+        ``y_mm``.
         """
         key = round(y_mm / _PAN_STEP_MM)
         if key not in self._views:
@@ -221,7 +222,7 @@ class Light:
 
     @property
     def _off_axis_rad(self) -> Floats:
-        """How far off the axis every eighth pixel looks."""
+        """Return the angle from the axis at which every eighth pixel looks."""
         u, _ = undistorted(self._view_px, self.config.geometry)
         return np.asarray(np.arctan(u / self.config.geometry.focal_mm))
 
@@ -243,8 +244,8 @@ class Light:
         Surfaces are Lambert's. The sun's direct part is hidden by the scene's own targets.
 
         Args:
-            name: ``sun`` or ``lamps``, the mean of their flicker.
-            y_mm: Where the scanner is.
+            name: ``sun``, or ``lamps`` for the mean of their flicker.
+            y_mm: Position of the scanner along y.
         """
         found = np.zeros(self.config.sensor.line_length)
         for source in self._sources(name):
@@ -252,11 +253,12 @@ class Light:
         return found
 
     def changing_ambient(self, names: Iterable[str], timeline: Timeline) -> Singles:
-        """Return the same of lines that see different things, or at different times [n, length].
+        """Return the electrons of ambient light where views or times differ by line [n, length].
 
         Args:
-            names: Of ``ambient``.
-            timeline: n lines: where the scanner is, and where in their flicker lamps are.
+            names: Names as in ``ambient``.
+            timeline: n lines, which give the scanner's position and the phase of the lamps'
+                flicker.
         """
         found = np.zeros((len(timeline), self.config.sensor.line_length), np.float32)
         keys = np.round(timeline.y_mm / _PAN_STEP_MM).astype(np.int64)
@@ -271,7 +273,7 @@ class Light:
         return found
 
     def flicker_e(self) -> float:
-        """Return how far the lamps' flicker moves a pixel from its mean, at most, electrons."""
+        """Return the largest change of a pixel from its mean by the lamps' flicker, electrons."""
         return sum(
             lamp.depth * float(self._ambient_of(lamp, 0.0).max()) for lamp in self.scene.lamp
         )
@@ -308,11 +310,12 @@ class Light:
     # -- the second bounce --
 
     def bounced(self, angle_rad: Floats, y_mm: Floats) -> Singles:
-        """Return what the spot's light lights of the rest of the scene [n, length].
+        """Return the light that the spot throws on the rest of the scene [n, length].
 
-        In units of the electrons that the whole beam would make if it went through the lens. Both
-        reflections are Lambert's; a third is left out, and so is the gloss of either. Worked out at
-        ``_BOUNCE_KNOTS`` angles and every eighth pixel; the spot's own width keeps a corner finite.
+        It is in units of the electrons that the whole beam would make if it went through the lens.
+        Both reflections are Lambertian; a third reflection and the gloss of either are left out. It
+        is computed at ``_BOUNCE_KNOTS`` angles and for every eighth pixel; the spot's own width
+        keeps a corner finite.
         """
         limit = self._bounce_limit
         place = np.clip((angle_rad + limit) / (2.0 * limit), 0.0, 1.0) * (_BOUNCE_KNOTS - 1)
@@ -366,10 +369,10 @@ class Light:
                 faces[i[hidden], j[hidden]] = False
             gain = self._diffuse(hits.target[lit], hits.albedo[lit]) / np.pi
             form = np.where(faces, leave * arrive, 0.0)
-            # The spot is no point: nearer than its radius its light does not grow any more.
+            # The spot is not a point: nearer than its radius its light does not grow any more.
             irradiance = gain[:, None] * form / (square + np.square(width)[:, None])
             found[np.ix_(lit, seen)] = irradiance * self._diffuse(target, albedo)[seen] / np.pi
-        # In mm2, as the irradiance is; the beam's own electrons hold lens and filter already.
+        # In mm2, like the irradiance; the beam's electrons already include lens and filter.
         area = np.square(self.config.geometry.pitch_mm)
         seen_sr = collection(self.scene.lens.f_number, self._off_axis_rad)
         return self._whole_row(found * area * seen_sr).astype(np.float32)

@@ -22,7 +22,7 @@ from scipy.optimize import root
 
 from vrscan.data.arrays import Floats
 
-RELATIVE_TOLERANCE = 1e-12  # of the integrator, a step
+RELATIVE_TOLERANCE = 1e-12  # relative error of the integrator per step
 ABSOLUTE_TOLERANCE = 1e-14
 
 
@@ -33,16 +33,16 @@ class Mirror:
     natural_hz: float = 248.5
     quality: float = 200.0
     torque: float = 8.52e4  # tau, s^-2, at the nominal level
-    comb_rad: float = math.radians(8.52)  # a_c
-    bias_rad: float = 2e-7  # rest position: what a start from rest grows from
+    comb_rad: float = math.radians(8.52)  # comb angle a_c
+    bias_rad: float = 2e-7  # rest position, from which a start grows
     damping: float = 1.0  # factor on w0/Q
 
     def acceleration(self, angle: Floats, velocity: Floats, drive: Floats | float) -> Floats:
-        """Return a''.
+        """Return the angular acceleration a''.
 
         Args:
-            angle: rad, any shape.
-            velocity: rad/s, as ``angle``.
+            angle: Angle, rad, any shape.
+            velocity: Angular velocity, rad/s, of the shape of ``angle``.
             drive: (level / nominal level)^2 where the square wave is high, 0 where it is low.
         """
         omega = 2.0 * math.pi * self.natural_hz
@@ -54,13 +54,13 @@ class Mirror:
 def sweep(
     start_hz: float, stop_hz: float, rate_hz_per_s: float, duration_s: float, duty: float = 0.5
 ) -> tuple[Floats, Floats]:
-    """Return the edges of a drive that goes from one frequency to another and stays there.
+    """Return the edges of a drive that sweeps from one frequency to another and stays there.
 
     Args:
         start_hz: Frequency of the mirror at time 0, where the drive's phase is 0.
-        stop_hz: The last one, above or below.
-        rate_hz_per_s: How fast it changes, positive.
-        duration_s: Of everything.
+        stop_hz: Last frequency of the mirror, above or below.
+        rate_hz_per_s: Rate of change of the frequency, positive.
+        duration_s: Duration of the sweep and the time after it.
         duty: Share of its period that the drive, at twice the mirror's frequency, is high.
 
     Returns:
@@ -96,11 +96,12 @@ def integrate(
     """Return angle and velocity; the integration stops and starts at every edge of the drive.
 
     Args:
-        mirror: Its parameters.
-        edges_s: Times at which the drive changes, and both ends, rising [n + 1].
-        drive: (level / nominal level)^2 u between them [n].
+        mirror: Parameters of the mirror.
+        edges_s: Rising times [n + 1] at which the drive changes, and both ends.
+        drive: (level / nominal level)^2 u between these times [n].
         start: Angle, rad, and velocity, rad/s, at ``edges_s[0]``.
-        at_s: Where to give the motion, rising, inside the edges; the edges themselves if None.
+        at_s: Rising times, inside the edges, at which to return the motion; the edges themselves if
+            None.
 
     Returns:
         Angle, rad, and velocity, rad/s, each of the shape of ``at_s``.
@@ -141,7 +142,7 @@ def integrate(
         if first[k] < last[k]:
             motion[:, piece] = solution.sol(at[piece] - begin)
         state = solution.y[:, -1]
-    motion[:, at == edges_s[-1]] = state[:, None]  # which no piece begins with
+    motion[:, at == edges_s[-1]] = state[:, None]  # no piece begins with the last time
     return motion[0], motion[1]
 
 
@@ -151,12 +152,12 @@ def steady_state(
     drive: float = 1.0,
     guess: tuple[float, float] = (math.radians(20.5), 0.065),
 ) -> tuple[float, float]:
-    """Return angle and velocity at phase 0 of the drive of the motion that repeats every period.
+    """Return angle and velocity at the drive's phase 0, for the motion that repeats every period.
 
     Args:
-        mirror: Its parameters.
-        frequency_hz: Of the mirror; the drive has twice that, duty 0.5.
-        drive: (level / nominal level)^2 while it is high.
+        mirror: Parameters of the mirror.
+        frequency_hz: Frequency of the mirror; the drive has twice that, with a duty of 0.5.
+        drive: (level / nominal level)^2 while the drive is high.
         guess: Amplitude, rad, and the turns from the drive's rising edge to the positive turning
             point. There are several such motions; the one found is near this.
 

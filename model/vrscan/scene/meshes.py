@@ -1,8 +1,8 @@
-"""Triangle meshes: read from files and met by rays.
+"""Triangle meshes: read from files, and intersected with rays.
 
-Embree finds the triangle, in float32; where the ray meets that triangle's plane is then computed
-in float64. What float32 leaves: within some 1e-7 of the mesh's size of an edge, the neighbouring
-triangle may be taken.
+Embree finds the triangle in float32; the intersection with that triangle's plane is then computed
+in float64. The remaining error of float32: within some 1e-7 of the mesh's size of an edge, the
+neighbouring triangle may be taken.
 """
 
 from collections.abc import Callable
@@ -18,9 +18,9 @@ from vrscan.data.errors import InputError
 from vrscan.scene.shapes import START, dot, slab
 
 SUFFIXES = (".stl", ".obj", ".ply")
-_CLEAR = 2e-6  # of the mesh's size: a nearer hit is the surface that the ray starts on
-_OUTSIDE = 1e-3  # of a triangle: a hit farther beyond its edge is drawn back to it
-_ATTEMPTS = 8  # to get past surfaces that are too near
+_CLEAR = 2e-6  # share of the mesh's size: a nearer hit is the surface where the ray starts
+_OUTSIDE = 1e-3  # share of a triangle: a hit farther beyond its edge is drawn back to it
+_ATTEMPTS = 8  # attempts to get past surfaces that are too near
 _FLAT = 1e-300
 
 # Distance and normal on the smooth surface behind the mesh, for rays that hit a triangle:
@@ -38,8 +38,8 @@ class Caster:
         """Prepare the search.
 
         Args:
-            vertices: mm, [v, 3].
-            faces: Rows of ``vertices`` [f, 3].
+            vertices: Vertices, mm, [v, 3].
+            faces: Faces, each three rows of ``vertices`` [f, 3].
             refine: Moves hits to the smooth surface that the mesh stands for, if there is one.
         """
         self.vertices, self.faces, self._refine = vertices, faces, refine
@@ -120,7 +120,7 @@ def load_mesh(path: Path, scale: float = 1.0) -> tuple[Floats, Ints]:
     """Return a closed mesh from an STL, OBJ or PLY file.
 
     Args:
-        path: The file.
+        path: The mesh's file.
         scale: Millimetres per unit of the file.
 
     Returns:
@@ -138,7 +138,7 @@ def load_mesh(path: Path, scale: float = 1.0) -> tuple[Floats, Ints]:
         mesh = trimesh.load_mesh(path, process=False, skip_materials=True)
         vertices = np.asarray(mesh.vertices, np.float64).reshape(-1, 3)
         faces = np.asarray(mesh.faces, np.int64).reshape(-1, 3)
-    except Exception as error:  # whatever a reader makes of a broken file
+    except Exception as error:  # a reader may raise any error for a broken file
         first = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path}: not a mesh that can be read ({first})") from error
     if len(faces) == 0:
@@ -157,16 +157,17 @@ def load_mesh(path: Path, scale: float = 1.0) -> tuple[Floats, Ints]:
 
 
 def welded(vertices: Floats, faces: Ints) -> tuple[Floats, Ints, Ints]:
-    """Return a mesh whose equal vertices are one, without the faces that this makes degenerate.
+    """Return a mesh with equal vertices merged, without the faces that this makes degenerate.
 
-    An STL file repeats the vertices of every face; so do edges of texture or normals in OBJ, PLY.
+    An STL file repeats the vertices of every face; so do edges of texture or normals in OBJ and
+    PLY.
 
     Args:
-        vertices: [v, 3].
-        faces: [f, 3].
+        vertices: Vertices [v, 3].
+        faces: Faces [f, 3].
 
     Returns:
-        Vertices [w, 3], faces [g, 3], and which of the old faces these are [g].
+        Vertices [w, 3], faces [g, 3], and the index of the old face for each new one [g].
     """
     used, faces = np.unique(faces, return_inverse=True)
     # Equal up to 1e-9 of the size, so that two roundings of one corner are the same.
@@ -180,10 +181,10 @@ def welded(vertices: Floats, faces: Ints) -> tuple[Floats, Ints, Ints]:
 
 
 def open_edges(faces: Ints) -> int:
-    """Return how many edges belong to an odd number of faces: 0 for a closed mesh.
+    """Return the number of edges that belong to an odd number of faces: 0 for a closed mesh.
 
     Args:
-        faces: [f, 3], with equal vertices merged.
+        faces: Faces [f, 3], with equal vertices merged.
     """
     edge = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     key = edge[:, 0] * (int(faces.max()) + 1) + edge[:, 1]

@@ -1,7 +1,7 @@
-"""From the beam to the row: which spots a line has, where on the row, how bright and how blurred.
+"""From the beam to the row: the spots of a line, and their place, brightness and blur on the row.
 
-A spot is on its surface's tangent plane, or, where that does not do (edges, shadows, curvature,
-patterns), it is followed ray by ray and may end on two surfaces.
+A spot lies on its surface's tangent plane. Where that does not describe it (edges, shadows,
+curvature, patterns), it is followed ray by ray and may end on two surfaces.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -20,44 +20,44 @@ from vrscan.scene.spots import BESIDE_PX, Spots, meet
 from vrscan.scene.timeline import Timeline
 
 RAYS = 33  # across a spot that is followed part by part
-_TEST = 1.5  # 1/e2 radii from the axis, where rays tell whether a spot needs those
-_MAP_STEP = 2e-4  # rad between the angles at which that is found out: a fifth of a beam
-_SPREAD = 2.0  # of those rays, in 1/e2 radii, either side: 3e-4 of the peak is left
+_TEST = 1.5  # 1/e2 radii from the axis of the rays that test whether a spot needs them
+_MAP_STEP = 2e-4  # rad between the angles of that test: a fifth of a beam
+_SPREAD = 2.0  # reach of those rays, in 1/e2 radii, either side: 3e-4 of the peak is left
 _SMOOTH = 0.6  # sigma of one ray's share of the spot, in distances between rays
 _TORN, _TORN_PX = 3.0, 0.5  # a jump of the image between rays, in expected steps and px
-_SECTIONS = 6  # into which the way between two rays is cut to find an edge,
-_ROUNDS = 2  # and how often: to 1/36
-WIDEST_PX = 250.0  # of a spot's sigma: light along a surface is spread no farther
-_SHARPEN = 0.5  # px of defocus radius, from which on parts of a spot are blurred each for itself
-_FIVE = np.linspace(-_SPREAD, _SPREAD, 5)  # 1/e2 radii, of rays that tell a smooth surface
-_SMOOTH_PX = 0.1  # how far their images may be off a parabola there
-_SMOOTH_LIGHT = 0.02  # and their light, of the middle one's
+_SECTIONS = 6  # parts into which the way between two rays is cut to find an edge,
+_ROUNDS = 2  # and the number of such cuts: to 1/36
+WIDEST_PX = 250.0  # largest sigma of a spot: light along a surface is spread no farther
+_SHARPEN = 0.5  # px of defocus radius above which parts of a spot are blurred separately
+_FIVE = np.linspace(-_SPREAD, _SPREAD, 5)  # 1/e2 radii of rays that test for a smooth surface
+_SMOOTH_PX = 0.1  # largest deviation of their images from a parabola
+_SMOOTH_LIGHT = 0.02  # and of their light, over the middle one's
 
 
 @dataclass
 class Pieces:
     """m pieces of light on the row."""
 
-    row: Ints  # of the block [m]
+    row: Ints  # line within the block [m]
     place_px: Floats
-    electrons: Floats  # on the row
-    whole_e: Floats  # of all its light, on the row or not
-    sigma_px: Floats  # along the row
-    radius_px: Floats  # of the defocused disc
+    electrons: Floats  # light on the row
+    whole_e: Floats  # electrons of all its light, on the row or not
+    sigma_px: Floats  # sigma along the row
+    radius_px: Floats  # radius of the defocused disc
     height_px: Floats  # sigma across the row
-    speed_px: Floats  # how far it moves in the pulse
+    speed_px: Floats  # distance that it moves in the pulse
     coma_px: Floats
     surface: Ints
     range_mm: Floats
     speckled: bool = True
     parts_px: Floats | None = None  # places of a spot's rays [m, RAYS]
-    share: Floats | None = None  # of the light [m, RAYS]
+    share: Floats | None = None  # share of the light of each ray [m, RAYS]
 
     def __len__(self) -> int:
         return len(self.row)
 
     def of(self, rows: Ints | Bools) -> "Pieces":
-        """Return some of them."""
+        """Return some of the pieces."""
         chosen: dict[str, Any] = {
             name: value[rows] for name, value in vars(self).items() if isinstance(value, np.ndarray)
         }
@@ -65,7 +65,7 @@ class Pieces:
 
 
 class Spotter:
-    """Finds the spots of lines, with the effects ``active``.
+    """Finder of the spots of lines, with the effects ``active``.
 
     ``electrons`` is what the whole beam would make if it went through the lens.
     """
@@ -79,14 +79,16 @@ class Spotter:
         every_ray: bool,
         tolerance_px: float,
     ) -> None:
-        """Prepare what depends on the effects alone.
+        """Prepare what depends only on the effects.
 
         Args:
             light: The scene.
-            active: Names of effects.
-            clock: Called with the name of an effect, is a context that measures what it costs.
-            every_ray: Whether every spot is followed part by part, needed or not.
-            tolerance_px: How far a tangent plane may be off before a spot is.
+            active: Names of the effects that are on.
+            clock: Function that is called with the name of an effect and returns a context that
+                measures its time.
+            every_ray: Whether every spot is followed ray by ray, needed or not.
+            tolerance_px: Largest error of a tangent plane; where it is larger, a spot is followed
+                ray by ray.
         """
         self.light, self.active, self.clock = light, active, clock
         self.every_ray, self.tolerance_px = every_ray, tolerance_px
@@ -139,7 +141,7 @@ class Spotter:
         )
 
     def _blur(self, depth: Floats, place: Floats) -> tuple[Floats, Floats]:
-        """Return radius of the disc and coma's length, px."""
+        """Return the radius of the disc and the length of the coma, px."""
         light = self.light
         lens, config = light.scene.lens, light.config
         radius = np.zeros(len(depth))
@@ -197,10 +199,10 @@ class Spotter:
         """Return rays of the beam's cross-section, which follow its width from pivot to spot.
 
         Args:
-            spots: Of the axis.
-            beam: The axes [n, 3].
-            rows: Which lines [m].
-            offset: In 1/e2 radii, [k], or [m, k] of each line.
+            spots: Spots of the axis.
+            beam: Axes of the beam [n, 3].
+            rows: Indices of the lines [m].
+            offset: Offsets from the axis in 1/e2 radii, [k], or [m, k] for each line.
 
         Returns:
             Origins and directions [m * k, 3].
@@ -283,7 +285,7 @@ class Spotter:
         return split
 
     def _by_rays(self, spots: Spots, beam: Floats, timeline: Timeline, rows: Ints) -> list[Pieces]:
-        """Return the spots of some lines, followed ray by ray, at most two pieces a line.
+        """Return the spots of some lines, followed ray by ray, at most two pieces for each line.
 
         The beam's profile across the scan plane is that of its middle: what a spot's upper and
         lower parts see is taken to be the same, which for a sensor of one row is nearly so.
@@ -368,7 +370,7 @@ class Spotter:
         smooth = few.seen.reshape(shape).all(axis=1) & (target == target[:, :1]).all(axis=1)
         place = np.where(few.seen, few.position_px, 0.0).reshape(shape)
         light = few.collected.reshape(shape)
-        # How far the parabola through the ends and the middle misses the two others.
+        # Distance of the other two from the parabola through the ends and the middle.
         smooth &= np.abs(place @ _MISS.T).max(axis=1) < _SMOOTH_PX
         smooth &= np.abs(light @ _MISS.T).max(axis=1) < _SMOOTH_LIGHT * light[:, 2]
         torn = np.flatnonzero(~smooth)
@@ -445,8 +447,8 @@ class Spotter:
             size /= _SECTIONS
             low += size * np.logical_and.accumulate(same, axis=1).sum(axis=1)
         high = low + size
-        end = 0.5 * (low + high)  # of the way to the next ray, where the cell ends; 1/2 elsewhere
-        moved = 0.25 + 0.5 * end  # the middle of what changes hands
+        end = 0.5 * (low + high)  # share of the way to the next ray in the cell; 1/2 elsewhere
+        moved = 0.25 + 0.5 * end  # middle of the part that goes to the other ray
         amount = (end - 0.5) * np.exp(-2.0 * np.square(offset[ray] + moved * step) / narrow) / whole
         moment = np.zeros(shape)
         cells[line, ray] += amount
@@ -460,7 +462,7 @@ class Spotter:
     def _window_ghost(self, timeline: Timeline) -> Pieces:
         """Return the second spots that the scan head's window makes: beams of their own.
 
-        Each is on its tangent plane; where one meets an edge its parts are not told apart.
+        Each lies on its tangent plane; parts of a spot at an edge are not distinguished.
         """
         ghost = self.light.window_ghost(timeline.angle_rad)
         turned = timeline.angle_rad + ghost.turn_rad

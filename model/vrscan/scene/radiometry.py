@@ -1,11 +1,11 @@
 """Closed forms of light, from laser to photoelectrons; numbers in brackets are those of iria.
 
 iria is C. T. Due and L. M. Peterson, *Optical-Mechanical, Active/Passive Imaging Systems* (IRIA
-state-of-the-art report, 1982). What of it is used where, and what is left out and why, stands in
-``docs/radiometry.md``. Every function is elementwise over arrays of shapes that broadcast.
+state-of-the-art report, 1982). ``docs/radiometry.md`` says what of it is used where, and what is
+left out and why. Every function is elementwise over arrays of shapes that broadcast.
 
-All of them leave out the atmosphere (2 m of it pass 0.9996), polarisation, and that a laser's line
-has a width.
+All functions leave out the atmosphere (2 m of it pass 0.9996), polarisation, and the width of a
+laser's line.
 """
 
 import math
@@ -21,7 +21,7 @@ from vrscan.data.arrays import Floats
 Real = float | Floats
 
 PHASE_CONSTANT = 1.0 / (2.0 * math.sqrt(2.0) * math.pi)  # (2-80): 0.1125
-PHASE_SNR = 6.0  # from here on (2-80) holds to a few percent
+PHASE_SNR = 6.0  # from this S/N on (2-80) holds to a few percent
 
 
 # Photons and the detector
@@ -50,8 +50,8 @@ def nep_w(d_star: Real, area_cm2: Real, bandwidth_hz: Real) -> Floats:
 
     Args:
         d_star: Specific detectivity, cm Hz^1/2 / W.
-        area_cm2: Of the detector.
-        bandwidth_hz: Of the noise.
+        area_cm2: Area of the detector.
+        bandwidth_hz: Bandwidth of the noise.
     """
     return np.asarray(np.sqrt(np.asarray(area_cm2) * np.asarray(bandwidth_hz)) / d_star)
 
@@ -84,11 +84,11 @@ def noise_a2(
     """Return the mean square noise current, A^2: shot noise and the detector's own, (2-39).
 
     Args:
-        signal_w: Of the laser, on the detector.
-        background_w: Of everything else on it.
+        signal_w: Power of the laser on the detector.
+        background_w: Power of all other light on it.
         nep: Noise equivalent power without light, W.
-        responsivity: A/W.
-        bandwidth: Hz.
+        responsivity: Responsivity of the detector, A/W.
+        bandwidth: Bandwidth of the noise, Hz.
     """
     light = np.asarray(signal_w) + np.asarray(background_w)
     shot = 2.0 * ELEMENTARY_CHARGE * np.asarray(bandwidth) * light * responsivity
@@ -156,7 +156,7 @@ def solid_angle_sr(aperture_mm: Real, range_mm: Real, off_axis_rad: Real = 0.0) 
 
     Args:
         aperture_mm: Diameter of the entrance pupil.
-        range_mm: From target to pupil, along the ray; infinite gives 0.
+        range_mm: Distance from target to pupil, along the ray; infinite gives 0.
         off_axis_rad: Angle between ray and optical axis; from pi/2 on the result is 0.
     """
     area = 0.25 * math.pi * np.square(aperture_mm)
@@ -175,13 +175,15 @@ def received_w(
 ) -> Floats:
     """Return the laser power on the detector, W: the range equation (2-30), (2-31).
 
-    Leaves out speckle (this is the mean over it) and light by other ways than lens and target.
+    It leaves out speckle (the result is the mean over it) and light by other ways than lens and
+    target.
 
     Args:
-        emitted_w: From the laser, Phi_L.
-        per_sr: Of the target, p', towards the lens; it includes the cosine to the normal.
-        solid_angle: Of the lens seen from the target, sr.
-        optics: Transmission of transmitter and receiver together, the filter's included.
+        emitted_w: Power that the laser emits, Phi_L.
+        per_sr: Reflectance per solid angle of the target, p', towards the lens; it includes the
+            cosine to the normal.
+        solid_angle: Solid angle of the lens seen from the target, sr.
+        optics: Transmission of transmitter and receiver together, including the filter.
         path: Transmission of the air, one way.
         overlap: eta_B, share of the spot's image on the detector: see ``row_overlap``.
     """
@@ -197,8 +199,8 @@ def row_overlap(radius: Real, height: Real, offset: Real = 0.0) -> Floats:
 
     Args:
         radius: 1/e2 radius w of the image, at least 0; at 0 all light is on or off the row.
-        height: h of the row, in the unit of ``radius``.
-        offset: y from the row's middle to the spot's.
+        height: Height h of the row, in the unit of ``radius``.
+        offset: Distance y from the row's middle to the spot's.
     """
     above = 0.5 * np.asarray(height) + np.asarray(offset)
     below = 0.5 * np.asarray(height) - np.asarray(offset)
@@ -216,8 +218,8 @@ def airy(radius: Real, wavelength: Real, f_number: Real) -> Floats:
     [2 J1(v) / v]^2, v = pi r / (lambda F), of a round even pupil.
 
     Args:
-        radius: From the centre.
-        wavelength: In the unit of ``radius``.
+        radius: Distance from the centre.
+        wavelength: Wavelength in the unit of ``radius``.
         f_number: Working focal ratio F, f / D at infinity.
     """
     v = np.asarray(math.pi * np.asarray(radius) / (np.asarray(wavelength) * f_number))
@@ -251,7 +253,7 @@ def strehl(phase_rad: Floats, weight: Floats | None = None) -> float:
 
     Args:
         phase_rad: Wave error over the pupil, any shape.
-        weight: Area of each sample, as ``phase_rad``; even if None.
+        weight: Area of each sample, of the shape of ``phase_rad``; equal areas if None.
     """
     return float(abs(np.average(np.exp(1j * phase_rad), weights=weight)) ** 2)
 
@@ -299,7 +301,7 @@ def divergence_rad(waist: Real, wavelength: Real) -> Floats:
 
 
 def focus_shift(focal: Real, curvature_radius: Real) -> Floats:
-    """Return how far a lens moves to bend the wavefront to a radius, from (2-17).
+    """Return the travel of a lens that bends the wavefront to a radius, from (2-17).
 
     dt = f (f + dt) / R solved exactly: f^2 / (R - f). Args: one unit; R longer than f.
     """
@@ -321,16 +323,16 @@ def mean_rate(amplitude_rad: Real, frequency_hz: Real) -> Floats:
 
 
 def dwell_s(angle_rad: Real, rate_rad_per_s: Real) -> Floats:
-    """Return how long a scan stays within an angle, s, (1-40); infinite at rest."""
+    """Return the time for which a scan stays within an angle, s, (1-40); infinite at rest."""
     rate = np.abs(np.asarray(rate_rad_per_s, np.float64))
     safe = np.where(rate > 0.0, rate, 1.0)
     return np.where(rate > 0.0, np.asarray(angle_rad) / safe, np.inf)
 
 
 def scan_efficiency(used: Real) -> tuple[Floats, Floats]:
-    """Return what using the middle of a sinusoidal scan costs and brings.
+    """Return the time and the evenness of a sinusoidal scan of which only the middle is used.
 
-    Derived here; the report has eta_s of rotating mirrors only, (1-42) to (1-44).
+    Both are derived here; the report has eta_s of rotating mirrors only, (1-42) to (1-44).
 
     Args:
         used: Largest angle in use over the amplitude, 0 to 1.
@@ -339,7 +341,7 @@ def scan_efficiency(used: Real) -> tuple[Floats, Floats]:
         Share of the time in use, (2/pi) asin q, and slowest over fastest rate, sqrt(1 - q^2).
 
     Raises:
-        ValueError: if ``used`` is outside.
+        ValueError: if ``used`` is outside its range.
     """
     q = np.asarray(used, np.float64)
     if np.any((q < 0.0) | (q > 1.0)):
@@ -351,16 +353,16 @@ def scan_efficiency(used: Real) -> tuple[Floats, Floats]:
 
 
 def speckle_cells(range_: Real, spot: Real, aperture_area: Real, wavelength: Real) -> Floats:
-    """Return how many speckle cells of size lambda R / S a lens takes in, at least 1 (2.5.4).
+    """Return the number of speckle cells of size lambda R / S in a lens, at least 1 (2.5.4).
 
-    The detector that sums them sees a mean over rms of the root of this. Args: one unit.
+    The detector that sums them sees the square root of this as mean over rms. Args: one unit.
     """
     cell = np.asarray(wavelength) * range_ / spot
     return np.maximum(np.asarray(aperture_area) / np.square(cell), 1.0)
 
 
 def phase_error(interval: Real, snr: Real) -> Floats:
-    """Return the rms error of a place that is read from a phase, (2-80).
+    """Return the rms error of a position that is read from a phase, (2-80).
 
     0.1125 interval / snr. The report has half the modulation's wavelength for the interval; for
     VR-SCAN's peak (8) it is the window's period, and ``snr`` the first harmonic's rms S/N,
@@ -368,7 +370,7 @@ def phase_error(interval: Real, snr: Real) -> Floats:
     is 23 %. White noise only: no speckle, no window that moves with the noise.
 
     Args:
-        interval: In which the place is unambiguous.
-        snr: Positive.
+        interval: Interval in which the position is unambiguous.
+        snr: Signal-to-noise ratio, positive.
     """
     return np.asarray(PHASE_CONSTANT * np.asarray(interval) / np.asarray(snr))

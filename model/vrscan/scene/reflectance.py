@@ -19,7 +19,7 @@ from vrscan.data.errors import InputError
 
 
 def _tuple(value: object) -> object:
-    return tuple(value) if isinstance(value, list) else value  # TOML knows lists only
+    return tuple(value) if isinstance(value, list) else value  # TOML has lists only
 
 
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -28,14 +28,14 @@ Vector = Annotated[tuple[float, float, float], BeforeValidator(_tuple)]
 
 
 class Map(Protocol):
-    """A pattern."""
+    """A pattern of reflectance."""
 
     def factor(self, x_mm: Floats, y_mm: Floats) -> Floats:
         """Return the factor on the reflectance, 0 to 1.
 
         Args:
-            x_mm: Where, in the target's frame [n].
-            y_mm: The same, the other axis [n].
+            x_mm: x of the points in the target's frame [n].
+            y_mm: y of the points in the target's frame [n].
         """
 
 
@@ -58,7 +58,7 @@ class Stripes(Section):
 
     kind: Literal["stripes"] = "stripes"
     period_mm: Positive = 20.0
-    duty: Share = 0.5  # of the period that is high
+    duty: Share = 0.5  # share of the period that is high
     across: Literal["x", "y"] = "x"
     low: Share = 0.1
     high: Share = 1.0
@@ -72,14 +72,14 @@ class Stripes(Section):
 class ImageMap(Section):
     """A picture, centred on the target's origin; around it the factor is 1.
 
-    Whoever looks along +z with y upwards sees it the right way round: its rows go down in y, its
-    columns go towards -x. Its grey values are reflectances as they are, without a gamma.
+    It appears the right way round to a viewer who looks along +z with y upwards: its rows go down
+    in y, its columns go towards -x. Its grey values are reflectances as they are, without a gamma.
     """
 
     kind: Literal["image"] = "image"
-    file: str  # relative to the scene file
-    size_mm: Size = (100.0, 100.0)  # of the whole picture, in x and y
-    repeat: bool = False  # tiles instead of ending
+    file: str  # path relative to the scene file
+    size_mm: Size = (100.0, 100.0)  # size of the whole picture, in x and y
+    repeat: bool = False  # whether the picture is repeated
 
 
 MapSection = Annotated[Checker | Stripes | ImageMap, Field(discriminator="kind")]
@@ -89,14 +89,14 @@ MapSection = Annotated[Checker | Stripes | ImageMap, Field(discriminator="kind")
 class Picture:
     """A loaded picture, sampled bilinearly between the centres of its pixels."""
 
-    grey: Floats  # [rows, columns], 0 to 1
+    grey: Floats  # reflectances [rows, columns], 0 to 1
     size_mm: tuple[float, float]
     repeat: bool
 
     def factor(self, x_mm: Floats, y_mm: Floats) -> Floats:
         """See ``Map``."""
         rows, columns = self.grey.shape
-        across = 0.5 - x_mm / self.size_mm[0]  # in pictures, from the first column's outer edge
+        across = 0.5 - x_mm / self.size_mm[0]  # in pictures, from the first column's edge
         down = 0.5 - y_mm / self.size_mm[1]
         inside = (across >= 0.0) & (across <= 1.0) & (down >= 0.0) & (down <= 1.0)
         if self.repeat:
@@ -125,8 +125,8 @@ def load_map(section: Checker | Stripes | ImageMap, folder: Path) -> Map:
     """Return the pattern that a scene asks for.
 
     Args:
-        section: What the scene file says.
-        folder: Where the scene file is.
+        section: The map's section of the scene file.
+        folder: Folder of the scene file.
 
     Raises:
         InputError: naming the file, if it is missing or is no picture.
@@ -138,7 +138,7 @@ def load_map(section: Checker | Stripes | ImageMap, folder: Path) -> Map:
         raise InputError(f"{path}: no such picture")
     try:
         with Image.open(path) as picture:
-            deep = picture.mode.startswith("I")  # 16 bits a pixel
+            deep = picture.mode.startswith("I")  # 16 bits per pixel
             grey = np.asarray(picture if deep else picture.convert("L"), np.float64)
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise InputError(f"{path}: not a picture that can be read ({error})") from error

@@ -1,11 +1,11 @@
 """A scene's lines, rendered with any set of its effects and always the same random numbers.
 
-What a spot sends to the row is one or more pieces (``vrscan.scene.pieces``): a place on the row, an
-amount of light, and what blurs it. A line that is one piece on an even background costs one short
-transform and a table look-up for each dark pixel; only where something else falls on the row
-(ghosts, halo, a second bounce, a spot on two surfaces) is the whole line worked out pixel by pixel.
-Both ways use the same word of noise for the same pixel of the same line and agree bit for bit where
-they meet.
+The light of a spot on the row is one or more pieces (``vrscan.scene.pieces``): a place on the row,
+an amount of light, and its blur. A line with one piece on an even background takes one short
+transform and a table look-up for each dark pixel. Only where something else falls on the row
+(ghosts, halo, a second bounce, a spot on two surfaces) is the whole line computed pixel by pixel.
+Both ways use the same word of noise for the same pixel of the same line, and their results agree
+bit for bit where both apply.
 """
 
 import time
@@ -28,8 +28,8 @@ from vrscan.scene.sensor import Readout, bloom, expose_even, expose_pixels, read
 from vrscan.scene.spots import Spots
 from vrscan.scene.timeline import Timeline
 
-_WIDE_DISC = 8.0  # spot sigmas of a ghost's radius, from which on its ends count as hard
-_LEAST_FLICKER_E = 0.1  # of lamps, electrons
+_WIDE_DISC = 8.0  # spot sigmas of a ghost's radius above which its ends count as hard
+_LEAST_FLICKER_E = 0.1  # least flicker of lamps that is rendered, electrons
 _SPILT_E = 0.05  # electrons of blooming that may be lost at a window's end
 _CHUNK = 64  # lines whose rays are summed at a time
 
@@ -38,7 +38,7 @@ _CHUNK = 64  # lines whose rays are summed at a time
 class Frame:
     """n rendered lines."""
 
-    lines: Pixels  # [n, length]
+    lines: Pixels  # counts [n, length]
     timeline: Timeline
     reported_rad: Floats  # the angle that the chain is told [n]
     truth: Truth
@@ -48,20 +48,20 @@ class Frame:
 class Charge:
     """Mean electrons of n lines, before blooming, noise and converter.
 
-    A line's mean is ``laser_e + other_e``, and each pixel's noiseless offset ``other_offset_e +
-    offset_e``; all but ``offset_e`` grow with the light that they stand for.
+    A line's mean is ``laser_e + other_e``, and each pixel's noiseless offset is ``other_offset_e +
+    offset_e``. All of these but ``offset_e`` grow with their light.
     """
 
-    laser_e: Singles  # [n, length]
-    other_e: Singles  # of all other light and the dark current in an exposure [length]
-    other_offset_e: Singles  # what ``other_e`` differs by from pixel to pixel where it is even
-    offset_e: Singles  # the sensor's own
+    laser_e: Singles  # electrons of the laser [n, length]
+    other_e: Singles  # all other light and the dark current in an exposure [length]
+    other_offset_e: Singles  # pattern of ``other_e`` from pixel to pixel where it is even
+    offset_e: Singles  # offsets of the sensor itself
 
 
 class Renderer:
-    """Renders lines of a scene with the effects ``active``.
+    """Renderer of a scene's lines with the effects ``active``.
 
-    ``seconds`` holds what each effect has cost so far, and under ``""`` everything else.
+    ``seconds`` holds the time that each effect has taken so far, and under ``""`` that of all else.
     """
 
     def __init__(
@@ -72,13 +72,14 @@ class Renderer:
         every_ray: bool = False,
         tolerance_px: float | None = None,
     ) -> None:
-        """Prepare what depends on the effects alone.
+        """Prepare what depends only on the effects.
 
         Args:
             light: The scene.
-            active: Names of effects.
-            every_ray: Whether every spot is followed part by part, needed or not.
-            tolerance_px: How far a tangent plane may be off before a spot is; the scene's if None.
+            active: Names of the effects that are on.
+            every_ray: Whether every spot is followed ray by ray, needed or not.
+            tolerance_px: Largest error of a tangent plane, above which a spot is followed ray by
+                ray; the scene's tolerance if None.
         """
         self.light, self.active = light, active
         self.tolerance_px = light.scene.tolerance_px if tolerance_px is None else tolerance_px
@@ -112,7 +113,7 @@ class Renderer:
             if name in active and (panning or (flickers and name == "lamps"))
         ]
         self._even_e, self._uneven_e = self._ambient()
-        # Even light's pattern is taken for an offset, so that a table serves all dark pixels.
+        # Even light's pattern counts as an offset, so that one table serves all dark pixels.
         self._offset: Singles | None = pattern.dark_e if "dsnu" in active else None
         if self._sensitivity is not None and self._even_e > 0.0:
             extra = np.float32(self._even_e) * (self._sensitivity - np.float32(1.0))
@@ -155,16 +156,16 @@ class Renderer:
         )
 
     def look(self, timeline: Timeline) -> Truth:
-        """Return what the spots of lines are, without making the lines."""
+        """Return the truth of the lines' spots, without making the lines."""
         return self.truth(self._spotter.find(timeline)[0])
 
     def charge(self, timeline: Timeline) -> Charge:
-        """Return what lines hold before the sensor, the laser's part by itself.
+        """Return the charge of lines before the sensor's noise, with the laser's part by itself.
 
         It leaves out the lamps' flicker and a scanner's way along y.
 
         Args:
-            timeline: n lines, of which the angles and their rates count.
+            timeline: n lines, whose angles and their rates are used.
         """
         _, pieces, second = self._spotter.find(timeline)
         length = self.light.config.sensor.line_length
@@ -185,11 +186,11 @@ class Renderer:
 
     @property
     def readout(self) -> Readout:
-        """What turns charge to counts."""
+        """Return the readout, which turns charge into counts."""
         return self._readout
 
     def truth(self, spots: Spots) -> Truth:
-        """Return what the lines' spots are: of the beam's axis."""
+        """Return the truth of the lines' spots: those of the beam's axis."""
         light = self.light
         length = light.config.sensor.line_length
         place = spots.position_px
@@ -206,7 +207,7 @@ class Renderer:
     # -- on the row --
 
     def _drawn(self, pieces: Pieces, timeline: Timeline) -> Iterator[tuple[Ints, Ints, Singles]]:
-        """Yield rows, first pixels and mean electrons [m, width] of pieces, by width."""
+        """Yield rows, first pixels and mean electrons [m, width] of pieces, one width at a time."""
         if len(pieces) == 0:
             return
         spread = pieces.sigma_px
@@ -228,7 +229,7 @@ class Renderer:
         if some.parts_px is not None and some.share is not None:
             with self._clock("footprint"):
                 spectrum = _spectrum(some.parts_px - middle[:, None], some.share, width)
-        # Each blur is a factor; its price is what the transform costs with it, less without.
+        # Each blur is a factor; its time is that of the transform with it, less that without it.
         light = image.profiles(
             some.place_px - middle,
             width,
@@ -281,7 +282,7 @@ class Renderer:
         return self._transfer[width]
 
     def _ambient(self) -> tuple[float, Singles | None]:
-        """Return the electrons that all lines have: of every pixel alike, and of each or None."""
+        """Return the electrons of all lines: the even part, and the part of each pixel or None."""
         scene = self.light.scene
         even = 0.0
         if "dark" in self.active:
@@ -367,7 +368,7 @@ class Renderer:
         return expose_even(words, 0.0, self._readout, still)
 
     def _pixels(self, mean_e: Singles, words: Pixels, dark: Singles | None) -> Pixels:
-        """Return counts of pixels, [m, w], of their mean electrons."""
+        """Return the counts of pixels, [m, w], from their mean electrons."""
         sensor = self.light.scene.sensor
         if "blooming" in self.active:
             with self._clock("blooming"):
@@ -402,7 +403,7 @@ class Renderer:
     def _elsewhere(
         self, field: Singles, rows: Ints, pieces: list[Pieces], timeline: Timeline
     ) -> None:
-        """Add to whole lines what falls beside the spot."""
+        """Add to whole lines the light that falls beside the spot."""
         length = field.shape[1]
         inside = np.full(len(timeline), -1)
         inside[rows] = np.arange(len(rows))
@@ -418,7 +419,7 @@ class Renderer:
                 for piece in pieces:
                     kept = inside[piece.row] >= 0
                     some = piece.of(kept)
-                    # The halo is of all light in the image, not of the row's share alone.
+                    # The halo comes from all light in the image, not only from the row's share.
                     whole = some.whole_e.astype(np.float32)
                     middle = np.clip(np.round(some.place_px), -length, 2 * length).astype(np.int64)
                     for at, start, amount in zip(inside[some.row], middle, whole, strict=True):
@@ -505,7 +506,7 @@ def _spectrum(offset_px: Floats, share: Floats, width: int) -> npt.NDArray[np.co
 
 
 def _add(field: Singles, row: Ints, first: Ints, light: Singles) -> None:
-    """Add windows to whole lines; what is beyond the sensor's ends is lost. No row twice."""
+    """Add windows to whole lines, no row twice; what is beyond the sensor's ends is lost."""
     length = field.shape[1]
     column = first[:, None] + np.arange(light.shape[1])
     inside = (column >= 0) & (column < length)

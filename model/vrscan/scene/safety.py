@@ -1,12 +1,12 @@
-"""How much laser power is safe to look into: emission limits, the moving and the stuck beam.
+"""How much laser power is safe to look into: emission limits for the moving and the stuck beam.
 
 Limits and rules are those of IEC 60825-1:2014 (edition 3), 400 to 1050 nm, for a small source (no
 credit for an extended one, C6 = 1) and a beam narrower than the pupil, so that all of it can enter
-the eye; the pupil is that of the standard's condition 3, 7 mm wide at 100 mm from the pivot.
+the eye. The pupil is that of the standard's condition 3, 7 mm wide at 100 mm from the pivot.
 
-It leaves out: classes 1M, 2M and 3B, viewing through instruments, the skin, every fault but a
-mirror at rest, the diode's spread of power. It helps to choose a power; classifying a product is a
-measurement.
+The model leaves out classes 1M, 2M and 3B, viewing through instruments, the skin, every fault but a
+mirror at rest, and the diode's spread of power. It helps to choose a power; a product is classified
+by measurement.
 """
 
 import math
@@ -23,8 +23,8 @@ PUPIL_MM = 7.0
 DISTANCE_MM = 100.0
 LONG_S = 100.0  # time base above 400 nm without intended viewing
 BLINK_S = 0.25  # time base where the eye turns away: classes 2 and 3R, 400 to 700 nm
-GROUP_S = 5e-6  # Ti: shorter pulses, and all within it, act as one
-MANY_S = 10.0  # T2 of a small source: pulses are counted no longer
+GROUP_S = 5e-6  # Ti: a shorter pulse, or all pulses within it, act as one
+MANY_S = 10.0  # T2 of a small source: pulses are counted for no longer
 
 _SHORTEST_S = 1e-13
 _LONGEST_S = 3e4
@@ -58,7 +58,7 @@ def emission_limit_j(laser_class: LaserClass, wavelength_nm: float, time_s: floa
 
     Args:
         laser_class: One of ``CLASSES``.
-        wavelength_nm: 400 to 1050; class 2 exists below 700 only.
+        wavelength_nm: Wavelength, 400 to 1050; class 2 exists below 700 only.
         time_s: Duration of the exposure, 1e-13 to 3e4.
 
     Raises:
@@ -88,20 +88,21 @@ def emission_limit_j(laser_class: LaserClass, wavelength_nm: float, time_s: floa
 
 
 def time_base_s(laser_class: LaserClass, wavelength_nm: float) -> float:
-    """Return how long a class reckons with looking into the beam, s."""
+    """Return the time for which a class assumes that the eye looks into the beam, s."""
     turns_away = laser_class != "1" and _visible(wavelength_nm)
     return BLINK_S if turns_away else LONG_S
 
 
 def train_factor(pulse_s: float, pulses: float, exposure_s: float) -> float:
-    """Return C5, by which a train lowers the limit of each of its pulses.
+    """Return C5, the factor by which a train lowers the limit of each of its pulses.
 
     Edition 3, small source: 1 for pulses longer than 5 us, for exposures to 0.25 s, and to 600
     pulses; beyond 5 N^(-1/4), not below 0.4. (Edition 2 had N^(-1/4) for every train.)
 
     Args:
-        pulse_s: Duration of each.
-        pulses: N, in the exposure or in 10 s if that is shorter; those within 5 us are one.
+        pulse_s: Duration of each pulse.
+        pulses: Number N of pulses in the exposure, or in 10 s if that is shorter; those within 5 us
+            are one.
         exposure_s: The time base.
     """
     if pulse_s > GROUP_S or exposure_s <= BLINK_S or pulses <= 600.0:
@@ -116,12 +117,12 @@ class Emission:
     wavelength_nm: float = 658.0
     mirror_hz: float = 249.0
     amplitude_rad: float = math.radians(20.5)
-    opening_rad: float = math.inf  # either side: beyond, the housing holds the beam back
-    rate_hz: float = 0.0  # of pulses; 0 is a continuous beam
+    opening_rad: float = math.inf  # half opening of the housing, which blocks the beam beyond
+    rate_hz: float = 0.0  # rate of the pulses; 0 is a continuous beam
     pulse_s: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse what is no beam.
+        """Check that the values describe a beam.
 
         Raises:
             ValueError: for a rate, time or angle that is negative, or pulses that overlap.
@@ -135,7 +136,7 @@ class Emission:
 
     @property
     def duty(self) -> float:
-        """Share of the time that the laser is on."""
+        """Return the share of the time for which the laser is on."""
         return self.rate_hz * self.pulse_s if self.rate_hz > 0.0 else 1.0
 
 
@@ -147,10 +148,10 @@ def passes(emission: Emission, centre_rad: float) -> tuple[tuple[float, float], 
 
     Args:
         emission: The moving beam; time 0 is where it passes the middle, rising.
-        centre_rad: Where the pupil is, on either side.
+        centre_rad: Angle of the pupil's centre, on either side.
 
     Returns:
-        Start and end of each pass, s, in order: two, one at the turning point, or none.
+        Start and end of each pass, s, in order: two passes, one at the turning point, or none.
     """
     half = math.atan(0.5 * PUPIL_MM / DISTANCE_MM)
     centre = abs(centre_rad)
@@ -169,13 +170,13 @@ def passes(emission: Emission, centre_rad: float) -> tuple[tuple[float, float], 
 
 @dataclass(frozen=True)
 class SafePower:
-    """The largest power of a class, and what binds it."""
+    """The largest power of a class, and the rule that limits it."""
 
     laser_class: LaserClass
-    place: str  # of the pupil: "middle", "end" or "stalled"
+    place: str  # place of the pupil: "middle", "end" or "stalled"
     power_w: float  # while the laser is on; the mean is duty times this
     rule: str  # "single pulse", "pulse train", "pass", "passes" or "average"
-    time_s: float  # over which the rule adds up
+    time_s: float  # time over which the rule adds up energy
 
 
 def _windows(
@@ -183,8 +184,9 @@ def _windows(
 ) -> Iterator[tuple[str, float, float]]:
     """Yield rule, duration and the time in the pupil for stretches of the exposure.
 
-    The limit's power falls as t^(-1/4), so only stretches from the start of a pass to the end of
-    one can bind. All of up to two periods are tried, then twice as many again and again.
+    The limit's power falls as t^(-1/4), so only stretches from the start of one pass to the end of
+    one can be the limiting ones. All of up to two periods are tried, then twice as many again and
+    again.
     """
     period = 1.0 / emission.mirror_hz
     for start, end in within:
@@ -198,7 +200,7 @@ def _windows(
     share = sum(e - s for s, e in within) / period
     periods = 2.0
     longest = max(e - s for s, e in within)
-    while periods * period < min(base_s, MANY_S):  # beyond, the limit is a power
+    while periods * period < min(base_s, MANY_S):  # for longer times the limit is a power
         yield "passes", periods * period, share * periods * period + longest
         periods *= 2.0
     yield "average", base_s, share * base_s
@@ -210,7 +212,7 @@ def _largest(
     place: str,
     within: tuple[tuple[float, float], ...] | None,
 ) -> SafePower:
-    """Return the binding rule; ``within`` is None for a beam at rest in the pupil."""
+    """Return the limiting rule; ``within`` is None for a beam at rest in the pupil."""
     wavelength = emission.wavelength_nm
     base = time_base_s(laser_class, wavelength)
     pulsed = emission.rate_hz > 0.0
@@ -266,9 +268,9 @@ def _largest(
 def largest_safe_power(emission: Emission) -> tuple[SafePower, ...]:
     """Return the largest power of each class, for the moving and for the stuck beam.
 
-    Three places of the pupil: in the middle of the scan, where the beam is fastest; where it stays
-    longest, at the end of the scan or of the opening; and in a beam that rests. A product's class
-    is that of the second, and its interlock's reason the third.
+    The pupil has three places: in the middle of the scan, where the beam is fastest; where the beam
+    stays longest, at the end of the scan or of the opening; and in a beam that rests. The class of
+    a product is that of the second place, and the third is the reason for its interlock.
 
     Rules (IEC 60825-1:2014, 4.3 f): each pulse is below its limit; each stretch of the exposure,
     taken as one pulse, is below the limit of its length, up to the mean over the time base; and
@@ -278,7 +280,7 @@ def largest_safe_power(emission: Emission) -> tuple[SafePower, ...]:
         emission: The beam and its motion.
 
     Returns:
-        Every class at every place, classes first.
+        Every class at every place; the classes of one place are together.
 
     Raises:
         InputError: for a wavelength outside 400 to 1050 nm.
@@ -300,13 +302,13 @@ def largest_safe_power(emission: Emission) -> tuple[SafePower, ...]:
 
 
 def exposure_limit_j_per_cm2(wavelength_nm: float, time_s: float) -> float:
-    """Return ANSI Z136.1's largest exposure of the eye, J/cm^2, as detectability 2.3 has it.
+    """Return ANSI Z136.1's largest exposure of the eye, J/cm^2, as given in detectability 2.3.
 
     1.8e-3 C_A t^0.75 from 18 us to 10 s, and 5e-7 C_A for less. For visible light C_A is 1.
 
     Args:
-        wavelength_nm: 400 to 1050.
-        time_s: 1e-9 to 10.
+        wavelength_nm: Wavelength, 400 to 1050.
+        time_s: Duration of the exposure, 1e-9 to 10.
 
     Raises:
         InputError: outside these wavelengths.
@@ -323,14 +325,15 @@ def striper_power_w(
 ) -> float:
     """Return the largest power of a line striper, W: detectability (5), P = MPE A beta R / (t D2).
 
-    Of a line beta R long and D2 thick the pupil, A = 0.385 cm^2, is taken to catch D2 / (beta R).
+    The pupil, A = 0.385 cm^2, is assumed to catch the share D2 / (beta R) of a line beta R long and
+    D2 thick.
 
     Args:
-        wavelength_nm: 400 to 1050.
-        time_s: Of the exposure, 1e-9 to 10.
-        range_mm: To the nearest eye, R_min.
+        wavelength_nm: Wavelength, 400 to 1050.
+        time_s: Duration of the exposure, 1e-9 to 10.
+        range_mm: Distance to the nearest eye, R_min.
         fan_rad: Opening angle beta of the fan.
-        thickness_mm: Of the line there, D2, positive.
+        thickness_mm: Thickness of the line there, D2, positive.
 
     Raises:
         InputError: outside these wavelengths.

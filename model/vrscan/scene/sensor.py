@@ -1,7 +1,7 @@
 """From a spot on the sensor to counts: pixel integration, noise, fixed pattern, the converter.
 
-``spot_electrons`` and ``expose`` are a sensor with independent noise in each call. The others,
-from ``SensorModel`` on, are the light simulator's: there the random numbers are one 16 bit word a
+``spot_electrons`` and ``expose`` are a sensor with independent noise in each call. The others, from
+``SensorModel`` on, belong to the light simulator: their random numbers are one 16-bit word for each
 pixel and line, the same whatever else is modelled, so that two runs of a scene differ only by the
 effects that one of them leaves out.
 """
@@ -19,9 +19,9 @@ from scipy.special import erf, ndtri
 from vrscan.data.arrays import Floats, Pixels
 from vrscan.data.config import Positive, Section
 
-REACH = 8.0  # spot sigmas, beyond which a Gaussian is below 1e-14 of its peak
+REACH = 8.0  # spot sigmas beyond which a Gaussian is below 1e-14 of its peak
 
-WORDS = 1 << 16  # values of a random word
+WORDS = 1 << 16  # number of values of a random word
 
 # One number each keeps the random numbers of different uses apart. None is small: SeedSequence
 # takes (seed, use) and (seed, use, 0) for the same.
@@ -30,9 +30,9 @@ _PATTERN_STREAM = 0x70617474
 
 LEAST_VARIANCE = 1e-12  # e^2; keeps 0 / 0 from a sensor without light and read noise
 
-SPILL_REACH = 16.0  # of the spill's 1/e length, where 1e-7 is left
+SPILL_REACH = 16.0  # 1/e lengths of the spill; 1e-7 is left there
 
-_CHUNK = 1 << 14  # pixels at a time: what one needs stays in the cache
+_CHUNK = 1 << 14  # pixels computed at a time, so that the data stay in the cache
 
 Singles = npt.NDArray[np.float32]
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -42,15 +42,15 @@ NotNegative = Annotated[float, Field(ge=0)]
 def spot_electrons(
     position_px: Floats, sigma_px: Floats, peak_electrons: Floats, line_length: int
 ) -> Floats:
-    """Return what Gaussian spots put into each pixel.
+    """Return the mean electrons that Gaussian spots put into each pixel.
 
     Leaves out speckle, skew and motion during the pulse.
 
     Args:
-        position_px: Centre of each spot [n]; pixel i is centred at i. NaN is no spot.
-        sigma_px: Standard deviation [n].
+        position_px: Centre of each spot [n]; pixel i is centred at i. NaN means no spot.
+        sigma_px: Standard deviation of each spot [n].
         peak_electrons: Electrons that a pixel would hold at the spot's peak irradiance [n].
-        line_length: Pixels of a line.
+        line_length: Number of pixels of a line.
 
     Returns:
         Mean electrons [n, line_length].
@@ -89,10 +89,10 @@ def expose(
     Args:
         electrons: Mean electrons of the spot [n, length].
         rng: Source of all noise.
-        background_counts: Mean of even light, counts; it has shot noise too.
-        read_noise_counts: Standard deviation, counts.
+        background_counts: Mean of even light, counts; it also has shot noise.
+        read_noise_counts: Standard deviation of the read noise, counts.
         kappa: Counts per electron.
-        pixel_width: Bits; counts end at 0 and 2**pixel_width - 1.
+        pixel_width: Bits of a pixel; counts end at 0 and 2**pixel_width - 1.
 
     Returns:
         Counts, uint16 [n, length].
@@ -120,22 +120,22 @@ def cramer_rao_variance(electrons: Floats, slope: Floats, dark_variance: float) 
 class SensorModel(Section):
     """The sensor's physical part, ``[sensor]`` of a scene.
 
-    Left out: lag, crosstalk of optical and electrical origin, nonlinearity below full well,
-    column noise of the converter, temperature. With anti-blooming and a settled converter these are
-    below 1 % of the signal of a neighbouring pixel or line; crosstalk of 1 % widens a spot of
-    s = 2 px by 0.25 % and moves it by nothing.
+    It leaves out lag, crosstalk of optical and electrical origin, nonlinearity below full well,
+    column noise of the converter, and temperature. With anti-blooming and a settled converter these
+    are below 1 % of the signal of a neighbouring pixel or line; crosstalk of 1 % widens a spot of s
+    = 2 px by 0.25 % and does not move it.
     """
 
     quantum_efficiency: Share = 0.5  # electrons per photon, fill factor included
-    read_noise_e: NotNegative = 15.0  # rms
+    read_noise_e: NotNegative = 15.0  # rms read noise
     dark_e_per_s: NotNegative = 5000.0
     full_well_e: Positive = 25_000.0  # 12 bits end at 20,475 e with 0.2 counts/e
     prnu: float = Field(default=0.005, ge=0, lt=0.2)  # rms of the pixels' sensitivity
     dsnu_e: NotNegative = 5.0  # rms of the pixels' offset
-    blooming: Share = 0.02  # of the charge above full well spills, the rest is drained
-    spill_px: Positive = 2.0  # how far spilt charge reaches, 1/e
+    blooming: Share = 0.02  # share of the charge above full well that spills; the rest is drained
+    spill_px: Positive = 2.0  # 1/e length of the spilt charge
     offset_counts: NotNegative = 60.0
-    gain: Positive | None = None  # counts per electron; None is kappa of the instrument
+    gain: Positive | None = None  # counts per electron; the instrument's kappa if None
 
     def dark_electrons(self, exposure_s: float) -> float:
         """Return the mean electrons of the dark current in ``exposure_s`` seconds."""
@@ -144,13 +144,13 @@ class SensorModel(Section):
 
 @dataclass(frozen=True)
 class Readout:
-    """What turns electrons to counts, with all defaults filled in.
+    """The conversion from electrons to counts, with all defaults filled in.
 
     Attributes:
         gain: Counts per electron.
         offset_counts: Count of a pixel without electrons.
-        read_noise_e: Standard deviation, electrons.
-        top_count: Where counts end: the converter's last code, or full well if that is lower.
+        read_noise_e: Standard deviation of the read noise, electrons.
+        top_count: Largest count: the converter's last code, or full well if that is lower.
     """
 
     gain: float
@@ -183,21 +183,21 @@ def _normal() -> Singles:
     return np.asarray(z / np.sqrt(np.mean(np.square(z))), np.float32)
 
 
-NORMAL = _normal()  # by word: mean 0, variance 1, ends at -4.32 and 4.32
+NORMAL = _normal()  # indexed by word: mean 0, variance 1, ends at -4.32 and 4.32
 
 
 def words(seed: int, block: int, rows: int, length: int) -> Pixels:
-    """Return the random words of a block of lines, one a pixel and line.
+    """Return the random words of a block of lines, one for each pixel and line.
 
-    They depend on nothing but the arguments: whoever renders the block, in whatever order and with
-    whatever effects, has the same noise. ``block`` stands for a fixed range of lines; blocks of
-    another size have other words.
+    They depend only on the arguments: the block has the same noise in whatever order and with
+    whatever effects it is rendered. ``block`` stands for a fixed range of lines; blocks of another
+    size have other words.
 
     Args:
         seed: The scene's seed, at least 0.
         block: Number of the block, at least 0.
-        rows: Lines of the block.
-        length: Pixels of a line.
+        rows: Number of lines of the block.
+        length: Number of pixels of a line.
 
     Returns:
         uint16 [rows, length], even over 0..65535.
@@ -209,10 +209,10 @@ def words(seed: int, block: int, rows: int, length: int) -> Pixels:
 
 
 def _levels(z: Singles, mean_e: Singles, readout: Readout) -> Singles:
-    """Return counts before the converter's rounding, half a count up, float32 as ``z``.
+    """Return counts before the converter's rounding, half a count too high, float32 like ``z``.
 
-    All in float32 and one operation at a time, so that a table and a single pixel agree to the last
-    bit.
+    All operations are in float32 and one at a time, so that a table and a single pixel agree to the
+    last bit.
     """
     variance = mean_e + np.float32(readout.read_noise_e**2)
     bend = np.maximum(variance, np.float32(LEAST_VARIANCE))
@@ -236,7 +236,7 @@ def _levels(z: Singles, mean_e: Singles, readout: Readout) -> Singles:
 
 
 def _convert(level: Singles, top_count: int) -> Pixels:
-    """Return the converter's codes; overwrites ``level``. Truncation of a positive is floor."""
+    """Return the converter's codes; ``level`` is overwritten. Truncation of a positive is floor."""
     np.clip(level, np.float32(0.0), np.float32(top_count), out=level)
     return level.astype(np.uint16)
 
@@ -262,8 +262,8 @@ def expose_even(
     Args:
         words: Random words [n, length].
         mean_e: Mean electrons, light and dark current, at least 0.
-        readout: Of the sensor.
-        offset_e: What each pixel reads more, electrons without noise [length]; see
+        readout: Readout of the sensor.
+        offset_e: Offset of each pixel, electrons without noise [length]; see
             ``FixedPattern.offset``.
 
     Returns:
@@ -300,8 +300,8 @@ def expose_pixels(
     Args:
         words: Random words [n, w].
         mean_e: Mean electrons, light and dark current, at least 0 [n, w].
-        readout: Of the sensor.
-        offset_e: As ``expose_even`` has it, [w] or [n, w].
+        readout: Readout of the sensor.
+        offset_e: Offset of each pixel as in ``expose_even``, [w] or [n, w].
 
     Returns:
         Counts, uint16 [n, w].
@@ -322,7 +322,7 @@ def expose_pixels(
 
 @dataclass(frozen=True)
 class FixedPattern:
-    """What differs from pixel to pixel and is the same in every line.
+    """Differences from pixel to pixel that are the same in every line.
 
     Attributes:
         sensitivity: A pixel's response to light over the mean of all, float32 [length].
@@ -335,21 +335,21 @@ class FixedPattern:
     def offset(self, even_e: float) -> Singles:
         """Return each pixel's offset under even light of ``even_e`` electrons, [length].
 
-        Even light's own pattern is taken for an offset too: the pixel's mean is right, and its
-        noise is that of the mean pixel, 0.25 % off in 0.5 % of pattern. So a spot times
-        ``sensitivity`` on top of ``even_e`` and this offset gives, where the spot ends, the counts
-        of ``expose_even`` exactly.
+        Even light's own pattern also counts as an offset: the pixel's mean is right, and its noise
+        is that of the mean pixel, 0.25 % off for a pattern of 0.5 %. So a spot times
+        ``sensitivity`` on top of ``even_e`` and this offset gives exactly the counts of
+        ``expose_even`` where the spot ends.
         """
         return self.dark_e + np.float32(even_e) * (self.sensitivity - np.float32(1.0))
 
 
 def fixed_pattern(model: SensorModel, seed: int, length: int) -> FixedPattern:
-    """Return the fixed pattern of a sensor: Gaussian, white, of the sizes that ``model`` states.
+    """Return the fixed pattern of a sensor: Gaussian, white, of the sizes in ``model``.
 
     Args:
         model: The scene's sensor.
         seed: The sensor's own seed, at least 0.
-        length: Pixels of a line.
+        length: Number of pixels of a line.
     """
     rng = np.random.Generator(
         np.random.SFC64(np.random.SeedSequence((seed, _PATTERN_STREAM, length)))
@@ -364,13 +364,13 @@ def fixed_pattern(model: SensorModel, seed: int, length: int) -> FixedPattern:
 def bloom(mean_e: Singles, model: SensorModel) -> Singles:
     """Return the charge after full pixels have spilt into their neighbours.
 
-    Of a pixel's charge above full well, ``blooming`` spills, half to either side, and the drain
-    takes the rest. Walking away, spilt charge passes full pixels and leaves the share
-    1 - exp(-1 / spill_px) in each other pixel, as far as that has room. So no pixel ends above full
-    well, and all charge is kept but for what is drained or walks over the end of the row.
+    Of a pixel's charge above full well the share ``blooming`` spills, half to either side, and the
+    drain takes the rest. On its way, spilt charge passes full pixels and leaves the share 1 -
+    exp(-1 / spill_px) in each other pixel, as far as that is not full. So no pixel ends above full
+    well, and all charge is kept but what is drained or leaves the end of the row.
 
-    Leaves out noise of the spill, blooming of the whole chip, and that a drain's share falls as it
-    fills.
+    It leaves out noise of the spill, blooming of the whole chip, and that a drain's share falls as
+    it fills.
 
     Args:
         mean_e: Mean electrons [n, w].
@@ -384,10 +384,10 @@ def bloom(mean_e: Singles, model: SensorModel) -> Singles:
     rows = np.flatnonzero(over.any(axis=1))
     if len(rows) == 0:
         return mean_e
-    # Only where charge gets to: the full pixels and some way on either side.
+    # Only where charge can reach: the full pixels and some pixels on either side.
     width = mean_e.shape[1]
     excess = np.where(over[rows], mean_e[rows] - full, np.float32(0.0)).sum(axis=1)
-    filled = model.blooming * excess / full  # pixels, half of them a side
+    filled = model.blooming * excess / full  # pixels, half of them on either side
     reach = np.minimum(np.ceil(SPILL_REACH * model.spill_px + filled), width).astype(np.int64)
     first = np.maximum(over[rows].argmax(axis=1) - reach, 0)
     last = np.minimum(width - 1 - over[rows, ::-1].argmax(axis=1) + reach, width - 1)

@@ -1,8 +1,8 @@
-"""Shapes in their own frame, and where rays meet them, in closed form. Lengths are mm.
+"""Shapes in their own frame, and their intersections with rays in closed form. Lengths are mm.
 
-All rays are taken at once, in float64. A hit counts from ``START`` on, so a ray that leaves a
-surface does not meet it again at once. Edges are perfectly sharp and faces perfectly smooth:
-roughness belongs to the material.
+All rays are computed at once, in float64. A hit counts only at a distance of ``START`` or more, so
+a ray that leaves a surface does not meet it again at once. Edges are perfectly sharp and faces
+perfectly smooth: roughness belongs to the material.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from vrscan.data.arrays import Floats
 START = 1e-6  # mm
 _SEAM = 1e-9  # mm by which faces overlap, so that no ray slips between two of them
 _TINY = 1e-30  # stands for a component of a direction that is 0
-_ROOT_STEPS = 80  # bisection alone would need 50
+_ROOT_STEPS = 80  # steps of a root search; bisection alone would need 50
 
 
 class Shape(Protocol):
@@ -23,10 +23,10 @@ class Shape(Protocol):
 
     @property
     def extent(self) -> Floats:
-        """Corners of a box around it [2, 3], infinite where it has no end."""
+        """Return the corners of a box around the shape [2, 3], infinite where it has no end."""
 
     def meet(self, origin: Floats, direction: Floats) -> tuple[Floats, Floats]:
-        """Return how far along each ray the shape is first met, and the normal there.
+        """Return the distance along each ray to its first meeting with the shape, and the normal.
 
         Args:
             origin: Start of each ray [n, 3].
@@ -44,7 +44,9 @@ def dot(a: Floats, b: Floats) -> Floats:
 
 
 def slab(extent: Floats, origin: Floats, direction: Floats) -> tuple[Floats, Floats]:
-    """Return where rays enter and leave a box; they miss it where the first is the larger.
+    """Return the distances at which rays enter and leave a box.
+
+    A ray misses the box where the first distance is the larger.
 
     Args:
         extent: Low and high corner [2, 3], finite.
@@ -64,7 +66,7 @@ def first_root(near: Floats, far: Floats, exists: np.ndarray) -> Floats:
 
 @dataclass(frozen=True)
 class Plane:
-    """z = 0 without end."""
+    """The plane z = 0 without end."""
 
     @property
     def extent(self) -> Floats:
@@ -85,9 +87,9 @@ class Plane:
 class Patches:
     """Rectangles, given by centre and two half edges, which are square to each other."""
 
-    centre: Floats  # [k, 3]
-    along: Floats  # [k, 3], half an edge
-    across: Floats  # [k, 3], half the other edge
+    centre: Floats  # centres [k, 3]
+    along: Floats  # half an edge [k, 3]
+    across: Floats  # half the other edge [k, 3]
 
     @property
     def extent(self) -> Floats:
@@ -100,7 +102,7 @@ class Patches:
         long, wide = np.linalg.norm(self.along, axis=1), np.linalg.norm(self.across, axis=1)
         u, v = self.along / long[:, None], self.across / wide[:, None]
         normal = np.cross(u, v)
-        toward = direction @ normal.T  # [n, k], as all that follows
+        toward = direction @ normal.T  # [n, k], like all that follows
         parallel = np.abs(toward) < _TINY
         gap = dot(self.centre, normal) - origin @ normal.T
         distance = gap / np.where(parallel, 1.0, toward)
@@ -264,7 +266,7 @@ class Relief:
         # Lowest points (as seen from the ray's side) at angle, highest ones at -angle.
         lowest = enter + np.mod((angle - wave * x) / speed - enter, turn)
         gap = side * height(lowest)
-        fall = -side * dz * turn  # of the gap, a period
+        fall = -side * dz * turn  # change of the gap per period
         falling = wavy & (gap > 0.0) & (fall > _TINY)
         skip = np.where(falling, np.ceil(gap / np.where(falling, fall, 1.0)), 0.0)
         # Rounding may have skipped one period too few.

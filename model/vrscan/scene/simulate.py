@@ -17,19 +17,19 @@ from vrscan.scene.render import Frame, Renderer
 from vrscan.scene.sensor import words
 from vrscan.scene.timeline import Timeline, timeline
 
-BLOCK = 1024  # lines that are made together; their random numbers belong to the block
+BLOCK = 1024  # lines of a block, which are made together and share its random numbers
 
 
 @dataclass(frozen=True)
 class Simulation:
-    """A scan: its lines with truth, and when and where each was taken."""
+    """A scan: its lines with truth, and the time and the angle of each."""
 
     lines: Lines
     timeline: Timeline
 
 
 class Scanner:
-    """Takes the lines of a scan over a scene, in any order.
+    """Source of the lines of a scan over a scene, in any order.
 
     A line is the same whichever of its neighbours are made with it: random numbers belong to a
     block of ``BLOCK`` lines, and blocks are always made whole.
@@ -48,29 +48,30 @@ class Scanner:
 
         Args:
             light: The scene and the instrument.
-            count: Lines of the scan.
+            count: Number of lines of the scan.
             active: The effects that are on.
-            every_ray: Whether every spot is followed part by part, needed or not.
-            tolerance_px: How far a tangent plane may be off before a spot is; the scene's if None.
+            every_ray: Whether every spot is followed ray by ray, needed or not.
+            tolerance_px: Largest error of a tangent plane, above which a spot is followed ray by
+                ray; the scene's tolerance if None.
         """
         self.light, self.count = light, count
         self.renderer = Renderer(light, active, every_ray=every_ray, tolerance_px=tolerance_px)
         self._given = (light.scene, light.config, count, active, every_ray, tolerance_px)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Go to another process as what it is made of: rays cannot be sent, and tables are long."""
+        """Pickle the scanner as its arguments: rays cannot be pickled, and tables are long."""
         return _scanner, self._given
 
     @property
     def blocks(self) -> int:
-        """How many blocks the scan has."""
+        """Return the number of blocks of the scan."""
         return -(-self.count // BLOCK)
 
     def timeline(self, block: int) -> Timeline:
-        """Return the timeline of a block, which is whole even if the scan ends in it."""
+        """Return the timeline of a block, which is whole even if the scan ends in the block."""
         scene, config = self.light.scene, self.light.config
         first = block * BLOCK
-        # The angles of an even sweep depend on the number of lines: it ends where it ends.
+        # The angles of an even sweep depend on the number of lines: it ends with the scan.
         last = first + BLOCK if scene.scan.sweep == "mirror" else min(first + BLOCK, self.count)
         total = max(self.count, last)
         return timeline(first, last - first, total, config, scene.scan, scene.seed)
@@ -81,7 +82,7 @@ class Scanner:
         return self.renderer.render(when, self._words(number)[: len(when)])
 
     def part(self, number: int) -> Simulation:
-        """Return those lines of a block that are of the scan."""
+        """Return the lines of a block that belong to the scan."""
         frame = self.block(number)
         rows = slice(0, min(len(frame.lines), self.count - number * BLOCK))
         laser = self.light.config.laser
@@ -91,7 +92,7 @@ class Scanner:
         return Simulation(part(whole, rows), picked(frame.timeline, rows))
 
     def given(self, numbers: Ints) -> tuple[Timeline, Pixels]:
-        """Return what any lines are rendered from, whatever the effects: timeline and words."""
+        """Return the input of rendering for any lines, whatever the effects: timeline and words."""
         parts, noise = [], []
         order = np.argsort(numbers, kind="stable")
         rising = numbers[order]
@@ -103,7 +104,7 @@ class Scanner:
         return picked(Timeline.joined(parts), place), np.concatenate(noise)[place]
 
     def some(self, numbers: Ints) -> Frame:
-        """Return any lines as they are in their blocks."""
+        """Return any lines, equal to those in their blocks."""
         return self.renderer.render(*self.given(numbers))
 
     def line(self, number: int) -> Pixels:
@@ -113,7 +114,7 @@ class Scanner:
 
     @property
     def end_s(self) -> float:
-        """When the last line is taken, s."""
+        """Return the time at which the last line is taken, s."""
         return float(self.timeline(self.blocks - 1).time_s[(self.count - 1) % BLOCK])
 
     def _words(self, block: int, lines: int = BLOCK) -> Pixels:
@@ -148,11 +149,12 @@ def simulate(
 
     Args:
         light: The scene and the instrument.
-        count: Lines, at least 1.
+        count: Number of lines, at least 1.
         active: The effects that are on.
-        every_ray: Whether every spot is followed part by part, needed or not.
-        tolerance_px: How far a tangent plane may be off before a spot is; the scene's if None.
-        jobs: Processes; 0 is one for each processor. The lines do not depend on it.
+        every_ray: Whether every spot is followed ray by ray, needed or not.
+        tolerance_px: Largest error of a tangent plane, above which a spot is followed ray by ray;
+            the scene's tolerance if None.
+        jobs: Number of processes; 0 is one for each processor. The lines do not depend on it.
         progress: Called with the number of lines done so far.
     """
     if count < 1:
@@ -168,7 +170,7 @@ def simulate(
             if progress is not None:
                 progress(done)
     when = Timeline.joined([made.timeline for made in parts])
-    # The last block was whole: crossings after the scan's end are none of its.
+    # The last block was whole: crossings after the scan's end do not belong to the scan.
     inside = when.index_s <= when.time_s[-1] + 1.0 / light.config.line.rate_hz
     return Simulation(
         replace(joined([made.lines for made in parts]), lines=counts),
@@ -177,13 +179,13 @@ def simulate(
 
 
 def take(name: str, count: int, config: Config, effects: str | list[str] = "full") -> Simulation:
-    """Return a scan of a scene by its name, with effects that nobody had to choose.
+    """Return a scan of a scene by its name, with the given effects.
 
     Args:
         name: A shipped scene or a file.
-        count: Lines.
+        count: Number of lines.
         config: The instrument.
-        effects: ``full``, ``minimal``, or names.
+        effects: ``full``, ``minimal``, or names of effects.
 
     Raises:
         InputError: as ``description.load`` and ``Light``, or if an effect is unknown.

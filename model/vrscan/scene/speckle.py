@@ -1,4 +1,4 @@
-"""Speckle of the imaged spot: each pixel's gain, and what it does to a position.
+"""Speckle of the imaged spot: each pixel's gain, and its effect on a position.
 
 Light from a rough surface reaches a pixel as a sum of many random phasors. In the image the field
 is the beam's envelope times a circular Gaussian field whose cell is set by the lens alone, about
@@ -8,7 +8,7 @@ smaller than a pixel, so a pixel sums some nine of them and its gain has a contr
 The pattern is tied to the surface. While neither surface nor camera moves, a pixel keeps its gain
 as the beam's envelope passes over it, until the light's direction has turned so far that another
 part of the scattered field falls into the pupil: by D / R, pupil over distance. So a gain is a
-function of pixel and of the turn in units of D / R, and nothing else.
+function only of the pixel and of the turn in units of D / R.
 """
 
 import math
@@ -23,17 +23,17 @@ from vrscan.scene.radiometry import mtf
 
 Singles = npt.NDArray[np.float32]
 
-KNOTS = 512  # of the turn; the pattern repeats after 32 times D / R, far from where a pixel sees it
-KNOT_STEP = 0.0625  # D / R: there the pattern is some 0.9 correlated
-_SURFACE_STEP = 23.0  # D / R between surfaces: 32 of them come to lie D / R apart or more
-_HALF_ROW = 0.56  # pixel heights of image motion that halve the correlation of a row's sum
-_STREAM = 0x73706563  # keeps these random numbers apart from others of the same seed
-_LEAST_CLEARANCE = 1.05  # focal lengths: nearer objects have no image and count as this far
-_TABLE_RANGE_MM = 400.0  # whose correlation of neighbours stands for all
-_CELLS_APART = 6.0  # farther cells have nothing in common
-_CHUNK = 1 << 14  # pixels at a time: what one needs stays in the cache
+KNOTS = 512  # knots of the turn; the pattern repeats after 32 times D / R, which a pixel never sees
+KNOT_STEP = 0.0625  # D / R; the correlation from knot to knot is some 0.9
+_SURFACE_STEP = 23.0  # D / R between surfaces: 32 of them are D / R or more apart
+_HALF_ROW = 0.56  # pixel heights of motion that halve the correlation of a row's sum
+_STREAM = 0x73706563  # separates these random numbers from others of the same seed
+_LEAST_CLEARANCE = 1.05  # focal lengths; nearer objects have no image and count as at this distance
+_TABLE_RANGE_MM = 400.0  # distance whose correlation of neighbours is used for all
+_CELLS_APART = 6.0  # distance from which on cells are uncorrelated
+_CHUNK = 1 << 14  # pixels computed at a time, so that the data stay in the cache
 _PUPIL_GRID = 64  # grid points across the pupil; its soft edge keeps areas to 1e-3
-_NODES = 160  # of the quadrature; the integrand has less than 30 oscillations
+_NODES = 160  # nodes of the quadrature; the integrand has less than 30 oscillations
 
 
 @lru_cache(maxsize=1)
@@ -55,7 +55,7 @@ def _row_spectrum(pixel_cells: float) -> tuple[Floats, Floats]:
 
 
 def pixel_contrast2(pixel_cells: float) -> float:
-    """Return the squared contrast of a square pixel, 1 over the cells that it sums.
+    """Return the squared contrast of a square pixel: 1 over the number of cells that it sums.
 
     The spectrum of fully developed speckle is the pupil's transfer function times the area of a
     cell, (4 / pi) (lambda F)^2 (Goodman 2007, 4.4); a square pixel multiplies it by sinc^2 twice.
@@ -75,8 +75,9 @@ def pixel_correlation(pixel_cells: float, lag_px: Floats) -> Floats:
     """Return the correlation of two pixels of a row, or of two rows, ``lag_px`` apart [...].
 
     Args:
-        pixel_cells: As ``pixel_contrast2`` has it.
-        lag_px: Distance, px; the quadrature is good to 1e-6 up to 60 / ``pixel_cells``.
+        pixel_cells: Pixel pitch in cells as in ``pixel_contrast2``.
+        lag_px: Distance of the pixels, px; the quadrature is good to 1e-6 up to 60 /
+            ``pixel_cells``.
 
     Raises:
         ValueError: if ``pixel_cells`` is not positive.
@@ -87,15 +88,15 @@ def pixel_correlation(pixel_cells: float, lag_px: Floats) -> Floats:
 
 
 def turn_correlation(pixel_cells: float, turn: Floats) -> Floats:
-    """Return how alike a pixel's energy is after the light has turned [n].
+    """Return the correlation of a pixel's energy before and after the light has turned [n].
 
-    Turned light shifts the scattered field across the pupil, and what both exposures share is the
-    overlap of two discs. A point's energy correlates with the square of the overlap's area, the sum
-    over many cells with the area itself (Parseval); a pixel lies between. It is computed as the
+    Turned light shifts the scattered field across the pupil, and both exposures share the overlap
+    of two discs. A point's energy correlates with the square of the overlap's area, the sum over
+    many cells with the area itself (Parseval); a pixel lies between. It is computed as the
     overlap's own autocorrelation, weighted with the pixel's sinc^2 twice.
 
     Args:
-        pixel_cells: As ``pixel_contrast2`` has it.
+        pixel_cells: Pixel pitch in cells as in ``pixel_contrast2``.
         turn: Change of the light's direction along the row, in pupil diameters over distance [n].
 
     Raises:
@@ -158,8 +159,8 @@ def position_rms_px(
 
     Args:
         sigma_px: Standard deviation of the spot [...].
-        contrast: Of a pixel, broadcast with ``sigma_px``.
-        correlation: Of neighbouring pixels.
+        contrast: Contrast of a pixel, broadcast with ``sigma_px``.
+        correlation: Correlation of neighbouring pixels.
         cut: Threshold over peak.
     """
     scale = _error_factor(cut) * math.sqrt(1.0 + 2.0 * correlation)
@@ -206,11 +207,11 @@ class Speckle:
         """Make the table, some 30 ms for 2048 pixels.
 
         Args:
-            seed: Of the pattern, at least 0; the same seed is the same pattern.
-            line_length: Pixels of the sensor.
-            wavelength_nm: Of the laser.
-            focal_mm: Of the lens.
-            f_number: Of the lens, for an object far away.
+            seed: Seed of the pattern, at least 0; the same seed gives the same pattern.
+            line_length: Number of pixels of the sensor.
+            wavelength_nm: Wavelength of the laser.
+            focal_mm: Focal length of the lens.
+            f_number: f-number of the lens for an object far away.
             pitch_mm: Width and height of a pixel.
 
         Raises:
@@ -240,7 +241,7 @@ class Speckle:
         near = lag < _CELLS_APART / cells + 2
         across = np.zeros(line_length)
         across[near] = pixel_correlation(cells, lag[near].astype(float))
-        # even over turn and pixel, so that the row and column where it wraps are like any other
+        # periodic in turn and pixel, so that the row and column where it wraps are like any other
         power = np.maximum(np.fft.fft(along).real, 0.0)[:, None] * np.maximum(
             np.fft.rfft(across).real, 0.0
         )
@@ -258,7 +259,7 @@ class Speckle:
         Args:
             range_mm: Distance from the lens to the surface [n]; nearer than the focal length
                 counts as 1.05 focal lengths.
-            looks: Independent patterns averaged, at least 1.
+            looks: Number of independent patterns that are averaged, at least 1.
         """
         cells = np.interp(self._part(range_mm), self._clearance, self._contrast2)
         return np.asarray(np.sqrt(cells / np.maximum(looks, 1.0)))
@@ -283,19 +284,19 @@ class Speckle:
         travel_mm: Floats | float = 0.0,
         surface: Ints | int = 0,
     ) -> Singles:
-        """Return what each pixel's light is multiplied by: mean 1, contrast ``contrast``.
+        """Return the gain of each pixel: mean 1, contrast ``contrast``.
 
         Args:
             first_px: First pixel of each line's window [n]; a window may reach over the sensor's
                 ends, the gains there have the right size and no meaning.
-            width: Pixels of a window.
+            width: Number of pixels of a window.
             angle_rad: Direction of the beam [n].
-            looks: Independent patterns that surface or light average [n] or one for all.
+            looks: Number of independent patterns that surface or light average, [n] or one for all.
             range_mm: Distance from the lens to the surface [n]. Where nothing is hit it may be
                 infinite or NaN.
-            travel_mm: How far the scanner has moved along the row's normal [n]; the image moves by
-                that times f / (R - f). After 0.56 pixel heights the correlation is 1/2, as it
-                should be; after a whole one it is still 0.18, where it should be 0.07.
+            travel_mm: Distance that the scanner has moved along the row's normal [n]; the image
+                moves by that times f / (R - f). After 0.56 pixel heights the correlation is 1/2, as
+                it should be; after a whole one it is still 0.18, where it should be 0.07.
             surface: Number of the surface hit [n]; each has its own pattern.
 
         Returns:
@@ -319,7 +320,7 @@ class Speckle:
         place = np.mod(turn / KNOT_STEP, KNOTS)
         knot = np.floor(place).astype(np.int64)
         part = place - knot
-        # rows of the flat table: the one before, then knots 0 .. KNOTS + 2
+        # rows of the flat table: the knot before, then knots 0 .. KNOTS + 2
         start = (knot % KNOTS + 1) * length + np.clip(first_px, -length, length)
 
         wanted = np.square(self.contrast(distance, looks))

@@ -11,16 +11,16 @@ from vrscan.scene.description import Description
 from vrscan.scene.surface import Material, brdf
 from vrscan.scene.targets import World
 
-STEEPEST_PX_PER_MM = 2000.0  # of the image along a ray's offset: a surface along the beam
-BESIDE_PX = 400.0  # how far beside the sensor a spot may be whose flank is still drawn
-_NEAREST_MM = 1.0  # in front of the lens
+STEEPEST_PX_PER_MM = 2000.0  # limit of the image's motion with a ray's offset
+BESIDE_PX = 400.0  # farthest spot beside the sensor whose flank is still drawn
+_NEAREST_MM = 1.0  # least distance in front of the lens
 
 
 @dataclass(frozen=True)
 class Camera:
     """The lens in the scanner's frame."""
 
-    place: Floats  # [3]
+    place: Floats  # centre of projection [3]
     axis: Floats  # unit vector towards the scene [3]
     side: Floats  # unit vector along which the image coordinate rises [3]
     pupil_mm2: float
@@ -40,16 +40,16 @@ class Camera:
 
 @dataclass(frozen=True)
 class Spots:
-    """n rays of the beam and what became of them; lengths in the scanner's frame, mm."""
+    """n rays of the beam with their spots; lengths are in the scanner's frame, mm."""
 
-    lit: Bools  # the ray meets something
-    seen: Bools  # and nothing is between that and the lens, and its image is not far off the sensor
-    point: Floats  # [n, 3], the ray's start where not lit
-    target: Ints  # -1 where not lit
-    distance: Floats  # from the ray's start [n], infinite where not lit
-    depth: Floats  # from the lens along its axis [n]
-    position_px: Floats  # of the image [n], NaN where the camera cannot have one
-    px_per_mm: Floats  # how far the image moves when the ray is offset in the scan plane [n], or 0
+    lit: Bools  # the ray meets a target
+    seen: Bools  # the lens sees that place, and its image is not far off the sensor
+    point: Floats  # place of the hit [n, 3], the ray's start where not lit
+    target: Ints  # index of the target, -1 where not lit
+    distance: Floats  # distance from the ray's start [n], infinite where not lit
+    depth: Floats  # distance from the lens along its axis [n]
+    position_px: Floats  # position of the image [n], NaN where there cannot be one
+    px_per_mm: Floats  # motion of the image per offset of the ray in the scan plane [n], or 0
     collected: Floats  # share of the ray's light that enters the pupil [n], 0 where not seen
 
 
@@ -73,13 +73,13 @@ def meet(
 
     Args:
         world: The targets.
-        materials: Of each target.
-        scene: Its lens and laser.
-        config: The geometry.
-        origin: In the scanner's frame, y = 0 [n, 3].
+        materials: Material of each target.
+        scene: The scene, whose lens and laser are used.
+        config: The configuration, whose geometry is used.
+        origin: Start of each ray in the scanner's frame, y = 0 [n, 3].
         direction: Unit vectors, y = 0 [n, 3].
-        y_mm: Where the scanner is along y [n].
-        gloss: Whether lobes count.
+        y_mm: Position of the scanner along y [n].
+        gloss: Whether lobes are included.
         falloff: Whether the pupil is foreshortened.
     """
     camera = Camera.of(config, scene.lens.f_number)
@@ -140,7 +140,7 @@ def meet(
         if len(own) == 0:
             continue
         if material.gloss == 0.0 or not gloss:
-            # Lambert alone, without the work of a lobe.
+            # Only Lambert's reflection, which saves the computation of a lobe.
             albedo = hits.albedo[rows[own]]
             scattered[own] = material.reflectance / np.pi * albedo * (slant[own] < 0.0)
             continue

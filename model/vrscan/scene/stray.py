@@ -1,4 +1,4 @@
-"""Stray light: what the receiver and the scan head are made of, scatter, dust and scratches.
+"""Stray light: the parts of receiver and scan head, scatter, dust and scratches.
 
 Ghosts, which need the whole stack of surfaces, are in ``vrscan.scene.ghosts``. The sensor's axis u
 and all its tilts lie in the plane of triangulation; "across" is at right angles to the row.
@@ -24,9 +24,9 @@ Share = Annotated[float, Field(ge=0, lt=1)]
 Tilt = Annotated[float, Field(ge=-30, le=30)]
 
 _SQUARE_FOOT_M2 = 0.09290304
-_CLEANLINESS_SLOPE = 0.926  # of log10 N over log10^2 x, MIL-STD-1246C
+_CLEANLINESS_SLOPE = 0.926  # slope of log10 N over log10^2 x, MIL-STD-1246C
 _LARGEST_UM = 1000.0  # a larger particle would be seen and wiped off
-_RINGS_PER_PX = 8  # of the halo; the row's share of a ring is exact to a ring's width
+_RINGS_PER_PX = 8  # rings of the halo; the row's share of a ring is exact to a ring's width
 _RING_NODES = 48
 
 
@@ -35,10 +35,10 @@ class Plate(Section):
 
     thickness_mm: Positive = 2.0
     index: float = Field(default=1.5143, ge=1, le=4)  # N-BK7 at 658 nm
-    gap_mm: float = Field(default=3.0, ge=0, le=500)  # air behind it, towards the sensor
-    front_reflectance: Share = 0.005  # residual, of the face towards the object
+    gap_mm: float = Field(default=3.0, ge=0, le=500)  # air gap behind it, towards the sensor
+    front_reflectance: Share = 0.005  # residual, of the face to the object
     back_reflectance: Share = 0.005
-    tilt_deg: Tilt = 0.0  # positive: the side of larger u is nearer to the sensor
+    tilt_deg: Tilt = 0.0  # positive: the side with larger u is nearer to the sensor
     across_deg: Tilt = 0.0
     wedge_deg: float = Field(default=0.0, ge=-5, le=5)  # added to the tilt of the back face
 
@@ -51,7 +51,7 @@ class Window(Plate):
 
 
 class Filter(Plate):
-    """The interference filter, its stack on the front face."""
+    """The interference filter, whose stack is on the front face."""
 
     thickness_mm: Positive = 2.0
     front_reflectance: Share = 0.05  # a pass band of 95 %
@@ -101,12 +101,12 @@ class Lens(Section):
 class HeadWindow(Section):
     """The window of the scan head, which the beam leaves through."""
 
-    distance_mm: Positive = 15.0  # of its inner face from the mirror's pivot, along z
+    distance_mm: Positive = 15.0  # distance of its inner face from the pivot, along z
     thickness_mm: Positive = 2.0
     index: float = Field(default=1.5143, ge=1, le=4)
     inner_reflectance: Share = 0.005
     outer_reflectance: Share = 0.005
-    tilt_deg: Tilt = 5.0  # positive: the side of larger x is farther away
+    tilt_deg: Tilt = 5.0  # positive: the side with larger x is farther away
     wedge_deg: float = Field(default=0.0, ge=-5, le=5)  # added to the tilt of the outer face
 
 
@@ -116,7 +116,7 @@ class Polish(Section):
     2 nm is what metis takes as its baseline for all but the best surfaces, 5 nm its worst case.
     """
 
-    roughness_nm: float = Field(default=2.0, ge=0, le=50)  # rms
+    roughness_nm: float = Field(default=2.0, ge=0, le=50)  # rms roughness
     length_mm: float = Field(default=1.0, gt=0, le=1e5)  # B, 2 pi times the typical wavelength
     slope: float = Field(default=2.0, gt=0, le=10)  # s
 
@@ -124,17 +124,17 @@ class Polish(Section):
 class Dust(Section):
     """Dust, scratches and digs; levels of cleanliness of MIL-STD-1246C."""
 
-    level: float = Field(default=300.0, ge=1, le=2000)  # of every face but the cover's
-    cover_level: float = Field(default=100.0, ge=1, le=2000)  # a face so near the chip is cleaned
+    level: float = Field(default=300.0, ge=1, le=2000)  # level of every face but the cover's
+    cover_level: float = Field(default=100.0, ge=1, le=2000)  # a cleaned face
     smallest_um: float = Field(default=1.0, ge=1, le=500)  # smaller particles are left out
-    digs: int = Field(default=5, ge=0, le=10_000)  # a face, ISO 10110-7: 5/ digs x dig_mm
-    dig_mm: float = Field(default=0.063, ge=0, le=5)  # root of the area of one
-    scratches: int = Field(default=1, ge=0, le=1000)  # a face: L scratches x scratch_mm
+    digs: int = Field(default=5, ge=0, le=10_000)  # digs per face, ISO 10110-7: 5/ digs x dig_mm
+    dig_mm: float = Field(default=0.063, ge=0, le=5)  # root of the area of a dig
+    scratches: int = Field(default=1, ge=0, le=1000)  # per face: L scratches x scratch_mm
     scratch_mm: float = Field(default=0.002, ge=0, le=1)  # width; as long as the face
 
 
 class Stray(Section):
-    """``[stray]`` of a scene: the parts that can make stray light, and which of them are there.
+    """The table ``[stray]`` of a scene: the parts that may make stray light, and which exist.
 
     ``window``, ``filter`` and ``cover`` are plates in the light's way; ``lens`` and ``sensor`` are
     always there, and their names switch their reflections; ``head_window`` is the emitter's.
@@ -145,42 +145,42 @@ class Stray(Section):
     filter: Filter = Filter()
     lens: Lens = Lens()
     cover: Cover = Cover()
-    sensor_reflectance: Share = 0.2  # specular, of the chip
+    sensor_reflectance: Share = 0.2  # specular reflectance of the chip
     head_window: HeadWindow = HeadWindow()
     polish: Polish = Polish()
     dust: Dust = Dust()
     least_power: float = Field(default=1e-6, ge=0, lt=1)  # weaker ghosts are summed, not followed
-    # So are ghosts that bring less than this share of the light to a pixel everywhere. The peak of
-    # a spot of 4 px has 1e-2; a discarded ghost is below its 1e-7.
+    # Ghosts that bring less than this share of the light to any pixel are summed too. The peak of a
+    # spot of 4 px has 1e-2; a discarded ghost is below 1e-7 of that.
     least_density: float = Field(default=1e-9, ge=0, lt=1)
 
 
 @dataclass(frozen=True)
 class WindowGhost:
-    """The beam that the scan head's window reflects twice, against the one that goes through.
+    """The beam that the scan head's window reflects twice, relative to the direct beam.
 
-    A beam is the line through ``shift * (cos b, -sin b)`` in (x, z) in the direction
-    ``(sin b, cos b)``, b the scan angle plus its turn; so all shifts are at the mirror's pivot.
+    A beam is the line through ``shift * (cos b, -sin b)`` in (x, z) in the direction ``(sin b, cos
+    b)``, where b is the scan angle plus its turn; so all shifts are at the mirror's pivot.
     """
 
-    shift_mm: Floats  # [n] of the ghost, less that of the direct beam
-    turn_rad: Floats  # [n] of the ghost, less that of the direct beam
-    power: Floats  # [n] of the ghost over that of the direct beam
-    direct_shift_mm: Floats  # [n] of the direct beam against no window at all
-    direct_turn_rad: Floats  # [n]
+    shift_mm: Floats  # [n] shift of the ghost, less that of the direct beam
+    turn_rad: Floats  # [n] turn of the ghost, less that of the direct beam
+    power: Floats  # [n] power of the ghost over that of the direct beam
+    direct_shift_mm: Floats  # [n] shift of the direct beam by the window
+    direct_turn_rad: Floats  # [n] turn of the direct beam by the window
 
 
 @dataclass(frozen=True)
 class Halo:
-    """What the scatter of polished surfaces puts around a spot."""
+    """The light that the scatter of polished surfaces puts around a spot."""
 
     weights: Floats  # [n_px] share of the spot's light in the row's pixel at 0, 1, 2 .. px
     row: float  # share of the light that it puts on the row, both sides, out to n_px - 1
-    total: float  # share of the light that is scattered at all, on the row or not
+    total: float  # share of the light that is scattered, on the row or not
 
 
 def window_ghost(window: HeadWindow, angle_rad: Floats) -> WindowGhost:
-    """Return the beam reflected at the window's outer, then at its inner face; exact rays.
+    """Return the beam reflected at the window's outer and then at its inner face, with exact rays.
 
     Snell's law and the law of reflection in the scan plane, no small angles. For faces that are
     parallel the ghost is parallel to the beam and stands off by 2 t tan(i') cos(i).
@@ -239,13 +239,13 @@ def halo_weights(
     Leaves out the surfaces' places inside the lens, and that the row sees them at an angle.
 
     Args:
-        n_px: How far to go.
-        stray: Which surfaces there are, and their polish.
-        sigma_px: Of the Gaussian spot across the row; 0 is a point on the row's middle. Along the
-            row the weights are those of a point, to be convolved with the spot.
-        focal_mm: Of the lens.
-        pitch_mm: Of the square pixels.
-        wavelength_nm: Of the light.
+        n_px: Number of pixels on one side of the spot.
+        stray: Surfaces that are there, and their polish.
+        sigma_px: Sigma of the Gaussian spot across the row; 0 is a point on the row's middle. Along
+            the row the weights are those of a point, to be convolved with the spot.
+        focal_mm: Focal length of the lens.
+        pitch_mm: Pitch of the square pixels.
+        wavelength_nm: Wavelength of the light.
 
     Raises:
         ValueError: if ``n_px`` is below 1 or ``sigma_px`` negative.
@@ -301,7 +301,7 @@ def attenuation(wide: Floats, wide_pitch: float, image: Floats, image_pitch: flo
 
 
 def particles(level: float, size_um: Floats | float) -> Floats:
-    """Return how many particles of at least ``size_um`` lie on a square foot, MIL-STD-1246C.
+    """Return the number of particles of at least ``size_um`` on a square foot, MIL-STD-1246C.
 
     log10 N = 0.926 (log10^2 level - log10^2 size): the level is the size of which there is one.
     Of metis Table 3 only the row of the vortex mask agrees with this; the others state 9.3 times
@@ -309,7 +309,7 @@ def particles(level: float, size_um: Floats | float) -> Floats:
 
     Args:
         level: Level of cleanliness, um.
-        size_um: At least 1 um.
+        size_um: Size of the particles, at least 1 um.
     """
     logs = math.log10(level) ** 2 - np.square(np.log10(size_um))
     return np.asarray(np.power(10.0, _CLEANLINESS_SLOPE * logs), dtype=np.float64)
@@ -333,19 +333,19 @@ def covered_share(level: float, smallest_um: float = 1.0) -> float:
 
 
 def obscured_share(stray: Stray, *, focal_mm: float = 25.0, f_number: float = 3.0) -> float:
-    """Return the share of the light that dust, digs and scratches in the pupil take away.
+    """Return the share of the light that dust, digs and scratches in the pupil obscure.
 
     Metis 4.3: on faces near the pupil (window, filter, lens) every particle shadows all pixels
-    alike, and light is lost as its area over the beam's. What lies on the cover's faces, near the
+    alike, and light is lost as its area over the beam's. A particle on the cover's faces, near the
     focus, shadows single pixels instead: ``dust_shadow``.
 
-    Leaves out that the obscured light is in part diffracted near the image and not lost, and that
-    a dig or a scratch may lie where the beam is not.
+    The model leaves out that the obscured light is in part diffracted near the image and not lost,
+    and that a dig or a scratch may lie where the beam is not.
 
     Args:
-        stray: Which faces there are, and how clean they are.
+        stray: Faces that are there, and their cleanliness.
         focal_mm: Focal length, which over the f-number is the beam's width on the faces.
-        f_number: Of the lens.
+        f_number: f-number of the lens.
     """
     if "dust" not in stray.enabled:
         return 0.0
@@ -376,14 +376,14 @@ def dust_shadow(
     Leaves out diffraction, and the overlap of particles.
 
     Args:
-        stray: The cover and how clean it is.
-        length_px: Pixels of the row.
-        seed: Of the places and sizes; the same seed gives the same dust.
-        pitch_mm: Of the pixels.
-        f_number: Of the lens.
+        stray: The cover and its cleanliness.
+        length_px: Number of pixels of the row.
+        seed: Seed of the places and sizes; the same seed gives the same dust.
+        pitch_mm: Pitch of the pixels.
+        f_number: f-number of the lens.
 
     Returns:
-        Shares of 0 to 1 [length_px].
+        Shares from 0 to 1 [length_px].
     """
     gone = np.zeros(length_px)
     if "dust" not in stray.enabled or "cover" not in stray.enabled:
@@ -420,7 +420,7 @@ def dust_shadow(
 
 
 def disc_overlap(first: Floats | float, second: Floats | float, distance: Floats) -> Floats:
-    """Return the common area of two discs of these radii; any one unit, elementwise."""
+    """Return the common area of two discs of these radii, elementwise, all in one unit."""
     small = np.minimum(first, second)
     large = np.maximum(first, second)
     apart = distance >= small + large
@@ -443,7 +443,7 @@ def _face(
 ) -> tuple[Floats, Floats, Bools]:
     """Return where rays (x, z) meet a tilted face, how they go on behind it, and whether they do.
 
-    ``ratio`` is the index before the face over the one behind it; 1 leaves the heading alone.
+    ``ratio`` is the index before the face over the one behind it; 1 leaves the heading unchanged.
     """
     normal = np.array([-math.sin(tilt), math.cos(tilt)])
     cosine = heading @ normal
@@ -468,14 +468,14 @@ def _line(
     angle: Floats,
     good: Bools,
 ) -> tuple[Floats, Floats]:
-    """Return a line's shift at the origin and its turn against the scan angle, 0 where bad."""
+    """Return a line's shift at the origin and its turn against the scan angle, 0 where not good."""
     turn = np.arctan2(heading[..., 0], heading[..., 1]) - angle
     shift = point[..., 0] * np.cos(angle + turn) - point[..., 1] * np.sin(angle + turn)
     return np.where(good, shift, 0.0), np.where(good, turn, 0.0)
 
 
 def _scatterers(stray: Stray, focal_mm: float) -> list[tuple[float, float]]:
-    """Return change of index and lever in mm of each polished surface."""
+    """Return the change of index and the lever in mm of each polished surface."""
     faces = []
     for name, plate in (("window", stray.window), ("filter", stray.filter)):
         if name in stray.enabled:
@@ -507,7 +507,7 @@ def _encircled(sine: Floats, polish: Polish, wavelength_nm: float) -> Floats:
 
 
 def _on_row(y: Floats, sigma_px: float) -> Floats:
-    """Return which share of the spot lies within half a pixel of this distance across the row."""
+    """Return the share of the spot within half a pixel of this distance across the row."""
     if sigma_px == 0.0:
         return np.where(np.abs(y) < 0.5, 1.0, 0.0)
     scale = 1.0 / (math.sqrt(2.0) * sigma_px)

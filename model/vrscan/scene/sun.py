@@ -1,7 +1,7 @@
-"""Light that is not the laser's: sun and sky at a place and time, and lamps in a room.
+"""Light from other sources than the laser: sun and sky at a place and time, and lamps in a room.
 
-Everything is an irradiance in the filter's band, before the filter's own transmission, on a surface
-with a given normal in the scanner's frame.
+Every value is an irradiance in the filter's band, before the filter's own transmission, on a
+surface with a given normal in the scanner's frame.
 """
 
 import math
@@ -43,7 +43,7 @@ class Sun(Section):
     longitude_deg: float = Field(default=103.77, ge=-180, le=180)
     altitude_m: float = Field(default=20.0, ge=-450, le=9000)
     time: AwareDatetime = datetime.fromisoformat("2015-06-24T12:30:00+08:00")
-    albedo: float = Field(default=0.2, ge=0, le=1)  # of the ground
+    albedo: float = Field(default=0.2, ge=0, le=1)  # albedo of the ground
     heading_deg: float = Field(default=0.0, ge=-360, le=360)
     pitch_deg: float = Field(default=0.0, ge=-90, le=90)
     roll_deg: float = Field(default=0.0, ge=-360, le=360)
@@ -110,9 +110,9 @@ class Sun(Section):
 
         Args:
             normal: Unit normals [n, 3], scanner's frame.
-            shaded: Where something stands between surface and sun, [n] or one for all. It takes
-                the bright patch around the sun with it.
-            band_nm: Lower and upper wavelength.
+            shaded: Whether something stands between surface and sun, [n] or one for all. It also
+                hides the bright patch around the sun.
+            band_nm: Lower and upper wavelength of the band.
 
         Raises:
             InputError: if the sun is not above the horizon.
@@ -145,9 +145,9 @@ class Sun(Section):
 
 @dataclass(frozen=True)
 class _Sky:
-    """What the sun's place and the weather come to."""
+    """The sun's direction and the parts of the sky's light."""
 
-    towards: tuple[float, float, float]  # the sun, in the scanner's frame
+    towards: tuple[float, float, float]  # direction of the sun, scanner's frame
     up: tuple[float, float, float]
     elevation_deg: float
     ghi_w_m2: float
@@ -158,7 +158,7 @@ class _Sky:
 
 
 def _pvlib() -> Any:
-    """Return pvlib: imported here, as a scene without a sun need not wait a second for it."""
+    """Return pvlib; it is imported here because the import takes a second."""
     import pvlib
 
     return pvlib
@@ -224,7 +224,7 @@ def _sky(sun: Sun) -> _Sky:
 def _weather(
     sun: Sun, zenith_deg: float, airmass: float, extra_w_m2: float
 ) -> tuple[float, float, float]:
-    """Return ghi, dni, dhi in W/m^2."""
+    """Return ghi, dni and dhi in W/m^2."""
     pvlib = _pvlib()
     cosine = math.cos(math.radians(zenith_deg))
     if sun.sky == "clear":
@@ -241,7 +241,7 @@ def _weather(
     if dhi is None:
         dhi = max((ghi or 0.0) - (dni or 0.0) * cosine, 0.0)
     if dni is None:
-        # Near the horizon a small error of ghi - dhi would become any dni.
+        # Near the horizon a small error of ghi - dhi would become an arbitrarily large dni.
         dni = min(max((ghi or 0.0) - dhi, 0.0) / cosine, extra_w_m2)
     return dni * cosine + dhi if ghi is None else ghi, dni, dhi
 
@@ -251,7 +251,7 @@ def _perez(
 ) -> tuple[float, float, float]:
     """Return dhi (1 - F1), dhi F1 / B and dhi F2 of Perez's model.
 
-    They are read off an upright surface that faces the sun, where all three parts count.
+    They are computed from an upright surface that faces the sun, where all three parts count.
     """
     pvlib = _pvlib()
     if dhi <= 0.0:
@@ -279,7 +279,7 @@ def spectral_irradiance(wavelength_nm: Floats | float, column: Column = "global"
     """Return ASTM G173-03's spectrum, W m^-2 nm^-1, 0 outside 280..4000 nm.
 
     Args:
-        wavelength_nm: Any shape.
+        wavelength_nm: Wavelengths of any shape.
         column: "global" (37 degrees tilt), "direct" (with the bright patch around the sun), both
             at air mass 1.5, or "extraterrestrial".
     """
@@ -312,20 +312,20 @@ def band_share(low_nm: float, high_nm: float, column: Column = "global") -> floa
 
 
 class Lamp(Section):
-    """A lamp of the room, one ``[[lamp]]``.
+    """A lamp of the room, one table ``[[lamp]]``.
 
     ``illuminance_lux`` is what a surface that faces the lamp receives. The share ``direct`` of it
-    comes from ``towards`` and falls with the cosine; the rest fills the room and is the same on
-    any surface. Leaves out the lamp's distance and size and the shadows it throws.
+    comes from ``towards`` and falls with the cosine; the rest fills the room and is the same on any
+    surface. The lamp's distance and size and the shadows it throws are left out.
     """
 
     kind: Literal["led", "halogen", "fluorescent"] = "led"
     illuminance_lux: float = Field(default=500.0, ge=0, le=200_000)
     direct: float = Field(default=0.0, ge=0, le=1)
-    towards: list[float] = Field(default_factory=lambda: [0.0, 1.0, 0.0])  # scanner's frame
-    flicker: float | None = Field(default=None, ge=0, le=1)  # depth; None: what is usual
+    towards: list[float] = Field(default_factory=lambda: [0.0, 1.0, 0.0])  # in the scanner's frame
+    flicker: float | None = Field(default=None, ge=0, le=1)  # depth; the usual one if None
     mains_hz: Positive = 50.0
-    phase_rad: float = 0.0  # of the flicker, where time is 0
+    phase_rad: float = 0.0  # phase of the flicker at time 0
 
     @field_validator("towards")
     @classmethod
@@ -336,7 +336,7 @@ class Lamp(Section):
 
     @property
     def depth(self) -> float:
-        """(max - min) / (max + min) of the light over a half period of the mains."""
+        """Return (max - min) / (max + min) of the light over a half period of the mains."""
         return FLICKER[self.kind] if self.flicker is None else self.flicker
 
     def level(self, time_s: Floats) -> Floats:
@@ -354,12 +354,12 @@ class Lamp(Section):
         shaded: Bools | bool = False,
         band_nm: tuple[float, float] = FILTER_NM,
     ) -> Floats:
-        """Return the mean irradiance in a band, W/m^2 [n]; times ``level`` at a time.
+        """Return the mean irradiance in a band, W/m^2 [n]; ``level`` gives its factor at a time.
 
         Args:
             normal: Unit normals [n, 3], scanner's frame.
-            shaded: Where the lamp is hidden; the room's even light remains.
-            band_nm: Lower and upper wavelength.
+            shaded: Whether the lamp is hidden; the room's even light remains.
+            band_nm: Lower and upper wavelength of the band.
         """
         lit = ~np.broadcast_to(np.asarray(shaded, dtype=np.bool_), len(normal))
         towards = np.array(self.towards) / np.linalg.norm(self.towards)
@@ -431,7 +431,7 @@ def eye_sensitivity(wavelength_nm: Floats) -> Floats:
 
 @lru_cache(maxsize=64)
 def watts_per_lumen(kind: str, low_nm: float, high_nm: float) -> float:
-    """Return a lamp's power in a band over its light as the eye sees it, W/lm or (W/m^2)/lux.
+    """Return a lamp's power in a band over its luminous flux, W/lm or (W/m^2)/lux.
 
     Raises:
         ValueError: if the band is empty.
@@ -464,18 +464,18 @@ def pixel_electrons(
     off_axis_rad: Floats | float = 0.0,
     wavelength_nm: float = 658.0,
 ) -> Floats:
-    """Return the electrons that light of a band leaves in a pixel.
+    """Return the electrons that light in a band puts into a pixel.
 
     Args:
-        radiance_w_m2_sr: Of the surface, in band: reflectance times irradiance over pi.
-        f_number: Of the lens.
+        radiance_w_m2_sr: Radiance of the surface, in band: reflectance times irradiance over pi.
+        f_number: f-number of the lens.
         pixel_um2: Area of the pixel.
-        exposure_s: How long the pixel collects; for sun and lamps that is the whole exposure, not
-            the laser's pulse.
-        quantum_efficiency: Electrons a photon.
-        transmission: Of filter and lens.
+        exposure_s: Time for which the pixel collects light; for sun and lamps that is the whole
+            exposure, not the laser's pulse.
+        quantum_efficiency: Electrons per photon.
+        transmission: Transmission of filter and lens.
         off_axis_rad: Angle of the pixel's ray with the axis.
-        wavelength_nm: Stands for the whole band.
+        wavelength_nm: Wavelength that stands for the whole band.
     """
     power_w = radiance_w_m2_sr * collection(f_number, off_axis_rad) * pixel_um2 * 1e-12
     efficiency = quantum_efficiency * transmission

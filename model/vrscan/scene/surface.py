@@ -1,10 +1,10 @@
-"""How a surface scatters: Lambert plus one lobe, and the scatter of a polished part.
+"""Scattering by a surface: Lambert plus one lobe, and the scatter of a polished part.
 
-The lobe lives in direction cosines: what matters is ``beta``, the distance between the view and
-the mirror direction when both are projected on the surface. It is 0 exactly where the halfway
+The lobe is a function of direction cosines: its argument ``beta`` is the distance between the view
+and the mirror direction when both are projected on the surface. It is 0 exactly where the halfway
 vector is the normal, so camera and laser, which stand apart, see the glint at the bisector. A lobe
-that is a function of ``beta`` alone is reciprocal, stays finite at grazing incidence, and its
-power is a plain integral over the unit disc, so that it can never return more than it got.
+that is a function of ``beta`` alone is reciprocal, stays finite at grazing incidence, and its power
+is a plain integral over the unit disc, so that it can never return more light than it received.
 """
 
 import math
@@ -22,23 +22,23 @@ WAVELENGTH_NM = 658.0
 
 
 class Material(Section):
-    """What a target is made of, one ``[material.NAME]`` of a scene.
+    """The material of a target, one table ``[material.NAME]`` of a scene.
 
     ``lobe_deg`` is the lobe's standard deviation along each axis, as an angle at normal incidence.
     With ``roughness_nm`` the part is polished: of ``gloss``, the share that the roughness scatters
-    goes into a K-correlation lobe, the rest stays in the Gaussian one, which then stands for the
+    goes into a K-correlation lobe. The rest stays in the Gaussian lobe, which then stands for the
     figure and the waviness of the part and should be narrow.
 
-    ``looks`` is how many independent speckle patterns the surface itself averages (volume
+    ``looks`` is the number of independent speckle patterns that the surface itself averages (volume
     scatter, depolarisation); 1 is a hard opaque surface.
     """
 
-    reflectance: float = Field(default=0.3, ge=0, le=1)  # diffuse, Lambert
+    reflectance: float = Field(default=0.3, ge=0, le=1)  # diffuse reflectance, Lambert
     gloss: float = Field(default=0.0, ge=0, le=1)  # share of the light in the lobe
     lobe_deg: float = Field(default=8.0, gt=0, le=60)
-    roughness_nm: float | None = Field(default=None, ge=0, le=1000)  # rms up to 1/wavelength
+    roughness_nm: float | None = Field(default=None, ge=0, le=1000)  # rms, up to 1/wavelength
     surface_wave_um: Annotated[float, Field(gt=0, le=1e6)] = 20.0  # typical wavelength of roughness
-    slope: float = Field(default=2.2, gt=0, le=20)  # of the scatter at high spatial frequency
+    slope: float = Field(default=2.2, gt=0, le=20)  # slope of the scatter at high spatial frequency
     looks: float = Field(default=1.0, ge=1, le=1000)
 
     @model_validator(mode="after")
@@ -83,8 +83,8 @@ def brdf(
         view: Unit vectors away from the surface [n, 3].
         albedo: The reflectance map's factor, 0 to 1, [n] or one for all. It scales the diffuse part
             alone: colour is below the surface, gloss is made by the surface.
-        wavelength_nm: Of the light.
-        acceptance_rad: Half angle of the lens as the point sees it, [n] or one for all. The lobe is
+        wavelength_nm: Wavelength of the light.
+        acceptance_rad: Half angle of the lens seen from the point, [n] or one for all. The lobe is
             widened by it so that a lens in the middle of the glint collects its exact share, and
             never more than the lobe holds however narrow that is; 0 is the BRDF itself.
 
@@ -112,8 +112,8 @@ def brdf(
 
 def _gauss(square: Floats, lobe_deg: float, acceptance_rad: Floats | float) -> Floats:
     """Return the unit lobe at ``beta``^2, sr^-1."""
-    # A disc of radius a around the lobe's middle collects 1 - exp(-x), x = a^2 / 2 s^2; a lobe of
-    # s^2 x / (1 - exp(-x)) times the disc's area is the same share.
+    # A disc of radius a around the lobe's middle collects 1 - exp(-x), x = a^2 / 2 s^2. A lobe with
+    # s^2 x / (1 - exp(-x)) times the disc's area gives the same share.
     own = math.sin(math.radians(lobe_deg)) ** 2
     disc = np.maximum(np.square(acceptance_rad) / (2.0 * own), 1e-12)
     spread = own * disc / -np.expm1(-disc)
@@ -145,8 +145,8 @@ def tis(
     The share of the specular light that a smooth surface scatters; small against 1 or not valid.
 
     Args:
-        sigma_nm: rms roughness over spatial frequencies from 0 to 1/lambda.
-        wavelength_nm: Of the light.
+        sigma_nm: Rms roughness over spatial frequencies from 0 to 1/lambda.
+        wavelength_nm: Wavelength of the light.
         index_step: Change of the refractive index at the surface; 2 for a mirror.
     """
     return np.asarray(
@@ -179,10 +179,10 @@ def bsdf_k(
         beta: Distance of the scattered from the specular direction, in direction cosines.
         cos_in: Cosine of the angle of incidence.
         cos_out: Cosine of the scattered direction with the normal.
-        sigma_nm: rms roughness at this wavelength; ``scaled_sigma`` brings it from another.
-        wavelength_nm: Of the light.
+        sigma_nm: Rms roughness at this wavelength; ``scaled_sigma`` converts it from another.
+        wavelength_nm: Wavelength of the light.
         length_um: B, 2 pi times the typical wavelength of the surface.
-        slope: s, of the BSDF at high spatial frequencies.
+        slope: Slope s of the BSDF at high spatial frequencies.
         index_step: dn, the change of the refractive index at the surface; 2 for a mirror.
         specular: R, the reflectivity, or the transmission for scatter in transmission.
 
@@ -197,18 +197,18 @@ def bsdf_k(
 def scaled_sigma(
     sigma_nm: float, from_nm: float, to_nm: float, *, length_um: float, slope: float
 ) -> float:
-    """Return the roughness that counts at another wavelength, metis (4), and (5) at slope 2.
+    """Return the effective roughness at another wavelength, metis (4), and (5) at slope 2.
 
     A shorter wave sees finer roughness too, so its sigma is the larger one. (4) is printed with
     plus signs in its brackets; they are minus, as in the normalisation of (1), or the two sides
     do not agree at slope 2.
 
     Args:
-        sigma_nm: rms roughness as it counts at ``from_nm``.
+        sigma_nm: Rms roughness that is effective at ``from_nm``.
         from_nm: Wavelength of the characterisation.
         to_nm: Wavelength of use.
-        length_um: B.
-        slope: s.
+        length_um: Length B.
+        slope: Slope s.
     """
     ratio = _k_band(length_um, to_nm, slope) / _k_band(length_um, from_nm, slope)
     return sigma_nm * math.sqrt(ratio)

@@ -1,11 +1,11 @@
-"""Targets: what a scene file may put before the scanner, and the world that they make.
+"""Targets: the bodies that a scene file may put before the scanner, and the world that they form.
 
 A target is described in its own frame, turned about the x, then the y, then the z axis of the
-scanner's frame, and moved. Unturned, what has a face shows it to the scanner, which looks along
-+z with its scan plane at y = 0.
+scanner's frame, and moved. Unturned, a target with a face shows it to the scanner, which looks
+along +z with its scan plane at y = 0.
 
-The world leaves out: light that enters a body (all surfaces are opaque), faces that bend the
-light's path, and motion of a target.
+The world leaves out light that enters a body (all surfaces are opaque), faces that bend the light's
+path, and motion of a target.
 """
 
 import math
@@ -37,31 +37,31 @@ Size3 = Annotated[
 
 
 class Target(Section, ABC):
-    """What all targets have."""
+    """The properties that all targets have."""
 
-    name: str | None = Field(default=None, min_length=1)  # the kind, numbered, if there is none
+    name: str | None = Field(default=None, min_length=1)  # by default the kind, numbered
     position_mm: Vector = (0.0, 0.0, 500.0)
     rotation_deg: Vector = (0.0, 0.0, 0.0)
-    material: str = "default"  # one of the scene's materials
+    material: str = "default"  # name of one of the scene's materials
     map: MapSection | None = None  # a factor on the material's reflectance
 
     @abstractmethod
     def shape(self, folder: Path) -> Shape:
-        """Return the target in its own frame.
+        """Return the target's shape in its own frame.
 
         Args:
-            folder: Where the scene file is.
+            folder: Folder of the scene file.
 
         Raises:
-            InputError: if a file that it names is no good.
+            InputError: if a file that the target names is not valid.
         """
 
 
 class Plane(Target):
-    """A plane z = 0, without end or a rectangle."""
+    """A plane z = 0, endless or a rectangle."""
 
     kind: Literal["plane"] = "plane"
-    size_mm: Size | None = None  # in x and y; without it there is no end
+    size_mm: Size | None = None  # size in x and y; without it the plane is endless
 
     def shape(self, folder: Path) -> Shape:
         """See ``Target``."""
@@ -74,7 +74,7 @@ class Step(Target):
     """A step: z = 0 for x > 0; for x < 0 a block stands ``height_mm`` towards the scanner."""
 
     kind: Literal["step"] = "step"
-    size_mm: Size = (100.0, 60.0)  # of both levels together, in x and y
+    size_mm: Size = (100.0, 60.0)  # size of both levels together, in x and y
     height_mm: Positive = 30.0
 
     def shape(self, folder: Path) -> Shape:
@@ -107,7 +107,7 @@ class Cylinder(Target):
 
     kind: Literal["cylinder"] = "cylinder"
     radius_mm: Positive = 30.0
-    length_mm: Positive | None = None  # between flat ends; without it there are none
+    length_mm: Positive | None = None  # length between flat ends; without it there are no ends
 
     def shape(self, folder: Path) -> Shape:
         """See ``Target``."""
@@ -129,8 +129,8 @@ class Corner(Target):
     """Two plates that meet on the y axis and open towards the scanner."""
 
     kind: Literal["corner"] = "corner"
-    angle_deg: float = Field(default=90.0, gt=0, lt=180)  # between the plates
-    size_mm: Size = (100.0, 100.0)  # of each: from the edge, and along it
+    angle_deg: float = Field(default=90.0, gt=0, lt=180)  # angle between the plates
+    size_mm: Size = (100.0, 100.0)  # size of each plate: from the edge, and along it
 
     def shape(self, folder: Path) -> Shape:
         """See ``Target``."""
@@ -192,7 +192,7 @@ class Mesh(Target):
     """A closed triangle mesh from an STL, OBJ or PLY file."""
 
     kind: Literal["mesh"] = "mesh"
-    file: str  # relative to the scene file
+    file: str  # path relative to the scene file
     scale: Positive = 1.0  # mm per unit of the file
 
     def shape(self, folder: Path) -> Shape:
@@ -215,7 +215,7 @@ def _rectangles(*each: tuple[_Vector, _Vector, _Vector]) -> shapes.Patches:
 
 
 def rotation(degrees: tuple[float, float, float]) -> Floats:
-    """Return the matrix [3, 3] that turns about x, then y, then z, all of the fixed frame."""
+    """Return the matrix [3, 3] that turns about x, then y, then z, the axes of the fixed frame."""
     (cx, cy, cz), (sx, sy, sz) = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     about_x = np.array([[1.0, 0.0, 0.0], [0.0, cx, -sx], [0.0, sx, cx]])
     about_y = np.array([[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
@@ -225,20 +225,20 @@ def rotation(degrees: tuple[float, float, float]) -> Floats:
 
 @dataclass(frozen=True)
 class Hits:
-    """Where rays end."""
+    """The places where rays end."""
 
-    distance_mm: Floats  # [n], infinite without a hit
-    normal: Floats  # [n, 3], unit, on the side the ray comes from; against the ray without a hit
-    target: Ints  # [n], -1 without a hit
-    albedo: Floats  # [n], the map's factor, 1 without a map or a hit
+    distance_mm: Floats  # distance [n], infinite without a hit
+    normal: Floats  # unit normal [n, 3] towards the ray's side; against the ray without a hit
+    target: Ints  # index of the target [n], -1 without a hit
+    albedo: Floats  # factor of the map [n], 1 without a map or a hit
 
 
 @dataclass(frozen=True)
 class _Placed:
-    """A shape where it stands."""
+    """A shape at its place in the scene."""
 
     shape: Shape
-    position: Floats  # [3]
+    position: Floats  # origin of the shape [3]
     rotation: Floats | None  # [3, 3], None for none
     map: Map | None
 
@@ -269,12 +269,13 @@ class World:
         """Build the targets.
 
         Args:
-            targets: As the scene file describes them; the index into them is the index in
-                ``Hits.target``. There may be none.
-            folder: Where the scene file is: meshes and pictures are named from there.
+            targets: Targets of the scene file; the index into them is the index in ``Hits.target``.
+                There may be none.
+            folder: Folder of the scene file, to which the paths of meshes and pictures are
+                relative.
 
         Raises:
-            InputError: if a mesh or a picture is no good, or two targets have one name.
+            InputError: if a mesh or a picture is not valid, or two targets have one name.
         """
         self.targets = tuple(targets)
         self.names = _names(self.targets)
@@ -290,9 +291,9 @@ class World:
 
     @property
     def bounds(self) -> Floats:
-        """Corners of a box around everything, mm [2, 3]; infinite where a target has no end.
+        """Return the corners of a box around all targets, mm [2, 3]; infinite if one is endless.
 
-        The box may be somewhat larger than what is in it. Of an empty world it is inside out.
+        The box may be somewhat larger than the targets. For an empty world it is inside out.
         """
         if not self._placed:
             return np.array([[np.inf] * 3, [-np.inf] * 3])
@@ -300,10 +301,10 @@ class World:
         return np.stack([each[:, 0].min(axis=0), each[:, 1].max(axis=0)])
 
     def cast(self, origin: Floats, direction: Floats) -> Hits:
-        """Return what each ray meets first.
+        """Return the first hit of each ray.
 
-        A ray that starts on a surface does not meet it again within 1e-6 mm, on a mesh within
-        2e-6 of its size.
+        A ray that starts on a surface does not meet it again within 1e-6 mm, on a mesh within 2e-6
+        of its size.
 
         Args:
             origin: Start of each ray, mm [n, 3].
@@ -333,14 +334,14 @@ class World:
         return Hits(distance, normal, target, albedo)
 
     def blocked(self, start: Floats, end: Floats) -> Bools:
-        """Return whether something stands between two points, both ends excluded.
+        """Return whether a target stands between two points, both ends excluded.
 
         Args:
-            start: mm [n, 3].
-            end: mm [n, 3].
+            start: First points, mm [n, 3].
+            end: Second points, mm [n, 3].
 
         Returns:
-            [n]; False where both points are the same.
+            bool [n]; False where both points are the same.
         """
         gap = end - start
         length = np.sqrt(dot(gap, gap))

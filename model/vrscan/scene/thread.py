@@ -18,34 +18,34 @@ from vrscan.scene.meshes import Caster, welded
 from vrscan.scene.shapes import dot
 
 CREST, FALL, ROOT, RISE, END = range(5)
-_BREAKS = np.array([0.0, 2.0, 7.0, 11.0]) / 16.0  # of the pitch: where crest .. rise begin
+_BREAKS = np.array([0.0, 2.0, 7.0, 11.0]) / 16.0  # shares of the pitch at which crest .. rise begin
 _WIDTH = np.array([2.0, 5.0, 4.0, 5.0]) / 16.0
-_SLOPE = math.sqrt(3.0)  # of a flank: cot 30 degrees
+_SLOPE = math.sqrt(3.0)  # slope of a flank: cot 30 degrees
 _CHORD = 1e-3  # mm from a facet of the crest to the surface
 _NEWTON = 4
-_FAR = 0.5  # mm: a correction that is larger has left the surface
+_FAR = 0.5  # mm: a larger correction has left the surface
 _CLOSE = 1e-9  # mm from the surface: converged
 
 
 @dataclass(frozen=True)
 class Thread:
-    """Sizes, mm."""
+    """The sizes of a thread, mm."""
 
-    diameter: float  # outer
+    diameter: float  # outer diameter
     pitch: float
     length: float
 
     @property
     def depth(self) -> float:
-        """Of the thread, mm: 5/8 H."""
+        """Return the depth of the thread, mm: 5/8 H."""
         return 0.625 * math.sqrt(0.75) * self.pitch
 
     def radius(self, axial: Floats, angle: Floats) -> Floats:
         """Return the distance of the surface from the axis, mm.
 
         Args:
-            axial: x, mm, any shape.
-            angle: About the axis, from y towards z, rad.
+            axial: Position x along the axis, mm, any shape.
+            angle: Angle about the axis, from y towards z, rad.
         """
         along = np.mod(axial - self.pitch * angle / (2.0 * math.pi), self.pitch)
         level = np.array([0.0, 0.0, -self.depth, -self.depth, 0.0])
@@ -61,8 +61,8 @@ class Thread:
         """
         outer, half = 0.5 * self.diameter, 0.5 * self.length
         columns = max(24, math.ceil(math.pi / math.acos(max(0.0, 1.0 - _CHORD / outer))))
-        # Turn after turn of the four breaks, and one more of each beyond either end, which the
-        # end's plane then gathers into a single point a column.
+        # The four breaks turn after turn, and one more of each beyond either end; the end's plane
+        # then gathers these into a single point for each column.
         turns = np.arange(-math.ceil(half / self.pitch) - 2, math.ceil(half / self.pitch) + 2)
         start = ((turns[:, None] + _BREAKS) * self.pitch).ravel()
         angle = 2.0 * math.pi * np.arange(columns) / columns
@@ -77,7 +77,7 @@ class Thread:
 
         breaks = start.size
         column, row = np.meshgrid(np.arange(columns), np.arange(breaks), indexing="ij")
-        # One turn on, the same edge is one pitch farther: four breaks.
+        # One turn later the same edge is one pitch farther: four breaks.
         wrapped = column + 1 == columns
         next_row = np.minimum(np.where(wrapped, row + 4, row), breaks - 1)
         here = column * breaks + row
@@ -96,10 +96,10 @@ class Thread:
 
 @dataclass(frozen=True)
 class _Exact:
-    """Moves hits of the mesh onto the thread's surface."""
+    """The correction that moves hits of the mesh onto the thread's surface."""
 
     thread: Thread
-    part: Ints  # [f]
+    part: Ints  # part that each face belongs to [f]
 
     def _surface(self, point: Floats, part: Ints) -> tuple[Floats, Floats]:
         """Return F [m], 0 on the surface, and its gradient [m, 3]."""
@@ -136,6 +136,6 @@ class _Exact:
 
 
 def caster(thread: Thread) -> Caster:
-    """Return the thread as a ``Shape``, exact but for 1 um where a ray just grazes an edge."""
+    """Return the thread as a ``Shape``, exact to 1 um where a ray just grazes an edge."""
     vertices, faces, part = thread.mesh()
     return Caster(vertices, faces, _Exact(thread, part))

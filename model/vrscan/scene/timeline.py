@@ -1,17 +1,18 @@
 """When each line is exposed, where the beam points then, and where the instrument thinks it points.
 
-The mirror moves as VR-SCAN (12) says, a = A sum a_k cos(k p - phi_k), with a slow drift of A and of
-its phase. Twice a period the beam passes the index mark; the instrument knows these two times, with
-jitter, and takes amplitude and phase from them (VR-SCAN IV-D), so jitter and drift become errors of
-the angle that it reports. Every value depends on the absolute number of its line or period alone:
-a scan may be made in blocks of any size, in any order and on any number of processes.
+The mirror moves according to VR-SCAN (12), a = A sum a_k cos(k p - phi_k), with a slow drift of A
+and of its phase. Twice a period the beam passes the index mark; the instrument knows these two
+times, with jitter, and computes amplitude and phase from them (VR-SCAN IV-D), so jitter and drift
+become errors of the angle that it reports. Every value depends only on the absolute number of its
+line or period: a scan may be made in blocks of any size, in any order and on any number of
+processes.
 
-It leaves out: the start of the mirror and the loop that holds its amplitude, whose drive is here
-perfect but for the stated drift; harmonics that change with the drive; the sampling of the index
-(2 ns where the inputs are sampled at 500 MHz), chatter and lost crossings; a line clock that is not
-exact; tilt and yaw of a panning scanner, and its unsteady speed. The instrument's tracker weighs
-old periods exponentially and follows a frequency that is off; here it takes the plain mean of the
-last periods at the nominal frequency.
+The model leaves out the start of the mirror and the loop that holds its amplitude, whose drive is
+perfect here but for the stated drift; harmonics that change with the drive; the sampling of the
+index (2 ns where the inputs are sampled at 500 MHz), chatter and lost crossings; a line clock that
+is not exact; tilt and yaw of a panning scanner, and its unsteady speed. The instrument's tracker
+weighs old periods exponentially and follows a frequency that is off; the model takes the plain mean
+of the last periods at the nominal frequency.
 """
 
 import math
@@ -29,8 +30,8 @@ from vrscan.data.edges import COLUMNS
 from vrscan.data.errors import InputError
 from vrscan.ideal.motion import crossings
 
-PERIODS = 64  # that are worked out and kept together
-_STREAM = 0x1DE8  # sets these random numbers apart from others of the same seed
+PERIODS = 64  # periods that are computed and kept together
+_STREAM = 0x1DE8  # separates these random numbers from others of the same seed
 _NEWTON = 12
 _TURN = 2.0 * math.pi
 
@@ -39,27 +40,27 @@ class Scan(Section):
     """The TOML section ``[scan]``: how the beam moves over the scene."""
 
     sweep: Literal["mirror", "even"] = "mirror"  # even: equal steps of a known angle, one way
-    half_angle_deg: float = Field(default=12.5, gt=0, lt=80)  # of the even sweep
-    pan_mm_per_s: float = Field(default=0.0, ge=-1e4, le=1e4)  # the scanner moves along y
-    drift_ppm_per_s: float = Field(default=0.0, ge=-1e4, le=1e4)  # of the amplitude, since time 0
+    half_angle_deg: float = Field(default=12.5, gt=0, lt=80)  # half angle of the even sweep
+    pan_mm_per_s: float = Field(default=0.0, ge=-1e4, le=1e4)  # speed of the scanner along y
+    drift_ppm_per_s: float = Field(default=0.0, ge=-1e4, le=1e4)  # drift of the amplitude since 0
     phase_drift_urad_per_s: float = Field(default=0.0, ge=-1e6, le=1e6)  # since time 0
     jitter_ns: float | None = Field(
         default=None, ge=0, le=1e5
-    )  # of a crossing, rms; mems.jitter_ns
-    start_s: float = Field(default=0.0, ge=0, le=1e4)  # when line 0 begins
+    )  # rms jitter of a crossing; by default mems.jitter_ns
+    start_s: float = Field(default=0.0, ge=0, le=1e4)  # time when line 0 begins
 
 
 @dataclass(frozen=True)
 class Timeline:
     """n lines of a scan, and the m crossings of the index mark while they are taken."""
 
-    line: Ints  # absolute number [n]
-    time_s: Floats  # centre of the laser pulse [n]
+    line: Ints  # absolute number of the line [n]
+    time_s: Floats  # time of the centre of the laser pulse [n]
     angle_rad: Floats  # true optical scan angle [n]
-    rate_rad_per_s: Floats  # its derivative [n]
-    y_mm: Floats  # the scanner's place along y [n]
-    reported_rad: Floats  # what the instrument says the angle is [n]
-    index_s: Floats  # crossings, jitter included [m]
+    rate_rad_per_s: Floats  # derivative of the angle [n]
+    y_mm: Floats  # position of the scanner along y [n]
+    reported_rad: Floats  # angle that the instrument reports [n]
+    index_s: Floats  # times of the crossings, with jitter [m]
     index_outward: Bools  # whether they lead away from zero [m]
 
     def __len__(self) -> int:
@@ -82,13 +83,13 @@ class _Motion:
     """The true motion: (12) with an amplitude and a phase that drift linearly."""
 
     frequency_hz: float
-    amplitude_rad: float  # at time 0
+    amplitude_rad: float  # amplitude at time 0
     mark_rad: float
     harmonics: tuple[tuple[float, float], ...]
-    drift: float  # of the amplitude, relative, 1/s
+    drift: float  # relative drift of the amplitude, 1/s
     phase_drift: float  # turns/s
     jitter_s: float
-    averaging: int  # periods
+    averaging: int  # number of periods that are averaged
 
     @classmethod
     def of(cls, config: Config, scan: Scan) -> "_Motion":
@@ -126,7 +127,7 @@ def series(phase: Floats, harmonics: Sequence[Sequence[float]]) -> tuple[Floats,
     same to the last bit whatever array it is in.
 
     Args:
-        phase: p, turns, any shape.
+        phase: Phase p, turns, any shape.
         harmonics: Pairs [a_k, phi_k], rad, for k = 1, 3 ..
 
     Returns:
@@ -148,7 +149,9 @@ def series(phase: Floats, harmonics: Sequence[Sequence[float]]) -> tuple[Floats,
 
 
 def _passes(motion: _Motion, period: Floats, level_rad: float) -> Floats:
-    """Return when the beam passes an angle around turning points, s, [periods, 2]: out and in.
+    """Return the times at which the beam passes an angle around turning points, s.
+
+    They are [periods, 2]: out and in.
 
     Raises:
         InputError: if the mirror does not reach the angle.
@@ -159,7 +162,7 @@ def _passes(motion: _Motion, period: Floats, level_rad: float) -> Floats:
     share = abs(level_rad) / np.maximum(amplitude, 1e-12)
     half = np.arccos(np.minimum(share, 1.0)) / _TURN
     time = (turning[:, None] + half[:, None] * np.array([-1.0, 1.0])) / frequency
-    # Newton never leaves the flank on which it begins unless there is no crossing at all.
+    # Newton's method stays on the flank where it begins unless there is no crossing at all.
     for _ in range(_NEWTON):
         angle, rate = motion.at(time)
         stuck = np.abs(rate) < 1e-9 * motion.amplitude_rad * frequency
@@ -177,7 +180,7 @@ def _passes(motion: _Motion, period: Floats, level_rad: float) -> Floats:
 
 
 def _noise(seed: int, block: int) -> Floats:
-    """Return unit normal numbers for the crossings of a block of periods, [PERIODS, 2]."""
+    """Return normal numbers of variance 1 for a block of periods' crossings, [PERIODS, 2]."""
     number = 2 * block if block >= 0 else -2 * block - 1  # entropy must not be negative
     rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence((seed, _STREAM, number))))
     return np.asarray(rng.standard_normal((PERIODS, 2)))
@@ -185,9 +188,9 @@ def _noise(seed: int, block: int) -> Floats:
 
 @lru_cache(maxsize=64)
 def _block(motion: _Motion, seed: int, block: int) -> tuple[Floats, Floats, Floats]:
-    """Return of a block of periods the crossings, s, [PERIODS, 2], and what they say [PERIODS].
+    """Return a block of periods' crossings, s, [PERIODS, 2], and what the index gives [PERIODS].
 
-    That is the amplitude, rad, and the phase against frequency times time, turns.
+    The index gives the amplitude, rad, and the phase against frequency times time, turns.
     """
     period = np.arange(block * PERIODS, (block + 1) * PERIODS, dtype=np.float64)
     time = _passes(motion, period, motion.mark_rad) + motion.jitter_s * _noise(seed, block)
@@ -201,7 +204,7 @@ def _block(motion: _Motion, seed: int, block: int) -> tuple[Floats, Floats, Floa
 
 
 def _periods(motion: _Motion, seed: int, first: int, last: int) -> tuple[Floats, Floats, Floats]:
-    """Return the same for the periods ``first`` to ``last``, both included."""
+    """Return what ``_block`` returns for the periods ``first`` to ``last``, both included."""
     begin = first // PERIODS
     blocks = [_block(motion, seed, k) for k in range(begin, last // PERIODS + 1)]
     rows = slice(first - begin * PERIODS, last - begin * PERIODS + 1)
@@ -223,11 +226,11 @@ def timeline(first: int, count: int, total: int, config: Config, scan: Scan, see
 
     Args:
         first: Number of the first line, from 0.
-        count: Lines, 0 or more.
-        total: Lines of the whole scan; ``first + count`` at most.
-        config: Line timing, mirror and, unless the scan says, the jitter.
-        scan: How the beam moves.
-        seed: Of the jitter, not negative.
+        count: Number of lines, 0 or more.
+        total: Number of lines of the whole scan, at least ``first + count``.
+        config: Line timing, mirror and, unless the scan gives one, the jitter.
+        scan: The motion of the beam.
+        seed: Seed of the jitter, not negative.
 
     Returns:
         Arrays [count]; the same lines in other blocks are the same to the last bit.
@@ -256,7 +259,8 @@ def timeline(first: int, count: int, total: int, config: Config, scan: Scan, see
     begin = scan.start_s + first / timing.rate_hz
     end = scan.start_s + (first + count) / timing.rate_hz
     frequency = motion.frequency_hz + motion.phase_drift
-    # A turning point is half a turn at most from either crossing, its number a turn from its time.
+    # A turning point is at most half a turn from either crossing, and its number at most a turn
+    # from its time.
     lowest = math.floor(begin * frequency) - 2
     highest = math.ceil(end * frequency) + 2
     averaging = motion.averaging
@@ -295,8 +299,8 @@ def angle_error_rad(config: Config, scan: Scan) -> float:
     It leaves out the harmonics, which change it by their share, and drift.
 
     Args:
-        config: Mirror and jitter.
-        scan: Its jitter, and whether there is a mirror at all.
+        config: Configuration, whose mirror and jitter are used.
+        scan: The scan's jitter, and whether there is a mirror.
     """
     if scan.sweep == "even":
         return 0.0
@@ -318,14 +322,14 @@ def write_edges(
 
     Args:
         file: A binary file.
-        begin_s: From when on, not negative.
-        end_s: Until when.
-        config: Mirror and photodiode.
-        scan: A mirror's sweep.
-        seed: As for ``timeline``.
+        begin_s: Start of the recording, not negative.
+        end_s: End of the recording.
+        config: The configuration, whose mirror and photodiode are used.
+        scan: A scan with the sweep ``mirror``.
+        seed: Seed of the jitter, as in ``timeline``.
 
     Returns:
-        How many pairs of crossings there are.
+        Number of pairs of crossings.
 
     Raises:
         InputError: if the sweep has no index or the mirror does not reach it.
@@ -343,7 +347,7 @@ def write_edges(
         raise InputError("mems.diode_deg: the photodiode reaches to angle 0")
     least = motion.amplitude_rad * min(1.0 + motion.drift * begin_s, 1.0 + motion.drift * end_s)
     highest = least * float(np.abs(series(np.arange(4096) / 4096, motion.harmonics)[0]).max())
-    leaves = abs(motion.mark_rad + width) < 0.9999 * highest  # else it turns on the diode
+    leaves = abs(motion.mark_rad + width) < 0.9999 * highest  # otherwise it turns on the diode
     file.write(f"{','.join(COLUMNS)}\n".encode("ascii"))
     first, last = math.floor(begin_s * frequency) - 2, math.ceil(end_s * frequency) + 2
     pairs = 0
