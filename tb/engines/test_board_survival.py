@@ -1,9 +1,12 @@
-"""What the instrument survives, on the virtual board: after each, its self-test passes.
+"""What the instrument survives, on the virtual board: after it, its self-test passes.
 
 ``pytest -s`` shows the figures; times are of the board's clock. Each kind of trouble comes once in
-``make test``; ``make soak`` brings it in volume.
+``make test``; ``make soak`` brings it in volume. The short tests that can leave a board as they
+found it share one, look after each whether it works, and end with a whole self-test of it.
 """
 
+import contextlib
+import functools
 import os
 import select
 import struct
@@ -54,6 +57,8 @@ CHAIN = (
     "untagged_count",
 )
 TABLES = list(values.FIELDS)
+SHARED = "shared"
+SHARED_OR_NEW = pytest.mark.parametrize("tried", [SHARED, in_volume("slow_board")], indirect=True)
 
 pytestmark = pytest.mark.timeout(1800)
 
@@ -70,6 +75,28 @@ def slow_board(tmp_path: Path) -> Iterator[Board]:
     """A board of 25 MHz whose mirror swings when its drive begins."""
     with Board(SCENE, SLOW, port=tmp_path / "port", swinging=True) as running:
         yield running
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[], Board]]:
+    """What starts the board of the short tests when it is first asked for."""
+    port = tmp_path_factory.mktemp("survival") / "port"
+    with contextlib.ExitStack() as running:
+        start = Board(SCENE, SLOW, port=port, swinging=True)
+        yield functools.cache(lambda: running.enter_context(start))
+
+
+@pytest.fixture
+def tried(request: pytest.FixtureRequest, shared: Callable[[], Board]) -> Board:
+    """The board that is shared, or a new one of a name."""
+    found: Board = shared() if request.param == SHARED else request.getfixturevalue(request.param)
+    return found
+
+
+@pytest.fixture
+def aftermath(request: pytest.FixtureRequest) -> Callable[[Device], None]:
+    """What is done after a test: a shared board still has its self-test before it."""
+    return works if request.node.callspec.params["tried"] == SHARED else passes
 
 
 class Wire(Host):
@@ -158,6 +185,21 @@ def passes(device: Device) -> None:
     assert sum(check.compared for check in checks) > 5000
 
 
+def works(device: Device) -> None:
+    """See that a board answers, and does a run of lines as the model, with no fault counted."""
+    test = selftest.SelfTest(device)
+    noise = selftest.runs(device.build.line_length)["much noise"]
+    with selftest.arranged(device):
+        faults = device.read_many(selftest.FAULTS)
+        checks = [
+            test.pings(),
+            test.run("much noise", noise, True, selftest.ANGLES[2], 1000),
+            test.no_faults(faults),
+        ]
+    assert [str(check) for check in checks if check.difference] == []
+    assert sum(check.lines for check in checks) == selftest.LINES
+
+
 def endless(device: Device, period_clks: int = 0) -> None:
     """Set the registers of test lines without end."""
     plain = selftest.runs(device.build.line_length)["moving peak"]
@@ -188,9 +230,11 @@ def show(baud: int, points: float, line_rate: float) -> None:
     )
 
 
-@pytest.mark.parametrize(("name", "count"), [("slow_board", 30_000), in_volume("board", 1_000_000)])
-def test_random_bytes(name: str, count: int, request: pytest.FixtureRequest) -> None:
-    board: Board = request.getfixturevalue(name)
+@pytest.mark.parametrize(
+    ("tried", "count"), [(SHARED, 30_000), in_volume("board", 1_000_000)], indirect=["tried"]
+)
+def test_random_bytes(tried: Board, count: int, aftermath: Callable[[Device], None]) -> None:
+    board = tried
     chance = generator(1)
     data = chance.integers(0, 256, count, dtype=np.uint8)
     # Frames of some 22 bytes, and behind them some of 256.
@@ -228,7 +272,8 @@ def test_random_bytes(name: str, count: int, request: pytest.FixtureRequest) -> 
         assert moved == bad
         assert board.status().dropped > 0 or len(refused) + lost == sum(bad.values())
         assert device.read("laser_enable") == 0 and device.read("laser_status") & 0b100 == 0
-        passes(device)
+        aftermath(device)
+        device.set_baud(BAUD)
 
 
 @pytest.mark.soak
@@ -478,13 +523,17 @@ def test_points_by_rate(board: Board) -> None:
             assert rate > 0.85 * min(lines, baud * BATCH / (10 * PACKET_BYTES))
 
 
-@pytest.mark.parametrize("every", [17, in_volume(1)])
-def test_frames_cut_everywhere(slow_board: Board, every: int) -> None:
+@pytest.mark.parametrize(
+    ("tried", "every"), [(SHARED, 17), in_volume("slow_board", 1)], indirect=["tried"]
+)
+def test_frames_cut_everywhere(
+    tried: Board, every: int, aftermath: Callable[[Device], None]
+) -> None:
     table = values.FIELDS["focus_table_position"][0].address
     old = [7 * k + 1 for k in range(link_pkg.MAX_WORDS)]
     new = [0xFFFF - word for word in old]
     most = bytes(range(1, link_pkg.MAX_PAYLOAD - 2))
-    with Wire(slow_board.port) as wire:
+    with Wire(tried.port) as wire:
         wire.command(Command.WRITE, protocol.write(table, old), before=b"\0")
         assert wire.words(table, link_pkg.MAX_WORDS) == old
         for operation, data in (
@@ -509,15 +558,16 @@ def test_frames_cut_everywhere(slow_board: Board, every: int) -> None:
         wire.command(Command.WRITE, protocol.write(table, new))
         assert wire.words(table, link_pkg.MAX_WORDS) == new
         assert wire.frames.bad.total() == 0
-    with connected(slow_board) as device:
-        passes(device)
+    with connected(tried) as device:
+        aftermath(device)
 
 
-def test_a_host_that_dies_in_mid_command(slow_board: Board) -> None:
-    with connected(slow_board) as device:
+@SHARED_OR_NEW
+def test_a_host_that_dies_in_mid_command(tried: Board, aftermath: Callable[[Device], None]) -> None:
+    with connected(tried) as device:
         endless(device)
         device.write("scratch", 5)
-    with Wire(slow_board.port) as wire:
+    with Wire(tried.port) as wire:
         wire.command(Command.STREAM_START, protocol.stream_start(True, 1), before=b"\0")
         wire.command(Command.WRITE, protocol.write(REGISTERS["test_start"].address, [1]))
         while wire.payload()[0] != link_pkg.STREAM_POINTS_FULL:
@@ -526,14 +576,14 @@ def test_a_host_that_dies_in_mid_command(slow_board: Board) -> None:
             Command.WRITE, protocol.write(REGISTERS["scratch"].address, [0x1234_5678])
         )
         wire.send(frame[:-3])
-    with connected(slow_board) as device:
+    with connected(tried) as device:
         assert device.read("scratch") == 5 and device.read("frames_good") > 0
         unasked = device.traffic.unasked
         for _ in range(20):
             device.ping()
         assert device.traffic.unasked == unasked
         assert device.read("test_running") == 1  # a host may come back to what it began
-        passes(device)
+        aftermath(device)
 
 
 @pytest.mark.soak
@@ -561,8 +611,9 @@ def test_unplugged_while_everything_streams(slow_board: Board) -> None:
         passes(device)
 
 
-def test_a_break_in_mid_stream(slow_board: Board) -> None:
-    with connected(slow_board) as device:
+@SHARED_OR_NEW
+def test_a_break_in_mid_stream(tried: Board, aftermath: Callable[[Device], None]) -> None:
+    with connected(tried) as device:
         usual, breaks = device.read("uart_step_now"), device.read("uart_breaks")
         with selftest.arranged(device):
             endless(device)
@@ -583,4 +634,9 @@ def test_a_break_in_mid_stream(slow_board: Board) -> None:
                 assert device.read("test_running") == 1 and points.account.records == come
             assert device.read("uart_step_now") == usual
             assert device.read("uart_breaks") == breaks + 1
+        aftermath(device)
+
+
+def test_after_all_that_the_shared_board_passes(shared: Callable[[], Board]) -> None:
+    with connected(shared()) as device:
         passes(device)

@@ -98,8 +98,9 @@ def arrange(
     wanted: list[tuple[str, values.Value]] = [
         (f"test_{field.name}", getattr(settings, field.name)) for field in fields(Settings)
     ]
-    # A batch that is not full goes out after a hundredth of a second of the board's.
-    timeout = min(device.build.clock_hz // 100, (1 << 24) - 1)
+    # A batch that is not full goes out after a three-hundredth of a second of the board's. Most
+    # runs are over by then, and each waits for it.
+    timeout = min(device.build.clock_hz // 300, (1 << 24) - 1)
     wanted += [("test_angle", angle), ("test_power", power)]
     device.write_many([*wanted, ("points_batch", 255), ("points_timeout_clks", timeout)])
 
