@@ -1,4 +1,4 @@
-"""What has to be found out of each instrument before it can measure; VR-SCAN V.
+"""Calibration: what has to be measured on each instrument before it can be used; VR-SCAN V.
 
 It uses ``data``, ``ideal`` and the simulated mirror of ``scene``.
 """

@@ -20,19 +20,19 @@ from vrscan.data.errors import InputError
 from vrscan.ideal.motion import crossings, motion
 from vrscan.scene.mems_mirror import Mirror, integrate, steady_state
 
-NOMINAL_LEVEL = 0.7  # of full scale, where the simulated mirror's torque is what it is called
-LEAST_SAMPLES = 3 * 2  # a harmonic: three for each number that is sought
+NOMINAL_LEVEL = 0.7  # share of full scale at which the simulated mirror has its nominal torque
+LEAST_SAMPLES = 3 * 2  # per harmonic: three for each number that is fitted
 
 
 @dataclass(frozen=True)
 class Motion:
-    """The numbers of VR-SCAN (12) that fit a recording best."""
+    """The parameters of VR-SCAN (12) that fit a recording best."""
 
-    frequency_hz: float  # f0
-    amplitude_rad: float  # A
-    phase_rad: float  # phi_0, 0 to 2 pi
+    frequency_hz: float  # frequency f0
+    amplitude_rad: float  # amplitude A
+    phase_rad: float  # phase phi_0, 0 to 2 pi
     harmonics: Floats  # [count, 2]: a_k and phi_k, rad, -pi to pi; the first is 1 and 0
-    residual_rad: float  # rms of what is left
+    residual_rad: float  # rms of the residual
 
 
 def _design(time_s: Floats, frequency_hz: float, k: Floats) -> Floats:
@@ -49,18 +49,19 @@ def fit_motion(
     count: int = len(HARMONICS),
     refine: bool = False,
 ) -> Motion:
-    """Return the motion (12) nearest to a recording, by linear least squares.
+    """Return the motion (12) nearest to a recording, found by linear least squares.
 
     Args:
-        time_s: [n], any order and spacing.
-        angle_rad: [n].
-        frequency_hz: f0.
-        count: Harmonics, 1 to 9.
-        refine: Improve f0 too, by Gauss and Newton. It has to be right to a quarter of a turn over
-            the recording.
+        time_s: Times [n], in any order and spacing.
+        angle_rad: Angles at these times [n].
+        frequency_hz: Frequency f0.
+        count: Number of harmonics, 1 to 9.
+        refine: Whether to improve f0 too, by Gauss and Newton. It has to be right to a quarter of a
+            turn over the recording.
 
     Returns:
-        The motion. An unmeasured constant, and even harmonics, are in the residual.
+        The motion. Its residual contains a constant offset, which is not fitted, and even
+        harmonics.
 
     Raises:
         InputError: if there are fewer than 6 samples a harmonic, shapes disagree, a number is not
@@ -77,7 +78,7 @@ def fit_motion(
         raise InputError(f"fit_motion: frequency {frequency_hz} is not positive")
 
     k = np.asarray(HARMONICS[:count], np.float64)
-    centre = time.mean()  # keeps frequency and phase apart
+    centre = time.mean()  # decouples frequency and phase
     past = time - centre
     for _ in range(20 if refine else 1):
         design = _design(past, frequency_hz, k)
@@ -122,11 +123,11 @@ def simulated_motion(
     """Return the motion of the simulated mirror in its steady state, time 0 at the drive's edge.
 
     Args:
-        mirror: Its parameters, or None for the defaults.
-        frequency_hz: Of the mirror.
+        mirror: Parameters of the mirror, or None for the defaults.
+        frequency_hz: Frequency of the mirror.
         drive: (level / nominal level)^2.
-        guess: As for ``vrscan.scene.mems_mirror.steady_state``.
-        count: Harmonics, 1 to 9.
+        guess: First guess, as in ``vrscan.scene.mems_mirror.steady_state``.
+        count: Number of harmonics, 1 to 9.
     """
     mirror = mirror or Mirror()
     start = steady_state(mirror, frequency_hz, drive, guess)
@@ -141,9 +142,9 @@ def read_motion(path: Path, column: str, from_s: float) -> tuple[Floats, Floats]
     """Return times, s, and angles, rad, [n] each, of a CSV file with a line of column names.
 
     Args:
-        path: The file, one with the column ``time_s``; a mirror.csv is one.
-        column: Which column is the angle; rows where it is empty are left out.
-        from_s: Rows before this time are left out.
+        path: A CSV file with the column ``time_s``, such as mirror.csv.
+        column: Name of the column with the angle; rows where it is empty are left out.
+        from_s: Time before which rows are left out.
 
     Raises:
         InputError: naming file and column or line, if the file is missing, has no such column, or a
@@ -179,15 +180,15 @@ def read_motion(path: Path, column: str, from_s: float) -> tuple[Floats, Floats]
 class OperatingMap:
     """Harmonics of (12) as straight lines over the drive's phase, at one amplitude.
 
-    VR-SCAN V-B asks for a map over operating points: at one amplitude they differ by how far the
-    turning point is behind the drive's edge, which the index measures.
+    VR-SCAN V-B asks for a map over operating points. At one amplitude these differ by how far the
+    turning point lags the drive's edge, which the index measures.
     """
 
-    drive_phase: float  # turns, where ``harmonics`` hold
+    drive_phase: float  # turns, at which ``harmonics`` hold
     harmonics: Floats  # [count, 2]: a_k and phi_k, rad
-    slopes: Floats  # [count, 2]: of both, per turn of drive phase
-    left_rad: float  # rms of the angle that the straight lines leave, worst operating point
-    flat_rad: float  # the same without slopes
+    slopes: Floats  # [count, 2]: changes of both per turn of drive phase
+    left_rad: float  # rms error of the angle that remains at the worst operating point
+    flat_rad: float  # the same error without slopes
 
 
 def operating_map(
@@ -195,15 +196,16 @@ def operating_map(
 ) -> OperatingMap:
     """Return the straight lines through the harmonics of several operating points.
 
-    The index is measured with one table, that of the map's own harmonics, so where they differ the
-    phase and the amplitude that it gives are a little off. The map is of the motion in those: its
-    first harmonic, 1 and 0 at ``drive_phase``, has slopes too.
+    The index is measured with one table, that of the map's own harmonics. Where the harmonics
+    differ from these, the phase and the amplitude that it gives are a little off. The map describes
+    the motion in terms of these measured values: its first harmonic, 1 and 0 at ``drive_phase``,
+    has slopes too.
 
     Args:
         points: Motions at about one amplitude whose ``phase_rad`` counts from the drive's rising
-            edge, two or more, all with as many harmonics.
-        mark_rad: The index mark.
-        reference: The point whose drive phase is the map's; the middle one if None.
+            edge, two or more, all with the same number of harmonics.
+        mark_rad: Angle of the index mark.
+        reference: Index of the point whose drive phase is the map's; the middle one if None.
 
     Raises:
         InputError: if there are fewer than two different drive phases.
@@ -235,13 +237,13 @@ def operating_map(
 
 
 def _as_seen(point: Motion, harmonics: Floats, mark_rad: float, table: Floats) -> Floats:
-    """Return the harmonics of a motion in the phase and amplitude that the index gives of it.
+    """Return the harmonics of a motion in the phase and amplitude that the index measures for it.
 
     Args:
         point: The motion.
-        harmonics: Its harmonics, phases unwrapped.
-        mark_rad: The index mark.
-        table: The harmonics that phase and amplitude are measured with.
+        harmonics: Harmonics of the motion, phases unwrapped.
+        mark_rad: Angle of the index mark.
+        table: Harmonics with which phase and amplitude are measured.
     """
 
     def excess(half: float) -> float:
@@ -257,7 +259,7 @@ def _as_seen(point: Motion, harmonics: Floats, mark_rad: float, table: Floats) -
     return seen
 
 
-LEVELS = (0.62, 0.66, 0.70, 0.74, 0.78)  # of the drive, over the band in which the loop rests
+LEVELS = (0.62, 0.66, 0.70, 0.74, 0.78)  # levels of the drive over the band in which the loop rests
 
 
 def simulated_map(
@@ -285,7 +287,7 @@ def simulated_map(
 
 
 def main() -> None:
-    """Print the shipped harmonics, their slopes, and what they leave of the motion."""
+    """Print the shipped harmonics, their slopes, and the errors of the motion that remain."""
     chosen, points = simulated_map(math.radians(20.5), math.radians(17.0))
     for level, point in zip(LEVELS, points, strict=True):
         print(

@@ -1,4 +1,5 @@
-"""Bit-accurate twins of what has a state, stepped by the clock: mirror, light, link, tags.
+"""Bit-accurate twins of the modules with a state, stepped by the clock: mirror, light, link, tags.
 
-A twin has its module's name. They use ``fixed`` for their arithmetic, ``registers`` and ``data``.
+A twin is the Python model of an RTL module; it has the module's name. The twins use ``fixed`` for
+their arithmetic, ``registers`` and ``data``.
 """

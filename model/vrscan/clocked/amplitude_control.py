@@ -1,7 +1,7 @@
 """Amplitude, confidence and health of the mirror, the twin of ``rtl/mirror/amplitude_control.sv``.
 
-VR-SCAN IV-C and IV-D: the measured amplitude is controlled to a constant value; the error is the
-detector of shocks and gives the confidence in the scan angle.
+VR-SCAN IV-C and IV-D: the measured amplitude is controlled to a constant value. The error detects
+shocks and gives the confidence in the scan angle.
 """
 
 from dataclasses import dataclass, fields
@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 from vrscan.data import pkg
 
 LATENCY = 44  # clocks from valid_i to the outputs
-CONFIDENCE_FRACTION = 20  # of confidence_gain
+CONFIDENCE_FRACTION = 20  # fraction bits of confidence_gain
 MOST_IDLE = 1 << 40
 COUNT_WIDTH = 8
 
@@ -39,24 +39,26 @@ _UNSIGNED = {
 
 @dataclass(frozen=True)
 class Settings:
-    """Configuration.
+    """The configuration.
 
     Attributes:
-        amplitude_set: The amplitude to hold; u26, turns, 28 fraction bits, as all amplitudes are.
-        k_p: Level steps an amplitude step; u18, 16 fraction bits.
-        k_i: The same a measurement; u18, 20 fraction bits.
-        level_min, level_max: Limits of the level; u20, as all levels are.
-        level_low, level_high: Beyond them the frequency begins to step,
-        level_nominal: and here it stops. The level before the loop is closed, too.
-        trim_step: Largest step of the frequency word a measurement; u24.
-        trim_gain: Word steps a step of the level from its nominal; u18, 16 fraction bits.
+        amplitude_set: Amplitude to hold; u26, turns, 28 fraction bits, like all amplitudes.
+        k_p: Proportional gain, level steps per amplitude step; u18, 16 fraction bits.
+        k_i: Integral gain, level steps per amplitude step and measurement; u18, 20 fraction bits.
+        level_min, level_max: Limits of the level; u20, like all levels.
+        level_low, level_high: Levels below and above which the frequency begins to step.
+        level_nominal: Level at which the frequency stops stepping; also the level before the loop
+            is closed.
+        trim_step: Largest step of the frequency word per measurement; u24.
+        trim_gain: Word steps per step of the level from its nominal; u18, 16 fraction bits.
         trim_min, trim_max: Limits of the trim; s32.
-        trim_up: A higher word gives more amplitude.
-        settle_limit, shock_limit: Amplitude errors that are good and too much.
-        phase_limit: Phase error that is good; u28, turns, 28 fraction bits.
-        settle_count, hold_count: Good measurements on end that settle the loop, and that end an
-            index fault; u8, 0 counts as 1.
-        confidence_gain: Confidence lost by an amplitude step; u24, 20 fraction bits.
+        trim_up: Whether a higher word gives more amplitude.
+        settle_limit, shock_limit: Largest amplitude error that is good, and largest one that is no
+            shock.
+        phase_limit: Largest phase error that is good; u28, turns, 28 fraction bits.
+        settle_count, hold_count: Numbers of good measurements in a row that settle the loop, and
+            that end an index fault; u8, 0 counts as 1.
+        confidence_gain: Confidence lost per amplitude step; u24, 20 fraction bits.
 
     Raises:
         ValueError: if a value does not fit.
@@ -96,23 +98,23 @@ class Settings:
 
 
 def _within(value: int, low: int, high: int) -> int:
-    """Return a value within its limits; the upper one is looked at first."""
+    """Return a value within its limits; the upper one is applied first."""
     return high if value >= high else max(value, low)
 
 
 class AmplitudeControl:
-    """Clock-accurate controller. A new one is as after a reset.
+    """Clock-accurate controller. A new one is in the state after a reset.
 
     Args:
         settings: The configuration ports.
 
     Attributes:
-        level: Of the drive; u20.
-        trim: Of the frequency word; s32.
-        settled: Enough measurements on end were good.
-        unsettled: A shock, a jump of phase or the start is not over yet.
-        index_fault: An index fault is not over yet.
-        confidence: In the scan angle; u8, 255 is all.
+        level: Level of the drive; u20.
+        trim: Trim of the frequency word; s32.
+        settled: Whether enough measurements in a row were good.
+        unsettled: Whether a shock, a jump of phase or the start is not over yet.
+        index_fault: Whether an index fault is not over yet.
+        confidence: Confidence in the scan angle; u8, 255 is full confidence.
         error_amplitude: The set amplitude less the last measured one; s27, turns, 28 fraction bits.
     """
 
@@ -125,18 +127,18 @@ class AmplitudeControl:
         self.index_fault = False
         self.confidence = 0
         self.error_amplitude = 0
-        self._age = 0  # clocks since valid, 0 is idle
+        self._age = 0  # clocks since valid, 0 when idle
         self._e = 0
         self._phase_error = 0
-        self._integrator = 0  # pkg.INTEGRAL_FRACTION bits of a level step
-        self._more = False  # the frequency steps towards more amplitude
+        self._integrator = 0  # in level steps, pkg.INTEGRAL_FRACTION fraction bits
+        self._more = False  # whether the frequency steps towards more amplitude
         self._less = False
         self._good_count = 0
 
     def step(
         self, *, state: int, valid: bool, measured: int, error: int, acquired: bool, broken: bool
     ) -> None:
-        """Go on by a clock."""
+        """Advance by one clock."""
         if valid:
             self._age = 1
             self._e = self.settings.amplitude_set - measured
@@ -164,7 +166,7 @@ class AmplitudeControl:
             self._more = self._less = False
 
     def _measure(self) -> None:
-        """Let all outputs follow a measurement."""
+        """Update all outputs with a measurement."""
         e = self._e
         settings = self.settings
         self.error_amplitude = e
@@ -227,7 +229,7 @@ class AmplitudeControl:
             return 0
         if state in (pkg.MIRROR_SETTLE, pkg.MIRROR_RUN):
             return _COMMIT - self._age if self._age else MOST_IDLE
-        # All that such a state sets, the integrator among it, goes with the level.
+        # All that such a state sets, including the integrator, follows the level.
         nominal = self.settings.level_nominal
         there = (
             self.level == nominal
@@ -249,7 +251,7 @@ class AmplitudeControl:
         acquired: bool,
         broken: bool,
     ) -> None:
-        """Take ``clocks`` steps at once, at most as many as ``idle`` says with these inputs."""
+        """Take ``clocks`` steps at once, at most as many as ``idle`` returns for these inputs."""
         del state, valid, measured, error, acquired, broken
         if self._age:
             self._age += clocks

@@ -1,7 +1,7 @@
-"""Commands are executed and answered, the twin of ``rtl/link/command_server.sv``.
+"""Execution of commands and their replies, the twin of ``rtl/link/command_server.sv``.
 
-``execute`` says what a command does, without clocks: which accesses it makes, one after another,
-and what it answers. ``CommandServer`` is the module, clock by clock.
+``execute`` defines a command without clocks: the accesses that it makes, one after another, and its
+reply. ``CommandServer`` is the module, clock by clock.
 """
 
 from collections import deque
@@ -13,27 +13,27 @@ from vrscan.clocked.frame_decoder import Status as FrameStatus
 from vrscan.data import link_pkg
 
 PLACES = 7  # payloads that wait or are executed
-BAD_FRAME_PLACES = 4  # a bad frame is told while fewer are taken
+BAD_FRAME_PLACES = 4  # a bad frame is answered while fewer are taken
 COUNT_MAX = 0xFFFF
 
 # Clocks; the parts of ``latency``.
-_VERDICT = 11  # from a command's begin
+_VERDICT = 11  # clocks from a command's begin
 _ACT = 1
-_ACCESS = 2  # with a bus of no latency
-_WORD = 6  # of a WRITE, out of the command
-_STORE = 4  # a word, into the reply
+_ACCESS = 2  # clocks of an access without the bus's latency
+_WORD = 6  # clocks to take a word of a WRITE out of the command
+_STORE = 4  # clocks to store a word in the reply
 _COMPOSE = 1
 
-Effect = tuple[str, dict[str, int]]  # an output that is high for a clock, and those beside it
+Effect = tuple[str, dict[str, int]]  # a strobe, and the outputs that go with it
 
 
 class Access(NamedTuple):
     """An access to a register.
 
     Attributes:
-        access: ``link_pkg.ACCESS_READ``, ``ACCESS_CHECK`` or ``ACCESS_WRITE``.
-        address: Of the word.
-        data: To be written; of a READ it means nothing.
+        access: Kind of access: ``link_pkg.ACCESS_READ``, ``ACCESS_CHECK`` or ``ACCESS_WRITE``.
+        address: Address of the word.
+        data: Word to be written; a READ does not use it.
     """
 
     access: int
@@ -42,10 +42,10 @@ class Access(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What a register says to an access.
+    """The answer of a register to an access.
 
     Attributes:
-        status: ``link_pkg.STATUS_*``.
+        status: One of ``link_pkg.STATUS_*``.
         data: The word as it is read.
     """
 
@@ -55,12 +55,13 @@ class Answer(NamedTuple):
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a command came to.
+    """The outcome of a command.
 
     Attributes:
-        status: ``link_pkg.STATUS_*``.
-        reply: The payload that goes back.
-        effect: The strobe that it gives, with the values beside it; None without one.
+        status: One of ``link_pkg.STATUS_*``.
+        reply: Payload of the reply.
+        effect: The strobe that the command gives, with the values that go with it; None without
+            one.
     """
 
     status: int
@@ -72,11 +73,11 @@ Execution = Generator[Access, Answer, Outcome]
 
 
 def judge(payload: bytes, capture_busy: bool = False) -> int:
-    """Return the status of a command before any register is asked.
+    """Return the status of a command before any register is accessed.
 
     Args:
-        payload: Of a good frame, not empty.
-        capture_busy: A capture runs.
+        payload: Payload of a good frame, not empty.
+        capture_busy: Whether a capture is running.
     """
     op, length = payload[0], len(payload)
     words, rest = divmod(length - 4, 4)
@@ -104,17 +105,17 @@ def judge(payload: bytes, capture_busy: bool = False) -> int:
 
 
 def bad_frame(status: FrameStatus) -> bytes:
-    """Return the reply to a frame that is not good."""
+    """Return the reply to a bad frame."""
     none = link_pkg.REPLY_BIT | link_pkg.COMMAND_NONE
     return bytes([none, 0, link_pkg.STATUS_BAD_FRAME, status])
 
 
 def execute(payload: bytes, capture_busy: bool = False) -> Execution:
-    """Execute a command: yields its accesses, takes their answers, returns what it came to.
+    """Execute a command: yield its accesses, take their answers, and return its outcome.
 
     Args:
-        payload: Of a good frame, not empty.
-        capture_busy: A capture runs.
+        payload: Payload of a good frame, not empty.
+        capture_busy: Whether a capture is running.
     """
     op, sequence = payload[0], payload[1] if len(payload) > 1 else 0
     status = judge(payload, capture_busy)
@@ -158,8 +159,8 @@ def answer(payload: bytes, registers: Callable[[Access], Answer]) -> Outcome:
     """Execute a command on registers, without clocks.
 
     Args:
-        payload: Of a good frame, not empty.
-        registers: Takes an access and answers it.
+        payload: Payload of a good frame, not empty.
+        registers: Function that takes an access and answers it.
     """
     run = execute(payload)
     try:
@@ -175,9 +176,9 @@ def latency(payload: bytes, outcome: Outcome, accesses: int = 0, bus_latency: in
     """Return the clocks from ``done_i`` of a command's frame, with none before it, to ``valid_o``.
 
     Args:
-        payload: The command; anything for a bad frame.
-        outcome: What it comes to.
-        accesses: How many it makes.
+        payload: The command; any payload for a bad frame.
+        outcome: The outcome of the command.
+        accesses: Number of accesses that it makes.
         bus_latency: Clocks from ``bus_valid_o`` to ``bus_done_i``.
     """
     clocks = 3 + _VERDICT + _ACT + _COMPOSE + _header_bytes(outcome)
@@ -192,12 +193,12 @@ def latency(payload: bytes, outcome: Outcome, accesses: int = 0, bus_latency: in
 
 
 def _copy(payload: bytes) -> int:
-    """Return how long a PING's data takes into the reply."""
+    """Return the clocks for copying a PING's data into the reply."""
     return len(payload) if len(payload) > 2 else 1
 
 
 def _header_bytes(outcome: Outcome) -> int:
-    """Return how many bytes of a reply are not data."""
+    """Return the number of bytes of a reply that are not data."""
     length = len(outcome.reply)
     done = outcome.status == link_pkg.STATUS_OK
     if not done or length < 4:
@@ -207,7 +208,7 @@ def _header_bytes(outcome: Outcome) -> int:
 
 @dataclass
 class Counters:
-    """What the counters say: frames by their status, and commands."""
+    """The counters: frames by their status, and commands."""
 
     frames_good: int = 0
     frames_crc: int = 0
@@ -219,7 +220,7 @@ class Counters:
     commands_lost: int = 0
 
     def count(self, name: str) -> None:
-        """Count one more, up to the largest value."""
+        """Add one to a counter, which stops at its largest value."""
         setattr(self, name, min(getattr(self, name) + 1, COUNT_MAX))
 
 
@@ -235,7 +236,7 @@ FRAME_COUNTERS = {
 
 @dataclass
 class _Inputs:
-    """What the units saw in this clock."""
+    """Inputs of the units in this clock."""
 
     halt: bool = False
     ready: bool = False
@@ -245,17 +246,17 @@ class _Inputs:
 
 
 class CommandServer:
-    """Clock-accurate server. A new one is as after a reset.
+    """Clock-accurate server. A new one is in the state after a reset.
 
     Attributes:
-        valid, data, last: A byte of a reply; ``data`` and ``last`` with ``valid``.
+        valid, data, last: A byte of a reply; ``data`` and ``last`` are defined with ``valid``.
         bus: The access that begins in this clock.
         strobes: Those of ``stream_start``, ``stream_stop`` and ``capture_start`` that are high.
-        beside: Values of the last start: ``stream_format``, ``stream_step``, ``capture_mode`` and
-            ``capture_argument``, as far as there was one.
-        alive: A command of a known kind and the right length is executed.
-        busy: A command waits, is executed or has its reply not yet taken.
-        counters: What was counted.
+        beside: Values that came with the last starts: ``stream_format``, ``stream_step``,
+            ``capture_mode`` and ``capture_argument``, as far as there were such starts.
+        alive: Whether a command of a known kind and the right length is executed in this clock.
+        busy: Whether a command waits, is executed, or has a reply that is not yet taken.
+        counters: The counters of frames and commands.
     """
 
     def __init__(self) -> None:
@@ -270,10 +271,10 @@ class CommandServer:
         self.counters = Counters()
 
         self._received = bytearray()
-        self._waiting: deque[tuple[int, FrameStatus, bytes]] = deque()  # with the place
+        self._waiting: deque[tuple[int, FrameStatus, bytes]] = deque()  # payloads with their places
         self._tail = 0
-        self._oldest: int | None = None  # the place that is executed
-        self._active = False  # one is executed, or its reply goes out
+        self._oldest: int | None = None  # place of the command in execution
+        self._active = False  # a command is executed, or its reply is sent
         self._in = _Inputs()
         self._life = self._run()
 
@@ -291,7 +292,7 @@ class CommandServer:
         bus_data: int,
         capture_busy: bool,
     ) -> None:
-        """Go on by a clock."""
+        """Advance by one clock."""
         self._in = _Inputs(halt, ready, bus_done, Answer(bus_status, bus_data), capture_busy)
         self.bus = None
         self.strobes = set()
@@ -313,7 +314,7 @@ class CommandServer:
             self._received.append(data)
 
     def _end(self, status: FrameStatus, taken: int) -> None:
-        """Take the payload whose frame has ended, if there is a place."""
+        """Take the payload whose frame has ended if there is a place for it."""
         payload = bytes(self._received)
         self._received.clear()
         self.counters.count(FRAME_COUNTERS[status])
@@ -325,7 +326,7 @@ class CommandServer:
             self.counters.count("commands_lost")
 
     def _run(self) -> Generator[None]:
-        """Do one command after another; a ``yield`` ends a clock."""
+        """Execute one command after another; a ``yield`` ends a clock."""
         while True:
             if not self._waiting or self._in.halt:
                 yield
@@ -346,7 +347,7 @@ class CommandServer:
             yield
 
     def _execute(self, payload: bytes) -> Generator[None, None, Outcome]:
-        """Do a command from its verdict to its last access."""
+        """Execute a command from its verdict to its last access."""
         status = judge(payload, self._in.capture_busy)
         run = execute(payload, self._in.capture_busy)
         yield from _clocks(_ACT)
@@ -377,11 +378,11 @@ class CommandServer:
         if status == link_pkg.STATUS_OK and payload[0] == link_pkg.COMMAND_PING:
             yield from _clocks(_copy(payload))
         elif outcome.status == link_pkg.STATUS_OK and len(outcome.reply) > 3:
-            yield from _clocks(_STORE)  # of the last word
+            yield from _clocks(_STORE)  # stores the last word
         return outcome
 
     def _send(self, reply: bytes) -> Generator[None]:
-        """Give a reply; ends in the clock in which the last byte is taken."""
+        """Send a reply; end in the clock in which the last byte is taken."""
         for k, byte in enumerate(reply):
             self.valid, self.data, self.last = True, byte, k == len(reply) - 1
             yield
@@ -391,6 +392,6 @@ class CommandServer:
 
 
 def _clocks(count: int) -> Generator[None]:
-    """Let so many clocks pass."""
+    """Wait for this number of clocks."""
     for _ in range(count):
         yield

@@ -1,4 +1,4 @@
-"""The lens follows the scene's distance, the twin of ``rtl/actuators/focus_control.sv``.
+"""Control of the lens by the scene's distance, the twin of ``rtl/actuators/focus_control.sv``.
 
 VR-SCAN IV-E: a piezo motor and a magnetic position sensor, here on one I2C bus.
 """
@@ -11,14 +11,14 @@ from vrscan.data import pkg
 from vrscan.registers.focus_registers import FRACTION_WIDTH, TABLE_SIZE, Mode
 
 DISTANCE_LATENCY = 8  # clocks from valid to the distance
-TARGET_LATENCY = 26  # and to the target; sooner points are ignored
-REPLY_LATENCY = 5  # clocks from the master's reply to what follows from it
-PAUSE_EXTRA = 6  # clocks from a reply to the next command, beside focus_poll_clks
+TARGET_LATENCY = 26  # clocks from valid to the target; points that come sooner are ignored
+REPLY_LATENCY = 5  # clocks from the master's reply to its effect
+PAUSE_EXTRA = 6  # clocks from a reply to the next command besides focus_poll_clks
 
 FINE_WIDTH = 16  # bits of the average below those of z
 POSITION_WIDTH = 16
-NOT_REACHED = 6  # of fault, beside the statuses of the bus
-TARGET_REGISTER = 0  # of the device
+NOT_REACHED = 6  # value of fault, besides the statuses of the bus
+TARGET_REGISTER = 0  # register of the device
 POSITION_REGISTER = 2
 
 BAD_FLAGS = sum(
@@ -32,7 +32,7 @@ BAD_FLAGS = sum(
     )
 )
 
-_AVERAGE = 6  # ages of a point
+_AVERAGE = 6  # age of a point in clocks
 _DISTANCE = DISTANCE_LATENCY - 1
 _COMPARE = 22
 _DECIDE = TARGET_LATENCY - 1
@@ -47,7 +47,7 @@ _RESULTS = {
 
 
 class State(IntEnum):
-    """What the motor's loop does."""
+    """State of the motor's loop."""
 
     OFF = 0
     WAIT = 1
@@ -58,23 +58,24 @@ class State(IntEnum):
 
 @dataclass
 class Settings:
-    """Configuration; positions in steps of the sensor.
+    """The configuration; positions are in steps of the sensor.
 
     Attributes:
-        mode: u2, ``Mode``; 3 is as OFF.
+        mode: Source of the target, ``Mode``; u2, 3 acts as OFF.
         manual: Target in MANUAL; u16.
-        average_shift: Log2 of the good points that are averaged; u4.
-        lapse: More points on end that are not good end the average; u16.
+        average_shift: Log2 of the number of good points that are averaged; u4.
+        lapse: A longer row of points that are not good ends the average; u16.
         z_begin: Distance of the table's first entry; s24, 12 fraction bits, mm.
         z_shift: The entries are 2**(z_shift + 10) steps of a distance apart; u4.
-        hysteresis: A new target is farther than this from the old one; u16.
-        hold: For so many good points on end; u16, 0 counts as 1.
-        address: Of the motor; u7.
-        quarter_clks, stretch_clks: Of the bus; u16 and u24, clocks.
-        poll_clks: Between a reply and the next command; u24, clocks.
-        tolerance: Nearer than this, or as near, is in position; u16.
-        timeout_clks: To reach a target; u32, clocks.
-        retries: Of a command and of a target; u8.
+        hysteresis: A new target differs by more than this from the old one; u16.
+        hold: Number of good points in a row for which it has to differ; u16, 0 counts as 1.
+        address: I2C address of the motor; u7.
+        quarter_clks, stretch_clks: Quarter of a bit and longest stretch of the bus; u16 and u24,
+            clocks.
+        poll_clks: Pause between a reply and the next command; u24, clocks.
+        tolerance: Largest distance from the target that is in position; u16.
+        timeout_clks: Longest time to reach a target; u32, clocks.
+        retries: Number of retries of a command and of a target; u8.
 
     Raises:
         ValueError: if a value does not fit.
@@ -125,7 +126,7 @@ WIDTHS = {
 
 
 def is_good(*, measured: bool, flags: int) -> bool:
-    """Return whether a point that is not of a test line counts for the distance."""
+    """Return whether a point counts for the distance, if it does not belong to a test line."""
     return measured and not flags & BAD_FLAGS
 
 
@@ -133,8 +134,8 @@ def position(distance: int, z_begin: int, z_shift: int, table: list[int]) -> int
     """Return the lens's position for a distance.
 
     Args:
-        distance: s24, 12 fraction bits, mm, as ``z_begin``.
-        z_begin: Distance of the first entry.
+        distance: Distance, s24, 12 fraction bits, mm, like ``z_begin``.
+        z_begin: Distance of the table's first entry.
         z_shift: The entries are 2**(z_shift + FRACTION_WIDTH) steps of a distance apart.
         table: ``TABLE_SIZE`` positions.
 
@@ -150,22 +151,23 @@ def position(distance: int, z_begin: int, z_shift: int, table: list[int]) -> int
 
 
 class FocusControl:
-    """Clock-accurate control with its bus master. A new one is as after a reset.
+    """Clock-accurate control with its bus master. A new one is in the state after a reset.
 
     Args:
-        settings: The configuration ports; may be changed between two steps.
-        count_width: ``CountWidth``.
+        settings: The configuration ports; they may be changed between two steps.
+        count_width: Bits of the counters, ``CountWidth``.
 
     Attributes:
         table: ``TABLE_SIZE`` positions.
-        state: What the motor's loop does.
-        fault: Why it came to FAULT: a status of the bus, or ``NOT_REACHED``.
-        distance: s24, 12 fraction bits, mm.
-        target, position: u16.
-        in_position: The last position read is near the target of now.
-        nack_count, stretch_count, stuck_count, arbitration_count: Commands that failed so.
-        timeout_count: Targets not reached in time.
-        master: The bus; ``scl_low``, ``sda_low`` and ``recovery_count`` are its.
+        state: State of the motor's loop.
+        fault: Reason of the state FAULT: a status of the bus, or ``NOT_REACHED``.
+        distance: Averaged distance; s24, 12 fraction bits, mm.
+        target, position: Target and last position of the lens; u16.
+        in_position: Whether the last position is near the present target.
+        nack_count, stretch_count, stuck_count, arbitration_count: Numbers of commands that failed
+            in this way.
+        timeout_count: Number of targets that were not reached in time.
+        master: Master of the bus, which has ``scl_low``, ``sda_low`` and ``recovery_count``.
     """
 
     def __init__(self, settings: Settings, count_width: int = 16) -> None:
@@ -185,24 +187,24 @@ class FocusControl:
         self.master = I2cMaster(count_width)
         self._count_max = (1 << count_width) - 1
 
-        self._age = 0  # clocks since a good point, 0 is idle
-        self._others = 0  # points on end that were not good
+        self._age = 0  # clocks since a good point, 0 when idle
+        self._others = 0  # points in a row that were not good
         self._z = 0
-        self._points = 0  # good ones since a first one, up to those of a whole average
-        self._level = 0  # log2 of these
+        self._points = 0  # good points of the average so far, up to the whole average
+        self._level = 0  # log2 of this number
         self._enough = False
-        self._average = 0  # FINE_WIDTH bits more than z
-        self._off = 0  # of the candidate from the target
+        self._average = 0  # with FINE_WIDTH more bits than z
+        self._off = 0  # distance of the candidate from the target
         self._candidate = 0
         self._far_count = 0
 
         self._manual = False
-        self._taken = False  # the target is of the table
+        self._taken = False  # whether the target comes from the table
         self._changed = False
         self._written = 0
-        self._read = False  # the command is a read
+        self._read = False  # whether the command is a read
         self._start = False
-        self._since_reply = 0  # clocks, 0 is none
+        self._since_reply = 0  # clocks since a reply, 0 for none
         self._status = Status.OK
         self._busy = False
         self._abandoned = False
@@ -215,7 +217,7 @@ class FocusControl:
 
     @property
     def recovery_count(self) -> int:
-        """Begun recoveries of the bus."""
+        """Return the number of recoveries of the bus that have begun."""
         return self.master.recovery_count
 
     def step(
@@ -232,7 +234,7 @@ class FocusControl:
         table_index: int = 0,
         table_position: int = 0,
     ) -> None:
-        """Go on by a clock, in which these are the inputs and the levels of the pins."""
+        """Advance by one clock with these inputs and levels of the pins."""
         known, target = self._manual or self._taken, self.target
         self._step_point(valid and not test, is_good(measured=measured, flags=flags), z)
         if table_write:
@@ -240,7 +242,7 @@ class FocusControl:
         self._step_motor(known, target, scl, sda)
 
     def _step_point(self, valid: bool, good: bool, z: int) -> None:
-        """Do a clock of distance and target."""
+        """Advance distance and target by one clock."""
         settings = self.settings
         age = self._age
         lapsed = False
@@ -284,7 +286,7 @@ class FocusControl:
             self._age = 0
 
     def _take_average(self) -> None:
-        """Let the average follow a good point."""
+        """Update the average with a good point."""
         shift = min(self._level, self.settings.average_shift)
         self._enough = self._level >= self.settings.average_shift
         delta = (self._z << FINE_WIDTH) - self._average
@@ -295,7 +297,7 @@ class FocusControl:
             self._level = (self._points + 1).bit_length() - 1
 
     def _decide(self) -> None:
-        """Take the candidate, or wait."""
+        """Take the candidate as target, or wait."""
         far = self._off > self.settings.hysteresis
         if not self._taken or (far and self._far_count + 1 >= self.settings.hold):
             self.target = self._candidate
@@ -305,7 +307,7 @@ class FocusControl:
             self._far_count = self._far_count + 1 if far else 0
 
     def _step_motor(self, known: bool, target: int, scl: bool, sda: bool) -> None:
-        """Do a clock of the motor, with the target of before."""
+        """Advance the motor by one clock, with the target of the clock before."""
         settings, state = self.settings, self.state
         changed, pause, expired = self._changed, self._pause, self._expired
         busy, abandoned = self._busy, self._abandoned
@@ -342,7 +344,7 @@ class FocusControl:
             self.state = State.OFF
 
     def _step_bus(self, scl: bool, sda: bool) -> None:
-        """Do a clock of the master, and take the reply of the one before."""
+        """Advance the bus master by one clock, and take the reply of the clock before."""
         settings, master = self.settings, self.master
         if master.valid:
             self._since_reply = 1
@@ -369,7 +371,7 @@ class FocusControl:
         self._start = False
 
     def _give_command(self, target: int, changed: bool) -> None:
-        """Begin a write of a target that is to be written, or a read."""
+        """Begin a write of the target if it has to be written, otherwise a read."""
         self._start = self._busy = True
         self._read = not (changed or self._write)
         if not self._read:
@@ -380,7 +382,7 @@ class FocusControl:
             self._misses = 0
 
     def _end_command(self, expired: bool) -> None:
-        """Go on from a reply that was not abandoned."""
+        """Continue from a reply that was not abandoned."""
         settings = self.settings
         if self._status is not Status.OK:
             if self._failures == settings.retries:

@@ -1,16 +1,16 @@
-"""A frame becomes a payload and a verdict, the twin of ``rtl/link/frame_decoder.sv``."""
+"""Decoding of a frame into a payload and a status, the twin of ``rtl/link/frame_decoder.sv``."""
 
 from enum import IntEnum
 from typing import NamedTuple
 
 from vrscan.clocked.frame_encoder import CRC_INIT, crc_next
 
-LATENCY = 2  # clocks from a byte to what it lets go, and from the 0x00 to done_o
+LATENCY = 2  # clocks from a byte to the byte that it releases, and from the 0x00 to done_o
 CRC_BYTES = 2
 
 
 class Status(IntEnum):
-    """How a frame has ended, ``status_o``."""
+    """Outcome of a frame, ``status_o``."""
 
     OK = 0
     CRC = 1
@@ -21,12 +21,12 @@ class Status(IntEnum):
 
 
 class Event(NamedTuple):
-    """What a byte lets go: a byte of the payload, or the frame's status, or neither.
+    """The result of one byte: a byte of the payload, or the frame's status, or neither.
 
     Attributes:
         data: A byte of the payload.
-        first: It is the frame's first.
-        status: The frame has ended, so.
+        first: Whether it is the frame's first byte.
+        status: Status of the frame if it has ended.
     """
 
     data: int | None
@@ -38,18 +38,18 @@ _NOTHING = Event(None, False, None)
 
 
 class FrameDecoder:
-    """Clock-accurate decoder. A new one is as after a reset.
+    """Clock-accurate decoder. A new one is in the state after a reset.
 
     ``take`` alone is the same without the clocks: what one byte after another lets go.
 
     Args:
-        max_payload: Bytes, ``MaxPayload``.
+        max_payload: Largest number of bytes of a payload, ``MaxPayload``.
 
     Attributes:
-        valid: ``data`` is a byte of the payload, which is good if the frame ends with OK.
-        data, first: With ``valid``.
-        done: The frame has ended.
-        status: With ``done``.
+        valid: Whether ``data`` is a byte of the payload, which is good if the frame ends with OK.
+        data, first: The byte, and whether it is the frame's first; defined with ``valid``.
+        done: Whether a frame has ended.
+        status: Status of the frame; defined with ``done``.
 
     Raises:
         ValueError: if ``max_payload`` is out of range.
@@ -69,18 +69,18 @@ class FrameDecoder:
         self._begin()
 
     def _begin(self) -> None:
-        """Be between two frames."""
+        """Set the state between two frames."""
         self._open = False
         self._framing = False
-        self._left = 0  # bytes of the block still to come
-        self._due = False  # the block before the next code ends in a zero
+        self._left = 0  # remaining bytes of the block
+        self._due = False  # whether the block before the next code ends in a zero
         self._count = 0  # bytes decoded
         self._crc = CRC_INIT
         self._newer = 0
         self._older = 0
 
     def step(self, valid: bool, data: int, error: bool) -> None:
-        """Do one clock with these inputs."""
+        """Advance by one clock with these inputs."""
         event = self._waiting
         self._waiting = self.take(data, error) if valid else _NOTHING
         self.valid = event.data is not None
@@ -91,7 +91,7 @@ class FrameDecoder:
             self.status = event.status
 
     def take(self, data: int, error: bool = False) -> Event:
-        """Take a byte, ``error`` where it had no stop bit, and return what it lets go."""
+        """Take a byte, ``error`` where it had no stop bit, and return its result."""
         if data == 0:
             if not self._open:
                 return _NOTHING
@@ -109,8 +109,8 @@ class FrameDecoder:
         return self._decoded(0) if due else _NOTHING
 
     def _decoded(self, data: int) -> Event:
-        """Run a decoded byte through CRC and delay, and return the one that goes out."""
-        index = self._count - CRC_BYTES  # in the payload, of the byte that goes out
+        """Pass a decoded byte through CRC and delay, and return the byte that leaves the delay."""
+        index = self._count - CRC_BYTES  # index in the payload of the byte that leaves the delay
         out = self._older
         self._older, self._newer = self._newer, data
         self._count += 1

@@ -1,4 +1,4 @@
-"""A payload becomes a frame: CRC, COBS and 0x00; the twin of ``rtl/link/frame_encoder.sv``."""
+"""Encoding of a payload as a frame (CRC, COBS, 0x00), the twin of ``rtl/link/frame_encoder.sv``."""
 
 from collections import deque
 
@@ -9,12 +9,12 @@ FRAME_BUBBLE = 4  # clocks without ready_o after last_i: two of CRC, the code, t
 BLOCK_BUBBLE = 3  # the same after 254 bytes without a zero, at most, with a free output
 
 _RING = 256
-_MOST = 255  # a code, and the slots of a block with its code
+_MOST = 255  # largest code, and number of slots of a block with its code
 _POLYNOMIAL = 0x1021
 
 
 def _shifted(byte: int) -> int:
-    """Return what a byte that leaves the register does to the CRC."""
+    """Return the change of the CRC by a byte that leaves the register."""
     crc = byte << 8
     for _ in range(8):
         crc = (crc << 1) ^ (_POLYNOMIAL if crc & 0x8000 else 0)
@@ -25,21 +25,21 @@ _TABLE = [_shifted(byte) for byte in range(256)]
 
 
 def crc_next(crc: int, data: int) -> int:
-    """Return the CRC, 16 bits, one byte further on."""
+    """Return the CRC, 16 bits, after one more byte."""
     return ((crc << 8) & 0xFFFF) ^ _TABLE[(crc >> 8) ^ data]
 
 
 class FrameEncoder:
-    """Clock-accurate encoder. A new one is as after a reset.
+    """Clock-accurate encoder. A new one is in the state after a reset.
 
     Args:
-        max_payload: Bytes, ``MaxPayload``.
+        max_payload: Largest number of bytes of a payload, ``MaxPayload``.
 
     Attributes:
-        ready: A byte that is valid in this clock is taken.
-        valid: ``data`` is a byte of the frame.
-        data: With ``valid``.
-        too_long: A byte more than ``max_payload`` was taken.
+        ready: Whether a byte that is valid in this clock is taken.
+        valid: Whether ``data`` is a byte of the frame.
+        data: The byte; defined with ``valid``.
+        too_long: Whether a byte more than ``max_payload`` was taken.
 
     Raises:
         ValueError: if ``max_payload`` is out of range.
@@ -54,15 +54,15 @@ class FrameEncoder:
         self.too_long = False
 
         self._max_payload = max_payload
-        self._written: deque[int] = deque()  # what may go out
-        self._block: list[int] = []  # what waits for its code
+        self._written: deque[int] = deque()  # bytes that may be sent
+        self._block: list[int] = []  # bytes that wait for their code
         self._ending: list[int | None] = []  # CRC, then None for the code and for the 0x00
         self._room = False
         self._crc = CRC_INIT
         self._count = 0
 
     def step(self, valid: bool, data: int, last: bool, ready: bool) -> None:
-        """Do one clock with these inputs."""
+        """Advance by one clock with these inputs."""
         block = self._block
         taken = bool(valid and self.ready)
         before = len(self._written)
@@ -103,7 +103,7 @@ class FrameEncoder:
         self._written.extend(going)
 
     def _put(self, data: int) -> list[int]:
-        """Put a byte into the block, and return what that lets go."""
+        """Put a byte into the block, and return the bytes that this releases."""
         if data == 0:
             return self._close()
         self._block.append(data)

@@ -4,14 +4,14 @@ from collections.abc import Generator
 from dataclasses import dataclass
 from enum import IntEnum
 
-SEEN_LATENCY = 5  # clocks from a pin to the level that is acted on
-BIT_EXTRA = SEEN_LATENCY + 1  # clocks of a bit beside its four quarters, where SCL rises at once
+SEEN_LATENCY = 5  # clocks from a pin to the level that takes effect
+BIT_EXTRA = SEEN_LATENCY + 1  # clocks of a bit besides its four quarters if SCL rises at once
 MIN_QUARTER = 4
 RECOVERY_CLOCKS = 9
 
 
 class Status(IntEnum):
-    """What became of a command."""
+    """Outcome of a command."""
 
     OK = 0
     NACK_ADDRESS = 1
@@ -22,12 +22,12 @@ class Status(IntEnum):
 
 
 def command_clocks(*, read: bool, count: int, quarter: int) -> int:
-    """Return the clocks from a command to its reply on a free bus that nobody stretches.
+    """Return the clocks from a command to its reply on a free bus without stretching.
 
     Args:
-        read: A read, not a write.
-        count: Data bytes, 1 to 4.
-        quarter: Clocks of a quarter, at least 4.
+        read: Whether the command is a read; otherwise it is a write.
+        count: Number of data bytes, 1 to 4.
+        quarter: Clocks of a quarter of a bit, at least 4.
     """
     on_bus = count + (3 if read else 2)
     quarters = 36 * on_bus + (17 if read else 11)
@@ -35,7 +35,7 @@ def command_clocks(*, read: bool, count: int, quarter: int) -> int:
 
 
 def most_clocks(*, quarter: int, timeout: int) -> int:
-    """Return a bound of the clocks from any command to its reply, when both lines are released."""
+    """Return an upper bound of the clocks from any command to its reply and released lines."""
     return 322 * quarter + 77 * (timeout + 3)
 
 
@@ -49,7 +49,7 @@ class _Command:
 
 
 class _EndedError(Exception):
-    """The command ends at this clock, both lines released."""
+    """The end of the command at this clock, with both lines released."""
 
     def __init__(self, status: Status) -> None:
         super().__init__(status.name)
@@ -57,7 +57,7 @@ class _EndedError(Exception):
 
 
 class _Line:
-    """What is seen of a pin: two flops, and a level that three equal samples in a row change."""
+    """The filtered level of a pin: two flip-flops, and a level that three equal samples change."""
 
     def __init__(self) -> None:
         self.level = False
@@ -76,18 +76,18 @@ class _Line:
 
 
 class I2cMaster:
-    """Clock-accurate master. A new one is as after a reset.
+    """Clock-accurate master. A new one is in the state after a reset.
 
     Args:
         count_width: Bits of the counter, ``CountWidth``.
 
     Attributes:
-        ready: A command is taken in this clock.
-        valid: A command has ended; with it
-        status: how, and
-        data: what was read, 0 if nothing was.
-        scl_low, sda_low: The line is pulled low.
-        recovery_count: Begun recoveries, saturating.
+        ready: Whether a command is taken in this clock.
+        valid: Whether a command has ended.
+        status: Outcome of the command; defined with ``valid``.
+        data: Word that was read, 0 if nothing was; defined with ``valid``.
+        scl_low, sda_low: Whether the line is pulled low.
+        recovery_count: Number of recoveries that have begun, saturating.
     """
 
     def __init__(self, count_width: int = 16) -> None:
@@ -119,7 +119,7 @@ class I2cMaster:
         quarter: int,
         timeout: int,
     ) -> None:
-        """Go on by a clock, in which these are the inputs and the levels of the pins."""
+        """Advance by one clock with these inputs and levels of the pins."""
         self.valid = False
         if self._work is not None:
             next(self._work, None)
@@ -134,10 +134,10 @@ class I2cMaster:
         self._scl.step(scl)
         self._sda.step(sda)
 
-    # A generator is resumed once a clock: what it does until it yields is done at one clock edge.
+    # A generator is resumed once per clock: its work until it yields is done at one clock edge.
 
     def _run(self, command: _Command) -> Generator[None, None, None]:
-        """Do a command from the clock after it was taken to its reply."""
+        """Execute a command from the clock after it was taken to its reply."""
         data = 0
         try:
             yield from self._bus_is_free()
@@ -153,7 +153,7 @@ class I2cMaster:
         self.data = data if command.read and status is Status.OK else 0
 
     def _bus_is_free(self) -> Generator[None, None, None]:
-        """Wait for the bus, and recover it if it does not come."""
+        """Wait for the bus, and recover it if it does not become free."""
         if (yield from self._wait_for_bus(self._timeout)):
             return
         self.recovery_count = min(self.recovery_count + 1, self._count_max)
@@ -166,7 +166,7 @@ class I2cMaster:
             raise _EndedError(Status.BUS_STUCK)
 
     def _wait_for_bus(self, patience: int) -> Generator[None, None, bool]:
-        """Return whether the bus is free; if not, it is SDA alone that is low."""
+        """Return whether the bus is free; if it is not, only SDA is low."""
         calm = 0
         moved = False
         while True:
@@ -187,7 +187,7 @@ class I2cMaster:
             yield
 
     def _recover(self) -> Generator[None, None, None]:
-        """Clock until SDA is high after a stop."""
+        """Pulse SCL until SDA is high after a stop."""
         clocks = 0
         self.scl_low = True
         while clocks < RECOVERY_CLOCKS:
@@ -203,7 +203,7 @@ class I2cMaster:
         raise _EndedError(Status.BUS_STUCK)
 
     def _bytes(self, command: _Command) -> Generator[None, None, tuple[Status, int]]:
-        """Do all bytes; SCL is low before and after."""
+        """Transfer all bytes; SCL is low before and after."""
         if (yield from self._send(command.address << 1)):
             return Status.NACK_ADDRESS, 0
         if (yield from self._send(command.register)):
@@ -230,7 +230,7 @@ class I2cMaster:
         return (yield from self._bit(True, ours=False))
 
     def _bit(self, value: bool, *, ours: bool) -> Generator[None, None, bool]:
-        """Do a bit from SCL's fall to the next and return what SDA was."""
+        """Transfer a bit, from SCL's fall to the next one, and return the level of SDA."""
         yield from self._low(not value)
         yield from self._quarter_of_bit()
         seen = self._sda.before
@@ -256,7 +256,7 @@ class I2cMaster:
         yield from self._started()
 
     def _started(self) -> Generator[None, None, None]:
-        """Go on from SDA's fall to SCL's."""
+        """Continue a start from SDA's fall to SCL's."""
         for _ in range(2 * self._quarter):
             yield
             if not self._scl.level:
@@ -274,7 +274,7 @@ class I2cMaster:
             yield
 
     def _low(self, sda_low: bool) -> Generator[None, None, None]:
-        """Do the low time, with SDA's change in its middle, and wait until SCL is seen high."""
+        """Wait for the low time, with SDA's change in its middle, and until SCL is seen high."""
         yield from self._pause(self._quarter)
         self.sda_low = sda_low
         yield from self._pause(self._quarter)
@@ -286,7 +286,7 @@ class I2cMaster:
         raise _EndedError(Status.STRETCH_TIMEOUT)
 
     def _high(self) -> Generator[None, None, None]:
-        """Do the high time before a start or a stop, in which nobody may touch SCL."""
+        """Wait for the high time before a start or a stop, in which nobody may touch SCL."""
         for _ in range(2 * self._quarter):
             yield
             if not self._scl.level:

@@ -1,7 +1,7 @@
 """Crossings of the index mark, the twin of ``rtl/mirror/index_capture.sv``.
 
-VR-SCAN IV-D and IV-F: a two-field photodiode whose comparator tells on which side of the mark the
-beam is, and whose gate tells that there is a beam.
+VR-SCAN IV-D and IV-F: a two-field photodiode. Its comparator shows on which side of the mark the
+beam is, and its gate shows whether there is a beam.
 """
 
 from dataclasses import dataclass, fields
@@ -18,13 +18,16 @@ _AGES = 1 << pkg.AGE_WIDTH
 
 @dataclass(frozen=True)
 class Settings:
-    """Configuration, clocks.
+    """The configuration, in clocks.
 
     Attributes:
-        glitch_clks: For so long the samples have to agree; u8, 0 counts as 1.
-        width_min_clks: An inward sooner after its outward is impossible; u32.
-        width_max_clks: An inward later after its outward is missing; u32.
-        period_max_clks: An outward later after the one before is missing; u32.
+        glitch_clks: Time for which the samples have to agree; u8, 0 counts as 1.
+        width_min_clks: Least time from an outward crossing to its inward one; a shorter one is
+            impossible; u32.
+        width_max_clks: Largest time from an outward crossing to its inward one; later it is
+            missing; u32.
+        period_max_clks: Largest time between two outward crossings; later the second is missing;
+            u32.
 
     Raises:
         ValueError: if a value does not fit.
@@ -44,25 +47,25 @@ class Settings:
 
 
 class IndexCapture:
-    """Clock-accurate capture. A new one is as after a reset.
+    """Clock-accurate capture. A new one is in the state after a reset.
 
     Args:
         settings: The configuration ports.
-        index_oversample: Samples a clock, ``IndexOversample``: 1, 2, 4 or 8.
+        index_oversample: Samples per clock, ``IndexOversample``: 1, 2, 4 or 8.
         count_width: Bits of the counters, ``CountWidth``.
-        initial_time: Clocks, ``InitialTime``.
+        initial_time: Time at the reset in clocks, ``InitialTime``.
 
     Attributes:
-        valid: A crossing is reported in this clock.
-        outward: Its way; with ``valid``.
-        time: When it was, 1/16 clocks, modulo 2**36; with ``valid``.
-        age: From ``time`` to this clock, 1/16 clocks; with ``valid``.
+        valid: Whether a crossing is reported in this clock.
+        outward: Whether the crossing is outward; defined with ``valid``.
+        time: Time of the crossing, 1/16 clocks, modulo 2**36; defined with ``valid``.
+        age: Time from ``time`` to this clock, 1/16 clocks; defined with ``valid``.
         missing, doubled, impossible: Faults of this clock.
-        alive: There was a pair, and no deadline has passed since.
-        missing_count, doubled_count, impossible_count, glitch_count: Saturating.
+        alive: Whether there was a pair and no deadline has passed since.
+        missing_count, doubled_count, impossible_count, glitch_count: Numbers of faults, saturating.
 
     Raises:
-        ValueError: if ``index_oversample`` is none of the three.
+        ValueError: if ``index_oversample`` is none of these.
     """
 
     def __init__(
@@ -89,7 +92,7 @@ class IndexCapture:
 
         self._samples = index_oversample
         self._all = (1 << index_oversample) - 1
-        self._weight = _STEP // index_oversample  # of a sample
+        self._weight = _STEP // index_oversample  # weight of a sample
         self._base_age = (LATENCY - 1) * _STEP + self._weight // 2
         self._run_clks = max(settings.glitch_clks, 1)
         self._width_min = settings.width_min_clks
@@ -98,32 +101,32 @@ class IndexCapture:
         self._count_max = (1 << count_width) - 1
         self._initial_time = initial_time
 
-        self._now = 0  # clocks since the reset, without end
-        # The clock's samples, put together; a clock later, how long they have agreed.
+        self._now = 0  # clocks since the reset, unlimited
+        # The samples of a clock together; one clock later, the time for which they have agreed.
         self._open = False
         self._ones = 0
         self._open_before = False
         self._ones_before = 0
-        self._value: bool | None = None  # in which all samples agreed
-        self._run = 0  # clocks for which they have, at most ``_run_clks``
+        self._value: bool | None = None  # value in which all samples agreed
+        self._run = 0  # clocks for which they have agreed, at most ``_run_clks``
         # Bursts.
-        self._level: bool | None = None  # the settled one
+        self._level: bool | None = None  # the settled level
         self._burst = False
         self._burst_age = self._base_age
         self._crossing = False
         self._crossing_outward = False
         self._crossing_age = 0
         self._glitch = False
-        # Pairs, by the clock in which a limit passes.
+        # Pairs, with the clock in which a limit passes.
         self._pending = False
-        self._before: bool | None = None  # which way the crossing before went
+        self._before: bool | None = None  # whether the crossing before was outward
         self._period_end: int | None = None
         self._width_end = 0
         self._width_begin = 0
         self._near_end = 0
 
     def step(self, comparator: int, gate: int) -> None:
-        """Take one clock's samples, bit 0 the oldest, and go on to the next clock."""
+        """Take one clock's samples, bit 0 the oldest, and advance to the next clock."""
         now = self._now
         self._now = now + 1
         if self.missing:
@@ -150,7 +153,7 @@ class IndexCapture:
         self._ones = comparator.bit_count()
 
     def _settle(self) -> None:
-        """Follow the settled level."""
+        """Update the settled level."""
         self._crossing = self._glitch = False
         if not self._open_before:
             self._level = None
@@ -174,7 +177,7 @@ class IndexCapture:
             self._burst = False
 
     def _pair(self, now: int) -> None:
-        """Look at the deadlines, then judge a crossing."""
+        """Check the deadlines, then judge a crossing."""
         late = self._pending and now >= self._width_end
         if self._period_end is not None and now >= self._period_end:
             late = True
@@ -208,7 +211,7 @@ class IndexCapture:
         self._near_end = now + pkg.MIN_CROSSING
 
     def idle(self, comparator: int, gate: int) -> int:
-        """Return for how many clocks these samples would change nothing but the time."""
+        """Return for how many clocks these samples change nothing but the time."""
         if (
             self._crossing
             or self._glitch
@@ -241,6 +244,6 @@ class IndexCapture:
         return max(end - self._now, 0)
 
     def skip(self, n: int, comparator: int, gate: int) -> None:
-        """Do ``n`` clocks with these samples at once; ``n`` at most what ``idle`` says."""
+        """Do ``n`` clocks with these samples at once; ``n`` is at most what ``idle`` returns."""
         del comparator, gate
         self._now += n

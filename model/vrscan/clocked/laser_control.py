@@ -1,7 +1,8 @@
 """Power and interlock of the laser, the twin of ``rtl/actuators/laser_control.sv``.
 
-VR-SCAN IV-B and (10): the power follows what the line before has seen, and what a pulse really had
-goes with its line. Around it stand the limits of the light; ``docs/laser-safety.md`` has them.
+VR-SCAN IV-B and (10): the power follows the peak of the line before, and the power that a pulse
+really had is stored with its line. The limits of the light are applied on top;
+``docs/laser-safety.md`` describes them.
 """
 
 from dataclasses import dataclass, fields
@@ -9,12 +10,12 @@ from dataclasses import dataclass, fields
 from vrscan.data import pkg
 from vrscan.fixed.multiply import latency as multiply_latency
 
-CUT_WIDTH = 14  # of cut and search, all fraction
+CUT_WIDTH = 14  # bits of cut and search, all fraction
 GAIN_FRACTION = 13
 FACTOR_FRACTION = 14
 FACTOR_MAX = (1 << 17) - 1
 PHASE_WIDTH = 16
-BUCKET_MARGIN = 4 << pkg.POWER_WIDTH  # of the bucket: four clocks of the largest power
+BUCKET_MARGIN = 4 << pkg.POWER_WIDTH  # margin of the bucket: four clocks of the largest power
 POWER_LATENCY = 2 * multiply_latency(17, 18) + 9  # clocks from point_valid_i to the new power
 INTERLOCK_LATENCY = 1  # clocks from state_i, index_alive_i, laser_enable_i to dark
 GUARD_LATENCY = 3  # clocks from guard_ok_i to dark
@@ -25,19 +26,19 @@ WATCHDOG_LATENCY = 3  # clocks that the light outlasts the watchdog's time
 _LEVELS = 1 << pkg.POWER_WIDTH
 _PHASE_MASK = (1 << PHASE_WIDTH) - 1
 _CLKS_MAX = (1 << pkg.LINE_CLKS_WIDTH) - 1
-_ARMED = 2  # line starts
+_ARMED = 2  # number of line starts
 _SEEKING = (pkg.MIRROR_SWEEP, pkg.MIRROR_SETTLE)
 
 
 @dataclass(frozen=True)
 class Ceilings:
-    """What no register exceeds: the parameters of the module, under their names.
+    """The largest values that a register can take effect with: parameters of the module.
 
     Attributes:
-        power, startup, drain: u16.
-        pulse_clks: Below 2**20 - 1.
-        bucket: Power times clocks, below 2**31.
-        watchdog_clks: 1 to below 2**31.
+        power, startup, drain: Powers; u16.
+        pulse_clks: Length of a pulse, below 2**20 - 1.
+        bucket: Energy as power times clocks, below 2**31.
+        watchdog_clks: Time of the watchdog, 1 to below 2**31.
     """
 
     power: int = 65_535
@@ -50,23 +51,23 @@ class Ceilings:
 
 @dataclass(frozen=True)
 class Settings:
-    """Configuration, the ports ``laser_*_i`` without that prefix.
+    """The configuration: the ports ``laser_*_i`` without that prefix.
 
     Attributes:
-        enable, adapt, shared: Bits.
-        power: Without ``adapt``; u16, as all powers.
-        power_min, power_max: Of the adaptation.
+        enable, adapt, shared: Switches, one bit each.
+        power: Power without ``adapt``; u16, like all powers.
+        power_min, power_max: Range of the adapted power.
         startup: Level of the start-up channel.
-        target: Height of a peak above its background; u16, left-aligned counts.
-        cut: Factor after saturation; u14, all fraction.
+        target: Target height of a peak above its background; u16, left-aligned counts.
+        cut: Factor of the power after saturation; u14, all fraction.
         down, up: Gains above and below the target; u16, 13 fraction bits.
-        search: What the power grows by where nothing is measured; u14, all fraction.
+        search: Relative growth of the power where nothing is measured; u14, all fraction.
         index_begin, index_end: Phases between which the start-up channel is on in RUN; u16, turns.
-        limit_power, limit_startup: u16.
-        limit_pulse_clks: u20.
-        limit_drain: Power that leaves the bucket a clock; u16.
-        limit_bucket: Power times clocks; u32.
-        watchdog_clks: u32; 0 is as the ceiling.
+        limit_power, limit_startup: Limits of the two channels' powers; u16.
+        limit_pulse_clks: Limit of a pulse's length; u20.
+        limit_drain: Power that leaves the bucket, per clock; u16.
+        limit_bucket: Energy of the bucket, power times clocks; u32.
+        watchdog_clks: Time of the watchdog; u32; 0 means the ceiling.
 
     Raises:
         ValueError: if a value does not fit.
@@ -102,7 +103,7 @@ class Settings:
 
     @property
     def ports(self) -> dict[str, int]:
-        """The values under the names of their ports, without ``_i``."""
+        """Return the values under the names of their ports, without ``_i``."""
         return {port(field.name): getattr(self, field.name) for field in fields(self)}
 
 
@@ -126,14 +127,14 @@ def port(setting: str) -> str:
 def next_power(
     settings: Settings, power: int, height: int, *, measured: bool, saturated: bool
 ) -> int:
-    """Return the power that a point asks for.
+    """Return the power that a point demands.
 
     Args:
         settings: The configuration.
-        power: What the point had; u16.
-        height: Of its peak above the background; u16, left-aligned counts.
+        power: Power that the point's line had; u16.
+        height: Height of its peak above the background; u16, left-aligned counts.
         measured: Whether the point has a peak.
-        saturated: Whether that peak is cut off.
+        saturated: Whether that peak is saturated.
     """
     if saturated:
         factor = settings.cut
@@ -153,26 +154,26 @@ def next_power(
 
 
 class LaserControl:
-    """Clock-accurate control. A new one is as after a reset.
+    """Clock-accurate control. A new one is in the state after a reset.
 
-    ``pulse`` and ``line`` hang on inputs of their own clock, so they are functions of them; all
-    else is a register.
+    ``pulse`` and ``line`` depend on inputs of their own clock, so they are functions of them; all
+    other outputs are registers.
 
     Args:
-        settings: The configuration ports. ``settings`` may be replaced between two steps; what the
-            next power is made of must hold while ``busy``.
-        ceilings: Parameters.
-        heartbeat_bits: ``HeartbeatBits``.
-        count_width: ``CountWidth``.
+        settings: The configuration ports. ``settings`` may be replaced between two steps; the
+            values from which the next power is computed must stay while ``busy``.
+        ceilings: Parameters of the module.
+        heartbeat_bits: Period of the heartbeat, ``HeartbeatBits``.
+        count_width: Bits of the counters, ``CountWidth``.
 
     Attributes:
         permit: The registered permission of a pulse.
         power, startup: Levels of the two channels; u16.
-        power_pin, startup_pin: Their sigma-delta of the first order.
-        index_light: The start-up channel is on.
+        power_pin, startup_pin: First-order sigma-delta outputs of these levels.
+        index_light: Whether the start-up channel is on.
         power_inward, power_outward: The next power of each direction; u16.
-        level: Of the bucket, power times clocks.
-        cut_count, duty_count, watchdog_count: Saturating.
+        level: Level of the bucket, power times clocks.
+        cut_count, duty_count, watchdog_count: Counters of the limits that acted, saturating.
     """
 
     def __init__(
@@ -202,9 +203,9 @@ class LaserControl:
         self._threshold = -1
         self._silent = 0
         self._heard = self._tripped = False
-        self._guard = (False, False)  # the younger first
+        self._guard = (False, False)  # the newer sample first
         self._armed = 0
-        self._clks = 0  # that the request has been high
+        self._clks = 0  # clocks for which the request has been high
         self._cut = False
         self._delta = 0
         self._full = self._full_before = True
@@ -223,22 +224,22 @@ class LaserControl:
 
     @property
     def heartbeat(self) -> bool:
-        """The core's sign of life."""
+        """Return the core's sign of life for the guard."""
         return bool(self._beat >> self._beat_bits)
 
     @property
     def status(self) -> int:
-        """The bits of ``laser_status_o``."""
+        """Return the bits of ``laser_status_o``."""
         bits = (self._heard, self._guard[1], self._armed == _ARMED, self._full, self._tripped)
         return sum(bit << k for k, bit in enumerate(bits))
 
     @property
     def busy(self) -> bool:
-        """Whether a point is being worked on."""
+        """Return whether a point is being processed."""
         return self._age != 0
 
     def pulse(self, *, laser: bool) -> bool:
-        """Return the main channel in a clock with this request."""
+        """Return the output of the main channel in a clock with this request."""
         return laser and self.permit
 
     def line(self, *, laser: bool, centre: bool, phase: int) -> tuple[int, bool]:
@@ -267,7 +268,7 @@ class LaserControl:
         point_inward: bool = False,
         point_test: bool = False,
     ) -> None:
-        """Go on by a clock; the arguments are the input ports."""
+        """Advance by one clock; the arguments are the input ports."""
         enable = bool(self.settings.enable)
         run = state == pkg.MIRROR_RUN
         seeking = state in _SEEKING
@@ -276,7 +277,7 @@ class LaserControl:
         allowed = awake and run and index_alive
         pulse = self.pulse(laser=laser)
 
-        # The line, and the counters, which follow what stands in the registers.
+        # The line, and the counters, which follow the values of the registers.
         line = self.line(laser=laser, centre=centre, phase=phase)
         if self._whole and laser and not pulse and not centre:
             line = (0, line[1])
@@ -342,7 +343,7 @@ class LaserControl:
         self._least = max(self.settings.power_min, 1)
 
     def _shine(self, phase: int, *, awake: bool, seeking: bool, run: bool) -> None:
-        """Move the start-up channel."""
+        """Update the start-up channel."""
         settings = self.settings
         total = self._startup_sigma + self.startup
         self.startup_pin, self._startup_sigma = total >= _LEVELS, total % _LEVELS
@@ -354,7 +355,7 @@ class LaserControl:
         self._span = (settings.index_end - settings.index_begin) & _PHASE_MASK
 
     def _set_power(self, phase: int, *, allowed: bool, took: bool) -> None:
-        """Move the level of the main channel."""
+        """Update the level of the main channel."""
         settings = self.settings
         total = self._power_sigma + self.power
         self.power_pin, self._power_sigma = total >= _LEVELS, total % _LEVELS
@@ -368,7 +369,7 @@ class LaserControl:
                 self._request = self.power_outward
 
     def _limit(self) -> None:
-        """Take the limits, below their ceilings, into registers."""
+        """Store the limits, limited by their ceilings, in registers."""
         settings, ceilings = self.settings, self.ceilings
         self._threshold = self._bucket - BUCKET_MARGIN
         self._limit_power = min(settings.limit_power, ceilings.power)
@@ -380,7 +381,7 @@ class LaserControl:
         self._watchdog = min(watchdog, ceilings.watchdog_clks)
 
     def _commit(self) -> None:
-        """Give a direction, or both, the power that the last point asks for."""
+        """Give one direction or both the power that the last point demands."""
         power, height, measured, saturated, inward = self._point
         new = next_power(self.settings, power, height, measured=measured, saturated=saturated)
         if self.settings.shared or inward:

@@ -1,4 +1,4 @@
-"""The light's gate in a clock of its own, the twin of ``rtl/safety/laser_guard.sv``."""
+"""The laser's gate with a clock of its own, the twin of ``rtl/safety/laser_guard.sv``."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ FAULT_PULSE = 2
 
 @dataclass(frozen=True)
 class Parameters:
-    """Parameters of the module, under their names.
+    """The parameters of the module, under their names.
 
     Raises:
         ValueError: if a value is out of range.
@@ -28,15 +28,15 @@ class Parameters:
 
 
 class LaserGuard:
-    """Clock-accurate guard. A new one is as after a reset.
+    """Clock-accurate guard. A new one is in the state after a reset.
 
     Args:
-        parameters: Of the module.
+        parameters: Parameters of the module.
 
     Attributes:
-        ok: The registered permission; the outputs are the requests and this.
-        fault: ``FAULT_*``, what tripped last.
-        heartbeat_trips, pulse_trips: Saturating.
+        ok: The registered permission; each output is its request and this permission.
+        fault: The last reason for closing the gates, ``FAULT_*``.
+        heartbeat_trips, pulse_trips: Numbers of closures for each reason, saturating.
     """
 
     def __init__(self, parameters: Parameters | None = None) -> None:
@@ -45,14 +45,14 @@ class LaserGuard:
         self.fault = 0
         self.heartbeat_trips = 0
         self.pulse_trips = 0
-        self._heartbeat = (False, False, False)  # the youngest first
+        self._heartbeat = (False, False, False)  # the newest sample first
         self._pulse = (False, False)
         self._silent = self.parameters.guard_clks
         self._high = 0
         self._beats = 0
 
     def step(self, *, heartbeat: bool, pulse: bool) -> None:
-        """Go on by a clock."""
+        """Advance by one clock."""
         limits = self.parameters
         beat = self._heartbeat[2] != self._heartbeat[1]
         high = self._pulse[1]

@@ -1,4 +1,4 @@
-"""A raw line with the record of its point, in packets, the twin of ``rtl/link/line_capture.sv``."""
+"""Packets of a raw line and the record of its point, the twin of ``rtl/link/line_capture.sv``."""
 
 from collections.abc import Iterator
 
@@ -7,26 +7,26 @@ import numpy as np
 from vrscan.data import link_pkg, pkg
 
 LATENCY = 3  # clocks from the line's line_end_i to valid_o
-BETWEEN = 2  # clocks without valid_o between two packets that are there
+BETWEEN = 2  # clocks without valid_o between two packets that are ready
 WITH_RECORD, WITHOUT_RECORD = 0, 1  # status in the last packet
 _LINES = 1 << pkg.LINE_NUMBER_WIDTH
 
 
 def record_clks(line_length: int) -> int:
-    """Return the clocks for which a record is waited for."""
+    """Return the longest wait for a record, in clocks."""
     return 4 * line_length + 4096
 
 
 class LineCapture:
-    """Clock-accurate capture. A new one is as after a reset.
+    """Clock-accurate capture. A new one is in the state after a reset.
 
     Args:
-        line_length: Pixels of a good line, ``LineLength``.
+        line_length: Number of pixels of a good line, ``LineLength``.
 
     Attributes:
-        valid: A byte of a packet is there.
-        data, last: With ``valid``.
-        capture_busy: A capture runs.
+        valid: Whether there is a byte of a packet.
+        data, last: The byte, and whether it is the packet's last; defined with ``valid``.
+        capture_busy: Whether a capture is running.
 
     Raises:
         ValueError: if ``line_length`` is out of range.
@@ -43,7 +43,7 @@ class LineCapture:
         self._line_length = line_length
         self._sequences = {link_pkg.STREAM_CAPTURE_PIXELS: 0, link_pkg.STREAM_CAPTURE_RECORD: 0}
 
-        # The command, and what of this clock's inputs the work goes by.
+        # The command, and the inputs of this clock that the work uses.
         self._mode = link_pkg.CAPTURE_STOP
         self._argument = 0
         self._idle = True
@@ -53,14 +53,14 @@ class LineCapture:
         self._ready = False
 
         # The lines.
-        self._number = 0  # of the next one
-        self._pixels: list[int] | None = None  # of the one that comes
+        self._number = 0  # number of the next line
+        self._pixels: list[int] | None = None  # pixels of the incoming line
         self._armed = False
-        self._chosen = False  # that one is to be taken, if it is good
-        self._origin: int | None = None  # a line from which every n-th is wanted
-        self._line = 0  # to be sent
-        self._taken: list[int] = []  # its pixels, in the clock in which it ends
-        self._failed = False  # in the clock in which this is known
+        self._chosen = False  # whether the incoming line is wanted, if it is good
+        self._origin: int | None = None  # number of a line from which on every n-th is wanted
+        self._line = 0  # number of the line to send
+        self._taken: list[int] = []  # pixels of that line, in the clock in which it ends
+        self._failed = False  # whether the wanted line failed, in the clock when this is known
 
         # The record.
         self._sending = False
@@ -68,7 +68,7 @@ class LineCapture:
         self._coming: bytearray | None = None
         self._record: bytes | None = None
         self._late = False
-        self._missing = False  # a clock later
+        self._missing = False  # whether there is no record, a clock later
         self._work = self._working()
 
     def step(
@@ -85,7 +85,7 @@ class LineCapture:
         capture_mode: int,
         capture_argument: int,
     ) -> None:
-        """Do one clock with these inputs."""
+        """Advance by one clock with these inputs."""
         awaits = self._sending and self._record is None and not self._missing
         stops = bool(capture_start) and capture_mode == link_pkg.CAPTURE_STOP
         self._command = (capture_mode, capture_argument) if capture_start and not stops else None
@@ -97,7 +97,7 @@ class LineCapture:
         self._stop = (self._stop or stops) and not self._idle
 
     def _follow(self, start: bool, end: bool, valid: bool, pixel: int) -> None:
-        """Follow the line, and say if the one that is wanted has ended, or has failed."""
+        """Follow the incoming line, and note whether the wanted one has ended or has failed."""
         one_line = self._armed and self._mode == link_pkg.CAPTURE_LINE
         self._taken, self._failed = [], False
         if start:
@@ -119,7 +119,7 @@ class LineCapture:
             self._pixels, self._chosen = None, False
 
     def _wanted(self) -> bool:
-        """Return whether the line that starts is to be taken."""
+        """Return whether the line that starts is wanted."""
         if self._mode == link_pkg.CAPTURE_LINE:
             return self._number == self._argument
         if self._mode == link_pkg.CAPTURE_EVERY and self._origin is not None:
@@ -145,7 +145,7 @@ class LineCapture:
             self._coming = None
 
     def _working(self) -> Iterator[None]:
-        """Do what is to be done, a clock after the other."""
+        """Do the work, one clock after the other."""
         while True:
             self._idle, self.capture_busy = True, False
             while self._command is None:
@@ -158,7 +158,7 @@ class LineCapture:
             yield
 
     def _capture(self) -> Iterator[None]:
-        """Run a capture, up to the last clock of it."""
+        """Run a capture up to its last clock."""
         while self._starts and not self._stop:
             yield
         if self._stop:

@@ -1,4 +1,4 @@
-"""What belongs to the line that is being read out, the twin of ``rtl/timing/line_tag.sv``."""
+"""The data of the line that is being read out, the twin of ``rtl/timing/line_tag.sv``."""
 
 from dataclasses import dataclass
 
@@ -11,15 +11,15 @@ _TIME_MASK = (1 << pkg.TIME_WIDTH) - 1
 
 @dataclass(frozen=True)
 class Tag:
-    """The outputs. Those of an untagged line are the defaults.
+    """The outputs; those of an untagged line are the defaults.
 
     Attributes:
-        angle: Of the line of sight; s24, turns.
-        power: Of the laser; u16.
+        angle: Angle of the line of sight; s24, turns.
+        power: Power of the laser; u16.
         mirror_flags: ``FLAG_NOT_RUNNING`` and those above it; an untagged line is UNSETTLED.
-        confidence: In the angle; u8.
-        inward: Direction of the mirror.
-        time: Of the pulse's centre; u32, clocks since the reset.
+        confidence: Confidence in the angle; u8.
+        inward: Whether the mirror moves inward.
+        time: Time of the pulse's centre; u32, clocks since the reset.
     """
 
     angle: int = 0
@@ -31,16 +31,17 @@ class Tag:
 
 
 class LineTag:
-    """Clock-accurate table. A new one is as after a reset.
+    """Clock-accurate table. A new one is in the state after a reset.
 
     Args:
-        depth: Lines from a centre to the end of its readout, ``Depth``.
+        depth: Number of lines from a centre to the end of its readout, ``Depth``.
         count_width: Bits of the counter, ``CountWidth``.
 
     Attributes:
         tag: The outputs.
-        tagged: They are those of a line.
-        untagged_count: Lines that were not tagged at their end; stops at its largest value.
+        tagged: Whether the outputs belong to a line.
+        untagged_count: Number of lines that were not tagged at their end; stops at its largest
+            value.
     """
 
     def __init__(self, depth: int = 4, count_width: int = 16) -> None:
@@ -53,11 +54,11 @@ class LineTag:
         # By the line's number modulo depth: number, power, inward, time; and number, angle ...
         self._centres: dict[int, tuple[int, int, int, int]] = {}
         self._angles: dict[int, tuple[int, int, int, int]] = {}
-        self._exposed: int | None = None  # the line whose exposure is on
-        self._ended: int | None = None  # of the last one that has not been read out
-        self._wanted: int | None = None  # of the readout
+        self._exposed: int | None = None  # line that is being exposed
+        self._ended: int | None = None  # last exposed line that has not been read out
+        self._wanted: int | None = None  # line of the readout
         self._open = False
-        self._found: list[Tag | None] = []  # on the way to the outputs
+        self._found: list[Tag | None] = []  # tags on the way to the outputs
 
     def step(
         self,
@@ -75,7 +76,7 @@ class LineTag:
         line_start: bool,
         line_end: bool,
     ) -> None:
-        """Go on by a clock."""
+        """Advance by one clock."""
         if centre:
             slot = line % self._depth
             self._centres[slot] = (line, power, int(inward), self._clock)
@@ -105,7 +106,7 @@ class LineTag:
                 self.tag, self.tagged = found, True
 
     def _look_up(self) -> Tag | None:
-        """Return what the table has of the line that is read out, or None."""
+        """Return the table's data of the line that is read out, or None."""
         if self._wanted is None:
             return None
         slot = self._wanted % self._depth

@@ -21,12 +21,12 @@ _RATIO_HALF = 1 << (pkg.RATIO_FRACTION - 1)
 
 @dataclass(frozen=True)
 class Settings:
-    """Configuration.
+    """The configuration.
 
     Attributes:
-        ratio: Lines a mirror period; u44, 32 fraction bits.
-        exposure_delay_clks, pulse_delay_clks: From line_start; u20, clocks.
-        exposure_clks, pulse_clks: How long they last; u20, clocks, 0 for none.
+        ratio: Lines per mirror period; u44, 32 fraction bits.
+        exposure_delay_clks, pulse_delay_clks: Delays from line_start; u20, clocks.
+        exposure_clks, pulse_clks: Lengths of exposure and pulse; u20, clocks, 0 for none.
 
     Raises:
         ValueError: if a value does not fit.
@@ -47,33 +47,33 @@ class Settings:
 
 
 def line_step(word: int, ratio: int) -> int:
-    """Return the accumulator's step: turns of a line a clock, 48 fraction bits.
+    """Return the accumulator's step: turns of a line per clock, 48 fraction bits.
 
     To nearest, half up, and at most a turn in 32 clocks.
 
     Args:
-        word: Turns of the mirror a clock; u40, 48 fraction bits.
-        ratio: Lines a mirror period; u44, 32 fraction bits.
+        word: Turns of the mirror per clock; u40, 48 fraction bits.
+        ratio: Lines per mirror period; u44, 32 fraction bits.
     """
     return min((word * ratio + _RATIO_HALF) >> pkg.RATIO_FRACTION, _STEP_MAX)
 
 
 class LineTrigger:
-    """Clock-accurate time base. A new one is as after a reset.
+    """Clock-accurate time base. A new one is in the state after a reset.
 
     Args:
         settings: The configuration ports; ``settings`` may be replaced between two steps, which
-            counts from the next line.
+            takes effect at the next line.
         count_width: Bits of the counter, ``CountWidth``.
 
     Attributes:
-        line_start: A line starts in this clock.
-        line: Its number, modulo 2**32.
-        exposure, laser: Of the sensor and the laser.
-        centre: This clock holds the middle of the laser's pulse,
-        centre_half: which is half a clock later.
-        overrun: With ``line_start``: the line before had not ended.
-        overrun_count: Saturating.
+        line_start: Whether a line starts in this clock.
+        line: Number of the line, modulo 2**32.
+        exposure, laser: Signals to the sensor and the laser.
+        centre: Whether this clock holds the middle of the laser's pulse.
+        centre_half: Whether that middle is half a clock later.
+        overrun: With ``line_start``: whether the line before had not ended.
+        overrun_count: Number of overruns, saturating.
     """
 
     def __init__(self, settings: Settings, count_width: int = 16) -> None:
@@ -87,7 +87,7 @@ class LineTrigger:
         self.overrun = False
         self.overrun_count = 0
         self._count_max = (1 << count_width) - 1
-        # The next line's step: the one on its way, and in how many clocks it arrives; 0 is idle.
+        # The next line's step: the one in work, and the clocks until it is ready; 0 is idle.
         self._coming = 0
         self._left = 0
         self._arrived = False
@@ -100,7 +100,7 @@ class LineTrigger:
         self._first = False
         self._live = False
         self._late = False
-        self._time = 0  # clocks since its start
+        self._time = 0  # clocks since the line's start
         self._exposure = (0, 0)  # begin and end
         self._exposed = False
         self._pulse = (0, 0)
@@ -111,7 +111,7 @@ class LineTrigger:
         self._number = 0
 
     def step(self, *, enable: bool, word: int) -> None:
-        """Go on by a clock."""
+        """Advance by one clock."""
         if not enable:
             self._stop()
             return
@@ -185,7 +185,7 @@ class LineTrigger:
         self._live = True
 
     def _stop(self) -> None:
-        """Take a clock with ``enable`` low."""
+        """Advance by one clock with ``enable`` low."""
         self.line_start = self.exposure = self.laser = self.centre = self.overrun = False
         self.centre_half = self._half
         if self._wrap:
@@ -196,7 +196,7 @@ class LineTrigger:
 
     @property
     def samples(self) -> bool:
-        """Whether a step of this clock takes the word, if enabled; no other does."""
+        """Return whether a step of this clock takes the word, if enabled; no other step does."""
         return self._wrap or not (self._run or self._left or self._arrived)
 
     def idle(self, *, enable: bool, word: int) -> int:
@@ -209,7 +209,7 @@ class LineTrigger:
             quiet = not (self.laser or self.exposure or self._run or self._live or self._left)
             return MOST_IDLE if quiet and not self._arrived else 0
         if self._run:
-            # The last of these is the one before the wrap.
+            # The last of these clocks is the one before the wrap.
             most = (_TURN - 1 - self._turn) // self._step
         elif self._left:
             most = self._left - 1
@@ -227,7 +227,7 @@ class LineTrigger:
         return most if most < MOST_IDLE else MOST_IDLE
 
     def skip(self, clocks: int, *, enable: bool, word: int) -> None:
-        """Take ``clocks`` steps at once, at most as many as ``idle`` says with these inputs."""
+        """Take ``clocks`` steps at once, at most as many as ``idle`` returns for these inputs."""
         del word
         if clocks <= 0 or not enable:
             return

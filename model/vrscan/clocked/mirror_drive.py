@@ -1,7 +1,7 @@
 """Start, drive and stop of the mirror, the twin of ``rtl/mirror/mirror_drive.sv``.
 
-VR-SCAN IV-G2: a down sweep from a high frequency starts the mirror, then it is driven at a fixed
-working frequency. The drive is a square wave at twice the mirror's frequency.
+VR-SCAN IV-G2: a downward sweep from a high frequency starts the mirror, then it is driven at a
+fixed working frequency. The drive is a square wave at twice the mirror's frequency.
 """
 
 from dataclasses import dataclass, fields
@@ -29,16 +29,16 @@ _RUN, _FAULT = pkg.MIRROR_RUN, pkg.MIRROR_FAULT
 
 @dataclass(frozen=True)
 class Settings:
-    """Configuration.
+    """The configuration.
 
     Attributes:
-        sweep_word: Word from which the sweep begins; u40, turns a clock, 48 fraction bits.
-        work_word: The word at which it ends; u40.
-        sweep_rate: What the word falls a clock; u32, 16 fraction bits of a word.
-        duty: Share of the drive's period; u16, 65535 is all but 1/65536.
+        sweep_word: Word from which the sweep begins; u40, turns per clock, 48 fraction bits.
+        work_word: Word at which the sweep ends; u40.
+        sweep_rate: Decrease of the word per clock; u32, 16 fraction bits of a word.
+        duty: Share of the drive's period that the drive is high; u16, 65535 is all but 1/65536.
         sweep_level: Drive level of the sweep; u20.
-        sweep_timeout, settle_timeout: The longest SWEEP and SETTLE; u32, clocks.
-        lost_timeout: For so long the index may be away in RUN; u32, clocks.
+        sweep_timeout, settle_timeout: Longest durations of SWEEP and SETTLE; u32, clocks.
+        lost_timeout: Longest time that the index may be away in RUN; u32, clocks.
 
     Raises:
         ValueError: if a value does not fit.
@@ -80,7 +80,7 @@ def floor_sum(count: int, numerator: int, offset: int, denominator: int) -> int:
         total += whole * (count * (count - 1) // 2)
         whole, offset = divmod(offset, denominator)
         total += whole * count
-        # What is left lies below a line of slope less than one: count it along the other axis.
+        # The remainder lies below a line of slope less than one: count it along the other axis.
         count, offset = divmod(numerator * count + offset, denominator)
         if not count:
             return total
@@ -88,20 +88,20 @@ def floor_sum(count: int, numerator: int, offset: int, denominator: int) -> int:
 
 
 class MirrorDrive:
-    """Clock-accurate drive. A new one is as after a reset.
+    """Clock-accurate drive. A new one is in the state after a reset.
 
     Args:
         settings: The configuration ports.
-        stop_width: A pulse that a stop waits for is cut off after 2**stop_width clocks and one.
+        stop_width: A pulse that a stop waits for is cut off after 2**stop_width + 1 clocks.
 
     Attributes:
-        state: ``pkg.MIRROR_*``.
-        fault: ``pkg.FAULT_*``, until the next start.
-        drive: The square wave, of the phase two clocks before.
-        level: What is applied; u20.
-        level_pin: Its sigma-delta of the first order.
-        phase: u48, turns.
-        word: u40.
+        state: State of the drive, ``pkg.MIRROR_*``.
+        fault: Reason of the state FAULT, ``pkg.FAULT_*``; kept until the next start.
+        drive: The square wave for the phase two clocks before.
+        level: Level that is applied; u20.
+        level_pin: First-order sigma-delta output of the level.
+        phase: Phase of the drive; u48, turns.
+        word: Frequency word in use; u40.
     """
 
     def __init__(self, settings: Settings, stop_width: int = 24) -> None:
@@ -118,7 +118,7 @@ class MirrorDrive:
         self._stop = False
         self._high = False
         self._expired = False
-        self._ready = False  # for RUN
+        self._ready = False  # ready for RUN
         self._timer = 0
         self._fine = 0  # the sweep's word with its fraction
         self._sum = 0  # working word and trim
@@ -127,7 +127,7 @@ class MirrorDrive:
     def step(
         self, *, enable: bool, trim: int, level: int, index_alive: bool, settled: bool
     ) -> None:
-        """Go on by a clock."""
+        """Advance by one clock."""
         state = self.state
         settings = self.settings
         active = _SWEEP <= state <= _RUN
@@ -233,7 +233,7 @@ class MirrorDrive:
             left = self._fine - (settings.work_word << RATE_FRACTION)
             if left <= 0 or self.level != settings.sweep_level:
                 return 0
-            # The word only falls: the edges below come no sooner than with the present one.
+            # The word only falls, so the edges below come no sooner than with the present word.
             most = -(-left // settings.sweep_rate) if settings.sweep_rate else MOST_IDLE
             most = min(most, settings.sweep_timeout - self._timer)
         else:
@@ -259,7 +259,7 @@ class MirrorDrive:
     def skip(
         self, clocks: int, *, enable: bool, trim: int, level: int, index_alive: bool, settled: bool
     ) -> None:
-        """Take ``clocks`` steps at once, at most as many as ``idle`` says with these inputs."""
+        """Take ``clocks`` steps at once, at most as many as ``idle`` returns for these inputs."""
         if clocks <= 0:
             return
         before = self._sigma + (clocks - 1) * self.level
@@ -274,7 +274,7 @@ class MirrorDrive:
             return
         rate = self.settings.sweep_rate
         if state == _SWEEP:
-            # The words of the first clock, and of those that follow the falling register.
+            # The words of the first clock, and of the clocks that follow the falling register.
             self.phase += self.word + floor_sum(clocks - 1, -rate, self._fine, 1 << RATE_FRACTION)
             self.word = (self._fine - (clocks - 1) * rate) >> RATE_FRACTION
         else:

@@ -1,8 +1,8 @@
-"""The mirror's loop, the twin of ``rtl/mirror/mirror_loop.sv``: its parts wired up.
+"""The mirror's loop, the twin of ``rtl/mirror/mirror_loop.sv``, which connects its parts.
 
-Between two edges of anything, only accumulators and timers go on. The lines' time base, the only
-part with many edges, takes nothing from the others but a word at a line's start, so it runs in a
-lane of its own; each lane is stepped through its edges and skips the clocks between them.
+Between two edges of any signal only accumulators and timers advance. The lines' time base is the
+only part with many edges. It takes nothing from the other parts but a word at a line's start, so it
+runs in a lane of its own; each lane is stepped through its edges and skips the clocks between them.
 """
 
 from dataclasses import dataclass, fields
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
     Kind = TypeVar("Kind", bound=DataclassInstance)
 
-Map = tuple[Ints, Ints]  # a and phi of the harmonics, [HARMONIC_COUNT] each
-Turn = tuple[int, int, Map]  # phase and amplitude of an angle, and the harmonics it is made with
+Map = tuple[Ints, Ints]  # a_k and phi_k of the harmonics, [HARMONIC_COUNT] each
+Turn = tuple[int, int, Map]  # phase and amplitude of an angle, and its harmonics
 
 ANGLE_LATENCY = SCAN_LATENCY + 2  # clocks from centre_o to angle_valid_o
 
@@ -51,7 +51,7 @@ MEASUREMENT = np.dtype(
     ]
 )
 
-# Outputs of the parts that are the loop's.
+# Outputs of the parts that are also outputs of the loop.
 _OF_DRIVE = ("drive", "level", "level_pin", "state", "fault", "word")
 _OF_TRIGGER = (
     "line_start", "line", "exposure", "laser", "centre", "centre_half", "overrun_count",
@@ -67,18 +67,18 @@ _INDEX_FAULT = 1 << (pkg.FLAG_INDEX_FAULT - pkg.FLAG_NOT_RUNNING)
 
 
 def _settings(kind: "type[Kind]", registers: object) -> "Kind":
-    """Return the settings of one part from the registers of all, by name."""
+    """Return the settings of one part, by name, from the registers of all parts."""
     return kind(**{field.name: getattr(registers, field.name) for field in fields(kind)})
 
 
 @dataclass(frozen=True)
 class Report:
-    """What a run of the loop reported, as structured arrays.
+    """The reports of a run of the loop, as structured arrays.
 
     Attributes:
-        lines: ``LINE`` rows, one a line, of the clock of ``angle_valid``; ``centre_halves`` is the
-            clock of the laser pulse's centre, in half clocks.
-        measurements: ``MEASUREMENT`` rows, one a pair of crossings.
+        lines: ``LINE`` rows, one for each line, taken in the clock of ``angle_valid``;
+            ``centre_halves`` is the clock of the laser pulse's centre, in half clocks.
+        measurements: ``MEASUREMENT`` rows, one for each pair of crossings.
     """
 
     lines: Rows
@@ -86,20 +86,21 @@ class Report:
 
 
 class MirrorLoop:
-    """Clock-accurate loop. A new one is as after a reset, its table written.
+    """Clock-accurate loop. A new one is in the state after a reset, with its table written.
 
     Args:
-        registers: Whatever has the configuration ports as attributes without ``_i``, those of
-            motion_map as sequences, and ``table_amplitude`` and ``table_midpoint``.
-        index_oversample: ``IndexOversample``.
-        count_width: ``CountWidth``.
+        registers: Object with the configuration ports as attributes without ``_i``, those of
+            motion_map as sequences, and with ``table_amplitude`` and ``table_midpoint``.
+        index_oversample: Samples per clock, ``IndexOversample``.
+        count_width: Bits of the counters, ``CountWidth``.
 
     Attributes:
-        clock: Clocks since the reset.
-        capture, phase, control, drive, trigger: The twins; ``ports`` shows them as of ``clock``.
-        angle_valid: There is an angle; of this line are
-        angle_line: its number,
-        amplitude: the averaged amplitude, and more in ``ports``.
+        clock: Number of clocks since the reset.
+        capture, phase, control, drive, trigger: The twins of the parts; ``ports`` shows them as of
+            ``clock``.
+        angle_valid: Whether there is an angle.
+        angle_line: Number of the angle's line; defined with ``angle_valid``.
+        amplitude: Averaged amplitude of the angle; ``ports`` has more.
     """
 
     def __init__(self, registers: Any, index_oversample: int = 4, count_width: int = 16) -> None:
@@ -126,7 +127,7 @@ class MirrorLoop:
             np.array(getattr(registers, f"motion_{name}"), np.int64)
             for name in ("a", "phi", "da", "dphi")
         )
-        # The harmonics in use, a and phi; the clock and the offset of those at work.
+        # The harmonics in use, a_k and phi_k; the clock and the offset of those being computed.
         self._map: Map = (self._base[0], self._base[1])
         self._map_due = _NEVER
         self._offset = 0
@@ -134,10 +135,10 @@ class MirrorLoop:
         self._gate = 0
         self._enable = False
         self._line_enable = False
-        # The clock that each lane is in, and that of its next edge.
+        # The present clock of each lane, and the clock of its next edge.
         self._mirror_clock = self._mirror_due = 0
         self._line_clock = self._line_due = 0
-        # The centre's phase, then the angle at work and the one that came out.
+        # The centre's phase, then the angle being computed and the finished one.
         self._centre_halves = 0
         self._centre_phase: int | None = None
         self._scan: Turn = (0, 0, self._map)
@@ -146,7 +147,7 @@ class MirrorLoop:
         self._angle_of = self._scan
         self._flags = 0
         self._confidence = 0
-        # What the next report takes; the lines' angles are still phases and amplitudes.
+        # The data of the next report; the lines' angles are still phases and amplitudes.
         self._lines: list[tuple[int, ...]] = []
         self._turns: list[Turn] = []
         self._measurements: list[tuple[int, ...]] = []
@@ -154,14 +155,14 @@ class MirrorLoop:
     def run(
         self, until: int, samples: Rows, *, enable: bool = True, line_enable: bool = True
     ) -> Report:
-        """Go on to a clock.
+        """Advance to a clock.
 
         Args:
-            until: The clock.
+            until: The clock at which to stop.
             samples: Rows of ``clock``, ``comparator`` and ``gate``, rising in time: from that clock
-                on the two ports are so. Those before the present clock are ignored.
-            enable: The drive's port.
-            line_enable: The lines'.
+                on the two ports have these values. Rows before the present clock are ignored.
+            enable: Port ``enable`` of the drive.
+            line_enable: Port that enables the lines.
         """
         begin, end = np.searchsorted(samples["clock"], [self.clock, until])
         self._give(self._comparator, self._gate, enable, line_enable)
@@ -180,7 +181,7 @@ class MirrorLoop:
         enable: bool = False,
         line_enable: bool = False,
     ) -> None:
-        """Go on by a clock."""
+        """Advance by one clock."""
         self._give(comparator, gate, enable, line_enable)
         self._advance(self.clock + 1)
 
@@ -215,7 +216,7 @@ class MirrorLoop:
         return {name: int(value) for name, value in values.items()}
 
     def _give(self, comparator: int, gate: int, enable: bool, line_enable: bool) -> None:
-        """Change the inputs of this clock."""
+        """Set the inputs of this clock."""
         given = (comparator, gate, enable)
         if given != (self._comparator, self._gate, self._enable):
             self._sync_mirror()
@@ -227,7 +228,7 @@ class MirrorLoop:
             self._line_enable = line_enable
 
     def _advance(self, until: int) -> None:
-        """Go on to a clock with the present inputs."""
+        """Advance to a clock with the present inputs."""
         trigger = self.trigger
         drive = self.drive
         clock = self.clock
@@ -241,7 +242,7 @@ class MirrorLoop:
             )
             at_line = clock >= self._line_due
             at_mirror = clock >= self._mirror_due
-            # Consumers go before what they take from, so that each sees the outputs of this clock.
+            # Consumers are stepped before their sources, so each sees the outputs of this clock.
             if tail or at_mirror or (at_line and trigger.samples):
                 self._sync_mirror()
             if tail:
@@ -261,7 +262,7 @@ class MirrorLoop:
         self.clock = until
 
     def _step_tail(self) -> None:
-        """Do a clock of what follows the centre of a line."""
+        """Advance the parts behind the centre of a line by one clock."""
         clock = self.clock
         control = self.control
         drive = self.drive
@@ -284,7 +285,7 @@ class MirrorLoop:
             )
             self._confidence = control.confidence
         if self._centre_phase is not None:
-            # A centre that comes sooner than the last one's angle takes its place.
+            # A centre that comes before the last one's angle replaces it.
             self._commit_map(clock - 1)
             self._scan = (self._centre_phase, self.phase.amplitude, self._map)
             self._scan_end = self._busy_until = clock + SCAN_LATENCY
@@ -299,7 +300,7 @@ class MirrorLoop:
             self.angle_line = self.trigger.line
 
     def _step_mirror(self) -> None:
-        """Do a clock of all but the lines, then find the next edge."""
+        """Advance all parts but the lines by one clock, then find the next edge."""
         capture, phase, control, drive = self.capture, self.phase, self.control, self.drive
         word, state = drive.word, drive.state
         broken = capture.missing or capture.doubled or capture.impossible
@@ -340,7 +341,7 @@ class MirrorLoop:
         self._mirror_due = self._mirror_clock + self._mirror_idle()
 
     def _commit_map(self, until: int) -> None:
-        """Let motion_map change the harmonics if it does in a clock up to ``until``.
+        """Let motion_map change the harmonics if it does so in a clock up to ``until``.
 
         It waits while an angle is at work. Only the start of an angle, and of new harmonics, looks.
         """
@@ -353,7 +354,7 @@ class MirrorLoop:
             self._map_due = _NEVER
 
     def _follows(self) -> bool:
-        """Return whether the phase goes with a word that changes every few clocks."""
+        """Return whether the phase follows a word that changes every few clocks."""
         return self.drive.state == pkg.MIRROR_SWEEP and not self.phase.tracking
 
     def _mirror_idle(self) -> int:
@@ -390,7 +391,7 @@ class MirrorLoop:
         }
 
     def _sync_mirror(self) -> None:
-        """Skip what is idle up to this clock."""
+        """Skip the idle clocks of the mirror's lane up to this clock."""
         clocks = self.clock - self._mirror_clock
         if not clocks:
             return
@@ -398,7 +399,7 @@ class MirrorLoop:
         drive, phase = self.drive, self.phase
         given = self._of_drive()
         if self._follows():
-            # The increment is the word of the clock before.
+            # The increment is the word of the previous clock.
             advance = phase.increment - drive.phase
             drive.skip(clocks - 1, **given)
             phase.follow(clocks, advance=advance + drive.phase, word=drive.word)
@@ -410,7 +411,7 @@ class MirrorLoop:
         self.capture.skip(clocks, self._comparator, self._gate)
 
     def _sync_line(self) -> None:
-        """The same for the lines."""
+        """Skip the idle clocks of the lines' lane up to this clock."""
         clocks = self.clock - self._line_clock
         self._line_clock = self.clock
         self.trigger.skip(clocks, enable=self._line_enable, word=self.drive.word)
@@ -425,7 +426,7 @@ class MirrorLoop:
         return angle, overflow * np.int64(_UNSETTLED)
 
     def _report(self) -> Report:
-        """Return what there was since the last one, its angles computed all at once."""
+        """Return the data since the last report, with all angles computed at once."""
         lines = np.array(self._lines, LINE)
         lines["angle"], saturated = self._angles(self._turns)
         lines["flags"] |= saturated

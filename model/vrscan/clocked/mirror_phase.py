@@ -1,7 +1,7 @@
 """Phase and amplitude of the mirror, the twin of ``rtl/mirror/mirror_phase.sv``.
 
 VR-SCAN IV-D and IV-G2: the middle of two crossings of the index mark gives the phase, half their
-distance the amplitude. A table holds both for the motion (12) with its harmonics.
+distance gives the amplitude. A table holds both for the motion (12) with its harmonics.
 """
 
 from dataclasses import dataclass, fields
@@ -15,15 +15,15 @@ from vrscan.fixed.multiply import latency as multiply_latency
 
 MOST_IDLE = 1 << 40
 FINE_WIDTH = 15  # bits of the average below those of the amplitude: ``FineWidth``
-HALF_WIDTH = 28  # of half the distance
+HALF_WIDTH = 28  # bits of half the distance
 HALF_FRACTION = 29
 TABLE_SIZE = 1 << pkg.AMPLITUDE_TABLE_BITS
 FRACTION_WIDTH = HALF_WIDTH - 1 - pkg.AMPLITUDE_TABLE_BITS  # ``FractionWidth``
 
 _PRODUCT = multiply_latency(pkg.WORD_WIDTH + 1, FRACTION_WIDTH + 1)
-OUTWARD_CLKS = _PRODUCT + 3  # clocks from an outward to the next crossing that is not ignored
-LATENCY = 3 * _PRODUCT + 23  # clocks from an inward's valid_i to valid_o
-FIRST_READ = _PRODUCT + 6  # clocks from valid_i to the one that reads entry i; the next reads i + 1
+OUTWARD_CLKS = _PRODUCT + 3  # clocks from an outward crossing to the next one that is not ignored
+LATENCY = 3 * _PRODUCT + 23  # clocks from an inward crossing's valid_i to valid_o
+FIRST_READ = _PRODUCT + 6  # clocks from valid_i to the read of entry i; entry i + 1 is read next
 _TURN_MASK = (1 << pkg.TURN_WIDTH) - 1
 _WORD_MAX = (1 << pkg.WORD_WIDTH) - 1
 
@@ -40,13 +40,14 @@ def _rounded(value: int, shift: int) -> int:
 
 @dataclass(frozen=True)
 class Settings:
-    """Configuration.
+    """The configuration.
 
     Attributes:
-        phase_shift: The phase takes error / 2**phase_shift; u4.
-        rate_shift: The increment takes error, in 2**-48 turns, / 2**rate_shift; u6.
-        amplitude_shift: The average takes the difference / 2**amplitude_shift; u4.
-        error_limit: Beyond it the error is taken off whole, turns, 28 fraction bits; u28.
+        phase_shift: The phase is corrected by error / 2**phase_shift; u4.
+        rate_shift: The increment is corrected by error, in 2**-48 turns, / 2**rate_shift; u6.
+        amplitude_shift: The average is corrected by the difference / 2**amplitude_shift; u4.
+        error_limit: Error above which the whole error is corrected at once, turns, 28 fraction
+            bits; u28.
 
     Raises:
         ValueError: if a value does not fit.
@@ -68,12 +69,13 @@ class Settings:
 
 @dataclass(frozen=True)
 class Interpolated:
-    """What the table holds for half distances; arrays of their shape.
+    """The table's values for half distances; arrays of their shape.
 
     Attributes:
-        amplitude: Turns, 28 fraction bits; u26, int64.
-        midpoint: Turns, 28 fraction bits; s28, wraps, int64.
-        out_of_table: The half distance is a quarter turn or more: the last entry; bool.
+        amplitude: Amplitudes, turns, 28 fraction bits; u26, int64.
+        midpoint: Midpoints, turns, 28 fraction bits; s28, wraps, int64.
+        out_of_table: Whether the half distance is a quarter turn or more, so that the last entry is
+            used; bool.
     """
 
     amplitude: Ints
@@ -82,12 +84,12 @@ class Interpolated:
 
 
 def interpolated(half: Ints, amplitude: Ints, midpoint: Ints) -> Interpolated:
-    """Return amplitude and middle from the table exactly as the hardware rounds them.
+    """Return amplitude and midpoint from the table exactly as the hardware rounds them.
 
     Args:
         half: Half distances, turns, 29 fraction bits, u28. Any shape.
         amplitude: The table's amplitudes [1024], u26; entry i is for i / 4096 turns.
-        midpoint: The table's middles [1024], s28.
+        midpoint: The table's midpoints [1024], s28.
     """
     half = np.asarray(half, np.int64)
     outside = half >> (HALF_WIDTH - 1) != 0
@@ -107,7 +109,7 @@ def interpolated(half: Ints, amplitude: Ints, midpoint: Ints) -> Interpolated:
 
 
 class _Pair(NamedTuple):
-    """A pair at work: the clock of its inward, distance and middle in 2**-48 turns."""
+    """A pair in work: the clock of its inward crossing, distance and middle in 2**-48 turns."""
 
     clock: int
     distance: int
@@ -115,23 +117,23 @@ class _Pair(NamedTuple):
 
 
 class MirrorPhase:
-    """Clock-accurate tracker. A new one is as after a reset, with a table of zeros.
+    """Clock-accurate tracker. A new one is in the state after a reset, with a table of zeros.
 
     Args:
         settings: The configuration ports.
 
     Attributes:
-        phase: Turns, 48 fraction bits, u48; of the current clock.
-        increment: What the phase advances by, u40.
-        valid: There is a new measurement; the five below are of the last one.
-        measured: Amplitude, turns, 28 fraction bits, u26.
-        error: The middle less the table's, turns, 28 fraction bits, s28.
-        half: Half the distance, turns, 29 fraction bits, u28, saturating.
-        out_of_table: ``half`` is a quarter turn or more.
-        acquired: The error was taken off whole; only with ``valid``.
-        amplitude: Averaged; u26.
-        tracking: There was a measurement since the reset.
-        table_amplitude, table_midpoint: The table, lists of 1024; a reset leaves it alone.
+        phase: Phase of the current clock, turns, 48 fraction bits, u48.
+        increment: Advance of the phase per clock, u40.
+        valid: Whether there is a new measurement; the next five are those of the last one.
+        measured: Measured amplitude, turns, 28 fraction bits, u26.
+        error: Middle of the crossings less the table's, turns, 28 fraction bits, s28.
+        half: Half the distance of the crossings, turns, 29 fraction bits, u28, saturating.
+        out_of_table: Whether ``half`` is a quarter turn or more.
+        acquired: Whether the whole error was corrected at once; only with ``valid``.
+        amplitude: Averaged amplitude; u26.
+        tracking: Whether there was a measurement since the reset.
+        table_amplitude, table_midpoint: The table, lists of 1024; a reset does not change it.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -150,10 +152,10 @@ class MirrorPhase:
 
         self._settings = settings
         self._clock = 0
-        self._free = 0  # the clock from which on a crossing is taken
-        self._first: int | None = None  # phase of the outward that waits for its inward
+        self._free = 0  # first clock in which a crossing is taken
+        self._first: int | None = None  # phase of the outward crossing of an open pair
         self._pair: _Pair | None = None
-        self._due = 0  # the clock in which the pair at work does something next
+        self._due = 0  # clock of the next step in processing the pair
         self._half = 0
         self._entries: list[tuple[int, int]] = []
         self._average = 0
@@ -171,7 +173,7 @@ class MirrorPhase:
         table_amplitude: int = 0,
         table_midpoint: int = 0,
     ) -> None:
-        """Take the ports of one clock and go on to the next; names and formats are the ports'."""
+        """Take the ports of one clock and advance to the next; names and formats are the ports'."""
         clock = self._clock
         self._clock = clock + 1
         self.valid = self.acquired = False
@@ -247,18 +249,19 @@ class MirrorPhase:
         return MOST_IDLE if self._pair is None else self._due - self._clock
 
     def skip(self, n: int, *, word: int = 0) -> None:
-        """Do ``n`` clocks without a strobe at once; ``n`` at most what ``idle`` says."""
+        """Take ``n`` clocks without a strobe at once; ``n`` is at most what ``idle`` returns."""
         del word
         self._clock += n
         self.phase = (self.phase + n * self.increment) & _TURN_MASK
 
     def follow(self, n: int, *, advance: int, word: int) -> None:
-        """Do ``n`` clocks without a strobe at once in which ``word`` changes, before any tracking.
+        """Take ``n`` clocks without a strobe at once, while ``word`` changes, before any tracking.
 
         Args:
-            n: At most what ``idle`` says with the present increment as ``word``.
-            advance: The sum of the increments: of the present one and all words but the last.
-            word: The last of them.
+            n: Number of clocks, at most what ``idle`` returns with the present increment as
+                ``word``.
+            advance: Sum of the increments: the present one and all words but the last.
+            word: Last of the words.
         """
         self._clock += n
         self.phase = (self.phase + advance) & _TURN_MASK

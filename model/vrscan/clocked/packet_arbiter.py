@@ -1,21 +1,21 @@
-"""Packets of several sources go over one line, the twin of ``rtl/link/packet_arbiter.sv``."""
+"""Packets of several sources on one serial line, the twin of ``rtl/link/packet_arbiter.sv``."""
 
 LATENCY = 2  # clocks from valid_i to valid_o
 PACKET_BUBBLE = 1  # clocks between two packets
 
 
 class PacketArbiter:
-    """Clock-accurate arbiter. A new one is as after a reset.
+    """Clock-accurate arbiter. A new one is in the state after a reset.
 
     Ports of the sources are packed: source k in bit k, or in byte k.
 
     Args:
-        sources: ``Sources``.
+        sources: Number of sources, ``Sources``.
 
     Attributes:
-        valid: ``data`` is a byte of a packet.
-        data, last: With ``valid``.
-        busy: A packet is being taken.
+        valid: Whether ``data`` is a byte of a packet.
+        data, last: The byte, and whether it is the packet's last; defined with ``valid``.
+        busy: Whether a packet is being taken.
 
     Raises:
         ValueError: if ``sources`` is out of range.
@@ -33,7 +33,7 @@ class PacketArbiter:
 
     @property
     def busy(self) -> bool:
-        """A packet is being taken."""
+        """Return whether a packet is being taken."""
         return self._granted is not None
 
     def ready(self, ready: bool) -> int:
@@ -43,7 +43,7 @@ class PacketArbiter:
         return 1 << self._granted
 
     def step(self, *, valid: int, data: int, last: int, hold: bool, ready: bool) -> None:
-        """Go on by a clock."""
+        """Advance by one clock."""
         granted = self._granted
         taken = bool(valid & self.ready(ready))
         if ready or not self.valid:

@@ -1,7 +1,7 @@
-"""A sensor's pixels in another clock: the order of ``rtl/sensor/pixel_fifo.sv``'s words.
+"""A sensor's pixels in another clock: the order of the words of ``rtl/sensor/pixel_fifo.sv``.
 
-Between two clocks no model knows in which clock a word comes; which words come, in which order, and
-what an overflow may take away, is exact.
+Between two clocks no model knows in which clock a word comes. Which words come, in which order, and
+which words an overflow may remove, is exact.
 """
 
 from collections.abc import Iterable, Sequence
@@ -10,12 +10,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Word:
-    """The outputs of a clock in which there is something.
+    """The outputs of a clock with a word.
 
     Attributes:
-        start: The line's first pixel,
-        end: and its last one.
-        pixel: None where the start comes alone, as an overflow has taken its pixel.
+        start: Whether this is the line's first pixel.
+        end: Whether this is the line's last pixel.
+        pixel: The pixel; None where the start comes alone, because an overflow has removed its
+            pixel.
     """
 
     start: bool
@@ -24,11 +25,11 @@ class Word:
 
 
 def words(samples: Iterable[tuple[bool, bool, int]]) -> list[Word]:
-    """Return what comes out where nothing overflows.
+    """Return the words that come out where nothing overflows.
 
     Args:
-        samples: line_valid, pixel_valid and pixel of every pixel clock; the last line's fall is
-            among them.
+        samples: line_valid, pixel_valid and pixel of every pixel clock, including the last line's
+            fall.
     """
     sent: list[Word] = []
     line: list[int] = []
@@ -59,14 +60,14 @@ def split(sent: Iterable[Word]) -> list[list[Word]]:
 
 
 def lost(sent: Sequence[Word], got: Sequence[Word]) -> int:
-    """Return how many lines an overflow has cut off or taken away.
+    """Return the number of lines that an overflow has cut off or removed.
 
-    A line comes whole; or as its first pixels without its end; or as its start alone; or, if there
+    A line comes whole, or as its first pixels without its end, or as its start alone, or, if there
     was no room before its end, not at all.
 
     Args:
-        sent: What ``words`` says.
-        got: What came out.
+        sent: Words that ``words`` returns.
+        got: Words that came out.
 
     Raises:
         ValueError: if ``got`` cannot come from ``sent``.

@@ -1,4 +1,4 @@
-"""Records of points become packets, the twin of ``rtl/points/point_packer.sv``."""
+"""Packing of records of points into packets, the twin of ``rtl/points/point_packer.sv``."""
 
 from collections import deque
 from collections.abc import Iterator
@@ -6,40 +6,40 @@ from collections.abc import Iterator
 from vrscan.data import link_pkg, pkg
 from vrscan.data.records import compact, decode_full, encode_compact, encode_full
 
-MOST_COMPACT = 28  # records a packet
+MOST_COMPACT = 28  # largest number of records per packet
 MOST_FULL = 3
 SPACING = 160  # clocks between the first bytes of two records
 _LINES = 1 << pkg.LINE_NUMBER_WIDTH
 
 
 def record_bytes(full: bool) -> int:
-    """Return the bytes of a full record or a compact one."""
+    """Return the number of bytes of a full or a compact record."""
     return link_pkg.FULL_BYTES if full else link_pkg.COMPACT_BYTES
 
 
 def most_records(full: bool) -> int:
-    """Return the records of the longest packet of full or compact ones."""
+    """Return the number of records of the longest packet of full or compact ones."""
     return MOST_FULL if full else MOST_COMPACT
 
 
 def latency(full: bool) -> int:
     """Return the clocks from the first byte of a batch's last record to ``valid_o``."""
-    held = link_pkg.FULL_BYTES  # all of it is there
+    held = link_pkg.FULL_BYTES  # the whole record is there
     return held + 2 + record_bytes(full) + 2 + link_pkg.BATCH_HEADER_BYTES + 1
 
 
 class PointPacker:
-    """Clock-accurate packer. A new one is as after a reset.
+    """Clock-accurate packer. A new one is in the state after a reset.
 
     Args:
-        buffer_bytes: ``BufferBytes``.
+        buffer_bytes: Bytes of the ring, ``BufferBytes``.
         timeout_width: Bits of a batch's age, ``TimeoutWidth``.
-        count_width: Bits of what counts dropped records, ``CountWidth``.
+        count_width: Bits of the counter of dropped records, ``CountWidth``.
 
     Attributes:
-        valid: A byte of a packet is there.
-        data, last: With ``valid``.
-        points_dropped: Records dropped, stops at its largest value.
+        valid: Whether there is a byte of a packet.
+        data, last: The byte, and whether it is the packet's last; defined with ``valid``.
+        points_dropped: Number of dropped records; stops at its largest value.
 
     Raises:
         ValueError: if ``buffer_bytes`` or ``count_width`` is out of range.
@@ -60,30 +60,30 @@ class PointPacker:
         self._buffer_bytes = buffer_bytes
         self._age_max = (1 << timeout_width) - 1
         self._count_max = (1 << count_width) - 1
-        self._used = 0  # bytes of the ring
-        self._seen = deque([0, 0, 0], maxlen=3)  # the same, with its past
+        self._used = 0  # used bytes of the ring
+        self._seen = deque([0, 0, 0], maxlen=3)  # this number in the last clocks
         self._packets: deque[bytes] = deque()
-        self._leaving = b""  # what is left of the packet that goes out
+        self._leaving = b""  # remaining bytes of the packet that is being sent
 
-        # The stream, and the command for the next one: whether it runs, full and step.
+        # The stream, and the command for the next stream: whether it runs, whether full, and step.
         self._running = False
         self._full = False
         self._step = 0
         self._command: tuple[bool, bool, int] | None = None
-        self._began = False  # in this clock
+        self._began = False  # whether the stream began in this clock
         self._sequence = 0
-        self._base: int | None = None  # a line of it
+        self._base: int | None = None  # number of a line of the stream
 
-        # Records that were dropped: all, those since the last one kept, those of this clock.
+        # Dropped records: all of them, those since the last kept one, and those of this clock.
         self._dropped = 0
         self._lost = 0
         self._drops = 0
 
-        # The record that comes, and the one that is there.
+        # The incoming record, and the complete one.
         self._coming: bytearray | None = None
         self._held: bytes | None = None
 
-        # The batch that is open, if it has records.
+        # The open batch, if it has records.
         self._records: list[bytes] = []
         self._first = 0
         self._expected = 0
@@ -106,7 +106,7 @@ class PointPacker:
         points_batch: int,
         points_timeout_clks: int,
     ) -> None:
-        """Do one clock with these inputs."""
+        """Advance by one clock with these inputs."""
         accepts = self._running and self._command is None
         held = self._held is not None
         count, full, age = len(self._records), self._full, self._age
@@ -132,7 +132,7 @@ class PointPacker:
             self._command = (not stream_stop, bool(stream_format), stream_step)
 
     def _give(self) -> None:
-        """Put out the next byte, if a packet is there."""
+        """Output the next byte if a packet is ready."""
         if not self._leaving and self._packets:
             self._leaving = self._packets.popleft()
         self.valid = bool(self._leaving)
@@ -153,7 +153,7 @@ class PointPacker:
                 self._held, self._coming = bytes(self._coming), None
 
     def _working(self) -> Iterator[None]:
-        """Do what is to be done with records and batches, a clock after the other."""
+        """Process records and batches, one clock after the other."""
         while True:
             if self._held is not None:
                 yield from self._sort(self._held)
@@ -170,7 +170,7 @@ class PointPacker:
             yield
 
     def _sort(self, record: bytes) -> Iterator[None]:
-        """Keep a record or drop it, up to the last clock of it."""
+        """Keep a record or drop it, up to its last clock."""
         line = int.from_bytes(record[:4], "little")
         base = line if self._base is None else self._base
         if (line - base) % _LINES % self._step:
@@ -214,7 +214,7 @@ class PointPacker:
         yield
 
     def _begin(self) -> None:
-        """Obey the command that waits."""
+        """Execute the command that waits."""
         assert self._command is not None
         self._running, full, step = self._command
         self._command = None

@@ -1,4 +1,4 @@
-"""Registers on a bus, the twin of ``rtl/link/register_file.sv``: an access at a time."""
+"""Registers on a bus, one access at a time; the twin of ``rtl/link/register_file.sv``."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -7,8 +7,8 @@ from vrscan.data import link_pkg
 from vrscan.registers.register_map import LOCKS, REGISTERS, WINDOWS, Register, Window
 
 LATENCY = 10  # clocks from bus_valid_i to bus_done_o
-WRITTEN = 7  # clocks from bus_valid_i to the first clock with what was written
-SAMPLED = 7  # clocks from bus_valid_i to the one in which a READ sees the inputs
+WRITTEN = 7  # clocks from bus_valid_i to the first clock with the written value
+SAMPLED = 7  # clocks from bus_valid_i to the clock in which a READ samples the inputs
 
 WORD_BITS = 32
 WORD_MASK = (1 << WORD_BITS) - 1
@@ -16,20 +16,20 @@ WRITABLE = ("rw", "strobe")
 
 
 class Place(NamedTuple):
-    """What an address is: a word of one of a register's elements."""
+    """The word of a register's element that an address stands for."""
 
     register: Register
     element: int
-    word: int  # 0 the lowest
+    word: int  # 0 is the lowest
 
 
 class Written(NamedTuple):
-    """An event that a write has set off: a strobe, or an entry of a table.
+    """An event that a write causes: a strobe, or an entry of a table.
 
     Attributes:
-        name: Of the register, or of the table.
-        entry: Its number in the table; 0 of a register.
-        values: Of the entry's fields, or of the register alone.
+        name: Name of the register or of the table.
+        entry: Number of the entry in the table; 0 for a register.
+        values: Values of the entry's fields, or of the register alone.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Written(NamedTuple):
 
 
 def from_word(data: int, signed: bool) -> int:
-    """Return a word of 32 bits as the integer it stands for."""
+    """Return the integer that a word of 32 bits stands for."""
     return data - (1 << WORD_BITS) if signed and data >> (WORD_BITS - 1) else data
 
 
@@ -50,17 +50,17 @@ def wrapped(value: int, register: Register) -> int:
 
 
 class RegisterFile:
-    """All registers, and what the bus does with them. A new one is as after power-up.
+    """All registers and their behaviour on the bus. A new one is in the state after power-up.
 
     Args:
-        registers: The registers; the instrument's if not given.
+        registers: The registers; by default the instrument's.
         windows: The tables.
-        locks: The locks' names.
+        locks: Names of the locks.
 
     Attributes:
-        inputs: What the ports of read registers carry, by name: an integer, or one each element.
-        values: What is in effect in written registers, by name, one each element: the ports.
-        written: What writes have set off since the last ``reset``, the newest last.
+        inputs: Values at the ports of read registers, by name: an integer, or one for each element.
+        values: Values in effect in written registers, by name, one for each element: the ports.
+        written: Events that writes have caused since the last ``reset``, the newest last.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class RegisterFile:
         self.reset()
 
     def reset(self) -> None:
-        """Do what ``rst_i`` does; tables and what a READ has kept stay."""
+        """Apply ``rst_i``; tables and the words kept by a READ stay."""
         written = [r for r in self._registers.values() if r.access in WRITABLE]
         self.values = {register.name: list(register.reset) for register in written}
         self._waiting = {  # lower words of wide registers
@@ -100,15 +100,15 @@ class RegisterFile:
         self.written: list[Written] = []
 
     def access(self, access: int, address: int, data: int = 0) -> tuple[int, int]:
-        """Do one access.
+        """Execute one access.
 
         Args:
-            access: READ, CHECK or WRITE of ``link_pkg``; anything else is a READ.
-            address: Of a word.
-            data: A word of 32 bits, of a CHECK or WRITE.
+            access: Kind of access: READ, CHECK or WRITE of ``link_pkg``; anything else is a READ.
+            address: Address of a word.
+            data: Word of 32 bits for a CHECK or WRITE.
 
         Returns:
-            Status, and the word as it is then read; 0 unless the status is OK.
+            Status, and the word as it reads afterwards; 0 unless the status is OK.
         """
         changes = access in (link_pkg.ACCESS_CHECK, link_pkg.ACCESS_WRITE)
         place = self._places.get(address)
@@ -138,7 +138,7 @@ class RegisterFile:
     def _verdict(
         self, changes: bool, register: Register, word: int, lock: str | None, data: int
     ) -> int:
-        """Return what becomes of an access."""
+        """Return the status of an access."""
         if not changes:
             return link_pkg.STATUS_OK
         if register.access not in WRITABLE:
@@ -170,7 +170,7 @@ class RegisterFile:
             self.written.append(Written(window.name, index, entry))
 
     def _read(self, place: Place, *, keep: bool) -> int:
-        """Return a word; a READ of a wide input's lower one keeps the higher one."""
+        """Return a word; a READ of a wide input's lower word keeps the higher word."""
         register, element, word = place
         name, wide = register.name, register.width > WORD_BITS
         if register.access == "constant":

@@ -19,30 +19,30 @@ from vrscan.data import link_pkg
 
 STEP_WIDTH = 24
 COUNT_MAX = 0xFFFF
-QUIET_CLKS = 8  # nothing goes out for so long before the rate changes
-STREAM_BYTES = 240  # of the longest packet of a stream
+QUIET_CLKS = 8  # clocks without output before the rate changes
+STREAM_BYTES = 240  # bytes of the longest packet of a stream
 # Bytes on the line between a command and its reply, at most: such a packet with CRC, codes and
 # 0x00, the encoder's ring, five registers, and two while the command is taken and executed.
 MOST_BEFORE_REPLY = STREAM_BYTES + 4 + 256 + 5 + 2
-_HELD = 1  # clock of a byte between encoder and transmitter
+_HELD = 1  # clocks of a byte between encoder and transmitter
 
 
 def default_step(clock_hz: int, baud: int) -> int:
-    """Return ``uart_step`` of a rate, bits a clock with 24 fraction bits, to nearest."""
+    """Return ``uart_step`` for a rate: bits per clock with 24 fraction bits, to nearest."""
     return ((baud << STEP_WIDTH) + clock_hz // 2) // clock_hz
 
 
 def latency(
     step: int, payload: bytes, outcome: Outcome, accesses: int = 0, bus_latency: int = 0
 ) -> int:
-    """Return the clocks from a command to its reply, where nothing else is under way.
+    """Return the clocks from a command to its reply where nothing else is in progress.
 
     Args:
-        step: Of the rate.
+        step: Value of ``uart_step`` for the rate.
         payload: The command.
-        outcome: What it comes to.
-        accesses: How many accesses to registers it makes.
-        bus_latency: Clocks of one of them.
+        outcome: Outcome of the command.
+        accesses: Number of accesses to registers that it makes.
+        bus_latency: Clocks of one access.
 
     Returns:
         From the first low sample of the start bit of the 0x00 that ends the command to that of the
@@ -60,19 +60,19 @@ def latency(
 
 
 class UartLink:
-    """Clock-accurate link. A new one is as after a reset.
+    """Clock-accurate link. A new one is in the state after a reset.
 
     Args:
-        clock_hz: ``ClockHz``.
-        baud: ``Baud``.
-        trial_clks: ``TrialClks``.
-        streams: ``Streams``.
+        clock_hz: Frequency of the clock, ``ClockHz``.
+        baud: Rate after reset, ``Baud``.
+        trial_clks: Clocks of the trial of a new rate, ``TrialClks``.
+        streams: Number of streams, ``Streams``.
 
     Attributes:
-        tx: The line out.
-        server: What executes commands; its outputs are the link's.
-        step_now: The rate that holds.
-        framing, breaks, glitches, fallbacks: What was counted.
+        tx: The outgoing serial line.
+        server: The server of commands; its outputs are the link's.
+        step_now: ``uart_step`` of the rate in use.
+        framing, breaks, glitches, fallbacks: Counters of these events.
     """
 
     def __init__(
@@ -98,16 +98,16 @@ class UartLink:
         self._arbiter = PacketArbiter(streams + 1)
         self._encoder = FrameEncoder(link_pkg.MAX_PAYLOAD)
         self._transmitter = UartTx()
-        self._held: int | None = None  # a byte that waits for the transmitter
-        self._wanted = False  # another rate is
+        self._held: int | None = None  # byte that waits for the transmitter
+        self._wanted = False  # whether another rate is wanted
         self._quiet = 0
-        self._trial: int | None = None  # clocks that are left of it
-        self._lead = True  # a 0x00 is to go in front of the next frame,
-        self._boundary = True  # which may begin here
+        self._trial: int | None = None  # remaining clocks of the trial of a rate
+        self._lead = True  # whether a 0x00 goes in front of the next frame
+        self._boundary = True  # whether the next frame may begin now
 
     @property
     def tx(self) -> bool:
-        """The line out."""
+        """Return the level of the outgoing serial line."""
         return self._transmitter.tx
 
     def packet_ready(self) -> int:
@@ -128,7 +128,7 @@ class UartLink:
         uart_step: int,
         uart_step_written: bool,
     ) -> None:
-        """Go on by a clock."""
+        """Advance by one clock."""
         receiver, decoder, server = self._receiver, self._decoder, self.server
         arbiter, encoder, transmitter = self._arbiter, self._encoder, self._transmitter
         step = self.step_now
@@ -142,7 +142,7 @@ class UartLink:
         idle = not (server.busy or arbiter.busy or arbiter.valid or encoder.valid)
         quiet = idle and encoder.ready and held is None and not transmitter.busy
 
-        # Each sees what the one before it had put out.
+        # Each part sees the output of the part before it from the previous clock.
         transmitter.step(valid=held is not None, data=told, step=step, break_=False)
         merged = arbiter.valid, arbiter.data, arbiter.last
         merged_ready = encoder.ready
@@ -188,7 +188,7 @@ class UartLink:
     def _change_rate(
         self, quiet: bool, good: bool, broken: bool, wanted_step: int, written: bool
     ) -> None:
-        """Take another rate, or the default again."""
+        """Change to another rate, or back to the default."""
         expires = self._trial == 0
         if self._trial is not None:
             self._trial = None if good or expires else self._trial - 1

@@ -1,8 +1,8 @@
 """Receiver of the serial link, the twin of ``rtl/link/uart_rx.sv``: 8N1."""
 
-STEP_WIDTH = 24  # bits a clock: all of them fraction bits
+STEP_WIDTH = 24  # bits of the rate in bits per clock, all of them fraction bits
 STEP_MAX = 1 << (STEP_WIDTH - 2)
-STEP_MAX_MAJORITY = 1 << (STEP_WIDTH - 3)  # up to here a bit has three samples
+STEP_MAX_MAJORITY = 1 << (STEP_WIDTH - 3)  # largest step at which a bit has three samples
 
 _ONE = 1 << STEP_WIDTH
 _EIGHTH = _ONE // 8
@@ -13,21 +13,21 @@ def latency(step: int) -> int:
     """Return the clocks from the first low sample of ``rx`` to ``valid``.
 
     Args:
-        step: Bits a clock, 1 to ``STEP_MAX``.
+        step: Rate in bits per clock, 1 to ``STEP_MAX``.
     """
     eighths = 77 if step <= STEP_MAX_MAJORITY else 76
     return -(-eighths * _EIGHTH // step) + 1
 
 
 class UartRx:
-    """Clock-accurate receiver. A new one is as after a reset.
+    """Clock-accurate receiver. A new one is in the state after a reset.
 
     Attributes:
-        valid: ``data`` is a byte.
-        data: The byte; with ``valid``.
-        framing: The stop bit is low; with ``valid`` or with ``break_``.
-        break_: So were all the bits before it.
-        glitch: A start bit was none.
+        valid: Whether ``data`` is a byte.
+        data: The byte; defined with ``valid``.
+        framing: Whether the stop bit is low; with ``valid`` or with ``break_``.
+        break_: Whether all bits before it were low too.
+        glitch: Whether a start bit turned out to be none.
     """
 
     def __init__(self) -> None:
@@ -38,18 +38,18 @@ class UartRx:
         self.glitch = False
         self._sync = False
         self._line = False
-        self._wide = True  # a bit has its three samples; of the clock before
-        self._armed = False  # the line was high
-        self._bit: int | None = None  # of the frame
-        self._phase = 0  # of the bit
-        self._samples = (False, False)  # at the last two eighths
+        self._wide = True  # whether a bit has three samples, in the clock before
+        self._armed = False  # whether the line was high
+        self._bit: int | None = None  # number of the bit in the frame
+        self._phase = 0  # phase within the bit
+        self._samples = (False, False)  # samples at the last two eighths
 
     def step(self, *, rx: bool, step: int) -> None:
-        """Go on by a clock.
+        """Advance by one clock.
 
         Args:
-            rx: The line.
-            step: Bits a clock; u24.
+            rx: Level of the serial line.
+            step: Rate in bits per clock; u24.
 
         Raises:
             ValueError: if ``step`` does not fit.

@@ -1,19 +1,19 @@
 """Transmitter of the serial link, the twin of ``rtl/link/uart_tx.sv``: 8N1."""
 
 LATENCY = 2  # clocks from a byte to its start bit, from rest
-STEP_WIDTH = 24  # bits a clock: all of them fraction bits
+STEP_WIDTH = 24  # bits of the rate in bits per clock, all of them fraction bits
 
 _ONE = 1 << STEP_WIDTH
-_PAUSE_BITS = 2  # after a break
+_PAUSE_BITS = 2  # bits of pause after a break
 
 
 class UartTx:
-    """Clock-accurate transmitter. A new one is as after a reset.
+    """Clock-accurate transmitter. A new one is in the state after a reset.
 
     Attributes:
-        ready: A byte is taken in the next clock.
-        tx: The line.
-        busy: A byte waits or is on the line, or a break or the time after it.
+        ready: Whether a byte is taken in the next clock.
+        tx: Level of the serial line.
+        busy: Whether a byte waits or is on the line, or a break or the pause after it is.
     """
 
     def __init__(self) -> None:
@@ -21,17 +21,17 @@ class UartTx:
         self.tx = True
         self.busy = False
         self._waiting: int | None = None
-        self._bits: list[bool] = []  # of the frame, the one on the line first
-        self._phase = 0  # of that bit
+        self._bits: list[bool] = []  # bits of the frame, the one on the line first
+        self._phase = 0  # phase within that bit
 
     def step(self, *, valid: bool, data: int, step: int, break_: bool) -> None:
-        """Go on by a clock.
+        """Advance by one clock.
 
         Args:
-            valid: A byte is offered.
+            valid: Whether a byte is offered.
             data: The byte.
-            step: Bits a clock; u24.
-            break_: The line is held low.
+            step: Rate in bits per clock; u24.
+            break_: Whether the line is held low.
 
         Raises:
             ValueError: if ``data`` or ``step`` does not fit.
@@ -59,7 +59,7 @@ class UartTx:
         self.tx = not break_ and (self._bits[0] if self._bits else True)
 
     def _take(self) -> None:
-        """Begin the frame of the byte that waits."""
+        """Begin the frame of the waiting byte."""
         if self._waiting is not None:
             self._bits = [False, *(bool(self._waiting >> k & 1) for k in range(8)), True]
             self._waiting = None

@@ -1,5 +1,5 @@
-"""Detectors of a line's position in float64, side by side: the instrument's and the literature's.
+"""Detectors of a line's position in float64: that of the instrument beside those of the literature.
 
-All have one interface, ``catalogue.Detector``: n lines with the mean and noise of their
-background in, n positions out, NaN where there is none.
+All have one interface, ``catalogue.Detector``. It takes n lines with the mean and noise of their
+background and returns n positions, NaN where there is none.
 """

@@ -1,8 +1,8 @@
-"""The detectors side by side, each with the one parameter that it was tuned by.
+"""The catalogue of detectors, each with the one parameter for which it was tuned.
 
-The values were chosen by ``vrscan bench tune``, which prints the whole search: of each grid the one
-with the least geometric mean of rms over bound on the training cells of ``study.bench.tune``, with
-other random numbers than any test. The instrument's own thresholds are those of ``vrscan
+The values were chosen by ``vrscan bench tune``, which prints the whole search: the value of each
+grid with the least geometric mean of rms over bound on the training cells of ``study.bench.tune``,
+with other random numbers than any test. The instrument's own thresholds are those of ``vrscan
 efficiency``, see ``vrscan.data.config.Peak``.
 """
 
@@ -18,9 +18,10 @@ from vrscan.data.lines import Lines
 from vrscan.detectors import fits, simple
 from vrscan.engines.engine import Engine, run
 
-_CHUNK = 512  # lines at a time: what a cache holds
+_CHUNK = 512  # lines computed at a time: they fit in a cache
 
-# Lines [n, length], background and noise [n] in counts, and counts per electron, to positions [n].
+# Takes lines [n, length], background and noise [n] in counts, and counts per electron; returns
+# positions [n].
 Locate = Callable[[Pixels, Floats, Floats, float], Floats]
 Make = Callable[[float, Config], Locate]
 
@@ -30,14 +31,14 @@ class Detector:
     """One detector.
 
     Attributes:
-        key: Short name.
-        title: Its name on the page.
-        make: What it is with a value of its parameter.
-        parameter: What was tuned, or what stands in its place.
+        key: Short name of the detector.
+        title: Name of the detector on the page.
+        make: Function that makes the detector for a value of its parameter.
+        parameter: Name of the parameter that was tuned, or the reason why there is none.
         grid: Values that were tried; empty where there is no parameter.
-        value: The one that was chosen.
-        modules: RTL that does it, if there is any.
-        source: Where it comes from.
+        value: The value that was chosen.
+        modules: RTL modules that implement it, if there are any.
+        source: Publication that describes it.
     """
 
     key: str
@@ -51,7 +52,7 @@ class Detector:
 
     @property
     def engine(self) -> bool:
-        """Whether it is the whole chain, which takes its own background."""
+        """Return whether it is the whole chain, which computes its own background."""
         return self.source.startswith(_VR_SCAN)
 
     def locate(
@@ -67,10 +68,11 @@ class Detector:
         Args:
             lines: Counts [n, length].
             background: Mean of each line's background, counts [n]; the instrument and (8) as
-                printed take their own.
-            noise: Its standard deviation, counts [n].
-            config: Pixel width and conversion factor; the instrument's thresholds.
-            value: Of the parameter; the tuned one if None.
+                printed use their own.
+            noise: Standard deviation of each line's background, counts [n].
+            config: Configuration, with the pixel width, the conversion factor and the instrument's
+                thresholds.
+            value: Value of the parameter; the tuned one if None.
         """
         find = self.make(self.value if value is None else value, config)
         kappa = config.peak.kappa
@@ -266,7 +268,7 @@ def _accepted(window: str) -> bool:
 
 
 def detectors() -> tuple[Detector, ...]:
-    """Return every detector that there is: two passes only where the configuration takes them."""
+    """Return all detectors; two passes are among them only where the configuration accepts them."""
     return tuple(d for d in _EVERY if d.key != "two-pass" or _accepted("two_pass"))
 
 
@@ -274,6 +276,6 @@ def detector(key: str) -> Detector:
     """Return a detector by its short name.
 
     Raises:
-        KeyError: if there is none.
+        KeyError: if there is no such detector.
     """
     return {each.key: each for each in detectors()}[key]

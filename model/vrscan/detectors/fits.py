@@ -3,7 +3,7 @@
 Both have three unknowns, height, centre and width; the background is known. They take damped
 Gauss-Newton steps (Levenberg 1944, Marquardt 1963) on all lines at once. Centre and width are
 fitted in units of the first guess of the width, so one damping serves all three. Pixels at full
-scale say nothing of the shape and are left out.
+scale carry no information about the shape and are left out.
 """
 
 from collections.abc import Callable
@@ -17,10 +17,10 @@ from vrscan.detectors.patch import Patch, columns, cut, place, shape
 _STEPS = 40
 _CLOSE = 1e-5  # px: a smaller step ends the fit
 _LEAST_WIDTH, _MOST_WIDTH = 0.25, 64.0  # px
-_LEAST_VARIANCE = 1.0 / 12.0  # counts^2: the converter's step
+_LEAST_VARIANCE = 1.0 / 12.0  # counts^2: variance of the converter's step
 _ROOT2PI = np.sqrt(2.0 * np.pi)
 
-# Height, centre and width [n] each to the profile and its three derivatives, [n, m] each.
+# From height, centre and width [n] each to the profile and its three derivatives, [n, m] each.
 Model = Callable[[Floats, Floats, Floats, Floats], tuple[Floats, Floats, Floats, Floats]]
 
 
@@ -30,10 +30,10 @@ def sampled(
     """Return A exp(-(i - mu)^2 / 2 s^2) and its derivatives by A, mu and s, all [n, m].
 
     Args:
-        step: Places i [m].
-        height: A [n].
-        centre: mu [n].
-        width: s [n].
+        step: Positions i of the pixels [m].
+        height: Heights A [n].
+        centre: Centres mu [n].
+        width: Widths s [n].
     """
     away = (step - centre[:, None]) / width[:, None]
     unit = np.exp(-0.5 * np.square(away))
@@ -88,7 +88,7 @@ def _fit(
     cost = (weight * np.square(signal - given[0])).sum(axis=1)
     for _ in range(_STEPS):
         profile, *slopes = given
-        # A clipped spot may be twenty times as high as it looks: the height's unit follows it.
+        # A clipped spot may be twenty times as high as it seems, so the height's unit follows it.
         scale = np.stack([height, first.sigma, first.sigma], axis=1)
         jacobian = np.stack(slopes, axis=1) * scale[:, :, None]
         weighted = jacobian * weight[:, None, :]
@@ -104,7 +104,7 @@ def _fit(
             np.clip(width + move[:, 2], _LEAST_WIDTH, _MOST_WIDTH),
         )
         tried = model(step, *trial)
-        # A step is judged by the weights it was made with; the next ones are those of where it led.
+        # A step is judged with the weights that it was made with; the next step has new ones.
         new = (weight * np.square(signal - tried[0])).sum(axis=1)
         better = new <= cost
         height, centre, width = (
@@ -130,13 +130,13 @@ def _fit(
 def least_squares(
     lines: Pixels, background: Floats, noise: Floats, *, reach: float, full: int
 ) -> Floats:
-    """Return the centre of a Gaussian fitted by least squares, all pixels alike [n], px.
+    """Return the centre of a Gaussian fitted by least squares with equal weights [n], px.
 
     Args:
         lines: Counts [n, length].
-        background: Mean, counts [n].
-        noise: Standard deviation, counts [n].
-        reach: How far around the peak pixels count, in its measured width.
+        background: Mean of the background, counts [n].
+        noise: Standard deviation of the background, counts [n].
+        reach: Distance around the peak in which pixels are used, in its measured widths.
         full: Full scale, counts.
     """
     patch = cut(lines, background, noise)
@@ -156,10 +156,10 @@ def likelihood(
 
     Args:
         lines: Counts [n, length].
-        background: Mean, counts [n].
-        noise: Standard deviation, counts [n].
+        background: Mean of the background, counts [n].
+        noise: Standard deviation of the background, counts [n].
         kappa: Counts per electron.
-        reach: How far around the peak pixels count, in its measured width.
+        reach: Distance around the peak in which pixels are used, in its measured widths.
         full: Full scale, counts.
     """
     patch = cut(lines, background, noise)

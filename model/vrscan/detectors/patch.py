@@ -1,4 +1,4 @@
-"""The surroundings of each line's maximum: what most detectors work on."""
+"""Patches: the surroundings of each line's maximum, on which most detectors work."""
 
 from dataclasses import dataclass
 
@@ -7,9 +7,9 @@ import numpy as np
 from vrscan.data.arrays import Bools, Floats, Ints, Pixels
 
 REACH = 127  # px on either side of the maximum: together the instrument's longest window, 255
-LEAST_SNR = 8.0  # a lower peak is none, as the shipped snr_min has it
-K_NOISE = 2.5  # of the run, as shipped: threshold above background in noise
-K_HEIGHT = 0.02  # and in heights of the peak
+LEAST_SNR = 8.0  # a lower peak does not count as one, like the shipped snr_min
+K_NOISE = 2.5  # shipped threshold of the run above background / noise
+K_HEIGHT = 0.02  # shipped threshold of the run above background / peak's height
 
 
 @dataclass(frozen=True)
@@ -19,14 +19,14 @@ class Patch:
     peak: Ints  # first maximum, px [n]
     signal: Floats  # counts above background, 0 off the sensor [n, 2 REACH + 1]
     raw: Floats  # counts, the background's off the sensor [n, 2 REACH + 1]
-    inside: Bools  # on the sensor [n, 2 REACH + 1]
-    height: Floats  # of the maximum above background, counts [n]
-    found: Bools  # it is LEAST_SNR times the noise [n]
+    inside: Bools  # whether a column is on the sensor [n, 2 REACH + 1]
+    height: Floats  # height of the maximum above background, counts [n]
+    found: Bools  # whether the height is LEAST_SNR times the noise or more [n]
 
 
 @dataclass(frozen=True)
 class Shape:
-    """What the run above the threshold says of a peak; all arrays [n], places from the maximum."""
+    """Shapes of peaks, from the run above the threshold; all arrays [n]."""
 
     mask: Bools  # pixels of the run [n, 2 REACH + 1]
     centre: Floats  # centroid of the run, px from the maximum
@@ -34,7 +34,7 @@ class Shape:
 
 
 def columns() -> Floats:
-    """Return the places of a patch's columns, px from the maximum."""
+    """Return the positions of a patch's columns, px from the maximum."""
     return np.arange(-REACH, REACH + 1, dtype=np.float64)
 
 
@@ -44,7 +44,7 @@ def cut(lines: Pixels, background: Floats, noise: Floats) -> Patch:
     Args:
         lines: Counts [n, length].
         background: Mean of each line's background, counts [n].
-        noise: Its standard deviation, counts [n].
+        noise: Standard deviation of each line's background, counts [n].
     """
     peak = lines.argmax(axis=1).astype(np.int64)
     index = peak[:, None] + np.arange(-REACH, REACH + 1)
@@ -67,11 +67,11 @@ def run(patch: Patch, level: Floats) -> Bools:
     """Return the run of pixels above ``level`` that holds the maximum [n, 2 REACH + 1].
 
     Args:
-        patch: Of n lines.
+        patch: Patches of n lines.
         level: Threshold above background, counts [n].
     """
     below = ~(patch.signal > level[:, None]) | ~patch.inside
-    # Walking away from the maximum, a run lasts until the first pixel that is not above.
+    # On either side of the maximum, a run ends at the first pixel that is not above the level.
     right = ~np.logical_or.accumulate(below[:, REACH:], axis=1)
     left = ~np.logical_or.accumulate(below[:, REACH::-1], axis=1)
     return np.concatenate([left[:, :0:-1], right], axis=1)
@@ -81,8 +81,8 @@ def shape(patch: Patch, noise: Floats) -> Shape:
     """Return centre and width of each peak, from the run that the shipped threshold cuts out.
 
     Args:
-        patch: Of n lines.
-        noise: Of their background, counts [n].
+        patch: Patches of n lines.
+        noise: Standard deviation of the background, counts [n].
     """
     mask = run(patch, np.maximum(K_NOISE * noise, K_HEIGHT * patch.height))
     inside = np.where(mask, patch.signal, 0.0)
@@ -97,8 +97,8 @@ def place(patch: Patch, offset: Floats) -> Floats:
     """Return positions, px, NaN where there is no peak or the offset is outside the patch.
 
     Args:
-        patch: Of n lines.
-        offset: From the maximum, px [n].
+        patch: Patches of n lines.
+        offset: Offset of the position from the maximum, px [n].
     """
     with np.errstate(invalid="ignore"):
         good = patch.found & (np.abs(offset) <= REACH)

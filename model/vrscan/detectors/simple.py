@@ -10,21 +10,21 @@ import numpy as np
 from vrscan.data.arrays import Floats, Pixels
 from vrscan.detectors.patch import REACH, Patch, columns, cut, place, run, shape
 
-_LEAST_COUNT = 0.5  # a pixel below has no logarithm worth taking
-_STEPS = 6  # of Newton; from the centroid of a noisy spot four are enough
+_LEAST_COUNT = 0.5  # pixels are raised to it before their logarithm is taken
+_STEPS = 6  # Newton's steps; from the centroid of a noisy spot four are enough
 
 
 def centroid(
     lines: Pixels, background: Floats, noise: Floats, *, k_noise: float, k_height: float
 ) -> Floats:
-    """Return the centre of mass of what is above background, in the run above a threshold [n], px.
+    """Return the centre of mass of the light above background in the run above a threshold [n], px.
 
     Args:
         lines: Counts [n, length].
-        background: Mean, counts [n].
-        noise: Standard deviation, counts [n].
-        k_noise: Threshold above background in noise.
-        k_height: The same in heights of the peak; the larger of both counts.
+        background: Mean of the background, counts [n].
+        noise: Standard deviation of the background, counts [n].
+        k_noise: Threshold above background over the noise.
+        k_height: Threshold above background over the peak's height; the larger threshold is used.
     """
     patch = cut(lines, background, noise)
     mask = run(patch, np.maximum(k_noise * noise, k_height * patch.height))
@@ -69,9 +69,9 @@ def parabola(lines: Pixels, background: Floats, noise: Floats, *, width: int = 1
 
     Args:
         lines: Counts [n, length].
-        background: Mean, counts [n].
-        noise: Standard deviation, counts [n].
-        width: Of the mean, px, odd; 1 is none.
+        background: Mean of the background, counts [n].
+        noise: Standard deviation of the background, counts [n].
+        width: Width of the mean, px, odd; 1 means no mean.
     """
     patch = cut(lines, background, noise)
     top, (left, middle, right) = _three(patch, width)
@@ -86,9 +86,9 @@ def gaussian3(lines: Pixels, background: Floats, noise: Floats, *, width: int = 
 
     Args:
         lines: Counts [n, length].
-        background: Mean, counts [n].
-        noise: Standard deviation, counts [n].
-        width: Of the mean that goes before it, px, odd; 1 is none.
+        background: Mean of the background, counts [n].
+        noise: Standard deviation of the background, counts [n].
+        width: Width of the mean before it, px, odd; 1 means no mean.
     """
     patch = cut(lines, background, noise)
     top, values = _three(patch, width)
@@ -97,7 +97,7 @@ def gaussian3(lines: Pixels, background: Floats, noise: Floats, *, width: int = 
 
 
 def blais_rioux(lines: Pixels, background: Floats, noise: Floats, *, order: int) -> Floats:
-    """Return the zero of a derivative filter next to the largest pixel, by a straight line [n], px.
+    """Return the zero of a derivative filter next to the largest pixel, by linear interpolation.
 
     g(i) = sum of the order / 2 pixels after i less that of as many before it (Blais and Rioux,
     *Real-time numerical peak detector*, Signal Processing 11, 1986). g falls through zero at the
@@ -105,9 +105,9 @@ def blais_rioux(lines: Pixels, background: Floats, noise: Floats, *, order: int)
 
     Args:
         lines: Counts [n, length].
-        background: Mean, counts [n].
-        noise: Standard deviation, counts [n].
-        order: Pixels of the filter: 4 or 8 in the paper.
+        background: Mean of the background, counts [n].
+        noise: Standard deviation of the background, counts [n].
+        order: Number of pixels of the filter: 4 or 8 in the paper.
     """
     patch = cut(lines, background, noise)
     half = order // 2
@@ -144,10 +144,10 @@ def matched(
 
     Args:
         lines: Counts [n, length].
-        background: Mean, counts [n].
-        noise: Standard deviation, counts [n].
+        background: Mean of the background, counts [n].
+        noise: Standard deviation of the background, counts [n].
         ratio: Width w of the template over that of the peak, which is measured on each line.
-        sigma_px: Width of the peak where it is known.
+        sigma_px: Width of the peak if it is known.
     """
     patch = cut(lines, background, noise)
     seen = shape(patch, noise)

@@ -1,7 +1,7 @@
 """The virtual board: ``vrscan`` in Verilator, with mirror, sensor and lens, on a serial port.
 
-A host talks to it as to a real one, by a path. Its time is its own: what takes a second there takes
-minutes here, so whoever waits for it should count its clocks.
+A host uses it like a real one, by the path of its port. Its time is its own: a second of the board
+takes minutes here, so a program that waits for it should count the board's clocks.
 """
 
 import contextlib
@@ -27,13 +27,13 @@ from vrscan.scene.description import load
 from vrscan.scene.library import library
 from vrscan.scene.timeline import series
 
-CLOCK_HZ = 100e6  # of real boards, where a configuration does not say
-MOTOR_MM_PER_S = 10.0  # of the lens
-_START_S, _STOP_S = 60.0, 20.0  # how long a start and an end may take
+CLOCK_HZ = 100e6  # clock of real boards, the default
+MOTOR_MM_PER_S = 10.0  # speed of the lens
+_START_S, _STOP_S = 60.0, 20.0  # longest time of a start and of an end
 
 
 def on_board(config: Config) -> Config:
-    """Return the configuration with the clock of real boards, unless it states its own."""
+    """Return the configuration with the clock of real boards, unless it gives its own."""
     if "frequency_hz" in config.clock.model_fields_set:
         return config
     clock = config.clock.model_copy(update={"frequency_hz": CLOCK_HZ})
@@ -43,7 +43,7 @@ def on_board(config: Config) -> Config:
 
 
 def build(config: Config) -> Path:
-    """Return the program of the board, built if a source or a parameter has changed.
+    """Return the program of the board; it is built if a source or a parameter has changed.
 
     Raises:
         InputError: if a tool is missing or fails.
@@ -78,7 +78,7 @@ def build(config: Config) -> Path:
 
 
 def make_folder(port: Path) -> None:
-    """Make the folder of a port if it is missing.
+    """Make the folder of a port if it does not exist.
 
     Raises:
         InputError: if it cannot be made, or nothing can be written there.
@@ -91,7 +91,7 @@ def make_folder(port: Path) -> None:
 
 
 def status_file(port: Path) -> Path:
-    """Return the file that tells what the board behind a port has done."""
+    """Return the file with the status of the board behind a port."""
     return port.with_name(f"{port.name}.json")
 
 
@@ -106,17 +106,17 @@ def command(
     seed: int = 1,
     progress: Callable[[int], None] | None = None,
 ) -> list[str]:
-    """Return the command that runs a board, after making what it needs.
+    """Return the command that runs a board, after making the files that it needs.
 
     Args:
         scene: A shipped scene or a file.
         config: The instrument; its clock is the board's.
-        port: The link that becomes the serial port.
-        swinging: Whether the mirror is, from the drive's first pulse on, as where the loop comes
-            to rest; else it is still.
-        seconds: Simulated time after which it stops; for ever if None.
-        real_time: Never faster than time goes.
-        seed: Of the index's jitter; the scene's own seed is that of the sensor's noise.
+        port: The symbolic link to the serial port.
+        swinging: Whether the mirror swings, from the drive's first pulse on, as where the loop
+            comes to rest; otherwise it is still.
+        seconds: Simulated time after which the board stops; None for no limit.
+        real_time: Whether the board never runs faster than real time.
+        seed: Seed of the index's jitter; the scene's own seed is that of the sensor's noise.
         progress: Called with the number of angles of the scene that are rendered so far.
 
     Raises:
@@ -134,7 +134,7 @@ def command(
     words.append(f"+seed={seed}")
     if swinging:
         mirror = config.mirror
-        # The drive's phase is 0 at its first pulse, and leads the mirror's by so much.
+        # The drive's phase is 0 at its first pulse, and leads the mirror's by this much.
         shape, slope = series(np.array([-mirror.drive_phase]), mirror.harmonics)
         size = math.radians(mirror.amplitude_deg)
         angle, velocity = size * float(shape[0]), size * float(slope[0]) * mirror.frequency_hz
@@ -144,12 +144,12 @@ def command(
 
 @dataclass(frozen=True)
 class Status:
-    """What a board has done since it was switched on.
+    """The status of a board since it was switched on.
 
-    ``to_host`` and ``from_host`` are bytes; ``dropped`` those that the host did not read,
-    ``unheard`` those that came while nobody had the port open. ``framing`` and ``breaks`` are what
-    the board's own line showed. ``lines_lost`` were exposed while the sensor still read out,
-    ``lines_outside`` were beyond the angles that are rendered, and dark.
+    ``to_host`` and ``from_host`` are numbers of bytes; ``dropped`` bytes are those that the host
+    did not read, ``unheard`` ones came while nobody had the port open. ``framing`` and ``breaks``
+    count events on the board's own line. ``lines_lost`` were exposed while the sensor still read
+    out, ``lines_outside`` were beyond the angles that are rendered, and dark.
     """
 
     clocks: int
@@ -170,14 +170,15 @@ class Status:
 
 
 class Process:
-    """A board's program while it runs: started by ``with``, stopped at its end."""
+    """A board's program while it runs: ``with`` starts it and stops it at its end."""
 
     def __init__(self, words: list[str], port: Path) -> None:
         """Prepare a start.
 
         Args:
-            words: The command; ``--port`` is ``port`` and ``--status`` its ``status_file``.
-            port: The link to the serial port.
+            words: Words of the command; ``--port`` is ``port`` and ``--status`` its
+                ``status_file``.
+            port: The symbolic link to the serial port.
         """
         self.port = port
         self._words = words
@@ -185,10 +186,10 @@ class Process:
         self._process: subprocess.Popen[bytes] | None = None
 
     def __enter__(self) -> Self:
-        """Start it, and wait until its port is there.
+        """Start the program, and wait until its port exists.
 
         Raises:
-            InputError: if it ends, or does not get that far.
+            InputError: if the program ends, or does not get that far.
         """
         with contextlib.suppress(FileNotFoundError):
             status_file(self.port).unlink()
@@ -210,33 +211,33 @@ class Process:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Stop it."""
+        """Stop the program."""
         self.stop()
 
     def log(self) -> str:
-        """Return what it has printed."""
+        """Return what the program has printed."""
         return self._log.read_text(errors="replace")
 
     @property
     def running(self) -> bool:
-        """Whether it still runs."""
+        """Return whether the program is still running."""
         return self._process is not None and self._process.poll() is None
 
     def status(self) -> Status:
-        """Return what it has done; at most a twentieth of a second old while it runs."""
+        """Return the board's status, at most a twentieth of a second old while the program runs."""
         return Status(**json.loads(status_file(self.port).read_text()))
 
     def clocks(self) -> int:
-        """Return the clocks since its reset."""
+        """Return the number of clocks since the board's reset."""
         return self.status().clocks
 
     def wait(self, clocks: int) -> None:
-        """Wait until it is so many clocks further than now, or more.
+        """Wait until the board has run for this number of clocks from now, or more.
 
         Raises:
-            RuntimeError: if it ends before.
+            RuntimeError: if the program ends before.
         """
-        old = self.clocks()  # of up to a twentieth of a second ago
+        old = self.clocks()  # up to a twentieth of a second old
         until = None
         while until is None or self.clocks() < until:
             if not self.running:
@@ -246,12 +247,12 @@ class Process:
                 until = self.clocks() + clocks
 
     def signal(self, number: int) -> None:
-        """Send it a signal."""
+        """Send a signal to the program."""
         if self._process is not None:
             self._process.send_signal(number)
 
     def stop(self) -> int:
-        """End it as SIGTERM does, and return its exit status; once more does nothing."""
+        """End the program with SIGTERM, and return its exit status; a second call does nothing."""
         if self._process is None:
             return 0
         if self._process.poll() is None:
@@ -264,7 +265,7 @@ class Process:
 
 
 class Board(Process):
-    """A virtual board: ``with Board("default", config) as board`` and talk to ``board.port``."""
+    """A virtual board: ``with Board("default", config) as board``, then use ``board.port``."""
 
     def __init__(
         self,
@@ -276,15 +277,15 @@ class Board(Process):
         seconds: float | None = None,
         seed: int = 1,
     ) -> None:
-        """Make what a board needs; the first time of a configuration takes a minute or two.
+        """Make the files that a board needs; this takes a minute or two for a new configuration.
 
         Args:
             scene: A shipped scene or a file.
             config: The instrument; the shipped one with ``CLOCK_HZ`` if None.
-            port: The link that becomes the serial port; ``build/board/port`` if None.
-            swinging: As ``command`` has it.
-            seconds: Simulated time after which it stops; for ever if None.
-            seed: Of the index's jitter.
+            port: The symbolic link to the serial port; ``build/board/port`` if None.
+            swinging: Whether the mirror swings from the start, as in ``command``.
+            seconds: Simulated time after which the board stops; None for no limit.
+            seed: Seed of the index's jitter.
 
         Raises:
             InputError: as ``command``.

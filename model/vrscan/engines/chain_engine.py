@@ -1,4 +1,4 @@
-"""The Verilated ``vrscan_chain`` as an engine: built once a source state, called with arrays."""
+"""The Verilated ``vrscan_chain`` as an engine: built once for each state of the sources."""
 
 import ctypes
 from collections.abc import Callable
@@ -54,7 +54,7 @@ def _result_widths(line_length: int) -> dict[str, int]:
 
 
 def build(line_length: int, pixel_width: int, max_window: int) -> Path:
-    """Return the shared object of an elaboration, built if the sources have changed.
+    """Return the shared object of an elaboration; it is built if the sources have changed.
 
     Raises:
         InputError: if a tool is missing or fails.
@@ -109,7 +109,7 @@ def _run(
         first_width=max_window if registers.window_two_pass else None,
     )
 
-    # Lines follow as close as the chain takes them.
+    # Lines follow each other as closely as the chain takes them.
     two_pass = registers.window_two_pass
     gap = max(0, min_period(length, max_window, two_pass=two_pass) - length)
 
@@ -161,18 +161,19 @@ def run_rtl(
     mirror_flags: Ints | int = 0,
     max_window: int = MAX_WINDOW,
 ) -> Points:
-    """Return the point of every line, as the RTL gives it.
+    """Return the point of every line from the RTL.
 
-    Lines follow without a gap, or with the shortest that their length asks for.
+    Lines follow without a gap, or with the shortest gap that their length needs.
 
     Args:
         lines: Pixels, uint16 [n, registers.line_length].
         angle: Scan angles, fractions of a turn as 24-bit signed integers, [n].
-        power: Laser power, u16, [n].
+        power: Laser powers, u16, [n].
         registers: The configuration; ``pixel_width`` and ``line_length`` are elaborated.
-        progress: Called with the lines sent so far.
-        mirror_flags: The mirror's flags, bit 0 for NOT_RUNNING and up, 0..7, [n] or one for all.
-        max_window: ``MaxWindow`` to elaborate.
+        progress: Called with the number of lines sent so far.
+        mirror_flags: Flags of the mirror from bit 0, NOT_RUNNING, upwards; 0..7, [n] or one for
+            all.
+        max_window: ``MaxWindow`` of the elaboration.
 
     Returns:
         n points, numbered from 0.

@@ -1,4 +1,4 @@
-"""The three engines behind one call: the RTL, its bit-accurate model and the float equations."""
+"""One interface to three engines: the RTL, its bit-accurate model and the float equations."""
 
 import contextlib
 from collections.abc import Callable, Iterable, Iterator
@@ -17,13 +17,13 @@ from vrscan.data.table import Table
 from vrscan.ideal import chain as ideal
 from vrscan.registers.chain_registers import Registers, angle_turns
 
-BLOCK = 1024  # lines that go to a process together: 4 MB, and a second of the RTL
+BLOCK = 1024  # lines that go to a process together: 4 MB, one second in the RTL
 
 T = TypeVar("T")
 
 
 class Engine(StrEnum):
-    """Who turns lines into points."""
+    """The engine that turns lines into points."""
 
     RTL = "rtl"
     FIXED = "fixed"
@@ -43,8 +43,8 @@ def run(
     """Return the point of each line.
 
     Args:
-        engine: Who computes it.
-        recording: n lines; none give an empty table.
+        engine: The engine that computes the points.
+        recording: n lines; no lines give an empty table.
         config: Thresholds and geometry.
         progress: Called with the number of lines done so far.
 
@@ -52,7 +52,7 @@ def run(
         InputError: if the configuration does not fit in the registers, or ``contract.checked``
             refuses the lines: the same ones for every engine, with the same text.
     """
-    registers = Registers.from_config(config)  # checks the configuration for every engine alike
+    registers = Registers.from_config(config)  # checks the configuration for every engine
     recording = checked(recording, config, pixels=False)  # each engine reads the pixels itself
     lines, power, raised = recording.lines, recording.power, recording.mirror_flags
     if engine is Engine.IDEAL:
@@ -69,12 +69,12 @@ def run(
 
 
 def processes(engine: Engine, count: int, jobs: int) -> int:
-    """Return how many processes work on lines.
+    """Return the number of processes that work on lines.
 
     Args:
-        engine: Who computes their points.
-        count: Lines.
-        jobs: As asked for; 0 is one for each processor, or fewer for few lines.
+        engine: The engine that computes the points.
+        count: Number of lines.
+        jobs: Number that was asked for; 0 is one for each processor, or fewer for few lines.
     """
     most = min(processors(), count // _WORTH[engine]) if jobs == 0 else jobs
     return max(1, min(most, -(-count // BLOCK)))
@@ -83,8 +83,8 @@ def processes(engine: Engine, count: int, jobs: int) -> int:
 def run_block(engine: Engine, recording: Lines, config: Config, first: int) -> Table:
     """Return the points of lines that begin at number ``first`` of a recording.
 
-    The chain keeps nothing of a line but how many there were, so the points are the same in blocks
-    of any size.
+    The chain keeps no state from line to line but their number, so the points are the same in
+    blocks of any size.
     """
     found = run(engine, recording, config)
     return replace(found, line=found.line + first)
@@ -96,10 +96,10 @@ class _Work(Generic[T]):
 
     engine: Engine
     config: Config
-    then: Callable[[Table], T]  # done to the points
+    then: Callable[[Table], T]  # applied to the points
 
     def __call__(self, given: tuple[int, Lines]) -> tuple[int, T]:
-        """Return the number behind the last line, and what comes of the points.
+        """Return the number behind the last line, and what ``then`` returns for the points.
 
         Args:
             given: The number of the first line, and the lines.
@@ -120,14 +120,15 @@ def streamed(
     """Run an engine on any number of lines, of which only some blocks are in memory.
 
     Args:
-        engine: Who computes the points; ``prepare`` has been called.
-        blocks: The lines, in their order; how many are in one does not matter to the points.
+        engine: The engine that computes the points; ``prepare`` has been called.
+        blocks: The lines, in their order; the size of a block does not change the points.
         config: Thresholds and geometry.
-        then: Done to each block's points, by the process that computed them.
-        jobs: Processes; see ``processes``.
+        then: Function that the process that computed a block's points applies to them.
+        jobs: Number of processes; see ``processes``.
 
     Yields:
-        An iterator over the blocks: lines done so far, and what ``then`` returned.
+        An iterator over the blocks, with the number of lines done so far and what ``then``
+        returned.
 
     Raises:
         InputError: as ``run`` and ``parallel.workers``, and whatever ``blocks`` raises.
@@ -144,7 +145,7 @@ def streamed(
 
 
 def prepare(engine: Engine, config: Config) -> None:
-    """Build what an engine needs, here and once, so that its messages come before any other.
+    """Build what an engine needs once, in this process, so that its messages come first.
 
     Raises:
         InputError: if it cannot be built, or the configuration does not fit in the registers.

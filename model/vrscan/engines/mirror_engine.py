@@ -17,7 +17,7 @@ from vrscan.engines.tools import repository_root, rtl_module
 from vrscan.engines.verilated import Design, build
 from vrscan.registers.mirror_registers import PORTS, MirrorRegisters
 
-# The rows that the engine writes; tb/engine/mirror.cpp has the same.
+# The rows that the engine writes, as in tb/engine/mirror.cpp.
 LINE = np.dtype([*mirror_loop.LINE.descr, ("angle_true", np.float64)])
 MEASUREMENT = mirror_loop.MEASUREMENT
 
@@ -35,7 +35,7 @@ FAULTS = {
     pkg.FAULT_INDEX: "the index was lost",
 }
 COUNTS = ("missing", "doubled", "impossible", "glitch", "overrun")
-FLAG_NAMES = ("NOT_RUNNING", "INDEX_FAULT", "UNSETTLED")  # of a line, from pkg.FLAG_NOT_RUNNING on
+FLAG_NAMES = ("NOT_RUNNING", "INDEX_FAULT", "UNSETTLED")  # of lines, from pkg.FLAG_NOT_RUNNING on
 _DEVICES = ("mems_mirror", "index_diode")
 _WIDE = (
     ("motion_a", pkg.MOTION_WIDTH),
@@ -44,15 +44,15 @@ _WIDE = (
     ("motion_dphi", pkg.SLOPE_MOTION_WIDTH),
 )
 _NEVER = -1
-CHUNK_S = 0.004  # of mirror time between two words on the progress: some seconds here
+CHUNK_S = 0.004  # mirror time between two progress reports
 
 
 @dataclass(frozen=True)
 class World:
-    """What the simulated mirror meets during a run.
+    """Disturbances of the simulated mirror during a run.
 
-    ``shock_rad_per_s`` is added to its velocity in the run's first clock. Of every ``drop_every``
-    passes over the diode one is lost; 0 loses none.
+    ``shock_rad_per_s`` is added to its velocity in the run's first clock. One of every
+    ``drop_every`` passes over the diode is lost; 0 loses none.
     """
 
     natural_offset_hz: float
@@ -70,7 +70,7 @@ class World:
 
     @classmethod
     def from_config(cls, config: Config, *, seed: int = 1) -> "World":
-        """Return a quiet world: no drift, no shock, nothing dropped; a mirror at rest."""
+        """Return an undisturbed world: no drift, no shock, nothing dropped; a mirror at rest."""
         mems = config.mems
         return cls(
             natural_offset_hz=0.0,
@@ -101,13 +101,14 @@ class _Log(ctypes.Structure):
 
 @dataclass(frozen=True)
 class Recording:
-    """What a run of the loop reported, as structured arrays.
+    """The reports of a run of the loop, as structured arrays.
 
     Attributes:
-        lines: ``LINE`` rows, one a line: the laser pulse's centre in half clocks; state, flags and
-            what else the loop said of it; and the mirror's true angle, rad.
-        measurements: ``MEASUREMENT`` rows, one a pair of crossings.
-        samples: ``SAMPLES`` rows, one a change of what index_capture sees; bit 0 is the oldest.
+        lines: ``LINE`` rows, one for each line: the laser pulse's centre in half clocks; state,
+            flags and the other values that the loop reports; and the mirror's true angle, rad.
+        measurements: ``MEASUREMENT`` rows, one for each pair of crossings.
+        samples: ``SAMPLES`` rows, one for each change of the inputs of index_capture; bit 0 is the
+            oldest sample.
     """
 
     lines: Rows
@@ -116,7 +117,7 @@ class Recording:
 
     @classmethod
     def joined(cls, parts: Sequence["Recording"]) -> "Recording":
-        """Return recordings that follow each other as one."""
+        """Return consecutive recordings as one."""
         return cls(
             np.concatenate([part.lines for part in parts]),
             np.concatenate([part.measurements for part in parts]),
@@ -174,7 +175,7 @@ class Mirror:
     """
 
     def __init__(self, registers: MirrorRegisters, mems: Mems, world: World) -> None:
-        """Build what has changed, reset, write the table.
+        """Build what has changed, reset the loop, and write the table.
 
         Raises:
             InputError: if the engine cannot be built.
@@ -225,18 +226,18 @@ class Mirror:
         replay: Rows | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> Recording:
-        """Run for some clocks, or until the loop is in a state.
+        """Run for a number of clocks, or until the loop reaches a state.
 
         Args:
-            clocks: How many, at most.
-            world: What the mirror meets; a shock comes in the first clock.
+            clocks: Largest number of clocks.
+            world: Disturbances of the mirror; a shock comes in the first clock.
             until_state: One of ``STATES``, or -1 for none.
-            replay: ``SAMPLES`` rows, rising in time, in place of the simulated diode's.
-            progress: Told the clocks since the reset.
+            replay: ``SAMPLES`` rows, rising in time, that replace those of the simulated diode.
+            progress: Called with the number of clocks since the reset.
 
         Raises:
-            RuntimeError: if the loop reports more than the line rate and the mirror's frequency
-                let expect.
+            RuntimeError: if the loop makes more reports than the line rate and the mirror's
+                frequency allow.
         """
         end = self.clock + clocks
         parts: list[Recording] = []
@@ -275,17 +276,17 @@ class Mirror:
 
     @property
     def state(self) -> int:
-        """The loop's state now, one of ``STATES``."""
+        """Return the loop's present state, one of ``STATES``."""
         return int(self._library.mirror_state(self._handle))
 
     @property
     def fault(self) -> int:
-        """Why it is in FAULT, one of ``FAULTS``."""
+        """Return the reason of the state FAULT, one of ``FAULTS``."""
         return int(self._library.mirror_fault(self._handle))
 
     @property
     def counts(self) -> dict[str, int]:
-        """The loop's counters of what was wrong, by the names of ``COUNTS``."""
+        """Return the loop's counters of faults, by the names of ``COUNTS``."""
         values = np.zeros(len(COUNTS), np.int64)
         self._library.mirror_counts(self._handle, _address(values))
         return dict(zip(COUNTS, values.tolist(), strict=True))

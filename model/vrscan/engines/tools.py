@@ -1,4 +1,4 @@
-"""Where the tools and the build products are, and which Verilator is used."""
+"""The paths of the tools and of the build products, and the choice of Verilator."""
 
 import os
 import re
@@ -26,7 +26,7 @@ def build_folder() -> Path:
 
 
 def rtl_sources() -> list[Path]:
-    """Return every RTL file, packages first, each in its place in alphabetical order."""
+    """Return every RTL file: packages first, then the others, in alphabetical order."""
     files = sorted((repository_root() / "rtl").rglob("*.sv"))
     files = [f for f in files if "boards" not in f.parts]
     return sorted(files, key=lambda f: not f.stem.endswith("_pkg"))
@@ -60,13 +60,13 @@ def rtl_modules() -> list[Path]:
 
 
 def rtl_closure(module: Path, others: Sequence[Path] = ()) -> list[Path]:
-    """Return the files that a module is made of, packages first, itself among them.
+    """Return the files that a module needs, packages first, including its own.
 
     A file has the name of its module or package, so naming it in the code is using it.
 
     Args:
-        module: The top, in ``rtl/`` or one of ``others``.
-        others: Files from elsewhere that may be used.
+        module: Top module, in ``rtl/`` or one of ``others``.
+        others: Files from other folders that may be used.
     """
     sources = [*rtl_sources(), *others]
     files = {f.stem: f for f in sources}
@@ -81,7 +81,7 @@ def rtl_closure(module: Path, others: Sequence[Path] = ()) -> list[Path]:
 
 
 def rtl_boards() -> list[Path]:
-    """Return the wrapper of every board; it has cells of its vendor's in it."""
+    """Return the wrapper of every board; it contains cells of its vendor."""
     return sorted((repository_root() / "rtl" / "boards").glob("*.sv"))
 
 
@@ -96,11 +96,11 @@ def _verilator_on_path() -> bool:
 
 
 def verilator_environment() -> dict[str, str]:
-    """Return the environment in which ``verilator`` and what it calls are found.
+    """Return the environment in which ``verilator`` and the tools that it calls are found.
 
-    A Verilator of 5.036 or newer on the PATH is used as it is; otherwise the one of this Python
-    environment, which needs its own folder first on the PATH, and calls ``python``, which a small
-    Debian has only in that environment. ccache is used where it exists.
+    A Verilator of 5.036 or newer on the PATH is used as it is. Otherwise the one of this Python
+    environment is used. It needs its own folder first on the PATH, and calls ``python``, which a
+    small Debian has only in that environment. ccache is used where it exists.
     """
     environment = dict(os.environ)
     if not _verilator_on_path():

