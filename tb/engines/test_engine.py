@@ -158,7 +158,7 @@ def test_whoever_stops_early_leaves_no_process() -> None:
 
 PEAK = """
 from pathlib import Path
-from vrscan import cli
+from vrscan.cli import app as cli
 try:
     cli.main()
 finally:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeVar
 
 from vrscan.data.errors import InputError
+from vrscan.data.extras import named
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -16,9 +17,14 @@ _IDLE_S = 60.0  # after which a process ends whose parent was killed
 
 
 def processors() -> int:
-    """Return how many processors there are for this process."""
-    from loky import cpu_count
+    """Return how many processors there are for this process; 1 where loky is not installed.
 
+    Without it there are no other processes to use them.
+    """
+    try:
+        from loky import cpu_count
+    except ModuleNotFoundError:
+        return 1
     return int(cpu_count())
 
 
@@ -38,13 +44,15 @@ def workers(work: Callable[[T], R], jobs: int) -> Iterator[Callable[[Iterable[T]
         ``2 * jobs`` items are taken and not yet yielded, however many there are.
 
     Raises:
-        InputError: if the work raises it, or a process was killed.
+        InputError: if the work raises it, a process was killed, or loky is not installed, which
+            starts them.
     """
     if jobs <= 1:
         yield lambda items: map(work, items)
         return
-    from loky import ProcessPoolExecutor
-    from loky.process_executor import BrokenProcessPool
+    with named():
+        from loky import ProcessPoolExecutor
+        from loky.process_executor import BrokenProcessPool
 
     # Not forked: a fork may hold a lock of the thread that draws the progress.
     pool = ProcessPoolExecutor(jobs, timeout=_IDLE_S, initializer=_begin, initargs=(work,))
