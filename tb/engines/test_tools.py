@@ -38,7 +38,7 @@ def test_an_installed_package_carries_the_rtl_and_builds_in_the_users_cache(pack
 
 
 def test_an_installed_package_is_no_repository(package: Path) -> None:
-    with pytest.raises(InputError, match="only a clone of the repository can do that") as caught:
+    with pytest.raises(InputError, match="this needs a clone of the repository") as caught:
         tools.repository_root()
     assert str(package) in str(caught.value)
 

@@ -36,7 +36,9 @@ def repository_root() -> Path:
         InputError: if this is an installed package, which has no such folder.
     """
     if installed():
-        raise InputError(f"only a clone of the repository can do that (this is {_PACKAGE})")
+        raise InputError(
+            f"this needs a clone of the repository, and {_PACKAGE} is an installed package"
+        )
     return _PACKAGE.parents[1]
 
 
