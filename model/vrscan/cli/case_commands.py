@@ -22,8 +22,8 @@ def cases(
 
     if not any(case.name.startswith(only) for room in rooms().values() for case in room):
         raise InputError(f"--only: nothing begins with {only!r}")
-    path = repository_root() / page.PAGE
-    if write:
+    path = repository_root() / page.PAGE if write else None
+    if path is not None:
         check_writable(path)
     outcomes = page.measure()
     console = Console()
@@ -35,7 +35,7 @@ def cases(
                 grid.add_row(cells[0], cells[3], cells[4].replace("**", ""), cells[5])
         if grid.row_count:
             console.print(grid)
-    if write:
+    if path is not None:
         with atomic_file(path) as file:
             file.write(page.page(outcomes).encode())
         console.print(f"{path}: rewritten", highlight=False)

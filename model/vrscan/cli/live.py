@@ -186,12 +186,7 @@ def _keys() -> Iterator[Callable[[], bool]]:
         ended = stack.enter_context(interrupted())
         keyboard = sys.stdin.fileno() if sys.stdin and _is_terminal() else None
         if keyboard is not None:
-            import termios
-            import tty
-
-            state = termios.tcgetattr(keyboard)
-            stack.callback(termios.tcsetattr, keyboard, termios.TCSADRAIN, state)
-            tty.setcbreak(keyboard)
+            keyboard = keyboard if stack.enter_context(_single_keys(keyboard)) else None
 
         def pressed() -> bool:
             if keyboard is not None and select.select([keyboard], [], [], 0)[0]:
@@ -199,6 +194,23 @@ def _keys() -> Iterator[Callable[[], bool]]:
             return ended()
 
         yield pressed
+
+
+@contextlib.contextmanager
+def _single_keys(keyboard: int) -> Iterator[bool]:
+    """Let keys come without Enter; yields whether they do, which is not so on Windows."""
+    try:
+        import termios
+        import tty
+    except ModuleNotFoundError:
+        yield False
+        return
+    state = termios.tcgetattr(keyboard)
+    try:
+        tty.setcbreak(keyboard)
+        yield True
+    finally:
+        termios.tcsetattr(keyboard, termios.TCSADRAIN, state)
 
 
 def _is_terminal() -> bool:

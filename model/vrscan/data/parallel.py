@@ -8,6 +8,7 @@ from concurrent.futures import Executor
 from typing import Any, TypeVar
 
 from vrscan.data.errors import InputError
+from vrscan.data.extras import named
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -17,9 +18,14 @@ _IDLE_S = 60.0  # time after which a process without a parent ends
 
 
 def processors() -> int:
-    """Return the number of processors that this process may use."""
-    from loky import cpu_count
+    """Return the number of processors that this process may use; 1 where loky is not installed.
 
+    Without it there are no other processes to use them.
+    """
+    try:
+        from loky import cpu_count
+    except ModuleNotFoundError:
+        return 1
     return int(cpu_count())
 
 
@@ -39,7 +45,8 @@ def workers(work: Callable[[T], R], jobs: int) -> Iterator[Callable[[Iterable[T]
         jobs`` items are taken and not yet yielded, however many there are.
 
     Raises:
-        InputError: if the work raises it, or a process was killed.
+        InputError: if the work raises it, a process was killed, or loky is not installed, which
+            starts them.
     """
     if jobs <= 1:
         yield lambda items: map(work, items)
@@ -67,10 +74,11 @@ def executor(jobs: int, work: Callable[[Any], Any] | None = None) -> Iterator[Ex
         work: The work that the processes do for ``workers``.
 
     Raises:
-        InputError: if a process was killed.
+        InputError: if a process was killed, or loky is not installed, which starts them.
     """
-    from loky import ProcessPoolExecutor
-    from loky.process_executor import BrokenProcessPool
+    with named():
+        from loky import ProcessPoolExecutor
+        from loky.process_executor import BrokenProcessPool
 
     # Not forked: a fork may hold a lock of the thread that draws the progress.
     pool = ProcessPoolExecutor(jobs, timeout=_IDLE_S, initializer=_begin, initargs=(work,))

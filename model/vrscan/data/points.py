@@ -275,7 +275,7 @@ def csv_rows(result: Table) -> bytes:
     sigma_limit = (2**pkg.SIGMA_WIDTH - 1) * 2.0**-pkg.SIGMA_FRACTION
     columns = (
         text("%d,0", everywhere, result.line),
-        _flag_texts(result.flags, len(result)),
+        flag_texts(result.flags, len(result)),
         text("%d,%d", result.width > 0, result.left, result.right),
         text(
             statistics,
@@ -315,7 +315,7 @@ def _flag_bits(flags: Mapping[str, Bools], rows: int) -> Ints:
     return bits
 
 
-def _flag_texts(flags: Mapping[str, Bools], rows: int) -> list[str]:
+def flag_texts(flags: Mapping[str, Bools], rows: int) -> list[str]:
     """Return the names of each row's flags, joined by ``|``."""
     bits = _flag_bits(flags, rows)
     kinds, kind = np.unique(bits, return_inverse=True)

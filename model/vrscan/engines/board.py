@@ -21,7 +21,7 @@ import numpy as np
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
 from vrscan.data.points import check_writable
-from vrscan.engines.tools import build_folder, repository_root
+from vrscan.engines.tools import build_folder, hardware_root
 from vrscan.engines.verilated import build_program
 from vrscan.scene.description import load
 from vrscan.scene.library import library
@@ -73,7 +73,7 @@ def build(config: Config) -> Path:
         "FocusTravel": round(focus.travel_mm / resolution_mm),
         "FocusStepClks": max(1, round(clock_hz * resolution_mm / MOTOR_MM_PER_S)),
     }
-    folder = repository_root() / "tb" / "board"
+    folder = hardware_root() / "tb" / "board"
     return build_program(folder / "board.sv", parameters, folder / "main.cpp")
 
 

@@ -11,7 +11,7 @@ from vrscan.data.arrays import Ints, Pixels
 from vrscan.data.contract import checked_words
 from vrscan.data.points import Points
 from vrscan.engines import verilated
-from vrscan.engines.tools import repository_root, rtl_module
+from vrscan.engines.tools import hardware_root, rtl_module
 from vrscan.fixed.vrscan_chain import MAX_WINDOW, latency, min_period
 from vrscan.registers.chain_registers import Registers
 
@@ -64,7 +64,7 @@ def build(line_length: int, pixel_width: int, max_window: int) -> Path:
         "#define CONFIGURATION(X) " + " ".join(f"X({name})" for name in CONFIGURATION) + "\n"
         "#define RESULTS(X) " + " ".join(f"X({name})" for name in RESULTS) + "\n"
     )
-    harness = repository_root() / "tb" / "engine" / "engine.cpp"
+    harness = hardware_root() / "tb" / "engine" / "engine.cpp"
     return verilated.build(
         "chain", harness, ports, [verilated.Design(rtl_module("vrscan_chain"), parameters)]
     )

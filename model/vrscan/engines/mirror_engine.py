@@ -13,7 +13,7 @@ from vrscan.clocked import mirror_loop
 from vrscan.data import pkg
 from vrscan.data.config import Config, Mems
 from vrscan.data.edges import SAMPLES, Rows
-from vrscan.engines.tools import repository_root, rtl_module
+from vrscan.engines.tools import hardware_root, rtl_module
 from vrscan.engines.verilated import Design, build
 from vrscan.registers.mirror_registers import PORTS, MirrorRegisters
 
@@ -126,7 +126,7 @@ class Recording:
 
 
 def _library(registers: MirrorRegisters, mems: Mems) -> ctypes.CDLL:
-    devices = repository_root() / "tb" / "devices"
+    devices = hardware_root() / "tb" / "devices"
     hertz = round(registers.clock_hz)
     ports = (
         "#define CONFIGURATION(X) " + " ".join(f"X({name})" for name in PORTS) + "\n"
@@ -150,7 +150,7 @@ def _library(registers: MirrorRegisters, mems: Mems) -> ctypes.CDLL:
         },
         [devices / f"{name}.sv" for name in _DEVICES],
     )
-    harness = repository_root() / "tb" / "engine" / "mirror.cpp"
+    harness = hardware_root() / "tb" / "engine" / "mirror.cpp"
     library = ctypes.CDLL(str(build("mirror", harness, ports, [loop, world])))
     library.mirror_create.restype = ctypes.c_void_p
     for name in ("mirror_run", "mirror_state", "mirror_fault"):

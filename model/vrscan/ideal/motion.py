@@ -8,7 +8,6 @@ phi_k], phi_k in rad, for k = 1, 3 .. 17 with a_1 = 1 and phi_1 = 0; the paper h
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from vrscan.data.arrays import Floats
 from vrscan.data.config import HARMONICS
@@ -57,6 +56,8 @@ def half_turn_residual(time_s: Floats, angle_rad: Floats, frequency_hz: float) -
     Raises:
         ValueError: if shapes disagree or the recording is shorter than half a period.
     """
+    from scipy.interpolate import CubicSpline  # the rest of the module needs numpy alone
+
     time, angle = np.asarray(time_s, np.float64), np.asarray(angle_rad, np.float64)
     if time.ndim != 1 or time.shape != angle.shape or time.size < 4:
         raise ValueError("half_turn_residual: needs four samples or more, and an angle for each")

@@ -8,18 +8,20 @@ import contextlib
 import errno
 import os
 import re
-import termios
 import threading
 import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
-
-import serial
+from typing import TYPE_CHECKING
 
 from vrscan.data import link_pkg
 from vrscan.data.errors import InputError
+from vrscan.data.extras import named
 from vrscan.link import protocol
+
+if TYPE_CHECKING:
+    import serial
 
 POLL_S = 0.1  # of the reading thread: how soon it sees that it is to end
 ATTEMPTS = 4  # of a command that may be repeated, where nothing comes; more where it is bad
@@ -158,10 +160,12 @@ class Transport:
             UnpluggedError: if the port is gone.
             NoAnswerError: if it takes nothing.
         """
+        from serial import SerialTimeoutException
+
         self.check()
         try:
             self._serial.write(data)
-        except serial.SerialTimeoutException as error:
+        except SerialTimeoutException as error:
             raise NoAnswerError(f"{self.port}: takes no data for {self.timeout:g} s") from error
         except (OSError, TypeError, ValueError) as error:  # the last two where it was closed
             raise self._unplugged(error) from error
@@ -309,8 +313,10 @@ class Transport:
             self._arrived.notify_all()
 
 
-def _opened(port: str, baud: int, timeout: float) -> serial.Serial:
+def _opened(port: str, baud: int, timeout: float) -> "serial.Serial":
     """Return an open port that no other program has."""
+    with named():
+        import serial
     try:
         return serial.serial_for_url(
             port, baud, timeout=POLL_S, write_timeout=timeout, exclusive=True
@@ -319,8 +325,18 @@ def _opened(port: str, baud: int, timeout: float) -> serial.Serial:
         if error.errno in (errno.EAGAIN, errno.EBUSY):
             raise LinkError(f"{port}: another program has this port open") from error
         raise LinkError(f"{port}: cannot open ({_reason(error)})") from error
-    except (OSError, ValueError, OverflowError, termios.error) as error:
+    except _refusals() as error:
         raise LinkError(f"{port}: cannot open at {baud} baud ({_reason(error)})") from error
+
+
+def _refusals() -> tuple[type[Exception], ...]:
+    """Return what a port that cannot be opened so may raise."""
+    refusals = (OSError, ValueError, OverflowError)
+    try:
+        import termios
+    except ModuleNotFoundError:  # of Windows
+        return refusals
+    return (*refusals, termios.error)
 
 
 def _reason(error: BaseException) -> str:

@@ -17,8 +17,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import solve_ivp
-from scipy.optimize import root
 
 from vrscan.data.arrays import Floats
 
@@ -110,6 +108,8 @@ def integrate(
         ValueError: if shapes disagree, the times do not rise, or ``at_s`` is outside.
         RuntimeError: if the integrator gives up.
     """
+    from scipy.integrate import solve_ivp  # the mirror's parameters need numpy alone
+
     at = np.asarray(edges_s if at_s is None else at_s, np.float64)
     if len(edges_s) != len(drive) + 1 or np.any(np.diff(edges_s) < 0.0):
         raise ValueError("integrate: edges must rise, and be one more than the drive's values")
@@ -164,6 +164,8 @@ def steady_state(
     Raises:
         RuntimeError: if none is found.
     """
+    from scipy.optimize import root
+
     edges = np.arange(5) / (4.0 * frequency_hz)
     wave = drive * np.array([1.0, 0.0, 1.0, 0.0])
     omega = 2.0 * math.pi * frequency_hz

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from vrscan.data.config import Config
-from vrscan.engines.tools import repository_root
+from vrscan.engines.tools import hardware_root
 
 Figures = dict[str, Any]  # what JSON holds
 Work = Callable[[dict[str, Any], int], Figures]
@@ -102,7 +102,7 @@ def files(work: str) -> dict[str, Path]:
     found = dict(_closure(work)[0])
     module = importlib.import_module(work.partition(":")[0])
     for pattern in getattr(module, "READS", ()):
-        base = repository_root() if pattern.startswith(_BESIDE) else _PACKAGE
+        base = hardware_root() if pattern.startswith(_BESIDE) else _PACKAGE
         read = {str(file.relative_to(base)): file for file in base.glob(pattern)}
         if not read:
             raise FileNotFoundError(f"{work}: no file {pattern}")

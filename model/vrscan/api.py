@@ -1,0 +1,252 @@
+"""What a notebook or a program calls: scenes to lines, lines to points, points to a data frame.
+
+``import vrscan`` offers these functions, with the types that they take and return. They are the
+``vrscan`` command's own steps without its files, bars and tables.
+"""
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from pydantic import ValidationError
+
+from vrscan.data.arrays import Bools, Floats, Ints
+from vrscan.data.config import Config, Peak, complaint
+from vrscan.data.config import load as load_config
+from vrscan.data.contract import checked
+from vrscan.data.errors import InputError
+from vrscan.data.extras import named
+from vrscan.data.lines import Lines, part
+from vrscan.data.points import flag_texts
+from vrscan.data.table import Table
+from vrscan.engines import engine as engines
+from vrscan.engines.engine import Engine
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from vrscan.scene.description import Description
+
+ConfigSource = Config | str | os.PathLike[str] | None
+Progress = Callable[[int], None]
+
+
+def simulate(
+    scene: "str | os.PathLike[str] | Description" = "default",
+    lines: int = 3000,
+    *,
+    fidelity: str | Sequence[str] | None = None,
+    tolerance_px: float | None = None,
+    config: ConfigSource = None,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> Lines:
+    """Return the sensor's lines of a scan over a scene, with the truth of each.
+
+    The same arguments give the same lines, which are those of ``vrscan scan --keep-lines``.
+
+    Args:
+        scene: The name of a shipped scene, the path of a ``.toml`` file, or a ``Scene``.
+        lines: How many, n, at least 1. They take 2 bytes a pixel, 4 kB each.
+        fidelity: Which effects of the light are simulated: ``auto`` those that move points by more
+            than the tolerance, ``full`` all that the scene has, ``minimal`` none, or some by their
+            names; the scene's own choice if None.
+        tolerance_px: What ``auto`` may leave out, px; the scene's if None.
+        config: The instrument, or the path of its TOML file; the shipped one if None.
+        jobs: Processes; 0 is one for each processor. The lines do not depend on it.
+        progress: Called with the number of lines done so far.
+
+    Returns:
+        ``lines`` uint16 [n, 2048], counts; ``angle_rad`` [n], of the scan; ``power`` [n], of the
+        laser; and ``truth``, with ``x_mm``, ``z_mm`` and ``position_px`` [n], NaN where the camera
+        does not see the spot, and ``surface`` [n], an index into its ``names``.
+
+    Raises:
+        InputError: if there is no such scene, file or effect, a value in one is out of range, or
+            the camera sees none of the lines.
+        MissingError: if a library is not installed; ``vrscan[scene]`` brings all of them.
+
+    Example:
+        >>> import vrscan
+        >>> lines = vrscan.simulate("plane", 64, fidelity=["shot", "read"])
+        >>> lines.lines.shape, lines.lines.dtype
+        ((64, 2048), dtype('uint16'))
+        >>> lines.truth.names
+        ('plane',)
+    """
+    with named():
+        from vrscan.scene import simulate as simulator
+        from vrscan.scene.description import load
+        from vrscan.scene.light import Light
+        from vrscan.study.plan import plan
+
+        if lines < 1:
+            raise InputError(f"simulate: lines must be 1 or more ({lines})")
+        _check_jobs("simulate", jobs)
+        described = load(os.fspath(scene)) if isinstance(scene, str | os.PathLike) else scene
+        light = Light(described, _configured(config))
+        wanted = fidelity if fidelity is None or isinstance(fidelity, str) else list(fidelity)
+        chosen = plan(light, lines, fidelity=wanted, tolerance_px=tolerance_px, each=False)
+        return simulator.simulate(
+            light,
+            lines,
+            chosen.active,
+            every_ray=chosen.every_ray,
+            tolerance_px=chosen.tolerance_px,
+            jobs=jobs,
+            progress=progress,
+        ).lines
+
+
+def detect(
+    lines: Lines,
+    mode: Literal["threshold", "two_pass"] | None = None,
+    engine: Literal["fixed", "ideal", "rtl"] = "fixed",
+    config: ConfigSource = None,
+    *,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> Table:
+    """Return the point of each line, as ``vrscan replay`` finds it.
+
+    Args:
+        lines: n lines, simulated or your own: ``Lines(pixels, angle_rad, power)`` with pixels
+            uint16 [n, 2048], angles of the scan in rad [n], and integers from 0 to
+            ``config.laser.power_max`` [n].
+        mode: How the spot's window is found: ``threshold``, as in the paper, or ``two_pass``, which
+            is more accurate. None takes what ``config`` says, and that is ``threshold`` unless it
+            says otherwise.
+        engine: Who computes: ``fixed``, the bit-accurate model of the hardware; ``ideal``, the
+            papers' equations in float64; or ``rtl``, the hardware itself in Verilator, which gives
+            the same bits as ``fixed`` and is built when first used, in a minute or so.
+        config: The instrument, or the path of its TOML file; the shipped one if None.
+        jobs: Processes; 0 is one for each processor, or fewer for few lines. The points do not
+            depend on it.
+        progress: Called with the number of lines done so far.
+
+    Returns:
+        A table with a row for each line, whose columns are arrays [n]: ``position_px`` and
+        ``sigma_px`` where ``measured``; ``x_mm``, ``z_mm`` and ``sigma_z_mm`` where ``located``;
+        ``flags``, by name; and what else was measured of the line.
+
+    Raises:
+        LinesError: if an array has another shape or type, or a value is out of range. It is an
+            ``InputError`` and a ``ValueError``.
+        InputError: if there is no such mode, engine or file, a value of the configuration is out
+            of range or does not fit in the hardware's registers, or there is no Verilator or
+            compiler for ``rtl``.
+        MissingError: if what ``vrscan[sim]`` brings is not installed, for ``rtl``, or loky, for
+            several processes.
+
+    Example:
+        >>> import numpy as np
+        >>> import vrscan
+        >>> pixels = np.arange(2048)
+        >>> spot = 60 + 2000 * np.exp(-0.5 * ((pixels - 1000.3) / 3.0) ** 2)
+        >>> one = vrscan.Lines(spot.round().astype(np.uint16)[None], np.zeros(1), np.array([65535]))
+        >>> points = vrscan.detect(one)
+        >>> round(float(points.position_px[0]), 2), round(float(points.z_mm[0]), 2)
+        (1000.3, 407.69)
+    """
+    settings = _configured(config)
+    if mode is not None:
+        try:
+            peak = Peak.model_validate(settings.peak.model_dump() | {"window": mode})
+        except ValidationError as error:
+            raise InputError(f"detect: peak: {complaint(error)}") from error
+        settings = settings.model_copy(update={"peak": peak})
+    if engine not in list(Engine):
+        raise InputError(f"detect: engine must be {', '.join(Engine)} ({engine})")
+    _check_jobs("detect", jobs)
+    chosen = Engine(engine)
+    with named():
+        processes = engines.processes(chosen, len(lines), jobs)
+        if processes == 1:
+            return engines.run(chosen, lines, settings, progress)
+        recording = checked(lines, settings)  # here, where it knows the number of a bad line
+        engines.prepare(chosen, settings)
+        starts = range(0, len(recording), engines.BLOCK)
+        blocks = (part(recording, slice(first, first + engines.BLOCK)) for first in starts)
+        found = []
+        with engines.streamed(chosen, blocks, settings, _as_it_is, processes) as results:
+            for done, points in results:
+                found.append(points)
+                if progress is not None:
+                    progress(done)
+        return Table.joined(found)
+
+
+def to_frame(points: Table) -> "pd.DataFrame":
+    """Return points as a pandas data frame with the columns of points.csv.
+
+    Args:
+        points: What ``detect`` returns, n rows.
+
+    Returns:
+        n rows. What means nothing is missing, as it is empty in the file: ``left`` and ``right``
+        without a window, position and its sigma without a valid peak, ``x_mm``, ``z_mm`` and
+        ``sigma_z_mm`` where the rays do not meet. ``frame["flags"]`` has the names of a row's
+        flags, joined by ``|``; ``frame.flags`` is something of pandas' own.
+
+    Raises:
+        MissingError: if pandas is not installed.
+
+    Example:
+        >>> import vrscan
+        >>> points = vrscan.detect(vrscan.simulate("plane", 64, fidelity="minimal"))
+        >>> frame = vrscan.to_frame(points)
+        >>> len(frame), list(frame.columns[:3])
+        (64, ['line', 'peak', 'flags'])
+    """
+    with named():
+        import pandas as pd
+
+    def where(rows: Bools, values: Floats) -> Floats:
+        return np.where(rows, values, np.nan)
+
+    def whole(rows: Bools, values: Ints) -> "pd.api.extensions.ExtensionArray":
+        return pd.arrays.IntegerArray(values.astype(np.int64), ~rows)
+
+    window = points.width > 0
+    return pd.DataFrame(
+        {
+            "line": points.line,
+            "peak": np.zeros(len(points), np.int64),
+            "flags": flag_texts(points.flags, len(points)),
+            "left": whole(window, points.left),
+            "right": whole(window, points.right),
+            "maximum": points.maximum,
+            "row_mean": points.row_mean,
+            "row_variance": points.row_variance,
+            "background": points.background,
+            "noise": points.noise,
+            "snr": points.snr,
+            "position_px": where(points.measured, points.position_px),
+            "sigma_px": where(points.measured, points.sigma_px),
+            "angle_rad": points.angle_rad,
+            "x_mm": where(points.located, points.x_mm),
+            "z_mm": where(points.located, points.z_mm),
+            "sigma_z_mm": where(points.located, points.sigma_z_mm),
+            "c_obj": points.c_obj,
+            "c_sfm": points.c_sfm,
+        }
+    )
+
+
+def _configured(config: ConfigSource) -> Config:
+    """Return the instrument, from its file if it is in one."""
+    if isinstance(config, Config):
+        return config
+    return load_config(None if config is None else Path(config))
+
+
+def _check_jobs(name: str, jobs: int) -> None:
+    if jobs < 0:
+        raise InputError(f"{name}: jobs must not be negative ({jobs})")
+
+
+def _as_it_is(points: Table) -> Table:
+    """Return points: what is done to those of a block, and other processes know by this name."""
+    return points
