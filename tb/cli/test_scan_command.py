@@ -93,13 +93,15 @@ def test_replay_of_a_scan_gives_its_points(tmp_path: Path, monkeypatch: pytest.M
         assert set(kept["surface"][seen]) <= set(range(len(kept["surface_names"])))
 
 
-@pytest.mark.parametrize("engine", ["ideal", "rtl"])
+@pytest.mark.parametrize(
+    ("engine", "lines"), [("ideal", "2100"), ("rtl", "1100"), in_volume("rtl", "2100")]
+)
 def test_files_do_not_depend_on_the_number_of_processes(
-    engine: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    engine: str, lines: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A scan of two blocks and a bit, and a replay of its lines: the same bytes."""
+    """A scan of a block or two and a bit, and a replay of its lines: the same bytes."""
     monkeypatch.chdir(tmp_path)
-    arguments = ["--engine", engine, "--lines", "2100", "--fidelity", "minimal", "--keep-lines"]
+    arguments = ["--engine", engine, "--lines", lines, "--fidelity", "minimal", "--keep-lines"]
     for jobs in ("1", "2"):
         assert command(monkeypatch, "scan", "--out", jobs, "--jobs", jobs, *arguments) == 0
     for name in ("points.csv", "points.ply", "edges.csv", "picture.png"):
