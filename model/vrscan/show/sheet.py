@@ -4,7 +4,7 @@ import csv
 import io
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
-from functools import partial
+from functools import cache, partial
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
@@ -14,6 +14,7 @@ from rich.table import Table as RichTable
 from rich.text import Text
 
 if TYPE_CHECKING:
+    from jinja2 import Template
     from markupsafe import Markup
 
 Row = TypeVar("Row")
@@ -178,15 +179,20 @@ class Sheet(Generic[Row]):
             key: Returns the id of a row, to which its first cell links.
             bold: Returns whether a row stands out.
         """
-        from jinja2 import Environment, PackageLoader, StrictUndefined
         from markupsafe import Markup
 
-        pages = Environment(
-            loader=PackageLoader("vrscan.show", ""), autoescape=True, undefined=StrictUndefined
-        )
         rows = [(key(row), bold is not None and bold(row), self.texts(row)) for row in self.rows]
-        template = pages.get_template("sheet.html.j2")
-        return Markup(template.render(columns=self.shown, rows=rows))
+        sheet = template("vrscan.show", "sheet.html.j2")
+        return Markup(sheet.render(columns=self.shown, rows=rows))
+
+
+@cache
+def template(package: str, name: str) -> "Template":
+    """Return a template of HTML that lies in a package; what it is given is text, and escaped."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    loader = PackageLoader(package, "")
+    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined).get_template(name)
 
 
 def _line(cells: Sequence[str]) -> str:

@@ -1,6 +1,12 @@
 """How the project's pictures look."""
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 INK, QUIET, LIGHT = "#1f2933", "#7b8794", "#d5dae0"
 COLOURS = ("#2a6f97", "#c8553d", "#3a7d44", "#7b4b94")
@@ -18,4 +24,36 @@ STYLE: dict[Any, Any] = {
     "ytick.color": QUIET,
     "legend.frameon": False,
     "legend.fontsize": 8,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": LIGHT,
+    "grid.linewidth": 0.5,
+    "figure.constrained_layout.use": True,
 }
+
+
+@contextmanager
+def drawing(width: float, height: float, title: str = "") -> Iterator[Figure]:
+    """Yield an empty picture; what is drawn and saved inside has the project's style.
+
+    Args:
+        width: Width in inches.
+        height: Height in inches.
+        title: Text on top.
+    """
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(width, height))  # no window system involved
+        if title:
+            bold: dict[str, Any] = {"fontsize": 12, "fontweight": "bold", "color": INK}
+            figure.suptitle(title, x=0.012, ha="left", **bold)
+        yield figure
+
+
+def plain_log(axes: Axes, which: str, levels: Sequence[float], form: str = "{:g}") -> None:
+    """Write the ticks of a logarithmic axis as plain numbers, those of ``levels`` that it has."""
+    low, high = axes.get_xlim() if which == "x" else axes.get_ylim()
+    ticks = [level for level in levels if low <= level <= high]
+    names = [form.format(tick) for tick in ticks]
+    (axes.set_xticks if which == "x" else axes.set_yticks)(ticks, names)
+    axes.tick_params(which="minor", length=0)
+    axes.minorticks_off()
