@@ -23,7 +23,7 @@ from rich.table import Table
 from timing import SEEDS, ToolError, run
 
 from vrscan.engines.tools import build_folder, repository_root, rtl_boards, rtl_closure
-from vrscan.study.report.numbers import replace_block
+from vrscan.show.sheet import listed, replace_block
 
 ROOT = repository_root()
 
@@ -184,10 +184,8 @@ def _used(report: Path) -> list[tuple[str, str, str]]:
 
 
 def _table(name: str, board: Board, report: Path) -> Table:
-    table = Table("", "used", "there are", title=f"{name}: {_reached(board, report)}", box=None)
-    for row in _used(report):
-        table.add_row(*row)
-    return table
+    used = listed(("", "used", "there are"), _used(report), left=1)
+    return used.terminal(f"{name}: {_reached(board, report)}")
 
 
 def write_numbers(board: Board, report: Path) -> None:
@@ -196,10 +194,10 @@ def write_numbers(board: Board, report: Path) -> None:
         (f"{name}, MHz", f"{got:.1f}", f"{wanted:.1f}")
         for name, (got, wanted) in sorted(_clocks(board, report).items())
     ]
-    rows = ["| figure | reached or used | wanted or there |", "|---|--:|--:|"]
-    rows += [f"| {what} | {used} | {there} |" for what, used, there in (*clocks, *_used(report))]
+    names = ("figure", "reached or used", "wanted or there")
+    table = listed(names, [*clocks, *_used(report)], left=1).markdown()
     page = ROOT / "docs" / "numbers.md"
-    text = replace_block(page.read_text(), "bitstream", "\n".join(rows))
+    text = replace_block(page.read_text(), "bitstream", table)
     if text is None:
         raise ToolError("docs/numbers.md has no bitstream markers")
     page.write_text(text)

@@ -17,7 +17,6 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 from rich.progress import Progress
-from rich.table import Table as RichTable
 from scipy.optimize import least_squares
 
 from vrscan.data import config as configuration
@@ -27,6 +26,7 @@ from vrscan.data.errors import InputError
 from vrscan.data.table import Table
 from vrscan.engines import engine as engines
 from vrscan.engines.engine import Engine
+from vrscan.show.sheet import Column, Sheet
 
 USABLE_SHARE = 0.05  # of full scale, maximum above median
 GOAL_VALID = 0.95
@@ -157,32 +157,20 @@ def show(outcome: Outcome, engine: Engine, console: Console) -> None:
         f"{outcome.dark_valid} of {outcome.dark} lines without one have a point as well: "
         f"{100.0 * (outcome.usable_valid + outcome.dark_valid) / outcome.lines:.1f} % of all"
     )
-    grid = RichTable(
-        caption=f"h = D p / (e + p), D = {outcome.scale_mm:.2f} mm, e = {outcome.distance_px:.1f} "
-        f"px; residuals at most {GOAL_MM} mm",
-        caption_justify="left",
+    columns: list[Column[Level]] = [
+        Column("caliper", lambda level: level.height_mm, "{:.2f}", unit="mm"),
+        Column("pairs", lambda level: level.pairs),
+        Column("used", lambda level: level.used),
+        Column("median p", lambda level: level.shift_px, "{:.3f}", unit="px"),
+        Column("spread", lambda level: level.spread_px, "{:.3f}", unit="px"),
+        Column("h", lambda level: level.fitted_mm, "{:.3f}", unit="mm"),
+        Column("residual", lambda level: level.residual_mm, "{:+.3f}", unit="mm"),
+    ]
+    caption = (
+        f"h = D p / (e + p), D = {outcome.scale_mm:.2f} mm, e = {outcome.distance_px:.1f} px; "
+        f"residuals at most {GOAL_MM} mm"
     )
-    for heading in (
-        "caliper mm",
-        "pairs",
-        "used",
-        "median p px",
-        "spread px",
-        "h mm",
-        "residual mm",
-    ):
-        grid.add_column(heading, justify="right")
-    for level in outcome.levels:
-        grid.add_row(
-            f"{level.height_mm:.2f}",
-            f"{level.pairs}",
-            f"{level.used}",
-            f"{level.shift_px:.3f}",
-            f"{level.spread_px:.3f}",
-            f"{level.fitted_mm:.3f}",
-            f"{level.residual_mm:+.3f}",
-        )
-    console.print(grid)
+    console.print(Sheet(columns, outcome.levels).terminal(caption=caption))
 
 
 def main() -> int:

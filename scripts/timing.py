@@ -7,7 +7,6 @@ synthesis, so nothing of the module is optimised away.
 """
 
 import argparse
-import csv
 import hashlib
 import json
 import os
@@ -17,15 +16,15 @@ from collections import Counter
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, fields
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.progress import Progress
-from rich.table import Table
 
 from vrscan.engines.tools import build_folder, repository_root, rtl_closure, rtl_module, rtl_modules
-from vrscan.study.report.numbers import replace_block
+from vrscan.show.sheet import Column, Sheet, listed, replace_block, words
 
 TARGET_MHZ = 125
 DEVICE = ["--85k", "--speed", "6", "--package", "CABGA381"]
@@ -276,31 +275,24 @@ def cached(module: Path) -> Result:
     return result
 
 
+_COLUMNS: list[Column[Result]] = [
+    words("module", lambda result: result.module),
+    Column("Fmax", lambda result: result.fmax_mhz, "{:.1f}", unit="MHz"),
+    *(Column(name.upper(), attrgetter(name), "{:g}") for name in ("lut", "ff", "ebr", "dsp")),
+]
+
+
 def show(results: list[Result], console: Console) -> None:
-    """Print the table."""
-    table = Table("module", box=None)
-    for heading in ("Fmax MHz", "start", "LUT", "FF", "EBR", "DSP"):
-        table.add_column(heading, justify="right")
-    for result in results:
-        colour = "green" if result.fmax_mhz >= TARGET_MHZ else "red"
-        table.add_row(
-            result.module,
-            f"[{colour}]{result.fmax_mhz:.1f}[/]",
-            result.start,
-            *(f"{value:g}" for value in (result.lut, result.ff, result.ebr, result.dsp)),
-        )
-    console.print(table)
+    """Print the table; what is too slow is red."""
+    start = words("start", lambda result: result.start)
+    table = Sheet([*_COLUMNS[:2], start, *_COLUMNS[2:]], results)
+    console.print(table.terminal(style=lambda r: "" if r.fmax_mhz >= TARGET_MHZ else "red"))
 
 
 def write_numbers(results: list[Result]) -> None:
     """Put the table into docs/numbers.md."""
-    rows = ["| module | Fmax MHz | LUT | FF | EBR | DSP |", "|---|--:|--:|--:|--:|--:|"]
-    rows += [
-        f"| {r.module} | {r.fmax_mhz:.1f} | {r.lut} | {r.ff} | {r.ebr:g} | {r.dsp:g} |"
-        for r in results
-    ]
     page = ROOT / "docs" / "numbers.md"
-    text = replace_block(page.read_text(), "timing", "\n".join(rows))
+    text = replace_block(page.read_text(), "timing", Sheet(_COLUMNS, results).markdown())
     if text is None:
         raise SystemExit("timing: docs/numbers.md has no timing markers")
     page.write_text(text)
@@ -356,10 +348,9 @@ def main() -> int:
         if result.fmax_mhz < TARGET_MHZ:
             complaints.print(f"{result.module}: the slowest path is {result.slowest_path}")
     if not names:
-        with (FOLDER / "timing.csv").open("w", newline="") as file:
-            writer = csv.DictWriter(file, [field.name for field in fields(Result)])
-            writer.writeheader()
-            writer.writerows(asdict(result) for result in results)
+        names = [field.name for field in fields(Result)]
+        rows = [[getattr(result, name) for name in names] for result in results]
+        (FOLDER / "timing.csv").write_bytes(listed(names, rows, kept="{}").csv())
     if arguments.write and len(results) == len(modules):
         write_numbers(results)
     failures += sum(not result.passes() for result in results)

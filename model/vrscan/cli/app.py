@@ -217,7 +217,7 @@ def budget(
         file = None if csv is None else stack.enter_context(atomic_file(csv))
         light, chosen = _planned(scene, count, fidelity, tolerance, settings, each=True)
         if file is not None:
-            report.budget_csv(chosen, file)
+            file.write(report.budget_csv(chosen))
     console = _console()
     console.print(report.budget_table(chosen, light.scene))
     notes = report.light_lines(light, chosen) + report.stray_lines(light, chosen)
@@ -258,7 +258,7 @@ def bench_light(
         with _bar("light", len(chosen)) as progress:
             rows = report.run(chosen, count, settings, progress)
         _console().print(report.table(rows))
-        report.write_csv(rows, csv)
+        csv.write(report.csv_file(rows))
         report.picture(rows, png)
     _console().print(f"{folder}: fidelity.csv, fidelity.png", highlight=False)
     for path in report.write_pages(rows, repository_root()) if write else ():
@@ -648,7 +648,7 @@ def numbers(
                 figures += stage.run(progress)
                 progress(stage.steps)
         _console().print(report.table(figures))
-        report.write_csv(figures, file)
+        file.write(report.sheet(figures).csv())
     for path in report.write_pages(figures, repository_root()) if write else ():
         _console().print(f"{path}: tables rewritten", highlight=False)
     failed = [figure for figure in figures if not figure.passes]

@@ -12,11 +12,11 @@ def cases(
 ) -> None:
     """Run the hard cases; exit status 1 if one is not as defined."""
     from rich.console import Console
-    from rich.table import Table
 
     from vrscan.data.errors import InputError
     from vrscan.data.points import atomic_file, check_writable
     from vrscan.engines.tools import repository_root
+    from vrscan.show.sheet import Sheet
     from vrscan.study.cases import case_page as page
     from vrscan.study.cases.registry import rooms
 
@@ -28,13 +28,10 @@ def cases(
     outcomes = page.measure()
     console = Console()
     for title, room in rooms().items():
-        grid = Table("case", "flags", "error here", "as printed, float64", title=title)
-        for case in room:
-            if case.name.startswith(only):
-                cells = page.cells(case, outcomes[case.name])
-                grid.add_row(cells[0], cells[3], cells[4].replace("**", ""), cells[5])
-        if grid.row_count:
-            console.print(grid)
+        table = page.sheet([case for case in room if case.name.startswith(only)], outcomes)
+        if table.rows:
+            shown = [table.columns[k] for k in (0, 3, 4, 5)]
+            console.print(Sheet(shown, table.rows).terminal(title))
     if path is not None:
         with atomic_file(path) as file:
             file.write(page.page(outcomes).encode())

@@ -16,6 +16,7 @@ BRINGS = {
     "distributed": "vrscan[study]",
     "embreex": "vrscan[scene]",
     "filelock": "vrscan[sim]",
+    "jinja2": "vrscan[study]",
     "loky": "vrscan[scene]",
     "matplotlib": "vrscan[study]",
     "pandas": "vrscan[scene]",

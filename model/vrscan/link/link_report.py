@@ -1,11 +1,12 @@
 """What the commands of ``vrscan link`` print and write."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
+from rich.console import Group
 from rich.table import Table as RichTable
 
 from vrscan.data import link_pkg, pkg, records
@@ -19,13 +20,14 @@ from vrscan.link.stream import Account, Captured
 from vrscan.registers import values
 from vrscan.registers.register_map import LOCKS, REGISTERS
 from vrscan.registers.values import Value, integer
-from vrscan.show.style import wide_table
+from vrscan.show.sheet import Column, Sheet, listed, words
 
 SHOWN = 4  # of many values
 COMPACT_FLAGS = {
     getattr(link_pkg, f"COMPACT_{name}"): name
     for name in ("WEAK", "AT_EDGE", "SATURATED", "RIVAL", "RANGE", "MIRROR", "LOST")
 }
+_MS: dict[str, Any] = {"unit": "ms", "scale": 1e3}
 _MARKS = " ▁▂▃▄▅▆▇█"
 
 
@@ -59,29 +61,24 @@ def value_text(name: str, value: Value, *, raw: bool = False, most: int | None =
     return f"{text} {register.unit}".rstrip()
 
 
+def _format(name: str) -> str:
+    register = values.find(name)
+    fraction = f".{register.fraction}" if register.fraction else ""
+    return f"{'s' if register.signed else 'u'}{register.width}{fraction}"
+
+
 def register_table(found: Mapping[str, Value]) -> RichTable:
     """Return registers with their values, as integers and in their units."""
-    table = wide_table("Registers", "a table shows its first entries")
-    for heading in ("address", "name", "access", "format"):
-        table.add_column(heading, no_wrap=True)
-    table.add_column("integer", justify="right", overflow="fold")
-    table.add_column("value", justify="right", overflow="fold")
-    table.add_column("meaning", overflow="fold")
-    for name, value in found.items():
-        register = values.find(name)
-        sign = "s" if register.signed else "u"
-        fraction = f".{register.fraction}" if register.fraction else ""
-        several = f"[{values.count(name)}]" if values.count(name) > 1 else ""
-        table.add_row(
-            f"{values.addresses(name)[0]:#06x}",
-            f"{name}{several}",
-            register.access,
-            f"{sign}{register.width}{fraction}",
-            value_text(name, value, raw=True, most=2),
-            value_text(name, value, most=2),
-            register.doc,
-        )
-    return table
+    columns: list[Column[str]] = [
+        words("address", lambda name: f"{values.addresses(name)[0]:#06x}"),
+        words("name", lambda name: name + f"[{values.count(name)}]" * (values.count(name) > 1)),
+        words("access", lambda name: values.find(name).access),
+        words("format", _format),
+        Column("integer", lambda name: value_text(name, found[name], raw=True, most=2), wraps=True),
+        Column("value", lambda name: value_text(name, found[name], most=2), wraps=True),
+        words("meaning", lambda name: values.find(name).doc, wraps=True),
+    ]
+    return Sheet(columns, list(found)).terminal("Registers", "a table shows its first entries")
 
 
 def info_table(device: Device) -> RichTable:
@@ -97,10 +94,6 @@ def info_table(device: Device) -> RichTable:
         if REGISTERS[name].access == "counter" and value and name != "frames_good"
     ]
     locked = [name.removeprefix("lock_") for name in LOCKS if found[name]]
-    table = wide_table(f"Board at {device.port}")
-    table.show_header = False
-    table.add_column(no_wrap=True)
-    table.add_column(overflow="fold")
     rows = [
         ("version", f"{build.version_text}, map {build.map_hash:#010x}, board {build.board_id}"),
         ("clock", f"{build.clock_hz / 1e6:g} MHz"),
@@ -117,9 +110,11 @@ def info_table(device: Device) -> RichTable:
         ("locked", ", ".join(locked) or "nothing"),
         ("counted", ", ".join(counted) or "no fault"),
     ]
-    for row in rows:
-        table.add_row(*row)
-    return table
+    columns: list[Column[tuple[str, str]]] = [
+        words("", lambda row: row[0]),
+        words("", lambda row: row[1], wraps=True),
+    ]
+    return Sheet(columns, rows).terminal(f"Board at {device.port}")
 
 
 def mirror_text(found: Mapping[str, Value]) -> str:
@@ -139,35 +134,26 @@ def change_table(before: Mapping[str, Value], after: Mapping[str, Value]) -> Ric
         before: Values of the registers that change.
         after: Their new ones, and others.
     """
-    table = wide_table("Changed")
-    table.add_column("name", no_wrap=True)
-    table.add_column("before", justify="right")
-    table.add_column("after", justify="right")
+    rows = []
     for name, old in before.items():
         new = after[name]
         if isinstance(old, tuple) and isinstance(new, tuple):
             differ = sum(a != b for a, b in zip(old, new, strict=True))
-            table.add_row(name, f"{len(old)} values", f"{differ} of them others")
+            rows.append((name, f"{len(old)} values", f"{differ} of them others"))
         else:
-            table.add_row(name, value_text(name, old), value_text(name, new))
-    return table
+            rows.append((name, value_text(name, old), value_text(name, new)))
+    return listed(("name", "before", "after"), rows, left=1).terminal("Changed")
 
 
 def check_table(checks: Sequence[Check]) -> RichTable:
     """Return the checks of a self-test."""
-    table = wide_table("Self-test")
-    table.add_column("what", no_wrap=True)
-    table.add_column("lines", justify="right")
-    table.add_column("compared", justify="right")
-    table.add_column("result", overflow="fold")
-    for check in checks:
-        table.add_row(
-            check.what,
-            str(check.lines) if check.lines else "",
-            str(check.compared),
-            check.difference or "equal",
-        )
-    return table
+    columns: list[Column[Check]] = [
+        words("what", lambda check: check.what),
+        Column("lines", lambda check: check.lines or None),
+        Column("compared", lambda check: check.compared),
+        words("result", lambda check: check.difference or "equal", wraps=True),
+    ]
+    return Sheet(columns, checks).terminal("Self-test")
 
 
 # ---- points ----
@@ -280,32 +266,35 @@ def _in_counts(record: Records, settings: Threshold, pixel_width: int) -> _Line:
     )
 
 
+_Row = tuple[Captured, _Line | None]
+
+
 def capture_table(found: Sequence[Captured], settings: Threshold, pixel_width: int) -> RichTable:
     """Return raw lines with what the board made of each."""
-    table = wide_table("Lines")
-    for heading in ("line", "least", "most", "background", "noise", "threshold", "window"):
-        table.add_column(heading, justify="right")
-    for heading in ("position", "S/N"):
-        table.add_column(heading, justify="right")
-    table.add_column("flags", overflow="fold")
-    for each in found:
-        pixels = str(int(each.pixels.min())), str(int(each.pixels.max()))
-        if each.record is None:
-            table.add_row(str(each.line), *pixels, *[""] * 6, "no point")
-            continue
-        line = _in_counts(each.record, settings, pixel_width)
-        table.add_row(
-            str(each.line),
-            *pixels,
-            f"{line.background:.1f}",
-            f"{line.noise:.2f}",
-            f"{line.threshold:.1f}",
-            f"{line.left}..{line.right}" if line.right >= line.left else "",
-            "" if line.position is None else f"{line.position:.3f}",
-            f"{line.snr:.1f}",
-            line.flags,
-        )
-    return table
+
+    def of(value: Callable[[_Line], object]) -> Callable[[_Row], Any]:
+        return lambda row: None if row[1] is None else value(row[1])
+
+    def window(line: _Line) -> str:
+        return f"{line.left}..{line.right}" if line.right >= line.left else ""
+
+    columns: list[Column[_Row]] = [
+        Column("line", lambda row: row[0].line),
+        Column("least", lambda row: int(row[0].pixels.min())),
+        Column("most", lambda row: int(row[0].pixels.max())),
+        Column("background", of(lambda line: line.background), "{:.1f}"),
+        Column("noise", of(lambda line: line.noise), "{:.2f}"),
+        Column("threshold", of(lambda line: line.threshold), "{:.1f}"),
+        Column("window", of(window)),
+        Column("position", of(lambda line: line.position), "{:.3f}"),
+        Column("S/N", of(lambda line: line.snr), "{:.1f}"),
+        words("flags", of(lambda line: line.flags), wraps=True, absent="no point"),
+    ]
+    rows = [
+        (each, None if each.record is None else _in_counts(each.record, settings, pixel_width))
+        for each in found
+    ]
+    return Sheet(columns, rows).terminal("Lines")
 
 
 def capture_text(each: Captured, width: int, rows: int = 6) -> str:
@@ -442,40 +431,39 @@ class Rate:
     share: float
 
 
-def bench_tables(trips: Sequence[Trips], rates: Sequence[Rate]) -> RichTable:
-    """Return round trips and streams as one table of tables."""
-    first = wide_table("Commands", "board: of a simulated one this is what counts", gap=2)
-    first.add_column("command", no_wrap=True)
-    for heading in ("median ms", "p95 ms", "1/s", "words/s", "board ms", "board words/s"):
-        first.add_column(heading, justify="right")
-    for trip in trips:
-        mean, count = float(trip.seconds.mean()), len(trip.seconds)
-        board = trip.board_s / count
-        first.add_row(
-            trip.what,
-            f"{1e3 * float(np.median(trip.seconds)):.3f}",
-            f"{1e3 * float(np.percentile(trip.seconds, 95)):.3f}",
-            f"{1.0 / mean:.0f}",
-            f"{trip.words / mean:.0f}" if trip.words else "",
-            f"{1e3 * board:.4f}",
-            f"{trip.words / board:.0f}" if trip.words and board else "",
-        )
-    second = wide_table("Points", "of test lines, as many as the line carries", gap=2)
-    second.add_column("baud", justify="right")
-    second.add_column("records")
-    for heading in ("points", "points/s", "board s", "board points/s", "of the line"):
-        second.add_column(heading, justify="right")
-    for rate in rates:
-        second.add_row(
-            str(rate.baud),
-            "full" if rate.full else "compact",
-            str(rate.points),
-            f"{rate.points / rate.seconds:.0f}",
-            f"{rate.board_s:.4f}",
-            f"{rate.points / rate.board_s:.0f}" if rate.board_s else "",
-            f"{100 * rate.share:.0f} %",
-        )
-    both = RichTable.grid(padding=(0, 0, 1, 0))
-    both.add_row(first)
-    both.add_row(second)
-    return both
+def bench_tables(trips: Sequence[Trips], rates: Sequence[Rate]) -> Group:
+    """Return round trips and streams as two tables."""
+    commands: list[Column[Trips]] = [
+        words("command", lambda trip: trip.what),
+        Column("median", lambda trip: float(np.median(trip.seconds)), "{:.3f}", **_MS),
+        Column("p95", lambda trip: float(np.percentile(trip.seconds, 95)), "{:.3f}", **_MS),
+        Column("1/s", lambda trip: 1.0 / float(trip.seconds.mean()), "{:.0f}"),
+        Column("words/s", lambda trip: trip.words / float(trip.seconds.mean()) or None, "{:.0f}"),
+        Column("board", lambda trip: trip.board_s / len(trip.seconds), "{:.4f}", **_MS),
+        Column(
+            "board words/s",
+            lambda trip: trip.words * len(trip.seconds) / (trip.board_s or math.inf) or None,
+            "{:.0f}",
+        ),
+    ]
+    points: list[Column[Rate]] = [
+        Column("baud", lambda rate: rate.baud),
+        words("records", lambda rate: "full" if rate.full else "compact"),
+        Column("points", lambda rate: rate.points),
+        Column("points/s", lambda rate: rate.points / rate.seconds, "{:.0f}"),
+        Column("board s", lambda rate: rate.board_s, "{:.4f}"),
+        Column(
+            "board points/s",
+            lambda rate: rate.points / rate.board_s if rate.board_s else None,
+            "{:.0f}",
+        ),
+        Column("of the line", lambda rate: rate.share, "{:.0f} %", scale=100),
+    ]
+    caption = "board: of a simulated one this is what counts"
+    return Group(
+        Sheet(commands, trips).terminal("Commands", caption, gap=2),
+        "",
+        Sheet(points, rates).terminal(
+            "Points", "of test lines, as many as the line carries", gap=2
+        ),
+    )

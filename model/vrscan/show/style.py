@@ -1,9 +1,12 @@
-"""How the project's pictures and wide tables look."""
+"""How the project's pictures look."""
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
-from rich import box
-from rich.table import Table as RichTable
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 INK, QUIET, LIGHT = "#1f2933", "#7b8794", "#d5dae0"
 COLOURS = ("#2a6f97", "#c8553d", "#3a7d44", "#7b4b94")
@@ -21,19 +24,36 @@ STYLE: dict[Any, Any] = {
     "ytick.color": QUIET,
     "legend.frameon": False,
     "legend.fontsize": 8,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": LIGHT,
+    "grid.linewidth": 0.5,
+    "figure.constrained_layout.use": True,
 }
 
 
-def wide_table(title: str, caption: str | None = None, *, gap: int = 1) -> RichTable:
-    """Return a table without columns that wastes no width: no frame, ``gap`` between columns."""
-    return RichTable(
-        title=title,
-        caption=caption,
-        title_justify="left",
-        caption_justify="left",
-        caption_style="",
-        box=box.SIMPLE_HEAD,
-        show_edge=False,
-        pad_edge=False,
-        padding=(0, gap, 0, 0),
-    )
+@contextmanager
+def drawing(width: float, height: float, title: str = "") -> Iterator[Figure]:
+    """Yield an empty picture; what is drawn and saved inside has the project's style.
+
+    Args:
+        width: Width in inches.
+        height: Height in inches.
+        title: Text on top.
+    """
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(width, height))  # no window system involved
+        if title:
+            bold: dict[str, Any] = {"fontsize": 12, "fontweight": "bold", "color": INK}
+            figure.suptitle(title, x=0.012, ha="left", **bold)
+        yield figure
+
+
+def plain_log(axes: Axes, which: str, levels: Sequence[float], form: str = "{:g}") -> None:
+    """Write the ticks of a logarithmic axis as plain numbers, those of ``levels`` that it has."""
+    low, high = axes.get_xlim() if which == "x" else axes.get_ylim()
+    ticks = [level for level in levels if low <= level <= high]
+    names = [form.format(tick) for tick in ticks]
+    (axes.set_xticks if which == "x" else axes.set_yticks)(ticks, names)
+    axes.tick_params(which="minor", length=0)
+    axes.minorticks_off()

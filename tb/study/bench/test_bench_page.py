@@ -22,6 +22,7 @@ from vrscan.cli import app as cli
 from vrscan.data.config import Config
 from vrscan.detectors.catalogue import detectors
 from vrscan.engines.tools import repository_root
+from vrscan.show.sheet import listed
 from vrscan.study.bench import bench_page as page
 from vrscan.study.bench import bench_report as report
 from vrscan.study.bench import cost, detect, instrument
@@ -173,10 +174,10 @@ def test_each_table_has_its_file_with_a_row_for_each_figure(parts: list[page.Par
     assert len(tables) >= len(sweeps.SWEEPS) + 6
     for table in tables:
         rows = list(csv.reader(io.StringIO(beside[f"{table.name}.csv"].decode())))
-        assert rows[0] == list(table.columns)
-        assert len(rows) == 1 + len(table.values) > 1
-        assert {len(row) for row in rows} == {len(table.columns)}, table.name
-        assert all(len(row.cells) == len(table.headings) for row in table.rows), table.name
+        sheet = table.full or table.sheet
+        assert rows[0] == [column.name for column in sheet.columns if column.name]
+        assert len(rows) == 1 + len(sheet.rows) > 1
+        assert {len(row) for row in rows} == {len(rows[0])}, table.name
 
 
 def test_the_table_of_detectors_is_what_the_cells_say(read: Reader, parts: list[page.Part]) -> None:
@@ -258,21 +259,11 @@ def test_the_best_of_several_rounds_counts(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_two_things_of_one_name_are_refused() -> None:
-    row = page.Row("same", ["1"])
-    table = page.Table("name", ["a"], [row, row], "", ["a"])
+    table = page.Table("name", listed(("a",), [["1"], ["2"]]), "", key=lambda _: "same")
     with pytest.raises(ValueError, match="twice: same"):
         page.page("", "", [], [page.Part("p", "P", [table])])
     with pytest.raises(ValueError, match=r"two files name\.csv"):
         page.files([page.Part("p", "P", [table, table])])
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(None, "-"), (math.nan, "-"), (math.inf, "∞"), (0.0, "0"), (12345.6, "12,346"),
-     (99.96, "100"), (1.2345, "1.23"), (0.00123, "0.00123"), (3e-6, "3.00e-06"), (-250.2, "-250")],
-)  # fmt: skip
-def test_numbers_are_short(value: float | None, text: str) -> None:
-    assert page.number(value) == text
 
 
 # The lines behind the figures.
@@ -420,11 +411,10 @@ def test_a_page_is_written_from_cells_and_then_from_what_is_kept(tmp_path: Path)
     assert [float(row["bound"]) for row in rows] == sorted(float(row["bound"]) for row in rows)
 
 
-def _shown(order: Order, found: Any) -> list[page.Block]:
+def _shown(order: Order, found: Any) -> list[page.Block[Any]]:
     figures = [found(cell) for cell in sweeps.cells(order)[:2]]
     values = [[k, each["bound_px"]] for k, each in enumerate(figures)]
-    rows = [page.Row(f"row-{k}", [str(k), page.number(v)]) for k, v in values]
-    return [page.Table("one", ["k", "bound"], rows, "Two.", ["k", "bound"], values)]
+    return [page.Table("one", listed(("k", "bound"), values), "Two.", lambda row: f"row-{row[0]}")]
 
 
 def test_changed_values_stand_in_the_head() -> None:

@@ -23,6 +23,7 @@ from vrscan.scene.light import Light
 from vrscan.scene.simulate import simulate
 from vrscan.scene.sun import watts_per_lumen
 from vrscan.scene.surface import brdf
+from vrscan.show.sheet import short
 from vrscan.study.plan import ZONES, Difference, Plan, Prediction, plan
 from vrscan.study.report import budget
 
@@ -160,7 +161,7 @@ def test_effects_say_what_stands_in_their_place() -> None:
     decimals=st.integers(3, 4),
 )
 def test_numbers_keep_their_room(value: float, decimals: int) -> None:
-    text = budget._signed(value, decimals)
+    text = short(value, decimals + 2)
     assert len(text) <= decimals + 3 + (abs(value) >= 10.0 ** (decimals + 1))
     step = 10.0 ** -max(decimals + 1 - len(str(int(abs(value)))), 0)
     assert abs(float(text) - value) <= 0.51 * step
@@ -182,9 +183,8 @@ def test_summary_says_what_a_scan_has_had() -> None:
 
 def test_csv_holds_the_plan() -> None:
     found = made_up()
-    file = io.BytesIO()
-    budget.budget_csv(found, file)
-    rows = {row["effect"]: row for row in csv.DictReader(io.StringIO(file.getvalue().decode()))}
+    text = budget.budget_csv(found).decode()
+    rows = {row["effect"]: row for row in csv.DictReader(io.StringIO(text))}
     assert list(rows) == [*EFFECTS, "left_out", "planned", "full"]
     for prediction in found.predictions:
         row = rows[prediction.name]

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from vrscan.cli.app import app
 from vrscan.engines.tools import repository_root
+from vrscan.show.sheet import replace_block
 from vrscan.study.report import formats, numbers
 from vrscan.study.report.accuracy.figure import Figure
 
@@ -46,9 +47,7 @@ def test_numbers_of_the_whole_chain(tmp_path, monkeypatch) -> None:
 
 
 def test_csv_leaves_empty_what_there_is_not() -> None:
-    file = io.BytesIO()
-    numbers.write_csv([GOOD, BARE, LOW], file)
-    lines = file.getvalue().decode().splitlines()
+    lines = numbers.sheet([GOOD, BARE, LOW]).csv().decode().splitlines()
     assert lines[1] == "group,good,px,0.5,0.8,0.4,1.0,most,1"
     assert lines[2] == "other,bare,1,3.0,,,,most,"
     assert lines[3] == "other,low,1,0.8,,,0.9,least,0"
@@ -87,11 +86,11 @@ def test_the_excerpt_leaves_out_what_was_not_measured(monkeypatch: pytest.Monkey
 
 def test_blocks_are_replaced_between_their_markers_only() -> None:
     page = "a\n<!-- numbers: begin -->\nold\n<!-- numbers: end -->\nb\n"
-    new = numbers.replace_block(page, "numbers", "new")
+    new = replace_block(page, "numbers", "new")
     assert new == "a\n<!-- numbers: begin -->\n\nnew\n\n<!-- numbers: end -->\nb\n"
-    assert numbers.replace_block(new, "numbers", "new") == new
-    assert numbers.replace_block(page, "formats", "new") is None
-    assert numbers.replace_block("no marker", "numbers", "new") is None
+    assert replace_block(new, "numbers", "new") == new
+    assert replace_block(page, "formats", "new") is None
+    assert replace_block("no marker", "numbers", "new") is None
 
 
 def test_pages_are_rewritten_where_they_have_their_markers(tmp_path) -> None:
@@ -108,5 +107,5 @@ def test_pages_are_rewritten_where_they_have_their_markers(tmp_path) -> None:
 @pytest.mark.parametrize("name", formats.blocks())
 def test_page_has_the_formats_and_latencies_of_the_sources(name: str) -> None:
     page = (repository_root() / "docs" / "numbers.md").read_text()
-    fresh = numbers.replace_block(page, name, formats.blocks()[name])
+    fresh = replace_block(page, name, formats.blocks()[name])
     assert page == fresh, f"docs/numbers.md: {name} is stale: vrscan numbers --write"

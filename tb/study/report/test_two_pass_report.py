@@ -2,6 +2,7 @@
 
 import io
 import itertools
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -86,8 +87,7 @@ def shown(grid: Table) -> list[list[str]]:
     console = Console(width=120, file=io.StringIO())
     console.print(grid)
     assert isinstance(console.file, io.StringIO)
-    rows = (row.strip("│").split("│") for row in console.file.getvalue().splitlines())
-    return [[cell.strip() for cell in row] for row in rows]
+    return [re.split(r"\s{2,}", row.strip()) for row in console.file.getvalue().splitlines()]
 
 
 def test_tables_have_a_row_a_height() -> None:
@@ -97,8 +97,8 @@ def test_tables_have_a_row_a_height() -> None:
         for peak, sigma in itertools.product((0.02, 0.5), (8.0, 3.0))
     ]
     rows = shown(two_pass.efficiency_grid(cells, Engine.FIXED, 50))
-    assert ["2 %", "0.900 / 0.953", "0.900 / 0.958"] in rows
-    assert ["50 %", "0.905 / 0.953", "0.905 / 0.958"] in rows
+    assert ["2 %", "0.900/0.953", "0.900/0.958"] in rows
+    assert ["50 %", "0.905/0.953", "0.905/0.958"] in rows
     rows = shown(two_pass.skew_grid(np.array([-0.1, 0.25]), np.array([-0.2, -0.21]), (0.2, 0.9)))
     assert ["one pass", "-0.100", "0.250", "0.3500"] in rows
     assert ["two passes", "-0.200", "-0.210", "0.0100"] in rows

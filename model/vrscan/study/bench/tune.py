@@ -17,6 +17,7 @@ from vrscan.data.config import Config
 from vrscan.detectors.catalogue import Detector, detectors
 from vrscan.detectors.patch import REACH
 from vrscan.ideal.statistics import statistics
+from vrscan.show.sheet import Column, Sheet, words
 from vrscan.study.bench.bench_spots import Spot, score, take
 from vrscan.study.bench.cells import Cell, Figures, configuration, plain
 from vrscan.study.bench.detect import source
@@ -87,28 +88,23 @@ def best(found: Sequence[Trial]) -> dict[str, Trial]:
 
 def table(found: Sequence[Trial]) -> RichTable:
     """Return the search for the terminal: the best of each grid, and what is built in."""
-    grid = RichTable(
-        title="Geometric mean of rms over the Cramer-Rao bound",
-        caption=f"s = {', '.join(f'{s:g}' for s in SIGMAS_PX)} px, "
-        f"{', '.join(f'{100 * p:g}' for p in PEAKS)} % of full scale; lost lines at {LOST_PX:g} px",
-        title_justify="left",
-        caption_justify="left",
-    )
-    for heading in ("detector", "parameter"):
-        grid.add_column(heading)
-    for heading in ("value", "rms / bound", ""):
-        grid.add_column(heading, justify="right")
     chosen = best(found)
-    for index, trial in enumerate(found):
-        each = trial.detector
-        marks = ["best"] * (chosen[each.key] is trial) + ["built in"] * (trial.value == each.value)
-        ends = index + 1 == len(found) or found[index + 1].detector is not each
-        grid.add_row(
-            each.title,
-            each.parameter,
-            f"{trial.value:g}",
-            f"{trial.ratio:.4f}",
-            ", ".join(marks),
-            end_section=ends,
-        )
-    return grid
+
+    def marks(trial: Trial) -> str:
+        own = trial.detector
+        named = ["best"] * (chosen[own.key] is trial) + ["built in"] * (trial.value == own.value)
+        return ", ".join(named)
+
+    columns: list[Column[Trial]] = [
+        words("detector", lambda trial: trial.detector.title),
+        words("parameter", lambda trial: trial.detector.parameter),
+        Column("value", lambda trial: trial.value, "{:g}"),
+        Column("rms / bound", lambda trial: trial.ratio, "{:.4f}"),
+        Column("", marks),
+    ]
+    return Sheet(columns, found).terminal(
+        "Geometric mean of rms over the Cramer-Rao bound",
+        f"s = {', '.join(f'{s:g}' for s in SIGMAS_PX)} px, "
+        f"{', '.join(f'{100 * p:g}' for p in PEAKS)} % of full scale; lost lines at {LOST_PX:g} px",
+        apart=lambda trial: trial.detector.key,
+    )

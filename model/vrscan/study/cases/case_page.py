@@ -1,20 +1,17 @@
 """docs/hard-cases.md: the catalogue, what comes of it, and what is off without a warning."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from vrscan.engines.tools import installed, repository_root
+from vrscan.show.sheet import Column, Sheet, words
 from vrscan.study.cases.case import UNNOTICED_PX, Case, LineCase, Outcome
 from vrscan.study.cases.case_errors import number
 from vrscan.study.cases.registry import WINDOWS, rooms
 
 PAGE = "docs/hard-cases.md"
+OFF = "off without a warning"
 MODES = {"threshold": "one pass", "two_pass": "two passes"}
-HEADINGS = (
-    "case", "what breaks", "defined result", "flags", "error here",
-    "equations as printed, float64", "RTL",
-)  # fmt: skip
-
 _HEAD = f"""# Hard cases
 
 What the chain does where a line, a number or a clock is at its worst. Each row is a test: its lines
@@ -64,7 +61,7 @@ def _here(outcome: Outcome) -> str:
     """Return the error, and whether something tells of it."""
     if not outcome.unnoticed:
         return outcome.here
-    return f"{outcome.here}, **off without a warning** ({len(outcome.unnoticed)})"
+    return f"{outcome.here}, {OFF} ({len(outcome.unnoticed)})"
 
 
 def _proof(case: Case) -> str:
@@ -78,50 +75,56 @@ def _proof(case: Case) -> str:
     return ", ".join(f"[{place.stem}](../tb/{place})" for place in places)
 
 
-def cells(case: Case, outcomes: list[Outcome]) -> tuple[str, ...]:
-    """Return an entry's row."""
-    return (
-        case.name,
-        case.breaks,
-        case.defined,
-        _each([outcome.flags for outcome in outcomes]),
-        _each([_here(outcome) for outcome in outcomes]),
-        outcomes[0].printed,
-        _proof(case),
-    )
+def sheet(cases: Sequence[Case], outcomes: dict[str, list[Outcome]]) -> Sheet[Case]:
+    """Return entries as a table."""
+
+    def first(case: Case) -> Outcome:
+        return outcomes[case.name][0]
+
+    columns: list[Column[Case]] = [
+        words("case", lambda case: case.name),
+        words("what breaks", lambda case: case.breaks, wraps=True),
+        words("defined result", lambda case: case.defined, wraps=True),
+        words("flags", lambda case: _each([o.flags for o in outcomes[case.name]]), wraps=True),
+        words(
+            "error here", lambda case: _each([_here(o) for o in outcomes[case.name]]), wraps=True
+        ),
+        words("equations as printed, float64", lambda case: first(case).printed, wraps=True),
+        words("RTL", _proof),
+    ]
+    return Sheet(columns, cases)
 
 
-def _row(texts: tuple[str, ...]) -> str:
-    return "| " + " | ".join(text.replace("|", "\\|") for text in texts) + " |"
+def _unnoticed(outcomes: dict[str, list[Outcome]]) -> Sheet[Case]:
+    """Return what is off without a warning, the farthest first."""
 
+    def worst(case: Case) -> list[float]:
+        return [max(outcome.unnoticed, default=0.0) for outcome in outcomes[case.name]]
 
-def _unnoticed(outcomes: dict[str, list[Outcome]]) -> Iterator[str]:
-    """Return the rows of what is off without a warning, the farthest first."""
-    rows = []
-    for cases in rooms().values():
-        for case in cases:
-            found = outcomes[case.name]
-            if not any(outcome.unnoticed for outcome in found):
-                continue
-            worst = [max(outcome.unnoticed, default=0.0) for outcome in found]
-            rows.append((max(worst), case, worst))
-    for _, case, worst in sorted(rows, key=lambda row: -row[0]):
-        yield _row((case.name, *(number(w, "px") if w else "-" for w in worst), case.breaks))
+    def mode(k: int) -> Column[Case]:
+        return words(
+            MODES[WINDOWS[k]], lambda case: number(worst(case)[k], "px") if worst(case)[k] else "-"
+        )
+
+    rows = [case for cases in rooms().values() for case in cases if any(worst(case))]
+    columns = [
+        words("case", lambda case: case.name),
+        *map(mode, range(len(WINDOWS))),
+        words("what breaks", lambda case: case.breaks),
+    ]
+    return Sheet(columns, sorted(rows, key=lambda case: -max(worst(case))))
 
 
 def page(outcomes: dict[str, list[Outcome]]) -> str:
     """Return the page."""
     parts = [_HEAD]
     for title, cases in rooms().items():
-        table = [_row(HEADINGS), "|" + "---|" * len(HEADINGS)]
-        table += [_row(cells(case, outcomes[case.name])) for case in cases]
-        parts.append(f"## {title}\n\n" + "\n".join(table) + "\n")
-    rows = list(_unnoticed(outcomes))
-    if rows:
-        modes = [MODES[mode] for mode in WINDOWS]
-        table = [_row(("case", *modes, "what breaks")), "|" + "---|" * (len(modes) + 2), *rows]
+        table = sheet(cases, outcomes).markdown().replace(OFF, f"**{OFF}**")
+        parts.append(f"## {title}\n\n{table}\n")
+    off = _unnoticed(outcomes)
+    if off.rows:
         parts.append(
             "## Off without a warning\n\nThe farthest first, by the window's mode. None of these "
-            "lines raises a flag that would tell a consumer.\n\n" + "\n".join(table) + "\n"
+            f"lines raises a flag that would tell a consumer.\n\n{off.markdown()}\n"
         )
     return "\n".join(parts)

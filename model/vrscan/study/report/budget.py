@@ -3,16 +3,12 @@
 The figures are those of ``vrscan.study.plan``: measured on lines of the scan, not estimated.
 """
 
-import csv
-import io
 import math
-from typing import BinaryIO
+from dataclasses import dataclass
 
 import numpy as np
 from rich.console import Group
-from rich.markup import escape
 from rich.table import Table as RichTable
-from rich.text import Text
 
 from vrscan.data.arrays import Bools, Floats
 from vrscan.data.config import Config
@@ -24,7 +20,7 @@ from vrscan.scene.effects import BASE, EFFECTS
 from vrscan.scene.light import Light
 from vrscan.scene.spots import meet
 from vrscan.scene.stray import attenuation
-from vrscan.show.style import wide_table
+from vrscan.show.sheet import Column, Sheet, short, words
 from vrscan.study.plan import JUMP_PX, LEAST_LINES, PARTS, ZONES, Difference, Plan
 
 MOST_3B_MW = 500.0  # of the mean: class 3B ends there
@@ -45,56 +41,75 @@ def budget_table(plan: Plan, scene: Description) -> Group:
     return Group(figures_table(plan, scene), "", effects_table(plan))
 
 
+@dataclass(frozen=True)
+class _Line:
+    """A line of the budget; what there is not is None."""
+
+    name: str
+    state: str
+    microseconds: float | None
+    difference: Difference | None = None
+    style: str = ""
+    kind: str = ""  # lines of one kind stand together
+
+
 def figures_table(plan: Plan, scene: Description) -> RichTable:
     """Return what leaving out each effect does: bias and rms in px and mm, near, middle and far."""
-    grid = wide_table(
-        f"{escape(scene.source)}: what its points lose without each effect, "
+    heads = (
+        f"{'bias':>7} {'rms':>6} {'bias':>6} {'rms':>5}\n{'px':>7} {'px':>6} {'mm':>6} {'mm':>5}"
+    )
+
+    def zone(index: int) -> Column[_Line]:
+        z_mm = plan.distance_mm[index]
+        head = (
+            f"{ZONES[index]}, z {z_mm:.0f} mm" if np.isfinite(z_mm) else f"{ZONES[index]}: no line"
+        )
+        return Column(f"{head:^27}\n{heads}", lambda line: _cell(line.difference, index))
+
+    columns: list[Column[_Line]] = [
+        words("\n\neffect", lambda line: line.name),
+        *map(zone, range(len(ZONES))),
+        Column("points\ndiffer", _differ, "{:.1f} %", scale=100),
+        words("", lambda line: line.state),
+        Column("µs", lambda line: line.microseconds, "{:.1f}"),
+    ]
+    planned_us, full_us = plan.microseconds
+    rows = [
+        _Line(p.name, "on" if p.on else "off", p.microseconds, p.difference, "" if p.on else "dim")
+        for p in plan.predictions
+    ]
+    if rows:
+        base_us = full_us - sum(row.microseconds for row in plan.predictions)
+        rows.insert(0, _Line("base", "on", max(base_us, 0.0)))
+    rows += [
+        _Line("left out", "", planned_us - full_us, plan.left_out, "bold", "sum"),
+        _Line("planned", "", planned_us, style="bold", kind="sum"),
+        _Line("all on", "", full_us, kind="sum"),
+    ]
+    return Sheet(columns, rows).terminal(
+        f"{scene.source}: what its points lose without each effect, "
         f"fidelity {plan.fidelity}{_tolerance(plan)}",
-        caption=f"Bias and rms about it: how the position moves (with everything, less without the "
+        f"Bias and rms about it: how the position moves (with everything, less without the "
         f"effect), on {plan.lines} lines. Points differ: share of lines with a point in only one "
         f"of the two, or two more than {JUMP_PX:g} px apart, worst of near, middle, far and hidden "
         f"from the camera. µs a line. Base: {BASE}.{_short(plan)}",
+        apart=lambda line: line.kind,
+        style=lambda line: line.style,
     )
-    grid.add_column("\n\neffect", no_wrap=True)
-    for zone, z_mm in zip(ZONES, plan.distance_mm, strict=True):
-        head = f"{zone}, z {z_mm:.0f} mm" if np.isfinite(z_mm) else f"{zone}: no line"
-        heads = f"{'bias':>7} {'rms':>6} {'bias':>6} {'rms':>5}"
-        units = f"{'px':>7} {'px':>6} {'mm':>6} {'mm':>5}"
-        grid.add_column(f"{head:^27}\n{heads}\n{units}", justify="right", no_wrap=True)
-    grid.add_column("points\ndiffer", justify="right", no_wrap=True)
-    grid.add_column("", no_wrap=True)
-    grid.add_column("µs", justify="right", no_wrap=True)
-    planned_us, full_us = plan.microseconds
-    blank = [""] * (len(ZONES) + 1)
-    if plan.predictions:
-        base_us = full_us - sum(row.microseconds for row in plan.predictions)
-        grid.add_row("base", *blank, "on", f"{max(base_us, 0.0):.1f}")
-    for index, row in enumerate(plan.predictions):
-        grid.add_row(
-            row.name,
-            *_cells(row.difference),
-            "on" if row.on else "off",
-            f"{row.microseconds:.1f}",
-            style="" if row.on else "dim",
-            end_section=index == len(plan.predictions) - 1,
-        )
-    saved = f"{planned_us - full_us:.1f}"
-    grid.add_row("left out", *_cells(plan.left_out), "", saved, style="bold")
-    grid.add_row("planned", *blank, "", f"{planned_us:.1f}", style="bold")
-    grid.add_row("all on", *blank, "", f"{full_us:.1f}")
-    return grid
 
 
 def effects_table(plan: Plan) -> RichTable:
     """Return what the effects are, what stands in place of those that are off, and the absent."""
-    grid = wide_table("The effects", gap=2)
-    for heading in ("effect", "what it is", "", "in its place"):
-        grid.add_column(heading, no_wrap=True)
-    for name, state in _states(plan).items():
-        effect = EFFECTS[name]
-        instead = effect.without if state == "off" else ""
-        grid.add_row(name, effect.what, state, instead, style="" if state == "on" else "dim")
-    return grid
+    states = _states(plan)
+    columns: list[Column[str]] = [
+        words("effect", lambda name: name),
+        words("what it is", lambda name: EFFECTS[name].what),
+        words("", lambda name: states[name]),
+        words("in its place", lambda name: EFFECTS[name].without if states[name] == "off" else ""),
+    ]
+    return Sheet(columns, list(states)).terminal(
+        "The effects", style=lambda name: "" if states[name] == "on" else "dim", gap=2
+    )
 
 
 def _states(plan: Plan) -> dict[str, str]:
@@ -117,73 +132,62 @@ def _short(plan: Plan) -> str:
     )
 
 
-def _cells(change: Difference) -> list[Text]:
-    """Return a cell for each zone, and the largest share of points that differ."""
-    cells = [
-        Text(
-            f"{_signed(change.bias_px[zone], 4):>7} {_signed(change.rms_px[zone], 4):>6} "
-            f"{_signed(change.bias_mm[zone], 3):>6} {_signed(change.rms_mm[zone], 3):>5}"
-        )
-        for zone in range(len(ZONES))
-    ]
-    differ = 100.0 * float(change.changed.max())
-    return [*cells, Text(f"{differ:.1f} %" if differ > 0.0 else "")]
+def _cell(change: Difference | None, zone: int) -> str:
+    if change is None:
+        return ""
+    return (
+        f"{short(change.bias_px[zone], 6):>7} {short(change.rms_px[zone], 6):>6} "
+        f"{short(change.bias_mm[zone], 5):>6} {short(change.rms_mm[zone], 5):>5}"
+    )
 
 
-def _signed(value: float, decimals: int) -> str:
-    """Return a number no wider than ``decimals`` + 3; fewer decimals for a large one."""
-    if value == 0.0:
-        return "0"
-    digits = len(str(int(abs(value))))
-    shown = f"{value:.{max(decimals + 1 - digits, 0)}f}"
-    return shown.replace("-", "", 1) if float(shown) == 0.0 else shown
+def _differ(line: _Line) -> float | None:
+    return None if line.difference is None else float(line.difference.changed.max()) or None
 
 
-def budget_csv(plan: Plan, file: BinaryIO) -> None:
-    """Write the budget: a row for each effect, then what is left out, the plan, and all.
+def budget_csv(plan: Plan) -> bytes:
+    """Return the budget as a file: a row for each effect, then what is left out, the plan, and all.
 
     What an effect that the scene does not have would do stays empty.
-
-    Args:
-        plan: The figures.
-        file: A binary file.
     """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    columns = [f"{zone}_{name}" for zone in ZONES for name in ("z_mm", *_FIGURES)]
-    columns += [f"{part}_changed" for part in PARTS[len(ZONES) :]]
-    writer.writerow(("effect", "state", "us_per_line", *columns, "what", "without"))
-    found = {row.name: row for row in plan.predictions}
-    for name, state in _states(plan).items():
-        effect = EFFECTS[name]
-        row = found.get(name)
-        figures = _row(plan, row.difference if row else None)
-        price = f"{row.microseconds:.3f}" if row else ""
-        kept = "absent" if name in plan.absent else state
-        writer.writerow((name, kept, price, *figures, effect.what, effect.without))
+
+    def zone(index: int, name: str) -> Column[_Line]:
+        def value(line: _Line) -> float | None:
+            change = line.difference
+            return None if change is None else float(getattr(change, name)[index])
+
+        return Column(None, value, name=f"{PARTS[index]}_{name}")
+
+    def place(index: int) -> Column[_Line]:
+        z_mm = float(plan.distance_mm[index])
+        return Column(None, lambda _: z_mm, name=f"{ZONES[index]}_z_mm", kept="{:.3f}")
+
+    sums = {"left_out": "all that is off", "planned": "all that is on", "full": "everything"}
+    columns: list[Column[_Line]] = [
+        Column(None, lambda line: line.name, name="effect"),
+        Column(None, lambda line: line.state, name="state"),
+        Column(None, lambda line: line.microseconds, name="us_per_line", kept="{:.3f}"),
+        *(
+            column
+            for index in range(len(ZONES))
+            for column in (place(index), *(zone(index, name) for name in _FIGURES))
+        ),
+        *(zone(index, "changed") for index in range(len(ZONES), len(PARTS))),
+        Column(None, lambda x: sums.get(x.name) or EFFECTS[x.name].what, name="what"),
+        Column(None, lambda x: "" if x.name in sums else EFFECTS[x.name].without, name="without"),
+    ]
+    found = {p.name: (p.microseconds, p.difference) for p in plan.predictions}
     planned_us, full_us = plan.microseconds
-    nothing = _row(plan, None)
-    sums = (
-        ("left_out", "", planned_us - full_us, _row(plan, plan.left_out), "all that is off"),
-        ("planned", "", planned_us, nothing, "all that is on"),
-        ("full", "", full_us, nothing, "everything"),
-    )
-    for name, state, microseconds, figures, what in sums:
-        writer.writerow((name, state, f"{microseconds:.3f}", *figures, what, ""))
-    file.write(text.getvalue().encode())
-
-
-def _row(plan: Plan, change: Difference | None) -> list[str]:
-    cells = []
-    for zone in range(len(ZONES)):
-        z_mm = plan.distance_mm[zone]
-        cells.append(f"{z_mm:.3f}" if np.isfinite(z_mm) else "")
-        cells += [
-            "" if change is None else f"{getattr(change, name)[zone]:.6g}" for name in _FIGURES
-        ]
-    for part in range(len(ZONES), len(PARTS)):
-        cells.append("" if change is None else f"{change.changed[part]:.6g}")
-    return cells
+    rows = [
+        _Line(name, "absent" if name in plan.absent else state, *found.get(name, (None, None)))
+        for name, state in _states(plan).items()
+    ]
+    rows += [
+        _Line("left_out", "", planned_us - full_us, plan.left_out),
+        _Line("planned", "", planned_us),
+        _Line("full", "", full_us),
+    ]
+    return Sheet(columns, rows).csv()
 
 
 # Safety

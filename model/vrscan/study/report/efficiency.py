@@ -6,7 +6,7 @@ mean and deviation, the pedestal left in) stands beside the shipped detector, an
 passes make of the same lines; ``vrscan.study.report.two_pass_report`` has more of those.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -21,6 +21,7 @@ from vrscan.data.parallel import workers
 from vrscan.data.table import Table
 from vrscan.engines.engine import Engine, run
 from vrscan.scene.sensor import cramer_rao_variance, expose, spot_electrons
+from vrscan.show.sheet import Column, Sheet
 
 SIGMAS_PX = (1.0, 2.0, 4.0, 8.0, 12.0)
 PEAKS = (0.05, 0.20, 0.50, 0.90)  # of full scale
@@ -164,41 +165,31 @@ def worst_lost(scores: list[Score]) -> float:
     return max(score.lost for score in scores)
 
 
+def _scores(
+    name: str, of: Callable[[Cell], Score], *, rival: bool = False
+) -> Iterator[Column[Cell]]:
+    """Return the columns of a detector's scores."""
+    yield Column(name, lambda c: of(c).rms_px, "{:.2f}", scale=1e3)
+    yield Column("eff.", lambda c: of(c).efficiency, "{:.3f}")
+    yield Column("lost", lambda c: of(c).lost, "{:.2f}", unit="%", scale=100)
+    if rival:
+        yield Column("RIVAL", lambda c: of(c).rival, "{:.2f}", unit="%", scale=100)
+
+
 def efficiency_table(cells: list[Cell], engine: Engine, count: int) -> RichTable:
     """Return the study as a table for the terminal: bound, shipped detector, two passes, (8)."""
-    grid = RichTable(
-        title=f"Efficiency with one pass and with two, engine {engine}, {count} lines a cell",
-        caption="rms errors in 1e-3 px: the bound's, with one pass as shipped, with two, and of "
-        "(8) as printed; eff. = bound variance / mean square error; "
-        f"lost = no position or more than {LOST_PX:g} px off",
-        title_justify="left",
-        caption_justify="left",
+    columns: list[Column[Cell]] = [
+        Column("peak", lambda c: c.peak, "{:.0f} %", scale=100),
+        Column("s,", lambda c: c.sigma_px, "{:g}", unit="px"),
+        Column("bound", lambda c: c.bound_px, "{:.2f}", scale=1e3),
+        *_scores("one pass", lambda c: c.shipped, rival=True),
+        *_scores("two", lambda c: c.two_pass),
+        *_scores("(8)", lambda c: c.printed),
+    ]
+    return Sheet(columns, cells).terminal(
+        f"Efficiency with one pass and with two, engine {engine}, {count} lines a cell",
+        "rms errors in 1e-3 px: the bound's, with one pass as shipped, with two, and of (8) as "
+        "printed; eff. = bound variance / mean square error; lost = no position or more than "
+        f"{LOST_PX:g} px off",
+        apart=lambda c: c.peak,
     )
-    for heading in (
-        "peak",
-        "s, px",
-        "bound",
-        *("one pass", "eff.", "lost %", "RIVAL %"),
-        *("two", "eff.", "lost %"),
-        *("(8)", "eff.", "lost %"),
-    ):
-        grid.add_column(heading, justify="right")
-    for index, cell in enumerate(cells):
-        shipped, two_pass, printed = cell.shipped, cell.two_pass, cell.printed
-        grid.add_row(
-            f"{100 * cell.peak:.0f} %",
-            f"{cell.sigma_px:g}",
-            f"{1e3 * cell.bound_px:.2f}",
-            f"{1e3 * shipped.rms_px:.2f}",
-            f"{shipped.efficiency:.3f}",
-            f"{100 * shipped.lost:.2f}",
-            f"{100 * shipped.rival:.2f}",
-            f"{1e3 * two_pass.rms_px:.2f}",
-            f"{two_pass.efficiency:.3f}",
-            f"{100 * two_pass.lost:.2f}",
-            f"{1e3 * printed.rms_px:.2f}",
-            f"{printed.efficiency:.3f}",
-            f"{100 * printed.lost:.2f}",
-            end_section=(index + 1) % len(SIGMAS_PX) == 0,
-        )
-    return grid

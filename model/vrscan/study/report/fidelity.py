@@ -7,8 +7,6 @@ the best of several short runs that take turns with those of the other fidelitie
 that fills the tables. On a machine with other work it still comes out a fifth to a half too low.
 """
 
-import csv
-import io
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
@@ -19,8 +17,6 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from rich.console import JustifyMethod
-from rich.markup import escape
 from rich.table import Table as RichTable
 
 from vrscan.data.arrays import Floats
@@ -34,9 +30,9 @@ from vrscan.scene.description import Description, load
 from vrscan.scene.effects import present
 from vrscan.scene.light import Light
 from vrscan.scene.simulate import Simulation, simulate
-from vrscan.show.style import COLOURS, INK, LIGHT, QUIET, STYLE, wide_table
+from vrscan.show.sheet import Column, Sheet, listed, replace_block, short, words
+from vrscan.show.style import COLOURS, INK, LIGHT, QUIET, STYLE
 from vrscan.study.plan import JUMP_PX, ZONES, moved, plan
-from vrscan.study.report.numbers import replace_block
 
 TOLERANCES_PX = (0.1, 0.03, 0.01)
 TIGHTEST = f"auto {TOLERANCES_PX[-1]:g}"
@@ -220,65 +216,45 @@ def _title(scene: str) -> str:
     return Path(scene).stem
 
 
+def _from_full(heading: str, name: str, room: int) -> Column[Row]:
+    """Return the column of an error against full, which full itself leaves empty."""
+
+    def value(row: Row) -> float | None:
+        return None if row.fidelity == "full" else float(getattr(row, name))
+
+    return Column(heading, value, lambda error: short(error, room))
+
+
 def table(rows: Sequence[Row]) -> RichTable:
     """Return the bench as a table for the terminal, 120 columns wide."""
     lines = max((row.lines for row in rows), default=0)
-    grid = wide_table(
+    columns: list[Column[Row]] = [
+        words("\nscene", lambda row: _title(row.scene)),
+        words("\nfidelity", lambda row: row.fidelity),
+        Column("\non", lambda row: f"{row.effects}/{row.of}"),
+        Column("\nlines/s", lambda row: row.lines_per_s, _speed),
+        _from_full("bias\npx", "bias_px", 6),
+        _from_full("rms\npx", "rms_px", 6),
+        _from_full("worst\npx", "worst_px", 6),
+        _from_full("99 %\npx", "p99_px", 6),
+        _from_full("max\npx", "max_px", 5),
+        words("\nok", lambda row: {True: "yes", False: "NO", None: ""}[row.within]),
+        _from_full("rms z\nµm", "rms_um", 5),
+        Column("\ndiffer", lambda row: row.differ or None, "{:.2f}%", scale=100),
+        Column("truth\nrms", lambda row: row.truth_rms_px, lambda error: short(error, 5)),
+        Column("truth\nmed.", lambda row: row.truth_median_px, lambda error: short(error, 5)),
+        Column("plan\ns", lambda row: row.planning_s or None, "{:.1f}"),
+    ]
+    return Sheet(columns, rows).terminal(
         f"Fidelity against full with the same random numbers: {lines} lines of each scene, "
         "chain fixed",
-        caption="lines/s: rendering alone, by one core's processor time; on: effects. Position "
-        "less that of full: bias, rms (bias included), rms of the worst third by depth, 99 % and "
-        "largest; ok: the worst third is within auto's tolerance; differ: lines with a point in "
-        f"only one of the two, or two more than {JUMP_PX:g} px apart, which count nowhere else. "
-        "Truth: rms and median of the position's own error. Plan: s that planning takes.",
+        "lines/s: rendering alone, by one core's processor time; on: effects. Position less that "
+        "of full: bias, rms (bias included), rms of the worst third by depth, 99 % and largest; "
+        "ok: the worst third is within auto's tolerance; differ: lines with a point in only one of "
+        f"the two, or two more than {JUMP_PX:g} px apart, which count nowhere else. Truth: rms and "
+        "median of the position's own error. Plan: s that planning takes.",
+        apart=lambda row: row.scene,
     )
-    headings: tuple[tuple[str, JustifyMethod], ...] = (
-        ("\nscene", "left"),
-        ("\nfidelity", "left"),
-        ("\non", "right"),
-        ("\nlines/s", "right"),
-        ("bias\npx", "right"),
-        ("rms\npx", "right"),
-        ("worst\npx", "right"),
-        ("99 %\npx", "right"),
-        ("max\npx", "right"),
-        ("\nok", "left"),
-        ("rms z\nµm", "right"),
-        ("\ndiffer", "right"),
-        ("truth\nrms", "right"),
-        ("truth\nmed.", "right"),
-        ("plan\ns", "right"),
-    )
-    for heading, justify in headings:
-        grid.add_column(heading, justify=justify, no_wrap=True)
-    for index, row in enumerate(rows):
-        last = index + 1 == len(rows) or rows[index + 1].scene != row.scene
-        first = index == 0 or rows[index - 1].scene != row.scene
-        full = row.fidelity == "full"
-        grid.add_row(
-            escape(_title(row.scene)) if first else "",
-            row.fidelity,
-            f"{row.effects}/{row.of}",
-            _speed(row.lines_per_s),
-            *["" if full else _short(value, 6) for value in (row.bias_px, row.rms_px)],
-            *["" if full else _short(value, 6) for value in (row.worst_px, row.p99_px)],
-            "" if full else _short(row.max_px, 5),
-            {True: "yes", False: "NO", None: ""}[row.within],
-            "" if full else _short(row.rms_um, 5),
-            f"{100.0 * row.differ:.2f}%" if row.differ > 0.0 else "",
-            _short(row.truth_rms_px, 5),
-            _short(row.truth_median_px, 5),
-            f"{row.planning_s:.1f}" if row.planning_s > 0.0 else "",
-            end_section=last,
-        )
-    return grid
-
-
-def _short(value: float, room: int) -> str:
-    """Return a number in ``room`` characters, one more if it is negative."""
-    digits = len(str(int(abs(value))))
-    shown = f"{value:.{max(room - 1 - digits, 0)}f}"
-    return "0" if float(shown) == 0.0 else shown
 
 
 def _speed(lines_per_s: float) -> str:
@@ -287,23 +263,15 @@ def _speed(lines_per_s: float) -> str:
     return f"{round(lines_per_s, 3 - digits):,.0f}"
 
 
-def write_csv(rows: Sequence[Row], file: BinaryIO) -> None:
-    """Write all figures; a tolerance that there is not stays empty.
-
-    Args:
-        rows: One row each.
-        file: A binary file.
-    """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
+def csv_file(rows: Sequence[Row]) -> bytes:
+    """Return all figures as a file; a tolerance that there is not stays empty."""
     names = [field.name for field in fields(Row)]
-    writer.writerow((*names, "within"))
-    for row in rows:
-        values = [getattr(row, name) for name in names]
-        shown = [f"{value:.6g}" if isinstance(value, float) else value for value in values]
-        shown[names.index("tolerance_px")] = "" if row.within is None else f"{row.tolerance_px:g}"
-        writer.writerow((*shown, "" if row.within is None else int(row.within)))
-    file.write(text.getvalue().encode())
+    values = [[*(getattr(row, name) for name in names), _whether(row.within)] for row in rows]
+    return listed([*names, "within"], values).csv()
+
+
+def _whether(value: bool | None) -> int | None:
+    return None if value is None else int(value)
 
 
 def markdown(rows: Sequence[Row]) -> str:
@@ -313,17 +281,14 @@ def markdown(rows: Sequence[Row]) -> str:
     beyond its tolerance.
     """
     names = list(dict.fromkeys(row.fidelity for row in rows))
-    lines = [
-        f"| scene | {' | '.join(names)} | {TIGHTEST} over full | full against truth |",
-        f"|---|{'--:|' * (len(names) + 2)}",
-    ]
+    lines = []
     for scene in _scenes(rows):
         here = {row.fidelity: row for row in rows if row.scene == scene}
         cells = [_markdown_cell(here[name]) for name in names]
         own = here["full"].truth_rms_px
-        times = f"{faster(rows, scene):.1f} x"
-        lines.append(f"| {_title(scene)} | {' | '.join(cells)} | {times} | {own:.2g} px |")
-    return "\n".join(lines)
+        lines.append([_title(scene), *cells, f"{faster(rows, scene):.1f} x", f"{own:.2g} px"])
+    heads = ["scene", *names, f"{TIGHTEST} over full", "full against truth"]
+    return listed(heads, lines, left=1).markdown()
 
 
 def _markdown_cell(row: Row) -> str:

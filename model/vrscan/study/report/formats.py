@@ -1,7 +1,5 @@
 """The generated tables of docs/numbers.md that need no measurement: formats and latencies."""
 
-from collections.abc import Iterable
-
 from vrscan.clocked import amplitude_control, index_capture, mirror_loop, mirror_phase
 from vrscan.data import pkg
 from vrscan.data.config import Config
@@ -20,18 +18,14 @@ from vrscan.fixed import (
     triangulate,
 )
 from vrscan.fixed import vrscan_chain as chain
-
-
-def _table(headings: str, rows: Iterable[tuple[object, ...]]) -> str:
-    lines = [f"| {headings} |", "|" + "---|" * (headings.count("|") + 1)]
-    return "\n".join([*lines, *(f"| {' | '.join(map(str, row))} |" for row in rows)])
+from vrscan.show.sheet import listed
 
 
 def words() -> str:
     """Return the table of the formats of ports, records and registers."""
     count = f"{pkg.COUNT_WIDTH} - P"
     geometry = f"s{pkg.GEOMETRY_WIDTH}"
-    rows: list[tuple[object, ...]] = [
+    rows: list[tuple[str | int, ...]] = [
         ("pixel, maximum", "uP", 0, "counts", "P = PixelWidth, 8 to 16; full scale is 2^P"),
         ("row_mean, background, noise", f"u{pkg.COUNT_WIDTH}", count, "counts", ""),
         ("row_variance", f"u{pkg.VARIANCE_WIDTH}", f"{pkg.VARIANCE_WIDTH} - 2 P", "counts^2", ""),
@@ -106,7 +100,7 @@ def words() -> str:
          "register"),
         ("delays and lengths in a line", f"u{pkg.LINE_CLKS_WIDTH}", 0, "clocks", "registers"),
     ]  # fmt: skip
-    return _table("quantity | word | fraction bits | unit | note", rows)
+    return listed(("quantity", "word", "fraction bits", "unit", "note"), rows, left=5).markdown()
 
 
 def stages() -> str:
@@ -121,7 +115,7 @@ def stages() -> str:
     first = phase_correlate.first_latency(narrow) - narrow
     second = first + peak_refine.latency()
     statistics = line_statistics.latency(length, width, chain.MAX_WINDOW)
-    rows: list[tuple[object, ...]] = [
+    rows: list[tuple[str | int, ...]] = [
         ("line_receiver", line_receiver.LATENCY),
         ("line_statistics", statistics),
         ("peak_isolate, with the replay of the line", peak_isolate.latency(length)),
@@ -142,7 +136,7 @@ def stages() -> str:
             f"{second} + N1: the first harmonic {first} + N1, peak_refine {peak_refine.latency()}",
         ),
     ]
-    return _table("stage | clocks", rows)
+    return listed(("stage", "clocks"), rows, left=2).markdown()
 
 
 def mirror_stages() -> str:
@@ -155,7 +149,7 @@ def mirror_stages() -> str:
         ("scan_angle", scan_angle.LATENCY),
         ("**from the centre of the laser pulse to the line's angle**", mirror_loop.ANGLE_LATENCY),
     ]
-    return _table("stage | clocks", rows)
+    return listed(("stage", "clocks"), rows, left=2).markdown()
 
 
 def blocks() -> dict[str, str]:

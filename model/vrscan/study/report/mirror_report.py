@@ -27,6 +27,7 @@ from vrscan.engines.mirror_engine import (
 )
 from vrscan.ideal.motion import crossings
 from vrscan.registers.mirror_registers import MirrorRegisters
+from vrscan.show.sheet import listed
 from vrscan.show.style import COLOURS, INK, LIGHT, QUIET, STYLE
 
 COLUMNS = (
@@ -424,34 +425,26 @@ def _crossing_rms_ns(run: Run) -> float:
 
 
 def table(run: Run, summary: Summary, title: str) -> RichTable:
-    """Return the summary as a table for the terminal."""
-    grid = RichTable(title=title, title_justify="left", show_header=False)
-    grid.add_column()
-    grid.add_column(justify="right")
-
-    def row(name: str, value: float, form: str) -> None:
-        if not math.isnan(value):
-            grid.add_row(name, form.format(value))
-
-    row("RUN after", summary.start_s, "{:.3f} s")
-    row("mirror time", run.end_s, "{:.3f} s")
-    grid.add_row("lines in RUN", f"{summary.lines}")
-    grid.add_row("of them flagged", f"{summary.flagged}")
-    row("angle error, unflagged, rms", summary.angle_rms_urad, "{:.2f} urad")
-    row("angle error, unflagged, largest", summary.angle_max_urad, "{:.2f} urad")
-    row("amplitude held, rms", summary.amplitude_rms_ppm, "{:.1f} ppm")
-    row("index crossing, rms", summary.crossing_rms_ns, "{:.2f} ns")
-    row("event flagged after", summary.flag_delay_periods, "{:.3f} periods")
-    row("largest angle error until then", summary.unnoticed_urad, "{:.0f} urad")
-    row("last flag after the event", summary.flagged_s, "{:.3f} s")
-    row("amplitude was off by", summary.largest_ppm, "{:.0f} ppm")
-    row(f"back within {BACK_PPM:.0f} ppm after", summary.back_s, "{:.3f} s")
-    for name, count in run.counts.items():
-        if count:
-            grid.add_row(f"{name} (counter)", f"{count}")
-    if run.fault:
-        grid.add_row("FAULT", FAULTS[run.fault])
-    return grid
+    """Return the summary as a table for the terminal, without what the run did not show."""
+    rows: list[tuple[str, float, str]] = [
+        ("RUN after", summary.start_s, "{:.3f} s"),
+        ("mirror time", run.end_s, "{:.3f} s"),
+        ("lines in RUN", summary.lines, "{}"),
+        ("of them flagged", summary.flagged, "{}"),
+        ("angle error, unflagged, rms", summary.angle_rms_urad, "{:.2f} urad"),
+        ("angle error, unflagged, largest", summary.angle_max_urad, "{:.2f} urad"),
+        ("amplitude held, rms", summary.amplitude_rms_ppm, "{:.1f} ppm"),
+        ("index crossing, rms", summary.crossing_rms_ns, "{:.2f} ns"),
+        ("event flagged after", summary.flag_delay_periods, "{:.3f} periods"),
+        ("largest angle error until then", summary.unnoticed_urad, "{:.0f} urad"),
+        ("last flag after the event", summary.flagged_s, "{:.3f} s"),
+        ("amplitude was off by", summary.largest_ppm, "{:.0f} ppm"),
+        (f"back within {BACK_PPM:.0f} ppm after", summary.back_s, "{:.3f} s"),
+        *((f"{name} (counter)", count, "{}") for name, count in run.counts.items() if count),
+    ]
+    shown = [(name, form.format(value)) for name, value, form in rows if not math.isnan(value)]
+    fault = [("FAULT", FAULTS[run.fault])] if run.fault else []
+    return listed(["", ""], [*shown, *fault], left=1).terminal(title)
 
 
 def picture(run: Run, summary: Summary, title: str, file: BinaryIO) -> None:

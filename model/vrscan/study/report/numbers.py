@@ -1,14 +1,11 @@
 """The number table: accuracy, efficiency, latency and speed, as ``vrscan numbers`` prints them."""
 
-import csv
-import io
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 from rich.table import Table as RichTable
@@ -18,6 +15,7 @@ from vrscan.data.errors import InputError
 from vrscan.data.points import atomic_file
 from vrscan.engines.engine import Engine
 from vrscan.fixed import vrscan_chain as chain
+from vrscan.show.sheet import Column, Sheet, replace_block, words
 from vrscan.study.report import efficiency, formats, speed
 from vrscan.study.report import two_pass_report as two_pass
 from vrscan.study.report.accuracy import angle_accuracy as angle
@@ -299,11 +297,6 @@ def _verdict(figure: Figure) -> str:
     return "ok" if figure.passes else "FAIL"
 
 
-def _cells(figure: Figure) -> tuple[str, ...]:
-    numbers = (_text(figure.measured), _text(figure.predicted), _text(figure.floor))
-    return figure.name, figure.unit, *numbers, _limit(figure), _verdict(figure)
-
-
 README = (  # the headlines that it shows
     "position, T = N, rms",
     "x and z, 250 to 1000 mm, maximum",
@@ -315,41 +308,35 @@ README = (  # the headlines that it shows
     "engine rtl on one core",
 )
 _SUMMARY = "docs/numbers.md#headline-figures"
-HEADINGS = ("figure", "unit", "measured", "predicted", "floor", "limit", "")
+
+
+_COLUMNS: list[Column[Figure]] = [
+    Column(None, lambda f: f.group, name="group"),
+    words("figure", lambda f: f.name, name="name", wraps=True),
+    words("unit", lambda f: f.unit, name="unit"),
+    Column("measured", lambda f: f.measured, _text, name="measured", kept="{}", absent="-"),
+    Column("predicted", lambda f: f.predicted, _text, name="predicted", kept="{}", absent="-"),
+    Column("floor", lambda f: f.floor, _text, name="floor", kept="{}", absent="-"),
+    Column("limit", _limit),
+    Column(None, lambda f: f.limit, name="limit", kept="{}"),
+    Column(None, lambda f: "least" if f.at_least else "most", name="limit_is"),
+    Column(None, lambda f: int(f.passes) if f.judged else None, name="passes"),
+]
+
+
+def sheet(figures: Sequence[Figure]) -> Sheet[Figure]:
+    """Return all figures as a table, a heading a group."""
+    return Sheet([*_COLUMNS, words("", _verdict)], figures, group=lambda figure: figure.group)
 
 
 def table(figures: Sequence[Figure]) -> RichTable:
     """Return the table for the terminal."""
-    grid = RichTable(
-        title=f"Measured, predicted from the widths, and what is asked; seed {SEED}",
-        caption="floor: what the output's own rounding leaves; 0.5 % or step: error in units of "
-        "what is allowed, 0.5 % of the value or one step; ratio: first harmonic of (8) over the "
-        "sum above background",
-        title_justify="left",
-        caption_justify="left",
+    return sheet(figures).terminal(
+        f"Measured, predicted from the widths, and what is asked; seed {SEED}",
+        "floor: what the output's own rounding leaves; 0.5 % or step: error in units of what is "
+        "allowed, 0.5 % of the value or one step; ratio: first harmonic of (8) over the sum above "
+        "background",
     )
-    for column, heading in enumerate(HEADINGS):
-        grid.add_column(heading, justify="right" if 2 <= column <= 5 else "left")
-    group = ""
-    for figure in figures:
-        if figure.group != group:
-            group = figure.group
-            grid.add_section()
-            grid.add_row(f"[bold]{group}[/bold]")
-        grid.add_row(*_cells(figure))
-    return grid
-
-
-def markdown(figures: Iterable[Figure]) -> str:
-    """Return the table for a page, a heading row a group."""
-    lines = [f"| {' | '.join(HEADINGS)} |", "|---|---|--:|--:|--:|--:|---|"]
-    group = ""
-    for figure in figures:
-        if figure.group != group:
-            group = figure.group
-            lines.append(f"| **{group}** |" + " |" * (len(HEADINGS) - 1))
-        lines.append(f"| {' | '.join(_cells(figure))} |")
-    return "\n".join(lines)
 
 
 def headlines(figures: Iterable[Figure]) -> dict[str, Figure]:
@@ -364,53 +351,19 @@ def headlines(figures: Iterable[Figure]) -> dict[str, Figure]:
 
 def summary(figures: Iterable[Figure]) -> str:
     """Return the table of headlines for docs/numbers.md."""
-    lines = [f"| {' | '.join(HEADINGS[:-1])} |", "|---|---|--:|--:|--:|--:|"]
-    for headline, figure in headlines(figures).items():
-        lines.append(f"| {' | '.join((headline, *_cells(figure)[1:-1]))} |")
-    return "\n".join(lines)
+    found = headlines(figures)
+    return Sheet(_COLUMNS, [replace(f, name=name) for name, f in found.items()]).markdown()
 
 
 def excerpt(figures: Iterable[Figure]) -> str:
     """Return the table of the README, whose names link to docs/numbers.md."""
     found = headlines(figures)
-    lines = ["| figure | reached | asked |", "|---|--:|--:|"]
-    for headline in README:
-        figure = found.get(headline)
-        if figure is not None:
-            limit = _limit(figure)
-            asked = f"<= {limit}" if limit[0].isdigit() else limit
-            reached = f"{_text(figure.measured)} {figure.unit}".removesuffix(" 1")
-            lines.append(f"| [{headline}]({_SUMMARY}) | {reached} | {asked} |")
-    return "\n".join(lines)
-
-
-def write_csv(figures: Iterable[Figure], file: BinaryIO) -> None:
-    """Write numbers.csv; what there is not stays empty.
-
-    Args:
-        figures: One row each.
-        file: A binary file.
-    """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    columns = ("group", "name", "unit", "measured", "predicted", "floor", "limit")
-    writer.writerow((*columns, "limit_is", "passes"))
-    for figure in figures:
-        values = [getattr(figure, name) for name in columns]
-        shown = ["" if isinstance(v, float) and math.isnan(v) else v for v in values]
-        kind = "least" if figure.at_least else "most"
-        writer.writerow((*shown, kind, int(figure.passes) if figure.judged else ""))
-    file.write(text.getvalue().encode())
-
-
-def replace_block(text: str, name: str, block: str) -> str | None:
-    """Return ``text`` with ``block`` between the markers of that name, or None without markers."""
-    begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
-    before, found_begin, rest = text.partition(begin)
-    _, found_end, after = rest.partition(end)
-    if not (found_begin and found_end):
-        return None
-    return f"{before}{begin}\n\n{block}\n\n{end}{after}"
+    columns: list[Column[Figure]] = [
+        words("figure", lambda f: f"[{f.headline}]({_SUMMARY})"),
+        Column("reached", lambda f: f"{_text(f.measured)} {f.unit}".removesuffix(" 1")),
+        Column("asked", lambda f: f"{'<= ' * _limit(f)[0].isdigit()}{_limit(f)}"),
+    ]
+    return Sheet(columns, [found[name] for name in README if name in found]).markdown()
 
 
 def pages(root: Path) -> tuple[Path, Path]:
@@ -431,7 +384,7 @@ def write_pages(figures: Sequence[Figure], root: Path) -> list[Path]:
     written = []
     new = (
         {"numbers": excerpt(figures)},
-        {"numbers": markdown(figures), "summary": summary(figures), **formats.blocks()},
+        {"numbers": sheet(figures).markdown(), "summary": summary(figures), **formats.blocks()},
     )
     for path, blocks in zip(pages(root), new, strict=True):
         if not path.exists():

@@ -15,6 +15,7 @@ from vrscan.data.config import Config
 from vrscan.data.lines import Lines, Truth
 from vrscan.data.table import Table
 from vrscan.ideal.peak import threshold
+from vrscan.show.sheet import Column, Sheet, words
 from vrscan.show.style import COLOURS, INK, LIGHT, QUIET, STYLE
 from vrscan.study.report.tally import ASTRAY_PX, Errors
 
@@ -26,48 +27,27 @@ _CONTEXT_PX = 100  # either side of the brightest pixel where there is no window
 
 def error_table(errors: list[Errors], title: str) -> RichTable:
     """Return the errors as a table for the terminal."""
-    grid = RichTable(
-        title=title,
-        caption="error in z, in mm and in % of range; error/sigma is the rms of error over "
-        "predicted sigma, which knows the sensor's noise and not speckle; a spot is a line whose "
-        f"spot the camera sees; points astray are over {ASTRAY_PX:g} px off, on another spot, and "
-        "in no error",
-        title_justify="left",
-        caption_justify="left",
+    columns: list[Column[Errors]] = [
+        words("surface", lambda e: e.name, wraps=True),
+        Column("spots", lambda e: e.lines),
+        Column("points", lambda e: e.points),
+        Column("valid", lambda e: e.points / e.lines if e.lines else None, "{:.1f} %",
+               scale=100, absent="-"),
+        Column("astray", lambda e: e.astray),
+        Column("rms", lambda e: e.rms_mm, "{:.4f}", unit="mm", absent="-"),
+        Column("max", lambda e: e.max_mm, "{:.4f}", unit="mm", absent="-"),
+        Column("rms", lambda e: e.rms_percent, "{:.4f}", unit="%", absent="-"),
+        Column("max", lambda e: e.max_percent, "{:.4f}", unit="%", absent="-"),
+        Column("error/sigma", lambda e: e.ratio, "{:.3f}", absent="-"),
+    ]  # fmt: skip
+    return Sheet(columns, errors).terminal(
+        title,
+        "error in z, in mm and in % of range; error/sigma is the rms of error over predicted "
+        "sigma, which knows the sensor's noise and not speckle; a spot is a line whose spot the "
+        f"camera sees; points astray are over {ASTRAY_PX:g} px off, on another spot, and in no "
+        "error",
+        apart=lambda row: row is errors[-1],
     )
-    grid.add_column("surface")
-    headings = (
-        "spots",
-        "points",
-        "valid",
-        "astray",
-        "rms mm",
-        "max mm",
-        "rms %",
-        "max %",
-        "error/sigma",
-    )
-    for heading in headings:
-        grid.add_column(heading, justify="right")
-    for index, row in enumerate(errors):
-        grid.add_row(
-            row.name,
-            f"{row.lines}",
-            f"{row.points}",
-            f"{100.0 * row.points / row.lines:.1f} %" if row.lines else "-",
-            f"{row.astray}",
-            _number(row.rms_mm, 4),
-            _number(row.max_mm, 4),
-            _number(row.rms_percent, 4),
-            _number(row.max_percent, 4),
-            _number(row.ratio, 3),
-            end_section=index == len(errors) - 2,
-        )
-    return grid
-
-
-def _number(value: float, decimals: int) -> str:
-    return f"{value:.{decimals}f}" if np.isfinite(value) else "-"
 
 
 def picture(

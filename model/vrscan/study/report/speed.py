@@ -13,6 +13,7 @@ from vrscan.data.lines import Lines, part
 from vrscan.data.parallel import processors, workers
 from vrscan.engines.engine import BLOCK, Engine, prepare, run
 from vrscan.scene.simulate import take
+from vrscan.show.sheet import Column, Sheet, words
 
 LINES = {Engine.RTL: 2_000, Engine.FIXED: 10_000, Engine.IDEAL: 10_000}  # that are measured
 PAPER_LINES = 37_400.0  # lines/s of the paper's sensor
@@ -89,21 +90,14 @@ def measure(
 
 def table(rates: Sequence[Rate]) -> RichTable:
     """Return the speeds, at least one, as a table for the terminal."""
-    grid = RichTable(
-        title="Lines of the default scene a second",
-        caption=f"the paper's sensor reads {PAPER_LINES:.0f} lines/s",
-        title_justify="left",
-        caption_justify="left",
-    )
-    grid.add_column("engine")
     cores = rates[0].cores
-    for heading in ("one core, lines/s", f"{cores} cores, lines/s", "times")[
-        : 3 if cores > 1 else 1
-    ]:
-        grid.add_column(heading, justify="right")
-    for rate in rates:
-        cells = [rate.engine.value, f"{rate.one:.0f}"]
-        if cores > 1:
-            cells += [f"{rate.every:.0f}", f"{rate.every / rate.one:.2f}"]
-        grid.add_row(*cells)
-    return grid
+    columns: list[Column[Rate]] = [
+        words("engine", lambda rate: rate.engine.value),
+        Column("one core,", lambda rate: rate.one, "{:.0f}", unit="lines/s"),
+        Column(f"{cores} cores,", lambda rate: rate.every, "{:.0f}", unit="lines/s"),
+        Column("times", lambda rate: rate.every / rate.one, "{:.2f}"),
+    ]
+    return Sheet(columns if cores > 1 else columns[:2], rates).terminal(
+        "Lines of the default scene a second",
+        f"the paper's sensor reads {PAPER_LINES:.0f} lines/s",
+    )

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
+from typing import Any
 
 import numpy as np
 from rich.table import Table as RichTable
@@ -22,6 +23,7 @@ from vrscan.data.lines import Lines
 from vrscan.data.parallel import workers
 from vrscan.engines.engine import Engine, run
 from vrscan.scene.sensor import spot_electrons
+from vrscan.show.sheet import Column, Sheet, listed
 from vrscan.study.report.accuracy import position_accuracy as position
 from vrscan.study.report.efficiency import (
     BACKGROUND_COUNTS,
@@ -331,58 +333,50 @@ def figures(cells: list[Cell], places: Floats, slopes: list[Slope]) -> list[tupl
     ]
 
 
+def _grid(
+    results: Sequence[Any], text: Callable[[Any], str]
+) -> Sheet[tuple[float, dict[float, Any]]]:
+    """Return results as a table with a row a height and a column a width."""
+    rows: dict[float, dict[float, Any]] = {}
+    for result in results:
+        rows.setdefault(result.peak, {})[result.sigma_px] = result
+
+    def column(sigma: float) -> Column[tuple[float, dict[float, Any]]]:
+        return Column(f"{sigma:g}", lambda row: text(row[1][sigma]), unit="px")
+
+    sigmas = sorted({result.sigma_px for result in results})
+    peak: Column[tuple[float, Any]] = Column("peak", lambda row: row[0], "{:g} %", scale=100)
+    return Sheet([peak, *map(column, sigmas)], list(rows.items()))
+
+
 def efficiency_grid(cells: list[Cell], engine: Engine, count: int) -> RichTable:
     """Return the efficiencies as a table, a row a height: one pass, then two."""
-    sigmas = sorted({cell.sigma_px for cell in cells})
-    grid = RichTable(
-        title=f"Efficiency with one pass / two passes, engine {engine}, {count} lines a cell",
-        caption="mean square error of the efficient score over the detector's, on the same lines",
-        title_justify="left",
-        caption_justify="left",
+    return _grid(cells, lambda cell: f"{cell.one_pass:.3f}/{cell.two_pass:.3f}").terminal(
+        f"Efficiency with one pass / two passes, engine {engine}, {count} lines a cell",
+        "mean square error of the efficient score over the detector's, on the same lines",
     )
-    grid.add_column("peak", justify="right")
-    for sigma in sigmas:
-        grid.add_column(f"{sigma:g} px", justify="right")
-    for peak in dict.fromkeys(cell.peak for cell in cells):
-        row = {cell.sigma_px: cell for cell in cells if cell.peak == peak}
-        values = [f"{row[s].one_pass:.3f} / {row[s].two_pass:.3f}" for s in sigmas]
-        grid.add_row(f"{100 * peak:g} %", *values)
-    return grid
 
 
 def skew_grid(one: Floats, two: Floats, peaks: Sequence[float] = SKEW_PEAKS) -> RichTable:
     """Return the places of a skewed spot as a table, and how far it moves."""
-    grid = RichTable(
-        title=f"A spot with sides of {1 - SKEW:g} s and {1 + SKEW:g} s, s = {SKEW_SIGMA_PX:g} px: "
-        "px from its highest place",
-        title_justify="left",
+    rows = [
+        [name, *(f"{place:.3f}" for place in places), f"{np.ptp(places):.4f}"]
+        for name, places in (("one pass", one), ("two passes", two))
+    ]
+    names = ["peak", *(f"{100 * peak:.0f} %" for peak in peaks), "moves by"]
+    return listed(names, rows, left=1).terminal(
+        f"A spot with sides of {1 - SKEW:g} s and {1 + SKEW:g} s, s = {SKEW_SIGMA_PX:g} px: px "
+        "from its highest place"
     )
-    grid.add_column("peak")
-    for heading in (*(f"{100 * peak:.0f} %" for peak in peaks), "moves by"):
-        grid.add_column(heading, justify="right")
-    for name, places in (("one pass", one), ("two passes", two)):
-        grid.add_row(name, *(f"{place:.3f}" for place in places), f"{np.ptp(places):.4f}")
-    return grid
 
 
 def slope_grid(results: list[Slope]) -> RichTable:
     """Return what a slope does as a table, a row a height."""
-    sigmas = sorted({result.sigma_px for result in results})
-    grid = RichTable(
-        title=f"A background that slopes by {SLOPE:g} count/px, two passes: bias, and rms without "
-        "and with it, 1e-3 px",
-        title_justify="left",
+
+    def text(each: Slope) -> str:
+        return f"{1e3 * each.bias:+.2f}; {1e3 * each.level_rms:.1f}, {1e3 * each.rms:.1f}"
+
+    return _grid(results, text).terminal(
+        f"A background that slopes by {SLOPE:g} count/px, two passes: bias, and rms without and "
+        "with it, 1e-3 px"
     )
-    grid.add_column("peak", justify="right")
-    for sigma in sigmas:
-        grid.add_column(f"{sigma:g} px", justify="right")
-    for peak in dict.fromkeys(result.peak for result in results):
-        row = {result.sigma_px: result for result in results if result.peak == peak}
-        grid.add_row(
-            f"{100 * peak:g} %",
-            *(
-                f"{1e3 * row[s].bias:+.2f}; {1e3 * row[s].level_rms:.1f}, {1e3 * row[s].rms:.1f}"
-                for s in sigmas
-            ),
-        )
-    return grid

@@ -291,29 +291,17 @@ def test_the_front_is_what_nothing_dominates(costs: list[tuple[int, int]]) -> No
     assert [costs[k] for k in found] == sorted(costs[k] for k in found)
 
 
-def _point(which: Design, lut: int, rms: float) -> design_space.Point:
-    rest = (rms, rms, 2.0 * rms, 1.0, 0.01, lut, 1, 1, 1.0, 100)
-    return design_space.Point(which, rms, *rest)
+def test_fronts_take_what_is_shown_for_a_difference() -> None:
+    def point(which: Design, lut: int, rms: float) -> design_space.Point:
+        rest = (rms, rms, 2.0 * rms, 1.0, 0.01, lut, 1, 1, 1.0, 100)
+        return design_space.Point(which, rms, *rest)
 
-
-def test_a_dominated_shipped_point_is_told_with_by_how_much() -> None:
-    own = _point(SHIPPED, 1000, 1e-4)
-    better = _point(replace(SHIPPED, table_bits=8), 900, 0.5e-4)
-    axes = (design_space.LUT, design_space.RMS)
-    assert design_space.dominator([own, better], axes, own) is better
-    first, noise, text, *_ = design_space.verdict([own, better], own)
-    assert "dominated in every figure" in first and "100 LUT (10.0 %)" in first
-    assert "100 LUT (10 %)" in noise
-    assert "<b>not</b>" in text and "100 LUT fewer" in text and "50 % lower" in text
-    near = _point(replace(SHIPPED, table_bits=8), 900, 1.04e-4)
-    assert design_space.dominator([own, near], axes, own) is None
-    first, _, text, *_ = design_space.verdict([own, near], own)
-    assert "No design" in first
-    assert "are on the front" in text and "100 LUT (10 %)" in text
-    # Less than what is shown is no difference.
-    same = _point(replace(SHIPPED, table_bits=8), 1000, 1.0000001e-4)
-    assert design_space.beaten([own, same], own) is None
-    assert design_space.dominator([own, same], axes, own) is None
+    own, other = point(SHIPPED, 1000, 1e-4), replace(SHIPPED, table_bits=8)
+    axes = design_space.FRONTS["L"]
+    better, near = point(other, 900, 0.5e-4), point(other, 900, 1.04e-4)
+    assert design_space._front([own, better], axes) == [better]
+    assert design_space._front([own, near], axes) == [near, own]
+    assert design_space._front([own, point(other, 1000, 0.99999999e-4)], axes) == [own]
 
 
 def made_up(each: Cell) -> Figures:

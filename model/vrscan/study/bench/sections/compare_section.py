@@ -1,20 +1,20 @@
 """Detectors side by side: each one's error over all spots, and its price."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
+from vrscan.data.arrays import Floats
 from vrscan.detectors.catalogue import Detector, detectors
 from vrscan.fixed import peak_position, peak_refine, phase_correlate
-from vrscan.show.style import INK, LIGHT, STYLE
+from vrscan.show.sheet import Column, Sheet, listed, number, words
+from vrscan.show.style import INK, drawing, plain_log
 from vrscan.study.bench import cost, detect
-from vrscan.study.bench.bench_page import Block, Heading, Picture, Row, Table, Text, number
-from vrscan.study.bench.cells import Cell, plain
+from vrscan.study.bench.bench_page import Block, Heading, Picture, Table, Text
+from vrscan.study.bench.cells import Cell, Figures, plain
 from vrscan.study.bench.sections.section import Found, Order, Section, look, png
 from vrscan.study.report.efficiency import LOST_PX, PEAKS, SIGMAS_PX
 
@@ -56,122 +56,119 @@ def _tuned(each: Detector) -> str:
     return f"{each.parameter}: {each.value:g}" if each.grid else each.parameter
 
 
-def blocks(order: Order, found: Found) -> Sequence[Block]:
+def blocks(order: Order, found: Found) -> Sequence[Block[Any]]:
     """Return the table of errors, the table of prices and the picture of one over the other."""
     grid = {(s, p): found(_spot(order, s, p)) for p in PEAKS for s in SIGMAS_PX}
-    listed = detectors()
+    shown = detectors()
     every = {
         each.key: np.array(
             [_efficiency(cell["bound_px"], cell["errors"][each.key]) for cell in grid.values()]
         )
-        for each in listed
+        for each in shown
     }
     mean = {key: float(np.exp(np.log(values).mean())) for key, values in every.items()}
     speed = found(_speed(order))
-    count = next(iter(grid.values()))["lines"]
     return [
         Text(
             "Every detector gets the same lines: one Gaussian spot anywhere between two pixels, 12 "
             "bits, 5 electrons a count, shot noise, read noise of 3 counts, 60 counts of "
-            "background. Each was given its best parameter by a search on other spots and other "
-            "random numbers (<code>vrscan bench tune</code>). The efficiency is the Cramér-Rao "
-            "bound's variance over the mean square error, so 1 is all that light and noise allow."
+            "background. Each has the parameter that vrscan bench tune found for it on other "
+            "spots. The efficiency is the Cramér-Rao bound's variance over the mean square error: "
+            "1 is all that light and noise allow."
         ),
         Heading("error", "Error against the bound"),
-        _errors(listed, grid, every, mean, count),
-        _map(listed, order, found),
+        _errors(grid, every, mean),
+        _map(shown, order, found),
         Heading("cost", "What each costs"),
-        _costs(listed, speed, mean),
+        _costs(shown, speed, mean),
         Picture(
             "speed-error",
-            _picture(listed, speed["rates"], mean),
-            "Speed over error: lines a second of the software on one core, over rms error in units "
-            "of the bound, geometric mean over the 20 spots. Left is better, higher is faster. The "
-            "dashed line is the bound; the RTL of (8) takes a line every 2048 clocks whatever its "
-            "window.",
+            _picture(shown, speed["rates"], mean),
+            "Lines a second of the software on one core, over rms error in units of the bound, "
+            "geometric mean over the 20 spots. Left is better, higher is faster; the dashed line "
+            "is the bound.",
         ),
     ]
 
 
+def _is_shipped(each: Detector | None) -> bool:
+    return each is not None and each.key == SHIPPED
+
+
 def _errors(
-    listed: Sequence[Detector],
-    grid: dict[tuple[float, float], dict[str, Any]],
-    every: dict[str, Any],
-    mean: dict[str, float],
-    count: int,
-) -> Table:
-    bounds = [1e3 * grid[s, SHOWN_PEAK]["bound_px"] for s in SIGMAS_PX]
-    rows = [Row("detector-bound", ["Cramér-Rao bound", "", "1", "1", "", *map(number, bounds)])]
-    values: list[list[Any]] = []
-    for each in listed:
-        errors = {at: cell["errors"][each.key] for at, cell in grid.items()}
-        shown = [1e3 * errors[s, SHOWN_PEAK]["rms"] for s in SIGMAS_PX]
-        lost = max(error["lost"] for error in errors.values())
-        rows.append(
-            Row(
-                f"detector-{each.key}",
-                [
-                    each.title,
-                    _tuned(each),
-                    f"{mean[each.key]:.3f}",
-                    f"{every[each.key].min():.3f}",
-                    f"{100.0 * lost:.2f} %" if lost else "0",
-                    *map(number, shown),
-                ],
-                bold=each.key == SHIPPED,
-            )
-        )
-        for (sigma, peak), error in errors.items():
-            bound = grid[sigma, peak]["bound_px"]
+    grid: dict[tuple[float, float], Figures], every: dict[str, Floats], mean: dict[str, float]
+) -> Table[Detector | None]:
+    """Return the table of all detectors, below the bound, which is None."""
+    count = next(iter(grid.values()))["lines"]
+
+    def lost(each: Detector) -> str:
+        most = max(float(cell["errors"][each.key]["lost"]) for cell in grid.values())
+        return f"{100.0 * most:.2f} %" if most else "0"
+
+    def rms(sigma: float) -> Column[Detector | None]:
+        cell = grid[sigma, SHOWN_PEAK]
+
+        def value(each: Detector | None) -> float:
+            return float(cell["errors"][each.key]["rms"] if each else cell["bound_px"])
+
+        return Column(f"rms, 1e-3 px\ns = {sigma:g} px", value, number, scale=1e3)
+
+    columns: list[Column[Detector | None]] = [
+        words("detector", lambda each: each.title if each else "Cramér-Rao bound"),
+        words("tuned", lambda each: _tuned(each) if each else ""),
+        Column("efficiency,\ngeometric mean", lambda e: mean[e.key] if e else "1", "{:.3f}"),
+        Column("\nworst", lambda e: float(every[e.key].min()) if e else "1", "{:.3f}"),
+        Column("lost,\nworst", lambda each: lost(each) if each else ""),
+        *map(rms, SIGMAS_PX),
+    ]
+    values = []
+    for each in detectors():
+        for (sigma, peak), cell in grid.items():
+            error, bound = cell["errors"][each.key], cell["bound_px"]
             kept = [error[name] for name in ("rms", "bias", "spread", "lost")]
             score = _efficiency(bound, error)
             values.append([each.key, each.value, sigma, peak, count, bound, *kept, score])
+    names = ("detector", "parameter", "sigma_px", "peak", "lines", "bound_px", "rms_px", "bias_px",
+             "spread_px", "lost", "efficiency")  # fmt: skip
     return Table(
         "detectors",
-        [
-            "detector",
-            "tuned",
-            "efficiency,\ngeometric mean",
-            "\nworst",
-            "lost,\nworst",
-            *(f"rms, 1e-3 px\ns = {s:g} px" for s in SIGMAS_PX),
-        ],
-        rows,
+        Sheet(columns, [None, *detectors()]),
         f"Efficiency over 20 spots: s = {', '.join(f'{s:g}' for s in SIGMAS_PX)} px, "
         f"{', '.join(f'{100 * p:.0f}' for p in PEAKS)} % of full scale; {count} lines each, so an "
         f"rms is known to {100.0 / (2.0 * count) ** 0.5:.1f} %. Lost: no position, or more than "
         f"{LOST_PX:g} px off. The rms columns are at {100 * SHOWN_PEAK:.0f} % of full scale.",
-        ["detector", "parameter", "sigma_px", "peak", "lines", "bound_px", "rms_px", "bias_px",
-         "spread_px", "lost", "efficiency"],
-        values,
-    )  # fmt: skip
+        key=lambda each: f"detector-{each.key if each else 'bound'}",
+        bold=_is_shipped,
+        full=listed(names, values),
+    )
 
 
-def _map(listed: Sequence[Detector], order: Order, found: Found) -> Table:
+def _map(shown: Sequence[Detector], order: Order, found: Found) -> Table[tuple[Detector, float]]:
     """Return the efficiency of the instrument's detectors by width and height of the spot."""
-    rows: list[Row] = []
-    values: list[list[Any]] = []
-    for each in listed:
-        if each.key not in MAPPED:
-            continue
-        for peak in (FAINT, *PEAKS):
-            scores = []
-            for sigma in SIGMAS_PX:
-                cell = found(_spot(order, sigma, peak))
-                error = cell["errors"][each.key]
-                scores.append(_efficiency(cell["bound_px"], error))
-                values.append([each.key, peak, sigma, scores[-1], error["lost"]])
-            percent = f"{100.0 * peak:g}"
-            texts = [f"{each.title}, {percent} %", *(f"{score:.3f}" for score in scores)]
-            rows.append(Row(f"map-{each.key}-{percent}", texts, bold=each.key == SHIPPED))
+
+    def score(each: Detector, peak: float, sigma: float) -> tuple[float, float]:
+        cell = found(_spot(order, sigma, peak))
+        error = cell["errors"][each.key]
+        return _efficiency(cell["bound_px"], error), error["lost"]
+
+    def column(sigma: float) -> Column[tuple[Detector, float]]:
+        return Column(f"s = {sigma:g} px", lambda row: score(*row, sigma)[0], "{:.3f}")
+
+    title: Column[tuple[Detector, float]] = words(
+        "efficiency: detector, height", lambda row: f"{row[0].title}, {100.0 * row[1]:g} %"
+    )
+    rows = [(e, peak) for e in shown if e.key in MAPPED for peak in (FAINT, *PEAKS)]
     return Table(
         "efficiency",
-        ["efficiency: detector, height", *(f"s = {s:g} px" for s in SIGMAS_PX)],
-        rows,
+        Sheet([title, *map(column, SIGMAS_PX)], rows),
         "Bound's variance over mean square error by width and height of the spot, in per cent of "
         f"full scale. The means above are without the {100.0 * FAINT:g} %.",
-        ["detector", "peak", "sigma_px", "efficiency", "lost"],
-        values,
+        key=lambda row: f"map-{row[0].key}-{100.0 * row[1]:g}",
+        bold=lambda row: _is_shipped(row[0]),
+        full=listed(
+            ("detector", "peak", "sigma_px", "efficiency", "lost"),
+            [(e.key, peak, s, *score(e, peak, s)) for e, peak in rows for s in SIGMAS_PX],
+        ),
     )
 
 
@@ -196,69 +193,63 @@ def _clocks(each: Detector) -> int | None:
     return clocks
 
 
-def _costs(listed: Sequence[Detector], speed: dict[str, Any], mean: dict[str, float]) -> Table:
+def _costs(
+    shown: Sequence[Detector], speed: Figures, mean: dict[str, float]
+) -> Table[Detector | None]:
+    """Return the table of prices; None is the reference."""
     rates = speed["rates"]
-    reference = rates["reference"]
-    rows = [Row("cost-reference", ["statistics alone", number(reference), "1"] + [""] * 3)]
-    values: list[list[Any]] = [["reference", reference, 1.0, None, None, None, None]]
-    for each in listed:
-        rate, cells_of = rates[each.key], _cells_of(each.modules)
-        if cells_of:
-            lut, dsp = f"{cells_of[0]:,}", f"{cells_of[1]:g}"
-        else:
-            lut = dsp = f"run {cost.TIMING}" if each.modules else "no RTL"
-        clocks = _clocks(each)
-        took = "no RTL" if clocks is None else f"{clocks}"
-        rows.append(
-            Row(
-                f"cost-{each.key}",
-                [each.title, number(rate), f"{rate / reference:.2f}", took, lut, dsp],
-                bold=each.key == SHIPPED,
-            )
-        )
-        values.append(
-            [
-                each.key,
-                rate,
-                rate / reference,
-                clocks,
-                *(cells_of or (None, None)),
-                mean[each.key],
-            ]
-        )
+
+    def rate(each: Detector | None) -> float:
+        return float(rates[each.key if each else "reference"])
+
+    def cells_of(k: int) -> Callable[[Detector | None], int | float | None]:
+        return lambda each: (_cells_of(each.modules) or (None, None))[k] if each else None
+
+    def cell(k: int) -> Callable[[Detector | None], str]:
+        def text(each: Detector | None) -> str:
+            if each is None:
+                return ""
+            found = _cells_of(each.modules)
+            if found is None:
+                return f"run {cost.TIMING}" if each.modules else "no RTL"
+            return f"{found[k]:,g}"
+
+        return text
+
+    columns: list[Column[Detector | None]] = [
+        words("detector", lambda each: each.title if each else "statistics alone"),
+        Column(None, lambda each: each.key if each else "reference", name="detector"),
+        Column("software,\nlines/s", rate, number, name="lines_per_s"),
+        Column("over\nreference", lambda each: rate(each) / rates["reference"], "{:.2f}",
+               name="over_reference"),
+        Column(f"clocks,\nwindow of {WINDOW_PX} px", lambda each: _clocks(each) if each else "",
+               name="clocks", absent="no RTL"),
+        Column("\nLUT", cell(0)),
+        Column("\nDSP", cell(1)),
+        Column(None, cells_of(0), name="lut"),
+        Column(None, cells_of(1), name="dsp"),
+        Column(None, lambda each: mean[each.key] if each else None, name="efficiency"),
+    ]  # fmt: skip
     return Table(
         "cost",
-        [
-            "detector",
-            "software,\nlines/s",
-            "over\nreference",
-            f"clocks,\nwindow of {WINDOW_PX} px",
-            "\nLUT",
-            "\nDSP",
-        ],
-        rows,
+        Sheet(columns, [None, *shown]),
         f"Software: {speed['lines']} lines of 2048 px, s = {SPEED_SIGMA_PX:g} px at "
         f"{100 * SHOWN_PEAK:.0f} % of full scale, from pixels to positions on one core, best of "
-        "three rounds in turns; processor time. The reference is the named work that all need: "
-        "maximum, mean and variance of every line in numpy, measured in the same run; compare "
-        "machines by the ratio. (8) and T = N run the whole chain, to (x, z) and its deviation. "
-        "Clocks: from the window's last pixel to the position, with two passes from the first "
-        f"window's, {FIRST_PX} px; a line takes as many clocks as it has pixels, whatever the "
-        "window. LUT and DSP: window, correlator and position, and what makes the second window, "
-        f"each module placed alone, from <code>{cost.TIMING}</code>; the correlator does both "
-        "periods and one pass or two.",
-        ["detector", "lines_per_s", "over_reference", "clocks", "lut", "dsp", "efficiency"],
-        values,
+        "three rounds in turns; processor time. The reference is maximum, mean and variance of "
+        "every line in numpy, measured in the same run; compare machines by the ratio. (8) and T = "
+        "N run the whole chain, to (x, z) and its deviation. Clocks: from the window's last pixel "
+        f"to the position, with two passes from the first window's, {FIRST_PX} px. LUT and DSP: "
+        "window, correlator and position, and what makes the second window, each module placed "
+        f"alone, from {cost.TIMING}.",
+        key=lambda each: f"cost-{each.key if each else 'reference'}",
+        bold=_is_shipped,
     )
 
 
-def _picture(listed: Sequence[Detector], rates: dict[str, float], mean: dict[str, float]) -> bytes:
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.4, 4.6), layout="constrained")
+def _picture(shown: Sequence[Detector], rates: dict[str, float], mean: dict[str, float]) -> bytes:
+    with drawing(9.4, 4.6) as figure:
         axes = figure.subplots()
-        axes.grid(color=LIGHT, linewidth=0.5)
-        axes.set_axisbelow(True)
-        for each in listed:
+        for each in shown:
             how, off = look(each.key), mean[each.key] ** -0.5
             axes.plot(off, rates[each.key], how.marker, color=how.colour, markersize=8)
         axes.axvline(1.0, color=INK, linewidth=1.1, linestyle=(0, (4, 2)))
@@ -266,14 +257,9 @@ def _picture(listed: Sequence[Detector], rates: dict[str, float], mean: dict[str
         axes.set_yscale("log")
         low, high = axes.get_xlim()
         axes.set_xlim(min(low, 0.95), 1.5 * high)
-        ticks = [t for t in (1.0, 1.1, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0) if t < 1.5 * high]
-        axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-        bottom, top = axes.get_ylim()
-        levels = [k * 10.0**e for e in range(3, 7) for k in (1, 2, 5)]
-        shown = [level for level in levels if bottom <= level <= top]
-        axes.set_yticks(shown, [f"{level:,.0f}" for level in shown])
-        axes.minorticks_off()
-        _label(axes, {each: (mean[each.key] ** -0.5, rates[each.key]) for each in listed})
+        plain_log(axes, "x", (1.0, 1.1, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0))
+        plain_log(axes, "y", [k * 10.0**e for e in range(3, 7) for k in (1, 2, 5)], "{:,.0f}")
+        _label(axes, {each: (mean[each.key] ** -0.5, rates[each.key]) for each in shown})
         axes.set_xlabel("rms error over the Cramér-Rao bound, geometric mean of 20 spots")
         axes.set_ylabel("lines/s, one core")
         axes.set_title("Speed against error")

@@ -2,16 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from vrscan.show.style import COLOURS, INK, LIGHT, QUIET, STYLE
+from vrscan.show.sheet import Column, Sheet, Value, listed, number, words
+from vrscan.show.style import COLOURS, INK, QUIET, drawing, plain_log
 from vrscan.study.bench import cost, design, design_cost
-from vrscan.study.bench.bench_page import Block, Heading, Picture, Row, Table, Text, number
+from vrscan.study.bench.bench_page import Block, Heading, Picture, Table, Text, slug
 from vrscan.study.bench.cells import Cell, Figures, plain
 from vrscan.study.bench.design import RANGES_MM
 from vrscan.study.bench.sections.section import Found, Order, Section, png
@@ -23,8 +24,6 @@ LINES, QUICK_LINES = 1000, 60  # with noise, of each of the 20 spots
 SKEW_LINES, QUICK_SKEW_LINES = 800, 100  # of each height of a skewed spot
 WINDOW_PX = 32  # for which clocks are stated
 BOARD_HZ = 100e6  # clock of the ULX3S
-NEAR = 1.05  # almost as good as the shipped one: this much of its error
-UNSEEN = 1.001  # the same in noise
 DIGITS = 3  # to which errors are compared: what the tables show
 SHIPPED = Design()
 SPOT = (2.0, 0.5)  # sigma in px and height, whose error in noise the tables show
@@ -104,7 +103,6 @@ SERIES = (
     Series("angle", "Angle, iterations as many", "bits a turn", _ANGLES),
     _series("pixel", "Pixel", "bits", "pixel_width", (8, 10, 12, 16)),
 )  # fmt: skip
-QUICK_SERIES = ("pixel",)
 
 
 def series(order: Order) -> Sequence[Series]:
@@ -126,6 +124,10 @@ def designs(order: Order) -> list[Design]:
     for each in series(order):
         found |= dict.fromkeys(each.values.values())
     return list(found)
+
+
+def _pixel_widths(order: Order) -> list[int]:
+    return sorted({each.pixel_width for each in designs(order)})
 
 
 def rules(order: Order) -> list[dict[str, Any]]:
@@ -166,7 +168,7 @@ def cells(order: Order) -> list[Cell]:
     """Return errors without and with noise, and the synthesis of each part of each design."""
     wanted = designs(order)
     found = [_noisy(order, sigma) for sigma in SIGMAS_PX]
-    found += [_exact(order, bits) for bits in sorted({each.pixel_width for each in wanted})]
+    found += [_exact(order, bits) for bits in _pixel_widths(order)]
     found += [_skewed(order), _whole(), design_cost.cell(design_cost.SECOND_PASS, SHIPPED)]
     parts = [design_cost.cell(part, each) for each in wanted for part in design_cost.PARTS]
     return [*found, *{cell.key(): cell for cell in parts}.values()]
@@ -238,7 +240,7 @@ def front(costs: Sequence[tuple[float, float]]) -> list[int]:
 def _points(order: Order, found: Found) -> list[Point]:
     wanted = designs(order)
     exact: dict[Design, dict[str, float]] = {}
-    for bits in sorted({each.pixel_width for each in wanted}):
+    for bits in _pixel_widths(order):
         own = [each for each in wanted if each.pixel_width == bits]
         exact |= dict(zip(own, found(_exact(order, bits))["errors"], strict=True))
     noisy = {sigma: found(_noisy(order, sigma)) for sigma in SIGMAS_PX}
@@ -290,7 +292,7 @@ RMS = Axis("rms", "rms error", "1e-3 px", 1e3)
 BOUND = Axis("bound", "error bound for any heights", "1e-3 px", 1e3)
 LUT = Axis("lut", "LUT", "LUT")
 RATE = Axis("rate", "lines/s", "lines/s")
-FRONTS = ((LUT, RMS), (LUT, BOUND), (RATE, RMS))
+FRONTS = {"L": (LUT, RMS), "B": (LUT, BOUND), "R": (RATE, RMS)}
 
 
 def _front(points: Sequence[Point], axes: tuple[Axis, Axis]) -> list[Point]:
@@ -302,20 +304,7 @@ def _front(points: Sequence[Point], axes: tuple[Axis, Axis]) -> list[Point]:
     return [kept[cost] for cost in sorted(kept)]
 
 
-def dominator(points: Sequence[Point], axes: tuple[Axis, Axis], own: Point) -> Point | None:
-    """Return the point that is the cheapest of those that dominate ``own``, None without any."""
-    first, second = axes
-    better = [
-        p
-        for p in points
-        if first.of(p) <= first.of(own)
-        and second.of(p) <= second.of(own)
-        and (first.of(p), second.of(p)) != (first.of(own), second.of(own))
-    ]
-    return min(better, key=lambda p: (first.of(p), second.of(p)), default=None)
-
-
-def words(each: Design) -> str:
+def named(each: Design) -> str:
     """Return a design in short, as the tables name it."""
     return (
         f"{1 << each.table_bits} x {each.entry_width}, phase {each.phase_width}, "
@@ -323,145 +312,48 @@ def words(each: Design) -> str:
     )
 
 
-def beaten(points: Sequence[Point], own: Point) -> Point | None:
-    """Return the point with fewest LUT that is not worse than ``own`` in any figure, but in one.
-
-    Figures are rms, largest error and bound, all resources and the clocks; None without any.
-    """
-
-    def figures(point: Point) -> list[float]:
-        errors = [float(f"{e:.{DIGITS}g}") for e in (point.rms, point.largest, point.bound)]
-        return [*errors, point.lut, point.ff, point.ebr, point.dsp, point.clocks]
-
-    wanted = figures(own)
-    better = [
-        p
-        for p in points
-        if figures(p) != wanted and all(a <= b for a, b in zip(figures(p), wanted, strict=True))
-    ]
-    return min(better, key=lambda p: p.lut, default=None)
-
-
-def verdict(points: Sequence[Point], own: Point) -> list[str]:
-    """Return sentences that say where the shipped configuration stands."""
-    said = []
-    best = beaten(points, own)
-    if best is None:
-        said.append("No design is as good as the shipped one in every figure and better in one.")
-    else:
-        saved = {
-            f"LUT ({100 * (own.lut - best.lut) / own.lut:.1f} %)": own.lut - best.lut,
-            "FF": own.ff - best.ff,
-            "EBR": own.ebr - best.ebr,
-            "DSP": own.dsp - best.dsp,
-            "clocks": own.clocks - best.clocks,
-        }
-        fewer = ", ".join(f"{count:g} {name}" for name, count in saved.items() if count)
-        said.append(
-            "The shipped widths are <b>dominated in every figure at once</b>: "
-            f"{words(best.design)} has the same errors and bound, to {DIGITS} digits, or less, "
-            f"the same resources, or fewer: {fewer or 'none'}."
-        )
-    unseen = [p for p in points if p.noisy <= UNSEEN * own.noisy]
-    least = min(unseen, key=lambda p: (p.lut, p.rms))
-    said.append(
-        f"In noise the widths stop to matter early: {words(least.design)} errs "
-        f"{least.noisy:.4f} times the Cramér-Rao bound, the shipped widths {own.noisy:.4f}, and "
-        f"takes {own.lut - least.lut} LUT ({100 * (own.lut - least.lut) / own.lut:.0f} %), "
-        f"{own.dsp - least.dsp:g} DSP and {own.clocks - least.clocks} clocks less. What more bits "
-        f"buy is the bound for any heights, {1e3 * least.bound:.2g}e-3 px there and "
-        f"{1e3 * own.bound:.2g}e-3 px as shipped, and averages over many lines."
-    )
-    for axes in FRONTS:
-        price, error = axes
-        where = f"{error.words} against {price.words}"
-        best = dominator(points, axes, own)
-        if best is None:
-            text = f"{where}: the shipped widths are on the front."
-        else:
-            if price.of(best) == price.of(own):
-                gain = f"as many {price.words}"
-            elif price is LUT:
-                gain = f"{own.lut - best.lut} LUT fewer"
-            else:
-                gain = f"{best.rate - own.rate:,.0f} lines/s more"
-            a, b = error.of(own), error.of(best)
-            less = "the same error" if a == b else f"{error.words} {100 * (1 - b / a):.2g} % lower"
-            text = (
-                f"{where}: the shipped widths are <b>not</b> on the front. "
-                f"{words(best.design)} dominates them with {gain} and {less}."
-            )
-        near = [p for p in points if error.of(p) <= NEAR * error.of(own)]
-        cheap = min(near, key=lambda p: (price.of(p), error.of(p)))
-        if cheap is not own and cheap is not best:
-            saves = (
-                f"{own.lut - cheap.lut} LUT ({100 * (own.lut - cheap.lut) / own.lut:.0f} %)"
-                if price is LUT
-                else f"{100 * (cheap.rate / own.rate - 1):.0f} % of the rate"
-            )
-            text += (
-                f" Within {100 * (NEAR - 1):.0f} % of their error the cheapest is "
-                f"{words(cheap.design)}: it gains {saves}."
-            )
-        said.append(text[0].upper() + text[1:])
-    return said
-
-
 # ---- blocks ----
 
 
-def blocks(order: Order, found: Found) -> Sequence[Block]:
+def blocks(order: Order, found: Found) -> Sequence[Block[Any]]:
     """Return the series, the fronts and the rules of the window, each with a picture."""
     points = _points(order, found)
     by_design = {p.design: p for p in points}
     own = by_design[SHIPPED]
     ours = [p for p in points if p.design.pixel_width == SHIPPED.pixel_width]
-    whole = found(_whole())
-    alone = [
-        found(design_cost.cell(part, SHIPPED))["lut"]
-        for part in design_cost.PARTS
-        if part.module in ("phase_correlate", "quarter_wave", "cordic_vector")
-    ]
-    shown = order.config.sensor.line_length
-    windows = found(_exact(order, SHIPPED.pixel_width))["windows"]
     return [
         Text(
             "What the widths of the detector buy. Its RTL is synthesised with each width "
-            "(<code>synth_ecp5</code>, LFE5U), and its bit-accurate model runs with the same: "
-            "every LUT and every error is measured. The error of the <b>arithmetic</b> is that "
-            f"against (8) in float64 on the same pixels, over {windows:,} windows of spots without "
-            f"noise (s = {', '.join(f'{s:g}' for s in design.SPOTS_PX)} px, "
+            "(synth_ecp5, LFE5U), and its bit-accurate model runs with the same. The error of the "
+            "arithmetic is that against (8) in float64 on the same pixels, over windows of spots "
+            f"without noise (s = {', '.join(f'{s:g}' for s in design.SPOTS_PX)} px, "
             f"{' and '.join(f'{100 * h:g}' for h in design.HEIGHTS)} % of full scale, "
-            f"{QUICK_STEPS if order.quick else STEPS} places in a pixel). The position leaves "
-            "with 12 fraction bits: 0.0705e-3 px rms and 0.122e-3 px at most are its own rounding, "
-            "which no width here removes. The <b>bound</b> holds for any heights of a window of up "
-            "to 255 px whose first harmonic is a tenth of their sum or more: what the widths were "
-            "chosen by. <b>With noise</b> is against the truth, the light of "
-            f"<code>vrscan efficiency</code>, {QUICK_LINES if order.quick else LINES} lines of "
-            "each of 20 spots: all designs get the same photons, so differences are no chance."
+            f"{QUICK_STEPS if order.quick else STEPS} places in a pixel); 0.0705e-3 px rms and "
+            "0.122e-3 px at most of it are the output's own rounding to 12 fraction bits. The "
+            "bound holds for any heights of a window of up to 255 px whose first harmonic is a "
+            "tenth of their sum or more. With noise is against the truth, the light of vrscan "
+            f"efficiency, {QUICK_LINES if order.quick else LINES} lines of each of 20 spots, the "
+            "same photons for all designs."
         ),
         Text(
             "A detector is peak_isolate, phase_correlate and peak_position; its cells are those of "
             "five parts, window, correlator, table, CORDIC and position, each synthesised alone. "
-            f"Of the correlator as a whole the parts make {sum(alone):,} LUT of {whole['lut']:,}. "
-            f"Clocks are those from the line's last pixel to its position for a window of "
+            "Clocks are those from the line's last pixel to its position for a window of "
             f"{WINDOW_PX} px, and lines/s are the board's clock, {BOARD_HZ / 1e6:.0f} MHz, over "
-            "them: no variant was placed. A line also takes a clock for each of its pixels: "
-            f"{shown} px at {BOARD_HZ / 1e6:.0f} MHz are {BOARD_HZ / shown:,.0f} lines/s with "
-            f"each of these designs. {_placed(own)}"
+            "them: no variant was placed. A line also takes a clock for each of its pixels."
         ),
+        _facts(order, found, own),
         Heading("design-series", "One width at a time"),
         Picture(
             "design-series-picture",
             _series_picture(series(order), by_design),
             "Error over each width, the others as shipped (bold tick); below each width the "
             "detector's LUT. Grey: rms in noise of the spot of "
-            f"s = {SPOT[0]:g} px at {100 * SPOT[1]:g} %. Where all are level, a bit more buys "
-            "nothing; what is far below the grey, no single line shows.",
+            f"s = {SPOT[0]:g} px at {100 * SPOT[1]:g} %. Level: a bit more buys nothing; far below "
+            "the grey: no single line shows it.",
         ),
-        _series_table(order, by_design, found),
+        _series_table(order, by_design),
         Heading("design-front", "Pareto front"),
-        *(Text(sentence) for sentence in verdict(ours, own)),
         Picture(
             "design-front-picture",
             _front_picture(ours, own),
@@ -476,128 +368,134 @@ def blocks(order: Order, found: Found) -> Sequence[Block]:
     ]
 
 
-def _placed(own: Point) -> str:
-    placed = cost.timing()
+def _facts(order: Order, found: Found, own: Point) -> Table[Sequence[Value]]:
+    """Return what the section's other figures stand on."""
+    exact = {bits: found(_exact(order, bits)) for bits in _pixel_widths(order)}
+    placed, length = cost.timing(), order.config.sensor.line_length
     names = ("peak_isolate", "phase_correlate", "peak_position")
-    if any(name not in placed for name in names):
-        return f"Fmax of the shipped modules: run <code>{cost.TIMING}</code>."
-    slowest = min(float(placed[name]["fmax_mhz"]) for name in names)
-    return (
-        f"The shipped modules, placed, reach {slowest:.1f} MHz: "
-        f"{1e6 * slowest / own.clocks:,.0f} lines/s."
+    known = all(name in placed for name in names)
+    fmax = min(float(placed[name]["fmax_mhz"]) for name in names) if known else None
+    parts = [part for part in design_cost.PARTS if part.module in _CORRELATOR]
+    rows: list[tuple[Value, ...]] = [
+        ("windows without noise", exact[SHIPPED.pixel_width]["windows"]),
+        ("LUT of correlator, table and CORDIC, each alone",
+         sum(found(design_cost.cell(part, SHIPPED))["lut"] for part in parts)),
+        ("LUT of the correlator as a whole", found(_whole())["lut"]),
+        (f"lines/s that {length} px allow at {BOARD_HZ / 1e6:.0f} MHz", BOARD_HZ / length),
+        (f"MHz of the slowest shipped module, from {cost.TIMING}", fmax),
+        ("lines/s of the shipped detector at that clock", fmax and 1e6 * fmax / own.clocks),
+        *((f"1e-3 px rms that a converter of {bits} bits moves (8) by, without noise",
+           1e3 * figures["converter"]) for bits, figures in exact.items()),
+    ]  # fmt: skip
+    sheet = listed(("figure", "value"), rows, left=1)
+    shown = [sheet.columns[0], replace(sheet.columns[1], form=number, absent="-")]
+    return Table(
+        "design-facts",
+        replace(sheet, columns=shown),
+        "The parts of the correlator against the whole show what is lost between them.",
+        key=lambda row: f"design-{slug(str(row[0]))}",
     )
 
 
-_HEADINGS = (
-    "arithmetic,\n1e-3 px rms",
-    "\nlargest",
-    "µm rms at\n250 mm",
-    "\n500",
-    "\n1000",
-    "bound,\n1e-3 px",
-    "with noise,\nover CRB",
-    f"s = {SPOT[0]:g} px,\n1e-3 px",
-    "\nLUT",
-    "\nFF",
-    "\nEBR",
-    "\nDSP",
-    "\nclocks",
-    "\nlines/s",
-)
-_COLUMNS = (
-    "table_bits", "entry_width", "sine_width", "phase_width", "angle_width", "rotations",
-    "pixel_width", "rms_px", "max_px", "unrounded_rms_px", "bound_px",
-    *(f"{what}_um_{z:.0f}mm" for what in ("rms", "max") for z in RANGES_MM),
-    "noise_over_bound", "noise_rms_px", "lut", "ff", "ebr", "dsp", "clocks", "lines_per_s",
-)  # fmt: skip
+_CORRELATOR = ("phase_correlate", "quarter_wave", "cordic_vector")
 
 
-def _texts(point: Point, per_px: Sequence[float]) -> list[str]:
+def _columns(order: Order) -> list[Column[Point]]:
+    """Return the columns of a design."""
+    per_px = dict(zip(RANGES_MM, design.micrometres(order.config), strict=True))
+
+    def width(name: str) -> Column[Point]:
+        return Column(None, lambda point: getattr(point.design, name), name=name)
+
+    def um(z_mm: float) -> Column[Point]:
+        heading = "µm rms at\n250 mm" if z_mm == RANGES_MM[0] else f"\n{z_mm:g}"
+        name = f"rms_um_{z_mm:.0f}mm"
+        return Column(heading, lambda point: point.rms * per_px[z_mm], number, name=name)
+
+    def most_um(z_mm: float) -> Column[Point]:
+        return Column(None, lambda point: point.largest * per_px[z_mm], name=f"max_um_{z_mm:.0f}mm")
+
+    milli: dict[str, Any] = {"form": number, "scale": 1e3}
     return [
-        number(1e3 * point.rms),
-        number(1e3 * point.largest),
-        *(number(point.rms * um) for um in per_px),
-        number(1e3 * point.bound),
-        f"{point.noisy:.4f}",
-        number(1e3 * point.spot, 4),
-        f"{point.lut:,}",
-        f"{point.ff:,}",
-        f"{point.ebr}",
-        f"{point.dsp:g}",
-        f"{point.clocks}",
-        f"{point.rate:,.0f}",
+        *map(width, ("table_bits", "entry_width", "sine_width", "phase_width", "angle_width",
+                     "rotations", "pixel_width")),
+        Column("arithmetic,\n1e-3 px rms", lambda point: point.rms, name="rms_px", **milli),
+        Column("\nlargest", lambda point: point.largest, name="max_px", **milli),
+        Column(None, lambda point: point.unrounded, name="unrounded_rms_px"),
+        Column("bound,\n1e-3 px", lambda point: point.bound, name="bound_px", **milli),
+        *map(um, RANGES_MM),
+        *map(most_um, RANGES_MM),
+        Column("with noise,\nover CRB", lambda point: point.noisy, "{:.4f}",
+               name="noise_over_bound"),
+        Column(f"s = {SPOT[0]:g} px,\n1e-3 px", lambda point: point.spot,
+               partial(number, digits=4), scale=1e3, name="noise_rms_px"),
+        Column("\nLUT", lambda point: point.lut, "{:,}", name="lut"),
+        Column("\nFF", lambda point: point.ff, "{:,}", name="ff"),
+        Column("\nEBR", lambda point: point.ebr, name="ebr"),
+        Column("\nDSP", lambda point: point.dsp, "{:g}", name="dsp"),
+        Column("\nclocks", lambda point: point.clocks, name="clocks"),
+        Column("\nlines/s", lambda point: point.rate, "{:,.0f}", name="lines_per_s"),
+    ]  # fmt: skip
+
+
+_InSeries = tuple[Series, int, Point]
+
+
+def _of_point(column: Column[Point]) -> Column[_InSeries]:
+    """Return the column of a design for a design in its series."""
+    changed: Any = replace
+    return changed(column, value=lambda row: column.value(row[2]))  # type: ignore[no-any-return]
+
+
+def _series_table(order: Order, points: dict[Design, Point]) -> Table[_InSeries]:
+    columns: list[Column[_InSeries]] = [
+        words("changed", lambda row: f"{row[0].title}, {row[1]} {row[0].unit}"),
+        Column(None, lambda row: row[0].key, name="changed"),
+        Column(None, lambda row: row[1], name="value"),
+        *map(_of_point, _columns(order)),
     ]
-
-
-def _values(point: Point, per_px: Sequence[float]) -> list[Any]:
-    return [
-        *vars(point.design).values(),
-        point.rms,
-        point.largest,
-        point.unrounded,
-        point.bound,
-        *(size * um for size in (point.rms, point.largest) for um in per_px),
-        point.noisy,
-        point.spot,
-        point.lut,
-        point.ff,
-        point.ebr,
-        point.dsp,
-        point.clocks,
-        point.rate,
-    ]
-
-
-def _series_table(order: Order, points: dict[Design, Point], found: Found) -> Table:
-    per_px = design.micrometres(order.config)
-    rows, values = [], []
-    for each in series(order):
-        for value, which in each.values.items():
-            point = points[which]
-            title = f"{each.title}, {value} {each.unit}"
-            row = f"design-{each.key}-{value}"
-            rows.append(Row(row, [title, *_texts(point, per_px)], bold=which == SHIPPED))
-            values.append([each.key, value, *_values(point, per_px)])
-    pixels = [
-        f"{1e3 * found(_exact(order, bits))['converter']:.2g} at {bits} bits"
-        for each in series(order)
-        if each.key == "pixel"
-        for bits in each.values
-    ]
+    rows = [(s, value, points[which]) for s in series(order) for value, which in s.values.items()]
     return Table(
         "design-series",
-        ["changed", *_HEADINGS],
-        rows,
+        Sheet(columns, rows),
         "The others are as shipped. Micrometres: the rms of the arithmetic through dz/dx_s of "
         "straight ahead. CRB: the Cramér-Rao bound, rms over it, geometric mean of 20 spots. The "
-        "arithmetic is judged on the pixels it gets; what the converter itself rounds away moves "
-        f"(8) by {', '.join(pixels)} (1e-3 px rms, without noise). Light and noise are the same "
-        "at all pixel widths.",
-        ["changed", "value", *_COLUMNS],
-        values,
+        "arithmetic is judged on the pixels it gets; light and noise are the same at all pixel "
+        "widths.",
+        key=lambda row: f"design-{row[0].key}-{row[1]}",
+        bold=lambda row: row[2].design == SHIPPED,
     )
 
 
-def _front_table(order: Order, points: Sequence[Point], ours: Sequence[Point], own: Point) -> Table:
-    per_px = design.micrometres(order.config)
-    fronts = [set(map(id, _front(ours, axes))) for axes in FRONTS]
-    rows, values = [], []
-    for point in sorted(points, key=lambda p: (p.lut, p.rms)):
-        on = [id(point) in members for members in fronts]
-        values.append([*_values(point, per_px), *map(int, on), int(point is own)])
-        if any(on) or point is own:
-            marks = "".join(mark if is_on else "" for mark, is_on in zip("LBR", on, strict=True))
-            cells = [words(point.design), marks, *_texts(point, per_px)]
-            rows.append(Row(f"design-{point.design.key}", cells, bold=point is own))
+def _front_table(
+    order: Order, points: Sequence[Point], ours: Sequence[Point], own: Point
+) -> Table[Point]:
+    fronts = {mark: {p.design for p in _front(ours, axes)} for mark, axes in FRONTS.items()}
+
+    def on(mark: str) -> Column[Point]:
+        names = {"L": "front_lut_rms", "B": "front_lut_bound", "R": "front_rate_rms"}
+        return Column(None, lambda point: int(point.design in fronts[mark]), name=names[mark])
+
+    columns: list[Column[Point]] = [
+        words("table, sine, CORDIC", lambda point: named(point.design)),
+        words(
+            "front", lambda p: "".join(m for m, members in fronts.items() if p.design in members)
+        ),
+        *_columns(order),
+        *map(on, FRONTS),
+        Column(None, lambda point: int(point is own), name="shipped"),
+    ]
+    rows = sorted(points, key=lambda p: (p.lut, p.rms))
+    shown = [p for p in rows if p is own or any(p.design in members for members in fronts.values())]
     return Table(
         "design-front",
-        ["table, sine, CORDIC", "front", *_HEADINGS],
-        rows,
+        Sheet(columns, shown),
         f"What is on a front, by LUT, errors compared to {DIGITS} digits; the shipped widths in "
         "bold. L: rms against LUT, B: bound against LUT, R: rms against lines/s. All designs are "
         "in the file.",
-        [*_COLUMNS, "front_lut_rms", "front_lut_bound", "front_rate_rms", "shipped"],
-        values,
+        key=lambda point: f"design-{point.design.key}",
+        bold=lambda point: point is own,
+        full=Sheet(columns, rows),
     )
 
 
@@ -609,33 +507,23 @@ def _star(axes: Axes, x: float, y: float) -> None:
     axes.plot(x, y, "*", color=INK, markersize=14, markeredgecolor="white", zorder=7)
 
 
-def _plain_log(axes: Axes, which: str, levels: Sequence[float]) -> None:
-    """Write the ticks of a logarithmic axis as plain numbers."""
-    low, high = axes.get_xlim() if which == "x" else axes.get_ylim()
-    ticks = [level for level in levels if low <= level <= high]
-    names = [f"{tick:g}" for tick in ticks]
-    (axes.set_xticks if which == "x" else axes.set_yticks)(ticks, names)
-    axes.tick_params(which="minor", length=0)
-    axes.minorticks_off()
-
-
 _LEVELS = [k * 10.0**e for e in range(-3, 4) for k in (1, 2, 5)]
 
 
 def _front_picture(points: Sequence[Point], own: Point) -> bytes:
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(11.6, 4.4), layout="constrained")
+    with drawing(11.6, 4.4) as figure:
         all_axes = figure.subplots(1, 3)
         for axes, pair, title in zip(
-            all_axes, FRONTS, ("Error over LUT", "Bound over LUT", "Error over rate"), strict=True
+            all_axes,
+            FRONTS.values(),
+            ("Error over LUT", "Bound over LUT", "Error over rate"),
+            strict=True,
         ):
             price, error = pair
 
             def place(point: Point, pair: tuple[Axis, Axis] = pair) -> tuple[float, float]:
                 return abs(pair[0].of(point)), pair[1].scale * pair[1].of(point)
 
-            axes.grid(color=LIGHT, linewidth=0.5)
-            axes.set_axisbelow(True)
             for point in points:
                 colour = _ANGLE_COLOURS.get(point.design.angle_width, QUIET)
                 narrow = point.design.sine_width < SHIPPED.sine_width
@@ -651,7 +539,7 @@ def _front_picture(points: Sequence[Point], own: Point) -> bytes:
             axes.plot(*zip(*best, strict=True), "-", color=INK, linewidth=1.2, zorder=6)
             _star(axes, *place(own))
             axes.set_yscale("log")
-            _plain_log(axes, "y", _LEVELS)
+            plain_log(axes, "y", _LEVELS)
             axes.set_xlabel(f"{price.words}{' of the detector' if price is LUT else ''}")
             axes.set_ylabel(f"{error.words}, {error.unit}")
             axes.set_title(title)
@@ -670,14 +558,11 @@ def _front_picture(points: Sequence[Point], own: Point) -> bytes:
 
 
 def _series_picture(shown: Sequence[Series], points: dict[Design, Point]) -> bytes:
-    with mpl.rc_context(STYLE):
-        columns = min(4, len(shown) + 1)
-        rows = -(-(len(shown) + 1) // columns)
-        figure = Figure(figsize=(2.95 * columns, 2.75 * rows), layout="constrained")
+    columns = min(4, len(shown) + 1)
+    rows = -(-(len(shown) + 1) // columns)
+    with drawing(2.95 * columns, 2.75 * rows) as figure:
         flat = figure.subplots(rows, columns, sharey=True, squeeze=False).ravel()
         for axes, each in zip(flat, shown, strict=False):
-            axes.grid(color=LIGHT, linewidth=0.5)
-            axes.set_axisbelow(True)
             at = np.arange(len(each.values))
             own = [points[which] for which in each.values.values()]
             axes.plot(at, [1e3 * p.spot for p in own], "-", color=QUIET, linewidth=3, alpha=0.5,
@@ -697,7 +582,7 @@ def _series_picture(shown: Sequence[Series], points: dict[Design, Point]) -> byt
             axes.set_title(each.title)
             axes.set_xlabel(f"{each.unit}; LUT below")
             axes.minorticks_off()
-        _plain_log(flat[0], "y", _LEVELS)
+        plain_log(flat[0], "y", _LEVELS)
         for axes in flat[::columns]:
             axes.set_ylabel("error, 1e-3 px")
         handles, labels = flat[0].get_legend_handles_labels()
@@ -737,6 +622,13 @@ class Rule:
             return "two passes"
         return f"k_noise {self.values['k_noise']:g}, k_height {self.values['k_height']:g}"
 
+    @property
+    def key(self) -> str:
+        """The end of its row's id."""
+        if self.two_pass:
+            return "two-pass"
+        return f"{self.values['k_noise']:g}-{self.values['k_height']:g}"
+
 
 def _rule_list(order: Order, found: Found, own: Point) -> list[Rule]:
     noisy: dict[float, Figures] = {sigma: found(_noisy(order, sigma)) for sigma in SIGMAS_PX}
@@ -770,38 +662,34 @@ def _rule_list(order: Order, found: Found, own: Point) -> list[Rule]:
     return listed
 
 
-def _rules(order: Order, found: Found, own: Point) -> list[Block]:
-    listed = _rule_list(order, found, own)
-    shipped = listed[0]
-    best = front([(rule.clocks, rule.noisy) for rule in listed])
-    rows, values = [], []
-    for k, rule in enumerate(listed):
-        mark = "yes" if k in best else ""
-        rate = BOARD_HZ / rule.clocks
-        name = "two-pass" if rule.two_pass else (
-            f"{rule.values['k_noise']:g}-{rule.values['k_height']:g}"
-        )  # fmt: skip
-        texts = [f"{rule.noisy:.4f}", f"{rule.worst:.3f}", f"{100 * rule.lost:.2g} %"]
-        texts.append(f"{100 * rule.rival:.2g} %")
-        texts += [
-            number(1e3 * rule.moved),
-            f"{rule.width:.1f}",
-            f"{rule.clocks}",
-            f"{rate:,.0f}",
-            f"{rule.lut:,}",
-            mark,
-        ]
-        rows.append(Row(f"design-window-{name}", [rule.title, *texts], bold=rule is shipped))
-        values.append(
-            ["two_pass" if rule.two_pass else "threshold", rule.values["k_noise"],
-             rule.values["k_height"], rule.noisy, rule.worst, rule.lost, rule.rival, rule.moved,
-             rule.width, rule.first, rule.clocks, rate, rule.lut, int(k in best)]
-        )  # fmt: skip
+def _rules(order: Order, found: Found, own: Point) -> list[Block[Any]]:
+    ruled = _rule_list(order, found, own)
+    best = [ruled[k] for k in front([(rule.clocks, rule.noisy) for rule in ruled])]
+    columns: list[Column[Rule]] = [
+        words("rule", lambda rule: rule.title),
+        Column(None, lambda rule: TWO_PASS if rule.two_pass else "threshold", name="window"),
+        Column(None, lambda rule: rule.values["k_noise"], name="k_noise"),
+        Column(None, lambda rule: rule.values["k_height"], name="k_height"),
+        Column("with noise,\nover CRB", lambda rule: rule.noisy, "{:.4f}",
+               name="noise_over_bound"),
+        Column("\nworst spot", lambda rule: rule.worst, "{:.3f}", name="worst_over_bound"),
+        Column("lost,\nworst", lambda rule: rule.lost, "{:.2g} %", scale=100, name="lost"),
+        Column("false rivals,\nworst", lambda rule: rule.rival, "{:.2g} %", scale=100,
+               name="false_rivals"),
+        Column("skewed spot\nmoves, 1e-3 px", lambda rule: rule.moved, number, scale=1e3,
+               name="skew_moved_px"),
+        Column("window,\npx", lambda rule: rule.width, "{:.1f}", name="width_px"),
+        Column(None, lambda rule: rule.first, name="first_width_px"),
+        Column("\nclocks", lambda rule: rule.clocks, name="clocks"),
+        Column("\nlines/s", lambda rule: BOARD_HZ / rule.clocks, "{:,.0f}", name="lines_per_s"),
+        Column("\nLUT", lambda rule: rule.lut, "{:,}", name="lut"),
+        Column("\nfront", lambda rule: "yes" if rule in best else ""),
+        Column(None, lambda rule: int(rule in best), name="front"),
+    ]  # fmt: skip
     return [
-        Text(_rule_verdict(listed)),
         Picture(
             "design-window-picture",
-            _rule_picture(listed),
+            _rule_picture(ruled),
             "Error in noise above the bound: over the threshold's share of the height, for each "
             "factor of the noise (left); over clocks, windows as wide as the rule makes them "
             "(middle); over how far a skewed spot moves with its height (right). Lines in the last "
@@ -809,58 +697,17 @@ def _rules(order: Order, found: Found, own: Point) -> list[Block]:
         ),
         Table(
             "design-window",
-            ["rule", "with noise,\nover CRB", "\nworst spot", "lost,\nworst",
-             "false rivals,\nworst", "skewed spot\nmoves, 1e-3 px", "window,\npx",
-             "\nclocks", "\nlines/s", "\nLUT", "\nfront"],
-            rows,
+            Sheet(columns, ruled),
             "Threshold = background + max(k_noise noise, k_height height). Registers hold the two "
             "factors, so they cost no cells; a wider window costs clocks. Means over the 20 spots "
-            f"of the study, which are symmetric. What k_height is there for: a spot of "
-            f"{design.SKEW_PX:g} px and skew {design.SKEW:g} moves by so much as its height goes "
-            f"from {100 * design.SKEW_HEIGHTS[0]:g} to {100 * design.SKEW_HEIGHTS[-1]:g} % of full "
-            "scale. What k_noise is there for: below, noise is taken for rivals.",
-            ["window", "k_noise", "k_height", "noise_over_bound", "worst_over_bound", "lost",
-             "false_rivals", "skew_moved_px", "width_px", "first_width_px", "clocks", "lines_per_s",
-             "lut", "front"],
-            values,
+            f"of the study, which are symmetric. Skewed: a spot of {design.SKEW_PX:g} px and skew "
+            f"{design.SKEW:g} as its height goes from {100 * design.SKEW_HEIGHTS[0]:g} to "
+            f"{100 * design.SKEW_HEIGHTS[-1]:g} % of full scale. False rivals: noise that a low "
+            "k_noise takes for a second spot. Front: error against clocks.",
+            key=lambda rule: f"design-window-{rule.key}",
+            bold=lambda rule: rule is ruled[0],
         ),
-    ]  # fmt: skip
-
-
-def _rule_verdict(listed: Sequence[Rule]) -> str:
-    shipped = listed[0]
-    single = [rule for rule in listed if not rule.two_pass]
-
-    def told(rule: Rule) -> str:
-        return (
-            f"errs {rule.noisy:.3f} times the bound in {rule.clocks} clocks, moves a skewed spot "
-            f"by {number(1e3 * rule.moved, 2)}e-3 px and flags rivals that are not there on up to "
-            f"{100 * rule.rival:.2g} % of the lines"
-        )
-
-    text = f"The configuration's rule, {shipped.title}, {told(shipped)}. "
-    for price, name in ((_clocks, "clocks"), (_movement, "movement")):
-        better = [
-            r
-            for r in single
-            if price(r) <= price(shipped)
-            and r.noisy <= shipped.noisy
-            and (price(r), r.noisy) != (price(shipped), shipped.noisy)
-        ]
-        least = min(better, key=lambda rule: rule.noisy, default=None)
-        if least is None:
-            text += f"Of one pass it is on the front of error against {name}. "
-        else:
-            text += f"Of one pass it is <b>not</b> on the front of error against {name}: "
-            text += f"{least.title} {told(least)}. "
-    best = min(single, key=lambda rule: rule.noisy)
-    if best is not shipped:
-        text += f"Least error of one pass: {best.title} {told(best)}. "
-    for rule in listed:
-        if rule.two_pass:
-            text += f"With two passes the detector {told(rule)}, and has "
-            text += f"{rule.lut - shipped.lut:,} LUT more."
-    return text
+    ]
 
 
 def _clocks(rule: Rule) -> float:
@@ -877,8 +724,7 @@ def _over(rule: Rule) -> float:
 
 
 def _rule_picture(listed: Sequence[Rule]) -> bytes:
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(11.6, 4.0), layout="constrained")
+    with drawing(11.6, 4.0) as figure:
         left, *others = figure.subplots(1, 3, sharey=True)
         single = [rule for rule in listed if not rule.two_pass]
         heights = sorted({rule.values["k_height"] for rule in single})
@@ -907,21 +753,19 @@ def _rule_picture(listed: Sequence[Rule]) -> bytes:
             axes.set_xscale("log")
             _star(axes, *pairs[0])
         _star(left, heights.index(listed[0].values["k_height"]), _over(listed[0]))
-        _plain_log(others[0], "x", (200, 300, 400, 500, 600, 700))
-        _plain_log(others[1], "x", _LEVELS)
+        plain_log(others[0], "x", (200, 300, 400, 500, 600, 700))
+        plain_log(others[1], "x", _LEVELS)
         left.set_xlabel("k_height, share of the peak's height")
         others[0].set_xlabel("clocks from the last pixel to the position")
         others[1].set_xlabel("movement of a skewed spot, 1e-3 px")
         left.set_yscale("log")
-        _plain_log(left, "y", _LEVELS)
+        plain_log(left, "y", _LEVELS)
         left.set_ylabel("rms in noise above the Cramér-Rao bound, %")
         for axes, title in zip(
             (left, *others),
             ("Rule of the window", "Error over clocks", "Error over movement"),
             strict=True,
         ):
-            axes.grid(color=LIGHT, linewidth=0.5)
-            axes.set_axisbelow(True)
             axes.set_title(title)
         left.legend()
         return png(figure)

@@ -1,16 +1,16 @@
 """How the time of each part grows with its work: length of a line, and number of lines."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.figure import Figure
 
 from vrscan.data.config import Config
-from vrscan.show.style import COLOURS, INK, LIGHT, STYLE
+from vrscan.show.sheet import Column, Sheet, listed, number, words
+from vrscan.show.style import COLOURS, INK, drawing
 from vrscan.study.bench import instrument
-from vrscan.study.bench.bench_page import Block, Picture, Row, Table, Text, number
+from vrscan.study.bench.bench_page import Block, Picture, Table, Text
 from vrscan.study.bench.cells import Cell, Figures, plain
 from vrscan.study.bench.sections.section import Found, Order, Section, png
 
@@ -71,41 +71,50 @@ def _series(figures: Figures, column: int) -> dict[str, list[tuple[int, int, flo
     return {name: sorted(found[name]) for name in NAMES if name in found}
 
 
-def blocks(order: Order, found: Found) -> Sequence[Block]:
+@dataclass(frozen=True)
+class _Series:
+    """How the time of one part grows: rows of size, lines and seconds, by rising size."""
+
+    part: str
+    what: str
+    points: list[tuple[int, int, float]]
+
+    @property
+    def power(self) -> float:
+        """The exponent."""
+        return exponent([p[0] for p in self.points], [p[2] for p in self.points])
+
+    def second(self, index: int) -> float:
+        """Return the time of a line, s."""
+        return self.points[index][2] / self.points[index][1]
+
+
+def blocks(order: Order, found: Found) -> Sequence[Block[Any]]:
     """Return the picture and the table of exponents."""
     counts = _series(found(_by_count(order)), 2)
     lengths = _series(found(_by_length(order)), 1)
-    rows: list[Row] = []
-    values: list[list[Any]] = []
-    for what, series in (("lines", counts), ("length", lengths)):
-        unit = "number of lines" if what == "lines" else "length of a line"
-        for name, points in series.items():
-            sizes, seconds = [p[0] for p in points], [p[2] for p in points]
-            per = [1e6 * s / lines for _, lines, s in points]
-            power = exponent(sizes, seconds)
-            rows.append(
-                Row(
-                    f"growth-{name}-{what}",
-                    [
-                        f"{NAMES[name]}, {unit}",
-                        f"{sizes[0]} .. {sizes[-1]}",
-                        f"{power:.2f}",
-                        number(per[0]),
-                        number(per[-1]),
-                        number(1e6 / per[0]),
-                        number(1e6 / per[-1]),
-                    ],
-                )
-            )
-            values += [[name, what, *point] for point in points]
-    clocks = _clocks(order.config)
+    units = {"lines": "number of lines", "length": "length of a line"}
+    rows = [
+        _Series(name, what, points)
+        for what, series in (("lines", counts), ("length", lengths))
+        for name, points in series.items()
+    ]
+    columns: list[Column[_Series]] = [
+        words("part, size", lambda s: f"{NAMES[s.part]}, {units[s.what]}"),
+        Column("sizes", lambda s: f"{s.points[0][0]} .. {s.points[-1][0]}"),
+        Column("exponent\np", lambda s: s.power, "{:.2f}", absent="nan"),
+        Column("µs a line,\nsmallest", lambda s: s.second(0), number, scale=1e6),
+        Column("\nlargest", lambda s: s.second(-1), number, scale=1e6),
+        Column("lines/s,\nsmallest", lambda s: 1.0 / s.second(0), number),
+        Column("\nlargest", lambda s: 1.0 / s.second(-1), number),
+    ]
+    length = order.config.sensor.line_length
     return [
         Text(
-            "Time = c · size<sup>p</sup>, p fitted over the sizes measured. With the number of "
-            "lines p is 1 where each line costs the same and below where starting costs more; "
-            "with their length p is 1 where every pixel costs the same, and below where the work "
-            "is at the peak. The simulator makes blocks of 1024 lines as a whole, whose random "
-            f"numbers belong together: fewer lines cost as much. The hardware takes {clocks}."
+            "Time = c · size^p, p fitted over the sizes measured: 1 where each line, or each "
+            "pixel, costs the same, less where starting costs more or the work is at the peak. The "
+            "simulator makes whole blocks of 1024 lines. The hardware takes one clock a pixel, "
+            f"{length} for a line of {length}: p is 1 in both, by construction."
         ),
         Picture(
             "growth-picture",
@@ -116,28 +125,17 @@ def blocks(order: Order, found: Found) -> Sequence[Block]:
         ),
         Table(
             "growth",
-            [
-                "part, size",
-                "sizes",
-                "exponent\np",
-                "µs a line,\nsmallest",
-                "\nlargest",
-                "lines/s,\nsmallest",
-                "\nlargest",
-            ],
-            rows,
-            f"Lines of the default scene; {order.config.sensor.line_length} px where their number "
-            f"changes, {LINES} of them ({_RTL_LINES} in the RTL) where their length does. "
-            "Processor time, best of two rounds.",
-            ["part", "changes", "size", "lines", "seconds"],
-            values,
+            Sheet(columns, rows),
+            f"Lines of the default scene; {length} px where their number changes, {LINES} of them "
+            f"({_RTL_LINES} in the RTL) where their length does. Processor time, best of two "
+            "rounds.",
+            key=lambda s: f"growth-{s.part}-{s.what}",
+            full=listed(
+                ("part", "changes", "size", "lines", "seconds"),
+                [(s.part, s.what, *point) for s in rows for point in s.points],
+            ),
         ),
     ]
-
-
-def _clocks(config: Config) -> str:
-    length = config.sensor.line_length
-    return f"one clock a pixel, {length} for a line of {length}: p is 1 in both, by construction"
 
 
 def _picture(
@@ -145,15 +143,12 @@ def _picture(
     lengths: dict[str, list[tuple[int, int, float]]],
     config: Config,
 ) -> bytes:
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(11.0, 3.9), layout="constrained")
+    with drawing(11.0, 3.9) as figure:
         left, right = figure.subplots(1, 2, sharey=True)
         for axes, series, words in (
             (left, counts, f"number of lines of {config.sensor.line_length} px"),
             (right, lengths, "length of a line, px"),
         ):
-            axes.grid(color=LIGHT, linewidth=0.5)
-            axes.set_axisbelow(True)
             sizes: set[int] = set()
             for name, points in series.items():
                 size = [p[0] for p in points]

@@ -3,26 +3,26 @@
 import csv
 import io
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.colors import LogNorm
-from matplotlib.figure import Figure
 
 from vrscan.scene.description import shipped
 from vrscan.scene.effects import EFFECTS
-from vrscan.show.style import INK, STYLE
+from vrscan.show.sheet import Column, Sheet, listed, number, words
+from vrscan.show.style import INK, drawing
 from vrscan.study.bench import cost, instrument
 from vrscan.study.bench.bench_page import (
     Attachment,
     Block,
     Heading,
     Picture,
-    Row,
     Table,
     Text,
-    number,
+    slug,
 )
 from vrscan.study.bench.cells import Cell, Figures, plain
 from vrscan.study.bench.sections.section import Found, Order, Section, png
@@ -68,7 +68,7 @@ def cells(order: Order) -> list[Cell]:
     ]
 
 
-def blocks(order: Order, found: Found) -> Sequence[Block]:
+def blocks(order: Order, found: Found) -> Sequence[Block[Any]]:
     """Return the budgets and the speeds."""
     budgets = {scene: found(_budget(order, scene)) for scene in _scenes(order)}
     parts = {scene: _worst(figures["csv"]) for scene, figures in budgets.items()}
@@ -77,17 +77,15 @@ def blocks(order: Order, found: Found) -> Sequence[Block]:
         Text(
             "What each cause contributes to a position: how far the point moves when this one "
             "thing is left out of the simulation and all random numbers stay the same, bias and "
-            "rms together, in the worst of near, middle and far (<code>vrscan budget</code>). "
-            "<em>arithmetic</em> is the bit-accurate chain against the float equations on the "
+            "rms together, in the worst of near, middle and far (vrscan budget). "
+            "Arithmetic is the bit-accurate chain against the float equations on the "
             "same lines."
         ),
         Picture(
             "budget-picture",
             _picture(parts, budgets),
             "Causes (rows) in the shipped scenes (columns), 1e-3 px. Empty: the scene has no such "
-            "effect, or it moves nothing by as much as 0.1e-3 px. Speckle leads, with the optics "
-            "(defocus, the cut beam, the footprint), which also change the spot's width and with "
-            "it the grains that it covers; arithmetic is far below all light.",
+            "effect, or it moves nothing by as much as 0.1e-3 px.",
         ),
         *_causes(parts, budgets),
         _totals(budgets),
@@ -129,83 +127,65 @@ def _names(parts: Worst) -> list[str]:
     return sorted((name for name in size if size[name] >= 0.0), key=lambda name: -size[name])
 
 
-def _causes(parts: Worst, budgets: dict[str, Figures]) -> list[Table]:
+def _causes(parts: Worst, budgets: dict[str, Figures]) -> list[Table[str]]:
     """Return the tables of px and of mm in z."""
-    files = ", ".join(f'<a href="budget-{s}.csv">{s}</a>' for s in parts)
-    words = (
+    said = (
         "Bias and rms together, worst of near, middle and far. Each scene's whole table, with the "
-        f"share of points that come and go: {files}."
+        "share of points that come and go, is a file of its own below."
     )
     return [
-        _cause_table("budget", 0, 1e3, "px", f"1e-3 px. {words}", parts, budgets),
-        _cause_table("budget-z", 1, 1e3, "mm", f"The same in z, µm. {words}", parts, budgets),
+        _cause_table("budget", 0, "px", f"1e-3 px. {said}", parts, budgets),
+        _cause_table("budget-z", 1, "mm", f"The same in z, µm. {said}", parts, budgets),
     ]
 
 
 def _cause_table(
-    key: str,
-    index: int,
-    scale: float,
-    unit: str,
-    caption: str,
-    parts: Worst,
-    budgets: dict[str, Figures],
-) -> Table:
-    scenes = list(parts)
-    rows: list[Row] = []
-    values: list[list[Any]] = []
-    for name in [*_names(parts), "arithmetic"]:
-        own = {s: parts[s][name][index] for s in scenes if name in parts[s]}
+    key: str, index: int, unit: str, caption: str, parts: Worst, budgets: dict[str, Figures]
+) -> Table[str]:
+    def value(scene: str, name: str) -> float | None:
         if name == "arithmetic":
-            own = {s: budgets[s][f"arithmetic_{unit}"] for s in scenes}
-        texts = [number(scale * own[s], 2) if s in own else "" for s in scenes]
-        rows.append(Row(f"{key}-{name}", [name, *texts], bold=name == "arithmetic"))
-        values += [[name, s, value] for s, value in own.items()]
+            return float(budgets[scene][f"arithmetic_{unit}"])
+        return parts[scene][name][index] if name in parts[scene] else None
+
+    def column(scene: str) -> Column[str]:
+        return Column(scene, partial(value, scene), partial(number, digits=2), scale=1e3)
+
+    names = [*_names(parts), "arithmetic"]
+    values = [(n, s, value(s, n)) for n in names for s in parts if value(s, n) is not None]
     return Table(
-        key, ["cause", *scenes], rows, caption, ["cause", "scene", f"worst_{unit}"], values
+        key,
+        Sheet([words("cause", lambda name: name), *map(column, parts)], names),
+        caption,
+        key=lambda name: f"{key}-{name}",
+        bold=lambda name: name == "arithmetic",
+        full=listed(("cause", "scene", f"worst_{unit}"), values),
     )
 
 
-def _totals(budgets: dict[str, Figures]) -> Table:
-    rows: list[Row] = []
-    values: list[list[Any]] = []
-    names = ("points", "jumped", "error_px", "median_px", "error_mm", "median_mm",
-             "arithmetic_px", "arithmetic_mm", "other_window")  # fmt: skip
-    for scene, figures in budgets.items():
-        shown = [
-            f"{figures['points']}",
-            f"{100.0 * figures['jumped']:.2f} %",
-            number(figures["error_px"]),
-            number(figures["median_px"]),
-            number(figures["error_mm"]),
-            number(figures["median_mm"]),
-            number(1e3 * figures["arithmetic_px"]),
-            number(1e3 * figures["arithmetic_mm"]),
-            f"{100.0 * figures['other_window']:.2f} %",
-        ]
-        rows.append(Row(f"total-{scene}", [scene, *shown]))
-        values.append([scene, *(figures[name] for name in names)])
+def _totals(budgets: dict[str, Figures]) -> Table[str]:
+    def column(heading: str, name: str, form: Any = number, scale: float = 1.0) -> Column[str]:
+        return Column(heading, lambda scene: budgets[scene][name], form, name=name, scale=scale)
+
+    columns: list[Column[str]] = [
+        words("scene", lambda scene: scene, name="scene"),
+        column("points", "points", "{}"),
+        column(f"farther off\nthan {JUMP_PX:g} px", "jumped", "{:.2f} %", 100.0),
+        column("error,\nrms px", "error_px"),
+        column("median\npx", "median_px"),
+        column("error in z,\nrms mm", "error_mm"),
+        column("median\nmm", "median_mm"),
+        column("arithmetic,\n1e-3 px", "arithmetic_px", scale=1e3),
+        column("arithmetic,\nµm", "arithmetic_mm", scale=1e3),
+        column("another\nwindow", "other_window", "{:.2f} %", 100.0),
+    ]
     return Table(
         "total",
-        [
-            "scene",
-            "points",
-            f"farther off\nthan {JUMP_PX:g} px",
-            "error,\nrms px",
-            "median\npx",
-            "error in z,\nrms mm",
-            "median\nmm",
-            "arithmetic,\n1e-3 px",
-            "arithmetic,\nµm",
-            "another\nwindow",
-        ],
-        rows,
+        Sheet(columns, list(budgets)),
         "All causes together: points of the bit-accurate chain against the scene's truth. Points "
         f"more than {JUMP_PX:g} px off are those of second reflections and of edges; they count in "
         "the median, not in the rms. Another window: where a rounded threshold takes a pixel more "
         "or less than the float equations'; arithmetic is of the other lines.",
-        ["scene", *names],
-        values,
+        key=lambda scene: f"total-{scene}",
     )
 
 
@@ -220,12 +200,9 @@ def _picture(parts: Worst, budgets: dict[str, Figures]) -> bytes:
     values[values < _LEAST_PX] = np.nan
     if budgets:
         values[-1] = [max(b["arithmetic_px"], 1e-9) for b in budgets.values()]
-    with mpl.rc_context(STYLE):
-        figure = Figure(
-            figsize=(2.2 + 0.66 * max(len(scenes), 6), 0.9 + 0.27 * len(names)),
-            layout="constrained",
-        )
+    with drawing(2.2 + 0.66 * max(len(scenes), 6), 0.9 + 0.27 * len(names)) as figure:
         axes = figure.subplots()
+        axes.grid(visible=False)
         top = max(float(np.nanmax(values)), 1e-3)
         axes.imshow(values, cmap="YlOrBr", norm=LogNorm(5e-5, 3.0 * top), aspect="auto")
         for row in range(len(names)):
@@ -255,94 +232,78 @@ def _hardware(order: Order) -> tuple[str, float | None]:
     return f"{fmax:g} MHz, {length} clocks a line", 1e6 * fmax / length
 
 
-def _speeds(order: Order, speed: Figures, lit: Sequence[Figures]) -> Table:
-    rates, reference = speed["rates"], speed["rates"]["reference"]
-    lines = speed["lines"]
-    rows: list[Row] = []
-    values: list[list[Any]] = []
+@dataclass(frozen=True)
+class _Part:
+    """A part of the instrument and how fast it is; None where that is not known."""
 
-    def add(key: str, title: str, work: str, rate: float | None, comparable: bool = True) -> None:
-        ratio = rate / reference if rate is not None and comparable else None
-        rows.append(
-            Row(
-                f"speed-{key}",
-                [
-                    title,
-                    number(rate) if rate is not None else "",
-                    f"{ratio:.3g}" if ratio is not None else "",
-                    f"{rate / PAPER_LINES:.3g}" if rate is not None else "",
-                    work,
-                ],
-            )
-        )
-        values.append([key, rate, ratio, work])
+    key: str
+    title: str
+    work: str
+    rate: float | None
+    ratio: float | None = None
+
+
+def _speeds(order: Order, speed: Figures, lit: Sequence[Figures]) -> Table[_Part]:
+    rates, lines = speed["rates"], speed["lines"]
+    rows: list[_Part] = []
+
+    def add(key: str, title: str, work: str, rate: float | None) -> None:
+        rows.append(_Part(key, title, work, rate, rate and rate / rates["reference"]))
 
     add("reference", "reference", instrument.REFERENCE, rates["reference"])
-    for figures in lit[:1]:
-        for row in figures["rows"]:
-            name = row["fidelity"]
-            if name in ("minimal", "auto 0.01", "full"):
-                work = f"default scene, {row['effects']} of {row['of']} effects"
-                add(f"simulator-{name.replace(' ', '-')}", f"simulator, {name}", work,
-                    row["lines_per_s"])  # fmt: skip
+    for row in (row for figures in lit[:1] for row in figures["rows"]):
+        name = row["fidelity"]
+        if name in ("minimal", "auto 0.01", "full"):
+            work = f"default scene, {row['effects']} of {row['of']} effects"
+            add(f"simulator-{slug(name)}", f"simulator, {name}", work, row["lines_per_s"])
     add("fixed", "bit-accurate model", f"{lines['fixed']} lines to points", rates["fixed"])
     add("ideal", "float64 equations", f"{lines['ideal']} lines to points", rates["ideal"])
     simulated = f"{lines['rtl']} lines to points, Verilator"
     add("rtl", "RTL, simulated", speed["missing"] or simulated, rates.get("rtl"))
     word, hardware = _hardware(order)
     add("hardware", "hardware", word, hardware)
+    columns: list[Column[_Part]] = [
+        Column(None, lambda part: part.key, name="part"),
+        words("part", lambda part: part.title),
+        Column("lines/s", lambda part: part.rate, number, name="lines_per_s"),
+        Column("over\nreference", lambda part: part.ratio, "{:.3g}", name="over_reference"),
+        Column("over the paper's\n37,400 lines/s", lambda part: part.rate, "{:.3g}",
+               scale=1.0 / PAPER_LINES),
+        words("work", lambda part: part.work, name="work", wraps=True),
+    ]  # fmt: skip
     return Table(
         "speed",
-        ["part", "lines/s", "over\nreference", "over the paper's\n37,400 lines/s", "work"],
-        rows,
+        Sheet(columns, rows),
         "One core of this machine, lines of 2048 px of the default scene, processor time, best of "
         "three rounds in turns; all but the hardware. The ratio to the reference, measured in the "
         "same run, is what to compare between machines. Hardware: the fastest clock that place and "
         "route reach for the whole chain, and one clock a pixel.",
-        ["part", "lines_per_s", "over_reference", "work"],
-        values,
+        key=lambda part: f"speed-{part.key}",
     )
 
 
-def _simulator(lit: Sequence[Figures]) -> Table:
-    rows: list[Row] = []
-    values: list[list[Any]] = []
-    for figures in lit:
-        full = figures["rows"][-1]["lines_per_s"]
-        for row in figures["rows"]:
-            name = f"{row['scene']}, {row['fidelity']}"
-            rows.append(
-                Row(
-                    f"light-{row['scene']}-{row['fidelity'].replace(' ', '-')}",
-                    [
-                        name,
-                        f"{row['effects']} / {row['of']}",
-                        number(row["lines_per_s"]),
-                        f"{row['lines_per_s'] / full:.1f}",
-                        number(row["worst_px"]) if row["fidelity"] != "full" else "0",
-                        number(row["truth_rms_px"]),
-                    ],
-                )
-            )
-            values.append(
-                [row["scene"], row["fidelity"], row["effects"], row["of"], row["lines_per_s"],
-                 row["worst_px"], row["rms_um"], row["truth_rms_px"]]
-            )  # fmt: skip
+def _simulator(lit: Sequence[Figures]) -> Table[dict[str, Any]]:
+    full = {row["scene"]: row["lines_per_s"] for figures in lit for row in figures["rows"]}
+    columns: list[Column[dict[str, Any]]] = [
+        words("simulator: scene, fidelity", lambda row: f"{row['scene']}, {row['fidelity']}"),
+        Column(None, lambda row: row["scene"], name="scene"),
+        Column(None, lambda row: row["fidelity"], name="fidelity"),
+        Column("effects", lambda row: f"{row['effects']} / {row['of']}"),
+        Column(None, lambda row: row["effects"], name="effects"),
+        Column(None, lambda row: row["of"], name="of"),
+        Column("lines/s", lambda row: row["lines_per_s"], number, name="lines_per_s"),
+        Column("over full", lambda row: row["lines_per_s"] / full[row["scene"]], "{:.1f}"),
+        Column("off from full,\nrms px", lambda row: row["worst_px"], number, name="off_px"),
+        Column(None, lambda row: row["rms_um"], name="off_um"),
+        Column("chain against\ntruth, rms px", lambda row: row["truth_rms_px"], number,
+               name="truth_px"),
+    ]  # fmt: skip
     return Table(
         "light",
-        [
-            "simulator: scene, fidelity",
-            "effects",
-            "lines/s",
-            "over full",
-            "off from full,\nrms px",
-            "chain against\ntruth, rms px",
-        ],
-        rows,
+        Sheet(columns, [row for figures in lit for row in figures["rows"]]),
         "Speed of the light simulator against the error of what each fidelity leaves out, worst "
-        "third of the points by depth; <code>vrscan bench light</code> has all scenes.",
-        ["scene", "fidelity", "effects", "of", "lines_per_s", "off_px", "off_um", "truth_px"],
-        values,
+        "third of the points by depth; vrscan bench light has all scenes.",
+        key=lambda row: f"light-{row['scene']}-{row['fidelity'].replace(' ', '-')}",
     )
 
 

@@ -3,6 +3,7 @@
 import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from matplotlib.figure import Figure
 
@@ -39,7 +40,7 @@ class Section:
     key: str
     title: str
     cells: Callable[[Order], Sequence[Cell]]
-    blocks: Callable[[Order, Found], Sequence[Block]]
+    blocks: Callable[[Order, Found], Sequence[Block[Any]]]
 
 
 @dataclass(frozen=True)

@@ -4,17 +4,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from vrscan.data.config import Config
-from vrscan.detectors.catalogue import detectors
+from vrscan.detectors.catalogue import Detector, detectors
 from vrscan.scene.speckle import position_rms_px
-from vrscan.show.style import LIGHT, QUIET, STYLE
+from vrscan.show.sheet import Column, Sheet, listed, number, words
+from vrscan.show.style import QUIET, drawing
 from vrscan.study.bench import detect
-from vrscan.study.bench.bench_page import Block, Heading, Picture, Row, Table, Text, number, slug
+from vrscan.study.bench.bench_page import Block, Heading, Picture, Table, Text, slug
 from vrscan.study.bench.bench_spots import RETURN_PX, SLOPE_PX, most_contrast
 from vrscan.study.bench.cells import Cell, Figures, plain
 from vrscan.study.bench.sections.section import BOUND, Found, Order, Section, look, png
@@ -90,9 +89,7 @@ SWEEPS = (
             Panel("50 % of full scale", {"peak": 0.5}),
             Panel("5 % of full scale", {"peak": 0.05}),
         ),
-        "What looks at three pixels falls behind as the spot gets wide; the harmonic, the matched "
-        "filter and the fits follow the bound. Below 1 px the pixel itself is as wide as the spot, "
-        "and two passes lose it: fewer than three pixels are above a quarter of its height.",
+        "Below 1 px the pixel itself is as wide as the spot.",
         _named("sigma_px"),
         log=True,
     ),
@@ -112,8 +109,7 @@ SWEEPS = (
         "background, counts of 4095",
         (0.0, 30.0, 100.0, 300.0, 1000.0, 2000.0, 3000.0),
         _of_width(3.0, 8.0, peak=0.2),
-        "Its shot noise raises the bound. With T = N - 1, (8) as printed, the pedestal itself "
-        "leaks into the phase.",
+        "Its shot noise raises the bound.",
         _named("level"),
     ),
     Sweep(
@@ -122,10 +118,8 @@ SWEEPS = (
         "slope, counts/px",
         (0.0, 0.1, 0.2, 0.5, 1.0, 2.0),
         _of_width(3.0, 8.0, peak=0.5, level=300.0),
-        "A slope pulls every detector that takes the background for even. It is straight for "
-        f"{SLOPE_PX} px on either side and gone at {RETURN_PX} px, so the background is measured "
-        "where there is none; where it rises above the threshold beside the spot, the window runs "
-        "on. Two passes take it off.",
+        f"The slope is straight for {SLOPE_PX} px on either side of the spot and gone at "
+        f"{RETURN_PX} px, so the background is measured where there is none.",
         _named("slope"),
     ),
     Sweep(
@@ -134,9 +128,7 @@ SWEEPS = (
         "height over full scale",
         (0.5, 0.9, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0),
         _of_width(2.0, 6.0),
-        "Full pixels say nothing of the place; the bound, which leaves them out, still falls a "
-        "little with the brighter flanks. The first full pixel is no top, so what looks for one is "
-        "off by half the plateau; a window from threshold to threshold keeps its middle.",
+        "The bound leaves full pixels out, which say nothing of the place.",
         _named("peak"),
         log=True,
     ),
@@ -149,8 +141,8 @@ SWEEPS = (
             Panel("s = 3 px, 10 % of full scale", {"sigma_px": 3.0, "peak": 0.1}),
             Panel("s = 3 px, 90 % of full scale", {"sigma_px": 3.0, "peak": 0.9}),
         ),
-        "The position meant is that of the top. A constant offset can be calibrated; what changes "
-        "between the two heights cannot: see the table of movement below.",
+        "The position meant is that of the top. A constant offset can be calibrated, what changes "
+        "between the two heights cannot: the second table has it.",
         _named("skew"),
     ),
     Sweep(
@@ -159,10 +151,8 @@ SWEEPS = (
         "contrast of a pixel",
         (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3),
         _of_width(2.0, 6.0, peak=0.5),
-        "Light from a rough surface is grained, which no detector of a single line can know: all "
-        "are far above the bound of photons alone (dashed). The dotted line is what first order "
-        "in the contrast gives for the first harmonic. Centroids, which weigh the flanks as much "
-        "as the top, do a little better than the rest.",
+        "Light from a rough surface is grained; the dashed bound is that of photons alone. The "
+        "dotted line is what first order in the contrast gives for the first harmonic.",
         _named("contrast"),
         also=("speckle, first order", _speckle_px),
     ),
@@ -175,9 +165,7 @@ SWEEPS = (
             Panel(f"s = 3 px, {ratio:g} as high", {"sigma_px": 3.0, "peak": 0.5, "rival": ratio})
             for ratio in (0.3, 0.6, 0.9)
         ),
-        "Where the light between the two stays above the threshold, one window holds both and the "
-        "position is pulled to the rival or lost between them; where it falls below, the rival is "
-        "no more than a flag. What looks at the top alone is disturbed least.",
+        "Where the light between the two stays above the threshold, one window holds both.",
         _away,
     ),
 )
@@ -194,10 +182,10 @@ def cells(order: Order) -> list[Cell]:
     return [_cell(order, s, p, v) for s in SWEEPS for p in s.panels for v in s.values]
 
 
-def blocks(order: Order, found: Found) -> Sequence[Block]:
+def blocks(order: Order, found: Found) -> Sequence[Block[Any]]:
     """Return a picture and a table for each sweep."""
     count = QUICK_LINES if order.quick else LINES
-    shown: list[Block] = [
+    shown: list[Block[Any]] = [
         Text(
             f"One thing is changed at a time, {count} lines a point, the same lines for all "
             "detectors. On top the rms error (bias included), below it the bias, both of the "
@@ -222,35 +210,31 @@ def blocks(order: Order, found: Found) -> Sequence[Block]:
     return shown
 
 
-def _table(sweep: Sweep, got: dict[tuple[str, float], Figures]) -> Table:
-    rows, values = [], []
-    listed = detectors()
-    for panel in sweep.panels:
-        for value in sweep.values:
-            cell = got[panel.title, value]
-            cells_ = [
-                f"{value:g}",
-                panel.title,
-                number(1e3 * cell["bound_px"]),
-                *(_rms(cell["errors"][each.key]) for each in listed),
-            ]
-            rows.append(Row(f"{sweep.key}-{slug(panel.title)}-{value:g}", cells_))
-            for each in listed:
-                error = cell["errors"][each.key]
-                kept = [error[name] for name in ("rms", "bias", "spread", "lost")]
-                values.append(
-                    [panel.title, value, each.key, cell["lines"], cell["bound_px"], *kept]
-                )
+def _table(sweep: Sweep, got: dict[tuple[str, float], Figures]) -> Table[tuple[str, float]]:
+    def rms(each: Detector) -> Column[tuple[str, float]]:
+        return Column(_broken(each.title, 9), lambda row: _rms(got[row]["errors"][each.key]))
+
+    columns: list[Column[tuple[str, float]]] = [
+        Column(_broken(sweep.axis, 14), lambda row: row[1], "{:g}"),
+        words("spot", lambda row: row[0]),
+        Column("bound", lambda row: got[row]["bound_px"], number, scale=1e3),
+        *map(rms, detectors()),
+    ]
+    values = []
+    for (panel, value), cell in got.items():
+        for key, error in ((each.key, cell["errors"][each.key]) for each in detectors()):
+            kept = [error[name] for name in ("rms", "bias", "spread", "lost")]
+            values.append([panel, value, key, cell["lines"], cell["bound_px"], *kept])
+    names = ("panel", slug(sweep.axis), "detector", "lines", "bound_px", "rms_px", "bias_px",
+             "spread_px", "lost")  # fmt: skip
     return Table(
         f"sweep-{sweep.key}",
-        [_broken(sweep.axis, 14), "spot", "bound", *(_broken(e.title, 9) for e in listed)],
-        rows,
+        Sheet(columns, list(got)),
         "rms error, 1e-3 px; † more than 1 % of the lines are lost, - all of them. The file has "
         "bias, spread and lost lines, too.",
-        ["panel", slug(sweep.axis), "detector", "lines", "bound_px", "rms_px", "bias_px",
-         "spread_px", "lost"],
-        values,
-    )  # fmt: skip
+        key=lambda row: f"{sweep.key}-{slug(row[0])}-{row[1]:g}",
+        full=listed(names, values),
+    )
 
 
 def _rms(error: dict[str, float]) -> str:
@@ -269,28 +253,30 @@ def _broken(text: str, room: int) -> str:
     return "\n".join(lines)
 
 
-def _movement(sweep: Sweep, got: dict[tuple[str, float], Figures]) -> Table:
+def _movement(sweep: Sweep, got: dict[tuple[str, float], Figures]) -> Table[Detector]:
     """Return how far a skewed spot moves with its height."""
     low, high = sweep.panels
-    listed = detectors()
-    rows, values = [], []
-    for each in listed:
-        moved = [
-            got[high.title, v]["errors"][each.key]["bias"]
-            - got[low.title, v]["errors"][each.key]["bias"]
-            for v in sweep.values
-        ]
-        texts = [each.title, *(f"{1e3 * m:+.1f}" for m in moved)]
-        rows.append(Row(f"skew-moves-{each.key}", texts, bold=each.key == "shipped"))
-        values += [[each.key, v, m] for v, m in zip(sweep.values, moved, strict=True)]
+
+    def moved(each: Detector, skew: float) -> float:
+        ends = (got[panel.title, skew]["errors"][each.key]["bias"] for panel in (high, low))
+        return float(next(ends) - next(ends))
+
+    def column(skew: float) -> Column[Detector]:
+        return Column(
+            f"skew\n{100 * skew:g} %", lambda e: moved(e, skew), "{:+.1f}", scale=1e3, absent="nan"
+        )
+
     return Table(
         "skew-moves",
-        ["detector", *(f"skew\n{100 * v:g} %" for v in sweep.values)],
-        rows,
+        Sheet([words("detector", lambda e: e.title), *map(column, sweep.values)], detectors()),
         "How far a skewed spot of s = 3 px moves between 10 and 90 % of full scale, 1e-3 px: the "
         "difference of the two biases.",
-        ["detector", "skew", "moves_px"],
-        values,
+        key=lambda each: f"skew-moves-{each.key}",
+        bold=lambda each: each.key == "shipped",
+        full=listed(
+            ("detector", "skew", "moves_px"),
+            [(each.key, v, moved(each, v)) for each in detectors() for v in sweep.values],
+        ),
     )
 
 
@@ -299,9 +285,7 @@ def _picture(order: Order, sweep: Sweep, got: dict[tuple[str, float], Figures]) 
     lost = max(cell["errors"][e.key]["lost"] for cell in got.values() for e in listed)
     kinds = ["rms", "bias"] + ["lost"] * (lost > _LEAST_LOST)
     high = {"rms": 3.0, "bias": 2.3, "lost": 1.3}
-    with mpl.rc_context(STYLE):
-        size = (11.6, sum(high[kind] for kind in kinds) + 1.0)
-        figure = Figure(figsize=size, layout="constrained")
+    with drawing(11.6, sum(high[kind] for kind in kinds) + 1.0) as figure:
         grid = figure.subplots(
             len(kinds),
             len(sweep.panels),
@@ -333,8 +317,6 @@ def _draw(
     got: dict[tuple[str, float], Figures],
     kind: str,
 ) -> None:
-    axes.grid(color=LIGHT, linewidth=0.5)
-    axes.set_axisbelow(True)
     given = [got[panel.title, value] for value in sweep.values]
     bound = [cell["bound_px"] for cell in given]
     for each in detectors():
