@@ -1,1 +1,1 @@
-"""The ``vrscan`` command: its options, and what it prints. Nothing but ``__main__`` uses it."""
+"""The ``vrscan`` command: its options and its output. Only ``__main__`` uses this package."""

@@ -55,9 +55,9 @@ if TYPE_CHECKING:
     from vrscan.study.plan import Plan
     from vrscan.study.report.mirror_report import Events as MirrorEvents
 
-MOST_LINES = 1_000_000  # that are in memory together
-MOST_SCANNED = 2**32  # as RTL and cloud number them
-MOST_SECONDS = 60.0  # of mirror time; one takes half a minute
+MOST_LINES = 1_000_000  # largest number that is in memory at once
+MOST_SCANNED = 2**32  # largest number in the format of RTL and cloud
+MOST_SECONDS = 60.0  # largest mirror time; one second takes half a minute
 
 app = typer.Typer(
     help="A MEMS laser triangulation scanner: from sensor lines to (x, z) points.",
@@ -76,7 +76,7 @@ app.command()(cases)
 
 
 def _version(wanted: bool) -> None:
-    """Print the version and end."""
+    """Print the version and exit."""
     if wanted:
         print(f"vrscan {metadata.version('vrscan')}")
         raise typer.Exit
@@ -86,38 +86,42 @@ def _version(wanted: bool) -> None:
 def options(
     version: Annotated[
         bool,
-        typer.Option("--version", callback=_version, is_eager=True, help="Print it and end."),
+        typer.Option(
+            "--version", callback=_version, is_eager=True, help="Print the version and exit."
+        ),
     ] = False,
 ) -> None:
-    """Take the options that belong to no command."""
+    """Handle the options that belong to no command."""
 
 
-SceneArgument = Annotated[
-    str, typer.Argument(help="One of the shipped scenes, or FILE.toml; none shows the default.")
-]
+SceneArgument = Annotated[str, typer.Argument(help="Name of a shipped scene, or FILE.toml.")]
 FidelityOption = Annotated[
     str | None,
-    typer.Option(help="auto, full, minimal, or effects by name, with commas; else the scene's."),
+    typer.Option(
+        help="auto, full, minimal, or names of effects with commas; default: the scene's."
+    ),
 ]
-ToleranceOption = Annotated[float | None, typer.Option(help="Of auto, px; else the scene's.")]
+ToleranceOption = Annotated[
+    float | None, typer.Option(help="Tolerance of auto, px; default: the scene's.")
+]
 ConfigOption = Annotated[
     Path | None, typer.Option("--config", help="TOML file whose values override the defaults.")
 ]
 EngineOption = Annotated[
     Engine,
     typer.Option(
-        help="The RTL itself, its bit-accurate model, or the papers' equations in float64."
+        help="Engine: the RTL, its bit-accurate model, or the papers' equations in float64."
     ),
 ]
 CountOption = Annotated[int, typer.Option("--lines", help="Number of lines.")]
 JobsOption = Annotated[
-    int, typer.Option(help="Processes; 0: one a processor, fewer where lines are few.")
+    int, typer.Option(help="Number of processes; 0: one per processor, fewer for few lines.")
 ]
 
 
 @app.command()
 def scan(
-    out: Annotated[Path, typer.Option(help="Folder of points, picture and index edges.")],
+    out: Annotated[Path, typer.Option(help="Folder for points, picture and index edges.")],
     scene: SceneArgument = "default",
     engine: EngineOption = Engine.RTL,
     count: CountOption = 3000,
@@ -125,7 +129,7 @@ def scan(
     tolerance: ToleranceOption = None,
     jobs: JobsOption = 0,
     keep: Annotated[
-        bool, typer.Option("--keep-lines", help="Also write lines.npz: lines with their truth.")
+        bool, typer.Option("--keep-lines", help="Also write lines.npz: the lines with their truth.")
     ] = False,
     config: ConfigOption = None,
 ) -> None:
@@ -205,10 +209,12 @@ def budget(
     count: CountOption = 3000,
     fidelity: FidelityOption = None,
     tolerance: ToleranceOption = None,
-    csv: Annotated[Path | None, typer.Option(help="The same table as a file.")] = None,
+    csv: Annotated[
+        Path | None, typer.Option(help="File to which the table is written too.")
+    ] = None,
     config: ConfigOption = None,
 ) -> None:
-    """Tell what each effect of a scene would do to its points, and which are simulated."""
+    """Show what each effect of a scene would do to its points, and which are simulated."""
     from vrscan.study.report import budget as report
 
     _check_count(count, 1)
@@ -228,16 +234,19 @@ def budget(
 @bench.command("light")
 def bench_light(
     scenes: Annotated[
-        list[str] | None, typer.Argument(metavar="[SCENE]...", help="All shipped ones if none.")
+        list[str] | None,
+        typer.Argument(metavar="[SCENE]...", help="Scenes to measure; default: all shipped ones."),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of fidelity.csv and .png; build/light.")
+        Path | None, typer.Option(help="Folder for fidelity.csv and .png; default: build/light.")
     ] = None,
     count: CountOption = 3072,
-    write: Annotated[bool, typer.Option("--write", help="Rewrite docs/light.md's table.")] = False,
+    write: Annotated[
+        bool, typer.Option("--write", help="Rewrite the table of docs/light.md.")
+    ] = False,
     config: ConfigOption = None,
 ) -> None:
-    """Measure the simulator: lines/s against the error of what it leaves out."""
+    """Measure the simulator: lines per second against the error of what it leaves out."""
     from vrscan.engines.tools import build_folder, repository_root
     from vrscan.scene.description import shipped
     from vrscan.study.report import fidelity as report
@@ -268,22 +277,27 @@ def bench_light(
 @bench.command("report")
 def bench_report(
     out: Annotated[
-        Path | None, typer.Option(help="Folder of index.html, its tables and pictures.")
+        Path | None, typer.Option(help="Folder for index.html, its tables and pictures.")
     ] = None,
     quick: Annotated[
-        bool, typer.Option("--quick", help="A tenth of the lines, two scenes, no RTL: a minute.")
+        bool,
+        typer.Option(
+            "--quick", help="Use a tenth of the lines, two scenes and no RTL; takes a minute."
+        ),
     ] = False,
     scheduler: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="Dask scheduler for the sweeps: tcp://HOST:PORT."),
+        typer.Option(
+            metavar="ADDRESS", help="Address of a Dask scheduler for the sweeps: tcp://HOST:PORT."
+        ),
     ] = None,
-    jobs: Annotated[int, typer.Option(help="Processes here; 0: one a processor.")] = 0,
+    jobs: Annotated[int, typer.Option(help="Number of local processes; 0: one per processor.")] = 0,
     seed: Annotated[
-        int | None, typer.Option(help="Of the sweeps' random numbers; always the same if none.")
+        int | None, typer.Option(help="Seed of the sweeps' random numbers; default: a fixed one.")
     ] = None,
     config: ConfigOption = None,
 ) -> None:
-    """Write the page: detectors, hard lines, instrument and growth; speed against error."""
+    """Write the page on speed against error: detectors, hard lines, instrument, growth."""
     from vrscan.engines.tools import build_folder
     from vrscan.study.bench import bench_report as report
     from vrscan.study.bench.sections.section import Order
@@ -314,13 +328,14 @@ def bench_report(
 
 @bench.command("tune")
 def bench_tune(
-    count: Annotated[int, typer.Option("--lines", help="Lines a cell.")] = 2000,
+    count: Annotated[int, typer.Option("--lines", help="Number of lines per cell.")] = 2000,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler: tcp://HOST:PORT.")
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Address of a Dask scheduler: tcp://HOST:PORT."),
     ] = None,
     config: ConfigOption = None,
 ) -> None:
-    """Search each detector's parameter; the best belong into vrscan/detectors/catalogue.py."""
+    """Search each detector's best parameter, for vrscan/detectors/catalogue.py."""
     from vrscan.engines.tools import build_folder
     from vrscan.study.bench import tune
     from vrscan.study.bench.bench_report import machine
@@ -337,8 +352,10 @@ def bench_tune(
 
 @app.command()
 def replay(
-    recording: Annotated[Path, typer.Argument(metavar="LINES", help=".npy or .npz of lines.")],
-    out: Annotated[Path, typer.Option(help="The points to write: .csv, or a .ply cloud.")],
+    recording: Annotated[
+        Path, typer.Argument(metavar="LINES", help="File of recorded lines: .npy or .npz.")
+    ],
+    out: Annotated[Path, typer.Option(help="File for the points: .csv, or .ply for a cloud.")],
     engine: EngineOption = Engine.RTL,
     jobs: JobsOption = 0,
     config: ConfigOption = None,
@@ -367,27 +384,35 @@ def replay(
 
 @app.command()
 def mirror(
-    out: Annotated[Path, typer.Option(help="The mirror.csv to write; the picture goes beside it.")],
+    out: Annotated[
+        Path, typer.Option(help="Table to write, .csv; a picture is written next to it.")
+    ],
     seconds: Annotated[
         float | None,
-        typer.Option(help="Mirror time from RUN on; 0.5, or 3 with --drift. Of a replay: all."),
+        typer.Option(
+            help="Mirror time from RUN on; default: 0.5, with --drift 3, with --replay all."
+        ),
     ] = None,
     drift: Annotated[
-        float, typer.Option(help="Hz: the natural frequency changes by it 0.1 s after RUN.")
+        float, typer.Option(help="Change of the natural frequency 0.1 s after RUN, Hz.")
     ] = 0.0,
     shock: Annotated[
-        float, typer.Option(help="rad/s: added to the mirror's velocity 0.1 s after RUN.")
+        float, typer.Option(help="Change of the mirror's velocity 0.1 s after RUN, rad/s.")
     ] = 0.0,
     jitter_ns: Annotated[
         float | None,
-        typer.Option(help="Of the index comparator, rms; else mems.jitter_ns."),
+        typer.Option(help="Rms jitter of the index comparator; default: mems.jitter_ns."),
     ] = None,
     drop: Annotated[
-        int, typer.Option(help="Every n-th pass over the index is lost, from 0.1 s after RUN.")
+        int, typer.Option(help="Lose every n-th pass over the index, from 0.1 s after RUN on.")
     ] = 0,
     recording: Annotated[
         Path | None,
-        typer.Option("--replay", metavar="EDGES.csv", help="Recorded edges instead of a mirror."),
+        typer.Option(
+            "--replay",
+            metavar="EDGES.csv",
+            help="File of recorded index edges, used instead of a mirror.",
+        ),
     ] = None,
     config: ConfigOption = None,
 ) -> None:
@@ -439,19 +464,24 @@ def mirror(
 def board(
     scene: SceneArgument = "default",
     port: Annotated[
-        Path | None, typer.Option("--port-file", help="Link to the port; build/board/port.")
+        Path | None,
+        typer.Option(
+            "--port-file", help="Symbolic link to the serial port; default: build/board/port."
+        ),
     ] = None,
     swinging: Annotated[
-        bool, typer.Option("--swinging", help="The mirror starts at its working point.")
+        bool, typer.Option("--swinging", help="Start with the mirror at its working point.")
     ] = False,
     seconds: Annotated[
-        float | None, typer.Option(help="Simulated time after which it stops; else never.")
+        float | None,
+        typer.Option(help="Simulated time after which the board stops; default: never."),
     ] = None,
     real_time: Annotated[
-        bool, typer.Option("--real-time", help="No faster than time goes.")
+        bool, typer.Option("--real-time", help="Run no faster than real time.")
     ] = False,
     clock_hz: Annotated[
-        float | None, typer.Option(help="Of the board; the configuration's, or 100 MHz.")
+        float | None,
+        typer.Option(help="Clock of the board; default: the configuration's, or 100 MHz."),
     ] = None,
     config: ConfigOption = None,
 ) -> None:
@@ -471,7 +501,7 @@ def board(
     if seconds is not None:
         _check_range("--seconds", seconds, 1e-6, 1e6)
     where = build_folder() / "board" / "port" if port is None else port
-    renderer(load(scene), settings)  # complains before there is a bar, or a build
+    renderer(load(scene), settings)  # raises its errors before a bar or a build begins
     virtual.make_folder(where)
     virtual.build(settings)
     with _bar("scene", ANGLES) as progress:
@@ -491,15 +521,16 @@ def board(
 @calibrate.command("mirror")
 def calibrate_mirror(
     motion: Annotated[
-        Path, typer.Argument(metavar="MOTION.csv", help="With time_s and an angle, rad.")
+        Path,
+        typer.Argument(
+            metavar="MOTION.csv", help="Table with the columns time_s and an angle, rad."
+        ),
     ],
-    column: Annotated[str, typer.Option(help="Which column is the angle.")] = "angle_rad",
-    from_s: Annotated[
-        float, typer.Option("--from", help="Rows before this time are left out.")
-    ] = 0,
+    column: Annotated[str, typer.Option(help="Name of the column with the angle.")] = "angle_rad",
+    from_s: Annotated[float, typer.Option("--from", help="Leave out rows before this time.")] = 0,
     config: ConfigOption = None,
 ) -> None:
-    """Fit (12) to a recorded motion and print it as the configuration takes it."""
+    """Fit (12) to a recorded motion and print it in the form of the configuration."""
     from vrscan.calibrate.motion_fit import fit_motion, read_motion
 
     settings = configuration.load(config)
@@ -514,7 +545,7 @@ def calibrate_mirror(
 
 
 def _happening(events: "MirrorEvents") -> str:
-    """Return what happens in a run, for its title."""
+    """Return the events of a run, for its title."""
     parts = []
     if events.drift_hz:
         parts.append(f"natural frequency {events.drift_hz:+g} Hz")
@@ -526,7 +557,7 @@ def _happening(events: "MirrorEvents") -> str:
 
 
 def _mirror_settings(path: Path | None, jitter_ns: float | None) -> Config:
-    """Return the configuration with the jitter asked for."""
+    """Return the configuration with the jitter that was asked for."""
     settings = configuration.load(path)
     if jitter_ns is None:
         return settings
@@ -536,15 +567,15 @@ def _mirror_settings(path: Path | None, jitter_ns: float | None) -> Config:
 
 
 def _check_range(name: str, value: float, low: float, high: float) -> None:
-    if not low <= value <= high:  # also what is not a number
+    if not low <= value <= high:  # also refuses NaN
         raise InputError(f"{name}: must be {low:g} to {high:g} ({value:g})")
 
 
 @app.command()
 def efficiency(
     engine: EngineOption = Engine.FIXED,
-    count: Annotated[int, typer.Option("--lines", help="Lines a cell.")] = 4000,
-    jobs: Annotated[int, typer.Option(help="Processes; 0: one a processor.")] = 0,
+    count: Annotated[int, typer.Option("--lines", help="Number of lines per cell.")] = 4000,
+    jobs: Annotated[int, typer.Option(help="Number of processes; 0: one per processor.")] = 0,
     config: ConfigOption = None,
 ) -> None:
     """Compare the detector with the Cramer-Rao bound; exit status 1 below the stated figures."""
@@ -589,11 +620,16 @@ def efficiency(
 
 @app.command()
 def speed(
-    engine: Annotated[Engine | None, typer.Option(help="Which one; all three if none.")] = None,
-    count: Annotated[
-        int | None, typer.Option("--lines", help="Number of lines; 10000, or 2000 of the RTL.")
+    engine: Annotated[
+        Engine | None, typer.Option(help="Engine to measure; default: all three.")
     ] = None,
-    jobs: Annotated[int, typer.Option(help="Cores, beside the one; 0: all.")] = 0,
+    count: Annotated[
+        int | None,
+        typer.Option("--lines", help="Number of lines; default: 10000, for the RTL 2000."),
+    ] = None,
+    jobs: Annotated[
+        int, typer.Option(help="Number of cores of the second measurement; 0: all.")
+    ] = 0,
     config: ConfigOption = None,
 ) -> None:
     """Measure the lines per second of the engines, on one core and on all of them."""
@@ -615,14 +651,20 @@ def speed(
 @app.command()
 def numbers(
     out: Annotated[
-        Path | None, typer.Option("--csv", help="File for it; build/numbers/numbers.csv.")
+        Path | None,
+        typer.Option("--csv", help="File for the figures; default: build/numbers/numbers.csv."),
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="A tenth of the work, no RTL.")] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Do a tenth of the work, without the RTL.")
+    ] = False,
     write: Annotated[
         bool, typer.Option("--write", help="Rewrite the tables of README.md and docs/numbers.md.")
     ] = False,
     only: Annotated[
-        str, typer.Option(help="Measure what begins so: mirror, position, latency, ...")
+        str,
+        typer.Option(
+            help="Measure only figures that begin with this: mirror, position, latency, ..."
+        ),
     ] = "",
 ) -> None:
     """Measure accuracy, efficiency, latency and speed; exit status 1 if a figure fails."""
@@ -659,7 +701,7 @@ def numbers(
 
 
 def _settings(path: Path | None) -> Config:
-    """Return the configuration, known to fit in the registers."""
+    """Return the configuration after checking that it fits in the registers."""
     settings = configuration.load(path)
     Registers.from_config(settings)
     return settings
@@ -674,7 +716,7 @@ def _planned(
     *,
     each: bool = False,
 ) -> tuple["Light", "Plan"]:
-    """Return a scene and which effects it gets, found under a bar."""
+    """Return a scene and its plan of effects, which is made while a bar is shown."""
     from vrscan.scene import effects
     from vrscan.scene.description import load
     from vrscan.scene.light import Light
@@ -688,7 +730,7 @@ def _planned(
     light = Light(load(scene), settings)
     for names, source in ((wanted, "--fidelity"), (light.scene.fidelity, light.scene.source)):
         if isinstance(names, list):
-            effects.chosen(names, source)  # before there is a bar
+            effects.chosen(names, source)  # raises its errors before a bar is shown
     seen = survey(light, count)
     with _bar("budget", 100) as progress:
         found = plan(
@@ -715,15 +757,15 @@ def _check_count(count: int, least: int, most: int = MOST_LINES) -> None:
 
 
 def _console() -> Console:
-    """Return the output, wide enough for the tables where it is no terminal."""
+    """Return the output; where it is no terminal it is wide enough for the tables."""
     return Console(width=None if sys.stdout.isatty() else 120)
 
 
 @contextlib.contextmanager
 def _bar(text: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Show a bar on the error stream; yields a function that is told how many are done.
+    """Show a bar on the error stream; yield a function that is called with the number done.
 
-    It disappears if what it shows fails: what went wrong is the only thing to read then.
+    The bar disappears if the work fails, so that only the error message is left to read.
     """
     columns = (
         TextColumn("{task.description}"),
@@ -744,7 +786,7 @@ def _bar(text: str, total: int) -> Iterator[Callable[[int], None]]:
 
 @contextlib.contextmanager
 def _folder(path: Path) -> Iterator[None]:
-    """Make the folder if it is missing, and take it away again if what follows fails."""
+    """Make the folder if it does not exist, and remove it again if the block fails."""
     made = not path.exists()
     try:
         path.mkdir(exist_ok=True)
@@ -760,8 +802,10 @@ def _folder(path: Path) -> Iterator[None]:
 
 
 def main() -> None:
-    """Run the command; whatever the user got wrong is one line on the error stream."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(EXIT_TERMINATED))  # so that files are tidied
+    """Run the command; every error of the user becomes one line on the error stream."""
+    signal.signal(
+        signal.SIGTERM, lambda *_: sys.exit(EXIT_TERMINATED)
+    )  # lets temporary files be removed
     try:
         with named():
             status = app(sys.argv[1:] or ["--help"], prog_name="vrscan", standalone_mode=False)

@@ -1,4 +1,4 @@
-"""``vrscan cases``: the catalogue of hard cases, as a table here and as a page."""
+"""The command ``vrscan cases``: the catalogue of hard cases, as a table and as a page."""
 
 import sys
 from typing import Annotated
@@ -8,7 +8,9 @@ import typer
 
 def cases(
     write: Annotated[bool, typer.Option("--write", help="Rewrite docs/hard-cases.md.")] = False,
-    only: Annotated[str, typer.Option(help="Show what begins so: plateau, rival, ...")] = "",
+    only: Annotated[
+        str, typer.Option(help="Show only cases that begin with this: plateau, rival, ...")
+    ] = "",
 ) -> None:
     """Run the hard cases; exit status 1 if one is not as defined."""
     from rich.console import Console

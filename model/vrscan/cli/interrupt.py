@@ -1,4 +1,4 @@
-"""Ctrl-C where it ends a loop and not the command."""
+"""Ctrl-C that ends a loop and not the command."""
 
 import contextlib
 import signal
@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 @contextlib.contextmanager
 def interrupted() -> Iterator[Callable[[], bool]]:
-    """Let Ctrl-C end a loop, and no more than that; yields whether it was pressed."""
+    """Let Ctrl-C only end a loop; yield a function that returns whether it was pressed."""
     pressed = False
 
     def note(*_: object) -> None:

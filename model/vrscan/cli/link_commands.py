@@ -23,27 +23,29 @@ FORMATS = (".npz", ".csv")
 PICTURES = (".npz", ".csv", ".png")
 MOST_POINTS = 100_000_000
 MOST_LINES = 100_000
-MOST_DARK = 50  # lines without a peak, where one is wanted
+MOST_DARK = 50  # largest number of lines without a peak before an error
 
 link = typer.Typer(help="Talk to a board: registers, points, raw lines, self-test.")
 
 PortOption = Annotated[
     str | None, typer.Option("--port", "-p", envvar="VRSCAN_PORT", help="Serial port of the board.")
 ]
-BaudOption = Annotated[int, typer.Option("--baud", help="Its rate after a reset.")]
+BaudOption = Annotated[int, typer.Option("--baud", help="Rate of the board after a reset.")]
 TimeoutOption = Annotated[
     float,
     typer.Option(
         "--timeout",
         envvar="VRSCAN_TIMEOUT",
-        help="Seconds to wait for a reply; a simulation needs more.",
+        help="Seconds to wait for a reply; a simulated board needs more.",
     ),
 ]
 StartOption = Annotated[
     bool,
-    typer.Option("--start", help="Start lines, laser and mirror before, and stop them after."),
+    typer.Option("--start", help="Start lines, laser and mirror first, and stop them at the end."),
 ]
-RawOption = Annotated[bool, typer.Option("--raw", help="Integers instead of units.")]
+RawOption = Annotated[
+    bool, typer.Option("--raw", help="Use raw integers instead of values in units.")
+]
 BAUD, TIMEOUT_S = 3_000_000, 5.0
 
 
@@ -51,7 +53,7 @@ BAUD, TIMEOUT_S = 3_000_000, 5.0
 def info(
     port: PortOption = None, baud: BaudOption = BAUD, timeout: TimeoutOption = TIMEOUT_S
 ) -> None:
-    """Show what a board is, and how it is."""
+    """Show the identity and the state of a board."""
     from vrscan.link import link_report as report
 
     with _device(port, baud, timeout) as device:
@@ -60,18 +62,20 @@ def info(
 
 @link.command()
 def registers(
-    name: Annotated[str, typer.Argument(help="Only those with this in their name.")] = "",
+    name: Annotated[
+        str, typer.Argument(help="Show only registers with this text in their name.")
+    ] = "",
     port: PortOption = None,
     baud: BaudOption = BAUD,
     timeout: TimeoutOption = TIMEOUT_S,
 ) -> None:
-    """Show all registers with their values and units; of a table, its first entries."""
+    """Show all registers with their values and units; of tables only the first entries."""
     from vrscan.link import link_report as report
     from vrscan.registers import values
 
     names = [each for each in values.NAMES if name in each]
     if not names:
-        values.find(name)  # says what is like it
+        values.find(name)  # raises an error with similar names
     with _device(port, baud, timeout) as device:
         found = device.read_many(names)
     _console().print(report.register_table(found))
@@ -79,13 +83,13 @@ def registers(
 
 @link.command()
 def read(
-    names: Annotated[list[str], typer.Argument(metavar="NAME...", help="Of registers.")],
+    names: Annotated[list[str], typer.Argument(metavar="NAME...", help="Names of registers.")],
     raw: RawOption = False,
     port: PortOption = None,
     baud: BaudOption = BAUD,
     timeout: TimeoutOption = TIMEOUT_S,
 ) -> None:
-    """Read registers, one a line."""
+    """Read registers and print one per line."""
     from vrscan.link import link_report as report
     from vrscan.registers import values
 
@@ -99,14 +103,16 @@ def read(
 
 @link.command(context_settings={"ignore_unknown_options": True})  # a value may begin with a minus
 def write(
-    name: Annotated[str, typer.Argument(help="Of a register.")],
-    value: Annotated[list[str], typer.Argument(metavar="VALUE...", help="In its unit.")],
+    name: Annotated[str, typer.Argument(help="Name of a register.")],
+    value: Annotated[
+        list[str], typer.Argument(metavar="VALUE...", help="Value in the register's unit.")
+    ],
     raw: RawOption = False,
     port: PortOption = None,
     baud: BaudOption = BAUD,
     timeout: TimeoutOption = TIMEOUT_S,
 ) -> None:
-    """Write a register, all values of it, and read it back."""
+    """Write all values of a register, and read it back."""
     from vrscan.link import link_report as report
     from vrscan.registers import values
 
@@ -126,8 +132,8 @@ def write(
 
 @link.command()
 def watch(
-    seconds: Annotated[float | None, typer.Option(help="Ends after so long.")] = None,
-    step: Annotated[int, typer.Option(help="Shows every so many lines' point.")] = 32,
+    seconds: Annotated[float | None, typer.Option(help="Time after which the view ends.")] = None,
+    step: Annotated[int, typer.Option(help="Show the points of every n-th line.")] = 32,
     start: StartOption = False,
     port: PortOption = None,
     baud: BaudOption = BAUD,
@@ -146,20 +152,19 @@ def watch(
 @link.command()
 def capture(
     out: Annotated[
-        Path | None, typer.Option(help=".npz, as replay reads it, .csv or .png; else in text.")
+        Path | None,
+        typer.Option(help="File for the lines: .npz (for replay), .csv or .png; default: text."),
     ] = None,
-    count: Annotated[int, typer.Option("--lines", help="How many.")] = 1,
-    every: Annotated[int, typer.Option(help="Every so many lines, one at a time.")] = 1,
-    line: Annotated[int | None, typer.Option(help="The one with this number.")] = None,
-    peak: Annotated[
-        bool, typer.Option("--peak", help="Only lines with a peak; others are let go.")
-    ] = False,
+    count: Annotated[int, typer.Option("--lines", help="Number of lines.")] = 1,
+    every: Annotated[int, typer.Option(help="Fetch every n-th line, one at a time.")] = 1,
+    line: Annotated[int | None, typer.Option(help="Fetch the line with this number.")] = None,
+    peak: Annotated[bool, typer.Option("--peak", help="Fetch only lines with a peak.")] = False,
     start: StartOption = False,
     port: PortOption = None,
     baud: BaudOption = BAUD,
     timeout: TimeoutOption = TIMEOUT_S,
 ) -> None:
-    """Fetch raw lines with what the board made of them."""
+    """Fetch raw lines with the board's results for them."""
     from vrscan.data.points import atomic_file
     from vrscan.link import link_report as report
 
@@ -194,19 +199,22 @@ def capture(
 
 @link.command()
 def points(
-    out: Annotated[Path, typer.Option(help=".npz, or .csv.")],
-    count: Annotated[int | None, typer.Option(help="So many points.")] = None,
-    seconds: Annotated[float | None, typer.Option(help="For so long.")] = None,
+    out: Annotated[Path, typer.Option(help="File for the points: .npz or .csv.")],
+    count: Annotated[int | None, typer.Option(help="Number of points.")] = None,
+    seconds: Annotated[float | None, typer.Option(help="Duration of the recording.")] = None,
     full: Annotated[
-        bool, typer.Option("--full/--compact", help="All of a point, or x, z, confidence, flags.")
+        bool,
+        typer.Option(
+            "--full/--compact", help="All fields of a point, or x, z, confidence and flags only."
+        ),
     ] = True,
     step: Annotated[
         int | None,
-        typer.Option(help="Of every so many lines; else of as many as the serial line carries."),
+        typer.Option(help="Record every n-th line; default: as many as the serial line carries."),
     ] = None,
     start: StartOption = False,
     allow_loss: Annotated[
-        bool, typer.Option("--allow-loss", help="Status 0 even if points were lost.")
+        bool, typer.Option("--allow-loss", help="Exit with status 0 even if points were lost.")
     ] = False,
     port: PortOption = None,
     baud: BaudOption = BAUD,
@@ -250,14 +258,16 @@ def load(
         Path | None, typer.Option("--config", help="TOML file that overrides the defaults.")
     ] = None,
     start: Annotated[
-        bool, typer.Option("--start", help="Then start lines, laser, mirror, and wait for RUN.")
+        bool, typer.Option("--start", help="Then start lines, laser and mirror, and wait for RUN.")
     ] = False,
-    force: Annotated[bool, typer.Option("--force", help="Even while the mirror moves.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Write even while the mirror moves.")
+    ] = False,
     port: PortOption = None,
     baud: BaudOption = BAUD,
     timeout: TimeoutOption = TIMEOUT_S,
 ) -> None:
-    """Write a configuration into the board, and show what that changes."""
+    """Write a configuration into the board, and show what it changes."""
     from vrscan.data import config as configuration
     from vrscan.link import link_report as report
 
@@ -292,7 +302,7 @@ def load(
 def selftest(
     port: PortOption = None, baud: BaudOption = BAUD, timeout: TimeoutOption = TIMEOUT_S
 ) -> None:
-    """Compare all that the board makes of its test lines with the model; status 1 if it differs."""
+    """Compare the board's results for its test lines with the model; status 1 if they differ."""
     from vrscan.link import link_report as report
     from vrscan.link.selftest import SelfTest
 
@@ -323,15 +333,16 @@ def selftest(
 @link.command()
 def bench(
     bauds: Annotated[
-        str, typer.Option("--bauds", help="Rates to try, with commas; else only the present one.")
+        str,
+        typer.Option("--bauds", help="Rates to try, with commas; default: only the present one."),
     ] = "",
-    pings: Annotated[int, typer.Option(help="Round trips.")] = 200,
-    seconds: Annotated[float, typer.Option(help="Of each stream.")] = 2.0,
+    pings: Annotated[int, typer.Option(help="Number of round trips.")] = 200,
+    seconds: Annotated[float, typer.Option(help="Duration of each stream.")] = 2.0,
     port: PortOption = None,
     baud: BaudOption = BAUD,
     timeout: TimeoutOption = TIMEOUT_S,
 ) -> None:
-    """Measure round trips, registers and points a second, by this clock and by the board's."""
+    """Measure round trips, registers and points per second, by this clock and the board's."""
     from vrscan.link import benchmark
     from vrscan.link import link_report as report
 
@@ -352,7 +363,7 @@ def bench(
 
 @contextlib.contextmanager
 def _device(port: str | None, baud: int, timeout: float) -> Iterator["Device"]:
-    """Connect to the board; Ctrl-C and SIGTERM leave it stopped."""
+    """Connect to the board; Ctrl-C and SIGTERM leave the board stopped."""
     from vrscan.link.device import Device
 
     _check("--baud", baud, 1, 1_000_000_000)
@@ -368,7 +379,7 @@ def _device(port: str | None, baud: int, timeout: float) -> Iterator["Device"]:
 
 @contextlib.contextmanager
 def _running(device: "Device", wanted: bool) -> Iterator[None]:
-    """Run lines, laser and mirror for as long as the context lasts, if that is wanted."""
+    """Run lines, laser and mirror while the context lasts, if ``wanted``."""
     if not wanted:
         yield
         return
@@ -380,7 +391,7 @@ def _running(device: "Device", wanted: bool) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _starting() -> Iterator["StartProgress"]:
-    """Show a bar while the mirror starts; yields what is told of it."""
+    """Show a bar while the mirror starts; yield the function that updates it."""
     with _bar("waiting for the mirror") as bar:
         yield lambda state, share: bar(
             round(100 * share), 100, f"waiting for the mirror's RUN: {state}"
@@ -388,12 +399,12 @@ def _starting() -> Iterator["StartProgress"]:
 
 
 def _check(name: str, value: float, low: float, high: float) -> None:
-    if not low <= value <= high:  # also what is not a number
+    if not low <= value <= high:  # also refuses NaN
         raise InputError(f"{name}: must be {low:g} to {high:g} ({value:g})")
 
 
 def _suffix(path: Path | None, known: tuple[str, ...]) -> str:
-    """Return the ending of a file's name, which has to be a known one."""
+    """Return the suffix of a file's name, which has to be a known one."""
     if path is None:
         return ""
     if path.suffix not in known:
@@ -402,7 +413,7 @@ def _suffix(path: Path | None, known: tuple[str, ...]) -> str:
 
 
 def _number(name: str, text: str, raw: bool) -> int | float:
-    """Return what was typed as a number."""
+    """Return a typed text as a number."""
     with contextlib.suppress(ValueError):
         return int(text, 0)
     if not raw:
@@ -412,7 +423,7 @@ def _number(name: str, text: str, raw: bool) -> int | float:
 
 
 def _console() -> "Console":
-    """Return the output, wide enough for the tables where it is no terminal."""
+    """Return the output; where it is no terminal it is wide enough for the tables."""
     from rich.console import Console
 
     return Console(width=None if sys.stdout.isatty() else 120)
@@ -420,7 +431,7 @@ def _console() -> "Console":
 
 @contextlib.contextmanager
 def _bar(text: str) -> Iterator[Callable[..., None]]:
-    """Show a bar on the error stream; yields what takes how much is done, of how much, of what."""
+    """Show a bar on the error stream; yield its update: number done, number of all, and a text."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -449,7 +460,7 @@ def _has_peak(each: "Captured") -> bool:
 def _captured(
     device: "Device", count: int, every: int, line: int | None, peak: bool
 ) -> "list[Captured]":
-    """Return raw lines, where ``peak`` only those with one."""
+    """Return raw lines; with ``peak`` only those with a peak."""
     from vrscan.data import link_pkg
 
     if line is not None:
@@ -461,7 +472,7 @@ def _captured(
                 return [one]
         raise _no_peak(device)
     found: list[Captured] = []
-    dark = 0  # lines without a peak, one after the other
+    dark = 0  # consecutive lines without a peak
     wanted = device.captured(link_pkg.CAPTURE_EVERY, every)
     with _bar("lines") as bar, interrupted() as ended, wanted as lines:
         last = time.monotonic()
@@ -488,12 +499,12 @@ def _captured(
 
 
 def _no_peak(device: "Device") -> InputError:
-    """Return the complaint of having waited for a peak for long enough."""
+    """Return the error of having waited long enough for a peak."""
     return InputError(f"--peak: none in {MOST_DARK} lines: {_why_dark(device)}")
 
 
 def _why_dark(device: "Device") -> str:
-    """Return why there is no peak."""
+    """Return the reason why there is no peak."""
     reason = device.darkness()
     return f"{reason} (--start starts all)" if reason else "nothing is seen in the laser's light"
 
@@ -501,7 +512,7 @@ def _why_dark(device: "Device") -> str:
 def _recorded(
     device: "Device", stream: "PointStream", count: int | None, seconds: float | None
 ) -> "Records":
-    """Return the points of a stream, so many or for so long, or until Ctrl-C."""
+    """Return the points of a stream, up to a number, a time or Ctrl-C."""
     import numpy as np
 
     from vrscan.data import records
@@ -536,7 +547,7 @@ def _recorded(
                     f"{come} points",
                 )
         stream.stop()
-        if count is None:  # those on the way belong to it
+        if count is None:  # points on the way belong to the recording
             rest = stream.get(0.0)
             parts += [] if rest is None else [rest]
     found = (

@@ -23,7 +23,7 @@ from vrscan.link.stream import Account
 from vrscan.registers import values
 from vrscan.registers.values import Value, integer
 
-KEPT = 2000  # points of the picture, at most
+KEPT = 2000  # largest number of points of the picture
 REFRESH_S = 0.2
 COLUMNS, ROWS = 72, 14
 STATUS = (
@@ -46,13 +46,13 @@ _DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
 
 
 def braille(x: Floats, z: Floats, columns: int = COLUMNS, rows: int = ROWS) -> str:
-    """Return a picture of points, x to the right and z downwards, two by four dots a character.
+    """Return a picture of points, x to the right and z downwards, two by four dots per character.
 
     Args:
-        x: Of the points.
-        z: Of the points.
-        columns: Characters a row.
-        rows: Rows.
+        x: x of the points.
+        z: z of the points.
+        columns: Number of characters per row.
+        rows: Number of rows.
     """
     canvas = np.zeros((rows, columns), np.int64)
     if len(x):
@@ -63,14 +63,14 @@ def braille(x: Floats, z: Floats, columns: int = COLUMNS, rows: int = ROWS) -> s
 
 
 def _dots(values_: Floats, count: int) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    """Return which of ``count`` dots each value falls on, from the least to the largest."""
+    """Return which of ``count`` dots each value falls on, from the least value to the largest."""
     low, high = float(values_.min()), float(values_.max())
     share = (values_ - low) / (high - low) if high > low else np.full(len(values_), 0.5)
     return np.minimum((share * count).astype(np.int64), count - 1)
 
 
 class Profile:
-    """The last points, for a picture and their shares."""
+    """The last points, for a picture and their statistics."""
 
     def __init__(self) -> None:
         self._points: Records = np.zeros(0, records.FULL)
@@ -86,12 +86,12 @@ class Profile:
         return float(records.measured(self._points).mean())
 
     def snr(self) -> float:
-        """Return the median of the signal over noise of what is measured."""
+        """Return the median signal-to-noise ratio of the measured points."""
         found = self._points["snr"][records.measured(self._points)]
         return float(np.median(found)) * 2.0**-pkg.SNR_FRACTION if len(found) else 0.0
 
     def picture(self) -> Panel:
-        """Return the points that have a place."""
+        """Return the picture of the located points."""
         points = self._points
         good = records.measured(points)
         good &= points["flags"] >> pkg.FLAG_NO_RANGE & 1 == 0
@@ -106,7 +106,7 @@ class Profile:
 def _view(
     device: Device, found: dict[str, Value], account: Account, profile: Profile, rates: list[str]
 ) -> Group:
-    """Return all there is to see."""
+    """Return the whole view."""
     clock = device.build.clock_hz
     amplitude = integer(found["mirror_measured"]) / 2.0**pkg.AMPLITUDE_FRACTION * 360.0
     frequency = integer(found["mirror_word"]) / 2.0**pkg.TURN_WIDTH * clock
@@ -139,13 +139,13 @@ def _view(
 
 
 def watch(device: Device, console: Console, *, seconds: float | None, step: int) -> None:
-    """Show points and state until q, Ctrl-C, or so many seconds are over.
+    """Show points and state until q, Ctrl-C, or the end of a time.
 
     Args:
         device: The board.
-        console: Where to.
-        seconds: Until it ends, or None.
-        step: Of every so many lines.
+        console: The terminal.
+        seconds: Time after which the view ends, or None.
+        step: Distance of the lines whose points are shown.
     """
     profile = Profile()
     start = before = time.monotonic()
@@ -179,7 +179,7 @@ def watch(device: Device, console: Console, *, seconds: float | None, step: int)
 
 @contextlib.contextmanager
 def _keys() -> Iterator[Callable[[], bool]]:
-    """Yield what says whether q or Ctrl-C was pressed; the terminal is restored."""
+    """Yield a function that returns whether q or Ctrl-C was pressed; restore the terminal."""
     from vrscan.cli.interrupt import interrupted
 
     with contextlib.ExitStack() as stack:

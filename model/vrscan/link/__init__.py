@@ -1,4 +1,4 @@
 """The host's side of the serial link: protocol, device, streams of points, self-test.
 
-It uses the twins to know what a board has to answer; ``docs/link.md`` has the protocol.
+It uses the twins to know the answers that a board has to give; ``docs/link.md`` has the protocol.
 """

@@ -1,4 +1,4 @@
-"""How fast a link is: commands there and back, registers, points."""
+"""Measurement of a link's speed: round trips of commands, registers, points."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -19,9 +19,9 @@ def round_trips(device: Device, count: int, progress: Progress) -> list[Trips]:
     """Return the times of pings, and of the shortest and longest reads and writes.
 
     Args:
-        device: The board. What it holds stays.
-        count: Of each kind.
-        progress: Called with how many of how many are done, and of what.
+        device: The board. Its registers keep their values.
+        count: Number of round trips of each kind.
+        progress: Called with the number of steps done, the number of all steps, and their name.
     """
     most = link_pkg.MAX_WORDS
     table = next(iter(WINDOWS.values())).address
@@ -43,20 +43,20 @@ def round_trips(device: Device, count: int, progress: Progress) -> list[Trips]:
             seconds.append(time.perf_counter() - start)
             progress(k + 1, count, what)
         clocks = device.uptime() - clocks
-        # The clocks' own read is about one more.
+        # Reading the board's clocks takes about one more.
         board_s = clocks * count / (count + 1) / device.build.clock_hz
         found.append(Trips(what, np.array(seconds), board_s, words))
     return found
 
 
 def streams(device: Device, bauds: Sequence[int], seconds: float, progress: Progress) -> list[Rate]:
-    """Return how many points come at each rate, of test lines that follow each other at once.
+    """Return the number of points that come at each rate, for test lines without a gap.
 
     Args:
-        device: The board. Its lines have to stand still, and what is changed is restored.
-        bauds: The rates to try.
-        seconds: Of each, by this machine's clock.
-        progress: Called with how many of how many are done, and of what.
+        device: The board. Its lines have to stand still; all changed registers are restored.
+        bauds: Rates to try.
+        seconds: Duration of each stream, by this machine's clock.
+        progress: Called with the number of steps done, the number of all steps, and their name.
     """
     settings = selftest.runs(device.build.line_length)["moving peak"]
     present = device.baud
@@ -78,12 +78,12 @@ def streams(device: Device, bauds: Sequence[int], seconds: float, progress: Prog
 
 
 def _stream(device: Device, full: bool, seconds: float) -> Rate:
-    """Return how many points come at the present rate."""
+    """Return the number of points that come at the present rate."""
     come = 0
     with device.stream(full) as points:
         device.write("test_start", 1)
         try:
-            points.get(device.timeout)  # it runs
+            points.get(device.timeout)  # waits until the stream runs
             clocks, start = device.uptime(), time.perf_counter()
             bytes_in = device.traffic.bytes_in
             while time.perf_counter() - start < seconds:

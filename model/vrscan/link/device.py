@@ -7,9 +7,9 @@
             for batch in points:
                 ...
 
-Every command is repeated when no reply comes, but for a write of a register whose every write is an
-event: whether such a write was done is then not known, and the error says so. Times to wait are of
-this machine's clock; a simulated board needs many of its seconds for one of its own.
+Every command is repeated when no reply comes, except a write of a register whose every write is an
+event: it is then not known whether this write was done, and the error says so. Times to wait are in
+seconds of this machine's clock; a simulated board needs many of them for one of its own seconds.
 """
 
 import contextlib
@@ -39,23 +39,23 @@ from vrscan.registers.values import Block, Value, integer
 BAUD = 3_000_000
 TIMEOUT_S = 5.0
 IDENTITY = REGISTERS["identity"].reset[0]
-BITS_A_BYTE = 10  # with start and stop
-UART_FRACTION = 24  # of uart_step: bits a clock
+BITS_A_BYTE = 10  # with start and stop bits
+UART_FRACTION = 24  # fraction bits of uart_step, in bits per clock
 LEAST_CLOCKS_A_BIT = 8
-MOST_RATE_ERROR = 0.01  # what is left of a bit at a byte's end then is enough
-SILENCE_S = 1.0  # the longest that any board's laser stays on without its host
+MOST_RATE_ERROR = 0.01  # leaves enough of a bit at a byte's end
+SILENCE_S = 1.0  # longest time for which any board's laser stays on without its host
 WATCHDOG = "laser_watchdog_clks"
-OFF, SWEEP, SETTLE, RUN, FAULT = range(5)  # of mirror_state
+OFF, SWEEP, SETTLE, RUN, FAULT = range(5)  # values of mirror_state
 STATES = ("OFF", "SWEEP", "SETTLE", "RUN", "FAULT")
 FAULTS = ("none", "sweep", "settle", "index")
 
-SETTLE_S = 0.3  # of a start, after its sweep, about
+SETTLE_S = 0.3  # approximate duration of a start after its sweep
 _START = ("sweep_timeout", "settle_timeout", "sweep_word", "work_word", "sweep_rate")
 _TRIPPED = 4  # bit of laser_status
-MOST_STEP = 255  # of a stream
-_STREAM_SHARE = 0.9  # of the line's time, for points; the rest is for replies
+MOST_STEP = 255  # largest step of a stream
+_STREAM_SHARE = 0.9  # share of the serial line's time for points; the rest is for replies
 
-# Told a text and a share of 1.
+# Called with a text and a share from 0 to 1.
 StartProgress = Callable[[str, float], None]
 
 _MEANING = {
@@ -71,12 +71,12 @@ _MEANING = {
 
 
 class DeviceError(LinkError):
-    """The board refused a command.
+    """Error of a command that the board refused.
 
     Attributes:
-        status: ``link_pkg.STATUS_*``.
-        register: What it was about, or None.
-        value: What was to be written, or None.
+        status: One of ``link_pkg.STATUS_*``.
+        register: Name of the register that was accessed, or None.
+        value: Value that was to be written, or None.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class DeviceError(LinkError):
 
 @dataclass(frozen=True)
 class Build:
-    """What a board says of itself; the fields are registers of the group identity."""
+    """A board's identity; the fields are registers of the group identity."""
 
     identity: int
     map_hash: int
@@ -108,7 +108,7 @@ class Build:
 
     @property
     def version_text(self) -> str:
-        """The version as it is written: major.minor.patch."""
+        """Return the version as text: major.minor.patch."""
         return f"{self.version >> 16}.{self.version >> 8 & 255}.{self.version & 255}"
 
 
@@ -144,19 +144,19 @@ class RegisterView:
 
 
 class Device:
-    """A board. It is connected from when it is made until ``close``.
+    """A board. It is connected from its creation until ``close``.
 
     Args:
-        port: Of pyserial: a name, or an URL.
-        baud: The rate that the board has after a reset.
+        port: Port of pyserial: a name, or a URL.
+        baud: Rate of the board after a reset.
         timeout: Seconds to wait for a reply; a simulated board may need more.
-        keep_alive: Whether to send a sign of life when nothing else goes out, as the board turns
-            its laser off without any.
+        keep_alive: Whether to send a sign of life when nothing else is sent, because the board
+            turns its laser off without one.
 
     Attributes:
         registers: The registers as attributes.
-        build: What the board says of itself.
-        alive_errors: Signs of life that were not answered.
+        build: The board's identity.
+        alive_errors: Number of signs of life that were not answered.
 
     Raises:
         LinkError: if the port cannot be opened, nothing or something else answers, or its registers
@@ -201,7 +201,7 @@ class Device:
     # ---- connection ----
 
     def _connect(self) -> None:
-        """Find the board at the other end, silence it and see what it is."""
+        """Find the board at the other end, stop its streams, and read its identity."""
         transport = self._transport
         self.round_trip_s = self._hail()
         self.silence()
@@ -216,12 +216,12 @@ class Device:
             self._pulse.start()
 
     def _hail(self) -> float:
-        """Return the seconds of a ping; a board that does not answer is told to begin anew."""
+        """Return the seconds of a ping; a board that does not answer is reset by a break."""
         transport = self._transport
         for with_break in (False, True):
-            if with_break:  # it may have another rate
+            if with_break:  # the board may have another rate
                 transport.send_break()
-            transport.send(b"\0")  # what was left of a frame ends here
+            transport.send(b"\0")  # ends the rest of a frame
             with contextlib.suppress(NoAnswerError):
                 self.ping(wait=self.timeout / 2)
                 return self.ping(wait=self.timeout / 2)
@@ -231,8 +231,8 @@ class Device:
         )
 
     def _identify(self) -> Build:
-        """Return what the board is, which has to be one of ours."""
-        first = ("identity", "map_hash", "version")  # these never move
+        """Return the board's identity, which has to be that of this instrument."""
+        first = ("identity", "map_hash", "version")  # the addresses of these never change
         known = self.read_many(first)
         if known["identity"] != IDENTITY:
             raise LinkError(
@@ -249,13 +249,13 @@ class Device:
         return Build(**{name: integer(found[name]) for name in names})
 
     def reconnect(self, wait: float | None = None) -> None:
-        """Close the port and open it again, as after it was unplugged.
+        """Close the port and open it again, for example after it was unplugged.
 
         The board may have been without power: its registers, its streams and its rate are then as
         after a reset.
 
         Args:
-            wait: Seconds until the port has to be there, the timeout where None.
+            wait: Seconds until the port has to exist; the timeout if None.
 
         Raises:
             LinkError: if it does not come back, or another board does.
@@ -280,7 +280,7 @@ class Device:
             raise
 
     def close(self) -> None:
-        """Stop what streams, take the rate back, and close the port; the mirror stays as it is."""
+        """Stop all streams, restore the rate, and close the port; the mirror keeps its state."""
         with contextlib.suppress(LinkError):
             self.silence()
             if self._transport.baud != self._default_baud:
@@ -302,11 +302,11 @@ class Device:
         self.command(link_pkg.COMMAND_CAPTURE, stop)
 
     def _quiet(self) -> tuple[float, float]:
-        """Return how long nothing has to come until nothing more will, and how long to wait."""
+        """Return the silence after which nothing more will come, s, and the longest wait, s."""
         return max(0.05, 3.0 * self.round_trip_s), self.timeout
 
     def _live(self) -> None:
-        """Send a sign of life whenever nothing else did."""
+        """Send a sign of life whenever nothing else was sent."""
         while not self._closing.wait(self._alive_period() / 4):
             silent = time.monotonic() - self._transport.traffic.last_out_s
             if silent < 0.75 * self._alive_period():
@@ -331,16 +331,16 @@ class Device:
 
     @property
     def traffic(self) -> Traffic:
-        """What came and went over the port."""
+        """Return the traffic over the port."""
         return self._transport.traffic
 
     def uptime(self) -> int:
-        """Return the board's clocks since its reset."""
+        """Return the number of the board's clocks since its reset."""
         return integer(self.read("uptime"))
 
     @property
     def baud(self) -> int:
-        """The rate."""
+        """Return the rate."""
         return self._transport.baud
 
     # ---- commands ----
@@ -353,13 +353,13 @@ class Device:
         again: bool = True,
         then: Callable[[], None] | None = None,
     ) -> bytes:
-        """Do a command and return what follows the status in its reply.
+        """Execute a command and return the data after the status in its reply.
 
         Args:
             operation: First byte of the command.
-            data: What follows the sequence number.
-            again: Whether it may be done twice, as it is when its reply does not come.
-            then: See ``Transport.command``.
+            data: Data after the sequence number.
+            again: Whether it may be executed twice; it is then repeated when no reply comes.
+            then: Function as in ``Transport.command``.
 
         Raises:
             DeviceError: if the board refuses it.
@@ -370,7 +370,7 @@ class Device:
         return reply[3:]
 
     def ping(self, data: bytes | None = None, *, wait: float | None = None) -> float:
-        """Send data there and back, and return the seconds that took.
+        """Send data to the board and back, and return the seconds that this took.
 
         Raises:
             LinkError: if no reply comes, or another one.
@@ -387,7 +387,7 @@ class Device:
     # ---- registers ----
 
     def read_words(self, address: int, count: int) -> list[int]:
-        """Return words of consecutive addresses, at most ``link_pkg.MAX_WORDS``.
+        """Return words at consecutive addresses, at most ``link_pkg.MAX_WORDS``.
 
         Raises:
             DeviceError: naming the register, if the board refuses.
@@ -396,7 +396,7 @@ class Device:
         return self._words(reply, count, None)
 
     def write_words(self, block: Block, *, again: bool = True) -> list[int]:
-        """Write words, all of them or none, and return what was read back.
+        """Write words, all of them or none, and return the words that were read back.
 
         Raises:
             DeviceError: naming register and value, if the board refuses.
@@ -427,7 +427,7 @@ class Device:
         """Return a register's integer, or a tuple of them where it has several.
 
         Args:
-            name: Of a register, or of a field of a table.
+            name: Name of a register, or of a field of a table.
 
         Raises:
             InputError: if there is no such register.
@@ -435,7 +435,7 @@ class Device:
         return self.read_many([name])[name]
 
     def read_scaled(self, name: str) -> float | tuple[float, ...]:
-        """Return a register in its unit, which is ``values.find(name).unit``."""
+        """Return a register's value in its unit, ``values.find(name).unit``."""
         return values.to_scaled(name, self.read(name))
 
     def read_many(
@@ -444,8 +444,8 @@ class Device:
         """Return several registers by name, with the fewest commands.
 
         Args:
-            names: Of registers, or of fields of tables.
-            progress: Called with how many commands are done, and how many there are.
+            names: Names of registers, or of fields of tables.
+            progress: Called with the number of commands done and the number of all commands.
         """
         names = tuple(names)
         found: dict[int, int] = {}
@@ -461,18 +461,18 @@ class Device:
         }
 
     def write(self, name: str, value: Value) -> None:
-        """Write a register, or all of it where it has several values, and check what it then is.
+        """Write a register, or all its values where it has several, and check the values read back.
 
         Raises:
             InputError: if there is no such register, or the value does not fit.
             DeviceError: naming register and value, if the board refuses it.
             NoAnswerError: if no reply came. A register whose every write is an event is written
-                once only, and whether that was done is then not known.
+                only once, and it is then not known whether that was done.
         """
         self.write_many([(name, value)])
 
     def write_scaled(self, name: str, value: float | Sequence[float]) -> Value:
-        """Write a value in the register's unit, and return the integer that stands for it."""
+        """Write a value in the register's unit, and return the integer that represents it."""
         integer = values.from_scaled(name, value)
         self.write(name, integer)
         return integer
@@ -482,15 +482,16 @@ class Device:
         settings: Iterable[tuple[str, Value]],
         progress: Callable[[int, int], None] | None = None,
     ) -> None:
-        """Write registers and tables with the fewest commands, and check what they then are.
+        """Write registers and tables with the fewest commands, and check the values read back.
 
         Args:
             settings: Names and values. A field of a table comes with the table's other fields.
-            progress: Called with how many commands are done, and how many there are.
+            progress: Called with the number of commands done and the number of all commands.
 
         Raises:
             InputError: before anything is written, if a name or a value is wrong.
-            DeviceError: naming register and value, if the board refuses; blocks before are written.
+            DeviceError: naming register and value, if the board refuses; the blocks before it are
+                written.
         """
         settings = list(settings)
         blocks = values.write_blocks(settings)
@@ -513,7 +514,7 @@ class Device:
         self._watchdog_clks = integer(dict(settings).get(WATCHDOG, self._watchdog_clks))
 
     def lock(self, group: str) -> None:
-        """Lock a group until the board is reset: ``"calibration"`` or ``"mirror"``, say."""
+        """Lock a group until the board is reset, for example ``"calibration"`` or ``"mirror"``."""
         name = group if group in LOCKS else f"lock_{group}"
         if name not in LOCKS:
             known = ", ".join(lock.removeprefix("lock_") for lock in LOCKS)
@@ -542,21 +543,22 @@ class Device:
         """Write a whole configuration and check what was read back.
 
         Args:
-            config: For this board's line and sensor; its clock does not count.
-            force: Whether to write while the mirror moves: the tables of its motion and the limits
-                of its drive then change under it.
-            progress: Called with how many commands are done, and how many there are.
+            config: Configuration for this board's line and sensor; its clock is not used.
+            force: Whether to write even while the mirror moves: the tables of its motion and the
+                limits of its drive then change during the motion.
+            progress: Called with the number of commands done and the number of all commands.
 
         Raises:
             InputError: if the configuration is not for this board, or the mirror moves.
-            DeviceError: naming register and value, if the board refuses, as where it is locked.
+            DeviceError: naming register and value, if the board refuses, for example because it is
+                locked.
         """
         wanted = self.settings(config)
         self.check_still(force)
         self.write_many(wanted.items(), progress)
 
     def check_still(self, force: bool = False) -> None:
-        """Raise an error if the mirror moves, unless it does not matter.
+        """Raise an error if the mirror moves, unless ``force`` is set.
 
         Raises:
             LinkError: with the mirror's state.
@@ -571,17 +573,17 @@ class Device:
     def start(self, progress: StartProgress | None = None) -> None:
         """Start lines, laser and mirror, and wait until the mirror is in RUN.
 
-        The index needs the laser's light. The board turns that off when it does not hear its host:
-        it all runs for as long as this device is open, and is then best stopped.
+        The index needs the laser's light, which the board turns off when it does not hear its host.
+        So everything runs only while this device is open, and is best stopped before it is closed.
 
         Args:
-            progress: As of ``wait_for_mirror``.
+            progress: Called as in ``wait_for_mirror``.
 
         Raises:
             LinkError: as ``wait_for_mirror``; everything is then stopped.
         """
         if self.read("mirror_state") == FAULT:
-            self.write("mirror_enable", 0)  # ends it
+            self.write("mirror_enable", 0)  # ends the state FAULT
         self.write_many([("line_enable", 1), ("laser_enable", 0)])  # ends a trip of the watchdog
         self.write("laser_enable", 1)
         self.write("mirror_enable", 1)
@@ -608,15 +610,15 @@ class Device:
                 self.stop()
 
     def wait_for_mirror(self, wanted: int = RUN, progress: StartProgress | None = None) -> None:
-        """Wait until the mirror is in a state, for as long as the board itself allows it.
+        """Wait until the mirror is in a state, for as long as the board itself allows.
 
         Args:
-            wanted: The state.
-            progress: Called with the state's name and the drive's frequency, as text, and with the
-                share of the time that a start takes, in the board's time.
+            wanted: The state to wait for.
+            progress: Called with a text, the state's name and the drive's frequency, and with the
+                elapsed share of the time that a start takes, in the board's time.
 
         Raises:
-            LinkError: if it is in FAULT, or not there in time.
+            LinkError: if the mirror is in FAULT, or not in the state in time.
         """
         start, clock_hz = self.uptime(), self.build.clock_hz
         held = self.read_many(_START)
@@ -643,7 +645,7 @@ class Device:
             self._closing.wait(0.1)
 
     def darkness(self) -> str:
-        """Return why lines have no peak as far as the board knows, or nothing."""
+        """Return why lines have no peak, as far as the board knows, or an empty text."""
         names = ("line_enable", "laser_enable", "laser_status", "mirror_state", "mirror_fault")
         found = {name: integer(value) for name, value in self.read_many(names).items()}
         state, reasons = found["mirror_state"], []
@@ -663,8 +665,8 @@ class Device:
     def least_step(self, full: bool) -> int:
         """Return the smallest step of a stream whose points the serial line carries.
 
-        That is of the lines' present rate and the link's present one, with a tenth to spare for
-        replies; 1 where lines stand still.
+        It is for the present rates of the lines and of the link, with a tenth to spare for replies;
+        1 where lines stand still.
 
         Args:
             full: Whether the points are full ones.
@@ -679,12 +681,12 @@ class Device:
         return min(max(step, 1), MOST_STEP)
 
     def stream(self, full: bool = True, step: int = 1, *, depth: int = DEPTH) -> PointStream:
-        """Let the board send points.
+        """Make the board send points.
 
         Args:
-            full: All there is of a point, or compact records.
-            step: Every step-th line, 1 to 255.
-            depth: Points that may wait in this program.
+            full: Whether records are full; otherwise they are compact.
+            step: Distance of the lines whose points are sent, 1 to 255.
+            depth: Largest number of points that wait in this program.
 
         Returns:
             The points to iterate over; leaving its ``with`` stops it.
@@ -740,16 +742,16 @@ class Device:
     ) -> Captured:
         """Return the pixels of one raw line with its point.
 
-        A line that did not come whole is asked for again, unless it is that of a number.
+        A line that did not arrive whole is requested again, unless it was requested by its number.
 
         Args:
             mode: ``link_pkg.CAPTURE_NEXT``, or ``CAPTURE_LINE`` with its number in ``argument``.
-            argument: See ``mode``.
-            timeout: Seconds to wait for it, three times that of a command where None.
+            argument: Number of the line for ``CAPTURE_LINE``.
+            timeout: Seconds to wait for the line; three times that of a command if None.
 
         Raises:
             NoAnswerError: if no line came.
-            DeviceError: ``BUSY``, if another one is awaited.
+            DeviceError: ``BUSY``, if another line is being captured.
         """
         if mode == link_pkg.CAPTURE_STOP:
             raise InputError("mode: a line is wanted, and not to stop")
@@ -762,7 +764,7 @@ class Device:
                     return found
                 if self.read("capture_busy"):
                     continue
-                found = lines.get(max(self._quiet()[0], 0.1))  # its last packet may be on the way
+                found = lines.get(max(self._quiet()[0], 0.1))  # the last packet may be on the way
                 if found is not None:
                     return found
                 if mode == link_pkg.CAPTURE_LINE:
@@ -774,15 +776,15 @@ class Device:
 
     @contextlib.contextmanager
     def captured(self, mode: int, argument: int = 0) -> Iterator[CaptureStream]:
-        """Let the board send raw lines for as long as the context lasts.
+        """Make the board send raw lines for as long as the context lasts.
 
         Args:
-            mode: ``link_pkg.CAPTURE_NEXT``; ``CAPTURE_LINE``, the one with the number ``argument``;
-                ``CAPTURE_EVERY``, every ``argument``-th, one at a time.
-            argument: See ``mode``.
+            mode: ``link_pkg.CAPTURE_NEXT``; ``CAPTURE_LINE``, the line with the number
+                ``argument``; ``CAPTURE_EVERY``, every ``argument``-th line, one at a time.
+            argument: Number or distance of lines, see ``mode``.
 
         Yields:
-            The lines to fetch.
+            The stream from which to fetch the lines.
 
         Raises:
             LinkError: if lines are already being captured.
@@ -798,11 +800,11 @@ class Device:
             self.command(link_pkg.COMMAND_CAPTURE, protocol.capture(mode, argument))
         except DeviceError as error:
             if error.status != Status.BUSY or self.traffic.retries == before:
-                raise  # else it was the first one's reply that did not come
+                raise  # otherwise only the reply to the first command was lost
 
     @contextlib.contextmanager
     def _captures(self) -> Iterator[CaptureStream]:
-        """Take lines for as long as the context lasts."""
+        """Receive lines for as long as the context lasts."""
         transport = self._transport
         lines = CaptureStream(self.build.line_length, transport.check)
         kinds = link_pkg.STREAM_CAPTURE_PIXELS, link_pkg.STREAM_CAPTURE_RECORD
@@ -846,7 +848,8 @@ class Device:
 
         Raises:
             InputError: if the board's clock cannot make the rate.
-            LinkError: if the other side is not heard at it; the default rate then holds.
+            LinkError: if the other side does not answer at the rate; the default rate is then in
+                use.
         """
         clock = self.build.clock_hz
         step = round(rate * 2**UART_FRACTION / clock)
@@ -872,11 +875,11 @@ class Device:
             raise LinkError(f"{self.port}: nothing is heard at {rate} baud") from error
 
     def _settle(self) -> None:
-        """Wait until the board hears and is heard."""
+        """Wait until both sides receive each other."""
         self._transport.send(b"\0")
         self.ping()
 
 
 def _of(names: Sequence[str], index: int) -> str:
-    """Return a name by its number, which may be none of them."""
+    """Return a name by its number, or a text for a number without a name."""
     return names[index] if index < len(names) else str(index)

@@ -1,4 +1,4 @@
-"""What the commands of ``vrscan link`` print and write."""
+"""The tables, texts and files of the commands of ``vrscan link``."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -22,7 +22,7 @@ from vrscan.registers.register_map import LOCKS, REGISTERS
 from vrscan.registers.values import Value, integer
 from vrscan.show.sheet import Column, Sheet, listed, words
 
-SHOWN = 4  # of many values
+SHOWN = 4  # number of values that are shown of many
 COMPACT_FLAGS = {
     getattr(link_pkg, f"COMPACT_{name}"): name
     for name in ("WEAK", "AT_EDGE", "SATURATED", "RIVAL", "RANGE", "MIRROR", "LOST")
@@ -38,10 +38,10 @@ def value_text(name: str, value: Value, *, raw: bool = False, most: int | None =
     """Return a register's value as text, in its unit, or as integers.
 
     Args:
-        name: Of the register.
-        value: Its integers.
-        raw: Whether they are to be shown as they are.
-        most: How many of them are shown, all where None.
+        name: Name of the register.
+        value: Integers of the register.
+        raw: Whether to show the integers instead of values in the unit.
+        most: Largest number of values that are shown; all if None.
     """
     register = values.find(name)
     integers = value if isinstance(value, tuple) else (value,)
@@ -82,9 +82,9 @@ def register_table(found: Mapping[str, Value]) -> RichTable:
 
 
 def info_table(device: Device) -> RichTable:
-    """Return what a board is and how it is."""
+    """Return a board's identity and state."""
     build = device.build
-    # The table of counters is read as they are, at one time.
+    # All counters are read at one time.
     found = device.read_many(name for name, each in REGISTERS.items() if each.access != "strobe")
     uptime = integer(found["uptime"])
     word = integer(found["mirror_word"]) / 2.0**pkg.TURN_WIDTH * build.clock_hz
@@ -128,11 +128,11 @@ def mirror_text(found: Mapping[str, Value]) -> str:
 
 
 def change_table(before: Mapping[str, Value], after: Mapping[str, Value]) -> RichTable:
-    """Return what a configuration changes.
+    """Return the changes of a configuration.
 
     Args:
-        before: Values of the registers that change.
-        after: Their new ones, and others.
+        before: Values of the registers before.
+        after: New values of these registers, and of others.
     """
     rows = []
     for name, old in before.items():
@@ -171,14 +171,14 @@ def write_points(
     """Write points.
 
     Args:
-        kind: ``".csv"``: full ones as every engine's points.csv; ``".npz"``: all fields as the
-            integers they are, with what their formats depend on and the stream's account.
+        kind: ``".csv"``: full points in the format of every engine's points.csv; ``".npz"``: all
+            fields as raw integers, with the parameters of their formats and the stream's account.
         file: A binary file.
         found: The points.
-        full: Whether they are full ones.
-        step: Of every so many lines.
-        build: The board.
-        account: Of the stream.
+        full: Whether the points are full ones.
+        step: Distance of the lines whose points were sent.
+        build: The board's identity.
+        account: Account of the stream.
     """
     if kind == ".npz":
         names = found.dtype.names or ()
@@ -199,7 +199,7 @@ def write_points(
 
 
 def _write_compact(found: Records, file: BinaryIO) -> None:
-    """Write compact points as text; x and z of those not measured are empty."""
+    """Write compact points as text; x and z are empty where a point is not measured."""
     decimals = math.ceil(pkg.LENGTH_FRACTION * math.log10(2.0))
     file.write(b"line,x_mm,z_mm,c_obj,flags\n")
     step = 2.0**-pkg.LENGTH_FRACTION
@@ -216,14 +216,14 @@ def _write_compact(found: Records, file: BinaryIO) -> None:
 
 @dataclass(frozen=True)
 class Threshold:
-    """What a threshold is made with, as it was in the board."""
+    """The settings of a board from which its thresholds are computed."""
 
     k_noise: float
     k_height: float
 
 
 def threshold_settings(device: Device) -> Threshold:
-    """Return what the board makes thresholds with."""
+    """Return the board's settings of the threshold."""
     found = device.read_many(("k_noise", "k_height"))
     k_noise, k_height = (integer(found[name]) for name in ("k_noise", "k_height"))
     return Threshold(
@@ -234,7 +234,7 @@ def threshold_settings(device: Device) -> Threshold:
 
 @dataclass(frozen=True)
 class _Line:
-    """A point's numbers in counts and px."""
+    """The numbers of a point in counts and px."""
 
     background: float
     noise: float
@@ -270,7 +270,7 @@ _Row = tuple[Captured, _Line | None]
 
 
 def capture_table(found: Sequence[Captured], settings: Threshold, pixel_width: int) -> RichTable:
-    """Return raw lines with what the board made of each."""
+    """Return raw lines with the board's result for each."""
 
     def of(value: Callable[[_Line], object]) -> Callable[[_Row], Any]:
         return lambda row: None if row[1] is None else value(row[1])
@@ -298,7 +298,7 @@ def capture_table(found: Sequence[Captured], settings: Threshold, pixel_width: i
 
 
 def capture_text(each: Captured, width: int, rows: int = 6) -> str:
-    """Return a raw line as text: the largest pixel of each column, from 0 to the line's largest."""
+    """Return a raw line as text: each column's largest pixel, from 0 to the line's largest."""
     columns = min(width, len(each.pixels))
     edges = np.linspace(0, len(each.pixels), columns + 1).astype(np.int64)[:-1]
     heights = np.maximum.reduceat(each.pixels, edges).astype(np.float64)
@@ -317,11 +317,11 @@ def write_captures(
     """Write raw lines.
 
     Args:
-        kind: ``".npz"``: as ``vrscan replay`` reads it, with the points' fields beside;
-            ``".csv"``: a column a line; ``".png"``: a picture.
+        kind: ``".npz"``: the format that ``vrscan replay`` reads, with the points' fields in
+            addition; ``".csv"``: one column for each line; ``".png"``: a picture.
         file: A binary file.
         found: The lines.
-        settings: Of the thresholds in the picture.
+        settings: Settings of the thresholds in the picture.
         pixel_width: Bits of a pixel.
     """
     if kind == ".csv":
@@ -398,10 +398,10 @@ class Trips:
     """Many round trips of one kind.
 
     Attributes:
-        what: The command.
-        seconds: Of each, by this machine's clock.
-        board_s: Of all together, by the board's.
-        words: Registers' words of each.
+        what: Name of the command.
+        seconds: Duration of each trip, by this machine's clock.
+        board_s: Duration of all trips together, by the board's clock.
+        words: Number of register words in each trip.
     """
 
     what: str
@@ -412,15 +412,15 @@ class Trips:
 
 @dataclass(frozen=True)
 class Rate:
-    """A stream of test lines as fast as they go.
+    """A stream of test lines at full speed.
 
     Attributes:
-        baud: The rate.
-        full: Of full records.
-        points: That came.
-        seconds: By this machine's clock.
-        board_s: By the board's.
-        share: Of the line's time that was used, by the board's clock.
+        baud: Rate of the link.
+        full: Whether records are full.
+        points: Number of points that came.
+        seconds: Duration by this machine's clock.
+        board_s: Duration by the board's clock.
+        share: Share of the serial line's time that was used, by the board's clock.
     """
 
     baud: int

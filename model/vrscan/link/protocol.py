@@ -1,7 +1,7 @@
 """Frames and payloads of the serial protocol, as a host sends and reads them.
 
-Bytes in, bytes out: the port, its time and its sequence numbers are the caller's. docs/link.md says
-what the payloads mean.
+The functions convert between bytes and values only; the caller handles the port, its time and its
+sequence numbers. docs/link.md defines the payloads.
 """
 
 import binascii
@@ -22,7 +22,7 @@ from vrscan.data.records import Records
 
 _BLOCK = 254  # bytes without a zero that one code can count
 _MOST = link_pkg.MAX_PAYLOAD + CRC_BYTES
-_MOST_CODED = _MOST + -(-_MOST // _BLOCK)  # of a frame without its 0x00
+_MOST_CODED = _MOST + -(-_MOST // _BLOCK)  # longest frame without its 0x00
 
 _BATCH = struct.Struct("<BBBBIH")
 _PIXELS = struct.Struct("<BBBBI")
@@ -41,7 +41,7 @@ class Command(IntEnum):
 
 
 class Status(IntEnum):
-    """What became of a command."""
+    """The status of a reply."""
 
     OK = link_pkg.STATUS_OK
     UNKNOWN_COMMAND = link_pkg.STATUS_UNKNOWN_COMMAND
@@ -55,7 +55,7 @@ class Status(IntEnum):
 
 
 class CaptureMode(IntEnum):
-    """What a CAPTURE asks for."""
+    """The mode of a CAPTURE."""
 
     STOP = link_pkg.CAPTURE_STOP
     NEXT = link_pkg.CAPTURE_NEXT
@@ -64,7 +64,7 @@ class CaptureMode(IntEnum):
 
 
 COMMANDS = {int(command): command.name for command in Command}
-BAD_FRAME = link_pkg.REPLY_BIT | link_pkg.COMMAND_NONE  # first byte of the reply to one
+BAD_FRAME = link_pkg.REPLY_BIT | link_pkg.COMMAND_NONE  # first byte of the reply to a bad frame
 
 
 # ---- frames ----
@@ -87,13 +87,13 @@ def encode_frame(payload: bytes) -> bytes:
             coded.append(len(block) + 1)
             coded += block
         if len(blocks[-1]) == _BLOCK and number < len(pieces):
-            coded.append(1)  # a full block has no zero behind it
+            coded.append(1)  # a full block is not followed by a zero
     coded.append(0)
     return bytes(coded)
 
 
 def decode_frame(coded: bytes) -> tuple[FrameStatus, bytes]:
-    """Return what a frame is, and its payload if it is good.
+    """Return the status of a frame, and its payload if it is good.
 
     Args:
         coded: The frame without its 0x00; not empty.
@@ -120,22 +120,22 @@ def decode_frame(coded: bytes) -> tuple[FrameStatus, bytes]:
 
 
 class FrameReader:
-    """Takes bytes as they come, and gives the payloads of good frames.
+    """Decoder that takes bytes as they come and returns the payloads of good frames.
 
-    After anything bad it goes on behind the next 0x00.
+    After a bad frame it continues behind the next 0x00.
 
     Attributes:
-        good: Frames that were good.
-        bad: How many frames were not, by the name of their fault.
+        good: Number of good frames.
+        bad: Number of bad frames, by the name of their fault.
     """
 
     def __init__(self) -> None:
         self.good = 0
         self.bad: Counter[str] = Counter()
-        self._open = bytearray()  # what came since the last 0x00; one byte too many at most
+        self._open = bytearray()  # bytes since the last 0x00; at most one too many
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take bytes, any number, and return the payloads of the good frames that they end."""
+        """Take any number of bytes, and return the payloads of the good frames that end in them."""
         *ends, rest = data.split(b"\0")
         payloads = []
         for end in ends:
@@ -153,7 +153,7 @@ class FrameReader:
         return payloads
 
     def reset(self) -> None:
-        """Forget what came since the last 0x00."""
+        """Discard the bytes since the last 0x00."""
         self._open.clear()
 
 
@@ -164,21 +164,21 @@ def command(operation: int, sequence: int, data: bytes = b"") -> bytes:
     """Return the payload of a command.
 
     Args:
-        operation: A ``Command``.
-        sequence: u8; the reply brings it back.
-        data: What ``read``, ``write``, ``stream_start`` or ``capture`` return.
+        operation: One of ``Command``.
+        sequence: Sequence number, u8; the reply returns it.
+        data: Data from ``read``, ``write``, ``stream_start`` or ``capture``.
     """
     return bytes([operation, sequence]) + data
 
 
 def read(address: int, count: int) -> bytes:
-    """Return the data of a READ of ``count`` words from an address on."""
+    """Return the data of a READ of ``count`` words that begin at an address."""
     _check_words(address, count)
     return struct.pack("<HB", address, count)
 
 
 def write(address: int, words: Sequence[int]) -> bytes:
-    """Return the data of a WRITE of words from an address on."""
+    """Return the data of a WRITE of words that begin at an address."""
     _check_words(address, len(words))
     return struct.pack(f"<H{len(words)}I", address, *words)
 
@@ -201,8 +201,8 @@ def capture(mode: int, argument: int = 0) -> bytes:
     """Return the data of a CAPTURE.
 
     Args:
-        mode: A ``CaptureMode``.
-        argument: The line of LINE, the n of EVERY; u32.
+        mode: One of ``CaptureMode``.
+        argument: Number of the line for LINE, the n for EVERY; u32.
     """
     mode = CaptureMode(mode)
     if argument not in range(1 << 32) or (mode == CaptureMode.EVERY and argument == 0):
@@ -215,13 +215,13 @@ def capture(mode: int, argument: int = 0) -> bytes:
 
 @dataclass(frozen=True)
 class Reply:
-    """What comes back for a command, or for a frame that was none.
+    """The reply to a command, or to a bad frame.
 
     Attributes:
-        operation: Of the command; ``link_pkg.COMMAND_NONE`` of a bad frame.
-        sequence: Of the command.
-        status: What became of it.
-        data: What follows.
+        operation: First byte of the command; ``link_pkg.COMMAND_NONE`` for a bad frame.
+        sequence: Sequence number of the command.
+        status: Status of the command.
+        data: Data after the status.
     """
 
     operation: int
@@ -232,12 +232,12 @@ class Reply:
 
 @dataclass(frozen=True)
 class Words:
-    """What comes back for a READ or a WRITE.
+    """The reply to a READ or a WRITE.
 
     Attributes:
-        status: What became of it.
-        words: As they are read, or read back; none where the status is not OK.
-        address: The first word that was refused, None where none was.
+        status: Status of the command.
+        words: Words that were read, or read back; none where the status is not OK.
+        address: Address of the first word that was refused, None if none was.
     """
 
     status: Status
@@ -249,7 +249,7 @@ def reply(payload: bytes) -> Reply:
     """Return a payload as a reply.
 
     Raises:
-        ValueError: if it is none.
+        ValueError: if it is not a reply.
     """
     if len(payload) < 3 or not payload[0] & link_pkg.REPLY_BIT:
         raise ValueError("no reply")
@@ -261,7 +261,7 @@ def words(payload: bytes) -> Words:
     """Return a payload as a reply to a READ or a WRITE.
 
     Raises:
-        ValueError: if it is none.
+        ValueError: if it is not such a reply.
     """
     found = reply(payload)
     status, data = found.status, found.data
@@ -282,11 +282,11 @@ class Batch:
     """A packet of points.
 
     Attributes:
-        sequence: Of the packets of points, u8.
-        full: Records are full ones.
-        step: From the line of one record to that of the next.
+        sequence: Sequence number among the packets of points, u8.
+        full: Whether records are full.
+        step: Distance from the line of one record to that of the next.
         first: Line of the first record, u32.
-        dropped: Points that the board had no room for so far, u16.
+        dropped: Number of points for which the board had no room so far, u16.
         records: An array of ``records.FULL`` or ``records.COMPACT``.
     """
 
@@ -303,10 +303,11 @@ class CapturePixels:
     """A packet of a raw line.
 
     Attributes:
-        sequence: Of the packets of captures, u8.
-        chunk: Its pixels begin with number ``link_pkg.CAPTURE_CHUNK * chunk``.
-        line: The line's number, u32.
-        pixels: uint16, counts.
+        sequence: Sequence number among the packets of captures, u8.
+        chunk: Number of the packet; its pixels begin with number ``link_pkg.CAPTURE_CHUNK *
+            chunk``.
+        line: Number of the line, u32.
+        pixels: Pixels, uint16, counts.
     """
 
     sequence: int
@@ -320,9 +321,9 @@ class CaptureRecord:
     """The packet that ends a raw line.
 
     Attributes:
-        sequence: Of the packets of captures, u8.
-        line: The line's number, u32.
-        record: One of ``records.FULL``, None where the line gave no point.
+        sequence: Sequence number among the packets of captures, u8.
+        line: Number of the line, u32.
+        record: One ``records.FULL``, None where the line gave no point.
     """
 
     sequence: int
@@ -334,7 +335,7 @@ def points(payload: bytes) -> Batch:
     """Return a payload as a packet of points.
 
     Raises:
-        ValueError: if it is none.
+        ValueError: if it is not such a packet.
     """
     kinds = {link_pkg.STREAM_POINTS_COMPACT: False, link_pkg.STREAM_POINTS_FULL: True}
     if len(payload) < _BATCH.size or payload[0] not in kinds:
@@ -352,7 +353,7 @@ def capture_pixels(payload: bytes) -> CapturePixels:
     """Return a payload as pixels of a raw line.
 
     Raises:
-        ValueError: if it is none.
+        ValueError: if it is not such a packet.
     """
     if len(payload) < _PIXELS.size or payload[0] != link_pkg.STREAM_CAPTURE_PIXELS:
         raise ValueError("no pixels")
@@ -366,7 +367,7 @@ def capture_record(payload: bytes) -> CaptureRecord:
     """Return a payload as the end of a raw line.
 
     Raises:
-        ValueError: if it is none.
+        ValueError: if it is not such a packet.
     """
     if len(payload) < _RECORD.size or payload[0] != link_pkg.STREAM_CAPTURE_RECORD:
         raise ValueError("no end of a raw line")

@@ -1,7 +1,8 @@
-"""A board proves itself: what its registers answer, and what it makes of its own test lines.
+"""Self-test of a board: the answers of its registers, and its results for its own test lines.
 
-The board's test lines are the twin's, pixel by pixel, so the bit-accurate model says what every
-field of every record has to be. Nothing of what is changed stays, but for the numbers of the lines.
+The board's test lines are those of the twin, pixel by pixel, so the bit-accurate model gives the
+required value of every field of every record. All changed registers are restored; only the line
+numbers stay changed.
 """
 
 import contextlib
@@ -29,19 +30,19 @@ from vrscan.registers.register_map import LOCKS, REGISTERS, WINDOWS, Window
 
 ONE_PX = 1 << pkg.POSITION_FRACTION
 FULL_SCALE = (1 << pkg.ALIGNED_WIDTH) - 1
-LINES = 40  # of a run: what the board's buffer holds of full records, and as many more as it sends
-ANGLES = (0, 1 << 19, -(3 << 18), (1 << 21) - 1, -(1 << 21))  # of the test lines, in turn
+LINES = 40  # lines of a run: full records that fit the board's buffer, and those sent meanwhile
+ANGLES = (0, 1 << 19, -(3 << 18), (1 << 21) - 1, -(1 << 21))  # angles of the test lines, in turn
 POWERS = (65_535, 30_000, 1_000, 1, 0)
 PATTERNS = (0, 0xFFFF_FFFF, 0x5555_5555, 0xAAAA_AAAA, 0x1234_5678, 0x0F1E_2D3C)
 WALKING = tuple(1 << k for k in range(values.WORD_BITS))
-# What the chain makes a point with: it can be anything while there are no lines.
+# Registers that the chain uses for a point: without lines they may hold any value.
 CHAIN = tuple(
     field.name for field in fields(Registers) if field.name not in ("pixel_width", "line_length")
 )
 QUIET = (*CHAIN, "drive_phase", "motion_a", "motion_phi", "motion_da", "motion_dphi", "scratch")
 TEST = tuple(f"test_{field.name}" for field in fields(Settings))
 CHANGED = ("test_angle", "test_power", *TEST, "points_batch", "points_timeout_clks")
-# A board that works does not count these, whatever the self-test does.
+# Counters that a working board does not increase, whatever the self-test does.
 FAULTS = (
     "short_count",
     "long_count",
@@ -63,13 +64,14 @@ FAULTS = (
 
 @dataclass(frozen=True)
 class Check:
-    """What was compared.
+    """A comparison.
 
     Attributes:
-        what: In a few words.
-        lines: Of the sensor's length, that the board made.
-        compared: Numbers that were the same, or all up to the first that was not.
-        difference: The first one, with what came and what should have; None where there is none.
+        what: Description in a few words.
+        lines: Number of lines of the sensor's length that the board made.
+        compared: Number of values that were equal, or of all up to the first that was not.
+        difference: The first difference, with the value that came and the one that should have;
+            None where there is none.
     """
 
     what: str
@@ -88,17 +90,17 @@ def arrange(
 
     Args:
         device: The board.
-        settings: Of the lines.
-        lines: Instead of those of ``settings``, if given.
-        angle: Of all lines; s24, a fraction of a turn.
-        power: Of all lines.
+        settings: Settings of the lines.
+        lines: Number of lines that replaces that of ``settings``, if given.
+        angle: Angle of all lines; s24, a fraction of a turn.
+        power: Power of all lines.
     """
     if lines is not None:
         settings = replace(settings, lines=lines)
     wanted: list[tuple[str, values.Value]] = [
         (f"test_{field.name}", getattr(settings, field.name)) for field in fields(Settings)
     ]
-    # A batch that is not full goes out after a three-hundredth of a second of the board's. Most
+    # A batch that is not full is sent after a three-hundredth of a second of the board's time: most
     # runs are over by then, and each waits for it.
     timeout = min(device.build.clock_hz // 300, (1 << 24) - 1)
     wanted += [("test_angle", angle), ("test_power", power)]
@@ -107,14 +109,14 @@ def arrange(
 
 @contextlib.contextmanager
 def arranged(device: Device) -> Iterator[None]:
-    """Restore what ``arrange`` changes, and end the lines.
+    """Restore the registers that ``arrange`` changes, and end the lines.
 
     Raises:
-        LinkError: if the sensor's lines run: they would come among the test's.
+        LinkError: if the sensor's lines run: they would mix with those of the test.
     """
     if device.read("line_enable"):
         raise LinkError(f"{device.port}: lines run: stop them first (line_enable = 0)")
-    device.write("test_stop", 1)  # of a run that another host has left
+    device.write("test_stop", 1)  # ends a run left by another host
     _settled(device)
     before = device.read_many(CHANGED)
     try:
@@ -125,7 +127,7 @@ def arranged(device: Device) -> Iterator[None]:
 
 
 def runs(line_length: int) -> dict[str, Settings]:
-    """Return the runs of test lines, by what they are."""
+    """Return the runs of test lines, by their description."""
     middle = line_length // 2 * ONE_PX
     plain = Settings(
         position=middle + 1234,
@@ -157,11 +159,11 @@ def runs(line_length: int) -> dict[str, Settings]:
 
 
 def first_difference(got: Records, want: Records) -> tuple[int, str | None]:
-    """Return how many numbers were compared, and the first one that differs as text.
+    """Return the number of values compared, and the first one that differs as text.
 
     Args:
         got: A structured array.
-        want: One of the same fields and as many rows.
+        want: Another one with the same fields and number of rows.
     """
     names = want.dtype.names or ()
     wrong = np.stack([np.asarray(got[name]) != np.asarray(want[name]) for name in names], 1)
@@ -180,9 +182,9 @@ def full_records(points: Points, first: int, power: int) -> Records:
     """Return the full records of a run of test lines.
 
     Args:
-        points: What the model makes of the lines.
+        points: The model's points for the lines.
         first: Number of the first line.
-        power: Of all lines.
+        power: Power of all lines.
     """
     none, no = np.zeros(len(points), np.int64), np.zeros(len(points), np.bool_)
     found = point_record(points, none + power, none, no, ~no, none)
@@ -195,7 +197,8 @@ class SelfTest:
 
     Args:
         device: The board. Its lines have to stand still.
-        progress: Called with what is done, and how many of how many steps of it are.
+        progress: Called with the name of the step, the number of its parts done, and of all its
+            parts.
     """
 
     def __init__(self, device: Device, progress: Progress = lambda *_: None) -> None:
@@ -213,7 +216,7 @@ class SelfTest:
         )
 
     def checks(self) -> Iterator[Check]:
-        """Do one check after the other; what follows a difference means little."""
+        """Do one check after the other; checks after a difference mean little."""
         device = self.device
         with arranged(device):
             faults = self._counters()
@@ -231,7 +234,7 @@ class SelfTest:
     # ---- the link and the registers ----
 
     def pings(self) -> Check:
-        """Send every byte and every length there and back."""
+        """Send every byte and every length to the board and back."""
         longest = link_pkg.MAX_PAYLOAD - 3
         payloads = [bytes(range(256))[:longest], bytes(range(256))[-longest:], bytes(longest)]
         payloads += [bytes([255 - k]) * k for k in (0, 1, 2, 3, 100, longest)]
@@ -244,7 +247,7 @@ class SelfTest:
         return Check("pings", 0, sum(map(len, payloads)))
 
     def registers(self) -> Check:
-        """Write patterns to registers that may hold them, read them back, and restore them."""
+        """Write patterns to registers that may hold them, read them back, restore the values."""
         what, compared = "registers hold what is written", 0
         closed = {lock for lock, value in self.device.read_many(LOCKS).items() if value}
         names = [
@@ -277,10 +280,10 @@ class SelfTest:
         return Check(what, 0, compared)
 
     def _entries(self, window: Window) -> int:
-        """Write patterns to a table's first, middle and last entry, and return how many words.
+        """Write patterns to a table's first, middle and last entry, and return the number of words.
 
         Raises:
-            LinkError: if one reads otherwise.
+            LinkError: if a word reads back differently.
         """
         places = [window.address + k * window.stride for k in (0, window.entries // 2 - 1, -1)]
         places[-1] += window.entries * window.stride
@@ -298,7 +301,7 @@ class SelfTest:
                 ]
                 for place, words in zip(places, wanted, strict=True):
                     self.device.write_words(values.Block(place, words))
-                for place, words in zip(places, wanted, strict=True):  # none changed another
+                for place, words in zip(places, wanted, strict=True):  # no write hit another one
                     found = self.device.read_words(place, width)
                     if found != words:
                         name = values.name_at(place)
@@ -310,7 +313,7 @@ class SelfTest:
         return compared
 
     def answers(self) -> Check:
-        """Do what is refused, everywhere, and see how."""
+        """Try every kind of access that is refused, and check the answers."""
         what, compared = "what has to be refused is", 0
         before = self._counter("commands_bad")
         bad = list(self._bad_commands())
@@ -329,12 +332,12 @@ class SelfTest:
             self.progress(what, k + 1, len(expected))
         now = self._counter("commands_bad")
         want = min(before + len(bad), (1 << 16) - 1)
-        if now < want:  # a repeated one counts twice
+        if now < want:  # a repeated command counts twice
             return Check(what, 0, compared, f"commands_bad is {now}, want {want}")
         return Check(what, 0, compared + 1)
 
     def _bad_commands(self) -> Iterator[tuple[str, Callable[[], object], int]]:
-        """Yield commands that there are not, or of a wrong length, with the status."""
+        """Yield commands that do not exist or have a wrong length, with the status to expect."""
 
         def send(operation: int, data: bytes) -> Callable[[], object]:
             return lambda: self.device.command(operation, data)
@@ -357,7 +360,7 @@ class SelfTest:
                 yield place, send(operation, bytes(length)), link_pkg.STATUS_BAD_LENGTH
 
     def _refused(self) -> Iterator[tuple[str, Callable[[], object], int]]:
-        """Yield accesses that are refused, with where and the status."""
+        """Yield accesses that are refused, with their address and the status to expect."""
         device = self.device
         closed = {lock for lock, value in device.read_many(LOCKS).items() if value}
         current = device.read_many([r.name for r in REGISTERS.values() if r.access == "rw"])
@@ -393,7 +396,7 @@ class SelfTest:
         return self.device.read_many(name for name in FAULTS if name in names)
 
     def no_faults(self, before: dict[str, values.Value]) -> Check:
-        """See that nothing was counted that a board that works does not count."""
+        """Check that no counter has increased that a working board does not increase."""
         what = "no faults were counted"
         for name, now in self._counters().items():
             if now != before[name]:
@@ -427,7 +430,7 @@ class SelfTest:
         return Check(what, len(got), compared, difference)
 
     def _received(self, what: str, stream: PointStream, count: int) -> Records:
-        """Return the records of a run, or those that came until none did for the timeout."""
+        """Return the records of a run, or those that came until none came within the timeout."""
         parts: list[Records] = []
         come = 0
         end = time.monotonic() + 2.0 * self.device.timeout
@@ -457,7 +460,7 @@ class SelfTest:
         return lines(settings, count, line_length=build.line_length, pixel_width=build.pixel_width)
 
     def captured(self, name: str, settings: Settings) -> Check:
-        """Capture the first line of a run, and one in its middle, pixel by pixel."""
+        """Capture the first line of a run and one in its middle, and compare all pixels."""
         what, compared = f"{name}, captured", 0
         angle, power = ANGLES[1], POWERS[1]
         settings = replace(settings, lines=8, period_clks=0)
@@ -504,7 +507,7 @@ def _settled(device: Device) -> None:
 
 
 def _filled(name: str, pattern: int) -> values.Value:
-    """Return a legal value of a register, made of the bits of a pattern."""
+    """Return a valid value of a register, made of the bits of a pattern."""
     register = values.find(name)
     found = tuple(
         values.within(register, pattern * (k + 1) * 0x1_0001) for k in range(values.count(name))
@@ -513,7 +516,7 @@ def _filled(name: str, pattern: int) -> values.Value:
 
 
 def _holes() -> Sequence[int]:
-    """Return the first and the last address of every gap of the map."""
+    """Return the first and the last address of every gap in the map."""
     taken = sorted(
         [(r.address, r.words) for r in REGISTERS.values()]
         + [(w.address, w.entries * w.stride) for w in WINDOWS.values()]

@@ -1,7 +1,7 @@
-"""Points and lines as they come, with an account of what did not.
+"""Points and lines as they come, with an account of those that did not.
 
-A stream is filled by the thread that reads the port and emptied by whoever iterates over it. What
-comes while it is full is thrown away, and counted.
+The thread that reads the port fills a stream, and the program that iterates over it empties it.
+Data that come while it is full are discarded and counted.
 """
 
 import threading
@@ -20,7 +20,7 @@ from vrscan.link.protocol import Batch, CapturePixels, CaptureRecord
 from vrscan.link.transport import LinkError
 
 DEPTH = 1 << 20  # records that wait for the program
-CAPTURE_DEPTH = 64  # lines
+CAPTURE_DEPTH = 64  # lines that wait for the program
 COMPACT = np.dtype([("line", "<u4"), *records.COMPACT.descr])
 LINES = 1 << 32  # line numbers wrap here
 DROPPED = 1 << 16  # the packer's count wraps here
@@ -29,18 +29,20 @@ PACKETS = 1 << 8
 
 @dataclass
 class Account:
-    """What a stream has brought, and what it has not.
+    """The numbers of records that a stream has brought and has lost.
 
     Attributes:
-        records: Records that came.
-        packets: Packets that came.
-        missing: Lines between two records, or before the first packet's, that should have had one.
-        dropped: Points, of those missing, that the board had no room for.
-        packets_lost: Packets that were lost on the way, by their sequence numbers.
-        bad_frames: Frames with a wrong CRC, and others that were no good.
-        overflow: Records that came and were thrown away, as the program was too slow.
-        restarts: How often the line number went back.
-        disordered: Records whose own line number is not that of their place in the packet.
+        records: Number of records that came.
+        packets: Number of packets that came.
+        missing: Number of lines between two records, or before the first packet's, that should have
+            had a record.
+        dropped: Number of the missing points for which the board had no room.
+        packets_lost: Number of packets that were lost on the way, by their sequence numbers.
+        bad_frames: Number of frames with a wrong CRC or another fault.
+        overflow: Number of records that came and were discarded because the program was too slow.
+        restarts: Number of times that the line number went back.
+        disordered: Number of records whose own line number is not that of their place in the
+            packet.
     """
 
     records: int = 0
@@ -55,12 +57,12 @@ class Account:
 
     @property
     def lost(self) -> int:
-        """Records that should have come and did not, at least; 0 where all is well."""
+        """Return the least number of records that should have come and did not; 0 without loss."""
         known = self.missing + self.overflow
         return known or int(self.packets_lost > 0 or self.dropped > 0)
 
     def __str__(self) -> str:
-        """Return one line."""
+        """Return the account as one line of text."""
         parts = [f"{self.records} points", f"{self.missing} lines missing"]
         parts.append(f"{self.dropped} dropped by the board")
         parts.append(f"{self.packets_lost} packets lost")
@@ -75,20 +77,20 @@ class Account:
 
 
 class PointStream:
-    """Points of every step-th line, from when the board was told to begin until it is stopped.
+    """Points of every step-th line, from the board's start of the stream until its stop.
 
-    Iterating yields what has come, as structured arrays: fields of ``records.FULL``, or of
-    ``COMPACT`` with the line's number in front. It ends when the stream is stopped.
+    Iterating yields the points that have come, as structured arrays: fields of ``records.FULL``, or
+    of ``COMPACT`` with the line's number in front. It ends when the stream is stopped.
 
     Args:
-        full: Whether records are full ones.
-        stop: Stops the board and waits until the last packet is here.
-        bad_frames: Says how many frames came to grief so far.
-        check: Raises the error of a port that is gone.
-        depth: Records that may wait.
+        full: Whether records are full.
+        stop: Function that stops the board and waits until the last packet has come.
+        bad_frames: Function that returns the number of bad frames so far.
+        check: Function that raises the error of a port that is gone.
+        depth: Largest number of records that wait.
 
     Attributes:
-        account: What came and what did not.
+        account: The numbers of records that came and that did not.
     """
 
     def __init__(
@@ -109,13 +111,13 @@ class PointStream:
         self._check = check
         self._depth = depth
         self._waiting: deque[Records] = deque()
-        self._held = 0  # records that wait
+        self._held = 0  # number of records that wait
         self._arrived = threading.Condition()
         self._running = False
         self._stopped = False
-        self._sequence = 0  # of the next packet
-        self._line: int | None = None  # of the next record
-        self._dropped = 0  # as the last packet had it
+        self._sequence = 0  # sequence number of the next packet
+        self._line: int | None = None  # line of the next record
+        self._dropped = 0  # the last packet's value
         self._bad_before = 0
 
     def begin(self) -> None:
@@ -129,14 +131,14 @@ class PointStream:
             self._running = True
 
     def take(self, batch: Batch) -> None:
-        """Take a packet; called by the thread that reads."""
+        """Take a packet; the reading thread calls this."""
         with self._arrived:
             if self._running and (batch.full, batch.step) == (self.full, self.step):
                 self._enter(batch)
             self._arrived.notify_all()
 
     def wake(self) -> None:
-        """Wake who waits for points: none will come."""
+        """Wake the thread that waits for points, because none will come."""
         with self._arrived:
             self._arrived.notify_all()
 
@@ -171,7 +173,7 @@ class PointStream:
         self._held += count
 
     def get(self, timeout: float | None = None) -> Records | None:
-        """Return all points that wait, or those that come first within ``timeout`` s, or None.
+        """Return all points that wait, or the first that come within ``timeout`` s, or None.
 
         Raises:
             LinkError: if the port is gone.
@@ -196,7 +198,7 @@ class PointStream:
         return False
 
     def stop(self) -> None:
-        """Stop the board; what has come until then can still be fetched."""
+        """Stop the board; points that have come until then can still be fetched."""
         if self._stopped:
             return
         try:
@@ -237,8 +239,8 @@ class Captured:
     """A raw line.
 
     Attributes:
-        line: Its number.
-        pixels: uint16, counts.
+        line: Number of the line.
+        pixels: Pixels, uint16, counts.
         record: Its point, an array of one ``records.FULL``, or None where the line gave none.
     """
 
@@ -249,12 +251,12 @@ class Captured:
 
 @dataclass
 class CaptureAccount:
-    """What captures have brought.
+    """The numbers of lines that captures have brought and lost.
 
     Attributes:
-        lines: Whole ones.
-        broken: Lines of which a packet did not come.
-        overflow: Lines that the program did not fetch in time.
+        lines: Number of whole lines.
+        broken: Number of lines with a missing packet.
+        overflow: Number of lines that the program did not fetch in time.
     """
 
     lines: int = 0
@@ -266,18 +268,18 @@ class CaptureStream:
     """Raw lines as they come.
 
     Args:
-        line_length: Pixels a line.
-        check: Raises the error of a port that is gone.
+        line_length: Number of pixels of a line.
+        check: Function that raises the error of a port that is gone.
 
     Attributes:
-        account: What came and what did not.
+        account: The numbers of lines that came and that did not.
     """
 
     def __init__(self, line_length: int, check: Callable[[], None]) -> None:
         self.account = CaptureAccount()
         self._length = line_length
         self._check = check
-        self._line: int | None = None  # whose pixels come
+        self._line: int | None = None  # line whose pixels come
         self._pixels = np.zeros(line_length, np.uint16)
         self._filled = np.zeros(line_length, np.bool_)
         self._waiting: deque[Captured] = deque()
@@ -285,7 +287,7 @@ class CaptureStream:
         self._running = False
 
     def begin(self) -> None:
-        """Forget what came: the next packet is the first of a line."""
+        """Discard what came: the next packet is the first of a line."""
         with self._arrived:
             self.account = CaptureAccount()
             self._waiting.clear()
@@ -293,12 +295,12 @@ class CaptureStream:
             self._running = True
 
     def wake(self) -> None:
-        """Wake who waits for lines: none will come."""
+        """Wake the thread that waits for lines, because none will come."""
         with self._arrived:
             self._arrived.notify_all()
 
     def take_pixels(self, chunk: CapturePixels) -> None:
-        """Take pixels; called by the thread that reads."""
+        """Take pixels; the reading thread calls this."""
         with self._arrived:
             if not self._running:
                 return
@@ -313,7 +315,7 @@ class CaptureStream:
                 self._filled[part] = True
 
     def take_record(self, last: CaptureRecord) -> None:
-        """Take the packet that ends a line; called by the thread that reads."""
+        """Take the packet that ends a line; the reading thread calls this."""
         with self._arrived:
             if not self._running:
                 return
@@ -332,14 +334,14 @@ class CaptureStream:
             self._arrived.notify_all()
 
     def _abandon(self) -> None:
-        """Give up the line whose end did not come."""
+        """Discard the line whose end did not come."""
         if self._line is not None:
             self.account.broken += 1
             self._line = None
             self._arrived.notify_all()
 
     def get(self, timeout: float) -> Captured | None:
-        """Return the next line, or None: none came within ``timeout`` s, or one was broken.
+        """Return the next line, or None if none came within ``timeout`` s or one was broken.
 
         Raises:
             LinkError: if the port is gone.

@@ -1,7 +1,8 @@
-"""A serial port with a board at its other end: commands with their replies, and what comes unasked.
+"""A serial port with a board at its other end: commands with their replies, and packets of streams.
 
 One thread reads. It gives a reply to the command that waits for it, by its sequence number, and a
-packet of a stream to whoever has asked for its kind. What nobody waits for is counted.
+packet of a stream to the function that is registered for its kind. Everything that nobody waits for
+is counted.
 """
 
 import contextlib
@@ -23,16 +24,16 @@ from vrscan.link import protocol
 if TYPE_CHECKING:
     import serial
 
-POLL_S = 0.1  # of the reading thread: how soon it sees that it is to end
-ATTEMPTS = 4  # of a command that may be repeated, where nothing comes; more where it is bad
-BREAK_RATIO = 12  # a byte of zeros is then longer than one with its stop bit
-BREAK_S = 0.05  # until a port has taken a byte
+POLL_S = 0.1  # period at which the reading thread checks whether to end
+ATTEMPTS = 4  # attempts of a repeatable command without an answer; more for bad frames
+BREAK_RATIO = 12  # a byte of zeros is then longer than a byte with its stop bit
+BREAK_S = 0.05  # time until a port has taken a byte
 
 Sink = Callable[[bytes], None]
 
 
 class LinkError(InputError):
-    """The link does not do what was asked; the text is one line."""
+    """Error of the link that prevents what was asked; the text is one line."""
 
 
 class NoAnswerError(LinkError):
@@ -45,18 +46,18 @@ class UnpluggedError(LinkError):
 
 @dataclass
 class Traffic:
-    """What came over the port since it was opened.
+    """The traffic over the port since it was opened.
 
     Attributes:
-        bytes_in, bytes_out: All of them, also those between frames.
-        frames: Good ones.
-        bad: Bad ones, by their fault.
-        refused: Frames that the board found bad.
-        retries: Commands that were sent again.
-        late: Replies that nobody waited for any more.
-        unasked: Packets of streams that nobody waited for.
-        unknown: Good frames that are no packet of this protocol.
-        last_out_s: When the last command went out, of ``time.monotonic``.
+        bytes_in, bytes_out: Numbers of all bytes, including those between frames.
+        frames: Number of good frames.
+        bad: Numbers of bad frames, by their fault.
+        refused: Number of frames that the board found bad.
+        retries: Number of commands that were sent again.
+        late: Number of replies that nobody waited for any more.
+        unasked: Number of packets of streams that nobody waited for.
+        unknown: Number of good frames that are not packets of this protocol.
+        last_out_s: Time of the last command, of ``time.monotonic``.
     """
 
     bytes_in: int = 0
@@ -72,7 +73,7 @@ class Traffic:
 
     @property
     def bad_frames(self) -> int:
-        """Frames that were no good, of all faults."""
+        """Return the number of bad frames of all faults."""
         return sum(self.bad.values())
 
 
@@ -80,14 +81,15 @@ class Transport:
     """An open port.
 
     Args:
-        port: Its name, or an URL of pyserial.
-        baud: Its rate.
-        timeout: Seconds until a command without a reply is given up.
+        port: Name of the port, or a URL of pyserial.
+        baud: Rate of the port.
+        timeout: Seconds after which a command without a reply is given up.
 
     Attributes:
-        port, timeout: As given.
-        traffic: What came and went.
-        sinks: What takes the packets that begin with a byte; called in the reading thread.
+        port, timeout: The arguments of these names.
+        traffic: The traffic over the port.
+        sinks: Functions that take the packets with a given first byte; called in the reading
+            thread.
 
     Raises:
         LinkError: if there is no such port, or another program has it.
@@ -106,7 +108,7 @@ class Transport:
         self._awaited: tuple[int, int] | None = None  # first two bytes of the reply
         self._reply: bytes | None = None
         self._then: Callable[[], None] | None = None
-        self._spoiled = False  # a frame was bad since the command went out, here or there
+        self._spoiled = False  # whether a frame was bad since the command was sent, on either side
         self._failure: UnpluggedError | None = None
         self._ending = False
         self._serial = _opened(port, baud, timeout)
@@ -120,12 +122,12 @@ class Transport:
             self._serial.cancel_read()
         if threading.current_thread() is not self._reader:
             self._reader.join()
-        with contextlib.suppress(Exception):  # an unplugged one may complain
+        with contextlib.suppress(Exception):  # an unplugged port may raise an error
             self._serial.close()
 
     @property
     def baud(self) -> int:
-        """The port's rate; writing it takes effect when all that was sent is out."""
+        """Return the port's rate; writing it takes effect when all bytes have been sent."""
         return int(self._serial.baudrate)
 
     @baud.setter
@@ -137,10 +139,10 @@ class Transport:
             raise LinkError(f"{self.port}: no rate of {rate} baud ({_reason(error)})") from error
 
     def send_break(self) -> None:
-        """Hold the line low for longer than a byte: the board begins anew, at its default rate.
+        """Hold the line low for longer than a byte: the board returns to its default rate.
 
-        It is a 0x00 at a rate so low that the board sees no stop bit: every port can do that, where
-        a real break does not pass a pty and some adapters.
+        A 0x00 is sent at a rate so low that the board sees no stop bit. Every port can do that,
+        whereas a real break does not pass a pty and some adapters.
         """
         rate = self.baud
         self.baud = rate // BREAK_RATIO
@@ -158,7 +160,7 @@ class Transport:
 
         Raises:
             UnpluggedError: if the port is gone.
-            NoAnswerError: if it takes nothing.
+            NoAnswerError: if the port takes no bytes.
         """
         from serial import SerialTimeoutException
 
@@ -167,7 +169,7 @@ class Transport:
             self._serial.write(data)
         except SerialTimeoutException as error:
             raise NoAnswerError(f"{self.port}: takes no data for {self.timeout:g} s") from error
-        except (OSError, TypeError, ValueError) as error:  # the last two where it was closed
+        except (OSError, TypeError, ValueError) as error:  # the last two come from a closed port
             raise self._unplugged(error) from error
         self.traffic.bytes_out += len(data)
         self.traffic.last_out_s = time.monotonic()
@@ -185,11 +187,11 @@ class Transport:
 
         Args:
             operation: First byte of the command.
-            data: What follows the sequence number.
+            data: Data after the sequence number.
             again: Whether it may be executed twice: it is then sent again when no reply comes.
-            wait: Seconds for all attempts together, ``timeout`` where None.
-            then: Called in the reading thread with a reply of ``STATUS_OK``, before anything that
-                comes after it is looked at.
+            wait: Seconds for all attempts together; ``timeout`` if None.
+            then: Function that is called in the reading thread on a reply of ``STATUS_OK``, before
+                anything that comes after it is processed.
 
         Raises:
             NoAnswerError: if no reply came. A command that may not be repeated may have been
@@ -217,14 +219,14 @@ class Transport:
     def _once(
         self, operation: int, data: bytes, limit: float, hasty: bool, *, first: bool
     ) -> bytes | None:
-        """Send a command and return its reply, or None; ``hasty``: as soon as a frame was bad."""
+        """Send a command and return its reply or None; ``hasty`` gives up once a frame was bad."""
         self._sequence = (self._sequence + 1) & 0xFF
         frame = protocol.encode_frame(protocol.command(operation, self._sequence, data))
         with self._arrived:
             self._awaited = operation | link_pkg.REPLY_BIT, self._sequence
             self._reply = None
             self._spoiled = False
-        # The 0x00 that ended the one before may not have come.
+        # The 0x00 that ended the frame before may not have come.
         self.send(frame if first else b"\0" + frame)
         with self._arrived:
             self._arrived.wait_for(
@@ -245,9 +247,9 @@ class Transport:
         """Wait until nothing has come for ``quiet`` s, but no longer than ``longest`` s.
 
         Args:
-            quiet: See above.
-            longest: See above.
-            come: Says how much has; bytes of any kind where None.
+            quiet: Silence to wait for, s.
+            longest: Longest time to wait, s.
+            come: Function that returns the amount that has come; that of all bytes if None.
         """
         come = come or (lambda: self.traffic.bytes_in)
         end = time.monotonic() + longest
@@ -278,7 +280,7 @@ class Transport:
                 self._unplugged(error)
 
     def _unplugged(self, error: Exception) -> UnpluggedError:
-        """Keep the error that ends it all, and wake who waits."""
+        """Keep the error that ended the connection, and wake all waiting threads."""
         with self._arrived:
             if self._failure is None:
                 self._failure = UnpluggedError(f"{self.port}: the port is gone ({_reason(error)})")
@@ -288,7 +290,7 @@ class Transport:
         return self._failure
 
     def _sort(self, payload: bytes) -> None:
-        """Give the payload of a good frame to whom it belongs."""
+        """Give the payload of a good frame to its receiver."""
         if not payload[0] & link_pkg.REPLY_BIT:
             sink = self.sinks.get(payload[0])
             if sink is None:
@@ -340,7 +342,7 @@ def _refusals() -> tuple[type[Exception], ...]:
 
 
 def _reason(error: BaseException) -> str:
-    """Return what the system says of an error, without what pyserial puts around it."""
+    """Return the system's text of an error, without the text that pyserial adds."""
     number = getattr(error, "errno", None)
     if number is None and error.args and isinstance(error.args[0], int):
         number = error.args[0]

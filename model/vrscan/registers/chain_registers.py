@@ -22,7 +22,7 @@ def to_register(
 
     Args:
         source: Where the configuration came from, for the message.
-        key: What the value was made from, for the message.
+        key: Key from which the value was made, for the message.
         value: The value.
         width: Bits of the register.
         fraction: Fraction bits of the register.
@@ -47,9 +47,9 @@ def fit(source: str, key: str, value: float, name: str) -> int:
 
     Args:
         source: Where the configuration came from, for the message.
-        key: What the value was made from, for the message.
+        key: Key from which the value was made, for the message.
         value: The value, in the register's unit.
-        name: The register in ``register_map``, which has its width, fraction and sign.
+        name: Name of the register in ``register_map``, which has its width, fraction and sign.
 
     Raises:
         InputError: naming source, key and value, if it does not fit.
@@ -64,15 +64,15 @@ def fit(source: str, key: str, value: float, name: str) -> int:
 class Registers:
     """Configuration of the signal chain in integers; formats are those of ``vrscan_pkg``.
 
-    ``pixel_width`` and ``line_length`` are elaboration parameters of the RTL, not ports: they
-    travel along because the formats depend on them.
+    ``pixel_width`` and ``line_length`` are elaboration parameters of the RTL, not ports. They are
+    included because the formats depend on them.
     """
 
     pixel_width: int
     line_length: int
-    period_n: bool  # period T = N, else N - 1
-    window_two_pass: bool  # a second window follows the first; the period is T = N
-    noise_row: bool  # row statistics decide, else those of the background
+    period_n: bool  # whether the period is T = N; otherwise T = N - 1
+    window_two_pass: bool  # whether a second window follows the first, with T = N
+    noise_row: bool  # whether row statistics are used, not the background's
     k_noise: int  # u16, 8 fraction bits
     k_height: int  # u16, 16 fraction bits
     snr_min: int  # u16, 8 fraction bits
@@ -84,7 +84,7 @@ class Registers:
     centre: int  # s, 20 fraction bits, px
     k1: int  # s26, 24 fraction bits: k1 * R**2, R = 2**clog2(LineLength) px
     k2: int  # s26, 24 fraction bits: k2 * R**4
-    even: bool  # (5) as printed
+    even: bool  # whether to use (5) as printed
     n0: int  # s32, 20 fraction bits, mm
     n1: int  # s32, 20 fraction bits, mm per R
     d0: int  # s32, 30 fraction bits, in units of f
@@ -159,7 +159,7 @@ class Registers:
 
 
 def angle_turns(angle_rad: Floats) -> Ints:
-    """Return scan angles as the RTL takes them: s24 fractions of a turn, nearest, half up.
+    """Return scan angles in the RTL's format: s24 fractions of a turn, to nearest, half up.
 
     Args:
         angle_rad: Angles in [-pi, pi] rad, any shape. Pi itself wraps to half a turn below zero.

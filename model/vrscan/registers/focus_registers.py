@@ -10,13 +10,13 @@ from vrscan.data.errors import InputError
 from vrscan.registers.chain_registers import fit
 from vrscan.registers.register_map import WINDOWS
 
-Z_ONE = 2**pkg.LENGTH_FRACTION  # steps of a mm
+Z_ONE = 2**pkg.LENGTH_FRACTION  # steps per mm
 TABLE_SIZE = WINDOWS["focus_table"].entries
-FRACTION_WIDTH = 10  # of a distance between two entries of the table
+FRACTION_WIDTH = 10  # fraction bits of a distance between two entries of the table
 
 
 class Mode(IntEnum):
-    """Where the target of the focus comes from."""
+    """Source of the target of the focus."""
 
     OFF = 0
     MANUAL = 1
@@ -24,14 +24,15 @@ class Mode(IntEnum):
 
 
 def image_shift(z_mm: float, geometry: Geometry) -> float:
-    """Return how much farther the image lies than that of infinity, of a thin lens, mm.
+    """Return the distance of the image behind that of infinity, for a thin lens, mm.
 
-    1/f = 1/g + 1/b gives b - f = f**2 / (g - f). g is the way along the camera's axis to its point
-    at ``z_mm``: of a point beside it the focus is where the sensor's plane is, not its distance.
+    1/f = 1/g + 1/b gives b - f = f**2 / (g - f), where g is the way along the camera's axis to its
+    point at ``z_mm``: for a point beside the axis the focus is in the sensor's plane, not at the
+    point's distance.
 
     Args:
         z_mm: z of the point, mm.
-        geometry: Of the camera.
+        geometry: Geometry of the camera.
 
     Returns:
         The shift, infinite for a point that has no image behind the lens.
@@ -101,7 +102,7 @@ class FocusRegisters:
         manual_um = 1e3 * reached("manual_mm", focus.manual_mm)
         steps("manual", "travel_mm", 1e3 * focus.travel_mm)
         z_begin = put("z_begin", "near_mm", focus.near_mm)
-        # The narrowest table that reaches as far.
+        # The finest table that reaches this far.
         span = focus.far_mm * Z_ONE - z_begin
         z_shift = 0
         while (TABLE_SIZE - 1) << (z_shift + FRACTION_WIDTH) < span:

@@ -13,7 +13,7 @@ from vrscan.registers.register_map import REGISTERS
 class LaserRegisters:
     """Configuration of the laser in integers; formats are those of ``laser_control``.
 
-    ``laser_enable`` is not among them: the light is switched on by whoever wants it.
+    ``laser_enable`` is not included, because the configuration does not switch the light on.
     """
 
     laser_limit_power: int
@@ -55,7 +55,7 @@ class LaserRegisters:
             return fit(config.source, f"laser.{key}", per_mw * getattr(laser, key), name)
 
         def limit(key: str, value: float, name: str) -> int:
-            # What is a limit to the last digit must not become one less.
+            # A limit that fits to the last digit must not be rounded to one less.
             return fit(config.source, f"laser.{key}", math.floor(value * (1.0 + 1e-12)), name)
 
         if line.pulse_us > laser.limit_pulse_us:

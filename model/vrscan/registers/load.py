@@ -1,4 +1,4 @@
-"""A configuration as what a host writes into a board's registers."""
+"""A configuration as the values that a host writes into a board's registers."""
 
 from dataclasses import fields
 from typing import Protocol
@@ -10,7 +10,7 @@ from vrscan.registers.focus_registers import FocusRegisters
 from vrscan.registers.laser_registers import LaserRegisters
 from vrscan.registers.mirror_registers import MirrorRegisters
 
-# Registers that no configuration has: the host writes them when it wants something.
+# Registers that are not in a configuration: the host writes them to cause something.
 CONTROLS = frozenset(
     {
         *("scratch", "uart_step", "mirror_enable", "line_enable", "laser_enable"),
@@ -21,40 +21,40 @@ CONTROLS = frozenset(
     }
 )
 
-# Fields that are no registers that can be written: how the board is built.
+# Fields that are not writable registers: parameters of the board's build.
 _BUILT = frozenset({"clock_hz", "line_length", "pixel_width", "oversample"})
 
 
 class Build(Protocol):
-    """How a board is built, as its registers of these names say."""
+    """The build of a board, as given by its registers of these names."""
 
     @property
     def clock_hz(self) -> int:
-        """Frequency of its clock, Hz."""
+        """Return the frequency of the board's clock, Hz."""
 
     @property
     def line_length(self) -> int:
-        """``LineLength``, px."""
+        """Return ``LineLength``, px."""
 
     @property
     def pixel_width(self) -> int:
-        """``PixelWidth``, bits."""
+        """Return ``PixelWidth``, bits."""
 
     @property
     def index_oversample(self) -> int:
-        """``IndexOversample``."""
+        """Return ``IndexOversample``."""
 
 
 def settings(config: Config, build: Build) -> dict[str, int | tuple[int, ...]]:
-    """Return the value of every register and table that a configuration decides.
+    """Return the value of every register and table that a configuration sets.
 
     Args:
-        config: The configuration; its clock does not count, the board has its own.
-        build: How the board is built.
+        config: The configuration; its clock is not used, because the board has its own.
+        build: The build of the board.
 
     Returns:
-        Integers by the name of the register, tuples where it has several; a table's by the names of
-        its fields, an integer an entry.
+        Integers by the name of the register, tuples where it has several values; those of a table
+        by the names of its fields, one integer for each entry.
 
     Raises:
         InputError: in one line with the key, if the configuration is for another line, sensor or

@@ -13,17 +13,17 @@ from vrscan.registers.mirror_table import amplitude_table
 TURN = 2.0 * math.pi
 INDEX_TIMEOUT = 1.125  # periods: an index mark is missing when it comes later
 CONFIDENCE_ONE = 2**pkg.CONFIDENCE_WIDTH - 1
-REACQUIRE_TURNS = 1.0 / 64  # a phase error above this is no error of tracking
-EXPOSURE_SHARE = 0.9  # of the line period
+REACQUIRE_TURNS = 1.0 / 64  # a larger phase error is not an error of tracking
+EXPOSURE_SHARE = 0.9  # exposure over the line period
 
 
 @dataclass(frozen=True)
 class MirrorRegisters:
     """Configuration of the mirror's loop in integers; formats are those of ``vrscan_pkg``.
 
-    ``oversample`` is an elaboration parameter and ``clock_hz`` a property of the board: they travel
-    along because the formats depend on them. ``table_amplitude`` and ``table_midpoint`` are written
-    through the table's port; everything else is a port.
+    ``oversample`` is an elaboration parameter and ``clock_hz`` a property of the board. They are
+    included because the formats depend on them. ``table_amplitude`` and ``table_midpoint`` are
+    written through the table's port; everything else is a port.
     """
 
     clock_hz: float
@@ -104,17 +104,17 @@ class MirrorRegisters:
         period_clks = clock / mirror.frequency_hz
         sweep_rate = mirror.sweep_hz_per_s / clock**2 * 2.0 ** (pkg.TURN_WIDTH + 16)
         sweep_s = mirror.sweep_span_hz / mirror.sweep_hz_per_s
-        # Level steps an amplitude step; the integral term adds up once a period.
+        # Level steps per amplitude step; the integral term is added once per period.
         gain = mirror.proportional * mirror.level / turns
         gain *= 2.0 ** (pkg.LEVEL_WIDTH - pkg.AMPLITUDE_FRACTION)
         per_period = 1.0 / (mirror.integral_s * mirror.frequency_hz)
         trim = mirror.trim_hz / clock
-        per_hz = 2.0**pkg.TURN_WIDTH / clock / mirror.frequency_hz  # word steps a period
+        per_hz = 2.0**pkg.TURN_WIDTH / clock / mirror.frequency_hz  # word steps per Hz and period
         step = mirror.trim_hz_per_s * per_hz
         trim_gain = mirror.trim_gain_hz_per_s * per_hz / 2.0**pkg.LEVEL_WIDTH
         shock = put("shock_limit", "mirror.shock_ppm", 1e-6 * mirror.shock_ppm * turns)
-        # A tracker of second order that does not overshoot: the rate takes a quarter of the phase's
-        # share squared.
+        # A second-order tracker that does not overshoot: the share of the rate is a quarter of the
+        # square of the phase's share.
         shift = mirror.averaging_periods.bit_length() - 1
         rate_shift = round(math.log2(period_clks)) + 2 * shift + 1
         table = amplitude_table(math.radians(mirror.index_deg), mirror.harmonics)
@@ -201,7 +201,7 @@ class MirrorRegisters:
         )
 
 
-# Ports that hold still, in the order in which the engine takes them.
+# Static ports, in the order in which the engine takes them.
 PORTS = tuple(
     field.name
     for field in fields(MirrorRegisters)

@@ -1,4 +1,4 @@
-"""From an index mark and the motion's harmonics to the table that the tracker measures with."""
+"""The tracker's table, from an index mark's angle and the motion's harmonics."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ def amplitude_table(mark_rad: float, harmonics: Harmonics) -> tuple[Ints, Ints]:
 
     Args:
         mark_rad: Angle of the index mark; negative for one on the other side.
-        harmonics: [1 to 9, 2], pairs [a_k, phi_k], rad.
+        harmonics: Pairs [a_k, phi_k], rad, [1 to 9, 2].
 
     Returns:
         Amplitude [1024], turns, 28 fraction bits, unsigned 26 bits, rising with i, at its largest
@@ -42,15 +42,15 @@ def amplitude_table(mark_rad: float, harmonics: Harmonics) -> tuple[Ints, Ints]:
 
 
 def interpolation_bound(half: Floats, mark_rad: float, harmonics: Harmonics) -> Floats:
-    """Return how far a straight line between entries may be from the amplitude, turns.
+    """Return the largest distance of a straight line between entries from the amplitude, turns.
 
     An eighth of the entries' distance squared times the second derivative, here taken from three
     amplitudes around the interval that holds each ``half``; half a step of rounding is added.
 
     Args:
-        half: Turns [n], at least one entry away from both ends.
-        mark_rad: As for ``amplitude_table``.
-        harmonics: As for ``amplitude_table``.
+        half: Half distances, turns [n], at least one entry away from both ends.
+        mark_rad: Angle of the index mark, as in ``amplitude_table``.
+        harmonics: Harmonics as in ``amplitude_table``.
     """
     step = 1.0 / ENTRIES_PER_TURN
     first = np.floor(half / step) * step

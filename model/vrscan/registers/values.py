@@ -1,4 +1,4 @@
-"""Values of registers as words on the link, and which words go into one command."""
+"""Values of registers as words on the link, and the words that go into one command."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,7 +22,7 @@ def find(name: str) -> Register:
     """Return a register, or a field of a table, by its name.
 
     Raises:
-        InputError: naming it, and names like it, if there is none.
+        InputError: naming the name and similar names, if there is none.
     """
     if name in REGISTERS:
         return REGISTERS[name]
@@ -36,17 +36,17 @@ def find(name: str) -> Register:
 
 
 def count(name: str) -> int:
-    """Return how many values a register has, or how many entries a field of a table."""
+    """Return the number of a register's values, or of the entries of a table's field."""
     return FIELDS[name][0].entries if name in FIELDS else find(name).count
 
 
 def within(register: Register, number: int) -> int:
-    """Return a number brought into a register's range, modulo the range's length."""
+    """Return a number reduced into a register's range, modulo the range's length."""
     return register.minimum + number % (register.maximum - register.minimum + 1)
 
 
 def words_per_value(register: Register) -> int:
-    """Return the words of one of a register's values."""
+    """Return the number of words of one of a register's values."""
     return register.words // register.count
 
 
@@ -63,7 +63,7 @@ def addresses(name: str) -> list[int]:
 
 
 def _at(address: int) -> tuple[Register, int] | None:
-    """Return the register or the field that an address belongs to, and which of its values."""
+    """Return the register or field that an address belongs to, and the index of its value."""
     for register in REGISTERS.values():
         if 0 <= address - register.address < register.words:
             return register, (address - register.address) // words_per_value(register)
@@ -75,7 +75,7 @@ def _at(address: int) -> tuple[Register, int] | None:
 
 
 def name_at(address: int) -> str:
-    """Return what an address belongs to: a register's name, with an index where it has several."""
+    """Return the name of the register at an address, with an index where it has several values."""
     found = _at(address)
     if found is None:
         return f"address {address:#06x}"
@@ -84,7 +84,7 @@ def name_at(address: int) -> str:
 
 
 def integer_at(address: int, word: int) -> int:
-    """Return the integer that a word at an address stands for."""
+    """Return the integer that a word at an address represents."""
     found = _at(address)
     negative = found is not None and found[0].signed and word >> (WORD_BITS - 1)
     return word - (1 << WORD_BITS) if negative else word
@@ -113,7 +113,7 @@ def to_words(name: str, value: Value) -> list[int]:
 
 
 def from_words(name: str, words: Sequence[int]) -> Value:
-    """Return the value that words stand for: an integer, or a tuple where there are several."""
+    """Return the value that words represent: an integer, or a tuple where there are several."""
     register, expected = find(name), count(name)
     each = 1 if name in FIELDS else words_per_value(register)
     values = []
@@ -126,7 +126,7 @@ def from_words(name: str, words: Sequence[int]) -> Value:
 
 
 def integer(value: Value) -> int:
-    """Return the integer of a register that has one."""
+    """Return the integer of a register with one value."""
     assert isinstance(value, int)
     return value
 
@@ -138,7 +138,7 @@ def to_scaled(name: str, value: Value) -> float | tuple[float, ...]:
 
 
 def from_scaled(name: str, value: float | Sequence[float]) -> Value:
-    """Return a value in its register's unit as the nearest integer, half up.
+    """Return the nearest integer, half up, for a value in its register's unit.
 
     Raises:
         InputError: naming the register and its range in that unit, if it does not fit.
@@ -153,7 +153,7 @@ def from_scaled(name: str, value: float | Sequence[float]) -> Value:
     for number in numbers:
         if not math.isfinite(number):
             raise InputError(f"{name}: must be a number ({number})")
-        # In integers where it is one: a float of 2**53 and more has no halves.
+        # Integers are computed as integers: a float of 2**53 and more has no halves.
         scaled = math.floor(math.ldexp(number, register.fraction) + 0.5)
         if isinstance(number, int):
             scaled = number << register.fraction
@@ -167,20 +167,20 @@ def from_scaled(name: str, value: float | Sequence[float]) -> Value:
 
 @dataclass
 class Block:
-    """Words of consecutive addresses."""
+    """Words at consecutive addresses."""
 
     address: int
     words: list[int] = field(default_factory=list)
 
 
 def write_blocks(settings: Iterable[tuple[str, Value]]) -> list[Block]:
-    """Return the fewest WRITEs that set registers and tables, by address.
+    """Return the fewest WRITEs that set registers and tables, sorted by address.
 
     A wide value and an entry of a table stay whole.
 
     Raises:
-        InputError: naming what cannot be written, does not fit or is given twice, or a table of
-            which a field is missing.
+        InputError: naming what cannot be written, does not fit or is given twice, or a table with a
+            missing field.
     """
     words: dict[int, int] = {}
     named: set[str] = set()
@@ -201,12 +201,12 @@ def write_blocks(settings: Iterable[tuple[str, Value]]) -> list[Block]:
 
 
 def read_blocks(names: Iterable[str]) -> list[Block]:
-    """Return the fewest READs that bring registers and tables, with zeros for words."""
+    """Return the fewest READs that fetch registers and tables, with zeros for words."""
     return _blocks(dict.fromkeys(sorted({a for name in names for a in addresses(name)}), 0))
 
 
 def _blocks(words: Mapping[int, int]) -> list[Block]:
-    """Return words by address in blocks of what a command holds."""
+    """Return words by address in blocks that fit into a command."""
     blocks: list[Block] = []
     for unit in _units(words):
         last = blocks[-1] if blocks else None
@@ -222,7 +222,7 @@ def _blocks(words: Mapping[int, int]) -> list[Block]:
 
 
 def _units(words: Mapping[int, int]) -> list[list[int]]:
-    """Return addresses, those together that one command has to bring."""
+    """Return addresses in groups that one command has to contain."""
     units: list[list[int]] = []
     owner: object = None
     for address in sorted(words):
@@ -236,7 +236,7 @@ def _units(words: Mapping[int, int]) -> list[list[int]]:
 
 
 def _whole(address: int) -> tuple[str, int] | None:
-    """Return what an address is part of that must not be torn, or None."""
+    """Return the value or entry that an address is part of and that must stay whole, or None."""
     for window in WINDOWS.values():
         entry = (address - window.address) // window.stride
         if 0 <= entry < window.entries:
