@@ -1,8 +1,8 @@
 """The page: blocks of text, tables and pictures, and the one file that holds them all.
 
 Every table row has an id, so that other pages can link to ``index.html#id``. Nothing is fetched
-from anywhere: styles are in the head and pictures in the text. Beside the page lie the same tables
-as CSV and the same pictures as PNG.
+from elsewhere: styles are in the head and pictures in the text. The same tables as CSV and the same
+pictures as PNG are written next to the page.
 """
 
 import base64
@@ -64,12 +64,12 @@ class Table:
     """A table, shown in short and written in full as ``name``.csv.
 
     Attributes:
-        name: Of the file.
-        headings: Of the columns shown; a line break in one is kept.
-        rows: What is shown.
-        caption: What one sees.
-        columns: Of the file.
-        values: Its rows; None stays empty.
+        name: Name of the file.
+        headings: Headings of the columns shown; a line break in one is kept.
+        rows: Rows that are shown.
+        caption: Text that describes the table.
+        columns: Columns of the file.
+        values: Rows of the file; None stays empty.
     """
 
     name: str
@@ -82,7 +82,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Attachment:
-    """A file beside the page that no block shows."""
+    """A file next to the page that no block shows."""
 
     name: str
     data: bytes
@@ -93,7 +93,7 @@ Block = Text | Heading | Picture | Table | Attachment
 
 @dataclass(frozen=True)
 class Part:
-    """A section as it is shown."""
+    """A section in the form in which it is shown."""
 
     key: str
     title: str
@@ -101,7 +101,7 @@ class Part:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Return a number to so many digits, without an exponent where that is readable."""
+    """Return a number with this many digits, without an exponent where that is readable."""
     if value is None or value != value:  # NaN
         return "-"
     if value in (float("inf"), float("-inf")):
@@ -117,7 +117,7 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def csv_text(table: Table) -> bytes:
-    """Return a table's file."""
+    """Return the contents of a table's file."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(table.columns)
@@ -160,7 +160,7 @@ _LONG = 26  # characters: a cell of words, not of numbers
 
 
 def _table(table: Table) -> str:
-    # A column is of words where any of its cells is a phrase; the first has its own style.
+    # A column has words where any of its cells is a phrase; the first column has its own style.
     texts = {k for row in table.rows for k, cell in enumerate(row.cells) if k and len(cell) > _LONG}
     kinds = [' class="words"' if k in texts else "" for k in range(len(table.headings))]
     head = "".join(
@@ -218,13 +218,13 @@ def page(title: str, lead: str, facts: Iterable[tuple[str, str]], parts: Sequenc
     """Return the page.
 
     Args:
-        title: Its heading.
-        lead: HTML of what it is.
-        facts: Names and values of how it was made.
+        title: Heading of the page.
+        lead: Introduction, as HTML.
+        facts: Names and values of the circumstances of its making.
         parts: The sections.
 
     Raises:
-        ValueError: if two things on it have the same id.
+        ValueError: if two elements on it have the same id.
     """
     rows = "".join(f"<dt>{html.escape(a)}</dt><dd>{html.escape(b)}</dd>" for a, b in facts)
     body = "\n".join(
@@ -247,7 +247,7 @@ def page(title: str, lead: str, facts: Iterable[tuple[str, str]], parts: Sequenc
 
 
 def files(parts: Iterable[Part]) -> dict[str, bytes]:
-    """Return the files beside the page by name.
+    """Return the files next to the page by name.
 
     Raises:
         ValueError: if two have the same name.

@@ -1,4 +1,4 @@
-"""The number table: accuracy, efficiency, latency and speed, as ``vrscan numbers`` prints them."""
+"""The table of numbers that ``vrscan numbers`` prints: accuracy, efficiency, latency and speed."""
 
 import csv
 import io
@@ -38,20 +38,20 @@ Progress = Callable[[int], None]
 
 @dataclass(frozen=True)
 class Size:
-    """How much is measured."""
+    """The amount of work of each measurement."""
 
-    vectors: int  # a decade of amplitudes, and phases a mirror
-    windows: int  # a width, shape and pedestal
-    directions: int  # phases a width, for the worst windows
+    vectors: int  # vectors per decade of amplitudes, and phases per mirror
+    windows: int  # windows per width, shape and pedestal
+    directions: int  # phases per width, for the worst windows
     every: int  # step of the width, px
-    lines: int  # of S/N and sigma, a configuration
-    distances: int  # a pixel
-    noisy: int  # lines a spot
-    efficiency: int  # lines a cell
-    two_pass: int  # the same, of the study that stands on few of them; 0 leaves it out
-    fixed: int  # lines for the speed
-    ideal: int  # the same
-    rtl: int  # the same; 0 leaves the RTL out
+    lines: int  # lines per configuration for S/N and sigma
+    distances: int  # distances per pixel
+    noisy: int  # lines per spot
+    efficiency: int  # lines per cell of the efficiency
+    two_pass: int  # lines per cell of the study of two passes; 0 leaves it out
+    fixed: int  # lines for the speed of the fixed model
+    ideal: int  # lines for the speed of the equations
+    rtl: int  # lines for the speed of the RTL; 0 leaves it out
     all_cores: bool  # whether the speed on all cores is measured, too
     mirror: float  # seconds of RUN; 0 leaves the mirror's loop out
 
@@ -92,7 +92,7 @@ QUICK = Size(
 
 @dataclass(frozen=True)
 class Stage:
-    """A part of the table and how often it tells its progress."""
+    """A part of the table, and the number of its progress reports."""
 
     name: str
     steps: int
@@ -217,7 +217,7 @@ def _speed(
 ) -> list[Figure]:
     try:
         rate = speed.measure(engine, config, count, None if all_cores else 1)
-    except InputError:  # no compiler here
+    except InputError:  # there is no compiler
         return []
     group, scene = "speed on this machine", "of the default scene"
     one, every = f"engine {engine} on one core", f"engine {engine} on all cores"
@@ -230,7 +230,7 @@ def _speed(
 
 
 def stages(size: Size) -> list[Stage]:
-    """Return what the table is made of, in its order."""
+    """Return the parts of the table, in their order."""
     config = Config()
 
     def at_once(name: str, measure: Callable[[], list[Figure]]) -> Stage:
@@ -304,7 +304,7 @@ def _cells(figure: Figure) -> tuple[str, ...]:
     return figure.name, figure.unit, *numbers, _limit(figure), _verdict(figure)
 
 
-README = (  # the headlines that it shows
+README = (  # the headlines that the README shows
     "position, T = N, rms",
     "x and z, 250 to 1000 mm, maximum",
     "efficiency against the Cramer-Rao bound",
@@ -341,7 +341,7 @@ def table(figures: Sequence[Figure]) -> RichTable:
 
 
 def markdown(figures: Iterable[Figure]) -> str:
-    """Return the table for a page, a heading row a group."""
+    """Return the table for a page, with a heading row for each group."""
     lines = [f"| {' | '.join(HEADINGS)} |", "|---|---|--:|--:|--:|--:|---|"]
     group = ""
     for figure in figures:
@@ -385,7 +385,7 @@ def excerpt(figures: Iterable[Figure]) -> str:
 
 
 def write_csv(figures: Iterable[Figure], file: BinaryIO) -> None:
-    """Write numbers.csv; what there is not stays empty.
+    """Write numbers.csv; missing values stay empty.
 
     Args:
         figures: One row each.
@@ -422,7 +422,7 @@ def write_pages(figures: Sequence[Figure], root: Path) -> list[Path]:
     """Rewrite the generated blocks of README.md and docs/numbers.md.
 
     Args:
-        figures: Of the full size.
+        figures: Figures of the full size.
         root: Folder of the README.
 
     Returns:
