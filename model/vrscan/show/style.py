@@ -1,4 +1,4 @@
-"""How the project's pictures and wide tables look."""
+"""The style of the project's pictures and wide tables."""
 
 from typing import Any
 

@@ -33,9 +33,9 @@ EXACT, NOISY, SKEWED = (
 )
 
 SPOTS_PX = (1.0, 2.0, 4.0, 8.0, 12.0, 40.0)  # without noise; the last fills the largest window
-HEIGHTS = (0.05, 0.5)  # of full scale
+HEIGHTS = (0.05, 0.5)  # shares of full scale
 SKEW, SKEW_PX = 0.25, 3.0  # sides of 0.75 and 1.25 times this many px
-SKEW_HEIGHTS = (0.1, 0.2, 0.5, 0.9)  # of full scale
+SKEW_HEIGHTS = (0.1, 0.2, 0.5, 0.9)  # shares of full scale
 RANGES_MM = (250.0, 500.0, 1000.0)
 _STEP_WIDTH = phase_correlate.STEP_WIDTH
 _TURN = 1 << _STEP_WIDTH
