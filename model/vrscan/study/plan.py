@@ -53,7 +53,7 @@ _STREAM = 0x9A1F
 _READY = 32  # lines that make the tables
 _SIGMAS = 2.0  # standard errors by which a mean square has to be below the tolerance's
 _MOST_CHANGED = 0.003  # share of a part's lines, or one line, whose points may come, go or jump
-_STAKE = 0.03  # limit of the time of trials, over the scan's in full and what they save
+_STAKE = 0.03  # trials may take this share of the scan's time in full, plus what they save
 _ODDS = 3.0  # a trial has to save this many times its own time, because it may fail
 _RAYS = "every ray"  # treated like an effect: without it, rays are followed only where needed
 
