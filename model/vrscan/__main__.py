@@ -1,4 +1,4 @@
-"""The start of the ``vrscan`` command: Ctrl-C ends it with one line, even while it imports."""
+"""The start of the ``vrscan`` command: Ctrl-C ends it with one line, even during imports."""
 
 import os
 import signal
@@ -11,7 +11,7 @@ from vrscan.data.extras import MissingError, named
 
 
 def main() -> None:
-    """Run the command; where it is interrupted it first tidies up what it has begun."""
+    """Run the command; an interrupted command first removes what it has begun."""
     _on_interrupt(_end)
     try:
         with named():
@@ -30,7 +30,7 @@ def main() -> None:
         _end(signal.SIGINT, None)
     except SystemExit as end:
         if end.code == EXIT_INTERRUPTED:
-            # All is tidied up. Python itself would end by the signal, not with the status, where
+            # All is tidied up. Python itself would end by the signal and not with the status where
             # the interrupt came within an exec(), of which imports have many.
             sys.stdout.flush()
             sys.stderr.flush()
@@ -39,13 +39,13 @@ def main() -> None:
 
 
 def _on_interrupt(handler: Callable[[int, FrameType | None], None]) -> None:
-    """Let a handler have Ctrl-C, but in a shell's background job, which ignores it."""
+    """Install a handler of Ctrl-C, except in a shell's background job, which ignores Ctrl-C."""
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, handler)
 
 
 def _end(number: int, frame: FrameType | None) -> None:
-    """End at once, where there is nothing to tidy up and an exception could surface anywhere."""
+    """End at once, while there is nothing to tidy up and an exception could surface anywhere."""
     os.write(2, b"vrscan: interrupted\n")
     os._exit(EXIT_INTERRUPTED)
 

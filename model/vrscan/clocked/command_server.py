@@ -251,7 +251,7 @@ class CommandServer:
     Attributes:
         valid, data, last: A byte of a reply; ``data`` and ``last`` are defined with ``valid``.
         bus: The access that begins in this clock.
-        strobes: Those of ``stream_start``, ``stream_stop`` and ``capture_start`` that are high.
+        strobes: The strobes ``stream_start``, ``stream_stop`` and ``capture_start`` that are high.
         beside: Values that came with the last starts: ``stream_format``, ``stream_step``,
             ``capture_mode`` and ``capture_argument``, as far as there were such starts.
         alive: Whether a command of a known kind and the right length is executed in this clock.

@@ -116,7 +116,7 @@ WIDTHS = {
     "limit_pulse_clks": pkg.LINE_CLKS_WIDTH,
     "limit_bucket": 32,
     "watchdog_clks": 32,
-}  # of the settings; all others have 16 bits
+}  # bits of these settings; all others have 16 bits
 
 
 def port(setting: str) -> str:

@@ -286,7 +286,7 @@ class Focus(Section):
     average_points: int = Field(default=4096, ge=1, le=32_768)  # a power of two
     lapse_points: int = Field(default=20_000, ge=0, le=65_535)  # bad points to end an average
     hysteresis_um: float = Field(default=10.0, ge=0)  # least change of the target
-    hold_points: int = Field(default=4096, ge=1, le=65_535)  # points for which a target is kept
+    hold_points: int = Field(default=4096, ge=1, le=65_535)  # points in a row that ask for it
     tolerance_um: float = Field(default=1.0, ge=0)  # largest distance to the target in position
     timeout_s: Positive = 1.0  # longest time to reach a target
     retries: int = Field(default=3, ge=0, le=255)  # retries of a command and of a target

@@ -41,8 +41,8 @@ def workers(work: Callable[[T], R], jobs: int) -> Iterator[Callable[[Iterable[T]
         jobs: Number of processes; 1 does the work in this process.
 
     Yields:
-        A function that takes items and yields the result of each, in their order. At most ``2 *
-        jobs`` items are taken and not yet yielded, however many there are.
+        A function that takes items and yields the result of each, in their order. At most
+        ``2 * jobs`` items are taken and not yet yielded, however many there are.
 
     Raises:
         InputError: if the work raises it, a process was killed, or loky is not installed, which

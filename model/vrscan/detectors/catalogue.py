@@ -2,8 +2,8 @@
 
 The values were chosen by ``vrscan bench tune``, which prints the whole search: the value of each
 grid with the least geometric mean of rms over bound on the training cells of ``study.bench.tune``,
-with other random numbers than any test. The instrument's own thresholds are those of ``vrscan
-efficiency``, see ``vrscan.data.config.Peak``.
+with other random numbers than any test. The instrument's own thresholds are those of
+``vrscan efficiency``, see ``vrscan.data.config.Peak``.
 """
 
 from collections.abc import Callable

@@ -27,8 +27,8 @@ class Windows:
 
     left: Ints  # first pixel
     width: Ints  # px
-    slope: Floats  # of the background, counts per px
-    sigma: Floats  # of the spot, px, from the first window
+    slope: Floats  # slope of the background, counts per px
+    sigma: Floats  # sigma of the spot, px, from the first window
 
 
 def harmonic_share(cut: Floats) -> Floats:

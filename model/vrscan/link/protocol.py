@@ -304,8 +304,8 @@ class CapturePixels:
 
     Attributes:
         sequence: Sequence number among the packets of captures, u8.
-        chunk: Number of the packet; its pixels begin with number ``link_pkg.CAPTURE_CHUNK *
-            chunk``.
+        chunk: Number of the packet; its pixels begin with number
+            ``link_pkg.CAPTURE_CHUNK * chunk``.
         line: Number of the line, u32.
         pixels: Pixels, uint16, counts.
     """

@@ -70,8 +70,8 @@ class Check:
         what: Description in a few words.
         lines: Number of lines of the sensor's length that the board made.
         compared: Number of values that were equal, or of all up to the first that was not.
-        difference: The first difference, with the value that came and the one that should have;
-            None where there is none.
+        difference: The first difference, with the value that came and the one that should have
+            come; None where there is none.
     """
 
     what: str

@@ -109,7 +109,7 @@ class MirrorRegisters:
         gain *= 2.0 ** (pkg.LEVEL_WIDTH - pkg.AMPLITUDE_FRACTION)
         per_period = 1.0 / (mirror.integral_s * mirror.frequency_hz)
         trim = mirror.trim_hz / clock
-        per_hz = 2.0**pkg.TURN_WIDTH / clock / mirror.frequency_hz  # word steps per Hz and period
+        per_hz = 2.0**pkg.TURN_WIDTH / clock / mirror.frequency_hz  # word steps a period for 1 Hz/s
         step = mirror.trim_hz_per_s * per_hz
         trim_gain = mirror.trim_gain_hz_per_s * per_hz / 2.0**pkg.LEVEL_WIDTH
         shock = put("shock_limit", "mirror.shock_ppm", 1e-6 * mirror.shock_ppm * turns)

@@ -22,7 +22,7 @@ from vrscan.scene.timeline import Timeline
 RAYS = 33  # across a spot that is followed part by part
 _TEST = 1.5  # 1/e2 radii from the axis of the rays that test whether a spot needs them
 _MAP_STEP = 2e-4  # rad between the angles of that test: a fifth of a beam
-_SPREAD = 2.0  # reach of those rays, in 1/e2 radii, either side: 3e-4 of the peak is left
+_SPREAD = 2.0  # reach of a spot's rays, in 1/e2 radii, either side: 3e-4 of the peak is left
 _SMOOTH = 0.6  # sigma of one ray's share of the spot, in distances between rays
 _TORN, _TORN_PX = 3.0, 0.5  # a jump of the image between rays, in expected steps and px
 _SECTIONS = 6  # parts into which the way between two rays is cut to find an edge,

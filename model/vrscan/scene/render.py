@@ -48,8 +48,8 @@ class Frame:
 class Charge:
     """Mean electrons of n lines, before blooming, noise and converter.
 
-    A line's mean is ``laser_e + other_e``, and each pixel's noiseless offset is ``other_offset_e +
-    offset_e``. All of these but ``offset_e`` grow with their light.
+    A line's mean is ``laser_e + other_e``, and each pixel's noiseless offset is
+    ``other_offset_e + offset_e``. All of these but ``offset_e`` grow with their light.
     """
 
     laser_e: Singles  # electrons of the laser [n, length]

@@ -280,7 +280,7 @@ def largest_safe_power(emission: Emission) -> tuple[SafePower, ...]:
         emission: The beam and its motion.
 
     Returns:
-        Every class at every place; the classes of one place are together.
+        Every class at every place, class by class.
 
     Raises:
         InputError: for a wavelength outside 400 to 1050 nm.

@@ -81,7 +81,7 @@ class Lens(Section):
         default=[1.6172, 1.0, 1.6150, 1.0, 1.6172]
     )
     stop: int = Field(default=3, ge=1)  # the stop lies at this surface; 1 is the first
-    reflectance: Share = 0.005  # of each surface
+    reflectance: Share = 0.005  # reflectance of each surface
 
     @model_validator(mode="after")
     def _complete(self) -> "Lens":
@@ -159,8 +159,9 @@ class Stray(Section):
 class WindowGhost:
     """The beam that the scan head's window reflects twice, relative to the direct beam.
 
-    A beam is the line through ``shift * (cos b, -sin b)`` in (x, z) in the direction ``(sin b, cos
-    b)``, where b is the scan angle plus its turn; so all shifts are at the mirror's pivot.
+    A beam is the line through ``shift * (cos b, -sin b)`` in (x, z) in the direction
+    ``(sin b, cos b)``, where b is the scan angle plus its turn; so all shifts are at the mirror's
+    pivot.
     """
 
     shift_mm: Floats  # [n] shift of the ghost, less that of the direct beam

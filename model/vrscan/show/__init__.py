@@ -1,1 +1,1 @@
-"""How tables and pictures look, of every command and page; it uses ``data`` alone."""
+"""The style of the tables and pictures of every command and page; it uses ``data`` only."""

@@ -1,18 +1,18 @@
 """What each effect would do to a scene's points, and which of them are worth their time.
 
-Lines of a few blocks, near, in the middle, far, and such whose spot the camera does not see, are
-rendered with everything and then with less, always with the same random numbers, and go through the
-chain's bit-accurate model. What the position changes by is what was left out: its mean over such a
-part is the bias, the spread about it the rms.
+Lines of a few blocks are rendered with all effects and then with fewer, always with the same random
+numbers, and go through the chain's bit-accurate model. They are lines near, in the middle and far,
+and lines whose spot the camera does not see. The change of the position is that of the effects left
+out: its mean over such a part is the bias, the spread about it the rms.
 
-``auto`` leaves effects out, the dearest first and several at once where it can, as long as all that
-is left out together stays below the tolerance in every zone of a survey, with a margin for lines
-that move far, and at most three lines in a thousand of each part, or one, gain, lose or change
-their point. Each try is made on some thousand lines, and ends as soon as it cannot succeed any
-more; what is left in the end has to hold on the whole survey. What a try may cost, and what it may
-save on the scan's lines, is reckoned with typical times and not measured, so that the same scene
-gets the same effects, and so the same lines, whenever and wherever it is simulated. Where choosing
-would cost more than it saves, the scan has everything.
+``auto`` leaves effects out, the most expensive first and several at once where it can, as long as
+the change by all that is left out together stays below the tolerance in every zone of a survey,
+with a margin for lines that move far, and at most three lines in a thousand of each part, or one,
+gain, lose or change their point. Each trial is made on some thousand lines, and ends as soon as it
+cannot succeed any more; the final choice has to hold on the whole survey. The time of a trial, and
+the time that it may save on the scan's lines, are typical values and not measured, so that the same
+scene gets the same effects, and so the same lines, whenever and wherever it is simulated. Where
+choosing would take more time than it saves, the scan has all effects.
 """
 
 import itertools
@@ -38,39 +38,39 @@ from vrscan.scene.simulate import BLOCK, Scanner, picked
 from vrscan.scene.timeline import Timeline
 
 ZONES = ("near", "middle", "far")
-PARTS = (*ZONES, "hidden")  # of the survey; the last: lines whose spot the camera does not see
+PARTS = (*ZONES, "hidden")  # parts of the survey; hidden: lines whose spot the camera does not see
 JUMP_PX = 3.0
-LEAST_LINES = 16_384  # of a scan: fewer cost less in full than what there is to choose
-_SURVEY = 4  # blocks in which the survey's lines are looked for
-_PANNED = 24, 80  # blocks and consecutive lines of each, where the scanner pans
-_PER_ZONE = 340, 1280  # lines of the survey, at least and at most, if there are so many
-_SHARE = 100  # lines of the scan for each of them, in between
-_HIDDEN = 4  # times fewer lines that the camera does not see
-_STEPS, _TABLE = (16, 48, 128), 160  # lines a part: ends of a try's steps; of the budget
-_STEP = 512  # lines of a step that confirms
-_WORST = 64  # lines that were worst in a try that failed, and come first in the next
+LEAST_LINES = 16_384  # a scan of fewer lines takes less time in full than choosing
+_SURVEY = 4  # blocks in which the survey looks for its lines
+_PANNED = 24, 80  # blocks, and consecutive lines of each, where the scanner pans
+_PER_ZONE = 340, 1280  # least and largest number of survey lines, if there are that many
+_SHARE = 100  # lines of the scan per line of the survey, in between
+_HIDDEN = 4  # there are this many times fewer lines with a hidden spot
+_STEPS, _TABLE = (16, 48, 128), 160  # lines per part: ends of a trial's steps; of the budget
+_STEP = 512  # lines of a step that confirms a choice
+_WORST = 64  # worst lines of a failed trial, which come first in the next
 _STREAM = 0x9A1F
 _READY = 32  # lines that make the tables
-_SIGMAS = 2.0  # standard errors that a mean square has to be below the tolerance's
-_MOST_CHANGED = 0.003  # of a part's lines, or one: points that come, go or jump
-_STAKE = 0.03  # of what the scan costs in full is what may be spent on tries, and what they save
-_ODDS = 3.0  # times what a try costs is what it has to save: it may fail
-_RAYS = "every ray"  # left out like an effect: spots are followed ray by ray where needed
+_SIGMAS = 2.0  # standard errors by which a mean square has to be below the tolerance's
+_MOST_CHANGED = 0.003  # share of a part's lines, or one line, whose points may come, go or jump
+_STAKE = 0.03  # trials may take this share of the scan's time in full, plus what they save
+_ODDS = 3.0  # a trial has to save this many times its own time, because it may fail
+_RAYS = "every ray"  # treated like an effect: without it, rays are followed only where needed
 
 
 @dataclass(frozen=True)
 class Difference:
-    """What leaving something out changes, by part of the lines; mean and spread of positions."""
+    """The change by leaving something out, by part of the lines: mean and spread of positions."""
 
-    bias_px: Floats  # [4], as ``PARTS``
-    rms_px: Floats  # about the bias
-    bias_mm: Floats  # in z
+    bias_px: Floats  # mean change [4], in the order of ``PARTS``
+    rms_px: Floats  # rms change about the bias
+    bias_mm: Floats  # mean change in z
     rms_mm: Floats
     changed: Floats  # share of lines with a point in only one of the two, or two far apart
 
     @property
     def total_px(self) -> Floats:
-        """Bias and spread together, near, middle and far [3]."""
+        """Return bias and spread together, near, middle and far [3]."""
         return np.hypot(self.bias_px, self.rms_px)[: len(ZONES)]
 
 
@@ -79,44 +79,44 @@ _NOTHING = Difference(*np.zeros((5, len(PARTS))))
 
 @dataclass(frozen=True)
 class Prediction:
-    """One effect in this scene."""
+    """The prediction for one effect in this scene."""
 
     name: str
     difference: Difference
-    microseconds: float  # a line
+    microseconds: float  # time per line
     on: bool
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Which effects a scene gets, and what the others would have done."""
+    """The effects that a scene gets, and the changes that the others would have made."""
 
     fidelity: str  # "auto", "full", "minimal" or "list"
     tolerance_px: float
     active: frozenset[str]
     every_ray: bool
     present: tuple[str, ...]  # the effects that the scene has
-    predictions: tuple[Prediction, ...]  # of them, where they were asked for
-    absent: tuple[str, ...]  # the others
-    left_out: Difference  # measured: everything that is off, together
+    predictions: tuple[Prediction, ...]  # one for each, where they were asked for
+    absent: tuple[str, ...]  # the other effects
+    left_out: Difference  # measured change by all effects that are off, together
     distance_mm: Floats  # mean z of each zone [3]
-    microseconds: tuple[float, float]  # a line: as planned, and with everything; or NaN
-    count: int  # lines of the scan
-    lines: int  # that the predictions, or else what is left out, were measured on
-    seconds: float  # that the planning took
+    microseconds: tuple[float, float]  # per line: as planned, and with all effects; or NaN
+    count: int  # number of lines of the scan
+    lines: int  # number of lines on which predictions or left_out were measured
+    seconds: float  # time that the planning took
 
 
 @dataclass(frozen=True)
 class Survey:
-    """Lines of some blocks of a scan, of each part about as many, in the order of their use."""
+    """Lines from some blocks of a scan, about as many of each part, in the order of their use."""
 
-    numbers: Ints  # [n]
-    part: Ints  # index into ``PARTS`` [n]
-    rank: Ints  # rising: which of its part a line is [n]
+    numbers: Ints  # numbers of the lines [n]
+    part: Ints  # part of each line, an index into ``PARTS`` [n]
+    rank: Ints  # rising index of a line within its part [n]
     distance_mm: Floats  # mean z of the zones [3]
 
     def first(self, per_part: int) -> int:
-        """Return how many lines the first ``per_part`` of each part are."""
+        """Return the number of lines among which are the first ``per_part`` of each part."""
         return int(np.searchsorted(self.rank, per_part))
 
 
@@ -131,18 +131,18 @@ def plan(
     worth: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Plan:
-    """Return which effects a scan gets.
+    """Return the plan of the effects that a scan gets.
 
     Args:
         light: The scene and the instrument.
-        count: Lines of the scan, from which the survey is drawn.
+        count: Number of lines of the scan, from which the survey is drawn.
         fidelity: ``auto``, ``full``, ``minimal``, or a list of effects; the scene's own if None.
-        tolerance_px: Of ``auto``; the scene's own if None.
-        each: Whether what single effects do is asked for. ``auto`` then chooses as for
+        tolerance_px: Tolerance of ``auto``; the scene's own if None.
+        each: Whether the changes by single effects are asked for. ``auto`` then chooses as for
             ``LEAST_LINES`` if the scan is shorter.
-        seen: ``survey`` of the same scan, if somebody has made it.
-        worth: Lines on which the choice of ``auto`` has to pay; ``count`` if None.
-        progress: Called with the number of steps done and of all.
+        seen: Result of ``survey`` for the same scan, if there is one.
+        worth: Number of lines on which the choice of ``auto`` has to pay; ``count`` if None.
+        progress: Called with the number of steps done and the number of all steps.
 
     Raises:
         InputError: if the camera sees none of the lines, an effect or fidelity is unknown, or the
@@ -179,9 +179,9 @@ def plan(
     cost: dict[str, float] = {}
     measured: dict[frozenset[str], float] = {}
     if each or wanted not in ("auto", "full"):
-        trial.points(table_rows[:_READY], full)  # makes the tables, lest one effect pays for them
+        trial.points(table_rows[:_READY], full)  # makes the tables; their time is not an effect's
         reference = trial.points(table_rows, full)
-        measured = dict(trial.microseconds)  # together with the price of each effect
+        measured = dict(trial.microseconds)  # includes the time of each effect
         cost = {name: 1e6 * trial.seconds.get(name, 0.0) / len(part) for name in have}
     tick()
     for name in have if each else ():
@@ -216,13 +216,13 @@ def plan(
 
 
 def survey(light: Light, count: int) -> Survey:
-    """Return what there is to see in a scan.
+    """Return the survey of a scan.
 
     Raises:
         InputError: if the camera sees none of the lines.
     """
     scanner = Scanner(light, count, frozenset())
-    # A scanner that pans sees each place in few lines, and what it sees there takes its time.
+    # A scanner that pans sees each place in few lines, and the view of each place takes time.
     some, rows = (_SURVEY, BLOCK) if light.scene.scan.pan_mm_per_s == 0.0 else _PANNED
     blocks = np.unique(np.linspace(0, scanner.blocks - 1, some).round().astype(np.int64))
     numbers, depths = [], []
@@ -253,30 +253,30 @@ def survey(light: Light, count: int) -> Survey:
 
 
 class _Trial:
-    """Lines of a survey, rendered with any set of effects, and compared with all effects.
+    """A survey's lines, rendered with any set of effects and compared with all effects.
 
     ``_RAYS`` among the effects stands for every spot's being followed ray by ray.
     """
 
-    seconds: dict[str, float]  # of each effect, in the last lines rendered
+    seconds: dict[str, float]  # time of each effect in the last lines rendered
 
     def __init__(
         self, light: Light, count: int, seen: Survey, tolerance_px: float, full: frozenset[str]
     ) -> None:
         self.light, self.seen, self.tolerance_px, self.full = light, seen, tolerance_px, full
         self._count = count
-        self.spent_us = 0.0  # what all renderings have cost, typically
-        self.microseconds: dict[frozenset[str], float] = {}  # a line, at best, by effects
+        self.spent_us = 0.0  # typical time of all renderings so far
+        self.microseconds: dict[frozenset[str], float] = {}  # best time per line, by effects
         self._registers = Registers.from_config(light.config)
         tries, last = seen.first(_PER_ZONE[0]), len(seen.numbers)
         ends = {0, *(seen.first(n) for n in _STEPS), tries, *range(tries, last, _STEP), last}
         self._steps = [np.arange(a, b) for a, b in itertools.pairwise(sorted(ends))]
-        self._references: dict[int, Table] = {}  # of steps, by their first line
-        self._worst: tuple[Ints, Table] | None = None  # lines that failed, and their reference
+        self._references: dict[int, Table] = {}  # references of steps, by their first line
+        self._worst: tuple[Ints, Table] | None = None  # the worst lines, and their reference
 
     @cached_property
     def _given(self) -> tuple[Timeline, Pixels]:
-        """What the survey's lines are rendered from."""
+        """Return the input of rendering for the survey's lines."""
         return Scanner(self.light, self._count, frozenset()).given(self.seen.numbers)
 
     def points(self, rows: Ints, effects: frozenset[str]) -> Table:
@@ -299,10 +299,10 @@ class _Trial:
         return table(run_fixed(frame.lines, angle, power, self._registers))
 
     def judge(self, effects: frozenset[str], lines: int) -> Difference | None:
-        """Return what the other effects do to the first lines, or None as soon as it is too much.
+        """Return the change by the other effects on the first lines, or None once it is too large.
 
-        Of each zone the mean square of what moves, and ``_SIGMAS`` standard errors of that mean
-        more, has to be below the tolerance's square. So a few lines that move far weigh more.
+        For each zone the mean square of the changes, plus ``_SIGMAS`` standard errors of that mean,
+        has to be below the tolerance's square. So a few lines that move far weigh more.
         """
         part = self.seen.part[:lines]
         size = np.bincount(part, minlength=len(PARTS)).astype(np.float64)
@@ -342,15 +342,15 @@ class _Trial:
         share: float = 1.0,
         kept: Floats | None = None,
     ) -> bool:
-        """Return whether some lines alone are too much for all of their part.
+        """Return whether some lines alone change too much for all of their part.
 
         Args:
-            spent: Of the lines, as ``_spent`` has it [2, n].
-            part: Of the lines [n].
-            size: Lines of each part [4].
-            share: Of the lines that these are; they may have the root of that share of what
-                squares may add up to.
-            kept: Lines of each part that have both points [4]; ``size`` if None.
+            spent: Changes of the lines, from ``_spent`` [2, n].
+            part: Part of each line [n].
+            size: Number of lines of each part [4].
+            share: Share of all lines that these are; they may use up the square root of that share
+                of the sum that all squares may have.
+            kept: Number of lines of each part that have both points [4]; ``size`` if None.
         """
         square, fourth, other = (
             np.bincount(part, values, len(PARTS))
@@ -365,21 +365,21 @@ class _Trial:
 
 
 def _spent(first: Table, second: Table, config: Config) -> Floats:
-    """Return of each line the square of what has moved, and whether its point is another [2, n]."""
+    """Return each line's square of the change, and whether its point is another one [2, n]."""
     apart = moved(first, second, config)
     other = (np.abs(apart) > JUMP_PX) | (first.located != second.located)
     return np.array([np.where(other, 0.0, np.square(apart)), other])
 
 
 def moved(first: Table, second: Table, config: Config) -> Floats:
-    """Return how far points are from those of a second table, px [n], 0 without a point in both.
+    """Return the distances of points from those of a second table, px [n], 0 without both points.
 
-    Where the angle differs and not the spot (the index does that), it is the pixels that would move
-    z as far.
+    Where the angle differs and not the spot (as by the index), the distance is that in pixels which
+    would move z as far.
 
     Args:
         first: n points.
-        second: Of the same lines.
+        second: Points of the same lines.
         config: The instrument, for the slope dz/dx_s.
     """
     both = first.located & second.located
@@ -394,15 +394,15 @@ def moved(first: Table, second: Table, config: Config) -> Floats:
 
 
 def difference(first: Table, second: Table, part: Ints, light: Light) -> Difference:
-    """Return how two tables of the same lines differ, by part.
+    """Return the difference of two tables of the same lines, by part.
 
-    Points more than ``JUMP_PX`` apart are of two peaks, not of one that moved: they count as
+    Points more than ``JUMP_PX`` apart belong to two peaks, not to one that moved: they count as
     changed, and not in bias and rms.
 
     Args:
         first: n points.
-        second: Of the same lines.
-        part: 0 to 3 for each line, as ``PARTS`` [n].
+        second: Points of the same lines.
+        part: Part of each line, 0 to 3 in the order of ``PARTS`` [n].
         light: The instrument, for the slope dz/dx_s.
     """
     both = first.located & second.located
@@ -432,12 +432,12 @@ def _part(
 
 
 def _us(effects: frozenset[str]) -> float:
-    """Return what a line with these effects typically costs, up to its point."""
+    """Return the typical time of a line with these effects, up to its point."""
     return typical_us(effects - {_RAYS}, every_ray=_RAYS in effects) + LINE_US
 
 
 def _auto(trial: _Trial, worth: int, tick: Callable[[], None]) -> tuple[frozenset[str], Difference]:
-    """Return the effects that are on, with ``_RAYS`` if every spot needs them, and what is lost."""
+    """Return the effects that are on, with ``_RAYS`` if every spot needs them, and the change."""
     lines = trial.seen.first(_PER_ZONE[0])
     full = state = trial.full
     kept = [(full, _NOTHING)]
@@ -453,7 +453,7 @@ def _auto(trial: _Trial, worth: int, tick: Callable[[], None]) -> tuple[frozense
     others = [name for name in dear if name not in WHOLE_LINE]
     todo = [everywhere, [_RAYS], [name for name in others if EFFECTS[name].typical_us > 0.0]]
     while todo:
-        # A spot that needs its rays where a plane does not do needs more than a plane.
+        # Where spots need their rays if a plane is wrong, they need more than a plane.
         names = [name for name in todo.pop(0) if name != "footprint" or _RAYS not in state]
         less = state.difference(names)
         saved_us = worth * (_us(full) - _us(state))

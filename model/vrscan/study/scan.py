@@ -1,8 +1,8 @@
-"""A simulated scan, block by block: light, points, files and errors, in memory of one size.
+"""A simulated scan, block by block: light, points, files and errors, in constant memory.
 
 A process simulates a block of lines and runs the engine on it, so pixels stay where they are made.
-What comes back are the bytes of the files and the sums of the errors. The lines themselves come
-back only where they are to be kept.
+It returns the bytes of the files and the sums of the errors, and the lines themselves only where
+they are to be kept.
 """
 
 from collections.abc import Callable
@@ -19,18 +19,18 @@ from vrscan.engines.engine import Engine, processes, run_block
 from vrscan.scene.simulate import BLOCK, Scanner
 from vrscan.study.report.tally import Tally
 
-MOST_DRAWN = 30_000  # lines of a picture
-_JOINED = 64  # samples
-_STREAM = 0xD2A3  # of the random numbers that pick them
+MOST_DRAWN = 30_000  # largest number of lines of a picture
+_JOINED = 64  # number of samples that are joined at a time
+_STREAM = 0xD2A3  # stream of the random numbers that pick the samples
 
 
 @dataclass(frozen=True)
 class Sample:
-    """Lines that stand for all of a scan in its picture: all of them where they are few."""
+    """Lines that represent a whole scan in its picture: all of them if they are few."""
 
-    lines: Lines  # n, of no pixels
+    lines: Lines  # n lines without pixels
     points: Table
-    y_mm: Floats  # where the scanner was [n]
+    y_mm: Floats  # position of the scanner [n]
 
     @classmethod
     def joined(cls, parts: list["Sample"]) -> "Sample":
@@ -44,13 +44,13 @@ class Sample:
 
 @dataclass(frozen=True)
 class Part:
-    """What a block of a scan comes to."""
+    """The results of one block of a scan."""
 
-    csv: bytes  # of ``csv_rows``
-    ply: bytes  # of ``ply_vertices``
+    csv: bytes  # result of ``csv_rows``
+    ply: bytes  # result of ``ply_vertices``
     tally: Tally
     sample: Sample
-    lines: Lines | None  # with their truth, if they are kept
+    lines: Lines | None  # lines with their truth, if they are kept
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class _Work:
         taken = self.scanner.part(number)
         lines, y_mm = taken.lines, taken.timeline.y_mm
         truth = lines.truth
-        assert truth is not None  # a simulation has one
+        assert truth is not None  # a simulation has a truth
         points = run_block(self.engine, lines, self.scanner.light.config, number * BLOCK)
         rng = np.random.default_rng((self.scanner.light.scene.seed, _STREAM, number))
         drawn = rng.random(len(lines)) < MOST_DRAWN / self.scanner.count
@@ -90,11 +90,11 @@ def scan(
     """Scan a scene.
 
     Args:
-        scanner: The scene, its effects, and how many lines.
-        engine: Who turns lines into points; ``engines.prepare`` has been called.
+        scanner: The scene, its effects, and the number of lines.
+        engine: The engine that turns lines into points; ``engines.prepare`` has been called.
         take: Called with each block, in the order of its lines.
         keep: Whether blocks come with their lines.
-        jobs: Processes, as for ``engines.processes``. The blocks do not depend on it.
+        jobs: Number of processes, as for ``engines.processes``. The blocks do not depend on it.
         progress: Called with the number of lines done so far.
 
     Raises:
@@ -108,9 +108,9 @@ def scan(
             take(each)
             tally = each.tally if tally is None else tally + each.tally
             samples.append(each.sample)
-            if len(samples) == _JOINED:  # a sample of no lines takes memory, too
+            if len(samples) == _JOINED:  # even a sample without lines takes memory
                 samples = [Sample.joined(samples)]
             if progress is not None:
                 progress(tally.lines)
-    assert tally is not None  # of one line at least
+    assert tally is not None  # there is at least one line
     return tally, Sample.joined(samples)

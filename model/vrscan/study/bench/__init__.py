@@ -1,5 +1,6 @@
-"""The benchmark: error against cost, of detectors and of the whole instrument.
+"""The benchmark: error against cost, for detectors and for the whole instrument.
 
-``cells`` names the work, ``runner`` does it on all cores or on a cluster and keeps what is done,
-``sections`` has a module for each part of the page and ``page`` puts them together.
+A cell is one piece of work with its figures. ``cells`` defines cells, ``runner`` computes them on
+all cores or on a cluster and keeps the results, ``sections`` has a module for each part of the
+page, and ``page`` puts the parts together.
 """

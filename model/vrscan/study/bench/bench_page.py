@@ -1,8 +1,8 @@
 """The page: blocks of text, tables and pictures, and the one file that holds them all.
 
 Every table row has an id, so that other pages can link to ``index.html#id``. Nothing is fetched
-from anywhere: styles are in the head and pictures in the text. Beside the page lie the same tables
-as CSV and the same pictures as PNG.
+from elsewhere: styles are in the head and pictures in the text. The same tables as CSV and the same
+pictures as PNG are written next to the page.
 """
 
 import base64
@@ -98,7 +98,7 @@ Block = Text | Heading | Picture | Table[Row] | Attachment
 
 @dataclass(frozen=True)
 class Part:
-    """A section as it is shown."""
+    """A section in the form in which it is shown."""
 
     key: str
     title: str
@@ -115,7 +115,7 @@ def page(title: str, lead: str, facts: Iterable[tuple[str, str]], parts: Sequenc
         parts: The sections.
 
     Raises:
-        ValueError: if two things on it have the same id.
+        ValueError: if two elements on it have the same id.
     """
     text = template("vrscan.study.bench", "page.html.j2").render(
         title=title, lead=lead, facts=facts, parts=parts, ink=INK, light=LIGHT, quiet=QUIET
@@ -128,7 +128,7 @@ def page(title: str, lead: str, facts: Iterable[tuple[str, str]], parts: Sequenc
 
 
 def files(parts: Iterable[Part]) -> dict[str, bytes]:
-    """Return the files beside the page by name.
+    """Return the files next to the page by name.
 
     Raises:
         ValueError: if two have the same name.

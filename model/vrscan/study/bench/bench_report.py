@@ -1,4 +1,4 @@
-"""``vrscan bench report``: computes what the sections ask for and writes the page."""
+"""The command ``vrscan bench report``: computes the cells of all sections and writes the page."""
 
 import os
 import platform
@@ -24,7 +24,7 @@ INDEX = "index.html"
 
 
 def machine() -> str:
-    """Return what a time was measured on: processor, number of processors, system and Python."""
+    """Return the machine on which times are measured: processor, processors, system and Python."""
     model = platform.processor() or platform.machine()
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
@@ -36,7 +36,7 @@ def machine() -> str:
 
 
 def cells(order: Order, sections: Sequence[Section] = ALL) -> list[Cell]:
-    """Return every cell that the sections ask for, each once."""
+    """Return every cell that the sections need, each once."""
     found: dict[str, Cell] = {}
     for section in sections:
         for cell in section.cells(order):
@@ -54,15 +54,15 @@ def make(
     sections: Sequence[Section] = ALL,
     kept: Path | None = None,
 ) -> list[Path]:
-    """Compute what is not kept and write page, tables and pictures; returns the files.
+    """Compute the cells that are not kept, and write page, tables and pictures; return the files.
 
     Args:
-        order: What is asked for.
+        order: The order that is given to all sections.
         out: Folder of the page; it exists.
-        scheduler: Address of a Dask scheduler; without one, processes here.
-        jobs: Processes here, 0 is one for each processor.
+        scheduler: Address of a Dask scheduler; without one, local processes are used.
+        jobs: Number of local processes; 0 is one for each processor.
         progress: Called with the number of cells done so far, of ``cells``.
-        sections: Of the page.
+        sections: Sections of the page.
         kept: Folder of the computed cells; build/bench if None.
 
     Raises:
@@ -86,7 +86,7 @@ def make(
         facts(order, begin, len(wanted), scheduler),
         parts,
     )
-    written = {**page.files(parts), INDEX: text.encode()}  # the page last: all it names is there
+    written = {**page.files(parts), INDEX: text.encode()}  # the page last: its files exist
     for name, data in written.items():
         with atomic_file(out / name) as file:
             file.write(data)
@@ -96,7 +96,7 @@ def make(
 def facts(
     order: Order, begin: datetime, count: int, scheduler: str | None
 ) -> list[tuple[str, str]]:
-    """Return what the head of the page says of its making."""
+    """Return the circumstances of its making for the head of the page."""
     changed = changes(order.config)
     versions = ", ".join(f"{name} {metadata.version(name)}" for name in ("numpy", "scipy"))
     where = f"Dask cluster at {scheduler}" if scheduler else "all processors of this machine"
@@ -111,7 +111,7 @@ def facts(
 
 
 def changes(config: Config) -> list[str]:
-    """Return the values of a configuration that are not the shipped ones."""
+    """Return the values of a configuration that differ from the shipped ones."""
     shipped: dict[str, Any] = Config().model_dump()
     found = []
     for section, values in config.model_dump().items():

@@ -1,8 +1,8 @@
-"""Lines of single spots whose place is known, ugly in one way each, and the bound on their error.
+"""Lines of single spots whose position is known, each with one difficulty, and their error bound.
 
-The sensor is that of ``vrscan efficiency``: read noise 3 counts, 5 electrons a count at the shipped
-conversion factor. The spot's own pixels and those beside it hold Poisson numbers; far from the
-spot, where there is nothing but even light, the Poisson number is drawn as a normal one.
+The sensor is that of ``vrscan efficiency``: read noise 3 counts, 5 electrons per count at the
+shipped conversion factor. The spot's own pixels and those beside it hold Poisson numbers; far from
+the spot, where there is only even light, the Poisson number is drawn as a normal one.
 """
 
 import math
@@ -19,26 +19,27 @@ from vrscan.scene.sensor import REACH
 from vrscan.scene.speckle import Speckle
 from vrscan.study.report.efficiency import BACKGROUND_COUNTS, LOST_PX, READ_NOISE_COUNTS
 
-SLOPE_PX, RETURN_PX = 100, 250  # a slope is straight so far from the spot, and 0 from there on
-SPECKLE_MM = 400.0  # distance of the surface whose speckle is taken
+SLOPE_PX, RETURN_PX = 100, 250  # a slope is straight up to the first, 0 from the second on
+SPECKLE_MM = 400.0  # distance of the surface whose speckle is used
 WAVELENGTH_NM = 658.0
-_PATTERNS = 4  # of speckle in a cell
-_ANGLE_RAD = 0.3  # either way: 28 pupil widths, over which a pattern changes as often
+_PATTERNS = 4  # speckle patterns in a cell
+_ANGLE_RAD = 0.3  # either way: 28 pupil widths, over which a pattern changes that often
 
 
 @dataclass(frozen=True)
 class Spot:
-    """What the lines of a cell look like.
+    """The appearance of the lines of a cell.
 
     Attributes:
         sigma_px: Standard deviation of the spot.
-        peak: Its height, share of full scale; above 1 it is clipped.
-        level: Even light below it, counts.
-        slope: Of the background around the spot, counts/px.
-        skew: Sides of (1 - skew) and (1 + skew) times ``sigma_px``; the position is the top's.
-        contrast: Of the speckle of a pixel; at most what the lens gives.
+        peak: Height of the spot, share of full scale; above 1 it is clipped.
+        level: Even light below the spot, counts.
+        slope: Slope of the background around the spot, counts/px.
+        skew: The sides have (1 - skew) and (1 + skew) times ``sigma_px``; the position is the
+            top's.
+        contrast: Contrast of the speckle of a pixel; at most that of the lens.
         rival: Height of a second spot over that of the first.
-        rival_px: How far to the right it is.
+        rival_px: Distance of the second spot to the right.
     """
 
     sigma_px: float
@@ -52,7 +53,7 @@ class Spot:
 
     @classmethod
     def of(cls, parameters: dict[str, Any]) -> Self:
-        """Return the spot that a cell's parameters tell of; other keys are not looked at."""
+        """Return the spot that a cell's parameters describe; other keys are ignored."""
         return cls(**{f.name: parameters[f.name] for f in fields(cls) if f.name in parameters})
 
 
@@ -61,17 +62,17 @@ class Taken:
     """n lines of a spot."""
 
     lines: Pixels  # counts [n, length]
-    true: Floats  # position, px [n]
-    bound: Floats  # least variance of its estimate, px^2 [n]
+    true: Floats  # true position, px [n]
+    bound: Floats  # least variance of an estimate of it, px^2 [n]
 
 
 @dataclass(frozen=True)
 class Score:
-    """How far a detector is off; lost lines count in ``lost`` alone."""
+    """Errors of a detector; lost lines count only in ``lost``."""
 
-    rms: float  # px, bias included
-    bias: float  # px
-    spread: float  # px, about the bias
+    rms: float  # rms error including the bias, px
+    bias: float  # mean error, px
+    spread: float  # rms error about the bias, px
     lost: float  # share of lines without a position or more than LOST_PX off
 
 
@@ -79,10 +80,10 @@ def profile(centre: Floats, left: float, right: float, edges: Floats) -> tuple[F
     """Return a spot of height 1 integrated over each pixel, and its derivative by the centre.
 
     Args:
-        centre: Of the spot, px [n].
+        centre: Centres of the spots, px [n].
         left: Standard deviation of its left side, px.
-        right: Of its right side, px.
-        edges: Of the pixels, px [n, m + 1].
+        right: Standard deviation of the right side, px.
+        edges: Edges of the pixels, px [n, m + 1].
 
     Returns:
         Two arrays [n, m].
@@ -97,7 +98,7 @@ def profile(centre: Floats, left: float, right: float, edges: Floats) -> tuple[F
 def _gains(
     first: Floats, width: int, spot: Spot, config: Config, rng: np.random.Generator
 ) -> Floats:
-    """Return what speckle multiplies the light of each pixel of each window by [n, width]."""
+    """Return the gain of speckle for each pixel of each window [n, width]."""
     lens, count = Lens(), len(first)
     gains = np.empty((count, width))
     for part in np.array_split(np.arange(count), _PATTERNS):
@@ -134,14 +135,14 @@ def most_contrast(config: Config) -> tuple[float, float]:
 def take(spot: Spot, count: int, config: Config, rng: np.random.Generator) -> Taken:
     """Return lines of a spot that is anywhere between two pixels, in the middle half of the line.
 
-    The bound knows the background, the second spot and the speckle's mean, and that a pixel at full
-    scale tells nothing.
+    The bound assumes that the background, the second spot and the speckle's mean are known, and
+    that a pixel at full scale carries no information.
 
     Args:
-        spot: How it looks.
-        count: Lines.
+        spot: Appearance of the spot.
+        count: Number of lines.
         config: Sensor and conversion factor.
-        rng: Source of everything random.
+        rng: Source of all random numbers.
     """
     length, kappa = config.sensor.line_length, config.peak.kappa
     full = 2**config.sensor.pixel_width - 1
@@ -185,11 +186,11 @@ def take(spot: Spot, count: int, config: Config, rng: np.random.Generator) -> Ta
 
 
 def score(position: Floats, true: Floats) -> Score:
-    """Return how far positions are off.
+    """Return the errors of positions.
 
     Args:
-        position: Found, px, NaN where nothing was [n].
-        true: px [n].
+        position: Positions found, px, NaN where none was found [n].
+        true: True positions, px [n].
     """
     error = position - true
     with np.errstate(invalid="ignore"):

@@ -1,9 +1,9 @@
-"""A cell: named work with its parameters and its seed, the figures it comes to, and its key.
+"""A cell: named work with its parameters and its seed, the figures that result, and its key.
 
 Work is named ``module:function``. The function takes parameters and seed and returns figures. So a
-cell can be done by any process that has the package, and a result is kept under a key of
-parameters, seed and code: all that the module imports, and the other files that it reads, which it
-names in ``READS``, of the package or below ``rtl/`` and ``tb/``.
+cell can be computed by any process that has the package. A result is kept under a key of
+parameters, seed and code. The code is all that the module imports, and the other files that it
+reads, which it names in ``READS``: files of the package or below ``rtl/`` and ``tb/``.
 """
 
 import ast
@@ -21,11 +21,11 @@ from typing import Any
 from vrscan.data.config import Config
 from vrscan.engines.tools import hardware_root
 
-Figures = dict[str, Any]  # what JSON holds
+Figures = dict[str, Any]  # values that JSON can hold
 Work = Callable[[dict[str, Any], int], Figures]
 
 _PACKAGE = Path(__file__).parents[2]
-_BESIDE = ("rtl/", "tb/")  # patterns that begin so are of the repository
+_BESIDE = ("rtl/", "tb/")  # patterns that begin with these belong to the repository
 
 
 @dataclass(frozen=True)
@@ -33,10 +33,11 @@ class Cell:
     """One piece of work.
 
     Attributes:
-        work: ``module:function``.
-        parameters: What JSON holds; the configuration, where it matters, is one of them.
-        seed: Of all its random numbers.
-        timed: It measures time: it runs alone, on this machine, and its figures are this machine's.
+        work: Name of the work, ``module:function``.
+        parameters: Values that JSON can hold; the configuration, where it matters, is one of them.
+        seed: Seed of all random numbers.
+        timed: Whether it measures time: it then runs alone, on this machine, and its figures belong
+            to this machine.
     """
 
     work: str
@@ -48,7 +49,7 @@ class Cell:
         """Return the name under which the figures are kept: a hash of all that they depend on.
 
         Args:
-            machine: What measures the time; it is part of the key of a timed cell alone.
+            machine: Machine that measures the time; it is part of the key of timed cells only.
         """
         known = [self.work, self.parameters, self.seed, machine if self.timed else ""]
         text = json.dumps([*known, version(self.work)], sort_keys=True)
@@ -56,7 +57,7 @@ class Cell:
 
 
 def resolve(work: str) -> Work:
-    """Return the function of a work.
+    """Return the function of a named work.
 
     Raises:
         ImportError: if there is no such module.
@@ -73,7 +74,7 @@ def version(work: str) -> str:
 
     Raises:
         ImportError: if there is no such module.
-        FileNotFoundError: if there is none of the files that it says it reads.
+        FileNotFoundError: if a file that it names in ``READS`` does not exist.
     """
     digest = hashlib.sha256()
     for name, file in files(work).items():
@@ -86,18 +87,18 @@ def version(work: str) -> str:
     return digest.hexdigest()
 
 
-_distributions = cache(metadata.packages_distributions)  # it reads what every package has
+_distributions = cache(metadata.packages_distributions)  # it reads the contents of every package
 
 
 def files(work: str) -> dict[str, Path]:
-    """Return the files that a work depends on, by a name that is the same on every machine.
+    """Return the files that a work depends on, by names that are the same on every machine.
 
     They are its module with all that this imports of the package, directly or not, and what its
     ``READS`` names.
 
     Raises:
         ImportError: if there is no such module.
-        FileNotFoundError: if there is none of the files that it says it reads.
+        FileNotFoundError: if a file that it names in ``READS`` does not exist.
     """
     found = dict(_closure(work)[0])
     module = importlib.import_module(work.partition(":")[0])
@@ -112,9 +113,9 @@ def files(work: str) -> dict[str, Path]:
 
 @cache
 def _closure(work: str) -> tuple[dict[str, Path], frozenset[str]]:
-    """Return the modules of the package that a work's needs, and the names of the libraries.
+    """Return the modules of the package that a work's module needs, and the names of the libraries.
 
-    An import counts wherever it stands, in a function too, but for those of types alone.
+    An import counts wherever it stands, also in a function, except one for types only.
     """
     first = work.partition(":")[0]
     spec = importlib.util.find_spec(first)
@@ -162,9 +163,9 @@ def _imported(file: Path, source: bytes) -> frozenset[str]:
 
 
 def do(work: str, parameters: dict[str, Any], seed: int) -> tuple[str, Figures]:
-    """Do a cell's work; returns the version of the code that did it, and the figures.
+    """Compute a cell; return the version of the code that computed it, and the figures.
 
-    The figures have been through JSON, so that fresh and kept ones are the same.
+    The figures have been through JSON, so that fresh and kept figures are equal.
     """
     figures = resolve(work)(parameters, seed)
     return version(work), json.loads(json.dumps(figures))
@@ -176,5 +177,5 @@ def plain(config: Config) -> dict[str, Any]:
 
 
 def configuration(parameters: dict[str, Any]) -> Config:
-    """Return the configuration that is among a cell's parameters."""
+    """Return the configuration from a cell's parameters."""
     return Config.model_validate(parameters["config"])

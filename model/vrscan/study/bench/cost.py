@@ -1,4 +1,4 @@
-"""What a detector costs: lines/s of its float form here, clocks and cells of its RTL."""
+"""The cost of a detector: lines/s of its float form here, clocks and cells of its RTL."""
 
 import csv
 from collections.abc import Callable
@@ -18,21 +18,21 @@ from vrscan.study.bench.detect import source
 from vrscan.study.bench.instrument import CHUNK, MAX_WINDOW, best, reference
 
 WORK = "vrscan.study.bench.cost:software"
-TIMING = "make timing"  # fills in what the place and route tools find
+TIMING = "make timing"  # writes the results of the place and route tools
 
 
 def software(parameters: dict[str, Any], seed: int) -> Figures:
-    """Return lines/s of each detector on one core, a timed work.
+    """Return the lines/s of each detector on one core, a timed work.
 
     Each run starts from whole lines and ends at positions: background and noise of the line
     are taken first, which the chain does for itself; it also goes on to (x, z).
 
     Args:
-        parameters: ``config``, ``lines`` and the fields of ``Spot`` that are not as usual.
-        seed: Of the lines.
+        parameters: ``config``, ``lines`` and the fields of ``Spot`` that differ from the defaults.
+        seed: Seed of the lines.
 
     Returns:
-        ``rates`` by short name, and under ``reference`` that of the statistics alone.
+        ``rates`` by short name, and under ``reference`` the rate of the statistics alone.
     """
     config, count = configuration(parameters), int(parameters["lines"])
     lines = take(Spot.of(parameters), count, config, source(parameters, seed)).lines

@@ -1,7 +1,7 @@
 """The detector with other widths: its positions against float64, and against the truth in noise.
 
-The window, its background and its noise sums are the shipped ones; what changes is how the first
-harmonic of (8) is taken, as in rtl/peak/phase_correlate.sv with other widths.
+The window, its background and its noise sums are the shipped ones. Only the computation of the
+first harmonic of (8) changes: it is that of rtl/peak/phase_correlate.sv with other widths.
 """
 
 import math
@@ -33,18 +33,18 @@ EXACT, NOISY, SKEWED = (
 )
 
 SPOTS_PX = (1.0, 2.0, 4.0, 8.0, 12.0, 40.0)  # without noise; the last fills the largest window
-HEIGHTS = (0.05, 0.5)  # of full scale
-SKEW, SKEW_PX = 0.25, 3.0  # sides of 0.75 and 1.25 times so many px
-SKEW_HEIGHTS = (0.1, 0.2, 0.5, 0.9)  # of full scale
+HEIGHTS = (0.05, 0.5)  # shares of full scale
+SKEW, SKEW_PX = 0.25, 3.0  # sides of 0.75 and 1.25 times this many px
+SKEW_HEIGHTS = (0.1, 0.2, 0.5, 0.9)  # shares of full scale
 RANGES_MM = (250.0, 500.0, 1000.0)
 _STEP_WIDTH = phase_correlate.STEP_WIDTH
 _TURN = 1 << _STEP_WIDTH
-_CHUNK = 256  # lines
+_CHUNK = 256  # lines computed at a time
 
 
 @dataclass(frozen=True)
 class Cut:
-    """n windows of the lines that they are in; int64 [n]."""
+    """n windows with the lines that contain them; int64 [n]."""
 
     left: Ints
     width: Ints
@@ -61,13 +61,13 @@ class Place:
 
 
 def harmonic(lines: Pixels, cut: Cut, design: Design, *, period_n: bool) -> tuple[Ints, Ints]:
-    """Return X and Y of (8) as the first pass of phase_correlate with these widths gives them.
+    """Return X and Y of (8) as the first pass of phase_correlate gives them with these widths.
 
     Args:
         lines: Pixels [n, line_length].
-        cut: Their windows.
+        cut: Windows of the lines.
         design: The widths.
-        period_n: T = N instead of N - 1.
+        period_n: Whether T = N; otherwise T = N - 1.
     """
     place = np.arange(int(cut.width.max(initial=0)))
     inside = place < cut.width[:, None]
@@ -91,7 +91,7 @@ def harmonic(lines: Pixels, cut: Cut, design: Design, *, period_n: bool) -> tupl
 
 
 def placed(x: Ints, y: Ints, cut: Cut, design: Design, *, period_n: bool) -> Place:
-    """Return where the harmonics lie, as CORDIC and peak_position with these widths say."""
+    """Return the positions of harmonics as CORDIC and peak_position give them with these widths."""
     phase, _, _ = cordic_vector.cordic_vector(
         x,
         y,
@@ -110,7 +110,7 @@ def placed(x: Ints, y: Ints, cut: Cut, design: Design, *, period_n: bool) -> Pla
 
 
 def every(lines: Pixels, cut: Cut, designs: Sequence[Design], *, period_n: bool) -> list[Place]:
-    """Return the positions of the same windows with each of the designs."""
+    """Return the positions of the same windows for each of the designs."""
     sums: dict[tuple[int, int, int, int], tuple[Ints, Ints]] = {}
     found = []
     for design in designs:
@@ -128,7 +128,7 @@ def bound(design: Design, ratio: float = 0.1) -> float:
 
     Args:
         design: The widths.
-        ratio: Of first harmonic to the sum of the heights.
+        ratio: Ratio of the first harmonic to the sum of the heights.
     """
     width = np.arange(pkg.MIN_WINDOW, MAX_WINDOW + 1)[:, None]
     place = np.arange(MAX_WINDOW)
@@ -157,8 +157,8 @@ def clocks(design: Design, width: int, first_width: int | None = None) -> int:
 
     Args:
         design: The widths.
-        width: Pixels in the window.
-        first_width: With two passes, those in the first window.
+        width: Number of pixels in the window.
+        first_width: With two passes, the number of pixels in the first window.
     """
     shipped = cordic_vector.latency(pkg.HARMONIC_WIDTH, pkg.ANGLE_WIDTH)
     own = cordic_vector.latency(design.xy_width, design.angle_width, design.rotations)
@@ -175,10 +175,10 @@ def clocks(design: Design, width: int, first_width: int | None = None) -> int:
 
 
 def sensor(config: Config, pixel_width: int, **peak: Any) -> Config:
-    """Return the instrument with a converter of other bits before the same light.
+    """Return the instrument with a converter of another width, under the same light.
 
     Args:
-        config: Its kappa belongs to its own pixel width.
+        config: Configuration, whose kappa belongs to its own pixel width.
         pixel_width: Bits of a pixel.
         peak: Values of [peak] that change.
     """
@@ -200,16 +200,16 @@ def light(
     draw: np.random.Generator | None,
     skew: float = 0.0,
 ) -> tuple[Floats, float]:
-    """Return lines of one spot each as they reach the converter, and the bound.
+    """Return lines of one spot each as they reach the converter, and the error bound.
 
     It is the light of ``vrscan efficiency``, in counts of 12 bits.
 
     Args:
         sigma_px: Standard deviation of the spot.
-        peak: Its height, share of full scale.
-        true: Where it is, px [n].
+        peak: Height of the spot, share of full scale.
+        true: Positions of the spots, px [n].
         config: Line length, and counts per electron at its pixel width.
-        draw: Of photons and read noise; without one there is no noise.
+        draw: Source of photons and read noise; without one there is no noise.
         skew: Sides of (1 - skew) and (1 + skew) times ``sigma_px``; the top is at ``true``.
 
     Returns:
@@ -235,7 +235,7 @@ def light(
 
 
 def converted(counts: Floats, pixel_width: int) -> Pixels:
-    """Return what a converter of so many bits makes of counts of 12 bits."""
+    """Return the output of a converter of this width for counts of 12 bits."""
     scaled = np.floor(np.ldexp(counts, pixel_width - ADC_BITS) + 0.5)
     return np.clip(scaled, 0, 2**pixel_width - 1).astype(np.uint16)
 
@@ -255,18 +255,19 @@ def _cut(points: Points) -> tuple[Ints, Cut]:
 
 
 def exact(parameters: dict[str, Any], seed: int) -> Figures:
-    """Return the error of the arithmetic alone: against (8) in float64 on the same pixels.
+    """Return the error of the arithmetic alone, against (8) in float64 on the same pixels.
 
     Spots without noise go through a pixel in fine steps. The period may wrap: an error is taken
     modulo T.
 
     Args:
-        parameters: ``config``, ``designs``, all of one pixel width, and ``steps`` a pixel.
-        seed: Of nothing.
+        parameters: ``config``, ``designs``, all of one pixel width, and ``steps`` per pixel.
+        seed: Not used.
 
     Returns:
         ``errors``, for each design rms and maximum of the position and rms before its rounding, px;
-        ``converter``, the rms of (8) in float64 by the pixels' rounding alone, px; ``windows``.
+        ``converter``, the rms error of (8) in float64 by the pixels' rounding alone, px;
+        ``windows``, their number.
     """
     designs = [Design.of(values) for values in parameters["designs"]]
     bits = designs[0].pixel_width
@@ -286,7 +287,7 @@ def exact(parameters: dict[str, Any], seed: int) -> Figures:
             lines = converted(counts, bits)
             rows, cut = _cut(_run(lines, config))
             if not rows.size:
-                continue  # too coarse a converter
+                continue  # the converter is too coarse
             period = (cut.width - (not period_n)).astype(np.float64)
             quiet = np.zeros(rows.size)
 
@@ -332,12 +333,13 @@ def noisy(parameters: dict[str, Any], seed: int) -> Figures:
     Args:
         parameters: ``config``, ``sigma_px``, ``lines`` for each height, ``designs``, and ``rules``:
             values of [peak] that change.
-        seed: Of the noise.
+        seed: Seed of the noise.
 
     Returns:
         By height of ``PEAKS``: ``bound_px``; ``designs``, the scores of each; ``rules``, the scores
-        of each, with the mean of the window's pixels, ``width``, of the first window's, where there
-        are two, ``first``, and the share of lines with the flag RIVAL, ``rival``: there is none.
+            of each with ``width``, the mean number of pixels of the window, ``first``, that of the
+            first window where there are two, and ``rival``, the share of lines with the flag RIVAL,
+            although there is no rival.
     """
     base = configuration(parameters)
     sigma, count = float(parameters["sigma_px"]), int(parameters["lines"])
@@ -391,15 +393,15 @@ def noisy(parameters: dict[str, Any], seed: int) -> Figures:
 
 
 def skewed(parameters: dict[str, Any], seed: int) -> Figures:
-    """Return how far rules of the window move a skewed spot as its height changes.
+    """Return how far each rule of the window moves a skewed spot as its height changes.
 
     Args:
         parameters: ``config``, ``lines`` for each of ``SKEW_HEIGHTS``, and ``rules``: values of
             [peak] that change.
-        seed: Of the noise.
+        seed: Seed of the noise.
 
     Returns:
-        ``moved``: largest less smallest mean position of each rule, px.
+        ``moved``: largest less smallest mean position for each rule, px.
     """
     base, count = configuration(parameters), int(parameters["lines"])
     rules: list[dict[str, Any]] = parameters["rules"]
@@ -422,7 +424,7 @@ def _mean(parts: Sequence[Floats]) -> float:
 
 
 def _first_widths(lines: Pixels, config: Config) -> Floats:
-    """Return the pixels of the windows that the threshold cuts, px [n]."""
+    """Return the widths of the windows that the threshold cuts, px [n]."""
     _, found = first_windows(lines, Registers.from_config(config), MAX_WINDOW)
     return found.width.astype(np.float64)
 

@@ -1,8 +1,8 @@
-"""What the detector with other widths takes of an FPGA: its RTL, rewritten and synthesised.
+"""The size of the detector with other widths on an FPGA: its RTL, rewritten and synthesised.
 
-The widths that are parameters, or stand in a package, are changed there; table and arc tangents are
-generated as for the shipped ones. A detector is made of parts that are synthesised apart, each for
-LFE5U as ``make timing`` does, so that a part that several designs share is synthesised once.
+Widths that are parameters, or stand in a package, are changed there; table and arc tangents are
+generated like the shipped ones. A detector consists of parts that are synthesised separately, each
+for LFE5U as ``make timing`` does, so that a part that several designs share is synthesised once.
 """
 
 import hashlib
@@ -25,7 +25,7 @@ from vrscan.study.bench.widths import Design
 
 WORK = "vrscan.study.bench.design_cost:synthesise"
 
-# What a cell of the netlist takes, as scripts/timing.py counts it.
+# The resources of a netlist's cells, as scripts/timing.py counts them.
 LUTS: dict[str, float] = {"LUT4": 1, "CCU2C": 2, "TRELLIS_DPR16X4": 6}
 FLIP_FLOPS: dict[str, float] = {"TRELLIS_FF": 1}
 BLOCK_RAMS: dict[str, float] = {"DP16KD": 1, "PDPW16KD": 1}
@@ -33,17 +33,17 @@ MULTIPLIERS: dict[str, float] = {"MULT18X18D": 1, "MULT9X9D": 0.5}
 RESOURCES = {"lut": LUTS, "ff": FLIP_FLOPS, "ebr": BLOCK_RAMS, "dsp": MULTIPLIERS}
 
 _SHIPPED = Design()
-_ALONE = ("quarter_wave", "cordic_vector")  # left out of the correlator, which holds them
+_ALONE = ("quarter_wave", "cordic_vector")  # left out of the correlator, which contains them
 
 
 @dataclass(frozen=True)
 class Part:
-    """A module, and which widths it knows.
+    """A module with the widths that affect it.
 
     Attributes:
-        module: Its name in rtl/.
-        knows: Attributes of ``Design``; the others do not change it.
-        whole: With what is counted alone otherwise.
+        module: Name of the module in rtl/.
+        knows: Attributes of ``Design`` that affect it; the others do not change it.
+        whole: Whether it includes the modules that are otherwise counted separately.
     """
 
     module: str
@@ -67,10 +67,10 @@ def changed(text: str, values: Mapping[str, int | str]) -> str:
 
     Args:
         text: SystemVerilog.
-        values: By name of a parameter or localparam.
+        values: New values by name of a parameter or localparam.
 
     Raises:
-        ValueError: if one does not stand there exactly once.
+        ValueError: if one of them does not occur exactly once.
     """
     for name, value in values.items():
         declared = rf"^(\s*(?:localparam|parameter) int unsigned {name}\s*= )"
@@ -100,7 +100,7 @@ def _values(design: Design) -> dict[str, dict[str, int | str]]:
     put("quarter_wave", "AmplWidth", design.sine_width, ship.sine_width)
     put("quarter_wave", "TableBits", design.table_bits, ship.table_bits)
     put("quarter_wave", "EntryWidth", design.entry_width, ship.entry_width)
-    # d has 17 fraction bits more than the table has address bits, an entry's factor 17.
+    # d has 17 fraction bits more than the table has address bits; an entry's factor has 17.
     cut = f"PhaseWidth - {3 + design.table_bits}"
     put("quarter_wave", "StepCut", cut, f"PhaseWidth - {3 + ship.table_bits}")
     down = 34 + design.table_bits - design.entry_width
@@ -119,7 +119,7 @@ def texts(part: Part, design: Design) -> dict[str, str]:
     """Return the sources of a part by file name, packages first.
 
     Raises:
-        ValueError: if the RTL is no longer as it is taken to be here.
+        ValueError: if the RTL no longer has the form that is assumed here.
     """
     values = _values(design)
     found = {}
@@ -143,7 +143,7 @@ def _digest(sources: Mapping[str, str]) -> str:
 
 
 def cell(part: Part, design: Design) -> Cell:
-    """Return the synthesis of a part; that of designs that do not differ in it is the same."""
+    """Return the synthesis of a part; designs that do not differ in it share one cell."""
     known = {name: getattr(design, name) for name in part.knows}
     parameters: dict[str, Any] = {
         "module": part.module,
@@ -156,15 +156,15 @@ def cell(part: Part, design: Design) -> Cell:
 
 
 def synthesise(parameters: dict[str, Any], seed: int) -> Figures:
-    """Return what a part takes: ``lut``, ``ff``, ``ebr`` and ``dsp``.
+    """Return the resources of a part: ``lut``, ``ff``, ``ebr`` and ``dsp``.
 
     Args:
-        parameters: ``module``, ``whole``, ``widths`` that the part knows, and ``text``, the hash of
-            its sources.
-        seed: Of nothing.
+        parameters: ``module``, ``whole``, ``widths`` that affect the part, and ``text``, the hash
+            of its sources.
+        seed: Not used.
 
     Raises:
-        InputError: if Yosys fails or is not there, or the RTL is not the one that was asked for.
+        InputError: if Yosys fails or is missing, or the RTL is not the one that was asked for.
     """
     module = parameters["module"]
     known = tuple(parameters["widths"])
@@ -179,7 +179,7 @@ def synthesise(parameters: dict[str, Any], seed: int) -> Figures:
 
 
 def _yosys(module: str, folder: Path, names: list[str]) -> dict[str, int]:
-    """Return the cells of a synthesised module by kind.
+    """Return the number of cells of a synthesised module by kind.
 
     The tool sees /tmp as a folder of its own, so every path is given from the folder of all builds.
     """
@@ -207,7 +207,7 @@ def _yosys(module: str, folder: Path, names: list[str]) -> dict[str, int]:
 
 
 def resources(cells: Mapping[str, int]) -> Figures:
-    """Return what cells take of each resource."""
+    """Return the resources that cells take."""
     return {
         name: sum(weights.get(kind, 0) * count for kind, count in cells.items())
         for name, weights in RESOURCES.items()

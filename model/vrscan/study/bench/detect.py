@@ -18,7 +18,7 @@ _MAX_WINDOW = 2 * REACH + 1
 
 
 def source(parameters: dict[str, Any], seed: int) -> np.random.Generator:
-    """Return the random numbers of a cell: those of no other parameters and no other seed."""
+    """Return the random numbers of a cell, which no other parameters and no other seed have."""
     text = json.dumps({k: v for k, v in parameters.items() if k != "config"}, sort_keys=True)
     return np.random.default_rng([seed, zlib.crc32(text.encode())])
 
@@ -27,8 +27,8 @@ def spots(parameters: dict[str, Any], seed: int) -> Figures:
     """Return the errors of every detector on spots of one kind.
 
     Args:
-        parameters: ``config``, ``lines`` and the fields of ``Spot`` that are not as usual.
-        seed: Of the random numbers.
+        parameters: ``config``, ``lines`` and the fields of ``Spot`` that differ from the defaults.
+        seed: Seed of the random numbers.
 
     Returns:
         ``bound_px``, ``lines``, and by each detector's short name rms, bias, spread and lost.

@@ -1,4 +1,4 @@
-"""The work of the whole instrument: its error by cause, and how fast each part of it is."""
+"""The work of the whole instrument: its error by cause, and the speed of each of its parts."""
 
 import time
 from collections.abc import Callable
@@ -26,33 +26,33 @@ BUDGET, FIDELITY, SPEED, GROWTH = (
     f"vrscan.study.bench.instrument:{name}" for name in ("budget", "fidelity", "speed", "growth")
 )
 MAX_WINDOW = 255
-ROUNDS = 3  # of each, in turns; the best counts
-LEAST_S = 0.15  # processor time of a timed run: what is shorter is repeated
-CHUNK = 512  # lines at a time: what a cache holds
+ROUNDS = 3  # runs of each work, in turns; the best is used
+LEAST_S = 0.15  # processor time of a timed run; a shorter work is repeated
+CHUNK = 512  # lines computed at a time: they fit in a cache
 REFERENCE = "maximum, mean and variance of every line in numpy (ideal.statistics)"
 
 
 def budget(parameters: dict[str, Any], seed: int) -> Figures:
-    """Return what each effect does to a scene's points, and what the arithmetic adds.
+    """Return the change of a scene's points by each effect, and by the arithmetic.
 
     The scene has its own seed; ``seed`` is not used.
 
     Args:
         parameters: ``config``, ``scene`` and ``lines``.
-        seed: Of nothing.
+        seed: Not used.
 
     Returns:
         ``csv``, the table of ``vrscan budget --csv`` without its times; rms and median of positions
         and of z about the truth, the rms of those within ``JUMP_PX``, and the share beyond; rms of
         the bit-accurate model about the float equations where both have the same window, and the
-        share where they have not.
+        share of lines where they have not.
     """
     config, count = configuration(parameters), int(parameters["lines"])
     light = Light(load(parameters["scene"]), config)
     found = plan(light, count, fidelity="full", each=True)
     lines = simulate(light, count, found.active, every_ray=True).lines
     truth = lines.truth
-    assert truth is not None  # a simulation has one
+    assert truth is not None  # a simulation has a truth
     fixed, ideal = (run(engine, lines, config) for engine in (Engine.FIXED, Engine.IDEAL))
     both = fixed.located & ideal.located
     same = both & (fixed.left == ideal.left) & (fixed.width == ideal.width)
@@ -74,7 +74,7 @@ def budget(parameters: dict[str, Any], seed: int) -> Figures:
 
 
 def _without_times(text: str) -> str:
-    """Return the budget's table without the column that another run would not repeat."""
+    """Return the budget's table without its times, which another run would not repeat."""
     rows = [line.split(",") for line in text.splitlines()]
     column = rows[0].index("us_per_line")
     return "\n".join(",".join(row[:column] + row[column + 1 :]) for row in rows) + "\n"
@@ -93,7 +93,7 @@ def fidelity(parameters: dict[str, Any], seed: int) -> Figures:
 
     Args:
         parameters: ``config``, ``scene`` and ``lines``.
-        seed: Of nothing: the scene has its own.
+        seed: Not used: the scene has its own.
     """
     config, count = configuration(parameters), int(parameters["lines"])
     rows = light_fidelity.run([parameters["scene"]], count, config, rounds=2)
@@ -103,7 +103,7 @@ def fidelity(parameters: dict[str, Any], seed: int) -> Figures:
 def best(works: dict[str, Callable[[], object]], rounds: int = ROUNDS) -> dict[str, float]:
     """Return the processor time of each work, s: the best of several runs that take turns.
 
-    What is shorter than ``LEAST_S`` is repeated that long, and its mean taken.
+    A work shorter than ``LEAST_S`` is repeated for that time, and its mean is taken.
     """
     seconds = dict.fromkeys(works, float("inf"))
     times = dict.fromkeys(works, 1)
@@ -123,7 +123,7 @@ def best(works: dict[str, Callable[[], object]], rounds: int = ROUNDS) -> dict[s
 
 
 def reference(lines: Pixels) -> None:
-    """Do the named work that speeds are compared with, ``CHUNK`` lines at a time."""
+    """Do the work that speeds are compared with, ``CHUNK`` lines at a time."""
     for start in range(0, len(lines), CHUNK):
         statistics(lines[start : start + CHUNK], max_window=MAX_WINDOW)
 
@@ -133,14 +133,16 @@ def _some(recording: Lines, count: int) -> Lines:
 
 
 def speed(parameters: dict[str, Any], seed: int) -> Figures:
-    """Return lines/s of the engines on one core, a timed work; of the RTL where it can be built.
+    """Return the lines/s of the engines on one core, a timed work; the RTL's if it can be built.
 
     Args:
-        parameters: ``config``, ``lines`` of the default scene, ``rtl`` of them for the RTL.
-        seed: Of nothing: the scene has its own.
+        parameters: ``config``, ``lines`` of the default scene, and ``rtl``, the number of them for
+            the RTL.
+        seed: Not used: the scene has its own.
 
     Returns:
-        ``rates`` by name, that of the reference among them, and ``missing``, why the RTL is.
+        ``rates`` by name, including that of the reference, and ``missing``, the reason why the RTL
+        is missing.
     """
     config = configuration(parameters)
     count, few = int(parameters["lines"]), int(parameters["rtl"])
@@ -157,7 +159,7 @@ def speed(parameters: dict[str, Any], seed: int) -> Figures:
             run(Engine.RTL, _some(recording, 8), config)
             works["rtl"] = lambda: run(Engine.RTL, short, config)
             missing = ""
-        except InputError as error:  # no compiler here
+        except InputError as error:  # there is no compiler
             missing = str(error)
     seconds = best(works)
     lines = dict.fromkeys(works, count) | {"rtl": few}
@@ -166,16 +168,16 @@ def speed(parameters: dict[str, Any], seed: int) -> Figures:
 
 
 def _of_length(config: Config, length: int) -> Config:
-    """Return the instrument with lines of another length, of which it sees the same."""
+    """Return the instrument with lines of another length and the same view of the scene."""
     sensor = config.sensor.model_copy(update={"line_length": length})
-    # A longer sensor has its axis where it was: farther out its pixels see nothing.
+    # A longer sensor has its axis at the same place: its outer pixels see nothing.
     centre = min(config.geometry.centre_px, 0.5 * (length - 1))
     geometry = config.geometry.model_copy(update={"centre_px": centre})
     return config.model_copy(update={"sensor": sensor, "geometry": geometry})
 
 
 def growth(parameters: dict[str, Any], seed: int) -> Figures:
-    """Return s of the engines for one size of work, a timed work.
+    """Return the seconds of the engines for several sizes of work, a timed work.
 
     The lines are those of the default scene; a longer sensor has the same spots and more
     background, a shorter one sees less of the scene.
@@ -183,7 +185,7 @@ def growth(parameters: dict[str, Any], seed: int) -> Figures:
     Args:
         parameters: ``config``, ``sizes``, pairs of line length and number of lines, and ``rtl``,
             such pairs for the RTL.
-        seed: Of nothing: the scene has its own.
+        seed: Not used: the scene has its own.
 
     Returns:
         ``seconds``: rows of name, length, lines, s.
@@ -195,7 +197,7 @@ def growth(parameters: dict[str, Any], seed: int) -> Figures:
         light = Light(load("default"), own)
         try:
             active = plan(light, count, fidelity="full", each=False).active
-        except InputError:  # a length with which the registers overflow, or nothing is seen
+        except InputError:  # a length for which a register overflows, or nothing is seen
             continue
         recording = simulate(light, count, active).lines
         works = _growing(recording, light, active, count, own)

@@ -1,4 +1,4 @@
-"""The computed cells: one file each, which is there as a whole or not at all."""
+"""The computed cells: one file each, which is either complete or does not exist."""
 
 import json
 from datetime import UTC, datetime
@@ -13,11 +13,11 @@ class Keep:
     """A folder of figures by the keys of their cells."""
 
     def __init__(self, folder: Path, machine: str) -> None:
-        """Open the folder, and make it if there is none.
+        """Open the folder, and make it if it does not exist.
 
         Args:
-            folder: Of the files.
-            machine: What the timed cells are timed on.
+            folder: Folder of the files.
+            machine: Machine on which the timed cells are measured.
 
         Raises:
             InputError: if it cannot be made.
@@ -34,7 +34,7 @@ class Keep:
         return self._folder / f"{cell.key(self.machine)}.json"
 
     def get(self, cell: Cell) -> Figures | None:
-        """Return the figures of a cell, None where they are not there or not readable."""
+        """Return the figures of a cell, or None where they do not exist or cannot be read."""
         try:
             figures = json.loads(self.path(cell).read_text())["figures"]
         except (OSError, ValueError, KeyError, TypeError):

@@ -1,8 +1,9 @@
-"""Does cells on all cores of this machine or on a Dask cluster, and keeps what is done.
+"""Computes cells on all cores of this machine or on a Dask cluster, and keeps the results.
 
-Every cell makes its own random numbers from its own seed, so it does not matter who does it, and in
-which order. Processes here and workers there run the same code: a worker whose code differs is an
-error, not another number. On processors of another kind the last digits of a sum may still differ.
+Every cell makes its own random numbers from its own seed, so it does not matter which process
+computes it, and in which order. Local processes and workers of a cluster run the same code: a
+worker whose code differs is an error, not another number. On processors of another kind the last
+digits of a sum may still differ.
 """
 
 import asyncio
@@ -23,7 +24,7 @@ from vrscan.data.errors import InputError
 from vrscan.study.bench.cells import Cell, Figures, do, version
 from vrscan.study.bench.keep import Keep
 
-PATIENCE_S = 5.0  # for an answer of a scheduler
+PATIENCE_S = 5.0  # longest wait for an answer of a scheduler
 Progress = Callable[[int], None]
 
 
@@ -37,14 +38,14 @@ def run(
 ) -> list[Figures]:
     """Return the figures of each cell, in their order.
 
-    What is kept is not done again. What is done is kept at once, so a run that was interrupted goes
-    on where it ended. Timed cells come last, one by one, in this process.
+    Kept results are not computed again. A new result is kept at once, so an interrupted run
+    continues where it ended. Timed cells come last, one by one, in this process.
 
     Args:
-        cells: The work; the same cell twice is done once.
-        keep: Where figures are kept.
-        scheduler: Address of a Dask scheduler; without one, processes here.
-        jobs: Processes here, 0 is one for each processor.
+        cells: The work; the same cell twice is computed once.
+        keep: Store of the figures.
+        scheduler: Address of a Dask scheduler; without one, local processes are used.
+        jobs: Number of local processes; 0 is one for each processor.
         progress: Called with the number of cells done so far.
 
     Raises:
@@ -113,7 +114,7 @@ def _other(scheduler: str | None, cell: Cell) -> str:
 
 @contextlib.contextmanager
 def _executor(scheduler: str | None, workers: int) -> Iterator[Executor]:
-    """Yield who does the work."""
+    """Yield the executor of the work."""
     if scheduler is None:
         with parallel.executor(workers) as pool:
             yield pool
@@ -121,7 +122,7 @@ def _executor(scheduler: str | None, workers: int) -> Iterator[Executor]:
     from distributed import Client, KilledWorker  # takes half a second to import
     from distributed.comm.core import CommClosedError
 
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # one line says it all
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # one error line is enough
     connect: Callable[..., Client] = Client
     with connect(scheduler, timeout=PATIENCE_S, set_as_default=False) as client:
         try:
@@ -132,15 +133,15 @@ def _executor(scheduler: str | None, workers: int) -> Iterator[Executor]:
 
 
 def check(scheduler: str) -> None:
-    """See that a Dask scheduler answers and has a worker.
+    """Check that a Dask scheduler answers and has a worker.
 
     Raises:
-        InputError: if not.
+        InputError: if it does not.
     """
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     try:
         workers = asyncio.run(asyncio.wait_for(_workers(scheduler), PATIENCE_S))
-    except Exception as error:  # as many kinds as there are things that may listen there
+    except Exception as error:  # any kind, because any program may listen there
         reason = str(error).splitlines()[0] if str(error) else f"within {PATIENCE_S:g} s"
         raise InputError(f"--scheduler: no Dask scheduler at {scheduler} ({reason})") from error
     if not workers:
@@ -148,7 +149,7 @@ def check(scheduler: str) -> None:
 
 
 async def _workers(scheduler: str) -> int:
-    """Ask a scheduler how many workers it has."""
+    """Ask a scheduler for its number of workers."""
     from distributed.core import rpc
 
     ask: Callable[..., Any] = rpc

@@ -1,8 +1,8 @@
-"""The search for each detector's one parameter, on training cells of their own.
+"""The search for the best value of each detector's one parameter, on separate training cells.
 
 Each value of a grid is judged by the geometric mean, over the cells, of rms over bound; a lost line
-counts as an error of ``LOST_PX``. The test cells have other random numbers, and other spots among
-them.
+counts as an error of ``LOST_PX``. The test cells have other random numbers, and also include other
+spots.
 """
 
 import math
@@ -24,7 +24,7 @@ from vrscan.study.bench.detect import source
 from vrscan.study.report.efficiency import LOST_PX
 
 WORK = "vrscan.study.bench.tune:train"
-SEED = 19860200  # no test has it
+SEED = 19860200  # no test uses it
 SIGMAS_PX, PEAKS = (1.0, 1.7, 3.0, 5.0, 9.0), (0.05, 0.25, 0.7)
 LINES = 2000
 
@@ -67,7 +67,7 @@ def train(parameters: dict[str, Any], seed: int) -> Figures:
 
 
 def trials(figures: Sequence[Figures]) -> list[Trial]:
-    """Return what each value came to, in the order of catalogue and grid."""
+    """Return the result of each value, in the order of catalogue and grid."""
     found = []
     for each in detectors():
         means = np.mean([cell[each.key] for cell in figures], axis=0) if each.grid else []

@@ -1,4 +1,4 @@
-"""The widths of the position's arithmetic, as the design space changes them."""
+"""The widths of the position's arithmetic that the design space changes."""
 
 from dataclasses import asdict, dataclass
 from typing import Self
@@ -6,7 +6,7 @@ from typing import Self
 from vrscan.data import pkg
 from vrscan.fixed import cordic_vector, quarter_wave
 
-ADC_BITS = 12  # of the counts that noise and background are given in
+ADC_BITS = 12  # bits of the counts in which noise and background are given
 
 
 @dataclass(frozen=True)
@@ -14,12 +14,12 @@ class Design:
     """The widths that are changed; the defaults are the shipped ones.
 
     Attributes:
-        table_bits: Logarithm of the length of the quarter-wave table.
-        entry_width: Bits of its entries.
-        sine_width: Bits of a sine behind it, ``vrscan_pkg::SineWidth``.
-        phase_width: Bits of the phase before it, ``vrscan_pkg::PhaseWidth``.
+        table_bits: Logarithm to base 2 of the length of the quarter-wave table.
+        entry_width: Bits of an entry of the table.
+        sine_width: Bits of a sine that the table gives, ``vrscan_pkg::SineWidth``.
+        phase_width: Bits of the phase that addresses it, ``vrscan_pkg::PhaseWidth``.
         angle_width: Bits of the CORDIC's angle, ``vrscan_pkg::AngleWidth``.
-        rotations: Of the CORDIC.
+        rotations: Number of rotations of the CORDIC.
         pixel_width: Bits of a pixel.
     """
 
@@ -33,31 +33,31 @@ class Design:
 
     @property
     def xy_width(self) -> int:
-        """Bits of X and Y, ``vrscan_pkg::HarmonicWidth``."""
+        """Return the bits of X and Y, ``vrscan_pkg::HarmonicWidth``."""
         return pkg.ALIGNED_WIDTH + self.sine_width + pkg.WINDOW_WIDTH
 
     @property
     def sine_amplitude(self) -> int:
-        """What stands for a sine of 1, ``vrscan_pkg::SineAmplitude``."""
+        """Return the value that stands for a sine of 1, ``vrscan_pkg::SineAmplitude``."""
         return round(quarter_wave.amplitude(self.sine_width, self.table_bits, self.entry_width))
 
     @property
     def key(self) -> str:
-        """A name for rows and files."""
+        """Return a name for rows and files."""
         return "-".join(
             f"{letter}{value}" for letter, value in zip("despark", vars(self).values(), strict=True)
         )
 
     @property
     def table(self) -> tuple[int, int, int, int]:
-        """What X and Y depend on, but for the pixels."""
+        """Return the widths that X and Y depend on, except for the pixels'."""
         return self.table_bits, self.entry_width, self.sine_width, self.phase_width
 
     def plain(self) -> dict[str, int]:
-        """Return it as a parameter of a cell."""
+        """Return the design as a parameter of a cell."""
         return asdict(self)
 
     @classmethod
     def of(cls, values: dict[str, int]) -> Self:
-        """Return the design that ``plain`` gave."""
+        """Return the design from the result of ``plain``."""
         return cls(**values)

@@ -1,4 +1,4 @@
-"""What an entry of the catalogue is: lines for the whole chain, or a measurement on one module."""
+"""The entries of the catalogue: lines for the whole chain, or a measurement on one module."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -35,32 +35,32 @@ from vrscan.study.report.accuracy.position_accuracy import error_bounds, phase_b
 
 CHAIN_TEST = "test_cases.py::test_chain_rtl_equals_model"
 WARNINGS = ("AT_EDGE", "SATURATED", "RIVAL", "ROW_STATISTICS")
-OF_THE_POINT = frozenset({"NO_RANGE", "OUT_OF_RANGE"})  # which an entry without angles is not about
+OF_THE_POINT = frozenset({"NO_RANGE", "OUT_OF_RANGE"})  # not for entries without angles
 STEP_PX = 2.0**-pkg.POSITION_FRACTION
 STEP_MM = 2.0**-pkg.LENGTH_FRACTION
-TWO_PASS_PX = 0.01  # a window that is half a pixel off the middle of a symmetric spot
-UNNOTICED_PX = 0.05  # an error beyond this and four sigmas, without a warning, is told as such
-NEAR_MM, NEAR_ERROR_MM = 1000.0, 2e-3  # the chain's x and z up to there
-FARTHEST_MM = 4096.0  # of a range
+TWO_PASS_PX = 0.01  # error of a window half a pixel off the middle of a symmetric spot
+UNNOTICED_PX = 0.05  # a larger error (and four sigmas) without a warning is unnoticed
+NEAR_MM, NEAR_ERROR_MM = 1000.0, 2e-3  # range, and error of x and z up to it
+FARTHEST_MM = 4096.0  # largest range
 # A second window's width comes from a table. Its middle is the first position or, where that is
-# hardly one, that of the run: which of them may differ too, so its ends are compared loosely.
+# unreliable, that of the run. Either choice may differ too, so its ends are compared loosely.
 TABLE_PX = 2
 SIGMA_MAX_MM = (2**pkg.SIGMA_WIDTH - 1) * 2.0**-pkg.SIGMA_FRACTION
 
-# Flags that depend on where the run is cut: two passes begin with a higher cut than the one.
+# Flags that depend on the cut of the run: two passes begin with a higher cut than one pass.
 OF_THE_WINDOW = frozenset({"AT_EDGE", "TOO_NARROW", "TOO_WIDE", "NO_PHASE", "RIVAL"})
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of an entry.
+    """The outcome of an entry.
 
     Attributes:
         flags: The flags that were raised, as the page shows them.
         here: The largest error of this chain, as the page shows it.
-        printed: The same of the paper's equations in float64.
-        wrong: What is not as defined, one line each.
-        unnoticed: Lines with a position that is off without a warning, and how far, px.
+        printed: The largest error of the paper's equations in float64, as the page shows it.
+        wrong: The results that differ from the definition, one line each.
+        unnoticed: Lines with a wrong position without a warning, and the error of each, px.
     """
 
     flags: str
@@ -80,49 +80,50 @@ class Case:
 
     @property
     def rtl(self) -> tuple[str, ...]:
-        """The tests in ``tb/`` that prove it at RTL, ``file::function``."""
+        """Return the tests in ``tb/`` that prove it at RTL, ``file::function``."""
         raise NotImplementedError
 
     def outcome(self, window: str = "threshold") -> Outcome:
-        """Return what the model makes of it, checked against what is defined.
+        """Return the model's outcome, checked against the definition.
 
         Args:
-            window: Mode of the window, as ``peak.window``.
+            window: Mode of the window, a value of ``peak.window``.
         """
         raise NotImplementedError
 
 
 @dataclass(frozen=True)
 class ModuleCase(Case):
-    """An entry that lives in one module."""
+    """An entry that concerns one module."""
 
     measure: Callable[[], Outcome]
     tests: tuple[str, ...]
 
     @property
     def rtl(self) -> tuple[str, ...]:
-        """The tests of the module."""
+        """Return the tests of the module."""
         return self.tests
 
     def outcome(self, window: str = "threshold") -> Outcome:
-        """Return what the twin makes of it; the window's mode does not matter to it."""
+        """Return the twin's outcome, which does not depend on the window's mode."""
         del window
         return self.measure()
 
 
 @dataclass(frozen=True)
 class LineCase(Case):
-    """An entry that is lines through the whole chain.
+    """An entry that consists of lines through the whole chain.
 
     Attributes:
         lines: The lines, all of one length.
-        within_px: How near to ``true`` a position is, by the argument in ``defined``.
-        two_pass_px: The same for two passes; 0.01 px or ``within_px``, what is more, where None.
+        within_px: Largest distance of a position from ``true``, by the argument in ``defined``.
+        two_pass_px: The same distance for two passes; the larger of 0.01 px and ``within_px`` if
+            None.
         peak: Thresholds that differ from the shipped ones.
-        pixel_width: Bits.
+        pixel_width: Bits of a pixel.
         geometry: The triangle; with ``angle_deg`` the errors are those of the point, mm.
         angle_deg: Scan angle of every line; none where only the position matters.
-        no_range: Lines whose rays do not meet before mirror and camera.
+        no_range: Lines whose rays do not meet in front of mirror and camera.
         out_of_range: Lines whose point does not fit in its format.
     """
 
@@ -138,21 +139,21 @@ class LineCase(Case):
 
     @property
     def rtl(self) -> tuple[str, ...]:
-        """The test that sends every entry's lines through the RTL."""
+        """Return the test that sends every entry's lines through the RTL."""
         return (CHAIN_TEST,)
 
     @property
     def line_length(self) -> int:
-        """Pixels of a line."""
+        """Return the number of pixels of a line."""
         return len(self.lines[0].pixels)
 
     @property
     def build(self) -> tuple[int, int]:
-        """``LineLength`` and ``PixelWidth`` of the RTL."""
+        """Return ``LineLength`` and ``PixelWidth`` of the RTL."""
         return self.line_length, self.pixel_width
 
     def config(self, window: str = "threshold") -> Config:
-        """Return the configuration that it runs with.
+        """Return the configuration of the entry.
 
         Raises:
             ValidationError: if there is no such mode of the window.
@@ -166,17 +167,17 @@ class LineCase(Case):
 
     @cached_property
     def pixels(self) -> Pixels:
-        """Counts, uint16 [n, length]."""
+        """Return the pixels in counts, uint16 [n, length]."""
         return np.stack([line.pixels for line in self.lines]).astype(np.uint16)
 
     @cached_property
     def angle_rad(self) -> Floats:
-        """Scan angles [n]."""
+        """Return the scan angles [n]."""
         return np.asarray(np.radians(np.array(self.angle_deg or [0.0] * len(self.lines))))
 
     @property
     def power(self) -> Ints:
-        """Laser power [n]; no entry depends on it."""
+        """Return the laser power [n]; no entry depends on it."""
         return np.full(len(self.lines), 20_000, np.int64)
 
     def points(self, window: str = "threshold") -> Points:
@@ -185,12 +186,12 @@ class LineCase(Case):
         return run_fixed(self.pixels, angle_turns(self.angle_rad), self.power, registers)
 
     def oracle(self, window: str = "threshold") -> Table:
-        """Return the points of the equations in float64, as this chain has them."""
+        """Return the points of the equations in float64 in the form of this chain."""
         recording = Lines(self.pixels, self.angle_rad, self.power)
         return engines.run(Engine.IDEAL, recording, self.config(window))
 
     def outcome(self, window: str = "threshold") -> Outcome:
-        """Return what the model makes of the lines, checked against what is defined."""
+        """Return the model's outcome for the lines, checked against the definition."""
         got = table(self.points(window))
         wrong, bound = self._against_equations(got, window)
         wrong += self._against_statement(got, window, bound)
@@ -217,13 +218,14 @@ class LineCase(Case):
         """Compare flags, window and position with those of the equations in float64.
 
         Returns:
-            What differs, and by how much the widths of the formats let a position err, px [n].
+            The differences, and the largest error of a position that the widths of the formats
+            allow, px [n].
         """
         want = self.oracle(window)
         two_pass = window == "two_pass"
         wrong = []
         for name, where in want.flags.items():
-            if name == "NO_RANGE":  # decided by the last bit where rays are parallel
+            if name == "NO_RANGE":  # the last bit decides it where rays are parallel
                 continue
             for k in np.flatnonzero(got.flags[name] != where):
                 wrong.append(f"line {k}: {name} is {got.flags[name][k]}, not as in float64")
@@ -236,7 +238,7 @@ class LineCase(Case):
             for k in np.flatnonzero(meant & (np.abs(mine - theirs) > away)):
                 wrong.append(f"line {k}: {name} is {mine[k]}, {theirs[k]} in float64")
 
-        # Of the very window that was taken.
+        # The equations are applied to the very window that was taken.
         rows = np.flatnonzero(got.measured)
         left, width = got.left[rows], got.width[rows]
         heights = windows(self.pixels[rows], left, width)
@@ -271,7 +273,7 @@ class LineCase(Case):
         return wrong, bound
 
     def _against_statement(self, got: Table, window: str, bound: Floats) -> list[str]:
-        """Compare with what the entry itself states."""
+        """Compare the result with the statements of the entry itself."""
         wrong = []
         one_pass = window == "threshold"
         within = self.within_px
@@ -308,7 +310,7 @@ class LineCase(Case):
         return wrong
 
     def _points_mm(self, got: Table) -> tuple[list[Value], list[Value], list[str]]:
-        """Return the errors of the points, here and as printed, and what is not as defined."""
+        """Return the errors of the points, here and as printed, and the results that are wrong."""
         wrong: list[str] = []
         here: list[Value] = []
         there: list[Value] = []
@@ -337,7 +339,7 @@ class LineCase(Case):
             there.append(max(abs(x - float(point.x)), abs(z - float(point.z))))
             if k not in self.out_of_range:
                 reach = math.hypot(float(point.x), float(point.z))
-                # A position has half a step of its own, which goes with the slope dz/du.
+                # A position has half a step of its own, which the slope dz/du carries to z.
                 spread = abs(float(point.slope)) * self.geometry.pitch_mm * STEP_PX
                 allowed = NEAR_ERROR_MM * max(1.0, (reach / NEAR_MM) ** 2) + spread
                 if off > allowed:
@@ -351,7 +353,7 @@ class LineCase(Case):
 
 @dataclass(frozen=True)
 class SpreadCase(LineCase):
-    """Lines whose positions should be one: the error is by how much they differ."""
+    """Lines whose positions should be equal: the error is their spread."""
 
     def outcome(self, window: str = "threshold") -> Outcome:
         """Return the spread of the positions, checked against ``within_px``."""
@@ -370,12 +372,12 @@ class SpreadCase(LineCase):
 
 
 def _error(got: Table, k: int, line: Line, window: str) -> Value:
-    """Return the error of a position, px, or what there is instead."""
+    """Return the error of a position, px, or a word where there is no position."""
     if not got.measured[k]:
         return NO_POSITION
     right = line.true
     if right is None and line.position is not None:
-        # The entry knows the one-pass window's place, not that of another window.
+        # The entry states the place of the one-pass window only.
         if window != "threshold":
             return OTHER_WINDOW
         right = line.position
@@ -383,7 +385,7 @@ def _error(got: Table, k: int, line: Line, window: str) -> Value:
 
 
 def _unnoticed(got: Table, lines: Sequence[Line]) -> list[float]:
-    """Return the errors of positions that are off, and that nothing tells of."""
+    """Return the errors of wrong positions without a warning."""
     found = []
     for k, line in enumerate(lines):
         if line.true is None or not got.measured[k] or any(got.flags[n][k] for n in WARNINGS):
@@ -395,7 +397,7 @@ def _unnoticed(got: Table, lines: Sequence[Line]) -> list[float]:
 
 
 def flag_text(got: Table, leave_out: frozenset[str] = OF_THE_POINT) -> str:
-    """Return the flags of all lines, each with how many have it where not all do."""
+    """Return the flags of all lines, each with its number of lines where not all have it."""
     parts = []
     for name, where in got.flags.items():
         count = int(where.sum())

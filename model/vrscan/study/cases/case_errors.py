@@ -1,4 +1,4 @@
-"""Errors as the page shows them: numbers, or what there is in place of one."""
+"""Errors as the page shows them: numbers, or a word where there is no number."""
 
 import math
 from collections import Counter
@@ -12,7 +12,7 @@ PHANTOM = "a point where there is none"
 OTHER_WINDOW = "the place of another window"
 ZERO_SNR = "0/0 in S/N"
 ZERO_PERIOD = "0/0 in (8)"
-HUGE = 1e6  # from here on a float is what it is by rounding only
+HUGE = 1e6  # a float above this is a result of rounding only
 
 Value = float | str
 
@@ -36,11 +36,11 @@ def number(value: float, unit: str) -> str:
 
 
 def summary(values: Sequence[Value], unit: str) -> str:
-    """Return the largest of the errors, and how many lines have something else.
+    """Return the largest of the errors, and the number of lines that have a word instead.
 
     Args:
         values: An error or a word for each line.
-        unit: Of the errors.
+        unit: Unit of the errors.
     """
     count = len(values)
     numbers = [v for v in values if not isinstance(v, str)]

@@ -1,4 +1,4 @@
-"""A line of an entry, with what is defined for it."""
+"""A line of an entry, with its defined result."""
 
 from dataclasses import dataclass
 
@@ -9,14 +9,15 @@ UNMEASURED = frozenset({"LOW_SNR", "TOO_NARROW", "TOO_WIDE", "NO_PHASE"})
 
 @dataclass(frozen=True)
 class Line:
-    """One sensor line, and what is defined for it.
+    """One sensor line with its defined result.
 
     Attributes:
         pixels: Counts [length].
-        flags: Names of the flags that it raises, exactly; None: those that the equations raise.
-        true: Where the spot is, px; None where there is none, or none that could be told.
+        flags: Names of exactly the flags that it raises; None: those of the equations.
+        true: Position of the spot, px; None where there is none, or none that could be known.
         window: First and last pixel of the one-pass window, px; None: those of the equations.
-        position: By (8) with T = N over the one-pass window, px; None: that of the equations.
+        position: Position by (8) with T = N over the one-pass window, px; None: that of the
+            equations.
     """
 
     pixels: Pixels
@@ -27,5 +28,5 @@ class Line:
 
     @property
     def measured(self) -> bool | None:
-        """Whether it has a position; None where its flags are not stated."""
+        """Return whether it has a position; None where its flags are not stated."""
         return None if self.flags is None else not self.flags & UNMEASURED

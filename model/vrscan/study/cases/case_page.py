@@ -1,4 +1,4 @@
-"""docs/hard-cases.md: the catalogue, what comes of it, and what is off without a warning."""
+"""The page docs/hard-cases.md: the catalogue, its outcomes, and errors without a warning."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -36,7 +36,7 @@ def measure(progress: Callable[[int], None] | None = None) -> dict[str, list[Out
     """Return the outcomes of every entry, one for each mode of the window, by its name.
 
     Args:
-        progress: Called with the entries done so far.
+        progress: Called with the number of entries done so far.
     """
     outcomes: dict[str, list[Outcome]] = {}
     for cases in rooms().values():
@@ -49,7 +49,7 @@ def measure(progress: Callable[[int], None] | None = None) -> dict[str, list[Out
 
 
 def _each(texts: list[str]) -> str:
-    """Return what there is for every mode of the window; once where they are alike."""
+    """Return the texts for every mode of the window; one text where they are equal."""
     if len(set(texts)) == 1:
         return texts[0]
     names = [MODES[mode] for mode in WINDOWS]
@@ -58,7 +58,7 @@ def _each(texts: list[str]) -> str:
 
 
 def _here(outcome: Outcome) -> str:
-    """Return the error, and whether something tells of it."""
+    """Return the error, and whether a flag warns of it."""
     if not outcome.unnoticed:
         return outcome.here
     return f"{outcome.here}, {OFF} ({len(outcome.unnoticed)})"

@@ -1,7 +1,7 @@
 """Lines of the catalogue from their parts: a background, spots, boxes.
 
-A spot is written over the background where it is half a count or more, so what lies in the window
-is exactly what the entry says.
+A spot replaces the background where it is half a count or more, so the contents of the window are
+exactly those that the entry states.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ SEED = 20100301
 
 
 def background(length: int = LENGTH, level: int = LEVEL, ripple: int = 1) -> Floats:
-    """Return a background [length] with mean ``level`` and a deviation of ``ripple``, counts."""
+    """Return a background [length] of mean ``level`` and deviation ``ripple``, counts."""
     return level + ripple * np.where(np.arange(length) % 2 == 0, 1.0, -1.0)
 
 
@@ -32,7 +32,7 @@ def with_spots(
     Args:
         base: Background [length].
         spots: Centre in px, sigma in px and height in counts of each.
-        level: What the spots stand on; the ripple of ``base`` ends where they begin.
+        level: Level on which the spots stand; the ripple of ``base`` ends where they begin.
         full: Largest pixel.
     """
     light = sum(gauss(len(base), *spot) for spot in spots)
@@ -41,19 +41,19 @@ def with_spots(
 
 
 def clipped(values: Floats, full: int = FULL) -> Pixels:
-    """Return values as pixels: to nearest, and between 0 and ``full``."""
+    """Return values as pixels: rounded to nearest, and limited to 0 .. ``full``."""
     return np.clip(np.floor(values + 0.5), 0, full).astype(np.uint16)
 
 
 def box(base: Floats, left: int, heights: Floats | list[int], full: int = FULL) -> Pixels:
-    """Return a background with pixels of its own from ``left`` on, counts."""
+    """Return a background whose pixels from ``left`` on are replaced, counts."""
     line = base.copy()
     line[left : left + len(heights)] = heights
     return clipped(line, full)
 
 
 def reach(sigma: float, cut: float = 0.02) -> int:
-    """Return how far from its centre a spot is above a share ``cut`` of its height, px."""
+    """Return the distance from its centre up to which a spot is above ``cut`` of its height, px."""
     return int(np.floor(sigma * np.sqrt(-2.0 * np.log(cut))))
 
 
@@ -69,7 +69,7 @@ def spot(
     level: float = LEVEL,
     full: int = FULL,
 ) -> Line:
-    """Return a line with one spot; ``flags`` are names with blanks between."""
+    """Return a line with one spot; ``flags`` are names separated by blanks."""
     ground = background() if base is None else base
     return Line(
         pixels=with_spots(ground, (centre, sigma, height), level=level, full=full),
@@ -87,7 +87,7 @@ def line(
     window: tuple[int, int] | None = None,
     position: float | None = None,
 ) -> Line:
-    """Return a line of given pixels; ``flags`` are names with blanks between, None: any."""
+    """Return a line of given pixels; ``flags`` are names separated by blanks, None for any."""
     names = None if flags is None else frozenset(flags.split())
     return Line(pixels, names, true=true, window=window, position=position)
 

@@ -1,4 +1,4 @@
-"""The triangle where its equations end: vertical lines of sight, parallel rays, strong lenses."""
+"""The triangle where its equations fail: vertical lines of sight, parallel rays, strong lenses."""
 
 from collections.abc import Iterator, Sequence
 
@@ -105,7 +105,7 @@ def _parallel() -> Iterator[Case]:
     )
 
     def smallest() -> Outcome:
-        # d of one unit in 2^-30, and of exactly zero.
+        # A d of one unit in 2^-30, and a d of exactly zero.
         one = np.ones(2, np.int64)
         got = triangulate(
             0 * one, one << pkg.SLOPE_FRACTION, one, 0 * one,
@@ -196,6 +196,6 @@ def _lenses() -> Iterator[Case]:
 
 
 def cases() -> Iterator[Case]:
-    """Return the entries of this room."""
+    """Return the entries of this module."""
     for part in (_vertical, _parallel, _angles, _lenses):
         yield from part()

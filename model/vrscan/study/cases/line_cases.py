@@ -1,4 +1,4 @@
-"""The line is ugly: nothing on it, too much, too narrow, too wide, at an end, or with company."""
+"""Difficult lines: nothing on it, too much, too narrow, too wide, at an end, or with rivals."""
 
 from collections.abc import Iterator
 
@@ -23,7 +23,7 @@ from vrscan.study.cases.case_shapes import (
 )
 
 LAST = LENGTH - 1
-FAR = 200  # px between spots with windows of their own, neither in the other's background
+FAR = 200  # px between spots with separate windows, neither in the other's background
 NOTHING = "LOW_SNR TOO_NARROW NO_NOISE"
 NEARLY = "position within 0.01 px of the spot's centre"
 INSIDE = "position within one step of the symmetric spot's centre"
@@ -236,7 +236,7 @@ def _plateaus() -> Iterator[Case]:
     uneven = []
     for width in (3, 10, 51, 200):
         pixels = box(background(), 800, [1000, *[FULL] * width, 3000])
-        # Above the background the run weighs (height - level) at its ends and all between.
+        # Above the background the run has the weight (height - level) at its ends and in between.
         shift = (3000 - 1000) / (FULL - LEVEL) / 2
         uneven.append(line(pixels, "SATURATED", true=800 + (width + 1) / 2 + shift))
     yield LineCase(
@@ -260,7 +260,7 @@ def _plateaus() -> Iterator[Case]:
     flags = "SATURATED AT_EDGE"
     cut = []
     for n in (2, 9, 10, 99, 200):
-        # Opposite to the weaker sample: its place and half of T = n + 1.
+        # The phase is opposite to the weaker sample: its place and half of T = n + 1.
         pixels = box(background(), 0, [FULL] * n + [2000])
         cut.append(line(pixels, flags, position=(n + 1) / 2 - 1))
         left = LENGTH - n - 1
@@ -351,7 +351,7 @@ def _company() -> Iterator[Case]:
         (normal, normal, line(ghost, "RIVAL", true=900), normal, normal),
         within_px=500.0 + STEP_PX,
     )
-    # A flake narrower than min_width is no rival.
+    # A run narrower than min_width is no rival.
     flake = with_spots(dark, (900, 3, 2000))
     flake[1100:1102] = 1500
     yield LineCase(
@@ -363,7 +363,7 @@ def _company() -> Iterator[Case]:
 
 
 def _turned(entry: Line) -> Line:
-    """Return a symmetric window's line with its position: the middle, or half a window from it."""
+    """Return a symmetric window's line with its position: the middle, or half a window off it."""
     pixels = entry.pixels.astype(np.int64)
     assert entry.position is not None
     maximum = int(pixels.max())
@@ -381,6 +381,6 @@ def _turned(entry: Line) -> Line:
 
 
 def cases() -> Iterator[Case]:
-    """Return the entries of this room."""
+    """Return the entries of this module."""
     for part in (_empty, _narrow, _wide, _ends, _plateaus, _company):
         yield from part()

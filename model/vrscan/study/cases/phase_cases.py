@@ -1,4 +1,4 @@
-"""The first harmonic is at the end of what a phase can be: zero, on an axis, at the wrap."""
+"""First harmonics at the limits of a phase: zero, on an axis, at the wrap."""
 
 import math
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ TURN = 1 << pkg.ANGLE_WIDTH
 def _window(
     heights: list[int], position: float | None, flags: str = "", true: float | None = None
 ) -> Line:
-    """Return a line whose window is just these pixels; places are px from its left edge."""
+    """Return a line whose window is just these pixels; positions are px from its left edge."""
     pixels = box(background(), LEFT, heights)
     place = None if position is None else LEFT + position
     middle = None if true is None else LEFT + true
@@ -28,7 +28,7 @@ def _window(
 
 
 def _no_phase(heights: list[int]) -> Line:
-    """Return a window without a harmonic; another window may find the middle of its light."""
+    """Return a window without a harmonic; a second window may find the middle of its light."""
     above = np.array(heights) - LEVEL
     return _window(heights, None, "NO_PHASE", float(above @ np.arange(len(above)) / above.sum()))
 
@@ -47,7 +47,7 @@ def _cancelled() -> Iterator[Case]:
     for n in (5, 21, 51):
         comb = [1000, 3000] * (n // 2) + [1000]
         pixels = box(background(), LEFT, comb)
-        # Of a dark comb's end samples the phase is opposite: half a turn further.
+        # For the end samples of a dark comb the phase is opposite: half a turn further.
         place = (n / 2 - 0.5) % n
         odd.append(
             line(pixels, "", true=LEFT + (n - 1) / 2, window=(LEFT, LEFT + n - 1),
@@ -190,7 +190,7 @@ def _wrap() -> Iterator[Case]:
 
 
 def _cordic(pairs: list[tuple[int, int]], turns: list[float]) -> Outcome:
-    """Return the angles of vectors against what they are by hand, turns."""
+    """Return the outcome of vectors' angles against those computed by hand, turns."""
     x, y = np.array(pairs).T
     angle, magnitude, zero = cordic_vector(x, y, xy_width=pkg.HARMONIC_WIDTH, angle_width=24)
     off = (angle / TURN - turns + 0.5) % 1.0 - 0.5
@@ -254,6 +254,6 @@ def _vectors() -> Iterator[Case]:
 
 
 def cases() -> Iterator[Case]:
-    """Return the entries of this room."""
+    """Return the entries of this module."""
     for part in (_cancelled, _axes, _wrap, _vectors):
         yield from part()

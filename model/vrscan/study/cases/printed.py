@@ -1,8 +1,9 @@
-"""VR-SCAN's equations as printed, in float64, with nothing to catch what they leave undefined.
+"""VR-SCAN's equations as printed, in float64, without handling of what they leave undefined.
 
-Row mean and deviation from plain sums (III-E, IV-G 1), threshold one deviation above the mean, (8)
-with T = N - 1 on raw pixels, (5), (4) and (3) with their tangents.  Sums of the window run in the
-order of the pixels and use the C library's functions, so the same rounding comes out everywhere.
+They use row mean and deviation from plain sums (III-E, IV-G 1), a threshold one deviation above the
+mean, (8) with T = N - 1 on raw pixels, and (5), (4) and (3) with their tangents. Sums of the window
+run in the order of the pixels and use the C library's functions, so the same rounding results
+everywhere.
 """
 
 import math
@@ -20,16 +21,16 @@ from vrscan.study.report.efficiency import as_printed
 
 @dataclass(frozen=True)
 class Place:
-    """What comes out for a line: a position, px, or a word for why there is none."""
+    """The result for a line: a position, px, or a word for why there is none."""
 
     position: Value
     snr: float
 
 
 def naive_deviation(pixels: Pixels) -> tuple[float, float]:
-    """Return mean and standard deviation from the sums of p and p^2, as a stream gives them.
+    """Return mean and standard deviation from the sums of p and p^2, as for a stream.
 
-    The sums themselves are of integers below 2^53 and exact; what is subtracted is not.
+    The sums are of integers below 2^53 and therefore exact; their difference is not.
     """
     values = pixels.astype(np.int64)
     count = float(len(values))
@@ -82,7 +83,7 @@ def place(pixels: Pixels) -> Place:
 
 
 def position_error(found: Place, line: Line) -> Value:
-    """Return how far the printed position is from the spot, px, or what there is instead."""
+    """Return the distance of the printed position from the spot, px, or a word instead."""
     if isinstance(found.position, str):
         return found.position
     right = line.true if line.true is not None else line.position
@@ -95,7 +96,7 @@ def point(position_px: float, angle_rad: float, geometry: Geometry) -> tuple[flo
     Args:
         position_px: Position on the sensor.
         angle_rad: Scan angle.
-        geometry: The triangle; (5) is taken as printed, even, whatever it asks for.
+        geometry: The triangle; (5) is used as printed, even, whatever the geometry selects.
     """
     even = geometry.model_copy(update={"distortion": "even"})
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

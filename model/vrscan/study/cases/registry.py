@@ -1,4 +1,4 @@
-"""All entries, by room."""
+"""All entries, by the group in which the page lists them."""
 
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -11,7 +11,7 @@ from vrscan.study.cases import timing_cases as timing
 from vrscan.study.cases import window_cases as window
 from vrscan.study.cases.case import Case
 
-# Modes of the window in which lines are tried, the shipped one first; see ``peak.window``.
+# Modes of the window in which lines are tried, the default first; see ``peak.window``.
 WINDOWS = ("threshold", "two_pass")
 
 ROOMS: dict[str, Callable[[], Iterator[Case]]] = {
@@ -26,7 +26,7 @@ ROOMS: dict[str, Callable[[], Iterator[Case]]] = {
 
 @cache
 def rooms() -> dict[str, tuple[Case, ...]]:
-    """Return the entries of every room, in the order of the page."""
+    """Return the entries of every group, in the order of the page."""
     return {title: tuple(cases()) for title, cases in ROOMS.items()}
 
 

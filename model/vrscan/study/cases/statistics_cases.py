@@ -1,4 +1,4 @@
-"""Sums, roots and quotients of a line at the ends of their ranges; every width and length."""
+"""Sums, roots and quotients of a line at the ends of their ranges, for every width and length."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -40,7 +40,7 @@ def exact_variance(pixels: Pixels) -> Fraction:
 
 
 def variance_in_32_bits(pixels: Pixels) -> Fraction:
-    """Return what sums that wrap at 2^32 make of it."""
+    """Return the variance that results from sums that wrap at 2^32."""
     values = [int(p) for p in pixels]
     count = len(values)
     squares, total = sum(v * v for v in values) % WRAP_32, sum(values) % WRAP_32
@@ -49,7 +49,7 @@ def variance_in_32_bits(pixels: Pixels) -> Fraction:
 
 @dataclass(frozen=True)
 class VarianceCase(LineCase):
-    """Lines whose row variance is what matters: its error stands on the page, counts squared."""
+    """Lines whose row variance is the subject: the page shows its error, counts squared."""
 
     def outcome(self, window: str = "threshold") -> Outcome:
         """Return the errors of the row variance."""
@@ -270,6 +270,6 @@ def _formats() -> Iterator[Case]:
 
 
 def cases() -> Iterator[Case]:
-    """Return the entries of this room."""
+    """Return the entries of this module."""
     for part in (_moments, _ratios, _quotients, _formats):
         yield from part()

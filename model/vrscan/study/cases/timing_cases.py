@@ -1,4 +1,4 @@
-"""Counters and phases that wrap, and queues that nobody empties."""
+"""Counters and phases that wrap, and queues that are never emptied."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -51,7 +51,7 @@ def _time_wrap() -> Outcome:
 
 
 def _phase_wrap() -> Outcome:
-    """A word that takes a line of 3342 clocks across the end of the turn, near and far."""
+    """Return the outcome of a word that takes a line of 3342 clocks across the end of the turn."""
     twin = MirrorPhase(
         PhaseSettings(error_limit=1 << 20, phase_shift=3, rate_shift=29, amplitude_shift=3)
     )
@@ -122,7 +122,7 @@ def _half_turn() -> Outcome:
     wrong = [] if got.tolist() == [-half, -half, -half, 0] else [f"angles {got.tolist()}"]
     whole = 2.0 * half
     off = np.abs((got - given / np.pi * half + half) % whole - half).max() / whole * 2e6 * np.pi
-    # (3) has the tangent of it, which is that of 0.
+    # (3) uses its tangent, which is that of 0.
     naive = abs(math.atan(math.tan(math.pi)) - math.pi)
     return Outcome("none", number(float(off), "urad"), number(naive, "rad"), tuple(wrong))
 
@@ -134,7 +134,7 @@ def _records(lines: Sequence[int]) -> list[bytes]:
 
 
 class _Link:
-    """A packer with someone who reads, or not."""
+    """A packer with a reader, which may stop reading."""
 
     def __init__(self, buffer_bytes: int, batch: int) -> None:
         self.packer = PointPacker(buffer_bytes)
@@ -145,7 +145,7 @@ class _Link:
     def clocks(
         self, count: int, ready: bool, record: bytes = b"", start: bool = False, stop: bool = False
     ) -> None:
-        """Go on by some clocks, in the first of which a record begins or a command comes."""
+        """Advance by some clocks; in the first of them a record begins or a command comes."""
         packer = self.packer
         for k in range(count):
             if packer.valid and ready:
@@ -187,7 +187,7 @@ def _line_wrap() -> Outcome:
         link.clocks(SPACING, True, record)
     link.clocks(600, True, stop=True)
     got = [(b.first, len(b.records)) for b in link.batches]
-    # One batch across the wrap: a gap in the numbers would have closed it.
+    # There is one batch across the wrap, because a gap in the numbers would have closed it.
     wrong = [] if got == [(LINE_END - 1, 3), (2, 1)] else [f"batches {got}"]
     lines = [float(line) for b in link.batches for line in b.records["line"]]
     naive = abs(lines[1] - lines[0] - 1.0)
@@ -215,7 +215,7 @@ def _full_for_long() -> Outcome:
     flagged = int(last.records["flags"][0]) >> pkg.FLAG_POINTS_LOST & 1
     if not flagged or any(int(b.records["flags"][0]) for b in link.batches[:-1]):
         wrong.append("POINTS_LOST")
-    # What is lost without being told, and what a queue without counts would not tell.
+    # Losses without a report, and losses that a queue without counters would not report.
     silent = count + 1 - kept - last.dropped
     return Outcome(
         "POINTS_LOST", number(silent, "points untold"), f"{dropped} points untold", tuple(wrong)
@@ -223,7 +223,7 @@ def _full_for_long() -> Outcome:
 
 
 def cases() -> Iterator[Case]:
-    """Return the entries of this room."""
+    """Return the entries of this module."""
     yield ModuleCase(
         "time-wraps-in-a-pulse",
         "the 32-bit time passes 2^32 between the two crossings of a pulse",

@@ -1,4 +1,4 @@
-"""What lies under the spot: a pedestal, a slope, a pattern, noise."""
+"""Difficult backgrounds under the spot: a pedestal, a slope, a pattern, noise."""
 
 from collections.abc import Iterator
 
@@ -18,8 +18,8 @@ from vrscan.study.cases.case_shapes import (
     with_spots,
 )
 
-PARTS = tuple(np.arange(0.0, 1.0, 0.125).tolist())  # px: where between two pixels
-NOISES = 60  # lines a case of noise
+PARTS = tuple(np.arange(0.0, 1.0, 0.125).tolist())  # px: positions between two pixels
+NOISES = 60  # lines per case of noise
 
 
 def _pedestals() -> Iterator[Case]:
@@ -197,6 +197,6 @@ def _noises() -> Iterator[Case]:
 
 
 def cases() -> Iterator[Case]:
-    """Return the entries of this room."""
+    """Return the entries of this module."""
     for part in (_pedestals, _slopes, _patterns, _noises):
         yield from part()

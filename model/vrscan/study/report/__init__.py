@@ -1,1 +1,1 @@
-"""Tables, pictures and studies."""
+"""Reports: tables, pictures and the measurements behind them."""

@@ -1,4 +1,4 @@
-"""What a scene's light does to its points, effect by effect, and whether its laser is safe.
+"""Effects of a scene's light on its points, one by one, and the safety of its laser.
 
 The figures are those of ``vrscan.study.plan``: measured on lines of the scan, not estimated.
 """
@@ -23,15 +23,15 @@ from vrscan.scene.stray import attenuation
 from vrscan.show.sheet import Column, Sheet, short, words
 from vrscan.study.plan import JUMP_PX, LEAST_LINES, PARTS, ZONES, Difference, Plan
 
-MOST_3B_MW = 500.0  # of the mean: class 3B ends there
-MOST_3B_J = 0.03  # of one pulse, 400 to 700 nm; above 700 nm more is allowed
-_FIELD_MM = 2.0  # of the spot whose ghosts are shown
-_SHOWN = 3  # of them
-_BEYOND_PX = 20  # from a spot, where its halo is no part of it
-_RAYS = 801  # on which a glint is looked for
-_BRIGHT = 2.0  # times the diffuse light: a glint
-_NEAR = 0.05  # of a zone's z: what the camera sees so near stands for it
-_LEAST_COS = 0.05  # of the beam on a surface: flatter, a spot is no spot
+MOST_3B_MW = 500.0  # largest mean power of class 3B
+MOST_3B_J = 0.03  # largest energy of one pulse, 400 to 700 nm; above 700 nm more is allowed
+_FIELD_MM = 2.0  # image height of the spot whose ghosts are shown
+_SHOWN = 3  # number of ghosts that are shown
+_BEYOND_PX = 20  # distance from a spot at which its halo is no longer part of it
+_RAYS = 801  # rays on which a glint is looked for
+_BRIGHT = 2.0  # a glint's light over the diffuse light, at least
+_NEAR = 0.05  # share of a zone's z: surfaces that near stand for the zone
+_LEAST_COS = 0.05  # least cosine of the beam on a surface that counts as having a spot
 
 _FIGURES = ("bias_px", "rms_px", "bias_mm", "rms_mm", "changed")
 
@@ -123,7 +123,7 @@ def _tolerance(plan: Plan) -> str:
 
 
 def _short(plan: Plan) -> str:
-    """Return that a scan so short has everything, where that is not what the table shows."""
+    """Return a note that so short a scan has all effects, where the table does not show that."""
     if plan.fidelity != "auto" or plan.count >= LEAST_LINES:
         return ""
     return (
@@ -194,7 +194,7 @@ def budget_csv(plan: Plan) -> bytes:
 
 
 def emission(scene: Description, config: Config) -> safety.Emission:
-    """Return the beam that leaves the instrument, as the eye meets it."""
+    """Return the beam that leaves the instrument, in the form for laser safety."""
     return safety.Emission(
         wavelength_nm=scene.laser.wavelength_nm,
         mirror_hz=config.mirror.frequency_hz,
@@ -207,12 +207,12 @@ def emission(scene: Description, config: Config) -> safety.Emission:
 def laser_class(power_w: float, beam: safety.Emission, *, stalled: bool) -> str:
     """Return the class of a laser: 1, 2, 3R, 3B or 4.
 
-    3B and 4 are told apart by 0.5 W of the mean and 30 mJ of a pulse; what a scan head spreads over
-    its angle is not subtracted there.
+    3B and 4 are separated by 0.5 W of mean power and 30 mJ of a pulse; the spreading of the light
+    by a scan head is not taken into account there.
 
     Args:
-        power_w: That leaves the instrument while the laser is on.
-        beam: Its pulses and motion.
+        power_w: Power that leaves the instrument while the laser is on.
+        beam: The beam, with its pulses and motion.
         stalled: Whether the mirror rests.
     """
     for name, limit in _limits(beam, stalled=stalled).items():
@@ -275,12 +275,12 @@ def safety_lines(scene: Description, config: Config) -> list[str]:
 
 
 def light_lines(light: Light, plan: Plan) -> list[str]:
-    """Return what sun, lamps and gloss mean for the laser's spot; nothing for scenes without.
+    """Return lines on the effect of sun, lamps and gloss on the laser's spot; none without them.
 
     B is that of detectability (4) with the laser's mean power over an exposure, as the pixel adds
-    up both for that long, on the surfaces that the camera sees at each zone's depth; the least
+    up both for that long, on the surfaces that the camera sees at each zone's depth. The least
     power is the one at which the spot is ``peak.snr_min`` times its noise, (6) with that B. Both
-    take the spot's light as even over its 1/e2 width.
+    assume that the spot's light is even over its 1/e2 width.
     """
     scene = light.scene
     lines = []
@@ -323,7 +323,7 @@ def _brightness_lines(light: Light, plan: Plan) -> list[str]:
     gain = config.peak.kappa if scene.sensor.gain is None else scene.sensor.gain
     dark = math.hypot(scene.sensor.read_noise_e, math.sqrt(1.0 / 12.0) / gain)
     share = 1e-6 * config.line.pulse_us / light.exposure_s
-    # The irradiance below is in band already, and laser and background meet the same filter.
+    # The irradiance below is already in band, and laser and background pass the same filter.
     glass = Filter(laser=1.0, band=1.0, ratio=1.0)
     cells = []
     for zone, z_mm in zip(ZONES, plan.distance_mm, strict=True):
@@ -359,7 +359,7 @@ def _brightness_lines(light: Light, plan: Plan) -> list[str]:
 
 
 def _irradiance(light: Light, point: Floats, normal: Floats) -> Floats:
-    """Return in-band W/m2 of sun, where nothing hides it, and lamps on surfaces [n]."""
+    """Return the in-band W/m2 of sun, where nothing hides it, and of lamps on surfaces [n]."""
     scene, band = light.scene, light.scene.lens.filter_nm
     found = np.zeros(len(normal))
     if scene.sun is not None:
@@ -412,7 +412,7 @@ def _glint_line(light: Light) -> str:
 
 
 def summary(plan: Plan) -> list[str]:
-    """Return which effects a scan has had, in a line or two."""
+    """Return the effects of a scan as a line or two of text."""
     on, of = len(plan.active), len(plan.present)
     if plan.fidelity == "auto" and plan.every_ray and on == of:
         return [
@@ -433,7 +433,7 @@ def summary(plan: Plan) -> list[str]:
 
 
 def stray_lines(light: Light, plan: Plan) -> list[str]:
-    """Return the scene's strongest ghosts, its halo and what dust takes, in a line each.
+    """Return the scene's strongest ghosts, its halo and the loss by dust, one line each.
 
     Ghosts are of a spot at the middle of the scene's depth, 2 mm off the optical axis on the
     sensor. A of metis (6) is here the halo's brightest pixel beyond the spot over all light.

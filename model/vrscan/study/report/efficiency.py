@@ -1,9 +1,10 @@
-"""How close the shipped detector comes to the Cramer-Rao bound: the study behind the thresholds.
+"""The shipped detector compared with the Cramer-Rao bound: the study behind the thresholds.
 
-12 bits, 5 electrons a count, read noise 3 counts, background 60 counts; Gaussian spots whose
-centres are anywhere between two pixels. (8) as printed (period N - 1, threshold from the row's
-mean and deviation, the pedestal left in) stands beside the shipped detector, and so does what two
-passes make of the same lines; ``vrscan.study.report.two_pass_report`` has more of those.
+The lines have 12 bits, 5 electrons per count, read noise 3 counts, background 60 counts, and
+Gaussian spots whose centres are anywhere between two pixels. (8) as printed (period N - 1,
+threshold from the row's mean and deviation, the pedestal left in) is measured on the same lines as
+the shipped detector, and so are two passes; ``vrscan.study.report.two_pass_report`` has more about
+these.
 """
 
 from collections.abc import Callable, Iterator
@@ -24,7 +25,7 @@ from vrscan.scene.sensor import cramer_rao_variance, expose, spot_electrons
 from vrscan.show.sheet import Column, Sheet
 
 SIGMAS_PX = (1.0, 2.0, 4.0, 8.0, 12.0)
-PEAKS = (0.05, 0.20, 0.50, 0.90)  # of full scale
+PEAKS = (0.05, 0.20, 0.50, 0.90)  # heights, shares of full scale
 READ_NOISE_COUNTS = 3.0
 BACKGROUND_COUNTS = 60.0
 LOST_PX = 5.0  # a position further off counts as lost
@@ -34,7 +35,7 @@ _SEED = 20100301
 
 @dataclass(frozen=True)
 class Score:
-    """One detector in one cell."""
+    """The score of one detector in one cell."""
 
     efficiency: float  # bound variance over mean square error of the lines that are not lost
     rms_px: float
@@ -44,7 +45,7 @@ class Score:
 
 @dataclass(frozen=True)
 class Cell:
-    """One width and height of spot."""
+    """The scores for one width and height of the spot."""
 
     sigma_px: float
     peak: float
@@ -74,8 +75,8 @@ def cell_lines(
 
     Args:
         sigma_px: Standard deviation of the spot.
-        peak: Its height, share of full scale.
-        count: Lines.
+        peak: Height of the spot, share of full scale.
+        count: Number of lines.
         config: Sensor and conversion factor.
 
     Returns:
@@ -127,11 +128,11 @@ def study(
     """Return the score of every width and height.
 
     Args:
-        engine: Who detects.
-        config: Its thresholds are the ones under test.
-        count: Lines a cell.
+        engine: The engine that detects.
+        config: The configuration, whose thresholds are under test.
+        count: Number of lines per cell.
         progress: Called with the number of cells done so far.
-        jobs: Processes, which share the cells.
+        jobs: Number of processes, which share the cells.
     """
     cells: list[Cell] = []
     with workers(partial(_cell, engine, config, count), jobs) as do:

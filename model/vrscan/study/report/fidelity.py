@@ -1,10 +1,11 @@
-"""How fast and how wrong each fidelity is, against ``full`` with the same random numbers.
+"""Speed and error of each fidelity, against ``full`` with the same random numbers.
 
-Named work: ``count`` lines of a scene, rendered in one process; the points are those of the chain's
-bit-accurate model. A speed is that of the rendering alone, on one core: lines over the processor
-time of all threads, which other programs lengthen only through the caches and memory they share;
-the best of several short runs that take turns with those of the other fidelities, after a first run
-that fills the tables. On a machine with other work it still comes out a fifth to a half too low.
+The work is: ``count`` lines of a scene, rendered in one process; the points are those of the
+chain's bit-accurate model. A speed is that of the rendering alone, on one core: lines over the
+processor time of all threads, which other programs lengthen only through the caches and memory they
+share. It is the best of several short runs that take turns with those of the other fidelities,
+after a first run that fills the tables. On a machine with other work it is still a fifth to a half
+too low.
 """
 
 import time
@@ -37,12 +38,12 @@ from vrscan.study.plan import JUMP_PX, ZONES, moved, plan
 TOLERANCES_PX = (0.1, 0.03, 0.01)
 TIGHTEST = f"auto {TOLERANCES_PX[-1]:g}"
 AIM_AUTO, AIM_FULL = 20_000.0, 2_000.0  # lines/s
-AIM_FASTER = 5.0  # times, of the tightest auto on the default scene
-WORTH = 100_000  # lines on which a choice has to pay: a long scan's
+AIM_FASTER = 5.0  # speed of the tightest auto over full on the default scene
+WORTH = 100_000  # lines on which a choice has to pay: those of a long scan
 ROUNDS = 3  # timed runs of each fidelity
 
-_FLOOR_PX = 1e-4  # errors below are drawn there
-_COLUMNS = 4  # of panels
+_FLOOR_PX = 1e-4  # smaller errors are drawn here
+_COLUMNS = 4  # columns of panels
 _TOLERANCE: dict[str, Any] = {"color": QUIET, "linewidth": 0.8, "linestyle": (0, (1, 3))}
 _AIM: dict[str, Any] = {"color": COLOURS[2], "linewidth": 0.8, "linestyle": (0, (5, 3))}
 _OUT: dict[str, Any] = {"markerfacecolor": "white", "markeredgewidth": 1.2}
@@ -52,39 +53,40 @@ _OUT: dict[str, Any] = {"markerfacecolor": "white", "markeredgewidth": 1.2}
 class Row:
     """One fidelity of one scene; errors are positions less those of ``full``.
 
-    They are of lines whose spot the camera sees and that have a point in both, no farther apart
-    than ``JUMP_PX``: farther is another peak. ``differ`` counts the rest, of all lines.
+    They are taken over lines whose spot the camera sees and that have a point in both, no farther
+    apart than ``JUMP_PX``: points farther apart belong to different peaks. ``differ`` counts the
+    others, over all lines.
     """
 
     scene: str
     fidelity: str
-    tolerance_px: float  # NaN where none is promised
-    effects: int  # that are on
-    of: int  # that the scene has
+    tolerance_px: float  # NaN without a tolerance
+    effects: int  # number of effects that are on
+    of: int  # number of effects that the scene has
     lines: int
     lines_per_s: float
     planning_s: float  # with filled tables; 0 where nothing is planned
-    points: int  # that the errors are of
+    points: int  # number of points over which errors are taken
     bias_px: float
-    rms_px: float  # bias included
-    worst_px: float  # the same of the worst third of the points by depth
+    rms_px: float  # rms error including the bias
+    worst_px: float  # the same error in the worst third of the points by depth
     p99_px: float
     max_px: float
-    bias_um: float  # in z
+    bias_um: float  # mean error in z
     rms_um: float
     differ: float  # share of lines with a point in only one of the two, or two far apart
-    truth_rms_px: float  # against the truth
-    truth_median_px: float  # of the absolute error against the truth
+    truth_rms_px: float  # rms error against the truth
+    truth_median_px: float  # median absolute error against the truth
 
     @property
     def within(self) -> bool | None:
-        """Whether rms of every third is in the tolerance; None where there is none."""
+        """Return whether the rms of every third is within the tolerance; None without one."""
         return None if np.isnan(self.tolerance_px) else self.worst_px <= self.tolerance_px
 
 
 @dataclass
 class _Run:
-    """What is rendered again and again."""
+    """The work that is rendered again and again."""
 
     fidelity: str
     tolerance_px: float
@@ -92,7 +94,7 @@ class _Run:
     active: frozenset[str]
     every_ray: bool
     planning_s: float = 0.0
-    best_s: float = np.inf  # processor time
+    best_s: float = np.inf  # best processor time
 
     def go(self, count: int) -> Simulation:
         """Render all lines."""
@@ -114,15 +116,15 @@ def run(
 
     Args:
         scenes: Names of shipped ones, or files.
-        count: Lines of each.
+        count: Number of lines of each scene.
         config: The instrument.
         progress: Called with the number of scenes done so far.
-        rounds: Timed runs of each fidelity.
+        rounds: Number of timed runs of each fidelity.
 
     Raises:
         InputError: if a scene does not load, or has no target where beam and camera meet.
     """
-    loaded = [load(name) for name in scenes]  # all of them, before the first takes its time
+    loaded = [load(name) for name in scenes]  # all of them first, so that errors come at once
     rows: list[Row] = []
     for done, scene in enumerate(loaded, start=1):
         rows += _scene(scene, count, config, rounds)
@@ -135,9 +137,9 @@ def _scene(scene: Description, count: int, config: Config, rounds: int) -> list[
     light = Light(scene, config)
     whole = frozenset(present(scene))
     full = _Run("full", np.nan, light, whole, every_ray=True)
-    reference = full.go(count)  # first of all: it fills the tables that all of them use
+    reference = full.go(count)  # the first run fills the tables that all runs use
     truth = reference.lines.truth
-    assert truth is not None  # a simulation has one, the same for all
+    assert truth is not None  # a simulation has a truth, the same for all
     runs = [_Run("minimal", np.nan, light, frozenset(), every_ray=False)]
     for tolerance in TOLERANCES_PX:
         chosen = plan(
@@ -202,7 +204,7 @@ def _rms(values: Floats) -> float:
 
 
 def faster(rows: Sequence[Row], scene: str) -> float:
-    """Return how many times as fast as full the tightest auto is on a scene."""
+    """Return the speed of the tightest auto over that of full on a scene."""
     speed = {row.fidelity: row.lines_per_s for row in rows if row.scene == scene}
     return speed[TIGHTEST] / speed["full"]
 
@@ -258,7 +260,7 @@ def table(rows: Sequence[Row]) -> RichTable:
 
 
 def _speed(lines_per_s: float) -> str:
-    """Return a speed to three digits: no more come again."""
+    """Return a speed to three digits, because no more are repeatable."""
     digits = len(str(int(lines_per_s)))
     return f"{round(lines_per_s, 3 - digits):,.0f}"
 
@@ -275,7 +277,7 @@ def _whether(value: bool | None) -> int | None:
 
 
 def markdown(rows: Sequence[Row]) -> str:
-    """Return the bench for a page, a line for each scene.
+    """Return the bench as a Markdown table, a line for each scene.
 
     In each fidelity's column lines/s and the error against full, rms of the worst third; bold is
     beyond its tolerance.
@@ -305,10 +307,10 @@ def pages(root: Path) -> tuple[Path, Path]:
 
 
 def write_pages(rows: Sequence[Row], root: Path) -> list[Path]:
-    """Rewrite the generated table of docs/light.md, and the picture beside it.
+    """Rewrite the generated table of docs/light.md, and the picture next to it.
 
     Args:
-        rows: Of all shipped scenes.
+        rows: Rows of all shipped scenes.
         root: Folder of the README.
 
     Returns:
@@ -328,11 +330,11 @@ def write_pages(rows: Sequence[Row], root: Path) -> list[Path]:
 
 
 def _marks() -> dict[str, dict[str, Any]]:
-    """Return how each fidelity looks."""
+    """Return the style of each fidelity."""
     marks: dict[str, dict[str, Any]] = {"minimal": {"marker": "s", "color": COLOURS[1]}}
     for shape, tolerance in zip("v^o", TOLERANCES_PX, strict=True):
         marks[f"auto {tolerance:g}"] = {"marker": shape, "color": COLOURS[0]}
-    # An auto that is full lies on it, and both are to be seen.
+    # An auto that equals full lies on it, and both must be visible.
     marks["full"] = {"marker": "D", "color": INK, "markersize": 6.5, "zorder": 3}
     return {name: {"markersize": 5.5, "zorder": 4} | mark for name, mark in marks.items()}
 
@@ -341,12 +343,12 @@ def picture(rows: Sequence[Row], file: BinaryIO) -> None:
     """Draw speed over error, a panel for each scene.
 
     Args:
-        rows: Of one scene or more.
+        rows: Rows of one scene or more.
         file: A binary file, written as PNG.
     """
     scenes = _scenes(rows)
-    columns = min(_COLUMNS, max(len(scenes) + 1, 3))  # three, that the title has room
-    high = -(-(len(scenes) + 1) // columns)  # one place is the legend's
+    columns = min(_COLUMNS, max(len(scenes) + 1, 3))  # at least three, for the title
+    high = -(-(len(scenes) + 1) // columns)  # one place is for the legend
     lines = max((row.lines for row in rows), default=0)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(2.75 * columns, 2.1 * high + 0.9), layout="constrained")

@@ -1,4 +1,4 @@
-"""A run of the mirror's loop against the truth: mirror.csv, its summary, its picture."""
+"""A run of the mirror's loop compared with the truth: mirror.csv, its summary, its picture."""
 
 import math
 from collections.abc import Callable
@@ -34,16 +34,16 @@ COLUMNS = (
     "line,time_s,state,angle_true_rad,angle_rad,amplitude_true_rad,amplitude_rad,frequency_hz,"
     "drive_level,flags"
 )
-START_S = 0.3  # what the start takes besides its sweep, about
-EVENT_S = 0.1  # after RUN: when drift, shock and drops come
-BACK_PPM = 100.0  # of the amplitude: closer is back
-STEADY_S = 0.05  # after an event that is over: what is judged begins
+START_S = 0.3  # approximate time of a start besides its sweep
+EVENT_S = 0.1  # time from RUN to drift, shock and drops
+BACK_PPM = 100.0  # error of the amplitude below which it is back
+STEADY_S = 0.05  # time after RUN before errors are judged
 _TURN = 2.0 * math.pi
 _PER_TURN = _TURN / 2.0**pkg.ANGLE_WIDTH
 _PER_AMPLITUDE = _TURN / 2.0**pkg.AMPLITUDE_FRACTION
-_BLOCK_LINES = 4 * len(HARMONICS)  # at least, to fit the true amplitude to
+_BLOCK_LINES = 4 * len(HARMONICS)  # least number of lines to fit the true amplitude
 
-# A legend that stands on whatever is drawn.
+# A legend in front of the curves.
 _BOXED: dict[str, Any] = {
     "frameon": True, "facecolor": "white", "edgecolor": LIGHT, "framealpha": 0.9,
 }  # fmt: skip
@@ -53,24 +53,24 @@ Progress = Callable[[int], None]
 
 @dataclass(frozen=True)
 class Events:
-    """What is done to the mirror, ``EVENT_S`` after its loop has reached RUN."""
+    """Disturbances of the mirror, ``EVENT_S`` after its loop has reached RUN."""
 
-    drift_hz: float = 0.0  # of its natural frequency, at once
+    drift_hz: float = 0.0  # sudden change of its natural frequency
     shock_rad_per_s: float = 0.0  # added to its velocity
-    drop_every: int = 0  # of so many passes over the diode one is lost
-    laser_off_s: float = 0.0  # for how long
+    drop_every: int = 0  # one of this many passes over the diode is lost
+    laser_off_s: float = 0.0  # time for which the laser is off
 
     @property
     def any(self) -> bool:
-        """Whether something happens."""
+        """Return whether there is any disturbance."""
         return self != Events()
 
 
 @dataclass(frozen=True)
 class Run:
-    """The lines of a run in physical units, all arrays [n], and what belongs to all of them.
+    """The lines of a run in physical units, all arrays [n], and the data of the whole run.
 
-    ``true_rad`` and ``true_amplitude_rad`` are NaN where nobody knows, in a replay.
+    ``true_rad`` and ``true_amplitude_rad`` are NaN where the truth is unknown, as in a replay.
     """
 
     line: Floats
@@ -87,20 +87,20 @@ class Run:
     recording: Recording
     registers: MirrorRegisters
     set_rad: float
-    run_s: float  # when RUN was reached; NaN if it was not
-    event_s: float  # when the events came; NaN without
+    run_s: float  # time when RUN was reached; NaN if it was not
+    event_s: float  # time of the events; NaN without
     end_s: float
     counts: dict[str, int]
     fault: int
 
     @property
     def running(self) -> Bools:
-        """The lines in RUN."""
+        """Return which lines are in RUN."""
         return np.asarray(self.state == pkg.MIRROR_RUN)
 
     @property
     def error_rad(self) -> Floats:
-        """Angle less truth."""
+        """Return the angle less the true one."""
         return self.angle_rad - self.true_rad
 
 
@@ -113,15 +113,15 @@ def simulate(
     start_seconds: float | None = None,
     seed: int = 1,
 ) -> Run:
-    """Start the mirror from rest, let it run, and let something happen to it.
+    """Start the mirror from rest, let it run, and disturb it.
 
     Args:
-        config: The instrument's, and the simulated mirror's.
-        seconds: Of mirror time, from RUN on; ``EVENT_S`` of them before the events.
-        events: What happens.
-        progress: Told the microseconds of mirror time so far.
+        config: Configuration of the instrument and of the simulated mirror.
+        seconds: Mirror time from RUN on; ``EVENT_S`` of it is before the events.
+        events: The disturbances.
+        progress: Called with the microseconds of mirror time so far.
         start_seconds: The longest start; the loop's own time-outs if None.
-        seed: Of jitter and noise.
+        seed: Seed of jitter and noise.
 
     Raises:
         InputError: if a value does not fit in its register, or the engine cannot be built.
@@ -174,11 +174,12 @@ def replay(
     """Run recorded samples through the loop, with the drive at its frequency from time 0.
 
     Args:
-        config: The instrument's.
-        recorded: ``SAMPLES`` rows.
-        set_rad: The amplitude from which an error is counted: nobody controls the recorded one.
-        seconds: How long.
-        progress: Told the microseconds of mirror time so far.
+        config: Configuration of the instrument.
+        recorded: ``SAMPLES`` rows of the recording.
+        set_rad: The amplitude from which an error is counted, because the recorded one is not
+            controlled.
+        seconds: Length of the replay.
+        progress: Called with the microseconds of mirror time so far.
 
     Raises:
         InputError: as for ``simulate``.
@@ -206,11 +207,11 @@ def replay(
 
 
 def recorded_amplitude(times: tuple[Floats, Floats], config: Config) -> float:
-    """Return the amplitude that most pairs of crossings of a recording have, rad.
+    """Return the typical amplitude of a recording's pairs of crossings, rad.
 
     Args:
-        times: Outward and inward, s, [n] each, from ``edges.pairs``.
-        config: The instrument's; its own amplitude is the answer for no pair at all.
+        times: Times of outward and inward crossings, s, [n] each, from ``edges.pairs``.
+        config: Configuration of the instrument; its amplitude is returned if there is no pair.
     """
     outward, inward = times
     mirror = config.mirror
@@ -261,22 +262,22 @@ def _run(
 
 
 def true_amplitude(time_s: Floats, angle_rad: Floats, frequency_hz: Floats) -> Floats:
-    """Return the first harmonic's amplitude of a motion, by least squares over each few periods.
+    """Return the amplitude of a motion's first harmonic, by least squares over each few periods.
 
     Args:
-        time_s: [n], rising.
-        angle_rad: [n]; NaN gives NaN.
-        frequency_hz: [n], near the motion's own.
+        time_s: Rising times [n].
+        angle_rad: Angles [n]; NaN gives NaN.
+        frequency_hz: Frequencies [n], near the motion's own.
 
     Returns:
-        rad [n], linear between the blocks; NaN where there is less than a block.
+        Amplitudes, rad [n], linear between the blocks; NaN where there is less than a block.
     """
     nothing = np.full(len(time_s), np.nan)
     if len(time_s) < _BLOCK_LINES or np.isnan(angle_rad).any():
         return nothing
     step = np.diff(time_s)
     turns = np.concatenate([[0.0], np.cumsum(step * (frequency_hz[1:] + frequency_hz[:-1]) / 2.0)])
-    # Whole periods, and lines enough for all harmonics; what is left at the end joins no block.
+    # Whole periods, and enough lines for all harmonics; the rest at the end belongs to no block.
     per_turn = (len(time_s) - 1) / max(turns[-1], 1e-9)
     periods = max(1, math.ceil(_BLOCK_LINES / max(per_turn, 1e-9)))
     size = max(_BLOCK_LINES, round(periods * per_turn))
@@ -286,7 +287,7 @@ def true_amplitude(time_s: Floats, angle_rad: Floats, frequency_hz: Floats) -> F
     used = count * size
     phase = _TURN * np.multiply.outer(turns[:used] % 1.0, np.asarray(HARMONICS, np.float64))
     design = np.concatenate([np.cos(phase), np.sin(phase)], axis=1).reshape(count, size, -1)
-    # A little of the unit matrix keeps blocks solvable in which the motion is not sampled evenly.
+    # A small multiple of the unit matrix keeps blocks with unevenly sampled motion solvable.
     normal = np.einsum("bik,bil->bkl", design, design) + 1e-9 * np.eye(design.shape[2])
     right = np.einsum("bik,bi->bk", design, angle_rad[:used].reshape(count, size))
     solution = np.linalg.solve(normal, right[..., None])[..., 0]
@@ -296,7 +297,7 @@ def true_amplitude(time_s: Floats, angle_rad: Floats, frequency_hz: Floats) -> F
 
 
 def write_csv(run: Run, file: BinaryIO) -> None:
-    """Write mirror.csv, one row a line in the columns ``COLUMNS``; truth that is unknown is empty.
+    """Write mirror.csv, one row for each line in the columns ``COLUMNS``.
 
     Times and angles have the decimals from which the words are read back.
     """
@@ -331,29 +332,29 @@ def write_csv(run: Run, file: BinaryIO) -> None:
 
 @dataclass(frozen=True)
 class Summary:
-    """What a run showed; NaN where it did not show it.
+    """Figures of a run; NaN where the run does not have them.
 
-    Errors of angle and amplitude are of lines in RUN that carry no flag, after ``STEADY_S`` of it;
-    where something happened, without those from then to the first flag, which nobody could know of,
-    and the amplitude without all until it is back.
+    Errors of angle and amplitude are taken over lines in RUN without a flag, after ``STEADY_S`` of
+    it. Where there was an event, the lines from it to the first flag, which could not know of it,
+    are left out, and for the amplitude all lines until it is back.
     """
 
-    start_s: float  # from power-on to RUN
-    lines: int  # in RUN
-    flagged: int  # of them
+    start_s: float  # time from power-on to RUN
+    lines: int  # number of lines in RUN
+    flagged: int  # number of lines in RUN with a flag
     angle_rms_urad: float
     angle_max_urad: float
     amplitude_rms_ppm: float  # true amplitude over the set one, less 1
-    crossing_rms_ns: float  # of one index crossing, from the scatter of the amplitude
-    flag_delay_periods: float  # from the event to the first flag
+    crossing_rms_ns: float  # time error of one index crossing, from the tracker's errors
+    flag_delay_periods: float  # time from the event to the first flag
     unnoticed_urad: float  # the largest error of an angle between them
-    flagged_s: float  # from the event to the last flag
-    back_s: float  # from the event until the true amplitude stays within BACK_PPM
-    largest_ppm: float  # how far the event took the amplitude
+    flagged_s: float  # time from the event to the last flag
+    back_s: float  # time from the event until the true amplitude stays within BACK_PPM
+    largest_ppm: float  # largest error of the amplitude after the event
 
 
 def summarise(run: Run) -> Summary:
-    """Return what a run showed."""
+    """Return the summary of a run."""
     running = run.running & (run.time_s > run.run_s)
     flagged = running & (run.flags != 0)
     steady = running & (run.flags == 0) & (run.time_s > run.run_s + STEADY_S)
@@ -463,7 +464,7 @@ def picture(run: Run, summary: Summary, title: str, file: BinaryIO) -> None:
 
 
 def _shade(axes: Axes, run: Run) -> None:
-    """Where lines carry a flag, and when something happened."""
+    """Mark the lines with a flag, and the time of an event."""
     if not len(run.time_s):
         return
     bad = np.concatenate([[0], (run.flags != 0).astype(np.int64), [0]])
@@ -482,7 +483,7 @@ def _shade(axes: Axes, run: Run) -> None:
 
 
 def _draw_start(axes: Axes, run: Run) -> None:
-    """Envelope and drive frequency since power-on."""
+    """Draw envelope and drive frequency since power-on."""
     height = run.true_amplitude_rad if not np.isnan(run.true_amplitude_rad).all() else (
         run.amplitude_rad)  # fmt: skip
     axes.plot(run.time_s, np.degrees(height), color=COLOURS[0], linewidth=1.2, label="amplitude")
@@ -501,13 +502,13 @@ def _draw_start(axes: Axes, run: Run) -> None:
 
 
 def _states(run: Run) -> list[str]:
-    """Return each state with the time at which the first line had it."""
+    """Return each state with the time of its first line."""
     changes = np.flatnonzero(np.diff(run.state, prepend=-1))
     return [f"{STATES[int(run.state[k])]} at {run.time_s[k]:.3f} s" for k in changes[:6]]
 
 
 def _draw_amplitude(axes: Axes, run: Run) -> None:
-    """How far the amplitude is from the set one, and the drive's level, since RUN."""
+    """Draw the error of the amplitude and the drive's level, since RUN."""
     rows = run.running
     if rows.any():
         time = run.time_s[rows]
@@ -534,7 +535,7 @@ def _draw_amplitude(axes: Axes, run: Run) -> None:
 
 
 def _draw_error(axes: Axes, run: Run, summary: Summary) -> None:
-    """Angle less truth in RUN, or the angle itself where nobody knows the truth."""
+    """Draw the angle less the truth in RUN, or the angle itself where the truth is unknown."""
     rows = run.running
     known = rows & ~np.isnan(run.true_rad)
     axes.set_xlabel("time in s")
@@ -566,7 +567,7 @@ def read_edges(path: Path, config: Config) -> tuple[Rows, float, float]:
     """Return a recording's samples, its amplitude, rad, and its length, s.
 
     Raises:
-        InputError: as for ``edges.read``.
+        InputError: as ``edges.read``.
     """
     time, comparator, gate = edges.read(path)
     rows = edges.sample(

@@ -1,4 +1,4 @@
-"""The number table: accuracy, efficiency, latency and speed, as ``vrscan numbers`` prints them."""
+"""The table of numbers that ``vrscan numbers`` prints: accuracy, efficiency, latency and speed."""
 
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -36,20 +36,20 @@ Progress = Callable[[int], None]
 
 @dataclass(frozen=True)
 class Size:
-    """How much is measured."""
+    """The amount of work of each measurement."""
 
-    vectors: int  # a decade of amplitudes, and phases a mirror
-    windows: int  # a width, shape and pedestal
-    directions: int  # phases a width, for the worst windows
+    vectors: int  # vectors per decade of amplitudes, and phases per mirror
+    windows: int  # windows per width, shape and pedestal
+    directions: int  # phases per width, for the worst windows
     every: int  # step of the width, px
-    lines: int  # of S/N and sigma, a configuration
-    distances: int  # a pixel
-    noisy: int  # lines a spot
-    efficiency: int  # lines a cell
-    two_pass: int  # the same, of the study that stands on few of them; 0 leaves it out
-    fixed: int  # lines for the speed
-    ideal: int  # the same
-    rtl: int  # the same; 0 leaves the RTL out
+    lines: int  # lines per configuration for S/N and sigma
+    distances: int  # distances per pixel
+    noisy: int  # lines per spot
+    efficiency: int  # lines per cell of the efficiency
+    two_pass: int  # lines per cell of the study of two passes; 0 leaves it out
+    fixed: int  # lines for the speed of the fixed model
+    ideal: int  # lines for the speed of the equations
+    rtl: int  # lines for the speed of the RTL; 0 leaves it out
     all_cores: bool  # whether the speed on all cores is measured, too
     mirror: float  # seconds of RUN; 0 leaves the mirror's loop out
 
@@ -90,7 +90,7 @@ QUICK = Size(
 
 @dataclass(frozen=True)
 class Stage:
-    """A part of the table and how often it tells its progress."""
+    """A part of the table, and the number of its progress reports."""
 
     name: str
     steps: int
@@ -215,7 +215,7 @@ def _speed(
 ) -> list[Figure]:
     try:
         rate = speed.measure(engine, config, count, None if all_cores else 1)
-    except InputError:  # no compiler here
+    except InputError:  # there is no compiler
         return []
     group, scene = "speed on this machine", "of the default scene"
     one, every = f"engine {engine} on one core", f"engine {engine} on all cores"
@@ -228,7 +228,7 @@ def _speed(
 
 
 def stages(size: Size) -> list[Stage]:
-    """Return what the table is made of, in its order."""
+    """Return the parts of the table, in their order."""
     config = Config()
 
     def at_once(name: str, measure: Callable[[], list[Figure]]) -> Stage:
@@ -375,7 +375,7 @@ def write_pages(figures: Sequence[Figure], root: Path) -> list[Path]:
     """Rewrite the generated blocks of README.md and docs/numbers.md.
 
     Args:
-        figures: Of the full size.
+        figures: Figures of the full size.
         root: Folder of the README.
 
     Returns:

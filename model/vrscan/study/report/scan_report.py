@@ -1,4 +1,4 @@
-"""A simulated scan against its truth: the table of errors and the picture."""
+"""A simulated scan compared with its truth: the table of errors and the picture."""
 
 from collections.abc import Callable
 from typing import Any, BinaryIO
@@ -21,8 +21,8 @@ from vrscan.study.report.tally import ASTRAY_PX, Errors
 
 _SHAPES = ((".", 2.0), ("x", 2.5), ("+", 3.0), ("^", 2.0))
 _TRUTH: dict[str, Any] = {"color": LIGHT, "markersize": 5.0, "markeredgewidth": 0.0}
-_WIDTH_POINTS = 650.0  # of a panel, roughly
-_CONTEXT_PX = 100  # either side of the brightest pixel where there is no window
+_WIDTH_POINTS = 650.0  # approximate width of a panel
+_CONTEXT_PX = 100  # shown on either side of the brightest pixel where there is no window
 
 
 def error_table(errors: list[Errors], title: str) -> RichTable:
@@ -62,18 +62,19 @@ def picture(
 ) -> None:
     """Draw profile with truth, error over the scan angle, and one raw line with its window.
 
-    The lines may come in any order of angle, as those of a mirror do that swings to and fro, and
-    any of them may be without spot or point. A scanner that moved gets a map of z over x and y in
-    place of the profile.
+    The lines may come in any order of angle, as from a mirror that swings to and fro, and any of
+    them may be without spot or point. A scanner that moved gets a map of z over x and y instead of
+    the profile.
 
     Args:
         recording: Lines with truth.
-        result: Their points.
-        config: What they were found with.
-        title: One line on top.
+        result: Points of these lines.
+        config: Configuration with which the points were computed.
+        title: Title of the picture.
         file: A binary file, written as PNG.
-        y_mm: Where the scanner was at each line [n]; None if it stood still.
-        pixels: Returns the counts [length] of a line by its number, if the recording lacks them.
+        y_mm: Position of the scanner at each line [n]; None if it stood still.
+        pixels: Function that returns the counts [length] of a line by its number, if the recording
+            has no pixels.
 
     Raises:
         ValueError: if the lines have no truth.
@@ -100,7 +101,7 @@ def picture(
 
 
 def _dots(index: int) -> dict[str, Any]:
-    """Return how the points of a surface look: four colours, then the same in other shapes."""
+    """Return the style of a surface's points: four colours, then the same in other shapes."""
     shape, size = _SHAPES[index // len(COLOURS) % len(_SHAPES)]
     return {
         "linestyle": "",
@@ -112,7 +113,7 @@ def _dots(index: int) -> dict[str, Any]:
 
 
 def _near(values: Floats, true: Floats) -> Bools:
-    """Return which values are not so far off that to show them would shrink the scene."""
+    """Return which values are near enough to be shown without shrinking the scene."""
     real = true[np.isfinite(true)]
     if not real.size:
         return np.ones(len(values), np.bool_)
@@ -121,7 +122,7 @@ def _near(values: Floats, true: Floats) -> Bools:
 
 
 def _draw_profile(axes: Axes, result: Table, truth: Truth) -> None:
-    """Points over the true profile; all of it dots, as the lines come in any order."""
+    """Draw points over the true profile; all of it in dots, as the lines come in any order."""
     seen = np.isfinite(truth.position_px)
     near = _near(result.x_mm, truth.x_mm) & _near(result.z_mm, truth.z_mm)
     axes.plot(truth.x_mm, truth.z_mm, "o", **_TRUTH, label="truth", zorder=1)
@@ -143,7 +144,7 @@ def _draw_profile(axes: Axes, result: Table, truth: Truth) -> None:
 
 
 def _draw_map(axes: Axes, result: Table, truth: Truth, y_mm: Floats) -> None:
-    """Points of a scanner that moved: z as colour over x and y."""
+    """Draw the points of a scanner that moved: z as colour over x and y."""
     seen = np.isfinite(truth.position_px)
     near = _near(result.x_mm, truth.x_mm)
     rows = result.located & seen
@@ -193,17 +194,17 @@ def _counted(rows: Bools, what: str) -> str:
 
 
 def _legend(axes: Axes, **options: Any) -> None:
-    """A legend, in columns of six at most, if there is anything to say."""
+    """Add a legend, in six columns at most, if there is anything to name."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
         legend = axes.legend(handles, labels, ncols=1 + (len(handles) - 1) // 6, **options)
-        for mark in legend.legend_handles:  # small dots are enlarged, large ones are not
+        for mark in legend.legend_handles:  # enlarges small dots only
             if isinstance(mark, Line2D):
                 mark.set_markersize(min(mark.get_markersize(), 6.0))
 
 
 def _draw_error(axes: Axes, recording: Lines, result: Table, truth: Truth) -> None:
-    """Error in z over the scan angle, each point in front of twice its predicted sigma."""
+    """Draw the error in z over the scan angle, each point in front of twice its predicted sigma."""
     good = result.located & np.isfinite(truth.position_px)
     angle = np.degrees(recording.angle_rad)
     error = np.where(good, 1e3 * (result.z_mm - truth.z_mm), np.nan)
@@ -246,7 +247,7 @@ def _draw_error(axes: Axes, recording: Lines, result: Table, truth: Truth) -> No
 def _draw_line(
     axes: Axes, pixels: Callable[[int], Pixels], result: Table, config: Config, truth: Truth
 ) -> None:
-    """One raw line around its window: the widest spot's, where the window shows best."""
+    """Draw one raw line around its window: that of the widest spot, which shows the window best."""
     axes.set_xlabel("pixel")
     axes.set_ylabel("counts")
     rows = np.flatnonzero(result.located & np.isfinite(truth.position_px))
@@ -292,7 +293,7 @@ def _draw_line(
 
 
 def _draw_brightest(axes: Axes, pixels: Callable[[int], Pixels], result: Table) -> None:
-    """The line with the brightest pixel, where no line has a point."""
+    """Draw the line with the brightest pixel, for a scan without a point."""
     axes.set_title("No line with a point")
     if len(result) == 0:
         return

@@ -15,11 +15,11 @@ from vrscan.engines.engine import BLOCK, Engine, prepare, run
 from vrscan.scene.simulate import take
 from vrscan.show.sheet import Column, Sheet, words
 
-LINES = {Engine.RTL: 2_000, Engine.FIXED: 10_000, Engine.IDEAL: 10_000}  # that are measured
+LINES = {Engine.RTL: 2_000, Engine.FIXED: 10_000, Engine.IDEAL: 10_000}  # lines measured
 PAPER_LINES = 37_400.0  # lines/s of the paper's sensor
-_WARM = 64  # lines: builds and imports are not what is measured
-_LEAST_S = 1.0  # of a run on all cores, about
-_BLOCK_S = 0.1  # of a block, so that all cores end together
+_WARM = 64  # lines before the measurement, for builds and imports
+_LEAST_S = 1.0  # approximate time of a run on all cores
+_BLOCK_S = 0.1  # time of a block, so that all cores end together
 
 
 @dataclass(frozen=True)
@@ -27,22 +27,22 @@ class Rate:
     """Lines per second of an engine."""
 
     engine: Engine
-    lines: int  # that were measured on one core
-    one: float  # on one core
+    lines: int  # number of lines measured on one core
+    one: float  # rate on one core
     cores: int
-    every: float  # on so many cores at a time; NaN if not measured
+    every: float  # rate on several cores together; NaN if not measured
 
 
 @dataclass(frozen=True)
 class _Again:
-    """The work of a process: an engine on some of the lines that it has, again and again."""
+    """The work of a process: an engine on some of its lines, again and again."""
 
     engine: Engine
     recording: Lines
     config: Config
 
     def __call__(self, rows: slice) -> tuple[int, float]:
-        """Return which process did it, and the processor time it took, s."""
+        """Return the number of the process, and the processor time that it took, s."""
         start = time.process_time()
         run(self.engine, part(self.recording, rows), self.config)
         return os.getpid(), time.process_time() - start
@@ -53,15 +53,16 @@ def measure(
 ) -> Rate:
     """Return the speed of an engine on lines of the default scene.
 
-    The processors' time counts, whatever else runs on the machine. On more cores than one,
-    processes that have the lines already work on blocks of them at the same time, and share the
-    memory as they do in a scan.
+    The processors' time is used, so other programs on the machine do not count. On more cores than
+    one, processes that already have the lines work on blocks of them at the same time, and share
+    the memory as they do in a scan.
 
     Args:
-        engine: Who is measured.
+        engine: The engine that is measured.
         config: The instrument.
-        count: Lines; those of ``LINES`` if None.
-        cores: Processes of the second measurement; one a processor if None, and none if 1.
+        count: Number of lines; that of ``LINES`` if None.
+        cores: Number of processes of the second measurement; one per processor if None, and none if
+            1.
 
     Raises:
         InputError: if the engine cannot be built.

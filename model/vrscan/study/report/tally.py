@@ -1,4 +1,4 @@
-"""How far the points of a simulated scan are from the truth, for any number of lines."""
+"""Errors of a simulated scan's points against the truth, for any number of lines."""
 
 from dataclasses import dataclass, fields
 
@@ -13,24 +13,24 @@ ASTRAY_PX = 10.0
 
 @dataclass(frozen=True)
 class Errors:
-    """How far the points of one surface are from the truth, in z."""
+    """The errors of one surface's points in z."""
 
     name: str
-    lines: int  # with a spot that the camera sees
+    lines: int  # number of lines with a spot that the camera sees
     points: int
-    astray: int  # of them, more than ``ASTRAY_PX`` off on the sensor: on another spot
-    rms_mm: float  # of the others, as all that follows
+    astray: int  # points more than ``ASTRAY_PX`` off on the sensor: on another spot
+    rms_mm: float  # rms error of the other points, as all that follows
     max_mm: float
-    rms_percent: float  # of the range
+    rms_percent: float  # rms error over the range
     max_percent: float
     ratio: float  # rms of error over predicted sigma: 1 where the prediction is right
 
 
 @dataclass(frozen=True)
 class Sums:
-    """What the errors of one surface are made of."""
+    """The sums from which the errors of one surface are computed."""
 
-    lines: int = 0  # as in ``Errors``; so are points
+    lines: int = 0  # as in ``Errors``, like points
     points: int = 0
     good: int = 0  # points that are not astray
     square_mm: float = 0.0
@@ -66,18 +66,18 @@ class Sums:
 
 @dataclass(frozen=True)
 class Tally:
-    """The sums of some lines: of each surface, and of all of them last."""
+    """The sums of some lines: for each surface, and for all of them last."""
 
-    names: tuple[str, ...]  # of the surfaces
+    names: tuple[str, ...]  # names of the surfaces
     sums: tuple[Sums, ...]
     lines: int
     points: int
-    dark: int  # lines whose spot the camera cannot see
-    stray: int  # of them, with a point
+    dark: int  # number of lines whose spot the camera cannot see
+    stray: int  # number of these lines with a point
 
     @classmethod
     def of(cls, result: Table, truth: Truth) -> "Tally":
-        """Return the sums of lines of which points and truth are known."""
+        """Return the sums of lines from their points and truth."""
         seen = np.isfinite(truth.position_px)
         where = [truth.surface == index for index in range(len(truth.names))]
         where.append(np.ones(len(result), np.bool_))
@@ -91,7 +91,7 @@ class Tally:
         )
 
     def __add__(self, other: "Tally") -> "Tally":
-        """Return the sums of the lines of both, which are of one scene."""
+        """Return the sums of the lines of both, which belong to one scene."""
         return Tally(
             names=self.names,
             sums=tuple(a + b for a, b in zip(self.sums, other.sums, strict=True)),
@@ -112,7 +112,7 @@ def _sums(where: Bools, result: Table, truth: Truth) -> Sums:
     with np.errstate(invalid="ignore"):
         good = found & (np.abs(result.position_px - truth.position_px) <= ASTRAY_PX)
     error = np.abs(result.z_mm[good] - truth.z_mm[good])
-    share = 100.0 * error / truth.z_mm[good]  # spot and point are on one ray: z as good as range
+    share = 100.0 * error / truth.z_mm[good]  # spot and point are on one ray
     sigma = result.sigma_z_mm[good]
     ratio = error[sigma > 0.0] / sigma[sigma > 0.0]  # a sigma may round to 0
 

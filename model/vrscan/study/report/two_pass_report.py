@@ -1,9 +1,9 @@
-"""What the second window is worth: its efficiency, and what skew and slope do to it.
+"""The benefit of the second window: its efficiency, and its errors by skew and slope.
 
 Sensor and spots are those of ``study.report.efficiency``. There efficiency is the bound over the
 measured mean square error, which chance alone moves by 2 % with 4,000 lines; here it is the mean
 square error of the efficient score over the detector's, on the same lines. The score is the
-estimate that reaches the bound, of which it needs the truth; both errors come from the same noise,
+estimate that reaches the bound, for which it needs the truth; both errors come from the same noise,
 so most of the chance drops out.
 """
 
@@ -34,9 +34,9 @@ from vrscan.study.report.efficiency import (
 )
 
 SIGMAS_PX = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
-DIM_PEAK = 0.02  # of full scale
+DIM_PEAK = 0.02  # share of full scale
 PEAKS = (DIM_PEAK, 0.05, 0.10, 0.20, 0.50, 0.90)
-GOAL, GOAL_DIM = 0.95, 0.90  # of the efficiency in every cell, and below 5 %
+GOAL, GOAL_DIM = 0.95, 0.90  # least efficiency in every cell, and for peaks below 5 %
 
 SKEW = 0.25  # sides of 0.75 s and 1.25 s
 SKEW_SIGMA_PX = 3.0
@@ -45,8 +45,8 @@ GOAL_SKEW_PX = 0.02
 
 SLOPE_SIGMAS_PX = (1.0, 3.0, 8.0, 12.0)
 SLOPE_PEAKS = (0.05, 0.20, 0.90)
-SLOPE = 1.0  # counts a px
-SLOPE_REACH_PX, SLOPE_END_PX = 120, 250  # straight so far; back at the background's level
+SLOPE = 1.0  # counts per px
+SLOPE_REACH_PX, SLOPE_END_PX = 120, 250  # end of the straight part; back at the background's level
 SLOPE_BACKGROUND_COUNTS = 200.0
 GOAL_SLOPE_PX = 0.005
 _SUBPIXELS = 8
@@ -55,24 +55,24 @@ _SEED = 20100302
 
 @dataclass(frozen=True)
 class Cell:
-    """Efficiency and share of lost lines of one width and height of spot, in both modes."""
+    """Efficiency and share of lost lines for one width and height of spot, in both modes."""
 
     sigma_px: float
     peak: float
     one_pass: float
     two_pass: float
-    lost: float  # of two passes: no position, or more than LOST_PX off
+    lost: float  # share with two passes: no position, or more than LOST_PX off
 
 
 @dataclass(frozen=True)
 class Slope:
-    """What a slope does to a spot with two passes, px."""
+    """The effect of a slope on a spot with two passes, px."""
 
     sigma_px: float
     peak: float
-    bias: float  # mean of what a position changes by
-    rms: float  # of the positions on the slope
-    level_rms: float  # of those without one
+    bias: float  # mean change of a position
+    rms: float  # rms error of positions on the slope
+    level_rms: float  # rms error of positions without a slope
 
 
 def efficient_score(
@@ -87,7 +87,7 @@ def efficient_score(
         lines: Counts [n, length].
         true: Centres, px [n].
         sigma_px: Standard deviation of the spots.
-        peak: Their height, share of full scale.
+        peak: Height of the spots, share of full scale.
         config: Sensor and conversion factor.
     """
     kappa, length = config.peak.kappa, lines.shape[1]
@@ -117,13 +117,13 @@ def study(
     """Return the efficiency of both modes for every height and width of spot.
 
     Args:
-        engine: Who detects.
+        engine: The engine that detects.
         config: Thresholds and sensor.
-        count: Lines a cell.
+        count: Number of lines per cell.
         progress: Called with the number of cells done so far.
-        peaks: Heights, shares of full scale.
-        sigmas_px: Widths.
-        jobs: Processes, which share the cells.
+        peaks: Heights of the spots, shares of full scale.
+        sigmas_px: Widths of the spots.
+        jobs: Number of processes, which share the cells.
     """
     cells: list[Cell] = []
     with workers(partial(_cell, engine, config, count), jobs) as do:
@@ -151,14 +151,16 @@ def _cell(engine: Engine, config: Config, count: int, spot: tuple[float, float])
 def rounding_bound(width: Ints, height: Floats) -> Floats:
     """Return the largest error of the model's second window against float64 in the same one, px.
 
-    That of one window, and what the baseline's rounding adds. A slope is right to half of a step a
-    px, which moves the position by at most N**3 / (4 pi**2 |P1|) of it. What is taken off a pixel
-    is a whole aligned count, and the rest goes over to the next one: the sum of the rests'
-    differences times a sine is at most 2, which moves it by at most 2 N / (2 pi |P1|).
+    It is that of one window plus the baseline's rounding. A slope is exact to half of a step per
+    px, which moves the position by at most N**3 / (4 pi**2 |P1|) times that. What is subtracted
+    from a pixel is a whole number of aligned counts, and the remainder is carried to the next
+    pixel: the sum of the remainders' differences times a sine is at most 2, which moves the
+    position by at most 2 N / (2 pi |P1|).
 
     Args:
-        width: Of the windows, px [n].
-        height: Of the spots, aligned counts [n]; |P1| is more than a tenth of it times the width.
+        width: Widths of the windows, px [n].
+        height: Heights of the spots, aligned counts [n]; |P1| is more than a tenth of it times the
+            width.
     """
     n = np.asarray(width, np.float64)
     light = n * height / 10.0
@@ -177,9 +179,9 @@ def arithmetic(
 
     Args:
         config: Thresholds and sensor.
-        count: Lines of each width and height.
-        peaks: Heights, shares of full scale.
-        sigmas_px: Widths.
+        count: Number of lines of each width and height.
+        peaks: Heights of the spots, shares of full scale.
+        sigmas_px: Widths of the spots.
 
     Returns:
         Errors [n], the bound of each [n], and the share of lines with the same window.
@@ -242,10 +244,10 @@ def skew_positions(
     sigma_px: float = SKEW_SIGMA_PX,
     peaks: Sequence[float] = SKEW_PEAKS,
 ) -> tuple[Floats, Floats]:
-    """Return where a skewed spot is found, px from its highest place, in one pass and in two.
+    """Return the positions of a skewed spot, px from its highest place, in one pass and in two.
 
-    Its sides have (1 - SKEW) and (1 + SKEW) times ``sigma_px``; the same spots and the same draws
-    of noise at each height, mean over ``count`` lines, [len(peaks)] each.
+    Its sides have (1 - SKEW) and (1 + SKEW) times ``sigma_px``. The spots and the draws of noise
+    are the same at each height. The positions are means over ``count`` lines, [len(peaks)] each.
     """
     centre, draws = _draws(count, 1, config)
     sides = (1.0 - SKEW) * sigma_px, (1.0 + SKEW) * sigma_px
@@ -263,9 +265,10 @@ def skew_positions(
 def sloping(place: Floats) -> Floats:
     """Return a background that slopes by SLOPE at a spot, counts over its level, any shape.
 
-    Straight for SLOPE_REACH_PX on either side, which holds the widest window and its blocks, and
-    back at SLOPE_END_PX, so that the line's statistics, which leave out what is near the spot, do
-    not see it: a level elsewhere is another matter, a threshold's.
+    It is straight for SLOPE_REACH_PX on either side, which covers the widest window and its blocks,
+    and back at its level at SLOPE_END_PX. So the line's statistics, which leave out the
+    surroundings of the spot, do not change; a different level elsewhere would be a matter of the
+    threshold.
 
     Args:
         place: Distance from the spot, px.
@@ -285,9 +288,9 @@ def slope_study(
     peaks: Sequence[float] = SLOPE_PEAKS,
     sigmas_px: Sequence[float] = SLOPE_SIGMAS_PX,
 ) -> list[Slope]:
-    """Return what ``sloping`` does to spots of every height and width, with two passes.
+    """Return the effect of ``sloping`` on spots of every height and width, with two passes.
 
-    Spots and draws of noise are the same with and without it, so that what differs is its doing.
+    Spots and draws of noise are the same with and without it, so that the difference is its effect.
     """
     results = []
     full = float(2**config.sensor.pixel_width)
@@ -314,12 +317,12 @@ def slope_study(
 
 
 def figures(cells: list[Cell], places: Floats, slopes: list[Slope]) -> list[tuple[str, bool]]:
-    """Return what is asked of two passes in words, and whether it holds.
+    """Return the requirements on two passes in words, and whether each holds.
 
     Args:
-        cells: Of ``study``.
-        places: Of ``skew_positions``, with two passes.
-        slopes: Of ``slope_study``.
+        cells: Cells of ``study``.
+        places: Positions of ``skew_positions``, with two passes.
+        slopes: Results of ``slope_study``.
     """
     bright = min((c.two_pass for c in cells if c.peak >= 0.05), default=1.0)
     dim = min((c.two_pass for c in cells if c.peak < 0.05), default=1.0)

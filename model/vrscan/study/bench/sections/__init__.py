@@ -1,7 +1,7 @@
-"""The sections of the page, a module each: which cells it asks for, and what it makes of them.
+"""The sections of the page, one module each: the cells that it needs, and its blocks.
 
 A section module has ``SECTION``; ``ALL`` lists them in their order on the page. To add one, write a
-module beside these and put its ``SECTION`` here.
+module in this folder and put its ``SECTION`` here.
 """
 
 from vrscan.study.bench.sections import compare_section as compare

@@ -1,4 +1,4 @@
-"""Detectors side by side: each one's error over all spots, and its price."""
+"""Comparison of the detectors: the error of each over all spots, and its cost."""
 
 import itertools
 from collections.abc import Callable, Sequence
@@ -18,14 +18,14 @@ from vrscan.study.bench.cells import Cell, Figures, plain
 from vrscan.study.bench.sections.section import Found, Order, Section, look, png
 from vrscan.study.report.efficiency import LOST_PX, PEAKS, SIGMAS_PX
 
-LINES, QUICK_LINES = 5000, 300  # a cell
-SHOWN_PEAK = 0.5  # whose rms the table shows
+LINES, QUICK_LINES = 5000, 300  # lines per cell
+SHOWN_PEAK = 0.5  # height whose rms the table shows
 SPEED_SIGMA_PX = 4.0
-WINDOW_PX = 32  # for which clocks are stated
-FIRST_PX = 16  # of the first of two passes then
+WINDOW_PX = 32  # window for which clocks are stated
+FIRST_PX = 16  # first of two windows for which clocks are stated
 SHIPPED = "shipped"
-FAINT = 0.02  # of full scale: fainter than the spots of the mean
-MAPPED = ("printed", "shipped", "two-pass", "likelihood")  # whose efficiency is shown by spot
+FAINT = 0.02  # share of full scale: fainter than the spots of the mean
+MAPPED = ("printed", "shipped", "two-pass", "likelihood")  # shown by spot
 
 
 def _spot(order: Order, sigma: float, peak: float) -> Cell:
@@ -47,7 +47,7 @@ def cells(order: Order) -> list[Cell]:
 
 
 def _efficiency(bound: float, error: dict[str, float]) -> float:
-    """Return bound over mean square, lost lines at ``LOST_PX``."""
+    """Return the bound over the mean square error, with an error of ``LOST_PX`` for lost lines."""
     kept = 0.0 if error["lost"] == 1.0 else (1.0 - error["lost"]) * error["rms"] ** 2
     return bound**2 / (kept + error["lost"] * LOST_PX**2)
 
@@ -267,8 +267,8 @@ def _picture(shown: Sequence[Detector], rates: dict[str, float], mean: dict[str,
 
 
 def _label(axes: Axes, places: dict[Detector, tuple[float, float]]) -> None:
-    """Write the names beside their points, lower or higher where one would lie on another."""
-    taken: list[tuple[float, float, float]] = []  # left, right, height of what is written, points
+    """Write the names beside their points, lower or higher where one would cover another."""
+    taken: list[tuple[float, float, float]] = []  # left, right and height of the names, points
     scale = 72.0 / axes.figure.dpi
     at = {each: axes.transData.transform(place) * scale for each, place in places.items()}
     for each, (x, y) in sorted(at.items(), key=lambda item: -item[1][1]):

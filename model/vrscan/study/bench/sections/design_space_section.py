@@ -1,4 +1,4 @@
-"""The design space: error of the detector with other widths and windows, over what they cost."""
+"""The design space: error of the detector with other widths and windows, over their cost."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,16 +19,16 @@ from vrscan.study.bench.sections.section import Found, Order, Section, png
 from vrscan.study.bench.widths import Design
 from vrscan.study.report.efficiency import LOST_PX, PEAKS, SIGMAS_PX
 
-STEPS, QUICK_STEPS = 256, 32  # places of a spot within a pixel
-LINES, QUICK_LINES = 1000, 60  # with noise, of each of the 20 spots
-SKEW_LINES, QUICK_SKEW_LINES = 800, 100  # of each height of a skewed spot
-WINDOW_PX = 32  # for which clocks are stated
+STEPS, QUICK_STEPS = 256, 32  # positions of a spot within a pixel
+LINES, QUICK_LINES = 1000, 60  # lines with noise for each of the 20 spots
+SKEW_LINES, QUICK_SKEW_LINES = 800, 100  # lines for each height of a skewed spot
+WINDOW_PX = 32  # window for which clocks are stated
 BOARD_HZ = 100e6  # clock of the ULX3S
 DIGITS = 3  # to which errors are compared: what the tables show
 SHIPPED = Design()
-SPOT = (2.0, 0.5)  # sigma in px and height, whose error in noise the tables show
+SPOT = (2.0, 0.5)  # sigma in px and height of the spot whose error in noise is shown
 
-# Table: log2 of its length, bits of an entry, of a sine, of the phase.
+# Table: log2 of its length, bits of an entry, bits of a sine, bits of the phase.
 TABLES = (
     (10, 32, 24, 28),
     (9, 32, 24, 28),
@@ -47,7 +47,7 @@ TABLES = (
     (6, 20, 18, 22),
     (6, 18, 18, 20),
 )
-# CORDIC: bits of its angle, rotations.
+# CORDIC: bits of its angle, number of rotations.
 CORDICS = (
     (24, 26),
     (24, 22),
@@ -69,12 +69,12 @@ TWO_PASS = "two_pass"
 
 @dataclass(frozen=True)
 class Series:
-    """One width that is changed, the others as shipped.
+    """One width that is changed, while the others stay as shipped.
 
     Attributes:
         key: Short name.
-        title: What it is.
-        unit: Of its values.
+        title: Title of the series.
+        unit: Unit of the values.
         values: Designs by their value, in order.
     """
 
@@ -106,7 +106,7 @@ SERIES = (
 
 
 def series(order: Order) -> Sequence[Series]:
-    """Return what is changed one at a time."""
+    """Return the series: the widths that are changed one at a time."""
     if not order.quick:
         return SERIES
     few = {v: SERIES[-1].values[v] for v in (8, 12)}
@@ -179,18 +179,19 @@ def cells(order: Order) -> list[Cell]:
 
 @dataclass(frozen=True)
 class Point:
-    """A design with what it comes to.
+    """A design with its figures.
 
     Attributes:
-        design: Its widths.
-        rms: Of the arithmetic, px.
-        largest: Error of the arithmetic on the spots, px.
-        unrounded: Its rms before the output's rounding, px.
+        design: Widths of the design.
+        rms: Rms error of the arithmetic, px.
+        largest: Largest error of the arithmetic on the spots, px.
+        unrounded: Rms error before the output's rounding, px.
         bound: Largest error for any heights, px.
-        noisy: rms in noise over the Cramer-Rao bound, geometric mean over the spots.
-        spot: rms in noise of ``SPOT``, px.
-        lut: And flip-flops, block RAMs and multipliers of all parts.
-        clocks: For a window of ``WINDOW_PX``.
+        noisy: Rms error in noise over the Cramer-Rao bound, geometric mean over the spots.
+        spot: Rms error in noise of ``SPOT``, px.
+        lut: Number of LUTs; the next fields are flip-flops, block RAMs and multipliers of all
+            parts.
+        clocks: Number of clocks for a window of ``WINDOW_PX``.
     """
 
     design: Design
@@ -208,24 +209,24 @@ class Point:
 
     @property
     def rate(self) -> float:
-        """Lines/s of the detector at the board's clock."""
+        """Return the lines/s of the detector at the board's clock."""
         return BOARD_HZ / self.clocks
 
 
 def excess(score: dict[str, float], bound: float) -> float:
-    """Return rms error over the bound, lost lines at ``LOST_PX``."""
+    """Return the rms error over the bound, with an error of ``LOST_PX`` for lost lines."""
     kept = 0.0 if score["lost"] == 1.0 else (1.0 - score["lost"]) * score["rms"] ** 2
     return float((kept + score["lost"] * LOST_PX**2) ** 0.5 / bound)
 
 
 def front(costs: Sequence[tuple[float, float]]) -> list[int]:
-    """Return which points no other one dominates: none is as good in both and better in one.
+    """Return the points that no other one dominates by being as good in both and better in one.
 
     Args:
-        costs: Two figures of each point, both the less the better.
+        costs: Two figures of each point; less is better.
 
     Returns:
-        Their places in ``costs``, by rising first figure; of equal points all.
+        Their indices in ``costs``, by rising first figure; of equal points all.
     """
     kept: list[int] = []
     least = float("inf")
@@ -274,7 +275,7 @@ def _points(order: Order, found: Found) -> list[Point]:
 
 @dataclass(frozen=True)
 class Axis:
-    """A figure that a design is chosen by."""
+    """A figure by which a design is chosen."""
 
     key: str
     words: str
@@ -282,7 +283,7 @@ class Axis:
     scale: float = 1.0
 
     def of(self, point: Point) -> float:
-        """Return the figure, the less the better; errors to ``DIGITS`` digits."""
+        """Return the figure, of which less is better; errors to ``DIGITS`` digits."""
         if self.key == "rate":
             return -point.rate
         return float(f"{getattr(point, self.key):.{DIGITS}g}") if self.scale != 1.0 else point.lut
@@ -296,7 +297,7 @@ FRONTS = {"L": (LUT, RMS), "B": (LUT, BOUND), "R": (RATE, RMS)}
 
 
 def _front(points: Sequence[Point], axes: tuple[Axis, Axis]) -> list[Point]:
-    """Return the front; of points that are the same on it the shipped one, or that of least LUT."""
+    """Return the front; of points that are equal on it the shipped one, or that of least LUT."""
     costs = [(axes[0].of(p), axes[1].of(p)) for p in points]
     kept: dict[tuple[float, float], Point] = {}
     for k in sorted(front(costs), key=lambda k: (points[k].design != SHIPPED, points[k].lut)):
@@ -597,27 +598,27 @@ def _series_picture(shown: Sequence[Series], points: dict[Design, Point]) -> byt
 
 @dataclass(frozen=True)
 class Rule:
-    """A rule of the window with what it comes to, over the 20 spots."""
+    """A rule of the window with its figures over the 20 spots."""
 
     values: dict[str, Any]
-    noisy: float  # rms over the bound, geometric mean
+    noisy: float  # rms error over the bound, geometric mean
     worst: float
     lost: float
-    width: float  # px, mean
-    first: float  # of the first window
-    rival: float  # largest share of lines that are flagged RIVAL without one
-    moved: float  # a skewed spot by its height, px
+    width: float  # mean width of the window, px
+    first: float  # mean width of the first window, px
+    rival: float  # largest share of lines with RIVAL but without a rival
+    moved: float  # movement of a skewed spot with its height, px
     clocks: int
     lut: int
 
     @property
     def two_pass(self) -> bool:
-        """Whether there are two windows."""
+        """Return whether there are two windows."""
         return bool(self.values.get("window") == TWO_PASS)
 
     @property
     def title(self) -> str:
-        """What it is called."""
+        """Return the name of the rule."""
         if self.two_pass:
             return "two passes"
         return f"k_noise {self.values['k_noise']:g}, k_height {self.values['k_height']:g}"
@@ -719,7 +720,7 @@ def _movement(rule: Rule) -> float:
 
 
 def _over(rule: Rule) -> float:
-    """Return how much larger than the bound the error is, %, at least what a picture shows."""
+    """Return by how much the error exceeds the bound, %, at least the least value of a picture."""
     return max(100.0 * (rule.noisy - 1.0), 0.1)
 
 
@@ -772,7 +773,7 @@ def _rule_picture(listed: Sequence[Rule]) -> bytes:
 
 
 def _places(listed: Sequence[Rule]) -> tuple[list[float], list[float]]:
-    """Return clocks and movement in 1e-3 px of each rule."""
+    """Return clocks and movement in 1e-3 px for each rule."""
     return [_clocks(r) for r in listed], [_movement(r) for r in listed]
 
 

@@ -1,4 +1,4 @@
-"""How the time of each part grows with its work: length of a line, and number of lines."""
+"""Growth of each part's time with its work: length of a line, and number of lines."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,8 +17,8 @@ from vrscan.study.bench.sections.section import Found, Order, Section, png
 COUNTS, QUICK_COUNTS = (64, 256, 1024, 4096, 16384), (64, 256, 1024)
 LENGTHS, QUICK_LENGTHS = (512, 1024, 2048, 4096), (1024, 2048, 4096)
 RTL_COUNTS = (64, 256, 1024)
-RTL_LENGTHS = (1024, 4096)  # beside the configuration's own; each has to be built once
-LINES = 1024  # where the length changes
+RTL_LENGTHS = (1024, 4096)  # besides the configuration's own; each has to be built once
+LINES = 1024  # number of lines where the length changes
 _RTL_LINES = 256
 
 NAMES = {
@@ -64,7 +64,7 @@ def exponent(sizes: Sequence[float], seconds: Sequence[float]) -> float:
 
 
 def _series(figures: Figures, column: int) -> dict[str, list[tuple[int, int, float]]]:
-    """Return rows of size, lines and s of each part, by rising size."""
+    """Return rows of size, lines and s for each part, by rising size."""
     found: dict[str, list[tuple[int, int, float]]] = {}
     for row in figures["seconds"]:
         found.setdefault(row[0], []).append((row[column], row[2], row[3]))

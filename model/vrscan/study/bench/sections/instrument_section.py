@@ -1,4 +1,4 @@
-"""The whole instrument: where its error comes from, and how fast each part of it is."""
+"""The whole instrument: the causes of its error, and the speed of each of its parts."""
 
 import csv
 import io
@@ -31,7 +31,7 @@ from vrscan.study.plan import JUMP_PX, ZONES
 QUICK_SCENES = ("default", "sunlit")
 FIDELITY_SCENES = ("default", "corner", "bust", "sunlit")
 PAPER_LINES = 37_400.0  # lines/s of the paper's sensor
-_LEAST_PX = 1e-4  # smaller is shown as nothing
+_LEAST_PX = 1e-4  # a smaller value is shown as nothing
 
 
 def _scenes(order: Order) -> tuple[str, ...]:
@@ -60,7 +60,7 @@ def _speed(order: Order) -> Cell:
 
 
 def cells(order: Order) -> list[Cell]:
-    """Return the budget of each scene, and the speeds of simulator and engines."""
+    """Return the budget cell of each scene, and the speeds of simulator and engines."""
     return [
         *(_budget(order, scene) for scene in _scenes(order)),
         *(_fidelity(order, scene) for scene in _lit(order)),
@@ -100,7 +100,7 @@ def blocks(order: Order, found: Found) -> Sequence[Block[Any]]:
 
 
 def _worst(text: str) -> dict[str, tuple[float, float, float]]:
-    """Return px, mm and lost share of each effect of a budget's file, worst of its zones."""
+    """Return px, mm and lost share of each effect in a budget's file, for its worst zone."""
     worst = {}
     for row in csv.DictReader(io.StringIO(text)):
         if row["effect"] not in EFFECTS or not row["near_rms_px"]:
@@ -119,7 +119,7 @@ Worst = dict[str, dict[str, tuple[float, float, float]]]
 
 
 def _names(parts: Worst) -> list[str]:
-    """Return the effects that any scene has, the largest first."""
+    """Return the effects of all scenes, the largest first."""
     size = {
         name: max((p[name][0] for p in parts.values() if name in p), default=-1.0)
         for name in EFFECTS
@@ -224,7 +224,7 @@ def _picture(parts: Worst, budgets: dict[str, Figures]) -> bytes:
 
 
 def _hardware(order: Order) -> tuple[str, float | None]:
-    """Return a word and lines/s of the chain from its place and route."""
+    """Return a word and the lines/s of the chain from its place and route."""
     placed, length = cost.timing(), order.config.sensor.line_length
     if "vrscan_chain" not in placed:
         return f"run {cost.TIMING}", None

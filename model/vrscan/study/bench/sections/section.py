@@ -1,4 +1,4 @@
-"""What a section is, and what its pictures share."""
+"""The type of a section, and the looks that its pictures share."""
 
 import io
 from collections.abc import Callable, Sequence
@@ -19,11 +19,11 @@ BOUND = {"color": INK, "linestyle": (0, (4, 2)), "linewidth": 1.1, "zorder": 5}
 
 @dataclass(frozen=True)
 class Order:
-    """What is asked for: the same for all sections."""
+    """The order for a page, which is the same for all sections."""
 
     config: Config
     seed: int
-    quick: bool  # a tenth of the work
+    quick: bool  # whether to do a tenth of the work only
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,10 @@ class Section:
     """A section of the page.
 
     Attributes:
-        key: Its id on the page.
-        title: Its heading.
-        cells: What it needs computed.
-        blocks: What it shows, from the figures of those cells.
+        key: Id of the section on the page.
+        title: Heading of the section.
+        cells: Function that returns the cells that it needs.
+        blocks: Function that returns its blocks from the figures of those cells.
     """
 
     key: str
@@ -45,7 +45,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Look:
-    """How a detector's line is drawn."""
+    """Style of a detector's curve."""
 
     colour: str
     marker: str
@@ -72,12 +72,12 @@ _LOOKS = {
 
 
 def look(key: str) -> Look:
-    """Return how a detector is drawn."""
+    """Return the style of a detector."""
     return _LOOKS.get(key, _FALLBACK)
 
 
 def png(figure: Figure) -> bytes:
-    """Return a figure as a file that is the same for the same figure."""
+    """Return a figure as a file; equal figures give equal files."""
     file = io.BytesIO()
     figure.savefig(file, format="png", dpi=120, metadata={"Software": None})
     return file.getvalue()

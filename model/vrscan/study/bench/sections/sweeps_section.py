@@ -1,4 +1,4 @@
-"""What makes a line ugly, one thing at a time: rms and bias of all detectors over it."""
+"""Sweeps over one difficulty of a line at a time: rms and bias of all detectors over it."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -19,14 +19,14 @@ from vrscan.study.bench.cells import Cell, Figures, plain
 from vrscan.study.bench.sections.section import BOUND, Found, Order, Section, look, png
 from vrscan.study.report.efficiency import LOST_PX
 
-LINES, QUICK_LINES = 4000, 200  # a cell
-_LEAST_LOST = 0.005  # below, no panel of lost lines
+LINES, QUICK_LINES = 4000, 200  # lines per cell
+_LEAST_LOST = 0.005  # a smaller share gets no panel of lost lines
 Parameters = dict[str, float]
 
 
 @dataclass(frozen=True)
 class Panel:
-    """One column of a sweep: what stays the same."""
+    """One column of a sweep, with the parameters that stay the same."""
 
     title: str
     fixed: Parameters
@@ -34,18 +34,18 @@ class Panel:
 
 @dataclass(frozen=True)
 class Sweep:
-    """One thing that is changed.
+    """One parameter that is changed.
 
     Attributes:
         key: Short name.
-        title: Heading.
-        axis: What is changed, with its unit.
-        values: Of it.
-        panels: Of the picture.
-        caption: What one sees.
-        spot: The spot's parameters for a value and a panel.
+        title: Heading of the sweep.
+        axis: Name of the parameter, with its unit.
+        values: Values of the parameter.
+        panels: Panels of the picture.
+        caption: Text that describes the picture.
+        spot: Function that returns the spot's parameters for a value and a panel.
         log: Whether the axis is logarithmic.
-        also: A predicted rms beside the bound, with its name.
+        also: A predicted rms that is shown with the bound, with its name.
     """
 
     key: str

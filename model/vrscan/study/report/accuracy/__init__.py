@@ -1,4 +1,4 @@
-"""The chain's accuracy against float64: what is measured, what the widths predict, what is asked.
+"""The chain's accuracy against float64: measured errors, predictions from the widths, and limits.
 
-One home for the measurements that ``vrscan numbers`` prints and the tests assert.
+``vrscan numbers`` prints these measurements and the tests assert them.
 """

@@ -1,4 +1,4 @@
-"""fixed.scan_angle against VR-SCAN (12) in float64, of the same integers."""
+"""Accuracy of fixed.scan_angle against VR-SCAN (12) in float64 of the same integers."""
 
 import math
 from dataclasses import dataclass
@@ -15,8 +15,8 @@ from vrscan.study.report.accuracy.figure import SEED, Figure, largest, rms
 GROUP = "scan_angle against (12)"
 LIMIT_URAD = 1.0
 LARGEST_DEG = 25.0
-HARMONIC = 0.02  # the largest |a_k| of a mirror but for a_1 = 1
-SETS = 100  # of random harmonics
+HARMONIC = 0.02  # largest |a_k| of a mirror except a_1 = 1
+SETS = 100  # number of sets of random harmonics
 
 _TURN = 1 << pkg.PHASE_WIDTH
 _ONE = 1 << pkg.MOTION_FRACTION
@@ -24,13 +24,13 @@ _ONE = 1 << pkg.MOTION_FRACTION
 
 @dataclass(frozen=True)
 class Motions:
-    """n phases of each of s sets of harmonics, as the ports take them; see ``scan_angle``.
+    """n phases for each of s sets of harmonics, in the format of the ports; see ``scan_angle``.
 
     Attributes:
-        phase: [s, n].
-        amplitude: [s, n].
-        a: [s, 9].
-        phi: [s, 9].
+        phase: Phases p, [s, n].
+        amplitude: Amplitudes A, [s, n].
+        a: a_k, [s, 9].
+        phi: phi_k, [s, 9].
     """
 
     phase: Ints
@@ -40,25 +40,25 @@ class Motions:
 
 
 def phases(count: int, draw: np.random.Generator) -> Ints:
-    """Return phases all around the turn: one at random in each ``count``-th of it, int64 [count].
+    """Return phases all around the turn, one at random in each ``count``-th of it, int64 [count].
 
     Args:
-        count: At least 1.
-        draw: Source of the places.
+        count: Number of phases, at least 1.
+        draw: Source of the random positions.
     """
     edges = np.arange(count + 1) * _TURN // count
     return draw.integers(edges[:-1], edges[1:])
 
 
 def harmonic_words(pairs: list[list[float]]) -> tuple[Ints, Ints]:
-    """Return [a_k, phi_k in rad] pairs as a_k and phi_k of the ports, int64 [9] each."""
+    """Return a_k and phi_k of the ports for pairs [a_k, phi_k in rad], int64 [9] each."""
     a, phi = np.array(pairs).T
     turns = np.rint(phi / (2.0 * np.pi) * _TURN).astype(np.int64)
     return np.rint(a * _ONE).astype(np.int64), turns % _TURN
 
 
 def amplitude_words(degrees: Floats) -> Ints:
-    """Return amplitudes in degrees as those of the port, int64 of the same shape."""
+    """Return amplitudes of the port for amplitudes in degrees, int64 of the same shape."""
     words = np.rint(degrees / 360.0 * 2.0**pkg.AMPLITUDE_FRACTION).astype(np.int64)
     return np.asarray(words)
 
@@ -88,14 +88,14 @@ def _urad(turns: Floats) -> Floats:
 
 
 def random_harmonics(count: int, size: float, draw: np.random.Generator) -> tuple[Ints, Ints]:
-    """Return a_k up to ``size`` behind a_1 = 1, and any phi_k behind phi_1 = 0, [count, 6] each.
+    """Return a_k up to ``size`` after a_1 = 1, and any phi_k after phi_1 = 0, [count, 6] each.
 
-    The first sets have all the a_k at +-``size`` but for k = 1, where the errors add up the most.
+    The first sets have all a_k at +-``size`` except for k = 1, where the errors add up most.
 
     Args:
-        count: Sets.
-        size: The largest |a_k|.
-        draw: Source of the rest.
+        count: Number of sets.
+        size: Largest |a_k|.
+        draw: Source of the other values.
     """
     a = draw.uniform(-size, size, (count, pkg.HARMONIC_COUNT))
     a[: count // 4] = np.copysign(size, a[: count // 4])
@@ -106,10 +106,10 @@ def random_harmonics(count: int, size: float, draw: np.random.Generator) -> tupl
 
 
 def cases(count: int, draw: np.random.Generator) -> list[tuple[str, Motions, float]]:
-    """Return the names of what is measured, the motions, and the limit, NaN without one.
+    """Return the names of the measurements, the motions, and the limit, NaN without one.
 
     Args:
-        count: Phases a case, at least ``SETS``.
+        count: Number of phases for each case, at least ``SETS``.
         draw: Source of phases, amplitudes and harmonics.
     """
     mirror = Config().mirror
@@ -117,7 +117,7 @@ def cases(count: int, draw: np.random.Generator) -> list[tuple[str, Motions, flo
     working = amplitude_words(np.full(count, mirror.amplitude_deg))
     any_amplitude = amplitude_words(draw.uniform(0.0, LARGEST_DEG, count))
     any_amplitude[::2] = amplitude_words(np.array(LARGEST_DEG))
-    # A is a quarter of a turn and all |a_k| just below 2: at other phases the angle does not fit.
+    # A is a quarter of a turn, all |a_k| are just below 2: at other phases the angle does not fit.
     most = np.full(pkg.HARMONIC_COUNT, 2 * _ONE - 1)
     quarter = np.full(count, (1 << pkg.AMPLITUDE_WIDTH) - 1)
     near = phases(count, draw) // 256 - _TURN // 512 + _TURN // 4
@@ -157,7 +157,7 @@ def measure(count: int) -> list[Figure]:
     """Return maximum and rms of the angle's error.
 
     Args:
-        count: Phases a row, at least ``SETS``.
+        count: Number of phases for each row, at least ``SETS``.
     """
     draw = np.random.default_rng([SEED, 6])
     floor = float(_urad(np.array(floor_turns())))

@@ -1,4 +1,4 @@
-"""cordic_vector at its shipped widths against atan2 in float64."""
+"""Accuracy of cordic_vector at its shipped widths against atan2 in float64."""
 
 import math
 
@@ -10,7 +10,7 @@ from vrscan.fixed.cordic_vector import angle_bounds, cordic_vector
 from vrscan.study.report.accuracy.figure import SEED, Figure, largest, rms
 
 LIMIT_PEAK, LIMIT_RMS = 1.1, 0.36  # steps
-LEAST_AMPLITUDE = 2.0**-20  # of full scale
+LEAST_AMPLITUDE = 2.0**-20  # share of full scale
 GROUP = "cordic_vector, angle"
 
 _TURN = 1 << pkg.ANGLE_WIDTH
@@ -20,7 +20,7 @@ _FULL = (1 << (pkg.HARMONIC_WIDTH - 1)) - 1
 def _vectors(low: float, high: float, count: int, draw: np.random.Generator) -> tuple[Ints, Ints]:
     """Return vectors of amplitudes from low to high, shares of full scale; int64 [n, 2].
 
-    First those of any direction, then the axes, the diagonals and their nearest neighbours.
+    They are vectors of any direction, then the axes, the diagonals and their nearest neighbours.
     """
     size = _FULL * np.exp(draw.uniform(np.log(low), np.log(high), count))
     size[:2] = _FULL * np.array([low, high])
@@ -54,8 +54,8 @@ def measure(count: int) -> list[Figure]:
     """Return peak and rms of the angle's error for every decade of the input's amplitude.
 
     Args:
-        count: Random vectors a decade; the peak is also taken over axes and diagonals, where the
-            error is next to nothing.
+        count: Number of random vectors per decade; the peak is also taken over axes and diagonals,
+            where the error is almost zero.
     """
     draw = np.random.default_rng([SEED, 1])
     predicted_peak, predicted_rms = angle_bounds(pkg.ANGLE_WIDTH)

@@ -5,23 +5,23 @@ from dataclasses import dataclass
 
 from vrscan.data.arrays import Floats
 
-SEED = 20100301  # of every measurement; each adds its own words to it
+SEED = 20100301  # seed of every measurement; each adds its own words
 
 
 @dataclass(frozen=True)
 class Figure:
-    """A measured number beside what is known of it; NaN where there is no such thing.
+    """A measured number with its prediction and its limit; NaN where there is none.
 
     Attributes:
-        group: What is measured.
-        name: Which of its figures.
-        unit: Of all four numbers.
-        measured: What came out.
+        group: Group of figures, which names what is measured.
+        name: Name of the figure within its group.
+        unit: Unit of all four numbers.
+        measured: Result of the measurement.
         predicted: The bound that follows from the widths; measured must not pass it.
-        floor: What the output's own rounding leaves, however good the rest is.
-        limit: What is asked for.
-        at_least: Whether ``limit`` is a lower one.
-        headline: Its row in the summary, which shows the one nearest to its limit; none if empty.
+        floor: Error that the output's own rounding leaves, however good the rest is.
+        limit: Value that is asked for.
+        at_least: Whether ``limit`` is a lower limit.
+        headline: Row of the summary, which shows its figure nearest to the limit; none if empty.
     """
 
     group: str
@@ -42,19 +42,19 @@ class Figure:
 
     @property
     def judged(self) -> bool:
-        """Whether there is a bound or a limit to keep."""
+        """Return whether there is a bound or a limit to keep."""
         return not (math.isnan(self.predicted) and math.isnan(self.limit))
 
     @property
     def nearness(self) -> float:
-        """How near the limit is: 1 is at it, above 1 beyond; the bare number without a limit."""
+        """Return the nearness to the limit: 1 at it, above 1 beyond; without a limit the number."""
         if math.isnan(self.limit):
             return self.measured
         return self.limit / self.measured if self.at_least else self.measured / self.limit
 
     @property
     def passes(self) -> bool:
-        """Whether every bound and limit that there is was kept."""
+        """Return whether every existing bound and limit was kept."""
         if math.isnan(self.measured):
             return not self.judged
         if self.at_least:
@@ -63,10 +63,10 @@ class Figure:
 
 
 def rms(values: Floats) -> float:
-    """Return the root of the mean square; NaN of nothing."""
+    """Return the root of the mean square; NaN for no values."""
     return float((values**2).mean() ** 0.5) if values.size else math.nan
 
 
 def largest(values: Floats) -> float:
-    """Return the largest absolute value; NaN of nothing."""
+    """Return the largest absolute value; NaN for no values."""
     return float(abs(values).max()) if values.size else math.nan

@@ -1,7 +1,8 @@
-"""x, z and sigma_z of fixed.distortion and fixed.triangulate against VR-SCAN (3) to (5) in float64.
+"""Accuracy of x, z and sigma_z of fixed.distortion and fixed.triangulate against float64.
 
-Same positions and angles, which are integers; the constants of the instrument are float64's own,
-so the rounding of the registers is part of the error.
+The reference is VR-SCAN (3) to (5) in float64. Both get the same positions and angles, which are
+integers. The constants of the instrument are float64's own, so the rounding of the registers is
+part of the error.
 """
 
 from collections.abc import Callable, Iterator
@@ -30,7 +31,7 @@ from vrscan.study.report.accuracy.figure import SEED, Figure, largest
 NEAREST_MM, FARTHEST_MM = 250.0, 1000.0
 DISTORTION = 0.01  # share of the last pixel's distance
 LIMIT_MM = 2e-3
-SHARE = 0.005  # of sigma_z, or one step
+SHARE = 0.005  # allowed share of sigma_z, or one step
 FLOOR_MM = 2.0 ** -(pkg.LENGTH_FRACTION + 1)
 GROUP = "x and z, 250 to 1000 mm"
 
@@ -60,9 +61,9 @@ def view(
 
     Args:
         geometry: The instrument.
-        distances: Distances a pixel.
-        line_length: Pixels.
-        draw: Source of the fractions of a pixel.
+        distances: Number of distances per pixel.
+        line_length: Number of pixels of a line.
+        draw: Source of the random fractions of a pixel.
 
     Returns:
         Positions, 12 fraction bits, and angles, s24 fractions of a turn; [line_length * distances].
@@ -80,11 +81,11 @@ def view(
 
 @dataclass(frozen=True)
 class Bounds:
-    """What the widths allow; all arrays [n]."""
+    """The errors that the widths allow; all arrays [n]."""
 
-    place_mm: Floats  # of x and of z
-    sigma_share: Floats  # of sigma_z, as a share of it
-    sigma_mm: Floats  # what comes on top, however small it is
+    place_mm: Floats  # error of x and of z
+    sigma_share: Floats  # error of sigma_z, as a share of it
+    sigma_mm: Floats  # additional error, however small sigma_z is
 
 
 def bounds(position_px: Floats, angle_rad: Floats, geometry: Geometry, line_length: int) -> Bounds:
@@ -95,10 +96,10 @@ def bounds(position_px: Floats, angle_rad: Floats, geometry: Geometry, line_leng
     of the table's ray through q and dq/da.
 
     Args:
-        position_px: Positions [n].
-        angle_rad: Scan angles [n].
+        position_px: Positions, px [n].
+        angle_rad: Scan angles, rad [n].
         geometry: The instrument.
-        line_length: Pixels.
+        line_length: Number of pixels of a line.
     """
     reach = 2.0 ** (line_length - 1).bit_length()
     r = position_px - geometry.centre_px
@@ -106,7 +107,7 @@ def bounds(position_px: Floats, angle_rad: Floats, geometry: Geometry, line_leng
     k1 = abs(geometry.k1) * (geometry.pitch_mm * reach) ** 2
     k2 = abs(geometry.k2) * (geometry.pitch_mm * reach) ** 4
 
-    # The offset: t^2, k1 + k2 t^2 and the gain have half a step each, k1, k2 and centre their own.
+    # The offset: t^2, k1 + k2 t^2 and the gain err by half a step each, as do k1, k2 and centre.
     half = 2.0 ** -(LENS_FRACTION + 1)
     constant = 2.0 ** -(pkg.DISTORTION_FRACTION + 1)
     square = (2.0 * t + 1.0) * half
@@ -129,7 +130,7 @@ def bounds(position_px: Floats, angle_rad: Floats, geometry: Geometry, line_leng
     q = n / d
 
     s_error = 2.0 ** -(FRACTION + 1) + offset_px / reach
-    step = 0.5 * (2.0 + np.abs(s))  # of two constants and of the product
+    step = 0.5 * (2.0 + np.abs(s))  # rounding of two constants and of the product
     n_error = step * 2.0**-pkg.BASE_FRACTION
     d_error = (step * (np.abs(along) + np.abs(across)) + 1.0) * 2.0**-pkg.RAY_FRACTION
     turn = np.sqrt(2.0) * (error_bound(AMPL_WIDTH) * 2.0 ** (1 - AMPL_WIDTH) - LENGTH_ERROR)
@@ -153,10 +154,10 @@ def bounds(position_px: Floats, angle_rad: Floats, geometry: Geometry, line_leng
         + n1 * turn
         + z * per_focal * (turn + 2.0**-pkg.RAY_FRACTION)
     )
-    slope = 1.1 * 2.0 ** -(pkg.SLOPE_FRACTION + 1)  # of a slope of 0.9 or more
+    slope = 1.1 * 2.0 ** -(pkg.SLOPE_FRACTION + 1)  # for a slope of 0.9 or more
     d_turn = (np.abs(ray_sine * along - ray_cosine * across) + d) * turn
     sigma = g_error / g + slope + (d_error + d_turn + np.abs(d_rate) * s_error) / d
-    # Half a step of sigma in corrected px, of its product with g, and of the quotient.
+    # Half a step each of sigma in corrected px, of its product with g, and of the quotient.
     product = 2.0 ** -(GRADIENT_FRACTION + GRADIENT_SPARE + SPREAD_FRACTION - FRACTION + 1)
     spread = 2.0 ** -(SPREAD_FRACTION + 1)
     sigma_mm = (g * spread + product) / (d * reach) + 0.5 * _SIGMA_STEP
@@ -165,13 +166,13 @@ def bounds(position_px: Floats, angle_rad: Floats, geometry: Geometry, line_leng
 
 @dataclass(frozen=True)
 class Outcome:
-    """n points against float64; all arrays [n].
+    """The errors of n points against float64; all arrays [n].
 
     Attributes:
         place_mm: Larger error of x and z.
-        bound_mm: What the widths allow.
+        bound_mm: Error of x and z that the widths allow.
         sigma_z: Error of sigma_z, in units of 0.5 % or one step.
-        sigma_bound: What the widths allow.
+        sigma_bound: Error of sigma_z that the widths allow, in the same units.
     """
 
     place_mm: Floats
@@ -185,8 +186,8 @@ def evaluate(geometry: Geometry, distances: int, draw: np.random.Generator) -> O
 
     Args:
         geometry: The instrument.
-        distances: Distances a pixel.
-        draw: Source of fractions of a pixel, and of sigmas over their whole format.
+        distances: Number of distances per pixel.
+        draw: Source of random fractions of a pixel, and of sigmas over their whole format.
     """
     config = Config(geometry=geometry)
     registers, length = Registers.from_config(config), config.sensor.line_length
@@ -239,8 +240,8 @@ def measure(distances: int, progress: Callable[[int], None] | None = None) -> li
     """Return the figures of x, z and sigma_z.
 
     Args:
-        distances: Distances a pixel.
-        progress: Told after every instrument.
+        distances: Number of distances per pixel.
+        progress: Called after every instrument.
     """
     draw = np.random.default_rng([SEED, 4])
     found: dict[bool, list[Outcome]] = {False: [], True: []}

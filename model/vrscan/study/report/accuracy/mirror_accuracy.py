@@ -1,4 +1,4 @@
-"""The mirror's loop, RTL against the simulated mirror: what it holds and what it notices."""
+"""Accuracy of the mirror's loop, RTL against the simulated mirror, and its detection of faults."""
 
 import math
 from collections.abc import Callable
@@ -15,8 +15,8 @@ LIMIT_FLAG_PERIODS = 1.0
 SHOCK_RAD_PER_S = 5.0  # a hundredth of the peak speed
 DARK_S = 0.01
 DROP_EVERY = 7
-# Each would change the amplitude by a fifth, were the drive left as it is; and the seconds in which
-# the loop is back, and a few more.
+# Each drift would change the amplitude by a fifth without the loop; and the seconds in which the
+# loop is back, and a few more.
 DRIFTS = ((0.2, 2.2), (-0.8, 5.0))
 SHARE_PERCENT = 20.0
 
@@ -35,7 +35,7 @@ def group(config: Config) -> str:
 
 
 def steady(config: Config, seconds: float) -> list[Figure]:
-    """Return what a start and some time of RUN show."""
+    """Return the figures of a start and some time of RUN."""
     name = group(config)
     _, found = _one(config, seconds, Events())
     step_ns = 1e9 / (config.clock.frequency_hz * config.mirror.oversample)
@@ -78,7 +78,7 @@ def faults(config: Config, seconds: float) -> list[Figure]:
     """Return how soon a shock, lost passes and a dark diode are flagged, and for how long."""
     name = group(config)
     figures = []
-    # The first pass is lost some periods after the losses begin: its delay is no reaction.
+    # The first pass is lost some periods after the losses begin; this delay is not a reaction time.
     for text, events, judged in (
         (f"shock of {SHOCK_RAD_PER_S:g} rad/s", Events(shock_rad_per_s=SHOCK_RAD_PER_S), True),
         (f"one pass of {DROP_EVERY} lost", Events(drop_every=DROP_EVERY), False),
@@ -113,7 +113,7 @@ def faults(config: Config, seconds: float) -> list[Figure]:
 
 
 def drift(config: Config, drift_hz: float, seconds: float) -> list[Figure]:
-    """Return how the loop follows a sudden change of the natural frequency."""
+    """Return the figures of the loop after a sudden change of the natural frequency."""
     name = group(config)
     run, found = _one(config, seconds, Events(drift_hz=drift_hz))
     text = f"natural frequency {drift_hz:+g} Hz at once"
@@ -126,7 +126,7 @@ def drift(config: Config, drift_hz: float, seconds: float) -> list[Figure]:
             f"{text}: back within 100 ppm after",
             "s",
             found.back_s,
-            # How long it takes is stated, not limited; but it has to come back.
+            # The time is stated, not limited; but the loop has to come back.
             limit=0.0 if math.isnan(found.back_s) else math.nan,
             headline="amplitude back within 100 ppm, after a drift worth 20 % of it",
         ),

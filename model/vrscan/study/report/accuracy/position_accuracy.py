@@ -1,10 +1,10 @@
-"""Position of the first harmonic in integers against VR-SCAN (8) in float64.
+"""Accuracy of the position of the first harmonic in integers against VR-SCAN (8) in float64.
 
 The first harmonic is that of (8): X + iY over the raw pixels of the window. With T = N it is the
-same with and without a pedestal; with T = N - 1 the pedestal is a part of it. The sum is that of
-pixel - background. Their ratio decides how well the phase is known.
+same with and without a pedestal; with T = N - 1 it includes the pedestal. The sum is that of pixel
+- background. The ratio of harmonic to sum decides how well the phase is known.
 
-Phases 0 and 1 are one and the same, so is a position and its neighbour one period on: an error is
+Phases 0 and 1 are the same, and so are a position and its neighbour one period on: an error is
 taken modulo T.
 """
 
@@ -29,12 +29,12 @@ from vrscan.ideal.position import first_harmonic
 from vrscan.study.report.accuracy.figure import SEED, Figure, largest, rms
 
 LIMIT_MAX, LIMIT_RMS = 0.3e-3, 0.1e-3  # px
-LEAST_RATIO = 0.1  # of first harmonic to sum, above which they hold
-DECADES = 3  # of the ratio below it
+LEAST_RATIO = 0.1  # ratio of first harmonic to sum above which the limits hold
+DECADES = 3  # decades of the ratio below that
 NARROWEST, WIDEST = pkg.MIN_WINDOW, 255
 FLOOR_MAX = 2.0 ** -(pkg.POSITION_FRACTION + 1)
 FLOOR_RMS = 2.0**-pkg.POSITION_FRACTION / math.sqrt(12.0)
-PEDESTALS = (0.0, 0.02, 0.2, 0.5, 0.8, 0.95)  # of full scale
+PEDESTALS = (0.0, 0.02, 0.2, 0.5, 0.8, 0.95)  # shares of full scale
 PIXEL_WIDTH = 12
 LINE_LENGTH = Config().sensor.line_length
 
@@ -43,17 +43,17 @@ _COUNT_FRACTION = pkg.COUNT_WIDTH - PIXEL_WIDTH
 _AMPLITUDE = amplitude(pkg.SINE_WIDTH)
 _SCALE = 2.0 ** (pkg.SINE_WIDTH - 1)
 _UNIT, _MILLI = "1e-3 px", 1e3
-_BATCH = 8  # widths at a time: what a core's cache holds
+_BATCH = 8  # widths computed at a time: they fit in a core's cache
 
 
 @dataclass(frozen=True)
 class Windows:
-    """n windows that start at pixel 0.
+    """Pixels of n windows that start at pixel 0.
 
     Attributes:
         pixels: Counts [n, 255], zeros behind the window.
-        width: N, px [n].
-        background: Counts, 12 fraction bits, not above the window's pixels [n].
+        width: Number of pixels N [n].
+        background: Background in counts, 12 fraction bits, not above the window's pixels [n].
     """
 
     pixels: Pixels
@@ -63,14 +63,14 @@ class Windows:
 
 @dataclass(frozen=True)
 class Outcome:
-    """n positions against float64; all arrays [n].
+    """The errors of n positions against float64; all arrays [n].
 
     Attributes:
-        error: px, modulo T.
+        error: Error of the position, px, modulo T.
         ratio: First harmonic of (8) over the sum above background.
         bound: Largest error that the widths allow, px.
-        spread: Its root mean square, px.
-        wrapped: Whether the two are a period apart.
+        spread: Root mean square error that the widths allow, px.
+        wrapped: Whether the two positions are a period apart.
     """
 
     error: Floats
@@ -81,12 +81,12 @@ class Outcome:
 
     @classmethod
     def joined(cls, parts: list["Outcome"]) -> "Outcome":
-        """Return all of them in one."""
+        """Return all parts as one."""
         columns = zip(*(vars(part).values() for part in parts), strict=True)
         return cls(*(np.concatenate(column) for column in columns))
 
     def where(self, rows: Bools) -> "Outcome":
-        """Return some of them."""
+        """Return some of the positions."""
         return Outcome(*(column[rows] for column in vars(self).values()))
 
 
@@ -116,7 +116,7 @@ def _few(place: Floats, period: Floats, draw: np.random.Generator) -> Floats:
 
 
 def _clusters(place: Floats, period: Floats, draw: np.random.Generator) -> Floats:
-    """Two spots half a period apart whose harmonics almost cancel."""
+    """Return two spots half a period apart whose harmonics almost cancel."""
     centre = period * draw.random((len(period), 1))
     sigma = period * 10.0 ** draw.uniform(-2.0, -0.9, (len(period), 1))
 
@@ -129,14 +129,14 @@ def _clusters(place: Floats, period: Floats, draw: np.random.Generator) -> Float
 
 
 def _plateau(place: Floats, period: Floats, draw: np.random.Generator) -> Floats:
-    """A box whose ends lie anywhere in their pixels."""
+    """Return a box whose ends lie anywhere in their pixels."""
     ends = np.sort(period * draw.random((len(period), 2)), axis=1)
     covered = np.clip(ends[:, 1:] - place, 0.0, 1.0)
     return np.asarray(np.minimum(covered, np.clip(place + 1.0 - ends[:, :1], 0.0, 1.0)))
 
 
 def _middle(place: Floats, period: Floats, draw: np.random.Generator) -> Floats:
-    """A spot in the middle, which with T = N - 1 points against its pedestal."""
+    """Return a spot in the middle, whose harmonic with T = N - 1 is opposite to its pedestal's."""
     sigma = period * 10.0 ** draw.uniform(-1.5, -0.7, (len(period), 1))
     centre = period / 2.0 + draw.normal(0.0, 0.02, (len(period), 1))
     return np.asarray(np.exp(-0.5 * ((place - centre) / sigma) ** 2))
@@ -160,11 +160,11 @@ def windows(
     """Return windows of one of ``SHAPES``, of any height that the pedestal leaves.
 
     Args:
-        shape: Its name.
-        width: N, px [n].
-        pedestal: Share of full scale [n].
-        period_n: T = N instead of N - 1.
-        draw: Source of the rest.
+        shape: Name of the shape.
+        width: Number of pixels N [n].
+        pedestal: Height of the pedestal, share of full scale [n].
+        period_n: Whether T = N; otherwise T = N - 1.
+        draw: Source of the other random values.
     """
     place = np.arange(float(WIDEST))
     inside = place < width[:, None]
@@ -185,22 +185,22 @@ def windows(
 
 
 def _phase_step(period: Ints) -> Ints:
-    """Return 1 / T in 2**-32 turns, as the accumulator has it."""
+    """Return 1 / T in 2**-32 turns, as in the accumulator."""
     turn = np.full(period.shape, 1 << STEP_WIDTH)
     return divide(turn, period, quotient_width=STEP_WIDTH)[0]
 
 
 @dataclass(frozen=True)
 class SampleError:
-    """How far samples' (cosine, sine) are from the exact ones, shares of the amplitude; all [n].
+    """Errors of samples' (cosine, sine), shares of the amplitude; all arrays [n].
 
     Attributes:
-        table: The table's length error, its entries and its rounded output, and the phase cut to
-            28 bits: largest length of the error.
-        table_rms: Its part across any direction, root mean square.
-        turn: The phase step is rounded to 2**-32 turns, which sample k carries k times: half of
-            what the last sample has, rad. The middle of it turns all samples alike.
-        mean: Length of the mean error of all samples of the window, of this very table.
+        table: Largest length of the error by the table's length error, its entries and its rounded
+            output, and the phase cut to 28 bits.
+        table_rms: Root mean square of the part of this error in any one direction.
+        turn: Error by the phase step's rounding to 2**-32 turns, which sample k carries k times:
+            half of that of the last sample, rad. Its middle turns all samples alike.
+        mean: Length of the mean error of all samples of the window, for this very table.
     """
 
     table: Floats
@@ -233,8 +233,8 @@ def sample_error(width: Ints, period: Ints) -> SampleError:
     """Return the errors of the samples of windows.
 
     Args:
-        width: N, px [n].
-        period: T, px [n].
+        width: Number of pixels N [n].
+        period: Period T, px [n].
     """
     half_step = 0.5 / _SCALE
     entries = error_bound(pkg.SINE_WIDTH) / _SCALE - LENGTH_ERROR - half_step
@@ -266,12 +266,12 @@ def phase_bounds(
     there in half turns, sum h w^2 <= (S + X - pedestal) / 2, as 1 + cos(theta) >= 2 w^2.
 
     Args:
-        width: N, px [n].
-        period: T, px [n].
-        total: S, sum of the pixels above the background, any unit [n].
-        extra: Sum of what the pedestal is below the background, the same unit [n].
-        harmonic: |P| of (8), the same unit [n].
-        pedestal: What was taken off and put back, the same unit, 0 where T = N [n].
+        width: Number of pixels N [n].
+        period: Period T, px [n].
+        total: Sum S of the pixels above the background, any unit [n].
+        extra: Sum of the pedestal's distances below the background, the same unit [n].
+        harmonic: First harmonic |P| of (8), the same unit [n].
+        pedestal: Pedestal that was subtracted and put back, the same unit, 0 where T = N [n].
     """
     sample = sample_error(width, period)
     inner = np.sqrt(total * np.maximum(total + harmonic - pedestal, 0.0) / 2.0)
@@ -290,9 +290,9 @@ def error_bounds(period: Ints, worst: Floats, typical: Floats) -> tuple[Floats, 
     """Return largest and rms error of a position: phase, CORDIC and the output's rounding, px [n].
 
     Args:
-        period: T, px [n].
+        period: Period T, px [n].
         worst: Largest error of the phase before the CORDIC, rad [n].
-        typical: Its root mean square, rad [n].
+        typical: Root mean square of this error, rad [n].
     """
     length = period.astype(np.float64)
     per_radian = length / (2.0 * np.pi)
@@ -310,7 +310,7 @@ def guarantee(*, period_n: bool) -> float:
     11 times the harmonic.
 
     Args:
-        period_n: T = N instead of N - 1.
+        period_n: Whether T = N; otherwise T = N - 1.
     """
     width, pedestal = np.meshgrid(
         np.arange(NARROWEST, WIDEST + 1), np.array([0.0]) if period_n else np.linspace(0, 11, 111)
@@ -326,10 +326,10 @@ def evaluate(group: Windows, *, period_n: bool) -> Outcome:
 
     Args:
         group: n windows.
-        period_n: T = N instead of N - 1.
+        period_n: Whether T = N; otherwise T = N - 1.
 
     Returns:
-        Those that both find a phase in.
+        The positions for which both find a phase.
     """
     count = len(group.width)
     measured = np.ones(count, np.bool_)
@@ -395,10 +395,10 @@ def extremes(
     along, so that the output's rounding meets the worst of them.
 
     Args:
-        width: N, px.
-        period_n: T = N instead of N - 1; then a pedestal is a variable too.
-        directions: Phases to try.
-        draw: Source of the phases.
+        width: Number of pixels N.
+        period_n: Whether T = N; otherwise T = N - 1, and a pedestal is a variable too.
+        directions: Number of phases to try.
+        draw: Source of the random phases.
 
     Returns:
         The windows, and the furthest that any heights at these phases can move a position, px:
@@ -447,7 +447,7 @@ def _batches(every: int) -> Iterator[Ints]:
 
 
 def batches(every: int) -> int:
-    """Return how often ``sweep`` tells its progress."""
+    """Return the number of times that ``sweep`` reports its progress."""
     return len(list(_batches(every)))
 
 
@@ -456,9 +456,9 @@ class Sweep:
     """Positions of all kinds of windows, of one of the two periods.
 
     Attributes:
-        by_shape: Those of each of ``SHAPES``.
-        extreme: Those of the worst windows.
-        furthest: The furthest that any heights at a ratio of a tenth move a position, px.
+        by_shape: Positions for each of ``SHAPES``.
+        extreme: Positions of the worst windows.
+        furthest: Largest distance by which any heights at a ratio of a tenth move a position, px.
     """
 
     by_shape: dict[str, Outcome]
@@ -477,11 +477,11 @@ def sweep(
     """Return the positions of all kinds of windows.
 
     Args:
-        count: Windows for each width, shape and pedestal.
-        directions: Phases for which the worst windows of each width are looked for.
-        period_n: T = N instead of N - 1.
+        count: Number of windows for each width, shape and pedestal.
+        directions: Number of phases for which the worst windows of each width are looked for.
+        period_n: Whether T = N; otherwise T = N - 1.
         every: Step of the width, from 3 to 255 px.
-        progress: Told after every few widths.
+        progress: Called after every few widths.
     """
     draw = np.random.default_rng([SEED, 2, period_n])
     parts: dict[str, list[Outcome]] = {

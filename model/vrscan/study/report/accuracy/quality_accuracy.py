@@ -1,14 +1,15 @@
-"""S/N and sigma of whole lines against float64 from the same pixels.
+"""Accuracy of S/N and sigma of whole lines against float64 from the same pixels.
 
-The window is the fixed chain's; mean and noise of the background, the harmonic and the sum
-v_i sin^2(theta_i - phi) are float64's own. An error counts in units of what is allowed, which is
-0.5 % or one step of the output, whichever is more: so the output's rounding alone gives 0.5.
+The window is the fixed chain's; mean and noise of the background, the harmonic and the sum v_i
+sin^2(theta_i - phi) are float64's own. Errors are in units of the allowed error, which is 0.5 % or
+one step of the output, whichever is more: so the output's rounding alone gives 0.5.
 
 A noise has 24 - PixelWidth fraction bits; from 128 such steps on (1/32 of a count at 12 bits) its
-rounding keeps S/N within 0.5 %. Lines with less noise are measured by themselves, without a limit.
+rounding keeps S/N within 0.5 %. Lines with less noise are measured separately, without a limit.
 
-Three pixels with T = 2 are left out of sigma: their samples lie at phases 0 and 1/2 only, so
-sin(theta_i - phi) is 0 throughout. Float64 calls that a sigma of 0, the fixed chain of a few steps.
+Windows of three pixels with T = 2 are left out of sigma: their samples lie at phases 0 and 1/2
+only, so sin(theta_i - phi) is 0 throughout. Float64 gives a sigma of 0 for them, the fixed chain
+one of a few steps.
 """
 
 import math
@@ -30,7 +31,7 @@ from vrscan.registers.chain_registers import Registers
 from vrscan.study.report.accuracy.figure import SEED, Figure, largest
 from vrscan.study.report.accuracy.position_accuracy import phase_bounds, sample_error
 
-SHARE = 0.005  # of the value, or one step
+SHARE = 0.005  # allowed share of the value, or one step
 GROUP = "S/N and sigma, whole lines"
 MAX_WINDOW = 255
 LEAST_NOISE_STEPS = 128
@@ -38,16 +39,16 @@ LEAST_NOISE_STEPS = 128
 _SNR_STEP, _SIGMA_STEP = 2.0**-pkg.SNR_FRACTION, 2.0**-pkg.SIGMA_FRACTION
 _SNR_END = (2.0**pkg.SNR_WIDTH - 1.0) * _SNR_STEP
 _SIGMA_END = (2.0**pkg.SIGMA_WIDTH - 1.0) * _SIGMA_STEP
-_CHUNK = 512  # lines at a time: what a core's cache holds
+_CHUNK = 512  # lines computed at a time: they fit in a core's cache
 
 
 def spots(count: int, config: Config, draw: np.random.Generator) -> Pixels:
     """Return lines of one spot each, of any width, height, background and noise.
 
     Args:
-        count: Lines.
+        count: Number of lines.
         config: Sensor and conversion factor, which makes the shot noise.
-        draw: Source of everything.
+        draw: Source of all random values.
 
     Returns:
         Counts [count, line_length]; about every 16th line is free of noise.
@@ -78,7 +79,7 @@ def quiet(config: Config) -> Pixels:
         Counts [n, line_length], without shot noise.
     """
     length = config.sensor.line_length
-    # In every block of the first nine: so many blocks are left for the background.
+    # In every one of the first nine blocks: that many blocks are left for the background.
     blocks = 20 + pkg.BLOCK_LENGTH * np.arange(9)
     grid = np.meshgrid((1, 2, 3, 4, 6), np.arange(1, 30), blocks)
     off, height, middle = (axis.ravel() for axis in grid)
@@ -90,15 +91,15 @@ def quiet(config: Config) -> Pixels:
 
 @dataclass(frozen=True)
 class Quality:
-    """Errors in units of what is allowed, of the lines where both numbers mean something.
+    """Errors in units of the allowed error, for lines where both numbers are defined.
 
     Attributes:
-        noise: In steps of its format [n].
-        snr: Of S/N [n].
-        snr_bound: What the widths allow [n].
-        sigma: Of sigma [m].
-        sigma_bound: What the widths allow [m].
-        windows: Share of the lines whose window float64 cuts elsewhere.
+        noise: Noise in steps of its format [n].
+        snr: Error of S/N [n].
+        snr_bound: Error of S/N that the widths allow [n].
+        sigma: Error of sigma [m].
+        sigma_bound: Error of sigma that the widths allow [m].
+        windows: Share of the lines for which float64 cuts another window.
     """
 
     noise: Floats
@@ -114,7 +115,7 @@ def _allowed(value: Floats, step: float) -> Floats:
 
 
 def _noise_error(length: int, pixel_width: int) -> float:
-    """Return the largest error of a noise, counts: its root, n times as large, and its rounding."""
+    """Return the largest error of a noise, counts: by its root, n times as large, and rounding."""
     # The background is no shorter than a quarter of the line, where there is one.
     root = 0.5 * 2.0**-ROOT_FRACTION / (length / 4.0)
     return root + 0.5 * 2.0 ** -(pkg.COUNT_WIDTH - pixel_width)
@@ -131,7 +132,7 @@ def _snr_error(snr: Floats, noise: Floats, config: Config) -> Floats:
     width = config.sensor.pixel_width
     error = _noise_error(config.sensor.line_length, width)
     mean = 0.5 * 2.0 ** -(pkg.COUNT_WIDTH - width)
-    # Beyond half the noise the bound says nothing.
+    # Beyond half the noise the bound is of no use.
     least = np.maximum(noise - error, 0.5 * noise)
     return _clipped(snr, (snr * error + mean) / least + 0.5 * _SNR_STEP, _SNR_END)
 
@@ -148,9 +149,9 @@ def _sigma_error(
 ) -> Floats:
     """Return the largest error of sigma that the widths allow, px.
 
-    In the variance V = sum v_i (1 - cos(2 theta_i - 2 phi)): noise and background as rounded, the
-    cosines' error and their sum's rounding, the wave's, kappa's; then the root's rounding and the
-    harmonic's own error.
+    The errors in the variance V = sum v_i (1 - cos(2 theta_i - 2 phi)) are: those of the rounded
+    noise and background, of the cosines and the rounding of their sum, of the wave, and of kappa.
+    Then come the rounding of the root and the error of the harmonic.
     """
     scale = 2.0 ** (pkg.ALIGNED_WIDTH - config.sensor.pixel_width)  # counts to aligned counts
     width = points.width[rows]
@@ -266,7 +267,7 @@ def measure(count: int) -> list[Figure]:
     """Return the figures of S/N and sigma, for both periods and both kinds of noise.
 
     Args:
-        count: Lines of each kind.
+        count: Number of lines of each kind.
     """
     draw = np.random.default_rng([SEED, 3])
     figures = []

@@ -1,6 +1,6 @@
-"""Scatter of noisy positions beside the phase law and the predicted sigma.
+"""Scatter of noisy positions, compared with the phase law and with the predicted sigma.
 
-These figures have no limit: they say how well the noise is understood.
+These figures have no limit: they show how well the noise is understood.
 """
 
 import math
@@ -19,19 +19,19 @@ LAW = 0.1125  # std(delta) = LAW T / snr1, snr1 = |P1| / (sqrt(N) sigma_n): whit
 GROUP = "scatter of positions"
 PIXEL_WIDTH = 12
 
-_BACKGROUND = 60  # counts
+_BACKGROUND = 60  # level of the background, counts
 
 
 def law_ratio(
     width: int, snr1: float, count: int, draw: np.random.Generator
 ) -> tuple[float, float]:
-    """Return the scatter over the law, and what the output's own rounding adds to it.
+    """Return the scatter over the law, and the part that the output's own rounding adds to it.
 
     Args:
-        width: N of the window; the spot's sigma is a sixth of it.
-        snr1: Of the first harmonic.
-        count: Windows.
-        draw: Source of places and white noise.
+        width: Number of pixels N of the window; the spot's sigma is a sixth of it.
+        snr1: Signal-to-noise ratio of the first harmonic.
+        count: Number of windows.
+        draw: Source of positions and white noise.
     """
     place = np.arange(width)
     centre = width / 2.0 + draw.uniform(-0.5, 0.5, count)
@@ -65,7 +65,7 @@ def measure(count: int) -> list[Figure]:
     """Return scatter over law, and scatter over predicted sigma for whole noisy lines.
 
     Args:
-        count: Windows and lines of each kind.
+        count: Number of windows and lines of each kind.
     """
     draw = np.random.default_rng([SEED, 5])
     figures = []
