@@ -20,6 +20,7 @@ from vrscan.study.bench.cells import Figures, configuration
 from vrscan.study.plan import JUMP_PX, plan
 from vrscan.study.report import budget as light_budget
 from vrscan.study.report import fidelity as light_fidelity
+from vrscan.study.report.figure import rms
 
 READS = ("scene/scenes/*.toml", "rtl/**/*.sv", "tb/engine/*")
 BUDGET, FIDELITY, SPEED, GROWTH = (
@@ -63,13 +64,13 @@ def budget(parameters: dict[str, Any], seed: int) -> Figures:
         "csv": _without_times(light_budget.budget_csv(found).decode()),
         "points": int(seen.sum()),
         "jumped": 1.0 - float(near.sum()) / max(int(seen.sum()), 1),
-        "error_px": _rms(px[near]),
+        "error_px": rms(px[near], 0.0),
         "median_px": _median(px[seen]),
-        "error_mm": _rms(mm[near]),
+        "error_mm": rms(mm[near], 0.0),
         "median_mm": _median(mm[seen]),
         "other_window": 1.0 - float(same.sum()) / max(int(both.sum()), 1),
-        "arithmetic_px": _rms((fixed.position_px - ideal.position_px)[same]),
-        "arithmetic_mm": _rms((fixed.z_mm - ideal.z_mm)[same]),
+        "arithmetic_px": rms((fixed.position_px - ideal.position_px)[same], 0.0),
+        "arithmetic_mm": rms((fixed.z_mm - ideal.z_mm)[same], 0.0),
     }
 
 
@@ -82,10 +83,6 @@ def _without_times(text: str) -> str:
 
 def _median(values: Floats) -> float:
     return float(np.median(np.abs(values))) if len(values) else 0.0
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0
 
 
 def fidelity(parameters: dict[str, Any], seed: int) -> Figures:

@@ -37,7 +37,6 @@ CHAIN_TEST = "test_cases.py::test_chain_rtl_equals_model"
 WARNINGS = ("AT_EDGE", "SATURATED", "RIVAL", "ROW_STATISTICS")
 OF_THE_POINT = frozenset({"NO_RANGE", "OUT_OF_RANGE"})  # which an entry without angles is not about
 STEP_PX = 2.0**-pkg.POSITION_FRACTION
-STEP_MM = 2.0**-pkg.LENGTH_FRACTION
 TWO_PASS_PX = 0.01  # a window that is half a pixel off the middle of a symmetric spot
 UNNOTICED_PX = 0.05  # an error beyond this and four sigmas, without a warning, is told as such
 NEAR_MM, NEAR_ERROR_MM = 1000.0, 2e-3  # the chain's x and z up to there

@@ -92,7 +92,8 @@ def figures_table(plan: Plan, scene: Description) -> RichTable:
         f"Bias and rms about it: how the position moves (with everything, less without the "
         f"effect), on {plan.lines} lines. Points differ: share of lines with a point in only one "
         f"of the two, or two more than {JUMP_PX:g} px apart, worst of near, middle, far and hidden "
-        f"from the camera. µs a line. Base: {BASE}.{_short(plan)}",
+        f"from the camera. µs a line. Base: {BASE}. On and off hold from "
+        f"{LEAST_LINES:,} lines on; auto gives shorter scans everything.",
         apart=lambda line: line.kind,
         style=lambda line: line.style,
     )
@@ -120,16 +121,6 @@ def _states(plan: Plan) -> dict[str, str]:
 
 def _tolerance(plan: Plan) -> str:
     return f" at {plan.tolerance_px:g} px" if plan.fidelity == "auto" else ""
-
-
-def _short(plan: Plan) -> str:
-    """Return that a scan so short has everything, where that is not what the table shows."""
-    if plan.fidelity != "auto" or plan.count >= LEAST_LINES:
-        return ""
-    return (
-        f" On and off are those of {LEAST_LINES:,} lines: fewer are simulated with everything, "
-        "which costs less than choosing."
-    )
 
 
 def _cell(change: Difference | None, zone: int) -> str:
@@ -412,23 +403,16 @@ def _glint_line(light: Light) -> str:
 
 
 def summary(plan: Plan) -> list[str]:
-    """Return which effects a scan has had, in a line or two."""
+    """Return which effects a scan has had, and what the others would have cost and done."""
     on, of = len(plan.active), len(plan.present)
-    if plan.fidelity == "auto" and plan.every_ray and on == of:
-        return [
-            f"effects: all {of}, as in full: to leave some out would not save on {plan.count:,} "
-            "lines what choosing costs"
-        ]
     if on == of:
-        return [f"effects: all {of}"]
+        return [f"effects: all {of} (fidelity {plan.fidelity})"]
     planned, everything = plan.microseconds
-    error = float(plan.left_out.total_px.max())
-    lost = float(plan.left_out.changed.max())
-    points = f" and {100 * lost:.1f} % of the points" if lost else ""
-    what = f"{on} of {of} on (fidelity {plan.fidelity}{_tolerance(plan)})"
     return [
-        f"effects: {what}, {planned:.0f} us a line instead of {everything:.0f}; what is left out "
-        f"changes {error:.4f} px rms{points}: see vrscan budget"
+        f"effects: {on} of {of} on (fidelity {plan.fidelity}{_tolerance(plan)}), {planned:.0f} us "
+        f"a line instead of {everything:.0f}; what is left out changes "
+        f"{plan.left_out.total_px.max():.4f} px rms and {100 * plan.left_out.changed.max():.1f} % "
+        "of the points: see vrscan budget"
     ]
 
 

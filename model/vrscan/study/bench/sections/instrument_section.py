@@ -27,10 +27,10 @@ from vrscan.study.bench.bench_page import (
 from vrscan.study.bench.cells import Cell, Figures, plain
 from vrscan.study.bench.sections.section import Found, Order, Section, png
 from vrscan.study.plan import JUMP_PX, ZONES
+from vrscan.study.report.speed import PAPER_LINES
 
 QUICK_SCENES = ("default", "sunlit")
 FIDELITY_SCENES = ("default", "corner", "bust", "sunlit")
-PAPER_LINES = 37_400.0  # lines/s of the paper's sensor
 _LEAST_PX = 1e-4  # smaller is shown as nothing
 
 
