@@ -24,7 +24,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from vrscan.engines.tools import build_folder, repository_root, rtl_closure, rtl_module, rtl_modules
-from vrscan.show.sheet import Column, Sheet, listed, replace_block, words
+from vrscan.show.sheet import Column, Sheet, listed, rewrite, words
 from vrscan.study.bench.design_cost import resources
 
 TARGET_MHZ = 125
@@ -278,11 +278,8 @@ def show(results: list[Result], console: Console) -> None:
 
 def write_numbers(results: list[Result]) -> None:
     """Put the table into docs/numbers.md."""
-    page = ROOT / "docs" / "numbers.md"
-    text = replace_block(page.read_text(), "timing", Sheet(_COLUMNS, results).markdown())
-    if text is None:
+    if not rewrite(ROOT / "docs" / "numbers.md", {"timing": Sheet(_COLUMNS, results).markdown()}):
         raise SystemExit("timing: docs/numbers.md has no timing markers")
-    page.write_text(text)
 
 
 def main() -> int:

@@ -189,6 +189,9 @@ def test_csv_holds_the_plan() -> None:
         found.left_out.rms_mm[2], rel=1e-5
     )
     assert float(rows["left_out"]["us_per_line"]) == -260.0
+    without = csv.reader(io.StringIO(budget.budget_csv(found, times=False).decode()))
+    want = [row[:2] + row[3:] for row in csv.reader(io.StringIO(text))]
+    assert list(without) == want
 
 
 # Safety

@@ -61,7 +61,7 @@ def budget(parameters: dict[str, Any], seed: int) -> Figures:
     px, mm = fixed.position_px - truth.position_px, fixed.z_mm - truth.z_mm
     near = seen & (np.abs(px) < JUMP_PX)
     return {
-        "csv": _without_times(light_budget.budget_csv(found).decode()),
+        "csv": light_budget.budget_csv(found, times=False).decode(),
         "points": int(seen.sum()),
         "jumped": 1.0 - float(near.sum()) / max(int(seen.sum()), 1),
         "error_px": rms(px[near], 0.0),
@@ -72,13 +72,6 @@ def budget(parameters: dict[str, Any], seed: int) -> Figures:
         "arithmetic_px": rms((fixed.position_px - ideal.position_px)[same], 0.0),
         "arithmetic_mm": rms((fixed.z_mm - ideal.z_mm)[same], 0.0),
     }
-
-
-def _without_times(text: str) -> str:
-    """Return the budget's table without the column that another run would not repeat."""
-    rows = [line.split(",") for line in text.splitlines()]
-    column = rows[0].index("us_per_line")
-    return "\n".join(",".join(row[:column] + row[column + 1 :]) for row in rows) + "\n"
 
 
 def _median(values: Floats) -> float:

@@ -136,10 +136,14 @@ def _differ(line: _Line) -> float | None:
     return None if line.difference is None else float(line.difference.changed.max()) or None
 
 
-def budget_csv(plan: Plan) -> bytes:
+def budget_csv(plan: Plan, *, times: bool = True) -> bytes:
     """Return the budget as a file: a row for each effect, then what is left out, the plan, and all.
 
     What an effect that the scene does not have would do stays empty.
+
+    Args:
+        plan: The figures.
+        times: Whether the file has times, which another run would not repeat.
     """
 
     def zone(index: int, name: str) -> Column[_Line]:
@@ -178,7 +182,8 @@ def budget_csv(plan: Plan) -> bytes:
         _Line("planned", "", planned_us),
         _Line("full", "", full_us),
     ]
-    return Sheet(columns, rows).csv()
+    kept = [column for column in columns if times or column.name != "us_per_line"]
+    return Sheet(kept, rows).csv()
 
 
 # Safety

@@ -27,8 +27,8 @@ from vrscan.scene.description import Description, load
 from vrscan.scene.effects import present
 from vrscan.scene.light import Light
 from vrscan.scene.simulate import Simulation, simulate
-from vrscan.show.sheet import Column, Sheet, listed, replace_block, short, words
-from vrscan.show.style import COLOURS, INK, QUIET, drawing
+from vrscan.show.sheet import Column, Sheet, listed, rewrite, short, words
+from vrscan.show.style import COLOURS, INK, QUIET, drawing, plain_log
 from vrscan.study.plan import JUMP_PX, ZONES, moved, plan
 from vrscan.study.report.figure import mean, rms
 
@@ -304,12 +304,10 @@ def write_pages(rows: Sequence[Row], root: Path) -> list[Path]:
         The files, or none if the page or its markers are missing.
     """
     page, plot = pages(root)
-    text = replace_block(page.read_text(), "fidelity", markdown(rows)) if page.exists() else None
-    if text is None:
+    if not rewrite(page, {"fidelity": markdown(rows)}):
         return []
-    with atomic_file(page) as words, atomic_file(plot) as drawing:
-        words.write(text.encode())
-        picture(rows, drawing)
+    with atomic_file(plot) as drawn:
+        picture(rows, drawn)
     return [page, plot]
 
 
@@ -374,10 +372,7 @@ def _limits(axes: Axes, rows: Sequence[Row]) -> None:
     powers = range(1 + round(np.log10(_FLOOR_PX)), int(np.log10(2.0 * largest)) + 1)
     ticks = [10.0**power for power in powers]
     axes.set_xticks([_FLOOR_PX, *ticks], ["0", *[f"{tick:g}" for tick in ticks]])
-    round_ones = [k * 10.0**power for power in range(8) for k in (1, 2, 5)]
-    marks = [value for value in round_ones if 0.75 * low < value < 1.6 * high]
-    axes.set_yticks(marks, [f"{value:,.0f}" for value in marks])
-    axes.minorticks_off()
+    plain_log(axes, "y", [k * 10.0**power for power in range(8) for k in (1, 2, 5)], "{:,.0f}")
 
 
 def _draw_panel(axes: Axes, rows: Sequence[Row], scene: str) -> None:

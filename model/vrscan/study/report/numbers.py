@@ -13,10 +13,9 @@ from rich.table import Table as RichTable
 from vrscan.data.arrays import Floats
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
-from vrscan.data.points import atomic_file
 from vrscan.engines.engine import Engine
 from vrscan.fixed import vrscan_chain as chain
-from vrscan.show.sheet import Column, Sheet, replace_block, words
+from vrscan.show.sheet import Column, Sheet, rewrite, words
 from vrscan.study.report import efficiency, formats, speed
 from vrscan.study.report import two_pass_report as two_pass
 from vrscan.study.report.accuracy import angle_accuracy as angle
@@ -378,19 +377,8 @@ def write_pages(figures: Sequence[Figure], root: Path) -> list[Path]:
     Returns:
         The files that have their markers; the others stay as they are.
     """
-    written = []
     new = (
         {"numbers": excerpt(figures)},
         {"numbers": sheet(figures).markdown(), "summary": summary(figures), **formats.blocks()},
     )
-    for path, blocks in zip(pages(root), new, strict=True):
-        if not path.exists():
-            continue
-        text = path.read_text()
-        for name, block in blocks.items():
-            text = replace_block(text, name, block) or text
-        if all(replace_block(text, name, block) == text for name, block in blocks.items()):
-            with atomic_file(path) as file:
-                file.write(text.encode())
-            written.append(path)
-    return written
+    return [page for page, blocks in zip(pages(root), new, strict=True) if rewrite(page, blocks)]

@@ -13,7 +13,7 @@ from vrscan.show.style import INK, drawing, plain_log
 from vrscan.study.bench import cost, detect
 from vrscan.study.bench.bench_page import Block, Heading, Picture, Table, Text
 from vrscan.study.bench.bench_spots import mean_square
-from vrscan.study.bench.cells import Cell, Figures, plain
+from vrscan.study.bench.cells import Cell, Figures
 from vrscan.study.bench.sections.section import Found, Order, Section, look, png
 from vrscan.study.report.efficiency import LOST_PX, PEAKS, SIGMAS_PX
 
@@ -28,15 +28,13 @@ MAPPED = ("printed", "shipped", "two-pass", "likelihood")  # whose efficiency is
 
 
 def _spot(order: Order, sigma: float, peak: float) -> Cell:
-    count = QUICK_LINES if order.quick else LINES
-    parameters = {"config": plain(order.config), "lines": count}
-    return Cell(detect.WORK, {**parameters, "sigma_px": sigma, "peak": peak}, order.seed)
+    count = order.size(LINES, QUICK_LINES)
+    return order.cell(detect.WORK, {"lines": count, "sigma_px": sigma, "peak": peak})
 
 
 def _speed(order: Order) -> Cell:
-    parameters: dict[str, Any] = {"config": plain(order.config), "peak": SHOWN_PEAK}
-    parameters |= {"lines": 512 if order.quick else 2048, "sigma_px": SPEED_SIGMA_PX}
-    return Cell(cost.WORK, parameters, order.seed, timed=True)
+    spot = {"sigma_px": SPEED_SIGMA_PX, "peak": SHOWN_PEAK}
+    return order.cell(cost.WORK, {"lines": order.size(2048, 512), **spot}, timed=True)
 
 
 def cells(order: Order) -> list[Cell]:

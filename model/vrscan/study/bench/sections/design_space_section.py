@@ -14,7 +14,7 @@ from vrscan.show.style import COLOURS, INK, QUIET, drawing, plain_log
 from vrscan.study.bench import cost, design, design_cost
 from vrscan.study.bench.bench_page import Block, Heading, Picture, Table, Text, slug
 from vrscan.study.bench.bench_spots import mean_square
-from vrscan.study.bench.cells import Cell, Figures, plain
+from vrscan.study.bench.cells import Cell, Figures
 from vrscan.study.bench.design import RANGES_MM
 from vrscan.study.bench.sections.section import Found, Order, Section, png
 from vrscan.study.bench.widths import Design
@@ -144,21 +144,19 @@ def rules(order: Order) -> list[dict[str, Any]]:
 
 def _exact(order: Order, pixel_width: int) -> Cell:
     own = [each.plain() for each in designs(order) if each.pixel_width == pixel_width]
-    parameters: dict[str, Any] = {"config": plain(order.config), "designs": own}
-    return Cell(design.EXACT, parameters | {"steps": QUICK_STEPS if order.quick else STEPS}, 0)
+    steps = order.size(STEPS, QUICK_STEPS)
+    return order.cell(design.EXACT, {"designs": own, "steps": steps}, seed=0)
 
 
 def _noisy(order: Order, sigma: float) -> Cell:
-    parameters: dict[str, Any] = {"config": plain(order.config), "sigma_px": sigma}
-    parameters |= {"lines": QUICK_LINES if order.quick else LINES, "rules": rules(order)}
-    parameters["designs"] = [each.plain() for each in designs(order)]
-    return Cell(design.NOISY, parameters, order.seed)
+    own = [each.plain() for each in designs(order)]
+    sizes = {"sigma_px": sigma, "lines": order.size(LINES, QUICK_LINES)}
+    return order.cell(design.NOISY, {**sizes, "rules": rules(order), "designs": own})
 
 
 def _skewed(order: Order) -> Cell:
-    parameters: dict[str, Any] = {"config": plain(order.config), "rules": rules(order)}
-    parameters["lines"] = QUICK_SKEW_LINES if order.quick else SKEW_LINES
-    return Cell(design.SKEWED, parameters, order.seed)
+    lines = order.size(SKEW_LINES, QUICK_SKEW_LINES)
+    return order.cell(design.SKEWED, {"lines": lines, "rules": rules(order)})
 
 
 def _whole() -> Cell:
@@ -307,7 +305,7 @@ def blocks(order: Order, found: Found) -> Sequence[Block[Any]]:
             "bit-accurate model against (8) in float64 on the same pixels, of spots without noise; "
             "0.0705e-3 px rms and 0.122e-3 px at most of it are the output's own rounding. The "
             "bound holds for any heights whose first harmonic is a tenth of their sum or more. "
-            f"With noise is against the truth, {QUICK_LINES if order.quick else LINES} lines of "
+            f"With noise is against the truth, {order.size(LINES, QUICK_LINES)} lines of "
             "each of the 20 spots of vrscan efficiency, the same photons for all designs."
         ),
         Text(
