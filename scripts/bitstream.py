@@ -23,7 +23,7 @@ from rich.table import Table
 from timing import SEEDS, ToolError, run
 
 from vrscan.engines.tools import build_folder, repository_root, rtl_boards, rtl_closure
-from vrscan.show.sheet import listed, replace_block
+from vrscan.show.sheet import listed, rewrite
 
 ROOT = repository_root()
 
@@ -196,11 +196,8 @@ def write_numbers(board: Board, report: Path) -> None:
     ]
     names = ("figure", "reached or used", "wanted or there")
     table = listed(names, [*clocks, *_used(report)], left=1).markdown()
-    page = ROOT / "docs" / "numbers.md"
-    text = replace_block(page.read_text(), "bitstream", table)
-    if text is None:
+    if not rewrite(ROOT / "docs" / "numbers.md", {"bitstream": table}):
         raise ToolError("docs/numbers.md has no bitstream markers")
-    page.write_text(text)
 
 
 def main() -> int:

@@ -24,7 +24,8 @@ from rich.console import Console
 from rich.progress import Progress
 
 from vrscan.engines.tools import build_folder, repository_root, rtl_closure, rtl_module, rtl_modules
-from vrscan.show.sheet import Column, Sheet, listed, replace_block, words
+from vrscan.show.sheet import Column, Sheet, listed, rewrite, words
+from vrscan.study.bench.design_cost import resources
 
 TARGET_MHZ = 125
 DEVICE = ["--85k", "--speed", "6", "--package", "CABGA381"]
@@ -41,12 +42,6 @@ NOT_ALONE = ("local_register", "register_bank", "vrscan")
 ROOT = repository_root()
 BIN = Path(sys.executable).parent
 FOLDER = build_folder() / "timing"
-
-# What a cell of the netlist takes.  Distributed memory: four look-up tables and two to write them.
-LUTS = {"LUT4": 1, "CCU2C": 2, "TRELLIS_DPR16X4": 6}
-FLIP_FLOPS = {"TRELLIS_FF": 1}
-BLOCK_RAMS = {"DP16KD": 1, "PDPW16KD": 1}
-MULTIPLIERS = {"MULT18X18D": 1, "MULT9X9D": 0.5}
 
 Bit = int | str  # a net's number, or a constant
 Cell = dict[str, Any]
@@ -176,11 +171,6 @@ def surround(module: dict[str, Any]) -> None:
     module["ports"] = {**clocks, "serial_i": serial, "folded_o": folded}
 
 
-def count(cells: Counter[str], weights: dict[str, float]) -> float:
-    """Return how much of a resource the cells take."""
-    return sum(weights.get(kind, 0) * number for kind, number in cells.items())
-
-
 def describe(path: list[dict[str, Any]]) -> str:
     """Return the two ends and the delay of a path of nextpnr's report."""
     delay = sum(step["delay"] for step in path)
@@ -245,10 +235,7 @@ def measure(module: Path) -> Result:
         module=name,
         fmax_mhz=round(speed, 1),
         start=start,
-        lut=int(count(cells, LUTS)),
-        ff=int(count(cells, FLIP_FLOPS)),
-        ebr=int(count(cells, BLOCK_RAMS)),
-        dsp=count(cells, MULTIPLIERS),
+        **resources(cells),
         warnings="; ".join(dict.fromkeys(warnings)),
         slowest_path=path,
     )
@@ -291,11 +278,8 @@ def show(results: list[Result], console: Console) -> None:
 
 def write_numbers(results: list[Result]) -> None:
     """Put the table into docs/numbers.md."""
-    page = ROOT / "docs" / "numbers.md"
-    text = replace_block(page.read_text(), "timing", Sheet(_COLUMNS, results).markdown())
-    if text is None:
+    if not rewrite(ROOT / "docs" / "numbers.md", {"timing": Sheet(_COLUMNS, results).markdown()}):
         raise SystemExit("timing: docs/numbers.md has no timing markers")
-    page.write_text(text)
 
 
 def main() -> int:

@@ -580,6 +580,7 @@ def efficiency(
 ) -> None:
     """Compare the detector with the Cramer-Rao bound; exit status 1 below the stated figures."""
     from vrscan.study.report import efficiency as report
+    from vrscan.study.report import numbers
     from vrscan.study.report import two_pass_report as two_pass
 
     _check_count(count, 100)
@@ -597,24 +598,13 @@ def efficiency(
         progress(len(both) + 2)
     console = _console()
     console.print(report.efficiency_table(cells, engine, count))
-    shipped, printed = [c.shipped for c in cells], [c.printed for c in cells]
-    mean, lost = report.geometric_mean(shipped), report.worst_lost(shipped)
-    console.print(
-        f"geometric mean: {mean:.3f} (at least {report.GOAL_EFFICIENCY:.2f}), "
-        f"(8) as printed {report.geometric_mean(printed):.3f}"
-    )
-    console.print(
-        f"lost, worst cell: {100 * lost:.2f} % (at most {100 * report.GOAL_LOST:.1f} %), "
-        f"(8) as printed {100 * report.worst_lost(printed):.2f} %"
-    )
     console.print(two_pass.efficiency_grid(both, engine, count))
     console.print(two_pass.skew_grid(one, two))
     console.print(two_pass.slope_grid(slopes))
-    figures = two_pass.figures(both, two, slopes)
-    for text, _ in figures:
-        console.print(text)
-    reached = mean >= report.GOAL_EFFICIENCY and lost <= report.GOAL_LOST
-    if not (reached and all(holds for _, holds in figures)):
+    figures = numbers.efficiency_figures(cells)
+    figures += numbers.two_pass_figures(both, (one, two), slopes)
+    console.print(numbers.table(figures))
+    if not all(figure.passes for figure in figures):
         raise typer.Exit(1)
 
 

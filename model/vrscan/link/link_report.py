@@ -325,9 +325,9 @@ def write_captures(
         pixel_width: Bits of a pixel.
     """
     if kind == ".csv":
-        file.write(("pixel," + ",".join(f"line_{each.line}" for each in found) + "\n").encode())
-        for k, row in enumerate(np.stack([each.pixels for each in found], axis=1).tolist()):
-            file.write((f"{k}," + ",".join(map(str, row)) + "\n").encode())
+        pixels = np.stack([each.pixels for each in found], axis=1).tolist()
+        names = ["pixel", *(f"line_{each.line}" for each in found)]
+        file.write(listed(names, [(k, *row) for k, row in enumerate(pixels)]).csv())
     elif kind == ".png":
         _picture(file, found, settings, pixel_width)
     else:
@@ -353,14 +353,10 @@ def _picture(
     file: BinaryIO, found: Sequence[Captured], settings: Threshold, pixel_width: int
 ) -> None:
     """Draw each line with its window, background and threshold."""
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
-    from vrscan.show.style import COLOURS, QUIET, STYLE
+    from vrscan.show.style import COLOURS, QUIET, drawing
 
     shown = found[:12]
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.0, 2.2 * len(shown) + 0.4), layout="constrained")
+    with drawing(9.0, 2.2 * len(shown) + 0.4) as figure:
         axes = figure.subplots(len(shown), 1, squeeze=False)[:, 0]
         for axis, each in zip(axes, shown, strict=True):
             axis.plot(each.pixels, color=COLOURS[0], linewidth=0.8, drawstyle="steps-mid")

@@ -2,16 +2,19 @@
 
 import csv
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cache, partial
 from operator import itemgetter
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 from rich import box
 from rich.markup import escape
 from rich.table import Table as RichTable
 from rich.text import Text
+
+from vrscan.data.points import atomic_file
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -250,3 +253,20 @@ def replace_block(text: str, name: str, block: str) -> str | None:
     if not (found_begin and found_end):
         return None
     return f"{before}{begin}\n\n{block}\n\n{end}{after}"
+
+
+def rewrite(page: Path, blocks: Mapping[str, str]) -> bool:
+    """Put blocks between their markers in a page.
+
+    Returns:
+        Whether the page is there and has the markers; else it stays as it is.
+    """
+    text = page.read_text() if page.exists() else ""
+    for name, block in blocks.items():
+        found = replace_block(text, name, block)
+        if found is None:
+            return False
+        text = found
+    with atomic_file(page) as file:
+        file.write(text.encode())
+    return True

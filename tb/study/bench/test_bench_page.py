@@ -239,12 +239,6 @@ def test_growth_finds_the_exponent(read: Reader) -> None:
     assert math.isnan(growth.exponent([1], [1.0]))
 
 
-def test_times_of_a_budget_are_left_out_by_column() -> None:
-    text = 'effect,us_per_line,what\nsun,1.5,"a, b"\nall,2.5,c\n'
-    rows = list(csv.reader(io.StringIO(instrument._without_times(text))))
-    assert rows == [["effect", "what"], ["sun", "a, b"], ["all", "c"]]
-
-
 def test_the_best_of_several_rounds_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
     durations = {"a": iter([9.0, 1.0, 3.0, 2.0, 4.0]), "b": iter([9.0, 0.05, 0.25, 0.25] * 9)}

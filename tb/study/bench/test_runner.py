@@ -148,8 +148,8 @@ def test_a_cell_reads_nothing_that_its_version_does_not_know() -> None:
 import json, sys
 opened = set()
 sys.addaudithook(lambda event, args: event == "open" and opened.add(str(args[0])))
-from vrscan.study.bench import cells
 from vrscan.data.config import Config
+from vrscan.study.bench import cells
 work, parameters = json.loads(sys.argv[1])
 cells.resolve(work)({"config": cells.plain(Config()), **parameters}, 1)
 loaded = [m.__file__ for n, m in sys.modules.items() if n.split(".")[0] == "vrscan" and m.__file__]

@@ -12,7 +12,7 @@ from vrscan.cli.app import app
 from vrscan.engines.tools import repository_root
 from vrscan.show.sheet import replace_block
 from vrscan.study.report import formats, numbers
-from vrscan.study.report.accuracy.figure import Figure
+from vrscan.study.report.figure import Figure
 
 GOOD = Figure("group", "good", "px", 0.5, 0.8, 0.4, 1.0, headline="shown")
 NEAR = Figure("group", "near", "px", 0.7, 0.8, 0.4, 1.0, headline="shown")

@@ -204,3 +204,14 @@ def score(position: Floats, true: Floats) -> Score:
         spread=float(kept.std()),
         lost=1.0 - float(good.mean()),
     )
+
+
+def mean_square(rms: float, lost: float) -> float:
+    """Return the mean square error of all lines, px^2; a lost line counts as ``LOST_PX``.
+
+    Args:
+        rms: Error of the lines that are not lost, px.
+        lost: Share of lost lines.
+    """
+    kept = 0.0 if lost == 1.0 else (1.0 - lost) * rms**2
+    return kept + lost * LOST_PX**2

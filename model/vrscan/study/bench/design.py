@@ -5,7 +5,7 @@ first harmonic of (8) changes: it is that of rtl/peak/phase_correlate.sv with ot
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -27,6 +27,7 @@ from vrscan.study.bench.bench_spots import profile, score
 from vrscan.study.bench.cells import Figures, configuration
 from vrscan.study.bench.widths import ADC_BITS, Design
 from vrscan.study.report.efficiency import BACKGROUND_COUNTS, PEAKS, READ_NOISE_COUNTS
+from vrscan.study.report.figure import mean, rms
 
 EXACT, NOISY, SKEWED = (
     f"vrscan.study.bench.design:{name}" for name in ("exact", "noisy", "skewed")
@@ -313,16 +314,16 @@ def exact(parameters: dict[str, Any], seed: int) -> Figures:
             converter.append(off(want, delta(np.ldexp(counts[rows], bits - ADC_BITS))))
     return {
         "errors": [
-            {"rms": _rms(e), "max": float(np.abs(np.concatenate(e)).max()), "unrounded": _rms(u)}
+            {
+                "rms": rms(np.concatenate(e)),
+                "max": float(np.abs(np.concatenate(e)).max()),
+                "unrounded": rms(np.concatenate(u)),
+            }
             for e, u in zip(errors, unrounded, strict=True)
         ],
-        "converter": _rms(converter),
+        "converter": rms(np.concatenate(converter)),
         "windows": sum(len(part) for part in converter),
     }
-
-
-def _rms(parts: Iterable[Floats]) -> float:
-    return float(np.sqrt(np.square(np.concatenate(list(parts))).mean()))
 
 
 def noisy(parameters: dict[str, Any], seed: int) -> Figures:
@@ -385,7 +386,11 @@ def noisy(parameters: dict[str, Any], seed: int) -> Figures:
         result["rules"].append(
             [
                 asdict(score(where, true))
-                | {"width": _mean(width), "first": _mean(first), "rival": rival / count}
+                | {
+                    "width": mean(np.concatenate(width)),
+                    "first": mean(np.concatenate(first)),
+                    "rival": rival / count,
+                }
                 for where, width, first, rival in zip(by_rule, widths, firsts, rivals, strict=True)
             ]
         )
@@ -411,16 +416,11 @@ def skewed(parameters: dict[str, Any], seed: int) -> Figures:
         length = base.sensor.line_length
         true = draw.uniform(0.25 * length, 0.75 * length, count)
         lines = converted(light(SKEW_PX, peak, true, base, draw, SKEW)[0], ADC_BITS)
-        for mean, rule in zip(means, rules, strict=True):
+        for moved, rule in zip(means, rules, strict=True):
             points = _run(lines, sensor(base, ADC_BITS, **rule))
             found = points.position * 2.0**-pkg.POSITION_FRACTION - true
-            mean.append(_mean([found[points.measured]]))
-    return {"moved": [max(mean) - min(mean) for mean in means]}
-
-
-def _mean(parts: Sequence[Floats]) -> float:
-    joined = np.concatenate(parts)
-    return float(joined.mean()) if joined.size else 0.0
+            moved.append(mean(found[points.measured]))
+    return {"moved": [max(each) - min(each) for each in means]}
 
 
 def _first_widths(lines: Pixels, config: Config) -> Floats:

@@ -25,7 +25,7 @@ from vrscan.study.bench.widths import Design
 
 WORK = "vrscan.study.bench.design_cost:synthesise"
 
-# The resources of a netlist's cells, as scripts/timing.py counts them.
+# What a cell of the netlist takes.  Distributed memory: four look-up tables and two to write them.
 LUTS: dict[str, float] = {"LUT4": 1, "CCU2C": 2, "TRELLIS_DPR16X4": 6}
 FLIP_FLOPS: dict[str, float] = {"TRELLIS_FF": 1}
 BLOCK_RAMS: dict[str, float] = {"DP16KD": 1, "PDPW16KD": 1}

@@ -20,6 +20,7 @@ from vrscan.study.bench.cells import Figures, configuration
 from vrscan.study.plan import JUMP_PX, plan
 from vrscan.study.report import budget as light_budget
 from vrscan.study.report import fidelity as light_fidelity
+from vrscan.study.report.figure import rms
 
 READS = ("scene/scenes/*.toml", "rtl/**/*.sv", "tb/engine/*")
 BUDGET, FIDELITY, SPEED, GROWTH = (
@@ -60,32 +61,21 @@ def budget(parameters: dict[str, Any], seed: int) -> Figures:
     px, mm = fixed.position_px - truth.position_px, fixed.z_mm - truth.z_mm
     near = seen & (np.abs(px) < JUMP_PX)
     return {
-        "csv": _without_times(light_budget.budget_csv(found).decode()),
+        "csv": light_budget.budget_csv(found, times=False).decode(),
         "points": int(seen.sum()),
         "jumped": 1.0 - float(near.sum()) / max(int(seen.sum()), 1),
-        "error_px": _rms(px[near]),
+        "error_px": rms(px[near], 0.0),
         "median_px": _median(px[seen]),
-        "error_mm": _rms(mm[near]),
+        "error_mm": rms(mm[near], 0.0),
         "median_mm": _median(mm[seen]),
         "other_window": 1.0 - float(same.sum()) / max(int(both.sum()), 1),
-        "arithmetic_px": _rms((fixed.position_px - ideal.position_px)[same]),
-        "arithmetic_mm": _rms((fixed.z_mm - ideal.z_mm)[same]),
+        "arithmetic_px": rms((fixed.position_px - ideal.position_px)[same], 0.0),
+        "arithmetic_mm": rms((fixed.z_mm - ideal.z_mm)[same], 0.0),
     }
-
-
-def _without_times(text: str) -> str:
-    """Return the budget's table without its times, which another run would not repeat."""
-    rows = [line.split(",") for line in text.splitlines()]
-    column = rows[0].index("us_per_line")
-    return "\n".join(",".join(row[:column] + row[column + 1 :]) for row in rows) + "\n"
 
 
 def _median(values: Floats) -> float:
     return float(np.median(np.abs(values))) if len(values) else 0.0
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0
 
 
 def fidelity(parameters: dict[str, Any], seed: int) -> Figures:

@@ -18,7 +18,7 @@ from vrscan.detectors.catalogue import Detector, detectors
 from vrscan.detectors.patch import REACH
 from vrscan.ideal.statistics import statistics
 from vrscan.show.sheet import Column, Sheet, words
-from vrscan.study.bench.bench_spots import Spot, score, take
+from vrscan.study.bench.bench_spots import Spot, mean_square, score, take
 from vrscan.study.bench.cells import Cell, Figures, configuration, plain
 from vrscan.study.bench.detect import source
 from vrscan.study.report.efficiency import LOST_PX
@@ -60,8 +60,8 @@ def train(parameters: dict[str, Any], seed: int) -> Figures:
         for value in each.grid:
             found = each.locate(taken.lines, row.background, row.noise, config, value)
             result = score(found, taken.true)
-            kept = 0.0 if result.lost == 1.0 else (1.0 - result.lost) * result.rms**2
-            logs.append(0.5 * math.log(kept + result.lost * LOST_PX**2) - math.log(bound))
+            square = mean_square(result.rms, result.lost)
+            logs.append(0.5 * math.log(square) - math.log(bound))
         figures[each.key] = logs
     return figures
 

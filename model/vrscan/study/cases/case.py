@@ -37,11 +37,10 @@ CHAIN_TEST = "test_cases.py::test_chain_rtl_equals_model"
 WARNINGS = ("AT_EDGE", "SATURATED", "RIVAL", "ROW_STATISTICS")
 OF_THE_POINT = frozenset({"NO_RANGE", "OUT_OF_RANGE"})  # not for entries without angles
 STEP_PX = 2.0**-pkg.POSITION_FRACTION
-STEP_MM = 2.0**-pkg.LENGTH_FRACTION
-TWO_PASS_PX = 0.01  # error of a window half a pixel off the middle of a symmetric spot
-UNNOTICED_PX = 0.05  # a larger error (and four sigmas) without a warning is unnoticed
-NEAR_MM, NEAR_ERROR_MM = 1000.0, 2e-3  # range, and error of x and z up to it
-FARTHEST_MM = 4096.0  # largest range
+TWO_PASS_PX = 0.01  # a window that is half a pixel off the middle of a symmetric spot
+UNNOTICED_PX = 0.05  # an error beyond this and four sigmas, without a warning, is told as such
+NEAR_MM, NEAR_ERROR_MM = 1000.0, 2e-3  # the chain's x and z up to there
+FARTHEST_MM = 4096.0  # of a range
 # A second window's width comes from a table. Its middle is the first position or, where that is
 # unreliable, that of the run. Either choice may differ too, so its ends are compared loosely.
 TABLE_PX = 2

@@ -92,7 +92,8 @@ def figures_table(plan: Plan, scene: Description) -> RichTable:
         f"Bias and rms about it: how the position moves (with everything, less without the "
         f"effect), on {plan.lines} lines. Points differ: share of lines with a point in only one "
         f"of the two, or two more than {JUMP_PX:g} px apart, worst of near, middle, far and hidden "
-        f"from the camera. µs a line. Base: {BASE}.{_short(plan)}",
+        f"from the camera. µs a line. Base: {BASE}. On and off hold from "
+        f"{LEAST_LINES:,} lines on; auto gives shorter scans everything.",
         apart=lambda line: line.kind,
         style=lambda line: line.style,
     )
@@ -122,16 +123,6 @@ def _tolerance(plan: Plan) -> str:
     return f" at {plan.tolerance_px:g} px" if plan.fidelity == "auto" else ""
 
 
-def _short(plan: Plan) -> str:
-    """Return a note that so short a scan has all effects, where the table does not show that."""
-    if plan.fidelity != "auto" or plan.count >= LEAST_LINES:
-        return ""
-    return (
-        f" On and off are those of {LEAST_LINES:,} lines: fewer are simulated with everything, "
-        "which costs less than choosing."
-    )
-
-
 def _cell(change: Difference | None, zone: int) -> str:
     if change is None:
         return ""
@@ -145,10 +136,14 @@ def _differ(line: _Line) -> float | None:
     return None if line.difference is None else float(line.difference.changed.max()) or None
 
 
-def budget_csv(plan: Plan) -> bytes:
+def budget_csv(plan: Plan, *, times: bool = True) -> bytes:
     """Return the budget as a file: a row for each effect, then what is left out, the plan, and all.
 
     What an effect that the scene does not have would do stays empty.
+
+    Args:
+        plan: The figures.
+        times: Whether the file has times, which another run would not repeat.
     """
 
     def zone(index: int, name: str) -> Column[_Line]:
@@ -187,7 +182,8 @@ def budget_csv(plan: Plan) -> bytes:
         _Line("planned", "", planned_us),
         _Line("full", "", full_us),
     ]
-    return Sheet(columns, rows).csv()
+    kept = [column for column in columns if times or column.name != "us_per_line"]
+    return Sheet(kept, rows).csv()
 
 
 # Safety
@@ -412,23 +408,16 @@ def _glint_line(light: Light) -> str:
 
 
 def summary(plan: Plan) -> list[str]:
-    """Return the effects of a scan as a line or two of text."""
+    """Return which effects a scan has had, and what the others would have cost and done."""
     on, of = len(plan.active), len(plan.present)
-    if plan.fidelity == "auto" and plan.every_ray and on == of:
-        return [
-            f"effects: all {of}, as in full: to leave some out would not save on {plan.count:,} "
-            "lines what choosing costs"
-        ]
     if on == of:
-        return [f"effects: all {of}"]
+        return [f"effects: all {of} (fidelity {plan.fidelity})"]
     planned, everything = plan.microseconds
-    error = float(plan.left_out.total_px.max())
-    lost = float(plan.left_out.changed.max())
-    points = f" and {100 * lost:.1f} % of the points" if lost else ""
-    what = f"{on} of {of} on (fidelity {plan.fidelity}{_tolerance(plan)})"
     return [
-        f"effects: {what}, {planned:.0f} us a line instead of {everything:.0f}; what is left out "
-        f"changes {error:.4f} px rms{points}: see vrscan budget"
+        f"effects: {on} of {of} on (fidelity {plan.fidelity}{_tolerance(plan)}), {planned:.0f} us "
+        f"a line instead of {everything:.0f}; what is left out changes "
+        f"{plan.left_out.total_px.max():.4f} px rms and {100 * plan.left_out.changed.max():.1f} % "
+        "of the points: see vrscan budget"
     ]
 
 

@@ -7,10 +7,11 @@ the shipped detector, and so are two passes; ``vrscan.study.report.two_pass_repo
 these.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
+from typing import TypeVar
 
 import numpy as np
 from rich.table import Table as RichTable
@@ -31,6 +32,7 @@ BACKGROUND_COUNTS = 60.0
 LOST_PX = 5.0  # a position further off counts as lost
 GOAL_EFFICIENCY, GOAL_LOST = 0.90, 0.002
 _SEED = 20100301
+Outcome = TypeVar("Outcome")
 
 
 @dataclass(frozen=True)
@@ -134,13 +136,32 @@ def study(
         progress: Called with the number of cells done so far.
         jobs: Number of processes, which share the cells.
     """
-    cells: list[Cell] = []
-    with workers(partial(_cell, engine, config, count), jobs) as do:
-        for cell in do(product(PEAKS, SIGMAS_PX)):
-            cells.append(cell)
+    return each_spot(
+        partial(_cell, engine, config, count), product(PEAKS, SIGMAS_PX), progress, jobs
+    )
+
+
+def each_spot(
+    work: Callable[[tuple[float, float]], Outcome],
+    spots: Iterable[tuple[float, float]],
+    progress: Callable[[int], None] | None,
+    jobs: int,
+) -> list[Outcome]:
+    """Return what the work makes of each spot.
+
+    Args:
+        work: Function of height and width.
+        spots: Heights and widths.
+        progress: Called with the number of spots done so far.
+        jobs: Processes, which share the spots.
+    """
+    found: list[Outcome] = []
+    with workers(work, jobs) as do:
+        for each in do(spots):
+            found.append(each)
             if progress is not None:
-                progress(len(cells))
-    return cells
+                progress(len(found))
+    return found
 
 
 def _cell(engine: Engine, config: Config, count: int, spot: tuple[float, float]) -> Cell:

@@ -14,13 +14,10 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, BinaryIO
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from rich.table import Table as RichTable
 
-from vrscan.data.arrays import Floats
 from vrscan.data.config import Config
 from vrscan.data.lines import Truth
 from vrscan.data.points import atomic_file
@@ -31,15 +28,15 @@ from vrscan.scene.description import Description, load
 from vrscan.scene.effects import present
 from vrscan.scene.light import Light
 from vrscan.scene.simulate import Simulation, simulate
-from vrscan.show.sheet import Column, Sheet, listed, replace_block, short, words
-from vrscan.show.style import COLOURS, INK, LIGHT, QUIET, STYLE
+from vrscan.show.sheet import Column, Sheet, listed, rewrite, short, words
+from vrscan.show.style import COLOURS, INK, QUIET, drawing, plain_log
 from vrscan.study.plan import JUMP_PX, ZONES, moved, plan
+from vrscan.study.report.figure import mean, rms
 
 TOLERANCES_PX = (0.1, 0.03, 0.01)
 TIGHTEST = f"auto {TOLERANCES_PX[-1]:g}"
 AIM_AUTO, AIM_FULL = 20_000.0, 2_000.0  # lines/s
-AIM_FASTER = 5.0  # speed of the tightest auto over full on the default scene
-WORTH = 100_000  # lines on which a choice has to pay: those of a long scan
+WORTH = 100_000  # lines on which a choice has to pay: a long scan's
 ROUNDS = 3  # timed runs of each fidelity
 
 _FLOOR_PX = 1e-4  # smaller errors are drawn here
@@ -182,25 +179,17 @@ def _row(
         lines_per_s=len(found) / max(made.best_s, 1e-9),
         planning_s=made.planning_s,
         points=int(used.sum()),
-        bias_px=_mean(px),
-        rms_px=_rms(px),
-        worst_px=max(_rms(px[part]) for part in parts),
+        bias_px=mean(px),
+        rms_px=rms(px, 0.0),
+        worst_px=max(rms(px[part], 0.0) for part in parts),
         p99_px=float(np.percentile(np.abs(px), 99.0)) if px.size else 0.0,
         max_px=float(np.abs(px).max(initial=0.0)),
-        bias_um=_mean(um),
-        rms_um=_rms(um),
+        bias_um=mean(um),
+        rms_um=rms(um, 0.0),
         differ=float(((found.located != full.located) | jumped).mean()),
-        truth_rms_px=_rms(error),
+        truth_rms_px=rms(error, 0.0),
         truth_median_px=float(np.median(np.abs(error))) if error.size else 0.0,
     )
-
-
-def _mean(values: Floats) -> float:
-    return float(values.mean()) if values.size else 0.0
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(np.square(values)))) if values.size else 0.0
 
 
 def faster(rows: Sequence[Row], scene: str) -> float:
@@ -317,12 +306,10 @@ def write_pages(rows: Sequence[Row], root: Path) -> list[Path]:
         The files, or none if the page or its markers are missing.
     """
     page, plot = pages(root)
-    text = replace_block(page.read_text(), "fidelity", markdown(rows)) if page.exists() else None
-    if text is None:
+    if not rewrite(page, {"fidelity": markdown(rows)}):
         return []
-    with atomic_file(page) as words, atomic_file(plot) as drawing:
-        words.write(text.encode())
-        picture(rows, drawing)
+    with atomic_file(plot) as drawn:
+        picture(rows, drawn)
     return [page, plot]
 
 
@@ -350,16 +337,8 @@ def picture(rows: Sequence[Row], file: BinaryIO) -> None:
     columns = min(_COLUMNS, max(len(scenes) + 1, 3))  # at least three, for the title
     high = -(-(len(scenes) + 1) // columns)  # one place is for the legend
     lines = max((row.lines for row in rows), default=0)
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(2.75 * columns, 2.1 * high + 0.9), layout="constrained")
-        figure.suptitle(
-            f"Speed over error against full: {lines} lines of each scene, one core",
-            x=0.012,
-            ha="left",
-            fontsize=12,
-            fontweight="bold",
-            color=INK,
-        )
+    title = f"Speed over error against full: {lines} lines of each scene, one core"
+    with drawing(2.75 * columns, 2.1 * high + 0.9, title) as figure:
         grid = figure.subplots(high, columns, sharex=True, sharey=True, squeeze=False)
         panels = list(grid.ravel())
         _limits(panels[0], rows)
@@ -386,8 +365,7 @@ def _place(row: Row) -> float:
 
 def _limits(axes: Axes, rows: Sequence[Row]) -> None:
     """Set the axes of all panels, which share them."""
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    axes.set(xscale="log", yscale="log")
     largest = max([1.0, *[row.worst_px for row in rows]])
     speeds = [row.lines_per_s for row in rows]
     low, high = min([AIM_FULL, *speeds]), max([AIM_AUTO, *speeds])
@@ -396,15 +374,11 @@ def _limits(axes: Axes, rows: Sequence[Row]) -> None:
     powers = range(1 + round(np.log10(_FLOOR_PX)), int(np.log10(2.0 * largest)) + 1)
     ticks = [10.0**power for power in powers]
     axes.set_xticks([_FLOOR_PX, *ticks], ["0", *[f"{tick:g}" for tick in ticks]])
-    round_ones = [k * 10.0**power for power in range(8) for k in (1, 2, 5)]
-    marks = [value for value in round_ones if 0.75 * low < value < 1.6 * high]
-    axes.set_yticks(marks, [f"{value:,.0f}" for value in marks])
-    axes.minorticks_off()
+    plain_log(axes, "y", [k * 10.0**power for power in range(8) for k in (1, 2, 5)], "{:,.0f}")
 
 
 def _draw_panel(axes: Axes, rows: Sequence[Row], scene: str) -> None:
-    axes.grid(axis="y", color=LIGHT, linewidth=0.5)
-    axes.set_axisbelow(True)
+    axes.grid(visible=False, axis="x")
     for tolerance in TOLERANCES_PX:
         axes.axvline(tolerance, **_TOLERANCE)
     for aim in (AIM_AUTO, AIM_FULL):

@@ -6,10 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from rich.table import Table as RichTable
 
 from vrscan.data import edges, pkg
@@ -27,17 +25,20 @@ from vrscan.engines.mirror_engine import (
 )
 from vrscan.ideal.motion import crossings
 from vrscan.registers.mirror_registers import MirrorRegisters
-from vrscan.show.sheet import listed
-from vrscan.show.style import COLOURS, INK, LIGHT, QUIET, STYLE
+from vrscan.show.sheet import Sheet, listed
+from vrscan.show.style import COLOURS, INK, LIGHT, QUIET, drawing
+from vrscan.study.report import figure as figures
 
-COLUMNS = (
-    "line,time_s,state,angle_true_rad,angle_rad,amplitude_true_rad,amplitude_rad,frequency_hz,"
-    "drive_level,flags"
-)
-START_S = 0.3  # approximate time of a start besides its sweep
-EVENT_S = 0.1  # time from RUN to drift, shock and drops
-BACK_PPM = 100.0  # error of the amplitude below which it is back
-STEADY_S = 0.05  # time after RUN before errors are judged
+_FORMS = {
+    "line": "{:.0f}", "time_s": "{:.10f}", "state": "", "angle_true_rad": "{:.10f}",
+    "angle_rad": "{:.9f}", "amplitude_true_rad": "{:.10f}", "amplitude_rad": "{:.10f}",
+    "frequency_hz": "{:.7f}", "drive_level": "{:.7f}", "flags": "",
+}  # fmt: skip
+COLUMNS = ",".join(_FORMS)
+START_S = 0.3  # what the start takes besides its sweep, about
+EVENT_S = 0.1  # after RUN: when drift, shock and drops come
+BACK_PPM = 100.0  # of the amplitude: closer is back
+STEADY_S = 0.05  # after an event that is over: what is judged begins
 _TURN = 2.0 * math.pi
 _PER_TURN = _TURN / 2.0**pkg.ANGLE_WIDTH
 _PER_AMPLITUDE = _TURN / 2.0**pkg.AMPLITUDE_FRACTION
@@ -305,29 +306,17 @@ def write_csv(run: Run, file: BinaryIO) -> None:
         "|".join(name for bit, name in enumerate(FLAG_NAMES) if flags >> bit & 1)
         for flags in range(1 << len(FLAG_NAMES))
     ]
-    known = bool(len(run.time_s)) and not np.isnan(run.true_rad).all()
-    file.write(f"{COLUMNS}\n".encode())
-    rows = zip(
-        run.line.tolist(),
-        run.time_s.tolist(),
-        run.state.tolist(),
-        run.true_rad.tolist(),
-        run.angle_rad.tolist(),
-        run.true_amplitude_rad.tolist(),
-        run.amplitude_rad.tolist(),
-        run.frequency_hz.tolist(),
-        run.level.tolist(),
-        run.flags.tolist(),
-        strict=True,
-    )
-    form = "%d,%.10f,%s,%s,%.9f,%s,%.10f,%.7f,%.7f,%s\n"
-    text = []
-    for line, time, state, true, angle, reach, amplitude, hertz, level, flags in rows:
-        truth = f"{true:.10f}" if known else ""
-        height = f"{reach:.10f}" if known and not math.isnan(reach) else ""
-        words = (line, time, STATES[state], truth, angle, height, amplitude, hertz, level)
-        text.append(form % (*words, names[flags]))
-    file.write("".join(text).encode())
+    columns = (
+        run.line, run.time_s, run.state, run.true_rad, run.angle_rad, run.true_amplitude_rad,
+        run.amplitude_rad, run.frequency_hz, run.level, run.flags,
+    )  # fmt: skip
+    rows = [
+        (*row[:2], STATES[row[2]], *row[3:9], names[row[9]])
+        for row in zip(*(column.tolist() for column in columns), strict=True)
+    ]
+    sheet = listed(list(_FORMS), rows)
+    kept = [replace(column, kept=_FORMS[column.name]) for column in sheet.columns]
+    file.write(Sheet(kept, rows).csv())
 
 
 @dataclass(frozen=True)
@@ -389,9 +378,9 @@ def summarise(run: Run) -> Summary:
         start_s=run.run_s,
         lines=int(running.sum()),
         flagged=int(flagged.sum()),
-        angle_rms_urad=_rms(error),
+        angle_rms_urad=figures.rms(error),
         angle_max_urad=float(np.abs(error).max()) if error.size else math.nan,
-        amplitude_rms_ppm=_rms(deviation[steady_amplitude]),
+        amplitude_rms_ppm=figures.rms(deviation[steady_amplitude]),
         crossing_rms_ns=_crossing_rms_ns(run),
         flag_delay_periods=delay,
         unnoticed_urad=unnoticed,
@@ -399,10 +388,6 @@ def summarise(run: Run) -> Summary:
         back_s=back,
         largest_ppm=largest,
     )
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(np.square(values)))) if values.size else math.nan
 
 
 def _crossing_rms_ns(run: Run) -> float:
@@ -450,16 +435,11 @@ def table(run: Run, summary: Summary, title: str) -> RichTable:
 
 def picture(run: Run, summary: Summary, title: str, file: BinaryIO) -> None:
     """Draw start-up, amplitude with level and frequency, and the angle's error, as PNG."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(10.0, 9.6), layout="constrained")  # no window system involved
-        figure.suptitle(title, x=0.012, ha="left", fontsize=12, fontweight="bold", color=INK)
+    with drawing(10.0, 9.6, title) as figure:
         grid = figure.add_gridspec(3, 1)
         _draw_start(figure.add_subplot(grid[0]), run)
         _draw_amplitude(figure.add_subplot(grid[1]), run)
         _draw_error(figure.add_subplot(grid[2]), run, summary)
-        for axes in figure.axes:
-            axes.grid(color=LIGHT, linewidth=0.5)
-            axes.set_axisbelow(True)
         figure.savefig(file, format="png", dpi=130)
 
 
@@ -487,9 +467,11 @@ def _draw_start(axes: Axes, run: Run) -> None:
     height = run.true_amplitude_rad if not np.isnan(run.true_amplitude_rad).all() else (
         run.amplitude_rad)  # fmt: skip
     axes.plot(run.time_s, np.degrees(height), color=COLOURS[0], linewidth=1.2, label="amplitude")
-    axes.set_ylabel("amplitude in degrees")
-    axes.set_title("Start-up: " + ", ".join(_states(run)))
-    axes.set_xlabel("time in s")
+    axes.set(
+        ylabel="amplitude in degrees",
+        title="Start-up: " + ", ".join(_states(run)),
+        xlabel="time in s",
+    )
     if not math.isnan(run.run_s) and run.run_s > run.time_s[0]:
         axes.set_xlim(0.0, 1.15 * run.run_s)
     other = axes.twinx()
@@ -529,9 +511,11 @@ def _draw_amplitude(axes: Axes, run: Run) -> None:
         axes.set_xlim(time[0], time[-1])
         _shade(axes, run)
         other.legend(*axes.get_legend_handles_labels(), loc="upper right", **_BOXED)
-    axes.set_title(f"Amplitude in RUN; the band is {BACK_PPM:.0f} ppm")
-    axes.set_xlabel("time in s")
-    axes.set_ylabel("off by, ppm")
+    axes.set(
+        title=f"Amplitude in RUN; the band is {BACK_PPM:.0f} ppm",
+        xlabel="time in s",
+        ylabel="off by, ppm",
+    )
 
 
 def _draw_error(axes: Axes, run: Run, summary: Summary) -> None:
@@ -547,10 +531,12 @@ def _draw_error(axes: Axes, run: Run, summary: Summary) -> None:
             time[good], error[good], ".", color=COLOURS[0], markersize=1.5, label="not flagged"
         )
         rms = summary.angle_rms_urad
-        reach = max(1.0, 20.0 * (rms if math.isfinite(rms) else _rms(error)))
+        reach = max(1.0, 20.0 * (rms if math.isfinite(rms) else figures.rms(error)))
         axes.set_ylim(-reach, reach)
-        axes.set_title(f"Angle error in RUN, {rms:.2f} urad rms where not flagged")
-        axes.set_ylabel("measured - true in urad")
+        axes.set(
+            title=f"Angle error in RUN, {rms:.2f} urad rms where not flagged",
+            ylabel="measured - true in urad",
+        )
         axes.set_xlim(time[0], time[-1])
         _shade(axes, run)
         axes.legend(loc="upper right", markerscale=4.0, **_BOXED)
@@ -559,8 +545,7 @@ def _draw_error(axes: Axes, run: Run, summary: Summary) -> None:
         axes.plot(
             run.time_s[last], np.degrees(run.angle_rad[last]), ".", color=COLOURS[0], markersize=2.0
         )
-        axes.set_title("Angle of the last lines")
-        axes.set_ylabel("scan angle in degrees")
+        axes.set(title="Angle of the last lines", ylabel="scan angle in degrees")
 
 
 def read_edges(path: Path, config: Config) -> tuple[Rows, float, float]:

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table as RichTable
 
+from vrscan.data.arrays import Floats
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
-from vrscan.data.points import atomic_file
 from vrscan.engines.engine import Engine
 from vrscan.fixed import vrscan_chain as chain
-from vrscan.show.sheet import Column, Sheet, replace_block, words
+from vrscan.show.sheet import Column, Sheet, rewrite, words
 from vrscan.study.report import efficiency, formats, speed
 from vrscan.study.report import two_pass_report as two_pass
 from vrscan.study.report.accuracy import angle_accuracy as angle
@@ -25,7 +25,7 @@ from vrscan.study.report.accuracy import mirror_accuracy as mirror
 from vrscan.study.report.accuracy import position_accuracy as position
 from vrscan.study.report.accuracy import quality_accuracy as quality
 from vrscan.study.report.accuracy import scatter_accuracy as scatter
-from vrscan.study.report.accuracy.figure import SEED, Figure
+from vrscan.study.report.figure import SEED, Figure, rms
 
 CLOCK_HZ = 125e6
 LEAST_FIXED, LEAST_RTL = 10_000.0, 400.0  # lines/s
@@ -36,56 +36,29 @@ Progress = Callable[[int], None]
 
 @dataclass(frozen=True)
 class Size:
-    """The amount of work of each measurement."""
+    """How much is measured; the defaults are all of it."""
 
-    vectors: int  # vectors per decade of amplitudes, and phases per mirror
-    windows: int  # windows per width, shape and pedestal
-    directions: int  # phases per width, for the worst windows
-    every: int  # step of the width, px
-    lines: int  # lines per configuration for S/N and sigma
-    distances: int  # distances per pixel
-    noisy: int  # lines per spot
-    efficiency: int  # lines per cell of the efficiency
-    two_pass: int  # lines per cell of the study of two passes; 0 leaves it out
-    fixed: int  # lines for the speed of the fixed model
-    ideal: int  # lines for the speed of the equations
-    rtl: int  # lines for the speed of the RTL; 0 leaves it out
-    all_cores: bool  # whether the speed on all cores is measured, too
-    mirror: float  # seconds of RUN; 0 leaves the mirror's loop out
+    vectors: int = 100_000  # a decade of amplitudes, and phases a mirror
+    windows: int = 12  # a width, shape and pedestal
+    directions: int = 8  # phases a width, for the worst windows
+    every: int = 1  # step of the width, px
+    lines: int = 10_000  # of S/N and sigma, a configuration
+    distances: int = 60  # a pixel
+    noisy: int = 4_000  # lines a spot
+    efficiency: int = 4_000  # lines a cell
+    two_pass: int = 4_000  # the same, of the study that stands on few of them; 0 leaves it out
+    fixed: int = 10_000  # lines for the speed
+    ideal: int = 10_000  # the same
+    rtl: int = 2_000  # the same; 0 leaves the RTL out
+    all_cores: bool = True  # whether the speed on all cores is measured, too
+    mirror: float = 0.5  # seconds of RUN; 0 leaves the mirror's loop out
 
 
-FULL = Size(
-    vectors=100_000,
-    windows=12,
-    directions=8,
-    every=1,
-    lines=10_000,
-    distances=60,
-    noisy=4_000,
-    efficiency=4_000,
-    two_pass=4_000,
-    fixed=10_000,
-    ideal=10_000,
-    rtl=2_000,
-    all_cores=True,
-    mirror=0.5,
-)
+FULL = Size()
 QUICK = Size(
-    vectors=10_000,
-    windows=1,
-    directions=1,
-    every=4,
-    lines=1_000,
-    distances=4,
-    noisy=300,
-    efficiency=300,
-    two_pass=0,
-    fixed=2_000,
-    ideal=2_000,
-    rtl=0,
-    all_cores=False,
-    mirror=0.0,
-)
+    vectors=10_000, windows=1, directions=1, every=4, lines=1_000, distances=4, noisy=300,
+    efficiency=300, two_pass=0, fixed=2_000, ideal=2_000, rtl=0, all_cores=False, mirror=0.0,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -104,8 +77,8 @@ def _positions(size: Size, period_n: bool, progress: Progress) -> list[Figure]:
     return position.measure(result, period_n=period_n)
 
 
-def _efficiency(count: int, progress: Progress) -> list[Figure]:
-    cells = efficiency.study(Engine.FIXED, Config(), count, progress)
+def efficiency_figures(cells: Sequence[efficiency.Cell]) -> list[Figure]:
+    """Return what the study of ``efficiency`` came to, and what is asked of it."""
     figures = []
     for name, scores, judged in (
         ("shipped", [cell.shipped for cell in cells], True),
@@ -138,12 +111,25 @@ def _efficiency(count: int, progress: Progress) -> list[Figure]:
     return figures
 
 
-def _two_passes(count: int, progress: Progress) -> list[Figure]:
-    config, group = Config(), "two passes"
-    cells = two_pass.study(Engine.FIXED, config, count, progress)
-    places = two_pass.skew_positions(Engine.FIXED, config, count // 2)
-    slopes = two_pass.slope_study(Engine.FIXED, config, count // 4)
-    figures = []
+def _efficiency(count: int, progress: Progress) -> list[Figure]:
+    return efficiency_figures(efficiency.study(Engine.FIXED, Config(), count, progress))
+
+
+def two_pass_figures(
+    cells: Sequence[two_pass.Cell],
+    places: tuple[Floats, Floats],
+    slopes: Sequence[two_pass.Slope],
+    between: Sequence[Figure] = (),
+) -> list[Figure]:
+    """Return what the study of ``two_pass_report`` came to, and what is asked of it.
+
+    Args:
+        cells: Efficiencies of ``study``.
+        places: Places of ``skew_positions``, in one pass and in two.
+        slopes: Biases of ``slope_study``.
+        between: Figures that stand behind those of the efficiency.
+    """
+    group, figures = "two passes", []
     for name, goal, is_dim in (
         ("5 to 90 % of full scale", two_pass.GOAL, False),
         ("2 % of full scale", two_pass.GOAL_DIM, True),
@@ -156,24 +142,34 @@ def _two_passes(count: int, progress: Progress) -> list[Figure]:
             Figure(group, f"one pass, {name}, worst spot", "1",
                    min(cell.one_pass for cell in some)),
         ]  # fmt: skip
-    error, bound, same = two_pass.arithmetic(config, count // 4)
-    nearest = int(np.argmax(error / bound))
     before, after = (float(np.ptp(each)) for each in places)
-    pull = max(abs(result.bias) for result in slopes)
+    moves = "a skewed spot moves, 10 to 90 % of full scale"
+    pulls = "a slope of 1 count/px pulls"
     return [
         *figures,
+        *between,
+        Figure(group, moves, "px", after, limit=two_pass.GOAL_SKEW_PX,
+               headline=f"two passes: {moves}"),
+        Figure(group, "one pass, a skewed spot moves", "px", before),
+        Figure(group, pulls, "px", max(abs(result.bias) for result in slopes),
+               limit=two_pass.GOAL_SLOPE_PX, headline=f"two passes: {pulls}"),
+    ]  # fmt: skip
+
+
+def _two_passes(count: int, progress: Progress) -> list[Figure]:
+    config, group = Config(), "two passes"
+    cells = two_pass.study(Engine.FIXED, config, count, progress)
+    places = two_pass.skew_positions(Engine.FIXED, config, count // 2)
+    slopes = two_pass.slope_study(Engine.FIXED, config, count // 4)
+    error, bound, same = two_pass.arithmetic(config, count // 4)
+    nearest = int(np.argmax(error / bound))
+    arithmetic = [
         Figure(group, "against float64 in the same window, nearest to its bound", "1e-3 px",
                1e3 * float(error[nearest]), 1e3 * float(bound[nearest])),
-        Figure(group, "against float64 in the same window, rms", "1e-3 px",
-               1e3 * float(np.sqrt(np.square(error).mean()))),
+        Figure(group, "against float64 in the same window, rms", "1e-3 px", 1e3 * rms(error)),
         Figure(group, "lines where float64 has the same window", "%", 100.0 * same),
-        Figure(group, "a skewed spot moves, 10 to 90 % of full scale", "px", after,
-               limit=two_pass.GOAL_SKEW_PX,
-               headline="two passes: a skewed spot moves, 10 to 90 % of full scale"),
-        Figure(group, "one pass, a skewed spot moves", "px", before),
-        Figure(group, "a slope of 1 count/px pulls", "px", pull, limit=two_pass.GOAL_SLOPE_PX,
-               headline="two passes: a slope of 1 count/px pulls"),
     ]  # fmt: skip
+    return two_pass_figures(cells, places, slopes, arithmetic)
 
 
 def latency(config: Config) -> list[Figure]:
@@ -381,19 +377,8 @@ def write_pages(figures: Sequence[Figure], root: Path) -> list[Path]:
     Returns:
         The files that have their markers; the others stay as they are.
     """
-    written = []
     new = (
         {"numbers": excerpt(figures)},
         {"numbers": sheet(figures).markdown(), "summary": summary(figures), **formats.blocks()},
     )
-    for path, blocks in zip(pages(root), new, strict=True):
-        if not path.exists():
-            continue
-        text = path.read_text()
-        for name, block in blocks.items():
-            text = replace_block(text, name, block) or text
-        if all(replace_block(text, name, block) == text for name, block in blocks.items()):
-            with atomic_file(path) as file:
-                file.write(text.encode())
-            written.append(path)
-    return written
+    return [page for page, blocks in zip(pages(root), new, strict=True) if rewrite(page, blocks)]

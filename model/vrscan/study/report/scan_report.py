@@ -3,10 +3,8 @@
 from collections.abc import Callable
 from typing import Any, BinaryIO
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from rich.table import Table as RichTable
 
@@ -16,7 +14,7 @@ from vrscan.data.lines import Lines, Truth
 from vrscan.data.table import Table
 from vrscan.ideal.peak import threshold
 from vrscan.show.sheet import Column, Sheet, words
-from vrscan.show.style import COLOURS, INK, LIGHT, QUIET, STYLE
+from vrscan.show.style import COLOURS, INK, LIGHT, QUIET, drawing
 from vrscan.study.report.tally import ASTRAY_PX, Errors
 
 _SHAPES = ((".", 2.0), ("x", 2.5), ("+", 3.0), ("^", 2.0))
@@ -83,9 +81,7 @@ def picture(
     if truth is None:
         raise ValueError("picture: lines without truth")
     panned = y_mm is not None and np.ptp(y_mm) > 0.0 if len(result) else False
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(10.0, 9.2), layout="constrained")  # no window system involved
-        figure.suptitle(title, x=0.012, ha="left", fontsize=12, fontweight="bold", color=INK)
+    with drawing(10.0, 9.2, title) as figure:
         grid = figure.add_gridspec(3, 1, height_ratios=(1.5, 1.0, 1.0))
         if panned and y_mm is not None:
             _draw_map(figure.add_subplot(grid[0]), result, truth, y_mm)
@@ -94,9 +90,6 @@ def picture(
         _draw_error(figure.add_subplot(grid[1]), recording, result, truth)
         show = pixels or (lambda number: recording.lines[number])
         _draw_line(figure.add_subplot(grid[2]), show, result, config, truth)
-        for axes in figure.axes:
-            axes.grid(color=LIGHT, linewidth=0.5)
-            axes.set_axisbelow(True)
         figure.savefig(file, format="png", dpi=130)
 
 
@@ -137,9 +130,7 @@ def _draw_profile(axes: Axes, result: Table, truth: Truth) -> None:
     _draw_hidden(axes, truth.x_mm, truth.z_mm, hidden)
     _draw_stray(axes, result.x_mm, result.z_mm, result.located & ~seen, near)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_title("Profile")
-    axes.set_xlabel("x in mm")
-    axes.set_ylabel("z in mm")
+    axes.set(title="Profile", xlabel="x in mm", ylabel="z in mm")
     _legend(axes, loc="lower left", markerscale=3.0)
 
 
@@ -168,9 +159,7 @@ def _draw_map(axes: Axes, result: Table, truth: Truth, y_mm: Floats) -> None:
         axes.figure.colorbar(dots, ax=axes, label="z in mm", pad=0.01)
     _draw_stray(axes, result.x_mm, y_mm, result.located & ~seen, near)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_title("Points")
-    axes.set_xlabel("x in mm")
-    axes.set_ylabel("y in mm")
+    axes.set(title="Points", xlabel="x in mm", ylabel="y in mm")
     _legend(axes, loc="lower right", bbox_to_anchor=(1.0, 0.98), markerscale=3.0)
 
 
@@ -238,18 +227,19 @@ def _draw_error(axes: Axes, recording: Lines, result: Table, truth: Truth) -> No
     if len(angle) and np.ptp(angle) > 0.0:
         margin = 0.05 * np.ptp(angle)
         axes.set_xlim(angle.min() - margin, angle.max() + margin)
-    axes.set_title("Error in z over the scan angle" if good.any() else "No point on a spot")
-    axes.set_xlabel("scan angle in degrees")
-    axes.set_ylabel("measured - true in µm")
+    axes.set(
+        title="Error in z over the scan angle" if good.any() else "No point on a spot",
+        xlabel="scan angle in degrees",
+        ylabel="measured - true in µm",
+    )
     _legend(axes, loc="lower right", bbox_to_anchor=(1.0, 0.98))
 
 
 def _draw_line(
     axes: Axes, pixels: Callable[[int], Pixels], result: Table, config: Config, truth: Truth
 ) -> None:
-    """Draw one raw line around its window: that of the widest spot, which shows the window best."""
-    axes.set_xlabel("pixel")
-    axes.set_ylabel("counts")
+    """One raw line around its window: the widest spot's, where the window shows best."""
+    axes.set(xlabel="pixel", ylabel="counts")
     rows = np.flatnonzero(result.located & np.isfinite(truth.position_px))
     if len(rows) == 0:
         _draw_brightest(axes, pixels, result)

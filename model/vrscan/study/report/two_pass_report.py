@@ -20,7 +20,6 @@ from vrscan.data import pkg
 from vrscan.data.arrays import Floats, Ints, Pixels
 from vrscan.data.config import Config
 from vrscan.data.lines import Lines
-from vrscan.data.parallel import workers
 from vrscan.engines.engine import Engine, run
 from vrscan.scene.sensor import spot_electrons
 from vrscan.show.sheet import Column, Sheet, listed
@@ -30,6 +29,7 @@ from vrscan.study.report.efficiency import (
     LOST_PX,
     READ_NOISE_COUNTS,
     cell_lines,
+    each_spot,
     with_window,
 )
 
@@ -125,13 +125,9 @@ def study(
         sigmas_px: Widths of the spots.
         jobs: Number of processes, which share the cells.
     """
-    cells: list[Cell] = []
-    with workers(partial(_cell, engine, config, count), jobs) as do:
-        for cell in do(product(peaks, sigmas_px)):
-            cells.append(cell)
-            if progress is not None:
-                progress(len(cells))
-    return cells
+    return each_spot(
+        partial(_cell, engine, config, count), product(peaks, sigmas_px), progress, jobs
+    )
 
 
 def _cell(engine: Engine, config: Config, count: int, spot: tuple[float, float]) -> Cell:
@@ -314,26 +310,6 @@ def slope_study(
                 )
             )
     return results
-
-
-def figures(cells: list[Cell], places: Floats, slopes: list[Slope]) -> list[tuple[str, bool]]:
-    """Return the requirements on two passes in words, and whether each holds.
-
-    Args:
-        cells: Cells of ``study``.
-        places: Positions of ``skew_positions``, with two passes.
-        slopes: Results of ``slope_study``.
-    """
-    bright = min((c.two_pass for c in cells if c.peak >= 0.05), default=1.0)
-    dim = min((c.two_pass for c in cells if c.peak < 0.05), default=1.0)
-    moves = float(np.ptp(places))
-    pull = max(abs(result.bias) for result in slopes)
-    return [
-        (f"worst efficiency from 5 % up: {bright:.3f} (at least {GOAL:.2f})", bright >= GOAL),
-        (f"worst efficiency below: {dim:.3f} (at least {GOAL_DIM:.2f})", dim >= GOAL_DIM),
-        (f"a skewed spot moves by {moves:.4f} px (below {GOAL_SKEW_PX:g})", moves < GOAL_SKEW_PX),
-        (f"a slope pulls by {pull:.4f} px (below {GOAL_SLOPE_PX:g})", pull < GOAL_SLOPE_PX),
-    ]
 
 
 def _grid(

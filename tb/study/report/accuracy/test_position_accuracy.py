@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vrscan.study.report.accuracy import position_accuracy as position
-from vrscan.study.report.accuracy.figure import Figure
+from vrscan.study.report.figure import Figure
 
 
 def figures(period_n: bool, every: int = 3) -> list[Figure]:

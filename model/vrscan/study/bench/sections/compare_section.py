@@ -1,11 +1,9 @@
 """Comparison of the detectors: the error of each over all spots, and its cost."""
 
-import itertools
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from vrscan.data.arrays import Floats
 from vrscan.detectors.catalogue import Detector, detectors
@@ -14,7 +12,8 @@ from vrscan.show.sheet import Column, Sheet, listed, number, words
 from vrscan.show.style import INK, drawing, plain_log
 from vrscan.study.bench import cost, detect
 from vrscan.study.bench.bench_page import Block, Heading, Picture, Table, Text
-from vrscan.study.bench.cells import Cell, Figures, plain
+from vrscan.study.bench.bench_spots import mean_square
+from vrscan.study.bench.cells import Cell, Figures
 from vrscan.study.bench.sections.section import Found, Order, Section, look, png
 from vrscan.study.report.efficiency import LOST_PX, PEAKS, SIGMAS_PX
 
@@ -29,15 +28,13 @@ MAPPED = ("printed", "shipped", "two-pass", "likelihood")  # shown by spot
 
 
 def _spot(order: Order, sigma: float, peak: float) -> Cell:
-    count = QUICK_LINES if order.quick else LINES
-    parameters = {"config": plain(order.config), "lines": count}
-    return Cell(detect.WORK, {**parameters, "sigma_px": sigma, "peak": peak}, order.seed)
+    count = order.size(LINES, QUICK_LINES)
+    return order.cell(detect.WORK, {"lines": count, "sigma_px": sigma, "peak": peak})
 
 
 def _speed(order: Order) -> Cell:
-    parameters: dict[str, Any] = {"config": plain(order.config), "peak": SHOWN_PEAK}
-    parameters |= {"lines": 512 if order.quick else 2048, "sigma_px": SPEED_SIGMA_PX}
-    return Cell(cost.WORK, parameters, order.seed, timed=True)
+    spot = {"sigma_px": SPEED_SIGMA_PX, "peak": SHOWN_PEAK}
+    return order.cell(cost.WORK, {"lines": order.size(2048, 512), **spot}, timed=True)
 
 
 def cells(order: Order) -> list[Cell]:
@@ -47,9 +44,8 @@ def cells(order: Order) -> list[Cell]:
 
 
 def _efficiency(bound: float, error: dict[str, float]) -> float:
-    """Return the bound over the mean square error, with an error of ``LOST_PX`` for lost lines."""
-    kept = 0.0 if error["lost"] == 1.0 else (1.0 - error["lost"]) * error["rms"] ** 2
-    return bound**2 / (kept + error["lost"] * LOST_PX**2)
+    """Return bound over mean square, lost lines at ``LOST_PX``."""
+    return bound**2 / mean_square(error["rms"], error["lost"])
 
 
 def _tuned(each: Detector) -> str:
@@ -251,42 +247,22 @@ def _picture(shown: Sequence[Detector], rates: dict[str, float], mean: dict[str,
         axes = figure.subplots()
         for each in shown:
             how, off = look(each.key), mean[each.key] ** -0.5
-            axes.plot(off, rates[each.key], how.marker, color=how.colour, markersize=8)
+            axes.plot(
+                off, rates[each.key], how.marker, color=how.colour, markersize=8, label=each.title
+            )
         axes.axvline(1.0, color=INK, linewidth=1.1, linestyle=(0, (4, 2)))
-        axes.set_xscale("log")
-        axes.set_yscale("log")
+        axes.set(xscale="log", yscale="log")
         low, high = axes.get_xlim()
         axes.set_xlim(min(low, 0.95), 1.5 * high)
         plain_log(axes, "x", (1.0, 1.1, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0))
         plain_log(axes, "y", [k * 10.0**e for e in range(3, 7) for k in (1, 2, 5)], "{:,.0f}")
-        _label(axes, {each: (mean[each.key] ** -0.5, rates[each.key]) for each in shown})
-        axes.set_xlabel("rms error over the Cramér-Rao bound, geometric mean of 20 spots")
-        axes.set_ylabel("lines/s, one core")
-        axes.set_title("Speed against error")
-        return png(figure)
-
-
-def _label(axes: Axes, places: dict[Detector, tuple[float, float]]) -> None:
-    """Write the names beside their points, lower or higher where one would cover another."""
-    taken: list[tuple[float, float, float]] = []  # left, right and height of the names, points
-    scale = 72.0 / axes.figure.dpi
-    at = {each: axes.transData.transform(place) * scale for each, place in places.items()}
-    for each, (x, y) in sorted(at.items(), key=lambda item: -item[1][1]):
-        left, right, line = x + 7.0, x + 12.0 + 4.6 * len(each.title), y
-        marks = [(px - 5.0, px + 5.0, py) for px, py in at.values() if (px, py) != (x, y)]
-        shifts = itertools.chain([0.0], *([-step, step] for step in np.arange(1.0, 200.0)))
-        while any(a < right and left < b and abs(line - h) < 9.0 for a, b, h in taken + marks):
-            line = y + float(next(shifts))
-        taken.append((left, right, line))
-        axes.annotate(
-            each.title,
-            places[each],
-            textcoords="offset points",
-            xytext=(7.0, line - y - 3.0),
-            fontsize=8,
-            fontweight="bold" if each.key == SHIPPED else "normal",
-            color=INK,
+        axes.set(
+            xlabel="rms error over the Cramér-Rao bound, geometric mean of 20 spots",
+            ylabel="lines/s, one core",
+            title="Speed against error",
         )
+        figure.legend(loc="outside right center", fontsize=8)
+        return png(figure)
 
 
 SECTION = Section("detectors", "Detectors side by side", cells, blocks)

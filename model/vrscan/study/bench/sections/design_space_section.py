@@ -13,11 +13,12 @@ from vrscan.show.sheet import Column, Sheet, Value, listed, number, words
 from vrscan.show.style import COLOURS, INK, QUIET, drawing, plain_log
 from vrscan.study.bench import cost, design, design_cost
 from vrscan.study.bench.bench_page import Block, Heading, Picture, Table, Text, slug
-from vrscan.study.bench.cells import Cell, Figures, plain
+from vrscan.study.bench.bench_spots import mean_square
+from vrscan.study.bench.cells import Cell, Figures
 from vrscan.study.bench.design import RANGES_MM
 from vrscan.study.bench.sections.section import Found, Order, Section, png
 from vrscan.study.bench.widths import Design
-from vrscan.study.report.efficiency import LOST_PX, PEAKS, SIGMAS_PX
+from vrscan.study.report.efficiency import PEAKS, SIGMAS_PX
 
 STEPS, QUICK_STEPS = 256, 32  # positions of a spot within a pixel
 LINES, QUICK_LINES = 1000, 60  # lines with noise for each of the 20 spots
@@ -143,21 +144,19 @@ def rules(order: Order) -> list[dict[str, Any]]:
 
 def _exact(order: Order, pixel_width: int) -> Cell:
     own = [each.plain() for each in designs(order) if each.pixel_width == pixel_width]
-    parameters: dict[str, Any] = {"config": plain(order.config), "designs": own}
-    return Cell(design.EXACT, parameters | {"steps": QUICK_STEPS if order.quick else STEPS}, 0)
+    steps = order.size(STEPS, QUICK_STEPS)
+    return order.cell(design.EXACT, {"designs": own, "steps": steps}, seed=0)
 
 
 def _noisy(order: Order, sigma: float) -> Cell:
-    parameters: dict[str, Any] = {"config": plain(order.config), "sigma_px": sigma}
-    parameters |= {"lines": QUICK_LINES if order.quick else LINES, "rules": rules(order)}
-    parameters["designs"] = [each.plain() for each in designs(order)]
-    return Cell(design.NOISY, parameters, order.seed)
+    own = [each.plain() for each in designs(order)]
+    sizes = {"sigma_px": sigma, "lines": order.size(LINES, QUICK_LINES)}
+    return order.cell(design.NOISY, {**sizes, "rules": rules(order), "designs": own})
 
 
 def _skewed(order: Order) -> Cell:
-    parameters: dict[str, Any] = {"config": plain(order.config), "rules": rules(order)}
-    parameters["lines"] = QUICK_SKEW_LINES if order.quick else SKEW_LINES
-    return Cell(design.SKEWED, parameters, order.seed)
+    lines = order.size(SKEW_LINES, QUICK_SKEW_LINES)
+    return order.cell(design.SKEWED, {"lines": lines, "rules": rules(order)})
 
 
 def _whole() -> Cell:
@@ -179,33 +178,20 @@ def cells(order: Order) -> list[Cell]:
 
 @dataclass(frozen=True)
 class Point:
-    """A design with its figures.
-
-    Attributes:
-        design: Widths of the design.
-        rms: Rms error of the arithmetic, px.
-        largest: Largest error of the arithmetic on the spots, px.
-        unrounded: Rms error before the output's rounding, px.
-        bound: Largest error for any heights, px.
-        noisy: Rms error in noise over the Cramer-Rao bound, geometric mean over the spots.
-        spot: Rms error in noise of ``SPOT``, px.
-        lut: Number of LUTs; the next fields are flip-flops, block RAMs and multipliers of all
-            parts.
-        clocks: Number of clocks for a window of ``WINDOW_PX``.
-    """
+    """A design with what it comes to; errors in px."""
 
     design: Design
-    rms: float
-    largest: float
-    unrounded: float
-    bound: float
-    noisy: float
-    spot: float
-    lut: int
+    rms: float  # of the arithmetic
+    largest: float  # of the arithmetic, on the spots
+    unrounded: float  # rms before the output's rounding
+    bound: float  # for any heights
+    noisy: float  # rms in noise over the Cramer-Rao bound, geometric mean over the spots
+    spot: float  # rms in noise of ``SPOT``
+    lut: int  # of all parts, as are the next
     ff: int
     ebr: int
     dsp: float
-    clocks: int
+    clocks: int  # for a window of ``WINDOW_PX``
 
     @property
     def rate(self) -> float:
@@ -214,9 +200,8 @@ class Point:
 
 
 def excess(score: dict[str, float], bound: float) -> float:
-    """Return the rms error over the bound, with an error of ``LOST_PX`` for lost lines."""
-    kept = 0.0 if score["lost"] == 1.0 else (1.0 - score["lost"]) * score["rms"] ** 2
-    return float((kept + score["lost"] * LOST_PX**2) ** 0.5 / bound)
+    """Return rms error over the bound, lost lines at ``LOST_PX``."""
+    return float(mean_square(score["rms"], score["lost"]) ** 0.5 / bound)
 
 
 def front(costs: Sequence[tuple[float, float]]) -> list[int]:
@@ -273,32 +258,24 @@ def _points(order: Order, found: Found) -> list[Point]:
     return points
 
 
-@dataclass(frozen=True)
-class Axis:
-    """A figure by which a design is chosen."""
-
-    key: str
-    words: str
-    unit: str
-    scale: float = 1.0
-
-    def of(self, point: Point) -> float:
-        """Return the figure, of which less is better; errors to ``DIGITS`` digits."""
-        if self.key == "rate":
-            return -point.rate
-        return float(f"{getattr(point, self.key):.{DIGITS}g}") if self.scale != 1.0 else point.lut
+# What designs are chosen by: a price and an error, the less the better, with their headings.
+FRONTS = {
+    "L": ("lut", "rms", "Error over LUT"),
+    "B": ("lut", "bound", "Bound over LUT"),
+    "R": ("rate", "rms", "Error over rate"),
+}
 
 
-RMS = Axis("rms", "rms error", "1e-3 px", 1e3)
-BOUND = Axis("bound", "error bound for any heights", "1e-3 px", 1e3)
-LUT = Axis("lut", "LUT", "LUT")
-RATE = Axis("rate", "lines/s", "lines/s")
-FRONTS = {"L": (LUT, RMS), "B": (LUT, BOUND), "R": (RATE, RMS)}
+def _costs(point: Point, mark: str) -> tuple[float, float]:
+    """Return price and error of a front; errors to ``DIGITS`` digits."""
+    price, error, _ = FRONTS[mark]
+    cost = -point.rate if price == "rate" else point.lut
+    return cost, float(f"{getattr(point, error):.{DIGITS}g}")
 
 
-def _front(points: Sequence[Point], axes: tuple[Axis, Axis]) -> list[Point]:
-    """Return the front; of points that are equal on it the shipped one, or that of least LUT."""
-    costs = [(axes[0].of(p), axes[1].of(p)) for p in points]
+def _front(points: Sequence[Point], mark: str) -> list[Point]:
+    """Return the front; of points that are the same on it the shipped one, or that of least LUT."""
+    costs = [_costs(point, mark) for point in points]
     kept: dict[tuple[float, float], Point] = {}
     for k in sorted(front(costs), key=lambda k: (points[k].design != SHIPPED, points[k].lut)):
         kept.setdefault(costs[k], points[k])
@@ -324,24 +301,18 @@ def blocks(order: Order, found: Found) -> Sequence[Block[Any]]:
     ours = [p for p in points if p.design.pixel_width == SHIPPED.pixel_width]
     return [
         Text(
-            "What the widths of the detector buy. Its RTL is synthesised with each width "
-            "(synth_ecp5, LFE5U), and its bit-accurate model runs with the same. The error of the "
-            "arithmetic is that against (8) in float64 on the same pixels, over windows of spots "
-            f"without noise (s = {', '.join(f'{s:g}' for s in design.SPOTS_PX)} px, "
-            f"{' and '.join(f'{100 * h:g}' for h in design.HEIGHTS)} % of full scale, "
-            f"{QUICK_STEPS if order.quick else STEPS} places in a pixel); 0.0705e-3 px rms and "
-            "0.122e-3 px at most of it are the output's own rounding to 12 fraction bits. The "
-            "bound holds for any heights of a window of up to 255 px whose first harmonic is a "
-            "tenth of their sum or more. With noise is against the truth, the light of vrscan "
-            f"efficiency, {QUICK_LINES if order.quick else LINES} lines of each of 20 spots, the "
-            "same photons for all designs."
+            "What the widths of the detector buy. The error of the arithmetic is that of the "
+            "bit-accurate model against (8) in float64 on the same pixels, of spots without noise; "
+            "0.0705e-3 px rms and 0.122e-3 px at most of it are the output's own rounding. The "
+            "bound holds for any heights whose first harmonic is a tenth of their sum or more. "
+            f"With noise is against the truth, {order.size(LINES, QUICK_LINES)} lines of "
+            "each of the 20 spots of vrscan efficiency, the same photons for all designs."
         ),
         Text(
-            "A detector is peak_isolate, phase_correlate and peak_position; its cells are those of "
-            "five parts, window, correlator, table, CORDIC and position, each synthesised alone. "
-            "Clocks are those from the line's last pixel to its position for a window of "
-            f"{WINDOW_PX} px, and lines/s are the board's clock, {BOARD_HZ / 1e6:.0f} MHz, over "
-            "them: no variant was placed. A line also takes a clock for each of its pixels."
+            "LUT and the like are of five parts, window, correlator, table, CORDIC and position, "
+            "each synthesised alone with each width (synth_ecp5, LFE5U). Clocks are those from a "
+            f"line's last pixel to its position for a window of {WINDOW_PX} px, lines/s the "
+            f"board's clock, {BOARD_HZ / 1e6:.0f} MHz, over them: no variant was placed."
         ),
         _facts(order, found, own),
         Heading("design-series", "One width at a time"),
@@ -471,7 +442,7 @@ def _series_table(order: Order, points: dict[Design, Point]) -> Table[_InSeries]
 def _front_table(
     order: Order, points: Sequence[Point], ours: Sequence[Point], own: Point
 ) -> Table[Point]:
-    fronts = {mark: {p.design for p in _front(ours, axes)} for mark, axes in FRONTS.items()}
+    fronts = {mark: {p.design for p in _front(ours, mark)} for mark in FRONTS}
 
     def on(mark: str) -> Column[Point]:
         names = {"L": "front_lut_rms", "B": "front_lut_bound", "R": "front_rate_rms"}
@@ -513,48 +484,34 @@ _LEVELS = [k * 10.0**e for e in range(-3, 4) for k in (1, 2, 5)]
 
 def _front_picture(points: Sequence[Point], own: Point) -> bytes:
     with drawing(11.6, 4.4) as figure:
-        all_axes = figure.subplots(1, 3)
-        for axes, pair, title in zip(
-            all_axes,
-            FRONTS.values(),
-            ("Error over LUT", "Bound over LUT", "Error over rate"),
-            strict=True,
-        ):
-            price, error = pair
+        panels = figure.subplots(1, 3)
+        for axes, mark in zip(panels, FRONTS, strict=True):
 
-            def place(point: Point, pair: tuple[Axis, Axis] = pair) -> tuple[float, float]:
-                return abs(pair[0].of(point)), pair[1].scale * pair[1].of(point)
+            def place(point: Point, mark: str = mark) -> tuple[float, float]:
+                price, error = _costs(point, mark)
+                return abs(price), 1e3 * error
 
             for point in points:
                 colour = _ANGLE_COLOURS.get(point.design.angle_width, QUIET)
-                narrow = point.design.sine_width < SHIPPED.sine_width
-                axes.plot(
-                    *place(point),
-                    "s" if narrow else "o",
-                    color=colour,
-                    markersize=4,
-                    alpha=0.75,
-                    markerfacecolor="none" if narrow else colour,
-                )
-            best = [place(point) for point in _front(points, pair)]
+                look: dict[str, Any] = {"color": colour, "markersize": 4, "alpha": 0.75}
+                if point.design.sine_width < SHIPPED.sine_width:
+                    look |= {"markerfacecolor": "none", "marker": "s"}
+                axes.plot(*place(point), **{"marker": "o"} | look)
+            best = [place(point) for point in _front(points, mark)]
             axes.plot(*zip(*best, strict=True), "-", color=INK, linewidth=1.2, zorder=6)
             _star(axes, *place(own))
-            axes.set_yscale("log")
+            axes.set(yscale="log", xlabel="LUT of the detector", title=FRONTS[mark][2])
+            axes.set_ylabel(f"{FRONTS[mark][1]} error, 1e-3 px".replace("bound", "largest"))
             plain_log(axes, "y", _LEVELS)
-            axes.set_xlabel(f"{price.words}{' of the detector' if price is LUT else ''}")
-            axes.set_ylabel(f"{error.words}, {error.unit}")
-            axes.set_title(title)
-        all_axes[2].set_xlabel(f"lines/s at {BOARD_HZ / 1e6:.0f} MHz, window of {WINDOW_PX} px")
-        marks = [
-            all_axes[0].plot([], [], "o", color=colour, markersize=4, label=f"angle {bits} bits")[0]
-            for bits, colour in _ANGLE_COLOURS.items()
-        ]
-        marks += all_axes[0].plot(
+        axes.set_xlabel(f"lines/s at {BOARD_HZ / 1e6:.0f} MHz, window of {WINDOW_PX} px")
+        for bits, colour in _ANGLE_COLOURS.items():
+            axes.plot([], [], "o", color=colour, markersize=4, label=f"angle {bits} bits")
+        axes.plot(
             [], [], "s", color=QUIET, markerfacecolor="none", markersize=4, label="sine < 24 bits"
         )
-        marks += all_axes[0].plot([], [], "*", color=INK, markersize=11, label="shipped")
-        marks += all_axes[0].plot([], [], "-", color=INK, linewidth=1.2, label="front")
-        figure.legend(handles=marks, loc="outside lower center", ncols=9)
+        axes.plot([], [], "*", color=INK, markersize=11, label="shipped")
+        axes.plot([], [], "-", color=INK, linewidth=1.2, label="front")
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=9)
         return png(figure)
 
 
@@ -566,22 +523,21 @@ def _series_picture(shown: Sequence[Series], points: dict[Design, Point]) -> byt
         for axes, each in zip(flat, shown, strict=False):
             at = np.arange(len(each.values))
             own = [points[which] for which in each.values.values()]
-            axes.plot(at, [1e3 * p.spot for p in own], "-", color=QUIET, linewidth=3, alpha=0.5,
-                      label=f"with noise, s = {SPOT[0]:g} px")  # fmt: skip
-            axes.plot(at, [1e3 * p.bound for p in own], "^:", color=COLOURS[3], markersize=4,
-                      label="bound, any heights")  # fmt: skip
-            axes.plot(at, [1e3 * p.largest for p in own], "s--", color=COLOURS[1], markersize=4,
-                      label="arithmetic, largest")  # fmt: skip
-            axes.plot(at, [1e3 * p.rms for p in own], "o-", color=COLOURS[0], markersize=4,
-                      label="arithmetic, rms")  # fmt: skip
+            for name, form, width, colour, label in (
+                ("spot", "-", 3.0, QUIET, f"with noise, s = {SPOT[0]:g} px"),
+                ("bound", "^:", 1.5, COLOURS[3], "bound, any heights"),
+                ("largest", "s--", 1.5, COLOURS[1], "arithmetic, largest"),
+                ("rms", "o-", 1.5, COLOURS[0], "arithmetic, rms"),
+            ):
+                errors = [1e3 * getattr(point, name) for point in own]
+                axes.plot(at, errors, form, color=colour, lw=width, markersize=4, label=label)
             axes.set_yscale("log")
             names = [f"{value}\n{p.lut}" for value, p in zip(each.values, own, strict=True)]
             axes.set_xticks(at, names, fontsize=7.5)
             for label, which in zip(axes.get_xticklabels(), each.values.values(), strict=True):
                 label.set_fontweight("bold" if which == SHIPPED else "normal")
             axes.margins(x=0.1)
-            axes.set_title(each.title)
-            axes.set_xlabel(f"{each.unit}; LUT below")
+            axes.set(title=each.title, xlabel=f"{each.unit}; LUT below")
             axes.minorticks_off()
         plain_log(flat[0], "y", _LEVELS)
         for axes in flat[::columns]:
@@ -711,14 +667,6 @@ def _rules(order: Order, found: Found, own: Point) -> list[Block[Any]]:
     ]
 
 
-def _clocks(rule: Rule) -> float:
-    return float(rule.clocks)
-
-
-def _movement(rule: Rule) -> float:
-    return 1e3 * rule.moved
-
-
 def _over(rule: Rule) -> float:
     """Return by how much the error exceeds the bound, %, at least the least value of a picture."""
     return max(100.0 * (rule.noisy - 1.0), 0.1)
@@ -756,25 +704,22 @@ def _rule_picture(listed: Sequence[Rule]) -> bytes:
         _star(left, heights.index(listed[0].values["k_height"]), _over(listed[0]))
         plain_log(others[0], "x", (200, 300, 400, 500, 600, 700))
         plain_log(others[1], "x", _LEVELS)
-        left.set_xlabel("k_height, share of the peak's height")
-        others[0].set_xlabel("clocks from the last pixel to the position")
-        others[1].set_xlabel("movement of a skewed spot, 1e-3 px")
-        left.set_yscale("log")
+        left.set(
+            yscale="log",
+            title="Rule of the window",
+            xlabel="k_height, share of the peak's height",
+            ylabel="rms in noise above the Cramér-Rao bound, %",
+        )
+        others[0].set(title="Error over clocks", xlabel="clocks to the position")
+        others[1].set(title="Error over movement", xlabel="movement of a skewed spot, 1e-3 px")
         plain_log(left, "y", _LEVELS)
-        left.set_ylabel("rms in noise above the Cramér-Rao bound, %")
-        for axes, title in zip(
-            (left, *others),
-            ("Rule of the window", "Error over clocks", "Error over movement"),
-            strict=True,
-        ):
-            axes.set_title(title)
         left.legend()
         return png(figure)
 
 
-def _places(listed: Sequence[Rule]) -> tuple[list[float], list[float]]:
-    """Return clocks and movement in 1e-3 px for each rule."""
-    return [_clocks(r) for r in listed], [_movement(r) for r in listed]
+def _places(ruled: Sequence[Rule]) -> tuple[list[float], list[float]]:
+    """Return clocks and movement in 1e-3 px of each rule."""
+    return [float(rule.clocks) for rule in ruled], [1e3 * rule.moved for rule in ruled]
 
 
 SECTION = Section("design", "The design space", cells, blocks)

@@ -11,7 +11,7 @@ from vrscan.show.sheet import Column, Sheet, listed, number, words
 from vrscan.show.style import COLOURS, INK, drawing
 from vrscan.study.bench import instrument
 from vrscan.study.bench.bench_page import Block, Picture, Table, Text
-from vrscan.study.bench.cells import Cell, Figures, plain
+from vrscan.study.bench.cells import Cell, Figures
 from vrscan.study.bench.sections.section import Found, Order, Section, png
 
 COUNTS, QUICK_COUNTS = (64, 256, 1024, 4096, 16384), (64, 256, 1024)
@@ -33,9 +33,8 @@ _MARKS = dict(zip(NAMES, "osD^v", strict=True))
 
 
 def _cell(order: Order, sizes: Sequence[tuple[int, int]], rtl: Sequence[tuple[int, int]]) -> Cell:
-    parameters: dict[str, Any] = {"config": plain(order.config)}
-    parameters |= {"sizes": [list(size) for size in sizes], "rtl": [list(size) for size in rtl]}
-    return Cell(instrument.GROWTH, parameters, 0, timed=True)
+    given = {"sizes": [list(size) for size in sizes], "rtl": [list(size) for size in rtl]}
+    return order.cell(instrument.GROWTH, given, seed=0, timed=True)
 
 
 def _by_count(order: Order) -> Cell:

@@ -24,14 +24,14 @@ from vrscan.study.bench.bench_page import (
     Text,
     slug,
 )
-from vrscan.study.bench.cells import Cell, Figures, plain
+from vrscan.study.bench.cells import Cell, Figures
 from vrscan.study.bench.sections.section import Found, Order, Section, png
 from vrscan.study.plan import JUMP_PX, ZONES
+from vrscan.study.report.speed import PAPER_LINES
 
 QUICK_SCENES = ("default", "sunlit")
 FIDELITY_SCENES = ("default", "corner", "bust", "sunlit")
-PAPER_LINES = 37_400.0  # lines/s of the paper's sensor
-_LEAST_PX = 1e-4  # a smaller value is shown as nothing
+_LEAST_PX = 1e-4  # smaller is shown as nothing
 
 
 def _scenes(order: Order) -> tuple[str, ...]:
@@ -39,14 +39,13 @@ def _scenes(order: Order) -> tuple[str, ...]:
 
 
 def _budget(order: Order, scene: str) -> Cell:
-    lines = 1024 if order.quick else 3072
-    parameters = {"config": plain(order.config), "scene": scene, "lines": lines}
-    return Cell(instrument.BUDGET, parameters, 0)
+    lines = order.size(3072, 1024)
+    return order.cell(instrument.BUDGET, {"scene": scene, "lines": lines}, seed=0)
 
 
 def _fidelity(order: Order, scene: str) -> Cell:
-    parameters = {"config": plain(order.config), "scene": scene, "lines": 1024}
-    return Cell(instrument.FIDELITY, parameters, 0, timed=True)
+    given = {"scene": scene, "lines": 1024}
+    return order.cell(instrument.FIDELITY, given, seed=0, timed=True)
 
 
 def _lit(order: Order) -> tuple[str, ...]:
@@ -54,9 +53,8 @@ def _lit(order: Order) -> tuple[str, ...]:
 
 
 def _speed(order: Order) -> Cell:
-    lines, rtl = (1024, 0) if order.quick else (4096, 1024)
-    parameters = {"config": plain(order.config), "lines": lines, "rtl": rtl}
-    return Cell(instrument.SPEED, parameters, 0, timed=True)
+    sizes = {"lines": order.size(4096, 1024), "rtl": order.size(1024, 0)}
+    return order.cell(instrument.SPEED, sizes, seed=0, timed=True)
 
 
 def cells(order: Order) -> list[Cell]:

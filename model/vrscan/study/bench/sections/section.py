@@ -1,7 +1,7 @@
 """The type of a section, and the looks that its pictures share."""
 
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from vrscan.data.config import Config
 from vrscan.show.style import COLOURS, INK, QUIET
 from vrscan.study.bench.bench_page import Block
-from vrscan.study.bench.cells import Cell, Figures
+from vrscan.study.bench.cells import Cell, Figures, plain
 
 Found = Callable[[Cell], Figures]  # the figures of a cell that the section has asked for
 
@@ -24,6 +24,29 @@ class Order:
     config: Config
     seed: int
     quick: bool  # whether to do a tenth of the work only
+
+    def size(self, full: int, quick: int) -> int:
+        """Return how much is computed."""
+        return quick if self.quick else full
+
+    def cell(
+        self,
+        work: str,
+        parameters: Mapping[str, Any],
+        *,
+        seed: int | None = None,
+        timed: bool = False,
+    ) -> Cell:
+        """Return a cell for the configuration.
+
+        Args:
+            work: Name of the work.
+            parameters: Parameters of the work, beside the configuration.
+            seed: Seed of the cell; the order's own where None.
+            timed: Whether it measures time.
+        """
+        given = {"config": plain(self.config), **parameters}
+        return Cell(work, given, self.seed if seed is None else seed, timed)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from vrscan.show.style import QUIET, drawing
 from vrscan.study.bench import detect
 from vrscan.study.bench.bench_page import Block, Heading, Picture, Table, Text, slug
 from vrscan.study.bench.bench_spots import RETURN_PX, SLOPE_PX, most_contrast
-from vrscan.study.bench.cells import Cell, Figures, plain
+from vrscan.study.bench.cells import Cell, Figures
 from vrscan.study.bench.sections.section import BOUND, Found, Order, Section, look, png
 from vrscan.study.report.efficiency import LOST_PX
 
@@ -172,9 +172,8 @@ SWEEPS = (
 
 
 def _cell(order: Order, sweep: Sweep, panel: Panel, value: float) -> Cell:
-    count = QUICK_LINES if order.quick else LINES
-    parameters: dict[str, Any] = {"config": plain(order.config), "lines": count}
-    return Cell(detect.WORK, parameters | sweep.spot(value, panel.fixed), order.seed)
+    spot = sweep.spot(value, panel.fixed)
+    return order.cell(detect.WORK, {"lines": order.size(LINES, QUICK_LINES), **spot})
 
 
 def cells(order: Order) -> list[Cell]:
@@ -184,7 +183,7 @@ def cells(order: Order) -> list[Cell]:
 
 def blocks(order: Order, found: Found) -> Sequence[Block[Any]]:
     """Return a picture and a table for each sweep."""
-    count = QUICK_LINES if order.quick else LINES
+    count = order.size(LINES, QUICK_LINES)
     shown: list[Block[Any]] = [
         Text(
             f"One thing is changed at a time, {count} lines a point, the same lines for all "

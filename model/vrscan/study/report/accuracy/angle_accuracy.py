@@ -10,7 +10,7 @@ from vrscan.data.arrays import Floats, Ints
 from vrscan.data.config import Config
 from vrscan.fixed.scan_angle import error_bound_turns, floor_turns, scan_angle
 from vrscan.ideal.motion import motion
-from vrscan.study.report.accuracy.figure import SEED, Figure, largest, rms
+from vrscan.study.report.figure import SEED, Figure, largest, rms
 
 GROUP = "scan_angle against (12)"
 LIMIT_URAD = 1.0

@@ -26,7 +26,7 @@ from vrscan.fixed.triangulate import (
 )
 from vrscan.ideal import geometry as ideal
 from vrscan.registers.chain_registers import Registers, angle_turns
-from vrscan.study.report.accuracy.figure import SEED, Figure, largest
+from vrscan.study.report.figure import SEED, Figure, largest
 
 NEAREST_MM, FARTHEST_MM = 250.0, 1000.0
 DISTORTION = 0.01  # share of the last pixel's distance

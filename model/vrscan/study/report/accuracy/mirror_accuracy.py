@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from vrscan.data.config import Config
-from vrscan.study.report.accuracy.figure import Figure
+from vrscan.study.report.figure import Figure
 from vrscan.study.report.mirror_report import Events, Run, Summary, simulate, summarise
 
 LIMIT_ANGLE_URAD = 5.0
@@ -18,7 +18,6 @@ DROP_EVERY = 7
 # Each drift would change the amplitude by a fifth without the loop; and the seconds in which the
 # loop is back, and a few more.
 DRIFTS = ((0.2, 2.2), (-0.8, 5.0))
-SHARE_PERCENT = 20.0
 
 Progress = Callable[[int], None]
 

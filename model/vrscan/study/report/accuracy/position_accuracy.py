@@ -26,7 +26,7 @@ from vrscan.fixed.peak_position import peak_position
 from vrscan.fixed.phase_correlate import STEP_WIDTH, phase_correlate
 from vrscan.fixed.quarter_wave import LENGTH_ERROR, MAX_STEP, amplitude, error_bound, quarter_wave
 from vrscan.ideal.position import first_harmonic
-from vrscan.study.report.accuracy.figure import SEED, Figure, largest, rms
+from vrscan.study.report.figure import SEED, Figure, largest, rms
 
 LIMIT_MAX, LIMIT_RMS = 0.3e-3, 0.1e-3  # px
 LEAST_RATIO = 0.1  # ratio of first harmonic to sum above which the limits hold

@@ -28,8 +28,8 @@ from vrscan.ideal.chain import run as run_ideal
 from vrscan.ideal.position import first_harmonic, windows
 from vrscan.ideal.statistics import statistics
 from vrscan.registers.chain_registers import Registers
-from vrscan.study.report.accuracy.figure import SEED, Figure, largest
 from vrscan.study.report.accuracy.position_accuracy import phase_bounds, sample_error
+from vrscan.study.report.figure import SEED, Figure, largest
 
 SHARE = 0.005  # allowed share of the value, or one step
 GROUP = "S/N and sigma, whole lines"

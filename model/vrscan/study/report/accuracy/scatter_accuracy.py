@@ -12,14 +12,12 @@ from vrscan.data.config import Config
 from vrscan.engines.engine import Engine, run
 from vrscan.fixed.peak_position import peak_position
 from vrscan.fixed.phase_correlate import phase_correlate
-from vrscan.study.report.accuracy.figure import SEED, Figure, rms
 from vrscan.study.report.efficiency import LOST_PX, PEAKS, SIGMAS_PX, cell_lines
+from vrscan.study.report.figure import SEED, Figure, rms
 
 LAW = 0.1125  # std(delta) = LAW T / snr1, snr1 = |P1| / (sqrt(N) sigma_n): white noise, T = N
 GROUP = "scatter of positions"
 PIXEL_WIDTH = 12
-
-_BACKGROUND = 60  # level of the background, counts
 
 
 def law_ratio(

@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from vrscan.data.arrays import Floats
 
 SEED = 20100301  # seed of every measurement; each adds its own words
@@ -62,9 +64,14 @@ class Figure:
         return not (self.measured > self.predicted or self.measured > self.limit)
 
 
-def rms(values: Floats) -> float:
-    """Return the root of the mean square; NaN for no values."""
-    return float((values**2).mean() ** 0.5) if values.size else math.nan
+def rms(values: Floats, nothing: float = math.nan) -> float:
+    """Return the root of the mean square, ``nothing`` of no value."""
+    return float(np.sqrt(np.mean(np.square(values)))) if values.size else nothing
+
+
+def mean(values: Floats) -> float:
+    """Return the mean; 0 of no value."""
+    return float(values.mean()) if values.size else 0.0
 
 
 def largest(values: Floats) -> float:
