@@ -1017,13 +1017,16 @@ from typing import Literal
 
 Access = Literal["rw", "strobe", "ro", "counter", "constant"]
 
+_WORD = 32  # bits
+
 
 @dataclass(frozen=True)
 class Register:
     """A register, several of one kind, or a field of a table.
 
     Attributes:
-        name: Of the port, without its direction.
+        name: Of the field in its group's struct.
+        group: Of registers; of a field its table.
         address: Of its first word; of a field, its place in an entry.
         words: All of them; a value of more than 32 bits has two, the lower first.
         count: How many values.
@@ -1040,6 +1043,7 @@ class Register:
     """
 
     name: str
+    group: str
     address: int
     words: int
     count: int
@@ -1066,53 +1070,110 @@ class Window:
     fields: tuple[Register, ...]
     lock: str | None
     doc: str
+
+
+def _one(
+    group: str,
+    address: int,
+    name: str,
+    width: int,
+    access: Access,
+    doc: str,
+    *,
+    lock: str | None = None,
+    count: int = 1,
+    signed: bool = False,
+    reset: int = 0,
+    fraction: int = 0,
+    unit: str = "",
+    low: int | None = None,
+    high: int | None = None,
+) -> Register:
+    """Return a register; it takes what its width takes where low and high do not say otherwise."""
+    words = count * (2 if width > _WORD else 1)
+    least = -(1 << (width - 1)) if signed else 0
+    most = least + (1 << width) - 1
+    return Register(
+        name, group, address, words, count, width, signed, access, lock, (reset,) * count,
+        fraction, unit, least if low is None else low, most if high is None else high, doc,
+    )  # fmt: skip
 '''
 
 
-def _python(register: Register, address: int, indent: int = 8) -> str:
-    values = [
-        register.name, address, register.words, register.count, register.width, register.signed,
-        register.access, register.lock, register.reset, register.fraction, register.unit,
-        register.minimum, register.maximum, register.doc,
+def _quoted(text: str) -> str:
+    """Return a text as ruff writes it."""
+    return repr(text) if '"' in text else f'"{text}"'
+
+
+def _call(begin: str, arguments: list[str], end: str) -> list[str]:
+    """Return the lines of a call, each as full as it gets; a text that is too long is in pieces."""
+    indent = " " * len(begin)
+    room = COLUMNS - 1 - len(indent) - len(end)
+    lines, line = [], begin
+    for k, argument in enumerate(arguments):
+        after = end if k == len(arguments) - 1 else ","
+        if len(line) > len(indent) and len(line) + len(argument) + len(after) >= COLUMNS:
+            lines.append(line.rstrip())
+            line = indent
+        if len(argument) > room:
+            text = argument[1:-1]
+            pieces = textwrap.wrap(text, room - 2, drop_whitespace=False, break_long_words=False)
+            *whole, argument = [argument[0] + piece + argument[0] for piece in pieces]
+            lines += [indent + piece for piece in whole]
+        line += f"{argument}{after} "
+    return [*lines, line.rstrip()]
+
+
+def _python(register: Register, address: int, indent: str = "    ") -> list[str]:
+    """Return the call that makes a register; what is as for most of them is not said."""
+    least = -(1 << (register.width - 1)) if register.signed else 0
+    most = least + (1 << register.width) - 1
+    reset = register.reset[0]
+    shown = f"0x{reset:08X}" if register.access == "constant" else repr(reset)
+    said = [
+        ("lock", _quoted(register.lock or ""), register.lock is not None),
+        ("count", repr(register.count), register.count > 1),
+        ("signed", "True", register.signed),
+        ("reset", shown, reset != 0),
+        ("fraction", repr(register.fraction), register.fraction != 0),
+        ("unit", _quoted(register.unit), register.unit != ""),
+        ("low", repr(register.minimum), register.minimum != least),
+        ("high", repr(register.maximum), register.maximum != most),
+    ]
+    arguments = [
+        _quoted(register.group), f"0x{address:03X}", _quoted(register.name), repr(register.width),
+        _quoted(register.access), _quoted(register.doc),
     ]  # fmt: skip
-    body = "".join(f"        {_quoted(value, indent)},\n" for value in values)
-    return f"    Register(\n{body}    ),\n"
-
-
-def _quoted(value: object, indent: int = 8) -> str:
-    """Return a value as ruff writes it, a text that is too long for its line in pieces."""
-    if not isinstance(value, str):
-        return repr(value)
-    pieces = [value]
-    if len(value) + 3 > COLUMNS - indent:
-        pieces = textwrap.wrap(value, 70, drop_whitespace=False, break_long_words=False)
-    quoted = [repr(piece) if '"' in piece else f'"{piece}"' for piece in pieces]
-    return "\n        ".join(quoted)
+    arguments += [f"{key}={value}" for key, value, wanted in said if wanted]
+    return _call(f"{indent}_one(", arguments, "),")
 
 
 def register_map(made: Map) -> str:
     """Return register_map.py."""
-    out = [PYTHON_HEADER.replace("SOURCE", made.source), "\n\n"]
-    out.append(f"MAP_HASH = 0x{made.hash:08X}\n\n")
-    out.append("_REGISTERS = (\n")
-    out += [_python(register, register.address) for register in made.registers]
-    out.append(")\n\n_WINDOWS = (\n")
+    out = [PYTHON_HEADER.replace("SOURCE", made.source), "", f"MAP_HASH = 0x{made.hash:08X}", ""]
+    out += ["# fmt: off", "_REGISTERS = ("]
+    for register in made.registers:
+        out += _python(register, register.address)
+    out += [")", "", "_WINDOWS = ("]
     for window in made.windows:
-        fields = "".join(_python(field, k, 16) for k, field in enumerate(window.fields))
-        fields = fields.replace("\n    ", "\n            ")
         out.append(
-            f"    Window(\n        {_quoted(window.name)},\n        {window.address},\n"
-            f"        {window.entries},\n        {window.stride},\n        (\n"
-            f"        {fields.rstrip()}\n        ),\n"
-            f"        {_quoted(window.lock)},\n        {_quoted(window.doc)},\n    ),\n"
+            f"    Window({_quoted(window.name)}, 0x{window.address:04X}, {window.entries}, "
+            f"{window.stride}, ("
         )
-    out.append(
-        ")\n\nREGISTERS: dict[str, Register] = {one.name: one for one in _REGISTERS}\n"
-        "WINDOWS: dict[str, Window] = {one.name: one for one in _WINDOWS}\n"
-    )
+        for k, field in enumerate(window.fields):
+            out += _python(field, k, " " * 8)
+        lock = "None" if window.lock is None else _quoted(window.lock)
+        out += _call("    ), ", [lock, _quoted(window.doc)], "),")
     names = ", ".join(_quoted(name) for name in made.locks)
-    out.append(f"LOCKS: tuple[str, ...] = ({names}{',' if len(made.locks) == 1 else ''})\n")
-    return "".join(out)
+    out += [
+        ")",
+        "# fmt: on",
+        "",
+        "REGISTERS: dict[str, Register] = {one.name: one for one in _REGISTERS}",
+        "WINDOWS: dict[str, Window] = {one.name: one for one in _WINDOWS}",
+        f"LOCKS: tuple[str, ...] = ({names}{',' if len(made.locks) == 1 else ''})",
+    ]
+    return "\n".join([*out, ""])
 
 
 # ---- the page ----
