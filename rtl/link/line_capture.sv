@@ -64,7 +64,7 @@ module line_capture #(
   localparam int unsigned FillWidth = $clog2(LineLength + 1);
   localparam int unsigned Chunk = link_pkg::CaptureChunk;
   localparam int unsigned HeaderBytes = 8;
-  // The chain's latency is LineLength + 1300 at most.
+  // The test keeps it above vrscan.fixed.vrscan_chain.latency and the record's bytes.
   localparam int unsigned RecordClks = 4 * LineLength + 4096;
   localparam int unsigned ClksWidth = $clog2(RecordClks + 1);
 

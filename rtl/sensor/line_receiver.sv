@@ -16,7 +16,6 @@
 `default_nettype none
 
 module line_receiver #(
-  parameter int unsigned Lanes      = 1,
   parameter int unsigned LineLength = 2048,
   parameter int unsigned PixelWidth = 12,
   parameter int unsigned MinPeriod  = 0,  // clocks between two good lines' ends, 0 for no limit
@@ -30,10 +29,10 @@ module line_receiver #(
   input  wire logic                                   line_start_i,
   input  wire logic                                   line_end_i,
   input  wire logic                                   pixel_valid_i,
-  input  wire logic [           Lanes*PixelWidth-1:0] pixel_i,
+  input  wire logic [                 PixelWidth-1:0] pixel_i,
 
   output      logic                                   valid_o,
-  output      logic [           Lanes*PixelWidth-1:0] pixel_o,
+  output      logic [                 PixelWidth-1:0] pixel_o,
   output      logic [                 IndexWidth-1:0] index_o,
   output      logic                                   good_o,
   output      logic [vrscan_pkg::LineNumberWidth-1:0] line_number_o,
@@ -42,15 +41,12 @@ module line_receiver #(
   input  wire logic                                   long_i,
 
   // Dropped lines by fault; each counter stops at its largest value.
-  output      logic [                 CountWidth-1:0] short_count_o,
-  output      logic [                 CountWidth-1:0] long_count_o,
-  output      logic [                 CountWidth-1:0] unfinished_count_o,
-  output      logic [                 CountWidth-1:0] early_count_o
+  output      logic [   vrscan_pkg::CounterWidth-1:0] short_count_o,
+  output      logic [   vrscan_pkg::CounterWidth-1:0] long_count_o,
+  output      logic [   vrscan_pkg::CounterWidth-1:0] unfinished_count_o,
+  output      logic [   vrscan_pkg::CounterWidth-1:0] early_count_o
 );
 
-  if (Lanes != 1) begin : gen_bad_lanes
-    $error("line_receiver: only Lanes = 1 is built");
-  end
   if (LineLength < vrscan_pkg::BlockLength) begin : gen_bad_length
     $error("line_receiver: LineLength must be at least 64");
   end
@@ -121,12 +117,12 @@ module line_receiver #(
     long_q       <= ends && !is_short && over;
     unfinished_q <= unfinished;
     early_q      <= ends && !is_short && !over && is_early;
-    if (short_q && short_count_o != '1) short_count_o <= short_count_o + CountWidth'(1);
-    if (long_q && long_count_o != '1) long_count_o <= long_count_o + CountWidth'(1);
-    if (unfinished_q && unfinished_count_o != '1) begin
-      unfinished_count_o <= unfinished_count_o + CountWidth'(1);
+    if (short_q) short_count_o <= vrscan_pkg::counted(short_count_o, CountWidth);
+    if (long_q) long_count_o <= vrscan_pkg::counted(long_count_o, CountWidth);
+    if (unfinished_q) begin
+      unfinished_count_o <= vrscan_pkg::counted(unfinished_count_o, CountWidth);
     end
-    if (early_q && early_count_o != '1) early_count_o <= early_count_o + CountWidth'(1);
+    if (early_q) early_count_o <= vrscan_pkg::counted(early_count_o, CountWidth);
 
     if (rst_i) begin
       valid_o            <= 1'b0;

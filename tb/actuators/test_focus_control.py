@@ -11,6 +11,7 @@ from harness import (
     as_integer,
     generator,
     parameters,
+    port,
     reset,
     rounds,
     simulate,
@@ -113,10 +114,13 @@ class Bench(TwinBench):
         names = [*CALM, *(f"focus_{name}" for name in WIDTHS)]
         super().__init__(dut, names)
         self.draw = generator(salt)
-        self.outputs = [(n, getattr(dut, f"focus_{n}_o"), n == "distance") for n in STATUS]
+        self.outputs = [(n, port(dut, f"focus_{n}_o"), n == "distance") for n in STATUS]
         self.settings = SETTINGS
         self.table = list(TABLE)
         self.ends: list[Status] = []
+
+    def on_port(self, name: str, value: int) -> tuple[str, int]:
+        return ("line.test" if name == "test" else name), value
 
     async def start(self, **inputs: int) -> None:
         """Reset both, the motor stands at 0, and write the table; ``inputs`` may be settings."""

@@ -12,10 +12,12 @@ import cocotb
 import pytest
 from harness import (
     EACH_VOLUME,
+    PACKAGES,
     FallingEdge,
     as_integer,
     drive,
     generator,
+    port,
     reset,
     rounds,
     simulate,
@@ -33,6 +35,7 @@ from vrscan.clocked.register_file import (
 from vrscan.data import link_pkg
 from vrscan.engines.tools import repository_root
 from vrscan.registers import register_map
+from vrscan.registers.structs import Struct, of_registers
 
 READ, CHECK, WRITE = link_pkg.ACCESS_READ, link_pkg.ACCESS_CHECK, link_pkg.ACCESS_WRITE
 RESERVED = 3
@@ -43,7 +46,9 @@ ODD = "odd_registers"
 @EACH_VOLUME
 @pytest.mark.parametrize("module", ["register_file", ODD])
 def test_register_file(module: str, volume: str) -> None:
-    simulate(module, __file__, volume=volume)
+    package = repository_root() / "tb" / "devices" / f"{ODD}_pkg.sv"
+    sources = [package] if module == ODD else None
+    simulate(module, __file__, volume=volume, sources=sources)
 
 
 def described(module: str) -> ModuleType:
@@ -63,6 +68,16 @@ def described(module: str) -> ModuleType:
 
 
 @cache
+def odd_struct(name: str) -> Struct:
+    """Return a struct of odd_registers_pkg by the name of its type."""
+    made = described(ODD)
+    return of_registers(made.REGISTERS, made.WINDOWS)[name.removesuffix("_t")]
+
+
+PACKAGES[f"{ODD}_pkg"] = odd_struct
+
+
+@cache
 def twin(made: ModuleType) -> RegisterFile:
     """Return the one twin: what a reset leaves, one test leaves to the next."""
     return RegisterFile(made.REGISTERS, made.WINDOWS, made.LOCKS)
@@ -79,12 +94,12 @@ class Bus:
         registers = list(self.map.REGISTERS.values())
         self.rw = [r for r in registers if r.access in WRITABLE]
         self.ro = [r for r in registers if r.access in ("ro", "counter")]
-        self.outputs = {r.name: getattr(dut, f"{r.name}_o") for r in self.rw}
+        self.outputs = {r.name: port(dut, f"{r.name}_o") for r in self.rw}
         self.given = {r.name: (0,) * r.count if r.count > 1 else 0 for r in self.ro}
-        self.inputs = {r.name: getattr(dut, f"{r.name}_i") for r in self.ro}
+        self.inputs = {r.name: port(dut, f"{r.name}_i") for r in self.ro}
         self.strobes = {
-            r.name: getattr(dut, f"{r.name}_strobe_o") for r in self.rw if r.access == "strobe"
-        } | {name: getattr(dut, f"{name}_write_o") for name in self.map.WINDOWS}
+            r.name: port(dut, f"{r.name}_strobe_o") for r in self.rw if r.access == "strobe"
+        } | {name: port(dut, f"{name}_write_o") for name in self.map.WINDOWS}
         self.words = [(r.address + k, r) for r in registers for k in range(r.words)]
         self.cells = [
             (window.address + entry * window.stride + field.address, field)
@@ -124,7 +139,7 @@ class Bus:
         around += [(1 << register.width) - 1, 1 << register.width, -(1 << register.width)]
         return int(around[self.draw.integers(len(around))]) & WORD_MASK
 
-    def port(self, register) -> int:
+    def on_port(self, register) -> int:
         """Return what the twin has on a port."""
         mask = (1 << register.width) - 1
         values = self.twin.values[register.name]
@@ -132,8 +147,8 @@ class Bus:
 
     def check_outputs(self, where: str) -> None:
         for register in self.rw:
-            got = as_integer(self.outputs[register.name], signed=False)
-            want = self.port(register)
+            got = self.outputs[register.name].value
+            want = self.on_port(register)
             assert got == want, f"{where}: {register.name}_o is {got:#x}, want {want:#x}"
 
     def check_strobes(self, where: str, due: list[Written]) -> None:
@@ -141,10 +156,9 @@ class Bus:
             wanted = [one for one in due if one.name == name]
             assert as_integer(handle) == len(wanted), f"{where}: strobe of {name}"
             if wanted and name in self.map.WINDOWS:
-                got = [as_integer(getattr(self.dut, f"{name}_index_o"), signed=False)]
+                got = [as_integer(port(self.dut, f"{name}_index_o"), signed=False)]
                 for field in self.map.WINDOWS[name].fields:
-                    handle = getattr(self.dut, f"{field.name}_o")
-                    got.append(as_integer(handle, signed=field.signed))
+                    got.append(as_integer(port(self.dut, f"{field.name}_o")))
                 assert tuple(got) == (wanted[0].entry, *wanted[0].values), f"{where}: {name}"
 
     async def access(
@@ -192,10 +206,9 @@ class Bus:
 
     async def reset(self) -> None:
         self.dut.rst_i.value = 1
-        self.dut.group_rst_i.value = (1 << len(self.dut.group_rst_i)) - 1
         await FallingEdge(self.dut.clk_i)
         self.dut.rst_i.value = 0
-        self.dut.group_rst_i.value = 0
+        await FallingEdge(self.dut.clk_i)
         self.twin.reset()
         self.check_outputs("after a reset")
         self.check_strobes("after a reset", [])
@@ -425,7 +438,7 @@ async def reset_at_every_moment_of_an_access(dut) -> None:
             for clock in range(1, age):
                 await FallingEdge(dut.clk_i)
                 dut.bus_valid_i.value = 0
-                if clock == WRITTEN:  # then it has been written
+                if clock == WRITTEN - 1:  # then it will be written before the reset works
                     bus.twin.access(WRITE, address, data)
             # An access that comes with the reset is none.
             bus.present(WRITE, address, data)

@@ -5,7 +5,17 @@ import dataclasses
 import cocotb
 import numpy as np
 import pytest
-from harness import EACH_VOLUME, TwinBench, as_integer, drive, generator, reset, rounds, simulate
+from harness import (
+    EACH_VOLUME,
+    TwinBench,
+    as_integer,
+    drive,
+    generator,
+    port,
+    reset,
+    rounds,
+    simulate,
+)
 
 from vrscan.clocked.amplitude_control import (
     CONFIDENCE_FRACTION,
@@ -108,12 +118,12 @@ class Bench(TwinBench):
 
     def __init__(self, dut) -> None:
         super().__init__(dut, QUIET)
-        self.handles = [(getattr(dut, f"{name}_o"), signed) for name, signed in OUTPUTS.items()]
+        self.handles = [(port(dut, f"{name}_o"), signed) for name, signed in OUTPUTS.items()]
 
     async def start(self, settings: Settings = CALM, **inputs: int) -> None:
         """Set the configuration and reset for a clock, with these inputs."""
         for name, value in vars(settings).items():
-            drive(getattr(self.dut, f"{name}_i"), value)
+            drive(port(self.dut, f"{name}_i"), value)
         self.settings = settings
         await self.reset_to(AmplitudeControl(settings), **(QUIET | inputs))
         self.check()

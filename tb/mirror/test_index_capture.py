@@ -11,6 +11,7 @@ from harness import (
     as_integer,
     generator,
     parameters,
+    port,
     reset,
     rounds,
     simulate,
@@ -62,7 +63,7 @@ class Bench:
         """Set the configuration and reset for a clock, with ``busy`` while inputs are high."""
         dut = self.dut
         for name, value in vars(settings).items():
-            getattr(dut, f"{name}_i").value = value
+            port(dut, f"{name}_i").value = value
         dut.rst_i.value = 1
         dut.comparator_i.value = self.ones if busy else 0
         dut.gate_i.value = self.ones if busy else 0
@@ -78,11 +79,11 @@ class Bench:
     def check(self, where: str) -> None:
         """Compare all that is defined."""
         dut, twin = self.dut, self.twin
-        got = tuple(as_integer(getattr(dut, f"{name}_o")) for name in STROBES + STATUS)
+        got = tuple(as_integer(port(dut, f"{name}_o")) for name in STROBES + STATUS)
         want = tuple(int(getattr(twin, name)) for name in STROBES + STATUS)
         assert got == want, f"clock {self.clock}, {where}: {STROBES + STATUS} {got}, want {want}"
         if twin.valid:
-            got = tuple(as_integer(getattr(dut, f"{name}_o")) for name in WITH_VALID)
+            got = tuple(as_integer(port(dut, f"{name}_o")) for name in WITH_VALID)
             want = tuple(int(getattr(twin, name)) for name in WITH_VALID)
             assert got == want, f"clock {self.clock}, {where}: {WITH_VALID} {got}, want {want}"
 

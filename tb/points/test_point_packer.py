@@ -12,6 +12,7 @@ from harness import (
     as_integer,
     generator,
     parameters,
+    port,
     reset,
     rounds,
     simulate,
@@ -133,7 +134,7 @@ class Bench(TwinBench):
     def __init__(self, dut) -> None:
         super().__init__(dut, QUIET)
         self.draw = generator(1)
-        self.handles = [getattr(dut, f"{name}_o") for name in OUTPUTS]
+        self.handles = [port(dut, f"{name}_o") for name in OUTPUTS]
         self.ready = 1.0  # how often the other end takes a byte
 
     def check(self) -> None:

@@ -13,8 +13,8 @@ class Register:
     """A register, several of one kind, or a field of a table.
 
     Attributes:
-        name: Of the field in its group's struct.
-        group: Of registers; of a field its table.
+        name: Of the field in its struct.
+        struct: That it is a field of, in register_pkg and as a port; empty of a constant.
         address: Of its first word; of a field, its place in an entry.
         words: All of them; a value of more than 32 bits has two, the lower first.
         count: How many values.
@@ -31,7 +31,7 @@ class Register:
     """
 
     name: str
-    group: str
+    struct: str
     address: int
     words: int
     count: int
@@ -61,7 +61,7 @@ class Window:
 
 
 def _one(
-    group: str,
+    struct: str,
     address: int,
     name: str,
     width: int,
@@ -82,7 +82,7 @@ def _one(
     least = -(1 << (width - 1)) if signed else 0
     most = least + (1 << width) - 1
     return Register(
-        name, group, address, words, count, width, signed, access, lock, (reset,) * count,
+        name, struct, address, words, count, width, signed, access, lock, (reset,) * count,
         fraction, unit, least if low is None else low, most if high is None else high, doc,
     )  # fmt: skip
 
@@ -91,21 +91,21 @@ MAP_HASH = 0xE6A86393
 
 # fmt: off
 _REGISTERS = (
-    _one("identity", 0x000, "identity", 32, "constant", '"VRSC"', reset=0x56525343),
-    _one("identity", 0x001, "map_hash", 32, "constant",
-         "of this map: what a host has to know to use it", reset=0xE6A86393),
-    _one("identity", 0x002, "version", 32, "constant",
-         "major, minor, patch in bits 31..16, 15..8, 7..0", reset=0x00000100),
-    _one("identity", 0x003, "board_id", 16, "ro", "the board"),
-    _one("identity", 0x004, "clock_hz", 32, "ro", "the clock", unit="Hz"),
-    _one("identity", 0x005, "line_length", 16, "ro", "LineLength", unit="px"),
-    _one("identity", 0x006, "pixel_width", 8, "ro", "PixelWidth", unit="bit"),
-    _one("identity", 0x007, "max_window", 8, "ro", "MaxWindow", unit="px"),
-    _one("identity", 0x008, "lanes", 8, "ro", "Lanes"),
-    _one("identity", 0x009, "index_oversample", 8, "ro",
+    _one("", 0x000, "identity", 32, "constant", '"VRSC"', reset=0x56525343),
+    _one("", 0x001, "map_hash", 32, "constant", "of this map: what a host has to know to use it",
+         reset=0xE6A86393),
+    _one("", 0x002, "version", 32, "constant", "major, minor, patch in bits 31..16, 15..8, 7..0",
+         reset=0x00000100),
+    _one("identity_status", 0x003, "board_id", 16, "ro", "the board"),
+    _one("identity_status", 0x004, "clock_hz", 32, "ro", "the clock", unit="Hz"),
+    _one("identity_status", 0x005, "line_length", 16, "ro", "LineLength", unit="px"),
+    _one("identity_status", 0x006, "pixel_width", 8, "ro", "PixelWidth", unit="bit"),
+    _one("identity_status", 0x007, "max_window", 8, "ro", "MaxWindow", unit="px"),
+    _one("identity_status", 0x008, "lanes", 8, "ro", "pixels a clock: 1"),
+    _one("identity_status", 0x009, "index_oversample", 8, "ro",
          "IndexOversample: samples of the index a clock"),
     _one("identity", 0x00A, "scratch", 32, "rw", "for the host; does nothing"),
-    _one("identity", 0x00B, "uptime", 48, "ro", "since reset", unit="clk"),
+    _one("identity_status", 0x00B, "uptime", 48, "ro", "since reset", unit="clk"),
     _one("peak", 0x010, "period_n", 1, "rw", "1: T = N, 0: T = N - 1", lock="lock_calibration",
          reset=1),
     _one("peak", 0x011, "noise_row", 1, "rw", "1: statistics of the row, 0: of the background",
@@ -262,23 +262,24 @@ _REGISTERS = (
          "the rate to change to: after the reply to the write, for good with the first good "
          "frame. At reset 3 Mbaud of 100 MHz; uart_step_now says what holds", reset=503316,
          fraction=24, unit="bit/clk", low=1024, high=2097152),
-    _one("link", 0x0E1, "uart_step_now", 24, "ro", "the rate that holds", fraction=24,
+    _one("link_status", 0x0E1, "uart_step_now", 24, "ro", "the rate that holds", fraction=24,
          unit="bit/clk"),
-    _one("link", 0x0E2, "uart_framing", 16, "counter", "bytes without their stop bit"),
-    _one("link", 0x0E3, "uart_breaks", 16, "counter", "breaks: the line was low for a byte"),
-    _one("link", 0x0E4, "uart_glitches", 16, "counter", "start bits that were none"),
-    _one("link", 0x0E5, "uart_fallbacks", 16, "counter",
+    _one("link_status", 0x0E2, "uart_framing", 16, "counter", "bytes without their stop bit"),
+    _one("link_status", 0x0E3, "uart_breaks", 16, "counter",
+         "breaks: the line was low for a byte"),
+    _one("link_status", 0x0E4, "uart_glitches", 16, "counter", "start bits that were none"),
+    _one("link_status", 0x0E5, "uart_fallbacks", 16, "counter",
          "rates at which no good frame came in time"),
-    _one("link", 0x0E6, "frames_good", 16, "counter", "good ones"),
-    _one("link", 0x0E7, "frames_crc", 16, "counter", "CRC wrong"),
-    _one("link", 0x0E8, "frames_malformed", 16, "counter", "cut within a block"),
-    _one("link", 0x0E9, "frames_too_long", 16, "counter", "more than MaxPayload bytes"),
-    _one("link", 0x0EA, "frames_too_short", 16, "counter", "no payload"),
-    _one("link", 0x0EB, "frames_framing", 16, "counter",
+    _one("link_status", 0x0E6, "frames_good", 16, "counter", "good ones"),
+    _one("link_status", 0x0E7, "frames_crc", 16, "counter", "CRC wrong"),
+    _one("link_status", 0x0E8, "frames_malformed", 16, "counter", "cut within a block"),
+    _one("link_status", 0x0E9, "frames_too_long", 16, "counter", "more than MaxPayload bytes"),
+    _one("link_status", 0x0EA, "frames_too_short", 16, "counter", "no payload"),
+    _one("link_status", 0x0EB, "frames_framing", 16, "counter",
          "a byte without its stop bit, or a break, in them"),
-    _one("link", 0x0EC, "commands_bad", 16, "counter",
+    _one("link_status", 0x0EC, "commands_bad", 16, "counter",
          "unknown commands, and those of a wrong length"),
-    _one("link", 0x0ED, "commands_lost", 16, "counter",
+    _one("link_status", 0x0ED, "commands_lost", 16, "counter",
          "commands that came while too many waited"),
     _one("laser", 0x100, "laser_enable", 1, "rw", "light at all; low ends a trip of the watchdog"),
     _one("laser", 0x101, "laser_adapt", 1, "rw", "1: the power follows the peaks, 0: laser_power"),
@@ -324,8 +325,8 @@ _REGISTERS = (
          reset=24),
     _one("points", 0x161, "points_timeout_clks", 24, "rw",
          "a packet goes out after so long; 0: when it is full", reset=2000000, unit="clk"),
-    _one("points", 0x162, "points_dropped", 16, "counter", "points that found no room"),
-    _one("points", 0x163, "capture_busy", 1, "ro", "a raw line is awaited, taken or sent"),
+    _one("points_status", 0x162, "points_dropped", 16, "counter", "points that found no room"),
+    _one("points_status", 0x163, "capture_busy", 1, "ro", "a raw line is awaited, taken or sent"),
     _one("focus", 0x180, "focus_mode", 2, "rw", "0 OFF, 1 MANUAL, 2 AUTOMATIC", high=2),
     _one("focus", 0x181, "focus_manual", 16, "rw", "the target in MANUAL"),
     _one("focus", 0x182, "focus_average_shift", 4, "rw",
@@ -395,7 +396,7 @@ _REGISTERS = (
          "writing it begins a run, whatever is written; one that is on its way is cut off"),
     _one("test", 0x1CC, "test_stop", 1, "strobe",
          "writing it ends the run with the line that is on its way"),
-    _one("test", 0x1CD, "test_running", 1, "ro", "a run is on its way"),
+    _one("test_status", 0x1CD, "test_running", 1, "ro", "a run is on its way"),
     _one("sensor", 0x1D0, "untagged_count", 16, "counter",
          "lines that were read out without an exposure or an angle of their own"),
     _one("sensor", 0x1D1, "pixel_overflow_count", 16, "counter",
