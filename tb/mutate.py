@@ -114,7 +114,6 @@ FAULTS = [
     # ---- rtl/sensor ----
     *faults(
         "rtl/sensor/line_receiver.sv",
-        ("a pixel short is good", "!line_start_i && pixel_valid_i));", "!line_start_i));"),
         ("a pixel long is good", "&& !over && !is_early;", "&& !is_early;"),
         ("lost is forgotten", "(lost_q || dropped) && !good;", "dropped && !good;"),
         ("period a clock short", "PeriodWidth'(MinPeriod - 1)", "PeriodWidth'(MinPeriod - 2)"),
@@ -129,10 +128,15 @@ FAULTS = [
             "vrscan_pkg::counted(short_count_o, CountWidth)",
             "16'((short_count_o + 16'd1) % (1 << CountWidth))",
         ),
-        ("no reset of the line", "      in_line_q          <= 1'b0;\n", ""),
         ("no reset of the period", "      too_early_q        <= 1'b0;\n", ""),
         ("no reset of lost", "      lost_q             <= 1'b0;\n", ""),
         ("no reset of a counter", "      early_count_o      <= '0;\n", ""),
+    ),
+    *faults(
+        "rtl/sensor/line_extent.sv",
+        ("a pixel short is good", "!line_start_i && pixel_valid_i));", "!line_start_i));"),
+        ("no reset of the line", "if (rst_i) in_line_q <= 1'b0;", ""),
+        test="line_receiver",
     ),
     *faults(
         "rtl/sensor/line_buffer.sv",
@@ -468,7 +472,7 @@ FAULTS = [
             "centre_half_o ? vrscan_pkg::TurnWidth'(increment >> 1) : '0",
             "'0",
         ),
-        ("harmonics that change at work", ".busy_i  (centre_q || scanning_q)", ".busy_i  (1'b0)"),
+        ("harmonics that change at work", ".busy_i(centre_q || scanning_q)", ".busy_i(1'b0)"),
         ("the flag of an angle that saturates", "unsettled || overflow", "unsettled"),
         ("a fault of the index unheard", "missing || doubled || impossible", "missing || doubled"),
     ),

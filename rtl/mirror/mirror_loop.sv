@@ -65,18 +65,11 @@ module mirror_loop #(
   assign broken = missing || doubled || impossible;
   index_capture #(.IndexOversample(IndexOversample), .CountWidth(CountWidth)) u_index_capture (
     .clk_i, .rst_i, .comparator_i, .gate_i, .mirror_i,
-    .valid_o           (crossing),
-    .outward_o         (outward),
-    .time_o            (),
-    .age_o             (age),
-    .missing_o         (missing),
-    .doubled_o         (doubled),
-    .impossible_o      (impossible),
-    .alive_o           (status.index_alive),
-    .missing_count_o   (status.missing_count),
-    .doubled_count_o   (status.doubled_count),
-    .impossible_count_o(status.impossible_count),
-    .glitch_count_o    (status.glitch_count)
+    .valid_o(crossing), .outward_o(outward), .time_o(), .age_o(age),
+    .missing_o(missing), .doubled_o(doubled), .impossible_o(impossible),
+    .alive_o(status.index_alive), .missing_count_o(status.missing_count),
+    .doubled_count_o(status.doubled_count), .impossible_count_o(status.impossible_count),
+    .glitch_count_o(status.glitch_count)
   );
 
   logic                                  acquired;
@@ -84,56 +77,33 @@ module mirror_loop #(
   logic [vrscan_pkg::AmplitudeWidth-1:0] average;
   mirror_phase u_mirror_phase (
     .clk_i, .rst_i, .table_i, .mirror_i,
-    .valid_i       (crossing),
-    .outward_i     (outward),
-    .age_i         (age),
-    .broken_i      (broken),
-    .word_i        (status.mirror_word),
-    .phase_o       (status.mirror_phase),
-    .increment_o   (increment),
-    .valid_o       (measured_valid_o),
-    .measured_o    (status.mirror_measured),
-    .amplitude_o   (average),
-    .error_o       (status.mirror_error),
-    .half_o        (),
-    .out_of_table_o(),
-    .tracking_o    (),
-    .acquired_o    (acquired)
+    .valid_i(crossing), .outward_i(outward), .age_i(age), .broken_i(broken),
+    .word_i(status.mirror_word),
+    .phase_o(status.mirror_phase), .increment_o(increment), .valid_o(measured_valid_o),
+    .measured_o(status.mirror_measured), .amplitude_o(average), .error_o(status.mirror_error),
+    .half_o(), .out_of_table_o(), .tracking_o(), .acquired_o(acquired)
   );
 
   // ---- amplitude to the drive ----
-  logic                                   unsettled, index_fault;
-  logic [     vrscan_pkg::LevelWidth-1:0] level;
-  logic signed [vrscan_pkg::TrimWidth-1:0] trim;
-  logic [vrscan_pkg::ConfidenceWidth-1:0] confidence;
+  logic                                          unsettled, index_fault;
+  logic        [     vrscan_pkg::LevelWidth-1:0] level;
+  logic signed [      vrscan_pkg::TrimWidth-1:0] trim;
+  logic        [vrscan_pkg::ConfidenceWidth-1:0] confidence;
   amplitude_control u_amplitude_control (
     .clk_i, .rst_i, .mirror_i, .mirror_limits_i,
-    .state_i          (status.mirror_state),
-    .valid_i          (measured_valid_o),
-    .measured_i       (status.mirror_measured),
-    .error_i          (status.mirror_error),
-    .acquired_i       (acquired),
-    .broken_i         (broken),
-    .level_o          (level),
-    .trim_o           (trim),
-    .settled_o        (status.mirror_settled),
-    .unsettled_o      (unsettled),
-    .index_fault_o    (index_fault),
-    .confidence_o     (confidence),
-    .error_amplitude_o()
+    .state_i(status.mirror_state), .valid_i(measured_valid_o),
+    .measured_i(status.mirror_measured), .error_i(status.mirror_error), .acquired_i(acquired),
+    .broken_i(broken),
+    .level_o(level), .trim_o(trim), .settled_o(status.mirror_settled), .unsettled_o(unsettled),
+    .index_fault_o(index_fault), .confidence_o(confidence), .error_amplitude_o()
   );
 
   mirror_drive u_mirror_drive (
     .clk_i, .rst_i, .mirror_i, .mirror_limits_i, .drive_o, .level_o, .level_pin_o,
-    .enable_i     (mirror_i.mirror_enable),
-    .level_i      (level),
-    .trim_i       (trim),
-    .index_alive_i(status.index_alive),
-    .settled_i    (status.mirror_settled),
-    .state_o      (status.mirror_state),
-    .fault_o      (status.mirror_fault),
-    .phase_o      (status.mirror_drive_phase),
-    .word_o       (status.mirror_word)
+    .enable_i(mirror_i.mirror_enable), .level_i(level), .trim_i(trim),
+    .index_alive_i(status.index_alive), .settled_i(status.mirror_settled),
+    .state_o(status.mirror_state), .fault_o(status.mirror_fault),
+    .phase_o(status.mirror_drive_phase), .word_o(status.mirror_word)
   );
   assign status.mirror_level = level_o;
 
@@ -141,76 +111,57 @@ module mirror_loop #(
   line_trigger #(.CountWidth(CountWidth)) u_line_trigger (
     .clk_i, .rst_i, .line_i,
     .line_start_o, .line_o, .exposure_o, .laser_o, .centre_o, .centre_half_o,
-    .enable_i       (mirror_i.line_enable),
-    .word_i         (status.mirror_word),
-    .overrun_o      (),
-    .overrun_count_o(status.overrun_count)
+    .enable_i(mirror_i.line_enable), .word_i(status.mirror_word),
+    .overrun_o(), .overrun_count_o(status.overrun_count)
   );
 
-  // The phase at the centre, to nearest: half a clock is half an increment.
+  // The phase at the centre, to nearest: half a clock is half an increment.  The harmonics follow
+  // the drive's phase, between two angles.
   localparam int unsigned PhaseDrop = vrscan_pkg::TurnWidth - vrscan_pkg::PhaseWidth;
-  logic                                   centre_q;
-  logic [     vrscan_pkg::TurnWidth-1:0] centre_phase_q, advance;
-  logic [    vrscan_pkg::PhaseWidth-1:0] phase;
+  logic                                     centre_q, scanned, overflow, scanning_q;
+  logic                                     offset_valid_q;
+  logic        [ vrscan_pkg::TurnWidth-1:0] centre_phase_q, advance, offset_q;
+  logic        [vrscan_pkg::PhaseWidth-1:0] phase;
+  logic signed [vrscan_pkg::AngleWidth-1:0] angle;
+  logic [vrscan_pkg::HarmonicCount*vrscan_pkg::MotionWidth-1:0] a;
+  logic [vrscan_pkg::HarmonicCount*vrscan_pkg::PhaseWidth-1:0] phi;
   assign advance = centre_half_o ? vrscan_pkg::TurnWidth'(increment >> 1) : '0;
   assign phase = centre_phase_q[PhaseDrop+:vrscan_pkg::PhaseWidth]
                  + vrscan_pkg::PhaseWidth'(centre_phase_q[PhaseDrop-1]);
-  always_ff @(posedge clk_i) begin
-    centre_q       <= centre_o;
-    centre_phase_q <= status.mirror_phase + advance;
-    if (centre_o) angle_line_o <= line_o;
-    if (rst_i) centre_q <= 1'b0;
-  end
-
-  logic                                     scanned, overflow, scanning_q, running;
-  assign running = status.mirror_state == vrscan_pkg::MirrorStateWidth'(vrscan_pkg::MirrorRun);
-  logic signed [vrscan_pkg::AngleWidth-1:0] angle;
-
-  // The harmonics follow the drive's phase, between two angles.
-  logic                             offset_valid_q;
-  logic [vrscan_pkg::TurnWidth-1:0] offset_q;
-  logic [vrscan_pkg::HarmonicCount*vrscan_pkg::MotionWidth-1:0] a;
-  logic [vrscan_pkg::HarmonicCount*vrscan_pkg::PhaseWidth-1:0] phi;
   motion_map u_motion_map (
     .clk_i, .rst_i, .motion_i,
-    .valid_i (offset_valid_q),
-    .offset_i(offset_q),
-    .busy_i  (centre_q || scanning_q),
-    .a_o     (a),
-    .phi_o   (phi),
-    .offset_o()
+    .valid_i(offset_valid_q), .offset_i(offset_q), .busy_i(centre_q || scanning_q),
+    .a_o(a), .phi_o(phi), .offset_o()
   );
-  always_ff @(posedge clk_i) begin
-    offset_q       <= status.mirror_drive_phase - status.mirror_phase;
-    offset_valid_q <= measured_valid_o;
-    scanning_q     <= centre_q || (scanning_q && !scanned);
-    if (rst_i) begin
-      offset_valid_q <= 1'b0;
-      scanning_q     <= 1'b0;
-    end
-  end
 
   scan_angle u_scan_angle (
     .clk_i, .rst_i,
-    .valid_i    (centre_q),
-    .phase_i    (phase),
-    .amplitude_i(average),
-    .valid_o    (scanned),
-    .angle_o    (angle),
-    .overflow_o (overflow),
-    .a_i        (a),
-    .phi_i      (phi)
+    .valid_i(centre_q), .phase_i(phase), .amplitude_i(average), .a_i(a), .phi_i(phi),
+    .valid_o(scanned), .angle_o(angle), .overflow_o(overflow)
   );
 
+  logic running;
+  assign running = status.mirror_state == vrscan_pkg::MirrorStateWidth'(vrscan_pkg::MirrorRun);
   always_ff @(posedge clk_i) begin
-    angle_valid_o <= scanned;
+    centre_q       <= centre_o;
+    centre_phase_q <= status.mirror_phase + advance;
+    offset_q       <= status.mirror_drive_phase - status.mirror_phase;
+    offset_valid_q <= measured_valid_o;
+    scanning_q     <= centre_q || (scanning_q && !scanned);
+    angle_valid_o  <= scanned;
+    if (centre_o) angle_line_o <= line_o;
     if (centre_q) amplitude_o <= average;
     if (scanned) begin
       angle_o        <= angle;
       mirror_flags_o <= {unsettled || overflow, index_fault, !running};
       confidence_o   <= confidence;
     end
-    if (rst_i) angle_valid_o <= 1'b0;
+    if (rst_i) begin
+      centre_q       <= 1'b0;
+      offset_valid_q <= 1'b0;
+      scanning_q     <= 1'b0;
+      angle_valid_o  <= 1'b0;
+    end
   end
 
 endmodule
