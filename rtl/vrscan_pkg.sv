@@ -1,7 +1,7 @@
 // vrscan_pkg: the widths, formats and flag bits that all rooms agree on.
 //
-// scripts/generate.py writes every localparam into model/vrscan/data/pkg.py, so a number stands
-// here and nowhere else.  Values are plain numbers or sums and differences of earlier names.
+// scripts/generate.py writes every localparam and every struct into model/vrscan/data/pkg.py, so a
+// number stands here and nowhere else.
 
 `default_nettype none
 
@@ -13,6 +13,8 @@ package vrscan_pkg;
   localparam int unsigned SnrWidth = 16;
   localparam int unsigned SnrFraction = 8;
   localparam int unsigned PositionFraction = 12;  // px
+  localparam int unsigned PositionWidth = 28;  // signed, of any line
+  localparam int unsigned PlaceWidth = 16;  // a pixel's index, or how many, of any line
   localparam int unsigned LengthWidth = 24;
   localparam int unsigned LengthFraction = 12;  // mm
   localparam int unsigned AngleWidth = 24;  // one turn is 2**AngleWidth
@@ -33,6 +35,7 @@ package vrscan_pkg;
   // TwoPassOverhead clocks, or LineLength where that is longer.
   localparam int unsigned MinPeriodOverhead = 450;
   localparam int unsigned TwoPassOverhead = 750;
+  localparam int unsigned PointPeriod = 227;  // from point to point at least: triangulate is busy
 
   // Statistics.
   localparam int unsigned BlockLength = 64;
@@ -138,6 +141,57 @@ package vrscan_pkg;
   localparam int unsigned FlagNotRunning = 13;  // the mirror is not in its state RUN
   localparam int unsigned FlagIndexFault = 14;  // an index crossing was missing or wrong
   localparam int unsigned FlagUnsettled = 15;  // amplitude or phase is off: shock, drift, start-up
+
+  // Clocks from valid_i to valid_o of what works operands off.
+  function automatic int unsigned multiply_limbs(input int unsigned width);
+    multiply_limbs = width <= 18 ? 1 : 1 + (width - 18 + 16) / 17;
+  endfunction
+  function automatic int unsigned multiply_latency(
+      input int unsigned a_width, input int unsigned b_width);
+    multiply_latency = multiply_limbs(a_width) * multiply_limbs(b_width) + 5;
+  endfunction
+
+  // What counts to the registers is 16 bits wide; tests let it stop earlier, to see that it does.
+  localparam int unsigned CounterWidth = 16;
+  function automatic logic [CounterWidth-1:0] counted(
+      input logic [CounterWidth-1:0] count, input int unsigned bits);
+    counted = count == CounterWidth'((1 << bits) - 1) ? count : count + CounterWidth'(1);
+  endfunction
+
+  // What belongs to a line, from its pulse to its point.
+  typedef struct packed {
+    logic signed [AngleWidth-1:0] angle;
+    logic [PowerWidth-1:0] power;
+    logic [MirrorFlagWidth-1:0] mirror_flags;
+    logic [ConfidenceWidth-1:0] confidence;  // the mirror's
+    logic inward;
+    logic [TimeWidth-1:0] time_clks;  // of the pulse's centre
+    logic test;  // a test line: it has angle and power, and nothing else
+  } line_t;
+
+  // A point.  Pixels are as wide as PixelWidth, in the lower bits of maximum.
+  typedef struct packed {
+    line_t line;
+    logic [LineNumberWidth-1:0] number;
+    logic [FlagWidth-1:0] flags;
+    logic measured;
+    logic [PlaceWidth-1:0] left;
+    logic [PlaceWidth-1:0] right;
+    logic [PlaceWidth-1:0] width;
+    logic [AlignedWidth-1:0] maximum;
+    logic [CountWidth-1:0] row_mean;
+    logic [VarianceWidth-1:0] row_variance;
+    logic [CountWidth-1:0] background;
+    logic [CountWidth-1:0] noise;
+    logic [SnrWidth-1:0] snr;
+    logic signed [PositionWidth-1:0] position;
+    logic [SigmaWidth-1:0] sigma;
+    logic signed [LengthWidth-1:0] x;
+    logic signed [LengthWidth-1:0] z;
+    logic [SigmaWidth-1:0] sigma_z;
+    logic [ConfidenceWidth-1:0] c_obj;
+    logic [ConfidenceWidth-1:0] c_sfm;
+  } point_t;
 endpackage
 
 `default_nettype wire

@@ -115,7 +115,7 @@ MUTANTS = (
         "a request has two pulses",
         0,
         CONTROL,
-        " && (permit_q || !laser_i);",
+        " && (permit_q || !pulse_i);",
         ";",
         "no_second_pulse_of_a_request",
         12,
@@ -158,8 +158,8 @@ MUTANTS = (
         "a guard that is not asked",
         0,
         CONTROL,
-        "assign awake   = laser_enable_i && heard_q && !tripped_q && guard_q[1];",
-        "assign awake   = laser_enable_i && heard_q && !tripped_q;",
+        "assign awake   = laser_i.laser_enable && heard_q && !tripped_q && guard_q[1];",
+        "assign awake   = laser_i.laser_enable && heard_q && !tripped_q;",
         "no_light_without_guard",
     ),
     Mutant(
@@ -237,7 +237,8 @@ def formulas(
     # What the induction looks at inside the module.
     inside = sorted(set(re.findall(r"\binside_(\w+)", properties.read_text())))
     ties = " ".join(f"connect -set inside_{wire} dut.{wire};" for wire in inside)
-    files = [ROOT / "rtl/vrscan_pkg.sv", PROPERTIES / "multiply.sv"]
+    packages = ("rtl/vrscan_pkg.sv", "rtl/link/register_pkg.sv")
+    files = [*(ROOT / package for package in packages), PROPERTIES / "multiply.sv"]
     files += [replaced.get(source, ROOT / source) for source in proof.sources]
     names = " ".join(str(file.relative_to(ROOT)) for file in [*files, properties])
     target = FOLDER / f"{name}.smt2"

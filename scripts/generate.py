@@ -1,13 +1,12 @@
 """Write what is generated from a single home elsewhere; with --check only say what is stale.
 
-* ``rtl/vrscan_pkg.sv`` -> ``model/vrscan/data/pkg.py``: every width and flag bit.
+* ``rtl/vrscan_pkg.sv`` -> ``model/vrscan/data/pkg.py``: every width, flag bit and struct.
 * ``rtl/link/link_pkg.sv`` -> ``model/vrscan/data/link_pkg.py``: the numbers of the protocol.
 * ``vrscan.fixed.quarter_wave.table()`` -> ``rtl/trig/quarter_wave_rom.sv``.
 * ``vrscan.fixed.cordic_vector`` -> ``rtl/trig/cordic_pkg.sv``: the angles of the iterations.
 * ``vrscan.fixed.peak_refine`` -> ``rtl/peak/spot_sigma_pkg.sv``: a spot's width by its harmonic.
-* ``rtl/link/registers.toml`` -> ``rtl/link/register_file.sv``, ``register_pkg.sv`` and
-  ``register_bank.sv``, ``docs/registers.md`` and ``model/vrscan/registers/register_map.py``: every
-  register.
+* ``rtl/link/registers.toml`` -> ``rtl/link/register_file.sv`` and ``register_pkg.sv``,
+  ``docs/registers.md`` and ``model/vrscan/registers/register_map.py``: every register.
 """
 
 import argparse
@@ -37,10 +36,32 @@ def link_package() -> str:
     return "\n".join([*lines, ""])
 
 
+def _structs(source: str) -> list[str]:
+    """Return the structs of a package as Python: name, bits or struct, sign of each field."""
+    constants = {name: constant for name, constant, _ in _localparams(source)}
+    text = re.sub(r" *//.*", "", (ROOT / source).read_text())
+    lines = ["# The fields of each struct, the highest first: name, bits or struct, signed."]
+    lines.append("STRUCTS: dict[str, tuple[tuple[str, int | str, bool], ...]] = {")
+    for body, name in re.findall(r"typedef struct packed \{\n(.*?)\n  \} (\w+);", text, re.DOTALL):
+        lines.append(f'    "{name}": (')
+        for row in body.splitlines():
+            field = re.fullmatch(r" +logic( signed)?(?: \[(\w+)-1:0\])? (\w+);", row)
+            inner = re.fullmatch(r" +(\w+) (\w+);", row)
+            if inner and inner[1] != "logic":
+                lines.append(f'        ("{inner[2]}", "{inner[1]}", False),')
+            elif field:
+                bits = constants[field[2]] if field[2] else 1
+                lines.append(f'        ("{field[3]}", {bits}, {field[1] is not None}),')
+            else:
+                raise ValueError(f"{source}: a field of {name} is not understood: {row.strip()}")
+        lines.append("    ),")
+    return [*lines, "}"]
+
+
 def package() -> str:
-    """Return pkg.py: the localparams of vrscan_pkg.sv as Python constants."""
+    """Return pkg.py: the localparams and structs of vrscan_pkg.sv in Python."""
     source = "rtl/vrscan_pkg.sv"
-    lines = [f'"""Widths and flag bits, written from {source} by scripts/generate.py."""', ""]
+    lines = [f'"""Widths, flag bits, structs, written from {source} by scripts/generate.py."""', ""]
     flags = []
     for name, constant, value in _localparams(source):
         lines.append(f"{constant} = {value}")
@@ -48,7 +69,7 @@ def package() -> str:
             flags.append((constant.removeprefix("FLAG_"), constant))
     lines += ["", "FLAGS = {"]
     lines += [f'    "{short}": {constant},' for short, constant in flags]
-    lines += ["}", ""]
+    lines += ["}", "", *_structs(source), ""]
     return "\n".join(lines)
 
 
@@ -80,11 +101,26 @@ def register_file() -> str:
     return register_file(described())
 
 
+def register_package() -> str:
+    """Return the package with the registers as structs."""
+    from registers import described, register_pkg
+
+    return register_pkg(described())
+
+
+def odd_register_package() -> str:
+    """Return the package of the tests' registers, which have every shape there is."""
+    from registers import described, register_pkg
+
+    return register_pkg(described("tb/devices/odd_registers.toml"), "odd_registers_pkg")
+
+
 def odd_register_file() -> str:
-    """Return the same for the tests' registers, which have every shape there is."""
+    """Return their module."""
     from registers import described, register_file
 
-    return register_file(described("tb/devices/odd_registers.toml"), "odd_registers")
+    made = described("tb/devices/odd_registers.toml")
+    return register_file(made, "odd_registers", "odd_registers_pkg")
 
 
 def register_map() -> str:
@@ -101,22 +137,6 @@ def register_page() -> str:
     return document(described())
 
 
-def register_package() -> str:
-    """Return the package with the registers as structs."""
-    from register_structs import register_pkg
-    from registers import described
-
-    return register_pkg(described())
-
-
-def register_bank() -> str:
-    """Return the wrapper of register_file that has those for ports."""
-    from register_structs import register_bank
-    from registers import described
-
-    return register_bank(described())
-
-
 TARGETS: dict[str, Callable[[], str]] = {
     "model/vrscan/data/pkg.py": package,
     "model/vrscan/data/link_pkg.py": link_package,
@@ -125,9 +145,9 @@ TARGETS: dict[str, Callable[[], str]] = {
     "rtl/peak/spot_sigma_pkg.sv": spot_sigma_package,
     "rtl/link/register_file.sv": register_file,
     "rtl/link/register_pkg.sv": register_package,
-    "rtl/link/register_bank.sv": register_bank,
     "model/vrscan/registers/register_map.py": register_map,
     "docs/registers.md": register_page,
+    "tb/devices/odd_registers_pkg.sv": odd_register_package,
     "tb/devices/odd_registers.sv": odd_register_file,
 }
 

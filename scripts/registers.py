@@ -34,6 +34,25 @@ Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9]*(_[a-z0-9]+)*$"
 Number = int | str  # or the name of a localparam
 Access = Literal["rw", "strobe", "ro", "counter", "constant"]
 WRITABLE = ("rw", "strobe")
+# What no field can be called, of the words that a name could be.
+_KEYWORDS = """
+    accept_on alias always and assert assign assume automatic before begin bind bins binsof
+    bit break buf byte case cell chandle checker class clocking config const constraint
+    context continue cover covergroup cross deassign default defparam design disable dist do
+    edge else end enum event eventually expect export extends extern final for force foreach
+    forever fork function generate genvar global highz0 highz1 if iff implements implies
+    import initial inout input inside instance int integer interconnect interface intersect
+    join large let liblist library local logic longint macromodule matches medium modport
+    module nand negedge new nexttime nor not null or output package packed parameter posedge
+    primitive priority program property protected pull0 pull1 pulldown pullup pure rand randc
+    randcase real realtime ref reg reject_on release repeat restrict return scalared sequence
+    shortint shortreal signed small soft solve specify static string strong strong0 strong1
+    struct super supply0 supply1 table tagged task this throughout time timeprecision timeunit
+    tran tri tri0 tri1 triand trior trireg type typedef union unique unique0 unsigned until
+    untyped use uwire var vectored virtual void wait wand weak weak0 weak1 while wildcard wire
+    with within wor xnor xor
+"""
+KEYWORDS = frozenset(_KEYWORDS.split())
 
 
 class Strict(BaseModel):
@@ -107,11 +126,11 @@ class Register:
 
     name: str
     group: str
+    struct: str  # that it is a field of; a constant is of none
     address: int
     words: int  # all of them
     count: int
     width: int
-    width_text: str  # in SystemVerilog
     signed: bool
     access: str
     lock: str | None
@@ -131,6 +150,11 @@ class Register:
     def wide(self) -> bool:
         """Whether it takes two words."""
         return self.width > WORD
+
+    @property
+    def place(self) -> str:
+        """Its field in the port of its struct."""
+        return f"{self.struct}_{'o' if self.writable else 'i'}.{self.name}"
 
 
 @dataclass(frozen=True)
@@ -162,6 +186,23 @@ class Window:
 
 
 @dataclass(frozen=True)
+class Struct:
+    """What the bus writes of a group, what it reads of it, or what leaves with a table's entry.
+
+    Attributes:
+        name: Of the type in the package without ``_t``, and of the port without its direction.
+        doc: Of the group.
+        written: By the bus.
+        fields: Name, bits, and whether it is signed, the most significant first.
+    """
+
+    name: str
+    doc: str
+    written: bool
+    fields: tuple[tuple[str, int, bool], ...]
+
+
+@dataclass(frozen=True)
 class Group:
     """Registers that belong together."""
 
@@ -186,13 +227,40 @@ class Map:
         """The registers of all groups, by address."""
         return tuple(register for group in self.groups for register in group.registers)
 
+    @property
+    def structs(self) -> tuple[Struct, ...]:
+        """The ports of the registers, in the order of the map."""
+        found: dict[str, Struct] = {}
+        for group in self.groups:
+            for register in group.registers:
+                if register.struct:
+                    doc = group.doc if register.struct == group.name else f"{group.doc}: read"
+                    empty = Struct(register.struct, doc, register.writable, ())
+                    before = found.get(register.struct, empty)
+                    fields = (*before.fields, *_fields(register))
+                    found[register.struct] = replace(before, fields=fields)
+        for window in self.windows:
+            fields = ((f"{window.name}_write", 1, False),)
+            fields += ((f"{window.name}_index", window.index_bits, False),)
+            fields += tuple(one for field in window.fields for one in _fields(field))
+            found[window.name] = Struct(window.name, window.doc, True, fields)
+        return tuple(found.values())
 
-def _constant(name: str) -> tuple[str, int] | None:
-    """Return the SystemVerilog of a localparam and its value, or None if there is none."""
+
+def _fields(register: Register) -> tuple[tuple[str, int, bool], ...]:
+    """Return the fields of one register in its struct."""
+    signed = register.signed and register.count == 1
+    fields = ((register.name, register.width * register.count, signed),)
+    strobe = ((f"{register.name}_strobe", 1, False),) if register.access == "strobe" else ()
+    return fields + strobe
+
+
+def _constant(name: str) -> int | None:
+    """Return the value of a localparam, or None if there is none."""
     python = re.sub(r"(?<!^)(?=[A-Z])", "_", name).upper()
-    for package, module in (("vrscan_pkg", pkg), ("link_pkg", link_pkg)):
+    for module in (pkg, link_pkg):
         if hasattr(module, python):
-            return f"{package}::{name}", int(getattr(module, python))
+            return int(getattr(module, python))
     return None
 
 
@@ -208,9 +276,9 @@ class _Reader:
         """Return an error of one line."""
         return InputError(f"{self._source}: {place}: {what}")
 
-    def _number(self, place: str, key: str, value: Number) -> tuple[str, int]:
+    def _number(self, place: str, key: str, value: Number) -> int:
         if isinstance(value, int):
-            return str(value), value
+            return value
         found = _constant(value)
         if found is None:
             raise self.complain(place, f"{key} = {value!r}: no localparam of this name")
@@ -232,22 +300,29 @@ class _Reader:
     def _range(self, place: str, entry: Entry | FieldEntry, width: int) -> tuple[int, int]:
         lowest = -(1 << (width - 1)) if entry.signed else 0
         highest = lowest + (1 << width) - 1
-        low = lowest if entry.min is None else self._number(place, "min", entry.min)[1]
-        high = highest if entry.max is None else self._number(place, "max", entry.max)[1]
+        low = lowest if entry.min is None else self._number(place, "min", entry.min)
+        high = highest if entry.max is None else self._number(place, "max", entry.max)
         if not lowest <= low <= high <= highest:
             raise self.complain(place, f"min {low} to max {high} is not within {width} bits")
         if width > WORD and (low, high) != (lowest, highest):
             raise self.complain(place, f"min and max need at most {WORD} bits")
         return low, high
 
+    def _struct(self, name: str, group: GroupEntry, access: str) -> str:
+        """Return the struct of a register: the group's own is of what the bus writes, if any."""
+        if access == "constant":
+            return ""
+        written = any((e.access or group.access) in WRITABLE for e in group.registers.values())
+        return f"{name}_status" if written and access not in WRITABLE else name
+
     def register(self, group_name: str, group: GroupEntry, name: str, address: int) -> Register:
         """Return a register of a group."""
         entry = group.registers[name]
         place = f"group {group_name}, register {name}"
-        width_text, width = self._number(place, "width", entry.width)
+        width = self._number(place, "width", entry.width)
         if not 1 <= width <= 2 * WORD:
             raise self.complain(place, f"width {width} is not 1 to {2 * WORD}")
-        count = self._number(place, "count", entry.count)[1]
+        count = self._number(place, "count", entry.count)
         if count < 1 or (count > 1 and width > WORD):
             raise self.complain(place, f"count {count}: 1, or more of at most {WORD} bits")
         access = entry.access or group.access
@@ -284,16 +359,16 @@ class _Reader:
         return Register(
             name=name,
             group=group_name,
+            struct=self._struct(group_name, group, access),
             address=address,
             words=count * (2 if width > WORD else 1),
             count=count,
             width=width,
-            width_text=width_text,
             signed=entry.signed,
             access=access,
             lock=self._lock(place, lock),
             reset=(reset,) * count,
-            fraction=self._number(place, "fraction", entry.fraction)[1],
+            fraction=self._number(place, "fraction", entry.fraction),
             unit=entry.unit,
             minimum=low,
             maximum=high,
@@ -320,11 +395,11 @@ class _Reader:
             Register(
                 name=name,
                 group="locks",
+                struct="locks",
                 address=self._file.locks_address + k,
                 words=1,
                 count=1,
                 width=1,
-                width_text="1",
                 signed=False,
                 access="rw",
                 lock=None,
@@ -348,7 +423,7 @@ class _Reader:
         fields = []
         for key, entry in window.fields.items():
             at = f"{place}, field {key}"
-            width_text, width = self._number(at, "width", entry.width)
+            width = self._number(at, "width", entry.width)
             if not 1 <= width <= WORD:
                 raise self.complain(at, f"width {width} is not 1 to {WORD}")
             low, high = self._range(at, entry, width)
@@ -356,16 +431,16 @@ class _Reader:
                 Register(
                     name=f"{name}_{key}",
                     group=name,
+                    struct=name,
                     address=0,
                     words=1,
                     count=1,
                     width=width,
-                    width_text=width_text,
                     signed=entry.signed,
                     access="rw",
                     lock=window.lock,
                     reset=(0,),
-                    fraction=self._number(at, "fraction", entry.fraction)[1],
+                    fraction=self._number(at, "fraction", entry.fraction),
                     unit=entry.unit,
                     minimum=low,
                     maximum=high,
@@ -460,10 +535,18 @@ def parse(path: Path) -> Map:
             if isinstance(made, Window)
             else f"group {made.group}, register {made.name}"
         )
+        if isinstance(made, Register) and made.name in KEYWORDS:
+            raise reader.complain(place, f"the name {made.name} is taken by SystemVerilog")
         for name in _ports(made):
             if name in owner:
                 raise reader.complain(place, f"the name {name} is taken by {owner[name]}")
             owner[name] = place
+    of_struct = {"bus": "the bus"}
+    for made in [*registers, *windows]:
+        name, of = (made.name, "window") if isinstance(made, Window) else (made.struct, "group")
+        place = f"{of} {made.name if isinstance(made, Window) else made.group}"
+        if name and of_struct.setdefault(name, place) != place:
+            raise reader.complain(place, f"the struct {name} is taken by {of_struct[name]}")
     before = registers[0]
     for register in registers[1:]:
         if register.address < before.address + before.words:
@@ -515,31 +598,36 @@ def described(source: str = SOURCE) -> Map:
 # ---- SystemVerilog ----
 
 
-def _range_text(width_text: str, count: int = 1) -> str:
-    """Return the range of a port, empty for a single bit."""
-    if width_text == "1" and count == 1:
-        return ""
-    width = width_text if count == 1 else f"{count}*{width_text}"
-    return f"[{int(width) - 1}:0]" if width.isdigit() else f"[{width}-1:0]"
+def _port(direction: str, kind: str, name: str) -> str:
+    return f"  {'input  wire' if direction == 'input' else 'output     '} {kind:<35} {name}"
 
 
-def _port(direction: str, name: str, span: str = "", *, signed: bool = False) -> str:
-    kind = "input  wire logic" if direction == "input" else "output      logic"
-    words = [kind, "signed" if signed else "      ", f"{span:>42}", name]
-    return "  " + " ".join(words)
+def _bits(width: int) -> str:
+    return "logic" if width == 1 else f"logic [{width - 1}:0]"
 
 
-def _port_of(register: Register) -> list[str]:
-    span = _range_text(register.width_text, register.count)
-    signed = register.signed and register.count == 1
-    if register.access == "constant":
-        return []
-    if not register.writable:
-        return [_port("input", f"{register.name}_i", span, signed=signed)]
-    ports = [_port("output", f"{register.name}_o", span, signed=signed)]
-    if register.access == "strobe":
-        ports.append(_port("output", f"{register.name}_strobe_o"))
-    return ports
+def register_pkg(made: Map, name: str = "register_pkg") -> str:
+    """Return the package with the types of the structs."""
+    lines = [
+        f"// {name}: what the bus of the link writes of a group of registers, what it reads",
+        "// of it, and what leaves with an entry of a table, as a struct each.",
+        "//",
+        f"// Generated from {made.source} by scripts/generate.py; docs/registers.md says what the",
+        "// fields are.  Widths are numbers, as packages are read in the order of their paths.",
+        "",
+        "`default_nettype none",
+        "",
+        f"package {name};",
+    ]
+    for struct in made.structs:
+        lines += [*_comment(struct.doc), "  typedef struct packed {"]
+        for field, bits, signed in struct.fields:
+            words = ["logic", *(["signed"] if signed else [])]
+            words += [f"[{bits - 1}:0]"] if bits > 1 else []
+            lines.append(f"    {' '.join(words)} {field};")
+        lines += [f"  }} {struct.name}_t;", ""]
+    lines[-1] = "endpackage"
+    return "\n".join([*lines, "", "`default_nettype wire", ""])
 
 
 def _literal(width: int, value: int) -> str:
@@ -548,8 +636,8 @@ def _literal(width: int, value: int) -> str:
 
 
 def _slice(register: Register, element: int, word: int) -> str:
-    """Return what a word holds of a port."""
-    port = f"{register.name}_{'o' if register.writable else 'i'}"
+    """Return what a word holds of a register's field."""
+    port = register.place
     if register.count > 1:
         return f"{port}[{element * register.width}+:{register.width}]"
     if register.wide:
@@ -627,28 +715,24 @@ def _comment(doc: str) -> list[str]:
     return [f"  // {line}" for line in textwrap.wrap(f"{doc}.", COLUMNS - 5)]
 
 
-def _ports_section(registers: Map) -> list[str]:
+def _ports_section(made: Map, package: str) -> list[str]:
     lines = [
-        _port("input", "clk_i,"),
-        _port("input", "rst_i,"),
-        _port("input", "group_rst_i,", f"[{len(written_groups(registers))}-1:0]"),
+        _port("input", "logic", "clk_i,"),
+        _port("input", "logic", "rst_i,"),
         "",
-        _port("input", "bus_valid_i,"),
-        _port("input", "bus_access_i,", "[link_pkg::AccessWidth-1:0]"),
-        _port("input", "bus_address_i,", "[link_pkg::AddressWidth-1:0]"),
-        _port("input", "bus_data_i,", "[31:0]"),
-        _port("output", "bus_done_o,"),
-        _port("output", "bus_status_o,", "[link_pkg::StatusWidth-1:0]"),
-        _port("output", "bus_data_o,", "[31:0]"),
+        _port("input", "logic", "bus_valid_i,"),
+        _port("input", "logic [link_pkg::AccessWidth-1:0]", "bus_access_i,"),
+        _port("input", "logic [link_pkg::AddressWidth-1:0]", "bus_address_i,"),
+        _port("input", "logic [31:0]", "bus_data_i,"),
+        _port("output", "logic", "bus_done_o,"),
+        _port("output", "logic [link_pkg::StatusWidth-1:0]", "bus_status_o,"),
+        _port("output", "logic [31:0]", "bus_data_o,"),
+        "",
     ]
-    for group in registers.groups:
-        lines += ["", *_comment(group.doc)]
-        lines += [f"{port}," for register in group.registers for port in _port_of(register)]
-    for window in registers.windows:
-        lines += ["", *_comment(window.doc)]
-        lines.append(_port("output", f"{window.name}_write_o,"))
-        lines.append(_port("output", f"{window.name}_index_o,", f"[{window.index_bits - 1}:0]"))
-        lines += [f"{port}," for field in window.fields for port in _port_of(field)]
+    for struct in made.structs:
+        direction = "output" if struct.written else "input"
+        port = f"{struct.name}_{direction[0]},"
+        lines.append(_port(direction, f"{package}::{struct.name}_t", port))
     lines[-1] = lines[-1].removesuffix(",")
     return lines
 
@@ -664,19 +748,21 @@ HEADER = """\
 // WRITE answers has been read back.  The registers stand all over the die, so what goes to many of
 // them, data, selection and reset, comes from registers near them.
 //
-//   group_rst_i   with rst_i: one for each group of settings, so that no net resets all of them
+//   rst_i         works a clock later; each group of settings has a register of its own for it, so
+//                 that no net resets all of them
 //   bus_valid_i   ignored from the clock after it until bus_done_o
 //   bus_access_i  link_pkg; CHECK says what WRITE would, and changes nothing; 3 is as READ
 //   bus_status_o  with bus_done_o, the first that applies: StatusNoAddress, StatusReadOnly,
 //                 StatusLocked, StatusBadValue, StatusOk
 //   bus_data_o    with bus_done_o, the word as it is read; 0 unless OK
-//   *_o           what the bus has written, {written} clocks after bus_valid_i
-//   *_strobe_o    in the first clock in which *_o has what was written
-//   *_i           a READ sees them {sampled} clocks after bus_valid_i
+//   *_o           structs of {package}: what the bus has written, {written} clocks after
+//                 bus_valid_i; a field *_strobe is high in the first clock in which its register
+//                 has what was written
+//   *_i           structs, too: a READ sees them {sampled} clocks after bus_valid_i
 //   Wide ones     take effect with their higher word; until then the lower one waits, and is read
 //                 as written.  The READ of a lower word of *_i keeps the higher one for its READ
-//   Tables        an entry goes out with its last field, the others are those written before; a
-//                 reset leaves what was written for the bus to read
+//   Tables        an entry goes out with its last field and with *_write, the others are those
+//                 written before; a reset leaves what was written for the bus to read
 //   Latency       {latency} clocks from bus_valid_i to bus_done_o
 //   Model         vrscan.clocked.register_file, bit-exact
 
@@ -686,7 +772,7 @@ module {name} (
 """
 
 
-def register_file(made: Map, name: str = "register_file") -> str:
+def register_file(made: Map, name: str = "register_file", package: str = "register_pkg") -> str:
     """Return the module that holds the registers."""
     rules = _Rules(made.locks)
     registers = made.registers
@@ -699,11 +785,22 @@ def register_file(made: Map, name: str = "register_file") -> str:
     entries = 1 << map_bits
 
     out = HEADER.format(
-        name=name, source=made.source, latency=LATENCY, written=7, sampled=7
+        name=name, source=made.source, package=package, latency=LATENCY, written=7, sampled=7
     ).splitlines()
-    out += _ports_section(made)
+    out += _ports_section(made, package)
     out += [
         ");",
+        "",
+        "  // ---- the reset, once for each group of settings ----",
+        "  logic rst;",
+        "  local_register u_reset (.clk_i, .d_i(rst_i), .q_o(rst));",
+    ]
+    for group in written_groups(made):
+        out += [
+            f"  logic {group.name}_rst;",
+            f"  local_register u_{group.name}_reset (.clk_i, .d_i(rst_i), .q_o({group.name}_rst));",
+        ]
+    out += [
         "",
         "  // ---- an access, and how far it is ----",
         f"  logic [{last}:1] step_q;",
@@ -721,7 +818,7 @@ def register_file(made: Map, name: str = "register_file") -> str:
         "      address_q <= bus_address_i;",
         "      data_q    <= bus_data_i;",
         "    end",
-        "    if (rst_i) step_q <= '0;",
+        "    if (rst) step_q <= '0;",
         "  end",
         "",
         "  // ---- 1: look up the rule; 2: take it.  Its bounds are signed, hence the 33 bits ----",
@@ -771,7 +868,7 @@ def register_file(made: Map, name: str = "register_file") -> str:
     out += ["  end", ""]
 
     padded = (1 << rules.lock_bits) - 1 - len(made.locks)
-    lock_list = [f"{name}_o" for name in reversed(made.locks)]
+    lock_list = [f"locks_o.{name}" for name in reversed(made.locks)]
     lock_list = ([f"{padded}'d0"] if padded else []) + lock_list + ["1'b0"]
     out += [
         "  // ---- 3: against the rule; 4: the verdict ----",
@@ -801,7 +898,7 @@ def register_file(made: Map, name: str = "register_file") -> str:
         "    status_q <= verdict;",
         "    write_q  <= step_q[4] && access_q == link_pkg::AccessWidth'(link_pkg::AccessWrite)",
         "                && verdict == link_pkg::StatusWidth'(link_pkg::StatusOk);",
-        "    if (rst_i) write_q <= 1'b0;",
+        "    if (rst) write_q <= 1'b0;",
         "  end",
         "",
         "  // ---- 2: which page, which of its words, for writing and for reading ----",
@@ -823,13 +920,13 @@ def register_file(made: Map, name: str = "register_file") -> str:
         "  logic write_q2;",
         "  always_ff @(posedge clk_i) begin",
         "    write_q2 <= write_q;",
-        "    if (rst_i) write_q2 <= 1'b0;",
+        "    if (rst) write_q2 <= 1'b0;",
     ]
     writable = [word for word in words if word[1].writable]
     for k, (address, *_) in enumerate(writable):
         page, word = divmod(address, 1 << PAGE_BITS)
         out.append(
-            f"    take_q[{k}] <= write_q && page_{page:02x}_hit_q && word_hit_q[{word}] && !rst_i;"
+            f"    take_q[{k}] <= write_q && page_{page:02x}_hit_q && word_hit_q[{word}] && !rst;"
         )
     out += ["  end", ""]
     group_of = {r.name: g.name for g in made.groups for r in g.registers}
@@ -847,7 +944,7 @@ def register_file(made: Map, name: str = "register_file") -> str:
     out += [f"  logic [{WORD - 1}:0] {r.name}_low_q;" for r in rw if r.wide]
     out.append("  always_ff @(posedge clk_i) begin")
     out += [
-        f"    {register.name}_strobe_o <= take_q[{k}];"
+        f"    {register.place}_strobe <= take_q[{k}];"
         for k, (_, register, *_) in enumerate(writable)
         if register.access == "strobe"
     ]
@@ -857,7 +954,7 @@ def register_file(made: Map, name: str = "register_file") -> str:
         if register.wide and word == 0:
             take = f"{register.name}_low_q <= {data};"
         elif register.wide:
-            take = f"{register.name}_o <= {{{data}[{width - WORD - 1}:0], {register.name}_low_q}};"
+            take = f"{register.place} <= {{{data}[{width - WORD - 1}:0], {register.name}_low_q}};"
         else:
             whole = width == data_width[group_of[register.name]]
             bits = data if whole else f"{data}[{width - 1}:0]"
@@ -866,8 +963,8 @@ def register_file(made: Map, name: str = "register_file") -> str:
                 bits = f"signed'({bits})"
             take = f"{_slice(register, element, 0)} <= {bits};"
         out.append(f"    if (take_q[{k}]) {take}")
-    for number, group in enumerate(written_groups(made)):
-        out.append(f"    if (group_rst_i[{number}]) begin  // {group.name}")
+    for group in written_groups(made):
+        out.append(f"    if ({group.name}_rst) begin")
         for register in group.registers:
             if register.writable:
                 out += _reset(register)
@@ -882,14 +979,14 @@ def register_file(made: Map, name: str = "register_file") -> str:
             out.append(f"  logic [{register.width - WORD - 1}:0] {register.name}_high_q;")
         out += [f"  logic [{len(wide_inputs) - 1}:0] keep_q;", "  always_ff @(posedge clk_i) begin"]
         for k, register in enumerate(wide_inputs):
-            high = f"{register.name}_i[{register.width - 1}:{WORD}]"
+            high = f"{register.place}[{register.width - 1}:{WORD}]"
             page, word = divmod(register.address, 1 << PAGE_BITS)
             hit = f"page_{page:02x}_hit_q && word_hit_q[{word}]"
             out += [
                 f"    keep_q[{k}] <= step_q[6] && read && {hit};",
                 f"    if (keep_q[{k}]) {register.name}_high_q <= {high};",
             ]
-        out += ["    if (rst_i) keep_q <= '0;", "  end", ""]
+        out += ["    if (rst) keep_q <= '0;", "  end", ""]
     for page in pages:
         here = [word for word in words if word[0] >> PAGE_BITS == page]
         name = f"page_{page:02x}"
@@ -921,7 +1018,7 @@ def register_file(made: Map, name: str = "register_file") -> str:
     out += [f"    if ({w.name}_hit_q) bus_data_o <= {w.name}_read_q;" for w in made.windows]
     out += [
         "    if (status_q != link_pkg::StatusWidth'(link_pkg::StatusOk)) bus_data_o <= '0;",
-        "    if (rst_i) bus_done_o <= 1'b0;",
+        "    if (rst) bus_done_o <= 1'b0;",
         "  end",
         "",
         "  // ---- the rules, by address ----",
@@ -947,9 +1044,9 @@ def _reset(register: Register) -> list[str]:
         for k, value in enumerate(register.reset)
     )
     value = _literal(register.width * register.count, bits) if bits else "'0"
-    out.append(f"      {register.name}_o <= {value};")
+    out.append(f"      {register.place} <= {value};")
     if register.access == "strobe":
-        out.append(f"      {register.name}_strobe_o <= 1'b0;")
+        out.append(f"      {register.place}_strobe <= 1'b0;")
     return out
 
 
@@ -970,25 +1067,25 @@ def _window_memory(window: Window) -> list[str]:
         if bits:
             here += f" && address_q[{bits - 1}:0] == {_literal(bits, k)}"
         out += [
-            f"    if ({here} && !rst_i)",
+            f"    if ({here} && !rst)",
             f"      {field.name}_mem[{name}_index] <= data_q[{field.width - 1}:0];",
             f"    {field.name}_q <= {field.name}_mem[{name}_index];",
         ]
         if k != last:
             out.append(f"    {field.name}_q2 <= {field.name}_q;")
-    out.append(f"    {name}_write_o <= 1'b0;")
+    out.append(f"    {name}_o.{name}_write <= 1'b0;")
     here = f"write_q2 && {name}_hit_q"
     if bits:
         here += f" && address_q[{bits - 1}:0] == {_literal(bits, last)}"
     out += [
         f"    if ({here}) begin",
-        f"      {name}_write_o <= 1'b1;",
-        f"      {name}_index_o <= {name}_index;",
+        f"      {name}_o.{name}_write <= 1'b1;",
+        f"      {name}_o.{name}_index <= {name}_index;",
     ]
     for k, field in enumerate(window.fields):
         source = f"data_q[{field.width - 1}:0]" if k == last else f"{field.name}_q2"
         source = f"signed'({source})" if field.signed else source
-        out.append(f"      {field.name}_o <= {source};")
+        out.append(f"      {field.place} <= {source};")
     out.append("    end")
 
     def word(field: Register) -> str:
@@ -1004,7 +1101,7 @@ def _window_memory(window: Window) -> list[str]:
         out += [f"      default: {name}_read_q <= '0;", "    endcase"]
     else:
         out.append(f"    {name}_read_q <= {word(window.fields[0])};")
-    out += [f"    if (rst_i) {name}_write_o <= 1'b0;", "  end", ""]
+    out += [f"    if (rst) {name}_o.{name}_write <= 1'b0;", "  end", ""]
     return out
 
 
@@ -1017,13 +1114,16 @@ from typing import Literal
 
 Access = Literal["rw", "strobe", "ro", "counter", "constant"]
 
+_WORD = 32  # bits
+
 
 @dataclass(frozen=True)
 class Register:
     """A register, several of one kind, or a field of a table.
 
     Attributes:
-        name: Of the port, without its direction.
+        name: Of the field in its struct.
+        struct: That it is a field of, in register_pkg and as a port; empty of a constant.
         address: Of its first word; of a field, its place in an entry.
         words: All of them; a value of more than 32 bits has two, the lower first.
         count: How many values.
@@ -1040,6 +1140,7 @@ class Register:
     """
 
     name: str
+    struct: str
     address: int
     words: int
     count: int
@@ -1066,53 +1167,110 @@ class Window:
     fields: tuple[Register, ...]
     lock: str | None
     doc: str
+
+
+def _one(
+    struct: str,
+    address: int,
+    name: str,
+    width: int,
+    access: Access,
+    doc: str,
+    *,
+    lock: str | None = None,
+    count: int = 1,
+    signed: bool = False,
+    reset: int = 0,
+    fraction: int = 0,
+    unit: str = "",
+    low: int | None = None,
+    high: int | None = None,
+) -> Register:
+    """Return a register; it takes what its width takes where low and high do not say otherwise."""
+    words = count * (2 if width > _WORD else 1)
+    least = -(1 << (width - 1)) if signed else 0
+    most = least + (1 << width) - 1
+    return Register(
+        name, struct, address, words, count, width, signed, access, lock, (reset,) * count,
+        fraction, unit, least if low is None else low, most if high is None else high, doc,
+    )  # fmt: skip
 '''
 
 
-def _python(register: Register, address: int, indent: int = 8) -> str:
-    values = [
-        register.name, address, register.words, register.count, register.width, register.signed,
-        register.access, register.lock, register.reset, register.fraction, register.unit,
-        register.minimum, register.maximum, register.doc,
+def _quoted(text: str) -> str:
+    """Return a text as ruff writes it."""
+    return repr(text) if '"' in text else f'"{text}"'
+
+
+def _call(begin: str, arguments: list[str], end: str) -> list[str]:
+    """Return the lines of a call, each as full as it gets; a text that is too long is in pieces."""
+    indent = " " * len(begin)
+    room = COLUMNS - 1 - len(indent) - len(end)
+    lines, line = [], begin
+    for k, argument in enumerate(arguments):
+        after = end if k == len(arguments) - 1 else ","
+        if len(line) > len(indent) and len(line) + len(argument) + len(after) >= COLUMNS:
+            lines.append(line.rstrip())
+            line = indent
+        if len(argument) > room:
+            text = argument[1:-1]
+            pieces = textwrap.wrap(text, room - 2, drop_whitespace=False, break_long_words=False)
+            *whole, argument = [argument[0] + piece + argument[0] for piece in pieces]
+            lines += [indent + piece for piece in whole]
+        line += f"{argument}{after} "
+    return [*lines, line.rstrip()]
+
+
+def _python(register: Register, address: int, indent: str = "    ") -> list[str]:
+    """Return the call that makes a register; what is as for most of them is not said."""
+    least = -(1 << (register.width - 1)) if register.signed else 0
+    most = least + (1 << register.width) - 1
+    reset = register.reset[0]
+    shown = f"0x{reset:08X}" if register.access == "constant" and reset >= 0 else repr(reset)
+    said = [
+        ("lock", _quoted(register.lock or ""), register.lock is not None),
+        ("count", repr(register.count), register.count > 1),
+        ("signed", "True", register.signed),
+        ("reset", shown, reset != 0),
+        ("fraction", repr(register.fraction), register.fraction != 0),
+        ("unit", _quoted(register.unit), register.unit != ""),
+        ("low", repr(register.minimum), register.minimum != least),
+        ("high", repr(register.maximum), register.maximum != most),
+    ]
+    arguments = [
+        _quoted(register.struct), f"0x{address:03X}", _quoted(register.name), repr(register.width),
+        _quoted(register.access), _quoted(register.doc),
     ]  # fmt: skip
-    body = "".join(f"        {_quoted(value, indent)},\n" for value in values)
-    return f"    Register(\n{body}    ),\n"
-
-
-def _quoted(value: object, indent: int = 8) -> str:
-    """Return a value as ruff writes it, a text that is too long for its line in pieces."""
-    if not isinstance(value, str):
-        return repr(value)
-    pieces = [value]
-    if len(value) + 3 > COLUMNS - indent:
-        pieces = textwrap.wrap(value, 70, drop_whitespace=False, break_long_words=False)
-    quoted = [repr(piece) if '"' in piece else f'"{piece}"' for piece in pieces]
-    return "\n        ".join(quoted)
+    arguments += [f"{key}={value}" for key, value, wanted in said if wanted]
+    return _call(f"{indent}_one(", arguments, "),")
 
 
 def register_map(made: Map) -> str:
     """Return register_map.py."""
-    out = [PYTHON_HEADER.replace("SOURCE", made.source), "\n\n"]
-    out.append(f"MAP_HASH = 0x{made.hash:08X}\n\n")
-    out.append("_REGISTERS = (\n")
-    out += [_python(register, register.address) for register in made.registers]
-    out.append(")\n\n_WINDOWS = (\n")
+    out = [PYTHON_HEADER.replace("SOURCE", made.source), "", f"MAP_HASH = 0x{made.hash:08X}", ""]
+    out += ["# fmt: off", "_REGISTERS = ("]
+    for register in made.registers:
+        out += _python(register, register.address)
+    out += [")", "", "_WINDOWS = ("]
     for window in made.windows:
-        fields = "".join(_python(field, k, 16) for k, field in enumerate(window.fields))
-        fields = fields.replace("\n    ", "\n            ")
         out.append(
-            f"    Window(\n        {_quoted(window.name)},\n        {window.address},\n"
-            f"        {window.entries},\n        {window.stride},\n        (\n"
-            f"        {fields.rstrip()}\n        ),\n"
-            f"        {_quoted(window.lock)},\n        {_quoted(window.doc)},\n    ),\n"
+            f"    Window({_quoted(window.name)}, 0x{window.address:04X}, {window.entries}, "
+            f"{window.stride}, ("
         )
-    out.append(
-        ")\n\nREGISTERS: dict[str, Register] = {one.name: one for one in _REGISTERS}\n"
-        "WINDOWS: dict[str, Window] = {one.name: one for one in _WINDOWS}\n"
-    )
+        for k, field in enumerate(window.fields):
+            out += _python(field, k, " " * 8)
+        lock = "None" if window.lock is None else _quoted(window.lock)
+        out += _call("    ), ", [lock, _quoted(window.doc)], "),")
     names = ", ".join(_quoted(name) for name in made.locks)
-    out.append(f"LOCKS: tuple[str, ...] = ({names}{',' if len(made.locks) == 1 else ''})\n")
-    return "".join(out)
+    out += [
+        ")",
+        "# fmt: on",
+        "",
+        "REGISTERS: dict[str, Register] = {one.name: one for one in _REGISTERS}",
+        "WINDOWS: dict[str, Window] = {one.name: one for one in _WINDOWS}",
+        f"LOCKS: tuple[str, ...] = ({names}{',' if len(made.locks) == 1 else ''})",
+    ]
+    return "\n".join([*out, ""])
 
 
 # ---- the page ----

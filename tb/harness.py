@@ -11,8 +11,9 @@ import hashlib
 import json
 import os
 import random
+import re
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import cocotb
@@ -34,6 +35,7 @@ from vrscan.engines.tools import (
     verilator_environment,
 )
 from vrscan.engines.verilated import Tools
+from vrscan.registers.structs import Field, Struct, package_struct, register_struct
 
 CLOCK_NS = 8
 
@@ -123,6 +125,12 @@ def _keep(kept: Path, reads: Path, verilated: Path, circumstances: Sequence[str]
     kept.write_text(json.dumps(state, indent=0))
 
 
+def _source(module: str) -> Path:
+    """Return the file of a module in ``rtl/`` or ``tb/devices``."""
+    device = repository_root() / "tb" / "devices" / f"{module}.sv"
+    return device if device.exists() else rtl_module(module)
+
+
 def simulate(
     module: str,
     test_file: str,
@@ -170,7 +178,6 @@ def simulate(
         + sys.path
     )
     devices = repository_root() / "tb" / "devices"
-    device = devices / f"{module}.sv"
     libraries = [part for place in [*rtl_folders(), devices] for part in ("-y", str(place))]
     stem = Path(test_file).stem
     kept = folder / f"{stem}_{volume}.json"
@@ -192,7 +199,7 @@ def simulate(
                 control,
                 *rtl_packages(),
                 *(sources or []),
-                device if device.exists() else rtl_module(module),
+                _source(module),
             ],
             hdl_toplevel=module,
             parameters=parameters,
@@ -234,6 +241,110 @@ def generator(salt: int = 0) -> np.random.Generator:
     return np.random.default_rng([SEED, salt])
 
 
+# Where a package's structs are known from, by the name of their type.
+PACKAGES: dict[str, Callable[[str], Struct]] = {
+    "register_pkg": register_struct,
+    "vrscan_pkg": package_struct,
+}
+_STRUCT_PORT = re.compile(r"^ *(?:input|output) +(?:wire +)?(\w+)::(\w+_t) +(\w+_[io])\b", re.M)
+
+
+class StructPort:
+    """A port that is a struct, and what drives it."""
+
+    def __init__(self, handle: LogicArrayObject, struct: Struct) -> None:
+        assert len(handle) == struct.width, f"{handle._name}: not as wide as {struct.name}"
+        self.handle = handle
+        self.struct = struct
+        self.driven = 0
+
+    def give(self, values: Mapping[str, int | Sequence[int]] | object) -> None:
+        """Drive fields by their names, from a mapping or an object's attributes; others are 0."""
+        pack = self.struct.pack if isinstance(values, Mapping) else self.struct.packed
+        self.driven = pack(values)
+        self.handle.value = self.driven
+
+    def read(self) -> dict[str, int]:
+        """Return all fields; of several values in one all bits."""
+        bits = self.handle._handle.get_signal_val_binstr()
+        fields = self.struct.fields.values()
+        return {one.name: FieldPort(self, one).integer(bits) for one in fields}
+
+
+class FieldPort:
+    """A field of a port that is a struct, as if it were a port of its own."""
+
+    def __init__(self, port: StructPort, field: Field) -> None:
+        self._port = port
+        self._field = field
+        end = port.struct.width - field.low
+        self._slice = slice(end - field.bits, end)
+        self._mask = (1 << field.bits) - 1 << field.low
+
+    def __len__(self) -> int:
+        return self._field.bits
+
+    @property
+    def whole(self) -> LogicArrayObject:
+        """The port that has the field."""
+        return self._port.handle
+
+    def integer(self, bits: str | None = None) -> int:
+        """Return its value, of several values all bits; ``bits`` are the whole port's."""
+        if bits is None:
+            bits = self._port.handle._handle.get_signal_val_binstr()
+        value = int(bits[self._slice], 2)
+        negative = self._field.signed and self._field.count == 1 and value >> self._field.width - 1
+        return value - (1 << self._field.width) if negative else value
+
+    @property
+    def value(self) -> int:
+        """Its bits now; setting it leaves the other fields as they are driven."""
+        return self.integer() & (1 << self._field.bits) - 1
+
+    @value.setter
+    def value(self, value: int) -> None:
+        port = self._port
+        bits = int(value) << self._field.low
+        port.driven = port.driven & ~self._mask | bits & self._mask
+        port.handle.value = port.driven
+
+
+Port = LogicObject | LogicArrayObject | FieldPort
+
+_STRUCT_PORTS: dict[str, dict[str, StructPort]] = {}
+_PORTS: dict[tuple[str, str], Port] = {}
+
+
+def struct_ports(dut) -> dict[str, StructPort]:
+    """Return the ports of the top that are structs, by name."""
+    module = dut._name
+    if module not in _STRUCT_PORTS:
+        found = _STRUCT_PORT.findall(_source(module).read_text())
+        _STRUCT_PORTS[module] = {
+            name: StructPort(getattr(dut, name), PACKAGES[package](kind))
+            for package, kind, name in found
+        }
+    return _STRUCT_PORTS[module]
+
+
+def port(dut, name: str) -> Port:
+    """Return a port, or the field of a struct, by the name that it would have as a port."""
+    key = (dut._name, name)
+    if key not in _PORTS:
+        structs = struct_ports(dut)
+        if name in structs or "." in name or not hasattr(dut, name):
+            stem, end = name[:-2], name[-2:]
+            (_PORTS[key],) = (
+                FieldPort(one, one.struct.fields[stem])
+                for each, one in structs.items()
+                if each.endswith(end) and stem in one.struct.fields
+            )
+        else:
+            _PORTS[key] = getattr(dut, name)
+    return _PORTS[key]
+
+
 def _inputs(dut) -> list[LogicObject | LogicArrayObject]:
     return [h for h in dut if h._name.endswith("_i") and h._name != "clk_i"]
 
@@ -242,6 +353,8 @@ async def reset(dut) -> None:
     """Start the clock, set every input to zero and hold reset for three clocks."""
     for handle in _inputs(dut):
         handle.value = 0
+    for one in struct_ports(dut).values():
+        one.driven = 0
     cocotb.start_soon(Clock(dut.clk_i, CLOCK_NS, unit="ns").start())
     dut.rst_i.value = 1
     for _ in range(3):
@@ -250,8 +363,10 @@ async def reset(dut) -> None:
     dut.rst_i.value = 0
 
 
-def as_integer(handle, *, signed: bool = False) -> int:
-    """Return the value of a port as an integer."""
+def as_integer(handle: Port, *, signed: bool = False) -> int:
+    """Return the value of a port as an integer; a field knows whether it is signed."""
+    if isinstance(handle, FieldPort):
+        return handle.integer()
     # As handle.value does, but without an array of four-state bits in between, which Verilator does
     # not have and which takes six times as long.
     return _integer(handle._handle.get_signal_val_binstr(), signed)
@@ -266,16 +381,23 @@ class Ports:
     """Ports whose values are wanted at every clock, as ``as_integer`` returns each.
 
     Args:
-        dut: Whose they are.
-        names: Of the ports.
-        signed: Those of them that are.
+        dut: The top module.
+        names: Names of its ports, or of fields of those that are structs, as ``port`` takes them.
+        signed: Names of the ports that are signed; a field knows it.
     """
 
     def __init__(self, dut, names: Iterable[str], signed: Iterable[str] = ()) -> None:
         names, signed = list(names), set(signed)
         assert signed <= set(names), signed - set(names)
-        self._readers = [getattr(dut, name)._handle.get_signal_val_binstr for name in names]
-        self._signed = [name in signed for name in names]
+        ports = [port(dut, name) for name in names]
+        handles = [one.whole if isinstance(one, FieldPort) else one for one in ports]
+        unique = {handle._name: handle for handle in handles}
+        places = {name: k for k, name in enumerate(unique)}
+        self._readers = [handle._handle.get_signal_val_binstr for handle in unique.values()]
+        self._decoders = [
+            (places[handle._name], one if isinstance(one, FieldPort) else None, name in signed)
+            for name, one, handle in zip(names, ports, handles, strict=True)
+        ]
         self._bits: list[str] = []
         self._values: tuple[int, ...] = ()
 
@@ -284,11 +406,14 @@ class Ports:
         bits = [reader() for reader in self._readers]
         if bits != self._bits:  # most clocks change nothing
             self._bits = bits
-            self._values = tuple(map(_integer, bits, self._signed))
+            self._values = tuple(
+                _integer(bits[k], negative) if field is None else field.integer(bits[k])
+                for k, field, negative in self._decoders
+            )
         return self._values
 
 
-def drive(handle, value: int) -> None:
+def drive(handle: Port, value: int) -> None:
     """Drive a port with an integer, negative numbers as two's complement."""
     width = 1 if isinstance(handle, LogicObject) else len(handle)
     handle.value = int(value) & ((1 << width) - 1)
@@ -323,8 +448,8 @@ async def run_vectors(
     spacing = latency if spacing is None else spacing
     count = len(next(iter(inputs.values())))
     columns = {name: [int(v) for v in values] for name, values in inputs.items()}
-    handles = {name: getattr(dut, name) for name in columns}
-    ports = {name: getattr(dut, name) for name in outputs}
+    handles = {name: port(dut, name) for name in columns}
+    ports = {name: port(dut, name) for name in outputs}
     edge, valid_i, valid_o = FallingEdge(dut.clk_i), dut.valid_i, dut.valid_o
     results: dict[str, list[int]] = {name: [] for name in outputs}
     due: list[int] = []
@@ -375,7 +500,7 @@ def _slice(columns: Mapping[str, np.ndarray], k: int) -> dict[str, np.ndarray]:
 
 async def _present(dut, columns: Mapping[str, np.ndarray], k: int) -> None:
     for name, values in columns.items():
-        drive(getattr(dut, name), values[k])
+        drive(port(dut, name), values[k])
     dut.valid_i.value = 1
     await FallingEdge(dut.clk_i)
     dut.valid_i.value = 0
@@ -453,7 +578,6 @@ class TwinBench(abc.ABC):
     def __init__(self, dut, inputs: Iterable[str]) -> None:
         self.dut = dut
         self.inputs: dict[str, int | None] = dict.fromkeys(inputs)
-        self._handles = {name: getattr(dut, f"{name}_i") for name in self.inputs}
         self.twin = None
         self.clock = 0
 
@@ -461,11 +585,16 @@ class TwinBench(abc.ABC):
     def check(self) -> None:
         """Compare all outputs."""
 
+    def on_port(self, name: str, value: int) -> tuple[str, int]:
+        """Return the port of an input of the twin, without its end, and what it carries."""
+        return name, value
+
     def give(self, **inputs: int) -> None:
         """Change inputs."""
         for name, value in inputs.items():
             if self.inputs[name] != value:
-                drive(self._handles[name], value)
+                place, bits = self.on_port(name, value)
+                drive(port(self.dut, f"{place}_i"), bits)
                 self.inputs[name] = value
 
     async def reset_to(self, twin, **inputs: int) -> None:
@@ -521,6 +650,7 @@ def assert_equal(
 __all__ = [
     "CLOCK_NS",
     "EACH_VOLUME",
+    "PACKAGES",
     "SEED",
     "FallingEdge",
     "Ports",
@@ -533,10 +663,12 @@ __all__ = [
     "generator",
     "in_volume",
     "parameters",
+    "port",
     "reset",
     "reset_at_every_age",
     "restart_at_every_age",
     "rounds",
     "run_vectors",
     "simulate",
+    "struct_ports",
 ]

@@ -114,7 +114,6 @@ FAULTS = [
     # ---- rtl/sensor ----
     *faults(
         "rtl/sensor/line_receiver.sv",
-        ("a pixel short is good", "!line_start_i && pixel_valid_i));", "!line_start_i));"),
         ("a pixel long is good", "&& !over && !is_early;", "&& !is_early;"),
         ("lost is forgotten", "(lost_q || dropped) && !good;", "dropped && !good;"),
         ("period a clock short", "PeriodWidth'(MinPeriod - 1)", "PeriodWidth'(MinPeriod - 2)"),
@@ -124,11 +123,20 @@ FAULTS = [
             "PeriodWidth'(LongPeriod - 2)",
         ),
         ("no long period", "long_i ? waiting_q : too_early_q", "too_early_q"),
-        ("a counter wraps", "short_q && short_count_o != '1", "short_q"),
-        ("no reset of the line", "      in_line_q          <= 1'b0;\n", ""),
+        (
+            "a counter wraps",
+            "vrscan_pkg::counted(short_count_o, CountWidth)",
+            "16'((short_count_o + 16'd1) % (1 << CountWidth))",
+        ),
         ("no reset of the period", "      too_early_q        <= 1'b0;\n", ""),
         ("no reset of lost", "      lost_q             <= 1'b0;\n", ""),
         ("no reset of a counter", "      early_count_o      <= '0;\n", ""),
+    ),
+    *faults(
+        "rtl/sensor/line_extent.sv",
+        ("a pixel short is good", "!line_start_i && pixel_valid_i));", "!line_start_i));"),
+        ("no reset of the line", "if (rst_i) in_line_q <= 1'b0;", ""),
+        test="line_receiver",
     ),
     *faults(
         "rtl/sensor/line_buffer.sv",
@@ -137,7 +145,7 @@ FAULTS = [
             "<= !write_bank_q;\n      read",
             "<= write_bank_q;\n      read",
         ),
-        ("last one early", "(LineLength - Lanes)", "(LineLength - 2 * Lanes)"),
+        ("last one early", "(LineLength - 1)", "(LineLength - 2)"),
         ("no reset of the replay", "      reading_q    <= 1'b0;\n", ""),
         ("no reset of the last stage", "      valid_o      <= 1'b0;\n", ""),
     ),
@@ -230,8 +238,12 @@ FAULTS = [
     *faults(
         "rtl/peak/phase_correlate.sv",
         ("pedestal put back for T = N", "period_o == width_o ? '0 : ", ""),
-        ("T and N swapped", "(!(period_n_i || window", "((period_n_i || window"),
-        ("two passes with T = N - 1", "(period_n_i || window_two_pass_i)", "(period_n_i)"),
+        ("T and N swapped", "(!(peak_i.period_n || peak", "((peak_i.period_n || peak"),
+        (
+            "two passes with T = N - 1",
+            "(peak_i.period_n || peak_i.window_two_pass)",
+            "(peak_i.period_n)",
+        ),
         (
             "noise on a level baseline",
             "        slope_q      <= '0;\n        sum_o",
@@ -300,7 +312,7 @@ FAULTS = [
     # ---- rtl/geometry ----
     *faults(
         "rtl/geometry/distortion.sv",
-        ("odd and even swapped", "even_i && r_q", "!even_i && r_q"),
+        ("odd and even swapped", "geometry_i.even && r_q", "!geometry_i.even && r_q"),
         ("complement for negation", " + SlopeSumWidth'(flip_q)", ""),
         ("saturated slope is not told", "!offset_fits || !slope_fits;", "!offset_fits;"),
         ("2 k1 for 3 k1", "(FactorWidth + 4)'(factor_q) + ((F", "((F"),
@@ -390,8 +402,8 @@ FAULTS = [
         ("a glitch forgotten", "burst_q && value_q == level_q", "1'b0"),
         (
             "missing a clock late",
-            "(period_max_clks_i) - (TimeWidth + 1)'(1)",
-            "(period_max_clks_i)",
+            "(mirror_i.period_max_clks) - (TimeWidth + 1)'(1)",
+            "(mirror_i.period_max_clks)",
         ),
         ("a doubled one unseen", "before_outward_q == crossing_outward_q", "1'b0"),
         ("alive after a deadline", "(alive_o && !late)", "alive_o"),
@@ -441,15 +453,15 @@ FAULTS = [
         ("windup", "stands_q ? '0 : TermWidth'(product)", "TermWidth'(product)"),
         (
             "a settled limit beyond equality",
-            "e_size_q <= settle_limit_i",
-            "e_size_q < settle_limit_i",
+            "e_size_q <= mirror_i.settle_limit",
+            "e_size_q < mirror_i.settle_limit",
         ),
-        ("a shock at equality", "e_size_q > shock_limit_i", "e_size_q >= shock_limit_i"),
-        ("the trim the other way", "more_new_q == trim_up_i", "more_new_q != trim_up_i"),
+        ("a shock at equality", "e_size_q > mirror_i.shock", "e_size_q >= mirror_i.shock"),
+        ("the trim the other way", "more_new_q == mirror_i", "more_new_q != mirror_i"),
         (
             "no largest step",
-            "> trim_step_i ? trim_step_i :",
-            "> trim_step_i ? TrimStepWidth'(rate_q) :",
+            "> mirror_i.trim_step ? mirror_i.trim_step :",
+            "> mirror_i.trim_step ? TrimStepWidth'(rate_q) :",
         ),
         ("a fault keeps the confidence", "unsettled || index_fault ? '0", "unsettled ? '0"),
     ),
@@ -460,18 +472,22 @@ FAULTS = [
             "centre_half_o ? vrscan_pkg::TurnWidth'(increment >> 1) : '0",
             "'0",
         ),
-        ("harmonics that change at work", ".busy_i  (centre_q || scanning_q)", ".busy_i  (1'b0)"),
+        ("harmonics that change at work", ".busy_i(centre_q || scanning_q)", ".busy_i(1'b0)"),
         ("the flag of an angle that saturates", "unsettled || overflow", "unsettled"),
         ("a fault of the index unheard", "missing || doubled || impossible", "missing || doubled"),
     ),
     *faults(
         "rtl/timing/line_trigger.sv",
         ("the laser a clock longer", "if (ahead_q == pulse_end_q)", "if (time_q == pulse_end_q)"),
-        ("a pulse of no clocks", "pulse_delay_clks_i != '0 || pulse_clks_i != '0", "1'b1"),
+        (
+            "a pulse of no clocks",
+            "line_i.pulse_delay_clks != '0 || line_i.pulse_clks != '0",
+            "1'b1",
+        ),
         ("the laser on after a stop", "      laser_o         <= 1'b0;\n", ""),
         (
             "a centre of odd pulses",
-            "half_q           <= pulse_clks_i[0];",
+            "half_q           <= line_i.pulse_clks[0];",
             "half_q           <= 1'b0;",
         ),
         ("an overrun unseen", "wrap_q && (pulse_left_q ||", "wrap_q && (1'b0 ||"),
@@ -482,8 +498,8 @@ FAULTS = [
         ("the offset rounds down", " + PhaseWidth'(offset_i[OffsetDrop-1]);", ";"),
         (
             "the offset from the other side",
-            "(offset_q - drive_phase_i)",
-            "(drive_phase_i - offset_q)",
+            "(offset_q - motion_i.drive_phase)",
+            "(motion_i.drive_phase - offset_q)",
         ),
         ("products round down", "dropped + PhaseWidth'(half)", "dropped"),
         (
@@ -494,8 +510,8 @@ FAULTS = [
         ("base values forgotten", "sum_q     <= base_q + moved_q", "sum_q     <= moved_q"),
         (
             "a negative a_k is a large one",
-            "PhaseWidth'(signed'(motion_a_i[MotionWidth*n+:MotionWidth]))",
-            "PhaseWidth'(motion_a_i[MotionWidth*n+:MotionWidth])",
+            "PhaseWidth'(signed'(motion_i.motion_a[MotionWidth*n+:MotionWidth]))",
+            "PhaseWidth'(motion_i.motion_a[MotionWidth*n+:MotionWidth])",
         ),
         ("a_k wraps", "fits   = signs == '0 || signs == '1", "fits   = 1'b1 || signs == '0"),
         ("a_k saturates to the wrong end", "? ~MotionMax : MotionMax", "? MotionMax : ~MotionMax"),
@@ -533,7 +549,8 @@ FAULTS = [
         ("results survive a reset", "      mapped_q  <= 1'b0;\n", ""),
         (
             "base values a clock after the reset",
-            "      a_o       <= motion_a_i;\n      phi_o     <= motion_phi_i;\n      offset_o",
+            "      a_o       <= motion_i.motion_a;\n      phi_o     <= motion_i.motion_phi;\n"
+            "      offset_o",
             "      offset_o",
         ),
         ("no reset of the offset", "      offset_o  <= '0;\n", ""),
@@ -541,20 +558,24 @@ FAULTS = [
     # ---- the chain's wires ----
     *faults(
         "rtl/vrscan_chain.sv",
-        ("mirror's flags untold", "peak.row.line.mirror_flags;", "'0;"),
-        ("mirror's flags of a later line", "peak.row.line.mirror_flags;", "mirror_flags_q;"),
-        ("mirror's flags a clock late", "mirror_flags_q, user_q};", "mirror_flags_i, user_q};"),
-        ("n0 and n1 swapped", ".n0_i, .n1_i, .d0_i", ".n0_i(n1_i), .n1_i(n0_i), .d0_i"),
+        ("mirror's flags untold", "= line_q.mirror_flags;", "= '0;"),
         (
-            "d1 and e1 swapped",
-            ".d1_i, .e0_i, .e1_i,\n    .dropped",
-            ".d1_i(e1_i), .e0_i, .e1_i(d1_i),\n    .dropped",
+            "mirror's flags of a later line",
+            "    point.flags[vrscan_pkg::FlagNoNoise] = no_noise;\n",
+            "    point.flags[vrscan_pkg::FlagNoNoise] = no_noise;\n"
+            "    point.flags[vrscan_pkg::FlagNotRunning+:3] = line_q.mirror_flags;\n",
         ),
-        ("noise of a later line", ".noise_i     (peak.noise)", ".noise_i     (noise)"),
-        ("flag of a later line", "= peak.row.row_statistics;", "= row.row_statistics;"),
-        ("no flag", "    flags[vrscan_pkg::FlagNoNoise]       = no_noise;\n", ""),
-        ("lost lines untold", "= peak.row.line.lost;", "= 1'b0;"),
-        ("angle a clock late", "lost, angle_q, power_q,", "lost, unsigned'(angle_i), power_q,"),
+        ("mirror's flags a clock late", "= line_q.mirror_flags;", "= line_i.mirror_flags;"),
+        ("noise of a later line", ".noise_i(peak.noise)", ".noise_i(noise)"),
+        (
+            "flag of a later line",
+            "    point.flags[vrscan_pkg::FlagNoNoise] = no_noise;\n",
+            "    point.flags[vrscan_pkg::FlagNoNoise] = no_noise;\n"
+            "    point.flags[vrscan_pkg::FlagRowStatistics] = row_statistics;\n",
+        ),
+        ("no flag", "    point.flags[vrscan_pkg::FlagNoNoise] = no_noise;\n", ""),
+        ("lost lines untold", "FlagLinesLost] = lost;", "FlagLinesLost] = 1'b0;"),
+        ("angle a clock late", "begun.line   = line_q;", "begun.line   = line_i;"),
         (
             "wrong flag decides",
             "peak.flags[vrscan_pkg::FlagLowSnr]",
@@ -562,29 +583,43 @@ FAULTS = [
         ),
         (
             "does not wait for sigma",
-            "(have_confidence_q || confidence_valid) && !start_q;\n    if",
+            "(have_confidence_q || judged) && !start_q;\n    if",
             "!start_q;\n    if",
         ),
-        ("position of nothing", "phase_measured ? unsigned'(position) : '0", "unsigned'(position)"),
+        (
+            "position of nothing",
+            "measured ? vrscan_pkg::PositionWidth'(position) : '0",
+            "vrscan_pkg::PositionWidth'(position)",
+        ),
         ("lines may come too fast", "= LineLength >= LinePeriod ? 0 : LinePeriod;", "= 0;"),
         ("two passes too fast", "= LineLength >= TwoPeriod ? 0 : TwoPeriod;", "= MinPeriod;"),
         ("first window for the second", "if (second_q) begin", "if (1'b0) begin"),
-        ("drops are not reset", "if (rst_i) dropped_count_o <= '0;", ""),
-        ("drops wrap", "dropped && dropped_count_o != '1", "dropped"),
+        ("drops are not reset", "if (rst_i) dropped_count_q <= '0;", ""),
+        (
+            "drops wrap",
+            "vrscan_pkg::counted(dropped_count_q, CountWidth)",
+            "16'((dropped_count_q + 16'd1) % (1 << CountWidth))",
+        ),
     ),
     *faults(
-        "rtl/vrscan_chain.sv",
-        (
-            "k1 and k2 swapped",
-            ".centre_i, .k1_i, .k2_i, .even_i",
-            ".centre_i, .k1_i(k2_i), .k2_i(k1_i), .even_i",
-        ),
-        (
-            "gains swapped",
-            ".kappa_i, .c_obj_gain_i, .c_sfm_gain_i",
-            ".kappa_i, .c_obj_gain_i(c_sfm_gain_i), .c_sfm_gain_i(c_obj_gain_i)",
-        ),
-        ("period fixed", "    .period_n_i\n", "    .period_n_i  (1'b1)\n"),
+        "rtl/geometry/distortion.sv",
+        ("k1 and k2 swapped", "FactorWidth'(geometry_i.k2)", "FactorWidth'(geometry_i.k1)"),
+        test="chain_lines",
+    ),
+    *faults(
+        "rtl/geometry/triangulate.sv",
+        ("n0 and n1 swapped", "RoundedWidth'(geometry_i.n0)", "RoundedWidth'(geometry_i.n1)"),
+        ("d1 and e1 swapped", "RoundedWidth'(geometry_i.d1)", "RoundedWidth'(geometry_i.e1)"),
+        test="vrscan_chain",
+    ),
+    *faults(
+        "rtl/peak/peak_confidence.sv",
+        ("gains swapped", "1'b0, peak_i.c_sfm_gain", "1'b0, peak_i.c_obj_gain"),
+        test="chain_lines",
+    ),
+    *faults(
+        "rtl/peak/phase_correlate.sv",
+        ("period fixed", "(!(peak_i.period_n || peak", "(!(1'b1 || peak"),
         test="chain_lines",
     ),
     *faults(
@@ -651,12 +686,12 @@ FAULTS = [
         ("any frame makes a rate hold", "frame_done && frame_status", "frame_done || frame_status"),
         (
             "no 0x00 after a rate that got no frame",
-            "      lead_q           <= 1'b1;\n      uart_fallbacks_o",
-            "      uart_fallbacks_o",
+            "      lead_q      <= 1'b1;\n      fallbacks_q",
+            "      fallbacks_q",
         ),
         (
             "a break keeps the rate",
-            "if (broken) begin\n      uart_step_now_o <= DefaultStep;\n",
+            "if (broken) begin\n      step_now_q <= DefaultStep;\n",
             "if (broken) begin\n",
         ),
         ("a break is a bad byte, too", "if (framing && !broken)", "if (framing)"),
@@ -668,9 +703,9 @@ FAULTS = [
     ),
     *faults(
         "rtl/actuators/laser_control.sv",
-        ("a pulse that has begun is permitted", "&& (permit_q || !laser_i);", ";"),
+        ("a pulse that has begun is permitted", "&& (permit_q || !pulse_i);", ";"),
         ("a full bucket opens at once", "over || (full_q && level_q != '0)", "over"),
-        ("a new power in a pulse", "(laser_q && !laser_i)", "!laser_i"),
+        ("a new power in a pulse", "(pulse_q && !pulse_i)", "!pulse_i"),
     ),
     *faults(
         "rtl/safety/laser_guard.sv",
@@ -681,8 +716,8 @@ FAULTS = [
         ("distances fall as they rise", "signed'({delta_q, 1'b0}) >>>", "{delta_q, 1'b0} >>>"),
         (
             "a lapse one early",
-            "if (others_q > focus_lapse_i) begin",
-            "if (others_q >= focus_lapse_i) begin",
+            "if (others_q > focus_i.focus_lapse) begin",
+            "if (others_q >= focus_i.focus_lapse) begin",
         ),
         ("a target at once", "(far_q && held_q)", "far_q"),
         (

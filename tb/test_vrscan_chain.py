@@ -12,22 +12,24 @@ import pytest
 from harness import (
     EACH_VOLUME,
     FallingEdge,
-    as_integer,
     generator,
     parameters,
+    port,
     reset,
     rounds,
     simulate,
+    struct_ports,
 )
 
 from vrscan.data import pkg
 from vrscan.data.config import Config, Geometry, Peak, Sensor
 from vrscan.data.points import Points
-from vrscan.engines.chain_engine import CONFIGURATION, RESULTS
+from vrscan.engines.chain_engine import RESULTS
 from vrscan.fixed import vrscan_chain as chain
 from vrscan.fixed.line_receiver import LineReceiver
 from vrscan.fixed.vrscan_chain import run_fixed
 from vrscan.registers.chain_registers import Registers
+from vrscan.registers.structs import POINT
 
 ELABORATIONS = [
     {"LineLength": 600, "PixelWidth": 12, "MaxWindow": 60},  # lines may follow without a gap
@@ -35,8 +37,7 @@ ELABORATIONS = [
     {"LineLength": 547, "PixelWidth": 16, "MaxWindow": 70},
     {"LineLength": 1200, "PixelWidth": 12, "MaxWindow": 60},  # nor do those of two passes
 ]
-SIGNED = {"position", "angle", "x", "z"}
-BESIDE = ("power", "user")  # what only passes through
+PASSED = ("power", "confidence", "inward", "time", "test")  # what only passes through
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,14 @@ class Strobes:
     angle: int = 0
     power: int = 0
     mirror_flags: int = 0
-    user: int = 0
+    rest: int = 0  # what else belongs to the line: 0 to 255, of which all of it is made
+
+    def line(self) -> dict[str, int]:
+        """Return the fields of line_t."""
+        rest = self.rest
+        own = {"angle": self.angle, "power": self.power, "mirror_flags": self.mirror_flags}
+        more = {"confidence": rest, "inward": rest & 1, "test": rest >> 7}
+        return own | more | {"time_clks": rest * 0x0101_0101}
 
 
 def min_period(two_pass: bool = False) -> int:
@@ -61,7 +69,7 @@ def min_period(two_pass: bool = False) -> int:
 
 def counted(dut, *names: str) -> list[int]:
     """Return the counters of dropped lines and points."""
-    return [int(getattr(dut, f"{name}_count_o").value) for name in names]
+    return [port(dut, f"{name}_count_o").value for name in names]
 
 
 def limited(*counts: int) -> list[int]:
@@ -97,7 +105,7 @@ def as_strobes(pixels: np.ndarray, salt: int, *, gap: float = 0.0) -> list[Strob
     draw = generator(salt)
     angle, power = int(draw.integers(-(1 << 20), 1 << 20)), int(draw.integers(1 << 16))
     raised = int(draw.integers(1 << pkg.MIRROR_FLAG_WIDTH))
-    user = int(draw.integers(256))
+    rest = int(draw.integers(256))
     clocks: list[Strobes] = []
     for k, pixel in enumerate(pixels.tolist()):
         while draw.random() < gap:
@@ -109,8 +117,8 @@ def as_strobes(pixels: np.ndarray, salt: int, *, gap: float = 0.0) -> list[Strob
         last = k == len(pixels) - 1
         # What counts is sampled with the line's end.
         flags = raised if last else 7 - raised
-        beside = user if last else 255 - user
-        clocks.append(Strobes(not clocks, True, pixel, last, angle, power, flags, beside))
+        more = rest if last else 255 - rest
+        clocks.append(Strobes(not clocks, True, pixel, last, angle, power, flags, more))
     return clocks
 
 
@@ -122,15 +130,15 @@ def idle(clocks: int) -> list[Strobes]:
 async def drive(dut, clocks: list[Strobes]) -> list[tuple[int, dict[str, int]]]:
     """Drive the clocks with the consumer ready and return (clock, point) as they come."""
     got = []
+    given: dict[str, int] = {}
     for cycle, s in enumerate(clocks):
         dut.line_start_i.value = int(s.start)
         dut.pixel_valid_i.value = int(s.valid)
         dut.pixel_i.value = s.pixel
         dut.line_end_i.value = int(s.end)
-        dut.angle_i.value = s.angle & ((1 << pkg.ANGLE_WIDTH) - 1)
-        dut.power_i.value = s.power
-        dut.mirror_flags_i.value = s.mirror_flags
-        dut.user_i.value = s.user
+        if s.line() != given:
+            given = s.line()
+            struct_ports(dut)["line_i"].give(given)
         await FallingEdge(dut.clk_i)
         if dut.valid_o.value and dut.ready_i.value:
             got.append((cycle + 1, read_point(dut)))
@@ -139,8 +147,8 @@ async def drive(dut, clocks: list[Strobes]) -> list[tuple[int, dict[str, int]]]:
 
 def read_point(dut) -> dict[str, int]:
     """Return the point on the output ports."""
-    ports = (*RESULTS, *BESIDE)
-    return {n: as_integer(getattr(dut, f"{n}_o"), signed=n in SIGNED) for n in ports}
+    fields = struct_ports(dut)["point_o"].read()
+    return {name: fields[POINT.get(name, name)] for name in (*RESULTS, *PASSED)}
 
 
 def expected(clocks: list[Strobes], given: Registers) -> list[tuple[int, dict[str, int]]]:
@@ -150,7 +158,7 @@ def expected(clocks: list[Strobes], given: Registers) -> list[tuple[int, dict[st
     twin = LineReceiver(length, min_period(given.window_two_pass))
     pixels: list[int] = []
     ends, lines, angles, powers, raised, numbers, lost = [], [], [], [], [], [], []
-    users = []
+    passed: list[dict[str, int]] = []
     for cycle, s in enumerate(clocks):
         got = twin.step(s.start, s.valid, s.pixel, s.end)
         if got.index is not None:
@@ -161,7 +169,8 @@ def expected(clocks: list[Strobes], given: Registers) -> list[tuple[int, dict[st
             angles.append(s.angle)
             powers.append(s.power)
             raised.append(s.mirror_flags)
-            users.append(s.user)
+            line = s.line()
+            passed.append({name: line["time_clks" if name == "time" else name] for name in PASSED})
             numbers.append(got.line_number)
             lost.append(got.lost)
     if not lines:
@@ -176,7 +185,6 @@ def expected(clocks: list[Strobes], given: Registers) -> list[tuple[int, dict[st
     )
     flags = points.flags | np.array(lost, np.int64) << pkg.FLAG_LINES_LOST
     points = replace(points, line=np.array(numbers), flags=flags)
-    beside = [{"power": power, "user": user} for power, user in zip(powers, users, strict=True)]
     _, first = chain.first_windows(np.array(lines, np.uint16), given, elaboration["MaxWindow"])
     due = [
         chain.latency(
@@ -189,7 +197,7 @@ def expected(clocks: list[Strobes], given: Registers) -> list[tuple[int, dict[st
         )
         for k in range(len(lines))
     ]
-    return [(end + due[k], row(points, k) | beside[k]) for k, end in enumerate(ends)]
+    return [(end + due[k], row(points, k) | passed[k]) for k, end in enumerate(ends)]
 
 
 def row(points: Points, k: int) -> dict[str, int]:
@@ -215,10 +223,9 @@ async def start(dut, two_pass: bool = False) -> Registers:
     """Reset, load the registers and open the consumer."""
     await reset(dut)
     given = registers(two_pass)
-    for name in CONFIGURATION:
-        handle = getattr(dut, f"{name}_i")
-        value = int(getattr(given, name))
-        handle.value = value & ((1 << max(1, len(handle))) - 1) if value < 0 else value
+    struct_ports(dut)["peak_i"].give(given)
+    struct_ports(dut)["geometry_i"].give(given)
+    dut.centre_i.value = given.centre & (1 << len(dut.centre_i)) - 1
     dut.ready_i.value = 1
     await FallingEdge(dut.clk_i)
     return given
@@ -387,3 +394,4 @@ def test_no_stage_is_busy_longer_than_the_least_period(line_length: int, pixel_w
         # The line's pixels and statistics are those of the line until then.
         assert phase_correlate.first_latency(pkg.MIN_WINDOW) > peak_refine.START_LATENCY
     assert 3 * 255 + pkg.TWO_PASS_OVERHEAD <= 2048
+    assert triangulate.BUSY == pkg.POINT_PERIOD

@@ -7,12 +7,12 @@
 //
 //   position_i   px, PositionFraction bits
 //   centre_i     px, OffsetFraction bits
-//   k1_i, k2_i   k1 R^2 and k2 R^4, DistortionFraction bits
+//   k1, k2       k1 R^2 and k2 R^4, DistortionFraction bits
 //   offset_o     px, OffsetFraction bits; error below 2**-18 px for 10 % at the edge of 2048 px
 //   slope_o      d offset / d position, SlopeFraction bits
 //   saturated_o  one of the two does not fit, or the correction is beyond 100 %
-//   Latency      5 products of multiply's latency + 2 clocks, + 2: 57 clocks; a valid_i meanwhile
-//                starts anew.  The configuration must hold meanwhile.
+//   Latency      5 products of multiply's latency + 2 clocks, + 2; a valid_i meanwhile starts
+//                anew.  The configuration must hold meanwhile.
 //   Model        vrscan.fixed.distortion, bit-exact
 
 `default_nettype none
@@ -36,9 +36,7 @@ module distortion #(
   output      logic                                          saturated_o,
 
   input  wire logic signed [                CentreWidth-1:0] centre_i,
-  input  wire logic signed [vrscan_pkg::DistortionWidth-1:0] k1_i,
-  input  wire logic signed [vrscan_pkg::DistortionWidth-1:0] k2_i,
-  input  wire logic                                          even_i
+  input  wire register_pkg::geometry_t                       geometry_i
 );
 
   if (LineLength < 2 || LineLength > 8192) begin : gen_bad_line_length
@@ -104,7 +102,7 @@ module distortion #(
         a = s;
         b = RoundedWidth'(s);
       end
-      Inner:  a = FactorWidth'(k2_i) <<< Align;
+      Inner:  a = FactorWidth'(geometry_i.k2) <<< Align;
       Gain:   a = factor;
       // Towards minus infinity.
       Bend:   a = FactorWidth'(curve_q >>> (Fraction - CurveFraction));
@@ -165,7 +163,7 @@ module distortion #(
         Inner: begin
           inner_q  <= (FactorWidth + 2)'(rounded_q);
           factor_q <= (FactorWidth + 2)'(rounded_q)
-                      + ((FactorWidth + 2)'(k1_i) <<< Align);
+                      + ((FactorWidth + 2)'(geometry_i.k1) <<< Align);
           step_q   <= Gain;
         end
         Gain: begin
@@ -187,7 +185,7 @@ module distortion #(
       step_q  <= Square;
       start_q <= 1'b1;
     end
-    flip_q <= even_i && r_q[OffsetWidth-1];
+    flip_q <= geometry_i.even && r_q[OffsetWidth-1];
 
     // To nearest, half up.
     rounded_q <= RoundedWidth'(product >>> Fraction) + RoundedWidth'(product[Fraction-1]);

@@ -20,8 +20,9 @@
 //   lost_o               a point between the one before and this one was dropped
 //   dropped_o            a pulse a dropped point: one that came while another was in work, or whose
 //                        place in the output register was still taken
-//   Latency              201 clocks: quarter_wave's 7, 13 products of 9, 2 quotients of 37, and 3.
-//                        A point may follow every 200.  The configuration must hold meanwhile.
+//   Latency              vrscan_pkg::PointPeriod + 1 clocks: quarter_wave's, 13 products of
+//                        multiply's and 2, 2 quotients of divide's and 2, and 3.  A point may follow
+//                        every PointPeriod.  The configuration must hold meanwhile.
 //   Model                vrscan.fixed.triangulate, bit-exact
 
 `default_nettype none
@@ -55,12 +56,7 @@ module triangulate #(
   output      logic                                        lost_o,
   output      logic        [                UserWidth-1:0] user_o,
 
-  input  wire logic signed [vrscan_pkg::GeometryWidth-1:0] n0_i,
-  input  wire logic signed [vrscan_pkg::GeometryWidth-1:0] n1_i,
-  input  wire logic signed [vrscan_pkg::GeometryWidth-1:0] d0_i,
-  input  wire logic signed [vrscan_pkg::GeometryWidth-1:0] d1_i,
-  input  wire logic signed [vrscan_pkg::GeometryWidth-1:0] e0_i,
-  input  wire logic signed [vrscan_pkg::GeometryWidth-1:0] e1_i,
+  input  wire register_pkg::geometry_t                     geometry_i,
 
   output      logic                                        dropped_o
 );
@@ -167,9 +163,9 @@ module triangulate #(
       default:                       a = FactorWidth'(cosine);
     endcase
     unique case (step_q)
-      Numerator, Move:       b = RoundedWidth'(n1_i);
-      RayCosine, RateCosine: b = RoundedWidth'(d1_i);
-      RaySine, RateSine:     b = RoundedWidth'(e1_i);
+      Numerator, Move:       b = RoundedWidth'(geometry_i.n1);
+      RayCosine, RateCosine: b = RoundedWidth'(geometry_i.d1);
+      RaySine, RateSine:     b = RoundedWidth'(geometry_i.e1);
       DivisorCosine:         b = ray_cosine_q;
       DivisorSine:           b = ray_sine_q;
       Spread:                b = RoundedWidth'(slope_q) <<< SlopeAlign;
@@ -257,15 +253,15 @@ module triangulate #(
       start_q <= step_q != SigmaZ;
       unique case (step_q)
         Numerator: begin
-          numerator_q <= RoundedWidth'(n0_i) + rounded_q;
+          numerator_q <= RoundedWidth'(geometry_i.n0) + rounded_q;
           step_q      <= RayCosine;
         end
         RayCosine: begin
-          ray_cosine_q <= RoundedWidth'(d0_i) + rounded_q;
+          ray_cosine_q <= RoundedWidth'(geometry_i.d0) + rounded_q;
           step_q       <= RaySine;
         end
         RaySine: begin
-          ray_sine_q <= RoundedWidth'(e0_i) + rounded_q;
+          ray_sine_q <= RoundedWidth'(geometry_i.e0) + rounded_q;
           step_q     <= DivisorCosine;
         end
         DivisorCosine: begin

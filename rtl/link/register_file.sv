@@ -8,278 +8,96 @@
 // WRITE answers has been read back.  The registers stand all over the die, so what goes to many of
 // them, data, selection and reset, comes from registers near them.
 //
-//   group_rst_i   with rst_i: one for each group of settings, so that no net resets all of them
+//   rst_i         works a clock later; each group of settings has a register of its own for it, so
+//                 that no net resets all of them
 //   bus_valid_i   ignored from the clock after it until bus_done_o
 //   bus_access_i  link_pkg; CHECK says what WRITE would, and changes nothing; 3 is as READ
 //   bus_status_o  with bus_done_o, the first that applies: StatusNoAddress, StatusReadOnly,
 //                 StatusLocked, StatusBadValue, StatusOk
 //   bus_data_o    with bus_done_o, the word as it is read; 0 unless OK
-//   *_o           what the bus has written, 7 clocks after bus_valid_i
-//   *_strobe_o    in the first clock in which *_o has what was written
-//   *_i           a READ sees them 7 clocks after bus_valid_i
+//   *_o           structs of register_pkg: what the bus has written, 7 clocks after
+//                 bus_valid_i; a field *_strobe is high in the first clock in which its register
+//                 has what was written
+//   *_i           structs, too: a READ sees them 7 clocks after bus_valid_i
 //   Wide ones     take effect with their higher word; until then the lower one waits, and is read
 //                 as written.  The READ of a lower word of *_i keeps the higher one for its READ
-//   Tables        an entry goes out with its last field, the others are those written before; a
-//                 reset leaves what was written for the bus to read
+//   Tables        an entry goes out with its last field and with *_write, the others are those
+//                 written before; a reset leaves what was written for the bus to read
 //   Latency       10 clocks from bus_valid_i to bus_done_o
 //   Model         vrscan.clocked.register_file, bit-exact
 
 `default_nettype none
 
 module register_file (
-  input  wire logic                                                   clk_i,
-  input  wire logic                                                   rst_i,
-  input  wire logic                                          [14-1:0] group_rst_i,
+  input  wire logic                               clk_i,
+  input  wire logic                               rst_i,
 
-  input  wire logic                                                   bus_valid_i,
-  input  wire logic                       [link_pkg::AccessWidth-1:0] bus_access_i,
-  input  wire logic                      [link_pkg::AddressWidth-1:0] bus_address_i,
-  input  wire logic                                            [31:0] bus_data_i,
-  output      logic                                                   bus_done_o,
-  output      logic                       [link_pkg::StatusWidth-1:0] bus_status_o,
-  output      logic                                            [31:0] bus_data_o,
+  input  wire logic                               bus_valid_i,
+  input  wire logic [link_pkg::AccessWidth-1:0]   bus_access_i,
+  input  wire logic [link_pkg::AddressWidth-1:0]  bus_address_i,
+  input  wire logic [31:0]                        bus_data_i,
+  output      logic                               bus_done_o,
+  output      logic [link_pkg::StatusWidth-1:0]   bus_status_o,
+  output      logic [31:0]                        bus_data_o,
 
-  // What this is, and how it was built.
-  input  wire logic                                            [15:0] board_id_i,
-  input  wire logic                                            [31:0] clock_hz_i,
-  input  wire logic                                            [15:0] line_length_i,
-  input  wire logic                                             [7:0] pixel_width_i,
-  input  wire logic                                             [7:0] max_window_i,
-  input  wire logic                                             [7:0] lanes_i,
-  input  wire logic                                             [7:0] index_oversample_i,
-  output      logic                                            [31:0] scratch_o,
-  input  wire logic                                            [47:0] uptime_i,
-
-  // Threshold, window and confidence of the peak; holds until the points of all lines are out.
-  output      logic                                                   period_n_o,
-  output      logic                                                   noise_row_o,
-  output      logic                                            [15:0] k_noise_o,
-  output      logic                                            [15:0] k_height_o,
-  output      logic                        [vrscan_pkg::SnrWidth-1:0] snr_min_o,
-  output      logic                     [vrscan_pkg::WindowWidth-1:0] min_width_o,
-  output      logic                     [vrscan_pkg::WindowWidth-1:0] max_width_o,
-  output      logic                      [vrscan_pkg::KappaWidth-1:0] kappa_o,
-  output      logic                       [vrscan_pkg::GainWidth-1:0] c_obj_gain_o,
-  output      logic                       [vrscan_pkg::GainWidth-1:0] c_sfm_gain_o,
-  output      logic                                                   window_two_pass_o,
-
-  // The triangle; R = 2**ceil(log2(line_length)) px. It holds until the points of all lines are
-  // out.
-  output      logic signed                                     [31:0] centre_o,
-  output      logic signed          [vrscan_pkg::DistortionWidth-1:0] k1_o,
-  output      logic signed          [vrscan_pkg::DistortionWidth-1:0] k2_o,
-  output      logic                                                   even_o,
-  output      logic signed            [vrscan_pkg::GeometryWidth-1:0] n0_o,
-  output      logic signed            [vrscan_pkg::GeometryWidth-1:0] n1_o,
-  output      logic signed            [vrscan_pkg::GeometryWidth-1:0] d0_o,
-  output      logic signed            [vrscan_pkg::GeometryWidth-1:0] d1_o,
-  output      logic signed            [vrscan_pkg::GeometryWidth-1:0] e0_o,
-  output      logic signed            [vrscan_pkg::GeometryWidth-1:0] e1_o,
-
-  // Lines and points that were lost.
-  input  wire logic                                            [15:0] short_count_i,
-  input  wire logic                                            [15:0] long_count_i,
-  input  wire logic                                            [15:0] unfinished_count_i,
-  input  wire logic                                            [15:0] early_count_i,
-  input  wire logic                                            [15:0] dropped_count_i,
-
-  // The mirror's loop.
-  output      logic                                                   mirror_enable_o,
-  output      logic                                                   line_enable_o,
-  output      logic                       [vrscan_pkg::WordWidth-1:0] sweep_word_o,
-  output      logic                       [vrscan_pkg::WordWidth-1:0] work_word_o,
-  output      logic                                            [31:0] sweep_rate_o,
-  output      logic                                             [7:0] glitch_clks_o,
-  output      logic                       [vrscan_pkg::TimeWidth-1:0] width_min_clks_o,
-  output      logic                       [vrscan_pkg::TimeWidth-1:0] width_max_clks_o,
-  output      logic                       [vrscan_pkg::TimeWidth-1:0] period_max_clks_o,
-  output      logic                                             [3:0] phase_shift_o,
-  output      logic                                             [5:0] rate_shift_o,
-  output      logic                                             [3:0] amplitude_shift_o,
-  output      logic                      [vrscan_pkg::ErrorWidth-1:0] error_limit_o,
-  output      logic                  [vrscan_pkg::AmplitudeWidth-1:0] amplitude_set_o,
-  output      logic                [vrscan_pkg::ControlGainWidth-1:0] k_p_o,
-  output      logic                [vrscan_pkg::ControlGainWidth-1:0] k_i_o,
-  output      logic                      [vrscan_pkg::LevelWidth-1:0] level_low_o,
-  output      logic                      [vrscan_pkg::LevelWidth-1:0] level_high_o,
-  output      logic                      [vrscan_pkg::LevelWidth-1:0] level_nominal_o,
-  output      logic                   [vrscan_pkg::TrimStepWidth-1:0] trim_step_o,
-  output      logic                [vrscan_pkg::ControlGainWidth-1:0] trim_gain_o,
-  output      logic                                                   trim_up_o,
-  output      logic                  [vrscan_pkg::AmplitudeWidth-1:0] settle_limit_o,
-  output      logic                  [vrscan_pkg::AmplitudeWidth-1:0] shock_limit_o,
-  output      logic                      [vrscan_pkg::ErrorWidth-1:0] phase_limit_o,
-  output      logic                                             [7:0] settle_count_o,
-  output      logic                                             [7:0] hold_count_o,
-  output      logic                       [vrscan_pkg::GainWidth-1:0] confidence_gain_o,
-
-  // What bounds the mirror's drive.
-  output      logic                                            [15:0] duty_o,
-  output      logic                      [vrscan_pkg::LevelWidth-1:0] sweep_level_o,
-  output      logic                      [vrscan_pkg::LevelWidth-1:0] level_min_o,
-  output      logic                      [vrscan_pkg::LevelWidth-1:0] level_max_o,
-  output      logic signed                [vrscan_pkg::TrimWidth-1:0] trim_min_o,
-  output      logic signed                [vrscan_pkg::TrimWidth-1:0] trim_max_o,
-  output      logic                       [vrscan_pkg::TimeWidth-1:0] sweep_timeout_o,
-  output      logic                       [vrscan_pkg::TimeWidth-1:0] settle_timeout_o,
-  output      logic                       [vrscan_pkg::TimeWidth-1:0] lost_timeout_o,
-
-  // The mirror's motion, (12), at k = 1, 3 .. 17.
-  output      logic                      [vrscan_pkg::PhaseWidth-1:0] drive_phase_o,
-  output      logic                   [9*vrscan_pkg::MotionWidth-1:0] motion_a_o,
-  output      logic                    [9*vrscan_pkg::PhaseWidth-1:0] motion_phi_o,
-  output      logic              [9*vrscan_pkg::SlopeMotionWidth-1:0] motion_da_o,
-  output      logic              [9*vrscan_pkg::SlopeMotionWidth-1:0] motion_dphi_o,
-
-  // Timing of a line; clocks count from its start.
-  output      logic                      [vrscan_pkg::RatioWidth-1:0] ratio_o,
-  output      logic                   [vrscan_pkg::LineClksWidth-1:0] exposure_delay_clks_o,
-  output      logic                   [vrscan_pkg::LineClksWidth-1:0] exposure_clks_o,
-  output      logic                   [vrscan_pkg::LineClksWidth-1:0] pulse_delay_clks_o,
-  output      logic                   [vrscan_pkg::LineClksWidth-1:0] pulse_clks_o,
-
-  // How the mirror is.
-  input  wire logic                [vrscan_pkg::MirrorStateWidth-1:0] mirror_state_i,
-  input  wire logic                      [vrscan_pkg::FaultWidth-1:0] mirror_fault_i,
-  input  wire logic                       [vrscan_pkg::WordWidth-1:0] mirror_word_i,
-  input  wire logic                       [vrscan_pkg::TurnWidth-1:0] mirror_drive_phase_i,
-  input  wire logic                       [vrscan_pkg::TurnWidth-1:0] mirror_phase_i,
-  input  wire logic                      [vrscan_pkg::LevelWidth-1:0] mirror_level_i,
-  input  wire logic                                                   index_alive_i,
-  input  wire logic                                                   mirror_settled_i,
-  input  wire logic                  [vrscan_pkg::AmplitudeWidth-1:0] mirror_measured_i,
-  input  wire logic signed               [vrscan_pkg::ErrorWidth-1:0] mirror_error_i,
-  input  wire logic                                            [15:0] missing_count_i,
-  input  wire logic                                            [15:0] doubled_count_i,
-  input  wire logic                                            [15:0] impossible_count_i,
-  input  wire logic                                            [15:0] glitch_count_i,
-  input  wire logic                                            [15:0] overrun_count_i,
-
-  // The serial line; a counter of frames counts those that have ended so.
-  output      logic                                            [23:0] uart_step_o,
-  output      logic                                                   uart_step_strobe_o,
-  input  wire logic                                            [23:0] uart_step_now_i,
-  input  wire logic                                            [15:0] uart_framing_i,
-  input  wire logic                                            [15:0] uart_breaks_i,
-  input  wire logic                                            [15:0] uart_glitches_i,
-  input  wire logic                                            [15:0] uart_fallbacks_i,
-  input  wire logic                                            [15:0] frames_good_i,
-  input  wire logic                                            [15:0] frames_crc_i,
-  input  wire logic                                            [15:0] frames_malformed_i,
-  input  wire logic                                            [15:0] frames_too_long_i,
-  input  wire logic                                            [15:0] frames_too_short_i,
-  input  wire logic                                            [15:0] frames_framing_i,
-  input  wire logic                                            [15:0] commands_bad_i,
-  input  wire logic                                            [15:0] commands_lost_i,
-
-  // The laser's power: 65535 is full scale. Dark until it is loaded.
-  output      logic                                                   laser_enable_o,
-  output      logic                                                   laser_adapt_o,
-  output      logic                                                   laser_shared_o,
-  output      logic                      [vrscan_pkg::PowerWidth-1:0] laser_power_o,
-  output      logic                      [vrscan_pkg::PowerWidth-1:0] laser_power_min_o,
-  output      logic                      [vrscan_pkg::PowerWidth-1:0] laser_power_max_o,
-  output      logic                      [vrscan_pkg::PowerWidth-1:0] laser_startup_o,
-  output      logic                    [vrscan_pkg::AlignedWidth-1:0] laser_target_o,
-  output      logic                                            [13:0] laser_cut_o,
-  output      logic                                            [15:0] laser_down_o,
-  output      logic                                            [15:0] laser_up_o,
-  output      logic                                            [13:0] laser_search_o,
-  output      logic                                            [15:0] laser_index_begin_o,
-  output      logic                                            [15:0] laser_index_end_o,
-
-  // What no other register exceeds; above them are the ceilings of the build.
-  output      logic                      [vrscan_pkg::PowerWidth-1:0] laser_limit_power_o,
-  output      logic                      [vrscan_pkg::PowerWidth-1:0] laser_limit_startup_o,
-  output      logic                   [vrscan_pkg::LineClksWidth-1:0] laser_limit_pulse_clks_o,
-  output      logic                      [vrscan_pkg::PowerWidth-1:0] laser_limit_drain_o,
-  output      logic                                            [31:0] laser_limit_bucket_o,
-  output      logic                                            [31:0] laser_watchdog_clks_o,
-
-  // How the laser is.
-  input  wire logic                                             [4:0] laser_status_i,
-  input  wire logic                      [vrscan_pkg::PowerWidth-1:0] laser_power_inward_i,
-  input  wire logic                      [vrscan_pkg::PowerWidth-1:0] laser_power_outward_i,
-  input  wire logic                                            [15:0] laser_cut_count_i,
-  input  wire logic                                            [15:0] laser_duty_count_i,
-  input  wire logic                                            [15:0] laser_watchdog_count_i,
-
-  // What is sent to the host.
-  output      logic                                             [7:0] points_batch_o,
-  output      logic                                            [23:0] points_timeout_clks_o,
-  input  wire logic                                            [15:0] points_dropped_i,
-  input  wire logic                                                   capture_busy_i,
-
-  // The autofocus; positions in steps of the motor's sensor.
-  output      logic                                             [1:0] focus_mode_o,
-  output      logic                                            [15:0] focus_manual_o,
-  output      logic                                             [3:0] focus_average_shift_o,
-  output      logic                                            [15:0] focus_lapse_o,
-  output      logic signed              [vrscan_pkg::LengthWidth-1:0] focus_z_begin_o,
-  output      logic                                             [3:0] focus_z_shift_o,
-  output      logic                                            [15:0] focus_hysteresis_o,
-  output      logic                                            [15:0] focus_hold_o,
-  output      logic                                             [6:0] focus_address_o,
-  output      logic                                            [15:0] focus_quarter_clks_o,
-  output      logic                                            [23:0] focus_stretch_clks_o,
-  output      logic                                            [23:0] focus_poll_clks_o,
-  output      logic                                            [15:0] focus_tolerance_o,
-  output      logic                                            [31:0] focus_timeout_clks_o,
-  output      logic                                             [7:0] focus_retries_o,
-
-  // How the autofocus is.
-  input  wire logic                                             [2:0] focus_state_i,
-  input  wire logic                                             [2:0] focus_fault_i,
-  input  wire logic                                                   focus_in_position_i,
-  input  wire logic signed              [vrscan_pkg::LengthWidth-1:0] focus_distance_i,
-  input  wire logic                                            [15:0] focus_target_i,
-  input  wire logic                                            [15:0] focus_position_i,
-  input  wire logic                                            [15:0] focus_nack_count_i,
-  input  wire logic                                            [15:0] focus_stretch_count_i,
-  input  wire logic                                            [15:0] focus_stuck_count_i,
-  input  wire logic                                            [15:0] focus_arbitration_count_i,
-  input  wire logic                                            [15:0] focus_timeout_count_i,
-  input  wire logic                                            [15:0] focus_recovery_count_i,
-
-  // Test lines in place of the sensor's: a raised cosine on a pedestal with noise. A run takes what
-  // was written before test_start.
-  output      logic                                            [23:0] test_position_o,
-  output      logic signed                                     [23:0] test_move_o,
-  output      logic                                            [28:0] test_step_o,
-  output      logic                    [vrscan_pkg::AlignedWidth-1:0] test_height_o,
-  output      logic                    [vrscan_pkg::AlignedWidth-1:0] test_pedestal_o,
-  output      logic                    [vrscan_pkg::AlignedWidth-1:0] test_noise_o,
-  output      logic                                            [31:0] test_seed_o,
-  output      logic                                            [31:0] test_lines_o,
-  output      logic                                            [23:0] test_period_clks_o,
-  output      logic signed               [vrscan_pkg::AngleWidth-1:0] test_angle_o,
-  output      logic                      [vrscan_pkg::PowerWidth-1:0] test_power_o,
-  output      logic                                                   test_start_o,
-  output      logic                                                   test_start_strobe_o,
-  output      logic                                                   test_stop_o,
-  output      logic                                                   test_stop_strobe_o,
-  input  wire logic                                                   test_running_i,
-
-  // Lines between trigger and readout.
-  input  wire logic                                            [15:0] untagged_count_i,
-  input  wire logic                                            [15:0] pixel_overflow_count_i,
-
-  // Each takes a 1 and nothing else, and keeps it until reset.
-  output      logic                                                   lock_calibration_o,
-  output      logic                                                   lock_mirror_o,
-  output      logic                                                   lock_laser_o,
-
-  // Of the mirror: entry i is for a half distance of the crossings of i / 4096 turns.
-  output      logic                                                   table_write_o,
-  output      logic                                             [9:0] table_index_o,
-  output      logic                  [vrscan_pkg::AmplitudeWidth-1:0] table_amplitude_o,
-  output      logic signed            [vrscan_pkg::MidpointWidth-1:0] table_midpoint_o,
-
-  // Of the autofocus: entry i is for a distance of focus_z_begin + i 2**(focus_z_shift + 10) steps.
-  output      logic                                                   focus_table_write_o,
-  output      logic                                             [5:0] focus_table_index_o,
-  output      logic                                            [15:0] focus_table_position_o
+  input  wire register_pkg::identity_status_t     identity_status_i,
+  output      register_pkg::identity_t            identity_o,
+  output      register_pkg::peak_t                peak_o,
+  output      register_pkg::geometry_t            geometry_o,
+  input  wire register_pkg::chain_t               chain_i,
+  output      register_pkg::mirror_t              mirror_o,
+  output      register_pkg::mirror_limits_t       mirror_limits_o,
+  output      register_pkg::motion_t              motion_o,
+  output      register_pkg::line_t                line_o,
+  input  wire register_pkg::mirror_status_t       mirror_status_i,
+  output      register_pkg::link_t                link_o,
+  input  wire register_pkg::link_status_t         link_status_i,
+  output      register_pkg::laser_t               laser_o,
+  output      register_pkg::laser_limits_t        laser_limits_o,
+  input  wire register_pkg::laser_status_t        laser_status_i,
+  output      register_pkg::points_t              points_o,
+  input  wire register_pkg::points_status_t       points_status_i,
+  output      register_pkg::focus_t               focus_o,
+  input  wire register_pkg::focus_status_t        focus_status_i,
+  output      register_pkg::test_t                test_o,
+  input  wire register_pkg::test_status_t         test_status_i,
+  input  wire register_pkg::sensor_t              sensor_i,
+  output      register_pkg::locks_t               locks_o,
+  output      register_pkg::table_t               table_o,
+  output      register_pkg::focus_table_t         focus_table_o
 );
+
+  // ---- the reset, once for each group of settings ----
+  logic rst;
+  local_register u_reset (.clk_i, .d_i(rst_i), .q_o(rst));
+  logic identity_rst;
+  local_register u_identity_reset (.clk_i, .d_i(rst_i), .q_o(identity_rst));
+  logic peak_rst;
+  local_register u_peak_reset (.clk_i, .d_i(rst_i), .q_o(peak_rst));
+  logic geometry_rst;
+  local_register u_geometry_reset (.clk_i, .d_i(rst_i), .q_o(geometry_rst));
+  logic mirror_rst;
+  local_register u_mirror_reset (.clk_i, .d_i(rst_i), .q_o(mirror_rst));
+  logic mirror_limits_rst;
+  local_register u_mirror_limits_reset (.clk_i, .d_i(rst_i), .q_o(mirror_limits_rst));
+  logic motion_rst;
+  local_register u_motion_reset (.clk_i, .d_i(rst_i), .q_o(motion_rst));
+  logic line_rst;
+  local_register u_line_reset (.clk_i, .d_i(rst_i), .q_o(line_rst));
+  logic link_rst;
+  local_register u_link_reset (.clk_i, .d_i(rst_i), .q_o(link_rst));
+  logic laser_rst;
+  local_register u_laser_reset (.clk_i, .d_i(rst_i), .q_o(laser_rst));
+  logic laser_limits_rst;
+  local_register u_laser_limits_reset (.clk_i, .d_i(rst_i), .q_o(laser_limits_rst));
+  logic points_rst;
+  local_register u_points_reset (.clk_i, .d_i(rst_i), .q_o(points_rst));
+  logic focus_rst;
+  local_register u_focus_reset (.clk_i, .d_i(rst_i), .q_o(focus_rst));
+  logic test_rst;
+  local_register u_test_reset (.clk_i, .d_i(rst_i), .q_o(test_rst));
+  logic locks_rst;
+  local_register u_locks_reset (.clk_i, .d_i(rst_i), .q_o(locks_rst));
 
   // ---- an access, and how far it is ----
   logic [9:1] step_q;
@@ -297,7 +115,7 @@ module register_file (
       address_q <= bus_address_i;
       data_q    <= bus_data_i;
     end
-    if (rst_i) step_q <= '0;
+    if (rst) step_q <= '0;
   end
 
   // ---- 1: look up the rule; 2: take it.  Its bounds are signed, hence the 33 bits ----
@@ -339,7 +157,7 @@ module register_file (
 
   // ---- 3: against the rule; 4: the verdict ----
   logic [3:0] locks;
-  assign locks = {lock_laser_o, lock_mirror_o, lock_calibration_o, 1'b0};
+  assign locks = {locks_o.lock_laser, locks_o.lock_mirror, locks_o.lock_calibration, 1'b0};
   logic signed [32:0] value;
   assign value = signed'({rule_q.minimum[32] && data_q[31], data_q});
   logic [1:0] kind_q;
@@ -364,7 +182,7 @@ module register_file (
     status_q <= verdict;
     write_q  <= step_q[4] && access_q == link_pkg::AccessWidth'(link_pkg::AccessWrite)
                 && verdict == link_pkg::StatusWidth'(link_pkg::StatusOk);
-    if (rst_i) write_q <= 1'b0;
+    if (rst) write_q <= 1'b0;
   end
 
   // ---- 2: which page, which of its words, for writing and for reading ----
@@ -425,165 +243,165 @@ module register_file (
   logic write_q2;
   always_ff @(posedge clk_i) begin
     write_q2 <= write_q;
-    if (rst_i) write_q2 <= 1'b0;
-    take_q[0] <= write_q && page_00_hit_q && word_hit_q[10] && !rst_i;
-    take_q[1] <= write_q && page_01_hit_q && word_hit_q[0] && !rst_i;
-    take_q[2] <= write_q && page_01_hit_q && word_hit_q[1] && !rst_i;
-    take_q[3] <= write_q && page_01_hit_q && word_hit_q[2] && !rst_i;
-    take_q[4] <= write_q && page_01_hit_q && word_hit_q[3] && !rst_i;
-    take_q[5] <= write_q && page_01_hit_q && word_hit_q[4] && !rst_i;
-    take_q[6] <= write_q && page_01_hit_q && word_hit_q[5] && !rst_i;
-    take_q[7] <= write_q && page_01_hit_q && word_hit_q[6] && !rst_i;
-    take_q[8] <= write_q && page_01_hit_q && word_hit_q[7] && !rst_i;
-    take_q[9] <= write_q && page_01_hit_q && word_hit_q[8] && !rst_i;
-    take_q[10] <= write_q && page_01_hit_q && word_hit_q[9] && !rst_i;
-    take_q[11] <= write_q && page_01_hit_q && word_hit_q[10] && !rst_i;
-    take_q[12] <= write_q && page_02_hit_q && word_hit_q[0] && !rst_i;
-    take_q[13] <= write_q && page_02_hit_q && word_hit_q[1] && !rst_i;
-    take_q[14] <= write_q && page_02_hit_q && word_hit_q[2] && !rst_i;
-    take_q[15] <= write_q && page_02_hit_q && word_hit_q[3] && !rst_i;
-    take_q[16] <= write_q && page_02_hit_q && word_hit_q[4] && !rst_i;
-    take_q[17] <= write_q && page_02_hit_q && word_hit_q[5] && !rst_i;
-    take_q[18] <= write_q && page_02_hit_q && word_hit_q[6] && !rst_i;
-    take_q[19] <= write_q && page_02_hit_q && word_hit_q[7] && !rst_i;
-    take_q[20] <= write_q && page_02_hit_q && word_hit_q[8] && !rst_i;
-    take_q[21] <= write_q && page_02_hit_q && word_hit_q[9] && !rst_i;
-    take_q[22] <= write_q && page_04_hit_q && word_hit_q[0] && !rst_i;
-    take_q[23] <= write_q && page_04_hit_q && word_hit_q[1] && !rst_i;
-    take_q[24] <= write_q && page_04_hit_q && word_hit_q[2] && !rst_i;
-    take_q[25] <= write_q && page_04_hit_q && word_hit_q[3] && !rst_i;
-    take_q[26] <= write_q && page_04_hit_q && word_hit_q[4] && !rst_i;
-    take_q[27] <= write_q && page_04_hit_q && word_hit_q[5] && !rst_i;
-    take_q[28] <= write_q && page_04_hit_q && word_hit_q[6] && !rst_i;
-    take_q[29] <= write_q && page_04_hit_q && word_hit_q[7] && !rst_i;
-    take_q[30] <= write_q && page_04_hit_q && word_hit_q[8] && !rst_i;
-    take_q[31] <= write_q && page_04_hit_q && word_hit_q[9] && !rst_i;
-    take_q[32] <= write_q && page_04_hit_q && word_hit_q[10] && !rst_i;
-    take_q[33] <= write_q && page_04_hit_q && word_hit_q[11] && !rst_i;
-    take_q[34] <= write_q && page_04_hit_q && word_hit_q[12] && !rst_i;
-    take_q[35] <= write_q && page_04_hit_q && word_hit_q[13] && !rst_i;
-    take_q[36] <= write_q && page_04_hit_q && word_hit_q[14] && !rst_i;
-    take_q[37] <= write_q && page_04_hit_q && word_hit_q[15] && !rst_i;
-    take_q[38] <= write_q && page_05_hit_q && word_hit_q[0] && !rst_i;
-    take_q[39] <= write_q && page_05_hit_q && word_hit_q[1] && !rst_i;
-    take_q[40] <= write_q && page_05_hit_q && word_hit_q[2] && !rst_i;
-    take_q[41] <= write_q && page_05_hit_q && word_hit_q[3] && !rst_i;
-    take_q[42] <= write_q && page_05_hit_q && word_hit_q[4] && !rst_i;
-    take_q[43] <= write_q && page_05_hit_q && word_hit_q[5] && !rst_i;
-    take_q[44] <= write_q && page_05_hit_q && word_hit_q[6] && !rst_i;
-    take_q[45] <= write_q && page_05_hit_q && word_hit_q[7] && !rst_i;
-    take_q[46] <= write_q && page_05_hit_q && word_hit_q[8] && !rst_i;
-    take_q[47] <= write_q && page_05_hit_q && word_hit_q[9] && !rst_i;
-    take_q[48] <= write_q && page_05_hit_q && word_hit_q[10] && !rst_i;
-    take_q[49] <= write_q && page_05_hit_q && word_hit_q[11] && !rst_i;
-    take_q[50] <= write_q && page_05_hit_q && word_hit_q[12] && !rst_i;
-    take_q[51] <= write_q && page_05_hit_q && word_hit_q[13] && !rst_i;
-    take_q[52] <= write_q && page_06_hit_q && word_hit_q[0] && !rst_i;
-    take_q[53] <= write_q && page_06_hit_q && word_hit_q[1] && !rst_i;
-    take_q[54] <= write_q && page_06_hit_q && word_hit_q[2] && !rst_i;
-    take_q[55] <= write_q && page_06_hit_q && word_hit_q[3] && !rst_i;
-    take_q[56] <= write_q && page_06_hit_q && word_hit_q[4] && !rst_i;
-    take_q[57] <= write_q && page_06_hit_q && word_hit_q[5] && !rst_i;
-    take_q[58] <= write_q && page_06_hit_q && word_hit_q[6] && !rst_i;
-    take_q[59] <= write_q && page_06_hit_q && word_hit_q[7] && !rst_i;
-    take_q[60] <= write_q && page_06_hit_q && word_hit_q[8] && !rst_i;
-    take_q[61] <= write_q && page_08_hit_q && word_hit_q[0] && !rst_i;
-    take_q[62] <= write_q && page_08_hit_q && word_hit_q[1] && !rst_i;
-    take_q[63] <= write_q && page_08_hit_q && word_hit_q[2] && !rst_i;
-    take_q[64] <= write_q && page_08_hit_q && word_hit_q[3] && !rst_i;
-    take_q[65] <= write_q && page_08_hit_q && word_hit_q[4] && !rst_i;
-    take_q[66] <= write_q && page_08_hit_q && word_hit_q[5] && !rst_i;
-    take_q[67] <= write_q && page_08_hit_q && word_hit_q[6] && !rst_i;
-    take_q[68] <= write_q && page_08_hit_q && word_hit_q[7] && !rst_i;
-    take_q[69] <= write_q && page_08_hit_q && word_hit_q[8] && !rst_i;
-    take_q[70] <= write_q && page_08_hit_q && word_hit_q[9] && !rst_i;
-    take_q[71] <= write_q && page_08_hit_q && word_hit_q[10] && !rst_i;
-    take_q[72] <= write_q && page_08_hit_q && word_hit_q[11] && !rst_i;
-    take_q[73] <= write_q && page_08_hit_q && word_hit_q[12] && !rst_i;
-    take_q[74] <= write_q && page_08_hit_q && word_hit_q[13] && !rst_i;
-    take_q[75] <= write_q && page_08_hit_q && word_hit_q[14] && !rst_i;
-    take_q[76] <= write_q && page_08_hit_q && word_hit_q[15] && !rst_i;
-    take_q[77] <= write_q && page_09_hit_q && word_hit_q[0] && !rst_i;
-    take_q[78] <= write_q && page_09_hit_q && word_hit_q[1] && !rst_i;
-    take_q[79] <= write_q && page_09_hit_q && word_hit_q[2] && !rst_i;
-    take_q[80] <= write_q && page_09_hit_q && word_hit_q[3] && !rst_i;
-    take_q[81] <= write_q && page_09_hit_q && word_hit_q[4] && !rst_i;
-    take_q[82] <= write_q && page_09_hit_q && word_hit_q[5] && !rst_i;
-    take_q[83] <= write_q && page_09_hit_q && word_hit_q[6] && !rst_i;
-    take_q[84] <= write_q && page_09_hit_q && word_hit_q[7] && !rst_i;
-    take_q[85] <= write_q && page_09_hit_q && word_hit_q[8] && !rst_i;
-    take_q[86] <= write_q && page_09_hit_q && word_hit_q[9] && !rst_i;
-    take_q[87] <= write_q && page_09_hit_q && word_hit_q[10] && !rst_i;
-    take_q[88] <= write_q && page_09_hit_q && word_hit_q[11] && !rst_i;
-    take_q[89] <= write_q && page_09_hit_q && word_hit_q[12] && !rst_i;
-    take_q[90] <= write_q && page_09_hit_q && word_hit_q[13] && !rst_i;
-    take_q[91] <= write_q && page_09_hit_q && word_hit_q[14] && !rst_i;
-    take_q[92] <= write_q && page_09_hit_q && word_hit_q[15] && !rst_i;
-    take_q[93] <= write_q && page_0a_hit_q && word_hit_q[0] && !rst_i;
-    take_q[94] <= write_q && page_0a_hit_q && word_hit_q[1] && !rst_i;
-    take_q[95] <= write_q && page_0a_hit_q && word_hit_q[2] && !rst_i;
-    take_q[96] <= write_q && page_0a_hit_q && word_hit_q[3] && !rst_i;
-    take_q[97] <= write_q && page_0a_hit_q && word_hit_q[4] && !rst_i;
-    take_q[98] <= write_q && page_0b_hit_q && word_hit_q[0] && !rst_i;
-    take_q[99] <= write_q && page_0b_hit_q && word_hit_q[1] && !rst_i;
-    take_q[100] <= write_q && page_0b_hit_q && word_hit_q[2] && !rst_i;
-    take_q[101] <= write_q && page_0b_hit_q && word_hit_q[3] && !rst_i;
-    take_q[102] <= write_q && page_0b_hit_q && word_hit_q[4] && !rst_i;
-    take_q[103] <= write_q && page_0b_hit_q && word_hit_q[5] && !rst_i;
-    take_q[104] <= write_q && page_0e_hit_q && word_hit_q[0] && !rst_i;
-    take_q[105] <= write_q && page_10_hit_q && word_hit_q[0] && !rst_i;
-    take_q[106] <= write_q && page_10_hit_q && word_hit_q[1] && !rst_i;
-    take_q[107] <= write_q && page_10_hit_q && word_hit_q[2] && !rst_i;
-    take_q[108] <= write_q && page_10_hit_q && word_hit_q[3] && !rst_i;
-    take_q[109] <= write_q && page_10_hit_q && word_hit_q[4] && !rst_i;
-    take_q[110] <= write_q && page_10_hit_q && word_hit_q[5] && !rst_i;
-    take_q[111] <= write_q && page_10_hit_q && word_hit_q[6] && !rst_i;
-    take_q[112] <= write_q && page_10_hit_q && word_hit_q[7] && !rst_i;
-    take_q[113] <= write_q && page_10_hit_q && word_hit_q[8] && !rst_i;
-    take_q[114] <= write_q && page_10_hit_q && word_hit_q[9] && !rst_i;
-    take_q[115] <= write_q && page_10_hit_q && word_hit_q[10] && !rst_i;
-    take_q[116] <= write_q && page_10_hit_q && word_hit_q[11] && !rst_i;
-    take_q[117] <= write_q && page_10_hit_q && word_hit_q[12] && !rst_i;
-    take_q[118] <= write_q && page_10_hit_q && word_hit_q[13] && !rst_i;
-    take_q[119] <= write_q && page_12_hit_q && word_hit_q[0] && !rst_i;
-    take_q[120] <= write_q && page_12_hit_q && word_hit_q[1] && !rst_i;
-    take_q[121] <= write_q && page_12_hit_q && word_hit_q[2] && !rst_i;
-    take_q[122] <= write_q && page_12_hit_q && word_hit_q[3] && !rst_i;
-    take_q[123] <= write_q && page_12_hit_q && word_hit_q[4] && !rst_i;
-    take_q[124] <= write_q && page_12_hit_q && word_hit_q[5] && !rst_i;
-    take_q[125] <= write_q && page_16_hit_q && word_hit_q[0] && !rst_i;
-    take_q[126] <= write_q && page_16_hit_q && word_hit_q[1] && !rst_i;
-    take_q[127] <= write_q && page_18_hit_q && word_hit_q[0] && !rst_i;
-    take_q[128] <= write_q && page_18_hit_q && word_hit_q[1] && !rst_i;
-    take_q[129] <= write_q && page_18_hit_q && word_hit_q[2] && !rst_i;
-    take_q[130] <= write_q && page_18_hit_q && word_hit_q[3] && !rst_i;
-    take_q[131] <= write_q && page_18_hit_q && word_hit_q[4] && !rst_i;
-    take_q[132] <= write_q && page_18_hit_q && word_hit_q[5] && !rst_i;
-    take_q[133] <= write_q && page_18_hit_q && word_hit_q[6] && !rst_i;
-    take_q[134] <= write_q && page_18_hit_q && word_hit_q[7] && !rst_i;
-    take_q[135] <= write_q && page_18_hit_q && word_hit_q[8] && !rst_i;
-    take_q[136] <= write_q && page_18_hit_q && word_hit_q[9] && !rst_i;
-    take_q[137] <= write_q && page_18_hit_q && word_hit_q[10] && !rst_i;
-    take_q[138] <= write_q && page_18_hit_q && word_hit_q[11] && !rst_i;
-    take_q[139] <= write_q && page_18_hit_q && word_hit_q[12] && !rst_i;
-    take_q[140] <= write_q && page_18_hit_q && word_hit_q[13] && !rst_i;
-    take_q[141] <= write_q && page_18_hit_q && word_hit_q[14] && !rst_i;
-    take_q[142] <= write_q && page_1c_hit_q && word_hit_q[0] && !rst_i;
-    take_q[143] <= write_q && page_1c_hit_q && word_hit_q[1] && !rst_i;
-    take_q[144] <= write_q && page_1c_hit_q && word_hit_q[2] && !rst_i;
-    take_q[145] <= write_q && page_1c_hit_q && word_hit_q[3] && !rst_i;
-    take_q[146] <= write_q && page_1c_hit_q && word_hit_q[4] && !rst_i;
-    take_q[147] <= write_q && page_1c_hit_q && word_hit_q[5] && !rst_i;
-    take_q[148] <= write_q && page_1c_hit_q && word_hit_q[6] && !rst_i;
-    take_q[149] <= write_q && page_1c_hit_q && word_hit_q[7] && !rst_i;
-    take_q[150] <= write_q && page_1c_hit_q && word_hit_q[8] && !rst_i;
-    take_q[151] <= write_q && page_1c_hit_q && word_hit_q[9] && !rst_i;
-    take_q[152] <= write_q && page_1c_hit_q && word_hit_q[10] && !rst_i;
-    take_q[153] <= write_q && page_1c_hit_q && word_hit_q[11] && !rst_i;
-    take_q[154] <= write_q && page_1c_hit_q && word_hit_q[12] && !rst_i;
-    take_q[155] <= write_q && page_3f_hit_q && word_hit_q[0] && !rst_i;
-    take_q[156] <= write_q && page_3f_hit_q && word_hit_q[1] && !rst_i;
-    take_q[157] <= write_q && page_3f_hit_q && word_hit_q[2] && !rst_i;
+    if (rst) write_q2 <= 1'b0;
+    take_q[0] <= write_q && page_00_hit_q && word_hit_q[10] && !rst;
+    take_q[1] <= write_q && page_01_hit_q && word_hit_q[0] && !rst;
+    take_q[2] <= write_q && page_01_hit_q && word_hit_q[1] && !rst;
+    take_q[3] <= write_q && page_01_hit_q && word_hit_q[2] && !rst;
+    take_q[4] <= write_q && page_01_hit_q && word_hit_q[3] && !rst;
+    take_q[5] <= write_q && page_01_hit_q && word_hit_q[4] && !rst;
+    take_q[6] <= write_q && page_01_hit_q && word_hit_q[5] && !rst;
+    take_q[7] <= write_q && page_01_hit_q && word_hit_q[6] && !rst;
+    take_q[8] <= write_q && page_01_hit_q && word_hit_q[7] && !rst;
+    take_q[9] <= write_q && page_01_hit_q && word_hit_q[8] && !rst;
+    take_q[10] <= write_q && page_01_hit_q && word_hit_q[9] && !rst;
+    take_q[11] <= write_q && page_01_hit_q && word_hit_q[10] && !rst;
+    take_q[12] <= write_q && page_02_hit_q && word_hit_q[0] && !rst;
+    take_q[13] <= write_q && page_02_hit_q && word_hit_q[1] && !rst;
+    take_q[14] <= write_q && page_02_hit_q && word_hit_q[2] && !rst;
+    take_q[15] <= write_q && page_02_hit_q && word_hit_q[3] && !rst;
+    take_q[16] <= write_q && page_02_hit_q && word_hit_q[4] && !rst;
+    take_q[17] <= write_q && page_02_hit_q && word_hit_q[5] && !rst;
+    take_q[18] <= write_q && page_02_hit_q && word_hit_q[6] && !rst;
+    take_q[19] <= write_q && page_02_hit_q && word_hit_q[7] && !rst;
+    take_q[20] <= write_q && page_02_hit_q && word_hit_q[8] && !rst;
+    take_q[21] <= write_q && page_02_hit_q && word_hit_q[9] && !rst;
+    take_q[22] <= write_q && page_04_hit_q && word_hit_q[0] && !rst;
+    take_q[23] <= write_q && page_04_hit_q && word_hit_q[1] && !rst;
+    take_q[24] <= write_q && page_04_hit_q && word_hit_q[2] && !rst;
+    take_q[25] <= write_q && page_04_hit_q && word_hit_q[3] && !rst;
+    take_q[26] <= write_q && page_04_hit_q && word_hit_q[4] && !rst;
+    take_q[27] <= write_q && page_04_hit_q && word_hit_q[5] && !rst;
+    take_q[28] <= write_q && page_04_hit_q && word_hit_q[6] && !rst;
+    take_q[29] <= write_q && page_04_hit_q && word_hit_q[7] && !rst;
+    take_q[30] <= write_q && page_04_hit_q && word_hit_q[8] && !rst;
+    take_q[31] <= write_q && page_04_hit_q && word_hit_q[9] && !rst;
+    take_q[32] <= write_q && page_04_hit_q && word_hit_q[10] && !rst;
+    take_q[33] <= write_q && page_04_hit_q && word_hit_q[11] && !rst;
+    take_q[34] <= write_q && page_04_hit_q && word_hit_q[12] && !rst;
+    take_q[35] <= write_q && page_04_hit_q && word_hit_q[13] && !rst;
+    take_q[36] <= write_q && page_04_hit_q && word_hit_q[14] && !rst;
+    take_q[37] <= write_q && page_04_hit_q && word_hit_q[15] && !rst;
+    take_q[38] <= write_q && page_05_hit_q && word_hit_q[0] && !rst;
+    take_q[39] <= write_q && page_05_hit_q && word_hit_q[1] && !rst;
+    take_q[40] <= write_q && page_05_hit_q && word_hit_q[2] && !rst;
+    take_q[41] <= write_q && page_05_hit_q && word_hit_q[3] && !rst;
+    take_q[42] <= write_q && page_05_hit_q && word_hit_q[4] && !rst;
+    take_q[43] <= write_q && page_05_hit_q && word_hit_q[5] && !rst;
+    take_q[44] <= write_q && page_05_hit_q && word_hit_q[6] && !rst;
+    take_q[45] <= write_q && page_05_hit_q && word_hit_q[7] && !rst;
+    take_q[46] <= write_q && page_05_hit_q && word_hit_q[8] && !rst;
+    take_q[47] <= write_q && page_05_hit_q && word_hit_q[9] && !rst;
+    take_q[48] <= write_q && page_05_hit_q && word_hit_q[10] && !rst;
+    take_q[49] <= write_q && page_05_hit_q && word_hit_q[11] && !rst;
+    take_q[50] <= write_q && page_05_hit_q && word_hit_q[12] && !rst;
+    take_q[51] <= write_q && page_05_hit_q && word_hit_q[13] && !rst;
+    take_q[52] <= write_q && page_06_hit_q && word_hit_q[0] && !rst;
+    take_q[53] <= write_q && page_06_hit_q && word_hit_q[1] && !rst;
+    take_q[54] <= write_q && page_06_hit_q && word_hit_q[2] && !rst;
+    take_q[55] <= write_q && page_06_hit_q && word_hit_q[3] && !rst;
+    take_q[56] <= write_q && page_06_hit_q && word_hit_q[4] && !rst;
+    take_q[57] <= write_q && page_06_hit_q && word_hit_q[5] && !rst;
+    take_q[58] <= write_q && page_06_hit_q && word_hit_q[6] && !rst;
+    take_q[59] <= write_q && page_06_hit_q && word_hit_q[7] && !rst;
+    take_q[60] <= write_q && page_06_hit_q && word_hit_q[8] && !rst;
+    take_q[61] <= write_q && page_08_hit_q && word_hit_q[0] && !rst;
+    take_q[62] <= write_q && page_08_hit_q && word_hit_q[1] && !rst;
+    take_q[63] <= write_q && page_08_hit_q && word_hit_q[2] && !rst;
+    take_q[64] <= write_q && page_08_hit_q && word_hit_q[3] && !rst;
+    take_q[65] <= write_q && page_08_hit_q && word_hit_q[4] && !rst;
+    take_q[66] <= write_q && page_08_hit_q && word_hit_q[5] && !rst;
+    take_q[67] <= write_q && page_08_hit_q && word_hit_q[6] && !rst;
+    take_q[68] <= write_q && page_08_hit_q && word_hit_q[7] && !rst;
+    take_q[69] <= write_q && page_08_hit_q && word_hit_q[8] && !rst;
+    take_q[70] <= write_q && page_08_hit_q && word_hit_q[9] && !rst;
+    take_q[71] <= write_q && page_08_hit_q && word_hit_q[10] && !rst;
+    take_q[72] <= write_q && page_08_hit_q && word_hit_q[11] && !rst;
+    take_q[73] <= write_q && page_08_hit_q && word_hit_q[12] && !rst;
+    take_q[74] <= write_q && page_08_hit_q && word_hit_q[13] && !rst;
+    take_q[75] <= write_q && page_08_hit_q && word_hit_q[14] && !rst;
+    take_q[76] <= write_q && page_08_hit_q && word_hit_q[15] && !rst;
+    take_q[77] <= write_q && page_09_hit_q && word_hit_q[0] && !rst;
+    take_q[78] <= write_q && page_09_hit_q && word_hit_q[1] && !rst;
+    take_q[79] <= write_q && page_09_hit_q && word_hit_q[2] && !rst;
+    take_q[80] <= write_q && page_09_hit_q && word_hit_q[3] && !rst;
+    take_q[81] <= write_q && page_09_hit_q && word_hit_q[4] && !rst;
+    take_q[82] <= write_q && page_09_hit_q && word_hit_q[5] && !rst;
+    take_q[83] <= write_q && page_09_hit_q && word_hit_q[6] && !rst;
+    take_q[84] <= write_q && page_09_hit_q && word_hit_q[7] && !rst;
+    take_q[85] <= write_q && page_09_hit_q && word_hit_q[8] && !rst;
+    take_q[86] <= write_q && page_09_hit_q && word_hit_q[9] && !rst;
+    take_q[87] <= write_q && page_09_hit_q && word_hit_q[10] && !rst;
+    take_q[88] <= write_q && page_09_hit_q && word_hit_q[11] && !rst;
+    take_q[89] <= write_q && page_09_hit_q && word_hit_q[12] && !rst;
+    take_q[90] <= write_q && page_09_hit_q && word_hit_q[13] && !rst;
+    take_q[91] <= write_q && page_09_hit_q && word_hit_q[14] && !rst;
+    take_q[92] <= write_q && page_09_hit_q && word_hit_q[15] && !rst;
+    take_q[93] <= write_q && page_0a_hit_q && word_hit_q[0] && !rst;
+    take_q[94] <= write_q && page_0a_hit_q && word_hit_q[1] && !rst;
+    take_q[95] <= write_q && page_0a_hit_q && word_hit_q[2] && !rst;
+    take_q[96] <= write_q && page_0a_hit_q && word_hit_q[3] && !rst;
+    take_q[97] <= write_q && page_0a_hit_q && word_hit_q[4] && !rst;
+    take_q[98] <= write_q && page_0b_hit_q && word_hit_q[0] && !rst;
+    take_q[99] <= write_q && page_0b_hit_q && word_hit_q[1] && !rst;
+    take_q[100] <= write_q && page_0b_hit_q && word_hit_q[2] && !rst;
+    take_q[101] <= write_q && page_0b_hit_q && word_hit_q[3] && !rst;
+    take_q[102] <= write_q && page_0b_hit_q && word_hit_q[4] && !rst;
+    take_q[103] <= write_q && page_0b_hit_q && word_hit_q[5] && !rst;
+    take_q[104] <= write_q && page_0e_hit_q && word_hit_q[0] && !rst;
+    take_q[105] <= write_q && page_10_hit_q && word_hit_q[0] && !rst;
+    take_q[106] <= write_q && page_10_hit_q && word_hit_q[1] && !rst;
+    take_q[107] <= write_q && page_10_hit_q && word_hit_q[2] && !rst;
+    take_q[108] <= write_q && page_10_hit_q && word_hit_q[3] && !rst;
+    take_q[109] <= write_q && page_10_hit_q && word_hit_q[4] && !rst;
+    take_q[110] <= write_q && page_10_hit_q && word_hit_q[5] && !rst;
+    take_q[111] <= write_q && page_10_hit_q && word_hit_q[6] && !rst;
+    take_q[112] <= write_q && page_10_hit_q && word_hit_q[7] && !rst;
+    take_q[113] <= write_q && page_10_hit_q && word_hit_q[8] && !rst;
+    take_q[114] <= write_q && page_10_hit_q && word_hit_q[9] && !rst;
+    take_q[115] <= write_q && page_10_hit_q && word_hit_q[10] && !rst;
+    take_q[116] <= write_q && page_10_hit_q && word_hit_q[11] && !rst;
+    take_q[117] <= write_q && page_10_hit_q && word_hit_q[12] && !rst;
+    take_q[118] <= write_q && page_10_hit_q && word_hit_q[13] && !rst;
+    take_q[119] <= write_q && page_12_hit_q && word_hit_q[0] && !rst;
+    take_q[120] <= write_q && page_12_hit_q && word_hit_q[1] && !rst;
+    take_q[121] <= write_q && page_12_hit_q && word_hit_q[2] && !rst;
+    take_q[122] <= write_q && page_12_hit_q && word_hit_q[3] && !rst;
+    take_q[123] <= write_q && page_12_hit_q && word_hit_q[4] && !rst;
+    take_q[124] <= write_q && page_12_hit_q && word_hit_q[5] && !rst;
+    take_q[125] <= write_q && page_16_hit_q && word_hit_q[0] && !rst;
+    take_q[126] <= write_q && page_16_hit_q && word_hit_q[1] && !rst;
+    take_q[127] <= write_q && page_18_hit_q && word_hit_q[0] && !rst;
+    take_q[128] <= write_q && page_18_hit_q && word_hit_q[1] && !rst;
+    take_q[129] <= write_q && page_18_hit_q && word_hit_q[2] && !rst;
+    take_q[130] <= write_q && page_18_hit_q && word_hit_q[3] && !rst;
+    take_q[131] <= write_q && page_18_hit_q && word_hit_q[4] && !rst;
+    take_q[132] <= write_q && page_18_hit_q && word_hit_q[5] && !rst;
+    take_q[133] <= write_q && page_18_hit_q && word_hit_q[6] && !rst;
+    take_q[134] <= write_q && page_18_hit_q && word_hit_q[7] && !rst;
+    take_q[135] <= write_q && page_18_hit_q && word_hit_q[8] && !rst;
+    take_q[136] <= write_q && page_18_hit_q && word_hit_q[9] && !rst;
+    take_q[137] <= write_q && page_18_hit_q && word_hit_q[10] && !rst;
+    take_q[138] <= write_q && page_18_hit_q && word_hit_q[11] && !rst;
+    take_q[139] <= write_q && page_18_hit_q && word_hit_q[12] && !rst;
+    take_q[140] <= write_q && page_18_hit_q && word_hit_q[13] && !rst;
+    take_q[141] <= write_q && page_18_hit_q && word_hit_q[14] && !rst;
+    take_q[142] <= write_q && page_1c_hit_q && word_hit_q[0] && !rst;
+    take_q[143] <= write_q && page_1c_hit_q && word_hit_q[1] && !rst;
+    take_q[144] <= write_q && page_1c_hit_q && word_hit_q[2] && !rst;
+    take_q[145] <= write_q && page_1c_hit_q && word_hit_q[3] && !rst;
+    take_q[146] <= write_q && page_1c_hit_q && word_hit_q[4] && !rst;
+    take_q[147] <= write_q && page_1c_hit_q && word_hit_q[5] && !rst;
+    take_q[148] <= write_q && page_1c_hit_q && word_hit_q[6] && !rst;
+    take_q[149] <= write_q && page_1c_hit_q && word_hit_q[7] && !rst;
+    take_q[150] <= write_q && page_1c_hit_q && word_hit_q[8] && !rst;
+    take_q[151] <= write_q && page_1c_hit_q && word_hit_q[9] && !rst;
+    take_q[152] <= write_q && page_1c_hit_q && word_hit_q[10] && !rst;
+    take_q[153] <= write_q && page_1c_hit_q && word_hit_q[11] && !rst;
+    take_q[154] <= write_q && page_1c_hit_q && word_hit_q[12] && !rst;
+    take_q[155] <= write_q && page_3f_hit_q && word_hit_q[0] && !rst;
+    take_q[156] <= write_q && page_3f_hit_q && word_hit_q[1] && !rst;
+    take_q[157] <= write_q && page_3f_hit_q && word_hit_q[2] && !rst;
   end
 
   logic [31:0] identity_data;
@@ -646,323 +464,323 @@ module register_file (
   logic [31:0] work_word_low_q;
   logic [31:0] ratio_low_q;
   always_ff @(posedge clk_i) begin
-    uart_step_strobe_o <= take_q[104];
-    test_start_strobe_o <= take_q[153];
-    test_stop_strobe_o <= take_q[154];
-    if (take_q[0]) scratch_o <= identity_data;
-    if (take_q[1]) period_n_o <= peak_data[0];
-    if (take_q[2]) noise_row_o <= peak_data[0];
-    if (take_q[3]) k_noise_o <= peak_data[15:0];
-    if (take_q[4]) k_height_o <= peak_data[15:0];
-    if (take_q[5]) snr_min_o <= peak_data[15:0];
-    if (take_q[6]) min_width_o <= peak_data[7:0];
-    if (take_q[7]) max_width_o <= peak_data[7:0];
-    if (take_q[8]) kappa_o <= peak_data[17:0];
-    if (take_q[9]) c_obj_gain_o <= peak_data;
-    if (take_q[10]) c_sfm_gain_o <= peak_data;
-    if (take_q[11]) window_two_pass_o <= peak_data[0];
-    if (take_q[12]) centre_o <= signed'(geometry_data);
-    if (take_q[13]) k1_o <= signed'(geometry_data[25:0]);
-    if (take_q[14]) k2_o <= signed'(geometry_data[25:0]);
-    if (take_q[15]) even_o <= geometry_data[0];
-    if (take_q[16]) n0_o <= signed'(geometry_data);
-    if (take_q[17]) n1_o <= signed'(geometry_data);
-    if (take_q[18]) d0_o <= signed'(geometry_data);
-    if (take_q[19]) d1_o <= signed'(geometry_data);
-    if (take_q[20]) e0_o <= signed'(geometry_data);
-    if (take_q[21]) e1_o <= signed'(geometry_data);
-    if (take_q[22]) mirror_enable_o <= mirror_data[0];
-    if (take_q[23]) line_enable_o <= mirror_data[0];
+    link_o.uart_step_strobe <= take_q[104];
+    test_o.test_start_strobe <= take_q[153];
+    test_o.test_stop_strobe <= take_q[154];
+    if (take_q[0]) identity_o.scratch <= identity_data;
+    if (take_q[1]) peak_o.period_n <= peak_data[0];
+    if (take_q[2]) peak_o.noise_row <= peak_data[0];
+    if (take_q[3]) peak_o.k_noise <= peak_data[15:0];
+    if (take_q[4]) peak_o.k_height <= peak_data[15:0];
+    if (take_q[5]) peak_o.snr_min <= peak_data[15:0];
+    if (take_q[6]) peak_o.min_width <= peak_data[7:0];
+    if (take_q[7]) peak_o.max_width <= peak_data[7:0];
+    if (take_q[8]) peak_o.kappa <= peak_data[17:0];
+    if (take_q[9]) peak_o.c_obj_gain <= peak_data;
+    if (take_q[10]) peak_o.c_sfm_gain <= peak_data;
+    if (take_q[11]) peak_o.window_two_pass <= peak_data[0];
+    if (take_q[12]) geometry_o.centre <= signed'(geometry_data);
+    if (take_q[13]) geometry_o.k1 <= signed'(geometry_data[25:0]);
+    if (take_q[14]) geometry_o.k2 <= signed'(geometry_data[25:0]);
+    if (take_q[15]) geometry_o.even <= geometry_data[0];
+    if (take_q[16]) geometry_o.n0 <= signed'(geometry_data);
+    if (take_q[17]) geometry_o.n1 <= signed'(geometry_data);
+    if (take_q[18]) geometry_o.d0 <= signed'(geometry_data);
+    if (take_q[19]) geometry_o.d1 <= signed'(geometry_data);
+    if (take_q[20]) geometry_o.e0 <= signed'(geometry_data);
+    if (take_q[21]) geometry_o.e1 <= signed'(geometry_data);
+    if (take_q[22]) mirror_o.mirror_enable <= mirror_data[0];
+    if (take_q[23]) mirror_o.line_enable <= mirror_data[0];
     if (take_q[24]) sweep_word_low_q <= mirror_data;
-    if (take_q[25]) sweep_word_o <= {mirror_data[7:0], sweep_word_low_q};
+    if (take_q[25]) mirror_o.sweep_word <= {mirror_data[7:0], sweep_word_low_q};
     if (take_q[26]) work_word_low_q <= mirror_data;
-    if (take_q[27]) work_word_o <= {mirror_data[7:0], work_word_low_q};
-    if (take_q[28]) sweep_rate_o <= mirror_data;
-    if (take_q[29]) glitch_clks_o <= mirror_data[7:0];
-    if (take_q[30]) width_min_clks_o <= mirror_data;
-    if (take_q[31]) width_max_clks_o <= mirror_data;
-    if (take_q[32]) period_max_clks_o <= mirror_data;
-    if (take_q[33]) phase_shift_o <= mirror_data[3:0];
-    if (take_q[34]) rate_shift_o <= mirror_data[5:0];
-    if (take_q[35]) amplitude_shift_o <= mirror_data[3:0];
-    if (take_q[36]) error_limit_o <= mirror_data[27:0];
-    if (take_q[37]) amplitude_set_o <= mirror_data[25:0];
-    if (take_q[38]) k_p_o <= mirror_data[17:0];
-    if (take_q[39]) k_i_o <= mirror_data[17:0];
-    if (take_q[40]) level_low_o <= mirror_data[19:0];
-    if (take_q[41]) level_high_o <= mirror_data[19:0];
-    if (take_q[42]) level_nominal_o <= mirror_data[19:0];
-    if (take_q[43]) trim_step_o <= mirror_data[23:0];
-    if (take_q[44]) trim_gain_o <= mirror_data[17:0];
-    if (take_q[45]) trim_up_o <= mirror_data[0];
-    if (take_q[46]) settle_limit_o <= mirror_data[25:0];
-    if (take_q[47]) shock_limit_o <= mirror_data[25:0];
-    if (take_q[48]) phase_limit_o <= mirror_data[27:0];
-    if (take_q[49]) settle_count_o <= mirror_data[7:0];
-    if (take_q[50]) hold_count_o <= mirror_data[7:0];
-    if (take_q[51]) confidence_gain_o <= mirror_data[23:0];
-    if (take_q[52]) duty_o <= mirror_limits_data[15:0];
-    if (take_q[53]) sweep_level_o <= mirror_limits_data[19:0];
-    if (take_q[54]) level_min_o <= mirror_limits_data[19:0];
-    if (take_q[55]) level_max_o <= mirror_limits_data[19:0];
-    if (take_q[56]) trim_min_o <= signed'(mirror_limits_data);
-    if (take_q[57]) trim_max_o <= signed'(mirror_limits_data);
-    if (take_q[58]) sweep_timeout_o <= mirror_limits_data;
-    if (take_q[59]) settle_timeout_o <= mirror_limits_data;
-    if (take_q[60]) lost_timeout_o <= mirror_limits_data;
-    if (take_q[61]) drive_phase_o <= motion_data;
-    if (take_q[62]) motion_a_o[0+:24] <= motion_data[23:0];
-    if (take_q[63]) motion_a_o[24+:24] <= motion_data[23:0];
-    if (take_q[64]) motion_a_o[48+:24] <= motion_data[23:0];
-    if (take_q[65]) motion_a_o[72+:24] <= motion_data[23:0];
-    if (take_q[66]) motion_a_o[96+:24] <= motion_data[23:0];
-    if (take_q[67]) motion_a_o[120+:24] <= motion_data[23:0];
-    if (take_q[68]) motion_a_o[144+:24] <= motion_data[23:0];
-    if (take_q[69]) motion_a_o[168+:24] <= motion_data[23:0];
-    if (take_q[70]) motion_a_o[192+:24] <= motion_data[23:0];
-    if (take_q[71]) motion_phi_o[0+:28] <= motion_data;
-    if (take_q[72]) motion_phi_o[28+:28] <= motion_data;
-    if (take_q[73]) motion_phi_o[56+:28] <= motion_data;
-    if (take_q[74]) motion_phi_o[84+:28] <= motion_data;
-    if (take_q[75]) motion_phi_o[112+:28] <= motion_data;
-    if (take_q[76]) motion_phi_o[140+:28] <= motion_data;
-    if (take_q[77]) motion_phi_o[168+:28] <= motion_data;
-    if (take_q[78]) motion_phi_o[196+:28] <= motion_data;
-    if (take_q[79]) motion_phi_o[224+:28] <= motion_data;
-    if (take_q[80]) motion_da_o[0+:24] <= motion_data[23:0];
-    if (take_q[81]) motion_da_o[24+:24] <= motion_data[23:0];
-    if (take_q[82]) motion_da_o[48+:24] <= motion_data[23:0];
-    if (take_q[83]) motion_da_o[72+:24] <= motion_data[23:0];
-    if (take_q[84]) motion_da_o[96+:24] <= motion_data[23:0];
-    if (take_q[85]) motion_da_o[120+:24] <= motion_data[23:0];
-    if (take_q[86]) motion_da_o[144+:24] <= motion_data[23:0];
-    if (take_q[87]) motion_da_o[168+:24] <= motion_data[23:0];
-    if (take_q[88]) motion_da_o[192+:24] <= motion_data[23:0];
-    if (take_q[89]) motion_dphi_o[0+:24] <= motion_data[23:0];
-    if (take_q[90]) motion_dphi_o[24+:24] <= motion_data[23:0];
-    if (take_q[91]) motion_dphi_o[48+:24] <= motion_data[23:0];
-    if (take_q[92]) motion_dphi_o[72+:24] <= motion_data[23:0];
-    if (take_q[93]) motion_dphi_o[96+:24] <= motion_data[23:0];
-    if (take_q[94]) motion_dphi_o[120+:24] <= motion_data[23:0];
-    if (take_q[95]) motion_dphi_o[144+:24] <= motion_data[23:0];
-    if (take_q[96]) motion_dphi_o[168+:24] <= motion_data[23:0];
-    if (take_q[97]) motion_dphi_o[192+:24] <= motion_data[23:0];
+    if (take_q[27]) mirror_o.work_word <= {mirror_data[7:0], work_word_low_q};
+    if (take_q[28]) mirror_o.sweep_rate <= mirror_data;
+    if (take_q[29]) mirror_o.glitch_clks <= mirror_data[7:0];
+    if (take_q[30]) mirror_o.width_min_clks <= mirror_data;
+    if (take_q[31]) mirror_o.width_max_clks <= mirror_data;
+    if (take_q[32]) mirror_o.period_max_clks <= mirror_data;
+    if (take_q[33]) mirror_o.phase_shift <= mirror_data[3:0];
+    if (take_q[34]) mirror_o.rate_shift <= mirror_data[5:0];
+    if (take_q[35]) mirror_o.amplitude_shift <= mirror_data[3:0];
+    if (take_q[36]) mirror_o.error_limit <= mirror_data[27:0];
+    if (take_q[37]) mirror_o.amplitude_set <= mirror_data[25:0];
+    if (take_q[38]) mirror_o.k_p <= mirror_data[17:0];
+    if (take_q[39]) mirror_o.k_i <= mirror_data[17:0];
+    if (take_q[40]) mirror_o.level_low <= mirror_data[19:0];
+    if (take_q[41]) mirror_o.level_high <= mirror_data[19:0];
+    if (take_q[42]) mirror_o.level_nominal <= mirror_data[19:0];
+    if (take_q[43]) mirror_o.trim_step <= mirror_data[23:0];
+    if (take_q[44]) mirror_o.trim_gain <= mirror_data[17:0];
+    if (take_q[45]) mirror_o.trim_up <= mirror_data[0];
+    if (take_q[46]) mirror_o.settle_limit <= mirror_data[25:0];
+    if (take_q[47]) mirror_o.shock_limit <= mirror_data[25:0];
+    if (take_q[48]) mirror_o.phase_limit <= mirror_data[27:0];
+    if (take_q[49]) mirror_o.settle_count <= mirror_data[7:0];
+    if (take_q[50]) mirror_o.hold_count <= mirror_data[7:0];
+    if (take_q[51]) mirror_o.confidence_gain <= mirror_data[23:0];
+    if (take_q[52]) mirror_limits_o.duty <= mirror_limits_data[15:0];
+    if (take_q[53]) mirror_limits_o.sweep_level <= mirror_limits_data[19:0];
+    if (take_q[54]) mirror_limits_o.level_min <= mirror_limits_data[19:0];
+    if (take_q[55]) mirror_limits_o.level_max <= mirror_limits_data[19:0];
+    if (take_q[56]) mirror_limits_o.trim_min <= signed'(mirror_limits_data);
+    if (take_q[57]) mirror_limits_o.trim_max <= signed'(mirror_limits_data);
+    if (take_q[58]) mirror_limits_o.sweep_timeout <= mirror_limits_data;
+    if (take_q[59]) mirror_limits_o.settle_timeout <= mirror_limits_data;
+    if (take_q[60]) mirror_limits_o.lost_timeout <= mirror_limits_data;
+    if (take_q[61]) motion_o.drive_phase <= motion_data;
+    if (take_q[62]) motion_o.motion_a[0+:24] <= motion_data[23:0];
+    if (take_q[63]) motion_o.motion_a[24+:24] <= motion_data[23:0];
+    if (take_q[64]) motion_o.motion_a[48+:24] <= motion_data[23:0];
+    if (take_q[65]) motion_o.motion_a[72+:24] <= motion_data[23:0];
+    if (take_q[66]) motion_o.motion_a[96+:24] <= motion_data[23:0];
+    if (take_q[67]) motion_o.motion_a[120+:24] <= motion_data[23:0];
+    if (take_q[68]) motion_o.motion_a[144+:24] <= motion_data[23:0];
+    if (take_q[69]) motion_o.motion_a[168+:24] <= motion_data[23:0];
+    if (take_q[70]) motion_o.motion_a[192+:24] <= motion_data[23:0];
+    if (take_q[71]) motion_o.motion_phi[0+:28] <= motion_data;
+    if (take_q[72]) motion_o.motion_phi[28+:28] <= motion_data;
+    if (take_q[73]) motion_o.motion_phi[56+:28] <= motion_data;
+    if (take_q[74]) motion_o.motion_phi[84+:28] <= motion_data;
+    if (take_q[75]) motion_o.motion_phi[112+:28] <= motion_data;
+    if (take_q[76]) motion_o.motion_phi[140+:28] <= motion_data;
+    if (take_q[77]) motion_o.motion_phi[168+:28] <= motion_data;
+    if (take_q[78]) motion_o.motion_phi[196+:28] <= motion_data;
+    if (take_q[79]) motion_o.motion_phi[224+:28] <= motion_data;
+    if (take_q[80]) motion_o.motion_da[0+:24] <= motion_data[23:0];
+    if (take_q[81]) motion_o.motion_da[24+:24] <= motion_data[23:0];
+    if (take_q[82]) motion_o.motion_da[48+:24] <= motion_data[23:0];
+    if (take_q[83]) motion_o.motion_da[72+:24] <= motion_data[23:0];
+    if (take_q[84]) motion_o.motion_da[96+:24] <= motion_data[23:0];
+    if (take_q[85]) motion_o.motion_da[120+:24] <= motion_data[23:0];
+    if (take_q[86]) motion_o.motion_da[144+:24] <= motion_data[23:0];
+    if (take_q[87]) motion_o.motion_da[168+:24] <= motion_data[23:0];
+    if (take_q[88]) motion_o.motion_da[192+:24] <= motion_data[23:0];
+    if (take_q[89]) motion_o.motion_dphi[0+:24] <= motion_data[23:0];
+    if (take_q[90]) motion_o.motion_dphi[24+:24] <= motion_data[23:0];
+    if (take_q[91]) motion_o.motion_dphi[48+:24] <= motion_data[23:0];
+    if (take_q[92]) motion_o.motion_dphi[72+:24] <= motion_data[23:0];
+    if (take_q[93]) motion_o.motion_dphi[96+:24] <= motion_data[23:0];
+    if (take_q[94]) motion_o.motion_dphi[120+:24] <= motion_data[23:0];
+    if (take_q[95]) motion_o.motion_dphi[144+:24] <= motion_data[23:0];
+    if (take_q[96]) motion_o.motion_dphi[168+:24] <= motion_data[23:0];
+    if (take_q[97]) motion_o.motion_dphi[192+:24] <= motion_data[23:0];
     if (take_q[98]) ratio_low_q <= line_data;
-    if (take_q[99]) ratio_o <= {line_data[11:0], ratio_low_q};
-    if (take_q[100]) exposure_delay_clks_o <= line_data[19:0];
-    if (take_q[101]) exposure_clks_o <= line_data[19:0];
-    if (take_q[102]) pulse_delay_clks_o <= line_data[19:0];
-    if (take_q[103]) pulse_clks_o <= line_data[19:0];
-    if (take_q[104]) uart_step_o <= link_data;
-    if (take_q[105]) laser_enable_o <= laser_data[0];
-    if (take_q[106]) laser_adapt_o <= laser_data[0];
-    if (take_q[107]) laser_shared_o <= laser_data[0];
-    if (take_q[108]) laser_power_o <= laser_data;
-    if (take_q[109]) laser_power_min_o <= laser_data;
-    if (take_q[110]) laser_power_max_o <= laser_data;
-    if (take_q[111]) laser_startup_o <= laser_data;
-    if (take_q[112]) laser_target_o <= laser_data;
-    if (take_q[113]) laser_cut_o <= laser_data[13:0];
-    if (take_q[114]) laser_down_o <= laser_data;
-    if (take_q[115]) laser_up_o <= laser_data;
-    if (take_q[116]) laser_search_o <= laser_data[13:0];
-    if (take_q[117]) laser_index_begin_o <= laser_data;
-    if (take_q[118]) laser_index_end_o <= laser_data;
-    if (take_q[119]) laser_limit_power_o <= laser_limits_data[15:0];
-    if (take_q[120]) laser_limit_startup_o <= laser_limits_data[15:0];
-    if (take_q[121]) laser_limit_pulse_clks_o <= laser_limits_data[19:0];
-    if (take_q[122]) laser_limit_drain_o <= laser_limits_data[15:0];
-    if (take_q[123]) laser_limit_bucket_o <= laser_limits_data;
-    if (take_q[124]) laser_watchdog_clks_o <= laser_limits_data;
-    if (take_q[125]) points_batch_o <= points_data[7:0];
-    if (take_q[126]) points_timeout_clks_o <= points_data;
-    if (take_q[127]) focus_mode_o <= focus_data[1:0];
-    if (take_q[128]) focus_manual_o <= focus_data[15:0];
-    if (take_q[129]) focus_average_shift_o <= focus_data[3:0];
-    if (take_q[130]) focus_lapse_o <= focus_data[15:0];
-    if (take_q[131]) focus_z_begin_o <= signed'(focus_data[23:0]);
-    if (take_q[132]) focus_z_shift_o <= focus_data[3:0];
-    if (take_q[133]) focus_hysteresis_o <= focus_data[15:0];
-    if (take_q[134]) focus_hold_o <= focus_data[15:0];
-    if (take_q[135]) focus_address_o <= focus_data[6:0];
-    if (take_q[136]) focus_quarter_clks_o <= focus_data[15:0];
-    if (take_q[137]) focus_stretch_clks_o <= focus_data[23:0];
-    if (take_q[138]) focus_poll_clks_o <= focus_data[23:0];
-    if (take_q[139]) focus_tolerance_o <= focus_data[15:0];
-    if (take_q[140]) focus_timeout_clks_o <= focus_data;
-    if (take_q[141]) focus_retries_o <= focus_data[7:0];
-    if (take_q[142]) test_position_o <= test_data[23:0];
-    if (take_q[143]) test_move_o <= signed'(test_data[23:0]);
-    if (take_q[144]) test_step_o <= test_data[28:0];
-    if (take_q[145]) test_height_o <= test_data[15:0];
-    if (take_q[146]) test_pedestal_o <= test_data[15:0];
-    if (take_q[147]) test_noise_o <= test_data[15:0];
-    if (take_q[148]) test_seed_o <= test_data;
-    if (take_q[149]) test_lines_o <= test_data;
-    if (take_q[150]) test_period_clks_o <= test_data[23:0];
-    if (take_q[151]) test_angle_o <= signed'(test_data[23:0]);
-    if (take_q[152]) test_power_o <= test_data[15:0];
-    if (take_q[153]) test_start_o <= test_data[0];
-    if (take_q[154]) test_stop_o <= test_data[0];
-    if (take_q[155]) lock_calibration_o <= locks_data[0];
-    if (take_q[156]) lock_mirror_o <= locks_data[0];
-    if (take_q[157]) lock_laser_o <= locks_data[0];
-    if (group_rst_i[0]) begin  // identity
-      scratch_o <= '0;
+    if (take_q[99]) line_o.ratio <= {line_data[11:0], ratio_low_q};
+    if (take_q[100]) line_o.exposure_delay_clks <= line_data[19:0];
+    if (take_q[101]) line_o.exposure_clks <= line_data[19:0];
+    if (take_q[102]) line_o.pulse_delay_clks <= line_data[19:0];
+    if (take_q[103]) line_o.pulse_clks <= line_data[19:0];
+    if (take_q[104]) link_o.uart_step <= link_data;
+    if (take_q[105]) laser_o.laser_enable <= laser_data[0];
+    if (take_q[106]) laser_o.laser_adapt <= laser_data[0];
+    if (take_q[107]) laser_o.laser_shared <= laser_data[0];
+    if (take_q[108]) laser_o.laser_power <= laser_data;
+    if (take_q[109]) laser_o.laser_power_min <= laser_data;
+    if (take_q[110]) laser_o.laser_power_max <= laser_data;
+    if (take_q[111]) laser_o.laser_startup <= laser_data;
+    if (take_q[112]) laser_o.laser_target <= laser_data;
+    if (take_q[113]) laser_o.laser_cut <= laser_data[13:0];
+    if (take_q[114]) laser_o.laser_down <= laser_data;
+    if (take_q[115]) laser_o.laser_up <= laser_data;
+    if (take_q[116]) laser_o.laser_search <= laser_data[13:0];
+    if (take_q[117]) laser_o.laser_index_begin <= laser_data;
+    if (take_q[118]) laser_o.laser_index_end <= laser_data;
+    if (take_q[119]) laser_limits_o.laser_limit_power <= laser_limits_data[15:0];
+    if (take_q[120]) laser_limits_o.laser_limit_startup <= laser_limits_data[15:0];
+    if (take_q[121]) laser_limits_o.laser_limit_pulse_clks <= laser_limits_data[19:0];
+    if (take_q[122]) laser_limits_o.laser_limit_drain <= laser_limits_data[15:0];
+    if (take_q[123]) laser_limits_o.laser_limit_bucket <= laser_limits_data;
+    if (take_q[124]) laser_limits_o.laser_watchdog_clks <= laser_limits_data;
+    if (take_q[125]) points_o.points_batch <= points_data[7:0];
+    if (take_q[126]) points_o.points_timeout_clks <= points_data;
+    if (take_q[127]) focus_o.focus_mode <= focus_data[1:0];
+    if (take_q[128]) focus_o.focus_manual <= focus_data[15:0];
+    if (take_q[129]) focus_o.focus_average_shift <= focus_data[3:0];
+    if (take_q[130]) focus_o.focus_lapse <= focus_data[15:0];
+    if (take_q[131]) focus_o.focus_z_begin <= signed'(focus_data[23:0]);
+    if (take_q[132]) focus_o.focus_z_shift <= focus_data[3:0];
+    if (take_q[133]) focus_o.focus_hysteresis <= focus_data[15:0];
+    if (take_q[134]) focus_o.focus_hold <= focus_data[15:0];
+    if (take_q[135]) focus_o.focus_address <= focus_data[6:0];
+    if (take_q[136]) focus_o.focus_quarter_clks <= focus_data[15:0];
+    if (take_q[137]) focus_o.focus_stretch_clks <= focus_data[23:0];
+    if (take_q[138]) focus_o.focus_poll_clks <= focus_data[23:0];
+    if (take_q[139]) focus_o.focus_tolerance <= focus_data[15:0];
+    if (take_q[140]) focus_o.focus_timeout_clks <= focus_data;
+    if (take_q[141]) focus_o.focus_retries <= focus_data[7:0];
+    if (take_q[142]) test_o.test_position <= test_data[23:0];
+    if (take_q[143]) test_o.test_move <= signed'(test_data[23:0]);
+    if (take_q[144]) test_o.test_step <= test_data[28:0];
+    if (take_q[145]) test_o.test_height <= test_data[15:0];
+    if (take_q[146]) test_o.test_pedestal <= test_data[15:0];
+    if (take_q[147]) test_o.test_noise <= test_data[15:0];
+    if (take_q[148]) test_o.test_seed <= test_data;
+    if (take_q[149]) test_o.test_lines <= test_data;
+    if (take_q[150]) test_o.test_period_clks <= test_data[23:0];
+    if (take_q[151]) test_o.test_angle <= signed'(test_data[23:0]);
+    if (take_q[152]) test_o.test_power <= test_data[15:0];
+    if (take_q[153]) test_o.test_start <= test_data[0];
+    if (take_q[154]) test_o.test_stop <= test_data[0];
+    if (take_q[155]) locks_o.lock_calibration <= locks_data[0];
+    if (take_q[156]) locks_o.lock_mirror <= locks_data[0];
+    if (take_q[157]) locks_o.lock_laser <= locks_data[0];
+    if (identity_rst) begin
+      identity_o.scratch <= '0;
     end
-    if (group_rst_i[1]) begin  // peak
-      period_n_o <= 1'h1;
-      noise_row_o <= '0;
-      k_noise_o <= 16'h0280;
-      k_height_o <= 16'h051f;
-      snr_min_o <= 16'h0800;
-      min_width_o <= 8'h03;
-      max_width_o <= 8'hff;
-      kappa_o <= 18'h03333;
-      c_obj_gain_o <= 24'h00028d;
-      c_sfm_gain_o <= 24'h0000ff;
-      window_two_pass_o <= '0;
+    if (peak_rst) begin
+      peak_o.period_n <= 1'h1;
+      peak_o.noise_row <= '0;
+      peak_o.k_noise <= 16'h0280;
+      peak_o.k_height <= 16'h051f;
+      peak_o.snr_min <= 16'h0800;
+      peak_o.min_width <= 8'h03;
+      peak_o.max_width <= 8'hff;
+      peak_o.kappa <= 18'h03333;
+      peak_o.c_obj_gain <= 24'h00028d;
+      peak_o.c_sfm_gain <= 24'h0000ff;
+      peak_o.window_two_pass <= '0;
     end
-    if (group_rst_i[2]) begin  // geometry
-      centre_o <= 32'h3ff80000;
-      k1_o <= '0;
-      k2_o <= '0;
-      even_o <= '0;
-      n0_o <= 32'h03b6a848;
-      n1_o <= 32'h004c9d79;
-      d0_o <= 32'h08e8364b;
-      d1_o <= 32'hdba83161;
-      e0_o <= 32'h3f608d52;
-      e1_o <= 32'h051b9098;
+    if (geometry_rst) begin
+      geometry_o.centre <= 32'h3ff80000;
+      geometry_o.k1 <= '0;
+      geometry_o.k2 <= '0;
+      geometry_o.even <= '0;
+      geometry_o.n0 <= 32'h03b6a848;
+      geometry_o.n1 <= 32'h004c9d79;
+      geometry_o.d0 <= 32'h08e8364b;
+      geometry_o.d1 <= 32'hdba83161;
+      geometry_o.e0 <= 32'h3f608d52;
+      geometry_o.e1 <= 32'h051b9098;
     end
-    if (group_rst_i[3]) begin  // mirror
-      mirror_enable_o <= '0;
-      line_enable_o <= '0;
+    if (mirror_rst) begin
+      mirror_o.mirror_enable <= '0;
+      mirror_o.line_enable <= '0;
       sweep_word_low_q <= 32'h00000000;
-      sweep_word_o <= '0;
+      mirror_o.sweep_word <= '0;
       work_word_low_q <= 32'h00000000;
-      work_word_o <= '0;
-      sweep_rate_o <= '0;
-      glitch_clks_o <= '0;
-      width_min_clks_o <= '0;
-      width_max_clks_o <= '0;
-      period_max_clks_o <= '0;
-      phase_shift_o <= '0;
-      rate_shift_o <= '0;
-      amplitude_shift_o <= '0;
-      error_limit_o <= '0;
-      amplitude_set_o <= '0;
-      k_p_o <= '0;
-      k_i_o <= '0;
-      level_low_o <= '0;
-      level_high_o <= '0;
-      level_nominal_o <= '0;
-      trim_step_o <= '0;
-      trim_gain_o <= '0;
-      trim_up_o <= '0;
-      settle_limit_o <= '0;
-      shock_limit_o <= '0;
-      phase_limit_o <= '0;
-      settle_count_o <= '0;
-      hold_count_o <= '0;
-      confidence_gain_o <= '0;
+      mirror_o.work_word <= '0;
+      mirror_o.sweep_rate <= '0;
+      mirror_o.glitch_clks <= '0;
+      mirror_o.width_min_clks <= '0;
+      mirror_o.width_max_clks <= '0;
+      mirror_o.period_max_clks <= '0;
+      mirror_o.phase_shift <= '0;
+      mirror_o.rate_shift <= '0;
+      mirror_o.amplitude_shift <= '0;
+      mirror_o.error_limit <= '0;
+      mirror_o.amplitude_set <= '0;
+      mirror_o.k_p <= '0;
+      mirror_o.k_i <= '0;
+      mirror_o.level_low <= '0;
+      mirror_o.level_high <= '0;
+      mirror_o.level_nominal <= '0;
+      mirror_o.trim_step <= '0;
+      mirror_o.trim_gain <= '0;
+      mirror_o.trim_up <= '0;
+      mirror_o.settle_limit <= '0;
+      mirror_o.shock_limit <= '0;
+      mirror_o.phase_limit <= '0;
+      mirror_o.settle_count <= '0;
+      mirror_o.hold_count <= '0;
+      mirror_o.confidence_gain <= '0;
     end
-    if (group_rst_i[4]) begin  // mirror_limits
-      duty_o <= '0;
-      sweep_level_o <= '0;
-      level_min_o <= '0;
-      level_max_o <= '0;
-      trim_min_o <= '0;
-      trim_max_o <= '0;
-      sweep_timeout_o <= '0;
-      settle_timeout_o <= '0;
-      lost_timeout_o <= '0;
+    if (mirror_limits_rst) begin
+      mirror_limits_o.duty <= '0;
+      mirror_limits_o.sweep_level <= '0;
+      mirror_limits_o.level_min <= '0;
+      mirror_limits_o.level_max <= '0;
+      mirror_limits_o.trim_min <= '0;
+      mirror_limits_o.trim_max <= '0;
+      mirror_limits_o.sweep_timeout <= '0;
+      mirror_limits_o.settle_timeout <= '0;
+      mirror_limits_o.lost_timeout <= '0;
     end
-    if (group_rst_i[5]) begin  // motion
-      drive_phase_o <= '0;
-      motion_a_o <= '0;
-      motion_phi_o <= '0;
-      motion_da_o <= '0;
-      motion_dphi_o <= '0;
+    if (motion_rst) begin
+      motion_o.drive_phase <= '0;
+      motion_o.motion_a <= '0;
+      motion_o.motion_phi <= '0;
+      motion_o.motion_da <= '0;
+      motion_o.motion_dphi <= '0;
     end
-    if (group_rst_i[6]) begin  // line
+    if (line_rst) begin
       ratio_low_q <= 32'h00000000;
-      ratio_o <= '0;
-      exposure_delay_clks_o <= '0;
-      exposure_clks_o <= '0;
-      pulse_delay_clks_o <= '0;
-      pulse_clks_o <= '0;
+      line_o.ratio <= '0;
+      line_o.exposure_delay_clks <= '0;
+      line_o.exposure_clks <= '0;
+      line_o.pulse_delay_clks <= '0;
+      line_o.pulse_clks <= '0;
     end
-    if (group_rst_i[7]) begin  // link
-      uart_step_o <= 24'h07ae14;
-      uart_step_strobe_o <= 1'b0;
+    if (link_rst) begin
+      link_o.uart_step <= 24'h07ae14;
+      link_o.uart_step_strobe <= 1'b0;
     end
-    if (group_rst_i[8]) begin  // laser
-      laser_enable_o <= '0;
-      laser_adapt_o <= '0;
-      laser_shared_o <= '0;
-      laser_power_o <= '0;
-      laser_power_min_o <= '0;
-      laser_power_max_o <= '0;
-      laser_startup_o <= '0;
-      laser_target_o <= '0;
-      laser_cut_o <= '0;
-      laser_down_o <= '0;
-      laser_up_o <= '0;
-      laser_search_o <= '0;
-      laser_index_begin_o <= '0;
-      laser_index_end_o <= '0;
+    if (laser_rst) begin
+      laser_o.laser_enable <= '0;
+      laser_o.laser_adapt <= '0;
+      laser_o.laser_shared <= '0;
+      laser_o.laser_power <= '0;
+      laser_o.laser_power_min <= '0;
+      laser_o.laser_power_max <= '0;
+      laser_o.laser_startup <= '0;
+      laser_o.laser_target <= '0;
+      laser_o.laser_cut <= '0;
+      laser_o.laser_down <= '0;
+      laser_o.laser_up <= '0;
+      laser_o.laser_search <= '0;
+      laser_o.laser_index_begin <= '0;
+      laser_o.laser_index_end <= '0;
     end
-    if (group_rst_i[9]) begin  // laser_limits
-      laser_limit_power_o <= '0;
-      laser_limit_startup_o <= '0;
-      laser_limit_pulse_clks_o <= '0;
-      laser_limit_drain_o <= '0;
-      laser_limit_bucket_o <= '0;
-      laser_watchdog_clks_o <= '0;
+    if (laser_limits_rst) begin
+      laser_limits_o.laser_limit_power <= '0;
+      laser_limits_o.laser_limit_startup <= '0;
+      laser_limits_o.laser_limit_pulse_clks <= '0;
+      laser_limits_o.laser_limit_drain <= '0;
+      laser_limits_o.laser_limit_bucket <= '0;
+      laser_limits_o.laser_watchdog_clks <= '0;
     end
-    if (group_rst_i[10]) begin  // points
-      points_batch_o <= 8'h18;
-      points_timeout_clks_o <= 24'h1e8480;
+    if (points_rst) begin
+      points_o.points_batch <= 8'h18;
+      points_o.points_timeout_clks <= 24'h1e8480;
     end
-    if (group_rst_i[11]) begin  // focus
-      focus_mode_o <= '0;
-      focus_manual_o <= '0;
-      focus_average_shift_o <= '0;
-      focus_lapse_o <= '0;
-      focus_z_begin_o <= '0;
-      focus_z_shift_o <= '0;
-      focus_hysteresis_o <= '0;
-      focus_hold_o <= '0;
-      focus_address_o <= '0;
-      focus_quarter_clks_o <= 16'h00fa;
-      focus_stretch_clks_o <= 24'h2625a0;
-      focus_poll_clks_o <= 24'h030d40;
-      focus_tolerance_o <= '0;
-      focus_timeout_clks_o <= '0;
-      focus_retries_o <= '0;
+    if (focus_rst) begin
+      focus_o.focus_mode <= '0;
+      focus_o.focus_manual <= '0;
+      focus_o.focus_average_shift <= '0;
+      focus_o.focus_lapse <= '0;
+      focus_o.focus_z_begin <= '0;
+      focus_o.focus_z_shift <= '0;
+      focus_o.focus_hysteresis <= '0;
+      focus_o.focus_hold <= '0;
+      focus_o.focus_address <= '0;
+      focus_o.focus_quarter_clks <= 16'h00fa;
+      focus_o.focus_stretch_clks <= 24'h2625a0;
+      focus_o.focus_poll_clks <= 24'h030d40;
+      focus_o.focus_tolerance <= '0;
+      focus_o.focus_timeout_clks <= '0;
+      focus_o.focus_retries <= '0;
     end
-    if (group_rst_i[12]) begin  // test
-      test_position_o <= 24'h400000;
-      test_move_o <= 24'h001000;
-      test_step_o <= 29'h00cccccd;
-      test_height_o <= 16'h9c40;
-      test_pedestal_o <= 16'h07d0;
-      test_noise_o <= 16'h03e8;
-      test_seed_o <= '0;
-      test_lines_o <= '0;
-      test_period_clks_o <= '0;
-      test_angle_o <= '0;
-      test_power_o <= '0;
-      test_start_o <= '0;
-      test_start_strobe_o <= 1'b0;
-      test_stop_o <= '0;
-      test_stop_strobe_o <= 1'b0;
+    if (test_rst) begin
+      test_o.test_position <= 24'h400000;
+      test_o.test_move <= 24'h001000;
+      test_o.test_step <= 29'h00cccccd;
+      test_o.test_height <= 16'h9c40;
+      test_o.test_pedestal <= 16'h07d0;
+      test_o.test_noise <= 16'h03e8;
+      test_o.test_seed <= '0;
+      test_o.test_lines <= '0;
+      test_o.test_period_clks <= '0;
+      test_o.test_angle <= '0;
+      test_o.test_power <= '0;
+      test_o.test_start <= '0;
+      test_o.test_start_strobe <= 1'b0;
+      test_o.test_stop <= '0;
+      test_o.test_stop_strobe <= 1'b0;
     end
-    if (group_rst_i[13]) begin  // locks
-      lock_calibration_o <= '0;
-      lock_mirror_o <= '0;
-      lock_laser_o <= '0;
+    if (locks_rst) begin
+      locks_o.lock_calibration <= '0;
+      locks_o.lock_mirror <= '0;
+      locks_o.lock_laser <= '0;
     end
   end
 
@@ -973,26 +791,26 @@ module register_file (
   logic [27:0] table_midpoint_q;
   logic [31:0] table_read_q;
   always_ff @(posedge clk_i) begin
-    if (write_q2 && table_hit_q && address_q[0:0] == 1'h0 && !rst_i)
+    if (write_q2 && table_hit_q && address_q[0:0] == 1'h0 && !rst)
       table_amplitude_mem[table_index] <= data_q[25:0];
     table_amplitude_q <= table_amplitude_mem[table_index];
     table_amplitude_q2 <= table_amplitude_q;
-    if (write_q2 && table_hit_q && address_q[0:0] == 1'h1 && !rst_i)
+    if (write_q2 && table_hit_q && address_q[0:0] == 1'h1 && !rst)
       table_midpoint_mem[table_index] <= data_q[27:0];
     table_midpoint_q <= table_midpoint_mem[table_index];
-    table_write_o <= 1'b0;
+    table_o.table_write <= 1'b0;
     if (write_q2 && table_hit_q && address_q[0:0] == 1'h1) begin
-      table_write_o <= 1'b1;
-      table_index_o <= table_index;
-      table_amplitude_o <= table_amplitude_q2;
-      table_midpoint_o <= signed'(data_q[27:0]);
+      table_o.table_write <= 1'b1;
+      table_o.table_index <= table_index;
+      table_o.table_amplitude <= table_amplitude_q2;
+      table_o.table_midpoint <= signed'(data_q[27:0]);
     end
     case (address_q[0:0])
       1'h0: table_read_q <= 32'(table_amplitude_q);
       1'h1: table_read_q <= 32'(signed'(table_midpoint_q));
       default: table_read_q <= '0;
     endcase
-    if (rst_i) table_write_o <= 1'b0;
+    if (rst) table_o.table_write <= 1'b0;
   end
 
   // ---- focus_table: written at 6, read back at 7 and 8 ----
@@ -1000,17 +818,17 @@ module register_file (
   logic [15:0] focus_table_position_q;
   logic [31:0] focus_table_read_q;
   always_ff @(posedge clk_i) begin
-    if (write_q2 && focus_table_hit_q && !rst_i)
+    if (write_q2 && focus_table_hit_q && !rst)
       focus_table_position_mem[focus_table_index] <= data_q[15:0];
     focus_table_position_q <= focus_table_position_mem[focus_table_index];
-    focus_table_write_o <= 1'b0;
+    focus_table_o.focus_table_write <= 1'b0;
     if (write_q2 && focus_table_hit_q) begin
-      focus_table_write_o <= 1'b1;
-      focus_table_index_o <= focus_table_index;
-      focus_table_position_o <= data_q[15:0];
+      focus_table_o.focus_table_write <= 1'b1;
+      focus_table_o.focus_table_index <= focus_table_index;
+      focus_table_o.focus_table_position <= data_q[15:0];
     end
     focus_table_read_q <= 32'(focus_table_position_q);
-    if (rst_i) focus_table_write_o <= 1'b0;
+    if (rst) focus_table_o.focus_table_write <= 1'b0;
   end
 
   // ---- 7: the words of a page; what is wide stays whole ----
@@ -1021,14 +839,14 @@ module register_file (
   logic [3:0] keep_q;
   always_ff @(posedge clk_i) begin
     keep_q[0] <= step_q[6] && read && page_00_hit_q && word_hit_q[11];
-    if (keep_q[0]) uptime_high_q <= uptime_i[47:32];
+    if (keep_q[0]) uptime_high_q <= identity_status_i.uptime[47:32];
     keep_q[1] <= step_q[6] && read && page_0c_hit_q && word_hit_q[2];
-    if (keep_q[1]) mirror_word_high_q <= mirror_word_i[39:32];
+    if (keep_q[1]) mirror_word_high_q <= mirror_status_i.mirror_word[39:32];
     keep_q[2] <= step_q[6] && read && page_0c_hit_q && word_hit_q[4];
-    if (keep_q[2]) mirror_drive_phase_high_q <= mirror_drive_phase_i[47:32];
+    if (keep_q[2]) mirror_drive_phase_high_q <= mirror_status_i.mirror_drive_phase[47:32];
     keep_q[3] <= step_q[6] && read && page_0c_hit_q && word_hit_q[6];
-    if (keep_q[3]) mirror_phase_high_q <= mirror_phase_i[47:32];
-    if (rst_i) keep_q <= '0;
+    if (keep_q[3]) mirror_phase_high_q <= mirror_status_i.mirror_phase[47:32];
+    if (rst) keep_q <= '0;
   end
 
   logic [31:0] page_00_q;
@@ -1041,15 +859,15 @@ module register_file (
       4'h0: page_00_q <= 32'h56525343;
       4'h1: page_00_q <= 32'he6a86393;
       4'h2: page_00_q <= 32'h00000100;
-      4'h3: page_00_q <= 32'(board_id_i);
-      4'h4: page_00_q <= clock_hz_i;
-      4'h5: page_00_q <= 32'(line_length_i);
-      4'h6: page_00_q <= 32'(pixel_width_i);
-      4'h7: page_00_q <= 32'(max_window_i);
-      4'h8: page_00_q <= 32'(lanes_i);
-      4'h9: page_00_q <= 32'(index_oversample_i);
-      4'ha: page_00_q <= scratch_o;
-      4'hb: page_00_q <= uptime_i[31:0];
+      4'h3: page_00_q <= 32'(identity_status_i.board_id);
+      4'h4: page_00_q <= identity_status_i.clock_hz;
+      4'h5: page_00_q <= 32'(identity_status_i.line_length);
+      4'h6: page_00_q <= 32'(identity_status_i.pixel_width);
+      4'h7: page_00_q <= 32'(identity_status_i.max_window);
+      4'h8: page_00_q <= 32'(identity_status_i.lanes);
+      4'h9: page_00_q <= 32'(identity_status_i.index_oversample);
+      4'ha: page_00_q <= identity_o.scratch;
+      4'hb: page_00_q <= identity_status_i.uptime[31:0];
       default: page_00_q <= 32'(uptime_high_q);
     endcase
     if (!page_00_hit_q) page_00_q <= '0;
@@ -1062,17 +880,17 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_01_word)
-      4'h0: page_01_q <= 32'(period_n_o);
-      4'h1: page_01_q <= 32'(noise_row_o);
-      4'h2: page_01_q <= 32'(k_noise_o);
-      4'h3: page_01_q <= 32'(k_height_o);
-      4'h4: page_01_q <= 32'(snr_min_o);
-      4'h5: page_01_q <= 32'(min_width_o);
-      4'h6: page_01_q <= 32'(max_width_o);
-      4'h7: page_01_q <= 32'(kappa_o);
-      4'h8: page_01_q <= 32'(c_obj_gain_o);
-      4'h9: page_01_q <= 32'(c_sfm_gain_o);
-      default: page_01_q <= 32'(window_two_pass_o);
+      4'h0: page_01_q <= 32'(peak_o.period_n);
+      4'h1: page_01_q <= 32'(peak_o.noise_row);
+      4'h2: page_01_q <= 32'(peak_o.k_noise);
+      4'h3: page_01_q <= 32'(peak_o.k_height);
+      4'h4: page_01_q <= 32'(peak_o.snr_min);
+      4'h5: page_01_q <= 32'(peak_o.min_width);
+      4'h6: page_01_q <= 32'(peak_o.max_width);
+      4'h7: page_01_q <= 32'(peak_o.kappa);
+      4'h8: page_01_q <= 32'(peak_o.c_obj_gain);
+      4'h9: page_01_q <= 32'(peak_o.c_sfm_gain);
+      default: page_01_q <= 32'(peak_o.window_two_pass);
     endcase
     if (!page_01_hit_q) page_01_q <= '0;
   end
@@ -1084,16 +902,16 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_02_word)
-      4'h0: page_02_q <= unsigned'(centre_o);
-      4'h1: page_02_q <= 32'(k1_o);
-      4'h2: page_02_q <= 32'(k2_o);
-      4'h3: page_02_q <= 32'(even_o);
-      4'h4: page_02_q <= unsigned'(n0_o);
-      4'h5: page_02_q <= unsigned'(n1_o);
-      4'h6: page_02_q <= unsigned'(d0_o);
-      4'h7: page_02_q <= unsigned'(d1_o);
-      4'h8: page_02_q <= unsigned'(e0_o);
-      default: page_02_q <= unsigned'(e1_o);
+      4'h0: page_02_q <= unsigned'(geometry_o.centre);
+      4'h1: page_02_q <= 32'(geometry_o.k1);
+      4'h2: page_02_q <= 32'(geometry_o.k2);
+      4'h3: page_02_q <= 32'(geometry_o.even);
+      4'h4: page_02_q <= unsigned'(geometry_o.n0);
+      4'h5: page_02_q <= unsigned'(geometry_o.n1);
+      4'h6: page_02_q <= unsigned'(geometry_o.d0);
+      4'h7: page_02_q <= unsigned'(geometry_o.d1);
+      4'h8: page_02_q <= unsigned'(geometry_o.e0);
+      default: page_02_q <= unsigned'(geometry_o.e1);
     endcase
     if (!page_02_hit_q) page_02_q <= '0;
   end
@@ -1105,11 +923,11 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_03_word)
-      4'h0: page_03_q <= 32'(short_count_i);
-      4'h1: page_03_q <= 32'(long_count_i);
-      4'h2: page_03_q <= 32'(unfinished_count_i);
-      4'h3: page_03_q <= 32'(early_count_i);
-      default: page_03_q <= 32'(dropped_count_i);
+      4'h0: page_03_q <= 32'(chain_i.short_count);
+      4'h1: page_03_q <= 32'(chain_i.long_count);
+      4'h2: page_03_q <= 32'(chain_i.unfinished_count);
+      4'h3: page_03_q <= 32'(chain_i.early_count);
+      default: page_03_q <= 32'(chain_i.dropped_count);
     endcase
     if (!page_03_hit_q) page_03_q <= '0;
   end
@@ -1121,22 +939,22 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_04_word)
-      4'h0: page_04_q <= 32'(mirror_enable_o);
-      4'h1: page_04_q <= 32'(line_enable_o);
+      4'h0: page_04_q <= 32'(mirror_o.mirror_enable);
+      4'h1: page_04_q <= 32'(mirror_o.line_enable);
       4'h2: page_04_q <= sweep_word_low_q;
-      4'h3: page_04_q <= 32'(sweep_word_o[39:32]);
+      4'h3: page_04_q <= 32'(mirror_o.sweep_word[39:32]);
       4'h4: page_04_q <= work_word_low_q;
-      4'h5: page_04_q <= 32'(work_word_o[39:32]);
-      4'h6: page_04_q <= sweep_rate_o;
-      4'h7: page_04_q <= 32'(glitch_clks_o);
-      4'h8: page_04_q <= width_min_clks_o;
-      4'h9: page_04_q <= width_max_clks_o;
-      4'ha: page_04_q <= period_max_clks_o;
-      4'hb: page_04_q <= 32'(phase_shift_o);
-      4'hc: page_04_q <= 32'(rate_shift_o);
-      4'hd: page_04_q <= 32'(amplitude_shift_o);
-      4'he: page_04_q <= 32'(error_limit_o);
-      default: page_04_q <= 32'(amplitude_set_o);
+      4'h5: page_04_q <= 32'(mirror_o.work_word[39:32]);
+      4'h6: page_04_q <= mirror_o.sweep_rate;
+      4'h7: page_04_q <= 32'(mirror_o.glitch_clks);
+      4'h8: page_04_q <= mirror_o.width_min_clks;
+      4'h9: page_04_q <= mirror_o.width_max_clks;
+      4'ha: page_04_q <= mirror_o.period_max_clks;
+      4'hb: page_04_q <= 32'(mirror_o.phase_shift);
+      4'hc: page_04_q <= 32'(mirror_o.rate_shift);
+      4'hd: page_04_q <= 32'(mirror_o.amplitude_shift);
+      4'he: page_04_q <= 32'(mirror_o.error_limit);
+      default: page_04_q <= 32'(mirror_o.amplitude_set);
     endcase
     if (!page_04_hit_q) page_04_q <= '0;
   end
@@ -1148,20 +966,20 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_05_word)
-      4'h0: page_05_q <= 32'(k_p_o);
-      4'h1: page_05_q <= 32'(k_i_o);
-      4'h2: page_05_q <= 32'(level_low_o);
-      4'h3: page_05_q <= 32'(level_high_o);
-      4'h4: page_05_q <= 32'(level_nominal_o);
-      4'h5: page_05_q <= 32'(trim_step_o);
-      4'h6: page_05_q <= 32'(trim_gain_o);
-      4'h7: page_05_q <= 32'(trim_up_o);
-      4'h8: page_05_q <= 32'(settle_limit_o);
-      4'h9: page_05_q <= 32'(shock_limit_o);
-      4'ha: page_05_q <= 32'(phase_limit_o);
-      4'hb: page_05_q <= 32'(settle_count_o);
-      4'hc: page_05_q <= 32'(hold_count_o);
-      default: page_05_q <= 32'(confidence_gain_o);
+      4'h0: page_05_q <= 32'(mirror_o.k_p);
+      4'h1: page_05_q <= 32'(mirror_o.k_i);
+      4'h2: page_05_q <= 32'(mirror_o.level_low);
+      4'h3: page_05_q <= 32'(mirror_o.level_high);
+      4'h4: page_05_q <= 32'(mirror_o.level_nominal);
+      4'h5: page_05_q <= 32'(mirror_o.trim_step);
+      4'h6: page_05_q <= 32'(mirror_o.trim_gain);
+      4'h7: page_05_q <= 32'(mirror_o.trim_up);
+      4'h8: page_05_q <= 32'(mirror_o.settle_limit);
+      4'h9: page_05_q <= 32'(mirror_o.shock_limit);
+      4'ha: page_05_q <= 32'(mirror_o.phase_limit);
+      4'hb: page_05_q <= 32'(mirror_o.settle_count);
+      4'hc: page_05_q <= 32'(mirror_o.hold_count);
+      default: page_05_q <= 32'(mirror_o.confidence_gain);
     endcase
     if (!page_05_hit_q) page_05_q <= '0;
   end
@@ -1173,15 +991,15 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_06_word)
-      4'h0: page_06_q <= 32'(duty_o);
-      4'h1: page_06_q <= 32'(sweep_level_o);
-      4'h2: page_06_q <= 32'(level_min_o);
-      4'h3: page_06_q <= 32'(level_max_o);
-      4'h4: page_06_q <= unsigned'(trim_min_o);
-      4'h5: page_06_q <= unsigned'(trim_max_o);
-      4'h6: page_06_q <= sweep_timeout_o;
-      4'h7: page_06_q <= settle_timeout_o;
-      default: page_06_q <= lost_timeout_o;
+      4'h0: page_06_q <= 32'(mirror_limits_o.duty);
+      4'h1: page_06_q <= 32'(mirror_limits_o.sweep_level);
+      4'h2: page_06_q <= 32'(mirror_limits_o.level_min);
+      4'h3: page_06_q <= 32'(mirror_limits_o.level_max);
+      4'h4: page_06_q <= unsigned'(mirror_limits_o.trim_min);
+      4'h5: page_06_q <= unsigned'(mirror_limits_o.trim_max);
+      4'h6: page_06_q <= mirror_limits_o.sweep_timeout;
+      4'h7: page_06_q <= mirror_limits_o.settle_timeout;
+      default: page_06_q <= mirror_limits_o.lost_timeout;
     endcase
     if (!page_06_hit_q) page_06_q <= '0;
   end
@@ -1193,22 +1011,22 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_08_word)
-      4'h0: page_08_q <= 32'(drive_phase_o);
-      4'h1: page_08_q <= 32'(signed'(motion_a_o[0+:24]));
-      4'h2: page_08_q <= 32'(signed'(motion_a_o[24+:24]));
-      4'h3: page_08_q <= 32'(signed'(motion_a_o[48+:24]));
-      4'h4: page_08_q <= 32'(signed'(motion_a_o[72+:24]));
-      4'h5: page_08_q <= 32'(signed'(motion_a_o[96+:24]));
-      4'h6: page_08_q <= 32'(signed'(motion_a_o[120+:24]));
-      4'h7: page_08_q <= 32'(signed'(motion_a_o[144+:24]));
-      4'h8: page_08_q <= 32'(signed'(motion_a_o[168+:24]));
-      4'h9: page_08_q <= 32'(signed'(motion_a_o[192+:24]));
-      4'ha: page_08_q <= 32'(motion_phi_o[0+:28]);
-      4'hb: page_08_q <= 32'(motion_phi_o[28+:28]);
-      4'hc: page_08_q <= 32'(motion_phi_o[56+:28]);
-      4'hd: page_08_q <= 32'(motion_phi_o[84+:28]);
-      4'he: page_08_q <= 32'(motion_phi_o[112+:28]);
-      default: page_08_q <= 32'(motion_phi_o[140+:28]);
+      4'h0: page_08_q <= 32'(motion_o.drive_phase);
+      4'h1: page_08_q <= 32'(signed'(motion_o.motion_a[0+:24]));
+      4'h2: page_08_q <= 32'(signed'(motion_o.motion_a[24+:24]));
+      4'h3: page_08_q <= 32'(signed'(motion_o.motion_a[48+:24]));
+      4'h4: page_08_q <= 32'(signed'(motion_o.motion_a[72+:24]));
+      4'h5: page_08_q <= 32'(signed'(motion_o.motion_a[96+:24]));
+      4'h6: page_08_q <= 32'(signed'(motion_o.motion_a[120+:24]));
+      4'h7: page_08_q <= 32'(signed'(motion_o.motion_a[144+:24]));
+      4'h8: page_08_q <= 32'(signed'(motion_o.motion_a[168+:24]));
+      4'h9: page_08_q <= 32'(signed'(motion_o.motion_a[192+:24]));
+      4'ha: page_08_q <= 32'(motion_o.motion_phi[0+:28]);
+      4'hb: page_08_q <= 32'(motion_o.motion_phi[28+:28]);
+      4'hc: page_08_q <= 32'(motion_o.motion_phi[56+:28]);
+      4'hd: page_08_q <= 32'(motion_o.motion_phi[84+:28]);
+      4'he: page_08_q <= 32'(motion_o.motion_phi[112+:28]);
+      default: page_08_q <= 32'(motion_o.motion_phi[140+:28]);
     endcase
     if (!page_08_hit_q) page_08_q <= '0;
   end
@@ -1220,22 +1038,22 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_09_word)
-      4'h0: page_09_q <= 32'(motion_phi_o[168+:28]);
-      4'h1: page_09_q <= 32'(motion_phi_o[196+:28]);
-      4'h2: page_09_q <= 32'(motion_phi_o[224+:28]);
-      4'h3: page_09_q <= 32'(signed'(motion_da_o[0+:24]));
-      4'h4: page_09_q <= 32'(signed'(motion_da_o[24+:24]));
-      4'h5: page_09_q <= 32'(signed'(motion_da_o[48+:24]));
-      4'h6: page_09_q <= 32'(signed'(motion_da_o[72+:24]));
-      4'h7: page_09_q <= 32'(signed'(motion_da_o[96+:24]));
-      4'h8: page_09_q <= 32'(signed'(motion_da_o[120+:24]));
-      4'h9: page_09_q <= 32'(signed'(motion_da_o[144+:24]));
-      4'ha: page_09_q <= 32'(signed'(motion_da_o[168+:24]));
-      4'hb: page_09_q <= 32'(signed'(motion_da_o[192+:24]));
-      4'hc: page_09_q <= 32'(signed'(motion_dphi_o[0+:24]));
-      4'hd: page_09_q <= 32'(signed'(motion_dphi_o[24+:24]));
-      4'he: page_09_q <= 32'(signed'(motion_dphi_o[48+:24]));
-      default: page_09_q <= 32'(signed'(motion_dphi_o[72+:24]));
+      4'h0: page_09_q <= 32'(motion_o.motion_phi[168+:28]);
+      4'h1: page_09_q <= 32'(motion_o.motion_phi[196+:28]);
+      4'h2: page_09_q <= 32'(motion_o.motion_phi[224+:28]);
+      4'h3: page_09_q <= 32'(signed'(motion_o.motion_da[0+:24]));
+      4'h4: page_09_q <= 32'(signed'(motion_o.motion_da[24+:24]));
+      4'h5: page_09_q <= 32'(signed'(motion_o.motion_da[48+:24]));
+      4'h6: page_09_q <= 32'(signed'(motion_o.motion_da[72+:24]));
+      4'h7: page_09_q <= 32'(signed'(motion_o.motion_da[96+:24]));
+      4'h8: page_09_q <= 32'(signed'(motion_o.motion_da[120+:24]));
+      4'h9: page_09_q <= 32'(signed'(motion_o.motion_da[144+:24]));
+      4'ha: page_09_q <= 32'(signed'(motion_o.motion_da[168+:24]));
+      4'hb: page_09_q <= 32'(signed'(motion_o.motion_da[192+:24]));
+      4'hc: page_09_q <= 32'(signed'(motion_o.motion_dphi[0+:24]));
+      4'hd: page_09_q <= 32'(signed'(motion_o.motion_dphi[24+:24]));
+      4'he: page_09_q <= 32'(signed'(motion_o.motion_dphi[48+:24]));
+      default: page_09_q <= 32'(signed'(motion_o.motion_dphi[72+:24]));
     endcase
     if (!page_09_hit_q) page_09_q <= '0;
   end
@@ -1247,11 +1065,11 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_0a_word)
-      4'h0: page_0a_q <= 32'(signed'(motion_dphi_o[96+:24]));
-      4'h1: page_0a_q <= 32'(signed'(motion_dphi_o[120+:24]));
-      4'h2: page_0a_q <= 32'(signed'(motion_dphi_o[144+:24]));
-      4'h3: page_0a_q <= 32'(signed'(motion_dphi_o[168+:24]));
-      default: page_0a_q <= 32'(signed'(motion_dphi_o[192+:24]));
+      4'h0: page_0a_q <= 32'(signed'(motion_o.motion_dphi[96+:24]));
+      4'h1: page_0a_q <= 32'(signed'(motion_o.motion_dphi[120+:24]));
+      4'h2: page_0a_q <= 32'(signed'(motion_o.motion_dphi[144+:24]));
+      4'h3: page_0a_q <= 32'(signed'(motion_o.motion_dphi[168+:24]));
+      default: page_0a_q <= 32'(signed'(motion_o.motion_dphi[192+:24]));
     endcase
     if (!page_0a_hit_q) page_0a_q <= '0;
   end
@@ -1264,11 +1082,11 @@ module register_file (
   always_ff @(posedge clk_i) begin
     case (page_0b_word)
       4'h0: page_0b_q <= ratio_low_q;
-      4'h1: page_0b_q <= 32'(ratio_o[43:32]);
-      4'h2: page_0b_q <= 32'(exposure_delay_clks_o);
-      4'h3: page_0b_q <= 32'(exposure_clks_o);
-      4'h4: page_0b_q <= 32'(pulse_delay_clks_o);
-      default: page_0b_q <= 32'(pulse_clks_o);
+      4'h1: page_0b_q <= 32'(line_o.ratio[43:32]);
+      4'h2: page_0b_q <= 32'(line_o.exposure_delay_clks);
+      4'h3: page_0b_q <= 32'(line_o.exposure_clks);
+      4'h4: page_0b_q <= 32'(line_o.pulse_delay_clks);
+      default: page_0b_q <= 32'(line_o.pulse_clks);
     endcase
     if (!page_0b_hit_q) page_0b_q <= '0;
   end
@@ -1280,22 +1098,22 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_0c_word)
-      4'h0: page_0c_q <= 32'(mirror_state_i);
-      4'h1: page_0c_q <= 32'(mirror_fault_i);
-      4'h2: page_0c_q <= mirror_word_i[31:0];
+      4'h0: page_0c_q <= 32'(mirror_status_i.mirror_state);
+      4'h1: page_0c_q <= 32'(mirror_status_i.mirror_fault);
+      4'h2: page_0c_q <= mirror_status_i.mirror_word[31:0];
       4'h3: page_0c_q <= 32'(mirror_word_high_q);
-      4'h4: page_0c_q <= mirror_drive_phase_i[31:0];
+      4'h4: page_0c_q <= mirror_status_i.mirror_drive_phase[31:0];
       4'h5: page_0c_q <= 32'(mirror_drive_phase_high_q);
-      4'h6: page_0c_q <= mirror_phase_i[31:0];
+      4'h6: page_0c_q <= mirror_status_i.mirror_phase[31:0];
       4'h7: page_0c_q <= 32'(mirror_phase_high_q);
-      4'h8: page_0c_q <= 32'(mirror_level_i);
-      4'h9: page_0c_q <= 32'(index_alive_i);
-      4'ha: page_0c_q <= 32'(mirror_settled_i);
-      4'hb: page_0c_q <= 32'(mirror_measured_i);
-      4'hc: page_0c_q <= 32'(mirror_error_i);
-      4'hd: page_0c_q <= 32'(missing_count_i);
-      4'he: page_0c_q <= 32'(doubled_count_i);
-      default: page_0c_q <= 32'(impossible_count_i);
+      4'h8: page_0c_q <= 32'(mirror_status_i.mirror_level);
+      4'h9: page_0c_q <= 32'(mirror_status_i.index_alive);
+      4'ha: page_0c_q <= 32'(mirror_status_i.mirror_settled);
+      4'hb: page_0c_q <= 32'(mirror_status_i.mirror_measured);
+      4'hc: page_0c_q <= 32'(mirror_status_i.mirror_error);
+      4'hd: page_0c_q <= 32'(mirror_status_i.missing_count);
+      4'he: page_0c_q <= 32'(mirror_status_i.doubled_count);
+      default: page_0c_q <= 32'(mirror_status_i.impossible_count);
     endcase
     if (!page_0c_hit_q) page_0c_q <= '0;
   end
@@ -1307,8 +1125,8 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_0d_word)
-      4'h0: page_0d_q <= 32'(glitch_count_i);
-      default: page_0d_q <= 32'(overrun_count_i);
+      4'h0: page_0d_q <= 32'(mirror_status_i.glitch_count);
+      default: page_0d_q <= 32'(mirror_status_i.overrun_count);
     endcase
     if (!page_0d_hit_q) page_0d_q <= '0;
   end
@@ -1320,20 +1138,20 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_0e_word)
-      4'h0: page_0e_q <= 32'(uart_step_o);
-      4'h1: page_0e_q <= 32'(uart_step_now_i);
-      4'h2: page_0e_q <= 32'(uart_framing_i);
-      4'h3: page_0e_q <= 32'(uart_breaks_i);
-      4'h4: page_0e_q <= 32'(uart_glitches_i);
-      4'h5: page_0e_q <= 32'(uart_fallbacks_i);
-      4'h6: page_0e_q <= 32'(frames_good_i);
-      4'h7: page_0e_q <= 32'(frames_crc_i);
-      4'h8: page_0e_q <= 32'(frames_malformed_i);
-      4'h9: page_0e_q <= 32'(frames_too_long_i);
-      4'ha: page_0e_q <= 32'(frames_too_short_i);
-      4'hb: page_0e_q <= 32'(frames_framing_i);
-      4'hc: page_0e_q <= 32'(commands_bad_i);
-      default: page_0e_q <= 32'(commands_lost_i);
+      4'h0: page_0e_q <= 32'(link_o.uart_step);
+      4'h1: page_0e_q <= 32'(link_status_i.uart_step_now);
+      4'h2: page_0e_q <= 32'(link_status_i.uart_framing);
+      4'h3: page_0e_q <= 32'(link_status_i.uart_breaks);
+      4'h4: page_0e_q <= 32'(link_status_i.uart_glitches);
+      4'h5: page_0e_q <= 32'(link_status_i.uart_fallbacks);
+      4'h6: page_0e_q <= 32'(link_status_i.frames_good);
+      4'h7: page_0e_q <= 32'(link_status_i.frames_crc);
+      4'h8: page_0e_q <= 32'(link_status_i.frames_malformed);
+      4'h9: page_0e_q <= 32'(link_status_i.frames_too_long);
+      4'ha: page_0e_q <= 32'(link_status_i.frames_too_short);
+      4'hb: page_0e_q <= 32'(link_status_i.frames_framing);
+      4'hc: page_0e_q <= 32'(link_status_i.commands_bad);
+      default: page_0e_q <= 32'(link_status_i.commands_lost);
     endcase
     if (!page_0e_hit_q) page_0e_q <= '0;
   end
@@ -1345,20 +1163,20 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_10_word)
-      4'h0: page_10_q <= 32'(laser_enable_o);
-      4'h1: page_10_q <= 32'(laser_adapt_o);
-      4'h2: page_10_q <= 32'(laser_shared_o);
-      4'h3: page_10_q <= 32'(laser_power_o);
-      4'h4: page_10_q <= 32'(laser_power_min_o);
-      4'h5: page_10_q <= 32'(laser_power_max_o);
-      4'h6: page_10_q <= 32'(laser_startup_o);
-      4'h7: page_10_q <= 32'(laser_target_o);
-      4'h8: page_10_q <= 32'(laser_cut_o);
-      4'h9: page_10_q <= 32'(laser_down_o);
-      4'ha: page_10_q <= 32'(laser_up_o);
-      4'hb: page_10_q <= 32'(laser_search_o);
-      4'hc: page_10_q <= 32'(laser_index_begin_o);
-      default: page_10_q <= 32'(laser_index_end_o);
+      4'h0: page_10_q <= 32'(laser_o.laser_enable);
+      4'h1: page_10_q <= 32'(laser_o.laser_adapt);
+      4'h2: page_10_q <= 32'(laser_o.laser_shared);
+      4'h3: page_10_q <= 32'(laser_o.laser_power);
+      4'h4: page_10_q <= 32'(laser_o.laser_power_min);
+      4'h5: page_10_q <= 32'(laser_o.laser_power_max);
+      4'h6: page_10_q <= 32'(laser_o.laser_startup);
+      4'h7: page_10_q <= 32'(laser_o.laser_target);
+      4'h8: page_10_q <= 32'(laser_o.laser_cut);
+      4'h9: page_10_q <= 32'(laser_o.laser_down);
+      4'ha: page_10_q <= 32'(laser_o.laser_up);
+      4'hb: page_10_q <= 32'(laser_o.laser_search);
+      4'hc: page_10_q <= 32'(laser_o.laser_index_begin);
+      default: page_10_q <= 32'(laser_o.laser_index_end);
     endcase
     if (!page_10_hit_q) page_10_q <= '0;
   end
@@ -1370,12 +1188,12 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_12_word)
-      4'h0: page_12_q <= 32'(laser_limit_power_o);
-      4'h1: page_12_q <= 32'(laser_limit_startup_o);
-      4'h2: page_12_q <= 32'(laser_limit_pulse_clks_o);
-      4'h3: page_12_q <= 32'(laser_limit_drain_o);
-      4'h4: page_12_q <= laser_limit_bucket_o;
-      default: page_12_q <= laser_watchdog_clks_o;
+      4'h0: page_12_q <= 32'(laser_limits_o.laser_limit_power);
+      4'h1: page_12_q <= 32'(laser_limits_o.laser_limit_startup);
+      4'h2: page_12_q <= 32'(laser_limits_o.laser_limit_pulse_clks);
+      4'h3: page_12_q <= 32'(laser_limits_o.laser_limit_drain);
+      4'h4: page_12_q <= laser_limits_o.laser_limit_bucket;
+      default: page_12_q <= laser_limits_o.laser_watchdog_clks;
     endcase
     if (!page_12_hit_q) page_12_q <= '0;
   end
@@ -1387,12 +1205,12 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_13_word)
-      4'h0: page_13_q <= 32'(laser_status_i);
-      4'h1: page_13_q <= 32'(laser_power_inward_i);
-      4'h2: page_13_q <= 32'(laser_power_outward_i);
-      4'h3: page_13_q <= 32'(laser_cut_count_i);
-      4'h4: page_13_q <= 32'(laser_duty_count_i);
-      default: page_13_q <= 32'(laser_watchdog_count_i);
+      4'h0: page_13_q <= 32'(laser_status_i.laser_status);
+      4'h1: page_13_q <= 32'(laser_status_i.laser_power_inward);
+      4'h2: page_13_q <= 32'(laser_status_i.laser_power_outward);
+      4'h3: page_13_q <= 32'(laser_status_i.laser_cut_count);
+      4'h4: page_13_q <= 32'(laser_status_i.laser_duty_count);
+      default: page_13_q <= 32'(laser_status_i.laser_watchdog_count);
     endcase
     if (!page_13_hit_q) page_13_q <= '0;
   end
@@ -1404,10 +1222,10 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_16_word)
-      4'h0: page_16_q <= 32'(points_batch_o);
-      4'h1: page_16_q <= 32'(points_timeout_clks_o);
-      4'h2: page_16_q <= 32'(points_dropped_i);
-      default: page_16_q <= 32'(capture_busy_i);
+      4'h0: page_16_q <= 32'(points_o.points_batch);
+      4'h1: page_16_q <= 32'(points_o.points_timeout_clks);
+      4'h2: page_16_q <= 32'(points_status_i.points_dropped);
+      default: page_16_q <= 32'(points_status_i.capture_busy);
     endcase
     if (!page_16_hit_q) page_16_q <= '0;
   end
@@ -1419,21 +1237,21 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_18_word)
-      4'h0: page_18_q <= 32'(focus_mode_o);
-      4'h1: page_18_q <= 32'(focus_manual_o);
-      4'h2: page_18_q <= 32'(focus_average_shift_o);
-      4'h3: page_18_q <= 32'(focus_lapse_o);
-      4'h4: page_18_q <= 32'(focus_z_begin_o);
-      4'h5: page_18_q <= 32'(focus_z_shift_o);
-      4'h6: page_18_q <= 32'(focus_hysteresis_o);
-      4'h7: page_18_q <= 32'(focus_hold_o);
-      4'h8: page_18_q <= 32'(focus_address_o);
-      4'h9: page_18_q <= 32'(focus_quarter_clks_o);
-      4'ha: page_18_q <= 32'(focus_stretch_clks_o);
-      4'hb: page_18_q <= 32'(focus_poll_clks_o);
-      4'hc: page_18_q <= 32'(focus_tolerance_o);
-      4'hd: page_18_q <= focus_timeout_clks_o;
-      default: page_18_q <= 32'(focus_retries_o);
+      4'h0: page_18_q <= 32'(focus_o.focus_mode);
+      4'h1: page_18_q <= 32'(focus_o.focus_manual);
+      4'h2: page_18_q <= 32'(focus_o.focus_average_shift);
+      4'h3: page_18_q <= 32'(focus_o.focus_lapse);
+      4'h4: page_18_q <= 32'(focus_o.focus_z_begin);
+      4'h5: page_18_q <= 32'(focus_o.focus_z_shift);
+      4'h6: page_18_q <= 32'(focus_o.focus_hysteresis);
+      4'h7: page_18_q <= 32'(focus_o.focus_hold);
+      4'h8: page_18_q <= 32'(focus_o.focus_address);
+      4'h9: page_18_q <= 32'(focus_o.focus_quarter_clks);
+      4'ha: page_18_q <= 32'(focus_o.focus_stretch_clks);
+      4'hb: page_18_q <= 32'(focus_o.focus_poll_clks);
+      4'hc: page_18_q <= 32'(focus_o.focus_tolerance);
+      4'hd: page_18_q <= focus_o.focus_timeout_clks;
+      default: page_18_q <= 32'(focus_o.focus_retries);
     endcase
     if (!page_18_hit_q) page_18_q <= '0;
   end
@@ -1445,18 +1263,18 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_1a_word)
-      4'h0: page_1a_q <= 32'(focus_state_i);
-      4'h1: page_1a_q <= 32'(focus_fault_i);
-      4'h2: page_1a_q <= 32'(focus_in_position_i);
-      4'h3: page_1a_q <= 32'(focus_distance_i);
-      4'h4: page_1a_q <= 32'(focus_target_i);
-      4'h5: page_1a_q <= 32'(focus_position_i);
-      4'h6: page_1a_q <= 32'(focus_nack_count_i);
-      4'h7: page_1a_q <= 32'(focus_stretch_count_i);
-      4'h8: page_1a_q <= 32'(focus_stuck_count_i);
-      4'h9: page_1a_q <= 32'(focus_arbitration_count_i);
-      4'ha: page_1a_q <= 32'(focus_timeout_count_i);
-      default: page_1a_q <= 32'(focus_recovery_count_i);
+      4'h0: page_1a_q <= 32'(focus_status_i.focus_state);
+      4'h1: page_1a_q <= 32'(focus_status_i.focus_fault);
+      4'h2: page_1a_q <= 32'(focus_status_i.focus_in_position);
+      4'h3: page_1a_q <= 32'(focus_status_i.focus_distance);
+      4'h4: page_1a_q <= 32'(focus_status_i.focus_target);
+      4'h5: page_1a_q <= 32'(focus_status_i.focus_position);
+      4'h6: page_1a_q <= 32'(focus_status_i.focus_nack_count);
+      4'h7: page_1a_q <= 32'(focus_status_i.focus_stretch_count);
+      4'h8: page_1a_q <= 32'(focus_status_i.focus_stuck_count);
+      4'h9: page_1a_q <= 32'(focus_status_i.focus_arbitration_count);
+      4'ha: page_1a_q <= 32'(focus_status_i.focus_timeout_count);
+      default: page_1a_q <= 32'(focus_status_i.focus_recovery_count);
     endcase
     if (!page_1a_hit_q) page_1a_q <= '0;
   end
@@ -1468,20 +1286,20 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_1c_word)
-      4'h0: page_1c_q <= 32'(test_position_o);
-      4'h1: page_1c_q <= 32'(test_move_o);
-      4'h2: page_1c_q <= 32'(test_step_o);
-      4'h3: page_1c_q <= 32'(test_height_o);
-      4'h4: page_1c_q <= 32'(test_pedestal_o);
-      4'h5: page_1c_q <= 32'(test_noise_o);
-      4'h6: page_1c_q <= test_seed_o;
-      4'h7: page_1c_q <= test_lines_o;
-      4'h8: page_1c_q <= 32'(test_period_clks_o);
-      4'h9: page_1c_q <= 32'(test_angle_o);
-      4'ha: page_1c_q <= 32'(test_power_o);
-      4'hb: page_1c_q <= 32'(test_start_o);
-      4'hc: page_1c_q <= 32'(test_stop_o);
-      default: page_1c_q <= 32'(test_running_i);
+      4'h0: page_1c_q <= 32'(test_o.test_position);
+      4'h1: page_1c_q <= 32'(test_o.test_move);
+      4'h2: page_1c_q <= 32'(test_o.test_step);
+      4'h3: page_1c_q <= 32'(test_o.test_height);
+      4'h4: page_1c_q <= 32'(test_o.test_pedestal);
+      4'h5: page_1c_q <= 32'(test_o.test_noise);
+      4'h6: page_1c_q <= test_o.test_seed;
+      4'h7: page_1c_q <= test_o.test_lines;
+      4'h8: page_1c_q <= 32'(test_o.test_period_clks);
+      4'h9: page_1c_q <= 32'(test_o.test_angle);
+      4'ha: page_1c_q <= 32'(test_o.test_power);
+      4'hb: page_1c_q <= 32'(test_o.test_start);
+      4'hc: page_1c_q <= 32'(test_o.test_stop);
+      default: page_1c_q <= 32'(test_status_i.test_running);
     endcase
     if (!page_1c_hit_q) page_1c_q <= '0;
   end
@@ -1493,8 +1311,8 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_1d_word)
-      4'h0: page_1d_q <= 32'(untagged_count_i);
-      default: page_1d_q <= 32'(pixel_overflow_count_i);
+      4'h0: page_1d_q <= 32'(sensor_i.untagged_count);
+      default: page_1d_q <= 32'(sensor_i.pixel_overflow_count);
     endcase
     if (!page_1d_hit_q) page_1d_q <= '0;
   end
@@ -1506,9 +1324,9 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_3f_word)
-      4'h0: page_3f_q <= 32'(lock_calibration_o);
-      4'h1: page_3f_q <= 32'(lock_mirror_o);
-      default: page_3f_q <= 32'(lock_laser_o);
+      4'h0: page_3f_q <= 32'(locks_o.lock_calibration);
+      4'h1: page_3f_q <= 32'(locks_o.lock_mirror);
+      default: page_3f_q <= 32'(locks_o.lock_laser);
     endcase
     if (!page_3f_hit_q) page_3f_q <= '0;
   end
@@ -1547,7 +1365,7 @@ module register_file (
     if (table_hit_q) bus_data_o <= table_read_q;
     if (focus_table_hit_q) bus_data_o <= focus_table_read_q;
     if (status_q != link_pkg::StatusWidth'(link_pkg::StatusOk)) bus_data_o <= '0;
-    if (rst_i) bus_done_o <= 1'b0;
+    if (rst) bus_done_o <= 1'b0;
   end
 
   // ---- the rules, by address ----

@@ -1,13 +1,31 @@
-// register_pkg: what the bus of the link writes, and what it reads, as one struct each.
+// register_pkg: what the bus of the link writes of a group of registers, what it reads
+// of it, and what leaves with an entry of a table, as a struct each.
 //
 // Generated from rtl/link/registers.toml by scripts/generate.py; docs/registers.md says what the
-// fields are.
+// fields are.  Widths are numbers, as packages are read in the order of their paths.
 
 `default_nettype none
 
 package register_pkg;
+  // What this is, and how it was built: read.
+  typedef struct packed {
+    logic [15:0] board_id;
+    logic [31:0] clock_hz;
+    logic [15:0] line_length;
+    logic [7:0] pixel_width;
+    logic [7:0] max_window;
+    logic [7:0] lanes;
+    logic [7:0] index_oversample;
+    logic [47:0] uptime;
+  } identity_status_t;
+
+  // What this is, and how it was built.
   typedef struct packed {
     logic [31:0] scratch;
+  } identity_t;
+
+  // Threshold, window and confidence of the peak; holds until the points of all lines are out.
+  typedef struct packed {
     logic period_n;
     logic noise_row;
     logic [15:0] k_noise;
@@ -19,6 +37,11 @@ package register_pkg;
     logic [23:0] c_obj_gain;
     logic [23:0] c_sfm_gain;
     logic window_two_pass;
+  } peak_t;
+
+  // The triangle; R = 2**ceil(log2(line_length)) px. It holds until the points of all lines are
+  // out.
+  typedef struct packed {
     logic signed [31:0] centre;
     logic signed [25:0] k1;
     logic signed [25:0] k2;
@@ -29,6 +52,19 @@ package register_pkg;
     logic signed [31:0] d1;
     logic signed [31:0] e0;
     logic signed [31:0] e1;
+  } geometry_t;
+
+  // Lines and points that were lost.
+  typedef struct packed {
+    logic [15:0] short_count;
+    logic [15:0] long_count;
+    logic [15:0] unfinished_count;
+    logic [15:0] early_count;
+    logic [15:0] dropped_count;
+  } chain_t;
+
+  // The mirror's loop.
+  typedef struct packed {
     logic mirror_enable;
     logic line_enable;
     logic [39:0] sweep_word;
@@ -57,6 +93,10 @@ package register_pkg;
     logic [7:0] settle_count;
     logic [7:0] hold_count;
     logic [23:0] confidence_gain;
+  } mirror_t;
+
+  // What bounds the mirror's drive.
+  typedef struct packed {
     logic [15:0] duty;
     logic [19:0] sweep_level;
     logic [19:0] level_min;
@@ -66,96 +106,28 @@ package register_pkg;
     logic [31:0] sweep_timeout;
     logic [31:0] settle_timeout;
     logic [31:0] lost_timeout;
+  } mirror_limits_t;
+
+  // The mirror's motion, (12), at k = 1, 3 .. 17.
+  typedef struct packed {
     logic [27:0] drive_phase;
     logic [215:0] motion_a;
     logic [251:0] motion_phi;
     logic [215:0] motion_da;
     logic [215:0] motion_dphi;
+  } motion_t;
+
+  // Timing of a line; clocks count from its start.
+  typedef struct packed {
     logic [43:0] ratio;
     logic [19:0] exposure_delay_clks;
     logic [19:0] exposure_clks;
     logic [19:0] pulse_delay_clks;
     logic [19:0] pulse_clks;
-    logic [23:0] uart_step;
-    logic uart_step_strobe;
-    logic laser_enable;
-    logic laser_adapt;
-    logic laser_shared;
-    logic [15:0] laser_power;
-    logic [15:0] laser_power_min;
-    logic [15:0] laser_power_max;
-    logic [15:0] laser_startup;
-    logic [15:0] laser_target;
-    logic [13:0] laser_cut;
-    logic [15:0] laser_down;
-    logic [15:0] laser_up;
-    logic [13:0] laser_search;
-    logic [15:0] laser_index_begin;
-    logic [15:0] laser_index_end;
-    logic [15:0] laser_limit_power;
-    logic [15:0] laser_limit_startup;
-    logic [19:0] laser_limit_pulse_clks;
-    logic [15:0] laser_limit_drain;
-    logic [31:0] laser_limit_bucket;
-    logic [31:0] laser_watchdog_clks;
-    logic [7:0] points_batch;
-    logic [23:0] points_timeout_clks;
-    logic [1:0] focus_mode;
-    logic [15:0] focus_manual;
-    logic [3:0] focus_average_shift;
-    logic [15:0] focus_lapse;
-    logic signed [23:0] focus_z_begin;
-    logic [3:0] focus_z_shift;
-    logic [15:0] focus_hysteresis;
-    logic [15:0] focus_hold;
-    logic [6:0] focus_address;
-    logic [15:0] focus_quarter_clks;
-    logic [23:0] focus_stretch_clks;
-    logic [23:0] focus_poll_clks;
-    logic [15:0] focus_tolerance;
-    logic [31:0] focus_timeout_clks;
-    logic [7:0] focus_retries;
-    logic [23:0] test_position;
-    logic signed [23:0] test_move;
-    logic [28:0] test_step;
-    logic [15:0] test_height;
-    logic [15:0] test_pedestal;
-    logic [15:0] test_noise;
-    logic [31:0] test_seed;
-    logic [31:0] test_lines;
-    logic [23:0] test_period_clks;
-    logic signed [23:0] test_angle;
-    logic [15:0] test_power;
-    logic test_start;
-    logic test_start_strobe;
-    logic test_stop;
-    logic test_stop_strobe;
-    logic lock_calibration;
-    logic lock_mirror;
-    logic lock_laser;
-    logic table_write;
-    logic [9:0] table_index;
-    logic [25:0] table_amplitude;
-    logic signed [27:0] table_midpoint;
-    logic focus_table_write;
-    logic [5:0] focus_table_index;
-    logic [15:0] focus_table_position;
-  } settings_t;
+  } line_t;
 
+  // How the mirror is.
   typedef struct packed {
-    logic [15:0] board_id;
-    logic [31:0] clock_hz;
-    logic [15:0] line_length;
-    logic [7:0] pixel_width;
-    logic [7:0] max_window;
-    logic [7:0] lanes;
-    logic [7:0] index_oversample;
-    logic [47:0] uptime;
-    logic [15:0] short_count;
-    logic [15:0] long_count;
-    logic [15:0] unfinished_count;
-    logic [15:0] early_count;
-    logic [15:0] dropped_count;
     logic [2:0] mirror_state;
     logic [1:0] mirror_fault;
     logic [39:0] mirror_word;
@@ -171,6 +143,16 @@ package register_pkg;
     logic [15:0] impossible_count;
     logic [15:0] glitch_count;
     logic [15:0] overrun_count;
+  } mirror_status_t;
+
+  // The serial line; a counter of frames counts those that have ended so.
+  typedef struct packed {
+    logic [23:0] uart_step;
+    logic uart_step_strobe;
+  } link_t;
+
+  // The serial line; a counter of frames counts those that have ended so: read.
+  typedef struct packed {
     logic [23:0] uart_step_now;
     logic [15:0] uart_framing;
     logic [15:0] uart_breaks;
@@ -184,14 +166,79 @@ package register_pkg;
     logic [15:0] frames_framing;
     logic [15:0] commands_bad;
     logic [15:0] commands_lost;
+  } link_status_t;
+
+  // The laser's power: 65535 is full scale. Dark until it is loaded.
+  typedef struct packed {
+    logic laser_enable;
+    logic laser_adapt;
+    logic laser_shared;
+    logic [15:0] laser_power;
+    logic [15:0] laser_power_min;
+    logic [15:0] laser_power_max;
+    logic [15:0] laser_startup;
+    logic [15:0] laser_target;
+    logic [13:0] laser_cut;
+    logic [15:0] laser_down;
+    logic [15:0] laser_up;
+    logic [13:0] laser_search;
+    logic [15:0] laser_index_begin;
+    logic [15:0] laser_index_end;
+  } laser_t;
+
+  // What no other register exceeds; above them are the ceilings of the build.
+  typedef struct packed {
+    logic [15:0] laser_limit_power;
+    logic [15:0] laser_limit_startup;
+    logic [19:0] laser_limit_pulse_clks;
+    logic [15:0] laser_limit_drain;
+    logic [31:0] laser_limit_bucket;
+    logic [31:0] laser_watchdog_clks;
+  } laser_limits_t;
+
+  // How the laser is.
+  typedef struct packed {
     logic [4:0] laser_status;
     logic [15:0] laser_power_inward;
     logic [15:0] laser_power_outward;
     logic [15:0] laser_cut_count;
     logic [15:0] laser_duty_count;
     logic [15:0] laser_watchdog_count;
+  } laser_status_t;
+
+  // What is sent to the host.
+  typedef struct packed {
+    logic [7:0] points_batch;
+    logic [23:0] points_timeout_clks;
+  } points_t;
+
+  // What is sent to the host: read.
+  typedef struct packed {
     logic [15:0] points_dropped;
     logic capture_busy;
+  } points_status_t;
+
+  // The autofocus; positions in steps of the motor's sensor.
+  typedef struct packed {
+    logic [1:0] focus_mode;
+    logic [15:0] focus_manual;
+    logic [3:0] focus_average_shift;
+    logic [15:0] focus_lapse;
+    logic signed [23:0] focus_z_begin;
+    logic [3:0] focus_z_shift;
+    logic [15:0] focus_hysteresis;
+    logic [15:0] focus_hold;
+    logic [6:0] focus_address;
+    logic [15:0] focus_quarter_clks;
+    logic [23:0] focus_stretch_clks;
+    logic [23:0] focus_poll_clks;
+    logic [15:0] focus_tolerance;
+    logic [31:0] focus_timeout_clks;
+    logic [7:0] focus_retries;
+  } focus_t;
+
+  // How the autofocus is.
+  typedef struct packed {
     logic [2:0] focus_state;
     logic [2:0] focus_fault;
     logic focus_in_position;
@@ -204,10 +251,61 @@ package register_pkg;
     logic [15:0] focus_arbitration_count;
     logic [15:0] focus_timeout_count;
     logic [15:0] focus_recovery_count;
+  } focus_status_t;
+
+  // Test lines in place of the sensor's: a raised cosine on a pedestal with noise. A run takes what
+  // was written before test_start.
+  typedef struct packed {
+    logic [23:0] test_position;
+    logic signed [23:0] test_move;
+    logic [28:0] test_step;
+    logic [15:0] test_height;
+    logic [15:0] test_pedestal;
+    logic [15:0] test_noise;
+    logic [31:0] test_seed;
+    logic [31:0] test_lines;
+    logic [23:0] test_period_clks;
+    logic signed [23:0] test_angle;
+    logic [15:0] test_power;
+    logic test_start;
+    logic test_start_strobe;
+    logic test_stop;
+    logic test_stop_strobe;
+  } test_t;
+
+  // Test lines in place of the sensor's: a raised cosine on a pedestal with noise. A run takes what
+  // was written before test_start: read.
+  typedef struct packed {
     logic test_running;
+  } test_status_t;
+
+  // Lines between trigger and readout.
+  typedef struct packed {
     logic [15:0] untagged_count;
     logic [15:0] pixel_overflow_count;
-  } status_t;
+  } sensor_t;
+
+  // Each takes a 1 and nothing else, and keeps it until reset.
+  typedef struct packed {
+    logic lock_calibration;
+    logic lock_mirror;
+    logic lock_laser;
+  } locks_t;
+
+  // Of the mirror: entry i is for a half distance of the crossings of i / 4096 turns.
+  typedef struct packed {
+    logic table_write;
+    logic [9:0] table_index;
+    logic [25:0] table_amplitude;
+    logic signed [27:0] table_midpoint;
+  } table_t;
+
+  // Of the autofocus: entry i is for a distance of focus_z_begin + i 2**(focus_z_shift + 10) steps.
+  typedef struct packed {
+    logic focus_table_write;
+    logic [5:0] focus_table_index;
+    logic [15:0] focus_table_position;
+  } focus_table_t;
 endpackage
 
 `default_nettype wire

@@ -13,10 +13,10 @@
 //   rx_i                 asynchronous
 //   packet_*_i           source k of Streams in bit k, byte k; whole packets of at most
 //                        link_pkg::MaxPayload bytes
-//   uart_step_i          bits a clock, 24 fraction bits; uart_step_written_i with a write of it
-//   uart_step_now_o      the rate that holds
-//   bus_*, stream_*, capture_*, alive_o, frames_*_o, commands_*_o  of command_server
-//   uart_*_o             bytes without a stop bit, breaks, glitches, rates that got no frame; stop at
+//   uart_step            bits a clock, 24 fraction bits
+//   uart_step_now        the rate that holds
+//   bus_*, stream_*, capture_*, alive_o, frames_*, commands_*  of command_server
+//   uart_framing ..      bytes without a stop bit, breaks, glitches, rates that got no frame; stop at
 //                        2**16 - 1
 //   Model                vrscan.clocked.uart_link, bit-exact
 
@@ -27,8 +27,7 @@ module uart_link #(
   parameter int unsigned Baud      = 3_000_000,
   parameter int unsigned TrialClks = ClockHz,
   parameter int unsigned Streams   = 2,
-  localparam int unsigned StepWidth  = 24,
-  localparam int unsigned CountWidth = 16
+  localparam int unsigned StepWidth = 24
 ) (
   input  wire logic                               clk_i,
   input  wire logic                               rst_i,
@@ -61,22 +60,8 @@ module uart_link #(
 
   output      logic                               alive_o,
 
-  input  wire logic [              StepWidth-1:0] uart_step_i,
-  input  wire logic                               uart_step_written_i,
-
-  output      logic [              StepWidth-1:0] uart_step_now_o,
-  output      logic [             CountWidth-1:0] uart_framing_o,
-  output      logic [             CountWidth-1:0] uart_breaks_o,
-  output      logic [             CountWidth-1:0] uart_glitches_o,
-  output      logic [             CountWidth-1:0] uart_fallbacks_o,
-  output      logic [             CountWidth-1:0] frames_good_o,
-  output      logic [             CountWidth-1:0] frames_crc_o,
-  output      logic [             CountWidth-1:0] frames_malformed_o,
-  output      logic [             CountWidth-1:0] frames_too_long_o,
-  output      logic [             CountWidth-1:0] frames_too_short_o,
-  output      logic [             CountWidth-1:0] frames_framing_o,
-  output      logic [             CountWidth-1:0] commands_bad_o,
-  output      logic [             CountWidth-1:0] commands_lost_o
+  input  wire register_pkg::link_t                link_i,
+  output      register_pkg::link_status_t         link_status_o
 );
 
   localparam int unsigned Sources = Streams + 1;
@@ -94,6 +79,14 @@ module uart_link #(
     $error("uart_link: TrialClks must be at least 1");
   end
 
+  logic [              StepWidth-1:0] step_now_q;
+  logic [vrscan_pkg::CounterWidth-1:0] framing_q, breaks_q, glitches_q, fallbacks_q;
+  assign link_status_o.uart_step_now  = step_now_q;
+  assign link_status_o.uart_framing   = framing_q;
+  assign link_status_o.uart_breaks    = breaks_q;
+  assign link_status_o.uart_glitches  = glitches_q;
+  assign link_status_o.uart_fallbacks = fallbacks_q;
+
   logic       heard, framing, broken, glitch;
   logic [7:0] heard_data;
   uart_rx u_uart_rx (
@@ -105,7 +98,7 @@ module uart_link #(
     .break_o  (broken),
     .glitch_o (glitch),
     .rx_i,
-    .step_i   (uart_step_now_o)
+    .step_i   (step_now_q)
   );
 
   // A break ends the frame that it broke.
@@ -159,14 +152,14 @@ module uart_link #(
     .capture_busy_i,
     .alive_o,
     .busy_o  (server_busy),
-    .frames_good_o,
-    .frames_crc_o,
-    .frames_malformed_o,
-    .frames_too_long_o,
-    .frames_too_short_o,
-    .frames_framing_o,
-    .commands_bad_o,
-    .commands_lost_o
+    .frames_good_o(link_status_o.frames_good),
+    .frames_crc_o(link_status_o.frames_crc),
+    .frames_malformed_o(link_status_o.frames_malformed),
+    .frames_too_long_o(link_status_o.frames_too_long),
+    .frames_too_short_o(link_status_o.frames_too_short),
+    .frames_framing_o(link_status_o.frames_framing),
+    .commands_bad_o(link_status_o.commands_bad),
+    .commands_lost_o(link_status_o.commands_lost)
   );
 
   logic       wanted_q;  // another rate is,
@@ -224,7 +217,7 @@ module uart_link #(
     .ready_o(told_ready),
     .data_i (lead ? 8'd0 : held_q),
     .tx_o,
-    .step_i (uart_step_now_o),
+    .step_i (step_now_q),
     .break_i(1'b0),
     .busy_o (transmitter_busy)
   );
@@ -251,46 +244,42 @@ module uart_link #(
     trial_left_q <= trial_left_q - TrialWidth'(1);
     if (frame_good) trial_q <= 1'b0;
     if (change) begin
-      uart_step_now_o <= uart_step_i;
-      wanted_q        <= 1'b0;
-      trial_q         <= 1'b1;
-      trial_left_q    <= TrialWidth'(TrialClks - 1);
-      lead_q          <= 1'b1;
+      step_now_q   <= link_i.uart_step;
+      wanted_q     <= 1'b0;
+      trial_q      <= 1'b1;
+      trial_left_q <= TrialWidth'(TrialClks - 1);
+      lead_q       <= 1'b1;
     end else if (expire && !frame_good) begin
-      uart_step_now_o  <= DefaultStep;
-      trial_q          <= 1'b0;
-      lead_q           <= 1'b1;
-      uart_fallbacks_o <= more(uart_fallbacks_o);
+      step_now_q  <= DefaultStep;
+      trial_q     <= 1'b0;
+      lead_q      <= 1'b1;
+      fallbacks_q <= vrscan_pkg::counted(fallbacks_q, vrscan_pkg::CounterWidth);
     end
-    if (uart_step_written_i) wanted_q <= 1'b1;
+    if (link_i.uart_step_strobe) wanted_q <= 1'b1;
     if (broken) begin
-      uart_step_now_o <= DefaultStep;
-      wanted_q        <= 1'b0;
-      trial_q         <= 1'b0;
+      step_now_q <= DefaultStep;
+      wanted_q   <= 1'b0;
+      trial_q    <= 1'b0;
     end
 
-    if (framing && !broken) uart_framing_o <= more(uart_framing_o);
-    if (broken) uart_breaks_o <= more(uart_breaks_o);
-    if (glitch) uart_glitches_o <= more(uart_glitches_o);
+    if (framing && !broken) framing_q <= vrscan_pkg::counted(framing_q, vrscan_pkg::CounterWidth);
+    if (broken) breaks_q <= vrscan_pkg::counted(breaks_q, vrscan_pkg::CounterWidth);
+    if (glitch) glitches_q <= vrscan_pkg::counted(glitches_q, vrscan_pkg::CounterWidth);
 
     if (rst_i) begin
-      uart_step_now_o  <= DefaultStep;
-      quiet_q          <= '0;
-      held_valid_q     <= 1'b0;
-      wanted_q         <= 1'b0;
-      trial_q          <= 1'b0;
-      lead_q           <= 1'b1;
-      boundary_q       <= 1'b1;
-      uart_framing_o   <= '0;
-      uart_breaks_o    <= '0;
-      uart_glitches_o  <= '0;
-      uart_fallbacks_o <= '0;
+      step_now_q   <= DefaultStep;
+      quiet_q      <= '0;
+      held_valid_q <= 1'b0;
+      wanted_q     <= 1'b0;
+      trial_q      <= 1'b0;
+      lead_q       <= 1'b1;
+      boundary_q   <= 1'b1;
+      framing_q    <= '0;
+      breaks_q     <= '0;
+      glitches_q   <= '0;
+      fallbacks_q  <= '0;
     end
   end
-
-  function automatic logic [CountWidth-1:0] more(input logic [CountWidth-1:0] count);
-    more = count == '1 ? count : count + CountWidth'(1);
-  endfunction
 
 endmodule
 

@@ -2,35 +2,35 @@
 //
 // VR-SCAN IV-C, IV-D: the amplitude follows the mirror's natural frequency, so it is measured once
 // a period and controlled.  A PI loop sets the drive's level.  Where the level runs out, the
-// drive's frequency goes on in small steps: with level_o above level_high_i (below level_low_i) a
+// drive's frequency goes on in small steps: with level_o above level_high (below level_low) a
 // step a measurement, in the direction that gives more (less) amplitude, until the level has come
-// back to level_nominal_i.  A step is proportional to how far the level is off: steps of one size
+// back to level_nominal.  A step is proportional to how far the level is off: steps of one size
 // would carry the frequency past its place, and ring.  The error e is also the detector of shocks
 // and the measure of confidence.
 //
-// In SETTLE and RUN each valid_i is a measurement, e = amplitude_set_i - measured_i:
+// In SETTLE and RUN each valid_i is a measurement, e = amplitude_set - measured_i:
 //
-//   integrator  += k_i e, 20 fraction bits of a level step, exact; kept within level_min_i ..
-//               level_max_i.  It stands where the level, with the integrator as it was, is at or
+//   integrator  += k_i e, 20 fraction bits of a level step, exact; kept within level_min ..
+//               level_max.  It stands where the level, with the integrator as it was, is at or
 //               beyond the limit to which e drives it (anti-windup)
-//   level_o     integrator + k_p e, to nearest, half up, kept within level_min_i .. level_max_i
-//   trim_o      +/- |level_o - level_nominal_i| trim_gain_i / 2**16, to nearest, half up, at most
-//               trim_step_i; kept within trim_min_i .. trim_max_i.  Of limits that contradict each
+//   level_o     integrator + k_p e, to nearest, half up, kept within level_min .. level_max
+//   trim_o      +/- |level_o - level_nominal| trim_gain / 2**16, to nearest, half up, at most
+//               trim_step; kept within trim_min .. trim_max.  Of limits that contradict each
 //               other the upper one is looked at first, here and above
-//   settled_o   settle_count_i measurements on end were good (0 is as 1), with no broken_i and no
-//               acquired_i between.  Good is an |e| of at most settle_limit_i and shock_limit_i
-//               and an |error_i| of at most phase_limit_i
-//   unsettled_o from |e| > shock_limit_i, |error_i| > phase_limit_i or acquired_i until settled_o
-//   index_fault_o  from broken_i until hold_count_i measurements on end were good (0 is as 1)
-//   confidence_o   255 - |e| confidence_gain_i / 2**20, to nearest, half down, at least 0; 0 while
+//   settled_o   settle_count measurements on end were good (0 is as 1), with no broken_i and no
+//               acquired_i between.  Good is an |e| of at most settle_limit and shock_limit
+//               and an |error_i| of at most phase_limit
+//   unsettled_o from |e| > shock_limit, |error_i| > phase_limit or acquired_i until settled_o
+//   index_fault_o  from broken_i until hold_count measurements on end were good (0 is as 1)
+//   confidence_o   255 - |e| confidence_gain / 2**20, to nearest, half down, at least 0; 0 while
 //               unsettled_o or index_fault_o
 //   error_amplitude_o  e of the last measurement
 //
-// In all other states level_o is level_nominal_i, trim_o 0, settled_o low, unsettled_o high, and
+// In all other states level_o is level_nominal, trim_o 0, settled_o low, unsettled_o high, and
 // valid_i is ignored; index_fault_o stays as it is.
 //
-//   k_p_i, k_i_i  level steps (2**-20) an amplitude step (2**-28 turns), 16 and 20 fraction bits
-//   trim_gain_i   word steps a level step, 16 fraction bits
+//   k_p, k_i      level steps (2**-20) an amplitude step (2**-28 turns), 16 and 20 fraction bits
+//   trim_gain     word steps a level step, 16 fraction bits
 //   Latency  44 clocks from valid_i to all outputs, a valid_i meanwhile starts anew: at least 44
 //            clocks lie between two measurements, and a mirror's period is far more.  broken_i,
 //            acquired_i and state_i to the outputs: 1 clock.  The configuration must hold
@@ -58,25 +58,8 @@ module amplitude_control (
   output      logic        [   vrscan_pkg::ConfidenceWidth-1:0] confidence_o,
   output      logic signed [      vrscan_pkg::AmplitudeWidth:0] error_amplitude_o,
 
-  input  wire logic        [    vrscan_pkg::AmplitudeWidth-1:0] amplitude_set_i,
-  input  wire logic        [  vrscan_pkg::ControlGainWidth-1:0] k_p_i,
-  input  wire logic        [  vrscan_pkg::ControlGainWidth-1:0] k_i_i,
-  input  wire logic        [        vrscan_pkg::LevelWidth-1:0] level_min_i,
-  input  wire logic        [        vrscan_pkg::LevelWidth-1:0] level_max_i,
-  input  wire logic        [        vrscan_pkg::LevelWidth-1:0] level_low_i,
-  input  wire logic        [        vrscan_pkg::LevelWidth-1:0] level_high_i,
-  input  wire logic        [        vrscan_pkg::LevelWidth-1:0] level_nominal_i,
-  input  wire logic        [     vrscan_pkg::TrimStepWidth-1:0] trim_step_i,
-  input  wire logic        [  vrscan_pkg::ControlGainWidth-1:0] trim_gain_i,
-  input  wire logic signed [         vrscan_pkg::TrimWidth-1:0] trim_min_i,
-  input  wire logic signed [         vrscan_pkg::TrimWidth-1:0] trim_max_i,
-  input  wire logic                                             trim_up_i,  // 1: word and A go up
-  input  wire logic        [    vrscan_pkg::AmplitudeWidth-1:0] settle_limit_i,
-  input  wire logic        [    vrscan_pkg::AmplitudeWidth-1:0] shock_limit_i,
-  input  wire logic        [        vrscan_pkg::ErrorWidth-1:0] phase_limit_i,
-  input  wire logic        [                               7:0] settle_count_i,
-  input  wire logic        [                               7:0] hold_count_i,
-  input  wire logic        [         vrscan_pkg::GainWidth-1:0] confidence_gain_i
+  input  wire register_pkg::mirror_t                            mirror_i,
+  input  wire register_pkg::mirror_limits_t                     mirror_limits_i
 );
 
   localparam int unsigned LevelWidth = vrscan_pkg::LevelWidth;
@@ -104,12 +87,14 @@ module amplitude_control (
       LevelWidth + vrscan_pkg::ControlGainWidth - vrscan_pkg::TrimGainFraction + 1;
 
   localparam int unsigned AgeWidth = 6;
-  localparam logic [AgeWidth-1:0] Commit = AgeWidth'(43);  // the clock before the outputs change
+  localparam int unsigned Product = vrscan_pkg::multiply_latency(EWidth, GainWidth);
   localparam logic [AgeWidth-1:0] Proportional = AgeWidth'(1);  // where the products start
-  localparam logic [AgeWidth-1:0] Integral = AgeWidth'(10);  // multiply takes 9 clocks
-  localparam logic [AgeWidth-1:0] Gain = AgeWidth'(19);
-  localparam logic [AgeWidth-1:0] Confident = AgeWidth'(28);  // the product with Gain is there
-  localparam logic [AgeWidth-1:0] Trim = AgeWidth'(29);
+  localparam logic [AgeWidth-1:0] Integral = AgeWidth'(Product + 1);
+  localparam logic [AgeWidth-1:0] Gain = AgeWidth'(2 * Product + 1);
+  localparam logic [AgeWidth-1:0] Confident = AgeWidth'(3 * Product + 1);  // that of Gain is there
+  localparam logic [AgeWidth-1:0] Trim = AgeWidth'(3 * Product + 2);
+  // The clock before the outputs change.
+  localparam logic [AgeWidth-1:0] Commit = AgeWidth'(4 * Product + 7);
 
   logic active;
   assign active = state_i == vrscan_pkg::MirrorStateWidth'(vrscan_pkg::MirrorSettle) ||
@@ -134,15 +119,15 @@ module amplitude_control (
   logic signed [   ProductWidth-1:0] product;
   always_comb begin
     factor = e_q;
-    gain   = (GainWidth - 1)'(k_p_i);
-    if (age_q == Integral) gain = (GainWidth - 1)'(k_i_i);
+    gain   = (GainWidth - 1)'(mirror_i.k_p);
+    if (age_q == Integral) gain = (GainWidth - 1)'(mirror_i.k_i);
     if (age_q == Gain) begin
       factor = signed'({1'b0, e_size_q});
-      gain   = confidence_gain_i;
+      gain   = mirror_i.confidence_gain;
     end
     if (age_q == Trim) begin
       factor = EWidth'(signed'({1'b0, off_size_q}));
-      gain   = (GainWidth - 1)'(trim_gain_i);
+      gain   = (GainWidth - 1)'(mirror_i.trim_gain);
     end
   end
   assign start = age_q == Proportional || age_q == Integral || age_q == Gain || age_q == Trim;
@@ -210,7 +195,7 @@ module amplitude_control (
   always_ff @(posedge clk_i) begin
     if (valid_i) begin
       age_q   <= AgeWidth'(1);
-      e_q     <= signed'({1'b0, amplitude_set_i}) - signed'({1'b0, measured_i});
+      e_q     <= signed'({1'b0, mirror_i.amplitude_set}) - signed'({1'b0, measured_i});
       error_q <= error_i;
     end else if (age_q != '0) begin
       age_q <= commit ? '0 : age_q + AgeWidth'(1);
@@ -218,17 +203,17 @@ module amplitude_control (
 
     e_size_q     <= AmplitudeWidth'(e_q[EWidth-1] ? '0 - e_q : e_q);
     error_size_q <= unsigned'(error_q[ErrorWidth-1] ? '0 - error_q : error_q);
-    fine_q       <= e_size_q <= settle_limit_i;
-    shock_q      <= e_size_q > shock_limit_i;
-    in_phase_q   <= error_size_q <= phase_limit_i;
+    fine_q       <= e_size_q <= mirror_i.settle_limit;
+    shock_q      <= e_size_q > mirror_i.shock_limit;
+    in_phase_q   <= error_size_q <= mirror_i.phase_limit;
     good_q       <= fine_q && in_phase_q && !shock_q;
     bad_q        <= shock_q || !in_phase_q;
 
     cleared_q       <= clear;
-    settles_q       <= good_count_d >= settle_count_i;
-    holds_q         <= good_count_d >= hold_count_i;
-    first_settles_q <= settle_count_i <= 8'd1;
-    first_holds_q   <= hold_count_i <= 8'd1;
+    settles_q       <= good_count_d >= mirror_i.settle_count;
+    holds_q         <= good_count_d >= mirror_i.hold_count;
+    first_settles_q <= mirror_i.settle_count <= 8'd1;
+    first_holds_q   <= mirror_i.hold_count <= 8'd1;
 
     if (age_q == Integral) proportional_q <= TermWidth'(product);
     if (age_q == Gain) integral_q <= stands_q ? '0 : TermWidth'(product);
@@ -237,32 +222,35 @@ module amplitude_control (
     rounded_q <= RoundedWidth'(sum_q >>> Fraction)
                  + RoundedWidth'(signed'({1'b0, sum_q[Fraction-1]}));
     sum_q     <= (SumWidth'(proportional_q) <<< Align) + SumWidth'(signed'({1'b0, integrator}));
-    above_q   <= rounded_q >= wide(level_max_i);
-    below_q   <= rounded_q <= wide(level_min_i);
+    above_q   <= rounded_q >= wide(mirror_limits_i.level_max);
+    below_q   <= rounded_q <= wide(mirror_limits_i.level_min);
     if (age_q == AgeWidth'(15)) stands_q <= e_q[EWidth-1] ? below_q : above_q;
 
     moved_q          <= MovedWidth'(signed'({1'b0, integrator_q})) + MovedWidth'(integral_q);
-    moved_above_q    <= moved_q >= fine(level_max_i);
-    moved_below_q    <= moved_q < fine(level_min_i);
-    integrator_new_q <= moved_above_q ? {level_max_i, {Fraction{1'b0}}} :
-                        moved_below_q ? {level_min_i, {Fraction{1'b0}}} :
+    moved_above_q    <= moved_q >= fine(mirror_limits_i.level_max);
+    moved_below_q    <= moved_q < fine(mirror_limits_i.level_min);
+    integrator_new_q <= moved_above_q ? {mirror_limits_i.level_max, {Fraction{1'b0}}} :
+                        moved_below_q ? {mirror_limits_i.level_min, {Fraction{1'b0}}} :
                                         IntegratorWidth'(moved_q);
-    level_new_q <= above_q ? level_max_i : below_q ? level_min_i : LevelWidth'(rounded_q);
+    level_new_q <= above_q ? mirror_limits_i.level_max :
+                   below_q ? mirror_limits_i.level_min : LevelWidth'(rounded_q);
 
-    high_q      <= level_new_q > level_high_i;
-    low_q       <= level_new_q < level_low_i;
-    not_above_q <= level_new_q <= level_nominal_i;
-    not_below_q <= level_new_q >= level_nominal_i;
+    high_q      <= level_new_q > mirror_i.level_high;
+    low_q       <= level_new_q < mirror_i.level_low;
+    not_above_q <= level_new_q <= mirror_i.level_nominal;
+    not_below_q <= level_new_q >= mirror_i.level_nominal;
     more_new_q  <= high_q || (more_q && !low_q && !not_above_q);
     less_new_q  <= !high_q && (low_q || (less_q && !not_below_q));
-    off_size_q  <= level_new_q > level_nominal_i ? level_new_q - level_nominal_i :
-                                                   level_nominal_i - level_new_q;
+    off_size_q  <= level_new_q > mirror_i.level_nominal ?
+                   level_new_q - mirror_i.level_nominal : mirror_i.level_nominal - level_new_q;
     rate_q      <= RateWidth'(unsigned'(product) >> vrscan_pkg::TrimGainFraction)
                    + RateWidth'(product[vrscan_pkg::TrimGainFraction-1]);
-    step_q      <= TrimStepWidth'(rate_q) > trim_step_i ? trim_step_i : TrimStepWidth'(rate_q);
-    trim_sum_q  <= TrimSumWidth'(trim_o) + (more_new_q == trim_up_i ? trim_step : '0 - trim_step);
-    trim_above_q <= trim_sum_q >= TrimSumWidth'(trim_max_i);
-    trim_below_q <= trim_sum_q < TrimSumWidth'(trim_min_i);
+    step_q      <= TrimStepWidth'(rate_q) > mirror_i.trim_step ? mirror_i.trim_step :
+                                                                 TrimStepWidth'(rate_q);
+    trim_sum_q  <= TrimSumWidth'(trim_o)
+                   + (more_new_q == mirror_i.trim_up ? trim_step : '0 - trim_step);
+    trim_above_q <= trim_sum_q >= TrimSumWidth'(mirror_limits_i.trim_max);
+    trim_below_q <= trim_sum_q < TrimSumWidth'(mirror_limits_i.trim_min);
 
     // To nearest, half up.
     if (age_q == Confident) begin
@@ -283,8 +271,8 @@ module amplitude_control (
       good_count_q      <= good_q ? good_count_d : '0;
       confidence_o      <= unsettled || index_fault ? '0 : confidence_q;
       if (more_new_q || less_new_q) begin
-        trim_o <= trim_above_q ? trim_max_i :
-                  trim_below_q ? trim_min_i : TrimWidth'(trim_sum_q);
+        trim_o <= trim_above_q ? mirror_limits_i.trim_max :
+                  trim_below_q ? mirror_limits_i.trim_min : TrimWidth'(trim_sum_q);
       end
     end
     if (clear) begin
@@ -296,8 +284,8 @@ module amplitude_control (
     if (broken_i) index_fault_o <= 1'b1;
     if (!active) begin
       age_q        <= '0;
-      level_o      <= level_nominal_i;
-      integrator_q <= {level_nominal_i, {Fraction{1'b0}}};
+      level_o      <= mirror_i.level_nominal;
+      integrator_q <= {mirror_i.level_nominal, {Fraction{1'b0}}};
       trim_o       <= '0;
       more_q       <= 1'b0;
       less_q       <= 1'b0;

@@ -1,6 +1,6 @@
 // index_capture: crossings of the index mark, VR-SCAN IV-D and IV-F: when, which way, how old.
 //
-// A level of the comparator is settled after glitch_clks_i clocks (at least one) in which the gate
+// A level of the comparator is settled after glitch_clks clocks (at least one) in which the gate
 // and the comparator agree in every sample.  The first settled level of a gate pulse is where it
 // begins, and no crossing.  From a settled level, the first other sample begins a burst.  It ends
 // where a level settles: the new one is a crossing, the old one a glitch.  A single low sample of
@@ -10,12 +10,12 @@
 // is symmetric about the edge cancels, less half a sample, the mean delay of sampling.
 //
 // Outward, 0 to 1, then inward, 1 to 0, is a pair.  Intervals are in clocks from report to report.
-//   missing     period_max_clks_i + 1 clocks after an outward without another, and every
-//               period_max_clks_i from then on; width_max_clks_i + 1 clocks after an outward
+//   missing     period_max_clks + 1 clocks after an outward without another, and every
+//               period_max_clks from then on; width_max_clks + 1 clocks after an outward
 //               whose inward has not come
 //   doubled     with valid_o: the crossing before went the same way; the newer one counts
 //   impossible  nearer than MinCrossing to a crossing before, an inward nearer than
-//               width_min_clks_i to its outward, or older than age_o can tell.  It is withheld.
+//               width_min_clks to its outward, or older than age_o can tell.  It is withheld.
 // Each of them leaves no outward for an inward to come, but for the doubled one's own.  A deadline
 // is looked at before a crossing of the same clock, and forgets which way the one before went.
 //
@@ -51,15 +51,12 @@ module index_capture #(
   output      logic                                                  impossible_o,
   output      logic                                                  alive_o,
 
-  input  wire logic [                                           7:0] glitch_clks_i,
-  input  wire logic [                     vrscan_pkg::TimeWidth-1:0] width_min_clks_i,
-  input  wire logic [                     vrscan_pkg::TimeWidth-1:0] width_max_clks_i,
-  input  wire logic [                     vrscan_pkg::TimeWidth-1:0] period_max_clks_i,
+  input  wire register_pkg::mirror_t                                 mirror_i,
 
-  output      logic [                                CountWidth-1:0] missing_count_o,
-  output      logic [                                CountWidth-1:0] doubled_count_o,
-  output      logic [                                CountWidth-1:0] impossible_count_o,
-  output      logic [                                CountWidth-1:0] glitch_count_o
+  output      logic [                  vrscan_pkg::CounterWidth-1:0] missing_count_o,
+  output      logic [                  vrscan_pkg::CounterWidth-1:0] doubled_count_o,
+  output      logic [                  vrscan_pkg::CounterWidth-1:0] impossible_count_o,
+  output      logic [                  vrscan_pkg::CounterWidth-1:0] glitch_count_o
 );
 
   if (IndexOversample == 0 || IndexOversample > 8
@@ -126,7 +123,7 @@ module index_capture #(
     empty_q <= !(|comparator_i);
     ones_q  <= ones;
 
-    run_clks_q <= glitch_clks_i == '0 ? '0 : glitch_clks_i - 8'd1;
+    run_clks_q <= mirror_i.glitch_clks == '0 ? '0 : mirror_i.glitch_clks - 8'd1;
     open_q2    <= open_q;
     uniform_q  <= uniform;
     value_q    <= full_q;
@@ -156,10 +153,10 @@ module index_capture #(
     end
 
     // Nothing of the configuration is compared with a counter: it is where the counter begins.
-    period_first_q <= (TimeWidth + 1)'(period_max_clks_i) - (TimeWidth + 1)'(1);
-    period_again_q <= (TimeWidth + 1)'(period_max_clks_i) - (TimeWidth + 1)'(2);
-    width_first_q  <= (TimeWidth + 1)'(width_max_clks_i) - (TimeWidth + 1)'(1);
-    early_first_q  <= (TimeWidth + 1)'(width_min_clks_i) - (TimeWidth + 1)'(2);
+    period_first_q <= (TimeWidth + 1)'(mirror_i.period_max_clks) - (TimeWidth + 1)'(1);
+    period_again_q <= (TimeWidth + 1)'(mirror_i.period_max_clks) - (TimeWidth + 1)'(2);
+    width_first_q  <= (TimeWidth + 1)'(mirror_i.width_max_clks) - (TimeWidth + 1)'(1);
+    early_first_q  <= (TimeWidth + 1)'(mirror_i.width_min_clks) - (TimeWidth + 1)'(2);
     if (outward) period_left_q <= period_first_q;
     else if (period_left_q[TimeWidth]) period_left_q <= period_again_q;
     else period_left_q <= period_left_q - (TimeWidth + 1)'(1);
@@ -187,12 +184,12 @@ module index_capture #(
       time_o    <= {next_time_q, SubWidth'(0)} - StampWidth'(crossing_age_q[AgeWidth-1:0]);
     end
 
-    if (missing_o && missing_count_o != '1) missing_count_o <= missing_count_o + CountWidth'(1);
-    if (doubled_o && doubled_count_o != '1) doubled_count_o <= doubled_count_o + CountWidth'(1);
-    if (impossible_o && impossible_count_o != '1) begin
-      impossible_count_o <= impossible_count_o + CountWidth'(1);
+    if (missing_o) missing_count_o <= vrscan_pkg::counted(missing_count_o, CountWidth);
+    if (doubled_o) doubled_count_o <= vrscan_pkg::counted(doubled_count_o, CountWidth);
+    if (impossible_o) begin
+      impossible_count_o <= vrscan_pkg::counted(impossible_count_o, CountWidth);
     end
-    if (glitch_q && glitch_count_o != '1) glitch_count_o <= glitch_count_o + CountWidth'(1);
+    if (glitch_q) glitch_count_o <= vrscan_pkg::counted(glitch_count_o, CountWidth);
 
     // A closed gate clears the levels and bursts behind it.
     if (rst_i) begin

@@ -4,11 +4,11 @@
 // comes from twice the phase.  A resonant mirror with a hardening comb starts only from above:
 //
 //   OFF     word is sweep_word, phase 0, both from its second clock on.  enable_i -> SWEEP
-//   SWEEP   the word falls by sweep_rate_i / 2**16 a clock, rounded down, until it is work_word:
+//   SWEEP   the word falls by sweep_rate / 2**16 a clock, rounded down, until it is work_word:
 //           SETTLE; a sweep_word below work_word is there at once.  Time-out: FAULT
 //   SETTLE  the word is work_word + trim, saturated.  index_alive_i and settled_i: RUN.
 //           Time-out: FAULT
-//   RUN     the same.  index_alive_i low for more than lost_timeout_i clocks on end: FAULT
+//   RUN     the same.  index_alive_i low for more than lost_timeout clocks on end: FAULT
 //   FAULT   drive and level are 0, the word stands.  enable_i low -> OFF
 //
 // enable_i low stops from every state: a pulse that is high ends as it would have, with level and
@@ -16,8 +16,8 @@
 // new enable_i counts from OFF.  A pulse that does not end (a word of 0) is cut off 2**StopWidth +
 // 2 clocks after the first one with enable_i low.
 //
-//   sweep_word_i, work_word_i, word_o  turns a clock, 48 fraction bits: 4.4e-7 Hz a step at 125 MHz
-//   duty_i       the drive is high while frac(2 phase), its top 16 bits, is below duty_i
+//   sweep_word, work_word, word_o      turns a clock, 48 fraction bits: 4.4e-7 Hz a step at 125 MHz
+//   duty         the drive is high while frac(2 phase), its top 16 bits, is below duty
 //   phase_o      turns; in clock n the phase at time n
 //   drive_o      of the phase two clocks before
 //   level_o      what is applied, full scale 2**20: 0 in OFF and FAULT
@@ -51,14 +51,8 @@ module mirror_drive #(
   output      logic [       vrscan_pkg::TurnWidth-1:0]       phase_o,
   output      logic [       vrscan_pkg::WordWidth-1:0]       word_o,
 
-  input  wire logic [       vrscan_pkg::WordWidth-1:0]       sweep_word_i,
-  input  wire logic [       vrscan_pkg::WordWidth-1:0]       work_word_i,
-  input  wire logic [                            31:0]       sweep_rate_i,
-  input  wire logic [                            15:0]       duty_i,
-  input  wire logic [      vrscan_pkg::LevelWidth-1:0]       sweep_level_i,
-  input  wire logic [       vrscan_pkg::TimeWidth-1:0]       sweep_timeout_i,
-  input  wire logic [       vrscan_pkg::TimeWidth-1:0]       settle_timeout_i,
-  input  wire logic [       vrscan_pkg::TimeWidth-1:0]       lost_timeout_i
+  input  wire register_pkg::mirror_t                         mirror_i,
+  input  wire register_pkg::mirror_limits_t                  mirror_limits_i
 );
 
   if (StopWidth < 1 || StopWidth >= vrscan_pkg::TimeWidth) begin : gen_bad_stop_width
@@ -124,8 +118,8 @@ module mirror_drive #(
   always_ff @(posedge clk_i) begin
     ready_q <= index_alive_i && settled_i;
     state_o <= state_d;
-    limit_q <= state_d == Sweep  ? sweep_timeout_i :
-               state_d == Settle ? settle_timeout_i : lost_timeout_i;
+    limit_q <= state_d == Sweep  ? mirror_limits_i.sweep_timeout :
+               state_d == Settle ? mirror_limits_i.settle_timeout : mirror_limits_i.lost_timeout;
     stop_q  <= active && stop && state_d != Off;
     if (state_o == Off && state_d == Sweep) begin
       fault_o <= FaultWidth'(vrscan_pkg::FaultNone);
@@ -143,18 +137,18 @@ module mirror_drive #(
     expired_q <= active && state_d == state_o && !(state_o == Run && index_alive_i) &&
                  timer_q >= limit_q;
 
-    fine_q <= fine_q - FineWidth'(sweep_rate_i);
-    left_q <= left_q - (FineWidth + 1)'({1'b0, sweep_rate_i});
+    fine_q <= fine_q - FineWidth'(mirror_i.sweep_rate);
+    left_q <= left_q - (FineWidth + 1)'({1'b0, mirror_i.sweep_rate});
     if (state_o == Off) begin
-      fine_q <= {sweep_word_i, {RateFraction{1'b0}}};
-      left_q <= {{1'b0, sweep_word_i} + ~{1'b0, work_word_i}, {RateFraction{1'b1}}};
+      fine_q <= {mirror_i.sweep_word, {RateFraction{1'b0}}};
+      left_q <= {{1'b0, mirror_i.sweep_word} + ~{1'b0, mirror_i.work_word}, {RateFraction{1'b1}}};
     end
-    sum_q <= signed'({2'b00, work_word_i}) + SumWidth'(trim_i);
+    sum_q <= signed'({2'b00, mirror_i.work_word}) + SumWidth'(trim_i);
 
     if (off) begin
-      word_o <= sweep_word_i;
+      word_o <= mirror_i.sweep_word;
     end else if (active && !stop) begin
-      if (state_o == Sweep && left_q[FineWidth]) word_o <= work_word_i;
+      if (state_o == Sweep && left_q[FineWidth]) word_o <= mirror_i.work_word;
       else if (state_o == Sweep) word_o <= fine_q[RateFraction+:WordWidth];
       else if (sum_q[SumWidth-1]) word_o <= '0;
       else if (sum_q[SumWidth-2]) word_o <= '1;
@@ -162,11 +156,11 @@ module mirror_drive #(
     end
     phase_o <= off ? '0 : phase_o + TurnWidth'(word_o);
 
-    high_q  <= active && phase_o[TurnWidth-2-:DutyWidth] < duty_i;
+    high_q  <= active && phase_o[TurnWidth-2-:DutyWidth] < mirror_limits_i.duty;
     drive_o <= active_d && high_q;
 
     if (!active_d) level_o <= '0;
-    else if (state_d == Sweep) level_o <= sweep_level_i;
+    else if (state_d == Sweep) level_o <= mirror_limits_i.sweep_level;
     else if (!stop) level_o <= level_i;
     {level_pin_o, sigma_q} <= {1'b0, sigma_q} + {1'b0, level_o};
 

@@ -6,10 +6,10 @@
 // entries, holds the amplitude and the middle that the motion with its harmonics has for a half
 // distance, so there is no trigonometry and no division.  error = middle - the table's.
 //
-// A tracker of second order follows: phase -= error / 2**phase_shift_i, increment -= error /
-// 2**rate_shift_i, amplitude += (measured - amplitude) / 2**amplitude_shift_i.  As long as nothing
+// A tracker of second order follows: phase -= error / 2**phase_shift, increment -= error /
+// 2**rate_shift, amplitude += (measured - amplitude) / 2**amplitude_shift.  As long as nothing
 // is tracked, the increment is word_i of the clock before; the first error, and one beyond
-// error_limit_i, is taken off whole, with the increment word_i and the amplitude as measured.
+// error_limit, is taken off whole, with the increment word_i and the amplitude as measured.
 //
 //   valid_i      at least MinCrossing clocks after the one before; ignored while one is worked on
 //   broken_i     the outward before is forgotten, also in the clock of valid_i
@@ -36,15 +36,9 @@ module mirror_phase (
   input  wire logic                                             broken_i,
   input  wire logic        [         vrscan_pkg::WordWidth-1:0] word_i,
 
-  input  wire logic                                             table_write_i,
-  input  wire logic        [vrscan_pkg::AmplitudeTableBits-1:0] table_index_i,
-  input  wire logic        [    vrscan_pkg::AmplitudeWidth-1:0] table_amplitude_i,
-  input  wire logic signed [     vrscan_pkg::MidpointWidth-1:0] table_midpoint_i,
+  input  wire register_pkg::table_t                             table_i,
 
-  input  wire logic        [                               3:0] phase_shift_i,
-  input  wire logic        [                               5:0] rate_shift_i,
-  input  wire logic        [                               3:0] amplitude_shift_i,
-  input  wire logic        [        vrscan_pkg::ErrorWidth-1:0] error_limit_i,
+  input  wire register_pkg::mirror_t                            mirror_i,
 
   output      logic        [         vrscan_pkg::TurnWidth-1:0] phase_o,
   output      logic        [         vrscan_pkg::WordWidth-1:0] increment_o,
@@ -160,7 +154,9 @@ module mirror_phase (
   assign increment = acquire ? word_i : rate_q;
 
   always_ff @(posedge clk_i) begin
-    if (table_write_i) table_mem[table_index_i] <= {table_amplitude_i, table_midpoint_i};
+    if (table_i.table_write) begin
+      table_mem[table_i.table_index] <= {table_i.table_amplitude, table_i.table_midpoint};
+    end
     entry_q  <= table_mem[index_q];
     entry_q2 <= entry_q;
 
@@ -252,21 +248,21 @@ module mirror_phase (
       Limit: begin
         // One bit more than the error has, and it rounds.
         shift_q         <= {error_q, 1'b0};
-        by_q            <= 6'(phase_shift_i);
+        by_q            <= 6'(mirror_i.phase_shift);
         error_rounded_q <= error[ErrorWidth] == error[ErrorWidth-1] ? ErrorWidth'(error) :
                            {1'b0, {(ErrorWidth - 1) {1'b1}}};
         step_q          <= Magnitude;
       end
       Magnitude: begin
-        by_q        <= rate_shift_i;
+        by_q        <= mirror_i.rate_shift;
         magnitude_q <= error_rounded_q[ErrorWidth-1] ? -unsigned'(error_rounded_q) :
                                                        unsigned'(error_rounded_q);
         step_q      <= Compare;
       end
       Compare: begin
         shift_q  <= ShiftedWidth'(signed'({gap_q, 1'b0}));
-        by_q     <= 6'(amplitude_shift_i);
-        beyond_q <= magnitude_q > error_limit_i;
+        by_q     <= 6'(mirror_i.amplitude_shift);
+        beyond_q <= magnitude_q > mirror_i.error_limit;
         step_q   <= ShiftA;
       end
       ShiftA: step_q <= ShiftB;
@@ -318,6 +314,8 @@ module mirror_phase (
       increment_o <= '0;
       advance_q   <= '0;
       amplitude_o <= '0;
+      measured_o  <= '0;
+      error_o     <= '0;
       valid_o     <= 1'b0;
       tracking_o  <= 1'b0;
       acquired_o  <= 1'b0;

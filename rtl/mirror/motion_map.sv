@@ -3,21 +3,21 @@
 // VR-SCAN V-B: the harmonics depend slightly on the phase of the drive against the mirror, which is
 // wherever the loop has come to rest.  So a_k and phi_k of (12) are linear in that phase:
 //
-//   d      offset_i - drive_phase_i.  The drive has twice the mirror's frequency, so half a turn
+//   d      offset_i - drive_phase.  The drive has twice the mirror's frequency, so half a turn
 //          more is the same drive: d is within -1/4 .. 1/4 turn, the upper end excluded
-//   a_k    motion_a_i + motion_da_i d, to nearest, half up; saturates
-//   phi_k  motion_phi_i + motion_dphi_i d, to nearest, half up; wraps
+//   a_k    motion_a + motion_da d, to nearest, half up; saturates
+//   phi_k  motion_phi + motion_dphi d, to nearest, half up; wraps
 //
 // One multiplier, a product at a time.  All results change in one clock, in which busy_i is low.
 //
 //   offset_i       drive's phase less the mirror's, turns; rounded to PhaseWidth bits, half up
 //   busy_i         somebody works with a_o and phi_o: they stay
-//   a_o, phi_o     as scan_angle takes them.  From reset to the first results they are motion_a_i
-//                  and motion_phi_i, a clock later, whatever busy_i is
+//   a_o, phi_o     as scan_angle takes them.  From reset to the first results they are motion_a
+//                  and motion_phi, a clock later, whatever busy_i is
 //   offset_o       d of these results, turns, signed, PhaseWidth bits of fraction; 0 before
-//   drive_phase_i  offset_i at which motion_a_i and motion_phi_i hold, turns
-//   motion_da_i    change of a_k a turn, MotionSlopeFraction bits
-//   motion_dphi_i  of phi_k, turns a turn, PhiSlopeFraction bits; all k = 1 in the lowest bits
+//   drive_phase    offset_i at which motion_a and motion_phi hold, turns
+//   motion_da      change of a_k a turn, MotionSlopeFraction bits
+//   motion_dphi    of phi_k, turns a turn, PhiSlopeFraction bits; all k = 1 in the lowest bits
 //   Latency        11 clocks a product and 4: 202 clocks from valid_i to the outputs, or 1 from the
 //                  first later clock in which busy_i is low; a valid_i before that clock starts
 //                  anew.  The configuration must hold meanwhile; a new one counts from the next
@@ -29,8 +29,7 @@
 module motion_map #(
   localparam int unsigned Harmonics  = vrscan_pkg::HarmonicCount,
   localparam int unsigned MotionBits = Harmonics * vrscan_pkg::MotionWidth,
-  localparam int unsigned PhasesBits = Harmonics * vrscan_pkg::PhaseWidth,
-  localparam int unsigned SlopesBits = Harmonics * vrscan_pkg::SlopeMotionWidth
+  localparam int unsigned PhasesBits = Harmonics * vrscan_pkg::PhaseWidth
 ) (
   input  wire logic                                     clk_i,
   input  wire logic                                     rst_i,
@@ -43,11 +42,7 @@ module motion_map #(
   output      logic        [            PhasesBits-1:0] phi_o,
   output      logic signed [vrscan_pkg::PhaseWidth-1:0] offset_o,
 
-  input  wire logic        [vrscan_pkg::PhaseWidth-1:0] drive_phase_i,
-  input  wire logic        [            MotionBits-1:0] motion_a_i,
-  input  wire logic        [            PhasesBits-1:0] motion_phi_i,
-  input  wire logic        [            SlopesBits-1:0] motion_da_i,
-  input  wire logic        [            SlopesBits-1:0] motion_dphi_i
+  input  wire register_pkg::motion_t                    motion_i
 );
 
   localparam int unsigned MotionWidth = vrscan_pkg::MotionWidth;
@@ -79,12 +74,12 @@ module motion_map #(
     base  = '0;
     for (int unsigned n = 0; n < Harmonics; n++) begin
       if (step_q[n]) begin
-        slope |= motion_da_i[SlopeWidth*n+:SlopeWidth];
-        base  |= PhaseWidth'(signed'(motion_a_i[MotionWidth*n+:MotionWidth]));
+        slope |= motion_i.motion_da[SlopeWidth*n+:SlopeWidth];
+        base  |= PhaseWidth'(signed'(motion_i.motion_a[MotionWidth*n+:MotionWidth]));
       end
       if (step_q[Harmonics+n]) begin
-        slope |= motion_dphi_i[SlopeWidth*n+:SlopeWidth];
-        base  |= motion_phi_i[PhaseWidth*n+:PhaseWidth];
+        slope |= motion_i.motion_dphi[SlopeWidth*n+:SlopeWidth];
+        base  |= motion_i.motion_phi[PhaseWidth*n+:PhaseWidth];
       end
     end
   end
@@ -127,7 +122,7 @@ module motion_map #(
   logic [PhasesBits-1:0] phi_q;
 
   always_ff @(posedge clk_i) begin
-    d_q       <= signed'(DWidth'(offset_q - drive_phase_i));
+    d_q       <= signed'(DWidth'(offset_q - motion_i.drive_phase));
     slope_q   <= signed'(slope);
     base_q    <= base;
     moved_q   <= dropped + PhaseWidth'(half);
@@ -150,8 +145,8 @@ module motion_map #(
       phi_o     <= phi_q;
       offset_o  <= PhaseWidth'(d_q);
     end else if (!mapped_q) begin
-      a_o   <= motion_a_i;
-      phi_o <= motion_phi_i;
+      a_o   <= motion_i.motion_a;
+      phi_o <= motion_i.motion_phi;
     end
     if (valid_i) begin
       offset_q  <= offset_i[OffsetDrop+:PhaseWidth] + PhaseWidth'(offset_i[OffsetDrop-1]);
@@ -166,8 +161,8 @@ module motion_map #(
       store_q   <= 1'b0;
       waiting_q <= 1'b0;
       mapped_q  <= 1'b0;
-      a_o       <= motion_a_i;
-      phi_o     <= motion_phi_i;
+      a_o       <= motion_i.motion_a;
+      phi_o     <= motion_i.motion_phi;
       offset_o  <= '0;
     end
   end

@@ -48,9 +48,7 @@ module peak_confidence #(
   output      logic        [vrscan_pkg::ConfidenceWidth-1:0] c_sfm_o,
 
   // Configuration.
-  input  wire logic        [    vrscan_pkg::KappaWidth-1:0] kappa_i,
-  input  wire logic        [     vrscan_pkg::GainWidth-1:0] c_obj_gain_i,  // 255 / snr_max
-  input  wire logic        [     vrscan_pkg::GainWidth-1:0] c_sfm_gain_i   // 255 / power_max
+  input  wire register_pkg::peak_t                          peak_i
 );
 
   localparam int unsigned CountWidth = vrscan_pkg::CountWidth;
@@ -167,7 +165,7 @@ module peak_confidence #(
         free_q      <= signed'({2'b0, width_i, {vrscan_pkg::WaveCountFraction{1'b0}}}) - count_i;
         shot_q      <= signed'({2'b0, sum_i, {vrscan_pkg::WaveFraction{1'b0}}}) - wave_i;
         // Power first: it needs nothing else.
-        a_q              <= AWidth'(signed'({1'b0, c_sfm_gain_i}));
+        a_q              <= AWidth'(signed'({1'b0, peak_i.c_sfm_gain}));
         b_q              <= BWidth'(signed'({1'b0, power_i}));
         multiply_start_q <= 1'b1;
         state_q          <= SNR;
@@ -182,7 +180,7 @@ module peak_confidence #(
       OBJECT: if (quotient_valid) begin
         snr_o            <= height_q == '0 ? '0 : quotient;
         no_noise_o       <= noise_q == '0;
-        a_q              <= AWidth'(signed'({1'b0, c_obj_gain_i}));
+        a_q              <= AWidth'(signed'({1'b0, peak_i.c_obj_gain}));
         b_q              <= height_q == '0 ? '0 : BWidth'(signed'({1'b0, quotient}));
         multiply_start_q <= 1'b1;
         state_q          <= FREE;
@@ -196,7 +194,7 @@ module peak_confidence #(
       end
       SQUARE: if (product_ready_q) begin
         square_q         <= product[2*CountWidth-1:0];
-        a_q              <= AWidth'(signed'({1'b0, kappa_i}));
+        a_q              <= AWidth'(signed'({1'b0, peak_i.kappa}));
         b_q              <= BWidth'(signed'({1'b0, fraction_q}));
         multiply_start_q <= 1'b1;
         state_q          <= FRACTION;
@@ -209,7 +207,7 @@ module peak_confidence #(
       end
       CONSTANT: if (product_ready_q) begin
         constant_q       <= rounded_constant_q;
-        a_q              <= AWidth'(signed'({1'b0, kappa_i}));
+        a_q              <= AWidth'(signed'({1'b0, peak_i.kappa}));
         b_q              <= BWidth'(shot_q);
         multiply_start_q <= 1'b1;
         state_q          <= SHOT;

@@ -21,7 +21,6 @@
 `default_nettype none
 
 module peak_isolate #(
-  parameter int unsigned Lanes      = 1,
   parameter int unsigned LineLength = 2048,
   parameter int unsigned PixelWidth = 12,
   parameter int unsigned MaxWindow  = 255,
@@ -43,7 +42,7 @@ module peak_isolate #(
   // The line, from line_buffer.
   output      logic                               replay_o,
   input  wire logic                               pixel_valid_i,
-  input  wire logic [       Lanes*PixelWidth-1:0] pixel_i,
+  input  wire logic [             PixelWidth-1:0] pixel_i,
   input  wire logic [             IndexWidth-1:0] index_i,
   input  wire logic                               last_i,
 
@@ -62,16 +61,9 @@ module peak_isolate #(
   output      logic [             PixelWidth-1:0] read_pixel_o,
 
   // Configuration.
-  input  wire logic [                       15:0] k_noise_i,   // 8 fraction bits
-  input  wire logic [                       15:0] k_height_i,  // 16 fraction bits
-  input  wire logic [   vrscan_pkg::SnrWidth-1:0] snr_min_i,   // 8 fraction bits
-  input  wire logic [vrscan_pkg::WindowWidth-1:0] min_width_i, // below 3 counts as 3
-  input  wire logic [vrscan_pkg::WindowWidth-1:0] max_width_i  // above MaxWindow counts as it
+  input  wire register_pkg::peak_t                peak_i
 );
 
-  if (Lanes != 1) begin : gen_bad_lanes
-    $error("peak_isolate: only Lanes = 1 is built");
-  end
   if (MaxWindow < vrscan_pkg::MinWindow || MaxWindow > 255) begin : gen_bad_window
     $error("peak_isolate: MaxWindow must be 3..255");
   end
@@ -84,9 +76,10 @@ module peak_isolate #(
   // ---- limits that registers cannot leave ----
   logic [WindowWidth-1:0] min_width_q, max_width_q;
   always_ff @(posedge clk_i) begin
-    min_width_q <= min_width_i < WindowWidth'(vrscan_pkg::MinWindow)
-                   ? WindowWidth'(vrscan_pkg::MinWindow) : min_width_i;
-    max_width_q <= max_width_i >= WindowWidth'(MaxWindow) ? WindowWidth'(MaxWindow) : max_width_i;
+    min_width_q <= peak_i.min_width < WindowWidth'(vrscan_pkg::MinWindow)
+                   ? WindowWidth'(vrscan_pkg::MinWindow) : peak_i.min_width;
+    max_width_q <= peak_i.max_width >= WindowWidth'(MaxWindow) ? WindowWidth'(MaxWindow)
+                                                               : peak_i.max_width;
   end
 
   // ---- threshold: three products, one after the other ----
@@ -143,21 +136,21 @@ module peak_isolate #(
         user_q       <= user_i;
         // A mean is not above the maximum, so this is not negative.
         height_q     <= (CountWidth'(maximum_i) << CountShift) - background_i;
-        factor_q     <= signed'({1'b0, k_noise_i});
+        factor_q     <= signed'({1'b0, peak_i.k_noise});
         count_q      <= signed'({1'b0, noise_i});
         start_q      <= 1'b1;
         state_q      <= NOISE_TERM;
       end
       NOISE_TERM: if (product_valid) begin
         noise_term_q <= noise_term;
-        factor_q     <= signed'({1'b0, k_height_i});
+        factor_q     <= signed'({1'b0, peak_i.k_height});
         count_q      <= signed'({1'b0, height_q});
         start_q      <= 1'b1;
         state_q      <= HEIGHT_TERM;
       end
       HEIGHT_TERM: if (product_valid) begin
         height_term_q <= height_term;
-        factor_q      <= signed'({1'b0, snr_min_i});
+        factor_q      <= signed'({1'b0, peak_i.snr_min});
         count_q       <= signed'({1'b0, noise_q});
         start_q       <= 1'b1;
         state_q       <= SNR_TERM;

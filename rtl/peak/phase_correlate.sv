@@ -70,8 +70,7 @@ module phase_correlate #(
   output      logic        [                 UserWidth-1:0] user_o,
 
   // Configuration.
-  input  wire logic                                         window_two_pass_i,
-  input  wire logic                                         period_n_i  // T = N, else N - 1
+  input  wire register_pkg::peak_t                          peak_i
 );
 
   localparam int unsigned WindowWidth   = vrscan_pkg::WindowWidth;
@@ -153,12 +152,12 @@ module phase_correlate #(
         measured_o   <= measured_i;
         user_o       <= user_i;
         width_o      <= width_i;
-        period_o     <= width_i - WindowWidth'(!(period_n_i || window_two_pass_i));
+        period_o     <= width_i - WindowWidth'(!(peak_i.period_n || peak_i.window_two_pass));
         first_index_q <= left_i;
         ramp_q       <= '0;
         rest_q       <= '0;
         slope_q      <= '0;
-        again_q      <= window_two_pass_i;
+        again_q      <= peak_i.window_two_pass;
         phase_o      <= '0;
         magnitude_o  <= '0;
         no_phase_o   <= 1'b0;

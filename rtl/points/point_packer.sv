@@ -7,7 +7,7 @@
 //
 // A batch begins where the ring has room for the longest one, so that a slow reader gets whole ones;
 // a record without that room is dropped.  The next one kept has FlagPointsLost (CompactLost) and,
-// where it is a full one, their number.  Records come at least 160 clocks apart; one that comes
+// where it is a full one, their number.  Records come at least Spacing clocks apart; one that comes
 // sooner is dropped too.
 //
 //   stream_start_i  ends the stream that runs, as stream_stop_i does, and begins one from sequence
@@ -17,9 +17,9 @@
 //   stream_format_i 0 for link_pkg's compact records, 1 for full ones
 //   stream_step_i   1 to 255; lines are counted by their numbers, whichever have a point
 //   valid_o         rises when a packet is there to its end; data_o stays while ready_i is low
-//   points_batch_i  records a packet, clipped to 1 .. 28 compact or 3 full ones: at most 240 bytes.
+//   points_batch    records a packet, clipped to 1 .. 28 compact or 3 full ones: at most 240 bytes.
 //                   A batch that has as many as a new value is closed.
-//   points_timeout_clks_i  after so long a batch is closed; 0: never
+//   points_timeout_clks    after so long a batch is closed; 0: never
 //   points_dropped_o  stops at its largest value; not of the stream but since reset
 //   Latency  from the first byte of a batch's last record to valid_o, where the reader is idle: 87
 //            clocks for a compact record, 143 for a full one
@@ -51,8 +51,7 @@ module point_packer #(
   input  wire logic [             7:0] stream_step_i,
 
   // Configuration.
-  input  wire logic [             7:0] points_batch_i,
-  input  wire logic [TimeoutWidth-1:0] points_timeout_clks_i,
+  input  wire register_pkg::points_t   points_i,
 
   // Status.
   output      logic [  CountWidth-1:0] points_dropped_o
@@ -64,6 +63,11 @@ module point_packer #(
   end
   if (CountWidth < 2 || CountWidth > 16) begin : gen_bad_count_width
     $error("point_packer: CountWidth must be 2 to 16");
+  end
+
+  localparam int unsigned Spacing = 160;
+  if (Spacing > vrscan_pkg::PointPeriod) begin : gen_bad_spacing
+    $error("point_packer: the chain's points come faster than it takes them");
   end
 
   localparam int unsigned AddressWidth = $clog2(BufferBytes);
@@ -214,13 +218,16 @@ module point_packer #(
   assign lost         = SumWidth'(lost_q) + SumWidth'(drops_q);
   assign dropped_ever = SumWidth'(points_dropped_o) + SumWidth'(drops_q);
 
+  logic [             7:0] most;
+  logic [TimeoutWidth-1:0] timeout;
+  assign most    = format_q ? 8'(MostFull) : 8'(MostCompact);
+  assign timeout = points_i.points_timeout_clks[TimeoutWidth-1:0];
+
   always_ff @(posedge clk_i) begin
-    limit_q <= format_q ? (points_batch_i > 8'(MostFull) ? BatchWidth'(MostFull)
-                                                         : points_batch_i[BatchWidth-1:0])
-                        : (points_batch_i > 8'(MostCompact) ? BatchWidth'(MostCompact)
-                                                            : points_batch_i[BatchWidth-1:0]);
+    limit_q <= points_i.points_batch > most ? most[BatchWidth-1:0]
+                                            : points_i.points_batch[BatchWidth-1:0];
     full_q    <= count_q >= limit_q;
-    expired_q <= open && points_timeout_clks_i != '0 && age_q >= points_timeout_clks_i;
+    expired_q <= open && timeout != '0 && age_q >= timeout;
     if (keep && !open) age_q <= '0;
     else if (age_q != '1) age_q <= age_q + TimeoutWidth'(1);
 

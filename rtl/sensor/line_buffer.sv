@@ -2,7 +2,7 @@
 //
 // Two banks.  Pixels go into one; good_i makes it the readable one and turns to the other, so a
 // line that is never declared good is simply overwritten.  replay_i streams the readable bank,
-// one group of Lanes pixels a clock without a gap; a new replay_i may come with the last group.
+// a pixel a clock without a gap; a new replay_i may come with the last one.
 // The line is replayed before the second next one reaches the same place: replay_i has to come
 // before the next good_i.
 //
@@ -12,7 +12,6 @@
 `default_nettype none
 
 module line_buffer #(
-  parameter int unsigned Lanes      = 1,
   parameter int unsigned LineLength = 2048,
   parameter int unsigned PixelWidth = 12,
   localparam int unsigned IndexWidth = $clog2(LineLength)
@@ -21,31 +20,28 @@ module line_buffer #(
   input  wire logic                        rst_i,
 
   input  wire logic                        valid_i,
-  input  wire logic [Lanes*PixelWidth-1:0] pixel_i,
+  input  wire logic [PixelWidth-1:0] pixel_i,
   input  wire logic [      IndexWidth-1:0] index_i,
   input  wire logic                        good_i,
 
   input  wire logic                        replay_i,
 
   output      logic                        valid_o,
-  output      logic [Lanes*PixelWidth-1:0] pixel_o,
+  output      logic [PixelWidth-1:0] pixel_o,
   output      logic [      IndexWidth-1:0] index_o,
   output      logic                        last_o
 );
 
-  if (Lanes != 1) begin : gen_bad_lanes
-    $error("line_buffer: only Lanes = 1 is built");
-  end
 
-  logic [Lanes*PixelWidth-1:0] line_mem [2 << IndexWidth];
+  logic [PixelWidth-1:0] line_mem [2 << IndexWidth];
 
   logic                  write_bank_q, read_bank_q, reading_q;
   logic [IndexWidth-1:0] read_index_q;
   logic                  is_last;
   logic                        valid_q, last_q;
-  logic [Lanes*PixelWidth-1:0] pixel_q;
+  logic [PixelWidth-1:0] pixel_q;
   logic [      IndexWidth-1:0] index_q;
-  assign is_last = read_index_q == IndexWidth'(LineLength - Lanes);
+  assign is_last = read_index_q == IndexWidth'(LineLength - 1);
 
   always_ff @(posedge clk_i) begin
     if (valid_i) line_mem[{write_bank_q, index_i}] <= pixel_i;
@@ -66,7 +62,7 @@ module line_buffer #(
       read_index_q <= '0;
       reading_q    <= 1'b1;
     end else if (reading_q) begin
-      read_index_q <= read_index_q + IndexWidth'(Lanes);
+      read_index_q <= read_index_q + IndexWidth'(1);
       reading_q    <= !is_last;
     end
 

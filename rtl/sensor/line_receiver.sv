@@ -3,8 +3,9 @@
 // A line begins at line_start_i and ends at line_end_i; a pixel in the same clock belongs to it.
 // Between them pixels may come with gaps, outside of them pixels are blanking and are ignored.
 // Only a line of exactly LineLength pixels that ends at least MinPeriod clocks after the one
-// before, or LongPeriod where long_i says so, is declared good; every other line is counted by its fault and reported with the next
-// good line.  Nothing behind this module has to undo anything: index 0 starts a line anew.
+// before, or LongPeriod where long_i says so, is declared good; every other line is counted by its
+// fault and reported with the next good line.  Nothing behind this module has to undo anything:
+// index 0 starts a line anew.
 //
 //   valid_o, pixel_o, index_o  the pixels of the line, index_o of the first lane
 //   good_o                     with or after the last pixel: the line was complete
@@ -16,7 +17,6 @@
 `default_nettype none
 
 module line_receiver #(
-  parameter int unsigned Lanes      = 1,
   parameter int unsigned LineLength = 2048,
   parameter int unsigned PixelWidth = 12,
   parameter int unsigned MinPeriod  = 0,  // clocks between two good lines' ends, 0 for no limit
@@ -30,10 +30,10 @@ module line_receiver #(
   input  wire logic                                   line_start_i,
   input  wire logic                                   line_end_i,
   input  wire logic                                   pixel_valid_i,
-  input  wire logic [           Lanes*PixelWidth-1:0] pixel_i,
+  input  wire logic [                 PixelWidth-1:0] pixel_i,
 
   output      logic                                   valid_o,
-  output      logic [           Lanes*PixelWidth-1:0] pixel_o,
+  output      logic [                 PixelWidth-1:0] pixel_o,
   output      logic [                 IndexWidth-1:0] index_o,
   output      logic                                   good_o,
   output      logic [vrscan_pkg::LineNumberWidth-1:0] line_number_o,
@@ -42,15 +42,12 @@ module line_receiver #(
   input  wire logic                                   long_i,
 
   // Dropped lines by fault; each counter stops at its largest value.
-  output      logic [                 CountWidth-1:0] short_count_o,
-  output      logic [                 CountWidth-1:0] long_count_o,
-  output      logic [                 CountWidth-1:0] unfinished_count_o,
-  output      logic [                 CountWidth-1:0] early_count_o
+  output      logic [   vrscan_pkg::CounterWidth-1:0] short_count_o,
+  output      logic [   vrscan_pkg::CounterWidth-1:0] long_count_o,
+  output      logic [   vrscan_pkg::CounterWidth-1:0] unfinished_count_o,
+  output      logic [   vrscan_pkg::CounterWidth-1:0] early_count_o
 );
 
-  if (Lanes != 1) begin : gen_bad_lanes
-    $error("line_receiver: only Lanes = 1 is built");
-  end
   if (LineLength < vrscan_pkg::BlockLength) begin : gen_bad_length
     $error("line_receiver: LineLength must be at least 64");
   end
@@ -58,46 +55,32 @@ module line_receiver #(
     $error("line_receiver: PixelWidth must be 8..16");
   end
 
-  localparam int unsigned FillWidth = $clog2(LineLength + 1);
   if (LongPeriod < MinPeriod) begin : gen_bad_period
     $error("line_receiver: LongPeriod must not be below MinPeriod");
   end
   localparam int unsigned PeriodWidth = $clog2(LongPeriod + 2);
 
-  logic                                   in_line_q, over_q, lost_q;
+  logic                                   lost_q;
   logic                                   short_q, long_q, unfinished_q, early_q;
-  logic [                  FillWidth-1:0] fill_q;  // pixels of this line so far
   logic [vrscan_pkg::LineNumberWidth-1:0] number_q;  // of the next line to start
   logic [                PeriodWidth-1:0] period_q;  // since the last good end, while it counts
   logic                                   too_early_q, waiting_q;  // for MinPeriod, for LongPeriod
 
-  // Whether the line is full, or wants one pixel, is known before the pixel comes.
-  logic                 full_q, one_left_q;
-  logic                 active, take, full, over, ends, is_short, is_early, good, dropped;
-  logic                 unfinished;
-  logic [FillWidth-1:0] fill, next_fill;
-  assign active     = in_line_q || line_start_i;
-  assign fill       = line_start_i ? '0 : fill_q;
-  assign full       = full_q && !line_start_i;
-  assign take       = active && pixel_valid_i && !full;
-  assign next_fill  = fill + FillWidth'(take);
-  assign over       = (over_q && !line_start_i) || (active && pixel_valid_i && full);
-  assign ends       = active && line_end_i;
-  assign is_short   = !(full || (one_left_q && !line_start_i && pixel_valid_i));
-  assign is_early   = long_i ? waiting_q : too_early_q;
-  assign good       = ends && !is_short && !over && !is_early;
-  assign unfinished = in_line_q && line_start_i;
-  assign dropped    = unfinished || (ends && !good);
+  logic                  take, over, ends, is_short, is_early, good, dropped, unfinished;
+  logic [IndexWidth-1:0] index;
+  line_extent #(.LineLength(LineLength)) u_line_extent (
+    .clk_i, .rst_i, .line_start_i, .line_end_i, .pixel_valid_i,
+    .take_o(take), .index_o(index), .ends_o(ends), .short_o(is_short), .over_o(over),
+    .unfinished_o(unfinished)
+  );
+  assign is_early = long_i ? waiting_q : too_early_q;
+  assign good     = ends && !is_short && !over && !is_early;
+  assign dropped  = unfinished || (ends && !good);
 
   always_ff @(posedge clk_i) begin
-    valid_o   <= take;
-    pixel_o   <= pixel_i;
-    index_o   <= fill[IndexWidth-1:0];
-    fill_q    <= next_fill;
-    full_q     <= next_fill == FillWidth'(LineLength);
-    one_left_q <= next_fill == FillWidth'(LineLength - 1);
-    over_q    <= over;
-    in_line_q <= active && !line_end_i;
+    valid_o <= take;
+    pixel_o <= pixel_i;
+    index_o <= index;
 
     if (line_start_i) number_q <= number_q + vrscan_pkg::LineNumberWidth'(1);
     good_o        <= good;
@@ -121,17 +104,16 @@ module line_receiver #(
     long_q       <= ends && !is_short && over;
     unfinished_q <= unfinished;
     early_q      <= ends && !is_short && !over && is_early;
-    if (short_q && short_count_o != '1) short_count_o <= short_count_o + CountWidth'(1);
-    if (long_q && long_count_o != '1) long_count_o <= long_count_o + CountWidth'(1);
-    if (unfinished_q && unfinished_count_o != '1) begin
-      unfinished_count_o <= unfinished_count_o + CountWidth'(1);
+    if (short_q) short_count_o <= vrscan_pkg::counted(short_count_o, CountWidth);
+    if (long_q) long_count_o <= vrscan_pkg::counted(long_count_o, CountWidth);
+    if (unfinished_q) begin
+      unfinished_count_o <= vrscan_pkg::counted(unfinished_count_o, CountWidth);
     end
-    if (early_q && early_count_o != '1) early_count_o <= early_count_o + CountWidth'(1);
+    if (early_q) early_count_o <= vrscan_pkg::counted(early_count_o, CountWidth);
 
     if (rst_i) begin
       valid_o            <= 1'b0;
       good_o             <= 1'b0;
-      in_line_q          <= 1'b0;
       lost_q             <= 1'b0;
       number_q           <= '0;
       too_early_q        <= 1'b0;

@@ -17,7 +17,6 @@
 `default_nettype none
 
 module line_statistics #(
-  parameter int unsigned Lanes      = 1,
   parameter int unsigned LineLength = 2048,
   parameter int unsigned PixelWidth = 12,
   parameter int unsigned MaxWindow  = 255,
@@ -28,7 +27,7 @@ module line_statistics #(
   input  wire logic                                 rst_i,
 
   input  wire logic                                 valid_i,
-  input  wire logic [         Lanes*PixelWidth-1:0] pixel_i,
+  input  wire logic [               PixelWidth-1:0] pixel_i,
   input  wire logic [               IndexWidth-1:0] index_i,
   input  wire logic                                 good_i,
   input  wire logic [                UserWidth-1:0] user_i,  // sampled with good_i
@@ -47,9 +46,6 @@ module line_statistics #(
   input  wire logic                                 noise_row_i
 );
 
-  if (Lanes != 1) begin : gen_bad_lanes
-    $error("line_statistics: only Lanes = 1 is built");
-  end
   if (LineLength < vrscan_pkg::BlockLength || PixelWidth < 8 || PixelWidth > 16
       || MaxWindow > 255) begin : gen_bad_size
     $error("line_statistics: LineLength >= 64, PixelWidth 8..16 and MaxWindow <= 255 are legal");

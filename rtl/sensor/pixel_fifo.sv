@@ -24,7 +24,6 @@
 `default_nettype none
 
 module pixel_fifo #(
-  parameter int unsigned Lanes      = 1,
   parameter int unsigned PixelWidth = 12,
   parameter int unsigned Depth      = 64,  // 2**n, at least 8
   parameter int unsigned CountWidth = 16
@@ -37,20 +36,17 @@ module pixel_fifo #(
   input  wire logic                        pixel_rst_i,
   input  wire logic                        line_valid_i,
   input  wire logic                        pixel_valid_i,
-  input  wire logic [Lanes*PixelWidth-1:0] pixel_i,
+  input  wire logic [PixelWidth-1:0] pixel_i,
 
   output      logic                        line_start_o,
   output      logic                        line_end_o,
   output      logic                        pixel_valid_o,
-  output      logic [Lanes*PixelWidth-1:0] pixel_o,
+  output      logic [PixelWidth-1:0] pixel_o,
 
   // Status.
   output      logic [      CountWidth-1:0] overflow_count_o
 );
 
-  if (Lanes != 1) begin : gen_bad_lanes
-    $error("pixel_fifo: only Lanes = 1 is built");
-  end
   if (Depth < 8 || (Depth & (Depth - 1)) != 0) begin : gen_bad_depth
     $error("pixel_fifo: Depth must be a power of two, at least 8");
   end
@@ -63,14 +59,14 @@ module pixel_fifo #(
     logic                        valid;  // of the pixel
     logic                        first;
     logic                        last;
-    logic [Lanes*PixelWidth-1:0] pixel;
+    logic [PixelWidth-1:0] pixel;
   } word_t;
 
   function automatic logic [PointerWidth-1:0] gray(input logic [PointerWidth-1:0] binary);
     gray = binary ^ (binary >> 1);
   endfunction
 
-  logic [Lanes*PixelWidth+2:0] mem [Depth];
+  logic [PixelWidth+2:0] mem [Depth];
 
   // What crosses: each is a register of its own clock, read through two of the other one.
   logic [ PointerWidth-1:0] write_gray_q, read_gray_q;
@@ -85,7 +81,7 @@ module pixel_fifo #(
 
   // ---- the sensor's side ----
   logic                        line_valid_q, pixel_valid_q, have_q, owed_q, drop_q;
-  logic [Lanes*PixelWidth-1:0] pixel_q, held_q;
+  logic [PixelWidth-1:0] pixel_q, held_q;
   logic [    PointerWidth-1:0] write_q, write_next;
   logic [   OverflowWidth-1:0] overflow_q, overflow_next;
   logic                        halt, full, push, write, bare;

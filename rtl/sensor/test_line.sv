@@ -7,31 +7,30 @@
 // the cosine only where |i - c| < W / 2 (a Hann pulse, W wide at its foot), n the noise.  It is
 // exact to 17 fraction bits, rounded once to PixelWidth, to nearest, half up, and kept within
 // 0 .. full scale.  A line depends on its place in the run and on the registers only, which are
-// sampled with test_start_i.
+// sampled with test_start.
 //
-//   test_position_i  c of the first line: px, 12 fraction bits
-//   test_move_i      added to c from line to line; where c leaves 0 .. LineLength, LineLength is
+//   test_position    c of the first line: px, 12 fraction bits
+//   test_move        added to c from line to line; where c leaves 0 .. LineLength, LineLength is
 //                    added or taken off, once, modulo 4096 px
-//   test_step_i      2**28 / W; 0 is a line of the same height everywhere.  c times this step is
+//   test_step        2**28 / W; 0 is a line of the same height everywhere.  c times this step is
 //                    rounded to nearest, half up, to a phase of 2**-28 turns
-//   test_height_i    its 1.0 is quarter_wave's amplitude, 65534 / 65536
-//   test_noise_i     peak of the noise.  n is the sum of the four bytes of x less 510; x, of 32
+//   test_height      its 1.0 is quarter_wave's amplitude, 65534 / 65536
+//   test_noise       peak of the noise.  n is the sum of the four bytes of x less 510; x, of 32
 //                    bits, steps once a pixel, x ^= x << 13, x ^= x >> 17, x ^= x << 5 (Marsaglia
-//                    2003), and is test_seed_i ^ 0x9E3779B9 before a run's first pixel, or
+//                    2003), and is test_seed ^ 0x9E3779B9 before a run's first pixel, or
 //                    0x9E3779B9 where that is 0.  The deviation is test_noise / sqrt(12)
-//   test_lines_i     lines of a run, 0 is without end
-//   test_period_clks_i  from line start to line start; at least LineLength + 16 clocks
-//   test_start_i     begins a run; one that is on its way is cut off, in mid-line too
-//   test_stop_i      ends it with the line that has begun, 15 clocks before its line_start_o, or a
-//                    clock later where none has; test_start_i in the same clock wins
-//   test_running_o   from the clock after test_start_i to the last line_end_o
-//   Latency  27 clocks from test_start_i to the first line_start_o; lines have no gaps
+//   test_lines       lines of a run, 0 is without end
+//   test_period_clks    from line start to line start; at least LineLength + 16 clocks
+//   test_start       begins a run; one that is on its way is cut off, in mid-line too
+//   test_stop        ends it with the line that has begun, 15 clocks before its line_start_o, or a
+//                    clock later where none has; test_start in the same clock wins
+//   test_running_o   from the clock after test_start to the last line_end_o
+//   Latency  27 clocks from test_start to the first line_start_o; lines have no gaps
 //   Model    vrscan.fixed.test_line, bit-exact
 
 `default_nettype none
 
 module test_line #(
-  parameter int unsigned Lanes      = 1,
   parameter int unsigned LineLength = 2048,  // 64 to 4096
   parameter int unsigned PixelWidth = 12
 ) (
@@ -41,27 +40,14 @@ module test_line #(
   output      logic                                           line_start_o,
   output      logic                                           line_end_o,
   output      logic                                           pixel_valid_o,
-  output      logic        [            Lanes*PixelWidth-1:0] pixel_o,
+  output      logic        [                  PixelWidth-1:0] pixel_o,
 
   // Configuration.
-  input  wire logic        [                            23:0] test_position_i,
-  input  wire logic signed [                            23:0] test_move_i,
-  input  wire logic        [        vrscan_pkg::PhaseWidth:0] test_step_i,
-  input  wire logic        [    vrscan_pkg::AlignedWidth-1:0] test_height_i,
-  input  wire logic        [    vrscan_pkg::AlignedWidth-1:0] test_pedestal_i,
-  input  wire logic        [    vrscan_pkg::AlignedWidth-1:0] test_noise_i,
-  input  wire logic        [                            31:0] test_seed_i,
-  input  wire logic        [                            31:0] test_lines_i,
-  input  wire logic        [                            23:0] test_period_clks_i,
+  input  wire register_pkg::test_t                            test_i,
 
-  input  wire logic                                           test_start_i,
-  input  wire logic                                           test_stop_i,
   output      logic                                           test_running_o
 );
 
-  if (Lanes != 1) begin : gen_bad_lanes
-    $error("test_line: only Lanes = 1 is built");
-  end
   if (LineLength < vrscan_pkg::BlockLength || LineLength > 4096) begin : gen_bad_length
     $error("test_line: LineLength must be 64 to 4096");
   end
@@ -152,22 +138,22 @@ module test_line #(
       if (!endless_q) lines_left_q <= lines_left_q - 32'd1;
       if (one_left_q) active_q <= 1'b0;
     end
-    if (test_stop_i) active_q <= 1'b0;
-    if (test_start_i) begin
+    if (test_i.test_stop_strobe) active_q <= 1'b0;
+    if (test_i.test_start_strobe) begin
       active_q        <= 1'b1;
       due_q           <= 1'b1;
       ready_q         <= 1'b0;
       scale_q         <= 1'b1;
       rounded_valid_q <= 1'b0;
-      place_q         <= test_position_i;
-      move_q          <= test_move_i;
-      step_q          <= test_step_i;
-      height_q        <= test_height_i;
-      pedestal_q      <= test_pedestal_i;
-      noise_q         <= test_noise_i;
-      lines_left_q    <= test_lines_i;
-      endless_q       <= test_lines_i == '0;
-      period_set_q    <= test_period_clks_i;
+      place_q         <= test_i.test_position;
+      move_q          <= test_i.test_move;
+      step_q          <= test_i.test_step;
+      height_q        <= test_i.test_height;
+      pedestal_q      <= test_i.test_pedestal;
+      noise_q         <= test_i.test_noise;
+      lines_left_q    <= test_i.test_lines;
+      endless_q       <= test_i.test_lines == '0;
+      period_set_q    <= test_i.test_period_clks;
     end
     if (rst_i) begin
       active_q        <= 1'b0;
@@ -198,7 +184,7 @@ module test_line #(
     line_end_o     <= last_pipe_q[Stages-1];
     test_running_o <= active_q || in_line_q || valid_q != '0;
 
-    if (rst_i || test_start_i) begin
+    if (rst_i || test_i.test_start_strobe) begin
       in_line_q      <= 1'b0;
       first_q        <= 1'b0;
       valid_q        <= '0;
@@ -236,7 +222,7 @@ module test_line #(
   logic        [           8:0] low_q7, high_q7;
   logic signed [ DrawWidth-1:0] draw_q8, draw_q9;
   logic signed [NoiseWidth-1:0] noise_q10, noise_q11;
-  assign seed    = test_seed_i == SeedMask ? SeedMask : test_seed_i ^ SeedMask;
+  assign seed    = test_i.test_seed == SeedMask ? SeedMask : test_i.test_seed ^ SeedMask;
   assign x_left  = x_q ^ (x_q << 13);
   assign x_right = x_left ^ (x_left >> 17);
   assign x_next  = x_right ^ (x_right << 5);
@@ -255,7 +241,7 @@ module test_line #(
     bell_q12 <= bell_q11;
 
     if (valid_q[5]) x_q <= x_next;
-    if (test_start_i) x_q <= seed;
+    if (test_i.test_start_strobe) x_q <= seed;
     low_q7    <= 9'(x_q[7:0]) + 9'(x_q[15:8]);
     high_q7   <= 9'(x_q[23:16]) + 9'(x_q[31:24]);
     draw_q8   <= signed'(DrawWidth'(low_q7) + DrawWidth'(high_q7) - DrawWidth'(510));

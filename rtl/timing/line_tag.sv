@@ -11,13 +11,13 @@
 //   centre_i       middle of the pulse: power_i, inward_i and the time are sampled
 //   angle_valid_i  angle_i, mirror_flags_i and confidence_i of the line angle_line_i, whose
 //                  centre_i has come
-//   angle_o ..     hold until the next line_start_i, whatever comes meanwhile.  In the Latency
-//                  before, and where there was no exposure, no centre or no angle, they are those
-//                  of an untagged line: all 0 but for mirror_flags_o, which is UNSETTLED alone
-//   time_o         of centre_i, in clocks since the reset, modulo 2**32
+//   tag_o          holds until the next line_start_i, whatever comes meanwhile.  In the Latency
+//                  before, and where there was no exposure, no centre or no angle, it is that of
+//                  an untagged line: all 0 but for mirror_flags, which is UNSETTLED alone.
+//                  time_clks is that of centre_i since the reset, modulo 2**32
 //   untagged_count_o  lines that were untagged in the clock of their line_end_i; stops at its
 //                  largest value
-//   Latency  4 clocks from line_start_i, or angle_valid_i where that is later, to angle_o ..
+//   Latency  4 clocks from line_start_i, or angle_valid_i where that is later, to tag_o
 //   Model    vrscan.clocked.line_tag, bit-exact
 
 `default_nettype none
@@ -44,12 +44,7 @@ module line_tag #(
   // Readout.
   input  wire logic                                           line_start_i,
   input  wire logic                                           line_end_i,
-  output      logic signed [      vrscan_pkg::AngleWidth-1:0] angle_o,
-  output      logic        [      vrscan_pkg::PowerWidth-1:0] power_o,
-  output      logic        [ vrscan_pkg::MirrorFlagWidth-1:0] mirror_flags_o,
-  output      logic        [ vrscan_pkg::ConfidenceWidth-1:0] confidence_o,
-  output      logic                                           inward_o,
-  output      logic        [       vrscan_pkg::TimeWidth-1:0] time_o,
+  output      vrscan_pkg::line_t                              tag_o,
 
   // Status.
   output      logic        [                  CountWidth-1:0] untagged_count_o
@@ -67,7 +62,7 @@ module line_tag #(
   typedef struct packed {
     logic [vrscan_pkg::PowerWidth-1:0] power;
     logic                              inward;
-    logic [ vrscan_pkg::TimeWidth-1:0] stamp;
+    logic [ vrscan_pkg::TimeWidth-1:0] time_clks;
   } centre_t;
   typedef struct packed {
     logic [     vrscan_pkg::AngleWidth-1:0] angle;
@@ -135,13 +130,13 @@ module line_tag #(
 
     // What has been tagged stays as it is: the table may go on to a later line.
     if (centre_match_q && angle_match_q && !tagged_q) begin
-      tagged_q       <= 1'b1;
-      angle_o        <= signed'(angle_q2.angle);
-      mirror_flags_o <= angle_q2.flags;
-      confidence_o   <= angle_q2.confidence;
-      power_o        <= centre_q2.power;
-      inward_o       <= centre_q2.inward;
-      time_o         <= centre_q2.stamp;
+      tagged_q           <= 1'b1;
+      tag_o.angle        <= signed'(angle_q2.angle);
+      tag_o.mirror_flags <= angle_q2.flags;
+      tag_o.confidence   <= angle_q2.confidence;
+      tag_o.power        <= centre_q2.power;
+      tag_o.inward       <= centre_q2.inward;
+      tag_o.time_clks    <= centre_q2.time_clks;
     end
     open_q <= (open_q || line_start_i) && !line_end_i;
     if (line_end_i && (line_start_i || (open_q && !tagged_q)) && untagged_count_o != '1) begin
@@ -149,13 +144,9 @@ module line_tag #(
     end
 
     if (rst_i || line_start_i) begin
-      tagged_q       <= 1'b0;
-      angle_o        <= '0;
-      mirror_flags_o <= Unsettled;
-      confidence_o   <= '0;
-      power_o        <= '0;
-      inward_o       <= 1'b0;
-      time_o         <= '0;
+      tagged_q           <= 1'b0;
+      tag_o              <= '0;
+      tag_o.mirror_flags <= Unsettled;
     end
     if (rst_i) begin
       clock_q          <= '0;

@@ -6,7 +6,7 @@
 //
 //   word_i      turns of the mirror a clock, 48 fraction bits; sampled at a line's start, used
 //               from the next line's start
-//   ratio_i     lines a mirror period, 32 fraction bits.  The product is rounded to nearest, half
+//   ratio       lines a mirror period, 32 fraction bits.  The product is rounded to nearest, half
 //               up, and at most 2**43: 32 clocks a line.  Where it is 0 there are no lines, until
 //               it is not: then a line starts at once
 //   *_delay_clks_i  from line_start_o, exactly; *_clks_i 0 for none.  Sampled at a line's start.
@@ -17,9 +17,9 @@
 //   overrun_o   with line_start_o: pulse or exposure of the line before had not been low for a
 //               clock, or its centre had not come.  They are cut off, a centre is lost; what would
 //               join the one that was cut off (a delay of 0) is left out in this line.  So the
-//               laser is never high for more than pulse_clks_i clocks on end.
+//               laser is never high for more than pulse_clks clocks on end.
 //   enable_i    low: laser and exposure are low from the next clock, the accumulator starts anew
-//   Latency  enable_i to the first line_start_o: the latency of multiply + 5, 19 clocks; the
+//   Latency  enable_i to the first line_start_o: the latency of multiply + 5 clocks; the
 //            accumulator's wrap to line_start_o: 2 clocks
 //   Model    vrscan.clocked.line_trigger, bit-exact
 
@@ -41,13 +41,9 @@ module line_trigger #(
   output      logic                                   centre_o,
   output      logic                                   centre_half_o,
   output      logic                                   overrun_o,
-  output      logic [                 CountWidth-1:0] overrun_count_o,  // stops at its largest
+  output      logic [   vrscan_pkg::CounterWidth-1:0] overrun_count_o,  // stops at its largest
 
-  input  wire logic [     vrscan_pkg::RatioWidth-1:0] ratio_i,
-  input  wire logic [  vrscan_pkg::LineClksWidth-1:0] exposure_delay_clks_i,
-  input  wire logic [  vrscan_pkg::LineClksWidth-1:0] exposure_clks_i,
-  input  wire logic [  vrscan_pkg::LineClksWidth-1:0] pulse_delay_clks_i,
-  input  wire logic [  vrscan_pkg::LineClksWidth-1:0] pulse_clks_i
+  input  wire register_pkg::line_t                    line_i
 );
 
   localparam int unsigned TurnWidth = vrscan_pkg::TurnWidth;
@@ -82,7 +78,7 @@ module line_trigger #(
     .rst_i,
     .valid_i  (sample),
     .a_i      (signed'({1'b0, word_i})),
-    .b_i      (signed'({1'b0, ratio_i})),
+    .b_i      (signed'({1'b0, line_i.ratio})),
     .valid_o  (product_valid),
     .product_o(product)
   );
@@ -144,17 +140,17 @@ module line_trigger #(
       live_q           <= 1'b1;
       time_q           <= '0;
       ahead_q          <= SpanWidth'(1);
-      pulse_begun_q    <= pulse_delay_clks_i == '0;
-      pulse_left_q     <= pulse_delay_clks_i != '0 || pulse_clks_i != '0;
-      exposure_begun_q <= exposure_delay_clks_i == '0;
-      exposure_left_q  <= exposure_delay_clks_i != '0 || exposure_clks_i != '0;
-      exposure_begin_q <= SpanWidth'(exposure_delay_clks_i);
-      exposure_end_q   <= SpanWidth'(exposure_delay_clks_i) + SpanWidth'(exposure_clks_i);
-      exposed_q        <= exposure_clks_i != '0;
-      pulse_begin_q    <= SpanWidth'(pulse_delay_clks_i);
-      pulse_end_q      <= SpanWidth'(pulse_delay_clks_i) + SpanWidth'(pulse_clks_i);
-      centre_q         <= SpanWidth'(pulse_delay_clks_i) + SpanWidth'(pulse_clks_i >> 1);
-      half_q           <= pulse_clks_i[0];
+      pulse_begun_q    <= line_i.pulse_delay_clks == '0;
+      pulse_left_q     <= line_i.pulse_delay_clks != '0 || line_i.pulse_clks != '0;
+      exposure_begun_q <= line_i.exposure_delay_clks == '0;
+      exposure_left_q  <= line_i.exposure_delay_clks != '0 || line_i.exposure_clks != '0;
+      exposure_begin_q <= SpanWidth'(line_i.exposure_delay_clks);
+      exposure_end_q   <= SpanWidth'(line_i.exposure_delay_clks) + SpanWidth'(line_i.exposure_clks);
+      exposed_q        <= line_i.exposure_clks != '0;
+      pulse_begin_q    <= SpanWidth'(line_i.pulse_delay_clks);
+      pulse_end_q      <= SpanWidth'(line_i.pulse_delay_clks) + SpanWidth'(line_i.pulse_clks);
+      centre_q         <= SpanWidth'(line_i.pulse_delay_clks) + SpanWidth'(line_i.pulse_clks >> 1);
+      half_q           <= line_i.pulse_clks[0];
     end
     skip_laser_q    <= skip_laser;
     skip_exposure_q <= skip_exposure;
@@ -165,8 +161,8 @@ module line_trigger #(
     centre_o      <= live_q && time_q == centre_q;
     centre_half_o <= half_q;
     overrun_o     <= late_q;
-    if (late_q && enable_i && overrun_count_o != '1) begin
-      overrun_count_o <= overrun_count_o + CountWidth'(1);
+    if (late_q && enable_i) begin
+      overrun_count_o <= vrscan_pkg::counted(overrun_count_o, CountWidth);
     end
     if (first_q && enable_i) begin
       line_o   <= number_q;

@@ -7,8 +7,8 @@
 // the outer ones leave the rest of the design where it is.
 //
 //   product_o  a_i * b_i, exact for all operands
-//   Latency    limbs(AWidth) * limbs(BWidth) + 5 clocks, with limbs(W) = 1 up to 18 bits and
-//              1 + ceil((W - 18) / 17) beyond; a valid_i meanwhile starts anew
+//   Latency    vrscan_pkg::multiply_latency, 5 clocks more than pairs of limbs; a valid_i meanwhile
+//              starts anew
 //   Model      vrscan.fixed.multiply, bit-exact
 
 `default_nettype none
@@ -33,8 +33,8 @@ module multiply #(
   end
 
   localparam int unsigned LimbWidth = 17;
-  localparam int unsigned ALimbs = AWidth <= 18 ? 1 : 1 + (AWidth - 18 + 16) / LimbWidth;
-  localparam int unsigned BLimbs = BWidth <= 18 ? 1 : 1 + (BWidth - 18 + 16) / LimbWidth;
+  localparam int unsigned ALimbs = vrscan_pkg::multiply_limbs(AWidth);
+  localparam int unsigned BLimbs = vrscan_pkg::multiply_limbs(BWidth);
   localparam int unsigned FewerLimbs = ALimbs < BLimbs ? ALimbs : BLimbs;
   localparam int unsigned AIndexWidth = ALimbs > 1 ? $clog2(ALimbs) : 1;
   localparam int unsigned BIndexWidth = BLimbs > 1 ? $clog2(BLimbs) : 1;

@@ -122,6 +122,9 @@ class Bench(TwinBench):
         self.table = list(TABLE)
         self.ends: list[Status] = []
 
+    def on_port(self, name: str, value: int) -> tuple[str, int]:
+        return ("line.test" if name == "test" else name), value
+
     async def start(self, **inputs: int) -> None:
         """Reset both, the motor stands at 0, and write the table; ``inputs`` may be settings."""
         self.give(**CALM | {"device_rst": 1, "focus_mode": 0})

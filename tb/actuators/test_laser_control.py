@@ -14,6 +14,7 @@ from harness import (
     drive,
     generator,
     parameters,
+    port,
     reset,
     rounds,
     simulate,
@@ -33,8 +34,8 @@ from vrscan.clocked.laser_control import (
     LaserControl,
     Settings,
     next_power,
-    port,
 )
+from vrscan.clocked.laser_control import port as register_name
 from vrscan.data import pkg
 
 OFF, SWEEP, SETTLE = pkg.MIRROR_OFF, pkg.MIRROR_SWEEP, pkg.MIRROR_SETTLE
@@ -52,6 +53,7 @@ CEILINGS = {
 }
 # Where the ceilings are met often, and without them: those of the parameters' ranges.
 LOW = {
+    "PixelWidth": 16,
     "CountWidth": 3,
     "HeartbeatBits": 1,
     "PowerCeiling": 40_000,
@@ -62,6 +64,7 @@ LOW = {
     "WatchdogCeilingClks": 150,
 }
 HIGH = {
+    "PixelWidth": 9,
     "HeartbeatBits": 9,
     "PowerCeiling": 65_535,
     "StartupCeiling": 65_535,
@@ -133,6 +136,27 @@ STATUS = {
 }
 
 
+# Where the inputs of the twin are: the fields of the point, and how far up.
+POINT = {
+    "point_measured": ("measured", 0),
+    "point_saturated": ("flags", pkg.FLAG_SATURATED),
+    "point_background": ("background", pkg.COUNT_WIDTH - pkg.ALIGNED_WIDTH),
+    "point_power": ("line.power", 0),
+    "point_inward": ("line.inward", 0),
+    "point_test": ("line.test", 0),
+}
+
+
+def spare() -> int:
+    """Return the bits by which a pixel is narrower than a height."""
+    return pkg.ALIGNED_WIDTH - parameters().get("PixelWidth", 12)
+
+
+def pixel(height: int) -> int:
+    """Return the largest height of a pixel up to the given one."""
+    return height >> spare() << spare()
+
+
 def with_changes(**changes: int) -> Settings:
     """Return the open settings but for what is given."""
     return dataclasses.replace(OPEN, **changes)
@@ -154,14 +178,20 @@ class Bench(TwinBench):
         self.settings: Settings | None = None
         self.lit = False  # the main channel in the last clock
         self.shown = 0  # its level
-        self.registers = [(n, getattr(dut, f"{n}_o")) for n in REGISTERS]
-        self.registers += [(n, getattr(dut, f"{port(p)}_o")) for p, n in STATUS.items()]
+        self.registers = [(n, port(dut, f"{n}_o")) for n in REGISTERS]
+        self.registers += [(n, port(dut, f"{register_name(p)}_o")) for p, n in STATUS.items()]
+
+    def on_port(self, name: str, value: int) -> tuple[str, int]:
+        if name == "point_maximum":
+            return "maximum", value >> spare()
+        place, shift = POINT.get(name, ("pulse" if name == "laser" else name, 0))
+        return place, int(value) << shift
 
     def set(self, settings: Settings) -> None:
         """Change the configuration."""
         for name, value in settings.ports.items():
             if self.settings is None or self.settings.ports[name] != value:
-                drive(getattr(self.dut, f"{name}_i"), value)
+                drive(port(self.dut, f"{name}_i"), value)
         self.settings = settings
         if self.twin is not None:
             self.twin.settings = settings
@@ -281,7 +311,7 @@ class Scene:
                 "point_valid": 1,
                 "point_measured": int(draw.random() < 0.7),
                 "point_saturated": int(draw.random() < 0.2),
-                "point_maximum": height,
+                "point_maximum": pixel(height),
                 "point_background": int(draw.choice([0, 500, draw.integers(1 << 16)])),
                 "point_power": int(draw.choice([0, 1, 300, POWER_MAX, draw.integers(1 << 16)])),
                 "point_inward": int(draw.integers(2)),
@@ -578,8 +608,9 @@ async def a_point_gives_the_next_power_of_its_direction(dut) -> None:
     """After POWER_LATENCY clocks, of that direction alone, of both where they share one."""
     bench = await begin(dut)
     settings = with_changes(adapt=1)
-    point = {"point_valid": 1, "point_measured": 1, "point_maximum": 9_000, "point_power": 3_000}
-    want = next_power(settings, 3_000, 9_000, measured=True, saturated=False)
+    height = pixel(9_000)
+    point = {"point_valid": 1, "point_measured": 1, "point_maximum": height, "point_power": 3_000}
+    want = next_power(settings, 3_000, height, measured=True, saturated=False)
     for shared, inward in ((0, 0), (0, 1), (1, 0), (1, 1)):
         await bench.start(settings)
         bench.set(dataclasses.replace(settings, adapt=0))
@@ -613,6 +644,7 @@ async def every_point_gives_the_power_of_the_model(dut) -> None:
         bench.set(settings)
         power = int(draw.choice([1, POWER_MAX, draw.integers(1, 1 << 16)]))
         maximum, background = (int(draw.choice([*ends, draw.integers(1 << 16)])) for _ in "ab")
+        maximum = pixel(maximum)
         measured, saturated = draw.random() < 0.8, draw.random() < 0.1
         if k % 8 == 0:
             await bench.clocks(int(draw.integers(1, 20)), point_valid=1, point_power=5)
@@ -632,7 +664,7 @@ async def every_point_gives_the_power_of_the_model(dut) -> None:
             measured=measured,
             saturated=saturated,
         )
-        assert bench.twin.power_inward == want == int(dut.laser_power_inward_o.value)
+        assert bench.twin.power_inward == want == port(dut, "laser_power_inward_o").value
 
 
 # The sensor of the closed loop: counts rise with the power up to full scale; a peak below a
@@ -652,7 +684,7 @@ def seen(gain: float, power: int) -> dict[str, int]:
     return {
         "point_measured": int(height >= FAINT),
         "point_saturated": int(height == FULL),
-        "point_maximum": height,
+        "point_maximum": pixel(height),
         "point_power": power,
         "point_inward": 1,
     }

@@ -8,88 +8,55 @@
 // WRITE answers has been read back.  The registers stand all over the die, so what goes to many of
 // them, data, selection and reset, comes from registers near them.
 //
-//   group_rst_i   with rst_i: one for each group of settings, so that no net resets all of them
+//   rst_i         works a clock later; each group of settings has a register of its own for it, so
+//                 that no net resets all of them
 //   bus_valid_i   ignored from the clock after it until bus_done_o
 //   bus_access_i  link_pkg; CHECK says what WRITE would, and changes nothing; 3 is as READ
 //   bus_status_o  with bus_done_o, the first that applies: StatusNoAddress, StatusReadOnly,
 //                 StatusLocked, StatusBadValue, StatusOk
 //   bus_data_o    with bus_done_o, the word as it is read; 0 unless OK
-//   *_o           what the bus has written, 7 clocks after bus_valid_i
-//   *_strobe_o    in the first clock in which *_o has what was written
-//   *_i           a READ sees them 7 clocks after bus_valid_i
+//   *_o           structs of odd_registers_pkg: what the bus has written, 7 clocks after
+//                 bus_valid_i; a field *_strobe is high in the first clock in which its register
+//                 has what was written
+//   *_i           structs, too: a READ sees them 7 clocks after bus_valid_i
 //   Wide ones     take effect with their higher word; until then the lower one waits, and is read
 //                 as written.  The READ of a lower word of *_i keeps the higher one for its READ
-//   Tables        an entry goes out with its last field, the others are those written before; a
-//                 reset leaves what was written for the bus to read
+//   Tables        an entry goes out with its last field and with *_write, the others are those
+//                 written before; a reset leaves what was written for the bus to read
 //   Latency       10 clocks from bus_valid_i to bus_done_o
 //   Model         vrscan.clocked.register_file, bit-exact
 
 `default_nettype none
 
 module odd_registers (
-  input  wire logic                                                   clk_i,
-  input  wire logic                                                   rst_i,
-  input  wire logic                                           [3-1:0] group_rst_i,
+  input  wire logic                               clk_i,
+  input  wire logic                               rst_i,
 
-  input  wire logic                                                   bus_valid_i,
-  input  wire logic                       [link_pkg::AccessWidth-1:0] bus_access_i,
-  input  wire logic                      [link_pkg::AddressWidth-1:0] bus_address_i,
-  input  wire logic                                            [31:0] bus_data_i,
-  output      logic                                                   bus_done_o,
-  output      logic                       [link_pkg::StatusWidth-1:0] bus_status_o,
-  output      logic                                            [31:0] bus_data_o,
+  input  wire logic                               bus_valid_i,
+  input  wire logic [link_pkg::AccessWidth-1:0]   bus_access_i,
+  input  wire logic [link_pkg::AddressWidth-1:0]  bus_address_i,
+  input  wire logic [31:0]                        bus_data_i,
+  output      logic                               bus_done_o,
+  output      logic [link_pkg::StatusWidth-1:0]   bus_status_o,
+  output      logic [31:0]                        bus_data_o,
 
-  // Two words each.
-  output      logic                                            [32:0] long_o,
-  output      logic                                            [63:0] longest_o,
-  output      logic signed                                     [39:0] negative_long_o,
-
-  // What the bus reads.
-  input  wire logic                                            [15:0] count_i,
-  input  wire logic signed                                      [8:0] level_i,
-  input  wire logic                                                   flag_i,
-  input  wire logic                                        [3*11-1:0] levels_i,
-  input  wire logic                                            [63:0] time_i,
-  input  wire logic signed                                     [44:0] place_i,
-  input  wire logic signed                                     [31:0] raw_i,
-
-  // Each takes a 1 and nothing else, and keeps it until reset.
-  output      logic                                                   lock_a_o,
-  output      logic                                                   lock_b_o,
-  output      logic                                                   lock_c_o,
-  output      logic                                                   lock_d_o,
-
-  // What the bus writes.
-  output      logic                                                   bit_o,
-  output      logic                                            [31:0] word_o,
-  output      logic signed                                      [4:0] small_o,
-  output      logic                                            [11:0] bounded_o,
-  output      logic signed                                     [11:0] centred_o,
-  output      logic signed                                     [31:0] below_o,
-  output      logic signed                                     [31:0] above_o,
-  output      logic                                             [3:0] late_o,
-  output      logic                                             [2:0] event_o,
-  output      logic                                                   event_strobe_o,
-  output      logic signed                                     [31:0] signal_o,
-  output      logic                                                   signal_strobe_o,
-  output      logic                                         [5*1-1:0] bits_o,
-  output      logic                                        [3*17-1:0] several_o,
-  output      logic                                        [2*32-1:0] words_o,
-
-  // Words that never change.
-
-  // One field, and entries that are no power of two.
-  output      logic                                                   single_write_o,
-  output      logic                                             [2:0] single_index_o,
-  output      logic signed                                     [31:0] single_value_o,
-
-  // Three fields of four words.
-  output      logic                                                   triple_write_o,
-  output      logic                                             [2:0] triple_index_o,
-  output      logic                                            [31:0] triple_low_o,
-  output      logic signed                                      [6:0] triple_middle_o,
-  output      logic                                                   triple_high_o
+  output      odd_registers_pkg::wide_t           wide_o,
+  input  wire odd_registers_pkg::read_t           read_i,
+  output      odd_registers_pkg::locks_t          locks_o,
+  output      odd_registers_pkg::written_t        written_o,
+  output      odd_registers_pkg::single_t         single_o,
+  output      odd_registers_pkg::triple_t         triple_o
 );
+
+  // ---- the reset, once for each group of settings ----
+  logic rst;
+  local_register u_reset (.clk_i, .d_i(rst_i), .q_o(rst));
+  logic wide_rst;
+  local_register u_wide_reset (.clk_i, .d_i(rst_i), .q_o(wide_rst));
+  logic locks_rst;
+  local_register u_locks_reset (.clk_i, .d_i(rst_i), .q_o(locks_rst));
+  logic written_rst;
+  local_register u_written_reset (.clk_i, .d_i(rst_i), .q_o(written_rst));
 
   // ---- an access, and how far it is ----
   logic [9:1] step_q;
@@ -107,7 +74,7 @@ module odd_registers (
       address_q <= bus_address_i;
       data_q    <= bus_data_i;
     end
-    if (rst_i) step_q <= '0;
+    if (rst) step_q <= '0;
   end
 
   // ---- 1: look up the rule; 2: take it.  Its bounds are signed, hence the 33 bits ----
@@ -151,7 +118,7 @@ module odd_registers (
 
   // ---- 3: against the rule; 4: the verdict ----
   logic [7:0] locks;
-  assign locks = {3'd0, lock_d_o, lock_c_o, lock_b_o, lock_a_o, 1'b0};
+  assign locks = {3'd0, locks_o.lock_d, locks_o.lock_c, locks_o.lock_b, locks_o.lock_a, 1'b0};
   logic signed [32:0] value;
   assign value = signed'({rule_q.minimum[32] && data_q[31], data_q});
   logic [1:0] kind_q;
@@ -176,7 +143,7 @@ module odd_registers (
     status_q <= verdict;
     write_q  <= step_q[4] && access_q == link_pkg::AccessWidth'(link_pkg::AccessWrite)
                 && verdict == link_pkg::StatusWidth'(link_pkg::StatusOk);
-    if (rst_i) write_q <= 1'b0;
+    if (rst) write_q <= 1'b0;
   end
 
   // ---- 2: which page, which of its words, for writing and for reading ----
@@ -203,37 +170,37 @@ module odd_registers (
   logic write_q2;
   always_ff @(posedge clk_i) begin
     write_q2 <= write_q;
-    if (rst_i) write_q2 <= 1'b0;
-    take_q[0] <= write_q && page_00_hit_q && word_hit_q[0] && !rst_i;
-    take_q[1] <= write_q && page_00_hit_q && word_hit_q[1] && !rst_i;
-    take_q[2] <= write_q && page_00_hit_q && word_hit_q[2] && !rst_i;
-    take_q[3] <= write_q && page_00_hit_q && word_hit_q[3] && !rst_i;
-    take_q[4] <= write_q && page_00_hit_q && word_hit_q[4] && !rst_i;
-    take_q[5] <= write_q && page_00_hit_q && word_hit_q[5] && !rst_i;
-    take_q[6] <= write_q && page_10_hit_q && word_hit_q[14] && !rst_i;
-    take_q[7] <= write_q && page_10_hit_q && word_hit_q[15] && !rst_i;
-    take_q[8] <= write_q && page_11_hit_q && word_hit_q[0] && !rst_i;
-    take_q[9] <= write_q && page_11_hit_q && word_hit_q[1] && !rst_i;
-    take_q[10] <= write_q && page_1f_hit_q && word_hit_q[12] && !rst_i;
-    take_q[11] <= write_q && page_1f_hit_q && word_hit_q[13] && !rst_i;
-    take_q[12] <= write_q && page_1f_hit_q && word_hit_q[14] && !rst_i;
-    take_q[13] <= write_q && page_1f_hit_q && word_hit_q[15] && !rst_i;
-    take_q[14] <= write_q && page_20_hit_q && word_hit_q[0] && !rst_i;
-    take_q[15] <= write_q && page_20_hit_q && word_hit_q[1] && !rst_i;
-    take_q[16] <= write_q && page_20_hit_q && word_hit_q[2] && !rst_i;
-    take_q[17] <= write_q && page_20_hit_q && word_hit_q[3] && !rst_i;
-    take_q[18] <= write_q && page_20_hit_q && word_hit_q[4] && !rst_i;
-    take_q[19] <= write_q && page_20_hit_q && word_hit_q[5] && !rst_i;
-    take_q[20] <= write_q && page_20_hit_q && word_hit_q[6] && !rst_i;
-    take_q[21] <= write_q && page_20_hit_q && word_hit_q[7] && !rst_i;
-    take_q[22] <= write_q && page_20_hit_q && word_hit_q[8] && !rst_i;
-    take_q[23] <= write_q && page_20_hit_q && word_hit_q[9] && !rst_i;
-    take_q[24] <= write_q && page_20_hit_q && word_hit_q[10] && !rst_i;
-    take_q[25] <= write_q && page_20_hit_q && word_hit_q[11] && !rst_i;
-    take_q[26] <= write_q && page_20_hit_q && word_hit_q[12] && !rst_i;
-    take_q[27] <= write_q && page_20_hit_q && word_hit_q[13] && !rst_i;
-    take_q[28] <= write_q && page_20_hit_q && word_hit_q[14] && !rst_i;
-    take_q[29] <= write_q && page_20_hit_q && word_hit_q[15] && !rst_i;
+    if (rst) write_q2 <= 1'b0;
+    take_q[0] <= write_q && page_00_hit_q && word_hit_q[0] && !rst;
+    take_q[1] <= write_q && page_00_hit_q && word_hit_q[1] && !rst;
+    take_q[2] <= write_q && page_00_hit_q && word_hit_q[2] && !rst;
+    take_q[3] <= write_q && page_00_hit_q && word_hit_q[3] && !rst;
+    take_q[4] <= write_q && page_00_hit_q && word_hit_q[4] && !rst;
+    take_q[5] <= write_q && page_00_hit_q && word_hit_q[5] && !rst;
+    take_q[6] <= write_q && page_10_hit_q && word_hit_q[14] && !rst;
+    take_q[7] <= write_q && page_10_hit_q && word_hit_q[15] && !rst;
+    take_q[8] <= write_q && page_11_hit_q && word_hit_q[0] && !rst;
+    take_q[9] <= write_q && page_11_hit_q && word_hit_q[1] && !rst;
+    take_q[10] <= write_q && page_1f_hit_q && word_hit_q[12] && !rst;
+    take_q[11] <= write_q && page_1f_hit_q && word_hit_q[13] && !rst;
+    take_q[12] <= write_q && page_1f_hit_q && word_hit_q[14] && !rst;
+    take_q[13] <= write_q && page_1f_hit_q && word_hit_q[15] && !rst;
+    take_q[14] <= write_q && page_20_hit_q && word_hit_q[0] && !rst;
+    take_q[15] <= write_q && page_20_hit_q && word_hit_q[1] && !rst;
+    take_q[16] <= write_q && page_20_hit_q && word_hit_q[2] && !rst;
+    take_q[17] <= write_q && page_20_hit_q && word_hit_q[3] && !rst;
+    take_q[18] <= write_q && page_20_hit_q && word_hit_q[4] && !rst;
+    take_q[19] <= write_q && page_20_hit_q && word_hit_q[5] && !rst;
+    take_q[20] <= write_q && page_20_hit_q && word_hit_q[6] && !rst;
+    take_q[21] <= write_q && page_20_hit_q && word_hit_q[7] && !rst;
+    take_q[22] <= write_q && page_20_hit_q && word_hit_q[8] && !rst;
+    take_q[23] <= write_q && page_20_hit_q && word_hit_q[9] && !rst;
+    take_q[24] <= write_q && page_20_hit_q && word_hit_q[10] && !rst;
+    take_q[25] <= write_q && page_20_hit_q && word_hit_q[11] && !rst;
+    take_q[26] <= write_q && page_20_hit_q && word_hit_q[12] && !rst;
+    take_q[27] <= write_q && page_20_hit_q && word_hit_q[13] && !rst;
+    take_q[28] <= write_q && page_20_hit_q && word_hit_q[14] && !rst;
+    take_q[29] <= write_q && page_20_hit_q && word_hit_q[15] && !rst;
   end
 
   logic [31:0] wide_data;
@@ -248,72 +215,72 @@ module odd_registers (
   local_register #(.Width(32)) u_written_data (
     .clk_i, .d_i(data_q[31:0]), .q_o(written_data)
   );
-  logic [31:0] long_low_q;
+  logic [31:0] longer_low_q;
   logic [31:0] longest_low_q;
   logic [31:0] negative_long_low_q;
   always_ff @(posedge clk_i) begin
-    event_strobe_o <= take_q[18];
-    signal_strobe_o <= take_q[19];
-    if (take_q[0]) long_low_q <= wide_data;
-    if (take_q[1]) long_o <= {wide_data[0:0], long_low_q};
+    written_o.hit_strobe <= take_q[18];
+    written_o.signal_strobe <= take_q[19];
+    if (take_q[0]) longer_low_q <= wide_data;
+    if (take_q[1]) wide_o.longer <= {wide_data[0:0], longer_low_q};
     if (take_q[2]) longest_low_q <= wide_data;
-    if (take_q[3]) longest_o <= {wide_data[31:0], longest_low_q};
+    if (take_q[3]) wide_o.longest <= {wide_data[31:0], longest_low_q};
     if (take_q[4]) negative_long_low_q <= wide_data;
-    if (take_q[5]) negative_long_o <= {wide_data[7:0], negative_long_low_q};
-    if (take_q[6]) lock_a_o <= locks_data[0];
-    if (take_q[7]) lock_b_o <= locks_data[0];
-    if (take_q[8]) lock_c_o <= locks_data[0];
-    if (take_q[9]) lock_d_o <= locks_data[0];
-    if (take_q[10]) bit_o <= written_data[0];
-    if (take_q[11]) word_o <= written_data;
-    if (take_q[12]) small_o <= signed'(written_data[4:0]);
-    if (take_q[13]) bounded_o <= written_data[11:0];
-    if (take_q[14]) centred_o <= signed'(written_data[11:0]);
-    if (take_q[15]) below_o <= signed'(written_data);
-    if (take_q[16]) above_o <= signed'(written_data);
-    if (take_q[17]) late_o <= written_data[3:0];
-    if (take_q[18]) event_o <= written_data[2:0];
-    if (take_q[19]) signal_o <= signed'(written_data);
-    if (take_q[20]) bits_o[0+:1] <= written_data[0];
-    if (take_q[21]) bits_o[1+:1] <= written_data[0];
-    if (take_q[22]) bits_o[2+:1] <= written_data[0];
-    if (take_q[23]) bits_o[3+:1] <= written_data[0];
-    if (take_q[24]) bits_o[4+:1] <= written_data[0];
-    if (take_q[25]) several_o[0+:17] <= written_data[16:0];
-    if (take_q[26]) several_o[17+:17] <= written_data[16:0];
-    if (take_q[27]) several_o[34+:17] <= written_data[16:0];
-    if (take_q[28]) words_o[0+:32] <= written_data;
-    if (take_q[29]) words_o[32+:32] <= written_data;
-    if (group_rst_i[0]) begin  // wide
-      long_low_q <= 32'h80000001;
-      long_o <= 33'h180000001;
+    if (take_q[5]) wide_o.negative_long <= {wide_data[7:0], negative_long_low_q};
+    if (take_q[6]) locks_o.lock_a <= locks_data[0];
+    if (take_q[7]) locks_o.lock_b <= locks_data[0];
+    if (take_q[8]) locks_o.lock_c <= locks_data[0];
+    if (take_q[9]) locks_o.lock_d <= locks_data[0];
+    if (take_q[10]) written_o.sole <= written_data[0];
+    if (take_q[11]) written_o.word <= written_data;
+    if (take_q[12]) written_o.little <= signed'(written_data[4:0]);
+    if (take_q[13]) written_o.bounded <= written_data[11:0];
+    if (take_q[14]) written_o.centred <= signed'(written_data[11:0]);
+    if (take_q[15]) written_o.below <= signed'(written_data);
+    if (take_q[16]) written_o.above <= signed'(written_data);
+    if (take_q[17]) written_o.late <= written_data[3:0];
+    if (take_q[18]) written_o.hit <= written_data[2:0];
+    if (take_q[19]) written_o.signal <= signed'(written_data);
+    if (take_q[20]) written_o.bits[0+:1] <= written_data[0];
+    if (take_q[21]) written_o.bits[1+:1] <= written_data[0];
+    if (take_q[22]) written_o.bits[2+:1] <= written_data[0];
+    if (take_q[23]) written_o.bits[3+:1] <= written_data[0];
+    if (take_q[24]) written_o.bits[4+:1] <= written_data[0];
+    if (take_q[25]) written_o.several[0+:17] <= written_data[16:0];
+    if (take_q[26]) written_o.several[17+:17] <= written_data[16:0];
+    if (take_q[27]) written_o.several[34+:17] <= written_data[16:0];
+    if (take_q[28]) written_o.words[0+:32] <= written_data;
+    if (take_q[29]) written_o.words[32+:32] <= written_data;
+    if (wide_rst) begin
+      longer_low_q <= 32'h80000001;
+      wide_o.longer <= 33'h180000001;
       longest_low_q <= 32'h00000000;
-      longest_o <= '0;
+      wide_o.longest <= '0;
       negative_long_low_q <= 32'hfffffffe;
-      negative_long_o <= 40'hfffffffffe;
+      wide_o.negative_long <= 40'hfffffffffe;
     end
-    if (group_rst_i[1]) begin  // locks
-      lock_a_o <= '0;
-      lock_b_o <= '0;
-      lock_c_o <= '0;
-      lock_d_o <= '0;
+    if (locks_rst) begin
+      locks_o.lock_a <= '0;
+      locks_o.lock_b <= '0;
+      locks_o.lock_c <= '0;
+      locks_o.lock_d <= '0;
     end
-    if (group_rst_i[2]) begin  // written
-      bit_o <= 1'h1;
-      word_o <= 32'hee6b2800;
-      small_o <= 5'h10;
-      bounded_o <= 12'h009;
-      centred_o <= '0;
-      below_o <= 32'hfffffff9;
-      above_o <= 32'h00000007;
-      late_o <= '0;
-      event_o <= 3'h2;
-      event_strobe_o <= 1'b0;
-      signal_o <= '0;
-      signal_strobe_o <= 1'b0;
-      bits_o <= 5'h1f;
-      several_o <= 51'h7fffbfffdfffe;
-      words_o <= '0;
+    if (written_rst) begin
+      written_o.sole <= 1'h1;
+      written_o.word <= 32'hee6b2800;
+      written_o.little <= 5'h10;
+      written_o.bounded <= 12'h009;
+      written_o.centred <= '0;
+      written_o.below <= 32'hfffffff9;
+      written_o.above <= 32'h00000007;
+      written_o.late <= '0;
+      written_o.hit <= 3'h2;
+      written_o.hit_strobe <= 1'b0;
+      written_o.signal <= '0;
+      written_o.signal_strobe <= 1'b0;
+      written_o.bits <= 5'h1f;
+      written_o.several <= 51'h7fffbfffdfffe;
+      written_o.words <= '0;
     end
   end
 
@@ -322,17 +289,17 @@ module odd_registers (
   logic [31:0] single_value_q;
   logic [31:0] single_read_q;
   always_ff @(posedge clk_i) begin
-    if (write_q2 && single_hit_q && !rst_i)
+    if (write_q2 && single_hit_q && !rst)
       single_value_mem[single_index] <= data_q[31:0];
     single_value_q <= single_value_mem[single_index];
-    single_write_o <= 1'b0;
+    single_o.single_write <= 1'b0;
     if (write_q2 && single_hit_q) begin
-      single_write_o <= 1'b1;
-      single_index_o <= single_index;
-      single_value_o <= signed'(data_q[31:0]);
+      single_o.single_write <= 1'b1;
+      single_o.single_index <= single_index;
+      single_o.single_value <= signed'(data_q[31:0]);
     end
     single_read_q <= single_value_q;
-    if (rst_i) single_write_o <= 1'b0;
+    if (rst) single_o.single_write <= 1'b0;
   end
 
   // ---- triple: written at 6, read back at 7 and 8 ----
@@ -344,24 +311,24 @@ module odd_registers (
   logic [0:0] triple_high_q;
   logic [31:0] triple_read_q;
   always_ff @(posedge clk_i) begin
-    if (write_q2 && triple_hit_q && address_q[1:0] == 2'h0 && !rst_i)
+    if (write_q2 && triple_hit_q && address_q[1:0] == 2'h0 && !rst)
       triple_low_mem[triple_index] <= data_q[31:0];
     triple_low_q <= triple_low_mem[triple_index];
     triple_low_q2 <= triple_low_q;
-    if (write_q2 && triple_hit_q && address_q[1:0] == 2'h1 && !rst_i)
+    if (write_q2 && triple_hit_q && address_q[1:0] == 2'h1 && !rst)
       triple_middle_mem[triple_index] <= data_q[6:0];
     triple_middle_q <= triple_middle_mem[triple_index];
     triple_middle_q2 <= triple_middle_q;
-    if (write_q2 && triple_hit_q && address_q[1:0] == 2'h2 && !rst_i)
+    if (write_q2 && triple_hit_q && address_q[1:0] == 2'h2 && !rst)
       triple_high_mem[triple_index] <= data_q[0:0];
     triple_high_q <= triple_high_mem[triple_index];
-    triple_write_o <= 1'b0;
+    triple_o.triple_write <= 1'b0;
     if (write_q2 && triple_hit_q && address_q[1:0] == 2'h2) begin
-      triple_write_o <= 1'b1;
-      triple_index_o <= triple_index;
-      triple_low_o <= triple_low_q2;
-      triple_middle_o <= signed'(triple_middle_q2);
-      triple_high_o <= data_q[0:0];
+      triple_o.triple_write <= 1'b1;
+      triple_o.triple_index <= triple_index;
+      triple_o.triple_low <= triple_low_q2;
+      triple_o.triple_middle <= signed'(triple_middle_q2);
+      triple_o.triple_high <= data_q[0:0];
     end
     case (address_q[1:0])
       2'h0: triple_read_q <= triple_low_q;
@@ -369,19 +336,19 @@ module odd_registers (
       2'h2: triple_read_q <= 32'(triple_high_q);
       default: triple_read_q <= '0;
     endcase
-    if (rst_i) triple_write_o <= 1'b0;
+    if (rst) triple_o.triple_write <= 1'b0;
   end
 
   // ---- 7: the words of a page; what is wide stays whole ----
-  logic [31:0] time_high_q;
+  logic [31:0] clock_high_q;
   logic [12:0] place_high_q;
   logic [1:0] keep_q;
   always_ff @(posedge clk_i) begin
     keep_q[0] <= step_q[6] && read && page_10_hit_q && word_hit_q[6];
-    if (keep_q[0]) time_high_q <= time_i[63:32];
+    if (keep_q[0]) clock_high_q <= read_i.clock[63:32];
     keep_q[1] <= step_q[6] && read && page_10_hit_q && word_hit_q[8];
-    if (keep_q[1]) place_high_q <= place_i[44:32];
-    if (rst_i) keep_q <= '0;
+    if (keep_q[1]) place_high_q <= read_i.place[44:32];
+    if (rst) keep_q <= '0;
   end
 
   logic [31:0] page_00_q;
@@ -391,12 +358,12 @@ module odd_registers (
   );
   always_ff @(posedge clk_i) begin
     case (page_00_word)
-      4'h0: page_00_q <= long_low_q;
-      4'h1: page_00_q <= 32'(long_o[32:32]);
+      4'h0: page_00_q <= longer_low_q;
+      4'h1: page_00_q <= 32'(wide_o.longer[32:32]);
       4'h2: page_00_q <= longest_low_q;
-      4'h3: page_00_q <= longest_o[63:32];
+      4'h3: page_00_q <= wide_o.longest[63:32];
       4'h4: page_00_q <= unsigned'(negative_long_low_q);
-      default: page_00_q <= 32'(signed'(negative_long_o[39:32]));
+      default: page_00_q <= 32'(signed'(wide_o.negative_long[39:32]));
     endcase
     if (!page_00_hit_q) page_00_q <= '0;
   end
@@ -408,19 +375,19 @@ module odd_registers (
   );
   always_ff @(posedge clk_i) begin
     case (page_10_word)
-      4'h0: page_10_q <= 32'(count_i);
-      4'h1: page_10_q <= 32'(level_i);
-      4'h2: page_10_q <= 32'(flag_i);
-      4'h3: page_10_q <= 32'(signed'(levels_i[0+:11]));
-      4'h4: page_10_q <= 32'(signed'(levels_i[11+:11]));
-      4'h5: page_10_q <= 32'(signed'(levels_i[22+:11]));
-      4'h6: page_10_q <= time_i[31:0];
-      4'h7: page_10_q <= time_high_q;
-      4'h8: page_10_q <= unsigned'(place_i[31:0]);
+      4'h0: page_10_q <= 32'(read_i.count);
+      4'h1: page_10_q <= 32'(read_i.level);
+      4'h2: page_10_q <= 32'(read_i.flag);
+      4'h3: page_10_q <= 32'(signed'(read_i.levels[0+:11]));
+      4'h4: page_10_q <= 32'(signed'(read_i.levels[11+:11]));
+      4'h5: page_10_q <= 32'(signed'(read_i.levels[22+:11]));
+      4'h6: page_10_q <= read_i.clock[31:0];
+      4'h7: page_10_q <= clock_high_q;
+      4'h8: page_10_q <= unsigned'(read_i.place[31:0]);
       4'h9: page_10_q <= 32'(signed'(place_high_q));
-      4'ha: page_10_q <= unsigned'(raw_i);
-      4'he: page_10_q <= 32'(lock_a_o);
-      default: page_10_q <= 32'(lock_b_o);
+      4'ha: page_10_q <= unsigned'(read_i.raw);
+      4'he: page_10_q <= 32'(locks_o.lock_a);
+      default: page_10_q <= 32'(locks_o.lock_b);
     endcase
     if (!page_10_hit_q) page_10_q <= '0;
   end
@@ -432,8 +399,8 @@ module odd_registers (
   );
   always_ff @(posedge clk_i) begin
     case (page_11_word)
-      4'h0: page_11_q <= 32'(lock_c_o);
-      default: page_11_q <= 32'(lock_d_o);
+      4'h0: page_11_q <= 32'(locks_o.lock_c);
+      default: page_11_q <= 32'(locks_o.lock_d);
     endcase
     if (!page_11_hit_q) page_11_q <= '0;
   end
@@ -445,10 +412,10 @@ module odd_registers (
   );
   always_ff @(posedge clk_i) begin
     case (page_1f_word)
-      4'hc: page_1f_q <= 32'(bit_o);
-      4'hd: page_1f_q <= word_o;
-      4'he: page_1f_q <= 32'(small_o);
-      default: page_1f_q <= 32'(bounded_o);
+      4'hc: page_1f_q <= 32'(written_o.sole);
+      4'hd: page_1f_q <= written_o.word;
+      4'he: page_1f_q <= 32'(written_o.little);
+      default: page_1f_q <= 32'(written_o.bounded);
     endcase
     if (!page_1f_hit_q) page_1f_q <= '0;
   end
@@ -460,22 +427,22 @@ module odd_registers (
   );
   always_ff @(posedge clk_i) begin
     case (page_20_word)
-      4'h0: page_20_q <= 32'(centred_o);
-      4'h1: page_20_q <= unsigned'(below_o);
-      4'h2: page_20_q <= unsigned'(above_o);
-      4'h3: page_20_q <= 32'(late_o);
-      4'h4: page_20_q <= 32'(event_o);
-      4'h5: page_20_q <= unsigned'(signal_o);
-      4'h6: page_20_q <= 32'(bits_o[0+:1]);
-      4'h7: page_20_q <= 32'(bits_o[1+:1]);
-      4'h8: page_20_q <= 32'(bits_o[2+:1]);
-      4'h9: page_20_q <= 32'(bits_o[3+:1]);
-      4'ha: page_20_q <= 32'(bits_o[4+:1]);
-      4'hb: page_20_q <= 32'(signed'(several_o[0+:17]));
-      4'hc: page_20_q <= 32'(signed'(several_o[17+:17]));
-      4'hd: page_20_q <= 32'(signed'(several_o[34+:17]));
-      4'he: page_20_q <= words_o[0+:32];
-      default: page_20_q <= words_o[32+:32];
+      4'h0: page_20_q <= 32'(written_o.centred);
+      4'h1: page_20_q <= unsigned'(written_o.below);
+      4'h2: page_20_q <= unsigned'(written_o.above);
+      4'h3: page_20_q <= 32'(written_o.late);
+      4'h4: page_20_q <= 32'(written_o.hit);
+      4'h5: page_20_q <= unsigned'(written_o.signal);
+      4'h6: page_20_q <= 32'(written_o.bits[0+:1]);
+      4'h7: page_20_q <= 32'(written_o.bits[1+:1]);
+      4'h8: page_20_q <= 32'(written_o.bits[2+:1]);
+      4'h9: page_20_q <= 32'(written_o.bits[3+:1]);
+      4'ha: page_20_q <= 32'(written_o.bits[4+:1]);
+      4'hb: page_20_q <= 32'(signed'(written_o.several[0+:17]));
+      4'hc: page_20_q <= 32'(signed'(written_o.several[17+:17]));
+      4'hd: page_20_q <= 32'(signed'(written_o.several[34+:17]));
+      4'he: page_20_q <= written_o.words[0+:32];
+      default: page_20_q <= written_o.words[32+:32];
     endcase
     if (!page_20_hit_q) page_20_q <= '0;
   end
@@ -489,7 +456,7 @@ module odd_registers (
     case (page_3f_word)
       4'h8: page_3f_q <= 32'h000000c8;
       4'h9: page_3f_q <= 32'hfffffffd;
-      4'ha: page_3f_q <= 32'hc27a7e9f;
+      4'ha: page_3f_q <= 32'h1141ae5d;
       default: page_3f_q <= 32'h00000100;
     endcase
     if (!page_3f_hit_q) page_3f_q <= '0;
@@ -512,15 +479,15 @@ module odd_registers (
     if (single_hit_q) bus_data_o <= single_read_q;
     if (triple_hit_q) bus_data_o <= triple_read_q;
     if (status_q != link_pkg::StatusWidth'(link_pkg::StatusOk)) bus_data_o <= '0;
-    if (rst_i) bus_done_o <= 1'b0;
+    if (rst) bus_done_o <= 1'b0;
   end
 
   // ---- the rules, by address ----
   initial begin
     for (int k = 0; k < 1024; k = k + 1) rule_mem[k] = '0;
-    // long, word 0
+    // longer, word 0
     rule_mem[0] = {KindReadWrite, 3'd0, 33'h000000000, 33'h0ffffffff};
-    // long, word 1
+    // longer, word 1
     rule_mem[1] = {KindReadWrite, 3'd0, 33'h000000000, 33'h000000001};
     // longest, word 0
     rule_mem[2] = {KindReadWrite, 3'd1, 33'h000000000, 33'h0ffffffff};
@@ -542,9 +509,9 @@ module odd_registers (
     rule_mem[260] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
     // levels[2]
     rule_mem[261] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
-    // time, word 0
+    // clock, word 0
     rule_mem[262] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
-    // time, word 1
+    // clock, word 1
     rule_mem[263] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
     // place, word 0
     rule_mem[264] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
@@ -560,11 +527,11 @@ module odd_registers (
     rule_mem[272] = {KindReadWrite, 3'd0, 33'h000000001, 33'h000000001};
     // lock_d
     rule_mem[273] = {KindReadWrite, 3'd0, 33'h000000001, 33'h000000001};
-    // bit
+    // sole
     rule_mem[508] = {KindReadWrite, 3'd0, 33'h000000000, 33'h000000001};
     // word
     rule_mem[509] = {KindReadWrite, 3'd2, 33'h000000000, 33'h0ffffffff};
-    // small
+    // little
     rule_mem[510] = {KindReadWrite, 3'd0, 33'h1fffffff0, 33'h00000000f};
     // bounded
     rule_mem[511] = {KindReadWrite, 3'd1, 33'h000000007, 33'h000000fa0};
@@ -576,7 +543,7 @@ module odd_registers (
     rule_mem[514] = {KindReadWrite, 3'd0, 33'h000000003, 33'h07fffffff};
     // late
     rule_mem[515] = {KindReadWrite, 3'd0, 33'h000000003, 33'h00000000f};
-    // event
+    // hit
     rule_mem[516] = {KindReadWrite, 3'd0, 33'h000000000, 33'h000000007};
     // signal
     rule_mem[517] = {KindReadWrite, 3'd1, 33'h180000000, 33'h07fffffff};

@@ -1,8 +1,9 @@
 // The verilated vrscan_chain behind three C functions, for vrscan.engines.chain_engine to call with numpy buffers.
 //
-// Ports are listed once, in Python: ports.h is written beside the verilated model and defines
-// CONFIGURATION(X) and RESULTS(X).  Lines go in a pixel a clock, with as many clocks between them as
-// is asked for; points are taken in the clock in which they come.
+// Structs go through as words of 32 bits, the lowest first; Python knows their fields, and says in
+// ports.h, which is written beside the verilated model, how many words they have.  Lines go in a
+// pixel a clock, with as many clocks between them as is asked for; points are taken in the clock in
+// which they come.
 
 #include <cstdint>
 #include <memory>
@@ -20,7 +21,8 @@ namespace {
 struct Engine {
   VerilatedContext context;
   Vvrscan_chain chain{&context, "chain"};
-  int64_t* results = nullptr;  // rows still to fill
+  uint32_t* results = nullptr;  // rows still to fill
+  int64_t* times = nullptr;     // the clock of each
   int64_t room = 0;
   int64_t count = 0;
   int64_t clocks = 0;  // since the reset
@@ -29,12 +31,8 @@ struct Engine {
     // A point that is valid now is taken by the coming edge; outputs are registered.
     if (chain.valid_o && chain.ready_i && !chain.rst_i) {
       if (count < room) {
-        int64_t* row = results;
-#define STORE(name) *row++ = static_cast<int64_t>(chain.name##_o);
-        RESULTS(STORE)
-#undef STORE
-        *row++ = clocks;
-        results = row;
+        for (int k = 0; k < POINT_WORDS; ++k) *results++ = chain.point_o[k];
+        *times++ = clocks;
       }
       ++count;
     }
@@ -47,13 +45,12 @@ struct Engine {
 
 extern "C" {
 
-void* engine_create(const uint64_t* configuration) {
+void* engine_create(const uint32_t* configuration, uint64_t centre) {
   auto engine = std::make_unique<Engine>();
   Vvrscan_chain& chain = engine->chain;
-  const uint64_t* value = configuration;
-#define LOAD(name) chain.name##_i = *value++;
-  CONFIGURATION(LOAD)
-#undef LOAD
+  for (int k = 0; k < PEAK_WORDS; ++k) chain.peak_i[k] = *configuration++;
+  for (int k = 0; k < GEOMETRY_WORDS; ++k) chain.geometry_i[k] = *configuration++;
+  chain.centre_i = centre & CENTRE_MASK;
   chain.line_start_i = 0;
   chain.line_end_i = 0;
   chain.pixel_valid_i = 0;
@@ -67,18 +64,17 @@ void* engine_create(const uint64_t* configuration) {
 
 // Sends `lines` lines, `gap` clocks behind each, and then `idle` clocks; returns the points that
 // came out meanwhile.
-int64_t engine_run(void* handle, const uint16_t* pixels, const uint32_t* angle,
-                   const uint16_t* power, const uint8_t* mirror_flags, int64_t lines,
-                   int64_t length, int64_t gap, int64_t idle, int64_t* results, int64_t room) {
+int64_t engine_run(void* handle, const uint16_t* pixels, const uint32_t* belongs, int64_t lines,
+                   int64_t length, int64_t gap, int64_t idle, uint32_t* results, int64_t* times,
+                   int64_t room) {
   Engine& engine = *static_cast<Engine*>(handle);
   Vvrscan_chain& chain = engine.chain;
   engine.results = results;
+  engine.times = times;
   engine.room = room;
   engine.count = 0;
   for (int64_t line = 0; line < lines; ++line) {
-    chain.angle_i = angle[line];
-    chain.power_i = power[line];
-    chain.mirror_flags_i = mirror_flags[line];
+    for (int k = 0; k < LINE_WORDS; ++k) chain.line_i[k] = *belongs++;
     chain.pixel_valid_i = 1;
     for (int64_t k = 0; k < length; ++k) {
       chain.line_start_i = k == 0;

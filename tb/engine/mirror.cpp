@@ -1,9 +1,9 @@
 // The verilated mirror_loop and the simulated mirror_world behind C functions, for vrscan.engines.mirror_engine.
 //
-// Ports are listed once, in Python: ports.h defines CONFIGURATION(X), of the loop's ports that hold
-// still, and WIDE(X), of those wider than 64 bits.  Time is in clocks since the reset.  What the loop
-// reports is appended to the caller's arrays: lines, measurements, and every change of the index's
-// samples.
+// Structs of registers go through as words of 32 bits, the lowest first; Python knows their fields,
+// and says in ports.h how many words they have and where the fields of the status are, AT_*.  Time is
+// in clocks since the reset.  What the loop reports is appended to the caller's arrays: lines,
+// measurements, and every change of the index's samples.
 
 #include <cstdint>
 #include <memory>
@@ -35,6 +35,15 @@ struct Samples {
 
 int64_t extended(uint64_t value, int width) {
   return static_cast<int64_t>(value << (64 - width)) >> (64 - width);
+}
+
+// Bits of a struct that is wider than 64.
+template <typename Wide>
+int64_t field(const Wide& wide, int low, int width) {
+  const int last = (low + width - 1) / 32;
+  unsigned __int128 bits = 0;
+  for (int k = last; k >= low / 32; --k) bits = bits << 32 | wide[k];
+  return static_cast<int64_t>(static_cast<uint64_t>(bits >> low % 32) & (1ull << width) - 1);
 }
 
 template <typename Row>
@@ -72,6 +81,8 @@ struct Engine {
     start(world);
   }
 
+  int64_t status(int low, int width) const { return field(loop.mirror_status_o, low, width); }
+
   void tick() {
     rise(loop);
     if (simulated) rise(world);
@@ -82,18 +93,12 @@ struct Engine {
 
 extern "C" {
 
-void mirror_configure(void* handle, const uint64_t* values, const uint32_t* wide, int64_t enable,
-                      int64_t line_enable) {
+void mirror_configure(void* handle, const uint32_t* words) {
   Vmirror_loop& loop = static_cast<Engine*>(handle)->loop;
-#define LOAD(name) loop.name##_i = *values++;
-  CONFIGURATION(LOAD)
-#undef LOAD
-#define LOAD(name) \
-  for (size_t k = 0; k < sizeof(loop.name##_i) / 4; ++k) loop.name##_i[k] = *wide++;
-  WIDE(LOAD)
-#undef LOAD
-  loop.enable_i = enable;
-  loop.line_enable_i = line_enable;
+  for (int k = 0; k < MIRROR_WORDS; ++k) loop.mirror_i[k] = *words++;
+  for (int k = 0; k < MIRROR_LIMITS_WORDS; ++k) loop.mirror_limits_i[k] = *words++;
+  for (int k = 0; k < MOTION_WORDS; ++k) loop.motion_i[k] = *words++;
+  for (int k = 0; k < LINE_WORDS; ++k) loop.line_i[k] = *words++;
 }
 
 void mirror_world(void* handle, const World* given) {
@@ -112,21 +117,17 @@ void mirror_world(void* handle, const World* given) {
 }
 
 // Resets both, and writes the table meanwhile.
-void mirror_reset(void* handle, const uint32_t* amplitude, const int32_t* midpoint,
-                  int64_t entries) {
+void mirror_reset(void* handle, const uint32_t* table, int64_t entries) {
   Engine& engine = *static_cast<Engine*>(handle);
   engine.loop.rst_i = 1;
   engine.world.rst_i = 1;
   engine.loop.comparator_i = 0;
   engine.loop.gate_i = 0;
-  for (int64_t k = 0; k < entries; ++k) {
-    engine.loop.table_write_i = 1;
-    engine.loop.table_index_i = k;
-    engine.loop.table_amplitude_i = amplitude[k];
-    engine.loop.table_midpoint_i = midpoint[k] & ((1u << MIDPOINT_WIDTH) - 1);
+  for (int64_t entry = 0; entry < entries; ++entry) {
+    for (int k = 0; k < TABLE_WORDS; ++k) engine.loop.table_i[k] = *table++;
     engine.tick();
   }
-  engine.loop.table_write_i = 0;
+  for (int k = 0; k < TABLE_WORDS; ++k) engine.loop.table_i[k] = 0;
   engine.tick();
   engine.loop.rst_i = 0;
   engine.world.rst_i = 0;
@@ -151,7 +152,7 @@ int64_t mirror_run(void* handle, int64_t until, int64_t stop_state, const World*
   world.shock_i = given->shock_rad_per_s != 0.0;
   int64_t next = 0;
   while (replay && next < replayed && replay[next].clock < engine.clock) ++next;
-  while (engine.clock < until && loop.state_o != stop_state) {
+  while (engine.clock < until && engine.status(AT_MIRROR_STATE) != stop_state) {
     if (replay) {
       if (next < replayed && replay[next].clock == engine.clock) {
         loop.comparator_i = replay[next].comparator;
@@ -177,18 +178,17 @@ int64_t mirror_run(void* handle, int64_t until, int64_t stop_state, const World*
       samples->append({engine.clock, engine.comparator, engine.gate});
     }
     if (loop.angle_valid_o) {
-      lines->append({loop.angle_line_o, engine.centre_halves, engine.clock, loop.state_o,
-                     loop.mirror_flags_o, loop.confidence_o,
+      lines->append({loop.angle_line_o, engine.centre_halves, engine.clock,
+                     engine.status(AT_MIRROR_STATE), loop.mirror_flags_o, loop.confidence_o,
                      extended(loop.angle_o, ANGLE_WIDTH), loop.amplitude_o,
-                     static_cast<int64_t>(loop.word_o), loop.level_o, world.angle_true_o});
+                     engine.status(AT_MIRROR_WORD), loop.level_o, world.angle_true_o});
     }
     if (loop.centre_o) engine.centre_halves = 2 * engine.clock + loop.centre_half_o;
     if (loop.measured_valid_o) {
-      measurements->append({engine.clock, loop.measured_o, extended(loop.error_o, ERROR_WIDTH),
-                            loop.level_o,
-                            static_cast<int64_t>(loop.word_o),
-                            static_cast<int64_t>(loop.mirror_phase_o),
-                            static_cast<int64_t>(loop.drive_phase_o)});
+      measurements->append({engine.clock, engine.status(AT_MIRROR_MEASURED),
+                            extended(engine.status(AT_MIRROR_ERROR), ERROR_WIDTH), loop.level_o,
+                            engine.status(AT_MIRROR_WORD), engine.status(AT_MIRROR_PHASE),
+                            engine.status(AT_MIRROR_DRIVE_PHASE)});
     }
     engine.tick();
     world.shock_i = 0;
@@ -197,16 +197,16 @@ int64_t mirror_run(void* handle, int64_t until, int64_t stop_state, const World*
   return engine.clock;
 }
 
-int64_t mirror_state(void* handle) { return static_cast<Engine*>(handle)->loop.state_o; }
-int64_t mirror_fault(void* handle) { return static_cast<Engine*>(handle)->loop.fault_o; }
+int64_t mirror_state(void* handle) { return static_cast<Engine*>(handle)->status(AT_MIRROR_STATE); }
+int64_t mirror_fault(void* handle) { return static_cast<Engine*>(handle)->status(AT_MIRROR_FAULT); }
 
 void mirror_counts(void* handle, int64_t* counts) {
-  const Vmirror_loop& loop = static_cast<Engine*>(handle)->loop;
-  *counts++ = loop.missing_count_o;
-  *counts++ = loop.doubled_count_o;
-  *counts++ = loop.impossible_count_o;
-  *counts++ = loop.glitch_count_o;
-  *counts++ = loop.overrun_count_o;
+  const Engine& engine = *static_cast<Engine*>(handle);
+  *counts++ = engine.status(AT_MISSING_COUNT);
+  *counts++ = engine.status(AT_DOUBLED_COUNT);
+  *counts++ = engine.status(AT_IMPOSSIBLE_COUNT);
+  *counts++ = engine.status(AT_GLITCH_COUNT);
+  *counts++ = engine.status(AT_OVERRUN_COUNT);
 }
 
 void mirror_destroy(void* handle) { delete static_cast<Engine*>(handle); }

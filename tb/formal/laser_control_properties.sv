@@ -15,45 +15,21 @@ module laser_control_properties #(
   parameter int unsigned BucketCeiling       = 268_435_456,
   parameter int unsigned WatchdogCeilingClks = 134_217_728
 ) (
-  input wire logic        clk_i,
-  input wire logic        rst_i,
-  input wire logic        laser_i,
-  input wire logic        line_start_i,
-  input wire logic        centre_i,
-  input wire logic [ 2:0] state_i,
-  input wire logic        index_alive_i,
-  input wire logic [15:0] phase_i,
-  input wire logic        alive_i,
-  input wire logic        guard_ok_i,
-  input wire logic        point_valid_i,
-  input wire logic        point_measured_i,
-  input wire logic        point_saturated_i,
-  input wire logic [15:0] point_maximum_i,
-  input wire logic [15:0] point_background_i,
-  input wire logic [15:0] point_power_i,
-  input wire logic        point_inward_i,
-  input wire logic        point_test_i,
-  input wire logic        laser_enable_i,
-  input wire logic        laser_adapt_i,
-  input wire logic        laser_shared_i,
-  input wire logic [15:0] laser_power_i,
-  input wire logic [15:0] laser_power_min_i,
-  input wire logic [15:0] laser_power_max_i,
-  input wire logic [15:0] laser_startup_i,
-  input wire logic [15:0] laser_target_i,
-  input wire logic [13:0] laser_cut_i,
-  input wire logic [15:0] laser_down_i,
-  input wire logic [15:0] laser_up_i,
-  input wire logic [13:0] laser_search_i,
-  input wire logic [15:0] laser_index_begin_i,
-  input wire logic [15:0] laser_index_end_i,
-  input wire logic [15:0] laser_limit_power_i,
-  input wire logic [15:0] laser_limit_startup_i,
-  input wire logic [19:0] laser_limit_pulse_clks_i,
-  input wire logic [15:0] laser_limit_drain_i,
-  input wire logic [31:0] laser_limit_bucket_i,
-  input wire logic [31:0] laser_watchdog_clks_i,
-  input wire logic        window_i  // a stretch of time begins, at any moment
+  input wire logic                        clk_i,
+  input wire logic                        rst_i,
+  input wire logic                        pulse_i,
+  input wire logic                        line_start_i,
+  input wire logic                        centre_i,
+  input wire logic [2:0]                  state_i,
+  input wire logic                        index_alive_i,
+  input wire logic [15:0]                 phase_i,
+  input wire logic                        alive_i,
+  input wire logic                        guard_ok_i,
+  input wire logic                        point_valid_i,
+  input wire vrscan_pkg::point_t          point_i,
+  input wire register_pkg::laser_t        laser_i,
+  input wire register_pkg::laser_limits_t laser_limits_i,
+  input wire logic                        window_i  // a stretch of time begins, at any moment
 );
 
   logic        pulse, index_light, power_pin, startup_pin, heartbeat, inward_line;
@@ -65,9 +41,8 @@ module laser_control_properties #(
     .BucketCeiling(BucketCeiling), .WatchdogCeilingClks(WatchdogCeilingClks)
   ) dut (
     .clk_i, .rst_i,
-    .laser_i, .line_start_i, .centre_i, .state_i, .index_alive_i, .phase_i, .alive_i, .guard_ok_i,
-    .point_valid_i, .point_measured_i, .point_saturated_i, .point_maximum_i, .point_background_i,
-    .point_power_i, .point_inward_i, .point_test_i,
+    .pulse_i, .line_start_i, .centre_i, .state_i, .index_alive_i, .phase_i, .alive_i, .guard_ok_i,
+    .point_valid_i, .point_i, .laser_i, .laser_limits_i,
     .pulse_o       (pulse),
     .power_o       (power),
     .power_pin_o   (power_pin),
@@ -77,13 +52,7 @@ module laser_control_properties #(
     .heartbeat_o   (heartbeat),
     .power_line_o  (power_line),
     .inward_line_o (inward_line),
-    .laser_enable_i, .laser_adapt_i, .laser_shared_i, .laser_power_i, .laser_power_min_i,
-    .laser_power_max_i, .laser_startup_i, .laser_target_i, .laser_cut_i, .laser_down_i,
-    .laser_up_i, .laser_search_i, .laser_index_begin_i, .laser_index_end_i,
-    .laser_limit_power_i, .laser_limit_startup_i, .laser_limit_pulse_clks_i, .laser_limit_drain_i,
-    .laser_limit_bucket_i, .laser_watchdog_clks_i,
-    .laser_status_o(), .laser_power_inward_o(), .laser_power_outward_o(), .laser_cut_count_o(),
-    .laser_duty_count_o(), .laser_watchdog_count_o()
+    .laser_status_o()
   );
 
   // Tied to registers of dut.
@@ -101,21 +70,21 @@ module laser_control_properties #(
   logic        well_q;  // the interlock, a clock ago
   logic        seeking_q, run_q;
   logic        awake_q;
-  logic        laser_q;
+  logic        pulse_q;
   logic [ 2:0] guard_q;
   logic [ 3:0] held_q;  // clocks that the limits have stood, up to 15
-  logic [15:0] limit_power_q, limit_startup_q, limit_drain_q;
-  logic [19:0] limit_pulse_q;
-  logic [31:0] limit_bucket_q, limit_watchdog_q;
+  register_pkg::laser_limits_t limits_q;
   logic [32:0] silent_q;  // clocks since the host was heard
   logic        heard_q;  // it was, ever
   logic [20:0] long_q;  // clocks that the pulse has been on
   // Energy since window_i less what drained; it may be more than that, but no more than nothing.
   logic signed [47:0] excess_q, excess;
   logic        same, held;
-  assign same = limit_power_q == laser_limit_power_i && limit_startup_q == laser_limit_startup_i &&
-                limit_pulse_q == laser_limit_pulse_clks_i && limit_drain_q == laser_limit_drain_i &&
-                limit_bucket_q == laser_limit_bucket_i && limit_watchdog_q == laser_watchdog_clks_i;
+  assign same = limits_q == laser_limits_i;
+  logic [32:0] watchdog;  // clocks after which the silent host is noticed
+  logic [33:0] bucket;
+  assign watchdog = 33'(laser_limits_i.laser_watchdog_clks) + 33'd2;
+  assign bucket   = 34'(laser_limits_i.laser_limit_bucket);
   assign held = held_q >= 4'd3 && same;
 
   logic [15:0] added;
@@ -137,22 +106,16 @@ module laser_control_properties #(
 
   always_ff @(posedge clk_i) begin
     first_q          <= 1'b0;
-    fits_q           <= !rst_i && same && (fits_q || (held_q == 4'd15 &&
-                                                      filled <= 34'(laser_limit_bucket_i)));
+    fits_q           <= !rst_i && same && (fits_q || (held_q == 4'd15 && filled <= bucket));
     well_q           <= !rst_i && state_i == 3'(vrscan_pkg::MirrorRun) && index_alive_i &&
-                        laser_enable_i;
+                        laser_i.laser_enable;
     seeking_q        <= state_i == 3'(vrscan_pkg::MirrorSweep) ||
                         state_i == 3'(vrscan_pkg::MirrorSettle);
     run_q            <= state_i == 3'(vrscan_pkg::MirrorRun);
-    awake_q          <= !rst_i && laser_enable_i;
-    laser_q          <= laser_i;
+    awake_q          <= !rst_i && laser_i.laser_enable;
+    pulse_q          <= pulse_i;
     guard_q          <= rst_i ? '0 : {guard_q[1:0], guard_ok_i};
-    limit_power_q    <= laser_limit_power_i;
-    limit_startup_q  <= laser_limit_startup_i;
-    limit_pulse_q    <= laser_limit_pulse_clks_i;
-    limit_drain_q    <= laser_limit_drain_i;
-    limit_bucket_q   <= laser_limit_bucket_i;
-    limit_watchdog_q <= laser_watchdog_clks_i;
+    limits_q         <= laser_limits_i;
     held_q           <= rst_i || !same ? 4'd0 : held_q == 4'd15 ? held_q : held_q + 4'd1;
     heard_q          <= !rst_i && (heard_q || alive_i);
     silent_q         <= rst_i || alive_i ? 33'd0 : silent_q == '1 ? silent_q : silent_q + 33'd1;
@@ -167,7 +130,7 @@ module laser_control_properties #(
       dark_without_interlock: assert (well_q || (!pulse && power == '0 && total <= 17'(startup)));
       startup_limit_without_interlock:
       assert (well_q || (total <= 17'(StartupCeiling) &&
-                         (!held || total <= 17'(laser_limit_startup_i))));
+                         (!held || total <= 17'(laser_limits_i.laser_limit_startup))));
       no_light_without_enable: assert (awake_q || (!pulse && !index_light && startup == '0));
       no_light_off_or_fault: assert (seeking_q || run_q || (!pulse && !index_light && total == '0));
       no_light_without_guard: assert (guard_q[2] || (!pulse && !index_light));
@@ -177,22 +140,24 @@ module laser_control_properties #(
       no_light_of_a_silent_host:
       assert (silent_q < 33'(WatchdogCeilingClks) + 33'd2 || (!pulse && !index_light));
       no_light_of_a_silent_host_by_register:
-      assert (!held || laser_watchdog_clks_i == '0 ||
-              silent_q < 33'(laser_watchdog_clks_i) + 33'd2 || (!pulse && !index_light));
+      assert (!held || laser_limits_i.laser_watchdog_clks == '0 ||
+              silent_q < watchdog || (!pulse && !index_light));
       // The length of a pulse.
       pulse_length: assert (!pulse || (long_q < 21'(PulseCeilingClks) &&
-                                       (!held || long_q < 21'(laser_limit_pulse_clks_i))));
-      no_second_pulse_of_a_request: assert (!pulse || !laser_q || long_q != '0);
+                                       (!held ||
+                                        long_q < 21'(laser_limits_i.laser_limit_pulse_clks))));
+      no_second_pulse_of_a_request: assert (!pulse || !pulse_q || long_q != '0);
       // Powers.
-      power_limit: assert (power <= 16'(PowerCeiling) && (!held || power <= laser_limit_power_i));
+      power_limit: assert (power <= 16'(PowerCeiling) &&
+                           (!held || power <= laser_limits_i.laser_limit_power));
       startup_limit: assert (startup <= 16'(StartupCeiling) &&
-                             (!held || startup <= laser_limit_startup_i));
+                             (!held || startup <= laser_limits_i.laser_limit_startup));
       // Energy of any stretch of time: what drained meanwhile, and the bucket.
       drain_limit: assert (inside_drain_q <= 16'(DrainCeiling) &&
-                           (!held || inside_drain_q <= laser_limit_drain_i));
+                           (!held || inside_drain_q <= laser_limits_i.laser_limit_drain));
       energy_of_any_stretch: assert (excess_q <= signed'(48'(filled)));
       bucket_limit: assert (filled <= 34'(BucketCeiling));
-      energy_by_register: assert (!fits_q || filled <= 34'(limit_bucket_q));
+      energy_by_register: assert (!fits_q || filled <= 34'(limits_q.laser_limit_bucket));
 
       step_silent: assert (!inside_heard_q || {1'b0, inside_silent_q} == silent_q);
       step_heard: assert (!inside_heard_q || heard_q);
@@ -210,7 +175,7 @@ module laser_control_properties #(
       startup_in_sweep: cover (index_light && seeking_q && startup == 16'(StartupCeiling));
       startup_in_run: cover (index_light && run_q && !pulse && startup != '0);
       bucket_full: cover (inside_full_q && well_q && excess_q > 48'sd0);
-      cut: cover (laser_i && laser_q && !pulse && well_q && long_q == 21'd3);
+      cut: cover (pulse_i && pulse_q && !pulse && well_q && long_q == 21'd3);
     end
   end
 

@@ -7,38 +7,23 @@
 `default_nettype none
 
 module laser_pair_properties (
-  input wire logic               clk_i,
-  input wire logic               rst_i,
-  input wire logic               enable_i,
-  input wire logic               index_alive_i,
-  input wire logic               settled_i,
-  input wire logic        [19:0] level_i,
-  input wire logic signed [31:0] trim_i,
-  input wire logic        [39:0] sweep_word_i,
-  input wire logic        [39:0] work_word_i,
-  input wire logic        [31:0] sweep_rate_i,
-  input wire logic        [15:0] duty_i,
-  input wire logic        [19:0] sweep_level_i,
-  input wire logic        [31:0] sweep_timeout_i,
-  input wire logic        [31:0] settle_timeout_i,
-  input wire logic        [31:0] lost_timeout_i,
-  input wire logic               laser_i,
-  input wire logic               line_start_i,
-  input wire logic               centre_i,
-  input wire logic        [15:0] phase_i,
-  input wire logic               alive_i,
-  input wire logic               guard_ok_i,
-  input wire logic               laser_enable_i,
-  input wire logic        [15:0] laser_power_i,
-  input wire logic        [15:0] laser_startup_i,
-  input wire logic        [15:0] laser_index_begin_i,
-  input wire logic        [15:0] laser_index_end_i,
-  input wire logic        [15:0] laser_limit_power_i,
-  input wire logic        [15:0] laser_limit_startup_i,
-  input wire logic        [19:0] laser_limit_pulse_clks_i,
-  input wire logic        [15:0] laser_limit_drain_i,
-  input wire logic        [31:0] laser_limit_bucket_i,
-  input wire logic        [31:0] laser_watchdog_clks_i
+  input wire logic                         clk_i,
+  input wire logic                         rst_i,
+  input wire logic                         enable_i,
+  input wire logic                         index_alive_i,
+  input wire logic                         settled_i,
+  input wire logic [19:0]                  level_i,
+  input wire logic signed [31:0]           trim_i,
+  input wire register_pkg::mirror_t        mirror_i,
+  input wire register_pkg::mirror_limits_t mirror_limits_i,
+  input wire logic                         pulse_i,
+  input wire logic                         line_start_i,
+  input wire logic                         centre_i,
+  input wire logic [15:0]                  phase_i,
+  input wire logic                         alive_i,
+  input wire logic                         guard_ok_i,
+  input wire register_pkg::laser_t         laser_i,
+  input wire register_pkg::laser_limits_t  laser_limits_i
 );
 
   logic [ 2:0] state;
@@ -54,47 +39,33 @@ module laser_pair_properties (
     .level_pin_o(),
     .phase_o    (),
     .word_o     (),
-    .sweep_word_i, .work_word_i, .sweep_rate_i, .duty_i, .sweep_level_i,
-    .sweep_timeout_i, .settle_timeout_i, .lost_timeout_i
+    .mirror_i, .mirror_limits_i
   );
 
+  // The power stands still.
+  register_pkg::laser_t laser;
+  always_comb begin
+    laser             = laser_i;
+    laser.laser_adapt = 1'b0;
+  end
+
   laser_control u_laser_control (
-    .clk_i, .rst_i, .laser_i, .line_start_i, .centre_i,
-    .state_i           (state),
+    .clk_i, .rst_i, .pulse_i, .line_start_i, .centre_i,
+    .state_i       (state),
     .index_alive_i, .phase_i, .alive_i, .guard_ok_i,
-    .point_valid_i     (1'b0),
-    .point_measured_i  (1'b0),
-    .point_saturated_i (1'b0),
-    .point_maximum_i   (16'd0),
-    .point_background_i(16'd0),
-    .point_power_i     (16'd0),
-    .point_inward_i    (1'b0),
-    .point_test_i      (1'b0),
-    .pulse_o           (pulse),
-    .power_o           (power),
-    .power_pin_o       (),
-    .index_light_o     (index_light),
-    .startup_o         (startup),
-    .startup_pin_o     (),
-    .heartbeat_o       (),
-    .power_line_o      (),
-    .inward_line_o     (),
-    .laser_enable_i,
-    .laser_adapt_i     (1'b0),
-    .laser_shared_i    (1'b0),
-    .laser_power_i,
-    .laser_power_min_i (16'd0),
-    .laser_power_max_i (16'd0),
-    .laser_startup_i,
-    .laser_target_i    (16'd0),
-    .laser_cut_i       (14'd0),
-    .laser_down_i      (16'd0),
-    .laser_up_i        (16'd0),
-    .laser_search_i    (14'd0),
-    .laser_index_begin_i, .laser_index_end_i, .laser_limit_power_i, .laser_limit_startup_i,
-    .laser_limit_pulse_clks_i, .laser_limit_drain_i, .laser_limit_bucket_i, .laser_watchdog_clks_i,
-    .laser_status_o(), .laser_power_inward_o(), .laser_power_outward_o(), .laser_cut_count_o(),
-    .laser_duty_count_o(), .laser_watchdog_count_o()
+    .point_valid_i (1'b0),
+    .point_i       ('0),
+    .pulse_o       (pulse),
+    .power_o       (power),
+    .power_pin_o   (),
+    .index_light_o (index_light),
+    .startup_o     (startup),
+    .startup_pin_o (),
+    .heartbeat_o   (),
+    .power_line_o  (),
+    .inward_line_o (),
+    .laser_i       (laser),
+    .laser_limits_i, .laser_status_o()
   );
 
   (* keep *) wire [31:0] inside_timer_q, inside_limit_q;
@@ -110,7 +81,7 @@ module laser_pair_properties (
   logic [32:0] away_q;  // clocks without an index since RUN, lost_timeout and enable as they are
   logic        goes_on;
   assign goes_on = !index_alive_i && enable_i && !stopping_q &&
-                   lost_timeout_i == lost_timeout_q && (state == Run || away_q != '0);
+                   mirror_limits_i.lost_timeout == lost_timeout_q && (state == Run || away_q != '0);
 
   always_ff @(posedge clk_i) begin
     first_q        <= 1'b0;
@@ -118,7 +89,7 @@ module laser_pair_properties (
     lit_q          <= !rst_i && state != Off && state != Fault;
     alive_q        <= index_alive_i;
     stopping_q     <= !rst_i && state != Off && (stopping_q || !enable_i);
-    lost_timeout_q <= lost_timeout_i;
+    lost_timeout_q <= mirror_limits_i.lost_timeout;
     away_q         <= rst_i || !goes_on ? 33'd0 : away_q == '1 ? away_q : away_q + 33'd1;
   end
 

@@ -12,6 +12,7 @@ from harness import (
     drive,
     generator,
     parameters,
+    port,
     reset,
     reset_at_every_age,
     restart_at_every_age,
@@ -84,7 +85,7 @@ def one_lens(dut, line_length: int) -> dict[str, np.ndarray]:
         "even_i": 1,
     }
     for name, value in lens.items():
-        drive(getattr(dut, name), value)
+        drive(port(dut, name), value)
         given[name][:] = value
     return {name: values[-60:] for name, values in given.items()}
 

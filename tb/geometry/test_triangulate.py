@@ -14,6 +14,7 @@ from harness import (
     drive,
     generator,
     parameters,
+    port,
     reset,
     reset_at_every_age,
     rounds,
@@ -125,7 +126,7 @@ def of_one_instrument(dut, widths: dict[str, int], count: int) -> Columns:
     given = {name: values[count : 2 * count] for name, values in operands(widths, count).items()}
     for name, value in constants_of(Geometry()).items():
         given[name] = np.full(count, value)
-        drive(getattr(dut, name), value)
+        drive(port(dut, name), value)
     return given
 
 
@@ -263,7 +264,7 @@ class Flow:
         if self.held is not None:
             for name, signed in OUTPUTS.items():
                 want = self.held_lost if name == "lost_o" else self.want[name][self.held]
-                got = as_integer(getattr(dut, name), signed=signed)
+                got = as_integer(port(dut, name), signed=signed)
                 assert got == want, f"{name} at edge {edge}, point {self.held}: {got}, want {want}"
 
 
@@ -292,7 +293,7 @@ async def drops_are_told(dut) -> None:
         k = sends.get(edge)
         dut.valid_i.value = k is not None
         for name, values in data.items() if k is not None else ():
-            drive(getattr(dut, name), values[k])
+            drive(port(dut, name), values[k])
         dut.ready_i.value = ready
         flow.clock(k, ready)
         await FallingEdge(dut.clk_i)

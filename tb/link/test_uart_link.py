@@ -16,6 +16,7 @@ from harness import (
     as_integer,
     generator,
     parameters,
+    port,
     reset,
     rounds,
     simulate,
@@ -66,7 +67,7 @@ QUIET = {
     "bus_data": 0,
     "capture_busy": 0,
     "uart_step": 0,
-    "uart_step_written": 0,
+    "uart_step_strobe": 0,
 }
 STROBES = ("stream_start", "stream_stop", "capture_start")
 COUNTS = {
@@ -80,7 +81,7 @@ COUNTS = {
 class Bench(TwinBench):
     """A host, the registers and sources of packets around the link."""
 
-    strobes = ("bus_done", "uart_step_written")
+    strobes = ("bus_done", "uart_step_strobe")
 
     def __init__(self, dut) -> None:
         super().__init__(dut, QUIET)
@@ -118,7 +119,7 @@ class Bench(TwinBench):
         self.rx_falls: list[int] = []
         twin = UartLink(given["ClockHz"], given["Baud"], given["TrialClks"], self.streams)
         await self.reset_to(twin, **(QUIET | inputs))
-        self.give(bus_done=0, uart_step_written=0)
+        self.give(bus_done=0, uart_step_strobe=0)
         self.check()
 
     def check(self) -> None:
@@ -137,7 +138,7 @@ class Bench(TwinBench):
             names = [*names, *COUNTS, *vars(server.counters)]
             want += [getattr(twin, name) for name in COUNTS.values()]
             want += vars(server.counters).values()
-        got += [as_integer(getattr(dut, f"{name}_o")) for name in names[len(got) :]]
+        got += [as_integer(port(dut, f"{name}_o")) for name in names[len(got) :]]
         assert got == [int(value) for value in want], (
             f"clock {self.clock}, {self.inputs}: {names} {got}, want {want}"
         )
@@ -157,7 +158,7 @@ class Bench(TwinBench):
     async def clocks(self, count: int = 1, **inputs: int) -> None:
         """Go on by some clocks, with all that is around the link."""
         for _ in range(count):
-            bus = {"bus_done": self.due == 0, "uart_step_written": self.written}
+            bus = {"bus_done": self.due == 0, "uart_step_strobe": self.written}
             if self.due == 0:
                 bus |= {"bus_status": self.answer.status, "bus_data": self.answer.data}
             bus["uart_step"] = self.registers.words[UART_STEP]
@@ -547,7 +548,7 @@ async def reset_at_many_ages(dut) -> None:
         step = bench.default // 2
         bench.to_send.extend(encode_frame(command(Command.WRITE, 1, write(UART_STEP, [step]))))
         await bench.clocks(bench.bits(130 + 60 * age))
-        await bench.start(uart_step_written=1, bus_done=1, rx=age % 2)
+        await bench.start(uart_step_strobe=1, bus_done=1, rx=age % 2)
         await bench.clocks(bench.bits(3))
         assert not bench.bytes and bench.twin.step_now == bench.default
         await bench.pinged(age)
@@ -563,8 +564,8 @@ async def glitches_stop_at_their_largest_count(dut) -> None:
     pulses.start()
     await Timer((COUNT_MAX + 5) * 10 * CLOCK_NS, "ns")
     await FallingEdge(dut.clk_i)
-    assert int(dut.uart_glitches_o.value) == COUNT_MAX
-    assert int(dut.uart_framing_o.value) == int(dut.uart_breaks_o.value) == 0
+    assert port(dut, "uart_glitches_o").value == COUNT_MAX
+    assert port(dut, "uart_framing_o").value == port(dut, "uart_breaks_o").value == 0
     pulses.stop()
 
 

@@ -5,7 +5,7 @@ import dataclasses
 import cocotb
 import numpy as np
 import pytest
-from harness import EACH_VOLUME, Ports, TwinBench, drive, generator, reset, rounds, simulate
+from harness import EACH_VOLUME, Ports, TwinBench, drive, generator, port, reset, rounds, simulate
 
 from vrscan.clocked.amplitude_control import (
     CONFIDENCE_FRACTION,
@@ -114,7 +114,7 @@ class Bench(TwinBench):
     async def start(self, settings: Settings = CALM, **inputs: int) -> None:
         """Set the configuration and reset for a clock, with these inputs."""
         for name, value in vars(settings).items():
-            drive(getattr(self.dut, f"{name}_i"), value)
+            drive(port(self.dut, f"{name}_i"), value)
         self.settings = settings
         await self.reset_to(AmplitudeControl(settings), **(QUIET | inputs))
         self.check()

@@ -12,6 +12,7 @@ from harness import (
     Ports,
     generator,
     parameters,
+    port,
     reset,
     rounds,
     simulate,
@@ -67,7 +68,7 @@ class Bench:
         """Set the configuration and reset for a clock, with ``busy`` while inputs are high."""
         dut = self.dut
         for name, value in vars(settings).items():
-            getattr(dut, f"{name}_i").value = value
+            port(dut, f"{name}_i").value = value
         dut.rst_i.value = 1
         dut.comparator_i.value = self.ones if busy else 0
         dut.gate_i.value = self.ones if busy else 0

@@ -15,6 +15,7 @@ from harness import (
     drive,
     generator,
     parameters,
+    port,
     reset,
     rounds,
     simulate,
@@ -70,12 +71,12 @@ class Bench(TwinBench):
 
     def __init__(self, dut) -> None:
         super().__init__(dut, QUIET)
-        self.handles = [getattr(dut, f"{name}_o") for name in OUTPUTS]
+        self.handles = [port(dut, f"{name}_o") for name in OUTPUTS]
 
     async def start(self, settings: Settings = QUICK, **inputs: int) -> None:
         """Set the configuration and reset for a clock, with these inputs."""
         for name, value in vars(settings).items():
-            drive(getattr(self.dut, f"{name}_i"), value)
+            drive(port(self.dut, f"{name}_i"), value)
         twin = MirrorDrive(settings, parameters()["StopWidth"])
         await self.reset_to(twin, **(QUIET | inputs))
         self.check()

@@ -11,12 +11,13 @@ from harness import (
     EACH_VOLUME,
     FallingEdge,
     as_integer,
-    drive,
     generator,
     parameters,
+    port,
     reset,
     rounds,
     simulate,
+    struct_ports,
 )
 
 from vrscan.clocked.mirror_loop import ANGLE_LATENCY, LINE, MEASUREMENT, MirrorLoop
@@ -25,7 +26,6 @@ from vrscan.data import pkg
 from vrscan.engines.mirror_engine import LINE as ENGINE_LINE
 from vrscan.engines.mirror_engine import MEASUREMENT as ENGINE_MEASUREMENT
 from vrscan.engines.mirror_engine import SAMPLES
-from vrscan.registers.mirror_registers import PORTS
 
 ELABORATIONS = [
     {"IndexOversample": 4, "CountWidth": 16},
@@ -42,13 +42,22 @@ NOT_RUNNING, INDEX_FAULT, UNSETTLED = (
 SIGNED = {"angle", "error"}
 WITH_ANGLE = ("angle_line", "angle", "mirror_flags", "confidence", "amplitude")
 WITH_MEASUREMENT = ("measured", "error")
-MOTION = {  # bits of a harmonic's
-    "motion_a": pkg.MOTION_WIDTH,
-    "motion_phi": pkg.PHASE_WIDTH,
-    "motion_da": pkg.SLOPE_MOTION_WIDTH,
-    "motion_dphi": pkg.SLOPE_MOTION_WIDTH,
+CONTROL = {  # inputs of a clock, and their ports
+    "comparator": "comparator_i",
+    "gate": "gate_i",
+    "enable": "mirror_enable_i",
+    "line_enable": "line_enable_i",
 }
-CONTROL = ("comparator", "gate", "enable", "line_enable")  # inputs of a clock
+GROUPS = ("mirror_i", "mirror_limits_i", "motion_i", "line_i")
+STATUS = {  # fields of the status by the names of the twin, where they are others
+    "mirror_state": "state",
+    "mirror_fault": "fault",
+    "mirror_word": "word",
+    "mirror_drive_phase": "drive_phase",
+    "mirror_settled": "settled",
+    "mirror_measured": "measured",
+    "mirror_error": "error",
+}
 
 
 def amplitude(turns: float) -> int:
@@ -167,11 +176,6 @@ def index(
     return comparator.tolist(), opened.tolist()
 
 
-def packed(values: list[int], width: int) -> int:
-    """Return numbers side by side, the first one lowest."""
-    return sum((value & (1 << width) - 1) << width * k for k, value in enumerate(values))
-
-
 def switched(draw: np.random.Generator, clocks: int, on: float, off: float) -> list[bool]:
     """Return an input that is on and off for random times around the given ones."""
     parts, total, level = [], 0, True
@@ -187,8 +191,11 @@ class Bench:
 
     def __init__(self, dut) -> None:
         self.dut = dut
-        self.inputs = {name: getattr(dut, f"{name}_i") for name in CONTROL}
-        self.outputs = {h._name[:-2]: h for h in dut if h._name.endswith("_o")}
+        self.inputs = {name: port(dut, place) for name, place in CONTROL.items()}
+        status = struct_ports(dut)["mirror_status_o"]
+        outputs = [h for h in dut if h._name.endswith("_o") and h._name != "mirror_status_o"]
+        self.outputs = {h._name[:-2]: h for h in outputs}
+        self.outputs |= {STATUS.get(n, n): port(dut, f"{n}_o") for n in status.struct.fields}
         self.given: dict[str, int] = {}
         self.seen: set[tuple[str, int]] = set()
         self.angles = self.measurements = 0
@@ -197,18 +204,23 @@ class Bench:
         """Set the configuration, write the table, and end a reset."""
         dut = self.dut
         dut.rst_i.value = 1
-        for name in PORTS:
-            drive(getattr(dut, f"{name}_i"), getattr(given, name))
-        for name, width in MOTION.items():
-            drive(getattr(dut, f"{name}_i"), packed(getattr(given, name), width))
-        dut.table_write_i.value = 1
-        table = zip(given.table_amplitude, given.table_midpoint, strict=True)
-        for k, (turns, middle) in enumerate(table):
-            dut.table_index_i.value = k
-            dut.table_amplitude_i.value = turns
-            drive(dut.table_midpoint_i, middle)
+        for name in GROUPS:
+            struct_ports(dut)[name].give(given)
+        self.given.clear()
+        table = struct_ports(dut)["table_i"]
+        for k, (turns, middle) in enumerate(
+            zip(given.table_amplitude, given.table_midpoint, strict=True)
+        ):
+            table.give(
+                {
+                    "table_write": 1,
+                    "table_index": k,
+                    "table_amplitude": turns,
+                    "table_midpoint": middle,
+                }
+            )
             await FallingEdge(dut.clk_i)
-        dut.table_write_i.value = 0
+        table.give({})
         await self.restart(given)
 
     async def restart(self, given: SimpleNamespace) -> None:
@@ -233,6 +245,7 @@ class Bench:
     def check(self) -> None:
         """Compare all that is defined."""
         want = self.twin.ports()
+        want["mirror_level"] = want["level"]
         assert want.keys() == self.outputs.keys()
         for valid, names in (("angle_valid", WITH_ANGLE), ("measured_valid", WITH_MEASUREMENT)):
             if not want[valid]:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import cocotb
 import numpy as np
 import pytest
-from harness import FallingEdge, drive, generator, reset, simulate
+from harness import FallingEdge, drive, generator, port, reset, simulate
 
 from vrscan.clocked.mirror_phase import (
     FINE_WIDTH,
@@ -64,7 +64,7 @@ class Bench:
     async def start(self, settings: Settings = CALM, **given: int) -> None:
         """Set the configuration and reset for a clock, with other inputs as ``given``."""
         for name, value in vars(settings).items():
-            getattr(self.dut, f"{name}_i").value = value
+            port(self.dut, f"{name}_i").value = value
         self.dut.rst_i.value = 1
         self.drive(given)
         await FallingEdge(self.dut.clk_i)
@@ -80,14 +80,14 @@ class Bench:
         """Put values on ports; strobes that are not named are low, the rest holds."""
         for name, value in (dict.fromkeys(STROBES, 0) | given).items():
             if self.given.get(name) != value:
-                drive(getattr(self.dut, f"{name}_i"), value)
+                drive(port(self.dut, f"{name}_i"), value)
                 self.given[name] = value
 
     def outputs(self, names: tuple[str, ...]) -> tuple[list[int], list[int]]:
         """Return what the RTL and the twin say."""
         got = []
         for name in names:
-            value = getattr(self.dut, f"{name}_o").value
+            value = port(self.dut, f"{name}_o").value
             got.append(value.to_signed() if name in SIGNED else int(value))
         return got, [int(getattr(self.twin, name)) for name in names]
 

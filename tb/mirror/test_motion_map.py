@@ -5,7 +5,7 @@ import dataclasses
 import cocotb
 import numpy as np
 import pytest
-from harness import FallingEdge, TwinBench, as_integer, drive, generator, reset, simulate
+from harness import FallingEdge, TwinBench, as_integer, drive, generator, port, reset, simulate
 
 from vrscan.data import pkg
 from vrscan.fixed.motion_map import LATENCY, MOST_IDLE, MotionMap, Settings, motion_map
@@ -95,7 +95,7 @@ class Bench(TwinBench):
     def configure(self, settings: Settings) -> None:
         """Set the configuration ports."""
         for name, value in as_ports(settings).items():
-            drive(getattr(self.dut, f"{name}_i"), value)
+            drive(port(self.dut, f"{name}_i"), value)
         self.settings = settings
 
     async def start(self, settings: Settings, **inputs: int) -> None:
@@ -165,7 +165,7 @@ async def results_come_all_at_once_and_only_once(dut) -> None:
     after = shown(bench.twin)
     assert all(x != y for x, y in zip(before, after, strict=True))
     for name in as_ports(bench.settings):
-        drive(getattr(dut, f"{name}_i"), 0)
+        drive(port(dut, f"{name}_i"), 0)
     await bench.clocks(LATENCY)
     assert shown(bench.twin) == after
 
@@ -183,7 +183,7 @@ async def base_values_until_the_first_results(dut) -> None:
         await FallingEdge(dut.clk_i)
         bench.check()
     await bench.work(12345, 20, busy=False)
-    drive(dut.motion_a_i, 77)
+    drive(port(dut, "motion_a_i"), 77)
     await FallingEdge(dut.clk_i)
     assert as_integer(dut.a_o, signed=False) == 77
     # One clock of reset after results, with base values that have changed since.

@@ -12,6 +12,7 @@ from harness import (
     drive,
     generator,
     parameters,
+    port,
     reset,
     reset_at_every_age,
     run_vectors,
@@ -103,17 +104,17 @@ async def another_peak_meanwhile_is_ignored(dut) -> None:
     await reset(dut)
     for age in range(1, latency(), 3):
         for name, values in ports(given).items():
-            drive(getattr(dut, name), values[10])
+            drive(port(dut, name), values[10])
         dut.valid_i.value = 1
         await FallingEdge(dut.clk_i)
         for clock in range(2, latency() + 1):
             dut.valid_i.value = int(clock - 1 == age)
             for name, values in ports(given).items():
                 if name.removesuffix("_i") not in REGISTERS:
-                    drive(getattr(dut, name), values[11])
+                    drive(port(dut, name), values[11])
             await FallingEdge(dut.clk_i)
             assert int(dut.valid_o.value) == (clock == latency()), f"clock {clock}, age {age}"
-        got = {name: np.array([as_integer(getattr(dut, name), signed=False)]) for name in OUTPUTS}
+        got = {name: np.array([as_integer(port(dut, name), signed=False)]) for name in OUTPUTS}
         assert_equal(got, {name: values[10:11] for name, values in want.items()})
 
 

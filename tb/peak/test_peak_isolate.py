@@ -11,6 +11,7 @@ from harness import (
     assert_equal,
     generator,
     parameters,
+    port,
     reset,
     simulate,
 )
@@ -79,7 +80,7 @@ async def send(
         )
     want = model(lines, statistics, settings)
     for name, value in vars(settings).items():
-        getattr(dut, f"{name}_i").value = value
+        port(dut, f"{name}_i").value = value
     for _ in range(2):
         await FallingEdge(dut.clk_i)
     got: dict[str, list[int]] = {name: [] for name in OUTPUTS}
@@ -94,7 +95,7 @@ async def send(
         dut.valid_i.value = int(phase == 0 and row < len(lines))
         if phase == 0 and row < len(lines):
             for name in ("maximum", "max_index", "background", "noise"):
-                getattr(dut, f"{name}_i").value = int(getattr(statistics, name)[row])
+                port(dut, f"{name}_i").value = int(getattr(statistics, name)[row])
             dut.user_i.value = row & 0xFF
         playing = bool(replays) and cycle >= replays[0]
         dut.pixel_valid_i.value = int(playing)
@@ -134,7 +135,7 @@ async def send(
             assert int(dut.noise_o.value) == statistics.noise[row]
             assert int(dut.maximum_o.value) == statistics.maximum[row]
             for name in OUTPUTS:
-                got[name].append(as_integer(getattr(dut, f"{name}_o"), signed=False))
+                got[name].append(as_integer(port(dut, f"{name}_o"), signed=False))
             left, right = int(want.left[row]), int(want.right[row])
             if 0 < want.width[row] <= given["MaxWindow"]:
                 # As many as there are clocks until the next line ends, from either end in turn.

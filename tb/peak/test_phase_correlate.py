@@ -10,6 +10,7 @@ from harness import (
     drive,
     generator,
     parameters,
+    port,
     reset,
     simulate,
 )
@@ -87,8 +88,8 @@ async def send(
         pixel_width=parameters()["PixelWidth"],
         period_n=period_n,
     )
-    dut.period_n_i.value = int(period_n)
-    dut.window_two_pass_i.value = 0
+    port(dut, "period_n_i").value = int(period_n)
+    port(dut, "window_two_pass_i").value = 0
     got: dict[str, list[int]] = {name: [] for name in OUTPUTS}
     for row, pixels in enumerate(lines):
         dut.valid_i.value = 1
@@ -110,7 +111,7 @@ async def send(
         assert int(dut.user_o.value) == row & 0xFF
         assert int(dut.width_o.value) == int(widths[row]) & 0xFF
         for name, signed in OUTPUTS.items():
-            got[name].append(as_integer(getattr(dut, f"{name}_o"), signed=signed))
+            got[name].append(as_integer(port(dut, f"{name}_o"), signed=signed))
     assert_equal(
         {name: np.array(values) for name, values in got.items()},
         {name: getattr(want, name) for name in OUTPUTS},
@@ -193,8 +194,8 @@ async def refine(dut, salt: int, count: int) -> None:
         slope=slope,
         **given,
     )
-    dut.window_two_pass_i.value = 1
-    dut.period_n_i.value = 0  # two passes have T = N, whatever this says
+    port(dut, "window_two_pass_i").value = 1
+    port(dut, "period_n_i").value = 0  # two passes have T = N, whatever this says
     got: dict[str, list[int]] = {name: [] for name in OUTPUTS}
     earlier: dict[str, list[int]] = {name: [] for name in ("phase", "magnitude", "sum")}
     for row in range(count):
@@ -215,7 +216,7 @@ async def refine(dut, salt: int, count: int) -> None:
             assert int(dut.valid_o.value) == (cycle == ends), f"windows {row}, cycle {cycle}"
             if cycle == refined:
                 for name, values in earlier.items():
-                    values.append(as_integer(getattr(dut, f"{name}_o"), signed=False))
+                    values.append(as_integer(port(dut, f"{name}_o"), signed=False))
             if cycle == refined + wait:
                 dut.refined_i.value = 1
                 dut.refined_left_i.value = int(left[row])
@@ -223,7 +224,7 @@ async def refine(dut, salt: int, count: int) -> None:
                 drive(dut.refined_ramp_i, int(ramp[row]))
                 drive(dut.refined_slope_i, int(slope[row]))
         for name, signed in OUTPUTS.items():
-            got[name].append(as_integer(getattr(dut, f"{name}_o"), signed=signed))
+            got[name].append(as_integer(port(dut, f"{name}_o"), signed=signed))
     inputs = {"first": first, "second": second, "slope": slope}
     assert_equal(
         {name: np.array(values) for name, values in earlier.items()},
@@ -265,7 +266,7 @@ async def reset_mid_window(dut) -> None:
         await send(dut, lines, background, np.array([40]), period_n=True)
     # A reset while the second window is awaited, or on its way.
     for age in (first_latency(40) + 3, first_latency(40) + 30):
-        dut.window_two_pass_i.value = dut.valid_i.value = dut.measured_i.value = 1
+        port(dut, "window_two_pass_i").value = dut.valid_i.value = dut.measured_i.value = 1
         for cycle in range(age):
             await FallingEdge(dut.clk_i)
             dut.valid_i.value = 0

@@ -2,63 +2,28 @@
 
 import cocotb
 import numpy as np
-import pytest
-from harness import FallingEdge, drive, generator, parameters, reset, simulate
+from harness import FallingEdge, generator, reset, simulate, struct_ports
 
-from vrscan.data import link_pkg, pkg
+from vrscan.data import link_pkg
 from vrscan.data.points import Points
 from vrscan.data.records import Records, encode_full
 from vrscan.fixed.point_record import LATENCY, point_record
+from vrscan.registers.structs import POINT, package_struct
 
-ELABORATIONS = [
-    {"LineLength": 2048, "PixelWidth": 12},
-    {"LineLength": 64, "PixelWidth": 8},
-    {"LineLength": 32768, "PixelWidth": 16},
-]
 SIGNED = ("position", "angle", "x", "z")
 ADDED = ("power", "confidence", "inward", "test", "time")
 
 
-def widths(line_length: int, pixel_width: int) -> dict[str, int]:
-    """Return the bits of every port."""
-    index = (line_length - 1).bit_length()
-    return {
-        "line": pkg.LINE_NUMBER_WIDTH,
-        "flags": pkg.FLAG_WIDTH,
-        "measured": 1,
-        "left": index,
-        "right": index,
-        "width": line_length.bit_length(),
-        "maximum": pixel_width,
-        "row_mean": pkg.COUNT_WIDTH,
-        "row_variance": pkg.VARIANCE_WIDTH,
-        "background": pkg.COUNT_WIDTH,
-        "noise": pkg.COUNT_WIDTH,
-        "snr": pkg.SNR_WIDTH,
-        "position": index + 1 + pkg.POSITION_FRACTION,
-        "sigma": pkg.SIGMA_WIDTH,
-        "angle": pkg.ANGLE_WIDTH,
-        "x": pkg.LENGTH_WIDTH,
-        "z": pkg.LENGTH_WIDTH,
-        "sigma_z": pkg.SIGMA_WIDTH,
-        "c_obj": pkg.CONFIDENCE_WIDTH,
-        "c_sfm": pkg.CONFIDENCE_WIDTH,
-        "power": pkg.POWER_WIDTH,
-        "confidence": 8,
-        "inward": 1,
-        "test": 1,
-        "time": pkg.TIME_WIDTH,
-    }
+NAMES = ("line", *(name for name in Points.__dataclass_fields__ if name != "pixel_width"), *ADDED)
 
 
-def random_inputs(
-    draw: np.random.Generator, count: int, line_length: int, pixel_width: int
-) -> dict[str, np.ndarray]:
-    """Return values of all ports, a third of them the least or the largest."""
+def random_inputs(draw: np.random.Generator, count: int) -> dict[str, np.ndarray]:
+    """Return values of all fields of a point, a third of them the least or the largest."""
     inputs = {}
-    for name, width in widths(line_length, pixel_width).items():
-        least = -(1 << (width - 1)) if name in SIGNED else 0
-        most = least + (1 << width) - 1
+    for name in dict.fromkeys(NAMES):
+        field = package_struct("point_t").fields[POINT.get(name, name)]
+        least = -(1 << (field.width - 1)) if field.signed else 0
+        most = least + (1 << field.width) - 1
         values = draw.integers(least, most, count, endpoint=True)
         ends = draw.choice([least, most], count)
         inputs[name] = np.where(draw.random(count) < 1 / 3, ends, values)
@@ -76,20 +41,20 @@ def records_of(inputs: dict[str, np.ndarray]) -> Records:
 
 async def give(dut, inputs: dict[str, np.ndarray], k: int) -> None:
     """Give a point for a clock, and other values behind it."""
-    for name, values in inputs.items():
-        drive(getattr(dut, f"{name}_i"), int(values[k]))
-    dut.valid_i.value = 1
-    await FallingEdge(dut.clk_i)
-    dut.valid_i.value = 0
-    for name, values in inputs.items():
-        drive(getattr(dut, f"{name}_i"), int(values[k - 1]))
+    for values, valid in ((k, 1), (k - 1, 0)):
+        struct_ports(dut)["point_i"].give(
+            {POINT.get(name, name): int(column[values]) for name, column in inputs.items()}
+        )
+        dut.valid_i.value = valid
+        if valid:
+            await FallingEdge(dut.clk_i)
 
 
 @cocotb.test()
 async def random_points_come_out_byte_for_byte(dut) -> None:
     await reset(dut)
     draw = generator(1)
-    inputs = random_inputs(draw, 300, parameters()["LineLength"], parameters()["PixelWidth"])
+    inputs = random_inputs(draw, 300)
     wanted = records_of(inputs)
     for k in range(len(wanted)):
         assert not dut.record_valid_o.value
@@ -119,7 +84,7 @@ async def random_points_come_out_byte_for_byte(dut) -> None:
 @cocotb.test()
 async def reset_ends_a_record(dut) -> None:
     await reset(dut)
-    inputs = random_inputs(generator(2), 2, parameters()["LineLength"], parameters()["PixelWidth"])
+    inputs = random_inputs(generator(2), 2)
     for age in (0, 1, 30, 63):
         await give(dut, inputs, 1)
         for _ in range(age):
@@ -132,9 +97,8 @@ async def reset_ends_a_record(dut) -> None:
             await FallingEdge(dut.clk_i)
 
 
-@pytest.mark.parametrize("values", ELABORATIONS, ids=str)
-def test_point_record(values: dict[str, int]) -> None:
-    simulate("point_record", __file__, values)
+def test_point_record() -> None:
+    simulate("point_record", __file__)
 
 
 # Where a number lies, how long it is, and what it is called.
@@ -148,7 +112,7 @@ LAYOUT = [
 
 
 def test_point_record_model_has_the_layout_of_the_link() -> None:
-    inputs = random_inputs(generator(3), 200, 2048, 12)
+    inputs = random_inputs(generator(3), 200)
     records = records_of(inputs)
     data = encode_full(records)
     assert len(data) == 200 * 64

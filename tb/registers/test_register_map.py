@@ -10,7 +10,7 @@ import pytest
 from vrscan.data import link_pkg, pkg
 from vrscan.data.config import load
 from vrscan.data.errors import InputError
-from vrscan.engines.tools import repository_root, rtl_module
+from vrscan.engines.tools import repository_root, rtl_modules
 from vrscan.registers.chain_registers import Registers
 from vrscan.registers.register_map import LOCKS, MAP_HASH, REGISTERS, WINDOWS
 
@@ -133,6 +133,12 @@ BAD = {
         "window list: the name list_item is taken by group two, register list_item",
     ),
     "name_of_the_clock": ("alpha =", "clk =", "group one, register clk: the name clk is taken by"),
+    "name_of_a_keyword": ("alpha =", "time =", "group one, register time: the name time is taken"),
+    "name_of_a_struct": (
+        "[groups.two]\naddress = 16\naccess = \"ro\"\ndoc = \"Two\"\n[groups.two.registers]",
+        "[groups.list]\naddress = 16\naccess = \"ro\"\ndoc = \"Two\"\n[groups.list.registers]",
+        "window list: the struct list is taken by group list",
+    ),
     "overlap": (
         "address = 16",
         "address = 2",
@@ -318,81 +324,19 @@ def test_no_command_of_locks_reaches_another_register() -> None:
 
 # ---- complete ----
 
-PORT = re.compile(
-    r"^ +(input|output) +(?:wire )?logic( signed)?"
-    r" +(?:\[ *([\w:]+?)(-1)?:0\])? *(\w+),?(?: +//.*)?$"
-)
-SIZES = {
-    "CountWidth": 16,
-    "CentreWidth": 32,
-    "MotionBits": pkg.HARMONIC_COUNT * pkg.MOTION_WIDTH,
-    "PhasesBits": pkg.HARMONIC_COUNT * pkg.PHASE_WIDTH,
-    "SlopesBits": pkg.HARMONIC_COUNT * pkg.SLOPE_MOTION_WIDTH,
-}
 
-
-def ports(module: str, start: str) -> dict[str, tuple[str, int, bool]]:
-    """Return the ports from a comment on: direction, bits, signed, by the name without its end."""
-    text = rtl_module(module).read_text()
-    found = {}
-    for line in text[text.index(start) : text.index("\n);")].splitlines():
-        match = PORT.match(line)
-        if match is None:
-            assert not line or line.startswith("  //"), line
-            continue
-        direction, signed, span, less, name = match.groups()
-        bits = 1 if span is None else size(span) + (0 if less else 1)
-        found[name[:-2]] = (direction, bits, bool(signed))
-    return found
-
-
-def size(text: str) -> int:
-    """Return the number that a parameter or a localparam of vrscan_pkg stands for."""
-    if text.isdigit():
-        return int(text)
-    if text in SIZES:
-        return SIZES[text]
-    name = text.removeprefix("vrscan_pkg::")
-    return int(getattr(pkg, re.sub(r"(?<!^)(?=[A-Z])", "_", name).upper()))
-
-
-def check(name: str, direction: str, bits: int, signed: bool) -> None:
-    register = REGISTERS[name]
-    assert (register.access in ("rw", "strobe")) == (direction == "input"), name
-    assert register.width * register.count == bits, name
-    # Of several in one port, the port has no sign.
-    assert register.count > 1 or register.signed == signed, name
-
-
-def test_every_port_of_the_chain_has_a_register() -> None:
-    found = ports("vrscan_chain", "  // Configuration;")
-    assert len(found) >= 25
-    for name, facts in found.items():
-        check(name, *facts)
-
-
-def test_every_port_of_the_mirror_has_a_register() -> None:
-    found = ports("mirror_loop", "  // Control.")
-    assert len(found) >= 65
-    named = {
-        "enable": "mirror_enable",
-        "state": "mirror_state",
-        "fault": "mirror_fault",
-        "word": "mirror_word",
-        "settled": "mirror_settled",
-        "measured": "mirror_measured",
-        "error": "mirror_error",
-    }
-    for name, facts in found.items():
-        if name.startswith("table_") or name == "measured_valid":  # a strobe, of a clock
-            continue
-        if name == "drive_phase" and facts[0] == "output":
-            name = "mirror_drive_phase"
-        check(named.get(name, name), *facts)
-    table = WINDOWS["table"]
-    assert table.entries == 2 ** found["table_index"][1]
-    for field in table.fields:
-        assert found[field.name] == ("input", field.width, field.signed)
+def test_every_setting_is_used() -> None:
+    """As a field of its struct, in some module besides the register file."""
+    code = "".join(
+        re.sub(r"//.*", "", module.read_text())
+        for module in rtl_modules()
+        if module.stem != "register_file"
+    )
+    used = set(re.findall(r"\w\.(\w+)", code))
+    settings = [r for r in REGISTERS.values() if r.access != "constant"]
+    fields = [field for window in WINDOWS.values() for field in window.fields]
+    kept = {"scratch", *LOCKS}  # of the register file and the host alone
+    assert {one.name for one in [*settings, *fields]} - used == kept
 
 
 def test_words_fit_the_bus() -> None:

@@ -11,6 +11,7 @@ from harness import (
     drive,
     generator,
     parameters,
+    port,
     reset,
     simulate,
 )
@@ -100,10 +101,13 @@ class Bench(TwinBench):
         self.ran: list[int] = []
         self.pixels: list[int] = []
 
+    def on_port(self, name: str, value: int) -> tuple[str, int]:
+        return f"{name}_strobe", value
+
     def change(self, settings: Settings) -> None:
         """Set the registers."""
         for name, value in vars(settings).items():
-            drive(getattr(self.dut, f"test_{name}_i"), value)
+            drive(port(self.dut, f"test_{name}_i"), value)
         self.twin.settings = settings
 
     async def start(self, **inputs: int) -> None:
@@ -269,7 +273,7 @@ async def reset_at_every_age(dut) -> None:
         assert not bench.ran
         if age % 8 == 1:
             await bench.run(with_changes(lines=1), age)
-            dut.test_start_i.value = 1
+            port(dut, "test_start_strobe_i").value = 1
             bench.inputs["test_start"] = None
             await bench.start()
             await bench.clocks(last + 20)

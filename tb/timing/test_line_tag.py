@@ -5,13 +5,13 @@ from dataclasses import astuple
 import cocotb
 import numpy as np
 import pytest
-from harness import TwinBench, as_integer, generator, parameters, reset, simulate
+from harness import TwinBench, as_integer, generator, parameters, port, reset, simulate
 
 from vrscan.clocked.line_tag import LATENCY, LineTag, Tag
 from vrscan.data import pkg
 
 ELABORATIONS = [{"Depth": 4, "CountWidth": 16}, {"Depth": 2, "CountWidth": 3}]
-OUTPUTS = ("angle", "power", "mirror_flags", "confidence", "inward", "time")
+OUTPUTS = ("angle", "power", "mirror_flags", "confidence", "inward", "time_clks")
 QUIET = {
     "exposure": 0,
     "line": 0,
@@ -37,7 +37,7 @@ class Bench(TwinBench):
 
     def __init__(self, dut) -> None:
         super().__init__(dut, QUIET)
-        self.handles = [(getattr(dut, f"{name}_o"), name == "angle") for name in OUTPUTS]
+        self.handles = [(port(dut, f"{name}_o"), name == "angle") for name in OUTPUTS]
         self.draw = generator(9)
         self.sent: dict[int, Tag] = {}  # what belongs to each line
         self.at_end: list[Tag] = []
@@ -69,7 +69,7 @@ class Bench(TwinBench):
             mirror_flags=GOOD,
             confidence=int(self.draw.integers(1, 256)),
             inward=inward,
-            time=self.clock,
+            time_clks=self.clock,
         )
         self.sent[line] = tag
         return {"centre": 1, "line": line, "power": power, "inward": inward}
@@ -394,7 +394,7 @@ async def reset_at_every_age(dut) -> None:
         await bench.start(**held)
         await bench.line(number + 1)
         assert await bench.readout() == bench.sent[number + 1]
-        assert bench.sent[number + 1].time < 10
+        assert bench.sent[number + 1].time_clks < 10
 
 
 @cocotb.test()

@@ -15,6 +15,7 @@ from harness import (
     drive,
     generator,
     parameters,
+    port,
     reset,
     simulate,
 )
@@ -73,7 +74,7 @@ class Bench(TwinBench):
 
     def __init__(self, dut) -> None:
         super().__init__(dut, ("enable", "word"))
-        self.handles = {name: getattr(dut, f"{name}_o") for name in OUTPUTS}
+        self.handles = {name: port(dut, f"{name}_o") for name in OUTPUTS}
 
     async def start(self, settings: Settings = QUICK, *, word: int = WORD, enable: int = 1) -> None:
         """Set the configuration and reset for a clock, with these inputs."""
@@ -94,7 +95,7 @@ class Bench(TwinBench):
     def change(self, settings: Settings) -> None:
         """Change the configuration; a pulse that runs keeps its length."""
         for name, value in vars(settings).items():
-            drive(getattr(self.dut, f"{name}_i"), value)
+            drive(port(self.dut, f"{name}_i"), value)
         self.twin.settings = settings
 
     def check(self) -> None:

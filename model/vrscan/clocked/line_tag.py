@@ -19,7 +19,7 @@ class Tag:
         mirror_flags: ``FLAG_NOT_RUNNING`` and those above it; an untagged line is UNSETTLED.
         confidence: Confidence in the angle; u8.
         inward: Whether the mirror moves inward.
-        time: Time of the pulse's centre; u32, clocks since the reset.
+        time_clks: Time of the pulse's centre; u32, clocks since the reset.
     """
 
     angle: int = 0
@@ -27,7 +27,7 @@ class Tag:
     mirror_flags: int = 1 << (pkg.FLAG_UNSETTLED - pkg.FLAG_NOT_RUNNING)
     confidence: int = 0
     inward: int = 0
-    time: int = 0
+    time_clks: int = 0
 
 
 class LineTag:

@@ -126,7 +126,7 @@ class UartLink:
         bus_data: int,
         capture_busy: bool,
         uart_step: int,
-        uart_step_written: bool,
+        uart_step_strobe: bool,
     ) -> None:
         """Advance by one clock."""
         receiver, decoder, server = self._receiver, self._decoder, self.server
@@ -178,7 +178,7 @@ class UartLink:
             self._lead = self._lead and not lead
         self._lead = self._lead or framing
         self._count(framing=framing and not broken, breaks=broken, glitches=glitch)
-        self._change_rate(quiet, good, broken, uart_step, uart_step_written)
+        self._change_rate(quiet, good, broken, uart_step, uart_step_strobe)
 
     def _count(self, **events: bool) -> None:
         for name, event in events.items():

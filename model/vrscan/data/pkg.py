@@ -1,10 +1,12 @@
-"""Widths and flag bits, written from rtl/vrscan_pkg.sv by scripts/generate.py."""
+"""Widths, flag bits, structs, written from rtl/vrscan_pkg.sv by scripts/generate.py."""
 
 COUNT_WIDTH = 24
 VARIANCE_WIDTH = 32
 SNR_WIDTH = 16
 SNR_FRACTION = 8
 POSITION_FRACTION = 12
+POSITION_WIDTH = 28
+PLACE_WIDTH = 16
 LENGTH_WIDTH = 24
 LENGTH_FRACTION = 12
 ANGLE_WIDTH = 24
@@ -20,6 +22,7 @@ GAIN_WIDTH = 24
 GAIN_FRACTION = 16
 MIN_PERIOD_OVERHEAD = 450
 TWO_PASS_OVERHEAD = 750
+POINT_PERIOD = 227
 BLOCK_LENGTH = 64
 ALIGNED_WIDTH = 16
 WINDOW_WIDTH = 8
@@ -106,6 +109,7 @@ FLAG_POINTS_LOST = 12
 FLAG_NOT_RUNNING = 13
 FLAG_INDEX_FAULT = 14
 FLAG_UNSETTLED = 15
+COUNTER_WIDTH = 16
 
 FLAGS = {
     "LOW_SNR": FLAG_LOW_SNR,
@@ -124,4 +128,39 @@ FLAGS = {
     "NOT_RUNNING": FLAG_NOT_RUNNING,
     "INDEX_FAULT": FLAG_INDEX_FAULT,
     "UNSETTLED": FLAG_UNSETTLED,
+}
+
+# The fields of each struct, the highest first: name, bits or struct, signed.
+STRUCTS: dict[str, tuple[tuple[str, int | str, bool], ...]] = {
+    "line_t": (
+        ("angle", ANGLE_WIDTH, True),
+        ("power", POWER_WIDTH, False),
+        ("mirror_flags", MIRROR_FLAG_WIDTH, False),
+        ("confidence", CONFIDENCE_WIDTH, False),
+        ("inward", 1, False),
+        ("time_clks", TIME_WIDTH, False),
+        ("test", 1, False),
+    ),
+    "point_t": (
+        ("line", "line_t", False),
+        ("number", LINE_NUMBER_WIDTH, False),
+        ("flags", FLAG_WIDTH, False),
+        ("measured", 1, False),
+        ("left", PLACE_WIDTH, False),
+        ("right", PLACE_WIDTH, False),
+        ("width", PLACE_WIDTH, False),
+        ("maximum", ALIGNED_WIDTH, False),
+        ("row_mean", COUNT_WIDTH, False),
+        ("row_variance", VARIANCE_WIDTH, False),
+        ("background", COUNT_WIDTH, False),
+        ("noise", COUNT_WIDTH, False),
+        ("snr", SNR_WIDTH, False),
+        ("position", POSITION_WIDTH, True),
+        ("sigma", SIGMA_WIDTH, False),
+        ("x", LENGTH_WIDTH, True),
+        ("z", LENGTH_WIDTH, True),
+        ("sigma_z", SIGMA_WIDTH, False),
+        ("c_obj", CONFIDENCE_WIDTH, False),
+        ("c_sfm", CONFIDENCE_WIDTH, False),
+    ),
 }

@@ -14,43 +14,16 @@ from vrscan.engines import verilated
 from vrscan.engines.tools import hardware_root, rtl_module
 from vrscan.fixed.vrscan_chain import MAX_WINDOW, latency, min_period
 from vrscan.registers.chain_registers import Registers
+from vrscan.registers.structs import POINT, package_struct, register_struct
 
-# Configuration ports, in the order in which the engine takes them, with the fields of Registers.
-CONFIGURATION = (
-    "period_n", "window_two_pass", "noise_row", "k_noise", "k_height", "snr_min", "min_width",
-    "max_width", "kappa", "c_obj_gain", "c_sfm_gain", "centre", "k1", "k2", "even",
-    "n0", "n1", "d0", "d1", "e0", "e1",
-)  # fmt: skip
-# Result ports, in the order in which the engine gives them: the fields of Points.
+# What the engine gives of a point: the fields of Points.
 RESULTS = (
     "line", "flags", "left", "right", "width", "maximum", "row_mean", "row_variance", "background",
     "noise", "snr", "position", "sigma", "angle", "x", "z", "sigma_z", "c_obj", "c_sfm", "measured",
 )  # fmt: skip
+_LINE, _POINT = package_struct("line_t"), package_struct("point_t")
+_PEAK, _GEOMETRY = register_struct("peak_t"), register_struct("geometry_t")
 _CHUNK = 128  # lines between two calls of ``progress``
-
-
-def _position_bits(line_length: int) -> int:
-    return (line_length - 1).bit_length() + 1
-
-
-def _configuration_widths(line_length: int) -> dict[str, int]:
-    """Return the bits of the configuration ports that can be negative."""
-    geometry = dict.fromkeys(("n0", "n1", "d0", "d1", "e0", "e1"), pkg.GEOMETRY_WIDTH)
-    return geometry | {
-        "centre": _position_bits(line_length) + pkg.OFFSET_FRACTION,
-        "k1": pkg.DISTORTION_WIDTH,
-        "k2": pkg.DISTORTION_WIDTH,
-    }
-
-
-def _result_widths(line_length: int) -> dict[str, int]:
-    """Return the bits of the signed result ports."""
-    return {
-        "position": _position_bits(line_length) + pkg.POSITION_FRACTION,
-        "angle": pkg.ANGLE_WIDTH,
-        "x": pkg.LENGTH_WIDTH,
-        "z": pkg.LENGTH_WIDTH,
-    }
 
 
 def build(line_length: int, pixel_width: int, max_window: int) -> Path:
@@ -60,19 +33,18 @@ def build(line_length: int, pixel_width: int, max_window: int) -> Path:
         InputError: if a tool is missing or fails.
     """
     parameters = {"LineLength": line_length, "PixelWidth": pixel_width, "MaxWindow": max_window}
-    ports = (
-        "#define CONFIGURATION(X) " + " ".join(f"X({name})" for name in CONFIGURATION) + "\n"
-        "#define RESULTS(X) " + " ".join(f"X({name})" for name in RESULTS) + "\n"
+    ports = "".join(
+        f"#define {name}_WORDS {struct.words}\n"
+        for name, struct in zip(
+            ("LINE", "POINT", "PEAK", "GEOMETRY"), (_LINE, _POINT, _PEAK, _GEOMETRY), strict=True
+        )
     )
+    centre = (line_length - 1).bit_length() + 1 + pkg.OFFSET_FRACTION
+    ports += f"#define CENTRE_MASK {(1 << centre) - 1}ull\n"
     harness = hardware_root() / "tb" / "engine" / "engine.cpp"
     return verilated.build(
         "chain", harness, ports, [verilated.Design(rtl_module("vrscan_chain"), parameters)]
     )
-
-
-def _signed(values: Ints, width: int) -> Ints:
-    sign = 1 << (width - 1)
-    return ((values & (2 * sign - 1)) ^ sign) - sign
 
 
 def _run(
@@ -92,14 +64,12 @@ def _run(
     library = ctypes.CDLL(str(build(length, registers.pixel_width, max_window)))
     library.engine_create.restype = ctypes.c_void_p
     library.engine_run.restype = ctypes.c_int64
-    widths = _configuration_widths(length)
-    words = [int(getattr(registers, name)) for name in CONFIGURATION]
-    words = [w & ((1 << widths.get(n, 64)) - 1) for n, w in zip(CONFIGURATION, words, strict=True)]
+    centre = int(registers.centre) & (1 << 64) - 1  # the port has the lower ones
+    configuration = [*_PEAK.as_words(registers), *_GEOMETRY.as_words(registers)]
     pixels = np.ascontiguousarray(lines, np.uint16)
-    turns = (np.asarray(angle, np.int64) & ((1 << pkg.ANGLE_WIDTH) - 1)).astype(np.uint32)
-    powers = np.ascontiguousarray(power, np.uint16)
-    raised_bytes = np.ascontiguousarray(raised, np.uint8)
-    results = np.zeros((len(lines), len(RESULTS) + 1), np.int64)
+    belongs = _LINE.pack_rows({"angle": angle, "power": power, "mirror_flags": raised})
+    clocks = np.zeros(len(lines), np.int64)
+    results = np.zeros((len(lines), _POINT.words), np.uint32)
     longest = latency(
         max_window,
         measured=True,
@@ -116,39 +86,38 @@ def _run(
     def address(array: np.ndarray[tuple[int, ...], np.dtype[np.generic]]) -> ctypes.c_void_p:
         return ctypes.c_void_p(array.ctypes.data)
 
-    handle = ctypes.c_void_p(library.engine_create((ctypes.c_uint64 * len(words))(*words)))
+    handle = ctypes.c_void_p(
+        library.engine_create(
+            (ctypes.c_uint32 * len(configuration))(*configuration), ctypes.c_uint64(centre)
+        )
+    )
     received = 0
     try:
         for start in range(0, len(lines), _CHUNK):
             part = slice(start, min(start + _CHUNK, len(lines)))
-            room = results[received:]
+            room, times = results[received:], clocks[received:]
             received += library.engine_run(
                 handle,
                 address(pixels[part]),
-                address(turns[part]),
-                address(powers[part]),
-                address(raised_bytes[part]),
+                address(belongs[part]),
                 ctypes.c_int64(part.stop - part.start),
                 ctypes.c_int64(length),
                 ctypes.c_int64(gap),
                 ctypes.c_int64(longest + 1 if part.stop == len(lines) else 0),
                 address(room),
+                address(times),
                 ctypes.c_int64(len(room)),
             )
             if progress is not None:
                 progress(part.stop)
     finally:
         library.engine_destroy(handle)
-    if received != len(lines) or not np.array_equal(results[:, 0], np.arange(len(lines))):
+    columns = {name: _POINT.column(results, POINT.get(name, name)) for name in RESULTS}
+    if received != len(lines) or not np.array_equal(columns["line"], np.arange(len(lines))):
         raise RuntimeError(f"rtl engine: {received} points for {len(lines)} lines")
-    signed = _result_widths(length)
-    columns = {
-        name: _signed(results[:, k], signed[name]) if name in signed else results[:, k].copy()
-        for k, name in enumerate(RESULTS)
-    }
     measured = columns.pop("measured").astype(np.bool_)
     points = Points(**columns, measured=measured, pixel_width=registers.pixel_width)
-    return points, results[:, -1] - (np.arange(len(lines)) * (length + gap) + length - 1)
+    return points, clocks - (np.arange(len(lines)) * (length + gap) + length - 1)
 
 
 def run_rtl(

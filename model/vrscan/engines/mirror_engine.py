@@ -4,7 +4,7 @@ import ctypes
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass
-from types import TracebackType
+from types import SimpleNamespace, TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -15,7 +15,8 @@ from vrscan.data.config import Config, Mems
 from vrscan.data.edges import SAMPLES, Rows
 from vrscan.engines.tools import hardware_root, rtl_module
 from vrscan.engines.verilated import Design, build
-from vrscan.registers.mirror_registers import PORTS, MirrorRegisters
+from vrscan.registers.mirror_registers import MirrorRegisters
+from vrscan.registers.structs import register_struct
 
 # The rows that the engine writes, as in tb/engine/mirror.cpp.
 LINE = np.dtype([*mirror_loop.LINE.descr, ("angle_true", np.float64)])
@@ -37,12 +38,9 @@ FAULTS = {
 COUNTS = ("missing", "doubled", "impossible", "glitch", "overrun")
 FLAG_NAMES = ("NOT_RUNNING", "INDEX_FAULT", "UNSETTLED")  # of lines, from pkg.FLAG_NOT_RUNNING on
 _DEVICES = ("mems_mirror", "index_diode")
-_WIDE = (
-    ("motion_a", pkg.MOTION_WIDTH),
-    ("motion_phi", pkg.PHASE_WIDTH),
-    ("motion_da", pkg.SLOPE_MOTION_WIDTH),
-    ("motion_dphi", pkg.SLOPE_MOTION_WIDTH),
-)
+_GROUPS = ("mirror", "mirror_limits", "motion", "line")  # in the order the engine takes them
+_SETTINGS = [register_struct(name) for name in _GROUPS]
+_TABLE, _STATUS = register_struct("table"), register_struct("mirror_status")
 _NEVER = -1
 CHUNK_S = 0.004  # mirror time between two progress reports
 
@@ -128,13 +126,11 @@ class Recording:
 def _library(registers: MirrorRegisters, mems: Mems) -> ctypes.CDLL:
     devices = hardware_root() / "tb" / "devices"
     hertz = round(registers.clock_hz)
-    ports = (
-        "#define CONFIGURATION(X) " + " ".join(f"X({name})" for name in PORTS) + "\n"
-        "#define WIDE(X) " + " ".join(f"X({name})" for name, _ in _WIDE) + "\n"
-        f"#define MIDPOINT_WIDTH {pkg.MIDPOINT_WIDTH}\n"
-        f"#define ANGLE_WIDTH {pkg.ANGLE_WIDTH}\n"
-        f"#define ERROR_WIDTH {pkg.ERROR_WIDTH}\n"
-    )
+    structs = zip((*_GROUPS, "table", "status"), (*_SETTINGS, _TABLE, _STATUS), strict=True)
+    ports = "".join(f"#define {n.upper()}_WORDS {struct.words}\n" for n, struct in structs)
+    for field in _STATUS.fields.values():
+        ports += f"#define AT_{field.name.upper()} {field.low}, {field.width}\n"
+    ports += f"#define ANGLE_WIDTH {pkg.ANGLE_WIDTH}\n#define ERROR_WIDTH {pkg.ERROR_WIDTH}\n"
     loop = Design(rtl_module("mirror_loop"), {"IndexOversample": registers.oversample})
     world = Design(
         devices / "mirror_world.sv",
@@ -156,12 +152,6 @@ def _library(registers: MirrorRegisters, mems: Mems) -> ctypes.CDLL:
     for name in ("mirror_run", "mirror_state", "mirror_fault"):
         getattr(library, name).restype = ctypes.c_int64
     return library
-
-
-def _packed(values: Sequence[int], width: int) -> list[int]:
-    """Return numbers of ``width`` bits, the first lowest, as words of 32 bits."""
-    whole = sum((value & (1 << width) - 1) << width * k for k, value in enumerate(values))
-    return [whole >> shift & 0xFFFFFFFF for shift in range(0, width * len(values), 32)]
 
 
 def _address(array: np.ndarray[Any, Any]) -> ctypes.c_void_p:
@@ -186,11 +176,14 @@ class Mirror:
         self.clock = 0
         self.configure(registers)
         self._library.mirror_world(self._handle, ctypes.byref(_World(*astuple(world))))
-        amplitude = np.array(registers.table_amplitude, np.uint32)
-        midpoint = np.array(registers.table_midpoint, np.int32)
-        self._library.mirror_reset(
-            self._handle, _address(amplitude), _address(midpoint), ctypes.c_int64(len(amplitude))
-        )
+        table = {
+            "table_write": np.ones(len(registers.table_amplitude), np.int64),
+            "table_index": np.arange(len(registers.table_amplitude)),
+            "table_amplitude": np.array(registers.table_amplitude),
+            "table_midpoint": np.array(registers.table_midpoint),
+        }
+        rows = _TABLE.pack_rows(table)
+        self._library.mirror_reset(self._handle, _address(rows), ctypes.c_int64(len(rows)))
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -206,16 +199,10 @@ class Mirror:
         self._library.mirror_destroy(self._handle)
 
     def configure(self, registers: MirrorRegisters, *, enable: bool = True) -> None:
-        """Set every port of the configuration, and ``enable_i``; the table stays."""
-        words = [int(getattr(registers, name)) & (1 << 64) - 1 for name in PORTS]
-        wide = [w for name, bits in _WIDE for w in _packed(getattr(registers, name), bits)]
-        self._library.mirror_configure(
-            self._handle,
-            (ctypes.c_uint64 * len(words))(*words),
-            (ctypes.c_uint32 * len(wide))(*wide),
-            ctypes.c_int64(enable),
-            ctypes.c_int64(1),
-        )
+        """Set every register, ``mirror_enable`` and ``line_enable`` too; the table stays."""
+        given = SimpleNamespace(**vars(registers), mirror_enable=enable, line_enable=True)
+        words = [word for struct in _SETTINGS for word in struct.as_words(given)]
+        self._library.mirror_configure(self._handle, (ctypes.c_uint32 * len(words))(*words))
 
     def run(
         self,

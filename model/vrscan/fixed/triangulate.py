@@ -37,7 +37,7 @@ LATENCY = (
     + 2 * (divide_latency(RANGE_WIDTH) + 2)
     + 3
 )  # clocks from valid_i to valid_o
-BUSY = LATENCY - 1  # clocks from one accepted point to the next
+BUSY = LATENCY - 1  # clocks from one accepted point to the next: pkg.POINT_PERIOD
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
-"""The mirror's configuration as the integers that the ports of ``mirror_loop`` take."""
+"""The mirror's configuration as the integers that the registers take."""
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from vrscan.data import pkg
 from vrscan.data.config import Config
@@ -22,8 +22,8 @@ class MirrorRegisters:
     """Configuration of the mirror's loop in integers; formats are those of ``vrscan_pkg``.
 
     ``oversample`` is an elaboration parameter and ``clock_hz`` a property of the board. They are
-    included because the formats depend on them. ``table_amplitude`` and ``table_midpoint`` are
-    written through the table's port; everything else is a port.
+    included because the formats depend on them. ``table_amplitude`` and ``table_midpoint`` are a
+    table; everything else is a register.
     """
 
     clock_hz: float
@@ -199,12 +199,3 @@ class MirrorRegisters:
             table_amplitude=tuple(table[0].tolist()),
             table_midpoint=tuple(table[1].tolist()),
         )
-
-
-# Static ports, in the order in which the engine takes them.
-PORTS = tuple(
-    field.name
-    for field in fields(MirrorRegisters)
-    if field.name not in ("clock_hz", "oversample")
-    and not field.name.startswith(("motion_", "table_"))
-)

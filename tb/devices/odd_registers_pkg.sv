@@ -1,0 +1,72 @@
+// odd_registers_pkg: what the bus of the link writes of a group of registers, what it reads
+// of it, and what leaves with an entry of a table, as a struct each.
+//
+// Generated from tb/devices/odd_registers.toml by scripts/generate.py; docs/registers.md says what the
+// fields are.  Widths are numbers, as packages are read in the order of their paths.
+
+`default_nettype none
+
+package odd_registers_pkg;
+  // Two words each.
+  typedef struct packed {
+    logic [32:0] longer;
+    logic [63:0] longest;
+    logic signed [39:0] negative_long;
+  } wide_t;
+
+  // What the bus reads.
+  typedef struct packed {
+    logic [15:0] count;
+    logic signed [8:0] level;
+    logic flag;
+    logic [32:0] levels;
+    logic [63:0] clock;
+    logic signed [44:0] place;
+    logic signed [31:0] raw;
+  } read_t;
+
+  // Each takes a 1 and nothing else, and keeps it until reset.
+  typedef struct packed {
+    logic lock_a;
+    logic lock_b;
+    logic lock_c;
+    logic lock_d;
+  } locks_t;
+
+  // What the bus writes.
+  typedef struct packed {
+    logic sole;
+    logic [31:0] word;
+    logic signed [4:0] little;
+    logic [11:0] bounded;
+    logic signed [11:0] centred;
+    logic signed [31:0] below;
+    logic signed [31:0] above;
+    logic [3:0] late;
+    logic [2:0] hit;
+    logic hit_strobe;
+    logic signed [31:0] signal;
+    logic signal_strobe;
+    logic [4:0] bits;
+    logic [50:0] several;
+    logic [63:0] words;
+  } written_t;
+
+  // One field, and entries that are no power of two.
+  typedef struct packed {
+    logic single_write;
+    logic [2:0] single_index;
+    logic signed [31:0] single_value;
+  } single_t;
+
+  // Three fields of four words.
+  typedef struct packed {
+    logic triple_write;
+    logic [2:0] triple_index;
+    logic [31:0] triple_low;
+    logic signed [6:0] triple_middle;
+    logic triple_high;
+  } triple_t;
+endpackage
+
+`default_nettype wire
