@@ -506,6 +506,7 @@ def _front_picture(points: Sequence[Point], own: Point) -> bytes:
             axes.plot(*zip(*best, strict=True), "-", color=INK, linewidth=1.2, zorder=6)
             _star(axes, *place(own))
             axes.set(yscale="log", xlabel="LUT of the detector", title=FRONTS[mark][2])
+            axes.locator_params("x", nbins=5)
             axes.set_ylabel(f"{FRONTS[mark][1]} error, 1e-3 px".replace("bound", "largest"))
             plain_log(axes, "y", _LEVELS)
         axes.set_xlabel(f"lines/s at {BOARD_HZ / 1e6:.0f} MHz, window of {WINDOW_PX} px")
