@@ -14,6 +14,7 @@ from vrscan.data.arrays import Floats
 from vrscan.data.points import table as in_units
 from vrscan.data.points import write_csv
 from vrscan.data.records import Records
+from vrscan.data.table import Table
 from vrscan.link.device import FAULTS, STATES, Build, Device
 from vrscan.link.selftest import Check
 from vrscan.link.stream import Account, Captured
@@ -232,68 +233,43 @@ def threshold_settings(device: Device) -> Threshold:
     )
 
 
-@dataclass(frozen=True)
-class _Line:
-    """The numbers of a point in counts and px."""
-
-    background: float
-    noise: float
-    threshold: float
-    maximum: float
-    left: int
-    right: int
-    position: float | None
-    snr: float
-    flags: str
+def _point(each: Captured, pixel_width: int) -> Table | None:
+    """Return what the board made of a line, a table of one row in counts and px."""
+    return None if each.record is None else in_units(records.points(each.record, pixel_width))
 
 
-def _in_counts(record: Records, settings: Threshold, pixel_width: int) -> _Line:
-    found = in_units(records.points(record, pixel_width))
-    background, noise = float(found.background[0]), float(found.noise[0])
-    maximum = float(found.maximum[0])
-    above = max(settings.k_noise * noise, settings.k_height * (maximum - background))
-    has = int(found.width[0]) > 0
-    return _Line(
-        background=background,
-        noise=noise,
-        threshold=background + above,
-        maximum=maximum,
-        left=int(found.left[0]) if has else 0,
-        right=int(found.right[0]) if has else -1,
-        position=float(found.position_px[0]) if found.measured[0] else None,
-        snr=float(found.snr[0]),
-        flags="|".join(name for name, where in found.flags.items() if where[0]),
-    )
+def _threshold(point: Table, settings: Threshold) -> float:
+    height = float(point.maximum[0] - point.background[0])
+    above = max(settings.k_noise * float(point.noise[0]), settings.k_height * height)
+    return float(point.background[0]) + above
 
 
-_Row = tuple[Captured, _Line | None]
+def _flags(point: Table) -> str:
+    return "|".join(name for name, where in point.flags.items() if where[0])
+
+
+_Row = tuple[Captured, Table | None]
 
 
 def capture_table(found: Sequence[Captured], settings: Threshold, pixel_width: int) -> RichTable:
     """Return raw lines with the board's result for each."""
 
-    def of(value: Callable[[_Line], object]) -> Callable[[_Row], Any]:
+    def of(value: Callable[[Table], Any]) -> Callable[[_Row], Any]:
         return lambda row: None if row[1] is None else value(row[1])
-
-    def window(line: _Line) -> str:
-        return f"{line.left}..{line.right}" if line.right >= line.left else ""
 
     columns: list[Column[_Row]] = [
         Column("line", lambda row: row[0].line),
         Column("least", lambda row: int(row[0].pixels.min())),
         Column("most", lambda row: int(row[0].pixels.max())),
-        Column("background", of(lambda line: line.background), "{:.1f}"),
-        Column("noise", of(lambda line: line.noise), "{:.2f}"),
-        Column("threshold", of(lambda line: line.threshold), "{:.1f}"),
-        Column("window", of(window)),
-        Column("position", of(lambda line: line.position), "{:.3f}"),
-        Column("S/N", of(lambda line: line.snr), "{:.1f}"),
-        words("flags", of(lambda line: line.flags), wraps=True, absent="no point"),
+        Column("background", of(lambda p: p.background[0]), "{:.1f}"),
+        Column("noise", of(lambda p: p.noise[0]), "{:.2f}"),
+        Column("threshold", of(lambda p: _threshold(p, settings)), "{:.1f}"),
+        Column("window", of(lambda p: f"{p.left[0]}..{p.right[0]}" if p.width[0] > 0 else "")),
+        Column("position", of(lambda p: p.position_px[0] if p.measured[0] else None), "{:.3f}"),
+        Column("S/N", of(lambda p: p.snr[0]), "{:.1f}"),
+        words("flags", of(_flags), wraps=True, absent="no point"),
     ]
-    rows = [
-        (each, None if each.record is None else _in_counts(each.record, settings, pixel_width))
-        for each in found
-    ]
+    rows = [(each, _point(each, pixel_width)) for each in found]
     return Sheet(columns, rows).terminal("Lines")
 
 
@@ -361,23 +337,20 @@ def _picture(
         for axis, each in zip(axes, shown, strict=True):
             axis.plot(each.pixels, color=COLOURS[0], linewidth=0.8, drawstyle="steps-mid")
             title = f"line {each.line}"
-            if each.record is not None:
-                line = _in_counts(each.record, settings, pixel_width)
-                axis.axhline(line.background, color=QUIET, linewidth=0.8, label="background")
-                axis.axhline(
-                    line.threshold,
-                    color=COLOURS[1],
-                    linewidth=0.8,
-                    dashes=(4, 3),
-                    label="threshold",
-                )
-                if line.right >= line.left:
-                    ends = line.left - 0.5, line.right + 0.5
+            point = _point(each, pixel_width)
+            if point is not None:
+                level, threshold = float(point.background[0]), _threshold(point, settings)
+                axis.axhline(level, color=QUIET, linewidth=0.8, label="background")
+                look = {"color": COLOURS[1], "linewidth": 0.8, "dashes": (4, 3)}
+                axis.axhline(threshold, label="threshold", **look)
+                if point.width[0] > 0:
+                    ends = point.left[0] - 0.5, point.right[0] + 0.5
                     axis.axvspan(*ends, color=COLOURS[2], alpha=0.2, label="window")
-                if line.position is not None:
-                    axis.axvline(line.position, color=COLOURS[3], linewidth=0.8, label="position")
-                    title += f": {line.position:.3f} px, S/N {line.snr:.1f}"
-                title += f" {line.flags}" if line.flags else ""
+                if point.measured[0]:
+                    place = float(point.position_px[0])
+                    axis.axvline(place, color=COLOURS[3], linewidth=0.8, label="position")
+                    title += f": {place:.3f} px, S/N {point.snr[0]:.1f}"
+                title += f" {_flags(point)}".rstrip()
             axis.set_title(title)
             axis.set_xlim(0, len(each.pixels) - 1)
             axis.set_ylabel("counts")

@@ -39,7 +39,7 @@ class Column(Generic[Row]):
         align: Side at which the texts stand.
         kept: Format of a float in a file.
         wraps: Whether a long text may take several lines.
-        absent: Text that is shown where there is no value.
+        absent: Text that is shown where there is no value, or a function of the row.
     """
 
     heading: str | None
@@ -52,7 +52,7 @@ class Column(Generic[Row]):
     align: Literal["left", "right"] = "right"
     kept: str = "{:.6g}"
     wraps: bool = False
-    absent: str = ""
+    absent: str | Callable[[Row], str] = ""
 
     @property
     def title(self) -> str:
@@ -63,7 +63,7 @@ class Column(Generic[Row]):
         """Return what a row shows in this column."""
         value = self.value(row)
         if value is None or value != value:  # NaN
-            return self.absent
+            return self.absent(row) if callable(self.absent) else self.absent
         if isinstance(value, str):
             return value
         shown = value if self.scale == 1.0 else self.scale * value

@@ -201,16 +201,8 @@ def _costs(
     def cells_of(k: int) -> Callable[[Detector | None], int | float | None]:
         return lambda each: (_cells_of(each.modules) or (None, None))[k] if each else None
 
-    def cell(k: int) -> Callable[[Detector | None], str]:
-        def text(each: Detector | None) -> str:
-            if each is None:
-                return ""
-            found = _cells_of(each.modules)
-            if found is None:
-                return f"run {cost.TIMING}" if each.modules else "no RTL"
-            return f"{found[k]:,g}"
-
-        return text
+    def unknown(each: Detector | None) -> str:
+        return "" if each is None else f"run {cost.TIMING}" if each.modules else "no RTL"
 
     columns: list[Column[Detector | None]] = [
         words("detector", lambda each: each.title if each else "statistics alone"),
@@ -220,10 +212,8 @@ def _costs(
                name="over_reference"),
         Column(f"clocks,\nwindow of {WINDOW_PX} px", lambda each: _clocks(each) if each else "",
                name="clocks", absent="no RTL"),
-        Column("\nLUT", cell(0)),
-        Column("\nDSP", cell(1)),
-        Column(None, cells_of(0), name="lut"),
-        Column(None, cells_of(1), name="dsp"),
+        Column("\nLUT", cells_of(0), "{:,}", name="lut", absent=unknown),
+        Column("\nDSP", cells_of(1), "{:g}", name="dsp", absent=unknown),
         Column(None, lambda each: mean[each.key] if each else None, name="efficiency"),
     ]  # fmt: skip
     return Table(

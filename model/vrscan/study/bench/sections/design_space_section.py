@@ -204,6 +204,15 @@ def excess(score: dict[str, float], bound: float) -> float:
     return float(mean_square(score["rms"], score["lost"]) ** 0.5 / bound)
 
 
+def _scores(noisy: dict[float, Figures], kind: str, k: int) -> list[tuple[Figures, float]]:
+    """Return score and bound of a design or a rule on each of the spots."""
+    return [
+        (scores[k], bound)
+        for figures in noisy.values()
+        for scores, bound in zip(figures[kind], figures["bound_px"], strict=True)
+    ]
+
+
 def front(costs: Sequence[tuple[float, float]]) -> list[int]:
     """Return the points that no other one dominates by being as good in both and better in one.
 
@@ -232,11 +241,7 @@ def _points(order: Order, found: Found) -> list[Point]:
     noisy = {sigma: found(_noisy(order, sigma)) for sigma in SIGMAS_PX}
     points = []
     for k, each in enumerate(wanted):
-        over = [
-            excess(noisy[sigma]["designs"][row][k], noisy[sigma]["bound_px"][row])
-            for sigma in SIGMAS_PX
-            for row in range(len(PEAKS))
-        ]
+        over = [excess(*pair) for pair in _scores(noisy, "designs", k)]
         parts = [found(design_cost.cell(part, each)) for part in design_cost.PARTS]
         total = {name: sum(part[name] for part in parts) for name in design_cost.RESOURCES}
         points.append(
@@ -501,6 +506,7 @@ def _front_picture(points: Sequence[Point], own: Point) -> bytes:
             axes.plot(*zip(*best, strict=True), "-", color=INK, linewidth=1.2, zorder=6)
             _star(axes, *place(own))
             axes.set(yscale="log", xlabel="LUT of the detector", title=FRONTS[mark][2])
+            axes.locator_params("x", nbins=5)
             axes.set_ylabel(f"{FRONTS[mark][1]} error, 1e-3 px".replace("bound", "largest"))
             plain_log(axes, "y", _LEVELS)
         axes.set_xlabel(f"lines/s at {BOARD_HZ / 1e6:.0f} MHz, window of {WINDOW_PX} px")
@@ -593,12 +599,8 @@ def _rule_list(order: Order, found: Found, own: Point) -> list[Rule]:
     moved = found(_skewed(order))["moved"]
     listed = []
     for k, values in enumerate(rules(order)):
-        scores = [
-            (noisy[sigma]["rules"][row][k], noisy[sigma]["bound_px"][row])
-            for sigma in SIGMAS_PX
-            for row in range(len(PEAKS))
-        ]
-        over = [excess(score, least) for score, least in scores]
+        scores = _scores(noisy, "rules", k)
+        over = [excess(*pair) for pair in scores]
         width = float(np.mean([score["width"] for score, _ in scores]))
         first = float(np.mean([score["first"] for score, _ in scores]))
         twice = values.get("window") == TWO_PASS

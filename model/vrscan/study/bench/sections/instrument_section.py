@@ -69,7 +69,7 @@ def cells(order: Order) -> list[Cell]:
 def blocks(order: Order, found: Found) -> Sequence[Block[Any]]:
     """Return the budgets and the speeds."""
     budgets = {scene: found(_budget(order, scene)) for scene in _scenes(order)}
-    parts = {scene: _worst(figures["csv"]) for scene, figures in budgets.items()}
+    parts = {scene: _worst(figures) for scene, figures in budgets.items()}
     return [
         Heading("budget", "Error budget by cause"),
         Text(
@@ -81,11 +81,12 @@ def blocks(order: Order, found: Found) -> Sequence[Block[Any]]:
         ),
         Picture(
             "budget-picture",
-            _picture(parts, budgets),
+            _picture(parts),
             "Causes (rows) in the shipped scenes (columns), 1e-3 px. Empty: the scene has no such "
             "effect, or it moves nothing by as much as 0.1e-3 px.",
         ),
-        *_causes(parts, budgets),
+        _causes("budget", 0, "px", "1e-3 px.", parts),
+        _causes("budget-z", 1, "mm", "The same in z, µm.", parts),
         _totals(budgets),
         *(
             Attachment(f"budget-{scene}.csv", figures["csv"].encode())
@@ -97,10 +98,14 @@ def blocks(order: Order, found: Found) -> Sequence[Block[Any]]:
     ]
 
 
-def _worst(text: str) -> dict[str, tuple[float, float, float]]:
-    """Return px, mm and lost share of each effect in a budget's file, for its worst zone."""
-    worst = {}
-    for row in csv.DictReader(io.StringIO(text)):
+# By scene and cause, px and mm: the worst of near, middle and far, and of the arithmetic.
+Worst = dict[str, dict[str, tuple[float, float]]]
+_ARITHMETIC = "arithmetic"
+
+
+def _worst(figures: Figures) -> dict[str, tuple[float, float]]:
+    worst = {_ARITHMETIC: (figures["arithmetic_px"], figures["arithmetic_mm"])}
+    for row in csv.DictReader(io.StringIO(figures["csv"])):
         if row["effect"] not in EFFECTS or not row["near_rms_px"]:
             continue
 
@@ -108,54 +113,35 @@ def _worst(text: str) -> dict[str, tuple[float, float, float]]:
             pairs = [(row[f"{z}_bias_{unit}"], row[f"{z}_rms_{unit}"]) for z in ZONES]
             return float(max(np.hypot(float(a or 0.0), float(b or 0.0)) for a, b in pairs))
 
-        changed = max(float(row[f"{z}_changed"] or 0.0) for z in ZONES)
-        worst[row["effect"]] = (most("px"), most("mm"), changed)
+        worst[row["effect"]] = (most("px"), most("mm"))
     return worst
 
 
-Worst = dict[str, dict[str, tuple[float, float, float]]]
-
-
 def _names(parts: Worst) -> list[str]:
-    """Return the effects of all scenes, the largest first."""
+    """Return the causes that any scene has, the largest first, and the arithmetic."""
     size = {
-        name: max((p[name][0] for p in parts.values() if name in p), default=-1.0)
+        name: max((own[name][0] for own in parts.values() if name in own), default=-1.0)
         for name in EFFECTS
     }
-    return sorted((name for name in size if size[name] >= 0.0), key=lambda name: -size[name])
+    found = sorted((name for name in size if size[name] >= 0.0), key=lambda name: -size[name])
+    return [*found, _ARITHMETIC]
 
 
-def _causes(parts: Worst, budgets: dict[str, Figures]) -> list[Table[str]]:
-    """Return the tables of px and of mm in z."""
-    said = (
-        "Bias and rms together, worst of near, middle and far. Each scene's whole table, with the "
-        "share of points that come and go, is a file of its own below."
-    )
-    return [
-        _cause_table("budget", 0, "px", f"1e-3 px. {said}", parts, budgets),
-        _cause_table("budget-z", 1, "mm", f"The same in z, µm. {said}", parts, budgets),
-    ]
-
-
-def _cause_table(
-    key: str, index: int, unit: str, caption: str, parts: Worst, budgets: dict[str, Figures]
-) -> Table[str]:
-    def value(scene: str, name: str) -> float | None:
-        if name == "arithmetic":
-            return float(budgets[scene][f"arithmetic_{unit}"])
-        return parts[scene][name][index] if name in parts[scene] else None
-
+def _causes(key: str, index: int, unit: str, caption: str, parts: Worst) -> Table[str]:
     def column(scene: str) -> Column[str]:
-        return Column(scene, partial(value, scene), partial(number, digits=2), scale=1e3)
+        own = parts[scene]
+        digits = partial(number, digits=2)
+        return Column(scene, lambda n: own[n][index] if n in own else None, digits, scale=1e3)
 
-    names = [*_names(parts), "arithmetic"]
-    values = [(n, s, value(s, n)) for n in names for s in parts if value(s, n) is not None]
+    names = _names(parts)
+    values = [(n, s, parts[s][n][index]) for n in names for s in parts if n in parts[s]]
     return Table(
         key,
         Sheet([words("cause", lambda name: name), *map(column, parts)], names),
-        caption,
+        f"{caption} Bias and rms together, worst of near, middle and far. Each scene's whole "
+        "table, with the share of points that come and go, is a file of its own below.",
         key=lambda name: f"{key}-{name}",
-        bold=lambda name: name == "arithmetic",
+        bold=lambda name: name == _ARITHMETIC,
         full=listed(("cause", "scene", f"worst_{unit}"), values),
     )
 
@@ -187,17 +173,12 @@ def _totals(budgets: dict[str, Figures]) -> Table[str]:
     )
 
 
-def _picture(parts: Worst, budgets: dict[str, Figures]) -> bytes:
-    names, scenes = [*_names(parts), "arithmetic"], list(parts)
-    values = np.full((len(names), len(scenes)), np.nan)
-    for column, scene in enumerate(scenes):
-        for row, name in enumerate(names[:-1]):
-            if name in parts[scene]:
-                values[row, column] = parts[scene][name][0]
-        values[-1, column] = budgets[scene]["arithmetic_px"]
-    values[values < _LEAST_PX] = np.nan
-    if budgets:
-        values[-1] = [max(b["arithmetic_px"], 1e-9) for b in budgets.values()]
+def _picture(parts: Worst) -> bytes:
+    names, scenes = _names(parts), list(parts)
+    nothing = (np.nan, np.nan)
+    values = np.array([[parts[s].get(name, nothing)[0] for s in scenes] for name in names])
+    values[:-1][values[:-1] < _LEAST_PX] = np.nan
+    values[-1] = np.maximum(values[-1], 1e-9)
     with drawing(2.2 + 0.66 * max(len(scenes), 6), 0.9 + 0.27 * len(names)) as figure:
         axes = figure.subplots()
         axes.grid(visible=False)
