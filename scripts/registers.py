@@ -1,7 +1,7 @@
 """The registers: from their one description to RTL, Python and a page.
 
 ``rtl/link/registers.toml`` is read and checked here; ``scripts/generate.py`` writes what
-``register_file``, ``register_map`` and ``document`` return.
+``register_file``, ``register_pkg``, ``register_map`` and ``document`` return.
 """
 
 import hashlib
