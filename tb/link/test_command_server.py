@@ -117,8 +117,8 @@ class Bench(TwinBench):
         if twin.bus:
             names += ["bus_access", "bus_address", "bus_data"][: 3 if twin.bus.access else 2]
             want += twin.bus[: 3 if twin.bus.access else 2]
-        names += twin.beside
-        want += twin.beside.values()
+        names += twin.strobe_values
+        want += twin.strobe_values.values()
         if self.clock % 16 == 0 or any(twin.strobes) or self.done_clock == self.clock:
             names += vars(twin.counters)
             want += vars(twin.counters).values()
@@ -129,7 +129,7 @@ class Bench(TwinBench):
         self.alive += twin.alive
         for strobe in STROBES:
             if strobe in twin.strobes:
-                self.events.append((strobe, dict(twin.beside)))
+                self.events.append((strobe, dict(twin.strobe_values)))
 
     async def clocks(self, count: int = 1, **inputs: int) -> None:
         """Go on, with an answer to each access after its time, and with what is sent kept."""

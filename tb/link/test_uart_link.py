@@ -132,8 +132,8 @@ class Bench(TwinBench):
             names = [*names, "bus_access", "bus_address"]
             want += server.bus[:2]
         if server.strobes:
-            names = [*names, *server.beside]
-            want += server.beside.values()
+            names = [*names, *server.strobe_values]
+            want += server.strobe_values.values()
         if self.clock % 128 == 0:
             names = [*names, *COUNTS, *vars(server.counters)]
             want += [getattr(twin, name) for name in COUNTS.values()]
@@ -402,7 +402,7 @@ async def a_break_stops_all(dut) -> None:
     await bench.clocks(bench.bits(10.5))
     assert bench.twin.step_now == bench.default and bench.twin.breaks == 1
     assert bench.events == ["capture_start", "stream_stop"]
-    assert bench.twin.server.beside["capture_mode"] == CaptureMode.STOP
+    assert bench.twin.server.strobe_values["capture_mode"] == CaptureMode.STOP
     await bench.clocks(bench.bits(30))
     assert bench.twin.breaks == 1
     bench.breaking = False

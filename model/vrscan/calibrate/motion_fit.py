@@ -186,8 +186,8 @@ class OperatingMap:
     drive_phase: float  # turns, at which ``harmonics`` hold
     harmonics: Floats  # [count, 2]: a_k and phi_k, rad
     slopes: Floats  # [count, 2]: changes of both per turn of drive phase
-    left_rad: float  # rms error of the angle that remains at the worst operating point
-    flat_rad: float  # the same error without slopes
+    residual_rad: float  # rms error of the angle that remains at the worst operating point
+    residual_without_slopes_rad: float  # the same error without slopes
 
 
 def operating_map(
@@ -299,7 +299,7 @@ def main() -> None:
         )
     six = simulated_motion(count=FEWEST_HARMONICS).residual_rad
     print(f"{six * 1e6:.2f} urad rms beyond k = {HARMONICS[FEWEST_HARMONICS - 1]}")
-    left, flat = 1e6 * chosen.left_rad, 1e6 * chosen.flat_rad
+    left, flat = 1e6 * chosen.residual_rad, 1e6 * chosen.residual_without_slopes_rad
     print(f"straight lines leave {left:.2f} urad rms, none {flat:.2f}")
     print(f"drive_phase = {chosen.drive_phase:.7f}")
     for name, rows in (("harmonics", chosen.harmonics), ("slopes", chosen.slopes)):

@@ -126,14 +126,14 @@ def execute(payload: bytes, capture_busy: bool = False) -> Execution:
     if op == link_pkg.COMMAND_PING:
         return Outcome(status, good + payload[2:])
     if op == link_pkg.COMMAND_STREAM_START:
-        beside = {"stream_format": payload[2], "stream_step": payload[3]}
-        return Outcome(status, good, ("stream_start", beside))
+        strobe_values = {"stream_format": payload[2], "stream_step": payload[3]}
+        return Outcome(status, good, ("stream_start", strobe_values))
     if op == link_pkg.COMMAND_STREAM_STOP:
         return Outcome(status, good, ("stream_stop", {}))
     if op == link_pkg.COMMAND_CAPTURE:
         argument = int.from_bytes(payload[3:], "little")
-        beside = {"capture_mode": payload[2], "capture_argument": argument}
-        return Outcome(status, good, ("capture_start", beside))
+        strobe_values = {"capture_mode": payload[2], "capture_argument": argument}
+        return Outcome(status, good, ("capture_start", strobe_values))
 
     base = int.from_bytes(payload[2:4], "little")
     if op == link_pkg.COMMAND_READ:
@@ -252,7 +252,7 @@ class CommandServer:
         valid, data, last: A byte of a reply; ``data`` and ``last`` are defined with ``valid``.
         bus: The access that begins in this clock.
         strobes: The strobes ``stream_start``, ``stream_stop`` and ``capture_start`` that are high.
-        beside: Values that came with the last starts: ``stream_format``, ``stream_step``,
+        strobe_values: Values that came with the last starts: ``stream_format``, ``stream_step``,
             ``capture_mode`` and ``capture_argument``, as far as there were such starts.
         alive: Whether a command of a known kind and the right length is executed in this clock.
         busy: Whether a command waits, is executed, or has a reply that is not yet taken.
@@ -265,7 +265,7 @@ class CommandServer:
         self.last = False
         self.bus: Access | None = None
         self.strobes: set[str] = set()
-        self.beside: dict[str, int] = {}
+        self.strobe_values: dict[str, int] = {}
         self.alive = False
         self.busy = False
         self.counters = Counters()
@@ -307,7 +307,7 @@ class CommandServer:
         if halt:
             self._waiting.clear()
             self.strobes = (self.strobes - {"stream_start"}) | {"stream_stop", "capture_start"}
-            self.beside["capture_mode"] = link_pkg.CAPTURE_STOP
+            self.strobe_values["capture_mode"] = link_pkg.CAPTURE_STOP
         if done:
             self._end(FrameStatus(status), taken)
         elif valid:
@@ -372,9 +372,9 @@ class CommandServer:
         except StopIteration as end:
             outcome: Outcome = end.value
         if outcome.effect is not None:
-            strobe, beside = outcome.effect
+            strobe, strobe_values = outcome.effect
             self.strobes = {strobe}
-            self.beside |= beside
+            self.strobe_values |= strobe_values
         if status == link_pkg.STATUS_OK and payload[0] == link_pkg.COMMAND_PING:
             yield from _clocks(_copy(payload))
         elif outcome.status == link_pkg.STATUS_OK and len(outcome.reply) > 3:

@@ -212,7 +212,7 @@ class FocusControl:
         self._failures = 0
         self._misses = 0
         self._pause = 0
-        self._left = 0
+        self._remaining_clks = 0
         self._expired = False
 
     @property
@@ -315,9 +315,9 @@ class FocusControl:
 
         self.in_position = state is State.HOLD and target == self._written
         self._changed = target != self._written
-        self._expired = not self._left
+        self._expired = not self._remaining_clks
         self._pause = max(pause - 1, 0)
-        self._left = max(self._left - 1, 0)
+        self._remaining_clks = max(self._remaining_clks - 1, 0)
         self._step_bus(scl, sda)
         if ended:
             self._busy = self._abandoned = False
@@ -393,7 +393,7 @@ class FocusControl:
         self._failures = 0
         if not self._read:
             self._write = False
-            self._left = settings.timeout_clks
+            self._remaining_clks = settings.timeout_clks
         elif abs(self.position - self._written) <= settings.tolerance:
             self.state = State.HOLD
             self._misses = 0

@@ -72,7 +72,7 @@ class FrameDecoder:
         """Set the state between two frames."""
         self._open = False
         self._framing = False
-        self._left = 0  # remaining bytes of the block
+        self._remaining_bytes = 0  # remaining bytes of the block
         self._due = False  # whether the block before the next code ends in a zero
         self._count = 0  # bytes decoded
         self._crc = CRC_INIT
@@ -100,11 +100,11 @@ class FrameDecoder:
             return event
         self._open = True
         self._framing = self._framing or bool(error)
-        if self._left:
-            self._left -= 1
+        if self._remaining_bytes:
+            self._remaining_bytes -= 1
             return self._decoded(data)
         due = self._due
-        self._left = data - 1
+        self._remaining_bytes = data - 1
         self._due = data != 255
         return self._decoded(0) if due else _NOTHING
 
@@ -123,7 +123,7 @@ class FrameDecoder:
         """Return the status of the frame that ends here."""
         if self._framing or error:
             return Status.FRAMING
-        if self._left:
+        if self._remaining_bytes:
             return Status.MALFORMED
         if self._count > self._max_payload + CRC_BYTES:
             return Status.TOO_LONG

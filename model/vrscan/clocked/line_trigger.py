@@ -89,7 +89,7 @@ class LineTrigger:
         self._count_max = (1 << count_width) - 1
         # The next line's step: the one in work, and the clocks until it is ready; 0 is idle.
         self._coming = 0
-        self._left = 0
+        self._remaining_clks = 0
         self._arrived = False
         self._next = 0
         self._run = False
@@ -164,10 +164,10 @@ class LineTrigger:
         self._arrived = False
         if sample:
             self._coming = line_step(word, self.settings.ratio)
-            self._left = _STEP_LATENCY - 1
-        elif self._left:
-            self._left -= 1
-            if not self._left:
+            self._remaining_clks = _STEP_LATENCY - 1
+        elif self._remaining_clks:
+            self._remaining_clks -= 1
+            if not self._remaining_clks:
                 self._next = self._coming
                 self._arrived = True
 
@@ -190,14 +190,14 @@ class LineTrigger:
         self.centre_half = self._half
         if self._wrap:
             self._begin()
-        self._left = 0
+        self._remaining_clks = 0
         self._arrived = self._run = self._wrap = False
         self._first = self._live = self._late = False
 
     @property
     def samples(self) -> bool:
         """Return whether a step of this clock takes the word, if enabled; no other step does."""
-        return self._wrap or not (self._run or self._left or self._arrived)
+        return self._wrap or not (self._run or self._remaining_clks or self._arrived)
 
     def idle(self, *, enable: bool, word: int) -> int:
         """Return for how many clocks these inputs change nothing but accumulators and counters."""
@@ -206,13 +206,15 @@ class LineTrigger:
         if strobe or self._wrap or self._first or self.centre_half != self._half:
             return 0
         if not enable:
-            quiet = not (self.laser or self.exposure or self._run or self._live or self._left)
+            quiet = not (
+                self.laser or self.exposure or self._run or self._live or self._remaining_clks
+            )
             return MOST_IDLE if quiet and not self._arrived else 0
         if self._run:
             # The last of these clocks is the one before the wrap.
             most = (_TURN - 1 - self._turn) // self._step
-        elif self._left:
-            most = self._left - 1
+        elif self._remaining_clks:
+            most = self._remaining_clks - 1
         else:
             return 0
         if self._live:
@@ -234,10 +236,10 @@ class LineTrigger:
         self._time = min(self._time + clocks, _TIME_MAX)
         if self._run:
             self._turn += clocks * self._step
-        if self._left:
-            self._arrived = self._left == clocks
-            self._left = max(self._left - clocks, 0)
-            if not self._left:
+        if self._remaining_clks:
+            self._arrived = self._remaining_clks == clocks
+            self._remaining_clks = max(self._remaining_clks - clocks, 0)
+            if not self._remaining_clks:
                 self._next = self._coming
         else:
             self._arrived = False

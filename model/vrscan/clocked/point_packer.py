@@ -81,7 +81,7 @@ class PointPacker:
 
         # The incoming record, and the complete one.
         self._coming: bytearray | None = None
-        self._held: bytes | None = None
+        self._complete_record: bytes | None = None
 
         # The open batch, if it has records.
         self._records: list[bytes] = []
@@ -108,7 +108,7 @@ class PointPacker:
     ) -> None:
         """Advance by one clock with these inputs."""
         accepts = self._running and self._command is None
-        held = self._held is not None
+        held = self._complete_record is not None
         count, full, age = len(self._records), self._full, self._age
         drops, self._drops = self._drops, 0
         self._seen.append(self._used)
@@ -150,14 +150,14 @@ class PointPacker:
         if self._coming is not None:
             self._coming[index] = byte
             if index == link_pkg.FULL_BYTES - 1:
-                self._held, self._coming = bytes(self._coming), None
+                self._complete_record, self._coming = bytes(self._coming), None
 
     def _working(self) -> Iterator[None]:
         """Process records and batches, one clock after the other."""
         while True:
-            if self._held is not None:
-                yield from self._sort(self._held)
-                self._held = None
+            if self._complete_record is not None:
+                yield from self._sort(self._complete_record)
+                self._complete_record = None
                 yield
                 continue
             between = self._command is not None and self._coming is None

@@ -98,10 +98,10 @@ class UartLink:
         self._arbiter = PacketArbiter(streams + 1)
         self._encoder = FrameEncoder(link_pkg.MAX_PAYLOAD)
         self._transmitter = UartTx()
-        self._held: int | None = None  # byte that waits for the transmitter
+        self._pending_byte: int | None = None  # byte that waits for the transmitter
         self._wanted = False  # whether another rate is wanted
         self._quiet = 0
-        self._trial: int | None = None  # remaining clocks of the trial of a rate
+        self._trial_remaining_clks: int | None = None  # remaining clocks of the trial of a rate
         self._lead = True  # whether a 0x00 goes in front of the next frame
         self._boundary = True  # whether the next frame may begin now
 
@@ -135,7 +135,7 @@ class UartLink:
         broken, framing, glitch = receiver.break_, receiver.framing, receiver.glitch
         good = decoder.done and decoder.status == FrameStatus.OK
         lead = self._lead and self._boundary
-        held = self._held
+        held = self._pending_byte
         told = 0 if lead or held is None else held
         sent = held is not None and transmitter.ready
         reply_ready = bool(arbiter.ready(encoder.ready) & 1)
@@ -147,15 +147,15 @@ class UartLink:
         merged = arbiter.valid, arbiter.data, arbiter.last
         merged_ready = encoder.ready
         if held is None:
-            self._held = encoder.data if encoder.valid else None
+            self._pending_byte = encoder.data if encoder.valid else None
         elif sent and not lead:
-            self._held = None
+            self._pending_byte = None
         encoder.step(*merged, held is None)
         arbiter.step(
             valid=packet_valid << 1 | server.valid,
             data=packet_data << 8 | server.data,
             last=packet_last << 1 | (server.valid and server.last),
-            hold=self._wanted or self._trial is not None,
+            hold=self._wanted or self._trial_remaining_clks is not None,
             ready=merged_ready,
         )
         server.step(
@@ -189,13 +189,13 @@ class UartLink:
         self, quiet: bool, good: bool, broken: bool, wanted_step: int, written: bool
     ) -> None:
         """Change to another rate, or back to the default."""
-        expires = self._trial == 0
-        if self._trial is not None:
-            self._trial = None if good or expires else self._trial - 1
+        expires = self._trial_remaining_clks == 0
+        if self._trial_remaining_clks is not None:
+            self._trial_remaining_clks = None if good or expires else self._trial_remaining_clks - 1
         if self._wanted and quiet and self._quiet == QUIET_CLKS - 1:
             self.step_now = wanted_step
             self._wanted = False
-            self._trial = self._trial_clks - 1
+            self._trial_remaining_clks = self._trial_clks - 1
             self._lead = True
         elif expires and not good:
             self.step_now = self._default
@@ -206,4 +206,4 @@ class UartLink:
         if broken:
             self.step_now = self._default
             self._wanted = False
-            self._trial = None
+            self._trial_remaining_clks = None

@@ -79,7 +79,7 @@ def opened(path: Path, config: Config) -> Iterator[Recording]:
         InputError: as ``read``, here or from ``blocks``.
     """
     with contextlib.ExitStack() as stack:
-        with _told(path):
+        with _as_input_error(path):
             file = stack.enter_context(path.open("rb"))
             if not file.peek(1):
                 raise InputError(f"{path}: empty file (0 bytes)")
@@ -95,7 +95,7 @@ def opened(path: Path, config: Config) -> Iterator[Recording]:
                 if whole is not None:
                     yield part(whole, rows)
                     continue
-                with _told(path):
+                with _as_input_error(path):
                     arrays = {n: c.rows(rows.stop - start) for n, c in columns.items()}
                     if rows.stop == count:
                         for column in columns.values():
@@ -240,7 +240,7 @@ class _Column:
 
 
 @contextlib.contextmanager
-def _told(path: Path) -> Iterator[None]:
+def _as_input_error(path: Path) -> Iterator[None]:
     """Turn the errors of reading a file into an ``InputError``."""
     try:
         with warnings.catch_warnings():
@@ -259,7 +259,7 @@ def _told(path: Path) -> Iterator[None]:
 
 def _load(path: Path) -> dict[str, npt.NDArray[Any]]:
     """Return the arrays of a file that belong to a recording; a bare array is ``lines``."""
-    with _told(path), path.open("rb") as file:
+    with _as_input_error(path), path.open("rb") as file:
         if not file.peek(1):
             raise InputError(f"{path}: empty file (0 bytes)")
         loaded = np.load(file, allow_pickle=False)

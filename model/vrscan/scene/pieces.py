@@ -16,7 +16,7 @@ from vrscan.scene.beam import core_share, output_mw, radius_mm
 from vrscan.scene.image import Clock
 from vrscan.scene.light import Light
 from vrscan.scene.radiometry import photoelectrons
-from vrscan.scene.spots import BESIDE_PX, Spots, meet
+from vrscan.scene.spots import OFF_SENSOR_PX, Spots, meet
 from vrscan.scene.timeline import Timeline
 
 RAYS = 33  # across a spot that is followed part by part
@@ -225,7 +225,7 @@ class Spotter:
         if self.every_ray:
             middle = 0.5 * self.light.config.sensor.line_length
             with np.errstate(invalid="ignore"):
-                beside = np.abs(spots.position_px - middle) > middle + BESIDE_PX
+                beside = np.abs(spots.position_px - middle) > middle + OFF_SENSOR_PX
             return ~(beside & spots.lit)
         if self.light.scene.scan.pan_mm_per_s != 0.0:
             return self._needs_rays(spots, beam, timeline.y_mm)
@@ -260,7 +260,7 @@ class Spotter:
         split = np.zeros(len(spots.lit), np.bool_)
         middle = 0.5 * self.light.config.sensor.line_length
         with np.errstate(invalid="ignore"):
-            beside = np.abs(spots.position_px - middle) > middle + BESIDE_PX
+            beside = np.abs(spots.position_px - middle) > middle + OFF_SENSOR_PX
         rows = np.flatnonzero(~(beside & spots.lit))
         limit = self.tolerance_px
         origin, direction = self._offset_rays(spots, beam, rows, np.array([-_TEST, _TEST]))

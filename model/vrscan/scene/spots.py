@@ -12,7 +12,7 @@ from vrscan.scene.surface import Material, brdf
 from vrscan.scene.targets import World
 
 STEEPEST_PX_PER_MM = 2000.0  # limit of the image's motion with a ray's offset
-BESIDE_PX = 400.0  # farthest spot beside the sensor whose flank is still drawn
+OFF_SENSOR_PX = 400.0  # farthest spot beside the sensor whose flank is still drawn
 _NEAREST_MM = 1.0  # least distance in front of the lens
 
 
@@ -94,7 +94,7 @@ def meet(
     position = np.where(front, project(point[:, 0], point[:, 2], config.geometry), np.nan)
     middle = 0.5 * config.sensor.line_length
     with np.errstate(invalid="ignore"):
-        rows = np.flatnonzero(np.abs(position - middle) < middle + BESIDE_PX)
+        rows = np.flatnonzero(np.abs(position - middle) < middle + OFF_SENSOR_PX)
     found = Spots(
         lit=lit,
         seen=np.zeros(len(lit), np.bool_),
