@@ -21,12 +21,12 @@ def test_there_are_commands() -> None:
 
 @pytest.mark.parametrize(("page", "words"), FOUND, ids=[" ".join(w) for _, w in FOUND])
 def test_a_documented_command_is_taken_and_leaves_git_clean(page: str, words: list[str]) -> None:
-    command: click.Command = typer.main.get_command(app)  # type: ignore[assignment]
+    command: click.Command = typer.main.get_command(app)
     context = None
     rest = words
     while hasattr(command, "commands"):
         context = command.make_context("vrscan", list(rest), parent=context)
-        name, command, rest = command.resolve_command(  # type: ignore[attr-defined]
+        name, command, rest = command.resolve_command(
             context, [*context._protected_args, *context.args]
         )
     command.make_context(name, list(rest), parent=context)  # or it is refused, as in a shell

@@ -358,7 +358,7 @@ def test_selftest_finds_a_register_that_does_not_hold(board: TestBoard) -> None:
         status, word = access(kind, address, data)
         return status, word & ~4 if address == 0x20 else word
 
-    board.file.access = stuck  # type: ignore[method-assign]
+    board.file.access = stuck
     result = run("selftest")
     assert result.exit_code == 1
     assert "centre" in result.stderr

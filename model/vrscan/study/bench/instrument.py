@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -200,7 +201,7 @@ def growth(parameters: dict[str, Any], seed: int) -> Figures:
             run(Engine.RTL, _some(recording, 8), own)
         except InputError:
             continue
-        seconds = best({"rtl": lambda: run(Engine.RTL, recording, own)}, rounds=2)  # noqa: B023
+        seconds = best({"rtl": partial(run, Engine.RTL, recording, own)}, rounds=2)
         rows.append(["rtl", length, count, seconds["rtl"]])
     return {"seconds": rows}
 

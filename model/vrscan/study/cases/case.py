@@ -1,5 +1,6 @@
 """The entries of the catalogue: lines for the whole chain, or a measurement on one module."""
 
+import abc
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -70,7 +71,7 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Case:
+class Case(abc.ABC):
     """An entry: a stable name, what breaks there, and the defined result in words."""
 
     name: str
@@ -78,17 +79,17 @@ class Case:
     defined: str
 
     @property
+    @abc.abstractmethod
     def rtl(self) -> tuple[str, ...]:
         """Return the tests in ``tb/`` that prove it at RTL, ``file::function``."""
-        raise NotImplementedError
 
+    @abc.abstractmethod
     def outcome(self, window: str = "threshold") -> Outcome:
         """Return the model's outcome, checked against the definition.
 
         Args:
             window: Mode of the window, a value of ``peak.window``.
         """
-        raise NotImplementedError
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """The design space: error of the detector with other widths and windows, over their cost."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Any
 
@@ -420,8 +420,8 @@ _InSeries = tuple[Series, int, Point]
 
 def _of_point(column: Column[Point]) -> Column[_InSeries]:
     """Return the column of a design for a design in its series."""
-    changed: Any = replace
-    return changed(column, value=lambda row: column.value(row[2]))  # type: ignore[no-any-return]
+    own = {each.name: getattr(column, each.name) for each in fields(column)}
+    return Column(**own | {"value": lambda row: column.value(row[2])})
 
 
 def _series_table(order: Order, points: dict[Design, Point]) -> Table[_InSeries]:

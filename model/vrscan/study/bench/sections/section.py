@@ -14,7 +14,7 @@ from vrscan.study.bench.cells import Cell, Figures, plain
 
 Found = Callable[[Cell], Figures]  # the figures of a cell that the section has asked for
 
-BOUND = {"color": INK, "linestyle": (0, (4, 2)), "linewidth": 1.1, "zorder": 5}
+BOUND: dict[str, Any] = {"color": INK, "linestyle": (0, (4, 2)), "linewidth": 1.1, "zorder": 5}
 
 
 @dataclass(frozen=True)

@@ -334,7 +334,7 @@ def _draw(
             label=each.title,
         )
     if kind == "rms":
-        axes.plot(sweep.values, bound, label="Cramér-Rao bound", **BOUND)  # type: ignore[arg-type]
+        axes.plot(sweep.values, bound, label="Cramér-Rao bound", **BOUND)
         if sweep.also is not None:
             name, rule = sweep.also
             more = [rule(value, panel.fixed, order.config) for value in sweep.values]
