@@ -136,7 +136,7 @@ FAULTS = [
         "rtl/sensor/line_extent.sv",
         ("a pixel short is good", "!line_start_i && pixel_valid_i));", "!line_start_i));"),
         ("no reset of the line", "if (rst_i) in_line_q <= 1'b0;", ""),
-        test="line_receiver",
+        ("what was too long stays so", "(over_q && !line_start_i)", "over_q"),
     ),
     *faults(
         "rtl/sensor/line_buffer.sv",

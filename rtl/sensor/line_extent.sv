@@ -9,7 +9,7 @@
 //   ends_o           the line ends; short_o, over_o, with it: too few pixels, too many
 //   unfinished_o     a line begins though the one before has not ended
 //   Latency  none: combinational, from what has been of the line
-//   Model    none: line_receiver and line_capture have theirs
+//   Model    vrscan.fixed.line_extent, bit-exact
 
 `default_nettype none
 

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from vrscan.data import link_pkg, pkg
+from vrscan.fixed.line_extent import LineExtent
 
 LATENCY = 3  # clocks from the line's line_end_i to valid_o
 BETWEEN = 2  # clocks without valid_o between two packets that are ready
@@ -54,7 +55,8 @@ class LineCapture:
 
         # The lines.
         self._number = 0  # number of the next line
-        self._pixels: list[int] | None = None  # pixels of the incoming line
+        self._extent = LineExtent(line_length)
+        self._pixels: list[int] = []  # pixels of the incoming line
         self._armed = False
         self._chosen = False  # whether the incoming line is wanted, if it is good
         self._origin: int | None = None  # number of a line from which on every n-th is wanted
@@ -107,16 +109,15 @@ class LineCapture:
                 self._line = self._number
             self._number = (self._number + 1) % _LINES
             self._pixels = []
-        if self._pixels is None:
-            return
-        if valid and len(self._pixels) <= self._line_length:
+        extent = self._extent.step(start, valid, end)
+        if extent.index is not None:
             self._pixels.append(pixel)
-        if end:
-            if self._chosen and len(self._pixels) == self._line_length:
+        if extent.ends:
+            if self._chosen and extent.good:
                 self._taken = self._pixels
             elif self._chosen:
                 self._failed = one_line
-            self._pixels, self._chosen = None, False
+            self._chosen = False
 
     def _wanted(self) -> bool:
         """Return whether the line that starts is wanted."""

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from vrscan.data import pkg
+from vrscan.fixed.line_extent import LineExtent
 
 LATENCY = 1  # clocks from pixel_valid_i to valid_o and from line_end_i to good_o
 
@@ -39,15 +40,14 @@ class LineReceiver:
     long: int = 0
     unfinished: int = 0
     early: int = 0
-    _in_line: bool = field(default=False, init=False)
-    _over: bool = field(default=False, init=False)
+    _extent: LineExtent = field(init=False)
     _lost: bool = field(default=False, init=False)
-    _fill: int = field(default=0, init=False)
     _number: int = field(default=0, init=False)
     _period: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
         """Set the state after a reset: no line has ended recently."""
+        self._extent = LineExtent(self.line_length)
         self._period = self.min_period
 
     def _count(self, value: int) -> int:
@@ -57,24 +57,17 @@ class LineReceiver:
         """Take the strobes of one clock and return the outputs after it."""
         number_mask = (1 << pkg.LINE_NUMBER_WIDTH) - 1
         dropped = False
+        extent = self._extent.step(start, valid, end)
+        if extent.unfinished:
+            self.unfinished = self._count(self.unfinished)
+            dropped = True
         if start:
-            if self._in_line:
-                self.unfinished = self._count(self.unfinished)
-                dropped = True
-            self._in_line, self._over, self._fill = True, False, 0
             self._number = (self._number + 1) & number_mask
-        taken = self._in_line and valid and self._fill < self.line_length
-        index = self._fill if taken else None
-        if taken:
-            self._fill += 1
-        elif self._in_line and valid:
-            self._over = True
         good = False
-        if self._in_line and end:
-            self._in_line = False
-            if self._fill < self.line_length:
+        if extent.ends:
+            if extent.short:
                 self.short = self._count(self.short)
-            elif self._over:
+            elif extent.over:
                 self.long = self._count(self.long)
             elif self._period < self.min_period:
                 self.early = self._count(self.early)
@@ -85,8 +78,8 @@ class LineReceiver:
         self._lost = (self._lost or dropped) and not good
         self._period = 1 if good else min(self._period + 1, self.min_period)
         return Received(
-            pixel=pixel if taken else None,
-            index=index,
+            pixel=pixel if extent.index is not None else None,
+            index=extent.index,
             good=good,
             line_number=(self._number - 1) & number_mask if good else None,
             lost=lost if good else None,
