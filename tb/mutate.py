@@ -446,7 +446,11 @@ FAULTS = [
             "else if (1'b0) word_o <= '0;",
         ),
         ("level after a fault", "if (!active_d) level_o <= '0;", "if (1'b0) level_o <= '0;"),
-        ("no reset of the pin", "      sigma_q     <= '0;\n", ""),
+        (
+            "no reset of the pin",
+            "u_level_pin (\n    .clk_i, .rst_i,",
+            "u_level_pin (\n    .clk_i, .rst_i(1'b0),",
+        ),
     ),
     *faults(
         "rtl/mirror/amplitude_control.sv",
