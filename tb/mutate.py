@@ -707,9 +707,22 @@ FAULTS = [
     ),
     *faults(
         "rtl/actuators/laser_control.sv",
+        ("a cut line keeps its power", "? '0 : power_line_o;", "? power_line_o : power_line_o;"),
+        ("the power's pin has the start-up level", ".level_i(power_o)", ".level_i(startup_o)"),
+    ),
+    *faults(
+        "rtl/actuators/power_adaptation.sv",
+        ("a new power in a pulse", "(pulse_q && !pulse_i)", "!pulse_i"),
+        ("a small power of nothing measured stands", "!saturated_q && !measured_q}", "1'b0}"),
+    ),
+    *faults(
+        "rtl/actuators/sigma_delta.sv",
+        ("no reset of what is left over", "      sum_q <= '0;\n", ""),
+    ),
+    *faults(
+        "rtl/safety/laser_interlock.sv",
         ("a pulse that has begun is permitted", "&& (permit_q || !pulse_i);", ";"),
         ("a full bucket opens at once", "over || (full_q && level_q != '0)", "over"),
-        ("a new power in a pulse", "(pulse_q && !pulse_i)", "!pulse_i"),
     ),
     *faults(
         "rtl/safety/laser_guard.sv",
