@@ -24,7 +24,7 @@ from rich.table import Table
 from vrscan.engines.tools import repository_root
 
 ROOT = repository_root()
-PARTS = ("rtl", "tb", "model", "scripts", "pyproject.toml")
+PARTS = ("rtl", "tb", "model", "scripts", "pyproject.toml", "requirements.txt")
 SECONDS = 200  # a test that takes longer hangs, which is red too
 NO_RTL = "not rtl"  # for a model: mathematics has to notice, not only the RTL
 
@@ -963,7 +963,7 @@ def verdict(tree: Path, test: str, only: str) -> str:
         # A fault and its removal within a second would leave stale byte code.
         "PYTHONDONTWRITEBYTECODE": "1",
     }
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", test]
+    command = [sys.executable, "-m", "pytest", "-q", "-x", test]
     command += ["-k", only] if only else []
     with subprocess.Popen(
         command, cwd=tree, env=environment, text=True, start_new_session=True,
