@@ -7,11 +7,10 @@ import numpy as np
 from cocotb.triggers import Timer
 from harness import TwinBench, as_integer, drive, parameters, port
 
-from vrscan.clocked import laser_interlock, power_adaptation
-from vrscan.clocked.laser_control import Settings
 from vrscan.clocked.laser_interlock import Ceilings, LaserInterlock
 from vrscan.data import pkg
 from vrscan.registers.register_map import REGISTERS
+from vrscan.registers.settings import LaserSettings, Settings
 
 OFF, SWEEP, SETTLE = pkg.MIRROR_OFF, pkg.MIRROR_SWEEP, pkg.MIRROR_SETTLE
 RUN, FAULT = pkg.MIRROR_RUN, pkg.MIRROR_FAULT
@@ -37,8 +36,10 @@ LOW = {
     "WatchdogCeilingClks": 150,
 }
 
-OPEN = Settings(
+OPEN = LaserSettings(
     enable=1,
+    adapt=0,
+    shared=0,
     power=20_000,
     power_min=240,
     power_max=POWER_MAX,
@@ -77,8 +78,6 @@ FIELDS = {
     "point_test": ("line.test", 0),
 }
 
-AnySettings = laser_interlock.Settings | power_adaptation.Settings
-
 
 def ceilings() -> Ceilings:
     """Return the ceilings of the running elaboration."""
@@ -100,7 +99,7 @@ def pixel(height: int) -> int:
     return height >> spare() << spare()
 
 
-def random_settings(draw: np.random.Generator, opened: AnySettings) -> AnySettings:
+def random_settings(draw: np.random.Generator, opened: Settings) -> Settings:
     """Return settings, often those given, often with a value at an end of its range."""
     values = dict(vars(opened))
     for name in values:
@@ -177,12 +176,12 @@ class SettingsBench(TwinBench):
     def __init__(self, dut, quiet: dict[str, int], outputs: dict[str, str]) -> None:
         super().__init__(dut, quiet)
         self.quiet = quiet
-        self.settings: AnySettings | None = None
+        self.settings: Settings | None = None
         self.compared = [
             (name, port(dut, f"{name}_o"), attrgetter(place)) for name, place in outputs.items()
         ]
 
-    def twin_of(self, settings: AnySettings) -> object:
+    def twin_of(self, settings: Settings) -> object:
         """Return a new twin with these registers."""
         raise NotImplementedError
 
@@ -192,16 +191,17 @@ class SettingsBench(TwinBench):
         place, shift = FIELDS.get(name, (name, 0))
         return place, int(value) << shift
 
-    def set(self, settings: AnySettings) -> None:
+    def set(self, settings: Settings) -> None:
         """Change the registers."""
-        for name, value in vars(settings).items():
-            if self.settings is None or getattr(self.settings, name) != value:
-                drive(port(self.dut, f"laser_{name}_i"), value)
+        before = self.settings.ports if self.settings else {}
+        for name, value in settings.ports.items():
+            if before.get(name) != value:
+                drive(port(self.dut, f"{name}_i"), value)
         self.settings = settings
         if self.twin is not None:
             self.twin.settings = settings
 
-    async def start(self, settings: AnySettings, **inputs: int) -> None:
+    async def start(self, settings: Settings, **inputs: int) -> None:
         """Set the registers and reset for a clock, with these inputs."""
         self.set(settings)
         await self.reset_to(self.twin_of(settings), **(self.quiet | inputs))
@@ -232,7 +232,7 @@ class LightBench(SettingsBench):
         got, want = as_integer(self.dut.pulse_o), int(self.interlock.gate(self.inputs["pulse"]))
         assert got == want, f"clock {self.clock}, pulse: {got}, want {want}, {self.inputs}"
 
-    async def start(self, settings: AnySettings, **inputs: int) -> None:
+    async def start(self, settings: Settings, **inputs: int) -> None:
         await super().start(settings, **inputs)
         self.lit = False
 
@@ -260,7 +260,7 @@ class LightBench(SettingsBench):
             shown.append((int(self.lit), self.shown))
         return shown
 
-    async def into_run(self, settings: AnySettings, **inputs: int) -> None:
+    async def into_run(self, settings: Settings, **inputs: int) -> None:
         """Reset and go on until pulses are permitted."""
         await self.start(settings, **inputs)
         for _ in range(3):
@@ -269,6 +269,6 @@ class LightBench(SettingsBench):
         assert self.interlock.permit
 
 
-def part(kind: type[AnySettings]) -> AnySettings:
+def part(kind: type[Settings]) -> Settings:
     """Return the open settings of one module."""
     return kind(**{field.name: getattr(OPEN, field.name) for field in dataclasses.fields(kind)})

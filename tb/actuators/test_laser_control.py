@@ -21,8 +21,9 @@ from laser_bench import (
     random_settings,
 )
 
-from vrscan.clocked.laser_control import LaserControl, Settings
+from vrscan.clocked.laser_control import LaserControl
 from vrscan.clocked.laser_interlock import LaserInterlock
+from vrscan.registers.settings import LaserSettings
 
 ELABORATIONS = [{"PixelWidth": 16, "HeartbeatBits": 1, **LOW}, {}]
 QUIET = {
@@ -57,7 +58,7 @@ def heartbeat_bits() -> int:
     return parameters().get("HeartbeatBits", 5)
 
 
-def with_changes(**changes: int) -> Settings:
+def with_changes(**changes: int) -> LaserSettings:
     """Return the open settings but for what is given."""
     return dataclasses.replace(OPEN, **changes)
 
@@ -74,7 +75,7 @@ class Bench(LightBench):
     def interlock(self) -> LaserInterlock:
         return self.twin.interlock
 
-    def twin_of(self, settings: Settings) -> LaserControl:
+    def twin_of(self, settings: LaserSettings) -> LaserControl:
         return LaserControl(settings, ceilings(), heartbeat_bits(), count_width())
 
     def check_gates(self) -> None:

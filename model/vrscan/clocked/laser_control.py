@@ -4,17 +4,12 @@ VR-SCAN IV-B and (10): the power follows the peak of the line before, and the po
 really had is stored with its line.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 from vrscan.clocked import laser_interlock, power_adaptation
 from vrscan.clocked.sigma_delta import SigmaDelta
 from vrscan.data import pkg
-
-
-@dataclass(frozen=True)
-class Settings(power_adaptation.Settings, laser_interlock.Settings):
-    """The configuration of both parts: the registers ``laser_*`` without that prefix."""
+from vrscan.registers.settings import LaserSettings
 
 
 class LaserControl:
@@ -37,7 +32,7 @@ class LaserControl:
 
     def __init__(
         self,
-        settings: Settings,
+        settings: LaserSettings,
         ceilings: laser_interlock.Ceilings | None = None,
         heartbeat_bits: int = 5,
         count_width: int = 16,
@@ -53,12 +48,12 @@ class LaserControl:
         self._beat_bits = heartbeat_bits
 
     @property
-    def settings(self) -> Settings:
+    def settings(self) -> LaserSettings:
         """Return the registers."""
         return self._settings
 
     @settings.setter
-    def settings(self, settings: Settings) -> None:
+    def settings(self, settings: LaserSettings) -> None:
         self._settings = self.adaptation.settings = self.interlock.settings = settings
 
     @property

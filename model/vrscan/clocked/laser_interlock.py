@@ -3,10 +3,10 @@
 ``docs/laser-safety.md`` describes the limits.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from vrscan.data import pkg
-from vrscan.registers.register_map import REGISTERS
+from vrscan.registers.settings import InterlockSettings
 
 PHASE_WIDTH = 16
 BUCKET_MARGIN = 4 << pkg.POWER_WIDTH  # margin of the bucket: four clocks of the largest power
@@ -41,43 +41,6 @@ class Ceilings:
     watchdog_clks: int = 134_217_728
 
 
-@dataclass(frozen=True)
-class Settings:
-    """The configuration: the registers ``laser_*`` without that prefix.
-
-    Attributes:
-        enable: Switch of all light.
-        startup: Level of the start-up channel; u16, like all powers.
-        index_begin, index_end: Phases between which the start-up channel is on in RUN; u16, turns.
-        limit_power, limit_startup: Limits of the two channels' powers.
-        limit_pulse_clks: Limit of a pulse's length; u20.
-        limit_drain: Power that leaves the bucket, per clock; u16.
-        limit_bucket: Energy of the bucket, power times clocks; u32.
-        watchdog_clks: Time of the watchdog; u32; 0 means the ceiling.
-
-    Raises:
-        ValueError: if a value does not fit.
-    """
-
-    enable: int = 0
-    startup: int = 0
-    index_begin: int = 0
-    index_end: int = 0
-    limit_power: int = 0
-    limit_startup: int = 0
-    limit_pulse_clks: int = 0
-    limit_drain: int = 0
-    limit_bucket: int = 0
-    watchdog_clks: int = 0
-
-    def __post_init__(self) -> None:
-        """Check the widths."""
-        for field in fields(self):
-            width = REGISTERS[f"laser_{field.name}"].width
-            if getattr(self, field.name) not in range(1 << width):
-                raise ValueError(f"laser: {field.name} does not fit in {width} bits")
-
-
 class LaserInterlock:
     """Clock-accurate interlock. A new one is in the state after a reset.
 
@@ -98,7 +61,7 @@ class LaserInterlock:
     """
 
     def __init__(
-        self, settings: Settings, ceilings: Ceilings | None = None, count_width: int = 16
+        self, settings: InterlockSettings, ceilings: Ceilings | None = None, count_width: int = 16
     ) -> None:
         self.settings = settings
         self.ceilings = ceilings or Ceilings()

@@ -3,10 +3,8 @@
 VR-SCAN IV-B: the power follows the peak of the line before.
 """
 
-from dataclasses import dataclass, fields
-
 from vrscan.fixed.multiply import latency as multiply_latency
-from vrscan.registers.register_map import REGISTERS
+from vrscan.registers.settings import AdaptationSettings
 
 GAIN_FRACTION = 13
 FACTOR_FRACTION = 14
@@ -14,45 +12,8 @@ FACTOR_MAX = (1 << 17) - 1
 POWER_LATENCY = 2 * multiply_latency(17, 18) + 9  # clocks from point_valid_i to the new power
 
 
-@dataclass(frozen=True)
-class Settings:
-    """The configuration: the registers ``laser_*`` without that prefix.
-
-    Attributes:
-        enable, adapt, shared: Switches, one bit each.
-        power: Power without ``adapt``; u16, like all powers.
-        power_min, power_max: Range of the adapted power.
-        target: Target height of a peak above its background; u16, left-aligned counts.
-        cut: Factor of the power after saturation; u14, all fraction.
-        down, up: Gains above and below the target; u16, 13 fraction bits.
-        search: Relative growth of the power where nothing is measured; u14, all fraction.
-
-    Raises:
-        ValueError: if a value does not fit.
-    """
-
-    enable: int = 0
-    adapt: int = 0
-    shared: int = 0
-    power: int = 0
-    power_min: int = 0
-    power_max: int = 0
-    target: int = 0
-    cut: int = 0
-    down: int = 0
-    up: int = 0
-    search: int = 0
-
-    def __post_init__(self) -> None:
-        """Check the widths."""
-        for field in fields(self):
-            width = REGISTERS[f"laser_{field.name}"].width
-            if getattr(self, field.name) not in range(1 << width):
-                raise ValueError(f"laser: {field.name} does not fit in {width} bits")
-
-
 def next_power(
-    settings: Settings, power: int, height: int, *, measured: bool, saturated: bool
+    settings: AdaptationSettings, power: int, height: int, *, measured: bool, saturated: bool
 ) -> int:
     """Return the power that a point demands.
 
@@ -92,7 +53,7 @@ class PowerAdaptation:
         inward_power, outward_power: The next power of each direction; u16.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: AdaptationSettings) -> None:
         self.settings = settings
         self.power = 0
         self.inward_power = 0
