@@ -1,16 +1,16 @@
 // laser_control: driver of a two-channel laser: the power follows the peaks, within the limits.
 //
 // Two channels, as laser switches have them: a main one for the pulses and a start-up one, dim, for
-// the index mark, which must be found before the mirror can be known to move.  power_adaptation says
-// what power is wanted, laser_interlock what light there is; two sigma_delta bring its levels to
-// pins.  Added here are the power that a line had, and a heartbeat for laser_guard.
+// the index mark, which must be found before the mirror can be known to move.  power_adaptation
+// says what power is wanted, laser_interlock what light there is, and two sigma_delta bring its
+// levels to pins.  What is added here are the power that a line had, and laser_guard's heartbeat.
 //
 //   pulse_o       pulse_i, or 0 where laser_interlock does not permit it
 //   power_o       changes between pulses only: in the second clock after a request ends, or when a
 //                 limit comes down.  At most laser_limit_power
 //   *_pin_o       sigma-delta of the first order: of 2**16 clocks power_o (startup_o) are high
-//   power_line_o  from the clock of centre_i to the next: what the pulse has, 0 if it is suppressed,
-//                 and 0 from the clock after a cut; inward_line_o is its direction
+//   power_line_o  from the clock of centre_i to the next: what the pulse has, 0 if it is
+//                 suppressed, and 0 from the clock after a cut; inward_line_o is its direction
 //   phase_i       mirror_phase_o's top bits.  The first half turn is inward
 //   guard_ok_i    of laser_guard; synchronised here.  1 where there is none
 //   heartbeat_o   toggles every 2**HeartbeatBits clocks

@@ -1,25 +1,27 @@
 // power_adaptation: the laser's power for the next line, from the peak of the line before.
 //
-// Every point tells the height of its peak over the background, and the next power is the point's
-// own power times a factor, with one multiplier and no division:
+// Every point tells the height of its peak over the background.  The next power is the point's own
+// power times a factor, with one multiplier and no division.  The factor of a point is, where it is
 //   saturated     laser_cut / 2**14
-//   not measured  1 + laser_search / 2**14, and one step
+//   not measured  1 + laser_search / 2**14, and the power is one step more
 //   else          1 + k (laser_target - height) / 2**16, k = laser_down / 2**13 above the target,
 //                 laser_up / 2**13 below; to 14 fraction bits, nearest, half up, within 0 and 8
-// to nearest, half up, within laser_power_min (at least 1) .. laser_power_max; of limits that
-// contradict each other the upper one is looked at first.  Each direction of the scan has its own
-// power, or with laser_shared both have one.  Points of test lines or of no power say
-// nothing.  With laser_enable or laser_adapt low the powers are laser_power, at least the least
-// one: there the adaptation begins.  Without laser_adapt power_o is laser_power.  What the next
-// power is made of must hold meanwhile.
+// The power is rounded to nearest, half up, and kept within laser_power_min (at least 1) and
+// laser_power_max; of limits that contradict each other the upper one is looked at first.  Each
+// direction of the scan has its own power, or with laser_shared both have one.  Points of test
+// lines and of lines without power are ignored.
 //
-//   pulse_i   a line's power is taken when its pulse ends, and in every clock while armed_i, of
-//             laser_interlock, is low
-//   inward_i  direction of the scan; the power that is taken is this direction's
-//   power_o   the power that is wanted: a clock after it is taken
+// While laser_enable or laser_adapt is low both powers are laser_power, raised to the least one;
+// there the adaptation begins.  Without laser_adapt power_o is laser_power itself.  The registers
+// must hold while a point is worked on.
+//
+//   pulse_i   when a pulse ends, the next line's power is taken
+//   armed_i   of laser_interlock; while it is low the power is taken in every clock
+//   inward_i  direction of the scan, whose power is taken
+//   power_o   the power that is wanted, a clock after it is taken
 //   inward_power_o, outward_power_o  the next power of each direction
-//   Latency  point_valid_i to the new power: 21 clocks; a point_valid_i within the first 19 of these
-//            starts anew
+//   Latency  point_valid_i to the new power: 21 clocks; a point_valid_i within the first 19 of
+//            these starts anew
 //   Model    vrscan.clocked.power_adaptation, bit-exact
 
 `default_nettype none

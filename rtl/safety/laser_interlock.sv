@@ -4,22 +4,22 @@
 // proves its limits for any inputs; docs/laser-safety.md has them, and the times.
 //
 // Main channel.  pulse_o is pulse_i and a registered permission, so a pulse has no latency and no
-// jitter of its own.  It is given in RUN with index_alive_i, laser_enable, a host that is heard
-// and guard_ok_i, and not before the second line_start_i of these on end: the level has a line to
-// settle.  Any of them away: pulse_o and power_o are 0 one clock later.  It is given only while
-// pulse_i is low and may then only be withdrawn, so a pulse is whole, cut or absent:
-//   laser_limit_pulse_clks  a longer request is cut, and dark until it was low
-//   laser_limit_bucket      of a bucket to which a clock of the pulse adds its power and which
-//                           laser_limit_drain leaves a clock; one that could overflow stops the
-//                           pulses until it is empty.  2**MarginBits are kept for the pipeline
-//   laser_watchdog_clks     no alive_i for so long: both channels are off, until laser_enable was
-//                           low and alive_i has come.  After a reset the host has not been heard.
-//                           0 is as the ceiling, not "never"
-// Every limit has a ceiling by parameter, which no register lifts.
+// jitter of its own.  The permission needs RUN, index_alive_i, laser_enable, a host that is heard
+// and guard_ok_i.  It comes after the second line_start_i at which all of these hold, because the
+// level takes a line to settle.  When one of them goes, pulse_o and power_o are 0 a clock later.
+// The permission begins only while pulse_i is low, so a pulse is whole, cut or absent.  Its limits:
+//   laser_limit_pulse_clks  a longer request is cut, and it is dark until the request was low
+//   laser_limit_bucket      a clock of light adds its power to a bucket, which laser_limit_drain
+//                           leaves every clock.  When it could overflow there are no pulses until
+//                           it is empty; 2**MarginBits of it cover the clocks until then
+//   laser_watchdog_clks     after so long without alive_i both channels are off, until laser_enable
+//                           was low and alive_i has come.  After a reset no host has been heard.
+//                           0 means the ceiling, not "never"
+// Every limit has a ceiling, a parameter that no register lifts.
 //
-// Start-up channel.  index_light_o is on in SWEEP and SETTLE, in RUN while phase_i is from
-// laser_index_begin to below laser_index_end, and off in OFF and FAULT.  startup_o is laser_startup
-// or laser_limit_startup if that is less; 0 where the channel is off for good, not in a turn's dark part.
+// Start-up channel.  index_light_o is on in SWEEP and SETTLE, off in OFF and FAULT, and in RUN on
+// while phase_i is from laser_index_begin to below laser_index_end.  startup_o is laser_startup, at
+// most laser_limit_startup; it is 0 in OFF and FAULT but stays up in the dark part of a turn.
 //
 //   power_o       power_i a clock ago, at most laser_limit_power; 0 where no pulse may come
 //   phase_i       mirror_phase_o's top bits
@@ -28,9 +28,9 @@
 //   status_o      from bit 0: host heard, guard well, armed, bucket full, watchdog tripped
 //   cut_count_o, duty_count_o, watchdog_count_o  how often each limit acted; they stop at their
 //                 largest value
-//   Latency  state_i, index_alive_i and laser_enable to pulse_o and index_light_o 1 clock, phase_i to
-//            index_light_o 3, guard_ok_i to both 3; a limit to power_o and startup_o 2; the last
-//            alive_i to dark: laser_watchdog_clks + 3.  The counters follow by a clock
+//   Latency  state_i, index_alive_i and laser_enable to the light: 1 clock; phase_i to
+//            index_light_o: 3; guard_ok_i to the light: 3; a limit to power_o and startup_o: 2; the
+//            last alive_i to dark: laser_watchdog_clks + 3.  The counters follow by a clock
 //   Model    vrscan.clocked.laser_interlock, bit-exact
 
 `default_nettype none
