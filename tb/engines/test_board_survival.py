@@ -210,7 +210,7 @@ def uptime(device: Device, come: Callable[[], object] = lambda: None) -> tuple[i
     """Return the board's clocks, and what ``come`` says when that reply is in."""
     seen: list[object] = []
     data = protocol.read(REGISTERS["uptime"].address, 2)
-    reply = device.command(Command.READ, data, then=lambda: seen.append(come()))
+    reply = device.command(Command.READ, data, on_reply=lambda: seen.append(come()))
     low, high = struct.unpack("<x2I", reply)
     return low | high << 32, seen[-1]
 
@@ -371,7 +371,7 @@ class Storm:
         return struct.pack("<BBI", Status.OK, 1, word)
 
 
-@pytest.mark.parametrize("commands", [300, in_volume(2000)])
+@pytest.mark.parametrize("commands", [150, in_volume(2000)])
 def test_a_storm_of_commands_while_the_mirror_runs(slow_board: Board, commands: int) -> None:
     window = 6
     touched = ("scratch", "points_batch", "k_noise", "snr_min", "min_width", "c_obj_gain")

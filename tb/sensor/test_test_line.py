@@ -9,6 +9,7 @@ from harness import (
     TwinBench,
     as_integer,
     drive,
+    each,
     generator,
     parameters,
     port,
@@ -40,9 +41,9 @@ from vrscan.registers.register_map import REGISTERS
 from vrscan.registers.settings import TestLineSettings as Settings
 
 ELABORATIONS = [
+    {"LineLength": 2048, "PixelWidth": 12},
     {"LineLength": 64, "PixelWidth": 8},
     {"LineLength": 100, "PixelWidth": 16},
-    {"LineLength": 2048, "PixelWidth": 12},
 ]
 PX = 1 << pkg.POSITION_FRACTION
 FULL = (1 << pkg.ALIGNED_WIDTH) - 1
@@ -282,7 +283,7 @@ async def reset_at_every_age(dut) -> None:
             assert len(bench.ends) == 1
 
 
-@pytest.mark.parametrize("elaboration", ELABORATIONS, ids=str)
+@pytest.mark.parametrize("elaboration", each(ELABORATIONS), ids=str)
 def test_test_line_rtl_equals_model(elaboration: dict[str, int]) -> None:
     simulate("test_line", __file__, elaboration)
 
