@@ -10,7 +10,6 @@ from vrscan.data.config import Config
 from vrscan.data.errors import InputError
 from vrscan.ideal.motion import motion
 from vrscan.registers.laser_registers import LaserRegisters
-from vrscan.registers.settings import LaserSettings
 
 SHIPPED = LaserRegisters.from_config(Config())
 
@@ -20,22 +19,16 @@ def registers(section: str, **values: float) -> LaserRegisters:
     return LaserRegisters.from_config(Config.model_validate({section: values}))
 
 
-def test_every_register_is_a_port() -> None:
-    """The names are those of the settings, but for the one that switches the light on."""
-    values = {name.removeprefix("laser_"): value for name, value in vars(SHIPPED).items()}
-    assert LaserSettings(enable=1, **values).ports == vars(SHIPPED) | {"laser_enable": 1}
-
-
 def test_shipped_limits_are_within_the_ceilings() -> None:
     """No limit that a host reads back is more than what holds, and pulses get through."""
     ceilings = Ceilings()
-    assert SHIPPED.laser_limit_power <= ceilings.power
-    assert SHIPPED.laser_limit_startup <= ceilings.startup
-    assert SHIPPED.laser_limit_pulse_clks <= ceilings.pulse_clks
-    assert SHIPPED.laser_limit_drain <= ceilings.drain
-    assert BUCKET_MARGIN < SHIPPED.laser_limit_bucket <= ceilings.bucket
-    assert 0 < SHIPPED.laser_watchdog_clks <= ceilings.watchdog_clks
-    assert SHIPPED.laser_startup - SHIPPED.laser_limit_startup <= 1
+    assert SHIPPED.limit_power <= ceilings.power
+    assert SHIPPED.limit_startup <= ceilings.startup
+    assert SHIPPED.limit_pulse_clks <= ceilings.pulse_clks
+    assert SHIPPED.limit_drain <= ceilings.drain
+    assert BUCKET_MARGIN < SHIPPED.limit_bucket <= ceilings.bucket
+    assert 0 < SHIPPED.watchdog_clks <= ceilings.watchdog_clks
+    assert SHIPPED.startup - SHIPPED.limit_startup <= 1
 
 
 def test_the_shipped_line_is_within_its_limits() -> None:
@@ -43,24 +36,24 @@ def test_the_shipped_line_is_within_its_limits() -> None:
     config = Config()
     pulse_clks = config.line.pulse_us * 1e-6 * config.clock.frequency_hz
     line_clks = config.clock.frequency_hz / config.line.rate_hz
-    assert SHIPPED.laser_power_max * pulse_clks / line_clks < SHIPPED.laser_limit_drain
+    assert SHIPPED.power_max * pulse_clks / line_clks < SHIPPED.limit_drain
 
 
 def test_limits_are_rounded_down() -> None:
     """Half a step more than a register can say is not granted; a whole one is."""
     step_mw = 50.0 / 65_535
-    assert registers("laser", limit_power_mw=99.5 * step_mw).laser_limit_power == 99
-    assert registers("laser", limit_power_mw=100 * step_mw).laser_limit_power == 100
-    assert registers("laser", power_mw=99.6 * step_mw).laser_power == 100
-    assert registers("laser", watchdog_s=1e-12).laser_watchdog_clks == 1
+    assert registers("laser", limit_power_mw=99.5 * step_mw).limit_power == 99
+    assert registers("laser", limit_power_mw=100 * step_mw).limit_power == 100
+    assert registers("laser", power_mw=99.6 * step_mw).power == 100
+    assert registers("laser", watchdog_s=1e-12).watchdog_clks == 1
 
 
 def test_energy_and_average_are_of_the_same_light() -> None:
     """A bucket's power times clocks, and a drain's power, in joules and watts."""
     watts = 0.05 / 65_535
     second = Config().clock.frequency_hz
-    assert math.isclose(SHIPPED.laser_limit_bucket * watts / second, 1e-6, rel_tol=1e-6)
-    assert math.isclose(SHIPPED.laser_limit_drain * watts, 2.5e-3, rel_tol=1e-3)
+    assert math.isclose(SHIPPED.limit_bucket * watts / second, 1e-6, rel_tol=1e-6)
+    assert math.isclose(SHIPPED.limit_drain * watts, 2.5e-3, rel_tol=1e-3)
 
 
 @pytest.mark.parametrize("index_deg", [17.0, -17.0])
@@ -72,9 +65,7 @@ def test_the_index_is_lit_beyond_its_margin(index_deg: float, margin_deg: float)
     )
     found = LaserRegisters.from_config(config)
     phase = np.arange(0, 1 << 16)
-    inside = (phase - found.laser_index_begin) % 65536 < (
-        found.laser_index_end - found.laser_index_begin
-    ) % 65536
+    inside = (phase - found.index_begin) % 65536 < (found.index_end - found.index_begin) % 65536
     angle = np.degrees(
         motion(
             phase / 65536,

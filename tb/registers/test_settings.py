@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from vrscan.registers import settings
+from vrscan.registers.chain_registers import Registers
 from vrscan.registers.mirror_registers import MirrorRegisters
 from vrscan.registers.settings import Settings
 
@@ -56,7 +57,7 @@ def given(kind: type[Settings], **values: int) -> Settings:
 
 
 def test_no_class_is_left_out() -> None:
-    assert set(Settings.__subclasses__()) == set(MODULES)
+    assert set(Settings.__subclasses__()) == {*MODULES, Registers}
 
 
 @pytest.mark.parametrize("kind", MODULES, ids=lambda kind: kind.__name__)

@@ -11,6 +11,7 @@ from vrscan.data.config import Config
 from vrscan.data.contract import checked_angles
 from vrscan.data.errors import InputError
 from vrscan.registers.register_map import REGISTERS
+from vrscan.registers.settings import Settings
 
 CONFIDENCE_ONE = 2**pkg.CONFIDENCE_WIDTH - 1
 
@@ -61,7 +62,7 @@ def fit(source: str, key: str, value: float, name: str) -> int:
 
 
 @dataclass(frozen=True)
-class Registers:
+class Registers(Settings):
     """Configuration of the signal chain in integers; formats are those of ``vrscan_pkg``.
 
     ``pixel_width`` and ``line_length`` are elaboration parameters of the RTL, not ports. They are
@@ -91,6 +92,9 @@ class Registers:
     d1: int
     e0: int
     e1: int
+
+    def __post_init__(self) -> None:
+        """Check nothing: of a line beyond 2048 px no register holds ``centre``, yet engines do."""
 
     @classmethod
     def from_config(cls, config: Config) -> "Registers":

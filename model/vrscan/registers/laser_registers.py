@@ -1,4 +1,4 @@
-"""The laser's configuration as the integers that the ports of ``laser_control`` take."""
+"""The laser's configuration as the integers that the registers take."""
 
 import math
 from dataclasses import dataclass
@@ -7,34 +7,15 @@ from vrscan.data.config import Config
 from vrscan.data.errors import InputError
 from vrscan.registers.chain_registers import fit
 from vrscan.registers.register_map import REGISTERS
+from vrscan.registers.settings import LaserSettings
 
 
 @dataclass(frozen=True)
-class LaserRegisters:
-    """Configuration of the laser in integers; formats are those of ``laser_control``.
+class LaserRegisters(LaserSettings):
+    """Configuration of the laser in integers; formats are those of the registers.
 
-    ``laser_enable`` is not included, because the configuration does not switch the light on.
+    ``enable`` is 0, because a configuration does not switch the light on.
     """
-
-    laser_limit_power: int
-    laser_limit_startup: int
-    laser_limit_pulse_clks: int
-    laser_limit_drain: int
-    laser_limit_bucket: int
-    laser_watchdog_clks: int
-    laser_adapt: int
-    laser_shared: int
-    laser_power: int
-    laser_power_min: int
-    laser_power_max: int
-    laser_startup: int
-    laser_target: int
-    laser_cut: int
-    laser_down: int
-    laser_up: int
-    laser_search: int
-    laser_index_begin: int
-    laser_index_end: int
 
     @classmethod
     def from_config(cls, config: Config) -> "LaserRegisters":
@@ -78,31 +59,30 @@ class LaserRegisters:
         bucket = joules / (1e-3 * laser.rated_mw) * clock * laser.power_max
         pulse_clks = 1e-6 * laser.limit_pulse_us * clock
         return cls(
-            laser_limit_power=limit(
-                "limit_power_mw", per_mw * laser.limit_power_mw, "laser_limit_power"
-            ),
-            laser_limit_startup=limit(
+            enable=0,
+            limit_power=limit("limit_power_mw", per_mw * laser.limit_power_mw, "laser_limit_power"),
+            limit_startup=limit(
                 "limit_startup_mw", per_mw * laser.limit_startup_mw, "laser_limit_startup"
             ),
-            laser_limit_pulse_clks=limit("limit_pulse_us", pulse_clks, "laser_limit_pulse_clks"),
-            laser_limit_drain=limit(
+            limit_pulse_clks=limit("limit_pulse_us", pulse_clks, "laser_limit_pulse_clks"),
+            limit_drain=limit(
                 "limit_average_mw", per_mw * laser.limit_average_mw, "laser_limit_drain"
             ),
-            laser_limit_bucket=limit("limit_burst_uj", bucket, "laser_limit_bucket"),
-            laser_watchdog_clks=max(
+            limit_bucket=limit("limit_burst_uj", bucket, "laser_limit_bucket"),
+            watchdog_clks=max(
                 limit("watchdog_s", laser.watchdog_s * clock, "laser_watchdog_clks"), 1
             ),
-            laser_adapt=int(laser.adapt),
-            laser_shared=int(laser.shared),
-            laser_power=power("power_mw", "laser_power"),
-            laser_power_min=power("min_mw", "laser_power_min"),
-            laser_power_max=power("max_mw", "laser_power_max"),
-            laser_startup=power("startup_mw", "laser_startup"),
-            laser_target=share("target"),
-            laser_cut=share("cut"),
-            laser_down=share("down"),
-            laser_up=share("up"),
-            laser_search=share("search"),
-            laser_index_begin=math.floor((middle - half) * one) % one,
-            laser_index_end=math.ceil((middle + half) * one) % one,
+            adapt=int(laser.adapt),
+            shared=int(laser.shared),
+            power=power("power_mw", "laser_power"),
+            power_min=power("min_mw", "laser_power_min"),
+            power_max=power("max_mw", "laser_power_max"),
+            startup=power("startup_mw", "laser_startup"),
+            target=share("target"),
+            cut=share("cut"),
+            down=share("down"),
+            up=share("up"),
+            search=share("search"),
+            index_begin=math.floor((middle - half) * one) % one,
+            index_end=math.ceil((middle + half) * one) % one,
         )

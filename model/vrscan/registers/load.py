@@ -1,6 +1,5 @@
 """A configuration as the values that a host writes into a board's registers."""
 
-from dataclasses import fields
 from typing import Protocol
 
 from vrscan.data.config import Clock, Config
@@ -20,9 +19,6 @@ CONTROLS = frozenset(
         *("points_batch", "points_timeout_clks"),
     }
 )
-
-# Fields that are not writable registers: parameters of the board's build.
-_BUILT = frozenset({"clock_hz", "line_length", "pixel_width", "oversample"})
 
 
 class Build(Protocol):
@@ -77,8 +73,5 @@ def settings(config: Config, build: Build) -> dict[str, int | tuple[int, ...]]:
         FocusRegisters.from_config(on_board),
         LaserRegisters.from_config(on_board),
     ):
-        for field in fields(registers):
-            if field.name not in _BUILT:
-                value = getattr(registers, field.name)
-                values[field.name] = value if isinstance(value, tuple) else int(value)
+        values |= {name: value for name, value in registers.ports.items() if name not in CONTROLS}
     return values

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from typing import ClassVar
 
 from vrscan.data.errors import InputError
-from vrscan.registers.values import NAMES, WRITABLE, find, to_words
+from vrscan.registers.values import NAMES, WRITABLE, Value, find, to_words
 
 _WRITTEN = frozenset(name for name in NAMES if find(name).access in WRITABLE)
 
@@ -32,7 +32,7 @@ class Settings:
                 raise ValueError(str(error)) from None
 
     @property
-    def ports(self) -> dict[str, int]:
+    def ports(self) -> dict[str, Value]:
         """The values of all fields that are registers, by their names."""
         named = ((self.PREFIX + field.name, getattr(self, field.name)) for field in fields(self))
         return {name: value for name, value in named if name in _WRITTEN}
