@@ -16,14 +16,14 @@
 //   capture_busy_i within 8 clocks of capture_start_o
 //   alive_o        a command of a known kind and the right length is executed
 //   busy_o         a frame waits, is executed or has its reply not yet taken
-//   commands_bad_o commands of no kind or a wrong length; stops at 2**16 - 1
+//   commands_bad_o commands of no kind or a wrong length; stops at its largest
 //   Latency        see vrscan.clocked.command_executor
 //   Model          vrscan.clocked.command_executor, bit-exact
 
 `default_nettype none
 
 module command_executor #(
-  localparam int unsigned CountWidth  = vrscan_pkg::CounterWidth,
+  parameter  int unsigned CountWidth  = vrscan_pkg::CounterWidth,  // where counters stop
   localparam int unsigned IndexWidth  = $clog2(link_pkg::MaxPayload),
   localparam int unsigned LengthWidth = IndexWidth + 1
 ) (
@@ -68,7 +68,7 @@ module command_executor #(
   // Status.
   output      logic                                  alive_o,
   output      logic                                  busy_o,
-  output      logic [                CountWidth-1:0] commands_bad_o
+  output      logic [  vrscan_pkg::CounterWidth-1:0] commands_bad_o
 );
 
   localparam int unsigned WordsWidth = $clog2(link_pkg::MaxWords + 1);

@@ -10,44 +10,44 @@
 //   release_i       what was begun is needed no more
 //   status_o, length_o  of what was begun, or of what would be
 //   index_i         a byte of its payload, byte_o a clock later
-//   frames_*_o, commands_lost_o  how many there were; stop at 2**16 - 1
+//   frames_*_o, commands_lost_o  how many there were; stop at their largest
 //   Latency         done_i to waits_o: 1 clock; to status_o and length_o of it: 2 clocks
 //   Model           vrscan.clocked.command_queue, bit-exact
 
 `default_nettype none
 
 module command_queue #(
-  localparam int unsigned CountWidth  = vrscan_pkg::CounterWidth,
+  parameter  int unsigned CountWidth  = vrscan_pkg::CounterWidth,  // where counters stop
   localparam int unsigned IndexWidth  = $clog2(link_pkg::MaxPayload),
   localparam int unsigned LengthWidth = IndexWidth + 1
 ) (
-  input  wire logic                              clk_i,
-  input  wire logic                              rst_i,
+  input  wire logic                                clk_i,
+  input  wire logic                                rst_i,
 
   // Frames.
-  input  wire logic                              valid_i,
-  input  wire logic [                       7:0] data_i,
-  input  wire logic                              done_i,
-  input  wire logic [frame_pkg::StatusWidth-1:0] status_i,
-  input  wire logic                              halt_i,
+  input  wire logic                                valid_i,
+  input  wire logic [                         7:0] data_i,
+  input  wire logic                                done_i,
+  input  wire logic [  frame_pkg::StatusWidth-1:0] status_i,
+  input  wire logic                                halt_i,
 
   // Commands.
-  output      logic                              waits_o,
-  input  wire logic                              take_i,
-  input  wire logic                              release_i,
-  output      logic [frame_pkg::StatusWidth-1:0] status_o,
-  output      logic [           LengthWidth-1:0] length_o,
-  input  wire logic [            IndexWidth-1:0] index_i,
-  output      logic [                       7:0] byte_o,
+  output      logic                                waits_o,
+  input  wire logic                                take_i,
+  input  wire logic                                release_i,
+  output      logic [  frame_pkg::StatusWidth-1:0] status_o,
+  output      logic [             LengthWidth-1:0] length_o,
+  input  wire logic [              IndexWidth-1:0] index_i,
+  output      logic [                         7:0] byte_o,
 
   // Status.
-  output      logic [            CountWidth-1:0] frames_good_o,
-  output      logic [            CountWidth-1:0] frames_crc_o,
-  output      logic [            CountWidth-1:0] frames_malformed_o,
-  output      logic [            CountWidth-1:0] frames_too_long_o,
-  output      logic [            CountWidth-1:0] frames_too_short_o,
-  output      logic [            CountWidth-1:0] frames_framing_o,
-  output      logic [            CountWidth-1:0] commands_lost_o
+  output      logic [vrscan_pkg::CounterWidth-1:0] frames_good_o,
+  output      logic [vrscan_pkg::CounterWidth-1:0] frames_crc_o,
+  output      logic [vrscan_pkg::CounterWidth-1:0] frames_malformed_o,
+  output      logic [vrscan_pkg::CounterWidth-1:0] frames_too_long_o,
+  output      logic [vrscan_pkg::CounterWidth-1:0] frames_too_short_o,
+  output      logic [vrscan_pkg::CounterWidth-1:0] frames_framing_o,
+  output      logic [vrscan_pkg::CounterWidth-1:0] commands_lost_o
 );
 
   localparam int unsigned PlaceWidth = 3;
