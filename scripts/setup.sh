@@ -82,8 +82,9 @@ mkdir -p build
 exec 9>build/setup.lock
 flock 9
 
+# Python compiles what it imports; to compile all of it here takes as long as the rest.
 install() {
-  $venv/bin/python -m pip --disable-pip-version-check --quiet install --no-deps "$@" ||
+  $venv/bin/python -m pip --disable-pip-version-check --quiet install --no-compile --no-deps "$@" ||
     fail "$venv could not be built: pip's words are above"
 }
 

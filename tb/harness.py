@@ -48,6 +48,14 @@ def in_volume(*values: int | str) -> ParameterSet:
     return pytest.param(*values, marks=pytest.mark.soak)
 
 
+def each(elaborations: Sequence[Mapping[str, int]], kept: int = 2) -> list[object]:
+    """Return the first elaborations for every run, and the others for the long tests only."""
+    return [
+        pytest.param(given, marks=[pytest.mark.soak] * (k >= kept))
+        for k, given in enumerate(elaborations)
+    ]
+
+
 # A test of RTL whose cocotb tests ask ``rounds`` comes in both volumes.
 EACH_VOLUME = pytest.mark.parametrize("volume", ["short", in_volume("long")])
 SEED = 20100301  # printed by every simulation; one seed for all random data
@@ -660,6 +668,7 @@ __all__ = [
     "as_integer",
     "assert_equal",
     "drive",
+    "each",
     "generator",
     "in_volume",
     "parameters",

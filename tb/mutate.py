@@ -989,7 +989,7 @@ def verdict(tree: Path, test: str, only: str) -> str:
         # A fault and its removal within a second would leave stale byte code.
         "PYTHONDONTWRITEBYTECODE": "1",
     }
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", test]
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-m", "", test]
     command += ["-k", only] if only else []
     with subprocess.Popen(
         command, cwd=tree, env=environment, text=True, start_new_session=True,

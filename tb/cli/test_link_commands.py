@@ -22,11 +22,12 @@ from vrscan.data import pkg, records
 from vrscan.data.config import Config
 from vrscan.data.line_files import read as read_lines
 from vrscan.data.points import COLUMNS
-from vrscan.fixed.test_line import Settings, lines
+from vrscan.fixed.test_line import lines
 from vrscan.fixed.vrscan_chain import run_fixed
 from vrscan.link.selftest import CHAIN, full_records, runs
 from vrscan.registers import values
 from vrscan.registers.chain_registers import Registers
+from vrscan.registers.settings import TestLineSettings as Settings
 
 COUNT = 200
 CONFIG = {"sensor": {"line_length": LINE_LENGTH}, "geometry": {"centre_px": 511.5}}

@@ -7,7 +7,7 @@ import cocotb
 import numpy as np
 import pytest
 from cocotb.triggers import Timer
-from harness import CLOCK_NS, EACH_VOLUME, generator, parameters, reset, rounds, simulate
+from harness import CLOCK_NS, EACH_VOLUME, each, generator, parameters, reset, rounds, simulate
 
 from vrscan.data import pkg
 from vrscan.ideal.motion import half_turn_residual
@@ -216,7 +216,7 @@ async def reset_starts_anew_at_any_moment(dut) -> None:
 
 
 @EACH_VOLUME
-@pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
+@pytest.mark.parametrize("widths", each(ELABORATIONS), ids=str)
 def test_mems_mirror_moves_as_the_equation(widths: dict[str, int], volume: str) -> None:
     simulate("mems_mirror", __file__, widths, volume=volume)
 

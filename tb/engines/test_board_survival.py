@@ -371,7 +371,7 @@ class Storm:
         return struct.pack("<BBI", Status.OK, 1, word)
 
 
-@pytest.mark.parametrize("commands", [300, in_volume(2000)])
+@pytest.mark.parametrize("commands", [150, in_volume(2000)])
 def test_a_storm_of_commands_while_the_mirror_runs(slow_board: Board, commands: int) -> None:
     window = 6
     touched = ("scratch", "points_batch", "k_noise", "snr_min", "min_width", "c_obj_gain")

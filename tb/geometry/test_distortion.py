@@ -10,6 +10,7 @@ from harness import (
     FallingEdge,
     assert_equal,
     drive,
+    each,
     generator,
     parameters,
     port,
@@ -154,7 +155,7 @@ async def reset_without_a_new_position(dut) -> None:
 
 
 @EACH_VOLUME
-@pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
+@pytest.mark.parametrize("widths", each(ELABORATIONS), ids=str)
 def test_distortion_rtl_equals_model(widths: dict[str, int], volume: str) -> None:
     simulate("distortion", __file__, widths, volume=volume)
 

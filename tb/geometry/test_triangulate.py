@@ -12,6 +12,7 @@ from harness import (
     as_integer,
     assert_equal,
     drive,
+    each,
     generator,
     parameters,
     port,
@@ -304,7 +305,7 @@ async def drops_are_told(dut) -> None:
 
 
 @EACH_VOLUME
-@pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
+@pytest.mark.parametrize("widths", each(ELABORATIONS), ids=str)
 def test_triangulate_rtl_equals_model(widths: dict[str, int], volume: str) -> None:
     simulate("triangulate", __file__, widths, volume=volume)
 

@@ -19,6 +19,7 @@ from frame_oracle import (
 from harness import (
     TwinBench,
     as_integer,
+    each,
     generator,
     in_volume,
     parameters,
@@ -346,7 +347,7 @@ async def reset_at_every_age(dut) -> None:
                 assert not bench.out
 
 
-@pytest.mark.parametrize("elaboration", ELABORATIONS, ids=str)
+@pytest.mark.parametrize("elaboration", each(ELABORATIONS), ids=str)
 def test_frame_decoder_rtl_equals_model(elaboration: dict[str, int]) -> None:
     simulate("frame_decoder", __file__, elaboration)
 

@@ -10,6 +10,7 @@ from frame_oracle import checked, frame, random_bytes, random_payload, uncobs, w
 from harness import (
     TwinBench,
     as_integer,
+    each,
     generator,
     parameters,
     reset,
@@ -274,7 +275,7 @@ async def reset_forgets_the_length(dut) -> None:
         assert not bench.too_long
 
 
-@pytest.mark.parametrize("elaboration", ELABORATIONS, ids=str)
+@pytest.mark.parametrize("elaboration", each(ELABORATIONS), ids=str)
 def test_frame_encoder_rtl_equals_model(elaboration: dict[str, int]) -> None:
     simulate("frame_encoder", __file__, elaboration)
 

@@ -11,6 +11,7 @@ from harness import (
     EACH_VOLUME,
     Ports,
     TwinBench,
+    each,
     generator,
     parameters,
     reset,
@@ -611,7 +612,7 @@ async def everything_at_random(dut) -> None:
 
 
 @EACH_VOLUME
-@pytest.mark.parametrize("values", ELABORATIONS, ids=str)
+@pytest.mark.parametrize("values", each(ELABORATIONS), ids=str)
 def test_line_capture(values: dict[str, int], volume: str) -> None:
     simulate("line_capture", __file__, values, volume=volume)
 

@@ -72,7 +72,7 @@ def test_the_readmes_commands_work_as_printed(
         f"[line]\nrate_hz = {CONFIG.line.rate_hz}\n"
         f"[mirror]\nsweep_span_hz = {CONFIG.mirror.sweep_span_hz}\n"
     )
-    more = {"load": ("--config", "config.toml"), "watch": ("--seconds", "3")}
+    more = {"load": ("--config", "config.toml"), "watch": ("--seconds", "1")}
     said = {}
     for group, *words in commands(ROOT / "docs" / "usage.md"):
         if group == "link":

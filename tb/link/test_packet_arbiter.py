@@ -7,6 +7,7 @@ import pytest
 from harness import (
     TwinBench,
     as_integer,
+    each,
     generator,
     parameters,
     reset,
@@ -15,7 +16,7 @@ from harness import (
 
 from vrscan.clocked.packet_arbiter import LATENCY, PACKET_BUBBLE, PacketArbiter
 
-ELABORATIONS = [{"Sources": 3}, {"Sources": 2}, {"Sources": 7}]
+ELABORATIONS = [{"Sources": 3}, {"Sources": 7}, {"Sources": 2}]
 QUIET = {"valid": 0, "data": 0, "last": 0, "hold": 0, "ready": 1}
 
 
@@ -203,7 +204,7 @@ async def reset_at_every_age(dut) -> None:
         assert [p[0] for p in bench.packets] == list(range(1, bench.sources))
 
 
-@pytest.mark.parametrize("given", ELABORATIONS, ids=lambda given: f"{given['Sources']}")
+@pytest.mark.parametrize("given", each(ELABORATIONS), ids=lambda given: f"{given['Sources']}")
 def test_packet_arbiter_rtl_equals_model(given: dict[str, int]) -> None:
     simulate("packet_arbiter", __file__, given)
 

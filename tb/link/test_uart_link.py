@@ -14,6 +14,7 @@ from harness import (
     Ports,
     TwinBench,
     as_integer,
+    each,
     generator,
     parameters,
     port,
@@ -570,7 +571,7 @@ async def glitches_stop_at_their_largest_count(dut) -> None:
 
 
 @EACH_VOLUME
-@pytest.mark.parametrize("given", ELABORATIONS, ids=lambda given: f"{given['Baud']}")
+@pytest.mark.parametrize("given", each(ELABORATIONS, 1), ids=lambda given: f"{given['Baud']}")
 def test_uart_link_rtl_equals_model(given: dict[str, int], volume: str) -> None:
     simulate("uart_link", __file__, given, volume=volume)
 

@@ -1,8 +1,9 @@
 """mirror_loop: every clock of the wiring against the twin, with the index of a made-up mirror."""
 
+import dataclasses
 import itertools
 import pickle
-from types import SimpleNamespace
+from typing import Any
 
 import cocotb
 import numpy as np
@@ -26,6 +27,7 @@ from vrscan.data import pkg
 from vrscan.engines.mirror_engine import LINE as ENGINE_LINE
 from vrscan.engines.mirror_engine import MEASUREMENT as ENGINE_MEASUREMENT
 from vrscan.engines.mirror_engine import SAMPLES
+from vrscan.registers.mirror_registers import MirrorRegisters
 
 ELABORATIONS = [
     {"IndexOversample": 4, "CountWidth": 16},
@@ -65,7 +67,7 @@ def amplitude(turns: float) -> int:
     return round(turns * 2**pkg.AMPLITUDE_FRACTION)
 
 
-def registers(draw: np.random.Generator, **changes: int) -> SimpleNamespace:
+def registers(draw: np.random.Generator, **changes: Any) -> MirrorRegisters:
     """Return a configuration with which everything happens within some periods."""
     word = round(2**pkg.TURN_WIDTH / PERIOD_CLKS)
     line_clks = int(draw.choice([ANGLE_LATENCY - 3, ANGLE_LATENCY + 4, 2 * ANGLE_LATENCY + 9]))
@@ -81,7 +83,9 @@ def registers(draw: np.random.Generator, **changes: int) -> SimpleNamespace:
     if draw.random() < 0.2:
         motion[:] = (1 << (pkg.MOTION_WIDTH - 1)) - 1  # an angle that does not fit
     slope = 1 << (pkg.SLOPE_MOTION_WIDTH - 2)
-    values = {
+    values: dict[str, Any] = {
+        "clock_hz": 1.0,
+        "oversample": 4,
         "sweep_word": word + 40_000_000,
         "work_word": word,
         "sweep_rate": (1 << 32) - 1 - int(draw.integers(1 << 30)),
@@ -130,7 +134,7 @@ def registers(draw: np.random.Generator, **changes: int) -> SimpleNamespace:
         "table_amplitude": table.astype(int).tolist(),
         "table_midpoint": draw.integers(-2000, 2000, TABLE_SIZE).tolist(),
     }
-    return SimpleNamespace(**values | changes)
+    return MirrorRegisters(**values | changes)
 
 
 def index(
@@ -200,7 +204,7 @@ class Bench:
         self.seen: set[tuple[str, int]] = set()
         self.angles = self.measurements = 0
 
-    async def start(self, given: SimpleNamespace) -> None:
+    async def start(self, given: MirrorRegisters) -> None:
         """Set the configuration, write the table, and end a reset."""
         dut = self.dut
         dut.rst_i.value = 1
@@ -223,7 +227,7 @@ class Bench:
         table.give({})
         await self.restart(given)
 
-    async def restart(self, given: SimpleNamespace) -> None:
+    async def restart(self, given: MirrorRegisters) -> None:
         """Reset for a clock."""
         self.dut.rst_i.value = 1
         await FallingEdge(self.dut.clk_i)
@@ -361,8 +365,11 @@ async def an_angle_that_saturates_is_flagged(dut) -> None:
         table_midpoint=[0] * TABLE_SIZE,
     )
     top = (1 << pkg.AMPLITUDE_WIDTH) - 1
-    given.table_amplitude = [min(4 * value, top) for value in given.table_amplitude]
-    given.amplitude_set *= 4
+    given = dataclasses.replace(
+        given,
+        table_amplitude=[min(4 * value, top) for value in given.table_amplitude],
+        amplitude_set=4 * given.amplitude_set,
+    )
     clocks = 20 * PERIOD_CLKS
     samples = index(draw, clocks, parameters()["IndexOversample"], quiet=True)
     await bench.start(given)

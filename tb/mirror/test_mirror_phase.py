@@ -16,10 +16,10 @@ from vrscan.clocked.mirror_phase import (
     OUTWARD_CLKS,
     TABLE_SIZE,
     MirrorPhase,
-    Settings,
     interpolated,
 )
 from vrscan.data import pkg
+from vrscan.registers.settings import PhaseSettings as Settings
 
 TURN = 1 << pkg.TURN_WIDTH
 WORD_MAX = (1 << pkg.WORD_WIDTH) - 1
@@ -708,11 +708,3 @@ def test_mirror_phase_model_passes_noise_as_predicted(phase_shift: int, rate_shi
     )
     assert abs(measured / predicted - 1.0) < 0.06
     assert abs(amplitude_measured / amplitude_predicted - 1.0) < 0.06
-
-
-@pytest.mark.parametrize(
-    "values", [(16, 0, 0, 0), (0, 64, 0, 0), (0, 0, 16, 0), (0, 0, 0, 1 << 28), (-1, 0, 0, 0)]
-)
-def test_mirror_phase_model_rejects_what_does_not_fit(values: tuple[int, int, int, int]) -> None:
-    with pytest.raises(ValueError, match="mirror_phase: "):
-        Settings(*values)

@@ -1,14 +1,13 @@
 """motion_map: every clock of the RTL against the model, the model against float64."""
 
-import dataclasses
-
 import cocotb
 import numpy as np
 import pytest
 from harness import FallingEdge, TwinBench, as_integer, drive, generator, port, reset, simulate
 
 from vrscan.data import pkg
-from vrscan.fixed.motion_map import LATENCY, MOST_IDLE, MotionMap, Settings, motion_map
+from vrscan.fixed.motion_map import LATENCY, MOST_IDLE, MotionMap, motion_map
+from vrscan.registers.settings import MotionSettings as Settings
 
 COUNT = pkg.HARMONIC_COUNT
 FULL_TURN = 1 << pkg.TURN_WIDTH  # of the offset
@@ -412,20 +411,3 @@ def test_arguments_are_broadcast() -> None:
     )
     assert all(np.array_equal(x, y) for x, y in zip(one, each, strict=True))
     assert one[0].shape == one[1].shape == (100, COUNT) and one[2].shape == (100,)
-
-
-@pytest.mark.parametrize("name", ["drive_phase", *WIDTHS])
-def test_settings_have_widths(name: str) -> None:
-    """Each is refused below its least value, beyond its largest, and in another number."""
-    good = settings_of(generator(14))
-    low, high = BEYOND[name.removeprefix("motion_")]
-    for value in (low, high):
-        for place in (0, COUNT - 1):
-            bad: object = value
-            if name != "drive_phase":
-                bad = tuple(value if k == place else 0 for k in range(COUNT))
-            with pytest.raises(ValueError, match=name):
-                dataclasses.replace(good, **{name: bad})
-    if name != "drive_phase":
-        with pytest.raises(ValueError, match="9 values"):
-            dataclasses.replace(good, **{name: (0,) * (COUNT - 1)})

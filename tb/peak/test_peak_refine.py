@@ -10,6 +10,7 @@ from harness import (
     FallingEdge,
     as_integer,
     assert_equal,
+    each,
     generator,
     parameters,
     reset,
@@ -304,7 +305,7 @@ async def reset_mid_work(dut) -> None:
         await send(dut, cases, kappa_register(given["PixelWidth"]))
 
 
-@pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
+@pytest.mark.parametrize("widths", each(ELABORATIONS), ids=str)
 def test_peak_refine_rtl_equals_model(widths: dict[str, int]) -> None:
     simulate("peak_refine", __file__, widths)
 

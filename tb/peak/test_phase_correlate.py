@@ -8,6 +8,7 @@ from harness import (
     as_integer,
     assert_equal,
     drive,
+    each,
     generator,
     parameters,
     port,
@@ -29,8 +30,8 @@ from vrscan.ideal.position import first_harmonic
 
 ELABORATIONS = [
     {"PixelWidth": 12, "UserWidth": 8},
-    {"PixelWidth": 8, "UserWidth": 8},
     {"PixelWidth": 16, "UserWidth": 8},
+    {"PixelWidth": 8, "UserWidth": 8},
 ]
 OUTPUTS = {
     "measured": False,
@@ -278,7 +279,7 @@ async def reset_mid_window(dut) -> None:
         await send(dut, lines, background, np.array([40]), period_n=True)
 
 
-@pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
+@pytest.mark.parametrize("widths", each(ELABORATIONS), ids=str)
 def test_phase_correlate_rtl_equals_model(widths: dict[str, int]) -> None:
     simulate("phase_correlate", __file__, widths)
 

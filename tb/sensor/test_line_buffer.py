@@ -3,7 +3,7 @@
 import cocotb
 import numpy as np
 import pytest
-from harness import FallingEdge, generator, parameters, reset, simulate
+from harness import FallingEdge, each, generator, parameters, reset, simulate
 
 from vrscan.fixed.line_buffer import LATENCY, LineBuffer
 
@@ -91,6 +91,6 @@ async def reset_mid_replay(dut) -> None:
         await stream(dut, lines, [True, True], 1)
 
 
-@pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
+@pytest.mark.parametrize("widths", each(ELABORATIONS), ids=str)
 def test_line_buffer_rtl_equals_model(widths: dict[str, int]) -> None:
     simulate("line_buffer", __file__, widths)

@@ -9,6 +9,7 @@ from harness import (
     FallingEdge,
     as_integer,
     assert_equal,
+    each,
     generator,
     parameters,
     reset,
@@ -165,7 +166,7 @@ async def reset_mid_stream(dut) -> None:
     await send(dut, lines[8:], noise_row=False)
 
 
-@pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
+@pytest.mark.parametrize("widths", each(ELABORATIONS), ids=str)
 def test_line_statistics_rtl_equals_model(widths: dict[str, int]) -> None:
     simulate("line_statistics", __file__, widths)
 

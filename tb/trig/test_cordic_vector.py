@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from harness import (
     assert_equal,
+    each,
     generator,
     parameters,
     reset,
@@ -25,7 +26,7 @@ from vrscan.fixed.cordic_vector import (
 )
 
 SHIPPED = {"XyWidth": 48, "AngleWidth": 24}
-ELABORATIONS = [SHIPPED, {"XyWidth": 20, "AngleWidth": 16}, {"XyWidth": 9, "AngleWidth": 8}]
+ELABORATIONS = [SHIPPED, {"XyWidth": 9, "AngleWidth": 8}, {"XyWidth": 20, "AngleWidth": 16}]
 OUTPUTS = {"angle_o": False, "magnitude_o": False, "zero_o": False}
 
 
@@ -104,7 +105,7 @@ async def reset_mid_vector(dut) -> None:
     await reset_at_every_age(dut, given, want, OUTPUTS, latency=clocks(widths), valid=False)
 
 
-@pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
+@pytest.mark.parametrize("widths", each(ELABORATIONS), ids=str)
 def test_cordic_vector_rtl_equals_model(widths: dict[str, int]) -> None:
     simulate("cordic_vector", __file__, widths)
 

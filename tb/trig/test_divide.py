@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from harness import (
     assert_equal,
+    each,
     generator,
     parameters,
     reset,
@@ -93,7 +94,7 @@ async def reset_mid_division(dut) -> None:
         await reset_at_every_age(dut, given, want, OUTPUTS, latency=clocks, valid=valid)
 
 
-@pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
+@pytest.mark.parametrize("widths", each(ELABORATIONS), ids=str)
 def test_divide_rtl_equals_model(widths: dict[str, int]) -> None:
     simulate("divide", __file__, widths)
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from harness import (
     assert_equal,
+    each,
     generator,
     parameters,
     reset,
@@ -18,9 +19,9 @@ from vrscan.fixed.multiply import latency, multiply
 
 ELABORATIONS = [
     {"AWidth": 32, "BWidth": 32},
+    {"AWidth": 69, "BWidth": 52},
     {"AWidth": 18, "BWidth": 18},
     {"AWidth": 2, "BWidth": 36},
-    {"AWidth": 69, "BWidth": 52},
 ]
 OUTPUTS = {"product_o": True}
 
@@ -94,7 +95,7 @@ async def reset_mid_product(dut) -> None:
     )
 
 
-@pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
+@pytest.mark.parametrize("widths", each(ELABORATIONS), ids=str)
 def test_multiply_rtl_equals_model(widths: dict[str, int]) -> None:
     simulate("multiply", __file__, widths)
 

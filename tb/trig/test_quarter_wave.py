@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from harness import (
     assert_equal,
+    each,
     generator,
     parameters,
     reset,
@@ -83,7 +84,7 @@ async def reset_mid_stream(dut) -> None:
     await reset_at_every_age(dut, given, want, OUTPUTS, latency=LATENCY, valid=False)
 
 
-@pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
+@pytest.mark.parametrize("widths", each(ELABORATIONS), ids=str)
 def test_quarter_wave_rtl_equals_model(widths: dict[str, int]) -> None:
     simulate("quarter_wave", __file__, widths)
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from harness import (
     assert_equal,
+    each,
     generator,
     parameters,
     reset,
@@ -18,7 +19,7 @@ from harness import (
 
 from vrscan.fixed.square_root import latency, square_root
 
-ELABORATIONS = [{"RootWidth": 2}, {"RootWidth": 24}, {"RootWidth": 31}]
+ELABORATIONS = [{"RootWidth": 24}, {"RootWidth": 2}, {"RootWidth": 31}]
 OUTPUTS = {"root_o": False}
 
 
@@ -81,7 +82,7 @@ async def reset_mid_root(dut) -> None:
     await reset_at_every_age(dut, given, want, OUTPUTS, latency=latency(width), valid=False)
 
 
-@pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
+@pytest.mark.parametrize("widths", each(ELABORATIONS), ids=str)
 def test_square_root_rtl_equals_model(widths: dict[str, int]) -> None:
     simulate("square_root", __file__, widths)
 

@@ -4,9 +4,8 @@ VR-SCAN IV-C and IV-D: the measured amplitude is controlled to a constant value.
 shocks and gives the confidence in the scan angle.
 """
 
-from dataclasses import dataclass, fields
-
 from vrscan.data import pkg
+from vrscan.registers.settings import AmplitudeSettings
 
 LATENCY = 44  # clocks from valid_i to the outputs
 CONFIDENCE_FRACTION = 20  # fraction bits of confidence_gain
@@ -20,81 +19,6 @@ _RATE_HALF = 1 << (pkg.TRIM_GAIN_FRACTION - 1)
 _CONFIDENCE_HALF = 1 << (CONFIDENCE_FRACTION - 1)
 _CONFIDENCE_ONE = (1 << pkg.CONFIDENCE_WIDTH) - 1
 _COUNT_MAX = (1 << COUNT_WIDTH) - 1
-_SIGNED = {"trim_min": pkg.TRIM_WIDTH, "trim_max": pkg.TRIM_WIDTH}
-_UNSIGNED = {
-    "amplitude_set": pkg.AMPLITUDE_WIDTH,
-    "k_p": pkg.CONTROL_GAIN_WIDTH,
-    "k_i": pkg.CONTROL_GAIN_WIDTH,
-    "trim_step": pkg.TRIM_STEP_WIDTH,
-    "trim_gain": pkg.CONTROL_GAIN_WIDTH,
-    "trim_up": 1,
-    "settle_limit": pkg.AMPLITUDE_WIDTH,
-    "shock_limit": pkg.AMPLITUDE_WIDTH,
-    "phase_limit": pkg.ERROR_WIDTH,
-    "settle_count": COUNT_WIDTH,
-    "hold_count": COUNT_WIDTH,
-    "confidence_gain": pkg.GAIN_WIDTH,
-}  # and the levels
-
-
-@dataclass(frozen=True)
-class Settings:
-    """The configuration.
-
-    Attributes:
-        amplitude_set: Amplitude to hold; u26, turns, 28 fraction bits, like all amplitudes.
-        k_p: Proportional gain, level steps per amplitude step; u18, 16 fraction bits.
-        k_i: Integral gain, level steps per amplitude step and measurement; u18, 20 fraction bits.
-        level_min, level_max: Limits of the level; u20, like all levels.
-        level_low, level_high: Levels below and above which the frequency begins to step.
-        level_nominal: Level at which the frequency stops stepping; also the level before the loop
-            is closed.
-        trim_step: Largest step of the frequency word per measurement; u24.
-        trim_gain: Word steps per step of the level from its nominal; u18, 16 fraction bits.
-        trim_min, trim_max: Limits of the trim; s32.
-        trim_up: Whether a higher word gives more amplitude.
-        settle_limit, shock_limit: Largest amplitude error that is good, and largest one that is no
-            shock.
-        phase_limit: Largest phase error that is good; u28, turns, 28 fraction bits.
-        settle_count, hold_count: Numbers of good measurements in a row that settle the loop, and
-            that end an index fault; u8, 0 counts as 1.
-        confidence_gain: Confidence lost per amplitude step; u24, 20 fraction bits.
-
-    Raises:
-        ValueError: if a value does not fit.
-    """
-
-    amplitude_set: int
-    k_p: int
-    k_i: int
-    level_min: int
-    level_max: int
-    level_low: int
-    level_high: int
-    level_nominal: int
-    trim_step: int
-    trim_gain: int
-    trim_min: int
-    trim_max: int
-    trim_up: int
-    settle_limit: int
-    shock_limit: int
-    phase_limit: int
-    settle_count: int
-    hold_count: int
-    confidence_gain: int
-
-    def __post_init__(self) -> None:
-        """Check the widths."""
-        for field in fields(self):
-            if field.name in _SIGNED:
-                width = _SIGNED[field.name]
-                legal = range(-1 << (width - 1), 1 << (width - 1))
-            else:
-                width = _UNSIGNED.get(field.name, pkg.LEVEL_WIDTH)
-                legal = range(1 << width)
-            if getattr(self, field.name) not in legal:
-                raise ValueError(f"amplitude_control: {field.name} does not fit in {width} bits")
 
 
 def _within(value: int, low: int, high: int) -> int:
@@ -118,7 +42,7 @@ class AmplitudeControl:
         error_amplitude: The set amplitude less the last measured one; s27, turns, 28 fraction bits.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: AmplitudeSettings) -> None:
         self.settings = settings
         self.level = 0
         self.trim = 0

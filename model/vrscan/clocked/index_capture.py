@@ -4,9 +4,8 @@ VR-SCAN IV-D and IV-F: a two-field photodiode. Its comparator shows on which sid
 beam is, and its gate shows whether there is a beam.
 """
 
-from dataclasses import dataclass, fields
-
 from vrscan.data import pkg
+from vrscan.registers.settings import IndexSettings
 
 LATENCY = 4  # clocks from the last clock that settles a level to valid_o
 MOST_IDLE = 1 << 40
@@ -14,36 +13,6 @@ MOST_IDLE = 1 << 40
 _STEP = 1 << pkg.SUB_WIDTH
 _TIME_MASK = (1 << (pkg.TIME_WIDTH + pkg.SUB_WIDTH)) - 1
 _AGES = 1 << pkg.AGE_WIDTH
-
-
-@dataclass(frozen=True)
-class Settings:
-    """The configuration, in clocks.
-
-    Attributes:
-        glitch_clks: Time for which the samples have to agree; u8, 0 counts as 1.
-        width_min_clks: Least time from an outward crossing to its inward one; a shorter one is
-            impossible; u32.
-        width_max_clks: Largest time from an outward crossing to its inward one; later it is
-            missing; u32.
-        period_max_clks: Largest time between two outward crossings; later the second is missing;
-            u32.
-
-    Raises:
-        ValueError: if a value does not fit.
-    """
-
-    glitch_clks: int
-    width_min_clks: int
-    width_max_clks: int
-    period_max_clks: int
-
-    def __post_init__(self) -> None:
-        """Check the widths."""
-        for field in fields(self):
-            width = 8 if field.name == "glitch_clks" else pkg.TIME_WIDTH
-            if getattr(self, field.name) not in range(1 << width):
-                raise ValueError(f"index_capture: {field.name} does not fit in {width} bits")
 
 
 class IndexCapture:
@@ -70,7 +39,7 @@ class IndexCapture:
 
     def __init__(
         self,
-        settings: Settings,
+        settings: IndexSettings,
         index_oversample: int = 4,
         count_width: int = 16,
         initial_time: int = 0,

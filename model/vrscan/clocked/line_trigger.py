@@ -1,9 +1,8 @@
 """Time base of the lines, the twin of ``rtl/timing/line_trigger.sv``."""
 
-from dataclasses import dataclass, fields
-
 from vrscan.data import pkg
 from vrscan.fixed.multiply import latency as multiply_latency
+from vrscan.registers.settings import TriggerSettings
 
 # Clocks from enable_i to the first line_start_o.
 START_LATENCY = multiply_latency(pkg.WORD_WIDTH + 1, pkg.RATIO_WIDTH + 1) + 5
@@ -17,33 +16,6 @@ _STEP_LATENCY = START_LATENCY - 3  # clocks from a sample of the word to the ste
 _NUMBER_MASK = (1 << pkg.LINE_NUMBER_WIDTH) - 1
 _TIME_MAX = (1 << (pkg.LINE_CLKS_WIDTH + 1)) - 1
 _RATIO_HALF = 1 << (pkg.RATIO_FRACTION - 1)
-
-
-@dataclass(frozen=True)
-class Settings:
-    """The configuration.
-
-    Attributes:
-        ratio: Lines per mirror period; u44, 32 fraction bits.
-        exposure_delay_clks, pulse_delay_clks: Delays from line_start; u20, clocks.
-        exposure_clks, pulse_clks: Lengths of exposure and pulse; u20, clocks, 0 for none.
-
-    Raises:
-        ValueError: if a value does not fit.
-    """
-
-    ratio: int
-    exposure_delay_clks: int
-    exposure_clks: int
-    pulse_delay_clks: int
-    pulse_clks: int
-
-    def __post_init__(self) -> None:
-        """Check the widths."""
-        for field in fields(self):
-            width = pkg.RATIO_WIDTH if field.name == "ratio" else pkg.LINE_CLKS_WIDTH
-            if getattr(self, field.name) not in range(1 << width):
-                raise ValueError(f"line_trigger: {field.name} does not fit in {width} bits")
 
 
 def line_step(word: int, ratio: int) -> int:
@@ -76,7 +48,7 @@ class LineTrigger:
         overrun_count: Number of overruns, saturating.
     """
 
-    def __init__(self, settings: Settings, count_width: int = 16) -> None:
+    def __init__(self, settings: TriggerSettings, count_width: int = 16) -> None:
         self.settings = settings
         self.line_start = False
         self.line = 0

@@ -4,9 +4,8 @@ VR-SCAN IV-G2: a downward sweep from a high frequency starts the mirror, then it
 fixed working frequency. The drive is a square wave at twice the mirror's frequency.
 """
 
-from dataclasses import dataclass, fields
-
 from vrscan.data import pkg
+from vrscan.registers.settings import DriveSettings
 
 DRIVE_LATENCY = 2  # clocks from phase to drive
 TRIM_LATENCY = 2  # clocks from trim_i to word_o
@@ -25,47 +24,6 @@ _DUTY_SHIFT = pkg.TURN_WIDTH - 1 - DUTY_WIDTH
 
 _OFF, _SWEEP, _SETTLE = pkg.MIRROR_OFF, pkg.MIRROR_SWEEP, pkg.MIRROR_SETTLE
 _RUN, _FAULT = pkg.MIRROR_RUN, pkg.MIRROR_FAULT
-
-
-@dataclass(frozen=True)
-class Settings:
-    """The configuration.
-
-    Attributes:
-        sweep_word: Word from which the sweep begins; u40, turns per clock, 48 fraction bits.
-        work_word: Word at which the sweep ends; u40.
-        sweep_rate: Decrease of the word per clock; u32, 16 fraction bits of a word.
-        duty: Share of the drive's period that the drive is high; u16, 65535 is all but 1/65536.
-        sweep_level: Drive level of the sweep; u20.
-        sweep_timeout, settle_timeout: Longest durations of SWEEP and SETTLE; u32, clocks.
-        lost_timeout: Longest time that the index may be away in RUN; u32, clocks.
-
-    Raises:
-        ValueError: if a value does not fit.
-    """
-
-    sweep_word: int
-    work_word: int
-    sweep_rate: int
-    duty: int
-    sweep_level: int
-    sweep_timeout: int
-    settle_timeout: int
-    lost_timeout: int
-
-    def __post_init__(self) -> None:
-        """Check the widths."""
-        widths = {
-            "sweep_word": pkg.WORD_WIDTH,
-            "work_word": pkg.WORD_WIDTH,
-            "sweep_rate": RATE_WIDTH,
-            "duty": DUTY_WIDTH,
-            "sweep_level": pkg.LEVEL_WIDTH,
-        }
-        for field in fields(self):
-            width = widths.get(field.name, pkg.TIME_WIDTH)
-            if getattr(self, field.name) not in range(1 << width):
-                raise ValueError(f"mirror_drive: {field.name} does not fit in {width} bits")
 
 
 def floor_sum(count: int, numerator: int, offset: int, denominator: int) -> int:
@@ -104,7 +62,7 @@ class MirrorDrive:
         word: Frequency word in use; u40.
     """
 
-    def __init__(self, settings: Settings, stop_width: int = 24) -> None:
+    def __init__(self, settings: DriveSettings, stop_width: int = 24) -> None:
         self.settings = settings
         self.state = _OFF
         self.fault = pkg.FAULT_NONE

@@ -5,8 +5,8 @@ only part with many edges. It takes nothing from the other parts but a word at a
 runs in a lane of its own; each lane is stepped through its edges and skips the clocks between them.
 """
 
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, TypeVar
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -24,11 +24,7 @@ from vrscan.fixed.motion_map import LATENCY as MAP_LATENCY
 from vrscan.fixed.motion_map import motion_map
 from vrscan.fixed.scan_angle import LATENCY as SCAN_LATENCY
 from vrscan.fixed.scan_angle import scan_angle
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
-
-    Kind = TypeVar("Kind", bound=DataclassInstance)
+from vrscan.registers.mirror_registers import MirrorRegisters
 
 Map = tuple[Ints, Ints]  # a_k and phi_k of the harmonics, [HARMONIC_COUNT] each
 Turn = tuple[int, int, Map]  # phase and amplitude of an angle, and its harmonics
@@ -66,11 +62,6 @@ _UNSETTLED = 1 << (pkg.FLAG_UNSETTLED - pkg.FLAG_NOT_RUNNING)
 _INDEX_FAULT = 1 << (pkg.FLAG_INDEX_FAULT - pkg.FLAG_NOT_RUNNING)
 
 
-def _settings(kind: "type[Kind]", registers: object) -> "Kind":
-    """Return the settings of one part, by name, from the registers of all parts."""
-    return kind(**{field.name: getattr(registers, field.name) for field in fields(kind)})
-
-
 @dataclass(frozen=True)
 class Report:
     """The reports of a run of the loop, as structured arrays.
@@ -103,20 +94,16 @@ class MirrorLoop:
         amplitude: Averaged amplitude of the angle; ``ports`` has more.
     """
 
-    def __init__(self, registers: Any, index_oversample: int = 4, count_width: int = 16) -> None:
-        self.capture = index_capture.IndexCapture(
-            _settings(index_capture.Settings, registers), index_oversample, count_width
-        )
-        self.phase = mirror_phase.MirrorPhase(_settings(mirror_phase.Settings, registers))
+    def __init__(
+        self, registers: MirrorRegisters, index_oversample: int = 4, count_width: int = 16
+    ) -> None:
+        self.capture = index_capture.IndexCapture(registers, index_oversample, count_width)
+        self.phase = mirror_phase.MirrorPhase(registers)
         self.phase.table_amplitude[:] = registers.table_amplitude
         self.phase.table_midpoint[:] = registers.table_midpoint
-        self.control = amplitude_control.AmplitudeControl(
-            _settings(amplitude_control.Settings, registers)
-        )
-        self.drive = mirror_drive.MirrorDrive(_settings(mirror_drive.Settings, registers))
-        self.trigger = line_trigger.LineTrigger(
-            _settings(line_trigger.Settings, registers), count_width
-        )
+        self.control = amplitude_control.AmplitudeControl(registers)
+        self.drive = mirror_drive.MirrorDrive(registers)
+        self.trigger = line_trigger.LineTrigger(registers, count_width)
         self.clock = 0
         self.angle_valid = False
         self.angle_line = 0

@@ -4,7 +4,7 @@ VR-SCAN IV-D and IV-G2: the middle of two crossings of the index mark gives the 
 distance gives the amplitude. A table holds both for the motion (12) with its harmonics.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from vrscan.data import pkg
 from vrscan.data.arrays import Bools, Ints
 from vrscan.fixed.multiply import latency as multiply_latency
+from vrscan.registers.settings import PhaseSettings
 
 MOST_IDLE = 1 << 40
 FINE_WIDTH = 15  # bits of the average below those of the amplitude: ``FineWidth``
@@ -36,35 +37,6 @@ def _signed(value: int, width: int) -> int:
 def _rounded(value: int, shift: int) -> int:
     """Return value / 2**shift, to nearest, half up."""
     return (value + (1 << shift >> 1)) >> shift
-
-
-@dataclass(frozen=True)
-class Settings:
-    """The configuration.
-
-    Attributes:
-        phase_shift: The phase is corrected by error / 2**phase_shift; u4.
-        rate_shift: The increment is corrected by error, in 2**-48 turns, / 2**rate_shift; u6.
-        amplitude_shift: The average is corrected by the difference / 2**amplitude_shift; u4.
-        error_limit: Error above which the whole error is corrected at once, turns, 28 fraction
-            bits; u28.
-
-    Raises:
-        ValueError: if a value does not fit.
-    """
-
-    phase_shift: int
-    rate_shift: int
-    amplitude_shift: int
-    error_limit: int
-
-    def __post_init__(self) -> None:
-        """Check the widths."""
-        widths = {"rate_shift": 6, "error_limit": pkg.ERROR_WIDTH}
-        for field in fields(self):
-            width = widths.get(field.name, 4)
-            if getattr(self, field.name) not in range(1 << width):
-                raise ValueError(f"mirror_phase: {field.name} does not fit in {width} bits")
 
 
 @dataclass(frozen=True)
@@ -136,7 +108,7 @@ class MirrorPhase:
         table_amplitude, table_midpoint: The table, lists of 1024; a reset does not change it.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: PhaseSettings) -> None:
         self.phase = 0
         self.increment = 0
         self.valid = False

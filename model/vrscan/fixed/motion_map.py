@@ -4,15 +4,13 @@ VR-SCAN V-B: the harmonics of the motion (12) depend slightly on the phase of th
 mirror. Here a_k and phi_k are linear in it.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
 import numpy as np
 
 from vrscan.data import pkg
 from vrscan.data.arrays import Ints
 from vrscan.fixed.multiply import latency as multiply_latency
 from vrscan.fixed.multiply import multiply
+from vrscan.registers.settings import MotionSettings
 
 D_WIDTH = pkg.PHASE_WIDTH - 1  # ``DWidth``
 LATENCY = (
@@ -85,40 +83,6 @@ def motion_map(
     return motion, (phi + _change(each, dphi, _PHI_DROP)) & (_TURN - 1), d
 
 
-@dataclass(frozen=True)
-class Settings:
-    """The configuration of the map.
-
-    Attributes:
-        drive_phase: Offset at which ``motion_a`` and ``motion_phi`` hold; u28, turns, 28 fraction
-            bits.
-        motion_a: a_k, k = 1, 3 .. 17; s24, 22 fraction bits.
-        motion_phi: phi_k; u28, turns, 28 fraction bits.
-        motion_da: Change of a_k per turn of the drive; s24, 22 fraction bits.
-        motion_dphi: Change of phi_k, turns per turn; s24, 16 fraction bits.
-
-    Raises:
-        ValueError: if a value does not fit, or there are not 9 values of each.
-    """
-
-    drive_phase: int
-    motion_a: tuple[int, ...]
-    motion_phi: tuple[int, ...]
-    motion_da: tuple[int, ...]
-    motion_dphi: tuple[int, ...]
-
-    def __post_init__(self) -> None:
-        """Check the widths."""
-        if self.drive_phase not in range(_TURN):
-            raise ValueError(f"motion_map: drive_phase does not fit in {pkg.PHASE_WIDTH} bits")
-        for name, (low, high) in _HARMONICS.items():
-            values: Sequence[int] = getattr(self, f"motion_{name}")
-            if len(values) != pkg.HARMONIC_COUNT:
-                raise ValueError(f"motion_map: motion_{name} must be {pkg.HARMONIC_COUNT} values")
-            if min(values) < low or max(values) >= high:
-                raise ValueError(f"motion_map: motion_{name} is outside {low} to {high - 1}")
-
-
 class MotionMap:
     """Clock-accurate map; a new one is in the state after a reset.
 
@@ -132,7 +96,7 @@ class MotionMap:
             bits.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: MotionSettings) -> None:
         self.settings = settings
         self.a = settings.motion_a
         self.phi = settings.motion_phi

@@ -4,14 +4,13 @@
 is that of G. Marsaglia, *Xorshift RNGs* (2003).
 """
 
-from dataclasses import dataclass, fields
-
 import numpy as np
 
 from vrscan.data import pkg
 from vrscan.data.arrays import Ints, Pixels
 from vrscan.fixed.multiply import latency as multiply_latency
 from vrscan.fixed.quarter_wave import quarter_wave
+from vrscan.registers.settings import TestLineSettings
 
 PLACE_WIDTH = 24  # bits of position and move
 PERIOD_WIDTH = 24
@@ -32,54 +31,8 @@ _WORD = (1 << 32) - 1
 _CHUNK = 1 << 21  # pixels that are computed at once, to limit the memory
 
 
-@dataclass(frozen=True)
-class Settings:
-    """The registers of a run of test lines.
-
-    Attributes:
-        position: Position of the first line's pulse; u24, px, 12 fraction bits.
-        move: Distance by which the pulse moves from line to line; s24, px, 12 fraction bits.
-        step: 2**28 / width of the pulse in px, u29: see ``step_of_width``.
-        height, pedestal, noise: Height of the pulse, level below it, and peak of the noise; u16,
-            counts left-aligned to 16 bits.
-        seed: Seed of the noise; u32.
-        lines: Number of lines of the run; u32, 0 for a run without end.
-        period_clks: Clocks from line start to line start; u24, raised to the least period where it
-            is shorter.
-
-    Raises:
-        ValueError: if a value does not fit.
-    """
-
-    position: int
-    move: int
-    step: int
-    height: int
-    pedestal: int
-    noise: int
-    seed: int
-    lines: int
-    period_clks: int
-
-    def __post_init__(self) -> None:
-        """Check the widths."""
-        widths = {
-            "position": PLACE_WIDTH,
-            "step": pkg.PHASE_WIDTH + 1,
-            "seed": 32,
-            "lines": 32,
-            "period_clks": PERIOD_WIDTH,
-        }
-        for field in fields(self):
-            legal = range(1 << widths.get(field.name, pkg.ALIGNED_WIDTH))
-            if field.name == "move":
-                legal = range(-1 << (PLACE_WIDTH - 1), 1 << (PLACE_WIDTH - 1))
-            if getattr(self, field.name) not in legal:
-                raise ValueError(f"test_line: {field.name} is not in {legal}")
-
-
 def step_of_width(width: float) -> int:
-    """Return ``Settings.step`` for a pulse of this full width at its foot, px, at least 0.5."""
+    """Return ``test_step`` for a pulse of this full width at its foot, px, at least 0.5."""
     return round((1 << pkg.PHASE_WIDTH) / width)
 
 
@@ -130,7 +83,7 @@ def draws(seed: int, count: int) -> Ints:
     return total - NOISE_PEAK
 
 
-def positions(settings: Settings, count: int, *, line_length: int) -> Ints:
+def positions(settings: TestLineSettings, count: int, *, line_length: int) -> Ints:
     """Return the positions of the pulses of a run's first ``count`` lines, px, 12 fraction bits."""
     length = line_length << pkg.POSITION_FRACTION
     place = settings.position
@@ -144,7 +97,11 @@ def positions(settings: Settings, count: int, *, line_length: int) -> Ints:
 
 
 def lines(
-    settings: Settings, count: int | None = None, *, line_length: int = 2048, pixel_width: int = 12
+    settings: TestLineSettings,
+    count: int | None = None,
+    *,
+    line_length: int = 2048,
+    pixel_width: int = 12,
 ) -> Pixels:
     """Return the first ``count`` lines of a run, or all of it, as the hardware sends them.
 
@@ -180,7 +137,7 @@ def lines(
     return made
 
 
-def _pixels(settings: Settings, first: Ints, noise: Ints, pixel_width: int) -> Pixels:
+def _pixels(settings: TestLineSettings, first: Ints, noise: Ints, pixel_width: int) -> Pixels:
     """Return lines from the phases of their first pixels and their noise."""
     half_turn = 1 << (pkg.PHASE_WIDTH - 1)
     phase = first[:, None] + settings.step * np.arange(noise.shape[1])
@@ -214,7 +171,9 @@ class TestLine:
 
     __test__ = False  # pytest must not collect it as a test
 
-    def __init__(self, settings: Settings, line_length: int = 2048, pixel_width: int = 12) -> None:
+    def __init__(
+        self, settings: TestLineSettings, line_length: int = 2048, pixel_width: int = 12
+    ) -> None:
         self.settings = settings
         self.line_length = line_length
         self.pixel_width = pixel_width

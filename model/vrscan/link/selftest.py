@@ -18,7 +18,7 @@ from vrscan.data.arrays import Pixels
 from vrscan.data.points import Points
 from vrscan.data.records import Records
 from vrscan.fixed.point_record import point_record
-from vrscan.fixed.test_line import Settings, least_period, lines, step_of_width
+from vrscan.fixed.test_line import least_period, lines, step_of_width
 from vrscan.fixed.vrscan_chain import run_fixed
 from vrscan.link import protocol
 from vrscan.link.device import OFF, Device, DeviceError
@@ -27,6 +27,7 @@ from vrscan.link.transport import LinkError
 from vrscan.registers import values
 from vrscan.registers.chain_registers import Registers
 from vrscan.registers.register_map import LOCKS, REGISTERS, WINDOWS, Window
+from vrscan.registers.settings import TestLineSettings as Settings
 
 ONE_PX = 1 << pkg.POSITION_FRACTION
 FULL_SCALE = (1 << pkg.ALIGNED_WIDTH) - 1

@@ -9,6 +9,14 @@ from vrscan.data.config import Config
 from vrscan.data.errors import InputError
 from vrscan.registers.chain_registers import fit
 from vrscan.registers.mirror_table import amplitude_table
+from vrscan.registers.settings import (
+    AmplitudeSettings,
+    DriveSettings,
+    IndexSettings,
+    MotionSettings,
+    PhaseSettings,
+    TriggerSettings,
+)
 
 TURN = 2.0 * math.pi
 INDEX_TIMEOUT = 1.125  # periods: an index mark is missing when it comes later
@@ -18,61 +26,17 @@ EXPOSURE_SHARE = 0.9  # exposure over the line period
 
 
 @dataclass(frozen=True)
-class MirrorRegisters:
-    """Configuration of the mirror's loop in integers; formats are those of ``vrscan_pkg``.
+class MirrorRegisters(
+    IndexSettings, PhaseSettings, AmplitudeSettings, DriveSettings, TriggerSettings, MotionSettings
+):
+    """Configuration of the mirror's loop in integers; formats are those of the registers.
 
     ``oversample`` is an elaboration parameter and ``clock_hz`` a property of the board. They are
-    included because the formats depend on them. ``table_amplitude`` and ``table_midpoint`` are a
-    table; everything else is a register.
+    included because the formats depend on them.
     """
 
     clock_hz: float
     oversample: int
-    sweep_word: int
-    work_word: int
-    sweep_rate: int
-    duty: int
-    sweep_level: int
-    sweep_timeout: int
-    settle_timeout: int
-    lost_timeout: int
-    glitch_clks: int
-    width_min_clks: int
-    width_max_clks: int
-    period_max_clks: int
-    phase_shift: int
-    rate_shift: int
-    amplitude_shift: int
-    error_limit: int
-    amplitude_set: int
-    k_p: int
-    k_i: int
-    level_min: int
-    level_max: int
-    level_low: int
-    level_high: int
-    level_nominal: int
-    trim_step: int
-    trim_gain: int
-    trim_min: int
-    trim_max: int
-    trim_up: int
-    settle_limit: int
-    shock_limit: int
-    phase_limit: int
-    settle_count: int
-    hold_count: int
-    confidence_gain: int
-    ratio: int
-    exposure_delay_clks: int
-    exposure_clks: int
-    pulse_delay_clks: int
-    pulse_clks: int
-    drive_phase: int
-    motion_a: tuple[int, ...]
-    motion_phi: tuple[int, ...]
-    motion_da: tuple[int, ...]
-    motion_dphi: tuple[int, ...]
     table_amplitude: tuple[int, ...]
     table_midpoint: tuple[int, ...]
 

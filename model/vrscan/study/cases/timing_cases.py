@@ -8,9 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from vrscan.clocked.index_capture import IndexCapture
-from vrscan.clocked.index_capture import Settings as IndexSettings
 from vrscan.clocked.mirror_phase import MirrorPhase
-from vrscan.clocked.mirror_phase import Settings as PhaseSettings
 from vrscan.clocked.point_packer import SPACING, PointPacker
 from vrscan.data import pkg
 from vrscan.data.config import Config
@@ -20,6 +18,7 @@ from vrscan.ideal.motion import motion
 from vrscan.link.protocol import Batch
 from vrscan.link.protocol import points as parse_points
 from vrscan.registers.chain_registers import angle_turns
+from vrscan.registers.settings import IndexSettings, PhaseSettings
 from vrscan.study.cases.case import Case, ModuleCase, Outcome
 from vrscan.study.cases.case_errors import number
 

@@ -1,0 +1,136 @@
+"""The registers that each module of the hardware takes, as the settings of its twin.
+
+A settings class lists names; width, sign and number of values, what the value means and its unit
+are those of the register in ``rtl/link/registers.toml``, which docs/registers.md prints.
+"""
+
+from dataclasses import dataclass, fields
+from typing import ClassVar
+
+from vrscan.data.errors import InputError
+from vrscan.registers.values import NAMES, WRITABLE, find, to_words
+
+_WRITTEN = frozenset(name for name in NAMES if find(name).access in WRITABLE)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Values of some registers, by their names without ``PREFIX``.
+
+    Raises:
+        ValueError: naming the register and the value, if one does not fit.
+    """
+
+    PREFIX: ClassVar[str] = ""
+
+    def __post_init__(self) -> None:
+        """Check the values of all fields that are registers."""
+        for register, value in self.ports.items():
+            try:
+                to_words(register, value)
+            except InputError as error:
+                raise ValueError(str(error)) from None
+
+    @property
+    def ports(self) -> dict[str, int]:
+        """The values of all fields that are registers, by their names."""
+        named = ((self.PREFIX + field.name, getattr(self, field.name)) for field in fields(self))
+        return {name: value for name, value in named if name in _WRITTEN}
+
+
+@dataclass(frozen=True)
+class IndexSettings(Settings):
+    """What ``index_capture`` takes."""
+
+    glitch_clks: int
+    width_min_clks: int
+    width_max_clks: int
+    period_max_clks: int
+
+
+@dataclass(frozen=True)
+class PhaseSettings(Settings):
+    """What ``mirror_phase`` takes."""
+
+    phase_shift: int
+    rate_shift: int
+    amplitude_shift: int
+    error_limit: int
+
+
+@dataclass(frozen=True)
+class AmplitudeSettings(Settings):
+    """What ``amplitude_control`` takes."""
+
+    amplitude_set: int
+    k_p: int
+    k_i: int
+    level_min: int
+    level_max: int
+    level_low: int
+    level_high: int
+    level_nominal: int
+    trim_step: int
+    trim_gain: int
+    trim_min: int
+    trim_max: int
+    trim_up: int
+    settle_limit: int
+    shock_limit: int
+    phase_limit: int
+    settle_count: int
+    hold_count: int
+    confidence_gain: int
+
+
+@dataclass(frozen=True)
+class DriveSettings(Settings):
+    """What ``mirror_drive`` takes."""
+
+    sweep_word: int
+    work_word: int
+    sweep_rate: int
+    duty: int
+    sweep_level: int
+    sweep_timeout: int
+    settle_timeout: int
+    lost_timeout: int
+
+
+@dataclass(frozen=True)
+class TriggerSettings(Settings):
+    """What ``line_trigger`` takes."""
+
+    ratio: int
+    exposure_delay_clks: int
+    exposure_clks: int
+    pulse_delay_clks: int
+    pulse_clks: int
+
+
+@dataclass(frozen=True)
+class MotionSettings(Settings):
+    """What ``motion_map`` takes; the harmonics are k = 1, 3 .. 17."""
+
+    drive_phase: int
+    motion_a: tuple[int, ...]
+    motion_phi: tuple[int, ...]
+    motion_da: tuple[int, ...]
+    motion_dphi: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class TestLineSettings(Settings):
+    """What ``test_line`` takes."""
+
+    PREFIX: ClassVar[str] = "test_"
+
+    position: int
+    move: int
+    step: int
+    height: int
+    pedestal: int
+    noise: int
+    seed: int
+    lines: int
+    period_clks: int
