@@ -24,7 +24,7 @@ from rich.table import Table
 from vrscan.engines.tools import repository_root
 
 ROOT = repository_root()
-PARTS = ("rtl", "tb", "model", "scripts", "pyproject.toml")
+PARTS = ("rtl", "tb", "model", "scripts", "pyproject.toml", "requirements.txt")
 SECONDS = 200  # a test that takes longer hangs, which is red too
 NO_RTL = "not rtl"  # for a model: mathematics has to notice, not only the RTL
 
@@ -109,7 +109,7 @@ FAULTS = [
         ("wrong quadrant", "below ^ x_negative_q ^ y_negative_q", "below ^ y_negative_q"),
         ("magnitude rounds down", "+ ScaledWidth'(1)) >> 1", "+ ScaledWidth'(0)) >> 1"),
         ("zero has an angle", "zero_q ? '0 : angle_q", "angle_q"),
-        ("no reset", "if (rst_i) state_q <= StIdle;", ""),
+        ("no reset", "if (rst_i) state_q <= IDLE;", ""),
     ),
     # ---- rtl/sensor ----
     *faults(
