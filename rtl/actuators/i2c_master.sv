@@ -316,7 +316,7 @@ module i2c_master #(
           end
         end
 
-        LAST: begin
+        default: begin  // LAST
           if (work_q == START) begin
             if (ended || !scl_q) begin
               work_q    <= BIT;
@@ -351,8 +351,6 @@ module i2c_master #(
             end
           end
         end
-
-        default: phase_q <= HOLD;
       endcase
     end
 

@@ -252,7 +252,7 @@ module line_capture #(
           state_q           <= SEND;
         end
       end
-      SEND: begin
+      default: begin  // SEND
         if (sent) begin
           valid_o <= 1'b0;
           if (stop_q) state_q <= IDLE;
@@ -277,7 +277,6 @@ module line_capture #(
           end
         end
       end
-      default: state_q <= IDLE;
     endcase
 
     if (rst_i) begin
