@@ -21,7 +21,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from vrscan.engines.tools import build_folder, repository_root
+from vrscan.engines.tools import build_folder, repository_root, rtl_closure
 
 ROOT = repository_root()
 BIN = Path(sys.executable).parent
@@ -29,7 +29,7 @@ FOLDER = build_folder() / "formal"
 PROPERTIES = ROOT / "tb" / "formal"
 STEP = "step_"  # how properties begin that are no claim of their own
 
-CONTROL = "rtl/actuators/laser_control.sv"
+INTERLOCK = "rtl/safety/laser_interlock.sv"
 GUARD = "rtl/safety/laser_guard.sv"
 DRIVE = "rtl/mirror/mirror_drive.sv"
 
@@ -41,22 +41,20 @@ class Proof:
     Attributes:
         module: What is proven, as the table says it.
         top: The module with the properties.
-        sources: What it needs of the RTL.
         depth: k of the induction and of its base.
         cover: Clocks within which the covers are reached.
     """
 
     module: str
     top: str
-    sources: tuple[str, ...]
     depth: int
     cover: int
 
 
 PROOFS = (
-    Proof("laser_control", "laser_control_properties", (CONTROL,), 6, 20),
-    Proof("laser_control + mirror_drive", "laser_pair_properties", (CONTROL, DRIVE), 6, 20),
-    Proof("laser_guard", "laser_guard_properties", (GUARD,), 6, 30),
+    Proof("laser_interlock", "laser_interlock_properties", 6, 20),
+    Proof("laser_interlock + mirror_drive", "laser_pair_properties", 6, 20),
+    Proof("laser_guard", "laser_guard_properties", 6, 30),
 )
 
 
@@ -90,7 +88,7 @@ MUTANTS = (
     Mutant(
         "pulses in every state",
         0,
-        CONTROL,
+        INTERLOCK,
         ALLOWED,
         "assign allowed = awake && index_alive_i;",
         "dark_without_interlock",
@@ -98,7 +96,7 @@ MUTANTS = (
     Mutant(
         "pulses without an index",
         1,
-        CONTROL,
+        INTERLOCK,
         ALLOWED,
         "assign allowed = awake && run;",
         "no_pulse_without_index",
@@ -106,7 +104,7 @@ MUTANTS = (
     Mutant(
         "no limit of a pulse's length",
         0,
-        CONTROL,
+        INTERLOCK,
         "armed_q[1] && room && !full_q",
         "armed_q[1] && !full_q",
         "pulse_length",
@@ -114,7 +112,7 @@ MUTANTS = (
     Mutant(
         "a request has two pulses",
         0,
-        CONTROL,
+        INTERLOCK,
         " && (permit_q || !pulse_i);",
         ";",
         "no_second_pulse_of_a_request",
@@ -123,7 +121,7 @@ MUTANTS = (
     Mutant(
         "a bucket without a margin",
         0,
-        CONTROL,
+        INTERLOCK,
         "2 ** MarginBits));",
         "2));",
         "bucket_limit",
@@ -133,15 +131,15 @@ MUTANTS = (
     Mutant(
         "no limit of the power",
         0,
-        CONTROL,
-        "if (allowed) power_o <= request_q > limit_power_q ? limit_power_q : request_q;",
-        "if (allowed) power_o <= request_q;",
+        INTERLOCK,
+        "if (allowed) power_o <= power_i > limit_power_q ? limit_power_q : power_i;",
+        "if (allowed) power_o <= power_i;",
         "power_limit",
     ),
     Mutant(
         "a host that is never missed",
         0,
-        CONTROL,
+        INTERLOCK,
         "heard_q   <= alive_i || (heard_q && !late);",
         "heard_q   <= alive_i || heard_q;",
         "no_light_of_a_silent_host_by_register",
@@ -149,7 +147,7 @@ MUTANTS = (
     Mutant(
         "a start-up channel without a state",
         0,
-        CONTROL,
+        INTERLOCK,
         "index_light_o <= awake && (seeking || (run && inside_q));",
         "index_light_o <= awake && (seeking || inside_q);",
         "no_light_off_or_fault",
@@ -157,7 +155,7 @@ MUTANTS = (
     Mutant(
         "a guard that is not asked",
         0,
-        CONTROL,
+        INTERLOCK,
         "assign awake   = laser_i.laser_enable && heard_q && !tripped_q && guard_q[1];",
         "assign awake   = laser_i.laser_enable && heard_q && !tripped_q;",
         "no_light_without_guard",
@@ -225,7 +223,7 @@ def call(tool: str, *arguments: str) -> tuple[int, str]:
 def formulas(
     proof: Proof,
     name: str,
-    replaced: dict[str, Path],
+    replaced: dict[Path, Path],
     parameters: tuple[tuple[str, int], ...] = (),
 ) -> Path:
     """Return the formulas of a proof, with some sources and parameters replaced by others.
@@ -237,10 +235,8 @@ def formulas(
     # What the induction looks at inside the module.
     inside = sorted(set(re.findall(r"\binside_(\w+)", properties.read_text())))
     ties = " ".join(f"connect -set inside_{wire} dut.{wire};" for wire in inside)
-    packages = ("rtl/vrscan_pkg.sv", "rtl/link/register_pkg.sv")
-    files = [*(ROOT / package for package in packages), PROPERTIES / "multiply.sv"]
-    files += [replaced.get(source, ROOT / source) for source in proof.sources]
-    names = " ".join(str(file.relative_to(ROOT)) for file in [*files, properties])
+    files = [replaced.get(file, file) for file in rtl_closure(properties, [properties])]
+    names = " ".join(str(file.relative_to(ROOT)) for file in files)
     target = FOLDER / f"{name}.smt2"
     changes = " ".join(f"chparam -set {key} {value} {proof.top};" for key, value in parameters)
     script = (
@@ -319,7 +315,7 @@ def spoil(mutant: Mutant) -> tuple[bool, float]:
     name = "mutant_" + re.sub(r"\W", "_", mutant.name)
     copy = FOLDER / f"{name}.sv"
     copy.write_text(text.replace(mutant.good, mutant.bad))
-    file = formulas(proof, name, {mutant.source: copy}, mutant.parameters)
+    file = formulas(proof, name, {ROOT / mutant.source: copy}, mutant.parameters)
     # Only this property: what the induction needs breaks, too, and would hide it.
     run = solve(file, "-t", str(mutant.depth), "--keep-going")
     return mutant.breaks in broken(run.words), run.seconds

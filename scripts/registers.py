@@ -1279,24 +1279,24 @@ PAGE_HEADER = f"""# Registers
 
 Written from [{SOURCE}](../{SOURCE}) by `scripts/generate.py`; the map's hash is {{hash}}.
 
-Words of 32 bits, by word address. The value is word / 2^fraction, in its unit; signed ones are
-sign-extended to the word.
+Every word has 32 bits and a word address. The value of a register is its word divided by
+2^fraction, in its unit. A signed value is sign-extended to the whole word.
 
-- **Write.** The answer to a write has been read back from the register. A value that does not fit
-  in the width (of a signed one: that is no sign extension) or is outside the range is `BAD_VALUE`,
-  and nothing changes.
-- **Wide.** More than 32 bits are two words, the lower first. They take effect together when the
-  higher one is written; until then the lower one waits, and is read as it was written. Reading the
-  lower word of a measured value keeps the higher one for the next read, so a value is never torn.
-- **Several.** `name[n]` is n values in consecutive words.
-- **Access.** rw; strobe: rw, and every write is an event; ro; counter: ro, and stops at its largest
-  value; constant: ro, and never changes.
-- **Locks.** A lock takes a 1 and nothing else, and keeps it until reset. What names it answers
-  `LOCKED` to a write from then on. No register follows the locks, so a command that is checked as a
-  whole cannot lock what its later words write.
-- **Tables.** A field is a word. An entry goes out with its last field; the others are those
-  written before. A reset leaves a table as it is; before it is written it means nothing.
-- **Elsewhere** there is nothing: `NO_ADDRESS`.
+- **Writing.** The board reads a register back before it answers a write. A value that is outside
+  the register's range, or wider than the register, is answered with `BAD_VALUE` and changes
+  nothing.
+- **Two words.** A register of more than 32 bits has two words, the lower one first. Both take
+  effect together when the higher one is written. Reading the lower word of a measured value keeps
+  the higher word for the next read, so that both belong to one measurement.
+- **Arrays.** `name[n]` has n values in consecutive words.
+- **Access.** `rw` can be read and written. `strobe` is `rw`, and every write is an event. `ro` can
+  only be read. A `counter` is `ro` and stops at its largest value. A `constant` never changes.
+- **Locks.** A lock can be set to 1, and stays so until the reset. Registers that name a set lock
+  answer `LOCKED` to every write. The locks are the last registers of the map, so a write of several
+  words cannot lock what it has still to write.
+- **Tables.** Each field of a table's entry is a word. The entry takes effect when its last field is
+  written. A reset does not change a table, and before the first write its content is undefined.
+- **Other addresses** are answered with `NO_ADDRESS`.
 """
 
 

@@ -7,7 +7,7 @@
 `default_nettype none
 
 package register_pkg;
-  // What this is, and how it was built: read.
+  // Identity of the instrument and parameters of its build: read.
   typedef struct packed {
     logic [15:0] board_id;
     logic [31:0] clock_hz;
@@ -19,12 +19,12 @@ package register_pkg;
     logic [47:0] uptime;
   } identity_status_t;
 
-  // What this is, and how it was built.
+  // Identity of the instrument and parameters of its build.
   typedef struct packed {
     logic [31:0] scratch;
   } identity_t;
 
-  // Threshold, window and confidence of the peak; holds until the points of all lines are out.
+  // Threshold, window and confidence of the peak; constant until the points of all lines are out.
   typedef struct packed {
     logic period_n;
     logic noise_row;
@@ -39,8 +39,8 @@ package register_pkg;
     logic window_two_pass;
   } peak_t;
 
-  // The triangle; R = 2**ceil(log2(line_length)) px. It holds until the points of all lines are
-  // out.
+  // Geometry of the triangulation, with R = 2**ceil(log2(line_length)) px; constant until the
+  // points of all lines are out.
   typedef struct packed {
     logic signed [31:0] centre;
     logic signed [25:0] k1;
@@ -54,7 +54,7 @@ package register_pkg;
     logic signed [31:0] e1;
   } geometry_t;
 
-  // Lines and points that were lost.
+  // Counters of lines and points that were lost.
   typedef struct packed {
     logic [15:0] short_count;
     logic [15:0] long_count;
@@ -63,7 +63,7 @@ package register_pkg;
     logic [15:0] dropped_count;
   } chain_t;
 
-  // The mirror's loop.
+  // Control loop of the mirror.
   typedef struct packed {
     logic mirror_enable;
     logic line_enable;
@@ -95,7 +95,7 @@ package register_pkg;
     logic [23:0] confidence_gain;
   } mirror_t;
 
-  // What bounds the mirror's drive.
+  // Limits of the mirror's drive.
   typedef struct packed {
     logic [15:0] duty;
     logic [19:0] sweep_level;
@@ -108,7 +108,7 @@ package register_pkg;
     logic [31:0] lost_timeout;
   } mirror_limits_t;
 
-  // The mirror's motion, (12), at k = 1, 3 .. 17.
+  // Harmonics of the mirror's motion (12) at k = 1, 3 .. 17.
   typedef struct packed {
     logic [27:0] drive_phase;
     logic [215:0] motion_a;
@@ -126,7 +126,7 @@ package register_pkg;
     logic [19:0] pulse_clks;
   } line_t;
 
-  // How the mirror is.
+  // State of the mirror.
   typedef struct packed {
     logic [2:0] mirror_state;
     logic [1:0] mirror_fault;
@@ -145,13 +145,13 @@ package register_pkg;
     logic [15:0] overrun_count;
   } mirror_status_t;
 
-  // The serial line; a counter of frames counts those that have ended so.
+  // Serial line, with a counter for each way in which a frame can end.
   typedef struct packed {
     logic [23:0] uart_step;
     logic uart_step_strobe;
   } link_t;
 
-  // The serial line; a counter of frames counts those that have ended so: read.
+  // Serial line, with a counter for each way in which a frame can end: read.
   typedef struct packed {
     logic [23:0] uart_step_now;
     logic [15:0] uart_framing;
@@ -168,7 +168,7 @@ package register_pkg;
     logic [15:0] commands_lost;
   } link_status_t;
 
-  // The laser's power: 65535 is full scale. Dark until it is loaded.
+  // Power of the laser, 65535 at full scale; the laser is dark until these are loaded.
   typedef struct packed {
     logic laser_enable;
     logic laser_adapt;
@@ -186,7 +186,8 @@ package register_pkg;
     logic [15:0] laser_index_end;
   } laser_t;
 
-  // What no other register exceeds; above them are the ceilings of the build.
+  // Limits of the laser, which no other register exceeds; the parameters of the build are their
+  // ceilings.
   typedef struct packed {
     logic [15:0] laser_limit_power;
     logic [15:0] laser_limit_startup;
@@ -196,7 +197,7 @@ package register_pkg;
     logic [31:0] laser_watchdog_clks;
   } laser_limits_t;
 
-  // How the laser is.
+  // State of the laser.
   typedef struct packed {
     logic [4:0] laser_status;
     logic [15:0] laser_power_inward;
@@ -206,19 +207,19 @@ package register_pkg;
     logic [15:0] laser_watchdog_count;
   } laser_status_t;
 
-  // What is sent to the host.
+  // Packets to the host.
   typedef struct packed {
     logic [7:0] points_batch;
     logic [23:0] points_timeout_clks;
   } points_t;
 
-  // What is sent to the host: read.
+  // Packets to the host: read.
   typedef struct packed {
     logic [15:0] points_dropped;
     logic capture_busy;
   } points_status_t;
 
-  // The autofocus; positions in steps of the motor's sensor.
+  // Autofocus; positions are in steps of the motor's sensor.
   typedef struct packed {
     logic [1:0] focus_mode;
     logic [15:0] focus_manual;
@@ -237,7 +238,7 @@ package register_pkg;
     logic [7:0] focus_retries;
   } focus_t;
 
-  // How the autofocus is.
+  // State of the autofocus.
   typedef struct packed {
     logic [2:0] focus_state;
     logic [2:0] focus_fault;
@@ -253,8 +254,8 @@ package register_pkg;
     logic [15:0] focus_recovery_count;
   } focus_status_t;
 
-  // Test lines in place of the sensor's: a raised cosine on a pedestal with noise. A run takes what
-  // was written before test_start.
+  // Test lines in place of the sensor's: a raised cosine on a pedestal with noise. A run uses the
+  // values written before test_start.
   typedef struct packed {
     logic [23:0] test_position;
     logic signed [23:0] test_move;
@@ -273,13 +274,13 @@ package register_pkg;
     logic test_stop_strobe;
   } test_t;
 
-  // Test lines in place of the sensor's: a raised cosine on a pedestal with noise. A run takes what
-  // was written before test_start: read.
+  // Test lines in place of the sensor's: a raised cosine on a pedestal with noise. A run uses the
+  // values written before test_start: read.
   typedef struct packed {
     logic test_running;
   } test_status_t;
 
-  // Lines between trigger and readout.
+  // Counters of lines lost between trigger and readout.
   typedef struct packed {
     logic [15:0] untagged_count;
     logic [15:0] pixel_overflow_count;
@@ -292,7 +293,7 @@ package register_pkg;
     logic lock_laser;
   } locks_t;
 
-  // Of the mirror: entry i is for a half distance of the crossings of i / 4096 turns.
+  // Amplitude table of the mirror: entry i belongs to crossings that are i / 2048 turns apart.
   typedef struct packed {
     logic table_write;
     logic [9:0] table_index;
@@ -300,7 +301,8 @@ package register_pkg;
     logic signed [27:0] table_midpoint;
   } table_t;
 
-  // Of the autofocus: entry i is for a distance of focus_z_begin + i 2**(focus_z_shift + 10) steps.
+  // Table of the autofocus: entry i belongs to a distance of focus_z_begin + i 2**(focus_z_shift +
+  // 10) steps.
   typedef struct packed {
     logic focus_table_write;
     logic [5:0] focus_table_index;

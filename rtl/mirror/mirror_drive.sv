@@ -84,7 +84,6 @@ module mirror_drive #(
   logic        [FineWidth-1:0] fine_q;
   logic signed [  FineWidth:0] left_q;  // fine_q less the working word less a step: < 0 is there
   logic signed [ SumWidth-1:0] sum_q;
-  logic        [LevelWidth-1:0] sigma_q;
 
   logic                  active, active_d, off;
   logic [StateWidth-1:0] state_d;
@@ -162,20 +161,21 @@ module mirror_drive #(
     if (!active_d) level_o <= '0;
     else if (state_d == Sweep) level_o <= mirror_limits_i.sweep_level;
     else if (!stop) level_o <= level_i;
-    {level_pin_o, sigma_q} <= {1'b0, sigma_q} + {1'b0, level_o};
 
     if (rst_i) begin
       state_o     <= Off;
       fault_o     <= FaultWidth'(vrscan_pkg::FaultNone);
       drive_o     <= 1'b0;
       level_o     <= '0;
-      level_pin_o <= 1'b0;
-      sigma_q     <= '0;
       phase_o     <= '0;
       word_o      <= '0;
       high_q      <= 1'b0;
     end
   end
+
+  sigma_delta #(.Width(LevelWidth)) u_level_pin (
+    .clk_i, .rst_i, .level_i(level_o), .pin_o(level_pin_o)
+  );
 
 endmodule
 

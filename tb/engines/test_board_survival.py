@@ -210,7 +210,7 @@ def uptime(device: Device, come: Callable[[], object] = lambda: None) -> tuple[i
     """Return the board's clocks, and what ``come`` says when that reply is in."""
     seen: list[object] = []
     data = protocol.read(REGISTERS["uptime"].address, 2)
-    reply = device.command(Command.READ, data, then=lambda: seen.append(come()))
+    reply = device.command(Command.READ, data, on_reply=lambda: seen.append(come()))
     low, high = struct.unpack("<x2I", reply)
     return low | high << 32, seen[-1]
 

@@ -1,4 +1,4 @@
-// laser_pair_properties: laser_control with the state of the real mirror_drive.
+// laser_pair_properties: laser_interlock with the state of the real mirror_drive.
 //
 // The interlock hangs on mirror_drive's state; here that state is the real one, and mirror_drive's
 // own inputs are free.  What begins with "step_" is no claim of its own but what the induction needs;
@@ -17,8 +17,8 @@ module laser_pair_properties (
   input wire register_pkg::mirror_t        mirror_i,
   input wire register_pkg::mirror_limits_t mirror_limits_i,
   input wire logic                         pulse_i,
+  input wire logic [15:0]                  power_i,
   input wire logic                         line_start_i,
-  input wire logic                         centre_i,
   input wire logic [15:0]                  phase_i,
   input wire logic                         alive_i,
   input wire logic                         guard_ok_i,
@@ -42,30 +42,19 @@ module laser_pair_properties (
     .mirror_i, .mirror_limits_i
   );
 
-  // The power stands still.
-  register_pkg::laser_t laser;
-  always_comb begin
-    laser             = laser_i;
-    laser.laser_adapt = 1'b0;
-  end
-
-  laser_control u_laser_control (
-    .clk_i, .rst_i, .pulse_i, .line_start_i, .centre_i,
-    .state_i       (state),
-    .index_alive_i, .phase_i, .alive_i, .guard_ok_i,
-    .point_valid_i (1'b0),
-    .point_i       ('0),
-    .pulse_o       (pulse),
-    .power_o       (power),
-    .power_pin_o   (),
-    .index_light_o (index_light),
-    .startup_o     (startup),
-    .startup_pin_o (),
-    .heartbeat_o   (),
-    .power_line_o  (),
-    .inward_line_o (),
-    .laser_i       (laser),
-    .laser_limits_i, .laser_status_o()
+  laser_interlock u_laser_interlock (
+    .clk_i, .rst_i, .pulse_i, .power_i, .line_start_i,
+    .state_i         (state),
+    .index_alive_i, .phase_i, .alive_i, .guard_ok_i, .laser_i, .laser_limits_i,
+    .pulse_o         (pulse),
+    .power_o         (power),
+    .index_light_o   (index_light),
+    .startup_o       (startup),
+    .armed_o         (),
+    .status_o        (),
+    .cut_count_o     (),
+    .duty_count_o    (),
+    .watchdog_count_o()
   );
 
   (* keep *) wire [31:0] inside_timer_q, inside_limit_q;

@@ -154,7 +154,7 @@ def test_a_reply_with_a_wrong_crc_is_none(wire: Wire) -> None:
     wire.host._sequence = 0x2E
     wire.say("03 91 2F 03 95 4C 00")
     with pytest.raises(NoAnswerError, match="no answer to STREAM_STOP"):
-        wire.host.command(Command.STREAM_STOP, wait=0.05, again=False)
+        wire.host.command(Command.STREAM_STOP, wait=0.05, repeatable=False)
     assert wire.host.traffic.bad == {"crc": 1}
 
 

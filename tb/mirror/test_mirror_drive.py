@@ -5,11 +5,8 @@ import dataclasses
 import cocotb
 import numpy as np
 import pytest
-from cocotb.triggers import RisingEdge, Timer
 from harness import (
-    CLOCK_NS,
     EACH_VOLUME,
-    FallingEdge,
     TwinBench,
     as_integer,
     drive,
@@ -374,33 +371,6 @@ async def duty_counts_65536ths(dut) -> None:
             high += bench.twin.drive
         # 65535 is high on all phases of this word but none: the low part is less than a step.
         assert high == -(-duty // 256)
-
-
-@cocotb.test()
-async def the_pin_means_its_level_exactly(dut) -> None:
-    """Of 2**20 clocks level are high; few are high or few are low, so that edges can be counted."""
-    if parameters()["StopWidth"] != 24:
-        return  # it has nothing to do with the stop
-    bench = await begin(dut)
-    for level in (0, 1, 37, LEVEL_MAX - 36, LEVEL_MAX):
-        settings = with_changes(sweep_rate=0, sweep_level=level, sweep_timeout=NEVER)
-        await bench.into(SWEEP, settings)
-        await bench.clocks(3)
-        high = level if level < 1 << 19 else (1 << 20) - level
-        counted = 0
-        edge = RisingEdge if level < 1 << 19 else FallingEdge
-
-        async def count(edge=edge) -> None:
-            nonlocal counted
-            while True:
-                await edge(dut.level_pin_o)
-                counted += 1
-
-        task = cocotb.start_soon(count())
-        await Timer(CLOCK_NS << pkg.LEVEL_WIDTH, unit="ns")
-        task.cancel()
-        await FallingEdge(dut.clk_i)
-        assert counted == high
 
 
 @EACH_VOLUME

@@ -19,6 +19,8 @@ MODULES = {
     settings.TriggerSettings: "timing/line_trigger",
     settings.MotionSettings: "mirror/motion_map",
     settings.TestLineSettings: "sensor/test_line",
+    settings.InterlockSettings: "safety/laser_interlock",
+    settings.AdaptationSettings: "actuators/power_adaptation",
 }
 # Switches and strobes, which are inputs of the twin, not settings.
 INPUTS = {"mirror_enable", "line_enable", "test_start", "test_stop", "test_angle", "test_power"}

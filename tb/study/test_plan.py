@@ -33,7 +33,9 @@ def _light(name: str) -> Light:
 
 @functools.cache
 def _plan(name: str, tolerance_px: float) -> Plan:
-    return plan(_light(name), COUNT, fidelity="auto", tolerance_px=tolerance_px, worth=LONG)
+    return plan(
+        _light(name), COUNT, fidelity="auto", tolerance_px=tolerance_px, break_even_lines=LONG
+    )
 
 
 def _points(light: Light, active: frozenset[str], every_ray: bool, tolerance_px: float) -> Table:
@@ -87,7 +89,9 @@ def test_a_plan_does_not_depend_on_how_long_things_take(monkeypatch: pytest.Monk
 
     wanted = _plan("default", 0.03)
     monkeypatch.setattr("time.perf_counter", erratic)
-    found = plan(_light("default"), COUNT, fidelity="auto", tolerance_px=0.03, worth=LONG)
+    found = plan(
+        _light("default"), COUNT, fidelity="auto", tolerance_px=0.03, break_even_lines=LONG
+    )
     assert (found.active, found.every_ray) == (wanted.active, wanted.every_ray)
     assert [p.microseconds for p in found.predictions] != [
         p.microseconds for p in wanted.predictions
@@ -185,7 +189,9 @@ def test_a_scene_without_power_needs_nothing() -> None:
         "target": [{"kind": "plane", "position_mm": [0, 0, 400]}],
         "laser": {"power_mw": 0},
     }
-    found = plan(Light(parse(values, "dark", Path()), CONFIG), 100, fidelity="auto", worth=10**6)
+    found = plan(
+        Light(parse(values, "dark", Path()), CONFIG), 100, fidelity="auto", break_even_lines=10**6
+    )
     assert all(EFFECTS[name].typical_us == 0.0 for name in found.active)
 
 
@@ -194,7 +200,9 @@ def test_a_choice_holds_on_lines_that_the_survey_has_not_seen() -> None:
     tolerance_px, count = 0.01, 40 * BLOCK
     light = Light(load("step").model_copy(update={"seed": 5}), CONFIG)
     seen = survey(light, count)
-    found = plan(light, count, tolerance_px=tolerance_px, each=False, seen=seen, worth=LONG)
+    found = plan(
+        light, count, tolerance_px=tolerance_px, each=False, seen=seen, break_even_lines=LONG
+    )
     whole = frozenset(present(light.scene))
     off = whole - found.active
     assert {"ghosts", "bounce", "halo"} <= off

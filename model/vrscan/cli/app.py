@@ -368,12 +368,12 @@ def replay(
         engines.prepare(engine, settings)
         blocks = recorded.blocks(engines.BLOCK)
         jobs = engines.processes(engine, recorded.count, jobs)
-        then = csv_rows if suffix == ".csv" else ply_vertices
+        on_points = csv_rows if suffix == ".csv" else ply_vertices
         with (
             warnings.catch_warnings(record=True, action="always", category=InputWarning) as told,
             csv_file(file) if suffix == ".csv" else ply_file(file, out.parent) as write,
             _bar(f"engine {engine}", recorded.count) as progress,
-            engines.streamed(engine, blocks, settings, then, jobs) as found,
+            engines.streamed(engine, blocks, settings, on_points, jobs) as found,
         ):
             for done, rows in found:
                 write(rows)

@@ -4,6 +4,7 @@ VR-SCAN IV-G2: a downward sweep from a high frequency starts the mirror, then it
 fixed working frequency. The drive is a square wave at twice the mirror's frequency.
 """
 
+from vrscan.clocked.sigma_delta import SigmaDelta
 from vrscan.data import pkg
 from vrscan.registers.settings import DriveSettings
 
@@ -18,7 +19,6 @@ DUTY_WIDTH = 16
 
 _TURN_MASK = (1 << pkg.TURN_WIDTH) - 1
 _WORD_MAX = (1 << pkg.WORD_WIDTH) - 1
-_LEVELS = 1 << pkg.LEVEL_WIDTH
 _HALF = 1 << (pkg.TURN_WIDTH - 1)  # a period of the drive
 _DUTY_SHIFT = pkg.TURN_WIDTH - 1 - DUTY_WIDTH
 
@@ -57,7 +57,6 @@ class MirrorDrive:
         fault: Reason of the state FAULT, ``pkg.FAULT_*``; kept until the next start.
         drive: The square wave for the phase two clocks before.
         level: Level that is applied; u20.
-        level_pin: First-order sigma-delta output of the level.
         phase: Phase of the drive; u48, turns.
         word: Frequency word in use; u40.
     """
@@ -68,7 +67,6 @@ class MirrorDrive:
         self.fault = pkg.FAULT_NONE
         self.drive = False
         self.level = 0
-        self.level_pin = False
         self.phase = 0
         self.word = 0
         self._duty = settings.duty << _DUTY_SHIFT
@@ -80,7 +78,12 @@ class MirrorDrive:
         self._timer = 0
         self._fine = 0  # the sweep's word with its fraction
         self._sum = 0  # working word and trim
-        self._sigma = 0
+        self._level_pin = SigmaDelta(pkg.LEVEL_WIDTH)
+
+    @property
+    def level_pin(self) -> bool:
+        """Return the sigma-delta output of the level."""
+        return self._level_pin.pin
 
     def step(
         self, *, enable: bool, trim: int, level: int, index_alive: bool, settled: bool
@@ -136,9 +139,7 @@ class MirrorDrive:
         else:
             self._timer += 1
 
-        total = self._sigma + self.level
-        self.level_pin = total >= _LEVELS
-        self._sigma = total & (_LEVELS - 1)
+        self._level_pin.step(self.level)
         off = state == _OFF
         high = active and (self.phase & (_HALF - 1)) < self._duty
         self.phase = 0 if off else (self.phase + self.word) & _TURN_MASK
@@ -220,10 +221,7 @@ class MirrorDrive:
         """Take ``clocks`` steps at once, at most as many as ``idle`` returns for these inputs."""
         if clocks <= 0:
             return
-        before = self._sigma + (clocks - 1) * self.level
-        total = (before & (_LEVELS - 1)) + self.level
-        self.level_pin = total >= _LEVELS
-        self._sigma = total & (_LEVELS - 1)
+        self._level_pin.step(self.level, clocks)
         self._sum = self.settings.work_word + trim
         self._ready = index_alive and settled
         state = self.state

@@ -96,17 +96,17 @@ class _Work(Generic[T]):
 
     engine: Engine
     config: Config
-    then: Callable[[Table], T]  # applied to the points
+    on_points: Callable[[Table], T]  # applied to the points
 
     def __call__(self, given: tuple[int, Lines]) -> tuple[int, T]:
-        """Return the number behind the last line, and what ``then`` returns for the points.
+        """Return the number behind the last line, and what ``on_points`` returns for the points.
 
         Args:
             given: The number of the first line, and the lines.
         """
         first, recording = given
         points = run_block(self.engine, recording, self.config, first)
-        return first + len(recording), self.then(points)
+        return first + len(recording), self.on_points(points)
 
 
 @contextlib.contextmanager
@@ -114,7 +114,7 @@ def streamed(
     engine: Engine,
     blocks: Iterable[Lines],
     config: Config,
-    then: Callable[[Table], T],
+    on_points: Callable[[Table], T],
     jobs: int = 1,
 ) -> Iterator[Iterator[tuple[int, T]]]:
     """Run an engine on any number of lines, of which only some blocks are in memory.
@@ -123,11 +123,11 @@ def streamed(
         engine: The engine that computes the points; ``prepare`` has been called.
         blocks: The lines, in their order; the size of a block does not change the points.
         config: Thresholds and geometry.
-        then: Function that the process that computed a block's points applies to them.
+        on_points: Function that the process that computed a block's points applies to them.
         jobs: Number of processes; see ``processes``.
 
     Yields:
-        An iterator over the blocks, with the number of lines done so far and what ``then``
+        An iterator over the blocks, with the number of lines done so far and what ``on_points``
         returned.
 
     Raises:
@@ -140,7 +140,7 @@ def streamed(
             yield first, block
             first += len(block)
 
-    with workers(_Work(engine, config, then), jobs) as do:
+    with workers(_Work(engine, config, on_points), jobs) as do:
         yield do(numbered())
 
 

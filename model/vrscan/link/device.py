@@ -350,21 +350,21 @@ class Device:
         operation: int,
         data: bytes = b"",
         *,
-        again: bool = True,
-        then: Callable[[], None] | None = None,
+        repeatable: bool = True,
+        on_reply: Callable[[], None] | None = None,
     ) -> bytes:
         """Execute a command and return the data after the status in its reply.
 
         Args:
             operation: First byte of the command.
             data: Data after the sequence number.
-            again: Whether it may be executed twice; it is then repeated when no reply comes.
-            then: Function as in ``Transport.command``.
+            repeatable: Whether it may be executed twice; it is then repeated when no reply comes.
+            on_reply: Function as in ``Transport.command``.
 
         Raises:
             DeviceError: if the board refuses it.
         """
-        reply = self._transport.command(operation, data, again=again, then=then)
+        reply = self._transport.command(operation, data, repeatable=repeatable, on_reply=on_reply)
         if reply[2] != link_pkg.STATUS_OK:
             raise DeviceError(self.port, reply[2])
         return reply[3:]
@@ -395,14 +395,14 @@ class Device:
         reply = self._transport.command(link_pkg.COMMAND_READ, protocol.read(address, count))
         return self._words(reply, count, None)
 
-    def write_words(self, block: Block, *, again: bool = True) -> list[int]:
+    def write_words(self, block: Block, *, repeatable: bool = True) -> list[int]:
         """Write words, all of them or none, and return the words that were read back.
 
         Raises:
             DeviceError: naming register and value, if the board refuses.
         """
         data = protocol.write(block.address, block.words)
-        reply = self._transport.command(link_pkg.COMMAND_WRITE, data, again=again)
+        reply = self._transport.command(link_pkg.COMMAND_WRITE, data, repeatable=repeatable)
         return self._words(reply, len(block.words), block)
 
     def _words(self, reply: bytes, count: int, written: Block | None) -> list[int]:
@@ -502,7 +502,7 @@ class Device:
         }
         for k, block in enumerate(blocks):
             reach = range(block.address, block.address + len(block.words))
-            back = self.write_words(block, again=events.isdisjoint(reach))
+            back = self.write_words(block, repeatable=events.isdisjoint(reach))
             for address, got, want in zip(reach, back, block.words, strict=True):
                 if got != want:
                     raise LinkError(
@@ -730,7 +730,7 @@ class Device:
         self._points = points
         try:
             start = protocol.stream_start(full, step)
-            self.command(link_pkg.COMMAND_STREAM_START, start, then=points.begin)
+            self.command(link_pkg.COMMAND_STREAM_START, start, on_reply=points.begin)
         except BaseException:
             transport.sinks.pop(kind, None)
             self._points = None

@@ -107,7 +107,7 @@ class Transport:
         self._sequence = 0
         self._awaited: tuple[int, int] | None = None  # first two bytes of the reply
         self._reply: bytes | None = None
-        self._then: Callable[[], None] | None = None
+        self._on_reply: Callable[[], None] | None = None
         self._spoiled = False  # whether a frame was bad since the command was sent, on either side
         self._failure: UnpluggedError | None = None
         self._ending = False
@@ -179,18 +179,18 @@ class Transport:
         operation: int,
         data: bytes = b"",
         *,
-        again: bool = True,
+        repeatable: bool = True,
         wait: float | None = None,
-        then: Callable[[], None] | None = None,
+        on_reply: Callable[[], None] | None = None,
     ) -> bytes:
         """Send a command and return the payload of its reply, whatever its status.
 
         Args:
             operation: First byte of the command.
             data: Data after the sequence number.
-            again: Whether it may be executed twice: it is then sent again when no reply comes.
+            repeatable: Whether it may be executed twice: it is then sent again when no reply comes.
             wait: Seconds for all attempts together; ``timeout`` if None.
-            then: Function that is called in the reading thread on a reply of ``STATUS_OK``, before
+            on_reply: Function that the reading thread calls on a reply of ``STATUS_OK``, before
                 anything that comes after it is processed.
 
         Raises:
@@ -202,17 +202,17 @@ class Transport:
         end = time.monotonic() + wait
         attempts = 0
         with self._turn:
-            self._then = then
-            while attempts == 0 or (again and time.monotonic() < end):
+            self._on_reply = on_reply
+            while attempts == 0 or (repeatable and time.monotonic() < end):
                 self.traffic.retries += attempts > 0
                 left = end - time.monotonic()
-                limit = min(left, wait / ATTEMPTS) if again else left
-                reply = self._once(operation, data, limit, again, first=attempts == 0)
+                limit = min(left, wait / ATTEMPTS) if repeatable else left
+                reply = self._once(operation, data, limit, repeatable, first=attempts == 0)
                 if reply is not None:
                     return reply
                 attempts += 1
-        tried = f" and {attempts} attempts" if again else ""
-        unsure = "" if again else "; whether the board did it is not known"
+        tried = f" and {attempts} attempts" if repeatable else ""
+        unsure = "" if repeatable else "; whether the board did it is not known"
         name = protocol.COMMANDS.get(operation, f"command {operation:#04x}")
         raise NoAnswerError(f"{self.port}: no answer to {name} after {wait:g} s{tried}{unsure}")
 
@@ -308,8 +308,8 @@ class Transport:
             elif tuple(payload[:2]) == self._awaited and len(payload) > 2:
                 self._reply = payload
                 self._awaited = None
-                if self._then is not None and payload[2] == link_pkg.STATUS_OK:
-                    self._then()
+                if self._on_reply is not None and payload[2] == link_pkg.STATUS_OK:
+                    self._on_reply()
             else:
                 self.traffic.late += 1
             self._arrived.notify_all()

@@ -134,3 +134,45 @@ class TestLineSettings(Settings):
     seed: int
     lines: int
     period_clks: int
+
+
+@dataclass(frozen=True)
+class InterlockSettings(Settings):
+    """What ``laser_interlock`` takes."""
+
+    PREFIX: ClassVar[str] = "laser_"
+
+    enable: int
+    startup: int
+    index_begin: int
+    index_end: int
+    limit_power: int
+    limit_startup: int
+    limit_pulse_clks: int
+    limit_drain: int
+    limit_bucket: int
+    watchdog_clks: int
+
+
+@dataclass(frozen=True)
+class AdaptationSettings(Settings):
+    """What ``power_adaptation`` takes."""
+
+    PREFIX: ClassVar[str] = "laser_"
+
+    enable: int
+    adapt: int
+    shared: int
+    power: int
+    power_min: int
+    power_max: int
+    target: int
+    cut: int
+    down: int
+    up: int
+    search: int
+
+
+@dataclass(frozen=True)
+class LaserSettings(InterlockSettings, AdaptationSettings):
+    """What ``laser_control`` takes for its parts."""

@@ -225,8 +225,8 @@ class Spotter:
         if self.every_ray:
             middle = 0.5 * self.light.config.sensor.line_length
             with np.errstate(invalid="ignore"):
-                beside = np.abs(spots.position_px - middle) > middle + OFF_SENSOR_PX
-            return ~(beside & spots.lit)
+                off_sensor = np.abs(spots.position_px - middle) > middle + OFF_SENSOR_PX
+            return ~(off_sensor & spots.lit)
         if self.light.scene.scan.pan_mm_per_s != 0.0:
             return self._needs_rays(spots, beam, timeline.y_mm)
         # A scanner that stands still sees the same at the same angle: one map serves all lines.
@@ -260,8 +260,8 @@ class Spotter:
         split = np.zeros(len(spots.lit), np.bool_)
         middle = 0.5 * self.light.config.sensor.line_length
         with np.errstate(invalid="ignore"):
-            beside = np.abs(spots.position_px - middle) > middle + OFF_SENSOR_PX
-        rows = np.flatnonzero(~(beside & spots.lit))
+            off_sensor = np.abs(spots.position_px - middle) > middle + OFF_SENSOR_PX
+        rows = np.flatnonzero(~(off_sensor & spots.lit))
         limit = self.tolerance_px
         origin, direction = self._offset_rays(spots, beam, rows, np.array([-_TEST, _TEST]))
         sides = self._meet(origin, direction, np.repeat(y_mm[rows], 2))

@@ -1,4 +1,4 @@
-"""What each effect would do to a scene's points, and which of them are worth their time.
+"""What each effect would do to a scene's points, and which of them are break_even_lines their time.
 
 Lines of a few blocks are rendered with all effects and then with fewer, always with the same random
 numbers, and go through the chain's bit-accurate model. They are lines near, in the middle and far,
@@ -128,7 +128,7 @@ def plan(
     tolerance_px: float | None = None,
     each: bool = True,
     seen: Survey | None = None,
-    worth: int | None = None,
+    break_even_lines: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Plan:
     """Return the plan of the effects that a scan gets.
@@ -141,7 +141,7 @@ def plan(
         each: Whether the changes by single effects are asked for. ``auto`` then chooses as for
             ``LEAST_LINES`` if the scan is shorter.
         seen: Result of ``survey`` for the same scan, if there is one.
-        worth: Number of lines on which the choice of ``auto`` has to pay; ``count`` if None.
+        break_even_lines: Lines on which the choice of ``auto`` has to pay; ``count`` if None.
         progress: Called with the number of steps done and the number of all steps.
 
     Raises:
@@ -158,9 +158,9 @@ def plan(
         raise InputError(f"{scene.source}: fidelity {wanted!r} is not auto, full or minimal")
     if not tolerance > 0.0:
         raise InputError(f"{scene.source}: tolerance_px = {tolerance:g}: must be above 0")
-    worth = count if worth is None else worth
+    break_even_lines = count if break_even_lines is None else break_even_lines
     if each:
-        worth = max(worth, LEAST_LINES)
+        break_even_lines = max(break_even_lines, LEAST_LINES)
     seen = survey(light, count) if seen is None else seen
     full = frozenset((*have, _RAYS))
     trial = _Trial(light, count, seen, tolerance, full)
@@ -189,8 +189,8 @@ def plan(
         tick()
     state, left_out = full, _NOTHING
     if wanted == "auto":
-        if worth >= LEAST_LINES:
-            state, left_out = _auto(trial, worth, tick)
+        if break_even_lines >= LEAST_LINES:
+            state, left_out = _auto(trial, break_even_lines, tick)
     elif wanted != "full":
         state = frozenset(have) & (listed or frozenset())
         left_out = difference(reference, trial.points(table_rows, state), part, light)
@@ -436,7 +436,9 @@ def _us(effects: frozenset[str]) -> float:
     return typical_us(effects - {_RAYS}, every_ray=_RAYS in effects) + LINE_US
 
 
-def _auto(trial: _Trial, worth: int, tick: Callable[[], None]) -> tuple[frozenset[str], Difference]:
+def _auto(
+    trial: _Trial, break_even_lines: int, tick: Callable[[], None]
+) -> tuple[frozenset[str], Difference]:
     """Return the effects that are on, with ``_RAYS`` if every spot needs them, and the change."""
     lines = trial.seen.first(_PER_ZONE[0])
     full = state = trial.full
@@ -446,7 +448,7 @@ def _auto(trial: _Trial, worth: int, tick: Callable[[], None]) -> tuple[frozense
     def confirms(effects: frozenset[str]) -> bool:
         """Return whether it pays to render the rest of the survey for these effects."""
         rest_us = (len(trial.seen.numbers) - lines) * (_us(full) + _us(effects))
-        return worth * (_us(full) - _us(effects)) >= _ODDS * rest_us
+        return break_even_lines * (_us(full) - _us(effects)) >= _ODDS * rest_us
 
     dear = sorted(full & EFFECTS.keys(), key=lambda name: -EFFECTS[name].typical_us)
     everywhere = [name for name in dear if name in WHOLE_LINE]
@@ -456,12 +458,12 @@ def _auto(trial: _Trial, worth: int, tick: Callable[[], None]) -> tuple[frozense
         # Where spots need their rays if a plane is wrong, they need more than a plane.
         names = [name for name in todo.pop(0) if name != "footprint" or _RAYS not in state]
         less = state.difference(names)
-        saved_us = worth * (_us(full) - _us(state))
-        if trial.spent_us - before_us > _STAKE * worth * _us(full) + saved_us:
+        saved_us = break_even_lines * (_us(full) - _us(state))
+        if trial.spent_us - before_us > _STAKE * break_even_lines * _us(full) + saved_us:
             break
         if not confirms(less.difference(*todo)):
             break
-        if worth * (_us(state) - _us(less)) < _ODDS * (START_US + lines * _us(less)):
+        if break_even_lines * (_us(state) - _us(less)) < _ODDS * (START_US + lines * _us(less)):
             continue
         tick()
         found = trial.judge(less, lines)

@@ -36,7 +36,7 @@ from vrscan.study.report.figure import mean, rms
 TOLERANCES_PX = (0.1, 0.03, 0.01)
 TIGHTEST = f"auto {TOLERANCES_PX[-1]:g}"
 AIM_AUTO, AIM_FULL = 20_000.0, 2_000.0  # lines/s
-WORTH = 100_000  # lines on which a choice has to pay: a long scan's
+BREAK_EVEN_LINES = 100_000  # lines on which a choice has to pay: a long scan's
 ROUNDS = 3  # timed runs of each fidelity
 
 _FLOOR_PX = 1e-4  # smaller errors are drawn here
@@ -140,7 +140,12 @@ def _scene(scene: Description, count: int, config: Config, rounds: int) -> list[
     runs = [_Run("minimal", np.nan, light, frozenset(), every_ray=False)]
     for tolerance in TOLERANCES_PX:
         chosen = plan(
-            light, count, fidelity="auto", tolerance_px=tolerance, each=False, worth=WORTH
+            light,
+            count,
+            fidelity="auto",
+            tolerance_px=tolerance,
+            each=False,
+            break_even_lines=BREAK_EVEN_LINES,
         )
         given = (chosen.active, chosen.every_ray, chosen.seconds)
         runs.append(_Run(f"auto {tolerance:g}", tolerance, light, *given))

@@ -1,4 +1,4 @@
-// laser_control_properties: what the light of laser_control never does, with any inputs.
+// laser_interlock_properties: what the light behind laser_interlock never does, with any inputs.
 //
 // Every input is free in every clock, the reset too but for the first one.  "held" says that the
 // limits have stood for as long as they take to get through; without it the ceilings hold.  What
@@ -7,7 +7,7 @@
 
 `default_nettype none
 
-module laser_control_properties #(
+module laser_interlock_properties #(
   parameter int unsigned StartupCeiling      = 1_311,
   parameter int unsigned PowerCeiling        = 65_535,
   parameter int unsigned PulseCeilingClks    = 1_250,
@@ -18,41 +18,38 @@ module laser_control_properties #(
   input wire logic                        clk_i,
   input wire logic                        rst_i,
   input wire logic                        pulse_i,
+  input wire logic [15:0]                 power_i,
   input wire logic                        line_start_i,
-  input wire logic                        centre_i,
   input wire logic [2:0]                  state_i,
   input wire logic                        index_alive_i,
   input wire logic [15:0]                 phase_i,
   input wire logic                        alive_i,
   input wire logic                        guard_ok_i,
-  input wire logic                        point_valid_i,
-  input wire vrscan_pkg::point_t          point_i,
   input wire register_pkg::laser_t        laser_i,
   input wire register_pkg::laser_limits_t laser_limits_i,
   input wire logic                        window_i  // a stretch of time begins, at any moment
 );
 
-  logic        pulse, index_light, power_pin, startup_pin, heartbeat, inward_line;
-  logic [15:0] power, startup, power_line;
+  logic        pulse, index_light;
+  logic [15:0] power, startup;
 
-  laser_control #(
+  laser_interlock #(
     .PowerCeiling(PowerCeiling), .StartupCeiling(StartupCeiling),
     .PulseCeilingClks(PulseCeilingClks), .DrainCeiling(DrainCeiling),
     .BucketCeiling(BucketCeiling), .WatchdogCeilingClks(WatchdogCeilingClks)
   ) dut (
     .clk_i, .rst_i,
-    .pulse_i, .line_start_i, .centre_i, .state_i, .index_alive_i, .phase_i, .alive_i, .guard_ok_i,
-    .point_valid_i, .point_i, .laser_i, .laser_limits_i,
-    .pulse_o       (pulse),
-    .power_o       (power),
-    .power_pin_o   (power_pin),
-    .index_light_o (index_light),
-    .startup_o     (startup),
-    .startup_pin_o (startup_pin),
-    .heartbeat_o   (heartbeat),
-    .power_line_o  (power_line),
-    .inward_line_o (inward_line),
-    .laser_status_o()
+    .pulse_i, .power_i, .line_start_i, .state_i, .index_alive_i, .phase_i, .alive_i, .guard_ok_i,
+    .laser_i, .laser_limits_i,
+    .pulse_o         (pulse),
+    .power_o         (power),
+    .index_light_o   (index_light),
+    .startup_o       (startup),
+    .armed_o         (),
+    .status_o        (),
+    .cut_count_o     (),
+    .duty_count_o    (),
+    .watchdog_count_o()
   );
 
   // Tied to registers of dut.
