@@ -87,7 +87,8 @@ module frame_encoder #(
       CRC_HIGH: state_d = put ? CRC_LOW : CRC_HIGH;
       CRC_LOW: state_d = put ? CODE : CRC_LOW;
       CODE: state_d = close ? DELIMITER : CODE;
-      default: state_d = close ? DATA : DELIMITER;  // DELIMITER
+      DELIMITER: state_d = close ? DATA : DELIMITER;
+      default: state_d = DATA;
     endcase
     full = full_q ? !room_q : put && !zero && code_q == 8'd254;
     // What is read in this clock is seen a clock later.

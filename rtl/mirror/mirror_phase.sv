@@ -282,7 +282,7 @@ module mirror_phase (
         advance_q      <= TurnWidth'(tracking_o ? increment_o : word_i) - unsigned'(correction_q);
         step_q         <= APPLY;
       end
-      APPLY: begin
+      default: begin  // APPLY
         increment_o    <= increment;
         advance_q      <= TurnWidth'(increment);
         average_q      <= next_average_q;
@@ -297,7 +297,6 @@ module mirror_phase (
         acquired_o     <= acquire;
         step_q         <= IDLE;
       end
-      default: step_q <= IDLE;
     endcase
 
     coarse_q   <= shift_q >>> {by_q[5:4], 4'd0};
