@@ -1,6 +1,6 @@
 """A few registers on the bus of the link, in plain Python: every status is among their answers."""
 
-from vrscan.clocked.command_server import Access, Answer
+from vrscan.clocked.command_executor import Access, Answer
 from vrscan.data import link_pkg
 
 FIRST = 0x100  # of the free registers

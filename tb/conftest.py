@@ -24,7 +24,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Let --cache-clear mean the simulations that passed before, too."""
-    if config.option.cacheclear:
+    if config.getoption("cacheclear", default=False):
         os.environ[harness.ANEW] = "1"
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from frame_oracle import frame
 
-from vrscan.clocked.command_server import Access, Answer, Outcome, bad_frame, execute
+from vrscan.clocked.command_executor import Access, Answer, Outcome, bad_frame, execute
 from vrscan.clocked.frame_decoder import FrameDecoder, Status
 from vrscan.clocked.point_packer import most_records
 from vrscan.clocked.register_file import RegisterFile

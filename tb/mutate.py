@@ -109,7 +109,7 @@ FAULTS = [
         ("wrong quadrant", "below ^ x_negative_q ^ y_negative_q", "below ^ y_negative_q"),
         ("magnitude rounds down", "+ ScaledWidth'(1)) >> 1", "+ ScaledWidth'(0)) >> 1"),
         ("zero has an angle", "zero_q ? '0 : angle_q", "angle_q"),
-        ("no reset", "if (rst_i) state_q <= StIdle;", ""),
+        ("no reset", "if (rst_i) state_q <= IDLE;", ""),
     ),
     # ---- rtl/sensor ----
     *faults(
@@ -701,6 +701,32 @@ FAULTS = [
         ("a break is a bad byte, too", "if (framing && !broken)", "if (framing)"),
     ),
     *faults(
+        "rtl/link/command_queue.sv",
+        ("a place more", "used != PlaceWidth'(Places - 1)", "1'b1"),
+        ("a halt while one is executed", "if (!executed_q || release_i) oldest_q", "oldest_q"),
+        ("bad frames take all places", ": !used[PlaceWidth-1]);", ": used != '1);"),
+    ),
+    *faults(
+        "rtl/link/command_executor.sv",
+        ("a write without a check", "check_q   <= 1'b1;", "check_q   <= 1'b0;"),
+        ("a halt is forgotten", "waits_i && !halt_i;", "waits_i;"),
+        (
+            "the address of the next word",
+            "{address_q, 8'd0, 8'(status_q)",
+            "{base_q, 8'd0, 8'(status_q)",
+        ),
+    ),
+    *faults(
+        "rtl/link/command_server.sv",
+        (
+            "a halt keeps the frames",
+            ".done_i, .status_i, .halt_i,",
+            ".done_i, .status_i, .halt_i(1'b0),",
+        ),
+        ("a frame is never released", ".release_i(release_frame)", ".release_i(1'b0)"),
+        ("lengths of the last frame", ".length_i(length)", ".length_i('0)"),
+    ),
+    *faults(
         "rtl/link/line_capture.sv",
         ("a wait without end", "&& ahead != '1;", ";"),
         ("a line that has wrapped", "borrow_q <= above[8];", "borrow_q <= 1'b0;"),
@@ -729,19 +755,36 @@ FAULTS = [
         ("light begins in a pulse", "ready && (ok_o || !pulse_q[1])", "ready"),
     ),
     *faults(
-        "rtl/actuators/focus_control.sv",
+        "rtl/actuators/focus_filter.sv",
         ("distances fall as they rise", "signed'({delta_q, 1'b0}) >>>", "{delta_q, 1'b0} >>>"),
         (
             "a lapse one early",
-            "if (others_q > focus_i.focus_lapse) begin",
-            "if (others_q >= focus_i.focus_lapse) begin",
+            "others_q > focus_i.focus_lapse;",
+            "others_q >= focus_i.focus_lapse;",
         ),
+        ("a point while the target is at work", "&& !valid_o && !busy_i;", "&& !valid_o;"),
+    ),
+    *faults(
+        "rtl/actuators/focus_target.sv",
         ("a target at once", "(far_q && held_q)", "far_q"),
+        ("a position rounded down", "+ PositionWidth'(product[FractionWidth-1])", ""),
+        ("a lapse is counted over", "    if (lapse_i) far_count_q <= '0;\n", ""),
+    ),
+    *faults(
+        "rtl/actuators/focus_motor.sv",
         (
             "the reply of a command that was given up",
             "end_of_command && !abandoned_q",
             "end_of_command",
         ),
+        ("a retry too few", "if (failures_q == focus_i.focus_retries)", "if (failures_q >= 8'd1)"),
+        ("a new target keeps the misses", "          if (changed_q) misses_q <= '0;\n", ""),
+    ),
+    *faults(
+        "rtl/actuators/focus_control.sv",
+        ("the target is not at work", ".busy_i(target_busy)", ".busy_i(1'b0)"),
+        ("a lapse is not told", ".lapse_i(lapse)", ".lapse_i(1'b0)"),
+        ("no target in AUTOMATIC", ".known_i(target_known)", ".known_i(focus_i.focus_mode[0])"),
     ),
     *faults(
         "rtl/actuators/i2c_master.sv",

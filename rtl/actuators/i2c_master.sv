@@ -84,13 +84,7 @@ module i2c_master #(
   localparam logic [3:0] LAST_CLOCK = 4'd8;  // of a recovery, from 0
 
   // Quarters: SCL low in 0 and 1, high in 2 and 3; start and stop have two more.
-  localparam logic [2:0] HOLD = 3'd0;
-  localparam logic [2:0] SET_UP = 3'd1;
-  localparam logic [2:0] RISE = 3'd2;
-  localparam logic [2:0] HIGH = 3'd3;
-  localparam logic [2:0] AFTER = 3'd4;
-  localparam logic [2:0] LAST = 3'd5;
-
+  typedef enum logic [2:0] {HOLD, SET_UP, RISE, HIGH, AFTER, LAST} phase_e;
   typedef enum logic [1:0] {FREE, START, BIT, STOP} work_e;
   typedef enum logic [2:0] {SELECT, REGISTER, WRITE, RESELECT, READ} stage_e;
 
@@ -111,7 +105,7 @@ module i2c_master #(
   // Where it is.
   work_e                   work_q;
   stage_e                  stage_q;
-  logic [             2:0] phase_q;
+  phase_e                  phase_q;
   logic [            15:0] left_q;  // clocks of the quarter
   logic [TimeoutWidth-1:0] wait_q;
   logic [             3:0] bit_q;  // of the byte, or clock of the recovery
@@ -190,7 +184,7 @@ module i2c_master #(
           end
         end
       end else if (ended) begin
-        phase_q <= phase_q + 3'd1;
+        phase_q <= phase_e'(phase_q + 3'd1);
         if (phase_q == LAST) begin
           work_q    <= START;
           phase_q   <= AFTER;

@@ -52,7 +52,7 @@ module distortion #(
   localparam int unsigned SlopeDrop = CurveFraction - vrscan_pkg::SlopeFraction;
   localparam int unsigned Align = Fraction - vrscan_pkg::DistortionFraction;
 
-  typedef enum logic [2:0] {Square, Inner, Gain, Bend, Offset} step_e;
+  typedef enum logic [2:0] {SQUARE, INNER, GAIN, BEND, OFFSET} step_e;
 
   step_e                          step_q;
   logic                           start_q, store_q, done_q;
@@ -98,14 +98,14 @@ module distortion #(
   always_comb begin
     b = RoundedWidth'(square_q);
     unique case (step_q)
-      Square: begin
+      SQUARE: begin
         a = s;
         b = RoundedWidth'(s);
       end
-      Inner:  a = FactorWidth'(geometry_i.k2) <<< Align;
-      Gain:   a = factor;
+      INNER:  a = FactorWidth'(geometry_i.k2) <<< Align;
+      GAIN:   a = factor;
       // Towards minus infinity.
-      Bend:   a = FactorWidth'(curve_q >>> (Fraction - CurveFraction));
+      BEND:   a = FactorWidth'(curve_q >>> (Fraction - CurveFraction));
       default: begin
         a = FactorWidth'(signed_gain_q);
         b = RoundedWidth'(r_q);
@@ -154,26 +154,26 @@ module distortion #(
   always_ff @(posedge clk_i) begin
     start_q <= 1'b0;
     if (store_q) begin
-      start_q <= step_q != Offset;
+      start_q <= step_q != OFFSET;
       unique case (step_q)
-        Square: begin
+        SQUARE: begin
           square_q <= (FactorWidth + 1)'(rounded_q);
-          step_q   <= Inner;
+          step_q   <= INNER;
         end
-        Inner: begin
+        INNER: begin
           inner_q  <= (FactorWidth + 2)'(rounded_q);
           factor_q <= (FactorWidth + 2)'(rounded_q)
                       + ((FactorWidth + 2)'(geometry_i.k1) <<< Align);
-          step_q   <= Gain;
+          step_q   <= GAIN;
         end
-        Gain: begin
+        GAIN: begin
           gain_q           <= gain;
           gain_saturated_q <= !gain_fits;
-          step_q           <= Bend;
+          step_q           <= BEND;
         end
-        Bend: begin
+        BEND: begin
           bend_q <= (FactorWidth + 2)'(rounded_q);
-          step_q <= Offset;
+          step_q <= OFFSET;
         end
         default: offset_q <= (OffsetWidth + 1)'(r_q) + (OffsetWidth + 1)'(rounded_q);
       endcase
@@ -182,7 +182,7 @@ module distortion #(
       r_q     <= (OffsetWidth'(position_i)
                   <<< (vrscan_pkg::OffsetFraction - vrscan_pkg::PositionFraction))
                  - OffsetWidth'(centre_i);
-      step_q  <= Square;
+      step_q  <= SQUARE;
       start_q <= 1'b1;
     end
     flip_q <= geometry_i.even && r_q[OffsetWidth-1];
@@ -198,7 +198,7 @@ module distortion #(
 
     // A product of the work before must not count for the new one.
     store_q <= product_valid && !start_q && !valid_i;
-    done_q  <= store_q && step_q == Offset && !valid_i;
+    done_q  <= store_q && step_q == OFFSET && !valid_i;
     valid_o <= done_q && !valid_i;
     if (done_q) begin
       offset_o    <= offset_fits           ? OffsetWidth'(offset_q) :

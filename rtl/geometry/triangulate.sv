@@ -89,8 +89,8 @@ module triangulate #(
                                        - vrscan_pkg::SlopeFraction - vrscan_pkg::SigmaFraction;
 
   typedef enum logic [3:0] {
-    Numerator, RayCosine, RaySine, DivisorCosine, DivisorSine, Range,
-    RateCosine, RateSine, Move, Spread, CrossX, CrossZ, Gradient, Scale, SigmaZ
+    NUMERATOR, RAY_COSINE, RAY_SINE, DIVISOR_COSINE, DIVISOR_SINE, RANGE,
+    RATE_COSINE, RATE_SINE, MOVE, SPREAD, CROSS_X, CROSS_Z, GRADIENT, SCALE, SIGMA_Z
   } step_e;
 
   step_e                          step_q;
@@ -155,28 +155,28 @@ module triangulate #(
   logic signed [RoundedWidth-1:0] b;
   always_comb begin
     unique case (step_q)
-      Numerator, RayCosine, RaySine: a = s;
-      DivisorSine, RateSine, CrossX: a = FactorWidth'(sine);
-      Spread:                        a = signed'(FactorWidth'(sigma_q)) <<< SigmaAlign;
-      Gradient:                      a = FactorWidth'(z_q);
-      Scale:                         a = FactorWidth'(gradient_q) <<< GradientSpare;
-      default:                       a = FactorWidth'(cosine);
+      NUMERATOR, RAY_COSINE, RAY_SINE:  a = s;
+      DIVISOR_SINE, RATE_SINE, CROSS_X: a = FactorWidth'(sine);
+      SPREAD:                           a = signed'(FactorWidth'(sigma_q)) <<< SigmaAlign;
+      GRADIENT:                         a = FactorWidth'(z_q);
+      SCALE:                            a = FactorWidth'(gradient_q) <<< GradientSpare;
+      default:                          a = FactorWidth'(cosine);
     endcase
     unique case (step_q)
-      Numerator, Move:       b = RoundedWidth'(geometry_i.n1);
-      RayCosine, RateCosine: b = RoundedWidth'(geometry_i.d1);
-      RaySine, RateSine:     b = RoundedWidth'(geometry_i.e1);
-      DivisorCosine:         b = ray_cosine_q;
-      DivisorSine:           b = ray_sine_q;
-      Spread:                b = RoundedWidth'(slope_q) <<< SlopeAlign;
-      Gradient:              b = rate_q;
-      Scale:                 b = signed'(RoundedWidth'(spread_q));
-      default:               b = signed'(RoundedWidth'(quotient));
+      NUMERATOR, MOVE:         b = RoundedWidth'(geometry_i.n1);
+      RAY_COSINE, RATE_COSINE: b = RoundedWidth'(geometry_i.d1);
+      RAY_SINE, RATE_SINE:     b = RoundedWidth'(geometry_i.e1);
+      DIVISOR_COSINE:          b = ray_cosine_q;
+      DIVISOR_SINE:            b = ray_sine_q;
+      SPREAD:                  b = RoundedWidth'(slope_q) <<< SlopeAlign;
+      GRADIENT:                b = rate_q;
+      SCALE:                   b = signed'(RoundedWidth'(spread_q));
+      default:                 b = signed'(RoundedWidth'(quotient));
     endcase
   end
 
   logic divides;
-  assign divides = step_q == Range || step_q == SigmaZ;
+  assign divides = step_q == RANGE || step_q == SIGMA_Z;
 
   multiply #(
     .AWidth(FactorWidth),
@@ -193,7 +193,7 @@ module triangulate #(
 
   // A negative operand gives nonsense, which no_range_q replaces.
   logic [DividendWidth-1:0] dividend;
-  assign dividend = step_q == Range
+  assign dividend = step_q == RANGE
       ? DividendWidth'(numerator_q[RoundedWidth-2:0]) << vrscan_pkg::RayFraction
       : DividendWidth'(scale_q) << (vrscan_pkg::RayFraction - PixelBits);
 
@@ -248,66 +248,66 @@ module triangulate #(
   always_ff @(posedge clk_i) begin
     wave_start_q <= accept;
     start_q      <= wave_valid;
-    if (wave_valid) step_q <= Numerator;
+    if (wave_valid) step_q <= NUMERATOR;
     if (store_q) begin
-      start_q <= step_q != SigmaZ;
+      start_q <= step_q != SIGMA_Z;
       unique case (step_q)
-        Numerator: begin
+        NUMERATOR: begin
           numerator_q <= RoundedWidth'(geometry_i.n0) + rounded_q;
-          step_q      <= RayCosine;
+          step_q      <= RAY_COSINE;
         end
-        RayCosine: begin
+        RAY_COSINE: begin
           ray_cosine_q <= RoundedWidth'(geometry_i.d0) + rounded_q;
-          step_q       <= RaySine;
+          step_q       <= RAY_SINE;
         end
-        RaySine: begin
+        RAY_SINE: begin
           ray_sine_q <= RoundedWidth'(geometry_i.e0) + rounded_q;
-          step_q     <= DivisorCosine;
+          step_q     <= DIVISOR_COSINE;
         end
-        DivisorCosine: begin
+        DIVISOR_COSINE: begin
           divisor_q <= (RoundedWidth + 1)'(rounded_q);
-          step_q    <= DivisorSine;
+          step_q    <= DIVISOR_SINE;
         end
-        DivisorSine: begin
+        DIVISOR_SINE: begin
           divisor_q <= divisor_q + (RoundedWidth + 1)'(rounded_q);
-          step_q    <= Range;
+          step_q    <= RANGE;
         end
-        Range: begin
+        RANGE: begin
           no_range_q <= overflow || numerator_q[RoundedWidth-1] || numerator_q == '0 ||
                         divisor_q[RoundedWidth] || divisor_q == '0;
-          step_q     <= RateCosine;
+          step_q     <= RATE_COSINE;
         end
-        RateCosine: begin
+        RATE_COSINE: begin
           rate_q <= rounded_q;
-          step_q <= RateSine;
+          step_q <= RATE_SINE;
         end
-        RateSine: begin
+        RATE_SINE: begin
           rate_q <= rate_q + rounded_q;
-          step_q <= Move;
+          step_q <= MOVE;
         end
-        Move: begin
+        MOVE: begin
           move_q <= GradientWidth'(move_sum >>> GradientDrop);
-          step_q <= Spread;
+          step_q <= SPREAD;
         end
-        Spread: begin
+        SPREAD: begin
           spread_q <= (FactorWidth - 1)'(magnitude);
-          step_q   <= CrossX;
+          step_q   <= CROSS_X;
         end
-        CrossX: begin
+        CROSS_X: begin
           x_q    <= length;
-          step_q <= CrossZ;
+          step_q <= CROSS_Z;
         end
-        CrossZ: begin
+        CROSS_Z: begin
           z_q    <= length;
-          step_q <= Gradient;
+          step_q <= GRADIENT;
         end
-        Gradient: begin
+        GRADIENT: begin
           gradient_q <= move_q - GradientWidth'(rounded_q);
-          step_q     <= Scale;
+          step_q     <= SCALE;
         end
-        Scale: begin
+        SCALE: begin
           scale_q <= magnitude;
-          step_q  <= SigmaZ;
+          step_q  <= SIGMA_Z;
         end
         default: busy_q <= 1'b0;
       endcase
@@ -315,7 +315,7 @@ module triangulate #(
     // To nearest, half up.
     rounded_q <= RoundedWidth'(product >>> Fraction) + RoundedWidth'(product[Fraction-1]);
     store_q   <= product_valid || quotient_valid;
-    done_q    <= store_q && step_q == SigmaZ;
+    done_q    <= store_q && step_q == SIGMA_Z;
 
     if (accept) begin
       busy_q      <= 1'b1;

@@ -43,16 +43,12 @@ module frame_encoder #(
 
   localparam int unsigned CountWidth = $clog2(MaxPayload + 2);
 
-  localparam logic [2:0] DATA = 3'd0;
-  localparam logic [2:0] CRC_HIGH = 3'd1;
-  localparam logic [2:0] CRC_LOW = 3'd2;
-  localparam logic [2:0] CODE = 3'd3;
-  localparam logic [2:0] DELIMITER = 3'd4;
+  typedef enum logic [2:0] {DATA, CRC_HIGH, CRC_LOW, CODE, DELIMITER} state_e;
 
   logic [7:0] ring_mem [256];
 
   // The open slot is always taken, so fill_q on read_q can only be a full ring.
-  logic [                    2:0] state_q, state;
+  state_e                         state_q, state_d;  // ready_o has to know the next one
   logic [                    7:0] read_q, slot_q, fill_q;
   logic [                    7:0] code_q;  // of the open block as it is, 1 to 255
   logic                           full_q, full, room_q, room;
@@ -64,12 +60,12 @@ module frame_encoder #(
   logic       accept, put, zero, close, store;
   assign accept = valid_i && ready_o;
   always_comb begin
-    case (state_q)
+    unique case (state_q)
       CRC_HIGH: {zero, given} = {crc_q[15:8] == 8'd0, crc_q[15:8]};
       CRC_LOW: {zero, given} = {crc_q[7:0] == 8'd0, crc_q[7:0]};
       default: {zero, given} = {data_i == 8'd0, data_i};
     endcase
-    case (state_q)
+    unique case (state_q)
       DATA: begin
         put   = accept;
         close = full_q ? room_q : accept && zero;
@@ -86,12 +82,13 @@ module frame_encoder #(
         store = room_q;
       end
     endcase
-    case (state_q)
-      DATA: state = accept && last_i ? CRC_HIGH : DATA;
-      CRC_HIGH: state = put ? CRC_LOW : CRC_HIGH;
-      CRC_LOW: state = put ? CODE : CRC_LOW;
-      CODE: state = close ? DELIMITER : CODE;
-      default: state = close ? DATA : DELIMITER;
+    unique case (state_q)
+      DATA: state_d = accept && last_i ? CRC_HIGH : DATA;
+      CRC_HIGH: state_d = put ? CRC_LOW : CRC_HIGH;
+      CRC_LOW: state_d = put ? CODE : CRC_LOW;
+      CODE: state_d = close ? DELIMITER : CODE;
+      DELIMITER: state_d = close ? DATA : DELIMITER;
+      default: state_d = DATA;
     endcase
     full = full_q ? !room_q : put && !zero && code_q == 8'd254;
     // What is read in this clock is seen a clock later.
@@ -110,10 +107,10 @@ module frame_encoder #(
     if (store) ring_mem[address] <= value;
     if (take) data_o <= ring_mem[read_q];
 
-    state_q <= state;
+    state_q <= state_d;
     full_q  <= full;
     room_q  <= room;
-    ready_o <= state == DATA && !full && room;
+    ready_o <= state_d == DATA && !full && room;
     if (store) fill_q <= fill_q + 8'd1;
     if (close) slot_q <= fill_q;
     if (close) code_q <= 8'd1;

@@ -68,14 +68,9 @@ module line_capture #(
   localparam int unsigned RecordClks = 4 * LineLength + 4096;
   localparam int unsigned ClksWidth = $clog2(RecordClks + 1);
 
-  localparam logic [2:0] IDLE = 3'd0;
-  localparam logic [2:0] ARM = 3'd1;
-  localparam logic [2:0] ARMED = 3'd2;
-  localparam logic [2:0] CHUNK = 3'd3;
-  localparam logic [2:0] AWAIT = 3'd4;
-  localparam logic [2:0] SEND = 3'd5;
+  typedef enum logic [2:0] {IDLE, ARM, ARMED, CHUNK, AWAIT, SEND} state_e;
 
-  logic [                           2:0] state_q;
+  state_e                                state_q;
   logic                                  stop_q;
   logic [link_pkg::CaptureModeWidth-1:0] mode_q;
   logic [                          31:0] argument_q;
@@ -201,7 +196,7 @@ module line_capture #(
     if (capture_start_i
         && capture_mode_i == link_pkg::CaptureModeWidth'(link_pkg::CaptureStop)) stop_q <= 1'b1;
 
-    case (state_q)
+    unique case (state_q)
       IDLE: begin
         stop_q     <= 1'b0;
         mode_q     <= capture_mode_i;
@@ -257,7 +252,7 @@ module line_capture #(
           state_q           <= SEND;
         end
       end
-      default: begin
+      default: begin  // SEND
         if (sent) begin
           valid_o <= 1'b0;
           if (stop_q) state_q <= IDLE;

@@ -77,15 +77,15 @@ module mirror_phase (
   end
 
   typedef enum logic [4:0] {
-    Idle, Age, Position, Distance, Half, Address, NextAddress, Fetch, Base, Difference,
-    Amplitude, Midpoint, Measured, Error, Limit, Magnitude, Compare, ShiftA, ShiftB, Correct,
-    Candidate, Advance, Apply
+    IDLE, AGE, POSITION, DISTANCE, HALF, ADDRESS, NEXT_ADDRESS, FETCH, BASE, DIFFERENCE,
+    AMPLITUDE, MIDPOINT, MEASURED, ERROR, LIMIT, MAGNITUDE, COMPARE, SHIFT_A, SHIFT_B, CORRECT,
+    CANDIDATE, ADVANCE, APPLY
   } step_e;
 
   step_e step_q;
   logic  take;
   logic  pending_q, outward_q;  // an outward is there; the crossing at work is one
-  assign take = valid_i && step_q == Idle && (outward_i || (pending_q && !broken_i));
+  assign take = valid_i && step_q == IDLE && (outward_i || (pending_q && !broken_i));
 
   // One multiplier: age times increment, then fraction times the difference of two entries.
   logic                           start_q, product_valid;
@@ -177,113 +177,112 @@ module mirror_phase (
       factor_q   <= FactorWidth'(increment_o);
       share_q    <= ShareWidth'(age_i);
       start_q    <= 1'b1;
-      step_q     <= Age;
+      step_q     <= AGE;
     end
 
     if (product_valid) begin
-      rounded_q <= step_q == Age ?
+      rounded_q <= step_q == AGE ?
           TurnWidth'(product >>> SubWidth) + TurnWidth'(product[SubWidth-1]) :
           TurnWidth'(product >>> FractionWidth) + TurnWidth'(product[FractionWidth-1]);
     end
     gap_q <= (AverageWidth + 1)'({measured_q, FineWidth'(0)}) - (AverageWidth + 1)'(average_q);
 
     unique case (step_q)
-      Idle: begin
-      end
-      Age: if (product_valid) step_q <= Position;
-      Position: begin
+      IDLE: ;
+      AGE: if (product_valid) step_q <= POSITION;
+      POSITION: begin
         position_q <= captured_q - unsigned'(rounded_q);
         if (outward_q) first_q <= captured_q - unsigned'(rounded_q);
-        step_q <= outward_q ? Idle : Distance;
+        step_q <= outward_q ? IDLE : DISTANCE;
       end
-      Distance: begin
+      DISTANCE: begin
         distance_q <= position_q - first_q;
-        step_q     <= Half;
+        step_q     <= HALF;
       end
-      Half: begin
+      HALF: begin
         half_q   <= half[HalfWidth] ? '1 : half[HalfWidth-1:0];
         middle_q <= first_q + (distance_q >> 1);
-        step_q   <= Address;
+        step_q   <= ADDRESS;
       end
-      Address: begin
+      ADDRESS: begin
         index_q <= out_of_table ? '1 : half_q[FractionWidth+:TableBits];
         share_q <= ShareWidth'(half_q[FractionWidth-1:0]);
-        step_q  <= NextAddress;
+        step_q  <= NEXT_ADDRESS;
       end
-      NextAddress: begin
+      NEXT_ADDRESS: begin
         if (index_q != '1) index_q <= index_q + TableBits'(1);
-        step_q <= Fetch;
+        step_q <= FETCH;
       end
-      Fetch: step_q <= Base;
-      Base: begin
+      FETCH: step_q <= BASE;
+      BASE: begin
         {base_q, base_midpoint_q} <= entry_q2;
-        step_q                    <= Difference;
+        step_q                    <= DIFFERENCE;
       end
-      Difference: begin
+      DIFFERENCE: begin
         factor_q     <= FactorWidth'(entry_q2[MidpointWidth+:AmplitudeWidth])
                         - FactorWidth'(base_q);
         difference_q <= entry_q2[MidpointWidth-1:0] - base_midpoint_q;
         start_q      <= 1'b1;
-        step_q       <= Amplitude;
+        step_q       <= AMPLITUDE;
       end
-      Amplitude: begin
+      AMPLITUDE: begin
         if (product_valid) begin
           factor_q <= FactorWidth'(signed'(difference_q));
           start_q  <= 1'b1;
-          step_q   <= Midpoint;
+          step_q   <= MIDPOINT;
         end
       end
-      Midpoint: begin
+      MIDPOINT: begin
         measured_q <= base_q + unsigned'(rounded_q[AmplitudeWidth-1:0]);
-        if (product_valid) step_q <= Measured;
+        if (product_valid) step_q <= MEASURED;
       end
-      Measured: begin
+      MEASURED: begin
         midpoint_q <= base_midpoint_q + unsigned'(rounded_q[MidpointWidth-1:0]);
-        step_q     <= Error;
+        step_q     <= ERROR;
       end
-      Error: begin
+      ERROR: begin
         error_q <= signed'(middle_q - {midpoint_q, MiddleDrop'(0)});
-        step_q  <= Limit;
+        step_q  <= LIMIT;
       end
-      Limit: begin
+      LIMIT: begin
         // One bit more than the error has, and it rounds.
         shift_q         <= {error_q, 1'b0};
         by_q            <= 6'(mirror_i.phase_shift);
         error_rounded_q <= error[ErrorWidth] == error[ErrorWidth-1] ? ErrorWidth'(error) :
                            {1'b0, {(ErrorWidth - 1) {1'b1}}};
-        step_q          <= Magnitude;
+        step_q          <= MAGNITUDE;
       end
-      Magnitude: begin
+      MAGNITUDE: begin
         by_q        <= mirror_i.rate_shift;
         magnitude_q <= error_rounded_q[ErrorWidth-1] ? -unsigned'(error_rounded_q) :
                                                        unsigned'(error_rounded_q);
-        step_q      <= Compare;
+        step_q      <= COMPARE;
       end
-      Compare: begin
+      COMPARE: begin
         shift_q  <= ShiftedWidth'(signed'({gap_q, 1'b0}));
         by_q     <= 6'(mirror_i.amplitude_shift);
         beyond_q <= magnitude_q > mirror_i.error_limit;
-        step_q   <= ShiftA;
+        step_q   <= SHIFT_A;
       end
-      ShiftA: step_q <= ShiftB;
-      ShiftB: step_q <= Correct;
-      Correct: begin
+      SHIFT_A: step_q <= SHIFT_B;
+      SHIFT_B: step_q <= CORRECT;
+      CORRECT: begin
         correction_q <= acquire ? error_q : shifted_q;
-        step_q       <= Candidate;
+        step_q       <= CANDIDATE;
       end
-      Candidate: begin
+      CANDIDATE: begin
         candidate_q <= (TurnWidth + 2)'(increment_o) - (TurnWidth + 2)'(shifted_q);
-        step_q      <= Advance;
+        step_q      <= ADVANCE;
       end
-      Advance: begin
+      ADVANCE: begin
         rate_q         <= candidate_q[TurnWidth+1] ? '0 :
                           candidate_q[TurnWidth:WordWidth] != '0 ? '1 : candidate_q[WordWidth-1:0];
         next_average_q <= acquire ? {measured_q, FineWidth'(0)} :
                                     average_q + unsigned'(shifted_q[AverageWidth-1:0]);
         advance_q      <= TurnWidth'(tracking_o ? increment_o : word_i) - unsigned'(correction_q);
-        step_q         <= Apply;
+        step_q         <= APPLY;
       end
-      default: begin
+      default: begin  // APPLY
         increment_o    <= increment;
         advance_q      <= TurnWidth'(increment);
         average_q      <= next_average_q;
@@ -296,7 +295,7 @@ module mirror_phase (
         out_of_table_o <= out_of_table;
         tracking_o     <= 1'b1;
         acquired_o     <= acquire;
-        step_q         <= Idle;
+        step_q         <= IDLE;
       end
     endcase
 
@@ -308,7 +307,7 @@ module mirror_phase (
     shifted_q  <= TurnWidth'(fine_q >>> 1) + TurnWidth'(fine_q[0]);
 
     if (rst_i) begin
-      step_q      <= Idle;
+      step_q      <= IDLE;
       pending_q   <= 1'b0;
       phase_o     <= '0;
       increment_o <= '0;

@@ -87,10 +87,7 @@ module point_packer #(
   localparam logic [5:0] AtBits = 6'd57;
   localparam logic [5:0] AtLost = 6'd58;
 
-  localparam logic [1:0] IDLE = 2'd0;
-  localparam logic [1:0] HEADER = 2'd1;
-  localparam logic [1:0] ROOM = 2'd2;
-  localparam logic [1:0] RECORD = 2'd3;
+  typedef enum logic [1:0] {IDLE, HEADER, ROOM, RECORD} state_e;
 
   // ---- control ----
   logic       running_q, format_q;
@@ -186,7 +183,7 @@ module point_packer #(
   end
 
   // ---- the batch ----
-  logic [             1:0] state_q;
+  state_e                  state_q;
   logic [             5:0] index_q;  // byte of the header or the record
   logic                    then_room_q;
   logic [  BatchWidth-1:0] count_q, limit_q;  // records of the open batch; none: there is no batch
@@ -236,7 +233,7 @@ module point_packer #(
                                   : PointerWidth'(BufferBytes - HeaderBytes
                                                   - MostCompact * CompactBytes));
 
-    case (state_q)
+    unique case (state_q)
       IDLE: begin
         index_q     <= 6'd0;
         then_room_q <= 1'b0;
@@ -274,7 +271,7 @@ module point_packer #(
           state_q <= IDLE;
         end
       end
-      default: begin
+      RECORD: begin
         index_q <= index_q + 6'd1;
         fill_q  <= fill_q + PointerWidth'(1);
         if (record_ends) begin
@@ -283,6 +280,7 @@ module point_packer #(
           state_q    <= IDLE;
         end
       end
+      default: state_q <= IDLE;
     endcase
 
     drops_q          <= 2'(drop_early) + 2'(drop_late);

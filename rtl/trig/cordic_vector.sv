@@ -61,16 +61,16 @@ module cordic_vector #(
   localparam int unsigned FineSteps = 7;
 
   typedef enum logic [3:0] {
-    StIdle,
-    StCoarse,   // normalise by 8 bits
-    StFine,     // normalise by one bit
-    StLoad,
-    StShift,    // form the side's part
-    StRotate,
-    StScale,
-    StUnfine,   // undo the fine steps
-    StUncoarse,
-    StDone
+    IDLE,
+    COARSE,   // normalise by 8 bits
+    FINE,     // normalise by one bit
+    LOAD,
+    SHIFT,    // form the side's part
+    ROTATE,
+    SCALE,
+    UNFINE,   // undo the fine steps
+    UNCOARSE,
+    DONE
   } state_e;
 
   state_e     state_q;
@@ -78,41 +78,41 @@ module cordic_vector #(
 
   always_ff @(posedge clk_i) begin
     step_q <= step_q + 5'd1;
-    case (state_q)
-      StCoarse: begin
+    unique case (state_q)
+      COARSE: begin
         if (step_q == 5'(CoarseSteps - 1)) begin
-          state_q <= StFine;
+          state_q <= FINE;
           step_q  <= '0;
         end
       end
-      StFine:   if (step_q == 5'(FineSteps - 1)) state_q <= StLoad;
-      StLoad: begin
-        state_q <= StShift;
+      FINE:   if (step_q == 5'(FineSteps - 1)) state_q <= LOAD;
+      LOAD: begin
+        state_q <= SHIFT;
         step_q  <= '0;
       end
-      StShift: begin
-        state_q <= StRotate;
+      SHIFT: begin
+        state_q <= ROTATE;
         step_q  <= step_q;
       end
-      StRotate: state_q <= step_q == 5'(Iterations - 1) ? StScale : StShift;
-      StScale: begin
-        state_q <= StUnfine;
+      ROTATE: state_q <= step_q == 5'(Iterations - 1) ? SCALE : SHIFT;
+      SCALE: begin
+        state_q <= UNFINE;
         step_q  <= '0;
       end
-      StUnfine: begin
+      UNFINE: begin
         if (step_q == 5'(FineSteps - 1)) begin
-          state_q <= StUncoarse;
+          state_q <= UNCOARSE;
           step_q  <= '0;
         end
       end
-      StUncoarse: if (step_q == 5'(CoarseSteps - 1)) state_q <= StDone;
-      default:  state_q <= StIdle;
+      UNCOARSE: if (step_q == 5'(CoarseSteps - 1)) state_q <= DONE;
+      default:  state_q <= IDLE;
     endcase
     if (valid_i) begin
-      state_q <= StCoarse;
+      state_q <= COARSE;
       step_q  <= '0;
     end
-    if (rst_i) state_q <= StIdle;
+    if (rst_i) state_q <= IDLE;
   end
 
   // Normalise.
@@ -141,51 +141,51 @@ module cordic_vector #(
   assign rounded = (XyWidth + 2)'(((scaled_q >> Padding) + ScaledWidth'(1)) >> 1);
 
   always_ff @(posedge clk_i) begin
-    case (state_q)
-      StCoarse: begin
+    unique case (state_q)
+      COARSE: begin
         if (coarse) begin
           across_q <= across_q << 8;
           up_q     <= up_q << 8;
           coarse_q <= coarse_q + 3'd1;
         end
       end
-      StFine: begin
+      FINE: begin
         if (fine) begin
           across_q <= across_q << 1;
           up_q     <= up_q << 1;
           fine_q   <= fine_q + 3'd1;
         end
       end
-      StLoad: begin
+      LOAD: begin
         along_q <= AlongWidth'(across_q[WideWidth-1-:NormWidth]);
         side_q  <= signed'(SideWidth'(up_q[WideWidth-1-:NormWidth]));
         // Half an output step, so that the cut at the end rounds; half a turn on the left.
         angle_q <= {x_negative_q, (SumWidth - 1)'(1) << (AngleGuard - 1)};
         zero_q  <= fine;
       end
-      StShift: begin
+      SHIFT: begin
         part_q <= AlongWidth'(side_q >>> {step_q, 1'b0});
         arc_q  <= SumWidth'(cordic_pkg::arc_tangent(step_q) >> (cordic_pkg::TableWidth - SumWidth));
       end
-      StRotate: begin
+      ROTATE: begin
         along_q <= below ? along_q - part_q : along_q + part_q;
         side_q  <= (below ? side_q + along_signed : side_q - along_signed) <<< 1;
         angle_q <= below ^ x_negative_q ^ y_negative_q ? angle_q - arc_q : angle_q + arc_q;
       end
-      StScale: scaled_q <= ScaledWidth'(along_q) << (WideWidth - NormWidth + 1);
-      StUnfine: begin
+      SCALE: scaled_q <= ScaledWidth'(along_q) << (WideWidth - NormWidth + 1);
+      UNFINE: begin
         if (fine_q != '0) begin
           scaled_q <= scaled_q >> 1;
           fine_q   <= fine_q - 3'd1;
         end
       end
-      StUncoarse: begin
+      UNCOARSE: begin
         if (coarse_q != '0) begin
           scaled_q <= scaled_q >> 8;
           coarse_q <= coarse_q - 3'd1;
         end
       end
-      StDone: begin
+      DONE: begin
         angle_o     <= zero_q ? '0 : angle_q[SumWidth-1-:AngleWidth];
         magnitude_o <= zero_q ? '0 : rounded;
         zero_o      <= zero_q;
@@ -200,7 +200,7 @@ module cordic_vector #(
       coarse_q     <= '0;
       fine_q       <= '0;
     end
-    valid_o <= state_q == StDone && !valid_i;
+    valid_o <= state_q == DONE && !valid_i;
     if (rst_i) valid_o <= 1'b0;
   end
 

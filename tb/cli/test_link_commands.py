@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from vrscan.cli.app import app, main
 from vrscan.cli.link_commands import link
 from vrscan.cli.live import braille
-from vrscan.clocked.command_server import Outcome
+from vrscan.clocked.command_executor import Outcome
 from vrscan.data import pkg, records
 from vrscan.data.config import Config
 from vrscan.data.line_files import read as read_lines

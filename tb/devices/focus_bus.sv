@@ -61,7 +61,8 @@ module focus_bus #(
   );
 
   i2c_device #(
-    .Travel(6000)
+    .StepClks(4),
+    .Travel  (6000)
   ) u_i2c_device (
     .clk_i, .rst_i(device_rst_i),
     .scl_i(scl_o), .sda_i(sda_o), .scl_low_o(device_scl_low_o), .sda_low_o(device_sda_low_o),

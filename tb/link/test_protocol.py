@@ -7,7 +7,8 @@ from frame_oracle import frame
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from vrscan.clocked.command_server import answer, bad_frame
+from vrscan.clocked.command_executor import bad_frame
+from vrscan.clocked.command_server import answer
 from vrscan.clocked.frame_decoder import FrameDecoder
 from vrscan.clocked.frame_decoder import Status as FrameStatus
 from vrscan.clocked.frame_encoder import FrameEncoder

@@ -5,10 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from vrscan.clocked.focus_control import TABLE_SIZE, Mode, Settings, position
+from vrscan.clocked.focus_settings import Settings
+from vrscan.clocked.focus_target import position
 from vrscan.data.config import Clock, Config, Focus, Geometry
 from vrscan.data.errors import InputError
-from vrscan.registers.focus_registers import FocusRegisters, image_shift
+from vrscan.registers.focus_registers import TABLE_SIZE, FocusRegisters, Mode, image_shift
 
 MM = 4096  # steps of z
 
@@ -73,6 +74,7 @@ def test_the_shipped_registers() -> None:
         for field in dataclasses.fields(given)
         if field.name != "focus_table_position"
     }
+    values["hold_points"] = values.pop("hold")
     assert Settings(**values) == Settings(
         mode=0,
         manual=round(625.0 / (500.0 / np.sin(np.radians(82.0)) - 25.0) / 0.5e-3),
@@ -81,7 +83,7 @@ def test_the_shipped_registers() -> None:
         z_begin=240 * MM,
         z_shift=6,
         hysteresis=20,
-        hold=4096,
+        hold_points=4096,
         address=0x2A,
         quarter_clks=313,
         stretch_clks=3_125_000,

@@ -1,158 +1,14 @@
 """Execution of commands and their replies, the twin of ``rtl/link/command_server.sv``.
 
-``execute`` defines a command without clocks: the accesses that it makes, one after another, and its
-reply. ``CommandServer`` is the module, clock by clock.
+``answer`` is what it does, without clocks. ``CommandServer`` is the module, clock by clock.
 """
 
-from collections import deque
-from collections.abc import Callable, Generator
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass
 
-from vrscan.clocked.frame_decoder import Status as FrameStatus
-from vrscan.data import link_pkg
-
-PLACES = 7  # payloads that wait or are executed
-BAD_FRAME_PLACES = 4  # a bad frame is answered while fewer are taken
-COUNT_MAX = 0xFFFF
-
-# Clocks; the parts of ``latency``.
-_VERDICT = 11  # clocks from a command's begin
-_ACT = 1
-_ACCESS = 2  # clocks of an access without the bus's latency
-_WORD = 6  # clocks to take a word of a WRITE out of the command
-_STORE = 4  # clocks to store a word in the reply
-_COMPOSE = 1
-
-Effect = tuple[str, dict[str, int]]  # a strobe, and the outputs that go with it
-
-
-class Access(NamedTuple):
-    """An access to a register.
-
-    Attributes:
-        access: Kind of access: ``link_pkg.ACCESS_READ``, ``ACCESS_CHECK`` or ``ACCESS_WRITE``.
-        address: Address of the word.
-        data: Word to be written; a READ does not use it.
-    """
-
-    access: int
-    address: int
-    data: int
-
-
-class Answer(NamedTuple):
-    """The answer of a register to an access.
-
-    Attributes:
-        status: One of ``link_pkg.STATUS_*``.
-        data: The word as it is read.
-    """
-
-    status: int
-    data: int
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """The outcome of a command.
-
-    Attributes:
-        status: One of ``link_pkg.STATUS_*``.
-        reply: Payload of the reply.
-        effect: The strobe that the command gives, with the values that go with it; None without
-            one.
-    """
-
-    status: int
-    reply: bytes
-    effect: Effect | None = None
-
-
-Execution = Generator[Access, Answer, Outcome]
-
-
-def judge(payload: bytes, capture_busy: bool = False) -> int:
-    """Return the status of a command before any register is accessed.
-
-    Args:
-        payload: Payload of a good frame, not empty.
-        capture_busy: Whether a capture is running.
-    """
-    op, length = payload[0], len(payload)
-    words, rest = divmod(length - 4, 4)
-    fits = {
-        link_pkg.COMMAND_PING: 2 <= length < link_pkg.MAX_PAYLOAD,
-        link_pkg.COMMAND_READ: length == 5 and 1 <= payload[4] <= link_pkg.MAX_WORDS,
-        link_pkg.COMMAND_WRITE: rest == 0 and 1 <= words <= link_pkg.MAX_WORDS,
-        link_pkg.COMMAND_STREAM_START: length == 4,
-        link_pkg.COMMAND_STREAM_STOP: length == 2,
-        link_pkg.COMMAND_CAPTURE: length == 7,
-    }
-    if op not in fits:
-        return link_pkg.STATUS_UNKNOWN_COMMAND
-    if not fits[op]:
-        return link_pkg.STATUS_BAD_LENGTH
-    if op == link_pkg.COMMAND_STREAM_START and (payload[2] > 1 or payload[3] == 0):
-        return link_pkg.STATUS_BAD_VALUE
-    if op == link_pkg.COMMAND_CAPTURE:
-        mode, argument = payload[2], int.from_bytes(payload[3:], "little")
-        if mode > link_pkg.CAPTURE_EVERY or (mode == link_pkg.CAPTURE_EVERY and argument == 0):
-            return link_pkg.STATUS_BAD_VALUE
-        if mode != link_pkg.CAPTURE_STOP and capture_busy:
-            return link_pkg.STATUS_BUSY
-    return link_pkg.STATUS_OK
-
-
-def bad_frame(status: FrameStatus) -> bytes:
-    """Return the reply to a bad frame."""
-    none = link_pkg.REPLY_BIT | link_pkg.COMMAND_NONE
-    return bytes([none, 0, link_pkg.STATUS_BAD_FRAME, status])
-
-
-def execute(payload: bytes, capture_busy: bool = False) -> Execution:
-    """Execute a command: yield its accesses, take their answers, and return its outcome.
-
-    Args:
-        payload: Payload of a good frame, not empty.
-        capture_busy: Whether a capture is running.
-    """
-    op, sequence = payload[0], payload[1] if len(payload) > 1 else 0
-    status = judge(payload, capture_busy)
-    head = bytes([link_pkg.REPLY_BIT | op, sequence])
-    if status != link_pkg.STATUS_OK:
-        return Outcome(status, head + bytes([status]))
-    good = head + bytes([status])
-    if op == link_pkg.COMMAND_PING:
-        return Outcome(status, good + payload[2:])
-    if op == link_pkg.COMMAND_STREAM_START:
-        strobe_values = {"stream_format": payload[2], "stream_step": payload[3]}
-        return Outcome(status, good, ("stream_start", strobe_values))
-    if op == link_pkg.COMMAND_STREAM_STOP:
-        return Outcome(status, good, ("stream_stop", {}))
-    if op == link_pkg.COMMAND_CAPTURE:
-        argument = int.from_bytes(payload[3:], "little")
-        strobe_values = {"capture_mode": payload[2], "capture_argument": argument}
-        return Outcome(status, good, ("capture_start", strobe_values))
-
-    base = int.from_bytes(payload[2:4], "little")
-    if op == link_pkg.COMMAND_READ:
-        passes = [link_pkg.ACCESS_READ]
-        words = [0] * payload[4]
-    else:
-        passes = [link_pkg.ACCESS_CHECK, link_pkg.ACCESS_WRITE]
-        words = [int.from_bytes(payload[k : k + 4], "little") for k in range(4, len(payload), 4)]
-    read = b""
-    for access in passes:
-        read = b""
-        for k, word in enumerate(words):
-            address = (base + k) & 0xFFFF
-            status, data = yield Access(access, address, word)
-            if status != link_pkg.STATUS_OK:
-                where = address.to_bytes(2, "little")
-                return Outcome(status, head + bytes([status, 0]) + where)
-            read += data.to_bytes(4, "little")
-    return Outcome(status, good + bytes([len(words)]) + read)
+from vrscan.clocked import command_executor, command_queue
+from vrscan.clocked.command_executor import Access, Answer, CommandExecutor, Outcome, execute
+from vrscan.clocked.command_queue import CommandQueue
 
 
 def answer(payload: bytes, registers: Callable[[Access], Answer]) -> Outcome:
@@ -175,108 +31,81 @@ def answer(payload: bytes, registers: Callable[[Access], Answer]) -> Outcome:
 def latency(payload: bytes, outcome: Outcome, accesses: int = 0, bus_latency: int = 0) -> int:
     """Return the clocks from ``done_i`` of a command's frame, with none before it, to ``valid_o``.
 
-    Args:
-        payload: The command; any payload for a bad frame.
-        outcome: The outcome of the command.
-        accesses: Number of accesses that it makes.
-        bus_latency: Clocks from ``bus_valid_o`` to ``bus_done_i``.
+    The arguments are those of ``command_executor.latency``.
     """
-    clocks = 3 + _VERDICT + _ACT + _COMPOSE + _header_bytes(outcome)
-    done = outcome.status == link_pkg.STATUS_OK
-    if done and outcome.reply[0] == link_pkg.REPLY_BIT | link_pkg.COMMAND_PING:
-        return clocks + _copy(payload)
-    stored = accesses if done else max(accesses - 1, 0)
-    if accesses and payload[0] == link_pkg.COMMAND_WRITE:
-        clocks += accesses * _WORD
-        stored = max(stored - (len(payload) // 4 - 1), 0)
-    return clocks + accesses * (_ACCESS + bus_latency) + stored * _STORE
+    clocks = command_executor.latency(payload, outcome, accesses, bus_latency)
+    return command_queue.LATENCY + clocks
 
 
-def _copy(payload: bytes) -> int:
-    """Return the clocks for copying a PING's data into the reply."""
-    return len(payload) if len(payload) > 2 else 1
-
-
-def _header_bytes(outcome: Outcome) -> int:
-    """Return the number of bytes of a reply that are not data."""
-    length = len(outcome.reply)
-    done = outcome.status == link_pkg.STATUS_OK
-    if not done or length < 4:
-        return length
-    return 3 if outcome.reply[0] == link_pkg.REPLY_BIT | link_pkg.COMMAND_PING else 4
-
-
-@dataclass
+@dataclass(frozen=True)
 class Counters:
     """The counters: frames by their status, and commands."""
 
-    frames_good: int = 0
-    frames_crc: int = 0
-    frames_malformed: int = 0
-    frames_too_long: int = 0
-    frames_too_short: int = 0
-    frames_framing: int = 0
-    commands_bad: int = 0
-    commands_lost: int = 0
-
-    def count(self, name: str) -> None:
-        """Add one to a counter, which stops at its largest value."""
-        setattr(self, name, min(getattr(self, name) + 1, COUNT_MAX))
-
-
-FRAME_COUNTERS = {
-    FrameStatus.OK: "frames_good",
-    FrameStatus.CRC: "frames_crc",
-    FrameStatus.MALFORMED: "frames_malformed",
-    FrameStatus.TOO_LONG: "frames_too_long",
-    FrameStatus.TOO_SHORT: "frames_too_short",
-    FrameStatus.FRAMING: "frames_framing",
-}
-
-
-@dataclass
-class _Inputs:
-    """Inputs of the units in this clock."""
-
-    halt: bool = False
-    ready: bool = False
-    bus_done: bool = False
-    answer: Answer = field(default_factory=lambda: Answer(0, 0))
-    capture_busy: bool = False
+    frames_good: int
+    frames_crc: int
+    frames_malformed: int
+    frames_too_long: int
+    frames_too_short: int
+    frames_framing: int
+    commands_bad: int
+    commands_lost: int
 
 
 class CommandServer:
     """Clock-accurate server. A new one is in the state after a reset.
 
     Attributes:
-        valid, data, last: A byte of a reply; ``data`` and ``last`` are defined with ``valid``.
-        bus: The access that begins in this clock.
-        strobes: The strobes ``stream_start``, ``stream_stop`` and ``capture_start`` that are high.
-        strobe_values: Values that came with the last starts: ``stream_format``, ``stream_step``,
-            ``capture_mode`` and ``capture_argument``, as far as there were such starts.
-        alive: Whether a command of a known kind and the right length is executed in this clock.
-        busy: Whether a command waits, is executed, or has a reply that is not yet taken.
-        counters: The counters of frames and commands.
+        queue, executor: The twins of the parts; the executor's outputs are the server's.
     """
 
     def __init__(self) -> None:
-        self.valid = False
-        self.data = 0
-        self.last = False
-        self.bus: Access | None = None
-        self.strobes: set[str] = set()
-        self.strobe_values: dict[str, int] = {}
-        self.alive = False
-        self.busy = False
-        self.counters = Counters()
+        self.queue = CommandQueue()
+        self.executor = CommandExecutor()
 
-        self._received = bytearray()
-        self._waiting: deque[tuple[int, FrameStatus, bytes]] = deque()  # payloads with their places
-        self._tail = 0
-        self._oldest: int | None = None  # place of the command in execution
-        self._active = False  # a command is executed, or its reply is sent
-        self._in = _Inputs()
-        self._life = self._run()
+    @property
+    def valid(self) -> bool:
+        """Return whether there is a byte of a reply."""
+        return self.executor.valid
+
+    @property
+    def data(self) -> int:
+        """Return this byte."""
+        return self.executor.data
+
+    @property
+    def last(self) -> bool:
+        """Return whether it is the last one."""
+        return self.executor.last
+
+    @property
+    def bus(self) -> Access | None:
+        """Return the access that begins in this clock."""
+        return self.executor.bus
+
+    @property
+    def strobes(self) -> set[str]:
+        """Return the strobes that are high."""
+        return self.executor.strobes
+
+    @property
+    def strobe_values(self) -> dict[str, int]:
+        """Return the values that came with the last strobes."""
+        return self.executor.strobe_values
+
+    @property
+    def alive(self) -> bool:
+        """Return whether a command of a known kind and length is executed in this clock."""
+        return self.executor.alive
+
+    @property
+    def busy(self) -> bool:
+        """Return whether a command waits, is executed, or has a reply not yet taken."""
+        return self.executor.busy
+
+    @property
+    def counters(self) -> Counters:
+        """Return the counters of frames and commands."""
+        return Counters(commands_bad=self.executor.commands_bad, **self.queue.counters)
 
     def step(
         self,
@@ -293,105 +122,25 @@ class CommandServer:
         capture_busy: bool,
     ) -> None:
         """Advance by one clock."""
-        self._in = _Inputs(halt, ready, bus_done, Answer(bus_status, bus_data), capture_busy)
-        self.bus = None
-        self.strobes = set()
-        self.alive = False
-        self.busy = bool(self._waiting) or self._active
-        oldest = self._oldest
-        if oldest is None:
-            oldest = self._waiting[0][0] if self._waiting else self._tail
-        taken = (self._tail - oldest) % (PLACES + 1)
-
-        next(self._life)
-        if halt:
-            self._waiting.clear()
-            self.strobes = (self.strobes - {"stream_start"}) | {"stream_stop", "capture_start"}
-            self.strobe_values["capture_mode"] = link_pkg.CAPTURE_STOP
-        if done:
-            self._end(FrameStatus(status), taken)
-        elif valid:
-            self._received.append(data)
-
-    def _end(self, status: FrameStatus, taken: int) -> None:
-        """Take the payload whose frame has ended if there is a place for it."""
-        payload = bytes(self._received)
-        self._received.clear()
-        self.counters.count(FRAME_COUNTERS[status])
-        good = status == FrameStatus.OK
-        if taken < (PLACES if good else BAD_FRAME_PLACES):
-            self._waiting.append((self._tail, status, payload))
-            self._tail = (self._tail + 1) % (PLACES + 1)
-        elif good:
-            self.counters.count("commands_lost")
-
-    def _run(self) -> Generator[None]:
-        """Execute one command after another; a ``yield`` ends a clock."""
-        while True:
-            if not self._waiting or self._in.halt:
-                yield
-                continue
-            self._active = True
-            self._oldest, frame_status, payload = self._waiting.popleft()
-            yield from _clocks(_VERDICT)
-            if frame_status == FrameStatus.OK:
-                outcome = yield from self._execute(payload)
-            else:
-                outcome = Outcome(link_pkg.STATUS_BAD_FRAME, bad_frame(frame_status))
-                yield from _clocks(_ACT)
-            yield from _clocks(_COMPOSE + _header_bytes(outcome))
-            self._oldest = None
-            yield
-            yield from self._send(outcome.reply)
-            self._active = False
-            yield
-
-    def _execute(self, payload: bytes) -> Generator[None, None, Outcome]:
-        """Execute a command from its verdict to its last access."""
-        status = judge(payload, self._in.capture_busy)
-        run = execute(payload, self._in.capture_busy)
-        yield from _clocks(_ACT)
-        if status in (link_pkg.STATUS_UNKNOWN_COMMAND, link_pkg.STATUS_BAD_LENGTH):
-            self.counters.count("commands_bad")
-        else:
-            self.alive = True
-        try:
-            access = next(run)
-            while True:
-                if payload[0] == link_pkg.COMMAND_WRITE:
-                    yield from _clocks(_WORD)
-                yield
-                self.bus = access
-                yield
-                while not self._in.bus_done:
-                    yield
-                last, answer = access, self._in.answer
-                access = run.send(answer)
-                if last.access != link_pkg.ACCESS_CHECK:
-                    yield from _clocks(_STORE)
-        except StopIteration as end:
-            outcome: Outcome = end.value
-        if outcome.effect is not None:
-            strobe, strobe_values = outcome.effect
-            self.strobes = {strobe}
-            self.strobe_values |= strobe_values
-        if status == link_pkg.STATUS_OK and payload[0] == link_pkg.COMMAND_PING:
-            yield from _clocks(_copy(payload))
-        elif outcome.status == link_pkg.STATUS_OK and len(outcome.reply) > 3:
-            yield from _clocks(_STORE)  # stores the last word
-        return outcome
-
-    def _send(self, reply: bytes) -> Generator[None]:
-        """Send a reply; end in the clock in which the last byte is taken."""
-        for k, byte in enumerate(reply):
-            self.valid, self.data, self.last = True, byte, k == len(reply) - 1
-            yield
-            while not self._in.ready:
-                yield
-        self.valid = False
-
-
-def _clocks(count: int) -> Generator[None]:
-    """Wait for this number of clocks."""
-    for _ in range(count):
-        yield
+        queue, executor = self.queue, self.executor
+        waits, frame = queue.waits, queue.frame
+        take, release = executor.takes(waits=waits, halt=halt), executor.release
+        executor.step(
+            waits=waits,
+            frame=frame,
+            halt=halt,
+            ready=ready,
+            bus_done=bus_done,
+            bus_status=bus_status,
+            bus_data=bus_data,
+            capture_busy=capture_busy,
+        )
+        queue.step(
+            valid=valid,
+            data=data,
+            done=done,
+            status=status,
+            halt=halt,
+            take=take,
+            release=release,
+        )

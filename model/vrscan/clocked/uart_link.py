@@ -8,7 +8,8 @@ from vrscan.clocked import (
     uart_rx,
     uart_tx,
 )
-from vrscan.clocked.command_server import CommandServer, Outcome
+from vrscan.clocked.command_executor import Outcome
+from vrscan.clocked.command_server import CommandServer
 from vrscan.clocked.frame_decoder import FrameDecoder
 from vrscan.clocked.frame_decoder import Status as FrameStatus
 from vrscan.clocked.frame_encoder import FrameEncoder
