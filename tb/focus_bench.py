@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 from harness import TwinBench, generator
 
-from vrscan.clocked.focus_settings import WIDTHS, Settings
 from vrscan.data import pkg
 from vrscan.registers.focus_registers import FRACTION_WIDTH, TABLE_SIZE, Mode
+from vrscan.registers.settings import FocusSettings
 
 ADDRESS = 0x2A
 MM = 1 << pkg.LENGTH_FRACTION
 Z_BEGIN, Z_SHIFT = 240 * MM, 6
-SETTINGS = Settings(
+SETTINGS = FocusSettings(
     mode=Mode.OFF,
     manual=0,
     average_shift=2,
@@ -32,7 +32,7 @@ SETTINGS = Settings(
 )
 POINT = {"measured": 1, "flags": 0, "test": 0}
 TABLE_WRITE = {"table_write": 0, "table_index": 0, "table_position": 0}
-PORTS = {"test": "line.test", "focus_hold_points": "focus_hold"}  # that have another name
+PORTS = {"test": "line.test"}  # that have another name
 
 
 def lens(distance: float) -> float:
@@ -52,7 +52,7 @@ class FocusBench(TwinBench):
     """A bench whose twin takes the settings beside the inputs."""
 
     def __init__(self, dut, inputs: Iterable[str], salt: int) -> None:
-        super().__init__(dut, [*inputs, *(f"focus_{name}" for name in WIDTHS)])
+        super().__init__(dut, [*inputs, *(f"focus_{name}" for name in vars(SETTINGS))])
         self.given = list(inputs)
         self.draw = generator(salt)
         self.settings = SETTINGS

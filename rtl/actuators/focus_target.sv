@@ -4,7 +4,7 @@
 // The position is that of a table with 64 entries, linear between them, to nearest, half up:
 // entry i is for a distance of focus_z_begin + i 2**(focus_z_shift + 10) steps; the first and the
 // last hold beyond.  In mode AUTOMATIC the first position that comes is the target; later ones are
-// when they have been more than focus_hysteresis from it for focus_hold good points on end (0 is
+// when they have been more than focus_hysteresis from it for focus_hold_points good points on end (0 is
 // as 1): it does not hunt.  In mode MANUAL focus_manual is the target.
 //
 //   valid_i      a new distance_i, which stays; not while busy_o
@@ -119,7 +119,7 @@ module focus_target (
     off_q      <= signed'({1'b0, candidate_q}) - signed'({1'b0, target_o});
     off_size_q <= PositionWidth'(off_q[DifferenceWidth-1] ? '0 - off_q : off_q);
     far_q      <= off_size_q > focus_i.focus_hysteresis;
-    held_q     <= {1'b0, far_count_q} + 17'd1 >= {1'b0, focus_i.focus_hold};
+    held_q     <= {1'b0, far_count_q} + 17'd1 >= {1'b0, focus_i.focus_hold_points};
 
     manual_q <= focus_i.focus_mode == Manual;
     if (lapse_i) far_count_q <= '0;

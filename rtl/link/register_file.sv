@@ -601,7 +601,7 @@ module register_file (
     if (take_q[131]) focus_o.focus_z_begin <= signed'(focus_data[23:0]);
     if (take_q[132]) focus_o.focus_z_shift <= focus_data[3:0];
     if (take_q[133]) focus_o.focus_hysteresis <= focus_data[15:0];
-    if (take_q[134]) focus_o.focus_hold <= focus_data[15:0];
+    if (take_q[134]) focus_o.focus_hold_points <= focus_data[15:0];
     if (take_q[135]) focus_o.focus_address <= focus_data[6:0];
     if (take_q[136]) focus_o.focus_quarter_clks <= focus_data[15:0];
     if (take_q[137]) focus_o.focus_stretch_clks <= focus_data[23:0];
@@ -751,7 +751,7 @@ module register_file (
       focus_o.focus_z_begin <= '0;
       focus_o.focus_z_shift <= '0;
       focus_o.focus_hysteresis <= '0;
-      focus_o.focus_hold <= '0;
+      focus_o.focus_hold_points <= '0;
       focus_o.focus_address <= '0;
       focus_o.focus_quarter_clks <= 16'h00fa;
       focus_o.focus_stretch_clks <= 24'h2625a0;
@@ -857,7 +857,7 @@ module register_file (
   always_ff @(posedge clk_i) begin
     case (page_00_word)
       4'h0: page_00_q <= 32'h56525343;
-      4'h1: page_00_q <= 32'he6a86393;
+      4'h1: page_00_q <= 32'hb0a9035e;
       4'h2: page_00_q <= 32'h00000100;
       4'h3: page_00_q <= 32'(identity_status_i.board_id);
       4'h4: page_00_q <= identity_status_i.clock_hz;
@@ -1244,7 +1244,7 @@ module register_file (
       4'h4: page_18_q <= 32'(focus_o.focus_z_begin);
       4'h5: page_18_q <= 32'(focus_o.focus_z_shift);
       4'h6: page_18_q <= 32'(focus_o.focus_hysteresis);
-      4'h7: page_18_q <= 32'(focus_o.focus_hold);
+      4'h7: page_18_q <= 32'(focus_o.focus_hold_points);
       4'h8: page_18_q <= 32'(focus_o.focus_address);
       4'h9: page_18_q <= 32'(focus_o.focus_quarter_clks);
       4'ha: page_18_q <= 32'(focus_o.focus_stretch_clks);
@@ -1751,7 +1751,7 @@ module register_file (
     rule_mem[389] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000000f};
     // focus_hysteresis
     rule_mem[390] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
-    // focus_hold
+    // focus_hold_points
     rule_mem[391] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
     // focus_address
     rule_mem[392] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000007f};

@@ -228,7 +228,7 @@ package register_pkg;
     logic signed [23:0] focus_z_begin;
     logic [3:0] focus_z_shift;
     logic [15:0] focus_hysteresis;
-    logic [15:0] focus_hold;
+    logic [15:0] focus_hold_points;
     logic [6:0] focus_address;
     logic [15:0] focus_quarter_clks;
     logic [23:0] focus_stretch_clks;

@@ -1,11 +1,8 @@
 """The autofocus's registers against the lens, and the table's error against its focus."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
-from vrscan.clocked.focus_settings import Settings
 from vrscan.clocked.focus_target import position
 from vrscan.data.config import Clock, Config, Focus, Geometry
 from vrscan.data.errors import InputError
@@ -46,16 +43,16 @@ def test_the_table_is_the_lens(near: float, far: float, offset: float) -> None:
         geometry=Geometry(offset_mm=offset),
     )
     given = FocusRegisters.from_config(config)
-    assert given.focus_mode == Mode.AUTOMATIC
-    assert len(given.focus_table_position) == TABLE_SIZE
+    assert given.mode == Mode.AUTOMATIC
+    assert len(given.table_position) == TABLE_SIZE
     z = np.linspace(near, far, 2001)
-    got = [position(round(mm * MM), given.focus_z_begin, given.focus_z_shift,
-                    list(given.focus_table_position)) for mm in z]  # fmt: skip
+    got = [position(round(mm * MM), given.z_begin, given.z_shift,
+                    list(given.table_position)) for mm in z]  # fmt: skip
     want = [(0.05 + image_shift(mm, config.geometry)) / 0.5e-3 for mm in z]
     worst = float(np.abs(np.array(got) - want).max())
     # An eighth of the spacing squared times the curvature where it is largest; two roundings, and
     # a fraction of 10 bits that is cut.
-    spacing = 2.0 ** (given.focus_z_shift + 10) / MM
+    spacing = 2.0 ** (given.z_shift + 10) / MM
     way = (near - offset) / np.sin(config.geometry.bias_rad) - 25.0
     chord = spacing**2 / 8.0 * 2.0 * 25.0**2 / way**3 / 0.5e-3
     slope = spacing * 25.0**2 / way**2 / 0.5e-3
@@ -63,19 +60,14 @@ def test_the_table_is_the_lens(near: float, far: float, offset: float) -> None:
     print(f"table {near} to {far} mm: measured {worst:.2f}, predicted {bound:.2f}, floor 0.5 steps")
     assert worst <= bound
     assert 63 * spacing >= far - near
-    assert far - near > 63 * spacing / 2 or given.focus_z_shift == 0
-    assert given.focus_manual == round(want[0])
+    assert far - near > 63 * spacing / 2 or given.z_shift == 0
+    assert given.manual == round(want[0])
 
 
 def test_the_shipped_registers() -> None:
     given = registers()
-    values = {
-        field.name.removeprefix("focus_"): getattr(given, field.name)
-        for field in dataclasses.fields(given)
-        if field.name != "focus_table_position"
-    }
-    values["hold_points"] = values.pop("hold")
-    assert Settings(**values) == Settings(
+    assert given == FocusRegisters(
+        table_position=given.table_position,
         mode=0,
         manual=round(625.0 / (500.0 / np.sin(np.radians(82.0)) - 25.0) / 0.5e-3),
         average_shift=12,
@@ -92,9 +84,9 @@ def test_the_shipped_registers() -> None:
         timeout_clks=125_000_000,
         retries=3,
     )
-    assert max(given.focus_table_position) <= 6000
-    assert min(np.diff(given.focus_table_position)) < 0
-    assert registers(mode="manual").focus_mode == Mode.MANUAL
+    assert max(given.table_position) <= 6000
+    assert min(np.diff(given.table_position)) < 0
+    assert registers(mode="manual").mode == Mode.MANUAL
 
 
 @pytest.mark.parametrize(
@@ -122,8 +114,8 @@ def test_what_does_not_fit(focus: dict[str, object], words: str) -> None:
 def test_a_focus_that_is_off_asks_nothing_of_the_lens() -> None:
     config = Config(geometry=Geometry(focal_mm=300.0), clock=Clock(frequency_hz=100e6))
     given = FocusRegisters.from_config(config)
-    assert set(given.focus_table_position) == {6000}
-    assert given.focus_quarter_clks == 250
+    assert set(given.table_position) == {6000}
+    assert given.quarter_clks == 250
 
 
 @pytest.mark.parametrize(

@@ -6,9 +6,9 @@ VR-SCAN IV-E: a piezo motor and a magnetic position sensor, here on one I2C bus.
 from vrscan.clocked import focus_filter, focus_target
 from vrscan.clocked.focus_filter import FocusFilter
 from vrscan.clocked.focus_motor import FocusMotor
-from vrscan.clocked.focus_settings import Settings
 from vrscan.clocked.focus_target import FocusTarget
 from vrscan.clocked.i2c_master import I2cMaster
+from vrscan.registers.settings import FocusSettings
 
 DISTANCE_LATENCY = focus_filter.LATENCY  # clocks from valid to the distance
 # Clocks from valid to the target; points that come sooner are ignored.
@@ -27,14 +27,14 @@ class FocusControl:
             outputs are the control's.
     """
 
-    def __init__(self, settings: Settings, count_width: int = 16) -> None:
+    def __init__(self, settings: FocusSettings, count_width: int = 16) -> None:
         self.filter = FocusFilter(settings)
         self.lens = FocusTarget(settings)
         self.motor = FocusMotor(settings, count_width)
         self.master = I2cMaster(count_width)
         self.configure(settings)
 
-    def configure(self, settings: Settings) -> None:
+    def configure(self, settings: FocusSettings) -> None:
         """Change the configuration."""
         self._settings = settings
         self.filter.settings = self.lens.settings = self.motor.settings = settings

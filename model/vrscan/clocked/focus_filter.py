@@ -1,7 +1,7 @@
 """The distance of the scene by good points, the twin of ``rtl/actuators/focus_filter.sv``."""
 
-from vrscan.clocked.focus_settings import Settings
 from vrscan.data import pkg
+from vrscan.registers.settings import FocusSettings
 
 LATENCY = 8  # clocks from valid to the distance
 
@@ -39,7 +39,7 @@ class FocusFilter:
         lapse: Whether the good point at work is a first one after a lapse.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: FocusSettings) -> None:
         self.settings = settings
         self.valid = False
         self.distance = 0

@@ -2,9 +2,9 @@
 
 from enum import IntEnum
 
-from vrscan.clocked.focus_settings import Settings
 from vrscan.clocked.i2c_master import Status
 from vrscan.registers.focus_registers import Mode
+from vrscan.registers.settings import FocusSettings
 
 REPLY_LATENCY = 5  # clocks from a reply to its effect
 PAUSE_EXTRA = 6  # clocks from a reply to the next command besides focus_poll_clks
@@ -52,7 +52,7 @@ class FocusMotor:
         timeout_count: Number of targets that were not reached in time.
     """
 
-    def __init__(self, settings: Settings, count_width: int = 16) -> None:
+    def __init__(self, settings: FocusSettings, count_width: int = 16) -> None:
         self.settings = settings
         self.command_valid = False
         self.command_read = False

@@ -1,7 +1,7 @@
 """Where the lens should be, the twin of ``rtl/actuators/focus_target.sv``."""
 
-from vrscan.clocked.focus_settings import Settings
 from vrscan.registers.focus_registers import FRACTION_WIDTH, TABLE_SIZE, Mode
+from vrscan.registers.settings import FocusSettings
 
 LATENCY = 18  # clocks from a distance to the target
 
@@ -42,7 +42,7 @@ class FocusTarget:
         known: Whether there is one.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: FocusSettings) -> None:
         self.settings = settings
         self.table = [0] * TABLE_SIZE
         self.busy = False

@@ -1,4 +1,4 @@
-"""The autofocus's configuration as the integers that the ports of ``focus_control`` take."""
+"""The autofocus's configuration as the integers that the registers take."""
 
 import math
 from dataclasses import dataclass
@@ -9,6 +9,7 @@ from vrscan.data.config import Config, Geometry
 from vrscan.data.errors import InputError
 from vrscan.registers.chain_registers import fit
 from vrscan.registers.register_map import WINDOWS
+from vrscan.registers.settings import FocusSettings
 
 Z_ONE = 2**pkg.LENGTH_FRACTION  # steps per mm
 TABLE_SIZE = WINDOWS["focus_table"].entries
@@ -43,28 +44,10 @@ def image_shift(z_mm: float, geometry: Geometry) -> float:
 
 
 @dataclass(frozen=True)
-class FocusRegisters:
-    """Configuration of the autofocus in integers; formats are those of ``focus_control``.
+class FocusRegisters(FocusSettings):
+    """Configuration of the autofocus in integers; formats are those of the registers."""
 
-    ``focus_table_position`` is written through the table's port; everything else is a port.
-    """
-
-    focus_manual: int
-    focus_average_shift: int
-    focus_lapse: int
-    focus_z_begin: int
-    focus_z_shift: int
-    focus_hysteresis: int
-    focus_hold: int
-    focus_address: int
-    focus_quarter_clks: int
-    focus_stretch_clks: int
-    focus_poll_clks: int
-    focus_tolerance: int
-    focus_timeout_clks: int
-    focus_retries: int
-    focus_mode: int
-    focus_table_position: tuple[int, ...]
+    table_position: tuple[int, ...]
 
     @classmethod
     def from_config(cls, config: Config) -> "FocusRegisters":
@@ -113,20 +96,20 @@ class FocusRegisters:
             return math.floor(1e3 * position_mm(z_mm) / focus.resolution_um + 0.5)
 
         return cls(
-            focus_manual=steps("manual", "manual_mm", manual_um),
-            focus_average_shift=focus.average_points.bit_length() - 1,
-            focus_lapse=focus.lapse_points,
-            focus_z_begin=z_begin,
-            focus_z_shift=put("z_shift", "far_mm", z_shift),
-            focus_hysteresis=steps("hysteresis", "hysteresis_um", focus.hysteresis_um),
-            focus_hold=focus.hold_points,
-            focus_address=focus.address,
-            focus_quarter_clks=put("quarter_clks", "quarter_us", 1e-6 * focus.quarter_us * clock),
-            focus_stretch_clks=put("stretch_clks", "stretch_ms", 1e-3 * focus.stretch_ms * clock),
-            focus_poll_clks=put("poll_clks", "poll_ms", 1e-3 * focus.poll_ms * clock),
-            focus_tolerance=steps("tolerance", "tolerance_um", focus.tolerance_um),
-            focus_timeout_clks=put("timeout_clks", "timeout_s", focus.timeout_s * clock),
-            focus_retries=focus.retries,
-            focus_mode=Mode[focus.mode.upper()],
-            focus_table_position=tuple(entry(k) for k in range(TABLE_SIZE)),
+            manual=steps("manual", "manual_mm", manual_um),
+            average_shift=focus.average_points.bit_length() - 1,
+            lapse=focus.lapse_points,
+            z_begin=z_begin,
+            z_shift=put("z_shift", "far_mm", z_shift),
+            hysteresis=steps("hysteresis", "hysteresis_um", focus.hysteresis_um),
+            hold_points=focus.hold_points,
+            address=focus.address,
+            quarter_clks=put("quarter_clks", "quarter_us", 1e-6 * focus.quarter_us * clock),
+            stretch_clks=put("stretch_clks", "stretch_ms", 1e-3 * focus.stretch_ms * clock),
+            poll_clks=put("poll_clks", "poll_ms", 1e-3 * focus.poll_ms * clock),
+            tolerance=steps("tolerance", "tolerance_um", focus.tolerance_um),
+            timeout_clks=put("timeout_clks", "timeout_s", focus.timeout_s * clock),
+            retries=focus.retries,
+            mode=Mode[focus.mode.upper()],
+            table_position=tuple(entry(k) for k in range(TABLE_SIZE)),
         )

@@ -87,14 +87,14 @@ def _one(
     )  # fmt: skip
 
 
-MAP_HASH = 0xE6A86393
+MAP_HASH = 0xB0A9035E
 
 # fmt: off
 _REGISTERS = (
     _one("", 0x000, "identity", 32, "constant",
          "the letters VRSC, by which a host knows the instrument", reset=0x56525343),
     _one("", 0x001, "map_hash", 32, "constant",
-         "hash of the parts of this map that a host must know", reset=0xE6A86393),
+         "hash of the parts of this map that a host must know", reset=0xB0A9035E),
     _one("", 0x002, "version", 32, "constant",
          "version of the map: major, minor, patch in bits 31..16, 15..8, 7..0", reset=0x00000100),
     _one("identity_status", 0x003, "board_id", 16, "ro", "number of the kind of board"),
@@ -383,7 +383,7 @@ _REGISTERS = (
     _one("focus", 0x185, "focus_z_shift", 4, "rw",
          "spacing of the table's entries: 2**(shift + 10) steps of a distance"),
     _one("focus", 0x186, "focus_hysteresis", 16, "rw", "least change of the target"),
-    _one("focus", 0x187, "focus_hold", 16, "rw",
+    _one("focus", 0x187, "focus_hold_points", 16, "rw",
          "number of good points in a row that ask for a new target"),
     _one("focus", 0x188, "focus_address", 7, "rw", "address of the motor on its I2C bus"),
     _one("focus", 0x189, "focus_quarter_clks", 16, "rw", "quarter of a bit on the bus", reset=250,

@@ -7,8 +7,7 @@ are those of the register in ``rtl/link/registers.toml``, which docs/registers.m
 from dataclasses import dataclass, fields
 from typing import ClassVar
 
-from vrscan.data.errors import InputError
-from vrscan.registers.values import NAMES, WRITABLE, Value, find, to_words
+from vrscan.registers.values import NAMES, WRITABLE, Value, count, find
 
 _WRITTEN = frozenset(name for name in NAMES if find(name).access in WRITABLE)
 
@@ -24,18 +23,27 @@ class Settings:
     PREFIX: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
-        """Check the values of all fields that are registers."""
-        for register, value in self.ports.items():
-            try:
-                to_words(register, value)
-            except InputError as error:
-                raise ValueError(str(error)) from None
+        """Check the values against the bits of their ports; a register may allow fewer values."""
+        for name, value in self.ports.items():
+            width, several = (
+                find(name).width,
+                value if isinstance(value, tuple | list) else (value,),
+            )
+            low = -1 << width - 1 if find(name).signed else 0
+            if len(several) != count(name):
+                raise ValueError(f"{name}: needs {count(name)} values ({len(several)})")
+            if min(several) < low or max(several) >= low + (1 << width):
+                raise ValueError(f"{name}: does not fit in {width} bits ({value})")
 
     @property
     def ports(self) -> dict[str, Value]:
         """The values of all fields that are registers, by their names."""
-        named = ((self.PREFIX + field.name, getattr(self, field.name)) for field in fields(self))
-        return {name: value for name, value in named if name in _WRITTEN}
+        values = {self.PREFIX + field.name: getattr(self, field.name) for field in fields(self)}
+        return {
+            name: value if isinstance(value, tuple | list) else int(value)
+            for name, value in values.items()
+            if name in _WRITTEN
+        }
 
 
 @dataclass(frozen=True)
@@ -176,3 +184,26 @@ class AdaptationSettings(Settings):
 @dataclass(frozen=True)
 class LaserSettings(InterlockSettings, AdaptationSettings):
     """What ``laser_control`` takes for its parts."""
+
+
+@dataclass(frozen=True)
+class FocusSettings(Settings):
+    """What ``focus_control`` and its parts take; a ``mode`` of 3 acts as OFF."""
+
+    PREFIX: ClassVar[str] = "focus_"
+
+    mode: int
+    manual: int
+    average_shift: int
+    lapse: int
+    z_begin: int
+    z_shift: int
+    hysteresis: int
+    hold_points: int
+    address: int
+    quarter_clks: int
+    stretch_clks: int
+    poll_clks: int
+    tolerance: int
+    timeout_clks: int
+    retries: int
