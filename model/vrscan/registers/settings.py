@@ -40,7 +40,7 @@ class Settings:
         """The values of all fields that are registers, by their names."""
         values = {self.PREFIX + field.name: getattr(self, field.name) for field in fields(self)}
         return {
-            name: value if isinstance(value, tuple | list) else int(value)
+            name: tuple(value) if isinstance(value, tuple | list) else int(value)
             for name, value in values.items()
             if name in _WRITTEN
         }
