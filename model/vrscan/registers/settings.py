@@ -25,10 +25,8 @@ class Settings:
     def __post_init__(self) -> None:
         """Check the values against the bits of their ports; a register may allow fewer values."""
         for name, value in self.ports.items():
-            width, several = (
-                find(name).width,
-                value if isinstance(value, tuple | list) else (value,),
-            )
+            several = value if isinstance(value, tuple) else (value,)
+            width = find(name).width
             low = -1 << width - 1 if find(name).signed else 0
             if len(several) != count(name):
                 raise ValueError(f"{name}: needs {count(name)} values ({len(several)})")
