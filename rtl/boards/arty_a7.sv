@@ -151,7 +151,10 @@ module arty_a7 (
     .pulse_trips_o    ()
   );
 
-  assign led_o = {guard_ok, mirror_state};
+  // A register of its own, or the mirror's state would be placed at its LED, far from what reads it.
+  logic [vrscan_pkg::MirrorStateWidth-1:0] shown_q;
+  always_ff @(posedge clk) shown_q <= mirror_state;
+  assign led_o = {guard_ok, shown_q};
 
 endmodule
 

@@ -162,7 +162,13 @@ module ulx3s (
     .pulse_trips_o    ()
   );
 
-  assign led_o = {guard_ok, index_light_o, pulse_o, measured, !uart_rx_i, mirror_state};
+  // A register of its own, or the mirror's state would be placed at its LED, far from what reads it.
+  logic [vrscan_pkg::MirrorStateWidth:0] shown_q;
+  always_ff @(posedge clk) shown_q <= {measured, mirror_state};
+  assign led_o = {
+    guard_ok, index_light_o, pulse_o, shown_q[vrscan_pkg::MirrorStateWidth], !uart_rx_i,
+    shown_q[vrscan_pkg::MirrorStateWidth-1:0]
+  };
 
 endmodule
 
