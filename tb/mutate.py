@@ -437,8 +437,8 @@ FAULTS = [
         ("RUN without settling", "index_alive_i && settled_i", "index_alive_i"),
         (
             "the cause of the fault",
-            "state_o == Sweep  ? FaultWidth'(vrscan_pkg::FaultSweep)",
-            "state_o == Settle ? FaultWidth'(vrscan_pkg::FaultSweep)",
+            "state_q == Sweep  ? FaultWidth'(vrscan_pkg::FaultSweep)",
+            "state_q == Settle ? FaultWidth'(vrscan_pkg::FaultSweep)",
         ),
         (
             "the word wraps below zero",

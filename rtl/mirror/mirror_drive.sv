@@ -80,25 +80,25 @@ module mirror_drive #(
   logic                        high_q;
   logic                        expired_q;
   logic                        ready_q;  // for RUN
-  logic        [TimeWidth-1:0] timer_q, limit_q;  // the limit is that of state_o
+  logic        [TimeWidth-1:0] timer_q, limit_q;  // the limit is that of state_q
   logic        [FineWidth-1:0] fine_q;
   logic signed [  FineWidth:0] left_q;  // fine_q less the working word less a step: < 0 is there
   logic signed [ SumWidth-1:0] sum_q;
 
   logic                  active, active_d, off;
-  logic [StateWidth-1:0] state_d;
-  assign active   = state_o == Sweep || state_o == Settle || state_o == Run;
+  logic [StateWidth-1:0] state_q, state_d;
+  assign active   = state_q == Sweep || state_q == Settle || state_q == Run;
   assign active_d = state_d == Sweep || state_d == Settle || state_d == Run;
-  assign off      = state_o == Off;
+  assign off      = state_q == Off;
   assign stop     = stop_q || !enable_i;
   assign keep     = drive_o && high_q && !(stop_q && timer_q[StopWidth]);
 
   always_comb begin
-    state_d = state_o;
+    state_d = state_q;
     if (active && stop) begin
       if (!keep) state_d = Off;
     end else begin
-      unique case (state_o)
+      unique case (state_q)
         Off: if (enable_i) state_d = Sweep;
         Sweep: begin
           if (left_q[FineWidth]) state_d = Settle;
@@ -116,29 +116,29 @@ module mirror_drive #(
 
   always_ff @(posedge clk_i) begin
     ready_q <= index_alive_i && settled_i;
-    state_o <= state_d;
+    state_q <= state_d;
     limit_q <= state_d == Sweep  ? mirror_limits_i.sweep_timeout :
                state_d == Settle ? mirror_limits_i.settle_timeout : mirror_limits_i.lost_timeout;
     stop_q  <= active && stop && state_d != Off;
-    if (state_o == Off && state_d == Sweep) begin
+    if (state_q == Off && state_d == Sweep) begin
       fault_o <= FaultWidth'(vrscan_pkg::FaultNone);
     end else if (active && state_d == Fault) begin
-      fault_o <= state_o == Sweep  ? FaultWidth'(vrscan_pkg::FaultSweep) :
-                 state_o == Settle ? FaultWidth'(vrscan_pkg::FaultSettle) :
+      fault_o <= state_q == Sweep  ? FaultWidth'(vrscan_pkg::FaultSweep) :
+                 state_q == Settle ? FaultWidth'(vrscan_pkg::FaultSettle) :
                                      FaultWidth'(vrscan_pkg::FaultIndex);
     end
 
     // It counts the clocks of a state, in RUN those without an index, and those of a stop.
     timer_q <= timer_q + TimeWidth'(1);
-    if (state_d != state_o || stop != stop_q || (state_o == Run && !stop && index_alive_i)) begin
+    if (state_d != state_q || stop != stop_q || (state_q == Run && !stop && index_alive_i)) begin
       timer_q <= '0;
     end
-    expired_q <= active && state_d == state_o && !(state_o == Run && index_alive_i) &&
+    expired_q <= active && state_d == state_q && !(state_q == Run && index_alive_i) &&
                  timer_q >= limit_q;
 
     fine_q <= fine_q - FineWidth'(mirror_i.sweep_rate);
     left_q <= left_q - (FineWidth + 1)'({1'b0, mirror_i.sweep_rate});
-    if (state_o == Off) begin
+    if (state_q == Off) begin
       fine_q <= {mirror_i.sweep_word, {RateFraction{1'b0}}};
       left_q <= {{1'b0, mirror_i.sweep_word} + ~{1'b0, mirror_i.work_word}, {RateFraction{1'b1}}};
     end
@@ -147,8 +147,8 @@ module mirror_drive #(
     if (off) begin
       word_o <= mirror_i.sweep_word;
     end else if (active && !stop) begin
-      if (state_o == Sweep && left_q[FineWidth]) word_o <= mirror_i.work_word;
-      else if (state_o == Sweep) word_o <= fine_q[RateFraction+:WordWidth];
+      if (state_q == Sweep && left_q[FineWidth]) word_o <= mirror_i.work_word;
+      else if (state_q == Sweep) word_o <= fine_q[RateFraction+:WordWidth];
       else if (sum_q[SumWidth-1]) word_o <= '0;
       else if (sum_q[SumWidth-2]) word_o <= '1;
       else word_o <= sum_q[WordWidth-1:0];
@@ -163,7 +163,7 @@ module mirror_drive #(
     else if (!stop) level_o <= level_i;
 
     if (rst_i) begin
-      state_o     <= Off;
+      state_q     <= Off;
       fault_o     <= FaultWidth'(vrscan_pkg::FaultNone);
       drive_o     <= 1'b0;
       level_o     <= '0;
@@ -172,6 +172,12 @@ module mirror_drive #(
       high_q      <= 1'b0;
     end
   end
+
+  // All the instrument reads state_o.  This copy is not merged with state_q, so that what decodes
+  // the state elsewhere draws none of the logic above away from here.
+  local_register #(.Width(StateWidth)) u_state (
+    .clk_i, .d_i(rst_i ? Off : state_d), .q_o(state_o)
+  );
 
   sigma_delta #(.Width(LevelWidth)) u_level_pin (
     .clk_i, .rst_i, .level_i(level_o), .pin_o(level_pin_o)
