@@ -21,7 +21,6 @@ from vrscan.data.points import (
     points_equal,
     table,
     write_csv,
-    write_ply,
 )
 
 COUNT = 4000
@@ -110,7 +109,8 @@ def test_the_cloud_holds_the_located_points() -> None:
     points = random_points()
     result = table(points)
     file = io.BytesIO()
-    write_ply(result, file)
+    with ply_file(file) as write:
+        write(ply_vertices(result))
     header, _, body = file.getvalue().partition(b"end_header\n")
     assert header.startswith(b"ply\nformat binary_little_endian 1.0\n")
     rows = np.flatnonzero(result.located)
@@ -132,7 +132,8 @@ def test_files_grow_by_blocks_to_what_they_are_at_once(size: int) -> None:
     at_once, cloud, grown, grown_cloud = (io.BytesIO() for _ in range(4))
     y_mm = np.arange(float(COUNT))
     write_csv(result, at_once)
-    write_ply(result, cloud, y_mm)
+    with ply_file(cloud) as write:
+        write(ply_vertices(result, y_mm))
     with csv_file(grown) as write_rows, ply_file(grown_cloud) as write_vertices:
         for start in range(0, COUNT, size):
             rows = np.zeros(COUNT, np.bool_)

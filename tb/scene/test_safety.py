@@ -195,18 +195,3 @@ def test_infrared_has_no_class_2() -> None:
     assert all(math.isfinite(row.power_w) and row.power_w > 0.0 for row in rows)
     with pytest.raises(InputError):
         s.largest_safe_power(Emission(wavelength_nm=1550.0))
-
-
-def test_the_line_striper() -> None:
-    # C_A(780) = 1.4454; MPE 1.8e-3 C_A t^0.75; 0.385 cm^2; 1.57 rad x 500 mm / 7 mm
-    for time in (0.25, 1.0, 10.0):
-        wanted = 1.8e-3 * 1.4454 * time**-0.25 * 0.385 * 1.57 * 500.0 / 7.0
-        found = s.striper_power_w(780.0, time, 500.0, 1.57, 7.0)
-        print(f"{time} s: {1e3 * found:.1f} mW (the paper takes 80)")
-        assert found == pytest.approx(wanted, rel=1e-4)
-    # as printed, C_A would be 10^160: no limit at all
-    assert s.striper_power_w(780.0, 1.0, 500.0, 1.57, 7.0) < 0.2
-    assert s.exposure_limit_j_per_cm2(658.0, 1e-6) == 5e-7
-    assert s.exposure_limit_j_per_cm2(658.0, 18e-6) == pytest.approx(5e-7, rel=0.01)
-    with pytest.raises(ValueError, match="exposure_limit"):
-        s.striper_power_w(780.0, 11.0, 500.0, 1.57, 7.0)

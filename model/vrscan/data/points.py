@@ -323,18 +323,6 @@ def flag_texts(flags: Mapping[str, Bools], rows: int) -> list[str]:
     return [texts[k] for k in kind.tolist()]
 
 
-def write_ply(result: Table, file: BinaryIO, y_mm: Floats | float = 0.0) -> None:
-    """Write the located points as a binary little-endian PLY cloud.
-
-    Args:
-        result: The points.
-        file: A binary file.
-        y_mm: Position of the scan plane, as in ``ply_vertices``.
-    """
-    with ply_file(file) as write:
-        write(ply_vertices(result, y_mm))
-
-
 @contextlib.contextmanager
 def ply_file(file: BinaryIO, folder: Path | None = None) -> Iterator[Callable[[bytes], object]]:
     """Begin a PLY cloud; yield a function that takes ``ply_vertices``, in their order.
