@@ -1,5 +1,7 @@
 """What the tests of commands share: payloads, and a bench that answers accesses."""
 
+import abc
+
 import numpy as np
 from bus_registers import COUNT, FIRST, KEY, NOTHING, READ_ONLY, BusRegisters
 from harness import Ports, TwinBench, as_integer, generator
@@ -148,9 +150,9 @@ class CommandBench(TwinBench):
             raise AssertionError("it is busy for ever")
         await self.clocks(16 - self.clock % 16)
 
+    @abc.abstractmethod
     async def payload(self, payload: bytes, status: int = 0) -> None:
         """Give a payload, and how its frame ended."""
-        raise NotImplementedError
 
     async def asked(self, payload: bytes, status: int = 0) -> bytes:
         """Return the one reply to a payload."""

@@ -1,5 +1,6 @@
 """What the tests of the laser's modules share: open registers, and inputs of every kind."""
 
+import abc
 import dataclasses
 from operator import attrgetter
 
@@ -181,9 +182,9 @@ class SettingsBench(TwinBench):
             (name, port(dut, f"{name}_o"), attrgetter(place)) for name, place in outputs.items()
         ]
 
+    @abc.abstractmethod
     def twin_of(self, settings: Settings) -> object:
         """Return a new twin with these registers."""
-        raise NotImplementedError
 
     def on_port(self, name: str, value: int) -> tuple[str, int]:
         if name == "point_maximum":

@@ -154,9 +154,14 @@ def test_the_first_difference_is_named() -> None:
 def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
     path = tmp_path / "points.csv"
     path.write_text("old")
-    with pytest.raises(RuntimeError), atomic_file(path) as file:  # noqa: PT012, the write fails inside
-        file.write(b"half")
-        raise RuntimeError
+
+    def fail() -> None:
+        with atomic_file(path) as file:
+            file.write(b"half")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
     with atomic_file(path) as file:

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -55,8 +56,8 @@ def quiet(board: FakeBoard) -> Iterator[Device]:
         yield made
 
 
-def connected(board: FakeBoard, **more: object) -> Device:
-    return Device(str(board.path), timeout=TIMEOUT_S, **more)  # type: ignore[arg-type]
+def connected(board: FakeBoard, **more: Any) -> Device:
+    return Device(str(board.path), timeout=TIMEOUT_S, **more)
 
 
 # ---- registers ----
@@ -149,7 +150,7 @@ def test_shorter_commands_tear_nothing(monkeypatch: pytest.MonkeyPatch, most: in
 
 def test_what_is_wrong_is_told_before_it_is_sent(device: Device, board: FakeBoard) -> None:
     before = board.executed.get(link_pkg.COMMAND_WRITE, 0)
-    for name, value, says in (
+    wrong: list[tuple[str, Any, str]] = [
         ("min_width", 2, "min_width: must be 3 to 255 (2)"),
         ("min_widht", 3, "min_width"),
         ("uptime", 0, "uptime: cannot be written"),
@@ -157,9 +158,10 @@ def test_what_is_wrong_is_told_before_it_is_sent(device: Device, board: FakeBoar
         ("motion_a", (0,) * 8 + (1 << 24,), "motion_a[8]"),
         ("table_amplitude", (0,) * 1024, "table_midpoint: is missing"),
         ("k_noise", 2.5, "k_noise: needs an integer (2.5)"),
-    ):
+    ]
+    for name, value, says in wrong:
         with pytest.raises(InputError, match=re.escape(says)):
-            device.write(name, value)  # type: ignore[arg-type]
+            device.write(name, value)
     assert board.executed.get(link_pkg.COMMAND_WRITE, 0) == before
     with pytest.raises(AttributeError):
         device.registers.k_nose = 3
@@ -720,7 +722,9 @@ def test_a_rate_that_is_heard(device: Device, board: FakeBoard) -> None:
     device.ping()
 
 
-def test_a_rate_that_is_not_heard_is_taken_back(board: FakeBoard) -> None:
+def test_a_rate_that_is_not_heard_is_taken_back(
+    board: FakeBoard, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with connected(board) as device:
         send = device._transport.send
 
@@ -728,7 +732,7 @@ def test_a_rate_that_is_not_heard_is_taken_back(board: FakeBoard) -> None:
             if device.baud == 3_000_000:
                 send(data)
 
-        device._transport.send = deaf  # type: ignore[method-assign]
+        monkeypatch.setattr(device._transport, "send", deaf)
         with pytest.raises(LinkError, match="nothing is heard at 500000 baud"):
             device.set_baud(500_000)
         assert device.baud == 3_000_000

@@ -154,50 +154,50 @@ def test_other_replies() -> None:
 
 
 @pytest.mark.parametrize(
-    "made",
+    ("made", "words"),
     [
-        lambda: protocol.read(0, 0),
-        lambda: protocol.read(0, 63),
-        lambda: protocol.read(1 << 16, 1),
-        lambda: protocol.read(-1, 1),
-        lambda: protocol.write(0, []),
-        lambda: protocol.write(0, [0] * 63),
-        lambda: protocol.stream_start(False, 0),
-        lambda: protocol.stream_start(False, 256),
-        lambda: protocol.capture(4),
-        lambda: protocol.capture(3, 0),
-        lambda: protocol.capture(2, 1 << 32),
+        (lambda: protocol.read(0, 0), "words, not 0"),
+        (lambda: protocol.read(0, 63), "words, not 63"),
+        (lambda: protocol.read(1 << 16, 1), "no address 0x10000"),
+        (lambda: protocol.read(-1, 1), "no address -0x1"),
+        (lambda: protocol.write(0, []), "words, not 0"),
+        (lambda: protocol.write(0, [0] * 63), "words, not 63"),
+        (lambda: protocol.stream_start(False, 0), "not every 0th"),
+        (lambda: protocol.stream_start(False, 256), "not every 256th"),
+        (lambda: protocol.capture(4), "4 is not a valid CaptureMode"),
+        (lambda: protocol.capture(3, 0), "EVERY does not take 0"),
+        (lambda: protocol.capture(2, 1 << 32), "LINE does not take 4294967296"),
     ],
 )
-def test_commands_that_cannot_be(made) -> None:
-    with pytest.raises(ValueError):  # noqa: PT011
+def test_commands_that_cannot_be(made, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
         made()
 
 
 @pytest.mark.parametrize(
-    ("parse", "payload"),
+    ("parse", "payload", "words"),
     [
-        (protocol.reply, b"\x81\1"),
-        (protocol.reply, b"\x01\1\0"),
-        (protocol.reply, b"\x81\1\x0f"),
-        (protocol.words, b"\x82\1\0"),
-        (protocol.words, b"\x82\1\0\2aaaa"),
-        (protocol.words, b"\x82\1\3\1aa"),
-        (protocol.points, b"\x40\0\1\1aaaabb" + bytes(7)),
-        (protocol.points, b"\x41\0\1\1aaaabb" + bytes(8)),
-        (protocol.points, b"\x42\0\0\1aaaabb"),
-        (protocol.points, b"\x40\0\0\1aaaab"),
-        (protocol.capture_pixels, b"\x48\0\0\2aaaa" + bytes(3)),
-        (protocol.capture_pixels, b"\x49\0\0\0aaaa"),
-        (protocol.capture_pixels, b"\x48\0\0\0aaa"),
-        (protocol.capture_record, b"\x49\0\1\0aaaa" + bytes(64)),
-        (protocol.capture_record, b"\x49\0\0\0aaaa" + bytes(63)),
-        (protocol.capture_record, b"\x49\0\2\0aaaa"),
-        (protocol.capture_record, b"\x48\0\1\0aaaa"),
+        (protocol.reply, b"\x81\1", "no reply"),
+        (protocol.reply, b"\x01\1\0", "no reply"),
+        (protocol.reply, b"\x81\1\x0f", "15 is not a valid Status"),
+        (protocol.words, b"\x82\1\0", "READ or a WRITE"),
+        (protocol.words, b"\x82\1\0\2aaaa", "READ or a WRITE"),
+        (protocol.words, b"\x82\1\3\1aa", "READ or a WRITE"),
+        (protocol.points, b"\x40\0\1\1aaaabb" + bytes(7), "7 bytes of them"),
+        (protocol.points, b"\x41\0\1\1aaaabb" + bytes(8), "8 bytes of them"),
+        (protocol.points, b"\x42\0\0\1aaaabb", "no packet"),
+        (protocol.points, b"\x40\0\0\1aaaab", "no packet"),
+        (protocol.capture_pixels, b"\x48\0\0\2aaaa" + bytes(3), "2 pixels in 3"),
+        (protocol.capture_pixels, b"\x49\0\0\0aaaa", "no pixels"),
+        (protocol.capture_pixels, b"\x48\0\0\0aaa", "no pixels"),
+        (protocol.capture_record, b"\x49\0\1\0aaaa" + bytes(64), "record.*not whole"),
+        (protocol.capture_record, b"\x49\0\0\0aaaa" + bytes(63), "record.*not whole"),
+        (protocol.capture_record, b"\x49\0\2\0aaaa", "record.*not whole"),
+        (protocol.capture_record, b"\x48\0\1\0aaaa", "no end"),
     ],
 )
-def test_payloads_that_are_none(parse, payload: bytes) -> None:
-    with pytest.raises(ValueError):  # noqa: PT011
+def test_payloads_that_are_none(parse, payload: bytes, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
         parse(payload)
 
 
