@@ -1,0 +1,387 @@
+"""A weighted fit of the spot, the twin of ``rtl/peak/peak_fit.sv``.
+
+A height divided by the Gaussian 2**-(u**2) is flat where the spot is that Gaussian; amplitude, place
+and width are the constant, the slope and the curvature of a weighted polynomial through these
+quotients. A weight is the inverse variance of its quotient: R h**2 + K A h + C**2 A**2, with
+h = 2**(u**2), of read noise, shot noise and speckle.
+
+Lengths along the line are in pixels from the first of SPAN pixels around the second window's
+middle, heights are shares of 2**HEIGHT_FRACTION, shifted so that the largest is at least a half.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from vrscan.data import pkg
+from vrscan.data.arrays import Bools, Ints, Pixels
+from vrscan.fixed.divide import divide
+from vrscan.fixed.square_root import square_root
+
+SPAN = 200  # px that are read, half of them on either side of the window's middle
+PASSES, ROUGH_PASS = 4, 1  # the speckle is measured in the second pass, and used from the third on
+DEPTH = 16  # lines over which the speckle is steadied
+
+HEIGHT_FRACTION = 17  # fraction bits: heights and amplitudes; doubled in their squares
+PLACE_FRACTION = 16  # px
+SCALE_FRACTION = 12  # px a unit of u
+STEP_FRACTION = 24  # units of u a px
+PLACE_BITS = 15  # fraction bits of u that are multiplied
+SQUARE_FRACTION = 17  # of u**2
+MOMENT_FRACTION = 14  # of u**2 and of the quotients as they are multiplied, and of all sums
+CUT = 8  # u**2 at which the window ends: 3.33 sigma
+TOP = 23 << (SQUARE_FRACTION - 3)  # u**2 below which the speckle is measured: 1.99 sigma
+TABLE_BITS = 10
+MANTISSA_FRACTION = 16
+WEIGHT_FRACTION = 16
+RECIPROCAL_BITS = 8
+SHARE_FRACTION = 17  # of the variance's three terms over their sum
+SPECKLE_FRACTION = 20  # of the squared contrast
+FIRST_SPECKLE = 1 << (SPECKLE_FRACTION - 6)  # squared contrast in the first two passes: 1/64
+LEAST_SPECKLE = 1678  # where nothing has been measured: 0.04**2
+MOST_SPECKLE = 3 << (SPECKLE_FRACTION - 3)
+PRIOR_WEIGHT = 32 * 20 << 12
+LN4 = 11357  # 2 ln 2, 13 fraction bits
+SIGMA_TO_SCALE = 9645  # 1 / sqrt(log2(e) / 2), 13 fraction bits
+DIFFERENCES = 20  # sum of the squared coefficients of a third difference
+MOST_ROUNDS = 1 << 17  # of a pass's step: one unit of u
+MOST_STRETCH = 4915  # 0.3, 14 fraction bits
+AMPLITUDE_WIDTH = 20
+LEAST_AMPLITUDE = 1 << (HEIGHT_FRACTION - 4)
+SCALE_WIDTH = 18
+LEAST_SCALE = 1 << (SCALE_FRACTION - 1)
+CHI_LIMIT = 5  # chi squared a degree of freedom above which the spot is no Gaussian
+MOST_VARIANCE = (1 << (2 * HEIGHT_FRACTION)) - 1
+MOST_GAIN = (1 << 30) - 1
+MOST_NOISE = (1 << 29) - 1
+QUOTIENT_WIDTH = 26
+ROOT_WIDTH = 31
+
+
+class History(NamedTuple):
+    """Sums of the last DEPTH - 1 lines, oldest first, int64 [DEPTH - 1] each."""
+
+    roughness: Ints  # what third differences have more than noise makes
+    weight: Ints
+
+    @classmethod
+    def empty(cls) -> "History":
+        """Return what is known after a reset."""
+        return cls(np.zeros(DEPTH - 1, np.int64), np.zeros(DEPTH - 1, np.int64))
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Fits of n lines, int64 [n] each; zero where a line is not measured.
+
+    Attributes:
+        position: Position of the spot, px, 12 fraction bits: the fit's, or the given one.
+        sigma: Its standard deviation, px, 12 fraction bits; of no meaning where not ``fitted``.
+        fitted: Whether the fit stands, bool.
+        speckle: Squared contrast of the speckle, 20 fraction bits, of this line and those before.
+        scale: Width of the spot over sqrt(2 ln 2), px, 12 fraction bits.
+        history: The last lines, for those that follow.
+    """
+
+    position: Ints
+    sigma: Ints
+    fitted: Bools
+    speckle: Ints
+    scale: Ints
+    history: History
+
+
+def mantissas() -> Ints:
+    """Return 2**f in the middle of each step of f from 0 to 1, MANTISSA_FRACTION fraction bits."""
+    middle = (np.arange(1 << TABLE_BITS) + 0.5) / (1 << TABLE_BITS)
+    found: Ints = np.floor(np.exp2(middle) * (1 << MANTISSA_FRACTION) + 0.5).astype(np.int64)
+    return found
+
+
+def reciprocals() -> Ints:
+    """Return 1 / (1 + f) in the middle of each step of f, WEIGHT_FRACTION fraction bits."""
+    middle = (np.arange(1 << RECIPROCAL_BITS) + 0.5) / (1 << RECIPROCAL_BITS)
+    found: Ints = np.floor((1 << WEIGHT_FRACTION) / (1.0 + middle) + 0.5).astype(np.int64)
+    return found
+
+
+_MANTISSA, _RECIPROCAL = mantissas(), reciprocals()
+
+
+def bit_length(value: Ints) -> Ints:
+    """Return the number of bits of integers from 0 to 2**52."""
+    return np.asarray(np.frexp(value.astype(np.float64))[1], np.int64)
+
+
+def _limited(value: Ints, bits: int) -> Ints:
+    """Return values limited to a signed number of bits."""
+    most = 1 << (bits - 1)
+    return np.clip(value, -most, most - 1)
+
+
+@dataclass
+class _State:
+    """What a pass begins with, int64 [n] each."""
+
+    amplitude: Ints
+    place: Ints
+    scale: Ints
+    step: Ints
+
+
+class _Sums(NamedTuple):
+    """What a pass adds up, int64 [n] each, MOMENT_FRACTION fraction bits."""
+
+    s0: Ints
+    s2: Ints
+    s4: Ints
+    b0: Ints
+    b1: Ints
+    b2: Ints
+    chi: Ints  # 2 MOMENT_FRACTION fraction bits
+    count: Ints  # pixels
+    clipped: Ints  # saturated pixels within the window
+    rough: Ints  # squared third differences, 22 fraction bits
+    noise: Ints  # what noise makes of them, SHARE_FRACTION fraction bits of the variance
+    quads: Ints
+
+
+def _pass(
+    height: Ints, usable: Bools, clipped: Bools, state: _State, alpha: Ints, beta: Ints, gamma: Ints
+) -> _Sums:
+    """Return the sums of one pass; heights [n, SPAN], the others [n]."""
+    start = (-state.place * state.step) >> PLACE_FRACTION
+    u = start[:, None] + np.arange(SPAN) * state.step[:, None]
+    u = u >> (STEP_FRACTION - PLACE_BITS)
+    near = (u >= -(1 << 17)) & (u < 1 << 17)
+    u = np.where(near, u, 0)
+    square = (u * u) >> (2 * PLACE_BITS - SQUARE_FRACTION)
+    near &= square < CUT << SQUARE_FRACTION
+    inside = near & usable
+    moment = square >> (SQUARE_FRACTION - MOMENT_FRACTION)
+    power = np.where(near, square >> SQUARE_FRACTION, 0)
+    mantissa = _MANTISSA[square >> (SQUARE_FRACTION - TABLE_BITS) & ((1 << TABLE_BITS) - 1)]
+    shift = MANTISSA_FRACTION + HEIGHT_FRACTION - MOMENT_FRACTION
+    quotient = ((mantissa * height) << power) >> shift
+    amplitude = state.amplitude >> (HEIGHT_FRACTION - MOMENT_FRACTION)
+    q = _limited(quotient - amplitude[:, None], 18)
+    h = (mantissa << power) >> (MANTISSA_FRACTION - 10)
+    noise = ((((alpha[:, None] * h) >> 10) + beta[:, None]) * h) >> 10
+    variance = noise + gamma[:, None]
+    bits = np.maximum(bit_length(variance) - 1, SHARE_FRACTION)
+    index = (variance << RECIPROCAL_BITS >> bits) & ((1 << RECIPROCAL_BITS) - 1)
+    index = np.where(variance >> SHARE_FRACTION == 0, 0, index)
+    y = np.where(inside, _RECIPROCAL[index] >> (bits - SHARE_FRACTION), 0)
+    half = 1 << (WEIGHT_FRACTION - 1)
+    yq = (y * q + half) >> WEIGHT_FRACTION
+    yu2 = (y * moment + half) >> WEIGHT_FRACTION
+
+    top = inside & (square < TOP)
+    d = _limited((q[:, 3:] - 3 * q[:, 2:-1] + 3 * q[:, 1:-2] - q[:, :-3]) >> 3, 18)
+    quad = top[:, 3:] & top[:, 2:-1] & top[:, 1:-2] & top[:, :-3]
+    own = np.minimum(noise, (1 << 24) - 1)
+    four = own[:, 3:] + 9 * (own[:, 2:-1] + own[:, 1:-2]) + own[:, :-3]
+    return _Sums(
+        s0=y.sum(axis=1) >> (WEIGHT_FRACTION - MOMENT_FRACTION),
+        s2=yu2.sum(axis=1),
+        s4=(yu2 * moment).sum(axis=1) >> MOMENT_FRACTION,
+        b0=yq.sum(axis=1),
+        b1=(yq * u).sum(axis=1) >> PLACE_BITS,
+        b2=(yq * moment).sum(axis=1) >> MOMENT_FRACTION,
+        chi=(yq * q).sum(axis=1),
+        count=inside.sum(axis=1),
+        clipped=(near & clipped).sum(axis=1),
+        rough=np.where(quad, d * d, 0).sum(axis=1),
+        noise=np.where(quad, four, 0).sum(axis=1),
+        quads=quad.sum(axis=1),
+    )
+
+
+def _signed_divide(dividend: Ints, divisor: Ints, most: Ints | int) -> Ints:
+    """Return a quotient with the dividend's sign, limited to ``most``."""
+    quotient, _ = divide(np.abs(dividend), divisor, quotient_width=QUOTIENT_WIDTH)
+    return np.where(dividend < 0, -1, 1) * np.minimum(quotient, most)
+
+
+def _stepped(state: _State, sums: _Sums, least: Ints, most: Ints) -> _State:
+    """Return what the next pass begins with."""
+    slope = (state.amplitude * LN4) >> 13
+    divisor = (sums.s2 * slope) >> HEIGHT_FRACTION
+    move = _signed_divide(sums.b1 << 17, divisor, MOST_ROUNDS)
+    determinant = (sums.s0 * sums.s4 - sums.s2 * sums.s2) >> 16
+    excess = (sums.s0 * sums.b2 - sums.s2 * sums.b0) >> 16
+    determinant = np.maximum(determinant, 0)
+    stretch = _signed_divide(excess << 14, (determinant * slope) >> HEIGHT_FRACTION, MOST_STRETCH)
+    rest = sums.b0 - ((((stretch * slope) >> 14) * sums.s2) >> HEIGHT_FRACTION)
+    rise = _signed_divide(rest << HEIGHT_FRACTION, sums.s0, state.amplitude)
+    amplitude = state.amplitude + np.maximum(rise, -(state.amplitude >> 1))
+    amplitude = np.clip(amplitude, LEAST_AMPLITUDE, (1 << AMPLITUDE_WIDTH) - 1)
+    place = state.place + ((move * state.scale) >> (17 + SCALE_FRACTION - PLACE_FRACTION))
+    place = np.clip(place, 0, (SPAN << PLACE_FRACTION) - 1)
+    scale = np.clip(state.scale + ((state.scale * stretch) >> 14), least, most)
+    return _State(amplitude, place, scale, _step(scale))
+
+
+def _step(scale: Ints) -> Ints:
+    """Return units of u a px."""
+    one = np.int64(1 << (STEP_FRACTION + SCALE_FRACTION))
+    return divide(one, scale, quotient_width=QUOTIENT_WIDTH)[0]
+
+
+class _Variance(NamedTuple):
+    """The variance of a height at the top and its terms, 2 HEIGHT_FRACTION fraction bits, [n]."""
+
+    dark: Ints
+    shot: Ints
+    speckle: Ints
+    total: Ints
+
+
+def _variance(dark: Ints, kappa: Ints, speckle: Ints, amplitude: Ints) -> _Variance:
+    shot = (kappa * amplitude) >> 11
+    own = ((amplitude * amplitude >> 6) * speckle) >> (SPECKLE_FRACTION - 6)
+    total = np.clip(dark + shot + own, 1, MOST_VARIANCE)
+    return _Variance(dark, shot, own, total)
+
+
+def _shares(variance: _Variance) -> tuple[Ints, Ints, Ints]:
+    """Return each term over the sum, SHARE_FRACTION fraction bits."""
+    one = 1 << SHARE_FRACTION
+    alpha, beta = (
+        np.minimum(
+            divide(term << SHARE_FRACTION, variance.total, quotient_width=QUOTIENT_WIDTH)[0], one
+        )
+        for term in (variance.dark, variance.shot)
+    )
+    return alpha, beta, np.maximum(one - alpha - beta, 0)
+
+
+def _steadied(
+    sums: _Sums, variance: _Variance, amplitude: Ints, measured: Bools, history: History
+) -> tuple[Ints, History]:
+    """Return the squared contrast of each line with those before it, and the last lines."""
+    made = (variance.total * (np.minimum(sums.noise, MOST_NOISE) >> 4)) >> (SHARE_FRACTION - 4)
+    excess = (sums.rough << (2 * HEIGHT_FRACTION - 22)) - made
+    noise = variance.dark + variance.shot
+    lift = np.clip(2 * HEIGHT_FRACTION - bit_length(noise), 0, 16)
+    area = np.minimum(amplitude * amplitude >> (2 * HEIGHT_FRACTION - 12), (1 << 13) - 1)
+    weight = (DIFFERENCES * sums.quads * area) << lift
+    most = ((weight >> 2) + (weight >> 3)) << 8
+    roughness = np.clip((excess >> (2 * HEIGHT_FRACTION - 20)) << lift, -most, most)
+    roughness, weight = (np.where(measured, value, 0) for value in (roughness, weight))
+    own = History(
+        *(np.concatenate(pair) for pair in zip(history, (roughness, weight), strict=True))
+    )
+    sums_of = [np.convolve(value, np.ones(DEPTH, np.int64), "valid") for value in own]
+    prior = PRIOR_WEIGHT * LEAST_SPECKLE >> 12  # 20 fraction bits
+    dividend = np.maximum(sums_of[0] + prior, 0) << 4
+    speckle, _ = divide(dividend, (sums_of[1] + PRIOR_WEIGHT) >> 8, quotient_width=QUOTIENT_WIDTH)
+    last = History(*(value[len(value) - (DEPTH - 1) :] for value in own))
+    return np.minimum(speckle, MOST_SPECKLE), last
+
+
+def peak_fit(
+    lines: Pixels,
+    *,
+    measured: Bools,
+    left: Ints,
+    width: Ints,
+    slope: Ints,
+    position: Ints,
+    sigma: Ints,
+    maximum: Ints,
+    background: Ints,
+    noise: Ints,
+    pixel_width: int,
+    kappa: int,
+    history: History,
+) -> Fitted:
+    """Fit a Gaussian to the spot of every line.
+
+    Args:
+        lines: Pixels, [n, line_length].
+        measured: Which lines have a position, bool [n].
+        left: First pixel of the second window, [n].
+        width: Number of its pixels, [n].
+        slope: Slope of the background beside it, aligned counts a px, 12 fraction bits, [n].
+        position: Position that the second window gives, px, 12 fraction bits, [n].
+        sigma: Sigma of the spot from the first window, px, 9 fraction bits, [n].
+        maximum: Largest pixel, counts, [n].
+        background: Level of the background, counts, 24 - PixelWidth fraction bits, [n].
+        noise: Noise of the background in the same format, [n].
+        pixel_width: ``PixelWidth`` of the module.
+        kappa: Counts per electron, 28 - PixelWidth fraction bits.
+        history: The lines before; ``History.empty()`` after a reset.
+
+    Returns:
+        The fits.
+    """
+    count, length = lines.shape
+    first = left + (width >> 1) - SPAN // 2
+    place = first[:, None] + np.arange(SPAN)
+    on_line = (place >= 0) & (place < length)
+    pixel = lines[np.arange(count)[:, None], np.clip(place, 0, length - 1)].astype(np.int64)
+    clipped = on_line & (pixel == (1 << pixel_width) - 1)
+    full = maximum << (pkg.COUNT_WIDTH - pixel_width)
+    lift = np.clip(pkg.COUNT_WIDTH - bit_length(np.maximum(full - background, 1)), 0, 23)
+    ramp = slope * -(SPAN // 2) + np.where(width & 1, 0, slope >> 1)
+    level = (ramp[:, None] + np.arange(SPAN) * slope[:, None]) >> (pkg.RAMP_FRACTION - 8)
+    height = (pixel << (pkg.COUNT_WIDTH - pixel_width)) - background[:, None] - level
+    height = _limited((_limited(height, 27) << lift[:, None]) >> 7, 18)
+    floor = (5 << (pkg.COUNT_WIDTH - pixel_width)) >> 4
+    deviation = np.minimum((np.maximum(noise, floor) << lift) >> 7, (1 << 17) - 1)
+    dark = deviation * deviation
+    gain = np.minimum(np.int64(kappa) << lift, MOST_GAIN)
+    begin = np.clip((sigma * SIGMA_TO_SCALE) >> 10, LEAST_SCALE, (1 << SCALE_WIDTH) - 1)
+    least = np.maximum(begin >> 1, LEAST_SCALE)
+    most = np.minimum(begin << 1, (1 << SCALE_WIDTH) - 1)
+    started = (position - (first << pkg.POSITION_FRACTION)) << (
+        PLACE_FRACTION - pkg.POSITION_FRACTION
+    )
+    amplitude = np.full(count, 3 << (HEIGHT_FRACTION - 2), np.int64)
+    started = np.clip(started, 0, (SPAN << PLACE_FRACTION) - 1)
+    state = _State(amplitude, started, begin, _step(begin))
+    usable = on_line & ~clipped
+    speckle = np.full(count, FIRST_SPECKLE, np.int64)
+    variance = _variance(dark, gain, speckle, state.amplitude)
+    shares = _shares(variance)
+    for number in range(PASSES):
+        sums = _pass(height, usable, clipped, state, *shares)
+        if number == ROUGH_PASS:
+            speckle, history = _steadied(sums, variance, state.amplitude, measured, history)
+        before = state
+        state = _stepped(state, sums, least, most)
+        if ROUGH_PASS <= number < PASSES - 1:
+            variance = _variance(dark, gain, speckle, state.amplitude)
+            shares = _shares(variance)
+
+    limit = (variance.total * (CHI_LIMIT * np.maximum(sums.count - 3, 0))) >> (
+        2 * HEIGHT_FRACTION - 2 * MOMENT_FRACTION
+    )
+    far = np.abs(state.place - started) > (5 * begin << (PLACE_FRACTION - SCALE_FRACTION)) >> 3
+    fitted = measured & (sums.chi <= limit) & ~far & (sums.count >= 4)
+    fitted &= sums.clipped << 3 <= sums.count + sums.clipped
+    total = np.minimum(
+        variance.total + (variance.speckle >> 2) + (variance.speckle >> 3), MOST_VARIANCE
+    )
+    root = square_root(total * sums.s2, root_width=ROOT_WIDTH)
+    divisor = (sums.s2 * ((before.amplitude * LN4) >> 13)) >> HEIGHT_FRACTION
+    spread, _ = divide(
+        (state.scale * root)
+        >> (2 * HEIGHT_FRACTION // 2 + MOMENT_FRACTION // 2 + SCALE_FRACTION - 26),
+        divisor,
+        quotient_width=QUOTIENT_WIDTH,
+    )
+    found = (first << pkg.POSITION_FRACTION) + (
+        (state.place + (1 << (PLACE_FRACTION - pkg.POSITION_FRACTION - 1)))
+        >> (PLACE_FRACTION - pkg.POSITION_FRACTION)
+    )
+    return Fitted(
+        position=np.where(fitted, found, position),
+        sigma=np.minimum(spread, (1 << pkg.SIGMA_WIDTH) - 1),
+        fitted=fitted,
+        speckle=speckle,
+        scale=state.scale,
+        history=history,
+    )
