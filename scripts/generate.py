@@ -3,6 +3,7 @@
 * ``rtl/vrscan_pkg.sv`` -> ``model/vrscan/data/pkg.py``: every width, flag bit and struct.
 * ``rtl/link/link_pkg.sv`` -> ``model/vrscan/data/link_pkg.py``: the numbers of the protocol.
 * ``vrscan.fixed.quarter_wave.table()`` -> ``rtl/trig/quarter_wave_rom.sv``.
+* ``vrscan.fixed.peak_fit.rom_source()`` -> ``rtl/peak/peak_fit_rom.sv``.
 * ``vrscan.fixed.cordic_vector`` -> ``rtl/trig/cordic_pkg.sv``: the angles of the iterations.
 * ``vrscan.fixed.peak_refine`` -> ``rtl/peak/spot_sigma_pkg.sv``: a spot's width by its harmonic.
 * ``rtl/link/registers.toml`` -> ``rtl/link/register_file.sv`` and ``register_pkg.sv``,
@@ -94,6 +95,13 @@ def spot_sigma_package() -> str:
     return table_source()
 
 
+def peak_fit_rom() -> str:
+    """Return the tables of the fit."""
+    from vrscan.fixed.peak_fit import rom_source
+
+    return rom_source()
+
+
 def register_file() -> str:
     """Return the module that holds the registers."""
     from registers import described, register_file
@@ -141,6 +149,7 @@ TARGETS: dict[str, Callable[[], str]] = {
     "model/vrscan/data/pkg.py": package,
     "model/vrscan/data/link_pkg.py": link_package,
     "rtl/trig/quarter_wave_rom.sv": quarter_wave_rom,
+    "rtl/peak/peak_fit_rom.sv": peak_fit_rom,
     "rtl/trig/cordic_pkg.sv": cordic_package,
     "rtl/peak/spot_sigma_pkg.sv": spot_sigma_package,
     "rtl/link/register_file.sv": register_file,

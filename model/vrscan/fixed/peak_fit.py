@@ -1,7 +1,7 @@
 """A weighted fit of the spot, the twin of ``rtl/peak/peak_fit.sv``.
 
-A height divided by the Gaussian 2**-(u**2) is flat where the spot is that Gaussian; amplitude, place
-and width are the constant, the slope and the curvature of a weighted polynomial through these
+A height divided by the Gaussian 2**-(u**2) is flat where the spot is that Gaussian; amplitude,
+place and width are the constant, the slope and the curvature of a weighted polynomial through these
 quotients. A weight is the inverse variance of its quotient: R h**2 + K A h + C**2 A**2, with
 h = 2**(u**2), of read noise, shot noise and speckle.
 
@@ -57,6 +57,8 @@ MOST_GAIN = (1 << 30) - 1
 MOST_NOISE = (1 << 29) - 1
 QUOTIENT_WIDTH = 26
 ROOT_WIDTH = 31
+LATENCY = 1823  # clocks from valid_i to valid_o
+UNMEASURED_LATENCY = 3
 
 
 class History(NamedTuple):
@@ -109,6 +111,56 @@ def reciprocals() -> Ints:
 _MANTISSA, _RECIPROCAL = mantissas(), reciprocals()
 
 
+def rom_source() -> str:
+    """Return ``rtl/peak/peak_fit_rom.sv``, the two tables."""
+
+    def table(name: str, entries: Ints, width: int) -> list[str]:
+        digits = -(-width // 4)
+        return [
+            f"    {name}[{k}] = {width}'h{entry:0{digits}x};" for k, entry in enumerate(entries)
+        ]
+
+    mantissa, weight = MANTISSA_FRACTION, WEIGHT_FRACTION
+    lines = [
+        "// peak_fit_rom: the mantissa of 2**f and of 1 / (1 + f), f from 0 to 1.",
+        "//",
+        "// Generated from vrscan.fixed.peak_fit by scripts/generate.py.  An entry is that of the",
+        f"// middle of its step; {mantissa} fraction bits of 1 .. 2, {weight} of 1/2 .. 1.",
+        "//",
+        "//   Latency  1 clock",
+        "//   Model    mantissas() and reciprocals() there; tested through peak_fit, its only user",
+        "",
+        "`default_nettype none",
+        "",
+        "module peak_fit_rom (",
+        "  input  wire logic        clk_i,",
+        "",
+        f"  input  wire logic [ {TABLE_BITS - 1}:0] power_index_i,",
+        f"  input  wire logic [ {RECIPROCAL_BITS - 1}:0] reciprocal_index_i,",
+        "",
+        f"  output      logic [{mantissa}:0] power_o,",
+        f"  output      logic [{weight - 1}:0] reciprocal_o",
+        ");",
+        "",
+        f"  logic [{mantissa}:0] power_mem[{1 << TABLE_BITS}];",
+        f"  logic [{weight - 1}:0] reciprocal_mem[{1 << RECIPROCAL_BITS}];",
+        "",
+        "  always_ff @(posedge clk_i) power_o <= power_mem[power_index_i];",
+        "  always_ff @(posedge clk_i) reciprocal_o <= reciprocal_mem[reciprocal_index_i];",
+        "",
+        "  initial begin",
+        *table("power_mem", mantissas(), mantissa + 1),
+        *table("reciprocal_mem", reciprocals(), weight),
+        "  end",
+        "",
+        "endmodule",
+        "",
+        "`default_nettype wire",
+        "",
+    ]
+    return "\n".join(lines)
+
+
 def bit_length(value: Ints) -> Ints:
     """Return the number of bits of integers from 0 to 2**52."""
     return np.asarray(np.frexp(value.astype(np.float64))[1], np.int64)
@@ -140,7 +192,7 @@ class _Sums(NamedTuple):
     b1: Ints
     b2: Ints
     chi: Ints  # 2 MOMENT_FRACTION fraction bits
-    count: Ints  # pixels
+    pixels: Ints
     clipped: Ints  # saturated pixels within the window
     rough: Ints  # squared third differences, 22 fraction bits
     noise: Ints  # what noise makes of them, SHARE_FRACTION fraction bits of the variance
@@ -190,7 +242,7 @@ def _pass(
         b1=(yq * u).sum(axis=1) >> PLACE_BITS,
         b2=(yq * moment).sum(axis=1) >> MOMENT_FRACTION,
         chi=(yq * q).sum(axis=1),
-        count=inside.sum(axis=1),
+        pixels=inside.sum(axis=1),
         clipped=(near & clipped).sum(axis=1),
         rough=np.where(quad, d * d, 0).sum(axis=1),
         noise=np.where(quad, four, 0).sum(axis=1),
@@ -336,9 +388,8 @@ def peak_fit(
     begin = np.clip((sigma * SIGMA_TO_SCALE) >> 10, LEAST_SCALE, (1 << SCALE_WIDTH) - 1)
     least = np.maximum(begin >> 1, LEAST_SCALE)
     most = np.minimum(begin << 1, (1 << SCALE_WIDTH) - 1)
-    started = (position - (first << pkg.POSITION_FRACTION)) << (
-        PLACE_FRACTION - pkg.POSITION_FRACTION
-    )
+    started = position - (first << pkg.POSITION_FRACTION)
+    started = started << (PLACE_FRACTION - pkg.POSITION_FRACTION)
     amplitude = np.full(count, 3 << (HEIGHT_FRACTION - 2), np.int64)
     started = np.clip(started, 0, (SPAN << PLACE_FRACTION) - 1)
     state = _State(amplitude, started, begin, _step(begin))
@@ -356,23 +407,20 @@ def peak_fit(
             variance = _variance(dark, gain, speckle, state.amplitude)
             shares = _shares(variance)
 
-    limit = (variance.total * (CHI_LIMIT * np.maximum(sums.count - 3, 0))) >> (
+    limit = (variance.total * (CHI_LIMIT * np.maximum(sums.pixels - 3, 0))) >> (
         2 * HEIGHT_FRACTION - 2 * MOMENT_FRACTION
     )
     far = np.abs(state.place - started) > (5 * begin << (PLACE_FRACTION - SCALE_FRACTION)) >> 3
-    fitted = measured & (sums.chi <= limit) & ~far & (sums.count >= 4)
-    fitted &= sums.clipped << 3 <= sums.count + sums.clipped
+    fitted = measured & (sums.chi <= limit) & ~far & (sums.pixels >= 4)
+    fitted &= sums.clipped << 3 <= sums.pixels + sums.clipped
     total = np.minimum(
         variance.total + (variance.speckle >> 2) + (variance.speckle >> 3), MOST_VARIANCE
     )
     root = square_root(total * sums.s2, root_width=ROOT_WIDTH)
     divisor = (sums.s2 * ((before.amplitude * LN4) >> 13)) >> HEIGHT_FRACTION
-    spread, _ = divide(
-        (state.scale * root)
-        >> (2 * HEIGHT_FRACTION // 2 + MOMENT_FRACTION // 2 + SCALE_FRACTION - 26),
-        divisor,
-        quotient_width=QUOTIENT_WIDTH,
-    )
+    # Scale and root have 36 fraction bits, the divisor 14 and sigma 12.
+    root = (state.scale * root) >> 10
+    spread, _ = divide(root, divisor, quotient_width=QUOTIENT_WIDTH)
     found = (first << pkg.POSITION_FRACTION) + (
         (state.place + (1 << (PLACE_FRACTION - pkg.POSITION_FRACTION - 1)))
         >> (PLACE_FRACTION - pkg.POSITION_FRACTION)

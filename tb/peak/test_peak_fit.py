@@ -1,0 +1,220 @@
+"""peak_fit: RTL against the model exactly."""
+
+from dataclasses import dataclass, replace
+
+import cocotb
+import numpy as np
+import pytest
+from harness import (
+    FallingEdge,
+    as_integer,
+    assert_equal,
+    each,
+    generator,
+    parameters,
+    reset,
+    simulate,
+)
+
+from vrscan.data import pkg
+from vrscan.fixed.peak_fit import LATENCY, SPAN, UNMEASURED_LATENCY, Fitted, History, peak_fit
+
+ELABORATIONS = [
+    {"LineLength": 2048, "PixelWidth": 12},
+    {"LineLength": 300, "PixelWidth": 8},
+    {"LineLength": 1000, "PixelWidth": 16},
+]
+RING = 1 << pkg.RING_WIDTH
+GIVEN = (
+    "measured",
+    "left",
+    "width",
+    "slope",
+    "position",
+    "sigma",
+    "maximum",
+    "background",
+    "noise",
+)
+KAPPA = 0.2
+
+
+@dataclass(frozen=True)
+class Cases:
+    """What peak_fit is given of n lines; arrays [n] but for ``lines``."""
+
+    lines: np.ndarray
+    measured: np.ndarray
+    left: np.ndarray
+    width: np.ndarray
+    slope: np.ndarray
+    position: np.ndarray
+    sigma: np.ndarray
+    maximum: np.ndarray
+    background: np.ndarray
+    noise: np.ndarray
+
+    def fitted(self, pixel_width: int, kappa: int) -> Fitted:
+        """Return the twin's answer."""
+        return peak_fit(**vars(self), pixel_width=pixel_width, kappa=kappa, history=History.empty())
+
+
+def kappa_register(pixel_width: int) -> int:
+    """Return KAPPA as its register has it."""
+    return round(KAPPA * 2 ** (28 - pixel_width))
+
+
+def spots(given: dict[str, int], count: int, salt: int) -> Cases:
+    """Return spots of every width, height and place, with speckle, slope and saturation."""
+    draw = generator(salt)
+    length, pixel_width = given["LineLength"], given["PixelWidth"]
+    top, shift = (1 << pixel_width) - 1, pkg.COUNT_WIDTH - pixel_width
+    place = np.arange(length)
+    sigma = 10 ** draw.uniform(-0.1, 1.4, count)
+    centre = draw.uniform(0, length - 1, count)
+    centre[::3] = draw.uniform(0.4, 0.6, len(centre[::3])) * length
+    height = 10 ** draw.uniform(-1.5, 0.15, count) * top
+    level = draw.uniform(0.0, 0.2, count) * top
+    noise = 10 ** draw.uniform(-4, -2, count) * top
+    slope = draw.choice([0, 0, 1, -1], count) * draw.random(count) * top / 2000
+    contrast = draw.choice([0, 0.1, 0.3], count)
+    profile = np.exp(-0.5 * np.square((place - centre[:, None]) / sigma[:, None]))
+    gain = np.maximum(1 + contrast[:, None] * draw.standard_normal(profile.shape), 0)
+    light = level[:, None] + slope[:, None] * (place - centre[:, None])
+    light += height[:, None] * profile * gain
+    light += noise[:, None] * draw.standard_normal(profile.shape)
+    lines = np.clip(np.round(light), 0, top).astype(np.uint16)
+    seen = sigma * 10 ** draw.uniform(-0.2, 0.2, count)
+    width = np.clip(np.round(6.75 * seen), 3, min(255, length)).astype(np.int64)
+    begin = np.clip(np.round(centre - width / 2), 0, length - width).astype(np.int64)
+    given_at = centre + seen * draw.uniform(-0.5, 0.5, count)
+    return Cases(
+        lines=lines,
+        measured=draw.random(count) < 0.9,
+        left=begin,
+        width=width,
+        slope=np.round(slope * 2 ** (16 - pixel_width + pkg.RAMP_FRACTION)).astype(np.int64),
+        position=np.round(given_at.clip(0, length) * 2**pkg.POSITION_FRACTION).astype(np.int64),
+        sigma=np.round(seen * 2**9).astype(np.int64),
+        maximum=lines.max(axis=1).astype(np.int64),
+        background=np.floor(np.minimum(level, lines.max(axis=1)) * 2.0**shift).astype(np.int64),
+        noise=np.floor(noise * 2.0**shift).astype(np.int64),
+    )
+
+
+def extremes(given: dict[str, int], count: int, salt: int) -> Cases:
+    """Return numbers at random over their ranges on lines of noise, dark ones and full ones."""
+    draw = generator(salt)
+    length, pixel_width = given["LineLength"], given["PixelWidth"]
+    top, shift = (1 << pixel_width) - 1, pkg.COUNT_WIDTH - pixel_width
+    lines = draw.integers(0, top + 1, (count, length))
+    lines[::4] = top
+    lines[1::4] = np.where(
+        np.arange(length) < draw.integers(0, length, (len(lines[1::4]), 1)), 0, top
+    )
+    lines[2::8] = 0
+    width = draw.integers(3, min(255, length) + 1, count)
+    left = np.floor(draw.random(count) * (length - width + 1)).astype(np.int64)
+    maximum = lines.max(axis=1).astype(np.int64)
+    most = (1 << (pkg.SLOPE_LEVEL_WIDTH - 1)) - 1
+    limit = 1 << draw.integers(0, 27, count)
+    return Cases(
+        lines=lines.astype(np.uint16),
+        measured=draw.random(count) < 0.95,
+        left=left,
+        width=width,
+        slope=np.clip((draw.random(count) * 2 - 1) * limit, -most, most).astype(np.int64),
+        position=(draw.random(count) * (length << pkg.POSITION_FRACTION)).astype(np.int64),
+        sigma=draw.integers(0, 1 << 17, count) >> draw.integers(0, 17, count),
+        maximum=maximum,
+        background=(draw.random(count) * (maximum << shift)).astype(np.int64),
+        noise=((1 << draw.integers(0, 24, count)) - 1) >> draw.integers(0, 24, count),
+    )
+
+
+async def send(dut, cases: Cases, kappa: int) -> Fitted:
+    """Send lines one after the other, play the ring, and compare results and latencies."""
+    given = parameters()
+    length = given["LineLength"]
+    want = cases.fitted(given["PixelWidth"], kappa)
+    dut.kappa_i.value = kappa
+    got: dict[str, list[int]] = {"fitted": [], "position": [], "sigma": [], "speckle": []}
+    for row, line in enumerate(cases.lines):
+        # What stands in the ring beside the line is not to be used.
+        ring = np.full(RING, 1)
+        middle = int(cases.left[row] + cases.width[row] // 2)
+        for index in range(max(0, middle - 110), min(length, middle + 110)):
+            ring[index % RING] = line[index]
+        for name in GIVEN:
+            getattr(dut, f"{name}_i").value = int(getattr(cases, name)[row])
+        dut.valid_i.value = 1
+        clocks = LATENCY if cases.measured[row] else UNMEASURED_LATENCY
+        asked = before = 0
+        for cycle in range(1, clocks + 1):
+            if cycle <= SPAN + 5:
+                asked, before = before, as_integer(dut.read_index_o, signed=False)
+            await FallingEdge(dut.clk_i)
+            dut.valid_i.value = 0
+            if cycle <= SPAN + 5:
+                dut.read_pixel_i.value = int(ring[asked])
+            assert int(dut.valid_o.value) == (cycle == clocks), f"line {row}, cycle {cycle}"
+        assert dut.reading_o.value == 0
+        got["fitted"].append(int(dut.fitted_o.value))
+        got["position"].append(as_integer(dut.position_o, signed=True))
+        for name in ("sigma", "speckle"):
+            got[name].append(as_integer(getattr(dut, f"{name}_o"), signed=False))
+    expected = {
+        "fitted": want.fitted.astype(np.int64),
+        "position": want.position,
+        "sigma": np.where(cases.measured, want.sigma, got["sigma"]),
+        "speckle": np.where(cases.measured, want.speckle, got["speckle"]),
+    }
+    inputs = {name: getattr(cases, name).astype(np.int64) for name in GIVEN}
+    assert_equal({name: np.array(values) for name, values in got.items()}, expected, inputs)
+    return want
+
+
+@cocotb.test()
+async def spots_of_every_kind(dut) -> None:
+    """Spots of every width, with speckle, slope, saturation; most fit, some do not."""
+    given = parameters()
+    await reset(dut)
+    want = await send(dut, spots(given, 60, 1), kappa_register(given["PixelWidth"]))
+    assert 0.2 < want.fitted.mean() < 1
+
+
+@cocotb.test()
+async def ends_of_the_ranges(dut) -> None:
+    """Numbers that no line has, noise from nothing to full scale, kappa at its ends."""
+    given = parameters()
+    for salt, kappa in ((2, 0), (3, (1 << pkg.KAPPA_WIDTH) - 1), (4, 3277)):
+        await reset(dut)
+        await send(dut, extremes(given, 24, salt), kappa)
+
+
+@cocotb.test()
+async def reset_mid_work(dut) -> None:
+    """A reset at any moment: nothing comes out, the history is empty, the next line is right."""
+    given = parameters()
+    await reset(dut)
+    cases = spots(given, 1, 6)
+    cases = replace(cases, measured=np.ones(1, np.bool_))
+    for age in range(1, LATENCY, 149):
+        dut.valid_i.value = 1
+        for _ in range(age):
+            await FallingEdge(dut.clk_i)
+            dut.valid_i.value = 0
+        dut.rst_i.value = dut.valid_i.value = 1
+        await FallingEdge(dut.clk_i)
+        dut.rst_i.value = dut.valid_i.value = 0
+        for _ in range(5):
+            assert dut.valid_o.value == 0 and dut.reading_o.value == 0, f"reset at age {age}"
+            await FallingEdge(dut.clk_i)
+        if age % 4 == 1:
+            await send(dut, cases, kappa_register(given["PixelWidth"]))
+            await reset(dut)
+
+
+@pytest.mark.parametrize("widths", each(ELABORATIONS), ids=str)
+def test_peak_fit_rtl_equals_model(widths: dict[str, int]) -> None:
+    simulate("peak_fit", __file__, widths)
