@@ -14,7 +14,7 @@
 //   centre_i          the optical axis; of geometry_i's only a line of up to 2048 pixels has room
 //   Latency  vrscan.fixed.vrscan_chain.latency(width) clocks from the last pixel with its line_end_i to valid_o:
 //            a constant plus twice the window, with two passes plus the first window and another
-//            constant, or a third constant where nothing is measured
+//            constant, or a third constant where nothing is measured; with a fit two constants
 //   Model    vrscan.fixed.vrscan_chain, bit-exact
 
 `default_nettype none
@@ -50,13 +50,19 @@ module vrscan_chain #(
   output      register_pkg::chain_t          chain_o
 );
 
-  // The longest a stage holds a line; the test keeps both overheads above the latencies.
+  // The longest a stage holds a line; the test keeps them above the latencies.
   localparam int unsigned LinePeriod = 2 * MaxWindow + vrscan_pkg::MinPeriodOverhead;
   localparam int unsigned TwoPeriod  = 3 * MaxWindow + vrscan_pkg::TwoPassOverhead;
-  localparam int unsigned MinPeriod  = LineLength >= LinePeriod ? 0 : LinePeriod;
-  localparam int unsigned LongPeriod = LineLength >= TwoPeriod ? 0 : TwoPeriod;
+  localparam int unsigned FitPeriod  = vrscan_pkg::FitPeriod;
+  logic [11:0] period_q;
+  always_ff @(posedge clk_i) begin
+    period_q <= peak_i.window_fit        ? 12'(LineLength >= FitPeriod ? 0 : FitPeriod)
+                : peak_i.window_two_pass ? 12'(LineLength >= TwoPeriod ? 0 : TwoPeriod)
+                                         : 12'(LineLength >= LinePeriod ? 0 : LinePeriod);
+  end
   localparam int unsigned PlaceWidth = vrscan_pkg::PlaceWidth;
-  vrscan_pkg::point_t begun, received_point, row, row_point, window, first, peak, point, taken;
+  vrscan_pkg::point_t begun, received_point, row, row_point, window, first, peak, point, held_q, placed,
+      taken;
   localparam int unsigned PointWidth = $bits(begun);
 
   // ---- sensor ----
@@ -66,13 +72,12 @@ module vrscan_chain #(
   logic [vrscan_pkg::LineNumberWidth-1:0] number;
   vrscan_pkg::line_t                      line_q;  // as late as line_receiver's outputs
   line_receiver #(
-    .LineLength(LineLength), .PixelWidth(PixelWidth),
-    .MinPeriod(MinPeriod), .LongPeriod(LongPeriod), .CountWidth(CountWidth)
+    .LineLength(LineLength), .PixelWidth(PixelWidth), .CountWidth(CountWidth)
   ) u_line_receiver (
     .clk_i, .rst_i, .line_start_i, .line_end_i, .pixel_valid_i, .pixel_i,
     .valid_o(received), .pixel_o(pixel), .index_o(index),
     .good_o(good), .line_number_o(number), .lost_o(lost),
-    .long_i            (peak_i.window_two_pass),
+    .period_i          (period_q),
     .short_count_o     (chain_o.short_count),
     .long_count_o      (chain_o.long_count),
     .unfinished_count_o(chain_o.unfinished_count),
@@ -125,7 +130,8 @@ module vrscan_chain #(
   logic [ vrscan_pkg::FlagWidth-1:0] window_flags;
   logic [            PixelWidth-1:0] window_maximum, read_pixel;
   logic [vrscan_pkg::CountWidth-1:0] window_background, window_noise;
-  logic [ vrscan_pkg::RingWidth-1:0] correlate_index, refine_index;
+  logic [ vrscan_pkg::RingWidth-1:0] correlate_index, refine_index, fit_index;
+  logic                              refining, fitting;
   peak_isolate #(
     .LineLength(LineLength), .PixelWidth(PixelWidth), .MaxWindow(MaxWindow), .UserWidth(PointWidth)
   ) u_peak_isolate (
@@ -137,7 +143,8 @@ module vrscan_chain #(
     .valid_o(found), .measured_o(found_measured), .left_o(left), .right_o(right), .width_o(width),
     .flags_o(window_flags), .maximum_o(window_maximum), .background_o(window_background),
     .noise_o(window_noise), .user_o(row_point),
-    .read_index_i(refining ? refine_index : correlate_index), .read_pixel_o(read_pixel)
+    .read_index_i(fitting ? fit_index : refining ? refine_index : correlate_index),
+    .read_pixel_o(read_pixel)
   );
   always_comb begin
     window            = row_point;
@@ -157,11 +164,12 @@ module vrscan_chain #(
   logic        [       vrscan_pkg::SumWidth-1:0] height_sum;
   logic signed [      vrscan_pkg::WaveWidth-1:0] wave;
   logic signed [ vrscan_pkg::WaveCountWidth-1:0] wave_count;
-  logic                                          refine, refined, refining, refined_at_edge;
+  logic                                          refine, refined, refined_at_edge;
   logic        [                 IndexWidth-1:0] refined_left, refined_right;
   logic        [    vrscan_pkg::WindowWidth-1:0] refined_width;
   logic signed [      vrscan_pkg::RampWidth-1:0] refined_ramp;
   logic signed [vrscan_pkg::SlopeLevelWidth-1:0] refined_slope;
+  logic        [ vrscan_pkg::SpotSigmaWidth-1:0] spot_sigma;
   phase_correlate #(.PixelWidth(PixelWidth), .UserWidth(PointWidth)) u_phase_correlate (
     .clk_i, .rst_i, .peak_i,
     .valid_i(found), .measured_i(found_measured), .left_i(vrscan_pkg::RingWidth'(left)),
@@ -187,6 +195,7 @@ module vrscan_chain #(
     .reading_o(refining), .read_index_o(refine_index), .read_pixel_i(read_pixel),
     .valid_o(refined), .left_o(refined_left), .right_o(refined_right), .width_o(refined_width),
     .at_edge_o(refined_at_edge), .ramp_o(refined_ramp), .slope_o(refined_slope),
+    .sigma_o(spot_sigma),
     .kappa_i(peak_i.kappa)
   );
 
@@ -225,23 +234,22 @@ module vrscan_chain #(
     .c_sfm_o(c_sfm)
   );
 
-  // ---- geometry: the image coordinate while the confidence is worked out, then the triangle ----
-  logic                                     corrected, offset_saturated;
-  logic signed [             CentreWidth:0] offset;
-  logic signed [vrscan_pkg::SlopeWidth-1:0] slope;
-  distortion #(.LineLength(LineLength)) u_distortion (
-    .clk_i, .rst_i, .centre_i, .geometry_i,
-    .valid_i(positioned), .position_i(position),
-    .valid_o(corrected), .offset_o(offset), .slope_o(slope), .saturated_o(offset_saturated)
-  );
-
-  logic have_offset_q, have_confidence_q, start_q;
+  // The point so far waits here while the next line is correlated.  Before a fit it waits for as long
+  // as a line can take, so that fits are a line's time apart.
+  logic                                have_position_q, have_confidence_q, start, start_q;
+  logic [$clog2(vrscan_pkg::FitStart)-1:0] age_q;
+  localparam int unsigned AgeWidth = $clog2(vrscan_pkg::FitStart);
+  assign start = (have_position_q || positioned) && (have_confidence_q || judged)
+                 && (!peak_i.window_fit || age_q == AgeWidth'(vrscan_pkg::FitStart - 1)) && !start_q;
   always_ff @(posedge clk_i) begin
-    have_offset_q     <= (have_offset_q || corrected) && !start_q;
+    if (found) age_q <= '0;
+    else if (age_q != AgeWidth'(vrscan_pkg::FitStart - 1)) age_q <= age_q + AgeWidth'(1);
+    have_position_q   <= (have_position_q || positioned) && !start_q;
     have_confidence_q <= (have_confidence_q || judged) && !start_q;
-    start_q           <= (have_offset_q || corrected) && (have_confidence_q || judged) && !start_q;
+    start_q           <= start;
+    if (start) held_q <= point;
     if (rst_i) begin
-      have_offset_q     <= 1'b0;
+      have_position_q   <= 1'b0;
       have_confidence_q <= 1'b0;
       start_q           <= 1'b0;
     end
@@ -249,6 +257,7 @@ module vrscan_chain #(
 
   always_comb begin
     point          = peak;
+    point.measured = measured;
     point.snr      = snr;
     point.position = measured ? vrscan_pkg::PositionWidth'(position) : '0;
     point.sigma    = sigma;
@@ -258,13 +267,50 @@ module vrscan_chain #(
     point.flags[vrscan_pkg::FlagNoNoise] = no_noise;
   end
 
+  // ---- the fit ----
+  logic                              fit_done, fitted;
+  logic signed [  PositionWidth-1:0] fit_position;
+  logic [vrscan_pkg::SigmaWidth-1:0] fit_sigma;
+  logic [vrscan_pkg::SpeckleWidth-1:0] speckle;
+  peak_fit #(.LineLength(LineLength), .PixelWidth(PixelWidth)) u_peak_fit (
+    .clk_i, .rst_i,
+    .valid_i(start_q && peak_i.window_fit), .measured_i(held_q.measured),
+    .left_i(IndexWidth'(held_q.left)), .width_i(vrscan_pkg::WindowWidth'(held_q.width)),
+    .slope_i(refined_slope), .position_i(PositionWidth'(held_q.position)),
+    .spread_i(held_q.sigma), .sigma_i(spot_sigma), .maximum_i(PixelWidth'(held_q.maximum)),
+    .background_i(held_q.background), .noise_i(held_q.noise),
+    .reading_o(fitting), .read_index_o(fit_index), .read_pixel_i(read_pixel),
+    .valid_o(fit_done), .fitted_o(fitted), .position_o(fit_position), .sigma_o(fit_sigma),
+    .speckle_o(speckle), .kappa_i(peak_i.kappa)
+  );
+  logic unused_fit;
+  assign unused_fit = ^{fitted, speckle};
+  always_comb begin
+    placed = held_q;
+    if (peak_i.window_fit && held_q.measured) begin
+      placed.position = vrscan_pkg::PositionWidth'(fit_position);
+      placed.sigma    = fit_sigma;
+    end
+  end
+
+  // ---- geometry: the image coordinate, then the triangle ----
+  logic                                     corrected, offset_saturated;
+  logic signed [             CentreWidth:0] offset;
+  logic signed [vrscan_pkg::SlopeWidth-1:0] slope;
+  distortion #(.LineLength(LineLength)) u_distortion (
+    .clk_i, .rst_i, .centre_i, .geometry_i,
+    .valid_i(peak_i.window_fit ? fit_done : start_q), .position_i(PositionWidth'(placed.position)),
+    .valid_o(corrected), .offset_o(offset), .slope_o(slope), .saturated_o(offset_saturated)
+  );
+
   logic                                      in_space, no_range, out_of_range, points_lost, dropped;
   logic signed [vrscan_pkg::LengthWidth-1:0] x, z;
   logic        [ vrscan_pkg::SigmaWidth-1:0] sigma_z;
   triangulate #(.LineLength(LineLength), .UserWidth(PointWidth)) u_triangulate (
     .clk_i, .rst_i, .geometry_i,
-    .valid_i(start_q), .measured_i(measured), .offset_i(offset), .slope_i(slope),
-    .saturated_i(offset_saturated), .sigma_i(sigma), .angle_i(peak.line.angle), .user_i(point),
+    .valid_i(corrected), .measured_i(placed.measured), .offset_i(offset), .slope_i(slope),
+    .saturated_i(offset_saturated), .sigma_i(placed.sigma), .angle_i(placed.line.angle),
+    .user_i(placed),
     .valid_o, .ready_i, .measured_o(in_space), .x_o(x), .z_o(z), .sigma_z_o(sigma_z),
     .no_range_o(no_range), .out_of_range_o(out_of_range), .lost_o(points_lost), .user_o(taken),
     .dropped_o(dropped)

@@ -70,6 +70,14 @@ package vrscan_pkg;
   localparam int unsigned RampWidth = 28;  // what is taken off a pixel, aligned counts, signed
   localparam int unsigned RampFraction = 12;  // of both
 
+  localparam int unsigned SpotSigmaWidth = 17;  // of a spot, px, 9 fraction bits
+
+  // The fit.  It takes FitPeriod clocks at most, and begins FitStart clocks after the first window
+  // is known, when the second one and its quality are, whatever their widths.
+  localparam int unsigned FitStart = 1480;
+  localparam int unsigned FitPeriod = 1830;
+  localparam int unsigned SpeckleWidth = 20;  // squared contrast, all fraction
+
   // Geometry.
   localparam int unsigned OffsetFraction = 20;  // px
   localparam int unsigned DistortionWidth = 26;

@@ -15,7 +15,9 @@
 //   sigma_i          of the spot from the first window, px, 9 fraction bits
 //   reading_o        read_index_o is to be read: pixels by their index modulo 2**RingWidth, which
 //                    come 2 clocks later
-//   sigma_o          standard deviation of the position, px; of no meaning where fitted_o is 0
+//   spread_i         standard deviation of position_i that noise makes, px
+//   sigma_o          standard deviation of position_o, px: where the fit does not stand, spread_i, or
+//                    twice the fit's where that is larger, which is what speckle does to a phase
 //   speckle_o        squared contrast, 20 fraction bits
 //   Latency  vrscan.fixed.peak_fit.LATENCY clocks from valid_i to valid_o, or UNMEASURED_LATENCY;
 //            a valid_i meanwhile is ignored
@@ -38,7 +40,8 @@ module peak_fit #(
   input  wire logic        [    vrscan_pkg::WindowWidth-1:0] width_i,
   input  wire logic signed [vrscan_pkg::SlopeLevelWidth-1:0] slope_i,
   input  wire logic signed [              PositionWidth-1:0] position_i,
-  input  wire logic        [    vrscan_pkg::WindowWidth+8:0] sigma_i,
+  input  wire logic        [     vrscan_pkg::SigmaWidth-1:0] spread_i,
+  input  wire logic        [ vrscan_pkg::SpotSigmaWidth-1:0] sigma_i,
   input  wire logic        [                 PixelWidth-1:0] maximum_i,
   input  wire logic        [     vrscan_pkg::CountWidth-1:0] background_i,
   input  wire logic        [     vrscan_pkg::CountWidth-1:0] noise_i,
@@ -51,7 +54,7 @@ module peak_fit #(
   output      logic                                          fitted_o,
   output      logic signed [              PositionWidth-1:0] position_o,
   output      logic        [     vrscan_pkg::SigmaWidth-1:0] sigma_o,
-  output      logic        [                           19:0] speckle_o,
+  output      logic        [   vrscan_pkg::SpeckleWidth-1:0] speckle_o,
 
   // Configuration.
   input  wire logic        [     vrscan_pkg::KappaWidth-1:0] kappa_i
@@ -72,8 +75,8 @@ module peak_fit #(
   localparam logic [17:0] LeastScale     = 18'(1 << 11);
   localparam logic [19:0] FirstSpeckle   = 20'(1 << 14);
   localparam logic [19:0] MostSpeckle    = 20'(3 << 17);
-  localparam logic [41:0] PriorWeight    = 42'(32 * 20 << 12);
-  localparam logic [53:0] PriorRoughness = 54'(32 * 20 * 1678);
+  localparam logic        [45:0] PriorWeight    = 46'(32 * 20 << 12);
+  localparam logic signed [53:0] PriorRoughness = 54'sd1073920;  // 32 * 20 * 1678
   localparam logic [33:0] MostVariance   = '1;
   localparam logic [29:0] MostGain       = '1;
   localparam logic [34:0] Ln4            = 35'd11357;  // 2 ln 2, 13 fraction bits
@@ -143,6 +146,7 @@ module peak_fit #(
   logic        [vrscan_pkg::WindowWidth-1:0]     width_q;
   logic signed [vrscan_pkg::SlopeLevelWidth-1:0] slope_q;
   logic signed [PositionWidth-1:0]               position_q;
+  logic        [vrscan_pkg::SigmaWidth-1:0]      spread_q;
   logic        [CountWidth-1:0]                  background_q, full_q, noise_q;
   // The span's first pixel, and what its first pixel's baseline is.
   localparam int unsigned FirstWidth = IndexWidth + 3;
@@ -209,9 +213,9 @@ module peak_fit #(
       if (height_q[n]) height_lift_q = 5'(CountWidth - 1 - n);
     end
   end
-  logic [46:0] lifted_noise;
+  logic [39:0] lifted_noise;
   logic [40:0] lifted_kappa;
-  assign lifted_noise = 47'(floored_q) << lift_q;
+  assign lifted_noise = 40'((47'(floored_q) << lift_q) >> 7);
   assign lifted_kappa = 41'(kappa_i) << lift_q;
 
   logic signed [34:0] slope35_q;  // amplitude times 2 ln 2
@@ -224,6 +228,10 @@ module peak_fit #(
   logic        [12:0] stretch;
   assign move    = first_quotient > MostRounds ? 18'(MostRounds) : 18'(first_quotient);
   assign stretch = second_quotient > MostStretch ? 13'(MostStretch) : 13'(second_quotient);
+  logic signed [18:0] signed_move;
+  logic signed [13:0] signed_stretch;
+  assign signed_move    = move_negative_q ? -signed'({1'b0, move}) : signed'({1'b0, move});
+  assign signed_stretch = stretch_negative_q ? -signed'({1'b0, stretch}) : signed'({1'b0, stretch});
   logic signed [18:0] move_q;
   logic signed [13:0] stretch_q;
   logic signed [28:0] rest_q;
@@ -242,6 +250,8 @@ module peak_fit #(
           + 21'(first_quotient > whole_amplitude ? whole_amplitude : first_quotient);
     end
   end
+  logic signed [24:0] minus_place;
+  assign minus_place = -signed'({1'b0, place_q});
   logic signed [25:0] stepped_place;
   logic signed [20:0] stepped_scale;
   assign stepped_place = 26'(signed'({1'b0, place_q})) + 26'(product >>> 13);
@@ -251,12 +261,12 @@ module peak_fit #(
   logic        [ 4:0] noise_lift_q;
   logic        [38:0] line_noise_q;
   logic signed [54:0] rough_excess_q;
-  logic        [45:0] weight_q;
+  logic        [41:0] weight_q;
   logic signed [56:0] lifted_excess_q;
-  logic signed [54:0] most_rough_q;
-  logic signed [54:0] line_rough_q;
-  logic        [28:0] most_noise;
-  assign most_noise = |differences_noise_q[36:29] ? '1 : differences_noise_q[28:0];
+  logic signed [48:0] most_rough_q;
+  logic signed [48:0] line_rough_q;
+  logic        [31:0] most_noise;
+  assign most_noise = |differences_noise_q[36:32] ? '1 : differences_noise_q[31:0];
   logic [5:0] noise_bits;
   always_comb begin
     noise_bits = '0;
@@ -264,20 +274,20 @@ module peak_fit #(
   end
 
   // The last 16 lines, and their sums.
-  logic        [96:0] history_mem [16];
-  logic        [96:0] oldest_q;
+  logic        [90:0] history_mem [16];
+  logic        [90:0] oldest_q;
   logic        [ 3:0] history_at_q;
   logic               history_full_q;
-  logic signed [58:0] roughness_q;
-  logic        [49:0] weights_q;
-  logic signed [54:0] oldest_rough;
+  logic signed [53:0] roughness_q;
+  logic        [45:0] weights_q;
+  logic signed [48:0] oldest_rough;
   logic        [41:0] oldest_weight;
-  assign oldest_rough  = history_full_q ? signed'(oldest_q[96:42]) : '0;
+  assign oldest_rough  = history_full_q ? signed'(oldest_q[90:42]) : '0;
   assign oldest_weight = history_full_q ? oldest_q[41:0] : '0;
-  logic signed [58:0] with_prior;
-  assign with_prior = roughness_q + 59'(signed'({1'b0, PriorRoughness}));
-  logic [49:0] weight_with_prior;
-  assign weight_with_prior = weights_q + 50'(PriorWeight);
+  logic signed [53:0] with_prior;
+  assign with_prior = roughness_q + PriorRoughness;
+  logic [45:0] weight_with_prior;
+  assign weight_with_prior = weights_q + PriorWeight;
 
   logic [39:0] all_variance;
   assign all_variance = 40'(dark_q) + 40'(shot_q) + 40'(speckle_part_q);
@@ -288,6 +298,12 @@ module peak_fit #(
   logic [9:0] freedom;  // five times the degrees of freedom
   assign freedom = pixels_q < 8'd3 ? '0 : 10'(pixels_q - 8'd3) + (10'(pixels_q - 8'd3) << 2);
   logic [43:0] chi_limit_q;
+  // Of a fit that does not stand, twice as much.
+  logic [QuotientWidth:0]              wide_spread;
+  logic [vrscan_pkg::SigmaWidth-1:0] spread;
+  assign wide_spread = within_q ? {1'b0, first_quotient} : {first_quotient, 1'b0};
+  assign spread = |wide_spread[QuotientWidth:vrscan_pkg::SigmaWidth]
+                  ? '1 : wide_spread[vrscan_pkg::SigmaWidth-1:0];
   logic        within_q;
 
   always_ff @(posedge clk_i) begin
@@ -299,7 +315,7 @@ module peak_fit #(
     dividing_q       <= (dividing_q | divide_start_q) & ~quotient_valid;
     height_q         <= full_q - background_q;
     floored_q        <= noise_q > NoiseFloor ? noise_q : NoiseFloor;
-    deviation_q      <= |lifted_noise[46:24] ? '1 : lifted_noise[23:7];
+    deviation_q      <= |lifted_noise[39:17] ? '1 : lifted_noise[16:0];
     gain_q           <= |lifted_kappa[40:30] ? MostGain : lifted_kappa[29:0];
     line_noise_q     <= 39'(dark_q) + shot_q;
     noise_lift_q     <= noise_bits > 6'd34 ? '0 : 6'd34 - noise_bits > 6'd16 ? 5'd16
@@ -312,6 +328,7 @@ module peak_fit #(
         width_q      <= width_i;
         slope_q      <= slope_i;
         position_q   <= position_i;
+        spread_q     <= spread_i;
         background_q <= background_i;
         noise_q      <= noise_i;
         full_q       <= CountWidth'(maximum_i) << CountShift;
@@ -393,7 +410,7 @@ module peak_fit #(
         divide_start_q    <= '1;
         dividing_q        <= '1;
         // The first pixel's place in units of u.
-        a_q               <= -FactorWidth'(signed'({1'b0, place_q}));
+        a_q               <= FactorWidth'(minus_place);
         b_q               <= FactorWidth'(step_q);
         multiply_start_q  <= 1'b1;
         state_q           <= ORIGIN;
@@ -435,31 +452,31 @@ module peak_fit #(
         state_q <= WEIGHT;
       end
       WEIGHT: if (product_valid) begin
-        weight_q        <= 46'(product) << noise_lift_q;
+        weight_q        <= 42'(product) << noise_lift_q;
         lifted_excess_q <= 57'(rough_excess_q >>> 14) <<< noise_lift_q;
         state_q         <= ROUGH;
       end
       ROUGH: begin
-        most_rough_q <= 55'((64'(weight_q >> 2) + 64'(weight_q >> 3)) << 8);
+        most_rough_q <= 49'((49'(weight_q >> 2) + 49'(weight_q >> 3)) << 8);
         state_q      <= CLIP;
       end
       CLIP: begin
         line_rough_q <= lifted_excess_q > 57'(most_rough_q) ? most_rough_q
-                        : lifted_excess_q < -57'(most_rough_q) ? -most_rough_q
-                        : 55'(lifted_excess_q);
+                        : lifted_excess_q < 57'(-most_rough_q) ? -most_rough_q
+                        : 49'(lifted_excess_q);
         state_q      <= HISTORY;
       end
       HISTORY: begin
-        roughness_q  <= roughness_q + 59'(line_rough_q) - 59'(oldest_rough);
-        weights_q    <= weights_q + 50'(weight_q) - 50'(oldest_weight);
-        history_mem[history_at_q] <= {unsigned'(line_rough_q), 42'(weight_q)};
+        roughness_q  <= roughness_q + 54'(line_rough_q) - 54'(oldest_rough);
+        weights_q    <= weights_q + 46'(weight_q) - 46'(oldest_weight);
+        history_mem[history_at_q] <= {unsigned'(line_rough_q), weight_q};
         history_at_q <= history_at_q + 4'd1;
         if (history_at_q == '1) history_full_q <= 1'b1;
         state_q      <= measured_q ? STEADY : JUDGE;
         within_q     <= 1'b0;
       end
       STEADY: begin
-        first_dividend_q  <= with_prior[58] ? '0 : 58'(with_prior[53:0]) << 4;
+        first_dividend_q  <= with_prior[53] ? '0 : 58'(with_prior) << 4;
         first_divisor_q   <= 40'(weight_with_prior >> 8);
         divide_start_q[0] <= 1'b1;
         dividing_q[0]     <= 1'b1;
@@ -531,9 +548,9 @@ module peak_fit #(
         state_q           <= STRETCH;
       end
       STRETCH: if (dividing_q == '0) begin
-        move_q    <= move_negative_q ? -signed'(19'(move)) : signed'(19'(move));
-        stretch_q <= stretch_negative_q ? -signed'(14'(stretch)) : signed'(14'(stretch));
-        a_q       <= stretch_negative_q ? -FactorWidth'(stretch) : FactorWidth'(stretch);
+        move_q    <= signed_move;
+        stretch_q <= signed_stretch;
+        a_q       <= FactorWidth'(signed_stretch);
         b_q       <= slope35_q;
         multiply_start_q <= 1'b1;
         state_q   <= RISE;
@@ -589,7 +606,7 @@ module peak_fit #(
           b_q     <= FactorWidth'(freedom);
           state_q <= RADICAND;
         end else if (pass_q == '0) begin
-          a_q     <= -FactorWidth'(signed'({1'b0, place_q}));
+          a_q     <= FactorWidth'(minus_place);
           b_q     <= FactorWidth'(second_quotient);
           state_q <= PLACED;
         end else begin
@@ -639,8 +656,8 @@ module peak_fit #(
             ? PositionWidth'((PositionWidth + 1)'(first_q) <<< vrscan_pkg::PositionFraction)
               + PositionWidth'((25'(place_q) + 25'(1 << 3)) >> 4)
             : position_q;
-        sigma_o    <= |first_quotient[QuotientWidth-1:vrscan_pkg::SigmaWidth]
-                      ? '1 : first_quotient[vrscan_pkg::SigmaWidth-1:0];
+        sigma_o    <= !measured_q ? spread_q : within_q ? spread
+                      : spread > spread_q ? spread : spread_q;
         state_q    <= IDLE;
       end
       default: state_q <= IDLE;
@@ -673,15 +690,14 @@ module peak_fit #(
   logic [PixelWidth-1:0] pixel_mem [1 << IndexBits];
   logic [ IndexBits-1:0] load_q, load_q2, load_q3;
   logic                  load_valid_q2, load_valid_q3;
-  logic signed [FirstWidth-1:0] load_first;
-  assign load_first   = FirstWidth'(left_i) + FirstWidth'(width_i >> 1) - FirstWidth'(Span / 2);
-  assign reading_o    = loading_q;
+  assign reading_o = loading_q;
   always_ff @(posedge clk_i) begin
     if (state_q == IDLE && valid_i) begin
       loading_q    <= measured_i;
       loaded_q     <= 1'b0;
       load_q       <= '0;
-      read_index_o <= vrscan_pkg::RingWidth'(load_first);
+      read_index_o <= vrscan_pkg::RingWidth'(left_i) + vrscan_pkg::RingWidth'(width_i >> 1)
+                      - vrscan_pkg::RingWidth'(Span / 2);
     end else if (loading_q) begin
       load_q       <= load_q + IndexBits'(1);
       read_index_o <= read_index_o + vrscan_pkg::RingWidth'(1);
@@ -741,7 +757,8 @@ module peak_fit #(
   logic signed [17:0]           u_1, u_2;
   logic signed [31:0]           level_1, level_2, height_3;
   logic signed [26:0]           raw_4;
-  logic signed [35:0]           square_3, square_4;
+  logic signed [35:0]           square_3;
+  logic        [22:0]           square_4;
   logic        [19:0]           square_5;
   logic signed [50:0]           coarse_5;
   logic signed [57:0]           fine_6;
@@ -777,13 +794,13 @@ module peak_fit #(
     clipped_4 <= clipped_3;
     online_4  <= online_3;
     near_4    <= near_3;
-    square_4  <= square_3;
+    square_4  <= square_3[35:13];
 
     coarse_5  <= 51'(raw_4) <<< {lift_q[4:3], 3'd0};
     clipped_5 <= clipped_4;
     online_5  <= online_4;
-    near_5    <= near_4 && square_4[35:33] == '0;
-    square_5  <= square_4[32:13];
+    near_5    <= near_4 && square_4[22:20] == '0;
+    square_5  <= square_4[19:0];
 
     // The table answers in stage 6.
     fine_6    <= 58'(coarse_5) <<< lift_q[2:0];

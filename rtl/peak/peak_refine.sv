@@ -18,6 +18,7 @@
 //   ramp_o         what the baseline takes off the window's first pixel, and slope_o from pixel to
 //                  pixel: aligned counts, RampFraction fraction bits
 //   at_edge_o      the window ends at the line's end
+//   sigma_o        of the spot, px, SigmaFraction fraction bits
 //   Latency  vrscan.fixed.peak_refine.latency() clocks from valid_i, which comes START_LATENCY
 //            clocks after start_i at the earliest, to valid_o; either is ignored meanwhile
 //   Model    vrscan.fixed.peak_refine, bit-exact
@@ -56,6 +57,7 @@ module peak_refine #(
   output      logic                                          at_edge_o,
   output      logic signed [      vrscan_pkg::RampWidth-1:0] ramp_o,
   output      logic signed [vrscan_pkg::SlopeLevelWidth-1:0] slope_o,
+  output      logic        [ vrscan_pkg::SpotSigmaWidth-1:0] sigma_o,
 
   // Configuration.
   input  wire logic        [     vrscan_pkg::KappaWidth-1:0] kappa_i
@@ -253,6 +255,7 @@ module peak_refine #(
         if (step_q[0]) state_q <= SIGMA;
       end
       SIGMA: if (product_valid) begin
+        sigma_o          <= vrscan_pkg::SpotSigmaWidth'(product);
         a_q              <= AWidth'(product);
         b_q              <= BWidth'(signed'({1'b0, sigmas(rung_q)}));
         multiply_start_q <= 1'b1;

@@ -19,10 +19,9 @@
 module line_receiver #(
   parameter int unsigned LineLength = 2048,
   parameter int unsigned PixelWidth = 12,
-  parameter int unsigned MinPeriod  = 0,  // clocks between two good lines' ends, 0 for no limit
-  parameter int unsigned LongPeriod = MinPeriod,  // the same with long_i, not below it
   parameter int unsigned CountWidth = 16,
-  localparam int unsigned IndexWidth = $clog2(LineLength)
+  localparam int unsigned IndexWidth = $clog2(LineLength),
+  localparam int unsigned PeriodWidth = 12
 ) (
   input  wire logic                                   clk_i,
   input  wire logic                                   rst_i,
@@ -39,7 +38,8 @@ module line_receiver #(
   output      logic [vrscan_pkg::LineNumberWidth-1:0] line_number_o,
   output      logic                                   lost_o,
 
-  input  wire logic                                   long_i,
+  // Clocks between two good lines' ends; 0 for no limit.
+  input  wire logic [                PeriodWidth-1:0] period_i,
 
   // Dropped lines by fault; each counter stops at its largest value.
   output      logic [   vrscan_pkg::CounterWidth-1:0] short_count_o,
@@ -55,16 +55,11 @@ module line_receiver #(
     $error("line_receiver: PixelWidth must be 8..16");
   end
 
-  if (LongPeriod < MinPeriod) begin : gen_bad_period
-    $error("line_receiver: LongPeriod must not be below MinPeriod");
-  end
-  localparam int unsigned PeriodWidth = $clog2(LongPeriod + 2);
-
   logic                                   lost_q;
   logic                                   short_q, long_q, unfinished_q, early_q;
   logic [vrscan_pkg::LineNumberWidth-1:0] number_q;  // of the next line to start
   logic [                PeriodWidth-1:0] period_q;  // since the last good end, while it counts
-  logic                                   too_early_q, waiting_q;  // for MinPeriod, for LongPeriod
+  logic                                   too_early_q;
 
   logic                  take, over, ends, is_short, is_early, good, dropped, unfinished;
   logic [IndexWidth-1:0] index;
@@ -73,7 +68,7 @@ module line_receiver #(
     .take_o(take), .index_o(index), .ends_o(ends), .short_o(is_short), .over_o(over),
     .unfinished_o(unfinished)
   );
-  assign is_early = long_i ? waiting_q : too_early_q;
+  assign is_early = too_early_q;
   assign good     = ends && !is_short && !over && !is_early;
   assign dropped  = unfinished || (ends && !good);
 
@@ -91,13 +86,8 @@ module line_receiver #(
     lost_q        <= (lost_q || dropped) && !good;
 
     period_q <= good ? PeriodWidth'(1) : period_q + PeriodWidth'(1);
-    if (good) begin
-      too_early_q <= MinPeriod > 1;
-      waiting_q   <= LongPeriod > 1;
-    end else begin
-      if (period_q == PeriodWidth'(MinPeriod - 1)) too_early_q <= 1'b0;
-      if (period_q == PeriodWidth'(LongPeriod - 1)) waiting_q <= 1'b0;
-    end
+    if (good) too_early_q <= period_i > PeriodWidth'(1);
+    else if (period_q == period_i - PeriodWidth'(1)) too_early_q <= 1'b0;
 
     // Faults are counted a clock later, which keeps the counters off the path of the pixels.
     short_q      <= ends && is_short;
@@ -117,7 +107,6 @@ module line_receiver #(
       lost_q             <= 1'b0;
       number_q           <= '0;
       too_early_q        <= 1'b0;
-      waiting_q          <= 1'b0;
       short_q            <= 1'b0;
       long_q             <= 1'b0;
       unfinished_q       <= 1'b0;

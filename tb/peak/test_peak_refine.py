@@ -29,7 +29,7 @@ ELABORATIONS = [
     {"LineLength": 64, "PixelWidth": 8, "MaxWindow": 20},
     {"LineLength": 1000, "PixelWidth": 16, "MaxWindow": 70},
 ]
-OUTPUTS = {"left": False, "width": False, "ramp": True, "slope": True}
+OUTPUTS = {"left": False, "width": False, "ramp": True, "slope": True, "sigma": False}
 RING = 1 << pkg.RING_WIDTH
 KAPPA = 0.2
 SHARE_ONE = 13813603.0  # |P1| over the sum of a line: the CORDIC's gain times the sine's amplitude

@@ -8,17 +8,21 @@ from harness import FallingEdge, generator, parameters, reset, simulate
 from vrscan.fixed.line_receiver import LineReceiver
 
 ELABORATIONS = [
-    {"LineLength": 64, "PixelWidth": 8, "MinPeriod": 0, "CountWidth": 3},
-    {"LineLength": 100, "PixelWidth": 16, "MinPeriod": 130, "CountWidth": 16},
-    {"LineLength": 70, "PixelWidth": 12, "MinPeriod": 90, "LongPeriod": 141, "CountWidth": 16},
-    {"LineLength": 64, "PixelWidth": 12, "MinPeriod": 0, "LongPeriod": 65, "CountWidth": 16},
+    {"LineLength": 64, "PixelWidth": 8, "CountWidth": 3},
+    {"LineLength": 100, "PixelWidth": 16, "CountWidth": 16},
 ]
 
 
-def model() -> LineReceiver:
-    """Return the twin of the running elaboration."""
+def model(period: int = 0) -> LineReceiver:
+    """Return the twin of the running elaboration for a period."""
     given = parameters()
-    return LineReceiver(given["LineLength"], given["MinPeriod"], given["CountWidth"])
+    return LineReceiver(given["LineLength"], period, given["CountWidth"])
+
+
+def periods() -> tuple[int, ...]:
+    """Return periods that matter to a line: none, its own length, one more, and longer ones."""
+    length = parameters()["LineLength"]
+    return 0, 1, length, length + 1, length + 30, 1830
 
 
 async def clock_through(dut, twin: LineReceiver, strobes: np.ndarray) -> list[int]:
@@ -88,9 +92,16 @@ async def random_strobes(dut) -> None:
 @cocotb.test()
 async def good_lines_back_to_back_and_with_gaps(dut) -> None:
     """Whole lines are all good where the period allows it, early ones are counted."""
-    length, period = parameters()["LineLength"], parameters()["MinPeriod"]
+    for period in (0, parameters()["LineLength"] + 30):
+        await lines_with_a_period(dut, period)
+
+
+async def lines_with_a_period(dut, period: int) -> None:
+    """Send lines back to back, and with gaps."""
+    length = parameters()["LineLength"]
     await reset(dut)
-    twin = model()
+    dut.period_i.value = period
+    twin = model(period)
     parts = [line(length, salt=k) for k in range(4)]
     good = await clock_through(dut, twin, np.concatenate(parts))
     if period <= length:
@@ -104,39 +115,27 @@ async def good_lines_back_to_back_and_with_gaps(dut) -> None:
 
 @cocotb.test()
 async def the_least_period_is_enough(dut) -> None:
-    """Ends that are MinPeriod apart are both good; a clock less is early."""
-    length, period = parameters()["LineLength"], parameters()["MinPeriod"]
-    if not period:
-        return
-    await reset(dut)
-    pause = np.zeros((period - length, 4), np.int64)
-    strobes = np.concatenate([line(length), pause, line(length), pause[1:], line(length)])
-    assert await clock_through(dut, model(), strobes) == [0, 1]
-
-
-@cocotb.test()
-async def the_long_period_counts_where_it_is_asked_for(dut) -> None:
-    """With long_i ends that are LongPeriod apart are good, a clock less is early."""
-    given = parameters()
-    length, period = given["LineLength"], given.get("LongPeriod", given["MinPeriod"])
-    if not period:
-        return
-    await reset(dut)
-    dut.long_i.value = 1
-    twin = LineReceiver(length, period, given["CountWidth"])
-    pause = np.zeros((period - length, 4), np.int64)
-    strobes = [line(length), pause, line(length), pause[1:], line(length), line(length)]
-    good = await clock_through(dut, twin, np.concatenate(strobes))
-    assert good == [0, 1, 3]
+    """Ends that are the period apart are both good; a clock less is early."""
+    length = parameters()["LineLength"]
+    for period in periods():
+        await reset(dut)
+        dut.period_i.value = period
+        if period <= length:
+            assert await clock_through(dut, model(period), np.tile(line(length), (3, 1))) == [0, 1, 2]
+            continue
+        pause = np.zeros((period - length, 4), np.int64)
+        strobes = [line(length), pause, line(length), pause[1:], line(length), line(length)]
+        good = await clock_through(dut, model(period), np.concatenate(strobes))
+        assert good == ([0, 1, 3] if period <= 2 * length - 1 else [0, 1])
 
 
 @cocotb.test()
 async def bad_lines_are_counted_and_the_next_is_clean(dut) -> None:
     """Short, long, unfinished and empty lines, each followed by a good one that says so."""
-    length, period = parameters()["LineLength"], parameters()["MinPeriod"]
+    length = parameters()["LineLength"]
     await reset(dut)
     twin = model()
-    pause = np.zeros((period + 1, 4), np.int64)
+    pause = np.zeros((1, 4), np.int64)
     faults = [
         line(length - 1),
         line(length + 1),

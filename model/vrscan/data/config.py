@@ -59,15 +59,17 @@ class Peak(Section):
 
     With ``window = "two_pass"`` the first window only has to find the spot and its width, and
     ``k_first`` replaces ``k_height``. It is so high that the run does not climb a background that
-    slopes by 1 count/px beside a spot of s = 12 px at 5 %.
+    slopes by 1 count/px beside a spot of s = 12 px at 5 %. With ``window = "fit"`` it is ``k_fit``:
+    a run of a quarter of the height is often cut where speckle is dark.
     """
 
     period: Literal["n", "n-1"] = "n"
-    window: Literal["threshold", "two_pass"] = "threshold"
+    window: Literal["threshold", "two_pass", "fit"] = "threshold"
     noise: Literal["background", "row"] = "background"
     k_noise: float = Field(default=2.5, ge=0, lt=256)  # threshold above background / noise
     k_height: float = Field(default=0.02, ge=0, lt=1)  # threshold above background / peak's height
     k_first: float = Field(default=0.25, ge=0, lt=1)  # k_height in the first of two passes
+    k_fit: float = Field(default=0.15, ge=0, lt=1)  # the same before a fit
     snr_min: float = Field(default=8.0, ge=0, lt=256)
     snr_max: float = Field(default=100.0, ge=1, lt=256)  # S/N at which C_obj is 1
     min_width: int = Field(default=3, ge=3, le=255)  # narrowest window, px
@@ -78,19 +80,24 @@ class Peak(Section):
     def _widths(self) -> "Peak":
         if self.min_width > self.max_width:
             raise ValueError(f"min_width {self.min_width} is above max_width {self.max_width}")
-        if self.window == "two_pass" and self.period != "n":
-            raise ValueError('window = "two_pass" needs period = "n"')
+        if self.two_pass and self.period != "n":
+            raise ValueError(f'window = "{self.window}" needs period = "n"')
         return self
 
     @property
     def two_pass(self) -> bool:
         """Return whether a second window follows the first."""
-        return self.window == "two_pass"
+        return self.window != "threshold"
+
+    @property
+    def fit(self) -> bool:
+        """Return whether a Gaussian is fitted to the spot, from the second window on."""
+        return self.window == "fit"
 
     @property
     def cut_height(self) -> float:
         """Return the threshold's share of the peak's height in the chosen mode."""
-        return self.k_first if self.two_pass else self.k_height
+        return {"threshold": self.k_height, "two_pass": self.k_first, "fit": self.k_fit}[self.window]
 
 
 class Geometry(Section):

@@ -77,11 +77,12 @@ def _run(
         pixel_width=registers.pixel_width,
         max_window=max_window,
         first_width=max_window if registers.window_two_pass else None,
+        fit=registers.window_fit,
     )
 
     # Lines follow each other as closely as the chain takes them.
-    two_pass = registers.window_two_pass
-    gap = max(0, min_period(length, max_window, two_pass=two_pass) - length)
+    two_pass, fit = registers.window_two_pass, registers.window_fit
+    gap = max(0, min_period(length, max_window, two_pass=two_pass, fit=fit) - length)
 
     def address(array: np.ndarray[tuple[int, ...], np.dtype[np.generic]]) -> ctypes.c_void_p:
         return ctypes.c_void_p(array.ctypes.data)

@@ -54,7 +54,7 @@ LEAST_SCALE = 1 << (SCALE_FRACTION - 1)
 CHI_LIMIT = 5  # chi squared a degree of freedom above which the spot is no Gaussian
 MOST_VARIANCE = (1 << (2 * HEIGHT_FRACTION)) - 1
 MOST_GAIN = (1 << 30) - 1
-MOST_NOISE = (1 << 29) - 1
+MOST_NOISE = (1 << 32) - 1
 QUOTIENT_WIDTH = 26
 ROOT_WIDTH = 31
 LATENCY = 1823  # clocks from valid_i to valid_o
@@ -75,14 +75,15 @@ class History(NamedTuple):
 
 @dataclass(frozen=True)
 class Fitted:
-    """Fits of n lines, int64 [n] each; zero where a line is not measured.
+    """Fits of n lines, int64 [n] each.
 
     Attributes:
         position: Position of the spot, px, 12 fraction bits: the fit's, or the given one.
-        sigma: Its standard deviation, px, 12 fraction bits; of no meaning where not ``fitted``.
+        sigma: Its standard deviation, px, 12 fraction bits.
         fitted: Whether the fit stands, bool.
-        speckle: Squared contrast of the speckle, 20 fraction bits, of this line and those before.
-        scale: Width of the spot over sqrt(2 ln 2), px, 12 fraction bits.
+        speckle: Squared contrast of the speckle, 20 fraction bits, of this line and those before;
+            of no meaning where a line is not measured.
+        scale: Width of the spot over sqrt(2 ln 2), px, 12 fraction bits; likewise.
         history: The last lines, for those that follow.
     """
 
@@ -325,7 +326,8 @@ def _steadied(
     own = History(
         *(np.concatenate(pair) for pair in zip(history, (roughness, weight), strict=True))
     )
-    sums_of = [np.convolve(value, np.ones(DEPTH, np.int64), "valid") for value in own]
+    count = len(measured)  # without lines np.convolve has two results
+    sums_of = [np.convolve(value, np.ones(DEPTH, np.int64), "valid")[:count] for value in own]
     prior = PRIOR_WEIGHT * LEAST_SPECKLE >> 12  # 20 fraction bits
     dividend = np.maximum(sums_of[0] + prior, 0) << 4
     speckle, _ = divide(dividend, (sums_of[1] + PRIOR_WEIGHT) >> 8, quotient_width=QUOTIENT_WIDTH)
@@ -341,6 +343,7 @@ def peak_fit(
     width: Ints,
     slope: Ints,
     position: Ints,
+    spread: Ints,
     sigma: Ints,
     maximum: Ints,
     background: Ints,
@@ -358,6 +361,7 @@ def peak_fit(
         width: Number of its pixels, [n].
         slope: Slope of the background beside it, aligned counts a px, 12 fraction bits, [n].
         position: Position that the second window gives, px, 12 fraction bits, [n].
+        spread: Its standard deviation by noise, px, 12 fraction bits, [n].
         sigma: Sigma of the spot from the first window, px, 9 fraction bits, [n].
         maximum: Largest pixel, counts, [n].
         background: Level of the background, counts, 24 - PixelWidth fraction bits, [n].
@@ -420,14 +424,16 @@ def peak_fit(
     divisor = (sums.s2 * ((before.amplitude * LN4) >> 13)) >> HEIGHT_FRACTION
     # Scale and root have 36 fraction bits, the divisor 14 and sigma 12.
     root = (state.scale * root) >> 10
-    spread, _ = divide(root, divisor, quotient_width=QUOTIENT_WIDTH)
+    own, _ = divide(root, divisor, quotient_width=QUOTIENT_WIDTH)
+    own = np.minimum(np.where(fitted, own, own << 1), (1 << pkg.SIGMA_WIDTH) - 1)
+    own = np.where(fitted, own, np.where(measured, np.maximum(own, spread), spread))
     found = (first << pkg.POSITION_FRACTION) + (
         (state.place + (1 << (PLACE_FRACTION - pkg.POSITION_FRACTION - 1)))
         >> (PLACE_FRACTION - pkg.POSITION_FRACTION)
     )
     return Fitted(
         position=np.where(fitted, found, position),
-        sigma=np.minimum(spread, (1 << pkg.SIGMA_WIDTH) - 1),
+        sigma=own,
         fitted=fitted,
         speckle=speckle,
         scale=state.scale,

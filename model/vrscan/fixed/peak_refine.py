@@ -42,12 +42,14 @@ class Refined:
         width: Number of pixels of the window.
         ramp: What the baseline subtracts from the first pixel, aligned counts, 12 fraction bits.
         slope: What the baseline subtracts in addition from pixel to pixel, in the same format.
+        sigma: Sigma of the spot, px, 9 fraction bits.
     """
 
     left: Ints
     width: Ints
     ramp: Ints
     slope: Ints
+    sigma: Ints
 
 
 _PRODUCT_CLKS = multiply_latency(pkg.SLOPE_LEVEL_WIDTH, pkg.ANGLE_WIDTH + 1) + 1
@@ -211,4 +213,4 @@ def peak_refine(
 
     slope = _slope(lines, first, count, noise, pixel_width)
     ramp = -((slope * (count - 1)) >> 1)  # the ramp is 0 in the window's middle
-    return Refined(left=first, width=count, ramp=ramp, slope=slope)
+    return Refined(left=first, width=count, ramp=ramp, slope=slope, sigma=width * share)

@@ -14,6 +14,7 @@ from vrscan.fixed import (
     line_receiver,
     line_statistics,
     peak_confidence,
+    peak_fit,
     peak_isolate,
     peak_position,
     peak_refine,
@@ -38,6 +39,7 @@ def latency(
     pixel_width: int,
     max_window: int = MAX_WINDOW,
     first_width: int | None = None,
+    fit: bool = False,
 ) -> int:
     """Return the clocks from a line's last pixel to its point.
 
@@ -48,25 +50,29 @@ def latency(
         pixel_width: ``PixelWidth`` of the elaboration.
         max_window: ``MaxWindow`` of the elaboration.
         first_width: With two passes, the number of pixels in the first window.
+        fit: Whether a Gaussian is fitted, from two passes on.
     """
-    offset = peak_position.LATENCY + geometry_distortion.latency(line_length)
     phase = phase_correlate.latency(width) if measured else phase_correlate.UNMEASURED_LATENCY
     if measured and first_width is not None:
         phase += phase_correlate.first_latency(first_width) + peak_refine.latency()
+    judged = phase + max(peak_position.LATENCY, peak_confidence.latency()) + 1
+    if fit:
+        judged = pkg.FIT_START + (peak_fit.LATENCY if measured else peak_fit.UNMEASURED_LATENCY)
     return (
         line_receiver.LATENCY
         + line_statistics.latency(line_length, pixel_width, max_window)
         + peak_isolate.latency(line_length)
-        + phase
-        + max(offset, peak_confidence.latency())
-        + 1
+        + judged
+        + geometry_distortion.latency(line_length)
         + geometry_triangulate.LATENCY
     )
 
 
-def min_period(line_length: int, max_window: int, *, two_pass: bool) -> int:
+def min_period(line_length: int, max_window: int, *, two_pass: bool, fit: bool = False) -> int:
     """Return the least clocks between the ends of two good lines; 0 for no limit."""
-    if two_pass:
+    if fit:
+        period = pkg.FIT_PERIOD
+    elif two_pass:
         period = 3 * max_window + pkg.TWO_PASS_OVERHEAD
     else:
         period = 2 * max_window + pkg.MIN_PERIOD_OVERHEAD
@@ -95,13 +101,13 @@ def first_windows(lines: Pixels, registers: Registers, max_window: int) -> _Firs
 
 def _refined(
     lines: Pixels, first: _FirstWindows, registers: Registers, max_window: int
-) -> tuple[peak_isolate.Windows, Ints, Ints]:
-    """Return windows, ramps and slopes of the second pass; the first window where there is none."""
+) -> tuple[peak_isolate.Windows, Ints, Ints, Ints]:
+    """Return the second pass's windows, ramps, slopes and sigmas; the first where there is none."""
     statistics, window = first
-    ramp, slope = np.zeros((2, len(lines)), np.int64)
+    ramp, slope, sigma = np.zeros((3, len(lines)), np.int64)
     rows = np.flatnonzero(window.measured)
     if not rows.size:
-        return window, ramp, slope
+        return window, ramp, slope, sigma
     harmonic = phase_correlate.first_harmonics(
         lines[rows],
         left=window.left[rows],
@@ -131,8 +137,9 @@ def _refined(
     at_edge = (left[rows] == 0) | (right[rows] == lines.shape[1] - 1)
     flags[rows] &= ~(1 << pkg.FLAG_AT_EDGE)
     flags[rows] |= at_edge.astype(np.int64) << pkg.FLAG_AT_EDGE
-    ramp[rows], slope[rows] = second.ramp, second.slope
-    return replace(window, left=left, right=right, width=width, flags=flags), ramp, slope
+    ramp[rows], slope[rows], sigma[rows] = second.ramp, second.slope, second.sigma
+    window = replace(window, left=left, right=right, width=width, flags=flags)
+    return window, ramp, slope, sigma
 
 
 def _run(
@@ -143,14 +150,14 @@ def _run(
     first: int,
     registers: Registers,
     max_window: int,
-) -> Points:
+    history: peak_fit.History,
+) -> tuple[Points, peak_fit.History]:
     r = registers
     first_window = first_windows(lines, r, max_window)
     statistics, window = first_window
-    ramp: Ints | int = 0
-    slope: Ints | int = 0
+    ramp, slope, spot_sigma = np.zeros((3, len(lines)), np.int64)
     if r.window_two_pass:
-        window, ramp, slope = _refined(lines, first_window, r, max_window)
+        window, ramp, slope, spot_sigma = _refined(lines, first_window, r, max_window)
     harmonic = phase_correlate.phase_correlate(
         lines,
         left=window.left,
@@ -183,6 +190,26 @@ def _run(
         c_obj_gain=r.c_obj_gain,
         c_sfm_gain=r.c_sfm_gain,
     )
+    sigma = quality.sigma
+    if r.window_fit:
+        fit = peak_fit.peak_fit(
+            lines,
+            measured=harmonic.measured,
+            left=window.left,
+            width=window.width & ((1 << pkg.WINDOW_WIDTH) - 1),
+            slope=slope,
+            position=position,
+            spread=sigma,
+            sigma=spot_sigma,
+            maximum=statistics.maximum,
+            background=statistics.background,
+            noise=statistics.noise,
+            pixel_width=r.pixel_width,
+            kappa=r.kappa,
+            history=history,
+        )
+        position, sigma, history = fit.position, fit.sigma, fit.history
+    position = np.where(harmonic.measured, position, 0)
     corrected = geometry_distortion.distortion(
         position,
         centre=r.centre,
@@ -194,7 +221,7 @@ def _run(
     place = geometry_triangulate.triangulate(
         corrected.offset,
         corrected.slope,
-        quality.sigma,
+        sigma,
         angle,
         measured=harmonic.measured,
         saturated=corrected.saturated,
@@ -215,7 +242,7 @@ def _run(
         (pkg.FLAG_OUT_OF_RANGE, place.out_of_range),
     ):
         flags |= condition.astype(np.int64) << bit
-    return Points(
+    points = Points(
         line=first + np.arange(len(lines)),
         flags=flags,
         left=window.left,
@@ -227,8 +254,8 @@ def _run(
         background=statistics.background,
         noise=statistics.noise,
         snr=quality.snr,
-        position=np.where(harmonic.measured, position, 0),
-        sigma=quality.sigma,
+        position=position,
+        sigma=sigma,
         angle=angle,
         x=place.x,
         z=place.z,
@@ -238,6 +265,7 @@ def _run(
         measured=harmonic.measured,
         pixel_width=r.pixel_width,
     )
+    return points, history
 
 
 def run_fixed(
@@ -277,10 +305,12 @@ def run_fixed(
         pixel_width=registers.pixel_width,
     )
     parts = []
+    history = peak_fit.History.empty()
     for start in range(0, max(1, len(lines)), CHUNK):
         part = slice(start, start + CHUNK)
         given = lines[part], angle[part], power[part], raised[part]
-        parts.append(_run(*given, start, registers, max_window))
+        points, history = _run(*given, start, registers, max_window, history)
+        parts.append(points)
         if progress is not None:
             progress(min(start + CHUNK, len(lines)))
     return Points.concatenate(parts)

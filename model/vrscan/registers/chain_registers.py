@@ -73,6 +73,7 @@ class Registers(Settings):
     line_length: int
     period_n: bool  # whether the period is T = N; otherwise T = N - 1
     window_two_pass: bool  # whether a second window follows the first, with T = N
+    window_fit: bool  # whether a Gaussian is fitted to the spot
     noise_row: bool  # whether row statistics are used, not the background's
     k_noise: int  # u16, 8 fraction bits
     k_height: int  # u16, 16 fraction bits
@@ -129,6 +130,7 @@ class Registers(Settings):
             line_length=length,
             period_n=peak.period == "n",
             window_two_pass=peak.two_pass,
+            window_fit=peak.fit,
             noise_row=peak.noise == "row",
             k_noise=unsigned("peak.k_noise", peak.k_noise, 16, pkg.K_NOISE_FRACTION),
             k_height=unsigned("peak.k_height", peak.cut_height, 16, pkg.K_HEIGHT_FRACTION),

@@ -87,14 +87,14 @@ def _one(
     )  # fmt: skip
 
 
-MAP_HASH = 0xB0A9035E
+MAP_HASH = 0x0C8F40F5
 
 # fmt: off
 _REGISTERS = (
     _one("", 0x000, "identity", 32, "constant",
          "the letters VRSC, by which a host knows the instrument", reset=0x56525343),
     _one("", 0x001, "map_hash", 32, "constant",
-         "hash of the parts of this map that a host must know", reset=0xB0A9035E),
+         "hash of the parts of this map that a host must know", reset=0x0C8F40F5),
     _one("", 0x002, "version", 32, "constant",
          "version of the map: major, minor, patch in bits 31..16, 15..8, 7..0", reset=0x00000100),
     _one("identity_status", 0x003, "board_id", 16, "ro", "number of the kind of board"),
@@ -137,6 +137,9 @@ _REGISTERS = (
          lock="lock_calibration", reset=255),
     _one("peak", 0x01A, "window_two_pass", 1, "rw",
          "1: a second window with T = N is placed around the first position",
+         lock="lock_calibration"),
+    _one("peak", 0x01B, "window_fit", 1, "rw",
+         "1: a Gaussian is fitted to the spot, from the second window on; needs window_two_pass",
          lock="lock_calibration"),
     _one("geometry", 0x020, "centre", 32, "rw", "pixel of the optical axis",
          lock="lock_calibration", signed=True, reset=1073217536, fraction=20, unit="px"),
