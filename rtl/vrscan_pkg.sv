@@ -72,10 +72,10 @@ package vrscan_pkg;
 
   localparam int unsigned SpotSigmaWidth = 17;  // of a spot, px, 9 fraction bits
 
-  // The fit.  It takes FitPeriod clocks at most, and begins FitStart clocks after the first window
+  // The fit: a line every FitPeriod clocks.  It begins FitStart clocks after the first window
   // is known, when the second one and its quality are, whatever their widths.
   localparam int unsigned FitStart = 1480;
-  localparam int unsigned FitPeriod = 1830;
+  localparam int unsigned FitPeriod = 2048;
   localparam int unsigned SpeckleWidth = 20;  // squared contrast, all fraction
 
   // Geometry.

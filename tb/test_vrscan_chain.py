@@ -61,10 +61,12 @@ class Strobes:
         return own | more | {"time_clks": rest * 0x0101_0101}
 
 
-def min_period(two_pass: bool = False) -> int:
+def min_period(window: str = "threshold") -> int:
     """Return the clocks between two good lines that the elaboration asks for."""
     given = parameters()
-    return chain.min_period(given["LineLength"], given["MaxWindow"], two_pass=two_pass)
+    peak = Peak.model_validate({"window": window})
+    length, most = given["LineLength"], given["MaxWindow"]
+    return chain.min_period(length, most, two_pass=peak.two_pass, fit=peak.fit)
 
 
 def counted(dut, *names: str) -> list[int]:
@@ -77,12 +79,12 @@ def limited(*counts: int) -> list[int]:
     return [min(count, (1 << parameters().get("CountWidth", 16)) - 1) for count in counts]
 
 
-def registers(two_pass: bool = False) -> Registers:
+def registers(window: str = "threshold") -> Registers:
     """Return the shipped registers for the running elaboration."""
     given = parameters()
     sensor = Sensor(pixel_width=given["PixelWidth"], line_length=given["LineLength"])
     geometry = Geometry(centre_px=(given["LineLength"] - 1) / 2)
-    peak = Peak(window="two_pass" if two_pass else "threshold")
+    peak = Peak.model_validate({"window": window})
     return Registers.from_config(Config(sensor=sensor, geometry=geometry, peak=peak))
 
 
@@ -155,7 +157,8 @@ def expected(clocks: list[Strobes], given: Registers) -> list[tuple[int, dict[st
     """Return (clock, point) by the receiver's twin and the model of the chain."""
     elaboration = parameters()
     length = elaboration["LineLength"]
-    twin = LineReceiver(length, min_period(given.window_two_pass))
+    window = "fit" if given.window_fit else "two_pass" if given.window_two_pass else "threshold"
+    twin = LineReceiver(length, min_period(window))
     pixels: list[int] = []
     ends, lines, angles, powers, raised, numbers, lost = [], [], [], [], [], [], []
     passed: list[dict[str, int]] = []
@@ -189,11 +192,12 @@ def expected(clocks: list[Strobes], given: Registers) -> list[tuple[int, dict[st
     due = [
         chain.latency(
             int(points.width[k]),
-            measured=bool(first.measured[k]),
+            measured=bool((points if given.window_fit else first).measured[k]),
             line_length=length,
             pixel_width=elaboration["PixelWidth"],
             max_window=elaboration["MaxWindow"],
             first_width=int(first.width[k]) if given.window_two_pass else None,
+            fit=given.window_fit,
         )
         for k in range(len(lines))
     ]
@@ -207,7 +211,7 @@ def row(points: Points, k: int) -> dict[str, int]:
 
 async def compare(dut, clocks: list[Strobes], given: Registers) -> list[dict[str, int]]:
     """Drive the clocks, let the last point out, and compare every point and its clock."""
-    clocks = clocks + idle(2000 + parameters()["LineLength"])
+    clocks = clocks + idle((4500 if given.window_fit else 2000) + parameters()["LineLength"])
     want = expected(clocks, given)
     got = await drive(dut, clocks)
     for k, (have, need) in enumerate(zip(got, want, strict=False)):
@@ -219,10 +223,10 @@ async def compare(dut, clocks: list[Strobes], given: Registers) -> list[dict[str
     return [point for _, point in got]
 
 
-async def start(dut, two_pass: bool = False) -> Registers:
+async def start(dut, window: str = "threshold") -> Registers:
     """Reset, load the registers and open the consumer."""
     await reset(dut)
-    given = registers(two_pass)
+    given = registers(window)
     struct_ports(dut)["peak_i"].give(given)
     struct_ports(dut)["geometry_i"].give(given)
     dut.centre_i.value = given.centre & (1 << len(dut.centre_i)) - 1
@@ -252,20 +256,31 @@ async def lines_back_to_back(dut) -> None:
 @cocotb.test()
 async def two_passes_back_to_back(dut) -> None:
     """Two windows a line; the least period is theirs, and a reset in mid-stream leaves nothing."""
-    given = await start(dut, two_pass=True)
-    lines = spot_lines(24, 6)
+    await back_to_back(dut, "two_pass", 24)
+
+
+@cocotb.test()
+async def fits_back_to_back(dut) -> None:
+    """The same of fits, whose speckle depends on the lines before."""
+    await back_to_back(dut, "fit", rounds(16, 48))
+
+
+async def back_to_back(dut, window: str, count: int) -> None:
+    """Send lines without a gap and at their least period, and reset in between."""
+    given = await start(dut, window)
+    lines = spot_lines(count, 6)
     clocks = [s for k, line in enumerate(lines) for s in as_strobes(line, k)]
     points = await compare(dut, clocks, given)
-    apart = min_period(two_pass=True)
+    apart = min_period(window)
     if not apart:
         assert len(points) == len(lines)
     else:
         assert 0 < len(points) < len(lines)
         assert counted(dut, "early") == limited(len(lines) - len(points))
     part = [s for k, line in enumerate(lines[:4]) for s in as_strobes(line, k) + idle(apart)]
-    whole = expected(part + idle(3000), given)[0][0]
+    whole = expected(part + idle(5000), given)[0][0]
     for age in np.linspace(whole - 700, whole + 10, rounds(3, 24)).astype(int):
-        await drive(dut, (part + idle(3000))[:age])
+        await drive(dut, (part + idle(5000))[:age])
         dut.rst_i.value = dut.pixel_valid_i.value = dut.line_end_i.value = 1
         await FallingEdge(dut.clk_i)
         dut.rst_i.value = 0
@@ -362,9 +377,9 @@ def test_vrscan_chain_rtl_equals_model(widths: dict[str, int], volume: str) -> N
 def test_no_stage_is_busy_longer_than_the_least_period(line_length: int, pixel_width: int) -> None:
     """MinPeriodOverhead covers the stages: what is between two lines is enough for each."""
     from vrscan.fixed import (
-        distortion,
         line_statistics,
         peak_confidence,
+        peak_fit,
         peak_isolate,
         peak_position,
         peak_refine,
@@ -377,9 +392,8 @@ def test_no_stage_is_busy_longer_than_the_least_period(line_length: int, pixel_w
         # Statistics until the threshold has taken them over.
         threshold = line_statistics.latency(line_length, pixel_width, max_window)
         assert max(threshold, peak_isolate.replay_latency()) + 2 <= period
-        # A window stays in phase_correlate until the triangle has taken its point.
-        offset = peak_position.LATENCY + distortion.latency(line_length)
-        quality = max(offset, peak_confidence.latency()) + 2
+        # A window stays in phase_correlate until its point waits elsewhere.
+        quality = max(peak_position.LATENCY, peak_confidence.latency()) + 2
         phase = phase_correlate.latency(max_window)
         assert phase + quality <= period
         # The triangle has let one point go when the next comes, which may have had no window.
@@ -393,5 +407,11 @@ def test_no_stage_is_busy_longer_than_the_least_period(line_length: int, pixel_w
         assert both + phase + triangulate.BUSY <= phase_correlate.UNMEASURED_LATENCY + period
         # The line's pixels and statistics are those of the line until then.
         assert phase_correlate.first_latency(pkg.MIN_WINDOW) > peak_refine.START_LATENCY
-    assert 3 * 255 + pkg.TWO_PASS_OVERHEAD <= 2048
+
+        # With a fit all of that is over when it starts, and its pixels are read and the fit is over
+        # before the next line's are there; where that one is not measured, its point comes sooner.
+        assert both + phase + quality <= pkg.FIT_START
+        assert pkg.FIT_START + peak_fit.SPAN + 5 < pkg.FIT_PERIOD
+        assert peak_fit.LATENCY + triangulate.BUSY <= peak_fit.UNMEASURED_LATENCY + pkg.FIT_PERIOD
+    assert max(3 * 255 + pkg.TWO_PASS_OVERHEAD, pkg.FIT_PERIOD) <= 2048
     assert triangulate.BUSY == pkg.POINT_PERIOD

@@ -64,7 +64,6 @@ def extremes(registers: Registers, draw: np.random.Generator) -> Registers:
         **vars(registers)
         | {
             "period_n": bool(draw.integers(2)),
-            "window_two_pass": bool(draw.integers(2)),
             "noise_row": bool(draw.integers(2)),
             "even": bool(draw.integers(2)),
             "k_noise": word(11),
@@ -84,15 +83,18 @@ def extremes(registers: Registers, draw: np.random.Generator) -> Registers:
 
 ONE_PASS = Registers.from_config(Config())
 TWO_PASS = Registers.from_config(Config(peak=Peak(window="two_pass")))
+FIT = Registers.from_config(Config(peak=Peak(window="fit")))
+MODES = (ONE_PASS, TWO_PASS, FIT)
+EACH_MODE = pytest.mark.parametrize("mode", MODES, ids=("threshold", "two_pass", "fit"))
 
 
-@pytest.mark.parametrize("salt", range(8))
+@pytest.mark.parametrize("salt", range(9))
 def test_chain_rtl_equals_model_on_whole_lines(salt: int) -> None:
-    """3,200 lines in all: shipped registers of both modes first, then registers at random."""
+    """3,600 lines in all: shipped registers of all modes first, then registers at random."""
     draw = generator(salt)
-    registers = (ONE_PASS, TWO_PASS)[salt % 2]
-    if salt > 1:
-        registers = replace(extremes(registers, draw), window_two_pass=registers.window_two_pass)
+    registers = MODES[salt % 3]
+    if salt > 2:
+        registers = extremes(registers, draw)
     lines = np.concatenate([spots(200, salt), plateaus(200, 100 + salt)])
     angle = draw.integers(-(1 << 23), 1 << 23, len(lines)) >> draw.integers(0, 5)
     power = draw.integers(0, 1 << 16, len(lines))
@@ -102,14 +104,15 @@ def test_chain_rtl_equals_model_on_whole_lines(salt: int) -> None:
     assert points_equal(got, want) is None
 
 
-@pytest.mark.parametrize("two_pass", [False, True])
-def test_latency_is_its_formula(two_pass: bool) -> None:
+@EACH_MODE
+def test_latency_is_its_formula(mode: Registers) -> None:
     """Every width and every unmeasured line, back to back: the clock of each point."""
-    registers = replace(ONE_PASS, window_two_pass=two_pass)
+    registers = replace(mode, k_height=ONE_PASS.k_height)
     lines = plateaus(320, 7)
     angle = power = np.zeros(len(lines), np.int64)
     points = run_fixed(lines, angle, power, registers)
     _, first = first_windows(lines, registers, MAX_WINDOW)
+    measured = points.measured if registers.window_fit else first.measured
     want = [
         latency(
             int(width),
@@ -117,8 +120,9 @@ def test_latency_is_its_formula(two_pass: bool) -> None:
             line_length=LENGTH,
             pixel_width=12,
             first_width=int(before) if registers.window_two_pass else None,
+            fit=registers.window_fit,
         )
-        for width, m, before in zip(points.width, first.measured, first.width, strict=True)
+        for width, m, before in zip(points.width, measured, first.width, strict=True)
     ]
     assert latencies(lines, angle, power, registers).tolist() == want
     assert len({*first.width[first.measured].tolist()}) > 200
@@ -152,10 +156,10 @@ def test_engines_in_several_threads_do_not_meet() -> None:
             assert points_equal(got, want) is None
 
 
-@pytest.mark.parametrize("two_pass", [False, True])
-def test_short_lines_come_with_a_gap(two_pass: bool) -> None:
+@pytest.mark.parametrize("window", ["threshold", "two_pass", "fit"])
+def test_short_lines_come_with_a_gap(window: str) -> None:
     """Lines in whose time no window of 255 pixels is measured: every point, in its clock."""
-    peak = Peak(window="two_pass" if two_pass else "threshold")
+    peak = Peak.model_validate({"window": window})
     config = Config(peak=peak, sensor=Sensor(line_length=700), geometry=Geometry(centre_px=349.5))
     registers = Registers.from_config(config)
     lines = spots(150, 70)[:, 600:1300]
@@ -164,7 +168,7 @@ def test_short_lines_come_with_a_gap(two_pass: bool) -> None:
     assert points_equal(run_rtl(lines, nothing, nothing, registers), want) is None
     assert 0.2 < want.measured.mean() < 1
     clocks = latencies(lines, nothing, nothing, registers)
-    idle = latency(0, measured=False, line_length=700, pixel_width=12)
+    idle = latency(0, measured=False, line_length=700, pixel_width=12, fit=window == "fit")
     assert (clocks[~want.measured] == idle).any() and clocks.min() == idle
 
 

@@ -97,7 +97,9 @@ class Peak(Section):
     @property
     def cut_height(self) -> float:
         """Return the threshold's share of the peak's height in the chosen mode."""
-        return {"threshold": self.k_height, "two_pass": self.k_first, "fit": self.k_fit}[self.window]
+        return {"threshold": self.k_height, "two_pass": self.k_first, "fit": self.k_fit}[
+            self.window
+        ]
 
 
 class Geometry(Section):

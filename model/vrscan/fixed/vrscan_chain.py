@@ -57,7 +57,7 @@ def latency(
         phase += phase_correlate.first_latency(first_width) + peak_refine.latency()
     judged = phase + max(peak_position.LATENCY, peak_confidence.latency()) + 1
     if fit:
-        judged = pkg.FIT_START + (peak_fit.LATENCY if measured else peak_fit.UNMEASURED_LATENCY)
+        judged = pkg.FIT_START + 1 + (peak_fit.LATENCY if measured else peak_fit.UNMEASURED_LATENCY)
     return (
         line_receiver.LATENCY
         + line_statistics.latency(line_length, pixel_width, max_window)
