@@ -54,7 +54,7 @@ LEAST_SCALE = 1 << (SCALE_FRACTION - 1)
 CHI_LIMIT = 5  # chi squared a degree of freedom above which the spot is no Gaussian
 MOST_VARIANCE = (1 << (2 * HEIGHT_FRACTION)) - 1
 MOST_GAIN = (1 << 30) - 1
-MOST_NOISE = (1 << 29) - 1
+MOST_NOISE = (1 << 32) - 1
 QUOTIENT_WIDTH = 26
 ROOT_WIDTH = 31
 
@@ -73,7 +73,7 @@ class History(NamedTuple):
 
 @dataclass(frozen=True)
 class Fitted:
-    """Fits of n lines, int64 [n] each; zero where a line is not measured.
+    """Fits of n lines, int64 [n] each; only ``position`` and ``speckle`` mean something anywhere.
 
     Attributes:
         position: Position of the spot, px, 12 fraction bits: the fit's, or the given one.
@@ -273,7 +273,8 @@ def _steadied(
     own = History(
         *(np.concatenate(pair) for pair in zip(history, (roughness, weight), strict=True))
     )
-    sums_of = [np.convolve(value, np.ones(DEPTH, np.int64), "valid") for value in own]
+    count = len(measured)  # without lines np.convolve has two results
+    sums_of = [np.convolve(value, np.ones(DEPTH, np.int64), "valid")[:count] for value in own]
     prior = PRIOR_WEIGHT * LEAST_SPECKLE >> 12  # 20 fraction bits
     dividend = np.maximum(sums_of[0] + prior, 0) << 4
     speckle, _ = divide(dividend, (sums_of[1] + PRIOR_WEIGHT) >> 8, quotient_width=QUOTIENT_WIDTH)

@@ -177,7 +177,8 @@ def _steadied(
     terms = (np.where(measured, np.ldexp(x, power), 0.0)
              for x in (np.clip(excess, -most, most), weight))  # fmt: skip
     lines = History(*(np.append(before, now) for before, now in zip(history, terms, strict=True)))
-    roughness, weight = (np.convolve(each, np.ones(DEPTH), "valid") for each in lines)
+    count = len(measured)  # without lines np.convolve has two results
+    roughness, weight = (np.convolve(each, np.ones(DEPTH), "valid")[:count] for each in lines)
     prior = PRIOR_DIFFERENCES * DIFFERENCES
     speckle = (roughness + prior * PRIOR_SPECKLE) / (weight + prior)
     last = History(*(each[len(each) - (DEPTH - 1) :] for each in lines))
