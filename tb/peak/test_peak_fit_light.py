@@ -1,8 +1,8 @@
 """The weighted fit on lines by wave optics, and in pure noise, against one pass and two."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ from harness import generator
 from vrscan.data import pkg
 from vrscan.data.config import Config
 from vrscan.data.lines import Lines
+from vrscan.data.table import Table
 from vrscan.engines.engine import Engine, run
 from vrscan.fixed import peak_fit as fixed
 from vrscan.fixed import peak_refine, phase_correlate, vrscan_chain
@@ -19,6 +20,7 @@ from vrscan.fixed.divide import divide
 from vrscan.ideal import peak, position, statistics, two_pass
 from vrscan.ideal import peak_fit as ideal
 from vrscan.registers.chain_registers import Registers
+from vrscan.scene.speckle import position_rms_px
 from vrscan.study.report.efficiency import (
     BACKGROUND_COUNTS,
     PEAKS,
@@ -40,20 +42,21 @@ def fit_config() -> Config:
     return SHIPPED.model_copy(update={"peak": peak})
 
 
+def rms(values: np.ndarray) -> float:
+    """Return the rms of what was measured."""
+    return float(np.sqrt(np.nanmean(np.square(values))))
+
+
 @dataclass(frozen=True)
 class Errors:
-    """Errors of lines [n], px, and what the fit says of its own."""
+    """Errors of lines and what is said of them, px, NaN where a line is not measured, [n]."""
 
     error: np.ndarray
     sigma: np.ndarray
 
-    def rms(self) -> float:
-        """Return the rms error, px."""
-        return float(np.sqrt(np.square(self.error).mean()))
-
     def over_sigma(self) -> float:
         """Return the rms of the error over sigma, of lines whose speckle is known."""
-        return float(np.sqrt(np.square(self.error / self.sigma)[SETTLED:].mean()))
+        return rms((self.error / self.sigma)[SETTLED:])
 
 
 def by_float(given: Lines, true: np.ndarray) -> Errors:
@@ -65,14 +68,16 @@ def by_float(given: Lines, true: np.ndarray) -> Errors:
         row.background, row.noise, row.maximum, k_noise=config.peak.k_noise, k_height=K_FIRST
     )
     window = peak.isolate(lines, row.first_maximum, level, min_width=config.peak.min_width)
+    width = np.maximum(window.width, 3)
     found = position.first_harmonic(
-        position.windows(lines, window.left, window.width),
-        window.width,
+        position.windows(lines, window.left, width),
+        width,
         period_n=True,
         background=row.background,
         noise=row.noise,
         kappa=config.peak.kappa,
     )
+    spot = width * two_pass.sigma_share(found.magnitude / np.maximum(found.light, 1.0))
     fit = ideal.peak_fit(
         lines,
         measured=table.measured,
@@ -80,7 +85,7 @@ def by_float(given: Lines, true: np.ndarray) -> Errors:
         width=table.width,
         slope=two_pass.baseline(lines, table.left, table.width, row.noise),
         position=table.position_px,
-        sigma=window.width * two_pass.sigma_share(found.magnitude / found.light),
+        sigma=spot,
         maximum=row.maximum,
         background=row.background,
         noise=row.noise,
@@ -88,7 +93,7 @@ def by_float(given: Lines, true: np.ndarray) -> Errors:
         kappa=config.peak.kappa,
         history=ideal.History.empty(),
     )
-    return _errors(fit.position, fit.sigma, fit.fitted, table, true)
+    return _errors(table, true, fit.position, fit.sigma, fit.fitted, fit.speckle, spot)
 
 
 def by_twin(given: Lines, true: np.ndarray) -> Errors:
@@ -98,8 +103,8 @@ def by_twin(given: Lines, true: np.ndarray) -> Errors:
     registers = Registers.from_config(config)
     width = registers.pixel_width
     row, window = vrscan_chain.first_windows(lines, registers, vrscan_chain.MAX_WINDOW)
-    assert window.measured.all()
-    first = {"left": window.left, "width": window.width, "background": row.background}
+    first_width = np.maximum(window.width, 3)
+    first = {"left": window.left, "width": first_width, "background": row.background}
     found = phase_correlate.first_harmonics(lines, **first, pixel_width=width, period_n=True)
     level = {"maximum": row.maximum, "noise": row.noise, "kappa": registers.kappa}
     second = peak_refine.peak_refine(
@@ -119,6 +124,7 @@ def by_twin(given: Lines, true: np.ndarray) -> Errors:
     )
     entry = np.minimum(share >> peak_refine.ENTRY_SHIFT, (1 << peak_refine.TABLE_BITS) - 1)
     step = 2.0**pkg.POSITION_FRACTION
+    spot = first_width * peak_refine.sigma_table()[entry]
     fit = fixed.peak_fit(
         lines,
         measured=table.measured,
@@ -126,26 +132,33 @@ def by_twin(given: Lines, true: np.ndarray) -> Errors:
         width=second.width,
         slope=second.slope,
         position=np.round(table.position_px * step).astype(np.int64),
-        sigma=window.width * peak_refine.sigma_table()[entry],
+        sigma=spot,
         **level,
         background=row.background,
         pixel_width=width,
         history=fixed.History.empty(),
     )
-    sigma = fit.sigma / 2.0**pkg.SIGMA_FRACTION
-    return _errors(fit.position / step, sigma, fit.fitted, table, true)
+    return _errors(
+        table, true, fit.position / step, fit.sigma / 2.0**pkg.SIGMA_FRACTION, fit.fitted,
+        fit.speckle / 2.0**fixed.SPECKLE_FRACTION, spot / 2.0**peak_refine.SIGMA_FRACTION,
+    )  # fmt: skip
 
 
-def _errors(position, sigma, fitted, table, true: np.ndarray) -> Errors:
-    assert table.measured.all()
-    return Errors(position - true, np.where(fitted, sigma, table.sigma_px))
+def _errors(
+    table: Table, true: np.ndarray, place: np.ndarray, sigma: np.ndarray, fitted: np.ndarray,
+    speckle: np.ndarray, spot: np.ndarray,
+) -> Errors:  # fmt: skip
+    """Return a fit's errors; where it does not stand, with the speckle of the second window."""
+    contrast = np.sqrt(speckle)
+    window = position_rms_px(spot, contrast, 0.0, cut=math.exp(-0.5 * (6.75 / 2) ** 2))
+    sigma = np.where(fitted, sigma, np.hypot(table.sigma_px, window))
+    return Errors(np.where(table.measured, place - true, np.nan), sigma)
 
 
-def window_error(given: Lines, true: np.ndarray, two_pass: bool) -> float:
-    """Return the rms error of the shipped window or of two passes, px."""
+def window_error(given: Lines, true: np.ndarray, two_pass: bool) -> np.ndarray:
+    """Return the errors of the shipped window or of two passes, px, NaN where not measured."""
     table = run(Engine.FIXED, given, with_window(SHIPPED, two_pass))
-    assert table.measured.all()
-    return Errors(table.position_px - true, table.sigma_px).rms()
+    return np.where(table.measured, table.position_px - true, np.nan)
 
 
 def coherent_light(sigma: float, looks: int, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -188,50 +201,45 @@ def geometric_mean(values: list[float]) -> float:
     return math.exp(float(np.mean(np.log(values))))
 
 
-def speckled(
-    sigmas: tuple[float, ...], heights: tuple[float, ...], count: int
-) -> Iterator[tuple[str, Errors, float, float]]:
-    """Print a table, and yield what the fit makes of each kind of spot beside the windows."""
-    print(f"\n{'C':>5}{'s, px':>6}{'counts':>7}{'shipped':>9}{'two':>7}   fit: {'px':>6}"
-          f"{'share':>7}{'error/sigma':>13}")  # fmt: skip
-    for looks, contrast in CONTRASTS.items():
-        for sigma in sigmas:
-            light, place = coherent_light(sigma, looks, count)
-            for height in heights:
-                given, true = exposed(light, place, height)
-                one, two = (window_error(given, true, two_pass) for two_pass in (False, True))
-                for name, fit in (("float", by_float), ("twin", by_twin)):
-                    found = fit(given, true)
-                    print(f"{contrast:5.2f}{sigma:6g}{height:7g}{one:9.3f}{two:7.3f} {name:>5}: "
-                          f"{found.rms():6.3f}{found.rms() / one:7.3f}{found.over_sigma():13.2f}")  # fmt: skip
-                    yield name, found, one, two
-
-
-def check_speckled(cells: Iterator[tuple[str, Errors, float, float]]) -> None:
-    shares: dict[str, list[float]] = {"float": [], "twin": []}
+def check_speckled(sigmas: tuple[float, ...], heights: tuple[float, ...], count: int) -> None:
+    """Print a table of the errors, and hold them against those of the windows."""
+    share: dict[str, list[float]] = {"float": [], "twin": []}
     over_two: list[float] = []
     honest: list[float] = []
-    for name, found, one, two in cells:
-        shares[name].append(found.rms() / one)
-        over_two.append(found.rms() / two)
-        honest.append(found.over_sigma())
-    for name, values in shares.items():
+    lost: list[float] = []
+    print(f"\n{'C':>5}{'s, px':>6}{'counts':>7}{'shipped':>9}{'two':>7}   fit: {'px':>6}"
+          f"{'share':>7}{'error/sigma':>13}")  # fmt: skip
+    for (looks, contrast), sigma in product(CONTRASTS.items(), sigmas):
+        light, place = coherent_light(sigma, looks, count)
+        for height in heights:
+            given, true = exposed(light, place, height)
+            windows = [window_error(given, true, two_pass) for two_pass in (False, True)]
+            for name, fit in (("float", by_float), ("twin", by_twin)):
+                found = fit(given, true)
+                good = np.isfinite([found.error, *windows]).all(axis=0)
+                own, one, two = (rms(each[good]) for each in (found.error, *windows))
+                share[name].append(own / one)
+                over_two.append(own / two)
+                honest.append(found.over_sigma())
+                lost.append(1 - float(good.mean()))
+                print(f"{contrast:5.2f}{sigma:6g}{height:7g}{one:9.3f}{two:7.3f} {name:>5}: "
+                      f"{own:6.3f}{own / one:7.3f}{honest[-1]:13.2f}")  # fmt: skip
+    for name, values in share.items():
         print(f"{name}: {geometric_mean(values):.3f} in geometric mean, worst {max(values):.3f}")
-    print(f"over two passes: {geometric_mean(over_two):.3f}, worst {max(over_two):.3f}")
-    print(f"error over sigma {min(honest):.2f} to {max(honest):.2f}")
-    for values in shares.values():
         assert geometric_mean(values) <= 0.58 and max(values) <= 0.70
-    assert max(over_two) < 1
-    assert 0.8 <= min(honest) and max(honest) <= 1.25
+    print(f"over two passes: {geometric_mean(over_two):.3f}, worst {max(over_two):.3f}")
+    print(f"error over sigma {min(honest):.2f} to {max(honest):.2f}; lost {100 * max(lost):.2f} %")
+    assert max(over_two) < 1 and max(lost) < 0.005
+    assert min(honest) >= 0.8 and max(honest) <= 1.25
 
 
 def test_the_fit_halves_the_error_of_coherent_light() -> None:
-    check_speckled(speckled((1.5, 4.0, 9.0), (400, 3000), 256))
+    check_speckled((1.5, 4.0, 9.0), (400, 3000), 256)
 
 
 @pytest.mark.soak
 def test_the_fit_halves_the_error_of_coherent_light_of_every_spot() -> None:
-    check_speckled(speckled((1.5, 2.0, 2.5, 4.0, 6.0, 9.0), (400, 800, 1500, 3000), 1024))
+    check_speckled((1.5, 2.0, 2.5, 4.0, 6.0, 9.0), (400, 800, 1500, 3000), 1024)
 
 
 def check_noise(count: int) -> None:
@@ -243,8 +251,8 @@ def check_noise(count: int) -> None:
             given, true, bound = cell_lines(sigma, height, count, SHIPPED)
             found = {"float": by_float(given, true), "twin": by_twin(given, true)}
             for name, errors in found.items():
-                square = np.square(errors.error)[SETTLED:].mean()
-                efficiency[name].append(float(bound.mean() / square))
+                assert np.isfinite(errors.error).all()
+                efficiency[name].append(float(bound.mean() / rms(errors.error) ** 2))
                 honest.append(errors.over_sigma())
             print(f"{100 * height:4.0f}%{sigma:6g}{efficiency['float'][-1]:19.3f}"
                   f"{efficiency['twin'][-1]:6.3f}{honest[-2]:9.2f}{honest[-1]:6.2f}")  # fmt: skip
@@ -252,7 +260,7 @@ def check_noise(count: int) -> None:
         print(f"{name}: {geometric_mean(values):.3f} in geometric mean, worst {min(values):.3f}")
         assert geometric_mean(values) >= 0.85 and min(values) >= 0.75
     print(f"error over sigma {min(honest):.2f} to {max(honest):.2f}")
-    assert 0.8 <= min(honest) and max(honest) <= 1.25
+    assert min(honest) >= 0.8 and max(honest) <= 1.25
 
 
 def test_the_fit_loses_little_in_pure_noise() -> None:
