@@ -1,7 +1,7 @@
 """A weighted fit of the spot, the twin of ``rtl/peak/peak_fit.sv``.
 
-A height divided by the Gaussian 2**-(u**2) is flat where the spot is that Gaussian; amplitude, place
-and width are the constant, the slope and the curvature of a weighted polynomial through these
+A height divided by the Gaussian 2**-(u**2) is flat where the spot is that Gaussian; amplitude,
+place and width are the constant, the slope and the curvature of a weighted polynomial through these
 quotients. A weight is the inverse variance of its quotient: R h**2 + K A h + C**2 A**2, with
 h = 2**(u**2), of read noise, shot noise and speckle.
 
@@ -140,7 +140,7 @@ class _Sums(NamedTuple):
     b1: Ints
     b2: Ints
     chi: Ints  # 2 MOMENT_FRACTION fraction bits
-    count: Ints  # pixels
+    pixels: Ints  # within the window
     clipped: Ints  # saturated pixels within the window
     rough: Ints  # squared third differences, 22 fraction bits
     noise: Ints  # what noise makes of them, SHARE_FRACTION fraction bits of the variance
@@ -190,7 +190,7 @@ def _pass(
         b1=(yq * u).sum(axis=1) >> PLACE_BITS,
         b2=(yq * moment).sum(axis=1) >> MOMENT_FRACTION,
         chi=(yq * q).sum(axis=1),
-        count=inside.sum(axis=1),
+        pixels=inside.sum(axis=1),
         clipped=(near & clipped).sum(axis=1),
         rough=np.where(quad, d * d, 0).sum(axis=1),
         noise=np.where(quad, four, 0).sum(axis=1),
@@ -357,12 +357,12 @@ def peak_fit(
             variance = _variance(dark, gain, speckle, state.amplitude)
             shares = _shares(variance)
 
-    limit = (variance.total * (CHI_LIMIT * np.maximum(sums.count - 3, 0))) >> (
+    limit = (variance.total * (CHI_LIMIT * np.maximum(sums.pixels - 3, 0))) >> (
         2 * HEIGHT_FRACTION - 2 * MOMENT_FRACTION
     )
     far = np.abs(state.place - started) > (5 * begin << (PLACE_FRACTION - SCALE_FRACTION)) >> 3
-    fitted = measured & (sums.chi <= limit) & ~far & (sums.count >= 4)
-    fitted &= sums.clipped << 3 <= sums.count + sums.clipped
+    fitted = measured & (sums.chi <= limit) & ~far & (sums.pixels >= 4)
+    fitted &= sums.clipped << 3 <= sums.pixels + sums.clipped
     total = np.minimum(
         variance.total + (variance.speckle >> 2) + (variance.speckle >> 3), MOST_VARIANCE
     )

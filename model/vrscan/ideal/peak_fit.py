@@ -1,30 +1,22 @@
 """A weighted fit of a Gaussian to the spot, which speckle does not mislead.
 
-A spot A 2**-(u**2) with u = (x - mu) / w and w = sigma sqrt(2 ln 2), multiplied by h = 2**(u**2), is
-A in every pixel. Where A, mu and w are a little off, the quotient q = h p - A of a pixel p is, to
-first order,
+A spot A 2**-(u**2), u = (x - mu) / w, w = sigma sqrt(2 ln 2), multiplied by h = 2**(u**2) is A in
+every pixel. Where A, mu and w are a little off, the quotient q = h p - A of a pixel p is
 
-    q = dA + A ln 4 (u dmu / w + u**2 dw / w),
+    q = dA + A ln 4 (u dmu / w + u**2 dw / w)
 
-a polynomial whose constant, slope and curvature are the three corrections. A least-squares fit with
-the inverse variances of q as weights, repeated from the corrected values, is Fisher's scoring: it
-attains the Cramer-Rao bound of noise that is normal with these variances. The variance of p is
+to first order: constant, slope and curvature are the corrections. Least squares with the inverse
+variances of q as weights, repeated from the corrected values, are Fisher's scoring; they attain
+the Cramer-Rao bound. The variance of p is R + K p + C**2 p**2, with R of read noise and background,
+K counts per electron, and the contrast C of speckle, which multiplies the light (Dorsch, Haeusler,
+Herrmann, Laser triangulation: fundamental uncertainty in distance measurement, 1994). With A / h
+for p, that of q is R h**2 + K A h + C**2 A**2: under speckle alone the flanks weigh as much as the
+top. The weights being even, the slope is taken without constant and curvature.
 
-    R + K p + C**2 p**2,
-
-R of read noise and background, K counts per electron of shot noise, and the third of speckle of
-contrast C, which multiplies the light (Dorsch, Haeusler, Herrmann, Laser triangulation: fundamental
-uncertainty in distance measurement, 1994). With the fit's own A / h for p, that of q is
-R h**2 + K A h + C**2 A**2: under speckle alone all quotients weigh the same, and the flanks, which
-place the spot best, weigh as much as the top.
-
-C**2 is measured. Third differences of the quotients cancel every polynomial up to u**2, and of
-noise that is independent from pixel to pixel they have 1 + 9 + 9 + 1 times its variance. What they
-have more than read and shot noise make is 20 C**2 A**2, averaged over DEPTH lines with a little of a
-prior. A line's weight is its number of differences over its noise, rounded to a power of two.
-
-The noise of neighbours is taken as independent; that the speckle of neighbours is not only counts
-in the standard deviation of the result.
+Third differences of q cancel its polynomial, and of independent noise they have 1 + 9 + 9 + 1 times
+the variance. What they have more than read and shot noise make is 20 C**2 A**2, averaged over DEPTH
+lines and a prior; a line's weight goes with its noise, rounded to a power of two. That neighbours
+share speckle counts only in the standard deviation of the result.
 """
 
 from dataclasses import dataclass
@@ -61,6 +53,7 @@ FAR = 5 / 8  # first widths w between the fit and the given position
 CHI_LIMIT = 5.0  # chi squared a degree of freedom above which the spot is no Gaussian
 FEWEST = 4  # pixels
 MOST_CLIPPED = 1 / 8  # share of the window's pixels at full scale
+_TINY = 1e-30  # instead of no variance and no weight
 
 
 class History(NamedTuple):
@@ -77,7 +70,7 @@ class History(NamedTuple):
 
 @dataclass(frozen=True)
 class Fitted:
-    """Fits of n lines; all arrays [n] but for the history."""
+    """Fits of n lines, [n] each."""
 
     position: Floats  # px: the fit's, or the given one where it does not stand
     sigma: Floats  # its standard deviation, px, of no meaning where not ``fitted``
@@ -104,7 +97,7 @@ class _Noise(NamedTuple):
 
     @property
     def total(self) -> Floats:
-        return np.asarray(np.maximum(self.dark + self.shot + self.speckle, np.finfo(float).tiny))
+        return np.asarray(np.maximum(self.dark + self.shot + self.speckle, _TINY))
 
 
 class _Pass(NamedTuple):
@@ -133,8 +126,7 @@ def _pass(height: Floats, pixel: Ints, usable: Bools, state: _State, noise: _Noi
     quotient = np.clip(h * height - state.height[:, None], -LARGEST_QUOTIENT, LARGEST_QUOTIENT)
     own = (noise.dark[:, None] * h + noise.shot[:, None]) * h
     variance = own + noise.speckle[:, None]
-    least = np.finfo(float).tiny
-    weight = np.where(inside, noise.total[:, None] / np.maximum(variance, least), 0.0)
+    weight = np.where(inside, noise.total[:, None] / np.maximum(variance, _TINY), 0.0)
     return _Pass(inside, near, square, weight, quotient, own, u)
 
 
@@ -259,7 +251,7 @@ def peak_fit(
     fitted &= np.abs(state.place - position) <= FAR * begin
     lost = (seen.near & clipped).sum(axis=1)
     fitted &= lost <= MOST_CLIPPED * (count + lost)
-    told = np.maximum(seen.sum(2), np.finfo(float).tiny)
+    told = np.maximum(seen.sum(2), _TINY)
     spread = np.sqrt((at.total + NEIGHBOURS * at.speckle) / told) / (before.height * LN4)
     return Fitted(
         position=np.where(fitted, state.place, position),
