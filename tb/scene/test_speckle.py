@@ -5,6 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 import pytest
+from coherent_light import CELL_UM, PITCH_UM, RANGE_MM, coherent_rows
 from scipy import stats
 
 from vrscan.data.arrays import Floats
@@ -22,11 +23,7 @@ from vrscan.scene.speckle import (
 )
 
 SEED = 1994
-RANGE_MM = 400.0
 PUPIL_MM = 25.0 / 3.0
-CELL_UM = 0.658 * 3.0 / (1.0 - 25.0 / RANGE_MM)  # lambda F (1 + m)
-PITCH_UM = 7.0
-PER_PIXEL = 8  # grid points
 
 
 @pytest.fixture(scope="module")
@@ -36,45 +33,6 @@ def speckle() -> Speckle:
 
 def make(seed: int, length: int = 2048) -> Speckle:
     return Speckle(seed, length, wavelength_nm=658.0, focal_mm=25.0, f_number=3.0, pitch_mm=0.007)
-
-
-def coherent_rows(
-    rng: np.random.Generator,
-    sigma_px: float,
-    half: int,
-    trials: int,
-    *,
-    rows: int = 16,
-    cycles: int = 0,
-    shift_px: float = 0.0,
-) -> Floats:
-    """Return the pixels' energies of many sensor rows across a spot, [trials * rows, 2 half + 1].
-
-    A surface of random scatterers, many to a resolved cell, lit by a Gaussian beam and imaged by a
-    circular pupil, coherently. The spot is tall (sigma is 14 um and more, a row 7 um), so along
-    the rows' normal it is even and every row of the image is a trial. ``cycles`` tilts the
-    light by so many fringes across the field, ``shift_px`` moves the surface along the normal.
-    """
-    step = PITCH_UM / PER_PIXEL
-    columns = (2 * half + 1) * PER_PIXEL
-    x = (np.arange(columns) + 0.5 - columns / 2) * step
-    beam = np.exp(-np.square(x / (sigma_px * PITCH_UM)) / 4)
-    fx = np.fft.fftfreq(columns, step)
-    fy = np.fft.fftfreq(rows * PER_PIXEL, step)
-    pupil = np.hypot(fx, fy[:, None]) <= 0.5 / CELL_UM
-    tilt = np.exp(2j * math.pi * cycles * np.arange(columns) / columns)
-    lit = beam * tilt
-    # each sample stands for its square, not for a point
-    area = np.sinc(fx * step) * np.sinc(fy * step)[:, None]
-    found = []
-    for _ in range(trials):
-        real, imaginary = rng.standard_normal((2, rows * PER_PIXEL, columns))
-        surface = np.roll(real + 1j * imaginary, round(shift_px * PER_PIXEL), axis=0)
-        image = np.fft.ifft2(np.fft.fft2(surface * lit) * pupil)
-        energy = np.fft.ifft2(np.fft.fft2(np.square(np.abs(image))) * area).real
-        cut = energy.reshape(rows, PER_PIXEL, 2 * half + 1, PER_PIXEL)
-        found.append(cut.sum(axis=(1, 3)))
-    return np.concatenate(found)
 
 
 def first_harmonic(lines: Floats, cut: float = 0.05) -> Floats:

@@ -9,7 +9,7 @@ from vrscan.data.config import Config
 from vrscan.data.contract import checked
 from vrscan.data.lines import Lines
 from vrscan.data.table import Table
-from vrscan.ideal import confidence, geometry, two_pass
+from vrscan.ideal import confidence, geometry, peak_fit, two_pass
 from vrscan.ideal.peak import isolate, threshold
 from vrscan.ideal.position import Phase, first_harmonic, windows
 from vrscan.ideal.statistics import statistics
@@ -48,18 +48,26 @@ def run(
     lines, angle_rad, power = given.lines, given.angle_rad, given.power
     raised = np.asarray(given.mirror_flags)
     parts = []
+    history = peak_fit.History.empty()
     for start in range(0, max(1, len(given)), _CHUNK):
         part = slice(start, start + _CHUNK)
         some = lines[part], angle_rad[part], power[part], raised[part]
-        parts.append(_run(*some, config, start))
+        points, history = _run(*some, config, start, history)
+        parts.append(points)
         if progress is not None:
             progress(min(start + _CHUNK, len(given)))
     return Table.joined(parts)
 
 
 def _run(
-    lines: Pixels, angle_rad: Floats, power: Ints, mirror_flags: Ints, config: Config, first: int
-) -> Table:
+    lines: Pixels,
+    angle_rad: Floats,
+    power: Ints,
+    mirror_flags: Ints,
+    config: Config,
+    first: int,
+    history: peak_fit.History,
+) -> tuple[Table, peak_fit.History]:
     peak = config.peak
     row = statistics(lines, max_window=MAX_WINDOW)
     by_row = row.row_only | (peak.noise == "row")
@@ -109,6 +117,24 @@ def _run(
     measured[valid] = ~found.no_phase
     position = _spread(left[valid] + found.delta, valid, len(lines))
     sigma = _spread(found.sigma, valid, len(lines))
+    if peak.fit:
+        fit = peak_fit.peak_fit(
+            lines,
+            measured=measured,
+            left=left,
+            width=np.where(measured, width, 0),
+            slope=_spread(second.slope, valid, len(lines)),
+            position=position,
+            spread=sigma,
+            sigma=_spread(second.sigma, valid, len(lines)),
+            maximum=row.maximum,
+            background=background,
+            noise=noise,
+            pixel_width=config.sensor.pixel_width,
+            kappa=peak.kappa,
+            history=history,
+        )
+        position, sigma, history = fit.position, fit.sigma, fit.history
     u, scale = geometry.undistorted(position, config.geometry)
     located = geometry.triangle(u, angle_rad, config.geometry)
     present = window.width > 0
@@ -126,7 +152,7 @@ def _run(
         "NO_RANGE": measured & located.no_range,
         **{name: mirror_flags >> bit & 1 == 1 for bit, name in enumerate(MIRROR_FLAGS)},
     }
-    return Table(
+    points = Table(
         line=np.arange(first, first + len(lines)),
         flags=flags,
         left=left,
@@ -150,6 +176,7 @@ def _run(
         located=measured & ~located.no_range,
         pixel_width=config.sensor.pixel_width,
     )
+    return points, history
 
 
 def _spread(values: Floats, rows: Ints, count: int) -> Floats:

@@ -103,18 +103,27 @@ def expose(
     return np.clip(counts, 0, 2**pixel_width - 1).astype(np.uint16)
 
 
-def cramer_rao_variance(electrons: Floats, slope: Floats, dark_variance: float) -> Floats:
+def cramer_rao_variance(
+    electrons: Floats, slope: Floats, dark_variance: float, contrast: Floats | float = 0.0
+) -> Floats:
     """Return the least variance of a position estimate, px^2 [n].
 
-    1 / sum_i (df_i / dmu)^2 / (b^2 + f_i), f_i in electrons, b^2 the variance of a pixel without
-    the spot: read noise, background and converter step (Winick 1986).
+    1 / sum_i (df_i / dmu)^2 / (b^2 + f_i + C^2 f_i^2), f_i in electrons, b^2 the variance of a
+    pixel without the spot: read noise, background and converter step (Winick 1986). Speckle of
+    contrast C multiplies the light of each pixel by a gain of variance C^2. With gamma distributed
+    gains the counts of shot noise are negative binomial, whose information about their mean is the
+    inverse variance; with read noise too, the counts tell a little more than that.
+
+    Leaves out that neighbours share a part of their speckle.
 
     Args:
         electrons: Mean electrons f_i of the spot [n, length].
         slope: df_i / dmu, electrons per px [n, length].
         dark_variance: b^2, electrons squared.
+        contrast: C of a pixel's speckle, [n] or one for all.
     """
-    return np.asarray(1.0 / (np.square(slope) / (dark_variance + electrons)).sum(axis=1))
+    gains = np.square(np.expand_dims(contrast, -1) * electrons)
+    return np.asarray(1.0 / (np.square(slope) / (dark_variance + electrons + gains)).sum(axis=1))
 
 
 class SensorModel(Section):

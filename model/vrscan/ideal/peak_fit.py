@@ -1,0 +1,268 @@
+"""A weighted fit of a Gaussian to the spot, which speckle does not mislead.
+
+A spot A 2**-(u**2), u = (x - mu) / w, w = sigma sqrt(2 ln 2), multiplied by h = 2**(u**2) is A in
+every pixel. Where A, mu and w are a little off, the quotient q = h p - A of a pixel p is
+
+    q = dA + A ln 4 (u dmu / w + u**2 dw / w)
+
+to first order: constant, slope and curvature are the corrections. Least squares with the inverse
+variances of q as weights, repeated from the corrected values, are Fisher's scoring; they attain
+the Cramer-Rao bound. The variance of p is R + K p + C**2 p**2, with R of read noise and background,
+K counts per electron, and the contrast C of speckle, which multiplies the light (Dorsch, Haeusler,
+Herrmann, Laser triangulation: fundamental uncertainty in distance measurement, 1994). With A / h
+for p, that of q is R h**2 + K A h + C**2 A**2: under speckle alone the flanks weigh as much as the
+top. The weights being even, the slope is taken without constant and curvature.
+
+Third differences of q cancel its polynomial, and of independent noise they have 1 + 9 + 9 + 1 times
+the variance. What they have more than read and shot noise make is 20 C**2 A**2, averaged over DEPTH
+lines and a prior; a line's weight goes with its noise, rounded to a power of two. That neighbours
+share speckle counts only in the standard deviation of the result.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from vrscan.data.arrays import Bools, Floats, Ints, Pixels
+
+SPAN = 200  # px that are read, half of them on either side of the window's middle
+PASSES, ROUGH_PASS = 4, 1  # the speckle is measured in the second pass, and used from the third on
+DEPTH = 16  # lines over which the speckle is steadied
+SCALE = float(np.sqrt(2.0 * np.log(2.0)))  # w over sigma
+LN4 = float(np.log(4.0))
+
+CUT = 8.0  # u**2 at which the window ends
+TOP = 23 / 8  # u**2 below which the speckle is measured
+LARGEST_QUOTIENT = 8.0
+FIRST_HEIGHT = 0.75  # heights are shares of the power of two above the largest
+LEAST_HEIGHT, LARGEST_HEIGHT = 1 / 16, 8.0
+LEAST_SCALE, LARGEST_SCALE = 0.5, 64.0  # px
+MOST_MOVE, MOST_STRETCH, MOST_RISE = 1.0, 0.3, 1.0  # of a pass: widths, widths, heights
+LEAST_NOISE = 5 / 16  # counts, that of the converter's steps
+
+FIRST_SPECKLE = 1 / 64  # squared contrast in the first two passes
+PRIOR_SPECKLE, PRIOR_DIFFERENCES = 0.0016, 32.0
+MOST_SPECKLE = 3 / 8
+DIFFERENCES = 20.0  # sum of the squared coefficients of a third difference
+LARGEST_AREA = 2.0  # A**2 in a line's weight
+LARGEST_LIFT = 16  # a line's weight is at most 2**16
+NEIGHBOURS = 3 / 8  # what the correlation of neighbours adds to the speckle's variance
+
+FAR = 5 / 8  # first widths w between the fit and the given position
+CHI_LIMIT = 5.0  # chi squared a degree of freedom above which the spot is no Gaussian
+FEWEST = 4  # pixels
+MOST_CLIPPED = 1 / 8  # share of the window's pixels at full scale
+_TINY = 1e-30  # instead of no variance and no weight
+
+
+class History(NamedTuple):
+    """Sums of the last DEPTH - 1 lines, oldest first, [DEPTH - 1] each."""
+
+    roughness: Floats  # what squared third differences have more than noise makes, weighted
+    weight: Floats
+
+    @classmethod
+    def empty(cls) -> "History":
+        """Return what is known before the first line."""
+        return cls(np.zeros(DEPTH - 1), np.zeros(DEPTH - 1))
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Fits of n lines, [n] each."""
+
+    position: Floats  # px: the fit's, or the given one where it does not stand
+    sigma: Floats  # its standard deviation, px
+    fitted: Bools  # whether the fit stands
+    speckle: Floats  # squared contrast, of this line and those before
+    scale: Floats  # w, px
+    history: History  # for the lines that follow
+
+
+class _State(NamedTuple):
+    """What a pass begins with, [n] each."""
+
+    height: Floats  # A
+    place: Floats  # px
+    scale: Floats  # px
+
+
+class _Noise(NamedTuple):
+    """The terms of a height's variance where u = 0, [n] each."""
+
+    dark: Floats
+    shot: Floats
+    speckle: Floats
+
+    @property
+    def total(self) -> Floats:
+        return np.asarray(np.maximum(self.dark + self.shot + self.speckle, _TINY))
+
+
+class _Pass(NamedTuple):
+    """Pixels of a pass, [n, SPAN] each."""
+
+    inside: Bools
+    near: Bools  # inside, if it were not for full scale
+    square: Floats  # u**2
+    weight: Floats  # 1 where u = 0
+    quotient: Floats
+    noise: Floats  # the quotient's variance without speckle
+    u: Floats
+
+    def sum(self, power: int, *, quotient: bool = False) -> Floats:
+        """Return the weighted sums of u**power, times the quotient if that is asked for, [n]."""
+        terms = self.weight * self.u**power
+        return np.asarray((terms * self.quotient if quotient else terms).sum(axis=1))
+
+
+def _pass(height: Floats, pixel: Ints, usable: Bools, state: _State, noise: _Noise) -> _Pass:
+    u = (pixel - state.place[:, None]) / state.scale[:, None]
+    square = np.square(u)
+    near = square < CUT
+    inside = near & usable
+    h = np.exp2(np.minimum(square, CUT))
+    quotient = np.clip(h * height - state.height[:, None], -LARGEST_QUOTIENT, LARGEST_QUOTIENT)
+    own = (noise.dark[:, None] * h + noise.shot[:, None]) * h
+    variance = own + noise.speckle[:, None]
+    weight = np.where(inside, noise.total[:, None] / np.maximum(variance, _TINY), 0.0)
+    return _Pass(inside, near, square, weight, quotient, own, u)
+
+
+def _ratio(dividend: Floats, divisor: Floats, most: Floats | float) -> Floats:
+    """Return a quotient limited to ``most`` either way."""
+    whole = divisor > 0.0
+    ratio = np.where(whole, dividend, np.where(dividend < 0.0, -np.inf, np.inf))
+    return np.asarray(np.clip(ratio / np.where(whole, divisor, 1.0), -most, most))
+
+
+def _stepped(state: _State, seen: _Pass, least: Floats, most: Floats) -> _State:
+    """Return what the next pass begins with."""
+    slope = state.height * LN4
+    s0, s2, s4 = (seen.sum(power) for power in (0, 2, 4))
+    b0, b1, b2 = (seen.sum(power, quotient=True) for power in (0, 1, 2))
+    move = _ratio(b1, s2 * slope, MOST_MOVE)
+    stretch = _ratio(s0 * b2 - s2 * b0, (s0 * s4 - s2 * s2) * slope, MOST_STRETCH)
+    rise = _ratio(b0 - stretch * slope * s2, s0, MOST_RISE * state.height)
+    height = state.height + np.maximum(rise, -0.5 * state.height)
+    return _State(
+        height=np.clip(height, LEAST_HEIGHT, LARGEST_HEIGHT),
+        place=state.place + move * state.scale,
+        scale=np.clip(state.scale * (1.0 + stretch), least, most),
+    )
+
+
+def _steadied(
+    seen: _Pass, noise: _Noise, height: Floats, measured: Bools, history: History
+) -> tuple[Floats, History]:
+    """Return the squared contrast of each line with those before it, and the last lines."""
+    top = seen.inside & (seen.square < TOP)
+    whole = top[:, 3:] & top[:, 2:-1] & top[:, 1:-2] & top[:, :-3]
+    squared = np.square(np.diff(seen.quotient, 3, axis=1))
+    own = seen.noise
+    made = own[:, 3:] + 9.0 * (own[:, 2:-1] + own[:, 1:-2]) + own[:, :-3]
+    excess = np.where(whole, squared - made, 0.0).sum(axis=1)
+    power = np.clip(-np.frexp(noise.dark + noise.shot)[1], 0, LARGEST_LIFT)
+    weight = DIFFERENCES * whole.sum(axis=1) * np.minimum(np.square(height), LARGEST_AREA)
+    most = MOST_SPECKLE * weight
+    terms = (np.where(measured, np.ldexp(x, power), 0.0)
+             for x in (np.clip(excess, -most, most), weight))  # fmt: skip
+    lines = History(*(np.append(before, now) for before, now in zip(history, terms, strict=True)))
+    count = len(measured)  # without lines np.convolve has two results
+    roughness, weight = (np.convolve(each, np.ones(DEPTH), "valid")[:count] for each in lines)
+    prior = PRIOR_DIFFERENCES * DIFFERENCES
+    speckle = (roughness + prior * PRIOR_SPECKLE) / (weight + prior)
+    last = History(*(each[len(each) - (DEPTH - 1) :] for each in lines))
+    return np.clip(speckle, 0.0, MOST_SPECKLE), last
+
+
+def peak_fit(
+    lines: Pixels,
+    *,
+    measured: Bools,
+    left: Ints,
+    width: Ints,
+    slope: Floats,
+    position: Floats,
+    spread: Floats,
+    sigma: Floats,
+    maximum: Ints,
+    background: Floats,
+    noise: Floats,
+    pixel_width: int,
+    kappa: float,
+    history: History,
+) -> Fitted:
+    """Fit a Gaussian to the spot of every line.
+
+    The fit does not stand, and the given position stays, where chi squared is too large, where the
+    fit went far from it, or where too many pixels are at full scale, whose light is not known.
+    Speckle moves the phase of a window by some twice as much as it does the fit.
+
+    Args:
+        lines: Counts [n, length].
+        measured: Which lines have a position [n].
+        left: First pixel of the second window [n].
+        width: Number of its pixels [n].
+        slope: Slope of the background beside it, counts per px; 0 in the window's middle [n].
+        position: Position that the second window gives, px [n].
+        spread: Its standard deviation by noise, px [n].
+        sigma: Standard deviation of the spot from the first window, px [n].
+        maximum: Largest pixel, counts [n].
+        background: Mean of the background, counts [n].
+        noise: Standard deviation of the background, counts [n].
+        pixel_width: Bits of a pixel.
+        kappa: Counts per electron.
+        history: The lines before; ``History.empty()`` at the beginning.
+
+    Returns:
+        The fits.
+    """
+    first = left + width // 2 - SPAN // 2
+    pixel = first[:, None] + np.arange(SPAN)
+    on_line = (pixel >= 0) & (pixel < lines.shape[1])
+    counts = np.take_along_axis(lines, np.clip(pixel, 0, lines.shape[1] - 1), axis=1)
+    clipped = on_line & (counts == 2**pixel_width - 1)
+    usable = on_line & ~clipped
+    unit = np.ldexp(1.0, np.frexp(np.maximum(maximum - background, np.finfo(float).eps))[1])
+    middle = left + (width - 1) / 2.0
+    level = background[:, None] + slope[:, None] * (pixel - middle[:, None])
+    height = np.clip((counts - level) / unit[:, None], -1.0, 1.0)
+    dark, gain = np.square(np.maximum(noise, LEAST_NOISE) / unit), kappa / unit
+
+    begin = np.clip(SCALE * sigma, LEAST_SCALE, LARGEST_SCALE)
+    least, most = np.maximum(begin / 2, LEAST_SCALE), np.minimum(begin * 2, LARGEST_SCALE)
+    state = _State(np.full(len(lines), FIRST_HEIGHT), position, begin)
+    speckle = np.full(len(lines), FIRST_SPECKLE)
+
+    def variances() -> _Noise:
+        return _Noise(dark, gain * state.height, speckle * np.square(state.height))
+
+    at = variances()
+    for number in range(PASSES):
+        if number > ROUGH_PASS:
+            at = variances()
+        seen, before = _pass(height, pixel, usable, state, at), state
+        if number == ROUGH_PASS:
+            speckle, history = _steadied(seen, at, state.height, measured, history)
+        state = _stepped(state, seen, least, most)
+
+    count = seen.inside.sum(axis=1)
+    chi = (seen.weight * np.square(seen.quotient)).sum(axis=1) / at.total
+    fitted = measured & (count >= FEWEST) & (chi <= CHI_LIMIT * (count - 3))
+    fitted &= np.abs(state.place - position) <= FAR * begin
+    lost = (seen.near & clipped).sum(axis=1)
+    fitted &= lost <= MOST_CLIPPED * (count + lost)
+    told = np.maximum(seen.sum(2), _TINY)
+    own = np.sqrt((at.total + NEIGHBOURS * at.speckle) / told) / (before.height * LN4)
+    own = own * state.scale
+    own = np.where(fitted, own, np.where(measured, np.maximum(2.0 * own, spread), spread))
+    return Fitted(
+        position=np.where(fitted, state.place, position),
+        sigma=own,
+        fitted=fitted,
+        speckle=speckle,
+        scale=state.scale,
+        history=history,
+    )
