@@ -127,7 +127,7 @@ def check_speckled(sigmas: tuple[float, ...], heights: tuple[float, ...], count:
         assert geometric_mean(values) <= 0.58 and max(values) <= 0.70
     print(f"over two passes: {geometric_mean(over_two):.3f}, worst {max(over_two):.3f}")
     print(f"error over sigma {min(honest):.2f} to {max(honest):.2f}; lost {100 * max(lost):.2f} %")
-    assert max(over_two) < 1 and max(lost) < 0.005
+    assert max(over_two) < 1 and max(lost) < 0.01
     assert min(honest) >= 0.8 and max(honest) <= 1.25
 
 
