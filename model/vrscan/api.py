@@ -187,7 +187,8 @@ def to_frame(points: Table) -> "pd.DataFrame":
     Returns:
         n rows. What means nothing is missing, as it is empty in the file: ``left`` and ``right``
         without a window, position and its sigma without a valid peak, ``x_mm``, ``z_mm`` and
-        ``sigma_z_mm`` where the rays do not meet. ``frame["flags"]`` has the names of a row's
+        ``sigma_z_mm`` where the rays do not meet, ``free_from_mm`` and ``free_to_mm`` where nothing
+        is known to be free. ``frame["flags"]`` has the names of a row's
         flags, joined by ``|``; ``frame.flags`` is something of pandas' own.
 
     Raises:
@@ -231,6 +232,8 @@ def to_frame(points: Table) -> "pd.DataFrame":
             "sigma_z_mm": where(points.located, points.sigma_z_mm),
             "c_obj": points.c_obj,
             "c_sfm": points.c_sfm,
+            "free_from_mm": where(points.free_to_mm > 0.0, points.free_from_mm),
+            "free_to_mm": where(points.free_to_mm > 0.0, points.free_to_mm),
         }
     )
 
