@@ -23,6 +23,7 @@ from vrscan.data.points import flag_texts
 from vrscan.data.table import Table
 from vrscan.engines import engine as engines
 from vrscan.engines.engine import Engine
+from vrscan.engines.shadows import shaded
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -164,17 +165,18 @@ def detect(
     with named():
         processes = engines.processes(chosen, len(lines), jobs)
         if processes == 1:
-            return engines.run(chosen, lines, settings, progress)
+            found = [engines.run(chosen, lines, settings, progress)]
+            return Table.joined(list(shaded(found, settings)) or found)
         recording = checked(lines, settings)  # here, where it knows the number of a bad line
         engines.prepare(chosen, settings)
         starts = range(0, len(recording), engines.BLOCK)
         blocks = (part(recording, slice(first, first + engines.BLOCK)) for first in starts)
         found = []
-        with engines.streamed(chosen, blocks, settings, _as_it_is, processes) as results:
-            for done, points in results:
+        with engines.streamed(chosen, blocks, settings, processes) as results:
+            for points in results:
                 found.append(points)
                 if progress is not None:
-                    progress(done)
+                    progress(int(points.line[-1]) + 1)
         return Table.joined(found)
 
 
@@ -248,8 +250,3 @@ def _configured(config: ConfigSource) -> Config:
 def _check_jobs(name: str, jobs: int) -> None:
     if jobs < 0:
         raise InputError(f"{name}: jobs must not be negative ({jobs})")
-
-
-def _as_it_is(points: Table) -> Table:
-    """Return points: what is done to those of a block, and other processes know by this name."""
-    return points

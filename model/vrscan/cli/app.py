@@ -167,7 +167,7 @@ def scan(
                 archive = parts.enter_context(line_files.archive(*given))
 
             def take(part: scans.Part) -> None:
-                csv(part.csv)
+                csv(csv_rows(part.points))
                 ply(part.ply)
                 if part.lines is not None:
                     archive(part.lines)
@@ -368,16 +368,15 @@ def replay(
         engines.prepare(engine, settings)
         blocks = recorded.blocks(engines.BLOCK)
         jobs = engines.processes(engine, recorded.count, jobs)
-        on_points = csv_rows if suffix == ".csv" else ply_vertices
         with (
             warnings.catch_warnings(record=True, action="always", category=InputWarning) as told,
             csv_file(file) if suffix == ".csv" else ply_file(file, out.parent) as write,
             _bar(f"engine {engine}", recorded.count) as progress,
-            engines.streamed(engine, blocks, settings, on_points, jobs) as found,
+            engines.streamed(engine, blocks, settings, jobs) as found,
         ):
-            for done, rows in found:
-                write(rows)
-                progress(done)
+            for points in found:
+                write(csv_rows(points) if suffix == ".csv" else ply_vertices(points))
+                progress(int(points.line[-1]) + 1)
     for each in told:
         print(f"vrscan: {each.message}", file=sys.stderr)
 

@@ -68,9 +68,7 @@ def _run(
     library.engine_run.restype = ctypes.c_int64
     centre = int(registers.centre) & (1 << 64) - 1  # the port has the lower ones
     configuration = [
-        word
-        for struct in (_PEAK, _GEOMETRY, _FREE)
-        for word in struct.as_words(registers)
+        word for struct in (_PEAK, _GEOMETRY, _FREE) for word in struct.as_words(registers)
     ]
     entries = np.arange(len(registers.free_table_from))
     table = _FREE_TABLE.pack_rows(

@@ -46,9 +46,7 @@ def free_interval(
     # A product is rounded so that the interval shrinks: up for the least z, down for the largest.
     rise = (table_from[index + 1] - table_from[index]) * share
     least = table_from[index] - (-rise >> FRACTION_WIDTH)
-    largest = table_to[index] + (
-        (table_to[index + 1] - table_to[index]) * share >> FRACTION_WIDTH
-    )
+    largest = table_to[index] + ((table_to[index + 1] - table_to[index]) * share >> FRACTION_WIDTH)
 
     quotient, _ = divide(
         np.asarray(power, np.int64) << QUOTIENT_FRACTION, noise, quotient_width=QUOTIENT_WIDTH
