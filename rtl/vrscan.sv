@@ -161,7 +161,8 @@ module vrscan #(
   localparam int unsigned Streams = 2;
   logic [  Streams-1:0] packet_valid, packet_ready, packet_last;
   logic [8*Streams-1:0] packet_data;
-  logic                 stream_start, stream_stop, stream_format, capture_start, alive;
+  logic                 stream_start, stream_stop, capture_start, alive;
+  logic [link_pkg::StreamFormatWidth-1:0] stream_format;
   logic [          7:0] stream_step;
   logic [         31:0] capture_argument;
   logic [link_pkg::CaptureModeWidth-1:0] capture_mode;

@@ -21,14 +21,27 @@ from random_records import random_records
 
 from vrscan.clocked.point_packer import SPACING, PointPacker, latency, most_records, record_bytes
 from vrscan.data import pkg
-from vrscan.data.link_pkg import STREAM_POINTS_COMPACT, STREAM_POINTS_FULL
-from vrscan.data.records import Records, compact, decode_compact, decode_full
+from vrscan.data.link_pkg import (
+    STREAM_POINTS_COMPACT,
+    STREAM_POINTS_FULL,
+    STREAM_POINTS_SPACE,
+)
+from vrscan.data.records import (
+    Records,
+    compact,
+    decode_compact,
+    decode_full,
+    decode_space,
+    space,
+)
 
 ELABORATIONS = [
     {"BufferBytes": 4096},
     {"BufferBytes": 512, "TimeoutWidth": 10, "CountWidth": 5},
 ]
-COMPACT, FULL = 0, 1
+COMPACT, FULL, SPACE = 0, 1, 2
+MOST, BYTES = {COMPACT: 28, FULL: 3, SPACE: 25}, {COMPACT: 8, FULL: 64, SPACE: 9}
+DECODE = {COMPACT: decode_compact, FULL: decode_full, SPACE: decode_space}
 LINES = 1 << 32
 OUTPUTS = ("valid", "data", "last", "points_dropped")
 OUTPUTS_OF = attrgetter(*OUTPUTS)
@@ -50,7 +63,7 @@ QUIET = {
 class Packet:
     """A packet of points, read by the definition of it."""
 
-    full: bool
+    form: int
     sequence: int
     count: int
     step: int
@@ -61,24 +74,23 @@ class Packet:
 
 def parsed(data: bytes) -> Packet:
     """Return what a packet says, if it is one."""
-    assert data[0] in (STREAM_POINTS_COMPACT, STREAM_POINTS_FULL)
-    full = data[0] == STREAM_POINTS_FULL
-    assert 1 <= data[2] <= (3 if full else 28)
-    assert len(data) == 10 + data[2] * (64 if full else 8) <= 240
+    form = (STREAM_POINTS_COMPACT, STREAM_POINTS_FULL, STREAM_POINTS_SPACE).index(data[0])
+    assert 1 <= data[2] <= MOST[form]
+    assert len(data) == 10 + data[2] * BYTES[form] <= 240
     first, dropped = int.from_bytes(data[4:8], "little"), int.from_bytes(data[8:10], "little")
-    records = (decode_full if full else decode_compact)(data[10:])
-    return Packet(full, data[1], data[2], data[3], first, dropped, records)
+    records = DECODE[form](data[10:])
+    return Packet(form, data[1], data[2], data[3], first, dropped, records)
 
 
 def check_stream(
-    packets: Sequence[Packet], sent: Records, full: bool, step: int, batch: int | None
+    packets: Sequence[Packet], sent: Records, form: int, step: int, batch: int | None
 ) -> int:
     """Compare the packets of one stream with the records that came in it.
 
     Args:
         packets: All of them.
         sent: The records, all of the stream.
-        full: Of its format.
+        form: Its format.
         step: Of its lines.
         batch: Records of a batch that nothing closes before its time; None if something does.
 
@@ -90,7 +102,7 @@ def check_stream(
     place = 0
     lost_before = []  # of each packet: records dropped before its first
     for number, packet in enumerate(packets):
-        assert packet.full == full and packet.step == step
+        assert packet.form == form and packet.step == step
         assert packet.sequence == number % 256
         begin = place
         while int(sent["line"][chosen[place]]) != packet.first:
@@ -102,12 +114,13 @@ def check_stream(
             if k == 0 and lost_before[-1]:
                 want["lost"] = min(lost_before[-1], most)
                 want["flags"] |= 1 << pkg.FLAG_POINTS_LOST
-            want = want if full else compact(want.reshape(1))[0]
+            made = {COMPACT: compact, SPACE: space}.get(form)
+            want = want if made is None else made(want.reshape(1))[0]
             assert packet.records[k] == want, f"packet {number}, record {k}"
             place += 1
         behind = (packet.first + packet.count * step) % LINES
         if batch is not None and number + 1 < len(packets):
-            limit = min(max(batch, 1), 3 if full else 28)
+            limit = min(max(batch, 1), MOST[form])
             assert packet.count == limit or packets[number + 1].first != behind
     lost_before.append(len(chosen) - place)
     # A header tells what was dropped up to the moment when its batch was closed.
@@ -180,7 +193,7 @@ class Bench(TwinBench):
         """Start a stream and give it records."""
         await self.tick(stream_start=1, stream_format=form, stream_step=step, **settings)
         # The ports carry something else behind the strobe.
-        await self.tick(4, stream_format=1 - form, stream_step=step ^ 255)
+        await self.tick(4, stream_format=(form + 1) % 3, stream_step=step ^ 255)
         for record in records:
             more = int(self.draw.integers(40)) if spacing == SPACING else 0
             await self.record(record, spacing + more)
@@ -212,7 +225,7 @@ def lines_from(first: int, count: int) -> list[int]:
 @cocotb.test()
 async def batch_is_out_after_the_stated_latency(dut) -> None:
     bench = await begin(dut)
-    for form in (COMPACT, FULL):
+    for form in (COMPACT, FULL, SPACE):
         records = random_records(bench.draw, lines_from(5, 2))
         await bench.stream(form, records[:1], points_batch=2)
         start = bench.clock
@@ -226,7 +239,11 @@ async def batch_is_out_after_the_stated_latency(dut) -> None:
 @cocotb.test()
 async def every_batch_size_gives_whole_packets(dut) -> None:
     bench = await begin(dut)
-    for form, sizes in ((COMPACT, (0, 1, 2, 5, 27, 28, 29, 255)), (FULL, (0, 1, 2, 3, 4, 255))):
+    for form, sizes in (
+        (COMPACT, (0, 1, 2, 5, 27, 28, 29, 255)),
+        (FULL, (0, 1, 2, 3, 4, 255)),
+        (SPACE, (1, 24, 25, 26)),
+    ):
         for size in sizes:
             count = 2 * most_records(bool(form)) // (1 if form else 2) + 3
             records = random_records(bench.draw, lines_from(int(bench.draw.integers(LINES)), count))
@@ -243,7 +260,7 @@ async def every_batch_size_gives_whole_packets(dut) -> None:
 @cocotb.test()
 async def every_step_takes_its_lines_and_a_gap_closes_the_batch(dut) -> None:
     bench = await begin(dut)
-    for form in (COMPACT, FULL):
+    for form in (COMPACT, FULL, SPACE):
         for step in (1, 2, 3, 7, 16, 100, 128, 254, 255):
             # Line numbers wrap; lines are missing, few or very many; others are between.
             line = LINES - int(bench.draw.integers(10)) * step
@@ -269,7 +286,7 @@ async def every_step_takes_its_lines_and_a_gap_closes_the_batch(dut) -> None:
 async def stalled_reader_drops_records_and_says_so(dut) -> None:
     bench = await begin(dut)
     total = 0
-    streams = [(FULL, 1), (FULL, 2)] if is_large() else [(COMPACT, 1), (FULL, 2), (COMPACT, 3)]
+    streams = [(FULL, 1), (SPACE, 2)] if is_large() else [(COMPACT, 1), (FULL, 2), (COMPACT, 3)]
     for form, step in streams:
         size = record_bytes(bool(form))
         count = step * (parameters()["BufferBytes"] // size + 12)
@@ -294,9 +311,9 @@ async def batch_begins_where_the_longest_one_has_room(dut) -> None:
     bench = await begin(dut)
     ring = parameters()["BufferBytes"]
     # The output register holds a byte that has left the ring.
-    for form, batch in ((COMPACT, 28), (COMPACT, 1), (FULL, 3), (FULL, 1), (COMPACT, 5)):
+    for form, batch in ((COMPACT, 28), (COMPACT, 1), (FULL, 3), (FULL, 1), (SPACE, 25)):
         size = record_bytes(bool(form))
-        longest = 10 + size * (28 if form == COMPACT else 3)
+        longest = 10 + size * MOST[form]
         fits, used = 0, 0
         while used - (fits > 0) + longest <= ring:
             used += 10 + size * batch
@@ -349,7 +366,7 @@ async def counts_of_dropped_records_wrap_or_stop(dut) -> None:
 @cocotb.test()
 async def old_batch_is_closed(dut) -> None:
     bench = await begin(dut)
-    for form in (COMPACT, FULL):
+    for form in (COMPACT, FULL, SPACE):
         for timeout in (1, 100, 500):
             record = random_records(bench.draw, [7])
             await bench.stream(form, record, spacing=64, points_timeout_clks=timeout)
@@ -377,7 +394,7 @@ async def old_batch_is_closed(dut) -> None:
 @cocotb.test()
 async def stop_at_any_moment_sends_what_there_is(dut) -> None:
     bench = await begin(dut)
-    for form in (COMPACT, FULL):
+    for form in (COMPACT, FULL, SPACE):
         for age in range(form, 170, 19 if is_large() else rounds(3, 1)):
             gap = 1 + age % 2
             records = random_records(bench.draw, [20, 21, 21 + gap, 30])
@@ -481,7 +498,7 @@ async def everything_at_random(dut) -> None:
         }
         if bench.draw.random() < 0.4:
             settings["stream_start"] = 1
-            settings["stream_format"] = int(bench.draw.integers(2))
+            settings["stream_format"] = int(bench.draw.integers(3))
             settings["stream_step"] = int(bench.draw.choice([1, 2, 3, 255]))
         elif bench.draw.random() < 0.1:
             settings["stream_stop"] = 1

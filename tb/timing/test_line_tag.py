@@ -1,6 +1,6 @@
 """line_tag: every clock of the RTL against the model, and lines of a whole scanner by name."""
 
-from dataclasses import astuple
+from dataclasses import astuple, replace
 
 import cocotb
 import numpy as np
@@ -265,6 +265,22 @@ async def readouts_without_an_exposure_are_untagged(dut) -> None:
     await bench.clocks(exposure=0)
     assert await bench.readout() == bench.sent[8]
     assert bench.twin.untagged_count == 3
+
+
+@cocotb.test()
+async def a_pulse_that_is_cut_has_no_power(dut) -> None:
+    """Behind its centre and before its exposure ends; what comes later belongs to another line."""
+    bench = await begin(dut)
+    for number, (clocks, power) in enumerate(((0, 0), (3, 0), (0, None), (1, None))):
+        await bench.clocks(2, exposure=1, line=number)
+        await bench.clocks(2, **bench.centre(number))
+        sent = bench.sent[number]
+        at_end = sent.power if power is None else power
+        await bench.clocks(clocks, power=at_end)
+        await bench.clocks(1, exposure=0, power=at_end)
+        await bench.clocks(2, power=0 if power is None else 77)
+        await bench.clocks(1, **bench.angle(number))
+        assert await bench.readout() == replace(sent, power=at_end)
 
 
 @cocotb.test()

@@ -255,7 +255,8 @@ def csv_rows(result: Table) -> bytes:
 
     Every fixed-point number has just the decimals from which its word is read back. Fields without
     meaning are empty: left and right without a window, position and sigma without a valid peak, x,
-    z and sigma_z where the rays do not meet, free_from and free_to where nothing is known to be free.
+    z and sigma_z where the rays do not meet, free_from and free_to where nothing is known to be
+    free.
 
     Args:
         result: The points.

@@ -23,7 +23,7 @@ _BIN_PX = 16  # width of the strips of the sensor in which the nearest surface i
 
 
 def shaded(tables: Iterable[Table], config: Config) -> Iterator[Table]:
-    """Yield points in blocks of ``BLOCK`` lines, with free intervals that end where they are hidden.
+    """Yield points in blocks of ``BLOCK`` lines; free intervals end where they are hidden.
 
     Args:
         tables: Points of rising line numbers, in parts of any size, which do not change the result.

@@ -30,7 +30,7 @@ def free_interval(
         shift: The entries are 2**(shift + FRACTION_WIDTH) steps of an angle apart; u4.
         table_from: Least z, mm, 4 fraction bits, u16; 128 entries over the angle, what the camera
             sees, and 128 over power / noise, where the darkest surface gives a peak.
-        table_to: Largest z in the same format. An interval is empty where it is not above the least.
+        table_to: Largest z in the same format; where it is not above the least, the entry is empty.
 
     Returns:
         Least and largest z, int64 [n]; both 0 where nothing is free.

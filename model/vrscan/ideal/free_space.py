@@ -148,15 +148,17 @@ def reach(ratio: Floats, angle_rad: Floats, config: Config) -> tuple[Floats, Flo
     return np.where(none, np.inf, near), np.where(none, 0.0, far)
 
 
-def _begin(counts: Floats, seen: Bools) -> Floats:
+def _begin(counts: Floats, seen: Bools) -> Ints:
     """Return the first index of the run of ``seen`` that holds the largest count [m]."""
     top = counts.argmax(axis=1)
     dark = ~seen & (np.arange(counts.shape[1]) < top[:, None])
-    return np.where(dark.any(axis=1), counts.shape[1] - dark[:, ::-1].argmax(axis=1), 0)
+    behind = counts.shape[1] - dark[:, ::-1].argmax(axis=1)
+    return np.asarray(np.where(dark.any(axis=1), behind, 0))
 
 
-def _end(counts: Floats, seen: Bools) -> Floats:
+def _end(counts: Floats, seen: Bools) -> Ints:
     """Return the last index of that run [m]."""
     top = counts.argmax(axis=1)
     dark = ~seen & (np.arange(counts.shape[1]) > top[:, None])
-    return np.where(dark.any(axis=1), dark.argmax(axis=1) - 1, counts.shape[1] - 1)
+    last = counts.shape[1] - 1
+    return np.asarray(np.where(dark.any(axis=1), dark.argmax(axis=1) - 1, last))

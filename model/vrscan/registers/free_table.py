@@ -86,7 +86,7 @@ def _bend(values: Floats, whole: Bools) -> Floats:
     share = np.linspace(0.0, 1.0, values.shape[1])
     line = values[:, :1] * (1.0 - share) + values[:, -1:] * share
     rise = np.where(whole, np.maximum((values - line).max(axis=1), 0.0), 0.0)
-    return 1.05 * np.maximum(np.append(rise, 0.0), np.append(0.0, rise))
+    return np.asarray(1.05 * np.maximum(np.append(rise, 0.0), np.append(0.0, rise)))
 
 
 def _words(near: Floats, far: Floats) -> tuple[Ints, Ints]:

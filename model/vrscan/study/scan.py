@@ -16,8 +16,8 @@ from vrscan.data.lines import Lines, bare, joined, part
 from vrscan.data.parallel import workers
 from vrscan.data.points import ply_vertices
 from vrscan.data.table import Table
-from vrscan.engines.engine import Engine, processes, run_block
 from vrscan.engines import shadows
+from vrscan.engines.engine import Engine, processes, run_block
 from vrscan.scene.simulate import BLOCK, Scanner
 from vrscan.study.report.tally import Tally
 
@@ -112,9 +112,9 @@ def scan(
     waiting: deque[Part] = deque()
 
     def found(parts: Iterator[Part]) -> Iterator[Table]:
-        for part in parts:
-            waiting.append(part)
-            yield part.points
+        for each in parts:
+            waiting.append(each)
+            yield each.points
 
     with workers(_Work(scanner, engine, keep), jobs) as do:
         # A block waits for the next one, whose surfaces may hide parts of its beams.
