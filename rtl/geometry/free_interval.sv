@@ -169,7 +169,7 @@ module free_interval (
       from_o <= none_q ? '0 : from_q;
       to_o   <= none_q ? '0 : to_q;
     end
-    valid_o <= stage_q[4];
+    valid_o <= stage_q[4] && !valid_i;
 
     if (valid_i) stage_q <= '0;
     if (rst_i) begin

@@ -67,6 +67,7 @@ void* engine_create(const uint32_t* configuration, uint64_t centre, const uint32
     chain.free_table_i = low | static_cast<uint64_t>(*table++) << 32;
     engine->clock();
   }
+  engine->clocks = 0;
   return engine.release();
 }
 

@@ -47,7 +47,7 @@ def test_the_shipped_view() -> None:
 
 
 def test_a_lens_that_folds_the_image_frees_nothing() -> None:
-    config = Config(geometry=Geometry(k1=-0.02))
+    config = Config(geometry=Geometry(k1=-0.0095))
     near, far = visible(np.zeros(3), config)
     assert np.all(near > far)
 
@@ -98,9 +98,9 @@ def test_the_response_is_the_light_on_a_pixel() -> None:
 def test_the_reach_is_where_the_darkest_surface_is_bright_enough() -> None:
     config = Config()
     angles = np.linspace(-0.3, 0.3, 7)
-    ratio = np.array([100.0, 1000.0, 1e4, 1e5])
+    ratio = np.array([100.0, 1e4, 1e5, 1e7])
     near, far = reach(ratio, angles, config)
-    assert np.all(np.diff(far) >= 0.0) and np.all(np.diff(near) <= 0.0)
+    assert np.all(far[1:] >= far[:-1]) and np.all(near[1:] <= near[:-1])
     for k, each in enumerate(ratio):
         if near[k] >= far[k]:
             continue

@@ -232,8 +232,8 @@ async def batch_is_out_after_the_stated_latency(dut) -> None:
         await bench.record(records[1], 64)
         while not bench.twin.valid:
             await bench.tick()
-        assert bench.clock - start == latency(bool(form)) == (143 if form else 87)
-        assert check_stream(await bench.finish(), records, bool(form), 1, 2) == 0
+        assert bench.clock - start == latency(form) == {COMPACT: 87, FULL: 143, SPACE: 88}[form]
+        assert check_stream(await bench.finish(), records, form, 1, 2) == 0
 
 
 @cocotb.test()
@@ -245,13 +245,13 @@ async def every_batch_size_gives_whole_packets(dut) -> None:
         (SPACE, (1, 24, 25, 26)),
     ):
         for size in sizes:
-            count = 2 * most_records(bool(form)) // (1 if form else 2) + 3
+            count = 2 * most_records(form) // (1 if form == FULL else 2) + 3
             records = random_records(bench.draw, lines_from(int(bench.draw.integers(LINES)), count))
             await bench.stream(form, records, points_batch=size)
             packets = await bench.finish()
-            assert check_stream(packets, records, bool(form), 1, size) == 0
+            assert check_stream(packets, records, form, 1, size) == 0
             # Only what the stream's end closed is shorter.
-            limit = min(max(size, 1), most_records(bool(form)))
+            limit = min(max(size, 1), most_records(form))
             assert {p.count for p in packets[:-1]} == {limit}
             assert sum(p.count for p in packets) == count
     assert bench.twin.points_dropped == 0
@@ -277,7 +277,7 @@ async def every_step_takes_its_lines_and_a_gap_closes_the_batch(dut) -> None:
             records = random_records(bench.draw, lines)
             await bench.stream(form, records, step, points_batch=200)
             packets = await bench.finish()
-            assert check_stream(packets, records, bool(form), step, 200) == 0
+            assert check_stream(packets, records, form, step, 200) == 0
             assert {p.dropped for p in packets} == {0}
             assert len(packets) > 1
 
@@ -288,7 +288,7 @@ async def stalled_reader_drops_records_and_says_so(dut) -> None:
     total = 0
     streams = [(FULL, 1), (SPACE, 2)] if is_large() else [(COMPACT, 1), (FULL, 2), (COMPACT, 3)]
     for form, step in streams:
-        size = record_bytes(bool(form))
+        size = record_bytes(form)
         count = step * (parameters()["BufferBytes"] // size + 12)
         records = random_records(bench.draw, lines_from(LINES - 20, 2 * count))
         bench.ready = 0.0
@@ -299,7 +299,7 @@ async def stalled_reader_drops_records_and_says_so(dut) -> None:
             for record in part:
                 await bench.record(record)
         packets = await bench.finish()
-        lost = check_stream(packets, records, bool(form), step, 255)
+        lost = check_stream(packets, records, form, step, 255)
         assert lost > 10
         total += lost
         assert bench.twin.points_dropped == min(total, count_max())
@@ -312,7 +312,7 @@ async def batch_begins_where_the_longest_one_has_room(dut) -> None:
     ring = parameters()["BufferBytes"]
     # The output register holds a byte that has left the ring.
     for form, batch in ((COMPACT, 28), (COMPACT, 1), (FULL, 3), (FULL, 1), (SPACE, 25)):
-        size = record_bytes(bool(form))
+        size = record_bytes(form)
         longest = 10 + size * MOST[form]
         fits, used = 0, 0
         while used - (fits > 0) + longest <= ring:
@@ -325,7 +325,7 @@ async def batch_begins_where_the_longest_one_has_room(dut) -> None:
         assert bench.twin.points_dropped - before == 3
         packets = await bench.finish()
         assert sum(p.count for p in packets) == fits
-        check_stream(packets, records, bool(form), 1, batch)
+        check_stream(packets, records, form, 1, batch)
 
 
 @cocotb.test()
@@ -375,7 +375,7 @@ async def old_batch_is_closed(dut) -> None:
                 await bench.tick()
             # The age counts from the clock in which the record finds its room; 12 clocks after the
             # batch is found old the packet is there.
-            want = max(timeout, record_bytes(bool(form))) + 15
+            want = max(timeout, record_bytes(form)) + 15
             assert bench.clock - start == want, (form, timeout)
             await bench.finish()
     # Never: not even when the age stops.
@@ -411,7 +411,7 @@ async def stop_at_any_moment_sends_what_there_is(dut) -> None:
                 )
             await bench.record(records[3])
             packets = await bench.finish()
-            assert check_stream(packets, records[:3], bool(form), 1, None) == 0
+            assert check_stream(packets, records[:3], form, 1, None) == 0
             assert bench.twin.points_dropped == 0
 
 

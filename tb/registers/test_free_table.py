@@ -20,7 +20,7 @@ CONFIGS = {
     "cushion": Config(geometry=Geometry(k1=-1.5e-3, centre_px=900.0), free=Free(edge_px=20.0)),
     "printed": Config(geometry=Geometry(k1=1e-3, distortion="even")),
     "turned": Config(geometry=Geometry(bias_deg=60.0, offset_mm=-12.0, base_mm=90.0)),
-    "folded": Config(geometry=Geometry(k1=-0.02)),
+    "folded": Config(geometry=Geometry(k1=-0.0095)),
 }
 
 
@@ -57,7 +57,10 @@ def test_both_ends_are_seen_and_bright_enough(name: str) -> None:
     angle, power, noise = words(config, 40_000, 3)
     least, largest = table_interval(config, angle, power, noise)
     rows = largest > 0
-    assert rows.sum() > 3000 if name != "folded" else not rows.any()
+    if name == "folded":
+        assert not rows.any()
+        return
+    assert rows.sum() > 3000
     radians = angle[rows] * 2.0 * np.pi / 2**pkg.ANGLE_WIDTH
     last, edge = config.sensor.line_length - 1, config.free.edge_px
     for z in (least[rows], largest[rows], 0.5 * (least + largest)[rows]):
@@ -65,7 +68,8 @@ def test_both_ends_are_seen_and_bright_enough(name: str) -> None:
         assert np.all((place >= edge) & (place <= last - edge))
         electrons = response(z, radians, config) * config.free.darkest * power[rows]
         counts = electrons * config.peak.kappa / config.laser.power_max
-        assert np.all(counts >= 0.995 * config.peak.snr_min * noise[rows] / 2.0**12)
+        snr = counts / (noise[rows] / 2.0**12)
+        assert snr.min() >= 0.995 * config.peak.snr_min
 
 
 @pytest.mark.parametrize("name", ["shipped", "barrel", "turned"])

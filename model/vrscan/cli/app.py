@@ -137,14 +137,14 @@ def scan(
     from vrscan.scene.simulate import Scanner
     from vrscan.scene.timeline import write_edges
     from vrscan.study import scan as scans
-    from vrscan.study.report import budget
+    from vrscan.study.report import budget, space_report
     from vrscan.study.report import scan_report as report
 
     _check_count(count, 1, MOST_SCANNED)
     _check_jobs(jobs)
     settings = _settings(config)
     with _folder(out), contextlib.ExitStack() as stack:
-        names = ["points.csv", "points.ply", "picture.png"] + ["lines.npz"] * keep
+        names = ["points.csv", "points.ply", "picture.png", "space.png"] + ["lines.npz"] * keep
         files = {name: stack.enter_context(atomic_file(out / name)) for name in names}
         engines.prepare(engine, settings)
         light, chosen = _planned(scene, count, fidelity, tolerance, settings)
@@ -173,7 +173,7 @@ def scan(
                     archive(part.lines)
 
             with _bar(f"light, {engine}", count) as progress:
-                tally, sample = scans.scan(
+                tally, sample, space = scans.scan(
                     scanner, engine, take, keep=keep, jobs=jobs, progress=progress
                 )
         if sweeps:
@@ -191,6 +191,9 @@ def scan(
             y_mm=sample.y_mm,
             pixels=scanner.line,
         )
+        truth = sample.lines.truth
+        assert truth is not None
+        space_report.picture(sample.points, truth, title, files["space.png"], y_mm=sample.y_mm)
     console = _console()
     console.print(report.error_table(tally.errors(), title))
     console.print(
@@ -198,6 +201,14 @@ def scan(
         f"{tally.dark} lines whose spot the camera cannot see, "
         f"{tally.stray} of them with a point"
     )
+    console.print(str(space))
+    lens, free = light.scene.lens, settings.free
+    if (lens.focus_mm, lens.f_number) != (free.focus_mm, free.f_number):
+        console.print(
+            f"the scene's lens is focused at {lens.focus_mm:g} mm with f/{lens.f_number:g}, and "
+            f"[free] says {free.focus_mm:g} mm with f/{free.f_number:g}",
+            markup=False,
+        )
     for line in budget.summary(chosen):
         console.print(line, highlight=False)
     console.print(f"{out}: {', '.join(names)}", highlight=False)

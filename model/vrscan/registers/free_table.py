@@ -59,12 +59,12 @@ def level_ratios() -> Floats:
 
 
 def _seen(begin: int, shift: int, config: Config) -> tuple[Ints, Ints]:
-    """Return the entries over the angle."""
+    """Return the entries over the angle, from ``begin`` up to the same angle on the other side."""
     places = np.arange((HALF - 1) * _FINE + 1) / _FINE
     steps = begin + places * (1 << (shift + FRACTION_WIDTH))
     angle = np.clip(steps * (2.0 * np.pi * 2.0**-pkg.ANGLE_WIDTH), -0.499 * np.pi, 0.499 * np.pi)
     near, far = visible(angle, config)
-    none = ~np.isfinite(near)
+    none = ~np.isfinite(near) | (steps > -begin)
     cell = np.arange(HALF - 1)[:, None] * _FINE + np.arange(_FINE + 1)
     # A cell with an end where nothing is seen is empty by itself; one with such a place between
     # its ends gets an empty end.

@@ -19,6 +19,7 @@ from vrscan.data.table import Table
 from vrscan.engines import shadows
 from vrscan.engines.engine import Engine, processes, run_block
 from vrscan.scene.simulate import BLOCK, Scanner
+from vrscan.study.report.space_report import Space
 from vrscan.study.report.tally import Tally
 
 assert BLOCK == shadows.BLOCK  # the blocks of the points are those of the lines
@@ -53,8 +54,9 @@ class Part:
     points: Table
     ply: bytes  # result of ``ply_vertices``
     tally: Tally
-    drawn: Bools  # the lines that are in the picture
-    sample: Sample
+    bare: Lines  # lines without pixels
+    y_mm: Floats  # position of the scanner at each line
+    drawn: Bools  # lines that are in the picture
     lines: Lines | None  # lines with their truth, if they are kept
 
 
@@ -78,8 +80,9 @@ class _Work:
             points=points,
             ply=ply_vertices(points, y_mm),
             tally=Tally.of(points, truth),
+            bare=bare(lines),
+            y_mm=y_mm,
             drawn=drawn,
-            sample=Sample(part(bare(lines), drawn), points.of(drawn), y_mm[drawn]),
             lines=lines if self.keep else None,
         )
 
@@ -92,7 +95,7 @@ def scan(
     keep: bool = False,
     jobs: int = 1,
     progress: Callable[[int], None] | None = None,
-) -> tuple[Tally, Sample]:
+) -> tuple[Tally, Sample, Space]:
     """Scan a scene.
 
     Args:
@@ -108,6 +111,7 @@ def scan(
     """
     jobs = processes(engine, scanner.count, jobs)
     tally: Tally | None = None
+    space: Space | None = None
     samples: list[Sample] = []
     waiting: deque[Part] = deque()
 
@@ -122,10 +126,15 @@ def scan(
             each = replace(waiting.popleft(), points=points)
             take(each)
             tally = each.tally if tally is None else tally + each.tally
-            samples.append(replace(each.sample, points=points.of(each.drawn)))
+            truth = each.bare.truth
+            assert truth is not None
+            seen = Space.of(points, truth)
+            space = seen if space is None else space + seen
+            drawn = each.drawn
+            samples.append(Sample(part(each.bare, drawn), points.of(drawn), each.y_mm[drawn]))
             if len(samples) == _JOINED:  # even a sample without lines takes memory
                 samples = [Sample.joined(samples)]
             if progress is not None:
                 progress(tally.lines)
-    assert tally is not None  # there is at least one line
-    return tally, Sample.joined(samples)
+    assert tally is not None and space is not None  # there is at least one line
+    return tally, Sample.joined(samples), space
