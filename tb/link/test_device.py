@@ -20,7 +20,6 @@ from vrscan.data import link_pkg, records
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
 from vrscan.data.records import Form
-
 from vrscan.link import device as device_module
 from vrscan.link import transport as transport_module
 from vrscan.link.device import Device, DeviceError

@@ -34,6 +34,8 @@ from vrscan.data.records import (
     decode_space,
     space,
 )
+from vrscan.link.protocol import encode_frame
+from vrscan.registers import values
 
 ELABORATIONS = [
     {"BufferBytes": 4096},
@@ -531,3 +533,61 @@ def test_point_packer(values: dict[str, int], volume: str) -> None:
 def test_point_packer_model_rejects_what_does_not_fit(size: int) -> None:
     with pytest.raises(ValueError, match="point_packer: "):
         PointPacker(size)
+
+
+# ---- the model alone ----
+
+
+@pytest.mark.parametrize(("form", "baud", "fits"), [(SPACE, 4e6, True), (FULL, 4e6, False)])
+def test_every_line_of_points_and_free_beams_fits_into_4_mbaud(
+    form: int, baud: float, fits: bool
+) -> None:
+    """At 37,400 lines/s and 100 MHz, with the frames' own bytes, and the batch after reset."""
+    clock_hz, lines = 100e6, 300
+    draw = generator(12)
+    records = random_records(draw, range(lines))
+    twin = PointPacker()
+    quiet = QUIET | {"points_batch": values.find("points_batch").reset[0]}
+    due, sent, payload, free_at, wire = 0.0, 0, bytearray(), 0.0, 0.0
+    twin.step(**quiet | {"stream_start": 1, "stream_format": form})
+    twin.step(**quiet)
+    packets = []
+    byte = 0
+    for clock in range(round(lines * clock_hz / 37_400)):
+        inputs = dict(quiet)
+        if byte < 64 and sent < lines and (byte or clock >= due):
+            due += (clock_hz / 37_400) * (byte == 0)
+            inputs |= {
+                "record_valid": 1,
+                "record_index": byte,
+                "record": records[sent : sent + 1].tobytes()[byte],
+            }
+            byte += 1
+            if byte == 64:
+                byte, sent = 0, sent + 1
+        # The encoder takes a packet at once, and the next one when its last byte is on the wire.
+        inputs["ready"] = int(bool(payload) or clock >= free_at)
+        if twin.valid and inputs["ready"]:
+            payload.append(twin.data)
+            if twin.last:
+                packets.append(parsed(bytes(payload)))
+                bits = 10 * len(encode_frame(bytes(payload)))
+                wire += bits * clock_hz / baud
+                free_at = max(clock, free_at) + bits * clock_hz / baud
+                payload.clear()
+        twin.step(**inputs)
+    arrived = sum(packet.count for packet in packets)
+    busy = wire / (arrived * clock_hz / 37_400)
+    print(f"{arrived} of {sent} lines sent, {twin.points_dropped} dropped, line busy {busy:.2f}")
+    if fits:
+        # What is not out yet is an open batch and the packet that waits for it.
+        assert twin.points_dropped == 0 and sent - arrived <= 2 * quiet["points_batch"]
+        assert busy < 0.95
+    else:
+        assert twin.points_dropped > 0 or sent - arrived > 4 * quiet["points_batch"]
+
+
+def test_4_mbaud_can_be_set() -> None:
+    step = round(4e6 / 100e6 * 2**24)
+    assert values.to_words("uart_step", step) == [step]
+    assert abs(step * 100e6 / 2**24 / 4e6 - 1) < 1e-6

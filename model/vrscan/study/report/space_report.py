@@ -16,7 +16,7 @@ UNKNOWN, FREE, BEAM, OCCUPIED = range(4)  # states of a cell
 _SHADES = (LIGHT, COLOURS[2], "#d9ead8", INK)
 _ANGLES, _DEPTHS = 240, 400  # cells of the picture, at most
 _LINES = 12  # lines for each angle, at least
-_SLICE = 0.02  # share of a moving scanner's way that is drawn
+_SLICE = 1500  # lines in the middle of a moving scanner's way that are drawn
 
 
 @dataclass(frozen=True)
@@ -110,8 +110,10 @@ def picture(
     """
     rows = np.ones(len(points), np.bool_)
     if y_mm is not None and len(points) and np.ptp(y_mm) > 0.0:
-        rows = np.abs(y_mm - np.median(y_mm)) <= _SLICE * np.ptp(y_mm)
-        title = f"{title}; y = {np.median(y_mm):.0f} mm"
+        order = np.argsort(np.abs(y_mm - np.median(y_mm)), kind="stable")
+        rows = np.isin(np.arange(len(points)), order[:_SLICE])
+        low, high = y_mm[rows].min(), y_mm[rows].max()
+        title = f"{title}; y = {low:.1f} to {high:.1f} mm"
     some = points.of(rows)
     ends = np.concatenate([some.z_mm[some.located], some.free_to_mm, truth.z_mm[rows], [100.0]])
     reach = 1.05 * float(np.nanmax(ends[np.isfinite(ends)]))
