@@ -294,8 +294,8 @@ FAULTS = [
         "rtl/peak/peak_confidence.sv",
         (
             "C_sfm where there is an object",
-            "low_snr_q ? confidence : '0",
-            "low_snr_q ? '0 : confidence",
+            "clear_q ? confidence : '0",
+            "clear_q ? '0 : confidence",
         ),
         (
             "S/N of no height",
@@ -951,7 +951,7 @@ FAULTS = [
     *faults(
         "model/vrscan/ideal/confidence.py",
         ("(9): not limited", "np.minimum(snr / snr_max, 1.0)", "snr / snr_max"),
-        ("(10): where there is an object", "np.where(valid, 0.0, np", "np.where(~valid, 0.0, np"),
+        ("(10): where there is an object", "np.where(clear, np", "np.where(~clear, np"),
         test="position",
     ),
     *faults(

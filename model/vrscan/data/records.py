@@ -156,7 +156,7 @@ def encode_space(records: Records) -> bytes:
     point = measured(records)
     packed = np.frombuffer(encode_compact(records), np.uint8).reshape(-1, link_pkg.COMPACT_BYTES)
     free = np.zeros(len(records), _FREE)
-    free["angle"] = records["angle"] >> _ANGLE_DROP
+    free["angle"] = (records["angle"] >> _ANGLE_DROP).astype(np.int16)
     for name in ("free_from", "free_to", "c_sfm", "flags"):
         free[name] = records[name]
     bare = free.view(np.uint8).reshape(-1, link_pkg.COMPACT_BYTES)
@@ -221,8 +221,8 @@ def space(records: Records) -> Records:
     for name in ("x", "z", "c_obj"):
         result[name][point] = small[name][point]
     half = 1 << _ANGLE_DROP - 1
-    angle = (records["angle"].astype(np.int64) >> _ANGLE_DROP << _ANGLE_DROP) + half
-    result["angle"][~point] = angle[~point]
+    sent = (records["angle"] >> _ANGLE_DROP).astype(np.int16)
+    result["angle"][~point] = (sent[~point].astype(np.int64) << _ANGLE_DROP) + half
     result["c_sfm"][~point] = records["c_sfm"][~point]
     for name, source in (("free_from", "x"), ("free_to", "z")):
         ends = records[source].astype(np.int64) >> FREE_ALIGN & (1 << pkg.FREE_WIDTH) - 1
