@@ -218,6 +218,10 @@ def points(
         int | None,
         typer.Option(help="Record every n-th line; default: as many as the serial line carries."),
     ] = None,
+    stream_baud: Annotated[
+        int | None,
+        typer.Option(help="Rate of the link while points are recorded; default: as it is."),
+    ] = None,
     start: StartOption = False,
     allow_loss: Annotated[
         bool, typer.Option("--allow-loss", help="Exit with status 0 even if points were lost.")
@@ -244,8 +248,10 @@ def points(
     if space and not full:
         raise InputError("--space: not with --compact")
     form = Form.SPACE if space else Form(full)
+    if stream_baud is not None:
+        _check("--stream-baud", stream_baud, 1, 1_000_000_000)
     with atomic_file(out) as file, _device(port, baud, timeout) as device:
-        with _running(device, start):
+        with _at_rate(device, stream_baud), _running(device, start):
             taken = device.least_step(form) if step is None else step
             with device.stream(form, taken) as stream:
                 found = _recorded(device, stream, count, seconds)
@@ -385,6 +391,20 @@ def _device(port: str | None, baud: int, timeout: float) -> Iterator["Device"]:
         raise InputError(f"--port: which one? {f'there are {there}' if there else 'there is none'}")
     with Device(port, baud=baud, timeout=timeout) as device:
         yield device
+
+
+@contextlib.contextmanager
+def _at_rate(device: "Device", rate: int | None) -> Iterator[None]:
+    """Change the link's rate while the context lasts, if one is given."""
+    before = device.baud
+    if rate is None:
+        yield
+        return
+    device.set_baud(rate)
+    try:
+        yield
+    finally:
+        device.set_baud(before)
 
 
 @contextlib.contextmanager
