@@ -611,6 +611,27 @@ FAULTS = [
         test="chain_lines",
     ),
     *faults(
+        "rtl/geometry/free_interval.sv",
+        ("from is rounded down", "FreeWidth'(product[FractionWidth-1:0] != '0)", "FreeWidth'(0)"),
+        ("an empty neighbour is taken", " || entry_from_q >= entry_to_q;", ";"),
+        ("the last entry has a next one", ">= (AngleWidth - FractionWidth)'(LastEntry)", "> '1"),
+        ("no light is a level", "none_q <= empty_q || dark_q ||", "none_q <= empty_q ||"),
+        ("a result after a new start", "stage_q[4] && !valid_i;", "stage_q[4];"),
+        ("no reset of the stages", "      stage_q <= '0;\n      valid_o", "      valid_o"),
+    ),
+    *faults(
+        "rtl/vrscan_chain.sv",
+        ("free on a saturated line", "&& !peak.flags[vrscan_pkg::FlagSaturated]\n", "\n"),
+        ("free with a flag of the mirror", " && peak.line.mirror_flags == '0;", ";"),
+        ("an interval without confidence", "c_sfm != '0 ? free_to : '0;", "free_to;"),
+        test="chain_lines",
+    ),
+    *faults(
+        "rtl/timing/line_tag.sv",
+        ("a cut pulse keeps its power", "ended && last_centre_q == exposed_line_q", "1'b0"),
+        ("another line's power", "ended && last_centre_q == exposed_line_q", "ended"),
+    ),
+    *faults(
         "rtl/geometry/triangulate.sv",
         ("n0 and n1 swapped", "RoundedWidth'(geometry_i.n0)", "RoundedWidth'(geometry_i.n1)"),
         ("d1 and e1 swapped", "RoundedWidth'(geometry_i.d1)", "RoundedWidth'(geometry_i.e1)"),
@@ -953,6 +974,33 @@ FAULTS = [
         ("(9): not limited", "np.minimum(snr / snr_max, 1.0)", "snr / snr_max"),
         ("(10): where there is an object", "np.where(clear, np", "np.where(~clear, np"),
         test="position",
+    ),
+    *faults(
+        "model/vrscan/ideal/free_space.py",
+        ("a blur half as wide", "blur = 0.5 * geometry", "blur = 0.25 * geometry"),
+        (
+            "the other end",
+            "beta[:, *(None,) * angle.ndim] - angle)",
+            "beta[:, *(None,) * angle.ndim] + angle)",
+        ),
+    ),
+    *faults(
+        "model/vrscan/registers/free_table.py",
+        (
+            "lines through the exact ends",
+            "return np.asarray(1.05 * np",
+            "return np.asarray(0.0 * np",
+        ),
+        ("rounded outwards", "np.ceil(np.minimum(near * one, top)) + 1.0", "np.floor(near * one)"),
+    ),
+    *faults(
+        "model/vrscan/engines/shadows.py",
+        (
+            "nothing is hidden",
+            "behind = (nearest < z[:, 1:])",
+            "behind = (nearest > 1e9 + z[:, 1:])",
+        ),
+        ("only its own block", "if abs(other._number - self._number) == 1:", "if other is self:"),
     ),
     *faults(
         "model/vrscan/ideal/statistics.py",
