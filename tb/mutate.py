@@ -570,7 +570,11 @@ FAULTS = [
             "    point.flags[vrscan_pkg::FlagNotRunning+:3] = line_q.mirror_flags;\n",
         ),
         ("mirror's flags a clock late", "= line_q.mirror_flags;", "= line_i.mirror_flags;"),
-        ("noise of a later line", ".noise_i(peak.noise)", ".noise_i(noise)"),
+        (
+            "noise of a later line",
+            ".noise_i(peak.noise),\n    .width_i",
+            ".noise_i(noise),\n    .width_i",
+        ),
         (
             "flag of a later line",
             "    point.flags[vrscan_pkg::FlagNoNoise] = no_noise;\n",
@@ -582,8 +586,8 @@ FAULTS = [
         ("angle a clock late", "begun.line   = line_q;", "begun.line   = line_i;"),
         (
             "wrong flag decides",
-            "peak.flags[vrscan_pkg::FlagLowSnr]",
-            "peak.flags[vrscan_pkg::FlagTooNarrow]",
+            ".low_snr_i(peak.flags[vrscan_pkg::FlagLowSnr])",
+            ".low_snr_i(peak.flags[vrscan_pkg::FlagTooNarrow])",
         ),
         (
             "does not wait for sigma",
