@@ -415,8 +415,9 @@ class SelfTest:
 
     # ---- lines ----
 
-    def run(self, name: str, settings: Settings, form: Form, angle: int, power: int) -> Check:
+    def run(self, name: str, settings: Settings, form: int, angle: int, power: int) -> Check:
         """Stream the points of a run and compare every field of all of them."""
+        form = Form(form)
         what = f"{name}, {form.name.lower()}"
         arrange(self.device, settings, angle=angle, power=power)
         with self.device.stream(form) as stream:
