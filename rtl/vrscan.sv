@@ -118,6 +118,8 @@ module vrscan #(
   register_pkg::locks_t           locks;
   register_pkg::table_t           table_entry;
   register_pkg::focus_table_t     focus_table;
+  register_pkg::free_t            free;
+  register_pkg::free_table_t      free_table;
   logic                              bus_valid, bus_done;
   logic [ link_pkg::AccessWidth-1:0] bus_access;
   logic [link_pkg::AddressWidth-1:0] bus_address;
@@ -134,7 +136,8 @@ module vrscan #(
     .link_status_i(link_status), .laser_o(laser), .laser_limits_o(laser_limits),
     .laser_status_i(laser_status), .points_o(points), .points_status_i(points_status),
     .focus_o(focus), .focus_status_i(focus_status), .test_o(test), .test_status_i(test_status),
-    .sensor_i(sensor), .locks_o(locks), .table_o(table_entry), .focus_table_o(focus_table)
+    .sensor_i(sensor), .locks_o(locks), .table_o(table_entry), .focus_table_o(focus_table),
+    .free_o(free), .free_table_o(free_table)
   );
 
   logic [47:0] uptime_q;
@@ -158,7 +161,8 @@ module vrscan #(
   localparam int unsigned Streams = 2;
   logic [  Streams-1:0] packet_valid, packet_ready, packet_last;
   logic [8*Streams-1:0] packet_data;
-  logic                 stream_start, stream_stop, stream_format, capture_start, alive;
+  logic                 stream_start, stream_stop, capture_start, alive;
+  logic [link_pkg::StreamFormatWidth-1:0] stream_format;
   logic [          7:0] stream_step;
   logic [         31:0] capture_argument;
   logic [link_pkg::CaptureModeWidth-1:0] capture_mode;
@@ -264,7 +268,7 @@ module vrscan #(
     .line_start_i(readout_q2.start), .line_end_i(readout_q2.last),
     .pixel_valid_i(readout_q2.valid), .pixel_i(readout_q2.pixel), .line_i(readout_q2.line),
     .valid_o(point_valid), .ready_i(1'b1), .point_o(point),
-    .peak_i(peak), .geometry_i(geometry), .centre_i(CentreWidth'(geometry.centre)), .chain_o(chain)
+    .peak_i(peak), .geometry_i(geometry), .free_i(free), .free_table_i(free_table), .centre_i(CentreWidth'(geometry.centre)), .chain_o(chain)
   );
   assign measured_o = point_valid && point.measured;
 

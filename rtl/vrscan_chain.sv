@@ -11,6 +11,8 @@
 //                     those of the second window.  position, sigma, x, z and sigma_z are meaningless
 //                     where measured is 0
 //   valid_o, ready_i  a point that nobody took is kept and the next one dropped and counted
+//   c_sfm             only where a line was in order: flags of the mirror, SATURATED, TOO_WIDE, NO_NOISE
+//                     and ROW_STATISTICS make it 0; without it free_from and free_to are 0
 //   centre_i          the optical axis; of geometry_i's only a line of up to 2048 pixels has room
 //   Latency  vrscan.fixed.vrscan_chain.latency(width) clocks from the last pixel with its line_end_i to valid_o:
 //            a constant plus twice the window, with two passes plus the first window and another
@@ -45,6 +47,8 @@ module vrscan_chain #(
   // Configuration; it has to hold until the points of all lines are out.
   input  wire register_pkg::peak_t           peak_i,
   input  wire register_pkg::geometry_t       geometry_i,
+  input  wire register_pkg::free_t           free_i,
+  input  wire register_pkg::free_table_t     free_table_i,
   input  wire logic signed [CentreWidth-1:0] centre_i,
 
   output      register_pkg::chain_t          chain_o
@@ -224,14 +228,27 @@ module vrscan_chain #(
   logic [       vrscan_pkg::SnrWidth-1:0] snr;
   logic [     vrscan_pkg::SigmaWidth-1:0] sigma;
   logic [vrscan_pkg::ConfidenceWidth-1:0] c_obj, c_sfm;
+  logic                                   clear;
+  assign clear = peak.flags[vrscan_pkg::FlagLowSnr] && !peak.flags[vrscan_pkg::FlagSaturated]
+                 && !peak.flags[vrscan_pkg::FlagTooWide]
+                 && !peak.flags[vrscan_pkg::FlagRowStatistics] && peak.line.mirror_flags == '0;
   peak_confidence #(.PixelWidth(PixelWidth)) u_peak_confidence (
     .clk_i, .rst_i, .peak_i,
     .valid_i(phased), .measured_i(measured), .low_snr_i(peak.flags[vrscan_pkg::FlagLowSnr]),
+    .clear_i(clear),
     .maximum_i(PixelWidth'(peak.maximum)), .background_i(peak.background), .noise_i(peak.noise),
     .width_i(window_width), .period_i(period), .magnitude_i(magnitude), .sum_i(height_sum),
     .wave_i(wave), .count_i(wave_count), .power_i(peak.line.power),
     .valid_o(judged), .snr_o(snr), .no_noise_o(no_noise), .sigma_o(sigma), .c_obj_o(c_obj),
     .c_sfm_o(c_sfm)
+  );
+
+  // Takes less time than peak_confidence, and its result stays.
+  logic [vrscan_pkg::FreeWidth-1:0] free_from, free_to;
+  free_interval u_free_interval (
+    .clk_i, .rst_i, .free_i, .free_table_i,
+    .valid_i(phased), .angle_i(peak.line.angle), .power_i(peak.line.power),
+    .noise_i(peak.noise), .valid_o(), .from_o(free_from), .to_o(free_to)
   );
 
   // The point so far waits here while the next line is correlated.  Before a fit it waits for as long
@@ -263,6 +280,8 @@ module vrscan_chain #(
     point.sigma    = sigma;
     point.c_obj    = c_obj;
     point.c_sfm    = c_sfm;
+    point.free_from = c_sfm != '0 ? free_from : '0;
+    point.free_to   = c_sfm != '0 ? free_to : '0;
     point.flags[vrscan_pkg::FlagNoPhase] = no_phase;
     point.flags[vrscan_pkg::FlagNoNoise] = no_noise;
   end

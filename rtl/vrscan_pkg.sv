@@ -23,6 +23,8 @@ package vrscan_pkg;
   localparam int unsigned ConfidenceWidth = 8;
   localparam int unsigned PowerWidth = 16;
   localparam int unsigned LineNumberWidth = 32;
+  localparam int unsigned FreeWidth = 16;  // an end of the free interval of z, unsigned
+  localparam int unsigned FreeFraction = 4;  // mm
 
   // Configuration.
   localparam int unsigned KNoiseFraction = 8;
@@ -199,6 +201,8 @@ package vrscan_pkg;
     logic [SigmaWidth-1:0] sigma_z;
     logic [ConfidenceWidth-1:0] c_obj;
     logic [ConfidenceWidth-1:0] c_sfm;
+    logic [FreeWidth-1:0] free_from;  // z between which the beam is free; both 0: nowhere
+    logic [FreeWidth-1:0] free_to;
   } point_t;
 endpackage
 

@@ -34,7 +34,7 @@ LINE_LENGTH = 1024
 MOST_DUE = 100.0  # lines that are made at once, where the machine is busy
 
 # Packets and records, byte by byte.
-COMPACT_POINTS, FULL_POINTS, PIXELS, LAST = 0x40, 0x41, 0x48, 0x49
+POINTS, PIXELS, LAST = 0x40, 0x48, 0x49
 CHUNK = 100  # pixels
 FULL_RECORD = struct.Struct("<I4H4I2H4i2H2BH2BHI")
 FIELDS = (
@@ -58,6 +58,19 @@ def compact_bytes(record: np.void) -> bytes:
     bits |= sum(1 << bit for bit, mask in GATHERED.items() if flags & mask)
     place = (int(record[name]).to_bytes(3, "little", signed=True) for name in ("x", "z"))
     return b"".join(place) + bytes([record["c_obj"], bits])
+
+
+def space_bytes(record: np.void) -> bytes:
+    """Return the 9 bytes of a point or a free beam."""
+    data = compact_bytes(record)
+    if not data[7] & 1:
+        ends = [int(record[name]) >> 8 & 0xFFFF for name in ("x", "z")]
+        angle = int(record["angle"]) >> 8 & 0xFFFF
+        data = struct.pack("<3HBB", angle, *ends, int(record["c_sfm"]), data[7])
+    return data + bytes([int(record["bits"]) >> 1 << 7 & 0x80 | int(record["confidence"]) >> 1])
+
+
+ENCODED = (compact_bytes, full_bytes, space_bytes)
 
 
 @dataclass
@@ -115,7 +128,7 @@ class FakeBoard:
         self._payload = bytearray()
         self._line = 1000  # the next one
         self._due = 0.0  # lines that have not been made yet
-        self._streaming: tuple[bool, int] | None = None
+        self._streaming: tuple[int, int] | None = None
         self._sequence = self._dropped = 0
         self._batch: list[np.void] = []
         self._capture: tuple[int, int] | None = None
@@ -287,7 +300,7 @@ class FakeBoard:
             return
         self._close_batch()
         if strobe == "stream_start":
-            self._streaming = beside["stream_format"] == 1, beside["stream_step"]
+            self._streaming = beside["stream_format"], beside["stream_step"]
             self._sequence = self._dropped = 0
         else:
             self._streaming = None
@@ -318,7 +331,7 @@ class FakeBoard:
             self._captured(line, pixels, record)
         if self._streaming is None or line in self.silent_lines:
             return
-        full, step = self._streaming
+        form, step = self._streaming
         if line % step:
             return
         if self._batch and line != (int(self._batch[-1]["line"]) + step) % (1 << 32):
@@ -327,21 +340,26 @@ class FakeBoard:
             self._dropped = (self._dropped + 1) % (1 << 16)
             return
         self._batch.append(record)
-        if len(self._batch) == most_records(full):
+        if len(self._batch) == most_records(form):
             self._close_batch()
 
     def _close_batch(self) -> None:
         if not self._batch or self._streaming is None:
             self._batch = []
             return
-        full, step = self._streaming
+        form, step = self._streaming
         batch, self._batch = self._batch, []
-        kind, encode = (FULL_POINTS, full_bytes) if full else (COMPACT_POINTS, compact_bytes)
         header = struct.pack(
-            "<BBBBIH", kind, self._sequence, len(batch), step, int(batch[0]["line"]), self._dropped
+            "<BBBBIH",
+            POINTS + form,
+            self._sequence,
+            len(batch),
+            step,
+            int(batch[0]["line"]),
+            self._dropped,
         )
         self._sequence = (self._sequence + 1) & 0xFF
-        self._packets.append(header + b"".join(map(encode, batch)))
+        self._packets.append(header + b"".join(map(ENCODED[form], batch)))
 
     def _captured(self, line: int, pixels: Pixels, record: np.void) -> None:
         assert self._capture is not None

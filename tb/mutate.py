@@ -288,8 +288,8 @@ FAULTS = [
         "rtl/peak/peak_confidence.sv",
         (
             "C_sfm where there is an object",
-            "low_snr_q ? confidence : '0",
-            "low_snr_q ? '0 : confidence",
+            "clear_q ? confidence : '0",
+            "clear_q ? '0 : confidence",
         ),
         (
             "S/N of no height",
@@ -564,7 +564,11 @@ FAULTS = [
             "    point.flags[vrscan_pkg::FlagNotRunning+:3] = line_q.mirror_flags;\n",
         ),
         ("mirror's flags a clock late", "= line_q.mirror_flags;", "= line_i.mirror_flags;"),
-        ("noise of a later line", ".noise_i(peak.noise)", ".noise_i(noise)"),
+        (
+            "noise of a later line",
+            ".noise_i(peak.noise),\n    .width_i",
+            ".noise_i(noise),\n    .width_i",
+        ),
         (
             "flag of a later line",
             "    point.flags[vrscan_pkg::FlagNoNoise] = no_noise;\n",
@@ -576,8 +580,8 @@ FAULTS = [
         ("angle a clock late", "begun.line   = line_q;", "begun.line   = line_i;"),
         (
             "wrong flag decides",
-            "peak.flags[vrscan_pkg::FlagLowSnr]",
-            "peak.flags[vrscan_pkg::FlagTooNarrow]",
+            ".low_snr_i(peak.flags[vrscan_pkg::FlagLowSnr])",
+            ".low_snr_i(peak.flags[vrscan_pkg::FlagTooNarrow])",
         ),
         (
             "does not wait for sigma",
@@ -603,6 +607,27 @@ FAULTS = [
         "rtl/geometry/distortion.sv",
         ("k1 and k2 swapped", "FactorWidth'(geometry_i.k2)", "FactorWidth'(geometry_i.k1)"),
         test="chain_lines",
+    ),
+    *faults(
+        "rtl/geometry/free_interval.sv",
+        ("from is rounded down", "FreeWidth'(product[FractionWidth-1:0] != '0)", "FreeWidth'(0)"),
+        ("an empty neighbour is taken", " || entry_from_q >= entry_to_q;", ";"),
+        ("the last entry has a next one", ">= (AngleWidth - FractionWidth)'(LastEntry)", "> '1"),
+        ("no light is a level", "none_q <= empty_q || dark_q ||", "none_q <= empty_q ||"),
+        ("a result after a new start", "stage_q[4] && !valid_i;", "stage_q[4];"),
+        ("no reset of the stages", "      stage_q <= '0;\n      valid_o", "      valid_o"),
+    ),
+    *faults(
+        "rtl/vrscan_chain.sv",
+        ("free on a saturated line", "&& !peak.flags[vrscan_pkg::FlagSaturated]\n", "\n"),
+        ("free with a flag of the mirror", " && peak.line.mirror_flags == '0;", ";"),
+        ("an interval without confidence", "c_sfm != '0 ? free_to : '0;", "free_to;"),
+        test="chain_lines",
+    ),
+    *faults(
+        "rtl/timing/line_tag.sv",
+        ("a cut pulse keeps its power", "ended && last_centre_q == exposed_line_q", "1'b0"),
+        ("another line's power", "ended && last_centre_q == exposed_line_q", "ended"),
     ),
     *faults(
         "rtl/geometry/triangulate.sv",
@@ -945,8 +970,35 @@ FAULTS = [
     *faults(
         "model/vrscan/ideal/confidence.py",
         ("(9): not limited", "np.minimum(snr / snr_max, 1.0)", "snr / snr_max"),
-        ("(10): where there is an object", "np.where(valid, 0.0, np", "np.where(~valid, 0.0, np"),
+        ("(10): where there is an object", "np.where(clear, np", "np.where(~clear, np"),
         test="position",
+    ),
+    *faults(
+        "model/vrscan/ideal/free_space.py",
+        ("a blur half as wide", "blur = 0.5 * geometry", "blur = 0.25 * geometry"),
+        (
+            "the other end",
+            "beta[:, *(None,) * angle.ndim] - angle)",
+            "beta[:, *(None,) * angle.ndim] + angle)",
+        ),
+    ),
+    *faults(
+        "model/vrscan/registers/free_table.py",
+        (
+            "lines through the exact ends",
+            "return np.asarray(1.05 * np",
+            "return np.asarray(0.0 * np",
+        ),
+        ("rounded outwards", "np.ceil(np.minimum(near * one, top)) + 1.0", "np.floor(near * one)"),
+    ),
+    *faults(
+        "model/vrscan/engines/shadows.py",
+        (
+            "nothing is hidden",
+            "behind = (nearest < z[:, 1:])",
+            "behind = (nearest > 1e9 + z[:, 1:])",
+        ),
+        ("only its own block", "if abs(other._number - self._number) == 1:", "if other is self:"),
     ),
     *faults(
         "model/vrscan/ideal/statistics.py",

@@ -229,6 +229,19 @@ async def start(dut, window: str = "threshold") -> Registers:
     given = registers(window)
     struct_ports(dut)["peak_i"].give(given)
     struct_ports(dut)["geometry_i"].give(given)
+    struct_ports(dut)["free_i"].give(given)
+    for entry, (least, largest) in enumerate(
+        zip(given.free_table_from, given.free_table_to, strict=True)
+    ):
+        struct_ports(dut)["free_table_i"].give(
+            {
+                "free_table_write": 1,
+                "free_table_index": entry,
+                "free_table_from": least,
+                "free_table_to": largest,
+            }
+        )
+        await FallingEdge(dut.clk_i)
     dut.centre_i.value = given.centre & (1 << len(dut.centre_i)) - 1
     dut.ready_i.value = 1
     await FallingEdge(dut.clk_i)

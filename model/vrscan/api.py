@@ -23,6 +23,7 @@ from vrscan.data.points import flag_texts
 from vrscan.data.table import Table
 from vrscan.engines import engine as engines
 from vrscan.engines.engine import Engine
+from vrscan.engines.shadows import shaded
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -164,17 +165,18 @@ def detect(
     with named():
         processes = engines.processes(chosen, len(lines), jobs)
         if processes == 1:
-            return engines.run(chosen, lines, settings, progress)
+            found = [engines.run(chosen, lines, settings, progress)]
+            return Table.joined(list(shaded(found, settings)) or found)
         recording = checked(lines, settings)  # here, where it knows the number of a bad line
         engines.prepare(chosen, settings)
         starts = range(0, len(recording), engines.BLOCK)
         blocks = (part(recording, slice(first, first + engines.BLOCK)) for first in starts)
         found = []
-        with engines.streamed(chosen, blocks, settings, _as_it_is, processes) as results:
-            for done, points in results:
+        with engines.streamed(chosen, blocks, settings, processes) as results:
+            for points in results:
                 found.append(points)
                 if progress is not None:
-                    progress(done)
+                    progress(int(points.line[-1]) + 1)
         return Table.joined(found)
 
 
@@ -187,7 +189,8 @@ def to_frame(points: Table) -> "pd.DataFrame":
     Returns:
         n rows. What means nothing is missing, as it is empty in the file: ``left`` and ``right``
         without a window, position and its sigma without a valid peak, ``x_mm``, ``z_mm`` and
-        ``sigma_z_mm`` where the rays do not meet. ``frame["flags"]`` has the names of a row's
+        ``sigma_z_mm`` where the rays do not meet, ``free_from_mm`` and ``free_to_mm`` where nothing
+        is known to be free. ``frame["flags"]`` has the names of a row's
         flags, joined by ``|``; ``frame.flags`` is something of pandas' own.
 
     Raises:
@@ -231,6 +234,8 @@ def to_frame(points: Table) -> "pd.DataFrame":
             "sigma_z_mm": where(points.located, points.sigma_z_mm),
             "c_obj": points.c_obj,
             "c_sfm": points.c_sfm,
+            "free_from_mm": where(points.free_to_mm > 0.0, points.free_from_mm),
+            "free_to_mm": where(points.free_to_mm > 0.0, points.free_to_mm),
         }
     )
 
@@ -245,8 +250,3 @@ def _configured(config: ConfigSource) -> Config:
 def _check_jobs(name: str, jobs: int) -> None:
     if jobs < 0:
         raise InputError(f"{name}: jobs must not be negative ({jobs})")
-
-
-def _as_it_is(points: Table) -> Table:
-    """Return points: what is done to those of a block, and other processes know by this name."""
-    return points

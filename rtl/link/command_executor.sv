@@ -58,7 +58,7 @@ module command_executor #(
   // Streams and capture.
   output      logic                                  stream_start_o,
   output      logic                                  stream_stop_o,
-  output      logic                                  stream_format_o,
+  output      logic [link_pkg::StreamFormatWidth-1:0] stream_format_o,
   output      logic [                           7:0] stream_step_o,
   output      logic                                  capture_start_o,
   output      logic [link_pkg::CaptureModeWidth-1:0] capture_mode_o,
@@ -197,7 +197,7 @@ module command_executor #(
         fits_start_q   <= length_i == LengthWidth'(4);
         fits_stop_q    <= length_i == LengthWidth'(2);
         fits_capture_q <= length_i == LengthWidth'(7);
-        bad_start_q    <= byte2 > 8'd1 || byte3 == 8'd0;
+        bad_start_q    <= byte2 > 8'(link_pkg::FormatSpace) || byte3 == 8'd0;
         bad_capture_q  <= byte2 > 8'(link_pkg::CaptureEvery)
             || (byte2 == 8'(link_pkg::CaptureEvery) && word == '0);
         may_be_busy_q  <= byte2 != 8'(link_pkg::CaptureStop);
@@ -239,7 +239,7 @@ module command_executor #(
           end
           if (is_start_q) begin
             stream_start_o  <= 1'b1;
-            stream_format_o <= byte2[0];
+            stream_format_o <= byte2[link_pkg::StreamFormatWidth-1:0];
             stream_step_o   <= byte3;
           end
           if (is_stop_q) stream_stop_o <= 1'b1;

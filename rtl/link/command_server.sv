@@ -40,7 +40,7 @@ module command_server #(
 
   output      logic                                  stream_start_o,
   output      logic                                  stream_stop_o,
-  output      logic                                  stream_format_o,
+  output      logic [link_pkg::StreamFormatWidth-1:0] stream_format_o,
   output      logic [                           7:0] stream_step_o,
 
   output      logic                                  capture_start_o,

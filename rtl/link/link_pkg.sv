@@ -42,11 +42,17 @@ package link_pkg;
   // The first byte of what comes unasked.
   localparam int unsigned StreamPointsCompact = 64;
   localparam int unsigned StreamPointsFull = 65;
+  localparam int unsigned StreamPointsSpace = 66;
   localparam int unsigned StreamCapturePixels = 72;
   localparam int unsigned StreamCaptureRecord = 73;
 
   // Records of points, bytes.
+  localparam int unsigned StreamFormatWidth = 2;
+  localparam int unsigned FormatCompact = 0;
+  localparam int unsigned FormatFull = 1;
+  localparam int unsigned FormatSpace = 2;  // points and free beams
   localparam int unsigned CompactBytes = 8;
+  localparam int unsigned SpaceBytes = 9;
   localparam int unsigned FullBytes = 64;
   localparam int unsigned BatchHeaderBytes = 10;
 

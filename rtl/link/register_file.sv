@@ -45,6 +45,7 @@ module register_file (
   output      register_pkg::peak_t                peak_o,
   output      register_pkg::geometry_t            geometry_o,
   input  wire register_pkg::chain_t               chain_i,
+  output      register_pkg::free_t                free_o,
   output      register_pkg::mirror_t              mirror_o,
   output      register_pkg::mirror_limits_t       mirror_limits_o,
   output      register_pkg::motion_t              motion_o,
@@ -64,7 +65,8 @@ module register_file (
   input  wire register_pkg::sensor_t              sensor_i,
   output      register_pkg::locks_t               locks_o,
   output      register_pkg::table_t               table_o,
-  output      register_pkg::focus_table_t         focus_table_o
+  output      register_pkg::focus_table_t         focus_table_o,
+  output      register_pkg::free_table_t          free_table_o
 );
 
   // ---- the reset, once for each group of settings ----
@@ -76,6 +78,8 @@ module register_file (
   local_register u_peak_reset (.clk_i, .d_i(rst_i), .q_o(peak_rst));
   logic geometry_rst;
   local_register u_geometry_reset (.clk_i, .d_i(rst_i), .q_o(geometry_rst));
+  logic free_rst;
+  local_register u_free_reset (.clk_i, .d_i(rst_i), .q_o(free_rst));
   logic mirror_rst;
   local_register u_mirror_reset (.clk_i, .d_i(rst_i), .q_o(mirror_rst));
   logic mirror_limits_rst;
@@ -138,11 +142,15 @@ module register_file (
   logic focus_table_hit_q;
   logic [5:0] focus_table_index;
   assign focus_table_index = address_q[5:0];
+  logic free_table_hit_q;
+  logic [7:0] free_table_index;
+  assign free_table_index = address_q[8:1];
   always_ff @(posedge clk_i) begin
     map_rule_q <= rule_mem[address_q[9:0]];
     map_hit_q  <= address_q[15:10] == '0;
     table_hit_q <= address_q[15:11] == 5'h08;
     focus_table_hit_q <= address_q[15:6] == 10'h140;
+    free_table_hit_q <= address_q[15:9] == 7'h30;
     rule_q <= map_hit_q ? map_rule_q : '0;
     if (table_hit_q)
       case (address_q[0:0])
@@ -153,6 +161,14 @@ module register_file (
         default: rule_q <= '0;
       endcase
     if (focus_table_hit_q) rule_q <= {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    if (free_table_hit_q)
+      case (address_q[0:0])
+        1'h0: rule_q <=
+          {KindReadWrite, 2'd1, 33'h000000000, 33'h00000ffff};
+        1'h1: rule_q <=
+          {KindReadWrite, 2'd1, 33'h000000000, 33'h00000ffff};
+        default: rule_q <= '0;
+      endcase
   end
 
   // ---- 3: against the rule; 4: the verdict ----
@@ -239,7 +255,7 @@ module register_file (
   end
 
   // ---- 5: which register; 6: it takes the word ----
-  logic [158:0] take_q;
+  logic [160:0] take_q;
   logic write_q2;
   always_ff @(posedge clk_i) begin
     write_q2 <= write_q;
@@ -267,142 +283,144 @@ module register_file (
     take_q[20] <= write_q && page_02_hit_q && word_hit_q[7] && !rst;
     take_q[21] <= write_q && page_02_hit_q && word_hit_q[8] && !rst;
     take_q[22] <= write_q && page_02_hit_q && word_hit_q[9] && !rst;
-    take_q[23] <= write_q && page_04_hit_q && word_hit_q[0] && !rst;
-    take_q[24] <= write_q && page_04_hit_q && word_hit_q[1] && !rst;
-    take_q[25] <= write_q && page_04_hit_q && word_hit_q[2] && !rst;
-    take_q[26] <= write_q && page_04_hit_q && word_hit_q[3] && !rst;
-    take_q[27] <= write_q && page_04_hit_q && word_hit_q[4] && !rst;
-    take_q[28] <= write_q && page_04_hit_q && word_hit_q[5] && !rst;
-    take_q[29] <= write_q && page_04_hit_q && word_hit_q[6] && !rst;
-    take_q[30] <= write_q && page_04_hit_q && word_hit_q[7] && !rst;
-    take_q[31] <= write_q && page_04_hit_q && word_hit_q[8] && !rst;
-    take_q[32] <= write_q && page_04_hit_q && word_hit_q[9] && !rst;
-    take_q[33] <= write_q && page_04_hit_q && word_hit_q[10] && !rst;
-    take_q[34] <= write_q && page_04_hit_q && word_hit_q[11] && !rst;
-    take_q[35] <= write_q && page_04_hit_q && word_hit_q[12] && !rst;
-    take_q[36] <= write_q && page_04_hit_q && word_hit_q[13] && !rst;
-    take_q[37] <= write_q && page_04_hit_q && word_hit_q[14] && !rst;
-    take_q[38] <= write_q && page_04_hit_q && word_hit_q[15] && !rst;
-    take_q[39] <= write_q && page_05_hit_q && word_hit_q[0] && !rst;
-    take_q[40] <= write_q && page_05_hit_q && word_hit_q[1] && !rst;
-    take_q[41] <= write_q && page_05_hit_q && word_hit_q[2] && !rst;
-    take_q[42] <= write_q && page_05_hit_q && word_hit_q[3] && !rst;
-    take_q[43] <= write_q && page_05_hit_q && word_hit_q[4] && !rst;
-    take_q[44] <= write_q && page_05_hit_q && word_hit_q[5] && !rst;
-    take_q[45] <= write_q && page_05_hit_q && word_hit_q[6] && !rst;
-    take_q[46] <= write_q && page_05_hit_q && word_hit_q[7] && !rst;
-    take_q[47] <= write_q && page_05_hit_q && word_hit_q[8] && !rst;
-    take_q[48] <= write_q && page_05_hit_q && word_hit_q[9] && !rst;
-    take_q[49] <= write_q && page_05_hit_q && word_hit_q[10] && !rst;
-    take_q[50] <= write_q && page_05_hit_q && word_hit_q[11] && !rst;
-    take_q[51] <= write_q && page_05_hit_q && word_hit_q[12] && !rst;
-    take_q[52] <= write_q && page_05_hit_q && word_hit_q[13] && !rst;
-    take_q[53] <= write_q && page_06_hit_q && word_hit_q[0] && !rst;
-    take_q[54] <= write_q && page_06_hit_q && word_hit_q[1] && !rst;
-    take_q[55] <= write_q && page_06_hit_q && word_hit_q[2] && !rst;
-    take_q[56] <= write_q && page_06_hit_q && word_hit_q[3] && !rst;
-    take_q[57] <= write_q && page_06_hit_q && word_hit_q[4] && !rst;
-    take_q[58] <= write_q && page_06_hit_q && word_hit_q[5] && !rst;
-    take_q[59] <= write_q && page_06_hit_q && word_hit_q[6] && !rst;
-    take_q[60] <= write_q && page_06_hit_q && word_hit_q[7] && !rst;
-    take_q[61] <= write_q && page_06_hit_q && word_hit_q[8] && !rst;
-    take_q[62] <= write_q && page_08_hit_q && word_hit_q[0] && !rst;
-    take_q[63] <= write_q && page_08_hit_q && word_hit_q[1] && !rst;
-    take_q[64] <= write_q && page_08_hit_q && word_hit_q[2] && !rst;
-    take_q[65] <= write_q && page_08_hit_q && word_hit_q[3] && !rst;
-    take_q[66] <= write_q && page_08_hit_q && word_hit_q[4] && !rst;
-    take_q[67] <= write_q && page_08_hit_q && word_hit_q[5] && !rst;
-    take_q[68] <= write_q && page_08_hit_q && word_hit_q[6] && !rst;
-    take_q[69] <= write_q && page_08_hit_q && word_hit_q[7] && !rst;
-    take_q[70] <= write_q && page_08_hit_q && word_hit_q[8] && !rst;
-    take_q[71] <= write_q && page_08_hit_q && word_hit_q[9] && !rst;
-    take_q[72] <= write_q && page_08_hit_q && word_hit_q[10] && !rst;
-    take_q[73] <= write_q && page_08_hit_q && word_hit_q[11] && !rst;
-    take_q[74] <= write_q && page_08_hit_q && word_hit_q[12] && !rst;
-    take_q[75] <= write_q && page_08_hit_q && word_hit_q[13] && !rst;
-    take_q[76] <= write_q && page_08_hit_q && word_hit_q[14] && !rst;
-    take_q[77] <= write_q && page_08_hit_q && word_hit_q[15] && !rst;
-    take_q[78] <= write_q && page_09_hit_q && word_hit_q[0] && !rst;
-    take_q[79] <= write_q && page_09_hit_q && word_hit_q[1] && !rst;
-    take_q[80] <= write_q && page_09_hit_q && word_hit_q[2] && !rst;
-    take_q[81] <= write_q && page_09_hit_q && word_hit_q[3] && !rst;
-    take_q[82] <= write_q && page_09_hit_q && word_hit_q[4] && !rst;
-    take_q[83] <= write_q && page_09_hit_q && word_hit_q[5] && !rst;
-    take_q[84] <= write_q && page_09_hit_q && word_hit_q[6] && !rst;
-    take_q[85] <= write_q && page_09_hit_q && word_hit_q[7] && !rst;
-    take_q[86] <= write_q && page_09_hit_q && word_hit_q[8] && !rst;
-    take_q[87] <= write_q && page_09_hit_q && word_hit_q[9] && !rst;
-    take_q[88] <= write_q && page_09_hit_q && word_hit_q[10] && !rst;
-    take_q[89] <= write_q && page_09_hit_q && word_hit_q[11] && !rst;
-    take_q[90] <= write_q && page_09_hit_q && word_hit_q[12] && !rst;
-    take_q[91] <= write_q && page_09_hit_q && word_hit_q[13] && !rst;
-    take_q[92] <= write_q && page_09_hit_q && word_hit_q[14] && !rst;
-    take_q[93] <= write_q && page_09_hit_q && word_hit_q[15] && !rst;
-    take_q[94] <= write_q && page_0a_hit_q && word_hit_q[0] && !rst;
-    take_q[95] <= write_q && page_0a_hit_q && word_hit_q[1] && !rst;
-    take_q[96] <= write_q && page_0a_hit_q && word_hit_q[2] && !rst;
-    take_q[97] <= write_q && page_0a_hit_q && word_hit_q[3] && !rst;
-    take_q[98] <= write_q && page_0a_hit_q && word_hit_q[4] && !rst;
-    take_q[99] <= write_q && page_0b_hit_q && word_hit_q[0] && !rst;
-    take_q[100] <= write_q && page_0b_hit_q && word_hit_q[1] && !rst;
-    take_q[101] <= write_q && page_0b_hit_q && word_hit_q[2] && !rst;
-    take_q[102] <= write_q && page_0b_hit_q && word_hit_q[3] && !rst;
-    take_q[103] <= write_q && page_0b_hit_q && word_hit_q[4] && !rst;
-    take_q[104] <= write_q && page_0b_hit_q && word_hit_q[5] && !rst;
-    take_q[105] <= write_q && page_0e_hit_q && word_hit_q[0] && !rst;
-    take_q[106] <= write_q && page_10_hit_q && word_hit_q[0] && !rst;
-    take_q[107] <= write_q && page_10_hit_q && word_hit_q[1] && !rst;
-    take_q[108] <= write_q && page_10_hit_q && word_hit_q[2] && !rst;
-    take_q[109] <= write_q && page_10_hit_q && word_hit_q[3] && !rst;
-    take_q[110] <= write_q && page_10_hit_q && word_hit_q[4] && !rst;
-    take_q[111] <= write_q && page_10_hit_q && word_hit_q[5] && !rst;
-    take_q[112] <= write_q && page_10_hit_q && word_hit_q[6] && !rst;
-    take_q[113] <= write_q && page_10_hit_q && word_hit_q[7] && !rst;
-    take_q[114] <= write_q && page_10_hit_q && word_hit_q[8] && !rst;
-    take_q[115] <= write_q && page_10_hit_q && word_hit_q[9] && !rst;
-    take_q[116] <= write_q && page_10_hit_q && word_hit_q[10] && !rst;
-    take_q[117] <= write_q && page_10_hit_q && word_hit_q[11] && !rst;
-    take_q[118] <= write_q && page_10_hit_q && word_hit_q[12] && !rst;
-    take_q[119] <= write_q && page_10_hit_q && word_hit_q[13] && !rst;
-    take_q[120] <= write_q && page_12_hit_q && word_hit_q[0] && !rst;
-    take_q[121] <= write_q && page_12_hit_q && word_hit_q[1] && !rst;
-    take_q[122] <= write_q && page_12_hit_q && word_hit_q[2] && !rst;
-    take_q[123] <= write_q && page_12_hit_q && word_hit_q[3] && !rst;
-    take_q[124] <= write_q && page_12_hit_q && word_hit_q[4] && !rst;
-    take_q[125] <= write_q && page_12_hit_q && word_hit_q[5] && !rst;
-    take_q[126] <= write_q && page_16_hit_q && word_hit_q[0] && !rst;
-    take_q[127] <= write_q && page_16_hit_q && word_hit_q[1] && !rst;
-    take_q[128] <= write_q && page_18_hit_q && word_hit_q[0] && !rst;
-    take_q[129] <= write_q && page_18_hit_q && word_hit_q[1] && !rst;
-    take_q[130] <= write_q && page_18_hit_q && word_hit_q[2] && !rst;
-    take_q[131] <= write_q && page_18_hit_q && word_hit_q[3] && !rst;
-    take_q[132] <= write_q && page_18_hit_q && word_hit_q[4] && !rst;
-    take_q[133] <= write_q && page_18_hit_q && word_hit_q[5] && !rst;
-    take_q[134] <= write_q && page_18_hit_q && word_hit_q[6] && !rst;
-    take_q[135] <= write_q && page_18_hit_q && word_hit_q[7] && !rst;
-    take_q[136] <= write_q && page_18_hit_q && word_hit_q[8] && !rst;
-    take_q[137] <= write_q && page_18_hit_q && word_hit_q[9] && !rst;
-    take_q[138] <= write_q && page_18_hit_q && word_hit_q[10] && !rst;
-    take_q[139] <= write_q && page_18_hit_q && word_hit_q[11] && !rst;
-    take_q[140] <= write_q && page_18_hit_q && word_hit_q[12] && !rst;
-    take_q[141] <= write_q && page_18_hit_q && word_hit_q[13] && !rst;
-    take_q[142] <= write_q && page_18_hit_q && word_hit_q[14] && !rst;
-    take_q[143] <= write_q && page_1c_hit_q && word_hit_q[0] && !rst;
-    take_q[144] <= write_q && page_1c_hit_q && word_hit_q[1] && !rst;
-    take_q[145] <= write_q && page_1c_hit_q && word_hit_q[2] && !rst;
-    take_q[146] <= write_q && page_1c_hit_q && word_hit_q[3] && !rst;
-    take_q[147] <= write_q && page_1c_hit_q && word_hit_q[4] && !rst;
-    take_q[148] <= write_q && page_1c_hit_q && word_hit_q[5] && !rst;
-    take_q[149] <= write_q && page_1c_hit_q && word_hit_q[6] && !rst;
-    take_q[150] <= write_q && page_1c_hit_q && word_hit_q[7] && !rst;
-    take_q[151] <= write_q && page_1c_hit_q && word_hit_q[8] && !rst;
-    take_q[152] <= write_q && page_1c_hit_q && word_hit_q[9] && !rst;
-    take_q[153] <= write_q && page_1c_hit_q && word_hit_q[10] && !rst;
-    take_q[154] <= write_q && page_1c_hit_q && word_hit_q[11] && !rst;
-    take_q[155] <= write_q && page_1c_hit_q && word_hit_q[12] && !rst;
-    take_q[156] <= write_q && page_3f_hit_q && word_hit_q[0] && !rst;
-    take_q[157] <= write_q && page_3f_hit_q && word_hit_q[1] && !rst;
-    take_q[158] <= write_q && page_3f_hit_q && word_hit_q[2] && !rst;
+    take_q[23] <= write_q && page_03_hit_q && word_hit_q[8] && !rst;
+    take_q[24] <= write_q && page_03_hit_q && word_hit_q[9] && !rst;
+    take_q[25] <= write_q && page_04_hit_q && word_hit_q[0] && !rst;
+    take_q[26] <= write_q && page_04_hit_q && word_hit_q[1] && !rst;
+    take_q[27] <= write_q && page_04_hit_q && word_hit_q[2] && !rst;
+    take_q[28] <= write_q && page_04_hit_q && word_hit_q[3] && !rst;
+    take_q[29] <= write_q && page_04_hit_q && word_hit_q[4] && !rst;
+    take_q[30] <= write_q && page_04_hit_q && word_hit_q[5] && !rst;
+    take_q[31] <= write_q && page_04_hit_q && word_hit_q[6] && !rst;
+    take_q[32] <= write_q && page_04_hit_q && word_hit_q[7] && !rst;
+    take_q[33] <= write_q && page_04_hit_q && word_hit_q[8] && !rst;
+    take_q[34] <= write_q && page_04_hit_q && word_hit_q[9] && !rst;
+    take_q[35] <= write_q && page_04_hit_q && word_hit_q[10] && !rst;
+    take_q[36] <= write_q && page_04_hit_q && word_hit_q[11] && !rst;
+    take_q[37] <= write_q && page_04_hit_q && word_hit_q[12] && !rst;
+    take_q[38] <= write_q && page_04_hit_q && word_hit_q[13] && !rst;
+    take_q[39] <= write_q && page_04_hit_q && word_hit_q[14] && !rst;
+    take_q[40] <= write_q && page_04_hit_q && word_hit_q[15] && !rst;
+    take_q[41] <= write_q && page_05_hit_q && word_hit_q[0] && !rst;
+    take_q[42] <= write_q && page_05_hit_q && word_hit_q[1] && !rst;
+    take_q[43] <= write_q && page_05_hit_q && word_hit_q[2] && !rst;
+    take_q[44] <= write_q && page_05_hit_q && word_hit_q[3] && !rst;
+    take_q[45] <= write_q && page_05_hit_q && word_hit_q[4] && !rst;
+    take_q[46] <= write_q && page_05_hit_q && word_hit_q[5] && !rst;
+    take_q[47] <= write_q && page_05_hit_q && word_hit_q[6] && !rst;
+    take_q[48] <= write_q && page_05_hit_q && word_hit_q[7] && !rst;
+    take_q[49] <= write_q && page_05_hit_q && word_hit_q[8] && !rst;
+    take_q[50] <= write_q && page_05_hit_q && word_hit_q[9] && !rst;
+    take_q[51] <= write_q && page_05_hit_q && word_hit_q[10] && !rst;
+    take_q[52] <= write_q && page_05_hit_q && word_hit_q[11] && !rst;
+    take_q[53] <= write_q && page_05_hit_q && word_hit_q[12] && !rst;
+    take_q[54] <= write_q && page_05_hit_q && word_hit_q[13] && !rst;
+    take_q[55] <= write_q && page_06_hit_q && word_hit_q[0] && !rst;
+    take_q[56] <= write_q && page_06_hit_q && word_hit_q[1] && !rst;
+    take_q[57] <= write_q && page_06_hit_q && word_hit_q[2] && !rst;
+    take_q[58] <= write_q && page_06_hit_q && word_hit_q[3] && !rst;
+    take_q[59] <= write_q && page_06_hit_q && word_hit_q[4] && !rst;
+    take_q[60] <= write_q && page_06_hit_q && word_hit_q[5] && !rst;
+    take_q[61] <= write_q && page_06_hit_q && word_hit_q[6] && !rst;
+    take_q[62] <= write_q && page_06_hit_q && word_hit_q[7] && !rst;
+    take_q[63] <= write_q && page_06_hit_q && word_hit_q[8] && !rst;
+    take_q[64] <= write_q && page_08_hit_q && word_hit_q[0] && !rst;
+    take_q[65] <= write_q && page_08_hit_q && word_hit_q[1] && !rst;
+    take_q[66] <= write_q && page_08_hit_q && word_hit_q[2] && !rst;
+    take_q[67] <= write_q && page_08_hit_q && word_hit_q[3] && !rst;
+    take_q[68] <= write_q && page_08_hit_q && word_hit_q[4] && !rst;
+    take_q[69] <= write_q && page_08_hit_q && word_hit_q[5] && !rst;
+    take_q[70] <= write_q && page_08_hit_q && word_hit_q[6] && !rst;
+    take_q[71] <= write_q && page_08_hit_q && word_hit_q[7] && !rst;
+    take_q[72] <= write_q && page_08_hit_q && word_hit_q[8] && !rst;
+    take_q[73] <= write_q && page_08_hit_q && word_hit_q[9] && !rst;
+    take_q[74] <= write_q && page_08_hit_q && word_hit_q[10] && !rst;
+    take_q[75] <= write_q && page_08_hit_q && word_hit_q[11] && !rst;
+    take_q[76] <= write_q && page_08_hit_q && word_hit_q[12] && !rst;
+    take_q[77] <= write_q && page_08_hit_q && word_hit_q[13] && !rst;
+    take_q[78] <= write_q && page_08_hit_q && word_hit_q[14] && !rst;
+    take_q[79] <= write_q && page_08_hit_q && word_hit_q[15] && !rst;
+    take_q[80] <= write_q && page_09_hit_q && word_hit_q[0] && !rst;
+    take_q[81] <= write_q && page_09_hit_q && word_hit_q[1] && !rst;
+    take_q[82] <= write_q && page_09_hit_q && word_hit_q[2] && !rst;
+    take_q[83] <= write_q && page_09_hit_q && word_hit_q[3] && !rst;
+    take_q[84] <= write_q && page_09_hit_q && word_hit_q[4] && !rst;
+    take_q[85] <= write_q && page_09_hit_q && word_hit_q[5] && !rst;
+    take_q[86] <= write_q && page_09_hit_q && word_hit_q[6] && !rst;
+    take_q[87] <= write_q && page_09_hit_q && word_hit_q[7] && !rst;
+    take_q[88] <= write_q && page_09_hit_q && word_hit_q[8] && !rst;
+    take_q[89] <= write_q && page_09_hit_q && word_hit_q[9] && !rst;
+    take_q[90] <= write_q && page_09_hit_q && word_hit_q[10] && !rst;
+    take_q[91] <= write_q && page_09_hit_q && word_hit_q[11] && !rst;
+    take_q[92] <= write_q && page_09_hit_q && word_hit_q[12] && !rst;
+    take_q[93] <= write_q && page_09_hit_q && word_hit_q[13] && !rst;
+    take_q[94] <= write_q && page_09_hit_q && word_hit_q[14] && !rst;
+    take_q[95] <= write_q && page_09_hit_q && word_hit_q[15] && !rst;
+    take_q[96] <= write_q && page_0a_hit_q && word_hit_q[0] && !rst;
+    take_q[97] <= write_q && page_0a_hit_q && word_hit_q[1] && !rst;
+    take_q[98] <= write_q && page_0a_hit_q && word_hit_q[2] && !rst;
+    take_q[99] <= write_q && page_0a_hit_q && word_hit_q[3] && !rst;
+    take_q[100] <= write_q && page_0a_hit_q && word_hit_q[4] && !rst;
+    take_q[101] <= write_q && page_0b_hit_q && word_hit_q[0] && !rst;
+    take_q[102] <= write_q && page_0b_hit_q && word_hit_q[1] && !rst;
+    take_q[103] <= write_q && page_0b_hit_q && word_hit_q[2] && !rst;
+    take_q[104] <= write_q && page_0b_hit_q && word_hit_q[3] && !rst;
+    take_q[105] <= write_q && page_0b_hit_q && word_hit_q[4] && !rst;
+    take_q[106] <= write_q && page_0b_hit_q && word_hit_q[5] && !rst;
+    take_q[107] <= write_q && page_0e_hit_q && word_hit_q[0] && !rst;
+    take_q[108] <= write_q && page_10_hit_q && word_hit_q[0] && !rst;
+    take_q[109] <= write_q && page_10_hit_q && word_hit_q[1] && !rst;
+    take_q[110] <= write_q && page_10_hit_q && word_hit_q[2] && !rst;
+    take_q[111] <= write_q && page_10_hit_q && word_hit_q[3] && !rst;
+    take_q[112] <= write_q && page_10_hit_q && word_hit_q[4] && !rst;
+    take_q[113] <= write_q && page_10_hit_q && word_hit_q[5] && !rst;
+    take_q[114] <= write_q && page_10_hit_q && word_hit_q[6] && !rst;
+    take_q[115] <= write_q && page_10_hit_q && word_hit_q[7] && !rst;
+    take_q[116] <= write_q && page_10_hit_q && word_hit_q[8] && !rst;
+    take_q[117] <= write_q && page_10_hit_q && word_hit_q[9] && !rst;
+    take_q[118] <= write_q && page_10_hit_q && word_hit_q[10] && !rst;
+    take_q[119] <= write_q && page_10_hit_q && word_hit_q[11] && !rst;
+    take_q[120] <= write_q && page_10_hit_q && word_hit_q[12] && !rst;
+    take_q[121] <= write_q && page_10_hit_q && word_hit_q[13] && !rst;
+    take_q[122] <= write_q && page_12_hit_q && word_hit_q[0] && !rst;
+    take_q[123] <= write_q && page_12_hit_q && word_hit_q[1] && !rst;
+    take_q[124] <= write_q && page_12_hit_q && word_hit_q[2] && !rst;
+    take_q[125] <= write_q && page_12_hit_q && word_hit_q[3] && !rst;
+    take_q[126] <= write_q && page_12_hit_q && word_hit_q[4] && !rst;
+    take_q[127] <= write_q && page_12_hit_q && word_hit_q[5] && !rst;
+    take_q[128] <= write_q && page_16_hit_q && word_hit_q[0] && !rst;
+    take_q[129] <= write_q && page_16_hit_q && word_hit_q[1] && !rst;
+    take_q[130] <= write_q && page_18_hit_q && word_hit_q[0] && !rst;
+    take_q[131] <= write_q && page_18_hit_q && word_hit_q[1] && !rst;
+    take_q[132] <= write_q && page_18_hit_q && word_hit_q[2] && !rst;
+    take_q[133] <= write_q && page_18_hit_q && word_hit_q[3] && !rst;
+    take_q[134] <= write_q && page_18_hit_q && word_hit_q[4] && !rst;
+    take_q[135] <= write_q && page_18_hit_q && word_hit_q[5] && !rst;
+    take_q[136] <= write_q && page_18_hit_q && word_hit_q[6] && !rst;
+    take_q[137] <= write_q && page_18_hit_q && word_hit_q[7] && !rst;
+    take_q[138] <= write_q && page_18_hit_q && word_hit_q[8] && !rst;
+    take_q[139] <= write_q && page_18_hit_q && word_hit_q[9] && !rst;
+    take_q[140] <= write_q && page_18_hit_q && word_hit_q[10] && !rst;
+    take_q[141] <= write_q && page_18_hit_q && word_hit_q[11] && !rst;
+    take_q[142] <= write_q && page_18_hit_q && word_hit_q[12] && !rst;
+    take_q[143] <= write_q && page_18_hit_q && word_hit_q[13] && !rst;
+    take_q[144] <= write_q && page_18_hit_q && word_hit_q[14] && !rst;
+    take_q[145] <= write_q && page_1c_hit_q && word_hit_q[0] && !rst;
+    take_q[146] <= write_q && page_1c_hit_q && word_hit_q[1] && !rst;
+    take_q[147] <= write_q && page_1c_hit_q && word_hit_q[2] && !rst;
+    take_q[148] <= write_q && page_1c_hit_q && word_hit_q[3] && !rst;
+    take_q[149] <= write_q && page_1c_hit_q && word_hit_q[4] && !rst;
+    take_q[150] <= write_q && page_1c_hit_q && word_hit_q[5] && !rst;
+    take_q[151] <= write_q && page_1c_hit_q && word_hit_q[6] && !rst;
+    take_q[152] <= write_q && page_1c_hit_q && word_hit_q[7] && !rst;
+    take_q[153] <= write_q && page_1c_hit_q && word_hit_q[8] && !rst;
+    take_q[154] <= write_q && page_1c_hit_q && word_hit_q[9] && !rst;
+    take_q[155] <= write_q && page_1c_hit_q && word_hit_q[10] && !rst;
+    take_q[156] <= write_q && page_1c_hit_q && word_hit_q[11] && !rst;
+    take_q[157] <= write_q && page_1c_hit_q && word_hit_q[12] && !rst;
+    take_q[158] <= write_q && page_3f_hit_q && word_hit_q[0] && !rst;
+    take_q[159] <= write_q && page_3f_hit_q && word_hit_q[1] && !rst;
+    take_q[160] <= write_q && page_3f_hit_q && word_hit_q[2] && !rst;
   end
 
   logic [31:0] identity_data;
@@ -416,6 +434,10 @@ module register_file (
   logic [31:0] geometry_data;
   local_register #(.Width(32)) u_geometry_data (
     .clk_i, .d_i(data_q[31:0]), .q_o(geometry_data)
+  );
+  logic [23:0] free_data;
+  local_register #(.Width(24)) u_free_data (
+    .clk_i, .d_i(data_q[23:0]), .q_o(free_data)
   );
   logic [31:0] mirror_data;
   local_register #(.Width(32)) u_mirror_data (
@@ -465,9 +487,9 @@ module register_file (
   logic [31:0] work_word_low_q;
   logic [31:0] ratio_low_q;
   always_ff @(posedge clk_i) begin
-    link_o.uart_step_strobe <= take_q[105];
-    test_o.test_start_strobe <= take_q[154];
-    test_o.test_stop_strobe <= take_q[155];
+    link_o.uart_step_strobe <= take_q[107];
+    test_o.test_start_strobe <= take_q[156];
+    test_o.test_stop_strobe <= take_q[157];
     if (take_q[0]) identity_o.scratch <= identity_data;
     if (take_q[1]) peak_o.period_n <= peak_data[0];
     if (take_q[2]) peak_o.noise_row <= peak_data[0];
@@ -491,142 +513,144 @@ module register_file (
     if (take_q[20]) geometry_o.d1 <= signed'(geometry_data);
     if (take_q[21]) geometry_o.e0 <= signed'(geometry_data);
     if (take_q[22]) geometry_o.e1 <= signed'(geometry_data);
-    if (take_q[23]) mirror_o.mirror_enable <= mirror_data[0];
-    if (take_q[24]) mirror_o.line_enable <= mirror_data[0];
-    if (take_q[25]) sweep_word_low_q <= mirror_data;
-    if (take_q[26]) mirror_o.sweep_word <= {mirror_data[7:0], sweep_word_low_q};
-    if (take_q[27]) work_word_low_q <= mirror_data;
-    if (take_q[28]) mirror_o.work_word <= {mirror_data[7:0], work_word_low_q};
-    if (take_q[29]) mirror_o.sweep_rate <= mirror_data;
-    if (take_q[30]) mirror_o.glitch_clks <= mirror_data[7:0];
-    if (take_q[31]) mirror_o.width_min_clks <= mirror_data;
-    if (take_q[32]) mirror_o.width_max_clks <= mirror_data;
-    if (take_q[33]) mirror_o.period_max_clks <= mirror_data;
-    if (take_q[34]) mirror_o.phase_shift <= mirror_data[3:0];
-    if (take_q[35]) mirror_o.rate_shift <= mirror_data[5:0];
-    if (take_q[36]) mirror_o.amplitude_shift <= mirror_data[3:0];
-    if (take_q[37]) mirror_o.error_limit <= mirror_data[27:0];
-    if (take_q[38]) mirror_o.amplitude_set <= mirror_data[25:0];
-    if (take_q[39]) mirror_o.k_p <= mirror_data[17:0];
-    if (take_q[40]) mirror_o.k_i <= mirror_data[17:0];
-    if (take_q[41]) mirror_o.level_low <= mirror_data[19:0];
-    if (take_q[42]) mirror_o.level_high <= mirror_data[19:0];
-    if (take_q[43]) mirror_o.level_nominal <= mirror_data[19:0];
-    if (take_q[44]) mirror_o.trim_step <= mirror_data[23:0];
-    if (take_q[45]) mirror_o.trim_gain <= mirror_data[17:0];
-    if (take_q[46]) mirror_o.trim_up <= mirror_data[0];
-    if (take_q[47]) mirror_o.settle_limit <= mirror_data[25:0];
-    if (take_q[48]) mirror_o.shock_limit <= mirror_data[25:0];
-    if (take_q[49]) mirror_o.phase_limit <= mirror_data[27:0];
-    if (take_q[50]) mirror_o.settle_count <= mirror_data[7:0];
-    if (take_q[51]) mirror_o.hold_count <= mirror_data[7:0];
-    if (take_q[52]) mirror_o.confidence_gain <= mirror_data[23:0];
-    if (take_q[53]) mirror_limits_o.duty <= mirror_limits_data[15:0];
-    if (take_q[54]) mirror_limits_o.sweep_level <= mirror_limits_data[19:0];
-    if (take_q[55]) mirror_limits_o.level_min <= mirror_limits_data[19:0];
-    if (take_q[56]) mirror_limits_o.level_max <= mirror_limits_data[19:0];
-    if (take_q[57]) mirror_limits_o.trim_min <= signed'(mirror_limits_data);
-    if (take_q[58]) mirror_limits_o.trim_max <= signed'(mirror_limits_data);
-    if (take_q[59]) mirror_limits_o.sweep_timeout <= mirror_limits_data;
-    if (take_q[60]) mirror_limits_o.settle_timeout <= mirror_limits_data;
-    if (take_q[61]) mirror_limits_o.lost_timeout <= mirror_limits_data;
-    if (take_q[62]) motion_o.drive_phase <= motion_data;
-    if (take_q[63]) motion_o.motion_a[0+:24] <= motion_data[23:0];
-    if (take_q[64]) motion_o.motion_a[24+:24] <= motion_data[23:0];
-    if (take_q[65]) motion_o.motion_a[48+:24] <= motion_data[23:0];
-    if (take_q[66]) motion_o.motion_a[72+:24] <= motion_data[23:0];
-    if (take_q[67]) motion_o.motion_a[96+:24] <= motion_data[23:0];
-    if (take_q[68]) motion_o.motion_a[120+:24] <= motion_data[23:0];
-    if (take_q[69]) motion_o.motion_a[144+:24] <= motion_data[23:0];
-    if (take_q[70]) motion_o.motion_a[168+:24] <= motion_data[23:0];
-    if (take_q[71]) motion_o.motion_a[192+:24] <= motion_data[23:0];
-    if (take_q[72]) motion_o.motion_phi[0+:28] <= motion_data;
-    if (take_q[73]) motion_o.motion_phi[28+:28] <= motion_data;
-    if (take_q[74]) motion_o.motion_phi[56+:28] <= motion_data;
-    if (take_q[75]) motion_o.motion_phi[84+:28] <= motion_data;
-    if (take_q[76]) motion_o.motion_phi[112+:28] <= motion_data;
-    if (take_q[77]) motion_o.motion_phi[140+:28] <= motion_data;
-    if (take_q[78]) motion_o.motion_phi[168+:28] <= motion_data;
-    if (take_q[79]) motion_o.motion_phi[196+:28] <= motion_data;
-    if (take_q[80]) motion_o.motion_phi[224+:28] <= motion_data;
-    if (take_q[81]) motion_o.motion_da[0+:24] <= motion_data[23:0];
-    if (take_q[82]) motion_o.motion_da[24+:24] <= motion_data[23:0];
-    if (take_q[83]) motion_o.motion_da[48+:24] <= motion_data[23:0];
-    if (take_q[84]) motion_o.motion_da[72+:24] <= motion_data[23:0];
-    if (take_q[85]) motion_o.motion_da[96+:24] <= motion_data[23:0];
-    if (take_q[86]) motion_o.motion_da[120+:24] <= motion_data[23:0];
-    if (take_q[87]) motion_o.motion_da[144+:24] <= motion_data[23:0];
-    if (take_q[88]) motion_o.motion_da[168+:24] <= motion_data[23:0];
-    if (take_q[89]) motion_o.motion_da[192+:24] <= motion_data[23:0];
-    if (take_q[90]) motion_o.motion_dphi[0+:24] <= motion_data[23:0];
-    if (take_q[91]) motion_o.motion_dphi[24+:24] <= motion_data[23:0];
-    if (take_q[92]) motion_o.motion_dphi[48+:24] <= motion_data[23:0];
-    if (take_q[93]) motion_o.motion_dphi[72+:24] <= motion_data[23:0];
-    if (take_q[94]) motion_o.motion_dphi[96+:24] <= motion_data[23:0];
-    if (take_q[95]) motion_o.motion_dphi[120+:24] <= motion_data[23:0];
-    if (take_q[96]) motion_o.motion_dphi[144+:24] <= motion_data[23:0];
-    if (take_q[97]) motion_o.motion_dphi[168+:24] <= motion_data[23:0];
-    if (take_q[98]) motion_o.motion_dphi[192+:24] <= motion_data[23:0];
-    if (take_q[99]) ratio_low_q <= line_data;
-    if (take_q[100]) line_o.ratio <= {line_data[11:0], ratio_low_q};
-    if (take_q[101]) line_o.exposure_delay_clks <= line_data[19:0];
-    if (take_q[102]) line_o.exposure_clks <= line_data[19:0];
-    if (take_q[103]) line_o.pulse_delay_clks <= line_data[19:0];
-    if (take_q[104]) line_o.pulse_clks <= line_data[19:0];
-    if (take_q[105]) link_o.uart_step <= link_data;
-    if (take_q[106]) laser_o.laser_enable <= laser_data[0];
-    if (take_q[107]) laser_o.laser_adapt <= laser_data[0];
-    if (take_q[108]) laser_o.laser_shared <= laser_data[0];
-    if (take_q[109]) laser_o.laser_power <= laser_data;
-    if (take_q[110]) laser_o.laser_power_min <= laser_data;
-    if (take_q[111]) laser_o.laser_power_max <= laser_data;
-    if (take_q[112]) laser_o.laser_startup <= laser_data;
-    if (take_q[113]) laser_o.laser_target <= laser_data;
-    if (take_q[114]) laser_o.laser_cut <= laser_data[13:0];
-    if (take_q[115]) laser_o.laser_down <= laser_data;
-    if (take_q[116]) laser_o.laser_up <= laser_data;
-    if (take_q[117]) laser_o.laser_search <= laser_data[13:0];
-    if (take_q[118]) laser_o.laser_index_begin <= laser_data;
-    if (take_q[119]) laser_o.laser_index_end <= laser_data;
-    if (take_q[120]) laser_limits_o.laser_limit_power <= laser_limits_data[15:0];
-    if (take_q[121]) laser_limits_o.laser_limit_startup <= laser_limits_data[15:0];
-    if (take_q[122]) laser_limits_o.laser_limit_pulse_clks <= laser_limits_data[19:0];
-    if (take_q[123]) laser_limits_o.laser_limit_drain <= laser_limits_data[15:0];
-    if (take_q[124]) laser_limits_o.laser_limit_bucket <= laser_limits_data;
-    if (take_q[125]) laser_limits_o.laser_watchdog_clks <= laser_limits_data;
-    if (take_q[126]) points_o.points_batch <= points_data[7:0];
-    if (take_q[127]) points_o.points_timeout_clks <= points_data;
-    if (take_q[128]) focus_o.focus_mode <= focus_data[1:0];
-    if (take_q[129]) focus_o.focus_manual <= focus_data[15:0];
-    if (take_q[130]) focus_o.focus_average_shift <= focus_data[3:0];
-    if (take_q[131]) focus_o.focus_lapse <= focus_data[15:0];
-    if (take_q[132]) focus_o.focus_z_begin <= signed'(focus_data[23:0]);
-    if (take_q[133]) focus_o.focus_z_shift <= focus_data[3:0];
-    if (take_q[134]) focus_o.focus_hysteresis <= focus_data[15:0];
-    if (take_q[135]) focus_o.focus_hold_points <= focus_data[15:0];
-    if (take_q[136]) focus_o.focus_address <= focus_data[6:0];
-    if (take_q[137]) focus_o.focus_quarter_clks <= focus_data[15:0];
-    if (take_q[138]) focus_o.focus_stretch_clks <= focus_data[23:0];
-    if (take_q[139]) focus_o.focus_poll_clks <= focus_data[23:0];
-    if (take_q[140]) focus_o.focus_tolerance <= focus_data[15:0];
-    if (take_q[141]) focus_o.focus_timeout_clks <= focus_data;
-    if (take_q[142]) focus_o.focus_retries <= focus_data[7:0];
-    if (take_q[143]) test_o.test_position <= test_data[23:0];
-    if (take_q[144]) test_o.test_move <= signed'(test_data[23:0]);
-    if (take_q[145]) test_o.test_step <= test_data[28:0];
-    if (take_q[146]) test_o.test_height <= test_data[15:0];
-    if (take_q[147]) test_o.test_pedestal <= test_data[15:0];
-    if (take_q[148]) test_o.test_noise <= test_data[15:0];
-    if (take_q[149]) test_o.test_seed <= test_data;
-    if (take_q[150]) test_o.test_lines <= test_data;
-    if (take_q[151]) test_o.test_period_clks <= test_data[23:0];
-    if (take_q[152]) test_o.test_angle <= signed'(test_data[23:0]);
-    if (take_q[153]) test_o.test_power <= test_data[15:0];
-    if (take_q[154]) test_o.test_start <= test_data[0];
-    if (take_q[155]) test_o.test_stop <= test_data[0];
-    if (take_q[156]) locks_o.lock_calibration <= locks_data[0];
-    if (take_q[157]) locks_o.lock_mirror <= locks_data[0];
-    if (take_q[158]) locks_o.lock_laser <= locks_data[0];
+    if (take_q[23]) free_o.free_begin <= signed'(free_data);
+    if (take_q[24]) free_o.free_shift <= free_data[3:0];
+    if (take_q[25]) mirror_o.mirror_enable <= mirror_data[0];
+    if (take_q[26]) mirror_o.line_enable <= mirror_data[0];
+    if (take_q[27]) sweep_word_low_q <= mirror_data;
+    if (take_q[28]) mirror_o.sweep_word <= {mirror_data[7:0], sweep_word_low_q};
+    if (take_q[29]) work_word_low_q <= mirror_data;
+    if (take_q[30]) mirror_o.work_word <= {mirror_data[7:0], work_word_low_q};
+    if (take_q[31]) mirror_o.sweep_rate <= mirror_data;
+    if (take_q[32]) mirror_o.glitch_clks <= mirror_data[7:0];
+    if (take_q[33]) mirror_o.width_min_clks <= mirror_data;
+    if (take_q[34]) mirror_o.width_max_clks <= mirror_data;
+    if (take_q[35]) mirror_o.period_max_clks <= mirror_data;
+    if (take_q[36]) mirror_o.phase_shift <= mirror_data[3:0];
+    if (take_q[37]) mirror_o.rate_shift <= mirror_data[5:0];
+    if (take_q[38]) mirror_o.amplitude_shift <= mirror_data[3:0];
+    if (take_q[39]) mirror_o.error_limit <= mirror_data[27:0];
+    if (take_q[40]) mirror_o.amplitude_set <= mirror_data[25:0];
+    if (take_q[41]) mirror_o.k_p <= mirror_data[17:0];
+    if (take_q[42]) mirror_o.k_i <= mirror_data[17:0];
+    if (take_q[43]) mirror_o.level_low <= mirror_data[19:0];
+    if (take_q[44]) mirror_o.level_high <= mirror_data[19:0];
+    if (take_q[45]) mirror_o.level_nominal <= mirror_data[19:0];
+    if (take_q[46]) mirror_o.trim_step <= mirror_data[23:0];
+    if (take_q[47]) mirror_o.trim_gain <= mirror_data[17:0];
+    if (take_q[48]) mirror_o.trim_up <= mirror_data[0];
+    if (take_q[49]) mirror_o.settle_limit <= mirror_data[25:0];
+    if (take_q[50]) mirror_o.shock_limit <= mirror_data[25:0];
+    if (take_q[51]) mirror_o.phase_limit <= mirror_data[27:0];
+    if (take_q[52]) mirror_o.settle_count <= mirror_data[7:0];
+    if (take_q[53]) mirror_o.hold_count <= mirror_data[7:0];
+    if (take_q[54]) mirror_o.confidence_gain <= mirror_data[23:0];
+    if (take_q[55]) mirror_limits_o.duty <= mirror_limits_data[15:0];
+    if (take_q[56]) mirror_limits_o.sweep_level <= mirror_limits_data[19:0];
+    if (take_q[57]) mirror_limits_o.level_min <= mirror_limits_data[19:0];
+    if (take_q[58]) mirror_limits_o.level_max <= mirror_limits_data[19:0];
+    if (take_q[59]) mirror_limits_o.trim_min <= signed'(mirror_limits_data);
+    if (take_q[60]) mirror_limits_o.trim_max <= signed'(mirror_limits_data);
+    if (take_q[61]) mirror_limits_o.sweep_timeout <= mirror_limits_data;
+    if (take_q[62]) mirror_limits_o.settle_timeout <= mirror_limits_data;
+    if (take_q[63]) mirror_limits_o.lost_timeout <= mirror_limits_data;
+    if (take_q[64]) motion_o.drive_phase <= motion_data;
+    if (take_q[65]) motion_o.motion_a[0+:24] <= motion_data[23:0];
+    if (take_q[66]) motion_o.motion_a[24+:24] <= motion_data[23:0];
+    if (take_q[67]) motion_o.motion_a[48+:24] <= motion_data[23:0];
+    if (take_q[68]) motion_o.motion_a[72+:24] <= motion_data[23:0];
+    if (take_q[69]) motion_o.motion_a[96+:24] <= motion_data[23:0];
+    if (take_q[70]) motion_o.motion_a[120+:24] <= motion_data[23:0];
+    if (take_q[71]) motion_o.motion_a[144+:24] <= motion_data[23:0];
+    if (take_q[72]) motion_o.motion_a[168+:24] <= motion_data[23:0];
+    if (take_q[73]) motion_o.motion_a[192+:24] <= motion_data[23:0];
+    if (take_q[74]) motion_o.motion_phi[0+:28] <= motion_data;
+    if (take_q[75]) motion_o.motion_phi[28+:28] <= motion_data;
+    if (take_q[76]) motion_o.motion_phi[56+:28] <= motion_data;
+    if (take_q[77]) motion_o.motion_phi[84+:28] <= motion_data;
+    if (take_q[78]) motion_o.motion_phi[112+:28] <= motion_data;
+    if (take_q[79]) motion_o.motion_phi[140+:28] <= motion_data;
+    if (take_q[80]) motion_o.motion_phi[168+:28] <= motion_data;
+    if (take_q[81]) motion_o.motion_phi[196+:28] <= motion_data;
+    if (take_q[82]) motion_o.motion_phi[224+:28] <= motion_data;
+    if (take_q[83]) motion_o.motion_da[0+:24] <= motion_data[23:0];
+    if (take_q[84]) motion_o.motion_da[24+:24] <= motion_data[23:0];
+    if (take_q[85]) motion_o.motion_da[48+:24] <= motion_data[23:0];
+    if (take_q[86]) motion_o.motion_da[72+:24] <= motion_data[23:0];
+    if (take_q[87]) motion_o.motion_da[96+:24] <= motion_data[23:0];
+    if (take_q[88]) motion_o.motion_da[120+:24] <= motion_data[23:0];
+    if (take_q[89]) motion_o.motion_da[144+:24] <= motion_data[23:0];
+    if (take_q[90]) motion_o.motion_da[168+:24] <= motion_data[23:0];
+    if (take_q[91]) motion_o.motion_da[192+:24] <= motion_data[23:0];
+    if (take_q[92]) motion_o.motion_dphi[0+:24] <= motion_data[23:0];
+    if (take_q[93]) motion_o.motion_dphi[24+:24] <= motion_data[23:0];
+    if (take_q[94]) motion_o.motion_dphi[48+:24] <= motion_data[23:0];
+    if (take_q[95]) motion_o.motion_dphi[72+:24] <= motion_data[23:0];
+    if (take_q[96]) motion_o.motion_dphi[96+:24] <= motion_data[23:0];
+    if (take_q[97]) motion_o.motion_dphi[120+:24] <= motion_data[23:0];
+    if (take_q[98]) motion_o.motion_dphi[144+:24] <= motion_data[23:0];
+    if (take_q[99]) motion_o.motion_dphi[168+:24] <= motion_data[23:0];
+    if (take_q[100]) motion_o.motion_dphi[192+:24] <= motion_data[23:0];
+    if (take_q[101]) ratio_low_q <= line_data;
+    if (take_q[102]) line_o.ratio <= {line_data[11:0], ratio_low_q};
+    if (take_q[103]) line_o.exposure_delay_clks <= line_data[19:0];
+    if (take_q[104]) line_o.exposure_clks <= line_data[19:0];
+    if (take_q[105]) line_o.pulse_delay_clks <= line_data[19:0];
+    if (take_q[106]) line_o.pulse_clks <= line_data[19:0];
+    if (take_q[107]) link_o.uart_step <= link_data;
+    if (take_q[108]) laser_o.laser_enable <= laser_data[0];
+    if (take_q[109]) laser_o.laser_adapt <= laser_data[0];
+    if (take_q[110]) laser_o.laser_shared <= laser_data[0];
+    if (take_q[111]) laser_o.laser_power <= laser_data;
+    if (take_q[112]) laser_o.laser_power_min <= laser_data;
+    if (take_q[113]) laser_o.laser_power_max <= laser_data;
+    if (take_q[114]) laser_o.laser_startup <= laser_data;
+    if (take_q[115]) laser_o.laser_target <= laser_data;
+    if (take_q[116]) laser_o.laser_cut <= laser_data[13:0];
+    if (take_q[117]) laser_o.laser_down <= laser_data;
+    if (take_q[118]) laser_o.laser_up <= laser_data;
+    if (take_q[119]) laser_o.laser_search <= laser_data[13:0];
+    if (take_q[120]) laser_o.laser_index_begin <= laser_data;
+    if (take_q[121]) laser_o.laser_index_end <= laser_data;
+    if (take_q[122]) laser_limits_o.laser_limit_power <= laser_limits_data[15:0];
+    if (take_q[123]) laser_limits_o.laser_limit_startup <= laser_limits_data[15:0];
+    if (take_q[124]) laser_limits_o.laser_limit_pulse_clks <= laser_limits_data[19:0];
+    if (take_q[125]) laser_limits_o.laser_limit_drain <= laser_limits_data[15:0];
+    if (take_q[126]) laser_limits_o.laser_limit_bucket <= laser_limits_data;
+    if (take_q[127]) laser_limits_o.laser_watchdog_clks <= laser_limits_data;
+    if (take_q[128]) points_o.points_batch <= points_data[7:0];
+    if (take_q[129]) points_o.points_timeout_clks <= points_data;
+    if (take_q[130]) focus_o.focus_mode <= focus_data[1:0];
+    if (take_q[131]) focus_o.focus_manual <= focus_data[15:0];
+    if (take_q[132]) focus_o.focus_average_shift <= focus_data[3:0];
+    if (take_q[133]) focus_o.focus_lapse <= focus_data[15:0];
+    if (take_q[134]) focus_o.focus_z_begin <= signed'(focus_data[23:0]);
+    if (take_q[135]) focus_o.focus_z_shift <= focus_data[3:0];
+    if (take_q[136]) focus_o.focus_hysteresis <= focus_data[15:0];
+    if (take_q[137]) focus_o.focus_hold_points <= focus_data[15:0];
+    if (take_q[138]) focus_o.focus_address <= focus_data[6:0];
+    if (take_q[139]) focus_o.focus_quarter_clks <= focus_data[15:0];
+    if (take_q[140]) focus_o.focus_stretch_clks <= focus_data[23:0];
+    if (take_q[141]) focus_o.focus_poll_clks <= focus_data[23:0];
+    if (take_q[142]) focus_o.focus_tolerance <= focus_data[15:0];
+    if (take_q[143]) focus_o.focus_timeout_clks <= focus_data;
+    if (take_q[144]) focus_o.focus_retries <= focus_data[7:0];
+    if (take_q[145]) test_o.test_position <= test_data[23:0];
+    if (take_q[146]) test_o.test_move <= signed'(test_data[23:0]);
+    if (take_q[147]) test_o.test_step <= test_data[28:0];
+    if (take_q[148]) test_o.test_height <= test_data[15:0];
+    if (take_q[149]) test_o.test_pedestal <= test_data[15:0];
+    if (take_q[150]) test_o.test_noise <= test_data[15:0];
+    if (take_q[151]) test_o.test_seed <= test_data;
+    if (take_q[152]) test_o.test_lines <= test_data;
+    if (take_q[153]) test_o.test_period_clks <= test_data[23:0];
+    if (take_q[154]) test_o.test_angle <= signed'(test_data[23:0]);
+    if (take_q[155]) test_o.test_power <= test_data[15:0];
+    if (take_q[156]) test_o.test_start <= test_data[0];
+    if (take_q[157]) test_o.test_stop <= test_data[0];
+    if (take_q[158]) locks_o.lock_calibration <= locks_data[0];
+    if (take_q[159]) locks_o.lock_mirror <= locks_data[0];
+    if (take_q[160]) locks_o.lock_laser <= locks_data[0];
     if (identity_rst) begin
       identity_o.scratch <= '0;
     end
@@ -655,6 +679,10 @@ module register_file (
       geometry_o.d1 <= 32'hdba83161;
       geometry_o.e0 <= 32'h3f608d52;
       geometry_o.e1 <= 32'h051b9098;
+    end
+    if (free_rst) begin
+      free_o.free_begin <= 24'hf0b17e;
+      free_o.free_shift <= 4'h4;
     end
     if (mirror_rst) begin
       mirror_o.mirror_enable <= '0;
@@ -834,6 +862,35 @@ module register_file (
     if (rst) focus_table_o.focus_table_write <= 1'b0;
   end
 
+  // ---- free_table: written at 6, read back at 7 and 8 ----
+  logic [15:0] free_table_from_mem[256];
+  logic [15:0] free_table_from_q, free_table_from_q2;
+  logic [15:0] free_table_to_mem[256];
+  logic [15:0] free_table_to_q;
+  logic [31:0] free_table_read_q;
+  always_ff @(posedge clk_i) begin
+    if (write_q2 && free_table_hit_q && address_q[0:0] == 1'h0 && !rst)
+      free_table_from_mem[free_table_index] <= data_q[15:0];
+    free_table_from_q <= free_table_from_mem[free_table_index];
+    free_table_from_q2 <= free_table_from_q;
+    if (write_q2 && free_table_hit_q && address_q[0:0] == 1'h1 && !rst)
+      free_table_to_mem[free_table_index] <= data_q[15:0];
+    free_table_to_q <= free_table_to_mem[free_table_index];
+    free_table_o.free_table_write <= 1'b0;
+    if (write_q2 && free_table_hit_q && address_q[0:0] == 1'h1) begin
+      free_table_o.free_table_write <= 1'b1;
+      free_table_o.free_table_index <= free_table_index;
+      free_table_o.free_table_from <= free_table_from_q2;
+      free_table_o.free_table_to <= data_q[15:0];
+    end
+    case (address_q[0:0])
+      1'h0: free_table_read_q <= 32'(free_table_from_q);
+      1'h1: free_table_read_q <= 32'(free_table_to_q);
+      default: free_table_read_q <= '0;
+    endcase
+    if (rst) free_table_o.free_table_write <= 1'b0;
+  end
+
   // ---- 7: the words of a page; what is wide stays whole ----
   logic [15:0] uptime_high_q;
   logic [7:0] mirror_word_high_q;
@@ -860,7 +917,7 @@ module register_file (
   always_ff @(posedge clk_i) begin
     case (page_00_word)
       4'h0: page_00_q <= 32'h56525343;
-      4'h1: page_00_q <= 32'h0c8f40f5;
+      4'h1: page_00_q <= 32'h02355eec;
       4'h2: page_00_q <= 32'h00000100;
       4'h3: page_00_q <= 32'(identity_status_i.board_id);
       4'h4: page_00_q <= identity_status_i.clock_hz;
@@ -931,7 +988,9 @@ module register_file (
       4'h1: page_03_q <= 32'(chain_i.long_count);
       4'h2: page_03_q <= 32'(chain_i.unfinished_count);
       4'h3: page_03_q <= 32'(chain_i.early_count);
-      default: page_03_q <= 32'(chain_i.dropped_count);
+      4'h4: page_03_q <= 32'(chain_i.dropped_count);
+      4'h8: page_03_q <= 32'(free_o.free_begin);
+      default: page_03_q <= 32'(free_o.free_shift);
     endcase
     if (!page_03_hit_q) page_03_q <= '0;
   end
@@ -1368,6 +1427,7 @@ module register_file (
     bus_data_o   <= read_q;
     if (table_hit_q) bus_data_o <= table_read_q;
     if (focus_table_hit_q) bus_data_o <= focus_table_read_q;
+    if (free_table_hit_q) bus_data_o <= free_table_read_q;
     if (status_q != link_pkg::StatusWidth'(link_pkg::StatusOk)) bus_data_o <= '0;
     if (rst) bus_done_o <= 1'b0;
   end
@@ -1455,6 +1515,10 @@ module register_file (
     rule_mem[51] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
     // dropped_count
     rule_mem[52] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // free_begin
+    rule_mem[56] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // free_shift
+    rule_mem[57] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00000000f};
     // mirror_enable
     rule_mem[64] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000001};
     // line_enable

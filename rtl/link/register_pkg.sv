@@ -64,6 +64,13 @@ package register_pkg;
     logic [15:0] dropped_count;
   } chain_t;
 
+  // Place of free_table's entries over the scan angle; constant until the points of all lines are
+  // out.
+  typedef struct packed {
+    logic signed [23:0] free_begin;
+    logic [3:0] free_shift;
+  } free_t;
+
   // Control loop of the mirror.
   typedef struct packed {
     logic mirror_enable;
@@ -309,6 +316,17 @@ package register_pkg;
     logic [5:0] focus_table_index;
     logic [15:0] focus_table_position;
   } focus_table_t;
+
+  // Intervals of z in which a line without a peak is free, empty where from is not below to. Entry
+  // i < 128: what the camera sees at the angle free_begin + i 2**(free_shift + 10) steps. Entry 128
+  // + 8 e + k: where the darkest surface gives a peak, for 2**8 power / noise of (8 + k) 2**(e - 3)
+  // and more.
+  typedef struct packed {
+    logic free_table_write;
+    logic [7:0] free_table_index;
+    logic [15:0] free_table_from;
+    logic [15:0] free_table_to;
+  } free_table_t;
 endpackage
 
 `default_nettype wire

@@ -4,7 +4,8 @@
 //   sigma  = T / (2 pi) sqrt(sum v_i sin^2(theta_i - phi)) / |P1|,  v_i = noise^2 + kappa p_i,
 //            p_i above background, from the sums of phase_correlate
 //   c_obj  = snr / snr_max where snr >= snr_min (9), else 0
-//   c_sfm  = power / power_max where snr < snr_min (10), else 0
+//   c_sfm  = power / power_max where nothing is there (10): where clear_i is and the noise is not
+//            zero, else 0
 //
 // In aligned counts, with C the sum of the plain cosines, S the sum of pixel - pedestal, W its
 // wave and f the background's fraction below the pedestal:
@@ -29,6 +30,7 @@ module peak_confidence #(
   input  wire logic                                         valid_i,
   input  wire logic                                         measured_i,
   input  wire logic                                         low_snr_i,
+  input  wire logic                                         clear_i,
   input  wire logic        [                PixelWidth-1:0] maximum_i,
   input  wire logic        [    vrscan_pkg::CountWidth-1:0] background_i,
   input  wire logic        [    vrscan_pkg::CountWidth-1:0] noise_i,
@@ -64,7 +66,7 @@ module peak_confidence #(
   localparam int unsigned FractionWidth  = CountWidth - vrscan_pkg::AlignedWidth;
 
   // ---- what arrived ----
-  logic                                         measured_q, low_snr_q;
+  logic                                         measured_q, low_snr_q, clear_q;
   logic        [                CountWidth-1:0] noise_q, height_q;
   logic        [             FractionWidth-1:0] fraction_q;
   logic        [   vrscan_pkg::WindowWidth-1:0] period_q;
@@ -157,6 +159,7 @@ module peak_confidence #(
       IDLE: if (valid_i) begin
         measured_q  <= measured_i;
         low_snr_q   <= low_snr_i;
+        clear_q     <= clear_i && noise_i != '0;
         noise_q     <= noise_i;
         height_q    <= (CountWidth'(maximum_i) << CountShift) - background_i;
         fraction_q  <= background_i[FractionWidth-1:0];
@@ -171,7 +174,7 @@ module peak_confidence #(
         state_q          <= SNR;
       end
       SNR: if (product_ready_q) begin
-        c_sfm_o        <= low_snr_q ? confidence : '0;
+        c_sfm_o        <= clear_q ? confidence : '0;
         numerator_q    <= NumeratorWidth'(height_q) << vrscan_pkg::SnrFraction;
         denominator_q  <= vrscan_pkg::MagnitudeWidth'(noise_q);
         divide_start_q <= 1'b1;

@@ -14,15 +14,16 @@
 //                   number and count of dropped points 0 with the next record's line; what comes
 //                   until the last batch is closed, some 150 clocks, is not of the stream.
 //                   stream_stop_i goes before it.
-//   stream_format_i 0 for link_pkg's compact records, 1 for full ones
+//   stream_format_i link_pkg's FormatCompact, FormatFull or FormatSpace
 //   stream_step_i   1 to 255; lines are counted by their numbers, whichever have a point
 //   valid_o         rises when a packet is there to its end; data_o stays while ready_i is low
-//   points_batch    records a packet, clipped to 1 .. 28 compact or 3 full ones: at most 240 bytes.
+//   points_batch    records a packet, clipped to 1 .. 28 compact, 3 full or 25 of space: at most
+//                   240 bytes.
 //                   A batch that has as many as a new value is closed.
 //   points_timeout_clks    after so long a batch is closed; 0: never
 //   points_dropped_o  stops at its largest value; not of the stream but since reset
 //   Latency  from the first byte of a batch's last record to valid_o, where the reader is idle: 87
-//            clocks for a compact record, 143 for a full one
+//            clocks for a compact record, 143 for a full one, 88 for one of space
 //   Model    vrscan.clocked.point_packer, bit-exact
 
 `default_nettype none
@@ -47,7 +48,7 @@ module point_packer #(
 
   input  wire logic                    stream_start_i,
   input  wire logic                    stream_stop_i,
-  input  wire logic                    stream_format_i,
+  input  wire logic [link_pkg::StreamFormatWidth-1:0] stream_format_i,
   input  wire logic [             7:0] stream_step_i,
 
   // Configuration.
@@ -77,22 +78,31 @@ module point_packer #(
   localparam int unsigned FullBytes = link_pkg::FullBytes;
   localparam int unsigned MostCompact = 28;
   localparam int unsigned MostFull = 3;
+  localparam int unsigned SpaceBytes = link_pkg::SpaceBytes;
+  localparam int unsigned MostSpace = 25;
   localparam int unsigned BatchWidth = 5;
 
   // Where a full record has what a compact one needs, and what is looked at.
   localparam logic [5:0] AtFlags = 6'd4;
+  localparam logic [5:0] AtAngle = 6'd36;
   localparam logic [5:0] AtX = 6'd40;
   localparam logic [5:0] AtZ = 6'd44;
   localparam logic [5:0] AtObject = 6'd52;
+  localparam logic [5:0] AtFree = 6'd53;
+  localparam logic [5:0] AtConfidence = 6'd56;
   localparam logic [5:0] AtBits = 6'd57;
   localparam logic [5:0] AtLost = 6'd58;
 
   typedef enum logic [1:0] {IDLE, HEADER, ROOM, RECORD} state_e;
 
   // ---- control ----
-  logic       running_q, format_q;
+  typedef logic [link_pkg::StreamFormatWidth-1:0] format_t;
+  localparam format_t Full = format_t'(link_pkg::FormatFull);
+  localparam format_t Space = format_t'(link_pkg::FormatSpace);
+  logic       running_q;
+  format_t    format_q, next_format_q;
   logic [7:0] step_q;
-  logic       pending_q, next_running_q, next_format_q;
+  logic       pending_q, next_running_q;
   logic [7:0] next_step_q;
   logic       apply;
 
@@ -101,7 +111,8 @@ module point_packer #(
   logic        filling_q, held_q, first_q;
   logic [31:0] line_q, base_q, expected_q, distance_q;
   logic [ 7:0] remainder_q;
-  logic        selected_q, gap_q, measured_q;
+  logic        selected_q, gap_q, measured_q, inward_q;
+  logic [ 6:0] confidence_q;
   logic [15:0] flags_q;
   logic [ 7:0] compact_q;
   logic        begins, take, release_held;
@@ -137,7 +148,8 @@ module point_packer #(
       if (record_index_i < AtFlags) line_q <= {record_i, line_q[31:8]};
       if (record_index_i == AtFlags) flags_q[7:0] <= record_i;
       if (record_index_i == AtFlags + 6'd1) flags_q[15:8] <= record_i;
-      if (record_index_i == AtBits) measured_q <= record_i[0];
+      if (record_index_i == AtBits) {inward_q, measured_q} <= record_i[1:0];
+      if (record_index_i == AtConfidence) confidence_q <= record_i[7:1];
 
       // The distance to the last line of the stream modulo the step, a bit a byte.
       if (record_index_i == 6'd4) begin
@@ -176,7 +188,7 @@ module point_packer #(
     if (rst_i) begin
       running_q <= 1'b0;
       pending_q <= 1'b0;
-      format_q  <= 1'b0;
+      format_q  <= '0;
       filling_q <= 1'b0;
       held_q    <= 1'b0;
     end
@@ -207,7 +219,9 @@ module point_packer #(
 
   logic record_ends;
   assign record_ends  = state_q == RECORD
-                        && index_q == (format_q ? 6'(FullBytes - 1) : 6'(CompactBytes - 1));
+                        && index_q == (format_q == Full ? 6'(FullBytes - 1)
+                                       : format_q == Space ? 6'(SpaceBytes - 1)
+                                       : 6'(CompactBytes - 1));
   assign release_held = record_ends || drop_late || (state_q == IDLE && !selected_q);
 
   localparam int unsigned SumWidth = CountWidth + 1;
@@ -217,7 +231,8 @@ module point_packer #(
 
   logic [             7:0] most;
   logic [TimeoutWidth-1:0] timeout;
-  assign most    = format_q ? 8'(MostFull) : 8'(MostCompact);
+  assign most    = format_q == Full ? 8'(MostFull)
+                   : format_q == Space ? 8'(MostSpace) : 8'(MostCompact);
   assign timeout = points_i.points_timeout_clks[TimeoutWidth-1:0];
 
   always_ff @(posedge clk_i) begin
@@ -229,9 +244,10 @@ module point_packer #(
     else if (age_q != '1) age_q <= age_q + TimeoutWidth'(1);
 
     used_q <= fill_q - read_q;
-    room_q <= used_q <= (format_q ? PointerWidth'(BufferBytes - HeaderBytes - MostFull * FullBytes)
-                                  : PointerWidth'(BufferBytes - HeaderBytes
-                                                  - MostCompact * CompactBytes));
+    room_q <= used_q <= (format_q == Full
+        ? PointerWidth'(BufferBytes - HeaderBytes - MostFull * FullBytes)
+        : format_q == Space ? PointerWidth'(BufferBytes - HeaderBytes - MostSpace * SpaceBytes)
+        : PointerWidth'(BufferBytes - HeaderBytes - MostCompact * CompactBytes));
 
     unique case (state_q)
       IDLE: begin
@@ -320,8 +336,7 @@ module point_packer #(
     other_q      <= 8'd0;
     if (state_q == HEADER) begin
       case (index_q[3:0])
-        4'd0: other_q <= format_q ? 8'(link_pkg::StreamPointsFull)
-                                  : 8'(link_pkg::StreamPointsCompact);
+        4'd0: other_q <= 8'(link_pkg::StreamPointsCompact) + 8'(format_q);
         4'd1: other_q <= sequence_q;
         4'd2: other_q <= 8'(count_q);
         4'd3: other_q <= step_q;
@@ -332,19 +347,30 @@ module point_packer #(
         4'd8: {dropped_high_q, other_q} <= 16'(dropped_q);
         default: other_q <= dropped_high_q;
       endcase
-    end else if (format_q) begin
+    end else if (format_q == Full) begin
       raw_q  <= index_q != AtLost && index_q != AtLost + 6'd1;
       mark_q <= index_q == AtFlags + 6'd1 && any_lost_q;
       other_q <= index_q[0] ? record_lost_q[15:8] : record_lost_q[7:0];
     end else begin
-      raw_q <= index_q[2:0] != 3'd7;
+      // A record of space is a compact one with a byte about the mirror; what is not measured has
+      // the angle and the free interval in place of x and z.
+      raw_q <= index_q[3:0] < 4'd7;
       case (index_q[2:0])
         3'd0, 3'd1, 3'd2: hold_index_q <= AtX + index_q;
         3'd3, 3'd4, 3'd5: hold_index_q <= AtZ - 6'd3 + index_q;
         default: hold_index_q <= AtObject;
       endcase
+      if (format_q == Space && !compact_q[link_pkg::CompactMeasured]) begin
+        case (index_q[2:0])
+          3'd0, 3'd1: hold_index_q <= AtAngle + 6'd1 + index_q;
+          3'd2, 3'd3: hold_index_q <= AtX - 6'd1 + index_q;
+          3'd4, 3'd5: hold_index_q <= AtZ - 6'd3 + index_q;
+          default: hold_index_q <= AtFree;
+        endcase
+      end
       other_q <= compact_q;
       other_q[link_pkg::CompactLost] <= compact_q[link_pkg::CompactLost] || any_lost_q;
+      if (index_q[3]) other_q <= {inward_q, confidence_q};
     end
 
     write_q2   <= write_q;
@@ -363,7 +389,8 @@ module point_packer #(
   logic [2:0] place_q;  // byte that is read, stops at 5
   logic [4:0] records_q;
   logic [7:0] left_q;  // bytes behind it
-  logic       full_format_q, next, filled, ends;
+  format_t    read_format_q;
+  logic       next, filled, ends;
   assign next   = !valid_o || ready_i;
   assign filled = read_q != head_q;
   assign ends   = place_q == 3'd5 && left_q == 8'd0;
@@ -377,12 +404,15 @@ module point_packer #(
       if (filled) begin
         read_q  <= read_q + PointerWidth'(1);
         place_q <= ends ? 3'd0 : place_q == 3'd5 ? 3'd5 : place_q + 3'd1;
-        if (place_q == 3'd1) full_format_q <= data_o[0];
+        if (place_q == 3'd1) read_format_q <= data_o[link_pkg::StreamFormatWidth-1:0];
         if (place_q == 3'd3) records_q <= data_o[4:0];
         // Behind byte 5 there are 4 of the header, and the records.
-        if (place_q == 3'd4) left_q <= (full_format_q ? {records_q[1:0], 6'd0}
-                                                      : {records_q, 3'd0}) + 8'd4;
-        else left_q <= left_q - 8'd1;
+        if (place_q == 3'd4) begin
+          left_q <= (read_format_q == Full ? {records_q[1:0], 6'd0} : {records_q, 3'd0})
+                    + (read_format_q == Space ? {3'd0, records_q} : 8'd0) + 8'd4;
+        end else begin
+          left_q <= left_q - 8'd1;
+        end
       end
     end
     if (rst_i) begin

@@ -1,8 +1,8 @@
 // point_record: all that is known of a line's point, as 64 bytes, one a clock.
 //
 // docs/link.md has the layout; numbers are little endian, signed ones sign-extended.  What has no
-// meaning is 0: left and right where width is 0; position, sigma, x, z, sigma_z where the point is
-// not measured.  The number of points lost before this one is 0: who keeps records, counts.
+// meaning is 0: left and right where width is 0; position, sigma, sigma_z where the point is not
+// measured.  x and z are free_from and free_to there.  The number of points lost before this one is 0: who keeps records, counts.
 //
 //   valid_i        a point, at least link_pkg::FullBytes clocks after the one before; the chain's
 //                  are vrscan_pkg::PointPeriod apart
@@ -37,8 +37,9 @@ module point_record (
   assign sigma    = point_i.measured ? point_i.sigma : 16'd0;
   assign sigma_z  = point_i.measured ? point_i.sigma_z : 16'd0;
   assign position = point_i.measured ? 32'(point_i.position) : 32'sd0;
-  assign x        = point_i.measured ? 32'(point_i.x) : 32'sd0;
-  assign z        = point_i.measured ? 32'(point_i.z) : 32'sd0;
+  localparam int unsigned Align = vrscan_pkg::LengthFraction - vrscan_pkg::FreeFraction;
+  assign x        = point_i.measured ? 32'(point_i.x) : signed'(32'(point_i.free_from) << Align);
+  assign z        = point_i.measured ? 32'(point_i.z) : signed'(32'(point_i.free_to) << Align);
 
   logic [RecordWidth-1:0] record, record_q;
   assign record = {

@@ -9,6 +9,8 @@
 //                  does not come twice without a reset
 //   exposure_i     high while the line is exposed; it ends in its first low clock
 //   centre_i       middle of the pulse: power_i, inward_i and the time are sampled
+//   power_i        once more in the first dark clock, if no other line's centre has come by then:
+//                  a pulse that is cut behind its centre has no power
 //   angle_valid_i  angle_i, mirror_flags_i and confidence_i of the line angle_line_i, whose
 //                  centre_i has come
 //   tag_o          holds until the next line_start_i, whatever comes meanwhile.  In the Latency
@@ -60,9 +62,8 @@ module line_tag #(
       {1'b1, {(vrscan_pkg::MirrorFlagWidth - 1){1'b0}}};
 
   typedef struct packed {
-    logic [vrscan_pkg::PowerWidth-1:0] power;
-    logic                              inward;
-    logic [ vrscan_pkg::TimeWidth-1:0] time_clks;
+    logic                             inward;
+    logic [vrscan_pkg::TimeWidth-1:0] time_clks;
   } centre_t;
   typedef struct packed {
     logic [     vrscan_pkg::AngleWidth-1:0] angle;
@@ -71,36 +72,41 @@ module line_tag #(
   } angle_t;
 
   // The table: a line's number is beside each half, as an older line's may still be there.
-  localparam int unsigned CentreBits =
-      LineWidth + vrscan_pkg::PowerWidth + 1 + vrscan_pkg::TimeWidth;
+  localparam int unsigned CentreBits = LineWidth + 1 + vrscan_pkg::TimeWidth;
   localparam int unsigned AngleBits = LineWidth + vrscan_pkg::AngleWidth
       + vrscan_pkg::MirrorFlagWidth + vrscan_pkg::ConfidenceWidth;
   logic [CentreBits-1:0] centre_mem [Depth];
   logic [ AngleBits-1:0] angle_mem [Depth];
+  logic [vrscan_pkg::PowerWidth-1:0] powers_q [Depth];  // registers: two may be written at once
   logic [     Depth-1:0] centred_q, angled_q;
 
   // The exposure that is on, the last one that ended, and the one that is being read out.
   logic                 exposure_q, ended, ended_q, wanted_q, start_q, open_q, tagged_q;
-  logic [LineWidth-1:0] exposed_line_q, ended_line_q, wanted_line_q;
+  logic [LineWidth-1:0] exposed_line_q, ended_line_q, wanted_line_q, last_centre_q;
   assign ended = exposure_q && !exposure_i;
 
   logic [vrscan_pkg::TimeWidth-1:0] clock_q;
-  logic [           IndexWidth-1:0] index, centre_index, angle_index;
+  logic [           IndexWidth-1:0] index, centre_index, angle_index, exposed_index;
   assign index        = wanted_line_q[IndexWidth-1:0];
   assign centre_index = line_i[IndexWidth-1:0];
   assign angle_index  = angle_line_i[IndexWidth-1:0];
+  assign exposed_index = exposed_line_q[IndexWidth-1:0];
 
   // What the table has, and a clock later whether it is of the line that is read out.
   logic                 centred_q2, angled_q2, centre_match_q, angle_match_q;
   logic [LineWidth-1:0] centre_line_q, angle_line_q;
   centre_t              centre_q, centre_q2;
+  logic [vrscan_pkg::PowerWidth-1:0] power_q, power_q2;
   angle_t               angle_q, angle_q2;
 
   always_ff @(posedge clk_i) begin
     clock_q <= clock_q + vrscan_pkg::TimeWidth'(1);
 
+    if (ended && last_centre_q == exposed_line_q) powers_q[exposed_index] <= power_i;
     if (centre_i) begin
-      centre_mem[centre_index] <= {line_i, power_i, inward_i, clock_q};
+      last_centre_q            <= line_i;
+      powers_q[centre_index]   <= power_i;
+      centre_mem[centre_index] <= {line_i, inward_i, clock_q};
       centred_q[centre_index]  <= 1'b1;
       angled_q[centre_index]   <= 1'b0;  // which needs no reset: centred_q comes first
     end
@@ -124,6 +130,8 @@ module line_tag #(
     centred_q2     <= centred_q[index] && wanted_q;
     angled_q2      <= angled_q[index];
     centre_q2      <= centre_q;
+    power_q        <= powers_q[index];
+    power_q2       <= power_q;
     angle_q2       <= angle_q;
     centre_match_q <= centred_q2 && centre_line_q == wanted_line_q && !start_q && !line_start_i;
     angle_match_q  <= angled_q2 && angle_line_q == wanted_line_q;
@@ -134,7 +142,7 @@ module line_tag #(
       tag_o.angle        <= signed'(angle_q2.angle);
       tag_o.mirror_flags <= angle_q2.flags;
       tag_o.confidence   <= angle_q2.confidence;
-      tag_o.power        <= centre_q2.power;
+      tag_o.power        <= power_q2;
       tag_o.inward       <= centre_q2.inward;
       tag_o.time_clks    <= centre_q2.time_clks;
     end

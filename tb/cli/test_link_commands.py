@@ -194,6 +194,40 @@ def test_lost_points_are_status_1(board: FakeBoard) -> None:
     assert run(*lossy, "--allow-loss").exit_code == 0
 
 
+def test_points_and_free_beams_as_csv(board: FakeBoard) -> None:
+    """At another rate meanwhile; every line is a point or the free interval of its beam."""
+    arguments = ("--out", "points.csv", "--count", "300", "--space", "--stream-baud", "4000000")
+    printed("points", *arguments)
+    assert "3000000" in printed("info")
+    with Path("points.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 300
+    points = 0
+    for row in rows:
+        want = board.made[int(row["line"]) % len(board.made)]
+        small = records.space(want.reshape(1))[0]
+        if small["flags"] & 1:
+            points += 1
+            assert float(row["z_mm"]) == pytest.approx(want["z"] / 4096, abs=1e-4)
+            assert float(row["c_obj"]) == pytest.approx(want["c_obj"] / 255, abs=1e-3)
+            assert row["angle_rad"] == row["free_from_mm"] == row["free_to_mm"] == ""
+            continue
+        assert row["x_mm"] == row["z_mm"] == row["c_obj"] == ""
+        turn = ((int(want["angle"]) >> 8 & 0xFFFF) ^ 0x8000) - 0x8000 + 0.5
+        assert float(row["angle_rad"]) == pytest.approx(turn * 2 * np.pi / 65536, abs=1e-5)
+        assert float(row["c_sfm"]) == pytest.approx(want["c_sfm"] / 255, abs=1e-3)
+        ends = [(int(want[name]) >> 8 & 0xFFFF) / 16 for name in ("x", "z")]
+        if ends[1]:
+            got = [float(row[name]) for name in ("free_from_mm", "free_to_mm")]
+            assert got == pytest.approx(ends, abs=1e-4)
+        else:
+            assert row["free_from_mm"] == row["free_to_mm"] == ""
+        assert row["inward"] == str(int(want["bits"]) >> 1 & 1)
+    assert 20 < points < 280
+    failed = run("points", "--out", "p.csv", "--count", "5", "--space", "--compact")
+    assert failed.exit_code and "--space" in str(failed.exception) + failed.stderr
+
+
 def test_compact_points_as_csv(board: FakeBoard) -> None:
     printed("points", "--out", "points.csv", "--count", "50", "--compact")
     with Path("points.csv").open() as file:

@@ -55,6 +55,8 @@ def random_points(pixel_width: int = 12) -> Points:
         sigma_z=words(0, 2**16),
         c_obj=words(0, 256),
         c_sfm=words(0, 256),
+        free_from=words(0, 2**16),
+        free_to=words(0, 2**16),
         measured=rng.random(COUNT) < 0.7,
         pixel_width=pixel_width,
     )

@@ -69,8 +69,13 @@ def test_full_records_become_points() -> None:
     records = random_records(generator(4), range(50))
     got = points(records, 10)
     assert len(got) == 50 and got.pixel_width == 10
-    for name in ("line", "position", "x", "z", "flags", "row_variance", "c_sfm", "width"):
+    for name in ("line", "position", "flags", "row_variance", "c_sfm", "width"):
         assert (getattr(got, name) == records[name]).all() and getattr(got, name).dtype == np.int64
+    point = records["bits"] & 1 == 1
+    assert 0 < point.sum() < len(point)
+    for name, end in (("x", "free_from"), ("z", "free_to")):
+        assert (getattr(got, name) == np.where(point, records[name], 0)).all()
+        assert (getattr(got, end) == np.where(point, 0, records[name] // 256)).all()
     assert (got.measured == (records["bits"] & 1 == 1)).all()
 
 

@@ -45,11 +45,13 @@ struct Engine {
 
 extern "C" {
 
-void* engine_create(const uint32_t* configuration, uint64_t centre) {
+void* engine_create(const uint32_t* configuration, uint64_t centre, const uint32_t* table,
+                    int64_t entries) {
   auto engine = std::make_unique<Engine>();
   Vvrscan_chain& chain = engine->chain;
   for (int k = 0; k < PEAK_WORDS; ++k) chain.peak_i[k] = *configuration++;
   for (int k = 0; k < GEOMETRY_WORDS; ++k) chain.geometry_i[k] = *configuration++;
+  chain.free_i = *configuration++;
   chain.centre_i = centre & CENTRE_MASK;
   chain.line_start_i = 0;
   chain.line_end_i = 0;
@@ -59,6 +61,13 @@ void* engine_create(const uint32_t* configuration, uint64_t centre) {
   start(chain);
   for (int k = 0; k < 4; ++k) engine->clock();
   chain.rst_i = 0;
+  // The table of free space, an entry a clock; what is left on the port writes the last one again.
+  for (int64_t k = 0; k < entries; ++k) {
+    const uint64_t low = *table++;
+    chain.free_table_i = low | static_cast<uint64_t>(*table++) << 32;
+    engine->clock();
+  }
+  engine->clocks = 0;
   return engine.release();
 }
 

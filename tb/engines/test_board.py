@@ -47,7 +47,7 @@ def test_it_says_what_it_is(device: Device) -> None:
 
 def test_the_points_are_the_scenes(board: Board, device: Device) -> None:
     begin, rows = board.clocks(), []
-    with device.stream(full=True, step=5) as points:
+    with device.stream(step=5) as points:
         for some in points:
             rows.append(some)
             if board.clocks() > begin + STREAM_CLKS:

@@ -14,6 +14,7 @@ from vrscan.data.points import Points, points_equal
 from vrscan.engines.chain_engine import latencies, run_rtl
 from vrscan.fixed.vrscan_chain import MAX_WINDOW, first_windows, latency, run_fixed
 from vrscan.registers.chain_registers import Registers
+from vrscan.registers.free_table import HALF
 
 LENGTH = 2048
 
@@ -77,6 +78,10 @@ def extremes(registers: Registers, draw: np.random.Generator) -> Registers:
             "k1": word(22) - word(22),
             "k2": word(24) - word(24),
             "centre": registers.centre + word(26) - word(26),
+            "free_begin": word(23) - word(23),
+            "free_shift": word(4),
+            "free_table_from": tuple(word(pkg.FREE_WIDTH) for _ in range(2 * HALF)),
+            "free_table_to": tuple(word(pkg.FREE_WIDTH) for _ in range(2 * HALF)),
         }
     )
 
@@ -98,7 +103,7 @@ def test_chain_rtl_equals_model_on_whole_lines(salt: int) -> None:
     lines = np.concatenate([spots(200, salt), plateaus(200, 100 + salt)])
     angle = draw.integers(-(1 << 23), 1 << 23, len(lines)) >> draw.integers(0, 5)
     power = draw.integers(0, 1 << 16, len(lines))
-    raised = draw.integers(0, 8, len(lines))
+    raised = draw.integers(0, 8, len(lines)) * (draw.random(len(lines)) < 0.5)
     want = run_fixed(lines, angle, power, registers, mirror_flags=raised)
     got = run_rtl(lines, angle, power, registers, mirror_flags=raised)
     assert points_equal(got, want) is None

@@ -16,7 +16,9 @@ from vrscan.data.errors import InputError
 from vrscan.data.lines import Lines, part
 from vrscan.data.parallel import processors, workers
 from vrscan.data.points import csv_rows
+from vrscan.data.table import Table
 from vrscan.engines.engine import BLOCK, Engine, processes, run, streamed
+from vrscan.engines.shadows import shaded
 from vrscan.engines.tools import repository_root
 from vrscan.scene.simulate import take
 
@@ -52,18 +54,22 @@ def rows_in_blocks(
             yield part(recording, slice(start, start + size))
             start, turn = start + size, turn + 1
 
-    with streamed(engine, blocks(), config, csv_rows, jobs) as found:
-        done, rows = zip(*found, strict=True)
-    assert done[-1] == len(recording)
-    assert list(done) == sorted(set(done))
-    return b"".join(rows)
+    with streamed(engine, blocks(), config, jobs) as found:
+        points = Table.joined(list(found))
+    assert np.array_equal(points.line, np.arange(len(recording)))
+    return csv_rows(points)
+
+
+def whole_rows(engine: Engine, recording: Lines, config: Config) -> bytes:
+    """Return the same of lines that are computed at once."""
+    return csv_rows(Table.joined(list(shaded([run(engine, recording, config)], config))))
 
 
 @pytest.mark.parametrize("config", [CONFIG, TWO_PASS], ids=["one_pass", "two_pass"])
 @pytest.mark.parametrize("engine", Engine)
 def test_points_do_not_depend_on_the_blocks(engine: Engine, config: Config) -> None:
     recording = ugly(150)
-    whole = csv_rows(run(engine, recording, config))
+    whole = whole_rows(engine, recording, config)
     for sizes in ([1], [7], [1, 64, 3], [149], [1000]):
         assert rows_in_blocks(engine, recording, config, sizes) == whole, sizes
 
@@ -71,7 +77,7 @@ def test_points_do_not_depend_on_the_blocks(engine: Engine, config: Config) -> N
 @pytest.mark.parametrize("engine", Engine)
 def test_points_do_not_depend_on_the_processes(engine: Engine) -> None:
     recording = ugly(150)
-    whole = csv_rows(run(engine, recording, CONFIG))
+    whole = whole_rows(engine, recording, CONFIG)
     assert rows_in_blocks(engine, recording, CONFIG, [1, 40], jobs=3) == whole
 
 

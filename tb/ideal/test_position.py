@@ -101,4 +101,4 @@ def test_confidences() -> None:
     snr, valid = np.array([50.0, 200.0, 3.0]), np.array([True, True, False])
     assert object_confidence(snr, valid, snr_max=100.0).tolist() == [0.5, 1.0, 0.0]
     power = np.array([100, 100, 50])
-    assert free_confidence(power, valid, power_max=100).tolist() == [0.0, 0.0, 0.5]
+    assert free_confidence(power, ~valid, power_max=100).tolist() == [0.0, 0.0, 0.5]

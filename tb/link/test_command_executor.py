@@ -162,7 +162,12 @@ async def every_command_with_every_status(dut) -> None:
             bytes([0x90, 12, OK]),
             [("stream_start", {"stream_format": 0, "stream_step": 1})],
         ),
-        (bytes([START, 13, 2, 1]), bytes([0x90, 13, VALUE]), []),
+        (
+            bytes([START, 12, 2, 9]),
+            bytes([0x90, 12, OK]),
+            [("stream_start", {"stream_format": 2, "stream_step": 9})],
+        ),
+        (bytes([START, 13, 3, 1]), bytes([0x90, 13, VALUE]), []),
         (bytes([START, 13, 0, 0]), bytes([0x90, 13, VALUE]), []),
         (bytes([START, 13, 0]), bytes([0x90, 13, LENGTH]), []),
         (bytes([STOP, 14]), bytes([0x91, 14, OK]), [("stream_stop", {})]),

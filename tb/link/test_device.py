@@ -19,6 +19,7 @@ from random_records import random_records
 from vrscan.data import link_pkg, records
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
+from vrscan.data.records import Form
 from vrscan.link import device as device_module
 from vrscan.link import transport as transport_module
 from vrscan.link.device import Device, DeviceError
@@ -278,12 +279,13 @@ def test_why_it_is_dark(device: Device, board: FakeBoard) -> None:
 
 
 def test_the_least_step_is_what_the_serial_line_carries(device: Device, board: FakeBoard) -> None:
-    """3 full points in a frame of 206 bytes, 28 compact ones in one of 238, of ten bits a byte."""
+    """Frames of 3 full points in 206 bytes, 28 compact ones in 238, 25 of space in 239."""
     assert (device.least_step(True), device.least_step(False)) == (1, 1)  # lines stand still
     board.file.inputs["mirror_word"] = round(249 / CLOCK_HZ * 2**48)
     device.write("ratio", round(37_400 / 249 * 2**32))
-    for full, share in ((True, 37_400 * 2060 / 3 / 3e6), (False, 37_400 * 2380 / 28 / 3e6)):
-        assert device.least_step(full) == math.ceil(share / 0.9)
+    for form, count, size in ((1, 3, 206), (0, 28, 238), (2, 25, 239)):
+        share = 37_400 * 10 * size / count / 3e6
+        assert device.least_step(form) == math.ceil(share / 0.9)
     device.write("points_batch", 1)
     assert device.least_step(True) == math.ceil(37_400 * 780 / 3e6 / 0.9)
     device.write("ratio", round(1_000_000 / 249 * 2**32))
@@ -407,7 +409,7 @@ def test_one_host_after_another_and_one_that_died(board: FakeBoard) -> None:
     for k in range(3):
         with connected(board) as device:
             device.write("line_enable", 1)
-            stream = device.stream(full=k % 2 == 0)
+            stream = device.stream(k % 2)
             assert stream.get(TIMEOUT_S) is not None
             device.captured(link_pkg.CAPTURE_EVERY, 3).__enter__()
             device._disconnect()  # without a word to the board
@@ -488,14 +490,14 @@ def test_signs_of_life_are_sent_until_it_is_closed(board: FakeBoard) -> None:
 # ---- points ----
 
 
-@pytest.mark.parametrize("full", [True, False])
+@pytest.mark.parametrize("form", Form)
 @pytest.mark.parametrize("step", [1, 7])
 def test_points_are_those_of_the_board(
-    device: Device, board: FakeBoard, full: bool, step: int
+    device: Device, board: FakeBoard, form: Form, step: int
 ) -> None:
     device.write("line_enable", 1)
     parts = []
-    with device.stream(full, step) as stream:
+    with device.stream(form, step) as stream:
         for part in stream:
             parts.append(part)
             if sum(map(len, parts)) >= 300:
@@ -508,8 +510,8 @@ def test_points_are_those_of_the_board(
     assert np.all(np.diff(lines) == step)
     want = board.made[lines % len(board.made)].copy()
     want["line"] = lines
-    if not full:
-        want = records.compact(want)
+    if form is not Form.FULL:
+        want = records.space(want) if form is Form.SPACE else records.compact(want)
     for name in want.dtype.names or ():
         assert np.array_equal(found[name], want[name]), name
 
@@ -598,13 +600,15 @@ def test_commands_while_points_come(device: Device) -> None:
 def account_of(packets: list[tuple[int, int, int, int]], step: int) -> PointStream:
     """Return a stream that has taken packets of (sequence, first, count, dropped)."""
     stream = PointStream(
-        full=True, step=step, stop=lambda: None, bad_frames=lambda: 0, check=lambda: None
+        form=Form.FULL, step=step, stop=lambda: None, bad_frames=lambda: 0, check=lambda: None
     )
     stream.begin()
     for sequence, first, count, dropped in packets:
         found = np.zeros(count, records.FULL)
         found["line"] = (first + step * np.arange(count)) % (1 << 32)
-        stream.take(Batch(sequence % 256, True, step, first % (1 << 32), dropped % 65536, found))
+        stream.take(
+            Batch(sequence % 256, Form.FULL, step, first % (1 << 32), dropped % 65536, found)
+        )
     return stream
 
 

@@ -175,7 +175,7 @@ def test_compact_points(wire: Wire) -> None:
             " 48 2A 00",
         )
     )
-    assert (batch.full, batch.sequence, batch.step) == (False, 5, 7)
+    assert (batch.form, batch.sequence, batch.step) == (False, 5, 7)
     assert (batch.first, batch.dropped) == (0xFFFFFFF9, 3)
     assert batch.records.tolist() == [(0x1000, -0x1001, 254, 1), (-0x7FFFFF, 0x7FFFFF, 0, 0x80)]
 
@@ -191,7 +191,7 @@ def test_full_points(wire: Wire) -> None:
             " 3B 3C 3D 3E 3F 40 41 42 43 44 45 46 47 48 49 4A 4B 4C 4D 4E 4F D7 CA 00",
         )
     )
-    assert (batch.full, batch.sequence, batch.step) == (True, 6, 1)
+    assert (batch.form, batch.sequence, batch.step) == (True, 6, 1)
     assert (batch.first, batch.dropped) == (0x01020304, 0)
     (record,) = batch.records
     assert {name: f"{record[name]:X}" for name in record.dtype.names} == {

@@ -3,6 +3,7 @@
 import binascii
 import re
 
+import numpy as np
 import pytest
 from bus_registers import FIRST, BusRegisters
 
@@ -144,3 +145,30 @@ def test_names_of_registers() -> None:
     ):
         assert f"`{name}`" in DOCUMENT and name in REGISTERS
     assert "`laser_watchdog_clks`" in DOCUMENT and "laser_watchdog_clks" in REGISTERS
+
+
+def test_records_of_space() -> None:
+    """The table's places are those of a record with a value of its own in each field."""
+    table = DOCUMENT.split("| byte | of a point | of a line without a point |\n|---|---|---|\n")[1]
+    cells = [
+        [c.strip() for c in line.split("|")[1:4]] for line in table.split("\n\n")[0].split("\n")
+    ]
+    points = {name.split()[0]: int(place) for place, name, _ in cells if name}
+    beams = {name.split()[0]: int(place) for place, _, name in cells if name and name != "the same"}
+    one = np.zeros(2, records.SPACE)
+    one["flags"] = 1, 0
+    one["x"][0], one["z"][0], one["c_obj"][0] = 0x030201, 0x060504, 7
+    one["angle"][1], one["c_sfm"][1] = 0x0201_80, 7
+    one["free_from"][1], one["free_to"][1] = 0x0403, 0x0605
+    one["confidence"], one["inward"] = 0x12, 1
+    data = records.encode_space(one)
+    assert len(data) == 2 * link_pkg.SPACE_BYTES == 18
+    assert data == bytes([1, 2, 3, 4, 5, 6, 7, 1, 0x89, 1, 2, 3, 4, 5, 6, 7, 0, 0x89])
+    assert np.array_equal(records.decode_space(data), one)
+    assert points == {"x": 0, "z": 3, "c_obj": 6, "flags": 7, "mirror": 8}
+    assert beams == {"angle": 0, "free_from": 2, "free_to": 4, "c_sfm": 6}
+    frame = protocol.encode_frame(bytes(link_pkg.BATCH_HEADER_BYTES + 24 * link_pkg.SPACE_BYTES))
+    longest = len(protocol.encode_frame(bytes([1]) * (len(frame) - 4)))
+    assert f"{longest / 24:.1f} bytes" in DOCUMENT and "takes 9.6 bytes" in DOCUMENT
+    assert f"{37_400 * longest / 24 * 10 / 4e6:.0%}".replace("%", " %") in DOCUMENT
+    assert f"{round(4e6 / 100e6 * 2**24):,}" in DOCUMENT

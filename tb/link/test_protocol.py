@@ -185,7 +185,8 @@ def test_commands_that_cannot_be(made, words: str) -> None:
         (protocol.words, b"\x82\1\3\1aa", "READ or a WRITE"),
         (protocol.points, b"\x40\0\1\1aaaabb" + bytes(7), "7 bytes of them"),
         (protocol.points, b"\x41\0\1\1aaaabb" + bytes(8), "8 bytes of them"),
-        (protocol.points, b"\x42\0\0\1aaaabb", "no packet"),
+        (protocol.points, b"\x42\0\1\1aaaabb" + bytes(8), "8 bytes of them"),
+        (protocol.points, b"\x43\0\0\1aaaabb", "no packet"),
         (protocol.points, b"\x40\0\0\1aaaab", "no packet"),
         (protocol.capture_pixels, b"\x48\0\0\2aaaa" + bytes(3), "2 pixels in 3"),
         (protocol.capture_pixels, b"\x49\0\0\0aaaa", "no pixels"),
@@ -207,7 +208,7 @@ def test_points() -> None:
     found["x"] = [-1, 2, -3]
     data = b"\x41\x63\3\2" + (7).to_bytes(4, "little") + b"\x34\x12" + records.encode_full(found)
     batch = protocol.points(data)
-    assert (batch.sequence, batch.full, batch.step) == (0x63, True, 2)
+    assert (batch.sequence, batch.form, batch.step) == (0x63, 1, 2)
     assert (batch.first, batch.dropped) == (7, 0x1234)
     np.testing.assert_array_equal(batch.records, found)
 
@@ -216,7 +217,7 @@ def test_points() -> None:
     small["flags"] = [1, 128]
     head = b"\x40\0\2\1" + (0xFFFF_FFFF).to_bytes(4, "little") + b"\0\0"
     batch = protocol.points(head + records.encode_compact(small))
-    assert (batch.full, batch.first) == (False, 0xFFFF_FFFF)
+    assert (batch.form, batch.first) == (False, 0xFFFF_FFFF)
     np.testing.assert_array_equal(batch.records, small)
     assert len(protocol.points(b"\x40\0\0\1" + bytes(6)).records) == 0
     assert len(head) == link_pkg.BATCH_HEADER_BYTES

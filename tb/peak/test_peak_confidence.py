@@ -44,6 +44,7 @@ def operands(pixel_width: int, count: int) -> dict[str, np.ndarray]:
     given = {
         "measured": draw.random(count) < 0.9,
         "low_snr": draw.random(count) < 0.3,
+        "clear": draw.random(count) < 0.3,
         "maximum": maximum,
         "background": background,
         "noise": noise,
@@ -157,7 +158,8 @@ def test_peak_confidence_model_is_the_formula() -> None:
     assert np.abs(got.snr / 256 - snr).max() <= 0.5 / 256 + 1e-12
     obj = np.where(given["low_snr"], 0, np.minimum(got.snr / 256 / snr_max, 1))
     assert np.abs(got.c_obj - obj * 255).max() <= 0.5 + 255 * 2**-10
-    sfm = np.where(given["low_snr"], np.minimum(given["power"] / power_max, 1), 0)
+    clear = given["clear"] & (given["noise"] > 0)
+    sfm = np.where(clear, np.minimum(given["power"] / power_max, 1), 0)
     assert np.abs(got.c_sfm - sfm * 255).max() <= 0.5 + 255 * 2**-9
 
     # In counts of 12 bits; the fraction of the background counts for every pixel.

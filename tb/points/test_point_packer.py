@@ -21,14 +21,29 @@ from random_records import random_records
 
 from vrscan.clocked.point_packer import SPACING, PointPacker, latency, most_records, record_bytes
 from vrscan.data import pkg
-from vrscan.data.link_pkg import STREAM_POINTS_COMPACT, STREAM_POINTS_FULL
-from vrscan.data.records import Records, compact, decode_compact, decode_full
+from vrscan.data.link_pkg import (
+    STREAM_POINTS_COMPACT,
+    STREAM_POINTS_FULL,
+    STREAM_POINTS_SPACE,
+)
+from vrscan.data.records import (
+    Records,
+    compact,
+    decode_compact,
+    decode_full,
+    decode_space,
+    space,
+)
+from vrscan.link.protocol import encode_frame
+from vrscan.registers import values
 
 ELABORATIONS = [
     {"BufferBytes": 4096},
     {"BufferBytes": 512, "TimeoutWidth": 10, "CountWidth": 5},
 ]
-COMPACT, FULL = 0, 1
+COMPACT, FULL, SPACE = 0, 1, 2
+MOST, BYTES = {COMPACT: 28, FULL: 3, SPACE: 25}, {COMPACT: 8, FULL: 64, SPACE: 9}
+DECODE = {COMPACT: decode_compact, FULL: decode_full, SPACE: decode_space}
 LINES = 1 << 32
 OUTPUTS = ("valid", "data", "last", "points_dropped")
 OUTPUTS_OF = attrgetter(*OUTPUTS)
@@ -50,7 +65,7 @@ QUIET = {
 class Packet:
     """A packet of points, read by the definition of it."""
 
-    full: bool
+    form: int
     sequence: int
     count: int
     step: int
@@ -61,24 +76,23 @@ class Packet:
 
 def parsed(data: bytes) -> Packet:
     """Return what a packet says, if it is one."""
-    assert data[0] in (STREAM_POINTS_COMPACT, STREAM_POINTS_FULL)
-    full = data[0] == STREAM_POINTS_FULL
-    assert 1 <= data[2] <= (3 if full else 28)
-    assert len(data) == 10 + data[2] * (64 if full else 8) <= 240
+    form = (STREAM_POINTS_COMPACT, STREAM_POINTS_FULL, STREAM_POINTS_SPACE).index(data[0])
+    assert 1 <= data[2] <= MOST[form]
+    assert len(data) == 10 + data[2] * BYTES[form] <= 240
     first, dropped = int.from_bytes(data[4:8], "little"), int.from_bytes(data[8:10], "little")
-    records = (decode_full if full else decode_compact)(data[10:])
-    return Packet(full, data[1], data[2], data[3], first, dropped, records)
+    records = DECODE[form](data[10:])
+    return Packet(form, data[1], data[2], data[3], first, dropped, records)
 
 
 def check_stream(
-    packets: Sequence[Packet], sent: Records, full: bool, step: int, batch: int | None
+    packets: Sequence[Packet], sent: Records, form: int, step: int, batch: int | None
 ) -> int:
     """Compare the packets of one stream with the records that came in it.
 
     Args:
         packets: All of them.
         sent: The records, all of the stream.
-        full: Of its format.
+        form: Its format.
         step: Of its lines.
         batch: Records of a batch that nothing closes before its time; None if something does.
 
@@ -90,7 +104,7 @@ def check_stream(
     place = 0
     lost_before = []  # of each packet: records dropped before its first
     for number, packet in enumerate(packets):
-        assert packet.full == full and packet.step == step
+        assert packet.form == form and packet.step == step
         assert packet.sequence == number % 256
         begin = place
         while int(sent["line"][chosen[place]]) != packet.first:
@@ -102,12 +116,13 @@ def check_stream(
             if k == 0 and lost_before[-1]:
                 want["lost"] = min(lost_before[-1], most)
                 want["flags"] |= 1 << pkg.FLAG_POINTS_LOST
-            want = want if full else compact(want.reshape(1))[0]
+            made = {COMPACT: compact, SPACE: space}.get(form)
+            want = want if made is None else made(want.reshape(1))[0]
             assert packet.records[k] == want, f"packet {number}, record {k}"
             place += 1
         behind = (packet.first + packet.count * step) % LINES
         if batch is not None and number + 1 < len(packets):
-            limit = min(max(batch, 1), 3 if full else 28)
+            limit = min(max(batch, 1), MOST[form])
             assert packet.count == limit or packets[number + 1].first != behind
     lost_before.append(len(chosen) - place)
     # A header tells what was dropped up to the moment when its batch was closed.
@@ -180,7 +195,7 @@ class Bench(TwinBench):
         """Start a stream and give it records."""
         await self.tick(stream_start=1, stream_format=form, stream_step=step, **settings)
         # The ports carry something else behind the strobe.
-        await self.tick(4, stream_format=1 - form, stream_step=step ^ 255)
+        await self.tick(4, stream_format=(form + 1) % 3, stream_step=step ^ 255)
         for record in records:
             more = int(self.draw.integers(40)) if spacing == SPACING else 0
             await self.record(record, spacing + more)
@@ -212,29 +227,33 @@ def lines_from(first: int, count: int) -> list[int]:
 @cocotb.test()
 async def batch_is_out_after_the_stated_latency(dut) -> None:
     bench = await begin(dut)
-    for form in (COMPACT, FULL):
+    for form in (COMPACT, FULL, SPACE):
         records = random_records(bench.draw, lines_from(5, 2))
         await bench.stream(form, records[:1], points_batch=2)
         start = bench.clock
         await bench.record(records[1], 64)
         while not bench.twin.valid:
             await bench.tick()
-        assert bench.clock - start == latency(bool(form)) == (143 if form else 87)
-        assert check_stream(await bench.finish(), records, bool(form), 1, 2) == 0
+        assert bench.clock - start == latency(form) == {COMPACT: 87, FULL: 143, SPACE: 88}[form]
+        assert check_stream(await bench.finish(), records, form, 1, 2) == 0
 
 
 @cocotb.test()
 async def every_batch_size_gives_whole_packets(dut) -> None:
     bench = await begin(dut)
-    for form, sizes in ((COMPACT, (0, 1, 2, 5, 27, 28, 29, 255)), (FULL, (0, 1, 2, 3, 4, 255))):
+    for form, sizes in (
+        (COMPACT, (0, 1, 2, 5, 27, 28, 29, 255)),
+        (FULL, (0, 1, 2, 3, 4, 255)),
+        (SPACE, (1, 24, 25, 26)),
+    ):
         for size in sizes:
-            count = 2 * most_records(bool(form)) // (1 if form else 2) + 3
+            count = 2 * most_records(form) // (1 if form == FULL else 2) + 3
             records = random_records(bench.draw, lines_from(int(bench.draw.integers(LINES)), count))
             await bench.stream(form, records, points_batch=size)
             packets = await bench.finish()
-            assert check_stream(packets, records, bool(form), 1, size) == 0
+            assert check_stream(packets, records, form, 1, size) == 0
             # Only what the stream's end closed is shorter.
-            limit = min(max(size, 1), most_records(bool(form)))
+            limit = min(max(size, 1), most_records(form))
             assert {p.count for p in packets[:-1]} == {limit}
             assert sum(p.count for p in packets) == count
     assert bench.twin.points_dropped == 0
@@ -243,7 +262,7 @@ async def every_batch_size_gives_whole_packets(dut) -> None:
 @cocotb.test()
 async def every_step_takes_its_lines_and_a_gap_closes_the_batch(dut) -> None:
     bench = await begin(dut)
-    for form in (COMPACT, FULL):
+    for form in (COMPACT, FULL, SPACE):
         for step in (1, 2, 3, 7, 16, 100, 128, 254, 255):
             # Line numbers wrap; lines are missing, few or very many; others are between.
             line = LINES - int(bench.draw.integers(10)) * step
@@ -260,7 +279,7 @@ async def every_step_takes_its_lines_and_a_gap_closes_the_batch(dut) -> None:
             records = random_records(bench.draw, lines)
             await bench.stream(form, records, step, points_batch=200)
             packets = await bench.finish()
-            assert check_stream(packets, records, bool(form), step, 200) == 0
+            assert check_stream(packets, records, form, step, 200) == 0
             assert {p.dropped for p in packets} == {0}
             assert len(packets) > 1
 
@@ -269,9 +288,9 @@ async def every_step_takes_its_lines_and_a_gap_closes_the_batch(dut) -> None:
 async def stalled_reader_drops_records_and_says_so(dut) -> None:
     bench = await begin(dut)
     total = 0
-    streams = [(FULL, 1), (FULL, 2)] if is_large() else [(COMPACT, 1), (FULL, 2), (COMPACT, 3)]
+    streams = [(FULL, 1), (SPACE, 2)] if is_large() else [(COMPACT, 1), (FULL, 2), (COMPACT, 3)]
     for form, step in streams:
-        size = record_bytes(bool(form))
+        size = record_bytes(form)
         count = step * (parameters()["BufferBytes"] // size + 12)
         records = random_records(bench.draw, lines_from(LINES - 20, 2 * count))
         bench.ready = 0.0
@@ -282,7 +301,7 @@ async def stalled_reader_drops_records_and_says_so(dut) -> None:
             for record in part:
                 await bench.record(record)
         packets = await bench.finish()
-        lost = check_stream(packets, records, bool(form), step, 255)
+        lost = check_stream(packets, records, form, step, 255)
         assert lost > 10
         total += lost
         assert bench.twin.points_dropped == min(total, count_max())
@@ -294,9 +313,9 @@ async def batch_begins_where_the_longest_one_has_room(dut) -> None:
     bench = await begin(dut)
     ring = parameters()["BufferBytes"]
     # The output register holds a byte that has left the ring.
-    for form, batch in ((COMPACT, 28), (COMPACT, 1), (FULL, 3), (FULL, 1), (COMPACT, 5)):
-        size = record_bytes(bool(form))
-        longest = 10 + size * (28 if form == COMPACT else 3)
+    for form, batch in ((COMPACT, 28), (COMPACT, 1), (FULL, 3), (FULL, 1), (SPACE, 25)):
+        size = record_bytes(form)
+        longest = 10 + size * MOST[form]
         fits, used = 0, 0
         while used - (fits > 0) + longest <= ring:
             used += 10 + size * batch
@@ -308,7 +327,7 @@ async def batch_begins_where_the_longest_one_has_room(dut) -> None:
         assert bench.twin.points_dropped - before == 3
         packets = await bench.finish()
         assert sum(p.count for p in packets) == fits
-        check_stream(packets, records, bool(form), 1, batch)
+        check_stream(packets, records, form, 1, batch)
 
 
 @cocotb.test()
@@ -349,7 +368,7 @@ async def counts_of_dropped_records_wrap_or_stop(dut) -> None:
 @cocotb.test()
 async def old_batch_is_closed(dut) -> None:
     bench = await begin(dut)
-    for form in (COMPACT, FULL):
+    for form in (COMPACT, FULL, SPACE):
         for timeout in (1, 100, 500):
             record = random_records(bench.draw, [7])
             await bench.stream(form, record, spacing=64, points_timeout_clks=timeout)
@@ -358,7 +377,7 @@ async def old_batch_is_closed(dut) -> None:
                 await bench.tick()
             # The age counts from the clock in which the record finds its room; 12 clocks after the
             # batch is found old the packet is there.
-            want = max(timeout, record_bytes(bool(form))) + 15
+            want = max(timeout, record_bytes(form)) + 15
             assert bench.clock - start == want, (form, timeout)
             await bench.finish()
     # Never: not even when the age stops.
@@ -377,7 +396,7 @@ async def old_batch_is_closed(dut) -> None:
 @cocotb.test()
 async def stop_at_any_moment_sends_what_there_is(dut) -> None:
     bench = await begin(dut)
-    for form in (COMPACT, FULL):
+    for form in (COMPACT, FULL, SPACE):
         for age in range(form, 170, 19 if is_large() else rounds(3, 1)):
             gap = 1 + age % 2
             records = random_records(bench.draw, [20, 21, 21 + gap, 30])
@@ -394,7 +413,7 @@ async def stop_at_any_moment_sends_what_there_is(dut) -> None:
                 )
             await bench.record(records[3])
             packets = await bench.finish()
-            assert check_stream(packets, records[:3], bool(form), 1, None) == 0
+            assert check_stream(packets, records[:3], form, 1, None) == 0
             assert bench.twin.points_dropped == 0
 
 
@@ -481,7 +500,7 @@ async def everything_at_random(dut) -> None:
         }
         if bench.draw.random() < 0.4:
             settings["stream_start"] = 1
-            settings["stream_format"] = int(bench.draw.integers(2))
+            settings["stream_format"] = int(bench.draw.integers(3))
             settings["stream_step"] = int(bench.draw.choice([1, 2, 3, 255]))
         elif bench.draw.random() < 0.1:
             settings["stream_stop"] = 1
@@ -514,3 +533,61 @@ def test_point_packer(values: dict[str, int], volume: str) -> None:
 def test_point_packer_model_rejects_what_does_not_fit(size: int) -> None:
     with pytest.raises(ValueError, match="point_packer: "):
         PointPacker(size)
+
+
+# ---- the model alone ----
+
+
+@pytest.mark.parametrize(("form", "baud", "fits"), [(SPACE, 4e6, True), (FULL, 4e6, False)])
+def test_every_line_of_points_and_free_beams_fits_into_4_mbaud(
+    form: int, baud: float, fits: bool
+) -> None:
+    """At 37,400 lines/s and 100 MHz, with the frames' own bytes, and the batch after reset."""
+    clock_hz, lines = 100e6, 300
+    draw = generator(12)
+    records = random_records(draw, range(lines))
+    twin = PointPacker()
+    quiet = QUIET | {"points_batch": values.find("points_batch").reset[0]}
+    due, sent, payload, free_at, wire = 0.0, 0, bytearray(), 0.0, 0.0
+    twin.step(**quiet | {"stream_start": 1, "stream_format": form})
+    twin.step(**quiet)
+    packets = []
+    byte = 0
+    for clock in range(round(lines * clock_hz / 37_400)):
+        inputs = dict(quiet)
+        if byte < 64 and sent < lines and (byte or clock >= due):
+            due += (clock_hz / 37_400) * (byte == 0)
+            inputs |= {
+                "record_valid": 1,
+                "record_index": byte,
+                "record": records[sent : sent + 1].tobytes()[byte],
+            }
+            byte += 1
+            if byte == 64:
+                byte, sent = 0, sent + 1
+        # The encoder takes a packet at once, and the next one when its last byte is on the wire.
+        inputs["ready"] = int(bool(payload) or clock >= free_at)
+        if twin.valid and inputs["ready"]:
+            payload.append(twin.data)
+            if twin.last:
+                packets.append(parsed(bytes(payload)))
+                bits = 10 * len(encode_frame(bytes(payload)))
+                wire += bits * clock_hz / baud
+                free_at = max(clock, free_at) + bits * clock_hz / baud
+                payload.clear()
+        twin.step(**inputs)
+    arrived = sum(packet.count for packet in packets)
+    busy = wire / (arrived * clock_hz / 37_400)
+    print(f"{arrived} of {sent} lines sent, {twin.points_dropped} dropped, line busy {busy:.2f}")
+    if fits:
+        # What is not out yet is an open batch and the packet that waits for it.
+        assert twin.points_dropped == 0 and sent - arrived <= 2 * quiet["points_batch"]
+        assert busy < 0.95
+    else:
+        assert twin.points_dropped > 0 or sent - arrived > 4 * quiet["points_batch"]
+
+
+def test_4_mbaud_can_be_set() -> None:
+    step = round(4e6 / 100e6 * 2**24)
+    assert values.to_words("uart_step", step) == [step]
+    assert abs(step * 100e6 / 2**24 / 4e6 - 1) < 1e-6

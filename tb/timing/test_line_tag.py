@@ -1,6 +1,6 @@
 """line_tag: every clock of the RTL against the model, and lines of a whole scanner by name."""
 
-from dataclasses import astuple
+from dataclasses import astuple, replace
 
 import cocotb
 import numpy as np
@@ -40,6 +40,7 @@ class Bench(TwinBench):
         self.handles = [(port(dut, f"{name}_o"), name == "angle") for name in OUTPUTS]
         self.draw = generator(9)
         self.sent: dict[int, Tag] = {}  # what belongs to each line
+        self.centred = False  # the line that is exposed has had its centre
         self.at_end: list[Tag] = []
 
     async def start(self, **inputs: int) -> None:
@@ -87,7 +88,9 @@ class Bench(TwinBench):
 
     def noise(self) -> None:
         """Put other values on the ports that matter with a strobe only."""
-        names = ("power", "inward", "angle_line", "angle", "mirror_flags", "confidence")
+        names = ["inward", "angle_line", "angle", "mirror_flags", "confidence"]
+        if not self.centred:  # the power of a line holds from its centre to its exposure's end
+            names.append("power")
         self.give(**{name: int(self.draw.integers(1 << 3)) for name in names})
 
     async def play(self, events: dict[int, list[tuple[str, int]]], clocks: int) -> None:
@@ -100,6 +103,7 @@ class Bench(TwinBench):
             self.noise()
             inputs: dict[str, int] = {}
             for what, line in events.get(clock, ()):
+                self.centred = what == "centre" or (self.centred and what != "dark")
                 if what in ("expose", "dark"):
                     inputs |= {"exposure": int(what == "expose")}
                     inputs |= {"line": line} if what == "expose" else {}
@@ -265,6 +269,22 @@ async def readouts_without_an_exposure_are_untagged(dut) -> None:
     await bench.clocks(exposure=0)
     assert await bench.readout() == bench.sent[8]
     assert bench.twin.untagged_count == 3
+
+
+@cocotb.test()
+async def a_pulse_that_is_cut_has_no_power(dut) -> None:
+    """Behind its centre and before its exposure ends; what comes later belongs to another line."""
+    bench = await begin(dut)
+    for number, (clocks, power) in enumerate(((0, 0), (3, 0), (0, None), (1, None))):
+        await bench.clocks(2, exposure=1, line=number)
+        await bench.clocks(2, **bench.centre(number))
+        sent = bench.sent[number]
+        at_end = sent.power if power is None else power
+        await bench.clocks(clocks, power=at_end)
+        await bench.clocks(1, exposure=0, power=at_end)
+        await bench.clocks(2, power=0 if power is None else 77)
+        await bench.clocks(1, **bench.angle(number))
+        assert await bench.readout() == replace(sent, power=at_end)
 
 
 @cocotb.test()
@@ -455,9 +475,11 @@ def test_no_line_ever_has_another_ones_angle() -> None:
             angle=int(draw.integers(3, period)),
         )
         exposed = wanted = None
+        power = 0  # of the last centre
         ended: int | None = None
         for clock in range(32 * period):
             inputs = QUIET | {"exposure": int(exposed is not None), "line": exposed or 0}
+            inputs["power"] = power
             for what, line in events.get(clock, ()):
                 if draw.random() < 0.04:
                     continue  # it does not come
@@ -468,7 +490,8 @@ def test_no_line_ever_has_another_ones_angle() -> None:
                     ended, exposed = (exposed, None) if exposed is not None else (ended, None)
                     inputs["exposure"] = 0
                 elif what == "centre":
-                    inputs |= {"centre": 1, "line": line, "power": line + 1}
+                    power = line + 1
+                    inputs |= {"centre": 1, "line": line, "power": power}
                 elif what == "angle":
                     inputs |= {"angle_valid": 1, "angle_line": line, "angle": line + 1}
                 else:

@@ -137,14 +137,14 @@ def scan(
     from vrscan.scene.simulate import Scanner
     from vrscan.scene.timeline import write_edges
     from vrscan.study import scan as scans
-    from vrscan.study.report import budget
+    from vrscan.study.report import budget, space_report
     from vrscan.study.report import scan_report as report
 
     _check_count(count, 1, MOST_SCANNED)
     _check_jobs(jobs)
     settings = _settings(config)
     with _folder(out), contextlib.ExitStack() as stack:
-        names = ["points.csv", "points.ply", "picture.png"] + ["lines.npz"] * keep
+        names = ["points.csv", "points.ply", "picture.png", "space.png"] + ["lines.npz"] * keep
         files = {name: stack.enter_context(atomic_file(out / name)) for name in names}
         engines.prepare(engine, settings)
         light, chosen = _planned(scene, count, fidelity, tolerance, settings)
@@ -167,13 +167,13 @@ def scan(
                 archive = parts.enter_context(line_files.archive(*given))
 
             def take(part: scans.Part) -> None:
-                csv(part.csv)
+                csv(csv_rows(part.points))
                 ply(part.ply)
                 if part.lines is not None:
                     archive(part.lines)
 
             with _bar(f"light, {engine}", count) as progress:
-                tally, sample = scans.scan(
+                tally, sample, space = scans.scan(
                     scanner, engine, take, keep=keep, jobs=jobs, progress=progress
                 )
         if sweeps:
@@ -191,6 +191,9 @@ def scan(
             y_mm=sample.y_mm,
             pixels=scanner.line,
         )
+        truth = sample.lines.truth
+        assert truth is not None
+        space_report.picture(sample.points, truth, title, files["space.png"], y_mm=sample.y_mm)
     console = _console()
     console.print(report.error_table(tally.errors(), title))
     console.print(
@@ -198,6 +201,14 @@ def scan(
         f"{tally.dark} lines whose spot the camera cannot see, "
         f"{tally.stray} of them with a point"
     )
+    console.print(str(space))
+    lens, free = light.scene.lens, settings.free
+    if (lens.focus_mm, lens.f_number) != (free.focus_mm, free.f_number):
+        console.print(
+            f"the scene's lens is focused at {lens.focus_mm:g} mm with f/{lens.f_number:g}, and "
+            f"[free] says {free.focus_mm:g} mm with f/{free.f_number:g}",
+            markup=False,
+        )
     for line in budget.summary(chosen):
         console.print(line, highlight=False)
     console.print(f"{out}: {', '.join(names)}", highlight=False)
@@ -368,16 +379,15 @@ def replay(
         engines.prepare(engine, settings)
         blocks = recorded.blocks(engines.BLOCK)
         jobs = engines.processes(engine, recorded.count, jobs)
-        on_points = csv_rows if suffix == ".csv" else ply_vertices
         with (
             warnings.catch_warnings(record=True, action="always", category=InputWarning) as told,
             csv_file(file) if suffix == ".csv" else ply_file(file, out.parent) as write,
             _bar(f"engine {engine}", recorded.count) as progress,
-            engines.streamed(engine, blocks, settings, on_points, jobs) as found,
+            engines.streamed(engine, blocks, settings, jobs) as found,
         ):
-            for done, rows in found:
-                write(rows)
-                progress(done)
+            for points in found:
+                write(csv_rows(points) if suffix == ".csv" else ply_vertices(points))
+                progress(int(points.line[-1]) + 1)
     for each in told:
         print(f"vrscan: {each.message}", file=sys.stderr)
 

@@ -208,9 +208,19 @@ def points(
             "--full/--compact", help="All fields of a point, or x, z, confidence and flags only."
         ),
     ] = True,
+    space: Annotated[
+        bool,
+        typer.Option(
+            "--space", help="Points, and the free interval of lines without a point, in 9 bytes."
+        ),
+    ] = False,
     step: Annotated[
         int | None,
         typer.Option(help="Record every n-th line; default: as many as the serial line carries."),
+    ] = None,
+    stream_baud: Annotated[
+        int | None,
+        typer.Option(help="Rate of the link while points are recorded; default: as it is."),
     ] = None,
     start: StartOption = False,
     allow_loss: Annotated[
@@ -223,6 +233,7 @@ def points(
     """Record points; exit status 1 if some were lost."""
     from vrscan.data import records
     from vrscan.data.points import atomic_file
+    from vrscan.data.records import Form
     from vrscan.link import link_report as report
 
     if (count is None) == (seconds is None):
@@ -234,14 +245,19 @@ def points(
     if step is not None:
         _check("--step", step, 1, 255)
     kind = _suffix(out, FORMATS)
+    if space and not full:
+        raise InputError("--space: not with --compact")
+    form = Form.SPACE if space else Form(full)
+    if stream_baud is not None:
+        _check("--stream-baud", stream_baud, 1, 1_000_000_000)
     with atomic_file(out) as file, _device(port, baud, timeout) as device:
-        with _running(device, start):
-            taken = device.least_step(full) if step is None else step
-            with device.stream(full, taken) as stream:
+        with _at_rate(device, stream_baud), _running(device, start):
+            taken = device.least_step(form) if step is None else step
+            with device.stream(form, taken) as stream:
                 found = _recorded(device, stream, count, seconds)
             note = "" if records.measured(found).any() else _why_dark(device)
         account = stream.account
-        report.write_points(kind, file, found, full, taken, device.build, account)
+        report.write_points(kind, file, found, form, taken, device.build, account)
     which = "every line" if taken == 1 else f"one line in {taken}"
     print(f"{out}: {len(found)} points in the file, of {which}")
     print(account)
@@ -375,6 +391,20 @@ def _device(port: str | None, baud: int, timeout: float) -> Iterator["Device"]:
         raise InputError(f"--port: which one? {f'there are {there}' if there else 'there is none'}")
     with Device(port, baud=baud, timeout=timeout) as device:
         yield device
+
+
+@contextlib.contextmanager
+def _at_rate(device: "Device", rate: int | None) -> Iterator[None]:
+    """Change the link's rate while the context lasts, if one is given."""
+    before = device.baud
+    if rate is None:
+        yield
+        return
+    device.set_baud(rate)
+    try:
+        yield
+    finally:
+        device.set_baud(before)
 
 
 @contextlib.contextmanager
@@ -515,8 +545,7 @@ def _recorded(
     """Return the points of a stream, up to a number, a time or Ctrl-C."""
     import numpy as np
 
-    from vrscan.data import records
-    from vrscan.link.stream import COMPACT
+    from vrscan.link.stream import DTYPES
 
     parts: list[Records] = []
     come = 0
@@ -550,7 +579,5 @@ def _recorded(
         if count is None:  # points on the way belong to the recording
             rest = stream.get(0.0)
             parts += [] if rest is None else [rest]
-    found = (
-        np.concatenate(parts) if parts else np.zeros(0, records.FULL if stream.full else COMPACT)
-    )
+    found = np.concatenate(parts) if parts else np.zeros(0, DTYPES[stream.form])
     return found[:count]

@@ -89,7 +89,9 @@ def judge(payload: bytes, capture_busy: bool = False) -> int:
         return link_pkg.STATUS_UNKNOWN_COMMAND
     if not fits[op]:
         return link_pkg.STATUS_BAD_LENGTH
-    if op == link_pkg.COMMAND_STREAM_START and (payload[2] > 1 or payload[3] == 0):
+    if op == link_pkg.COMMAND_STREAM_START and (
+        payload[2] > link_pkg.FORMAT_SPACE or payload[3] == 0
+    ):
         return link_pkg.STATUS_BAD_VALUE
     if op == link_pkg.COMMAND_CAPTURE:
         mode, argument = payload[2], int.from_bytes(payload[3:], "little")

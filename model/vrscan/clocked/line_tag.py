@@ -51,8 +51,10 @@ class LineTag:
         self._depth = depth
         self._count_max = (1 << count_width) - 1
         self._clock = 0
-        # By the line's number modulo depth: number, power, inward, time; and number, angle ...
-        self._centres: dict[int, tuple[int, int, int, int]] = {}
+        # By the line's number modulo depth: power; number, inward, time; and number, angle ...
+        self._powers: dict[int, int] = {}
+        self._centres: dict[int, tuple[int, int, int]] = {}
+        self._last_centre: int | None = None
         self._angles: dict[int, tuple[int, int, int, int]] = {}
         self._exposed: int | None = None  # line that is being exposed
         self._ended: int | None = None  # last exposed line that has not been read out
@@ -77,9 +79,13 @@ class LineTag:
         line_end: bool,
     ) -> None:
         """Advance by one clock."""
+        if self._exposed is not None and not exposure and self._last_centre == self._exposed:
+            self._powers[self._exposed % self._depth] = power
         if centre:
             slot = line % self._depth
-            self._centres[slot] = (line, power, int(inward), self._clock)
+            self._last_centre = line
+            self._powers[slot] = power
+            self._centres[slot] = (line, int(inward), self._clock)
             self._angles.pop(slot, None)
         if angle_valid:
             self._angles[angle_line % self._depth] = (angle_line, angle, mirror_flags, confidence)
@@ -113,4 +119,4 @@ class LineTag:
         centre, angle = self._centres.get(slot), self._angles.get(slot)
         if centre is None or angle is None or not centre[0] == angle[0] == self._wanted:
             return None
-        return Tag(angle[1], centre[1], angle[2], angle[3], centre[2], centre[3])
+        return Tag(angle[1], self._powers[slot], angle[2], angle[3], centre[1], centre[2])

@@ -4,28 +4,54 @@ from collections import deque
 from collections.abc import Iterator
 
 from vrscan.data import link_pkg, pkg
-from vrscan.data.records import compact, decode_full, encode_compact, encode_full
+from vrscan.data.records import (
+    Form,
+    Records,
+    compact,
+    decode_full,
+    encode_compact,
+    encode_full,
+    encode_space,
+    space,
+)
 
-MOST_COMPACT = 28  # largest number of records per packet
-MOST_FULL = 3
+# Largest number of records per packet, the bytes of each, and the packet's first byte.
+_MOST = {Form.COMPACT: 28, Form.FULL: 3, Form.SPACE: 25}
+_BYTES = {
+    Form.COMPACT: link_pkg.COMPACT_BYTES,
+    Form.FULL: link_pkg.FULL_BYTES,
+    Form.SPACE: link_pkg.SPACE_BYTES,
+}
+KINDS = {
+    Form.COMPACT: link_pkg.STREAM_POINTS_COMPACT,
+    Form.FULL: link_pkg.STREAM_POINTS_FULL,
+    Form.SPACE: link_pkg.STREAM_POINTS_SPACE,
+}
 SPACING = 160  # clocks between the first bytes of two records
 _LINES = 1 << pkg.LINE_NUMBER_WIDTH
 
 
-def record_bytes(full: bool) -> int:
-    """Return the number of bytes of a full or a compact record."""
-    return link_pkg.FULL_BYTES if full else link_pkg.COMPACT_BYTES
+def record_bytes(form: int) -> int:
+    """Return the number of bytes of a record of a ``Form``."""
+    return _BYTES[Form(form)]
 
 
-def most_records(full: bool) -> int:
-    """Return the number of records of the longest packet of full or compact ones."""
-    return MOST_FULL if full else MOST_COMPACT
+def most_records(form: int) -> int:
+    """Return the number of records of the longest packet of a ``Form``."""
+    return _MOST[Form(form)]
 
 
-def latency(full: bool) -> int:
+def _encoded(record: Records, form: Form) -> bytes:
+    """Return one full record in a ``Form``."""
+    if form is Form.FULL:
+        return encode_full(record)
+    return encode_space(space(record)) if form is Form.SPACE else encode_compact(compact(record))
+
+
+def latency(form: int) -> int:
     """Return the clocks from the first byte of a batch's last record to ``valid_o``."""
     held = link_pkg.FULL_BYTES  # the whole record is there
-    return held + 2 + record_bytes(full) + 2 + link_pkg.BATCH_HEADER_BYTES + 1
+    return held + 2 + record_bytes(form) + 2 + link_pkg.BATCH_HEADER_BYTES + 1
 
 
 class PointPacker:
@@ -65,11 +91,11 @@ class PointPacker:
         self._packets: deque[bytes] = deque()
         self._leaving = b""  # remaining bytes of the packet that is being sent
 
-        # The stream, and the command for the next stream: whether it runs, whether full, and step.
+        # The stream, and the command for the next stream: whether it runs, its format, and step.
         self._running = False
-        self._full = False
+        self._form = Form.COMPACT
         self._step = 0
-        self._command: tuple[bool, bool, int] | None = None
+        self._command: tuple[bool, int, int] | None = None
         self._began = False  # whether the stream began in this clock
         self._sequence = 0
         self._base: int | None = None  # number of a line of the stream
@@ -101,7 +127,7 @@ class PointPacker:
         ready: bool,
         stream_start: bool,
         stream_stop: bool,
-        stream_format: bool,
+        stream_format: int,
         stream_step: int,
         points_batch: int,
         points_timeout_clks: int,
@@ -109,7 +135,7 @@ class PointPacker:
         """Advance by one clock with these inputs."""
         accepts = self._running and self._command is None
         held = self._complete_record is not None
-        count, full, age = len(self._records), self._full, self._age
+        count, form, age = len(self._records), self._form, self._age
         drops, self._drops = self._drops, 0
         self._seen.append(self._used)
         self._age = min(age + 1, self._age_max)
@@ -124,12 +150,12 @@ class PointPacker:
         self.points_dropped = min(self.points_dropped + drops, self._count_max)
 
         self._complete = count >= self._limit
-        self._limit = min(points_batch, most_records(full))
+        self._limit = min(points_batch, most_records(form))
         self._expired = bool(count and points_timeout_clks and age >= points_timeout_clks)
         if record_valid:
             self._receive(record_index, record, accepts, held)
         if stream_start or stream_stop:
-            self._command = (not stream_stop, bool(stream_format), stream_step)
+            self._command = (not stream_stop, stream_format, stream_step)
 
     def _give(self) -> None:
         """Output the next byte if a packet is ready."""
@@ -179,9 +205,9 @@ class PointPacker:
         yield
         if self._records and line != self._expected:
             yield from self._close()
-        size = record_bytes(self._full)
+        size = record_bytes(self._form)
         if not self._records:
-            longest = link_pkg.BATCH_HEADER_BYTES + most_records(self._full) * size
+            longest = link_pkg.BATCH_HEADER_BYTES + most_records(self._form) * size
             if self._seen[0] + longest > self._buffer_bytes:
                 self._drops += 1
                 return
@@ -196,7 +222,7 @@ class PointPacker:
             yield
         self._used += 1
         self._expected = (line + self._step) % _LINES
-        self._records.append(encode_full(kept) if self._full else encode_compact(compact(kept)))
+        self._records.append(_encoded(kept, self._form))
 
     def _close(self) -> Iterator[None]:
         """Write the header of the open batch, and hand the packet to the reader."""
@@ -205,8 +231,7 @@ class PointPacker:
             if place == link_pkg.BATCH_HEADER_BYTES - 2:
                 dropped = self._dropped
             yield
-        kind = link_pkg.STREAM_POINTS_FULL if self._full else link_pkg.STREAM_POINTS_COMPACT
-        header = bytes([kind, self._sequence, len(self._records), self._step])
+        header = bytes([KINDS[self._form], self._sequence, len(self._records), self._step])
         header += self._first.to_bytes(4, "little") + dropped.to_bytes(2, "little")
         self._packets.append(header + b"".join(self._records))
         self._sequence = (self._sequence + 1) % 256
@@ -216,10 +241,10 @@ class PointPacker:
     def _begin(self) -> None:
         """Execute the command that waits."""
         assert self._command is not None
-        self._running, full, step = self._command
+        self._running, form, step = self._command
         self._command = None
         if self._running:
-            self._full, self._step = full, step
+            self._form, self._step = Form(form), step
             self._began = True
             self._sequence = 0
             self._dropped = 0

@@ -121,6 +121,24 @@ class Geometry(Section):
         return math.radians(self.bias_deg)
 
 
+class Free(Section):
+    """Where a line without a peak is free: what the camera sees, and what would be bright enough.
+
+    A surface is promised to be seen where its reflectance times the cosine of the angle between its
+    normal and the camera is ``darkest`` or more: 0.02 is black rubber of 3 % at 48 degrees. What is
+    darker, polished or seen at a grazing angle may stand in a space that is called free. The peak
+    of such a surface is computed from power, distance and blur; the blur follows from ``focus_mm``.
+    """
+
+    darkest: float = Field(default=0.02, gt=0, le=1)
+    focus_mm: Positive = 420.0  # depth along the lens's axis that is in focus
+    f_number: float = Field(default=3.0, ge=0.5, le=64)
+    efficiency: float = Field(default=0.36, gt=0, le=1)  # electrons per photon at the lens, least
+    spot_mm: Positive = 0.4  # radius of the laser's spot
+    far_mm: float = Field(default=2000.0, gt=0, lt=2048)  # nothing is called free beyond
+    edge_px: float = Field(default=8.0, ge=0)  # margin at both ends of the sensor
+
+
 class Mirror(Section):
     """The mirror's motion (12), and the loop that drives the mirror and holds its amplitude.
 
@@ -344,6 +362,7 @@ class Config(Section):
     clock: Clock = Clock()
     peak: Peak = Peak()
     geometry: Geometry = Geometry()
+    free: Free = Free()
     mirror: Mirror = Mirror()
     mems: Mems = Mems()
     line: Line = Line()

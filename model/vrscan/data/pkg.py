@@ -15,6 +15,8 @@ SIGMA_FRACTION = 12
 CONFIDENCE_WIDTH = 8
 POWER_WIDTH = 16
 LINE_NUMBER_WIDTH = 32
+FREE_WIDTH = 16
+FREE_FRACTION = 4
 K_NOISE_FRACTION = 8
 K_HEIGHT_FRACTION = 16
 KAPPA_WIDTH = 18
@@ -166,5 +168,7 @@ STRUCTS: dict[str, tuple[tuple[str, int | str, bool], ...]] = {
         ("sigma_z", SIGMA_WIDTH, False),
         ("c_obj", CONFIDENCE_WIDTH, False),
         ("c_sfm", CONFIDENCE_WIDTH, False),
+        ("free_from", FREE_WIDTH, False),
+        ("free_to", FREE_WIDTH, False),
     ),
 }

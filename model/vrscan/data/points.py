@@ -24,7 +24,8 @@ from vrscan.data.table import Table
 
 COLUMNS = (
     "line,peak,flags,left,right,maximum,row_mean,row_variance,background,noise,snr,"
-    "position_px,sigma_px,angle_rad,x_mm,z_mm,sigma_z_mm,c_obj,c_sfm"
+    "position_px,sigma_px,angle_rad,x_mm,z_mm,sigma_z_mm,c_obj,c_sfm,"
+    "free_from_mm,free_to_mm"
 )
 _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
 _VERTEX = np.dtype(
@@ -65,6 +66,8 @@ class Points:
         sigma_z: Standard deviation of z, mm, u16, 12 fraction bits.
         c_obj: Confidence in an object (9), u8, 255 is 1.0.
         c_sfm: Confidence in free space (10), u8, 255 is 1.0.
+        free_from: Least z of the part of the beam that is free, mm, u16, 4 fraction bits.
+        free_to: Largest z of that part, in the same format; both 0 where nothing is free.
         measured: Whether the line has a position.
         pixel_width: Bits of a pixel.
     """
@@ -88,6 +91,8 @@ class Points:
     sigma_z: Ints
     c_obj: Ints
     c_sfm: Ints
+    free_from: Ints
+    free_to: Ints
     measured: Bools
     pixel_width: int = 12
 
@@ -156,6 +161,8 @@ def table(points: Points) -> Table:
         sigma_z_mm=_scaled(points.sigma_z, pkg.SIGMA_FRACTION),
         c_obj=points.c_obj.astype(np.float64) / _CONFIDENCE_ONE,
         c_sfm=points.c_sfm.astype(np.float64) / _CONFIDENCE_ONE,
+        free_from_mm=_scaled(points.free_from, pkg.FREE_FRACTION),
+        free_to_mm=_scaled(points.free_to, pkg.FREE_FRACTION),
         measured=measured,
         located=measured & ~flags["NO_RANGE"],
         pixel_width=points.pixel_width,
@@ -248,7 +255,8 @@ def csv_rows(result: Table) -> bytes:
 
     Every fixed-point number has just the decimals from which its word is read back. Fields without
     meaning are empty: left and right without a window, position and sigma without a valid peak, x,
-    z and sigma_z where the rays do not meet.
+    z and sigma_z where the rays do not meet, free_from and free_to where nothing is known to be
+    free.
 
     Args:
         result: The points.
@@ -258,7 +266,7 @@ def csv_rows(result: Table) -> bytes:
     variance = f"%.{_decimals(pkg.VARIANCE_WIDTH - 2 * result.pixel_width)}f"
     snr, angle = f"%.{_decimals(pkg.SNR_FRACTION)}f", f"%.{_decimals(pkg.ANGLE_WIDTH - 3)}f"
     position, length = _decimals(pkg.POSITION_FRACTION), _decimals(pkg.LENGTH_FRACTION)
-    sigma = f"%.{_decimals(pkg.SIGMA_FRACTION)}f"
+    sigma, free = f"%.{_decimals(pkg.SIGMA_FRACTION)}f", _decimals(pkg.FREE_FRACTION)
     statistics = f"%d,{count},{variance},{count},{count},{snr}"
 
     def text(form: str, rows: Bools, *columns: Ints | Floats) -> list[str]:
@@ -302,6 +310,12 @@ def csv_rows(result: Table) -> bytes:
             np.minimum(result.sigma_z_mm, sigma_limit),
         ),
         text("%.3f,%.3f", everywhere, result.c_obj, result.c_sfm),
+        text(
+            f"%.{free}f,%.{free}f",
+            result.free_to_mm > 0.0,
+            result.free_from_mm,
+            result.free_to_mm,
+        ),
     )
     rows = map(",".join, zip(*columns, strict=True))
     return "".join(f"{row}\n" for row in rows).encode()

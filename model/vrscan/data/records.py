@@ -1,10 +1,11 @@
-"""Records of points as they lie in packets: 8 or 64 bytes each, little endian.
+"""Records of points as they lie in packets: 8, 9 or 64 bytes each, little endian.
 
 A record decodes to a structured array with one field for each number, in the raw formats of
 ``vrscan_pkg``. ``points`` turns full records into the ``Points`` of the rest of the package.
 """
 
 from dataclasses import fields
+from enum import IntEnum
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,15 @@ import numpy.typing as npt
 from vrscan.data import link_pkg, pkg
 from vrscan.data.arrays import Bools
 from vrscan.data.points import Points
+
+
+class Form(IntEnum):
+    """The formats of records of points: the number of each in STREAM_START."""
+
+    COMPACT = link_pkg.FORMAT_COMPACT
+    FULL = link_pkg.FORMAT_FULL
+    SPACE = link_pkg.FORMAT_SPACE  # points and free beams
+
 
 # The decoded records; numpy has no numbers of 24 bits.
 COMPACT = np.dtype([("x", "<i4"), ("z", "<i4"), ("c_obj", "u1"), ("flags", "u1")])
@@ -43,11 +53,27 @@ FULL = np.dtype(
         ("time", "<u4"),
     ]
 )
+# What is measured has x, z and c_obj, the other lines angle, free_from, free_to and c_sfm: the
+# angle in turns with 24 fraction bits, of which the upper 16 are sent, and the interval as in
+# ``Points``. Of the mirror's confidence the upper 7 bits are sent.
+SPACE = np.dtype(
+    [
+        *COMPACT.descr,
+        *(("angle", "<i4"), ("free_from", "<u2"), ("free_to", "<u2"), ("c_sfm", "u1")),
+        *(("confidence", "u1"), ("inward", "u1")),
+    ]
+)
+FREE_ALIGN = pkg.LENGTH_FRACTION - pkg.FREE_FRACTION  # of a free interval in x and z
 # Bits of the field ``bits`` of a full record.
 MEASURED, INWARD, TEST = 1, 2, 4
 
 # A compact record as it lies in a packet.
 _PACKED = np.dtype([("x", "u1", 3), ("z", "u1", 3), ("c_obj", "u1"), ("flags", "u1")])
+# The lines of a record of space that are not measured.
+_FREE = np.dtype(
+    [("angle", "<i2"), ("free_from", "<u2"), ("free_to", "<u2"), ("c_sfm", "u1"), ("flags", "u1")]
+)
+_ANGLE_DROP = pkg.ANGLE_WIDTH - 16  # bits of an angle that are not sent
 
 # The bits of a compact record's flags, and the flags of a point that set each.
 _GATHERED = {
@@ -98,6 +124,47 @@ def encode_compact(records: Records) -> bytes:
     return packed.tobytes()
 
 
+def decode_space(data: bytes) -> Records:
+    """Return the records of a packet of points and free beams, an array of ``SPACE``.
+
+    Args:
+        data: ``link_pkg.SPACE_BYTES`` bytes a record.
+
+    Raises:
+        ValueError: if the last record is not whole.
+    """
+    rows = np.frombuffer(data, np.uint8).reshape(-1, link_pkg.SPACE_BYTES)
+    as_point = decode_compact(rows[:, : link_pkg.COMPACT_BYTES].tobytes())
+    as_free = np.frombuffer(rows[:, : link_pkg.COMPACT_BYTES].tobytes(), _FREE)
+    records = np.zeros(len(rows), SPACE)
+    records["flags"] = as_point["flags"]
+    point = measured(as_point)
+    for name in ("x", "z", "c_obj"):
+        records[name][point] = as_point[name][point]
+    for name in ("free_from", "free_to", "c_sfm"):
+        records[name][~point] = as_free[name][~point]
+    half = 1 << _ANGLE_DROP - 1  # the middle of what the sent bits leave open
+    records["angle"][~point] = (as_free["angle"][~point].astype(np.int64) << _ANGLE_DROP) + half
+    records["confidence"] = rows[:, 8] << 1
+    records["inward"] = rows[:, 8] >> 7
+    return records
+
+
+def encode_space(records: Records) -> bytes:
+    """Return an array of ``SPACE`` as it lies in a packet."""
+    rows = np.zeros((len(records), link_pkg.SPACE_BYTES), np.uint8)
+    point = measured(records)
+    packed = np.frombuffer(encode_compact(records), np.uint8).reshape(-1, link_pkg.COMPACT_BYTES)
+    free = np.zeros(len(records), _FREE)
+    free["angle"] = (records["angle"] >> _ANGLE_DROP).astype(np.int16)
+    for name in ("free_from", "free_to", "c_sfm", "flags"):
+        free[name] = records[name]
+    bare = free.view(np.uint8).reshape(-1, link_pkg.COMPACT_BYTES)
+    rows[:, :8] = np.where(point[:, None], packed, bare)
+    rows[:, 8] = records["confidence"] >> 1 | records["inward"] << 7
+    return rows.tobytes()
+
+
 def decode_full(data: bytes) -> Records:
     """Return the full records of a packet.
 
@@ -128,7 +195,8 @@ def measured(found: Records) -> Bools:
 def compact(records: Records) -> Records:
     """Return the compact records of full records, an array of ``COMPACT``.
 
-    A point without a range has no x and z, so only its full record counts as measured.
+    A point without a range has no x and z, so only its full record counts as measured. What is not
+    measured has the ends of its free interval there.
     """
     flags = records["flags"].astype(np.int64)
     lost = (records["lost"] != 0).astype(np.int64) << pkg.FLAG_POINTS_LOST
@@ -144,6 +212,26 @@ def compact(records: Records) -> Records:
     return result
 
 
+def space(records: Records) -> Records:
+    """Return the records of points and free beams of full records, an array of ``SPACE``."""
+    small = compact(records)
+    point = measured(small)
+    result = np.zeros(len(records), SPACE)
+    result["flags"] = small["flags"]
+    for name in ("x", "z", "c_obj"):
+        result[name][point] = small[name][point]
+    half = 1 << _ANGLE_DROP - 1
+    sent = (records["angle"] >> _ANGLE_DROP).astype(np.int16)
+    result["angle"][~point] = (sent[~point].astype(np.int64) << _ANGLE_DROP) + half
+    result["c_sfm"][~point] = records["c_sfm"][~point]
+    for name, source in (("free_from", "x"), ("free_to", "z")):
+        ends = records[source].astype(np.int64) >> FREE_ALIGN & (1 << pkg.FREE_WIDTH) - 1
+        result[name][~point] = ends[~point]
+    result["confidence"] = records["confidence"] & 0xFE
+    result["inward"] = (records["bits"] & INWARD) != 0
+    return result
+
+
 def points(records: Records, pixel_width: int = 12) -> Points:
     """Return full records as points, without the fields that only the link adds to them.
 
@@ -152,8 +240,13 @@ def points(records: Records, pixel_width: int = 12) -> Points:
         pixel_width: ``PixelWidth`` of the scanner.
     """
     names = [field.name for field in fields(Points) if field.name in (FULL.names or ())]
+    found = {name: records[name].astype(np.int64) for name in names}
+    point = records["bits"] & MEASURED != 0
+    for name, source in (("free_from", "x"), ("free_to", "z")):
+        found[name] = np.where(point, 0, found[source] >> FREE_ALIGN)
+        found[source] = np.where(point, found[source], 0)
     return Points(
-        **{name: records[name].astype(np.int64) for name in names},
-        measured=records["bits"] & MEASURED != 0,
+        **found,
+        measured=point,
         pixel_width=pixel_width,
     )

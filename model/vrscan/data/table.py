@@ -13,7 +13,8 @@ class Table:
     """The columns of points.csv in physical units; all arrays [n].
 
     ``flags`` maps a flag's name to the rows that have it. position_px and sigma_px are valid where
-    ``measured``, x_mm, z_mm and sigma_z_mm where ``located``, left and right where ``width`` > 0.
+    ``measured``, x_mm, z_mm and sigma_z_mm where ``located``, left and right where ``width`` > 0,
+    free_from_mm and free_to_mm where the latter is above 0: z between which the beam is free.
     Confidences are 0 to 1.
     """
 
@@ -36,6 +37,8 @@ class Table:
     sigma_z_mm: Floats
     c_obj: Floats
     c_sfm: Floats
+    free_from_mm: Floats
+    free_to_mm: Floats
     measured: Bools
     located: Bools
     pixel_width: int

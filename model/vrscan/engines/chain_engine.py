@@ -19,10 +19,12 @@ from vrscan.registers.structs import POINT, package_struct, register_struct
 # What the engine gives of a point: the fields of Points.
 RESULTS = (
     "line", "flags", "left", "right", "width", "maximum", "row_mean", "row_variance", "background",
-    "noise", "snr", "position", "sigma", "angle", "x", "z", "sigma_z", "c_obj", "c_sfm", "measured",
+    "noise", "snr", "position", "sigma", "angle", "x", "z", "sigma_z", "c_obj", "c_sfm",
+    "free_from", "free_to", "measured",
 )  # fmt: skip
 _LINE, _POINT = package_struct("line_t"), package_struct("point_t")
 _PEAK, _GEOMETRY = register_struct("peak_t"), register_struct("geometry_t")
+_FREE, _FREE_TABLE = register_struct("free_t"), register_struct("free_table_t")
 _CHUNK = 128  # lines between two calls of ``progress``
 
 
@@ -65,7 +67,18 @@ def _run(
     library.engine_create.restype = ctypes.c_void_p
     library.engine_run.restype = ctypes.c_int64
     centre = int(registers.centre) & (1 << 64) - 1  # the port has the lower ones
-    configuration = [*_PEAK.as_words(registers), *_GEOMETRY.as_words(registers)]
+    configuration = [
+        word for struct in (_PEAK, _GEOMETRY, _FREE) for word in struct.as_words(registers)
+    ]
+    entries = np.arange(len(registers.free_table_from))
+    table = _FREE_TABLE.pack_rows(
+        {
+            "free_table_write": np.ones(len(entries), np.int64),
+            "free_table_index": entries,
+            "free_table_from": np.array(registers.free_table_from),
+            "free_table_to": np.array(registers.free_table_to),
+        }
+    )
     pixels = np.ascontiguousarray(lines, np.uint16)
     belongs = _LINE.pack_rows({"angle": angle, "power": power, "mirror_flags": raised})
     clocks = np.zeros(len(lines), np.int64)
@@ -89,7 +102,10 @@ def _run(
 
     handle = ctypes.c_void_p(
         library.engine_create(
-            (ctypes.c_uint32 * len(configuration))(*configuration), ctypes.c_uint64(centre)
+            (ctypes.c_uint32 * len(configuration))(*configuration),
+            ctypes.c_uint64(centre),
+            address(table),
+            ctypes.c_int64(len(table)),
         )
     )
     received = 0

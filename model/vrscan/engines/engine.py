@@ -4,7 +4,6 @@ import contextlib
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -14,12 +13,11 @@ from vrscan.data.lines import Lines
 from vrscan.data.parallel import processors, workers
 from vrscan.data.points import table
 from vrscan.data.table import Table
+from vrscan.engines.shadows import shaded
 from vrscan.ideal import chain as ideal
 from vrscan.registers.chain_registers import Registers, angle_turns
 
 BLOCK = 1024  # lines that go to a process together: 4 MB, one second in the RTL
-
-T = TypeVar("T")
 
 
 class Engine(StrEnum):
@@ -91,44 +89,33 @@ def run_block(engine: Engine, recording: Lines, config: Config, first: int) -> T
 
 
 @dataclass(frozen=True)
-class _Work(Generic[T]):
+class _Work:
     """The work of a process that takes lines from anywhere in a recording."""
 
     engine: Engine
     config: Config
-    on_points: Callable[[Table], T]  # applied to the points
 
-    def __call__(self, given: tuple[int, Lines]) -> tuple[int, T]:
-        """Return the number behind the last line, and what ``on_points`` returns for the points.
-
-        Args:
-            given: The number of the first line, and the lines.
-        """
+    def __call__(self, given: tuple[int, Lines]) -> Table:
+        """Return the points of lines, given with the number of the first one."""
         first, recording = given
-        points = run_block(self.engine, recording, self.config, first)
-        return first + len(recording), self.on_points(points)
+        return run_block(self.engine, recording, self.config, first)
 
 
 @contextlib.contextmanager
 def streamed(
-    engine: Engine,
-    blocks: Iterable[Lines],
-    config: Config,
-    on_points: Callable[[Table], T],
-    jobs: int = 1,
-) -> Iterator[Iterator[tuple[int, T]]]:
+    engine: Engine, blocks: Iterable[Lines], config: Config, jobs: int = 1
+) -> Iterator[Iterator[Table]]:
     """Run an engine on any number of lines, of which only some blocks are in memory.
 
     Args:
         engine: The engine that computes the points; ``prepare`` has been called.
         blocks: The lines, in their order; the size of a block does not change the points.
         config: Thresholds and geometry.
-        on_points: Function that the process that computed a block's points applies to them.
         jobs: Number of processes; see ``processes``.
 
     Yields:
-        An iterator over the blocks, with the number of lines done so far and what ``on_points``
-        returned.
+        An iterator over the points in blocks of ``shadows.BLOCK`` lines, whose free intervals end
+        where other lines' surfaces hide them.
 
     Raises:
         InputError: as ``run`` and ``parallel.workers``, and whatever ``blocks`` raises.
@@ -140,8 +127,8 @@ def streamed(
             yield first, block
             first += len(block)
 
-    with workers(_Work(engine, config, on_points), jobs) as do:
-        yield do(numbered())
+    with workers(_Work(engine, config), jobs) as do:
+        yield shaded(do(numbered()), config)
 
 
 def prepare(engine: Engine, config: Config) -> None:

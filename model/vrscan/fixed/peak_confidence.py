@@ -27,7 +27,7 @@ class Confidence:
         no_noise: Whether the noise is zero, so that the S/N is its largest value, bool.
         sigma: Standard deviation of the position, px, 12 fraction bits, saturating.
         c_obj: Confidence in an object (9); 255 is 1.
-        c_sfm: Confidence in free space (10); 255 is 1.
+        c_sfm: Confidence in free space (10); 255 is 1; 0 also where the noise is zero.
     """
 
     snr: Ints
@@ -55,6 +55,7 @@ def peak_confidence(
     *,
     measured: Bools,
     low_snr: Bools,
+    clear: Bools,
     maximum: Ints,
     background: Ints,
     noise: Ints,
@@ -77,6 +78,7 @@ def peak_confidence(
     Args:
         measured: Whether the peak has a phase, bool [n].
         low_snr: Whether the peak is below the least S/N, bool [n].
+        clear: Whether nothing may be there: a low S/N, and no flag that says otherwise, bool [n].
         maximum: Largest pixel, counts, [n].
         background: Level of the background, counts, 24 - PixelWidth fraction bits, [n].
         noise: Noise of the background in the same format, at most half of full scale, [n].
@@ -117,5 +119,5 @@ def peak_confidence(
         no_noise=noise == 0,
         sigma=np.where(measured, sigma, 0),
         c_obj=np.where(low_snr, 0, _confidence(snr, c_obj_gain)),
-        c_sfm=np.where(low_snr, _confidence(power, c_sfm_gain), 0),
+        c_sfm=np.where(clear & (noise != 0), _confidence(power, c_sfm_gain), 0),
     )

@@ -4,12 +4,12 @@ import numpy as np
 
 from vrscan.data.arrays import Bools, Ints
 from vrscan.data.points import Points
-from vrscan.data.records import FULL, INWARD, MEASURED, TEST, Records
+from vrscan.data.records import FREE_ALIGN, FULL, INWARD, MEASURED, TEST, Records
 
 LATENCY = 1  # clocks from valid_i to the first byte
 
 # The fields that have no meaning, and so are 0, where a point is not measured.
-_OF_MEASURED = ("position", "sigma", "x", "z", "sigma_z")
+_OF_MEASURED = ("position", "sigma", "sigma_z")
 
 
 def point_record(
@@ -38,6 +38,8 @@ def point_record(
     records["bits"] = MEASURED * points.measured + INWARD * inward + TEST * test
     for name in _OF_MEASURED:
         records[name][~points.measured] = 0
+    for name, ends in (("x", points.free_from), ("z", points.free_to)):
+        records[name][~points.measured] = ends[~points.measured] << FREE_ALIGN
     for name in ("left", "right"):
         records[name][points.width == 0] = 0
     return records

@@ -11,6 +11,7 @@ from vrscan.data.contract import checked_words
 from vrscan.data.points import Points
 from vrscan.fixed import distortion as geometry_distortion
 from vrscan.fixed import (
+    free_interval,
     line_receiver,
     line_statistics,
     peak_confidence,
@@ -172,9 +173,13 @@ def _run(
     position = peak_position.peak_position(
         window.left, harmonic.period, harmonic.phase, line_length=r.line_length
     )
+    low_snr = (window.flags >> pkg.FLAG_LOW_SNR & 1).astype(np.bool_)
+    blind = (window.flags & (1 << pkg.FLAG_SATURATED | 1 << pkg.FLAG_TOO_WIDE)) != 0
+    blind |= statistics.row_statistics | (mirror_flags != 0)
     quality = peak_confidence.peak_confidence(
         measured=harmonic.measured,
-        low_snr=(window.flags >> pkg.FLAG_LOW_SNR & 1).astype(np.bool_),
+        low_snr=low_snr,
+        clear=low_snr & ~blind,
         maximum=statistics.maximum,
         background=statistics.background,
         noise=statistics.noise,
@@ -210,6 +215,15 @@ def _run(
         )
         position, sigma, history = fit.position, fit.sigma, fit.history
     position = np.where(harmonic.measured, position, 0)
+    free_from, free_to = free_interval.free_interval(
+        angle,
+        power,
+        statistics.noise,
+        begin=r.free_begin,
+        shift=r.free_shift,
+        table_from=r.free_table_from,
+        table_to=r.free_table_to,
+    )
     corrected = geometry_distortion.distortion(
         position,
         centre=r.centre,
@@ -262,6 +276,8 @@ def _run(
         sigma_z=place.sigma_z,
         c_obj=quality.c_obj,
         c_sfm=quality.c_sfm,
+        free_from=np.where(quality.c_sfm > 0, free_from, 0),
+        free_to=np.where(quality.c_sfm > 0, free_to, 0),
         measured=harmonic.measured,
         pixel_width=r.pixel_width,
     )

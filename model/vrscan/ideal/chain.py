@@ -9,7 +9,7 @@ from vrscan.data.config import Config
 from vrscan.data.contract import checked
 from vrscan.data.lines import Lines
 from vrscan.data.table import Table
-from vrscan.ideal import confidence, geometry, peak_fit, two_pass
+from vrscan.ideal import confidence, free_space, geometry, peak_fit, two_pass
 from vrscan.ideal.peak import isolate, threshold
 from vrscan.ideal.position import Phase, first_harmonic, windows
 from vrscan.ideal.statistics import statistics
@@ -152,6 +152,11 @@ def _run(
         "NO_RANGE": measured & located.no_range,
         **{name: mirror_flags >> bit & 1 == 1 for bit, name in enumerate(MIRROR_FLAGS)},
     }
+    clear = low_snr & (noise > 0.0) & (mirror_flags == 0)
+    for name in ("SATURATED", "TOO_WIDE", "ROW_STATISTICS"):
+        clear &= ~flags[name]
+    free_from, free_to = free_space.free_interval(angle_rad, power, noise, config)
+    c_sfm = confidence.free_confidence(power, clear, power_max=config.laser.power_max)
     points = Table(
         line=np.arange(first, first + len(lines)),
         flags=flags,
@@ -171,7 +176,9 @@ def _run(
         z_mm=located.z,
         sigma_z_mm=np.abs(located.slope) * np.abs(scale) * sigma,
         c_obj=confidence.object_confidence(snr, ~low_snr, snr_max=peak.snr_max),
-        c_sfm=confidence.free_confidence(power, ~low_snr, power_max=config.laser.power_max),
+        c_sfm=c_sfm,
+        free_from_mm=np.where(c_sfm > 0.0, free_from, 0.0),
+        free_to_mm=np.where(c_sfm > 0.0, free_to, 0.0),
         measured=measured,
         located=measured & ~located.no_range,
         pixel_width=config.sensor.pixel_width,

@@ -31,12 +31,12 @@ def object_confidence(snr: Floats, valid: Bools, *, snr_max: float) -> Floats:
     return np.where(valid, np.minimum(snr / snr_max, 1.0), 0.0)
 
 
-def free_confidence(power: Ints, valid: Bools, *, power_max: int) -> Floats:
+def free_confidence(power: Ints, clear: Bools, *, power_max: int) -> Floats:
     """Return C_sfm = P_l / P_l,max of VR-SCAN (10) where snr < snr_min, 0 elsewhere [n].
 
     Args:
         power: Laser power of each line [n].
-        valid: Whether the signal-to-noise ratio reaches snr_min [n].
+        clear: Whether snr < snr_min, and nothing else says that the line may not be trusted [n].
         power_max: Laser power at which the confidence is 1.
     """
-    return np.where(valid, 0.0, np.minimum(power / power_max, 1.0))
+    return np.where(clear, np.minimum(power / power_max, 1.0), 0.0)

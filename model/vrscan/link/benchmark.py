@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from vrscan.data import link_pkg
+from vrscan.data.records import Form
 from vrscan.link import selftest
 from vrscan.link.device import BITS_A_BYTE, Device
 from vrscan.link.link_report import Rate, Trips
@@ -67,20 +68,20 @@ def streams(device: Device, bauds: Sequence[int], seconds: float, progress: Prog
             for k, baud in enumerate(bauds):
                 if baud != device.baud:
                     device.set_baud(baud)
-                for full in (True, False):
-                    text = f"{baud} baud, {'full' if full else 'compact'}"
-                    progress(2 * k + (not full), 2 * len(bauds), text)
-                    found.append(_stream(device, full, seconds))
+                for j, form in enumerate(Form):
+                    text = f"{baud} baud, {form.name.lower()}"
+                    progress(len(Form) * k + j, len(Form) * len(bauds), text)
+                    found.append(_stream(device, form, seconds))
         finally:
             if device.baud != present:
                 device.set_baud(present)
     return found
 
 
-def _stream(device: Device, full: bool, seconds: float) -> Rate:
+def _stream(device: Device, form: Form, seconds: float) -> Rate:
     """Return the number of points that come at the present rate."""
     come = 0
-    with device.stream(full) as points:
+    with device.stream(form) as points:
         device.write("test_start", 1)
         try:
             points.get(device.timeout)  # waits until the stream runs
@@ -95,4 +96,4 @@ def _stream(device: Device, full: bool, seconds: float) -> Rate:
             device.write("test_stop", 1)
     board_s = clocks / device.build.clock_hz
     line_s = bytes_in * BITS_A_BYTE / device.baud
-    return Rate(device.baud, full, come, spent, board_s, line_s / board_s if board_s else 0.0)
+    return Rate(device.baud, form, come, spent, board_s, line_s / board_s if board_s else 0.0)

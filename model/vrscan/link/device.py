@@ -24,10 +24,11 @@ from typing import Self
 
 from vrscan.clocked.line_trigger import line_step
 from vrscan.clocked.mirror_drive import RATE_FRACTION
-from vrscan.clocked.point_packer import most_records, record_bytes
+from vrscan.clocked.point_packer import KINDS, most_records, record_bytes
 from vrscan.data import link_pkg, pkg
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
+from vrscan.data.records import Form
 from vrscan.link import protocol
 from vrscan.link.protocol import Status
 from vrscan.link.stream import DEPTH, Captured, CaptureStream, PointStream
@@ -662,29 +663,30 @@ class Device:
 
     # ---- points and lines ----
 
-    def least_step(self, full: bool) -> int:
+    def least_step(self, form: int) -> int:
         """Return the smallest step of a stream whose points the serial line carries.
 
         It is for the present rates of the lines and of the link, with a tenth to spare for replies;
         1 where lines stand still.
 
         Args:
-            full: Whether the points are full ones.
+            form: Format of the records, a ``records.Form``.
         """
         found = self.read_many(("mirror_word", "ratio", "points_batch"))
         word, ratio, batch = (integer(value) for value in found.values())
         lines_per_s = line_step(word, ratio) / 2.0**pkg.TURN_WIDTH * self.build.clock_hz
-        count = min(batch, most_records(full)) or 1
-        payload = bytes(link_pkg.BATCH_HEADER_BYTES + count * record_bytes(full))
+        count = min(batch, most_records(form)) or 1
+        payload = bytes(link_pkg.BATCH_HEADER_BYTES + count * record_bytes(form))
         packet_s = len(protocol.encode_frame(payload)) * BITS_A_BYTE / self.baud
         step = math.ceil(lines_per_s * packet_s / count / _STREAM_SHARE)
         return min(max(step, 1), MOST_STEP)
 
-    def stream(self, full: bool = True, step: int = 1, *, depth: int = DEPTH) -> PointStream:
+    def stream(self, form: int = Form.FULL, step: int = 1, *, depth: int = DEPTH) -> PointStream:
         """Make the board send points.
 
         Args:
-            full: Whether records are full; otherwise they are compact.
+            form: Format of the records, a ``records.Form``: full ones, compact ones, or points and
+                free beams.
             step: Distance of the lines whose points are sent, 1 to 255.
             depth: Largest number of points that wait in this program.
 
@@ -700,7 +702,7 @@ class Device:
         if self._points is not None:
             raise LinkError(f"{self.port}: points are already being sent")
         transport = self._transport
-        kind = link_pkg.STREAM_POINTS_FULL if full else link_pkg.STREAM_POINTS_COMPACT
+        kind = KINDS[Form(form)]
 
         def stop() -> None:
             try:
@@ -712,7 +714,7 @@ class Device:
                 self._points = None
 
         points = PointStream(
-            full=full,
+            form=Form(form),
             step=step,
             stop=stop,
             bad_frames=lambda: transport.traffic.bad_frames,
@@ -729,7 +731,7 @@ class Device:
         transport.sinks[kind] = sink
         self._points = points
         try:
-            start = protocol.stream_start(full, step)
+            start = protocol.stream_start(form, step)
             self.command(link_pkg.COMMAND_STREAM_START, start, on_reply=points.begin)
         except BaseException:
             transport.sinks.pop(kind, None)

@@ -13,7 +13,7 @@ from vrscan.data import link_pkg, pkg, records
 from vrscan.data.arrays import Floats
 from vrscan.data.points import table as in_units
 from vrscan.data.points import write_csv
-from vrscan.data.records import Records
+from vrscan.data.records import Form, Records
 from vrscan.data.table import Table
 from vrscan.link.device import FAULTS, STATES, Build, Device
 from vrscan.link.selftest import Check
@@ -164,7 +164,7 @@ def write_points(
     kind: str,
     file: BinaryIO,
     found: Records,
-    full: bool,
+    form: Form,
     step: int,
     build: Build,
     account: Account,
@@ -172,11 +172,12 @@ def write_points(
     """Write points.
 
     Args:
-        kind: ``".csv"``: full points in the format of every engine's points.csv; ``".npz"``: all
-            fields as raw integers, with the parameters of their formats and the stream's account.
+        kind: ``".csv"``: full points in the format of every engine's points.csv, others with
+            their own columns; ``".npz"``: all fields as raw integers, with the parameters of their
+            formats and the stream's account.
         file: A binary file.
         found: The points.
-        full: Whether the points are full ones.
+        form: Format of the points.
         step: Distance of the lines whose points were sent.
         build: The board's identity.
         account: Account of the stream.
@@ -193,10 +194,39 @@ def write_points(
             **facts,
             **{name: found[name] for name in names},
         )
-    elif full:
+    elif form is Form.FULL:
         write_csv(in_units(records.points(found, build.pixel_width)), file)
+    elif form is Form.SPACE:
+        _write_space(found, file)
     else:
         _write_compact(found, file)
+
+
+def _write_space(found: Records, file: BinaryIO) -> None:
+    """Write points and free beams as text; a line is one or the other, and the rest is empty."""
+    length, ends = (
+        math.ceil(bits * math.log10(2.0)) for bits in (pkg.LENGTH_FRACTION, pkg.FREE_FRACTION)
+    )
+    file.write(
+        b"line,x_mm,z_mm,c_obj,angle_rad,free_from_mm,free_to_mm,c_sfm,flags,confidence,inward\n"
+    )
+    step, free_step = 2.0**-pkg.LENGTH_FRACTION, 2.0**-pkg.FREE_FRACTION
+    turn = 2.0 * math.pi * 2.0**-pkg.ANGLE_WIDTH
+    point = records.measured(found)
+    for each, is_point in zip(found, point.tolist(), strict=True):
+        place, beam = ",,", ",,,"
+        if is_point:
+            place = f"{each['x'] * step:.{length}f},{each['z'] * step:.{length}f}"
+            place += f",{each['c_obj'] / 255:.3f}"
+        else:
+            span = ","
+            if each["free_to"]:
+                span = f"{each['free_from'] * free_step:.{ends}f}"
+                span += f",{each['free_to'] * free_step:.{ends}f}"
+            beam = f"{each['angle'] * turn:.5f},{span},{each['c_sfm'] / 255:.3f}"
+        names = "|".join(name for bit, name in COMPACT_FLAGS.items() if each["flags"] >> bit & 1)
+        mirror = f"{each['confidence'] / 254:.3f},{each['inward']}"
+        file.write(f"{each['line']},{place},{beam},{names},{mirror}\n".encode())
 
 
 def _write_compact(found: Records, file: BinaryIO) -> None:
@@ -385,7 +415,7 @@ class Rate:
 
     Attributes:
         baud: Rate of the link.
-        full: Whether records are full.
+        form: Format of the records.
         points: Number of points that came.
         seconds: Duration by this machine's clock.
         board_s: Duration by the board's clock.
@@ -393,7 +423,7 @@ class Rate:
     """
 
     baud: int
-    full: bool
+    form: Form
     points: int
     seconds: float
     board_s: float
@@ -417,7 +447,7 @@ def bench_tables(trips: Sequence[Trips], rates: Sequence[Rate]) -> Group:
     ]
     points: list[Column[Rate]] = [
         Column("baud", lambda rate: rate.baud),
-        words("records", lambda rate: "full" if rate.full else "compact"),
+        words("records", lambda rate: rate.form.name.lower()),
         Column("points", lambda rate: rate.points),
         Column("points/s", lambda rate: rate.points / rate.seconds, "{:.0f}"),
         Column("board s", lambda rate: rate.board_s, "{:.4f}"),

@@ -16,6 +16,7 @@ import numpy as np
 from vrscan.clocked.frame_decoder import CRC_BYTES
 from vrscan.clocked.frame_decoder import Status as FrameStatus
 from vrscan.clocked.frame_encoder import CRC_INIT
+from vrscan.clocked.point_packer import KINDS, record_bytes
 from vrscan.data import link_pkg, records
 from vrscan.data.arrays import Pixels
 from vrscan.data.records import Records
@@ -24,6 +25,11 @@ _BLOCK = 254  # bytes without a zero that one code can count
 _MOST = link_pkg.MAX_PAYLOAD + CRC_BYTES
 _MOST_CODED = _MOST + -(-_MOST // _BLOCK)  # longest frame without its 0x00
 
+_DECODED = {
+    records.Form.COMPACT: records.decode_compact,
+    records.Form.FULL: records.decode_full,
+    records.Form.SPACE: records.decode_space,
+}
 _BATCH = struct.Struct("<BBBBIH")
 _PIXELS = struct.Struct("<BBBBI")
 _RECORD = struct.Struct("<BBBBI")
@@ -190,11 +196,11 @@ def _check_words(address: int, count: int) -> None:
         raise ValueError(f"there is no address {address:#x}")
 
 
-def stream_start(full: bool, step: int) -> bytes:
-    """Return the data of a STREAM_START: full or compact records, of every ``step``-th line."""
+def stream_start(form: int, step: int) -> bytes:
+    """Return the data of a STREAM_START: records of a ``Form``, of every ``step``-th line."""
     if step not in range(1, 256):
         raise ValueError(f"a stream takes every 1st to 255th line, not every {step}th")
-    return bytes([full, step])
+    return bytes([form, step])
 
 
 def capture(mode: int, argument: int = 0) -> bytes:
@@ -283,15 +289,15 @@ class Batch:
 
     Attributes:
         sequence: Sequence number among the packets of points, u8.
-        full: Whether records are full.
+        form: Format of the records.
         step: Distance from the line of one record to that of the next.
         first: Line of the first record, u32.
         dropped: Number of points for which the board had no room so far, u16.
-        records: An array of ``records.FULL`` or ``records.COMPACT``.
+        records: An array of ``records.FULL``, ``records.COMPACT`` or ``records.SPACE``.
     """
 
     sequence: int
-    full: bool
+    form: records.Form
     step: int
     first: int
     dropped: int
@@ -337,16 +343,14 @@ def points(payload: bytes) -> Batch:
     Raises:
         ValueError: if it is not such a packet.
     """
-    kinds = {link_pkg.STREAM_POINTS_COMPACT: False, link_pkg.STREAM_POINTS_FULL: True}
-    if len(payload) < _BATCH.size or payload[0] not in kinds:
+    if len(payload) < _BATCH.size or payload[0] not in KINDS.values():
         raise ValueError("no packet of points")
     kind, sequence, count, step, first, dropped = _BATCH.unpack_from(payload)
-    full = kinds[kind]
+    form = next(each for each, number in KINDS.items() if number == kind)
     data = payload[_BATCH.size :]
-    if len(data) != count * (link_pkg.FULL_BYTES if full else link_pkg.COMPACT_BYTES):
+    if len(data) != count * record_bytes(form):
         raise ValueError(f"a packet of {count} points has {len(data)} bytes of them")
-    found = records.decode_full(data) if full else records.decode_compact(data)
-    return Batch(sequence, full, step, first, dropped, found)
+    return Batch(sequence, form, step, first, dropped, _DECODED[form](data))
 
 
 def capture_pixels(payload: bytes) -> CapturePixels:

@@ -16,13 +16,13 @@ import numpy as np
 from vrscan.data import link_pkg, pkg, records
 from vrscan.data.arrays import Pixels
 from vrscan.data.points import Points
-from vrscan.data.records import Records
+from vrscan.data.records import Form, Records
 from vrscan.fixed.point_record import point_record
 from vrscan.fixed.test_line import least_period, lines, step_of_width
 from vrscan.fixed.vrscan_chain import run_fixed
 from vrscan.link import protocol
 from vrscan.link.device import OFF, Device, DeviceError
-from vrscan.link.stream import COMPACT, PointStream
+from vrscan.link.stream import DTYPES, PointStream
 from vrscan.link.transport import LinkError
 from vrscan.registers import values
 from vrscan.registers.chain_registers import Registers
@@ -40,7 +40,16 @@ WALKING = tuple(1 << k for k in range(values.WORD_BITS))
 CHAIN = tuple(
     field.name for field in fields(Registers) if field.name not in ("pixel_width", "line_length")
 )
-QUIET = (*CHAIN, "drive_phase", "motion_a", "motion_phi", "motion_da", "motion_dphi", "scratch")
+TABLES = ("free_table_from", "free_table_to")
+QUIET = (
+    *(name for name in CHAIN if name not in TABLES),
+    "drive_phase",
+    "motion_a",
+    "motion_phi",
+    "motion_da",
+    "motion_dphi",
+    "scratch",
+)
 TEST = tuple(f"test_{field.name}" for field in fields(Settings))
 CHANGED = ("test_angle", "test_power", *TEST, "points_batch", "points_timeout_clks")
 # Counters that a working board does not increase, whatever the self-test does.
@@ -225,9 +234,9 @@ class SelfTest:
             yield self.registers()
             yield self.answers()
             named = runs(device.build.line_length)
-            for full in (True, False):
+            for form in (Form.FULL, Form.COMPACT, Form.SPACE):
                 for k, (name, settings) in enumerate(named.items()):
-                    yield self.run(name, settings, full, ANGLES[k % 5], POWERS[k % 5])
+                    yield self.run(name, settings, form, ANGLES[k % 5], POWERS[k % 5])
             for name in ("moving peak", "saturated", "nothing but noise"):
                 yield self.captured(name, named[name])
             yield self.no_faults(faults)
@@ -406,12 +415,12 @@ class SelfTest:
 
     # ---- lines ----
 
-    def run(self, name: str, settings: Settings, full: bool, angle: int, power: int) -> Check:
+    def run(self, name: str, settings: Settings, form: int, angle: int, power: int) -> Check:
         """Stream the points of a run and compare every field of all of them."""
-        kind = "full" if full else "compact"
-        what = f"{name}, {kind}"
+        form = Form(form)
+        what = f"{name}, {form.name.lower()}"
         arrange(self.device, settings, angle=angle, power=power)
-        with self.device.stream(full) as stream:
+        with self.device.stream(form) as stream:
             self.device.write("test_start", 1)
             try:
                 got = self._received(what, stream, settings.lines)
@@ -421,11 +430,11 @@ class SelfTest:
             short = f"{len(got)} records, want {settings.lines} ({stream.account})"
             return Check(what, settings.lines, 0, short)
         want = self._wanted(settings, angle, power, int(got["line"][0]))
-        if not full:
-            packed = records.compact(want)
-            want = np.zeros(len(packed), COMPACT)
+        if form is not Form.FULL:
+            packed = records.space(want) if form is Form.SPACE else records.compact(want)
+            want = np.zeros(len(packed), DTYPES[form])
             want["line"] = (int(got["line"][0]) + np.arange(len(packed))) % (1 << 32)
-            for column in records.COMPACT.names or ():
+            for column in packed.dtype.names or ():
                 want[column] = packed[column]
         compared, difference = first_difference(got, want)
         return Check(what, len(got), compared, difference)

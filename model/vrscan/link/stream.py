@@ -15,13 +15,15 @@ import numpy as np
 
 from vrscan.data import link_pkg, records
 from vrscan.data.arrays import Pixels
-from vrscan.data.records import Records
+from vrscan.data.records import Form, Records
 from vrscan.link.protocol import Batch, CapturePixels, CaptureRecord
 from vrscan.link.transport import LinkError
 
 DEPTH = 1 << 20  # records that wait for the program
 CAPTURE_DEPTH = 64  # lines that wait for the program
 COMPACT = np.dtype([("line", "<u4"), *records.COMPACT.descr])
+SPACE = np.dtype([("line", "<u4"), *records.SPACE.descr])
+DTYPES = {Form.COMPACT: COMPACT, Form.FULL: records.FULL, Form.SPACE: SPACE}
 LINES = 1 << 32  # line numbers wrap here
 DROPPED = 1 << 16  # the packer's count wraps here
 PACKETS = 1 << 8
@@ -80,10 +82,10 @@ class PointStream:
     """Points of every step-th line, from the board's start of the stream until its stop.
 
     Iterating yields the points that have come, as structured arrays: fields of ``records.FULL``, or
-    of ``COMPACT`` with the line's number in front. It ends when the stream is stopped.
+    of ``COMPACT`` or ``SPACE`` with the line's number in front. It ends when the stream is stopped.
 
     Args:
-        full: Whether records are full.
+        form: Format of the records.
         stop: Function that stops the board and waits until the last packet has come.
         bad_frames: Function that returns the number of bad frames so far.
         check: Function that raises the error of a port that is gone.
@@ -96,7 +98,7 @@ class PointStream:
     def __init__(
         self,
         *,
-        full: bool,
+        form: Form,
         step: int,
         stop: Callable[[], None],
         bad_frames: Callable[[], int],
@@ -104,7 +106,7 @@ class PointStream:
         depth: int = DEPTH,
     ) -> None:
         self.account = Account()
-        self.full = full
+        self.form = form
         self.step = step
         self._stop = stop
         self._bad_frames = bad_frames
@@ -133,7 +135,7 @@ class PointStream:
     def take(self, batch: Batch) -> None:
         """Take a packet; the reading thread calls this."""
         with self._arrived:
-            if self._running and (batch.full, batch.step) == (self.full, self.step):
+            if self._running and (batch.form, batch.step) == (self.form, self.step):
                 self._enter(batch)
             self._arrived.notify_all()
 
@@ -157,13 +159,13 @@ class PointStream:
                 account.restarts += 1
         self._line = (batch.first + count * self.step) % LINES
         lines = (batch.first + self.step * np.arange(count, dtype=np.int64)) % LINES
-        if self.full:
+        if self.form is Form.FULL:
             found = batch.records
             account.disordered += int(np.count_nonzero(found["line"] != lines))
         else:
-            found = np.zeros(count, COMPACT)
+            found = np.zeros(count, DTYPES[self.form])
             found["line"] = lines
-            for name in records.COMPACT.names or ():
+            for name in batch.records.dtype.names or ():
                 found[name] = batch.records[name]
         account.records += count
         if self._waiting_records + count > self._depth:

@@ -10,6 +10,7 @@ from vrscan.data.arrays import Floats, Ints
 from vrscan.data.config import Config
 from vrscan.data.contract import checked_angles
 from vrscan.data.errors import InputError
+from vrscan.registers.free_table import free_table
 from vrscan.registers.register_map import REGISTERS
 from vrscan.registers.settings import Settings
 
@@ -93,6 +94,10 @@ class Registers(Settings):
     d1: int
     e0: int
     e1: int
+    free_begin: int  # s24, turns
+    free_shift: int
+    free_table_from: tuple[int, ...]  # u16, 4 fraction bits, mm
+    free_table_to: tuple[int, ...]
 
     def __post_init__(self) -> None:
         """Check nothing: of a line beyond 2048 px no register holds ``centre``, yet engines do."""
@@ -119,6 +124,7 @@ class Registers(Settings):
         per_focal = reach_mm / geometry.focal_mm
         cosine, sine = math.cos(geometry.bias_rad), math.sin(geometry.bias_rad)
         base, offset = geometry.base_mm, geometry.offset_mm
+        free_begin, free_shift, free_from, free_to = free_table(config)
         snr_raw = peak.snr_max * 2**pkg.SNR_FRACTION
         lengths = pkg.GEOMETRY_WIDTH, pkg.BASE_FRACTION
         rays = pkg.GEOMETRY_WIDTH, pkg.RAY_FRACTION
@@ -161,6 +167,10 @@ class Registers(Settings):
             d1=signed("geometry.focal_mm", -sine * per_focal, *rays),
             e0=signed("geometry.bias_deg", sine, *rays),
             e1=signed("geometry.focal_mm", cosine * per_focal, *rays),
+            free_begin=free_begin,
+            free_shift=free_shift,
+            free_table_from=free_from,
+            free_table_to=free_to,
         )
 
 

@@ -87,14 +87,14 @@ def _one(
     )  # fmt: skip
 
 
-MAP_HASH = 0x0C8F40F5
+MAP_HASH = 0x02355EEC
 
 # fmt: off
 _REGISTERS = (
     _one("", 0x000, "identity", 32, "constant",
          "the letters VRSC, by which a host knows the instrument", reset=0x56525343),
     _one("", 0x001, "map_hash", 32, "constant",
-         "hash of the parts of this map that a host must know", reset=0x0C8F40F5),
+         "hash of the parts of this map that a host must know", reset=0x02355EEC),
     _one("", 0x002, "version", 32, "constant",
          "version of the map: major, minor, patch in bits 31..16, 15..8, 7..0", reset=0x00000100),
     _one("identity_status", 0x003, "board_id", 16, "ro", "number of the kind of board"),
@@ -168,6 +168,11 @@ _REGISTERS = (
     _one("chain", 0x033, "early_count", 16, "counter",
          "number of lines that came before the line ahead of them was measured"),
     _one("chain", 0x034, "dropped_count", 16, "counter", "number of points that no receiver took"),
+    _one("free", 0x038, "free_begin", 24, "rw", "scan angle of entry 0 of the table",
+         lock="lock_calibration", signed=True, reset=-1003138, fraction=24, unit="turn"),
+    _one("free", 0x039, "free_shift", 4, "rw",
+         "spacing of the table's entries: 2**(shift + 10) steps of an angle",
+         lock="lock_calibration", reset=4),
     _one("mirror", 0x040, "mirror_enable", 1, "rw", "1 starts the mirror, 0 stops it"),
     _one("mirror", 0x041, "line_enable", 1, "rw", "1 switches the lines on"),
     _one("mirror", 0x042, "sweep_word", 40, "rw", "drive frequency at which the sweep begins",
@@ -459,7 +464,7 @@ _REGISTERS = (
     _one("sensor", 0x1D1, "pixel_overflow_count", 16, "counter",
          "number of lines that the FIFO between the clocks lost"),
     _one("locks", 0x3F0, "lock_calibration", 1, "rw",
-         "1 keeps until reset: peak, geometry, motion and the amplitude table", low=1),
+         "1 keeps until reset: peak, geometry, free space, motion and the amplitude table", low=1),
     _one("locks", 0x3F1, "lock_mirror", 1, "rw",
          "1 keeps until reset: the limits of the mirror's drive", low=1),
     _one("locks", 0x3F2, "lock_laser", 1, "rw", "1 keeps until reset: the limits of the laser",
@@ -481,6 +486,16 @@ _WINDOWS = (
     ), None,
        "Table of the autofocus: entry i belongs to a distance of focus_z_begin + i "
        "2**(focus_z_shift + 10) steps"),
+    Window("free_table", 0x6000, 256, 2, (
+        _one("free_table", 0x000, "free_table_from", 16, "rw", "least z", lock="lock_calibration",
+             fraction=4, unit="mm"),
+        _one("free_table", 0x001, "free_table_to", 16, "rw", "largest z", lock="lock_calibration",
+             fraction=4, unit="mm"),
+    ), "lock_calibration",
+       "Intervals of z in which a line without a peak is free, empty where from is not below to."
+       " Entry i < 128: what the camera sees at the angle free_begin + i 2**(free_shift + 10) "
+       "steps. Entry 128 + 8 e + k: where the darkest surface gives a peak, for 2**8 power / "
+       "noise of (8 + k) 2**(e - 3) and more"),
 )
 # fmt: on
 

@@ -1,23 +1,28 @@
 """A simulated scan, block by block: light, points, files and errors, in constant memory.
 
 A process simulates a block of lines and runs the engine on it, so pixels stay where they are made.
-It returns the bytes of the files and the sums of the errors, and the lines themselves only where
-they are to be kept.
+It returns the points, the bytes of the cloud and the sums of the errors, and the lines themselves
+only where they are to be kept. What a block's points hide of the beams beside it is taken off here.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vrscan.data.arrays import Floats
+from vrscan.data.arrays import Bools, Floats
 from vrscan.data.lines import Lines, bare, joined, part
 from vrscan.data.parallel import workers
-from vrscan.data.points import csv_rows, ply_vertices
+from vrscan.data.points import ply_vertices
 from vrscan.data.table import Table
+from vrscan.engines import shadows
 from vrscan.engines.engine import Engine, processes, run_block
 from vrscan.scene.simulate import BLOCK, Scanner
+from vrscan.study.report.space_report import Space
 from vrscan.study.report.tally import Tally
+
+assert BLOCK == shadows.BLOCK  # the blocks of the points are those of the lines
 
 MOST_DRAWN = 30_000  # largest number of lines of a picture
 _JOINED = 64  # number of samples that are joined at a time
@@ -46,10 +51,12 @@ class Sample:
 class Part:
     """The results of one block of a scan."""
 
-    csv: bytes  # result of ``csv_rows``
+    points: Table
     ply: bytes  # result of ``ply_vertices``
     tally: Tally
-    sample: Sample
+    bare: Lines  # lines without pixels
+    y_mm: Floats  # position of the scanner at each line
+    drawn: Bools  # lines that are in the picture
     lines: Lines | None  # lines with their truth, if they are kept
 
 
@@ -70,10 +77,12 @@ class _Work:
         rng = np.random.default_rng((self.scanner.light.scene.seed, _STREAM, number))
         drawn = rng.random(len(lines)) < MOST_DRAWN / self.scanner.count
         return Part(
-            csv=csv_rows(points),
+            points=points,
             ply=ply_vertices(points, y_mm),
             tally=Tally.of(points, truth),
-            sample=Sample(part(bare(lines), drawn), points.of(drawn), y_mm[drawn]),
+            bare=bare(lines),
+            y_mm=y_mm,
+            drawn=drawn,
             lines=lines if self.keep else None,
         )
 
@@ -86,7 +95,7 @@ def scan(
     keep: bool = False,
     jobs: int = 1,
     progress: Callable[[int], None] | None = None,
-) -> tuple[Tally, Sample]:
+) -> tuple[Tally, Sample, Space]:
     """Scan a scene.
 
     Args:
@@ -102,15 +111,30 @@ def scan(
     """
     jobs = processes(engine, scanner.count, jobs)
     tally: Tally | None = None
+    space: Space | None = None
     samples: list[Sample] = []
+    waiting: deque[Part] = deque()
+
+    def found(parts: Iterator[Part]) -> Iterator[Table]:
+        for each in parts:
+            waiting.append(each)
+            yield each.points
+
     with workers(_Work(scanner, engine, keep), jobs) as do:
-        for each in do(range(scanner.blocks)):
+        # A block waits for the next one, whose surfaces may hide parts of its beams.
+        for points in shadows.shaded(found(do(range(scanner.blocks))), scanner.light.config):
+            each = replace(waiting.popleft(), points=points)
             take(each)
             tally = each.tally if tally is None else tally + each.tally
-            samples.append(each.sample)
+            truth = each.bare.truth
+            assert truth is not None
+            seen = Space.of(points, truth)
+            space = seen if space is None else space + seen
+            drawn = each.drawn
+            samples.append(Sample(part(each.bare, drawn), points.of(drawn), each.y_mm[drawn]))
             if len(samples) == _JOINED:  # even a sample without lines takes memory
                 samples = [Sample.joined(samples)]
             if progress is not None:
                 progress(tally.lines)
-    assert tally is not None  # there is at least one line
-    return tally, Sample.joined(samples)
+    assert tally is not None and space is not None  # there is at least one line
+    return tally, Sample.joined(samples), space

@@ -37,6 +37,8 @@ def words() -> str:
         ("x, z", f"s{pkg.LENGTH_WIDTH}", pkg.LENGTH_FRACTION, "mm", "saturate: OUT_OF_RANGE"),
         ("sigma_z", f"u{pkg.SIGMA_WIDTH}", pkg.SIGMA_FRACTION, "mm", "saturates"),
         ("c_obj, c_sfm", f"u{pkg.CONFIDENCE_WIDTH}", "-", "1", "255 is 1.0; saturate"),
+        ("free_from, free_to", f"u{pkg.FREE_WIDTH}", pkg.FREE_FRACTION, "mm",
+         "rounded inwards; both 0: nothing is free"),
         ("laser power", f"u{pkg.POWER_WIDTH}", 0, "-", ""),
         ("mirror_flags", f"u{pkg.MIRROR_FLAG_WIDTH}", "-", "-",
          "NOT_RUNNING, INDEX_FAULT, UNSETTLED from bit 0"),

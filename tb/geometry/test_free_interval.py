@@ -1,0 +1,146 @@
+"""free_interval: RTL against the model exactly, the model against straight lines in float64."""
+
+import cocotb
+import numpy as np
+from harness import (
+    EACH_VOLUME,
+    FallingEdge,
+    assert_equal,
+    generator,
+    reset,
+    reset_at_every_age,
+    restart_at_every_age,
+    rounds,
+    run_vectors,
+    simulate,
+    struct_ports,
+)
+
+from vrscan.data import pkg
+from vrscan.data.config import Config
+from vrscan.fixed.free_interval import LATENCY, free_interval
+from vrscan.registers.chain_registers import Registers
+from vrscan.registers.free_table import FRACTION_WIDTH, HALF
+
+OUTPUTS = {"from_o": False, "to_o": False}
+
+
+def operands(count: int, salt: int, begin: int, shift: int) -> dict[str, np.ndarray]:
+    """Return lines: angles in the table, at its ends and beyond; every ratio of power to noise."""
+    draw = generator(salt)
+    span = (HALF - 1) << (shift + FRACTION_WIDTH)
+    angle = begin + (draw.uniform(-0.2, 1.2, count) * span).astype(np.int64)
+    nodes = begin + (draw.integers(-1, HALF + 1, count) << (shift + FRACTION_WIDTH))
+    angle = np.where(draw.random(count) < 0.3, nodes - draw.integers(0, 2, count), angle)
+    limit = 1 << pkg.ANGLE_WIDTH - 1
+    noise = draw.integers(0, 1 << 23, count, endpoint=True) >> draw.integers(0, 24, count)
+    return {
+        "angle_i": np.clip(angle, -limit, limit - 1),
+        "power_i": draw.integers(0, 1 << 16, count) >> draw.integers(0, 17, count),
+        "noise_i": noise,
+    }
+
+
+def tables(kind: str, salt: int) -> tuple[int, int, np.ndarray, np.ndarray]:
+    """Return begin, shift and the entries: the shipped ones, or intervals with empty ones."""
+    if kind == "shipped":
+        given = Registers.from_config(Config())
+        ends = np.array(given.free_table_from), np.array(given.free_table_to)
+        return given.free_begin, given.free_shift, *ends
+    draw = generator(salt)
+    ends = np.sort(draw.integers(0, 1 << 16, (2, 2 * HALF)), axis=0)
+    if kind == "wide":  # seldom empty together
+        ends = ends // np.array([[8], [1]])
+    empty = draw.random(2 * HALF) < 0.1
+    ends[:, empty] = ends[::-1, empty]
+    return int(draw.integers(-(1 << 23), 1 << 22)), int(draw.integers(0, 13)), *ends
+
+
+async def load(dut, kind: str, salt: int) -> dict[str, object]:
+    """Set the table and its place, and return them."""
+    begin, shift, least, largest = tables(kind, salt)
+    struct_ports(dut)["free_i"].give({"free_begin": begin, "free_shift": shift})
+    for k in range(2 * HALF):
+        entry = {"from": int(least[k]), "to": int(largest[k]), "index": k, "write": 1}
+        struct_ports(dut)["free_table_i"].give(
+            {f"free_table_{name}": value for name, value in entry.items()}
+        )
+        await FallingEdge(dut.clk_i)
+    struct_ports(dut)["free_table_i"].give({"free_table_write": 0})
+    return {"begin": begin, "shift": shift, "table_from": least, "table_to": largest}
+
+
+def expected(given: dict[str, np.ndarray], table: dict[str, object]) -> dict[str, np.ndarray]:
+    """Return the model's answer by port."""
+    least, largest = free_interval(given["angle_i"], given["power_i"], given["noise_i"], **table)
+    return {"from_o": least, "to_o": largest}
+
+
+@cocotb.test()
+async def random_lines_back_to_back(dut) -> None:
+    """The shipped table and others; a new line in the clock of the last result."""
+    await reset(dut)
+    free = 0
+    for k, kind in enumerate(("shipped", "wide", "any", "wide")):
+        table = await load(dut, kind, k)
+        given = operands(rounds(400, 4000), k, table["begin"], table["shift"])
+        want = expected(given, table)
+        free += np.count_nonzero(want["to_o"])
+        assert_equal(await run_vectors(dut, given, OUTPUTS, latency=LATENCY), want, given)
+    assert free > 200
+
+
+@cocotb.test()
+async def lines_change_while_it_works(dut) -> None:
+    """The ports carry another line between two results."""
+    await reset(dut)
+    table = await load(dut, "wide", 5)
+    given = operands(100, 6, table["begin"], table["shift"])
+    got = await run_vectors(dut, given, OUTPUTS, latency=LATENCY, gaps=True)
+    assert_equal(got, expected(given, table), given)
+
+
+@cocotb.test()
+async def a_new_line_or_a_reset_drops_the_one_at_work(dut) -> None:
+    await reset(dut)
+    table = await load(dut, "wide", 7)
+    given = operands(2 * LATENCY + 4, 8, table["begin"], table["shift"])
+    want = expected(given, table)
+    await restart_at_every_age(dut, given, want, OUTPUTS, latency=LATENCY)
+    await reset_at_every_age(dut, given, want, OUTPUTS, latency=LATENCY)
+
+
+@EACH_VOLUME
+def test_free_interval_rtl_equals_model(volume: str) -> None:
+    simulate("free_interval", __file__, volume=volume)
+
+
+def test_the_interval_is_inside_the_straight_lines_by_less_than_a_step() -> None:
+    """With a second half of the table that limits nothing, against numpy's interpolation."""
+    for salt in range(20):
+        begin, shift, least, largest = tables("wide", salt)
+        least[HALF:], largest[HALF:] = 0, (1 << 16) - 1
+        given = operands(2000, salt, begin, shift)
+        given["power_i"][:], given["noise_i"][:] = 65535, 1
+        table = {"begin": begin, "shift": shift, "table_from": least, "table_to": largest}
+        got = expected(given, table)
+        nodes = begin + (np.arange(HALF) << (shift + FRACTION_WIDTH))
+        exact_from = np.interp(given["angle_i"], nodes, least[:HALF])
+        exact_to = np.interp(given["angle_i"], nodes, largest[:HALF])
+        rows = got["to_o"] > 0
+        # The angle's bits below a share of a step are dropped.
+        steepest = max(np.abs(np.diff(e[:HALF])).max() for e in (least, largest))
+        slack = 1.0 + steepest * 2.0**-FRACTION_WIDTH * (shift > 0)
+        assert rows.sum() > 200
+        assert np.abs(got["from_o"] - exact_from)[rows].max() <= slack
+        assert np.abs(got["to_o"] - exact_to)[rows].max() <= slack
+        outside = (given["angle_i"] < nodes[0]) | (given["angle_i"] >= nodes[-1])
+        assert outside.any() and not got["to_o"][outside].any()
+
+
+def test_more_noise_or_less_power_never_frees_more() -> None:
+    """Of the shipped table: every entry of the second half is inside the next one."""
+    begin, shift, least, largest = tables("shipped", 0)
+    assert np.all(np.diff(least[HALF:]) <= 0) and np.all(np.diff(largest[HALF:]) >= 0)
+    assert least[HALF] > largest[HALF] and least[-1] < 200 * 16 < 1000 * 16 < largest[-1]
+    assert begin < 0 < shift
