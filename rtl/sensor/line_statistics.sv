@@ -1,14 +1,20 @@
 // line_statistics: maximum, mean, variance and background of a line, in the one pass it comes in.
 //
 // Sums and sums of squares are kept per block of 64 pixels; the row's are the sums of the blocks.
-// The background is the row without the blocks that a peak at the maximum could touch: the
-// maximum's own and GuardBlocks on either side, enough for a window of MaxWindow.  Where no block
-// is left, or noise_row_i asks for it, the row decides, as the paper has it.
+// Background and noise are those beside the maximum: of the pairs of whole blocks at one distance
+// from the maximum's, up to 2 GuardBlocks away, the darkest ones, at most GuardBlocks of them and
+// no more than there are beyond the guard.  A window of MaxWindow reaches GuardBlocks at most, and
+// light only adds, so the darkest hold neither spot nor rival.  A pair's mean is that of the
+// maximum's place on a slope, and the noise is pooled from within the blocks, so a gradient from
+// block to block is none.  At the line's end a block counts for its missing partner too.  The
+// spread is that of all blocks beyond the guard.  Where no whole block is beyond it, or noise_row_i
+// asks for it, the row decides, as the paper has it.
 //
 // Moments are exact: n^2 var = n sum(p^2) - sum(p)^2 in integers, and only results are rounded.
 // Everything after the last pixel shares one multiplier, one divider and one square root.
 //
-//   row_mean_o, background_o, noise_o  counts, 24 - PixelWidth fraction bits, to nearest
+//   row_mean_o, background_o,
+//   noise_o, spread_o                  counts, 24 - PixelWidth fraction bits, to nearest
 //   row_variance_o                     counts^2, 32 - 2 PixelWidth fraction bits, to nearest
 //   Latency  vrscan.fixed.line_statistics.latency() clocks from good_i to valid_o, whatever the
 //            line; the next good_i may come in the clock of valid_o
@@ -39,6 +45,7 @@ module line_statistics #(
   output      logic [vrscan_pkg::VarianceWidth-1:0] row_variance_o,
   output      logic [   vrscan_pkg::CountWidth-1:0] background_o,
   output      logic [   vrscan_pkg::CountWidth-1:0] noise_o,
+  output      logic [   vrscan_pkg::CountWidth-1:0] spread_o,
   output      logic                                 row_statistics_o,  // no block was left
   output      logic [                UserWidth-1:0] user_o,
 
@@ -58,7 +65,10 @@ module line_statistics #(
   localparam int unsigned BlockIndexWidth = Blocks > 1 ? $clog2(Blocks) : 1;
   localparam int unsigned GuardBlocks =
       (MaxWindow + vrscan_pkg::BlockLength - 1) / vrscan_pkg::BlockLength;
-  localparam int unsigned GuardWidth = $clog2(2 * GuardBlocks + 2);
+  localparam int unsigned WholeBlocks   = LineLength / vrscan_pkg::BlockLength;
+  localparam int unsigned Pairs         = 2 * GuardBlocks;
+  localparam int unsigned PairBits      = $clog2(Pairs);
+  localparam int unsigned DistanceWidth = $clog2(Pairs + 1);
 
   // n pixels of at most 2**P - 1: sums below n 2**P, squares below n 2**2P.
   localparam int unsigned BlockSumWidth    = PixelWidth + BlockBits;
@@ -66,7 +76,12 @@ module line_statistics #(
   localparam int unsigned SumWidth         = PixelWidth + IndexWidth;
   localparam int unsigned SquareWidth      = 2 * PixelWidth + IndexWidth;
   localparam int unsigned LengthWidth      = $clog2(LineLength + 1);
-  // n^2 var <= (n (2**P - 1) / 2)^2 < 2**MomentWidth.
+  // Of a pair, and of all that are kept: n^2 var of each block.
+  localparam int unsigned PairSumWidth     = BlockSumWidth + 1;
+  localparam int unsigned PairSquareWidth  = BlockSquareWidth + 1;
+  localparam int unsigned PairMomentWidth  = 2 * (PixelWidth + BlockBits) - 1;
+  localparam int unsigned LocalMomentWidth = PairMomentWidth + $clog2(GuardBlocks);
+  // n^2 var <= (n (2**P - 1) / 2)^2 < 2**MomentWidth; the kept pairs are never more than the line.
   localparam int unsigned MomentWidth      = 2 * (PixelWidth + IndexWidth) - 2;
   // The root of n^2 var carries four fraction bits: 0.03 counts / n.
   localparam int unsigned RootFraction     = 4;
@@ -138,24 +153,41 @@ module line_statistics #(
     end
   end
 
-  // ---- the blocks around the maximum leave the sums ----
-  localparam int unsigned ReachWidth = BlockIndexWidth + GuardWidth + 1;
-  logic signed [      ReachWidth-1:0] reach_q;  // block to read, may lie outside the line
-  logic        [      GuardWidth-1:0] guard_q;  // blocks left to read
-  logic                               reading_q, read_q, on_line_q, last_read_q, selected_q;
-  logic                               short_block_q;
-  logic        [   BlockSumWidth-1:0] read_sum;
-  logic        [BlockSquareWidth-1:0] read_square;
+  // ---- the blocks around the maximum leave the sums, and go into pairs ----
+  // The maximum's own block comes first, as the right one of distance 0.
+  localparam int unsigned ReachWidth = BlockIndexWidth + DistanceWidth + 1;
+  logic signed [   ReachWidth-1:0] left_q, right_q, reach;  // blocks, may lie outside the line
+  logic        [DistanceWidth-1:0] distance_q, distance_q2;
+  logic                            reading_q, right_side_q, last_read_q, read_q, selected_q;
+  logic                            leaves_q, whole_q, short_block_q, right_side_q2;
   logic [BlockSumWidth+BlockSquareWidth-1:0] read_data_q;
-  logic        [     LengthWidth-1:0] length_q;
-  logic        [        SumWidth-1:0] rest_sum_q, row_sum_q;
-  logic        [     SquareWidth-1:0] rest_square_q, row_square_q;
+  logic [     BlockSumWidth-1:0] read_sum, left_sum_q, left_sum, right_sum;
+  logic [  BlockSquareWidth-1:0] read_square, left_square_q, left_square, right_square;
+  logic                          left_whole_q, pair_done;
+  logic [     DistanceWidth-1:0] pairs_q, kept;
+  logic [       LengthWidth-1:0] length_q;
+  logic [          SumWidth-1:0] rest_sum_q, row_sum_q;
+  logic [       SquareWidth-1:0] rest_square_q, row_square_q;
+  logic                          use_row, use_row_q;
   assign {read_sum, read_square} = read_data_q;
 
   logic on_line;
-  assign on_line = reach_q >= 0 && reach_q < ReachWidth'(signed'(Blocks));
-  logic use_row;
-  assign use_row = noise_row_i || length_q == '0;
+  assign reach   = right_side_q ? right_q : left_q;
+  assign on_line = reading_q && reach >= 0 && reach < ReachWidth'(signed'(Blocks));
+
+  // Where a line has one block of a pair only, it counts for both.
+  assign left_sum     = left_whole_q ? left_sum_q : read_sum;
+  assign left_square  = left_whole_q ? left_square_q : read_square;
+  assign right_sum    = whole_q ? read_sum : left_sum_q;
+  assign right_square = whole_q ? read_square : left_square_q;
+  assign pair_done    = right_side_q2 && distance_q2 != '0 && (left_whole_q || whole_q);
+
+  assign kept    = pairs_q > DistanceWidth'(GuardBlocks) ? pairs_q - DistanceWidth'(GuardBlocks) : '0;
+  assign use_row = noise_row_i || kept == '0;
+
+  localparam int unsigned PairWidth = 2 * BlockSumWidth + PairSquareWidth;
+  logic [   PairWidth-1:0] pair_mem     [1 << PairBits];
+  logic [PairSumWidth-1:0] pair_sum_mem [1 << PairBits];
 
   always_ff @(posedge clk_i) begin
     if (good_q3) begin
@@ -163,8 +195,8 @@ module line_statistics #(
       maximum_o   <= max_q;
       max_index_o <= max_index_q;
       user_o      <= user_q3;
-      reach_q     <= signed'(ReachWidth'(max_index_q >> BlockBits))
-                     - ReachWidth'(signed'(GuardBlocks));
+      right_q     <= signed'(ReachWidth'(max_index_q >> BlockBits));
+      left_q      <= signed'(ReachWidth'(max_index_q >> BlockBits)) - ReachWidth'(1);
     end
     if (good_q4) begin
       row_sum_q     <= sum_q;
@@ -172,29 +204,49 @@ module line_statistics #(
       rest_sum_q    <= sum_q;
       rest_square_q <= square_sum_q;
       length_q      <= LengthWidth'(LineLength);
-      guard_q       <= GuardWidth'(2 * GuardBlocks);
+      pairs_q       <= '0;
+      distance_q    <= '0;
+      right_side_q  <= 1'b1;
       reading_q     <= 1'b1;
     end
     if (reading_q) begin
-      reach_q   <= reach_q + ReachWidth'(1);
-      guard_q   <= guard_q - GuardWidth'(1);
-      reading_q <= guard_q != '0;
+      right_side_q <= !right_side_q;
+      if (right_side_q) begin
+        right_q    <= right_q + ReachWidth'(1);
+        distance_q <= distance_q + DistanceWidth'(1);
+        reading_q  <= distance_q != DistanceWidth'(Pairs);
+      end else begin
+        left_q     <= left_q - ReachWidth'(1);
+      end
     end
-    read_data_q   <= block_mem[reach_q[BlockIndexWidth-1:0]];
-    on_line_q      <= on_line && reading_q;
-    short_block_q <= reach_q == ReachWidth'(signed'(Blocks - 1));
-    last_read_q   <= reading_q && guard_q == '0;
-    if (on_line_q) begin
+    read_data_q   <= block_mem[reach[BlockIndexWidth-1:0]];
+    leaves_q      <= on_line && distance_q <= DistanceWidth'(GuardBlocks);
+    whole_q       <= on_line && reach < ReachWidth'(signed'(WholeBlocks));
+    short_block_q <= reach == ReachWidth'(signed'(Blocks - 1));
+    right_side_q2 <= right_side_q && reading_q;
+    distance_q2   <= distance_q;
+    last_read_q   <= reading_q && right_side_q && distance_q == DistanceWidth'(Pairs);
+    if (leaves_q) begin
       rest_sum_q    <= rest_sum_q - SumWidth'(read_sum);
       rest_square_q <= rest_square_q - SquareWidth'(read_square);
       length_q      <= length_q
                        - (short_block_q ? LengthWidth'(LastLength)
                                         : LengthWidth'(vrscan_pkg::BlockLength));
     end
+    left_sum_q    <= read_sum;
+    left_square_q <= read_square;
+    left_whole_q  <= whole_q;
+    if (pair_done) begin
+      pairs_q <= pairs_q + DistanceWidth'(1);
+      pair_mem[pairs_q[PairBits-1:0]] <=
+          {left_sum, right_sum, PairSquareWidth'(left_square) + PairSquareWidth'(right_square)};
+      pair_sum_mem[pairs_q[PairBits-1:0]] <= PairSumWidth'(left_sum) + PairSumWidth'(right_sum);
+    end
     read_q     <= last_read_q;
     selected_q <= read_q;
     if (read_q) begin
-      row_statistics_o <= length_q == '0 && !noise_row_i;
+      use_row_q        <= use_row;
+      row_statistics_o <= kept == '0 && !noise_row_i;
       if (use_row) begin
         rest_sum_q    <= row_sum_q;
         rest_square_q <= row_square_q;
@@ -202,19 +254,22 @@ module line_statistics #(
       end
     end
     if (rst_i) begin
-      reading_q   <= 1'b0;
-      on_line_q    <= 1'b0;
-      last_read_q <= 1'b0;
-      read_q      <= 1'b0;
-      selected_q  <= 1'b0;
+      reading_q     <= 1'b0;
+      leaves_q      <= 1'b0;
+      right_side_q2 <= 1'b0;
+      last_read_q   <= 1'b0;
+      read_q        <= 1'b0;
+      selected_q    <= 1'b0;
     end
   end
 
-  // ---- moments: sum^2 and n sum(p^2), of the row and then of the selection; then the root ----
-  typedef enum logic [2:0] {
-    MOMENT_IDLE, ROW_SUM, ROW_SQUARE, REST_SUM, REST_SQUARE, ROOT
+  // ---- moments: sum^2 and n sum(p^2), of the row, of the rest, and of every pair's blocks ----
+  typedef enum logic [3:0] {
+    MOMENT_IDLE, ROW_SUM, ROW_SQUARE, REST_SUM, REST_SQUARE, PAIR_LEFT, PAIR_RIGHT, PAIRS_DONE,
+    PAIRS_SUMMED, LOCAL, ROOT
   } moment_e;
-  localparam int unsigned FactorAWidth = SquareWidth + 1;
+  localparam int unsigned FactorAWidth =
+      (SquareWidth > LocalMomentWidth ? SquareWidth : LocalMomentWidth) + 1;
   localparam int unsigned FactorBWidth =
       (SumWidth > LengthWidth ? SumWidth : LengthWidth) + 1;
 
@@ -225,7 +280,7 @@ module line_statistics #(
   logic signed [FactorAWidth+FactorBWidth-1:0]  product;
   logic        [               MomentWidth-1:0] row_moment_q;
   logic        [               MomentWidth-1:0] sum_squared_q;
-  logic                                         root_start_q, root_valid, root_ready_q;
+  logic                                         root_start_q, root_valid, root_ready_q, pairs_ready_q;
   logic        [                 RootWidth-1:0] root;
   logic        [               2*RootWidth-1:0] radicand_q;
 
@@ -234,6 +289,63 @@ module line_statistics #(
   assign moment = product[MomentWidth-1:0] - sum_squared_q;
   logic unused_product;
   assign unused_product = ^product[FactorAWidth+FactorBWidth-1:MomentWidth];
+
+  // ---- pairs: while the squares of one are worked out, those that are darker are counted ----
+  // Of equal ones the nearer is the darker.  That takes Pairs + 2 clocks, and two products more.
+  logic [       PairBits-1:0] next_index_q, other_index_q, other_index_q2, pair_index_q;
+  logic [      PairWidth-1:0] next_q;
+  logic [  BlockSumWidth-1:0] next_left, next_right, pair_right_q;
+  logic [PairSquareWidth-1:0] next_square;
+  logic [   PairSumWidth-1:0] pair_sum_q, other_sum_q;
+  logic [PairMomentWidth-1:0] pair_moment_q, pair_moment, kept_moment_q;
+  logic [  DistanceWidth-1:0] darker_q;
+  logic                       pair_start, ranking_q, ranking_q2, keep, keep_q;
+  logic [       SumWidth-1:0] local_sum_q;
+  logic [LocalMomentWidth-1:0] local_moment_q;
+  assign {next_left, next_right, next_square} = next_q;
+  assign pair_start = product_valid
+                      && (moment_q == REST_SQUARE
+                          || (moment_q == PAIR_RIGHT && pair_index_q != PairBits'(Pairs - 1)));
+  assign pair_moment = pair_moment_q - product[PairMomentWidth-1:0];
+  assign keep = darker_q < kept && DistanceWidth'(pair_index_q) < pairs_q;
+
+  always_ff @(posedge clk_i) begin
+    next_q <= pair_mem[next_index_q];
+    if (selected_q) begin
+      next_index_q   <= '0;
+      local_sum_q    <= '0;
+      local_moment_q <= '0;
+    end
+    ranking_q2     <= ranking_q && DistanceWidth'(other_index_q) < pairs_q;
+    other_index_q2 <= other_index_q;
+    other_sum_q    <= pair_sum_mem[other_index_q];
+    if (ranking_q) begin
+      other_index_q <= other_index_q + PairBits'(1);
+      ranking_q     <= other_index_q != PairBits'(Pairs - 1);
+    end
+    if (ranking_q2 && (other_sum_q < pair_sum_q
+                       || (other_sum_q == pair_sum_q && other_index_q2 < pair_index_q)))
+      darker_q <= darker_q + DistanceWidth'(1);
+
+    // 64 sum(p^2) less the squares of both sums.
+    keep_q        <= product_valid && moment_q == PAIR_RIGHT && keep;
+    kept_moment_q <= pair_moment;
+    if (product_valid && moment_q == PAIR_LEFT) pair_moment_q <= pair_moment;
+    if (product_valid && moment_q == PAIR_RIGHT && keep)
+      local_sum_q <= local_sum_q + SumWidth'(pair_sum_q);
+    if (keep_q) local_moment_q <= local_moment_q + LocalMomentWidth'(kept_moment_q);
+    if (pair_start) begin
+      pair_index_q  <= next_index_q;
+      next_index_q  <= next_index_q + PairBits'(1);
+      pair_right_q  <= next_right;
+      pair_moment_q <= PairMomentWidth'(next_square) << BlockBits;
+      pair_sum_q    <= PairSumWidth'(next_left) + PairSumWidth'(next_right);
+      darker_q      <= '0;
+      other_index_q <= '0;
+      ranking_q     <= 1'b1;
+    end
+    if (rst_i) ranking_q <= 1'b0;
+  end
 
   multiply #(.AWidth(FactorAWidth), .BWidth(FactorBWidth)) u_multiply (
     .clk_i, .rst_i,
@@ -286,6 +398,34 @@ module line_statistics #(
       REST_SQUARE: if (product_valid) begin
         radicand_q      <= {moment, {2*RootFraction{1'b0}}};
         root_start_q    <= 1'b1;
+        factor_a_q      <= FactorAWidth'(signed'({1'b0, next_left}));
+        factor_b_q      <= FactorBWidth'(signed'({1'b0, next_left}));
+        factors_valid_q <= 1'b1;
+        moment_q        <= PAIR_LEFT;
+      end
+      PAIR_LEFT: if (product_valid) begin
+        factor_a_q      <= FactorAWidth'(signed'({1'b0, pair_right_q}));
+        factor_b_q      <= FactorBWidth'(signed'({1'b0, pair_right_q}));
+        factors_valid_q <= 1'b1;
+        moment_q        <= PAIR_RIGHT;
+      end
+      PAIR_RIGHT: if (product_valid) begin
+        factor_a_q      <= FactorAWidth'(signed'({1'b0, next_left}));
+        factor_b_q      <= FactorBWidth'(signed'({1'b0, next_left}));
+        factors_valid_q <= pair_start;
+        moment_q        <= pair_start ? PAIR_LEFT : PAIRS_DONE;
+      end
+      PAIRS_DONE: moment_q <= PAIRS_SUMMED;
+      // The mean of the blocks' variances, times the square of the number of their pixels.
+      PAIRS_SUMMED: begin
+        factor_a_q      <= FactorAWidth'(signed'({1'b0, local_moment_q}));
+        factor_b_q      <= FactorBWidth'(signed'({1'b0, kept, 1'b0}));
+        factors_valid_q <= 1'b1;
+        moment_q        <= LOCAL;
+      end
+      LOCAL: if (product_valid) begin
+        radicand_q      <= {product[MomentWidth-1:0], {2*RootFraction{1'b0}}};
+        root_start_q    <= 1'b1;
         moment_q        <= ROOT;
       end
       ROOT: if (root_valid) moment_q <= MOMENT_IDLE;
@@ -298,15 +438,16 @@ module line_statistics #(
     end
   end
 
-  // ---- quotients: row mean, background, row variance, noise ----
+  // ---- quotients: row mean and variance, spread, background, noise ----
   localparam int unsigned MeanShift     = vrscan_pkg::CountWidth - PixelWidth;
   localparam int unsigned VarianceShift = vrscan_pkg::VarianceWidth - 2 * PixelWidth;
   localparam int unsigned NoiseShift    = MeanShift - RootFraction;
   localparam int unsigned DividendWidth = MomentWidth + VarianceShift;
   localparam int unsigned DivisorWidth  = 2 * LengthWidth;
 
-  typedef enum logic [2:0] {
-    QUOTIENT_IDLE, ROW_MEAN, BACKGROUND, ROW_VARIANCE, WAIT_ROOT, NOISE
+  typedef enum logic [3:0] {
+    QUOTIENT_IDLE, ROW_MEAN, ROW_VARIANCE, WAIT_SPREAD, SPREAD, WAIT_PAIRS, BACKGROUND, WAIT_NOISE,
+    NOISE
   } quotient_e;
   quotient_e                               quotient_q;
   logic                                    divide_start_q, quotient_valid;
@@ -328,10 +469,15 @@ module line_statistics #(
     .overflow_o()  // means and variances of pixels always fit, and n is never 0
   );
 
+  localparam int unsigned PairPixels = 2 * vrscan_pkg::BlockLength;
+  logic [LengthWidth-1:0] kept_pixels;
+  assign kept_pixels = LengthWidth'(kept) * LengthWidth'(PairPixels);
+
   always_ff @(posedge clk_i) begin
     divide_start_q <= 1'b0;
     valid_o        <= 1'b0;
     root_ready_q   <= (root_ready_q || root_valid) && quotient_q != QUOTIENT_IDLE;
+    pairs_ready_q  <= (pairs_ready_q || moment_q == PAIRS_DONE) && quotient_q != QUOTIENT_IDLE;
     unique case (quotient_q)
       QUOTIENT_IDLE: if (selected_q) begin
         dividend_q     <= DividendWidth'(row_sum_q) << MeanShift;
@@ -339,15 +485,9 @@ module line_statistics #(
         divide_start_q <= 1'b1;
         quotient_q     <= ROW_MEAN;
       end
+      // A quotient takes longer than the two products of the row's moment.
       ROW_MEAN: if (quotient_valid) begin
         row_mean_o     <= quotient[vrscan_pkg::CountWidth-1:0];
-        dividend_q     <= DividendWidth'(rest_sum_q) << MeanShift;
-        divisor_q      <= DivisorWidth'(length_q);
-        divide_start_q <= 1'b1;
-        quotient_q     <= BACKGROUND;
-      end
-      BACKGROUND: if (quotient_valid) begin
-        background_o   <= quotient[vrscan_pkg::CountWidth-1:0];
         dividend_q     <= DividendWidth'(row_moment_q) << VarianceShift;
         divisor_q      <= DivisorWidth'(LineLength * LineLength);
         divide_start_q <= 1'b1;
@@ -355,16 +495,37 @@ module line_statistics #(
       end
       ROW_VARIANCE: if (quotient_valid) begin
         row_variance_o <= quotient;
-        quotient_q     <= WAIT_ROOT;
+        quotient_q     <= WAIT_SPREAD;
       end
-      WAIT_ROOT: if (root_ready_q) begin
+      WAIT_SPREAD: if (root_ready_q) begin
         dividend_q     <= DividendWidth'(root) << NoiseShift;
         divisor_q      <= DivisorWidth'(length_q);
+        divide_start_q <= 1'b1;
+        root_ready_q   <= 1'b0;
+        quotient_q     <= SPREAD;
+      end
+      SPREAD: if (quotient_valid) begin
+        spread_o       <= quotient[vrscan_pkg::CountWidth-1:0];
+        quotient_q     <= WAIT_PAIRS;
+      end
+      WAIT_PAIRS: if (pairs_ready_q) begin
+        dividend_q     <= DividendWidth'(use_row_q ? row_sum_q : local_sum_q) << MeanShift;
+        divisor_q      <= DivisorWidth'(use_row_q ? LengthWidth'(LineLength) : kept_pixels);
+        divide_start_q <= 1'b1;
+        quotient_q     <= BACKGROUND;
+      end
+      BACKGROUND: if (quotient_valid) begin
+        background_o   <= quotient[vrscan_pkg::CountWidth-1:0];
+        quotient_q     <= WAIT_NOISE;
+      end
+      WAIT_NOISE: if (root_ready_q) begin
+        dividend_q     <= DividendWidth'(root) << NoiseShift;
+        divisor_q      <= DivisorWidth'(kept_pixels);
         divide_start_q <= 1'b1;
         quotient_q     <= NOISE;
       end
       NOISE: if (quotient_valid) begin
-        noise_o        <= quotient[vrscan_pkg::CountWidth-1:0];
+        noise_o        <= use_row_q ? spread_o : quotient[vrscan_pkg::CountWidth-1:0];
         valid_o        <= 1'b1;
         quotient_q     <= QUOTIENT_IDLE;
       end
@@ -374,6 +535,7 @@ module line_statistics #(
       quotient_q     <= QUOTIENT_IDLE;
       divide_start_q <= 1'b0;
       root_ready_q   <= 1'b0;
+      pairs_ready_q  <= 1'b0;
       valid_o        <= 1'b0;
     end
   end
