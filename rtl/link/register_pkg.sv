@@ -37,6 +37,7 @@ package register_pkg;
     logic [23:0] c_obj_gain;
     logic [23:0] c_sfm_gain;
     logic window_two_pass;
+    logic [15:0] saturation_level;
   } peak_t;
 
   // Geometry of the triangulation, with R = 2**ceil(log2(line_length)) px; constant until the

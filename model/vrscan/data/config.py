@@ -231,6 +231,24 @@ class Sensor(Section):
 
     pixel_width: int = Field(default=12, ge=8, le=16)  # bits
     line_length: int = Field(default=2048, ge=64, le=8192)  # px
+    # Least pixel value that counts as saturated; without it the largest of pixel_width bits.
+    saturation_level: int | None = Field(default=None, ge=1)
+
+    @property
+    def least_saturated(self) -> int:
+        """Return the least pixel value that counts as saturated."""
+        largest = 2**self.pixel_width - 1
+        return largest if self.saturation_level is None else self.saturation_level
+
+    @model_validator(mode="after")
+    def _reachable(self) -> "Sensor":
+        largest = 2**self.pixel_width - 1
+        if self.least_saturated > largest:
+            raise ValueError(
+                f"saturation_level {self.least_saturated} is above {largest}, the largest of "
+                f"{self.pixel_width} bits"
+            )
+        return self
 
 
 class Laser(Section):

@@ -89,6 +89,7 @@ def first_windows(lines: Pixels, registers: Registers, max_window: int) -> _Firs
         snr_min=r.snr_min,
         min_width=r.min_width,
         max_width=r.max_width,
+        saturation_level=r.saturation_level,
     )
     return statistics, window
 
@@ -119,7 +120,7 @@ def _refined(
         sum=harmonic.sum,
         maximum=statistics.maximum[rows],
         background=statistics.background[rows],
-        noise=statistics.noise[rows],
+        noise=window.noise[rows],
         pixel_width=registers.pixel_width,
         max_window=max_window,
         kappa=registers.kappa,
@@ -170,7 +171,7 @@ def _run(
         low_snr=(window.flags >> pkg.FLAG_LOW_SNR & 1).astype(np.bool_),
         maximum=statistics.maximum,
         background=statistics.background,
-        noise=statistics.noise,
+        noise=window.noise,
         width=window.width & ((1 << pkg.WINDOW_WIDTH) - 1),
         period=harmonic.period,
         magnitude=harmonic.magnitude,
@@ -225,7 +226,7 @@ def _run(
         row_mean=statistics.row_mean,
         row_variance=statistics.row_variance,
         background=statistics.background,
-        noise=statistics.noise,
+        noise=window.noise,
         snr=quality.snr,
         position=np.where(harmonic.measured, position, 0),
         sigma=quality.sigma,

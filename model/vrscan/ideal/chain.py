@@ -10,7 +10,7 @@ from vrscan.data.contract import checked
 from vrscan.data.lines import Lines
 from vrscan.data.table import Table
 from vrscan.ideal import confidence, geometry, two_pass
-from vrscan.ideal.peak import isolate, threshold
+from vrscan.ideal.peak import CORE_HEIGHT, Windows, clear, isolate, threshold
 from vrscan.ideal.position import Phase, first_harmonic, windows
 from vrscan.ideal.statistics import statistics
 
@@ -65,12 +65,16 @@ def _run(
     by_row = row.row_only | (peak.noise == "row")
     background = np.where(by_row, row.row_mean, row.background)
     noise = np.where(by_row, np.sqrt(row.row_variance), row.noise)
+    spread = np.where(by_row, np.sqrt(row.row_variance), row.spread)
     height = row.maximum - background
+
+    def runs(noise: Floats, k_height: float) -> Windows:
+        level = threshold(background, noise, row.maximum, k_noise=peak.k_noise, k_height=k_height)
+        return isolate(lines, row.first_maximum, level, min_width=peak.min_width)
+
+    window, core = runs(spread, peak.cut_height), runs(noise, CORE_HEIGHT)
+    noise = np.where(clear(core), noise, np.maximum(noise, spread))
     low_snr = (height <= 0.0) | (height < peak.snr_min * noise)
-    level = threshold(
-        background, noise, row.maximum, k_noise=peak.k_noise, k_height=peak.cut_height
-    )
-    window = isolate(lines, row.first_maximum, level, min_width=peak.min_width)
     snr = confidence.signal_to_noise(row.maximum, background, noise)
 
     too_narrow = window.width < peak.min_width
@@ -112,14 +116,14 @@ def _run(
     u, scale = geometry.undistorted(position, config.geometry)
     located = geometry.triangle(u, angle_rad, config.geometry)
     present = window.width > 0
-    last, full = lines.shape[1] - 1, 2**config.sensor.pixel_width - 1
+    last = lines.shape[1] - 1
     flags: dict[str, Bools] = {
         "LOW_SNR": low_snr,
         "TOO_NARROW": too_narrow,
         "TOO_WIDE": too_wide,
         "AT_EDGE": present & ((left == 0) | (right == last)),
-        "SATURATED": row.maximum == full,
-        "RIVAL": window.rival,
+        "SATURATED": row.maximum >= config.sensor.least_saturated,
+        "RIVAL": core.rivals > 0,
         "NO_PHASE": _spread(found.no_phase.astype(np.float64), valid, len(lines)) > 0,
         "NO_NOISE": noise == 0.0,
         "ROW_STATISTICS": row.row_only & (peak.noise != "row"),
