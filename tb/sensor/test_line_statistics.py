@@ -22,7 +22,7 @@ ELABORATIONS = [
     {"LineLength": 1000, "PixelWidth": 12, "MaxWindow": 127, "UserWidth": 8},
     {"LineLength": 2048, "PixelWidth": 16, "MaxWindow": 255, "UserWidth": 8},
     {"LineLength": 256, "PixelWidth": 8, "MaxWindow": 255, "UserWidth": 8},
-    {"LineLength": 300, "PixelWidth": 8, "MaxWindow": 63, "UserWidth": 8},
+    {"LineLength": 600, "PixelWidth": 12, "MaxWindow": 60, "UserWidth": 8},
     {"LineLength": 4096, "PixelWidth": 10, "MaxWindow": 191, "UserWidth": 8},  # six pairs
 ]
 OUTPUTS = (

@@ -64,9 +64,9 @@ def latency(line_length: int, pixel_width: int, max_window: int) -> int:
     # Both start in the clock in which the sums of all blocks are known.
     select = 4 + 4 * guard + 1 + 4
     squares = 4 + 4 * guard  # products until the sums of the darkest pairs are known
-    spread = max(2 * quotient, 4 * product + root + 1) + 1 + quotient
+    spread = max(2 * quotient, 4 * product + root) + 1 + quotient
     background = max(spread, squares * product + 1) + 1 + quotient
-    noise = max(background, (squares + 1) * product + 1 + root + 1) + 1 + quotient
+    noise = max(background, (squares + 1) * product + 2 + root) + 1 + quotient
     return select + noise
 
 
