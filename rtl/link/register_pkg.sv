@@ -37,6 +37,7 @@ package register_pkg;
     logic [23:0] c_obj_gain;
     logic [23:0] c_sfm_gain;
     logic window_two_pass;
+    logic [7:0] max_core;
     logic [15:0] saturation_level;
   } peak_t;
 

@@ -8,12 +8,14 @@
 // ring by the lower bits of their index, readable until the next line ends.  No decision divides:
 // the S/N is compared as (maximum - background) < snr_min noise.
 //
-// The threshold lies above what the row's background reaches, so it takes the spread.  The core
-// level tells a spot from its surroundings: another run above it is a rival when it is at least
-// min_width wide, for what could not be a peak is none.  A spot is clear when its own run there is
-// at most a block wide and at most MostRivals others are from min_width to a block wide.  A clear
-// one is judged by the noise beside it; a broad one or one of many by the spread, where that is
-// larger, because a wall's texture, its edges and its lamps look like that.
+// The threshold lies above what the row's background reaches, so it takes the spread, up to half of
+// the height.  With noise_row it is the paper's, without that limit.  The core level tells a spot
+// from its surroundings: another run above it is a rival when it is at least min_width wide, for
+// what could not be a peak is none.  A spot is clear when its own run there is at most max_core
+// wide and at most MostRivals others are from min_width to max_core wide.  A clear one is judged by
+// the noise beside it; a broad one or one of many by the spread, where that is larger, because a
+// wall's texture, its edges and its lamps look like that.  A broad one is TOO_WIDE unless it is
+// saturated.
 //
 //   left_o, right_o, width_o  the window; width_o is 0 where the maximum is not above the threshold
 //   noise_o                   what the peak is judged by
@@ -79,17 +81,19 @@ module peak_isolate #(
   localparam int unsigned CountShift  = CountWidth - PixelWidth;  // pixel to count format
   localparam int unsigned WindowWidth = vrscan_pkg::WindowWidth;
   localparam int unsigned TermWidth   = CountWidth + 16;  // factor times count
+  localparam int unsigned HalfShift   = 1;  // the spread lifts the threshold to half of the height
   localparam int unsigned CoreShift   = 2;  // the core level is at a quarter of the height
   localparam int unsigned MostRivals  = 2;  // narrow rivals of a clear spot
   localparam int unsigned RivalWidth  = $clog2(MostRivals + 2);
 
   // ---- limits that registers cannot leave ----
-  logic [WindowWidth-1:0] min_width_q, max_width_q;
+  logic [WindowWidth-1:0] min_width_q, max_width_q, max_core_q;
   always_ff @(posedge clk_i) begin
     min_width_q <= peak_i.min_width < WindowWidth'(vrscan_pkg::MinWindow)
                    ? WindowWidth'(vrscan_pkg::MinWindow) : peak_i.min_width;
     max_width_q <= peak_i.max_width >= WindowWidth'(MaxWindow) ? WindowWidth'(MaxWindow)
                                                                : peak_i.max_width;
+    max_core_q  <= peak_i.max_core;
   end
 
   // ---- both levels and both limits of the height: five products, one after the other ----
@@ -131,7 +135,8 @@ module peak_isolate #(
   logic unused_product;
   assign unused_product = ^product[CountWidth+17:TermWidth];
 
-  logic [TermWidth-1:0] core_height, height_limit;
+  logic [TermWidth-1:0] half_height, core_height, height_limit;
+  assign half_height  = TermWidth'(height_q >> HalfShift);
   assign core_height  = TermWidth'(height_q >> CoreShift);
   assign height_limit = TermWidth'(height_q) << vrscan_pkg::SnrFraction;
 
@@ -154,7 +159,7 @@ module peak_isolate #(
         state_q      <= SPREAD_TERM;
       end
       SPREAD_TERM: if (product_valid) begin
-        spread_term_q <= noise_term;
+        spread_term_q <= peak_i.noise_row || noise_term < half_height ? noise_term : half_height;
         factor_q      <= signed'({1'b0, peak_i.k_height});
         count_q       <= signed'({1'b0, height_q});
         start_q       <= 1'b1;
@@ -319,7 +324,7 @@ module peak_isolate #(
   assign core_width   = !core_above_q ? core_width_q
                         : core_in_run_q ? core_width_q + WidthWidth'(1) : WidthWidth'(1);
   assign core_ends    = core_above_q ? last_q : core_in_run_q;
-  assign core_broad   = 32'(core_width) > vrscan_pkg::BlockLength;
+  assign core_broad   = core_width > WidthWidth'(max_core_q);
   always_ff @(posedge clk_i) begin
     if (seen_q) begin
       core_in_run_q  <= core_above_q && !last_q;
@@ -365,11 +370,12 @@ module peak_isolate #(
   end
 
   // ---- flags ----
-  logic clear, low_snr, too_narrow, too_wide;
+  logic clear, low_snr, saturated, too_narrow, too_wide;
   assign clear      = !broad_q && rivals_q <= RivalWidth'(MostRivals);
   assign low_snr    = end_low_snr_q || (end_low_spread_q && !clear);
   assign too_narrow = found_width_q < WidthWidth'(min_width_q);
-  assign too_wide   = found_width_q > WidthWidth'(max_width_q);
+  assign saturated  = vrscan_pkg::AlignedWidth'(end_maximum_q) >= peak_i.saturation_level;
+  assign too_wide   = found_width_q > WidthWidth'(max_width_q) || (broad_q && !saturated);
   always_ff @(posedge clk_i) begin
     valid_o <= finish_q;
     if (finish_q) begin
@@ -387,8 +393,7 @@ module peak_isolate #(
       flags_o[vrscan_pkg::FlagTooWide]   <= too_wide;
       flags_o[vrscan_pkg::FlagAtEdge]    <=
           found_q && (found_left_q == '0 || found_right_q == IndexWidth'(LineLength - 1));
-      flags_o[vrscan_pkg::FlagSaturated] <=
-          vrscan_pkg::AlignedWidth'(end_maximum_q) >= peak_i.saturation_level;
+      flags_o[vrscan_pkg::FlagSaturated] <= saturated;
       flags_o[vrscan_pkg::FlagRival]     <= rival_q;
     end
     if (rst_i) valid_o <= 1'b0;

@@ -1,6 +1,6 @@
 """peak_isolate: window, flags and stored pixels of the RTL against the model, and by name."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cocotb
 import numpy as np
@@ -42,7 +42,9 @@ class Settings:
     snr_min: int = 5 << pkg.SNR_FRACTION
     min_width: int = 3
     max_width: int = 255
+    max_core: int = 64
     saturation_level: int = 0xFFFF  # none of these pixels, where a test does not say
+    noise_row: bool = False
 
 
 def plateaus(widths: list[int], length: int, top: int, salt: int) -> np.ndarray:
@@ -198,7 +200,9 @@ async def random_statistics_and_settings(dut) -> None:
             snr_min=int(draw.integers(1 << 16)) >> int(draw.integers(16)),
             min_width=int(draw.integers(256)) >> int(draw.integers(8)),
             max_width=int(draw.integers(256)),
+            max_core=int(draw.integers(256)),
             saturation_level=int(draw.integers(1 << width)),
+            noise_row=bool(draw.integers(2)),
         )
         await send(dut, lines, settings, statistics)
 
@@ -211,7 +215,7 @@ async def flags_by_name(dut) -> None:
     widest = min(given["MaxWindow"], length)
     middle = length // 2
     await reset(dut)
-    settings = Settings(min_width=3, k_noise=0, saturation_level=top)
+    settings = Settings(min_width=3, k_noise=0, max_core=255, saturation_level=top)
 
     def line(*runs: tuple[int, int, int]) -> np.ndarray:
         pixels = np.zeros(length, np.uint16)
@@ -297,7 +301,7 @@ async def limits_belong_to_nobody(dut) -> None:
     lines[:, 20:25] = 30
     lines[:, 21:24] = 40
     # Both terms end half a step below 30 pixels: rounded up, the outer pixels are not above.
-    settings = Settings(k_noise=1 << 7, k_height=1 << 15, snr_min=2 << 8)
+    settings = Settings(k_noise=1 << 7, k_height=1 << 15, snr_min=2 << 8, noise_row=True)
     background = np.array([0, (20 << shift) - 1, 0, 0])
     noise = np.array([(60 << shift) - 1, 0, 20 << shift, (20 << shift) + 1])
     statistics = LineStatistics(
@@ -313,6 +317,9 @@ async def limits_belong_to_nobody(dut) -> None:
     want = await send(dut, lines, settings, statistics)
     assert want.width[:2].tolist() == [3, 3]
     assert (want.flags >> pkg.FLAG_LOW_SNR & 1).tolist() == [1, 0, 0, 1]
+    # The spread lifts the threshold to half of the height, 20 pixels, and no further.
+    want = await send(dut, lines, replace(settings, k_height=0, noise_row=False), statistics)
+    assert want.width[:2].tolist() == [5, 5]
 
 
 @cocotb.test()
@@ -379,14 +386,17 @@ def test_peak_isolate_model_is_the_run_of_the_equations() -> None:
     k_noise = settings.k_noise / 2**pkg.K_NOISE_FRACTION
     k_height = settings.k_height / 2**pkg.K_HEIGHT_FRACTION
     maximum, place = statistics.maximum, statistics.max_index
-    level = ideal.threshold(background, spread, maximum, k_noise=k_noise, k_height=k_height)
+    lift = np.minimum(spread, (maximum - background) / 2 / k_noise)
+    level = ideal.threshold(background, lift, maximum, k_noise=k_noise, k_height=k_height)
     core_level = ideal.threshold(background, noise, maximum, k_noise=k_noise, k_height=0.25)
     want = ideal.isolate(lines, place, level, min_width=settings.min_width)
-    core = ideal.isolate(lines, place, core_level, min_width=settings.min_width)
+    core = ideal.isolate(
+        lines, place, core_level, min_width=settings.min_width, max_width=settings.max_core
+    )
     sure = np.abs(level - np.round(level)) > 1 / step
     sure &= np.abs(core_level - np.round(core_level)) > 1 / step
     found = sure & (want.width > 0)
-    rival, clear = core.rivals > 0, ideal.clear(core)
+    rival, clear = core.rivals > 0, ideal.clear(core, max_core=settings.max_core)
     assert sure.mean() > 0.8 and 0.05 < rival.mean() < 0.95 and 0.05 < clear.mean() < 0.95
     assert np.array_equal(got.width[sure], want.width[sure])
     assert np.array_equal(got.left[found], want.left[found])

@@ -72,6 +72,8 @@ class Peak(Section):
     snr_max: float = Field(default=100.0, ge=1, lt=256)  # S/N at which C_obj is 1
     min_width: int = Field(default=3, ge=3, le=255)  # narrowest window, px
     max_width: int = Field(default=255, ge=3, le=255)  # widest window, px
+    # Widest at a quarter of the height, px: no spot of this instrument is, unless it is saturated.
+    max_core: int = Field(default=64, ge=3, le=255)
     kappa: float = Field(default=0.2, ge=0, lt=4)  # counts per electron
 
     @model_validator(mode="after")

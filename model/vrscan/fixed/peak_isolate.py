@@ -11,6 +11,7 @@ from vrscan.fixed.line_statistics import LineStatistics
 from vrscan.fixed.multiply import latency as multiply_latency
 
 LARGEST_WINDOW = (1 << pkg.WINDOW_WIDTH) - 1
+HALF_SHIFT = 1  # the spread lifts the threshold to half of the height at most
 CORE_SHIFT = 2  # the second level is at a quarter of the height
 MOST_RIVALS = 2  # narrow rivals of a clear spot
 
@@ -58,14 +59,16 @@ def peak_isolate(
     snr_min: int,
     min_width: int,
     max_width: int,
+    max_core: int,
     saturation_level: int,
+    noise_row: bool,
 ) -> Windows:
     """Return the run of pixels above the threshold that holds the maximum (VR-SCAN, III-E).
 
     A second level, at a quarter of the height, tells spots from their surroundings: other runs
-    above it are rivals, and a spot is clear where its own is at most a block wide and no more than
-    ``MOST_RIVALS`` others are from ``min_width`` to a block wide. What is not clear is judged by
-    the spread.
+    above it are rivals, and a spot is clear where its own is at most ``max_core`` wide and no more
+    than ``MOST_RIVALS`` others are from ``min_width`` to ``max_core`` wide. What is not clear is
+    judged by the spread.
 
     Args:
         lines: Pixels, [n, line_length].
@@ -78,7 +81,9 @@ def peak_isolate(
         snr_min: Least signal-to-noise ratio, 8 fraction bits.
         min_width: Least width; below 3 counts as 3.
         max_width: Largest width; above ``max_window`` counts as ``max_window``.
+        max_core: Largest width at the second level, but for a saturated spot.
         saturation_level: Least saturated pixel, counts.
+        noise_row: Whether noise and spread are the row's, by which the paper cuts.
 
     Returns:
         One window for each line.
@@ -94,7 +99,10 @@ def peak_isolate(
         return (noise * k_noise + (1 << (pkg.K_NOISE_FRACTION - 1))) >> pkg.K_NOISE_FRACTION
 
     height_term = (height * k_height + (1 << (pkg.K_HEIGHT_FRACTION - 1))) >> pkg.K_HEIGHT_FRACTION
-    threshold = statistics.background + np.maximum(noise_term(statistics.spread), height_term)
+    spread_term = noise_term(statistics.spread)
+    if not noise_row:
+        spread_term = np.minimum(spread_term, height >> HALF_SHIFT)
+    threshold = statistics.background + np.maximum(spread_term, height_term)
     core_level = statistics.background + np.maximum(
         noise_term(statistics.noise), height >> CORE_SHIFT
     )
@@ -106,15 +114,14 @@ def peak_isolate(
     right = np.where(runs.found, left + width - 1, statistics.max_index)
 
     rival = core.others(min_width, length) > 0
-    clear = (core.width <= pkg.BLOCK_LENGTH) & (
-        core.others(min_width, pkg.BLOCK_LENGTH) <= MOST_RIVALS
-    )
+    broad = core.width > max_core
+    clear = ~broad & (core.others(min_width, max_core) <= MOST_RIVALS)
     uneven = ~clear & (statistics.spread > statistics.noise)
     noise = np.where(uneven, statistics.spread, statistics.noise)
     low_snr = (height == 0) | ((height << pkg.SNR_FRACTION) < snr_min * noise)
-    too_narrow, too_wide = width < min_width, width > max_width
-    at_edge = runs.found & ((left == 0) | (right == length - 1))
     saturated = statistics.maximum >= saturation_level
+    too_narrow, too_wide = width < min_width, (width > max_width) | (broad & ~saturated)
+    at_edge = runs.found & ((left == 0) | (right == length - 1))
     flags = np.zeros(count, np.int64)
     for bit, condition in (
         (pkg.FLAG_LOW_SNR, low_snr),

@@ -89,7 +89,9 @@ def first_windows(lines: Pixels, registers: Registers, max_window: int) -> _Firs
         snr_min=r.snr_min,
         min_width=r.min_width,
         max_width=r.max_width,
+        max_core=r.max_core,
         saturation_level=r.saturation_level,
+        noise_row=r.noise_row,
     )
     return statistics, window
 

@@ -10,7 +10,7 @@ from vrscan.data.contract import checked
 from vrscan.data.lines import Lines
 from vrscan.data.table import Table
 from vrscan.ideal import confidence, geometry, two_pass
-from vrscan.ideal.peak import CORE_HEIGHT, Windows, clear, isolate, threshold
+from vrscan.ideal.peak import CORE_HEIGHT, MOST_LIFT, Windows, clear, isolate, threshold
 from vrscan.ideal.position import Phase, first_harmonic, windows
 from vrscan.ideal.statistics import statistics
 
@@ -68,17 +68,23 @@ def _run(
     spread = np.where(by_row, np.sqrt(row.row_variance), row.spread)
     height = row.maximum - background
 
+    lift = spread
+    if peak.noise != "row" and peak.k_noise > 0.0:
+        lift = np.minimum(spread, MOST_LIFT * height / peak.k_noise)
+
     def runs(noise: Floats, k_height: float) -> Windows:
         level = threshold(background, noise, row.maximum, k_noise=peak.k_noise, k_height=k_height)
-        return isolate(lines, row.first_maximum, level, min_width=peak.min_width)
+        first, least, most = row.first_maximum, peak.min_width, peak.max_core
+        return isolate(lines, first, level, min_width=least, max_width=most)
 
-    window, core = runs(spread, peak.cut_height), runs(noise, CORE_HEIGHT)
-    noise = np.where(clear(core), noise, np.maximum(noise, spread))
+    window, core = runs(lift, peak.cut_height), runs(noise, CORE_HEIGHT)
+    noise = np.where(clear(core, max_core=peak.max_core), noise, np.maximum(noise, spread))
     low_snr = (height <= 0.0) | (height < peak.snr_min * noise)
     snr = confidence.signal_to_noise(row.maximum, background, noise)
 
     too_narrow = window.width < peak.min_width
-    too_wide = window.width > peak.max_width
+    saturated = row.maximum >= config.sensor.least_saturated
+    too_wide = (window.width > peak.max_width) | ((core.width > peak.max_core) & ~saturated)
     valid = np.flatnonzero(~(low_snr | too_narrow | too_wide))
     left, right, width = window.left.copy(), window.right.copy(), window.width.copy()
 
@@ -122,7 +128,7 @@ def _run(
         "TOO_NARROW": too_narrow,
         "TOO_WIDE": too_wide,
         "AT_EDGE": present & ((left == 0) | (right == last)),
-        "SATURATED": row.maximum >= config.sensor.least_saturated,
+        "SATURATED": saturated,
         "RIVAL": core.rivals > 0,
         "NO_PHASE": _spread(found.no_phase.astype(np.float64), valid, len(lines)) > 0,
         "NO_NOISE": noise == 0.0,

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vrscan.data.arrays import Bools, Floats, Ints, Pixels
-from vrscan.ideal.statistics import BLOCK_LENGTH
 
+MOST_LIFT = 0.5  # share of the height to which the row's deviation lifts the threshold
 CORE_HEIGHT = 0.25  # share of the height above which other runs are rivals
 MOST_RIVALS = 2  # narrow rivals of a clear spot
 
@@ -19,7 +19,7 @@ class Windows:
     right: Ints  # last pixel; left - 1 without a run
     width: Ints  # px
     rivals: Ints  # number of other runs, at least min_width wide
-    narrow_rivals: Ints  # of these, those of at most a block
+    narrow_rivals: Ints  # of these, those of at most max_width
 
 
 def threshold(
@@ -41,7 +41,9 @@ def threshold(
     return background + np.maximum(k_noise * noise, k_height * height)
 
 
-def isolate(lines: Pixels, first_maximum: Ints, level: Floats, *, min_width: int) -> Windows:
+def isolate(
+    lines: Pixels, first_maximum: Ints, level: Floats, *, min_width: int, max_width: int = 255
+) -> Windows:
     """Return the run of pixels strictly above ``level`` that holds the maximum.
 
     Args:
@@ -49,6 +51,7 @@ def isolate(lines: Pixels, first_maximum: Ints, level: Floats, *, min_width: int
         first_maximum: Index of the first maximum, px [n].
         level: Threshold, counts [n].
         min_width: Shortest other run that counts, px.
+        max_width: Longest other run that counts as narrow, px.
 
     Returns:
         The windows; width 0 where not even the maximum is above the threshold.
@@ -75,17 +78,18 @@ def isolate(lines: Pixels, first_maximum: Ints, level: Floats, *, min_width: int
         return np.asarray((whole & begins[:, : whole.shape[1]]).sum(axis=1))
 
     rivals = as_wide_as(min_width)
-    narrow = np.maximum(rivals - as_wide_as(BLOCK_LENGTH + 1), 0)
+    narrow = np.maximum(rivals - as_wide_as(max_width + 1), 0)
     return Windows(left=left, right=right, width=width, rivals=rivals, narrow_rivals=narrow)
 
 
-def clear(core: Windows) -> Bools:
+def clear(core: Windows, *, max_core: int) -> Bools:
     """Return which lines have a spot that its surroundings cannot be taken for.
 
-    It is at most a block wide at ``CORE_HEIGHT``, and at most ``MOST_RIVALS`` others like it are on
-    the line. Textures, edges and lamps are wider or many; they are judged by the row's deviation.
+    It is at most ``max_core`` wide at ``CORE_HEIGHT``, and at most ``MOST_RIVALS`` others like it
+    are on the line. Textures, edges and lamps are wider or many.
 
     Args:
         core: The runs above ``CORE_HEIGHT`` of the height.
+        max_core: Largest width of a spot there, px; that of a narrow run in ``core``, too.
     """
-    return np.asarray((core.width <= BLOCK_LENGTH) & (core.narrow_rivals <= MOST_RIVALS))
+    return np.asarray((core.width <= max_core) & (core.narrow_rivals <= MOST_RIVALS))

@@ -87,14 +87,14 @@ def _one(
     )  # fmt: skip
 
 
-MAP_HASH = 0x04FC27E2
+MAP_HASH = 0xA66EFD6F
 
 # fmt: off
 _REGISTERS = (
     _one("", 0x000, "identity", 32, "constant",
          "the letters VRSC, by which a host knows the instrument", reset=0x56525343),
     _one("", 0x001, "map_hash", 32, "constant",
-         "hash of the parts of this map that a host must know", reset=0x04FC27E2),
+         "hash of the parts of this map that a host must know", reset=0xA66EFD6F),
     _one("", 0x002, "version", 32, "constant",
          "version of the map: major, minor, patch in bits 31..16, 15..8, 7..0", reset=0x00000100),
     _one("identity_status", 0x003, "board_id", 16, "ro", "number of the kind of board"),
@@ -138,7 +138,10 @@ _REGISTERS = (
     _one("peak", 0x01A, "window_two_pass", 1, "rw",
          "1: a second window with T = N is placed around the first position",
          lock="lock_calibration"),
-    _one("peak", 0x01B, "saturation_level", 16, "rw",
+    _one("peak", 0x01B, "max_core", 8, "rw",
+         "width at a quarter of the height above which TOO_WIDE is raised, if the peak is not "
+         "saturated", lock="lock_calibration", reset=64, unit="px", low=3),
+    _one("peak", 0x01C, "saturation_level", 16, "rw",
          "pixel value from which on SATURATED is raised", lock="lock_calibration", reset=4095),
     _one("geometry", 0x020, "centre", 32, "rw", "pixel of the optical axis",
          lock="lock_calibration", signed=True, reset=1073217536, fraction=20, unit="px"),
