@@ -81,6 +81,7 @@ module peak_isolate #(
   localparam int unsigned CountShift  = CountWidth - PixelWidth;  // pixel to count format
   localparam int unsigned WindowWidth = vrscan_pkg::WindowWidth;
   localparam int unsigned TermWidth   = CountWidth + 16;  // factor times count
+  localparam int unsigned WiderWidth  = WidthWidth > WindowWidth ? WidthWidth : WindowWidth;
   localparam int unsigned HalfShift   = 1;  // the spread lifts the threshold to half of the height
   localparam int unsigned CoreShift   = 2;  // the core level is at a quarter of the height
   localparam int unsigned MostRivals  = 2;  // narrow rivals of a clear spot
@@ -324,7 +325,7 @@ module peak_isolate #(
   assign core_width   = !core_above_q ? core_width_q
                         : core_in_run_q ? core_width_q + WidthWidth'(1) : WidthWidth'(1);
   assign core_ends    = core_above_q ? last_q : core_in_run_q;
-  assign core_broad   = core_width > WidthWidth'(max_core_q);
+  assign core_broad   = WiderWidth'(core_width) > WiderWidth'(max_core_q);
   always_ff @(posedge clk_i) begin
     if (seen_q) begin
       core_in_run_q  <= core_above_q && !last_q;
@@ -337,7 +338,7 @@ module peak_isolate #(
       end
       if (core_ends && core_has_max) begin
         broad_q <= core_broad;
-      end else if (core_ends && core_width >= WidthWidth'(min_width_q)) begin
+      end else if (core_ends && WiderWidth'(core_width) >= WiderWidth'(min_width_q)) begin
         rival_q <= 1'b1;
         if (!core_broad && rivals_q <= RivalWidth'(MostRivals))
           rivals_q <= rivals_q + RivalWidth'(1);
@@ -373,9 +374,9 @@ module peak_isolate #(
   logic clear, low_snr, saturated, too_narrow, too_wide;
   assign clear      = !broad_q && rivals_q <= RivalWidth'(MostRivals);
   assign low_snr    = end_low_snr_q || (end_low_spread_q && !clear);
-  assign too_narrow = found_width_q < WidthWidth'(min_width_q);
+  assign too_narrow = WiderWidth'(found_width_q) < WiderWidth'(min_width_q);
   assign saturated  = vrscan_pkg::AlignedWidth'(end_maximum_q) >= peak_i.saturation_level;
-  assign too_wide   = found_width_q > WidthWidth'(max_width_q) || (broad_q && !saturated);
+  assign too_wide   = WiderWidth'(found_width_q) > WiderWidth'(max_width_q) || (broad_q && !saturated);
   always_ff @(posedge clk_i) begin
     valid_o <= finish_q;
     if (finish_q) begin
