@@ -107,7 +107,8 @@ module peak_isolate #(
   logic signed [    CountWidth:0] count_q;
   logic signed [CountWidth+17:0]  product;
   logic        [  CountWidth-1:0] height_q;  // maximum - background
-  logic        [   TermWidth-1:0] spread_term_q;
+  logic        [   TermWidth-1:0] spread_term_q, noise_term_q;
+  logic        [  CountWidth-1:0] height_term_q;
   logic                           low_snr_q, low_spread_q;
   logic        [     TermWidth:0] threshold_q, core_q;  // cannot overflow: a term and a count
   logic        [  PixelWidth-1:0] maximum_q;
@@ -160,28 +161,31 @@ module peak_isolate #(
         state_q      <= SPREAD_TERM;
       end
       SPREAD_TERM: if (product_valid) begin
-        spread_term_q <= peak_i.noise_row || noise_term < half_height ? noise_term : half_height;
+        spread_term_q <= noise_term;
         factor_q      <= signed'({1'b0, peak_i.k_height});
         count_q       <= signed'({1'b0, height_q});
         start_q       <= 1'b1;
         state_q       <= HEIGHT_TERM;
       end
       HEIGHT_TERM: if (product_valid) begin
-        threshold_q <= (TermWidth + 1)'(spread_term_q > TermWidth'(height_term)
-                                        ? spread_term_q : TermWidth'(height_term));
-        factor_q    <= signed'({1'b0, peak_i.k_noise});
-        count_q     <= signed'({1'b0, noise_q});
-        start_q     <= 1'b1;
-        state_q     <= NOISE_TERM;
+        if (!peak_i.noise_row && spread_term_q > half_height) spread_term_q <= half_height;
+        height_term_q <= height_term;
+        factor_q      <= signed'({1'b0, peak_i.k_noise});
+        count_q       <= signed'({1'b0, noise_q});
+        start_q       <= 1'b1;
+        state_q       <= NOISE_TERM;
       end
       NOISE_TERM: if (product_valid) begin
-        core_q   <= (TermWidth + 1)'(noise_term > core_height ? noise_term : core_height);
-        factor_q <= signed'({1'b0, peak_i.snr_min});
-        count_q  <= signed'({1'b0, noise_q});
-        start_q  <= 1'b1;
-        state_q  <= SNR_TERM;
+        threshold_q  <= (TermWidth + 1)'(spread_term_q > TermWidth'(height_term_q)
+                                         ? spread_term_q : TermWidth'(height_term_q));
+        noise_term_q <= noise_term;
+        factor_q     <= signed'({1'b0, peak_i.snr_min});
+        count_q      <= signed'({1'b0, noise_q});
+        start_q      <= 1'b1;
+        state_q      <= SNR_TERM;
       end
       SNR_TERM: if (product_valid) begin
+        core_q    <= (TermWidth + 1)'(noise_term_q > core_height ? noise_term_q : core_height);
         low_snr_q <= height_q == '0 || height_limit < product[TermWidth-1:0];
         count_q   <= signed'({1'b0, spread_q});
         start_q   <= 1'b1;

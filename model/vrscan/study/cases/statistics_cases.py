@@ -111,10 +111,11 @@ def _ratios() -> Iterator[Case]:
         (spot(700.0, base=even, flags="NO_NOISE"), spot(700.5, base=even, flags="NO_NOISE")),
     )
     one = even.copy()
-    one[1500] += 1
+    one[900] -= 1
     yield LineCase(
         "noise-smallest",
-        "one count on one pixel of 1472: the noise is 0.026 counts, S/N 115,000",
+        "one count less on one of the 512 pixels beside the spot: the noise is 0.044 counts, S/N "
+        "68,000",
         "S/N saturates at 255.996 without a flag of its own; the position is as ever",
         (spot(700.0, base=one), spot(700.5, base=one)),
     )
