@@ -11,7 +11,7 @@ from vrscan.fixed.peak_position import peak_position
 from vrscan.study.cases.case import STEP_PX, Case, LineCase, ModuleCase, Outcome
 from vrscan.study.cases.case_errors import PHANTOM, Value, number, summary
 from vrscan.study.cases.case_line import Line
-from vrscan.study.cases.case_shapes import LEVEL, background, box, line
+from vrscan.study.cases.case_shapes import ANY_WIDTH, LEVEL, background, box, line
 
 LEFT = 700
 TURN = 1 << pkg.ANGLE_WIDTH
