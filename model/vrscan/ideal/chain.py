@@ -10,7 +10,7 @@ from vrscan.data.contract import checked
 from vrscan.data.lines import Lines
 from vrscan.data.table import Table
 from vrscan.ideal import confidence, geometry, two_pass
-from vrscan.ideal.peak import CORE_HEIGHT, MOST_LIFT, Windows, clear, isolate, threshold
+from vrscan.ideal.peak import CORE_HEIGHT, Windows, clear, cut, isolate, threshold
 from vrscan.ideal.position import Phase, first_harmonic, windows
 from vrscan.ideal.statistics import statistics
 
@@ -61,23 +61,18 @@ def _run(
     lines: Pixels, angle_rad: Floats, power: Ints, mirror_flags: Ints, config: Config, first: int
 ) -> Table:
     peak = config.peak
-    row = statistics(lines, max_window=MAX_WINDOW)
-    by_row = row.row_only | (peak.noise == "row")
-    background = np.where(by_row, row.row_mean, row.background)
-    noise = np.where(by_row, np.sqrt(row.row_variance), row.noise)
-    spread = np.where(by_row, np.sqrt(row.row_variance), row.spread)
+    noise_row = peak.noise == "row"
+    row = statistics(lines, max_window=MAX_WINDOW, noise_row=noise_row)
+    background, noise, spread = row.background, row.noise, row.spread
     height = row.maximum - background
 
-    lift = spread
-    if peak.noise != "row" and peak.k_noise > 0.0:
-        lift = np.minimum(spread, MOST_LIFT * height / peak.k_noise)
-
-    def runs(noise: Floats, k_height: float) -> Windows:
-        level = threshold(background, noise, row.maximum, k_noise=peak.k_noise, k_height=k_height)
+    def runs(level: Floats) -> Windows:
         first, least, most = row.first_maximum, peak.min_width, peak.max_core
         return isolate(lines, first, level, min_width=least, max_width=most)
 
-    window, core = runs(lift, peak.cut_height), runs(noise, CORE_HEIGHT)
+    k_noise, k_height = peak.k_noise, peak.cut_height
+    window = runs(cut(row, k_noise=k_noise, k_height=k_height, limited=not noise_row))
+    core = runs(threshold(background, noise, row.maximum, k_noise=k_noise, k_height=CORE_HEIGHT))
     noise = np.where(clear(core, max_core=peak.max_core), noise, np.maximum(noise, spread))
     low_snr = (height <= 0.0) | (height < peak.snr_min * noise)
     snr = confidence.signal_to_noise(row.maximum, background, noise)
@@ -132,7 +127,7 @@ def _run(
         "RIVAL": core.rivals > 0,
         "NO_PHASE": _spread(found.no_phase.astype(np.float64), valid, len(lines)) > 0,
         "NO_NOISE": noise == 0.0,
-        "ROW_STATISTICS": row.row_only & (peak.noise != "row"),
+        "ROW_STATISTICS": row.row_only & (not noise_row),
         "NO_RANGE": measured & located.no_range,
         **{name: mirror_flags >> bit & 1 == 1 for bit, name in enumerate(MIRROR_FLAGS)},
     }

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vrscan.data.arrays import Bools, Floats, Ints, Pixels
+from vrscan.ideal.statistics import Statistics
 
 MOST_LIFT = 0.5  # share of the height to which the row's deviation lifts the threshold
 CORE_HEIGHT = 0.25  # share of the height above which other runs are rivals
@@ -39,6 +40,23 @@ def threshold(
     """
     height = np.maximum(maximum - background, 0.0)
     return background + np.maximum(k_noise * noise, k_height * height)
+
+
+def cut(row: Statistics, *, k_noise: float, k_height: float, limited: bool) -> Floats:
+    """Return the level above which the window of each line is, in counts [n].
+
+    It has to lie above what the row's background reaches, so it takes the spread.
+
+    Args:
+        row: The lines' statistics.
+        k_noise: Threshold above background in spreads.
+        k_height: Threshold above background in heights of the peak.
+        limited: Whether the spread lifts the threshold by ``MOST_LIFT`` of the height at most.
+    """
+    rise = k_noise * row.spread
+    if limited:
+        rise = np.minimum(rise, MOST_LIFT * (row.maximum - row.background))
+    return threshold(row.background, rise, row.maximum, k_noise=1.0, k_height=k_height)
 
 
 def isolate(

@@ -23,7 +23,7 @@ class Statistics:
     row_only: Bools  # no background block was left, so the row's statistics are used
 
 
-def statistics(lines: Pixels, *, max_window: int) -> Statistics:
+def statistics(lines: Pixels, *, max_window: int, noise_row: bool = False) -> Statistics:
     """Return maximum, mean and variance of each row, and mean and noise of its background.
 
     VR-SCAN, section IV-G 1: maximum, average and variance of each row. The row includes the peak,
@@ -36,6 +36,8 @@ def statistics(lines: Pixels, *, max_window: int) -> Statistics:
     Args:
         lines: Counts [n, length].
         max_window: Longest window, px.
+        noise_row: Whether background, noise and spread are the row's everywhere, as the paper has
+            it.
 
     Returns:
         The statistics of n lines.
@@ -89,13 +91,14 @@ def statistics(lines: Pixels, *, max_window: int) -> Statistics:
         return np.asarray(chosen.sum(axis=1) / np.maximum(number, 1))
 
     row_deviation = np.sqrt(row_variance)
+    by_row = row_only | noise_row
     return Statistics(
         maximum=lines.max(axis=1).astype(np.int64),
         first_maximum=first_maximum.astype(np.int64),
         row_mean=row_mean,
         row_variance=row_variance,
-        background=np.where(row_only, row_mean, local(pair_means)),
-        noise=np.where(row_only, row_deviation, np.sqrt(local(pair_variances))),
-        spread=np.where(row_only, row_deviation, spread),
+        background=np.where(by_row, row_mean, local(pair_means)),
+        noise=np.where(by_row, row_deviation, np.sqrt(local(pair_variances))),
+        spread=np.where(by_row, row_deviation, spread),
         row_only=row_only,
     )
