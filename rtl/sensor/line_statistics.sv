@@ -5,8 +5,8 @@
 // from the maximum's, up to 2 GuardBlocks away, the darkest ones, at most GuardBlocks of them and
 // no more than there are beyond the guard.  A window of MaxWindow reaches GuardBlocks at most, and
 // light only adds, so the darkest hold neither spot nor rival.  A pair's mean is that of the
-// maximum's place on a slope, and the noise is pooled from within the blocks, so a gradient from
-// block to block is none.  At the line's end a block counts for its missing partner too.  The
+// maximum's place on a slope, and the noise is pooled from within parts of 16 pixels, so a gradient
+// is hardly any.  At the line's end a block counts for its missing partner too.  The
 // spread is that of all blocks beyond the guard.  Where no whole block is beyond it, or noise_row_i
 // asks for it, the row decides, as the paper has it.
 //
@@ -76,10 +76,12 @@ module line_statistics #(
   localparam int unsigned SumWidth         = PixelWidth + IndexWidth;
   localparam int unsigned SquareWidth      = 2 * PixelWidth + IndexWidth;
   localparam int unsigned LengthWidth      = $clog2(LineLength + 1);
-  // Of a pair, and of all that are kept: n^2 var of each block.
+  // Within the parts of a block, of a pair and of all pairs that are kept: n^2 var, summed.
+  localparam int unsigned PartBits         = $clog2(vrscan_pkg::PartLength);
+  localparam int unsigned PartSumWidth     = PixelWidth + PartBits;
+  localparam int unsigned WithinWidth      = 2 * PixelWidth + BlockBits + PartBits - 2;
   localparam int unsigned PairSumWidth     = BlockSumWidth + 1;
-  localparam int unsigned PairSquareWidth  = BlockSquareWidth + 1;
-  localparam int unsigned PairMomentWidth  = 2 * (PixelWidth + BlockBits) - 1;
+  localparam int unsigned PairMomentWidth  = WithinWidth + 1;
   localparam int unsigned LocalMomentWidth = PairMomentWidth + $clog2(GuardBlocks);
   // n^2 var <= (n (2**P - 1) / 2)^2 < 2**MomentWidth; the kept pairs are never more than the line.
   localparam int unsigned MomentWidth      = 2 * (PixelWidth + IndexWidth) - 2;
@@ -89,7 +91,7 @@ module line_statistics #(
 
   // ---- the pass: pixel, square, block, row ----
   logic                         valid_q, valid_q2, block_done_q;
-  logic                         good_q, good_q2, good_q3, good_q4;
+  logic                         good_q, good_q2, good_q3, good_q4, good_q5, good_q6;
   logic [       PixelWidth-1:0] pixel_q, pixel_q2;
   logic [       IndexWidth-1:0] index_q, index_q2;
   logic [     2*PixelWidth-1:0] square_q2;
@@ -107,7 +109,22 @@ module line_statistics #(
   assign first_of_block = index_q2[BlockBits-1:0] == '0;
   assign last_of_block  = (&index_q2[BlockBits-1:0]) || index_q2 == IndexWidth'(LineLength - 1);
 
+  // The squares of the parts' sums follow three clocks behind the block.
+  logic                         last_of_part, part_done_q, part_done_q2, part_done_q3;
+  logic                         block_done_q2, block_done_q3, block_done_q4;
+  logic                         first_part, first_part_q, first_part_q2, first_part_q3;
+  logic [     PartSumWidth-1:0] part_sum_q, part_sum_q2;
+  logic [   2*PartSumWidth-1:0] part_square_q3;
+  logic [ BlockSquareWidth-1:0] done_square_q;
+  logic [      WithinWidth-1:0] part_squares_q, block_within;
+  logic [  BlockIndexWidth-1:0] done_block_q;
+  assign last_of_part = &index_q2[PartBits-1:0];
+  assign first_part   = index_q2[BlockBits-1:PartBits] == '0;
+  // 16 sum(p^2) less the squares of the parts' sums is never negative and fits, so low bits do.
+  assign block_within = (WithinWidth'(done_square_q) << PartBits) - part_squares_q;
+
   logic [BlockSumWidth+BlockSquareWidth-1:0] block_mem [1 << BlockIndexWidth];
+  logic [WithinWidth-1:0]                    within_mem [1 << BlockIndexWidth];
 
   always_ff @(posedge clk_i) begin
     valid_q   <= valid_i;
@@ -134,11 +151,35 @@ module line_statistics #(
       square_sum_q <= (block_q == '0 ? '0 : square_sum_q) + SquareWidth'(block_square_q);
     end
 
+    part_done_q  <= valid_q2 && last_of_part;
+    part_done_q2 <= part_done_q;
+    part_done_q3 <= part_done_q2;
+    if (valid_q2) begin
+      part_sum_q <= (index_q2[PartBits-1:0] == '0 ? '0 : part_sum_q) + PartSumWidth'(pixel_q2);
+      first_part_q <= first_part;
+    end
+    first_part_q2  <= first_part_q;
+    first_part_q3  <= first_part_q2;
+    part_sum_q2    <= part_sum_q;
+    part_square_q3 <= part_sum_q2 * part_sum_q2;
+    if (part_done_q3)
+      part_squares_q <= (first_part_q3 ? '0 : part_squares_q) + WithinWidth'(part_square_q3);
+    block_done_q2 <= block_done_q;
+    block_done_q3 <= block_done_q2;
+    block_done_q4 <= block_done_q3;
+    if (block_done_q) begin
+      done_square_q <= block_square_q;
+      done_block_q  <= block_q;
+    end
+    if (block_done_q4) within_mem[done_block_q] <= block_within;
+
     // good travels beside the last pixel: good_q3 meets its maximum, good_q4 its sums.
     good_q  <= good_i;
     good_q2 <= good_q;
     good_q3 <= good_q2;
     good_q4 <= good_q3;
+    good_q5 <= good_q4;
+    good_q6 <= good_q5;
     if (good_i) user_q <= user_i;
     user_q2 <= user_q;
     user_q3 <= user_q2;
@@ -146,10 +187,13 @@ module line_statistics #(
       valid_q      <= 1'b0;
       valid_q2     <= 1'b0;
       block_done_q <= 1'b0;
+      part_done_q  <= 1'b0;
       good_q       <= 1'b0;
       good_q2      <= 1'b0;
       good_q3      <= 1'b0;
       good_q4      <= 1'b0;
+      good_q5      <= 1'b0;
+      good_q6      <= 1'b0;
     end
   end
 
@@ -162,7 +206,8 @@ module line_statistics #(
   logic                            leaves_q, whole_q, short_block_q, right_side_q2;
   logic [BlockSumWidth+BlockSquareWidth-1:0] read_data_q;
   logic [     BlockSumWidth-1:0] read_sum, left_sum_q, left_sum, right_sum;
-  logic [  BlockSquareWidth-1:0] read_square, left_square_q, left_square, right_square;
+  logic [  BlockSquareWidth-1:0] read_square;
+  logic [       WithinWidth-1:0] read_within_q, left_within_q, left_within, right_within;
   logic                          left_whole_q, pair_done;
   logic [     DistanceWidth-1:0] pairs_q, kept;
   logic [       LengthWidth-1:0] length_q;
@@ -177,17 +222,16 @@ module line_statistics #(
 
   // Where a line has one block of a pair only, it counts for both.
   assign left_sum     = left_whole_q ? left_sum_q : read_sum;
-  assign left_square  = left_whole_q ? left_square_q : read_square;
+  assign left_within  = left_whole_q ? left_within_q : read_within_q;
   assign right_sum    = whole_q ? read_sum : left_sum_q;
-  assign right_square = whole_q ? read_square : left_square_q;
+  assign right_within = whole_q ? read_within_q : left_within_q;
   assign pair_done    = right_side_q2 && distance_q2 != '0 && (left_whole_q || whole_q);
 
   assign kept    = pairs_q > DistanceWidth'(GuardBlocks) ? pairs_q - DistanceWidth'(GuardBlocks) : '0;
   assign use_row = noise_row_i || kept == '0;
 
-  localparam int unsigned PairWidth = 2 * BlockSumWidth + PairSquareWidth;
-  logic [   PairWidth-1:0] pair_mem     [1 << PairBits];
-  logic [PairSumWidth-1:0] pair_sum_mem [1 << PairBits];
+  logic [   PairSumWidth-1:0] pair_sum_mem    [1 << PairBits];
+  logic [PairMomentWidth-1:0] pair_moment_mem [1 << PairBits];
 
   always_ff @(posedge clk_i) begin
     if (good_q3) begin
@@ -207,8 +251,8 @@ module line_statistics #(
       pairs_q       <= '0;
       distance_q    <= '0;
       right_side_q  <= 1'b1;
-      reading_q     <= 1'b1;
     end
+    if (good_q6) reading_q <= 1'b1;
     if (reading_q) begin
       right_side_q <= !right_side_q;
       if (right_side_q) begin
@@ -220,6 +264,7 @@ module line_statistics #(
       end
     end
     read_data_q   <= block_mem[reach[BlockIndexWidth-1:0]];
+    read_within_q <= within_mem[reach[BlockIndexWidth-1:0]];
     leaves_q      <= on_line && distance_q <= DistanceWidth'(GuardBlocks);
     whole_q       <= on_line && reach < ReachWidth'(signed'(WholeBlocks));
     short_block_q <= reach == ReachWidth'(signed'(Blocks - 1));
@@ -234,13 +279,13 @@ module line_statistics #(
                                         : LengthWidth'(vrscan_pkg::BlockLength));
     end
     left_sum_q    <= read_sum;
-    left_square_q <= read_square;
+    left_within_q <= read_within_q;
     left_whole_q  <= whole_q;
     if (pair_done) begin
       pairs_q <= pairs_q + DistanceWidth'(1);
-      pair_mem[pairs_q[PairBits-1:0]] <=
-          {left_sum, right_sum, PairSquareWidth'(left_square) + PairSquareWidth'(right_square)};
       pair_sum_mem[pairs_q[PairBits-1:0]] <= PairSumWidth'(left_sum) + PairSumWidth'(right_sum);
+      pair_moment_mem[pairs_q[PairBits-1:0]] <=
+          PairMomentWidth'(left_within) + PairMomentWidth'(right_within);
     end
     read_q     <= last_read_q;
     selected_q <= read_q;
@@ -263,10 +308,63 @@ module line_statistics #(
     end
   end
 
-  // ---- moments: sum^2 and n sum(p^2), of the row, of the rest, and of every pair's blocks ----
-  typedef enum logic [3:0] {
-    MOMENT_IDLE, ROW_SUM, ROW_SQUARE, REST_SUM, REST_SQUARE, PAIR_LEFT, PAIR_RIGHT, PAIRS_DONE,
-    PAIRS_SUMMED, LOCAL, ROOT
+  // ---- pairs: those that are darker than each are counted, and the darkest added up ----
+  // Of equal ones the nearer is the darker.  A pair takes Pairs + 3 clocks: the pair itself is read
+  // first, then all, and it is added two clocks behind the last one.
+  localparam int unsigned StepWidth = $clog2(Pairs + 3);
+  logic                        ranking_q, comparing_q, keep, pairs_ready_q;
+  logic [       StepWidth-1:0] step_q;
+  logic [        PairBits-1:0] pair_index_q, other_index_q, rank_index;
+  logic [    PairSumWidth-1:0] pair_sum_q, other_sum_q;
+  logic [ PairMomentWidth-1:0] pair_moment_q;
+  logic [   DistanceWidth-1:0] darker_q;
+  logic [        SumWidth-1:0] local_sum_q;
+  logic [LocalMomentWidth-1:0] local_moment_q;
+  assign rank_index = step_q == '0 ? pair_index_q : PairBits'(step_q - StepWidth'(1));
+  assign keep       = darker_q < kept && DistanceWidth'(pair_index_q) < pairs_q;
+
+  always_ff @(posedge clk_i) begin
+    other_sum_q   <= pair_sum_mem[rank_index];
+    other_index_q <= rank_index;
+    comparing_q   <= ranking_q && step_q != '0 && step_q <= StepWidth'(pairs_q);
+    pair_moment_q <= pair_moment_mem[pair_index_q];
+    pairs_ready_q <= 1'b0;
+    if (ranking_q) begin
+      step_q <= step_q + StepWidth'(1);
+      if (step_q == StepWidth'(1)) begin
+        pair_sum_q <= other_sum_q;
+        darker_q   <= '0;
+      end
+      if (step_q == StepWidth'(Pairs + 2)) begin
+        step_q        <= '0;
+        pair_index_q  <= pair_index_q + PairBits'(1);
+        ranking_q     <= pair_index_q != PairBits'(Pairs - 1);
+        pairs_ready_q <= pair_index_q == PairBits'(Pairs - 1);
+        if (keep) begin
+          local_sum_q    <= local_sum_q + SumWidth'(pair_sum_q);
+          local_moment_q <= local_moment_q + LocalMomentWidth'(pair_moment_q);
+        end
+      end
+    end
+    if (comparing_q && (other_sum_q < pair_sum_q
+                        || (other_sum_q == pair_sum_q && other_index_q < pair_index_q)))
+      darker_q <= darker_q + DistanceWidth'(1);
+    if (selected_q) begin
+      ranking_q      <= 1'b1;
+      step_q         <= '0;
+      pair_index_q   <= '0;
+      local_sum_q    <= '0;
+      local_moment_q <= '0;
+    end
+    if (rst_i) begin
+      ranking_q     <= 1'b0;
+      pairs_ready_q <= 1'b0;
+    end
+  end
+
+  // ---- moments: sum^2 and n sum(p^2), of the row and of the rest; then that of the pairs ----
+  typedef enum logic [2:0] {
+    MOMENT_IDLE, ROW_SUM, ROW_SQUARE, REST_SUM, REST_SQUARE, SPREAD_ROOT, LOCAL, ROOT
   } moment_e;
   localparam int unsigned FactorAWidth =
       (SquareWidth > LocalMomentWidth ? SquareWidth : LocalMomentWidth) + 1;
@@ -280,7 +378,7 @@ module line_statistics #(
   logic signed [FactorAWidth+FactorBWidth-1:0]  product;
   logic        [               MomentWidth-1:0] row_moment_q;
   logic        [               MomentWidth-1:0] sum_squared_q;
-  logic                                         root_start_q, root_valid, root_ready_q, pairs_ready_q;
+  logic                                         root_start_q, root_valid, root_ready_q, spread_rooted_q, pairs_done_q;
   logic        [                 RootWidth-1:0] root;
   logic        [               2*RootWidth-1:0] radicand_q;
 
@@ -290,62 +388,12 @@ module line_statistics #(
   logic unused_product;
   assign unused_product = ^product[FactorAWidth+FactorBWidth-1:MomentWidth];
 
-  // ---- pairs: while the squares of one are worked out, those that are darker are counted ----
-  // Of equal ones the nearer is the darker.  That takes Pairs + 2 clocks, and two products more.
-  logic [       PairBits-1:0] next_index_q, other_index_q, other_index_q2, pair_index_q;
-  logic [      PairWidth-1:0] next_q;
-  logic [  BlockSumWidth-1:0] next_left, next_right, pair_right_q;
-  logic [PairSquareWidth-1:0] next_square;
-  logic [   PairSumWidth-1:0] pair_sum_q, other_sum_q;
-  logic [PairMomentWidth-1:0] pair_moment_q, pair_moment, kept_moment_q;
-  logic [  DistanceWidth-1:0] darker_q;
-  logic                       pair_start, ranking_q, ranking_q2, keep, keep_q;
-  logic [       SumWidth-1:0] local_sum_q;
-  logic [LocalMomentWidth-1:0] local_moment_q;
-  assign {next_left, next_right, next_square} = next_q;
-  assign pair_start = product_valid
-                      && (moment_q == REST_SQUARE
-                          || (moment_q == PAIR_RIGHT && pair_index_q != PairBits'(Pairs - 1)));
-  assign pair_moment = pair_moment_q - product[PairMomentWidth-1:0];
-  assign keep = darker_q < kept && DistanceWidth'(pair_index_q) < pairs_q;
-
-  always_ff @(posedge clk_i) begin
-    next_q <= pair_mem[next_index_q];
-    if (selected_q) begin
-      next_index_q   <= '0;
-      local_sum_q    <= '0;
-      local_moment_q <= '0;
-    end
-    ranking_q2     <= ranking_q && DistanceWidth'(other_index_q) < pairs_q;
-    other_index_q2 <= other_index_q;
-    other_sum_q    <= pair_sum_mem[other_index_q];
-    if (ranking_q) begin
-      other_index_q <= other_index_q + PairBits'(1);
-      ranking_q     <= other_index_q != PairBits'(Pairs - 1);
-    end
-    if (ranking_q2 && (other_sum_q < pair_sum_q
-                       || (other_sum_q == pair_sum_q && other_index_q2 < pair_index_q)))
-      darker_q <= darker_q + DistanceWidth'(1);
-
-    // 64 sum(p^2) less the squares of both sums.
-    keep_q        <= product_valid && moment_q == PAIR_RIGHT && keep;
-    kept_moment_q <= pair_moment;
-    if (product_valid && moment_q == PAIR_LEFT) pair_moment_q <= pair_moment;
-    if (product_valid && moment_q == PAIR_RIGHT && keep)
-      local_sum_q <= local_sum_q + SumWidth'(pair_sum_q);
-    if (keep_q) local_moment_q <= local_moment_q + LocalMomentWidth'(kept_moment_q);
-    if (pair_start) begin
-      pair_index_q  <= next_index_q;
-      next_index_q  <= next_index_q + PairBits'(1);
-      pair_right_q  <= next_right;
-      pair_moment_q <= PairMomentWidth'(next_square) << BlockBits;
-      pair_sum_q    <= PairSumWidth'(next_left) + PairSumWidth'(next_right);
-      darker_q      <= '0;
-      other_index_q <= '0;
-      ranking_q     <= 1'b1;
-    end
-    if (rst_i) ranking_q <= 1'b0;
-  end
+  // Products with the number of kept pairs, by few bits.
+  localparam int unsigned PartFreedom = vrscan_pkg::PartLength - 1;
+  localparam int unsigned FreedomWidth = $clog2(PartFreedom * vrscan_pkg::PartLength * GuardBlocks + 1);
+  logic [FreedomWidth-1:0] freedom, moment_factor;
+  assign freedom = FreedomWidth'(kept) * FreedomWidth'(PartFreedom * vrscan_pkg::PartLength);
+  assign moment_factor = FreedomWidth'(kept) * FreedomWidth'(2 * PartFreedom);
 
   multiply #(.AWidth(FactorAWidth), .BWidth(FactorBWidth)) u_multiply (
     .clk_i, .rst_i,
@@ -398,28 +446,12 @@ module line_statistics #(
       REST_SQUARE: if (product_valid) begin
         radicand_q      <= {moment, {2*RootFraction{1'b0}}};
         root_start_q    <= 1'b1;
-        factor_a_q      <= FactorAWidth'(signed'({1'b0, next_left}));
-        factor_b_q      <= FactorBWidth'(signed'({1'b0, next_left}));
-        factors_valid_q <= 1'b1;
-        moment_q        <= PAIR_LEFT;
+        moment_q        <= SPREAD_ROOT;
       end
-      PAIR_LEFT: if (product_valid) begin
-        factor_a_q      <= FactorAWidth'(signed'({1'b0, pair_right_q}));
-        factor_b_q      <= FactorBWidth'(signed'({1'b0, pair_right_q}));
-        factors_valid_q <= 1'b1;
-        moment_q        <= PAIR_RIGHT;
-      end
-      PAIR_RIGHT: if (product_valid) begin
-        factor_a_q      <= FactorAWidth'(signed'({1'b0, next_left}));
-        factor_b_q      <= FactorBWidth'(signed'({1'b0, next_left}));
-        factors_valid_q <= pair_start;
-        moment_q        <= pair_start ? PAIR_LEFT : PAIRS_DONE;
-      end
-      PAIRS_DONE: moment_q <= PAIRS_SUMMED;
-      // The mean of the blocks' variances, times the square of the number of their pixels.
-      PAIRS_SUMMED: begin
+      // 2 kept pairs of n parts have the variance sum / (n 16 15): times the square of 15 n.
+      SPREAD_ROOT: if (pairs_done_q && spread_rooted_q) begin
         factor_a_q      <= FactorAWidth'(signed'({1'b0, local_moment_q}));
-        factor_b_q      <= FactorBWidth'(signed'({1'b0, kept, 1'b0}));
+        factor_b_q      <= FactorBWidth'(signed'({1'b0, moment_factor}));
         factors_valid_q <= 1'b1;
         moment_q        <= LOCAL;
       end
@@ -477,7 +509,8 @@ module line_statistics #(
     divide_start_q <= 1'b0;
     valid_o        <= 1'b0;
     root_ready_q   <= (root_ready_q || root_valid) && quotient_q != QUOTIENT_IDLE;
-    pairs_ready_q  <= (pairs_ready_q || moment_q == PAIRS_DONE) && quotient_q != QUOTIENT_IDLE;
+    pairs_done_q   <= (pairs_done_q || pairs_ready_q) && quotient_q != QUOTIENT_IDLE;
+    spread_rooted_q <= (spread_rooted_q || root_valid) && quotient_q != QUOTIENT_IDLE;
     unique case (quotient_q)
       QUOTIENT_IDLE: if (selected_q) begin
         dividend_q     <= DividendWidth'(row_sum_q) << MeanShift;
@@ -508,7 +541,7 @@ module line_statistics #(
         spread_o       <= quotient[vrscan_pkg::CountWidth-1:0];
         quotient_q     <= WAIT_PAIRS;
       end
-      WAIT_PAIRS: if (pairs_ready_q) begin
+      WAIT_PAIRS: if (pairs_done_q) begin
         dividend_q     <= DividendWidth'(use_row_q ? row_sum_q : local_sum_q) << MeanShift;
         divisor_q      <= DivisorWidth'(use_row_q ? LengthWidth'(LineLength) : kept_pixels);
         divide_start_q <= 1'b1;
@@ -520,7 +553,7 @@ module line_statistics #(
       end
       WAIT_NOISE: if (root_ready_q) begin
         dividend_q     <= DividendWidth'(root) << NoiseShift;
-        divisor_q      <= DivisorWidth'(kept_pixels);
+        divisor_q      <= DivisorWidth'(freedom);
         divide_start_q <= 1'b1;
         quotient_q     <= NOISE;
       end
@@ -535,7 +568,8 @@ module line_statistics #(
       quotient_q     <= QUOTIENT_IDLE;
       divide_start_q <= 1'b0;
       root_ready_q   <= 1'b0;
-      pairs_ready_q  <= 1'b0;
+      pairs_done_q   <= 1'b0;
+      spread_rooted_q <= 1'b0;
       valid_o        <= 1'b0;
     end
   end

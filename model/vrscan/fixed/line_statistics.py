@@ -12,6 +12,7 @@ from vrscan.fixed.multiply import latency as multiply_latency
 from vrscan.fixed.square_root import latency as square_root_latency
 from vrscan.fixed.square_root import square_root
 
+
 ROOT_FRACTION = 4  # fraction bits of n times the standard deviation, ``RootFraction``
 
 
@@ -53,20 +54,21 @@ def latency(line_length: int, pixel_width: int, max_window: int) -> int:
     length_width = line_length.bit_length()
     sum_width = pixel_width + index_width
     guard = guard_blocks(max_window)
-    block_bits = (pkg.BLOCK_LENGTH - 1).bit_length()
-    pair_moment_width = 2 * (pixel_width + block_bits) - 1 + (guard - 1).bit_length()
+    pairs = 2 * guard
+    moment_bits = (pkg.BLOCK_LENGTH * pkg.PART_LENGTH).bit_length() - 2  # of a pair, over 2 P
+    pair_moment_width = 2 * pixel_width + moment_bits + (guard - 1).bit_length()
     product = 1 + multiply_latency(
         max(2 * pixel_width + index_width, pair_moment_width) + 1,
         max(sum_width, length_width) + 1,
     )
     quotient = 1 + divide_latency(pkg.VARIANCE_WIDTH)
     root = 1 + square_root_latency(sum_width - 1 + ROOT_FRACTION)
-    # Both start in the clock in which the sums of all blocks are known.
-    select = 4 + 4 * guard + 1 + 4
-    squares = 4 + 4 * guard  # products until the sums of the darkest pairs are known
+    # All start in the clock in which the sums of all blocks are known.
+    select = 6 + 2 * pairs + 1 + 4
+    ranked = pairs * (pairs + 3) + 1
     spread = max(2 * quotient, 4 * product + root) + 1 + quotient
-    background = max(spread, squares * product + 1) + 1 + quotient
-    noise = max(background, (squares + 1) * product + 2 + root) + 1 + quotient
+    background = max(spread, ranked) + 1 + quotient
+    noise = max(background, max(4 * product + root, ranked) + 1 + product + root) + 1 + quotient
     return select + noise
 
 
@@ -77,7 +79,8 @@ def line_statistics(
 
     Background and noise are those beside the maximum: of the pairs of whole blocks of 64 pixels at
     one distance from the maximum's, up to twice ``guard_blocks`` away, the darkest ones, at most
-    ``guard_blocks`` of them and no more than there are beyond the guard. A window reaches no more
+    ``guard_blocks`` of them and no more than there are beyond the guard. The noise is that within
+    their parts of 16 pixels. A window reaches no more
     than the nearest ``guard_blocks``, and light only adds, so the darkest hold neither spot nor
     rival. The spread is that of all blocks beyond the guard; the population mean and variance over
     the row are those of VR-SCAN, IV-G1.
@@ -112,6 +115,8 @@ def line_statistics(
     pixels = padded.reshape(count, blocks, block)
     sums = np.einsum("nbk->nb", pixels)
     squares = np.einsum("nbk,nbk->nb", pixels, pixels)
+    parts = pixels.reshape(count, blocks, -1, pkg.PART_LENGTH).sum(axis=3)
+    within = pkg.PART_LENGTH * squares - np.einsum("nbk,nbk->nb", parts, parts)
     lengths = np.full(blocks, block, np.int64)
     lengths[-1] = length - (blocks - 1) * block
 
@@ -119,7 +124,7 @@ def line_statistics(
     away = distance > guard_blocks(max_window)
     row_sum, row_square = sums.sum(axis=1), squares.sum(axis=1)
     pair_sums, pair_moments, kept = _darkest_pairs(
-        sums[:, : length // block], squares[:, : length // block], max_index // block, max_window
+        sums[:, : length // block], within[:, : length // block], max_index // block, max_window
     )
     no_block = kept == 0
     use_row = no_block | noise_row
@@ -142,8 +147,10 @@ def line_statistics(
         return quotient(root << (mean_shift - ROOT_FRACTION), count)
 
     spread = deviation(rest_length * rest_square - rest_sum * rest_sum, rest_length)
-    # The mean of the 2 kept variances, each a moment over 64^2, times the square of all pixels.
-    noise = deviation(np.where(use_row, 0, 2 * kept * pair_moments), pixels_kept)
+    # Of n parts of 16 pixels the variance is sum(within) / (n 16 15); a pair has 8 parts.
+    free = pkg.PART_LENGTH - 1
+    freedom = np.where(use_row, 1, free * pkg.PART_LENGTH * kept)
+    noise = deviation(np.where(use_row, 0, 2 * free * kept * pair_moments), freedom)
     return LineStatistics(
         maximum=maximum,
         max_index=max_index,
@@ -157,13 +164,13 @@ def line_statistics(
 
 
 def _darkest_pairs(
-    sums: Ints, squares: Ints, max_block: Ints, max_window: int
+    sums: Ints, within: Ints, max_block: Ints, max_window: int
 ) -> tuple[Ints, Ints, Ints]:
     """Return the sums and moments of the darkest pairs, and how many there are, [n] each.
 
     Args:
         sums: Sums of the whole blocks, [n, blocks].
-        squares: Their sums of squares, [n, blocks].
+        within: Their moments within parts of 16 pixels, [n, blocks].
         max_block: Block of the maximum, [n].
         max_window: ``MaxWindow`` of the module.
     """
@@ -177,9 +184,8 @@ def _darkest_pairs(
     there = has_left | has_right
     left, right = np.where(there, (left, right), 0)
     row = np.arange(len(sums))[:, None]
-    moments = pkg.BLOCK_LENGTH * squares - sums * sums
     pair_sums = np.where(there, sums[row, left] + sums[row, right], np.iinfo(np.int64).max)
-    pair_moments = moments[row, left] + moments[row, right]
+    pair_moments = within[row, left] + within[row, right]
     kept = np.clip(there.sum(axis=1) - guard, 0, guard)
     rank = np.argsort(np.argsort(pair_sums, axis=1, kind="stable"), axis=1, kind="stable")
     dark = rank < kept[:, None]  # of equal ones the nearer
