@@ -115,7 +115,7 @@ def line_statistics(
     pixels = padded.reshape(count, blocks, block)
     sums = np.einsum("nbk->nb", pixels)
     squares = np.einsum("nbk,nbk->nb", pixels, pixels)
-    parts = pixels.reshape(count, blocks, -1, pkg.PART_LENGTH).sum(axis=3)
+    parts = pixels.reshape(count, blocks, block // pkg.PART_LENGTH, pkg.PART_LENGTH).sum(axis=3)
     within = pkg.PART_LENGTH * squares - np.einsum("nbk,nbk->nb", parts, parts)
     lengths = np.full(blocks, block, np.int64)
     lengths[-1] = length - (blocks - 1) * block
