@@ -2,9 +2,10 @@
 //
 // Sums and sums of squares are kept per block of 64 pixels; the row's are the sums of the blocks.
 // Background and noise are those beside the maximum: of the pairs of whole blocks at one distance
-// from the maximum's, up to 2 GuardBlocks away, the darkest ones, at most GuardBlocks of them and
-// no more than there are beyond the guard.  A window of MaxWindow reaches GuardBlocks at most, and
-// light only adds, so the darkest hold neither spot nor rival.  A pair's mean is that of the
+// from the maximum's, from 2 to 2 GuardBlocks away, the darkest ones, at most GuardBlocks of them
+// and no more than there are beyond the guard.  Flanks of a spot are in the blocks next to the
+// maximum's, a window of MaxWindow reaches GuardBlocks at most, and light only adds, so the darkest
+// hold neither spot nor rival.  A pair's mean is that of the
 // maximum's place on a slope, and the noise is pooled from within parts of 16 pixels, so a gradient
 // is hardly any.  At the line's end a block counts for its missing partner too.  The
 // spread is that of all blocks beyond the guard.  Where no whole block is beyond it, or noise_row_i
@@ -225,9 +226,12 @@ module line_statistics #(
   assign left_within  = left_whole_q ? left_within_q : read_within_q;
   assign right_sum    = whole_q ? read_sum : left_sum_q;
   assign right_within = whole_q ? read_within_q : left_within_q;
-  assign pair_done    = right_side_q2 && distance_q2 != '0 && (left_whole_q || whole_q);
+  assign pair_done    = right_side_q2 && distance_q2 > DistanceWidth'(1)
+                        && (left_whole_q || whole_q);
 
-  assign kept    = pairs_q > DistanceWidth'(GuardBlocks) ? pairs_q - DistanceWidth'(GuardBlocks) : '0;
+  // The pairs start at 2, so GuardBlocks - 1 of them are within the guard.
+  assign kept = pairs_q < DistanceWidth'(GuardBlocks) ? '0
+                : pairs_q - DistanceWidth'(GuardBlocks - 1);
   assign use_row = noise_row_i || kept == '0;
 
   logic [   PairSumWidth-1:0] pair_sum_mem    [1 << PairBits];

@@ -180,12 +180,12 @@ def darkest_pairs(pixels: list[int], block: int, guard: int = 4) -> list[list[li
     """Return the blocks beside block ``block`` of a line by their definition: pairs of pixels."""
     whole = [pixels[k : k + 64] for k in range(0, len(pixels) - 63, 64)]
     pairs = []
-    for distance in range(1, 2 * guard + 1):
+    for distance in range(2, 2 * guard + 1):
         there = [whole[k] for k in (block - distance, block + distance) if 0 <= k < len(whole)]
         if there:
             pairs.append([there[0], there[-1]])
     darkest = sorted(pairs, key=lambda pair: sum(pair[0]) + sum(pair[1]))
-    return darkest[: max(min(guard, len(pairs) - guard), 0)]
+    return darkest[: max(min(guard, len(pairs) + 1 - guard), 0)]
 
 
 @pytest.mark.parametrize(("pixel_width", "length"), [(8, 2048), (12, 2048), (16, 2048), (12, 900)])

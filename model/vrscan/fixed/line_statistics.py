@@ -78,8 +78,8 @@ def line_statistics(
     """Return the statistics of every line exactly as the hardware rounds them.
 
     Background and noise are those beside the maximum: of the pairs of whole blocks of 64 pixels at
-    one distance from the maximum's, up to twice ``guard_blocks`` away, the darkest ones, at most
-    ``guard_blocks`` of them and no more than there are beyond the guard. The noise is that within
+    one distance from the maximum's, from 2 to twice ``guard_blocks`` away, the darkest ones, at
+    most ``guard_blocks`` of them and no more than there are beyond the guard. The noise is that within
     their parts of 16 pixels. A window reaches no more
     than the nearest ``guard_blocks``, and light only adds, so the darkest hold neither spot nor
     rival. The spread is that of all blocks beyond the guard; the population mean and variance over
@@ -176,7 +176,7 @@ def _darkest_pairs(
     """
     blocks = sums.shape[1]
     guard = guard_blocks(max_window)
-    distance = np.arange(1, 2 * guard + 1)
+    distance = np.arange(2, 2 * guard + 1)
     left, right = max_block[:, None] - distance, max_block[:, None] + distance
     has_left, has_right = left >= 0, right < blocks
     # Where a line has one block of a pair only, it counts for both.
@@ -186,7 +186,7 @@ def _darkest_pairs(
     row = np.arange(len(sums))[:, None]
     pair_sums = np.where(there, sums[row, left] + sums[row, right], np.iinfo(np.int64).max)
     pair_moments = within[row, left] + within[row, right]
-    kept = np.clip(there.sum(axis=1) - guard, 0, guard)
+    kept = np.clip(there.sum(axis=1) + 1 - guard, 0, guard)
     rank = np.argsort(np.argsort(pair_sums, axis=1, kind="stable"), axis=1, kind="stable")
     dark = rank < kept[:, None]  # of equal ones the nearer
     return (dark * pair_sums).sum(axis=1), (dark * pair_moments).sum(axis=1), kept

@@ -30,8 +30,8 @@ def statistics(lines: Pixels, *, max_window: int, noise_row: bool = False) -> St
     VR-SCAN, section IV-G 1: maximum, average and variance of each row. The row includes the peak,
     which biases the noise, and its background need not be even. So background and noise are those
     beside the peak: of pairs of whole blocks of 64 pixels at one distance from the block that holds
-    the first maximum, up to twice as many as the longest window may cover, the darkest ones. Their
-    number is that of the pairs beyond the longest window. A block without a partner on the line
+    the first maximum, from 2 to twice as many as the longest window may cover, the darkest ones.
+    Their number is that of the pairs beyond the longest window. A block without a partner on the line
     stands for both. The noise is that within parts of 16 pixels, so it leaves out a gradient.
 
     Args:
@@ -72,7 +72,7 @@ def statistics(lines: Pixels, *, max_window: int, noise_row: bool = False) -> St
                constant_values=np.nan)
         for values in (sums / sizes, _within_parts(pixels, len(starts)))
     )  # fmt: skip
-    distance = np.arange(1, 2 * guard + 1)
+    distance = np.arange(2, 2 * guard + 1)  # flanks of a spot are in the nearest
     centre = first_maximum[:, None] // BLOCK_LENGTH + 2 * guard
 
     def paired(values: Floats) -> Floats:
@@ -83,9 +83,9 @@ def statistics(lines: Pixels, *, max_window: int, noise_row: bool = False) -> St
 
     pair_means, pair_variances = paired(means), paired(variances)
     darkest = np.argsort(pair_means, axis=1, kind="stable")  # what is not there comes last
-    number = np.clip(np.isfinite(pair_means).sum(axis=1) - guard, 0, guard)
+    number = np.clip(np.isfinite(pair_means).sum(axis=1) + 1 - guard, 0, guard)
     row_only = number == 0
-    taken = distance <= number[:, None]
+    taken = np.arange(len(distance)) < number[:, None]
 
     def local(values: Floats) -> Floats:
         chosen = np.where(taken, np.take_along_axis(values, darkest, axis=1), 0.0)
