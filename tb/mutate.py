@@ -159,7 +159,11 @@ FAULTS = [
         ),
         ("a short block in a pair", "on_line && reach < Reach", "on_line; // && reach < Reach"),
         ("the brightest pairs", "other_sum_q < pair_sum_q\n", "other_sum_q > pair_sum_q\n"),
-        ("of equal pairs the farther", "other_index_q < pair_index_q", "other_index_q > pair_index_q"),
+        (
+            "of equal pairs the farther",
+            "other_index_q < pair_index_q",
+            "other_index_q > pair_index_q",
+        ),
         ("a missing block is none", "left_whole_q ? left_sum_q : read_sum", "left_sum_q"),
         ("the block is one part", "(first_part_q3 ? '0 : part_squares_q)", "'0"),
         ("last block's length", "? LengthWidth'(LastLength)", "? LengthWidth'(BlockBits)"),
@@ -190,7 +194,11 @@ FAULTS = [
     # ---- rtl/peak ----
     *faults(
         "rtl/peak/peak_isolate.sv",
-        ("S/N at its limit is low", "'0 || height_limit < product", "'0 || height_limit <= product"),
+        (
+            "S/N at its limit is low",
+            "'0 || height_limit < product",
+            "'0 || height_limit <= product",
+        ),
         (
             "the threshold itself is above",
             "{CountShift{1'b0}}}) > compare_threshold",

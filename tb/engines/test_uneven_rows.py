@@ -69,8 +69,10 @@ def lamps(draw: np.random.Generator) -> np.ndarray:
     for _ in range(draw.integers(1, 5)):
         middle, half = draw.uniform(60, LENGTH - 60), draw.uniform(45, 250)
         soft = draw.uniform(1, 20)
-        light += draw.uniform(0.3, 1) * edge((PLACE - middle + half) / soft) * edge(
-            (middle + half - PLACE) / soft
+        light += (
+            draw.uniform(0.3, 1)
+            * edge((PLACE - middle + half) / soft)
+            * edge((middle + half - PLACE) / soft)
         )
     return light / light.max()
 

@@ -12,7 +12,6 @@ from vrscan.fixed.multiply import latency as multiply_latency
 from vrscan.fixed.square_root import latency as square_root_latency
 from vrscan.fixed.square_root import square_root
 
-
 ROOT_FRACTION = 4  # fraction bits of n times the standard deviation, ``RootFraction``
 
 
@@ -79,10 +78,10 @@ def line_statistics(
 
     Background and noise are those beside the maximum: of the pairs of whole blocks of 64 pixels at
     one distance from the maximum's, from 2 to twice ``guard_blocks`` away, the darkest ones, at
-    most ``guard_blocks`` of them and no more than there are beyond the guard. The noise is that within
-    their parts of 16 pixels. A window reaches no more
-    than the nearest ``guard_blocks``, and light only adds, so the darkest hold neither spot nor
-    rival. The spread is that of all blocks beyond the guard; the population mean and variance over
+    most ``guard_blocks`` of them and no more than there are beyond the guard. Flanks of a spot are
+    in the blocks next to the maximum's, a window reaches ``guard_blocks`` at most, and light only
+    adds, so the darkest hold neither spot nor rival. The noise is that within their parts of 16
+    pixels, the spread that of all blocks beyond the guard. The population mean and variance over
     the row are those of VR-SCAN, IV-G1.
 
     Args:

@@ -31,8 +31,8 @@ def statistics(lines: Pixels, *, max_window: int, noise_row: bool = False) -> St
     which biases the noise, and its background need not be even. So background and noise are those
     beside the peak: of pairs of whole blocks of 64 pixels at one distance from the block that holds
     the first maximum, from 2 to twice as many as the longest window may cover, the darkest ones.
-    Their number is that of the pairs beyond the longest window. A block without a partner on the line
-    stands for both. The noise is that within parts of 16 pixels, so it leaves out a gradient.
+    Their number is that of the pairs beyond the longest window. A block without a partner on the
+    line stands for both. The noise is that within parts of 16 pixels, so it leaves out a gradient.
 
     Args:
         lines: Counts [n, length].

@@ -348,8 +348,8 @@ def _company() -> Iterator[Case]:
         "two-equal-maxima-one-run",
         "18 to 20 px apart, the valley just above the threshold: the distance is half the window, "
         "so the first harmonic of the two cancels or turns over",
-        "RIVAL, for a quarter of the height is above the valley; by symmetry the middle of both, or "
-        "half a window from it where the harmonic turns over",
+        "RIVAL, for a quarter of the height is above the valley; by symmetry the middle of both, "
+        "or half a window from it where the harmonic turns over",
         tuple(_turned(entry) for entry in valley),
         within_px=20.0,
     )
