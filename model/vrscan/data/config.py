@@ -42,19 +42,18 @@ class Peak(Section):
     The thresholds are the outcome of ``vrscan efficiency`` (12 bits, 5 electrons per count, read
     noise 3 and background 60 counts; spots of s = 1, 2, 4, 8, 12 px, peaks of 5, 20, 50, 90 % of
     full scale; 4,000 lines each). The table gives the geometric mean of the efficiency over the 20
-    spots, the largest share of lines with a false RIVAL (s = 12 px at 5 %, where noise breaks up
-    the spot's own flank), and how far a spot with sides of 0.75 s and 1.25 s, s = 3 px, moves
-    between 10 and 90 % of full scale:
+    spots, and how far a spot with sides of 0.75 s and 1.25 s, s = 3 px, moves between 10 and 90 %
+    of full scale:
 
-    | k_noise | k_height | efficiency | RIVAL | skewed spot moves |
-    |---|---|---|---|---|
-    | 2.5 | 0 | 0.968 | 9 % | 0.11 px |
-    | 2.5 | 0.015 | 0.940 | 9 % | 0.05 px |
-    | 2.5 | 0.02 (shipped) | 0.926 | 9 % | 0.03 px |
-    | 2.5 | 0.03 | 0.896 | 9 % | 0.00 px |
-    | 3.5 | 0.02 | 0.915 | 4 % | 0.06 px |
+    | k_noise | k_height | efficiency | skewed spot moves |
+    |---|---|---|---|
+    | 2.5 | 0 | 0.968 | 0.11 px |
+    | 2.5 | 0.015 | 0.940 | 0.05 px |
+    | 2.5 | 0.02 (shipped) | 0.926 | 0.03 px |
+    | 2.5 | 0.03 | 0.896 | 0.00 px |
+    | 3.5 | 0.02 | 0.915 | 0.06 px |
 
-    No line was lost in any of them. ``snr_min`` and ``min_width`` cost nothing there, because the
+    No line was lost in any of them, and none had a false RIVAL. ``snr_min`` and ``min_width`` cost nothing there, because the
     dimmest spot is 44 standard deviations high; 8 and 3 px keep lines without a spot out.
 
     With ``window = "two_pass"`` the first window only has to find the spot and its width, and
@@ -65,7 +64,7 @@ class Peak(Section):
     period: Literal["n", "n-1"] = "n"
     window: Literal["threshold", "two_pass"] = "threshold"
     noise: Literal["background", "row"] = "background"
-    k_noise: float = Field(default=2.5, ge=0, lt=256)  # threshold above background / noise
+    k_noise: float = Field(default=2.5, ge=0, lt=256)  # threshold above background / spread
     k_height: float = Field(default=0.02, ge=0, lt=1)  # threshold above background / peak's height
     k_first: float = Field(default=0.25, ge=0, lt=1)  # k_height in the first of two passes
     snr_min: float = Field(default=8.0, ge=0, lt=256)
