@@ -271,7 +271,7 @@ async def what_is_broad_or_one_of_many_is_judged_by_the_spread(dut) -> None:
     lines[5, 2:66], lines[6, 2:67] = 101, 101
     lines[7, 10:90:4] = lines[7, 11:90:4] = 100  # too narrow to be rivals
     lines[8, 10:34:8] = lines[8, 11:34:8] = lines[8, 12:34:8] = 25  # not above a quarter
-    lines[9, 10:12], lines[9, 15:80] = 100, 100  # one rival, which is broad
+    lines[9, 10:13] = lines[9, 16:19] = lines[9, 22:90] = 100  # the third rival is broad
     noise, spread = 1 << shift, 30 << shift
     zeros = np.zeros(10, np.int64)
     statistics = LineStatistics(

@@ -53,8 +53,9 @@ class Peak(Section):
     | 2.5 | 0.03 | 0.896 | 0.00 px |
     | 3.5 | 0.02 | 0.915 | 0.06 px |
 
-    No line was lost in any of them, and none had a false RIVAL. ``snr_min`` and ``min_width`` cost nothing there, because the
-    dimmest spot is 44 standard deviations high; 8 and 3 px keep lines without a spot out.
+    No line was lost in any of them, and none had a false RIVAL. ``snr_min`` and ``min_width`` cost
+    nothing there, because the dimmest spot is 44 standard deviations high; 8 and 3 px keep lines
+    without a spot out.
 
     With ``window = "two_pass"`` the first window only has to find the spot and its width, and
     ``k_first`` replaces ``k_height``. It is so high that the run does not climb a background that
