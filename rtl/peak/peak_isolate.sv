@@ -380,7 +380,8 @@ module peak_isolate #(
   assign low_snr    = end_low_snr_q || (end_low_spread_q && !clear);
   assign too_narrow = WiderWidth'(found_width_q) < WiderWidth'(min_width_q);
   assign saturated  = vrscan_pkg::AlignedWidth'(end_maximum_q) >= peak_i.saturation_level;
-  assign too_wide   = WiderWidth'(found_width_q) > WiderWidth'(max_width_q) || (broad_q && !saturated);
+  assign too_wide   = WiderWidth'(found_width_q) > WiderWidth'(max_width_q)
+                      || (broad_q && !saturated);
   always_ff @(posedge clk_i) begin
     valid_o <= finish_q;
     if (finish_q) begin

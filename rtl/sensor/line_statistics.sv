@@ -382,7 +382,8 @@ module line_statistics #(
   logic signed [FactorAWidth+FactorBWidth-1:0]  product;
   logic        [               MomentWidth-1:0] row_moment_q;
   logic        [               MomentWidth-1:0] sum_squared_q;
-  logic                                         root_start_q, root_valid, root_ready_q, spread_rooted_q, pairs_done_q;
+  logic                                         root_start_q, root_valid, root_ready_q;
+  logic                                         spread_rooted_q, pairs_done_q;
   logic        [                 RootWidth-1:0] root;
   logic        [               2*RootWidth-1:0] radicand_q;
 
@@ -394,7 +395,8 @@ module line_statistics #(
 
   // Products with the number of kept pairs, by few bits.
   localparam int unsigned PartFreedom = vrscan_pkg::PartLength - 1;
-  localparam int unsigned FreedomWidth = $clog2(PartFreedom * vrscan_pkg::PartLength * GuardBlocks + 1);
+  localparam int unsigned FreedomWidth =
+      $clog2(PartFreedom * vrscan_pkg::PartLength * GuardBlocks + 1);
   logic [FreedomWidth-1:0] freedom, moment_factor;
   assign freedom = FreedomWidth'(kept) * FreedomWidth'(PartFreedom * vrscan_pkg::PartLength);
   assign moment_factor = FreedomWidth'(kept) * FreedomWidth'(2 * PartFreedom);
