@@ -105,7 +105,7 @@ def test_chain_rtl_equals_model_on_whole_lines(salt: int) -> None:
 @pytest.mark.parametrize("two_pass", [False, True])
 def test_latency_is_its_formula(two_pass: bool) -> None:
     """Every width and every unmeasured line, back to back: the clock of each point."""
-    registers = replace(ONE_PASS, window_two_pass=two_pass)
+    registers = replace(ONE_PASS, window_two_pass=two_pass, max_core=255)
     lines = plateaus(320, 7)
     angle = power = np.zeros(len(lines), np.int64)
     points = run_fixed(lines, angle, power, registers)
