@@ -99,7 +99,7 @@ module vrscan_chain #(
   logic                                 counted, row_statistics;
   logic [               PixelWidth-1:0] maximum;
   logic [               IndexWidth-1:0] max_index;
-  logic [   vrscan_pkg::CountWidth-1:0] row_mean, background, noise;
+  logic [   vrscan_pkg::CountWidth-1:0] row_mean, background, noise, spread;
   logic [vrscan_pkg::VarianceWidth-1:0] row_variance;
   line_statistics #(
     .LineLength(LineLength), .PixelWidth(PixelWidth), .MaxWindow(MaxWindow), .UserWidth(PointWidth)
@@ -108,7 +108,7 @@ module vrscan_chain #(
     .valid_i(received), .pixel_i(pixel), .index_i(index), .good_i(good), .user_i(begun),
     .valid_o(counted), .maximum_o(maximum), .max_index_o(max_index),
     .row_mean_o(row_mean), .row_variance_o(row_variance), .background_o(background),
-    .noise_o(noise), .row_statistics_o(row_statistics), .user_o(received_point),
+    .noise_o(noise), .spread_o(spread), .row_statistics_o(row_statistics), .user_o(received_point),
     .noise_row_i(peak_i.noise_row)
   );
   always_comb begin
@@ -141,7 +141,7 @@ module vrscan_chain #(
   ) u_peak_isolate (
     .clk_i, .rst_i, .peak_i,
     .valid_i(counted), .maximum_i(maximum), .max_index_i(max_index), .background_i(background),
-    .noise_i(noise), .user_i(row),
+    .noise_i(noise), .spread_i(spread), .user_i(row),
     .replay_o(replay), .pixel_valid_i(replayed), .pixel_i(replay_pixel), .index_i(replay_index),
     .last_i(replay_last),
     .valid_o(found), .measured_o(found_measured), .left_o(left), .right_o(right), .width_o(width),
@@ -300,7 +300,8 @@ module vrscan_chain #(
     .background_i(held_q.background), .noise_i(held_q.noise),
     .reading_o(fitting), .read_index_o(fit_index), .read_pixel_i(read_pixel),
     .valid_o(fit_done), .fitted_o(fitted), .position_o(fit_position), .sigma_o(fit_sigma),
-    .speckle_o(speckle), .kappa_i(peak_i.kappa)
+    .speckle_o(speckle), .kappa_i(peak_i.kappa),
+    .saturation_level_i(peak_i.saturation_level)
   );
   logic unused_fit;
   assign unused_fit = ^{fitted, speckle};

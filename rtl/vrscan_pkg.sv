@@ -41,6 +41,7 @@ package vrscan_pkg;
 
   // Statistics.
   localparam int unsigned BlockLength = 64;
+  localparam int unsigned PartLength = 16;  // of a block: the noise is that within its parts
 
   // Phase detection.  Pixels are left-aligned to AlignedWidth, so that every PixelWidth gives the
   // same widths behind the correlator.

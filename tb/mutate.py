@@ -148,12 +148,21 @@ FAULTS = [
         ("the last maximum", "pixel_q2 > max_q", "pixel_q2 >= max_q"),
         (
             "a guard block less",
-            "- ReachWidth'(signed'(GuardBlocks))",
-            "- ReachWidth'(signed'(GuardBlocks - 1))",
+            "distance_q <= DistanceWidth'(GuardBlocks)",
+            "distance_q < DistanceWidth'(GuardBlocks)",
         ),
+        ("a short block in a pair", "on_line && reach < Reach", "on_line; // && reach < Reach"),
+        ("the brightest pairs", "other_sum_q < pair_sum_q\n", "other_sum_q > pair_sum_q\n"),
+        (
+            "of equal pairs the farther",
+            "other_index_q < pair_index_q",
+            "other_index_q > pair_index_q",
+        ),
+        ("a missing block is none", "left_whole_q ? left_sum_q : read_sum", "left_sum_q"),
+        ("the block is one part", "(first_part_q3 ? '0 : part_squares_q)", "'0"),
         ("last block's length", "? LengthWidth'(LastLength)", "? LengthWidth'(BlockBits)"),
         ("sums of the line before", "(block_q == '0 ? '0 : sum_q)", "sum_q"),
-        ("flag though the row was asked for", "length_q == '0 && !noise_row_i;", "length_q == '0;"),
+        ("flag though the row was asked for", "kept == '0 && !noise_row_i;", "kept == '0;"),
         (
             "moment's sign",
             "product[MomentWidth-1:0] - sum_squared_q",
@@ -161,8 +170,8 @@ FAULTS = [
         ),
         (
             "mean and background swapped",
-            "DividendWidth'(rest_sum_q) <<",
-            "DividendWidth'(row_sum_q) <<",
+            "use_row_q ? row_sum_q : local_sum_q",
+            "use_row_q ? local_sum_q : row_sum_q",
         ),
         (
             "no reset of the moments",
@@ -174,18 +183,33 @@ FAULTS = [
             "      quotient_q     <= QUOTIENT_IDLE;\n      divide",
             "divide",
         ),
-        ("no reset of the selection", "      reading_q   <= 1'b0;\n", ""),
+        ("no reset of the selection", "      reading_q     <= 1'b0;\n", ""),
     ),
     # ---- rtl/peak ----
     *faults(
         "rtl/peak/peak_isolate.sv",
-        ("S/N at its limit is low", "SnrFraction) < product", "SnrFraction) <= product"),
+        (
+            "S/N at its limit is low",
+            "'0 || height_limit < product",
+            "'0 || height_limit <= product",
+        ),
         (
             "the threshold itself is above",
-            "{CountShift{1'b0}}}) > compare",
-            "{CountShift{1'b0}}}) >= compare",
+            "{CountShift{1'b0}}}) > compare_threshold",
+            "{CountShift{1'b0}}}) >= compare_threshold",
         ),
-        ("the smaller term", "noise_term_q > TermWidth'", "noise_term_q < TermWidth'"),
+        (
+            "the core level itself is above",
+            "{CountShift{1'b0}}}) > compare_core",
+            "{CountShift{1'b0}}}) >= compare_core",
+        ),
+        ("the smaller term", "spread_term_q > TermWidth'", "spread_term_q < TermWidth'"),
+        ("the paper's threshold is limited", "!peak_i.noise_row && spread_term", "spread_term"),
+        ("a broad core is clear", "!broad_q && rivals_q", "rivals_q"),
+        ("broad rivals are narrow", "if (!core_broad && rivals_q", "if (rivals_q"),
+        ("the smaller noise", "end_noise_q > end_spread_q", "end_noise_q < end_spread_q"),
+        ("saturated beyond the level", ") >= peak_i.saturation", ") > peak_i.saturation"),
+        ("a saturated core is too wide", "|| (broad_q && !saturated)", "|| broad_q"),
         (
             "noise term rounds down",
             "TermWidth'(1 << (vrscan_pkg::KNoiseFraction - 1))",
@@ -198,24 +222,28 @@ FAULTS = [
         ),
         (
             "flag of the next line",
-            "FlagLowSnr]    <= end_low_snr_q",
-            "FlagLowSnr]    <= compare_low_snr_q",
+            "low_snr    = end_low_snr_q",
+            "low_snr    = compare_low_snr_q",
         ),
         (
             "edge one early",
             "found_right_q == IndexWidth'(LineLength - 1)",
             "found_right_q == IndexWidth'(LineLength - 2)",
         ),
-        ("any run is a rival", "run_ends && wide_enough", "run_ends"),
+        (
+            "any run is a rival",
+            "core_ends && WiderWidth'(core_width) >= WiderWidth'(min_width_q)",
+            "core_ends",
+        ),
         (
             "least width is too narrow",
-            "found_width_q < WidthWidth'(min",
-            "found_width_q <= WidthWidth'(min",
+            "(found_width_q) < WiderWidth'(min",
+            "(found_width_q) <= WiderWidth'(min",
         ),
         (
             "largest width is too wide",
-            "found_width_q > WidthWidth'(max",
-            "found_width_q >= WidthWidth'(max",
+            "(found_width_q) > WiderWidth'(max",
+            "(found_width_q) >= WiderWidth'(max",
         ),
         ("the ring goes on", "(first_q || late_q != LateWidth'(vrscan_pkg::RingMargin))", "1'b1"),
         (
@@ -853,8 +881,9 @@ FAULTS = [
     ),
     *faults(
         "model/vrscan/fixed/peak_isolate.py",
-        ("any run is a rival", "rows[widths >= min_width]", "rows[widths >= 0]"),
-        ("only the noise", "np.maximum(noise_term, height_term)", "noise_term"),
+        ("any run is a rival", "(self.widths >= least) & (self", "(self"),
+        ("only the spread", "np.maximum(spread_term, height_term)", "spread_term"),
+        ("broad ones are clear", "clear = ~broad & (", "clear = ("),
         ("S/N at its limit is low", "SNR_FRACTION) < snr_min", "SNR_FRACTION) <= snr_min"),
         only=NO_RTL,
     ),
@@ -1009,7 +1038,7 @@ FAULTS = [
     *faults(
         "model/vrscan/ideal/peak.py",
         ("the smaller term", "np.maximum(k_noise * noise, k", "np.minimum(k_noise * noise, k"),
-        ("any run is a rival", "== min_width).any", ">= 1).any"),
+        ("any run is a rival", "- before[:, :-least] == least", "- before[:, :-least] >= 1"),
         test="statistics",
     ),
     *faults(

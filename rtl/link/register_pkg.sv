@@ -38,6 +38,8 @@ package register_pkg;
     logic [23:0] c_sfm_gain;
     logic window_two_pass;
     logic window_fit;
+    logic [7:0] max_core;
+    logic [15:0] saturation_level;
   } peak_t;
 
   // Geometry of the triangulation, with R = 2**ceil(log2(line_length)) px; constant until the

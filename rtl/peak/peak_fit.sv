@@ -57,7 +57,8 @@ module peak_fit #(
   output      logic        [   vrscan_pkg::SpeckleWidth-1:0] speckle_o,
 
   // Configuration.
-  input  wire logic        [     vrscan_pkg::KappaWidth-1:0] kappa_i
+  input  wire logic        [     vrscan_pkg::KappaWidth-1:0] kappa_i,
+  input  wire logic        [   vrscan_pkg::AlignedWidth-1:0] saturation_level_i
 );
 
   localparam int unsigned CountWidth = vrscan_pkg::CountWidth;
@@ -784,7 +785,7 @@ module peak_fit #(
 
     height_3  <= 32'(signed'({1'b0, pixel_2, {CountShift{1'b0}}}))
                  - 32'(signed'({1'b0, background_q})) - level_2;
-    clipped_3 <= &pixel_2;
+    clipped_3 <= vrscan_pkg::AlignedWidth'(pixel_2) >= saturation_level_i;
     online_3  <= online_2;
     near_3    <= near_2;
     square_3  <= u_2 * u_2;

@@ -1,16 +1,24 @@
 // peak_isolate: the threshold, and the run of pixels above it that holds the maximum.
 //
-//   threshold = background + max(k_noise noise, k_height (maximum - background))
+//   threshold = background + max(k_noise spread, k_height (maximum - background))
+//   core      = background + max(k_noise noise, (maximum - background) / 4)
 //
 // The statistics of a line come in, the line is replayed from the buffer, and after its last
 // pixel the window goes out with its flags.  The window's pixels, and those around it, stand in a
 // ring by the lower bits of their index, readable until the next line ends.  No decision divides:
 // the S/N is compared as (maximum - background) < snr_min noise.
 //
-// A run is a rival when it is at least min_width wide: what could not be a peak is no rival, and
-// single noise pixels above a low threshold would otherwise flag every line.
+// The threshold lies above what the row's background reaches, so it takes the spread, up to half of
+// the height.  With noise_row it is the paper's, without that limit.  The core level tells a spot
+// from its surroundings: another run above it is a rival when it is at least min_width wide, for
+// what could not be a peak is none.  A spot is clear when its own run there is at most max_core
+// wide and at most MostRivals others are from min_width to max_core wide.  A clear one is judged by
+// the noise beside it; a broad one or one of many by the spread, where that is larger, because a
+// wall's texture, its edges and its lamps look like that.  A broad one is TOO_WIDE unless it is
+// saturated.
 //
 //   left_o, right_o, width_o  the window; width_o is 0 where the maximum is not above the threshold
+//   noise_o                   what the peak is judged by
 //   measured_o                none of LOW_SNR, TOO_NARROW and TOO_WIDE
 //   read_index_i, read_pixel_o  a pixel by its index modulo 2**RingWidth, 2 clocks later: of the
 //                             window and of RingMargin pixels beside it, as far as there are any
@@ -37,6 +45,7 @@ module peak_isolate #(
   input  wire logic [             IndexWidth-1:0] max_index_i,
   input  wire logic [ vrscan_pkg::CountWidth-1:0] background_i,
   input  wire logic [ vrscan_pkg::CountWidth-1:0] noise_i,
+  input  wire logic [ vrscan_pkg::CountWidth-1:0] spread_i,
   input  wire logic [              UserWidth-1:0] user_i,
 
   // The line, from line_buffer.
@@ -72,31 +81,39 @@ module peak_isolate #(
   localparam int unsigned CountShift  = CountWidth - PixelWidth;  // pixel to count format
   localparam int unsigned WindowWidth = vrscan_pkg::WindowWidth;
   localparam int unsigned TermWidth   = CountWidth + 16;  // factor times count
+  localparam int unsigned WiderWidth  = WidthWidth > WindowWidth ? WidthWidth : WindowWidth;
+  localparam int unsigned HalfShift   = 1;  // the spread lifts the threshold to half of the height
+  localparam int unsigned CoreShift   = 2;  // the core level is at a quarter of the height
+  localparam int unsigned MostRivals  = 2;  // narrow rivals of a clear spot
+  localparam int unsigned RivalWidth  = $clog2(MostRivals + 2);
 
   // ---- limits that registers cannot leave ----
-  logic [WindowWidth-1:0] min_width_q, max_width_q;
+  logic [WindowWidth-1:0] min_width_q, max_width_q, max_core_q;
   always_ff @(posedge clk_i) begin
     min_width_q <= peak_i.min_width < WindowWidth'(vrscan_pkg::MinWindow)
                    ? WindowWidth'(vrscan_pkg::MinWindow) : peak_i.min_width;
     max_width_q <= peak_i.max_width >= WindowWidth'(MaxWindow) ? WindowWidth'(MaxWindow)
                                                                : peak_i.max_width;
+    max_core_q  <= peak_i.max_core;
   end
 
-  // ---- threshold: three products, one after the other ----
-  typedef enum logic [2:0] { IDLE, NOISE_TERM, HEIGHT_TERM, SNR_TERM, SUM, REPLAY } state_e;
+  // ---- both levels and both limits of the height: five products, one after the other ----
+  typedef enum logic [2:0] {
+    IDLE, SPREAD_TERM, HEIGHT_TERM, NOISE_TERM, SNR_TERM, SPREAD_SNR_TERM, SUM, REPLAY
+  } state_e;
   state_e                         state_q;
   logic                           start_q, product_valid;
   logic signed [            16:0] factor_q;
   logic signed [    CountWidth:0] count_q;
   logic signed [CountWidth+17:0]  product;
   logic        [  CountWidth-1:0] height_q;  // maximum - background
-  logic        [   TermWidth-1:0] noise_term_q;
+  logic        [   TermWidth-1:0] spread_term_q, noise_term_q;
   logic        [  CountWidth-1:0] height_term_q;
-  logic                           low_snr_q;
-  logic        [     TermWidth:0] threshold_q;  // cannot overflow: a term and a count
+  logic                           low_snr_q, low_spread_q;
+  logic        [     TermWidth:0] threshold_q, core_q;  // cannot overflow: a term and a count
   logic        [  PixelWidth-1:0] maximum_q;
   logic        [  IndexWidth-1:0] max_index_q;
-  logic        [  CountWidth-1:0] background_q, noise_q;
+  logic        [  CountWidth-1:0] background_q, noise_q, spread_q;
   logic        [   UserWidth-1:0] user_q;
 
   multiply #(.AWidth(CountWidth + 1), .BWidth(17)) u_multiply (
@@ -120,9 +137,10 @@ module peak_isolate #(
   logic unused_product;
   assign unused_product = ^product[CountWidth+17:TermWidth];
 
-  logic [TermWidth-1:0] larger_term;
-  assign larger_term = noise_term_q > TermWidth'(height_term_q) ? noise_term_q
-                                                                : TermWidth'(height_term_q);
+  logic [TermWidth-1:0] half_height, core_height, height_limit;
+  assign half_height  = TermWidth'(height_q >> HalfShift);
+  assign core_height  = TermWidth'(height_q >> CoreShift);
+  assign height_limit = TermWidth'(height_q) << vrscan_pkg::SnrFraction;
 
   always_ff @(posedge clk_i) begin
     start_q  <= 1'b0;
@@ -133,36 +151,53 @@ module peak_isolate #(
         max_index_q  <= max_index_i;
         background_q <= background_i;
         noise_q      <= noise_i;
+        spread_q     <= spread_i;
         user_q       <= user_i;
         // A mean is not above the maximum, so this is not negative.
         height_q     <= (CountWidth'(maximum_i) << CountShift) - background_i;
         factor_q     <= signed'({1'b0, peak_i.k_noise});
-        count_q      <= signed'({1'b0, noise_i});
+        count_q      <= signed'({1'b0, spread_i});
         start_q      <= 1'b1;
-        state_q      <= NOISE_TERM;
+        state_q      <= SPREAD_TERM;
       end
-      NOISE_TERM: if (product_valid) begin
-        noise_term_q <= noise_term;
-        factor_q     <= signed'({1'b0, peak_i.k_height});
-        count_q      <= signed'({1'b0, height_q});
-        start_q      <= 1'b1;
-        state_q      <= HEIGHT_TERM;
+      SPREAD_TERM: if (product_valid) begin
+        spread_term_q <= noise_term;
+        factor_q      <= signed'({1'b0, peak_i.k_height});
+        count_q       <= signed'({1'b0, height_q});
+        start_q       <= 1'b1;
+        state_q       <= HEIGHT_TERM;
       end
       HEIGHT_TERM: if (product_valid) begin
+        if (!peak_i.noise_row && spread_term_q > half_height) spread_term_q <= half_height;
         height_term_q <= height_term;
-        factor_q      <= signed'({1'b0, peak_i.snr_min});
+        factor_q      <= signed'({1'b0, peak_i.k_noise});
         count_q       <= signed'({1'b0, noise_q});
         start_q       <= 1'b1;
-        state_q       <= SNR_TERM;
+        state_q       <= NOISE_TERM;
+      end
+      NOISE_TERM: if (product_valid) begin
+        threshold_q  <= (TermWidth + 1)'(spread_term_q > TermWidth'(height_term_q)
+                                         ? spread_term_q : TermWidth'(height_term_q));
+        noise_term_q <= noise_term;
+        factor_q     <= signed'({1'b0, peak_i.snr_min});
+        count_q      <= signed'({1'b0, noise_q});
+        start_q      <= 1'b1;
+        state_q      <= SNR_TERM;
       end
       SNR_TERM: if (product_valid) begin
-        low_snr_q <= height_q == '0
-                     || (TermWidth'(height_q) << vrscan_pkg::SnrFraction) < product[TermWidth-1:0];
-        threshold_q <= (TermWidth + 1)'(larger_term);
-        state_q   <= SUM;
+        core_q    <= (TermWidth + 1)'(noise_term_q > core_height ? noise_term_q : core_height);
+        low_snr_q <= height_q == '0 || height_limit < product[TermWidth-1:0];
+        count_q   <= signed'({1'b0, spread_q});
+        start_q   <= 1'b1;
+        state_q   <= SPREAD_SNR_TERM;
+      end
+      SPREAD_SNR_TERM: if (product_valid) begin
+        low_spread_q <= height_limit < product[TermWidth-1:0];
+        state_q      <= SUM;
       end
       SUM: begin
         threshold_q <= threshold_q + (TermWidth + 1)'(background_q);
+        core_q      <= core_q + (TermWidth + 1)'(background_q);
         state_q     <= REPLAY;
       end
       REPLAY: begin
@@ -178,7 +213,7 @@ module peak_isolate #(
     end
   end
 
-  logic                  seen_q, above_q, is_max_q, last_q;
+  logic                  seen_q, above_q, core_above_q, is_max_q, last_q;
   logic [PixelWidth-1:0] pixel_q;
   logic [IndexWidth-1:0] index_q;
   logic                  first_q;
@@ -187,17 +222,22 @@ module peak_isolate #(
   // The buffer answers three clocks after replay_o, so the compared line's set changes with its
   // first pixel, and the ending line's a clock later, behind the flags of the one before.
   logic [IndexWidth-1:0] compare_max_index_q, end_max_index_q;
-  logic [   TermWidth:0] compare_threshold_q;
+  logic [   TermWidth:0] compare_threshold_q, compare_core_q;
   logic                  replay_q, replay_q2, compare_low_snr_q, end_low_snr_q;
+  logic                  compare_low_spread_q, end_low_spread_q;
   logic [PixelWidth-1:0] compare_maximum_q, end_maximum_q;
   logic [CountWidth-1:0] compare_background_q, end_background_q;
   logic [CountWidth-1:0] compare_noise_q, end_noise_q;
+  logic [CountWidth-1:0] compare_spread_q, end_spread_q;
   logic [ UserWidth-1:0] compare_user_q, end_user_q;
   always_ff @(posedge clk_i) begin
     replay_q  <= replay_o;
     replay_q2 <= replay_q;
     if (replay_q2) begin
       compare_threshold_q  <= threshold_q;
+      compare_core_q       <= core_q;
+      compare_low_spread_q <= low_spread_q;
+      compare_spread_q     <= spread_q;
       compare_low_snr_q    <= low_snr_q;
       compare_max_index_q  <= max_index_q;
       compare_maximum_q    <= maximum_q;
@@ -207,6 +247,8 @@ module peak_isolate #(
     end
     if (seen_q && first_q) begin
       end_low_snr_q    <= compare_low_snr_q;
+      end_low_spread_q <= compare_low_spread_q;
+      end_spread_q     <= compare_spread_q;
       end_max_index_q  <= compare_max_index_q;
       end_maximum_q    <= compare_maximum_q;
       end_background_q <= compare_background_q;
@@ -223,6 +265,7 @@ module peak_isolate #(
   always_ff @(posedge clk_i) begin
     seen_q   <= pixel_valid_i;
     above_q  <= (TermWidth + 1)'({pixel_i, {CountShift{1'b0}}}) > compare_threshold_q;
+    core_above_q <= (TermWidth + 1)'({pixel_i, {CountShift{1'b0}}}) > compare_core_q;
     is_max_q <= index_i == compare_max_index_q;
     last_q   <= last_i;
     pixel_q  <= pixel_i;
@@ -235,12 +278,12 @@ module peak_isolate #(
   logic                  in_run_q, has_max_q;  // of the run under way
   logic [IndexWidth-1:0] run_left_q;
   logic [WidthWidth-1:0] run_width_q;
-  logic                  found_q, rival_q;  // of the line so far
+  logic                  found_q;  // of the line so far
   logic [IndexWidth-1:0] found_left_q, found_right_q;
   logic [WidthWidth-1:0] found_width_q;
 
   // The run including this pixel where it is above, the run it ends where it is not.
-  logic                  has_max, run_ends, wide_enough;
+  logic                  has_max, run_ends;
   logic [IndexWidth-1:0] run_left;
   logic [WidthWidth-1:0] run_width;
   assign has_max     = above_q ? is_max_q || (in_run_q && has_max_q) : has_max_q;
@@ -248,7 +291,6 @@ module peak_isolate #(
   assign run_width   = !above_q ? run_width_q
                        : in_run_q ? run_width_q + WidthWidth'(1) : WidthWidth'(1);
   assign run_ends    = above_q ? last_q : in_run_q;
-  assign wide_enough = run_width >= WidthWidth'(min_width_q);
 
   logic                  finish_q;
   always_ff @(posedge clk_i) begin
@@ -261,21 +303,52 @@ module peak_isolate #(
       if (first_q) begin
         found_q       <= 1'b0;
         found_width_q <= '0;
-        rival_q       <= 1'b0;
       end
       if (run_ends && has_max) begin
         found_q       <= 1'b1;
         found_left_q  <= run_left;
         found_right_q <= above_q ? index_q : index_q - IndexWidth'(1);
         found_width_q <= run_width;
-      end else if (run_ends && wide_enough) begin
-        rival_q <= 1'b1;
       end
     end
     if (rst_i) begin
       finish_q <= 1'b0;
       in_run_q <= 1'b0;
     end
+  end
+
+  // ---- runs above the core level ----
+  logic                  core_in_run_q, core_has_max_q;  // of the run under way
+  logic [WidthWidth-1:0] core_width_q;
+  logic                  broad_q, rival_q;  // of the line so far
+  logic [RivalWidth-1:0] rivals_q;  // narrow ones, up to MostRivals + 1
+  logic                  core_has_max, core_ends, core_broad;
+  logic [WidthWidth-1:0] core_width;
+  assign core_has_max = core_above_q ? is_max_q || (core_in_run_q && core_has_max_q)
+                                     : core_has_max_q;
+  assign core_width   = !core_above_q ? core_width_q
+                        : core_in_run_q ? core_width_q + WidthWidth'(1) : WidthWidth'(1);
+  assign core_ends    = core_above_q ? last_q : core_in_run_q;
+  assign core_broad   = WiderWidth'(core_width) > WiderWidth'(max_core_q);
+  always_ff @(posedge clk_i) begin
+    if (seen_q) begin
+      core_in_run_q  <= core_above_q && !last_q;
+      core_has_max_q <= core_has_max;
+      core_width_q   <= core_width;
+      if (first_q) begin
+        broad_q  <= 1'b0;
+        rival_q  <= 1'b0;
+        rivals_q <= '0;
+      end
+      if (core_ends && core_has_max) begin
+        broad_q <= core_broad;
+      end else if (core_ends && WiderWidth'(core_width) >= WiderWidth'(min_width_q)) begin
+        rival_q <= 1'b1;
+        if (!core_broad && rivals_q <= RivalWidth'(MostRivals))
+          rivals_q <= rivals_q + RivalWidth'(1);
+      end
+    end
+    if (rst_i) core_in_run_q <= 1'b0;
   end
 
   // ---- the window's pixels ----
@@ -302,27 +375,31 @@ module peak_isolate #(
   end
 
   // ---- flags ----
-  logic too_narrow, too_wide;
-  assign too_narrow = found_width_q < WidthWidth'(min_width_q);
-  assign too_wide   = found_width_q > WidthWidth'(max_width_q);
+  logic clear, low_snr, saturated, too_narrow, too_wide;
+  assign clear      = !broad_q && rivals_q <= RivalWidth'(MostRivals);
+  assign low_snr    = end_low_snr_q || (end_low_spread_q && !clear);
+  assign too_narrow = WiderWidth'(found_width_q) < WiderWidth'(min_width_q);
+  assign saturated  = vrscan_pkg::AlignedWidth'(end_maximum_q) >= peak_i.saturation_level;
+  assign too_wide   = WiderWidth'(found_width_q) > WiderWidth'(max_width_q)
+                      || (broad_q && !saturated);
   always_ff @(posedge clk_i) begin
     valid_o <= finish_q;
     if (finish_q) begin
-      measured_o   <= !(end_low_snr_q || too_narrow || too_wide);
+      measured_o   <= !(low_snr || too_narrow || too_wide);
       left_o       <= found_q ? found_left_q : end_max_index_q;
       right_o      <= found_q ? found_right_q : end_max_index_q;
       width_o      <= found_width_q;
       maximum_o    <= end_maximum_q;
       background_o <= end_background_q;
-      noise_o      <= end_noise_q;
+      noise_o      <= clear || end_noise_q > end_spread_q ? end_noise_q : end_spread_q;
       user_o       <= end_user_q;
       flags_o                            <= '0;
-      flags_o[vrscan_pkg::FlagLowSnr]    <= end_low_snr_q;
+      flags_o[vrscan_pkg::FlagLowSnr]    <= low_snr;
       flags_o[vrscan_pkg::FlagTooNarrow] <= too_narrow;
       flags_o[vrscan_pkg::FlagTooWide]   <= too_wide;
       flags_o[vrscan_pkg::FlagAtEdge]    <=
           found_q && (found_left_q == '0 || found_right_q == IndexWidth'(LineLength - 1));
-      flags_o[vrscan_pkg::FlagSaturated] <= &end_maximum_q;
+      flags_o[vrscan_pkg::FlagSaturated] <= saturated;
       flags_o[vrscan_pkg::FlagRival]     <= rival_q;
     end
     if (rst_i) valid_o <= 1'b0;

@@ -1,14 +1,21 @@
 // line_statistics: maximum, mean, variance and background of a line, in the one pass it comes in.
 //
 // Sums and sums of squares are kept per block of 64 pixels; the row's are the sums of the blocks.
-// The background is the row without the blocks that a peak at the maximum could touch: the
-// maximum's own and GuardBlocks on either side, enough for a window of MaxWindow.  Where no block
-// is left, or noise_row_i asks for it, the row decides, as the paper has it.
+// Background and noise are those beside the maximum: of the pairs of whole blocks at one distance
+// from the maximum's, from 2 to 2 GuardBlocks away, the darkest ones, at most GuardBlocks of them
+// and no more than there are beyond the guard.  Flanks of a spot are in the blocks next to the
+// maximum's, a window of MaxWindow reaches GuardBlocks at most, and light only adds, so the darkest
+// hold neither spot nor rival.  A pair's mean is that of the
+// maximum's place on a slope, and the noise is pooled from within parts of 16 pixels, so a gradient
+// is hardly any.  At the line's end a block counts for its missing partner too.  The
+// spread is that of all blocks beyond the guard.  Where no whole block is beyond it, or noise_row_i
+// asks for it, the row decides, as the paper has it.
 //
 // Moments are exact: n^2 var = n sum(p^2) - sum(p)^2 in integers, and only results are rounded.
 // Everything after the last pixel shares one multiplier, one divider and one square root.
 //
-//   row_mean_o, background_o, noise_o  counts, 24 - PixelWidth fraction bits, to nearest
+//   row_mean_o, background_o,
+//   noise_o, spread_o                  counts, 24 - PixelWidth fraction bits, to nearest
 //   row_variance_o                     counts^2, 32 - 2 PixelWidth fraction bits, to nearest
 //   Latency  vrscan.fixed.line_statistics.latency() clocks from good_i to valid_o, whatever the
 //            line; the next good_i may come in the clock of valid_o
@@ -39,6 +46,7 @@ module line_statistics #(
   output      logic [vrscan_pkg::VarianceWidth-1:0] row_variance_o,
   output      logic [   vrscan_pkg::CountWidth-1:0] background_o,
   output      logic [   vrscan_pkg::CountWidth-1:0] noise_o,
+  output      logic [   vrscan_pkg::CountWidth-1:0] spread_o,
   output      logic                                 row_statistics_o,  // no block was left
   output      logic [                UserWidth-1:0] user_o,
 
@@ -58,7 +66,10 @@ module line_statistics #(
   localparam int unsigned BlockIndexWidth = Blocks > 1 ? $clog2(Blocks) : 1;
   localparam int unsigned GuardBlocks =
       (MaxWindow + vrscan_pkg::BlockLength - 1) / vrscan_pkg::BlockLength;
-  localparam int unsigned GuardWidth = $clog2(2 * GuardBlocks + 2);
+  localparam int unsigned WholeBlocks   = LineLength / vrscan_pkg::BlockLength;
+  localparam int unsigned Pairs         = 2 * GuardBlocks;
+  localparam int unsigned PairBits      = $clog2(Pairs);
+  localparam int unsigned DistanceWidth = $clog2(Pairs + 1);
 
   // n pixels of at most 2**P - 1: sums below n 2**P, squares below n 2**2P.
   localparam int unsigned BlockSumWidth    = PixelWidth + BlockBits;
@@ -66,7 +77,14 @@ module line_statistics #(
   localparam int unsigned SumWidth         = PixelWidth + IndexWidth;
   localparam int unsigned SquareWidth      = 2 * PixelWidth + IndexWidth;
   localparam int unsigned LengthWidth      = $clog2(LineLength + 1);
-  // n^2 var <= (n (2**P - 1) / 2)^2 < 2**MomentWidth.
+  // Within the parts of a block, of a pair and of all pairs that are kept: n^2 var, summed.
+  localparam int unsigned PartBits         = $clog2(vrscan_pkg::PartLength);
+  localparam int unsigned PartSumWidth     = PixelWidth + PartBits;
+  localparam int unsigned WithinWidth      = 2 * PixelWidth + BlockBits + PartBits - 2;
+  localparam int unsigned PairSumWidth     = BlockSumWidth + 1;
+  localparam int unsigned PairMomentWidth  = WithinWidth + 1;
+  localparam int unsigned LocalMomentWidth = PairMomentWidth + $clog2(GuardBlocks);
+  // n^2 var <= (n (2**P - 1) / 2)^2 < 2**MomentWidth; the kept pairs are never more than the line.
   localparam int unsigned MomentWidth      = 2 * (PixelWidth + IndexWidth) - 2;
   // The root of n^2 var carries four fraction bits: 0.03 counts / n.
   localparam int unsigned RootFraction     = 4;
@@ -74,7 +92,7 @@ module line_statistics #(
 
   // ---- the pass: pixel, square, block, row ----
   logic                         valid_q, valid_q2, block_done_q;
-  logic                         good_q, good_q2, good_q3, good_q4;
+  logic                         good_q, good_q2, good_q3, good_q4, good_q5, good_q6;
   logic [       PixelWidth-1:0] pixel_q, pixel_q2;
   logic [       IndexWidth-1:0] index_q, index_q2;
   logic [     2*PixelWidth-1:0] square_q2;
@@ -92,7 +110,22 @@ module line_statistics #(
   assign first_of_block = index_q2[BlockBits-1:0] == '0;
   assign last_of_block  = (&index_q2[BlockBits-1:0]) || index_q2 == IndexWidth'(LineLength - 1);
 
+  // The squares of the parts' sums follow three clocks behind the block.
+  logic                         last_of_part, part_done_q, part_done_q2, part_done_q3;
+  logic                         block_done_q2, block_done_q3, block_done_q4;
+  logic                         first_part, first_part_q, first_part_q2, first_part_q3;
+  logic [     PartSumWidth-1:0] part_sum_q, part_sum_q2;
+  logic [   2*PartSumWidth-1:0] part_square_q3;
+  logic [ BlockSquareWidth-1:0] done_square_q;
+  logic [      WithinWidth-1:0] part_squares_q, block_within;
+  logic [  BlockIndexWidth-1:0] done_block_q;
+  assign last_of_part = &index_q2[PartBits-1:0];
+  assign first_part   = index_q2[BlockBits-1:PartBits] == '0;
+  // 16 sum(p^2) less the squares of the parts' sums is never negative and fits, so low bits do.
+  assign block_within = (WithinWidth'(done_square_q) << PartBits) - part_squares_q;
+
   logic [BlockSumWidth+BlockSquareWidth-1:0] block_mem [1 << BlockIndexWidth];
+  logic [WithinWidth-1:0]                    within_mem [1 << BlockIndexWidth];
 
   always_ff @(posedge clk_i) begin
     valid_q   <= valid_i;
@@ -119,11 +152,35 @@ module line_statistics #(
       square_sum_q <= (block_q == '0 ? '0 : square_sum_q) + SquareWidth'(block_square_q);
     end
 
+    part_done_q  <= valid_q2 && last_of_part;
+    part_done_q2 <= part_done_q;
+    part_done_q3 <= part_done_q2;
+    if (valid_q2) begin
+      part_sum_q <= (index_q2[PartBits-1:0] == '0 ? '0 : part_sum_q) + PartSumWidth'(pixel_q2);
+      first_part_q <= first_part;
+    end
+    first_part_q2  <= first_part_q;
+    first_part_q3  <= first_part_q2;
+    part_sum_q2    <= part_sum_q;
+    part_square_q3 <= part_sum_q2 * part_sum_q2;
+    if (part_done_q3)
+      part_squares_q <= (first_part_q3 ? '0 : part_squares_q) + WithinWidth'(part_square_q3);
+    block_done_q2 <= block_done_q;
+    block_done_q3 <= block_done_q2;
+    block_done_q4 <= block_done_q3;
+    if (block_done_q) begin
+      done_square_q <= block_square_q;
+      done_block_q  <= block_q;
+    end
+    if (block_done_q4) within_mem[done_block_q] <= block_within;
+
     // good travels beside the last pixel: good_q3 meets its maximum, good_q4 its sums.
     good_q  <= good_i;
     good_q2 <= good_q;
     good_q3 <= good_q2;
     good_q4 <= good_q3;
+    good_q5 <= good_q4;
+    good_q6 <= good_q5;
     if (good_i) user_q <= user_i;
     user_q2 <= user_q;
     user_q3 <= user_q2;
@@ -131,31 +188,54 @@ module line_statistics #(
       valid_q      <= 1'b0;
       valid_q2     <= 1'b0;
       block_done_q <= 1'b0;
+      part_done_q  <= 1'b0;
       good_q       <= 1'b0;
       good_q2      <= 1'b0;
       good_q3      <= 1'b0;
       good_q4      <= 1'b0;
+      good_q5      <= 1'b0;
+      good_q6      <= 1'b0;
     end
   end
 
-  // ---- the blocks around the maximum leave the sums ----
-  localparam int unsigned ReachWidth = BlockIndexWidth + GuardWidth + 1;
-  logic signed [      ReachWidth-1:0] reach_q;  // block to read, may lie outside the line
-  logic        [      GuardWidth-1:0] guard_q;  // blocks left to read
-  logic                               reading_q, read_q, on_line_q, last_read_q, selected_q;
-  logic                               short_block_q;
-  logic        [   BlockSumWidth-1:0] read_sum;
-  logic        [BlockSquareWidth-1:0] read_square;
+  // ---- the blocks around the maximum leave the sums, and go into pairs ----
+  // The maximum's own block comes first, as the right one of distance 0.
+  localparam int unsigned ReachWidth = BlockIndexWidth + DistanceWidth + 1;
+  logic signed [   ReachWidth-1:0] left_q, right_q, reach;  // blocks, may lie outside the line
+  logic        [DistanceWidth-1:0] distance_q, distance_q2;
+  logic                            reading_q, right_side_q, last_read_q, read_q, selected_q;
+  logic                            leaves_q, whole_q, short_block_q, right_side_q2;
   logic [BlockSumWidth+BlockSquareWidth-1:0] read_data_q;
-  logic        [     LengthWidth-1:0] length_q;
-  logic        [        SumWidth-1:0] rest_sum_q, row_sum_q;
-  logic        [     SquareWidth-1:0] rest_square_q, row_square_q;
+  logic [     BlockSumWidth-1:0] read_sum, left_sum_q, left_sum, right_sum;
+  logic [  BlockSquareWidth-1:0] read_square;
+  logic [       WithinWidth-1:0] read_within_q, left_within_q, left_within, right_within;
+  logic                          left_whole_q, pair_done;
+  logic [     DistanceWidth-1:0] pairs_q, kept;
+  logic [       LengthWidth-1:0] length_q;
+  logic [          SumWidth-1:0] rest_sum_q, row_sum_q;
+  logic [       SquareWidth-1:0] rest_square_q, row_square_q;
+  logic                          use_row, use_row_q;
   assign {read_sum, read_square} = read_data_q;
 
   logic on_line;
-  assign on_line = reach_q >= 0 && reach_q < ReachWidth'(signed'(Blocks));
-  logic use_row;
-  assign use_row = noise_row_i || length_q == '0;
+  assign reach   = right_side_q ? right_q : left_q;
+  assign on_line = reading_q && reach >= 0 && reach < ReachWidth'(signed'(Blocks));
+
+  // Where a line has one block of a pair only, it counts for both.
+  assign left_sum     = left_whole_q ? left_sum_q : read_sum;
+  assign left_within  = left_whole_q ? left_within_q : read_within_q;
+  assign right_sum    = whole_q ? read_sum : left_sum_q;
+  assign right_within = whole_q ? read_within_q : left_within_q;
+  assign pair_done    = right_side_q2 && distance_q2 > DistanceWidth'(1)
+                        && (left_whole_q || whole_q);
+
+  // The pairs start at 2, so GuardBlocks - 1 of them are within the guard.
+  assign kept = pairs_q < DistanceWidth'(GuardBlocks) ? '0
+                : pairs_q - DistanceWidth'(GuardBlocks - 1);
+  assign use_row = noise_row_i || kept == '0;
+
+  logic [   PairSumWidth-1:0] pair_sum_mem    [1 << PairBits];
+  logic [PairMomentWidth-1:0] pair_moment_mem [1 << PairBits];
 
   always_ff @(posedge clk_i) begin
     if (good_q3) begin
@@ -163,8 +243,8 @@ module line_statistics #(
       maximum_o   <= max_q;
       max_index_o <= max_index_q;
       user_o      <= user_q3;
-      reach_q     <= signed'(ReachWidth'(max_index_q >> BlockBits))
-                     - ReachWidth'(signed'(GuardBlocks));
+      right_q     <= signed'(ReachWidth'(max_index_q >> BlockBits));
+      left_q      <= signed'(ReachWidth'(max_index_q >> BlockBits)) - ReachWidth'(1);
     end
     if (good_q4) begin
       row_sum_q     <= sum_q;
@@ -172,29 +252,50 @@ module line_statistics #(
       rest_sum_q    <= sum_q;
       rest_square_q <= square_sum_q;
       length_q      <= LengthWidth'(LineLength);
-      guard_q       <= GuardWidth'(2 * GuardBlocks);
-      reading_q     <= 1'b1;
+      pairs_q       <= '0;
+      distance_q    <= '0;
+      right_side_q  <= 1'b1;
     end
+    if (good_q6) reading_q <= 1'b1;
     if (reading_q) begin
-      reach_q   <= reach_q + ReachWidth'(1);
-      guard_q   <= guard_q - GuardWidth'(1);
-      reading_q <= guard_q != '0;
+      right_side_q <= !right_side_q;
+      if (right_side_q) begin
+        right_q    <= right_q + ReachWidth'(1);
+        distance_q <= distance_q + DistanceWidth'(1);
+        reading_q  <= distance_q != DistanceWidth'(Pairs);
+      end else begin
+        left_q     <= left_q - ReachWidth'(1);
+      end
     end
-    read_data_q   <= block_mem[reach_q[BlockIndexWidth-1:0]];
-    on_line_q      <= on_line && reading_q;
-    short_block_q <= reach_q == ReachWidth'(signed'(Blocks - 1));
-    last_read_q   <= reading_q && guard_q == '0;
-    if (on_line_q) begin
+    read_data_q   <= block_mem[reach[BlockIndexWidth-1:0]];
+    read_within_q <= within_mem[reach[BlockIndexWidth-1:0]];
+    leaves_q      <= on_line && distance_q <= DistanceWidth'(GuardBlocks);
+    whole_q       <= on_line && reach < ReachWidth'(signed'(WholeBlocks));
+    short_block_q <= reach == ReachWidth'(signed'(Blocks - 1));
+    right_side_q2 <= right_side_q && reading_q;
+    distance_q2   <= distance_q;
+    last_read_q   <= reading_q && right_side_q && distance_q == DistanceWidth'(Pairs);
+    if (leaves_q) begin
       rest_sum_q    <= rest_sum_q - SumWidth'(read_sum);
       rest_square_q <= rest_square_q - SquareWidth'(read_square);
       length_q      <= length_q
                        - (short_block_q ? LengthWidth'(LastLength)
                                         : LengthWidth'(vrscan_pkg::BlockLength));
     end
+    left_sum_q    <= read_sum;
+    left_within_q <= read_within_q;
+    left_whole_q  <= whole_q;
+    if (pair_done) begin
+      pairs_q <= pairs_q + DistanceWidth'(1);
+      pair_sum_mem[pairs_q[PairBits-1:0]] <= PairSumWidth'(left_sum) + PairSumWidth'(right_sum);
+      pair_moment_mem[pairs_q[PairBits-1:0]] <=
+          PairMomentWidth'(left_within) + PairMomentWidth'(right_within);
+    end
     read_q     <= last_read_q;
     selected_q <= read_q;
     if (read_q) begin
-      row_statistics_o <= length_q == '0 && !noise_row_i;
+      use_row_q        <= use_row;
+      row_statistics_o <= kept == '0 && !noise_row_i;
       if (use_row) begin
         rest_sum_q    <= row_sum_q;
         rest_square_q <= row_square_q;
@@ -202,19 +303,75 @@ module line_statistics #(
       end
     end
     if (rst_i) begin
-      reading_q   <= 1'b0;
-      on_line_q    <= 1'b0;
-      last_read_q <= 1'b0;
-      read_q      <= 1'b0;
-      selected_q  <= 1'b0;
+      reading_q     <= 1'b0;
+      leaves_q      <= 1'b0;
+      right_side_q2 <= 1'b0;
+      last_read_q   <= 1'b0;
+      read_q        <= 1'b0;
+      selected_q    <= 1'b0;
     end
   end
 
-  // ---- moments: sum^2 and n sum(p^2), of the row and then of the selection; then the root ----
+  // ---- pairs: those that are darker than each are counted, and the darkest added up ----
+  // Of equal ones the nearer is the darker.  A pair takes Pairs + 3 clocks: the pair itself is read
+  // first, then all, and it is added two clocks behind the last one.
+  localparam int unsigned StepWidth = $clog2(Pairs + 3);
+  logic                        ranking_q, comparing_q, keep, pairs_ready_q;
+  logic [       StepWidth-1:0] step_q;
+  logic [        PairBits-1:0] pair_index_q, other_index_q, rank_index;
+  logic [    PairSumWidth-1:0] pair_sum_q, other_sum_q;
+  logic [ PairMomentWidth-1:0] pair_moment_q;
+  logic [   DistanceWidth-1:0] darker_q;
+  logic [        SumWidth-1:0] local_sum_q;
+  logic [LocalMomentWidth-1:0] local_moment_q;
+  assign rank_index = step_q == '0 ? pair_index_q : PairBits'(step_q - StepWidth'(1));
+  assign keep       = darker_q < kept && DistanceWidth'(pair_index_q) < pairs_q;
+
+  always_ff @(posedge clk_i) begin
+    other_sum_q   <= pair_sum_mem[rank_index];
+    other_index_q <= rank_index;
+    comparing_q   <= ranking_q && step_q != '0 && step_q <= StepWidth'(pairs_q);
+    pair_moment_q <= pair_moment_mem[pair_index_q];
+    pairs_ready_q <= 1'b0;
+    if (ranking_q) begin
+      step_q <= step_q + StepWidth'(1);
+      if (step_q == StepWidth'(1)) begin
+        pair_sum_q <= other_sum_q;
+        darker_q   <= '0;
+      end
+      if (step_q == StepWidth'(Pairs + 2)) begin
+        step_q        <= '0;
+        pair_index_q  <= pair_index_q + PairBits'(1);
+        ranking_q     <= pair_index_q != PairBits'(Pairs - 1);
+        pairs_ready_q <= pair_index_q == PairBits'(Pairs - 1);
+        if (keep) begin
+          local_sum_q    <= local_sum_q + SumWidth'(pair_sum_q);
+          local_moment_q <= local_moment_q + LocalMomentWidth'(pair_moment_q);
+        end
+      end
+    end
+    if (comparing_q && (other_sum_q < pair_sum_q
+                        || (other_sum_q == pair_sum_q && other_index_q < pair_index_q)))
+      darker_q <= darker_q + DistanceWidth'(1);
+    if (selected_q) begin
+      ranking_q      <= 1'b1;
+      step_q         <= '0;
+      pair_index_q   <= '0;
+      local_sum_q    <= '0;
+      local_moment_q <= '0;
+    end
+    if (rst_i) begin
+      ranking_q     <= 1'b0;
+      pairs_ready_q <= 1'b0;
+    end
+  end
+
+  // ---- moments: sum^2 and n sum(p^2), of the row and of the rest; then that of the pairs ----
   typedef enum logic [2:0] {
-    MOMENT_IDLE, ROW_SUM, ROW_SQUARE, REST_SUM, REST_SQUARE, ROOT
+    MOMENT_IDLE, ROW_SUM, ROW_SQUARE, REST_SUM, REST_SQUARE, SPREAD_ROOT, LOCAL, ROOT
   } moment_e;
-  localparam int unsigned FactorAWidth = SquareWidth + 1;
+  localparam int unsigned FactorAWidth =
+      (SquareWidth > LocalMomentWidth ? SquareWidth : LocalMomentWidth) + 1;
   localparam int unsigned FactorBWidth =
       (SumWidth > LengthWidth ? SumWidth : LengthWidth) + 1;
 
@@ -226,6 +383,7 @@ module line_statistics #(
   logic        [               MomentWidth-1:0] row_moment_q;
   logic        [               MomentWidth-1:0] sum_squared_q;
   logic                                         root_start_q, root_valid, root_ready_q;
+  logic                                         spread_rooted_q, pairs_done_q;
   logic        [                 RootWidth-1:0] root;
   logic        [               2*RootWidth-1:0] radicand_q;
 
@@ -234,6 +392,14 @@ module line_statistics #(
   assign moment = product[MomentWidth-1:0] - sum_squared_q;
   logic unused_product;
   assign unused_product = ^product[FactorAWidth+FactorBWidth-1:MomentWidth];
+
+  // Products with the number of kept pairs, by few bits.
+  localparam int unsigned PartFreedom = vrscan_pkg::PartLength - 1;
+  localparam int unsigned FreedomWidth =
+      $clog2(PartFreedom * vrscan_pkg::PartLength * GuardBlocks + 1);
+  logic [FreedomWidth-1:0] freedom, moment_factor;
+  assign freedom = FreedomWidth'(kept) * FreedomWidth'(PartFreedom * vrscan_pkg::PartLength);
+  assign moment_factor = FreedomWidth'(kept) * FreedomWidth'(2 * PartFreedom);
 
   multiply #(.AWidth(FactorAWidth), .BWidth(FactorBWidth)) u_multiply (
     .clk_i, .rst_i,
@@ -286,6 +452,18 @@ module line_statistics #(
       REST_SQUARE: if (product_valid) begin
         radicand_q      <= {moment, {2*RootFraction{1'b0}}};
         root_start_q    <= 1'b1;
+        moment_q        <= SPREAD_ROOT;
+      end
+      // 2 kept pairs of n parts have the variance sum / (n 16 15): times the square of 15 n.
+      SPREAD_ROOT: if (pairs_done_q && spread_rooted_q) begin
+        factor_a_q      <= FactorAWidth'(signed'({1'b0, local_moment_q}));
+        factor_b_q      <= FactorBWidth'(signed'({1'b0, moment_factor}));
+        factors_valid_q <= 1'b1;
+        moment_q        <= LOCAL;
+      end
+      LOCAL: if (product_valid) begin
+        radicand_q      <= {product[MomentWidth-1:0], {2*RootFraction{1'b0}}};
+        root_start_q    <= 1'b1;
         moment_q        <= ROOT;
       end
       ROOT: if (root_valid) moment_q <= MOMENT_IDLE;
@@ -298,15 +476,16 @@ module line_statistics #(
     end
   end
 
-  // ---- quotients: row mean, background, row variance, noise ----
+  // ---- quotients: row mean and variance, spread, background, noise ----
   localparam int unsigned MeanShift     = vrscan_pkg::CountWidth - PixelWidth;
   localparam int unsigned VarianceShift = vrscan_pkg::VarianceWidth - 2 * PixelWidth;
   localparam int unsigned NoiseShift    = MeanShift - RootFraction;
   localparam int unsigned DividendWidth = MomentWidth + VarianceShift;
   localparam int unsigned DivisorWidth  = 2 * LengthWidth;
 
-  typedef enum logic [2:0] {
-    QUOTIENT_IDLE, ROW_MEAN, BACKGROUND, ROW_VARIANCE, WAIT_ROOT, NOISE
+  typedef enum logic [3:0] {
+    QUOTIENT_IDLE, ROW_MEAN, ROW_VARIANCE, WAIT_SPREAD, SPREAD, WAIT_PAIRS, BACKGROUND, WAIT_NOISE,
+    NOISE
   } quotient_e;
   quotient_e                               quotient_q;
   logic                                    divide_start_q, quotient_valid;
@@ -328,10 +507,16 @@ module line_statistics #(
     .overflow_o()  // means and variances of pixels always fit, and n is never 0
   );
 
+  localparam int unsigned PairPixels = 2 * vrscan_pkg::BlockLength;
+  logic [LengthWidth-1:0] kept_pixels;
+  assign kept_pixels = LengthWidth'(kept) * LengthWidth'(PairPixels);
+
   always_ff @(posedge clk_i) begin
     divide_start_q <= 1'b0;
     valid_o        <= 1'b0;
     root_ready_q   <= (root_ready_q || root_valid) && quotient_q != QUOTIENT_IDLE;
+    pairs_done_q   <= (pairs_done_q || pairs_ready_q) && quotient_q != QUOTIENT_IDLE;
+    spread_rooted_q <= (spread_rooted_q || root_valid) && quotient_q != QUOTIENT_IDLE;
     unique case (quotient_q)
       QUOTIENT_IDLE: if (selected_q) begin
         dividend_q     <= DividendWidth'(row_sum_q) << MeanShift;
@@ -339,15 +524,9 @@ module line_statistics #(
         divide_start_q <= 1'b1;
         quotient_q     <= ROW_MEAN;
       end
+      // A quotient takes longer than the two products of the row's moment.
       ROW_MEAN: if (quotient_valid) begin
         row_mean_o     <= quotient[vrscan_pkg::CountWidth-1:0];
-        dividend_q     <= DividendWidth'(rest_sum_q) << MeanShift;
-        divisor_q      <= DivisorWidth'(length_q);
-        divide_start_q <= 1'b1;
-        quotient_q     <= BACKGROUND;
-      end
-      BACKGROUND: if (quotient_valid) begin
-        background_o   <= quotient[vrscan_pkg::CountWidth-1:0];
         dividend_q     <= DividendWidth'(row_moment_q) << VarianceShift;
         divisor_q      <= DivisorWidth'(LineLength * LineLength);
         divide_start_q <= 1'b1;
@@ -355,16 +534,37 @@ module line_statistics #(
       end
       ROW_VARIANCE: if (quotient_valid) begin
         row_variance_o <= quotient;
-        quotient_q     <= WAIT_ROOT;
+        quotient_q     <= WAIT_SPREAD;
       end
-      WAIT_ROOT: if (root_ready_q) begin
+      WAIT_SPREAD: if (root_ready_q) begin
         dividend_q     <= DividendWidth'(root) << NoiseShift;
         divisor_q      <= DivisorWidth'(length_q);
+        divide_start_q <= 1'b1;
+        root_ready_q   <= 1'b0;
+        quotient_q     <= SPREAD;
+      end
+      SPREAD: if (quotient_valid) begin
+        spread_o       <= quotient[vrscan_pkg::CountWidth-1:0];
+        quotient_q     <= WAIT_PAIRS;
+      end
+      WAIT_PAIRS: if (pairs_done_q) begin
+        dividend_q     <= DividendWidth'(use_row_q ? row_sum_q : local_sum_q) << MeanShift;
+        divisor_q      <= DivisorWidth'(use_row_q ? LengthWidth'(LineLength) : kept_pixels);
+        divide_start_q <= 1'b1;
+        quotient_q     <= BACKGROUND;
+      end
+      BACKGROUND: if (quotient_valid) begin
+        background_o   <= quotient[vrscan_pkg::CountWidth-1:0];
+        quotient_q     <= WAIT_NOISE;
+      end
+      WAIT_NOISE: if (root_ready_q) begin
+        dividend_q     <= DividendWidth'(root) << NoiseShift;
+        divisor_q      <= DivisorWidth'(freedom);
         divide_start_q <= 1'b1;
         quotient_q     <= NOISE;
       end
       NOISE: if (quotient_valid) begin
-        noise_o        <= quotient[vrscan_pkg::CountWidth-1:0];
+        noise_o        <= use_row_q ? spread_o : quotient[vrscan_pkg::CountWidth-1:0];
         valid_o        <= 1'b1;
         quotient_q     <= QUOTIENT_IDLE;
       end
@@ -374,6 +574,8 @@ module line_statistics #(
       quotient_q     <= QUOTIENT_IDLE;
       divide_start_q <= 1'b0;
       root_ready_q   <= 1'b0;
+      pairs_done_q   <= 1'b0;
+      spread_rooted_q <= 1'b0;
       valid_o        <= 1'b0;
     end
   end

@@ -112,7 +112,7 @@ def test_chain_rtl_equals_model_on_whole_lines(salt: int) -> None:
 @EACH_MODE
 def test_latency_is_its_formula(mode: Registers) -> None:
     """Every width and every unmeasured line, back to back: the clock of each point."""
-    registers = replace(mode, k_height=ONE_PASS.k_height)
+    registers = replace(mode, k_height=ONE_PASS.k_height, max_core=255)
     lines = plateaus(320, 7)
     angle = power = np.zeros(len(lines), np.int64)
     points = run_fixed(lines, angle, power, registers)

@@ -48,9 +48,15 @@ class Cases:
     background: np.ndarray
     noise: np.ndarray
 
-    def fitted(self, pixel_width: int, kappa: int) -> Fitted:
+    def fitted(self, pixel_width: int, kappa: int, level: int) -> Fitted:
         """Return the twin's answer."""
-        return peak_fit(**vars(self), pixel_width=pixel_width, kappa=kappa, history=History.empty())
+        return peak_fit(
+            **vars(self),
+            pixel_width=pixel_width,
+            kappa=kappa,
+            saturation_level=level,
+            history=History.empty(),
+        )
 
 
 def kappa_register(pixel_width: int) -> int:
@@ -128,12 +134,14 @@ def extremes(given: dict[str, int], count: int, salt: int) -> Cases:
     )
 
 
-async def send(dut, cases: Cases, kappa: int) -> Fitted:
+async def send(dut, cases: Cases, kappa: int, level: int = 0) -> Fitted:
     """Send lines one after the other, play the ring, and compare results and latencies."""
     given = parameters()
     length = given["LineLength"]
-    want = cases.fitted(given["PixelWidth"], kappa)
+    level = level or (1 << given["PixelWidth"]) - 1
+    want = cases.fitted(given["PixelWidth"], kappa, level)
     dut.kappa_i.value = kappa
+    dut.saturation_level_i.value = level
     got: dict[str, list[int]] = {"fitted": [], "position": [], "sigma": [], "speckle": []}
     for row, line in enumerate(cases.lines):
         # What stands in the ring beside the line is not to be used.
@@ -183,9 +191,11 @@ async def spots_of_every_kind(dut) -> None:
 async def ends_of_the_ranges(dut) -> None:
     """Numbers that no line has, noise from nothing to full scale, kappa at its ends."""
     given = parameters()
-    for salt, kappa in ((2, 0), (3, (1 << pkg.KAPPA_WIDTH) - 1), (4, 3277)):
+    top = (1 << given["PixelWidth"]) - 1
+    most = (1 << pkg.KAPPA_WIDTH) - 1
+    for salt, kappa, level in ((2, 0, top), (3, most, 1), (4, 3277, top // 2)):
         await reset(dut)
-        await send(dut, extremes(given, 24, salt), kappa)
+        await send(dut, extremes(given, 24, salt), kappa, level)
 
 
 @cocotb.test()

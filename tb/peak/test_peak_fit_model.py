@@ -62,8 +62,9 @@ class Cases:
         }
 
     def _common(self) -> dict[str, object]:
-        names = ("lines", "measured", "left", "width", "maximum", "pixel_width")
-        return {name: getattr(self, name) for name in names}
+        names = ("lines", "measured", "left", "width", "maximum")
+        given: dict[str, object] = {name: getattr(self, name) for name in names}
+        return given | {"saturation_level": (1 << self.pixel_width) - 1}
 
     def fixed(self, history: fixed.History | None = None) -> fixed.Fitted:
         """Return the twin's answer."""
@@ -71,6 +72,7 @@ class Cases:
         return fixed.peak_fit(
             **self._common(),
             spread=np.zeros(len(self.lines), np.int64),
+            pixel_width=self.pixel_width,
             **{name: getattr(self, name) for name in names},
             history=history or fixed.History.empty(),
         )

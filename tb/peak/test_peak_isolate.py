@@ -1,6 +1,6 @@
 """peak_isolate: window, flags and stored pixels of the RTL against the model, and by name."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cocotb
 import numpy as np
@@ -30,7 +30,7 @@ ELABORATIONS = [
     {"LineLength": 129, "PixelWidth": 16, "MaxWindow": 64, "UserWidth": 8},
 ]
 REACH = 228  # pixels beside a run that a second window, its gap and its blocks may want
-OUTPUTS = ("measured", "left", "right", "width", "flags")
+OUTPUTS = ("measured", "left", "right", "width", "noise", "flags")
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,9 @@ class Settings:
     snr_min: int = 5 << pkg.SNR_FRACTION
     min_width: int = 3
     max_width: int = 255
+    max_core: int = 64
+    saturation_level: int = 0xFFFF  # none of these pixels, where a test does not say
+    noise_row: bool = False
 
 
 def plateaus(widths: list[int], length: int, top: int, salt: int) -> np.ndarray:
@@ -95,7 +98,7 @@ async def send(
         row, phase = divmod(cycle, length)
         dut.valid_i.value = int(phase == 0 and row < len(lines))
         if phase == 0 and row < len(lines):
-            for name in ("maximum", "max_index", "background", "noise"):
+            for name in ("maximum", "max_index", "background", "noise", "spread"):
                 port(dut, f"{name}_i").value = int(getattr(statistics, name)[row])
             dut.user_i.value = row & 0xFF
         playing = bool(replays) and cycle >= replays[0]
@@ -133,7 +136,6 @@ async def send(
         if ends:
             assert int(dut.user_o.value) == row & 0xFF
             assert int(dut.background_o.value) == statistics.background[row]
-            assert int(dut.noise_o.value) == statistics.noise[row]
             assert int(dut.maximum_o.value) == statistics.maximum[row]
             for name in OUTPUTS:
                 got[name].append(as_integer(port(dut, f"{name}_o"), signed=False))
@@ -181,6 +183,7 @@ async def random_statistics_and_settings(dut) -> None:
         noise = (1 << draw.integers(0, 24, 6)) - 1
         background[0], noise[0] = maximum[0] << shift, 0
         noise[1] = 0
+        spread = (1 << draw.integers(0, 24, 6)) - 1
         statistics = LineStatistics(
             maximum=maximum,
             max_index=lines.argmax(axis=1).astype(np.int64),
@@ -188,6 +191,7 @@ async def random_statistics_and_settings(dut) -> None:
             row_variance=background,
             background=background,
             noise=noise,
+            spread=spread,
             row_statistics=np.zeros(6, np.bool_),
         )
         settings = Settings(
@@ -196,6 +200,9 @@ async def random_statistics_and_settings(dut) -> None:
             snr_min=int(draw.integers(1 << 16)) >> int(draw.integers(16)),
             min_width=int(draw.integers(256)) >> int(draw.integers(8)),
             max_width=int(draw.integers(256)),
+            max_core=int(draw.integers(256)),
+            saturation_level=int(draw.integers(1 << width)),
+            noise_row=bool(draw.integers(2)),
         )
         await send(dut, lines, settings, statistics)
 
@@ -208,7 +215,7 @@ async def flags_by_name(dut) -> None:
     widest = min(given["MaxWindow"], length)
     middle = length // 2
     await reset(dut)
-    settings = Settings(min_width=3, k_noise=0)
+    settings = Settings(min_width=3, k_noise=0, max_core=255, saturation_level=top)
 
     def line(*runs: tuple[int, int, int]) -> np.ndarray:
         pixels = np.zeros(length, np.uint16)
@@ -226,6 +233,8 @@ async def flags_by_name(dut) -> None:
         (line((5, 5, top - 1), (middle, 2, top // 2)), []),  # too narrow to be a rival
         (line((5, 5, top // 2), (middle, 4, top - 1)), ["RIVAL"]),
         (line((5, 5, top - 1), (middle, 4, top // 25)), []),  # below k_height
+        (line((5, 5, top - 1), (middle, 4, (top - 1) // 4)), []),  # not above a quarter
+        (line((5, 5, top - 1), (middle, 4, (top - 1) // 4 + 1)), ["RIVAL"]),
         (line(), ["LOW_SNR", "TOO_NARROW"]),
     ]
     if widest + 1 < length:
@@ -240,11 +249,46 @@ async def flags_by_name(dut) -> None:
         row_variance=np.zeros(len(lines), np.int64),
         background=np.zeros(len(lines), np.int64),
         noise=np.full(len(lines), 1 << shift) >> 4,
+        spread=np.full(len(lines), 1 << shift) >> 4,
         row_statistics=np.zeros(len(lines), np.bool_),
     )
     want = await send(dut, lines, settings, statistics)
     for k, (_, names) in enumerate(cases):
         assert want.flags[k] == sum(1 << pkg.FLAGS[name] for name in names), (k, names)
+
+
+@cocotb.test()
+async def what_is_broad_or_one_of_many_is_judged_by_the_spread(dut) -> None:
+    """A clear spot keeps its noise; a core of 65 pixels or a third narrow rival costs it."""
+    given = parameters()
+    length, shift = given["LineLength"], pkg.COUNT_WIDTH - given["PixelWidth"]
+    await reset(dut)
+    lines = np.zeros((10, length), np.uint16)
+    lines[:, 2:6] = 101
+    for row, rivals in enumerate((0, 1, 2, 3, 4)):
+        for k in range(rivals):
+            lines[row, 10 + 8 * k : 14 + 8 * k] = 100
+    lines[5, 2:66], lines[6, 2:67] = 101, 101
+    lines[7, 10:90:4] = lines[7, 11:90:4] = 100  # too narrow to be rivals
+    lines[8, 10:34:8] = lines[8, 11:34:8] = lines[8, 12:34:8] = 25  # not above a quarter
+    lines[9, 10:13] = lines[9, 16:19] = lines[9, 22:90] = 100  # the third rival is broad
+    noise, spread = 1 << shift, 30 << shift
+    zeros = np.zeros(10, np.int64)
+    statistics = LineStatistics(
+        maximum=np.full(10, 101),
+        max_index=np.full(10, 2),
+        row_mean=zeros,
+        row_variance=zeros,
+        background=zeros,
+        noise=zeros + noise,
+        spread=zeros + spread,
+        row_statistics=zeros > 0,
+    )
+    want = await send(dut, lines, Settings(k_noise=1 << 7), statistics)
+    clear = [True, True, True, False, False, True, False, True, True, True]
+    assert (want.noise == noise).tolist() == clear
+    # 101 counts are more than five noises and less than five spreads.
+    assert (want.flags >> pkg.FLAG_LOW_SNR & 1 == 0).tolist() == clear
 
 
 @cocotb.test()
@@ -257,7 +301,7 @@ async def limits_belong_to_nobody(dut) -> None:
     lines[:, 20:25] = 30
     lines[:, 21:24] = 40
     # Both terms end half a step below 30 pixels: rounded up, the outer pixels are not above.
-    settings = Settings(k_noise=1 << 7, k_height=1 << 15, snr_min=2 << 8)
+    settings = Settings(k_noise=1 << 7, k_height=1 << 15, snr_min=2 << 8, noise_row=True)
     background = np.array([0, (20 << shift) - 1, 0, 0])
     noise = np.array([(60 << shift) - 1, 0, 20 << shift, (20 << shift) + 1])
     statistics = LineStatistics(
@@ -267,11 +311,15 @@ async def limits_belong_to_nobody(dut) -> None:
         row_variance=background,
         background=background,
         noise=noise,
+        spread=noise,
         row_statistics=np.zeros(4, np.bool_),
     )
     want = await send(dut, lines, settings, statistics)
     assert want.width[:2].tolist() == [3, 3]
     assert (want.flags >> pkg.FLAG_LOW_SNR & 1).tolist() == [1, 0, 0, 1]
+    # The spread lifts the threshold to half of the height, 20 pixels, and no further.
+    want = await send(dut, lines, replace(settings, k_height=0, noise_row=False), statistics)
+    assert want.width[:2].tolist() == [5, 5]
 
 
 @cocotb.test()
@@ -324,8 +372,8 @@ def test_peak_isolate_model_is_the_run_of_the_equations() -> None:
     draw = generator(6)
     place, settings = np.arange(1000), Settings(k_noise=600, k_height=9000, min_width=4)
     lines = 60 + 4 * draw.standard_normal((400, 1000))
-    for _ in range(2):
-        centre, width = draw.uniform(0, 1000, (400, 1)), 10 ** draw.uniform(-0.5, 1.3, (400, 1))
+    for _ in range(5):
+        centre, width = draw.uniform(0, 1000, (400, 1)), 10 ** draw.uniform(-0.5, 1.8, (400, 1))
         height = 10 ** draw.uniform(1, 3.5, (400, 1))
         lines += height * np.exp(-(((place - centre) / width) ** 2))
     lines = np.clip(np.round(lines), 0, 4095).astype(np.uint16)
@@ -334,26 +382,33 @@ def test_peak_isolate_model_is_the_run_of_the_equations() -> None:
 
     step = 2.0 ** (pkg.COUNT_WIDTH - 12)
     background, noise = statistics.background / step, statistics.noise / step
-    level = ideal.threshold(
-        background,
-        noise,
-        statistics.maximum,
-        k_noise=settings.k_noise / 2**pkg.K_NOISE_FRACTION,
-        k_height=settings.k_height / 2**pkg.K_HEIGHT_FRACTION,
+    spread = statistics.spread / step
+    k_noise = settings.k_noise / 2**pkg.K_NOISE_FRACTION
+    k_height = settings.k_height / 2**pkg.K_HEIGHT_FRACTION
+    maximum, place = statistics.maximum, statistics.max_index
+    lift = np.minimum(spread, (maximum - background) / 2 / k_noise)
+    level = ideal.threshold(background, lift, maximum, k_noise=k_noise, k_height=k_height)
+    core_level = ideal.threshold(background, noise, maximum, k_noise=k_noise, k_height=0.25)
+    want = ideal.isolate(lines, place, level, min_width=settings.min_width)
+    core = ideal.isolate(
+        lines, place, core_level, min_width=settings.min_width, max_width=settings.max_core
     )
-    want = ideal.isolate(lines, statistics.max_index, level, min_width=settings.min_width)
     sure = np.abs(level - np.round(level)) > 1 / step
+    sure &= np.abs(core_level - np.round(core_level)) > 1 / step
     found = sure & (want.width > 0)
-    assert sure.mean() > 0.9 and 0.05 < want.rival.mean() < 0.95
+    rival, clear = core.rivals > 0, ideal.clear(core, max_core=settings.max_core)
+    assert sure.mean() > 0.8 and 0.05 < rival.mean() < 0.95 and 0.05 < clear.mean() < 0.95
     assert np.array_equal(got.width[sure], want.width[sure])
     assert np.array_equal(got.left[found], want.left[found])
     assert np.array_equal(got.right[found], want.right[found])
-    assert np.array_equal((got.flags >> pkg.FLAG_RIVAL & 1)[sure], want.rival[sure])
+    assert np.array_equal((got.flags >> pkg.FLAG_RIVAL & 1)[sure], rival[sure])
+    noise = np.where(clear, noise, np.maximum(noise, spread))
+    assert np.array_equal((got.noise / step)[sure], noise[sure])
     # A height of exactly snr_min noises is enough.
     heights = statistics.maximum - background
-    clear = np.abs(heights - 5 * noise) > 1e-3
+    sure &= np.abs(heights - 5 * noise) > 1e-3
     low = got.flags >> pkg.FLAG_LOW_SNR & 1
-    assert np.array_equal(low[clear], (heights < 5 * noise)[clear])
+    assert np.array_equal(low[sure], (heights < 5 * noise)[sure])
 
 
 def test_a_pixel_on_the_threshold_is_not_above_it() -> None:
@@ -375,6 +430,7 @@ def test_peak_isolate_model_takes_the_least_ratio() -> None:
         row_variance=zeros,
         background=zeros,
         noise=np.full(2, 10 << shift),
+        spread=np.full(2, 10 << shift),
         row_statistics=np.zeros(2, np.bool_),
     )
     got = peak_isolate(lines, statistics, pixel_width=12, max_window=255, **vars(Settings()))

@@ -22,9 +22,12 @@ ELABORATIONS = [
     {"LineLength": 1000, "PixelWidth": 12, "MaxWindow": 127, "UserWidth": 8},
     {"LineLength": 2048, "PixelWidth": 16, "MaxWindow": 255, "UserWidth": 8},
     {"LineLength": 256, "PixelWidth": 8, "MaxWindow": 255, "UserWidth": 8},
+    {"LineLength": 600, "PixelWidth": 12, "MaxWindow": 60, "UserWidth": 8},
+    {"LineLength": 4096, "PixelWidth": 10, "MaxWindow": 191, "UserWidth": 8},  # six pairs
 ]
 OUTPUTS = (
-    "maximum", "max_index", "row_mean", "row_variance", "background", "noise", "row_statistics",
+    "maximum", "max_index", "row_mean", "row_variance", "background", "noise", "spread",
+    "row_statistics",
 )  # fmt: skip
 
 
@@ -39,14 +42,18 @@ def hard_lines(length: int, pixel_width: int, count: int, salt: int) -> np.ndarr
         int
     )
     lines = np.clip(lines, 0, top)
-    corners = np.zeros((8, length), np.int64)
+    corners = np.zeros((9, length), np.int64)
     corners[1] = top
     corners[2, 0] = corners[3, -1] = top
     corners[4] = np.arange(length) % 2 * top
     corners[5, length // 2] = 1
     corners[6, 5] = corners[6, length - 5] = 3  # two equal maxima: the first one counts
     corners[7] = top - 1
-    lines[: min(count, 8)] = corners[:count]
+    # Blocks as bright as each other, each with a noise of its own: of equal pairs the nearer count.
+    place = np.arange(length)
+    corners[8] = 40 + np.where(place % 2 == 0, 1, -1) * (place // 64 % 37)
+    corners[8, length // 2] = top
+    lines[: min(count, 9)] = corners[:count]
     return lines.astype(np.uint16)
 
 
@@ -75,8 +82,10 @@ async def send(
     due: list[tuple[int, int]] = []
     cycle = row = index = 0
     while len(got["maximum"]) < len(lines):
-        sends = row < len(lines) and draw.random() >= gap
         last = index == length - 1
+        # The next line may end in the clock of the last one's result.
+        early = index >= length - 1 and bool(due) and due[0][0] > cycle
+        sends = row < len(lines) and not early and draw.random() >= gap
         dut.valid_i.value = int(sends and index < length)
         dut.good_i.value = int(sends and (index == length if late_good else last))
         if sends:
@@ -171,29 +180,83 @@ def test_line_statistics_rtl_equals_model(widths: dict[str, int]) -> None:
     simulate("line_statistics", __file__, widths)
 
 
-@pytest.mark.parametrize("pixel_width", [8, 12, 16])
-def test_line_statistics_model_is_the_rounded_moment(pixel_width: int) -> None:
-    """Against exact fractions: means and variance within half a step, noise within its root's."""
-    length = 2048
+def darkest_pairs(pixels: list[int], block: int, guard: int = 4) -> list[list[list[int]]]:
+    """Return the blocks beside block ``block`` of a line by their definition: pairs of pixels."""
+    whole = [pixels[k : k + 64] for k in range(0, len(pixels) - 63, 64)]
+    pairs = []
+    for distance in range(2, 2 * guard + 1):
+        there = [whole[k] for k in (block - distance, block + distance) if 0 <= k < len(whole)]
+        if there:
+            pairs.append([there[0], there[-1]])
+    darkest = sorted(pairs, key=lambda pair: sum(pair[0]) + sum(pair[1]))
+    return darkest[: max(min(guard, len(pairs) + 1 - guard), 0)]
+
+
+@pytest.mark.parametrize(("pixel_width", "length"), [(8, 2048), (12, 2048), (16, 2048), (12, 900)])
+def test_line_statistics_model_is_the_rounded_moment(pixel_width: int, length: int) -> None:
+    """Against exact fractions: half a step for means and variance, a root's for deviations."""
     lines = hard_lines(length, pixel_width, 60, pixel_width)
+    lines[40:] = lines[40:] // 4 + np.arange(length) * np.linspace(-6, 6, 20)[:, None] % 97
+    lines = np.minimum(lines, (1 << pixel_width) - 1).astype(np.uint16)
     got = line_statistics(lines, pixel_width=pixel_width, max_window=255, noise_row=False)
     step = Fraction(1, 1 << (24 - pixel_width))
     square_step = Fraction(1 << (2 * pixel_width), 1 << 32)
-    worst_noise = 0.0
-    for k, pixels in enumerate(lines.astype(object)):
-        block = int(np.argmax(pixels)) // 64
+    worst, used_row = 0.0, 0
+
+    def moments(values: list[int]) -> tuple[Fraction, Fraction]:
+        mean = Fraction(sum(values), len(values))
+        return mean, Fraction(sum(p * p for p in values), len(values)) - mean**2
+
+    def error(found: int, variance: Fraction, count: int) -> float:
+        """Over half a step of the result and of the root with its four fraction bits."""
+        off = abs(found * float(step) - float(variance) ** 0.5)
+        return off / (float(step) / 2 + 1 / (32 * count))
+
+    for k, pixels in enumerate(lines.astype(object).tolist()):
+        block = pixels.index(max(pixels)) // 64
+        mean, variance = moments(pixels)
+        kept = [half for pair in darkest_pairs(pixels, block) for half in pair]
         far = [p for i, p in enumerate(pixels) if abs(i // 64 - block) > 4]
-        mean = Fraction(sum(pixels), length)
-        variance = Fraction(sum(p * p for p in pixels), length) - mean**2
-        background = Fraction(sum(far), len(far))
-        spread = Fraction(sum(p * p for p in far), len(far)) - background**2
+        used_row += not kept
+        background = sum((moments(half)[0] for half in kept), Fraction(0)) / max(len(kept), 1)
+        parts = [half[k : k + 16] for half in kept for k in range(0, 64, 16)]
+        noise = sum((moments(part)[1] for part in parts), Fraction(0)) / max(len(parts), 1)
+        noise *= Fraction(16, 15)
+        _, spread = moments(far) if kept else (mean, variance)
         assert abs(int(got.row_mean[k]) * step - mean) <= step / 2
         assert abs(int(got.row_variance[k]) * square_step - variance) <= square_step / 2
-        assert abs(int(got.background[k]) * step - background) <= step / 2
-        error = abs(int(got.noise[k]) * float(step) - float(spread) ** 0.5)
-        # Half a step of the result, and half a step of the root with its four fraction bits.
-        worst_noise = max(worst_noise, error / (float(step) / 2 + 1 / (32 * len(far))))
-    assert worst_noise <= 1 + 1e-9, f"noise error / bound {worst_noise}"
+        assert abs(int(got.background[k]) * step - (background if kept else mean)) <= step / 2
+        assert got.row_statistics[k] == (not kept)
+        worst = max(worst, error(int(got.spread[k]), spread, len(far) if kept else length))
+        worst = max(
+            worst,
+            error(int(got.noise[k]), noise if kept else variance, 120 * len(kept) or length),
+        )
+    assert worst <= 1 + 1e-9, f"error of a deviation / bound {worst}"
+    assert used_row == 0 or length < 2048
+
+
+def test_a_gradient_is_no_noise_and_its_level_is_that_at_the_spot() -> None:
+    """On slopes, with spots and rivals: the background at the spot's block, and its noise."""
+    draw = generator(8)
+    place = np.arange(2048)
+    slope = draw.uniform(-0.8, 0.8, (200, 1))
+    centre = draw.uniform(600, 1400, (200, 1))
+    lines = 1000 + slope * (place - 1024) + 4 * draw.standard_normal((200, 2048))
+    lines += 1500 * np.exp(-(((place - centre) / 6) ** 2))
+    rival = centre + draw.uniform(150, 450, (200, 1)) * draw.choice([-1, 1], (200, 1))
+    lines += 900 * np.exp(-(((place - rival) / 6) ** 2))
+    lines = np.clip(np.round(lines), 0, 4095).astype(np.uint16)
+    got = line_statistics(lines, pixel_width=12, max_window=255, noise_row=False)
+    middle = got.max_index // 64 * 64 + 31.5
+    level = 1000 + slope[:, 0] * (middle - 1024)
+    # 16 steps of a slope have a sample variance of 16 17 / 12 of its square.
+    noise = np.sqrt(16 + 1 / 12 + np.square(slope[:, 0]) * 16 * 17 / 12)
+    # The darkest of eight pairs: their mean is a deviation of a pair's below the level at most.
+    assert np.abs(got.background / 4096 - level).max() < 4 * noise.max() / np.sqrt(128)
+    assert np.abs(got.noise / 4096 / noise - 1).max() < 5 / np.sqrt(2 * 512)
+    # What the whole line would say of the steepest ones.
+    assert (got.spread / 4096 > 10 * noise).sum() > 50
 
 
 def test_line_statistics_without_a_free_block_uses_the_row() -> None:
@@ -201,6 +264,9 @@ def test_line_statistics_without_a_free_block_uses_the_row() -> None:
     got = line_statistics(lines, pixel_width=12, max_window=255, noise_row=False)
     assert got.row_statistics.all()
     assert np.array_equal(got.background, got.row_mean)
+    row = line_statistics(lines, pixel_width=12, max_window=255, noise_row=True)
+    assert not row.row_statistics.any()
+    assert np.array_equal(got.noise, row.noise) and np.array_equal(got.noise, got.spread)
 
 
 @pytest.mark.parametrize(

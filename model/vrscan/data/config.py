@@ -42,20 +42,20 @@ class Peak(Section):
     The thresholds are the outcome of ``vrscan efficiency`` (12 bits, 5 electrons per count, read
     noise 3 and background 60 counts; spots of s = 1, 2, 4, 8, 12 px, peaks of 5, 20, 50, 90 % of
     full scale; 4,000 lines each). The table gives the geometric mean of the efficiency over the 20
-    spots, the largest share of lines with a false RIVAL (s = 12 px at 5 %, where noise breaks up
-    the spot's own flank), and how far a spot with sides of 0.75 s and 1.25 s, s = 3 px, moves
-    between 10 and 90 % of full scale:
+    spots, and how far a spot with sides of 0.75 s and 1.25 s, s = 3 px, moves between 10 and 90 %
+    of full scale:
 
-    | k_noise | k_height | efficiency | RIVAL | skewed spot moves |
-    |---|---|---|---|---|
-    | 2.5 | 0 | 0.968 | 9 % | 0.11 px |
-    | 2.5 | 0.015 | 0.940 | 9 % | 0.05 px |
-    | 2.5 | 0.02 (shipped) | 0.926 | 9 % | 0.03 px |
-    | 2.5 | 0.03 | 0.896 | 9 % | 0.00 px |
-    | 3.5 | 0.02 | 0.915 | 4 % | 0.06 px |
+    | k_noise | k_height | efficiency | skewed spot moves |
+    |---|---|---|---|
+    | 2.5 | 0 | 0.968 | 0.11 px |
+    | 2.5 | 0.015 | 0.940 | 0.05 px |
+    | 2.5 | 0.02 (shipped) | 0.926 | 0.03 px |
+    | 2.5 | 0.03 | 0.896 | 0.00 px |
+    | 3.5 | 0.02 | 0.915 | 0.06 px |
 
-    No line was lost in any of them. ``snr_min`` and ``min_width`` cost nothing there, because the
-    dimmest spot is 44 standard deviations high; 8 and 3 px keep lines without a spot out.
+    No line was lost in any of them, and none had a false RIVAL. ``snr_min`` and ``min_width`` cost
+    nothing there, because the dimmest spot is 44 standard deviations high; 8 and 3 px keep lines
+    without a spot out.
 
     With ``window = "two_pass"`` the first window only has to find the spot and its width, and
     ``k_first`` replaces ``k_height``. It is so high that the run does not climb a background that
@@ -66,7 +66,7 @@ class Peak(Section):
     period: Literal["n", "n-1"] = "n"
     window: Literal["threshold", "two_pass", "fit"] = "threshold"
     noise: Literal["background", "row"] = "background"
-    k_noise: float = Field(default=2.5, ge=0, lt=256)  # threshold above background / noise
+    k_noise: float = Field(default=2.5, ge=0, lt=256)  # threshold above background / spread
     k_height: float = Field(default=0.02, ge=0, lt=1)  # threshold above background / peak's height
     k_first: float = Field(default=0.25, ge=0, lt=1)  # k_height in the first of two passes
     k_fit: float = Field(default=0.15, ge=0, lt=1)  # the same before a fit
@@ -74,6 +74,8 @@ class Peak(Section):
     snr_max: float = Field(default=100.0, ge=1, lt=256)  # S/N at which C_obj is 1
     min_width: int = Field(default=3, ge=3, le=255)  # narrowest window, px
     max_width: int = Field(default=255, ge=3, le=255)  # widest window, px
+    # Widest at a quarter of the height, px: no spot of this instrument is, unless it is saturated.
+    max_core: int = Field(default=64, ge=3, le=255)
     kappa: float = Field(default=0.2, ge=0, lt=4)  # counts per electron
 
     @model_validator(mode="after")
@@ -258,6 +260,24 @@ class Sensor(Section):
 
     pixel_width: int = Field(default=12, ge=8, le=16)  # bits
     line_length: int = Field(default=2048, ge=64, le=8192)  # px
+    # Least pixel value that counts as saturated; without it the largest of pixel_width bits.
+    saturation_level: int | None = Field(default=None, ge=1)
+
+    @property
+    def least_saturated(self) -> int:
+        """Return the least pixel value that counts as saturated."""
+        largest = 2**self.pixel_width - 1
+        return largest if self.saturation_level is None else self.saturation_level
+
+    @model_validator(mode="after")
+    def _reachable(self) -> "Sensor":
+        largest = 2**self.pixel_width - 1
+        if self.least_saturated > largest:
+            raise ValueError(
+                f"saturation_level {self.least_saturated} is above {largest}, the largest of "
+                f"{self.pixel_width} bits"
+            )
+        return self
 
 
 class Laser(Section):

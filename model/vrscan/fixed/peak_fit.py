@@ -350,6 +350,7 @@ def peak_fit(
     noise: Ints,
     pixel_width: int,
     kappa: int,
+    saturation_level: int,
     history: History,
 ) -> Fitted:
     """Fit a Gaussian to the spot of every line.
@@ -368,6 +369,7 @@ def peak_fit(
         noise: Noise of the background in the same format, [n].
         pixel_width: ``PixelWidth`` of the module.
         kappa: Counts per electron, 28 - PixelWidth fraction bits.
+        saturation_level: Pixel from which on its light is not known.
         history: The lines before; ``History.empty()`` after a reset.
 
     Returns:
@@ -378,7 +380,7 @@ def peak_fit(
     place = first[:, None] + np.arange(SPAN)
     on_line = (place >= 0) & (place < length)
     pixel = lines[np.arange(count)[:, None], np.clip(place, 0, length - 1)].astype(np.int64)
-    clipped = on_line & (pixel == (1 << pixel_width) - 1)
+    clipped = on_line & (pixel >= saturation_level)
     full = maximum << (pkg.COUNT_WIDTH - pixel_width)
     lift = np.clip(pkg.COUNT_WIDTH - bit_length(np.maximum(full - background, 1)), 0, 23)
     ramp = slope * -(SPAN // 2) + np.where(width & 1, 0, slope >> 1)

@@ -11,6 +11,9 @@ from vrscan.fixed.line_statistics import LineStatistics
 from vrscan.fixed.multiply import latency as multiply_latency
 
 LARGEST_WINDOW = (1 << pkg.WINDOW_WIDTH) - 1
+HALF_SHIFT = 1  # the spread lifts the threshold to half of the height at most
+CORE_SHIFT = 2  # the second level is at a quarter of the height
+MOST_RIVALS = 2  # narrow rivals of a clear spot
 
 
 @dataclass(frozen=True)
@@ -22,6 +25,8 @@ class Windows:
         left: First pixel above the threshold; the maximum's place where no pixel is above it.
         right: Last pixel above the threshold; the maximum's place where no pixel is above it.
         width: Number of pixels in the window, 0 where the maximum is not above the threshold.
+        noise: Noise that the peak is judged by: that beside it where the spot is clear, otherwise
+            the larger one of that and the spread.
         flags: Bits LOW_SNR to RIVAL of ``pkg.FLAGS``.
     """
 
@@ -29,12 +34,13 @@ class Windows:
     left: Ints
     right: Ints
     width: Ints
+    noise: Ints
     flags: Ints
 
 
 def replay_latency() -> int:
     """Return the clocks from ``valid_i`` to ``replay_o``."""
-    return 3 * (multiply_latency(pkg.COUNT_WIDTH + 1, 17) + 1) + 3
+    return 5 * (multiply_latency(pkg.COUNT_WIDTH + 1, 17) + 1) + 3
 
 
 def latency(line_length: int) -> int:
@@ -53,19 +59,31 @@ def peak_isolate(
     snr_min: int,
     min_width: int,
     max_width: int,
+    max_core: int,
+    saturation_level: int,
+    noise_row: bool,
 ) -> Windows:
     """Return the run of pixels above the threshold that holds the maximum (VR-SCAN, III-E).
 
+    A second level, at a quarter of the height, tells spots from their surroundings: other runs
+    above it are rivals, and a spot is clear where its own is at most ``max_core`` wide and no more
+    than ``MOST_RIVALS`` others are from ``min_width`` to ``max_core`` wide. What is not clear is
+    judged by the spread.
+
     Args:
         lines: Pixels, [n, line_length].
-        statistics: Statistics of the lines; ``background`` and ``noise`` are used.
+        statistics: Statistics of the lines; ``background``, ``noise`` and ``spread`` are used.
         pixel_width: ``PixelWidth`` of the module.
         max_window: ``MaxWindow`` of the module.
-        k_noise: Threshold above the background over the noise, 8 fraction bits.
+        k_noise: Threshold above the background over the spread, and the second level over the
+            noise, 8 fraction bits.
         k_height: Threshold above the background over the peak's height, 16 fraction bits.
         snr_min: Least signal-to-noise ratio, 8 fraction bits.
         min_width: Least width; below 3 counts as 3.
         max_width: Largest width; above ``max_window`` counts as ``max_window``.
+        max_core: Largest width at the second level, but for a saturated spot.
+        saturation_level: Least saturated pixel, counts.
+        noise_row: Whether noise and spread are the row's, by which the paper cuts.
 
     Returns:
         One window for each line.
@@ -76,45 +94,34 @@ def peak_isolate(
     max_width = min(max_width, max_window)
 
     height = (statistics.maximum << shift) - statistics.background
-    noise_term = (statistics.noise * k_noise + (1 << (pkg.K_NOISE_FRACTION - 1))) >> (
-        pkg.K_NOISE_FRACTION
-    )
+
+    def noise_term(noise: Ints) -> Ints:
+        return (noise * k_noise + (1 << (pkg.K_NOISE_FRACTION - 1))) >> pkg.K_NOISE_FRACTION
+
     height_term = (height * k_height + (1 << (pkg.K_HEIGHT_FRACTION - 1))) >> pkg.K_HEIGHT_FRACTION
-    threshold = statistics.background + np.maximum(noise_term, height_term)
-    low_snr = (height == 0) | ((height << pkg.SNR_FRACTION) < snr_min * statistics.noise)
+    spread_term = noise_term(statistics.spread)
+    if not noise_row:
+        spread_term = np.minimum(spread_term, height >> HALF_SHIFT)
+    threshold = statistics.background + np.maximum(spread_term, height_term)
+    core_level = statistics.background + np.maximum(
+        noise_term(statistics.noise), height >> CORE_SHIFT
+    )
 
-    # pixel 2**shift > threshold is pixel > floor(threshold / 2**shift).
-    limit = np.minimum(threshold >> shift, (1 << 16) - 1).astype(np.uint16)
-    stride = length + 2
-    above = np.zeros((count, stride), np.bool_)
-    np.greater(lines, limit[:, None], out=above[:, 1:-1])
-    flat = above.reshape(-1)
-    edges = np.flatnonzero(flat[1:] != flat[:-1])
-    starts, ends = edges[0::2], edges[1::2]  # a run is [start, end) in columns of ``lines``
-    widths = ends - starts
-    rows = starts // stride
+    runs = _Runs.above(lines, threshold >> shift, statistics.max_index)
+    core = _Runs.above(lines, core_level >> shift, statistics.max_index)
+    width = runs.width
+    left = np.where(runs.found, runs.left, statistics.max_index)
+    right = np.where(runs.found, left + width - 1, statistics.max_index)
 
-    row = np.arange(count)
-    peak = row * stride + statistics.max_index
-    run = np.searchsorted(starts, peak, side="right") - 1
-    if starts.size:
-        found = (run >= 0) & (ends[run] > peak)
-    else:
-        found = np.zeros(count, np.bool_)
-    run = np.where(found, run, 0)
-    if starts.size:
-        left = np.where(found, starts[run] - row * stride, statistics.max_index)
-        width = np.where(found, widths[run], 0)
-    else:
-        left, width = statistics.max_index, np.zeros(count, np.int64)
-    right = np.where(found, left + width - 1, statistics.max_index)
-
-    wide_runs = np.bincount(rows[widths >= min_width], minlength=count)
-    rival = wide_runs > (found & (width >= min_width))
-
-    too_narrow, too_wide = width < min_width, width > max_width
-    at_edge = found & ((left == 0) | (right == length - 1))
-    saturated = statistics.maximum == (1 << pixel_width) - 1
+    rival = core.others(min_width, length) > 0
+    broad = core.width > max_core
+    clear = ~broad & (core.others(min_width, max_core) <= MOST_RIVALS)
+    uneven = ~clear & (statistics.spread > statistics.noise)
+    noise = np.where(uneven, statistics.spread, statistics.noise)
+    low_snr = (height == 0) | ((height << pkg.SNR_FRACTION) < snr_min * noise)
+    saturated = statistics.maximum >= saturation_level
+    too_narrow, too_wide = width < min_width, (width > max_width) | (broad & ~saturated)
+    at_edge = runs.found & ((left == 0) | (right == length - 1))
     flags = np.zeros(count, np.int64)
     for bit, condition in (
         (pkg.FLAG_LOW_SNR, low_snr),
@@ -125,4 +132,53 @@ def peak_isolate(
         (pkg.FLAG_RIVAL, rival),
     ):
         flags |= condition.astype(np.int64) << bit
-    return Windows(~(low_snr | too_narrow | too_wide), left, right, width, flags)
+    return Windows(~(low_snr | too_narrow | too_wide), left, right, width, noise, flags)
+
+
+@dataclass(frozen=True)
+class _Runs:
+    """Runs of pixels above a level, in all lines.
+
+    Attributes:
+        found: Whether a run holds the line's maximum, bool [n].
+        left: First pixel of that run, meaningless without one, [n].
+        width: Its width, 0 without one, [n].
+        rows: Line of each run [m].
+        widths: Width of each run [m].
+    """
+
+    found: Bools
+    left: Ints
+    width: Ints
+    rows: Ints
+    widths: Ints
+
+    @classmethod
+    def above(cls, lines: Pixels, level: Ints, max_index: Ints) -> "_Runs":
+        """Return the runs of pixels above ``level``, whole counts [n]."""
+        count, length = lines.shape
+        # pixel 2**shift > threshold is pixel > floor(threshold / 2**shift).
+        limit = np.minimum(level, (1 << 16) - 1).astype(np.uint16)
+        stride = length + 2
+        above = np.zeros((count, stride), np.bool_)
+        np.greater(lines, limit[:, None], out=above[:, 1:-1])
+        flat = above.reshape(-1)
+        edges = np.flatnonzero(flat[1:] != flat[:-1])
+        starts, ends = edges[0::2], edges[1::2]  # a run is [start, end) in columns of ``lines``
+        first = np.arange(count) * stride
+        if not starts.size:
+            none = np.zeros(count, np.int64)
+            return cls(none > 0, none, none, starts, starts)
+        peak = first + max_index
+        run = np.searchsorted(starts, peak, side="right") - 1
+        found = (run >= 0) & (ends[run] > peak)
+        widths = ends - starts
+        width = np.where(found, widths[run], 0)
+        return cls(found, starts[run] - first, width, starts // stride, widths)
+
+    def others(self, least: int, most: int) -> Ints:
+        """Return how many other runs of each line are ``least`` to ``most`` pixels wide, [n]."""
+        fits = (self.widths >= least) & (self.widths <= most)
+        own = (self.width >= least) & (self.width <= most)
+        counted: Ints = np.bincount(self.rows[fits], minlength=len(self.width)) - own
+        return counted

@@ -96,6 +96,9 @@ def first_windows(lines: Pixels, registers: Registers, max_window: int) -> _Firs
         snr_min=r.snr_min,
         min_width=r.min_width,
         max_width=r.max_width,
+        max_core=r.max_core,
+        saturation_level=r.saturation_level,
+        noise_row=r.noise_row,
     )
     return statistics, window
 
@@ -126,7 +129,7 @@ def _refined(
         sum=harmonic.sum,
         maximum=statistics.maximum[rows],
         background=statistics.background[rows],
-        noise=statistics.noise[rows],
+        noise=window.noise[rows],
         pixel_width=registers.pixel_width,
         max_window=max_window,
         kappa=registers.kappa,
@@ -182,7 +185,7 @@ def _run(
         clear=low_snr & ~blind,
         maximum=statistics.maximum,
         background=statistics.background,
-        noise=statistics.noise,
+        noise=window.noise,
         width=window.width & ((1 << pkg.WINDOW_WIDTH) - 1),
         period=harmonic.period,
         magnitude=harmonic.magnitude,
@@ -208,9 +211,10 @@ def _run(
             sigma=spot_sigma,
             maximum=statistics.maximum,
             background=statistics.background,
-            noise=statistics.noise,
+            noise=window.noise,
             pixel_width=r.pixel_width,
             kappa=r.kappa,
+            saturation_level=r.saturation_level,
             history=history,
         )
         position, sigma, history = fit.position, fit.sigma, fit.history
@@ -218,7 +222,7 @@ def _run(
     free_from, free_to = free_interval.free_interval(
         angle,
         power,
-        statistics.noise,
+        window.noise,
         begin=r.free_begin,
         shift=r.free_shift,
         table_from=r.free_table_from,
@@ -266,7 +270,7 @@ def _run(
         row_mean=statistics.row_mean,
         row_variance=statistics.row_variance,
         background=statistics.background,
-        noise=statistics.noise,
+        noise=window.noise,
         snr=quality.snr,
         position=position,
         sigma=sigma,

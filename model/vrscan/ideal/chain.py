@@ -10,7 +10,7 @@ from vrscan.data.contract import checked
 from vrscan.data.lines import Lines
 from vrscan.data.table import Table
 from vrscan.ideal import confidence, free_space, geometry, peak_fit, two_pass
-from vrscan.ideal.peak import isolate, threshold
+from vrscan.ideal.peak import CORE_HEIGHT, Windows, clear, cut, isolate, threshold
 from vrscan.ideal.position import Phase, first_harmonic, windows
 from vrscan.ideal.statistics import statistics
 
@@ -69,20 +69,25 @@ def _run(
     history: peak_fit.History,
 ) -> tuple[Table, peak_fit.History]:
     peak = config.peak
-    row = statistics(lines, max_window=MAX_WINDOW)
-    by_row = row.row_only | (peak.noise == "row")
-    background = np.where(by_row, row.row_mean, row.background)
-    noise = np.where(by_row, np.sqrt(row.row_variance), row.noise)
+    noise_row = peak.noise == "row"
+    row = statistics(lines, max_window=MAX_WINDOW, noise_row=noise_row)
+    background, noise, spread = row.background, row.noise, row.spread
     height = row.maximum - background
+
+    def runs(level: Floats) -> Windows:
+        first, least, most = row.first_maximum, peak.min_width, peak.max_core
+        return isolate(lines, first, level, min_width=least, max_width=most)
+
+    k_noise, k_height = peak.k_noise, peak.cut_height
+    window = runs(cut(row, k_noise=k_noise, k_height=k_height, limited=not noise_row))
+    core = runs(threshold(background, noise, row.maximum, k_noise=k_noise, k_height=CORE_HEIGHT))
+    noise = np.where(clear(core, max_core=peak.max_core), noise, np.maximum(noise, spread))
     low_snr = (height <= 0.0) | (height < peak.snr_min * noise)
-    level = threshold(
-        background, noise, row.maximum, k_noise=peak.k_noise, k_height=peak.cut_height
-    )
-    window = isolate(lines, row.first_maximum, level, min_width=peak.min_width)
     snr = confidence.signal_to_noise(row.maximum, background, noise)
 
     too_narrow = window.width < peak.min_width
-    too_wide = window.width > peak.max_width
+    saturated = row.maximum >= config.sensor.least_saturated
+    too_wide = (window.width > peak.max_width) | ((core.width > peak.max_core) & ~saturated)
     valid = np.flatnonzero(~(low_snr | too_narrow | too_wide))
     left, right, width = window.left.copy(), window.right.copy(), window.width.copy()
 
@@ -130,7 +135,7 @@ def _run(
             maximum=row.maximum,
             background=background,
             noise=noise,
-            pixel_width=config.sensor.pixel_width,
+            saturation_level=config.sensor.least_saturated,
             kappa=peak.kappa,
             history=history,
         )
@@ -138,25 +143,25 @@ def _run(
     u, scale = geometry.undistorted(position, config.geometry)
     located = geometry.triangle(u, angle_rad, config.geometry)
     present = window.width > 0
-    last, full = lines.shape[1] - 1, 2**config.sensor.pixel_width - 1
+    last = lines.shape[1] - 1
     flags: dict[str, Bools] = {
         "LOW_SNR": low_snr,
         "TOO_NARROW": too_narrow,
         "TOO_WIDE": too_wide,
         "AT_EDGE": present & ((left == 0) | (right == last)),
-        "SATURATED": row.maximum == full,
-        "RIVAL": window.rival,
+        "SATURATED": saturated,
+        "RIVAL": core.rivals > 0,
         "NO_PHASE": _spread(found.no_phase.astype(np.float64), valid, len(lines)) > 0,
         "NO_NOISE": noise == 0.0,
-        "ROW_STATISTICS": row.row_only & (peak.noise != "row"),
+        "ROW_STATISTICS": row.row_only & (not noise_row),
         "NO_RANGE": measured & located.no_range,
         **{name: mirror_flags >> bit & 1 == 1 for bit, name in enumerate(MIRROR_FLAGS)},
     }
-    clear = low_snr & (noise > 0.0) & (mirror_flags == 0)
+    nothing = low_snr & (noise > 0.0) & (mirror_flags == 0)
     for name in ("SATURATED", "TOO_WIDE", "ROW_STATISTICS"):
-        clear &= ~flags[name]
+        nothing &= ~flags[name]
     free_from, free_to = free_space.free_interval(angle_rad, power, noise, config)
-    c_sfm = confidence.free_confidence(power, clear, power_max=config.laser.power_max)
+    c_sfm = confidence.free_confidence(power, nothing, power_max=config.laser.power_max)
     points = Table(
         line=np.arange(first, first + len(lines)),
         flags=flags,

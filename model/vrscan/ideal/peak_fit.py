@@ -190,7 +190,7 @@ def peak_fit(
     maximum: Ints,
     background: Floats,
     noise: Floats,
-    pixel_width: int,
+    saturation_level: int,
     kappa: float,
     history: History,
 ) -> Fitted:
@@ -212,7 +212,7 @@ def peak_fit(
         maximum: Largest pixel, counts [n].
         background: Mean of the background, counts [n].
         noise: Standard deviation of the background, counts [n].
-        pixel_width: Bits of a pixel.
+        saturation_level: Pixel from which on its light is not known.
         kappa: Counts per electron.
         history: The lines before; ``History.empty()`` at the beginning.
 
@@ -223,7 +223,7 @@ def peak_fit(
     pixel = first[:, None] + np.arange(SPAN)
     on_line = (pixel >= 0) & (pixel < lines.shape[1])
     counts = np.take_along_axis(lines, np.clip(pixel, 0, lines.shape[1] - 1), axis=1)
-    clipped = on_line & (counts == 2**pixel_width - 1)
+    clipped = on_line & (counts >= saturation_level)
     usable = on_line & ~clipped
     unit = np.ldexp(1.0, np.frexp(np.maximum(maximum - background, np.finfo(float).eps))[1])
     middle = left + (width - 1) / 2.0

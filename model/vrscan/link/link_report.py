@@ -15,6 +15,9 @@ from vrscan.data.points import table as in_units
 from vrscan.data.points import write_csv
 from vrscan.data.records import Form, Records
 from vrscan.data.table import Table
+from vrscan.ideal.chain import MAX_WINDOW
+from vrscan.ideal.peak import cut
+from vrscan.ideal.statistics import statistics
 from vrscan.link.device import FAULTS, STATES, Build, Device
 from vrscan.link.selftest import Check
 from vrscan.link.stream import Account, Captured
@@ -251,15 +254,18 @@ class Threshold:
 
     k_noise: float
     k_height: float
+    noise_row: bool
 
 
 def threshold_settings(device: Device) -> Threshold:
     """Return the board's settings of the threshold."""
-    found = device.read_many(("k_noise", "k_height"))
-    k_noise, k_height = (integer(found[name]) for name in ("k_noise", "k_height"))
+    names = ("k_noise", "k_height", "noise_row")
+    found = device.read_many(names)
+    k_noise, k_height, noise_row = (integer(found[name]) for name in names)
     return Threshold(
         k_noise / 2.0**pkg.K_NOISE_FRACTION,
         k_height / 2.0**pkg.K_HEIGHT_FRACTION,
+        bool(noise_row),
     )
 
 
@@ -268,10 +274,12 @@ def _point(each: Captured, pixel_width: int) -> Table | None:
     return None if each.record is None else in_units(records.points(each.record, pixel_width))
 
 
-def _threshold(point: Table, settings: Threshold) -> float:
-    height = float(point.maximum[0] - point.background[0])
-    above = max(settings.k_noise * float(point.noise[0]), settings.k_height * height)
-    return float(point.background[0]) + above
+def _threshold(each: Captured, settings: Threshold) -> float:
+    """Return the threshold of a line, which takes more than its point says."""
+    limited = not settings.noise_row
+    row = statistics(each.pixels[None], max_window=MAX_WINDOW, noise_row=settings.noise_row)
+    level = cut(row, k_noise=settings.k_noise, k_height=settings.k_height, limited=limited)
+    return float(level[0])
 
 
 def _flags(point: Table) -> str:
@@ -293,7 +301,7 @@ def capture_table(found: Sequence[Captured], settings: Threshold, pixel_width: i
         Column("most", lambda row: int(row[0].pixels.max())),
         Column("background", of(lambda p: p.background[0]), "{:.1f}"),
         Column("noise", of(lambda p: p.noise[0]), "{:.2f}"),
-        Column("threshold", of(lambda p: _threshold(p, settings)), "{:.1f}"),
+        Column("threshold", lambda row: _threshold(row[0], settings), "{:.1f}"),
         Column("window", of(lambda p: f"{p.left[0]}..{p.right[0]}" if p.width[0] > 0 else "")),
         Column("position", of(lambda p: p.position_px[0] if p.measured[0] else None), "{:.3f}"),
         Column("S/N", of(lambda p: p.snr[0]), "{:.1f}"),
@@ -369,7 +377,7 @@ def _picture(
             title = f"line {each.line}"
             point = _point(each, pixel_width)
             if point is not None:
-                level, threshold = float(point.background[0]), _threshold(point, settings)
+                level, threshold = float(point.background[0]), _threshold(each, settings)
                 axis.axhline(level, color=QUIET, linewidth=0.8, label="background")
                 look = {"color": COLOURS[1], "linewidth": 0.8, "dashes": (4, 3)}
                 axis.axhline(threshold, label="threshold", **look)

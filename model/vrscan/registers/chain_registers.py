@@ -81,6 +81,8 @@ class Registers(Settings):
     snr_min: int  # u16, 8 fraction bits
     min_width: int  # u8, px
     max_width: int  # u8, px
+    max_core: int  # u8, px
+    saturation_level: int  # u16, counts: the least saturated pixel
     kappa: int  # u18, counts per electron, 28 - PixelWidth fraction bits
     c_obj_gain: int  # u24: c_obj = min(255, (snr * gain + 2**15) >> 16)
     c_sfm_gain: int  # u24: c_sfm = min(255, (power * gain + 2**15) >> 16)
@@ -143,6 +145,8 @@ class Registers(Settings):
             snr_min=unsigned("peak.snr_min", peak.snr_min, pkg.SNR_WIDTH, pkg.SNR_FRACTION),
             min_width=peak.min_width,
             max_width=peak.max_width,
+            max_core=peak.max_core,
+            saturation_level=config.sensor.least_saturated,
             kappa=unsigned(
                 "peak.kappa", peak.kappa, pkg.KAPPA_WIDTH, 28 - config.sensor.pixel_width
             ),

@@ -87,14 +87,14 @@ def _one(
     )  # fmt: skip
 
 
-MAP_HASH = 0x02355EEC
+MAP_HASH = 0x92F3CFBD
 
 # fmt: off
 _REGISTERS = (
     _one("", 0x000, "identity", 32, "constant",
          "the letters VRSC, by which a host knows the instrument", reset=0x56525343),
     _one("", 0x001, "map_hash", 32, "constant",
-         "hash of the parts of this map that a host must know", reset=0x02355EEC),
+         "hash of the parts of this map that a host must know", reset=0x92F3CFBD),
     _one("", 0x002, "version", 32, "constant",
          "version of the map: major, minor, patch in bits 31..16, 15..8, 7..0", reset=0x00000100),
     _one("identity_status", 0x003, "board_id", 16, "ro", "number of the kind of board"),
@@ -115,7 +115,7 @@ _REGISTERS = (
          "source of the noise: 1 for the whole row, 0 for the background",
          lock="lock_calibration"),
     _one("peak", 0x012, "k_noise", 16, "rw",
-         "threshold above the background, in multiples of the noise", lock="lock_calibration",
+         "threshold above the background, in multiples of the spread", lock="lock_calibration",
          reset=640, fraction=8),
     _one("peak", 0x013, "k_height", 16, "rw",
          "threshold above the background, as a share of the peak's height",
@@ -141,6 +141,11 @@ _REGISTERS = (
     _one("peak", 0x01B, "window_fit", 1, "rw",
          "1: a Gaussian is fitted to the spot, from the second window on; needs window_two_pass",
          lock="lock_calibration"),
+    _one("peak", 0x01C, "max_core", 8, "rw",
+         "width at a quarter of the height above which TOO_WIDE is raised, if the peak is not "
+         "saturated", lock="lock_calibration", reset=64, unit="px", low=3),
+    _one("peak", 0x01D, "saturation_level", 16, "rw",
+         "pixel value from which on SATURATED is raised", lock="lock_calibration", reset=4095),
     _one("geometry", 0x020, "centre", 32, "rw", "pixel of the optical axis",
          lock="lock_calibration", signed=True, reset=1073217536, fraction=20, unit="px"),
     _one("geometry", 0x021, "k1", 26, "rw", "k1 R**2", lock="lock_calibration", signed=True,

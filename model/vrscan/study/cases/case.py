@@ -121,6 +121,7 @@ class LineCase(Case):
             None.
         peak: Thresholds that differ from the shipped ones.
         pixel_width: Bits of a pixel.
+        saturation_level: Least saturated pixel; full scale if None.
         geometry: The triangle; with ``angle_deg`` the errors are those of the point, mm.
         angle_deg: Scan angle of every line; none where only the position matters.
         no_range: Lines whose rays do not meet in front of mirror and camera.
@@ -132,6 +133,7 @@ class LineCase(Case):
     two_pass_px: float | None = None
     peak: Peak = field(default_factory=Peak)
     pixel_width: int = 12
+    saturation_level: int | None = None
     geometry: Geometry = field(default_factory=Geometry)
     angle_deg: tuple[float, ...] = ()
     no_range: tuple[int, ...] = ()
@@ -159,7 +161,11 @@ class LineCase(Case):
             ValidationError: if there is no such mode of the window.
         """
         peak = Peak.model_validate(self.peak.model_dump() | {"window": window})
-        sensor = Sensor(pixel_width=self.pixel_width, line_length=self.line_length)
+        sensor = Sensor(
+            pixel_width=self.pixel_width,
+            line_length=self.line_length,
+            saturation_level=self.saturation_level,
+        )
         geometry = self.geometry
         if not self.angle_deg:  # the triangle does not matter, but its centre must fit
             geometry = geometry.model_copy(update={"centre_px": (self.line_length - 1) / 2})

@@ -7,11 +7,13 @@ exactly those that the entry states.
 import numpy as np
 
 from vrscan.data.arrays import Floats, Pixels
+from vrscan.data.config import Peak
 from vrscan.study.cases.case_line import Line
 
 LENGTH, FULL = 2048, 4095
 LEVEL = 60  # counts: mean of the background, which goes up and down by one: its noise is 1
 SEED = 20100301
+ANY_WIDTH = Peak(max_core=255)  # of a window that stands for narrower ones
 
 
 def background(length: int = LENGTH, level: int = LEVEL, ripple: int = 1) -> Floats:

@@ -8,6 +8,7 @@ from vrscan.data.config import Peak
 from vrscan.study.cases.case import STEP_PX, Case, LineCase
 from vrscan.study.cases.case_line import Line
 from vrscan.study.cases.case_shapes import (
+    ANY_WIDTH,
     FULL,
     LENGTH,
     LEVEL,
@@ -120,7 +121,7 @@ def _narrow() -> Iterator[Case]:
 def _wide() -> Iterator[Case]:
     def flanked(width: int) -> Line:
         left = 900
-        flags = "TOO_WIDE" if width > 255 else ""
+        flags = "TOO_WIDE" if width == 65 or width > 255 else ""
         heights = np.full(width, 3000.0)
         heights[[0, -1]] = 1500.0
         middle = left + (width - 1) / 2
@@ -131,14 +132,22 @@ def _wide() -> Iterator[Case]:
     yield LineCase(
         "peak-of-max-window",
         "254 and 255 pixels: the last that are measured",
-        INSIDE,
+        f"with max_core at its largest: {INSIDE}",
         (flanked(254), flanked(255)),
+        peak=ANY_WIDTH,
     )
     yield LineCase(
         "peak-wider-than-max-window",
         "256 pixels and more do not fit in the window's memory",
         "TOO_WIDE, no position; left, right and width are those of the run",
         (flanked(256), flanked(280), flanked(300)),
+        peak=ANY_WIDTH,
+    )
+    yield LineCase(
+        "core-of-64-and-65-px",
+        "a lamp or a lit edge is as bright as a spot, and wider",
+        "64 pixels at a quarter of the height are measured, 65 are TOO_WIDE",
+        (flanked(64), flanked(65)),
     )
     wide = np.full(400, 3000.0)
     yield LineCase(
@@ -272,6 +281,23 @@ def _plateaus() -> Iterator[Case]:
         "SATURATED and AT_EDGE; (8) of a box with one weaker end: the place opposite to that end",
         tuple(cut),
     )
+    level = 3900
+    low = [
+        clipped(background() + gauss(LENGTH, 1000 + part, 3.0, 1.5 * FULL), level + noise)
+        for part in (0.0, 0.25, 0.5)
+        for noise in (0, 60)
+    ]
+    yield LineCase(
+        "camera-clips-below-full-scale",
+        "a camera's pixels end at 3900 or at 3960, and none is at 4095",
+        "saturation_level 3900: SATURATED; the flanks keep the position within 0.06 px",
+        tuple(
+            line(row, "SATURATED", true=1000 + part)
+            for row, part in zip(low, (0.0, 0.0, 0.25, 0.25, 0.5, 0.5), strict=True)
+        ),
+        within_px=0.06,
+        saturation_level=level,
+    )
     over = [
         line(clipped(background() + gauss(LENGTH, 1000 + part, 3.0, 20.0 * FULL)), "SATURATED",
              true=1000 + part)
@@ -317,12 +343,13 @@ def _company() -> Iterator[Case]:
     valley = []
     for distance in (18, 19, 20):
         pixels = with_spots(dark, (600, 3.5, 3000), (600 + distance, 3.5, 3000))
-        valley.append(line(pixels, "", position=600 + distance / 2))
+        valley.append(line(pixels, "RIVAL", position=600 + distance / 2))
     yield LineCase(
         "two-equal-maxima-one-run",
         "18 to 20 px apart, the valley just above the threshold: the distance is half the window, "
         "so the first harmonic of the two cancels or turns over",
-        "by symmetry the middle of both, or half a window from it where the harmonic turns over",
+        "RIVAL, for a quarter of the height is above the valley; by symmetry the middle of both, "
+        "or half a window from it where the harmonic turns over",
         tuple(_turned(entry) for entry in valley),
         within_px=20.0,
     )
@@ -335,11 +362,14 @@ def _company() -> Iterator[Case]:
             within_px=0.01,
         )
         merged = with_spots(dark, (600, 3, 3000), (612, 3, 3000 * ratio))
+        seen = ratio < 0.5
         yield LineCase(
             f"rival-{ratio:g}-near",
             f"another peak of {ratio:g} of the height, 4 sigma away, in the same run",
-            "one run, one peak, no RIVAL: (8) of both, which is between them",
-            (line(merged, "", true=600),),
+            "RIVAL, for the valley is below a quarter of the height; (8) of both, between them"
+            if seen
+            else "one run at a quarter of the height, no RIVAL: (8) of both, which is between them",
+            (line(merged, "RIVAL" if seen else "", true=600),),
             within_px=12.0,
         )
     normal = spot(900.0, 3, 2000)

@@ -11,7 +11,7 @@ from vrscan.fixed.peak_position import peak_position
 from vrscan.study.cases.case import STEP_PX, Case, LineCase, ModuleCase, Outcome
 from vrscan.study.cases.case_errors import PHANTOM, Value, number, summary
 from vrscan.study.cases.case_line import Line
-from vrscan.study.cases.case_shapes import LEVEL, background, box, line
+from vrscan.study.cases.case_shapes import ANY_WIDTH, LEVEL, background, box, line
 
 LEFT = 700
 TURN = 1 << pkg.ANGLE_WIDTH
@@ -41,6 +41,7 @@ def _cancelled() -> Iterator[Case]:
         "N even: the first harmonic of a pattern of two pixels is exactly 0: NO_PHASE",
         tuple(combs),
         two_pass_px=0.6,
+        peak=ANY_WIDTH,
     )
     # sum (-1)^k e^(i 2 pi k / N) = e^(-i pi / N) / cos(pi / N): half a pixel before phase 0.
     odd = []
@@ -76,7 +77,9 @@ def _cancelled() -> Iterator[Case]:
         within_px=26.0,
     )
     flat = [_no_phase([2000] * n) for n in (3, 4, 16, 100, 255)]
-    yield LineCase("flat-window", "all samples alike", "no harmonic: NO_PHASE", tuple(flat))
+    yield LineCase(
+        "flat-window", "all samples alike", "no harmonic: NO_PHASE", tuple(flat), peak=ANY_WIDTH
+    )
     nearly = [2000] * 20
     nearly[4] += 1
     yield LineCase(
@@ -117,6 +120,7 @@ def _axes() -> Iterator[Case]:
         "what is high on one side is low on the other: the middle is not where the light is",
         "a sine over the whole window has its phase a quarter from its end: T/4 or 3T/4",
         tuple(waves),
+        peak=ANY_WIDTH,
     )
     # sum k e^(i 2 pi k / N) = N e^(-i pi / N) / 2i sin(pi / N).
     ramps = [_window((1000 + 20 * np.arange(n)).tolist(), 0.75 * n - 0.5) for n in (9, 33, 101)]
@@ -125,6 +129,7 @@ def _axes() -> Iterator[Case]:
         "the maximum is the window's last pixel",
         "(8) of a sawtooth: 3N/4 - 1/2, a quarter of the window before its maximum",
         tuple(ramps),
+        peak=ANY_WIDTH,
     )
 
 

@@ -111,16 +111,19 @@ def _ratios() -> Iterator[Case]:
         (spot(700.0, base=even, flags="NO_NOISE"), spot(700.5, base=even, flags="NO_NOISE")),
     )
     one = even.copy()
-    one[1500] += 1
+    one[900] -= 1
     yield LineCase(
         "noise-smallest",
-        "one count on one pixel of 1472: the noise is 0.026 counts, S/N 115,000",
+        "one count less on one of the 512 pixels beside the spot: the noise is 0.044 counts, S/N "
+        "68,000",
         "S/N saturates at 255.996 without a flag of its own; the position is as ever",
         (spot(700.0, base=one), spot(700.5, base=one)),
     )
+    # Of 16 pixels ten are 4 above LEVEL and six 4 below: mean LEVEL + 1, sample deviation 4.
+    ripple = LEVEL + 4.0 * np.where(np.arange(LENGTH) % 8 < 5, 1.0, -1.0)
     lowest = [
-        line(box(background(), 700, [LEVEL + h, LEVEL + h + 1, LEVEL + h]), flags, true=701.0)
-        for h, flags in ((5, "LOW_SNR"), (6, "LOW_SNR"), (7, ""), (8, ""))
+        line(box(ripple, 704, [LEVEL + h, LEVEL + 1 + h, LEVEL + h]), flags)
+        for h, flags in ((24, "LOW_SNR"), (28, "LOW_SNR"), (32, ""), (36, ""))
     ]
     yield LineCase(
         "snr-at-its-limit",

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from vrscan.data.arrays import Floats
 from vrscan.study.cases.case import Case, LineCase, SpreadCase
 from vrscan.study.cases.case_line import Line
 from vrscan.study.cases.case_shapes import (
@@ -48,9 +49,32 @@ def _slopes() -> Iterator[Case]:
     ]
     yield LineCase(
         "slope-1-count-per-px-whole-line",
-        "the background's deviation is that of the slope, 590 counts",
-        "S/N of 2.5 against that background: LOW_SNR, no position",
+        "the line's deviation is that of the slope, 590 counts, the height 2.5 times as much",
+        "S/N by the noise within parts of 16 pixels beside the spot, 5 counts; RIVAL, for the "
+        "bright end is above a quarter of the height. The slope pulls, by less than 0.1 px",
         tuple(whole),
+        within_px=0.1,
+    )
+    wall = np.clip(1.2 * (place - 900), 0.0, None)
+    yield LineCase(
+        "gradient-far-from-the-spot",
+        "a wall that gets brighter 400 px away: the line's deviation is 450 counts",
+        "S/N by the noise beside the spot; RIVAL, for the wall's end is above a quarter of the "
+        "height. Within 0.01 px",
+        tuple(
+            line(with_spots(background() + wall, (500 + part, 3, 3000)), "RIVAL", true=500 + part)
+            for part in PARTS
+        ),
+        within_px=0.01,
+    )
+    bumps = [gauss(LENGTH, centre, s, 1500) for centre, s in ((700, 25), (1300, 80), (40, 60))]
+    ramp: Floats = 1500.0 * place / LENGTH
+    lit: Floats = np.where(place < 1500, 1500.0, 0.0)
+    yield LineCase(
+        "light-without-a-spot",
+        "lamps, an edge and a gradient that are brighter than any noise",
+        "no position: wider than a spot, or no more than the line's deviation allows",
+        tuple(line(clipped(background() + light), None) for light in (*bumps, ramp, lit)),
     )
     bend = np.where(np.abs(place - 1024) <= 30, place - 1024.0, 0.0)
     for sigma, within in ((3.0, 0.1), (8.0, 0.3)):

@@ -27,7 +27,7 @@ def words() -> str:
     geometry = f"s{pkg.GEOMETRY_WIDTH}"
     rows: list[tuple[str | int, ...]] = [
         ("pixel, maximum", "uP", 0, "counts", "P = PixelWidth, 8 to 16; full scale is 2^P"),
-        ("row_mean, background, noise", f"u{pkg.COUNT_WIDTH}", count, "counts", ""),
+        ("row_mean, background, noise, spread", f"u{pkg.COUNT_WIDTH}", count, "counts", ""),
         ("row_variance", f"u{pkg.VARIANCE_WIDTH}", f"{pkg.VARIANCE_WIDTH} - 2 P", "counts^2", ""),
         ("snr, snr_min", f"u{pkg.SNR_WIDTH}", pkg.SNR_FRACTION, "1", "saturates"),
         ("position", f"s(b + {pkg.POSITION_FRACTION + 1})", pkg.POSITION_FRACTION, "px",
@@ -43,7 +43,7 @@ def words() -> str:
         ("mirror_flags", f"u{pkg.MIRROR_FLAG_WIDTH}", "-", "-",
          "NOT_RUNNING, INDEX_FAULT, UNSETTLED from bit 0"),
         ("line number", f"u{pkg.LINE_NUMBER_WIDTH}", 0, "lines", "wraps"),
-        ("k_noise", "u16", pkg.K_NOISE_FRACTION, "noise", "register"),
+        ("k_noise", "u16", pkg.K_NOISE_FRACTION, "spreads, noises", "register"),
         ("k_height", "u16", pkg.K_HEIGHT_FRACTION, "heights", "register"),
         ("kappa", f"u{pkg.KAPPA_WIDTH}", "28 - P", "counts per electron", "register"),
         ("c_obj_gain, c_sfm_gain", f"u{pkg.GAIN_WIDTH}", pkg.GAIN_FRACTION, "-",

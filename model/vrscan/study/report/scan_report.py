@@ -12,7 +12,9 @@ from vrscan.data.arrays import Bools, Floats, Pixels
 from vrscan.data.config import Config
 from vrscan.data.lines import Lines, Truth
 from vrscan.data.table import Table
-from vrscan.ideal.peak import threshold
+from vrscan.ideal.chain import MAX_WINDOW
+from vrscan.ideal.peak import cut
+from vrscan.ideal.statistics import statistics
 from vrscan.show.sheet import Column, Sheet, words
 from vrscan.show.style import COLOURS, INK, LIGHT, QUIET, drawing
 from vrscan.study.report.tally import ASTRAY_PX, Errors
@@ -253,12 +255,12 @@ def _draw_line(
     first = max(0, left - reach)
     last = min(len(line), right + reach + 1)
     pixel = np.arange(first, last)
-    level = threshold(
-        result.background[row : row + 1],
-        result.noise[row : row + 1],
-        result.maximum[row : row + 1],
+    noise_row = config.peak.noise == "row"
+    level = cut(
+        statistics(line[None], max_window=MAX_WINDOW, noise_row=noise_row),
         k_noise=config.peak.k_noise,
         k_height=config.peak.cut_height,
+        limited=not noise_row,
     )[0]
     axes.axvspan(
         left - 0.5,

@@ -26,14 +26,12 @@ from vrscan.fixed.line_statistics import ROOT_FRACTION
 from vrscan.fixed.vrscan_chain import run_fixed
 from vrscan.ideal.chain import run as run_ideal
 from vrscan.ideal.position import first_harmonic, windows
-from vrscan.ideal.statistics import statistics
 from vrscan.registers.chain_registers import Registers
 from vrscan.study.report.accuracy.position_accuracy import phase_bounds, sample_error
 from vrscan.study.report.figure import SEED, Figure, largest
 
 SHARE = 0.005  # allowed share of the value, or one step
 GROUP = "S/N and sigma, whole lines"
-MAX_WINDOW = 255
 LEAST_NOISE_STEPS = 128
 
 _SNR_STEP, _SIGMA_STEP = 2.0**-pkg.SNR_FRACTION, 2.0**-pkg.SIGMA_FRACTION
@@ -211,13 +209,11 @@ def compare(lines: Pixels, config: Config) -> Quality:
 def _compare(lines: Pixels, config: Config) -> Quality:
     nothing = np.zeros(len(lines), np.int64)
     points = run_fixed(lines, nothing, nothing, Registers.from_config(config))
-    row = statistics(lines, max_window=MAX_WINDOW)
-    by_row = row.row_only | (config.peak.noise == "row")
-    background = np.where(by_row, row.row_mean, row.background)
-    noise = np.where(by_row, np.sqrt(row.row_variance), row.noise)
+    ideal = run_ideal(lines, nothing.astype(np.float64), nothing, config)
+    background, noise = ideal.background, ideal.noise
 
     noisy = np.flatnonzero(noise > 0.0)
-    snr = (row.maximum - background)[noisy] / noise[noisy]
+    snr = (ideal.maximum - background)[noisy] / noise[noisy]
     snr_got = points.snr[noisy] * _SNR_STEP
     snr_error = np.abs(snr_got - np.minimum(snr, _SNR_END))
     snr_allowed = _allowed(np.minimum(snr, _SNR_END), _SNR_STEP)
@@ -250,7 +246,6 @@ def _compare(lines: Pixels, config: Config) -> Quality:
     sigma_error = np.abs(points.sigma[rows] * _SIGMA_STEP - np.minimum(sigma, _SIGMA_END))
     sigma_allowed = _allowed(np.minimum(sigma, _SIGMA_END), _SIGMA_STEP)
 
-    ideal = run_ideal(lines, nothing.astype(np.float64), nothing, config)
     present = (points.width > 0) | (ideal.width > 0)
     moved = (points.left != ideal.left) | (points.width != ideal.width)
     return Quality(
