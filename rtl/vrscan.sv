@@ -268,7 +268,8 @@ module vrscan #(
     .line_start_i(readout_q2.start), .line_end_i(readout_q2.last),
     .pixel_valid_i(readout_q2.valid), .pixel_i(readout_q2.pixel), .line_i(readout_q2.line),
     .valid_o(point_valid), .ready_i(1'b1), .point_o(point),
-    .peak_i(peak), .geometry_i(geometry), .free_i(free), .free_table_i(free_table), .centre_i(CentreWidth'(geometry.centre)), .chain_o(chain)
+    .peak_i(peak), .geometry_i(geometry), .free_i(free), .free_table_i(free_table),
+    .centre_i(CentreWidth'(geometry.centre)), .chain_o(chain)
   );
   assign measured_o = point_valid && point.measured;
 

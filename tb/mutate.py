@@ -642,7 +642,7 @@ FAULTS = [
         ("an empty neighbour is taken", " || entry_from_q >= entry_to_q;", ";"),
         ("the last entry has a next one", ">= (AngleWidth - FractionWidth)'(LastEntry)", "> '1"),
         ("no light is a level", "none_q <= empty_q || dark_q ||", "none_q <= empty_q ||"),
-        ("a result after a new start", "stage_q[4] && !valid_i;", "stage_q[4];"),
+        ("a result after a new start", "stage_q[5] && !valid_i;", "stage_q[5];"),
         ("no reset of the stages", "      stage_q <= '0;\n      valid_o", "      valid_o"),
     ),
     *faults(

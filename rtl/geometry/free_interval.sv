@@ -52,13 +52,15 @@ module free_interval (
   // ---- the table ----
   logic [2*FreeWidth-1:0] table_mem [2 << IndexWidth];
   logic [   IndexWidth:0] address_q;
+  logic [2*FreeWidth-1:0] read_q;
   logic [  FreeWidth-1:0] entry_from_q, entry_to_q;
   always_ff @(posedge clk_i) begin
     if (free_table_i.free_table_write) begin
       table_mem[free_table_i.free_table_index] <= {free_table_i.free_table_from,
                                                    free_table_i.free_table_to};
     end
-    {entry_from_q, entry_to_q} <= table_mem[address_q];
+    read_q                     <= table_mem[address_q];
+    {entry_from_q, entry_to_q} <= read_q;
   end
 
   // ---- what the camera sees, by the clocks since valid_i; 0 is idle.  What stands below in the
@@ -66,12 +68,12 @@ module free_interval (
   localparam int unsigned AgeWidth = 5;
   localparam int unsigned Product = vrscan_pkg::multiply_latency(DifferenceWidth, ShareWidth);
   localparam logic [AgeWidth-1:0] Index = AgeWidth'(3);
-  localparam logic [AgeWidth-1:0] Base = AgeWidth'(5);
+  localparam logic [AgeWidth-1:0] Base = AgeWidth'(6);
   // When the products of from and of to start, and when they are there.
-  localparam logic [AgeWidth-1:0] From = AgeWidth'(7);
-  localparam logic [AgeWidth-1:0] FromDone = AgeWidth'(7 + Product);
-  localparam logic [AgeWidth-1:0] To = AgeWidth'(8 + Product);
-  localparam logic [AgeWidth-1:0] ToDone = AgeWidth'(8 + 2 * Product);
+  localparam logic [AgeWidth-1:0] From = AgeWidth'(8);
+  localparam logic [AgeWidth-1:0] FromDone = AgeWidth'(8 + Product);
+  localparam logic [AgeWidth-1:0] To = AgeWidth'(9 + Product);
+  localparam logic [AgeWidth-1:0] ToDone = AgeWidth'(9 + 2 * Product);
   logic        [       AgeWidth-1:0] age_q;
   logic signed [       AngleWidth:0] offset_q;  // of the angle, from the first entry's
   logic        [     AngleWidth-1:0] coarse_q, steps_q;
@@ -99,7 +101,7 @@ module free_interval (
   logic [QuotientWidth-1:0] quotient;
   logic [MantissaWidth-1:0] mantissa_q;
   logic [              3:0] exponent, exponent_q;
-  logic [              4:0] stage_q;
+  logic [              5:0] stage_q;
   logic                     dark_q;
   divide #(
     .DividendWidth(vrscan_pkg::PowerWidth + QuotientFraction),
@@ -156,20 +158,20 @@ module free_interval (
       mantissa_q <= MantissaWidth'({quotient, {MantissaWidth{1'b0}}} >> exponent);
       dark_q     <= quotient == '0;
     end
-    stage_q <= {stage_q[3:0], quotient_valid};
+    stage_q <= {stage_q[4:0], quotient_valid};
     if (age_q == Index) address_q <= {1'b0, steps_q[FractionWidth+:IndexWidth]};
     else if (stage_q[0]) address_q <= {1'b1, exponent_q, mantissa_q};
     else address_q <= address_q + (IndexWidth + 1)'(1);
-    if (stage_q[2]) begin
+    if (stage_q[3]) begin
       from_q <= seen_from_q > entry_from_q ? seen_from_q : entry_from_q;
       to_q   <= seen_to_q < entry_to_q ? seen_to_q : entry_to_q;
     end
     none_q <= empty_q || dark_q || from_q >= to_q;
-    if (stage_q[4]) begin
+    if (stage_q[5]) begin
       from_o <= none_q ? '0 : from_q;
       to_o   <= none_q ? '0 : to_q;
     end
-    valid_o <= stage_q[4] && !valid_i;
+    valid_o <= stage_q[5] && !valid_i;
 
     if (valid_i) stage_q <= '0;
     if (rst_i) begin

@@ -458,8 +458,11 @@ def test_points_carry_the_flags_of_their_lines(journey: dict[str, Any]) -> None:
     bare = run_fixed(pixels, lines["angle"], power, registers)
     assert np.array_equal(got.flags, bare.flags | raised << pkg.FLAG_NOT_RUNNING)
     for field in fields(Points):
+        want = getattr(bare, field.name)
+        if field.name in ("c_sfm", "free_from", "free_to"):
+            want = np.where(raised == 0, want, 0)  # a line of a doubtful angle frees nothing
         if field.name != "flags":
-            assert np.array_equal(getattr(got, field.name), getattr(bare, field.name)), field.name
+            assert np.array_equal(getattr(got, field.name), want), field.name
     good = seen & got.measured & (raised == 0)
     z_mm = got.z[good] / 2**pkg.LENGTH_FRACTION
     print(f"\n{np.count_nonzero(good)} points without a flag, z off by {np.ptp(z_mm):.3f} mm")

@@ -266,7 +266,7 @@ def csv_rows(result: Table) -> bytes:
     variance = f"%.{_decimals(pkg.VARIANCE_WIDTH - 2 * result.pixel_width)}f"
     snr, angle = f"%.{_decimals(pkg.SNR_FRACTION)}f", f"%.{_decimals(pkg.ANGLE_WIDTH - 3)}f"
     position, length = _decimals(pkg.POSITION_FRACTION), _decimals(pkg.LENGTH_FRACTION)
-    sigma, free = f"%.{_decimals(pkg.SIGMA_FRACTION)}f", _decimals(pkg.FREE_FRACTION)
+    sigma, free = f"%.{_decimals(pkg.SIGMA_FRACTION)}f", pkg.FREE_FRACTION  # exact
     statistics = f"%d,{count},{variance},{count},{count},{snr}"
 
     def text(form: str, rows: Bools, *columns: Ints | Floats) -> list[str]:

@@ -6,7 +6,7 @@ from vrscan.data.arrays import Ints
 from vrscan.fixed.divide import divide
 from vrscan.registers.free_table import FRACTION_WIDTH, HALF, MANTISSA_WIDTH, QUOTIENT_FRACTION
 
-LATENCY = 25  # clocks from valid_i to valid_o
+LATENCY = 26  # clocks from valid_i to valid_o
 QUOTIENT_WIDTH = 16
 
 
