@@ -80,6 +80,7 @@ package vrscan_pkg;
   localparam int unsigned FitStart = 1480;
   localparam int unsigned FitPeriod = 2048;
   localparam int unsigned SpeckleWidth = 20;  // squared contrast, all fraction
+  localparam int unsigned SpeckleDepth = 16;  // lines over which it is steadied
 
   // Geometry.
   localparam int unsigned OffsetFraction = 20;  // px

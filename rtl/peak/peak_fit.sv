@@ -274,10 +274,11 @@ module peak_fit #(
     for (int unsigned n = 0; n < 39; n++) if (line_noise_q[n]) noise_bits = 6'(n + 1);
   end
 
-  // The last 16 lines, and their sums.
-  logic        [90:0] history_mem [16];
+  // The last lines, and their sums.
+  localparam logic [$clog2(vrscan_pkg::SpeckleDepth)-1:0] HistoryStep = 1;
+  logic        [90:0] history_mem [vrscan_pkg::SpeckleDepth];
   logic        [90:0] oldest_q;
-  logic        [ 3:0] history_at_q;
+  logic        [$clog2(vrscan_pkg::SpeckleDepth)-1:0] history_at_q;
   logic               history_full_q;
   logic signed [53:0] roughness_q;
   logic        [45:0] weights_q;
@@ -471,7 +472,7 @@ module peak_fit #(
         roughness_q  <= roughness_q + 54'(line_rough_q) - 54'(oldest_rough);
         weights_q    <= weights_q + 46'(weight_q) - 46'(oldest_weight);
         history_mem[history_at_q] <= {unsigned'(line_rough_q), weight_q};
-        history_at_q <= history_at_q + 4'd1;
+        history_at_q <= history_at_q + HistoryStep;
         if (history_at_q == '1) history_full_q <= 1'b1;
         state_q      <= measured_q ? STEADY : JUDGE;
         within_q     <= 1'b0;

@@ -2,7 +2,7 @@
 //
 // Four 18-bit multipliers with registers on both sides; multiply needs one of them and more clocks.
 //
-//   Latency  vrscan_pkg::MultiplyFastLatency clocks
+//   Latency  vrscan.fixed.multiply.FAST_LATENCY clocks
 //   Model    vrscan.fixed.multiply, which is exact
 
 `default_nettype none

@@ -25,6 +25,7 @@ from vrscan.scene.simulate import take
 SEED = 20100301
 CONFIG = Config()
 TWO_PASS = Config.model_validate({"peak": {"window": "two_pass"}})
+FIT = Config.model_validate({"peak": {"window": "fit"}})
 
 
 def ugly(count: int) -> Lines:
@@ -65,7 +66,7 @@ def whole_rows(engine: Engine, recording: Lines, config: Config) -> bytes:
     return csv_rows(Table.joined(list(shaded([run(engine, recording, config)], config))))
 
 
-@pytest.mark.parametrize("config", [CONFIG, TWO_PASS], ids=["one_pass", "two_pass"])
+@pytest.mark.parametrize("config", [CONFIG, TWO_PASS, FIT], ids=["one_pass", "two_pass", "fit"])
 @pytest.mark.parametrize("engine", Engine)
 def test_points_do_not_depend_on_the_blocks(engine: Engine, config: Config) -> None:
     recording = ugly(150)

@@ -7,9 +7,10 @@ from enum import StrEnum
 
 import numpy as np
 
+from vrscan.data import pkg
 from vrscan.data.config import Config
 from vrscan.data.contract import checked
-from vrscan.data.lines import Lines
+from vrscan.data.lines import Lines, joined, part
 from vrscan.data.parallel import processors, workers
 from vrscan.data.points import table
 from vrscan.data.table import Table
@@ -78,14 +79,30 @@ def processes(engine: Engine, count: int, jobs: int) -> int:
     return max(1, min(most, -(-count // BLOCK)))
 
 
-def run_block(engine: Engine, recording: Lines, config: Config, first: int) -> Table:
+def lead(config: Config) -> int:
+    """Return how many lines before a line its point depends on: those of its speckle."""
+    return pkg.SPECKLE_DEPTH - 1 if config.peak.fit else 0
+
+
+def run_block(
+    engine: Engine, recording: Lines, config: Config, first: int, before: Lines | None = None
+) -> Table:
     """Return the points of lines that begin at number ``first`` of a recording.
 
-    The chain keeps no state from line to line but their number, so the points are the same in
-    blocks of any size.
+    Args:
+        engine: The engine that computes the points.
+        recording: n lines.
+        config: Thresholds and geometry.
+        first: Number of the first line.
+        before: The ``lead`` lines before them, or all that there are; with these the points are
+            the same in blocks of any size.
     """
+    skipped = 0 if before is None else len(before)
+    if before is not None:
+        recording = joined([replace(part, truth=None) for part in (before, recording)])
     found = run(engine, recording, config)
-    return replace(found, line=found.line + first)
+    found = found.of(np.arange(len(found)) >= skipped) if skipped else found
+    return replace(found, line=found.line + (first - skipped))
 
 
 @dataclass(frozen=True)
@@ -95,10 +112,10 @@ class _Work:
     engine: Engine
     config: Config
 
-    def __call__(self, given: tuple[int, Lines]) -> Table:
-        """Return the points of lines, given with the number of the first one."""
-        first, recording = given
-        return run_block(self.engine, recording, self.config, first)
+    def __call__(self, given: tuple[int, Lines, Lines | None]) -> Table:
+        """Return the points of lines, given with the first one's number and the lines before."""
+        first, recording, before = given
+        return run_block(self.engine, recording, self.config, first, before)
 
 
 @contextlib.contextmanager
@@ -121,11 +138,16 @@ def streamed(
         InputError: as ``run`` and ``parallel.workers``, and whatever ``blocks`` raises.
     """
 
-    def numbered() -> Iterator[tuple[int, Lines]]:
-        first = 0
+    def numbered() -> Iterator[tuple[int, Lines, Lines | None]]:
+        first, depth = 0, lead(config)
+        before: Lines | None = None
         for block in blocks:
-            yield first, block
+            yield first, block, before
             first += len(block)
+            if depth:
+                own = replace(part(block, slice(-depth, None)), truth=None)
+                both = own if before is None else joined([before, own])
+                before = part(both, slice(-depth, None))
 
     with workers(_Work(engine, config), jobs) as do:
         yield shaded(do(numbered()), config)

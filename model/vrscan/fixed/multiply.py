@@ -1,8 +1,10 @@
-"""Signed multiplication of any width, the twin of ``rtl/trig/multiply.sv``."""
+"""Signed multiplication, the twin of ``rtl/trig/multiply.sv`` and ``multiply_fast.sv``."""
 
 import numpy as np
 
 from vrscan.data.arrays import Ints
+
+FAST_LATENCY = 4  # clocks from valid_i to valid_o of multiply_fast
 
 
 def _limbs(width: int) -> int:

@@ -21,7 +21,7 @@ from vrscan.fixed.square_root import square_root
 
 SPAN = 200  # px that are read, half of them on either side of the window's middle
 PASSES, ROUGH_PASS = 4, 1  # the speckle is measured in the second pass, and used from the third on
-DEPTH = 16  # lines over which the speckle is steadied
+DEPTH = pkg.SPECKLE_DEPTH  # lines over which the speckle is steadied
 
 HEIGHT_FRACTION = 17  # fraction bits: heights and amplitudes; doubled in their squares
 PLACE_FRACTION = 16  # px

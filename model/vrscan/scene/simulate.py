@@ -85,11 +85,20 @@ class Scanner:
         """Return the lines of a block that belong to the scan."""
         frame = self.block(number)
         rows = slice(0, min(len(frame.lines), self.count - number * BLOCK))
+        return Simulation(part(self._taken(frame), rows), picked(frame.timeline, rows))
+
+    def before(self, number: int, count: int) -> Lines | None:
+        """Return the last ``count`` lines before a block, or all that there are; None if none."""
+        first = number * BLOCK
+        numbers = np.arange(max(first - count, 0), first)
+        return self._taken(self.some(numbers)) if len(numbers) else None
+
+    def _taken(self, frame: Frame) -> Lines:
+        """Return the lines of a frame as a recording has them."""
         laser = self.light.config.laser
         level = self.light.scene.laser.power_mw / laser.rated_mw
         power = np.full(len(frame.lines), round(level * laser.power_max), np.int64)
-        whole = Lines(frame.lines, frame.reported_rad, power, frame.truth)
-        return Simulation(part(whole, rows), picked(frame.timeline, rows))
+        return Lines(frame.lines, frame.reported_rad, power, frame.truth)
 
     def given(self, numbers: Ints) -> tuple[Timeline, Pixels]:
         """Return the input of rendering for any lines, whatever the effects: timeline and words."""
