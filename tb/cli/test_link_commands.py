@@ -7,6 +7,7 @@ import threading
 from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,9 +25,10 @@ from vrscan.data.line_files import read as read_lines
 from vrscan.data.points import COLUMNS
 from vrscan.fixed.test_line import lines
 from vrscan.fixed.vrscan_chain import run_fixed
-from vrscan.link.selftest import CHAIN, full_records, runs
+from vrscan.link.selftest import CHAIN, TABLES, full_records, runs
 from vrscan.registers import values
 from vrscan.registers.chain_registers import Registers
+from vrscan.registers.register_map import WINDOWS
 from vrscan.registers.settings import TestLineSettings as Settings
 
 COUNT = 200
@@ -35,8 +37,12 @@ CONFIG = {"sensor": {"line_length": LINE_LENGTH}, "geometry": {"centre_px": 511.
 
 def chain(board: FakeBoard) -> Registers:
     """Return what the board makes its points with."""
-    held = {name: board.file.values[name][0] for name in CHAIN}
-    for name in ("period_n", "window_two_pass", "noise_row", "even"):
+    held: dict[str, Any] = {
+        name: board.file.values[name][0] for name in CHAIN if name not in TABLES
+    }
+    for field in WINDOWS["free_table"].fields:
+        held[field.name] = tuple(board.file.table("free_table", field.name))
+    for name in ("period_n", "window_two_pass", "window_fit", "noise_row", "even"):
         held[name] = bool(held[name])
     return Registers(pixel_width=12, line_length=LINE_LENGTH, **held)
 
@@ -370,7 +376,7 @@ def test_selftest_finds_nothing(board: TestBoard) -> None:
     board.file.values["line_enable"] = [0]
     before = held(board)
     text = printed("selftest")
-    assert text.count("equal") == 2 * len(runs(LINE_LENGTH)) + 7
+    assert text.count("equal") == 3 * len(runs(LINE_LENGTH)) + 7
     assert held(board) == before
 
 

@@ -90,6 +90,11 @@ class RegisterFile:
         }
         self.reset()
 
+    def table(self, window: str, field: str) -> list[int]:
+        """Return the entries of a field of a table."""
+        own = self._windows[window]
+        return self._tables[window, next(f.address for f in own.fields if f.name == field)]
+
     def reset(self) -> None:
         """Apply ``rst_i``; tables and the words kept by a READ stay."""
         written = [r for r in self._registers.values() if r.access in WRITABLE]

@@ -217,7 +217,7 @@ class SelfTest:
         self._still = device.read("mirror_state") == OFF
         found = device.read_many(CHAIN)
         chain: dict[str, Any] = dict(found)
-        for name in ("period_n", "window_two_pass", "noise_row", "even"):
+        for name in ("period_n", "window_two_pass", "window_fit", "noise_row", "even"):
             chain[name] = bool(chain[name])
         self._chain = Registers(
             pixel_width=device.build.pixel_width,
