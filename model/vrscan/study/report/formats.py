@@ -111,9 +111,12 @@ def stages() -> str:
     length, width = sensor.line_length, sensor.pixel_width
     narrow = pkg.MIN_WINDOW
     correlate = phase_correlate.latency(narrow) - 2 * narrow
-    position = peak_position.LATENCY + distortion.latency(length)
     total = chain.latency(narrow, measured=True, line_length=length, pixel_width=width) - 2 * narrow
     unmeasured = chain.latency(0, measured=False, line_length=length, pixel_width=width)
+    fitted, unfitted = (
+        chain.latency(0, measured=measured, line_length=length, pixel_width=width, fit=True)
+        for measured in (True, False)
+    )
     first = phase_correlate.first_latency(narrow) - narrow
     second = first + peak_refine.latency()
     statistics = line_statistics.latency(length, width, chain.MAX_WINDOW)
@@ -126,17 +129,19 @@ def stages() -> str:
             f"{correlate} + 2 N; {phase_correlate.UNMEASURED_LATENCY} without a window to measure",
         ),
         (
-            "the slower of peak_position and distortion, and peak_confidence",
-            f"{max(position, peak_confidence.latency())} "
-            f"(the slower of {position} and {peak_confidence.latency()})",
+            "the slower of peak_position and peak_confidence",
+            f"{max(peak_position.LATENCY, peak_confidence.latency())} "
+            f"(the slower of {peak_position.LATENCY} and {peak_confidence.latency()})",
         ),
         ("hand-over", 1),
+        ("distortion", distortion.latency(length)),
         ("triangulate", triangulate.LATENCY),
         ("**from the last pixel to the point**", f"**{total} + 2 N; {unmeasured} unmeasured**"),
         (
             "with two passes more, N1 pixels in the first window",
             f"{second} + N1: the first harmonic {first} + N1, peak_refine {peak_refine.latency()}",
         ),
+        ("**with a fit, whatever the windows**", f"**{fitted}; {unfitted} unmeasured**"),
     ]
     return listed(("stage", "clocks"), rows, left=2).markdown()
 
