@@ -65,8 +65,8 @@ module vrscan_chain #(
                                          : 12'(LineLength >= LinePeriod ? 0 : LinePeriod);
   end
   localparam int unsigned PlaceWidth = vrscan_pkg::PlaceWidth;
-  vrscan_pkg::point_t begun, received_point, row, row_point, window, first, peak, point, held_q, placed,
-      taken;
+  vrscan_pkg::point_t begun, received_point, row, row_point, window, first, peak, point, held_q,
+                      placed, taken;
   localparam int unsigned PointWidth = $bits(begun);
 
   // ---- sensor ----
@@ -257,7 +257,8 @@ module vrscan_chain #(
   logic [$clog2(vrscan_pkg::FitStart)-1:0] age_q;
   localparam int unsigned AgeWidth = $clog2(vrscan_pkg::FitStart);
   assign start = (have_position_q || positioned) && (have_confidence_q || judged)
-                 && (!peak_i.window_fit || age_q == AgeWidth'(vrscan_pkg::FitStart - 1)) && !start_q;
+                 && (!peak_i.window_fit || age_q == AgeWidth'(vrscan_pkg::FitStart - 1))
+                 && !start_q;
   always_ff @(posedge clk_i) begin
     if (found) age_q <= '0;
     else if (age_q != AgeWidth'(vrscan_pkg::FitStart - 1)) age_q <= age_q + AgeWidth'(1);

@@ -649,7 +649,7 @@ FAULTS = [
         ("lines may come too fast", "(LineLength >= LinePeriod ? 0 : LinePeriod)", "(0)"),
         ("two passes too fast", "(LineLength >= TwoPeriod ? 0 : TwoPeriod)", "(0)"),
         ("fits too fast", "(LineLength >= FitPeriod ? 0 : FitPeriod)", "(0)"),
-        ("a fit does not wait", "age_q == AgeWidth'(vrscan_pkg::FitStart - 1)) &&", "1'b1) &&"),
+        ("a fit does not wait", "age_q == AgeWidth'(vrscan_pkg::FitStart - 1))", "1'b1)"),
         ("first window for the second", "if (second_q) begin", "if (1'b0) begin"),
         ("drops are not reset", "if (rst_i) dropped_count_q <= '0;", ""),
         (

@@ -796,7 +796,7 @@ module peak_fit #(
     clipped_4 <= clipped_3;
     online_4  <= online_3;
     near_4    <= near_3;
-    square_4  <= square_3[35:13];
+    square_4  <= 23'(square_3 >> 13);
 
     coarse_5  <= 51'(raw_4) <<< {lift_q[4:3], 3'd0};
     clipped_5 <= clipped_4;
