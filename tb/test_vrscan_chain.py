@@ -12,6 +12,7 @@ import pytest
 from harness import (
     EACH_VOLUME,
     FallingEdge,
+    each,
     generator,
     parameters,
     port,
@@ -380,7 +381,7 @@ async def reset_mid_stream(dut) -> None:
 
 
 @EACH_VOLUME
-@pytest.mark.parametrize("widths", ELABORATIONS, ids=str)
+@pytest.mark.parametrize("widths", each(ELABORATIONS), ids=str)
 def test_vrscan_chain_rtl_equals_model(widths: dict[str, int], volume: str) -> None:
     simulate("vrscan_chain", __file__, widths, volume=volume)
 
