@@ -296,7 +296,6 @@ FAULTS = [
             "(pixel_2) >= saturation_level_i",
             "(pixel_2) > saturation_level_i",
         ),
-        ("speckle stays the first", "? MostSpeckle\n", "? FirstSpeckle\n"),
         ("far is near", "&& 24'(distance) <=", "&& 24'(distance) >="),
         ("sigma without neighbours", "35'(total_q) + 35'(speckle_part_q >> 2)", "35'(total_q)"),
         ("not reset", "history_full_q   <= 1'b0;", "history_full_q   <= history_full_q;"),

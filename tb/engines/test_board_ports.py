@@ -145,7 +145,8 @@ def test_a_zero_at_a_tenth_of_the_rate_is_a_break(board: Process) -> None:
         assert host.ask(b"x") == b"x"
         host.rate(BAUD // 10)
         os.write(host.file, b"\0")
-        time.sleep(0.05)  # until it is on the line
+        while board.status().from_host < 2:  # until it is on the line
+            time.sleep(0.01)
         host.rate(BAUD)
         assert host.ask(b"yz") == b"Bz"
 

@@ -3,7 +3,16 @@
 import cocotb
 import numpy as np
 import pytest
-from harness import assert_equal, each, generator, parameters, reset, run_vectors, simulate
+from harness import (
+    FallingEdge,
+    assert_equal,
+    each,
+    generator,
+    parameters,
+    reset,
+    run_vectors,
+    simulate,
+)
 
 from vrscan.fixed.multiply import FAST_LATENCY
 
@@ -45,6 +54,24 @@ async def products_with_gaps(dut) -> None:
         dut, given, {"product_o": True}, latency=FAST_LATENCY, spacing=1, gaps=True
     )
     assert_equal(got, {"product_o": given["a_i"] * given["b_i"]}, given)
+
+
+@cocotb.test()
+async def reset_mid_product(dut) -> None:
+    """A reset at every moment of a product: nothing comes out."""
+    await reset(dut)
+    for age in range(FAST_LATENCY):
+        dut.valid_i.value = 1
+        await FallingEdge(dut.clk_i)
+        dut.valid_i.value = 0
+        for _ in range(age):
+            await FallingEdge(dut.clk_i)
+        dut.rst_i.value = 1
+        await FallingEdge(dut.clk_i)
+        dut.rst_i.value = 0
+        for _ in range(FAST_LATENCY + 1):
+            assert dut.valid_o.value == 0, f"reset at age {age}"
+            await FallingEdge(dut.clk_i)
 
 
 @pytest.mark.parametrize("widths", each(ELABORATIONS), ids=str)
