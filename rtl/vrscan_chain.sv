@@ -304,6 +304,7 @@ module vrscan_chain #(
     .speckle_o(speckle), .kappa_i(peak_i.kappa),
     .saturation_level_i(peak_i.saturation_level)
   );
+  // For a flag of its own there is no room among a point's 16.
   logic unused_fit;
   assign unused_fit = ^{fitted, speckle};
   always_comb begin

@@ -3,7 +3,7 @@
 * ``rtl/vrscan_pkg.sv`` -> ``model/vrscan/data/pkg.py``: every width, flag bit and struct.
 * ``rtl/link/link_pkg.sv`` -> ``model/vrscan/data/link_pkg.py``: the numbers of the protocol.
 * ``vrscan.fixed.quarter_wave.table()`` -> ``rtl/trig/quarter_wave_rom.sv``.
-* ``vrscan.fixed.peak_fit.rom_source()`` -> ``rtl/peak/peak_fit_rom.sv``.
+* ``vrscan.fixed.peak_fit.rom()`` -> ``rtl/peak/peak_fit_rom.sv``.
 * ``vrscan.fixed.cordic_vector`` -> ``rtl/trig/cordic_pkg.sv``: the angles of the iterations.
 * ``vrscan.fixed.peak_refine`` -> ``rtl/peak/spot_sigma_pkg.sv``: a spot's width by its harmonic.
 * ``rtl/link/registers.toml`` -> ``rtl/link/register_file.sv`` and ``register_pkg.sv``,
@@ -76,9 +76,9 @@ def package() -> str:
 
 def quarter_wave_rom() -> str:
     """Return the block RAM with the quarter wave."""
-    from vrscan.fixed.quarter_wave import rom_source
+    from vrscan.fixed.quarter_wave import rom
 
-    return rom_source()
+    return rom()
 
 
 def cordic_package() -> str:
@@ -97,9 +97,9 @@ def spot_sigma_package() -> str:
 
 def peak_fit_rom() -> str:
     """Return the tables of the fit."""
-    from vrscan.fixed.peak_fit import rom_source
+    from vrscan.fixed.peak_fit import rom
 
-    return rom_source()
+    return rom()
 
 
 def register_file() -> str:

@@ -298,6 +298,13 @@ FAULTS = [
         ),
         ("far is near", "&& 24'(distance) <=", "&& 24'(distance) >="),
         ("sigma without neighbours", "35'(total_q) + 35'(speckle_part_q >> 2)", "35'(total_q)"),
+        (
+            "before the line",
+            "&& fit_place_q >= 0 && fit_place_q < LineEnd",
+            "&& fit_place_q < LineEnd",
+        ),
+        ("beyond the line", "fit_place_q >= 0 && fit_place_q < LineEnd", "fit_place_q >= 0"),
+        ("a start outside", "pixels_q >= 8'd4 && start_inside_q", "pixels_q >= 8'd4"),
         ("not reset", "history_full_q   <= 1'b0;", "history_full_q   <= history_full_q;"),
     ),
     *faults(

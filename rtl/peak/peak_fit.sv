@@ -7,8 +7,8 @@
 // differences of the second pass's quotients have more than noise is the speckle, steadied over the
 // last 16 lines and used from the third pass on.
 //
-// Where the fit's chi squared is large, its place far off or an eighth of the pixels saturated, the
-// spot is no Gaussian: fitted_o is 0, and position_o what came in.
+// Where the fit's chi squared is large, its place far off or beyond the line, or an eighth of the
+// pixels saturated, the spot is no Gaussian: fitted_o is 0, and position_o what came in.
 //
 //   measured_i       low: the line has no spot, and takes part in the history only
 //   left_i, width_i  the second window; position_i and slope_i are those it has given
@@ -75,7 +75,6 @@ module peak_fit #(
   localparam logic [19:0] LeastAmplitude = 20'(1 << (HeightFraction - 4));
   localparam logic [17:0] LeastScale     = 18'(1 << 11);
   localparam logic [19:0] FirstSpeckle   = 20'(1 << 14);
-  localparam logic [19:0] MostSpeckle    = 20'(3 << 17);
   localparam logic        [45:0] PriorWeight    = 46'(32 * 20 << 12);
   localparam logic signed [53:0] PriorRoughness = 54'sd1073920;  // 32 * 20 * 1678
   localparam logic [33:0] MostVariance   = '1;
@@ -299,6 +298,12 @@ module peak_fit #(
   assign distance = place_q > started_q ? place_q - started_q : started_q - place_q;
   logic [9:0] freedom;  // five times the degrees of freedom
   assign freedom = pixels_q < 8'd3 ? '0 : 10'(pixels_q - 8'd3) + (10'(pixels_q - 8'd3) << 2);
+  // What the fit has found, px, PositionFraction bits, and where a line ends.
+  localparam int unsigned FoundWidth = FirstWidth + vrscan_pkg::PositionFraction + 1;
+  localparam logic signed [FoundWidth-1:0] LineEnd =
+      FoundWidth'(LineLength << vrscan_pkg::PositionFraction);
+  logic signed [FoundWidth-1:0] fit_place_q;
+  logic                         start_inside_q;
   logic [43:0] chi_limit_q;
   // Of a fit that does not stand, twice as much.
   logic [QuotientWidth:0]              wide_spread;
@@ -485,8 +490,8 @@ module peak_fit #(
         state_q           <= SPECKLE;
       end
       SPECKLE: if (dividing_q == '0) begin
-        speckle_q <= first_quotient > QuotientWidth'(MostSpeckle) ? MostSpeckle
-                                                                  : 20'(first_quotient);
+        // A line's roughness is limited to 3/8 of its weight, so this fits.
+        speckle_q <= 20'(first_quotient);
         a_q       <= FactorWidth'(amplitude_q);
         b_q       <= signed'(Ln4);
         multiply_start_q <= 1'b1;
@@ -630,7 +635,8 @@ module peak_fit #(
         state_q     <= ROOT;
       end
       ROOT: begin
-        within_q <= chi_q <= signed'(chi_limit_q) && pixels_q >= 8'd4
+        within_q <= chi_q <= signed'(chi_limit_q) && pixels_q >= 8'd4 && start_inside_q
+                    && fit_place_q >= 0 && fit_place_q < LineEnd
                     && 24'(distance) <= (24'(begin_q) << 3) + (24'(begin_q) << 1)
                     && (11'(clipped_q) << 3) <= 11'(pixels_q) + 11'(clipped_q);
         if (product_valid) begin
@@ -654,10 +660,7 @@ module peak_fit #(
       JUDGE: if (!measured_q || dividing_q == '0) begin
         valid_o    <= 1'b1;
         fitted_o   <= within_q;
-        position_o <= within_q
-            ? PositionWidth'((PositionWidth + 1)'(first_q) <<< vrscan_pkg::PositionFraction)
-              + PositionWidth'((25'(place_q) + 25'(1 << 3)) >> 4)
-            : position_q;
+        position_o <= within_q ? PositionWidth'(fit_place_q) : position_q;
         sigma_o    <= !measured_q ? spread_q : within_q ? spread
                       : spread > spread_q ? spread : spread_q;
         state_q    <= IDLE;
@@ -683,6 +686,10 @@ module peak_fit #(
   assign start_place = (PositionWidth + 2)'(position_q)
       - ((PositionWidth + 2)'(first_q) <<< vrscan_pkg::PositionFraction);
   always_ff @(posedge clk_i) begin
+    fit_place_q <= (FoundWidth'(first_q) <<< vrscan_pkg::PositionFraction)
+                   + FoundWidth'(signed'({1'b0, (25'(place_q) + 25'(1 << 3)) >> 4}));
+    start_inside_q <= start_place >= 0 && start_place
+        < (PositionWidth + 2)'(signed'(Span << vrscan_pkg::PositionFraction));
     started_q <= start_place < 0 ? '0
         : start_place >= (PositionWidth + 2)'(signed'(Span << vrscan_pkg::PositionFraction))
           ? LastPlace : 24'(start_place) << 4;
@@ -846,8 +853,8 @@ module peak_fit #(
     .clk_i,
     .power_index_i     (square_5[16:7]),
     .reciprocal_index_i(reciprocal_index_17),
-    .power_o           (mantissa_6),
-    .reciprocal_o      (reciprocal_18)
+    .power_entry_o     (mantissa_6),
+    .reciprocal_entry_o(reciprocal_18)
   );
 
   always_ff @(posedge clk_i) begin

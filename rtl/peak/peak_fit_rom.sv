@@ -1,10 +1,9 @@
 // peak_fit_rom: the mantissa of 2**f and of 1 / (1 + f), f from 0 to 1.
 //
 // Generated from vrscan.fixed.peak_fit by scripts/generate.py.  An entry is that of the
-// middle of its step; 16 fraction bits of 1 .. 2, 16 of 1/2 .. 1.
+// middle of its step, with 16 fraction bits.  Their only test is that of peak_fit, their user.
 //
 //   Latency  1 clock
-//   Model    mantissas() and reciprocals() there; tested through peak_fit, its only user
 
 `default_nettype none
 
@@ -14,15 +13,15 @@ module peak_fit_rom (
   input  wire logic [ 9:0] power_index_i,
   input  wire logic [ 7:0] reciprocal_index_i,
 
-  output      logic [16:0] power_o,
-  output      logic [15:0] reciprocal_o
+  output      logic [16:0] power_entry_o,
+  output      logic [15:0] reciprocal_entry_o
 );
 
   logic [16:0] power_mem[1024];
   logic [15:0] reciprocal_mem[256];
 
-  always_ff @(posedge clk_i) power_o <= power_mem[power_index_i];
-  always_ff @(posedge clk_i) reciprocal_o <= reciprocal_mem[reciprocal_index_i];
+  always_ff @(posedge clk_i) power_entry_o <= power_mem[power_index_i];
+  always_ff @(posedge clk_i) reciprocal_entry_o <= reciprocal_mem[reciprocal_index_i];
 
   initial begin
     power_mem[0] = 17'h10016;

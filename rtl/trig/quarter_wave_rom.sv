@@ -1,10 +1,10 @@
 // quarter_wave_rom: a quarter of a sine in block RAM, with two read ports.
 //
 // Generated from vrscan.fixed.quarter_wave.table() by scripts/generate.py.  Entry k is
-// the sine at k + 1/2 steps of a 4096th of a turn; 1 - 2**-15 stands for 1, in 2**-32.
+// the sine at k + 1/2 steps of a 4096th of a turn; 1 - 2**-15 stands for 1,
+// in 2**-32.  Its only test is that of quarter_wave, its user.
 //
 //   Latency  1 clock
-//   Model    that table itself; tested through quarter_wave, which is its only user
 
 `default_nettype none
 

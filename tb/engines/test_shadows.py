@@ -20,8 +20,7 @@ def empty(count: int) -> Table:
     """Return points of lines without anything, at angle 0."""
     nothing = np.full((1, CONFIG.sensor.line_length), 60, np.uint16)
     one = run(Engine.IDEAL, Lines(nothing, np.zeros(1), np.zeros(1, np.int64)), CONFIG)
-    rows = one.of(np.zeros(count, np.int64))  # type: ignore[arg-type]
-    return replace(rows, line=np.arange(count))
+    return replace(Table.joined([one] * count), line=np.arange(count))
 
 
 def scanned(

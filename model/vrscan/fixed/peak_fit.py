@@ -17,6 +17,7 @@ import numpy as np
 from vrscan.data import pkg
 from vrscan.data.arrays import Bools, Ints, Pixels
 from vrscan.fixed.divide import divide
+from vrscan.fixed.rom import rom_source
 from vrscan.fixed.square_root import square_root
 
 SPAN = 200  # px that are read, half of them on either side of the window's middle
@@ -40,7 +41,6 @@ SHARE_FRACTION = 17  # of the variance's three terms over their sum
 SPECKLE_FRACTION = 20  # of the squared contrast
 FIRST_SPECKLE = 1 << (SPECKLE_FRACTION - 6)  # squared contrast in the first two passes: 1/64
 LEAST_SPECKLE = 1678  # where nothing has been measured: 0.04**2
-MOST_SPECKLE = 3 << (SPECKLE_FRACTION - 3)
 PRIOR_WEIGHT = 32 * 20 << 12
 LN4 = 11357  # 2 ln 2, 13 fraction bits
 SIGMA_TO_SCALE = 9645  # 1 / sqrt(log2(e) / 2), 13 fraction bits
@@ -112,54 +112,20 @@ def reciprocals() -> Ints:
 _MANTISSA, _RECIPROCAL = mantissas(), reciprocals()
 
 
-def rom_source() -> str:
+def rom() -> str:
     """Return ``rtl/peak/peak_fit_rom.sv``, the two tables."""
-
-    def table(name: str, entries: Ints, width: int) -> list[str]:
-        digits = -(-width // 4)
-        return [
-            f"    {name}[{k}] = {width}'h{entry:0{digits}x};" for k, entry in enumerate(entries)
-        ]
-
-    mantissa, weight = MANTISSA_FRACTION, WEIGHT_FRACTION
-    lines = [
-        "// peak_fit_rom: the mantissa of 2**f and of 1 / (1 + f), f from 0 to 1.",
-        "//",
-        "// Generated from vrscan.fixed.peak_fit by scripts/generate.py.  An entry is that of the",
-        f"// middle of its step; {mantissa} fraction bits of 1 .. 2, {weight} of 1/2 .. 1.",
-        "//",
-        "//   Latency  1 clock",
-        "//   Model    mantissas() and reciprocals() there; tested through peak_fit, its only user",
-        "",
-        "`default_nettype none",
-        "",
-        "module peak_fit_rom (",
-        "  input  wire logic        clk_i,",
-        "",
-        f"  input  wire logic [ {TABLE_BITS - 1}:0] power_index_i,",
-        f"  input  wire logic [ {RECIPROCAL_BITS - 1}:0] reciprocal_index_i,",
-        "",
-        f"  output      logic [{mantissa}:0] power_o,",
-        f"  output      logic [{weight - 1}:0] reciprocal_o",
-        ");",
-        "",
-        f"  logic [{mantissa}:0] power_mem[{1 << TABLE_BITS}];",
-        f"  logic [{weight - 1}:0] reciprocal_mem[{1 << RECIPROCAL_BITS}];",
-        "",
-        "  always_ff @(posedge clk_i) power_o <= power_mem[power_index_i];",
-        "  always_ff @(posedge clk_i) reciprocal_o <= reciprocal_mem[reciprocal_index_i];",
-        "",
-        "  initial begin",
-        *table("power_mem", mantissas(), mantissa + 1),
-        *table("reciprocal_mem", reciprocals(), weight),
-        "  end",
-        "",
-        "endmodule",
-        "",
-        "`default_nettype wire",
-        "",
-    ]
-    return "\n".join(lines)
+    comment = (
+        "the mantissa of 2**f and of 1 / (1 + f), f from 0 to 1.",
+        "Generated from vrscan.fixed.peak_fit by scripts/generate.py.  An entry is that of the",
+        f"middle of its step, with {MANTISSA_FRACTION} fraction bits.  Their only test is that of "
+        "peak_fit, their user.",
+    )
+    memories = {
+        "power_mem": (mantissas(), MANTISSA_FRACTION + 1),
+        "reciprocal_mem": (reciprocals(), WEIGHT_FRACTION),
+    }
+    ports = {"power": "power_mem", "reciprocal": "reciprocal_mem"}
+    return rom_source("peak_fit_rom", comment, memories, ports)
 
 
 def bit_length(value: Ints) -> Ints:
@@ -332,7 +298,7 @@ def _steadied(
     dividend = np.maximum(sums_of[0] + prior, 0) << 4
     speckle, _ = divide(dividend, (sums_of[1] + PRIOR_WEIGHT) >> 8, quotient_width=QUOTIENT_WIDTH)
     last = History(*(value[len(value) - (DEPTH - 1) :] for value in own))
-    return np.minimum(speckle, MOST_SPECKLE), last
+    return speckle, last
 
 
 def peak_fit(
@@ -394,10 +360,10 @@ def peak_fit(
     begin = np.clip((sigma * SIGMA_TO_SCALE) >> 10, LEAST_SCALE, (1 << SCALE_WIDTH) - 1)
     least = np.maximum(begin >> 1, LEAST_SCALE)
     most = np.minimum(begin << 1, (1 << SCALE_WIDTH) - 1)
-    started = position - (first << pkg.POSITION_FRACTION)
-    started = started << (PLACE_FRACTION - pkg.POSITION_FRACTION)
+    begun = position - (first << pkg.POSITION_FRACTION)
+    begun = begun << (PLACE_FRACTION - pkg.POSITION_FRACTION)
     amplitude = np.full(count, 3 << (HEIGHT_FRACTION - 2), np.int64)
-    started = np.clip(started, 0, (SPAN << PLACE_FRACTION) - 1)
+    started = np.clip(begun, 0, (SPAN << PLACE_FRACTION) - 1)
     state = _State(amplitude, started, begin, _step(begin))
     usable = on_line & ~clipped
     speckle = np.full(count, FIRST_SPECKLE, np.int64)
@@ -416,8 +382,13 @@ def peak_fit(
     limit = (variance.total * (CHI_LIMIT * np.maximum(sums.pixels - 3, 0))) >> (
         2 * HEIGHT_FRACTION - 2 * MOMENT_FRACTION
     )
+    found = (first << pkg.POSITION_FRACTION) + (
+        (state.place + (1 << (PLACE_FRACTION - pkg.POSITION_FRACTION - 1)))
+        >> (PLACE_FRACTION - pkg.POSITION_FRACTION)
+    )
     far = np.abs(state.place - started) > (5 * begin << (PLACE_FRACTION - SCALE_FRACTION)) >> 3
     fitted = measured & (sums.chi <= limit) & ~far & (sums.pixels >= 4)
+    fitted &= (begun == started) & (found >= 0) & (found < length << pkg.POSITION_FRACTION)
     fitted &= sums.clipped << 3 <= sums.pixels + sums.clipped
     total = np.minimum(
         variance.total + (variance.speckle >> 2) + (variance.speckle >> 3), MOST_VARIANCE
@@ -429,10 +400,6 @@ def peak_fit(
     own, _ = divide(root, divisor, quotient_width=QUOTIENT_WIDTH)
     own = np.minimum(np.where(fitted, own, own << 1), (1 << pkg.SIGMA_WIDTH) - 1)
     own = np.where(fitted, own, np.where(measured, np.maximum(own, spread), spread))
-    found = (first << pkg.POSITION_FRACTION) + (
-        (state.place + (1 << (PLACE_FRACTION - pkg.POSITION_FRACTION - 1)))
-        >> (PLACE_FRACTION - pkg.POSITION_FRACTION)
-    )
     return Fitted(
         position=np.where(fitted, found, position),
         sigma=own,

@@ -7,6 +7,7 @@ import numpy as np
 
 from vrscan.data import pkg
 from vrscan.data.arrays import Ints
+from vrscan.fixed.rom import rom_source
 
 LATENCY = pkg.QUARTER_WAVE_LATENCY  # clocks from valid_i to valid_o
 
@@ -153,47 +154,15 @@ def quarter_wave(
     return (sine + (1 << (cut - 1))) >> cut, (cosine + (1 << (cut - 1))) >> cut
 
 
-def rom_source(table_bits: int = TABLE_BITS, entry_width: int = ENTRY_WIDTH) -> str:
+def rom(table_bits: int = TABLE_BITS, entry_width: int = ENTRY_WIDTH) -> str:
     """Return rtl/trig/quarter_wave_rom.sv, the table as a block RAM with two read ports."""
     size = 1 << table_bits
-    bits = headroom(table_bits)
-    lines = [
-        "// quarter_wave_rom: a quarter of a sine in block RAM, with two read ports.",
-        "//",
-        "// Generated from vrscan.fixed.quarter_wave.table() by scripts/generate.py.  Entry k is",
-        f"// the sine at k + 1/2 steps of a {4 * size}th of a turn; 1 - 2**-{bits} stands for 1, "
-        f"in 2**-{entry_width}.",
-        "//",
-        "//   Latency  1 clock",
-        "//   Model    that table itself; tested through quarter_wave, which is its only user",
-        "",
-        "`default_nettype none",
-        "",
-        "module quarter_wave_rom (",
-        "  input  wire logic        clk_i,",
-        "",
-        f"  input  wire logic [ {table_bits - 1}:0] a_index_i,",
-        f"  input  wire logic [ {table_bits - 1}:0] b_index_i,",
-        "",
-        f"  output      logic [{entry_width - 1}:0] a_entry_o,",
-        f"  output      logic [{entry_width - 1}:0] b_entry_o",
-        ");",
-        "",
-        f"  logic [{entry_width - 1}:0] mem[{size}];",
-        "",
-        "  always_ff @(posedge clk_i) a_entry_o <= mem[a_index_i];",
-        "  always_ff @(posedge clk_i) b_entry_o <= mem[b_index_i];",
-        "",
-        "  initial begin",
-        *(
-            f"    mem[{k}] = {entry_width}'h{entry:0{-(-entry_width // 4)}x};"
-            for k, entry in enumerate(table(table_bits, entry_width).tolist())
-        ),
-        "  end",
-        "",
-        "endmodule",
-        "",
-        "`default_nettype wire",
-        "",
-    ]
-    return "\n".join(lines)
+    comment = (
+        "a quarter of a sine in block RAM, with two read ports.",
+        "Generated from vrscan.fixed.quarter_wave.table() by scripts/generate.py.  Entry k is",
+        f"the sine at k + 1/2 steps of a {4 * size}th of a turn; 1 - 2**-{headroom(table_bits)} "
+        f"stands for 1,",
+        f"in 2**-{entry_width}.  Its only test is that of quarter_wave, its user.",
+    )
+    memories = {"mem": (table(table_bits, entry_width), entry_width)}
+    return rom_source("quarter_wave_rom", comment, memories, {"a": "mem", "b": "mem"})

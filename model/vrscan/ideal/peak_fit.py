@@ -174,7 +174,7 @@ def _steadied(
     prior = PRIOR_DIFFERENCES * DIFFERENCES
     speckle = (roughness + prior * PRIOR_SPECKLE) / (weight + prior)
     last = History(*(each[len(each) - (DEPTH - 1) :] for each in lines))
-    return np.clip(speckle, 0.0, MOST_SPECKLE), last
+    return np.maximum(speckle, 0.0), last
 
 
 def peak_fit(
@@ -197,8 +197,8 @@ def peak_fit(
     """Fit a Gaussian to the spot of every line.
 
     The fit does not stand, and the given position stays, where chi squared is too large, where the
-    fit went far from it, or where too many pixels are at full scale, whose light is not known.
-    Speckle moves the phase of a window by some twice as much as it does the fit.
+    fit went far from it or off the line, or where too many pixels are at full scale, whose light
+    is not known. Speckle moves the phase of a window by some twice as much as it does the fit.
 
     Args:
         lines: Counts [n, length].
@@ -252,6 +252,8 @@ def peak_fit(
     chi = (seen.weight * np.square(seen.quotient)).sum(axis=1) / at.total
     fitted = measured & (count >= FEWEST) & (chi <= CHI_LIMIT * (count - 3))
     fitted &= np.abs(state.place - position) <= FAR * begin
+    fitted &= (position >= first) & (position < first + SPAN)
+    fitted &= (state.place >= 0.0) & (state.place < lines.shape[1])
     lost = (seen.near & clipped).sum(axis=1)
     fitted &= lost <= MOST_CLIPPED * (count + lost)
     told = np.maximum(seen.sum(2), _TINY)

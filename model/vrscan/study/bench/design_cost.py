@@ -126,7 +126,7 @@ def texts(part: Part, design: Design) -> dict[str, str]:
     for file in rtl_closure(rtl_module(part.module)):
         text = file.read_text()
         if file.stem == "quarter_wave_rom" and design.table != _SHIPPED.table:
-            text = quarter_wave.rom_source(design.table_bits, design.entry_width)
+            text = quarter_wave.rom(design.table_bits, design.entry_width)
         elif file.stem == "cordic_pkg" and design.rotations != _SHIPPED.rotations:
             text = cordic_vector.package_source(design.rotations)
         text = changed(text, values.get(file.stem, {}))
