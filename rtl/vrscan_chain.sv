@@ -234,12 +234,12 @@ module vrscan_chain #(
                  && !peak.flags[vrscan_pkg::FlagRowStatistics] && peak.line.mirror_flags == '0;
   peak_confidence #(.PixelWidth(PixelWidth)) u_peak_confidence (
     .clk_i, .rst_i, .peak_i,
-    .valid_i(phased), .measured_i(measured), .low_snr_i(peak.flags[vrscan_pkg::FlagLowSnr]),
+    .valid_i(phased), .measured_i(measured),
     .clear_i(clear),
     .maximum_i(PixelWidth'(peak.maximum)), .background_i(peak.background), .noise_i(peak.noise),
     .width_i(window_width), .period_i(period), .magnitude_i(magnitude), .sum_i(height_sum),
     .wave_i(wave), .count_i(wave_count), .power_i(peak.line.power),
-    .valid_o(judged), .snr_o(snr), .no_noise_o(no_noise), .sigma_o(sigma), .c_obj_o(c_obj),
+    .valid_o(judged), .snr_o(snr), .no_noise_o(no_noise), .sigma_o(sigma),
     .c_sfm_o(c_sfm)
   );
 
@@ -279,7 +279,6 @@ module vrscan_chain #(
     point.snr      = snr;
     point.position = measured ? vrscan_pkg::PositionWidth'(position) : '0;
     point.sigma    = sigma;
-    point.c_obj    = c_obj;
     point.c_sfm    = c_sfm;
     point.free_from = c_sfm != '0 ? free_from : '0;
     point.free_to   = c_sfm != '0 ? free_to : '0;
@@ -334,6 +333,7 @@ module vrscan_chain #(
     .saturated_i(offset_saturated), .sigma_i(placed.sigma), .angle_i(placed.line.angle),
     .user_i(placed),
     .valid_o, .ready_i, .measured_o(in_space), .x_o(x), .z_o(z), .sigma_z_o(sigma_z),
+    .c_obj_o(c_obj),
     .no_range_o(no_range), .out_of_range_o(out_of_range), .lost_o(points_lost), .user_o(taken),
     .dropped_o(dropped)
   );
@@ -343,6 +343,7 @@ module vrscan_chain #(
     point_o.x        = x;
     point_o.z        = z;
     point_o.sigma_z  = sigma_z;
+    point_o.c_obj    = c_obj;
     point_o.flags[vrscan_pkg::FlagNoRange]    = no_range;
     point_o.flags[vrscan_pkg::FlagOutOfRange] = out_of_range;
     point_o.flags[vrscan_pkg::FlagPointsLost] = points_lost;

@@ -192,8 +192,8 @@ module peak_fit #(
 
   // ---- control ----
   typedef enum logic [5:0] {
-    IDLE, LIFT, SCALES, DARK, BEGIN, SHOT, AREA, OWN, TOTAL, SHARE, ORIGIN, PLACED, LOADED, RUN,
-    MADE, SQUARE, WEIGHT, ROUGH, CLIP, HISTORY, STEADY, SPECKLE, SLOPE, DIVISOR, FOURTH, SECOND,
+    IDLE, PASS_BY, LIFT, SCALES, DARK, BEGIN, SHOT, AREA, OWN, TOTAL, SHARE, ORIGIN, PLACED, LOADED,
+    RUN, MADE, SQUARE, WEIGHT, ROUGH, CLIP, HISTORY, STEADY, SPECKLE, SLOPE, DIVISOR, FOURTH, SECOND,
     CURVE, DROP, DETERMINANT, STRETCH, RISE, REST, PLACE, SCALE, STEP, LIMIT, RADICAND, ROOT,
     SPREAD, JUDGE
   } state_e;
@@ -345,8 +345,10 @@ module peak_fit #(
         line_rough_q <= '0;
         weight_q     <= '0;
         pass_q       <= '0;
-        state_q      <= measured_i ? LIFT : HISTORY;
+        state_q      <= measured_i ? LIFT : PASS_BY;
       end
+      // Its point may not come so early that that of the line before is still in the triangle.
+      PASS_BY: if (loaded_q) state_q <= HISTORY;
       LIFT: if (product_valid) begin
         // height_q has settled.
         begin_q <= |product[69:28] ? '1 : 18'(product >>> 10) < LeastScale ? LeastScale
@@ -702,7 +704,7 @@ module peak_fit #(
   assign reading_o = loading_q;
   always_ff @(posedge clk_i) begin
     if (state_q == IDLE && valid_i) begin
-      loading_q    <= measured_i;
+      loading_q    <= 1'b1;
       loaded_q     <= 1'b0;
       load_q       <= '0;
       read_index_o <= vrscan_pkg::RingWidth'(left_i) + vrscan_pkg::RingWidth'(width_i >> 1)

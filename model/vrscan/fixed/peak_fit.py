@@ -58,7 +58,7 @@ MOST_NOISE = (1 << 32) - 1
 QUOTIENT_WIDTH = 26
 ROOT_WIDTH = 31
 LATENCY = 1823  # clocks from valid_i to valid_o
-UNMEASURED_LATENCY = 3
+UNMEASURED_LATENCY = SPAN + 6
 
 
 class History(NamedTuple):

@@ -181,7 +181,6 @@ def _run(
     blind |= statistics.row_statistics | (mirror_flags != 0)
     quality = peak_confidence.peak_confidence(
         measured=harmonic.measured,
-        low_snr=low_snr,
         clear=low_snr & ~blind,
         maximum=statistics.maximum,
         background=statistics.background,
@@ -195,7 +194,6 @@ def _run(
         power=power,
         pixel_width=r.pixel_width,
         kappa=r.kappa,
-        c_obj_gain=r.c_obj_gain,
         c_sfm_gain=r.c_sfm_gain,
     )
     sigma = quality.sigma
@@ -249,6 +247,7 @@ def _run(
         d1=r.d1,
         e0=r.e0,
         e1=r.e1,
+        tolerance=r.tolerance,
         line_length=r.line_length,
     )
     flags = window.flags | mirror_flags << pkg.FLAG_NOT_RUNNING
@@ -278,7 +277,7 @@ def _run(
         x=place.x,
         z=place.z,
         sigma_z=place.sigma_z,
-        c_obj=quality.c_obj,
+        c_obj=place.c_obj,
         c_sfm=quality.c_sfm,
         free_from=np.where(quality.c_sfm > 0, free_from, 0),
         free_to=np.where(quality.c_sfm > 0, free_to, 0),

@@ -142,6 +142,8 @@ def _run(
         position, sigma, history = fit.position, fit.sigma, fit.history
     u, scale = geometry.undistorted(position, config.geometry)
     located = geometry.triangle(u, angle_rad, config.geometry)
+    sigma_z = np.abs(located.slope) * np.abs(scale) * sigma
+    there = measured & ~located.no_range
     present = window.width > 0
     last = lines.shape[1] - 1
     flags: dict[str, Bools] = {
@@ -179,13 +181,15 @@ def _run(
         angle_rad=np.asarray(angle_rad, np.float64),
         x_mm=located.x,
         z_mm=located.z,
-        sigma_z_mm=np.abs(located.slope) * np.abs(scale) * sigma,
-        c_obj=confidence.object_confidence(snr, ~low_snr, snr_max=peak.snr_max),
+        sigma_z_mm=sigma_z,
+        c_obj=confidence.object_confidence(
+            located.z, sigma_z, there, tolerance=config.geometry.tolerance
+        ),
         c_sfm=c_sfm,
         free_from_mm=np.where(c_sfm > 0.0, free_from, 0.0),
         free_to_mm=np.where(c_sfm > 0.0, free_to, 0.0),
         measured=measured,
-        located=measured & ~located.no_range,
+        located=there,
         pixel_width=config.sensor.pixel_width,
     )
     return points, history
