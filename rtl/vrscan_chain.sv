@@ -287,7 +287,7 @@ module vrscan_chain #(
   end
 
   // ---- the fit ----
-  logic                              fit_done, fitted;
+  logic                              fit_done, fitted, mixed;
   logic signed [  PositionWidth-1:0] fit_position;
   logic [vrscan_pkg::SigmaWidth-1:0] fit_sigma;
   logic [vrscan_pkg::SpeckleWidth-1:0] speckle;
@@ -299,11 +299,10 @@ module vrscan_chain #(
     .spread_i(held_q.sigma), .sigma_i(spot_sigma), .maximum_i(PixelWidth'(held_q.maximum)),
     .background_i(held_q.background), .noise_i(held_q.noise),
     .reading_o(fitting), .read_index_o(fit_index), .read_pixel_i(read_pixel),
-    .valid_o(fit_done), .fitted_o(fitted), .position_o(fit_position), .sigma_o(fit_sigma),
+    .valid_o(fit_done), .fitted_o(fitted), .mixed_o(mixed), .position_o(fit_position), .sigma_o(fit_sigma),
     .speckle_o(speckle), .kappa_i(peak_i.kappa),
     .saturation_level_i(peak_i.saturation_level)
   );
-  // For a flag of its own there is no room among a point's 16.
   logic unused_fit;
   assign unused_fit = ^{fitted, speckle};
   always_comb begin
@@ -311,6 +310,7 @@ module vrscan_chain #(
     if (peak_i.window_fit && held_q.measured) begin
       placed.position = vrscan_pkg::PositionWidth'(fit_position);
       placed.sigma    = fit_sigma;
+      placed.flags[vrscan_pkg::FlagMixed] = mixed;
     end
   end
 

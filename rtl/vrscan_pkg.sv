@@ -138,7 +138,7 @@ package vrscan_pkg;
   localparam int unsigned MirrorFlagWidth = 3;  // of a line: FlagNotRunning and those above it
 
   // Flags of a point, by bit.
-  localparam int unsigned FlagWidth = 16;
+  localparam int unsigned FlagWidth = 17;
   localparam int unsigned FlagLowSnr = 0;
   localparam int unsigned FlagTooNarrow = 1;
   localparam int unsigned FlagTooWide = 2;
@@ -155,6 +155,7 @@ package vrscan_pkg;
   localparam int unsigned FlagNotRunning = 13;  // the mirror is not in its state RUN
   localparam int unsigned FlagIndexFault = 14;  // an index crossing was missing or wrong
   localparam int unsigned FlagUnsettled = 15;  // amplitude or phase is off: shock, drift, start-up
+  localparam int unsigned FlagMixed = 16;  // no single spot: the fit's chi squared is far too large
 
   // Clocks from valid_i to valid_o of what works operands off.
   function automatic int unsigned multiply_limbs(input int unsigned width);

@@ -305,6 +305,8 @@ FAULTS = [
         ),
         ("beyond the line", "fit_place_q >= 0 && fit_place_q < LineEnd", "fit_place_q >= 0"),
         ("a start outside", "pixels_q >= 8'd4 && start_inside_q", "pixels_q >= 8'd4"),
+        ("mixed at the fit's limit", "signed'(mixed_limit_q);", "signed'(46'(chi_limit_q));"),
+        ("mixed without a spot", "measured_q && mixed_q;", "mixed_q;"),
         ("not reset", "history_full_q   <= 1'b0;", "history_full_q   <= history_full_q;"),
     ),
     *faults(

@@ -197,6 +197,7 @@ def _run(
         c_sfm_gain=r.c_sfm_gain,
     )
     sigma = quality.sigma
+    mixed = np.zeros(len(lines), np.bool_)
     if r.window_fit:
         fit = peak_fit.peak_fit(
             lines,
@@ -216,6 +217,7 @@ def _run(
             history=history,
         )
         position, sigma, history = fit.position, fit.sigma, fit.history
+        mixed = fit.mixed
     position = np.where(harmonic.measured, position, 0)
     free_from, free_to = free_interval.free_interval(
         angle,
@@ -257,6 +259,7 @@ def _run(
         (pkg.FLAG_ROW_STATISTICS, statistics.row_statistics),
         (pkg.FLAG_NO_RANGE, place.no_range),
         (pkg.FLAG_OUT_OF_RANGE, place.out_of_range),
+        (pkg.FLAG_MIXED, mixed),
     ):
         flags |= condition.astype(np.int64) << bit
     points = Points(

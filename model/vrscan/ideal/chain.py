@@ -122,6 +122,7 @@ def _run(
     measured[valid] = ~found.no_phase
     position = _spread(left[valid] + found.delta, valid, len(lines))
     sigma = _spread(found.sigma, valid, len(lines))
+    mixed = np.zeros(len(lines), np.bool_)
     if peak.fit:
         fit = peak_fit.peak_fit(
             lines,
@@ -140,6 +141,7 @@ def _run(
             history=history,
         )
         position, sigma, history = fit.position, fit.sigma, fit.history
+        mixed = fit.mixed
     u, scale = geometry.undistorted(position, config.geometry)
     located = geometry.triangle(u, angle_rad, config.geometry)
     sigma_z = np.abs(located.slope) * np.abs(scale) * sigma
@@ -157,6 +159,7 @@ def _run(
         "NO_NOISE": noise == 0.0,
         "ROW_STATISTICS": row.row_only & (not noise_row),
         "NO_RANGE": measured & located.no_range,
+        "MIXED": mixed,
         **{name: mirror_flags >> bit & 1 == 1 for bit, name in enumerate(MIRROR_FLAGS)},
     }
     nothing = low_snr & (noise > 0.0) & (mirror_flags == 0)

@@ -1,9 +1,12 @@
 """Signal-to-noise ratio and the two confidences, (9) and (10)."""
 
+from math import erf
+
 import numpy as np
-from scipy.special import erf
 
 from vrscan.data.arrays import Bools, Floats, Ints
+
+_erf = np.vectorize(erf, otypes=[np.float64])
 
 
 def signal_to_noise(maximum: Ints, background: Floats, noise: Floats) -> Floats:
@@ -35,7 +38,7 @@ def object_confidence(z: Floats, sigma_z: Floats, valid: Bools, *, tolerance: fl
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         sigmas = tolerance * np.abs(z) / sigma_z
-    return np.where(valid, erf(np.nan_to_num(sigmas) / np.sqrt(2.0)), 0.0)
+    return np.where(valid, _erf(np.nan_to_num(sigmas) / np.sqrt(2.0)), 0.0)
 
 
 def free_confidence(power: Ints, clear: Bools, *, power_max: int) -> Floats:
