@@ -20,31 +20,33 @@ import pytest
 
 from vrscan.cli import app as cli
 from vrscan.data.config import Config
-from vrscan.detectors.catalogue import detectors
+from vrscan.detectors.catalogue import detectors, rivals
 from vrscan.engines.tools import repository_root
 from vrscan.show.sheet import listed
 from vrscan.study.bench import bench_page as page
 from vrscan.study.bench import bench_report as report
-from vrscan.study.bench import cost, detect, instrument
+from vrscan.study.bench import cost, design_cost, detect, instrument
 from vrscan.study.bench.bench_spots import Spot, score, take
 from vrscan.study.bench.cells import Cell, Figures
 from vrscan.study.bench.sections import compare_section as compare
 from vrscan.study.bench.sections import growth_section as growth
 from vrscan.study.bench.sections import instrument_section as whole
+from vrscan.study.bench.sections import speckle_section as speckle
 from vrscan.study.bench.sections import sweeps_section as sweeps
 from vrscan.study.bench.sections.section import Order
 from vrscan.study.report.efficiency import LOST_PX, PEAKS, SIGMAS_PX, cell_lines
 
 ORDER = Order(Config(), 1, quick=True)
-OWN = (compare.SECTION, sweeps.SECTION, whole.SECTION, growth.SECTION)  # others have own tests
+# Others have own tests.
+OWN = (compare.SECTION, speckle.SECTION, sweeps.SECTION, whole.SECTION, growth.SECTION)
 KEYS = [each.key for each in detectors()]
-BOUND = 0.01
+BOUND, SPECKLED = 0.01, 0.03
 ZONES = ("near", "middle", "far")
 
 
 def errors(key: str) -> dict[str, float]:
     """Return what a detector is off by, the same in every cell."""
-    size = BOUND * (1.0 + KEYS.index(key))
+    size = BOUND * (1.0 + [*KEYS, *(each.key for each in rivals())].index(key))
     lost = 0.02 if key == "parabola" else 0.0
     return {"rms": size, "bias": -0.3 * size, "spread": 0.95 * size, "lost": lost}
 
@@ -64,8 +66,12 @@ def budget_csv() -> str:
 def made_up(cell: Cell) -> Figures:
     """Return figures of the form that the work of a cell has."""
     if cell.work == detect.WORK:
-        found = {key: errors(key) for key in KEYS}
-        return {"bound_px": BOUND, "lines": cell.parameters["lines"], "errors": found}
+        keys = cell.parameters.get("detectors", KEYS)
+        found = {key: errors(key) for key in keys}
+        bounds = {"bound_px": BOUND, "speckled_px": SPECKLED}
+        return {**bounds, "lines": cell.parameters["lines"], "errors": found}
+    if cell.work == design_cost.WORK:
+        return {"lut": 100.0, "ff": 1.0, "ebr": 0.0, "dsp": 1.0}
     if cell.work == cost.WORK:
         rates = {key: 1000.0 * (1 + k) for k, key in enumerate(["reference", *KEYS])}
         return {"rates": rates, "lines": 7}
@@ -202,9 +208,10 @@ def test_costs_are_over_the_reference_and_tell_what_fills_them_in(
 ) -> None:
     assert read.rows["cost-parabola"][2] == f"{2.0 + KEYS.index('parabola'):.2f}"
     assert read.rows["cost-parabola"][4] == "no RTL"
-    assert read.rows["cost-shipped"][4] == "run make timing"
+    assert read.rows["cost-one-pass"][4] == "run make timing"
     (tmp_path / "timing").mkdir()
-    modules = ("peak_isolate", "phase_correlate", "peak_position", "vrscan_chain", "peak_refine")
+    modules = ("peak_isolate", "phase_correlate", "peak_position", "vrscan_chain", "peak_refine",
+               "peak_fit")  # fmt: skip
     rows = [f"{name},130.5,1,{100 + k},9,0,{0.5 * k},,x" for k, name in enumerate(modules)]
     head = "module,fmax_mhz,seed,lut,ff,ebr,dsp,warnings,slowest_path"
     (tmp_path / "timing" / "timing.csv").write_text("\n".join([head, *rows]) + "\n")
@@ -212,9 +219,10 @@ def test_costs_are_over_the_reference_and_tell_what_fills_them_in(
     shown = (compare.SECTION, whole.SECTION)
     placed = [page.Part(s.key, s.title, s.blocks(ORDER, made_up)) for s in shown]
     found = Reader(page.page("", "", [], placed)).rows
-    assert found["cost-shipped"][4:] == ["303", "1.5"]
+    assert found["cost-one-pass"][4:] == ["303", "1.5"]
     assert found["cost-two-pass"][4:] == ["407", "3.5"]
-    assert int(found["cost-two-pass"][3]) > int(found["cost-shipped"][3]) > 100
+    assert found["cost-fit"][4:] == ["512", "6"] and found["cost-fit"][3] == "3304"
+    assert int(found["cost-two-pass"][3]) > int(found["cost-one-pass"][3]) > 100
     assert found["speed-hardware"][1] == f"{130.5e6 / 2048:,.0f}"
     (tmp_path / "timing" / "timing.csv").write_text("damaged\n")
     assert cost.timing() == {}

@@ -16,7 +16,15 @@ from vrscan.study.bench import detect
 from vrscan.study.bench.bench_page import Block, Heading, Picture, Table, Text, slug
 from vrscan.study.bench.bench_spots import RETURN_PX, SLOPE_PX, most_contrast
 from vrscan.study.bench.cells import Cell, Figures
-from vrscan.study.bench.sections.section import BOUND, Found, Order, Section, look, png
+from vrscan.study.bench.sections.section import (
+    BOUND,
+    Found,
+    Order,
+    Section,
+    is_own,
+    look,
+    png,
+)
 from vrscan.study.report.efficiency import LOST_PX
 
 LINES, QUICK_LINES = 4000, 200  # lines per cell
@@ -205,7 +213,7 @@ def blocks(order: Order, found: Found) -> Sequence[Block[Any]]:
         shown.append(Picture(f"sweep-{sweep.key}-picture", picture, sweep.caption))
         shown.append(_table(sweep, got))
         if sweep.key == "skew":
-            shown.append(_movement(sweep, got))
+            shown.append(_movement(order, sweep, got))
     return shown
 
 
@@ -252,7 +260,9 @@ def _broken(text: str, room: int) -> str:
     return "\n".join(lines)
 
 
-def _movement(sweep: Sweep, got: dict[tuple[str, float], Figures]) -> Table[Detector]:
+def _movement(
+    order: Order, sweep: Sweep, got: dict[tuple[str, float], Figures]
+) -> Table[Detector]:
     """Return how far a skewed spot moves with its height."""
     low, high = sweep.panels
 
@@ -271,7 +281,7 @@ def _movement(sweep: Sweep, got: dict[tuple[str, float], Figures]) -> Table[Dete
         "How far a skewed spot of s = 3 px moves between 10 and 90 % of full scale, 1e-3 px: the "
         "difference of the two biases.",
         key=lambda each: f"skew-moves-{each.key}",
-        bold=lambda each: each.key == "shipped",
+        bold=lambda each: is_own(each.key, order.config),
         full=listed(
             ("detector", "skew", "moves_px"),
             [(each.key, v, moved(each, v)) for each in detectors() for v in sweep.values],
