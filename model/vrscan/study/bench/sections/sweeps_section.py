@@ -159,8 +159,9 @@ SWEEPS = (
         "contrast of a pixel",
         (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3),
         _of_width(2.0, 6.0, peak=0.5),
-        "Light from a rough surface is grained; the dashed bound is that of photons alone. The "
-        "dotted line is what first order in the contrast gives for the first harmonic.",
+        "Light from a rough surface is grained. Two bounds are shown: that of photons alone, and "
+        "that with the speckle, were neighbouring pixels independent. The dotted line is what "
+        "first order in the contrast gives for the first harmonic.",
         _named("contrast"),
         also=("speckle, first order", _speckle_px),
     ),
@@ -217,6 +218,11 @@ def blocks(order: Order, found: Found) -> Sequence[Block[Any]]:
     return shown
 
 
+def _speckled(got: dict[tuple[str, float], Figures]) -> bool:
+    """Return whether speckle is in any of the lines."""
+    return any(cell["speckled_px"] > cell["bound_px"] for cell in got.values())
+
+
 def _table(sweep: Sweep, got: dict[tuple[str, float], Figures]) -> Table[tuple[str, float]]:
     def rms(each: Detector) -> Column[tuple[str, float]]:
         return Column(_broken(each.title, 9), lambda row: _rms(got[row]["errors"][each.key]))
@@ -225,15 +231,18 @@ def _table(sweep: Sweep, got: dict[tuple[str, float], Figures]) -> Table[tuple[s
         Column(_broken(sweep.axis, 14), lambda row: row[1], "{:g}"),
         words("spot", lambda row: row[0]),
         Column("bound", lambda row: got[row]["bound_px"], number, scale=1e3),
+        *[Column("bound with\nspeckle", lambda row: got[row]["speckled_px"], number, scale=1e3)]
+        * _speckled(got),
         *map(rms, detectors()),
     ]
     values = []
     for (panel, value), cell in got.items():
         for key, error in ((each.key, cell["errors"][each.key]) for each in detectors()):
             kept = [error[name] for name in ("rms", "bias", "spread", "lost")]
-            values.append([panel, value, key, cell["lines"], cell["bound_px"], *kept])
-    names = ("panel", slug(sweep.axis), "detector", "lines", "bound_px", "rms_px", "bias_px",
-             "spread_px", "lost")  # fmt: skip
+            bounds = cell["bound_px"], cell["speckled_px"]
+            values.append([panel, value, key, cell["lines"], *bounds, *kept])
+    names = ("panel", slug(sweep.axis), "detector", "lines", "bound_px", "speckled_px", "rms_px",
+             "bias_px", "spread_px", "lost")  # fmt: skip
     return Table(
         f"sweep-{sweep.key}",
         Sheet(columns, list(got)),
@@ -345,6 +354,11 @@ def _draw(
         )
     if kind == "rms":
         axes.plot(sweep.values, bound, label="Cramér-Rao bound", **BOUND)
+        if _speckled(got):
+            grained = [cell["speckled_px"] for cell in given]
+            axes.plot(
+                sweep.values, grained, label="bound with speckle", **BOUND | {"linestyle": "-."}
+            )
         if sweep.also is not None:
             name, rule = sweep.also
             more = [rule(value, panel.fixed, order.config) for value in sweep.values]
