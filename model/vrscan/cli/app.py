@@ -137,14 +137,15 @@ def scan(
     from vrscan.scene.simulate import Scanner
     from vrscan.scene.timeline import write_edges
     from vrscan.study import scan as scans
-    from vrscan.study.report import budget, space_report
+    from vrscan.study.report import budget, reliability_report, space_report
     from vrscan.study.report import scan_report as report
 
     _check_count(count, 1, MOST_SCANNED)
     _check_jobs(jobs)
     settings = _settings(config)
     with _folder(out), contextlib.ExitStack() as stack:
-        names = ["points.csv", "points.ply", "picture.png", "space.png"] + ["lines.npz"] * keep
+        names = ["points.csv", "points.ply", "picture.png", "reliability.png", "space.png"]
+        names += ["lines.npz"] * keep
         files = {name: stack.enter_context(atomic_file(out / name)) for name in names}
         engines.prepare(engine, settings)
         light, chosen = _planned(scene, count, fidelity, tolerance, settings)
@@ -193,6 +194,7 @@ def scan(
         )
         truth = sample.lines.truth
         assert truth is not None
+        reliability_report.picture(tally.reliability, title, files["reliability.png"])
         space_report.picture(sample.points, truth, title, files["space.png"], y_mm=sample.y_mm)
     console = _console()
     console.print(report.error_table(tally.errors(), title))
@@ -201,7 +203,8 @@ def scan(
         f"{tally.dark} lines whose spot the camera cannot see, "
         f"{tally.stray} of them with a point"
     )
-    console.print(str(space))
+    console.print(str(tally.reliability), highlight=False)
+    console.print(str(space), highlight=False)
     lens, free = light.scene.lens, settings.free
     if (lens.focus_mm, lens.f_number) != (free.focus_mm, free.f_number):
         console.print(

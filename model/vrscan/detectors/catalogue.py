@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
 from vrscan.data.arrays import Floats, Pixels
 from vrscan.data.config import Config
 from vrscan.data.lines import Lines

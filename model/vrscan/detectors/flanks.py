@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from vrscan.data.arrays import Bools, Floats, Pixels
+from vrscan.data.arrays import Floats, Pixels
 from vrscan.detectors.patch import (
     K_HEIGHT,
     K_NOISE,
@@ -84,10 +84,6 @@ def harmonic(
     return place(patch, at)
 
 
-def _usable(patch: Patch, full: int) -> Bools:
-    return np.asarray(patch.inside & (patch.raw < full))
-
-
 def weighted(
     lines: Pixels,
     background: Floats,
@@ -120,22 +116,22 @@ def weighted(
     at, sigma = _moments(patch, noise)
     if start is not None:
         at = np.where(np.isnan(start), at, start - patch.peak)
-    scale = (SCALE * sigma)[:, None]
-    step, usable = columns(), _usable(patch, full)
+    scale = SCALE * sigma
+    step, usable = columns(), patch.inside & (patch.raw < full)
     for _ in range(steps):
-        u = (step - at[:, None]) / scale
+        u = (step - at[:, None]) / scale[:, None]
         square = np.square(u)
         inside = usable & (square < CUT)
         h = np.exp2(np.minimum(square, CUT))
         q = patch.signal * h
-        rough = np.where(inside & (square < 1.0), q, np.nan)
-        top = np.isfinite(rough).any(axis=1)
-        amplitude = np.where(top, np.nanmean(np.where(top[:, None], rough, 0.0), axis=1), 1.0)
-        amplitude = np.maximum(amplitude, LEAST_SNR * np.maximum(noise, 1.0))[:, None]
-        own = np.square(noise[:, None] * h) + kappa * amplitude * h if dark else 0.0
-        y = np.where(inside, 1.0 / (own + np.square(contrast * amplitude)), 0.0)
+        top = inside & (square < 1.0)
+        amplitude = np.where(top, q, 0.0).sum(axis=1) / np.maximum(top.sum(axis=1), 1)
+        amplitude = np.maximum(amplitude, LEAST_SNR * np.maximum(noise, 1.0))
+        speckle = np.square(contrast * amplitude)[:, None]
+        own = np.square(noise[:, None] * h) + kappa * amplitude[:, None] * h if dark else 0.0
+        y = np.where(inside, 1.0 / (own + speckle), 0.0)
         told = np.maximum((y * square).sum(axis=1), np.finfo(float).tiny)
-        move = (y * (q - amplitude) * u).sum(axis=1) / (told * amplitude[:, 0] * LN4)
-        at = at + np.clip(move, -_MOST_MOVE, _MOST_MOVE) * scale[:, 0]
+        move = (y * (q - amplitude[:, None]) * u).sum(axis=1) / (told * amplitude * LN4)
+        at = at + np.clip(move, -_MOST_MOVE, _MOST_MOVE) * scale
     found = place(patch, at)
     return found if start is None else np.where(np.isnan(start), np.nan, found)

@@ -22,7 +22,7 @@ from vrscan.cli import app as cli
 from vrscan.data.config import Config
 from vrscan.detectors.catalogue import detectors, rivals
 from vrscan.engines.tools import repository_root
-from vrscan.show.sheet import listed
+from vrscan.show.sheet import listed, number
 from vrscan.study.bench import bench_page as page
 from vrscan.study.bench import bench_report as report
 from vrscan.study.bench import cost, design_cost, detect, instrument
@@ -77,8 +77,14 @@ def made_up(cell: Cell) -> Figures:
         return {"rates": rates, "lines": 7}
     if cell.work == instrument.BUDGET:
         rest = ("jumped", "error_px", "median_px", "error_mm", "median_mm", "other_window")
-        rest += ("arithmetic_px", "arithmetic_mm")
-        return {"csv": budget_csv(), "points": 5, **dict.fromkeys(rest, 0.002)}
+        rest += ("arithmetic_px", "arithmetic_mm", "fit_px", "fit_mm")
+        names = ("error_px", "error_mm", "ratio", "within", "astray", "free", "false", "hidden")
+        windows = {
+            window: {name: 0.01 * (1 + k) * (1 + n) for n, name in enumerate(names)}
+            for k, window in enumerate(instrument.WINDOWS)
+        }
+        return {"csv": budget_csv(), "points": 5, "windows": windows,
+                **dict.fromkeys(rest, 0.002)}  # fmt: skip
     if cell.work == instrument.FIDELITY:
         names = ("minimal", "auto 0.1", "auto 0.01", "full")
         numbers = ("worst_px", "rms_um", "truth_rms_px")
@@ -91,8 +97,10 @@ def made_up(cell: Cell) -> Figures:
             ]
         }
     if cell.work == instrument.SPEED:
-        rates = {"reference": 2000.0, "fixed": 1000.0, "ideal": 500.0}
-        return {"rates": rates, "lines": dict.fromkeys(rates, 9) | {"rtl": 0}, "missing": "no RTL"}
+        rates = {"reference": 2000.0}
+        for k, window in enumerate(instrument.WINDOWS):
+            rates |= {f"fixed {window}": 1000.0 / (1 + k), f"ideal {window}": 500.0 / (1 + k)}
+        return {"rates": rates, "lines": {"model": 9, "rtl": 0}, "missing": "no RTL"}
     assert cell.work == instrument.GROWTH
     # Time goes with the square of the length and the root of the number.
     rows = [
@@ -234,10 +242,19 @@ def test_budget_takes_the_worst_zone_and_leaves_absent_effects_out(
     assert read.rows["budget-speckle"][1] == "50"  # hypot(0.03, 0.04) px
     assert read.rows["budget-z-speckle"][1] == "500"
     assert "budget-sun" not in read.rows and "budget-left_out" not in read.rows
-    assert read.rows["budget-arithmetic"][1] == "2"
+    assert read.rows["budget-arithmetic"][1] == read.rows["budget-the-fit"][1] == "2"
     assert page.files(parts)["budget-default.csv"].decode() == budget_csv()
-    assert read.rows["speed-fixed"][1:3] == ["1,000", "0.5"]
+    own = 1000.0 / (1 + instrument.WINDOWS.index(ORDER.config.peak.window))
+    assert read.rows["speed-fixed"][1:3] == [f"{own:,.0f}", number(own / 2000.0)]
     assert read.rows["speed-rtl"][1:] == ["", "", "", "no RTL"]
+
+
+def test_each_kind_of_window_has_its_error_its_reliability_and_its_speed(read: Reader) -> None:
+    found = read.rows["windows-default-fit"]
+    assert found[1:] == ["fit", "0.03", "0.06", "0.09", "12.0 %", "15.00 %", "18.0 %", "21.00 %",
+                         "24.00 %"]  # fmt: skip
+    assert read.rows["rates-two_pass"][1:] == ["0.02", "2048", "run make timing", "500", "250", "-"]
+    assert instrument.with_window(ORDER.config, "fit").peak.fit
 
 
 def test_growth_finds_the_exponent(read: Reader) -> None:

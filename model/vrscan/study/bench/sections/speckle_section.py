@@ -27,7 +27,7 @@ SIGMAS_PX, COUNTS, CONTRASTS = (1.5, 3.0, 5.0, 9.0), (400, 1000, 3000), (0.0, 0.
 SHOWN = ("one-pass", "two-pass", "fit", "likelihood", "centroid-height")  # and the rivals
 ROOT_BITS = 12
 
-_TWO_PASSES = {m: 1 for m in ("peak_isolate", "phase_correlate", "peak_position", "peak_refine")}
+_TWO_PASSES = dict.fromkeys(("peak_isolate", "phase_correlate", "peak_position", "peak_refine"), 1)
 _PARTS = {part.module: part for part in (*design_cost.PARTS, design_cost.SECOND_PASS)}
 _PARTS["phase_correlate"] = design_cost.WHOLE
 _ROOTS = math.ceil(MAX_WINDOW * root_latency(ROOT_BITS) / pkg.FIT_PERIOD)
@@ -238,9 +238,7 @@ def _picture(made: list[Row]) -> bytes:
         _panel(speckled, made, [row.speckled for row in made], f"Speckle, contrast {both}")
         _panel(plain, made, [row.by_contrast[0] for row in made], "No speckle")
         speckled.set_ylabel("rms error over the bound")
-        figure.legend(
-            *speckled.get_legend_handles_labels(), loc="outside right center", fontsize=8
-        )
+        figure.legend(*speckled.get_legend_handles_labels(), loc="outside right center", fontsize=8)
         return png(figure)
 
 

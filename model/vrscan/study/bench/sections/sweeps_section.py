@@ -269,9 +269,7 @@ def _broken(text: str, room: int) -> str:
     return "\n".join(lines)
 
 
-def _movement(
-    order: Order, sweep: Sweep, got: dict[tuple[str, float], Figures]
-) -> Table[Detector]:
+def _movement(order: Order, sweep: Sweep, got: dict[tuple[str, float], Figures]) -> Table[Detector]:
     """Return how far a skewed spot moves with its height."""
     low, high = sweep.panels
 
