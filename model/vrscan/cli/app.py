@@ -594,6 +594,7 @@ def efficiency(
     """Compare the detector with the Cramer-Rao bound; exit status 1 below the stated figures."""
     from vrscan.study.report import efficiency as report
     from vrscan.study.report import numbers
+    from vrscan.study.report import speckle_report as speckle
     from vrscan.study.report import two_pass_report as two_pass
 
     _check_count(count, 100)
@@ -609,13 +610,17 @@ def efficiency(
         progress(len(both) + 1)
         slopes = two_pass.slope_study(engine, settings, count // 4)
         progress(len(both) + 2)
+    with _bar("speckled lines", speckle.SPOTS) as progress:
+        speckled = speckle.study(engine, settings, count // 2, progress, jobs=cores)
     console = _console()
     console.print(report.efficiency_table(cells, engine, count))
     console.print(two_pass.efficiency_grid(both, engine, count))
     console.print(two_pass.skew_grid(one, two))
     console.print(two_pass.slope_grid(slopes))
+    console.print(speckle.speckle_table(speckled, engine, count // 2))
     figures = numbers.efficiency_figures(cells)
     figures += numbers.two_pass_figures(both, (one, two), slopes)
+    figures += numbers.speckle_figures(speckled)
     console.print(numbers.table(figures))
     if not all(figure.passes for figure in figures):
         raise typer.Exit(1)
