@@ -66,10 +66,10 @@ def test_a_scan_writes_its_files_and_its_table(
 def test_a_scene_in_full_has_the_same_points_whoever_computes_them(
     tmp_path: Path, scene: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """RTL in one process and its model in two, in both modes."""
-    accurate = tmp_path / "two_pass.toml"
-    accurate.write_text('[peak]\nwindow = "two_pass"\n')
-    for mode in ([], ["--config", str(accurate)]):
+    """RTL in one process and its model in two, with a fit and with one window."""
+    plain = tmp_path / "threshold.toml"
+    plain.write_text('[peak]\nwindow = "threshold"\n')
+    for mode in ([], ["--config", str(plain)]):
         points = []
         for engine, jobs in (("rtl", "1"), ("fixed", "2")):
             out = tmp_path / f"{engine}{len(mode)}"
