@@ -231,18 +231,17 @@ def test_the_configuration_reaches_the_points(
 ) -> None:
     lines, config = tmp_path / "lines.npz", tmp_path / "config.toml"
     np.savez(lines, lines=_bright_lines(20))
-    config.write_text("[peak]\nk_height = 0.5\n")
-    narrow, wide = tmp_path / "narrow.csv", tmp_path / "wide.csv"
-    arguments = ["replay", str(lines), "--engine", "ideal", "--out"]
-    command(monkeypatch, *arguments, str(wide))
-    command(monkeypatch, *arguments, str(narrow), "--config", str(config))
 
-    def widths(path: Path) -> list[int]:
-        with path.open() as file:
+    def widths(peak: str) -> list[int]:
+        config.write_text(f'[peak]\nwindow = "threshold"\n{peak}\n')
+        out = tmp_path / "points.csv"
+        arguments = ["replay", str(lines), "--engine", "ideal", "--config", str(config)]
+        command(monkeypatch, *arguments, "--out", str(out))
+        with out.open() as file:
             rows = csv.DictReader(file)
             return [int(row["right"]) - int(row["left"]) for row in rows if row["left"]]
 
-    assert max(widths(narrow)) < min(widths(wide))
+    assert max(widths("k_height = 0.5")) < min(widths(""))
 
 
 def test_speed_is_of_one_core_and_of_more(

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from vrscan.data import pkg
 from vrscan.data.config import Config
 from vrscan.data.lines import Lines
 from vrscan.data.points import Points, points_equal
@@ -221,11 +222,24 @@ def test_an_entry_notices_what_is_not_as_defined() -> None:
         {"pixels": np.roll(case.lines[0].pixels, 1)},
     ):
         assert altered(case, **changes).outcome().wrong, changes
+    fitted = named("rival-0.9")
+    for changes in ({"flags": frozenset()}, {"true": 600.02}):
+        assert altered(fitted, **changes).outcome().wrong, changes
     place = named("rays-parallel")
     assert replace(place, no_range=(0,)).outcome().wrong
     place = named("beta-90")
     assert altered(place, true=1024.1).outcome().wrong
     assert replace(place, out_of_range=(1,)).outcome().wrong
+
+
+def test_a_fit_that_is_elsewhere_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fit that is neither float64's nor the window's place: 0.005 px of a sigma of 0.009 px."""
+    case = named("slope-1-count-per-px-under-3-px")
+    points = case.points()
+    moved = replace(points, position=points.position + round(0.005 * 2**pkg.POSITION_FRACTION))
+    assert not case.outcome().wrong
+    monkeypatch.setattr(LineCase, "points", lambda *_: moved)
+    assert len([text for text in case.outcome().wrong if "in float64" in text]) == len(case.lines)
 
 
 def test_an_error_without_a_warning_is_told() -> None:
