@@ -114,12 +114,15 @@ def test_a_scene_is_a_name_a_path_or_itself(lines: vrscan.Lines, tmp_path: Path)
 
 
 def test_a_mode_is_that_of_the_configuration(lines: vrscan.Lines, tmp_path: Path) -> None:
-    path = tmp_path / "two.toml"
-    path.write_text('[peak]\nwindow = "two_pass"\n')
-    plain, two = csv(vrscan.detect(lines)), csv(vrscan.detect(lines, "two_pass"))
-    assert plain != two
-    assert csv(vrscan.detect(lines, config=path)) == two
-    assert csv(vrscan.detect(lines, "threshold", config=path)) == plain
+    found = {}
+    for mode in ("threshold", "two_pass", "fit"):
+        path = tmp_path / f"{mode}.toml"
+        path.write_text(f'[peak]\nwindow = "{mode}"\n')
+        found[mode] = csv(vrscan.detect(lines, mode))  # type: ignore[arg-type]
+        assert csv(vrscan.detect(lines, config=path)) == found[mode]
+        assert csv(vrscan.detect(lines, "fit", config=path)) == csv(vrscan.detect(lines))
+    assert len(set(found.values())) == 3
+    assert csv(vrscan.detect(lines)) == found["fit"]
 
 
 @pytest.mark.parametrize("engine", ["fixed", "ideal", "rtl"])
@@ -165,7 +168,7 @@ REFUSED = {
     "shape": lambda: vrscan.detect(vrscan.Lines(DARK.lines[:, 1:], DARK.angle_rad, DARK.power)),
 }
 DARK = vrscan.Lines(np.zeros((2, 2048), np.uint16), np.zeros(2), np.ones(2, np.int64))
-ODD = Config.model_validate({"peak": {"period": "n-1"}})
+ODD = Config.model_validate({"peak": {"window": "threshold", "period": "n-1"}})
 
 
 @pytest.mark.parametrize("case", REFUSED)

@@ -3,7 +3,7 @@
     import vrscan
 
     lines = vrscan.simulate("bolt", 3000)
-    points = vrscan.detect(lines, mode="two_pass")
+    points = vrscan.detect(lines)
     frame = vrscan.to_frame(points)
 
 What ``__all__`` names is here; it is imported when it is first used, so that a program needs no

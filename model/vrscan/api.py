@@ -103,7 +103,7 @@ def simulate(
 
 def detect(
     lines: Lines,
-    mode: Literal["threshold", "two_pass"] | None = None,
+    mode: Literal["threshold", "two_pass", "fit"] | None = None,
     engine: Literal["fixed", "ideal", "rtl"] = "fixed",
     config: ConfigSource = None,
     *,
@@ -116,9 +116,10 @@ def detect(
         lines: n lines, simulated or your own: ``Lines(pixels, angle_rad, power)`` with pixels
             uint16 [n, 2048], angles of the scan in rad [n], and integers from 0 to
             ``config.laser.power_max`` [n].
-        mode: How the spot's window is found: ``threshold``, as in the paper, or ``two_pass``, which
-            is more accurate. None takes what ``config`` says, and that is ``threshold`` unless it
-            says otherwise.
+        mode: How the spot is found: ``threshold``, one window, as in the paper; ``two_pass``, a
+            second window that suits spot and noise; or ``fit``, a Gaussian that is fitted from
+            there on, with the speckle of the 15 lines before. None takes what ``config`` says, and
+            that is ``fit`` unless it says otherwise.
         engine: Who computes: ``fixed``, the bit-accurate model of the hardware; ``ideal``, the
             papers' equations in float64; or ``rtl``, the hardware itself in Verilator, which gives
             the same bits as ``fixed`` and is built when first used, in a minute or so.

@@ -662,14 +662,14 @@ module register_file (
       peak_o.period_n <= 1'h1;
       peak_o.noise_row <= '0;
       peak_o.k_noise <= 16'h0280;
-      peak_o.k_height <= 16'h051f;
+      peak_o.k_height <= 16'h2666;
       peak_o.snr_min <= 16'h0800;
       peak_o.min_width <= 8'h03;
       peak_o.max_width <= 8'hff;
       peak_o.kappa <= 18'h03333;
       peak_o.c_sfm_gain <= 24'h0000ff;
-      peak_o.window_two_pass <= '0;
-      peak_o.window_fit <= '0;
+      peak_o.window_two_pass <= 1'h1;
+      peak_o.window_fit <= 1'h1;
       peak_o.max_core <= 8'h40;
       peak_o.saturation_level <= 16'h0fff;
     end

@@ -20,6 +20,7 @@ from vrscan.cli.link_commands import link
 from vrscan.cli.live import braille
 from vrscan.clocked.command_executor import Outcome
 from vrscan.data import pkg, records
+from vrscan.data.arrays import Pixels
 from vrscan.data.config import Config
 from vrscan.data.line_files import read as read_lines
 from vrscan.data.points import COLUMNS
@@ -69,12 +70,17 @@ class TestBoard(FakeBoard):
         count = held["lines"] or 400
         pixels = lines(Settings(**held), count, line_length=LINE_LENGTH)
         angle, power = self.file.values["test_angle"][0], self.file.values["test_power"][0]
+        # A fit knows the speckle of the lines before, whatever run they are of.
+        before: Pixels = getattr(self, "before", pixels[:0])
+        both = np.concatenate([before, pixels])
+        self.before = both[-(pkg.SPECKLE_DEPTH - 1) :]
         points = run_fixed(
-            pixels, np.full(count, angle), np.full(count, power), chain(self), max_window=255
+            both, np.full(len(both), angle), np.full(len(both), power), chain(self), max_window=255
         )
         made = full_records(points, 0, 0)
         # What a chain does not know: bit 0 measured, bit 2 a test line.
         made["power"], made["bits"] = power, 4 + points.measured
+        made = made[len(before) :]
         field = getattr(self, "spoiled", None)
         if field is not None:
             made[field][count // 2] ^= 1

@@ -66,10 +66,10 @@ def test_a_scan_writes_its_files_and_its_table(
 def test_a_scene_in_full_has_the_same_points_whoever_computes_them(
     tmp_path: Path, scene: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """RTL in one process and its model in two, in both modes."""
-    accurate = tmp_path / "two_pass.toml"
-    accurate.write_text('[peak]\nwindow = "two_pass"\n')
-    for mode in ([], ["--config", str(accurate)]):
+    """RTL in one process and its model in two, with a fit and with one window."""
+    plain = tmp_path / "threshold.toml"
+    plain.write_text('[peak]\nwindow = "threshold"\n')
+    for mode in ([], ["--config", str(plain)]):
         points = []
         for engine, jobs in (("rtl", "1"), ("fixed", "2")):
             out = tmp_path / f"{engine}{len(mode)}"
@@ -232,18 +232,17 @@ def test_the_configuration_reaches_the_points(
 ) -> None:
     lines, config = tmp_path / "lines.npz", tmp_path / "config.toml"
     np.savez(lines, lines=_bright_lines(20))
-    config.write_text("[peak]\nk_height = 0.5\n")
-    narrow, wide = tmp_path / "narrow.csv", tmp_path / "wide.csv"
-    arguments = ["replay", str(lines), "--engine", "ideal", "--out"]
-    command(monkeypatch, *arguments, str(wide))
-    command(monkeypatch, *arguments, str(narrow), "--config", str(config))
 
-    def widths(path: Path) -> list[int]:
-        with path.open() as file:
+    def widths(peak: str) -> list[int]:
+        config.write_text(f'[peak]\nwindow = "threshold"\n{peak}\n')
+        out = tmp_path / "points.csv"
+        arguments = ["replay", str(lines), "--engine", "ideal", "--config", str(config)]
+        command(monkeypatch, *arguments, "--out", str(out))
+        with out.open() as file:
             rows = csv.DictReader(file)
             return [int(row["right"]) - int(row["left"]) for row in rows if row["left"]]
 
-    assert max(widths(narrow)) < min(widths(wide))
+    assert max(widths("k_height = 0.5")) < min(widths(""))
 
 
 def test_speed_is_of_one_core_and_of_more(

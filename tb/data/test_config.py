@@ -26,15 +26,15 @@ def test_defaults_are_the_instrument() -> None:
     config = load(None)
     assert config == Config()
     assert config.geometry.base_mm == 60.0
-    assert config.peak.period == "n"
+    assert (config.peak.window, config.peak.period) == ("fit", "n")
     assert config.source == "defaults"
 
 
 def test_a_file_overrides_only_what_it_names(tmp_path: Path) -> None:
-    path = write(tmp_path, '[peak]\nk_noise = 3\nperiod = "n-1"\n[geometry]\nk1 = -1e-4\n')
+    path = write(tmp_path, '[peak]\nk_noise = 3\nwindow = "threshold"\n[geometry]\nk1 = -1e-4\n')
     config = load(path)
     assert config.peak.k_noise == 3.0
-    assert config.peak.period == "n-1"
+    assert config.peak.window == "threshold"
     assert config.peak.k_height == Config().peak.k_height
     assert config.geometry.k1 == -1e-4
     assert config.source == str(path)
@@ -59,6 +59,7 @@ BAD = {
         '[peak]\nwindow = "two_pass"\nperiod = "n-1"\n',
         ["peak", "two_pass", 'period = "n"'],
     ),
+    "period_of_the_default": ('[peak]\nperiod = "n-1"\n', ["peak", "fit", 'window = "threshold"']),
     "text_for_number": ('[peak]\nk_noise = "3"\n', ["peak.k_noise", "'3'"]),
     "truth_for_number": ("[peak]\nk_noise = true\n", ["peak.k_noise", "True"]),
     "fraction_for_count": ("[peak]\nmin_width = 3.5\n", ["peak.min_width", "3.5"]),

@@ -44,7 +44,9 @@ Find = Callable[[Pixels, Floats, Floats], Floats]
 
 def chain(**changes: float | str) -> Find:
     """Return the float chain with thresholds of the table's."""
-    peak = Config().peak.model_copy(update={"k_noise": 0.0, "kappa": 0.0, **changes})
+    peak = Config().peak.model_copy(
+        update={"window": "threshold", "k_noise": 0.0, "kappa": 0.0, **changes}
+    )
     sensor = Sensor(pixel_width=16, line_length=LENGTH)
     config = Config().model_copy(update={"peak": peak, "sensor": sensor})
     find = catalogue._chain(Engine.IDEAL, config)

@@ -17,7 +17,7 @@ LENGTH, FULL = 2048, 4095
 PLACE = np.arange(LENGTH)
 ROWS = 60  # of each kind of light
 SEED = 77
-WINDOWS = ["threshold", "two_pass"]
+WINDOWS = ["threshold", "two_pass", "fit"]
 Light = Callable[[np.random.Generator], np.ndarray]
 
 

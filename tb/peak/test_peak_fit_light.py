@@ -45,17 +45,16 @@ class Errors:
 
 def fitted(engine: Engine, given: Lines, true: np.ndarray) -> Errors:
     """Return the errors of an engine's fit."""
-    peak = SHIPPED.peak.model_copy(update={"window": "fit"})
-    table = run(engine, given, SHIPPED.model_copy(update={"peak": peak}))
+    table = run(engine, given, SHIPPED)
     return Errors(np.where(table.measured, table.position_px - true, np.nan), table.sigma_px)
 
 
 ENGINES = {"float": Engine.IDEAL, "twin": Engine.FIXED}
 
 
-def window_error(given: Lines, true: np.ndarray, two_pass: bool) -> np.ndarray:
-    """Return the errors of the shipped window or of two passes, px, NaN where not measured."""
-    table = run(Engine.FIXED, given, with_window(SHIPPED, two_pass))
+def window_error(given: Lines, true: np.ndarray, window: str) -> np.ndarray:
+    """Return the errors of a window without a fit, px, NaN where not measured."""
+    table = run(Engine.FIXED, given, with_window(SHIPPED, window))
     return np.where(table.measured, table.position_px - true, np.nan)
 
 
@@ -105,13 +104,13 @@ def check_speckled(sigmas: tuple[float, ...], heights: tuple[float, ...], count:
     over_two: list[float] = []
     honest: list[float] = []
     lost: list[float] = []
-    print(f"\n{'C':>5}{'s, px':>6}{'counts':>7}{'shipped':>9}{'two':>7}   fit: {'px':>6}"
+    print(f"\n{'C':>5}{'s, px':>6}{'counts':>7}{'one':>9}{'two':>7}   fit: {'px':>6}"
           f"{'share':>7}{'error/sigma':>13}")  # fmt: skip
     for (looks, contrast), sigma in product(CONTRASTS.items(), sigmas):
         light, place = coherent_light(sigma, looks, count)
         for height in heights:
             given, true = exposed(light, place, height)
-            windows = [window_error(given, true, two_pass) for two_pass in (False, True)]
+            windows = [window_error(given, true, window) for window in ("threshold", "two_pass")]
             for name, engine in ENGINES.items():
                 found = fitted(engine, given, true)
                 good = np.isfinite([found.error, *windows]).all(axis=0)

@@ -10,10 +10,15 @@ from vrscan.registers.chain_registers import Registers, angle_turns
 
 
 def test_thresholds_and_gains() -> None:
-    peak = Peak(k_noise=2.5, k_height=0.02, snr_min=8.0, kappa=0.2)
-    registers = Registers.from_config(Config(peak=peak))
+    peak = Peak(k_noise=2.5, k_height=0.02, k_first=0.25, k_fit=0.15, snr_min=8.0, kappa=0.2)
+    for window, share in (("threshold", 1311), ("two_pass", 16384), ("fit", 9830)):
+        registers = Registers.from_config(Config(peak=peak.model_copy(update={"window": window})))
+        assert registers.k_height == share
+        assert (registers.window_two_pass, registers.window_fit) == (
+            window != "threshold",
+            window == "fit",
+        )
     assert registers.k_noise == 640
-    assert registers.k_height == 1311
     assert registers.snr_min == 2048
     assert registers.kappa == 13107
     assert registers.tolerance == 16_777  # 0.001

@@ -39,11 +39,14 @@ class Section(BaseModel):
 class Peak(Section):
     """Threshold, window and confidence of the peak.
 
-    The thresholds are the outcome of ``vrscan efficiency`` (12 bits, 5 electrons per count, read
-    noise 3 and background 60 counts; spots of s = 1, 2, 4, 8, 12 px, peaks of 5, 20, 50, 90 % of
-    full scale; 4,000 lines each). The table gives the geometric mean of the efficiency over the 20
-    spots, and how far a spot with sides of 0.75 s and 1.25 s, s = 3 px, moves between 10 and 90 %
-    of full scale:
+    A Gaussian is fitted to the spot (``window = "fit"``); ``"two_pass"`` keeps the window that the
+    fit starts from, and ``"threshold"`` is the paper's one window.
+
+    The thresholds are the outcome of ``vrscan efficiency`` with this one window (12 bits, 5
+    electrons per count, read noise 3 and background 60 counts; spots of s = 1, 2, 4, 8, 12 px,
+    peaks of 5, 20, 50, 90 % of full scale; 4,000 lines each). The table gives the geometric mean of
+    the efficiency over the 20 spots, and how far a spot with sides of 0.75 s and 1.25 s, s = 3 px,
+    moves between 10 and 90 % of full scale:
 
     | k_noise | k_height | efficiency | skewed spot moves |
     |---|---|---|---|
@@ -57,14 +60,14 @@ class Peak(Section):
     nothing there, because the dimmest spot is 44 standard deviations high; 8 and 3 px keep lines
     without a spot out.
 
-    With ``window = "two_pass"`` the first window only has to find the spot and its width, and
-    ``k_first`` replaces ``k_height``. It is so high that the run does not climb a background that
-    slopes by 1 count/px beside a spot of s = 12 px at 5 %. With ``window = "fit"`` it is ``k_fit``:
-    a run of a quarter of the height is often cut where speckle is dark.
+    With two passes the first window only has to find the spot and its width, and ``k_first``
+    replaces ``k_height``. It is so high that the run does not climb a background that slopes by 1
+    count/px beside a spot of s = 12 px at 5 %. With a fit it is ``k_fit``: a run of a quarter of
+    the height is often cut where speckle is dark.
     """
 
     period: Literal["n", "n-1"] = "n"
-    window: Literal["threshold", "two_pass", "fit"] = "threshold"
+    window: Literal["threshold", "two_pass", "fit"] = "fit"
     noise: Literal["background", "row"] = "background"
     k_noise: float = Field(default=2.5, ge=0, lt=256)  # threshold above background / spread
     k_height: float = Field(default=0.02, ge=0, lt=1)  # threshold above background / peak's height
@@ -82,7 +85,9 @@ class Peak(Section):
         if self.min_width > self.max_width:
             raise ValueError(f"min_width {self.min_width} is above max_width {self.max_width}")
         if self.two_pass and self.period != "n":
-            raise ValueError(f'window = "{self.window}" needs period = "n"')
+            raise ValueError(
+                f'window = "{self.window}" needs period = "n"; "n-1" is for window = "threshold"'
+            )
         return self
 
     @property

@@ -1,8 +1,9 @@
 """Self-test of a board: the answers of its registers, and its results for its own test lines.
 
 The board's test lines are those of the twin, pixel by pixel, so the bit-accurate model gives the
-required value of every field of every record. All changed registers are restored; only the line
-numbers stay changed.
+required value of every field of every record. A fit knows the speckle of the lines before, which a
+host does not, so before each run come as many of its lines as a fit remembers; they are not
+compared. All changed registers are restored; only the line numbers stay changed.
 """
 
 import contextlib
@@ -19,7 +20,7 @@ from vrscan.data.points import Points
 from vrscan.data.records import Form, Records
 from vrscan.fixed.point_record import point_record
 from vrscan.fixed.test_line import least_period, lines, step_of_width
-from vrscan.fixed.vrscan_chain import run_fixed
+from vrscan.fixed.vrscan_chain import MAX_WINDOW, min_period, run_fixed
 from vrscan.link import protocol
 from vrscan.link.device import OFF, Device, DeviceError
 from vrscan.link.stream import DTYPES, PointStream
@@ -137,7 +138,7 @@ def arranged(device: Device) -> Iterator[None]:
 
 
 def runs(line_length: int) -> dict[str, Settings]:
-    """Return the runs of test lines, by their description."""
+    """Return the runs of test lines, by their description; no window asks for fewer of them."""
     middle = line_length // 2 * ONE_PX
     plain = Settings(
         position=middle + 1234,
@@ -148,7 +149,7 @@ def runs(line_length: int) -> dict[str, Settings]:
         noise=200,
         seed=1,
         lines=LINES,
-        period_clks=0,
+        period_clks=min_period(line_length, MAX_WINDOW, two_pass=True, fit=True),
     )
     edge = (line_length - 1) * ONE_PX
     return {
@@ -224,6 +225,7 @@ class SelfTest:
             line_length=device.build.line_length,
             **chain,
         )
+        self._lead = pkg.SPECKLE_DEPTH - 1 if self._chain.window_fit else 0
 
     def checks(self) -> Iterator[Check]:
         """Do one check after the other; checks after a difference mean little."""
@@ -419,7 +421,7 @@ class SelfTest:
         """Stream the points of a run and compare every field of all of them."""
         form = Form(form)
         what = f"{name}, {form.name.lower()}"
-        arrange(self.device, settings, angle=angle, power=power)
+        self._lead_in(settings, angle, power)
         with self.device.stream(form) as stream:
             self.device.write("test_start", 1)
             try:
@@ -439,6 +441,14 @@ class SelfTest:
         compared, difference = first_difference(got, want)
         return Check(what, len(got), compared, difference)
 
+    def _lead_in(self, settings: Settings, angle: int, power: int) -> None:
+        """Make the lines that come before a run, and set the registers of the run."""
+        if self._lead:
+            arrange(self.device, settings, lines=self._lead, angle=angle, power=power)
+            self.device.write("test_start", 1)
+            _settled(self.device)
+        arrange(self.device, settings, angle=angle, power=power)
+
     def _received(self, what: str, stream: PointStream, count: int) -> Records:
         """Return the records of a run, or those that came until none came within the timeout."""
         parts: list[Records] = []
@@ -454,16 +464,17 @@ class SelfTest:
         return np.concatenate(parts) if parts else np.zeros(0, records.FULL)
 
     def _wanted(self, settings: Settings, angle: int, power: int, first: int) -> Records:
-        """Return the full records that a run has to give."""
-        count = settings.lines
+        """Return the full records that a run has to give behind the lines before it."""
+        pixels = self._lines(settings, max(settings.lines, self._lead))
+        pixels = np.concatenate([pixels[: self._lead], pixels[: settings.lines]])
         points = run_fixed(
-            self._lines(settings, count),
-            np.full(count, angle, np.int64),
-            np.full(count, power, np.int64),
+            pixels,
+            np.full(len(pixels), angle, np.int64),
+            np.full(len(pixels), power, np.int64),
             self._chain,
             max_window=self.device.build.max_window,
         )
-        return full_records(points, first, power)
+        return full_records(points, first - self._lead, power)[self._lead :]
 
     def _lines(self, settings: Settings, count: int) -> Pixels:
         build = self.device.build
@@ -473,13 +484,13 @@ class SelfTest:
         """Capture the first line of a run and one in its middle, and compare all pixels."""
         what, compared = f"{name}, captured", 0
         angle, power = ANGLES[1], POWERS[1]
-        settings = replace(settings, lines=8, period_clks=0)
-        arrange(self.device, settings, angle=angle, power=power)
+        settings = replace(settings, lines=8)
         pixels = self._lines(settings, settings.lines)
         want = self._wanted(settings, angle, power, 0)
         first: int | None = None
         for place in (0, 5):
-            number = 0 if first is None else first + settings.lines + place
+            number = 0 if first is None else first + settings.lines + self._lead + place
+            self._lead_in(settings, angle, power)
             mode = link_pkg.CAPTURE_NEXT if first is None else link_pkg.CAPTURE_LINE
             with self.device.captured(mode, number) as waiting:
                 self.device.write("test_start", 1)

@@ -14,6 +14,7 @@ class Line:
     Attributes:
         pixels: Counts [length].
         flags: Names of exactly the flags that it raises; None: those of the equations.
+        at_one: The same with one window, ``window = "threshold"``, where they are others.
         true: Position of the spot, px; None where there is none, or none that could be known.
         window: First and last pixel of the one-pass window, px; None: those of the equations.
         position: Position by (8) with T = N over the one-pass window, px; None: that of the
@@ -22,11 +23,16 @@ class Line:
 
     pixels: Pixels
     flags: frozenset[str] | None = frozenset()
+    at_one: frozenset[str] | None = None
     true: float | None = None
     window: tuple[int, int] | None = None
     position: float | None = None
 
-    @property
-    def measured(self) -> bool | None:
+    def raises(self, window: str) -> frozenset[str] | None:
+        """Return its flags with this window, a value of ``peak.window``."""
+        return self.at_one if self.at_one is not None and window == "threshold" else self.flags
+
+    def measured(self, window: str) -> bool | None:
         """Return whether it has a position; None where its flags are not stated."""
-        return None if self.flags is None else not self.flags & UNMEASURED
+        flags = self.raises(window)
+        return None if flags is None else not flags & UNMEASURED

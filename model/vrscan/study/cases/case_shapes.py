@@ -65,17 +65,19 @@ def spot(
     height: float = 3000.0,
     *,
     flags: str = "",
+    at_one: str | None = None,
     true: float | None = None,
     window: tuple[int, int] | None = None,
     base: Floats | None = None,
     level: float = LEVEL,
     full: int = FULL,
 ) -> Line:
-    """Return a line with one spot; ``flags`` are names separated by blanks."""
+    """Return a line with one spot; ``flags`` and ``at_one`` are names separated by blanks."""
     ground = background() if base is None else base
     return Line(
         pixels=with_spots(ground, (centre, sigma, height), level=level, full=full),
         flags=frozenset(flags.split()),
+        at_one=None if at_one is None else frozenset(at_one.split()),
         true=centre if true is None else true,
         window=window,
     )
@@ -85,13 +87,14 @@ def line(
     pixels: Pixels,
     flags: str | None = "",
     *,
+    at_one: str | None = None,
     true: float | None = None,
     window: tuple[int, int] | None = None,
     position: float | None = None,
 ) -> Line:
-    """Return a line of given pixels; ``flags`` are names separated by blanks, None for any."""
-    names = None if flags is None else frozenset(flags.split())
-    return Line(pixels, names, true=true, window=window, position=position)
+    """Return a line of given pixels; flags are names separated by blanks, None for any."""
+    names, others = (None if some is None else frozenset(some.split()) for some in (flags, at_one))
+    return Line(pixels, names, others, true=true, window=window, position=position)
 
 
 def generator(salt: int) -> np.random.Generator:

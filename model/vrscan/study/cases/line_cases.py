@@ -74,9 +74,11 @@ def _narrow() -> Iterator[Case]:
     yield LineCase(
         "hot-pixel-in-the-spot",
         "one pixel of the window has a height of its own",
-        "(8) of the window with it; it pulls by its share of the harmonic, less than 1 px here",
+        "a fit weighs it by the spot's shape: within 0.3 px; with one window it pulls by its share "
+        "of the harmonic, less than 1 px",
         (line(inside, "", true=1500),),
         within_px=1.0,
+        fit_px=0.3,
     )
     yield LineCase(
         "peak-1-px", "N = 1", "TOO_NARROW",
@@ -97,24 +99,32 @@ def _narrow() -> Iterator[Case]:
         "N = 3, T = 2: three samples on two phases",
         "T = 3: two equal ones give their middle, one in the middle itself, to a step",
         tuple(three),
+        window="threshold",
     )
     thin = [
-        spot(700.0, 0.4, 3000, window=(699, 701)),
+        spot(700.0, 0.4, 3000, flags="TOO_NARROW", at_one="", window=(699, 701)),
         spot(700.25, 0.4, 3000, flags="TOO_NARROW", window=(700, 701)),
         spot(700.5, 0.4, 3000, flags="TOO_NARROW", window=(700, 701)),
     ]
     yield LineCase(
         "spot-0.4-px",
-        "sharper than the pixels: 2 or 3 of them, as it falls",
-        "TOO_NARROW where it lies between two pixels; on a pixel it has three, and its centre",
+        "sharper than the pixels: 1 to 3 of them, as it falls",
+        "TOO_NARROW at 15 % of the height; one window has three of them where it lies on a pixel, "
+        "and its centre",
         tuple(thin),
     )
     yield LineCase(
         "spot-0.6-px",
         "sampled too coarsely for (8)",
-        "measured wherever it falls, 3 or 4 pixels; within 0.1 px",
-        tuple(spot(700 + part, 0.6, 3000) for part in np.arange(0.0, 1.0, 0.125)),
+        "where three pixels are above 15 % of the height, within 0.01 px, and TOO_NARROW "
+        "elsewhere; one window measures it wherever it falls, 3 or 4 pixels, within 0.1 px",
+        tuple(
+            spot(700 + part, 0.6, 3000, flags="" if three else "TOO_NARROW", at_one="")
+            for part in np.arange(0.0, 1.0, 0.125).tolist()
+            for three in (1.0 + min(part, 1.0 - part) < 0.6 * np.sqrt(-2.0 * np.log(0.15)),)
+        ),
         within_px=0.1,
+        fit_px=0.01,
     )
 
 
@@ -165,7 +175,7 @@ def _wide() -> Iterator[Case]:
     limited = spot(1024, 3, 3000, flags="TOO_WIDE")
     yield LineCase(
         "max-width-10",
-        "17 pixels where the register allows 10",
+        "11 pixels at the first cut, 17 at that of one window, where the register allows 10",
         "TOO_WIDE by the register",
         (limited,),
         peak=Peak(max_width=10),
@@ -219,11 +229,16 @@ def _plateau(width: int, left: int, flanks: int) -> Line:
     middle = start + (total - 1) / 2
     if total < 3:
         names.append("TOO_NARROW")
-    elif not flanks:
-        names.append("NO_PHASE")
     if start == 0 or start + total == LENGTH:
         names.append("AT_EDGE")
-    return line(pixels, " ".join(names), true=middle, window=(start, start + total - 1))
+    at_one = [*names, "NO_PHASE"] if total >= 3 and not flanks else names
+    return line(
+        pixels,
+        " ".join(names),
+        at_one=" ".join(at_one),
+        true=middle,
+        window=(start, start + total - 1),
+    )
 
 
 def _plateaus() -> Iterator[Case]:
@@ -239,7 +254,8 @@ def _plateaus() -> Iterator[Case]:
     yield LineCase(
         "plateau-without-flanks",
         "boxes of 1 to 200 saturated pixels: all phases alike, X = Y = 0",
-        "NO_PHASE, below 3 pixels TOO_NARROW: a flat window has no first harmonic",
+        "SATURATED; the second window lies around the run, whose middle it gives, to a step. One "
+        "window is flat and has no first harmonic: NO_PHASE. Below 3 pixels TOO_NARROW",
         tuple(_plateau(width, 800, 0) for width in (1, 2, 3, 4, 5, 10, 50, 51, 100, 199, 200)),
     )
     uneven = []
@@ -280,6 +296,7 @@ def _plateaus() -> Iterator[Case]:
         "plateaus of 2 to 200 pixels of which one flank is outside",
         "SATURATED and AT_EDGE; (8) of a box with one weaker end: the place opposite to that end",
         tuple(cut),
+        window="threshold",
     )
     level = 3900
     low = [
@@ -333,7 +350,7 @@ def _company() -> Iterator[Case]:
     near = []
     for distance in (2, 4, 6, 8, 10, 12):
         pixels = with_spots(dark, (600, 3, 1500), (600 + distance, 3, 1500))
-        near.append(line(pixels, "", position=600 + distance / 2))
+        near.append(line(pixels, "", true=600 + distance / 2))
     yield LineCase(
         "two-equal-maxima-near",
         "2 to 12 px apart: one run, two maxima",
@@ -345,6 +362,14 @@ def _company() -> Iterator[Case]:
         pixels = with_spots(dark, (600, 3.5, 3000), (600 + distance, 3.5, 3000))
         valley.append(line(pixels, "RIVAL", position=600 + distance / 2))
     yield LineCase(
+        "two-equal-maxima-two-runs",
+        "18 to 20 px apart: the valley is below the first cut",
+        "RIVAL; the first maximum's run, which the other spot pulls by less than 0.1 px",
+        tuple(line(entry.pixels, "RIVAL", true=600) for entry in valley),
+        within_px=0.1,
+        window="fit",
+    )
+    yield LineCase(
         "two-equal-maxima-one-run",
         "18 to 20 px apart, the valley just above the threshold: the distance is half the window, "
         "so the first harmonic of the two cancels or turns over",
@@ -352,6 +377,7 @@ def _company() -> Iterator[Case]:
         "or half a window from it where the harmonic turns over",
         tuple(_turned(entry) for entry in valley),
         within_px=20.0,
+        window="threshold",
     )
     for ratio in (0.3, 0.9, 0.99):
         yield LineCase(

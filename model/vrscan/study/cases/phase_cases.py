@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from vrscan.study.cases.case_line import Line
 from vrscan.study.cases.case_shapes import ANY_WIDTH, LEVEL, background, box, line
 
 LEFT = 700
+_one_window = partial(LineCase, window="threshold")  # a window's pixels are stated, and its phase
 TURN = 1 << pkg.ANGLE_WIDTH
 
 
@@ -28,19 +30,18 @@ def _window(
 
 
 def _no_phase(heights: list[int]) -> Line:
-    """Return a window without a harmonic; a second window may find the middle of its light."""
+    """Return a window without a harmonic, though its light has a middle."""
     above = np.array(heights) - LEVEL
     return _window(heights, None, "NO_PHASE", float(above @ np.arange(len(above)) / above.sum()))
 
 
 def _cancelled() -> Iterator[Case]:
     combs = [_no_phase([1000, 3000] * (n // 2)) for n in (4, 6, 20, 50, 200, 254)]
-    yield LineCase(
+    yield _one_window(
         "comb-even",
         "every second pixel of the window is dark: X and Y cancel",
         "N even: the first harmonic of a pattern of two pixels is exactly 0: NO_PHASE",
         tuple(combs),
-        two_pass_px=0.6,
         peak=ANY_WIDTH,
     )
     # sum (-1)^k e^(i 2 pi k / N) = e^(-i pi / N) / cos(pi / N): half a pixel before phase 0.
@@ -54,7 +55,7 @@ def _cancelled() -> Iterator[Case]:
             line(pixels, "", true=LEFT + (n - 1) / 2, window=(LEFT, LEFT + n - 1),
                  position=LEFT + place)
         )  # fmt: skip
-    yield LineCase(
+    yield _one_window(
         "comb-odd-dark-ends",
         "N odd: a harmonic is left, that of the pair of equal ends",
         "opposite to the two dark ends, which are neighbours on the turn: the middle, to a step",
@@ -68,7 +69,7 @@ def _cancelled() -> Iterator[Case]:
             line(pixels, "", true=LEFT + (n - 1) / 2, window=(LEFT, LEFT + n - 1),
                  position=LEFT + n - 0.5)
         )  # fmt: skip
-    yield LineCase(
+    yield _one_window(
         "comb-odd-bright-ends",
         "N odd: the harmonic is that of the bright ends",
         "between last and first pixel, which are neighbours on the turn: N - 1/2 from the left, "
@@ -77,12 +78,12 @@ def _cancelled() -> Iterator[Case]:
         within_px=26.0,
     )
     flat = [_no_phase([2000] * n) for n in (3, 4, 16, 100, 255)]
-    yield LineCase(
+    yield _one_window(
         "flat-window", "all samples alike", "no harmonic: NO_PHASE", tuple(flat), peak=ANY_WIDTH
     )
     nearly = [2000] * 20
     nearly[4] += 1
-    yield LineCase(
+    yield _one_window(
         "flat-window-but-for-a-count",
         "one count in 40,000 decides the phase",
         "the place of that count: 1/38,800 of the sum is a phase still; sigma tells its worth",
@@ -91,31 +92,30 @@ def _cancelled() -> Iterator[Case]:
 
 
 def _axes() -> Iterator[Case]:
-    yield LineCase(
+    yield _one_window(
         "x-zero",
         "X = 0: Y / X is infinite",
         "a quarter turn or three, by the sign of Y: T/4 and 3T/4",
         (_window([1500, 3000, 1500, 1000], 1.0), _window([1500, 1000, 1500, 3000], 3.0)),
     )
-    yield LineCase(
+    yield _one_window(
         "y-zero",
         "Y = 0: the sign of X decides, and phase 0 is phase 1",
         "half a turn: T/2. For phase 0 see phase-at-the-wrap",
         (_window([1000, 1500, 3000, 1500], 2.0), _window([1000, 2000, 3000, 2000], 2.0)),
     )
-    yield LineCase(
+    yield _one_window(
         "x-and-y-zero",
         "atan2(0, 0)",
         "NO_PHASE",
         (_no_phase([3000, 1000, 3000, 1000]), _no_phase([1500, 2500, 1500, 2500])),
-        two_pass_px=0.6,
     )
     waves = []
     for n in (12, 20, 100):
         turn = 2.0 * np.pi * np.arange(n) / n
         waves.append(_window(np.rint(2000 + 1000 * np.sin(turn)).astype(int).tolist(), n / 4))
         waves.append(_window(np.rint(2000 - 1000 * np.sin(turn)).astype(int).tolist(), 3 * n / 4))
-    yield LineCase(
+    yield _one_window(
         "window-antisymmetric",
         "what is high on one side is low on the other: the middle is not where the light is",
         "a sine over the whole window has its phase a quarter from its end: T/4 or 3T/4",
@@ -124,7 +124,7 @@ def _axes() -> Iterator[Case]:
     )
     # sum k e^(i 2 pi k / N) = N e^(-i pi / N) / 2i sin(pi / N).
     ramps = [_window((1000 + 20 * np.arange(n)).tolist(), 0.75 * n - 0.5) for n in (9, 33, 101)]
-    yield LineCase(
+    yield _one_window(
         "window-ramp",
         "the maximum is the window's last pixel",
         "(8) of a sawtooth: 3N/4 - 1/2, a quarter of the window before its maximum",
@@ -145,7 +145,7 @@ def _wrap_line(bump: int, count: int) -> Line:
 def _wrap() -> Iterator[Case]:
     # One count at sample 127 of 255 is sin(pi / 255) counts of Y: half a step of 2^-24 turns.
     near = [_wrap_line(1, 127), _wrap_line(0, 0), _wrap_line(1, 128)]
-    yield LineCase(
+    yield _one_window(
         "phase-at-the-wrap",
         "half a step of 2^-24 turns above 0, 0 itself, and half a step below: 0 or a whole T",
         "phases 0 and 1 are one: the left end, or one T on where the tables' last bits are below 0",
@@ -154,7 +154,7 @@ def _wrap() -> Iterator[Case]:
         pixel_width=16,
     )
     side = [_wrap_line(3000, 5), _wrap_line(3000, 250)]
-    yield LineCase(
+    yield _one_window(
         "phase-beside-the-wrap",
         "a hot pixel at the end of an even window, and a count's weight on either side",
         "(8) with T = N, above 0 near the left end, below it near the right one, 253 px away",

@@ -11,9 +11,6 @@ from vrscan.study.cases import timing_cases as timing
 from vrscan.study.cases import window_cases as window
 from vrscan.study.cases.case import Case
 
-# Modes of the window in which lines are tried, the default first; see ``peak.window``.
-WINDOWS = ("threshold", "two_pass")
-
 ROOMS: dict[str, Callable[[], Iterator[Case]]] = {
     "The line": lines.cases,
     "What lies under the spot": window.cases,

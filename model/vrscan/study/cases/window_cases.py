@@ -51,9 +51,11 @@ def _slopes() -> Iterator[Case]:
         "slope-1-count-per-px-whole-line",
         "the line's deviation is that of the slope, 590 counts, the height 2.5 times as much",
         "S/N by the noise within parts of 16 pixels beside the spot, 5 counts; RIVAL, for the "
-        "bright end is above a quarter of the height. The slope pulls, by less than 0.1 px",
+        "bright end is above a quarter of the height. The slope is taken off: within 0.01 px; it "
+        "pulls one window, by less than 0.1 px",
         tuple(whole),
         within_px=0.1,
+        fit_px=0.01,
     )
     wall = np.clip(1.2 * (place - 900), 0.0, None)
     yield LineCase(
@@ -89,7 +91,7 @@ def _slopes() -> Iterator[Case]:
         yield LineCase(
             f"slope-1-count-per-px-under-{sigma:g}-px",
             f"a slope over 60 px under a spot of {sigma:g} px and 3000 counts",
-            f"the slope is part of the window of (8): within {within} px",
+            f"too short to be told as a slope, it is part of the window: within {within} px",
             tuple(lines),
             within_px=within,
         )
@@ -98,7 +100,8 @@ def _slopes() -> Iterator[Case]:
         lines = [
             line(
                 clipped(background() + long + gauss(LENGTH, 1024 + part, sigma, 3000)),
-                "TOO_WIDE",
+                "",
+                at_one="TOO_WIDE",
                 true=1024 + part,
             )
             for part in PARTS
@@ -106,8 +109,8 @@ def _slopes() -> Iterator[Case]:
         yield LineCase(
             f"slope-1-count-per-px-of-400-px-{sigma:g}",
             f"a slope that rises by 400 counts under a spot of {sigma:g} px and 3000 counts",
-            "the run climbs the slope, which is above the cut: TOO_WIDE; two passes begin with a "
-            "higher cut and take the slope off: within 0.01 px",
+            "the first cut is above the slope, which is taken off: within 0.01 px; the run of one "
+            "window climbs it: TOO_WIDE",
             tuple(lines),
         )
     halo = np.where(np.abs(place - 1024) <= 40, 180.0 + (place - 1024.0), 0.0)
@@ -118,9 +121,11 @@ def _slopes() -> Iterator[Case]:
     yield LineCase(
         "halo-under-the-spot",
         "a halo of 80 px, uneven, higher than the cut: 140 to 220 counts under a spot of 3000",
-        "the halo is in the run, so it is in (8): within the run",
+        "the first cut is above the halo: within 0.05 px; the run of one window has the halo, and "
+        "so has (8): within the run",
         tuple(lines),
         within_px=40.0,
+        fit_px=0.05,
     )
     tilted = [
         line(clipped(60.0 + 0.1 * place + gauss(LENGTH, 700 + p, 3, 3000)), None, true=700 + p)
@@ -129,9 +134,10 @@ def _slopes() -> Iterator[Case]:
     yield LineCase(
         "slope-0.1-count-per-px-whole-line",
         "the threshold is that of the mean, not of the place",
-        "the cut lies higher, the slope pulls by less than 0.02 px",
+        "the slope is taken off: within 0.01 px; it pulls one window, by less than 0.02 px",
         tuple(tilted),
         within_px=0.02,
+        fit_px=0.01,
     )
 
 
@@ -170,7 +176,7 @@ def _noises() -> Iterator[Case]:
         "noise-a-tenth-of-a-count",
         "less than a count: rounded away, or a count now and then",
         "what is left of it decides: NO_NOISE and the largest S/N, or a small noise; within 0.01 "
-        "px, which the cut at 2 % leaves",
+        "px",
         tuple(calm),
         within_px=0.01,
     )

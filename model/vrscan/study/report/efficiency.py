@@ -3,8 +3,8 @@
 The lines have 12 bits, 5 electrons per count, read noise 3 counts, background 60 counts, and
 Gaussian spots whose centres are anywhere between two pixels. (8) as printed (period N - 1,
 threshold from the row's mean and deviation, the pedestal left in) is measured on the same lines as
-the shipped detector, and so are two passes; ``vrscan.study.report.two_pass_report`` has more about
-these.
+the shipped detector, and so are one window and two; ``vrscan.study.report.two_pass_report`` has
+more about these.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -53,6 +53,7 @@ class Cell:
     peak: float
     bound_px: float
     shipped: Score
+    one_pass: Score
     two_pass: Score
     printed: Score
 
@@ -64,9 +65,9 @@ def as_printed(config: Config) -> Config:
     return config.model_copy(update={"peak": peak})
 
 
-def with_window(config: Config, two_pass: bool) -> Config:
-    """Return the configuration with one pass or two."""
-    update = {"window": "two_pass", "period": "n"} if two_pass else {"window": "threshold"}
+def with_window(config: Config, window: str) -> Config:
+    """Return the configuration with this window, a value of ``peak.window``."""
+    update = {"window": window} | ({} if window == "threshold" else {"period": "n"})
     return config.model_copy(update={"peak": config.peak.model_copy(update=update)})
 
 
@@ -171,8 +172,9 @@ def _cell(engine: Engine, config: Config, count: int, spot: tuple[float, float])
         sigma_px=sigma,
         peak=peak,
         bound_px=float(bound.mean()) ** 0.5,
-        shipped=_score(run(engine, lines, with_window(config, False)), true, bound),
-        two_pass=_score(run(engine, lines, with_window(config, True)), true, bound),
+        shipped=_score(run(engine, lines, config), true, bound),
+        one_pass=_score(run(engine, lines, with_window(config, "threshold")), true, bound),
+        two_pass=_score(run(engine, lines, with_window(config, "two_pass")), true, bound),
         printed=_score(run(engine, lines, as_printed(config)), true, bound),
     )
 
@@ -188,29 +190,32 @@ def worst_lost(scores: list[Score]) -> float:
 
 
 def _scores(
-    name: str, of: Callable[[Cell], Score], *, rival: bool = False
+    name: str, of: Callable[[Cell], Score], *, lost: bool = True, rival: bool = False
 ) -> Iterator[Column[Cell]]:
     """Return the columns of a detector's scores."""
     yield Column(name, lambda c: of(c).rms_px, "{:.2f}", scale=1e3)
     yield Column("eff.", lambda c: of(c).efficiency, "{:.3f}")
-    yield Column("lost", lambda c: of(c).lost, "{:.2f}", unit="%", scale=100)
+    if lost:
+        yield Column("lost", lambda c: of(c).lost, "{:.2f}", unit="%", scale=100)
     if rival:
         yield Column("RIVAL", lambda c: of(c).rival, "{:.2f}", unit="%", scale=100)
 
 
 def efficiency_table(cells: list[Cell], engine: Engine, count: int) -> RichTable:
-    """Return the study as a table for the terminal: bound, shipped detector, two passes, (8)."""
+    """Return the study as a table for the terminal: bound, shipped detector, its windows, (8)."""
     columns: list[Column[Cell]] = [
         Column("peak", lambda c: c.peak, "{:.0f} %", scale=100),
         Column("s,", lambda c: c.sigma_px, "{:g}", unit="px"),
         Column("bound", lambda c: c.bound_px, "{:.2f}", scale=1e3),
-        *_scores("one pass", lambda c: c.shipped, rival=True),
-        *_scores("two", lambda c: c.two_pass),
+        *_scores("set", lambda c: c.shipped, rival=True),
+        *_scores("one pass", lambda c: c.one_pass, lost=False),
+        *_scores("two", lambda c: c.two_pass, lost=False),
         *_scores("(8)", lambda c: c.printed),
     ]
     return Sheet(columns, cells).terminal(
-        f"Efficiency with one pass and with two, engine {engine}, {count} lines a cell",
-        "rms errors in 1e-3 px: the bound's, with one pass as shipped, with two, and of (8) as "
+        f"Efficiency as configured, with one pass and with two, engine {engine}, {count} lines a "
+        "cell",
+        "rms errors in 1e-3 px: the bound's, as configured, with one pass, with two, and of (8) as "
         "printed; eff. = bound variance / mean square error; lost = no position or more than "
         f"{LOST_PX:g} px off",
         apart=lambda c: c.peak,

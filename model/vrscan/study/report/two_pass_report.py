@@ -33,6 +33,7 @@ from vrscan.study.report.efficiency import (
     with_window,
 )
 
+WINDOWS = ("threshold", "two_pass")  # one pass and two
 SIGMAS_PX = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0)
 DIM_PEAK = 0.02  # share of full scale
 PEAKS = (DIM_PEAK, 0.05, 0.10, 0.20, 0.50, 0.90)
@@ -135,8 +136,8 @@ def _cell(engine: Engine, config: Config, count: int, spot: tuple[float, float])
     lines, true, _ = cell_lines(sigma, peak, count, config)
     least = np.square(efficient_score(lines.lines, true, sigma, peak, config))
     found, lost = [], 0.0
-    for two_pass in (False, True):
-        result = run(engine, lines, with_window(config, two_pass))
+    for window in WINDOWS:
+        result = run(engine, lines, with_window(config, window))
         error = result.position_px - true
         good = result.measured & (np.abs(error) <= LOST_PX)
         found.append(float(least[good].mean() / np.square(error[good]).mean()))
@@ -182,7 +183,7 @@ def arithmetic(
     Returns:
         Errors [n], the bound of each [n], and the share of lines with the same window.
     """
-    settings = with_window(config, True)
+    settings = with_window(config, "two_pass")
     errors, bounds, lines_with_both = [], [], 0
     aligned = 2.0 ** (pkg.ALIGNED_WIDTH - config.sensor.pixel_width)
     for peak in peaks:
@@ -216,11 +217,11 @@ def _counts(mean: Floats, draws: Floats, config: Config) -> Pixels:
     return np.clip(np.floor(mean + spread * draws + 0.5), 0, top).astype(np.uint16)
 
 
-def _positions(engine: Engine, pixels: Pixels, config: Config, two_pass: bool) -> Floats:
+def _positions(engine: Engine, pixels: Pixels, config: Config, window: str) -> Floats:
     count = len(pixels)
     power = np.full(count, config.laser.power_max, np.int64)
     lines = Lines(lines=pixels, angle_rad=np.zeros(count), power=power)
-    result = run(engine, lines, with_window(config, two_pass))
+    result = run(engine, lines, with_window(config, window))
     return np.asarray(np.where(result.measured, result.position_px, np.nan))
 
 
@@ -252,9 +253,8 @@ def skew_positions(
     found = np.zeros((2, len(peaks)))
     for k, peak in enumerate(peaks):
         pixels = _counts(BACKGROUND_COUNTS + peak * full * shape, draws, config)
-        for two_pass in (False, True):
-            places = _positions(engine, pixels, config, two_pass) - centre
-            found[int(two_pass), k] = np.nanmean(places)
+        for row, window in zip(found, WINDOWS, strict=True):
+            row[k] = np.nanmean(_positions(engine, pixels, config, window) - centre)
     return found[0], found[1]
 
 
@@ -297,7 +297,7 @@ def slope_study(
             level = SLOPE_BACKGROUND_COUNTS + spot
             rise = sloping(np.arange(draws.shape[1]) - centre[:, None])
             flat, tilted = (
-                _positions(engine, _counts(mean, draws, config), config, True) - centre
+                _positions(engine, _counts(mean, draws, config), config, WINDOWS[1]) - centre
                 for mean in (level, level + rise)
             )
             results.append(

@@ -16,7 +16,7 @@ def test_snr_and_sigma_within_bound_and_limit() -> None:
 
 @pytest.mark.parametrize("pixel_width", [8, 16])
 def test_the_other_pixel_widths_too(pixel_width: int) -> None:
-    config = Config.model_validate({"sensor": {"pixel_width": pixel_width}})
+    config = Config.model_validate({"peak": quality.WINDOW, "sensor": {"pixel_width": pixel_width}})
     found = quality.compare(quality.spots(600, config, np.random.default_rng(3)), config)
     loud = found.noise >= quality.LEAST_NOISE_STEPS
     assert loud.sum() > 300
@@ -28,7 +28,7 @@ def test_the_other_pixel_widths_too(pixel_width: int) -> None:
 
 def test_each_line_keeps_its_own_bound() -> None:
     for period in ("n", "n-1"):
-        config = Config.model_validate({"peak": {"period": period}})
+        config = Config.model_validate({"peak": {**quality.WINDOW, "period": period}})
         found = quality.compare(quality.spots(800, config, np.random.default_rng(4)), config)
         assert np.all(found.snr <= found.snr_bound + 1e-9)
         assert np.all(found.sigma <= found.sigma_bound + 1e-9)
@@ -36,7 +36,7 @@ def test_each_line_keeps_its_own_bound() -> None:
 
 
 def test_a_sigma_that_is_a_hundredth_off_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    config = Config()
+    config = Config.model_validate({"peak": quality.WINDOW})
     lines = quality.spots(300, config, np.random.default_rng(5))
     right = quality.compare(lines, config)
     kappa = config.peak.kappa * 1.02

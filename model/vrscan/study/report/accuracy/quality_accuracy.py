@@ -33,6 +33,7 @@ from vrscan.study.report.figure import SEED, Figure, largest
 SHARE = 0.005  # allowed share of the value, or one step
 GROUP = "S/N and sigma, whole lines"
 LEAST_NOISE_STEPS = 128
+WINDOW = {"window": "threshold"}  # the one window, whose S/N and sigma these are
 
 _SNR_STEP, _SIGMA_STEP = 2.0**-pkg.SNR_FRACTION, 2.0**-pkg.SIGMA_FRACTION
 _SNR_END = (2.0**pkg.SNR_WIDTH - 1.0) * _SNR_STEP
@@ -284,7 +285,7 @@ def measure(count: int) -> list[Figure]:
         )
 
     for period, noise in (("n", "background"), ("n-1", "background"), ("n", "row")):
-        config = Config.model_validate({"peak": {"period": period, "noise": noise}})
+        config = Config.model_validate({"peak": {**WINDOW, "period": period, "noise": noise}})
         found = compare(spots(count, config, draw), config)
         title = f"T = {period.upper().replace('-', ' - ')}, noise of the {noise}"
         loud = found.noise >= LEAST_NOISE_STEPS
@@ -292,7 +293,7 @@ def measure(count: int) -> list[Figure]:
         figure(f"sigma, {title}", found.sigma, found.sigma_bound, 1.0, "sigma, whole lines")
         name = f"windows that float cuts elsewhere, {title}"
         figures.append(Figure(GROUP, name, "%", 100.0 * found.windows))
-    config = Config()
+    config = Config.model_validate({"peak": WINDOW})
     found = compare(quiet(config), config)
     low = found.noise < LEAST_NOISE_STEPS
     name = f"S/N, noise below 2^-{pkg.COUNT_WIDTH - config.sensor.pixel_width - 7} count"
