@@ -159,8 +159,8 @@ def _patterns() -> Iterator[Case]:
         yield LineCase(
             f"periodic-background-{name}",
             f"a wave of {amplitude:g} counts and {period:g} px under the spot and beside it",
-            f"it counts as noise and lifts the cut; within {within} px. What of it lies under the spot "
-            "cannot be told from the spot's flanks",
+            f"it counts as noise and lifts the cut; within {within} px. What lies under the "
+            "spot cannot be told from its flanks",
             tuple(lines),
             within_px=within,
         )
