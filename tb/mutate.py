@@ -162,7 +162,7 @@ FAULTS = [
         ("the block is one part", "(first_part_q3 ? '0 : part_squares_q)", "'0"),
         ("last block's length", "? LengthWidth'(LastLength)", "? LengthWidth'(BlockBits)"),
         ("sums of the line before", "(block_q == '0 ? '0 : sum_q)", "sum_q"),
-        ("flag though the row was asked for", "kept == '0 && !noise_row_i;", "kept == '0;"),
+        ("flag though the row was asked for", "none_kept && !noise_row_i;", "none_kept;"),
         (
             "moment's sign",
             "product[MomentWidth-1:0] - sum_squared_q",
