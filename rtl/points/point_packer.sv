@@ -385,6 +385,8 @@ module point_packer #(
   end
 
   // ---- the ring and its reader, which learns a packet's length from its header ----
+  // A byte that is being written is not there for the reader yet, so what it reads is not used.
+  (* no_rw_check *)
   logic [7:0] ring_mem [BufferBytes];
   logic [2:0] place_q;  // byte that is read, stops at 5
   logic [4:0] records_q;

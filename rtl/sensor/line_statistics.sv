@@ -210,7 +210,8 @@ module line_statistics #(
   logic [  BlockSquareWidth-1:0] read_square;
   logic [       WithinWidth-1:0] read_within_q, left_within_q, left_within, right_within;
   logic                          left_whole_q, pair_done;
-  logic [     DistanceWidth-1:0] pairs_q, kept;
+  logic [     DistanceWidth-1:0] pairs_q, kept_q;
+  logic                          none_kept;
   logic [       LengthWidth-1:0] length_q;
   logic [          SumWidth-1:0] rest_sum_q, row_sum_q;
   logic [       SquareWidth-1:0] rest_square_q, row_square_q;
@@ -230,9 +231,8 @@ module line_statistics #(
                         && (left_whole_q || whole_q);
 
   // The pairs start at 2, so GuardBlocks - 1 of them are within the guard.
-  assign kept = pairs_q < DistanceWidth'(GuardBlocks) ? '0
-                : pairs_q - DistanceWidth'(GuardBlocks - 1);
-  assign use_row = noise_row_i || kept == '0;
+  assign none_kept = pairs_q < DistanceWidth'(GuardBlocks);
+  assign use_row   = noise_row_i || none_kept;
 
   logic [   PairSumWidth-1:0] pair_sum_mem    [1 << PairBits];
   logic [PairMomentWidth-1:0] pair_moment_mem [1 << PairBits];
@@ -291,11 +291,12 @@ module line_statistics #(
       pair_moment_mem[pairs_q[PairBits-1:0]] <=
           PairMomentWidth'(left_within) + PairMomentWidth'(right_within);
     end
+    kept_q     <= none_kept ? '0 : pairs_q - DistanceWidth'(GuardBlocks - 1);
     read_q     <= last_read_q;
     selected_q <= read_q;
     if (read_q) begin
       use_row_q        <= use_row;
-      row_statistics_o <= kept == '0 && !noise_row_i;
+      row_statistics_o <= none_kept && !noise_row_i;
       if (use_row) begin
         rest_sum_q    <= row_sum_q;
         rest_square_q <= row_square_q;
@@ -325,7 +326,7 @@ module line_statistics #(
   logic [        SumWidth-1:0] local_sum_q;
   logic [LocalMomentWidth-1:0] local_moment_q;
   assign rank_index = step_q == '0 ? pair_index_q : PairBits'(step_q - StepWidth'(1));
-  assign keep       = darker_q < kept && DistanceWidth'(pair_index_q) < pairs_q;
+  assign keep       = darker_q < kept_q && DistanceWidth'(pair_index_q) < pairs_q;
 
   always_ff @(posedge clk_i) begin
     other_sum_q   <= pair_sum_mem[rank_index];
@@ -393,13 +394,11 @@ module line_statistics #(
   logic unused_product;
   assign unused_product = ^product[FactorAWidth+FactorBWidth-1:MomentWidth];
 
-  // Products with the number of kept pairs, by few bits.
-  localparam int unsigned PartFreedom = vrscan_pkg::PartLength - 1;
-  localparam int unsigned FreedomWidth =
-      $clog2(PartFreedom * vrscan_pkg::PartLength * GuardBlocks + 1);
-  logic [FreedomWidth-1:0] freedom, moment_factor;
-  assign freedom = FreedomWidth'(kept) * FreedomWidth'(PartFreedom * vrscan_pkg::PartLength);
-  assign moment_factor = FreedomWidth'(kept) * FreedomWidth'(2 * PartFreedom);
+  // Kept pairs times a part's degrees of freedom, PartLength - 1.
+  localparam int unsigned PartFreedomWidth = DistanceWidth + PartBits;
+  logic [PartFreedomWidth-1:0] part_freedom_q;
+  always_ff @(posedge clk_i)
+    part_freedom_q <= (PartFreedomWidth'(kept_q) << PartBits) - PartFreedomWidth'(kept_q);
 
   multiply #(.AWidth(FactorAWidth), .BWidth(FactorBWidth)) u_multiply (
     .clk_i, .rst_i,
@@ -457,7 +456,7 @@ module line_statistics #(
       // 2 kept pairs of n parts have the variance sum / (n 16 15): times the square of 15 n.
       SPREAD_ROOT: if (pairs_done_q && spread_rooted_q) begin
         factor_a_q      <= FactorAWidth'(signed'({1'b0, local_moment_q}));
-        factor_b_q      <= FactorBWidth'(signed'({1'b0, moment_factor}));
+        factor_b_q      <= FactorBWidth'(signed'({1'b0, part_freedom_q, 1'b0}));
         factors_valid_q <= 1'b1;
         moment_q        <= LOCAL;
       end
@@ -509,7 +508,7 @@ module line_statistics #(
 
   localparam int unsigned PairPixels = 2 * vrscan_pkg::BlockLength;
   logic [LengthWidth-1:0] kept_pixels;
-  assign kept_pixels = LengthWidth'(kept) * LengthWidth'(PairPixels);
+  assign kept_pixels = LengthWidth'(kept_q) * LengthWidth'(PairPixels);
 
   always_ff @(posedge clk_i) begin
     divide_start_q <= 1'b0;
@@ -559,7 +558,7 @@ module line_statistics #(
       end
       WAIT_NOISE: if (root_ready_q) begin
         dividend_q     <= DividendWidth'(root) << NoiseShift;
-        divisor_q      <= DivisorWidth'(freedom);
+        divisor_q      <= DivisorWidth'(part_freedom_q) << PartBits;
         divide_start_q <= 1'b1;
         quotient_q     <= NOISE;
       end

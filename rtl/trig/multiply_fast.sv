@@ -29,9 +29,18 @@ module multiply_fast #(
   localparam int unsigned LowWidth = 17;
   localparam int unsigned Width    = AWidth + BWidth;
 
-  logic signed [       17:0] a_low_q, a_high_q, b_low_q, b_high_q;
-  logic signed [       35:0] low_q, left_q, right_q, high_q, low_q2, left_q2, right_q2, high_q2;
-  logic                [2:0] valid_q;
+  // The outer products stand beside each other: the low one is never negative and has 2 LowWidth
+  // bits.  What is added to them is the inner ones' sum.
+  localparam int unsigned OuterWidth = 36 + 2 * LowWidth;
+  localparam int unsigned AddedWidth = OuterWidth - LowWidth;
+  logic signed [          17:0] a_low_q, a_high_q, b_low_q, b_high_q;
+  logic        [2*LowWidth-1:0] low_q;
+  logic signed [          35:0] left_q, right_q, high_q;
+  logic signed [          36:0] inner_q2;
+  logic signed [OuterWidth-1:0] outer_q2;
+  logic signed [AddedWidth-1:0] added;
+  logic                   [2:0] valid_q;
+  assign added = signed'(outer_q2[OuterWidth-1:LowWidth]) + AddedWidth'(inner_q2);
 
   always_ff @(posedge clk_i) begin
     a_low_q  <= signed'({1'b0, a_i[LowWidth-1:0]});
@@ -39,18 +48,14 @@ module multiply_fast #(
     b_low_q  <= signed'({1'b0, b_i[LowWidth-1:0]});
     b_high_q <= 18'(b_i >>> LowWidth);
 
-    low_q    <= a_low_q * b_low_q;
+    low_q    <= (2 * LowWidth)'(36'(a_low_q) * 36'(b_low_q));
     left_q   <= a_high_q * b_low_q;
     right_q  <= a_low_q * b_high_q;
     high_q   <= a_high_q * b_high_q;
 
-    low_q2   <= low_q;
-    left_q2  <= left_q;
-    right_q2 <= right_q;
-    high_q2  <= high_q;
-
-    product_o <= Width'(low_q2) + ((Width'(left_q2) + Width'(right_q2)) <<< LowWidth)
-                 + (Width'(high_q2) <<< (2 * LowWidth));
+    outer_q2  <= {high_q, low_q};
+    inner_q2  <= 37'(left_q) + 37'(right_q);
+    product_o <= Width'({added, outer_q2[LowWidth-1:0]});
 
     valid_q <= {valid_q[1:0], valid_i};
     valid_o <= valid_q[2];
