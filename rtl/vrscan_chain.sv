@@ -234,12 +234,12 @@ module vrscan_chain #(
                  && !peak.flags[vrscan_pkg::FlagRowStatistics] && peak.line.mirror_flags == '0;
   peak_confidence #(.PixelWidth(PixelWidth)) u_peak_confidence (
     .clk_i, .rst_i, .peak_i,
-    .valid_i(phased), .measured_i(measured), .low_snr_i(peak.flags[vrscan_pkg::FlagLowSnr]),
+    .valid_i(phased), .measured_i(measured),
     .clear_i(clear),
     .maximum_i(PixelWidth'(peak.maximum)), .background_i(peak.background), .noise_i(peak.noise),
     .width_i(window_width), .period_i(period), .magnitude_i(magnitude), .sum_i(height_sum),
     .wave_i(wave), .count_i(wave_count), .power_i(peak.line.power),
-    .valid_o(judged), .snr_o(snr), .no_noise_o(no_noise), .sigma_o(sigma), .c_obj_o(c_obj),
+    .valid_o(judged), .snr_o(snr), .no_noise_o(no_noise), .sigma_o(sigma),
     .c_sfm_o(c_sfm)
   );
 
@@ -279,7 +279,6 @@ module vrscan_chain #(
     point.snr      = snr;
     point.position = measured ? vrscan_pkg::PositionWidth'(position) : '0;
     point.sigma    = sigma;
-    point.c_obj    = c_obj;
     point.c_sfm    = c_sfm;
     point.free_from = c_sfm != '0 ? free_from : '0;
     point.free_to   = c_sfm != '0 ? free_to : '0;
@@ -288,7 +287,7 @@ module vrscan_chain #(
   end
 
   // ---- the fit ----
-  logic                              fit_done, fitted;
+  logic                              fit_done, fitted, mixed;
   logic signed [  PositionWidth-1:0] fit_position;
   logic [vrscan_pkg::SigmaWidth-1:0] fit_sigma;
   logic [vrscan_pkg::SpeckleWidth-1:0] speckle;
@@ -300,11 +299,10 @@ module vrscan_chain #(
     .spread_i(held_q.sigma), .sigma_i(spot_sigma), .maximum_i(PixelWidth'(held_q.maximum)),
     .background_i(held_q.background), .noise_i(held_q.noise),
     .reading_o(fitting), .read_index_o(fit_index), .read_pixel_i(read_pixel),
-    .valid_o(fit_done), .fitted_o(fitted), .position_o(fit_position), .sigma_o(fit_sigma),
+    .valid_o(fit_done), .fitted_o(fitted), .mixed_o(mixed), .position_o(fit_position), .sigma_o(fit_sigma),
     .speckle_o(speckle), .kappa_i(peak_i.kappa),
     .saturation_level_i(peak_i.saturation_level)
   );
-  // For a flag of its own there is no room among a point's 16.
   logic unused_fit;
   assign unused_fit = ^{fitted, speckle};
   always_comb begin
@@ -312,6 +310,7 @@ module vrscan_chain #(
     if (peak_i.window_fit && held_q.measured) begin
       placed.position = vrscan_pkg::PositionWidth'(fit_position);
       placed.sigma    = fit_sigma;
+      placed.flags[vrscan_pkg::FlagMixed] = mixed;
     end
   end
 
@@ -334,6 +333,7 @@ module vrscan_chain #(
     .saturated_i(offset_saturated), .sigma_i(placed.sigma), .angle_i(placed.line.angle),
     .user_i(placed),
     .valid_o, .ready_i, .measured_o(in_space), .x_o(x), .z_o(z), .sigma_z_o(sigma_z),
+    .c_obj_o(c_obj),
     .no_range_o(no_range), .out_of_range_o(out_of_range), .lost_o(points_lost), .user_o(taken),
     .dropped_o(dropped)
   );
@@ -343,6 +343,7 @@ module vrscan_chain #(
     point_o.x        = x;
     point_o.z        = z;
     point_o.sigma_z  = sigma_z;
+    point_o.c_obj    = c_obj;
     point_o.flags[vrscan_pkg::FlagNoRange]    = no_range;
     point_o.flags[vrscan_pkg::FlagOutOfRange] = out_of_range;
     point_o.flags[vrscan_pkg::FlagPointsLost] = points_lost;

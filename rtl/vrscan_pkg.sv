@@ -30,14 +30,14 @@ package vrscan_pkg;
   localparam int unsigned KNoiseFraction = 8;
   localparam int unsigned KHeightFraction = 16;
   localparam int unsigned KappaWidth = 18;  // counts per electron, 28 - PixelWidth fraction bits
-  localparam int unsigned GainWidth = 24;  // confidence gains
+  localparam int unsigned GainWidth = 24;  // of the confidence in free space
   localparam int unsigned GainFraction = 16;
 
   // A line every 2 MaxWindow + MinPeriodOverhead clocks, with two passes every 3 MaxWindow +
   // TwoPassOverhead clocks, or LineLength where that is longer.
   localparam int unsigned MinPeriodOverhead = 450;
-  localparam int unsigned TwoPassOverhead = 750;
-  localparam int unsigned PointPeriod = 227;  // from point to point at least: triangulate is busy
+  localparam int unsigned TwoPassOverhead = 800;
+  localparam int unsigned PointPeriod = 275;  // from point to point at least: triangulate is busy
 
   // Statistics.
   localparam int unsigned BlockLength = 64;
@@ -90,6 +90,8 @@ package vrscan_pkg;
   localparam int unsigned SlopeFraction = 16;
   localparam int unsigned GeometryWidth = 32;
   localparam int unsigned BaseFraction = 20;  // n0, n1: mm
+  localparam int unsigned ToleranceWidth = 16;  // share of z that a point may err, for c_obj
+  localparam int unsigned ToleranceFraction = 24;
   localparam int unsigned RayFraction = 30;  // d0, d1, e0, e1
 
   // Mirror.  Phases of accumulators are fractions of a turn of the mirror.
@@ -136,7 +138,7 @@ package vrscan_pkg;
   localparam int unsigned MirrorFlagWidth = 3;  // of a line: FlagNotRunning and those above it
 
   // Flags of a point, by bit.
-  localparam int unsigned FlagWidth = 16;
+  localparam int unsigned FlagWidth = 17;
   localparam int unsigned FlagLowSnr = 0;
   localparam int unsigned FlagTooNarrow = 1;
   localparam int unsigned FlagTooWide = 2;
@@ -153,6 +155,7 @@ package vrscan_pkg;
   localparam int unsigned FlagNotRunning = 13;  // the mirror is not in its state RUN
   localparam int unsigned FlagIndexFault = 14;  // an index crossing was missing or wrong
   localparam int unsigned FlagUnsettled = 15;  // amplitude or phase is off: shock, drift, start-up
+  localparam int unsigned FlagMixed = 16;  // no single spot: the fit's chi squared is far too large
 
   // Clocks from valid_i to valid_o of what works operands off.
   function automatic int unsigned multiply_limbs(input int unsigned width);

@@ -3,7 +3,8 @@
 * ``rtl/vrscan_pkg.sv`` -> ``model/vrscan/data/pkg.py``: every width, flag bit and struct.
 * ``rtl/link/link_pkg.sv`` -> ``model/vrscan/data/link_pkg.py``: the numbers of the protocol.
 * ``vrscan.fixed.quarter_wave.table()`` -> ``rtl/trig/quarter_wave_rom.sv``.
-* ``vrscan.fixed.peak_fit.rom()`` -> ``rtl/peak/peak_fit_rom.sv``.
+* ``vrscan.fixed.peak_fit.rom()`` -> ``rtl/peak/peak_fit_rom.sv``, and
+  ``vrscan.fixed.triangulate.rom()`` -> ``rtl/geometry/triangulate_rom.sv``.
 * ``vrscan.fixed.cordic_vector`` -> ``rtl/trig/cordic_pkg.sv``: the angles of the iterations.
 * ``vrscan.fixed.peak_refine`` -> ``rtl/peak/spot_sigma_pkg.sv``: a spot's width by its harmonic.
 * ``rtl/link/registers.toml`` -> ``rtl/link/register_file.sv`` and ``register_pkg.sv``,
@@ -102,6 +103,13 @@ def peak_fit_rom() -> str:
     return rom()
 
 
+def triangulate_rom() -> str:
+    """Return the table of the confidence."""
+    from vrscan.fixed.triangulate import rom
+
+    return rom()
+
+
 def register_file() -> str:
     """Return the module that holds the registers."""
     from registers import described, register_file
@@ -150,6 +158,7 @@ TARGETS: dict[str, Callable[[], str]] = {
     "model/vrscan/data/link_pkg.py": link_package,
     "rtl/trig/quarter_wave_rom.sv": quarter_wave_rom,
     "rtl/peak/peak_fit_rom.sv": peak_fit_rom,
+    "rtl/geometry/triangulate_rom.sv": triangulate_rom,
     "rtl/trig/cordic_pkg.sv": cordic_package,
     "rtl/peak/spot_sigma_pkg.sv": spot_sigma_package,
     "rtl/link/register_file.sv": register_file,

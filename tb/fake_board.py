@@ -56,6 +56,7 @@ def compact_bytes(record: np.void) -> bytes:
     flags = int(record["flags"])
     bits = int(record["bits"]) & 1 if not flags & NO_RANGE else 0
     bits |= sum(1 << bit for bit, mask in GATHERED.items() if flags & mask)
+    bits |= (int(record["bits"]) >> 3 & 1) << 4  # MIXED counts as a rival
     place = (int(record[name]).to_bytes(3, "little", signed=True) for name in ("x", "z"))
     return b"".join(place) + bytes([record["c_obj"], bits])
 

@@ -305,6 +305,8 @@ FAULTS = [
         ),
         ("beyond the line", "fit_place_q >= 0 && fit_place_q < LineEnd", "fit_place_q >= 0"),
         ("a start outside", "pixels_q >= 8'd4 && start_inside_q", "pixels_q >= 8'd4"),
+        ("mixed at the fit's limit", "signed'(mixed_limit_q);", "signed'(46'(chi_limit_q));"),
+        ("mixed without a spot", "measured_q && mixed_q;", "mixed_q;"),
         ("not reset", "history_full_q   <= 1'b0;", "history_full_q   <= history_full_q;"),
     ),
     *faults(
@@ -374,6 +376,9 @@ FAULTS = [
     *faults(
         "rtl/geometry/triangulate.sv",
         ("n = 0 has a range", "|| numerator_q == '0 ||", "||"),
+        ("confidence turns over", "|quotient[RangeWidth-1:8] ? '1 :", "1'b0 ? '1 :"),
+        ("confidence without a range", "in_range ? c_obj : '0", "c_obj"),
+        ("a share of sigma_z", "SHARE:   dividend = DividendWidth'(scale_q);", ""),
         ("gradient's sign", "move_q - GradientWidth'", "move_q + GradientWidth'"),
         (
             "x saturates to the wrong end",
@@ -638,9 +643,9 @@ FAULTS = [
         ("lost lines untold", "FlagLinesLost] = lost;", "FlagLinesLost] = 1'b0;"),
         ("angle a clock late", "begun.line   = line_q;", "begun.line   = line_i;"),
         (
-            "wrong flag decides",
-            ".low_snr_i(peak.flags[vrscan_pkg::FlagLowSnr])",
-            ".low_snr_i(peak.flags[vrscan_pkg::FlagTooNarrow])",
+            "sigma_z of nothing",
+            ".sigma_z_o(sigma_z),",
+            ".sigma_z_o(),",
         ),
         (
             "does not wait for sigma",
@@ -698,7 +703,7 @@ FAULTS = [
     ),
     *faults(
         "rtl/peak/peak_confidence.sv",
-        ("gains swapped", "1'b0, peak_i.c_sfm_gain", "1'b0, peak_i.c_obj_gain"),
+        ("gain of another", "1'b0, peak_i.c_sfm_gain", "1'b0, peak_i.k_height"),
         test="chain_lines",
     ),
     *faults(
@@ -710,7 +715,7 @@ FAULTS = [
         "rtl/vrscan_pkg.sv",
         ("sigma's constant", "SigmaGain = 24873230", "SigmaGain = 24973230"),
         ("stages take too long", "MinPeriodOverhead = 450", "MinPeriodOverhead = 300"),
-        ("the triangle is busy", "TwoPassOverhead = 750", "TwoPassOverhead = 746"),
+        ("the triangle is busy", "TwoPassOverhead = 800", "TwoPassOverhead = 790"),
         test="vrscan_chain",
     ),
     # ---- the instrument on a wire ----
@@ -1031,7 +1036,7 @@ FAULTS = [
     ),
     *faults(
         "model/vrscan/ideal/confidence.py",
-        ("(9): not limited", "np.minimum(snr / snr_max, 1.0)", "snr / snr_max"),
+        ("a whole deviation for half of one", "/ np.sqrt(2.0)", "/ 2.0"),
         ("(10): where there is an object", "np.where(clear, np", "np.where(~clear, np"),
         test="position",
     ),

@@ -5,7 +5,10 @@
 // R = 2**$clog2(LineLength) px.  n and d are positive where the point lies before mirror and camera;
 // the amplitude of sine and cosine cancels.  From the derivative of (3),
 //
-//   sigma_z = |n1 cos a - z (d1 cos a + e1 sin a)| / (d R) * slope * sigma.
+//   sigma_z = |n1 cos a - z (d1 cos a + e1 sin a)| / (d R) * slope * sigma,
+//   c_obj   = erf(tolerance z / (sqrt 2 sigma_z)),
+//
+// the probability that z errs by less than the share tolerance of itself.
 //
 // One multiplier and one divider, one operation at a time; every product is brought down by
 // Fraction bits, to nearest, half up.
@@ -15,13 +18,14 @@
 //   measured_i           there is a position; where not, all is 0 but user_o
 //   x_o, z_o             mm, LengthFraction bits; error below 2 um from 250 to 1000 mm
 //   sigma_z_o            mm, SigmaFraction bits, saturating
+//   c_obj_o              255 is 1; 0 where there is no range
 //   no_range_o           n <= 0, d <= 0 or q >= 4096 mm: x = z = 0, sigma_z is all ones
 //   out_of_range_o       x or z saturated, or the offset had
 //   lost_o               a point between the one before and this one was dropped
 //   dropped_o            a pulse a dropped point: one that came while another was in work, or whose
 //                        place in the output register was still taken
-//   Latency              vrscan_pkg::PointPeriod + 1 clocks: quarter_wave's, 13 products of
-//                        multiply's and 2, 2 quotients of divide's and 2, and 3.  A point may follow
+//   Latency              vrscan_pkg::PointPeriod + 1 clocks: quarter_wave's, 14 products of
+//                        multiply's and 2, 3 quotients of divide's and 2, and 3.  A point may follow
 //                        every PointPeriod.  The configuration must hold meanwhile.
 //   Model                vrscan.fixed.triangulate, bit-exact
 
@@ -51,6 +55,7 @@ module triangulate #(
   output      logic signed [  vrscan_pkg::LengthWidth-1:0] x_o,
   output      logic signed [  vrscan_pkg::LengthWidth-1:0] z_o,
   output      logic        [   vrscan_pkg::SigmaWidth-1:0] sigma_z_o,
+  output      logic        [vrscan_pkg::ConfidenceWidth-1:0] c_obj_o,
   output      logic                                        no_range_o,
   output      logic                                        out_of_range_o,
   output      logic                                        lost_o,
@@ -87,10 +92,14 @@ module triangulate #(
   localparam int unsigned SigmaAlign = FactorWidth - 1 - vrscan_pkg::SigmaWidth;
   localparam int unsigned SlopeAlign = SpreadFraction + Fraction - SigmaAlign
                                        - vrscan_pkg::SlopeFraction - vrscan_pkg::SigmaFraction;
+  // A share of z comes in steps of 2**-ShareFraction sigma_z.
+  localparam int unsigned ShareFraction  = 6;
+  localparam int unsigned ToleranceAlign = Fraction + ShareFraction - vrscan_pkg::ToleranceFraction;
 
-  typedef enum logic [3:0] {
+  typedef enum logic [4:0] {
     NUMERATOR, RAY_COSINE, RAY_SINE, DIVISOR_COSINE, DIVISOR_SINE, RANGE,
-    RATE_COSINE, RATE_SINE, MOVE, SPREAD, CROSS_X, CROSS_Z, GRADIENT, SCALE, SIGMA_Z
+    RATE_COSINE, RATE_SINE, MOVE, SPREAD, CROSS_X, CROSS_Z, GRADIENT, SCALE, SIGMA_Z,
+    TOLERANCE, SHARE
   } step_e;
 
   step_e                          step_q;
@@ -122,6 +131,7 @@ module triangulate #(
   logic signed [GradientWidth-1:0] gradient_q;  // < 13700 mm, GradientFraction bits
   logic        [  FactorWidth-2:0] spread_q;  // < 128 px, SpreadFraction bits
   logic        [ RoundedWidth-2:0] scale_q;  // < 2**33
+  logic        [vrscan_pkg::SigmaWidth-1:0] sigma_z_q;
   logic signed [    FullWidth-1:0] x_q, z_q;  // < 4096 mm, LengthFraction bits
   logic                            no_range_q;
 
@@ -158,7 +168,7 @@ module triangulate #(
       NUMERATOR, RAY_COSINE, RAY_SINE:  a = s;
       DIVISOR_SINE, RATE_SINE, CROSS_X: a = FactorWidth'(sine);
       SPREAD:                           a = signed'(FactorWidth'(sigma_q)) <<< SigmaAlign;
-      GRADIENT:                         a = FactorWidth'(z_q);
+      GRADIENT, TOLERANCE:              a = FactorWidth'(z_q);
       SCALE:                            a = FactorWidth'(gradient_q) <<< GradientSpare;
       default:                          a = FactorWidth'(cosine);
     endcase
@@ -171,12 +181,13 @@ module triangulate #(
       SPREAD:                  b = RoundedWidth'(slope_q) <<< SlopeAlign;
       GRADIENT:                b = rate_q;
       SCALE:                   b = signed'(RoundedWidth'(spread_q));
+      TOLERANCE:               b = signed'(RoundedWidth'(geometry_i.tolerance)) <<< ToleranceAlign;
       default:                 b = signed'(RoundedWidth'(quotient));
     endcase
   end
 
   logic divides;
-  assign divides = step_q == RANGE || step_q == SIGMA_Z;
+  assign divides = step_q == RANGE || step_q == SIGMA_Z || step_q == SHARE;
 
   multiply #(
     .AWidth(FactorWidth),
@@ -193,9 +204,15 @@ module triangulate #(
 
   // A negative operand gives nonsense, which no_range_q replaces.
   logic [DividendWidth-1:0] dividend;
-  assign dividend = step_q == RANGE
-      ? DividendWidth'(numerator_q[RoundedWidth-2:0]) << vrscan_pkg::RayFraction
-      : DividendWidth'(scale_q) << (vrscan_pkg::RayFraction - PixelBits);
+  logic [ DivisorWidth-1:0] divisor;
+  always_comb begin
+    unique case (step_q)
+      RANGE:   dividend = DividendWidth'(numerator_q[RoundedWidth-2:0]) << vrscan_pkg::RayFraction;
+      SHARE:   dividend = DividendWidth'(scale_q);
+      default: dividend = DividendWidth'(scale_q) << (vrscan_pkg::RayFraction - PixelBits);
+    endcase
+    divisor = step_q == SHARE ? DivisorWidth'(sigma_z_q) : divisor_q[DivisorWidth-1:0];
+  end
 
   divide #(
     .DividendWidth(DividendWidth),
@@ -206,7 +223,7 @@ module triangulate #(
     .rst_i,
     .valid_i   (start_q && divides),
     .dividend_i(dividend),
-    .divisor_i (divisor_q[DivisorWidth-1:0]),
+    .divisor_i (divisor),
     .valid_o   (quotient_valid),
     .quotient_o(quotient),
     .overflow_o(overflow)
@@ -240,6 +257,16 @@ module triangulate #(
   assign sigma_z = |quotient[RangeWidth-1:vrscan_pkg::SigmaWidth]
                    ? '1 : quotient[vrscan_pkg::SigmaWidth-1:0];
 
+  // From the 255th step on, 4 sigma_z, it is 1.
+  logic [                           7:0] share;
+  logic [vrscan_pkg::ConfidenceWidth-1:0] c_obj;
+  assign share = |quotient[RangeWidth-1:8] ? '1 : quotient[7:0];
+  triangulate_rom u_triangulate_rom (
+    .clk_i,
+    .confidence_index_i(share),
+    .confidence_entry_o(c_obj)
+  );
+
   assign accept = valid_i && !busy_q;
   logic full, drop;
   assign full = valid_o && !ready_i;
@@ -250,7 +277,7 @@ module triangulate #(
     start_q      <= wave_valid;
     if (wave_valid) step_q <= NUMERATOR;
     if (store_q) begin
-      start_q <= step_q != SIGMA_Z;
+      start_q <= step_q != SHARE;
       unique case (step_q)
         NUMERATOR: begin
           numerator_q <= RoundedWidth'(geometry_i.n0) + rounded_q;
@@ -309,13 +336,21 @@ module triangulate #(
           scale_q <= magnitude;
           step_q  <= SIGMA_Z;
         end
+        SIGMA_Z: begin
+          sigma_z_q <= sigma_z;
+          step_q    <= TOLERANCE;
+        end
+        TOLERANCE: begin
+          scale_q <= magnitude;
+          step_q  <= SHARE;
+        end
         default: busy_q <= 1'b0;
       endcase
     end
     // To nearest, half up.
     rounded_q <= RoundedWidth'(product >>> Fraction) + RoundedWidth'(product[Fraction-1]);
     store_q   <= product_valid || quotient_valid;
-    done_q    <= store_q && step_q == SIGMA_Z;
+    done_q    <= store_q && step_q == SHARE;
 
     if (accept) begin
       busy_q      <= 1'b1;
@@ -337,7 +372,8 @@ module triangulate #(
       measured_o     <= measured_q;
       x_o            <= in_range ? x : '0;
       z_o            <= in_range ? z : '0;
-      sigma_z_o      <= in_range ? sigma_z : {vrscan_pkg::SigmaWidth{measured_q}};
+      sigma_z_o      <= in_range ? sigma_z_q : {vrscan_pkg::SigmaWidth{measured_q}};
+      c_obj_o        <= in_range ? c_obj : '0;
       no_range_o     <= measured_q && no_range_q;
       out_of_range_o <= in_range && (saturated_q || !x_fits || !z_fits);
       lost_o         <= lost_q;

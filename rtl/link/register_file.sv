@@ -274,17 +274,17 @@ module register_file (
     take_q[11] <= write_q && page_01_hit_q && word_hit_q[10] && !rst;
     take_q[12] <= write_q && page_01_hit_q && word_hit_q[11] && !rst;
     take_q[13] <= write_q && page_01_hit_q && word_hit_q[12] && !rst;
-    take_q[14] <= write_q && page_01_hit_q && word_hit_q[13] && !rst;
-    take_q[15] <= write_q && page_02_hit_q && word_hit_q[0] && !rst;
-    take_q[16] <= write_q && page_02_hit_q && word_hit_q[1] && !rst;
-    take_q[17] <= write_q && page_02_hit_q && word_hit_q[2] && !rst;
-    take_q[18] <= write_q && page_02_hit_q && word_hit_q[3] && !rst;
-    take_q[19] <= write_q && page_02_hit_q && word_hit_q[4] && !rst;
-    take_q[20] <= write_q && page_02_hit_q && word_hit_q[5] && !rst;
-    take_q[21] <= write_q && page_02_hit_q && word_hit_q[6] && !rst;
-    take_q[22] <= write_q && page_02_hit_q && word_hit_q[7] && !rst;
-    take_q[23] <= write_q && page_02_hit_q && word_hit_q[8] && !rst;
-    take_q[24] <= write_q && page_02_hit_q && word_hit_q[9] && !rst;
+    take_q[14] <= write_q && page_02_hit_q && word_hit_q[0] && !rst;
+    take_q[15] <= write_q && page_02_hit_q && word_hit_q[1] && !rst;
+    take_q[16] <= write_q && page_02_hit_q && word_hit_q[2] && !rst;
+    take_q[17] <= write_q && page_02_hit_q && word_hit_q[3] && !rst;
+    take_q[18] <= write_q && page_02_hit_q && word_hit_q[4] && !rst;
+    take_q[19] <= write_q && page_02_hit_q && word_hit_q[5] && !rst;
+    take_q[20] <= write_q && page_02_hit_q && word_hit_q[6] && !rst;
+    take_q[21] <= write_q && page_02_hit_q && word_hit_q[7] && !rst;
+    take_q[22] <= write_q && page_02_hit_q && word_hit_q[8] && !rst;
+    take_q[23] <= write_q && page_02_hit_q && word_hit_q[9] && !rst;
+    take_q[24] <= write_q && page_02_hit_q && word_hit_q[10] && !rst;
     take_q[25] <= write_q && page_03_hit_q && word_hit_q[8] && !rst;
     take_q[26] <= write_q && page_03_hit_q && word_hit_q[9] && !rst;
     take_q[27] <= write_q && page_04_hit_q && word_hit_q[0] && !rst;
@@ -501,22 +501,22 @@ module register_file (
     if (take_q[6]) peak_o.min_width <= peak_data[7:0];
     if (take_q[7]) peak_o.max_width <= peak_data[7:0];
     if (take_q[8]) peak_o.kappa <= peak_data[17:0];
-    if (take_q[9]) peak_o.c_obj_gain <= peak_data;
-    if (take_q[10]) peak_o.c_sfm_gain <= peak_data;
-    if (take_q[11]) peak_o.window_two_pass <= peak_data[0];
-    if (take_q[12]) peak_o.window_fit <= peak_data[0];
-    if (take_q[13]) peak_o.max_core <= peak_data[7:0];
-    if (take_q[14]) peak_o.saturation_level <= peak_data[15:0];
-    if (take_q[15]) geometry_o.centre <= signed'(geometry_data);
-    if (take_q[16]) geometry_o.k1 <= signed'(geometry_data[25:0]);
-    if (take_q[17]) geometry_o.k2 <= signed'(geometry_data[25:0]);
-    if (take_q[18]) geometry_o.even <= geometry_data[0];
-    if (take_q[19]) geometry_o.n0 <= signed'(geometry_data);
-    if (take_q[20]) geometry_o.n1 <= signed'(geometry_data);
-    if (take_q[21]) geometry_o.d0 <= signed'(geometry_data);
-    if (take_q[22]) geometry_o.d1 <= signed'(geometry_data);
-    if (take_q[23]) geometry_o.e0 <= signed'(geometry_data);
-    if (take_q[24]) geometry_o.e1 <= signed'(geometry_data);
+    if (take_q[9]) peak_o.c_sfm_gain <= peak_data;
+    if (take_q[10]) peak_o.window_two_pass <= peak_data[0];
+    if (take_q[11]) peak_o.window_fit <= peak_data[0];
+    if (take_q[12]) peak_o.max_core <= peak_data[7:0];
+    if (take_q[13]) peak_o.saturation_level <= peak_data[15:0];
+    if (take_q[14]) geometry_o.centre <= signed'(geometry_data);
+    if (take_q[15]) geometry_o.k1 <= signed'(geometry_data[25:0]);
+    if (take_q[16]) geometry_o.k2 <= signed'(geometry_data[25:0]);
+    if (take_q[17]) geometry_o.even <= geometry_data[0];
+    if (take_q[18]) geometry_o.n0 <= signed'(geometry_data);
+    if (take_q[19]) geometry_o.n1 <= signed'(geometry_data);
+    if (take_q[20]) geometry_o.d0 <= signed'(geometry_data);
+    if (take_q[21]) geometry_o.d1 <= signed'(geometry_data);
+    if (take_q[22]) geometry_o.e0 <= signed'(geometry_data);
+    if (take_q[23]) geometry_o.e1 <= signed'(geometry_data);
+    if (take_q[24]) geometry_o.tolerance <= geometry_data[15:0];
     if (take_q[25]) free_o.free_begin <= signed'(free_data);
     if (take_q[26]) free_o.free_shift <= free_data[3:0];
     if (take_q[27]) mirror_o.mirror_enable <= mirror_data[0];
@@ -667,7 +667,6 @@ module register_file (
       peak_o.min_width <= 8'h03;
       peak_o.max_width <= 8'hff;
       peak_o.kappa <= 18'h03333;
-      peak_o.c_obj_gain <= 24'h00028d;
       peak_o.c_sfm_gain <= 24'h0000ff;
       peak_o.window_two_pass <= 1'h1;
       peak_o.window_fit <= 1'h1;
@@ -685,6 +684,7 @@ module register_file (
       geometry_o.d1 <= 32'hdba83161;
       geometry_o.e0 <= 32'h3f608d52;
       geometry_o.e1 <= 32'h051b9098;
+      geometry_o.tolerance <= 16'h4189;
     end
     if (free_rst) begin
       free_o.free_begin <= 24'hf0b17e;
@@ -923,7 +923,7 @@ module register_file (
   always_ff @(posedge clk_i) begin
     case (page_00_word)
       4'h0: page_00_q <= 32'h56525343;
-      4'h1: page_00_q <= 32'h92f3cfbd;
+      4'h1: page_00_q <= 32'hb69882c1;
       4'h2: page_00_q <= 32'h00000100;
       4'h3: page_00_q <= 32'(identity_status_i.board_id);
       4'h4: page_00_q <= identity_status_i.clock_hz;
@@ -954,11 +954,10 @@ module register_file (
       4'h5: page_01_q <= 32'(peak_o.min_width);
       4'h6: page_01_q <= 32'(peak_o.max_width);
       4'h7: page_01_q <= 32'(peak_o.kappa);
-      4'h8: page_01_q <= 32'(peak_o.c_obj_gain);
-      4'h9: page_01_q <= 32'(peak_o.c_sfm_gain);
-      4'ha: page_01_q <= 32'(peak_o.window_two_pass);
-      4'hb: page_01_q <= 32'(peak_o.window_fit);
-      4'hc: page_01_q <= 32'(peak_o.max_core);
+      4'h8: page_01_q <= 32'(peak_o.c_sfm_gain);
+      4'h9: page_01_q <= 32'(peak_o.window_two_pass);
+      4'ha: page_01_q <= 32'(peak_o.window_fit);
+      4'hb: page_01_q <= 32'(peak_o.max_core);
       default: page_01_q <= 32'(peak_o.saturation_level);
     endcase
     if (!page_01_hit_q) page_01_q <= '0;
@@ -980,7 +979,8 @@ module register_file (
       4'h6: page_02_q <= unsigned'(geometry_o.d0);
       4'h7: page_02_q <= unsigned'(geometry_o.d1);
       4'h8: page_02_q <= unsigned'(geometry_o.e0);
-      default: page_02_q <= unsigned'(geometry_o.e1);
+      4'h9: page_02_q <= unsigned'(geometry_o.e1);
+      default: page_02_q <= 32'(geometry_o.tolerance);
     endcase
     if (!page_02_hit_q) page_02_q <= '0;
   end
@@ -1485,18 +1485,16 @@ module register_file (
     rule_mem[22] = {KindReadWrite, 2'd1, 33'h000000003, 33'h0000000ff};
     // kappa
     rule_mem[23] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00003ffff};
-    // c_obj_gain
-    rule_mem[24] = {KindReadWrite, 2'd1, 33'h000000000, 33'h000ffffff};
     // c_sfm_gain
-    rule_mem[25] = {KindReadWrite, 2'd1, 33'h000000000, 33'h000ffffff};
+    rule_mem[24] = {KindReadWrite, 2'd1, 33'h000000000, 33'h000ffffff};
     // window_two_pass
-    rule_mem[26] = {KindReadWrite, 2'd1, 33'h000000000, 33'h000000001};
+    rule_mem[25] = {KindReadWrite, 2'd1, 33'h000000000, 33'h000000001};
     // window_fit
-    rule_mem[27] = {KindReadWrite, 2'd1, 33'h000000000, 33'h000000001};
+    rule_mem[26] = {KindReadWrite, 2'd1, 33'h000000000, 33'h000000001};
     // max_core
-    rule_mem[28] = {KindReadWrite, 2'd1, 33'h000000003, 33'h0000000ff};
+    rule_mem[27] = {KindReadWrite, 2'd1, 33'h000000003, 33'h0000000ff};
     // saturation_level
-    rule_mem[29] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00000ffff};
+    rule_mem[28] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00000ffff};
     // centre
     rule_mem[32] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
     // k1
@@ -1517,6 +1515,8 @@ module register_file (
     rule_mem[40] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
     // e1
     rule_mem[41] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
+    // tolerance
+    rule_mem[42] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00000ffff};
     // short_count
     rule_mem[48] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
     // long_count

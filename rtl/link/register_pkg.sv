@@ -34,7 +34,6 @@ package register_pkg;
     logic [7:0] min_width;
     logic [7:0] max_width;
     logic [17:0] kappa;
-    logic [23:0] c_obj_gain;
     logic [23:0] c_sfm_gain;
     logic window_two_pass;
     logic window_fit;
@@ -55,6 +54,7 @@ package register_pkg;
     logic signed [31:0] d1;
     logic signed [31:0] e0;
     logic signed [31:0] e1;
+    logic [15:0] tolerance;
   } geometry_t;
 
   // Counters of lines and points that were lost.

@@ -1,9 +1,8 @@
-// peak_confidence: signal-to-noise, uncertainty and confidence of a peak.
+// peak_confidence: signal-to-noise and uncertainty of a peak, and confidence in its absence.
 //
 //   snr    = (maximum - background) / noise
 //   sigma  = T / (2 pi) sqrt(sum v_i sin^2(theta_i - phi)) / |P1|,  v_i = noise^2 + kappa p_i,
 //            p_i above background, from the sums of phase_correlate
-//   c_obj  = snr / snr_max where snr >= snr_min (9), else 0
 //   c_sfm  = power / power_max where nothing is there (10): where clear_i is and the noise is not
 //            zero, else 0
 //
@@ -29,7 +28,6 @@ module peak_confidence #(
   // Sampled with valid_i.
   input  wire logic                                         valid_i,
   input  wire logic                                         measured_i,
-  input  wire logic                                         low_snr_i,
   input  wire logic                                         clear_i,
   input  wire logic        [                PixelWidth-1:0] maximum_i,
   input  wire logic        [    vrscan_pkg::CountWidth-1:0] background_i,
@@ -46,7 +44,6 @@ module peak_confidence #(
   output      logic        [      vrscan_pkg::SnrWidth-1:0] snr_o,
   output      logic                                         no_noise_o,
   output      logic        [    vrscan_pkg::SigmaWidth-1:0] sigma_o,
-  output      logic        [vrscan_pkg::ConfidenceWidth-1:0] c_obj_o,
   output      logic        [vrscan_pkg::ConfidenceWidth-1:0] c_sfm_o,
 
   // Configuration.
@@ -66,7 +63,7 @@ module peak_confidence #(
   localparam int unsigned FractionWidth  = CountWidth - vrscan_pkg::AlignedWidth;
 
   // ---- what arrived ----
-  logic                                         measured_q, low_snr_q, clear_q;
+  logic                                         measured_q, clear_q;
   logic        [                CountWidth-1:0] noise_q, height_q;
   logic        [             FractionWidth-1:0] fraction_q;
   logic        [   vrscan_pkg::WindowWidth-1:0] period_q;
@@ -76,7 +73,7 @@ module peak_confidence #(
 
   // ---- one multiplier, one divider, one root; a step is the unit that is waited for ----
   typedef enum logic [3:0] {
-    IDLE, SNR, OBJECT, FREE, SQUARE, FRACTION, CONSTANT, SHOT, ROOT, SCALE, GAIN, SIGMA, DONE
+    IDLE, FREE, SNR, SQUARE, FRACTION, CONSTANT, SHOT, ROOT, SCALE, GAIN, SIGMA, DONE
   } state_e;
   state_e                          state_q;
   logic                            multiply_start_q, product_valid;
@@ -158,7 +155,6 @@ module peak_confidence #(
     unique case (state_q)
       IDLE: if (valid_i) begin
         measured_q  <= measured_i;
-        low_snr_q   <= low_snr_i;
         clear_q     <= clear_i && noise_i != '0;
         noise_q     <= noise_i;
         height_q    <= (CountWidth'(maximum_i) << CountShift) - background_i;
@@ -171,25 +167,18 @@ module peak_confidence #(
         a_q              <= AWidth'(signed'({1'b0, peak_i.c_sfm_gain}));
         b_q              <= BWidth'(signed'({1'b0, power_i}));
         multiply_start_q <= 1'b1;
-        state_q          <= SNR;
+        state_q          <= FREE;
       end
-      SNR: if (product_ready_q) begin
+      FREE: if (product_ready_q) begin
         c_sfm_o        <= clear_q ? confidence : '0;
         numerator_q    <= NumeratorWidth'(height_q) << vrscan_pkg::SnrFraction;
         denominator_q  <= vrscan_pkg::MagnitudeWidth'(noise_q);
         divide_start_q <= 1'b1;
-        state_q        <= OBJECT;
+        state_q        <= SNR;
       end
-      OBJECT: if (quotient_valid) begin
+      SNR: if (quotient_valid) begin
         snr_o            <= height_q == '0 ? '0 : quotient;
         no_noise_o       <= noise_q == '0;
-        a_q              <= AWidth'(signed'({1'b0, peak_i.c_obj_gain}));
-        b_q              <= height_q == '0 ? '0 : BWidth'(signed'({1'b0, quotient}));
-        multiply_start_q <= 1'b1;
-        state_q          <= FREE;
-      end
-      FREE: if (product_ready_q) begin
-        c_obj_o          <= low_snr_q ? '0 : confidence;
         a_q              <= AWidth'(signed'({1'b0, noise_q}));
         b_q              <= BWidth'(signed'({1'b0, noise_q}));
         multiply_start_q <= 1'b1;

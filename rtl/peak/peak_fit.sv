@@ -18,6 +18,7 @@
 //   spread_i         standard deviation of position_i that noise makes, px
 //   sigma_o          standard deviation of position_o, px: where the fit does not stand, spread_i, or
 //                    twice the fit's where that is larger, which is what speckle does to a phase
+//   mixed_o          chi squared is above 8.1 a degree of freedom, and not for saturated pixels
 //   speckle_o        squared contrast, 20 fraction bits
 //   Latency  vrscan.fixed.peak_fit.LATENCY clocks from valid_i to valid_o, or UNMEASURED_LATENCY;
 //            a valid_i meanwhile is ignored
@@ -52,6 +53,7 @@ module peak_fit #(
 
   output      logic                                          valid_o,
   output      logic                                          fitted_o,
+  output      logic                                          mixed_o,
   output      logic signed [              PositionWidth-1:0] position_o,
   output      logic        [     vrscan_pkg::SigmaWidth-1:0] sigma_o,
   output      logic        [   vrscan_pkg::SpeckleWidth-1:0] speckle_o,
@@ -192,8 +194,8 @@ module peak_fit #(
 
   // ---- control ----
   typedef enum logic [5:0] {
-    IDLE, LIFT, SCALES, DARK, BEGIN, SHOT, AREA, OWN, TOTAL, SHARE, ORIGIN, PLACED, LOADED, RUN,
-    MADE, SQUARE, WEIGHT, ROUGH, CLIP, HISTORY, STEADY, SPECKLE, SLOPE, DIVISOR, FOURTH, SECOND,
+    IDLE, PASS_BY, LIFT, SCALES, DARK, BEGIN, SHOT, AREA, OWN, TOTAL, SHARE, ORIGIN, PLACED, LOADED,
+    RUN, MADE, SQUARE, WEIGHT, ROUGH, CLIP, HISTORY, STEADY, SPECKLE, SLOPE, DIVISOR, FOURTH, SECOND,
     CURVE, DROP, DETERMINANT, STRETCH, RISE, REST, PLACE, SCALE, STEP, LIMIT, RADICAND, ROOT,
     SPREAD, JUDGE
   } state_e;
@@ -303,6 +305,9 @@ module peak_fit #(
   localparam logic signed [FoundWidth-1:0] LineEnd =
       FoundWidth'(LineLength << vrscan_pkg::PositionFraction);
   logic signed [FoundWidth-1:0] fit_place_q;
+  logic lost;  // more than an eighth of the pixels are saturated
+  assign lost = (11'(clipped_q) << 3) > 11'(pixels_q) + 11'(clipped_q);
+  logic [45:0] mixed_limit_q;  // 13/8 of the limit
   logic                         start_inside_q;
   logic [43:0] chi_limit_q;
   // Of a fit that does not stand, twice as much.
@@ -311,7 +316,7 @@ module peak_fit #(
   assign wide_spread = within_q ? {1'b0, first_quotient} : {first_quotient, 1'b0};
   assign spread = |wide_spread[QuotientWidth:vrscan_pkg::SigmaWidth]
                   ? '1 : wide_spread[vrscan_pkg::SigmaWidth-1:0];
-  logic        within_q;
+  logic        within_q, mixed_q;
 
   always_ff @(posedge clk_i) begin
     multiply_start_q <= 1'b0;
@@ -345,8 +350,10 @@ module peak_fit #(
         line_rough_q <= '0;
         weight_q     <= '0;
         pass_q       <= '0;
-        state_q      <= measured_i ? LIFT : HISTORY;
+        state_q      <= measured_i ? LIFT : PASS_BY;
       end
+      // Its point may not come so early that that of the line before is still in the triangle.
+      PASS_BY: if (loaded_q) state_q <= HISTORY;
       LIFT: if (product_valid) begin
         // height_q has settled.
         begin_q <= |product[69:28] ? '1 : 18'(product >>> 10) < LeastScale ? LeastScale
@@ -638,7 +645,8 @@ module peak_fit #(
         within_q <= chi_q <= signed'(chi_limit_q) && pixels_q >= 8'd4 && start_inside_q
                     && fit_place_q >= 0 && fit_place_q < LineEnd
                     && 24'(distance) <= (24'(begin_q) << 3) + (24'(begin_q) << 1)
-                    && (11'(clipped_q) << 3) <= 11'(pixels_q) + 11'(clipped_q);
+                    && !lost;
+        mixed_q  <= !lost && 46'(chi_q) > signed'(mixed_limit_q);
         if (product_valid) begin
           radicand_q   <= (2 * RootWidth)'(product);
           root_start_q <= 1'b1;
@@ -660,6 +668,7 @@ module peak_fit #(
       JUDGE: if (!measured_q || dividing_q == '0) begin
         valid_o    <= 1'b1;
         fitted_o   <= within_q;
+        mixed_o    <= measured_q && mixed_q;
         position_o <= within_q ? PositionWidth'(fit_place_q) : position_q;
         sigma_o    <= !measured_q ? spread_q : within_q ? spread
                       : spread > spread_q ? spread : spread_q;
@@ -686,6 +695,7 @@ module peak_fit #(
   assign start_place = (PositionWidth + 2)'(position_q)
       - ((PositionWidth + 2)'(first_q) <<< vrscan_pkg::PositionFraction);
   always_ff @(posedge clk_i) begin
+    mixed_limit_q <= 46'(chi_limit_q) + 46'(chi_limit_q >> 1) + 46'(chi_limit_q >> 3);
     fit_place_q <= (FoundWidth'(first_q) <<< vrscan_pkg::PositionFraction)
                    + FoundWidth'(signed'({1'b0, (25'(place_q) + 25'(1 << 3)) >> 4}));
     start_inside_q <= start_place >= 0 && start_place
@@ -702,7 +712,7 @@ module peak_fit #(
   assign reading_o = loading_q;
   always_ff @(posedge clk_i) begin
     if (state_q == IDLE && valid_i) begin
-      loading_q    <= measured_i;
+      loading_q    <= 1'b1;
       loaded_q     <= 1'b0;
       load_q       <= '0;
       read_index_o <= vrscan_pkg::RingWidth'(left_i) + vrscan_pkg::RingWidth'(width_i >> 1)

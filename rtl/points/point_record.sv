@@ -45,7 +45,7 @@ module point_record (
   assign record = {
     point_i.line.time_clks,
     16'd0,
-    5'd0, point_i.line.test, point_i.line.inward, point_i.measured,
+    5'(point_i.flags[vrscan_pkg::FlagWidth-1:16]), point_i.line.test, point_i.line.inward, point_i.measured,
     point_i.line.confidence,
     point_i.width,
     point_i.c_sfm, point_i.c_obj,
@@ -56,7 +56,7 @@ module point_record (
     32'(point_i.noise), 32'(point_i.background),
     point_i.row_variance, 32'(point_i.row_mean),
     point_i.maximum, right, left,
-    point_i.flags, point_i.number
+    point_i.flags[15:0], point_i.number
   };
 
   assign record_o = record_q[7:0];

@@ -45,7 +45,7 @@ def test_a_scan_writes_its_files_and_its_table(
     arguments = ["scan", scene, "--out", str(out), "--engine", "ideal", "--lines", "300"]
     arguments += ["--fidelity", "full"]
     assert command(monkeypatch, *arguments) == 0
-    names = ["edges.csv", "picture.png", "points.csv", "points.ply", "space.png"]
+    names = ["edges.csv", "picture.png", "points.csv", "points.ply", "reliability.png", "space.png"]
     assert sorted(p.name for p in out.iterdir()) == names
     assert (out / "picture.png").read_bytes().startswith(b"\x89PNG")
     with (out / "points.csv").open() as file:
@@ -104,7 +104,8 @@ def test_files_do_not_depend_on_the_number_of_processes(
     arguments = ["--engine", engine, "--lines", lines, "--fidelity", "minimal", "--keep-lines"]
     for jobs in ("1", "2"):
         assert command(monkeypatch, "scan", "--out", jobs, "--jobs", jobs, *arguments) == 0
-    for name in ("points.csv", "points.ply", "edges.csv", "picture.png", "space.png"):
+    for name in ("points.csv", "points.ply", "edges.csv", "picture.png", "reliability.png",
+                 "space.png"):  # fmt: skip
         assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes(), name
     one, two = (np.load(tmp_path / jobs / "lines.npz") for jobs in ("1", "2"))
     for name in one.files:

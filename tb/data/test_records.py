@@ -9,6 +9,7 @@ from vrscan.data import link_pkg, pkg
 from vrscan.data.records import (
     COMPACT,
     MEASURED,
+    MORE_FLAGS,
     compact,
     decode_compact,
     decode_full,
@@ -21,7 +22,7 @@ NAMES = {
     link_pkg.COMPACT_WEAK: ("LOW_SNR", "TOO_NARROW", "TOO_WIDE", "NO_PHASE"),
     link_pkg.COMPACT_AT_EDGE: ("AT_EDGE",),
     link_pkg.COMPACT_SATURATED: ("SATURATED",),
-    link_pkg.COMPACT_RIVAL: ("RIVAL",),
+    link_pkg.COMPACT_RIVAL: ("RIVAL", "MIXED"),
     link_pkg.COMPACT_RANGE: ("NO_RANGE", "OUT_OF_RANGE"),
     link_pkg.COMPACT_MIRROR: ("NOT_RUNNING", "INDEX_FAULT", "UNSETTLED"),
     link_pkg.COMPACT_LOST: ("LINES_LOST", "POINTS_LOST"),
@@ -50,9 +51,10 @@ def test_records_of_no_points_are_no_records() -> None:
 @pytest.mark.parametrize("name", pkg.FLAGS)
 def test_compact_flag_gathers_its_flags(name: str) -> None:
     record = random_records(generator(2), [1])
-    record["flags"] = 1 << pkg.FLAGS[name]
+    raised = 1 << pkg.FLAGS[name]
+    record["flags"] = raised & 0xFFFF
     for measured in (False, True):
-        record["bits"] = MEASURED * measured
+        record["bits"] = MEASURED * measured | raised >> 16 << MORE_FLAGS
         want = sum(1 << bit for bit, names in NAMES.items() if name in names)
         if measured and name != "NO_RANGE":
             want |= 1 << link_pkg.COMPACT_MEASURED
@@ -69,7 +71,8 @@ def test_full_records_become_points() -> None:
     records = random_records(generator(4), range(50))
     got = points(records, 10)
     assert len(got) == 50 and got.pixel_width == 10
-    for name in ("line", "position", "flags", "row_variance", "c_sfm", "width"):
+    assert (got.flags == records["flags"] + ((records["bits"] & 8).astype(np.int64) << 13)).all()
+    for name in ("line", "position", "row_variance", "c_sfm", "width"):
         assert (getattr(got, name) == records[name]).all() and getattr(got, name).dtype == np.int64
     point = records["bits"] & 1 == 1
     assert 0 < point.sum() < len(point)

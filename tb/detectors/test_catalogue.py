@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from vrscan.data.arrays import Floats, Pixels
-from vrscan.data.config import Config, Peak, Sensor
+from vrscan.data.config import Config, Sensor
 from vrscan.detectors import catalogue, fits, simple
-from vrscan.detectors.catalogue import Detector, detectors
+from vrscan.detectors.catalogue import Detector, detectors, rivals
 from vrscan.engines.engine import Engine
 from vrscan.ideal.statistics import statistics
 from vrscan.scene.sensor import spot_electrons
@@ -139,7 +139,7 @@ def locate(each: Detector, lines: Pixels) -> Floats:
     return each.locate(lines, np.full(count, 60.0), np.full(count, 1.0), Config())
 
 
-BY_KEY = [pytest.param(each, id=each.key) for each in detectors()]
+BY_KEY = [pytest.param(each, id=each.key) for each in (*detectors(), *rivals())]
 
 
 @pytest.mark.parametrize("each", BY_KEY)
@@ -186,7 +186,9 @@ class TestEach:
         whole = each.locate(taken.lines, row.background, row.noise, Config())
         some = slice(600, 610)
         part = each.locate(taken.lines[some], row.background[some], row.noise[some], Config())
-        np.testing.assert_allclose(part, whole[some], atol=1e-6)
+        # The fit's speckle is that of the last lines, too; what it weighs by it is less than noise.
+        atol = 0.1 * math.sqrt(float(taken.bound.mean())) if each.key == "fit" else 1e-6
+        np.testing.assert_allclose(part, whole[some], atol=atol, rtol=0.0)
 
 
 def test_built_in_parameters_are_near_the_best_of_their_grids() -> None:
@@ -200,18 +202,6 @@ def test_built_in_parameters_are_near_the_best_of_their_grids() -> None:
         assert own.ratio <= 1.05 * chosen[each.key].ratio, each.key
     shown = tune.table(found)
     assert shown.row_count == sum(len(d.grid) for d in detectors())
-
-
-def test_two_passes_are_listed_where_the_configuration_takes_them(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    for accepted in (True, False):
-        monkeypatch.setattr(catalogue, "_accepted", lambda _, answer=accepted: answer)
-        assert ("two-pass" in {each.key for each in detectors()}) is accepted
-    monkeypatch.undo()
-    assert catalogue._accepted("threshold")
-    assert not catalogue._accepted("no such window")
-    assert isinstance(Peak(window="threshold"), Peak)
 
 
 def test_profile_is_the_simulators_spot_and_its_slope_the_difference() -> None:

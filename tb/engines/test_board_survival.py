@@ -331,7 +331,7 @@ class Storm:
         """Return a command's operation and data, and how its reply begins, from the status on."""
         kind = int(self.chance.integers(10))
         some = int(self.chance.integers(1 << 32))
-        names = ("scratch", "points_batch", "k_noise", "snr_min", "min_width", "c_obj_gain")
+        names = ("scratch", "points_batch", "k_noise", "snr_min", "min_width", "c_sfm_gain")
         name = names[some % len(names)]
         register = REGISTERS[name]
         if kind < 4:  # any word, also what does not fit
@@ -374,7 +374,7 @@ class Storm:
 @pytest.mark.parametrize("commands", [150, in_volume(2000)])
 def test_a_storm_of_commands_while_the_mirror_runs(slow_board: Board, commands: int) -> None:
     window = 6
-    touched = ("scratch", "points_batch", "k_noise", "snr_min", "min_width", "c_obj_gain")
+    touched = ("scratch", "points_batch", "k_noise", "snr_min", "min_width", "c_sfm_gain")
     with connected(slow_board) as device:
         device.load(SLOW)
         power = SLOW.laser.power_max // 2

@@ -73,7 +73,7 @@ def extremes(registers: Registers, draw: np.random.Generator) -> Registers:
             "min_width": word(4),
             "max_width": 255 - word(4),
             "kappa": word(pkg.KAPPA_WIDTH),
-            "c_obj_gain": word(pkg.GAIN_WIDTH),
+            "tolerance": word(pkg.TOLERANCE_WIDTH),
             "c_sfm_gain": word(pkg.GAIN_WIDTH),
             "k1": word(22) - word(22),
             "k2": word(24) - word(24),

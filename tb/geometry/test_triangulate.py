@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import cocotb
 import numpy as np
@@ -43,12 +44,13 @@ OUTPUTS = {
     "x_o": True,
     "z_o": True,
     "sigma_z_o": False,
+    "c_obj_o": False,
     "no_range_o": False,
     "out_of_range_o": False,
     "lost_o": False,
     "user_o": False,
 }
-CONSTANTS = ["n0", "n1", "d0", "d1", "e0", "e1"]
+CONSTANTS = ["n0", "n1", "d0", "d1", "e0", "e1", "tolerance"]
 MM = 2.0**-pkg.LENGTH_FRACTION
 SIGMA = 2.0**-pkg.SIGMA_FRACTION
 LENGTH_END = 1 << (pkg.LENGTH_WIDTH - 1)
@@ -91,7 +93,8 @@ def operands(widths: dict[str, int], count: int) -> Columns:
         "sigma_i": ends(0, SIGMA_MAX + 1),
         "angle_i": draw.choice([-turn // 2, -turn // 4, -1, 0, 1, turn // 4, turn // 2 - 1], count),
     }
-    corners |= {f"{name}_i": ends(-end, end) for name in CONSTANTS}
+    corners |= {f"{name}_i": ends(-end, end) for name in CONSTANTS[:6]}
+    corners["tolerance_i"] = ends(0, 1 << pkg.TOLERANCE_WIDTH)
 
     seen: Columns = {
         "offset_i": draw.integers(-offset_end // 4, offset_end // 4, count),
@@ -113,8 +116,9 @@ def operands(widths: dict[str, int], count: int) -> Columns:
     }
     anything |= {
         f"{name}_i": draw.integers(-end, end, count) >> draw.integers(0, 32, count)
-        for name in CONSTANTS
+        for name in CONSTANTS[:6]
     }
+    anything["tolerance_i"] = draw.integers(0, 1 << pkg.TOLERANCE_WIDTH, count)
     given = {name: np.concatenate([corners[name], seen[name], anything[name]]) for name in corners}
     given["measured_i"] = (draw.random(3 * count) < 0.9).astype(np.int64)
     given["saturated_i"] = (draw.random(3 * count) < 0.1).astype(np.int64)
@@ -273,13 +277,13 @@ class Flow:
 async def drops_are_told(dut) -> None:
     """Points too fast and a receiver too slow: drops are pulsed, and the next point says so."""
     widths = parameters()
-    count = rounds(200, 2000)
+    count = rounds(240, 2000)
     await reset(dut)
     given = of_one_instrument(dut, widths, count)
     flow = Flow(expected(widths["LineLength"], given))
     data = only_data(given)
     draw = generator(9)
-    gaps = draw.choice([1, BUSY - 1, BUSY, BUSY + 1, LATENCY + 1, 50, 320], count)
+    gaps = draw.choice([1, BUSY - 1, BUSY, BUSY + 1, LATENCY + 1, 50, 400], count)
     sends = dict(zip(np.cumsum(gaps).tolist(), range(count), strict=True))
     ready, ready_left, last_moments = False, 0, 0
     for edge in range(int(gaps.sum()) + 3 * LATENCY):
@@ -376,7 +380,7 @@ def bounds_mm(
         step: Error of a constant in its last bits: 0 as quantised, 1/2 as before rounding.
     """
     n0, n1 = (getattr(registers, n) * 2.0**-pkg.BASE_FRACTION for n in ("n0", "n1"))
-    d0, d1, e0, e1 = (getattr(registers, n) * 2.0**-pkg.RAY_FRACTION for n in CONSTANTS[2:])
+    d0, d1, e0, e1 = (getattr(registers, n) * 2.0**-pkg.RAY_FRACTION for n in CONSTANTS[2:6])
     sine, cosine = np.sin(view.angle_rad), np.cos(view.angle_rad)
     n, ray_cosine, ray_sine = n0 + n1 * s, d0 + d1 * s, e0 + e1 * s
     d = ray_cosine * cosine + ray_sine * sine
@@ -503,7 +507,7 @@ def test_exactly_parallel_rays() -> None:
     """A divisor of exactly zero."""
     result = triangulate(
         *(np.array([v]) for v in (0, 1 << 16, 1, 0)),
-        n0=1 << 20, n1=0, d0=0, d1=0, e0=1 << 29, e1=0, line_length=SHIPPED,
+        n0=1 << 20, n1=0, d0=0, d1=0, e0=1 << 29, e1=0, tolerance=16777, line_length=SHIPPED,
     )  # fmt: skip
     # The table's sine of 0 is a few 1e-9, so even this has a sign: either way there is no range.
     assert result.no_range.all()
@@ -511,7 +515,7 @@ def test_exactly_parallel_rays() -> None:
     assert result.sigma_z[0] == SIGMA_MAX
     result = triangulate(
         *(np.array([v]) for v in (0, 1 << 16, 1, 0)),
-        n0=1 << 20, n1=0, d0=0, d1=0, e0=0, e1=0, line_length=SHIPPED,
+        n0=1 << 20, n1=0, d0=0, d1=0, e0=0, e1=0, tolerance=16777, line_length=SHIPPED,
     )  # fmt: skip
     assert result.no_range.all()
 
@@ -564,3 +568,35 @@ def test_sigma_scales_and_saturates() -> None:
             1.0, 0.005 * SIGMA_MAX
         )
         assert np.all(np.diff(result.sigma_z) >= 0)
+
+
+def test_confidence_is_a_gaussian_s_share() -> None:
+    """c_obj is what a Gaussian of sigma_z has within the tolerance: drawn, and as erf has it."""
+    draw = generator(77)
+    sigma = draw.integers(0, 1 << 13, 4000)
+    geometry = Geometry(tolerance=0.0007)
+    constants = {name: constants_of(geometry)[f"{name}_i"] for name in CONSTANTS}
+    result = triangulate(
+        draw.integers(-600 << 20, 600 << 20, 4000),
+        np.full_like(sigma, 1 << 16),
+        sigma,
+        draw.integers(0, 1 << 19, 4000),
+        **constants,
+        line_length=SHIPPED,
+    )
+    seen = ~(result.no_range | result.out_of_range)
+    seen &= (result.sigma_z > 0) & (result.sigma_z < SIGMA_MAX)
+    z, sigma_z = result.z[seen] * MM, result.sigma_z[seen] * SIGMA
+    assert seen.sum() > 3000
+    assert np.all(result.c_obj[~result.no_range & (result.sigma_z == 0)] == 255)
+    # Half a step of the table, whose slope is at most sqrt(2 / pi); its own rounding; the
+    # tolerance's last bit.
+    allowed = 0.5 / 255 + np.sqrt(2 / np.pi) / 128 + 1e-4
+    share = np.array([NormalDist(0, s).cdf(0.0007 * d) for s, d in zip(sigma_z, z, strict=True)])
+    error = np.abs(result.c_obj[seen] / 255 - (2 * share - 1)).max()
+    print(f"c_obj: measured {error:.4f} / predicted {allowed:.4f} / floor {0.5 / 255:.4f}")
+    assert error <= allowed
+    drawn = np.abs(draw.normal(size=(400, seen.sum())) * sigma_z) < 0.0007 * z
+    middle = (result.c_obj[seen] > 20) & (result.c_obj[seen] < 235)
+    assert middle.sum() > 500
+    assert abs(drawn[:, middle].mean() - result.c_obj[seen][middle].mean() / 255) < 0.004

@@ -98,7 +98,9 @@ def test_signal_to_noise_where_it_is_undefined() -> None:
 
 
 def test_confidences() -> None:
-    snr, valid = np.array([50.0, 200.0, 3.0]), np.array([True, True, False])
-    assert object_confidence(snr, valid, snr_max=100.0).tolist() == [0.5, 1.0, 0.0]
-    power = np.array([100, 100, 50])
-    assert free_confidence(power, ~valid, power_max=100).tolist() == [0.0, 0.0, 0.5]
+    valid = np.array([True, True, True, False])
+    z, sigma_z = np.array([500.0, 500.0, 250.0, 500.0]), np.array([0.5, 0.0, 0.25 / 1.96, 0.5])
+    found = object_confidence(z, sigma_z, valid, tolerance=0.001)
+    assert found == pytest.approx([0.682689, 1.0, 0.95, 0.0], abs=1e-5)
+    power = np.array([100, 100, 100, 50])
+    assert free_confidence(power, ~valid, power_max=100).tolist() == [0.0, 0.0, 0.0, 0.5]

@@ -99,6 +99,8 @@ def test_records() -> None:
     ]
     assert built.itemsize == link_pkg.FULL_BYTES == 64 and link_pkg.COMPACT_BYTES == 8
     flags = re.findall(r"(\d+) ([A-Z_]{5,})", DOCUMENT.split("| flags u16 |")[1].split("\n")[0])
+    more = re.findall(r"(\d+) the flag ([A-Z_]+)", DOCUMENT.split("| bits u8 |")[1].split("\n")[0])
+    flags += [(int(bit) - records.MORE_FLAGS + 16, name) for bit, name in more]
     assert {name: int(bit) for bit, name in flags} == pkg.FLAGS
 
 

@@ -25,8 +25,8 @@ from vrscan.fixed import cordic_vector
 from vrscan.fixed.peak_confidence import latency, peak_confidence
 
 ELABORATIONS = [{"PixelWidth": 12}, {"PixelWidth": 16}, {"PixelWidth": 8}]
-OUTPUTS = dict.fromkeys(("snr_o", "no_noise_o", "sigma_o", "c_obj_o", "c_sfm_o"), False)
-REGISTERS = ("kappa", "c_obj_gain", "c_sfm_gain")
+OUTPUTS = dict.fromkeys(("snr_o", "no_noise_o", "sigma_o", "c_sfm_o"), False)
+REGISTERS = ("kappa", "c_sfm_gain")
 
 
 def operands(pixel_width: int, count: int) -> dict[str, np.ndarray]:
@@ -43,7 +43,6 @@ def operands(pixel_width: int, count: int) -> dict[str, np.ndarray]:
     total = (draw.integers(0, 65536, count) * width) >> draw.integers(0, 8, count)
     given = {
         "measured": draw.random(count) < 0.9,
-        "low_snr": draw.random(count) < 0.3,
         "clear": draw.random(count) < 0.3,
         "maximum": maximum,
         "background": background,
@@ -56,7 +55,6 @@ def operands(pixel_width: int, count: int) -> dict[str, np.ndarray]:
         "count": ((2 * draw.random(count) - 1) * width * 256).astype(np.int64),
         "power": draw.integers(0, 1 << 16, count),
         "kappa": draw.integers(0, 1 << 18, count) >> draw.integers(0, 18, count),
-        "c_obj_gain": draw.integers(0, 1 << 24, count) >> draw.integers(0, 24, count),
         "c_sfm_gain": draw.integers(0, 1 << 24, count) >> draw.integers(0, 24, count),
     }
     given["magnitude"][7:9] = 0
@@ -141,11 +139,10 @@ def test_sigma_gain_is_its_formula() -> None:
 
 
 def test_peak_confidence_model_is_the_formula() -> None:
-    """S/N within half a step, sigma within 0.1 % and one step, confidences within half a step."""
+    """S/N within half a step, sigma within 0.1 % and one step, C_sfm within half a step."""
     given = operands(12, 20_000)
-    power_max, snr_max = 40_000, 150.0
+    power_max = 40_000
     given["kappa"][:] = round(0.2 * (1 << 16))
-    given["c_obj_gain"][:] = round(255 * 65536 / (snr_max * 256))
     given["c_sfm_gain"][:] = round(255 * 65536 / power_max)
     registers = {name: int(given.pop(name)[0]) for name in REGISTERS}
     got = peak_confidence(**given, **registers, pixel_width=12)
@@ -156,8 +153,6 @@ def test_peak_confidence_model_is_the_formula() -> None:
         snr = np.where(height == 0, 0, height / noise)
     snr = np.minimum(snr, 65535 / 256)
     assert np.abs(got.snr / 256 - snr).max() <= 0.5 / 256 + 1e-12
-    obj = np.where(given["low_snr"], 0, np.minimum(got.snr / 256 / snr_max, 1))
-    assert np.abs(got.c_obj - obj * 255).max() <= 0.5 + 255 * 2**-10
     clear = given["clear"] & (given["noise"] > 0)
     sfm = np.where(clear, np.minimum(given["power"] / power_max, 1), 0)
     assert np.abs(got.c_sfm - sfm * 255).max() <= 0.5 + 255 * 2**-9

@@ -142,7 +142,13 @@ async def send(dut, cases: Cases, kappa: int, level: int = 0) -> Fitted:
     want = cases.fitted(given["PixelWidth"], kappa, level)
     dut.kappa_i.value = kappa
     dut.saturation_level_i.value = level
-    got: dict[str, list[int]] = {"fitted": [], "position": [], "sigma": [], "speckle": []}
+    got: dict[str, list[int]] = {
+        "fitted": [],
+        "mixed": [],
+        "position": [],
+        "sigma": [],
+        "speckle": [],
+    }
     for row, line in enumerate(cases.lines):
         # What stands in the ring beside the line is not to be used.
         ring = np.full(RING, 1)
@@ -164,11 +170,13 @@ async def send(dut, cases: Cases, kappa: int, level: int = 0) -> Fitted:
             assert int(dut.valid_o.value) == (cycle == clocks), f"line {row}, cycle {cycle}"
         assert dut.reading_o.value == 0
         got["fitted"].append(int(dut.fitted_o.value))
+        got["mixed"].append(int(dut.mixed_o.value))
         got["position"].append(as_integer(dut.position_o, signed=True))
         for name in ("sigma", "speckle"):
             got[name].append(as_integer(getattr(dut, f"{name}_o"), signed=False))
     expected = {
         "fitted": want.fitted.astype(np.int64),
+        "mixed": want.mixed.astype(np.int64),
         "position": want.position,
         "sigma": want.sigma,
         "speckle": np.where(cases.measured, want.speckle, got["speckle"]),
@@ -185,6 +193,7 @@ async def spots_of_every_kind(dut) -> None:
     await reset(dut)
     want = await send(dut, spots(given, 60, 1), kappa_register(given["PixelWidth"]))
     assert 0.2 < want.fitted.mean() < 1
+    assert 0 < want.mixed.mean() < 0.5
 
 
 @cocotb.test()

@@ -353,7 +353,7 @@ def test_peak_fit_model_reaches_the_least_variance(
 
 def assert_same(got: fixed.Fitted, want: fixed.Fitted) -> None:
     """Assert that two answers have the same bits."""
-    for name in ("position", "sigma", "fitted", "speckle", "scale"):
+    for name in ("position", "sigma", "fitted", "mixed", "speckle", "scale"):
         assert np.array_equal(getattr(got, name), getattr(want, name)), name
     for one, other in zip(got.history, want.history, strict=True):
         assert one.dtype == np.int64 and np.array_equal(one, other)
@@ -369,7 +369,7 @@ def test_peak_fit_model_in_chunks_has_the_same_bits(chunks: list[int]) -> None:
     for first, last in zip([0, *ends, count], [*ends, count, count], strict=True):
         parts.append(cases[first:last].fixed(history))
         history = parts[-1].history
-    names = ("position", "sigma", "fitted", "speckle", "scale")
+    names = ("position", "sigma", "fitted", "mixed", "speckle", "scale")
     joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     assert_same(fixed.Fitted(**joined, history=history), cases.fixed())
 

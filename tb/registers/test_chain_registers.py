@@ -10,9 +10,7 @@ from vrscan.registers.chain_registers import Registers, angle_turns
 
 
 def test_thresholds_and_gains() -> None:
-    peak = Peak(
-        k_noise=2.5, k_height=0.02, k_first=0.25, k_fit=0.15, snr_min=8.0, snr_max=100.0, kappa=0.2
-    )
+    peak = Peak(k_noise=2.5, k_height=0.02, k_first=0.25, k_fit=0.15, snr_min=8.0, kappa=0.2)
     for window, share in (("threshold", 1311), ("two_pass", 16384), ("fit", 9830)):
         registers = Registers.from_config(Config(peak=peak.model_copy(update={"window": window})))
         assert registers.k_height == share
@@ -23,9 +21,7 @@ def test_thresholds_and_gains() -> None:
     assert registers.k_noise == 640
     assert registers.snr_min == 2048
     assert registers.kappa == 13107
-    full = 100 * 256
-    assert (full * registers.c_obj_gain + 2**15) >> 16 == 255
-    assert (full // 2 * registers.c_obj_gain + 2**15) >> 16 in (127, 128)
+    assert registers.tolerance == 16_777  # 0.001
     assert (65_535 * registers.c_sfm_gain + 2**15) >> 16 == 255
 
 

@@ -137,14 +137,15 @@ def scan(
     from vrscan.scene.simulate import Scanner
     from vrscan.scene.timeline import write_edges
     from vrscan.study import scan as scans
-    from vrscan.study.report import budget, space_report
+    from vrscan.study.report import budget, reliability_report, space_report
     from vrscan.study.report import scan_report as report
 
     _check_count(count, 1, MOST_SCANNED)
     _check_jobs(jobs)
     settings = _settings(config)
     with _folder(out), contextlib.ExitStack() as stack:
-        names = ["points.csv", "points.ply", "picture.png", "space.png"] + ["lines.npz"] * keep
+        names = ["points.csv", "points.ply", "picture.png", "reliability.png", "space.png"]
+        names += ["lines.npz"] * keep
         files = {name: stack.enter_context(atomic_file(out / name)) for name in names}
         engines.prepare(engine, settings)
         light, chosen = _planned(scene, count, fidelity, tolerance, settings)
@@ -193,6 +194,7 @@ def scan(
         )
         truth = sample.lines.truth
         assert truth is not None
+        reliability_report.picture(tally.reliability, title, files["reliability.png"])
         space_report.picture(sample.points, truth, title, files["space.png"], y_mm=sample.y_mm)
     console = _console()
     console.print(report.error_table(tally.errors(), title))
@@ -201,7 +203,8 @@ def scan(
         f"{tally.dark} lines whose spot the camera cannot see, "
         f"{tally.stray} of them with a point"
     )
-    console.print(str(space))
+    console.print(str(tally.reliability), highlight=False)
+    console.print(str(space), highlight=False)
     lens, free = light.scene.lens, settings.free
     if (lens.focus_mm, lens.f_number) != (free.focus_mm, free.f_number):
         console.print(
@@ -591,6 +594,7 @@ def efficiency(
     """Compare the detector with the Cramer-Rao bound; exit status 1 below the stated figures."""
     from vrscan.study.report import efficiency as report
     from vrscan.study.report import numbers
+    from vrscan.study.report import speckle_report as speckle
     from vrscan.study.report import two_pass_report as two_pass
 
     _check_count(count, 100)
@@ -606,13 +610,17 @@ def efficiency(
         progress(len(both) + 1)
         slopes = two_pass.slope_study(engine, settings, count // 4)
         progress(len(both) + 2)
+    with _bar("speckled lines", speckle.SPOTS) as progress:
+        speckled = speckle.study(engine, settings, count // 2, progress, jobs=cores)
     console = _console()
     console.print(report.efficiency_table(cells, engine, count))
     console.print(two_pass.efficiency_grid(both, engine, count))
     console.print(two_pass.skew_grid(one, two))
     console.print(two_pass.slope_grid(slopes))
+    console.print(speckle.speckle_table(speckled, engine, count // 2))
     figures = numbers.efficiency_figures(cells)
     figures += numbers.two_pass_figures(both, (one, two), slopes)
+    figures += numbers.speckle_figures(speckled)
     console.print(numbers.table(figures))
     if not all(figure.passes for figure in figures):
         raise typer.Exit(1)

@@ -74,7 +74,6 @@ class Peak(Section):
     k_first: float = Field(default=0.25, ge=0, lt=1)  # k_height in the first of two passes
     k_fit: float = Field(default=0.15, ge=0, lt=1)  # the same before a fit
     snr_min: float = Field(default=8.0, ge=0, lt=256)
-    snr_max: float = Field(default=100.0, ge=1, lt=256)  # S/N at which C_obj is 1
     min_width: int = Field(default=3, ge=3, le=255)  # narrowest window, px
     max_width: int = Field(default=255, ge=3, le=255)  # widest window, px
     # Widest at a quarter of the height, px: no spot of this instrument is, unless it is saturated.
@@ -110,7 +109,7 @@ class Peak(Section):
 
 
 class Geometry(Section):
-    """The triangle of base, camera and sensor, (2) to (5)."""
+    """The triangle of base, camera and sensor, (2) to (5), and what C_obj promises of a point."""
 
     base_mm: Positive = 60.0
     bias_deg: float = Field(default=82.0, gt=0, lt=180)
@@ -121,6 +120,8 @@ class Geometry(Section):
     k1: float = 0.0  # radial distortion, mm^-2
     k2: float = 0.0  # radial distortion, mm^-4
     distortion: Literal["odd", "even"] = "odd"
+    # C_obj is the probability that a point errs by less than this share of its z.
+    tolerance: float = Field(default=0.001, gt=0, lt=2**-8)
 
     @property
     def bias_rad(self) -> float:

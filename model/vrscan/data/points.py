@@ -30,9 +30,9 @@ COLUMNS = (
 _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
 _VERTEX = np.dtype(
     [(name, "<f4") for name in ("x", "y", "z", "sigma_z", "confidence")]
-    + [("line", "<u4"), ("flags", "<u2")]
+    + [("line", "<u4"), ("flags", "<u4")]
 )
-_PLY_KINDS = {"<f4": "float", "<u4": "uint", "<u2": "ushort"}
+_PLY_KINDS = {"<f4": "float", "<u4": "uint"}
 _CONFIDENCE_ONE = 2**pkg.CONFIDENCE_WIDTH - 1
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vrscan.data import link_pkg, pkg
-from vrscan.data.arrays import Bools
+from vrscan.data.arrays import Bools, Ints
 from vrscan.data.points import Points
 
 
@@ -66,6 +66,7 @@ SPACE = np.dtype(
 FREE_ALIGN = pkg.LENGTH_FRACTION - pkg.FREE_FRACTION  # of a free interval in x and z
 # Bits of the field ``bits`` of a full record.
 MEASURED, INWARD, TEST = 1, 2, 4
+MORE_FLAGS = 3  # its first bit of the flags from 16 on
 
 # A compact record as it lies in a packet.
 _PACKED = np.dtype([("x", "u1", 3), ("z", "u1", 3), ("c_obj", "u1"), ("flags", "u1")])
@@ -80,7 +81,7 @@ _GATHERED = {
     link_pkg.COMPACT_WEAK: ("LOW_SNR", "TOO_NARROW", "TOO_WIDE", "NO_PHASE"),
     link_pkg.COMPACT_AT_EDGE: ("AT_EDGE",),
     link_pkg.COMPACT_SATURATED: ("SATURATED",),
-    link_pkg.COMPACT_RIVAL: ("RIVAL",),
+    link_pkg.COMPACT_RIVAL: ("RIVAL", "MIXED"),
     link_pkg.COMPACT_RANGE: ("NO_RANGE", "OUT_OF_RANGE"),
     link_pkg.COMPACT_MIRROR: ("NOT_RUNNING", "INDEX_FAULT", "UNSETTLED"),
     link_pkg.COMPACT_LOST: ("LINES_LOST", "POINTS_LOST"),
@@ -192,13 +193,19 @@ def measured(found: Records) -> Bools:
     return np.asarray(found["flags"] >> link_pkg.COMPACT_MEASURED & 1 != 0)
 
 
+def flags_of(records: Records) -> Ints:
+    """Return the flags of full records, by the bits of ``pkg.FLAGS`` [n]."""
+    more = records["bits"].astype(np.int64) >> MORE_FLAGS & (1 << pkg.FLAG_WIDTH - 16) - 1
+    return records["flags"].astype(np.int64) | more << 16
+
+
 def compact(records: Records) -> Records:
     """Return the compact records of full records, an array of ``COMPACT``.
 
     A point without a range has no x and z, so only its full record counts as measured. What is not
     measured has the ends of its free interval there.
     """
-    flags = records["flags"].astype(np.int64)
+    flags = flags_of(records)
     lost = (records["lost"] != 0).astype(np.int64) << pkg.FLAG_POINTS_LOST
     bits = (records["bits"] & MEASURED != 0) & (flags >> pkg.FLAG_NO_RANGE & 1 == 0)
     result = np.zeros(len(records), COMPACT)
@@ -241,6 +248,7 @@ def points(records: Records, pixel_width: int = 12) -> Points:
     """
     names = [field.name for field in fields(Points) if field.name in (FULL.names or ())]
     found = {name: records[name].astype(np.int64) for name in names}
+    found["flags"] = flags_of(records)
     point = records["bits"] & MEASURED != 0
     for name, source in (("free_from", "x"), ("free_to", "z")):
         found[name] = np.where(point, 0, found[source] >> FREE_ALIGN)

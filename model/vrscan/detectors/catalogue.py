@@ -1,5 +1,8 @@
 """The catalogue of detectors, each with the one parameter for which it was tuned.
 
+``detectors`` are compared on every kind of line. ``rivals`` are other ways to a small error on
+speckled spots, which are compared with the instrument's own on those.
+
 The values were chosen by ``vrscan bench tune``, which prints the whole search: the value of each
 grid with the least geometric mean of rms over bound on the training cells of ``study.bench.tune``,
 with other random numbers than any test. The instrument's own thresholds are those of
@@ -8,14 +11,14 @@ with other random numbers than any test. The instrument's own thresholds are tho
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 
 from vrscan.data.arrays import Floats, Pixels
-from vrscan.data.config import Config, Peak
+from vrscan.data.config import Config
 from vrscan.data.lines import Lines
-from vrscan.detectors import fits, simple
+from vrscan.detectors import fits, flanks, simple
 from vrscan.engines.engine import Engine, run
 
 _CHUNK = 512  # lines computed at a time: they fit in a cache
@@ -100,7 +103,7 @@ def _chain(engine: Engine, config: Config) -> Locate:
     return find
 
 
-def _shipped(engine: Engine, window: str) -> Make:
+def _own(engine: Engine, window: str) -> Make:
     def make(value: float, config: Config) -> Locate:
         peak = config.peak.model_copy(update={"window": window, "period": "n"})
         return _chain(engine, config.model_copy(update={"peak": peak}))
@@ -150,6 +153,28 @@ def _likelihood(value: float, config: Config) -> Locate:
     return lambda p, b, n, k: fits.likelihood(p, b, n, k, reach=value, full=_full(config))
 
 
+def _transformed(transform: flanks.Transform) -> Make:
+    return lambda value, config: (
+        lambda p, b, n, _: flanks.harmonic(p, b, n, widths=value, transform=transform)
+    )
+
+
+def _flanks(value: float, config: Config) -> Locate:
+    given: Any = {"steps": 4, "contrast": 1.0, "dark": False, "full": _full(config)}
+    return lambda p, b, n, k: flanks.weighted(p, b, n, k, **given)
+
+
+def _one_step(value: float, config: Config) -> Locate:
+    first = _own(Engine.FIXED, "two_pass")(0.0, config)
+
+    def find(lines: Pixels, background: Floats, noise: Floats, kappa: float) -> Floats:
+        start = first(lines, background, noise, kappa)
+        given: Any = {"steps": 1, "contrast": value, "full": _full(config)}
+        return flanks.weighted(lines, background, noise, kappa, start=start, **given)
+
+    return find
+
+
 _CHAIN = ("peak_isolate", "phase_correlate", "peak_position")
 _VR_SCAN = "VR-SCAN (8), section IV-G"
 _FISHER = "Fisher and Naidu 1996"
@@ -168,9 +193,9 @@ _EVERY = (
         _CHAIN,
     ),
     Detector(
-        "shipped",
-        "T = N, shipped",
-        _shipped(Engine.FIXED, "threshold"),
+        "one-pass",
+        "T = N, one pass",
+        _own(Engine.FIXED, "threshold"),
         "as configured",
         f"{_VR_SCAN}, T = N",
         modules=_CHAIN,
@@ -178,17 +203,25 @@ _EVERY = (
     Detector(
         "float",
         "T = N, float64",
-        _shipped(Engine.IDEAL, "threshold"),
+        _own(Engine.IDEAL, "threshold"),
         "as configured",
         f"{_VR_SCAN}, T = N",
     ),
     Detector(
         "two-pass",
         "T = N, two passes",
-        _shipped(Engine.FIXED, "two_pass"),
+        _own(Engine.FIXED, "two_pass"),
         "as configured",
         f"{_VR_SCAN}, T = N, window from a first pass",
         modules=(*_CHAIN, "peak_refine"),
+    ),
+    Detector(
+        "fit",
+        "weighted fit",
+        _own(Engine.FIXED, "fit"),
+        "as configured",
+        f"{_VR_SCAN}, T = N, then a Gaussian fitted by Fisher scoring",
+        modules=(*_CHAIN, "peak_refine", "peak_fit"),
     ),
     Detector(
         "centroid-noise",
@@ -258,18 +291,30 @@ _EVERY = (
 )
 
 
-def _accepted(window: str) -> bool:
-    """Return whether the configuration has this kind of window."""
-    try:
-        Peak.model_validate({"window": window})
-    except ValidationError:
-        return False
-    return True
+_WINDOW = "window of 9 widths"
+_DORSCH = "Dorsch, Haeusler, Herrmann 1994"
+
+_RIVALS = (
+    Detector("root", "root, then (8)", _transformed(flanks.power(1 / 2)), _WINDOW, _DORSCH,
+             value=9.0),
+    Detector("third-root", "third root, then (8)", _transformed(flanks.power(1 / 3)), _WINDOW,
+             _DORSCH, value=9.0),
+    Detector("logarithm", "logarithm, then (8)", _transformed(flanks.logarithm), _WINDOW, _DORSCH,
+             value=9.0),
+    Detector("flanks", "slope of p over the Gaussian", _flanks, "none", _DORSCH),
+    Detector("one-step", "two passes, one step of the fit", _one_step, "contrast in the weights",
+             _DORSCH, value=0.25),
+)  # fmt: skip
 
 
 def detectors() -> tuple[Detector, ...]:
-    """Return all detectors; two passes are among them only where the configuration accepts them."""
-    return tuple(d for d in _EVERY if d.key != "two-pass" or _accepted("two_pass"))
+    """Return the detectors that are compared on every kind of line."""
+    return _EVERY
+
+
+def rivals() -> tuple[Detector, ...]:
+    """Return the detectors that are compared on speckled lines only."""
+    return _RIVALS
 
 
 def detector(key: str) -> Detector:
@@ -278,4 +323,4 @@ def detector(key: str) -> Detector:
     Raises:
         KeyError: if there is no such detector.
     """
-    return {each.key: each for each in detectors()}[key]
+    return {each.key: each for each in (*_EVERY, *_RIVALS)}[key]

@@ -1,4 +1,4 @@
-"""S/N, uncertainty and confidence of a peak, the twin of ``rtl/peak/peak_confidence.sv``."""
+"""S/N and uncertainty of a peak, the twin of ``rtl/peak/peak_confidence.sv``, and C_sfm."""
 
 from dataclasses import dataclass
 
@@ -26,14 +26,12 @@ class Confidence:
         snr: (maximum - background) / noise, 8 fraction bits, saturating.
         no_noise: Whether the noise is zero, so that the S/N is its largest value, bool.
         sigma: Standard deviation of the position, px, 12 fraction bits, saturating.
-        c_obj: Confidence in an object (9); 255 is 1.
         c_sfm: Confidence in free space (10); 255 is 1; 0 also where the noise is zero.
     """
 
     snr: Ints
     no_noise: Bools
     sigma: Ints
-    c_obj: Ints
     c_sfm: Ints
 
 
@@ -42,7 +40,7 @@ def latency() -> int:
     product = multiply_latency(50, 32) + 2
     quotient = divide_latency(pkg.SIGMA_WIDTH) + 1
     root = square_root_latency(ROOT_WIDTH) + 1
-    return 8 * product + 2 * quotient + root + 2
+    return 7 * product + 2 * quotient + root + 2
 
 
 def _confidence(value: Ints, gain: int) -> Ints:
@@ -54,7 +52,6 @@ def _confidence(value: Ints, gain: int) -> Ints:
 def peak_confidence(
     *,
     measured: Bools,
-    low_snr: Bools,
     clear: Bools,
     maximum: Ints,
     background: Ints,
@@ -68,16 +65,14 @@ def peak_confidence(
     power: Ints,
     pixel_width: int,
     kappa: int,
-    c_obj_gain: int,
     c_sfm_gain: int,
 ) -> Confidence:
-    """Return S/N, sigma, C_obj of VR-SCAN (9) and C_sfm of (10).
+    """Return S/N, sigma and C_sfm of VR-SCAN (10).
 
     sigma = T / (2 pi) sqrt(sum v_i sin^2(theta_i - phi)) / |P1|, v_i = noise^2 + kappa p_i.
 
     Args:
         measured: Whether the peak has a phase, bool [n].
-        low_snr: Whether the peak is below the least S/N, bool [n].
         clear: Whether nothing may be there: a low S/N, and no flag that says otherwise, bool [n].
         maximum: Largest pixel, counts, [n].
         background: Level of the background, counts, 24 - PixelWidth fraction bits, [n].
@@ -92,7 +87,6 @@ def peak_confidence(
         power: Laser power, [n].
         pixel_width: ``PixelWidth`` of the module.
         kappa: Counts per electron, 28 - PixelWidth fraction bits.
-        c_obj_gain: 255 / snr_max for an S/N with its fraction bits; 16 fraction bits.
         c_sfm_gain: 255 / power_max, 16 fraction bits.
 
     Returns:
@@ -118,6 +112,5 @@ def peak_confidence(
         snr=snr,
         no_noise=noise == 0,
         sigma=np.where(measured, sigma, 0),
-        c_obj=np.where(low_snr, 0, _confidence(snr, c_obj_gain)),
         c_sfm=np.where(clear & (noise != 0), _confidence(power, c_sfm_gain), 0),
     )

@@ -58,7 +58,7 @@ MOST_NOISE = (1 << 32) - 1
 QUOTIENT_WIDTH = 26
 ROOT_WIDTH = 31
 LATENCY = 1823  # clocks from valid_i to valid_o
-UNMEASURED_LATENCY = 3
+UNMEASURED_LATENCY = SPAN + 6
 
 
 class History(NamedTuple):
@@ -81,6 +81,7 @@ class Fitted:
         position: Position of the spot, px, 12 fraction bits: the fit's, or the given one.
         sigma: Its standard deviation, px, 12 fraction bits.
         fitted: Whether the fit stands, bool.
+        mixed: Whether chi squared is above 13/8 of what the fit may have, bool.
         speckle: Squared contrast of the speckle, 20 fraction bits, of this line and those before;
             of no meaning where a line is not measured.
         scale: Width of the spot over sqrt(2 ln 2), px, 12 fraction bits; likewise.
@@ -90,6 +91,7 @@ class Fitted:
     position: Ints
     sigma: Ints
     fitted: Bools
+    mixed: Bools
     speckle: Ints
     scale: Ints
     history: History
@@ -389,7 +391,9 @@ def peak_fit(
     far = np.abs(state.place - started) > (5 * begin << (PLACE_FRACTION - SCALE_FRACTION)) >> 3
     fitted = measured & (sums.chi <= limit) & ~far & (sums.pixels >= 4)
     fitted &= (begun == started) & (found >= 0) & (found < length << pkg.POSITION_FRACTION)
-    fitted &= sums.clipped << 3 <= sums.pixels + sums.clipped
+    lost = sums.clipped << 3 > sums.pixels + sums.clipped
+    fitted &= ~lost
+    mixed = measured & ~lost & (sums.chi > limit + (limit >> 1) + (limit >> 3))
     total = np.minimum(
         variance.total + (variance.speckle >> 2) + (variance.speckle >> 3), MOST_VARIANCE
     )
@@ -404,6 +408,7 @@ def peak_fit(
         position=np.where(fitted, found, position),
         sigma=own,
         fitted=fitted,
+        mixed=mixed,
         speckle=speckle,
         scale=state.scale,
         history=history,

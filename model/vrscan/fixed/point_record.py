@@ -4,7 +4,7 @@ import numpy as np
 
 from vrscan.data.arrays import Bools, Ints
 from vrscan.data.points import Points
-from vrscan.data.records import FREE_ALIGN, FULL, INWARD, MEASURED, TEST, Records
+from vrscan.data.records import FREE_ALIGN, FULL, INWARD, MEASURED, MORE_FLAGS, TEST, Records
 
 LATENCY = 1  # clocks from valid_i to the first byte
 
@@ -35,7 +35,9 @@ def point_record(
     records["power"] = power
     records["confidence"] = confidence
     records["time"] = time
+    records["flags"] = points.flags & 0xFFFF
     records["bits"] = MEASURED * points.measured + INWARD * inward + TEST * test
+    records["bits"] |= (points.flags >> 16 << MORE_FLAGS).astype(np.uint8)
     for name in _OF_MEASURED:
         records[name][~points.measured] = 0
     for name, ends in (("x", points.free_from), ("z", points.free_to)):

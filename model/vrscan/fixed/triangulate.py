@@ -10,6 +10,8 @@ the parallel rays.  The amplitude of sine and cosine cancels.
 """
 
 from dataclasses import dataclass
+from functools import cache
+from math import erf, sqrt
 
 import numpy as np
 
@@ -21,6 +23,7 @@ from vrscan.fixed.multiply import latency as multiply_latency
 from vrscan.fixed.multiply import multiply
 from vrscan.fixed.quarter_wave import LATENCY as QUARTER_WAVE_LATENCY
 from vrscan.fixed.quarter_wave import quarter_wave
+from vrscan.fixed.rom import rom_source
 
 AMPL_WIDTH = 30  # ``AmplWidth``
 FRACTION = AMPL_WIDTH - 1  # shift of every product: ``Fraction``
@@ -30,14 +33,35 @@ RANGE_WIDTH = 32  # ``RangeWidth``, of q with pkg.BASE_FRACTION fraction bits
 SPREAD_FRACTION = 24  # ``SpreadFraction``, of sigma in corrected px
 GRADIENT_FRACTION = 13  # ``GradientFraction``
 GRADIENT_SPARE = 4  # ``GradientSpare``, left shift of the gradient before it is multiplied
+SHARE_FRACTION = 6  # ``ShareFraction``
+SHARE_BITS = 8  # ``share``: up to 4 sigma_z
 
 LATENCY = (
     QUARTER_WAVE_LATENCY
-    + 13 * (multiply_latency(FACTOR_WIDTH, ROUNDED_WIDTH) + 2)
-    + 2 * (divide_latency(RANGE_WIDTH) + 2)
+    + 14 * (multiply_latency(FACTOR_WIDTH, ROUNDED_WIDTH) + 2)
+    + 3 * (divide_latency(RANGE_WIDTH) + 2)
     + 3
 )  # clocks from valid_i to valid_o
 BUSY = LATENCY - 1  # clocks from one accepted point to the next: pkg.POINT_PERIOD
+
+
+@cache
+def confidences() -> Ints:
+    """Return the share of a Gaussian within k / 64 standard deviations, 255 is 1, [256]."""
+    end = 255 << 24
+    shares = [erf(k / 2**SHARE_FRACTION / sqrt(2)) for k in range(1 << SHARE_BITS)]
+    return np.array([(round(share * end) + (1 << 23)) >> 24 for share in shares], np.int64)
+
+
+def rom() -> str:
+    """Return ``rtl/geometry/triangulate_rom.sv``, that table."""
+    comment = (
+        "the share of a Gaussian within k / 64 standard deviations.",
+        "Generated from vrscan.fixed.triangulate by scripts/generate.py.  255 is 1.  Its only test",
+        "is that of triangulate, its user.",
+    )
+    memories = {"mem": (confidences(), pkg.CONFIDENCE_WIDTH)}
+    return rom_source("triangulate_rom", comment, memories, {"confidence": "mem"})
 
 
 @dataclass(frozen=True)
@@ -49,6 +73,7 @@ class Triangulated:
         z: mm, 12 fraction bits; 0 without a range.
         sigma_z: Standard deviation of z, mm, 12 fraction bits, saturating; its largest value
             without a range.
+        c_obj: Probability that z errs by less than the tolerance; 255 is 1; 0 without a range.
         no_range: Whether the rays are parallel, or meet behind mirror or camera, or 4096 mm or more
             away.
         out_of_range: Whether x or z saturated, or the offset had saturated.
@@ -57,6 +82,7 @@ class Triangulated:
     x: Ints
     z: Ints
     sigma_z: Ints
+    c_obj: Ints
     no_range: Bools
     out_of_range: Bools
 
@@ -86,12 +112,13 @@ def triangulate(
     d1: Ints | int,
     e0: Ints | int,
     e1: Ints | int,
+    tolerance: Ints | int,
     line_length: int,
 ) -> Triangulated:
     """Return where laser ray and line of sight meet, exactly as the hardware rounds it.
 
     sigma_z = |dz/ds| / R * slope * sigma with dz/ds = (n1 cos a - z (d1 cos a + e1 sin a)) / d, the
-    derivative of (3).
+    derivative of (3), and c_obj = erf(tolerance z / (sqrt 2 sigma_z)).
 
     Args:
         offset: Corrected position from the optical axis, px, 20 fraction bits. Any shape.
@@ -106,6 +133,7 @@ def triangulate(
         d1: Factor of s cos a in d.
         e0: Factor of sin a in d.
         e1: Factor of s sin a in d.
+        tolerance: Share of z, 24 fraction bits, u16.
         line_length: ``LineLength`` of the module.
     """
     pixel_bits = (line_length - 1).bit_length()
@@ -153,6 +181,12 @@ def triangulate(
         scale << (pkg.RAY_FRACTION - pixel_bits), divisor, quotient_width=RANGE_WIDTH
     )
 
+    sigma_z = np.minimum(sigma_z, sigma_max)
+    align = FRACTION + SHARE_FRACTION - pkg.TOLERANCE_FRACTION
+    allowed = np.abs(_scaled(z, np.asarray(tolerance, np.int64) << align))
+    share, _ = divide(allowed, sigma_z, quotient_width=RANGE_WIDTH)
+    c_obj = confidences()[np.minimum(share, (1 << SHARE_BITS) - 1)]
+
     limit = 1 << (pkg.LENGTH_WIDTH - 1)
     x_out, z_out = np.clip(x, -limit, limit - 1), np.clip(z, -limit, limit - 1)
     given = np.broadcast_to(np.asarray(measured, np.bool_), x.shape)
@@ -160,7 +194,8 @@ def triangulate(
     return Triangulated(
         x=np.where(valid, x_out, 0),
         z=np.where(valid, z_out, 0),
-        sigma_z=np.where(valid, np.minimum(sigma_z, sigma_max), np.where(given, sigma_max, 0)),
+        sigma_z=np.where(valid, sigma_z, np.where(given, sigma_max, 0)),
+        c_obj=np.where(valid, c_obj, 0),
         no_range=given & no_range,
         out_of_range=valid & ((x_out != x) | (z_out != z) | np.asarray(saturated, np.bool_)),
     )

@@ -181,7 +181,6 @@ def _run(
     blind |= statistics.row_statistics | (mirror_flags != 0)
     quality = peak_confidence.peak_confidence(
         measured=harmonic.measured,
-        low_snr=low_snr,
         clear=low_snr & ~blind,
         maximum=statistics.maximum,
         background=statistics.background,
@@ -195,10 +194,10 @@ def _run(
         power=power,
         pixel_width=r.pixel_width,
         kappa=r.kappa,
-        c_obj_gain=r.c_obj_gain,
         c_sfm_gain=r.c_sfm_gain,
     )
     sigma = quality.sigma
+    mixed = np.zeros(len(lines), np.bool_)
     if r.window_fit:
         fit = peak_fit.peak_fit(
             lines,
@@ -218,6 +217,7 @@ def _run(
             history=history,
         )
         position, sigma, history = fit.position, fit.sigma, fit.history
+        mixed = fit.mixed
     position = np.where(harmonic.measured, position, 0)
     free_from, free_to = free_interval.free_interval(
         angle,
@@ -249,6 +249,7 @@ def _run(
         d1=r.d1,
         e0=r.e0,
         e1=r.e1,
+        tolerance=r.tolerance,
         line_length=r.line_length,
     )
     flags = window.flags | mirror_flags << pkg.FLAG_NOT_RUNNING
@@ -258,6 +259,7 @@ def _run(
         (pkg.FLAG_ROW_STATISTICS, statistics.row_statistics),
         (pkg.FLAG_NO_RANGE, place.no_range),
         (pkg.FLAG_OUT_OF_RANGE, place.out_of_range),
+        (pkg.FLAG_MIXED, mixed),
     ):
         flags |= condition.astype(np.int64) << bit
     points = Points(
@@ -278,7 +280,7 @@ def _run(
         x=place.x,
         z=place.z,
         sigma_z=place.sigma_z,
-        c_obj=quality.c_obj,
+        c_obj=place.c_obj,
         c_sfm=quality.c_sfm,
         free_from=np.where(quality.c_sfm > 0, free_from, 0),
         free_to=np.where(quality.c_sfm > 0, free_to, 0),

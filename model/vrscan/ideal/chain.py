@@ -122,6 +122,7 @@ def _run(
     measured[valid] = ~found.no_phase
     position = _spread(left[valid] + found.delta, valid, len(lines))
     sigma = _spread(found.sigma, valid, len(lines))
+    mixed = np.zeros(len(lines), np.bool_)
     if peak.fit:
         fit = peak_fit.peak_fit(
             lines,
@@ -140,8 +141,11 @@ def _run(
             history=history,
         )
         position, sigma, history = fit.position, fit.sigma, fit.history
+        mixed = fit.mixed
     u, scale = geometry.undistorted(position, config.geometry)
     located = geometry.triangle(u, angle_rad, config.geometry)
+    sigma_z = np.abs(located.slope) * np.abs(scale) * sigma
+    there = measured & ~located.no_range
     present = window.width > 0
     last = lines.shape[1] - 1
     flags: dict[str, Bools] = {
@@ -155,6 +159,7 @@ def _run(
         "NO_NOISE": noise == 0.0,
         "ROW_STATISTICS": row.row_only & (not noise_row),
         "NO_RANGE": measured & located.no_range,
+        "MIXED": mixed,
         **{name: mirror_flags >> bit & 1 == 1 for bit, name in enumerate(MIRROR_FLAGS)},
     }
     nothing = low_snr & (noise > 0.0) & (mirror_flags == 0)
@@ -179,13 +184,15 @@ def _run(
         angle_rad=np.asarray(angle_rad, np.float64),
         x_mm=located.x,
         z_mm=located.z,
-        sigma_z_mm=np.abs(located.slope) * np.abs(scale) * sigma,
-        c_obj=confidence.object_confidence(snr, ~low_snr, snr_max=peak.snr_max),
+        sigma_z_mm=sigma_z,
+        c_obj=confidence.object_confidence(
+            located.z, sigma_z, there, tolerance=config.geometry.tolerance
+        ),
         c_sfm=c_sfm,
         free_from_mm=np.where(c_sfm > 0.0, free_from, 0.0),
         free_to_mm=np.where(c_sfm > 0.0, free_to, 0.0),
         measured=measured,
-        located=measured & ~located.no_range,
+        located=there,
         pixel_width=config.sensor.pixel_width,
     )
     return points, history

@@ -51,6 +51,7 @@ NEIGHBOURS = 3 / 8  # what the correlation of neighbours adds to the speckle's v
 
 FAR = 5 / 8  # first widths w between the fit and the given position
 CHI_LIMIT = 5.0  # chi squared a degree of freedom above which the spot is no Gaussian
+MIXED_LIMIT = 13 / 8 * CHI_LIMIT  # above which it is not one spot, whatever its shape
 FEWEST = 4  # pixels
 MOST_CLIPPED = 1 / 8  # share of the window's pixels at full scale
 _TINY = 1e-30  # instead of no variance and no weight
@@ -75,6 +76,7 @@ class Fitted:
     position: Floats  # px: the fit's, or the given one where it does not stand
     sigma: Floats  # its standard deviation, px
     fitted: Bools  # whether the fit stands
+    mixed: Bools  # whether the light is not that of one spot
     speckle: Floats  # squared contrast, of this line and those before
     scale: Floats  # w, px
     history: History  # for the lines that follow
@@ -255,7 +257,9 @@ def peak_fit(
     fitted &= (position >= first) & (position < first + SPAN)
     fitted &= (state.place >= 0.0) & (state.place < lines.shape[1])
     lost = (seen.near & clipped).sum(axis=1)
-    fitted &= lost <= MOST_CLIPPED * (count + lost)
+    clear = lost <= MOST_CLIPPED * (count + lost)
+    fitted &= clear
+    mixed = measured & clear & (chi > MIXED_LIMIT * np.maximum(count - 3, 0))
     told = np.maximum(seen.sum(2), _TINY)
     own = np.sqrt((at.total + NEIGHBOURS * at.speckle) / told) / (before.height * LN4)
     own = own * state.scale
@@ -264,6 +268,7 @@ def peak_fit(
         position=np.where(fitted, state.place, position),
         sigma=own,
         fitted=fitted,
+        mixed=mixed,
         speckle=speckle,
         scale=state.scale,
         history=history,

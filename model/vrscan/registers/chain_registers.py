@@ -84,7 +84,6 @@ class Registers(Settings):
     max_core: int  # u8, px
     saturation_level: int  # u16, counts: the least saturated pixel
     kappa: int  # u18, counts per electron, 28 - PixelWidth fraction bits
-    c_obj_gain: int  # u24: c_obj = min(255, (snr * gain + 2**15) >> 16)
     c_sfm_gain: int  # u24: c_sfm = min(255, (power * gain + 2**15) >> 16)
     centre: int  # s, 20 fraction bits, px
     k1: int  # s26, 24 fraction bits: k1 * R**2, R = 2**clog2(LineLength) px
@@ -96,6 +95,7 @@ class Registers(Settings):
     d1: int
     e0: int
     e1: int
+    tolerance: int  # u16, 24 fraction bits: share of z that a point may err
     free_begin: int  # s24, turns
     free_shift: int
     free_table_from: tuple[int, ...]  # u16, 4 fraction bits, mm
@@ -127,7 +127,6 @@ class Registers(Settings):
         cosine, sine = math.cos(geometry.bias_rad), math.sin(geometry.bias_rad)
         base, offset = geometry.base_mm, geometry.offset_mm
         free_begin, free_shift, free_from, free_to = free_table(config)
-        snr_raw = peak.snr_max * 2**pkg.SNR_FRACTION
         lengths = pkg.GEOMETRY_WIDTH, pkg.BASE_FRACTION
         rays = pkg.GEOMETRY_WIDTH, pkg.RAY_FRACTION
         distortion = pkg.DISTORTION_WIDTH, pkg.DISTORTION_FRACTION
@@ -150,9 +149,6 @@ class Registers(Settings):
             kappa=unsigned(
                 "peak.kappa", peak.kappa, pkg.KAPPA_WIDTH, 28 - config.sensor.pixel_width
             ),
-            c_obj_gain=unsigned(
-                "peak.snr_max", CONFIDENCE_ONE / snr_raw, pkg.GAIN_WIDTH, pkg.GAIN_FRACTION
-            ),
             c_sfm_gain=unsigned(
                 "laser.power_max",
                 CONFIDENCE_ONE / config.laser.power_max,
@@ -171,6 +167,12 @@ class Registers(Settings):
             d1=signed("geometry.focal_mm", -sine * per_focal, *rays),
             e0=signed("geometry.bias_deg", sine, *rays),
             e1=signed("geometry.focal_mm", cosine * per_focal, *rays),
+            tolerance=unsigned(
+                "geometry.tolerance",
+                geometry.tolerance,
+                pkg.TOLERANCE_WIDTH,
+                pkg.TOLERANCE_FRACTION,
+            ),
             free_begin=free_begin,
             free_shift=free_shift,
             free_table_from=free_from,

@@ -87,14 +87,14 @@ def _one(
     )  # fmt: skip
 
 
-MAP_HASH = 0x92F3CFBD
+MAP_HASH = 0xB69882C1
 
 # fmt: off
 _REGISTERS = (
     _one("", 0x000, "identity", 32, "constant",
          "the letters VRSC, by which a host knows the instrument", reset=0x56525343),
     _one("", 0x001, "map_hash", 32, "constant",
-         "hash of the parts of this map that a host must know", reset=0x92F3CFBD),
+         "hash of the parts of this map that a host must know", reset=0xB69882C1),
     _one("", 0x002, "version", 32, "constant",
          "version of the map: major, minor, patch in bits 31..16, 15..8, 7..0", reset=0x00000100),
     _one("identity_status", 0x003, "board_id", 16, "ro", "number of the kind of board"),
@@ -129,22 +129,19 @@ _REGISTERS = (
     _one("peak", 0x017, "kappa", 18, "rw",
          "counts for each electron; 28 - pixel_width fraction bits", lock="lock_calibration",
          reset=13107),
-    _one("peak", 0x018, "c_obj_gain", 24, "rw",
-         "gain of the object's confidence: c_obj = snr * gain / 2**16", lock="lock_calibration",
-         reset=653),
-    _one("peak", 0x019, "c_sfm_gain", 24, "rw",
+    _one("peak", 0x018, "c_sfm_gain", 24, "rw",
          "gain of the confidence in free space: c_sfm = power * gain / 2**16",
          lock="lock_calibration", reset=255),
-    _one("peak", 0x01A, "window_two_pass", 1, "rw",
+    _one("peak", 0x019, "window_two_pass", 1, "rw",
          "1: a second window with T = N is placed around the first position",
          lock="lock_calibration", reset=1),
-    _one("peak", 0x01B, "window_fit", 1, "rw",
+    _one("peak", 0x01A, "window_fit", 1, "rw",
          "1: a Gaussian is fitted to the spot, from the second window on; needs window_two_pass",
          lock="lock_calibration", reset=1),
-    _one("peak", 0x01C, "max_core", 8, "rw",
+    _one("peak", 0x01B, "max_core", 8, "rw",
          "width at a quarter of the height above which TOO_WIDE is raised, if the peak is not "
          "saturated", lock="lock_calibration", reset=64, unit="px", low=3),
-    _one("peak", 0x01D, "saturation_level", 16, "rw",
+    _one("peak", 0x01C, "saturation_level", 16, "rw",
          "pixel value from which on SATURATED is raised", lock="lock_calibration", reset=4095),
     _one("geometry", 0x020, "centre", 32, "rw", "pixel of the optical axis",
          lock="lock_calibration", signed=True, reset=1073217536, fraction=20, unit="px"),
@@ -166,6 +163,9 @@ _REGISTERS = (
          reset=1063292242, fraction=30),
     _one("geometry", 0x029, "e1", 32, "rw", "of d", lock="lock_calibration", signed=True,
          reset=85692568, fraction=30),
+    _one("geometry", 0x02A, "tolerance", 16, "rw",
+         "share of z; c_obj is the probability that a point errs by less", lock="lock_calibration",
+         reset=16777, fraction=24),
     _one("chain", 0x030, "short_count", 16, "counter", "number of lines with too few pixels"),
     _one("chain", 0x031, "long_count", 16, "counter", "number of lines with too many pixels"),
     _one("chain", 0x032, "unfinished_count", 16, "counter",

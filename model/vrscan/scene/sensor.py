@@ -104,7 +104,7 @@ def expose(
 
 
 def cramer_rao_variance(
-    electrons: Floats, slope: Floats, dark_variance: float, contrast: Floats | float = 0.0
+    electrons: Floats, slope: Floats, dark_variance: Floats | float, contrast: Floats | float = 0.0
 ) -> Floats:
     """Return the least variance of a position estimate, px^2 [n].
 
@@ -119,7 +119,7 @@ def cramer_rao_variance(
     Args:
         electrons: Mean electrons f_i of the spot [n, length].
         slope: df_i / dmu, electrons per px [n, length].
-        dark_variance: b^2, electrons squared.
+        dark_variance: b^2, electrons squared, of each pixel or one for all.
         contrast: C of a pixel's speckle, [n] or one for all.
     """
     gains = np.square(np.expand_dims(contrast, -1) * electrons)

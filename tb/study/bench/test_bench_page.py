@@ -20,31 +20,33 @@ import pytest
 
 from vrscan.cli import app as cli
 from vrscan.data.config import Config
-from vrscan.detectors.catalogue import detectors
+from vrscan.detectors.catalogue import detectors, rivals
 from vrscan.engines.tools import repository_root
-from vrscan.show.sheet import listed
+from vrscan.show.sheet import listed, number
 from vrscan.study.bench import bench_page as page
 from vrscan.study.bench import bench_report as report
-from vrscan.study.bench import cost, detect, instrument
+from vrscan.study.bench import cost, design_cost, detect, instrument
 from vrscan.study.bench.bench_spots import Spot, score, take
 from vrscan.study.bench.cells import Cell, Figures
 from vrscan.study.bench.sections import compare_section as compare
 from vrscan.study.bench.sections import growth_section as growth
 from vrscan.study.bench.sections import instrument_section as whole
+from vrscan.study.bench.sections import speckle_section as speckle
 from vrscan.study.bench.sections import sweeps_section as sweeps
 from vrscan.study.bench.sections.section import Order
 from vrscan.study.report.efficiency import LOST_PX, PEAKS, SIGMAS_PX, cell_lines
 
 ORDER = Order(Config(), 1, quick=True)
-OWN = (compare.SECTION, sweeps.SECTION, whole.SECTION, growth.SECTION)  # others have own tests
+# Others have own tests.
+OWN = (compare.SECTION, speckle.SECTION, sweeps.SECTION, whole.SECTION, growth.SECTION)
 KEYS = [each.key for each in detectors()]
-BOUND = 0.01
+BOUND, SPECKLED = 0.01, 0.03
 ZONES = ("near", "middle", "far")
 
 
 def errors(key: str) -> dict[str, float]:
     """Return what a detector is off by, the same in every cell."""
-    size = BOUND * (1.0 + KEYS.index(key))
+    size = BOUND * (1.0 + [*KEYS, *(each.key for each in rivals())].index(key))
     lost = 0.02 if key == "parabola" else 0.0
     return {"rms": size, "bias": -0.3 * size, "spread": 0.95 * size, "lost": lost}
 
@@ -64,15 +66,25 @@ def budget_csv() -> str:
 def made_up(cell: Cell) -> Figures:
     """Return figures of the form that the work of a cell has."""
     if cell.work == detect.WORK:
-        found = {key: errors(key) for key in KEYS}
-        return {"bound_px": BOUND, "lines": cell.parameters["lines"], "errors": found}
+        keys = cell.parameters.get("detectors", KEYS)
+        found = {key: errors(key) for key in keys}
+        bounds = {"bound_px": BOUND, "speckled_px": SPECKLED}
+        return {**bounds, "lines": cell.parameters["lines"], "errors": found}
+    if cell.work == design_cost.WORK:
+        return {"lut": 100.0, "ff": 1.0, "ebr": 0.0, "dsp": 1.0}
     if cell.work == cost.WORK:
         rates = {key: 1000.0 * (1 + k) for k, key in enumerate(["reference", *KEYS])}
         return {"rates": rates, "lines": 7}
     if cell.work == instrument.BUDGET:
         rest = ("jumped", "error_px", "median_px", "error_mm", "median_mm", "other_window")
-        rest += ("arithmetic_px", "arithmetic_mm")
-        return {"csv": budget_csv(), "points": 5, **dict.fromkeys(rest, 0.002)}
+        rest += ("arithmetic_px", "arithmetic_mm", "fit_px", "fit_mm")
+        names = ("error_px", "error_mm", "ratio", "within", "astray", "free", "false", "hidden")
+        windows = {
+            window: {name: 0.01 * (1 + k) * (1 + n) for n, name in enumerate(names)}
+            for k, window in enumerate(instrument.WINDOWS)
+        }
+        return {"csv": budget_csv(), "points": 5, "windows": windows,
+                **dict.fromkeys(rest, 0.002)}  # fmt: skip
     if cell.work == instrument.FIDELITY:
         names = ("minimal", "auto 0.1", "auto 0.01", "full")
         numbers = ("worst_px", "rms_um", "truth_rms_px")
@@ -85,8 +97,10 @@ def made_up(cell: Cell) -> Figures:
             ]
         }
     if cell.work == instrument.SPEED:
-        rates = {"reference": 2000.0, "fixed": 1000.0, "ideal": 500.0}
-        return {"rates": rates, "lines": dict.fromkeys(rates, 9) | {"rtl": 0}, "missing": "no RTL"}
+        rates = {"reference": 2000.0}
+        for k, window in enumerate(instrument.WINDOWS):
+            rates |= {f"fixed {window}": 1000.0 / (1 + k), f"ideal {window}": 500.0 / (1 + k)}
+        return {"rates": rates, "lines": {"model": 9, "rtl": 0}, "missing": "no RTL"}
     assert cell.work == instrument.GROWTH
     # Time goes with the square of the length and the root of the number.
     rows = [
@@ -202,9 +216,10 @@ def test_costs_are_over_the_reference_and_tell_what_fills_them_in(
 ) -> None:
     assert read.rows["cost-parabola"][2] == f"{2.0 + KEYS.index('parabola'):.2f}"
     assert read.rows["cost-parabola"][4] == "no RTL"
-    assert read.rows["cost-shipped"][4] == "run make timing"
+    assert read.rows["cost-one-pass"][4] == "run make timing"
     (tmp_path / "timing").mkdir()
-    modules = ("peak_isolate", "phase_correlate", "peak_position", "vrscan_chain", "peak_refine")
+    modules = ("peak_isolate", "phase_correlate", "peak_position", "vrscan_chain", "peak_refine",
+               "peak_fit")  # fmt: skip
     rows = [f"{name},130.5,1,{100 + k},9,0,{0.5 * k},,x" for k, name in enumerate(modules)]
     head = "module,fmax_mhz,seed,lut,ff,ebr,dsp,warnings,slowest_path"
     (tmp_path / "timing" / "timing.csv").write_text("\n".join([head, *rows]) + "\n")
@@ -212,9 +227,10 @@ def test_costs_are_over_the_reference_and_tell_what_fills_them_in(
     shown = (compare.SECTION, whole.SECTION)
     placed = [page.Part(s.key, s.title, s.blocks(ORDER, made_up)) for s in shown]
     found = Reader(page.page("", "", [], placed)).rows
-    assert found["cost-shipped"][4:] == ["303", "1.5"]
+    assert found["cost-one-pass"][4:] == ["303", "1.5"]
     assert found["cost-two-pass"][4:] == ["407", "3.5"]
-    assert int(found["cost-two-pass"][3]) > int(found["cost-shipped"][3]) > 100
+    assert found["cost-fit"][4:] == ["512", "6"] and found["cost-fit"][3] == "3304"
+    assert int(found["cost-two-pass"][3]) > int(found["cost-one-pass"][3]) > 100
     assert found["speed-hardware"][1] == f"{130.5e6 / 2048:,.0f}"
     (tmp_path / "timing" / "timing.csv").write_text("damaged\n")
     assert cost.timing() == {}
@@ -226,10 +242,19 @@ def test_budget_takes_the_worst_zone_and_leaves_absent_effects_out(
     assert read.rows["budget-speckle"][1] == "50"  # hypot(0.03, 0.04) px
     assert read.rows["budget-z-speckle"][1] == "500"
     assert "budget-sun" not in read.rows and "budget-left_out" not in read.rows
-    assert read.rows["budget-arithmetic"][1] == "2"
+    assert read.rows["budget-arithmetic"][1] == read.rows["budget-the-fit"][1] == "2"
     assert page.files(parts)["budget-default.csv"].decode() == budget_csv()
-    assert read.rows["speed-fixed"][1:3] == ["1,000", "0.5"]
+    own = 1000.0 / (1 + instrument.WINDOWS.index(ORDER.config.peak.window))
+    assert read.rows["speed-fixed"][1:3] == [f"{own:,.0f}", number(own / 2000.0)]
     assert read.rows["speed-rtl"][1:] == ["", "", "", "no RTL"]
+
+
+def test_each_kind_of_window_has_its_error_its_reliability_and_its_speed(read: Reader) -> None:
+    found = read.rows["windows-default-fit"]
+    assert found[1:] == ["fit", "0.03", "0.06", "0.09", "12.0 %", "15.00 %", "18.0 %", "21.00 %",
+                         "24.00 %"]  # fmt: skip
+    assert read.rows["rates-two_pass"][1:] == ["0.02", "2048", "run make timing", "500", "250", "-"]
+    assert instrument.with_window(ORDER.config, "fit").peak.fit
 
 
 def test_growth_finds_the_exponent(read: Reader) -> None:

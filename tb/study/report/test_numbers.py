@@ -5,6 +5,7 @@ import io
 import math
 import re
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -13,6 +14,8 @@ from vrscan.engines.tools import repository_root
 from vrscan.show.sheet import replace_block
 from vrscan.study.report import formats, numbers
 from vrscan.study.report.figure import Figure
+from vrscan.study.report.reliability_report import EDGES_MM, MOST, STEPS, Reliability
+from vrscan.study.report.space_report import Space
 
 GOOD = Figure("group", "good", "px", 0.5, 0.8, 0.4, 1.0, headline="shown")
 NEAR = Figure("group", "near", "px", 0.7, 0.8, 0.4, 1.0, headline="shown")
@@ -41,9 +44,37 @@ def test_numbers_of_the_whole_chain(tmp_path, monkeypatch) -> None:
     assert {row["passes"] for row in rows} == {"", "1"}
     groups = {row["group"] for row in rows}
     for start in ("cordic", "position, T = N", "S/N", "x and z", "scan_angle", "scatter",
-                  "efficiency", "latency", "speed"):  # fmt: skip
+                  "efficiency", "speckled", "scenes", "latency", "speed"):  # fmt: skip
         assert any(group.startswith(start) for group in groups), start
     assert "measured" in result.output and "FAIL" not in result.output
+
+
+def of(points: int, within: int, **changes: int) -> Reliability:
+    """Return so many points, some of them within a fraction of sigma and the others beyond."""
+    shares = np.zeros(MOST * STEPS + 2, np.int64)
+    shares[0], shares[-1] = within, points - within
+    none = np.zeros(len(EDGES_MM) - 1)
+    return Reliability(points, changes.get("astray", 0), points, 4.0 * points, shares,
+                       none.astype(np.int64), none, none)  # fmt: skip
+
+
+def test_scenes_add_up_and_a_headline_shows_all_of_them() -> None:
+    found = {
+        "one": (of(100, 90), Space(200, 50, 0, 1)),
+        "two": (of(300, 150, astray=4), Space(400, 150, 2, 0)),
+        "none": (of(0, 0), Space(10, 0, 0, 0)),
+    }
+    figures = {each.name: each for each in numbers.scene_figures(found)}
+    assert figures["one, within 2 sigma, of normal errors 95.4"].measured == pytest.approx(90.0)
+    assert figures["all scenes, within 2 sigma"].measured == pytest.approx(60.0)
+    assert figures["all scenes, astray"].measured == pytest.approx(1.0)
+    assert figures["error over sigma, median of the scenes"].measured == pytest.approx(2.0)
+    false = figures["falsely free, of 200 lines with a free part"]
+    assert false.measured == pytest.approx(1.0) and not false.passes
+    assert figures["free, with a surface that another one hides"].measured == pytest.approx(0.5)
+    assert set(numbers.headlines(figures.values())) < set(numbers.README)
+    nothing = numbers.scene_figures({"none": found["none"]})
+    assert all(each.passes for each in nothing)
 
 
 def test_csv_leaves_empty_what_there_is_not() -> None:

@@ -25,7 +25,8 @@ from vrscan.scene.simulate import simulate
 from vrscan.scene.timeline import Scan, timeline
 from vrscan.study.report import scan_report as report
 from vrscan.study.report.efficiency import with_window
-from vrscan.study.report.tally import ASTRAY_PX, Errors, Tally
+from vrscan.study.report.reliability_report import ASTRAY_PX
+from vrscan.study.report.tally import Errors, Tally
 
 CONFIG = Config()
 SEED = 20100301

@@ -15,7 +15,7 @@ from scipy.special import erf
 from vrscan.data.arrays import Floats, Pixels
 from vrscan.data.config import Config
 from vrscan.scene.description import Lens
-from vrscan.scene.sensor import REACH
+from vrscan.scene.sensor import REACH, cramer_rao_variance
 from vrscan.scene.speckle import Speckle
 from vrscan.study.report.efficiency import BACKGROUND_COUNTS, LOST_PX, READ_NOISE_COUNTS
 
@@ -63,7 +63,8 @@ class Taken:
 
     lines: Pixels  # counts [n, length]
     true: Floats  # true position, px [n]
-    bound: Floats  # least variance of an estimate of it, px^2 [n]
+    bound: Floats  # least variance of an estimate of it if there were no speckle, px^2 [n]
+    speckled: Floats  # the same with the speckle [n]
 
 
 @dataclass(frozen=True)
@@ -135,8 +136,9 @@ def most_contrast(config: Config) -> tuple[float, float]:
 def take(spot: Spot, count: int, config: Config, rng: np.random.Generator) -> Taken:
     """Return lines of a spot that is anywhere between two pixels, in the middle half of the line.
 
-    The bound assumes that the background, the second spot and the speckle's mean are known, and
-    that a pixel at full scale carries no information.
+    The bounds assume that the background, the second spot and the speckle's mean are known, and
+    that a pixel at full scale carries no information. That neighbours share a part of their
+    speckle is in the lines and not in the bound.
 
     Args:
         spot: Appearance of the spot.
@@ -169,8 +171,10 @@ def take(spot: Spot, count: int, config: Config, rng: np.random.Generator) -> Ta
 
     dark = (READ_NOISE_COUNTS**2 + 1.0 / 12.0) / kappa**2 + below
     tells = kappa * (light + below) < full
-    told = np.where(tells, np.square(peak * slope) / (dark + peak * shape), 0.0)
-    bound = 1.0 / told.sum(axis=1)
+    told = np.where(tells, peak * slope, 0.0)
+    bound, speckled = (
+        cramer_rao_variance(peak * shape, told, dark, contrast) for contrast in (0.0, spot.contrast)
+    )
 
     even = math.hypot(READ_NOISE_COUNTS, math.sqrt(kappa * spot.level))
     counts = rng.standard_normal((count, length), np.float32)
@@ -182,7 +186,7 @@ def take(spot: Spot, count: int, config: Config, rng: np.random.Generator) -> Ta
     row = np.broadcast_to(np.arange(count)[:, None], pixel.shape)
     counts[row[inside], pixel[inside].astype(np.int64)] = own[inside]
     lines = np.clip(np.floor(counts + np.float32(0.5)), 0, full).astype(np.uint16)
-    return Taken(lines=lines, true=true, bound=bound)
+    return Taken(lines=lines, true=true, bound=bound, speckled=speckled)
 
 
 def score(position: Floats, true: Floats) -> Score:

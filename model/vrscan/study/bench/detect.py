@@ -1,4 +1,4 @@
-"""The work of the detector sweeps: all detectors on the lines of one kind of spot."""
+"""The work of the detector sweeps: detectors on the lines of one kind of spot."""
 
 import json
 import zlib
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vrscan.detectors.catalogue import detectors
+from vrscan.detectors.catalogue import detector, detectors
 from vrscan.detectors.patch import REACH
 from vrscan.ideal.statistics import statistics
 from vrscan.study.bench.bench_spots import Spot, score, take
@@ -24,21 +24,24 @@ def source(parameters: dict[str, Any], seed: int) -> np.random.Generator:
 
 
 def spots(parameters: dict[str, Any], seed: int) -> Figures:
-    """Return the errors of every detector on spots of one kind.
+    """Return the errors of detectors on spots of one kind.
 
     Args:
-        parameters: ``config``, ``lines`` and the fields of ``Spot`` that differ from the defaults.
+        parameters: ``config``, ``lines``, the fields of ``Spot`` that differ from the defaults, and
+            ``detectors``, the short names of the detectors; without it all of ``detectors()``.
         seed: Seed of the random numbers.
 
     Returns:
-        ``bound_px``, ``lines``, and by each detector's short name rms, bias, spread and lost.
+        ``bound_px`` without speckle, ``speckled_px``, the bound with it, ``lines``, and by each
+        detector's short name rms, bias, spread and lost.
     """
     config, count = configuration(parameters), int(parameters["lines"])
     taken = take(Spot.of(parameters), count, config, source(parameters, seed))
     row = statistics(taken.lines, max_window=_MAX_WINDOW)
     errors = {}
-    for each in detectors():
+    keys = parameters.get("detectors")
+    for each in detectors() if keys is None else map(detector, keys):
         found = each.locate(taken.lines, row.background, row.noise, config)
         errors[each.key] = asdict(score(found, taken.true))
-    bound = float(np.sqrt(taken.bound.mean()))
-    return {"bound_px": bound, "lines": count, "errors": errors}
+    bound, speckled = (float(np.sqrt(each.mean())) for each in (taken.bound, taken.speckled))
+    return {"bound_px": bound, "speckled_px": speckled, "lines": count, "errors": errors}

@@ -11,7 +11,9 @@ import numpy as np
 from vrscan.data.arrays import Floats, Pixels
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
-from vrscan.data.lines import Lines
+from vrscan.data.lines import Lines, Truth
+from vrscan.data.table import Table
+from vrscan.engines import shadows
 from vrscan.engines.engine import Engine, run
 from vrscan.ideal.statistics import statistics
 from vrscan.scene.description import load
@@ -22,12 +24,15 @@ from vrscan.study.plan import JUMP_PX, plan
 from vrscan.study.report import budget as light_budget
 from vrscan.study.report import fidelity as light_fidelity
 from vrscan.study.report.figure import rms
+from vrscan.study.report.reliability_report import Reliability
+from vrscan.study.report.space_report import Space
 
 READS = ("scene/scenes/*.toml", "rtl/**/*.sv", "tb/engine/*")
 BUDGET, FIDELITY, SPEED, GROWTH = (
     f"vrscan.study.bench.instrument:{name}" for name in ("budget", "fidelity", "speed", "growth")
 )
 MAX_WINDOW = 255
+WINDOWS = ("threshold", "two_pass", "fit")
 ROUNDS = 3  # runs of each work, in turns; the best is used
 LEAST_S = 0.15  # processor time of a timed run; a shorter work is repeated
 CHUNK = 512  # lines computed at a time: they fit in a cache
@@ -47,7 +52,10 @@ def budget(parameters: dict[str, Any], seed: int) -> Figures:
         ``csv``, the table of ``vrscan budget --csv`` without its times; rms and median of positions
         and of z about the truth, the rms of those within ``JUMP_PX``, and the share beyond; rms of
         the bit-accurate model about the float equations where both have the same window, and the
-        share of lines where they have not.
+        share of lines where they have not; ``fit_px`` and ``fit_mm``, by how much the fit moves
+        points, 0 where the configuration has none; ``windows``, by kind of window the error, that
+        over sigma, the share of points that 2 sigma hold and of those astray, all of points without
+        a flag but the first, and the shares of lines with a free part, falsely free and hidden.
     """
     config, count = configuration(parameters), int(parameters["lines"])
     light = Light(load(parameters["scene"]), config)
@@ -55,12 +63,18 @@ def budget(parameters: dict[str, Any], seed: int) -> Figures:
     lines = simulate(light, count, found.active, every_ray=True).lines
     truth = lines.truth
     assert truth is not None  # a simulation has a truth
+    lens = {"focus_mm": light.scene.lens.focus_mm, "f_number": light.scene.lens.f_number}
+    focused = config.model_copy(update={"free": config.free.model_copy(update=lens)})
+    tables = {name: run(Engine.FIXED, lines, with_window(focused, name)) for name in WINDOWS}
     fixed, ideal = (run(engine, lines, config) for engine in (Engine.FIXED, Engine.IDEAL))
     both = fixed.located & ideal.located
     same = both & (fixed.left == ideal.left) & (fixed.width == ideal.width)
     seen = fixed.located & np.isfinite(truth.position_px)
     px, mm = fixed.position_px - truth.position_px, fixed.z_mm - truth.z_mm
     near = seen & (np.abs(px) < JUMP_PX)
+    second = tables["two_pass"]
+    apart = fixed.located & second.located if config.peak.fit else np.zeros(len(lines), np.bool_)
+    apart &= np.abs(fixed.position_px - second.position_px) < JUMP_PX
     return {
         "csv": light_budget.budget_csv(found, times=False).decode(),
         "points": int(seen.sum()),
@@ -72,6 +86,31 @@ def budget(parameters: dict[str, Any], seed: int) -> Figures:
         "other_window": 1.0 - float(same.sum()) / max(int(both.sum()), 1),
         "arithmetic_px": rms((fixed.position_px - ideal.position_px)[same], 0.0),
         "arithmetic_mm": rms((fixed.z_mm - ideal.z_mm)[same], 0.0),
+        "fit_px": rms((fixed.position_px - second.position_px)[apart], 0.0),
+        "fit_mm": rms((fixed.z_mm - second.z_mm)[apart], 0.0),
+        "windows": {name: _window(points, truth, config) for name, points in tables.items()},
+    }
+
+
+def with_window(config: Config, window: str) -> Config:
+    """Return the instrument with another kind of window; the period is N."""
+    peak = config.peak.model_copy(update={"window": window, "period": "n"})
+    return config.model_copy(update={"peak": peak})
+
+
+def _window(points: Table, truth: Truth, config: Config) -> Figures:
+    """Return what points of one kind of window come to."""
+    px, mm = points.position_px - truth.position_px, points.z_mm - truth.z_mm
+    near = points.located & (np.abs(np.nan_to_num(px, nan=np.inf)) < JUMP_PX)
+    found = Reliability.of(points, truth)
+    space = Space.of(Table.joined(list(shadows.shaded([points], config))), truth)
+    return {
+        "error_px": rms(px[near], 0.0),
+        "error_mm": rms(mm[near], 0.0),
+        "ratio": found.ratio,
+        "within": found.share(2),
+        "astray": found.astray / max(found.points, 1),
+        **{name: getattr(space, name) / len(points) for name in ("free", "false", "hidden")},
     }
 
 
@@ -132,30 +171,31 @@ def speed(parameters: dict[str, Any], seed: int) -> Figures:
         seed: Not used: the scene has its own.
 
     Returns:
-        ``rates`` by name, including that of the reference, and ``missing``, the reason why the RTL
-        is missing.
+        ``rates`` by name: the reference, and each engine with each kind of window; ``missing``, the
+        reason why the RTL is missing; ``lines``, their number for ``model`` and ``rtl``.
     """
     config = configuration(parameters)
     count, few = int(parameters["lines"]), int(parameters["rtl"])
     recording = take("default", count, config).lines
     short = _some(recording, few)
-    works: dict[str, Callable[[], object]] = {
-        "reference": lambda: reference(recording.lines),
-        "fixed": lambda: run(Engine.FIXED, recording, config),
-        "ideal": lambda: run(Engine.IDEAL, recording, config),
-    }
+    works: dict[str, Callable[[], object]] = {"reference": lambda: reference(recording.lines)}
+    for name in WINDOWS:
+        own = with_window(config, name)
+        for engine in (Engine.FIXED, Engine.IDEAL):
+            works[f"{engine} {name}"] = partial(run, engine, recording, own)
     missing = "not asked for with --quick"
     if few:
         try:
             run(Engine.RTL, _some(recording, 8), config)
-            works["rtl"] = lambda: run(Engine.RTL, short, config)
+            for name in WINDOWS:
+                works[f"rtl {name}"] = partial(run, Engine.RTL, short, with_window(config, name))
             missing = ""
         except InputError as error:  # there is no compiler
             missing = str(error)
     seconds = best(works)
-    lines = dict.fromkeys(works, count) | {"rtl": few}
+    lines = {name: few if name.startswith("rtl") else count for name in works}
     rates = {name: lines[name] / seconds[name] for name in works}
-    return {"rates": rates, "missing": missing, "lines": lines}
+    return {"rates": rates, "missing": missing, "lines": {"model": count, "rtl": few}}
 
 
 def _of_length(config: Config, length: int) -> Config:

@@ -109,7 +109,7 @@ def _parallel() -> Iterator[Case]:
         one = np.ones(2, np.int64)
         got = triangulate(
             0 * one, one << pkg.SLOPE_FRACTION, one, 0 * one,
-            n0=1 << pkg.BASE_FRACTION, n1=0, d0=np.array([1, 0]), d1=0, e0=0, e1=0,
+            n0=1 << pkg.BASE_FRACTION, n1=0, d0=np.array([1, 0]), d1=0, e0=0, e1=0, tolerance=1,
             line_length=2048,
         )  # fmt: skip
         wrong = [] if got.no_range.all() and not got.x.any() and not got.z.any() else ["a point"]

@@ -1,10 +1,11 @@
 """The table of numbers that ``vrscan numbers`` prints: accuracy, efficiency, latency and speed."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import partial, reduce
 from itertools import product
+from operator import add
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,17 @@ from rich.table import Table as RichTable
 from vrscan.data.arrays import Floats
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
-from vrscan.engines.engine import Engine
+from vrscan.data.table import Table
+from vrscan.engines.engine import Engine, run
+from vrscan.engines.shadows import shaded
 from vrscan.fixed import vrscan_chain as chain
+from vrscan.scene.description import load, shipped
+from vrscan.scene.effects import present
+from vrscan.scene.light import Light
+from vrscan.scene.simulate import simulate
 from vrscan.show.sheet import Column, Sheet, rewrite, words
 from vrscan.study.report import efficiency, formats, speed
+from vrscan.study.report import speckle_report as speckle
 from vrscan.study.report import two_pass_report as two_pass
 from vrscan.study.report.accuracy import angle_accuracy as angle
 from vrscan.study.report.accuracy import cordic_accuracy as cordic
@@ -26,10 +34,13 @@ from vrscan.study.report.accuracy import position_accuracy as position
 from vrscan.study.report.accuracy import quality_accuracy as quality
 from vrscan.study.report.accuracy import scatter_accuracy as scatter
 from vrscan.study.report.figure import SEED, Figure, rms
+from vrscan.study.report.reliability_report import MULTIPLES, Reliability, expected
+from vrscan.study.report.space_report import Space
 
 CLOCK_HZ = 125e6
 LEAST_FIXED, LEAST_RTL = 10_000.0, 400.0  # lines/s
 LATENCY_WIDTHS = (3, 16, 64, 255)
+MOST_FALSE_PERCENT = 0.5  # of the lines with a free part
 
 Progress = Callable[[int], None]
 
@@ -47,6 +58,8 @@ class Size:
     noisy: int = 4_000  # lines a spot
     efficiency: int = 4_000  # lines a cell
     two_pass: int = 4_000  # the same, of the study that stands on few of them; 0 leaves it out
+    speckled: int = 2_000  # the same, of speckled lines
+    scanned: int = 6_000  # lines of each scene
     fixed: int = 10_000  # lines for the speed
     ideal: int = 10_000  # the same
     rtl: int = 2_000  # the same; 0 leaves the RTL out
@@ -57,7 +70,8 @@ class Size:
 FULL = Size()
 QUICK = Size(
     vectors=10_000, windows=1, directions=1, every=4, lines=1_000, distances=4, noisy=300,
-    efficiency=300, two_pass=0, fixed=2_000, ideal=2_000, rtl=0, all_cores=False, mirror=0.0,
+    efficiency=300, two_pass=0, speckled=100, scanned=300, fixed=2_000, ideal=2_000,
+    rtl=0, all_cores=False, mirror=0.0,
 )  # fmt: skip
 
 
@@ -172,6 +186,92 @@ def _two_passes(count: int, progress: Progress) -> list[Figure]:
     return two_pass_figures(cells, places, slopes, arithmetic)
 
 
+def speckle_figures(cells: Sequence[speckle.Cell]) -> list[Figure]:
+    """Return what the study of ``speckle_report`` came to."""
+    group, count = "speckled lines, bound with speckle over measured variance", len(cells)
+    figures = []
+    for window, name in (("fit", "fit"), ("two_pass", "two passes"), ("threshold", "one pass")):
+        worst = min(cell.efficiency(window) for cell in cells)
+        shown = "fit: efficiency on speckled lines, bound with speckle" if window == "fit" else ""
+        mean = speckle.mean_efficiency(cells, window)
+        figures += [
+            Figure(group, f"{name}, geometric mean", "1", mean, headline=shown),
+            Figure(group, f"{name}, worst of {count} spots", "1", worst),
+        ]
+    alone = [cell.bound_px / cell.scores["fit"].rms_px for cell in cells]
+    scores = [cell.scores["fit"] for cell in cells]
+    return [
+        *figures,
+        Figure(group, "fit, over the bound of light alone, geometric mean", "1",
+               float(np.exp(2.0 * np.mean(np.log(alone))))),
+        Figure(group, "fit, error over sigma, least", "1", min(each.ratio for each in scores)),
+        Figure(group, "fit, error over sigma, largest", "1", max(each.ratio for each in scores)),
+        Figure(group, "fit, lost, worst spot", "%", 100.0 * max(each.lost for each in scores)),
+    ]  # fmt: skip
+
+
+def _speckled(count: int, progress: Progress) -> list[Figure]:
+    return speckle_figures(speckle.study(Engine.FIXED, Config(), count, progress))
+
+
+def scene_figures(found: Mapping[str, tuple[Reliability, Space]]) -> list[Figure]:
+    """Return how reliable the points of scenes are, and what is said of space without one."""
+    group = "scenes with a fit, points without a flag"
+    normal = 100.0 * float(expected(2))
+    figures = []
+    for name, (each, _) in found.items():
+        figures += [
+            Figure(group, f"{name}, error over sigma", "1", each.ratio),
+            Figure(group, f"{name}, within 2 sigma, of normal errors {normal:.1f}", "%",
+                   100.0 * each.share(2)),
+        ]  # fmt: skip
+    points = reduce(add, (each for each, _ in found.values()))
+    space = reduce(add, (each for _, each in found.values()))
+    free = max(space.free, 1)
+    ratios = [each.ratio for each, _ in found.values() if each.rated]
+    return [
+        *figures,
+        Figure(group, "error over sigma, median of the scenes", "1",
+               float(np.median(ratios)) if ratios else math.nan,
+               headline="fit: error over predicted sigma, median of the scenes"),
+        *(
+            Figure(group, f"all scenes, within {k} sigma", "%", 100.0 * points.share(k),
+                   headline="fit: points within 2 sigma, all scenes" if k == 2 else "")
+            for k in MULTIPLES
+        ),
+        Figure(group, "all scenes, astray", "%", 100.0 * points.astray / max(points.points, 1)),
+        Figure(group, f"falsely free, of {space.free} lines with a free part", "%",
+               100.0 * space.false / free, limit=MOST_FALSE_PERCENT,
+               headline="beams falsely free, all scenes"),
+        Figure(group, "free, with a surface that another one hides", "%",
+               100.0 * space.hidden / free),
+    ]  # fmt: skip
+
+
+def _scene(name: str, count: int) -> tuple[Reliability, Space]:
+    """Return the errors of a scene's points with every effect, a fit, and random numbers anew."""
+    scene = load(name).model_copy(update={"seed": SEED})
+    config = Config()
+    lens = {"focus_mm": scene.lens.focus_mm, "f_number": scene.lens.f_number}
+    changed = {
+        "peak": config.peak.model_copy(update={"window": "fit"}),
+        "free": config.free.model_copy(update=lens),
+    }
+    config = config.model_copy(update=changed)
+    lines = simulate(Light(scene, config), count, frozenset(present(scene))).lines
+    assert lines.truth is not None  # a simulation has a truth
+    points = Table.joined(list(shaded([run(Engine.FIXED, lines, config)], config)))
+    return Reliability.of(points, lines.truth), Space.of(points, lines.truth)
+
+
+def _scenes(count: int, progress: Progress) -> list[Figure]:
+    found = {}
+    for name in shipped():
+        found[name] = _scene(name, count)
+        progress(len(found))
+    return scene_figures(found)
+
+
 def latency(config: Config) -> list[Figure]:
     """Return the clocks from a line's last pixel to its point, which the RTL's tests assert."""
     group = f"latency, last pixel to point, {CLOCK_HZ / 1e6:g} MHz"
@@ -249,6 +349,8 @@ def stages(size: Size) -> list[Stage]:
             len(efficiency.PEAKS) * len(efficiency.SIGMAS_PX),
             partial(_efficiency, size.efficiency),
         ),
+        Stage("speckled lines", speckle.SPOTS, partial(_speckled, size.speckled)),
+        Stage("scenes", len(shipped()), partial(_scenes, size.scanned)),
         at_once("latency", partial(latency, config)),
     ]
     if size.two_pass:
@@ -298,6 +400,10 @@ README = (  # the headlines that it shows
     "x and z, 250 to 1000 mm, maximum",
     "efficiency against the Cramer-Rao bound",
     "two passes: efficiency, 5 to 90 % of full scale, worst spot",
+    "fit: efficiency on speckled lines, bound with speckle",
+    "fit: error over predicted sigma, median of the scenes",
+    "fit: points within 2 sigma, all scenes",
+    "beams falsely free, all scenes",
     "latency, last pixel to point, at most",
     "lines of 2048 px at 125 MHz",
     "angle against the mirror's truth in RUN, rms",

@@ -17,7 +17,8 @@ from vrscan.ideal.peak import cut
 from vrscan.ideal.statistics import statistics
 from vrscan.show.sheet import Column, Sheet, words
 from vrscan.show.style import COLOURS, INK, LIGHT, QUIET, drawing
-from vrscan.study.report.tally import ASTRAY_PX, Errors
+from vrscan.study.report.reliability_report import ASTRAY_PX
+from vrscan.study.report.tally import Errors
 
 _SHAPES = ((".", 2.0), ("x", 2.5), ("+", 3.0), ("^", 2.0))
 _TRUTH: dict[str, Any] = {"color": LIGHT, "markersize": 5.0, "markeredgewidth": 0.0}
@@ -43,7 +44,7 @@ def error_table(errors: list[Errors], title: str) -> RichTable:
     return Sheet(columns, errors).terminal(
         title,
         "error in z, in mm and in % of range; error/sigma is the rms of error over predicted "
-        "sigma, which knows the sensor's noise and not speckle; a spot is a line whose spot the "
+        "sigma, which knows of speckle only with a fit; a spot is a line whose spot the "
         f"camera sees; points astray are over {ASTRAY_PX:g} px off, on another spot, and in no "
         "error",
         apart=lambda row: row is errors[-1],

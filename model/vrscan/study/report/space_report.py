@@ -60,9 +60,12 @@ class Space:
 
     def __str__(self) -> str:
         """Return the numbers as a line of text."""
+        if not self.free:
+            return "no line with a free part of the beam"
         return (
-            f"{self.free} lines with a free part of the beam; a surface stands in it in "
-            f"{self.false}, and one that is hidden from the camera in {self.hidden}"
+            f"{self.free} lines with a free part of the beam; falsely free, with a surface in it, "
+            f"are {self.false} ({100.0 * self.false / self.free:.2f} %), and {self.hidden} more "
+            f"({100.0 * self.hidden / self.free:.2f} %) with one that is hidden from the camera"
         )
 
 

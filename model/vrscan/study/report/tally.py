@@ -7,8 +7,7 @@ import numpy as np
 from vrscan.data.arrays import Bools, Floats
 from vrscan.data.lines import Truth
 from vrscan.data.table import Table
-
-ASTRAY_PX = 10.0
+from vrscan.study.report.reliability_report import ASTRAY_PX, Reliability
 
 
 @dataclass(frozen=True)
@@ -74,6 +73,7 @@ class Tally:
     points: int
     dark: int  # number of lines whose spot the camera cannot see
     stray: int  # number of these lines with a point
+    reliability: Reliability  # errors against the predicted sigma, of points without a flag
 
     @classmethod
     def of(cls, result: Table, truth: Truth) -> "Tally":
@@ -88,6 +88,7 @@ class Tally:
             points=int(result.located.sum()),
             dark=int((~seen).sum()),
             stray=int((result.located & ~seen).sum()),
+            reliability=Reliability.of(result, truth),
         )
 
     def __add__(self, other: "Tally") -> "Tally":
@@ -99,6 +100,7 @@ class Tally:
             points=self.points + other.points,
             dark=self.dark + other.dark,
             stray=self.stray + other.stray,
+            reliability=self.reliability + other.reliability,
         )
 
     def errors(self) -> list[Errors]:

@@ -8,11 +8,13 @@ from vrscan.study.bench.sections import compare_section as compare
 from vrscan.study.bench.sections import design_space_section as design_space
 from vrscan.study.bench.sections import growth_section as growth
 from vrscan.study.bench.sections import instrument_section as instrument
+from vrscan.study.bench.sections import speckle_section as speckle
 from vrscan.study.bench.sections import sweeps_section as sweeps
 from vrscan.study.bench.sections.section import Section
 
 ALL: tuple[Section, ...] = (
     compare.SECTION,
+    speckle.SECTION,
     sweeps.SECTION,
     design_space.SECTION,
     instrument.SECTION,

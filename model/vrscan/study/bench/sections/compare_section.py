@@ -5,16 +5,17 @@ from typing import Any
 
 import numpy as np
 
+from vrscan.data import pkg
 from vrscan.data.arrays import Floats
 from vrscan.detectors.catalogue import Detector, detectors
-from vrscan.fixed import peak_position, peak_refine, phase_correlate
+from vrscan.fixed import peak_fit, peak_position, peak_refine, phase_correlate
 from vrscan.show.sheet import Column, Sheet, listed, number, words
 from vrscan.show.style import INK, drawing, plain_log
 from vrscan.study.bench import cost, detect
 from vrscan.study.bench.bench_page import Block, Heading, Picture, Table, Text
 from vrscan.study.bench.bench_spots import mean_square
 from vrscan.study.bench.cells import Cell, Figures
-from vrscan.study.bench.sections.section import Found, Order, Section, look, png
+from vrscan.study.bench.sections.section import Found, Order, Section, is_own, look, png
 from vrscan.study.report.efficiency import LOST_PX, PEAKS, SIGMAS_PX
 
 LINES, QUICK_LINES = 5000, 300  # lines per cell
@@ -22,9 +23,8 @@ SHOWN_PEAK = 0.5  # height whose rms the table shows
 SPEED_SIGMA_PX = 4.0
 WINDOW_PX = 32  # window for which clocks are stated
 FIRST_PX = 16  # first of two windows for which clocks are stated
-SHIPPED = "shipped"
 FAINT = 0.02  # share of full scale: fainter than the spots of the mean
-MAPPED = ("printed", "shipped", "two-pass", "likelihood")  # shown by spot
+MAPPED = ("printed", "one-pass", "two-pass", "fit", "likelihood")  # shown by spot
 
 
 def _spot(order: Order, sigma: float, peak: float) -> Cell:
@@ -73,10 +73,10 @@ def blocks(order: Order, found: Found) -> Sequence[Block[Any]]:
             "1 is all that light and noise allow."
         ),
         Heading("error", "Error against the bound"),
-        _errors(grid, every, mean),
+        _errors(order, grid, every, mean),
         _map(shown, order, found),
         Heading("cost", "What each costs"),
-        _costs(shown, speed, mean),
+        _costs(order, shown, speed, mean),
         Picture(
             "speed-error",
             _picture(shown, speed["rates"], mean),
@@ -87,12 +87,11 @@ def blocks(order: Order, found: Found) -> Sequence[Block[Any]]:
     ]
 
 
-def _is_shipped(each: Detector | None) -> bool:
-    return each is not None and each.key == SHIPPED
-
-
 def _errors(
-    grid: dict[tuple[float, float], Figures], every: dict[str, Floats], mean: dict[str, float]
+    order: Order,
+    grid: dict[tuple[float, float], Figures],
+    every: dict[str, Floats],
+    mean: dict[str, float],
 ) -> Table[Detector | None]:
     """Return the table of all detectors, below the bound, which is None."""
     count = next(iter(grid.values()))["lines"]
@@ -134,7 +133,7 @@ def _errors(
         f"rms is known to {100.0 / (2.0 * count) ** 0.5:.1f} %. Lost: no position, or more than "
         f"{LOST_PX:g} px off. The rms columns are at {100 * SHOWN_PEAK:.0f} % of full scale.",
         key=lambda each: f"detector-{each.key if each else 'bound'}",
-        bold=_is_shipped,
+        bold=lambda each: each is not None and is_own(each.key, order.config),
         full=listed(names, values),
     )
 
@@ -160,7 +159,7 @@ def _map(shown: Sequence[Detector], order: Order, found: Found) -> Table[tuple[D
         "Bound's variance over mean square error by width and height of the spot, in per cent of "
         f"full scale. The means above are without the {100.0 * FAINT:g} %.",
         key=lambda row: f"map-{row[0].key}-{100.0 * row[1]:g}",
-        bold=lambda row: _is_shipped(row[0]),
+        bold=lambda row: is_own(row[0].key, order.config),
         full=listed(
             ("detector", "peak", "sigma_px", "efficiency", "lost"),
             [(e.key, peak, s, *score(e, peak, s)) for e, peak in rows for s in SIGMAS_PX],
@@ -183,6 +182,8 @@ def _clocks(each: Detector) -> int | None:
     """Return the clocks from a window's last pixel to the position, None without RTL."""
     if not each.modules:
         return None
+    if "peak_fit" in each.modules:
+        return pkg.FIT_START + 1 + peak_fit.LATENCY
     clocks = phase_correlate.latency(WINDOW_PX) + peak_position.LATENCY
     if "peak_refine" in each.modules:
         clocks += phase_correlate.first_latency(FIRST_PX) + peak_refine.latency()
@@ -190,7 +191,7 @@ def _clocks(each: Detector) -> int | None:
 
 
 def _costs(
-    shown: Sequence[Detector], speed: Figures, mean: dict[str, float]
+    order: Order, shown: Sequence[Detector], speed: Figures, mean: dict[str, float]
 ) -> Table[Detector | None]:
     """Return the table of prices; None is the reference."""
     rates = speed["rates"]
@@ -224,11 +225,12 @@ def _costs(
         "three rounds in turns; processor time. The reference is maximum, mean and variance of "
         "every line in numpy, measured in the same run; compare machines by the ratio. (8) and T = "
         "N run the whole chain, to (x, z) and its deviation. Clocks: from the window's last pixel "
-        f"to the position, with two passes from the first window's, {FIRST_PX} px. LUT and DSP: "
-        "window, correlator and position, and what makes the second window, each module placed "
+        f"to the position, with two passes and the fit from the first window's, {FIRST_PX} px. All "
+        f"of them take a line every {order.config.sensor.line_length} clocks. LUT and DSP: "
+        "window, correlator and position, what makes the second window, and the fit, each placed "
         f"alone, from {cost.TIMING}.",
         key=lambda each: f"cost-{each.key if each else 'reference'}",
-        bold=_is_shipped,
+        bold=lambda each: each is not None and is_own(each.key, order.config),
     )
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.colors import LogNorm
 
+from vrscan.fixed.vrscan_chain import MAX_WINDOW, min_period
 from vrscan.scene.description import shipped
 from vrscan.scene.effects import EFFECTS
 from vrscan.show.sheet import Column, Sheet, listed, number, words
@@ -27,6 +28,7 @@ from vrscan.study.bench.bench_page import (
 from vrscan.study.bench.cells import Cell, Figures
 from vrscan.study.bench.sections.section import Found, Order, Section, png
 from vrscan.study.plan import JUMP_PX, ZONES
+from vrscan.study.report.reliability_report import expected
 from vrscan.study.report.speed import PAPER_LINES
 
 QUICK_SCENES = ("default", "sunlit")
@@ -77,7 +79,7 @@ def blocks(order: Order, found: Found) -> Sequence[Block[Any]]:
             "thing is left out of the simulation and all random numbers stay the same, bias and "
             "rms together, in the worst of near, middle and far (vrscan budget). "
             "Arithmetic is the bit-accurate chain against the float equations on the "
-            "same lines."
+            "same lines; the fit is how far points lie from those without it, of two passes."
         ),
         Picture(
             "budget-picture",
@@ -88,23 +90,27 @@ def blocks(order: Order, found: Found) -> Sequence[Block[Any]]:
         _causes("budget", 0, "px", "1e-3 px.", parts),
         _causes("budget-z", 1, "mm", "The same in z, µm.", parts),
         _totals(budgets),
+        _windows(order, budgets),
         *(
             Attachment(f"budget-{scene}.csv", figures["csv"].encode())
             for scene, figures in budgets.items()
         ),
         Heading("speed", "Speed of each part"),
         _speeds(order, found(_speed(order)), [found(_fidelity(order, s)) for s in _lit(order)]),
+        _rates(order, found(_speed(order)), budgets["default"]),
         _simulator([found(_fidelity(order, s)) for s in _lit(order)]),
     ]
 
 
 # By scene and cause, px and mm: the worst of near, middle and far, and of the arithmetic.
 Worst = dict[str, dict[str, tuple[float, float]]]
-_ARITHMETIC = "arithmetic"
+_FIT, _ARITHMETIC = "the fit", "arithmetic"
 
 
 def _worst(figures: Figures) -> dict[str, tuple[float, float]]:
     worst = {_ARITHMETIC: (figures["arithmetic_px"], figures["arithmetic_mm"])}
+    if figures["fit_px"]:
+        worst[_FIT] = figures["fit_px"], figures["fit_mm"]
     for row in csv.DictReader(io.StringIO(figures["csv"])):
         if row["effect"] not in EFFECTS or not row["near_rms_px"]:
             continue
@@ -118,13 +124,13 @@ def _worst(figures: Figures) -> dict[str, tuple[float, float]]:
 
 
 def _names(parts: Worst) -> list[str]:
-    """Return the causes that any scene has, the largest first, and the arithmetic."""
+    """Return the causes that any scene has, the largest first, then fit and arithmetic."""
     size = {
         name: max((own[name][0] for own in parts.values() if name in own), default=-1.0)
         for name in EFFECTS
     }
     found = sorted((name for name in size if size[name] >= 0.0), key=lambda name: -size[name])
-    return [*found, _ARITHMETIC]
+    return [*found, *[_FIT] * any(_FIT in own for own in parts.values()), _ARITHMETIC]
 
 
 def _causes(key: str, index: int, unit: str, caption: str, parts: Worst) -> Table[str]:
@@ -140,7 +146,7 @@ def _causes(key: str, index: int, unit: str, caption: str, parts: Worst) -> Tabl
         Sheet([words("cause", lambda name: name), *map(column, parts)], names),
         f"{caption} Bias and rms together, worst of near, middle and far. Each scene's whole "
         "table, with the share of points that come and go, is a file of its own below.",
-        key=lambda name: f"{key}-{name}",
+        key=lambda name: f"{key}-{slug(name)}",
         bold=lambda name: name == _ARITHMETIC,
         full=listed(("cause", "scene", f"worst_{unit}"), values),
     )
@@ -170,6 +176,82 @@ def _totals(budgets: dict[str, Figures]) -> Table[str]:
         "the median, not in the rms. Another window: where a rounded threshold takes a pixel more "
         "or less than the float equations'; arithmetic is of the other lines.",
         key=lambda scene: f"total-{scene}",
+    )
+
+
+def _windows(order: Order, budgets: dict[str, Figures]) -> Table[tuple[str, str]]:
+    """Return each scene with each kind of window: error, reliability and free space."""
+
+    def column(heading: str, name: str, form: Any = number) -> Column[tuple[str, str]]:
+        scale = 100.0 if "%" in str(form) else 1.0
+        value = lambda row: budgets[row[0]]["windows"][row[1]][name]  # noqa: E731
+        return Column(heading, value, form, name=name, scale=scale)
+
+    columns: list[Column[tuple[str, str]]] = [
+        words("scene", lambda row: row[0], name="scene"),
+        words("window", lambda row: row[1], name="window"),
+        column("error,\nrms px", "error_px"),
+        column("error in z,\nrms mm", "error_mm"),
+        column("error /\nsigma", "ratio", "{:.2f}"),
+        column("2 sigma\nholds", "within", "{:.1f} %"),
+        column("\nastray", "astray", "{:.2f} %"),
+        column("lines with\na free part", "free", "{:.1f} %"),
+        column("falsely\nfree", "false", "{:.2f} %"),
+        column("hidden\nsurface", "hidden", "{:.2f} %"),
+    ]
+    normal = 100.0 * float(expected(2))
+    return Table(
+        "windows",
+        Sheet(columns, [(scene, name) for scene in budgets for name in instrument.WINDOWS]),
+        f"The same lines with each kind of window. Errors are of points within {JUMP_PX:g} px; the "
+        f"next three columns of all points without a flag, of which 2 sigma would hold {normal:.1f}"
+        " % were their errors normal; astray are points on another spot than the beam's own. Of "
+        "all lines: those of whose beam a part is called free, those with a surface in that part, "
+        "and those where it is hidden from the camera by another surface.",
+        key=lambda row: f"windows-{row[0]}-{row[1]}",
+        bold=lambda row: row[1] == order.config.peak.window,
+    )
+
+
+def _rates(order: Order, speed: Figures, default: Figures) -> Table[str]:
+    """Return speed against error of each kind of window."""
+    rates, length = speed["rates"], order.config.sensor.line_length
+
+    def clocks(window: str) -> int:
+        two_pass, fit = window == "two_pass", window == "fit"
+        return max(length, min_period(length, MAX_WINDOW, two_pass=two_pass, fit=fit))
+
+    def hardware(window: str) -> float | None:
+        rate = _hardware(order)[1]
+        return rate and rate * length / clocks(window)
+
+    def rate(engine: str) -> Column[str]:
+        titles = {
+            "fixed": "bit-accurate\nmodel",
+            "ideal": "float64\nequations",
+            "rtl": "RTL,\nsim.",
+        }
+        return Column(
+            titles[engine], lambda window: rates.get(f"{engine} {window}"), number,
+            name=f"{engine}_per_s", absent="-",
+        )  # fmt: skip
+
+    columns: list[Column[str]] = [
+        words("window", lambda window: window, name="window"),
+        Column("error,\nrms px", lambda w: default["windows"][w]["error_px"], number,
+               name="error_px"),
+        Column("clocks\na line", clocks, name="clocks"),
+        Column("\nhardware", hardware, number, name="hardware_per_s",
+               absent=f"run {cost.TIMING}"),
+        *map(rate, ("fixed", "ideal", "rtl")),
+    ]  # fmt: skip
+    return Table(
+        "rates",
+        Sheet(columns, list(instrument.WINDOWS)),
+        "Speed against error: lines/s with each kind of window, as above, and the error in the "
+        "default scene. The hardware takes as long for any of them: a clock a pixel.",
+        key=lambda window: f"rates-{window}",
+        bold=lambda window: window == order.config.peak.window,
     )
 
 
@@ -235,10 +317,11 @@ def _speeds(order: Order, speed: Figures, lit: Sequence[Figures]) -> Table[_Part
         if name in ("minimal", "auto 0.01", "full"):
             work = f"default scene, {row['effects']} of {row['of']} effects"
             add(f"simulator-{slug(name)}", f"simulator, {name}", work, row["lines_per_s"])
-    add("fixed", "bit-accurate model", f"{lines['fixed']} lines to points", rates["fixed"])
-    add("ideal", "float64 equations", f"{lines['ideal']} lines to points", rates["ideal"])
+    window, given = order.config.peak.window, f"{lines['model']} lines to points"
+    add("fixed", "bit-accurate model", given, rates[f"fixed {window}"])
+    add("ideal", "float64 equations", given, rates[f"ideal {window}"])
     simulated = f"{lines['rtl']} lines to points, Verilator"
-    add("rtl", "RTL, simulated", speed["missing"] or simulated, rates.get("rtl"))
+    add("rtl", "RTL, simulated", speed["missing"] or simulated, rates.get(f"rtl {window}"))
     word, hardware = _hardware(order)
     add("hardware", "hardware", word, hardware)
     columns: list[Column[_Part]] = [

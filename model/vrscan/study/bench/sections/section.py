@@ -79,9 +79,10 @@ class Look:
 _FALLBACK = Look(QUIET, "x", ":")
 _LOOKS = {
     "printed": Look(COLOURS[0], "v", "--"),
-    "shipped": Look(COLOURS[0], "o", width=2.2),
+    "one-pass": Look(COLOURS[0], "o", width=2.2),
     "float": Look("#7fb2d1", "."),
     "two-pass": Look("#0b3c5d", "D", width=2.2),
+    "fit": Look("#e07a1f", "*", width=2.2),
     "centroid-noise": Look(COLOURS[1], "s"),
     "centroid-height": Look("#e8a598", "s", "--"),
     "parabola": Look(COLOURS[2], "^"),
@@ -90,13 +91,24 @@ _LOOKS = {
     "blais-rioux-8": Look("#b795bf", ">", "--"),
     "matched": Look("#b8860b", "P"),
     "least-squares": Look("#6b705c", "X"),
-    "likelihood": Look("#d1495b", "*"),
+    "likelihood": Look("#d1495b", "h"),
+    "root": Look("#1b998b", "p"),
+    "third-root": Look("#66c2a5", "p", "--"),
+    "logarithm": Look("#8d6a9f", "d"),
+    "flanks": Look("#a07855", "H"),
+    "one-step": Look("#f2b077", "*", "--"),
 }
 
 
 def look(key: str) -> Look:
     """Return the style of a detector."""
     return _LOOKS.get(key, _FALLBACK)
+
+
+def is_own(key: str, config: Config) -> bool:
+    """Return whether a detector is that of a configuration."""
+    names = {"threshold": "one-pass", "two_pass": "two-pass", "fit": "fit"}
+    return key == names[config.peak.window]
 
 
 def png(figure: Figure) -> bytes:

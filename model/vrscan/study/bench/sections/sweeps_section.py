@@ -16,7 +16,15 @@ from vrscan.study.bench import detect
 from vrscan.study.bench.bench_page import Block, Heading, Picture, Table, Text, slug
 from vrscan.study.bench.bench_spots import RETURN_PX, SLOPE_PX, most_contrast
 from vrscan.study.bench.cells import Cell, Figures
-from vrscan.study.bench.sections.section import BOUND, Found, Order, Section, look, png
+from vrscan.study.bench.sections.section import (
+    BOUND,
+    Found,
+    Order,
+    Section,
+    is_own,
+    look,
+    png,
+)
 from vrscan.study.report.efficiency import LOST_PX
 
 LINES, QUICK_LINES = 4000, 200  # lines per cell
@@ -151,8 +159,9 @@ SWEEPS = (
         "contrast of a pixel",
         (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3),
         _of_width(2.0, 6.0, peak=0.5),
-        "Light from a rough surface is grained; the dashed bound is that of photons alone. The "
-        "dotted line is what first order in the contrast gives for the first harmonic.",
+        "Light from a rough surface is grained. Two bounds are shown: that of photons alone, and "
+        "that with the speckle, were neighbouring pixels independent. The dotted line is what "
+        "first order in the contrast gives for the first harmonic.",
         _named("contrast"),
         also=("speckle, first order", _speckle_px),
     ),
@@ -205,8 +214,13 @@ def blocks(order: Order, found: Found) -> Sequence[Block[Any]]:
         shown.append(Picture(f"sweep-{sweep.key}-picture", picture, sweep.caption))
         shown.append(_table(sweep, got))
         if sweep.key == "skew":
-            shown.append(_movement(sweep, got))
+            shown.append(_movement(order, sweep, got))
     return shown
+
+
+def _speckled(got: dict[tuple[str, float], Figures]) -> bool:
+    """Return whether speckle is in any of the lines."""
+    return any(cell["speckled_px"] > cell["bound_px"] for cell in got.values())
 
 
 def _table(sweep: Sweep, got: dict[tuple[str, float], Figures]) -> Table[tuple[str, float]]:
@@ -217,15 +231,18 @@ def _table(sweep: Sweep, got: dict[tuple[str, float], Figures]) -> Table[tuple[s
         Column(_broken(sweep.axis, 14), lambda row: row[1], "{:g}"),
         words("spot", lambda row: row[0]),
         Column("bound", lambda row: got[row]["bound_px"], number, scale=1e3),
+        *[Column("bound with\nspeckle", lambda row: got[row]["speckled_px"], number, scale=1e3)]
+        * _speckled(got),
         *map(rms, detectors()),
     ]
     values = []
     for (panel, value), cell in got.items():
         for key, error in ((each.key, cell["errors"][each.key]) for each in detectors()):
             kept = [error[name] for name in ("rms", "bias", "spread", "lost")]
-            values.append([panel, value, key, cell["lines"], cell["bound_px"], *kept])
-    names = ("panel", slug(sweep.axis), "detector", "lines", "bound_px", "rms_px", "bias_px",
-             "spread_px", "lost")  # fmt: skip
+            bounds = cell["bound_px"], cell["speckled_px"]
+            values.append([panel, value, key, cell["lines"], *bounds, *kept])
+    names = ("panel", slug(sweep.axis), "detector", "lines", "bound_px", "speckled_px", "rms_px",
+             "bias_px", "spread_px", "lost")  # fmt: skip
     return Table(
         f"sweep-{sweep.key}",
         Sheet(columns, list(got)),
@@ -252,7 +269,7 @@ def _broken(text: str, room: int) -> str:
     return "\n".join(lines)
 
 
-def _movement(sweep: Sweep, got: dict[tuple[str, float], Figures]) -> Table[Detector]:
+def _movement(order: Order, sweep: Sweep, got: dict[tuple[str, float], Figures]) -> Table[Detector]:
     """Return how far a skewed spot moves with its height."""
     low, high = sweep.panels
 
@@ -271,7 +288,7 @@ def _movement(sweep: Sweep, got: dict[tuple[str, float], Figures]) -> Table[Dete
         "How far a skewed spot of s = 3 px moves between 10 and 90 % of full scale, 1e-3 px: the "
         "difference of the two biases.",
         key=lambda each: f"skew-moves-{each.key}",
-        bold=lambda each: each.key == "shipped",
+        bold=lambda each: is_own(each.key, order.config),
         full=listed(
             ("detector", "skew", "moves_px"),
             [(each.key, v, moved(each, v)) for each in detectors() for v in sweep.values],
@@ -335,6 +352,11 @@ def _draw(
         )
     if kind == "rms":
         axes.plot(sweep.values, bound, label="Cramér-Rao bound", **BOUND)
+        if _speckled(got):
+            grained = [cell["speckled_px"] for cell in given]
+            axes.plot(
+                sweep.values, grained, label="bound with speckle", **BOUND | {"linestyle": "-."}
+            )
         if sweep.also is not None:
             name, rule = sweep.also
             more = [rule(value, panel.fixed, order.config) for value in sweep.values]

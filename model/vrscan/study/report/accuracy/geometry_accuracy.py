@@ -212,6 +212,7 @@ def evaluate(geometry: Geometry, distances: int, draw: np.random.Generator) -> O
         d1=registers.d1,
         e0=registers.e0,
         e1=registers.e1,
+        tolerance=registers.tolerance,
         line_length=length,
     )
     if bool((points.no_range | points.out_of_range | corrected.saturated).any()):
