@@ -35,7 +35,7 @@ from vrscan.study.cases.case_line import Line
 from vrscan.study.report.accuracy.position_accuracy import error_bounds, phase_bounds
 
 CHAIN_TEST = "test_cases.py::test_chain_rtl_equals_model"
-WARNINGS = ("AT_EDGE", "SATURATED", "RIVAL", "ROW_STATISTICS")
+WARNINGS = ("AT_EDGE", "SATURATED", "RIVAL", "MIXED", "ROW_STATISTICS")
 OF_THE_POINT = frozenset({"NO_RANGE", "OUT_OF_RANGE"})  # not for entries without angles
 STEP_PX = 2.0**-pkg.POSITION_FRACTION
 WINDOWS = ("fit", "threshold")  # of ``peak.window``, on the page: the shipped one first
@@ -49,8 +49,8 @@ FARTHEST_MM = 4096.0  # of a range
 TABLE_PX = 2
 SIGMA_MAX_MM = (2**pkg.SIGMA_WIDTH - 1) * 2.0**-pkg.SIGMA_FRACTION
 
-# Flags that depend on the cut of the run: a first window of two has a cut of its own.
-OF_THE_WINDOW = frozenset({"AT_EDGE", "TOO_NARROW", "TOO_WIDE", "NO_PHASE", "RIVAL"})
+# Flags that depend on the window: a first window of two has a cut of its own, a fit tells MIXED.
+OF_THE_WINDOW = frozenset({"AT_EDGE", "TOO_NARROW", "TOO_WIDE", "NO_PHASE", "RIVAL", "MIXED"})
 
 
 @dataclass(frozen=True)

@@ -116,12 +116,14 @@ def _narrow() -> Iterator[Case]:
     yield LineCase(
         "spot-0.6-px",
         "sampled too coarsely for (8)",
-        "where three pixels are above 15 % of the height, within 0.01 px, and TOO_NARROW "
-        "elsewhere; one window measures it wherever it falls, 3 or 4 pixels, within 0.1 px",
+        "where three pixels are above 15 % of the height, within 0.01 px, MIXED where it lies on a "
+        "pixel, and TOO_NARROW elsewhere; one window measures it wherever it falls, 3 or 4 pixels, "
+        "within 0.1 px",
         tuple(
-            spot(700 + part, 0.6, 3000, flags="" if three else "TOO_NARROW", at_one="")
+            spot(700 + part, 0.6, 3000, flags=flags, at_one="")
             for part in np.arange(0.0, 1.0, 0.125).tolist()
             for three in (1.0 + min(part, 1.0 - part) < 0.6 * np.sqrt(-2.0 * np.log(0.15)),)
+            for flags in (("" if part else "MIXED") if three else "TOO_NARROW",)
         ),
         within_px=0.1,
         fit_px=0.01,
@@ -131,18 +133,22 @@ def _narrow() -> Iterator[Case]:
 def _wide() -> Iterator[Case]:
     def flanked(width: int) -> Line:
         left = 900
-        flags = "TOO_WIDE" if width == 65 or width > 255 else ""
+        wide = "TOO_WIDE" if width == 65 or width > 255 else ""
         heights = np.full(width, 3000.0)
         heights[[0, -1]] = 1500.0
         middle = left + (width - 1) / 2
         return line(
-            box(background(), left, heights), flags, true=middle, window=(left, left + width - 1)
+            box(background(), left, heights),
+            wide or "MIXED",
+            at_one=wide,
+            true=middle,
+            window=(left, left + width - 1),
         )
 
     yield LineCase(
         "peak-of-max-window",
         "254 and 255 pixels: the last that are measured",
-        f"with max_core at its largest: {INSIDE}",
+        f"with max_core at its largest: {INSIDE}; MIXED, for a box is no spot",
         (flanked(254), flanked(255)),
         peak=ANY_WIDTH,
     )
@@ -156,7 +162,7 @@ def _wide() -> Iterator[Case]:
     yield LineCase(
         "core-of-64-and-65-px",
         "a lamp or a lit edge is as bright as a spot, and wider",
-        "64 pixels at a quarter of the height are measured, 65 are TOO_WIDE",
+        "64 pixels at a quarter of the height are measured, and MIXED; 65 are TOO_WIDE",
         (flanked(64), flanked(65)),
     )
     wide = np.full(400, 3000.0)
@@ -196,23 +202,24 @@ def _ends() -> Iterator[Case]:
     yield LineCase(
         "spot-at-pixel-0",
         "half of the spot is outside",
-        "AT_EDGE; (8) of the half that is there, between its end and its middle: 1 to 4 px inside",
-        (spot(0.0, flags="AT_EDGE", window=(0, edge)),),
+        "AT_EDGE and MIXED, for half a spot is none; (8) of the half that is there, between its "
+        "end and its middle: 1 to 4 px inside",
+        (spot(0.0, flags="AT_EDGE MIXED", at_one="AT_EDGE", window=(0, edge)),),
         within_px=4.0,
     )
     yield LineCase(
         "spot-at-the-last-pixel",
         "half of the spot is outside",
         "as at pixel 0",
-        (spot(float(LAST), flags="AT_EDGE", window=(LAST - edge, LAST)),),
+        (spot(float(LAST), flags="AT_EDGE MIXED", at_one="AT_EDGE", window=(LAST - edge, LAST)),),
         within_px=4.0,
     )
     out = [-3.0, -1.5, 1.5, LAST - 1.5, LAST + 1.5, LAST + 3.0]
     yield LineCase(
         "spot-half-outside",
         "centres from 3 px outside to 1.5 px inside, at both ends",
-        "AT_EDGE; (8) of what is there: within the window, so at most N px off",
-        tuple(spot(centre, flags="AT_EDGE") for centre in out),
+        "AT_EDGE and MIXED; (8) of what is there: within the window, so at most N px off",
+        tuple(spot(centre, flags="AT_EDGE MIXED", at_one="AT_EDGE") for centre in out),
         within_px=edge + 1.0,
     )
 
@@ -350,11 +357,13 @@ def _company() -> Iterator[Case]:
     near = []
     for distance in (2, 4, 6, 8, 10, 12):
         pixels = with_spots(dark, (600, 3, 1500), (600 + distance, 3, 1500))
-        near.append(line(pixels, "", true=600 + distance / 2))
+        flags = "MIXED" if distance > 4 else ""  # at 2 sigma the top of the sum is flat
+        near.append(line(pixels, flags, at_one="", true=600 + distance / 2))
     yield LineCase(
         "two-equal-maxima-near",
         "2 to 12 px apart: one run, two maxima",
-        "one peak: the middle of both by symmetry, to a step",
+        "one peak: the middle of both by symmetry, to a step; MIXED from 6 px on, 2 sigma, where "
+        "the top of the two is flat",
         tuple(near),
     )
     valley = []
@@ -364,8 +373,8 @@ def _company() -> Iterator[Case]:
     yield LineCase(
         "two-equal-maxima-two-runs",
         "18 to 20 px apart: the valley is below the first cut",
-        "RIVAL; the first maximum's run, which the other spot pulls by less than 0.1 px",
-        tuple(line(entry.pixels, "RIVAL", true=600) for entry in valley),
+        "RIVAL and MIXED; the first maximum's run, which the other spot pulls by less than 0.1 px",
+        tuple(line(entry.pixels, "RIVAL MIXED", true=600) for entry in valley),
         within_px=0.1,
         window="fit",
     )
@@ -392,10 +401,11 @@ def _company() -> Iterator[Case]:
         yield LineCase(
             f"rival-{ratio:g}-near",
             f"another peak of {ratio:g} of the height, 4 sigma away, in the same run",
-            "RIVAL, for the valley is below a quarter of the height; (8) of both, between them"
+            "MIXED, and RIVAL, for the valley is below a quarter of the height; (8) of both, "
+            "between them"
             if seen
-            else "one run at a quarter of the height, no RIVAL: (8) of both, which is between them",
-            (line(merged, "RIVAL" if seen else "", true=600),),
+            else "MIXED; one run at a quarter of the height, no RIVAL: (8) of both, between them",
+            (line(merged, "RIVAL MIXED" if seen else "MIXED", at_one="RIVAL" * seen, true=600),),
             within_px=12.0,
         )
     normal = spot(900.0, 3, 2000)
