@@ -35,7 +35,7 @@ from vrscan.study.cases.case_line import Line
 from vrscan.study.report.accuracy.position_accuracy import error_bounds, phase_bounds
 
 CHAIN_TEST = "test_cases.py::test_chain_rtl_equals_model"
-WARNINGS = ("AT_EDGE", "SATURATED", "RIVAL", "MIXED", "ROW_STATISTICS")
+WARNINGS = ("AT_EDGE", "SATURATED", "RIVAL", "ROW_STATISTICS", "MIXED")
 OF_THE_POINT = frozenset({"NO_RANGE", "OUT_OF_RANGE"})  # not for entries without angles
 STEP_PX = 2.0**-pkg.POSITION_FRACTION
 WINDOWS = ("fit", "threshold")  # of ``peak.window``, on the page: the shipped one first

@@ -27,7 +27,7 @@ bits; a row of one module names the test of its RTL. `vrscan cases --write` make
   first is about (8) in the one window, and is tried with this alone. What is so *to a step* with
   one window may be off by 0.01 px with a fit.
   An error is *off without a warning* where it is more than {UNNOTICED_PX} px and four of its own
-  sigmas, and none of AT_EDGE, SATURATED, RIVAL, MIXED and ROW_STATISTICS is up.
+  sigmas, and none of AT_EDGE, SATURATED, RIVAL, ROW_STATISTICS and MIXED is up.
 - *As printed* are the paper's equations in float64 on the same lines, with nothing to catch what
   they leave undefined: the row's mean and deviation, a threshold one deviation above the mean, S/N
   of at least 2, (8) with T = N - 1 on raw pixels, (5) even, (3) and (4) with their tangents; for

@@ -66,6 +66,7 @@ def spot(
     *,
     flags: str = "",
     at_one: str | None = None,
+    mixed: bool = False,
     true: float | None = None,
     window: tuple[int, int] | None = None,
     base: Floats | None = None,
@@ -78,6 +79,7 @@ def spot(
         pixels=with_spots(ground, (centre, sigma, height), level=level, full=full),
         flags=frozenset(flags.split()),
         at_one=None if at_one is None else frozenset(at_one.split()),
+        mixed=mixed,
         true=centre if true is None else true,
         window=window,
     )
@@ -88,13 +90,14 @@ def line(
     flags: str | None = "",
     *,
     at_one: str | None = None,
+    mixed: bool = False,
     true: float | None = None,
     window: tuple[int, int] | None = None,
     position: float | None = None,
 ) -> Line:
     """Return a line of given pixels; flags are names separated by blanks, None for any."""
     names, others = (None if some is None else frozenset(some.split()) for some in (flags, at_one))
-    return Line(pixels, names, others, true=true, window=window, position=position)
+    return Line(pixels, names, others, mixed, true=true, window=window, position=position)
 
 
 def generator(salt: int) -> np.random.Generator:

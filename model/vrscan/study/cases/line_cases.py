@@ -120,7 +120,14 @@ def _narrow() -> Iterator[Case]:
         "pixel, and TOO_NARROW elsewhere; one window measures it wherever it falls, 3 or 4 pixels, "
         "within 0.1 px",
         tuple(
-            spot(700 + part, 0.6, 3000, flags=flags, at_one="")
+            spot(
+                700 + part,
+                0.6,
+                3000,
+                flags="" if three else "TOO_NARROW",
+                at_one="",
+                mixed=part == 0.0,
+            )
             for part in np.arange(0.0, 1.0, 0.125).tolist()
             for three in (1.0 + min(part, 1.0 - part) < 0.6 * np.sqrt(-2.0 * np.log(0.15)),)
             for flags in (("" if part else "MIXED") if three else "TOO_NARROW",)
@@ -139,8 +146,8 @@ def _wide() -> Iterator[Case]:
         middle = left + (width - 1) / 2
         return line(
             box(background(), left, heights),
-            wide or "MIXED",
-            at_one=wide,
+            flags,
+            mixed=not flags,
             true=middle,
             window=(left, left + width - 1),
         )
@@ -202,24 +209,23 @@ def _ends() -> Iterator[Case]:
     yield LineCase(
         "spot-at-pixel-0",
         "half of the spot is outside",
-        "AT_EDGE and MIXED, for half a spot is none; (8) of the half that is there, between its "
-        "end and its middle: 1 to 4 px inside",
-        (spot(0.0, flags="AT_EDGE MIXED", at_one="AT_EDGE", window=(0, edge)),),
+        "AT_EDGE; (8) of the half that is there, between its end and its middle: 1 to 4 px inside",
+        (spot(0.0, flags="AT_EDGE", mixed=True, window=(0, edge)),),
         within_px=4.0,
     )
     yield LineCase(
         "spot-at-the-last-pixel",
         "half of the spot is outside",
         "as at pixel 0",
-        (spot(float(LAST), flags="AT_EDGE MIXED", at_one="AT_EDGE", window=(LAST - edge, LAST)),),
+        (spot(float(LAST), flags="AT_EDGE", mixed=True, window=(LAST - edge, LAST)),),
         within_px=4.0,
     )
     out = [-3.0, -1.5, 1.5, LAST - 1.5, LAST + 1.5, LAST + 3.0]
     yield LineCase(
         "spot-half-outside",
         "centres from 3 px outside to 1.5 px inside, at both ends",
-        "AT_EDGE and MIXED; (8) of what is there: within the window, so at most N px off",
-        tuple(spot(centre, flags="AT_EDGE MIXED", at_one="AT_EDGE") for centre in out),
+        "AT_EDGE; (8) of what is there: within the window, so at most N px off",
+        tuple(spot(centre, flags="AT_EDGE", mixed=True) for centre in out),
         within_px=edge + 1.0,
     )
 
@@ -357,13 +363,11 @@ def _company() -> Iterator[Case]:
     near = []
     for distance in (2, 4, 6, 8, 10, 12):
         pixels = with_spots(dark, (600, 3, 1500), (600 + distance, 3, 1500))
-        flags = "MIXED" if distance > 4 else ""  # at 2 sigma the top of the sum is flat
-        near.append(line(pixels, flags, at_one="", true=600 + distance / 2))
+        near.append(line(pixels, "", mixed=distance >= 6, true=600 + distance / 2))
     yield LineCase(
         "two-equal-maxima-near",
         "2 to 12 px apart: one run, two maxima",
-        "one peak: the middle of both by symmetry, to a step; MIXED from 6 px on, 2 sigma, where "
-        "the top of the two is flat",
+        "one peak: the middle of both by symmetry, to a step; MIXED from 2 sigma on",
         tuple(near),
     )
     valley = []
@@ -373,8 +377,8 @@ def _company() -> Iterator[Case]:
     yield LineCase(
         "two-equal-maxima-two-runs",
         "18 to 20 px apart: the valley is below the first cut",
-        "RIVAL and MIXED; the first maximum's run, which the other spot pulls by less than 0.1 px",
-        tuple(line(entry.pixels, "RIVAL MIXED", true=600) for entry in valley),
+        "RIVAL; the first maximum's run, which the other spot pulls by less than 0.1 px",
+        tuple(line(entry.pixels, "RIVAL", mixed=True, true=600) for entry in valley),
         within_px=0.1,
         window="fit",
     )
@@ -404,8 +408,9 @@ def _company() -> Iterator[Case]:
             "MIXED, and RIVAL, for the valley is below a quarter of the height; (8) of both, "
             "between them"
             if seen
-            else "MIXED; one run at a quarter of the height, no RIVAL: (8) of both, between them",
-            (line(merged, "RIVAL MIXED" if seen else "MIXED", at_one="RIVAL" * seen, true=600),),
+            else "one run at a quarter of the height, no RIVAL: (8) of both, between them; MIXED "
+            "by a fit",
+            (line(merged, "RIVAL" if seen else "", mixed=True, true=600),),
             within_px=12.0,
         )
     normal = spot(900.0, 3, 2000)

@@ -102,6 +102,7 @@ def _slopes() -> Iterator[Case]:
                 clipped(background() + long + gauss(LENGTH, 1024 + part, sigma, 3000)),
                 "MIXED",
                 at_one="TOO_WIDE",
+                mixed=True,
                 true=1024 + part,
             )
             for part in PARTS
@@ -158,7 +159,8 @@ def _patterns() -> Iterator[Case]:
         yield LineCase(
             f"periodic-background-{name}",
             f"a wave of {amplitude:g} counts and {period:g} px under the spot and beside it",
-            f"it counts as noise and lifts the cut; within {within} px",
+            f"it counts as noise and lifts the cut; within {within} px. What of it lies under the spot "
+            "cannot be told from the spot's flanks",
             tuple(lines),
             within_px=within,
         )
