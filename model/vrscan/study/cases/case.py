@@ -49,8 +49,8 @@ FARTHEST_MM = 4096.0  # of a range
 TABLE_PX = 2
 SIGMA_MAX_MM = (2**pkg.SIGMA_WIDTH - 1) * 2.0**-pkg.SIGMA_FRACTION
 
-# Flags that depend on the window: a first window of two has a cut of its own, a fit tells MIXED.
-OF_THE_WINDOW = frozenset({"AT_EDGE", "TOO_NARROW", "TOO_WIDE", "NO_PHASE", "RIVAL", "MIXED"})
+# Flags that depend on the cut of the run: a first window of two has a cut of its own.
+OF_THE_WINDOW = frozenset({"AT_EDGE", "TOO_NARROW", "TOO_WIDE", "NO_PHASE", "RIVAL"})
 
 
 @dataclass(frozen=True)

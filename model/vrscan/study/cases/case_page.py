@@ -22,8 +22,7 @@ bits; a row of one module names the test of its RTL. `vrscan cases --write` make
 - *Defined result*, *flags* and *error here* are those of the shipped configuration, which fits a
   Gaussian, and the error is the largest over the row's lines; what `window = "threshold"`, the
   paper's one window, makes of them stands behind it where it differs. A spot that is no Gaussian is
-  not fitted, and has the position that (8) gives in the second window, with MIXED where it is far
-  from one. A row that says *one window*
+  not fitted, and has the position that (8) gives in the second window. A row that says *one window*
   first is about (8) in the one window, and is tried with this alone. What is so *to a step* with
   one window may be off by 0.01 px with a fit.
   An error is *off without a warning* where it is more than {UNNOTICED_PX} px and four of its own

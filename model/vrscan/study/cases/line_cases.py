@@ -116,9 +116,8 @@ def _narrow() -> Iterator[Case]:
     yield LineCase(
         "spot-0.6-px",
         "sampled too coarsely for (8)",
-        "where three pixels are above 15 % of the height, within 0.01 px, MIXED where it lies on a "
-        "pixel, and TOO_NARROW elsewhere; one window measures it wherever it falls, 3 or 4 pixels, "
-        "within 0.1 px",
+        "where three pixels are above 15 % of the height, within 0.01 px, and TOO_NARROW "
+        "elsewhere; one window measures it wherever it falls, 3 or 4 pixels, within 0.1 px",
         tuple(
             spot(
                 700 + part,
@@ -130,7 +129,6 @@ def _narrow() -> Iterator[Case]:
             )
             for part in np.arange(0.0, 1.0, 0.125).tolist()
             for three in (1.0 + min(part, 1.0 - part) < 0.6 * np.sqrt(-2.0 * np.log(0.15)),)
-            for flags in (("" if part else "MIXED") if three else "TOO_NARROW",)
         ),
         within_px=0.1,
         fit_px=0.01,
@@ -140,7 +138,7 @@ def _narrow() -> Iterator[Case]:
 def _wide() -> Iterator[Case]:
     def flanked(width: int) -> Line:
         left = 900
-        wide = "TOO_WIDE" if width == 65 or width > 255 else ""
+        flags = "TOO_WIDE" if width == 65 or width > 255 else ""
         heights = np.full(width, 3000.0)
         heights[[0, -1]] = 1500.0
         middle = left + (width - 1) / 2
@@ -155,7 +153,7 @@ def _wide() -> Iterator[Case]:
     yield LineCase(
         "peak-of-max-window",
         "254 and 255 pixels: the last that are measured",
-        f"with max_core at its largest: {INSIDE}; MIXED, for a box is no spot",
+        f"with max_core at its largest: {INSIDE}",
         (flanked(254), flanked(255)),
         peak=ANY_WIDTH,
     )
@@ -169,7 +167,7 @@ def _wide() -> Iterator[Case]:
     yield LineCase(
         "core-of-64-and-65-px",
         "a lamp or a lit edge is as bright as a spot, and wider",
-        "64 pixels at a quarter of the height are measured, and MIXED; 65 are TOO_WIDE",
+        "64 pixels at a quarter of the height are measured, 65 are TOO_WIDE",
         (flanked(64), flanked(65)),
     )
     wide = np.full(400, 3000.0)
@@ -405,8 +403,7 @@ def _company() -> Iterator[Case]:
         yield LineCase(
             f"rival-{ratio:g}-near",
             f"another peak of {ratio:g} of the height, 4 sigma away, in the same run",
-            "MIXED, and RIVAL, for the valley is below a quarter of the height; (8) of both, "
-            "between them"
+            "RIVAL, for the valley is below a quarter of the height; (8) of both, between them"
             if seen
             else "one run at a quarter of the height, no RIVAL: (8) of both, between them; MIXED "
             "by a fit",
