@@ -9,7 +9,6 @@ import zipfile
 from email.parser import Parser
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from vrscan.engines.tools import build_folder, repository_root
@@ -187,10 +186,12 @@ def test_the_notebook_runs_with_an_unpacked_wheel(site: Path, tmp_path: Path) ->
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout.splitlines()[-1])
     assert found.pop("columns")[:3] == ["line", "peak", "flags"]
-    noise = [median for name, median in found.items() if "noise" in name]
-    light = [median for name, median in found.items() if "noise" not in name]
-    assert np.allclose(noise, 0.6745, rtol=0.1)  # of a normal distribution
-    assert min(light) > 5.0
+    normal = 0.6745  # of a normal distribution
+    assert found.pop("one window, sensor's noise") == pytest.approx(normal, rel=0.1)
+    assert found.pop("one window, all of it") > 5.0  # for it knows no speckle
+    assert found.pop("fit, all of the light") == pytest.approx(normal, rel=0.1)
+    assert 0.5 * normal < found.pop("fit, sensor's noise") < normal  # it allows for some speckle
+    assert not found
 
 
 def test_the_notebook_is_kept_without_what_it_printed() -> None:

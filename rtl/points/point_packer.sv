@@ -111,7 +111,7 @@ module point_packer #(
   logic        filling_q, held_q, first_q;
   logic [31:0] line_q, base_q, expected_q, distance_q;
   logic [ 7:0] remainder_q;
-  logic        selected_q, gap_q, measured_q, inward_q;
+  logic        selected_q, gap_q, measured_q, inward_q, mixed_q;
   logic [ 6:0] confidence_q;
   logic [15:0] flags_q;
   logic [ 7:0] compact_q;
@@ -132,7 +132,7 @@ module point_packer #(
                                      || flags_q[vrscan_pkg::FlagNoPhase];
     compact[link_pkg::CompactAtEdge] = flags_q[vrscan_pkg::FlagAtEdge];
     compact[link_pkg::CompactSaturated] = flags_q[vrscan_pkg::FlagSaturated];
-    compact[link_pkg::CompactRival] = flags_q[vrscan_pkg::FlagRival];
+    compact[link_pkg::CompactRival] = flags_q[vrscan_pkg::FlagRival] || mixed_q;
     compact[link_pkg::CompactRange] = flags_q[vrscan_pkg::FlagNoRange]
                                       || flags_q[vrscan_pkg::FlagOutOfRange];
     compact[link_pkg::CompactMirror] = flags_q[vrscan_pkg::FlagNotRunning]
@@ -149,6 +149,7 @@ module point_packer #(
       if (record_index_i == AtFlags) flags_q[7:0] <= record_i;
       if (record_index_i == AtFlags + 6'd1) flags_q[15:8] <= record_i;
       if (record_index_i == AtBits) {inward_q, measured_q} <= record_i[1:0];
+      if (record_index_i == AtBits) mixed_q <= record_i[3];
       if (record_index_i == AtConfidence) confidence_q <= record_i[7:1];
 
       // The distance to the last line of the stream modulo the step, a bit a byte.

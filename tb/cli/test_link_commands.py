@@ -78,8 +78,9 @@ class TestBoard(FakeBoard):
             both, np.full(len(both), angle), np.full(len(both), power), chain(self), max_window=255
         )
         made = full_records(points, 0, 0)
-        # What a chain does not know: bit 0 measured, bit 2 a test line.
-        made["power"], made["bits"] = power, 4 + points.measured
+        # What a chain does not know: the power, and bit 2, a test line. Bit 3 is MIXED.
+        made["power"] = power
+        made["bits"] = 4 + points.measured + 8 * (points.flags >> pkg.FLAG_MIXED & 1)
         made = made[len(before) :]
         field = getattr(self, "spoiled", None)
         if field is not None:

@@ -77,9 +77,14 @@ def test_the_mirrors_flags_go_with_their_lines() -> None:
 
 
 def test_a_flat_window_has_no_phase() -> None:
-    result = chain(np.where((STEP >= 700) & (STEP < 720), 9000.0, 0.0))
+    """One window is flat; a second one has dark beside it, and the middle."""
+    box = np.where((STEP >= 700) & (STEP < 720), 9000.0, 0.0)
+    result = chain(box, peak={"window": "threshold"})
     assert flags(result) == {"SATURATED", "NO_PHASE"}
     assert not result.measured[0]
+    result = chain(box)
+    assert flags(result) == {"SATURATED"}
+    assert result.position_px[0] == pytest.approx(709.5, abs=0.1)
 
 
 def test_without_noise_the_ratio_is_the_largest() -> None:

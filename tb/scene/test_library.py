@@ -19,6 +19,7 @@ from vrscan.scene.light import Light
 from vrscan.scene.render import Renderer
 from vrscan.scene.sensor import bloom, expose_pixels
 from vrscan.scene.timeline import Scan, timeline
+from vrscan.study.report.efficiency import with_window
 
 CONFIG = Config()
 LENGTH = CONFIG.sensor.line_length
@@ -68,7 +69,9 @@ def points(laser: np.ndarray, angle: np.ndarray, made: Renderer) -> Table:
     offset = charge.other_offset_e + charge.offset_e
     found = expose_pixels(words, mean, made.readout, offset)
     power = np.full(len(angle), CONFIG.laser.power_max)
-    return table(run_fixed(found, angle_turns(angle), power, Registers.from_config(CONFIG)))
+    # One window: a fit would stand on a line and not on its neighbour, which is not light's doing.
+    registers = Registers.from_config(with_window(CONFIG, "threshold"))
+    return table(run_fixed(found, angle_turns(angle), power, registers))
 
 
 def test_between_two_angles_a_line_is_far_nearer_than_speckle() -> None:

@@ -19,7 +19,7 @@ from vrscan.scene.effects import EFFECTS, present
 from vrscan.scene.light import Light
 from vrscan.scene.simulate import BLOCK, Scanner, simulate
 from vrscan.scene.speckle import Speckle
-from vrscan.study.plan import JUMP_PX, LEAST_LINES, PARTS, Plan, plan, survey
+from vrscan.study.plan import JUMP_PX, LEAST_LINES, PARTS, Plan, judged, plan, survey
 
 CONFIG = Config()
 COUNT = 400
@@ -40,7 +40,7 @@ def _plan(name: str, tolerance_px: float) -> Plan:
 
 def _points(light: Light, active: frozenset[str], every_ray: bool, tolerance_px: float) -> Table:
     scan = simulate(light, COUNT, active, every_ray=every_ray, tolerance_px=tolerance_px)
-    return run(Engine.FIXED, scan.lines, CONFIG)
+    return run(Engine.FIXED, scan.lines, judged(CONFIG))
 
 
 @functools.cache
@@ -210,7 +210,7 @@ def test_a_choice_holds_on_lines_that_the_survey_has_not_seen() -> None:
     blocks = [block for block in (7, 20, 33) if block not in surveyed]
     assert len(blocks) == 3
     apart, depth, differ = [], [], 0
-    registers = Registers.from_config(CONFIG)
+    registers = Registers.from_config(judged(CONFIG))
     for block in blocks:
         points = []
         for active, every_ray in ((whole, True), (found.active, found.every_ray)):

@@ -267,7 +267,7 @@ class _Trial:
         self._count = count
         self.spent_us = 0.0  # typical time of all renderings so far
         self.microseconds: dict[frozenset[str], float] = {}  # best time per line, by effects
-        self._registers = Registers.from_config(light.config)
+        self._registers = Registers.from_config(judged(light.config))
         tries, last = seen.first(_PER_ZONE[0]), len(seen.numbers)
         ends = {0, *(seen.first(n) for n in _STEPS), tries, *range(tries, last, _STEP), last}
         self._steps = [np.arange(a, b) for a, b in itertools.pairwise(sorted(ends))]
@@ -362,6 +362,16 @@ class _Trial:
         return bool(
             over[: len(ZONES)].any() or (other > np.maximum(_MOST_CHANGED * size, 1.0)).any()
         )
+
+
+def judged(config: Config) -> Config:
+    """Return the configuration of the points that are compared: one window, whatever is set.
+
+    Its position changes as little as the light does. A fit depends on 15 other lines, and where it
+    stands with all effects and not with fewer, its line moves by more than any of them is worth.
+    """
+    update = {"window": "threshold"}
+    return config.model_copy(update={"peak": config.peak.model_copy(update=update)})
 
 
 def _spent(first: Table, second: Table, config: Config) -> Floats:

@@ -89,10 +89,10 @@ def figures_table(plan: Plan, scene: Description) -> RichTable:
     return Sheet(columns, rows).terminal(
         f"{scene.source}: what its points lose without each effect, "
         f"fidelity {plan.fidelity}{_tolerance(plan)}",
-        f"Bias and rms about it: how the position moves (with everything, less without the "
-        f"effect), on {plan.lines} lines. Points differ: share of lines with a point in only one "
-        f"of the two, or two more than {JUMP_PX:g} px apart, worst of near, middle, far and hidden "
-        f"from the camera. µs a line. Base: {BASE}. On and off hold from "
+        f"Bias and rms about it: how the position in one window moves (with everything, less "
+        f"without the effect), on {plan.lines} lines. Points differ: share of lines with a point "
+        f"in only one of the two, or two more than {JUMP_PX:g} px apart, worst of near, middle, "
+        f"far and hidden from the camera. µs a line. Base: {BASE}. On and off hold from "
         f"{LEAST_LINES:,} lines on; auto gives shorter scans everything.",
         apart=lambda line: line.kind,
         style=lambda line: line.style,

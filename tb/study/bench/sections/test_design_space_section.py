@@ -42,7 +42,7 @@ from vrscan.study.bench.sections import design_space_section as design_space
 from vrscan.study.bench.sections.section import Order
 from vrscan.study.bench.widths import Design
 from vrscan.study.report.accuracy.position_accuracy import guarantee
-from vrscan.study.report.efficiency import PEAKS, SIGMAS_PX
+from vrscan.study.report.efficiency import PEAKS, SIGMAS_PX, with_window
 
 ORDER = Order(Config(), 1, quick=True)
 SHIPPED = Design()
@@ -77,7 +77,7 @@ def test_at_the_shipped_widths_it_is_the_shipped_detector(pixel_width: int, peri
 
 
 def test_its_lines_and_windows_are_those_of_the_chain() -> None:
-    config = Config()
+    config = with_window(Config(), "threshold")
     true = np.random.default_rng(3).uniform(500.0, 1500.0, 64)
     lines = design.converted(design.light(3.0, 0.4, true, config, None)[0], 12)
     nothing = np.zeros(64, np.int64)

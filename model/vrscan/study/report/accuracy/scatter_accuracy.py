@@ -12,7 +12,7 @@ from vrscan.data.config import Config
 from vrscan.engines.engine import Engine, run
 from vrscan.fixed.peak_position import peak_position
 from vrscan.fixed.phase_correlate import phase_correlate
-from vrscan.study.report.efficiency import LOST_PX, PEAKS, SIGMAS_PX, cell_lines
+from vrscan.study.report.efficiency import LOST_PX, PEAKS, SIGMAS_PX, cell_lines, with_window
 from vrscan.study.report.figure import SEED, Figure, rms
 
 LAW = 0.1125  # std(delta) = LAW T / snr1, snr1 = |P1| / (sqrt(N) sigma_n): white noise, T = N
@@ -71,7 +71,7 @@ def measure(count: int) -> list[Figure]:
         ratio, floor = law_ratio(width, 30.0, 20 * count, draw)
         name = f"over 0.1125 T / snr1, N = {width}, snr1 = 30"
         figures.append(Figure(GROUP, name, "1", ratio, floor=floor))
-    config = Config()
+    config = with_window(Config(), "threshold")  # a fit's sigma allows for a little speckle
     for sigma_px in SIGMAS_PX:
         for peak in (PEAKS[0], PEAKS[-1]):
             lines, true, _ = cell_lines(sigma_px, peak, count, config)
