@@ -26,7 +26,7 @@ def random_records(draw: np.random.Generator, lines: Sequence[int]) -> Records:
             draw.integers(least, most, len(lines), endpoint=True),
         )
     records["flags"] &= draw.integers(1 << 16, size=len(lines), dtype=np.uint16)
-    records["bits"] &= 7
+    records["bits"] &= 15
     records["line"] = [line % (1 << 32) for line in lines]
     records["lost"] = 0
     return records
