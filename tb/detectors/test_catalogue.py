@@ -19,7 +19,7 @@ from vrscan.engines.engine import Engine
 from vrscan.ideal.statistics import statistics
 from vrscan.scene.sensor import spot_electrons
 from vrscan.study.bench import tune
-from vrscan.study.bench.bench_spots import Spot, profile, score, take
+from vrscan.study.report.spot_lines import Spot, profile, score, take
 
 SIGMAS = (1.0, 2.0, 4.0, 8.0, 12.0)
 SEED = 5

@@ -26,7 +26,6 @@ from vrscan.show.sheet import listed, number
 from vrscan.study.bench import bench_page as page
 from vrscan.study.bench import bench_report as report
 from vrscan.study.bench import cost, design_cost, detect, instrument
-from vrscan.study.bench.bench_spots import Spot, score, take
 from vrscan.study.bench.cells import Cell, Figures
 from vrscan.study.bench.sections import compare_section as compare
 from vrscan.study.bench.sections import growth_section as growth
@@ -35,6 +34,7 @@ from vrscan.study.bench.sections import speckle_section as speckle
 from vrscan.study.bench.sections import sweeps_section as sweeps
 from vrscan.study.bench.sections.section import Order
 from vrscan.study.report.efficiency import LOST_PX, PEAKS, SIGMAS_PX, cell_lines
+from vrscan.study.report.spot_lines import Spot, score, take
 
 ORDER = Order(Config(), 1, quick=True)
 # Others have own tests.

@@ -4,9 +4,9 @@ import numpy as np
 
 from vrscan.data.config import Config
 from vrscan.engines.engine import Engine
-from vrscan.study.bench.bench_spots import most_contrast
 from vrscan.study.report import numbers
 from vrscan.study.report.speckle_report import SPOTS, mean_efficiency, speckle_table, study
+from vrscan.study.report.spot_lines import most_contrast
 
 COUNT = 250  # lines a spot: a variance is known to 9 %, the mean of 24 to 2 %
 

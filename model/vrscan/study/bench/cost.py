@@ -12,10 +12,10 @@ from vrscan.data.config import Config
 from vrscan.detectors.catalogue import Detector, detectors
 from vrscan.engines.tools import build_folder
 from vrscan.ideal.statistics import statistics
-from vrscan.study.bench.bench_spots import Spot, take
 from vrscan.study.bench.cells import Figures, configuration
 from vrscan.study.bench.detect import source
 from vrscan.study.bench.instrument import CHUNK, MAX_WINDOW, best, reference
+from vrscan.study.report.spot_lines import Spot, take
 
 WORK = "vrscan.study.bench.cost:software"
 TIMING = "make timing"  # writes the results of the place and route tools

@@ -23,11 +23,11 @@ from vrscan.ideal.geometry import project, triangle, undistorted
 from vrscan.ideal.position import first_harmonic, windows
 from vrscan.registers.chain_registers import Registers
 from vrscan.scene.sensor import REACH
-from vrscan.study.bench.bench_spots import profile, score
 from vrscan.study.bench.cells import Figures, configuration
 from vrscan.study.bench.widths import ADC_BITS, Design
 from vrscan.study.report.efficiency import BACKGROUND_COUNTS, PEAKS, READ_NOISE_COUNTS
 from vrscan.study.report.figure import mean, rms
+from vrscan.study.report.spot_lines import profile, score
 
 EXACT, NOISY, SKEWED = (
     f"vrscan.study.bench.design:{name}" for name in ("exact", "noisy", "skewed")

@@ -10,8 +10,8 @@ import numpy as np
 from vrscan.detectors.catalogue import detector, detectors
 from vrscan.detectors.patch import REACH
 from vrscan.ideal.statistics import statistics
-from vrscan.study.bench.bench_spots import Spot, score, take
 from vrscan.study.bench.cells import Figures, configuration
+from vrscan.study.report.spot_lines import Spot, score, take
 
 WORK = "vrscan.study.bench.detect:spots"
 _MAX_WINDOW = 2 * REACH + 1

@@ -18,10 +18,10 @@ from vrscan.detectors.catalogue import Detector, detectors
 from vrscan.detectors.patch import REACH
 from vrscan.ideal.statistics import statistics
 from vrscan.show.sheet import Column, Sheet, words
-from vrscan.study.bench.bench_spots import Spot, mean_square, score, take
 from vrscan.study.bench.cells import Cell, Figures, configuration, plain
 from vrscan.study.bench.detect import source
 from vrscan.study.report.efficiency import LOST_PX
+from vrscan.study.report.spot_lines import Spot, mean_square, score, take
 
 WORK = "vrscan.study.bench.tune:train"
 SEED = 19860200  # no test uses it

@@ -1,7 +1,7 @@
 """The kinds of window on speckled spots, against both Cramer-Rao bounds, and what sigma says there.
 
 Sensor and noise are those of ``study.report.efficiency``; every line has speckle of its own, as
-``study.bench.bench_spots`` makes it. One bound is that of light alone, which no detector comes near
+``study.report.spot_lines`` makes it. One bound is that of light alone, which no detector comes near
 where speckle leads; the other knows of speckle, too, with pixels whose gains are independent.
 """
 
@@ -19,9 +19,9 @@ from vrscan.data.lines import Lines
 from vrscan.data.parallel import workers
 from vrscan.engines.engine import Engine, run
 from vrscan.show.sheet import Column, Sheet
-from vrscan.study.bench.bench_spots import Spot, take
 from vrscan.study.report.efficiency import LOST_PX
 from vrscan.study.report.figure import rms
+from vrscan.study.report.spot_lines import Spot, take
 
 CONTRASTS, PEAKS, SIGMAS_PX = (0.21, 0.29), (0.1, 0.25, 0.7), (1.5, 3.0, 6.0, 9.0)
 SPOTS = len(CONTRASTS) * len(PEAKS) * len(SIGMAS_PX)

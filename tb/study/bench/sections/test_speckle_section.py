@@ -13,11 +13,11 @@ from vrscan.data.config import Config
 from vrscan.detectors.catalogue import detector
 from vrscan.ideal.statistics import statistics
 from vrscan.study.bench import design_cost, detect
-from vrscan.study.bench.bench_spots import Spot, most_contrast, score, take
 from vrscan.study.bench.cells import Cell, Figures
 from vrscan.study.bench.sections import speckle_section as section
 from vrscan.study.bench.sections.section import Order
 from vrscan.study.report.efficiency import BACKGROUND_COUNTS, READ_NOISE_COUNTS
+from vrscan.study.report.spot_lines import Spot, most_contrast, score, take
 
 CONFIG = Config()
 ORDER = Order(CONFIG, 1, quick=True)

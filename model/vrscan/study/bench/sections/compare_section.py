@@ -13,10 +13,10 @@ from vrscan.show.sheet import Column, Sheet, listed, number, words
 from vrscan.show.style import INK, drawing, plain_log
 from vrscan.study.bench import cost, detect
 from vrscan.study.bench.bench_page import Block, Heading, Picture, Table, Text
-from vrscan.study.bench.bench_spots import mean_square
 from vrscan.study.bench.cells import Cell, Figures
 from vrscan.study.bench.sections.section import Found, Order, Section, is_own, look, png
 from vrscan.study.report.efficiency import LOST_PX, PEAKS, SIGMAS_PX
+from vrscan.study.report.spot_lines import mean_square
 
 LINES, QUICK_LINES = 5000, 300  # lines per cell
 SHOWN_PEAK = 0.5  # height whose rms the table shows

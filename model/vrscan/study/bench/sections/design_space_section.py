@@ -13,12 +13,12 @@ from vrscan.show.sheet import Column, Sheet, Value, listed, number, words
 from vrscan.show.style import COLOURS, INK, QUIET, drawing, plain_log
 from vrscan.study.bench import cost, design, design_cost
 from vrscan.study.bench.bench_page import Block, Heading, Picture, Table, Text, slug
-from vrscan.study.bench.bench_spots import mean_square
 from vrscan.study.bench.cells import Cell, Figures
 from vrscan.study.bench.design import RANGES_MM
 from vrscan.study.bench.sections.section import Found, Order, Section, png
 from vrscan.study.bench.widths import Design
 from vrscan.study.report.efficiency import PEAKS, SIGMAS_PX
+from vrscan.study.report.spot_lines import mean_square
 
 STEPS, QUICK_STEPS = 256, 32  # positions of a spot within a pixel
 LINES, QUICK_LINES = 1000, 60  # lines with noise for each of the 20 spots

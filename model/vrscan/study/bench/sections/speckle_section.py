@@ -17,10 +17,10 @@ from vrscan.show.sheet import Column, Sheet, listed, words
 from vrscan.show.style import INK, QUIET, drawing, plain_log
 from vrscan.study.bench import design_cost, detect
 from vrscan.study.bench.bench_page import Block, Picture, Table, Text
-from vrscan.study.bench.bench_spots import most_contrast
 from vrscan.study.bench.cells import Cell, Figures
 from vrscan.study.bench.sections.design_space_section import SHIPPED, front
 from vrscan.study.bench.sections.section import Found, Order, Section, is_own, look, png
+from vrscan.study.report.spot_lines import most_contrast
 
 LINES, QUICK_LINES = 2000, 100  # lines per cell
 SIGMAS_PX, COUNTS, CONTRASTS = (1.5, 3.0, 5.0, 9.0), (400, 1000, 3000), (0.0, 0.21, 0.29)

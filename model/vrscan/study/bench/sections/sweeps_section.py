@@ -14,7 +14,6 @@ from vrscan.show.sheet import Column, Sheet, listed, number, words
 from vrscan.show.style import QUIET, drawing
 from vrscan.study.bench import detect
 from vrscan.study.bench.bench_page import Block, Heading, Picture, Table, Text, slug
-from vrscan.study.bench.bench_spots import RETURN_PX, SLOPE_PX, most_contrast
 from vrscan.study.bench.cells import Cell, Figures
 from vrscan.study.bench.sections.section import (
     BOUND,
@@ -26,6 +25,7 @@ from vrscan.study.bench.sections.section import (
     png,
 )
 from vrscan.study.report.efficiency import LOST_PX
+from vrscan.study.report.spot_lines import RETURN_PX, SLOPE_PX, most_contrast
 
 LINES, QUICK_LINES = 4000, 200  # lines per cell
 _LEAST_LOST = 0.005  # a smaller share gets no panel of lost lines
