@@ -300,7 +300,7 @@ FAULTS = [
             "(pixel_2) >= saturation_level_i",
             "(pixel_2) > saturation_level_i",
         ),
-        ("far is near", "distance_q <= reach_q", "distance_q >= reach_q"),
+        ("far is near", "<= {reach_q, 1'b0}", ">= {reach_q, 1'b0}"),
         ("sigma without neighbours", "35'(total_q) + 35'(neighbours_q)", "35'(total_q)"),
         (
             "before the line",

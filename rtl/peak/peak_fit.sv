@@ -268,8 +268,9 @@ module peak_fit #(
 
   // The steps, limited.
   logic               move_negative_q, stretch_negative_q, rise_negative_q;
-  logic        [17:0] most_move_q;
-  logic        [12:0] most_stretch_q;
+  // A negative one is inverted here, and gets its 1 with its sign.
+  logic        [17:0] move_size_q;
+  logic        [12:0] stretch_size_q;
   logic signed [18:0] move_q;
   logic signed [13:0] stretch_q;
   logic signed [25:0] stepped_place_q;
@@ -279,20 +280,19 @@ module peak_fit #(
   logic        [19:0] most_rise_q, rise_q;
   logic        [20:0] stepped_amplitude_q;
   always_ff @(posedge clk_i) begin
-    most_move_q    <= |first_quotient[QuotientWidth-1:17] ? 18'(1 << 17)
-                                                          : {1'b0, first_quotient[16:0]};
-    most_stretch_q <= second_quotient > MostStretch ? 13'(MostStretch) : second_quotient[12:0];
-    move_q         <= move_negative_q ? -signed'({1'b0, most_move_q})
-                                      : signed'({1'b0, most_move_q});
-    stretch_q      <= stretch_negative_q ? -signed'({1'b0, most_stretch_q})
-                                         : signed'({1'b0, most_stretch_q});
+    move_size_q    <= (|first_quotient[QuotientWidth-1:17]
+                       ? 18'(1 << 17) : {1'b0, first_quotient[16:0]}) ^ {18{move_negative_q}};
+    stretch_size_q <= (second_quotient > MostStretch
+                       ? 13'(MostStretch) : second_quotient[12:0]) ^ {13{stretch_negative_q}};
+    move_q         <= signed'({move_negative_q, move_size_q} + 19'(move_negative_q));
+    stretch_q      <= signed'({stretch_negative_q, stretch_size_q} + 14'(stretch_negative_q));
     narrow_q       <= stepped_scale_q < 21'(signed'({1'b0, least_q}));
     wide_q         <= stepped_scale_q > 21'(signed'({1'b0, most_q}));
     most_rise_q    <= rise_negative_q ? amplitude_q >> 1 : amplitude_q;
     high_q         <= first_quotient > QuotientWidth'(most_rise_q);
-    rise_q         <= high_q ? most_rise_q : first_quotient[19:0];
-    stepped_amplitude_q <= rise_negative_q ? 21'(amplitude_q) - 21'(rise_q)
-                                           : 21'(amplitude_q) + 21'(rise_q);
+    rise_q         <= (high_q ? most_rise_q : first_quotient[19:0]) ^ {20{rise_negative_q}};
+    stepped_amplitude_q <= 21'(({1'b0, amplitude_q, 1'b1}
+                                + {rise_negative_q, rise_q, rise_negative_q}) >> 1);
   end
 
   // Roughness: what the differences have above what noise makes of them, at most 3/8 of a weight.
@@ -318,8 +318,9 @@ module peak_fit #(
     factor_q      <= pass_q != 2'd1 ? 28'(freedom_q)
                      : |differences_noise_q[36:32] ? '1 : differences_noise_q[31:4];
     most_rough_q  <= 40'(weight_q >> 2) + 40'(weight_q >> 3);
-    beyond_q      <= excess_negative ? lifted_excess_q + 57'({most_rough_q, 8'd0})
-                                     : lifted_excess_q - 57'({most_rough_q, 8'd0});
+    // A one below makes a negation of an inversion.
+    beyond_q      <= 57'(({lifted_excess_q, 1'b1}
+                          + ({9'd0, most_rough_q, 9'd0} ^ {58{!excess_negative}})) >> 1);
   end
 
   // The last lines, and their sums with what is assumed before any.
@@ -341,8 +342,7 @@ module peak_fit #(
   logic signed [FoundWidth-1:0] fit_place_q;
   logic        [38:0] chi_limit_q;
   logic signed [24:0] moved_q;
-  logic        [24:0] distance_q;
-  logic        [24:0] reach_q;
+  logic        [23:0] reach_q;
   logic        [39:0] mixed_limit_q;  // 13/8 of the limit
   logic               chi_small_q, enough_q, unclipped_q, on_line_q, near_q, within_q;
   logic               chi_large_q, mixed_q;
@@ -356,9 +356,9 @@ module peak_fit #(
                    + FoundWidth'(signed'({1'b0, (25'(place_q) + 25'(1 << 3)) >> 4}));
     on_line_q   <= fit_place_q >= 0 && fit_place_q < LineEnd;
     moved_q     <= signed'({1'b0, place_q}) - signed'({1'b0, started_q});
-    distance_q  <= moved_q[24] ? unsigned'(-moved_q) : unsigned'(moved_q);
-    reach_q     <= (25'(begin_q) << 3) + (25'(begin_q) << 1);
-    near_q      <= distance_q <= reach_q;
+    reach_q     <= (24'(begin_q) << 3) + (24'(begin_q) << 1);
+    // A negative one's inversion is one less than it is far.
+    near_q      <= {moved_q[23:0] ^ {24{moved_q[24]}}, moved_q[24]} <= {reach_q, 1'b0};
     chi_small_q <= chi_q <= 44'(signed'({1'b0, chi_limit_q}));
     mixed_limit_q <= 40'(chi_limit_q) + 40'(chi_limit_q >> 1) + 40'(chi_limit_q >> 3);
     chi_large_q <= chi_q > 44'(signed'({1'b0, mixed_limit_q}));
@@ -924,7 +924,7 @@ module peak_fit #(
   end
 
   // How far the last pixel has come: its sums are complete behind the last stage.
-  localparam int unsigned Stages = 28;
+  localparam int unsigned Stages = 30;
   logic [Stages-1:0] running_q;  // from stage 1 on
   always_ff @(posedge clk_i) begin
     running_q <= Stages'({running_q, running_0});
@@ -1106,19 +1106,20 @@ module peak_fit #(
   logic        inside_19;
   assign inside_19 = inside_delay_q[12];
   localparam int unsigned UDelay = 24;  // stage 2 to 26
-  localparam int unsigned QDelay = 13;  // stage 13 to 26
-  localparam int unsigned SquareDelay = 21;  // stage 5 to 26
+  localparam int unsigned QDelay = 15;  // stage 13 to 28
+  localparam int unsigned SquareDelay = 23;  // stage 5 to 28
   logic        [     18*UDelay-1:0] u_delay_q;
   logic        [     18*QDelay-1:0] q_delay_q;
   logic        [17*SquareDelay-1:0] square_delay_q;
-  logic signed [17:0] u_26, q_14, q_22, q_26;
-  logic signed [17:0] square_22, square_26;
+  logic signed [17:0] u_26, q_14, q_22, q_28;
+  logic signed [17:0] square_23, square_27, square_28;
   assign u_26      = signed'(u_delay_q[18*UDelay-1-:18]);
   assign q_14      = signed'(q_delay_q[17:0]);
   assign q_22      = signed'(q_delay_q[18*9-1-:18]);
-  assign q_26      = signed'(q_delay_q[18*QDelay-1-:18]);
-  assign square_22 = signed'({1'b0, square_delay_q[17*17-1-:17]});
-  assign square_26 = signed'({1'b0, square_delay_q[17*SquareDelay-1-:17]});
+  assign q_28      = signed'(q_delay_q[18*QDelay-1-:18]);
+  assign square_23 = signed'({1'b0, square_delay_q[17*18-1-:17]});
+  assign square_27 = signed'({1'b0, square_delay_q[17*22-1-:17]});
+  assign square_28 = signed'({1'b0, square_delay_q[17*SquareDelay-1-:17]});
   always_ff @(posedge clk_i) begin
     inside_delay_q <= 13'({inside_delay_q, inside_6});
     top_delay_q    <= 10'({top_delay_q, top_6});
@@ -1165,30 +1166,37 @@ module peak_fit #(
   end
 
   // ---- weighted quotients and moments ----
-  logic signed [17:0] weight_22;
-  logic signed [35:0] weighted_23, weighted_24, moment_23, moment_24;
-  logic signed [17:0] weighted_25, moment_25, weighted_26, moment_26;
-  logic signed [35:0] slope_27, slope_28, curve_27, curve_28, fourth_27, fourth_28, chi_27, chi_28;
+  // Each product begins a clock behind another, so that no register has to lie beside two
+  // multipliers.
+  logic signed [17:0] weight_22, weight_23;
+  logic signed [35:0] weighted_23, weighted_24, moment_24, moment_25;
+  logic signed [17:0] weighted_25, weighted_26, weighted_27, weighted_28;
+  logic signed [17:0] moment_26, moment_27, moment_28;
+  logic signed [35:0] slope_27, slope_28, curve_28, curve_29, fourth_29, fourth_30, chi_29, chi_30;
   always_ff @(posedge clk_i) begin
-    weight_22 <= signed'(18'(weight_21));
-
+    weight_22   <= signed'(18'(weight_21));
     weighted_23 <= weight_22 * q_22;
-    moment_23   <= weight_22 * square_22;
     weighted_24 <= weighted_23;
-    moment_24   <= moment_23;
     weighted_25 <= 18'(weighted_24 >>> WeightFraction) + 18'(weighted_24[WeightFraction-1]);
-    moment_25   <= 18'(moment_24 >>> WeightFraction) + 18'(moment_24[WeightFraction-1]);
     weighted_26 <= weighted_25;
-    moment_26   <= moment_25;
+    weighted_27 <= weighted_26;
+    weighted_28 <= weighted_27;
+
+    weight_23 <= weight_22;
+    moment_24 <= weight_23 * square_23;
+    moment_25 <= moment_24;
+    moment_26 <= 18'(moment_25 >>> WeightFraction) + 18'(moment_25[WeightFraction-1]);
+    moment_27 <= moment_26;
+    moment_28 <= moment_27;
 
     slope_27  <= weighted_26 * u_26;
-    curve_27  <= weighted_26 * square_26;
-    fourth_27 <= moment_26 * square_26;
-    chi_27    <= weighted_26 * q_26;
     slope_28  <= slope_27;
-    curve_28  <= curve_27;
-    fourth_28 <= fourth_27;
-    chi_28    <= chi_27;
+    curve_28  <= weighted_27 * square_27;
+    curve_29  <= curve_28;
+    fourth_29 <= moment_28 * square_28;
+    fourth_30 <= fourth_29;
+    chi_29    <= weighted_28 * q_28;
+    chi_30    <= chi_29;
   end
 
   // ---- sums: what is not inside has no weight, and what does not run is not inside ----
@@ -1215,12 +1223,12 @@ module peak_fit #(
       end
       if (quad_19) rough_q <= rough_q + 42'(unsigned'(rough_19));
       s0_q  <= s0_q + 24'(weight_21);
-      s2_q  <= s2_q + 25'(unsigned'(moment_25));
+      s2_q  <= s2_q + 25'(unsigned'(moment_26));
       b0_q  <= b0_q + 26'(weighted_25);
-      s4_q  <= s4_q + 42'(unsigned'(fourth_28));
+      s4_q  <= s4_q + 42'(unsigned'(fourth_30));
       b1_q  <= b1_q + 44'(slope_28);
-      b2_q  <= b2_q + 43'(curve_28);
-      chi_q <= chi_q + 44'(chi_28);
+      b2_q  <= b2_q + 43'(curve_29);
+      chi_q <= chi_q + 44'(chi_30);
     end
   end
 

@@ -57,7 +57,7 @@ MOST_GAIN = (1 << 30) - 1
 MOST_NOISE = (1 << 32) - 1
 QUOTIENT_WIDTH = 26
 ROOT_WIDTH = 31
-LATENCY = 1645  # clocks from valid_i to valid_o
+LATENCY = 1653  # clocks from valid_i to valid_o
 UNMEASURED_LATENCY = 3
 
 
