@@ -253,15 +253,14 @@ module vrscan_chain #(
 
   // The point so far waits here while the next line is correlated.  Before a fit it waits for as long
   // as a line can take, so that fits are a line's time apart.
-  logic                                have_position_q, have_confidence_q, start, start_q;
+  logic                                have_position_q, have_confidence_q, start, start_q, aged_q;
   logic [$clog2(vrscan_pkg::FitStart)-1:0] age_q;
   localparam int unsigned AgeWidth = $clog2(vrscan_pkg::FitStart);
   assign start = (have_position_q || positioned) && (have_confidence_q || judged)
-                 && (!peak_i.window_fit || age_q == AgeWidth'(vrscan_pkg::FitStart - 1))
-                 && !start_q;
+                 && (!peak_i.window_fit || aged_q) && !start_q;
   always_ff @(posedge clk_i) begin
-    if (found) age_q <= '0;
-    else if (age_q != AgeWidth'(vrscan_pkg::FitStart - 1)) age_q <= age_q + AgeWidth'(1);
+    age_q  <= found ? '0 : age_q + AgeWidth'(1);
+    aged_q <= !found && (aged_q || age_q == AgeWidth'(vrscan_pkg::FitStart - 2));
     have_position_q   <= (have_position_q || positioned) && !start_q;
     have_confidence_q <= (have_confidence_q || judged) && !start_q;
     start_q           <= start;

@@ -232,7 +232,7 @@ FAULTS = [
         ),
         (
             "any run is a rival",
-            "core_ends && WiderWidth'(core_width) >= WiderWidth'(min_width_q)",
+            "core_ends && core_enough",
             "core_ends",
         ),
         (
@@ -664,7 +664,7 @@ FAULTS = [
         ("lines may come too fast", "(LineLength >= LinePeriod ? 0 : LinePeriod)", "(0)"),
         ("two passes too fast", "(LineLength >= TwoPeriod ? 0 : TwoPeriod)", "(0)"),
         ("fits too fast", "(LineLength >= FitPeriod ? 0 : FitPeriod)", "(0)"),
-        ("a fit does not wait", "age_q == AgeWidth'(vrscan_pkg::FitStart - 1))", "1'b1)"),
+        ("a fit does not wait", "!peak_i.window_fit || aged_q", "1'b1"),
         ("first window for the second", "if (second_q) begin", "if (1'b0) begin"),
         ("drops are not reset", "if (rst_i) dropped_count_q <= '0;", ""),
         (

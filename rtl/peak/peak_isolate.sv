@@ -88,12 +88,13 @@ module peak_isolate #(
   localparam int unsigned RivalWidth  = $clog2(MostRivals + 2);
 
   // ---- limits that registers cannot leave ----
-  logic [WindowWidth-1:0] min_width_q, max_width_q, max_core_q;
+  logic [WindowWidth-1:0] min_width_q, below_min_q, max_width_q, max_core_q;
   always_ff @(posedge clk_i) begin
     min_width_q <= peak_i.min_width < WindowWidth'(vrscan_pkg::MinWindow)
                    ? WindowWidth'(vrscan_pkg::MinWindow) : peak_i.min_width;
     max_width_q <= peak_i.max_width >= WindowWidth'(MaxWindow) ? WindowWidth'(MaxWindow)
                                                                : peak_i.max_width;
+    below_min_q <= min_width_q - WindowWidth'(1);
     max_core_q  <= peak_i.max_core;
   end
 
@@ -142,6 +143,14 @@ module peak_isolate #(
   assign core_height  = TermWidth'(height_q >> CoreShift);
   assign height_limit = TermWidth'(height_q) << vrscan_pkg::SnrFraction;
 
+  // What is compared stands since the product before.
+  logic spread_high_q, spread_larger_q, noise_larger_q;
+  always_ff @(posedge clk_i) begin
+    spread_high_q   <= !peak_i.noise_row && spread_term_q > half_height;
+    spread_larger_q <= spread_term_q > TermWidth'(height_term_q);
+    noise_larger_q  <= noise_term_q > core_height;
+  end
+
   always_ff @(posedge clk_i) begin
     start_q  <= 1'b0;
     replay_o <= 1'b0;
@@ -168,7 +177,7 @@ module peak_isolate #(
         state_q       <= HEIGHT_TERM;
       end
       HEIGHT_TERM: if (product_valid) begin
-        if (!peak_i.noise_row && spread_term_q > half_height) spread_term_q <= half_height;
+        if (spread_high_q) spread_term_q <= half_height;
         height_term_q <= height_term;
         factor_q      <= signed'({1'b0, peak_i.k_noise});
         count_q       <= signed'({1'b0, noise_q});
@@ -176,8 +185,8 @@ module peak_isolate #(
         state_q       <= NOISE_TERM;
       end
       NOISE_TERM: if (product_valid) begin
-        threshold_q  <= (TermWidth + 1)'(spread_term_q > TermWidth'(height_term_q)
-                                         ? spread_term_q : TermWidth'(height_term_q));
+        threshold_q  <= (TermWidth + 1)'(spread_larger_q ? spread_term_q
+                                                         : TermWidth'(height_term_q));
         noise_term_q <= noise_term;
         factor_q     <= signed'({1'b0, peak_i.snr_min});
         count_q      <= signed'({1'b0, noise_q});
@@ -185,7 +194,7 @@ module peak_isolate #(
         state_q      <= SNR_TERM;
       end
       SNR_TERM: if (product_valid) begin
-        core_q    <= (TermWidth + 1)'(noise_term_q > core_height ? noise_term_q : core_height);
+        core_q    <= (TermWidth + 1)'(noise_larger_q ? noise_term_q : core_height);
         low_snr_q <= height_q == '0 || height_limit < product[TermWidth-1:0];
         count_q   <= signed'({1'b0, spread_q});
         start_q   <= 1'b1;
@@ -319,22 +328,23 @@ module peak_isolate #(
 
   // ---- runs above the core level ----
   logic                  core_in_run_q, core_has_max_q;  // of the run under way
-  logic [WidthWidth-1:0] core_width_q;
+  logic [WidthWidth-1:0] core_width_q;  // 0 outside of one
   logic                  broad_q, rival_q;  // of the line so far
   logic [RivalWidth-1:0] rivals_q;  // narrow ones, up to MostRivals + 1
-  logic                  core_has_max, core_ends, core_broad;
-  logic [WidthWidth-1:0] core_width;
+  logic                  core_has_max, core_ends, core_broad, core_enough;
   assign core_has_max = core_above_q ? is_max_q || (core_in_run_q && core_has_max_q)
                                      : core_has_max_q;
-  assign core_width   = !core_above_q ? core_width_q
-                        : core_in_run_q ? core_width_q + WidthWidth'(1) : WidthWidth'(1);
   assign core_ends    = core_above_q ? last_q : core_in_run_q;
-  assign core_broad   = WiderWidth'(core_width) > WiderWidth'(max_core_q);
+  // This pixel's one is compared with the width and not added to it first: w + 1 > m is
+  // 2 w + 1 >= 2 m + 1, and w > m is 2 w >= 2 m + 1.
+  assign core_broad  = {WiderWidth'(core_width_q), core_above_q} >= {WiderWidth'(max_core_q), 1'b1};
+  assign core_enough = {WiderWidth'(core_width_q), core_above_q}
+                       >= {WiderWidth'(below_min_q), 1'b1};
   always_ff @(posedge clk_i) begin
     if (seen_q) begin
       core_in_run_q  <= core_above_q && !last_q;
       core_has_max_q <= core_has_max;
-      core_width_q   <= core_width;
+      core_width_q   <= core_above_q && !last_q ? core_width_q + WidthWidth'(1) : '0;
       if (first_q) begin
         broad_q  <= 1'b0;
         rival_q  <= 1'b0;
@@ -342,13 +352,16 @@ module peak_isolate #(
       end
       if (core_ends && core_has_max) begin
         broad_q <= core_broad;
-      end else if (core_ends && WiderWidth'(core_width) >= WiderWidth'(min_width_q)) begin
+      end else if (core_ends && core_enough) begin
         rival_q <= 1'b1;
         if (!core_broad && rivals_q <= RivalWidth'(MostRivals))
           rivals_q <= rivals_q + RivalWidth'(1);
       end
     end
-    if (rst_i) core_in_run_q <= 1'b0;
+    if (rst_i) begin
+      core_in_run_q <= 1'b0;
+      core_width_q  <= '0;
+    end
   end
 
   // ---- the window's pixels ----
