@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial, reduce
-from itertools import product
 from operator import add
 from pathlib import Path
 
@@ -277,21 +276,24 @@ def latency(config: Config) -> list[Figure]:
     group = f"latency, last pixel to point, {CLOCK_HZ / 1e6:g} MHz"
     length, width = config.sensor.line_length, config.sensor.pixel_width
     figures = []
-    kinds = [(None, False), *((w, twice) for twice, w in product((False, True), LATENCY_WIDTHS))]
-    for window, twice in kinds:
+    shown = "latency, last pixel to point, at most"
+    Kind = tuple[str, int | None, bool, bool, str]
+    kinds: list[Kind] = [("not measured", None, False, False, "")]
+    for twice in (False, True):
+        more, mode = (", and again", "two passes") if twice else ("", "one window")
+        kinds += [(f"N = {w}{more}", w, twice, False, f"{mode}: {shown}") for w in LATENCY_WIDTHS]
+    kinds += [("with a fit", 255, True, True, shown)]
+    for name, window, twice, fit, headline in kinds:
         clocks = chain.latency(
             window or 0,
             measured=window is not None,
             line_length=length,
             pixel_width=width,
             first_width=window if twice else None,
+            fit=fit,
         )
-        name = "not measured" if window is None else f"N = {window}"
-        name += ", and again" if twice else ""
         figures.append(Figure(group, name, "clocks", clocks))
-        shown = "latency, last pixel to point, at most" if window else ""
-        shown = f"two passes: {shown}" if twice else shown
-        figures.append(Figure(group, name, "us", 1e6 * clocks / CLOCK_HZ, headline=shown))
+        figures.append(Figure(group, name, "us", 1e6 * clocks / CLOCK_HZ, headline=headline))
     return [
         *figures,
         Figure(
