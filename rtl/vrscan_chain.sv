@@ -298,7 +298,8 @@ module vrscan_chain #(
     .spread_i(held_q.sigma), .sigma_i(spot_sigma), .maximum_i(PixelWidth'(held_q.maximum)),
     .background_i(held_q.background), .noise_i(held_q.noise),
     .reading_o(fitting), .read_index_o(fit_index), .read_pixel_i(read_pixel),
-    .valid_o(fit_done), .fitted_o(fitted), .mixed_o(mixed), .position_o(fit_position), .sigma_o(fit_sigma),
+    .valid_o(fit_done), .fitted_o(fitted), .mixed_o(mixed),
+    .position_o(fit_position), .sigma_o(fit_sigma),
     .speckle_o(speckle), .kappa_i(peak_i.kappa),
     .saturation_level_i(peak_i.saturation_level)
   );

@@ -45,7 +45,8 @@ module point_record (
   assign record = {
     point_i.line.time_clks,
     16'd0,
-    5'(point_i.flags[vrscan_pkg::FlagWidth-1:16]), point_i.line.test, point_i.line.inward, point_i.measured,
+    5'(point_i.flags[vrscan_pkg::FlagWidth-1:16]),
+    point_i.line.test, point_i.line.inward, point_i.measured,
     point_i.line.confidence,
     point_i.width,
     point_i.c_sfm, point_i.c_obj,
