@@ -16,7 +16,8 @@
 //   centre_i          the optical axis; of geometry_i's only a line of up to 2048 pixels has room
 //   Latency  vrscan.fixed.vrscan_chain.latency(width) clocks from the last pixel with its line_end_i to valid_o:
 //            a constant plus twice the window, with two passes plus the first window and another
-//            constant, or a third constant where nothing is measured; with a fit two constants
+//            constant, or a third constant where nothing is measured; with a fit two constants, and
+//            the point comes when that time is over for the next line, or after NeighbourClks
 //   Model    vrscan.fixed.vrscan_chain, bit-exact
 
 `default_nettype none
@@ -26,6 +27,7 @@ module vrscan_chain #(
   parameter int unsigned PixelWidth = 12,
   parameter int unsigned MaxWindow  = 255,
   parameter int unsigned CountWidth = 16,  // where the counters of dropped lines and points stop
+  parameter int unsigned NeighbourClks = vrscan_pkg::NeighbourClks,
   localparam int unsigned IndexWidth    = $clog2(LineLength),
   localparam int unsigned WidthWidth    = $clog2(LineLength + 1),
   localparam int unsigned PositionWidth = IndexWidth + 1 + vrscan_pkg::PositionFraction,
@@ -66,7 +68,7 @@ module vrscan_chain #(
   end
   localparam int unsigned PlaceWidth = vrscan_pkg::PlaceWidth;
   vrscan_pkg::point_t begun, received_point, row, row_point, window, first, peak, point, held_q,
-                      placed, taken;
+                      fit, weighed_fit, placed, taken;
   localparam int unsigned PointWidth = $bits(begun);
 
   // ---- sensor ----
@@ -256,6 +258,7 @@ module vrscan_chain #(
   logic                                have_position_q, have_confidence_q, start, start_q, aged_q;
   logic [$clog2(vrscan_pkg::FitStart)-1:0] age_q;
   localparam int unsigned AgeWidth = $clog2(vrscan_pkg::FitStart);
+  logic [vrscan_pkg::SumWidth-1:0] light_q;
   assign start = (have_position_q || positioned) && (have_confidence_q || judged)
                  && (!peak_i.window_fit || aged_q) && !start_q;
   always_ff @(posedge clk_i) begin
@@ -264,7 +267,10 @@ module vrscan_chain #(
     have_position_q   <= (have_position_q || positioned) && !start_q;
     have_confidence_q <= (have_confidence_q || judged) && !start_q;
     start_q           <= start;
-    if (start) held_q <= point;
+    if (start) begin
+      held_q  <= point;
+      light_q <= height_sum;
+    end
     if (rst_i) begin
       have_position_q   <= 1'b0;
       have_confidence_q <= 1'b0;
@@ -290,6 +296,7 @@ module vrscan_chain #(
   logic signed [  PositionWidth-1:0] fit_position;
   logic [vrscan_pkg::SigmaWidth-1:0] fit_sigma;
   logic [vrscan_pkg::SpeckleWidth-1:0] speckle;
+  logic [vrscan_pkg::ScaleWidth-1:0] scale;
   peak_fit #(.LineLength(LineLength), .PixelWidth(PixelWidth)) u_peak_fit (
     .clk_i, .rst_i,
     .valid_i(start_q && peak_i.window_fit), .measured_i(held_q.measured),
@@ -300,17 +307,40 @@ module vrscan_chain #(
     .reading_o(fitting), .read_index_o(fit_index), .read_pixel_i(read_pixel),
     .valid_o(fit_done), .fitted_o(fitted), .mixed_o(mixed),
     .position_o(fit_position), .sigma_o(fit_sigma),
-    .speckle_o(speckle), .kappa_i(peak_i.kappa),
+    .speckle_o(speckle), .scale_o(scale), .kappa_i(peak_i.kappa),
     .saturation_level_i(peak_i.saturation_level)
   );
   logic unused_fit;
   assign unused_fit = ^{fitted, speckle};
   always_comb begin
+    fit = held_q;
+    if (held_q.measured) begin
+      fit.position = vrscan_pkg::PositionWidth'(fit_position);
+      fit.sigma    = fit_sigma;
+      fit.flags[vrscan_pkg::FlagMixed] = mixed;
+    end
+  end
+
+  // ---- what the lines before and behind say of it: the point waits for the latter ----
+  logic                              weighed, unlike;
+  logic [vrscan_pkg::SigmaWidth-1:0] weighed_sigma, doubt;
+  peak_neighbours #(
+    .LineLength(LineLength), .NeighbourClks(NeighbourClks), .UserWidth(PointWidth)
+  ) u_peak_neighbours (
+    .clk_i, .rst_i,
+    .valid_i(fit_done), .measured_i(fit.measured), .position_i(PositionWidth'(fit.position)),
+    .sigma_i(fit.sigma), .scale_i(scale), .light_i(light_q), .power_i(fit.line.power),
+    .user_i(fit),
+    .valid_o(weighed), .sigma_o(weighed_sigma), .doubt_o(doubt), .mixed_o(unlike),
+    .user_o(weighed_fit)
+  );
+  always_comb begin
     placed = held_q;
-    if (peak_i.window_fit && held_q.measured) begin
-      placed.position = vrscan_pkg::PositionWidth'(fit_position);
-      placed.sigma    = fit_sigma;
-      placed.flags[vrscan_pkg::FlagMixed] = mixed;
+    if (peak_i.window_fit) begin
+      placed       = weighed_fit;
+      placed.sigma = weighed_sigma;
+      placed.doubt = doubt;
+      placed.flags[vrscan_pkg::FlagMixed] = weighed_fit.flags[vrscan_pkg::FlagMixed] || unlike;
     end
   end
 
@@ -320,7 +350,7 @@ module vrscan_chain #(
   logic signed [vrscan_pkg::SlopeWidth-1:0] slope;
   distortion #(.LineLength(LineLength)) u_distortion (
     .clk_i, .rst_i, .centre_i, .geometry_i,
-    .valid_i(peak_i.window_fit ? fit_done : start_q), .position_i(PositionWidth'(placed.position)),
+    .valid_i(peak_i.window_fit ? weighed : start_q), .position_i(PositionWidth'(placed.position)),
     .valid_o(corrected), .offset_o(offset), .slope_o(slope), .saturated_o(offset_saturated)
   );
 

@@ -81,6 +81,9 @@ package vrscan_pkg;
   localparam int unsigned FitPeriod = 2048;
   localparam int unsigned SpeckleWidth = 20;  // squared contrast, all fraction
   localparam int unsigned SpeckleDepth = 16;  // lines over which it is steadied
+  localparam int unsigned ScaleWidth = 18;  // half of a spot's width at half of its height, px
+  localparam int unsigned ScaleFraction = 12;
+  localparam int unsigned NeighbourClks = 16384;  // lines further apart are no neighbours
 
   // Geometry.
   localparam int unsigned OffsetFraction = 20;  // px
@@ -155,7 +158,7 @@ package vrscan_pkg;
   localparam int unsigned FlagNotRunning = 13;  // the mirror is not in its state RUN
   localparam int unsigned FlagIndexFault = 14;  // an index crossing was missing or wrong
   localparam int unsigned FlagUnsettled = 15;  // amplitude or phase is off: shock, drift, start-up
-  localparam int unsigned FlagMixed = 16;  // no single spot: the fit's chi squared is far too large
+  localparam int unsigned FlagMixed = 16;  // not one spot on one surface
 
   // Clocks from valid_i to valid_o of what works operands off.
   function automatic int unsigned multiply_limbs(input int unsigned width);
@@ -201,6 +204,7 @@ package vrscan_pkg;
     logic [SnrWidth-1:0] snr;
     logic signed [PositionWidth-1:0] position;
     logic [SigmaWidth-1:0] sigma;
+    logic [SigmaWidth-1:0] doubt;  // what the neighbours add to sigma, in squares
     logic signed [LengthWidth-1:0] x;
     logic signed [LengthWidth-1:0] z;
     logic [SigmaWidth-1:0] sigma_z;

@@ -129,8 +129,8 @@ def detect(
         progress: Called with the number of lines done so far.
 
     Returns:
-        A table with a row for each line, whose columns are arrays [n]: ``position_px`` and
-        ``sigma_px`` where ``measured``; ``x_mm``, ``z_mm`` and ``sigma_z_mm`` where ``located``;
+        A table with a row for each line, whose columns are arrays [n]: ``position_px``,
+        ``sigma_px`` and ``doubt_px`` where ``measured``; ``x_mm``, ``z_mm`` and ``sigma_z_mm`` where ``located``;
         ``flags``, by name; and what else was measured of the line.
 
     Raises:
@@ -229,6 +229,7 @@ def to_frame(points: Table) -> "pd.DataFrame":
             "snr": points.snr,
             "position_px": where(points.measured, points.position_px),
             "sigma_px": where(points.measured, points.sigma_px),
+            "doubt_px": where(points.measured, points.doubt_px),
             "angle_rad": points.angle_rad,
             "x_mm": where(points.located, points.x_mm),
             "z_mm": where(points.located, points.z_mm),

@@ -20,6 +20,7 @@
 //                    twice the fit's where that is larger, which is what speckle does to a phase
 //   mixed_o          chi squared is above 8.1 a degree of freedom, and not for saturated pixels
 //   speckle_o        squared contrast, 20 fraction bits
+//   scale_o          half of the spot's width at half of its height, px, 12 fraction bits
 //   Latency  vrscan.fixed.peak_fit.LATENCY clocks from valid_i to valid_o, or UNMEASURED_LATENCY;
 //            a valid_i meanwhile is ignored
 //   Model    vrscan.fixed.peak_fit, bit-exact
@@ -57,6 +58,7 @@ module peak_fit #(
   output      logic signed [              PositionWidth-1:0] position_o,
   output      logic        [     vrscan_pkg::SigmaWidth-1:0] sigma_o,
   output      logic        [   vrscan_pkg::SpeckleWidth-1:0] speckle_o,
+  output      logic        [     vrscan_pkg::ScaleWidth-1:0] scale_o,
 
   // Configuration.
   input  wire logic        [     vrscan_pkg::KappaWidth-1:0] kappa_i,
@@ -113,6 +115,7 @@ module peak_fit #(
   logic        [23:0] place_q;
   logic signed [24:0] minus_place_q;
   logic        [17:0] scale_q;
+  assign scale_o = scale_q;
   logic        [25:0] step_q;
   logic        [33:0] total_q, speckle_part_q;
   logic        [38:0] shot_q;

@@ -1,8 +1,9 @@
 // point_record: all that is known of a line's point, as 64 bytes, one a clock.
 //
-// docs/link.md has the layout; numbers are little endian, signed ones sign-extended.  What has no
-// meaning is 0: left and right where width is 0; position, sigma, sigma_z where the point is not
-// measured.  x and z are free_from and free_to there.  The number of points lost before this one is 0: who keeps records, counts.
+// docs/link.md has the layout; numbers are little endian, signed ones sign-extended.  Without a
+// window left is 1 and right 0.  Where the point is not measured position, sigma, doubt and sigma_z
+// are 0, and x and z are free_from and free_to.  The number of points lost before this one is 0: who
+// keeps records, counts.
 //
 //   valid_i        a point, at least link_pkg::FullBytes clocks after the one before; the chain's
 //                  are vrscan_pkg::PointPeriod apart
@@ -30,11 +31,12 @@ module point_record (
 
   localparam int unsigned RecordWidth = 8 * link_pkg::FullBytes;
 
-  logic        [15:0] left, right, sigma, sigma_z;
+  logic        [15:0] left, right, sigma, doubt, sigma_z;
   logic signed [31:0] position, x, z;
-  assign left     = point_i.width != '0 ? point_i.left : 16'd0;
+  assign left     = point_i.width != '0 ? point_i.left : 16'd1;
   assign right    = point_i.width != '0 ? point_i.right : 16'd0;
   assign sigma    = point_i.measured ? point_i.sigma : 16'd0;
+  assign doubt    = point_i.measured ? point_i.doubt : 16'd0;
   assign sigma_z  = point_i.measured ? point_i.sigma_z : 16'd0;
   assign position = point_i.measured ? 32'(point_i.position) : 32'sd0;
   localparam int unsigned Align = vrscan_pkg::LengthFraction - vrscan_pkg::FreeFraction;
@@ -48,7 +50,7 @@ module point_record (
     5'(point_i.flags[vrscan_pkg::FlagWidth-1:16]),
     point_i.line.test, point_i.line.inward, point_i.measured,
     point_i.line.confidence,
-    point_i.width,
+    doubt,
     point_i.c_sfm, point_i.c_obj,
     point_i.line.power, sigma_z,
     unsigned'(z), unsigned'(x),

@@ -53,6 +53,9 @@ FIT_START = 1480
 FIT_PERIOD = 2048
 SPECKLE_WIDTH = 20
 SPECKLE_DEPTH = 16
+SCALE_WIDTH = 18
+SCALE_FRACTION = 12
+NEIGHBOUR_CLKS = 16384
 OFFSET_FRACTION = 20
 DISTORTION_WIDTH = 26
 DISTORTION_FRACTION = 24
@@ -169,6 +172,7 @@ STRUCTS: dict[str, tuple[tuple[str, int | str, bool], ...]] = {
         ("snr", SNR_WIDTH, False),
         ("position", POSITION_WIDTH, True),
         ("sigma", SIGMA_WIDTH, False),
+        ("doubt", SIGMA_WIDTH, False),
         ("x", LENGTH_WIDTH, True),
         ("z", LENGTH_WIDTH, True),
         ("sigma_z", SIGMA_WIDTH, False),

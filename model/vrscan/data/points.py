@@ -24,7 +24,7 @@ from vrscan.data.table import Table
 
 COLUMNS = (
     "line,peak,flags,left,right,maximum,row_mean,row_variance,background,noise,snr,"
-    "position_px,sigma_px,angle_rad,x_mm,z_mm,sigma_z_mm,c_obj,c_sfm,"
+    "position_px,sigma_px,doubt_px,angle_rad,x_mm,z_mm,sigma_z_mm,c_obj,c_sfm,"
     "free_from_mm,free_to_mm"
 )
 _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
@@ -60,6 +60,7 @@ class Points:
         snr: Signal-to-noise ratio, u16, 8 fraction bits.
         position: Position of the peak, px, signed, 12 fraction bits.
         sigma: Standard deviation of the position, px, u16, 12 fraction bits.
+        doubt: What the lines beside it add to sigma, in squares, px, in the same format.
         angle: Scan angle, fraction of a turn, s24.
         x: x of the point, mm, s24, 12 fraction bits.
         z: z of the point, in the format of ``x``.
@@ -85,6 +86,7 @@ class Points:
     snr: Ints
     position: Ints
     sigma: Ints
+    doubt: Ints
     angle: Ints
     x: Ints
     z: Ints
@@ -155,6 +157,7 @@ def table(points: Points) -> Table:
         snr=_scaled(points.snr, pkg.SNR_FRACTION),
         position_px=_scaled(points.position, pkg.POSITION_FRACTION),
         sigma_px=_scaled(points.sigma, pkg.SIGMA_FRACTION),
+        doubt_px=_scaled(points.doubt, pkg.SIGMA_FRACTION),
         angle_rad=_scaled(points.angle, pkg.ANGLE_WIDTH) * (2.0 * np.pi),
         x_mm=_scaled(points.x, pkg.LENGTH_FRACTION),
         z_mm=_scaled(points.z, pkg.LENGTH_FRACTION),
@@ -254,7 +257,7 @@ def csv_rows(result: Table) -> bytes:
     """Return the rows of points.csv, one for each peak, in the columns ``COLUMNS``.
 
     Every fixed-point number has just the decimals from which its word is read back. Fields without
-    meaning are empty: left and right without a window, position and sigma without a valid peak, x,
+    meaning are empty: left and right without a window, position, sigma and doubt without a valid peak, x,
     z and sigma_z where the rays do not meet, free_from and free_to where nothing is known to be
     free.
 
@@ -296,10 +299,11 @@ def csv_rows(result: Table) -> bytes:
             np.minimum(result.snr, snr_limit),
         ),
         text(
-            f"%.{position}f,{sigma}",
+            f"%.{position}f,{sigma},{sigma}",
             result.measured,
             result.position_px,
             np.minimum(result.sigma_px, sigma_limit),
+            np.minimum(result.doubt_px, sigma_limit),
         ),
         text(angle, everywhere, result.angle_rad),
         text(

@@ -46,7 +46,7 @@ FULL = np.dtype(
         ("power", "<u2"),
         ("c_obj", "u1"),
         ("c_sfm", "u1"),
-        ("width", "<u2"),
+        ("doubt", "<u2"),
         ("confidence", "u1"),
         ("bits", "u1"),
         ("lost", "<u2"),
@@ -249,6 +249,7 @@ def points(records: Records, pixel_width: int = 12) -> Points:
     names = [field.name for field in fields(Points) if field.name in (FULL.names or ())]
     found = {name: records[name].astype(np.int64) for name in names}
     found["flags"] = flags_of(records)
+    found["width"] = found["right"] - found["left"] + 1
     point = records["bits"] & MEASURED != 0
     for name, source in (("free_from", "x"), ("free_to", "z")):
         found[name] = np.where(point, 0, found[source] >> FREE_ALIGN)

@@ -12,8 +12,8 @@ from vrscan.data.arrays import Bools, Floats, Ints
 class Table:
     """The columns of points.csv in physical units; all arrays [n].
 
-    ``flags`` maps a flag's name to the rows that have it. position_px and sigma_px are valid where
-    ``measured``, x_mm, z_mm and sigma_z_mm where ``located``, left and right where ``width`` > 0,
+    ``flags`` maps a flag's name to the rows that have it. position_px, sigma_px and doubt_px, what
+    the lines beside it add to sigma_px in squares, are valid where ``measured``, x_mm, z_mm and sigma_z_mm where ``located``, left and right where ``width`` > 0,
     free_from_mm and free_to_mm where the latter is above 0: z between which the beam is free.
     Confidences are 0 to 1.
     """
@@ -31,6 +31,7 @@ class Table:
     snr: Floats
     position_px: Floats
     sigma_px: Floats
+    doubt_px: Floats
     angle_rad: Floats
     x_mm: Floats
     z_mm: Floats

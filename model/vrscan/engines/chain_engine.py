@@ -19,7 +19,7 @@ from vrscan.registers.structs import POINT, package_struct, register_struct
 # What the engine gives of a point: the fields of Points.
 RESULTS = (
     "line", "flags", "left", "right", "width", "maximum", "row_mean", "row_variance", "background",
-    "noise", "snr", "position", "sigma", "angle", "x", "z", "sigma_z", "c_obj", "c_sfm",
+    "noise", "snr", "position", "sigma", "doubt", "angle", "x", "z", "sigma_z", "c_obj", "c_sfm",
     "free_from", "free_to", "measured",
 )  # fmt: skip
 _LINE, _POINT = package_struct("line_t"), package_struct("point_t")
@@ -92,6 +92,8 @@ def _run(
         first_width=max_window if registers.window_two_pass else None,
         fit=registers.window_fit,
     )
+    if registers.window_fit:  # the last point waits for a line that does not come
+        longest += pkg.NEIGHBOUR_CLKS
 
     # Lines follow each other as closely as the chain takes them.
     two_pass, fit = registers.window_two_pass, registers.window_fit

@@ -9,7 +9,7 @@ from vrscan.data.records import FREE_ALIGN, FULL, INWARD, MEASURED, MORE_FLAGS, 
 LATENCY = 1  # clocks from valid_i to the first byte
 
 # The fields that have no meaning, and so are 0, where a point is not measured.
-_OF_MEASURED = ("position", "sigma", "sigma_z")
+_OF_MEASURED = ("position", "sigma", "doubt", "sigma_z")
 
 
 def point_record(
@@ -42,6 +42,5 @@ def point_record(
         records[name][~points.measured] = 0
     for name, ends in (("x", points.free_from), ("z", points.free_to)):
         records[name][~points.measured] = ends[~points.measured] << FREE_ALIGN
-    for name in ("left", "right"):
-        records[name][points.width == 0] = 0
+    records["left"][points.width == 0], records["right"][points.width == 0] = 1, 0
     return records

@@ -1,7 +1,7 @@
 """The bit-accurate signal chain, the twin of ``rtl/vrscan_chain.sv``."""
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from vrscan.fixed import (
     peak_confidence,
     peak_fit,
     peak_isolate,
+    peak_neighbours,
     peak_position,
     peak_refine,
     phase_correlate,
@@ -42,7 +43,9 @@ def latency(
     first_width: int | None = None,
     fit: bool = False,
 ) -> int:
-    """Return the clocks from a line's last pixel to its point.
+    """Return the clocks from a line's last pixel to its point, with a fit to that of the line before.
+
+    With a fit a point waits for the next line, but not longer than ``pkg.NEIGHBOUR_CLKS``.
 
     Args:
         width: Number of pixels in the window.
@@ -59,6 +62,7 @@ def latency(
     judged = phase + max(peak_position.LATENCY, peak_confidence.latency()) + 1
     if fit:
         judged = pkg.FIT_START + 1 + (peak_fit.LATENCY if measured else peak_fit.UNMEASURED_LATENCY)
+        judged += peak_neighbours.LATENCY
     return (
         line_receiver.LATENCY
         + line_statistics.latency(line_length, pixel_width, max_window)
@@ -155,7 +159,7 @@ def _run(
     registers: Registers,
     max_window: int,
     history: peak_fit.History,
-) -> tuple[Points, peak_fit.History]:
+) -> tuple["_Spots", peak_fit.History]:
     r = registers
     first_window = first_windows(lines, r, max_window)
     statistics, window = first_window
@@ -198,6 +202,7 @@ def _run(
     )
     sigma = quality.sigma
     mixed = np.zeros(len(lines), np.bool_)
+    scale = np.zeros(len(lines), np.int64)
     if r.window_fit:
         fit = peak_fit.peak_fit(
             lines,
@@ -217,7 +222,7 @@ def _run(
             history=history,
         )
         position, sigma, history = fit.position, fit.sigma, fit.history
-        mixed = fit.mixed
+        mixed, scale = fit.mixed, fit.scale
     position = np.where(harmonic.measured, position, 0)
     free_from, free_to = free_interval.free_interval(
         angle,
@@ -228,40 +233,15 @@ def _run(
         table_from=r.free_table_from,
         table_to=r.free_table_to,
     )
-    corrected = geometry_distortion.distortion(
-        position,
-        centre=r.centre,
-        k1=r.k1,
-        k2=r.k2,
-        even=r.even,
-        line_length=r.line_length,
-    )
-    place = geometry_triangulate.triangulate(
-        corrected.offset,
-        corrected.slope,
-        sigma,
-        angle,
-        measured=harmonic.measured,
-        saturated=corrected.saturated,
-        n0=r.n0,
-        n1=r.n1,
-        d0=r.d0,
-        d1=r.d1,
-        e0=r.e0,
-        e1=r.e1,
-        tolerance=r.tolerance,
-        line_length=r.line_length,
-    )
     flags = window.flags | mirror_flags << pkg.FLAG_NOT_RUNNING
     for bit, condition in (
         (pkg.FLAG_NO_PHASE, harmonic.no_phase),
         (pkg.FLAG_NO_NOISE, quality.no_noise),
         (pkg.FLAG_ROW_STATISTICS, statistics.row_statistics),
-        (pkg.FLAG_NO_RANGE, place.no_range),
-        (pkg.FLAG_OUT_OF_RANGE, place.out_of_range),
         (pkg.FLAG_MIXED, mixed),
     ):
         flags |= condition.astype(np.int64) << bit
+    none = np.zeros(len(lines), np.int64)
     points = Points(
         line=first + np.arange(len(lines)),
         flags=flags,
@@ -276,18 +256,88 @@ def _run(
         snr=quality.snr,
         position=position,
         sigma=sigma,
+        doubt=none,
         angle=angle,
-        x=place.x,
-        z=place.z,
-        sigma_z=place.sigma_z,
-        c_obj=place.c_obj,
+        x=none,
+        z=none,
+        sigma_z=none,
+        c_obj=none,
         c_sfm=quality.c_sfm,
         free_from=np.where(quality.c_sfm > 0, free_from, 0),
         free_to=np.where(quality.c_sfm > 0, free_to, 0),
         measured=harmonic.measured,
         pixel_width=r.pixel_width,
     )
-    return points, history
+    return _Spots(points, scale, harmonic.sum, power), history
+
+
+@dataclass(frozen=True)
+class _Spots:
+    """Spots of n lines that have no place yet, and what tells whether their neighbours agree."""
+
+    points: Points
+    scale: Ints
+    light: Ints
+    power: Ints
+
+
+def _located(spots: Sequence[_Spots], registers: Registers, breaks: Sequence[int]) -> Points:
+    """Return the points of lines that follow each other."""
+    r = registers
+    points = Points.concatenate([each.points for each in spots])
+    sigma, doubt, flags = points.sigma, points.doubt, points.flags
+    if r.window_fit:
+        scale, light, power = (
+            np.concatenate([getattr(each, name) for each in spots])
+            for name in ("scale", "light", "power")
+        )
+        beside = peak_neighbours.peak_neighbours(
+            measured=points.measured,
+            position=points.position,
+            sigma=points.sigma,
+            scale=scale,
+            light=light,
+            power=power,
+            breaks=breaks,
+        )
+        sigma, doubt = beside.sigma, beside.doubt
+        flags = flags | beside.mixed.astype(np.int64) << pkg.FLAG_MIXED
+    corrected = geometry_distortion.distortion(
+        points.position,
+        centre=r.centre,
+        k1=r.k1,
+        k2=r.k2,
+        even=r.even,
+        line_length=r.line_length,
+    )
+    place = geometry_triangulate.triangulate(
+        corrected.offset,
+        corrected.slope,
+        sigma,
+        points.angle,
+        measured=points.measured,
+        saturated=corrected.saturated,
+        n0=r.n0,
+        n1=r.n1,
+        d0=r.d0,
+        d1=r.d1,
+        e0=r.e0,
+        e1=r.e1,
+        tolerance=r.tolerance,
+        line_length=r.line_length,
+    )
+    flags = flags | place.no_range.astype(np.int64) << pkg.FLAG_NO_RANGE
+    flags = flags | place.out_of_range.astype(np.int64) << pkg.FLAG_OUT_OF_RANGE
+    return replace(
+        points,
+        flags=flags,
+        sigma=sigma,
+        doubt=doubt,
+        x=place.x,
+        z=place.z,
+        sigma_z=place.sigma_z,
+        c_obj=place.c_obj,
+    )
 
 
 def run_fixed(
@@ -299,6 +349,7 @@ def run_fixed(
     *,
     mirror_flags: Ints | int = 0,
     max_window: int = MAX_WINDOW,
+    breaks: Sequence[int] = (),
 ) -> Points:
     """Return the point of every line, bit for bit as the RTL for good lines.
 
@@ -311,6 +362,7 @@ def run_fixed(
         mirror_flags: Flags of the mirror from bit 0, NOT_RUNNING, upwards; 0..7, [n] or one for
             all.
         max_window: ``MaxWindow`` of the elaboration.
+        breaks: Lines that came more than ``pkg.NEIGHBOUR_CLKS`` after those before them.
 
     Returns:
         n points, numbered from 0.
@@ -331,8 +383,8 @@ def run_fixed(
     for start in range(0, max(1, len(lines)), CHUNK):
         part = slice(start, start + CHUNK)
         given = lines[part], angle[part], power[part], raised[part]
-        points, history = _run(*given, start, registers, max_window, history)
-        parts.append(points)
+        spots, history = _run(*given, start, registers, max_window, history)
+        parts.append(spots)
         if progress is not None:
             progress(min(start + CHUNK, len(lines)))
-    return Points.concatenate(parts)
+    return _located(parts, registers, breaks)

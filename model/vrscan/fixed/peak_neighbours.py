@@ -1,0 +1,119 @@
+"""What the lines beside it say of a spot, the twin of ``rtl/peak/peak_neighbours.sv``.
+
+A spot of which an edge cuts off a part has less light and another width than those beside it. Both
+put its place in doubt, by a share of its width. A spot alone, dim or unlike both, is not one spot
+on one surface.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vrscan.data import pkg
+from vrscan.data.arrays import Bools, Ints
+from vrscan.fixed.divide import divide
+from vrscan.fixed.divide import latency as divide_latency
+from vrscan.fixed.multiply import latency as multiply_latency
+from vrscan.fixed.square_root import latency as root_latency
+from vrscan.fixed.square_root import square_root
+
+LIGHT_FRACTION = 8  # of aligned counts over the laser's power
+SHARE_FRACTION = 14  # of a spot's light over its brighter neighbour's
+WHOLE = 1 << SHARE_FRACTION
+DIM = WHOLE >> 2  # a spot alone with less light is not one spot on one surface
+UNLIKE = WHOLE - (WHOLE >> 3)  # nor is one with less light and another width than both
+STEADY = WHOLE - (WHOLE >> 2)  # light that a spot in a row with its neighbours may lack
+QUOTIENT_WIDTH, ROOT_WIDTH, FACTOR_WIDTH = 32, 18, 18
+MOST_DIFFERENCE = (1 << (FACTOR_WIDTH - 1)) - 1  # of two widths
+SQUARES = 7  # products, one after the other
+LATENCY = (  # clocks from valid_i to valid_o
+    2 * (divide_latency(QUOTIENT_WIDTH) + 1)
+    + SQUARES * (multiply_latency(FACTOR_WIDTH, FACTOR_WIDTH) + 1)
+    + 2 * (root_latency(ROOT_WIDTH) + 1)
+    + 5
+)
+
+
+@dataclass(frozen=True)
+class Beside:
+    """What n lines' neighbours say, [n] each.
+
+    Attributes:
+        sigma: Standard deviation of the position, px, 12 fraction bits, the doubt in it.
+        doubt: What the neighbours add to it, px, 12 fraction bits.
+        mixed: Whether the spot is not one spot on one surface, bool.
+    """
+
+    sigma: Ints
+    doubt: Ints
+    mixed: Bools
+
+
+def _shifted(values: Ints, by: int) -> Ints:
+    """Return the values of the lines before (1) or behind (-1); 0 beyond the ends."""
+    moved = np.zeros_like(values)
+    if by > 0:
+        moved[1:] = values[:-1]
+    else:
+        moved[:-1] = values[1:]
+    return moved
+
+
+def peak_neighbours(
+    *,
+    measured: Bools,
+    position: Ints,
+    sigma: Ints,
+    scale: Ints,
+    light: Ints,
+    power: Ints,
+    breaks: Sequence[int] = (),
+) -> Beside:
+    """Compare each line's spot with those of the lines before and behind it.
+
+    Args:
+        measured: Which lines have a position, bool [n].
+        position: Positions, px, 12 fraction bits, [n].
+        sigma: Their standard deviations, px, 12 fraction bits, [n].
+        scale: Widths of the spots, half of that at half of the height, px, 12 fraction bits, [n].
+        light: Sums of the heights, aligned counts, [n].
+        power: Laser powers, u16, [n].
+        breaks: Lines that came so late that those before them are no neighbours.
+    """
+    per_power, _ = divide(light << LIGHT_FRACTION, power, quotient_width=QUOTIENT_WIDTH)
+    own = {"position": position, "sigma": sigma, "scale": scale, "light": per_power}
+    beside = []
+    for by in (1, -1):
+        there = _shifted(measured.astype(np.int64), by) > 0
+        for each in breaks:
+            there[each if by > 0 else each - 1] = False
+        beside.append((there, {name: _shifted(value, by) for name, value in own.items()}))
+    brightest = np.maximum(*(np.where(there, other["light"], 0) for there, other in beside))
+    share, _ = divide(per_power << SHARE_FRACTION, brightest, quotient_width=QUOTIENT_WIDTH)
+
+    excess = np.zeros(len(measured), np.int64)
+    alone = np.zeros(len(measured), np.bool_)
+    unlike = share < UNLIKE
+    for there, other in beside:
+        difference = np.minimum(np.abs(scale - other["scale"]), MOST_DIFFERENCE)
+        noise = 2 * (sigma * sigma + other["sigma"] * other["sigma"])
+        excess = np.maximum(excess, np.where(there, difference * difference - noise, 0))
+        narrow, wide = np.minimum(scale, other["scale"]), np.maximum(scale, other["scale"])
+        unlike &= there & (4 * wide > 5 * narrow)
+        alone |= ~there
+    bend = beside[0][1]["position"] + beside[1][1]["position"] - 2 * position
+    alone |= np.abs(bend) > 4 * scale
+    missing = np.maximum(np.where(alone, WHOLE, STEADY) - share, 0)
+    cut = (3 * missing * (scale >> 1)) >> (SHARE_FRACTION + 3)
+    doubt = (excess >> 5) + cut * cut
+    most = (1 << pkg.SIGMA_WIDTH) - 1
+    whole, added = (
+        np.minimum(square_root(value, root_width=ROOT_WIDTH), most)
+        for value in (sigma * sigma + doubt, doubt)
+    )
+    return Beside(
+        sigma=np.where(measured, whole, sigma),
+        doubt=np.where(measured, added, 0),
+        mixed=measured & alone & ((share < DIM) | unlike),
+    )

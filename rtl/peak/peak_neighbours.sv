@@ -1,0 +1,288 @@
+// peak_neighbours: what the lines before and behind say of a line's spot.
+//
+// A spot of which an edge cuts off a part lacks light and has another width than those beside it.
+// Both put its place in doubt, by shares of its width that are added to sigma in squares: what two
+// widths differ by beyond their noise over root 32, and 3/16 of the share of light that is missing.
+// Light over the laser's power is compared with that of the brighter neighbour; up to a quarter of
+// it may be missing from a spot in a row with both.  A spot alone, with a neighbour that has none
+// or four widths out of the row, is mixed where it is dim or unlike both.
+//
+//   valid_i    a line's spot; valid_o follows with that of the line before it.  user_i goes with it
+//   scale_i    half of the spot's width at half of its height, px, 12 fraction bits
+//   light_i    sum of its heights
+//   sigma_o    standard deviation of the position, px, with the doubt in it; what came in where there
+//              is no position, as where both neighbours leave no doubt
+//   doubt_o    what the neighbours add to sigma_o, in squares; px
+//   A line after which none comes for NeighbourClks clocks is given without one behind it, and is
+//   no neighbour of the next.
+//   Latency    vrscan.fixed.peak_neighbours.LATENCY clocks from valid_i, or from the end of the wait,
+//              to valid_o; a valid_i meanwhile is ignored
+//   Model      vrscan.fixed.peak_neighbours, bit-exact
+
+`default_nettype none
+
+module peak_neighbours #(
+  parameter  int unsigned LineLength    = 2048,
+  parameter  int unsigned NeighbourClks = vrscan_pkg::NeighbourClks,
+  parameter  int unsigned UserWidth     = 8,
+  localparam int unsigned PositionWidth = $clog2(LineLength) + 1 + vrscan_pkg::PositionFraction
+) (
+  input  wire logic                                     clk_i,
+  input  wire logic                                     rst_i,
+
+  input  wire logic                                     valid_i,
+  input  wire logic                                     measured_i,
+  input  wire logic signed [         PositionWidth-1:0] position_i,
+  input  wire logic        [vrscan_pkg::SigmaWidth-1:0] sigma_i,
+  input  wire logic        [vrscan_pkg::ScaleWidth-1:0] scale_i,
+  input  wire logic        [  vrscan_pkg::SumWidth-1:0] light_i,
+  input  wire logic        [vrscan_pkg::PowerWidth-1:0] power_i,
+  input  wire logic        [             UserWidth-1:0] user_i,
+
+  output      logic                                     valid_o,
+  output      logic        [vrscan_pkg::SigmaWidth-1:0] sigma_o,
+  output      logic        [vrscan_pkg::SigmaWidth-1:0] doubt_o,
+  output      logic                                     mixed_o,
+  output      logic        [             UserWidth-1:0] user_o
+);
+
+  localparam int unsigned SigmaWidth    = vrscan_pkg::SigmaWidth;
+  localparam int unsigned ScaleWidth    = vrscan_pkg::ScaleWidth;
+  localparam int unsigned LightFraction = 8;
+  localparam int unsigned LightWidth    = vrscan_pkg::SumWidth + LightFraction;
+  localparam int unsigned ShareFraction = 14;
+  localparam int unsigned DividendWidth = LightWidth + ShareFraction;
+  localparam int unsigned FactorWidth   = 18;
+  localparam int unsigned SquareWidth   = 2 * FactorWidth;
+  localparam int unsigned RootWidth     = FactorWidth;
+  localparam int unsigned BendWidth     = PositionWidth + 2;
+  localparam logic [LightWidth-1:0] Whole  = LightWidth'(1 << ShareFraction);
+  localparam logic [LightWidth-1:0] Dim    = Whole >> 2;
+  localparam logic [LightWidth-1:0] Unlike = Whole - (Whole >> 3);
+  localparam logic [LightWidth-1:0] Steady = Whole - (Whole >> 2);
+
+  // ---- three lines ----
+  typedef struct packed {
+    logic                            measured;
+    logic signed [PositionWidth-1:0] position;
+    logic        [   SigmaWidth-1:0] sigma;
+    logic        [   ScaleWidth-1:0] scale;
+    logic        [   LightWidth-1:0] light;  // over the laser's power
+  } spot_t;
+  spot_t                before_q, centre_q, after_q;
+  logic                 centre_there_q, after_there_q;
+  logic [UserWidth-1:0] centre_user_q, after_user_q;
+
+  // ---- one multiplier, one divider, one root ----
+  typedef enum logic [3:0] {
+    IDLE, LIGHT, RANK, SHARE, MISSING, FACTORS, CUT, OWN, BEFORE, BEFORE_WIDTH, AFTER, AFTER_WIDTH,
+    CUT_SQUARE, ADDED, DOUBT, WHOLE
+  } state_e;
+  state_e                         state_q;
+  logic                           multiply_start_q, product_valid;
+  logic signed [ FactorWidth-1:0] a_q, b_q;
+  logic signed [ SquareWidth-1:0] product;
+  logic                           divide_start_q, quotient_valid;
+  logic        [DividendWidth-1:0] dividend_q;
+  logic        [   LightWidth-1:0] divisor_q, quotient;
+  logic                           root_start_q, root_valid;
+  logic        [ SquareWidth-1:0] radicand_q;
+  logic        [   RootWidth-1:0] root;
+
+  multiply #(.AWidth(FactorWidth), .BWidth(FactorWidth)) u_multiply (
+    .clk_i, .rst_i,
+    .valid_i(multiply_start_q), .a_i(a_q), .b_i(b_q), .valid_o(product_valid), .product_o(product)
+  );
+  divide #(
+    .DividendWidth(DividendWidth), .DivisorWidth(LightWidth), .QuotientWidth(LightWidth)
+  ) u_divide (
+    .clk_i, .rst_i,
+    .valid_i(divide_start_q), .dividend_i(dividend_q), .divisor_i(divisor_q),
+    .valid_o(quotient_valid), .quotient_o(quotient),
+    .overflow_o()  // all ones is the saturation
+  );
+  square_root #(.RootWidth(RootWidth)) u_square_root (
+    .clk_i, .rst_i,
+    .valid_i(root_start_q), .radicand_i(radicand_q), .valid_o(root_valid), .root_o(root)
+  );
+
+  // ---- the middle one and those beside it; what is not ready in one clock is registered ----
+  logic [LightWidth-1:0] brightest_q;
+  logic [FactorWidth-2:0] before_difference_q, after_difference_q;
+  logic                  before_unlike_q, after_unlike_q, out_of_row_q, alone_q;
+  logic signed [BendWidth-1:0] bend_q;
+  logic        [BendWidth-1:0] row_q;
+  logic [LightWidth-1:0] before_light, after_light;
+  assign before_light = before_q.measured ? before_q.light : '0;
+  assign after_light  = after_q.measured ? after_q.light : '0;
+
+  function automatic logic [FactorWidth-2:0] differing(
+      input logic [ScaleWidth-1:0] one, input logic [ScaleWidth-1:0] other);
+    logic [ScaleWidth-1:0] difference;
+    difference = one > other ? one - other : other - one;
+    differing = difference[ScaleWidth-1] ? '1 : difference[FactorWidth-2:0];
+  endfunction
+  function automatic logic unlike(
+      input logic [ScaleWidth-1:0] one, input logic [ScaleWidth-1:0] other);
+    logic [ScaleWidth-1:0] narrow, wide;
+    {narrow, wide} = one < other ? {one, other} : {other, one};
+    unlike = {1'b0, wide, 2'b0} > {1'b0, narrow, 2'b0} + (ScaleWidth + 3)'(narrow);
+  endfunction
+  // Both factors of a square, and the start.
+  function automatic logic [2*FactorWidth:0] squared(input logic [FactorWidth-2:0] value);
+    squared = {1'b0, value, 1'b0, value, 1'b1};
+  endfunction
+  always_ff @(posedge clk_i) begin
+    brightest_q         <= before_light > after_light ? before_light : after_light;
+    before_difference_q <= differing(centre_q.scale, before_q.scale);
+    after_difference_q  <= differing(centre_q.scale, after_q.scale);
+    before_unlike_q     <= before_q.measured && unlike(centre_q.scale, before_q.scale);
+    after_unlike_q      <= after_q.measured && unlike(centre_q.scale, after_q.scale);
+    bend_q              <= BendWidth'(before_q.position) + BendWidth'(after_q.position)
+                           - (BendWidth'(centre_q.position) <<< 1);
+    row_q               <= unsigned'(bend_q < 0 ? -bend_q : bend_q);
+    out_of_row_q        <= row_q > BendWidth'({centre_q.scale, 2'b0});
+    alone_q             <= !before_q.measured || !after_q.measured || out_of_row_q;
+  end
+
+  // A difference's noise is that of both widths.
+  logic        [  SquareWidth-1:0] own_q, noise_q, added_q;
+  logic signed [    SquareWidth:0] over, excess_q;
+  logic        [   LightWidth-1:0] share_q, limit;
+  logic        [  ShareFraction:0] missing_q;
+  logic        [  FactorWidth-2:0] cut_q;
+  assign over  = (SquareWidth + 1)'(product) - signed'({noise_q, 1'b0});
+  assign limit = alone_q ? Whole : Steady;
+
+  logic [SigmaWidth-1:0] limited;
+  assign limited = |root[RootWidth-1:SigmaWidth] ? '1 : root[SigmaWidth-1:0];
+
+  localparam int unsigned WaitWidth = $clog2(NeighbourClks + 1);
+  logic [WaitWidth-1:0] waited_q;
+  logic                 pending_q, late_q, comes;
+  assign comes = valid_i || pending_q;
+
+  always_ff @(posedge clk_i) begin
+    multiply_start_q <= 1'b0;
+    divide_start_q   <= 1'b0;
+    root_start_q     <= 1'b0;
+    valid_o          <= 1'b0;
+    pending_q        <= comes && state_q != IDLE;
+    waited_q         <= late_q ? waited_q : waited_q + WaitWidth'(1);
+    late_q           <= after_there_q && waited_q >= WaitWidth'(NeighbourClks - 2);
+    unique case (state_q)
+      IDLE: if (comes || late_q) begin
+        before_q          <= centre_q;
+        before_q.measured <= centre_there_q && centre_q.measured;
+        centre_q          <= after_q;
+        centre_user_q     <= after_user_q;
+        centre_there_q    <= after_there_q;
+        after_q.measured  <= comes && measured_i;
+        after_q.position  <= position_i;
+        after_q.sigma     <= sigma_i;
+        after_q.scale     <= scale_i;
+        after_user_q      <= user_i;
+        after_there_q     <= comes;
+        waited_q          <= '0;
+        late_q            <= 1'b0;
+        dividend_q        <= DividendWidth'(light_i) << LightFraction;
+        divisor_q         <= LightWidth'(power_i);
+        divide_start_q    <= 1'b1;
+        state_q           <= LIGHT;
+      end
+      LIGHT: if (quotient_valid) begin
+        after_q.light <= quotient;
+        state_q       <= centre_there_q ? RANK : IDLE;
+      end
+      RANK: state_q <= SHARE;
+      SHARE: begin
+        dividend_q     <= DividendWidth'(centre_q.light) << ShareFraction;
+        divisor_q      <= brightest_q;
+        divide_start_q <= 1'b1;
+        state_q        <= MISSING;
+      end
+      MISSING: if (quotient_valid) begin
+        share_q   <= quotient;
+        missing_q <= (ShareFraction + 1)'(limit > quotient ? limit - quotient : '0);
+        state_q   <= FACTORS;
+      end
+      FACTORS: begin
+        a_q              <= FactorWidth'({missing_q, 1'b0}) + FactorWidth'(missing_q);
+        b_q              <= FactorWidth'(centre_q.scale >> 1);
+        multiply_start_q <= 1'b1;
+        state_q          <= CUT;
+      end
+      CUT: if (product_valid) begin
+        cut_q   <= (FactorWidth - 1)'(product >>> (ShareFraction + 3));
+        {a_q, b_q, multiply_start_q} <= squared((FactorWidth - 1)'(centre_q.sigma));
+        state_q <= OWN;
+      end
+      OWN: if (product_valid) begin
+        own_q   <= product;
+        {a_q, b_q, multiply_start_q} <= squared((FactorWidth - 1)'(before_q.sigma));
+        state_q <= BEFORE;
+      end
+      BEFORE: if (product_valid) begin
+        noise_q <= own_q + product;
+        {a_q, b_q, multiply_start_q} <= squared(before_difference_q);
+        state_q <= BEFORE_WIDTH;
+      end
+      BEFORE_WIDTH: if (product_valid) begin
+        excess_q <= before_q.measured && over > 0 ? over : '0;
+        {a_q, b_q, multiply_start_q} <= squared((FactorWidth - 1)'(after_q.sigma));
+        state_q  <= AFTER;
+      end
+      AFTER: if (product_valid) begin
+        noise_q <= own_q + product;
+        {a_q, b_q, multiply_start_q} <= squared(after_difference_q);
+        state_q <= AFTER_WIDTH;
+      end
+      AFTER_WIDTH: if (product_valid) begin
+        if (after_q.measured && over > excess_q) excess_q <= over;
+        {a_q, b_q, multiply_start_q} <= squared(cut_q);
+        state_q  <= CUT_SQUARE;
+      end
+      CUT_SQUARE: if (product_valid) begin
+        added_q <= SquareWidth'(unsigned'(excess_q) >> 5) + product;
+        state_q <= ADDED;
+      end
+      ADDED: begin
+        radicand_q   <= added_q;
+        root_start_q <= 1'b1;
+        state_q      <= DOUBT;
+      end
+      DOUBT: if (root_valid) begin
+        doubt_o      <= centre_q.measured ? limited : '0;
+        radicand_q   <= own_q + added_q;
+        root_start_q <= 1'b1;
+        state_q      <= WHOLE;
+      end
+      WHOLE: if (root_valid) begin
+        valid_o        <= 1'b1;
+        sigma_o        <= centre_q.measured ? limited : centre_q.sigma;
+        mixed_o        <= centre_q.measured && alone_q
+                          && (share_q < Dim
+                              || (share_q < Unlike && before_unlike_q && after_unlike_q));
+        user_o         <= centre_user_q;
+        centre_there_q <= after_there_q;
+        state_q        <= IDLE;
+      end
+      default: state_q <= IDLE;
+    endcase
+    if (rst_i) begin
+      state_q          <= IDLE;
+      multiply_start_q <= 1'b0;
+      divide_start_q   <= 1'b0;
+      root_start_q     <= 1'b0;
+      valid_o          <= 1'b0;
+      centre_there_q   <= 1'b0;
+      after_there_q    <= 1'b0;
+      pending_q        <= 1'b0;
+      late_q           <= 1'b0;
+      waited_q         <= '0;
+    end
+  end
+
+endmodule
+
+`default_nettype wire
