@@ -130,8 +130,8 @@ def detect(
 
     Returns:
         A table with a row for each line, whose columns are arrays [n]: ``position_px``,
-        ``sigma_px`` and ``doubt_px`` where ``measured``; ``x_mm``, ``z_mm`` and ``sigma_z_mm`` where ``located``;
-        ``flags``, by name; and what else was measured of the line.
+        ``sigma_px`` and ``doubt_px`` where ``measured``; ``x_mm``, ``z_mm`` and ``sigma_z_mm``
+        where ``located``; ``flags``, by name; and what else was measured of the line.
 
     Raises:
         LinesError: if an array has another shape or type, or a value is out of range. It is an

@@ -75,8 +75,9 @@ class TestBoard(FakeBoard):
         both = np.concatenate([before, pixels])
         self.before = both[-(pkg.SPECKLE_DEPTH - 1) :]
         points = run_fixed(
-            both, np.full(len(both), angle), np.full(len(both), power), chain(self), max_window=255
-        )
+            both, np.full(len(both), angle), np.full(len(both), power), chain(self), max_window=255,
+            breaks=[len(before)] if len(before) else [],
+        )  # fmt: skip
         made = full_records(points, 0, 0)
         # What a chain does not know: the power, and bit 2, a test line. Bit 3 is MIXED.
         made["power"] = power

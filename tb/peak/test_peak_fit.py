@@ -148,6 +148,7 @@ async def send(dut, cases: Cases, kappa: int, level: int = 0) -> Fitted:
         "position": [],
         "sigma": [],
         "speckle": [],
+        "scale": [],
     }
     for row, line in enumerate(cases.lines):
         # What stands in the ring beside the line is not to be used.
@@ -172,7 +173,7 @@ async def send(dut, cases: Cases, kappa: int, level: int = 0) -> Fitted:
         got["fitted"].append(int(dut.fitted_o.value))
         got["mixed"].append(int(dut.mixed_o.value))
         got["position"].append(as_integer(dut.position_o, signed=True))
-        for name in ("sigma", "speckle"):
+        for name in ("sigma", "speckle", "scale"):
             got[name].append(as_integer(getattr(dut, f"{name}_o"), signed=False))
     expected = {
         "fitted": want.fitted.astype(np.int64),
@@ -180,6 +181,7 @@ async def send(dut, cases: Cases, kappa: int, level: int = 0) -> Fitted:
         "position": want.position,
         "sigma": want.sigma,
         "speckle": np.where(cases.measured, want.speckle, got["speckle"]),
+        "scale": np.where(cases.measured, want.scale, got["scale"]),
     }
     inputs = {name: getattr(cases, name).astype(np.int64) for name in GIVEN}
     assert_equal({name: np.array(values) for name, values in got.items()}, expected, inputs)

@@ -129,7 +129,7 @@ async def lines_in_a_row(dut) -> None:
     want = await compare(dut, given, np.full(count, LATENCY + 1))
     measured = given["measured"] == 1
     assert 0.02 < want.mixed.mean() < 0.5
-    assert 0 < np.count_nonzero(want.doubt) and np.any(measured & (want.doubt == 0))
+    assert np.count_nonzero(want.doubt) > 0 and np.any(measured & (want.doubt == 0))
 
 
 @cocotb.test()
@@ -208,7 +208,12 @@ def test_another_width_than_both_is_mixed_out_of_the_row_only() -> None:
     light = np.array([8, 8, 6, 8, 8]) << 17
     moved = row()["position"]
     moved[2] += 7 * ONE
-    assert model(row(scale=width, light=light, position=moved), []).mixed.tolist() == [0, 0, 1, 0, 0]
+    assert model(row(scale=width, light=light, position=moved), []).mixed.tolist() == [
+        0,
+        0,
+        1,
+        0,
+        0,
+    ]
     assert not model(row(scale=width, light=light), []).mixed.any()
     assert not model(row(scale=width, position=moved), []).mixed.any()
-

@@ -257,9 +257,9 @@ def csv_rows(result: Table) -> bytes:
     """Return the rows of points.csv, one for each peak, in the columns ``COLUMNS``.
 
     Every fixed-point number has just the decimals from which its word is read back. Fields without
-    meaning are empty: left and right without a window, position, sigma and doubt without a valid peak, x,
-    z and sigma_z where the rays do not meet, free_from and free_to where nothing is known to be
-    free.
+    meaning are empty: left and right without a window, position, sigma and doubt without a valid
+    peak, x, z and sigma_z where the rays do not meet, free_from and free_to where nothing is known
+    to be free.
 
     Args:
         result: The points.

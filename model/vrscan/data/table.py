@@ -13,9 +13,9 @@ class Table:
     """The columns of points.csv in physical units; all arrays [n].
 
     ``flags`` maps a flag's name to the rows that have it. position_px, sigma_px and doubt_px, what
-    the lines beside it add to sigma_px in squares, are valid where ``measured``, x_mm, z_mm and sigma_z_mm where ``located``, left and right where ``width`` > 0,
-    free_from_mm and free_to_mm where the latter is above 0: z between which the beam is free.
-    Confidences are 0 to 1.
+    the lines beside it add to sigma_px in squares, are valid where ``measured``, x_mm, z_mm and
+    sigma_z_mm where ``located``, left and right where ``width`` > 0, free_from_mm and free_to_mm
+    where the latter is above 0: z between which the beam is free. Confidences are 0 to 1.
     """
 
     line: Ints

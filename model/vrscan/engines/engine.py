@@ -1,6 +1,7 @@
 """One interface to three engines: the RTL, its bit-accurate model and the float equations."""
 
 import contextlib
+import itertools
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -79,13 +80,21 @@ def processes(engine: Engine, count: int, jobs: int) -> int:
     return max(1, min(most, -(-count // BLOCK)))
 
 
-def lead(config: Config) -> int:
-    """Return how many lines before a line its point depends on: those of its speckle."""
-    return pkg.SPECKLE_DEPTH - 1 if config.peak.fit else 0
+def reach(config: Config) -> tuple[int, int]:
+    """Return how many lines before and behind a line its point depends on.
+
+    With a fit it has a neighbour on either side, and the speckle of each comes from those before.
+    """
+    return (pkg.SPECKLE_DEPTH, 1) if config.peak.fit else (0, 0)
 
 
 def run_block(
-    engine: Engine, recording: Lines, config: Config, first: int, before: Lines | None = None
+    engine: Engine,
+    recording: Lines,
+    config: Config,
+    first: int,
+    before: Lines | None = None,
+    behind: Lines | None = None,
 ) -> Table:
     """Return the points of lines that begin at number ``first`` of a recording.
 
@@ -94,14 +103,18 @@ def run_block(
         recording: n lines.
         config: Thresholds and geometry.
         first: Number of the first line.
-        before: The ``lead`` lines before them, or all that there are; with these the points are
-            the same in blocks of any size.
+        before: The lines before them within ``reach``, or all that there are; with these and
+            those behind the points are the same in blocks of any size.
+        behind: The lines behind them within ``reach``, or all that there are.
     """
-    skipped = 0 if before is None else len(before)
-    if before is not None:
-        recording = joined([replace(part, truth=None) for part in (before, recording)])
+    skipped, count = 0 if before is None else len(before), len(recording)
+    parts = [each for each in (before, recording, behind) if each is not None]
+    if len(parts) > 1:
+        recording = joined([replace(each, truth=None) for each in parts])
     found = run(engine, recording, config)
-    found = found.of(np.arange(len(found)) >= skipped) if skipped else found
+    if len(parts) > 1:
+        number = np.arange(len(found)) - skipped
+        found = found.of((number >= 0) & (number < count))
     return replace(found, line=found.line + (first - skipped))
 
 
@@ -112,10 +125,10 @@ class _Work:
     engine: Engine
     config: Config
 
-    def __call__(self, given: tuple[int, Lines, Lines | None]) -> Table:
-        """Return the points of lines, given with the first one's number and the lines before."""
-        first, recording, before = given
-        return run_block(self.engine, recording, self.config, first, before)
+    def __call__(self, given: tuple[int, Lines, Lines | None, Lines | None]) -> Table:
+        """Return the points of lines, given with the first one's number and the lines beside."""
+        first, recording, before, behind = given
+        return run_block(self.engine, recording, self.config, first, before, behind)
 
 
 @contextlib.contextmanager
@@ -138,11 +151,14 @@ def streamed(
         InputError: as ``run`` and ``parallel.workers``, and whatever ``blocks`` raises.
     """
 
-    def numbered() -> Iterator[tuple[int, Lines, Lines | None]]:
-        first, depth = 0, lead(config)
+    def numbered() -> Iterator[tuple[int, Lines, Lines | None, Lines | None]]:
+        first, (depth, behind) = 0, reach(config)
         before: Lines | None = None
-        for block in blocks:
-            yield first, block, before
+        whole = (block for block in blocks if len(block))
+        for block, following in itertools.pairwise(itertools.chain(whole, [None])):
+            assert block is not None
+            most = None if following is None or not behind else part(following, slice(0, behind))
+            yield first, block, before, most
             first += len(block)
             if depth:
                 own = replace(part(block, slice(-depth, None)), truth=None)

@@ -43,9 +43,10 @@ def latency(
     first_width: int | None = None,
     fit: bool = False,
 ) -> int:
-    """Return the clocks from a line's last pixel to its point, with a fit to that of the line before.
+    """Return the clocks from a line's last pixel to its point.
 
-    With a fit a point waits for the next line, but not longer than ``pkg.NEIGHBOUR_CLKS``.
+    With a fit it is the point of the line before that comes then: a point waits for the next line,
+    but not longer than ``pkg.NEIGHBOUR_CLKS``.
 
     Args:
         width: Number of pixels in the window.

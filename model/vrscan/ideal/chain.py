@@ -1,6 +1,7 @@
 """The whole chain in float64: lines to points by the papers' equations."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from vrscan.data.config import Config
 from vrscan.data.contract import checked
 from vrscan.data.lines import Lines
 from vrscan.data.table import Table
-from vrscan.ideal import confidence, free_space, geometry, peak_fit, two_pass
+from vrscan.ideal import confidence, free_space, geometry, peak_fit, peak_neighbours, two_pass
 from vrscan.ideal.peak import CORE_HEIGHT, Windows, clear, cut, isolate, threshold
 from vrscan.ideal.position import Phase, first_harmonic, windows
 from vrscan.ideal.statistics import statistics
@@ -52,11 +53,61 @@ def run(
     for start in range(0, max(1, len(given)), _CHUNK):
         part = slice(start, start + _CHUNK)
         some = lines[part], angle_rad[part], power[part], raised[part]
-        points, history = _run(*some, config, start, history)
-        parts.append(points)
+        spots, history = _run(*some, config, start, history)
+        parts.append(spots)
         if progress is not None:
             progress(min(start + _CHUNK, len(given)))
-    return Table.joined(parts)
+    return _located(parts, config)
+
+
+@dataclass(frozen=True)
+class _Spots:
+    """Spots of n lines that have no place yet, and what tells whether their neighbours agree."""
+
+    points: Table
+    scale: Floats
+    light: Floats
+    power: Ints
+
+
+def _located(spots: Sequence[_Spots], config: Config) -> Table:
+    """Return the points of lines that follow each other."""
+    points = Table.joined([each.points for each in spots])
+    measured, flags = points.measured, dict(points.flags)
+    sigma, doubt = points.sigma_px, points.doubt_px
+    if config.peak.fit:
+        scale, light, power = (
+            np.concatenate([getattr(each, name) for each in spots])
+            for name in ("scale", "light", "power")
+        )
+        beside = peak_neighbours.peak_neighbours(
+            measured=measured,
+            position=points.position_px,
+            sigma=sigma,
+            scale=scale,
+            light=light,
+            power=power,
+        )
+        sigma, doubt = beside.sigma, beside.doubt
+        flags["MIXED"] = flags["MIXED"] | beside.mixed
+    u, scale = geometry.undistorted(points.position_px, config.geometry)
+    located = geometry.triangle(u, points.angle_rad, config.geometry)
+    sigma_z = np.abs(located.slope) * np.abs(scale) * sigma
+    there = measured & ~located.no_range
+    flags["NO_RANGE"] = measured & located.no_range
+    return replace(
+        points,
+        flags=flags,
+        sigma_px=sigma,
+        doubt_px=doubt,
+        x_mm=located.x,
+        z_mm=located.z,
+        sigma_z_mm=sigma_z,
+        c_obj=confidence.object_confidence(
+            located.z, sigma_z, there, tolerance=config.geometry.tolerance
+        ),
+        located=there,
+    )
 
 
 def _run(
@@ -67,7 +118,7 @@ def _run(
     config: Config,
     first: int,
     history: peak_fit.History,
-) -> tuple[Table, peak_fit.History]:
+) -> tuple[_Spots, peak_fit.History]:
     peak = config.peak
     noise_row = peak.noise == "row"
     row = statistics(lines, max_window=MAX_WINDOW, noise_row=noise_row)
@@ -123,6 +174,7 @@ def _run(
     position = _spread(left[valid] + found.delta, valid, len(lines))
     sigma = _spread(found.sigma, valid, len(lines))
     mixed = np.zeros(len(lines), np.bool_)
+    wide = np.zeros(len(lines))
     if peak.fit:
         fit = peak_fit.peak_fit(
             lines,
@@ -141,11 +193,7 @@ def _run(
             history=history,
         )
         position, sigma, history = fit.position, fit.sigma, fit.history
-        mixed = fit.mixed
-    u, scale = geometry.undistorted(position, config.geometry)
-    located = geometry.triangle(u, angle_rad, config.geometry)
-    sigma_z = np.abs(located.slope) * np.abs(scale) * sigma
-    there = measured & ~located.no_range
+        mixed, wide = fit.mixed, fit.scale
     present = window.width > 0
     last = lines.shape[1] - 1
     flags: dict[str, Bools] = {
@@ -158,7 +206,6 @@ def _run(
         "NO_PHASE": _spread(found.no_phase.astype(np.float64), valid, len(lines)) > 0,
         "NO_NOISE": noise == 0.0,
         "ROW_STATISTICS": row.row_only & (not noise_row),
-        "NO_RANGE": measured & located.no_range,
         "MIXED": mixed,
         **{name: mirror_flags >> bit & 1 == 1 for bit, name in enumerate(MIRROR_FLAGS)},
     }
@@ -167,6 +214,7 @@ def _run(
         nothing &= ~flags[name]
     free_from, free_to = free_space.free_interval(angle_rad, power, noise, config)
     c_sfm = confidence.free_confidence(power, nothing, power_max=config.laser.power_max)
+    none = np.zeros(len(lines))
     points = Table(
         line=np.arange(first, first + len(lines)),
         flags=flags,
@@ -181,21 +229,21 @@ def _run(
         snr=snr,
         position_px=position,
         sigma_px=sigma,
+        doubt_px=none,
         angle_rad=np.asarray(angle_rad, np.float64),
-        x_mm=located.x,
-        z_mm=located.z,
-        sigma_z_mm=sigma_z,
-        c_obj=confidence.object_confidence(
-            located.z, sigma_z, there, tolerance=config.geometry.tolerance
-        ),
+        x_mm=none,
+        z_mm=none,
+        sigma_z_mm=none,
+        c_obj=none,
         c_sfm=c_sfm,
         free_from_mm=np.where(c_sfm > 0.0, free_from, 0.0),
         free_to_mm=np.where(c_sfm > 0.0, free_to, 0.0),
         measured=measured,
-        located=there,
+        located=measured,
         pixel_width=config.sensor.pixel_width,
     )
-    return points, history
+    light = _spread(found.light, valid, len(lines))
+    return _Spots(points, wide, light, np.asarray(power)), history
 
 
 def _spread(values: Floats, rows: Ints, count: int) -> Floats:

@@ -473,6 +473,8 @@ class SelfTest:
             np.full(len(pixels), power, np.int64),
             self._chain,
             max_window=self.device.build.max_window,
+            # Making the run's registers takes longer than neighbours are apart.
+            breaks=(self._lead,) if self._lead else (),
         )
         return full_records(points, first - self._lead, power)[self._lead :]
 

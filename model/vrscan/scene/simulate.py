@@ -87,11 +87,17 @@ class Scanner:
         rows = slice(0, min(len(frame.lines), self.count - number * BLOCK))
         return Simulation(part(self._taken(frame), rows), picked(frame.timeline, rows))
 
-    def before(self, number: int, count: int) -> Lines | None:
-        """Return the last ``count`` lines before a block, or all that there are; None if none."""
-        first = number * BLOCK
-        numbers = np.arange(max(first - count, 0), first)
-        return self._taken(self.some(numbers)) if len(numbers) else None
+    def beside(self, number: int, before: int, behind: int) -> list[Lines | None]:
+        """Return so many lines before and behind a block, or all that there are; None if none."""
+        first, last = number * BLOCK, min((number + 1) * BLOCK, self.count)
+        least, most = max(first - before, 0), min(last + behind, self.count)
+        numbers = np.r_[least:first, last:most]
+        if not len(numbers):
+            return [None, None]
+        lines = self._taken(self.some(numbers))
+        split = first - least
+        sides = part(lines, slice(0, split)), part(lines, slice(split, None))
+        return [side if len(side) else None for side in sides]
 
     def _taken(self, frame: Frame) -> Lines:
         """Return the lines of a frame as a recording has them."""

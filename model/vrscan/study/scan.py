@@ -17,7 +17,7 @@ from vrscan.data.parallel import workers
 from vrscan.data.points import ply_vertices
 from vrscan.data.table import Table
 from vrscan.engines import shadows
-from vrscan.engines.engine import Engine, lead, processes, run_block
+from vrscan.engines.engine import Engine, processes, reach, run_block
 from vrscan.scene.simulate import BLOCK, Scanner
 from vrscan.study.report.space_report import Space
 from vrscan.study.report.tally import Tally
@@ -74,8 +74,8 @@ class _Work:
         truth = lines.truth
         assert truth is not None  # a simulation has a truth
         config = self.scanner.light.config
-        before = self.scanner.before(number, lead(config))
-        points = run_block(self.engine, lines, config, number * BLOCK, before)
+        beside = self.scanner.beside(number, *reach(config))
+        points = run_block(self.engine, lines, config, number * BLOCK, *beside)
         rng = np.random.default_rng((self.scanner.light.scene.seed, _STREAM, number))
         drawn = rng.random(len(lines)) < MOST_DRAWN / self.scanner.count
         return Part(

@@ -141,7 +141,10 @@ def stages() -> str:
             "with two passes more, N1 pixels in the first window",
             f"{second} + N1: the first harmonic {first} + N1, peak_refine {peak_refine.latency()}",
         ),
-        ("**with a fit, whatever the windows**", f"**{fitted}; {unfitted} unmeasured**"),
+        (
+            "**with a fit, from the next line's last pixel**",
+            f"**{fitted}; {unfitted} where that is unmeasured**",
+        ),
     ]
     return listed(("stage", "clocks"), rows, left=2).markdown()
 

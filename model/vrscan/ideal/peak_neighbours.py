@@ -1,0 +1,86 @@
+"""What the lines before and behind say of a line's spot.
+
+Where an edge cuts off a part of the spot, the centre of what is left lies beside the beam's axis,
+by a share of the spot's width: it lacks light and has another width than its neighbours. A line
+knows neither, as light and width change with the surface; its neighbours do. Spots of a surface lie
+in a row: the second difference of their positions is small. What is dim out of the row, or beside
+no spot, or differs in width from both, is part of a spot, a second reflection or light of both
+sides of an edge.
+
+The constants are those of the shipped scenes' edges: the errors of spots alone, over sigma with its
+doubt, have an rms of 0.8 to 1 whatever light they lack. That of a spot that is known to be cut is
+larger; most that lack light are whole.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vrscan.data.arrays import Bools, Floats, Ints
+
+WIDTH_SHARE = 1 / 32  # of the squared difference of two widths beyond its noise
+LIGHT_SHARE = 3 / 16  # of a width, for all the light
+STEADY = 1 / 4  # share of light that a spot in the row may lack
+DIM = 1 / 4  # of the brighter neighbour's light
+LESS, OTHER = 7 / 8, 5 / 4  # light and width of a spot unlike both neighbours
+ROW = 4.0  # widths by which a spot in the row may lie beside the middle of its neighbours
+
+
+@dataclass(frozen=True)
+class Beside:
+    """What n lines' neighbours say, [n] each."""
+
+    sigma: Floats  # standard deviation of the position with the doubt in it, px
+    doubt: Floats  # what the neighbours add to it, px
+    mixed: Bools  # whether the spot is not one spot on one surface
+
+
+def peak_neighbours(
+    *,
+    measured: Bools,
+    position: Floats,
+    sigma: Floats,
+    scale: Floats,
+    light: Floats,
+    power: Ints,
+) -> Beside:
+    """Compare each line's spot with those of the lines before and behind it.
+
+    Args:
+        measured: Which lines have a position [n].
+        position: Positions, px [n].
+        sigma: Their standard deviations, px [n].
+        scale: Half widths of the spots at half of their heights, px [n].
+        light: Sums of the heights, counts [n].
+        power: Laser powers [n].
+    """
+    count = len(measured)
+    per_power = np.divide(light, power, out=np.full(count, np.inf), where=power > 0)
+    place = np.arange(count)
+    beside = []
+    for other in (place - 1, place + 1):
+        inside = (other >= 0) & (other < count)
+        other = np.where(inside, other, 0)
+        beside.append((inside & measured[other] if count else inside, other))
+    brightest = np.maximum(*(np.where(there, per_power[other], 0.0) for there, other in beside))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(brightest > 0.0, per_power / brightest, np.inf)
+    share = np.where(np.isnan(share), 1.0, share)  # without power, all light is alike
+    excess, alone, unlike = np.zeros(count), np.zeros(count, np.bool_), share < LESS
+    for there, other in beside:
+        noise = 2.0 * (np.square(sigma) + np.square(sigma[other]))
+        over = np.square(scale - scale[other]) - noise
+        excess = np.maximum(excess, np.where(there, over, 0.0))
+        ratio = np.maximum(scale, scale[other]) > OTHER * np.minimum(scale, scale[other])
+        unlike &= there & ratio
+        alone |= ~there
+    (_, before), (_, behind) = beside
+    alone |= np.abs(position[before] + position[behind] - 2.0 * position) > ROW * scale
+    missing = np.maximum(np.where(alone, 1.0, 1.0 - STEADY) - share, 0.0)
+    doubt = np.sqrt(WIDTH_SHARE * excess + np.square(LIGHT_SHARE * missing * scale))
+    doubt = np.where(measured, doubt, 0.0)
+    return Beside(
+        sigma=np.hypot(sigma, doubt),
+        doubt=doubt,
+        mixed=measured & alone & ((share < DIM) | unlike),
+    )
