@@ -323,7 +323,7 @@ module vrscan_chain #(
 
   // ---- what the lines before and behind say of it: the point waits for the latter ----
   logic                              weighed, unlike;
-  logic [vrscan_pkg::SigmaWidth-1:0] weighed_sigma, doubt;
+  logic [vrscan_pkg::SigmaWidth-1:0] weighed_sigma, weighed_typical, typical, doubt;
   peak_neighbours #(
     .LineLength(LineLength), .NeighbourClks(NeighbourClks), .UserWidth(PointWidth)
   ) u_peak_neighbours (
@@ -331,14 +331,16 @@ module vrscan_chain #(
     .valid_i(fit_done), .measured_i(fit.measured), .position_i(PositionWidth'(fit.position)),
     .sigma_i(fit.sigma), .scale_i(scale), .light_i(light_q), .power_i(fit.line.power),
     .user_i(fit),
-    .valid_o(weighed), .sigma_o(weighed_sigma), .doubt_o(doubt), .mixed_o(unlike),
+    .valid_o(weighed), .sigma_o(weighed_sigma), .typical_o(weighed_typical), .doubt_o(doubt), .mixed_o(unlike),
     .user_o(weighed_fit)
   );
   always_comb begin
-    placed = held_q;
+    placed  = held_q;
+    typical = held_q.sigma;
     if (peak_i.window_fit) begin
       placed       = weighed_fit;
       placed.sigma = weighed_sigma;
+      typical      = weighed_typical;
       placed.doubt = doubt;
       placed.flags[vrscan_pkg::FlagMixed] = weighed_fit.flags[vrscan_pkg::FlagMixed] || unlike;
     end
@@ -360,7 +362,8 @@ module vrscan_chain #(
   triangulate #(.LineLength(LineLength), .UserWidth(PointWidth)) u_triangulate (
     .clk_i, .rst_i, .geometry_i,
     .valid_i(corrected), .measured_i(placed.measured), .offset_i(offset), .slope_i(slope),
-    .saturated_i(offset_saturated), .sigma_i(placed.sigma), .angle_i(placed.line.angle),
+    .saturated_i(offset_saturated), .sigma_i(placed.sigma), .typical_i(typical),
+    .angle_i(placed.line.angle),
     .user_i(placed),
     .valid_o, .ready_i, .measured_o(in_space), .x_o(x), .z_o(z), .sigma_z_o(sigma_z),
     .c_obj_o(c_obj),
@@ -373,7 +376,7 @@ module vrscan_chain #(
     point_o.x        = x;
     point_o.z        = z;
     point_o.sigma_z  = sigma_z;
-    point_o.c_obj    = c_obj;
+    point_o.c_obj    = taken.flags[vrscan_pkg::FlagMixed] ? c_obj >> 1 : c_obj;  // half keep it
     point_o.flags[vrscan_pkg::FlagNoRange]    = no_range;
     point_o.flags[vrscan_pkg::FlagOutOfRange] = out_of_range;
     point_o.flags[vrscan_pkg::FlagPointsLost] = points_lost;

@@ -35,9 +35,9 @@ package vrscan_pkg;
 
   // A line every 2 MaxWindow + MinPeriodOverhead clocks, with two passes every 3 MaxWindow +
   // TwoPassOverhead clocks, or LineLength where that is longer.
-  localparam int unsigned MinPeriodOverhead = 450;
-  localparam int unsigned TwoPassOverhead = 800;
-  localparam int unsigned PointPeriod = 275;  // from point to point at least: triangulate is busy
+  localparam int unsigned MinPeriodOverhead = 510;
+  localparam int unsigned TwoPassOverhead = 860;
+  localparam int unsigned PointPeriod = 334;  // from point to point at least: triangulate is busy
 
   // Statistics.
   localparam int unsigned BlockLength = 64;

@@ -32,7 +32,7 @@ from vrscan.fixed.vrscan_chain import run_fixed
 from vrscan.registers.chain_registers import Registers
 from vrscan.registers.structs import POINT
 
-WAIT = 3000  # clocks that a fit's point waits for the next line
+WAIT = 5000  # clocks that a fit's point waits for the next line
 ELABORATIONS = [
     given | {"NeighbourClks": WAIT}
     for given in (

@@ -8,7 +8,8 @@
 //   sigma_z = |n1 cos a - z (d1 cos a + e1 sin a)| / (d R) * slope * sigma,
 //   c_obj   = erf(tolerance z / (sqrt 2 sigma_z)),
 //
-// the probability that z errs by less than the share tolerance of itself.
+// the probability that z errs by less than the share tolerance of itself.  Where a few positions of
+// a kind are far off, sigma is that of all and typical that of the others: c_obj is of the latter.
 //
 // One multiplier and one divider, one operation at a time; every product is brought down by
 // Fraction bits, to nearest, half up.
@@ -24,8 +25,8 @@
 //   lost_o               a point between the one before and this one was dropped
 //   dropped_o            a pulse a dropped point: one that came while another was in work, or whose
 //                        place in the output register was still taken
-//   Latency              vrscan_pkg::PointPeriod + 1 clocks: quarter_wave's, 14 products of
-//                        multiply's and 2, 3 quotients of divide's and 2, and 3.  A point may follow
+//   Latency              vrscan_pkg::PointPeriod + 1 clocks: quarter_wave's, 16 products of
+//                        multiply's and 2, 4 quotients of divide's and 2, and 3.  A point may follow
 //                        every PointPeriod.  The configuration must hold meanwhile.
 //   Model                vrscan.fixed.triangulate, bit-exact
 
@@ -46,6 +47,7 @@ module triangulate #(
   input  wire logic signed [   vrscan_pkg::SlopeWidth-1:0] slope_i,
   input  wire logic                                        saturated_i,
   input  wire logic        [   vrscan_pkg::SigmaWidth-1:0] sigma_i,
+  input  wire logic        [   vrscan_pkg::SigmaWidth-1:0] typical_i,
   input  wire logic signed [   vrscan_pkg::AngleWidth-1:0] angle_i,
   input  wire logic        [                UserWidth-1:0] user_i,
 
@@ -99,7 +101,7 @@ module triangulate #(
   typedef enum logic [4:0] {
     NUMERATOR, RAY_COSINE, RAY_SINE, DIVISOR_COSINE, DIVISOR_SINE, RANGE,
     RATE_COSINE, RATE_SINE, MOVE, SPREAD, CROSS_X, CROSS_Z, GRADIENT, SCALE, SIGMA_Z,
-    TOLERANCE, SHARE
+    TOLERANCE, SHARE, WHOLE_SPREAD, WHOLE_SCALE, WHOLE_SIGMA_Z
   } step_e;
 
   step_e                          step_q;
@@ -115,7 +117,7 @@ module triangulate #(
   // The point in work.
   logic signed [             OffsetWidth-1:0] offset_q;
   logic signed [  vrscan_pkg::SlopeWidth-1:0] slope_q;
-  logic        [  vrscan_pkg::SigmaWidth-1:0] sigma_q;
+  logic        [  vrscan_pkg::SigmaWidth-1:0] sigma_q, typical_q;
   logic signed [  vrscan_pkg::AngleWidth-1:0] angle_q;
   logic        [               UserWidth-1:0] user_q;
   logic                                       measured_q, saturated_q;
@@ -167,9 +169,10 @@ module triangulate #(
     unique case (step_q)
       NUMERATOR, RAY_COSINE, RAY_SINE:  a = s;
       DIVISOR_SINE, RATE_SINE, CROSS_X: a = FactorWidth'(sine);
-      SPREAD:                           a = signed'(FactorWidth'(sigma_q)) <<< SigmaAlign;
+      SPREAD:                           a = signed'(FactorWidth'(typical_q)) <<< SigmaAlign;
+      WHOLE_SPREAD:                     a = signed'(FactorWidth'(sigma_q)) <<< SigmaAlign;
       GRADIENT, TOLERANCE:              a = FactorWidth'(z_q);
-      SCALE:                            a = FactorWidth'(gradient_q) <<< GradientSpare;
+      SCALE, WHOLE_SCALE:               a = FactorWidth'(gradient_q) <<< GradientSpare;
       default:                          a = FactorWidth'(cosine);
     endcase
     unique case (step_q)
@@ -178,16 +181,17 @@ module triangulate #(
       RAY_SINE, RATE_SINE:     b = RoundedWidth'(geometry_i.e1);
       DIVISOR_COSINE:          b = ray_cosine_q;
       DIVISOR_SINE:            b = ray_sine_q;
-      SPREAD:                  b = RoundedWidth'(slope_q) <<< SlopeAlign;
+      SPREAD, WHOLE_SPREAD:    b = RoundedWidth'(slope_q) <<< SlopeAlign;
       GRADIENT:                b = rate_q;
-      SCALE:                   b = signed'(RoundedWidth'(spread_q));
+      SCALE, WHOLE_SCALE:      b = signed'(RoundedWidth'(spread_q));
       TOLERANCE:               b = signed'(RoundedWidth'(geometry_i.tolerance)) <<< ToleranceAlign;
       default:                 b = signed'(RoundedWidth'(quotient));
     endcase
   end
 
   logic divides;
-  assign divides = step_q == RANGE || step_q == SIGMA_Z || step_q == SHARE;
+  assign divides = step_q == RANGE || step_q == SIGMA_Z || step_q == SHARE
+                   || step_q == WHOLE_SIGMA_Z;
 
   multiply #(
     .AWidth(FactorWidth),
@@ -258,12 +262,12 @@ module triangulate #(
                    ? '1 : quotient[vrscan_pkg::SigmaWidth-1:0];
 
   // From the 255th step on, 4 sigma_z, it is 1.
-  logic [                           7:0] share;
+  logic [                           7:0] share, share_q;
   logic [vrscan_pkg::ConfidenceWidth-1:0] c_obj;
   assign share = |quotient[RangeWidth-1:8] ? '1 : quotient[7:0];
   triangulate_rom u_triangulate_rom (
     .clk_i,
-    .confidence_index_i(share),
+    .confidence_index_i(share_q),
     .confidence_entry_o(c_obj)
   );
 
@@ -277,7 +281,7 @@ module triangulate #(
     start_q      <= wave_valid;
     if (wave_valid) step_q <= NUMERATOR;
     if (store_q) begin
-      start_q <= step_q != SHARE;
+      start_q <= step_q != WHOLE_SIGMA_Z;
       unique case (step_q)
         NUMERATOR: begin
           numerator_q <= RoundedWidth'(geometry_i.n0) + rounded_q;
@@ -344,19 +348,35 @@ module triangulate #(
           scale_q <= magnitude;
           step_q  <= SHARE;
         end
-        default: busy_q <= 1'b0;
+        SHARE: begin
+          share_q <= share;
+          step_q  <= WHOLE_SPREAD;
+        end
+        WHOLE_SPREAD: begin
+          spread_q <= (FactorWidth - 1)'(magnitude);
+          step_q   <= WHOLE_SCALE;
+        end
+        WHOLE_SCALE: begin
+          scale_q <= magnitude;
+          step_q  <= WHOLE_SIGMA_Z;
+        end
+        default: begin
+          sigma_z_q <= sigma_z;
+          busy_q    <= 1'b0;
+        end
       endcase
     end
     // To nearest, half up.
     rounded_q <= RoundedWidth'(product >>> Fraction) + RoundedWidth'(product[Fraction-1]);
     store_q   <= product_valid || quotient_valid;
-    done_q    <= store_q && step_q == SHARE;
+    done_q    <= store_q && step_q == WHOLE_SIGMA_Z;
 
     if (accept) begin
       busy_q      <= 1'b1;
       offset_q    <= offset_i;
       slope_q     <= slope_i;
       sigma_q     <= sigma_i;
+      typical_q   <= typical_i;
       angle_q     <= angle_i;
       user_q      <= user_i;
       measured_q  <= measured_i;

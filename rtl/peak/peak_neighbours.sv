@@ -4,14 +4,16 @@
 // Both put its place in doubt, by shares of its width that are added to sigma in squares: what two
 // widths differ by beyond their noise over root 32, and 3/16 of the share of light that is missing.
 // Light over the laser's power is compared with that of the brighter neighbour; up to a quarter of
-// it may be missing from a spot in a row with both.  A spot alone, with a neighbour that has none
-// or four widths out of the row, is mixed where it is dim or unlike both.
+// it may be missing from a spot in a row with both.  A spot alone, beside a line without one or four
+// widths out of the row, is mixed where it has less than an eighth of that light, or five
+// sixteenths and a half of the dimmer neighbour's, or seven eighths and another width than each.
 //
 //   valid_i    a line's spot; valid_o follows with that of the line before it.  user_i goes with it
 //   scale_i    half of the spot's width at half of its height, px, 12 fraction bits
 //   light_i    sum of its heights
 //   sigma_o    standard deviation of the position, px, with the doubt in it; what came in where there
 //              is no position, as where both neighbours leave no doubt
+//   typical_o  the same with a quarter of the doubt: most spots that lack light are whole
 //   doubt_o    what the neighbours add to sigma_o, in squares; px
 //   A line after which none comes for NeighbourClks clocks is given without one behind it, and is
 //   no neighbour of the next.
@@ -41,6 +43,7 @@ module peak_neighbours #(
 
   output      logic                                     valid_o,
   output      logic        [vrscan_pkg::SigmaWidth-1:0] sigma_o,
+  output      logic        [vrscan_pkg::SigmaWidth-1:0] typical_o,
   output      logic        [vrscan_pkg::SigmaWidth-1:0] doubt_o,
   output      logic                                     mixed_o,
   output      logic        [             UserWidth-1:0] user_o
@@ -57,7 +60,8 @@ module peak_neighbours #(
   localparam int unsigned RootWidth     = FactorWidth;
   localparam int unsigned BendWidth     = PositionWidth + 2;
   localparam logic [LightWidth-1:0] Whole  = LightWidth'(1 << ShareFraction);
-  localparam logic [LightWidth-1:0] Dim    = Whole >> 2;
+  localparam logic [LightWidth-1:0] Dark   = Whole >> 3;
+  localparam logic [LightWidth-1:0] Dim    = Dark + (Dark << 1) - (Dark >> 1);
   localparam logic [LightWidth-1:0] Unlike = Whole - (Whole >> 3);
   localparam logic [LightWidth-1:0] Steady = Whole - (Whole >> 2);
 
@@ -74,9 +78,9 @@ module peak_neighbours #(
   logic [UserWidth-1:0] centre_user_q, after_user_q;
 
   // ---- one multiplier, one divider, one root ----
-  typedef enum logic [3:0] {
+  typedef enum logic [4:0] {
     IDLE, LIGHT, RANK, SHARE, MISSING, FACTORS, CUT, OWN, BEFORE, BEFORE_WIDTH, AFTER, AFTER_WIDTH,
-    CUT_SQUARE, ADDED, DOUBT, WHOLE
+    CUT_SQUARE, ADDED, DOUBT, TYPICAL, WHOLE
   } state_e;
   state_e                         state_q;
   logic                           multiply_start_q, product_valid;
@@ -109,12 +113,15 @@ module peak_neighbours #(
   // ---- the middle one and those beside it; what is not ready in one clock is registered ----
   logic [LightWidth-1:0] brightest_q;
   logic [FactorWidth-2:0] before_difference_q, after_difference_q;
-  logic                  before_unlike_q, after_unlike_q, out_of_row_q, alone_q;
+  logic                  before_unlike_q, after_unlike_q, before_twice_q, after_twice_q;
+  logic                  out_of_row_q, alone_q;
   logic signed [BendWidth-1:0] bend_q;
   logic        [BendWidth-1:0] row_q;
   logic [LightWidth-1:0] before_light, after_light;
   assign before_light = before_q.measured ? before_q.light : '0;
   assign after_light  = after_q.measured ? after_q.light : '0;
+  logic [LightWidth:0] twice;
+  assign twice = {centre_q.light, 1'b0};
 
   function automatic logic [FactorWidth-2:0] differing(
       input logic [ScaleWidth-1:0] one, input logic [ScaleWidth-1:0] other);
@@ -126,7 +133,7 @@ module peak_neighbours #(
       input logic [ScaleWidth-1:0] one, input logic [ScaleWidth-1:0] other);
     logic [ScaleWidth-1:0] narrow, wide;
     {narrow, wide} = one < other ? {one, other} : {other, one};
-    unlike = {1'b0, wide, 2'b0} > {1'b0, narrow, 2'b0} + (ScaleWidth + 3)'(narrow);
+    unlike = {1'b0, wide, 1'b0} + (ScaleWidth + 2)'(wide) > {narrow, 2'b0};
   endfunction
   // Both factors of a square, and the start.
   function automatic logic [2*FactorWidth:0] squared(input logic [FactorWidth-2:0] value);
@@ -138,6 +145,8 @@ module peak_neighbours #(
     after_difference_q  <= differing(centre_q.scale, after_q.scale);
     before_unlike_q     <= before_q.measured && unlike(centre_q.scale, before_q.scale);
     after_unlike_q      <= after_q.measured && unlike(centre_q.scale, after_q.scale);
+    before_twice_q      <= !before_q.measured || {1'b0, before_q.light} > twice;
+    after_twice_q       <= !after_q.measured || {1'b0, after_q.light} > twice;
     bend_q              <= BendWidth'(before_q.position) + BendWidth'(after_q.position)
                            - (BendWidth'(centre_q.position) <<< 1);
     row_q               <= unsigned'(bend_q < 0 ? -bend_q : bend_q);
@@ -253,6 +262,12 @@ module peak_neighbours #(
       end
       DOUBT: if (root_valid) begin
         doubt_o      <= centre_q.measured ? limited : '0;
+        radicand_q   <= own_q + (added_q >> 4);
+        root_start_q <= 1'b1;
+        state_q      <= TYPICAL;
+      end
+      TYPICAL: if (root_valid) begin
+        typical_o    <= centre_q.measured ? limited : centre_q.sigma;
         radicand_q   <= own_q + added_q;
         root_start_q <= 1'b1;
         state_q      <= WHOLE;
@@ -261,7 +276,7 @@ module peak_neighbours #(
         valid_o        <= 1'b1;
         sigma_o        <= centre_q.measured ? limited : centre_q.sigma;
         mixed_o        <= centre_q.measured && alone_q
-                          && (share_q < Dim
+                          && (share_q < Dark || (share_q < Dim && before_twice_q && after_twice_q)
                               || (share_q < Unlike && before_unlike_q && after_unlike_q));
         user_o         <= centre_user_q;
         centre_there_q <= after_there_q;

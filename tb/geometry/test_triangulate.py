@@ -91,6 +91,7 @@ def operands(widths: dict[str, int], count: int) -> Columns:
         "offset_i": ends(-offset_end, offset_end),
         "slope_i": ends(-slope_end, slope_end),
         "sigma_i": ends(0, SIGMA_MAX + 1),
+        "typical_i": ends(0, SIGMA_MAX + 1),
         "angle_i": draw.choice([-turn // 2, -turn // 4, -1, 0, 1, turn // 4, turn // 2 - 1], count),
     }
     corners |= {f"{name}_i": ends(-end, end) for name in CONSTANTS[:6]}
@@ -100,6 +101,7 @@ def operands(widths: dict[str, int], count: int) -> Columns:
         "offset_i": draw.integers(-offset_end // 4, offset_end // 4, count),
         "slope_i": draw.integers(62_000, 69_000, count),
         "sigma_i": draw.integers(0, 1 << 12, count) >> draw.integers(0, 12, count),
+        "typical_i": draw.integers(0, 1 << 12, count) >> draw.integers(0, 12, count),
         "angle_i": draw.integers(-turn // 14, turn // 14, count),
     }
     instruments = [constants_of(instrument(draw)) for _ in range(8)]
@@ -112,6 +114,7 @@ def operands(widths: dict[str, int], count: int) -> Columns:
         "offset_i": draw.integers(-offset_end, offset_end, count),
         "slope_i": draw.integers(-slope_end, slope_end, count),
         "sigma_i": draw.integers(0, SIGMA_MAX + 1, count),
+        "typical_i": draw.integers(0, SIGMA_MAX + 1, count),
         "angle_i": draw.integers(-turn // 2, turn // 2, count),
     }
     anything |= {
@@ -147,6 +150,7 @@ def evaluate(line_length: int, given: Columns) -> Triangulated:
         given["slope_i"],
         given["sigma_i"],
         given["angle_i"],
+        typical=given["typical_i"],
         measured=given["measured_i"] != 0,
         saturated=given["saturated_i"] != 0,
         **{name: given[f"{name}_i"] for name in CONSTANTS},

@@ -27,7 +27,7 @@ ELABORATIONS = [
 ]
 ALONE = divide_latency(32) + 2  # clocks that a line takes that has none before it
 GIVEN = ("measured", "position", "sigma", "scale", "light", "power")
-OUTPUTS = ("sigma", "doubt", "mixed", "user")
+OUTPUTS = ("sigma", "typical", "doubt", "mixed", "user")
 ONE = 1 << pkg.POSITION_FRACTION
 
 
@@ -113,8 +113,8 @@ async def compare(dut, given: dict[str, np.ndarray], gaps: np.ndarray) -> Beside
     answers = {name: np.array([each[name] for _, each in got]) for name in OUTPUTS}
     user = np.arange(len(gaps)) & (1 << parameters()["UserWidth"]) - 1
     expected = {
-        "sigma": want.sigma, "doubt": want.doubt, "mixed": want.mixed.astype(np.int64),
-        "user": user,
+        "sigma": want.sigma, "typical": want.typical, "doubt": want.doubt,
+        "mixed": want.mixed.astype(np.int64), "user": user,
     }  # fmt: skip
     assert_equal(answers, expected, given)
     return want
@@ -190,16 +190,21 @@ def test_equal_spots_in_a_row_have_no_doubt() -> None:
 
 
 def test_dim_spots_alone_are_mixed() -> None:
-    """Less than a quarter of the light: beside none, or out of the row; not within the row."""
+    """Less than 5/16 of the light: beside none, or out of the row; not within the row."""
     light = np.full(5, 1 << 20)
-    light[2] = (1 << 18) - 500
+    light[2] = (5 << 16) - 500
     assert not model(row(light=light), []).mixed.any()
     moved = row()["position"]
     moved[2] += 7 * ONE
     assert model(row(light=light, position=moved), []).mixed.tolist() == [0, 0, 1, 0, 0]
     assert model(row(light=light, measured=[1, 0, 1, 1, 1]), []).mixed.tolist() == [0, 0, 1, 0, 0]
     assert model(row(light=light), [3]).mixed.tolist() == [0, 0, 1, 0, 0]
-    light[2] = (1 << 18) + 500  # its share is rounded
+    # Beside one that has less than twice its light it is dark, or a surface's other side.
+    light[3] = 2 * light[2] - 500
+    assert not model(row(light=light, position=moved), []).mixed.any()
+    light[2] = (1 << 17) - 500
+    assert model(row(light=light, position=moved), []).mixed.tolist() == [0, 0, 1, 0, 0]
+    light[2:4] = (5 << 16) + 500, 1 << 20  # a share is rounded
     assert not model(row(light=light, position=moved), []).mixed.any()
 
 

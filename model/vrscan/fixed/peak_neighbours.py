@@ -21,8 +21,9 @@ from vrscan.fixed.square_root import square_root
 LIGHT_FRACTION = 8  # of aligned counts over the laser's power
 SHARE_FRACTION = 14  # of a spot's light over its brighter neighbour's
 WHOLE = 1 << SHARE_FRACTION
-DIM = WHOLE >> 2  # a spot alone with less light is not one spot on one surface
-UNLIKE = WHOLE - (WHOLE >> 3)  # nor is one with less light and another width than both
+DARK = WHOLE >> 3  # a spot alone with less light is not one spot on one surface
+DIM = 5 * WHOLE >> 4  # nor is one with less light, and less than half of the other neighbour's
+UNLIKE = WHOLE - (WHOLE >> 3)  # nor one with less light and another width than both
 STEADY = WHOLE - (WHOLE >> 2)  # light that a spot in a row with its neighbours may lack
 QUOTIENT_WIDTH, ROOT_WIDTH, FACTOR_WIDTH = 32, 18, 18
 MOST_DIFFERENCE = (1 << (FACTOR_WIDTH - 1)) - 1  # of two widths
@@ -30,7 +31,7 @@ SQUARES = 7  # products, one after the other
 LATENCY = (  # clocks from valid_i to valid_o
     2 * (divide_latency(QUOTIENT_WIDTH) + 1)
     + SQUARES * (multiply_latency(FACTOR_WIDTH, FACTOR_WIDTH) + 1)
-    + 2 * (root_latency(ROOT_WIDTH) + 1)
+    + 3 * (root_latency(ROOT_WIDTH) + 1)
     + 5
 )
 
@@ -41,11 +42,13 @@ class Beside:
 
     Attributes:
         sigma: Standard deviation of the position, px, 12 fraction bits, the doubt in it.
-        doubt: What the neighbours add to it, px, 12 fraction bits.
+        typical: That of most such positions, with a quarter of the doubt.
+        doubt: What the neighbours add to ``sigma``, px, 12 fraction bits.
         mixed: Whether the spot is not one spot on one surface, bool.
     """
 
     sigma: Ints
+    typical: Ints
     doubt: Ints
     mixed: Bools
 
@@ -82,16 +85,17 @@ def peak_neighbours(
         breaks: Lines that came so late that those before them are no neighbours.
     """
     per_power, _ = divide(light << LIGHT_FRACTION, power, quotient_width=QUOTIENT_WIDTH)
-    own = {"position": position, "sigma": sigma, "scale": scale, "light": per_power}
+    spot = {"position": position, "sigma": sigma, "scale": scale, "light": per_power}
     beside = []
     for by in (1, -1):
         there = _shifted(measured.astype(np.int64), by) > 0
         for each in breaks:
             there[each if by > 0 else each - 1] = False
-        beside.append((there, {name: _shifted(value, by) for name, value in own.items()}))
+        beside.append((there, {name: _shifted(value, by) for name, value in spot.items()}))
     brightest = np.maximum(*(np.where(there, other["light"], 0) for there, other in beside))
     share, _ = divide(per_power << SHARE_FRACTION, brightest, quotient_width=QUOTIENT_WIDTH)
 
+    dim = share < DIM
     excess = np.zeros(len(measured), np.int64)
     alone = np.zeros(len(measured), np.bool_)
     unlike = share < UNLIKE
@@ -100,7 +104,8 @@ def peak_neighbours(
         noise = 2 * (sigma * sigma + other["sigma"] * other["sigma"])
         excess = np.maximum(excess, np.where(there, difference * difference - noise, 0))
         narrow, wide = np.minimum(scale, other["scale"]), np.maximum(scale, other["scale"])
-        unlike &= there & (4 * wide > 5 * narrow)
+        unlike &= there & (3 * wide > 4 * narrow)
+        dim &= ~there | (2 * per_power < other["light"])
         alone |= ~there
     bend = beside[0][1]["position"] + beside[1][1]["position"] - 2 * position
     alone |= np.abs(bend) > 4 * scale
@@ -108,12 +113,14 @@ def peak_neighbours(
     cut = (3 * missing * (scale >> 1)) >> (SHARE_FRACTION + 3)
     doubt = (excess >> 5) + cut * cut
     most = (1 << pkg.SIGMA_WIDTH) - 1
-    whole, added = (
+    own = sigma * sigma
+    whole, typical, added = (
         np.minimum(square_root(value, root_width=ROOT_WIDTH), most)
-        for value in (sigma * sigma + doubt, doubt)
+        for value in (own + doubt, own + (doubt >> 4), doubt)
     )
     return Beside(
         sigma=np.where(measured, whole, sigma),
+        typical=np.where(measured, typical, sigma),
         doubt=np.where(measured, added, 0),
-        mixed=measured & alone & ((share < DIM) | unlike),
+        mixed=measured & alone & ((share < DARK) | dim | unlike),
     )

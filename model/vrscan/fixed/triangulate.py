@@ -38,8 +38,8 @@ SHARE_BITS = 8  # ``share``: up to 4 sigma_z
 
 LATENCY = (
     QUARTER_WAVE_LATENCY
-    + 14 * (multiply_latency(FACTOR_WIDTH, ROUNDED_WIDTH) + 2)
-    + 3 * (divide_latency(RANGE_WIDTH) + 2)
+    + 16 * (multiply_latency(FACTOR_WIDTH, ROUNDED_WIDTH) + 2)
+    + 4 * (divide_latency(RANGE_WIDTH) + 2)
     + 3
 )  # clocks from valid_i to valid_o
 BUSY = LATENCY - 1  # clocks from one accepted point to the next: pkg.POINT_PERIOD
@@ -104,6 +104,7 @@ def triangulate(
     sigma: Ints,
     angle: Ints,
     *,
+    typical: Ints | None = None,
     measured: Bools | bool = True,
     saturated: Bools | bool = False,
     n0: Ints | int,
@@ -118,13 +119,14 @@ def triangulate(
     """Return where laser ray and line of sight meet, exactly as the hardware rounds it.
 
     sigma_z = |dz/ds| / R * slope * sigma with dz/ds = (n1 cos a - z (d1 cos a + e1 sin a)) / d, the
-    derivative of (3), and c_obj = erf(tolerance z / (sqrt 2 sigma_z)).
+    derivative of (3), and c_obj = erf(tolerance z / (sqrt 2 sigma_z)) with the typical sigma.
 
     Args:
         offset: Corrected position from the optical axis, px, 20 fraction bits. Any shape.
         slope: d offset / d position, 16 fraction bits.
         sigma: Standard deviation of the position, px, 12 fraction bits, u16.
         angle: Scan angle, fraction of a turn, s24.
+        typical: Standard deviation of most such positions, which c_obj is of; ``sigma`` if None.
         measured: Whether there is a position; where there is none, every result is 0.
         saturated: Whether ``distortion`` could not represent the offset.
         n0: Constant part of n, mm, 20 fraction bits; s32, as are the following.
@@ -162,29 +164,23 @@ def triangulate(
     rate = _scaled(cosine, ray_cosine) + _scaled(sine, ray_sine)
     shift = _dropped(_scaled(cosine, move), pkg.BASE_FRACTION - GRADIENT_FRACTION)
     gradient = shift - _scaled(z, rate)
-    spread = np.abs(
-        _scaled(
-            np.asarray(sigma, np.int64) << (FACTOR_WIDTH - 1 - pkg.SIGMA_WIDTH),
-            np.asarray(slope, np.int64)
-            << (
-                SPREAD_FRACTION
-                + FRACTION
-                - pkg.SLOPE_FRACTION
-                - pkg.SIGMA_FRACTION
-                - (FACTOR_WIDTH - 1 - pkg.SIGMA_WIDTH)
-            ),
-        )
-    )
-    scale = np.abs(_scaled(gradient << GRADIENT_SPARE, spread))
     sigma_max = (1 << pkg.SIGMA_WIDTH) - 1
-    sigma_z, _ = divide(
-        scale << (pkg.RAY_FRACTION - pixel_bits), divisor, quotient_width=RANGE_WIDTH
-    )
+    sigma_align = FACTOR_WIDTH - 1 - pkg.SIGMA_WIDTH
+    slope_align = SPREAD_FRACTION + FRACTION - pkg.SLOPE_FRACTION - pkg.SIGMA_FRACTION - sigma_align
 
-    sigma_z = np.minimum(sigma_z, sigma_max)
+    def along_z(own: Ints) -> Ints:
+        wide = np.asarray(own, np.int64) << sigma_align
+        spread = np.abs(_scaled(wide, np.asarray(slope, np.int64) << slope_align))
+        scale = np.abs(_scaled(gradient << GRADIENT_SPARE, spread))
+        dividend = scale << (pkg.RAY_FRACTION - pixel_bits)
+        quotient, _ = divide(dividend, divisor, quotient_width=RANGE_WIDTH)
+        return np.minimum(quotient, sigma_max)
+
+    sigma_z = along_z(sigma)
+    typical_z = sigma_z if typical is None else along_z(typical)
     align = FRACTION + SHARE_FRACTION - pkg.TOLERANCE_FRACTION
     allowed = np.abs(_scaled(z, np.asarray(tolerance, np.int64) << align))
-    share, _ = divide(allowed, sigma_z, quotient_width=RANGE_WIDTH)
+    share, _ = divide(allowed, typical_z, quotient_width=RANGE_WIDTH)
     c_obj = confidences()[np.minimum(share, (1 << SHARE_BITS) - 1)]
 
     limit = 1 << (pkg.LENGTH_WIDTH - 1)

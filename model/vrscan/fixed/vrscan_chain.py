@@ -286,7 +286,7 @@ def _located(spots: Sequence[_Spots], registers: Registers, breaks: Sequence[int
     """Return the points of lines that follow each other."""
     r = registers
     points = Points.concatenate([each.points for each in spots])
-    sigma, doubt, flags = points.sigma, points.doubt, points.flags
+    sigma, typical, doubt, flags = points.sigma, points.sigma, points.doubt, points.flags
     if r.window_fit:
         scale, light, power = (
             np.concatenate([getattr(each, name) for each in spots])
@@ -301,7 +301,7 @@ def _located(spots: Sequence[_Spots], registers: Registers, breaks: Sequence[int
             power=power,
             breaks=breaks,
         )
-        sigma, doubt = beside.sigma, beside.doubt
+        sigma, typical, doubt = beside.sigma, beside.typical, beside.doubt
         flags = flags | beside.mixed.astype(np.int64) << pkg.FLAG_MIXED
     corrected = geometry_distortion.distortion(
         points.position,
@@ -316,6 +316,7 @@ def _located(spots: Sequence[_Spots], registers: Registers, breaks: Sequence[int
         corrected.slope,
         sigma,
         points.angle,
+        typical=typical,
         measured=points.measured,
         saturated=corrected.saturated,
         n0=r.n0,
@@ -337,7 +338,7 @@ def _located(spots: Sequence[_Spots], registers: Registers, breaks: Sequence[int
         x=place.x,
         z=place.z,
         sigma_z=place.sigma_z,
-        c_obj=place.c_obj,
+        c_obj=place.c_obj >> (flags >> pkg.FLAG_MIXED & 1),
     )
 
 

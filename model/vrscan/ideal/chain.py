@@ -74,7 +74,7 @@ def _located(spots: Sequence[_Spots], config: Config) -> Table:
     """Return the points of lines that follow each other."""
     points = Table.joined([each.points for each in spots])
     measured, flags = points.measured, dict(points.flags)
-    sigma, doubt = points.sigma_px, points.doubt_px
+    sigma, typical, doubt = points.sigma_px, points.sigma_px, points.doubt_px
     if config.peak.fit:
         scale, light, power = (
             np.concatenate([getattr(each, name) for each in spots])
@@ -88,13 +88,15 @@ def _located(spots: Sequence[_Spots], config: Config) -> Table:
             light=light,
             power=power,
         )
-        sigma, doubt = beside.sigma, beside.doubt
+        sigma, typical, doubt = beside.sigma, beside.typical, beside.doubt
         flags["MIXED"] = flags["MIXED"] | beside.mixed
     u, scale = geometry.undistorted(points.position_px, config.geometry)
     located = geometry.triangle(u, points.angle_rad, config.geometry)
-    sigma_z = np.abs(located.slope) * np.abs(scale) * sigma
+    sigma_z, typical_z = (np.abs(located.slope) * np.abs(scale) * own for own in (sigma, typical))
     there = measured & ~located.no_range
     flags["NO_RANGE"] = measured & located.no_range
+    tolerance = config.geometry.tolerance
+    c_obj = confidence.object_confidence(located.z, typical_z, there, tolerance=tolerance)
     return replace(
         points,
         flags=flags,
@@ -103,9 +105,7 @@ def _located(spots: Sequence[_Spots], config: Config) -> Table:
         x_mm=located.x,
         z_mm=located.z,
         sigma_z_mm=sigma_z,
-        c_obj=confidence.object_confidence(
-            located.z, sigma_z, there, tolerance=config.geometry.tolerance
-        ),
+        c_obj=np.where(flags["MIXED"], 0.5, 1.0) * c_obj,
         located=there,
     )
 

@@ -20,9 +20,11 @@ from vrscan.data.arrays import Bools, Floats, Ints
 
 WIDTH_SHARE = 1 / 32  # of the squared difference of two widths beyond its noise
 LIGHT_SHARE = 3 / 16  # of a width, for all the light
+TYPICAL = 1 / 4  # share of the doubt that most spots with it deserve
 STEADY = 1 / 4  # share of light that a spot in the row may lack
-DIM = 1 / 4  # of the brighter neighbour's light
-LESS, OTHER = 7 / 8, 5 / 4  # light and width of a spot unlike both neighbours
+DARK = 1 / 8  # of the brighter neighbour's light
+DIM, DIMMER = 5 / 16, 1 / 2  # the same, where it has less than a half of the other's, too
+LESS, OTHER = 7 / 8, 4 / 3  # light and width of a spot unlike both neighbours
 ROW = 4.0  # widths by which a spot in the row may lie beside the middle of its neighbours
 
 
@@ -31,7 +33,8 @@ class Beside:
     """What n lines' neighbours say, [n] each."""
 
     sigma: Floats  # standard deviation of the position with the doubt in it, px
-    doubt: Floats  # what the neighbours add to it, px
+    typical: Floats  # that of most such positions, px
+    doubt: Floats  # what the neighbours add to sigma, px
     mixed: Bools  # whether the spot is not one spot on one surface
 
 
@@ -66,13 +69,15 @@ def peak_neighbours(
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(brightest > 0.0, per_power / brightest, np.inf)
     share = np.where(np.isnan(share), 1.0, share)  # without power, all light is alike
-    excess, alone, unlike = np.zeros(count), np.zeros(count, np.bool_), share < LESS
+    excess, alone = np.zeros(count), np.zeros(count, np.bool_)
+    unlike, dim = share < LESS, share < DIM
     for there, other in beside:
         noise = 2.0 * (np.square(sigma) + np.square(sigma[other]))
         over = np.square(scale - scale[other]) - noise
         excess = np.maximum(excess, np.where(there, over, 0.0))
         ratio = np.maximum(scale, scale[other]) > OTHER * np.minimum(scale, scale[other])
         unlike &= there & ratio
+        dim &= ~there | (per_power < DIMMER * per_power[other])
         alone |= ~there
     (_, before), (_, behind) = beside
     alone |= np.abs(position[before] + position[behind] - 2.0 * position) > ROW * scale
@@ -81,6 +86,7 @@ def peak_neighbours(
     doubt = np.where(measured, doubt, 0.0)
     return Beside(
         sigma=np.hypot(sigma, doubt),
+        typical=np.hypot(sigma, TYPICAL * doubt),
         doubt=doubt,
-        mixed=measured & alone & ((share < DIM) | unlike),
+        mixed=measured & alone & ((share < DARK) | dim | unlike),
     )
