@@ -77,7 +77,7 @@ def made_up(cell: Cell) -> Figures:
         return {"rates": rates, "lines": 7}
     if cell.work == instrument.BUDGET:
         rest = ("jumped", "error_px", "median_px", "error_mm", "median_mm", "other_window")
-        rest += ("arithmetic_px", "arithmetic_mm", "fit_px", "fit_mm")
+        rest += ("arithmetic_px", "arithmetic_mm", "fit_px", "fit_mm", "one_fit")
         names = ("error_px", "error_mm", "ratio", "within", "astray", "free", "false", "hidden")
         windows = {
             window: {name: 0.01 * (1 + k) * (1 + n) for n, name in enumerate(names)}

@@ -167,6 +167,7 @@ def _totals(budgets: dict[str, Figures]) -> Table[str]:
         column("arithmetic,\n1e-3 px", "arithmetic_px", scale=1e3),
         column("arithmetic,\nµm", "arithmetic_mm", scale=1e3),
         column("another\nwindow", "other_window", "{:.2f} %", 100.0),
+        column("one fit\nonly", "one_fit", "{:.2f} %", 100.0),
     ]
     return Table(
         "total",
@@ -174,7 +175,9 @@ def _totals(budgets: dict[str, Figures]) -> Table[str]:
         "All causes together: points of the bit-accurate chain against the scene's truth. Points "
         f"more than {JUMP_PX:g} px off are those of second reflections and of edges; they count in "
         "the median, not in the rms. Another window: where a rounded threshold takes a pixel more "
-        "or less than the float equations'; arithmetic is of the other lines.",
+        "or less than the float equations'. One fit only: where chi squared lies near its limit, "
+        "and the fit gives the point in one of both. Arithmetic is of the lines with the same "
+        "window and the fit in both or in none.",
         key=lambda scene: f"total-{scene}",
     )
 
