@@ -282,6 +282,33 @@ FAULTS = [
         ("no reset of the CORDIC's start", "      cordic_start_q <= 1'b0;\n      summed", "summed"),
     ),
     *faults(
+        "rtl/peak/peak_neighbours.sv",
+        (
+            "a line before a pause as neighbour",
+            "centre_there_q <= after_there_q;\n        state_q        <= IDLE",
+            "state_q        <= IDLE",
+        ),
+        (
+            "a line that comes late is lost",
+            "pending_q        <= comes && state_q != IDLE;",
+            "pending_q        <= 1'b0;",
+        ),
+        ("the wait is a clock longer", "NeighbourClks - 2)", "NeighbourClks - 1)"),
+        (
+            "noise of the own width only",
+            "noise_q <= own_q + product;\n        {a_q, b_q, multiply_start_q} <= squared(after",
+            "noise_q <= own_q;\n        {a_q, b_q, multiply_start_q} <= squared(after",
+        ),
+        (
+            "a missing neighbour's light",
+            "before_q.measured ? before_q.light : '0",
+            "before_q.light",
+        ),
+        ("a steady spot lacks light", "alone_q ? Whole : Steady", "Whole"),
+        ("dark as dim", "Whole >> 3;", "Whole >> 2;"),
+        ("out of the row a little", "{centre_q.scale, 2'b0}", "{centre_q.scale, 1'b0}"),
+    ),
+    *faults(
         "rtl/peak/peak_fit.sv",
         (
             "history of a line more",
