@@ -39,7 +39,7 @@ CHUNK = 100  # pixels
 FULL_RECORD = struct.Struct("<I4H4I2H4i2H2BH2BHI")
 FIELDS = (
     "line", "flags", "left", "right", "maximum", "row_mean", "row_variance", "background", "noise",
-    "snr", "sigma", "position", "angle", "x", "z", "sigma_z", "power", "c_obj", "c_sfm", "width",
+    "snr", "sigma", "position", "angle", "x", "z", "sigma_z", "power", "c_obj", "c_sfm", "doubt",
     "confidence", "bits", "lost", "time",
 )  # fmt: skip
 GATHERED = {1: 0x0047, 2: 0x0008, 3: 0x0010, 4: 0x0020, 5: 0x0600, 6: 0xE000, 7: 0x1800}

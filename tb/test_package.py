@@ -189,7 +189,8 @@ def test_the_notebook_runs_with_an_unpacked_wheel(site: Path, tmp_path: Path) ->
     normal = 0.6745  # of a normal distribution
     assert found.pop("one window, sensor's noise") == pytest.approx(normal, rel=0.1)
     assert found.pop("one window, all of it") > 5.0  # for it knows no speckle
-    assert found.pop("fit, all of the light") == pytest.approx(normal, rel=0.1)
+    # Sigma allows for edges, too, which few points have.
+    assert 0.75 * normal < found.pop("fit, all of the light") < 1.1 * normal
     assert 0.5 * normal < found.pop("fit, sensor's noise") < normal  # it allows for some speckle
     assert not found
 

@@ -388,7 +388,7 @@ def test_selftest_finds_nothing(board: TestBoard) -> None:
     assert held(board) == before
 
 
-@pytest.mark.parametrize("field", ["x", "row_variance", "c_sfm", "flags", "width", "bits"])
+@pytest.mark.parametrize("field", ["x", "row_variance", "c_sfm", "flags", "doubt", "bits"])
 def test_selftest_finds_a_wrong_bit(board: TestBoard, field: str) -> None:
     board.file.values["line_enable"] = [0]
     board.spoil(field)

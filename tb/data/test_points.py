@@ -49,6 +49,7 @@ def random_points(pixel_width: int = 12) -> Points:
         snr=words(0, 2**16),
         position=words(-(2**23), 2**23),
         sigma=words(0, 2**16),
+        doubt=words(0, 2**16),
         angle=words(-(2**23), 2**23),
         x=words(-(2**23), 2**23),
         z=words(-(2**23), 2**23),
@@ -83,13 +84,14 @@ def test_every_word_is_read_back(pixel_width: int) -> None:
         "c_sfm": (points.c_sfm, 255.0),
         "position_px": (points.position, 2.0**12),
         "sigma_px": (points.sigma, 2.0**12),
+        "doubt_px": (points.doubt, 2.0**12),
         "x_mm": (points.x, 2.0**12),
         "z_mm": (points.z, 2.0**12),
         "sigma_z_mm": (points.sigma_z, 2.0**12),
     }
     no_range = points.flags >> pkg.FLAG_NO_RANGE & 1 == 1
     empty = {name: np.zeros(COUNT, np.bool_) for name in scale}
-    empty["position_px"] = empty["sigma_px"] = ~points.measured
+    empty["position_px"] = empty["sigma_px"] = empty["doubt_px"] = ~points.measured
     empty["x_mm"] = empty["z_mm"] = empty["sigma_z_mm"] = ~points.measured | no_range
     for name, (words, step) in scale.items():
         for row, word, hollow in zip(rows, words.tolist(), empty[name].tolist(), strict=True):

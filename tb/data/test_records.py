@@ -72,8 +72,9 @@ def test_full_records_become_points() -> None:
     got = points(records, 10)
     assert len(got) == 50 and got.pixel_width == 10
     assert (got.flags == records["flags"] + ((records["bits"] & 8).astype(np.int64) << 13)).all()
-    for name in ("line", "position", "row_variance", "c_sfm", "width"):
+    for name in ("line", "position", "row_variance", "c_sfm", "doubt"):
         assert (getattr(got, name) == records[name]).all() and getattr(got, name).dtype == np.int64
+    assert (got.width == got.right - got.left + 1).all()
     point = records["bits"] & 1 == 1
     assert 0 < point.sum() < len(point)
     for name, end in (("x", "free_from"), ("z", "free_to")):

@@ -214,7 +214,7 @@ def test_full_points(wire: Wire) -> None:
         "power": "4342",
         "c_obj": "44",
         "c_sfm": "45",
-        "width": "4746",
+        "doubt": "4746",
         "confidence": "48",
         "bits": "49",
         "lost": "4B4A",

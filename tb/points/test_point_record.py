@@ -107,7 +107,7 @@ LAYOUT = [
     (12, 4, "row_mean"), (16, 4, "row_variance"), (20, 4, "background"), (24, 4, "noise"),
     (28, 2, "snr"), (30, 2, "sigma"), (32, 4, "position"), (36, 4, "angle"), (40, 4, "x"),
     (44, 4, "z"), (48, 2, "sigma_z"), (50, 2, "power"), (52, 1, "c_obj"), (53, 1, "c_sfm"),
-    (54, 2, "width"), (56, 1, "confidence"), (60, 4, "time"),
+    (54, 2, "doubt"), (56, 1, "confidence"), (60, 4, "time"),
 ]  # fmt: skip
 
 
@@ -121,12 +121,12 @@ def test_point_record_model_has_the_layout_of_the_link() -> None:
         one = {name: int(values[k]) for name, values in inputs.items()}
         for place, size, name in LAYOUT:
             want = one[name]
-            if name in ("position", "sigma", "sigma_z") and not one["measured"]:
+            if name in ("position", "sigma", "doubt", "sigma_z") and not one["measured"]:
                 want = 0
             if name in ("x", "z") and not one["measured"]:
                 want = one["free_from" if name == "x" else "free_to"] * 256
             if name in ("left", "right") and not one["width"]:
-                want = 0
+                want = int(name == "left")
             if name == "flags":
                 want &= 0xFFFF
             got = int.from_bytes(record[place : place + size], "little", signed=name in SIGNED)

@@ -522,9 +522,13 @@ class SelfTest:
 
 
 def _settled(device: Device) -> None:
-    """Wait until a run has ended."""
+    """Wait until a run has ended and its last point is out, which waited for a line behind."""
     end = time.monotonic() + 2.0 * device.timeout
-    while device.read("test_running"):
+    waited = pkg.NEIGHBOUR_CLKS + 3 * pkg.FIT_PERIOD
+    ended: int | None = None
+    while ended is None or device.uptime() < ended + waited:
+        if ended is None and not device.read("test_running"):
+            ended = device.uptime()
         if time.monotonic() > end:
             raise LinkError(f"{device.port}: the run of test lines does not end")
 
