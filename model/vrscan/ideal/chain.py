@@ -28,6 +28,7 @@ def run(
     progress: Callable[[int], None] | None = None,
     *,
     mirror_flags: Ints | int = 0,
+    breaks: Sequence[int] = (),
 ) -> Table:
     """Return the point of each line.
 
@@ -38,6 +39,7 @@ def run(
         config: Thresholds and geometry.
         progress: Called with the number of lines done so far.
         mirror_flags: Bits of ``MIRROR_FLAGS`` for each line, [n] or one for all.
+        breaks: Lines that those before them are no neighbours of; see ``peak_neighbours``.
 
     Returns:
         A table of n rows. Numbers are not limited to the widths of the fixed-point formats.
@@ -57,7 +59,7 @@ def run(
         parts.append(spots)
         if progress is not None:
             progress(min(start + _CHUNK, len(given)))
-    return _located(parts, config)
+    return _located(parts, config, breaks)
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ class _Spots:
     power: Ints
 
 
-def _located(spots: Sequence[_Spots], config: Config) -> Table:
+def _located(spots: Sequence[_Spots], config: Config, breaks: Sequence[int]) -> Table:
     """Return the points of lines that follow each other."""
     points = Table.joined([each.points for each in spots])
     measured, flags = points.measured, dict(points.flags)
@@ -87,6 +89,7 @@ def _located(spots: Sequence[_Spots], config: Config) -> Table:
             scale=scale,
             light=light,
             power=power,
+            breaks=breaks,
         )
         sigma, typical, doubt = beside.sigma, beside.typical, beside.doubt
         flags["MIXED"] = flags["MIXED"] | beside.mixed

@@ -12,6 +12,7 @@ doubt, have an rms of 0.8 to 1 whatever light they lack. That of a spot that is 
 larger; most that lack light are whole.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,6 +47,7 @@ def peak_neighbours(
     scale: Floats,
     light: Floats,
     power: Ints,
+    breaks: Sequence[int] = (),
 ) -> Beside:
     """Compare each line's spot with those of the lines before and behind it.
 
@@ -56,14 +58,17 @@ def peak_neighbours(
         scale: Half widths of the spots at half of their heights, px [n].
         light: Sums of the heights, counts [n].
         power: Laser powers [n].
+        breaks: Lines that came so late that those before them are no neighbours.
     """
     count = len(measured)
     per_power = np.divide(light, power, out=np.full(count, np.inf), where=power > 0)
     place = np.arange(count)
+    stretch = np.searchsorted(np.sort(np.asarray(breaks, np.int64)), place, side="right")
     beside = []
     for other in (place - 1, place + 1):
         inside = (other >= 0) & (other < count)
         other = np.where(inside, other, 0)
+        inside &= stretch[other] == stretch
         beside.append((inside & measured[other] if count else inside, other))
     brightest = np.maximum(*(np.where(there, per_power[other], 0.0) for there, other in beside))
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -11,13 +11,11 @@ import numpy as np
 from vrscan.data import pkg
 from vrscan.data.arrays import Floats, Ints, Pixels
 from vrscan.data.config import Config, Geometry, Peak, Sensor
-from vrscan.data.lines import Lines
 from vrscan.data.points import Points, table
 from vrscan.data.table import Table
-from vrscan.engines import engine as engines
-from vrscan.engines.engine import Engine
 from vrscan.fixed.vrscan_chain import run_fixed
 from vrscan.ideal import geometry as ideal_geometry
+from vrscan.ideal.chain import run as ideal_run
 from vrscan.ideal.position import first_harmonic, windows
 from vrscan.ideal.two_pass import baseline
 from vrscan.registers.chain_registers import Registers, angle_turns
@@ -206,15 +204,16 @@ class LineCase(Case):
         """Return the laser power [n]; no entry depends on it."""
         return np.full(len(self.lines), 20_000, np.int64)
 
-    def points(self, window: str | None = None) -> Points:
-        """Return the points of the model."""
+    def points(self, window: str | None = None, *, neighbours: bool = False) -> Points:
+        """Return the points of the model, of lines that are neighbours or have none."""
         registers = Registers.from_config(self.config(window))
-        return run_fixed(self.pixels, angle_turns(self.angle_rad), self.power, registers)
+        given = self.pixels, angle_turns(self.angle_rad), self.power, registers
+        return run_fixed(*given, breaks=() if neighbours else range(1, len(self.lines)))
 
     def oracle(self, window: str | None = None) -> Table:
         """Return the points of the equations in float64 in the form of this chain."""
-        recording = Lines(self.pixels, self.angle_rad, self.power)
-        return engines.run(Engine.IDEAL, recording, self.config(window))
+        given = self.pixels, self.angle_rad, self.power, self.config(window)
+        return ideal_run(*given, breaks=range(1, len(self.lines)))
 
     def outcome(self, window: str | None = None) -> Outcome:
         """Return the model's outcome for the lines, checked against the definition."""
