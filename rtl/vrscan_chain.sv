@@ -331,7 +331,8 @@ module vrscan_chain #(
     .valid_i(fit_done), .measured_i(fit.measured), .position_i(PositionWidth'(fit.position)),
     .sigma_i(fit.sigma), .scale_i(scale), .light_i(light_q), .power_i(fit.line.power),
     .user_i(fit),
-    .valid_o(weighed), .sigma_o(weighed_sigma), .typical_o(weighed_typical), .doubt_o(doubt), .mixed_o(unlike),
+    .valid_o(weighed), .sigma_o(weighed_sigma), .typical_o(weighed_typical), .doubt_o(doubt),
+    .mixed_o(unlike),
     .user_o(weighed_fit)
   );
   always_comb begin
