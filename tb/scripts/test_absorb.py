@@ -4,13 +4,12 @@ A SAT solver compares what Yosys made with what became of it, over every sequenc
 multiplier is written here, from Lattice's description of the primitive.
 """
 
-import importlib.util
+import importlib
 import json
 import subprocess
 import sys
 from collections import Counter
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
@@ -37,7 +36,7 @@ CASES = {
     # text, factors, multipliers that take registers, flip-flops left
     "both": (PLAIN, "a_q * b_q", 1, 0),
     "behind_another": (
-        "always_ff @(posedge clk_i) begin a_q <= a_i; a_q2 <= a_q; b_q2 <= a_q ^ b_i; end",
+        "always_ff @(posedge clk_i) begin a_q <= a_i; a_q2 <= a_q; b_q2 <= b_i; end",
         "a_q2 * b_q2", 1, 5,
     ),
     "square": (PLAIN, "a_q * a_q", 1, 0),
@@ -75,17 +74,6 @@ CASES = {
         "a_q * b_q", 0, 10,
     ),
 }  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def absorb() -> ModuleType:
-    path = repository_root() / "scripts" / "absorb.py"
-    specification = importlib.util.spec_from_file_location("absorb", path)
-    assert specification is not None
-    assert specification.loader is not None
-    module = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(module)
-    return module
 
 
 def yosys(folder: Path, script: str) -> str:
@@ -128,7 +116,9 @@ def count(module: dict[str, Any]) -> Counter[str]:
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_nothing_seen_changes(tmp_path: Path, absorb: ModuleType, case: str) -> None:
+def test_nothing_seen_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, case: str) -> None:
+    monkeypatch.syspath_prepend(repository_root() / "scripts")
+    absorb = importlib.import_module("absorb")
     text, factors, multipliers, left = CASES[case]
     (tmp_path / "design.sv").write_text(DESIGN.format(text=text, factors=factors))
     (tmp_path / "multiplier.v").write_text(multiplier())
