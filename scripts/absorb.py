@@ -1,13 +1,13 @@
 """Move the registers in front of a multiplier into it.
 
 The ECP5's multiplier has registers of its own, which Yosys leaves unused: it takes flip-flops of
-the fabric instead, and the routes from them cost as much as a third of the multiplier's delay.
-What is moved here has neither enable nor reset; both operands move, or none, since nextpnr has no
-times for one of them.
+the fabric, and the route from them takes its part of the clock beside the multiplier's 4 ns.  What
+is moved here has neither enable nor reset; both operands move, or none, since nextpnr has no times
+for one of them alone.
 
 Only the registers at the inputs: of those at the output the chip database knows neither the enable
-nor every reset.  The times of a multiplier with registers at its inputs are in nextpnr's database
-(MULT18X18D:REGS=INPUT), so its report counts what is behind them.
+nor every reset.  nextpnr has the times of a multiplier with registers at its inputs, setup before
+and 3.9 ns from clock to product (MULT18X18D:REGS=INPUT), so nothing behind them is left out.
 """
 
 from collections import Counter
