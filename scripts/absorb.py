@@ -52,7 +52,7 @@ def absorb(module: Module) -> int:
     readers.update(
         bit
         for port in module["ports"].values()
-        if port["direction"] == "output"
+        if port["direction"] != "input"
         for bit in port["bits"]
     )
     taken = 0
