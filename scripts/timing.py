@@ -20,6 +20,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+from absorb import Bit, absorb
 from rich.console import Console
 from rich.progress import Progress
 
@@ -42,9 +43,8 @@ NOT_ALONE = ("local_register", "vrscan")
 ROOT = repository_root()
 BIN = Path(sys.executable).parent
 FOLDER = build_folder() / "timing"
-
-Bit = int | str  # a net's number, or a constant
-Cell = dict[str, Any]
+# What a result depends on besides the RTL.
+FLOW = (Path(__file__), Path(__file__).with_name("absorb.py"))
 
 
 @dataclass
@@ -219,6 +219,7 @@ def measure(module: Path) -> Result:
 
     netlist = json.loads(mapped.read_text())
     top = netlist["modules"][name]
+    absorb(top)
     cells = Counter(cell["type"] for cell in top["cells"].values())
     warnings += [f"Warning: {kind} in the netlist" for kind in cells if "LATCH" in kind.upper()]
     surround(top)
@@ -249,7 +250,7 @@ def cached(module: Path) -> Result:
         if line.startswith("yowasp")
     ]
     digest = hashlib.sha256("\n".join(pins).encode())
-    for source in (Path(__file__), *rtl_closure(module)):
+    for source in (*FLOW, *rtl_closure(module)):
         digest.update(source.read_bytes())
     key = digest.hexdigest()
     store = FOLDER / f"{module.stem}.result.json"

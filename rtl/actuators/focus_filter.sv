@@ -50,12 +50,12 @@ module focus_filter (
   localparam logic [AgeWidth-1:0] Average = AgeWidth'(6);
   localparam logic [AgeWidth-1:0] Distance = AgeWidth'(7);
   logic [AgeWidth-1:0] age_q;
-  logic                take, good;
+  logic                take, good, other_q;
   assign take = valid_i && !point_i.line.test && age_q == '0 && !valid_o && !busy_i;
   assign good = point_i.measured && (point_i.flags & BadFlags) == '0;
 
   logic        [            15:0] others_q;
-  logic signed [ LengthWidth-1:0] z_q;
+  logic signed [ LengthWidth-1:0] point_z_q, z_q;
   logic        [             3:0] level_q, shift_q;  // log2 of the good points; s
   logic        [    MaxShift-1:0] count_q;  // of them at this level
   logic                           enough_q, lapse;
@@ -73,8 +73,11 @@ module focus_filter (
     else if (age_q == Distance) age_q <= '0;
     else if (age_q != '0) age_q <= age_q + AgeWidth'(1);
 
-    if (take && good) z_q <= point_i.z;
-    if (take && !good && others_q != '1) others_q <= others_q + 16'd1;
+    // The points come from afar: what they decide, the counter and z, follows a clock later.
+    point_z_q <= point_i.z;
+    other_q   <= take && !good;
+    if (age_q == Begin) z_q <= point_z_q;
+    if (other_q && others_q != '1) others_q <= others_q + 16'd1;
     if (age_q == Begin) others_q <= '0;
     if (lapse) begin
       level_q <= '0;
@@ -105,6 +108,7 @@ module focus_filter (
 
     if (rst_i) begin
       age_q      <= '0;
+      other_q    <= 1'b0;
       others_q   <= '0;
       level_q    <= '0;
       count_q    <= '0;

@@ -1015,7 +1015,7 @@ module peak_fit #(
 
   // The quotient, and beside it the variance in units of that at the top.
   logic signed [17:0] mantissa_8, height_8;
-  logic        [17:0] h_8, h_9, h_10, h_11;
+  logic        [17:0] alpha_8, h_8, h_9, h_10, h_11;
   logic        [ 2:0] power_8, power_9, power_10;
   logic signed [35:0] quotient_9, quotient_10;
   logic        [35:0] first_9, first_10;
@@ -1029,11 +1029,12 @@ module peak_fit #(
   always_ff @(posedge clk_i) begin
     mantissa_8 <= signed'(18'(mantissa_7));
     height_8   <= height_7;
+    alpha_8    <= alpha_q;  // one without an enable, which the multiplier takes
     h_8        <= 18'((24'(mantissa_7) << power_7) >> 6);
     power_8    <= power_7;
 
     quotient_9 <= mantissa_8 * height_8;
-    first_9    <= 36'(alpha_q) * 36'(h_8);
+    first_9    <= 36'(alpha_8) * 36'(h_8);
     h_9        <= h_8;
     power_9    <= power_8;
 

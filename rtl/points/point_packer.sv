@@ -218,11 +218,13 @@ module point_packer #(
   assign drop_early = begins && (held_q || filling_q);
   assign apply      = state_q == IDLE && !held_q && !filling_q && pending_q && !open;
 
-  logic record_ends;
-  assign record_ends  = state_q == RECORD
-                        && index_q == (format_q == Full ? 6'(FullBytes - 1)
-                                       : format_q == Space ? 6'(SpaceBytes - 1)
-                                       : 6'(CompactBytes - 1));
+  // The last byte of a record is the one behind the last but one.
+  logic last_byte_q, record_ends;
+  always_ff @(posedge clk_i) begin
+    last_byte_q <= index_q == (format_q == Full ? 6'(FullBytes - 2)
+                               : format_q == Space ? 6'(SpaceBytes - 2) : 6'(CompactBytes - 2));
+  end
+  assign record_ends  = state_q == RECORD && last_byte_q;
   assign release_held = record_ends || drop_late || (state_q == IDLE && !selected_q);
 
   localparam int unsigned SumWidth = CountWidth + 1;
