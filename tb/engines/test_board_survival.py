@@ -294,7 +294,7 @@ def test_points_that_a_slow_line_has_no_room_for(
             device.write("test_start", 1)
             while device.read("points_dropped") == before:  # the buffer is full
                 pass
-            marks = [uptime(device, lambda: replace(points.account)) for _ in range(9)]
+            marks = [uptime(device, lambda: replace(points.account)) for _ in range(11)]
             (start, first), (end, account) = marks[0], marks[-1]
             assert device.read("points_dropped") - before >= account.dropped > 0
             device.set_baud(BAUD)  # what is left goes faster
