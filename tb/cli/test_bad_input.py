@@ -1,5 +1,6 @@
 """Bad input at the command: one line on the error stream, status 2, nothing left behind."""
 
+import contextlib
 import re
 import signal
 import subprocess
@@ -291,3 +292,14 @@ def test_an_interrupted_scan_leaves_nothing(
     assert "Traceback" not in err
     assert err.count("vrscan: ") == (signum == signal.SIGINT)
     assert not (folder / "scan").exists()
+
+
+@pytest.mark.parametrize("kept", [False, True], ids=["alone", "with_a_file_of_others"])
+def test_a_signal_before_the_guard_stands(folder: Path, *, kept: bool) -> None:
+    left = folder / "scan" / f".points.csv.{16 * 'a'}"
+    with contextlib.suppress(SystemExit), cli._folder(folder / "scan"):
+        left.touch()
+        if kept:
+            (folder / "scan" / "notes.txt").touch()
+        sys.exit(143)
+    assert (folder / "scan").exists() == kept and not left.exists()

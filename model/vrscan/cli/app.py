@@ -45,6 +45,7 @@ from vrscan.data.points import (
     csv_rows,
     ply_file,
     ply_vertices,
+    unfinished,
 )
 from vrscan.engines import engine as engines
 from vrscan.engines.engine import Engine
@@ -805,6 +806,8 @@ def _folder(path: Path) -> Iterator[None]:
     except BaseException:
         if made:
             with contextlib.suppress(OSError):
+                for left in unfinished(path):
+                    left.unlink()
                 path.rmdir()
         raise
 

@@ -227,6 +227,11 @@ def _beside(path: Path) -> Path:
     return path.with_name(f".{path.name}.{secrets.token_hex(8)}")
 
 
+def unfinished(folder: Path) -> Iterator[Path]:
+    """Return the temporary files of a folder, left where a signal came before their guard stood."""
+    return folder.glob(".*." + 16 * "[0-9a-f]")
+
+
 def _created(temporary: Path, path: Path) -> BinaryIO:
     """Return a new file that will replace ``path``."""
     try:
