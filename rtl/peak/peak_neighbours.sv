@@ -123,17 +123,21 @@ module peak_neighbours #(
   logic [LightWidth:0] twice;
   assign twice = {centre_q.light, 1'b0};
 
-  function automatic logic [FactorWidth-2:0] differing(
+  // Two widths, the smaller one first; then how far they differ, and whether by 4/3.  Each step has
+  // its clock: they are read after the division, dozens later.
+  logic [2*ScaleWidth-1:0] before_widths_q, after_widths_q;
+  logic [ScaleWidth+1:0]   before_thrice_q, after_thrice_q;
+  function automatic logic [2*ScaleWidth-1:0] ordered(
       input logic [ScaleWidth-1:0] one, input logic [ScaleWidth-1:0] other);
-    logic [ScaleWidth-1:0] difference;
-    difference = one > other ? one - other : other - one;
-    differing = difference[ScaleWidth-1] ? '1 : difference[FactorWidth-2:0];
+    ordered = one < other ? {one, other} : {other, one};
   endfunction
-  function automatic logic unlike(
-      input logic [ScaleWidth-1:0] one, input logic [ScaleWidth-1:0] other);
-    logic [ScaleWidth-1:0] narrow, wide;
-    {narrow, wide} = one < other ? {one, other} : {other, one};
-    unlike = {1'b0, wide, 1'b0} + (ScaleWidth + 2)'(wide) > {narrow, 2'b0};
+  function automatic logic [FactorWidth-2:0] differing(input logic [2*ScaleWidth-1:0] widths);
+    logic [ScaleWidth-1:0] difference;
+    difference = widths[ScaleWidth-1:0] - widths[2*ScaleWidth-1:ScaleWidth];
+    differing  = difference[ScaleWidth-1] ? '1 : difference[FactorWidth-2:0];
+  endfunction
+  function automatic logic [ScaleWidth+1:0] thrice(input logic [ScaleWidth-1:0] value);
+    thrice = {1'b0, value, 1'b0} + (ScaleWidth + 2)'(value);
   endfunction
   // Both factors of a square, and the start.
   function automatic logic [2*FactorWidth:0] squared(input logic [FactorWidth-2:0] value);
@@ -141,10 +145,16 @@ module peak_neighbours #(
   endfunction
   always_ff @(posedge clk_i) begin
     brightest_q         <= before_light > after_light ? before_light : after_light;
-    before_difference_q <= differing(centre_q.scale, before_q.scale);
-    after_difference_q  <= differing(centre_q.scale, after_q.scale);
-    before_unlike_q     <= before_q.measured && unlike(centre_q.scale, before_q.scale);
-    after_unlike_q      <= after_q.measured && unlike(centre_q.scale, after_q.scale);
+    before_widths_q     <= ordered(centre_q.scale, before_q.scale);
+    after_widths_q      <= ordered(centre_q.scale, after_q.scale);
+    before_difference_q <= differing(before_widths_q);
+    after_difference_q  <= differing(after_widths_q);
+    before_thrice_q     <= thrice(before_widths_q[ScaleWidth-1:0]);
+    after_thrice_q      <= thrice(after_widths_q[ScaleWidth-1:0]);
+    before_unlike_q     <= before_q.measured
+                           && before_thrice_q > {before_widths_q[2*ScaleWidth-1:ScaleWidth], 2'b0};
+    after_unlike_q      <= after_q.measured
+                           && after_thrice_q > {after_widths_q[2*ScaleWidth-1:ScaleWidth], 2'b0};
     before_twice_q      <= !before_q.measured || {1'b0, before_q.light} > twice;
     after_twice_q       <= !after_q.measured || {1'b0, after_q.light} > twice;
     bend_q              <= BendWidth'(before_q.position) + BendWidth'(after_q.position)
@@ -156,11 +166,10 @@ module peak_neighbours #(
 
   // A difference's noise is that of both widths.
   logic        [  SquareWidth-1:0] own_q, noise_q, added_q;
-  logic signed [    SquareWidth:0] over, excess_q;
+  logic signed [    SquareWidth:0] over_q, excess_q;  // excess_q follows over_q by a clock
   logic        [   LightWidth-1:0] share_q, limit;
   logic        [  ShareFraction:0] missing_q;
   logic        [  FactorWidth-2:0] cut_q;
-  assign over  = (SquareWidth + 1)'(product) - signed'({noise_q, 1'b0});
   assign limit = alone_q ? Whole : Steady;
 
   logic [SigmaWidth-1:0] limited;
@@ -237,23 +246,29 @@ module peak_neighbours #(
         state_q <= BEFORE_WIDTH;
       end
       BEFORE_WIDTH: if (product_valid) begin
-        excess_q <= before_q.measured && over > 0 ? over : '0;
+        over_q  <= (SquareWidth + 1)'(product) - signed'({noise_q, 1'b0});
         {a_q, b_q, multiply_start_q} <= squared((FactorWidth - 1)'(after_q.sigma));
         state_q  <= AFTER;
       end
-      AFTER: if (product_valid) begin
-        noise_q <= own_q + product;
-        {a_q, b_q, multiply_start_q} <= squared(after_difference_q);
-        state_q <= AFTER_WIDTH;
+      AFTER: begin
+        excess_q <= before_q.measured && over_q > 0 ? over_q : '0;
+        if (product_valid) begin
+          noise_q <= own_q + product;
+          {a_q, b_q, multiply_start_q} <= squared(after_difference_q);
+          state_q <= AFTER_WIDTH;
+        end
       end
       AFTER_WIDTH: if (product_valid) begin
-        if (after_q.measured && over > excess_q) excess_q <= over;
+        over_q   <= (SquareWidth + 1)'(product) - signed'({noise_q, 1'b0});
         {a_q, b_q, multiply_start_q} <= squared(cut_q);
         state_q  <= CUT_SQUARE;
       end
-      CUT_SQUARE: if (product_valid) begin
-        added_q <= SquareWidth'(unsigned'(excess_q) >> 5) + product;
-        state_q <= ADDED;
+      CUT_SQUARE: begin
+        if (after_q.measured && over_q > excess_q) excess_q <= over_q;
+        if (product_valid) begin
+          added_q <= SquareWidth'(unsigned'(excess_q) >> 5) + product;
+          state_q <= ADDED;
+        end
       end
       ADDED: begin
         radicand_q   <= added_q;
