@@ -923,7 +923,7 @@ module register_file (
   always_ff @(posedge clk_i) begin
     case (page_00_word)
       4'h0: page_00_q <= 32'h56525343;
-      4'h1: page_00_q <= 32'hb69882c1;
+      4'h1: page_00_q <= 32'h85421681;
       4'h2: page_00_q <= 32'h00000100;
       4'h3: page_00_q <= 32'(identity_status_i.board_id);
       4'h4: page_00_q <= identity_status_i.clock_hz;

@@ -87,14 +87,14 @@ def _one(
     )  # fmt: skip
 
 
-MAP_HASH = 0xB69882C1
+MAP_HASH = 0x85421681
 
 # fmt: off
 _REGISTERS = (
     _one("", 0x000, "identity", 32, "constant",
          "the letters VRSC, by which a host knows the instrument", reset=0x56525343),
     _one("", 0x001, "map_hash", 32, "constant",
-         "hash of the parts of this map that a host must know", reset=0xB69882C1),
+         "hash of the parts of this map that a host must know", reset=0x85421681),
     _one("", 0x002, "version", 32, "constant",
          "version of the map: major, minor, patch in bits 31..16, 15..8, 7..0", reset=0x00000100),
     _one("identity_status", 0x003, "board_id", 16, "ro", "number of the kind of board"),
@@ -363,8 +363,9 @@ _REGISTERS = (
     _one("laser_limits", 0x125, "laser_watchdog_clks", 32, "rw",
          "time without a word from the host after which the light goes off; 0 is the ceiling",
          lock="lock_laser", unit="clk"),
-    _one("laser_status", 0x130, "laser_status", 5, "ro",
-         "bits from 0: host heard, guard well, pulses permitted, bucket full, watchdog tripped"),
+    _one("laser_status", 0x130, "laser_status", 7, "ro",
+         "bits from 0: host heard, guard well, pulses permitted, bucket full, watchdog tripped, "
+         "mirror scans, start-up light permitted"),
     _one("laser_status", 0x131, "laser_power_inward", 16, "ro",
          "power of the next pulse in the first half turn"),
     _one("laser_status", 0x132, "laser_power_outward", 16, "ro",
