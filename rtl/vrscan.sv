@@ -186,7 +186,12 @@ module vrscan #(
   logic signed [     vrscan_pkg::AngleWidth-1:0] angle;
   logic        [vrscan_pkg::MirrorFlagWidth-1:0] mirror_flags;
   logic        [vrscan_pkg::ConfidenceWidth-1:0] mirror_confidence;
-  mirror_loop #(.IndexOversample(IndexOversample)) u_mirror_loop (
+  mirror_loop #(
+    .IndexOversample  (IndexOversample),
+    .PeriodCeilingClks(ClockHz / 100),
+    .SettleCeilingClks(ClockHz * 10),
+    .LostCeilingClks  (ClockHz / 40)
+  ) u_mirror_loop (
     .clk_i, .rst_i(rst_mirror_loop), .comparator_i, .gate_i, .drive_o, .level_o, .level_pin_o,
     .mirror_i(mirror), .mirror_limits_i(mirror_limits), .motion_i(motion), .line_i(line),
     .table_i(table_entry), .mirror_status_o(mirror_status), .measured_valid_o(),

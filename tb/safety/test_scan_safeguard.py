@@ -119,14 +119,14 @@ async def random_mirrors_and_resets(dut) -> None:
     draw = generator(1)
     bench = await begin(dut)
     seen = set()
-    for _ in range(rounds(12, 150)):
+    for _ in range(rounds(30, 200)):
         await bench.into_scan()
         bench.give(state=int(draw.choice([SETTLE, RUN])))
         for _ in range(int(draw.integers(4, 14))):
             chance = draw.random(6)
-            if chance[0] < 0.2:
+            if chance[0] < 0.3:
                 state = int(
-                    draw.choice([OFF, SWEEP, SETTLE, RUN, FAULT], p=[0.1, 0.1, 0.5, 0.2, 0.1])
+                    draw.choice([OFF, SWEEP, SETTLE, RUN, FAULT], p=[0.2, 0.1, 0.4, 0.2, 0.1])
                 )
                 bench.give(state=state, enable=int(draw.random() < 0.9))
             if chance[1] < 0.2:
