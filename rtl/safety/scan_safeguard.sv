@@ -31,7 +31,8 @@ module scan_safeguard #(
   parameter int unsigned PeriodFloorClks = 250_000,  // 2 ms
   parameter int unsigned OuterFloor      = 8_192,  // 1/8 turn: 18.4 degrees with a mark at 17
   parameter int unsigned DarkClks        = 3_125_000,  // 25 ms
-  parameter int unsigned PauseClks       = 31_250_000  // 250 ms
+  parameter int unsigned PauseClks       = 31_250_000,  // 250 ms
+  parameter int unsigned TurnsFraction   = 32  // less makes a drive of more turns a clock, for proofs
 ) (
   input  wire logic                                    clk_i,
   input  wire logic                                    rst_i,
@@ -49,15 +50,15 @@ module scan_safeguard #(
   // From the clock of an edge at the pins to that in which clks_q counts from it.
   localparam int unsigned EdgeClks = SettleClks + 3;
   if (SettleClks < 1 || LightClks < EdgeClks + 2 || LightClks >= 2 ** 30
-      || PeriodFloorClks >= LightClks) begin : gen_bad_light
+      || PeriodFloorClks + EdgeClks > LightClks) begin : gen_bad_light
     $error("scan_safeguard: SettleClks, PeriodFloorClks below LightClks, which is below 2**30");
   end
   if (DarkClks < EdgeClks + 2 || DarkClks >= 2 ** 30 || PauseClks < 1
       || PauseClks >= 2 ** 30) begin : gen_bad_dark
     $error("scan_safeguard: DarkClks must be above SettleClks + 4, PauseClks not 0");
   end
-  if (OuterFloor > 32_768) begin : gen_bad_outer
-    $error("scan_safeguard: OuterFloor must be at most half a turn, 32768");
+  if (OuterFloor > 32_768 || TurnsFraction < 25 || TurnsFraction > 32) begin : gen_bad_outer
+    $error("scan_safeguard: OuterFloor must be at most half a turn, TurnsFraction 25 to 32");
   end
 
   localparam int unsigned RunWidth = $clog2(SettleClks + 1);
@@ -66,9 +67,9 @@ module scan_safeguard #(
   localparam int unsigned PauseWidth = $clog2(PauseClks + 1);
   localparam int unsigned StateWidth = vrscan_pkg::MirrorStateWidth;
   // Turns of the drive, below 2; what is dropped of its word is 4e-5 of the shipped frequency.
-  localparam int unsigned TurnsFraction = 32;
-  localparam int unsigned WordDrop = vrscan_pkg::TurnWidth - TurnsFraction;
-  localparam logic [TurnsFraction:0] OuterTurns = (TurnsFraction + 1)'(OuterFloor) << 16;
+  localparam int unsigned WordDrop = vrscan_pkg::TurnWidth - 32;
+  localparam logic [TurnsFraction:0] OuterTurns =
+      (TurnsFraction + 1)'(OuterFloor) << (TurnsFraction - 16);
 
   logic unused;
   assign unused = ^word_i[WordDrop-1:0];
@@ -110,7 +111,7 @@ module scan_safeguard #(
   logic late, early, narrow, wide, good, back;
   assign late   = (&turns_q[TurnsFraction-:2]) || clks_q >= ClksWidth'(LightClks - 2);
   assign early  = turns_q < {3'b011, (TurnsFraction - 2)'(0)} ||
-                  clks_q < ClksWidth'(PeriodFloorClks);
+                  clks_q < ClksWidth'(PeriodFloorClks + EdgeClks - 1);
   assign narrow = turns_q < OuterTurns;
   assign wide   = turns_q[TurnsFraction] || turns_q[TurnsFraction-1];
   assign good   = outward && begun_q && whole_q && !late && !early;

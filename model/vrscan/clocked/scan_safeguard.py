@@ -33,7 +33,7 @@ class Parameters:
         least = self.settle_clks + EDGE_LATENCY + LIGHT_LATENCY
         if self.settle_clks < 1 or not least <= self.light_clks < 1 << 30:
             raise ValueError("scan_safeguard: light_clks must be above settle_clks + 4")
-        if self.period_floor_clks >= self.light_clks:
+        if self.period_floor_clks + self.settle_clks + EDGE_LATENCY > self.light_clks:
             raise ValueError("scan_safeguard: period_floor_clks must be below light_clks")
         if not least <= self.dark_clks < 1 << 30 or not 1 <= self.pause_clks < 1 << 30:
             raise ValueError("scan_safeguard: dark_clks above settle_clks + 4, pause_clks not 0")
@@ -100,7 +100,8 @@ class ScanSafeguard:
         """Judge an edge by what was since the last outward one, and return if a period is good."""
         limits = self.parameters
         late = 2 * self._turns >= 3 * _ONE or self._clks >= limits.light_clks - LIGHT_LATENCY
-        early = 4 * self._turns < 3 * _ONE or self._clks < limits.period_floor_clks
+        floor = limits.period_floor_clks + limits.settle_clks + EDGE_LATENCY - 1
+        early = 4 * self._turns < 3 * _ONE or self._clks < floor
         inside = limits.outer_floor << 16 <= self._turns < _ONE // 2
         good = False
         if late:
