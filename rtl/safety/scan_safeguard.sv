@@ -32,7 +32,7 @@ module scan_safeguard #(
   parameter int unsigned OuterFloor      = 8_192,  // 1/8 turn: 18.4 degrees with a mark at 17
   parameter int unsigned DarkClks        = 3_125_000,  // 25 ms
   parameter int unsigned PauseClks       = 31_250_000,  // 250 ms
-  parameter int unsigned TurnsFraction   = 32  // less makes a drive of more turns a clock, for proofs
+  parameter int unsigned TurnsFraction   = 32  // less: more turns a clock, for proofs
 ) (
   input  wire logic                                    clk_i,
   input  wire logic                                    rst_i,

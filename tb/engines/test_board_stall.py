@@ -23,7 +23,7 @@ from vrscan.registers.register_map import REGISTERS
 
 TIMEOUT_S = 240.0  # of this machine
 PULSE_S, LIGHT_S = 0.010, 0.025  # after the last edge of the index, whatever is written
-PERIODS = 1.5  # after which there is no pulse while the drive is as it was
+PAUSE_S = 0.25  # before a new search
 STARTUP_CEILING = 1311
 # A lock would stop the attack, and another rate the host.
 SPARED = {"uart_step"} | {name for name in REGISTERS if name.startswith("lock_")}
@@ -78,35 +78,50 @@ def attacked(board: Board, chance: np.random.Generator, writes: int, before: int
                 taken += 1
             except LinkError:  # it does not take this word
                 pass
+    if before >= writes:
+        board.stall()
     return taken
 
 
-@pytest.mark.parametrize(("rounds", "writes"), [(1, 200), in_volume(5, 2000)])
-def test_a_stuck_mirror_is_dark_in_time(rounds: int, writes: int, tmp_path: Path) -> None:
+def stuck(port: Path, writes: int, before: int, seed: int) -> tuple[float, float, int]:
+    """Attack a new board; return the s from the last edge to the last pulse and light, and words.
+
+    The first ``before`` words come while the mirror still moves.
+    """
+    with Board(SCENE, CONFIG, port=port, swinging=True, seed=seed) as board:
+        taken = attacked(board, generator(seed), writes, before)
+        board.wait(round(1.2 * LIGHT_S * CONFIG.clock.frequency_hz))
+        status = board.status()
+    clock = status.clock_hz
+    pulse = (status.pulse_at - status.edge_at) / clock
+    light = (status.startup_at - status.edge_at) / clock
+    last = (status.clocks - status.stalled_at) / clock
+    print(f"\n{taken} words, {1e3 * last:.0f} ms of a stuck mirror; from the last edge ", end="")
+    print(f"to the last pulse {1e3 * pulse:.3f} ms, to the last light {1e3 * light:.3f} ms")
+    assert status.edge_at > 0 and status.pulse_at > 0 and status.stalled_at > 0
+    assert last > LIGHT_S
+    assert pulse <= PULSE_S
+    assert light <= LIGHT_S or light >= PAUSE_S
+    assert status.startup_most <= STARTUP_CEILING
+    return pulse, light, taken
+
+
+def test_a_stuck_mirror_is_dark_after_three_half_turns(tmp_path: Path) -> None:
+    """The drive goes on, and the limits of the index are lifted: the pulses have 3/2 turns."""
+    pulse, light, _ = stuck(tmp_path / "port", 0, 0, 1)
+    period = 1 / CONFIG.mirror.frequency_hz
+    assert 1.4 * period < pulse < 1.5 * period + 2e-6
+    assert light > 0
+
+
+@pytest.mark.parametrize(
+    ("befores", "writes"), [([0], 200), in_volume([0, 0, 1, 3, 10], 2000)], ids=["short", "long"]
+)
+def test_no_host_lights_a_stuck_mirror(befores: list[int], writes: int, tmp_path: Path) -> None:
     total = 0
-    for turn in range(rounds):
-        chance = generator(turn)
-        # The first host writes nothing before; later ones have spoilt what they could.
-        before = [0, 3, 10, 30, 100][turn]
-        port = tmp_path / f"port{turn}"
-        with Board(SCENE, CONFIG, port=port, swinging=True, seed=turn + 1) as board:
-            total += attacked(board, chance, writes, before)
-            board.wait(0)
-            status = board.status()
-        clock = status.clock_hz
-        pulse = (status.pulse_at - status.edge_at) / clock
-        light = (status.startup_at - status.edge_at) / clock
-        last = (status.clocks - status.stalled_at) / clock
-        print(
-            f"\n{1e3 * last:.0f} ms of a stuck mirror; from the last edge of its index to the ",
-            end="",
-        )
-        print(f"last pulse {1e3 * pulse:.3f} ms, to the last light {1e3 * light:.3f} ms")
-        assert status.edge_at > 0 and status.pulse_at > 0 and status.stalled_at > 0
-        assert last > LIGHT_S
-        assert pulse <= PULSE_S and light <= LIGHT_S
-        assert status.startup_most <= STARTUP_CEILING
-        if not before:
-            assert pulse <= PERIODS / CONFIG.mirror.frequency_hz + 1e-5
-    print(f"{total} of {rounds * writes} words were taken")
-    assert total > rounds * writes // 2
+    for turn, before in enumerate(befores):
+        pulse, light, taken = stuck(tmp_path / f"port{turn}", writes, before, turn + 2)
+        # Not dark before it was stuck, where nothing had been written by chance.
+        assert before or (pulse > 0 and light > 0)
+        total += taken
+    assert total > len(befores) * writes // 2

@@ -41,8 +41,8 @@ module laser_interlock_properties #(
     .BucketCeiling(BucketCeiling), .WatchdogCeilingClks(WatchdogCeilingClks)
   ) dut (
     .clk_i, .rst_i,
-    .pulse_i, .power_i, .line_start_i, .state_i, .index_alive_i, .scanning_i, .startup_ok_i, .phase_i,
-    .alive_i, .guard_ok_i,
+    .pulse_i, .power_i, .line_start_i, .state_i, .index_alive_i, .scanning_i, .startup_ok_i,
+    .phase_i, .alive_i, .guard_ok_i,
     .laser_i, .laser_limits_i,
     .pulse_o         (pulse),
     .power_o         (power),

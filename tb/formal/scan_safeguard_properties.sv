@@ -199,7 +199,8 @@ module scan_safeguard_properties #(
       no_start_up_light_but_in_settle_and_run: assert (!lit || lit_state_q);
       no_index_of_a_mirror_at_rest:
       assert (quiet_q <= 33'(PeriodCeilingClks + CrossingClks) || !real_alive);
-      period_ceiling: assert (inside_index_capture__period_first_q < signed'(33'(PeriodCeilingClks)));
+      period_ceiling:
+      assert (inside_index_capture__period_first_q < signed'(33'(PeriodCeilingClks)));
 
       step_quiet: assert (quiet_q != '0 && since_q <= quiet_q);
       step_run: assert (!inside_known_q || inside_run_q == '0 || inside_value_q == inside_level_q ||
