@@ -72,7 +72,7 @@ PROOFS = (
     Proof("laser_interlock + mirror_drive", "laser_pair_properties", 6, 20),
     Proof("laser_guard", "laser_guard_properties", 6, 30),
     Proof(
-        "scan_safeguard + index_capture + mirror_drive + laser_interlock",
+        "safeguard, index, drive, interlock",
         "scan_safeguard_properties",
         6,
         40,

@@ -29,7 +29,7 @@ module scan_safeguard #(
   parameter int unsigned SettleClks      = 13,  // 0.1 us at 125 MHz
   parameter int unsigned LightClks       = 1_250_000,  // 10 ms
   parameter int unsigned PeriodFloorClks = 250_000,  // 2 ms
-  parameter int unsigned OuterFloor      = 8_192,  // 1/8 turn: 18.4 degrees with a mark at 17
+  parameter int unsigned OuterFloor      = 6_144,  // 3/32 turn: 17.8 degrees with a mark at 17
   parameter int unsigned DarkClks        = 3_125_000,  // 25 ms
   parameter int unsigned PauseClks       = 31_250_000,  // 250 ms
   parameter int unsigned TurnsFraction   = 32  // less: more turns a clock, for proofs

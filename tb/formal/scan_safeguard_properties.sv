@@ -13,7 +13,7 @@ module scan_safeguard_properties #(
   parameter int unsigned SettleClks        = 13,
   parameter int unsigned LightClks         = 1_250_000,
   parameter int unsigned PeriodFloorClks   = 250_000,
-  parameter int unsigned OuterFloor        = 8_192,
+  parameter int unsigned OuterFloor        = 6_144,
   parameter int unsigned DarkClks          = 3_125_000,
   parameter int unsigned PauseClks         = 31_250_000,
   parameter int unsigned PeriodCeilingClks = 1_250_000,

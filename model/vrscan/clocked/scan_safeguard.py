@@ -24,7 +24,7 @@ class Parameters:
     settle_clks: int = 13
     light_clks: int = 1_250_000
     period_floor_clks: int = 250_000
-    outer_floor: int = 8_192
+    outer_floor: int = 6_144
     dark_clks: int = 3_125_000
     pause_clks: int = 31_250_000
 
