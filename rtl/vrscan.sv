@@ -186,7 +186,12 @@ module vrscan #(
   logic signed [     vrscan_pkg::AngleWidth-1:0] angle;
   logic        [vrscan_pkg::MirrorFlagWidth-1:0] mirror_flags;
   logic        [vrscan_pkg::ConfidenceWidth-1:0] mirror_confidence;
-  mirror_loop #(.IndexOversample(IndexOversample)) u_mirror_loop (
+  mirror_loop #(
+    .IndexOversample  (IndexOversample),
+    .PeriodCeilingClks(ClockHz / 100),
+    .SettleCeilingClks(ClockHz * 10),
+    .LostCeilingClks  (ClockHz / 40)
+  ) u_mirror_loop (
     .clk_i, .rst_i(rst_mirror_loop), .comparator_i, .gate_i, .drive_o, .level_o, .level_pin_o,
     .mirror_i(mirror), .mirror_limits_i(mirror_limits), .motion_i(motion), .line_i(line),
     .table_i(table_entry), .mirror_status_o(mirror_status), .measured_valid_o(),
@@ -196,6 +201,20 @@ module vrscan #(
   );
 
   // ---- laser ----
+  logic scanning, startup_ok;
+  scan_safeguard #(
+    .IndexOversample(IndexOversample),
+    .SettleClks     (ClockHz / 10_000_000 + 1),
+    .LightClks      (ClockHz / 100),
+    .PeriodFloorClks(ClockHz / 500),
+    .DarkClks       (ClockHz / 40),
+    .PauseClks      (ClockHz / 4)
+  ) u_scan_safeguard (
+    .clk_i, .rst_i(rst_laser_control), .comparator_i, .gate_i, .word_i(mirror_status.mirror_word),
+    .state_i(mirror_state_o), .enable_i(laser.laser_enable),
+    .scanning_o(scanning), .startup_ok_o(startup_ok)
+  );
+
   logic                              point_valid;
   vrscan_pkg::point_t                point;
   logic [vrscan_pkg::PowerWidth-1:0] power_line;
@@ -209,7 +228,7 @@ module vrscan #(
     .clk_i, .rst_i(rst_laser_control),
     .laser_i(laser), .laser_limits_i(laser_limits), .laser_status_o(laser_status),
     .pulse_i(pulse), .line_start_i(line_start_o), .centre_i(centre_o), .state_i(mirror_state_o),
-    .index_alive_i(mirror_status.index_alive),
+    .index_alive_i(mirror_status.index_alive), .scanning_i(scanning), .startup_ok_i(startup_ok),
     .phase_i(mirror_status.mirror_phase[vrscan_pkg::TurnWidth-1-:16]), .alive_i(alive), .guard_ok_i,
     .point_valid_i(point_valid), .point_i(point),
     .pulse_o, .power_o, .power_pin_o, .index_light_o, .startup_o, .startup_pin_o, .heartbeat_o,

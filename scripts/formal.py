@@ -32,6 +32,8 @@ STEP = "step_"  # how properties begin that are no claim of their own
 INTERLOCK = "rtl/safety/laser_interlock.sv"
 GUARD = "rtl/safety/laser_guard.sv"
 DRIVE = "rtl/mirror/mirror_drive.sv"
+CAPTURE = "rtl/mirror/index_capture.sv"
+SAFEGUARD = "rtl/safety/scan_safeguard.sv"
 
 
 @dataclass(frozen=True)
@@ -43,18 +45,39 @@ class Proof:
         top: The module with the properties.
         depth: k of the induction and of its base.
         cover: Clocks within which the covers are reached.
+        scaled: Parameters for the covers: shorter times, where the shipped ones are too long.
     """
 
     module: str
     top: str
     depth: int
     cover: int
+    scaled: tuple[tuple[str, int], ...] = ()
+
+
+# Times of scan_safeguard that some clocks can show, and states and words of any kind.
+SHORT = (
+    ("SettleClks", 1),
+    ("LightClks", 12),
+    ("PeriodFloorClks", 6),
+    ("DarkClks", 10),
+    ("PauseClks", 4),
+    ("TurnsFraction", 25),
+    ("RealMirror", 0),
+)
 
 
 PROOFS = (
     Proof("laser_interlock", "laser_interlock_properties", 6, 20),
     Proof("laser_interlock + mirror_drive", "laser_pair_properties", 6, 20),
     Proof("laser_guard", "laser_guard_properties", 6, 30),
+    Proof(
+        "safeguard, index, drive, interlock",
+        "scan_safeguard_properties",
+        6,
+        40,
+        SHORT,
+    ),
 )
 
 
@@ -83,14 +106,15 @@ class Mutant:
     parameters: tuple[tuple[str, int], ...] = ()
 
 
-ALLOWED = "assign allowed = awake && run && index_alive_i;"
+ALLOWED = "assign allowed  = awake && run && index_alive_i && scanning_i;"
+VISIBLE = "assign visible  = awake && startup_ok_i && (settling || run);"
 MUTANTS = (
     Mutant(
         "pulses in every state",
         0,
         INTERLOCK,
         ALLOWED,
-        "assign allowed = awake && index_alive_i;",
+        "assign allowed  = awake && index_alive_i && scanning_i;",
         "dark_without_interlock",
     ),
     Mutant(
@@ -98,7 +122,7 @@ MUTANTS = (
         1,
         INTERLOCK,
         ALLOWED,
-        "assign allowed = awake && run;",
+        "assign allowed  = awake && run && scanning_i;",
         "no_pulse_without_index",
     ),
     Mutant(
@@ -148,16 +172,16 @@ MUTANTS = (
         "a start-up channel without a state",
         0,
         INTERLOCK,
-        "index_light_o <= awake && (seeking || (run && inside_q));",
-        "index_light_o <= awake && (seeking || inside_q);",
-        "no_light_off_or_fault",
+        VISIBLE,
+        "assign visible  = awake && startup_ok_i;",
+        "no_light_but_in_settle_and_run",
     ),
     Mutant(
         "a guard that is not asked",
         0,
         INTERLOCK,
-        "assign awake   = laser_i.laser_enable && heard_q && !tripped_q && guard_q[1];",
-        "assign awake   = laser_i.laser_enable && heard_q && !tripped_q;",
+        "assign awake    = laser_i.laser_enable && heard_q && !tripped_q && guard_q[1];",
+        "assign awake    = laser_i.laser_enable && heard_q && !tripped_q;",
         "no_light_without_guard",
     ),
     Mutant(
@@ -188,6 +212,101 @@ MUTANTS = (
         "pulse_length",
         16,
         (("GuardClks", 4), ("RestartBeats", 1), ("PulseClks", 4)),
+    ),
+    Mutant(
+        "a RUN without a ceiling",
+        1,
+        DRIVE,
+        "mirror_limits_i.lost_timeout > LostCeilingClks",
+        "1'b0",
+        "no_run_of_a_stopped_mirror",
+        16,
+        (("LostCeilingClks", 2),),
+    ),
+    Mutant(
+        "a search without a ceiling",
+        1,
+        DRIVE,
+        "mirror_limits_i.settle_timeout > SettleCeilingClks",
+        "1'b0",
+        "no_endless_search",
+        16,
+        (("SettleCeilingClks", 2),),
+    ),
+    *(
+        Mutant(name, 3, source, good, bad, breaks, 30, SHORT)
+        for name, source, good, bad, breaks in (
+            (
+                "pulses without the safeguard",
+                INTERLOCK,
+                ALLOWED,
+                "assign allowed  = awake && run && index_alive_i;",
+                "no_pulse_of_a_mirror_at_rest",
+            ),
+            (
+                "start-up light without the safeguard",
+                INTERLOCK,
+                VISIBLE,
+                "assign visible  = awake && (settling || run);",
+                "no_light_of_a_mirror_at_rest",
+            ),
+            (
+                "no ceiling of the time after an edge",
+                SAFEGUARD,
+                "clks_q >= ClksWidth'(LightClks - 2);",
+                "1'b0;",
+                "no_pulse_of_a_mirror_at_rest",
+            ),
+            (
+                "no ceiling of the turns after an edge",
+                SAFEGUARD,
+                "(&turns_q[TurnsFraction-:2]) ||",
+                "1'b0 ||",
+                "no_pulse_after_three_half_turns",
+            ),
+            (
+                "no floor of the period",
+                SAFEGUARD,
+                "clks_q < ClksWidth'(PeriodFloorClks + EdgeClks - 1);",
+                "1'b0;",
+                "no_pulse_in_an_impossible_period",
+            ),
+            (
+                "no floor of the amplitude",
+                SAFEGUARD,
+                "assign narrow = turns_q < OuterTurns;",
+                "assign narrow = 1'b0;",
+                "no_pulse_in_an_impossible_period",
+            ),
+            (
+                "no ceiling of the start-up light",
+                SAFEGUARD,
+                " && on_q < OnWidth'(DarkClks - 2);",
+                ";",
+                "no_light_of_a_mirror_at_rest",
+            ),
+            (
+                "no pause of the start-up light",
+                SAFEGUARD,
+                " && enable_i && pause_q == '0;",
+                " && enable_i;",
+                "no_light_of_a_mirror_at_rest",
+            ),
+            (
+                "start-up light in SWEEP",
+                INTERLOCK,
+                VISIBLE,
+                "assign visible  = awake && startup_ok_i;",
+                "no_start_up_light_but_in_settle_and_run",
+            ),
+            (
+                "no ceiling of the period",
+                CAPTURE,
+                "mirror_i.period_max_clks > PeriodCeilingClks",
+                "1'b0",
+                "period_ceiling",
+            ),
+        )
     ),
 )
 
@@ -234,7 +353,10 @@ def formulas(
     properties = PROPERTIES / f"{proof.top}.sv"
     # What the induction looks at inside the module.
     inside = sorted(set(re.findall(r"\binside_(\w+)", properties.read_text())))
-    ties = " ".join(f"connect -set inside_{wire} dut.{wire};" for wire in inside)
+    places = {
+        wire: f"u_{wire.replace('__', '.')}" if "__" in wire else f"dut.{wire}" for wire in inside
+    }
+    ties = " ".join(f"connect -set inside_{wire} {place};" for wire, place in places.items())
     files = [replaced.get(file, file) for file in rtl_closure(properties, [properties])]
     names = " ".join(str(file.relative_to(ROOT)) for file in files)
     target = FOLDER / f"{name}.smt2"
@@ -279,7 +401,8 @@ def prove(proof: Proof, table: Table) -> int:
     depth = str(proof.depth)
     base = solve(file, "-t", depth, "--keep-going")
     step = solve(file, "-i", "-t", depth)
-    cover = solve(file, "-c", "-t", str(proof.cover))
+    scaled = formulas(proof, f"{proof.top}_scaled", {}, proof.scaled) if proof.scaled else file
+    cover = solve(scaled, "-c", "-t", str(proof.cover))
     bad = [*broken(base.words), *broken(step.words)]
     failures = 0
     claims = [label for label in labels(file, "assert") if not label.startswith(STEP)]

@@ -137,6 +137,9 @@ class Scene:
             inputs["state"] = int(draw.choice(STATES, p=weights))
         if chance[1] < 0.01:
             inputs["index_alive"] = int(draw.random() < 0.9)
+        for name in ("scanning", "startup_ok"):
+            if draw.random() < 0.005:
+                inputs[name] = int(draw.random() < 0.9)
         if chance[2] < 0.004:
             inputs["guard_ok"] = int(draw.random() < 0.8)
         inputs["alive"] = int(chance[3] < 0.02)

@@ -491,9 +491,11 @@ FAULTS = [
         ("a glitch forgotten", "burst_q && value_q == level_q", "1'b0"),
         (
             "missing a clock late",
-            "(mirror_i.period_max_clks) - (TimeWidth + 1)'(1)",
-            "(mirror_i.period_max_clks)",
+            "(period_max) - (TimeWidth + 1)'(1)",
+            "(period_max)",
         ),
+        ("a period without a ceiling", "mirror_i.period_max_clks > PeriodCeilingClks", "1'b0"),
+        ("a width without a ceiling", "mirror_i.width_max_clks > PeriodCeilingClks", "1'b0"),
         ("a doubled one unseen", "before_outward_q == crossing_outward_q", "1'b0"),
         ("alive after a deadline", "(alive_o && !late)", "alive_o"),
         (
@@ -524,6 +526,12 @@ FAULTS = [
             "assign keep     = 1'b0 && high_q",
         ),
         ("RUN without settling", "index_alive_i && settled_i", "index_alive_i"),
+        ("a RUN without a ceiling", "mirror_limits_i.lost_timeout > LostCeilingClks", "1'b0"),
+        (
+            "a search without a ceiling",
+            "mirror_limits_i.settle_timeout > SettleCeilingClks",
+            "1'b0",
+        ),
         (
             "the cause of the fault",
             "state_q == Sweep  ? FaultWidth'(vrscan_pkg::FaultSweep)",
@@ -864,7 +872,27 @@ FAULTS = [
     *faults(
         "rtl/safety/laser_interlock.sv",
         ("a pulse that has begun is permitted", "&& (permit_q || !pulse_i);", ";"),
+        ("pulses without the safeguard", "index_alive_i && scanning_i;", "index_alive_i;"),
+        ("start-up light without it", "awake && startup_ok_i && (settling", "awake && (settling"),
         ("a full bucket opens at once", "over || (full_q && level_q != '0)", "over"),
+    ),
+    *faults(
+        "rtl/safety/scan_safeguard.sv",
+        ("an edge at a gate's opening", "known_q <= open_q && (", "known_q <= open_q || ("),
+        ("one clock less to settle", "run_q == RunWidth'(SettleClks);", "run_q != '0;"),
+        ("no ceiling of the time", "clks_q >= ClksWidth'(LightClks - 2);", "1'b0;"),
+        ("no ceiling of the turns", "(&turns_q[TurnsFraction-:2]) ||", "1'b0 ||"),
+        ("no floor of the turns", "turns_q < {3'b011, (TurnsFraction - 2)'(0)} ||", "1'b0 ||"),
+        ("no floor of the period", "clks_q < ClksWidth'(PeriodFloorClks + EdgeClks - 1)", "1'b0"),
+        (
+            "no floor of the amplitude",
+            "assign narrow = turns_q < OuterTurns;",
+            "assign narrow = 1'b0;",
+        ),
+        ("no ceiling of the width", "!narrow && !wide;", "!narrow;"),
+        ("a period without a way back", "begun_q && whole_q && !late", "begun_q && !late"),
+        ("start-up light without an end", " && on_q < OnWidth'(DarkClks - 2);", ";"),
+        ("start-up light without a pause", "enable_i && pause_q == '0;", "enable_i;"),
     ),
     *faults(
         "rtl/safety/laser_guard.sv",

@@ -12,6 +12,7 @@
 //   power_line_o  from the clock of centre_i to the next: what the pulse has, 0 if it is
 //                 suppressed, and 0 from the clock after a cut; inward_line_o is its direction
 //   phase_i       mirror_phase_o's top bits.  The first half turn is inward
+//   scanning_i, startup_ok_i  of scan_safeguard
 //   guard_ok_i    of laser_guard; synchronised here.  1 where there is none
 //   heartbeat_o   toggles every 2**HeartbeatBits clocks
 //   laser_status  laser_interlock's and power_adaptation's
@@ -40,6 +41,8 @@ module laser_control #(
   input  wire logic                                    centre_i,
   input  wire logic [vrscan_pkg::MirrorStateWidth-1:0] state_i,
   input  wire logic                                    index_alive_i,
+  input  wire logic                                    scanning_i,
+  input  wire logic                                    startup_ok_i,
   input  wire logic [                            15:0] phase_i,
   input  wire logic                                    alive_i,
   input  wire logic                                    guard_ok_i,
@@ -97,8 +100,8 @@ module laser_control #(
     .PulseCeilingClks(PulseCeilingClks), .DrainCeiling(DrainCeiling),
     .BucketCeiling(BucketCeiling), .WatchdogCeilingClks(WatchdogCeilingClks)
   ) u_laser_interlock (
-    .clk_i, .rst_i, .pulse_i, .power_i(power), .line_start_i, .state_i, .index_alive_i, .phase_i,
-    .alive_i, .guard_ok_i, .pulse_o, .power_o, .index_light_o, .startup_o,
+    .clk_i, .rst_i, .pulse_i, .power_i(power), .line_start_i, .state_i, .index_alive_i, .scanning_i,
+    .startup_ok_i, .phase_i, .alive_i, .guard_ok_i, .pulse_o, .power_o, .index_light_o, .startup_o,
     .laser_i, .laser_limits_i,
     .armed_o(armed), .status_o(status.laser_status), .cut_count_o(status.laser_cut_count),
     .duty_count_o(status.laser_duty_count), .watchdog_count_o(status.laser_watchdog_count)

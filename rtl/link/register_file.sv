@@ -923,7 +923,7 @@ module register_file (
   always_ff @(posedge clk_i) begin
     case (page_00_word)
       4'h0: page_00_q <= 32'h56525343;
-      4'h1: page_00_q <= 32'hb69882c1;
+      4'h1: page_00_q <= 32'hbf40582c;
       4'h2: page_00_q <= 32'h00000100;
       4'h3: page_00_q <= 32'(identity_status_i.board_id);
       4'h4: page_00_q <= identity_status_i.clock_hz;
@@ -1546,13 +1546,13 @@ module register_file (
     // sweep_rate
     rule_mem[70] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0ffffffff};
     // glitch_clks
-    rule_mem[71] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000000ff};
+    rule_mem[71] = {KindReadWrite, 2'd2, 33'h000000000, 33'h0000000ff};
     // width_min_clks
-    rule_mem[72] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0ffffffff};
+    rule_mem[72] = {KindReadWrite, 2'd2, 33'h000000000, 33'h0ffffffff};
     // width_max_clks
-    rule_mem[73] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0ffffffff};
+    rule_mem[73] = {KindReadWrite, 2'd2, 33'h000000000, 33'h0ffffffff};
     // period_max_clks
-    rule_mem[74] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0ffffffff};
+    rule_mem[74] = {KindReadWrite, 2'd2, 33'h000000000, 33'h0ffffffff};
     // phase_shift
     rule_mem[75] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000000f};
     // rate_shift
@@ -1580,13 +1580,13 @@ module register_file (
     // trim_up
     rule_mem[87] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000001};
     // settle_limit
-    rule_mem[88] = {KindReadWrite, 2'd0, 33'h000000000, 33'h003ffffff};
+    rule_mem[88] = {KindReadWrite, 2'd2, 33'h000000000, 33'h003ffffff};
     // shock_limit
     rule_mem[89] = {KindReadWrite, 2'd0, 33'h000000000, 33'h003ffffff};
     // phase_limit
     rule_mem[90] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00fffffff};
     // settle_count
-    rule_mem[91] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000000ff};
+    rule_mem[91] = {KindReadWrite, 2'd2, 33'h000000000, 33'h0000000ff};
     // hold_count
     rule_mem[92] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000000ff};
     // confidence_gain

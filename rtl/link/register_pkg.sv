@@ -209,7 +209,7 @@ package register_pkg;
 
   // State of the laser.
   typedef struct packed {
-    logic [4:0] laser_status;
+    logic [6:0] laser_status;
     logic [15:0] laser_power_inward;
     logic [15:0] laser_power_outward;
     logic [15:0] laser_cut_count;

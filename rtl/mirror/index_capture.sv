@@ -18,6 +18,7 @@
 //               width_min_clks to its outward, or older than age_o can tell.  It is withheld.
 // Each of them leaves no outward for an inward to come, but for the doubled one's own.  A deadline
 // is looked at before a crossing of the same clock, and forgets which way the one before went.
+// Above PeriodCeilingClks, period_max_clks and width_max_clks act as PeriodCeilingClks.
 //
 //   comparator_i, gate_i  bit 0 is the oldest sample of the clock
 //   time_o       clocks, SubWidth fraction bits; InitialTime in the first clock after reset; wraps
@@ -31,9 +32,10 @@
 `default_nettype none
 
 module index_capture #(
-  parameter int unsigned IndexOversample = 4,  // samples a clock: 1, 2, 4 or 8
-  parameter int unsigned CountWidth      = 16,
-  parameter int unsigned InitialTime     = 0  // clocks
+  parameter int unsigned IndexOversample   = 4,  // samples a clock: 1, 2, 4 or 8
+  parameter int unsigned CountWidth        = 16,
+  parameter int unsigned InitialTime       = 0,  // clocks
+  parameter int unsigned PeriodCeilingClks = 1_250_000  // 10 ms at 125 MHz
 ) (
   input  wire logic                                                  clk_i,
   input  wire logic                                                  rst_i,
@@ -106,6 +108,11 @@ module index_capture #(
   logic [    NearWidth-1:0] near_left_q;
   logic [    TimeWidth-1:0] next_time_q;  // of the next clock
   logic late, pending, doubled, early, impossible, accept, outward, inward;
+  logic [    TimeWidth-1:0] period_max, width_max;
+  assign period_max = mirror_i.period_max_clks > PeriodCeilingClks ? PeriodCeilingClks
+                                                                   : mirror_i.period_max_clks;
+  assign width_max  = mirror_i.width_max_clks > PeriodCeilingClks ? PeriodCeilingClks
+                                                                  : mirror_i.width_max_clks;
   assign late       = (started_q && period_left_q[TimeWidth]) ||
                       (pending_q && width_left_q[TimeWidth]);
   assign pending    = pending_q && !late;
@@ -153,9 +160,9 @@ module index_capture #(
     end
 
     // Nothing of the configuration is compared with a counter: it is where the counter begins.
-    period_first_q <= (TimeWidth + 1)'(mirror_i.period_max_clks) - (TimeWidth + 1)'(1);
-    period_again_q <= (TimeWidth + 1)'(mirror_i.period_max_clks) - (TimeWidth + 1)'(2);
-    width_first_q  <= (TimeWidth + 1)'(mirror_i.width_max_clks) - (TimeWidth + 1)'(1);
+    period_first_q <= (TimeWidth + 1)'(period_max) - (TimeWidth + 1)'(1);
+    period_again_q <= (TimeWidth + 1)'(period_max) - (TimeWidth + 1)'(2);
+    width_first_q  <= (TimeWidth + 1)'(width_max) - (TimeWidth + 1)'(1);
     early_first_q  <= (TimeWidth + 1)'(mirror_i.width_min_clks) - (TimeWidth + 1)'(2);
     if (outward) period_left_q <= period_first_q;
     else if (period_left_q[TimeWidth]) period_left_q <= period_again_q;

@@ -9,6 +9,7 @@
 //   SETTLE  the word is work_word + trim, saturated.  index_alive_i and settled_i: RUN.
 //           Time-out: FAULT
 //   RUN     the same.  index_alive_i low for more than lost_timeout clocks on end: FAULT
+//           settle_timeout and lost_timeout act as their ceilings where they are above them
 //   FAULT   drive and level are 0, the word stands.  enable_i low -> OFF
 //
 // enable_i low stops from every state: a pulse that is high ends as it would have, with level and
@@ -32,7 +33,9 @@
 `default_nettype none
 
 module mirror_drive #(
-  parameter int unsigned StopWidth = 24  // 134 ms at 125 MHz: a slower pulse is cut off by a stop
+  parameter int unsigned StopWidth         = 24,  // 134 ms at 125 MHz: a stop cuts what is slower
+  parameter int unsigned SettleCeilingClks = 1_250_000_000,  // 10 s
+  parameter int unsigned LostCeilingClks   = 3_125_000  // 25 ms
 ) (
   input  wire logic                                          clk_i,
   input  wire logic                                          rst_i,
@@ -93,6 +96,12 @@ module mirror_drive #(
   assign stop     = stop_q || !enable_i;
   assign keep     = drive_o && high_q && !(stop_q && timer_q[StopWidth]);
 
+  logic [TimeWidth-1:0] settle_timeout, lost_timeout;
+  assign settle_timeout = mirror_limits_i.settle_timeout > SettleCeilingClks
+                          ? SettleCeilingClks : mirror_limits_i.settle_timeout;
+  assign lost_timeout   = mirror_limits_i.lost_timeout > LostCeilingClks
+                          ? LostCeilingClks : mirror_limits_i.lost_timeout;
+
   always_comb begin
     state_d = state_q;
     if (active && stop) begin
@@ -118,7 +127,7 @@ module mirror_drive #(
     ready_q <= index_alive_i && settled_i;
     state_q <= state_d;
     limit_q <= state_d == Sweep  ? mirror_limits_i.sweep_timeout :
-               state_d == Settle ? mirror_limits_i.settle_timeout : mirror_limits_i.lost_timeout;
+               state_d == Settle ? settle_timeout : lost_timeout;
     stop_q  <= active && stop && state_d != Off;
     if (state_q == Off && state_d == Sweep) begin
       fault_o <= FaultWidth'(vrscan_pkg::FaultNone);

@@ -19,8 +19,11 @@
 `default_nettype none
 
 module mirror_loop #(
-  parameter int unsigned IndexOversample = 4,
-  parameter int unsigned CountWidth      = 16  // where counters stop
+  parameter int unsigned IndexOversample   = 4,
+  parameter int unsigned CountWidth        = 16,  // where counters stop
+  parameter int unsigned PeriodCeilingClks = 1_250_000,  // 10 ms at 125 MHz
+  parameter int unsigned SettleCeilingClks = 1_250_000_000,  // 10 s
+  parameter int unsigned LostCeilingClks   = 3_125_000  // 25 ms
 ) (
   input  wire logic                                           clk_i,
   input  wire logic                                           rst_i,
@@ -63,7 +66,10 @@ module mirror_loop #(
   logic                            crossing, outward, missing, doubled, impossible, broken;
   logic [vrscan_pkg::AgeWidth-1:0] age;
   assign broken = missing || doubled || impossible;
-  index_capture #(.IndexOversample(IndexOversample), .CountWidth(CountWidth)) u_index_capture (
+  index_capture #(
+    .IndexOversample(IndexOversample), .CountWidth(CountWidth),
+    .PeriodCeilingClks(PeriodCeilingClks)
+  ) u_index_capture (
     .clk_i, .rst_i, .comparator_i, .gate_i, .mirror_i,
     .valid_o(crossing), .outward_o(outward), .time_o(), .age_o(age),
     .missing_o(missing), .doubled_o(doubled), .impossible_o(impossible),
@@ -98,7 +104,9 @@ module mirror_loop #(
     .index_fault_o(index_fault), .confidence_o(confidence), .error_amplitude_o()
   );
 
-  mirror_drive u_mirror_drive (
+  mirror_drive #(
+    .SettleCeilingClks(SettleCeilingClks), .LostCeilingClks(LostCeilingClks)
+  ) u_mirror_drive (
     .clk_i, .rst_i, .mirror_i, .mirror_limits_i, .drive_o, .level_o, .level_pin_o,
     .enable_i(mirror_i.mirror_enable), .level_i(level), .trim_i(trim),
     .index_alive_i(status.index_alive), .settled_i(status.mirror_settled),

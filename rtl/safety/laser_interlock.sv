@@ -4,8 +4,8 @@
 // proves its limits for any inputs; docs/laser-safety.md has them, and the times.
 //
 // Main channel.  pulse_o is pulse_i and a registered permission, so a pulse has no latency and no
-// jitter of its own.  The permission needs RUN, index_alive_i, laser_enable, a host that is heard
-// and guard_ok_i.  It comes after the second line_start_i at which all of these hold, because the
+// jitter of its own.  The permission needs RUN, index_alive_i, scanning_i, laser_enable, a host that
+// is heard and guard_ok_i.  It comes after the second line_start_i at which all of these hold, because the
 // level takes a line to settle.  When one of them goes, pulse_o and power_o are 0 a clock later.
 // The permission begins only while pulse_i is low, so a pulse is whole, cut or absent.  Its limits:
 //   laser_limit_pulse_clks  a longer request is cut, and it is dark until the request was low
@@ -17,19 +17,22 @@
 //                           0 means the ceiling, not "never"
 // Every limit has a ceiling, a parameter that no register lifts.
 //
-// Start-up channel.  index_light_o is on in SWEEP and SETTLE, off in OFF and FAULT, and in RUN on
-// while phase_i is from laser_index_begin to below laser_index_end.  startup_o is laser_startup, at
-// most laser_limit_startup; it is 0 in OFF and FAULT but stays up in the dark part of a turn.
+// Start-up channel.  While startup_ok_i, index_light_o is on in SETTLE, and in RUN on while phase_i
+// is from laser_index_begin to below laser_index_end.  It is off in OFF, SWEEP and FAULT: a sweep
+// needs no index.  startup_o is laser_startup, at most laser_limit_startup; it is 0 where the channel
+// may not shine, but stays up in the dark part of a turn.
 //
 //   power_o       power_i a clock ago, at most laser_limit_power; 0 where no pulse may come
 //   phase_i       mirror_phase_o's top bits
+//   scanning_i, startup_ok_i  of scan_safeguard, which no register lifts
 //   guard_ok_i    of laser_guard; synchronised here.  1 where there is none
 //   armed_o       the second line_start_i has come with all well
-//   status_o      from bit 0: host heard, guard well, armed, bucket full, watchdog tripped
+//   status_o      from bit 0: host heard, guard well, armed, bucket full, watchdog tripped,
+//                 scanning_i and startup_ok_i a clock ago
 //   cut_count_o, duty_count_o, watchdog_count_o  how often each limit acted; they stop at their
 //                 largest value
-//   Latency  state_i, index_alive_i and laser_enable to the light: 1 clock; phase_i to
-//            index_light_o: 3; guard_ok_i to the light: 3; a limit to power_o and startup_o: 2; the
+//   Latency  state_i, index_alive_i, scanning_i, startup_ok_i and laser_enable to the light: 1 clock;
+//            phase_i to index_light_o: 3; guard_ok_i to the light: 3; a limit to power_o and startup_o: 2; the
 //            last alive_i to dark: laser_watchdog_clks + 3.  The counters follow by a clock
 //   Model    vrscan.clocked.laser_interlock, bit-exact
 
@@ -55,6 +58,8 @@ module laser_interlock #(
   // What has to be well.
   input  wire logic [vrscan_pkg::MirrorStateWidth-1:0] state_i,
   input  wire logic                                    index_alive_i,
+  input  wire logic                                    scanning_i,
+  input  wire logic                                    startup_ok_i,
   input  wire logic [                            15:0] phase_i,
   input  wire logic                                    alive_i,
   input  wire logic                                    guard_ok_i,
@@ -69,7 +74,7 @@ module laser_interlock #(
   input  wire register_pkg::laser_t                    laser_i,
   input  wire register_pkg::laser_limits_t             laser_limits_i,
   output      logic                                    armed_o,
-  output      logic [                             4:0] status_o,
+  output      logic [                             6:0] status_o,
   output      logic [    vrscan_pkg::CounterWidth-1:0] cut_count_o,
   output      logic [    vrscan_pkg::CounterWidth-1:0] duty_count_o,
   output      logic [    vrscan_pkg::CounterWidth-1:0] watchdog_count_o
@@ -151,12 +156,12 @@ module laser_interlock #(
   end
 
   // ---- what may shine ----
-  logic run, seeking, awake, allowed;
-  assign run     = state_i == StateWidth'(vrscan_pkg::MirrorRun);
-  assign seeking = state_i == StateWidth'(vrscan_pkg::MirrorSweep) ||
-                   state_i == StateWidth'(vrscan_pkg::MirrorSettle);
-  assign awake   = laser_i.laser_enable && heard_q && !tripped_q && guard_q[1];
-  assign allowed = awake && run && index_alive_i;
+  logic run, settling, awake, allowed, visible;
+  assign run      = state_i == StateWidth'(vrscan_pkg::MirrorRun);
+  assign settling = state_i == StateWidth'(vrscan_pkg::MirrorSettle);
+  assign awake    = laser_i.laser_enable && heard_q && !tripped_q && guard_q[1];
+  assign allowed  = awake && run && index_alive_i && scanning_i;
+  assign visible  = awake && startup_ok_i && (settling || run);
 
   // ---- pulses: their permission and their length ----
   logic                   permit_q, room, cut_q, full_q;
@@ -218,9 +223,9 @@ module laser_interlock #(
     offset_q      <= phase_i - laser_i.laser_index_begin;
     span_q        <= laser_i.laser_index_end - laser_i.laser_index_begin;
     inside_q      <= offset_q < span_q;
-    index_light_o <= awake && (seeking || (run && inside_q));
+    index_light_o <= visible && (settling || inside_q);
     startup_o     <= '0;
-    if (awake && (seeking || run)) begin
+    if (visible) begin
       startup_o <= laser_i.laser_startup > limit_startup_q ? limit_startup_q
                                                            : laser_i.laser_startup;
     end
@@ -233,9 +238,11 @@ module laser_interlock #(
   end
 
   // ---- what is told ----
-  assign status_o = {tripped_q, full_q, armed_q[1], guard_q[1], heard_q};
+  logic [1:0] scan_q;
+  assign status_o = {scan_q, tripped_q, full_q, armed_q[1], guard_q[1], heard_q};
 
   always_ff @(posedge clk_i) begin
+    scan_q <= {startup_ok_i, scanning_i};
     if (cut_q && pulse_i) cut_count_o <= vrscan_pkg::counted(cut_count_o, CountWidth);
     if (full_q && !full_before_q) duty_count_o <= vrscan_pkg::counted(duty_count_o, CountWidth);
     if (tripping && !tripped_q) begin
@@ -243,6 +250,7 @@ module laser_interlock #(
     end
 
     if (rst_i) begin
+      scan_q           <= '0;
       cut_count_o      <= '0;
       duty_count_o     <= '0;
       watchdog_count_o <= '0;

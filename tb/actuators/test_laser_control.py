@@ -32,6 +32,8 @@ QUIET = {
     "centre": 0,
     "state": OFF,
     "index_alive": 0,
+    "scanning": 1,
+    "startup_ok": 1,
     "phase": 0x2000,
     "alive": 0,
     "guard_ok": 1,

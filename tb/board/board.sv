@@ -47,12 +47,17 @@ module board #(
     void'($value$plusargs("velocity=%f", start_velocity));
   end
 
+  import "DPI-C" function byte unsigned mirror_stalls();
+  import "DPI-C" function void light_is(
+    input byte unsigned edge_of_index, input int pulse_power, input int startup
+  );
+
   // ---- vrscan ----
   logic                              to_board, to_host;
   logic [       IndexOversample-1:0] comparator, gate;
   logic                              drive, exposure, pulse, index_light;
   logic [vrscan_pkg::LevelWidth-1:0] level;
-  logic [vrscan_pkg::PowerWidth-1:0] power;
+  logic [vrscan_pkg::PowerWidth-1:0] power, startup;
   logic                              line_start, line_end, pixel_valid;
   logic [            PixelWidth-1:0] pixel;
   logic                              scl, sda, scl_low, sda_low, motor_scl_low, motor_sda_low;
@@ -79,7 +84,7 @@ module board #(
     .power_o               (power),
     .power_pin_o           (),
     .index_light_o         (index_light),
-    .startup_o             (),
+    .startup_o             (startup),
     .startup_pin_o         (),
     .heartbeat_o           (),
     .guard_ok_i            (1'b1),
@@ -100,6 +105,7 @@ module board #(
 
   // ---- mirror ----
   logic driven_q;
+  logic stall_q;
   real  angle;
   logic pulse_q;
   mirror_world #(
@@ -119,6 +125,7 @@ module board #(
     .laser_on_i         (index_light || pulse),
     .drop_i             (1'b0),
     .shock_i            (1'b0),
+    .stall_i            (stall_q),
     .seed_i             (seed),
     .shock_rad_per_s_i  (0.0),
     .natural_offset_hz_i(0.0),
@@ -142,6 +149,19 @@ module board #(
     if (begun_q) begin_angle_q <= angle;
     if (begun_q) angle_q <= angle;
     if (ended_q) angle_q <= 0.5 * (begin_angle_q + angle);
+  end
+
+  // ---- the light, and the edges of the index: another level within an open gate ----
+  logic [IndexOversample-1:0] comparator_q, gate_q;
+  logic                       index_edge;
+  assign index_edge = (&gate) && (&gate_q) && comparator != comparator_q;
+  always_ff @(posedge clk_i) begin
+    stall_q      <= mirror_stalls() != 8'd0;
+    comparator_q <= comparator;
+    gate_q       <= gate;
+    if (!rst_i && (index_edge || pulse || index_light)) begin
+      light_is({7'd0, index_edge}, pulse ? 32'(power) : '0, index_light ? 32'(startup) : '0);
+    end
   end
 
   // ---- sensor ----

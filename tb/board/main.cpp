@@ -8,7 +8,7 @@
 //   --real-time      not faster than that
 //   +name=value      is the design's
 //
-// It ends on SIGINT or SIGTERM, and takes the link away.
+// It ends on SIGINT or SIGTERM, and takes the link away.  SIGUSR1 stops the mirror where it is.
 
 #include <sys/file.h>
 
@@ -30,7 +30,7 @@ namespace {
 constexpr int64_t kClocks = 512;  // between two looks at the pty
 constexpr double kStatusS = 0.05, kReportS = 5.0;
 
-volatile std::sig_atomic_t stopped = 0;
+volatile std::sig_atomic_t stopped = 0, stalled = 0;
 
 double now_s() {
   using namespace std::chrono;
@@ -92,6 +92,8 @@ std::unique_ptr<Sensor> sensor;
 std::unique_ptr<Serial> serial;
 double clock_s = 0.0;
 int64_t lines_lost = 0;
+int64_t clocks = 0, stalled_at = -1, edge_at = -1, pulse_at = -1, startup_at = -1;
+int startup_most = 0;
 
 }  // namespace
 
@@ -102,6 +104,13 @@ void sensor_expose(double angle_rad, long long light, int exposure_clks) {
 }
 int sensor_pixel(int index) { return sensor->pixel(index); }
 void sensor_lost() { ++lines_lost; }
+unsigned char mirror_stalls() { return stalled_at >= 0; }
+void light_is(unsigned char edge_of_index, int pulse_power, int startup) {
+  if (edge_of_index) edge_at = clocks;
+  if (pulse_power) pulse_at = clocks;
+  if (startup) startup_at = clocks;
+  startup_most = std::max(startup_most, startup);
+}
 int serial_step(unsigned char busy) { return serial->step(busy); }
 int serial_take() { return serial->take(); }
 void serial_give(int value) { serial->give(value); }
@@ -110,7 +119,7 @@ void serial_give(int value) { serial->give(value); }
 
 namespace {
 
-void write_status(const Options& options, int64_t clocks, double wall_s) {
+void write_status(const Options& options, double wall_s) {
   if (options.status.empty()) return;
   const std::string made = options.status + ".new";
   FILE* file = std::fopen(made.c_str(), "w");
@@ -119,13 +128,17 @@ void write_status(const Options& options, int64_t clocks, double wall_s) {
                "{\"clocks\": %lld, \"wall_s\": %.3f, \"clock_hz\": %.1f, \"baud\": %lld, "
                "\"open\": %s, \"opened\": %lld, \"to_host\": %lld, \"from_host\": %lld, "
                "\"dropped\": %lld, \"unheard\": %lld, \"framing\": %lld, \"breaks\": %lld, "
-               "\"lines\": %lld, \"lines_lost\": %lld, \"lines_outside\": %lld}\n",
+               "\"lines\": %lld, \"lines_lost\": %lld, \"lines_outside\": %lld, "
+               "\"stalled_at\": %lld, \"edge_at\": %lld, \"pulse_at\": %lld, "
+               "\"startup_at\": %lld, \"startup_most\": %d}\n",
                (long long)clocks, wall_s, options.clock_hz, (long long)serial->baud(),
                serial->is_open() ? "true" : "false", (long long)serial->opened(),
                (long long)serial->sent(), (long long)serial->received(),
                (long long)serial->dropped(), (long long)serial->unheard(),
                (long long)serial->framing(), (long long)serial->breaks(),
-               (long long)sensor->lines(), (long long)lines_lost, (long long)sensor->outside());
+               (long long)sensor->lines(), (long long)lines_lost, (long long)sensor->outside(),
+               (long long)stalled_at, (long long)edge_at, (long long)pulse_at,
+               (long long)startup_at, startup_most);
   std::fclose(file);
   std::rename(made.c_str(), options.status.c_str());
 }
@@ -165,19 +178,18 @@ void run(int count, char** words) {
   for (int k = 0; k < 8; ++k) clock();
   top.rst_i = 0;
 
-  int64_t clocks = 0;
   const double start = now_s();
   double status_at = start, report_at = start + kReportS, report_from = start;
   int64_t report_clocks = 0;
-  write_status(options, 0, 0.0);
+  write_status(options, 0.0);
   std::printf("port %s\n", options.port.empty() ? serial->name().c_str() : options.port.c_str());
   std::fflush(stdout);
   const int64_t last = options.seconds > 0.0 ? std::llround(options.seconds * options.clock_hz)
                                              : INT64_MAX;
   while (!stopped && clocks < last && !context.gotFinish()) {
     const int64_t some = std::min(kClocks, last - clocks);
-    for (int64_t k = 0; k < some; ++k) clock();
-    clocks += some;
+    for (int64_t k = 0; k < some; ++k, ++clocks) clock();
+    if (stalled && stalled_at < 0) stalled_at = clocks;
     serial->serve();
     double now = now_s();
     if (options.real_time && clocks * clock_s > now - start) {
@@ -186,7 +198,7 @@ void run(int count, char** words) {
     }
     if (now >= status_at) {
       status_at = now + kStatusS;
-      write_status(options, clocks, now - start);
+      write_status(options, now - start);
     }
     if (now >= report_at) {
       report(options, clocks, (clocks - report_clocks) / (now - report_from));
@@ -196,7 +208,7 @@ void run(int count, char** words) {
     }
   }
   const double wall = now_s() - start;
-  write_status(options, clocks, wall);
+  write_status(options, wall);
   report(options, clocks, clocks / wall);
   top.final();
 }
@@ -208,6 +220,8 @@ int main(int count, char** words) {
   action.sa_handler = [](int) { stopped = 1; };
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+  action.sa_handler = [](int) { stalled = 1; };
+  sigaction(SIGUSR1, &action, nullptr);
   try {
     run(count, words);
   } catch (const std::exception& error) {

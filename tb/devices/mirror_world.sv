@@ -5,6 +5,7 @@
 //   centre_i, half_i    in the clock of a laser pulse's centre, or half a clock before it
 //   angle_true_o        of that moment, rad, from mems_mirror's cubic; one clock behind centre_i
 //   on_diode_o          the beam is on the diode, lit or not; to a step of the mirror
+//   stall_i             the beam rests where it is, as that of a mirror that is stuck
 
 `default_nettype none
 
@@ -35,6 +36,7 @@ module mirror_world #(
   input  wire logic                              laser_on_i,
   input  wire logic                              drop_i,
   input  wire logic                              shock_i,
+  input  wire logic                              stall_i,
   input  wire logic [                      31:0] seed_i,
   input  var real                                shock_rad_per_s_i,
   input  var real                                natural_offset_hz_i,
@@ -51,6 +53,7 @@ module mirror_world #(
   localparam real ClockS = 1.0 / real'(ClockHz);
 
   real                   angle, velocity, acceleration, jerk;
+  real                   swung, held_q, swung_velocity, swung_acceleration, swung_jerk;
   logic [SinceWidth-1:0] since_clks;
   mems_mirror #(
     .ClockHz(ClockHz), .StepClks(StepClks),
@@ -60,12 +63,18 @@ module mirror_world #(
     .drive_i, .level_i,
     .shock_i, .shock_rad_per_s_i, .natural_offset_hz_i, .damping_factor_i,
     .start_angle_i, .start_velocity_i,
-    .angle_o       (angle),
-    .velocity_o    (velocity),
-    .acceleration_o(acceleration),
-    .jerk_o        (jerk),
+    .angle_o       (swung),
+    .velocity_o    (swung_velocity),
+    .acceleration_o(swung_acceleration),
+    .jerk_o        (swung_jerk),
     .since_clks_o  (since_clks)
   );
+
+  assign angle        = stall_i ? held_q : swung;
+  assign velocity     = stall_i ? 0.0 : swung_velocity;
+  assign acceleration = stall_i ? 0.0 : swung_acceleration;
+  assign jerk         = stall_i ? 0.0 : swung_jerk;
+  always_ff @(posedge clk_i) if (!stall_i) held_q <= swung;
 
   index_diode #(
     .ClockHz(ClockHz), .StepClks(StepClks), .SinceWidth(SinceWidth),

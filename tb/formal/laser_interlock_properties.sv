@@ -22,6 +22,8 @@ module laser_interlock_properties #(
   input wire logic                        line_start_i,
   input wire logic [2:0]                  state_i,
   input wire logic                        index_alive_i,
+  input wire logic                        scanning_i,
+  input wire logic                        startup_ok_i,
   input wire logic [15:0]                 phase_i,
   input wire logic                        alive_i,
   input wire logic                        guard_ok_i,
@@ -39,7 +41,8 @@ module laser_interlock_properties #(
     .BucketCeiling(BucketCeiling), .WatchdogCeilingClks(WatchdogCeilingClks)
   ) dut (
     .clk_i, .rst_i,
-    .pulse_i, .power_i, .line_start_i, .state_i, .index_alive_i, .phase_i, .alive_i, .guard_ok_i,
+    .pulse_i, .power_i, .line_start_i, .state_i, .index_alive_i, .scanning_i, .startup_ok_i,
+    .phase_i, .alive_i, .guard_ok_i,
     .laser_i, .laser_limits_i,
     .pulse_o         (pulse),
     .power_o         (power),
@@ -65,7 +68,7 @@ module laser_interlock_properties #(
   // ---- what has been ----
   logic        first_q = 1'b1;
   logic        well_q;  // the interlock, a clock ago
-  logic        seeking_q, run_q;
+  logic        settling_q, run_q, startup_ok_q;
   logic        awake_q;
   logic        pulse_q;
   logic [ 2:0] guard_q;
@@ -105,9 +108,9 @@ module laser_interlock_properties #(
     first_q          <= 1'b0;
     fits_q           <= !rst_i && same && (fits_q || (held_q == 4'd15 && filled <= bucket));
     well_q           <= !rst_i && state_i == 3'(vrscan_pkg::MirrorRun) && index_alive_i &&
-                        laser_i.laser_enable;
-    seeking_q        <= state_i == 3'(vrscan_pkg::MirrorSweep) ||
-                        state_i == 3'(vrscan_pkg::MirrorSettle);
+                        scanning_i && laser_i.laser_enable;
+    settling_q       <= state_i == 3'(vrscan_pkg::MirrorSettle);
+    startup_ok_q     <= !rst_i && startup_ok_i;
     run_q            <= state_i == 3'(vrscan_pkg::MirrorRun);
     awake_q          <= !rst_i && laser_i.laser_enable;
     pulse_q          <= pulse_i;
@@ -123,13 +126,16 @@ module laser_interlock_properties #(
   always_comb begin
     assume (!first_q || rst_i);
     if (!first_q) begin
-      // Without RUN, index, enable: nothing of the main channel, at once.
+      // Without RUN, index, safeguard, enable: nothing of the main channel, at once.
       dark_without_interlock: assert (well_q || (!pulse && power == '0 && total <= 17'(startup)));
       startup_limit_without_interlock:
       assert (well_q || (total <= 17'(StartupCeiling) &&
                          (!held || total <= 17'(laser_limits_i.laser_limit_startup))));
       no_light_without_enable: assert (awake_q || (!pulse && !index_light && startup == '0));
-      no_light_off_or_fault: assert (seeking_q || run_q || (!pulse && !index_light && total == '0));
+      no_light_but_in_settle_and_run:
+      assert (settling_q || run_q || (!pulse && !index_light && total == '0));
+      no_start_up_light_without_safeguard:
+      assert (startup_ok_q || (!index_light && startup == '0));
       no_light_without_guard: assert (guard_q[2] || (!pulse && !index_light));
       // A silent host.
       no_light_before_a_host:
@@ -169,7 +175,7 @@ module laser_interlock_properties #(
                            inside_limit_startup_q <= 16'(StartupCeiling));
 
       full_power: cover (held && pulse && power == 16'(PowerCeiling) && long_q == 21'd4);
-      startup_in_sweep: cover (index_light && seeking_q && startup == 16'(StartupCeiling));
+      startup_in_settle: cover (index_light && settling_q && startup == 16'(StartupCeiling));
       startup_in_run: cover (index_light && run_q && !pulse && startup != '0);
       bucket_full: cover (inside_full_q && well_q && excess_q > 48'sd0);
       cut: cover (pulse_i && pulse_q && !pulse && well_q && long_q == 21'd3);

@@ -6,11 +6,16 @@
 
 `default_nettype none
 
-module laser_pair_properties (
+module laser_pair_properties #(
+  parameter int unsigned SettleCeilingClks = 1_250_000_000,
+  parameter int unsigned LostCeilingClks   = 3_125_000
+) (
   input wire logic                         clk_i,
   input wire logic                         rst_i,
   input wire logic                         enable_i,
   input wire logic                         index_alive_i,
+  input wire logic                         scanning_i,
+  input wire logic                         startup_ok_i,
   input wire logic                         settled_i,
   input wire logic [19:0]                  level_i,
   input wire logic signed [31:0]           trim_i,
@@ -30,7 +35,9 @@ module laser_pair_properties (
   logic        pulse, index_light;
   logic [15:0] power, startup;
 
-  mirror_drive dut (
+  mirror_drive #(
+    .SettleCeilingClks(SettleCeilingClks), .LostCeilingClks(LostCeilingClks)
+  ) dut (
     .clk_i, .rst_i, .enable_i, .index_alive_i, .settled_i, .level_i, .trim_i,
     .state_o    (state),
     .fault_o    (),
@@ -45,7 +52,8 @@ module laser_pair_properties (
   laser_interlock u_laser_interlock (
     .clk_i, .rst_i, .pulse_i, .power_i, .line_start_i,
     .state_i         (state),
-    .index_alive_i, .phase_i, .alive_i, .guard_ok_i, .laser_i, .laser_limits_i,
+    .index_alive_i, .scanning_i, .startup_ok_i, .phase_i, .alive_i, .guard_ok_i, .laser_i,
+    .laser_limits_i,
     .pulse_o         (pulse),
     .power_o         (power),
     .index_light_o   (index_light),
@@ -61,6 +69,7 @@ module laser_pair_properties (
   (* keep *) wire        inside_stop_q, inside_expired_q;
 
   localparam logic [2:0] Off = 3'(vrscan_pkg::MirrorOff);
+  localparam logic [2:0] Settle = 3'(vrscan_pkg::MirrorSettle);
   localparam logic [2:0] Run = 3'(vrscan_pkg::MirrorRun);
   localparam logic [2:0] Fault = 3'(vrscan_pkg::MirrorFault);
 
@@ -69,6 +78,7 @@ module laser_pair_properties (
   logic [31:0] lost_timeout_q;
   logic [32:0] away_q;  // clocks without an index since RUN, lost_timeout and enable as they are
   logic        goes_on;
+  logic [32:0] gone_q, searched_q;  // clocks in RUN without an index, and in SETTLE, while enabled
   assign goes_on = !index_alive_i && enable_i && !stopping_q &&
                    mirror_limits_i.lost_timeout == lost_timeout_q && (state == Run || away_q != '0);
 
@@ -79,6 +89,10 @@ module laser_pair_properties (
     alive_q        <= index_alive_i;
     stopping_q     <= !rst_i && state != Off && (stopping_q || !enable_i);
     lost_timeout_q <= mirror_limits_i.lost_timeout;
+    gone_q         <= rst_i || state != Run || index_alive_i || !enable_i || stopping_q ? 33'd0
+                      : gone_q == '1 ? gone_q : gone_q + 33'd1;
+    searched_q     <= rst_i || state != Settle || !enable_i || stopping_q ? 33'd0
+                      : searched_q == '1 ? searched_q : searched_q + 33'd1;
     away_q         <= rst_i || !goes_on ? 33'd0 : away_q == '1 ? away_q : away_q + 33'd1;
   end
 
@@ -97,7 +111,20 @@ module laser_pair_properties (
                           inside_expired_q);
       step_away: assert (away_q == '0 || state == Run || state == Fault);
       step_lost: assert (away_q < {1'b0, lost_timeout_q} + 33'd2 || state == Fault);
-      step_limit: assert (away_q == '0 || state != Run || inside_limit_q == lost_timeout_q);
+      step_limit: assert (away_q == '0 || state != Run ||
+                          inside_limit_q == (lost_timeout_q > LostCeilingClks ? LostCeilingClks
+                                                                              : lost_timeout_q));
+
+      // Ceilings, whatever the registers say and how often they change.
+      no_run_of_a_stopped_mirror: assert (state != Run || gone_q <= 33'(LostCeilingClks) + 33'd2);
+      no_endless_search: assert (state != Settle || searched_q <= 33'(SettleCeilingClks) + 33'd2);
+      step_gone: assert (state != Run || gone_q == '0 || inside_expired_q ||
+                         ({1'b0, inside_timer_q} >= gone_q && gone_q <= 33'(LostCeilingClks)));
+      step_searched: assert (state != Settle || searched_q == '0 || inside_expired_q ||
+                             ({1'b0, inside_timer_q} + 33'd1 >= searched_q &&
+                              searched_q <= 33'(SettleCeilingClks) + 33'd1));
+      step_ceilings: assert ((state != Run || inside_limit_q <= LostCeilingClks) &&
+                             (state != Settle || inside_limit_q <= SettleCeilingClks));
 
       pulse_in_run: cover (pulse && power == 16'hffff);
       fault: cover (state == Fault && away_q != '0 && startup == '0);

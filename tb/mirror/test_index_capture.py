@@ -19,13 +19,13 @@ from harness import (
     simulate,
 )
 
-from vrscan.clocked.index_capture import LATENCY, IndexCapture
+from vrscan.clocked.index_capture import LATENCY, PERIOD_CEILING, IndexCapture
 from vrscan.data import pkg
 from vrscan.registers.settings import IndexSettings as Settings
 
 NEAR_WRAP = (1 << pkg.TIME_WIDTH) - 700
 ELABORATIONS = [
-    {"IndexOversample": 4, "CountWidth": 16, "InitialTime": 0},
+    {"IndexOversample": 4, "CountWidth": 16, "InitialTime": 0, "PeriodCeilingClks": 20_000},
     {"IndexOversample": 1, "CountWidth": 3, "InitialTime": NEAR_WRAP},
     {"IndexOversample": 8, "CountWidth": 3, "InitialTime": NEAR_WRAP},
     {"IndexOversample": 2, "CountWidth": 3, "InitialTime": 0},
@@ -43,9 +43,9 @@ CALM = Settings(glitch_clks=3, width_min_clks=80, width_max_clks=300, period_max
 def twin_of(settings: Settings) -> IndexCapture:
     """Return the twin of the running elaboration."""
     given = parameters()
-    return IndexCapture(
-        settings, given["IndexOversample"], given["CountWidth"], given["InitialTime"]
-    )
+    ceiling = given.get("PeriodCeilingClks", PERIOD_CEILING)
+    names = ("IndexOversample", "CountWidth", "InitialTime")
+    return IndexCapture(settings, *(given[name] for name in names), ceiling)
 
 
 def clocks(samples: np.ndarray, oversample: int) -> list[int]:
@@ -628,6 +628,25 @@ async def reset_in_every_state(dut) -> None:
         else:
             await bench.hold(1, 8)
             await bench.hold(0, 90)
+
+
+@cocotb.test()
+async def no_register_lifts_the_ceiling(dut) -> None:
+    """A crossing is missing PeriodCeilingClks after one, whatever the limits are."""
+    bench = await begin(dut)
+    ceiling = parameters().get("PeriodCeilingClks")
+    if ceiling is None:
+        return
+    for settings in (Settings(1, 0, MOST, MOST), Settings(1, 0, 300, MOST)):
+        await bench.start(settings)
+        await bench.hold(0, 20)
+        await bench.hold(1, 200)
+        await bench.hold(0, 200)
+        assert bench.twin.alive
+        (first, _) = bench.crossings[-2:]
+        await bench.hold(0, ceiling)
+        assert bench.named("missing")[-1] - first["clock"] == ceiling + 1
+        assert not bench.twin.alive
 
 
 @EACH_VOLUME

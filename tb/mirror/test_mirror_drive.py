@@ -30,7 +30,11 @@ from vrscan.clocked.mirror_drive import (
 from vrscan.data import pkg
 from vrscan.registers.settings import DriveSettings as Settings
 
-ELABORATIONS = [{"StopWidth": 6}, {"StopWidth": 24}]
+ELABORATIONS = [
+    {"StopWidth": 6, "SettleCeilingClks": 350, "LostCeilingClks": 90},
+    {"StopWidth": 24},
+]
+CEILINGS = {"SettleCeilingClks": "settle_ceiling", "LostCeilingClks": "lost_ceiling"}
 OUTPUTS = ("state", "fault", "drive", "level", "level_pin", "phase", "word")
 OFF, SWEEP, SETTLE = pkg.MIRROR_OFF, pkg.MIRROR_SWEEP, pkg.MIRROR_SETTLE
 RUN, FAULT = pkg.MIRROR_RUN, pkg.MIRROR_FAULT
@@ -74,7 +78,9 @@ class Bench(TwinBench):
         """Set the configuration and reset for a clock, with these inputs."""
         for name, value in vars(settings).items():
             drive(port(self.dut, f"{name}_i"), value)
-        twin = MirrorDrive(settings, parameters()["StopWidth"])
+        given = parameters()
+        limits = {CEILINGS[name]: most for name, most in given.items() if name in CEILINGS}
+        twin = MirrorDrive(settings, given["StopWidth"], **limits)
         await self.reset_to(twin, **(QUIET | inputs))
         self.check()
 
@@ -263,10 +269,12 @@ async def arriving_wins_over_a_time_out(dut) -> None:
 
 @cocotb.test()
 async def the_index_may_be_away_for_its_time(dut) -> None:
-    """Exactly lost_timeout clocks on end are forgiven, one more is a fault."""
+    """Exactly lost_timeout clocks on end are forgiven, one more is a fault; so at the ceiling."""
     bench = await begin(dut)
-    for timeout in (0, 1, 30):
-        settings = with_changes(lost_timeout=timeout, settle_timeout=3, sweep_timeout=NEVER)
+    most = parameters().get("LostCeilingClks")
+    for limit in (0, 1, 30, *((most + 1, NEVER) if most else ())):
+        timeout = min(limit, most or limit)
+        settings = with_changes(lost_timeout=limit, settle_timeout=3, sweep_timeout=NEVER)
         await bench.into(RUN, settings)
         for _ in range(3):
             await bench.clocks(timeout, index_alive=0)

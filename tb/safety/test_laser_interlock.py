@@ -14,7 +14,6 @@ from laser_bench import (
     RUN,
     SETTLE,
     STATES,
-    SWEEP,
     LightBench,
     Scene,
     ceilings,
@@ -52,6 +51,8 @@ QUIET = {
     "line_start": 0,
     "state": OFF,
     "index_alive": 0,
+    "scanning": 1,
+    "startup_ok": 1,
     "phase": 0x2000,
     "alive": 0,
     "guard_ok": 1,
@@ -105,7 +106,6 @@ async def random_inputs_and_resets(dut) -> None:
     assert {
         (True, True, RUN),
         (True, False, RUN),
-        (False, True, SWEEP),
         (False, True, SETTLE),
     } <= seen
     assert np.all(counts[[0, 2]] > 5), counts
@@ -131,6 +131,7 @@ async def every_interlock_turns_the_main_channel_off(dut) -> None:
     for latency, bad, good in (
         *((INTERLOCK_LATENCY, {"state": s}, {"state": RUN}) for s in STATES if s != RUN),
         (INTERLOCK_LATENCY, {"index_alive": 0}, {"index_alive": 1}),
+        (INTERLOCK_LATENCY, {"scanning": 0}, {"scanning": 1}),
         (GUARD_LATENCY, {"guard_ok": 0}, {"guard_ok": 1}),
         (INTERLOCK_LATENCY, {"enable": 0}, {"enable": 1}),
     ):
@@ -144,9 +145,7 @@ async def every_interlock_turns_the_main_channel_off(dut) -> None:
             await bench.clocks(**bad)
             assert bench.lit == (k < latency)
         assert bench.twin.power == 0
-        assert bench.twin.index_light == (
-            bench.inputs["state"] in (SWEEP, SETTLE) if bench.inputs["state"] != RUN else False
-        )
+        assert bench.twin.index_light == (bench.inputs["state"] == SETTLE)
         bench.set(with_changes(limit_pulse_clks=12))
         await bench.clocks(8, **good, line_start=1)
         assert not bench.lit
@@ -268,7 +267,7 @@ async def a_silent_host_gets_no_light(dut) -> None:
 
 @cocotb.test()
 async def the_start_up_channel(dut) -> None:
-    """On in SWEEP and SETTLE, in RUN within its window alone, never above its limit."""
+    """Where permitted: on in SETTLE, in RUN within its window, never above its limit."""
     bench = await begin(dut)
     ceiling = ceilings().startup
     for startup, limit in ((250, 280), (280, 250), (POWER_MAX, POWER_MAX), (0, 5)):
@@ -276,10 +275,13 @@ async def the_start_up_channel(dut) -> None:
         await bench.clocks(4, alive=1)
         for state in STATES:
             await bench.clocks(4, state=state, alive=1)
-            on = state in (SWEEP, SETTLE)
+            on = state == SETTLE
             assert bench.twin.index_light == on
             assert bench.twin.startup == (min(startup, limit, ceiling) if on or state == RUN else 0)
             assert not bench.lit
+            await bench.clocks(INTERLOCK_LATENCY, startup_ok=0)
+            assert not bench.twin.index_light and not bench.twin.startup
+            await bench.clocks(startup_ok=1)
     for begin_, end in ((0xF000, 0x1000), (0x7000, 0x9000), (5, 5), (5, 4)):
         await bench.start(with_changes(index_begin=begin_, index_end=end), state=RUN)
         await bench.clocks(5, alive=1)

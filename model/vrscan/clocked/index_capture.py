@@ -9,6 +9,7 @@ from vrscan.registers.settings import IndexSettings
 
 LATENCY = 4  # clocks from the last clock that settles a level to valid_o
 MOST_IDLE = 1 << 40
+PERIOD_CEILING = 1_250_000
 
 _STEP = 1 << pkg.SUB_WIDTH
 _TIME_MASK = (1 << (pkg.TIME_WIDTH + pkg.SUB_WIDTH)) - 1
@@ -23,6 +24,7 @@ class IndexCapture:
         index_oversample: Samples per clock, ``IndexOversample``: 1, 2, 4 or 8.
         count_width: Bits of the counters, ``CountWidth``.
         initial_time: Time at the reset in clocks, ``InitialTime``.
+        period_ceiling: Largest period and width in clocks, ``PeriodCeilingClks``.
 
     Attributes:
         valid: Whether a crossing is reported in this clock.
@@ -43,6 +45,7 @@ class IndexCapture:
         index_oversample: int = 4,
         count_width: int = 16,
         initial_time: int = 0,
+        period_ceiling: int = PERIOD_CEILING,
     ) -> None:
         if index_oversample not in (1, 2, 4, 8):
             raise ValueError("index_capture: index_oversample must be 1, 2, 4 or 8")
@@ -65,8 +68,8 @@ class IndexCapture:
         self._base_age = (LATENCY - 1) * _STEP + self._weight // 2
         self._run_clks = max(settings.glitch_clks, 1)
         self._width_min = settings.width_min_clks
-        self._width_max = settings.width_max_clks
-        self._period_max = settings.period_max_clks
+        self._width_max = min(settings.width_max_clks, period_ceiling)
+        self._period_max = min(settings.period_max_clks, period_ceiling)
         self._count_max = (1 << count_width) - 1
         self._initial_time = initial_time
 

@@ -10,7 +10,7 @@ from vrscan.registers.settings import InterlockSettings
 
 PHASE_WIDTH = 16
 BUCKET_MARGIN = 4 << pkg.POWER_WIDTH  # margin of the bucket: four clocks of the largest power
-INTERLOCK_LATENCY = 1  # clocks from state_i, index_alive_i, laser_enable to dark
+INTERLOCK_LATENCY = 1  # clocks from state_i .. startup_ok_i, laser_enable to dark
 GUARD_LATENCY = 3  # clocks from guard_ok_i to dark
 WINDOW_LATENCY = 3  # clocks from phase_i to index_light_o
 LIMIT_LATENCY = 2  # clocks from a limit to power_o, startup_o
@@ -19,7 +19,6 @@ WATCHDOG_LATENCY = 3  # clocks that the light outlasts the watchdog's time
 _PHASE_MASK = (1 << PHASE_WIDTH) - 1
 _CLKS_MAX = (1 << pkg.LINE_CLKS_WIDTH) - 1
 _ARMED = 2  # number of line starts
-_SEEKING = (pkg.MIRROR_SWEEP, pkg.MIRROR_SETTLE)
 
 
 @dataclass(frozen=True)
@@ -87,6 +86,7 @@ class LaserInterlock:
         self._full = self._full_before = True
         self._offset = self._span = 0
         self._inside = False
+        self._scan = (False, False)  # scanning and startup_ok
 
     @property
     def armed(self) -> bool:
@@ -96,7 +96,7 @@ class LaserInterlock:
     @property
     def status(self) -> int:
         """Return the bits of ``status_o``."""
-        bits = (self._heard, self._guard[1], self.armed, self._full, self._tripped)
+        bits = (self._heard, self._guard[1], self.armed, self._full, self._tripped, *self._scan)
         return sum(bit << k for k, bit in enumerate(bits))
 
     def gate(self, pulse: bool) -> bool:
@@ -111,6 +111,8 @@ class LaserInterlock:
         line_start: bool,
         state: int,
         index_alive: bool,
+        scanning: bool,
+        startup_ok: bool,
         phase: int,
         alive: bool,
         guard_ok: bool,
@@ -119,8 +121,9 @@ class LaserInterlock:
         enable = bool(self.settings.enable)
         run = state == pkg.MIRROR_RUN
         late = self._silent >= self._watchdog
+        self._scan = (scanning, startup_ok)
         awake = enable and self._heard and not self._tripped and self._guard[1]
-        allowed = awake and run and index_alive
+        allowed = awake and run and index_alive and scanning
         lit = self.gate(pulse)
 
         # The counters follow the values of the registers.
@@ -154,15 +157,15 @@ class LaserInterlock:
         self._silent = 0 if alive else self._silent + (not late)
         self._guard = (guard_ok, self._guard[0])
 
-        self._shine(phase, awake=awake, seeking=state in _SEEKING, run=run)
+        self._shine(phase, awake=awake and startup_ok, settling=state == pkg.MIRROR_SETTLE, run=run)
         self._limit()
 
-    def _shine(self, phase: int, *, awake: bool, seeking: bool, run: bool) -> None:
+    def _shine(self, phase: int, *, awake: bool, settling: bool, run: bool) -> None:
         """Update the start-up channel."""
         settings = self.settings
-        lit = awake and (seeking or run)
+        lit = awake and (settling or run)
         self.startup = min(settings.startup, self._limit_startup) if lit else 0
-        self.index_light = awake and (seeking or (run and self._inside))
+        self.index_light = awake and (settling or (run and self._inside))
         self._inside = self._offset < self._span
         self._offset = (phase - settings.index_begin) & _PHASE_MASK
         self._span = (settings.index_end - settings.index_begin) & _PHASE_MASK

@@ -13,6 +13,8 @@ TRIM_LATENCY = 2  # clocks from trim_i to word_o
 READY_LATENCY = 2  # clocks from index_alive_i and settled_i to RUN
 TIMEOUT_LATENCY = 2  # clocks that a state outlasts its time-out
 MOST_IDLE = 1 << 40
+SETTLE_CEILING = 1_250_000_000
+LOST_CEILING = 3_125_000
 RATE_WIDTH = 32
 RATE_FRACTION = 16
 DUTY_WIDTH = 16
@@ -50,6 +52,8 @@ class MirrorDrive:
 
     Args:
         settings: The configuration ports.
+        settle_ceiling, lost_ceiling: Largest time-outs of SETTLE and RUN in clocks,
+            ``SettleCeilingClks`` and ``LostCeilingClks``.
         stop_width: A pulse that a stop waits for is cut off after 2**stop_width + 1 clocks.
 
     Attributes:
@@ -61,7 +65,13 @@ class MirrorDrive:
         word: Frequency word in use; u40.
     """
 
-    def __init__(self, settings: DriveSettings, stop_width: int = 24) -> None:
+    def __init__(
+        self,
+        settings: DriveSettings,
+        stop_width: int = 24,
+        settle_ceiling: int = SETTLE_CEILING,
+        lost_ceiling: int = LOST_CEILING,
+    ) -> None:
         self.settings = settings
         self.state = _OFF
         self.fault = pkg.FAULT_NONE
@@ -71,6 +81,7 @@ class MirrorDrive:
         self.word = 0
         self._duty = settings.duty << _DUTY_SHIFT
         self._stop_clks = 1 << stop_width
+        self._settle_ceiling, self._lost_ceiling = settle_ceiling, lost_ceiling
         self._stop = False
         self._high = False
         self._expired = False
@@ -129,9 +140,9 @@ class MirrorDrive:
         limit = (
             settings.sweep_timeout
             if state == _SWEEP
-            else settings.settle_timeout
+            else min(settings.settle_timeout, self._settle_ceiling)
             if state == _SETTLE
-            else settings.lost_timeout
+            else min(settings.lost_timeout, self._lost_ceiling)
         )
         self._expired = active and following == state and not present and self._timer >= limit
         if following != state or stop != self._stop or (present and not stop):
@@ -202,11 +213,11 @@ class MirrorDrive:
             if state == _SETTLE:
                 if self._ready or (index_alive and settled):
                     return 0
-                most = settings.settle_timeout - self._timer
+                most = min(settings.settle_timeout, self._settle_ceiling) - self._timer
             elif index_alive:
                 most = 0 if self._timer else MOST_IDLE
             else:
-                most = settings.lost_timeout - self._timer
+                most = min(settings.lost_timeout, self._lost_ceiling) - self._timer
         within = self.phase & (_HALF - 1)
         if (within < self._duty) != self._high:
             return 0

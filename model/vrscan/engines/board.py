@@ -150,6 +150,10 @@ class Status:
     did not read, ``unheard`` ones came while nobody had the port open. ``framing`` and ``breaks``
     count events on the board's own line. ``lines_lost`` were exposed while the sensor still read
     out, ``lines_outside`` were beyond the angles that are rendered, and dark.
+
+    The last ones are numbers of clocks, -1 before the first: when the mirror was stopped by
+    ``stall``, the last edge of the index within an open gate, the last clock of a pulse, and of the
+    start-up channel, whose largest level was ``startup_most``.
     """
 
     clocks: int
@@ -167,6 +171,11 @@ class Status:
     lines: int
     lines_lost: int
     lines_outside: int
+    stalled_at: int
+    edge_at: int
+    pulse_at: int
+    startup_at: int
+    startup_most: int
 
 
 class Process:
@@ -250,6 +259,10 @@ class Process:
         """Send a signal to the program."""
         if self._process is not None:
             self._process.send_signal(number)
+
+    def stall(self) -> None:
+        """Stop the mirror where it is, and do not let it go again."""
+        self.signal(signal.SIGUSR1)
 
     def stop(self) -> int:
         """End the program with SIGTERM, and return its exit status; a second call does nothing."""
