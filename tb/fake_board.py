@@ -43,7 +43,7 @@ FIELDS = (
     "confidence", "bits", "lost", "time",
 )  # fmt: skip
 GATHERED = {1: 0x0047, 2: 0x0008, 3: 0x0010, 4: 0x0020, 5: 0x0600, 6: 0xE000, 7: 0x1800}
-NO_RANGE = 0x0200
+NO_PLACE = 0x0600  # NO_RANGE, OUT_OF_RANGE
 
 
 def full_bytes(record: np.void) -> bytes:
@@ -54,7 +54,7 @@ def full_bytes(record: np.void) -> bytes:
 def compact_bytes(record: np.void) -> bytes:
     """Return a compact record's 8 bytes."""
     flags = int(record["flags"])
-    bits = int(record["bits"]) & 1 if not flags & NO_RANGE else 0
+    bits = int(record["bits"]) & 1 if not flags & NO_PLACE else 0
     bits |= sum(1 << bit for bit, mask in GATHERED.items() if flags & mask)
     bits |= (int(record["bits"]) >> 3 & 1) << 4  # MIXED counts as a rival
     place = (int(record[name]).to_bytes(3, "little", signed=True) for name in ("x", "z"))

@@ -93,8 +93,7 @@ class Profile:
     def picture(self) -> Panel:
         """Return the picture of the located points."""
         points = self._points
-        good = records.measured(points)
-        good &= points["flags"] >> pkg.FLAG_NO_RANGE & 1 == 0
+        good = records.located(points)
         step = 2.0**-pkg.LENGTH_FRACTION
         x, z = points["x"][good] * step, points["z"][good] * step
         title = "no point"
