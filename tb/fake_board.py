@@ -107,6 +107,7 @@ class FakeBoard:
         lines_per_s: While lines run and their records are given.
         clocks: Says how many have passed since the reset.
         executed: How often a command of each first byte was.
+        sent_points, sent_lines: Points and raw lines in the packets that it has sent.
         room: Packets that may wait; points beyond are dropped.
         silent_lines: Lines that give no record.
     """
@@ -117,6 +118,7 @@ class FakeBoard:
         self.file = RegisterFile()
         self.lines_per_s = 2000.0
         self.executed: dict[int, int] = {}
+        self.sent_points = self.sent_lines = 0
         self.room = 100
         self.silent_lines: set[int] = set()
         self._map_hash = map_hash
@@ -241,7 +243,10 @@ class FakeBoard:
             before = now
             for _ in range(8):
                 if self._packets:
-                    self._send(self._packets.popleft())
+                    packet = self._packets.popleft()
+                    self._send(packet)
+                    self.sent_lines += packet[0] == LAST
+                    self.sent_points += packet[2] if packet[0] < PIXELS else 0
 
     def _hear(self, byte: int) -> None:
         event = self._decoder.take(byte)

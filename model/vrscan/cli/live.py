@@ -189,8 +189,8 @@ def _keys() -> Iterator[Callable[[], bool]]:
 
         def pressed() -> bool:
             if keyboard is not None and select.select([keyboard], [], [], 0)[0]:
-                return b"q" in os.read(keyboard, 64).lower() or ended()
-            return ended()
+                return b"q" in os.read(keyboard, 64).lower() or ended() is not None
+            return ended() is not None
 
         yield pressed
 
