@@ -778,6 +778,7 @@ FAULTS = [
     *faults(
         "rtl/timing/line_tag.sv",
         ("an exposure is forgotten", "<= ended_q || ended;", "<= ended_q;"),
+        ("what was read out is unread", "if (ended && ended_q && unread", "if (ended && unread"),
         ("a tag changes in its line", "angle_match_q && !tagged_q", "angle_match_q"),
         (
             "the last line's angle at a new start",

@@ -112,6 +112,10 @@ def board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[TestBoard
             f"[sensor]\nline_length = {LINE_LENGTH}\n[geometry]\ncentre_px = 511.5\n"
             "[peak]\nk_noise = 3.5\n"
         )
+        # The file's own clock could have this rate, and the board's cannot.
+        (tmp_path / "rate.toml").write_text(
+            f"[sensor]\nline_length = {LINE_LENGTH}\n[line]\nrate_hz = 60000.0\n"
+        )
         (tmp_path / "wide.toml").write_text("[peak]\nk_noise = 3.5\n")
         monkeypatch.chdir(tmp_path)
         yield made
@@ -560,6 +564,10 @@ CASES = {
     "other_sensor": (
         ["link", "load", "--config", "wide.toml", "--port", "port"],
         ["sensor.line_length"],
+    ),
+    "rate": (
+        ["link", "load", "--config", "rate.toml", "--port", "port"],
+        ["rate.toml", "line.rate_hz = 60000", "1024 px at 100 MHz", "at most 48439 Hz"],
     ),
     "missing_config": (["link", "load", "--config", "no.toml", "--port", "port"], ["no.toml"]),
     "lines_run": (["link", "selftest", "--port", "port"], ["lines run"]),
