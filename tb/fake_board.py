@@ -135,7 +135,7 @@ class FakeBoard:
         self._sequence = self._dropped = 0
         self._batch: list[np.void] = []
         self._capture: tuple[int, int] | None = None
-        self._capture_sequence = 0
+        self._capture_sequence = {PIXELS: 0, LAST: 0}
         self._packets: deque[bytes] = deque()
         self.pixels: Pixels = np.zeros((1, LINE_LENGTH), np.uint16)
         self.made: Records = np.zeros(1, records.FULL)  # of the lines, again and again
@@ -378,12 +378,12 @@ class FakeBoard:
             self._capture = None
         for chunk in range(-(-len(pixels) // CHUNK)):
             part = pixels[chunk * CHUNK : (chunk + 1) * CHUNK].astype("<u2")
-            head = struct.pack("<BBBBI", PIXELS, self._tick(), chunk, len(part), line)
+            head = struct.pack("<BBBBI", PIXELS, self._tick(PIXELS), chunk, len(part), line)
             self._packets.append(head + part.tobytes())
-        head = struct.pack("<BBBBI", LAST, self._tick(), 0, 0, line)
+        head = struct.pack("<BBBBI", LAST, self._tick(LAST), 0, 0, line)
         self._packets.append(head + full_bytes(record))
 
-    def _tick(self) -> int:
-        sequence = self._capture_sequence
-        self._capture_sequence = (sequence + 1) & 0xFF
+    def _tick(self, kind: int) -> int:
+        sequence = self._capture_sequence[kind]
+        self._capture_sequence[kind] = (sequence + 1) & 0xFF
         return sequence

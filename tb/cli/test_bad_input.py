@@ -36,7 +36,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "register.toml").write_text("[geometry]\nk1 = 1\n")
     (tmp_path / "two_pass.toml").write_text('[peak]\nwindow = "two_pass"\nperiod = "n-1"\n')
     (tmp_path / "rate.toml").write_text("[clock]\nfrequency_hz = 1e8\n[line]\nrate_hz = 70000.0\n")
-    (tmp_path / "long.toml").write_text("[sensor]\nline_length = 4096\n[geometry]\ncentre_px = 2047.5\n")
+    (tmp_path / "long.toml").write_text(
+        "[sensor]\nline_length = 4096\n[geometry]\ncentre_px = 2047.5\n"
+    )
     (tmp_path / "folder.csv").mkdir()
     (tmp_path / "null.csv").symlink_to("/dev/null")
     monkeypatch.chdir(tmp_path)

@@ -135,7 +135,7 @@ def test_a_rate_that_sensor_and_clock_cannot_have_is_refused(
     least_clks = max(length + 16, chain)
     most = 1e8 / least_clks / (1.0 + 2.0 / 250.0)
     text = (
-        f'[clock]\nfrequency_hz = 1e8\n[mirror]\nfrequency_hz = 250.0\ntrim_hz = 2.0\n'
+        f"[clock]\nfrequency_hz = 1e8\n[mirror]\nfrequency_hz = 250.0\ntrim_hz = 2.0\n"
         f'[sensor]\nline_length = {length}\n[peak]\nwindow = "{window}"\n[line]\nrate_hz = '
     )
     assert load(write(tmp_path, f"{text}{most - 0.01}\n")).line.rate_hz == most - 0.01

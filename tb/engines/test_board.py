@@ -134,7 +134,7 @@ def test_exposures_that_are_never_read_out_are_counted(
     assert others == [0] * len(LOSSES)
     assert most - least - 1 <= unread <= late - early + 1  # one is not known to be lost yet
     assert unread > 100 if lost else (unread, late - early) == (0, 0)
-    assert (f"unread_count {after[0]}" in shown.get()) == (after[0] > 0)
+    assert ("unread_count" in shown.get()) == (after[0] > 0)
 
 
 def test_unplugging_stops_nothing_and_the_next_host_is_heard(board: Board, device: Device) -> None:
