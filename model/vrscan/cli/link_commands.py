@@ -566,7 +566,7 @@ class _Took:
             sys.exit(self.status)
 
 
-_SIGNALS = {
+_SIGNALS: dict[int, tuple[str, int]] = {
     signal.SIGINT: ("interrupted", EXIT_INTERRUPTED),
     signal.SIGTERM: ("terminated", EXIT_TERMINATED),
 }

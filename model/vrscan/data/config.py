@@ -25,7 +25,7 @@ from vrscan.data.errors import InputError
 HARMONICS = (1, 3, 5, 7, 9, 11, 13, 15, 17)  # orders k in the mirror's motion, (12)
 FEWEST_HARMONICS = 6  # the paper's number
 BLANKING_CLKS = 16  # between an exposure's end and its readout
-_MAX_WINDOW = 2**pkg.WINDOW_WIDTH - 1  # px
+_MAX_WINDOW = (1 << pkg.WINDOW_WIDTH) - 1  # px
 
 Positive = Annotated[float, Field(gt=0)]
 

@@ -201,7 +201,7 @@ def flags_of(records: Records) -> Ints:
 
 def located(records: Records) -> Bools:
     """Return which full records are measured and have a place [n]."""
-    return measured(records) & (flags_of(records) & NO_PLACE == 0)
+    return np.asarray(measured(records) & (flags_of(records) & NO_PLACE == 0))
 
 
 def compact(records: Records) -> Records:
