@@ -253,7 +253,7 @@ module vrscan #(
     .angle_valid_i(angle_valid), .angle_line_i(angle_line), .angle_i(angle),
     .mirror_flags_i(mirror_flags), .confidence_i(mirror_confidence),
     .line_start_i, .line_end_i, .tag_o(from_sensor.line),
-    .untagged_count_o(sensor.untagged_count)
+    .untagged_count_o(sensor.untagged_count), .unread_count_o(sensor.unread_count)
   );
 
   test_line #(.LineLength(LineLength), .PixelWidth(PixelWidth)) u_test_line (

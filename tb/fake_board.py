@@ -43,7 +43,7 @@ FIELDS = (
     "confidence", "bits", "lost", "time",
 )  # fmt: skip
 GATHERED = {1: 0x0047, 2: 0x0008, 3: 0x0010, 4: 0x0020, 5: 0x0600, 6: 0xE000, 7: 0x1800}
-NO_RANGE = 0x0200
+NO_PLACE = 0x0600  # NO_RANGE, OUT_OF_RANGE
 
 
 def full_bytes(record: np.void) -> bytes:
@@ -54,7 +54,7 @@ def full_bytes(record: np.void) -> bytes:
 def compact_bytes(record: np.void) -> bytes:
     """Return a compact record's 8 bytes."""
     flags = int(record["flags"])
-    bits = int(record["bits"]) & 1 if not flags & NO_RANGE else 0
+    bits = int(record["bits"]) & 1 if not flags & NO_PLACE else 0
     bits |= sum(1 << bit for bit, mask in GATHERED.items() if flags & mask)
     bits |= (int(record["bits"]) >> 3 & 1) << 4  # MIXED counts as a rival
     place = (int(record[name]).to_bytes(3, "little", signed=True) for name in ("x", "z"))
@@ -107,6 +107,7 @@ class FakeBoard:
         lines_per_s: While lines run and their records are given.
         clocks: Says how many have passed since the reset.
         executed: How often a command of each first byte was.
+        sent_points, sent_lines: Points and raw lines in the packets that it has sent.
         room: Packets that may wait; points beyond are dropped.
         silent_lines: Lines that give no record.
     """
@@ -117,6 +118,7 @@ class FakeBoard:
         self.file = RegisterFile()
         self.lines_per_s = 2000.0
         self.executed: dict[int, int] = {}
+        self.sent_points = self.sent_lines = 0
         self.room = 100
         self.silent_lines: set[int] = set()
         self._map_hash = map_hash
@@ -133,7 +135,7 @@ class FakeBoard:
         self._sequence = self._dropped = 0
         self._batch: list[np.void] = []
         self._capture: tuple[int, int] | None = None
-        self._capture_sequence = 0
+        self._capture_sequence = {PIXELS: 0, LAST: 0}
         self._packets: deque[bytes] = deque()
         self.pixels: Pixels = np.zeros((1, LINE_LENGTH), np.uint16)
         self.made: Records = np.zeros(1, records.FULL)  # of the lines, again and again
@@ -241,7 +243,10 @@ class FakeBoard:
             before = now
             for _ in range(8):
                 if self._packets:
-                    self._send(self._packets.popleft())
+                    packet = self._packets.popleft()
+                    self._send(packet)
+                    self.sent_lines += packet[0] == LAST
+                    self.sent_points += packet[2] if packet[0] < PIXELS else 0
 
     def _hear(self, byte: int) -> None:
         event = self._decoder.take(byte)
@@ -373,12 +378,12 @@ class FakeBoard:
             self._capture = None
         for chunk in range(-(-len(pixels) // CHUNK)):
             part = pixels[chunk * CHUNK : (chunk + 1) * CHUNK].astype("<u2")
-            head = struct.pack("<BBBBI", PIXELS, self._tick(), chunk, len(part), line)
+            head = struct.pack("<BBBBI", PIXELS, self._tick(PIXELS), chunk, len(part), line)
             self._packets.append(head + part.tobytes())
-        head = struct.pack("<BBBBI", LAST, self._tick(), 0, 0, line)
+        head = struct.pack("<BBBBI", LAST, self._tick(LAST), 0, 0, line)
         self._packets.append(head + full_bytes(record))
 
-    def _tick(self) -> int:
-        sequence = self._capture_sequence
-        self._capture_sequence = (sequence + 1) & 0xFF
+    def _tick(self, kind: int) -> int:
+        sequence = self._capture_sequence[kind]
+        self._capture_sequence[kind] = (sequence + 1) & 0xFF
         return sequence

@@ -408,15 +408,12 @@ FAULTS = [
         "rtl/geometry/triangulate.sv",
         ("n = 0 has a range", "|| numerator_q == '0 ||", "||"),
         ("confidence turns over", "|quotient[RangeWidth-1:8] ? '1 :", "1'b0 ? '1 :"),
-        ("confidence without a range", "in_range ? c_obj : '0", "c_obj"),
+        ("confidence without a range", "in_range_q ? c_obj : '0", "c_obj"),
         ("a share of sigma_z", "SHARE:   dividend = DividendWidth'(scale_q);", ""),
         ("gradient's sign", "move_q - GradientWidth'", "move_q + GradientWidth'"),
-        (
-            "x saturates to the wrong end",
-            "x_q[FullWidth-1] ? ~LengthMax",
-            "z_q[FullWidth-1] ? ~LengthMax",
-        ),
-        ("x and z swapped", "in_range ? x : '0", "in_range ? z : '0"),
+        ("x beyond its format", "&& x_fits && z_fits;", "&& z_fits;"),
+        ("a saturated offset is a place", "&& !saturated_q &&", "&&"),
+        ("x and z swapped", "LengthWidth'(x_q) : '0", "LengthWidth'(z_q) : '0"),
         ("a flag without a position", "measured_q && no_range_q;", "no_range_q;"),
         ("a drop is forgotten", "(missing_q || drop) && !accept", "drop && !accept"),
         ("full though it is taken", "full = valid_o && !ready_i", "full = valid_o"),
@@ -789,6 +786,7 @@ FAULTS = [
     *faults(
         "rtl/timing/line_tag.sv",
         ("an exposure is forgotten", "<= ended_q || ended;", "<= ended_q;"),
+        ("what was read out is unread", "if (ended && ended_q && unread", "if (ended && unread"),
         ("a tag changes in its line", "angle_match_q && !tagged_q", "angle_match_q"),
         (
             "the last line's angle at a new start",

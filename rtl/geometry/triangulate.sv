@@ -19,9 +19,10 @@
 //   measured_i           there is a position; where not, all is 0 but user_o
 //   x_o, z_o             mm, LengthFraction bits; error below 2 um from 250 to 1000 mm
 //   sigma_z_o            mm, SigmaFraction bits, saturating
-//   c_obj_o              255 is 1; 0 where there is no range
-//   no_range_o           n <= 0, d <= 0 or q >= 4096 mm: x = z = 0, sigma_z is all ones
-//   out_of_range_o       x or z saturated, or the offset had
+//   c_obj_o              255 is 1
+//   no_range_o           n <= 0, d <= 0 or q >= 4096 mm
+//   out_of_range_o       x or z does not fit in its format, or the offset had not; with either of
+//                        the two there is no point: x = z = c_obj = 0, sigma_z is all ones
 //   lost_o               a point between the one before and this one was dropped
 //   dropped_o            a pulse a dropped point: one that came while another was in work, or whose
 //                        place in the output register was still taken
@@ -245,17 +246,9 @@ module triangulate #(
   assign magnitude =
       (RoundedWidth - 1)'(rounded_q[RoundedWidth-1] ? -rounded_q : rounded_q);
 
-  localparam logic signed [vrscan_pkg::LengthWidth-1:0] LengthMax =
-      {1'b0, {(vrscan_pkg::LengthWidth - 1) {1'b1}}};
-  logic signed [vrscan_pkg::LengthWidth-1:0] x, z;
-  logic                                      x_fits, z_fits, in_range;
-  assign x_fits   = x_q == FullWidth'(signed'(x_q[vrscan_pkg::LengthWidth-1:0]));
-  assign z_fits   = z_q == FullWidth'(signed'(z_q[vrscan_pkg::LengthWidth-1:0]));
-  assign x        = x_fits           ? vrscan_pkg::LengthWidth'(x_q) :
-                    x_q[FullWidth-1] ? ~LengthMax : LengthMax;
-  assign z        = z_fits           ? vrscan_pkg::LengthWidth'(z_q) :
-                    z_q[FullWidth-1] ? ~LengthMax : LengthMax;
-  assign in_range = measured_q && !no_range_q;
+  logic x_fits, z_fits, in_range_q;
+  assign x_fits = x_q == FullWidth'(signed'(x_q[vrscan_pkg::LengthWidth-1:0]));
+  assign z_fits = z_q == FullWidth'(signed'(z_q[vrscan_pkg::LengthWidth-1:0]));
 
   logic [vrscan_pkg::SigmaWidth-1:0] sigma_z;
   assign sigma_z = |quotient[RangeWidth-1:vrscan_pkg::SigmaWidth]
@@ -370,6 +363,8 @@ module triangulate #(
     rounded_q <= RoundedWidth'(product >>> Fraction) + RoundedWidth'(product[Fraction-1]);
     store_q   <= product_valid || quotient_valid;
     done_q    <= store_q && step_q == WHOLE_SIGMA_Z;
+    // x_q and z_q stand long before done_q.
+    in_range_q <= measured_q && !no_range_q && !saturated_q && x_fits && z_fits;
 
     if (accept) begin
       busy_q      <= 1'b1;
@@ -390,12 +385,12 @@ module triangulate #(
     if (done_q && !full) begin
       valid_o        <= 1'b1;
       measured_o     <= measured_q;
-      x_o            <= in_range ? x : '0;
-      z_o            <= in_range ? z : '0;
-      sigma_z_o      <= in_range ? sigma_z_q : {vrscan_pkg::SigmaWidth{measured_q}};
-      c_obj_o        <= in_range ? c_obj : '0;
+      x_o            <= in_range_q ? vrscan_pkg::LengthWidth'(x_q) : '0;
+      z_o            <= in_range_q ? vrscan_pkg::LengthWidth'(z_q) : '0;
+      sigma_z_o      <= in_range_q ? sigma_z_q : {vrscan_pkg::SigmaWidth{measured_q}};
+      c_obj_o        <= in_range_q ? c_obj : '0;
       no_range_o     <= measured_q && no_range_q;
-      out_of_range_o <= in_range && (saturated_q || !x_fits || !z_fits);
+      out_of_range_o <= measured_q && !no_range_q && !in_range_q;
       lost_o         <= lost_q;
       user_o         <= user_q;
     end

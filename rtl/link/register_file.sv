@@ -923,7 +923,7 @@ module register_file (
   always_ff @(posedge clk_i) begin
     case (page_00_word)
       4'h0: page_00_q <= 32'h56525343;
-      4'h1: page_00_q <= 32'hbf40582c;
+      4'h1: page_00_q <= 32'h91f3dbb6;
       4'h2: page_00_q <= 32'h00000100;
       4'h3: page_00_q <= 32'(identity_status_i.board_id);
       4'h4: page_00_q <= identity_status_i.clock_hz;
@@ -1383,7 +1383,8 @@ module register_file (
   always_ff @(posedge clk_i) begin
     case (page_1d_word)
       4'h0: page_1d_q <= 32'(sensor_i.untagged_count);
-      default: page_1d_q <= 32'(sensor_i.pixel_overflow_count);
+      4'h1: page_1d_q <= 32'(sensor_i.pixel_overflow_count);
+      default: page_1d_q <= 32'(sensor_i.unread_count);
     endcase
     if (!page_1d_hit_q) page_1d_q <= '0;
   end
@@ -1905,6 +1906,8 @@ module register_file (
     rule_mem[464] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
     // pixel_overflow_count
     rule_mem[465] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // unread_count
+    rule_mem[466] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
     // lock_calibration
     rule_mem[1008] = {KindReadWrite, 2'd0, 33'h000000001, 33'h000000001};
     // lock_mirror

@@ -294,6 +294,7 @@ package register_pkg;
   typedef struct packed {
     logic [15:0] untagged_count;
     logic [15:0] pixel_overflow_count;
+    logic [15:0] unread_count;
   } sensor_t;
 
   // Each takes a 1 and nothing else, and keeps it until reset.

@@ -122,10 +122,12 @@ module point_packer #(
   logic [8:0] trial;
   assign trial = {remainder_q, distance_q[31]};
 
+  logic       no_place;
   logic [7:0] compact;
+  assign no_place = flags_q[vrscan_pkg::FlagNoRange] || flags_q[vrscan_pkg::FlagOutOfRange];
   always_comb begin
     compact = 8'd0;
-    compact[link_pkg::CompactMeasured] = measured_q && !flags_q[vrscan_pkg::FlagNoRange];
+    compact[link_pkg::CompactMeasured] = measured_q && !no_place;
     compact[link_pkg::CompactWeak] = flags_q[vrscan_pkg::FlagLowSnr]
                                      || flags_q[vrscan_pkg::FlagTooNarrow]
                                      || flags_q[vrscan_pkg::FlagTooWide]
@@ -133,8 +135,7 @@ module point_packer #(
     compact[link_pkg::CompactAtEdge] = flags_q[vrscan_pkg::FlagAtEdge];
     compact[link_pkg::CompactSaturated] = flags_q[vrscan_pkg::FlagSaturated];
     compact[link_pkg::CompactRival] = flags_q[vrscan_pkg::FlagRival] || mixed_q;
-    compact[link_pkg::CompactRange] = flags_q[vrscan_pkg::FlagNoRange]
-                                      || flags_q[vrscan_pkg::FlagOutOfRange];
+    compact[link_pkg::CompactRange] = no_place;
     compact[link_pkg::CompactMirror] = flags_q[vrscan_pkg::FlagNotRunning]
                                        || flags_q[vrscan_pkg::FlagIndexFault]
                                        || flags_q[vrscan_pkg::FlagUnsettled];

@@ -19,6 +19,8 @@
 //                  time_clks is that of centre_i since the reset, modulo 2**32
 //   untagged_count_o  lines that were untagged in the clock of their line_end_i; stops at its
 //                  largest value
+//   unread_count_o  exposures that another one followed, to its end, before their readout began: it
+//                   never comes; stops at its largest value
 //   Latency  4 clocks from line_start_i, or angle_valid_i where that is later, to tag_o
 //   Model    vrscan.clocked.line_tag, bit-exact
 
@@ -49,7 +51,8 @@ module line_tag #(
   output      vrscan_pkg::line_t                              tag_o,
 
   // Status.
-  output      logic        [                  CountWidth-1:0] untagged_count_o
+  output      logic        [                  CountWidth-1:0] untagged_count_o,
+  output      logic        [                  CountWidth-1:0] unread_count_o
 );
 
   if (Depth < 2 || (Depth & (Depth - 1)) != 0) begin : gen_bad_depth
@@ -119,6 +122,9 @@ module line_tag #(
     if (exposure_i && !exposure_q) exposed_line_q <= line_i;
     if (ended) ended_line_q <= exposed_line_q;
     ended_q <= (ended_q || ended) && !line_start_i;
+    if (ended && ended_q && unread_count_o != '1) begin
+      unread_count_o <= unread_count_o + CountWidth'(1);
+    end
     start_q <= line_start_i;
     if (line_start_i) begin
       wanted_q      <= ended_q || ended;
@@ -166,6 +172,7 @@ module line_tag #(
       centre_match_q   <= 1'b0;
       open_q           <= 1'b0;
       untagged_count_o <= '0;
+      unread_count_o   <= '0;
     end
   end
 

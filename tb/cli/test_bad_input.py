@@ -35,6 +35,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "value.toml").write_text("[peak]\nmin_width = 1\n")
     (tmp_path / "register.toml").write_text("[geometry]\nk1 = 1\n")
     (tmp_path / "two_pass.toml").write_text('[peak]\nwindow = "two_pass"\nperiod = "n-1"\n')
+    (tmp_path / "rate.toml").write_text("[clock]\nfrequency_hz = 1e8\n[line]\nrate_hz = 70000.0\n")
+    (tmp_path / "long.toml").write_text(
+        "[sensor]\nline_length = 4096\n[geometry]\ncentre_px = 2047.5\n"
+    )
     (tmp_path / "folder.csv").mkdir()
     (tmp_path / "null.csv").symlink_to("/dev/null")
     monkeypatch.chdir(tmp_path)
@@ -65,6 +69,18 @@ CASES = {
     "bad_value": (
         ["replay", "good.npz", *REPLAY, "--config", "value.toml"],
         ["value.toml", "peak.min_width = 1"],
+    ),
+    "rate_of_lines": (
+        ["scan", "--out", "s", *IDEAL, "--config", "rate.toml"],
+        ["rate.toml", "line.rate_hz = 70000", "2048 px at 100 MHz", "at most 48063 Hz"],
+    ),
+    "rate_of_a_board": (
+        ["board", "--config", "rate.toml"],
+        ["rate.toml", "line.rate_hz = 70000", "2048 px at 100 MHz", "at most 48063 Hz"],
+    ),
+    "rate_of_long_lines": (
+        ["scan", "--out", "s", *IDEAL, "--config", "long.toml"],
+        ["long.toml", "line.rate_hz = 37400", "4096 px at 125 MHz", "at most 30156 Hz"],
     ),
     "bad_register": (
         ["replay", "good.npz", *REPLAY, "--config", "register.toml"],

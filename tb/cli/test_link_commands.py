@@ -3,8 +3,11 @@
 import csv
 import os
 import signal
+import subprocess
+import sys
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -19,7 +22,7 @@ from vrscan.cli.app import app, main
 from vrscan.cli.link_commands import link
 from vrscan.cli.live import braille
 from vrscan.clocked.command_executor import Outcome
-from vrscan.data import pkg, records
+from vrscan.data import link_pkg, pkg, records
 from vrscan.data.arrays import Pixels
 from vrscan.data.config import Config
 from vrscan.data.line_files import read as read_lines
@@ -108,6 +111,10 @@ def board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[TestBoard
         (tmp_path / "config.toml").write_text(
             f"[sensor]\nline_length = {LINE_LENGTH}\n[geometry]\ncentre_px = 511.5\n"
             "[peak]\nk_noise = 3.5\n"
+        )
+        # The file's own clock could have this rate, and the board's cannot.
+        (tmp_path / "rate.toml").write_text(
+            f"[sensor]\nline_length = {LINE_LENGTH}\n[line]\nrate_hz = 60000.0\n"
         )
         (tmp_path / "wide.toml").write_text("[peak]\nk_noise = 3.5\n")
         monkeypatch.chdir(tmp_path)
@@ -372,12 +379,105 @@ def test_watch_for_a_moment(board: FakeBoard) -> None:
     assert "no point" not in text
 
 
-def test_ctrl_c_ends_it_cleanly(board: FakeBoard) -> None:
-    threading.Timer(1.5, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
-    text = printed("points", "--out", "points.npz", "--seconds", "60")
-    assert "0 lines missing" in text
+class Command:
+    """``vrscan link`` as a process of its own, as signals and a port's end meet it."""
+
+    def __init__(self, *words: str) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "vrscan", "link", *words, "--port", "port", "--timeout", "4"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def end(self) -> tuple[int, str]:
+        """Return the exit status and the one line of complaint."""
+        _, told = self.process.communicate(timeout=60)
+        (line,) = (each for each in told.splitlines() if each.startswith("vrscan: "))
+        return self.process.returncode, line
+
+
+def until(true: Callable[[], bool]) -> None:
+    end = time.monotonic() + 30
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def end_by(way: str, command: Command, board: FakeBoard) -> tuple[int, str]:
+    """Let a signal or the port's end come; return the status and the words that go with it."""
+    if way == "port":
+        board.unplug()
+        return 2, "the port is gone"
+    number = {"SIGINT": signal.SIGINT, "SIGTERM": signal.SIGTERM}[way]
+    command.process.send_signal(number)
+    return 128 + number, {"SIGINT": "interrupted", "SIGTERM": "terminated"}[way]
+
+
+@pytest.mark.parametrize("form", ["--full", "--compact", "--space"])
+@pytest.mark.parametrize("limit", ["--seconds", "--count"])
+@pytest.mark.parametrize("way", ["port", "SIGTERM", "SIGINT"])
+def test_a_recording_that_ends_early_keeps_its_points(
+    board: FakeBoard, way: str, limit: str, form: str
+) -> None:
+    """Every point of every packet that the board sent before the end, and nothing else."""
+    command = Command("points", form, "--out", "points.npz", limit, "100000", "--step", "1")
+    until(lambda: board.sent_points > 500)
+    least = board.sent_points
+    status, why = end_by(way, command, board)
+    got, told = command.end()
+    assert got == status and why in told
     with np.load("points.npz") as found:
-        assert len(found["line"]) > 0
+        lines = found["line"].astype(np.int64)
+        assert np.array_equal(lines, np.arange(lines[0], lines[0] + len(lines)))
+        made = board.made[lines % len(board.made)]
+        want = {"--full": lambda r: r, "--compact": records.compact, "--space": records.space}
+        assert np.array_equal(found["x"], want[form](made)["x"])
+        account = int(found["account_records"])
+    assert account == len(lines)
+    # What a pty holds when its end goes away is lost.
+    assert least - (200 if way == "port" else 0) <= len(lines) <= board.sent_points
+    assert told.endswith(f"{len(lines)} points are in points.npz")
+    assert [name for name in os.listdir() if name.startswith(".")] == []
+    if way != "port":
+        until(lambda: board.executed.get(link_pkg.COMMAND_STREAM_STOP, 0) > 1)
+        assert run("info").exit_code == 0
+
+
+def test_a_board_that_falls_silent_leaves_what_it_sent(board: FakeBoard) -> None:
+    command = Command("points", "--out", "points.csv", "--count", "100000", "--step", "1")
+    until(lambda: board.sent_points > 500)
+    least = board.sent_points
+    board.faults.silent = True
+    status, told = command.end()
+    assert status == 2 and "no answer" in told  # to why there is no point
+    with Path("points.csv").open() as file:
+        count = len(list(csv.DictReader(file)))
+    assert count >= least and f"{count} points are in points.csv" in told
+
+
+def test_an_end_before_the_first_point_leaves_no_file(board: FakeBoard) -> None:
+    board.file.values["line_enable"] = [0]
+    command = Command("points", "--out", "points.npz", "--seconds", "60", "--step", "1")
+    until(lambda: board.executed.get(link_pkg.COMMAND_STREAM_START, 0) > 0)
+    board.unplug()
+    status, told = command.end()
+    assert status == 2 and "the port is gone" in told
+    assert not Path("points.npz").exists()
+
+
+@pytest.mark.parametrize("way", ["port", "SIGTERM", "SIGINT"])
+def test_captured_lines_are_kept_at_an_early_end(board: FakeBoard, way: str) -> None:
+    board.lines_per_s = 100.0
+    command = Command("capture", "--out", "lines.npz", "--lines", "10000")
+    until(lambda: board.sent_lines > 5)
+    status, why = end_by(way, command, board)
+    got, told = command.end()
+    assert got == status and why in told
+    with np.load("lines.npz") as raw:
+        place = raw["number"].astype(np.int64) % len(board.made)
+        assert len(place) >= 3 and f"{len(place)} lines are in lines.npz" in told
+        assert np.array_equal(raw["lines"], board.pixels[place % len(board.pixels)])
 
 
 def test_selftest_finds_nothing(board: TestBoard) -> None:
@@ -464,6 +564,10 @@ CASES = {
     "other_sensor": (
         ["link", "load", "--config", "wide.toml", "--port", "port"],
         ["sensor.line_length"],
+    ),
+    "rate": (
+        ["link", "load", "--config", "rate.toml", "--port", "port"],
+        ["rate.toml", "line.rate_hz = 60000", "1024 px at 100 MHz", "at most 48439 Hz"],
     ),
     "missing_config": (["link", "load", "--config", "no.toml", "--port", "port"], ["no.toml"]),
     "lines_run": (["link", "selftest", "--port", "port"], ["lines run"]),

@@ -7,6 +7,7 @@ import pytest
 from vrscan.data import pkg
 from vrscan.data.config import HARMONICS, Config, load
 from vrscan.data.errors import InputError
+from vrscan.fixed.vrscan_chain import MAX_WINDOW, min_period
 from vrscan.registers.chain_registers import Registers
 
 
@@ -120,3 +121,34 @@ def test_what_no_register_holds_is_refused(tmp_path: Path, text: str, key: str) 
     with pytest.raises(InputError) as caught:
         Registers.from_config(load(path))
     assert str(caught.value).startswith(f"{path}: {key}: ")
+
+
+@pytest.mark.parametrize("window", ["threshold", "two_pass", "fit"])
+@pytest.mark.parametrize("length", [64, 1024, 2040, 2048, 4096])
+def test_a_rate_that_sensor_and_clock_cannot_have_is_refused(
+    tmp_path: Path, window: str, length: int
+) -> None:
+    """The largest rate leaves sensor and chain their time where the trim is at its end."""
+    chain = min_period(
+        length, MAX_WINDOW, two_pass=window != "threshold", fit=window == "fit"
+    )  # 0 where the pixels alone take longer
+    least_clks = max(length + 16, chain)
+    most = 1e8 / least_clks / (1.0 + 2.0 / 250.0)
+    text = (
+        f"[clock]\nfrequency_hz = 1e8\n[mirror]\nfrequency_hz = 250.0\ntrim_hz = 2.0\n"
+        f'[sensor]\nline_length = {length}\n[peak]\nwindow = "{window}"\n[line]\nrate_hz = '
+    )
+    assert load(write(tmp_path, f"{text}{most - 0.01}\n")).line.rate_hz == most - 0.01
+    path = write(tmp_path, f"{text}{most + 0.01}\n")
+    with pytest.raises(InputError) as caught:
+        load(path)
+    message = str(caught.value)
+    assert "\n" not in message
+    for part in (str(path), "line.rate_hz", f"{length} px", "100 MHz", f"at most {int(most)} Hz"):
+        assert part in message
+
+
+def test_a_default_rate_binds_only_who_wants_lines(tmp_path: Path) -> None:
+    config = load(write(tmp_path, "[sensor]\nline_length = 8192\n"))
+    assert "8192 px" in config.rate_complaint()
+    assert Config().rate_complaint() == ""

@@ -89,10 +89,10 @@ def test_every_word_is_read_back(pixel_width: int) -> None:
         "z_mm": (points.z, 2.0**12),
         "sigma_z_mm": (points.sigma_z, 2.0**12),
     }
-    no_range = points.flags >> pkg.FLAG_NO_RANGE & 1 == 1
+    no_place = (points.flags >> pkg.FLAG_NO_RANGE | points.flags >> pkg.FLAG_OUT_OF_RANGE) & 1 == 1
     empty = {name: np.zeros(COUNT, np.bool_) for name in scale}
     empty["position_px"] = empty["sigma_px"] = empty["doubt_px"] = ~points.measured
-    empty["x_mm"] = empty["z_mm"] = empty["sigma_z_mm"] = ~points.measured | no_range
+    empty["x_mm"] = empty["z_mm"] = empty["sigma_z_mm"] = ~points.measured | no_place
     for name, (words, step) in scale.items():
         for row, word, hollow in zip(rows, words.tolist(), empty[name].tolist(), strict=True):
             if hollow:

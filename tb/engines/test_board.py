@@ -8,16 +8,22 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from rich.console import Console
 from slow_board import CONFIG, SCENE
 
 from vrscan.data import pkg
+from vrscan.data.config import BLANKING_CLKS
 from vrscan.engines.board import Board
 from vrscan.link.device import Device
+from vrscan.link.link_report import info_table
+from vrscan.registers.values import integer
 from vrscan.scene import library as lines
 from vrscan.scene.description import load
 
 POWER = round(0.4 * CONFIG.laser.power_max)
 STREAM_CLKS = 4_000_000
+LEAST_CLKS = CONFIG.sensor.line_length + BLANKING_CLKS  # from line to line
+LOSSES = ("short_count", "long_count", "unfinished_count", "early_count", "untagged_count")
 
 
 @pytest.fixture(scope="module")
@@ -89,8 +95,46 @@ def test_its_lines_are_all_read_out(board: Board, device: Device) -> None:
     board.wait(STREAM_CLKS // 4)
     status = board.status()
     assert status.lines > 200 and status.lines_lost == 0 and status.framing == 0
-    names = ("short_count", "long_count", "unfinished_count", "untagged_count", "uart_framing")
+    names = (*LOSSES, "unread_count", "uart_framing")
     assert [device.read(name) for name in names] == [0] * len(names)
+
+
+@pytest.mark.parametrize(("period", "lost"), [(LEAST_CLKS + 2, False), (LEAST_CLKS - 4, True)])
+def test_exposures_that_are_never_read_out_are_counted(
+    board: Board, device: Device, period: int, lost: bool
+) -> None:
+    """Just below the largest rate that a configuration may have there is none, just above many.
+
+    The simulated sensor knows itself which exposures it lost.
+    """
+    counters = ["unread_count", *LOSSES]
+    kept = device.read_many(["ratio", "exposure_clks"])
+
+    def counted() -> tuple[int, list[int], int]:
+        """Return the counters, and what the sensor lost before and behind them."""
+        early = board.status().lines_lost
+        found = device.read_many(counters)
+        return early, [integer(found[name]) for name in counters], board.status().lines_lost
+
+    try:
+        word = integer(device.read("mirror_word"))
+        ratio = round(2.0 ** (pkg.TURN_WIDTH + pkg.RATIO_FRACTION) / period / word)
+        device.write_many([("exposure_clks", 1000), ("ratio", ratio)])
+        board.wait(20_000)
+        (early, before, least), lines = counted(), board.status().lines
+        board.wait(1_000_000)
+        more, (most, after, late) = board.status().lines, counted()
+        console = Console(width=200)
+        with console.capture() as shown:
+            console.print(info_table(device))
+    finally:
+        device.write_many(kept.items())
+    assert more - lines > 150
+    unread, *others = (b - a for a, b in zip(before, after, strict=True))
+    assert others == [0] * len(LOSSES)
+    assert most - least - 1 <= unread <= late - early + 1  # one is not known to be lost yet
+    assert unread > 100 if lost else (unread, late - early) == (0, 0)
+    assert ("unread_count" in shown.get()) == (after[0] > 0)
 
 
 def test_unplugging_stops_nothing_and_the_next_host_is_heard(board: Board, device: Device) -> None:

@@ -55,6 +55,7 @@ CHAIN = (
     "early_count",
     "dropped_count",
     "untagged_count",
+    "unread_count",
 )
 TABLES = list(values.FIELDS)
 SHARED = "shared"

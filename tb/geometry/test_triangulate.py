@@ -504,7 +504,10 @@ def test_rays_that_part() -> None:
     assert not points.out_of_range[none].any()
     z = q * np.cos(np.radians(angle))
     assert np.array_equal(points.out_of_range[~none], z[~none] * 4096 >= LENGTH_END)
-    assert np.all(points.z[points.out_of_range] == LENGTH_END - 1)
+    beyond = points.out_of_range
+    assert beyond.any()
+    assert not (points.x[beyond].any() or points.z[beyond].any() or points.c_obj[beyond].any())
+    assert np.all(points.sigma_z[beyond] == SIGMA_MAX)
 
 
 def test_exactly_parallel_rays() -> None:
@@ -545,11 +548,12 @@ def test_unmeasured_points_are_zero() -> None:
 
 
 def test_saturated_offsets_are_out_of_range() -> None:
-    """An offset that distortion could not represent flags the point, range or not."""
+    """An offset that distortion could not represent is no point."""
     given = operands({"LineLength": SHIPPED, "UserWidth": 1}, 500)
     given["measured_i"][:] = given["saturated_i"][:] = 1
     result = evaluate(SHIPPED, given)
     assert np.array_equal(result.out_of_range, ~result.no_range)
+    assert not (result.x.any() or result.z.any() or result.c_obj.any())
 
 
 def test_sigma_scales_and_saturates() -> None:
@@ -588,11 +592,11 @@ def test_confidence_is_a_gaussian_s_share() -> None:
         **constants,
         line_length=SHIPPED,
     )
-    seen = ~(result.no_range | result.out_of_range)
-    seen &= (result.sigma_z > 0) & (result.sigma_z < SIGMA_MAX)
+    found = ~(result.no_range | result.out_of_range)
+    seen = found & (result.sigma_z > 0) & (result.sigma_z < SIGMA_MAX)
     z, sigma_z = result.z[seen] * MM, result.sigma_z[seen] * SIGMA
     assert seen.sum() > 3000
-    assert np.all(result.c_obj[~result.no_range & (result.sigma_z == 0)] == 255)
+    assert np.all(result.c_obj[found & (result.sigma_z == 0)] == 255)
     # Half a step of the table, whose slope is at most sqrt(2 / pi); its own rounding; the
     # tolerance's last bit.
     allowed = 0.5 / 255 + np.sqrt(2 / np.pi) / 128 + 1e-4

@@ -60,6 +60,8 @@ class Bench(TwinBench):
         assert got == want, f"{where}: {OUTPUTS} {got}, want {want}"
         count = int(self.dut.untagged_count_o.value)
         assert count == self.twin.untagged_count, f"{where}: {count} untagged"
+        count = int(self.dut.unread_count_o.value)
+        assert count == self.twin.unread_count, f"{where}: {count} unread"
 
     def centre(self, line: int) -> dict[str, int]:
         """Return the inputs of a line's centre."""
@@ -233,6 +235,7 @@ async def a_readout_longer_than_a_period_keeps_its_line(dut) -> None:
         await bench.clocks(line_end=1)
         assert await bench.readout() == bench.sent[10]
         assert bench.twin.untagged_count == 0
+        assert bench.dut.unread_count_o.value == min(9, (1 << parameters()["CountWidth"]) - 1)
 
 
 @cocotb.test()
@@ -294,6 +297,7 @@ async def a_lost_readout_shifts_nothing(dut) -> None:
     for number in range(3):
         await bench.line(number)
     assert await bench.readout() == bench.sent[2]
+    assert bench.twin.unread_count == int(dut.unread_count_o.value) == 2
     for number in range(3, 9):
         await bench.line(number)
         assert await bench.readout() == bench.sent[number]

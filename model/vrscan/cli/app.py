@@ -143,7 +143,7 @@ def scan(
 
     _check_count(count, 1, MOST_SCANNED)
     _check_jobs(jobs)
-    settings = _settings(config)
+    settings = _with_lines(_settings(config))
     with _folder(out), contextlib.ExitStack() as stack:
         names = ["points.csv", "points.ply", "picture.png", "reliability.png", "space.png"]
         names += ["lines.npz"] * keep
@@ -514,6 +514,7 @@ def board(
         settings = settings.model_copy(update={"clock": clock})
     if seconds is not None:
         _check_range("--seconds", seconds, 1e-6, 1e6)
+    _with_lines(settings)
     where = build_folder() / "board" / "port" if port is None else port
     renderer(load(scene), settings)  # raises its errors before a bar or a build begins
     virtual.make_folder(where)
@@ -707,6 +708,14 @@ def numbers(
         print(f"vrscan: {figure.group}: {figure.name}: FAIL", file=sys.stderr)
     if failed:
         raise typer.Exit(1)
+
+
+def _with_lines(settings: Config) -> Config:
+    """Return a configuration whose lines are to come, after checking that they can."""
+    complaint = settings.rate_complaint()
+    if complaint:
+        raise InputError(f"{settings.source}: {complaint}")
+    return settings
 
 
 def _settings(path: Path | None) -> Config:

@@ -1,23 +1,25 @@
 """The commands of ``vrscan link``: a board on a serial port."""
 
 import contextlib
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from vrscan.cli.interrupt import interrupted
-from vrscan.data.errors import InputError
+from vrscan.data.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_TERMINATED, InputError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from vrscan.data.records import Records
+    from vrscan.data.records import Form, Records
     from vrscan.link.device import Device, StartProgress
-    from vrscan.link.stream import Captured, PointStream
+    from vrscan.link.stream import Account, Captured
 
 FORMATS = (".npz", ".csv")
 PICTURES = (".npz", ".csv", ".png")
@@ -164,8 +166,11 @@ def capture(
     baud: BaudOption = BAUD,
     timeout: TimeoutOption = TIMEOUT_S,
 ) -> None:
-    """Fetch raw lines with the board's results for them."""
-    from vrscan.data.points import atomic_file
+    """Fetch raw lines with the board's results for them.
+
+    Where Ctrl-C, SIGTERM or the port's end comes first, the lines that came are kept.
+    """
+    from vrscan.data.points import atomic_file, check_writable
     from vrscan.link import link_report as report
 
     _check("--lines", count, 1, MOST_LINES)
@@ -177,15 +182,19 @@ def capture(
         if peak:
             raise InputError("--line: is one line, with a peak or without (--peak)")
     kind = _suffix(out, PICTURES)
-    with contextlib.ExitStack() as stack:
-        file = None if out is None else stack.enter_context(atomic_file(out))
-        device = stack.enter_context(_device(port, baud, timeout))
-        stack.enter_context(_running(device, start))
-        found = _captured(device, count, every, line, peak)
-        note = "" if any(map(_has_peak, found)) else _why_dark(device)
+    if out is not None:
+        check_writable(out)
+    note, took = "", _Took()
+    with took, _device(port, baud, timeout) as device, _running(device, start):
         settings = report.threshold_settings(device)
-        if file is not None:
-            report.write_captures(kind, file, found, settings, device.build.pixel_width)
+        with took.holding() if count > 1 else contextlib.nullcontext():
+            found = _captured(device, count, every, line, peak, took)
+            if out is not None:
+                with atomic_file(out) as file:
+                    report.write_captures(kind, file, found, settings, device.build.pixel_width)
+            took.kept = f"{len(found)} lines" + ("" if out is None else f" are in {out}")
+        if took.status == 0 and not any(map(_has_peak, found)):
+            note = _why_dark(device)
     console = _console()
     console.print(report.capture_table(found, settings, device.build.pixel_width))
     if out is None:
@@ -195,6 +204,7 @@ def capture(
         console.print(f"{out}: {len(found)} lines", highlight=False)
     if note:
         print(f"vrscan: no peak: {note}", file=sys.stderr)
+    took.end()
 
 
 @link.command()
@@ -230,9 +240,13 @@ def points(
     baud: BaudOption = BAUD,
     timeout: TimeoutOption = TIMEOUT_S,
 ) -> None:
-    """Record points; exit status 1 if some were lost."""
+    """Record points; exit status 1 if some were lost.
+
+    Where Ctrl-C, SIGTERM or the port's end comes first, the points that came are in the file, and
+    the exit status is 130, 143 or 2.
+    """
     from vrscan.data import records
-    from vrscan.data.points import atomic_file
+    from vrscan.data.points import atomic_file, check_writable
     from vrscan.data.records import Form
     from vrscan.link import link_report as report
 
@@ -250,19 +264,28 @@ def points(
     form = Form.SPACE if space else Form(full)
     if stream_baud is not None:
         _check("--stream-baud", stream_baud, 1, 1_000_000_000)
-    with atomic_file(out) as file, _device(port, baud, timeout) as device:
-        with _at_rate(device, stream_baud), _running(device, start):
-            taken = device.least_step(form) if step is None else step
-            with device.stream(form, taken) as stream:
-                found = _recorded(device, stream, count, seconds)
-            note = "" if records.measured(found).any() else _why_dark(device)
-        account = stream.account
-        report.write_points(kind, file, found, form, taken, device.build, account)
+    check_writable(out)
+    note, took = "", _Took()
+    with (
+        took,
+        _device(port, baud, timeout) as device,
+        _at_rate(device, stream_baud),
+        _running(device, start),
+    ):
+        taken = device.least_step(form) if step is None else step
+        with took.holding():
+            found, account = _recorded(device, form, taken, count, seconds, took)
+            with atomic_file(out) as file:
+                report.write_points(kind, file, found, form, taken, device.build, account)
+            took.kept = f"{len(found)} points are in {out}"
+        if took.status == 0 and not records.measured(found).any():
+            note = _why_dark(device)
     which = "every line" if taken == 1 else f"one line in {taken}"
     print(f"{out}: {len(found)} points in the file, of {which}")
     print(account)
     if note:
         print(f"vrscan: no peak: {note}", file=sys.stderr)
+    took.end()
     if account.lost and not allow_loss:
         print(f"vrscan: {out}: points were lost", file=sys.stderr)
         raise typer.Exit(1)
@@ -480,6 +503,75 @@ def _bar(text: str) -> Iterator[Callable[..., None]]:
         yield update
 
 
+@dataclass
+class _Took:
+    """How a recording ended: what was received is written, whatever ended it.
+
+    As a context it takes the error of a board that is gone by then; an error before anything was
+    written goes on.
+
+    Attributes:
+        kept: What is written where, an empty text until then.
+        why: What ended the recording before its time, or an empty text.
+        status: The exit status that goes with it.
+    """
+
+    kept: str = ""
+    why: str = ""
+    status: int = 0
+    _come: Callable[[], int | None] = field(default=lambda: None)  # the signal, once one came
+
+    def __enter__(self) -> "_Took":
+        return self
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
+        from vrscan.link.transport import LinkError
+
+        if not self.kept or not isinstance(error, LinkError):
+            return False
+        self._failed(error)
+        return True
+
+    @contextlib.contextmanager
+    def holding(self) -> Iterator[None]:
+        """Let Ctrl-C and SIGTERM end the recording only; what it has is then still written."""
+        with interrupted(signal.SIGINT, signal.SIGTERM) as self._come:
+            yield
+
+    def ended(self) -> bool:
+        """Return whether a signal ends the recording."""
+        number = self._come()
+        if number is not None:
+            self.why, self.status = _SIGNALS[number]
+        return number is not None
+
+    @contextlib.contextmanager
+    def unless_empty(self, received: "Callable[[], list[Any]]") -> Iterator[None]:
+        """Let an error end only the recording where something was received by then."""
+        try:
+            yield
+        except InputError as error:
+            if not received():
+                raise
+            self._failed(error)
+
+    def _failed(self, error: InputError) -> None:
+        if self.status == 0:  # else it is what comes of the end
+            self.why, self.status = str(error), EXIT_BAD_INPUT
+
+    def end(self) -> None:
+        """Say what ended the recording before its time, if something did, and exit."""
+        if self.status:
+            print(f"vrscan: {self.why}: {self.kept}", file=sys.stderr)
+            sys.exit(self.status)
+
+
+_SIGNALS: dict[int, tuple[str, int]] = {
+    signal.SIGINT: ("interrupted", EXIT_INTERRUPTED),
+    signal.SIGTERM: ("terminated", EXIT_TERMINATED),
+}
+
+
 def _has_peak(each: "Captured") -> bool:
     """Return whether a line has a point with a position."""
     from vrscan.data.records import measured
@@ -488,9 +580,9 @@ def _has_peak(each: "Captured") -> bool:
 
 
 def _captured(
-    device: "Device", count: int, every: int, line: int | None, peak: bool
+    device: "Device", count: int, every: int, line: int | None, peak: bool, took: _Took
 ) -> "list[Captured]":
-    """Return raw lines; with ``peak`` only those with a peak."""
+    """Return raw lines; with ``peak`` only those with a peak; at least one."""
     from vrscan.data import link_pkg
 
     if line is not None:
@@ -504,9 +596,9 @@ def _captured(
     found: list[Captured] = []
     dark = 0  # consecutive lines without a peak
     wanted = device.captured(link_pkg.CAPTURE_EVERY, every)
-    with _bar("lines") as bar, interrupted() as ended, wanted as lines:
+    with took.unless_empty(lambda: found), _bar("lines") as bar, wanted as lines:
         last = time.monotonic()
-        while len(found) < count and not ended():
+        while len(found) < count and not took.ended():
             each = lines.get(0.2)
             if each is not None:
                 last = time.monotonic()
@@ -524,7 +616,7 @@ def _captured(
                     f"{len(found)} of {count} came"
                 )
     if not found:
-        raise InputError(f"{device.port}: ended before a line came")
+        raise InputError(f"{device.port}: {took.why} before a line came")
     return found
 
 
@@ -540,18 +632,30 @@ def _why_dark(device: "Device") -> str:
 
 
 def _recorded(
-    device: "Device", stream: "PointStream", count: int | None, seconds: float | None
-) -> "Records":
-    """Return the points of a stream, up to a number, a time or Ctrl-C."""
+    device: "Device",
+    form: "Form",
+    step: int,
+    count: int | None,
+    seconds: float | None,
+    took: _Took,
+) -> "tuple[Records, Account]":
+    """Return the points of a stream and its account, up to a number, a time or another end."""
     import numpy as np
 
     from vrscan.link.stream import DTYPES
 
     parts: list[Records] = []
     come = 0
-    with _bar("points") as bar, interrupted() as ended:
+    stream = device.stream(form, step)
+
+    def received() -> "list[Records]":
+        rest = stream.get(0.0)  # points on the way belong to the recording
+        parts.extend([] if rest is None else [rest])
+        return parts
+
+    with took.unless_empty(received), _bar("points") as bar, stream:
         start = last = time.monotonic()
-        while not ended():
+        while not took.ended():
             now = time.monotonic()
             if count is not None and come >= count:
                 break
@@ -575,9 +679,5 @@ def _recorded(
                     max(1, round(seconds)),
                     f"{come} points",
                 )
-        stream.stop()
-        if count is None:  # points on the way belong to the recording
-            rest = stream.get(0.0)
-            parts += [] if rest is None else [rest]
-    found = np.concatenate(parts) if parts else np.zeros(0, DTYPES[stream.form])
-    return found[:count]
+    found = np.concatenate(received() or [np.zeros(0, DTYPES[form])])
+    return found[:count], stream.account

@@ -93,8 +93,7 @@ class Profile:
     def picture(self) -> Panel:
         """Return the picture of the located points."""
         points = self._points
-        good = records.measured(points)
-        good &= points["flags"] >> pkg.FLAG_NO_RANGE & 1 == 0
+        good = records.located(points)
         step = 2.0**-pkg.LENGTH_FRACTION
         x, z = points["x"][good] * step, points["z"][good] * step
         title = "no point"
@@ -190,8 +189,8 @@ def _keys() -> Iterator[Callable[[], bool]]:
 
         def pressed() -> bool:
             if keyboard is not None and select.select([keyboard], [], [], 0)[0]:
-                return b"q" in os.read(keyboard, 64).lower() or ended()
-            return ended()
+                return b"q" in os.read(keyboard, 64).lower() or ended() is not None
+            return ended() is not None
 
         yield pressed
 

@@ -42,12 +42,14 @@ class LineTag:
         tagged: Whether the outputs belong to a line.
         untagged_count: Number of lines that were not tagged at their end; stops at its largest
             value.
+        unread_count: Number of exposures that another one followed, to its end, before their
+            readout began; stops likewise.
     """
 
     def __init__(self, depth: int = 4, count_width: int = 16) -> None:
         self.tag = Tag()
         self.tagged = False
-        self.untagged_count = 0
+        self.untagged_count = self.unread_count = 0
         self._depth = depth
         self._count_max = (1 << count_width) - 1
         self._clock = 0
@@ -93,6 +95,8 @@ class LineTag:
 
         if not exposure:
             if self._exposed is not None:
+                if self._ended is not None:
+                    self.unread_count = min(self.unread_count + 1, self._count_max)
                 self._ended = self._exposed
             self._exposed = None
         elif self._exposed is None:

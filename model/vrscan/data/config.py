@@ -19,10 +19,13 @@ from pydantic import (
     model_validator,
 )
 
+from vrscan.data import pkg
 from vrscan.data.errors import InputError
 
 HARMONICS = (1, 3, 5, 7, 9, 11, 13, 15, 17)  # orders k in the mirror's motion, (12)
 FEWEST_HARMONICS = 6  # the paper's number
+BLANKING_CLKS = 16  # between an exposure's end and its readout
+_MAX_WINDOW = (1 << pkg.WINDOW_WIDTH) - 1  # px
 
 Positive = Annotated[float, Field(gt=0)]
 
@@ -99,6 +102,15 @@ class Peak(Section):
     def fit(self) -> bool:
         """Return whether a Gaussian is fitted to the spot, from the second window on."""
         return self.window == "fit"
+
+    @property
+    def period_clks(self) -> int:
+        """Return the least clocks from line to line that the chain takes in the chosen mode."""
+        if self.fit:
+            return pkg.FIT_PERIOD
+        if self.two_pass:
+            return 3 * _MAX_WINDOW + pkg.TWO_PASS_OVERHEAD
+        return 2 * _MAX_WINDOW + pkg.MIN_PERIOD_OVERHEAD
 
     @property
     def cut_height(self) -> float:
@@ -396,6 +408,33 @@ class Config(Section):
     laser: Laser = Laser()
     focus: Focus = Focus()
     _source: str = PrivateAttr("defaults")
+
+    @model_validator(mode="after")
+    def _rate(self) -> "Config":
+        # What only replays lines of another sensor need not say a rate.
+        complaint = self.rate_complaint() if "rate_hz" in self.line.model_fields_set else ""
+        if complaint:
+            raise ValueError(complaint)
+        return self
+
+    def rate_complaint(self) -> str:
+        """Return what is wrong where a line comes before the one ahead of it is done, or "".
+
+        A pixel comes in every clock, behind a gap. The lines follow the mirror, so the trim of its
+        frequency makes them faster.
+        """
+        readout, chain = self.sensor.line_length + BLANKING_CLKS, self.peak.period_clks
+        clks = max(readout, chain)
+        trim = self.mirror.trim_hz / self.mirror.frequency_hz
+        most = self.clock.frequency_hz / clks / (1.0 + trim)
+        if self.line.rate_hz > most:
+            what = "their readout" if readout >= chain else f'window = "{self.peak.window}"'
+            return (
+                f"line.rate_hz = {self.line.rate_hz:g}: {self.sensor.line_length} px at "
+                f"{1e-6 * self.clock.frequency_hz:g} MHz allow at most {math.floor(most)} Hz "
+                f"({what} takes {clks} clocks, and the mirror's trim adds {trim:.1%})"
+            )
+        return ""
 
     @property
     def source(self) -> str:

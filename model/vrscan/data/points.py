@@ -33,6 +33,7 @@ _VERTEX = np.dtype(
     + [("line", "<u4"), ("flags", "<u4")]
 )
 _PLY_KINDS = {"<f4": "float", "<u4": "uint"}
+NO_PLACE = 1 << pkg.FLAG_NO_RANGE | 1 << pkg.FLAG_OUT_OF_RANGE  # flags of what has no x and z
 _CONFIDENCE_ONE = 2**pkg.CONFIDENCE_WIDTH - 1
 
 
@@ -137,8 +138,8 @@ def table(points: Points) -> Table:
         points: n points.
 
     Returns:
-        A table of n rows. Rows with NO_RANGE are measured but not located: their x and z are
-        placeholders.
+        A table of n rows. Rows with NO_RANGE or OUT_OF_RANGE are measured but not located: their x
+        and z are placeholders.
     """
     flags = {name: (points.flags >> bit & 1).astype(np.bool_) for name, bit in pkg.FLAGS.items()}
     count = pkg.COUNT_WIDTH - points.pixel_width
@@ -167,7 +168,7 @@ def table(points: Points) -> Table:
         free_from_mm=_scaled(points.free_from, pkg.FREE_FRACTION),
         free_to_mm=_scaled(points.free_to, pkg.FREE_FRACTION),
         measured=measured,
-        located=measured & ~flags["NO_RANGE"],
+        located=measured & (points.flags & NO_PLACE == 0),
         pixel_width=points.pixel_width,
     )
 
@@ -263,7 +264,7 @@ def csv_rows(result: Table) -> bytes:
 
     Every fixed-point number has just the decimals from which its word is read back. Fields without
     meaning are empty: left and right without a window, position, sigma and doubt without a valid
-    peak, x, z and sigma_z where the rays do not meet, free_from and free_to where nothing is known
+    peak, x, z and sigma_z of a point without a place, free_from and free_to where nothing is known
     to be free.
 
     Args:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from vrscan.data import link_pkg, pkg
 from vrscan.data.arrays import Bools, Ints
-from vrscan.data.points import Points
+from vrscan.data.points import NO_PLACE, Points
 
 
 class Form(IntEnum):
@@ -199,15 +199,20 @@ def flags_of(records: Records) -> Ints:
     return records["flags"].astype(np.int64) | more << 16
 
 
+def located(records: Records) -> Bools:
+    """Return which full records are measured and have a place [n]."""
+    return np.asarray(measured(records) & (flags_of(records) & NO_PLACE == 0))
+
+
 def compact(records: Records) -> Records:
     """Return the compact records of full records, an array of ``COMPACT``.
 
-    A point without a range has no x and z, so only its full record counts as measured. What is not
-    measured has the ends of its free interval there.
+    A point with NO_RANGE or OUT_OF_RANGE has no x and z, so only its full record counts as
+    measured. What is not measured has the ends of its free interval there.
     """
     flags = flags_of(records)
     lost = (records["lost"] != 0).astype(np.int64) << pkg.FLAG_POINTS_LOST
-    bits = (records["bits"] & MEASURED != 0) & (flags >> pkg.FLAG_NO_RANGE & 1 == 0)
+    bits = located(records)
     result = np.zeros(len(records), COMPACT)
     gathered = bits.astype(np.int64) << link_pkg.COMPACT_MEASURED
     for bit, names in _GATHERED.items():

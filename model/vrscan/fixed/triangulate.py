@@ -69,14 +69,14 @@ class Triangulated:
     """Points, int64 or bool of the shape of the inputs.
 
     Attributes:
-        x: mm, 12 fraction bits; 0 without a range.
-        z: mm, 12 fraction bits; 0 without a range.
-        sigma_z: Standard deviation of z, mm, 12 fraction bits, saturating; its largest value
-            without a range.
-        c_obj: Probability that z errs by less than the tolerance; 255 is 1; 0 without a range.
+        x: mm, 12 fraction bits; 0 with no_range or out_of_range, as z and c_obj.
+        z: mm, 12 fraction bits.
+        sigma_z: Standard deviation of z, mm, 12 fraction bits, saturating; its largest value with
+            no_range or out_of_range.
+        c_obj: Probability that z errs by less than the tolerance; 255 is 1.
         no_range: Whether the rays are parallel, or meet behind mirror or camera, or 4096 mm or more
             away.
-        out_of_range: Whether x or z saturated, or the offset had saturated.
+        out_of_range: Whether x or z does not fit in its format, or the offset had not.
     """
 
     x: Ints
@@ -184,14 +184,14 @@ def triangulate(
     c_obj = confidences()[np.minimum(share, (1 << SHARE_BITS) - 1)]
 
     limit = 1 << (pkg.LENGTH_WIDTH - 1)
-    x_out, z_out = np.clip(x, -limit, limit - 1), np.clip(z, -limit, limit - 1)
+    fits = (x >= -limit) & (x < limit) & (z >= -limit) & (z < limit)
     given = np.broadcast_to(np.asarray(measured, np.bool_), x.shape)
-    valid = given & ~no_range
+    valid = given & ~no_range & fits & ~np.asarray(saturated, np.bool_)
     return Triangulated(
-        x=np.where(valid, x_out, 0),
-        z=np.where(valid, z_out, 0),
+        x=np.where(valid, x, 0),
+        z=np.where(valid, z, 0),
         sigma_z=np.where(valid, sigma_z, np.where(given, sigma_max, 0)),
         c_obj=np.where(valid, c_obj, 0),
         no_range=given & no_range,
-        out_of_range=valid & ((x_out != x) | (z_out != z) | np.asarray(saturated, np.bool_)),
+        out_of_range=given & ~no_range & ~valid,
     )

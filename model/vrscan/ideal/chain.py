@@ -17,6 +17,8 @@ from vrscan.ideal.statistics import statistics
 
 MAX_WINDOW = 255  # px
 MIRROR_FLAGS = ("NOT_RUNNING", "INDEX_FAULT", "UNSETTLED")  # by bit
+RANGE_MM = 2048.0  # a coordinate beyond it does not fit in its format
+FARTHEST_MM = 4096.0  # nor does the distance from the mirror
 _CHUNK = 512  # lines computed at a time: they fit in a cache
 
 
@@ -42,7 +44,8 @@ def run(
         breaks: Lines that those before them are no neighbours of; see ``peak_neighbours``.
 
     Returns:
-        A table of n rows. Numbers are not limited to the widths of the fixed-point formats.
+        A table of n rows. Numbers are not limited to the widths of the fixed-point formats,
+        but x and z beyond their range are no point.
 
     Raises:
         ValueError: a ``LinesError``, if ``vrscan.data.contract.checked`` refuses an argument.
@@ -96,8 +99,11 @@ def _located(spots: Sequence[_Spots], config: Config, breaks: Sequence[int]) -> 
     u, scale = geometry.undistorted(points.position_px, config.geometry)
     located = geometry.triangle(u, points.angle_rad, config.geometry)
     sigma_z, typical_z = (np.abs(located.slope) * np.abs(scale) * own for own in (sigma, typical))
-    there = measured & ~located.no_range
-    flags["NO_RANGE"] = measured & located.no_range
+    away = np.hypot(located.x, located.z) >= FARTHEST_MM
+    flags["NO_RANGE"] = measured & (located.no_range | away)
+    beyond = np.maximum(np.abs(located.x), np.abs(located.z)) >= RANGE_MM
+    flags["OUT_OF_RANGE"] = measured & beyond & ~flags["NO_RANGE"]
+    there = measured & ~(flags["NO_RANGE"] | flags["OUT_OF_RANGE"])
     tolerance = config.geometry.tolerance
     c_obj = confidence.object_confidence(located.z, typical_z, there, tolerance=tolerance)
     return replace(
@@ -105,8 +111,8 @@ def _located(spots: Sequence[_Spots], config: Config, breaks: Sequence[int]) -> 
         flags=flags,
         sigma_px=sigma,
         doubt_px=doubt,
-        x_mm=located.x,
-        z_mm=located.z,
+        x_mm=np.where(there, located.x, 0.0),
+        z_mm=np.where(there, located.z, 0.0),
         sigma_z_mm=sigma_z,
         c_obj=np.where(flags["MIXED"], 0.5, 1.0) * c_obj,
         located=there,

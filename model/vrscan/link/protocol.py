@@ -309,7 +309,7 @@ class CapturePixels:
     """A packet of a raw line.
 
     Attributes:
-        sequence: Sequence number among the packets of captures, u8.
+        sequence: Sequence number among the packets of pixels, u8.
         chunk: Number of the packet; its pixels begin with number
             ``link_pkg.CAPTURE_CHUNK * chunk``.
         line: Number of the line, u32.
@@ -327,7 +327,7 @@ class CaptureRecord:
     """The packet that ends a raw line.
 
     Attributes:
-        sequence: Sequence number among the packets of captures, u8.
+        sequence: Sequence number among these packets, u8.
         line: Number of the line, u32.
         record: One ``records.FULL``, None where the line gave no point.
     """

@@ -66,6 +66,9 @@ def settings(config: Config, build: Build) -> dict[str, int | tuple[int, ...]]:
                 f"{config.source}: {key} = {wanted}: the board is built with {register} = {built}"
             )
     on_board = config.model_copy(update={"clock": Clock(frequency_hz=float(build.clock_hz))})
+    complaint = on_board.rate_complaint()
+    if complaint:
+        raise InputError(f"{config.source}: {complaint}")
     values: dict[str, int | tuple[int, ...]] = {}
     for registers in (
         Registers.from_config(on_board),

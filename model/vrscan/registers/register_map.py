@@ -87,14 +87,14 @@ def _one(
     )  # fmt: skip
 
 
-MAP_HASH = 0xBF40582C
+MAP_HASH = 0x91F3DBB6
 
 # fmt: off
 _REGISTERS = (
     _one("", 0x000, "identity", 32, "constant",
          "the letters VRSC, by which a host knows the instrument", reset=0x56525343),
     _one("", 0x001, "map_hash", 32, "constant",
-         "hash of the parts of this map that a host must know", reset=0xBF40582C),
+         "hash of the parts of this map that a host must know", reset=0x91F3DBB6),
     _one("", 0x002, "version", 32, "constant",
          "version of the map: major, minor, patch in bits 31..16, 15..8, 7..0", reset=0x00000100),
     _one("identity_status", 0x003, "board_id", 16, "ro", "number of the kind of board"),
@@ -475,6 +475,8 @@ _REGISTERS = (
          "number of lines that were read out without an exposure or angle of their own"),
     _one("sensor", 0x1D1, "pixel_overflow_count", 16, "counter",
          "number of lines that the FIFO between the clocks lost"),
+    _one("sensor", 0x1D2, "unread_count", 16, "counter",
+         "number of exposures that another one followed before their readout began"),
     _one("locks", 0x3F0, "lock_calibration", 1, "rw",
          "1 keeps until reset: peak, geometry, free space, motion and the amplitude table", low=1),
     _one("locks", 0x3F1, "lock_mirror", 1, "rw",

@@ -136,7 +136,7 @@ class LineCase(Case):
         geometry: The triangle; with ``angle_deg`` the errors are those of the point, mm.
         angle_deg: Scan angle of every line; none where only the position matters.
         no_range: Lines whose rays do not meet in front of mirror and camera.
-        out_of_range: Lines whose point does not fit in its format.
+        out_of_range: Lines whose point does not fit in its format, so there is none.
     """
 
     lines: tuple[Line, ...] = ()
@@ -251,7 +251,8 @@ class LineCase(Case):
         second = window != "threshold"
         wrong = []
         for name, where in want.flags.items():
-            if name == "NO_RANGE":  # the last bit decides it where rays are parallel
+            # The last bit decides the one where rays are parallel, a format's end the other.
+            if name in OF_THE_POINT:
                 continue
             for k in np.flatnonzero(got.flags[name] != where):
                 wrong.append(f"line {k}: {name} is {got.flags[name][k]}, not as in float64")
@@ -359,25 +360,26 @@ class LineCase(Case):
             u, _ = ideal_geometry.undistorted(np.array(line.true), self.geometry)
             point = ideal_geometry.triangle(u, np.array(angle), self.geometry)
             x, z = printed.point(line.true, angle, self.geometry)
-            if k in self.no_range:
-                near = math.hypot(float(point.x), float(point.z)) < FARTHEST_MM
-                if got.x_mm[k] or got.z_mm[k] or (near and not point.no_range):
-                    wrong.append(f"line {k}: NO_RANGE, and a point")
+            if k in self.no_range or k in self.out_of_range:
+                reach = math.hypot(float(point.x), float(point.z))
+                if k in self.no_range and reach < FARTHEST_MM and not point.no_range:
+                    wrong.append(f"line {k}: NO_RANGE, and the rays meet {reach:.0f} mm away")
+                if got.located[k] or got.x_mm[k] or got.z_mm[k] or got.c_obj[k]:
+                    wrong.append(f"line {k}: without a range, and a point")
                 if got.sigma_z_mm[k] != SIGMA_MAX_MM:
-                    wrong.append(f"line {k}: NO_RANGE, and sigma_z {got.sigma_z_mm[k]} mm")
+                    wrong.append(f"line {k}: without a range, and sigma_z {got.sigma_z_mm[k]} mm")
                 here.append(NO_POINT)
                 behind.append(z)
                 continue
             off = max(abs(got.x_mm[k] - float(point.x)), abs(got.z_mm[k] - float(point.z)))
             here.append(off)
             there.append(max(abs(x - float(point.x)), abs(z - float(point.z))))
-            if k not in self.out_of_range:
-                reach = math.hypot(float(point.x), float(point.z))
-                # A position has half a step of its own, which the slope dz/du carries to z.
-                spread = abs(float(point.slope)) * self.geometry.pitch_mm * STEP_PX
-                allowed = NEAR_ERROR_MM * max(1.0, (reach / NEAR_MM) ** 2) + spread
-                if off > allowed:
-                    wrong.append(f"line {k}: point off by {off:.4f} mm, more than {allowed:.4f}")
+            reach = math.hypot(float(point.x), float(point.z))
+            # A position has half a step of its own, which the slope dz/du carries to z.
+            spread = abs(float(point.slope)) * self.geometry.pitch_mm * STEP_PX
+            allowed = NEAR_ERROR_MM * max(1.0, (reach / NEAR_MM) ** 2) + spread
+            if off > allowed:
+                wrong.append(f"line {k}: point off by {off:.4f} mm, more than {allowed:.4f}")
         if behind:
             ends = dict.fromkeys(number(z, "mm") for z in (min(behind), max(behind)))
             there += [f"{'points' if len(ends) > 1 else 'a point'} at z {' to '.join(ends)}"]

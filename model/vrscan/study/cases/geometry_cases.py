@@ -75,7 +75,7 @@ def _parallel() -> Iterator[Case]:
     yield _places(
         "rays-nearly-parallel",
         "the denominator is small: points 2.1 to 3.8 m away",
-        "z beyond 2048 mm saturates there, with OUT_OF_RANGE",
+        "z beyond 2048 mm is no point: OUT_OF_RANGE, x = z = 0",
         [(CENTRE, -8.0 + d) for d in (0.9, 1.2, 1.6)],
         bias,
         out_of_range=range(3),
@@ -180,7 +180,7 @@ def _lenses() -> Iterator[Case]:
     yield _places(
         "k1-beyond-100-percent",
         "the correction is larger than the offset itself",
-        "it saturates at 100 %, in order, and says OUT_OF_RANGE",
+        "it has no offset, so there is no point: OUT_OF_RANGE, x = z = 0",
         [(100.0, 20.5), (500.0, 20.5)],
         beyond,
         out_of_range=range(2),

@@ -34,7 +34,7 @@ def words() -> str:
          "b = clog2(LineLength); pixel i is centred at i"),
         ("sigma", f"u{pkg.SIGMA_WIDTH}", pkg.SIGMA_FRACTION, "px", "saturates"),
         ("angle", f"s{pkg.ANGLE_WIDTH}", pkg.ANGLE_WIDTH, "turns", "wraps"),
-        ("x, z", f"s{pkg.LENGTH_WIDTH}", pkg.LENGTH_FRACTION, "mm", "saturate: OUT_OF_RANGE"),
+        ("x, z", f"s{pkg.LENGTH_WIDTH}", pkg.LENGTH_FRACTION, "mm", "beyond: OUT_OF_RANGE"),
         ("sigma_z", f"u{pkg.SIGMA_WIDTH}", pkg.SIGMA_FRACTION, "mm", "saturates"),
         ("c_obj, c_sfm", f"u{pkg.CONFIDENCE_WIDTH}", "-", "1", "255 is 1.0; saturate"),
         ("free_from, free_to", f"u{pkg.FREE_WIDTH}", pkg.FREE_FRACTION, "mm",

@@ -1,0 +1,131 @@
+"""A wall beyond the range behind a nearer one: it is measured, and nowhere is there a point of it.
+
+The truth is the scene's, from ray casting: the spots of the far wall lie at z = 2300 mm, beyond the
+2048 mm that a coordinate can be.
+"""
+
+import csv
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vrscan.cli import app as cli
+from vrscan.data import records
+from vrscan.data.config import Config
+from vrscan.fixed.point_record import point_record
+from vrscan.fixed.vrscan_chain import run_fixed
+from vrscan.registers.chain_registers import Registers, angle_turns
+
+LINES = 300
+SCENE = """
+title = "a wall beyond the range"
+[laser]
+power_mw = 40
+[lens]
+focus_mm = 1800
+[material.wall]
+reflectance = 0.9
+[[target]]
+kind = "plane"
+name = "far"
+position_mm = [0, 0, 2300]
+material = "wall"
+[[target]]
+kind = "box"
+name = "near"
+position_mm = [-150, 0, 1500]
+size_mm = [300, 200, 20]
+material = "wall"
+"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    path = tmp_path / "beyond.toml"
+    path.write_text(SCENE)
+    return path
+
+
+def scanned(scene: Path, engine: str, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the folder of a scan."""
+    out = scene.with_name(engine)
+    arguments = [str(scene), "--engine", engine, "--lines", str(LINES), "--keep-lines"]
+    arguments += ["--fidelity", "minimal", "--jobs", "1", "--out", str(out)]
+    monkeypatch.setattr(sys, "argv", ["vrscan", "scan", *arguments])
+    with pytest.raises(SystemExit) as caught:
+        cli.main()
+    assert not caught.value.code
+    return out
+
+
+def vertices(cloud: bytes) -> np.ndarray:
+    """Return x, y and z of a PLY cloud's vertices."""
+    header, _, body = cloud.partition(b"end_header\n")
+    properties = sum(line.startswith(b"property") for line in header.splitlines())
+    return np.frombuffer(body, "<f4").reshape(-1, properties)[:, :3]
+
+
+@pytest.mark.parametrize("engine", ["rtl", "fixed", "ideal"])
+def test_a_wall_beyond_the_range_is_in_no_file(
+    scene: Path,
+    engine: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = scanned(scene, engine, monkeypatch)
+    with (out / "points.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    with np.load(out / "lines.npz") as lines:
+        surface = lines["surface"]
+        seen = np.isfinite(lines["true_position_px"])
+        far, near = (list(lines["surface_names"]).index(name) for name in ("far", "near"))
+        truth_mm = lines["true_z_mm"]
+    beyond = seen & (surface == far)
+    assert beyond.sum() > LINES // 10 and truth_mm[beyond].min() > 2048.0
+    measured = 0
+    for k in np.flatnonzero(beyond):
+        assert rows[k]["x_mm"] == rows[k]["z_mm"] == rows[k]["sigma_z_mm"] == ""
+        assert float(rows[k]["c_obj"]) == 0.0
+        measured += rows[k]["position_px"] != ""
+        assert "OUT_OF_RANGE" in rows[k]["flags"].split("|") or not rows[k]["position_px"]
+    assert measured > 0.9 * beyond.sum()
+    found = [float(row["z_mm"]) for row in rows if row["z_mm"]]
+    hit = int((seen & (surface == near)).sum())
+    assert hit > LINES // 10 and abs(len(found) - hit) <= 3
+    z = vertices((out / "points.ply").read_bytes())[:, 2]
+    assert len(z) == len(found)
+    assert np.all(np.abs(z - 1500.0) < 20.0)
+    cells = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert [str(beyond.sum()), "0"] in [row[1:3] for row in cells if row[:1] == ["far"]]
+
+
+def test_a_wall_beyond_the_range_is_no_point_on_the_link(
+    scene: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The bytes of compact records and of those of space: not measured, and nowhere a place."""
+    out = scanned(scene, "ideal", monkeypatch)
+    with np.load(out / "lines.npz") as lines:
+        given = lines["lines"], angle_turns(lines["angle_rad"]), lines["power"].astype(np.int64)
+        beyond = np.isfinite(lines["true_position_px"]) & (lines["true_z_mm"] > 2048.0)
+    registers = Registers.from_config(Config())
+    points = run_fixed(*given, registers=registers)
+    none = np.zeros(LINES, np.int64)
+    full = point_record(points, none, none, none.astype(bool), none.astype(bool), none)
+    beyond &= points.measured
+    assert beyond.sum() > LINES // 10
+    for data, size in (
+        (records.encode_compact(records.compact(full)), 8),
+        (records.encode_space(records.space(full)), 9),
+    ):
+        some = np.frombuffer(data, np.uint8).reshape(LINES, size)[beyond]
+        assert not (some[:, 7] & 1).any()
+        assert (some[:, 7] >> 5 & 1).all()
+        assert not some[:, 2:7].any()  # x and z, or the free interval, and the confidence
+        if size == 8:
+            assert not some[:, :2].any()
+    some = np.frombuffer(records.encode_full(full), np.uint8).reshape(LINES, 64)[beyond]
+    assert (some[:, 4:6].copy().view("<u2") >> 10 & 1).all()
+    assert not some[:, 40:48].any() and not some[:, 52].any()
+    assert np.all(some[:, 48:50] == 0xFF)
