@@ -655,6 +655,30 @@ FAULTS = [
     ),
     # ---- the chain's wires ----
     *faults(
+        "rtl/vrscan.sv",
+        (
+            "the laser's limits at their ceilings",
+            ".laser_limits_i(laser_limits)",
+            ".laser_limits_i('1)",
+        ),
+        ("a host that is always heard", ".alive_i(alive)", ".alive_i(1'b1)"),
+        ("a laser that sees no point", ".point_valid_i(point_valid)", ".point_valid_i(1'b0)"),
+        (
+            "a mirror that runs backwards for the laser",
+            ".phase_i(mirror_status",
+            ".phase_i(~mirror_status",
+        ),
+        ("the direction of a point", ".inward_i(inward_line)", ".inward_i(!inward_line)"),
+        ("the power of a point", ".power_i(power_line)", ".power_i(16'd1)"),
+        ("the mirror's confidence", "e_i(mirror_confidence)", "e_i(~mirror_confidence)"),
+        (
+            "a lens that sees no point",
+            ".rst_i(rst_focus_control), .valid_i(point_valid)",
+            ".rst_i(rst_focus_control), .valid_i(1'b0)",
+        ),
+        ("time stands", "uptime_q + 48'd1", "uptime_q + 48'd0"),
+    ),
+    *faults(
         "rtl/vrscan_chain.sv",
         ("mirror's flags untold", "= line_q.mirror_flags;", "= '0;"),
         (
