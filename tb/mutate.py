@@ -296,8 +296,8 @@ FAULTS = [
         ("the wait is a clock longer", "NeighbourClks - 2)", "NeighbourClks - 1)"),
         (
             "noise of the own width only",
-            "noise_q <= own_q + product;\n        {a_q, b_q, multiply_start_q} <= squared(after",
-            "noise_q <= own_q;\n        {a_q, b_q, multiply_start_q} <= squared(after",
+            "noise_q <= own_q + product;\n          {a_q, b_q, multiply_start_q} <= squared(after",
+            "noise_q <= own_q;\n          {a_q, b_q, multiply_start_q} <= squared(after",
         ),
         (
             "a missing neighbour's light",
