@@ -180,7 +180,7 @@ MUTANTS = (
         "a guard that is not asked",
         0,
         INTERLOCK,
-        "assign awake    = laser_i.laser_enable && heard_q && !tripped_q && guard_q[1];",
+        "assign awake    = laser_i.laser_enable && heard_q && !tripped_q && guard;",
         "assign awake    = laser_i.laser_enable && heard_q && !tripped_q;",
         "no_light_without_guard",
     ),
@@ -353,10 +353,10 @@ def formulas(
     properties = PROPERTIES / f"{proof.top}.sv"
     # What the induction looks at inside the module.
     inside = sorted(set(re.findall(r"\binside_(\w+)", properties.read_text())))
-    places = {
-        wire: f"u_{wire.replace('__', '.')}" if "__" in wire else f"dut.{wire}" for wire in inside
-    }
-    ties = " ".join(f"connect -set inside_{wire} {place};" for wire, place in places.items())
+    ties = ""
+    for wire in inside:
+        room = "" if wire.startswith("dut__") else "u_" if "__" in wire else "dut."
+        ties += f"connect -set inside_{wire} {room}{wire.replace('__', '.')}; "
     files = [replaced.get(file, file) for file in rtl_closure(properties, [properties])]
     names = " ".join(str(file.relative_to(ROOT)) for file in files)
     target = FOLDER / f"{name}.smt2"

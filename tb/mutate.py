@@ -918,7 +918,7 @@ FAULTS = [
     ),
     *faults(
         "rtl/safety/laser_guard.sv",
-        ("light begins in a pulse", "ready && (ok_o || !pulse_q[1])", "ready"),
+        ("light begins in a pulse", "ready && (ok_o || !pulse)", "ready"),
     ),
     *faults(
         "rtl/actuators/focus_filter.sv",

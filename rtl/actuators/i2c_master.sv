@@ -89,7 +89,11 @@ module i2c_master #(
   typedef enum logic [2:0] {SELECT, REGISTER, WRITE, RESELECT, READ} stage_e;
 
   // What is seen of the lines.
-  logic [1:0] scl_sync_q, sda_sync_q, scl_run_q, sda_run_q;
+  logic       scl_sync, sda_sync;
+  logic [1:0] scl_run_q, sda_run_q;
+  synchronizer #(.Width(2)) u_lines (
+    .clk_i, .rst_i, .d_i({scl_i, sda_i}), .q_o({scl_sync, sda_sync})
+  );
   logic       scl_q, sda_q, scl_q2, sda_q2;
 
   // The command.
@@ -129,12 +133,10 @@ module i2c_master #(
   assign lost = ours && value && !sda_q2;
 
   always_ff @(posedge clk_i) begin
-    scl_sync_q <= {scl_sync_q[0], scl_i};
-    sda_sync_q <= {sda_sync_q[0], sda_i};
-    scl_run_q  <= {scl_run_q[0], scl_sync_q[1]};
-    sda_run_q  <= {sda_run_q[0], sda_sync_q[1]};
-    if (scl_run_q == {2{scl_sync_q[1]}}) scl_q <= scl_sync_q[1];
-    if (sda_run_q == {2{sda_sync_q[1]}}) sda_q <= sda_sync_q[1];
+    scl_run_q  <= {scl_run_q[0], scl_sync};
+    sda_run_q  <= {sda_run_q[0], sda_sync};
+    if (scl_run_q == {2{scl_sync}}) scl_q <= scl_sync;
+    if (sda_run_q == {2{sda_sync}}) sda_q <= sda_sync;
     scl_q2 <= scl_q;
     sda_q2 <= sda_q;
 
@@ -360,8 +362,6 @@ module i2c_master #(
       scl_low_o        <= 1'b0;
       sda_low_o        <= 1'b0;
       // Low until they are seen high: a line that was low all along has not fallen.
-      scl_sync_q       <= '0;
-      sda_sync_q       <= '0;
       scl_run_q        <= '0;
       sda_run_q        <= '0;
       scl_q            <= 1'b0;

@@ -50,16 +50,13 @@ module arty_a7 (
     .CFGMCLK(guard_clk)
   );
 
-  // Flip-flops are 0 after the configuration: a reset comes first in each clock.
-  logic [3:0] run_q, guard_run_q, pixel_run_q;
-  logic       rst;
-  assign rst = !run_q[3];
-  always_ff @(posedge clk) run_q <= {run_q[2:0], !button_i};
-  always_ff @(posedge guard_clk) guard_run_q <= {guard_run_q[2:0], !button_i};
-  always_ff @(posedge sensor_clk_i) pixel_run_q <= {pixel_run_q[2:0], run_q[3]};
+  logic rst, guard_rst, pixel_rst;
+  reset_bridge u_reset (.clk_i(clk), .ready_i(!button_i), .rst_o(rst));
+  reset_bridge u_guard_reset (.clk_i(guard_clk), .ready_i(!button_i), .rst_o(guard_rst));
+  reset_bridge u_pixel_reset (.clk_i(sensor_clk_i), .ready_i(!rst), .rst_o(pixel_rst));
 
   // ---- inputs ----
-  logic [1:0] comparator_ddr, gate_ddr, comparator_q, gate_q, comparator_q2, gate_q2;
+  logic [1:0] comparator_ddr, gate_ddr, comparator, gate;
   IDDR #(.DDR_CLK_EDGE("SAME_EDGE_PIPELINED")) u_comparator (
     .D(comparator_i), .C(clk), .CE(1'b1), .R(1'b0), .S(1'b0),
     .Q1(comparator_ddr[0]), .Q2(comparator_ddr[1])
@@ -67,10 +64,9 @@ module arty_a7 (
   IDDR #(.DDR_CLK_EDGE("SAME_EDGE_PIPELINED")) u_gate (
     .D(gate_i), .C(clk), .CE(1'b1), .R(1'b0), .S(1'b0), .Q1(gate_ddr[0]), .Q2(gate_ddr[1])
   );
-  always_ff @(posedge clk) begin
-    {comparator_q2, comparator_q} <= {comparator_q, comparator_ddr};
-    {gate_q2, gate_q}             <= {gate_q, gate_ddr};
-  end
+  synchronizer #(.Width(4)) u_index (
+    .clk_i(clk), .rst_i(1'b0), .d_i({comparator_ddr, gate_ddr}), .q_o({comparator, gate})
+  );
 
   logic        line_start, line_end, pixel_valid;
   logic [11:0] pixel;
@@ -79,7 +75,7 @@ module arty_a7 (
     .clk_i           (clk),
     .rst_i           (rst),
     .pixel_clk_i     (sensor_clk_i),
-    .pixel_rst_i     (!pixel_run_q[3]),
+    .pixel_rst_i     (pixel_rst),
     .line_valid_i    (sensor_valid_i),
     .pixel_valid_i   (1'b1),
     .pixel_i         (sensor_pixel_i),
@@ -105,8 +101,8 @@ module arty_a7 (
     .pixel_overflow_count_i(overflow_count),
     .line_start_o          (sensor_start_o),
     .exposure_o            (sensor_exposure_o),
-    .comparator_i          (comparator_q2),
-    .gate_i                (gate_q2),
+    .comparator_i          (comparator),
+    .gate_i                (gate),
     .drive_o,
     .level_o               (),
     .level_pin_o           (level_o),
@@ -139,7 +135,7 @@ module arty_a7 (
     .GuardClks(64), .PulseClks(1000)
   ) u_laser_guard (
     .clk_i            (guard_clk),
-    .rst_i            (!guard_run_q[3]),
+    .rst_i            (guard_rst),
     .heartbeat_i      (heartbeat),
     .pulse_i          (pulse),
     .index_light_i    (index_light),

@@ -66,26 +66,22 @@ module ulx3s (
     .ENCLKOP     (1'b0)
   );
 
-  // Flip-flops are 0 after the configuration: a reset comes first in each clock.
-  logic [3:0] run_q, guard_run_q, pixel_run_q;
-  logic       rst;
-  assign rst = !run_q[3];
-  always_ff @(posedge clk) run_q <= {run_q[2:0], locked && !button_i};
-  always_ff @(posedge clk_25mhz_i) guard_run_q <= {guard_run_q[2:0], !button_i};
-  always_ff @(posedge sensor_clk_i) pixel_run_q <= {pixel_run_q[2:0], run_q[3]};
+  logic rst, guard_rst, pixel_rst;
+  reset_bridge u_reset (.clk_i(clk), .ready_i(locked && !button_i), .rst_o(rst));
+  reset_bridge u_guard_reset (.clk_i(clk_25mhz_i), .ready_i(!button_i), .rst_o(guard_rst));
+  reset_bridge u_pixel_reset (.clk_i(sensor_clk_i), .ready_i(!rst), .rst_o(pixel_rst));
 
   // ---- inputs ----
-  logic [1:0] comparator_ddr, gate_ddr, comparator_q, gate_q, comparator_q2, gate_q2;
+  logic [1:0] comparator_ddr, gate_ddr, comparator, gate;
   IDDRX1F u_comparator (
     .D(comparator_i), .SCLK(clk), .RST(1'b0), .Q0(comparator_ddr[0]), .Q1(comparator_ddr[1])
   );
   IDDRX1F u_gate (
     .D(gate_i), .SCLK(clk), .RST(1'b0), .Q0(gate_ddr[0]), .Q1(gate_ddr[1])
   );
-  always_ff @(posedge clk) begin
-    {comparator_q2, comparator_q} <= {comparator_q, comparator_ddr};
-    {gate_q2, gate_q}             <= {gate_q, gate_ddr};
-  end
+  synchronizer #(.Width(4)) u_index (
+    .clk_i(clk), .rst_i(1'b0), .d_i({comparator_ddr, gate_ddr}), .q_o({comparator, gate})
+  );
 
   logic        line_start, line_end, pixel_valid;
   logic [11:0] pixel;
@@ -94,7 +90,7 @@ module ulx3s (
     .clk_i           (clk),
     .rst_i           (rst),
     .pixel_clk_i     (sensor_clk_i),
-    .pixel_rst_i     (!pixel_run_q[3]),
+    .pixel_rst_i     (pixel_rst),
     .line_valid_i    (sensor_valid_i),
     .pixel_valid_i   (1'b1),
     .pixel_i         (sensor_pixel_i),
@@ -120,8 +116,8 @@ module ulx3s (
     .pixel_overflow_count_i(overflow_count),
     .line_start_o          (sensor_start_o),
     .exposure_o            (sensor_exposure_o),
-    .comparator_i          (comparator_q2),
-    .gate_i                (gate_q2),
+    .comparator_i          (comparator),
+    .gate_i                (gate),
     .drive_o,
     .level_o               (),
     .level_pin_o           (level_o),
@@ -150,7 +146,7 @@ module ulx3s (
 
   laser_guard u_laser_guard (
     .clk_i            (clk_25mhz_i),
-    .rst_i            (!guard_run_q[3]),
+    .rst_i            (guard_rst),
     .heartbeat_i      (heartbeat),
     .pulse_i          (pulse),
     .index_light_i    (index_light),

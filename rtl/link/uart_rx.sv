@@ -9,7 +9,7 @@
 // A start bit whose majority is high is a glitch.  After a low stop bit, and after a reset, nothing
 // is a start until the line was high.
 //
-//   rx_i       asynchronous; two flip-flops are inside
+//   rx_i       asynchronous; synchronised here
 //   step_i     bits a clock, 24 fraction bits; at most 2**22, and up to 2**21, clk/8, by majority
 //   framing_o  the stop bit is low: with valid_o, or with break_o
 //   break_o    so were all the bits before it: there is no valid_o
@@ -43,7 +43,9 @@ module uart_rx (
   localparam logic [3:0] StartBit = 4'd0;
   localparam logic [3:0] StopBit = 4'd9;
 
-  logic                  sync_q, line_q;
+  logic                  line;
+  synchronizer u_line (.clk_i, .rst_i, .d_i(rx_i), .q_o(line));
+
   logic                  wide_q;   // a bit has its three samples
   logic                  armed_q;  // the line was high
   logic                  busy_q;
@@ -57,25 +59,23 @@ module uart_rx (
   assign eighth_d = sum[PhaseWidth-1-:3];
   assign decide   = busy_q && (wide_q ? eighth == 3'd4 && eighth_d == 3'd5
                                       : !eighth[2] && eighth_d[2]);
-  assign vote     = wide_q ? (line_q && |samples_q) || &samples_q : line_q;
-  assign stop     = line_q || (wide_q && &samples_q);
+  assign vote     = wide_q ? (line && |samples_q) || &samples_q : line;
+  assign stop     = line || (wide_q && &samples_q);
   assign ends     = decide && ((bit_q == StartBit && vote) || (bit_q == StopBit && stop));
-  assign start    = !line_q && (busy_q ? ends : armed_q);
+  assign start    = !line && (busy_q ? ends : armed_q);
 
   always_ff @(posedge clk_i) begin
-    sync_q <= rx_i;
-    line_q <= sync_q;
     wide_q <= step_i <= WidestStep;
 
     phase_q <= start ? step_i : sum;
     if (start) samples_q <= '0;
-    else if (eighth_d != eighth) samples_q <= {samples_q[0], line_q};
+    else if (eighth_d != eighth) samples_q <= {samples_q[0], line};
 
     valid_o   <= 1'b0;
     framing_o <= 1'b0;
     break_o   <= 1'b0;
     glitch_o  <= 1'b0;
-    if (!busy_q) armed_q <= armed_q || line_q;
+    if (!busy_q) armed_q <= armed_q || line;
     if (decide) begin
       bit_q <= bit_q + 4'd1;
       if (bit_q == StartBit) begin
@@ -97,8 +97,6 @@ module uart_rx (
     end
 
     if (rst_i) begin
-      sync_q    <= 1'b0;
-      line_q    <= 1'b0;
       armed_q   <= 1'b0;
       busy_q    <= 1'b0;
       valid_o   <= 1'b0;

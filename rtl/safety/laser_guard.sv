@@ -51,13 +51,15 @@ module laser_guard #(
   localparam int unsigned HighWidth = $clog2(PulseClks + 1);
   localparam int unsigned BeatsWidth = $clog2(RestartBeats + 1);
 
-  logic [            2:0] heartbeat_q;
-  logic [            1:0] pulse_q;
+  logic                   heartbeat, heartbeat_q, pulse;
   logic [SilentWidth-1:0] silent_q;
   logic [  HighWidth-1:0] high_q;
   logic [ BeatsWidth-1:0] beats_q;
   logic                   beat, silent, long, ready;
-  assign beat   = heartbeat_q[2] != heartbeat_q[1];
+  synchronizer #(.Width(2)) u_core (
+    .clk_i, .rst_i, .d_i({heartbeat_i, pulse_i}), .q_o({heartbeat, pulse})
+  );
+  assign beat   = heartbeat != heartbeat_q;
   assign silent = silent_q == SilentWidth'(GuardClks);
   assign long   = high_q == HighWidth'(PulseClks);
   assign ready  = beats_q == BeatsWidth'(RestartBeats);
@@ -66,17 +68,16 @@ module laser_guard #(
   assign index_light_o = index_light_i && ok_o;
 
   always_ff @(posedge clk_i) begin
-    heartbeat_q <= {heartbeat_q[1:0], heartbeat_i};
-    pulse_q     <= {pulse_q[0], pulse_i};
+    heartbeat_q <= heartbeat;
 
     if (beat) silent_q <= '0;
     else if (!silent) silent_q <= silent_q + SilentWidth'(1);
-    if (!pulse_q[1]) high_q <= '0;
+    if (!pulse) high_q <= '0;
     else if (!long) high_q <= high_q + HighWidth'(1);
 
     if (silent || long) beats_q <= '0;
     else if (beat && !ready) beats_q <= beats_q + BeatsWidth'(1);
-    ok_o <= !silent && !long && ready && (ok_o || !pulse_q[1]);
+    ok_o <= !silent && !long && ready && (ok_o || !pulse);
 
     if (ok_o && silent) begin
       fault_o[0] <= 1'b1;
@@ -90,8 +91,7 @@ module laser_guard #(
     end
 
     if (rst_i) begin
-      heartbeat_q       <= '0;
-      pulse_q           <= '0;
+      heartbeat_q       <= 1'b0;
       silent_q          <= SilentWidth'(GuardClks);
       high_q            <= '0;
       beats_q           <= '0;

@@ -136,7 +136,8 @@ module laser_interlock #(
   // ---- the host and the guard ----
   logic [31:0] silent_q;
   logic        heard_q, tripped_q, late, tripping;
-  logic [ 1:0] guard_q;
+  logic        guard;
+  synchronizer u_guard (.clk_i, .rst_i, .d_i(guard_ok_i), .q_o(guard));
   assign late     = silent_q >= watchdog_q;
   assign tripping = laser_i.laser_enable && heard_q && late && !alive_i;
 
@@ -145,13 +146,11 @@ module laser_interlock #(
     else if (!late) silent_q <= silent_q + 32'd1;
     heard_q   <= alive_i || (heard_q && !late);
     tripped_q <= laser_i.laser_enable && (tripped_q || tripping);
-    guard_q   <= {guard_q[0], guard_ok_i};
 
     if (rst_i) begin
       silent_q  <= '0;
       heard_q   <= 1'b0;
       tripped_q <= 1'b0;
-      guard_q   <= '0;
     end
   end
 
@@ -159,7 +158,7 @@ module laser_interlock #(
   logic run, settling, awake, allowed, visible;
   assign run      = state_i == StateWidth'(vrscan_pkg::MirrorRun);
   assign settling = state_i == StateWidth'(vrscan_pkg::MirrorSettle);
-  assign awake    = laser_i.laser_enable && heard_q && !tripped_q && guard_q[1];
+  assign awake    = laser_i.laser_enable && heard_q && !tripped_q && guard;
   assign allowed  = awake && run && index_alive_i && scanning_i;
   assign visible  = awake && startup_ok_i && (settling || run);
 
@@ -239,7 +238,7 @@ module laser_interlock #(
 
   // ---- what is told ----
   logic [1:0] scan_q;
-  assign status_o = {scan_q, tripped_q, full_q, armed_q[1], guard_q[1], heard_q};
+  assign status_o = {scan_q, tripped_q, full_q, armed_q[1], guard, heard_q};
 
   always_ff @(posedge clk_i) begin
     scan_q <= {startup_ok_i, scanning_i};

@@ -68,16 +68,22 @@ module pixel_fifo #(
 
   logic [PixelWidth+2:0] mem [Depth];
 
-  // What crosses: each is a register of its own clock, read through two of the other one.
-  logic [ PointerWidth-1:0] write_gray_q, read_gray_q;
-  logic [OverflowWidth-1:0] overflows_q;
-  logic                     request_q, flush_q, acknowledge_q;
-  (* ASYNC_REG = "TRUE" *) logic [ PointerWidth-1:0] read_gray_meta_q, read_gray_q2;
-  (* ASYNC_REG = "TRUE" *) logic                     flush_meta_q, flush_q2;
-  (* ASYNC_REG = "TRUE" *) logic [ PointerWidth-1:0] write_gray_meta_q, write_gray_q2;
-  (* ASYNC_REG = "TRUE" *) logic [OverflowWidth-1:0] overflows_meta_q, overflows_q2;
-  (* ASYNC_REG = "TRUE" *) logic                     request_meta_q, request_q2;
-  (* ASYNC_REG = "TRUE" *) logic                     acknowledge_meta_q, acknowledge_q2;
+  // What crosses: each is a register of its own clock, and q2 in the other one.
+  logic [ PointerWidth-1:0] write_gray_q, write_gray_q2, read_gray_q, read_gray_q2;
+  logic [OverflowWidth-1:0] overflows_q, overflows_q2;
+  logic                     request_q, request_q2, flush_q, flush_q2;
+  logic                     acknowledge_q, acknowledge_q2;
+
+  // None has a reset: either side may be reset alone, and must see the other as it is.
+  synchronizer #(.Width(PointerWidth + 1)) u_to_pixel (
+    .clk_i(pixel_clk_i), .rst_i(1'b0),
+    .d_i({read_gray_q, flush_q}), .q_o({read_gray_q2, flush_q2})
+  );
+  synchronizer #(.Width(PointerWidth + OverflowWidth + 2)) u_from_pixel (
+    .clk_i, .rst_i(1'b0),
+    .d_i({write_gray_q, overflows_q, request_q, acknowledge_q}),
+    .q_o({write_gray_q2, overflows_q2, request_q2, acknowledge_q2})
+  );
 
   // ---- the sensor's side ----
   logic                        line_valid_q, pixel_valid_q, have_q, owed_q, drop_q;
@@ -98,9 +104,6 @@ module pixel_fifo #(
   assign word          = {!bare, owed_q, !bare && !line_valid_q, held_q};
 
   always_ff @(posedge pixel_clk_i) begin
-    {read_gray_q2, read_gray_meta_q} <= {read_gray_meta_q, read_gray_q};
-    {flush_q2, flush_meta_q}         <= {flush_meta_q, flush_q};
-
     line_valid_q  <= line_valid_i;
     pixel_valid_q <= line_valid_i && pixel_valid_i;
     pixel_q       <= pixel_i;
@@ -152,11 +155,6 @@ module pixel_fifo #(
   assign overflow_new   = {overflows_q2[3], ^overflows_q2[3:2], ^overflows_q2[3:1], ^overflows_q2};
 
   always_ff @(posedge clk_i) begin
-    {write_gray_q2, write_gray_meta_q}   <= {write_gray_meta_q, write_gray_q};
-    {overflows_q2, overflows_meta_q}     <= {overflows_meta_q, overflows_q};
-    {request_q2, request_meta_q}         <= {request_meta_q, request_q};
-    {acknowledge_q2, acknowledge_meta_q} <= {acknowledge_meta_q, acknowledge_q};
-
     // A flush waits for the end of the one before, and ends when the sensor's side has seen it.
     pending_q <= rst_i || (pending_q && !begins);
     flush_q   <= begins || (flush_q && !(acknowledge_q2 && !request_q2));

@@ -36,7 +36,9 @@ module laser_guard_properties #(
   (* keep *) wire [$clog2(GuardClks+1)-1:0] inside_silent_q;
   (* keep *) wire [$clog2(PulseClks+1)-1:0] inside_high_q;
   (* keep *) wire [$clog2(RestartBeats+1)-1:0] inside_beats_q;
-  (* keep *) wire [2:0] inside_heartbeat_q;
+  (* keep *) wire inside_heartbeat_q;
+  // Of heartbeat and pulse.
+  (* keep *) wire [1:0] inside_dut__u_core__meta_q, inside_dut__u_core__stable_q;
 
   logic        first_q = 1'b1;
   logic        heartbeat_q, ok_q;
@@ -46,8 +48,8 @@ module laser_guard_properties #(
   logic [15:0] changes_q;  // sampled since the light went off or the reset
 
   logic [1:0] on_their_way;  // changes that the beats do not count yet
-  assign on_their_way = {1'b0, inside_heartbeat_q[0] != inside_heartbeat_q[1]} +
-                        {1'b0, inside_heartbeat_q[1] != inside_heartbeat_q[2]};
+  assign on_their_way = {1'b0, inside_dut__u_core__meta_q[1] != inside_dut__u_core__stable_q[1]} +
+                        {1'b0, inside_dut__u_core__stable_q[1] != inside_heartbeat_q};
 
   function automatic logic [15:0] more(input logic [15:0] count);
     more = count == '1 ? count : count + 16'd1;
@@ -81,7 +83,7 @@ module laser_guard_properties #(
                          16'(inside_high_q) >= request_q - 16'd2);
       step_high_range: assert (16'(inside_high_q) <= 16'(PulseClks));
       step_long: assert (!pulse || long_q <= request_q);
-      step_heartbeat: assert (inside_heartbeat_q[0] == heartbeat_q);
+      step_heartbeat: assert (inside_dut__u_core__meta_q[1] == heartbeat_q);
       step_beats:
       assert (ok || ok_q || 17'(inside_beats_q) + 17'(on_their_way) <= 17'(changes_q) + 17'd3);
       step_ready: assert (!ok || 16'(inside_beats_q) == 16'(RestartBeats));
