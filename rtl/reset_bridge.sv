@@ -16,7 +16,7 @@ module reset_bridge (
   output      logic rst_o
 );
 
-  (* ASYNC_REG = "TRUE" *) logic [3:0] run_q = '0;
+  (* ASYNC_REG = "TRUE" *) logic [3:0] run_q;
   assign rst_o = !run_q[3];
 
   always_ff @(posedge clk_i) run_q <= {run_q[2:0], ready_i};
