@@ -31,9 +31,10 @@ class Netlist:
     """A flat netlist of words, by the bits that join its cells."""
 
     def __init__(self, board: Path) -> None:
-        files = [CELLS, *(file for file in rtl_closure(board, [board]) if file != board), board]
+        files = [*(file for file in rtl_closure(board, [board]) if file != board), board]
         names = " ".join(str(file.relative_to(ROOT)) for file in files)
         script = (
+            f"read_verilog -sv -lib {CELLS.relative_to(ROOT)}; "
             f"read_verilog -sv -defer {names}; hierarchy -top {board.stem}; proc; "
             "setattr -mod -unset keep_hierarchy *; flatten; opt_expr; opt_dff; opt_clean; "
             "write_json"
