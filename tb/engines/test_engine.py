@@ -190,7 +190,7 @@ def peak_bytes(folder: Path, *arguments: str) -> int:
     return 1024 * int(done.stdout.split("peak")[-1])
 
 
-FEW, MANY = 2 * BLOCK, 12 * BLOCK
+FEW, MANY = 4 * BLOCK, 14 * BLOCK  # an engine holds the blocks before and behind one, too
 ROOM = 0.25 * (MANY - FEW) * 2 * CONFIG.sensor.line_length  # bytes; all pixels are four times that
 
 
