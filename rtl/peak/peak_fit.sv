@@ -399,7 +399,7 @@ module peak_fit #(
     unique case (b_select_q)
       B_SIGMA_TO_SCALE: b_q <= signed'(SigmaToScale);
       // Half a span in half pixels, and half a pixel less where the window's middle is one.
-      B_HALF_SPAN:      b_q <= -FactorWidth'(Span) + FactorWidth'(!width_q[0]);
+      B_HALF_SPAN:      b_q <= -(FactorWidth'(Span)) + FactorWidth'(!width_q[0]);
       B_DEVIATION:      b_q <= FactorWidth'(deviation_q);
       B_AMPLITUDE:      b_q <= FactorWidth'(amplitude_q);
       B_SPECKLE:        b_q <= FactorWidth'(speckle_q);

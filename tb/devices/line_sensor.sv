@@ -48,7 +48,7 @@ module line_sensor #(
 
   logic        reading;
   logic [31:0] index;
-  assign reading = busy_q && time_q >= 32'(Blanking);
+  assign reading = busy_q && !rst_i && time_q >= 32'(Blanking);
   assign index   = time_q - 32'(Blanking);
 
   always_ff @(posedge clk_i) begin
@@ -60,7 +60,7 @@ module line_sensor #(
 
     time_q <= time_q + 32'd1;
     if (reading && index == 32'(LineLength - 1)) busy_q <= 1'b0;
-    if (exposure_q && !exposure_i) begin
+    if (exposure_q && !exposure_i && !rst_i) begin
       if (busy_q && !(reading && index == 32'(LineLength - 1))) begin
         sensor_lost();
       end else begin
@@ -70,7 +70,9 @@ module line_sensor #(
         kept_clks_q  <= clks_q;
       end
     end
-    if (busy_q && time_q == 32'(Blanking - 1)) sensor_expose(angle_i, kept_light_q, kept_clks_q);
+    if (busy_q && !rst_i && time_q == 32'(Blanking - 1)) begin
+      sensor_expose(angle_i, kept_light_q, kept_clks_q);
+    end
 
     line_start_o  <= reading && index == '0;
     line_end_o    <= reading && index == 32'(LineLength - 1);

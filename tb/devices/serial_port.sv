@@ -45,7 +45,7 @@ module serial_port (
       valid_q <= taken >= 0;
       data_q  <= 8'(taken);
     end
-    if (give || broken) begin
+    if ((give || broken) && !rst_i) begin
       serial_give(broken ? 256 : 32'(given) + (framing ? 512 : 0));
     end
     if (rst_i) valid_q <= 1'b0;

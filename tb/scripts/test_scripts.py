@@ -1,5 +1,6 @@
 """What Make calls: a missing tool is one line, and the registers that timing.py puts around."""
 
+import re
 import shutil
 import subprocess
 import sys
@@ -8,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from vrscan.engines.tools import repository_root, rtl_closure, rtl_module
+from vrscan.engines.tools import repository_root, rtl_boards, rtl_closure, rtl_module, rtl_sources
 
 sys.path.insert(0, str(repository_root() / "scripts"))
 import timing
@@ -111,6 +112,19 @@ def test_a_closure_holds_every_file_that_is_named() -> None:
     closure = [file.stem for file in rtl_closure(rtl_module("quarter_wave"))]
     assert closure[0] == "vrscan_pkg"  # packages first
     assert sorted(closure) == ["quarter_wave", "quarter_wave_rom", "vrscan_pkg"]
+
+
+def test_no_sign_stands_before_a_cast_to_a_width() -> None:
+    """Yosys takes the sign for a part of the width: ~Width'(1) is (~Width)'(1) there."""
+    sign = re.compile(r"(?:[~!]|[=(?:,<>&|^*+]\s*-|[=(?:,<>*]\s*[+&|^])\s*(?!(?:un)?signed')\w+'\(")
+    assert sign.search("a & ~Width'(1)") and sign.search("b <= -Width'(a)")
+    assert not sign.search("a & ~(Width'(1)) - Width'(a) != Width'(1)")
+    found = [
+        f"{file.name}: {hit[0]}"
+        for file in [*rtl_sources(), *rtl_boards()]
+        for hit in sign.finditer(re.sub(r"//.*", "", file.read_text()))
+    ]
+    assert not found
 
 
 def test_registers_around_a_netlist() -> None:

@@ -116,7 +116,8 @@ def command(
             comes to rest; otherwise it is still.
         seconds: Simulated time after which the board stops; None for no limit.
         real_time: Whether the board never runs faster than real time.
-        seed: Seed of the index's jitter; the scene's own seed is that of the sensor's noise.
+        seed: Seed of the index's jitter, and of what registers and memories hold before the
+            reset; the scene's own seed is that of the sensor's noise.
         progress: Called with the number of angles of the scene that are rendered so far.
 
     Raises:
@@ -131,7 +132,8 @@ def command(
         words += ["--seconds", repr(seconds)]
     if real_time:
         words.append("--real-time")
-    words.append(f"+seed={seed}")
+    # Nothing is zero before the reset: what would need it fails here, not on a real board.
+    words += [f"+seed={seed}", "+verilator+rand+reset+2", f"+verilator+seed+{seed}"]
     if swinging:
         mirror = config.mirror
         # The drive's phase is 0 at its first pulse, and leads the mirror's by this much.
@@ -298,7 +300,7 @@ class Board(Process):
             port: The symbolic link to the serial port; ``build/board/port`` if None.
             swinging: Whether the mirror swings from the start, as in ``command``.
             seconds: Simulated time after which the board stops; None for no limit.
-            seed: Seed of the index's jitter.
+            seed: Seed of the index's jitter, and of what registers hold before the reset.
 
         Raises:
             InputError: as ``command``.

@@ -305,7 +305,7 @@ def build_program(top: Path, parameters: Mapping[str, int | float], main: Path) 
         (work / "top.h").write_text(f'#include "V{top.stem}.h"\nusing Top = V{top.stem};\n')
         tools.verilate(
             work / "obj", f"V{top.stem}", _PROGRAM, "-CFLAGS", f"-I.. -I{main.parent}",
-            "--exe", "--x-initial", "fast",
+            "--exe",
             "--top-module", top.stem, "-o", str(work / "program"),
             *(f"-G{key}={value!r}" for key, value in parameters.items()),
             *(str(file) for file in sources), str(main),
