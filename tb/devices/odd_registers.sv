@@ -287,6 +287,10 @@ module odd_registers (
   // ---- single: written at 6, read back at 7 and 8 ----
   logic [31:0] single_value_mem[8];
   logic [31:0] single_value_q;
+  // Nothing is what the bus reads of an entry that it has not written.
+  initial for (int k = 0; k < 8; k = k + 1) begin
+    single_value_mem[k] = '0;
+  end
   logic [31:0] single_read_q;
   always_ff @(posedge clk_i) begin
     if (write_q2 && single_hit_q && !rst)
@@ -309,6 +313,12 @@ module odd_registers (
   logic [6:0] triple_middle_q, triple_middle_q2;
   logic [0:0] triple_high_mem[8];
   logic [0:0] triple_high_q;
+  // Nothing is what the bus reads of an entry that it has not written.
+  initial for (int k = 0; k < 8; k = k + 1) begin
+    triple_low_mem[k] = '0;
+    triple_middle_mem[k] = '0;
+    triple_high_mem[k] = '0;
+  end
   logic [31:0] triple_read_q;
   always_ff @(posedge clk_i) begin
     if (write_q2 && triple_hit_q && address_q[1:0] == 2'h0 && !rst)
@@ -348,7 +358,11 @@ module odd_registers (
     if (keep_q[0]) clock_high_q <= read_i.clock[63:32];
     keep_q[1] <= step_q[6] && read && page_10_hit_q && word_hit_q[8];
     if (keep_q[1]) place_high_q <= read_i.place[44:32];
-    if (rst) keep_q <= '0;
+    if (rst) begin
+      keep_q <= '0;
+      clock_high_q <= '0;
+      place_high_q <= '0;
+    end
   end
 
   logic [31:0] page_00_q;

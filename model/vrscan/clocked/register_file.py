@@ -82,7 +82,6 @@ class RegisterFile:
             for register in registers.values()
             if register.access in ("ro", "counter")
         }
-        self._kept: dict[str, int] = dict.fromkeys(self.inputs, 0)  # higher words of wide inputs
         self._tables = {
             (window.name, field.address): [0] * window.entries
             for window in windows.values()
@@ -96,12 +95,13 @@ class RegisterFile:
         return self._tables[window, next(f.address for f in own.fields if f.name == field)]
 
     def reset(self) -> None:
-        """Apply ``rst_i``; tables and the words kept by a READ stay."""
+        """Apply ``rst_i``; tables stay."""
         written = [r for r in self._registers.values() if r.access in WRITABLE]
         self.values = {register.name: list(register.reset) for register in written}
         self._waiting = {  # lower words of wide registers
             register.name: register.reset[0] & WORD_MASK for register in written
         }
+        self._kept: dict[str, int] = dict.fromkeys(self.inputs, 0)  # higher words of wide inputs
         self.written: list[Written] = []
 
     def access(self, access: int, address: int, data: int = 0) -> tuple[int, int]:
