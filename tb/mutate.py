@@ -958,6 +958,24 @@ FAULTS = [
         ("a value keeps old bytes", "value = bytes_q == '0;", "value = 1'b0;"),
         ("SDA a clock early", "sample_q <= sda_q2", "sample_q <= sda_q"),
     ),
+    # ---- contracts: a broken one fails the test ----
+    *(
+        fault
+        for module, what, old, new in (
+            ("packet_arbiter", "another byte", "valid_o && data_o == data_q", "data_o != data_q"),
+            ("frame_encoder", "another payload", "decoded_byte == entry[7:0]", "1'b0"),
+            ("frame_decoder", "a byte too soon", "valid_o == byte_due_q2", "valid_o == byte_due_q"),
+            ("uart_tx", "the line upside down", "broken_q ? 1'b0 :", "broken_q ? 1'b1 :"),
+            ("command_executor", "two at a time", "!bus_valid_o || !waits_q", "!bus_valid_o"),
+            ("register_file", "an answer too late", "age_q[9] && !reset_q", "age_q[8] && !reset_q"),
+            ("line_buffer", "another pixel", "pixel_o == replayed_q3", "pixel_o != replayed_q3"),
+        )
+        for fault in faults(
+            f"tb/contracts/{module}_contract.sv",
+            (what, old, new),
+            test=module,
+        )
+    ),
     # ---- the models, against mathematics ----
     *faults(
         "model/vrscan/fixed/divide.py",

@@ -125,6 +125,13 @@ def rtl_closure(module: Path, others: Sequence[Path] = ()) -> list[Path]:
     return [f for f in sources if f.stem in found]
 
 
+def contracts(sources: Sequence[Path]) -> list[Path]:
+    """Return the contracts that bind themselves to modules of these files; a wheel has none."""
+    stems = {file.stem for file in sources}
+    files = sorted((hardware_root() / "tb" / "contracts").glob("*_contract.sv"))
+    return [file for file in files if file.stem.removesuffix("_contract") in stems]
+
+
 def rtl_boards() -> list[Path]:
     """Return the wrapper of every board; it contains cells of its vendor."""
     return sorted((hardware_root() / "rtl" / "boards").glob("*.sv"))

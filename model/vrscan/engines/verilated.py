@@ -19,6 +19,7 @@ from vrscan.data.errors import InputError
 from vrscan.engines.tools import (
     OLDEST_VERILATOR,
     build_folder,
+    contracts,
     hardware_root,
     rtl_closure,
     rtl_folders,
@@ -194,7 +195,7 @@ class Tools:
         _call(
             [
                 self.verilator, "--cc", "-O3", "--Mdir", str(folder), "--prefix", prefix,
-                "--noassert", "--x-assign", "fast", "-CFLAGS", " ".join(flags),
+                "--x-assign", "fast", "-CFLAGS", " ".join(flags),
                 "--output-split", "100000", "--output-split-cfuncs", "100000000", *arguments,
             ],
             self.environment,
@@ -251,7 +252,7 @@ def build(name: str, harness: Path, ports: str, designs: Sequence[Design]) -> Pa
         for design in designs:
             tools.verilate(
                 work / design.prefix(), design.prefix(), _SHARED,
-                "--top-module", design.top.stem,
+                "--noassert", "--top-module", design.top.stem,
                 *(f"-G{key}={value!r}" for key, value in design.parameters.items()),
                 *(part for place in rtl_folders() for part in ("-y", str(place))),
                 *(str(file) for file in (*rtl_packages(), *design.devices, design.top)),
@@ -277,6 +278,8 @@ def build(name: str, harness: Path, ports: str, designs: Sequence[Design]) -> Pa
 def build_program(top: Path, parameters: Mapping[str, int | float], main: Path) -> Path:
     """Return a program of a top module with inputs ``clk_i`` and ``rst_i`` and its C++ main.
 
+    The contracts of its modules are in it, and end it where one is broken.
+
     Args:
         top: Top module in ``tb/board``; it may use ``rtl/`` and ``tb/devices``.
         parameters: Parameters of the top module.
@@ -289,6 +292,7 @@ def build_program(top: Path, parameters: Mapping[str, int | float], main: Path) 
     tools = Tools.found()
     devices = sorted((hardware_root() / "tb" / "devices").glob("*.sv"))
     sources = rtl_closure(top, [*devices, top])
+    sources += contracts(sources)
     headers = sorted(main.parent.glob("*.h"))
     digest = hashlib.sha256(repr((dict(parameters), top.stem, tools.identity)).encode())
     for source in (*sources, *headers, main, Path(__file__)):
@@ -305,7 +309,7 @@ def build_program(top: Path, parameters: Mapping[str, int | float], main: Path) 
         (work / "top.h").write_text(f'#include "V{top.stem}.h"\nusing Top = V{top.stem};\n')
         tools.verilate(
             work / "obj", f"V{top.stem}", _PROGRAM, "-CFLAGS", f"-I.. -I{main.parent}",
-            "--exe",
+            "--exe", "--assert", "-Wno-CMPCONST",
             "--top-module", top.stem, "-o", str(work / "program"),
             *(f"-G{key}={value!r}" for key, value in parameters.items()),
             *(str(file) for file in sources), str(main),
