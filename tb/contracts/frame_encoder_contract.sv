@@ -121,8 +121,9 @@ module frame_encoder_contract (
 
       code_is_the_distance: assert (!close || state_q == Delimiter || value == fill_q - slot_q);
       no_zero_in_a_frame: assert (!store || (value == 8'd0) == (state_q == Delimiter));
-      every_byte_is_stored: assert (!put || (store && (close ? given == 8'd0 && address == slot_q
-                                                             : value == given && address == fill_q)));
+      every_byte_is_stored:
+      assert (!put || (store && (close ? given == 8'd0 && address == slot_q
+                                       : value == given && address == fill_q)));
       payload_as_it_is: assert (!accept || (put && given == data_i));
       unread_is_not_overwritten: assert (!store || address - read_q >= committed);
       a_frame_ends_empty: assert (state_q != Delimiter || code_q == 8'd1);

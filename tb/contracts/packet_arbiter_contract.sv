@@ -86,7 +86,7 @@ module packet_arbiter_contract #(
       streams_take_turns: assert (!repeated);
       held_streams_do_not_begin: assert ((begun & ~offered_q) == '0);
       no_deadlock: assert (!busy_o || (valid_o && !ready_i) || taken != '0 ||
-                           (open_q & ~valid_i) != '0);
+                           (open_q & ~valid_i) != '0 || rst_i);
       no_idling: assert (!idle_q || offered_q == '0 || busy_o);
 
       step_one: assert (busy_o ? grant_q != '0 && (grant_q & (grant_q - Sources'(1))) == '0

@@ -42,7 +42,6 @@ module pixel_fifo_properties #(
   (* keep *) wire [Pointer-1:0] inside_write_q, inside_read_q, inside_write_gray_q;
   (* keep *) wire [Pointer-1:0] inside_read_gray_q;
   (* keep *) wire inside_write, inside_read, inside_pending_q, inside_flush_q, inside_acknowledge_q;
-  (* keep *) wire inside_request_q, inside_read_valid_q;
   (* keep *) wire [Pointer:0] inside_dut__u_to_pixel__meta_q, inside_dut__u_to_pixel__stable_q;
   (* keep *) wire [Pointer+Overflow+1:0] inside_dut__u_from_pixel__meta_q;
   (* keep *) wire [Pointer+Overflow+1:0] inside_dut__u_from_pixel__stable_q;
@@ -69,8 +68,6 @@ module pixel_fifo_properties #(
                   inside_dut__u_to_pixel__meta_q[0], inside_dut__u_to_pixel__stable_q[0],
                   inside_acknowledge_q,
                   inside_dut__u_from_pixel__meta_q[0], inside_dut__u_from_pixel__stable_q[0]};
-  logic requested;
-  assign requested = inside_dut__u_from_pixel__stable_q[1];
 
   // What one step of a chain may be from the next: the number of words between them.
   logic [Pointer-1:0] level, unseen, on_the_way, behind, seen_behind, room;
@@ -96,7 +93,8 @@ module pixel_fifo_properties #(
     nothing_is_read_that_was_not_written: assert (!inside_read || (clean && level != '0));
     nothing_is_read_in_a_flush: assert (!inside_read || flush == '0);
 
-    step_gray: assert (binary(inside_write_gray_q) == written && binary(inside_read_gray_q) == taken);
+    step_gray: assert (binary(inside_write_gray_q) == written &&
+                       binary(inside_read_gray_q) == taken);
     step_round: assert (flush[5] ? (flush & {1'b0, ~flush[5:1]}) == '0
                                  : (~flush & {1'b0, flush[5:1]}) == '0);
     step_quiet: assert (!(inside_pending_q || flush[5] || flush[0]) || taken == '0);
