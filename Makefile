@@ -61,7 +61,7 @@ bench: setup ## speed against error, as a page in build/report; ARGS="--quick --
 lint: setup ## Verilator -Wall, Yosys and Verible on the RTL, ruff and mypy on the Python
 	@$(BIN)/python scripts/lint.py
 
-formal: setup ## prove that no reachable state has more light than it may
+formal: setup ## prove the limits of the light, and the contracts of link and sensor side
 	@$(BIN)/python scripts/formal.py $(ARGS)
 
 timing: setup ## synthesise, place and route each module; MODULES="divide multiply" picks some
