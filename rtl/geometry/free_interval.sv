@@ -51,6 +51,8 @@ module free_interval (
 
   // ---- the table ----
   logic [2*FreeWidth-1:0] table_mem [2 << IndexWidth];
+  // An entry that was never written is 0, as the bus reads it.
+  initial for (int k = 0; k < (2 << IndexWidth); k = k + 1) table_mem[k] = '0;
   logic [   IndexWidth:0] address_q;
   logic [2*FreeWidth-1:0] read_q;
   logic [  FreeWidth-1:0] entry_from_q, entry_to_q;

@@ -112,6 +112,8 @@ module mirror_phase (
   localparam int unsigned EntryWidth = AmplitudeWidth + MidpointWidth;
   (* no_rw_check *)
   logic [EntryWidth-1:0] table_mem [1 << TableBits];
+  // An entry that was never written is 0, as the bus reads it.
+  initial for (int k = 0; k < (1 << TableBits); k = k + 1) table_mem[k] = '0;
   logic [EntryWidth-1:0] entry_q, entry_q2;
   logic [ TableBits-1:0] index_q;
 

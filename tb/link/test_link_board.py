@@ -59,6 +59,23 @@ def test_a_wrong_setting_is_noticed(device: Device) -> None:
     assert "want" in check.difference
 
 
+@pytest.mark.parametrize("seed", [2, 3, 4])
+def test_what_registers_hold_before_the_reset_changes_no_bit(
+    seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Boards that begin with other random bits give the model's points, and no fault."""
+    monkeypatch.setattr(selftest, "LINES", 10)
+    port = tmp_path / "port"
+    with Board(SCENE, CONFIG, port=port, seed=seed), Device(str(port), timeout=TIMEOUT_S) as device:
+        assert all(device.read(name) == 0 for name in selftest.FAULTS)
+        test = selftest.SelfTest(device)
+        with selftest.arranged(device):
+            settings = selftest.runs(device.build.line_length)["much noise"]
+            check = test.run("much noise", settings, True, 0, 1000)
+    assert check.difference is None
+    assert check.lines == 10
+
+
 @pytest.mark.parametrize("lines", [10, in_volume(selftest.LINES)])
 def test_the_readmes_commands_work_as_printed(
     lines: int, board: Board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
