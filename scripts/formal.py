@@ -40,6 +40,7 @@ SAFEGUARD = "rtl/safety/scan_safeguard.sv"
 ARBITER = "rtl/link/packet_arbiter.sv"
 ENCODER = "rtl/link/frame_encoder.sv"
 DECODER = "rtl/link/frame_decoder.sv"
+RECEIVER = "rtl/link/uart_rx.sv"
 TRANSMITTER = "rtl/link/uart_tx.sv"
 EXECUTOR = "rtl/link/command_executor.sv"
 REGISTERS = "rtl/link/register_file.sv"
@@ -103,6 +104,7 @@ PROOFS = (
     Proof("frame_encoder", "frame_encoder", 16, 20),
     Proof("frame_decoder", "frame_decoder", 5, 20),
     Proof("uart_tx", "uart_tx", 4, 20),
+    Proof("uart_tx + uart_rx", "uart_pair_properties", 4, 50, bounded=48),
     Proof("command_executor", "command_executor", 5, 24),
     Proof("register_file", "register_file", 5, 14),
     # Small memories: what is proven knows a place by its number only.
@@ -452,6 +454,23 @@ MUTANTS = (
                 "FrameBits = 4'd10;",
                 "FrameBits = 4'd9;",
                 "busy_to_the_end",
+            ),
+        )
+    ),
+    *(
+        Mutant(name, "uart_pair_properties", RECEIVER, good, bad, breaks, 48)
+        for name, good, bad, breaks in (
+            (
+                "the highest bit first, heard",
+                "data_o <= {vote, data_o[7:1]};",
+                "data_o <= {data_o[6:0], vote};",
+                "bounded_every_byte_is_heard_in_order",
+            ),
+            (
+                "a stop bit is taken as low",
+                "framing_o <= !stop;",
+                "framing_o <= stop;",
+                "bounded_nothing_else_is_heard",
             ),
         )
     ),
