@@ -62,7 +62,8 @@ module register_file (
   input  wire register_pkg::focus_status_t        focus_status_i,
   output      register_pkg::test_t                test_o,
   input  wire register_pkg::test_status_t         test_status_i,
-  input  wire register_pkg::sensor_t              sensor_i,
+  input  wire register_pkg::sensor_status_t       sensor_status_i,
+  output      register_pkg::sensor_t              sensor_o,
   output      register_pkg::locks_t               locks_o,
   output      register_pkg::table_t               table_o,
   output      register_pkg::focus_table_t         focus_table_o,
@@ -100,6 +101,8 @@ module register_file (
   local_register u_focus_reset (.clk_i, .d_i(rst_i), .q_o(focus_rst));
   logic test_rst;
   local_register u_test_reset (.clk_i, .d_i(rst_i), .q_o(test_rst));
+  logic sensor_rst;
+  local_register u_sensor_reset (.clk_i, .d_i(rst_i), .q_o(sensor_rst));
   logic locks_rst;
   local_register u_locks_reset (.clk_i, .d_i(rst_i), .q_o(locks_rst));
 
@@ -255,7 +258,7 @@ module register_file (
   end
 
   // ---- 5: which register; 6: it takes the word ----
-  logic [162:0] take_q;
+  logic [166:0] take_q;
   logic write_q2;
   always_ff @(posedge clk_i) begin
     write_q2 <= write_q;
@@ -420,9 +423,13 @@ module register_file (
     take_q[157] <= write_q && page_1c_hit_q && word_hit_q[10] && !rst;
     take_q[158] <= write_q && page_1c_hit_q && word_hit_q[11] && !rst;
     take_q[159] <= write_q && page_1c_hit_q && word_hit_q[12] && !rst;
-    take_q[160] <= write_q && page_3f_hit_q && word_hit_q[0] && !rst;
-    take_q[161] <= write_q && page_3f_hit_q && word_hit_q[1] && !rst;
-    take_q[162] <= write_q && page_3f_hit_q && word_hit_q[2] && !rst;
+    take_q[160] <= write_q && page_1d_hit_q && word_hit_q[4] && !rst;
+    take_q[161] <= write_q && page_1d_hit_q && word_hit_q[5] && !rst;
+    take_q[162] <= write_q && page_1d_hit_q && word_hit_q[6] && !rst;
+    take_q[163] <= write_q && page_1d_hit_q && word_hit_q[7] && !rst;
+    take_q[164] <= write_q && page_3f_hit_q && word_hit_q[0] && !rst;
+    take_q[165] <= write_q && page_3f_hit_q && word_hit_q[1] && !rst;
+    take_q[166] <= write_q && page_3f_hit_q && word_hit_q[2] && !rst;
   end
 
   logic [31:0] identity_data;
@@ -480,6 +487,10 @@ module register_file (
   logic [31:0] test_data;
   local_register #(.Width(32)) u_test_data (
     .clk_i, .d_i(data_q[31:0]), .q_o(test_data)
+  );
+  logic [23:0] sensor_data;
+  local_register #(.Width(24)) u_sensor_data (
+    .clk_i, .d_i(data_q[23:0]), .q_o(sensor_data)
   );
   logic [0:0] locks_data;
   local_register #(.Width(1)) u_locks_data (
@@ -652,9 +663,13 @@ module register_file (
     if (take_q[157]) test_o.test_power <= test_data[15:0];
     if (take_q[158]) test_o.test_start <= test_data[0];
     if (take_q[159]) test_o.test_stop <= test_data[0];
-    if (take_q[160]) locks_o.lock_calibration <= locks_data[0];
-    if (take_q[161]) locks_o.lock_mirror <= locks_data[0];
-    if (take_q[162]) locks_o.lock_laser <= locks_data[0];
+    if (take_q[160]) sensor_o.readout_lag <= sensor_data[1:0];
+    if (take_q[161]) sensor_o.readout_stale <= sensor_data[0];
+    if (take_q[162]) sensor_o.readout_min_clks <= sensor_data;
+    if (take_q[163]) sensor_o.readout_max_clks <= sensor_data;
+    if (take_q[164]) locks_o.lock_calibration <= locks_data[0];
+    if (take_q[165]) locks_o.lock_mirror <= locks_data[0];
+    if (take_q[166]) locks_o.lock_laser <= locks_data[0];
     if (identity_rst) begin
       identity_o.scratch <= '0;
     end
@@ -814,6 +829,12 @@ module register_file (
       test_o.test_stop <= '0;
       test_o.test_stop_strobe <= 1'b0;
     end
+    if (sensor_rst) begin
+      sensor_o.readout_lag <= '0;
+      sensor_o.readout_stale <= '0;
+      sensor_o.readout_min_clks <= '0;
+      sensor_o.readout_max_clks <= 24'hffffff;
+    end
     if (locks_rst) begin
       locks_o.lock_calibration <= '0;
       locks_o.lock_mirror <= '0;
@@ -923,7 +944,7 @@ module register_file (
   always_ff @(posedge clk_i) begin
     case (page_00_word)
       4'h0: page_00_q <= 32'h56525343;
-      4'h1: page_00_q <= 32'h91f3dbb6;
+      4'h1: page_00_q <= 32'hc003239c;
       4'h2: page_00_q <= 32'h00000100;
       4'h3: page_00_q <= 32'(identity_status_i.board_id);
       4'h4: page_00_q <= identity_status_i.clock_hz;
@@ -1382,9 +1403,14 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_1d_word)
-      4'h0: page_1d_q <= 32'(sensor_i.untagged_count);
-      4'h1: page_1d_q <= 32'(sensor_i.pixel_overflow_count);
-      default: page_1d_q <= 32'(sensor_i.unread_count);
+      4'h0: page_1d_q <= 32'(sensor_status_i.untagged_count);
+      4'h1: page_1d_q <= 32'(sensor_status_i.pixel_overflow_count);
+      4'h2: page_1d_q <= 32'(sensor_status_i.unread_count);
+      4'h3: page_1d_q <= 32'(sensor_status_i.mistimed_count);
+      4'h4: page_1d_q <= 32'(sensor_o.readout_lag);
+      4'h5: page_1d_q <= 32'(sensor_o.readout_stale);
+      4'h6: page_1d_q <= 32'(sensor_o.readout_min_clks);
+      default: page_1d_q <= 32'(sensor_o.readout_max_clks);
     endcase
     if (!page_1d_hit_q) page_1d_q <= '0;
   end
@@ -1908,6 +1934,16 @@ module register_file (
     rule_mem[465] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
     // unread_count
     rule_mem[466] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // mistimed_count
+    rule_mem[467] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // readout_lag
+    rule_mem[468] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000003};
+    // readout_stale
+    rule_mem[469] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000001};
+    // readout_min_clks
+    rule_mem[470] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000ffffff};
+    // readout_max_clks
+    rule_mem[471] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000ffffff};
     // lock_calibration
     rule_mem[1008] = {KindReadWrite, 2'd0, 33'h000000001, 33'h000000001};
     // lock_mirror

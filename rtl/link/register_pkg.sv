@@ -290,11 +290,21 @@ package register_pkg;
     logic test_running;
   } test_status_t;
 
-  // Counters of lines lost between trigger and readout.
+  // Which exposure a readout of the sensor belongs to, and counters of lines lost between the two:
+  // read.
   typedef struct packed {
     logic [15:0] untagged_count;
     logic [15:0] pixel_overflow_count;
     logic [15:0] unread_count;
+    logic [15:0] mistimed_count;
+  } sensor_status_t;
+
+  // Which exposure a readout of the sensor belongs to, and counters of lines lost between the two.
+  typedef struct packed {
+    logic [1:0] readout_lag;
+    logic readout_stale;
+    logic [23:0] readout_min_clks;
+    logic [23:0] readout_max_clks;
   } sensor_t;
 
   // Each takes a 1 and nothing else, and keeps it until reset.

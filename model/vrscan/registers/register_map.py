@@ -87,14 +87,14 @@ def _one(
     )  # fmt: skip
 
 
-MAP_HASH = 0x91F3DBB6
+MAP_HASH = 0xC003239C
 
 # fmt: off
 _REGISTERS = (
     _one("", 0x000, "identity", 32, "constant",
          "the letters VRSC, by which a host knows the instrument", reset=0x56525343),
     _one("", 0x001, "map_hash", 32, "constant",
-         "hash of the parts of this map that a host must know", reset=0x91F3DBB6),
+         "hash of the parts of this map that a host must know", reset=0xC003239C),
     _one("", 0x002, "version", 32, "constant",
          "version of the map: major, minor, patch in bits 31..16, 15..8, 7..0", reset=0x00000100),
     _one("identity_status", 0x003, "board_id", 16, "ro", "number of the kind of board"),
@@ -471,12 +471,26 @@ _REGISTERS = (
     _one("test", 0x1CC, "test_stop", 1, "strobe",
          "any write ends the run with the line that is under way"),
     _one("test_status", 0x1CD, "test_running", 1, "ro", "1 while a run is under way"),
-    _one("sensor", 0x1D0, "untagged_count", 16, "counter",
-         "number of lines that were read out without an exposure or angle of their own"),
-    _one("sensor", 0x1D1, "pixel_overflow_count", 16, "counter",
+    _one("sensor_status", 0x1D0, "untagged_count", 16, "counter",
+         "number of lines that were read out without an exposure or angle of their own, or "
+         "mistimed"),
+    _one("sensor_status", 0x1D1, "pixel_overflow_count", 16, "counter",
          "number of lines that the FIFO between the clocks lost"),
-    _one("sensor", 0x1D2, "unread_count", 16, "counter",
-         "number of exposures that another one followed before their readout began"),
+    _one("sensor_status", 0x1D2, "unread_count", 16, "counter",
+         "number of exposures whose readout never came"),
+    _one("sensor_status", 0x1D3, "mistimed_count", 16, "counter",
+         "number of readouts that were not of the exposure that readout_lag says, or not in its "
+         "window of time; their points are UNSETTLED"),
+    _one("sensor", 0x1D4, "readout_lag", 2, "rw",
+         "number of exposures that end between an exposure's end and its readout; after a change"
+         " points are UNSETTLED until line_enable has risen"),
+    _one("sensor", 0x1D5, "readout_stale", 1, "rw",
+         "1: after line_enable has risen the sensor first sends readout_lag old lines, which are"
+         " of no exposure"),
+    _one("sensor", 0x1D6, "readout_min_clks", 24, "rw",
+         "shortest time from an exposure's end to its readout", unit="clk"),
+    _one("sensor", 0x1D7, "readout_max_clks", 24, "rw",
+         "longest time from an exposure's end to its readout", reset=16777215, unit="clk"),
     _one("locks", 0x3F0, "lock_calibration", 1, "rw",
          "1 keeps until reset: peak, geometry, free space, motion and the amplitude table", low=1),
     _one("locks", 0x3F1, "lock_mirror", 1, "rw",
