@@ -282,7 +282,6 @@ module vrscan #(
   end
 
   // ---- from pixels to a point, which is always taken ----
-  localparam int unsigned CentreWidth = $clog2(LineLength) + 1 + vrscan_pkg::OffsetFraction;
   vrscan_chain #(
     .LineLength(LineLength), .PixelWidth(PixelWidth), .MaxWindow(MaxWindow)
   ) u_vrscan_chain (
@@ -291,7 +290,7 @@ module vrscan #(
     .pixel_valid_i(readout_q2.valid), .pixel_i(readout_q2.pixel), .line_i(readout_q2.line),
     .valid_o(point_valid), .ready_i(1'b1), .point_o(point),
     .peak_i(peak), .geometry_i(geometry), .free_i(free), .free_table_i(free_table),
-    .centre_i(CentreWidth'(geometry.centre)), .chain_o(chain)
+    .chain_o(chain)
   );
   assign measured_o = point_valid && point.measured;
 

@@ -44,7 +44,7 @@ package register_pkg;
   // Geometry of the triangulation, with R = 2**ceil(log2(line_length)) px; constant until the
   // points of all lines are out.
   typedef struct packed {
-    logic signed [31:0] centre;
+    logic signed [33:0] centre;
     logic signed [25:0] k1;
     logic signed [25:0] k2;
     logic even;
@@ -267,7 +267,7 @@ package register_pkg;
   // Test lines in place of the sensor's: a raised cosine on a pedestal with noise. A run uses the
   // values written before test_start.
   typedef struct packed {
-    logic [23:0] test_position;
+    logic [24:0] test_position;
     logic signed [23:0] test_move;
     logic [28:0] test_step;
     logic [15:0] test_height;

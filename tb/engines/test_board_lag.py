@@ -22,7 +22,6 @@ from vrscan.scene.description import load
 POWER = round(0.4 * CONFIG.laser.power_max)
 PAUSE_CLKS = 40_000  # in which the sensor forgets what it holds
 STEP = 5
-GOOD = 1 | 1 << pkg.FLAG_AT_EDGE  # measured, and whole
 UNSETTLED = 1 << pkg.FLAG_UNSETTLED
 
 
@@ -61,9 +60,12 @@ def missed_px(found: Records) -> np.ndarray:
     return off[seen]
 
 
-@pytest.mark.parametrize("late", [2.5, in_volume(0.5), in_volume(1.0)])
+@pytest.mark.parametrize(
+    ("late", "wrong"),
+    [(2.5, [0]), in_volume(2.5, [1, 3]), in_volume(0.5, [1, 2, 3]), in_volume(1.0, [0, 2, 3])],
+)
 def test_late_readouts_have_the_angle_of_their_light_or_none(
-    late: float, tmp_path_factory: pytest.TempPathFactory
+    late: float, wrong: list[int], tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     right = int(late)
     config = Config.model_validate(
@@ -78,9 +80,9 @@ def test_late_readouts_have_the_angle_of_their_light_or_none(
         device.write_many([("laser_adapt", 0), ("laser_power", POWER)])
         device.start()
         board.wait(PAUSE_CLKS)
-        for lag in (right, *(other for other in range(4) if other != right), right):
+        for lag in (*wrong, right):
             before = begin_lines(device, board, lag)
-            found = points(device, 120 if lag == right else 24)
+            found = points(device, 90 if lag == right else 24)
             mistimed = integer(device.read("mistimed_count")) - before
             console = Console(width=200)
             with console.capture() as shown:
@@ -90,10 +92,10 @@ def test_late_readouts_have_the_angle_of_their_light_or_none(
                 assert (found["flags"] & UNSETTLED == 0).all()
                 off = missed_px(found)
                 print(f"\n{late} lines late: {len(off)} points, {np.median(off):.3f} px off")
-                assert len(off) > 30 and np.median(off) < 0.5 and (off < 4.0).mean() > 0.9
+                assert len(off) > 25 and np.median(off) < 0.5 and (off < 4.0).mean() > 0.9
             else:
                 assert mistimed >= STEP * len(found)
                 assert (found["flags"] & UNSETTLED != 0).all()
                 assert (found["angle"] == 0).all() and (found["power"] == 0).all()
                 assert "mistimed_count" in shown.get()
-        assert board.status().lines_lost == 0
+        assert board.status().lines_lost <= 4  # those that the lines' end cut short

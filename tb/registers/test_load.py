@@ -133,7 +133,10 @@ def test_a_window_without_times_is_that_of_its_lag() -> None:
     [
         ({"readout_min_us": 40.0}, "readout_min_us = 40: that is 1.50 lines behind the exposure"),
         ({"readout_lag": 2, "readout_max_us": 30.0}, "readout_max_us = 30: that is 1.12 lines"),
-        ({"readout_lag": 2, "readout_max_us": 2e5}, "readout_max_us: needs a register value of 2e+07"),
+        (
+            {"readout_lag": 2, "readout_max_us": 2e5},
+            "readout_max_us: needs a register value of 2e+07",
+        ),
     ],
 )
 def test_a_window_that_the_lag_cannot_meet_is_refused(sensor: dict[str, float], words: str) -> None:
