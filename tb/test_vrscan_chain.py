@@ -32,14 +32,23 @@ from vrscan.fixed.vrscan_chain import run_fixed
 from vrscan.registers.chain_registers import Registers
 from vrscan.registers.structs import POINT
 
-WAIT = 5000  # clocks that a fit's point waits for the next line
 ELABORATIONS = [
-    given | {"NeighbourClks": WAIT}
+    {"NeighbourClks": 5000} | given  # a fit's point waits so long for the next line
     for given in (
         {"LineLength": 600, "PixelWidth": 12, "MaxWindow": 60},  # lines may follow without a gap
         {"LineLength": 130, "PixelWidth": 8, "MaxWindow": 20, "CountWidth": 1},  # they may not
         {"LineLength": 547, "PixelWidth": 16, "MaxWindow": 70},
         {"LineLength": 1200, "PixelWidth": 12, "MaxWindow": 60},  # nor do those of two passes
+        *(
+            {
+                "LineLength": length,
+                "PixelWidth": width,
+                "MaxWindow": 255,
+                "NeighbourClks": pkg.NEIGHBOUR_CLKS,
+            }
+            for length in (256, 8192)
+            for width in (8, 16)
+        ),
     )
 ]
 PASSED = ("power", "confidence", "inward", "time", "test")  # what only passes through
@@ -88,7 +97,9 @@ def registers(window: str = "threshold") -> Registers:
     """Return the shipped registers for the running elaboration."""
     given = parameters()
     sensor = Sensor(pixel_width=given["PixelWidth"], line_length=given["LineLength"])
-    geometry = Geometry(centre_px=(given["LineLength"] - 1) / 2)
+    length = given["LineLength"]
+    # The shipped lens has room for 7 um up to 7192 px.
+    geometry = Geometry(centre_px=(length - 1) / 2, pitch_mm=0.007 if length < 7000 else 0.0035)
     peak = Peak.model_validate({"window": window})
     return Registers.from_config(Config(sensor=sensor, geometry=geometry, peak=peak))
 
@@ -208,7 +219,7 @@ def expected(clocks: list[Strobes], given: Registers) -> list[tuple[int, dict[st
     ]
     clocks = [end + due[k] for k, end in enumerate(ends)]
     if given.window_fit:  # a point comes with the next line, the last one after a wait
-        clocks = [*clocks[1:], clocks[-1] + WAIT]
+        clocks = [*clocks[1:], clocks[-1] + elaboration["NeighbourClks"]]
     return [(clock, row(points, k) | passed[k]) for k, clock in enumerate(clocks)]
 
 
@@ -219,7 +230,9 @@ def row(points: Points, k: int) -> dict[str, int]:
 
 async def compare(dut, clocks: list[Strobes], given: Registers) -> list[dict[str, int]]:
     """Drive the clocks, let the last point out, and compare every point and its clock."""
-    clocks = clocks + idle((4500 + WAIT if given.window_fit else 2000) + parameters()["LineLength"])
+    elaboration = parameters()
+    rest = 4500 + elaboration["NeighbourClks"] if given.window_fit else 2000
+    clocks = clocks + idle(rest + elaboration["LineLength"])
     want = expected(clocks, given)
     got = await drive(dut, clocks)
     for k, (have, need) in enumerate(zip(got, want, strict=False)):
@@ -250,7 +263,6 @@ async def start(dut, window: str = "threshold") -> Registers:
             }
         )
         await FallingEdge(dut.clk_i)
-    dut.centre_i.value = given.centre & (1 << len(dut.centre_i)) - 1
     dut.ready_i.value = 1
     await FallingEdge(dut.clk_i)
     return given
@@ -359,11 +371,12 @@ async def consumer_that_waits(dut) -> None:
     for k, line in enumerate(lines):
         part = as_strobes(line, k)
         clocks += part + idle(period - len(part))
-    want = expected(clocks + idle(3000), given)
+    rest = idle(3000 + len(lines[0]))
+    want = expected(clocks + rest, given)
     dut.ready_i.value = 0
     # The consumer opens between the third and the fourth point.
     split = (want[2][0] + want[3][0]) // 2
-    clocks = clocks + idle(3000)
+    clocks = clocks + rest
     await drive(dut, clocks[:split])
     assert dut.valid_o.value == 1
     assert read_point(dut) == want[0][1]
@@ -406,7 +419,7 @@ def test_what_registers_hold_before_the_reset_changes_no_point(start: int) -> No
 
 
 @pytest.mark.parametrize("pixel_width", [8, 12, 16])
-@pytest.mark.parametrize("line_length", [64, 1000, 2048, 4096])
+@pytest.mark.parametrize("line_length", [64, 256, 1000, 2048, 4096, 8192])
 def test_no_stage_is_busy_longer_than_the_least_period(line_length: int, pixel_width: int) -> None:
     """MinPeriodOverhead covers the stages: what is between two lines is enough for each."""
     from vrscan.fixed import (

@@ -6,7 +6,7 @@
 // One multiplier forms the five products one after the other; each is brought down by Fraction bits.
 //
 //   position_i   px, PositionFraction bits
-//   centre_i     px, OffsetFraction bits
+//   centre       px, OffsetFraction bits; its lower CentreWidth bits
 //   k1, k2       k1 R^2 and k2 R^4, DistortionFraction bits
 //   offset_o     px, OffsetFraction bits; error below 2**-18 px for 10 % at the edge of 2048 px
 //   slope_o      d offset / d position, SlopeFraction bits
@@ -35,7 +35,6 @@ module distortion #(
   output      logic signed [     vrscan_pkg::SlopeWidth-1:0] slope_o,
   output      logic                                          saturated_o,
 
-  input  wire logic signed [                CentreWidth-1:0] centre_i,
   input  wire register_pkg::geometry_t                       geometry_i
 );
 
@@ -181,7 +180,7 @@ module distortion #(
     if (valid_i) begin
       r_q     <= (OffsetWidth'(position_i)
                   <<< (vrscan_pkg::OffsetFraction - vrscan_pkg::PositionFraction))
-                 - OffsetWidth'(centre_i);
+                 - OffsetWidth'(signed'(geometry_i.centre[CentreWidth-1:0]));
       step_q  <= SQUARE;
       start_q <= 1'b1;
     end

@@ -62,7 +62,8 @@ module register_file (
   input  wire register_pkg::focus_status_t        focus_status_i,
   output      register_pkg::test_t                test_o,
   input  wire register_pkg::test_status_t         test_status_i,
-  input  wire register_pkg::sensor_t              sensor_i,
+  input  wire register_pkg::sensor_status_t       sensor_status_i,
+  output      register_pkg::sensor_t              sensor_o,
   output      register_pkg::locks_t               locks_o,
   output      register_pkg::table_t               table_o,
   output      register_pkg::focus_table_t         focus_table_o,
@@ -100,6 +101,8 @@ module register_file (
   local_register u_focus_reset (.clk_i, .d_i(rst_i), .q_o(focus_rst));
   logic test_rst;
   local_register u_test_reset (.clk_i, .d_i(rst_i), .q_o(test_rst));
+  logic sensor_rst;
+  local_register u_sensor_reset (.clk_i, .d_i(rst_i), .q_o(sensor_rst));
   logic locks_rst;
   local_register u_locks_reset (.clk_i, .d_i(rst_i), .q_o(locks_rst));
 
@@ -255,7 +258,7 @@ module register_file (
   end
 
   // ---- 5: which register; 6: it takes the word ----
-  logic [162:0] take_q;
+  logic [167:0] take_q;
   logic write_q2;
   always_ff @(posedge clk_i) begin
     write_q2 <= write_q;
@@ -285,144 +288,149 @@ module register_file (
     take_q[22] <= write_q && page_02_hit_q && word_hit_q[8] && !rst;
     take_q[23] <= write_q && page_02_hit_q && word_hit_q[9] && !rst;
     take_q[24] <= write_q && page_02_hit_q && word_hit_q[10] && !rst;
-    take_q[25] <= write_q && page_03_hit_q && word_hit_q[8] && !rst;
-    take_q[26] <= write_q && page_03_hit_q && word_hit_q[9] && !rst;
-    take_q[27] <= write_q && page_04_hit_q && word_hit_q[0] && !rst;
-    take_q[28] <= write_q && page_04_hit_q && word_hit_q[1] && !rst;
-    take_q[29] <= write_q && page_04_hit_q && word_hit_q[2] && !rst;
-    take_q[30] <= write_q && page_04_hit_q && word_hit_q[3] && !rst;
-    take_q[31] <= write_q && page_04_hit_q && word_hit_q[4] && !rst;
-    take_q[32] <= write_q && page_04_hit_q && word_hit_q[5] && !rst;
-    take_q[33] <= write_q && page_04_hit_q && word_hit_q[6] && !rst;
-    take_q[34] <= write_q && page_04_hit_q && word_hit_q[7] && !rst;
-    take_q[35] <= write_q && page_04_hit_q && word_hit_q[8] && !rst;
-    take_q[36] <= write_q && page_04_hit_q && word_hit_q[9] && !rst;
-    take_q[37] <= write_q && page_04_hit_q && word_hit_q[10] && !rst;
-    take_q[38] <= write_q && page_04_hit_q && word_hit_q[11] && !rst;
-    take_q[39] <= write_q && page_04_hit_q && word_hit_q[12] && !rst;
-    take_q[40] <= write_q && page_04_hit_q && word_hit_q[13] && !rst;
-    take_q[41] <= write_q && page_04_hit_q && word_hit_q[14] && !rst;
-    take_q[42] <= write_q && page_04_hit_q && word_hit_q[15] && !rst;
-    take_q[43] <= write_q && page_05_hit_q && word_hit_q[0] && !rst;
-    take_q[44] <= write_q && page_05_hit_q && word_hit_q[1] && !rst;
-    take_q[45] <= write_q && page_05_hit_q && word_hit_q[2] && !rst;
-    take_q[46] <= write_q && page_05_hit_q && word_hit_q[3] && !rst;
-    take_q[47] <= write_q && page_05_hit_q && word_hit_q[4] && !rst;
-    take_q[48] <= write_q && page_05_hit_q && word_hit_q[5] && !rst;
-    take_q[49] <= write_q && page_05_hit_q && word_hit_q[6] && !rst;
-    take_q[50] <= write_q && page_05_hit_q && word_hit_q[7] && !rst;
-    take_q[51] <= write_q && page_05_hit_q && word_hit_q[8] && !rst;
-    take_q[52] <= write_q && page_05_hit_q && word_hit_q[9] && !rst;
-    take_q[53] <= write_q && page_05_hit_q && word_hit_q[10] && !rst;
-    take_q[54] <= write_q && page_05_hit_q && word_hit_q[11] && !rst;
-    take_q[55] <= write_q && page_05_hit_q && word_hit_q[12] && !rst;
-    take_q[56] <= write_q && page_05_hit_q && word_hit_q[13] && !rst;
-    take_q[57] <= write_q && page_06_hit_q && word_hit_q[0] && !rst;
-    take_q[58] <= write_q && page_06_hit_q && word_hit_q[1] && !rst;
-    take_q[59] <= write_q && page_06_hit_q && word_hit_q[2] && !rst;
-    take_q[60] <= write_q && page_06_hit_q && word_hit_q[3] && !rst;
-    take_q[61] <= write_q && page_06_hit_q && word_hit_q[4] && !rst;
-    take_q[62] <= write_q && page_06_hit_q && word_hit_q[5] && !rst;
-    take_q[63] <= write_q && page_06_hit_q && word_hit_q[6] && !rst;
-    take_q[64] <= write_q && page_06_hit_q && word_hit_q[7] && !rst;
-    take_q[65] <= write_q && page_06_hit_q && word_hit_q[8] && !rst;
-    take_q[66] <= write_q && page_08_hit_q && word_hit_q[0] && !rst;
-    take_q[67] <= write_q && page_08_hit_q && word_hit_q[1] && !rst;
-    take_q[68] <= write_q && page_08_hit_q && word_hit_q[2] && !rst;
-    take_q[69] <= write_q && page_08_hit_q && word_hit_q[3] && !rst;
-    take_q[70] <= write_q && page_08_hit_q && word_hit_q[4] && !rst;
-    take_q[71] <= write_q && page_08_hit_q && word_hit_q[5] && !rst;
-    take_q[72] <= write_q && page_08_hit_q && word_hit_q[6] && !rst;
-    take_q[73] <= write_q && page_08_hit_q && word_hit_q[7] && !rst;
-    take_q[74] <= write_q && page_08_hit_q && word_hit_q[8] && !rst;
-    take_q[75] <= write_q && page_08_hit_q && word_hit_q[9] && !rst;
-    take_q[76] <= write_q && page_08_hit_q && word_hit_q[10] && !rst;
-    take_q[77] <= write_q && page_08_hit_q && word_hit_q[11] && !rst;
-    take_q[78] <= write_q && page_08_hit_q && word_hit_q[12] && !rst;
-    take_q[79] <= write_q && page_08_hit_q && word_hit_q[13] && !rst;
-    take_q[80] <= write_q && page_08_hit_q && word_hit_q[14] && !rst;
-    take_q[81] <= write_q && page_08_hit_q && word_hit_q[15] && !rst;
-    take_q[82] <= write_q && page_09_hit_q && word_hit_q[0] && !rst;
-    take_q[83] <= write_q && page_09_hit_q && word_hit_q[1] && !rst;
-    take_q[84] <= write_q && page_09_hit_q && word_hit_q[2] && !rst;
-    take_q[85] <= write_q && page_09_hit_q && word_hit_q[3] && !rst;
-    take_q[86] <= write_q && page_09_hit_q && word_hit_q[4] && !rst;
-    take_q[87] <= write_q && page_09_hit_q && word_hit_q[5] && !rst;
-    take_q[88] <= write_q && page_09_hit_q && word_hit_q[6] && !rst;
-    take_q[89] <= write_q && page_09_hit_q && word_hit_q[7] && !rst;
-    take_q[90] <= write_q && page_09_hit_q && word_hit_q[8] && !rst;
-    take_q[91] <= write_q && page_09_hit_q && word_hit_q[9] && !rst;
-    take_q[92] <= write_q && page_09_hit_q && word_hit_q[10] && !rst;
-    take_q[93] <= write_q && page_09_hit_q && word_hit_q[11] && !rst;
-    take_q[94] <= write_q && page_09_hit_q && word_hit_q[12] && !rst;
-    take_q[95] <= write_q && page_09_hit_q && word_hit_q[13] && !rst;
-    take_q[96] <= write_q && page_09_hit_q && word_hit_q[14] && !rst;
-    take_q[97] <= write_q && page_09_hit_q && word_hit_q[15] && !rst;
-    take_q[98] <= write_q && page_0a_hit_q && word_hit_q[0] && !rst;
-    take_q[99] <= write_q && page_0a_hit_q && word_hit_q[1] && !rst;
-    take_q[100] <= write_q && page_0a_hit_q && word_hit_q[2] && !rst;
-    take_q[101] <= write_q && page_0a_hit_q && word_hit_q[3] && !rst;
-    take_q[102] <= write_q && page_0a_hit_q && word_hit_q[4] && !rst;
-    take_q[103] <= write_q && page_0b_hit_q && word_hit_q[0] && !rst;
-    take_q[104] <= write_q && page_0b_hit_q && word_hit_q[1] && !rst;
-    take_q[105] <= write_q && page_0b_hit_q && word_hit_q[2] && !rst;
-    take_q[106] <= write_q && page_0b_hit_q && word_hit_q[3] && !rst;
-    take_q[107] <= write_q && page_0b_hit_q && word_hit_q[4] && !rst;
-    take_q[108] <= write_q && page_0b_hit_q && word_hit_q[5] && !rst;
-    take_q[109] <= write_q && page_0e_hit_q && word_hit_q[0] && !rst;
-    take_q[110] <= write_q && page_10_hit_q && word_hit_q[0] && !rst;
-    take_q[111] <= write_q && page_10_hit_q && word_hit_q[1] && !rst;
-    take_q[112] <= write_q && page_10_hit_q && word_hit_q[2] && !rst;
-    take_q[113] <= write_q && page_10_hit_q && word_hit_q[3] && !rst;
-    take_q[114] <= write_q && page_10_hit_q && word_hit_q[4] && !rst;
-    take_q[115] <= write_q && page_10_hit_q && word_hit_q[5] && !rst;
-    take_q[116] <= write_q && page_10_hit_q && word_hit_q[6] && !rst;
-    take_q[117] <= write_q && page_10_hit_q && word_hit_q[7] && !rst;
-    take_q[118] <= write_q && page_10_hit_q && word_hit_q[8] && !rst;
-    take_q[119] <= write_q && page_10_hit_q && word_hit_q[9] && !rst;
-    take_q[120] <= write_q && page_10_hit_q && word_hit_q[10] && !rst;
-    take_q[121] <= write_q && page_10_hit_q && word_hit_q[11] && !rst;
-    take_q[122] <= write_q && page_10_hit_q && word_hit_q[12] && !rst;
-    take_q[123] <= write_q && page_10_hit_q && word_hit_q[13] && !rst;
-    take_q[124] <= write_q && page_12_hit_q && word_hit_q[0] && !rst;
-    take_q[125] <= write_q && page_12_hit_q && word_hit_q[1] && !rst;
-    take_q[126] <= write_q && page_12_hit_q && word_hit_q[2] && !rst;
-    take_q[127] <= write_q && page_12_hit_q && word_hit_q[3] && !rst;
-    take_q[128] <= write_q && page_12_hit_q && word_hit_q[4] && !rst;
-    take_q[129] <= write_q && page_12_hit_q && word_hit_q[5] && !rst;
-    take_q[130] <= write_q && page_16_hit_q && word_hit_q[0] && !rst;
-    take_q[131] <= write_q && page_16_hit_q && word_hit_q[1] && !rst;
-    take_q[132] <= write_q && page_18_hit_q && word_hit_q[0] && !rst;
-    take_q[133] <= write_q && page_18_hit_q && word_hit_q[1] && !rst;
-    take_q[134] <= write_q && page_18_hit_q && word_hit_q[2] && !rst;
-    take_q[135] <= write_q && page_18_hit_q && word_hit_q[3] && !rst;
-    take_q[136] <= write_q && page_18_hit_q && word_hit_q[4] && !rst;
-    take_q[137] <= write_q && page_18_hit_q && word_hit_q[5] && !rst;
-    take_q[138] <= write_q && page_18_hit_q && word_hit_q[6] && !rst;
-    take_q[139] <= write_q && page_18_hit_q && word_hit_q[7] && !rst;
-    take_q[140] <= write_q && page_18_hit_q && word_hit_q[8] && !rst;
-    take_q[141] <= write_q && page_18_hit_q && word_hit_q[9] && !rst;
-    take_q[142] <= write_q && page_18_hit_q && word_hit_q[10] && !rst;
-    take_q[143] <= write_q && page_18_hit_q && word_hit_q[11] && !rst;
-    take_q[144] <= write_q && page_18_hit_q && word_hit_q[12] && !rst;
-    take_q[145] <= write_q && page_18_hit_q && word_hit_q[13] && !rst;
-    take_q[146] <= write_q && page_18_hit_q && word_hit_q[14] && !rst;
-    take_q[147] <= write_q && page_1c_hit_q && word_hit_q[0] && !rst;
-    take_q[148] <= write_q && page_1c_hit_q && word_hit_q[1] && !rst;
-    take_q[149] <= write_q && page_1c_hit_q && word_hit_q[2] && !rst;
-    take_q[150] <= write_q && page_1c_hit_q && word_hit_q[3] && !rst;
-    take_q[151] <= write_q && page_1c_hit_q && word_hit_q[4] && !rst;
-    take_q[152] <= write_q && page_1c_hit_q && word_hit_q[5] && !rst;
-    take_q[153] <= write_q && page_1c_hit_q && word_hit_q[6] && !rst;
-    take_q[154] <= write_q && page_1c_hit_q && word_hit_q[7] && !rst;
-    take_q[155] <= write_q && page_1c_hit_q && word_hit_q[8] && !rst;
-    take_q[156] <= write_q && page_1c_hit_q && word_hit_q[9] && !rst;
-    take_q[157] <= write_q && page_1c_hit_q && word_hit_q[10] && !rst;
-    take_q[158] <= write_q && page_1c_hit_q && word_hit_q[11] && !rst;
-    take_q[159] <= write_q && page_1c_hit_q && word_hit_q[12] && !rst;
-    take_q[160] <= write_q && page_3f_hit_q && word_hit_q[0] && !rst;
-    take_q[161] <= write_q && page_3f_hit_q && word_hit_q[1] && !rst;
-    take_q[162] <= write_q && page_3f_hit_q && word_hit_q[2] && !rst;
+    take_q[25] <= write_q && page_02_hit_q && word_hit_q[11] && !rst;
+    take_q[26] <= write_q && page_03_hit_q && word_hit_q[8] && !rst;
+    take_q[27] <= write_q && page_03_hit_q && word_hit_q[9] && !rst;
+    take_q[28] <= write_q && page_04_hit_q && word_hit_q[0] && !rst;
+    take_q[29] <= write_q && page_04_hit_q && word_hit_q[1] && !rst;
+    take_q[30] <= write_q && page_04_hit_q && word_hit_q[2] && !rst;
+    take_q[31] <= write_q && page_04_hit_q && word_hit_q[3] && !rst;
+    take_q[32] <= write_q && page_04_hit_q && word_hit_q[4] && !rst;
+    take_q[33] <= write_q && page_04_hit_q && word_hit_q[5] && !rst;
+    take_q[34] <= write_q && page_04_hit_q && word_hit_q[6] && !rst;
+    take_q[35] <= write_q && page_04_hit_q && word_hit_q[7] && !rst;
+    take_q[36] <= write_q && page_04_hit_q && word_hit_q[8] && !rst;
+    take_q[37] <= write_q && page_04_hit_q && word_hit_q[9] && !rst;
+    take_q[38] <= write_q && page_04_hit_q && word_hit_q[10] && !rst;
+    take_q[39] <= write_q && page_04_hit_q && word_hit_q[11] && !rst;
+    take_q[40] <= write_q && page_04_hit_q && word_hit_q[12] && !rst;
+    take_q[41] <= write_q && page_04_hit_q && word_hit_q[13] && !rst;
+    take_q[42] <= write_q && page_04_hit_q && word_hit_q[14] && !rst;
+    take_q[43] <= write_q && page_04_hit_q && word_hit_q[15] && !rst;
+    take_q[44] <= write_q && page_05_hit_q && word_hit_q[0] && !rst;
+    take_q[45] <= write_q && page_05_hit_q && word_hit_q[1] && !rst;
+    take_q[46] <= write_q && page_05_hit_q && word_hit_q[2] && !rst;
+    take_q[47] <= write_q && page_05_hit_q && word_hit_q[3] && !rst;
+    take_q[48] <= write_q && page_05_hit_q && word_hit_q[4] && !rst;
+    take_q[49] <= write_q && page_05_hit_q && word_hit_q[5] && !rst;
+    take_q[50] <= write_q && page_05_hit_q && word_hit_q[6] && !rst;
+    take_q[51] <= write_q && page_05_hit_q && word_hit_q[7] && !rst;
+    take_q[52] <= write_q && page_05_hit_q && word_hit_q[8] && !rst;
+    take_q[53] <= write_q && page_05_hit_q && word_hit_q[9] && !rst;
+    take_q[54] <= write_q && page_05_hit_q && word_hit_q[10] && !rst;
+    take_q[55] <= write_q && page_05_hit_q && word_hit_q[11] && !rst;
+    take_q[56] <= write_q && page_05_hit_q && word_hit_q[12] && !rst;
+    take_q[57] <= write_q && page_05_hit_q && word_hit_q[13] && !rst;
+    take_q[58] <= write_q && page_06_hit_q && word_hit_q[0] && !rst;
+    take_q[59] <= write_q && page_06_hit_q && word_hit_q[1] && !rst;
+    take_q[60] <= write_q && page_06_hit_q && word_hit_q[2] && !rst;
+    take_q[61] <= write_q && page_06_hit_q && word_hit_q[3] && !rst;
+    take_q[62] <= write_q && page_06_hit_q && word_hit_q[4] && !rst;
+    take_q[63] <= write_q && page_06_hit_q && word_hit_q[5] && !rst;
+    take_q[64] <= write_q && page_06_hit_q && word_hit_q[6] && !rst;
+    take_q[65] <= write_q && page_06_hit_q && word_hit_q[7] && !rst;
+    take_q[66] <= write_q && page_06_hit_q && word_hit_q[8] && !rst;
+    take_q[67] <= write_q && page_08_hit_q && word_hit_q[0] && !rst;
+    take_q[68] <= write_q && page_08_hit_q && word_hit_q[1] && !rst;
+    take_q[69] <= write_q && page_08_hit_q && word_hit_q[2] && !rst;
+    take_q[70] <= write_q && page_08_hit_q && word_hit_q[3] && !rst;
+    take_q[71] <= write_q && page_08_hit_q && word_hit_q[4] && !rst;
+    take_q[72] <= write_q && page_08_hit_q && word_hit_q[5] && !rst;
+    take_q[73] <= write_q && page_08_hit_q && word_hit_q[6] && !rst;
+    take_q[74] <= write_q && page_08_hit_q && word_hit_q[7] && !rst;
+    take_q[75] <= write_q && page_08_hit_q && word_hit_q[8] && !rst;
+    take_q[76] <= write_q && page_08_hit_q && word_hit_q[9] && !rst;
+    take_q[77] <= write_q && page_08_hit_q && word_hit_q[10] && !rst;
+    take_q[78] <= write_q && page_08_hit_q && word_hit_q[11] && !rst;
+    take_q[79] <= write_q && page_08_hit_q && word_hit_q[12] && !rst;
+    take_q[80] <= write_q && page_08_hit_q && word_hit_q[13] && !rst;
+    take_q[81] <= write_q && page_08_hit_q && word_hit_q[14] && !rst;
+    take_q[82] <= write_q && page_08_hit_q && word_hit_q[15] && !rst;
+    take_q[83] <= write_q && page_09_hit_q && word_hit_q[0] && !rst;
+    take_q[84] <= write_q && page_09_hit_q && word_hit_q[1] && !rst;
+    take_q[85] <= write_q && page_09_hit_q && word_hit_q[2] && !rst;
+    take_q[86] <= write_q && page_09_hit_q && word_hit_q[3] && !rst;
+    take_q[87] <= write_q && page_09_hit_q && word_hit_q[4] && !rst;
+    take_q[88] <= write_q && page_09_hit_q && word_hit_q[5] && !rst;
+    take_q[89] <= write_q && page_09_hit_q && word_hit_q[6] && !rst;
+    take_q[90] <= write_q && page_09_hit_q && word_hit_q[7] && !rst;
+    take_q[91] <= write_q && page_09_hit_q && word_hit_q[8] && !rst;
+    take_q[92] <= write_q && page_09_hit_q && word_hit_q[9] && !rst;
+    take_q[93] <= write_q && page_09_hit_q && word_hit_q[10] && !rst;
+    take_q[94] <= write_q && page_09_hit_q && word_hit_q[11] && !rst;
+    take_q[95] <= write_q && page_09_hit_q && word_hit_q[12] && !rst;
+    take_q[96] <= write_q && page_09_hit_q && word_hit_q[13] && !rst;
+    take_q[97] <= write_q && page_09_hit_q && word_hit_q[14] && !rst;
+    take_q[98] <= write_q && page_09_hit_q && word_hit_q[15] && !rst;
+    take_q[99] <= write_q && page_0a_hit_q && word_hit_q[0] && !rst;
+    take_q[100] <= write_q && page_0a_hit_q && word_hit_q[1] && !rst;
+    take_q[101] <= write_q && page_0a_hit_q && word_hit_q[2] && !rst;
+    take_q[102] <= write_q && page_0a_hit_q && word_hit_q[3] && !rst;
+    take_q[103] <= write_q && page_0a_hit_q && word_hit_q[4] && !rst;
+    take_q[104] <= write_q && page_0b_hit_q && word_hit_q[0] && !rst;
+    take_q[105] <= write_q && page_0b_hit_q && word_hit_q[1] && !rst;
+    take_q[106] <= write_q && page_0b_hit_q && word_hit_q[2] && !rst;
+    take_q[107] <= write_q && page_0b_hit_q && word_hit_q[3] && !rst;
+    take_q[108] <= write_q && page_0b_hit_q && word_hit_q[4] && !rst;
+    take_q[109] <= write_q && page_0b_hit_q && word_hit_q[5] && !rst;
+    take_q[110] <= write_q && page_0e_hit_q && word_hit_q[0] && !rst;
+    take_q[111] <= write_q && page_10_hit_q && word_hit_q[0] && !rst;
+    take_q[112] <= write_q && page_10_hit_q && word_hit_q[1] && !rst;
+    take_q[113] <= write_q && page_10_hit_q && word_hit_q[2] && !rst;
+    take_q[114] <= write_q && page_10_hit_q && word_hit_q[3] && !rst;
+    take_q[115] <= write_q && page_10_hit_q && word_hit_q[4] && !rst;
+    take_q[116] <= write_q && page_10_hit_q && word_hit_q[5] && !rst;
+    take_q[117] <= write_q && page_10_hit_q && word_hit_q[6] && !rst;
+    take_q[118] <= write_q && page_10_hit_q && word_hit_q[7] && !rst;
+    take_q[119] <= write_q && page_10_hit_q && word_hit_q[8] && !rst;
+    take_q[120] <= write_q && page_10_hit_q && word_hit_q[9] && !rst;
+    take_q[121] <= write_q && page_10_hit_q && word_hit_q[10] && !rst;
+    take_q[122] <= write_q && page_10_hit_q && word_hit_q[11] && !rst;
+    take_q[123] <= write_q && page_10_hit_q && word_hit_q[12] && !rst;
+    take_q[124] <= write_q && page_10_hit_q && word_hit_q[13] && !rst;
+    take_q[125] <= write_q && page_12_hit_q && word_hit_q[0] && !rst;
+    take_q[126] <= write_q && page_12_hit_q && word_hit_q[1] && !rst;
+    take_q[127] <= write_q && page_12_hit_q && word_hit_q[2] && !rst;
+    take_q[128] <= write_q && page_12_hit_q && word_hit_q[3] && !rst;
+    take_q[129] <= write_q && page_12_hit_q && word_hit_q[4] && !rst;
+    take_q[130] <= write_q && page_12_hit_q && word_hit_q[5] && !rst;
+    take_q[131] <= write_q && page_16_hit_q && word_hit_q[0] && !rst;
+    take_q[132] <= write_q && page_16_hit_q && word_hit_q[1] && !rst;
+    take_q[133] <= write_q && page_18_hit_q && word_hit_q[0] && !rst;
+    take_q[134] <= write_q && page_18_hit_q && word_hit_q[1] && !rst;
+    take_q[135] <= write_q && page_18_hit_q && word_hit_q[2] && !rst;
+    take_q[136] <= write_q && page_18_hit_q && word_hit_q[3] && !rst;
+    take_q[137] <= write_q && page_18_hit_q && word_hit_q[4] && !rst;
+    take_q[138] <= write_q && page_18_hit_q && word_hit_q[5] && !rst;
+    take_q[139] <= write_q && page_18_hit_q && word_hit_q[6] && !rst;
+    take_q[140] <= write_q && page_18_hit_q && word_hit_q[7] && !rst;
+    take_q[141] <= write_q && page_18_hit_q && word_hit_q[8] && !rst;
+    take_q[142] <= write_q && page_18_hit_q && word_hit_q[9] && !rst;
+    take_q[143] <= write_q && page_18_hit_q && word_hit_q[10] && !rst;
+    take_q[144] <= write_q && page_18_hit_q && word_hit_q[11] && !rst;
+    take_q[145] <= write_q && page_18_hit_q && word_hit_q[12] && !rst;
+    take_q[146] <= write_q && page_18_hit_q && word_hit_q[13] && !rst;
+    take_q[147] <= write_q && page_18_hit_q && word_hit_q[14] && !rst;
+    take_q[148] <= write_q && page_1c_hit_q && word_hit_q[0] && !rst;
+    take_q[149] <= write_q && page_1c_hit_q && word_hit_q[1] && !rst;
+    take_q[150] <= write_q && page_1c_hit_q && word_hit_q[2] && !rst;
+    take_q[151] <= write_q && page_1c_hit_q && word_hit_q[3] && !rst;
+    take_q[152] <= write_q && page_1c_hit_q && word_hit_q[4] && !rst;
+    take_q[153] <= write_q && page_1c_hit_q && word_hit_q[5] && !rst;
+    take_q[154] <= write_q && page_1c_hit_q && word_hit_q[6] && !rst;
+    take_q[155] <= write_q && page_1c_hit_q && word_hit_q[7] && !rst;
+    take_q[156] <= write_q && page_1c_hit_q && word_hit_q[8] && !rst;
+    take_q[157] <= write_q && page_1c_hit_q && word_hit_q[9] && !rst;
+    take_q[158] <= write_q && page_1c_hit_q && word_hit_q[10] && !rst;
+    take_q[159] <= write_q && page_1c_hit_q && word_hit_q[11] && !rst;
+    take_q[160] <= write_q && page_1c_hit_q && word_hit_q[12] && !rst;
+    take_q[161] <= write_q && page_1d_hit_q && word_hit_q[4] && !rst;
+    take_q[162] <= write_q && page_1d_hit_q && word_hit_q[5] && !rst;
+    take_q[163] <= write_q && page_1d_hit_q && word_hit_q[6] && !rst;
+    take_q[164] <= write_q && page_1d_hit_q && word_hit_q[7] && !rst;
+    take_q[165] <= write_q && page_3f_hit_q && word_hit_q[0] && !rst;
+    take_q[166] <= write_q && page_3f_hit_q && word_hit_q[1] && !rst;
+    take_q[167] <= write_q && page_3f_hit_q && word_hit_q[2] && !rst;
   end
 
   logic [31:0] identity_data;
@@ -481,17 +489,22 @@ module register_file (
   local_register #(.Width(32)) u_test_data (
     .clk_i, .d_i(data_q[31:0]), .q_o(test_data)
   );
+  logic [23:0] sensor_data;
+  local_register #(.Width(24)) u_sensor_data (
+    .clk_i, .d_i(data_q[23:0]), .q_o(sensor_data)
+  );
   logic [0:0] locks_data;
   local_register #(.Width(1)) u_locks_data (
     .clk_i, .d_i(data_q[0:0]), .q_o(locks_data)
   );
+  logic [31:0] centre_low_q;
   logic [31:0] sweep_word_low_q;
   logic [31:0] work_word_low_q;
   logic [31:0] ratio_low_q;
   always_ff @(posedge clk_i) begin
-    link_o.uart_step_strobe <= take_q[109];
-    test_o.test_start_strobe <= take_q[158];
-    test_o.test_stop_strobe <= take_q[159];
+    link_o.uart_step_strobe <= take_q[110];
+    test_o.test_start_strobe <= take_q[159];
+    test_o.test_stop_strobe <= take_q[160];
     if (take_q[0]) identity_o.scratch <= identity_data;
     if (take_q[1]) peak_o.period_n <= peak_data[0];
     if (take_q[2]) peak_o.noise_row <= peak_data[0];
@@ -506,155 +519,160 @@ module register_file (
     if (take_q[11]) peak_o.window_fit <= peak_data[0];
     if (take_q[12]) peak_o.max_core <= peak_data[7:0];
     if (take_q[13]) peak_o.saturation_level <= peak_data[15:0];
-    if (take_q[14]) geometry_o.centre <= signed'(geometry_data);
-    if (take_q[15]) geometry_o.k1 <= signed'(geometry_data[25:0]);
-    if (take_q[16]) geometry_o.k2 <= signed'(geometry_data[25:0]);
-    if (take_q[17]) geometry_o.even <= geometry_data[0];
-    if (take_q[18]) geometry_o.n0 <= signed'(geometry_data);
-    if (take_q[19]) geometry_o.n1 <= signed'(geometry_data);
-    if (take_q[20]) geometry_o.d0 <= signed'(geometry_data);
-    if (take_q[21]) geometry_o.d1 <= signed'(geometry_data);
-    if (take_q[22]) geometry_o.e0 <= signed'(geometry_data);
-    if (take_q[23]) geometry_o.e1 <= signed'(geometry_data);
-    if (take_q[24]) geometry_o.tolerance <= geometry_data[15:0];
-    if (take_q[25]) free_o.free_begin <= signed'(free_data);
-    if (take_q[26]) free_o.free_shift <= free_data[3:0];
-    if (take_q[27]) mirror_o.mirror_enable <= mirror_data[0];
-    if (take_q[28]) mirror_o.line_enable <= mirror_data[0];
-    if (take_q[29]) sweep_word_low_q <= mirror_data;
-    if (take_q[30]) mirror_o.sweep_word <= {mirror_data[7:0], sweep_word_low_q};
-    if (take_q[31]) work_word_low_q <= mirror_data;
-    if (take_q[32]) mirror_o.work_word <= {mirror_data[7:0], work_word_low_q};
-    if (take_q[33]) mirror_o.sweep_rate <= mirror_data;
-    if (take_q[34]) mirror_o.glitch_clks <= mirror_data[7:0];
-    if (take_q[35]) mirror_o.width_min_clks <= mirror_data;
-    if (take_q[36]) mirror_o.width_max_clks <= mirror_data;
-    if (take_q[37]) mirror_o.period_max_clks <= mirror_data;
-    if (take_q[38]) mirror_o.phase_shift <= mirror_data[3:0];
-    if (take_q[39]) mirror_o.rate_shift <= mirror_data[5:0];
-    if (take_q[40]) mirror_o.amplitude_shift <= mirror_data[3:0];
-    if (take_q[41]) mirror_o.error_limit <= mirror_data[27:0];
-    if (take_q[42]) mirror_o.amplitude_set <= mirror_data[25:0];
-    if (take_q[43]) mirror_o.k_p <= mirror_data[17:0];
-    if (take_q[44]) mirror_o.k_i <= mirror_data[17:0];
-    if (take_q[45]) mirror_o.level_low <= mirror_data[19:0];
-    if (take_q[46]) mirror_o.level_high <= mirror_data[19:0];
-    if (take_q[47]) mirror_o.level_nominal <= mirror_data[19:0];
-    if (take_q[48]) mirror_o.trim_step <= mirror_data[23:0];
-    if (take_q[49]) mirror_o.trim_gain <= mirror_data[17:0];
-    if (take_q[50]) mirror_o.trim_up <= mirror_data[0];
-    if (take_q[51]) mirror_o.settle_limit <= mirror_data[25:0];
-    if (take_q[52]) mirror_o.shock_limit <= mirror_data[25:0];
-    if (take_q[53]) mirror_o.phase_limit <= mirror_data[27:0];
-    if (take_q[54]) mirror_o.settle_count <= mirror_data[7:0];
-    if (take_q[55]) mirror_o.hold_count <= mirror_data[7:0];
-    if (take_q[56]) mirror_o.confidence_gain <= mirror_data[23:0];
-    if (take_q[57]) mirror_limits_o.duty <= mirror_limits_data[15:0];
-    if (take_q[58]) mirror_limits_o.sweep_level <= mirror_limits_data[19:0];
-    if (take_q[59]) mirror_limits_o.level_min <= mirror_limits_data[19:0];
-    if (take_q[60]) mirror_limits_o.level_max <= mirror_limits_data[19:0];
-    if (take_q[61]) mirror_limits_o.trim_min <= signed'(mirror_limits_data);
-    if (take_q[62]) mirror_limits_o.trim_max <= signed'(mirror_limits_data);
-    if (take_q[63]) mirror_limits_o.sweep_timeout <= mirror_limits_data;
-    if (take_q[64]) mirror_limits_o.settle_timeout <= mirror_limits_data;
-    if (take_q[65]) mirror_limits_o.lost_timeout <= mirror_limits_data;
-    if (take_q[66]) motion_o.drive_phase <= motion_data;
-    if (take_q[67]) motion_o.motion_a[0+:24] <= motion_data[23:0];
-    if (take_q[68]) motion_o.motion_a[24+:24] <= motion_data[23:0];
-    if (take_q[69]) motion_o.motion_a[48+:24] <= motion_data[23:0];
-    if (take_q[70]) motion_o.motion_a[72+:24] <= motion_data[23:0];
-    if (take_q[71]) motion_o.motion_a[96+:24] <= motion_data[23:0];
-    if (take_q[72]) motion_o.motion_a[120+:24] <= motion_data[23:0];
-    if (take_q[73]) motion_o.motion_a[144+:24] <= motion_data[23:0];
-    if (take_q[74]) motion_o.motion_a[168+:24] <= motion_data[23:0];
-    if (take_q[75]) motion_o.motion_a[192+:24] <= motion_data[23:0];
-    if (take_q[76]) motion_o.motion_phi[0+:28] <= motion_data;
-    if (take_q[77]) motion_o.motion_phi[28+:28] <= motion_data;
-    if (take_q[78]) motion_o.motion_phi[56+:28] <= motion_data;
-    if (take_q[79]) motion_o.motion_phi[84+:28] <= motion_data;
-    if (take_q[80]) motion_o.motion_phi[112+:28] <= motion_data;
-    if (take_q[81]) motion_o.motion_phi[140+:28] <= motion_data;
-    if (take_q[82]) motion_o.motion_phi[168+:28] <= motion_data;
-    if (take_q[83]) motion_o.motion_phi[196+:28] <= motion_data;
-    if (take_q[84]) motion_o.motion_phi[224+:28] <= motion_data;
-    if (take_q[85]) motion_o.motion_da[0+:24] <= motion_data[23:0];
-    if (take_q[86]) motion_o.motion_da[24+:24] <= motion_data[23:0];
-    if (take_q[87]) motion_o.motion_da[48+:24] <= motion_data[23:0];
-    if (take_q[88]) motion_o.motion_da[72+:24] <= motion_data[23:0];
-    if (take_q[89]) motion_o.motion_da[96+:24] <= motion_data[23:0];
-    if (take_q[90]) motion_o.motion_da[120+:24] <= motion_data[23:0];
-    if (take_q[91]) motion_o.motion_da[144+:24] <= motion_data[23:0];
-    if (take_q[92]) motion_o.motion_da[168+:24] <= motion_data[23:0];
-    if (take_q[93]) motion_o.motion_da[192+:24] <= motion_data[23:0];
-    if (take_q[94]) motion_o.motion_dphi[0+:24] <= motion_data[23:0];
-    if (take_q[95]) motion_o.motion_dphi[24+:24] <= motion_data[23:0];
-    if (take_q[96]) motion_o.motion_dphi[48+:24] <= motion_data[23:0];
-    if (take_q[97]) motion_o.motion_dphi[72+:24] <= motion_data[23:0];
-    if (take_q[98]) motion_o.motion_dphi[96+:24] <= motion_data[23:0];
-    if (take_q[99]) motion_o.motion_dphi[120+:24] <= motion_data[23:0];
-    if (take_q[100]) motion_o.motion_dphi[144+:24] <= motion_data[23:0];
-    if (take_q[101]) motion_o.motion_dphi[168+:24] <= motion_data[23:0];
-    if (take_q[102]) motion_o.motion_dphi[192+:24] <= motion_data[23:0];
-    if (take_q[103]) ratio_low_q <= line_data;
-    if (take_q[104]) line_o.ratio <= {line_data[11:0], ratio_low_q};
-    if (take_q[105]) line_o.exposure_delay_clks <= line_data[19:0];
-    if (take_q[106]) line_o.exposure_clks <= line_data[19:0];
-    if (take_q[107]) line_o.pulse_delay_clks <= line_data[19:0];
-    if (take_q[108]) line_o.pulse_clks <= line_data[19:0];
-    if (take_q[109]) link_o.uart_step <= link_data;
-    if (take_q[110]) laser_o.laser_enable <= laser_data[0];
-    if (take_q[111]) laser_o.laser_adapt <= laser_data[0];
-    if (take_q[112]) laser_o.laser_shared <= laser_data[0];
-    if (take_q[113]) laser_o.laser_power <= laser_data;
-    if (take_q[114]) laser_o.laser_power_min <= laser_data;
-    if (take_q[115]) laser_o.laser_power_max <= laser_data;
-    if (take_q[116]) laser_o.laser_startup <= laser_data;
-    if (take_q[117]) laser_o.laser_target <= laser_data;
-    if (take_q[118]) laser_o.laser_cut <= laser_data[13:0];
-    if (take_q[119]) laser_o.laser_down <= laser_data;
-    if (take_q[120]) laser_o.laser_up <= laser_data;
-    if (take_q[121]) laser_o.laser_search <= laser_data[13:0];
-    if (take_q[122]) laser_o.laser_index_begin <= laser_data;
-    if (take_q[123]) laser_o.laser_index_end <= laser_data;
-    if (take_q[124]) laser_limits_o.laser_limit_power <= laser_limits_data[15:0];
-    if (take_q[125]) laser_limits_o.laser_limit_startup <= laser_limits_data[15:0];
-    if (take_q[126]) laser_limits_o.laser_limit_pulse_clks <= laser_limits_data[19:0];
-    if (take_q[127]) laser_limits_o.laser_limit_drain <= laser_limits_data[15:0];
-    if (take_q[128]) laser_limits_o.laser_limit_bucket <= laser_limits_data;
-    if (take_q[129]) laser_limits_o.laser_watchdog_clks <= laser_limits_data;
-    if (take_q[130]) points_o.points_batch <= points_data[7:0];
-    if (take_q[131]) points_o.points_timeout_clks <= points_data;
-    if (take_q[132]) focus_o.focus_mode <= focus_data[1:0];
-    if (take_q[133]) focus_o.focus_manual <= focus_data[15:0];
-    if (take_q[134]) focus_o.focus_average_shift <= focus_data[3:0];
-    if (take_q[135]) focus_o.focus_lapse <= focus_data[15:0];
-    if (take_q[136]) focus_o.focus_z_begin <= signed'(focus_data[23:0]);
-    if (take_q[137]) focus_o.focus_z_shift <= focus_data[3:0];
-    if (take_q[138]) focus_o.focus_hysteresis <= focus_data[15:0];
-    if (take_q[139]) focus_o.focus_hold_points <= focus_data[15:0];
-    if (take_q[140]) focus_o.focus_address <= focus_data[6:0];
-    if (take_q[141]) focus_o.focus_quarter_clks <= focus_data[15:0];
-    if (take_q[142]) focus_o.focus_stretch_clks <= focus_data[23:0];
-    if (take_q[143]) focus_o.focus_poll_clks <= focus_data[23:0];
-    if (take_q[144]) focus_o.focus_tolerance <= focus_data[15:0];
-    if (take_q[145]) focus_o.focus_timeout_clks <= focus_data;
-    if (take_q[146]) focus_o.focus_retries <= focus_data[7:0];
-    if (take_q[147]) test_o.test_position <= test_data[23:0];
-    if (take_q[148]) test_o.test_move <= signed'(test_data[23:0]);
-    if (take_q[149]) test_o.test_step <= test_data[28:0];
-    if (take_q[150]) test_o.test_height <= test_data[15:0];
-    if (take_q[151]) test_o.test_pedestal <= test_data[15:0];
-    if (take_q[152]) test_o.test_noise <= test_data[15:0];
-    if (take_q[153]) test_o.test_seed <= test_data;
-    if (take_q[154]) test_o.test_lines <= test_data;
-    if (take_q[155]) test_o.test_period_clks <= test_data[23:0];
-    if (take_q[156]) test_o.test_angle <= signed'(test_data[23:0]);
-    if (take_q[157]) test_o.test_power <= test_data[15:0];
-    if (take_q[158]) test_o.test_start <= test_data[0];
-    if (take_q[159]) test_o.test_stop <= test_data[0];
-    if (take_q[160]) locks_o.lock_calibration <= locks_data[0];
-    if (take_q[161]) locks_o.lock_mirror <= locks_data[0];
-    if (take_q[162]) locks_o.lock_laser <= locks_data[0];
+    if (take_q[14]) centre_low_q <= geometry_data;
+    if (take_q[15]) geometry_o.centre <= {geometry_data[1:0], centre_low_q};
+    if (take_q[16]) geometry_o.k1 <= signed'(geometry_data[25:0]);
+    if (take_q[17]) geometry_o.k2 <= signed'(geometry_data[25:0]);
+    if (take_q[18]) geometry_o.even <= geometry_data[0];
+    if (take_q[19]) geometry_o.n0 <= signed'(geometry_data);
+    if (take_q[20]) geometry_o.n1 <= signed'(geometry_data);
+    if (take_q[21]) geometry_o.d0 <= signed'(geometry_data);
+    if (take_q[22]) geometry_o.d1 <= signed'(geometry_data);
+    if (take_q[23]) geometry_o.e0 <= signed'(geometry_data);
+    if (take_q[24]) geometry_o.e1 <= signed'(geometry_data);
+    if (take_q[25]) geometry_o.tolerance <= geometry_data[15:0];
+    if (take_q[26]) free_o.free_begin <= signed'(free_data);
+    if (take_q[27]) free_o.free_shift <= free_data[3:0];
+    if (take_q[28]) mirror_o.mirror_enable <= mirror_data[0];
+    if (take_q[29]) mirror_o.line_enable <= mirror_data[0];
+    if (take_q[30]) sweep_word_low_q <= mirror_data;
+    if (take_q[31]) mirror_o.sweep_word <= {mirror_data[7:0], sweep_word_low_q};
+    if (take_q[32]) work_word_low_q <= mirror_data;
+    if (take_q[33]) mirror_o.work_word <= {mirror_data[7:0], work_word_low_q};
+    if (take_q[34]) mirror_o.sweep_rate <= mirror_data;
+    if (take_q[35]) mirror_o.glitch_clks <= mirror_data[7:0];
+    if (take_q[36]) mirror_o.width_min_clks <= mirror_data;
+    if (take_q[37]) mirror_o.width_max_clks <= mirror_data;
+    if (take_q[38]) mirror_o.period_max_clks <= mirror_data;
+    if (take_q[39]) mirror_o.phase_shift <= mirror_data[3:0];
+    if (take_q[40]) mirror_o.rate_shift <= mirror_data[5:0];
+    if (take_q[41]) mirror_o.amplitude_shift <= mirror_data[3:0];
+    if (take_q[42]) mirror_o.error_limit <= mirror_data[27:0];
+    if (take_q[43]) mirror_o.amplitude_set <= mirror_data[25:0];
+    if (take_q[44]) mirror_o.k_p <= mirror_data[17:0];
+    if (take_q[45]) mirror_o.k_i <= mirror_data[17:0];
+    if (take_q[46]) mirror_o.level_low <= mirror_data[19:0];
+    if (take_q[47]) mirror_o.level_high <= mirror_data[19:0];
+    if (take_q[48]) mirror_o.level_nominal <= mirror_data[19:0];
+    if (take_q[49]) mirror_o.trim_step <= mirror_data[23:0];
+    if (take_q[50]) mirror_o.trim_gain <= mirror_data[17:0];
+    if (take_q[51]) mirror_o.trim_up <= mirror_data[0];
+    if (take_q[52]) mirror_o.settle_limit <= mirror_data[25:0];
+    if (take_q[53]) mirror_o.shock_limit <= mirror_data[25:0];
+    if (take_q[54]) mirror_o.phase_limit <= mirror_data[27:0];
+    if (take_q[55]) mirror_o.settle_count <= mirror_data[7:0];
+    if (take_q[56]) mirror_o.hold_count <= mirror_data[7:0];
+    if (take_q[57]) mirror_o.confidence_gain <= mirror_data[23:0];
+    if (take_q[58]) mirror_limits_o.duty <= mirror_limits_data[15:0];
+    if (take_q[59]) mirror_limits_o.sweep_level <= mirror_limits_data[19:0];
+    if (take_q[60]) mirror_limits_o.level_min <= mirror_limits_data[19:0];
+    if (take_q[61]) mirror_limits_o.level_max <= mirror_limits_data[19:0];
+    if (take_q[62]) mirror_limits_o.trim_min <= signed'(mirror_limits_data);
+    if (take_q[63]) mirror_limits_o.trim_max <= signed'(mirror_limits_data);
+    if (take_q[64]) mirror_limits_o.sweep_timeout <= mirror_limits_data;
+    if (take_q[65]) mirror_limits_o.settle_timeout <= mirror_limits_data;
+    if (take_q[66]) mirror_limits_o.lost_timeout <= mirror_limits_data;
+    if (take_q[67]) motion_o.drive_phase <= motion_data;
+    if (take_q[68]) motion_o.motion_a[0+:24] <= motion_data[23:0];
+    if (take_q[69]) motion_o.motion_a[24+:24] <= motion_data[23:0];
+    if (take_q[70]) motion_o.motion_a[48+:24] <= motion_data[23:0];
+    if (take_q[71]) motion_o.motion_a[72+:24] <= motion_data[23:0];
+    if (take_q[72]) motion_o.motion_a[96+:24] <= motion_data[23:0];
+    if (take_q[73]) motion_o.motion_a[120+:24] <= motion_data[23:0];
+    if (take_q[74]) motion_o.motion_a[144+:24] <= motion_data[23:0];
+    if (take_q[75]) motion_o.motion_a[168+:24] <= motion_data[23:0];
+    if (take_q[76]) motion_o.motion_a[192+:24] <= motion_data[23:0];
+    if (take_q[77]) motion_o.motion_phi[0+:28] <= motion_data;
+    if (take_q[78]) motion_o.motion_phi[28+:28] <= motion_data;
+    if (take_q[79]) motion_o.motion_phi[56+:28] <= motion_data;
+    if (take_q[80]) motion_o.motion_phi[84+:28] <= motion_data;
+    if (take_q[81]) motion_o.motion_phi[112+:28] <= motion_data;
+    if (take_q[82]) motion_o.motion_phi[140+:28] <= motion_data;
+    if (take_q[83]) motion_o.motion_phi[168+:28] <= motion_data;
+    if (take_q[84]) motion_o.motion_phi[196+:28] <= motion_data;
+    if (take_q[85]) motion_o.motion_phi[224+:28] <= motion_data;
+    if (take_q[86]) motion_o.motion_da[0+:24] <= motion_data[23:0];
+    if (take_q[87]) motion_o.motion_da[24+:24] <= motion_data[23:0];
+    if (take_q[88]) motion_o.motion_da[48+:24] <= motion_data[23:0];
+    if (take_q[89]) motion_o.motion_da[72+:24] <= motion_data[23:0];
+    if (take_q[90]) motion_o.motion_da[96+:24] <= motion_data[23:0];
+    if (take_q[91]) motion_o.motion_da[120+:24] <= motion_data[23:0];
+    if (take_q[92]) motion_o.motion_da[144+:24] <= motion_data[23:0];
+    if (take_q[93]) motion_o.motion_da[168+:24] <= motion_data[23:0];
+    if (take_q[94]) motion_o.motion_da[192+:24] <= motion_data[23:0];
+    if (take_q[95]) motion_o.motion_dphi[0+:24] <= motion_data[23:0];
+    if (take_q[96]) motion_o.motion_dphi[24+:24] <= motion_data[23:0];
+    if (take_q[97]) motion_o.motion_dphi[48+:24] <= motion_data[23:0];
+    if (take_q[98]) motion_o.motion_dphi[72+:24] <= motion_data[23:0];
+    if (take_q[99]) motion_o.motion_dphi[96+:24] <= motion_data[23:0];
+    if (take_q[100]) motion_o.motion_dphi[120+:24] <= motion_data[23:0];
+    if (take_q[101]) motion_o.motion_dphi[144+:24] <= motion_data[23:0];
+    if (take_q[102]) motion_o.motion_dphi[168+:24] <= motion_data[23:0];
+    if (take_q[103]) motion_o.motion_dphi[192+:24] <= motion_data[23:0];
+    if (take_q[104]) ratio_low_q <= line_data;
+    if (take_q[105]) line_o.ratio <= {line_data[11:0], ratio_low_q};
+    if (take_q[106]) line_o.exposure_delay_clks <= line_data[19:0];
+    if (take_q[107]) line_o.exposure_clks <= line_data[19:0];
+    if (take_q[108]) line_o.pulse_delay_clks <= line_data[19:0];
+    if (take_q[109]) line_o.pulse_clks <= line_data[19:0];
+    if (take_q[110]) link_o.uart_step <= link_data;
+    if (take_q[111]) laser_o.laser_enable <= laser_data[0];
+    if (take_q[112]) laser_o.laser_adapt <= laser_data[0];
+    if (take_q[113]) laser_o.laser_shared <= laser_data[0];
+    if (take_q[114]) laser_o.laser_power <= laser_data;
+    if (take_q[115]) laser_o.laser_power_min <= laser_data;
+    if (take_q[116]) laser_o.laser_power_max <= laser_data;
+    if (take_q[117]) laser_o.laser_startup <= laser_data;
+    if (take_q[118]) laser_o.laser_target <= laser_data;
+    if (take_q[119]) laser_o.laser_cut <= laser_data[13:0];
+    if (take_q[120]) laser_o.laser_down <= laser_data;
+    if (take_q[121]) laser_o.laser_up <= laser_data;
+    if (take_q[122]) laser_o.laser_search <= laser_data[13:0];
+    if (take_q[123]) laser_o.laser_index_begin <= laser_data;
+    if (take_q[124]) laser_o.laser_index_end <= laser_data;
+    if (take_q[125]) laser_limits_o.laser_limit_power <= laser_limits_data[15:0];
+    if (take_q[126]) laser_limits_o.laser_limit_startup <= laser_limits_data[15:0];
+    if (take_q[127]) laser_limits_o.laser_limit_pulse_clks <= laser_limits_data[19:0];
+    if (take_q[128]) laser_limits_o.laser_limit_drain <= laser_limits_data[15:0];
+    if (take_q[129]) laser_limits_o.laser_limit_bucket <= laser_limits_data;
+    if (take_q[130]) laser_limits_o.laser_watchdog_clks <= laser_limits_data;
+    if (take_q[131]) points_o.points_batch <= points_data[7:0];
+    if (take_q[132]) points_o.points_timeout_clks <= points_data;
+    if (take_q[133]) focus_o.focus_mode <= focus_data[1:0];
+    if (take_q[134]) focus_o.focus_manual <= focus_data[15:0];
+    if (take_q[135]) focus_o.focus_average_shift <= focus_data[3:0];
+    if (take_q[136]) focus_o.focus_lapse <= focus_data[15:0];
+    if (take_q[137]) focus_o.focus_z_begin <= signed'(focus_data[23:0]);
+    if (take_q[138]) focus_o.focus_z_shift <= focus_data[3:0];
+    if (take_q[139]) focus_o.focus_hysteresis <= focus_data[15:0];
+    if (take_q[140]) focus_o.focus_hold_points <= focus_data[15:0];
+    if (take_q[141]) focus_o.focus_address <= focus_data[6:0];
+    if (take_q[142]) focus_o.focus_quarter_clks <= focus_data[15:0];
+    if (take_q[143]) focus_o.focus_stretch_clks <= focus_data[23:0];
+    if (take_q[144]) focus_o.focus_poll_clks <= focus_data[23:0];
+    if (take_q[145]) focus_o.focus_tolerance <= focus_data[15:0];
+    if (take_q[146]) focus_o.focus_timeout_clks <= focus_data;
+    if (take_q[147]) focus_o.focus_retries <= focus_data[7:0];
+    if (take_q[148]) test_o.test_position <= test_data[24:0];
+    if (take_q[149]) test_o.test_move <= signed'(test_data[23:0]);
+    if (take_q[150]) test_o.test_step <= test_data[28:0];
+    if (take_q[151]) test_o.test_height <= test_data[15:0];
+    if (take_q[152]) test_o.test_pedestal <= test_data[15:0];
+    if (take_q[153]) test_o.test_noise <= test_data[15:0];
+    if (take_q[154]) test_o.test_seed <= test_data;
+    if (take_q[155]) test_o.test_lines <= test_data;
+    if (take_q[156]) test_o.test_period_clks <= test_data[23:0];
+    if (take_q[157]) test_o.test_angle <= signed'(test_data[23:0]);
+    if (take_q[158]) test_o.test_power <= test_data[15:0];
+    if (take_q[159]) test_o.test_start <= test_data[0];
+    if (take_q[160]) test_o.test_stop <= test_data[0];
+    if (take_q[161]) sensor_o.readout_lag <= sensor_data[1:0];
+    if (take_q[162]) sensor_o.readout_stale <= sensor_data[0];
+    if (take_q[163]) sensor_o.readout_min_clks <= sensor_data;
+    if (take_q[164]) sensor_o.readout_max_clks <= sensor_data;
+    if (take_q[165]) locks_o.lock_calibration <= locks_data[0];
+    if (take_q[166]) locks_o.lock_mirror <= locks_data[0];
+    if (take_q[167]) locks_o.lock_laser <= locks_data[0];
     if (identity_rst) begin
       identity_o.scratch <= '0;
     end
@@ -674,7 +692,8 @@ module register_file (
       peak_o.saturation_level <= 16'h0fff;
     end
     if (geometry_rst) begin
-      geometry_o.centre <= 32'h3ff80000;
+      centre_low_q <= 32'h3ff80000;
+      geometry_o.centre <= 34'h03ff80000;
       geometry_o.k1 <= '0;
       geometry_o.k2 <= '0;
       geometry_o.even <= '0;
@@ -798,7 +817,7 @@ module register_file (
       focus_o.focus_retries <= '0;
     end
     if (test_rst) begin
-      test_o.test_position <= 24'h400000;
+      test_o.test_position <= 25'h0400000;
       test_o.test_move <= 24'h001000;
       test_o.test_step <= 29'h00cccccd;
       test_o.test_height <= 16'h9c40;
@@ -813,6 +832,12 @@ module register_file (
       test_o.test_start_strobe <= 1'b0;
       test_o.test_stop <= '0;
       test_o.test_stop_strobe <= 1'b0;
+    end
+    if (sensor_rst) begin
+      sensor_o.readout_lag <= '0;
+      sensor_o.readout_stale <= '0;
+      sensor_o.readout_min_clks <= '0;
+      sensor_o.readout_max_clks <= 24'hffffff;
     end
     if (locks_rst) begin
       locks_o.lock_calibration <= '0;
@@ -943,7 +968,7 @@ module register_file (
   always_ff @(posedge clk_i) begin
     case (page_00_word)
       4'h0: page_00_q <= 32'h56525343;
-      4'h1: page_00_q <= 32'h91f3dbb6;
+      4'h1: page_00_q <= 32'h0171361a;
       4'h2: page_00_q <= 32'h00000100;
       4'h3: page_00_q <= 32'(identity_status_i.board_id);
       4'h4: page_00_q <= identity_status_i.clock_hz;
@@ -990,16 +1015,17 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_02_word)
-      4'h0: page_02_q <= unsigned'(geometry_o.centre);
-      4'h1: page_02_q <= 32'(geometry_o.k1);
-      4'h2: page_02_q <= 32'(geometry_o.k2);
-      4'h3: page_02_q <= 32'(geometry_o.even);
-      4'h4: page_02_q <= unsigned'(geometry_o.n0);
-      4'h5: page_02_q <= unsigned'(geometry_o.n1);
-      4'h6: page_02_q <= unsigned'(geometry_o.d0);
-      4'h7: page_02_q <= unsigned'(geometry_o.d1);
-      4'h8: page_02_q <= unsigned'(geometry_o.e0);
-      4'h9: page_02_q <= unsigned'(geometry_o.e1);
+      4'h0: page_02_q <= unsigned'(centre_low_q);
+      4'h1: page_02_q <= 32'(signed'(geometry_o.centre[33:32]));
+      4'h2: page_02_q <= 32'(geometry_o.k1);
+      4'h3: page_02_q <= 32'(geometry_o.k2);
+      4'h4: page_02_q <= 32'(geometry_o.even);
+      4'h5: page_02_q <= unsigned'(geometry_o.n0);
+      4'h6: page_02_q <= unsigned'(geometry_o.n1);
+      4'h7: page_02_q <= unsigned'(geometry_o.d0);
+      4'h8: page_02_q <= unsigned'(geometry_o.d1);
+      4'h9: page_02_q <= unsigned'(geometry_o.e0);
+      4'ha: page_02_q <= unsigned'(geometry_o.e1);
       default: page_02_q <= 32'(geometry_o.tolerance);
     endcase
     if (!page_02_hit_q) page_02_q <= '0;
@@ -1402,9 +1428,14 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_1d_word)
-      4'h0: page_1d_q <= 32'(sensor_i.untagged_count);
-      4'h1: page_1d_q <= 32'(sensor_i.pixel_overflow_count);
-      default: page_1d_q <= 32'(sensor_i.unread_count);
+      4'h0: page_1d_q <= 32'(sensor_status_i.untagged_count);
+      4'h1: page_1d_q <= 32'(sensor_status_i.pixel_overflow_count);
+      4'h2: page_1d_q <= 32'(sensor_status_i.unread_count);
+      4'h3: page_1d_q <= 32'(sensor_status_i.mistimed_count);
+      4'h4: page_1d_q <= 32'(sensor_o.readout_lag);
+      4'h5: page_1d_q <= 32'(sensor_o.readout_stale);
+      4'h6: page_1d_q <= 32'(sensor_o.readout_min_clks);
+      default: page_1d_q <= 32'(sensor_o.readout_max_clks);
     endcase
     if (!page_1d_hit_q) page_1d_q <= '0;
   end
@@ -1516,28 +1547,30 @@ module register_file (
     rule_mem[27] = {KindReadWrite, 2'd1, 33'h000000003, 33'h0000000ff};
     // saturation_level
     rule_mem[28] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00000ffff};
-    // centre
-    rule_mem[32] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
+    // centre, word 0
+    rule_mem[32] = {KindReadWrite, 2'd1, 33'h000000000, 33'h0ffffffff};
+    // centre, word 1
+    rule_mem[33] = {KindReadWrite, 2'd1, 33'h1fffffffe, 33'h000000001};
     // k1
-    rule_mem[33] = {KindReadWrite, 2'd1, 33'h1fe000000, 33'h001ffffff};
-    // k2
     rule_mem[34] = {KindReadWrite, 2'd1, 33'h1fe000000, 33'h001ffffff};
+    // k2
+    rule_mem[35] = {KindReadWrite, 2'd1, 33'h1fe000000, 33'h001ffffff};
     // even
-    rule_mem[35] = {KindReadWrite, 2'd1, 33'h000000000, 33'h000000001};
+    rule_mem[36] = {KindReadWrite, 2'd1, 33'h000000000, 33'h000000001};
     // n0
-    rule_mem[36] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
-    // n1
     rule_mem[37] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
-    // d0
+    // n1
     rule_mem[38] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
-    // d1
+    // d0
     rule_mem[39] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
-    // e0
+    // d1
     rule_mem[40] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
-    // e1
+    // e0
     rule_mem[41] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
+    // e1
+    rule_mem[42] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
     // tolerance
-    rule_mem[42] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00000ffff};
+    rule_mem[43] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00000ffff};
     // short_count
     rule_mem[48] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
     // long_count
@@ -1895,7 +1928,7 @@ module register_file (
     // focus_recovery_count
     rule_mem[427] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
     // test_position
-    rule_mem[448] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000ffffff};
+    rule_mem[448] = {KindReadWrite, 2'd0, 33'h000000000, 33'h001ffffff};
     // test_move
     rule_mem[449] = {KindReadWrite, 2'd0, 33'h1ff800000, 33'h0007fffff};
     // test_step
@@ -1928,6 +1961,16 @@ module register_file (
     rule_mem[465] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
     // unread_count
     rule_mem[466] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // mistimed_count
+    rule_mem[467] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // readout_lag
+    rule_mem[468] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000003};
+    // readout_stale
+    rule_mem[469] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000001};
+    // readout_min_clks
+    rule_mem[470] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000ffffff};
+    // readout_max_clks
+    rule_mem[471] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000ffffff};
     // lock_calibration
     rule_mem[1008] = {KindReadWrite, 2'd0, 33'h000000001, 33'h000000001};
     // lock_mirror

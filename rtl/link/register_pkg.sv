@@ -44,7 +44,7 @@ package register_pkg;
   // Geometry of the triangulation, with R = 2**ceil(log2(line_length)) px; constant until the
   // points of all lines are out.
   typedef struct packed {
-    logic signed [31:0] centre;
+    logic signed [33:0] centre;
     logic signed [25:0] k1;
     logic signed [25:0] k2;
     logic even;
@@ -267,7 +267,7 @@ package register_pkg;
   // Test lines in place of the sensor's: a raised cosine on a pedestal with noise. A run uses the
   // values written before test_start.
   typedef struct packed {
-    logic [23:0] test_position;
+    logic [24:0] test_position;
     logic signed [23:0] test_move;
     logic [28:0] test_step;
     logic [15:0] test_height;
@@ -290,11 +290,21 @@ package register_pkg;
     logic test_running;
   } test_status_t;
 
-  // Counters of lines lost between trigger and readout.
+  // Which exposure a readout of the sensor belongs to, and counters of lines lost between the two:
+  // read.
   typedef struct packed {
     logic [15:0] untagged_count;
     logic [15:0] pixel_overflow_count;
     logic [15:0] unread_count;
+    logic [15:0] mistimed_count;
+  } sensor_status_t;
+
+  // Which exposure a readout of the sensor belongs to, and counters of lines lost between the two.
+  typedef struct packed {
+    logic [1:0] readout_lag;
+    logic readout_stale;
+    logic [23:0] readout_min_clks;
+    logic [23:0] readout_max_clks;
   } sensor_t;
 
   // Each takes a 1 and nothing else, and keeps it until reset.

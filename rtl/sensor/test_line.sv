@@ -11,7 +11,7 @@
 //
 //   test_position    c of the first line: px, 12 fraction bits
 //   test_move        added to c from line to line; where c leaves 0 .. LineLength, LineLength is
-//                    added or taken off, once, modulo 4096 px
+//                    added or taken off, once, modulo 8192 px
 //   test_step        2**28 / W; 0 is a line of the same height everywhere.  c times this step is
 //                    rounded to nearest, half up, to a phase of 2**-28 turns
 //   test_height      its 1.0 is quarter_wave's amplitude, 65534 / 65536
@@ -31,7 +31,7 @@
 `default_nettype none
 
 module test_line #(
-  parameter int unsigned LineLength = 2048,  // 64 to 4096
+  parameter int unsigned LineLength = 2048,  // 64 to 8192
   parameter int unsigned PixelWidth = 12
 ) (
   input  wire logic                                           clk_i,
@@ -48,8 +48,8 @@ module test_line #(
   output      logic                                           test_running_o
 );
 
-  if (LineLength < vrscan_pkg::BlockLength || LineLength > 4096) begin : gen_bad_length
-    $error("test_line: LineLength must be 64 to 4096");
+  if (LineLength < vrscan_pkg::BlockLength || LineLength > 8192) begin : gen_bad_length
+    $error("test_line: LineLength must be 64 to 8192");
   end
   if (PixelWidth < 8 || PixelWidth > 16) begin : gen_bad_width
     $error("test_line: PixelWidth must be 8..16");
@@ -57,13 +57,14 @@ module test_line #(
 
   localparam int unsigned Aligned       = vrscan_pkg::AlignedWidth;
   localparam int unsigned PhaseWidth    = vrscan_pkg::PhaseWidth;
-  localparam int unsigned PlaceWidth    = 24;
+  localparam int unsigned PlaceWidth    = 25;
+  localparam int unsigned MoveWidth     = 24;
   localparam int unsigned Fraction      = vrscan_pkg::PositionFraction;
   localparam int unsigned PeriodWidth   = 24;
   localparam int unsigned MinGap        = 16;
   localparam int unsigned AWidth        = PlaceWidth + 1;
   localparam int unsigned BWidth        = PhaseWidth + 2;
-  // The phase of any pixel against any place: below 2**24 2**29 / 2**12, and 2**12 2**29.
+  // The phase of any pixel against any place: below 2**25 2**29 / 2**12, and 2**13 2**29.
   localparam int unsigned FullWidth     = PlaceWidth + PhaseWidth + 1 - Fraction + 1;
   localparam int unsigned MovedWidth    = PlaceWidth + 2;
   localparam int unsigned LeftWidth     = $clog2(LineLength);
@@ -82,7 +83,7 @@ module test_line #(
   localparam logic [31:0] SeedMask      = 32'h9E3779B9;
 
   // ---- the run: when a line begins, and where its pulse is ----
-  logic signed [   PlaceWidth-1:0] move_q;
+  logic signed [    MoveWidth-1:0] move_q;
   logic        [     PhaseWidth:0] step_q;
   logic        [      Aligned-1:0] height_q, pedestal_q, noise_q;
   logic        [  PeriodWidth-1:0] period_set_q, period_q, count_q;  // two clocks less

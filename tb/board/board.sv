@@ -4,6 +4,7 @@
 //   +swinging=1         the mirror starts as +angle= and +velocity= say, rad and rad/s, with the
 //                       first pulse of the drive; else it starts at rest
 //   +seed=              of the index's jitter
+//   +lag=, +delay=      of line_sensor
 
 `default_nettype none
 
@@ -33,16 +34,20 @@ module board #(
   localparam int unsigned StepClks = ClockHz >= 1_500_000 ? (ClockHz + 500_000) / 1_000_000 : 1;
 
   // ---- what it is started with ----
-  logic [31:0] seed;
+  logic [31:0] seed, lag, delay_clks;
   real         start_angle, start_velocity;
   bit          swinging;
   initial begin
     seed           = 32'd1;
+    lag            = '0;
+    delay_clks     = '0;
     start_angle    = 0.0;
     start_velocity = 0.0;
     swinging       = 1'b0;
     void'($value$plusargs("swinging=%d", swinging));
     void'($value$plusargs("seed=%d", seed));
+    void'($value$plusargs("lag=%d", lag));
+    void'($value$plusargs("delay=%d", delay_clks));
     void'($value$plusargs("angle=%f", start_angle));
     void'($value$plusargs("velocity=%f", start_velocity));
   end
@@ -171,6 +176,8 @@ module board #(
     .laser_i      (pulse),
     .power_i      (power),
     .angle_i      (angle_q),
+    .lag_i        (lag[1:0]),
+    .delay_clks_i (delay_clks),
     .line_start_o (line_start),
     .line_end_o   (line_end),
     .pixel_valid_o(pixel_valid),

@@ -41,6 +41,7 @@ module loopback #(
   line_sensor #(.LineLength(LineLength), .PixelWidth(PixelWidth)) u_line_sensor (
     .clk_i, .rst_i,
     .exposure_i(exposure_q), .laser_i(laser_q), .power_i('1), .angle_i(angle_q),
+    .lag_i('0), .delay_clks_i('0),
     .line_start_o(), .line_end_o(), .pixel_valid_o(pixel_valid), .pixel_o(pixel)
   );
 

@@ -80,6 +80,11 @@ BAD = {
     ),
     "pulse_after_line": ("[line]\npulse_us = 27\n", ["line", "pulse"]),
     "section_is_number": ("peak = 3\n", ["peak", "3"]),
+    "readout_window": (
+        "[sensor]\nreadout_min_us = 9.0\nreadout_max_us = 8.0\n",
+        ["sensor", "readout_min_us 9.0 is above readout_max_us 8.0"],
+    ),
+    "lag": ("[sensor]\nreadout_lag = 4\n", ["sensor.readout_lag", "4"]),
     "not_toml": ("[peak\n", ["not a TOML file"]),
     "length": ("[sensor]\nline_length = 63\n", ["sensor.line_length", "63"]),
 }

@@ -45,14 +45,12 @@ struct Engine {
 
 extern "C" {
 
-void* engine_create(const uint32_t* configuration, uint64_t centre, const uint32_t* table,
-                    int64_t entries) {
+void* engine_create(const uint32_t* configuration, const uint32_t* table, int64_t entries) {
   auto engine = std::make_unique<Engine>();
   Vvrscan_chain& chain = engine->chain;
   for (int k = 0; k < PEAK_WORDS; ++k) chain.peak_i[k] = *configuration++;
   for (int k = 0; k < GEOMETRY_WORDS; ++k) chain.geometry_i[k] = *configuration++;
   chain.free_i = *configuration++;
-  chain.centre_i = centre & CENTRE_MASK;
   chain.line_start_i = 0;
   chain.line_end_i = 0;
   chain.pixel_valid_i = 0;

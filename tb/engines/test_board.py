@@ -23,7 +23,10 @@ from vrscan.scene.description import load
 POWER = round(0.4 * CONFIG.laser.power_max)
 STREAM_CLKS = 4_000_000
 LEAST_CLKS = CONFIG.sensor.line_length + BLANKING_CLKS  # from line to line
-LOSSES = ("short_count", "long_count", "unfinished_count", "early_count", "untagged_count")
+LOSSES = (
+    *("short_count", "long_count", "unfinished_count", "early_count"),
+    *("untagged_count", "mistimed_count"),
+)
 
 
 @pytest.fixture(scope="module")

@@ -56,6 +56,7 @@ CHAIN = (
     "dropped_count",
     "untagged_count",
     "unread_count",
+    "mistimed_count",
 )
 TABLES = list(values.FIELDS)
 SHARED = "shared"

@@ -25,7 +25,7 @@ def test_thresholds_and_gains() -> None:
     assert (65_535 * registers.c_sfm_gain + 2**15) >> 16 == 255
 
 
-@pytest.mark.parametrize("length", [256, 1000, 2048, 4096])
+@pytest.mark.parametrize("length", [256, 1000, 2048, 4096, 8192])
 @pytest.mark.parametrize("distortion", ["odd", "even"])
 def test_geometry_constants_give_the_same_triangle(length: int, distortion: str) -> None:
     geometry = Geometry(
@@ -37,6 +37,7 @@ def test_geometry_constants_give_the_same_triangle(length: int, distortion: str)
         distortion="odd" if distortion == "odd" else "even",
     )
     registers = Registers.from_config(Config(geometry=geometry, sensor=Sensor(line_length=length)))
+    assert registers.ports["centre"] == round(0.51 * length * 2**20)
     position, angle = np.meshgrid(np.linspace(0, length - 1, 101), np.linspace(-0.3, 0.3, 31))
     want = triangle(undistorted(position, geometry)[0], angle, geometry)
 

@@ -1,5 +1,6 @@
 """What a configuration writes into a board: every register, at the board's clock."""
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -110,6 +111,45 @@ def test_a_configuration_of_another_board_is_refused(built: Built, words: str) -
         settings(Config(), built)
     assert str(error.value).startswith(f"defaults: {words}")
     assert "\n" not in str(error.value)
+
+
+def test_a_window_without_times_is_that_of_its_lag() -> None:
+    """A readout at any place between two ends is inside, at any frequency of the drive."""
+    line_clks = BUILT.clock_hz / Config().line.rate_hz
+    for lag in range(4):
+        config = Config.model_validate({"sensor": {"readout_lag": lag, "readout_stale": True}})
+        values = settings(config, BUILT)
+        least, most = values["readout_min_clks"], values["readout_max_clks"]
+        assert isinstance(least, int) and isinstance(most, int)
+        assert (values["readout_lag"], values["readout_stale"]) == (lag, 1)
+        assert least <= math.ceil(lag * line_clks * 249.0 / 277.0)
+        assert most >= math.floor((lag + 1) * line_clks * 249.0 / 247.0)
+        # Half a line too early or too late is outside.
+        assert least > (lag - 0.5) * line_clks and most < (lag + 1.5) * line_clks
+
+
+@pytest.mark.parametrize(
+    ("sensor", "words"),
+    [
+        ({"readout_min_us": 40.0}, "readout_min_us = 40: that is 1.50 lines behind the exposure"),
+        ({"readout_lag": 2, "readout_max_us": 30.0}, "readout_max_us = 30: that is 1.12 lines"),
+        (
+            {"readout_lag": 2, "readout_max_us": 2e5},
+            "readout_max_us: needs a register value of 2e+07",
+        ),
+    ],
+)
+def test_a_window_that_the_lag_cannot_meet_is_refused(sensor: dict[str, float], words: str) -> None:
+    config = Config.model_validate({"sensor": sensor})
+    with pytest.raises(InputError) as error:
+        settings(config, BUILT)
+    assert str(error.value).startswith(f"defaults: sensor.{words}")
+
+
+def test_times_of_a_readout_are_taken() -> None:
+    config = Config.model_validate({"sensor": {"readout_min_us": 0.1, "readout_max_us": 0.2}})
+    values = settings(config, BUILT)
+    assert (values["readout_min_clks"], values["readout_max_clks"]) == (10, 20)
 
 
 def test_complaints_name_the_file(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ MODULES = {
     settings.AmplitudeSettings: "mirror/amplitude_control",
     settings.DriveSettings: "mirror/mirror_drive",
     settings.TriggerSettings: "timing/line_trigger",
+    settings.ReadoutSettings: "timing/line_tag",
     settings.MotionSettings: "mirror/motion_map",
     settings.TestLineSettings: "sensor/test_line",
     settings.FocusSettings: "actuators/focus_*",

@@ -378,14 +378,14 @@ def test_pixels_are_rounded_once_and_saturate() -> None:
 
 
 def test_a_sweep_stays_on_the_sensor() -> None:
-    """One addition of the length brings back what a move carried off; 4096 px are a turn."""
-    for length, move in ((2048, 7 * PX + 5), (2048, -7 * PX - 5), (100, 99 * PX), (4096, -PX)):
+    """One addition of the length brings back what a move carried off; 8192 px are a turn."""
+    for length, move in ((2048, 7 * PX + 5), (2048, -7 * PX - 5), (100, 99 * PX), (8192, -PX)):
         settings = with_changes(position=50 * PX, move=move)
         got = positions(settings, 3000, line_length=length)
         want = (50 * PX + move * np.arange(3000)) % (length * PX)
         assert np.array_equal(got, want)
-    far = positions(with_changes(position=(1 << 24) - 1, move=(1 << 23) - 1), 3, line_length=100)
-    assert far.tolist()[1] == ((1 << 24) + (1 << 23) - 2 - 100 * PX) % (1 << 24)
+    far = positions(with_changes(position=(1 << 25) - 1, move=(1 << 23) - 1), 3, line_length=100)
+    assert far.tolist()[1] == ((1 << 25) + (1 << 23) - 2 - 100 * PX) % (1 << 25)
 
 
 def test_the_noise_is_a_bell() -> None:
@@ -443,6 +443,6 @@ def test_a_prefix_of_a_run_is_the_same() -> None:
 def test_a_run_without_end_and_bad_sizes_are_refused() -> None:
     with pytest.raises(ValueError, match="without end"):
         lines(with_changes(lines=0))
-    for length, width in ((63, 12), (4097, 12), (2048, 7), (2048, 17)):
+    for length, width in ((63, 12), (8193, 12), (2048, 7), (2048, 17)):
         with pytest.raises(ValueError, match="line_length"):
             lines(CALM, line_length=length, pixel_width=width)

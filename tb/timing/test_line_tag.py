@@ -5,14 +5,16 @@ from dataclasses import astuple, replace
 import cocotb
 import numpy as np
 import pytest
-from harness import TwinBench, as_integer, generator, parameters, port, reset, simulate
+from harness import TwinBench, as_integer, drive, generator, parameters, port, reset, simulate
 
-from vrscan.clocked.line_tag import LATENCY, LineTag, Tag
+from vrscan.clocked.line_tag import ANGLE_LATENCY, LATENCY, LineTag, Tag
 from vrscan.data import pkg
+from vrscan.registers.settings import ReadoutSettings as Settings
 
-ELABORATIONS = [{"Depth": 4, "CountWidth": 16}, {"Depth": 2, "CountWidth": 3}]
+ELABORATIONS = [{"Depth": 8, "CountWidth": 16}, {"Depth": 16, "CountWidth": 3}]
 OUTPUTS = ("angle", "power", "mirror_flags", "confidence", "inward", "time_clks")
 QUIET = {
+    "enable": 1,
     "exposure": 0,
     "line": 0,
     "centre": 0,
@@ -28,6 +30,7 @@ QUIET = {
 }
 UNTAGGED = Tag()
 GOOD = 0  # mirror_flags of a line that can be trusted
+ANY = Settings(0, 0, 0, (1 << 24) - 1)  # the last exposure that ended, however long ago
 
 
 class Bench(TwinBench):
@@ -43,14 +46,27 @@ class Bench(TwinBench):
         self.centred = False  # the line that is exposed has had its centre
         self.at_end: list[Tag] = []
 
-    async def start(self, **inputs: int) -> None:
-        """Reset for a clock, with these inputs."""
+    async def start(self, settings: Settings = ANY, **inputs: int) -> None:
+        """Set the configuration, and reset for a clock with these inputs."""
         given = parameters()
-        await self.reset_to(LineTag(given["Depth"], given["CountWidth"]), **(QUIET | inputs))
+        twin = LineTag(settings, given["Depth"], given["CountWidth"])
+        self.twin = twin
+        self.change(settings)
+        await self.reset_to(twin, **(QUIET | inputs))
         self.give(**dict.fromkeys(self.strobes, 0))
         self.sent.clear()
         self.at_end.clear()
         self.check()
+
+    def change(self, settings: Settings) -> None:
+        """Change the configuration."""
+        for name, value in vars(settings).items():
+            drive(port(self.dut, f"{name}_i"), value)
+        self.twin.settings = settings
+
+    def count(self, count: int) -> int:
+        """Return what a counter shows of so many events."""
+        return min(count, (1 << parameters()["CountWidth"]) - 1)
 
     def check(self) -> None:
         """Compare all outputs."""
@@ -58,10 +74,9 @@ class Bench(TwinBench):
         want = astuple(self.twin.tag)
         where = f"clock {self.clock}, {self.inputs}"
         assert got == want, f"{where}: {OUTPUTS} {got}, want {want}"
-        count = int(self.dut.untagged_count_o.value)
-        assert count == self.twin.untagged_count, f"{where}: {count} untagged"
-        count = int(self.dut.unread_count_o.value)
-        assert count == self.twin.unread_count, f"{where}: {count} unread"
+        for name in ("untagged_count", "unread_count", "mistimed_count"):
+            count = int(getattr(self.dut, f"{name}_o").value)
+            assert count == getattr(self.twin, name), f"{where}: {name} {count}"
 
     def centre(self, line: int) -> dict[str, int]:
         """Return the inputs of a line's centre."""
@@ -183,11 +198,10 @@ def scanner(
 async def every_line_has_its_own_angle(dut) -> None:
     """Readouts that begin with the exposure's end and later, and angles before and during them."""
     bench = await begin(dut)
-    depth = parameters()["Depth"]
     for period, delay, length, angle in (
         (60, 0, 40, 5),  # the readout begins in the first dark clock
         (60, 0, 40, 40),  # the angle comes while it is read out
-        (60, 0, 40, 46 - LATENCY),  # at the last moment
+        (60, 0, 40, 46 - ANGLE_LATENCY),  # at the last moment
         (60, 1, 59, 30),  # lines without a gap
         (60, 30, 58, 50),  # the readout ends behind the next exposure
         (60, 47, 12, 58),  # the readout begins before the next exposure's end
@@ -203,8 +217,7 @@ async def every_line_has_its_own_angle(dut) -> None:
             await bench.play(events, 15 * period + delay + length)
             lines = [(first + k) % (1 << 32) for k in range(14)]
             assert bench.at_end == [bench.sent[line] for line in lines]
-            assert bench.twin.untagged_count == 0
-    assert depth
+            assert bench.twin.untagged_count == bench.twin.mistimed_count == 0
 
 
 @cocotb.test()
@@ -212,9 +225,9 @@ async def an_angle_that_is_late_is_not_there(dut) -> None:
     """A clock later than the last moment: the line is untagged, and the one before is not used."""
     bench = await begin(dut)
     await bench.start()
-    await bench.play(scanner(9, 60, delay=0, length=40, angle=47 - LATENCY), 9 * 60 + 60)
+    await bench.play(scanner(9, 60, delay=0, length=40, angle=47 - ANGLE_LATENCY), 9 * 60 + 60)
     assert bench.at_end == [UNTAGGED] * 9
-    assert int(dut.untagged_count_o.value) == min(9, (1 << parameters()["CountWidth"]) - 1)
+    assert bench.twin.untagged_count == bench.count(9)
 
 
 @cocotb.test()
@@ -235,7 +248,7 @@ async def a_readout_longer_than_a_period_keeps_its_line(dut) -> None:
         await bench.clocks(line_end=1)
         assert await bench.readout() == bench.sent[10]
         assert bench.twin.untagged_count == 0
-        assert bench.dut.unread_count_o.value == min(9, (1 << parameters()["CountWidth"]) - 1)
+        assert bench.twin.unread_count == bench.count(9)
 
 
 @cocotb.test()
@@ -294,14 +307,131 @@ async def a_pulse_that_is_cut_has_no_power(dut) -> None:
 async def a_lost_readout_shifts_nothing(dut) -> None:
     """Three exposures, one readout: it is the last one's; and every line after has its own."""
     bench = await begin(dut)
+    await bench.line(9)
+    assert await bench.readout() == bench.sent[9]
     for number in range(3):
         await bench.line(number)
     assert await bench.readout() == bench.sent[2]
-    assert bench.twin.unread_count == int(dut.unread_count_o.value) == 2
+    assert bench.twin.unread_count == 2
     for number in range(3, 9):
         await bench.line(number)
         assert await bench.readout() == bench.sent[number]
-    assert bench.twin.untagged_count == 0
+    assert bench.twin.untagged_count == bench.twin.mistimed_count == 0
+
+
+@cocotb.test()
+async def a_readout_belongs_to_the_exposure_that_made_its_light(dut) -> None:
+    """Readouts late by a part of a line and by several, each with the right lag and all others."""
+    bench = await begin(dut)
+    period, lines = 60, 14
+    stop = (lines - 1) * period + 24  # behind the last exposure
+    for late in (0.0, 0.5, 1.0, 1.9, 2.5, 3.0, 3.9):
+        delay = round(late * period)
+        events = scanner(lines, period, delay=delay, length=40, angle=30)
+        for lag in range(4):
+            settings = replace(ANY, readout_lag=lag)
+            if lag % 2:  # the age, too
+                settings = replace(settings, readout_min_clks=delay, readout_max_clks=delay)
+            await bench.start(settings)
+            await bench.play(events, stop)
+            bench.give(enable=0)
+            rest = {clock - stop: some for clock, some in events.items() if clock >= stop}
+            await bench.play(rest, 5 * period)
+            own = lines - lag if lag == int(late) else 0  # the last ones have none behind them
+            wanted = [bench.sent[line] for line in range(own)] + [UNTAGGED] * (lines - own)
+            assert bench.at_end == wanted
+            begun = sum(12 + delay + line * period < stop - 1 for line in range(lines))
+            assert bench.twin.mistimed_count == bench.count(0 if own else begun)
+            assert bench.twin.untagged_count == bench.count(lines - own)
+            assert bench.twin.unread_count == 0
+
+
+@cocotb.test()
+async def a_readout_outside_of_its_window_is_mistimed(dut) -> None:
+    """A clock too early or too late: all lines, if it is the first one, or that one alone."""
+    bench = await begin(dut)
+    for lag, delay in ((0, 7), (2, 127)):
+        exact = Settings(lag, 0, delay, delay)
+        events = scanner(9, 60, delay=delay, length=40, angle=20)
+        for settings in (
+            exact,
+            replace(exact, readout_min_clks=delay + 1, readout_max_clks=delay + 1),
+            replace(exact, readout_min_clks=delay - 1, readout_max_clks=delay - 1),
+        ):
+            await bench.start(settings)
+            await bench.play(events, 12 * 60)
+            own = 9 - lag if settings == exact else 0
+            wanted = [bench.sent[line] for line in range(own)] + [UNTAGGED] * (9 - own)
+            assert bench.at_end == wanted
+        for off in (-1, 1):
+            moved = {clock: list(some) for clock, some in events.items()}
+            start = 4 * 60 + 12 + delay
+            moved[start].remove(("start", 4))
+            moved.setdefault(start + off, []).append(("start", 4))
+            await bench.start(exact)
+            await bench.play(moved, 12 * 60)
+            wanted = [bench.sent[line] if line != 4 else UNTAGGED for line in range(9 - lag)]
+            assert bench.at_end[: 9 - lag] == wanted
+            assert bench.twin.mistimed_count == bench.twin.untagged_count == 1 + lag
+
+
+@cocotb.test()
+async def old_lines_behind_the_start_belong_to_nothing(dut) -> None:
+    """A sensor whose every readout is started by a later exposure holds the last lines back."""
+    bench = await begin(dut)
+    for lag in (1, 2, 3):
+        for stale in (0, 1):
+            await bench.start(Settings(lag, stale, 0, 1000))
+            for again in range(3):
+                sent = len(bench.at_end)
+                await bench.clocks(9, enable=0)
+                await bench.clocks(2, enable=1)
+                for number in range(9):
+                    await bench.line(16 * again + number)
+                    await bench.readout()
+                    bench.at_end.append(bench.twin.tag)
+                own = [bench.sent[16 * again + number] for number in range(9 - lag)]
+                wanted = [UNTAGGED] * lag + own if stale else [UNTAGGED] * 9
+                assert bench.at_end[sent:] == wanted
+            assert bench.twin.mistimed_count == (0 if stale else bench.count(27))
+
+
+@cocotb.test()
+async def what_is_out_of_step_stays_so_until_the_lines_start_anew(dut) -> None:
+    """Exposures without a readout at first, and another lag while lines run."""
+    bench = await begin(dut)
+    for exposures in (2, 9):
+        await bench.start()
+        for number in range(exposures):
+            await bench.line(number)
+        assert bench.twin.unread_count == max(0, exposures - 5)
+        for again in range(2):
+            for number in range(20, 29):
+                assert await bench.readout() == (bench.sent[number - 1] if again else UNTAGGED)
+                await bench.line(number)
+            await bench.clocks(5, enable=again)
+            await bench.clocks(2, enable=1)
+            await bench.line(19)
+    await bench.start()
+    for number in range(4):
+        await bench.line(number)
+        assert await bench.readout() == bench.sent[number]
+    for lag in (1, 0):
+        bench.change(replace(ANY, readout_lag=lag))
+        await bench.line(5)
+        assert await bench.readout() == UNTAGGED
+    await bench.clocks(5, enable=0)
+    await bench.line(6)
+    assert await bench.readout() == UNTAGGED
+    await bench.clocks(1, enable=1)
+    await bench.line(7)
+    assert await bench.readout() == bench.sent[7]
+    # A readout ahead of the first exposure is no sign of a lag.
+    await bench.clocks(5, enable=0)
+    await bench.clocks(5, enable=1)
+    assert await bench.readout() == UNTAGGED
+    await bench.line(8)
+    assert await bench.readout() == bench.sent[8]
 
 
 @cocotb.test()
@@ -360,9 +490,9 @@ async def the_latency_is_fixed(dut) -> None:
         await bench.line(1)
         assert await bench.readout(9) == bench.sent[1]
         await bench.line(number, angle=False)
-        events = {12: [("start", 0)]}
+        events: dict[int, list[tuple[str, int]]] = {12: [("start", 0)]}
         events.setdefault(12 + ahead, []).append(("angle", number))
-        there = 12 + max(ahead, 0) + LATENCY
+        there = 12 + max(LATENCY, ahead + ANGLE_LATENCY)
         await bench.play(events, 13)
         for clock in range(13, 40):
             assert bench.twin.tag == (bench.sent[number] if clock >= there else UNTAGGED)
@@ -448,11 +578,15 @@ async def random_strobes(dut) -> None:
                 confidence=int(draw.integers(256)),
                 line_start=int(draw.random() < busy / 3),
                 line_end=int(draw.random() < busy / 3),
+                enable=int(draw.random() > busy / 20),
             )
+            if draw.random() < busy / 100:
+                bench.change(replace(bench.twin.settings, readout_lag=int(draw.integers(4))))
             tagged += bench.twin.tagged
             untagged += not bench.twin.tagged
             if k % 1000 == 999:
-                await bench.start(exposure=int(draw.integers(2)), line=number)
+                settings = Settings(k // 1000 % 3, k // 1000 % 2, k % 7, (30, 10**6)[k // 3000])
+                await bench.start(settings, exposure=int(draw.integers(2)), line=number)
     assert min(tagged, untagged) > 500, (tagged, untagged)
 
 
@@ -469,7 +603,7 @@ def test_no_line_ever_has_another_ones_angle() -> None:
     draw = generator(4)
     good = bad = 0
     for _ in range(300):
-        twin = LineTag(int(draw.choice([2, 4, 8])))
+        twin = LineTag(ANY, int(draw.choice([8, 16])))
         period = int(draw.integers(30, 90))
         events = scanner(
             30,
@@ -485,7 +619,7 @@ def test_no_line_ever_has_another_ones_angle() -> None:
             inputs = QUIET | {"exposure": int(exposed is not None), "line": exposed or 0}
             inputs["power"] = power
             for what, line in events.get(clock, ()):
-                if draw.random() < 0.04:
+                if line > 0 and draw.random() < 0.04:
                     continue  # it does not come
                 if what == "expose":
                     exposed = line if exposed is None else exposed

@@ -280,6 +280,13 @@ class Sensor(Section):
     line_length: int = Field(default=2048, ge=64, le=8192)  # px
     # Least pixel value that counts as saturated; without it the largest of pixel_width bits.
     saturation_level: int | None = Field(default=None, ge=1)
+    # A readout belongs to the exposure behind whose end so many others have ended. It begins so
+    # long behind that end; without times anywhere between those of this lag and the next one.
+    readout_lag: int = Field(default=0, ge=0, le=3)
+    readout_min_us: float | None = Field(default=None, ge=0)
+    readout_max_us: float | None = Field(default=None, ge=0)
+    # Whether exposures start the readouts, so that the first ones of a start are of old lines.
+    readout_stale: bool = False
 
     @property
     def least_saturated(self) -> int:
@@ -295,6 +302,9 @@ class Sensor(Section):
                 f"saturation_level {self.least_saturated} is above {largest}, the largest of "
                 f"{self.pixel_width} bits"
             )
+        least, most = self.readout_min_us, self.readout_max_us
+        if least is not None and most is not None and least > most:
+            raise ValueError(f"readout_min_us {least} is above readout_max_us {most}")
         return self
 
 

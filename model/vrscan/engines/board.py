@@ -104,6 +104,7 @@ def command(
     seconds: float | None = None,
     real_time: bool = False,
     seed: int = 1,
+    late_lines: float | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> list[str]:
     """Return the command that runs a board, after making the files that it needs.
@@ -118,6 +119,9 @@ def command(
         real_time: Whether the board never runs faster than real time.
         seed: Seed of the index's jitter, and of what registers and memories hold before the
             reset; the scene's own seed is that of the sensor's noise.
+        late_lines: How much later than right behind its exposure the sensor reads a line out: so
+            many more exposures have to end, and a part of a line's time to go by; the
+            configuration's ``readout_lag`` if None.
         progress: Called with the number of angles of the scene that are rendered so far.
 
     Raises:
@@ -134,6 +138,9 @@ def command(
         words.append("--real-time")
     # Nothing is zero before the reset: what would need it fails here, not on a real board.
     words += [f"+seed={seed}", "+verilator+rand+reset+2", f"+verilator+seed+{seed}"]
+    lag, part = divmod(config.sensor.readout_lag if late_lines is None else late_lines, 1.0)
+    delay_clks = round(part * config.clock.frequency_hz / config.line.rate_hz)
+    words += [f"+lag={round(lag)}", f"+delay={delay_clks}"]
     if swinging:
         mirror = config.mirror
         # The drive's phase is 0 at its first pulse, and leads the mirror's by this much.
@@ -291,6 +298,7 @@ class Board(Process):
         swinging: bool = False,
         seconds: float | None = None,
         seed: int = 1,
+        late_lines: float | None = None,
     ) -> None:
         """Make the files that a board needs; this takes a minute or two for a new configuration.
 
@@ -301,11 +309,20 @@ class Board(Process):
             swinging: Whether the mirror swings from the start, as in ``command``.
             seconds: Simulated time after which the board stops; None for no limit.
             seed: Seed of the index's jitter, and of what registers hold before the reset.
+            late_lines: How late the sensor reads out, as in ``command``.
 
         Raises:
             InputError: as ``command``.
         """
         self.config = on_board(Config() if config is None else config)
         where = build_folder() / "board" / "port" if port is None else port
-        words = command(scene, self.config, where, swinging=swinging, seconds=seconds, seed=seed)
+        words = command(
+            scene,
+            self.config,
+            where,
+            swinging=swinging,
+            seconds=seconds,
+            seed=seed,
+            late_lines=late_lines,
+        )
         super().__init__(words, where)

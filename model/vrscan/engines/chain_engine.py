@@ -41,8 +41,6 @@ def build(line_length: int, pixel_width: int, max_window: int) -> Path:
             ("LINE", "POINT", "PEAK", "GEOMETRY"), (_LINE, _POINT, _PEAK, _GEOMETRY), strict=True
         )
     )
-    centre = (line_length - 1).bit_length() + 1 + pkg.OFFSET_FRACTION
-    ports += f"#define CENTRE_MASK {(1 << centre) - 1}ull\n"
     harness = hardware_root() / "tb" / "engine" / "engine.cpp"
     return verilated.build(
         "chain", harness, ports, [verilated.Design(rtl_module("vrscan_chain"), parameters)]
@@ -66,7 +64,6 @@ def _run(
     library = ctypes.CDLL(str(build(length, registers.pixel_width, max_window)))
     library.engine_create.restype = ctypes.c_void_p
     library.engine_run.restype = ctypes.c_int64
-    centre = int(registers.centre) & (1 << 64) - 1  # the port has the lower ones
     configuration = [
         word for struct in (_PEAK, _GEOMETRY, _FREE) for word in struct.as_words(registers)
     ]
@@ -105,7 +102,6 @@ def _run(
     handle = ctypes.c_void_p(
         library.engine_create(
             (ctypes.c_uint32 * len(configuration))(*configuration),
-            ctypes.c_uint64(centre),
             address(table),
             ctypes.c_int64(len(table)),
         )

@@ -12,7 +12,7 @@ from vrscan.fixed.multiply import latency as multiply_latency
 from vrscan.fixed.quarter_wave import quarter_wave
 from vrscan.registers.settings import TestLineSettings
 
-PLACE_WIDTH = 24  # bits of position and move
+PLACE_WIDTH = 25  # bits of a position
 PERIOD_WIDTH = 24
 MIN_GAP = 16  # clocks between two lines
 MOST_LENGTH = 1 << (PLACE_WIDTH - pkg.POSITION_FRACTION)
@@ -118,7 +118,7 @@ def lines(
         ValueError: if there is no such module, or all lines of a run without end are asked for.
     """
     if not (pkg.BLOCK_LENGTH <= line_length <= MOST_LENGTH and 8 <= pixel_width <= 16):
-        raise ValueError("test_line: line_length must be 64 to 4096 and pixel_width 8 to 16")
+        raise ValueError("test_line: line_length must be 64 to 8192 and pixel_width 8 to 16")
     if count is None:
         if not settings.lines:
             raise ValueError("test_line: a run without end")

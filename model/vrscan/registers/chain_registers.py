@@ -101,9 +101,6 @@ class Registers(Settings):
     free_table_from: tuple[int, ...]  # u16, 4 fraction bits, mm
     free_table_to: tuple[int, ...]
 
-    def __post_init__(self) -> None:
-        """Check nothing: of a line beyond 2048 px no register holds ``centre``, yet engines do."""
-
     @classmethod
     def from_config(cls, config: Config) -> "Registers":
         """Return the registers of a configuration, each rounded to nearest, half up.

@@ -8,6 +8,7 @@ from vrscan.registers.chain_registers import Registers
 from vrscan.registers.focus_registers import FocusRegisters
 from vrscan.registers.laser_registers import LaserRegisters
 from vrscan.registers.mirror_registers import MirrorRegisters
+from vrscan.registers.sensor_registers import SensorRegisters
 
 # Registers that are not in a configuration: the host writes them to cause something.
 CONTROLS = frozenset(
@@ -73,6 +74,7 @@ def settings(config: Config, build: Build) -> dict[str, int | tuple[int, ...]]:
     for registers in (
         Registers.from_config(on_board),
         MirrorRegisters.from_config(on_board),
+        SensorRegisters.from_config(on_board),
         FocusRegisters.from_config(on_board),
         LaserRegisters.from_config(on_board),
     ):

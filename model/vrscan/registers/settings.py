@@ -115,6 +115,16 @@ class TriggerSettings(Settings):
 
 
 @dataclass(frozen=True)
+class ReadoutSettings(Settings):
+    """What ``line_tag`` takes."""
+
+    readout_lag: int
+    readout_stale: int
+    readout_min_clks: int
+    readout_max_clks: int
+
+
+@dataclass(frozen=True)
 class MotionSettings(Settings):
     """What ``motion_map`` takes; the harmonics are k = 1, 3 .. 17."""
 
