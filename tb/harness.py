@@ -159,7 +159,7 @@ def simulate(
         parameters: Parameters that differ from the defaults. They reach the tests as
             ``parameters()``, so no number is stated twice.
         sources: Extra SystemVerilog files, before those of ``rtl/``.
-        visible: (module, signal) pairs below the top that the tests read.
+        visible: (module, signal) pairs below the top that the tests read or hold.
         volume: Which of the numbers of ``rounds`` holds, "short" or "long".
 
     Raises:
@@ -174,7 +174,7 @@ def simulate(
     folder.mkdir(parents=True, exist_ok=True)
     control = folder / "visible.vlt"
     lines = ["`verilator_config", f'public_flat_rw -module "{module}" -var "*"']
-    lines += [f'public_flat_rd -module "{m}" -var "{s}"' for m, s in visible]
+    lines += [f'public_flat_rw -module "{m}" -var "{s}"' for m, s in visible]
     text = "\n".join(lines) + "\n"
     if not control.exists() or control.read_text() != text:
         control.write_text(text)
