@@ -308,6 +308,24 @@ MUTANTS = (
         16,
         (("SettleCeilingClks", 2),),
     ),
+    Mutant(
+        "a level of the drive without a ceiling",
+        1,
+        DRIVE,
+        "32'(level) > LevelCeiling ?",
+        "1'b0 ?",
+        "drive_level_ceiling",
+    ),
+    Mutant(
+        "a duty of the drive without a ceiling",
+        1,
+        DRIVE,
+        "32'(mirror_limits_i.duty) > DutyCeiling ?",
+        "1'b0 ?",
+        "drive_duty_ceiling",
+        14,
+        (("DutyCeiling", 100),),
+    ),
     *(
         Mutant(name, 3, source, good, bad, breaks, 30, SHORT)
         for name, source, good, bad, breaks in (

@@ -193,7 +193,7 @@ async def no_light_without_beats_and_a_fresh_enable(dut) -> None:
 
 @cocotb.test()
 async def a_clock_that_stops_turns_all_off(dut) -> None:
-    """At either level, in the stated clock; the mirror comes back with the beats, light does not."""
+    """At either level, in the stated clock; the mirror comes back with the beats."""
     bench = await begin(dut)
     limits = bench.parameters
     for level in (0, 1):

@@ -29,8 +29,7 @@ class LaserControl:
 
     Attributes:
         adaptation: Twin of the module that says which power is wanted.
-        interlock: Twin of the module that says which light there is. There is one, because the RTL's
-            two never differ.
+        interlock: Twin of the module that says which light there is. The RTL's two never differ.
         guard: Twin of the module that watches the guard.
         power_pin, startup_pin: Sigma-delta outputs of the two channels' levels.
     """
