@@ -31,6 +31,8 @@ STEP = "step_"  # how properties begin that are no claim of their own
 
 INTERLOCK = "rtl/safety/laser_interlock.sv"
 GUARD = "rtl/safety/laser_guard.sv"
+WATCH = "rtl/safety/guard_watch.sv"
+HEARTBEAT = "rtl/safety/laser_heartbeat.sv"
 DRIVE = "rtl/mirror/mirror_drive.sv"
 CAPTURE = "rtl/mirror/index_capture.sv"
 SAFEGUARD = "rtl/safety/scan_safeguard.sv"
@@ -88,6 +90,7 @@ PROOFS = (
         40,
         SHORT,
     ),
+    Proof("guard_watch, laser_heartbeat", "laser_lifeline_properties", 6, 40, (("BeatClks", 6),)),
 )
 
 
@@ -307,6 +310,40 @@ MUTANTS = (
         "no_endless_search",
         16,
         (("SettleCeilingClks", 2),),
+    ),
+    Mutant(
+        "a dead guard's word",
+        4,
+        WATCH,
+        "ok && silent_q != SilentWidth'(BeatClks);",
+        "ok;",
+        "no_word_of_a_dead_guard",
+        16,
+        (("BeatClks", 4),),
+    ),
+    Mutant(
+        "a guard's no is not heard",
+        4,
+        WATCH,
+        "ok && silent_q != SilentWidth'(BeatClks);",
+        "silent_q != SilentWidth'(BeatClks);",
+        "no_is_heard",
+    ),
+    Mutant(
+        "a heartbeat that runs by itself",
+        4,
+        HEARTBEAT,
+        "same_q   <= first_i == second_i;",
+        "same_q   <= 1'b1;",
+        "no_beat_after_a_difference",
+    ),
+    Mutant(
+        "a difference that is forgotten",
+        4,
+        HEARTBEAT,
+        "(broken_q && enable_i);",
+        "1'b0;",
+        "no_beat_after_a_difference",
     ),
     Mutant(
         "a level of the drive without a ceiling",

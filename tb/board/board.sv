@@ -65,7 +65,8 @@ module board #(
   // ---- vrscan ----
   logic                              to_board, to_host;
   logic [       IndexOversample-1:0] comparator, gate;
-  logic                              exposure, to_drive, to_pulse, to_index_light, enable, heartbeat;
+  logic                              exposure, to_drive, to_pulse, to_index_light;
+  logic                              enable, heartbeat;
   logic                              drive, pulse, index_light, drive_lives;
   logic                              guard_ok, guard_beat, startup_pin;
   logic [                       4:0] guard_fault;

@@ -126,9 +126,12 @@ module laser_guard_properties #(
                               budget_t'(IndexMost));
   assign startup_older = fill(inside_startup_q, inside_dut__u_core__stable_q[1], budget_t'(7),
                               budget_t'(StartupMost));
-  assign burst   = fill(burst_older, inside_dut__u_core__meta_q[3], budget_t'(7), budget_t'(BurstMost));
-  assign index   = fill(index_older, inside_dut__u_core__meta_q[2], budget_t'(1), budget_t'(IndexMost));
-  assign startup = fill(startup_older, inside_dut__u_core__meta_q[1], budget_t'(7), budget_t'(StartupMost));
+  assign burst   = fill(burst_older, inside_dut__u_core__meta_q[3], budget_t'(7),
+                        budget_t'(BurstMost));
+  assign index   = fill(index_older, inside_dut__u_core__meta_q[2], budget_t'(1),
+                        budget_t'(IndexMost));
+  assign startup = fill(startup_older, inside_dut__u_core__meta_q[1], budget_t'(7),
+                        budget_t'(StartupMost));
 
   always_comb begin
     assume (!first_q || rst_i);
