@@ -193,7 +193,7 @@ MUTANTS = (
         "a guard that is not asked",
         0,
         INTERLOCK,
-        "assign awake    = laser_i.laser_enable && heard_q && !tripped_q && guard;",
+        "assign awake    = laser_i.laser_enable && heard_q && !tripped_q && guard_ok_i;",
         "assign awake    = laser_i.laser_enable && heard_q && !tripped_q;",
         "no_light_without_guard",
     ),
