@@ -46,8 +46,9 @@ class MirrorRegisters(
         """Return the registers of a configuration, each rounded to nearest, half up.
 
         Raises:
-            InputError: naming the key, if a value does not fit in its register or is above a ceiling
-                of the drive, the mark is out of the mirror's reach, or the harmonics leave no unique amplitude.
+            InputError: naming the key, if a value does not fit in its register or is above a
+                ceiling of the drive, the mark is out of the mirror's reach, or the harmonics leave
+                no unique amplitude.
         """
         mirror, line, clock = config.mirror, config.line, config.clock.frequency_hz
 
