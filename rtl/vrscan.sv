@@ -9,7 +9,7 @@
 //                 start of the line's time
 //   comparator_i, gate_i  of the index, IndexOversample samples a clock, bit 0 the oldest
 //   drive_o, level_o, level_pin_o  to the mirror
-//   pulse_o .. heartbeat_o, guard_ok_i  laser_control's
+//   pulse_o .. heartbeat_o, guard_*_i  laser_control's
 //   focus_*_i     asynchronous; *_low_o pulls the line low
 //   rx_i, tx_o    8N1, Baud until the host writes uart_step; docs/link.md
 //   line_o, centre_o, centre_half_o  the line that goes on, and when the middle of its pulse is
@@ -56,8 +56,11 @@ module vrscan #(
   output      logic                                         index_light_o,
   output      logic [           vrscan_pkg::PowerWidth-1:0] startup_o,
   output      logic                                         startup_pin_o,
+  output      logic                                         laser_enable_o,
   output      logic                                         heartbeat_o,
   input  wire logic                                         guard_ok_i,
+  input  wire logic                                         guard_beat_i,
+  input  wire logic [                                  4:0] guard_fault_i,
 
   // Lens.
   input  wire logic                                         focus_scl_i,
@@ -230,10 +233,11 @@ module vrscan #(
     .laser_i(laser), .laser_limits_i(laser_limits), .laser_status_o(laser_status),
     .pulse_i(pulse), .line_start_i(line_start_o), .centre_i(centre_o), .state_i(mirror_state_o),
     .index_alive_i(mirror_status.index_alive), .scanning_i(scanning), .startup_ok_i(startup_ok),
-    .phase_i(mirror_status.mirror_phase[vrscan_pkg::TurnWidth-1-:16]), .alive_i(alive), .guard_ok_i,
+    .phase_i(mirror_status.mirror_phase[vrscan_pkg::TurnWidth-1-:16]), .alive_i(alive),
+    .guard_ok_i, .guard_beat_i, .guard_fault_i,
     .point_valid_i(point_valid), .point_i(point),
-    .pulse_o, .power_o, .power_pin_o, .index_light_o, .startup_o, .startup_pin_o, .heartbeat_o,
-    .power_line_o(power_line), .inward_line_o(inward_line)
+    .pulse_o, .power_o, .power_pin_o, .index_light_o, .startup_o, .startup_pin_o,
+    .enable_o(laser_enable_o), .heartbeat_o, .power_line_o(power_line), .inward_line_o(inward_line)
   );
 
   // ---- lines: the sensor's or the test's, and what belongs to each ----

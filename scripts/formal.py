@@ -34,6 +34,8 @@ SIMULATED = "simulated_"  # those that only simulations check
 
 INTERLOCK = "rtl/safety/laser_interlock.sv"
 GUARD = "rtl/safety/laser_guard.sv"
+WATCH = "rtl/safety/guard_watch.sv"
+HEARTBEAT = "rtl/safety/laser_heartbeat.sv"
 DRIVE = "rtl/mirror/mirror_drive.sv"
 CAPTURE = "rtl/mirror/index_capture.sv"
 SAFEGUARD = "rtl/safety/scan_safeguard.sv"
@@ -87,11 +89,21 @@ SHORT = (
     ("RealMirror", 0),
 )
 
+# Budgets and times of the guard that some clocks can show.
+QUICK_GUARD = (
+    ("GuardClks", 4),
+    ("PulseClks", 8),
+    ("BurstClks", 3),
+    ("IndexClks", 3),
+    ("StartupClks", 3),
+    ("DriveClks", 4),
+    ("RestartBeats", 2),
+)
 
 PROOFS = (
     Proof("laser_interlock", "laser_interlock_properties", 6, 20),
     Proof("laser_interlock + mirror_drive", "laser_pair_properties", 6, 20),
-    Proof("laser_guard", "laser_guard_properties", 6, 30),
+    Proof("laser_guard", "laser_guard_properties", 6, 30, QUICK_GUARD),
     Proof(
         "safeguard, index, drive, interlock",
         "scan_safeguard_properties",
@@ -99,6 +111,7 @@ PROOFS = (
         40,
         SHORT,
     ),
+    Proof("guard_watch, laser_heartbeat", "laser_lifeline_properties", 6, 40, (("BeatClks", 6),)),
     # Those below are of contracts, tb/contracts.
     Proof("packet_arbiter", "packet_arbiter", 4, 20),
     Proof("frame_encoder", "frame_encoder", 16, 20),
@@ -222,7 +235,7 @@ MUTANTS = (
         "a guard that is not asked",
         0,
         INTERLOCK,
-        "assign awake    = laser_i.laser_enable && heard_q && !tripped_q && guard;",
+        "assign awake    = laser_i.laser_enable && heard_q && !tripped_q && guard_ok_i;",
         "assign awake    = laser_i.laser_enable && heard_q && !tripped_q;",
         "no_light_without_guard",
     ),
@@ -243,7 +256,7 @@ MUTANTS = (
         "assign silent = 1'b0;",
         "no_light_without_heartbeat",
         16,
-        (("GuardClks", 4), ("RestartBeats", 1), ("PulseClks", 8)),
+        (("GuardClks", 4), ("RestartBeats", 1)),
     ),
     Mutant(
         "a guard without an eye",
@@ -254,6 +267,71 @@ MUTANTS = (
         "pulse_length",
         16,
         (("GuardClks", 4), ("RestartBeats", 1), ("PulseClks", 4)),
+    ),
+    *(
+        Mutant(name, 2, GUARD, good, bad, breaks, 24, QUICK_GUARD)
+        for name, good, bad, breaks in (
+            (
+                "a guard that counts no pulses",
+                "burst_q >= budget_t'(DutyCost * BurstClks)",
+                "1'b0",
+                "pulses_of_any_stretch",
+            ),
+            (
+                "dark samples give too much back",
+                "spend = level == '0 ? '0 : level - budget_t'(1);",
+                "spend = '0;",
+                "pulses_of_any_stretch",
+            ),
+            (
+                "a guard that counts no index light",
+                "index_q >= budget_t'(IndexClks)",
+                "1'b0",
+                "index_light_of_any_stretch",
+            ),
+            (
+                "a guard that takes a stuck level",
+                "{startup_q >= budget_t'(DutyCost * StartupClks),",
+                "{1'b0,",
+                "level_of_any_stretch",
+            ),
+            (
+                "a start-up level past the guard",
+                "assign startup_pin_o = startup_pin_i && ok_o;",
+                "assign startup_pin_o = startup_pin_i;",
+                "no_light_without_heartbeat",
+            ),
+            (
+                "a trip that ends by itself",
+                "fresh_q <= (!enable && ready) || (fresh_q && faults == '0);",
+                "fresh_q <= 1'b1;",
+                "new_enable_after_a_trip",
+            ),
+            (
+                "a trip that nobody hears of",
+                "if (enable && faults != '0 && (fresh_q || fault_o == '0)) fault_o <= faults;",
+                "if (1'b0) fault_o <= faults;",
+                "a_trip_is_told",
+            ),
+            (
+                "a guard that needs no enable",
+                "ok_o    <= enable && fresh_q",
+                "ok_o    <= fresh_q",
+                "no_light_without_enable",
+            ),
+            (
+                "a drive past the guard",
+                "assign drive_o       = drive_i && moves_q;",
+                "assign drive_o       = drive_i;",
+                "no_voltage_without_heartbeat",
+            ),
+            (
+                "a drive that may stay",
+                "moves_q <= ready && !silent && !held;",
+                "moves_q <= ready && !silent;",
+                "no_voltage_that_stays",
+            ),
+        )
     ),
     Mutant(
         "a RUN without a ceiling",
@@ -274,6 +352,58 @@ MUTANTS = (
         "no_endless_search",
         16,
         (("SettleCeilingClks", 2),),
+    ),
+    Mutant(
+        "a dead guard's word",
+        4,
+        WATCH,
+        "ok && silent_q != SilentWidth'(BeatClks);",
+        "ok;",
+        "no_word_of_a_dead_guard",
+        16,
+        (("BeatClks", 4),),
+    ),
+    Mutant(
+        "a guard's no is not heard",
+        4,
+        WATCH,
+        "ok && silent_q != SilentWidth'(BeatClks);",
+        "silent_q != SilentWidth'(BeatClks);",
+        "no_is_heard",
+    ),
+    Mutant(
+        "a heartbeat that runs by itself",
+        4,
+        HEARTBEAT,
+        "same_q   <= first_i == second_i;",
+        "same_q   <= 1'b1;",
+        "no_beat_after_a_difference",
+    ),
+    Mutant(
+        "a difference that is forgotten",
+        4,
+        HEARTBEAT,
+        "(broken_q && enable_i);",
+        "1'b0;",
+        "no_beat_after_a_difference",
+    ),
+    Mutant(
+        "a level of the drive without a ceiling",
+        1,
+        DRIVE,
+        "32'(level) > LevelCeiling ?",
+        "1'b0 ?",
+        "drive_level_ceiling",
+    ),
+    Mutant(
+        "a duty of the drive without a ceiling",
+        1,
+        DRIVE,
+        "32'(mirror_limits_i.duty) > DutyCeiling ?",
+        "1'b0 ?",
+        "drive_duty_ceiling",
+        14,
+        (("DutyCeiling", 100),),
     ),
     *(
         Mutant(name, 3, source, good, bad, breaks, 30, SHORT)

@@ -20,6 +20,13 @@ module EHXPLLL #(
 );
 endmodule
 
+module OSCG #(
+  parameter int unsigned DIV = 128
+) (
+  output      logic OSC
+);
+endmodule
+
 module IDDRX1F (
   input  wire logic D, SCLK, RST,
   output      logic Q0, Q1

@@ -163,7 +163,7 @@ def simulate(
         parameters: Parameters that differ from the defaults. They reach the tests as
             ``parameters()``, so no number is stated twice.
         sources: Extra SystemVerilog files, before those of ``rtl/``.
-        visible: (module, signal) pairs below the top that the tests read.
+        visible: (module, signal) pairs below the top that the tests read or hold.
         volume: Which of the numbers of ``rounds`` holds, "short" or "long".
         start: Seed of what every register and memory holds before the reset.
         only: Pattern of the names of the cocotb tests that run; all if None.
@@ -180,7 +180,7 @@ def simulate(
     folder.mkdir(parents=True, exist_ok=True)
     control = folder / "visible.vlt"
     lines = ["`verilator_config", f'public_flat_rw -module "{module}" -var "*"']
-    lines += [f'public_flat_rd -module "{m}" -var "{s}"' for m, s in visible]
+    lines += [f'public_flat_rw -module "{m}" -var "{s}"' for m, s in visible]
     # With some parameters a range has no outside.
     lines.append('lint_off -rule CMPCONST -file "*/tb/contracts/*"')
     text = "\n".join(lines) + "\n"

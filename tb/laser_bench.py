@@ -142,6 +142,7 @@ class Scene:
                 inputs[name] = int(draw.random() < 0.9)
         if chance[2] < 0.004:
             inputs["guard_ok"] = int(draw.random() < 0.8)
+            inputs["guard_fault"] = int(draw.choice([0, draw.integers(32)]))
         inputs["alive"] = int(chance[3] < 0.02)
         inputs["pulse"] = int(chance[4] < (0.85 if inputs["pulse"] else 0.15))
         inputs["centre"] = int(chance[5] < (0.2 if inputs["pulse"] else 0.02))

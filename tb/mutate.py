@@ -539,6 +539,8 @@ FAULTS = [
             "else if (sum_q[SumWidth-1]) word_o <= '0;",
             "else if (1'b0) word_o <= '0;",
         ),
+        ("a level without a ceiling", "32'(level) > LevelCeiling ?", "1'b0 ?"),
+        ("a duty without a ceiling", "32'(mirror_limits_i.duty) > DutyCeiling ?", "1'b0 ?"),
         ("level after a fault", "if (!active_d) level_o <= '0;", "if (1'b0) level_o <= '0;"),
         (
             "no reset of the pin",
@@ -900,6 +902,8 @@ FAULTS = [
     *faults(
         "rtl/actuators/laser_control.sv",
         ("a cut line keeps its power", "? '0 : power_line_o;", "? power_line_o : power_line_o;"),
+        ("an interlock is compared with itself", ".second_i(second)", ".second_i(first)"),
+        ("one interlock is enough", "first.pulse && second.pulse;", "first.pulse;"),
         ("the power's pin has the start-up level", ".level_i(power_o)", ".level_i(startup_o)"),
     ),
     *faults(
@@ -916,6 +920,7 @@ FAULTS = [
         ("a pulse that has begun is permitted", "&& (permit_q || !pulse_i);", ";"),
         ("pulses without the safeguard", "index_alive_i && scanning_i;", "index_alive_i;"),
         ("start-up light without it", "awake && startup_ok_i && (settling", "awake && (settling"),
+        ("a register that nobody compares", "permit_q, cut_q, full_q, armed_q", "permit_q, cut_q"),
         ("a full bucket opens at once", "over || (full_q && level_q != '0)", "over"),
     ),
     *faults(
@@ -938,7 +943,37 @@ FAULTS = [
     ),
     *faults(
         "rtl/safety/laser_guard.sv",
-        ("light begins in a pulse", "ready && (ok_o || !pulse)", "ready"),
+        ("light begins in a request", " && (ok_o || !(pulse || index_light));", ";"),
+        ("a trip ends by itself", "(fresh_q && faults == '0);", "fresh_q;"),
+        ("an enable without beats", "(!enable && ready) ||", "!enable ||"),
+        (
+            "a trip is told but once",
+            "(fresh_q || fault_o == '0)) fault_o",
+            "fault_o == '0) fault_o",
+        ),
+        ("pulses have no budget", "burst_q >= budget_t'(DutyCost * BurstClks)", "1'b0"),
+        ("index light has no budget", "index_q >= budget_t'(IndexClks)", "1'b0"),
+        ("a level may stick", "{startup_q >= budget_t'(DutyCost * StartupClks)", "{1'b0"),
+        ("a budget comes back at once", "'0 : level - budget_t'(1);", "'0 : '0;"),
+        ("voltage stays on the comb", "!silent && !held;", "!silent;"),
+        ("a level past the guard", "level_pin_i && moves_q;", "level_pin_i;"),
+        ("no beat of its own", "beat_q  <= beat_q + 3'd1;", "beat_q  <= beat_q;"),
+    ),
+    *faults(
+        "rtl/safety/guard_watch.sv",
+        ("a dead guard is well", "ok && silent_q != SilentWidth'(BeatClks);", "ok;"),
+        (
+            "a trip counts every clock",
+            "if (fault != '0 && !tripped_q) trip",
+            "if (fault != '0) trip",
+        ),
+        ("a trip is forgotten", "if (fault != '0) fault_o <= fault;", "fault_o <= fault;"),
+    ),
+    *faults(
+        "rtl/safety/laser_heartbeat.sv",
+        ("beats of a difference", "if (same_q && !broken_q) beat_q", "if (!broken_q) beat_q"),
+        ("a difference is forgotten", "(broken_q && enable_i);", "1'b0;"),
+        ("one that runs by itself", "first_i == second_i;", "1'b1;"),
     ),
     *faults(
         "rtl/actuators/focus_filter.sv",

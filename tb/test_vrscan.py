@@ -21,7 +21,8 @@ FULL_SCALE = 2**CONFIG.sensor.pixel_width - 1
 LINE_CLKS = CONFIG.clock.frequency_hz / CONFIG.line.rate_hz
 PERIOD_CLKS = round(CONFIG.clock.frequency_hz / CONFIG.mirror.frequency_hz)
 STEP = 3  # full records of every line are more than 3 Mbaud carry
-TRIPPED = 1 << 4  # of laser_status
+GUARD, TRIPPED = 1 << 1, 1 << 4  # of laser_status
+SPENT = 1 << 2  # of laser_guard_fault
 
 
 @pytest.fixture(scope="module")
@@ -156,6 +157,31 @@ def test_the_lens_follows_the_distance(device: Device, board: Board) -> None:
     print(f"\n{distance:.0f} mm of {good.min():.0f} to {good.max():.0f}; {status}")
     assert good.min() < distance < good.max()
     assert 0 < integer(status["focus_position"]) <= integer(status["focus_target"])
+
+
+def test_the_guard_ends_what_the_registers_allow(device: Device, board: Board) -> None:
+    """Faint pulses in a sixth of the time, which no limit of the core forbids; until a new enable.
+
+    The mirror goes on meanwhile for as long as it may without an index.
+    """
+    names = ("laser_guard_count", "laser_guard_fault", "laser_status")
+    before = device.read_many(names)
+    assert integer(before["laser_status"]) & GUARD
+    quick = {"ratio": 2 * integer(device.read("ratio")), "pulse_clks": 240}
+    with changed(device, board, 1, laser_limit_pulse_clks=1000, laser_power=100, **quick):
+        tripped = device.read_many(names)
+    board.wait(PERIOD_CLKS // 8)
+    after = device.read_many((*names, "mirror_state"))
+    lit = board.status().pulse_at
+    board.wait(PERIOD_CLKS // 4)
+    assert not integer(after["laser_status"]) & GUARD and board.status().pulse_at == lit
+    assert integer(tripped["laser_guard_count"]) == integer(before["laser_guard_count"]) + 1
+    assert integer(after["laser_guard_count"]) == integer(tripped["laser_guard_count"])
+    assert integer(after["laser_guard_fault"]) == SPENT
+    device.write("laser_enable", 0)
+    device.write("laser_enable", 1)
+    board.wait(2 * PERIOD_CLKS)
+    assert integer(device.read("laser_status")) & GUARD and board.status().pulse_at > lit
 
 
 def test_a_silent_host_ends_the_light(device: Device, board: Board) -> None:

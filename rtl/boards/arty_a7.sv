@@ -88,7 +88,9 @@ module arty_a7 (
 
   // ---- the instrument ----
   logic [vrscan_pkg::MirrorStateWidth-1:0] mirror_state;
-  logic pulse, index_light, heartbeat, guard_ok, scl, sda, scl_low, sda_low;
+  logic pulse, index_light, startup, drive, level, laser_enable, heartbeat, guard_ok, guard_beat;
+  logic [4:0] guard_fault;
+  logic scl, sda, scl_low, sda_low;
   vrscan #(
     .ClockHz(ClockHz), .IndexOversample(2), .BoardId(2)
   ) u_vrscan (
@@ -103,17 +105,20 @@ module arty_a7 (
     .exposure_o            (sensor_exposure_o),
     .comparator_i          (comparator),
     .gate_i                (gate),
-    .drive_o,
+    .drive_o               (drive),
     .level_o               (),
-    .level_pin_o           (level_o),
+    .level_pin_o           (level),
     .pulse_o               (pulse),
     .power_o               (),
     .power_pin_o           (power_o),
     .index_light_o         (index_light),
     .startup_o             (),
-    .startup_pin_o         (startup_o),
+    .startup_pin_o         (startup),
+    .laser_enable_o        (laser_enable),
     .heartbeat_o           (heartbeat),
     .guard_ok_i            (guard_ok),
+    .guard_beat_i          (guard_beat),
+    .guard_fault_i         (guard_fault),
     .focus_scl_i           (scl),
     .focus_sda_i           (sda),
     .focus_scl_low_o       (scl_low),
@@ -129,22 +134,28 @@ module arty_a7 (
   IOBUF u_scl (.IO(focus_scl_io), .I(1'b0), .T(!scl_low), .O(scl));
   IOBUF u_sda (.IO(focus_sda_io), .I(1'b0), .T(!sda_low), .O(sda));
 
-  // Beats of 0.32 us are 32 clocks at most; so the light is off after 0.7 to 2 us without one, and
-  // a pulse is cut after 10 to 31 us.
+  // The fastest clock decides: 97.5 MHz.  At the slowest, a third of it, times are threefold.
   laser_guard #(
-    .GuardClks(64), .PulseClks(1000)
+    .GuardClks(64), .PulseClks(1000), .BurstClks(1250), .IndexClks(1_000_000_000),
+    .DriveClks(312_500)
   ) u_laser_guard (
-    .clk_i            (guard_clk),
-    .rst_i            (guard_rst),
-    .heartbeat_i      (heartbeat),
-    .pulse_i          (pulse),
-    .index_light_i    (index_light),
+    .clk_i        (guard_clk),
+    .rst_i        (guard_rst),
+    .heartbeat_i  (heartbeat),
+    .enable_i     (laser_enable),
+    .pulse_i      (pulse),
+    .index_light_i(index_light),
+    .startup_pin_i(startup),
+    .drive_i      (drive),
+    .level_pin_i  (level),
     .pulse_o,
     .index_light_o,
-    .ok_o             (guard_ok),
-    .fault_o          (),
-    .heartbeat_trips_o(),
-    .pulse_trips_o    ()
+    .startup_pin_o(startup_o),
+    .drive_o,
+    .level_pin_o  (level_o),
+    .beat_o       (guard_beat),
+    .ok_o         (guard_ok),
+    .fault_o      (guard_fault)
   );
 
   // A register of its own, or the mirror's state would be placed at its LED, far from what reads it.

@@ -1,7 +1,7 @@
 // ulx3s: vrscan on a ULX3S with an LFE5U-85F: clocks, pins and synchronisers.
 //
-// The core runs at 100 MHz from the PLL, laser_guard from the oscillator itself.  The index is
-// sampled at both edges, 5 ns apart.  constraints/ulx3s.lpf has the pins; FIRE1 is the reset.
+// The core runs at 100 MHz from the PLL and the board's oscillator, laser_guard from the chip's own
+// oscillator: 310 MHz / 12, within a fifth.  The index is sampled at both edges, 5 ns apart.  constraints/ulx3s.lpf has the pins; FIRE1 is the reset.
 
 `default_nettype none
 
@@ -66,9 +66,12 @@ module ulx3s (
     .ENCLKOP     (1'b0)
   );
 
+  logic guard_clk;
+  OSCG #(.DIV(12)) u_oscillator (.OSC(guard_clk));
+
   logic rst, guard_rst, pixel_rst;
   reset_bridge u_reset (.clk_i(clk), .ready_i(locked && !button_i), .rst_o(rst));
-  reset_bridge u_guard_reset (.clk_i(clk_25mhz_i), .ready_i(!button_i), .rst_o(guard_rst));
+  reset_bridge u_guard_reset (.clk_i(guard_clk), .ready_i(!button_i), .rst_o(guard_rst));
   reset_bridge u_pixel_reset (.clk_i(sensor_clk_i), .ready_i(!rst), .rst_o(pixel_rst));
 
   // ---- inputs ----
@@ -103,7 +106,9 @@ module ulx3s (
 
   // ---- the instrument ----
   logic [vrscan_pkg::MirrorStateWidth-1:0] mirror_state;
-  logic pulse, index_light, heartbeat, guard_ok, measured, scl, sda, scl_low, sda_low;
+  logic pulse, index_light, startup, drive, level, laser_enable, heartbeat, guard_ok, guard_beat;
+  logic [4:0] guard_fault;
+  logic measured, scl, sda, scl_low, sda_low;
   vrscan #(
     .ClockHz(ClockHz), .IndexOversample(2), .BoardId(1)
   ) u_vrscan (
@@ -118,17 +123,20 @@ module ulx3s (
     .exposure_o            (sensor_exposure_o),
     .comparator_i          (comparator),
     .gate_i                (gate),
-    .drive_o,
+    .drive_o               (drive),
     .level_o               (),
-    .level_pin_o           (level_o),
+    .level_pin_o           (level),
     .pulse_o               (pulse),
     .power_o               (),
     .power_pin_o           (power_o),
     .index_light_o         (index_light),
     .startup_o             (),
-    .startup_pin_o         (startup_o),
+    .startup_pin_o         (startup),
+    .laser_enable_o        (laser_enable),
     .heartbeat_o           (heartbeat),
     .guard_ok_i            (guard_ok),
+    .guard_beat_i          (guard_beat),
+    .guard_fault_i         (guard_fault),
     .focus_scl_i           (scl),
     .focus_sda_i           (sda),
     .focus_scl_low_o       (scl_low),
@@ -145,17 +153,23 @@ module ulx3s (
   BB u_sda (.B(focus_sda_io), .I(1'b0), .T(!sda_low), .O(sda));
 
   laser_guard u_laser_guard (
-    .clk_i            (clk_25mhz_i),
-    .rst_i            (guard_rst),
-    .heartbeat_i      (heartbeat),
-    .pulse_i          (pulse),
-    .index_light_i    (index_light),
+    .clk_i        (guard_clk),
+    .rst_i        (guard_rst),
+    .heartbeat_i  (heartbeat),
+    .enable_i     (laser_enable),
+    .pulse_i      (pulse),
+    .index_light_i(index_light),
+    .startup_pin_i(startup),
+    .drive_i      (drive),
+    .level_pin_i  (level),
     .pulse_o,
     .index_light_o,
-    .ok_o             (guard_ok),
-    .fault_o          (),
-    .heartbeat_trips_o(),
-    .pulse_trips_o    ()
+    .startup_pin_o(startup_o),
+    .drive_o,
+    .level_pin_o  (level_o),
+    .beat_o       (guard_beat),
+    .ok_o         (guard_ok),
+    .fault_o      (guard_fault)
   );
 
   // A register of its own, or the mirror's state would be placed at its LED, far from what reads it.

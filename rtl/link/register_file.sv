@@ -968,7 +968,7 @@ module register_file (
   always_ff @(posedge clk_i) begin
     case (page_00_word)
       4'h0: page_00_q <= 32'h56525343;
-      4'h1: page_00_q <= 32'h0171361a;
+      4'h1: page_00_q <= 32'hcbf3b03a;
       4'h2: page_00_q <= 32'h00000100;
       4'h3: page_00_q <= 32'(identity_status_i.board_id);
       4'h4: page_00_q <= identity_status_i.clock_hz;
@@ -1327,7 +1327,9 @@ module register_file (
       4'h2: page_13_q <= 32'(laser_status_i.laser_power_outward);
       4'h3: page_13_q <= 32'(laser_status_i.laser_cut_count);
       4'h4: page_13_q <= 32'(laser_status_i.laser_duty_count);
-      default: page_13_q <= 32'(laser_status_i.laser_watchdog_count);
+      4'h5: page_13_q <= 32'(laser_status_i.laser_watchdog_count);
+      4'h6: page_13_q <= 32'(laser_status_i.laser_guard_fault);
+      default: page_13_q <= 32'(laser_status_i.laser_guard_count);
     endcase
     if (!page_13_hit_q) page_13_q <= '0;
   end
@@ -1865,6 +1867,10 @@ module register_file (
     rule_mem[308] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
     // laser_watchdog_count
     rule_mem[309] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // laser_guard_fault
+    rule_mem[310] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    // laser_guard_count
+    rule_mem[311] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
     // points_batch
     rule_mem[352] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000000ff};
     // points_timeout_clks

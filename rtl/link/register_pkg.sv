@@ -215,6 +215,8 @@ package register_pkg;
     logic [15:0] laser_cut_count;
     logic [15:0] laser_duty_count;
     logic [15:0] laser_watchdog_count;
+    logic [4:0] laser_guard_fault;
+    logic [15:0] laser_guard_count;
   } laser_status_t;
 
   // Packets to the host.

@@ -18,10 +18,11 @@
 // 2 clocks after the first one with enable_i low.
 //
 //   sweep_word, work_word, word_o      turns a clock, 48 fraction bits: 4.4e-7 Hz a step at 125 MHz
-//   duty         the drive is high while frac(2 phase), its top 16 bits, is below duty
+//   duty         the drive is high while frac(2 phase), its top 16 bits, is below duty, which acts as
+//                DutyCeiling where it is above it
 //   phase_o      turns; in clock n the phase at time n
 //   drive_o      of the phase two clocks before
-//   level_o      what is applied, full scale 2**20: 0 in OFF and FAULT
+//   level_o      what is applied, full scale 2**20: 0 in OFF and FAULT, at most LevelCeiling
 //   level_pin_o  sigma-delta of the first order: of 2**20 clocks level_o are high, exactly
 //   fault_o      why FAULT came; kept until the next start
 //   Latency  enable_i to state_o, and level_i to level_o in SETTLE and RUN: 1 clock; index_alive_i
@@ -35,7 +36,9 @@
 module mirror_drive #(
   parameter int unsigned StopWidth         = 24,  // 134 ms at 125 MHz: a stop cuts what is slower
   parameter int unsigned SettleCeilingClks = 1_250_000_000,  // 10 s
-  parameter int unsigned LostCeilingClks   = 3_125_000  // 25 ms
+  parameter int unsigned LostCeilingClks   = 3_125_000,  // 25 ms
+  parameter int unsigned LevelCeiling      = 1_047_527,  // 0.999 of full scale
+  parameter int unsigned DutyCeiling       = 32_768  // half of the time
 ) (
   input  wire logic                                          clk_i,
   input  wire logic                                          rst_i,
@@ -60,6 +63,9 @@ module mirror_drive #(
 
   if (StopWidth < 1 || StopWidth >= vrscan_pkg::TimeWidth) begin : gen_bad_stop_width
     $error("mirror_drive: StopWidth must be 1 to 31");
+  end
+  if (LevelCeiling >= 2 ** vrscan_pkg::LevelWidth || DutyCeiling >= 2 ** 16) begin : gen_bad_level
+    $error("mirror_drive: LevelCeiling must fit in 20 bits, DutyCeiling in 16");
   end
 
   localparam int unsigned WordWidth = vrscan_pkg::WordWidth;
@@ -96,11 +102,15 @@ module mirror_drive #(
   assign stop     = stop_q || !enable_i;
   assign keep     = drive_o && high_q && !(stop_q && timer_q[StopWidth]);
 
-  logic [TimeWidth-1:0] settle_timeout, lost_timeout;
+  logic [ TimeWidth-1:0] settle_timeout, lost_timeout;
+  logic [ DutyWidth-1:0] duty_q;
+  logic [LevelWidth-1:0] level;
   assign settle_timeout = mirror_limits_i.settle_timeout > SettleCeilingClks
                           ? SettleCeilingClks : mirror_limits_i.settle_timeout;
   assign lost_timeout   = mirror_limits_i.lost_timeout > LostCeilingClks
                           ? LostCeilingClks : mirror_limits_i.lost_timeout;
+
+  assign level = state_d == Sweep ? mirror_limits_i.sweep_level : level_i;
 
   always_comb begin
     state_d = state_q;
@@ -164,12 +174,15 @@ module mirror_drive #(
     end
     phase_o <= off ? '0 : phase_o + TurnWidth'(word_o);
 
-    high_q  <= active && phase_o[TurnWidth-2-:DutyWidth] < mirror_limits_i.duty;
+    duty_q  <= 32'(mirror_limits_i.duty) > DutyCeiling ? DutyWidth'(DutyCeiling)
+                                                       : mirror_limits_i.duty;
+    high_q  <= active && phase_o[TurnWidth-2-:DutyWidth] < duty_q;
     drive_o <= active_d && high_q;
 
     if (!active_d) level_o <= '0;
-    else if (state_d == Sweep) level_o <= mirror_limits_i.sweep_level;
-    else if (!stop) level_o <= level_i;
+    else if (state_d == Sweep || !stop) begin
+      level_o <= 32'(level) > LevelCeiling ? LevelWidth'(LevelCeiling) : level;
+    end
 
     if (rst_i) begin
       state_q     <= Off;

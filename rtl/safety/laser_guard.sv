@@ -1,104 +1,177 @@
 // laser_guard: the second line of defence, in a clock of its own: no light without a heartbeat.
 //
-// Everything that limits the light stands in the core's clock.  This module does not: it takes the
-// board's raw oscillator, watches a signal that the core toggles, and lets the light pass only while
-// that goes on.  clk_i must not come from the core's clock or its PLL.
+// Everything else that limits the light stands in the core's clock.  This module does not.  It
+// watches what the core sends, and lets it pass only while that is well.  clk_i must not come from
+// the core's clock, nor from its PLL or its oscillator.
 //
-//   pulse_o, index_light_o  the requests and a registered permission: a gate's delay, no jitter.
-//                 Only where a permission ends or begins may a pulse be cut short, at any moment
-//   heartbeat_i   any change is a beat; synchronised here, so each level lasts 2 clocks at least.
-//                 GuardClks clocks without a beat are a trip
-//   pulse_i       synchronised too.  High at PulseClks samples on end is a trip
-//   Restart       after a reset or a trip the light stays off until RestartBeats beats have come,
-//                 the one that ends a silence not counted, with no trip between them, and pulse_i
-//                 is low
-//   trips_o       how often each came since the reset: heartbeat, pulse; stop at their largest value
-//   fault_o       what tripped last: bit 0 the heartbeat, bit 1 a pulse; 0 after a reset
-//   ok_o          the permission; whoever reads it in another clock synchronises it
-//   Latency  from the clock that samples it: heartbeat_i's last change to dark GuardClks + 4
-//            clocks, a pulse's rise to dark PulseClks + 3; one more from the change itself
+//   heartbeat_i   any change is a beat; each level lasts 2 clocks at least
+//   enable_i      laser_enable: 0 is dark
+//   *_o           the same signal of the core and a registered permission: a gate's delay, no
+//                 jitter.  Only where a permission ends or begins may a pulse be cut short
+//   ok_o          the permission of the light.  It begins while both requests are low, with
+//                 RestartBeats beats, enable_i, and no fault; after a reset and after a trip not
+//                 before enable_i was low with these beats
+//   fault_o       a trip: what ended the permission, or kept it from beginning while enable_i.
+//                 Kept until the next permission, 0 after a reset.  From bit 0
+//     silent      GuardClks clocks without a beat
+//     long        pulse_i was high at PulseClks samples on end
+//     spent       the budget of pulses: a lit sample adds 7, a dark one takes 1, 7 BurstClks are the
+//                 end.  So of T clocks T/8 and 7/8 (BurstClks + 4) are lit at most
+//     lit         the same for the start-up channel, which adds 1: T/2 and (IndexClks + 4) / 2
+//     level       the same for its level, with 7 and StartupClks: a level that is stuck is none
+//   drive_o, level_pin_o  0 without the heartbeat, and from DriveClks clocks of drive_i high to its
+//                 end: no voltage rests on the comb.  They need no enable_i, and come back with
+//                 RestartBeats beats
+//   beat_o        changes every 4 clocks: the core withdraws its light when it stops
+//   Latency  every input is synchronised, so from the clock that samples it: heartbeat_i's last
+//            change to dark GuardClks + 4 clocks, a pulse's rise to dark PulseClks + 3, enable_i to
+//            dark 3; one more from the change itself.  What is shorter than a clock counts by chance
 //   Model    vrscan.clocked.laser_guard, bit-exact
 
 `default_nettype none
 
 module laser_guard #(
-  parameter int unsigned GuardClks    = 16,  // 0.64 us at 25 MHz: two beats of 2**5 clocks, 100 MHz
-  parameter int unsigned PulseClks    = 300,  // 12 us at 25 MHz: beyond laser_control's own limit
-  parameter int unsigned RestartBeats = 16,
-  parameter int unsigned CountWidth   = 16
+  // For a clock of 20.7 to 31 MHz and a core of 100 MHz, which beats every 0.32 us.
+  parameter int unsigned GuardClks    = 16,  // 0.52 us at least: a beat and 60 %
+  parameter int unsigned PulseClks    = 320,  // 10.3 us at least: beyond laser_control's own limit
+  parameter int unsigned BurstClks    = 400,  // 12.9 us at least
+  parameter int unsigned IndexClks    = 320_000_000,  // 10.3 s at least: beyond SETTLE
+  parameter int unsigned StartupClks  = 64,  // 3.1 us at most
+  parameter int unsigned DriveClks    = 100_000,  // 3.2 ms at least: half a period at 155 Hz
+  parameter int unsigned RestartBeats = 16
 ) (
-  input  wire logic                  clk_i,
-  input  wire logic                  rst_i,
+  input  wire logic       clk_i,
+  input  wire logic       rst_i,
 
-  input  wire logic                  heartbeat_i,
-  input  wire logic                  pulse_i,
-  input  wire logic                  index_light_i,
+  // From the core.
+  input  wire logic       heartbeat_i,
+  input  wire logic       enable_i,
+  input  wire logic       pulse_i,
+  input  wire logic       index_light_i,
+  input  wire logic       startup_pin_i,
+  input  wire logic       drive_i,
+  input  wire logic       level_pin_i,
 
-  output      logic                  pulse_o,
-  output      logic                  index_light_o,
-  output      logic                  ok_o,
+  // To the pins.
+  output      logic       pulse_o,
+  output      logic       index_light_o,
+  output      logic       startup_pin_o,
+  output      logic       drive_o,
+  output      logic       level_pin_o,
 
-  output      logic [           1:0] fault_o,
-  output      logic [CountWidth-1:0] heartbeat_trips_o,
-  output      logic [CountWidth-1:0] pulse_trips_o
+  // To the core.
+  output      logic       beat_o,
+  output      logic       ok_o,
+  output      logic [4:0] fault_o
 );
 
-  if (GuardClks < 4 || PulseClks < 1 || RestartBeats < 1) begin : gen_bad_clks
-    $error("laser_guard: GuardClks must be at least 4, PulseClks and RestartBeats at least 1");
+  if (GuardClks < 4 || PulseClks < 1 || RestartBeats < 1 || DriveClks < 1) begin : gen_bad_clks
+    $error("laser_guard: GuardClks must be 4 at least, PulseClks, DriveClks, RestartBeats 1");
+  end
+  if (BurstClks < 1 || StartupClks < 1 || IndexClks < 1 || BurstClks >= 2 ** 24 ||
+      StartupClks >= 2 ** 24 || IndexClks >= 2 ** 30) begin : gen_bad_budget
+    $error("laser_guard: BurstClks and StartupClks must be 1 to 2**24 - 1, IndexClks to 2**30 - 1");
   end
 
+  localparam int unsigned Signals = 6;
   localparam int unsigned SilentWidth = $clog2(GuardClks + 1);
   localparam int unsigned HighWidth = $clog2(PulseClks + 1);
+  localparam int unsigned DriveWidth = $clog2(DriveClks + 1);
   localparam int unsigned BeatsWidth = $clog2(RestartBeats + 1);
+  localparam int unsigned BudgetWidth = 31;
+  typedef logic [BudgetWidth-1:0] budget_t;
+  localparam int unsigned DutyCost = 7;  // of a lit sample: an eighth of the time may be lit
 
-  logic                   heartbeat, heartbeat_q, pulse;
-  logic [SilentWidth-1:0] silent_q;
-  logic [  HighWidth-1:0] high_q;
-  logic [ BeatsWidth-1:0] beats_q;
-  logic                   beat, silent, long, ready;
-  synchronizer #(.Width(2)) u_core (
-    .clk_i, .rst_i, .d_i({heartbeat_i, pulse_i}), .q_o({heartbeat, pulse})
+  logic heartbeat, enable, pulse, index_light, startup, drive;
+  synchronizer #(.Width(Signals)) u_core (
+    .clk_i, .rst_i,
+    .d_i({heartbeat_i, enable_i, pulse_i, index_light_i, startup_pin_i, drive_i}),
+    .q_o({heartbeat, enable, pulse, index_light, startup, drive})
   );
+
+  // ---- the heartbeat ----
+  logic                   heartbeat_q, beat, silent, ready;
+  logic [SilentWidth-1:0] silent_q;
+  logic [ BeatsWidth-1:0] beats_q;
   assign beat   = heartbeat != heartbeat_q;
   assign silent = silent_q == SilentWidth'(GuardClks);
-  assign long   = high_q == HighWidth'(PulseClks);
   assign ready  = beats_q == BeatsWidth'(RestartBeats);
-
-  assign pulse_o       = pulse_i && ok_o;
-  assign index_light_o = index_light_i && ok_o;
 
   always_ff @(posedge clk_i) begin
     heartbeat_q <= heartbeat;
-
     if (beat) silent_q <= '0;
     else if (!silent) silent_q <= silent_q + SilentWidth'(1);
-    if (!pulse) high_q <= '0;
-    else if (!long) high_q <= high_q + HighWidth'(1);
-
-    if (silent || long) beats_q <= '0;
+    if (silent) beats_q <= '0;
     else if (beat && !ready) beats_q <= beats_q + BeatsWidth'(1);
-    ok_o <= !silent && !long && ready && (ok_o || !pulse);
-
-    if (ok_o && silent) begin
-      fault_o[0] <= 1'b1;
-      fault_o[1] <= long;
-      if (heartbeat_trips_o != '1) heartbeat_trips_o <= heartbeat_trips_o + CountWidth'(1);
-    end
-    if (ok_o && long) begin
-      fault_o[0] <= silent;
-      fault_o[1] <= 1'b1;
-      if (pulse_trips_o != '1) pulse_trips_o <= pulse_trips_o + CountWidth'(1);
-    end
 
     if (rst_i) begin
-      heartbeat_q       <= 1'b0;
-      silent_q          <= SilentWidth'(GuardClks);
-      high_q            <= '0;
-      beats_q           <= '0;
-      ok_o              <= 1'b0;
-      fault_o           <= '0;
-      heartbeat_trips_o <= '0;
-      pulse_trips_o     <= '0;
+      heartbeat_q <= 1'b0;
+      silent_q    <= SilentWidth'(GuardClks);
+      beats_q     <= '0;
+    end
+  end
+
+  // ---- a pulse, and the budgets: what is on its way when one is spent still counts ----
+  function automatic budget_t spend(input budget_t level, input logic on, input budget_t cost,
+                                    input budget_t clks);
+    if (!on) spend = level == '0 ? '0 : level - budget_t'(1);
+    else if (level + cost > cost * (clks + budget_t'(4))) spend = cost * (clks + budget_t'(4));
+    else spend = level + cost;
+  endfunction
+
+  logic [ HighWidth-1:0] high_q;
+  logic [DriveWidth-1:0] driven_q;
+  budget_t               burst_q, index_q, startup_q;
+  logic                  long, held;
+  logic [           4:0] faults;
+  assign long   = high_q == HighWidth'(PulseClks);
+  assign held   = driven_q == DriveWidth'(DriveClks);
+  assign faults = {startup_q >= budget_t'(DutyCost * StartupClks), index_q >= budget_t'(IndexClks),
+                   burst_q >= budget_t'(DutyCost * BurstClks), long, silent};
+
+  always_ff @(posedge clk_i) begin
+    if (!pulse) high_q <= '0;
+    else if (!long) high_q <= high_q + HighWidth'(1);
+    if (!drive) driven_q <= '0;
+    else if (!held) driven_q <= driven_q + DriveWidth'(1);
+    burst_q   <= spend(burst_q, pulse, budget_t'(DutyCost), budget_t'(BurstClks));
+    index_q   <= spend(index_q, index_light, budget_t'(1), budget_t'(IndexClks));
+    startup_q <= spend(startup_q, startup, budget_t'(DutyCost), budget_t'(StartupClks));
+
+    if (rst_i) begin
+      high_q    <= '0;
+      driven_q  <= '0;
+      burst_q   <= '0;
+      index_q   <= '0;
+      startup_q <= '0;
+    end
+  end
+
+  // ---- the permissions ----
+  logic       fresh_q;  // enable was low with beats after the last trip
+  logic       moves_q;
+  logic [2:0] beat_q;
+  assign pulse_o       = pulse_i && ok_o;
+  assign index_light_o = index_light_i && ok_o;
+  assign startup_pin_o = startup_pin_i && ok_o;
+  assign drive_o       = drive_i && moves_q;
+  assign level_pin_o   = level_pin_i && moves_q;
+  assign beat_o        = beat_q[2];
+
+  always_ff @(posedge clk_i) begin
+    fresh_q <= (!enable && ready) || (fresh_q && faults == '0);
+    ok_o    <= enable && fresh_q && faults == '0 && ready && (ok_o || !(pulse || index_light));
+    if (enable && faults != '0 && (fresh_q || fault_o == '0)) fault_o <= faults;
+    else if (ok_o) fault_o <= '0;
+    moves_q <= ready && !silent && !held;
+    beat_q  <= beat_q + 3'd1;
+
+    if (rst_i) begin
+      fresh_q <= 1'b0;
+      ok_o    <= 1'b0;
+      fault_o <= '0;
+      moves_q <= 1'b0;
+      beat_q  <= '0;
     end
   end
 

@@ -25,19 +25,21 @@
 //   power_o       power_i a clock ago, at most laser_limit_power; 0 where no pulse may come
 //   phase_i       mirror_phase_o's top bits
 //   scanning_i, startup_ok_i  of scan_safeguard, which no register lifts
-//   guard_ok_i    of laser_guard; synchronised here.  1 where there is none
+//   guard_ok_i    of guard_watch
 //   armed_o       the second line_start_i has come with all well
 //   status_o      from bit 0: host heard, guard well, armed, bucket full, watchdog tripped,
 //                 scanning_i and startup_ok_i a clock ago
+//   signature_o   the parity of every register that has a say about light, a clock ago
 //   cut_count_o, duty_count_o, watchdog_count_o  how often each limit acted; they stop at their
 //                 largest value
-//   Latency  state_i, index_alive_i, scanning_i, startup_ok_i and laser_enable to the light: 1 clock;
-//            phase_i to index_light_o: 3; guard_ok_i to the light: 3; a limit to power_o and startup_o: 2; the
+//   Latency  state_i, index_alive_i, scanning_i, startup_ok_i, guard_ok_i and laser_enable to the
+//            light: 1 clock; phase_i to index_light_o: 3; a limit to power_o and startup_o: 2; the
 //            last alive_i to dark: laser_watchdog_clks + 3.  The counters follow by a clock
 //   Model    vrscan.clocked.laser_interlock, bit-exact
 
 `default_nettype none
 
+(* keep_hierarchy *)  // of two that do the same neither may be taken for the other
 module laser_interlock #(
   parameter int unsigned CountWidth          = 16,
   parameter int unsigned PowerCeiling        = 65_535,
@@ -75,6 +77,7 @@ module laser_interlock #(
   input  wire register_pkg::laser_limits_t             laser_limits_i,
   output      logic                                    armed_o,
   output      logic [                             6:0] status_o,
+  output      logic                                    signature_o,
   output      logic [    vrscan_pkg::CounterWidth-1:0] cut_count_o,
   output      logic [    vrscan_pkg::CounterWidth-1:0] duty_count_o,
   output      logic [    vrscan_pkg::CounterWidth-1:0] watchdog_count_o
@@ -136,8 +139,6 @@ module laser_interlock #(
   // ---- the host and the guard ----
   logic [31:0] silent_q;
   logic        heard_q, tripped_q, late, tripping;
-  logic        guard;
-  synchronizer u_guard (.clk_i, .rst_i, .d_i(guard_ok_i), .q_o(guard));
   assign late     = silent_q >= watchdog_q;
   assign tripping = laser_i.laser_enable && heard_q && late && !alive_i;
 
@@ -158,7 +159,7 @@ module laser_interlock #(
   logic run, settling, awake, allowed, visible;
   assign run      = state_i == StateWidth'(vrscan_pkg::MirrorRun);
   assign settling = state_i == StateWidth'(vrscan_pkg::MirrorSettle);
-  assign awake    = laser_i.laser_enable && heard_q && !tripped_q && guard;
+  assign awake    = laser_i.laser_enable && heard_q && !tripped_q && guard_ok_i;
   assign allowed  = awake && run && index_alive_i && scanning_i;
   assign visible  = awake && startup_ok_i && (settling || run);
 
@@ -230,6 +231,8 @@ module laser_interlock #(
     end
 
     if (rst_i) begin
+      offset_q      <= '0;
+      span_q        <= '0;
       inside_q      <= 1'b0;
       index_light_o <= 1'b0;
       startup_o     <= '0;
@@ -238,10 +241,16 @@ module laser_interlock #(
 
   // ---- what is told ----
   logic [1:0] scan_q;
-  assign status_o = {scan_q, tripped_q, full_q, armed_q[1], guard, heard_q};
+  logic       guard_q;
+  assign status_o = {scan_q, tripped_q, full_q, armed_q[1], guard_q, heard_q};
 
   always_ff @(posedge clk_i) begin
-    scan_q <= {startup_ok_i, scanning_i};
+    scan_q  <= {startup_ok_i, scanning_i};
+    guard_q <= guard_ok_i;
+    signature_o <= ^{limit_power_q, limit_startup_q, limit_pulse_q, drain_q, bucket_q, threshold_q,
+                     watchdog_q, silent_q, heard_q, tripped_q, permit_q, cut_q, full_q, armed_q,
+                     clks_q, power_o, level_q, delta_q, offset_q, span_q, inside_q, index_light_o,
+                     startup_o};
     if (cut_q && pulse_i) cut_count_o <= vrscan_pkg::counted(cut_count_o, CountWidth);
     if (full_q && !full_before_q) duty_count_o <= vrscan_pkg::counted(duty_count_o, CountWidth);
     if (tripping && !tripped_q) begin
@@ -250,6 +259,8 @@ module laser_interlock #(
 
     if (rst_i) begin
       scan_q           <= '0;
+      guard_q          <= 1'b0;
+      signature_o      <= 1'b0;
       cut_count_o      <= '0;
       duty_count_o     <= '0;
       watchdog_count_o <= '0;

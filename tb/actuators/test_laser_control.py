@@ -1,17 +1,29 @@
 """laser_control: every clock of the RTL against the model; a line's power, and the loop."""
 
 import dataclasses
+import itertools
 import math
+import re
 
 import cocotb
 import pytest
-from harness import EACH_VOLUME, as_integer, generator, parameters, reset, rounds, simulate
+from harness import (
+    EACH_VOLUME,
+    FallingEdge,
+    as_integer,
+    generator,
+    parameters,
+    reset,
+    rounds,
+    simulate,
+)
 from laser_bench import (
     LOW,
     OFF,
     OPEN,
     POINT,
     POWER_MAX,
+    RUN,
     SETTLE,
     LightBench,
     Scene,
@@ -21,11 +33,13 @@ from laser_bench import (
     random_settings,
 )
 
+from vrscan.clocked.guard_watch import BEAT_LATENCY
 from vrscan.clocked.laser_control import LaserControl
 from vrscan.clocked.laser_interlock import LaserInterlock
+from vrscan.engines.tools import repository_root
 from vrscan.registers.settings import LaserSettings
 
-ELABORATIONS = [{"PixelWidth": 16, "HeartbeatBits": 1, **LOW}, {}]
+ELABORATIONS = [{"PixelWidth": 16, "HeartbeatBits": 1, "GuardBeatClks": 9, **LOW}, {}]
 QUIET = {
     "pulse": 0,
     "line_start": 0,
@@ -37,6 +51,8 @@ QUIET = {
     "phase": 0x2000,
     "alive": 0,
     "guard_ok": 1,
+    "guard_beat": 0,
+    "guard_fault": 0,
     **POINT,
 }
 OUTPUTS = {
@@ -52,6 +68,8 @@ OUTPUTS = {
     "laser_cut_count": "interlock.cut_count",
     "laser_duty_count": "interlock.duty_count",
     "laser_watchdog_count": "interlock.watchdog_count",
+    "laser_guard_fault": "guard.fault",
+    "laser_guard_count": "guard.trip_count",
 }
 
 
@@ -72,13 +90,23 @@ class Bench(LightBench):
 
     def __init__(self, dut) -> None:
         super().__init__(dut, QUIET, OUTPUTS)
+        self.guard_lives = True
 
     @property
     def interlock(self) -> LaserInterlock:
         return self.twin.interlock
 
     def twin_of(self, settings: LaserSettings) -> LaserControl:
-        return LaserControl(settings, ceilings(), heartbeat_bits(), count_width())
+        clks = parameters().get("GuardBeatClks", 64)
+        return LaserControl(settings, ceilings(), heartbeat_bits(), count_width(), clks)
+
+    async def clocks(self, count: int = 1, **inputs: int) -> None:
+        """Go on by some clocks, with the beats of a guard that lives."""
+        self.give(**inputs)
+        for _ in range(count):
+            if self.guard_lives:
+                self.give(guard_beat=self.clock // 4 % 2)
+            await super().clocks()
 
     def check_gates(self) -> None:
         super().check_gates()
@@ -106,7 +134,11 @@ async def random_inputs_and_resets(dut) -> None:
         for _ in range(int(draw.integers(100, 700))):
             if draw.random() < 0.01 and not bench.twin.adaptation.busy:
                 bench.set(random_settings(draw, OPEN))
-            await bench.clocks(**scene.step())
+            if draw.random() < 0.01:
+                bench.guard_lives = draw.random() < 0.9
+            inputs = scene.step()
+            del inputs["guard_beat"]
+            await bench.clocks(**inputs)
             seen.add((bench.lit, as_integer(dut.power_line_o) > 0))
     assert {(True, True), (False, True), (False, False)} <= seen
 
@@ -120,6 +152,65 @@ async def the_heart_beats_evenly(dut) -> None:
     for _ in range(4 * period):
         await bench.clocks()
         assert as_integer(dut.heartbeat_o) == bench.clock // period % 2
+
+
+def registers() -> list[str]:
+    """Return the registers of the interlock, but for those that only count or tell."""
+    text = (repository_root() / "rtl" / "safety" / "laser_interlock.sv").read_text()
+    found = set(re.findall(r"^ +(\w+_q|power_o|startup_o|index_light_o) +<=", text, re.MULTILINE))
+    assert len(found) > 20
+    return sorted(found - {"scan_q", "guard_q", "full_before_q"})
+
+
+@cocotb.test()
+async def a_flip_flop_that_sticks_stops_the_beats(dut) -> None:
+    """Of each register of either interlock, at 0 and at 1, where it should have had the other.
+
+    The light still needs the other interlock's permission.
+    """
+    if heartbeat_bits() > 1:
+        return
+    draw = generator(2)
+    bench = await begin(dut)
+    settings = with_changes(limit_pulse_clks=6, watchdog_clks=400)
+    mattered = set()
+    for name, stuck, copy in itertools.product(registers(), (0, 1), ("laser", "second")):
+        scene = Scene(draw, QUIET)
+        scene.inputs |= {"state": RUN, "index_alive": 1, "alive": 1}
+        await bench.start(settings)
+        register = getattr(getattr(dut, f"u_{copy}_interlock"), name)
+        other = dut.u_second_interlock if copy == "laser" else dut.u_laser_interlock
+        bit = 0 if copy == "laser" else int(draw.integers(min(len(register), 6)))
+        mask = 1 << bit
+        wrong, beats, before = False, 0, 0
+        for k in range(1000):
+            inputs = scene.step() | {"guard_beat": k // 4 % 2, "guard_ok": 1, "guard_fault": 0}
+            bench.give(**inputs | ({"alive": 0} if k > 500 else {}))
+            await FallingEdge(dut.clk_i)
+            value = as_integer(register)
+            held = value | mask if stuck else value & ~mask
+            wrong = wrong or (held != value and k < 900)
+            register.value = held
+            beats += k > 910 and as_integer(dut.heartbeat_o) != before
+            before = as_integer(dut.heartbeat_o)
+            assert as_integer(other.pulse_o) or not as_integer(dut.pulse_o)
+        assert beats == 0 if wrong else beats > 40, f"{copy}: {name}, {mask:#x} at {stuck}: {beats}"
+        mattered |= {name} if wrong else set()
+    missing = sorted(set(registers()) - mattered)
+    assert not missing
+
+
+@cocotb.test()
+async def a_guard_without_a_clock_is_missed(dut) -> None:
+    """Its last beat and GuardBeatClks later the light is off, whatever it said last."""
+    bench = await begin(dut)
+    await bench.into_run(with_changes(limit_pulse_clks=1000))
+    bench.guard_lives = False
+    for k in range(parameters().get("GuardBeatClks", 64) + BEAT_LATENCY + 2):
+        await bench.clocks(alive=1, phase=0x4000)
+        shone = bench.interlock.permit
+        assert shone or k > 3
+    assert not shone and as_integer(dut.index_light_o) == 0 and bench.interlock.power == 0
 
 
 @cocotb.test()
@@ -234,4 +325,5 @@ async def the_loop_follows_a_step_of_the_surface(dut) -> None:
 @pytest.mark.parametrize("elaboration", ELABORATIONS, ids=["low", "shipped"])
 def test_rtl(elaboration: dict[str, int], volume: str) -> None:
     """Every elaboration runs every test above."""
-    simulate("laser_control", __file__, elaboration, volume=volume)
+    held = [("laser_interlock", "*")]
+    simulate("laser_control", __file__, elaboration, volume=volume, visible=held)

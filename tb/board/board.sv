@@ -5,6 +5,8 @@
 //                       first pulse of the drive; else it starts at rest
 //   +seed=              of the index's jitter
 //   +lag=, +delay=      of line_sensor
+//
+// laser_guard has a clock of its own, a quarter of the core's.
 
 `default_nettype none
 
@@ -57,11 +59,23 @@ module board #(
     input byte unsigned edge_of_index, input int pulse_power, input int startup
   );
 
+  // ---- the guard's clock ----
+  logic       guard_clk_q;
+  logic       quarter_q;
+  always_ff @(posedge clk_i) begin
+    quarter_q <= !quarter_q;
+    if (quarter_q) guard_clk_q <= !guard_clk_q;
+  end
+
   // ---- vrscan ----
   logic                              to_board, to_host;
   logic [       IndexOversample-1:0] comparator, gate;
-  logic                              drive, exposure, pulse, index_light;
-  logic [vrscan_pkg::LevelWidth-1:0] level;
+  logic                              exposure, to_drive, to_pulse, to_index_light;
+  logic                              enable, heartbeat;
+  logic                              drive, pulse, index_light, drive_lives;
+  logic                              guard_ok, guard_beat, startup_pin;
+  logic [                       4:0] guard_fault;
+  logic [vrscan_pkg::LevelWidth-1:0] to_level, level;
   logic [vrscan_pkg::PowerWidth-1:0] power, startup;
   logic                              line_start, line_end, pixel_valid;
   logic [            PixelWidth-1:0] pixel;
@@ -82,17 +96,20 @@ module board #(
     .exposure_o            (exposure),
     .comparator_i          (comparator),
     .gate_i                (gate),
-    .drive_o               (drive),
-    .level_o               (level),
+    .drive_o               (to_drive),
+    .level_o               (to_level),
     .level_pin_o           (),
-    .pulse_o               (pulse),
+    .pulse_o               (to_pulse),
     .power_o               (power),
     .power_pin_o           (),
-    .index_light_o         (index_light),
+    .index_light_o         (to_index_light),
     .startup_o             (startup),
-    .startup_pin_o         (),
-    .heartbeat_o           (),
-    .guard_ok_i            (1'b1),
+    .startup_pin_o         (startup_pin),
+    .laser_enable_o        (enable),
+    .heartbeat_o           (heartbeat),
+    .guard_ok_i            (guard_ok),
+    .guard_beat_i          (guard_beat),
+    .guard_fault_i         (guard_fault),
     .focus_scl_i           (scl),
     .focus_sda_i           (sda),
     .focus_scl_low_o       (scl_low),
@@ -105,6 +122,28 @@ module board #(
     .centre_o              (),
     .centre_half_o         ()
   );
+
+  // Of the mirror's level, which is a word here, the pin says whether it gets through.
+  laser_guard u_laser_guard (
+    .clk_i        (guard_clk_q),
+    .rst_i,
+    .heartbeat_i  (heartbeat),
+    .enable_i     (enable),
+    .pulse_i      (to_pulse),
+    .index_light_i(to_index_light),
+    .startup_pin_i(startup_pin),
+    .drive_i      (to_drive),
+    .level_pin_i  (1'b1),
+    .pulse_o      (pulse),
+    .index_light_o(index_light),
+    .startup_pin_o(),
+    .drive_o      (drive),
+    .level_pin_o  (drive_lives),
+    .beat_o       (guard_beat),
+    .ok_o         (guard_ok),
+    .fault_o      (guard_fault)
+  );
+  assign level = drive_lives ? to_level : '0;
 
   serial_port u_serial_port (.clk_i, .rst_i, .rx_i(to_host), .tx_o(to_board));
 

@@ -71,7 +71,7 @@ module laser_interlock_properties #(
   logic        settling_q, run_q, startup_ok_q;
   logic        awake_q;
   logic        pulse_q;
-  logic [ 2:0] guard_q;
+  logic        guard_q;
   logic [ 3:0] held_q;  // clocks that the limits have stood, up to 15
   register_pkg::laser_limits_t limits_q;
   logic [32:0] silent_q;  // clocks since the host was heard
@@ -114,7 +114,7 @@ module laser_interlock_properties #(
     run_q            <= state_i == 3'(vrscan_pkg::MirrorRun);
     awake_q          <= !rst_i && laser_i.laser_enable;
     pulse_q          <= pulse_i;
-    guard_q          <= rst_i ? '0 : {guard_q[1:0], guard_ok_i};
+    guard_q          <= !rst_i && guard_ok_i;
     limits_q         <= laser_limits_i;
     held_q           <= rst_i || !same ? 4'd0 : held_q == 4'd15 ? held_q : held_q + 4'd1;
     heard_q          <= !rst_i && (heard_q || alive_i);
@@ -136,7 +136,7 @@ module laser_interlock_properties #(
       assert (settling_q || run_q || (!pulse && !index_light && total == '0));
       no_start_up_light_without_safeguard:
       assert (startup_ok_q || (!index_light && startup == '0));
-      no_light_without_guard: assert (guard_q[2] || (!pulse && !index_light));
+      no_light_without_guard: assert (guard_q || (!pulse && !index_light));
       // A silent host.
       no_light_before_a_host:
       assert (heard_q || (!pulse && !index_light));

@@ -8,7 +8,9 @@
 
 module laser_pair_properties #(
   parameter int unsigned SettleCeilingClks = 1_250_000_000,
-  parameter int unsigned LostCeilingClks   = 3_125_000
+  parameter int unsigned LostCeilingClks   = 3_125_000,
+  parameter int unsigned LevelCeiling      = 1_047_527,
+  parameter int unsigned DutyCeiling       = 32_768
 ) (
   input wire logic                         clk_i,
   input wire logic                         rst_i,
@@ -34,17 +36,21 @@ module laser_pair_properties #(
   logic [ 2:0] state;
   logic        pulse, index_light;
   logic [15:0] power, startup;
+  logic        drive;
+  logic [19:0] level;
+  logic [47:0] drive_phase, drive_phase_q, drive_phase_q2;
 
   mirror_drive #(
-    .SettleCeilingClks(SettleCeilingClks), .LostCeilingClks(LostCeilingClks)
+    .SettleCeilingClks(SettleCeilingClks), .LostCeilingClks(LostCeilingClks),
+    .LevelCeiling(LevelCeiling), .DutyCeiling(DutyCeiling)
   ) dut (
     .clk_i, .rst_i, .enable_i, .index_alive_i, .settled_i, .level_i, .trim_i,
     .state_o    (state),
     .fault_o    (),
-    .drive_o    (),
-    .level_o    (),
+    .drive_o    (drive),
+    .level_o    (level),
     .level_pin_o(),
-    .phase_o    (),
+    .phase_o    (drive_phase),
     .word_o     (),
     .mirror_i, .mirror_limits_i
   );
@@ -66,7 +72,8 @@ module laser_pair_properties #(
   );
 
   (* keep *) wire [31:0] inside_timer_q, inside_limit_q;
-  (* keep *) wire        inside_stop_q, inside_expired_q;
+  (* keep *) wire        inside_stop_q, inside_expired_q, inside_high_q;
+  (* keep *) wire [15:0] inside_duty_q;
 
   localparam logic [2:0] Off = 3'(vrscan_pkg::MirrorOff);
   localparam logic [2:0] Settle = 3'(vrscan_pkg::MirrorSettle);
@@ -84,6 +91,8 @@ module laser_pair_properties #(
 
   always_ff @(posedge clk_i) begin
     first_q        <= 1'b0;
+    drive_phase_q  <= drive_phase;
+    drive_phase_q2 <= drive_phase_q;
     run_q          <= !rst_i && state == Run;
     lit_q          <= !rst_i && state != Off && state != Fault;
     alive_q        <= index_alive_i;
@@ -125,6 +134,12 @@ module laser_pair_properties #(
                               searched_q <= 33'(SettleCeilingClks) + 33'd1));
       step_ceilings: assert ((state != Run || inside_limit_q <= LostCeilingClks) &&
                              (state != Settle || inside_limit_q <= SettleCeilingClks));
+
+      // What the comb gets, whatever the registers say: the phase is that of the pulse.
+      drive_level_ceiling: assert (level <= 20'(LevelCeiling));
+      drive_duty_ceiling: assert (!drive || drive_phase_q2[46-:16] < 16'(DutyCeiling));
+      step_duty: assert (inside_duty_q <= 16'(DutyCeiling));
+      step_high: assert (!inside_high_q || drive_phase_q[46-:16] < 16'(DutyCeiling));
 
       pulse_in_run: cover (pulse && power == 16'hffff);
       fault: cover (state == Fault && away_q != '0 && startup == '0);

@@ -274,6 +274,11 @@ def test_why_it_is_dark(device: Device, board: FakeBoard) -> None:
     device.write_many([("line_enable", 1), ("laser_enable", 1)])
     board.file.inputs.update(mirror_state=4, mirror_fault=3, laser_status=16)
     assert "went off" in device.darkness() and "FAULT (index)" in device.darkness()
+    board.file.inputs.update(mirror_state=3, laser_status=1, laser_guard_fault=6)
+    assert device.darkness() == (
+        "the laser's guard permits no light, "
+        "which last tripped at a pulse too long and too many pulses"
+    )
     board.file.inputs.update(mirror_state=3, laser_status=7)
     assert device.darkness() == ""
 

@@ -1,15 +1,20 @@
 """LaserRegisters: a configuration in milliwatts and microseconds as the laser's registers."""
 
+import contextlib
 import math
 
 import numpy as np
 import pytest
 
+from vrscan.clocked.laser_guard import DUTY_COST
 from vrscan.clocked.laser_interlock import BUCKET_MARGIN, Ceilings
+from vrscan.clocked.mirror_drive import DUTY_CEILING, DUTY_WIDTH, LEVEL_CEILING
+from vrscan.data import pkg
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
 from vrscan.ideal.motion import motion
-from vrscan.registers.laser_registers import LaserRegisters
+from vrscan.registers.laser_registers import GUARD_SHARE, LaserRegisters
+from vrscan.registers.mirror_registers import MOST_DUTY, MOST_LEVEL, MirrorRegisters
 
 SHIPPED = LaserRegisters.from_config(Config())
 
@@ -94,3 +99,22 @@ def test_what_does_not_fit_is_named(section: str, values: dict[str, float], key:
     """In one line with the key."""
     with pytest.raises(InputError, match=key):
         registers(section, **values)
+
+
+def test_a_pulse_that_the_guard_would_end_is_refused() -> None:
+    """An eighth of the time is the guard's own number."""
+    assert 1 / (1 + DUTY_COST) == GUARD_SHARE
+    for pulse_us, good in ((3.3, True), (3.4, False)):
+        text = {"line": {"pulse_us": pulse_us}, "laser": {"limit_pulse_us": 5.0}}
+        config = Config.model_validate(text)
+        with contextlib.nullcontext() if good else pytest.raises(InputError, match="guard"):
+            LaserRegisters.from_config(config)
+
+
+@pytest.mark.parametrize(("key", "value"), [("duty", 0.51), ("sweep_level", 0.9995)])
+def test_a_drive_above_its_ceiling_is_refused(key: str, value: float) -> None:
+    """The configuration's numbers are mirror_drive's."""
+    assert round(MOST_LEVEL * 2**pkg.LEVEL_WIDTH) == LEVEL_CEILING
+    assert MOST_DUTY * 2**DUTY_WIDTH == DUTY_CEILING
+    with pytest.raises(InputError, match=key):
+        MirrorRegisters.from_config(Config.model_validate({"mirror": {key: value}}))

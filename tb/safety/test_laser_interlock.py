@@ -24,7 +24,6 @@ from laser_bench import (
 
 from vrscan.clocked.laser_interlock import (
     BUCKET_MARGIN,
-    GUARD_LATENCY,
     INTERLOCK_LATENCY,
     LIMIT_LATENCY,
     WATCHDOG_LATENCY,
@@ -58,7 +57,7 @@ QUIET = {
     "guard_ok": 1,
 }
 OUTPUTS = (
-    *("power", "index_light", "startup", "armed", "status"),
+    *("power", "index_light", "startup", "armed", "status", "signature"),
     *("cut_count", "duty_count", "watchdog_count"),
 )
 
@@ -132,7 +131,7 @@ async def every_interlock_turns_the_main_channel_off(dut) -> None:
         *((INTERLOCK_LATENCY, {"state": s}, {"state": RUN}) for s in STATES if s != RUN),
         (INTERLOCK_LATENCY, {"index_alive": 0}, {"index_alive": 1}),
         (INTERLOCK_LATENCY, {"scanning": 0}, {"scanning": 1}),
-        (GUARD_LATENCY, {"guard_ok": 0}, {"guard_ok": 1}),
+        (INTERLOCK_LATENCY, {"guard_ok": 0}, {"guard_ok": 1}),
         (INTERLOCK_LATENCY, {"enable": 0}, {"enable": 1}),
     ):
         await bench.into_run(with_changes(limit_pulse_clks=12))

@@ -7,6 +7,8 @@ really had is stored with its line.
 from typing import Any
 
 from vrscan.clocked import laser_interlock, power_adaptation
+from vrscan.clocked.guard_watch import GuardWatch
+from vrscan.clocked.laser_heartbeat import LaserHeartbeat
 from vrscan.clocked.sigma_delta import SigmaDelta
 from vrscan.data import pkg
 from vrscan.registers.settings import LaserSettings
@@ -22,11 +24,13 @@ class LaserControl:
         settings: The registers. ``settings`` may be replaced between two steps.
         ceilings: Parameters of the interlock.
         heartbeat_bits: Period of the heartbeat, ``HeartbeatBits``.
+        guard_beat_clks: Clocks without the guard's beat that are its death, ``GuardBeatClks``.
         count_width: Bits of the counters, ``CountWidth``.
 
     Attributes:
         adaptation: Twin of the module that says which power is wanted.
-        interlock: Twin of the module that says which light there is.
+        interlock: Twin of the module that says which light there is. The RTL's two never differ.
+        guard: Twin of the module that watches the guard.
         power_pin, startup_pin: Sigma-delta outputs of the two channels' levels.
     """
 
@@ -36,16 +40,17 @@ class LaserControl:
         ceilings: laser_interlock.Ceilings | None = None,
         heartbeat_bits: int = 5,
         count_width: int = 16,
+        guard_beat_clks: int = 64,
     ) -> None:
         self.adaptation = power_adaptation.PowerAdaptation(settings)
         self.interlock = laser_interlock.LaserInterlock(settings, ceilings, count_width)
+        self.guard = GuardWatch(guard_beat_clks, count_width)
+        self._heart = LaserHeartbeat(heartbeat_bits)
         self.power_pin = SigmaDelta(pkg.POWER_WIDTH)
         self.startup_pin = SigmaDelta(pkg.POWER_WIDTH)
         self._settings = settings
         self._whole = False
         self._line = (0, False)
-        self._beat = 0
-        self._beat_bits = heartbeat_bits
 
     @property
     def settings(self) -> LaserSettings:
@@ -59,7 +64,7 @@ class LaserControl:
     @property
     def heartbeat(self) -> bool:
         """Return the core's sign of life for the guard."""
-        return bool(self._beat >> self._beat_bits)
+        return self._heart.heartbeat
 
     def line(self, *, pulse: bool, centre: bool, phase: int) -> tuple[int, bool]:
         """Return the line's power and whether it is inward, in a clock with these inputs."""
@@ -80,6 +85,8 @@ class LaserControl:
         phase: int,
         alive: bool,
         guard_ok: bool,
+        guard_beat: bool,
+        guard_fault: int,
         **point: Any,
     ) -> None:
         """Advance by one clock; the arguments are the input ports, ``point`` the adaptation's."""
@@ -89,7 +96,6 @@ class LaserControl:
         # A cut that comes behind the centre still takes the line its power.
         self._line = (0 if self._whole and pulse and not lit and not centre else power, inward)
         self._whole = pulse and (lit if centre else self._whole)
-        self._beat = (self._beat + 1) % (2 << self._beat_bits)
         self.power_pin.step(interlock.power)
         self.startup_pin.step(interlock.startup)
 
@@ -104,8 +110,10 @@ class LaserControl:
             startup_ok=startup_ok,
             phase=phase,
             alive=alive,
-            guard_ok=guard_ok,
+            guard_ok=self.guard.ok,
         )
+        self.guard.step(guard_ok=guard_ok, guard_beat=guard_beat, guard_fault=guard_fault)
+        self._heart.step(enable=bool(self.settings.enable))
         adaptation.step(pulse=pulse, armed=armed, inward=_inward(phase), **point)
 
 

@@ -10,8 +10,7 @@ from vrscan.registers.settings import InterlockSettings
 
 PHASE_WIDTH = 16
 BUCKET_MARGIN = 4 << pkg.POWER_WIDTH  # margin of the bucket: four clocks of the largest power
-INTERLOCK_LATENCY = 1  # clocks from state_i .. startup_ok_i, laser_enable to dark
-GUARD_LATENCY = 3  # clocks from guard_ok_i to dark
+INTERLOCK_LATENCY = 1  # clocks from state_i .. startup_ok_i, guard_ok_i, laser_enable to dark
 WINDOW_LATENCY = 3  # clocks from phase_i to index_light_o
 LIMIT_LATENCY = 2  # clocks from a limit to power_o, startup_o
 WATCHDOG_LATENCY = 3  # clocks that the light outlasts the watchdog's time
@@ -19,6 +18,8 @@ WATCHDOG_LATENCY = 3  # clocks that the light outlasts the watchdog's time
 _PHASE_MASK = (1 << PHASE_WIDTH) - 1
 _CLKS_MAX = (1 << pkg.LINE_CLKS_WIDTH) - 1
 _ARMED = 2  # number of line starts
+_THRESHOLD_MASK = (1 << 33) - 1
+_DELTA_MASK = (1 << (pkg.POWER_WIDTH + 2)) - 1
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,7 @@ class LaserInterlock:
         power, startup: Levels of the two channels; u16.
         index_light: Whether the start-up channel is on.
         level: Level of the bucket, power times clocks.
+        signature: Parity of every register that has a say about light, a clock ago.
         cut_count, duty_count, watchdog_count: Counters of the limits that acted, saturating.
     """
 
@@ -78,7 +80,8 @@ class LaserInterlock:
         self._threshold = -1
         self._silent = 0
         self._heard = self._tripped = False
-        self._guard = (False, False)  # the newer sample first
+        self._guard = False
+        self.signature = False
         self._armed = 0
         self._clks = 0  # clocks for which the request has been high
         self._cut = False
@@ -96,7 +99,7 @@ class LaserInterlock:
     @property
     def status(self) -> int:
         """Return the bits of ``status_o``."""
-        bits = (self._heard, self._guard[1], self.armed, self._full, self._tripped, *self._scan)
+        bits = (self._heard, self._guard, self.armed, self._full, self._tripped, *self._scan)
         return sum(bit << k for k, bit in enumerate(bits))
 
     def gate(self, pulse: bool) -> bool:
@@ -118,11 +121,12 @@ class LaserInterlock:
         guard_ok: bool,
     ) -> None:
         """Advance by one clock; the arguments are the input ports."""
+        self.signature = self._parity()
         enable = bool(self.settings.enable)
         run = state == pkg.MIRROR_RUN
         late = self._silent >= self._watchdog
         self._scan = (scanning, startup_ok)
-        awake = enable and self._heard and not self._tripped and self._guard[1]
+        awake = enable and self._heard and not self._tripped and guard_ok
         allowed = awake and run and index_alive and scanning
         lit = self.gate(pulse)
 
@@ -151,11 +155,11 @@ class LaserInterlock:
         self._delta = (self.power if lit else 0) - self._drain
         self.power = min(power, self._limit_power) if allowed else 0
 
-        # The host and the guard.
+        # The host.
         self._tripped = enable and (self._tripped or tripping)
         self._heard = alive or (self._heard and not late)
         self._silent = 0 if alive else self._silent + (not late)
-        self._guard = (guard_ok, self._guard[0])
+        self._guard = guard_ok
 
         self._shine(phase, awake=awake and startup_ok, settling=state == pkg.MIRROR_SETTLE, run=run)
         self._limit()
@@ -181,6 +185,20 @@ class LaserInterlock:
         self._bucket = min(settings.limit_bucket, ceilings.bucket)
         watchdog = settings.watchdog_clks or ceilings.watchdog_clks
         self._watchdog = min(watchdog, ceilings.watchdog_clks)
+
+    def _parity(self) -> bool:
+        """Return the parity of the registers as they are."""
+        armed = 0b11 if self.armed else self._armed
+        words = (
+            *(self._limit_power, self._limit_startup, self._limit_pulse, self._drain),
+            *(self._bucket, self._watchdog, self._silent, self._clks, self.power, self.level),
+            *(self._offset, self._span, self.startup, armed, self._heard, self._tripped),
+            *(self.permit, self._cut, self._full, self._inside, self.index_light),
+            # Signed ones, in as many bits as they have.
+            self._threshold & _THRESHOLD_MASK,
+            self._delta & _DELTA_MASK,
+        )
+        return bool(sum(int(word).bit_count() for word in words) & 1)
 
     def _counted(self, count: int, event: bool) -> int:
         return min(count + event, self._count_max)

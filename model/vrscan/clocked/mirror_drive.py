@@ -15,6 +15,8 @@ TIMEOUT_LATENCY = 2  # clocks that a state outlasts its time-out
 MOST_IDLE = 1 << 40
 SETTLE_CEILING = 1_250_000_000
 LOST_CEILING = 3_125_000
+LEVEL_CEILING = 1_047_527
+DUTY_CEILING = 32_768
 RATE_WIDTH = 32
 RATE_FRACTION = 16
 DUTY_WIDTH = 16
@@ -54,6 +56,7 @@ class MirrorDrive:
         settings: The configuration ports.
         settle_ceiling, lost_ceiling: Largest time-outs of SETTLE and RUN in clocks,
             ``SettleCeilingClks`` and ``LostCeilingClks``.
+        level_ceiling, duty_ceiling: Largest level and duty, ``LevelCeiling`` and ``DutyCeiling``.
         stop_width: A pulse that a stop waits for is cut off after 2**stop_width + 1 clocks.
 
     Attributes:
@@ -71,6 +74,8 @@ class MirrorDrive:
         stop_width: int = 24,
         settle_ceiling: int = SETTLE_CEILING,
         lost_ceiling: int = LOST_CEILING,
+        level_ceiling: int = LEVEL_CEILING,
+        duty_ceiling: int = DUTY_CEILING,
     ) -> None:
         self.settings = settings
         self.state = _OFF
@@ -79,7 +84,8 @@ class MirrorDrive:
         self.level = 0
         self.phase = 0
         self.word = 0
-        self._duty = settings.duty << _DUTY_SHIFT
+        self._duty = min(settings.duty, duty_ceiling) << _DUTY_SHIFT
+        self._level_ceiling = level_ceiling
         self._stop_clks = 1 << stop_width
         self._settle_ceiling, self._lost_ceiling = settle_ceiling, lost_ceiling
         self._stop = False
@@ -174,9 +180,9 @@ class MirrorDrive:
         if not active_next:
             self.level = 0
         elif following == _SWEEP:
-            self.level = settings.sweep_level
+            self.level = min(settings.sweep_level, self._level_ceiling)
         elif not stop:
-            self.level = level
+            self.level = min(level, self._level_ceiling)
         self.state = following
         self._ready = index_alive and settled
         self._stop = active and stop and following != _OFF
@@ -201,14 +207,18 @@ class MirrorDrive:
             return 0
         if state == _SWEEP:
             left = self._fine - (settings.work_word << RATE_FRACTION)
-            if left <= 0 or self.level != settings.sweep_level:
+            if left <= 0 or self.level != min(settings.sweep_level, self._level_ceiling):
                 return 0
             # The word only falls, so the edges below come no sooner than with the present word.
             most = -(-left // settings.sweep_rate) if settings.sweep_rate else MOST_IDLE
             most = min(most, settings.sweep_timeout - self._timer)
         else:
             aim = settings.work_word + trim
-            if self._sum != aim or self.word != min(max(aim, 0), _WORD_MAX) or self.level != level:
+            if (
+                self._sum != aim
+                or self.word != min(max(aim, 0), _WORD_MAX)
+                or (self.level != min(level, self._level_ceiling))
+            ):
                 return 0
             if state == _SETTLE:
                 if self._ready or (index_alive and settled):

@@ -52,7 +52,14 @@ FAULTS = ("none", "sweep", "settle", "index")
 
 SETTLE_S = 0.3  # approximate duration of a start after its sweep
 _START = ("sweep_timeout", "settle_timeout", "sweep_word", "work_word", "sweep_rate")
-_TRIPPED = 4  # bit of laser_status
+_GUARDED, _TRIPPED = 1, 4  # bits of laser_status
+_GUARD_FAULTS = (
+    "no heartbeat of the interlocks",
+    "a pulse too long",
+    "too many pulses",
+    "index light too long",
+    "a start-up level that is stuck",
+)
 MOST_STEP = 255  # largest step of a stream
 _STREAM_SHARE = 0.9  # share of the serial line's time for points; the rest is for replies
 
@@ -647,7 +654,10 @@ class Device:
 
     def darkness(self) -> str:
         """Return why lines have no peak, as far as the board knows, or an empty text."""
-        names = ("line_enable", "laser_enable", "laser_status", "mirror_state", "mirror_fault")
+        names = (
+            *("line_enable", "laser_enable", "laser_status", "laser_guard_fault"),
+            *("mirror_state", "mirror_fault"),
+        )
         found = {name: integer(value) for name, value in self.read_many(names).items()}
         state, reasons = found["mirror_state"], []
         if not found["line_enable"]:
@@ -656,6 +666,10 @@ class Device:
             reasons.append(f"the laser went off {self.silence_s():g} s after a host's last command")
         elif not found["laser_enable"]:
             reasons.append("the laser is off")
+        elif not found["laser_status"] >> _GUARDED & 1:
+            faults = [w for k, w in enumerate(_GUARD_FAULTS) if found["laser_guard_fault"] >> k & 1]
+            last = f", which last tripped at {' and '.join(faults)}" if faults else ""
+            reasons.append(f"the laser's guard permits no light{last}")
         if state != RUN:
             fault = f" ({_of(FAULTS, found['mirror_fault'])})" if state == FAULT else ""
             reasons.append(f"the mirror is in {_of(STATES, state)}{fault}")

@@ -9,6 +9,8 @@ from vrscan.registers.chain_registers import fit
 from vrscan.registers.register_map import REGISTERS
 from vrscan.registers.settings import LaserSettings
 
+GUARD_SHARE = 1 / 8  # of the time may be lit, for laser_guard
+
 
 @dataclass(frozen=True)
 class LaserRegisters(LaserSettings):
@@ -23,7 +25,8 @@ class LaserRegisters(LaserSettings):
 
         Raises:
             InputError: naming the key, if a value does not fit in its register, a pulse is longer
-                than its limit, or the index is not lit before the beam comes to the mark.
+                than its limit or too much for the guard, or the index is not lit before the beam
+                comes to the mark.
         """
         laser, line, mirror = config.laser, config.line, config.mirror
         clock = config.clock.frequency_hz
@@ -43,6 +46,11 @@ class LaserRegisters(LaserSettings):
             raise InputError(
                 f"{config.source}: line.pulse_us: {line.pulse_us:g} is above "
                 f"laser.limit_pulse_us = {laser.limit_pulse_us:g}: every pulse would be cut"
+            )
+        if 1e-6 * line.pulse_us * line.rate_hz > GUARD_SHARE:
+            raise InputError(
+                f"{config.source}: line.pulse_us: {line.pulse_us:g} at {line.rate_hz:g} lines a "
+                f"second is light in more than {GUARD_SHARE:g} of the time: the guard would trip"
             )
         if laser.index_margin_deg > abs(mirror.index_deg):
             raise InputError(

@@ -23,6 +23,7 @@ INDEX_TIMEOUT = 1.125  # periods: an index mark is missing when it comes later
 CONFIDENCE_ONE = 2**pkg.CONFIDENCE_WIDTH - 1
 REACQUIRE_TURNS = 1.0 / 64  # a larger phase error is not an error of tracking
 EXPOSURE_SHARE = 0.9  # exposure over the line period
+MOST_DUTY, MOST_LEVEL = 0.5, 0.999  # ceilings of mirror_drive
 
 
 @dataclass(frozen=True)
@@ -45,8 +46,9 @@ class MirrorRegisters(
         """Return the registers of a configuration, each rounded to nearest, half up.
 
         Raises:
-            InputError: naming the key, if a value does not fit in its register, the mark is out of
-                the mirror's reach, or the harmonics leave no unique amplitude.
+            InputError: naming the key, if a value does not fit in its register or is above a
+                ceiling of the drive, the mark is out of the mirror's reach, or the harmonics leave
+                no unique amplitude.
         """
         mirror, line, clock = config.mirror, config.line, config.clock.frequency_hz
 
@@ -87,6 +89,16 @@ class MirrorRegisters(
         def harmonics(name: str, key: str, values: Iterable[float]) -> tuple[int, ...]:
             return tuple(put(name, f"mirror.{key}", value) for value in values)
 
+        for key, most in (
+            ("duty", MOST_DUTY),
+            ("sweep_level", MOST_LEVEL),
+            ("level_max", MOST_LEVEL),
+        ):
+            if getattr(mirror, key) > most:
+                raise InputError(
+                    f"{config.source}: mirror.{key}: {getattr(mirror, key):g} is above {most:g}, "
+                    "the ceiling of the drive"
+                )
         return cls(
             clock_hz=clock,
             oversample=mirror.oversample,

@@ -87,14 +87,14 @@ def _one(
     )  # fmt: skip
 
 
-MAP_HASH = 0x0171361A
+MAP_HASH = 0xCBF3B03A
 
 # fmt: off
 _REGISTERS = (
     _one("", 0x000, "identity", 32, "constant",
          "the letters VRSC, by which a host knows the instrument", reset=0x56525343),
     _one("", 0x001, "map_hash", 32, "constant",
-         "hash of the parts of this map that a host must know", reset=0x0171361A),
+         "hash of the parts of this map that a host must know", reset=0xCBF3B03A),
     _one("", 0x002, "version", 32, "constant",
          "version of the map: major, minor, patch in bits 31..16, 15..8, 7..0", reset=0x00000100),
     _one("identity_status", 0x003, "board_id", 16, "ro", "number of the kind of board"),
@@ -331,7 +331,7 @@ _REGISTERS = (
     _one("link_status", 0x0ED, "commands_lost", 16, "counter",
          "number of commands that came while too many waited"),
     _one("laser", 0x100, "laser_enable", 1, "rw",
-         "1 permits light; 0 ends a trip of the watchdog"),
+         "1 permits light; 0 ends a trip of the watchdog and of the guard"),
     _one("laser", 0x101, "laser_adapt", 1, "rw",
          "1: the power follows the peaks, 0: it is laser_power"),
     _one("laser", 0x102, "laser_shared", 1, "rw",
@@ -370,8 +370,8 @@ _REGISTERS = (
          "time without a word from the host after which the light goes off; 0 is the ceiling",
          lock="lock_laser", unit="clk"),
     _one("laser_status", 0x130, "laser_status", 7, "ro",
-         "bits from 0: host heard, guard well, pulses permitted, bucket full, watchdog tripped, "
-         "mirror scans, start-up light permitted"),
+         "bits from 0: host heard, guard permits, pulses permitted, bucket full, watchdog "
+         "tripped, mirror scans, start-up light permitted"),
     _one("laser_status", 0x131, "laser_power_inward", 16, "ro",
          "power of the next pulse in the first half turn"),
     _one("laser_status", 0x132, "laser_power_outward", 16, "ro",
@@ -382,6 +382,11 @@ _REGISTERS = (
          "number of times that the bucket was full"),
     _one("laser_status", 0x135, "laser_watchdog_count", 16, "counter",
          "number of times that the host was silent for too long"),
+    _one("laser_status", 0x136, "laser_guard_fault", 5, "ro",
+         "what the guard last tripped at, bits from 0: no heartbeat, a pulse too long, too many "
+         "pulses, index light too long, start-up level stuck"),
+    _one("laser_status", 0x137, "laser_guard_count", 16, "counter",
+         "number of trips of the guard"),
     _one("points", 0x160, "points_batch", 8, "rw",
          "number of records in a packet, at most as many as fit", reset=24),
     _one("points", 0x161, "points_timeout_clks", 24, "rw",
