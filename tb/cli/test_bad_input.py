@@ -2,6 +2,7 @@
 
 import contextlib
 import re
+import resource
 import signal
 import subprocess
 import sys
@@ -241,15 +242,50 @@ def test_a_suffix_says_what_is_written(
         assert (folder / out).read_bytes().startswith(begin)
 
 
-def start(*arguments: str, options: Sequence[str] = ()) -> subprocess.Popen[str]:
+def start(
+    *arguments: str, options: Sequence[str] = (), largest: int | None = None
+) -> subprocess.Popen[str]:
+    """Start a command, which may write files of so many bytes."""
+
+    def fill() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (largest or 0, largest or 0))
+
     environment = {"PYTHONPATH": str(repository_root() / "model")}
+    if largest is not None:
+        environment |= {"PYTHONDONTWRITEBYTECODE": "1"}  # Python would keep cut ones
     return subprocess.Popen(
         [sys.executable, *options, "-m", "vrscan", *arguments],
         env=environment,
+        preexec_fn=None if largest is None else fill,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "largest"),
+    [
+        (["scan", "--lines", "200", "--keep-lines", "--out", "new"], 0),
+        (["scan", "--lines", "200", "--keep-lines", "--out", "new"], 60_000),
+        (["replay", "long.npz", "--out", "new.csv"], 5_000),
+        (["replay", "long.npz", "--out", "new.ply"], 300),
+    ],
+)
+def test_a_full_disk_leaves_no_file(folder: Path, arguments: list[str], largest: int) -> None:
+    lines = np.full((100, 2048), 60, np.uint16)
+    lines[:, 1000:1010] = 2000
+    np.savez_compressed(folder / "long.npz", lines=lines, angle_rad=np.zeros(100))
+    before = sorted(folder.rglob("*"))
+    process = start(*arguments, *IDEAL, "--jobs", "1", largest=largest)
+    _, err = process.communicate(timeout=100)
+    assert process.returncode == 2, err
+    # The disk is the same for all files of a folder, so any of them may be the one that is named.
+    assert re.fullmatch(r"vrscan: new\S*: cannot write \(File too large\)", err.splitlines()[-1]), (
+        err
+    )
+    assert sorted(folder.rglob("*")) == before
 
 
 def test_the_process_says_one_line_and_ends_with_two(folder: Path) -> None:

@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import (
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     PrivateAttr,
@@ -28,6 +29,16 @@ BLANKING_CLKS = 16  # between an exposure's end and its readout
 _MAX_WINDOW = (1 << pkg.WINDOW_WIDTH) - 1  # px
 
 Positive = Annotated[float, Field(gt=0)]
+
+
+def _number(value: object) -> object:
+    """Refuse true and false where a Literal takes numbers: to Python they are 1 and 0."""
+    if isinstance(value, bool):
+        raise ValueError("input should be a number")
+    return value
+
+
+NUMBER = BeforeValidator(_number)
 
 
 class Section(BaseModel):
@@ -216,7 +227,9 @@ class Mirror(Section):
     trim_gain_hz_per_s: float = Field(default=2.0, ge=0)  # rate for a level off by 1
     amplitude_falls: bool = True  # whether the amplitude falls with a rising frequency
 
-    averaging_periods: Literal[1, 2, 4, 8, 16] = 2  # averaging of phase and amplitude
+    averaging_periods: Annotated[Literal[1, 2, 4, 8, 16], NUMBER] = (
+        2  # averaging of phase and amplitude
+    )
     settle_ppm: Positive = 50.0  # error of the amplitude below which it is settled
     shock_ppm: Positive = 300.0  # error of the amplitude above which there is a shock
     phase_limit_urad: Positive = 60.0  # largest error of the mirror's phase
@@ -225,7 +238,7 @@ class Mirror(Section):
     settle_timeout_s: Positive = 5.0
     lost_timeout_s: Positive = 0.02
 
-    oversample: Literal[1, 2, 4, 8] = 4  # samples per clock of the index inputs
+    oversample: Annotated[Literal[1, 2, 4, 8], NUMBER] = 4  # samples per clock of the index inputs
     glitch_us: float = Field(default=0.1, ge=0)  # a shorter pulse of the comparator is a glitch
 
     @model_validator(mode="after")

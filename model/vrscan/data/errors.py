@@ -24,3 +24,14 @@ class LinesError(InputError, ValueError):
 
 class InputWarning(UserWarning):
     """Input that is good as far as it goes; the text is one line that says what is assumed."""
+
+
+def one_line(error: BaseException) -> str:
+    """Return what an error of a library says, fit for a message of one line.
+
+    That is its first line or, if it has none, its type; what a damaged file put into it is escaped,
+    and cut after 200 characters.
+    """
+    first = (str(error).splitlines() or [""])[0] or type(error).__name__
+    shown = "".join(c if c.isprintable() else repr(c)[1:-1] for c in first[:201])
+    return shown if len(shown) <= 200 else f"{shown[:197]}..."

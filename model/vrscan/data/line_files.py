@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from vrscan.data.config import Config
 from vrscan.data.contract import checked, checked_flags, checked_power
-from vrscan.data.errors import InputError, InputWarning, LinesError
+from vrscan.data.errors import InputError, InputWarning, LinesError, one_line
 from vrscan.data.lines import Lines, part
 
 _ARRAYS = ("lines", "angle_rad", "power", "mirror_flags")  # in an .npz
@@ -251,7 +251,7 @@ def _as_input_error(path: Path) -> Iterator[None]:
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or 'cannot read'}") from error
     except Exception as error:  # a damaged file makes numpy, zipfile, zlib and tokenize raise
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        reason = one_line(error)
         if "pickle" in reason:  # numpy knows neither the format nor the type
             reason = "no array of plain numbers"
         raise InputError(f"{path}: not a .npy or .npz file of lines ({reason})") from error

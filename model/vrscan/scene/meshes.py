@@ -14,7 +14,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
 from vrscan.data.arrays import Floats, Ints
-from vrscan.data.errors import InputError
+from vrscan.data.errors import InputError, one_line
 from vrscan.scene.shapes import START, dot, slab
 
 SUFFIXES = (".stl", ".obj", ".ply")
@@ -139,8 +139,7 @@ def load_mesh(path: Path, scale: float = 1.0) -> tuple[Floats, Ints]:
         vertices = np.asarray(mesh.vertices, np.float64).reshape(-1, 3)
         faces = np.asarray(mesh.faces, np.int64).reshape(-1, 3)
     except Exception as error:  # a reader may raise any error for a broken file
-        first = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"{path}: not a mesh that can be read ({first})") from error
+        raise InputError(f"{path}: not a mesh that can be read ({one_line(error)})") from error
     if len(faces) == 0:
         raise InputError(f"{path}: the mesh has no face")
     if faces.min() < 0 or faces.max() >= len(vertices):
@@ -150,6 +149,8 @@ def load_mesh(path: Path, scale: float = 1.0) -> tuple[Floats, Ints]:
     vertices, faces, _ = welded(vertices, faces)
     if len(faces) == 0:
         raise InputError(f"{path}: all faces are degenerate")
+    if len(faces) < 4:
+        raise InputError(f"{path}: {len(faces)} faces enclose nothing")
     single = open_edges(faces)
     if single:
         raise InputError(f"{path}: the mesh is open at {single} edges; it must be closed")

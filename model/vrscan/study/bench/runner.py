@@ -20,7 +20,7 @@ from concurrent.futures import (
 from typing import Any
 
 from vrscan.data import parallel
-from vrscan.data.errors import InputError
+from vrscan.data.errors import InputError, one_line
 from vrscan.study.bench.cells import Cell, Figures, do, version
 from vrscan.study.bench.keep import Keep
 
@@ -128,7 +128,7 @@ def _executor(scheduler: str | None, workers: int) -> Iterator[Executor]:
         try:
             yield client.get_executor(pure=False)
         except (CommClosedError, CancelledError, KilledWorker, OSError) as error:
-            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+            reason = one_line(error)
             raise InputError(f"--scheduler: {scheduler} was lost ({reason})") from error
 
 
