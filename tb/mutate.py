@@ -539,7 +539,12 @@ FAULTS = [
             "else if (sum_q[SumWidth-1]) word_o <= '0;",
             "else if (1'b0) word_o <= '0;",
         ),
-        ("a level without a ceiling", "32'(level) > LevelCeiling ?", "1'b0 ?"),
+        ("a level without a ceiling", "32'(level_i) > LevelCeiling ?", "1'b0 ?"),
+        (
+            "a sweep's level without a ceiling",
+            "32'(mirror_limits_i.sweep_level) > LevelCeiling ?",
+            "1'b0 ?",
+        ),
         ("a duty without a ceiling", "32'(mirror_limits_i.duty) > DutyCeiling ?", "1'b0 ?"),
         ("level after a fault", "if (!active_d) level_o <= '0;", "if (1'b0) level_o <= '0;"),
         (

@@ -19,7 +19,7 @@
 //
 //   sweep_word, work_word, word_o      turns a clock, 48 fraction bits: 4.4e-7 Hz a step at 125 MHz
 //   duty         the drive is high while frac(2 phase), its top 16 bits, is below duty, which acts as
-//                DutyCeiling where it is above it
+//                DutyCeiling where it is above it.  It and sweep_level act a clock later
 //   phase_o      turns; in clock n the phase at time n
 //   drive_o      of the phase two clocks before
 //   level_o      what is applied, full scale 2**20: 0 in OFF and FAULT, at most LevelCeiling
@@ -104,13 +104,13 @@ module mirror_drive #(
 
   logic [ TimeWidth-1:0] settle_timeout, lost_timeout;
   logic [ DutyWidth-1:0] duty_q;
-  logic [LevelWidth-1:0] level;
+  logic [LevelWidth-1:0] level, sweep_level_q;
   assign settle_timeout = mirror_limits_i.settle_timeout > SettleCeilingClks
                           ? SettleCeilingClks : mirror_limits_i.settle_timeout;
   assign lost_timeout   = mirror_limits_i.lost_timeout > LostCeilingClks
                           ? LostCeilingClks : mirror_limits_i.lost_timeout;
 
-  assign level = state_d == Sweep ? mirror_limits_i.sweep_level : level_i;
+  assign level = 32'(level_i) > LevelCeiling ? LevelWidth'(LevelCeiling) : level_i;
 
   always_comb begin
     state_d = state_q;
@@ -180,9 +180,10 @@ module mirror_drive #(
     drive_o <= active_d && high_q;
 
     if (!active_d) level_o <= '0;
-    else if (state_d == Sweep || !stop) begin
-      level_o <= 32'(level) > LevelCeiling ? LevelWidth'(LevelCeiling) : level;
-    end
+    else if (state_d == Sweep) level_o <= sweep_level_q;
+    else if (!stop) level_o <= level;
+    sweep_level_q <= 32'(mirror_limits_i.sweep_level) > LevelCeiling ? LevelWidth'(LevelCeiling)
+                     : mirror_limits_i.sweep_level;
 
     if (rst_i) begin
       state_q     <= Off;
