@@ -1028,6 +1028,7 @@ FAULTS = [
             ("uart_tx", "the line upside down", "broken_q ? 1'b0 :", "broken_q ? 1'b1 :"),
             ("command_executor", "two at a time", "!bus_valid_o || !waits_q", "!bus_valid_o"),
             ("register_file", "an answer too late", "age_q[9] && !reset_q", "age_q[8] && !reset_q"),
+            ("peak_isolate", "a window one wider", "+ 32'd1 &&", "+ 32'd2 &&"),
             ("line_buffer", "another pixel", "pixel_o == replayed_q3", "pixel_o != replayed_q3"),
         )
         for fault in faults(
