@@ -34,7 +34,8 @@ module vrscan_properties #(
   logic [ 2:0] state;
   vrscan #(.ClockHz(ClockHz), .IndexOversample(2)) dut (
     .clk_i, .rst_i, .line_start_i, .line_end_i, .pixel_valid_i, .pixel_i, .pixel_overflow_count_i,
-    .comparator_i, .gate_i, .guard_ok_i, .guard_beat_i, .guard_fault_i, .focus_scl_i, .focus_sda_i, .rx_i,
+    .comparator_i, .gate_i, .guard_ok_i, .guard_beat_i, .guard_fault_i,
+    .focus_scl_i, .focus_sda_i, .rx_i,
     .line_start_o   (line_start),
     .exposure_o     (),
     .drive_o        (),
