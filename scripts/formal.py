@@ -632,7 +632,7 @@ MUTANTS = (
         Mutant(name, "uart_tx", TRANSMITTER, good, bad, breaks, 16)
         for name, good, bad, breaks in (
             (
-                "a byte that waits is written over",
+                "a byte that waits is forgotten",
                 "full_d  = accept || (!ready_o && !take);",
                 "full_d  = 1'b0;",
                 "one_byte_waits",
