@@ -1,7 +1,8 @@
 // ulx3s: vrscan on a ULX3S with an LFE5U-85F: clocks, pins and synchronisers.
 //
 // The core runs at 100 MHz from the PLL and the board's oscillator, laser_guard from the chip's own
-// oscillator: 310 MHz / 12, within a fifth.  The index is sampled at both edges, 5 ns apart.  constraints/ulx3s.lpf has the pins; FIRE1 is the reset.
+// oscillator: 310 MHz / 12, within a fifth.  The index is sampled at both edges, 5 ns apart.
+// constraints/ulx3s.lpf has the pins; FIRE1 is the reset.
 
 `default_nettype none
 
