@@ -122,8 +122,9 @@ def says(found: object, file: object, where: str = "") -> None:
             says(held, value, f"{where}.{key}")
     elif isinstance(file, list) and not isinstance(found, str):
         assert isinstance(found, (list, tuple)), where
-        assert len(found) == len(file), where
-        for held, value in zip(found, file, strict=True):
+        # Harmonics that a file leaves out are 0.
+        assert all(where == ".mirror.harmonics" and tuple(held) == (0, 0) for held in found[len(file) :])
+        for held, value in zip(found[: len(file)], file, strict=True):
             says(held, value, where)
     elif isinstance(found, pydantic.BaseModel):
         raise AssertionError(f"{where}: {file!r} became {found!r}")
