@@ -123,7 +123,9 @@ def says(found: object, file: object, where: str = "") -> None:
     elif isinstance(file, list) and not isinstance(found, str):
         assert isinstance(found, (list, tuple)), where
         # Harmonics that a file leaves out are 0.
-        assert all(where == ".mirror.harmonics" and tuple(held) == (0, 0) for held in found[len(file) :])
+        assert all(
+            where == ".mirror.harmonics" and tuple(held) == (0, 0) for held in found[len(file) :]
+        )
         for held, value in zip(found[: len(file)], file, strict=True):
             says(held, value, where)
     elif isinstance(found, pydantic.BaseModel):
