@@ -122,10 +122,9 @@ def says(found: object, file: object, where: str = "") -> None:
             says(held, value, f"{where}.{key}")
     elif isinstance(file, list) and not isinstance(found, str):
         assert isinstance(found, (list, tuple)), where
-        # Harmonics that a file leaves out are 0.
-        assert all(
-            where == ".mirror.harmonics" and tuple(held) == (0, 0) for held in found[len(file) :]
-        )
+        # Harmonics that a file leaves out are 0, and so are their slopes.
+        padded = where in (".mirror.harmonics", ".mirror.slopes")
+        assert all(padded and tuple(held) == (0, 0) for held in found[len(file) :]), where
         for held, value in zip(found[: len(file)], file, strict=True):
             says(held, value, where)
     elif isinstance(found, pydantic.BaseModel):
@@ -155,7 +154,11 @@ def read_lines(path: Path) -> None:
     found = line_files.read(path, config)
     with np.errstate(all="ignore"):
         loaded = np.load(path, allow_pickle=False)
-    arrays = {"lines": loaded} if isinstance(loaded, np.ndarray) else dict(loaded)
+    if isinstance(loaded, np.ndarray):
+        arrays = {"lines": loaded}
+    else:
+        names = ("lines", "angle_rad", "power", "mirror_flags")
+        arrays = {name: loaded[name] for name in names if name in loaded.files}
     assert found.lines.shape == arrays["lines"].shape
     assert (found.lines == arrays["lines"]).all()
     assert found.lines.max() <= 4095
