@@ -17,6 +17,10 @@ set_property -dict {PACKAGE_PIN E16 IOSTANDARD LVCMOS33} [get_ports {sensor_vali
 set_property -dict {PACKAGE_PIN D15 IOSTANDARD LVCMOS33} [get_ports {sensor_start_o}]
 set_property -dict {PACKAGE_PIN C15 IOSTANDARD LVCMOS33} [get_ports {sensor_exposure_o}]
 create_clock -name sensor -period 12.500 [get_ports sensor_clk_i]
+# Valid and pixel change -0.1 to 2.5 ns after the clock's fall, whose halves are even within 0.5 ns (as "PCLK to output
+# valid" of the Honeywell IS4911's manual).
+set_input_delay -clock sensor -clock_fall -max 3.0 [get_ports {sensor_valid_i sensor_pixel_i[*]}]
+set_input_delay -clock sensor -clock_fall -min -0.6 [get_ports {sensor_valid_i sensor_pixel_i[*]}]
 set_property -dict {PACKAGE_PIN J17 IOSTANDARD LVCMOS33} [get_ports {sensor_pixel_i[0]}]
 set_property -dict {PACKAGE_PIN J18 IOSTANDARD LVCMOS33} [get_ports {sensor_pixel_i[1]}]
 set_property -dict {PACKAGE_PIN K15 IOSTANDARD LVCMOS33} [get_ports {sensor_pixel_i[2]}]
@@ -46,7 +50,12 @@ set_property -dict {PACKAGE_PIN F3 IOSTANDARD LVCMOS33 PULLDOWN true} [get_ports
 
 # What crosses between clocks does so through synchronisers.  CFGMCLK, 65 MHz within a half.
 create_clock -name guard -period 10.000 [get_pins u_startup/CFGMCLK]
-set_clock_groups -asynchronous -group clk -group sensor -group guard
+set_clock_groups -asynchronous -group {clk sensor} -group guard
+# Gray code: its bits arrive within a period of the faster clock of each other.
+set_max_delay -datapath_only -from [get_clocks sensor] -to [get_clocks clk] 10.000
+set_max_delay -datapath_only -from [get_clocks clk] -to [get_clocks sensor] 10.000
+set_bus_skew -from [get_clocks sensor] -to [get_cells u_pixel_fifo/u_from_pixel/meta_q_reg[*]] 10.000
+set_bus_skew -from [get_clocks clk] -to [get_cells u_pixel_fifo/u_to_pixel/meta_q_reg[*]] 10.000
 
 set_property CFGBVS VCCO [current_design]
 set_property CONFIG_VOLTAGE 3.3 [current_design]

@@ -68,6 +68,14 @@ module arty_a7 (
     .clk_i(clk), .rst_i(1'b0), .d_i({comparator_ddr, gate_ddr}), .q_o({comparator, gate})
   );
 
+  // In the pins' own registers, so that no route decides when a pixel is taken.
+  (* IOB = "TRUE" *) logic        sensor_valid_q;
+  (* IOB = "TRUE" *) logic [11:0] sensor_pixel_q;
+  always_ff @(posedge sensor_clk_i) begin
+    sensor_valid_q <= sensor_valid_i;
+    sensor_pixel_q <= sensor_pixel_i;
+  end
+
   logic        line_start, line_end, pixel_valid;
   logic [11:0] pixel;
   logic [15:0] overflow_count;
@@ -76,9 +84,9 @@ module arty_a7 (
     .rst_i           (rst),
     .pixel_clk_i     (sensor_clk_i),
     .pixel_rst_i     (pixel_rst),
-    .line_valid_i    (sensor_valid_i),
+    .line_valid_i    (sensor_valid_q),
     .pixel_valid_i   (1'b1),
-    .pixel_i         (sensor_pixel_i),
+    .pixel_i         (sensor_pixel_q),
     .line_start_o    (line_start),
     .line_end_o      (line_end),
     .pixel_valid_o   (pixel_valid),

@@ -87,6 +87,14 @@ module ulx3s (
     .clk_i(clk), .rst_i(1'b0), .d_i({comparator_ddr, gate_ddr}), .q_o({comparator, gate})
   );
 
+  // In the pins' own registers, so that no route decides when a pixel is taken.
+  (* syn_useioff = 1 *) logic        sensor_valid_q;
+  (* syn_useioff = 1 *) logic [11:0] sensor_pixel_q;
+  always_ff @(posedge sensor_clk_i) begin
+    sensor_valid_q <= sensor_valid_i;
+    sensor_pixel_q <= sensor_pixel_i;
+  end
+
   logic        line_start, line_end, pixel_valid;
   logic [11:0] pixel;
   logic [15:0] overflow_count;
@@ -95,9 +103,9 @@ module ulx3s (
     .rst_i           (rst),
     .pixel_clk_i     (sensor_clk_i),
     .pixel_rst_i     (pixel_rst),
-    .line_valid_i    (sensor_valid_i),
+    .line_valid_i    (sensor_valid_q),
     .pixel_valid_i   (1'b1),
-    .pixel_i         (sensor_pixel_i),
+    .pixel_i         (sensor_pixel_q),
     .line_start_o    (line_start),
     .line_end_o      (line_end),
     .pixel_valid_o   (pixel_valid),
