@@ -10,6 +10,8 @@
 //                       q = 2**8 power / noise, to nearest, of (8 + k) 2**(e - 3) and more; empty
 //                       for q = 0
 //
+//   Two banks, of which free_table_bank is read
+//
 //   from_o, to_o  mm, FreeFraction bits; both 0 where nothing is free.  They hold until the next
 //                 valid_o
 //   Latency  vrscan.fixed.free_interval.LATENCY clocks; a valid_i meanwhile starts anew.  The table
@@ -49,19 +51,22 @@ module free_interval (
   localparam int unsigned MantissaWidth = 3;
   localparam logic [IndexWidth-1:0] LastEntry = '1;
 
+  logic unused;
+  assign unused = &{1'b0, free_table_i.free_table_changed};  // nothing is kept from line to line
+
   // ---- the table ----
-  logic [2*FreeWidth-1:0] table_mem [2 << IndexWidth];
+  logic [2*FreeWidth-1:0] table_mem [4 << IndexWidth];
   // An entry that was never written is 0, as the bus reads it.
-  initial for (int k = 0; k < (2 << IndexWidth); k = k + 1) table_mem[k] = '0;
+  initial for (int k = 0; k < (4 << IndexWidth); k = k + 1) table_mem[k] = '0;
   logic [   IndexWidth:0] address_q;
   logic [2*FreeWidth-1:0] read_q;
   logic [  FreeWidth-1:0] entry_from_q, entry_to_q;
   always_ff @(posedge clk_i) begin
     if (free_table_i.free_table_write) begin
-      table_mem[free_table_i.free_table_index] <= {free_table_i.free_table_from,
-                                                   free_table_i.free_table_to};
+      table_mem[{free_table_i.free_table_write_bank, free_table_i.free_table_index}]
+          <= {free_table_i.free_table_from, free_table_i.free_table_to};
     end
-    read_q                     <= table_mem[address_q];
+    read_q                     <= table_mem[{free_table_i.free_table_bank, address_q}];
     {entry_from_q, entry_to_q} <= read_q;
   end
 
@@ -169,7 +174,7 @@ module free_interval (
       to_q   <= seen_to_q < entry_to_q ? seen_to_q : entry_to_q;
     end
     none_q <= empty_q || dark_q || from_q >= to_q;
-    if (stage_q[5]) begin
+    if (stage_q[5] && !valid_i) begin
       from_o <= none_q ? '0 : from_q;
       to_o   <= none_q ? '0 : to_q;
     end

@@ -7,6 +7,7 @@ from harness import (
     FallingEdge,
     assert_equal,
     generator,
+    port,
     reset,
     reset_at_every_age,
     restart_at_every_age,
@@ -56,18 +57,29 @@ def tables(kind: str, salt: int) -> tuple[int, int, np.ndarray, np.ndarray]:
     return int(draw.integers(-(1 << 23), 1 << 22)), int(draw.integers(0, 13)), *ends
 
 
-async def load(dut, kind: str, salt: int) -> dict[str, object]:
-    """Set the table and its place, and return them."""
+async def write(dut, kind: str, salt: int, bank: int = 0) -> dict[str, object]:
+    """Write a table into a bank, and return it and its place."""
     begin, shift, least, largest = tables(kind, salt)
-    struct_ports(dut)["free_i"].give({"free_begin": begin, "free_shift": shift})
     for k in range(2 * HALF):
-        entry = {"from": int(least[k]), "to": int(largest[k]), "index": k, "write": 1}
-        struct_ports(dut)["free_table_i"].give(
-            {f"free_table_{name}": value for name, value in entry.items()}
-        )
+        entry = {"from": int(least[k]), "to": int(largest[k]), "index": k}
+        for name, value in (entry | {"write_bank": bank, "write": 1}).items():
+            port(dut, f"free_table_{name}_i").value = value
         await FallingEdge(dut.clk_i)
-    struct_ports(dut)["free_table_i"].give({"free_table_write": 0})
+    port(dut, "free_table_write_i").value = 0
     return {"begin": begin, "shift": shift, "table_from": least, "table_to": largest}
+
+
+def use(dut, table: dict[str, object], bank: int = 0) -> None:
+    """Let the table of a bank, and its place, take effect."""
+    port(dut, "free_table_bank_i").value = bank
+    struct_ports(dut)["free_i"].give({f"free_{name}": table[name] for name in ("begin", "shift")})
+
+
+async def load(dut, kind: str, salt: int) -> dict[str, object]:
+    """Write a table, let it take effect, and return it and its place."""
+    table = await write(dut, kind, salt)
+    use(dut, table)
+    return table
 
 
 def expected(given: dict[str, np.ndarray], table: dict[str, object]) -> dict[str, np.ndarray]:
@@ -98,6 +110,22 @@ async def lines_change_while_it_works(dut) -> None:
     given = operands(100, 6, table["begin"], table["shift"])
     got = await run_vectors(dut, given, OUTPUTS, latency=LATENCY, gaps=True)
     assert_equal(got, expected(given, table), given)
+
+
+@cocotb.test()
+async def one_bank_is_written_while_the_other_is_read(dut) -> None:
+    """What is written is not seen before it takes effect, and then all of it is."""
+    await reset(dut)
+    table = await load(dut, "wide", 9)
+    for k in range(1, 6):
+        writes = cocotb.start_soon(write(dut, "wide", 9 + k, k % 2))
+        for salt in (k, 10 + k):  # while it is written, and behind that
+            given = operands(2 * HALF // LATENCY, salt, table["begin"], table["shift"])
+            want = expected(given, table)
+            assert np.any(want["to_o"] > 0)
+            assert_equal(await run_vectors(dut, given, OUTPUTS, latency=LATENCY), want, given)
+        table = await writes
+        use(dut, table, k % 2)
 
 
 @cocotb.test()
