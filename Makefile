@@ -49,8 +49,8 @@ soak: simulate ## run the long tests: more random data, a million bytes, every s
 board: simulate ## simulate a board with a serial port, until stopped; SCENE=corner picks what it sees
 	@$(BIN)/vrscan board $(SCENE) $(ARGS)
 
-mutate: simulate ## put faults into a copy, which the tests must notice; MODULES="divide" picks some
-	@$(BIN)/python tb/mutate.py $(MODULES)
+mutate: simulate ## put faults into a copy, which the tests must notice; ARGS="--systematic 1000" has more
+	@$(BIN)/python tb/mutate.py $(MODULES) $(ARGS)
 
 numbers: setup ## print the number table: measured, predicted, floor
 	@$(BIN)/vrscan numbers

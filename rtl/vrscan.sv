@@ -83,6 +83,7 @@ module vrscan #(
   // ---- a reset for each room, a clock after rst_i; register_file makes its own ----
   logic rst_own, rst_uart_link, rst_mirror_loop, rst_laser_control, rst_test_line, rst_line_tag;
   logic rst_vrscan_chain, rst_point_record, rst_point_packer, rst_line_capture, rst_focus_control;
+  logic rst_commit_control;
   local_register u_reset_own (.clk_i, .d_i(rst_i), .q_o(rst_own));
   local_register u_reset_uart_link (.clk_i, .d_i(rst_i), .q_o(rst_uart_link));
   local_register u_reset_mirror_loop (.clk_i, .d_i(rst_i), .q_o(rst_mirror_loop));
@@ -94,6 +95,7 @@ module vrscan #(
   local_register u_reset_point_packer (.clk_i, .d_i(rst_i), .q_o(rst_point_packer));
   local_register u_reset_line_capture (.clk_i, .d_i(rst_i), .q_o(rst_line_capture));
   local_register u_reset_focus_control (.clk_i, .d_i(rst_i), .q_o(rst_focus_control));
+  local_register u_reset_commit_control (.clk_i, .d_i(rst_i), .q_o(rst_commit_control));
 
   // ---- registers ----
   register_pkg::identity_t        identity;
@@ -124,6 +126,10 @@ module vrscan #(
   register_pkg::focus_table_t     focus_table;
   register_pkg::free_t            free;
   register_pkg::free_table_t      free_table;
+  register_pkg::commit_t          commit;
+  register_pkg::commit_status_t   commit_status;
+  logic       commit_copy, commit_hold, commit_take, superseding, chain_empty, renewing;
+  logic [9:0] commit_index;
   logic                              bus_valid, bus_done;
   logic [ link_pkg::AccessWidth-1:0] bus_access;
   logic [link_pkg::AddressWidth-1:0] bus_address;
@@ -141,7 +147,18 @@ module vrscan #(
     .laser_status_i(laser_status), .points_o(points), .points_status_i(points_status),
     .focus_o(focus), .focus_status_i(focus_status), .test_o(test), .test_status_i(test_status),
     .sensor_o(sensor), .sensor_status_i(sensor_status), .locks_o(locks), .table_o(table_entry),
-    .focus_table_o(focus_table), .free_o(free), .free_table_o(free_table)
+    .focus_table_o(focus_table), .free_o(free), .free_table_o(free_table),
+    .commit_o(commit), .commit_status_i(commit_status),
+    .waiting_i(commit_status.commit_waiting), .copy_i(commit_copy), .copy_index_i(commit_index),
+    .bank_i(commit_status.configuration), .take_i(commit_take)
+  );
+
+  // ---- what waits takes effect together ----
+  commit_control #(.Entries(1024)) u_commit_control (
+    .clk_i, .rst_i(rst_commit_control), .commit_i(commit), .commit_status_o(commit_status),
+    .copy_o(commit_copy), .index_o(commit_index),
+    .hold_o(commit_hold), .empty_i(chain_empty), .take_o(commit_take),
+    .superseding_o(superseding), .renewing_i(renewing)
   );
 
   logic [47:0] uptime_q;
@@ -198,7 +215,8 @@ module vrscan #(
   ) u_mirror_loop (
     .clk_i, .rst_i(rst_mirror_loop), .comparator_i, .gate_i, .drive_o, .level_o, .level_pin_o,
     .mirror_i(mirror), .mirror_limits_i(mirror_limits), .motion_i(motion), .line_i(line),
-    .table_i(table_entry), .mirror_status_o(mirror_status), .measured_valid_o(),
+    .table_i(table_entry), .take_i(commit_take), .renewing_o(renewing),
+    .mirror_status_o(mirror_status), .measured_valid_o(),
     .line_start_o, .exposure_o, .laser_o(pulse), .line_o, .centre_o, .centre_half_o,
     .angle_valid_o(angle_valid), .angle_line_o(angle_line), .angle_o(angle),
     .mirror_flags_o(mirror_flags), .confidence_o(mirror_confidence), .amplitude_o()
@@ -258,6 +276,7 @@ module vrscan #(
     .inward_i(inward_line),
     .angle_valid_i(angle_valid), .angle_line_i(angle_line), .angle_i(angle),
     .mirror_flags_i(mirror_flags), .confidence_i(mirror_confidence),
+    .superseding_i(superseding),
     .line_start_i, .line_end_i, .tag_o(from_sensor.line), .sensor_i(sensor),
     .untagged_count_o(sensor_status.untagged_count), .unread_count_o(sensor_status.unread_count),
     .mistimed_count_o(sensor_status.mistimed_count)
@@ -293,6 +312,8 @@ module vrscan #(
     .line_start_i(readout_q2.start), .line_end_i(readout_q2.last),
     .pixel_valid_i(readout_q2.valid), .pixel_i(readout_q2.pixel), .line_i(readout_q2.line),
     .valid_o(point_valid), .ready_i(1'b1), .point_o(point),
+    .hold_i(commit_hold), .take_i(commit_take),
+    .configuration_i(commit_status.configuration), .empty_o(chain_empty),
     .peak_i(peak), .geometry_i(geometry), .free_i(free), .free_table_i(free_table),
     .chain_o(chain)
   );

@@ -45,7 +45,13 @@ module vrscan_chain #(
   input  wire logic                          ready_i,
   output      vrscan_pkg::point_t            point_o,
 
-  // Configuration; it has to hold until the points of all lines are out.
+  // Configuration.  It holds while hold_i is low, and until empty_o behind its rise; with take_i what
+  // lines before say of lines behind is forgotten.  hold_i skips the lines that end or begin in it
+  // and those that are superseded: they are counted, and the next point has LINES_LOST.
+  input  wire logic                          hold_i,
+  input  wire logic                          take_i,
+  input  wire logic                          configuration_i,
+  output      logic                          empty_o,  // from 3 clocks behind hold_i's rise on
   input  wire register_pkg::peak_t           peak_i,
   input  wire register_pkg::geometry_t       geometry_i,
   input  wire register_pkg::free_t           free_i,
@@ -69,29 +75,43 @@ module vrscan_chain #(
                       fit, weighed_fit, placed, taken;
   localparam int unsigned PointWidth = $bits(begun);
 
+  // ---- how many lines are inside, and that they forget each other ----
+  logic                                   forget_q, flush_q;
+  logic [                            3:0] inside_q;
+
   // ---- sensor ----
   logic                                   received, good, lost;
   logic [                 PixelWidth-1:0] pixel;
   logic [                 IndexWidth-1:0] index;
   logic [vrscan_pkg::LineNumberWidth-1:0] number;
   vrscan_pkg::line_t                      line_q;  // as late as line_receiver's outputs
+  logic skip, fresh_q;  // since hold_i a line has begun
+  assign skip = hold_i || !fresh_q || line_i.superseded;
+  always_ff @(posedge clk_i) begin
+    if (line_start_i) fresh_q <= 1'b1;
+    if (hold_i) fresh_q <= 1'b0;
+    if (rst_i) fresh_q <= 1'b0;
+  end
   line_receiver #(
     .LineLength(LineLength), .PixelWidth(PixelWidth), .CountWidth(CountWidth)
   ) u_line_receiver (
     .clk_i, .rst_i, .line_start_i, .line_end_i, .pixel_valid_i, .pixel_i,
     .valid_o(received), .pixel_o(pixel), .index_o(index),
-    .good_o(good), .line_number_o(number), .lost_o(lost),
+    .good_o(good), .line_number_o(number), .lost_o(lost), .skip_i(skip), .forget_i(forget_q),
     .period_i          (period_q),
     .short_count_o     (chain_o.short_count),
     .long_count_o      (chain_o.long_count),
     .unfinished_count_o(chain_o.unfinished_count),
-    .early_count_o     (chain_o.early_count)
+    .early_count_o     (chain_o.early_count),
+    .skipped_count_o   (chain_o.skipped_count)
   );
   always_ff @(posedge clk_i) line_q <= line_i;
   always_comb begin
     begun        = '0;
     begun.line   = line_q;
     begun.number = number;
+    begun.line.superseded = 1'b0;
+    begun.configuration   = configuration_i;
     begun.flags[vrscan_pkg::FlagLinesLost] = lost;
     begun.flags[vrscan_pkg::FlagNotRunning+:vrscan_pkg::MirrorFlagWidth] = line_q.mirror_flags;
   end
@@ -296,7 +316,7 @@ module vrscan_chain #(
   logic [vrscan_pkg::SpeckleWidth-1:0] speckle;
   logic [vrscan_pkg::ScaleWidth-1:0] scale;
   peak_fit #(.LineLength(LineLength), .PixelWidth(PixelWidth)) u_peak_fit (
-    .clk_i, .rst_i,
+    .clk_i, .rst_i(forget_q),
     .valid_i(start_q && peak_i.window_fit), .measured_i(held_q.measured),
     .left_i(IndexWidth'(held_q.left)), .width_i(vrscan_pkg::WindowWidth'(held_q.width)),
     .slope_i(refined_slope), .position_i(PositionWidth'(held_q.position)),
@@ -325,7 +345,7 @@ module vrscan_chain #(
   peak_neighbours #(
     .LineLength(LineLength), .NeighbourClks(NeighbourClks), .UserWidth(PointWidth)
   ) u_peak_neighbours (
-    .clk_i, .rst_i,
+    .clk_i, .rst_i(forget_q), .flush_i(flush_q),
     .valid_i(fit_done), .measured_i(fit.measured), .position_i(PositionWidth'(fit.position)),
     .sigma_i(fit.sigma), .scale_i(scale), .light_i(light_q), .power_i(fit.line.power),
     .user_i(fit),
@@ -379,6 +399,14 @@ module vrscan_chain #(
     point_o.flags[vrscan_pkg::FlagNoRange]    = no_range;
     point_o.flags[vrscan_pkg::FlagOutOfRange] = out_of_range;
     point_o.flags[vrscan_pkg::FlagPointsLost] = points_lost;
+  end
+
+  assign empty_o = inside_q == '0;
+  always_ff @(posedge clk_i) begin
+    inside_q <= inside_q + 4'(good) - 4'(dropped || (valid_o && ready_i));
+    flush_q  <= hold_i && inside_q == 4'd1;
+    forget_q <= take_i || rst_i;
+    if (rst_i) inside_q <= '0;
   end
 
   logic [vrscan_pkg::CounterWidth-1:0] dropped_count_q;

@@ -185,6 +185,7 @@ package vrscan_pkg;
     logic inward;
     logic [TimeWidth-1:0] time_clks;  // of the pulse's centre
     logic test;  // a test line: it has angle and power, and nothing else
+    logic superseded;  // its angle is of the configuration before the last commit
   } line_t;
 
   // A point.  Pixels are as wide as PixelWidth, in the lower bits of maximum.
@@ -212,6 +213,7 @@ package vrscan_pkg;
     logic [ConfidenceWidth-1:0] c_sfm;
     logic [FreeWidth-1:0] free_from;  // z between which the beam is free; both 0: nowhere
     logic [FreeWidth-1:0] free_to;
+    logic configuration;  // changes with each commit
   } point_t;
 endpackage
 

@@ -47,6 +47,7 @@ RECEIVER = "rtl/link/uart_rx.sv"
 TRANSMITTER = "rtl/link/uart_tx.sv"
 EXECUTOR = "rtl/link/command_executor.sv"
 REGISTERS = "rtl/link/register_file.sv"
+COMMIT = "rtl/link/commit_control.sv"
 BUFFER = "rtl/sensor/line_buffer.sv"
 FIFO = "rtl/sensor/pixel_fifo.sv"
 VRSCAN = "rtl/vrscan.sv"
@@ -71,8 +72,8 @@ class Proof:
         free: Modules whose outputs are free in every clock.
         borrowed: Properties within ``top`` that look into its dut: their instance, their module,
             and for each of their instances the one of the dut that takes its place.
-        unhindered: Modules that are free for the covers, too: what holds the light back for longer
-            than a solver can follow.
+        unhindered: Modules that are free for covers and faults, too: what holds the light back for
+            longer than a solver can follow.
     """
 
     module: str
@@ -133,6 +134,22 @@ PROOFS = (
     Proof("uart_tx + uart_rx", "uart_pair_properties", 4, 50, bounded=48),
     Proof("command_executor", "command_executor", 5, 24),
     Proof("register_file", "register_file", 5, 14),
+    Proof("uart_rx", "uart_rx", 2, 60),
+    Proof("command_queue", "command_queue", 4, 20, parameters=(("CountWidth", 2),)),
+    Proof("point_record", "point_record", 2, 6),
+    Proof("line_extent", "line_extent", 2, 12, parameters=(("LineLength", 4),)),
+    Proof("multiply_fast", "multiply_fast", 2, 8),
+    # A whole division, and a whole root, of all numbers of few bits.
+    Proof(
+        "divide",
+        "divide",
+        3,
+        10,
+        parameters=(("DividendWidth", 7), ("DivisorWidth", 4), ("QuotientWidth", 3)),
+        bounded=10,
+    ),
+    Proof("square_root", "square_root", 3, 12, parameters=(("RootWidth", 4),), bounded=12),
+    Proof("commit_control", "commit_control", 4, 40, (("Entries", 4),)),
     # Small memories: what is proven knows a place by its number only.
     Proof(
         "line_buffer",
@@ -153,6 +170,7 @@ PROOFS = (
         12,
         free=(
             "register_file",
+            "commit_control",
             "uart_link",
             "amplitude_control",
             "mirror_phase",
@@ -199,7 +217,7 @@ class Mutant:
 
     Attributes:
         name: What is wrong.
-        proof: Its index in ``PROOFS``, or its top.
+        proof: Its top.
         source: File.
         good, bad: The text, which occurs once, and what takes its place.
         breaks: A property.
@@ -210,7 +228,7 @@ class Mutant:
     """
 
     name: str
-    proof: int | str
+    proof: str
     source: str
     good: str
     bad: str
@@ -224,7 +242,7 @@ VISIBLE = "assign visible  = awake && startup_ok_i && (settling || run);"
 MUTANTS = (
     Mutant(
         "pulses in every state",
-        0,
+        "laser_interlock_properties",
         INTERLOCK,
         ALLOWED,
         "assign allowed  = awake && index_alive_i && scanning_i;",
@@ -232,7 +250,7 @@ MUTANTS = (
     ),
     Mutant(
         "pulses without an index",
-        1,
+        "laser_pair_properties",
         INTERLOCK,
         ALLOWED,
         "assign allowed  = awake && run && scanning_i;",
@@ -240,7 +258,7 @@ MUTANTS = (
     ),
     Mutant(
         "no limit of a pulse's length",
-        0,
+        "laser_interlock_properties",
         INTERLOCK,
         "armed_q[1] && room && !full_q",
         "armed_q[1] && !full_q",
@@ -248,7 +266,7 @@ MUTANTS = (
     ),
     Mutant(
         "a request has two pulses",
-        0,
+        "laser_interlock_properties",
         INTERLOCK,
         " && (permit_q || !pulse_i);",
         ";",
@@ -257,7 +275,7 @@ MUTANTS = (
     ),
     Mutant(
         "a bucket without a margin",
-        0,
+        "laser_interlock_properties",
         INTERLOCK,
         "2 ** MarginBits));",
         "2));",
@@ -267,7 +285,7 @@ MUTANTS = (
     ),
     Mutant(
         "no limit of the power",
-        0,
+        "laser_interlock_properties",
         INTERLOCK,
         "if (allowed) power_o <= power_i > limit_power_q ? limit_power_q : power_i;",
         "if (allowed) power_o <= power_i;",
@@ -275,7 +293,7 @@ MUTANTS = (
     ),
     Mutant(
         "a host that is never missed",
-        0,
+        "laser_interlock_properties",
         INTERLOCK,
         "heard_q   <= alive_i || (heard_q && !late);",
         "heard_q   <= alive_i || heard_q;",
@@ -283,7 +301,7 @@ MUTANTS = (
     ),
     Mutant(
         "a start-up channel without a state",
-        0,
+        "laser_interlock_properties",
         INTERLOCK,
         VISIBLE,
         "assign visible  = awake && startup_ok_i;",
@@ -291,7 +309,7 @@ MUTANTS = (
     ),
     Mutant(
         "a guard that is not asked",
-        0,
+        "laser_interlock_properties",
         INTERLOCK,
         "assign awake    = laser_i.laser_enable && heard_q && !tripped_q && guard_ok_i;",
         "assign awake    = laser_i.laser_enable && heard_q && !tripped_q;",
@@ -299,7 +317,7 @@ MUTANTS = (
     ),
     Mutant(
         "a mirror that is never at fault",
-        1,
+        "laser_pair_properties",
         DRIVE,
         "Run: if (expired_q) state_d = Fault;",
         "Run: state_d = Run;",
@@ -308,7 +326,7 @@ MUTANTS = (
     ),
     Mutant(
         "a guard without an ear",
-        2,
+        "laser_guard_properties",
         GUARD,
         "assign silent = silent_q == SilentWidth'(GuardClks);",
         "assign silent = 1'b0;",
@@ -318,7 +336,7 @@ MUTANTS = (
     ),
     Mutant(
         "a guard without an eye",
-        2,
+        "laser_guard_properties",
         GUARD,
         "assign long   = high_q == HighWidth'(PulseClks);",
         "assign long   = 1'b0;",
@@ -327,7 +345,7 @@ MUTANTS = (
         (("GuardClks", 4), ("RestartBeats", 1), ("PulseClks", 4)),
     ),
     *(
-        Mutant(name, 2, GUARD, good, bad, breaks, 24, QUICK_GUARD)
+        Mutant(name, "laser_guard_properties", GUARD, good, bad, breaks, 24, QUICK_GUARD)
         for name, good, bad, breaks in (
             (
                 "a guard that counts no pulses",
@@ -393,7 +411,7 @@ MUTANTS = (
     ),
     Mutant(
         "a RUN without a ceiling",
-        1,
+        "laser_pair_properties",
         DRIVE,
         "mirror_limits_i.lost_timeout > LostCeilingClks",
         "1'b0",
@@ -403,7 +421,7 @@ MUTANTS = (
     ),
     Mutant(
         "a search without a ceiling",
-        1,
+        "laser_pair_properties",
         DRIVE,
         "mirror_limits_i.settle_timeout > SettleCeilingClks",
         "1'b0",
@@ -413,7 +431,7 @@ MUTANTS = (
     ),
     Mutant(
         "a dead guard's word",
-        4,
+        "laser_lifeline_properties",
         WATCH,
         "ok && silent_q != SilentWidth'(BeatClks);",
         "ok;",
@@ -423,7 +441,7 @@ MUTANTS = (
     ),
     Mutant(
         "a guard's no is not heard",
-        4,
+        "laser_lifeline_properties",
         WATCH,
         "ok && silent_q != SilentWidth'(BeatClks);",
         "silent_q != SilentWidth'(BeatClks);",
@@ -431,7 +449,7 @@ MUTANTS = (
     ),
     Mutant(
         "a heartbeat that runs by itself",
-        4,
+        "laser_lifeline_properties",
         HEARTBEAT,
         "same_q   <= first_i == second_i;",
         "same_q   <= 1'b1;",
@@ -439,7 +457,7 @@ MUTANTS = (
     ),
     Mutant(
         "a difference that is forgotten",
-        4,
+        "laser_lifeline_properties",
         HEARTBEAT,
         "(broken_q && enable_i);",
         "1'b0;",
@@ -447,7 +465,7 @@ MUTANTS = (
     ),
     Mutant(
         "a level of the drive without a ceiling",
-        1,
+        "laser_pair_properties",
         DRIVE,
         "32'(level_i) > LevelCeiling ?",
         "1'b0 ?",
@@ -455,7 +473,7 @@ MUTANTS = (
     ),
     Mutant(
         "a sweep's level without a ceiling",
-        1,
+        "laser_pair_properties",
         DRIVE,
         "32'(mirror_limits_i.sweep_level) > LevelCeiling ?",
         "1'b0 ?",
@@ -463,7 +481,7 @@ MUTANTS = (
     ),
     Mutant(
         "a duty of the drive without a ceiling",
-        1,
+        "laser_pair_properties",
         DRIVE,
         "32'(mirror_limits_i.duty) > DutyCeiling ?",
         "1'b0 ?",
@@ -472,7 +490,7 @@ MUTANTS = (
         (("DutyCeiling", 100),),
     ),
     *(
-        Mutant(name, 3, source, good, bad, breaks, 30, SHORT)
+        Mutant(name, "scan_safeguard_properties", source, good, bad, breaks, 30, SHORT)
         for name, source, good, bad, breaks in (
             (
                 "pulses without the safeguard",
@@ -687,6 +705,59 @@ MUTANTS = (
             ),
         )
     ),
+    *(
+        Mutant(name, "commit_control", COMMIT, good, bad, breaks, 36, (("Entries", 4),))
+        for name, good, bad, breaks in (
+            (
+                "a commit that nobody asked for",
+                "IDLE: if (commit_i.commit_strobe) begin",
+                "IDLE: if (1'b1) begin",
+                "begins_when_it_is_asked",
+            ),
+            (
+                "two changes of one commit",
+                "state_q                       <= SETTLE;",
+                "state_q                       <= DRAIN;",
+                "one_change_of_a_commit",
+            ),
+            (
+                "a bit that stays",
+                "<= !commit_status_o.configuration;",
+                "<= commit_status_o.configuration;",
+                "the_bit_tells_it",
+            ),
+            (
+                "a last entry that is not copied",
+                "IndexWidth'(Entries - 1)",
+                "IndexWidth'(Entries - 2)",
+                "each_entry_once",
+            ),
+            (
+                "a change with lines inside",
+                "if (empty_i) begin",
+                "begin",
+                "held_and_empty",
+            ),
+            (
+                "lines before all is there",
+                "age_q == 4'(SettleClks)",
+                "age_q == 4'd1",
+                "held_until_all_is_there",
+            ),
+            (
+                "angles of the motion before",
+                "default: if (!renewing_i) begin",
+                "default: begin",
+                "ends_renewed",
+            ),
+            (
+                "a chain that stays empty for longer",
+                "if (age_q == 4'(EmptyClks)) begin",
+                "if (age_q == 4'd15) begin",
+                "no_deadlock",
+            ),
+        )
+    ),
     Mutant(
         "an access while one is under way",
         "register_file",
@@ -695,6 +766,74 @@ MUTANTS = (
         "start = bus_valid_i;",
         "one_answer_in_time",
         14,
+    ),
+    *(
+        Mutant(name, module, f"rtl/{room}/{module}.sv", good, bad, breaks, depth)
+        for name, room, module, good, bad, breaks, depth in (
+            (
+                "a start before the line was high",
+                "link",
+                "uart_rx",
+                "armed_q   <= stop;",
+                "armed_q   <= 1'b1;",
+                "no_start_before_it_was_high",
+                50,
+            ),
+            (
+                "a command more than has a place",
+                "link",
+                "command_queue",
+                "used != PlaceWidth'(Places - 1)",
+                "1'b1",
+                "lost_is_counted",
+                14,
+            ),
+            (
+                "a record without its first byte",
+                "points",
+                "point_record",
+                "record_index_o <= 6'd0;",
+                "record_index_o <= 6'd1;",
+                "bytes_in_order",
+                6,
+            ),
+            (
+                "a line as full as the one before",
+                "sensor",
+                "line_extent",
+                "= full_q && !line_start_i;",
+                "= full_q;",
+                "takes_the_first",
+                12,
+            ),
+            (
+                "a product too soon",
+                "trig",
+                "multiply_fast",
+                "valid_o <= valid_q[2];",
+                "valid_o <= valid_q[1];",
+                "each_in_time",
+                8,
+            ),
+            (
+                "a quotient that is rounded down",
+                "trig",
+                "divide",
+                "SumWidth'(divisor_i >> 1)",
+                "SumWidth'(0)",
+                "bounded_nearest",
+                10,
+            ),
+            (
+                "a root after a new start",
+                "trig",
+                "square_root",
+                "done_q && !valid_i;",
+                "done_q;",
+                "once_and_in_time",
+                16,
+            ),
+        )
     ),
     *(
         Mutant(name, "line_buffer", BUFFER, good, bad, breaks, 20)
@@ -748,8 +887,8 @@ MUTANTS = (
         VRSCAN,
         ".guard_ok_i, .guard_beat_i, .guard_fault_i,",
         ".guard_ok_i(1'b1), .guard_beat_i, .guard_fault_i,",
-        INDUCTION,
-        0,
+        "no_is_heard",
+        10,
     ),
     Mutant(
         "a host that lives by a wire",
@@ -757,8 +896,8 @@ MUTANTS = (
         VRSCAN,
         ".alive_i(alive),\n    .guard_ok_i,",
         ".alive_i(1'b1),\n    .guard_ok_i,",
-        INDUCTION,
-        0,
+        "no_light_before_a_host",
+        12,
     ),
     Mutant(
         "limits that no wire leads to",
@@ -766,8 +905,8 @@ MUTANTS = (
         VRSCAN,
         ".laser_limits_i(laser_limits), .laser_status_o",
         ".laser_limits_i('1), .laser_status_o",
-        INDUCTION,
-        0,
+        "power_limit",
+        14,
     ),
     Mutant(
         "registers exchanged on their way",
@@ -776,8 +915,8 @@ MUTANTS = (
         "    .laser_i(laser), .laser_limits_i(laser_limits), .laser_status_o",
         "    .laser_i({laser[0], laser[$size(laser)-1:1]}), .laser_limits_i(laser_limits), "
         ".laser_status_o",
-        INDUCTION,
-        0,
+        "no_light_without_enable",
+        12,
     ),
     Mutant(
         "a state that is always RUN",
@@ -785,8 +924,8 @@ MUTANTS = (
         VRSCAN,
         ".centre_i(centre_o), .state_i(mirror_state_o),",
         ".centre_i(centre_o), .state_i(3'd3),",
-        INDUCTION,
-        0,
+        "no_light_but_in_settle_and_run",
+        14,
     ),
     Mutant(
         "a safeguard without the drive's word",
@@ -812,8 +951,8 @@ MUTANTS = (
         VRSCAN,
         "(ClockHz / 100_000)",
         "(ClockHz / 10_000)",
-        INDUCTION,
-        0,
+        "step_pulse",
+        8,
     ),
     Mutant(
         "pulses past the interlock",
@@ -821,8 +960,8 @@ MUTANTS = (
         CONTROL,
         "assign pulse_o             = first.pulse && second.pulse;",
         "assign pulse_o             = pulse_i;",
-        INDUCTION,
-        0,
+        "pins_within_the_interlock",
+        8,
     ),
     Mutant(
         "a power pin that no level leads to",
@@ -830,8 +969,8 @@ MUTANTS = (
         CONTROL,
         ".level_i(power_o), .pin_o(power_pin_o)",
         ".level_i(power), .pin_o(power_pin_o)",
-        INDUCTION,
-        0,
+        "no_power_pin_without_power",
+        8,
     ),
     Mutant(
         "a lock that nobody asks",
@@ -848,8 +987,8 @@ MUTANTS = (
         REGISTERS,
         "                && verdict == link_pkg::StatusWidth'(link_pkg::StatusOk);",
         ";",
-        INDUCTION,
-        0,
+        "refused_is_so",
+        14,
     ),
     Mutant(
         "a word that two registers take",
@@ -857,8 +996,8 @@ MUTANTS = (
         REGISTERS,
         "word_hit_q[k] <= address_q[3:0] == 4'(k);",
         "word_hit_q[k] <= address_q[2:0] == 3'(k);",
-        INDUCTION,
-        0,
+        "nothing_without_a_write",
+        12,
     ),
 )
 
@@ -1052,16 +1191,16 @@ def spoil(mutant: Mutant) -> tuple[bool, float]:
     Raises:
         ToolError: if the text is not there exactly once.
     """
-    tops = [proof.top for proof in PROOFS]
-    index = mutant.proof if isinstance(mutant.proof, int) else tops.index(mutant.proof)
-    proof = PROOFS[index]
+    proof = next(proof for proof in PROOFS if proof.top == mutant.proof)
     text = (ROOT / mutant.source).read_text()
     if text.count(mutant.good) != 1:
         raise ToolError(f"{mutant.name}: {mutant.source} has not once: {mutant.good}")
     name = "mutant_" + re.sub(r"\W", "_", mutant.name)
     copy = FOLDER / f"{name}.sv"
     copy.write_text(text.replace(mutant.good, mutant.bad))
-    file = formulas(proof, name, {ROOT / mutant.source: copy}, mutant.parameters)
+    # What holds the light back for long would hold a fault back, too.
+    free = proof.unhindered if mutant.depth else ()
+    file = formulas(proof, name, {ROOT / mutant.source: copy}, mutant.parameters, more_free=free)
     # Only this property: what the induction needs breaks, too, and would hide it.
     how = ("-t", str(mutant.depth)) if mutant.depth else ("-i", "-t", str(proof.depth))
     run = solve(file, *how, "--keep-going")

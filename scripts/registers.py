@@ -21,6 +21,7 @@ from vrscan.data.config import complaint
 from vrscan.data.config import load as load_config
 from vrscan.data.errors import InputError
 from vrscan.registers.chain_registers import Registers as ChainRegisters
+from vrscan.registers.structs import BANK
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = "rtl/link/registers.toml"
@@ -34,6 +35,7 @@ Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9]*(_[a-z0-9]+)*$"
 Number = int | str  # or the name of a localparam
 Access = Literal["rw", "strobe", "ro", "counter", "constant"]
 WRITABLE = ("rw", "strobe")
+COMMIT = "commit"  # the register that lets what waits take effect
 # What no field can be called, of the words that a name could be.
 _KEYWORDS = """
     accept_on alias always and assert assign assume automatic before begin bind bins binsof
@@ -98,6 +100,7 @@ class GroupEntry(Strict):
     access: Access | None = None
     reset: int | Literal["config"] = 0
     lock: Name | None = None
+    commit: bool = False
     registers: dict[Name, Entry] = Field(min_length=1)
 
 
@@ -108,6 +111,7 @@ class WindowEntry(Strict):
     doc: str
     entries: int = Field(ge=2)
     lock: Name | None = None
+    commit: bool = False
     fields: dict[Name, FieldEntry] = Field(min_length=1)
 
 
@@ -140,6 +144,7 @@ class Register:
     minimum: int
     maximum: int
     doc: str
+    commit: bool = False  # what is written waits for a commit
 
     @property
     def writable(self) -> bool:
@@ -153,8 +158,9 @@ class Register:
 
     @property
     def place(self) -> str:
-        """Its field in the port of its struct."""
-        return f"{self.struct}_{'o' if self.writable else 'i'}.{self.name}"
+        """Its field in the port of its struct, or in what waits for a commit."""
+        port = "o" if self.writable else "i"
+        return f"{self.struct}_{'q' if self.commit else port}.{self.name}"
 
 
 @dataclass(frozen=True)
@@ -168,6 +174,7 @@ class Window:
     lock: str | None
     doc: str
     fields: tuple[Register, ...]
+    commit: bool = False  # its entries wait for a commit
 
     @property
     def field_bits(self) -> int:
@@ -243,6 +250,8 @@ class Map:
             fields = ((f"{window.name}_write", 1, False),)
             fields += ((f"{window.name}_index", window.index_bits, False),)
             fields += tuple(one for field in window.fields for one in _fields(field))
+            if window.commit:
+                fields += tuple((f"{window.name}_{one}", 1, False) for one in BANK)
             found[window.name] = Struct(window.name, window.doc, True, fields)
         return tuple(found.values())
 
@@ -333,6 +342,8 @@ class _Reader:
             raise self.complain(place, "a strobe is one word")
         if (access == "constant") != (entry.value is not None):
             raise self.complain(place, "value is for a constant, and a constant has one")
+        if group.commit and (access == "strobe" or width > 2 * WORD):
+            raise self.complain(place, "an event cannot wait for a commit")
         if access not in WRITABLE and (
             entry.reset is not None
             or entry.lock is not None
@@ -373,6 +384,7 @@ class _Reader:
             minimum=low,
             maximum=high,
             doc=entry.doc,
+            commit=group.commit and access in WRITABLE,
         )
 
     def group(self, name: str, group: GroupEntry) -> Group:
@@ -445,6 +457,7 @@ class _Reader:
                     minimum=low,
                     maximum=high,
                     doc=entry.doc,
+                    commit=window.commit,
                 )
             )
         stride = 1 << (len(fields) - 1).bit_length()
@@ -456,6 +469,7 @@ class _Reader:
             lock=self._lock(place, window.lock),
             doc=window.doc,
             fields=tuple(fields),
+            commit=window.commit,
         )
         size = 1 << made.bits
         if window.address % size or not 1 << MAP_BITS <= window.address <= 65536 - size:
@@ -482,7 +496,7 @@ def _hash(registers: list[Register], windows: list[Window]) -> int:
         return [
             register.name, register.address, register.count, register.width, register.signed,
             register.access, register.lock, register.fraction, register.unit, register.minimum,
-            register.maximum,
+            register.maximum, register.commit,
         ]  # fmt: skip
 
     known = [
@@ -499,6 +513,7 @@ def _ports(made: Register | Window) -> list[str]:
     """Return the names that a register or window takes up, without their endings."""
     if isinstance(made, Window):
         own = [made.name, f"{made.name}_write", f"{made.name}_index"]
+        own += [f"{made.name}_{one}" for one in BANK] if made.commit else []
         return own + [field.name for field in made.fields]
     return [made.name, f"{made.name}_strobe"] if made.access == "strobe" else [made.name]
 
@@ -696,7 +711,7 @@ class _Rules:
     def __init__(self, locks: tuple[str, ...]) -> None:
         self._locks = locks
         self.lock_bits = max(1, len(locks).bit_length())
-        self.bits = 2 + self.lock_bits + 2 * (WORD + 1)
+        self.bits = 3 + self.lock_bits + 2 * (WORD + 1)
 
     def lock(self, name: str | None) -> int:
         """Return the number of a lock, 0 for none."""
@@ -706,8 +721,10 @@ class _Rules:
         """Return an entry of the rules' memory."""
         low, high = _bounds(register, word) if register.writable else (0, 0)
         kind = "KindReadWrite" if register.writable else "KindReadOnly"
+        waits = register.commit or register.name == COMMIT
         lock = f"{self.lock_bits}'d{self.lock(register.lock)}"
-        return f"{{{kind}, {lock}, {_literal(WORD + 1, low)}, {_literal(WORD + 1, high)}}}"
+        bounds = f"{_literal(WORD + 1, low)}, {_literal(WORD + 1, high)}"
+        return f"{{{kind}, 1'd{int(waits)}, {lock}, {bounds}}}"
 
 
 def _comment(doc: str) -> list[str]:
@@ -733,8 +750,26 @@ def _ports_section(made: Map, package: str) -> list[str]:
         direction = "output" if struct.written else "input"
         port = f"{struct.name}_{direction[0]},"
         lines.append(_port(direction, f"{package}::{struct.name}_t", port))
+    bits = _copy_bits(made)
+    if _commits(made):
+        lines += ["", _port("input", "logic", "waiting_i,")]
+        if bits:
+            lines += [_port("input", "logic", "copy_i,")]
+            lines += [_port("input", f"logic [{bits - 1}:0]", "copy_index_i,")]
+            lines += [_port("input", "logic", "bank_i,")]
+        lines += [_port("input", "logic", "take_i,")]
     lines[-1] = lines[-1].removesuffix(",")
     return lines
+
+
+def _commits(made: Map) -> bool:
+    """Return whether anything waits for a commit."""
+    return any(r.commit for r in made.registers) or _copy_bits(made) > 0
+
+
+def _copy_bits(made: Map) -> int:
+    """Return the bits of an entry's number in the largest table that waits; 0 if none does."""
+    return max((window.index_bits for window in made.windows if window.commit), default=0)
 
 
 HEADER = """\
@@ -753,7 +788,7 @@ HEADER = """\
 //   bus_valid_i   ignored from the clock after it until bus_done_o
 //   bus_access_i  link_pkg; CHECK says what WRITE would, and changes nothing; 3 is as READ
 //   bus_status_o  with bus_done_o, the first that applies: StatusNoAddress, StatusReadOnly,
-//                 StatusLocked, StatusBadValue, StatusOk
+//                 StatusLocked, StatusBusy, StatusBadValue, StatusOk
 //   bus_data_o    with bus_done_o, the word as it is read; 0 unless OK
 //   *_o           structs of {package}: what the bus has written, {written} clocks after
 //                 bus_valid_i; a field *_strobe is high in the first clock in which its register
@@ -763,6 +798,9 @@ HEADER = """\
 //                 as written.  The READ of a lower word of *_i keeps the higher one for its READ
 //   Tables        an entry goes out with its last field and with *_write, the others are those
 //                 written before; a reset leaves what was written for the bus to read
+//   waiting_i ..  of commit_control.  What waits goes out 2 clocks after take_i.  Entries of
+//                 waiting tables go out 2 clocks after copy_i, into the bank that is not
+//                 bank_i's.  StatusBusy is for waiting_i
 //   Latency       {latency} clocks from bus_valid_i to bus_done_o
 //   Model         vrscan.clocked.register_file, bit-exact
 
@@ -827,6 +865,7 @@ def register_file(made: Map, name: str = "register_file", package: str = "regist
         "  localparam logic [1:0] KindReadWrite = 2'd2;",
         "  typedef struct packed {",
         "    logic [1:0] kind;",
+        "    logic commit;",
         f"    logic [{rules.lock_bits - 1}:0] lock;",
         f"    logic signed [{WORD}:0] minimum;",
         f"    logic signed [{WORD}:0] maximum;",
@@ -867,6 +906,14 @@ def register_file(made: Map, name: str = "register_file", package: str = "regist
         out += ["        default: rule_q <= '0;", "      endcase"]
     out += ["  end", ""]
 
+    busy, busy_q = [], []
+    if _commits(made):
+        busy = [
+            "    else if (busy_q)",
+            "      verdict = link_pkg::StatusWidth'(link_pkg::StatusBusy);",
+        ]
+        tables = "".join(f" || {w.name}_hit_q" for w in made.windows if w.commit)
+        busy_q = [f"    busy_q <= rule_q.commit && waiting_i && (!read{tables});"]
     padded = (1 << rules.lock_bits) - 1 - len(made.locks)
     lock_list = [f"locks_o.{name}" for name in reversed(made.locks)]
     lock_list = ([f"{padded}'d0"] if padded else []) + lock_list + ["1'b0"]
@@ -877,7 +924,7 @@ def register_file(made: Map, name: str = "register_file", package: str = "regist
         f"  logic signed [{WORD}:0] value;",
         f"  assign value = signed'({{rule_q.minimum[{WORD}] && data_q[{WORD - 1}], data_q}});",
         "  logic [1:0] kind_q;",
-        "  logic below_q, above_q, locked_q;",
+        "  logic below_q, above_q, locked_q" + (", busy_q;" if _commits(made) else ";"),
         "  logic [link_pkg::StatusWidth-1:0] verdict, status_q;",
         "  always_comb begin",
         "    verdict = link_pkg::StatusWidth'(link_pkg::StatusOk);",
@@ -887,6 +934,7 @@ def register_file(made: Map, name: str = "register_file", package: str = "regist
         "      verdict = link_pkg::StatusWidth'(link_pkg::StatusReadOnly);",
         "    else if (!read && locked_q)",
         "      verdict = link_pkg::StatusWidth'(link_pkg::StatusLocked);",
+        *busy,
         "    else if (!read && (below_q || above_q))",
         "      verdict = link_pkg::StatusWidth'(link_pkg::StatusBadValue);",
         "  end",
@@ -895,6 +943,7 @@ def register_file(made: Map, name: str = "register_file", package: str = "regist
         "    below_q  <= value < rule_q.minimum;",
         "    above_q  <= value > rule_q.maximum;",
         "    locked_q <= locks[rule_q.lock];",
+        *busy_q,
         "    status_q <= verdict;",
         "    write_q  <= step_q[4] && access_q == link_pkg::AccessWidth'(link_pkg::AccessWrite)",
         "                && verdict == link_pkg::StatusWidth'(link_pkg::StatusOk);",
@@ -942,6 +991,18 @@ def register_file(made: Map, name: str = "register_file", package: str = "regist
             "  );",
         ]
     out += [f"  logic [{WORD - 1}:0] {r.name}_low_q;" for r in rw if r.wide]
+    waiting = [g for g in written_groups(made) if any(r.commit for r in g.registers)]
+    for group in waiting:
+        out.append(f"  {package}::{group.name}_t {group.name}_q;")
+        # As many bits as a group has are too far apart for one register to reach in a clock.
+        for register in group.registers:
+            out += [
+                f"  logic {register.name}_take, {register.name}_taken_rst;",
+                f"  local_register #(.Width(2)) u_{register.name}_take (",
+                "    .clk_i, .d_i({take_i, rst_i}),",
+                f"    .q_o({{{register.name}_take, {register.name}_taken_rst}})",
+                "  );",
+            ]
     out.append("  always_ff @(posedge clk_i) begin")
     out += [
         f"    {register.place}_strobe <= take_q[{k}];"
@@ -964,6 +1025,14 @@ def register_file(made: Map, name: str = "register_file", package: str = "regist
             take = f"{_slice(register, element, 0)} <= {bits};"
         out.append(f"    if (take_q[{k}]) {take}")
     for group in written_groups(made):
+        for register in group.registers if group in waiting else ():
+            taken = replace(register, commit=False)
+            out += [
+                f"    if ({register.name}_take) {taken.place} <= {register.place};",
+                f"    if ({register.name}_taken_rst) begin",
+                *_reset(taken)[-1:],
+                "    end",
+            ]
         out.append(f"    if ({group.name}_rst) begin")
         for register in group.registers:
             if register.writable:
@@ -1056,8 +1125,17 @@ def _window_memory(window: Window) -> list[str]:
     name, bits, size = window.name, window.field_bits, 1 << window.index_bits
     last = len(window.fields) - 1
     out = [f"  // ---- {name}: written at 6, read back at 7 and 8 ----"]
+    entry = f"{name}_entry" if window.commit else f"{name}_index"
+    if window.commit:
+        count = window.index_bits
+        out += [
+            f"  logic {name}_copy_q;",
+            f"  logic [{count - 1}:0] {name}_entry, {name}_entry_q;",
+            f"  assign {name}_entry = copy_i ? copy_index_i[{count - 1}:0] : {name}_index;",
+        ]
     for k, field in enumerate(window.fields):
-        kept = f"{field.name}_q" if k == last else f"{field.name}_q, {field.name}_q2"
+        kept = f"{field.name}_q, {field.name}_q2"
+        kept = f"{field.name}_q" if k == last or window.commit else kept
         out += [
             f"  logic [{field.width - 1}:0] {field.name}_mem[{size}];",
             f"  logic [{field.width - 1}:0] {kept};",
@@ -1076,25 +1154,15 @@ def _window_memory(window: Window) -> list[str]:
             here += f" && address_q[{bits - 1}:0] == {_literal(bits, k)}"
         out += [
             f"    if ({here} && !rst)",
-            f"      {field.name}_mem[{name}_index] <= data_q[{field.width - 1}:0];",
-            f"    {field.name}_q <= {field.name}_mem[{name}_index];",
+            f"      {field.name}_mem[{entry}] <= data_q[{field.width - 1}:0];",
+            f"    {field.name}_q <= {field.name}_mem[{entry}];",
         ]
-        if k != last:
+        if k != last and not window.commit:
             out.append(f"    {field.name}_q2 <= {field.name}_q;")
-    out.append(f"    {name}_o.{name}_write <= 1'b0;")
-    here = f"write_q2 && {name}_hit_q"
-    if bits:
-        here += f" && address_q[{bits - 1}:0] == {_literal(bits, last)}"
-    out += [
-        f"    if ({here}) begin",
-        f"      {name}_o.{name}_write <= 1'b1;",
-        f"      {name}_o.{name}_index <= {name}_index;",
-    ]
-    for k, field in enumerate(window.fields):
-        source = f"data_q[{field.width - 1}:0]" if k == last else f"{field.name}_q2"
-        source = f"signed'({source})" if field.signed else source
-        out.append(f"      {field.place} <= {source};")
-    out.append("    end")
+    if window.commit:
+        out += _copied(window)
+    else:
+        out += _entry_out(window)
 
     def word(field: Register) -> str:
         text = f"{field.name}_q"
@@ -1110,6 +1178,47 @@ def _window_memory(window: Window) -> list[str]:
     else:
         out.append(f"    {name}_read_q <= {word(window.fields[0])};")
     out += [f"    if (rst) {name}_o.{name}_write <= 1'b0;", "  end", ""]
+    return out
+
+
+def _copied(window: Window) -> list[str]:
+    """Return how the entries of a table that waits leave for the bank that is not in use."""
+    name = window.name
+    out = [
+        f"    {name}_copy_q  <= copy_i && !rst;",
+        f"    {name}_entry_q <= {name}_entry;",
+        f"    {name}_o.{name}_write      <= {name}_copy_q;",
+        f"    {name}_o.{name}_index      <= {name}_entry_q;",
+        f"    {name}_o.{name}_write_bank <= !bank_i;",
+        f"    {name}_o.{name}_bank       <= bank_i;",
+        f"    if (take_i) {name}_o.{name}_changed <= 1'b0;",
+        f"    if (write_q2 && {name}_hit_q) {name}_o.{name}_changed <= 1'b1;",
+        f"    if (rst) {name}_o.{name}_changed <= 1'b0;",
+    ]
+    for field in window.fields:
+        source = f"signed'({field.name}_q)" if field.signed else f"{field.name}_q"
+        out.append(f"    {name}_o.{field.name} <= {source};")
+    return out
+
+
+def _entry_out(window: Window) -> list[str]:
+    """Return how an entry of a table leaves with its last field."""
+    name, bits = window.name, window.field_bits
+    last = len(window.fields) - 1
+    out = [f"    {name}_o.{name}_write <= 1'b0;"]
+    here = f"write_q2 && {name}_hit_q"
+    if bits:
+        here += f" && address_q[{bits - 1}:0] == {_literal(bits, last)}"
+    out += [
+        f"    if ({here}) begin",
+        f"      {name}_o.{name}_write <= 1'b1;",
+        f"      {name}_o.{name}_index <= {name}_index;",
+    ]
+    for k, field in enumerate(window.fields):
+        source = f"data_q[{field.width - 1}:0]" if k == last else f"{field.name}_q2"
+        source = f"signed'({source})" if field.signed else source
+        out.append(f"      {field.place} <= {source};")
+    out.append("    end")
     return out
 
 
@@ -1145,6 +1254,7 @@ class Register:
         minimum: Least integer that it takes.
         maximum: Largest integer that it takes.
         doc: What it means.
+        commit: What is written waits for a commit.
     """
 
     name: str
@@ -1162,6 +1272,7 @@ class Register:
     minimum: int
     maximum: int
     doc: str
+    commit: bool
 
 
 @dataclass(frozen=True)
@@ -1174,6 +1285,7 @@ class Window:
     stride: int  # words
     fields: tuple[Register, ...]
     lock: str | None
+    commit: bool
     doc: str
 
 
@@ -1193,6 +1305,7 @@ def _one(
     unit: str = "",
     low: int | None = None,
     high: int | None = None,
+    commit: bool = False,
 ) -> Register:
     """Return a register; it takes what its width takes where low and high do not say otherwise."""
     words = count * (2 if width > _WORD else 1)
@@ -1200,7 +1313,7 @@ def _one(
     most = least + (1 << width) - 1
     return Register(
         name, struct, address, words, count, width, signed, access, lock, (reset,) * count,
-        fraction, unit, least if low is None else low, most if high is None else high, doc,
+        fraction, unit, least if low is None else low, most if high is None else high, doc, commit,
     )  # fmt: skip
 '''
 
@@ -1244,6 +1357,7 @@ def _python(register: Register, address: int, indent: str = "    ") -> list[str]
         ("unit", _quoted(register.unit), register.unit != ""),
         ("low", repr(register.minimum), register.minimum != least),
         ("high", repr(register.maximum), register.maximum != most),
+        ("commit", "True", register.commit),
     ]
     arguments = [
         _quoted(register.struct), f"0x{address:03X}", _quoted(register.name), repr(register.width),
@@ -1268,7 +1382,7 @@ def register_map(made: Map) -> str:
         for k, field in enumerate(window.fields):
             out += _python(field, k, " " * 8)
         lock = "None" if window.lock is None else _quoted(window.lock)
-        out += _call("    ), ", [lock, _quoted(window.doc)], "),")
+        out += _call("    ), ", [lock, repr(window.commit), _quoted(window.doc)], "),")
     names = ", ".join(_quoted(name) for name in made.locks)
     out += [
         ")",
@@ -1302,6 +1416,10 @@ Every word has 32 bits and a word address. The value of a register is its word d
 - **Locks.** A lock can be set to 1, and stays so until the reset. Registers that name a set lock
   answer `LOCKED` to every write. The locks are the last registers of the map, so a write of several
   words cannot lock what it has still to write.
+- **Commit.** What is written into registers and tables that say "At a commit." waits, and is read
+  back as written. A write of 1 to `commit` lets all of it take effect together, between two lines.
+  Until `commit_waiting` is 0 again, writes of what waits, and any access to its tables, are
+  answered with `BUSY`. A reset is followed by a commit.
 - **Tables.** Each field of a table's entry is a word. The entry takes effect when its last field is
   written. A reset does not change a table, and before the first write its content is undefined.
 - **Other addresses** are answered with `NO_ADDRESS`.
@@ -1351,7 +1469,8 @@ def document(made: Map) -> str:
     titles = ["address", "name", "access", "format", "reset", "unit", "lock", "meaning"]
     head = ["", "| " + " | ".join(titles) + " |", "|" + "---|" * len(titles)]
     for group in made.groups:
-        lines += ["", f"## {group.name}", "", f"{group.doc}.", *head]
+        committed = " At a commit." if any(r.commit for r in group.registers) else ""
+        lines += ["", f"## {group.name}", "", f"{group.doc}.{committed}", *head]
         for register in group.registers:
             span = f"0x{register.address:04X}"
             if register.words > 1:
@@ -1365,7 +1484,7 @@ def document(made: Map) -> str:
             "",
             f"{window.doc}. {window.entries} entries of {window.stride} "
             f"word{'s' * (window.stride > 1)}, "
-            f"0x{window.address:04X}..{end:04X}.",
+            f"0x{window.address:04X}..{end:04X}.{' At a commit.' if window.commit else ''}",
             *head,
         ]
         lines += [_row(field, f"+{k}") for k, field in enumerate(window.fields)]

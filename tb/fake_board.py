@@ -295,7 +295,14 @@ class FakeBoard:
     def _access(self, access: Access) -> Answer:
         if self._map_hash is not None and access.address == 1:
             return Answer(link_pkg.STATUS_OK, self._map_hash)
-        return Answer(*self.file.access(*access))
+        answer = Answer(*self.file.access(*access))
+        if self.file.written and self.file.written[-1].name == "commit":
+            self.file.written.clear()
+            self.file.take()
+            bit = self.file.inputs["configuration"]
+            assert isinstance(bit, int)
+            self.file.inputs["configuration"] = 1 - bit
+        return answer
 
     def _obey(self, strobe: str, beside: dict[str, int]) -> None:
         if strobe == "capture_start":

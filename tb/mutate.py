@@ -1,13 +1,16 @@
 """Prove that the tests can fail: put one deliberate fault after another into a copy of the tree.
 
-Every fault names the test file that must turn red. A fault that survives is a weak test, one
-whose text is gone or does not build is a stale line of the table; both end with status 1.
+Every fault of the table names the test file that must turn red. A fault that survives is a weak
+test, one whose text is gone or does not build is a stale line of the table; both end with status 1.
 ``make mutate MODULES="divide triangulate"`` takes only the faults of those files.
+
+``make mutate ARGS="--systematic 1000"`` takes that many mutants made from the code instead, and
+``--write`` puts their score into docs/verification.md. An interrupted run goes on where it ended.
 """
 
+import argparse
 import os
 import queue
-import shutil
 import signal
 import subprocess
 import sys
@@ -17,6 +20,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 
+import mutant_score
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
@@ -24,7 +28,6 @@ from rich.table import Table
 from vrscan.engines.tools import repository_root
 
 ROOT = repository_root()
-PARTS = ("rtl", "tb", "model", "scripts", "pyproject.toml", "requirements.txt")
 SECONDS = 200  # a test that takes longer hangs, which is red too
 NO_RTL = "not rtl"  # for a model: mathematics has to notice, not only the RTL
 
@@ -63,6 +66,11 @@ FAULTS = [
         ("rounds down", "SumWidth'(divisor_i >> 1)", "SumWidth'(0)"),
         ("overflow one late", ">= HighWidth'(divisor_q)", "> HighWidth'(divisor_q)"),
         ("no reset of the steps", "start_q <= 1'b0;\n      steps_q <= '0;", "start_q <= 1'b0;"),
+        (
+            "a reset that begins to count",
+            "1'b0;\n      steps_q <= '0;",
+            "1'b0;\n      steps_q <= '1;",
+        ),
     ),
     *faults(
         "rtl/trig/square_root.sv",
@@ -114,7 +122,7 @@ FAULTS = [
     # ---- rtl/sensor ----
     *faults(
         "rtl/sensor/line_receiver.sv",
-        ("a pixel long is good", "&& !over && !is_early;", "&& !is_early;"),
+        ("a pixel long is good", "&& !over && !is_early && !skip_i;", "&& !is_early && !skip_i;"),
         ("lost is forgotten", "(lost_q || dropped) && !good;", "dropped && !good;"),
         ("period a clock short", "period_i - PeriodWidth'(1)", "period_i - PeriodWidth'(2)"),
         (
@@ -509,7 +517,7 @@ FAULTS = [
         ("the rate not rounded", "middling_q >>> by_q3", "middling_q >>> (by_q3 | 2'd1)"),
         (
             "never acquires again",
-            "assign acquire = !tracking_o || beyond_q;",
+            "assign acquire = !tracking_o || beyond_q || anew_q;",
             "assign acquire = !tracking_o;",
         ),
         ("the middle a bit off", "first_q + (distance_q >> 1)", "first_q + (distance_q >> 1) + 1"),
@@ -622,7 +630,7 @@ FAULTS = [
         ("a_k saturates to the wrong end", "? ~MotionMax : MotionMax", "? MotionMax : ~MotionMax"),
         ("a_k for phi_k", "step_q[Done-1:Harmonics] != '0", "step_q[Done-1:Harmonics+1] != '0"),
         ("a result of the next kind", "if (store_q && of_phi_q2)", "if (store_q && of_phi_q)"),
-        ("busy is nothing", "commit = waiting_q && !busy_i", "commit = waiting_q"),
+        ("busy is nothing", "commit = waiting_q && (!busy_i || renewing_o)", "commit = waiting_q"),
         ("the last product forgotten", "store_q && step_q[Done]", "store_q && step_q[Done-1]"),
         (
             "results again and again",
@@ -635,8 +643,8 @@ FAULTS = [
             "prepare_q <= 1'b1;\n      waiting_q <= 1'b0;\n",
             "prepare_q <= 1'b1;\n",
         ),
-        ("products of the offset before", "(rst_i || valid_i),", "(rst_i),"),
-        ("no reset of the products", "(rst_i || valid_i),", "(valid_i),"),
+        ("products of the offset before", "(rst_i || start),", "(rst_i),"),
+        ("no reset of the products", "(rst_i || start),", "(start),"),
         (
             "a start goes on with the step",
             "      step_q    <= (Done + 1)'(1);\n      prepare_q <= 1'b1;",
@@ -784,6 +792,99 @@ FAULTS = [
         ("stages take too long", "MinPeriodOverhead = 510", "MinPeriodOverhead = 300"),
         ("the triangle is busy", "TwoPassOverhead = 860", "TwoPassOverhead = 849"),
         test="vrscan_chain",
+    ),
+    # ---- a commit ----
+    *faults(
+        "rtl/link/commit_control.sv",
+        ("an entry is not copied", "IndexWidth'(Entries - 1)", "IndexWidth'(Entries - 2)"),
+        ("lines may enter", "          hold_o  <= 1'b1;\n", ""),
+        ("lines are inside", "          if (empty_i) begin", "          begin"),
+        ("the harmonics are old", "default: if (!renewing_i) begin", "default: begin"),
+        ("no other bit", "<= !commit_status_o.configuration;", "<= commit_status_o.configuration;"),
+    ),
+    *faults(
+        "rtl/vrscan_chain.sv",
+        ("a line in a hold", "assign skip = hold_i || !fresh_q", "assign skip = !fresh_q"),
+        ("a line that a hold began", "    if (hold_i) fresh_q <= 1'b0;\n", ""),
+        ("the lines before are known", "forget_q <= take_i || rst_i;", "forget_q <= rst_i;"),
+        ("the last line waits", "hold_i && inside_q == 4'd1;", "1'b0;"),
+        ("empty with a point inside", "inside_q == '0;\n  always", "inside_q <= 4'd1;\n  always"),
+        ("always one configuration", "= configuration_i;", "= 1'b0;"),
+    ),
+    *faults(
+        "rtl/sensor/line_receiver.sv",
+        (
+            "a skipped line is measured",
+            "&& !over && !is_early && !skip_i;",
+            "&& !over && !is_early;",
+        ),
+        ("a skip hides a fault", "!over && !is_early && skip_i;", "skip_i;"),
+        (
+            "too early for lines that are out",
+            "if (forget_i) too_early_q <= 1'b0;\n    else if",
+            "if",
+        ),
+    ),
+    *faults(
+        "rtl/timing/line_tag.sv",
+        ("superseded for ever", "    if (centre_i) superseded_q[centre_index] <= 1'b0;\n", ""),
+        ("never superseded", "    if (superseding_i) superseded_q <= '1;\n", ""),
+    ),
+    *faults(
+        "rtl/mirror/mirror_loop.sv",
+        ("harmonics of the old motion", ".renew_i(take_q[TakeClks-1])", ".renew_i(1'b0)"),
+        ("harmonics a clock too soon", "unsigned TakeClks = 3;", "unsigned TakeClks = 2;"),
+    ),
+    *faults(
+        "rtl/mirror/motion_map.sv",
+        ("a renewal waits for the angle", "&& (!busy_i || renewing_o);", "&& !busy_i;"),
+        (
+            "a renewal of nothing",
+            "(renew_i && known_q);\n    if (start)",
+            "renew_i;\n    if (start)",
+        ),
+    ),
+    *faults(
+        "rtl/mirror/mirror_phase.sv",
+        ("another table is averaged in", "      anew_q     <= 1'b1;\n", ""),
+        ("a pair of two tables", "        step_q    <= IDLE;\n        start_q   <= 1'b0;\n", ""),
+        (
+            "the outward of another table",
+            "      pending_q  <= 1'b0;\n      anew_q ",
+            "      anew_q ",
+        ),
+        ("the same table is another one", "renew_i && table_i.table_changed;", "renew_i;"),
+        ("the bank in use is written", "{table_i.table_write_bank,", "{table_i.table_bank,"),
+        ("always one bank", "{table_i.table_bank, index_q}", "{1'b0, index_q}"),
+    ),
+    *faults(
+        "rtl/geometry/free_interval.sv",
+        (
+            "the bank in use is written",
+            "{free_table_i.free_table_write_bank,",
+            "{free_table_i.free_table_bank,",
+        ),
+        ("always one bank", "{free_table_i.free_table_bank, address_q}", "{1'b0, address_q}"),
+    ),
+    *faults(
+        "rtl/peak/peak_neighbours.sv",
+        ("a flush is not heard", "(flush_i || waited_q", "(waited_q"),
+    ),
+    *faults(
+        "tb/devices/odd_registers.sv",
+        ("what waits is written meanwhile", "rule_q.commit && waiting_i", "1'b0 && waiting_i"),
+        (
+            "the bank in use is written",
+            "held_table_write_bank <= !bank_i;",
+            "held_table_write_bank <= bank_i;",
+        ),
+        (
+            "it takes effect at once",
+            "if (held_take) held_o.held <= held_q.held;",
+            "held_o.held <= held_q.held;",
+        ),
+        test="register_file",
+        only="odd",
     ),
     # ---- the instrument on a wire ----
     *faults(
@@ -1030,6 +1131,72 @@ FAULTS = [
             ("register_file", "an answer too late", "age_q[9] && !reset_q", "age_q[8] && !reset_q"),
             ("peak_isolate", "a window one wider", "+ 32'd1 &&", "+ 32'd2 &&"),
             ("line_buffer", "another pixel", "pixel_o == replayed_q3", "pixel_o != replayed_q3"),
+            (
+                "divide",
+                "a clock too soon",
+                "valid_o == (age_q == Latency)",
+                "valid_o == (age_q == Latency - 8'd1)",
+            ),
+            (
+                "square_root",
+                "rounded down",
+                "(radicand <= square + root",
+                "(radicand < square + root",
+            ),
+            ("multiply", "a sum", "a_q * b_q);", "a_q + b_q);"),
+            (
+                "multiply_fast",
+                "a clock too soon",
+                "valid_o == due_q[Latency-1]",
+                "valid_o == due_q[Latency-2]",
+            ),
+            ("cordic_vector", "no angle", "zero_o == (longer == '0)", "zero_o == 1'b1"),
+            ("scan_angle", "another end", "angle_o == Most || angle_o == ~Most", "angle_o == Most"),
+            (
+                "distortion",
+                "a clock too soon",
+                "valid_o == (age_q == Latency)",
+                "valid_o == (age_q == Latency - 8'd1)",
+            ),
+            (
+                "free_interval",
+                "never none",
+                "from_o < to_o || {from_o, to_o} == '0",
+                "from_o < to_o",
+            ),
+            (
+                "peak_position",
+                "a clock too soon",
+                "valid_o == (age_q == Latency)",
+                "valid_o == (age_q == Latency - 8'd1)",
+            ),
+            ("peak_confidence", "no confidence", "!valid_o || clear_q ||", "!valid_o ||"),
+            ("peak_fit", "never fitted", "!valid_o || fitted_o ||", "!valid_o ||"),
+            ("peak_neighbours", "the newest one", "user_o == given_q", "user_o == user_q"),
+            ("peak_refine", "a window one wider", "+ 32'd1 &&", "+ 32'd2 &&"),
+            ("phase_correlate", "a pass more", "{7'd0, width_q, 1'b0}", "{6'd0, width_q, 2'b0}"),
+            ("triangulate", "none is dropped", "dropped_o == drop_q", "!dropped_o"),
+            ("point_record", "the order turned round", "Bytes - left_q);", "left_q);"),
+            ("line_extent", "one is enough", "number < LineLength));", "number < 32'd1));"),
+            ("line_receiver", "none was lost", "== (dropped_q || unfinished_q)", "== 1'b0"),
+            ("line_statistics", "another line's", "user_o == user_q", "user_o != user_q"),
+            (
+                "line_trigger",
+                "a pulse a clock shorter",
+                "!laser_o || pulse <",
+                "!laser_o || pulse + 32'd1 <",
+            ),
+            ("line_tag", "a tag too late", "age_q == 3'd5 || tag_o == bare", "tag_o == bare"),
+            (
+                "command_queue",
+                "none is lost",
+                "kept_q < (good ? 3'd7 : 3'd4)",
+                "kept_q < (good ? 3'd6 : 3'd4)",
+            ),
+            ("uart_rx", "no byte with a low stop bit", "!framing_o || valid_o ||", "!framing_o ||"),
+            ("point_packer", "a shorter packet", "Most = 8'd240", "Most = 8'd64"),
+            ("commit_control", "a wait for nothing", "held_q > EmptyClks));", "held_q == '1));"),
+            ("vrscan_chain", "another bit", "point_o.configuration ==", "point_o.configuration !="),
         )
         for fault in faults(
             f"tb/contracts/{module}_contract.sv",
@@ -1259,19 +1426,6 @@ FAULTS = [
 ]
 
 
-def copied(folder: Path) -> Path:
-    """Copy what the tests need into a new folder and return it."""
-    root = repository_root()
-    for part in PARTS:
-        source = root / part
-        if source.is_dir():
-            shutil.copytree(source, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
-        else:
-            folder.mkdir(exist_ok=True)
-            shutil.copy2(source, folder / part)
-    return folder
-
-
 def verdict(tree: Path, test: str, only: str) -> str:
     """Run one test file in a tree and return "green", "red" or what is wrong with the fault."""
     environment = dict(os.environ) | {
@@ -1312,16 +1466,15 @@ def attempt(fault: Fault, trees: "queue.Queue[Path]") -> tuple[str, float]:
         trees.put(tree)
 
 
-def main(words: list[str]) -> int:
+def table(words: list[str], jobs: int) -> int:
     """Return 0 when every fault, or every one of the files named by ``words``, is noticed."""
     console = Console()
     chosen = [f for f in FAULTS if not words or Path(f.file).stem in words]
     start = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="mutate-") as place:
-        count = os.cpu_count() or 1
         trees: queue.Queue[Path] = queue.Queue()
-        for k in range(count):
-            trees.put(copied(Path(place) / str(k)))
+        for k in range(jobs):
+            trees.put(mutant_score.copied(Path(place) / str(k)))
         # Without a fault all is green; for what is simulated, one test stands for the others.
         tests = [
             ("tb/sensor/test_line_buffer.py", ""),
@@ -1332,20 +1485,20 @@ def main(words: list[str]) -> int:
                 console.print(f"mutate: {test} is red without a fault")
                 return 1
         results: dict[Fault, tuple[str, float]] = {}
-        with ThreadPoolExecutor(count) as pool:
+        with ThreadPoolExecutor(jobs) as pool:
             waiting = {pool.submit(attempt, fault, trees): fault for fault in chosen}
             for done in track(as_completed(waiting), "faults", len(waiting), transient=True):
                 results[waiting[done]] = done.result()
 
-    table = Table("file", "fault", "test", "verdict", "s", box=None)
+    shown = Table("file", "fault", "test", "verdict", "s", box=None)
     for fault in chosen:
         answer, seconds = results[fault]
         mark = "[green]killed[/]" if answer == "red" else "[red]survived[/]"
         if answer not in ("red", "green"):
             mark = f"[red]{answer}[/]"
         test = Path(fault.test).stem.removeprefix("test_")
-        table.add_row(Path(fault.file).name, fault.what, test, mark, f"{seconds:.0f}")
-    console.print(table)
+        shown.add_row(Path(fault.file).name, fault.what, test, mark, f"{seconds:.0f}")
+    console.print(shown)
     bad = [f for f in chosen if results[f][0] != "red"]
     console.print(
         f"mutate: {len(chosen) - len(bad)} of {len(chosen)} faults noticed "
@@ -1354,5 +1507,52 @@ def main(words: list[str]) -> int:
     return 1 if bad or not chosen else 0
 
 
+def main() -> int:
+    """Take the table, or what is made from the code."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("modules", nargs="*", help="only these; all when none is named")
+    parser.add_argument(
+        "--systematic", type=int, metavar="N", help="N mutants made from the code, not the table"
+    )
+    parser.add_argument(
+        "--reach",
+        choices=mutant_score.REACHES,
+        default="joined",
+        help="how far a survivor goes: its own test, those of joined modules, the virtual board",
+    )
+    parser.add_argument(
+        "--kept", action="store_true", help="run nothing, and show the verdicts that stand"
+    )
+    parser.add_argument("--seed", type=int, default=1, help="which ones (default 1)")
+    parser.add_argument(
+        "--jobs", type=int, default=os.cpu_count() or 1, help="at once (default: all processors)"
+    )
+    parser.add_argument(
+        "--write", action="store_true", help="put the score into docs/verification.md"
+    )
+    given = parser.parse_args()
+    if given.jobs < 1:
+        parser.error(f"--jobs {given.jobs}: at least 1")
+    if given.systematic is None:
+        if given.write or given.kept:
+            parser.error("--write and --kept go with --systematic")
+        return table(given.modules, given.jobs)
+    if given.systematic < 1:
+        parser.error(f"--systematic {given.systematic}: at least 1")
+    if given.write and given.modules:
+        parser.error("--write needs every module")
+    for number in (signal.SIGINT, signal.SIGTERM):  # in a shell's background, too
+        signal.signal(number, signal.default_int_handler)
+    return mutant_score.main(
+        given.systematic,
+        given.modules,
+        seed=given.seed,
+        jobs=given.jobs,
+        reach=given.reach,
+        kept=given.kept,
+        write=given.write,
+    )
+
+
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())

@@ -22,6 +22,7 @@ from harness import (
     struct_ports,
 )
 
+from vrscan.clocked.commit_control import CommitControl
 from vrscan.data import pkg
 from vrscan.data.config import Config, Geometry, Peak, Sensor
 from vrscan.data.points import Points
@@ -263,6 +264,7 @@ async def start(dut, window: str = "threshold") -> Registers:
             }
         )
         await FallingEdge(dut.clk_i)
+    struct_ports(dut)["free_table_i"].give({})
     dut.ready_i.value = 1
     await FallingEdge(dut.clk_i)
     return given
@@ -359,6 +361,167 @@ async def bad_lines_among_good_ones(dut) -> None:
     points = await compare(dut, clocks, given)
     assert len(points) < len(lines)
     assert counted(dut, "short", "long", "unfinished") == limited(4, 4, 2)
+
+
+class Committed:
+    """Drives lines while one configuration follows another, as commit_control lets it.
+
+    The oracle knows nothing of the chain's state: it takes the lines that the receiver's twin calls
+    good, puts each with the configuration whose bit its point has, and computes the lines of each
+    configuration alone, as if there were no other.
+    """
+
+    def __init__(self, dut, configurations: list[Registers], commits: list[int]) -> None:
+        self.dut = dut
+        self.configurations = configurations
+        self.commits = commits  # clocks
+        self.control = CommitControl(256)
+        self.got: list[dict[str, int]] = []
+        self.good: list[list[tuple[Strobes, list[int], int, bool]]] = [[] for _ in configurations]
+        self.held: list[int] = []  # clocks of each hold
+        first = configurations[0]
+        self.receiver = LineReceiver(first.line_length, self.period(first))
+
+    @staticmethod
+    def period(given: Registers) -> int:
+        """Return the least period of a configuration."""
+        most = parameters()["MaxWindow"]
+        two_pass, fit = given.window_two_pass, given.window_fit
+        return chain.min_period(given.line_length, most, two_pass=two_pass, fit=fit)
+
+    def give(self, given: Registers) -> None:
+        """Let a configuration take effect."""
+        for name in ("peak_i", "geometry_i", "free_i"):
+            struct_ports(self.dut)[name].give(given)
+
+    async def run(self, clocks: list[Strobes]) -> None:
+        """Do all of it; the first commit is that behind the reset."""
+        dut, control, number = self.dut, self.control, -1
+        fresh, pixels, due = False, [], None
+        for cycle, s in enumerate(clocks):
+            dut.line_start_i.value, dut.line_end_i.value = int(s.start), int(s.end)
+            dut.pixel_valid_i.value, dut.pixel_i.value = int(s.valid), s.pixel
+            if s.start or s.end:
+                struct_ports(dut)["line_i"].give(s.line())
+            strobe = bool(self.commits) and cycle >= self.commits[0] and not control.waiting
+            if strobe:
+                self.commits.pop(0)
+            bank = control.configuration
+            coming = self.configurations[min(number + 1, len(self.configurations) - 1)]
+            entry = {
+                "free_table_write": int(control.copy),
+                "free_table_index": control.index,
+                "free_table_from": coming.free_table_from[control.index],
+                "free_table_to": coming.free_table_to[control.index],
+                "free_table_write_bank": 1 - bank,
+                "free_table_bank": bank,
+            }
+            if control.waiting:
+                struct_ports(dut)["free_table_i"].give(entry)
+            dut.hold_i.value, dut.take_i.value = int(control.hold), int(control.take)
+            dut.configuration_i.value = bank
+            if control.take:
+                number += 1
+                due = cycle + 2
+                self.receiver.min_period = self.period(self.configurations[number])
+                self.held.append(0)
+            if cycle == due:
+                self.give(self.configurations[number])
+            # The receiver's twin, and which lines begin and end outside of a hold.
+            if s.start:
+                fresh = True
+            skip = control.hold or not fresh
+            if control.hold:
+                fresh = False
+                if self.held:
+                    self.held[-1] += 1
+            answer = self.receiver.step(s.start, s.valid, s.pixel, s.end, skip, control.take)
+            if answer.index is not None:
+                pixels = [*pixels[: answer.index], s.pixel]
+            if answer.good:
+                self.good[number].append((s, pixels, answer.line_number, answer.lost))
+            control.step(strobe=strobe, empty=bool(dut.empty_o.value), renewing=False)
+            await FallingEdge(dut.clk_i)
+            if dut.valid_o.value:
+                point = read_point(dut) | {"number": number}
+                point["bit"] = struct_ports(dut)["point_o"].read()["configuration"]
+                self.got.append(point)
+
+    def check(self) -> int:
+        """Compare all points, and return how many there are."""
+        at = 0
+        for number, (given, lines) in enumerate(zip(self.configurations, self.good, strict=True)):
+            if not lines:
+                continue
+            points = run_fixed(
+                np.array([pixels for _, pixels, *_ in lines], np.uint16),
+                np.array([s.angle for s, *_ in lines]),
+                np.array([s.power for s, *_ in lines]),
+                given,
+                mirror_flags=np.array([s.mirror_flags for s, *_ in lines]),
+                max_window=parameters()["MaxWindow"],
+            )
+            for k, (s, _, line, lost) in enumerate(lines):
+                passed = {"time" if n == "time_clks" else n: v for n, v in s.line().items()}
+                want = row(points, k) | {name: passed[name] for name in PASSED}
+                want |= {"line": line, "number": number, "bit": number % 2}
+                want["flags"] |= lost << pkg.FLAG_LINES_LOST
+                assert self.got[at] == want, f"configuration {number}, line {line}"
+                at += 1
+        assert at == len(self.got)
+        return at
+
+
+def configurations(draw: np.random.Generator, windows: list[str]) -> list[Registers]:
+    """Return configurations that differ in all that the chain takes."""
+    made = []
+    for k, window in enumerate(windows):
+        given = registers(window)
+        entries = len(given.free_table_from)
+        least = draw.integers(0, 1 << 15, entries)
+        made.append(
+            replace(
+                given,
+                k_noise=given.k_noise + 40 * k,
+                kappa=given.kappa + 1000 * k,
+                noise_row=bool(k % 3 == 1),
+                c_sfm_gain=given.c_sfm_gain * (1 + k) % (1 << 20),
+                saturation_level=given.saturation_level - k,
+                centre=given.centre + 12_345_678 * k,
+                k1=given.k1 + 3001 * k,
+                n0=given.n0 - 9_999_999 * k,
+                tolerance=given.tolerance + 77 * k,
+                free_begin=given.free_begin - 5000 * k,
+                free_table_from=tuple(least.tolist()),
+                free_table_to=tuple((least + draw.integers(0, 1 << 15, entries)).tolist()),
+            )
+        )
+    return made
+
+
+@cocotb.test()
+async def every_point_is_of_one_configuration(dut) -> None:
+    """Commits at any moment, lines with and without gaps, every window followed by every other."""
+    draw = generator(8)
+    order = ["threshold", "fit", "two_pass", "fit", "fit", "threshold", "two_pass", "threshold"]
+    await reset(dut)
+    dut.ready_i.value = 1
+    count = rounds(70, 400)
+    clocks = idle(400)  # the commit behind the reset
+    for k, line in enumerate(spot_lines(count, 8)):
+        clocks += as_strobes(line, k) + idle(int(draw.choice([0, 0, 0, 1, 300])))
+    commits = np.sort(draw.integers(2000, len(clocks), len(order) - 1)).tolist()
+    bench = Committed(dut, configurations(draw, order), commits)
+    rest = 8000 + parameters()["NeighbourClks"]
+    await bench.run(clocks + idle(rest))
+    points = bench.check()
+    skipped = bench.receiver.skipped
+    assert counted(dut, "skipped") == limited(skipped)
+    assert points > len(order) and skipped >= len(order) - 1
+    assert points + skipped + bench.receiver.early == count
+    print(f"{len(order) - 1} commits: {skipped} lines skipped, holds of {bench.held} clocks")
+    # A hold is as long as what is inside takes, whatever comes meanwhile.
+    assert max(bench.held) < 2 * pkg.FIT_PERIOD + 3000 + parameters()["LineLength"]
 
 
 @cocotb.test()

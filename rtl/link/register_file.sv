@@ -13,7 +13,7 @@
 //   bus_valid_i   ignored from the clock after it until bus_done_o
 //   bus_access_i  link_pkg; CHECK says what WRITE would, and changes nothing; 3 is as READ
 //   bus_status_o  with bus_done_o, the first that applies: StatusNoAddress, StatusReadOnly,
-//                 StatusLocked, StatusBadValue, StatusOk
+//                 StatusLocked, StatusBusy, StatusBadValue, StatusOk
 //   bus_data_o    with bus_done_o, the word as it is read; 0 unless OK
 //   *_o           structs of register_pkg: what the bus has written, 7 clocks after
 //                 bus_valid_i; a field *_strobe is high in the first clock in which its register
@@ -23,6 +23,9 @@
 //                 as written.  The READ of a lower word of *_i keeps the higher one for its READ
 //   Tables        an entry goes out with its last field and with *_write, the others are those
 //                 written before; a reset leaves what was written for the bus to read
+//   waiting_i ..  of commit_control.  What waits goes out 2 clocks after take_i.  Entries of
+//                 waiting tables go out 2 clocks after copy_i, into the bank that is not
+//                 bank_i's.  StatusBusy is for waiting_i
 //   Latency       10 clocks from bus_valid_i to bus_done_o
 //   Model         vrscan.clocked.register_file, bit-exact
 
@@ -64,10 +67,18 @@ module register_file (
   input  wire register_pkg::test_status_t         test_status_i,
   input  wire register_pkg::sensor_status_t       sensor_status_i,
   output      register_pkg::sensor_t              sensor_o,
+  output      register_pkg::commit_t              commit_o,
+  input  wire register_pkg::commit_status_t       commit_status_i,
   output      register_pkg::locks_t               locks_o,
   output      register_pkg::table_t               table_o,
   output      register_pkg::focus_table_t         focus_table_o,
-  output      register_pkg::free_table_t          free_table_o
+  output      register_pkg::free_table_t          free_table_o,
+
+  input  wire logic                               waiting_i,
+  input  wire logic                               copy_i,
+  input  wire logic [9:0]                         copy_index_i,
+  input  wire logic                               bank_i,
+  input  wire logic                               take_i
 );
 
   // ---- the reset, once for each group of settings ----
@@ -103,6 +114,8 @@ module register_file (
   local_register u_test_reset (.clk_i, .d_i(rst_i), .q_o(test_rst));
   logic sensor_rst;
   local_register u_sensor_reset (.clk_i, .d_i(rst_i), .q_o(sensor_rst));
+  logic commit_rst;
+  local_register u_commit_reset (.clk_i, .d_i(rst_i), .q_o(commit_rst));
   logic locks_rst;
   local_register u_locks_reset (.clk_i, .d_i(rst_i), .q_o(locks_rst));
 
@@ -131,12 +144,13 @@ module register_file (
   localparam logic [1:0] KindReadWrite = 2'd2;
   typedef struct packed {
     logic [1:0] kind;
+    logic commit;
     logic [1:0] lock;
     logic signed [32:0] minimum;
     logic signed [32:0] maximum;
   } rule_t;
-  logic [69:0] rule_mem[1024];
-  logic [69:0] map_rule_q;
+  logic [70:0] rule_mem[1024];
+  logic [70:0] map_rule_q;
   logic map_hit_q;
   rule_t rule_q;
   logic table_hit_q;
@@ -158,18 +172,18 @@ module register_file (
     if (table_hit_q)
       case (address_q[0:0])
         1'h0: rule_q <=
-          {KindReadWrite, 2'd1, 33'h000000000, 33'h003ffffff};
+          {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h003ffffff};
         1'h1: rule_q <=
-          {KindReadWrite, 2'd1, 33'h1f8000000, 33'h007ffffff};
+          {KindReadWrite, 1'd1, 2'd1, 33'h1f8000000, 33'h007ffffff};
         default: rule_q <= '0;
       endcase
-    if (focus_table_hit_q) rule_q <= {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    if (focus_table_hit_q) rule_q <= {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000ffff};
     if (free_table_hit_q)
       case (address_q[0:0])
         1'h0: rule_q <=
-          {KindReadWrite, 2'd1, 33'h000000000, 33'h00000ffff};
+          {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00000ffff};
         1'h1: rule_q <=
-          {KindReadWrite, 2'd1, 33'h000000000, 33'h00000ffff};
+          {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00000ffff};
         default: rule_q <= '0;
       endcase
   end
@@ -180,7 +194,7 @@ module register_file (
   logic signed [32:0] value;
   assign value = signed'({rule_q.minimum[32] && data_q[31], data_q});
   logic [1:0] kind_q;
-  logic below_q, above_q, locked_q;
+  logic below_q, above_q, locked_q, busy_q;
   logic [link_pkg::StatusWidth-1:0] verdict, status_q;
   always_comb begin
     verdict = link_pkg::StatusWidth'(link_pkg::StatusOk);
@@ -190,6 +204,8 @@ module register_file (
       verdict = link_pkg::StatusWidth'(link_pkg::StatusReadOnly);
     else if (!read && locked_q)
       verdict = link_pkg::StatusWidth'(link_pkg::StatusLocked);
+    else if (busy_q)
+      verdict = link_pkg::StatusWidth'(link_pkg::StatusBusy);
     else if (!read && (below_q || above_q))
       verdict = link_pkg::StatusWidth'(link_pkg::StatusBadValue);
   end
@@ -198,6 +214,7 @@ module register_file (
     below_q  <= value < rule_q.minimum;
     above_q  <= value > rule_q.maximum;
     locked_q <= locks[rule_q.lock];
+    busy_q <= rule_q.commit && waiting_i && (!read || table_hit_q || free_table_hit_q);
     status_q <= verdict;
     write_q  <= step_q[4] && access_q == link_pkg::AccessWidth'(link_pkg::AccessWrite)
                 && verdict == link_pkg::StatusWidth'(link_pkg::StatusOk);
@@ -227,6 +244,7 @@ module register_file (
   logic page_1a_hit_q;
   logic page_1c_hit_q;
   logic page_1d_hit_q;
+  logic page_1e_hit_q;
   logic page_3f_hit_q;
   logic [15:0] word_hit_q;
   always_ff @(posedge clk_i) begin
@@ -252,13 +270,14 @@ module register_file (
     page_1a_hit_q <= address_q[15:4] == 12'h01a;
     page_1c_hit_q <= address_q[15:4] == 12'h01c;
     page_1d_hit_q <= address_q[15:4] == 12'h01d;
+    page_1e_hit_q <= address_q[15:4] == 12'h01e;
     page_3f_hit_q <= address_q[15:4] == 12'h03f;
     for (int unsigned k = 0; k < 16; k++)
       word_hit_q[k] <= address_q[3:0] == 4'(k);
   end
 
   // ---- 5: which register; 6: it takes the word ----
-  logic [167:0] take_q;
+  logic [168:0] take_q;
   logic write_q2;
   always_ff @(posedge clk_i) begin
     write_q2 <= write_q;
@@ -428,9 +447,10 @@ module register_file (
     take_q[162] <= write_q && page_1d_hit_q && word_hit_q[5] && !rst;
     take_q[163] <= write_q && page_1d_hit_q && word_hit_q[6] && !rst;
     take_q[164] <= write_q && page_1d_hit_q && word_hit_q[7] && !rst;
-    take_q[165] <= write_q && page_3f_hit_q && word_hit_q[0] && !rst;
-    take_q[166] <= write_q && page_3f_hit_q && word_hit_q[1] && !rst;
-    take_q[167] <= write_q && page_3f_hit_q && word_hit_q[2] && !rst;
+    take_q[165] <= write_q && page_1e_hit_q && word_hit_q[0] && !rst;
+    take_q[166] <= write_q && page_3f_hit_q && word_hit_q[0] && !rst;
+    take_q[167] <= write_q && page_3f_hit_q && word_hit_q[1] && !rst;
+    take_q[168] <= write_q && page_3f_hit_q && word_hit_q[2] && !rst;
   end
 
   logic [31:0] identity_data;
@@ -493,6 +513,10 @@ module register_file (
   local_register #(.Width(24)) u_sensor_data (
     .clk_i, .d_i(data_q[23:0]), .q_o(sensor_data)
   );
+  logic [0:0] commit_data;
+  local_register #(.Width(1)) u_commit_data (
+    .clk_i, .d_i(data_q[0:0]), .q_o(commit_data)
+  );
   logic [0:0] locks_data;
   local_register #(.Width(1)) u_locks_data (
     .clk_i, .d_i(data_q[0:0]), .q_o(locks_data)
@@ -501,38 +525,198 @@ module register_file (
   logic [31:0] sweep_word_low_q;
   logic [31:0] work_word_low_q;
   logic [31:0] ratio_low_q;
+  register_pkg::peak_t peak_q;
+  logic period_n_take, period_n_taken_rst;
+  local_register #(.Width(2)) u_period_n_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({period_n_take, period_n_taken_rst})
+  );
+  logic noise_row_take, noise_row_taken_rst;
+  local_register #(.Width(2)) u_noise_row_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({noise_row_take, noise_row_taken_rst})
+  );
+  logic k_noise_take, k_noise_taken_rst;
+  local_register #(.Width(2)) u_k_noise_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({k_noise_take, k_noise_taken_rst})
+  );
+  logic k_height_take, k_height_taken_rst;
+  local_register #(.Width(2)) u_k_height_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({k_height_take, k_height_taken_rst})
+  );
+  logic snr_min_take, snr_min_taken_rst;
+  local_register #(.Width(2)) u_snr_min_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({snr_min_take, snr_min_taken_rst})
+  );
+  logic min_width_take, min_width_taken_rst;
+  local_register #(.Width(2)) u_min_width_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({min_width_take, min_width_taken_rst})
+  );
+  logic max_width_take, max_width_taken_rst;
+  local_register #(.Width(2)) u_max_width_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({max_width_take, max_width_taken_rst})
+  );
+  logic kappa_take, kappa_taken_rst;
+  local_register #(.Width(2)) u_kappa_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({kappa_take, kappa_taken_rst})
+  );
+  logic c_sfm_gain_take, c_sfm_gain_taken_rst;
+  local_register #(.Width(2)) u_c_sfm_gain_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({c_sfm_gain_take, c_sfm_gain_taken_rst})
+  );
+  logic window_two_pass_take, window_two_pass_taken_rst;
+  local_register #(.Width(2)) u_window_two_pass_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({window_two_pass_take, window_two_pass_taken_rst})
+  );
+  logic window_fit_take, window_fit_taken_rst;
+  local_register #(.Width(2)) u_window_fit_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({window_fit_take, window_fit_taken_rst})
+  );
+  logic max_core_take, max_core_taken_rst;
+  local_register #(.Width(2)) u_max_core_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({max_core_take, max_core_taken_rst})
+  );
+  logic saturation_level_take, saturation_level_taken_rst;
+  local_register #(.Width(2)) u_saturation_level_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({saturation_level_take, saturation_level_taken_rst})
+  );
+  register_pkg::geometry_t geometry_q;
+  logic centre_take, centre_taken_rst;
+  local_register #(.Width(2)) u_centre_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({centre_take, centre_taken_rst})
+  );
+  logic k1_take, k1_taken_rst;
+  local_register #(.Width(2)) u_k1_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({k1_take, k1_taken_rst})
+  );
+  logic k2_take, k2_taken_rst;
+  local_register #(.Width(2)) u_k2_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({k2_take, k2_taken_rst})
+  );
+  logic even_take, even_taken_rst;
+  local_register #(.Width(2)) u_even_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({even_take, even_taken_rst})
+  );
+  logic n0_take, n0_taken_rst;
+  local_register #(.Width(2)) u_n0_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({n0_take, n0_taken_rst})
+  );
+  logic n1_take, n1_taken_rst;
+  local_register #(.Width(2)) u_n1_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({n1_take, n1_taken_rst})
+  );
+  logic d0_take, d0_taken_rst;
+  local_register #(.Width(2)) u_d0_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({d0_take, d0_taken_rst})
+  );
+  logic d1_take, d1_taken_rst;
+  local_register #(.Width(2)) u_d1_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({d1_take, d1_taken_rst})
+  );
+  logic e0_take, e0_taken_rst;
+  local_register #(.Width(2)) u_e0_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({e0_take, e0_taken_rst})
+  );
+  logic e1_take, e1_taken_rst;
+  local_register #(.Width(2)) u_e1_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({e1_take, e1_taken_rst})
+  );
+  logic tolerance_take, tolerance_taken_rst;
+  local_register #(.Width(2)) u_tolerance_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({tolerance_take, tolerance_taken_rst})
+  );
+  register_pkg::free_t free_q;
+  logic free_begin_take, free_begin_taken_rst;
+  local_register #(.Width(2)) u_free_begin_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({free_begin_take, free_begin_taken_rst})
+  );
+  logic free_shift_take, free_shift_taken_rst;
+  local_register #(.Width(2)) u_free_shift_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({free_shift_take, free_shift_taken_rst})
+  );
+  register_pkg::motion_t motion_q;
+  logic drive_phase_take, drive_phase_taken_rst;
+  local_register #(.Width(2)) u_drive_phase_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({drive_phase_take, drive_phase_taken_rst})
+  );
+  logic motion_a_take, motion_a_taken_rst;
+  local_register #(.Width(2)) u_motion_a_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({motion_a_take, motion_a_taken_rst})
+  );
+  logic motion_phi_take, motion_phi_taken_rst;
+  local_register #(.Width(2)) u_motion_phi_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({motion_phi_take, motion_phi_taken_rst})
+  );
+  logic motion_da_take, motion_da_taken_rst;
+  local_register #(.Width(2)) u_motion_da_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({motion_da_take, motion_da_taken_rst})
+  );
+  logic motion_dphi_take, motion_dphi_taken_rst;
+  local_register #(.Width(2)) u_motion_dphi_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({motion_dphi_take, motion_dphi_taken_rst})
+  );
   always_ff @(posedge clk_i) begin
     link_o.uart_step_strobe <= take_q[110];
     test_o.test_start_strobe <= take_q[159];
     test_o.test_stop_strobe <= take_q[160];
+    commit_o.commit_strobe <= take_q[165];
     if (take_q[0]) identity_o.scratch <= identity_data;
-    if (take_q[1]) peak_o.period_n <= peak_data[0];
-    if (take_q[2]) peak_o.noise_row <= peak_data[0];
-    if (take_q[3]) peak_o.k_noise <= peak_data[15:0];
-    if (take_q[4]) peak_o.k_height <= peak_data[15:0];
-    if (take_q[5]) peak_o.snr_min <= peak_data[15:0];
-    if (take_q[6]) peak_o.min_width <= peak_data[7:0];
-    if (take_q[7]) peak_o.max_width <= peak_data[7:0];
-    if (take_q[8]) peak_o.kappa <= peak_data[17:0];
-    if (take_q[9]) peak_o.c_sfm_gain <= peak_data;
-    if (take_q[10]) peak_o.window_two_pass <= peak_data[0];
-    if (take_q[11]) peak_o.window_fit <= peak_data[0];
-    if (take_q[12]) peak_o.max_core <= peak_data[7:0];
-    if (take_q[13]) peak_o.saturation_level <= peak_data[15:0];
+    if (take_q[1]) peak_q.period_n <= peak_data[0];
+    if (take_q[2]) peak_q.noise_row <= peak_data[0];
+    if (take_q[3]) peak_q.k_noise <= peak_data[15:0];
+    if (take_q[4]) peak_q.k_height <= peak_data[15:0];
+    if (take_q[5]) peak_q.snr_min <= peak_data[15:0];
+    if (take_q[6]) peak_q.min_width <= peak_data[7:0];
+    if (take_q[7]) peak_q.max_width <= peak_data[7:0];
+    if (take_q[8]) peak_q.kappa <= peak_data[17:0];
+    if (take_q[9]) peak_q.c_sfm_gain <= peak_data;
+    if (take_q[10]) peak_q.window_two_pass <= peak_data[0];
+    if (take_q[11]) peak_q.window_fit <= peak_data[0];
+    if (take_q[12]) peak_q.max_core <= peak_data[7:0];
+    if (take_q[13]) peak_q.saturation_level <= peak_data[15:0];
     if (take_q[14]) centre_low_q <= geometry_data;
-    if (take_q[15]) geometry_o.centre <= {geometry_data[1:0], centre_low_q};
-    if (take_q[16]) geometry_o.k1 <= signed'(geometry_data[25:0]);
-    if (take_q[17]) geometry_o.k2 <= signed'(geometry_data[25:0]);
-    if (take_q[18]) geometry_o.even <= geometry_data[0];
-    if (take_q[19]) geometry_o.n0 <= signed'(geometry_data);
-    if (take_q[20]) geometry_o.n1 <= signed'(geometry_data);
-    if (take_q[21]) geometry_o.d0 <= signed'(geometry_data);
-    if (take_q[22]) geometry_o.d1 <= signed'(geometry_data);
-    if (take_q[23]) geometry_o.e0 <= signed'(geometry_data);
-    if (take_q[24]) geometry_o.e1 <= signed'(geometry_data);
-    if (take_q[25]) geometry_o.tolerance <= geometry_data[15:0];
-    if (take_q[26]) free_o.free_begin <= signed'(free_data);
-    if (take_q[27]) free_o.free_shift <= free_data[3:0];
+    if (take_q[15]) geometry_q.centre <= {geometry_data[1:0], centre_low_q};
+    if (take_q[16]) geometry_q.k1 <= signed'(geometry_data[25:0]);
+    if (take_q[17]) geometry_q.k2 <= signed'(geometry_data[25:0]);
+    if (take_q[18]) geometry_q.even <= geometry_data[0];
+    if (take_q[19]) geometry_q.n0 <= signed'(geometry_data);
+    if (take_q[20]) geometry_q.n1 <= signed'(geometry_data);
+    if (take_q[21]) geometry_q.d0 <= signed'(geometry_data);
+    if (take_q[22]) geometry_q.d1 <= signed'(geometry_data);
+    if (take_q[23]) geometry_q.e0 <= signed'(geometry_data);
+    if (take_q[24]) geometry_q.e1 <= signed'(geometry_data);
+    if (take_q[25]) geometry_q.tolerance <= geometry_data[15:0];
+    if (take_q[26]) free_q.free_begin <= signed'(free_data);
+    if (take_q[27]) free_q.free_shift <= free_data[3:0];
     if (take_q[28]) mirror_o.mirror_enable <= mirror_data[0];
     if (take_q[29]) mirror_o.line_enable <= mirror_data[0];
     if (take_q[30]) sweep_word_low_q <= mirror_data;
@@ -572,43 +756,43 @@ module register_file (
     if (take_q[64]) mirror_limits_o.sweep_timeout <= mirror_limits_data;
     if (take_q[65]) mirror_limits_o.settle_timeout <= mirror_limits_data;
     if (take_q[66]) mirror_limits_o.lost_timeout <= mirror_limits_data;
-    if (take_q[67]) motion_o.drive_phase <= motion_data;
-    if (take_q[68]) motion_o.motion_a[0+:24] <= motion_data[23:0];
-    if (take_q[69]) motion_o.motion_a[24+:24] <= motion_data[23:0];
-    if (take_q[70]) motion_o.motion_a[48+:24] <= motion_data[23:0];
-    if (take_q[71]) motion_o.motion_a[72+:24] <= motion_data[23:0];
-    if (take_q[72]) motion_o.motion_a[96+:24] <= motion_data[23:0];
-    if (take_q[73]) motion_o.motion_a[120+:24] <= motion_data[23:0];
-    if (take_q[74]) motion_o.motion_a[144+:24] <= motion_data[23:0];
-    if (take_q[75]) motion_o.motion_a[168+:24] <= motion_data[23:0];
-    if (take_q[76]) motion_o.motion_a[192+:24] <= motion_data[23:0];
-    if (take_q[77]) motion_o.motion_phi[0+:28] <= motion_data;
-    if (take_q[78]) motion_o.motion_phi[28+:28] <= motion_data;
-    if (take_q[79]) motion_o.motion_phi[56+:28] <= motion_data;
-    if (take_q[80]) motion_o.motion_phi[84+:28] <= motion_data;
-    if (take_q[81]) motion_o.motion_phi[112+:28] <= motion_data;
-    if (take_q[82]) motion_o.motion_phi[140+:28] <= motion_data;
-    if (take_q[83]) motion_o.motion_phi[168+:28] <= motion_data;
-    if (take_q[84]) motion_o.motion_phi[196+:28] <= motion_data;
-    if (take_q[85]) motion_o.motion_phi[224+:28] <= motion_data;
-    if (take_q[86]) motion_o.motion_da[0+:24] <= motion_data[23:0];
-    if (take_q[87]) motion_o.motion_da[24+:24] <= motion_data[23:0];
-    if (take_q[88]) motion_o.motion_da[48+:24] <= motion_data[23:0];
-    if (take_q[89]) motion_o.motion_da[72+:24] <= motion_data[23:0];
-    if (take_q[90]) motion_o.motion_da[96+:24] <= motion_data[23:0];
-    if (take_q[91]) motion_o.motion_da[120+:24] <= motion_data[23:0];
-    if (take_q[92]) motion_o.motion_da[144+:24] <= motion_data[23:0];
-    if (take_q[93]) motion_o.motion_da[168+:24] <= motion_data[23:0];
-    if (take_q[94]) motion_o.motion_da[192+:24] <= motion_data[23:0];
-    if (take_q[95]) motion_o.motion_dphi[0+:24] <= motion_data[23:0];
-    if (take_q[96]) motion_o.motion_dphi[24+:24] <= motion_data[23:0];
-    if (take_q[97]) motion_o.motion_dphi[48+:24] <= motion_data[23:0];
-    if (take_q[98]) motion_o.motion_dphi[72+:24] <= motion_data[23:0];
-    if (take_q[99]) motion_o.motion_dphi[96+:24] <= motion_data[23:0];
-    if (take_q[100]) motion_o.motion_dphi[120+:24] <= motion_data[23:0];
-    if (take_q[101]) motion_o.motion_dphi[144+:24] <= motion_data[23:0];
-    if (take_q[102]) motion_o.motion_dphi[168+:24] <= motion_data[23:0];
-    if (take_q[103]) motion_o.motion_dphi[192+:24] <= motion_data[23:0];
+    if (take_q[67]) motion_q.drive_phase <= motion_data;
+    if (take_q[68]) motion_q.motion_a[0+:24] <= motion_data[23:0];
+    if (take_q[69]) motion_q.motion_a[24+:24] <= motion_data[23:0];
+    if (take_q[70]) motion_q.motion_a[48+:24] <= motion_data[23:0];
+    if (take_q[71]) motion_q.motion_a[72+:24] <= motion_data[23:0];
+    if (take_q[72]) motion_q.motion_a[96+:24] <= motion_data[23:0];
+    if (take_q[73]) motion_q.motion_a[120+:24] <= motion_data[23:0];
+    if (take_q[74]) motion_q.motion_a[144+:24] <= motion_data[23:0];
+    if (take_q[75]) motion_q.motion_a[168+:24] <= motion_data[23:0];
+    if (take_q[76]) motion_q.motion_a[192+:24] <= motion_data[23:0];
+    if (take_q[77]) motion_q.motion_phi[0+:28] <= motion_data;
+    if (take_q[78]) motion_q.motion_phi[28+:28] <= motion_data;
+    if (take_q[79]) motion_q.motion_phi[56+:28] <= motion_data;
+    if (take_q[80]) motion_q.motion_phi[84+:28] <= motion_data;
+    if (take_q[81]) motion_q.motion_phi[112+:28] <= motion_data;
+    if (take_q[82]) motion_q.motion_phi[140+:28] <= motion_data;
+    if (take_q[83]) motion_q.motion_phi[168+:28] <= motion_data;
+    if (take_q[84]) motion_q.motion_phi[196+:28] <= motion_data;
+    if (take_q[85]) motion_q.motion_phi[224+:28] <= motion_data;
+    if (take_q[86]) motion_q.motion_da[0+:24] <= motion_data[23:0];
+    if (take_q[87]) motion_q.motion_da[24+:24] <= motion_data[23:0];
+    if (take_q[88]) motion_q.motion_da[48+:24] <= motion_data[23:0];
+    if (take_q[89]) motion_q.motion_da[72+:24] <= motion_data[23:0];
+    if (take_q[90]) motion_q.motion_da[96+:24] <= motion_data[23:0];
+    if (take_q[91]) motion_q.motion_da[120+:24] <= motion_data[23:0];
+    if (take_q[92]) motion_q.motion_da[144+:24] <= motion_data[23:0];
+    if (take_q[93]) motion_q.motion_da[168+:24] <= motion_data[23:0];
+    if (take_q[94]) motion_q.motion_da[192+:24] <= motion_data[23:0];
+    if (take_q[95]) motion_q.motion_dphi[0+:24] <= motion_data[23:0];
+    if (take_q[96]) motion_q.motion_dphi[24+:24] <= motion_data[23:0];
+    if (take_q[97]) motion_q.motion_dphi[48+:24] <= motion_data[23:0];
+    if (take_q[98]) motion_q.motion_dphi[72+:24] <= motion_data[23:0];
+    if (take_q[99]) motion_q.motion_dphi[96+:24] <= motion_data[23:0];
+    if (take_q[100]) motion_q.motion_dphi[120+:24] <= motion_data[23:0];
+    if (take_q[101]) motion_q.motion_dphi[144+:24] <= motion_data[23:0];
+    if (take_q[102]) motion_q.motion_dphi[168+:24] <= motion_data[23:0];
+    if (take_q[103]) motion_q.motion_dphi[192+:24] <= motion_data[23:0];
     if (take_q[104]) ratio_low_q <= line_data;
     if (take_q[105]) line_o.ratio <= {line_data[11:0], ratio_low_q};
     if (take_q[106]) line_o.exposure_delay_clks <= line_data[19:0];
@@ -670,44 +854,149 @@ module register_file (
     if (take_q[162]) sensor_o.readout_stale <= sensor_data[0];
     if (take_q[163]) sensor_o.readout_min_clks <= sensor_data;
     if (take_q[164]) sensor_o.readout_max_clks <= sensor_data;
-    if (take_q[165]) locks_o.lock_calibration <= locks_data[0];
-    if (take_q[166]) locks_o.lock_mirror <= locks_data[0];
-    if (take_q[167]) locks_o.lock_laser <= locks_data[0];
+    if (take_q[165]) commit_o.commit <= commit_data[0];
+    if (take_q[166]) locks_o.lock_calibration <= locks_data[0];
+    if (take_q[167]) locks_o.lock_mirror <= locks_data[0];
+    if (take_q[168]) locks_o.lock_laser <= locks_data[0];
     if (identity_rst) begin
       identity_o.scratch <= '0;
     end
-    if (peak_rst) begin
+    if (period_n_take) peak_o.period_n <= peak_q.period_n;
+    if (period_n_taken_rst) begin
       peak_o.period_n <= 1'h1;
+    end
+    if (noise_row_take) peak_o.noise_row <= peak_q.noise_row;
+    if (noise_row_taken_rst) begin
       peak_o.noise_row <= '0;
+    end
+    if (k_noise_take) peak_o.k_noise <= peak_q.k_noise;
+    if (k_noise_taken_rst) begin
       peak_o.k_noise <= 16'h0280;
+    end
+    if (k_height_take) peak_o.k_height <= peak_q.k_height;
+    if (k_height_taken_rst) begin
       peak_o.k_height <= 16'h2666;
+    end
+    if (snr_min_take) peak_o.snr_min <= peak_q.snr_min;
+    if (snr_min_taken_rst) begin
       peak_o.snr_min <= 16'h0800;
+    end
+    if (min_width_take) peak_o.min_width <= peak_q.min_width;
+    if (min_width_taken_rst) begin
       peak_o.min_width <= 8'h03;
+    end
+    if (max_width_take) peak_o.max_width <= peak_q.max_width;
+    if (max_width_taken_rst) begin
       peak_o.max_width <= 8'hff;
+    end
+    if (kappa_take) peak_o.kappa <= peak_q.kappa;
+    if (kappa_taken_rst) begin
       peak_o.kappa <= 18'h03333;
+    end
+    if (c_sfm_gain_take) peak_o.c_sfm_gain <= peak_q.c_sfm_gain;
+    if (c_sfm_gain_taken_rst) begin
       peak_o.c_sfm_gain <= 24'h0000ff;
+    end
+    if (window_two_pass_take) peak_o.window_two_pass <= peak_q.window_two_pass;
+    if (window_two_pass_taken_rst) begin
       peak_o.window_two_pass <= 1'h1;
+    end
+    if (window_fit_take) peak_o.window_fit <= peak_q.window_fit;
+    if (window_fit_taken_rst) begin
       peak_o.window_fit <= 1'h1;
+    end
+    if (max_core_take) peak_o.max_core <= peak_q.max_core;
+    if (max_core_taken_rst) begin
       peak_o.max_core <= 8'h40;
+    end
+    if (saturation_level_take) peak_o.saturation_level <= peak_q.saturation_level;
+    if (saturation_level_taken_rst) begin
       peak_o.saturation_level <= 16'h0fff;
+    end
+    if (peak_rst) begin
+      peak_q.period_n <= 1'h1;
+      peak_q.noise_row <= '0;
+      peak_q.k_noise <= 16'h0280;
+      peak_q.k_height <= 16'h2666;
+      peak_q.snr_min <= 16'h0800;
+      peak_q.min_width <= 8'h03;
+      peak_q.max_width <= 8'hff;
+      peak_q.kappa <= 18'h03333;
+      peak_q.c_sfm_gain <= 24'h0000ff;
+      peak_q.window_two_pass <= 1'h1;
+      peak_q.window_fit <= 1'h1;
+      peak_q.max_core <= 8'h40;
+      peak_q.saturation_level <= 16'h0fff;
+    end
+    if (centre_take) geometry_o.centre <= geometry_q.centre;
+    if (centre_taken_rst) begin
+      geometry_o.centre <= 34'h03ff80000;
+    end
+    if (k1_take) geometry_o.k1 <= geometry_q.k1;
+    if (k1_taken_rst) begin
+      geometry_o.k1 <= '0;
+    end
+    if (k2_take) geometry_o.k2 <= geometry_q.k2;
+    if (k2_taken_rst) begin
+      geometry_o.k2 <= '0;
+    end
+    if (even_take) geometry_o.even <= geometry_q.even;
+    if (even_taken_rst) begin
+      geometry_o.even <= '0;
+    end
+    if (n0_take) geometry_o.n0 <= geometry_q.n0;
+    if (n0_taken_rst) begin
+      geometry_o.n0 <= 32'h03b6a848;
+    end
+    if (n1_take) geometry_o.n1 <= geometry_q.n1;
+    if (n1_taken_rst) begin
+      geometry_o.n1 <= 32'h004c9d79;
+    end
+    if (d0_take) geometry_o.d0 <= geometry_q.d0;
+    if (d0_taken_rst) begin
+      geometry_o.d0 <= 32'h08e8364b;
+    end
+    if (d1_take) geometry_o.d1 <= geometry_q.d1;
+    if (d1_taken_rst) begin
+      geometry_o.d1 <= 32'hdba83161;
+    end
+    if (e0_take) geometry_o.e0 <= geometry_q.e0;
+    if (e0_taken_rst) begin
+      geometry_o.e0 <= 32'h3f608d52;
+    end
+    if (e1_take) geometry_o.e1 <= geometry_q.e1;
+    if (e1_taken_rst) begin
+      geometry_o.e1 <= 32'h051b9098;
+    end
+    if (tolerance_take) geometry_o.tolerance <= geometry_q.tolerance;
+    if (tolerance_taken_rst) begin
+      geometry_o.tolerance <= 16'h4189;
     end
     if (geometry_rst) begin
       centre_low_q <= 32'h3ff80000;
-      geometry_o.centre <= 34'h03ff80000;
-      geometry_o.k1 <= '0;
-      geometry_o.k2 <= '0;
-      geometry_o.even <= '0;
-      geometry_o.n0 <= 32'h03b6a848;
-      geometry_o.n1 <= 32'h004c9d79;
-      geometry_o.d0 <= 32'h08e8364b;
-      geometry_o.d1 <= 32'hdba83161;
-      geometry_o.e0 <= 32'h3f608d52;
-      geometry_o.e1 <= 32'h051b9098;
-      geometry_o.tolerance <= 16'h4189;
+      geometry_q.centre <= 34'h03ff80000;
+      geometry_q.k1 <= '0;
+      geometry_q.k2 <= '0;
+      geometry_q.even <= '0;
+      geometry_q.n0 <= 32'h03b6a848;
+      geometry_q.n1 <= 32'h004c9d79;
+      geometry_q.d0 <= 32'h08e8364b;
+      geometry_q.d1 <= 32'hdba83161;
+      geometry_q.e0 <= 32'h3f608d52;
+      geometry_q.e1 <= 32'h051b9098;
+      geometry_q.tolerance <= 16'h4189;
+    end
+    if (free_begin_take) free_o.free_begin <= free_q.free_begin;
+    if (free_begin_taken_rst) begin
+      free_o.free_begin <= 24'hf0b17e;
+    end
+    if (free_shift_take) free_o.free_shift <= free_q.free_shift;
+    if (free_shift_taken_rst) begin
+      free_o.free_shift <= 4'h4;
     end
     if (free_rst) begin
-      free_o.free_begin <= 24'hf0b17e;
-      free_o.free_shift <= 4'h4;
+      free_q.free_begin <= 24'hf0b17e;
+      free_q.free_shift <= 4'h4;
     end
     if (mirror_rst) begin
       mirror_o.mirror_enable <= '0;
@@ -752,12 +1041,32 @@ module register_file (
       mirror_limits_o.settle_timeout <= '0;
       mirror_limits_o.lost_timeout <= '0;
     end
-    if (motion_rst) begin
+    if (drive_phase_take) motion_o.drive_phase <= motion_q.drive_phase;
+    if (drive_phase_taken_rst) begin
       motion_o.drive_phase <= '0;
+    end
+    if (motion_a_take) motion_o.motion_a <= motion_q.motion_a;
+    if (motion_a_taken_rst) begin
       motion_o.motion_a <= '0;
+    end
+    if (motion_phi_take) motion_o.motion_phi <= motion_q.motion_phi;
+    if (motion_phi_taken_rst) begin
       motion_o.motion_phi <= '0;
+    end
+    if (motion_da_take) motion_o.motion_da <= motion_q.motion_da;
+    if (motion_da_taken_rst) begin
       motion_o.motion_da <= '0;
+    end
+    if (motion_dphi_take) motion_o.motion_dphi <= motion_q.motion_dphi;
+    if (motion_dphi_taken_rst) begin
       motion_o.motion_dphi <= '0;
+    end
+    if (motion_rst) begin
+      motion_q.drive_phase <= '0;
+      motion_q.motion_a <= '0;
+      motion_q.motion_phi <= '0;
+      motion_q.motion_da <= '0;
+      motion_q.motion_dphi <= '0;
     end
     if (line_rst) begin
       ratio_low_q <= 32'h00000000;
@@ -839,6 +1148,10 @@ module register_file (
       sensor_o.readout_min_clks <= '0;
       sensor_o.readout_max_clks <= 24'hffffff;
     end
+    if (commit_rst) begin
+      commit_o.commit <= '0;
+      commit_o.commit_strobe <= 1'b0;
+    end
     if (locks_rst) begin
       locks_o.lock_calibration <= '0;
       locks_o.lock_mirror <= '0;
@@ -847,8 +1160,11 @@ module register_file (
   end
 
   // ---- table: written at 6, read back at 7 and 8 ----
+  logic table_copy_q;
+  logic [9:0] table_entry, table_entry_q;
+  assign table_entry = copy_i ? copy_index_i[9:0] : table_index;
   logic [25:0] table_amplitude_mem[1024];
-  logic [25:0] table_amplitude_q, table_amplitude_q2;
+  logic [25:0] table_amplitude_q;
   logic [27:0] table_midpoint_mem[1024];
   logic [27:0] table_midpoint_q;
   // Nothing is what the bus reads of an entry that it has not written.
@@ -859,19 +1175,22 @@ module register_file (
   logic [31:0] table_read_q;
   always_ff @(posedge clk_i) begin
     if (write_q2 && table_hit_q && address_q[0:0] == 1'h0 && !rst)
-      table_amplitude_mem[table_index] <= data_q[25:0];
-    table_amplitude_q <= table_amplitude_mem[table_index];
-    table_amplitude_q2 <= table_amplitude_q;
+      table_amplitude_mem[table_entry] <= data_q[25:0];
+    table_amplitude_q <= table_amplitude_mem[table_entry];
     if (write_q2 && table_hit_q && address_q[0:0] == 1'h1 && !rst)
-      table_midpoint_mem[table_index] <= data_q[27:0];
-    table_midpoint_q <= table_midpoint_mem[table_index];
-    table_o.table_write <= 1'b0;
-    if (write_q2 && table_hit_q && address_q[0:0] == 1'h1) begin
-      table_o.table_write <= 1'b1;
-      table_o.table_index <= table_index;
-      table_o.table_amplitude <= table_amplitude_q2;
-      table_o.table_midpoint <= signed'(data_q[27:0]);
-    end
+      table_midpoint_mem[table_entry] <= data_q[27:0];
+    table_midpoint_q <= table_midpoint_mem[table_entry];
+    table_copy_q  <= copy_i && !rst;
+    table_entry_q <= table_entry;
+    table_o.table_write      <= table_copy_q;
+    table_o.table_index      <= table_entry_q;
+    table_o.table_write_bank <= !bank_i;
+    table_o.table_bank       <= bank_i;
+    if (take_i) table_o.table_changed <= 1'b0;
+    if (write_q2 && table_hit_q) table_o.table_changed <= 1'b1;
+    if (rst) table_o.table_changed <= 1'b0;
+    table_o.table_amplitude <= table_amplitude_q;
+    table_o.table_midpoint <= signed'(table_midpoint_q);
     case (address_q[0:0])
       1'h0: table_read_q <= 32'(table_amplitude_q);
       1'h1: table_read_q <= 32'(signed'(table_midpoint_q));
@@ -903,8 +1222,11 @@ module register_file (
   end
 
   // ---- free_table: written at 6, read back at 7 and 8 ----
+  logic free_table_copy_q;
+  logic [7:0] free_table_entry, free_table_entry_q;
+  assign free_table_entry = copy_i ? copy_index_i[7:0] : free_table_index;
   logic [15:0] free_table_from_mem[256];
-  logic [15:0] free_table_from_q, free_table_from_q2;
+  logic [15:0] free_table_from_q;
   logic [15:0] free_table_to_mem[256];
   logic [15:0] free_table_to_q;
   // Nothing is what the bus reads of an entry that it has not written.
@@ -915,19 +1237,22 @@ module register_file (
   logic [31:0] free_table_read_q;
   always_ff @(posedge clk_i) begin
     if (write_q2 && free_table_hit_q && address_q[0:0] == 1'h0 && !rst)
-      free_table_from_mem[free_table_index] <= data_q[15:0];
-    free_table_from_q <= free_table_from_mem[free_table_index];
-    free_table_from_q2 <= free_table_from_q;
+      free_table_from_mem[free_table_entry] <= data_q[15:0];
+    free_table_from_q <= free_table_from_mem[free_table_entry];
     if (write_q2 && free_table_hit_q && address_q[0:0] == 1'h1 && !rst)
-      free_table_to_mem[free_table_index] <= data_q[15:0];
-    free_table_to_q <= free_table_to_mem[free_table_index];
-    free_table_o.free_table_write <= 1'b0;
-    if (write_q2 && free_table_hit_q && address_q[0:0] == 1'h1) begin
-      free_table_o.free_table_write <= 1'b1;
-      free_table_o.free_table_index <= free_table_index;
-      free_table_o.free_table_from <= free_table_from_q2;
-      free_table_o.free_table_to <= data_q[15:0];
-    end
+      free_table_to_mem[free_table_entry] <= data_q[15:0];
+    free_table_to_q <= free_table_to_mem[free_table_entry];
+    free_table_copy_q  <= copy_i && !rst;
+    free_table_entry_q <= free_table_entry;
+    free_table_o.free_table_write      <= free_table_copy_q;
+    free_table_o.free_table_index      <= free_table_entry_q;
+    free_table_o.free_table_write_bank <= !bank_i;
+    free_table_o.free_table_bank       <= bank_i;
+    if (take_i) free_table_o.free_table_changed <= 1'b0;
+    if (write_q2 && free_table_hit_q) free_table_o.free_table_changed <= 1'b1;
+    if (rst) free_table_o.free_table_changed <= 1'b0;
+    free_table_o.free_table_from <= free_table_from_q;
+    free_table_o.free_table_to <= free_table_to_q;
     case (address_q[0:0])
       1'h0: free_table_read_q <= 32'(free_table_from_q);
       1'h1: free_table_read_q <= 32'(free_table_to_q);
@@ -968,7 +1293,7 @@ module register_file (
   always_ff @(posedge clk_i) begin
     case (page_00_word)
       4'h0: page_00_q <= 32'h56525343;
-      4'h1: page_00_q <= 32'hcbf3b03a;
+      4'h1: page_00_q <= 32'h39387e6a;
       4'h2: page_00_q <= 32'h00000100;
       4'h3: page_00_q <= 32'(identity_status_i.board_id);
       4'h4: page_00_q <= identity_status_i.clock_hz;
@@ -991,19 +1316,19 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_01_word)
-      4'h0: page_01_q <= 32'(peak_o.period_n);
-      4'h1: page_01_q <= 32'(peak_o.noise_row);
-      4'h2: page_01_q <= 32'(peak_o.k_noise);
-      4'h3: page_01_q <= 32'(peak_o.k_height);
-      4'h4: page_01_q <= 32'(peak_o.snr_min);
-      4'h5: page_01_q <= 32'(peak_o.min_width);
-      4'h6: page_01_q <= 32'(peak_o.max_width);
-      4'h7: page_01_q <= 32'(peak_o.kappa);
-      4'h8: page_01_q <= 32'(peak_o.c_sfm_gain);
-      4'h9: page_01_q <= 32'(peak_o.window_two_pass);
-      4'ha: page_01_q <= 32'(peak_o.window_fit);
-      4'hb: page_01_q <= 32'(peak_o.max_core);
-      default: page_01_q <= 32'(peak_o.saturation_level);
+      4'h0: page_01_q <= 32'(peak_q.period_n);
+      4'h1: page_01_q <= 32'(peak_q.noise_row);
+      4'h2: page_01_q <= 32'(peak_q.k_noise);
+      4'h3: page_01_q <= 32'(peak_q.k_height);
+      4'h4: page_01_q <= 32'(peak_q.snr_min);
+      4'h5: page_01_q <= 32'(peak_q.min_width);
+      4'h6: page_01_q <= 32'(peak_q.max_width);
+      4'h7: page_01_q <= 32'(peak_q.kappa);
+      4'h8: page_01_q <= 32'(peak_q.c_sfm_gain);
+      4'h9: page_01_q <= 32'(peak_q.window_two_pass);
+      4'ha: page_01_q <= 32'(peak_q.window_fit);
+      4'hb: page_01_q <= 32'(peak_q.max_core);
+      default: page_01_q <= 32'(peak_q.saturation_level);
     endcase
     if (!page_01_hit_q) page_01_q <= '0;
   end
@@ -1016,17 +1341,17 @@ module register_file (
   always_ff @(posedge clk_i) begin
     case (page_02_word)
       4'h0: page_02_q <= unsigned'(centre_low_q);
-      4'h1: page_02_q <= 32'(signed'(geometry_o.centre[33:32]));
-      4'h2: page_02_q <= 32'(geometry_o.k1);
-      4'h3: page_02_q <= 32'(geometry_o.k2);
-      4'h4: page_02_q <= 32'(geometry_o.even);
-      4'h5: page_02_q <= unsigned'(geometry_o.n0);
-      4'h6: page_02_q <= unsigned'(geometry_o.n1);
-      4'h7: page_02_q <= unsigned'(geometry_o.d0);
-      4'h8: page_02_q <= unsigned'(geometry_o.d1);
-      4'h9: page_02_q <= unsigned'(geometry_o.e0);
-      4'ha: page_02_q <= unsigned'(geometry_o.e1);
-      default: page_02_q <= 32'(geometry_o.tolerance);
+      4'h1: page_02_q <= 32'(signed'(geometry_q.centre[33:32]));
+      4'h2: page_02_q <= 32'(geometry_q.k1);
+      4'h3: page_02_q <= 32'(geometry_q.k2);
+      4'h4: page_02_q <= 32'(geometry_q.even);
+      4'h5: page_02_q <= unsigned'(geometry_q.n0);
+      4'h6: page_02_q <= unsigned'(geometry_q.n1);
+      4'h7: page_02_q <= unsigned'(geometry_q.d0);
+      4'h8: page_02_q <= unsigned'(geometry_q.d1);
+      4'h9: page_02_q <= unsigned'(geometry_q.e0);
+      4'ha: page_02_q <= unsigned'(geometry_q.e1);
+      default: page_02_q <= 32'(geometry_q.tolerance);
     endcase
     if (!page_02_hit_q) page_02_q <= '0;
   end
@@ -1043,8 +1368,9 @@ module register_file (
       4'h2: page_03_q <= 32'(chain_i.unfinished_count);
       4'h3: page_03_q <= 32'(chain_i.early_count);
       4'h4: page_03_q <= 32'(chain_i.dropped_count);
-      4'h8: page_03_q <= 32'(free_o.free_begin);
-      default: page_03_q <= 32'(free_o.free_shift);
+      4'h5: page_03_q <= 32'(chain_i.skipped_count);
+      4'h8: page_03_q <= 32'(free_q.free_begin);
+      default: page_03_q <= 32'(free_q.free_shift);
     endcase
     if (!page_03_hit_q) page_03_q <= '0;
   end
@@ -1128,22 +1454,22 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_08_word)
-      4'h0: page_08_q <= 32'(motion_o.drive_phase);
-      4'h1: page_08_q <= 32'(signed'(motion_o.motion_a[0+:24]));
-      4'h2: page_08_q <= 32'(signed'(motion_o.motion_a[24+:24]));
-      4'h3: page_08_q <= 32'(signed'(motion_o.motion_a[48+:24]));
-      4'h4: page_08_q <= 32'(signed'(motion_o.motion_a[72+:24]));
-      4'h5: page_08_q <= 32'(signed'(motion_o.motion_a[96+:24]));
-      4'h6: page_08_q <= 32'(signed'(motion_o.motion_a[120+:24]));
-      4'h7: page_08_q <= 32'(signed'(motion_o.motion_a[144+:24]));
-      4'h8: page_08_q <= 32'(signed'(motion_o.motion_a[168+:24]));
-      4'h9: page_08_q <= 32'(signed'(motion_o.motion_a[192+:24]));
-      4'ha: page_08_q <= 32'(motion_o.motion_phi[0+:28]);
-      4'hb: page_08_q <= 32'(motion_o.motion_phi[28+:28]);
-      4'hc: page_08_q <= 32'(motion_o.motion_phi[56+:28]);
-      4'hd: page_08_q <= 32'(motion_o.motion_phi[84+:28]);
-      4'he: page_08_q <= 32'(motion_o.motion_phi[112+:28]);
-      default: page_08_q <= 32'(motion_o.motion_phi[140+:28]);
+      4'h0: page_08_q <= 32'(motion_q.drive_phase);
+      4'h1: page_08_q <= 32'(signed'(motion_q.motion_a[0+:24]));
+      4'h2: page_08_q <= 32'(signed'(motion_q.motion_a[24+:24]));
+      4'h3: page_08_q <= 32'(signed'(motion_q.motion_a[48+:24]));
+      4'h4: page_08_q <= 32'(signed'(motion_q.motion_a[72+:24]));
+      4'h5: page_08_q <= 32'(signed'(motion_q.motion_a[96+:24]));
+      4'h6: page_08_q <= 32'(signed'(motion_q.motion_a[120+:24]));
+      4'h7: page_08_q <= 32'(signed'(motion_q.motion_a[144+:24]));
+      4'h8: page_08_q <= 32'(signed'(motion_q.motion_a[168+:24]));
+      4'h9: page_08_q <= 32'(signed'(motion_q.motion_a[192+:24]));
+      4'ha: page_08_q <= 32'(motion_q.motion_phi[0+:28]);
+      4'hb: page_08_q <= 32'(motion_q.motion_phi[28+:28]);
+      4'hc: page_08_q <= 32'(motion_q.motion_phi[56+:28]);
+      4'hd: page_08_q <= 32'(motion_q.motion_phi[84+:28]);
+      4'he: page_08_q <= 32'(motion_q.motion_phi[112+:28]);
+      default: page_08_q <= 32'(motion_q.motion_phi[140+:28]);
     endcase
     if (!page_08_hit_q) page_08_q <= '0;
   end
@@ -1155,22 +1481,22 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_09_word)
-      4'h0: page_09_q <= 32'(motion_o.motion_phi[168+:28]);
-      4'h1: page_09_q <= 32'(motion_o.motion_phi[196+:28]);
-      4'h2: page_09_q <= 32'(motion_o.motion_phi[224+:28]);
-      4'h3: page_09_q <= 32'(signed'(motion_o.motion_da[0+:24]));
-      4'h4: page_09_q <= 32'(signed'(motion_o.motion_da[24+:24]));
-      4'h5: page_09_q <= 32'(signed'(motion_o.motion_da[48+:24]));
-      4'h6: page_09_q <= 32'(signed'(motion_o.motion_da[72+:24]));
-      4'h7: page_09_q <= 32'(signed'(motion_o.motion_da[96+:24]));
-      4'h8: page_09_q <= 32'(signed'(motion_o.motion_da[120+:24]));
-      4'h9: page_09_q <= 32'(signed'(motion_o.motion_da[144+:24]));
-      4'ha: page_09_q <= 32'(signed'(motion_o.motion_da[168+:24]));
-      4'hb: page_09_q <= 32'(signed'(motion_o.motion_da[192+:24]));
-      4'hc: page_09_q <= 32'(signed'(motion_o.motion_dphi[0+:24]));
-      4'hd: page_09_q <= 32'(signed'(motion_o.motion_dphi[24+:24]));
-      4'he: page_09_q <= 32'(signed'(motion_o.motion_dphi[48+:24]));
-      default: page_09_q <= 32'(signed'(motion_o.motion_dphi[72+:24]));
+      4'h0: page_09_q <= 32'(motion_q.motion_phi[168+:28]);
+      4'h1: page_09_q <= 32'(motion_q.motion_phi[196+:28]);
+      4'h2: page_09_q <= 32'(motion_q.motion_phi[224+:28]);
+      4'h3: page_09_q <= 32'(signed'(motion_q.motion_da[0+:24]));
+      4'h4: page_09_q <= 32'(signed'(motion_q.motion_da[24+:24]));
+      4'h5: page_09_q <= 32'(signed'(motion_q.motion_da[48+:24]));
+      4'h6: page_09_q <= 32'(signed'(motion_q.motion_da[72+:24]));
+      4'h7: page_09_q <= 32'(signed'(motion_q.motion_da[96+:24]));
+      4'h8: page_09_q <= 32'(signed'(motion_q.motion_da[120+:24]));
+      4'h9: page_09_q <= 32'(signed'(motion_q.motion_da[144+:24]));
+      4'ha: page_09_q <= 32'(signed'(motion_q.motion_da[168+:24]));
+      4'hb: page_09_q <= 32'(signed'(motion_q.motion_da[192+:24]));
+      4'hc: page_09_q <= 32'(signed'(motion_q.motion_dphi[0+:24]));
+      4'hd: page_09_q <= 32'(signed'(motion_q.motion_dphi[24+:24]));
+      4'he: page_09_q <= 32'(signed'(motion_q.motion_dphi[48+:24]));
+      default: page_09_q <= 32'(signed'(motion_q.motion_dphi[72+:24]));
     endcase
     if (!page_09_hit_q) page_09_q <= '0;
   end
@@ -1182,11 +1508,11 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     case (page_0a_word)
-      4'h0: page_0a_q <= 32'(signed'(motion_o.motion_dphi[96+:24]));
-      4'h1: page_0a_q <= 32'(signed'(motion_o.motion_dphi[120+:24]));
-      4'h2: page_0a_q <= 32'(signed'(motion_o.motion_dphi[144+:24]));
-      4'h3: page_0a_q <= 32'(signed'(motion_o.motion_dphi[168+:24]));
-      default: page_0a_q <= 32'(signed'(motion_o.motion_dphi[192+:24]));
+      4'h0: page_0a_q <= 32'(signed'(motion_q.motion_dphi[96+:24]));
+      4'h1: page_0a_q <= 32'(signed'(motion_q.motion_dphi[120+:24]));
+      4'h2: page_0a_q <= 32'(signed'(motion_q.motion_dphi[144+:24]));
+      4'h3: page_0a_q <= 32'(signed'(motion_q.motion_dphi[168+:24]));
+      default: page_0a_q <= 32'(signed'(motion_q.motion_dphi[192+:24]));
     endcase
     if (!page_0a_hit_q) page_0a_q <= '0;
   end
@@ -1442,6 +1768,20 @@ module register_file (
     if (!page_1d_hit_q) page_1d_q <= '0;
   end
 
+  logic [31:0] page_1e_q;
+  logic [3:0] page_1e_word;
+  local_register #(.Width(4)) u_page_1e_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_1e_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_1e_word)
+      4'h0: page_1e_q <= 32'(commit_o.commit);
+      4'h1: page_1e_q <= 32'(commit_status_i.commit_waiting);
+      default: page_1e_q <= 32'(commit_status_i.configuration);
+    endcase
+    if (!page_1e_hit_q) page_1e_q <= '0;
+  end
+
   logic [31:0] page_3f_q;
   logic [3:0] page_3f_word;
   local_register #(.Width(4)) u_page_3f_word (
@@ -1481,6 +1821,7 @@ module register_file (
               | page_1a_q
               | page_1c_q
               | page_1d_q
+              | page_1e_q
               | page_3f_q;
 
   always_ff @(posedge clk_i) begin
@@ -1498,491 +1839,499 @@ module register_file (
   initial begin
     for (int k = 0; k < 1024; k = k + 1) rule_mem[k] = '0;
     // identity
-    rule_mem[0] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[0] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // map_hash
-    rule_mem[1] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[1] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // version
-    rule_mem[2] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[2] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // board_id
-    rule_mem[3] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[3] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // clock_hz
-    rule_mem[4] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[4] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // line_length
-    rule_mem[5] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[5] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // pixel_width
-    rule_mem[6] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[6] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // max_window
-    rule_mem[7] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[7] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // lanes
-    rule_mem[8] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[8] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // index_oversample
-    rule_mem[9] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[9] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // scratch
-    rule_mem[10] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0ffffffff};
+    rule_mem[10] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h0ffffffff};
     // uptime, word 0
-    rule_mem[11] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[11] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // uptime, word 1
-    rule_mem[12] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[12] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // period_n
-    rule_mem[16] = {KindReadWrite, 2'd1, 33'h000000000, 33'h000000001};
+    rule_mem[16] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h000000001};
     // noise_row
-    rule_mem[17] = {KindReadWrite, 2'd1, 33'h000000000, 33'h000000001};
+    rule_mem[17] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h000000001};
     // k_noise
-    rule_mem[18] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00000ffff};
+    rule_mem[18] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00000ffff};
     // k_height
-    rule_mem[19] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00000ffff};
+    rule_mem[19] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00000ffff};
     // snr_min
-    rule_mem[20] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00000ffff};
+    rule_mem[20] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00000ffff};
     // min_width
-    rule_mem[21] = {KindReadWrite, 2'd1, 33'h000000003, 33'h0000000ff};
+    rule_mem[21] = {KindReadWrite, 1'd1, 2'd1, 33'h000000003, 33'h0000000ff};
     // max_width
-    rule_mem[22] = {KindReadWrite, 2'd1, 33'h000000003, 33'h0000000ff};
+    rule_mem[22] = {KindReadWrite, 1'd1, 2'd1, 33'h000000003, 33'h0000000ff};
     // kappa
-    rule_mem[23] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00003ffff};
+    rule_mem[23] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00003ffff};
     // c_sfm_gain
-    rule_mem[24] = {KindReadWrite, 2'd1, 33'h000000000, 33'h000ffffff};
+    rule_mem[24] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h000ffffff};
     // window_two_pass
-    rule_mem[25] = {KindReadWrite, 2'd1, 33'h000000000, 33'h000000001};
+    rule_mem[25] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h000000001};
     // window_fit
-    rule_mem[26] = {KindReadWrite, 2'd1, 33'h000000000, 33'h000000001};
+    rule_mem[26] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h000000001};
     // max_core
-    rule_mem[27] = {KindReadWrite, 2'd1, 33'h000000003, 33'h0000000ff};
+    rule_mem[27] = {KindReadWrite, 1'd1, 2'd1, 33'h000000003, 33'h0000000ff};
     // saturation_level
-    rule_mem[28] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00000ffff};
+    rule_mem[28] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00000ffff};
     // centre, word 0
-    rule_mem[32] = {KindReadWrite, 2'd1, 33'h000000000, 33'h0ffffffff};
+    rule_mem[32] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h0ffffffff};
     // centre, word 1
-    rule_mem[33] = {KindReadWrite, 2'd1, 33'h1fffffffe, 33'h000000001};
+    rule_mem[33] = {KindReadWrite, 1'd1, 2'd1, 33'h1fffffffe, 33'h000000001};
     // k1
-    rule_mem[34] = {KindReadWrite, 2'd1, 33'h1fe000000, 33'h001ffffff};
+    rule_mem[34] = {KindReadWrite, 1'd1, 2'd1, 33'h1fe000000, 33'h001ffffff};
     // k2
-    rule_mem[35] = {KindReadWrite, 2'd1, 33'h1fe000000, 33'h001ffffff};
+    rule_mem[35] = {KindReadWrite, 1'd1, 2'd1, 33'h1fe000000, 33'h001ffffff};
     // even
-    rule_mem[36] = {KindReadWrite, 2'd1, 33'h000000000, 33'h000000001};
+    rule_mem[36] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h000000001};
     // n0
-    rule_mem[37] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
+    rule_mem[37] = {KindReadWrite, 1'd1, 2'd1, 33'h180000000, 33'h07fffffff};
     // n1
-    rule_mem[38] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
+    rule_mem[38] = {KindReadWrite, 1'd1, 2'd1, 33'h180000000, 33'h07fffffff};
     // d0
-    rule_mem[39] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
+    rule_mem[39] = {KindReadWrite, 1'd1, 2'd1, 33'h180000000, 33'h07fffffff};
     // d1
-    rule_mem[40] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
+    rule_mem[40] = {KindReadWrite, 1'd1, 2'd1, 33'h180000000, 33'h07fffffff};
     // e0
-    rule_mem[41] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
+    rule_mem[41] = {KindReadWrite, 1'd1, 2'd1, 33'h180000000, 33'h07fffffff};
     // e1
-    rule_mem[42] = {KindReadWrite, 2'd1, 33'h180000000, 33'h07fffffff};
+    rule_mem[42] = {KindReadWrite, 1'd1, 2'd1, 33'h180000000, 33'h07fffffff};
     // tolerance
-    rule_mem[43] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00000ffff};
+    rule_mem[43] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00000ffff};
     // short_count
-    rule_mem[48] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[48] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // long_count
-    rule_mem[49] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[49] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // unfinished_count
-    rule_mem[50] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[50] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // early_count
-    rule_mem[51] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[51] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // dropped_count
-    rule_mem[52] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[52] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
+    // skipped_count
+    rule_mem[53] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // free_begin
-    rule_mem[56] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[56] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // free_shift
-    rule_mem[57] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00000000f};
+    rule_mem[57] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00000000f};
     // mirror_enable
-    rule_mem[64] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000001};
+    rule_mem[64] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000000001};
     // line_enable
-    rule_mem[65] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000001};
+    rule_mem[65] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000000001};
     // sweep_word, word 0
-    rule_mem[66] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0ffffffff};
+    rule_mem[66] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h0ffffffff};
     // sweep_word, word 1
-    rule_mem[67] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000000ff};
+    rule_mem[67] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h0000000ff};
     // work_word, word 0
-    rule_mem[68] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0ffffffff};
+    rule_mem[68] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h0ffffffff};
     // work_word, word 1
-    rule_mem[69] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000000ff};
+    rule_mem[69] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h0000000ff};
     // sweep_rate
-    rule_mem[70] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0ffffffff};
+    rule_mem[70] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h0ffffffff};
     // glitch_clks
-    rule_mem[71] = {KindReadWrite, 2'd2, 33'h000000000, 33'h0000000ff};
+    rule_mem[71] = {KindReadWrite, 1'd0, 2'd2, 33'h000000000, 33'h0000000ff};
     // width_min_clks
-    rule_mem[72] = {KindReadWrite, 2'd2, 33'h000000000, 33'h0ffffffff};
+    rule_mem[72] = {KindReadWrite, 1'd0, 2'd2, 33'h000000000, 33'h0ffffffff};
     // width_max_clks
-    rule_mem[73] = {KindReadWrite, 2'd2, 33'h000000000, 33'h0ffffffff};
+    rule_mem[73] = {KindReadWrite, 1'd0, 2'd2, 33'h000000000, 33'h0ffffffff};
     // period_max_clks
-    rule_mem[74] = {KindReadWrite, 2'd2, 33'h000000000, 33'h0ffffffff};
+    rule_mem[74] = {KindReadWrite, 1'd0, 2'd2, 33'h000000000, 33'h0ffffffff};
     // phase_shift
-    rule_mem[75] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000000f};
+    rule_mem[75] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000000f};
     // rate_shift
-    rule_mem[76] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000003f};
+    rule_mem[76] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000003f};
     // amplitude_shift
-    rule_mem[77] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000000f};
+    rule_mem[77] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000000f};
     // error_limit
-    rule_mem[78] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00fffffff};
+    rule_mem[78] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00fffffff};
     // amplitude_set
-    rule_mem[79] = {KindReadWrite, 2'd0, 33'h000000000, 33'h003ffffff};
+    rule_mem[79] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h003ffffff};
     // k_p
-    rule_mem[80] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00003ffff};
+    rule_mem[80] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00003ffff};
     // k_i
-    rule_mem[81] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00003ffff};
+    rule_mem[81] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00003ffff};
     // level_low
-    rule_mem[82] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000fffff};
+    rule_mem[82] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h0000fffff};
     // level_high
-    rule_mem[83] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000fffff};
+    rule_mem[83] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h0000fffff};
     // level_nominal
-    rule_mem[84] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000fffff};
+    rule_mem[84] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h0000fffff};
     // trim_step
-    rule_mem[85] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000ffffff};
+    rule_mem[85] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000ffffff};
     // trim_gain
-    rule_mem[86] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00003ffff};
+    rule_mem[86] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00003ffff};
     // trim_up
-    rule_mem[87] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000001};
+    rule_mem[87] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000000001};
     // settle_limit
-    rule_mem[88] = {KindReadWrite, 2'd2, 33'h000000000, 33'h003ffffff};
+    rule_mem[88] = {KindReadWrite, 1'd0, 2'd2, 33'h000000000, 33'h003ffffff};
     // shock_limit
-    rule_mem[89] = {KindReadWrite, 2'd0, 33'h000000000, 33'h003ffffff};
+    rule_mem[89] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h003ffffff};
     // phase_limit
-    rule_mem[90] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00fffffff};
+    rule_mem[90] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00fffffff};
     // settle_count
-    rule_mem[91] = {KindReadWrite, 2'd2, 33'h000000000, 33'h0000000ff};
+    rule_mem[91] = {KindReadWrite, 1'd0, 2'd2, 33'h000000000, 33'h0000000ff};
     // hold_count
-    rule_mem[92] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000000ff};
+    rule_mem[92] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h0000000ff};
     // confidence_gain
-    rule_mem[93] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000ffffff};
+    rule_mem[93] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000ffffff};
     // duty
-    rule_mem[96] = {KindReadWrite, 2'd2, 33'h000000000, 33'h00000ffff};
+    rule_mem[96] = {KindReadWrite, 1'd0, 2'd2, 33'h000000000, 33'h00000ffff};
     // sweep_level
-    rule_mem[97] = {KindReadWrite, 2'd2, 33'h000000000, 33'h0000fffff};
+    rule_mem[97] = {KindReadWrite, 1'd0, 2'd2, 33'h000000000, 33'h0000fffff};
     // level_min
-    rule_mem[98] = {KindReadWrite, 2'd2, 33'h000000000, 33'h0000fffff};
+    rule_mem[98] = {KindReadWrite, 1'd0, 2'd2, 33'h000000000, 33'h0000fffff};
     // level_max
-    rule_mem[99] = {KindReadWrite, 2'd2, 33'h000000000, 33'h0000fffff};
+    rule_mem[99] = {KindReadWrite, 1'd0, 2'd2, 33'h000000000, 33'h0000fffff};
     // trim_min
-    rule_mem[100] = {KindReadWrite, 2'd2, 33'h180000000, 33'h07fffffff};
+    rule_mem[100] = {KindReadWrite, 1'd0, 2'd2, 33'h180000000, 33'h07fffffff};
     // trim_max
-    rule_mem[101] = {KindReadWrite, 2'd2, 33'h180000000, 33'h07fffffff};
+    rule_mem[101] = {KindReadWrite, 1'd0, 2'd2, 33'h180000000, 33'h07fffffff};
     // sweep_timeout
-    rule_mem[102] = {KindReadWrite, 2'd2, 33'h000000000, 33'h0ffffffff};
+    rule_mem[102] = {KindReadWrite, 1'd0, 2'd2, 33'h000000000, 33'h0ffffffff};
     // settle_timeout
-    rule_mem[103] = {KindReadWrite, 2'd2, 33'h000000000, 33'h0ffffffff};
+    rule_mem[103] = {KindReadWrite, 1'd0, 2'd2, 33'h000000000, 33'h0ffffffff};
     // lost_timeout
-    rule_mem[104] = {KindReadWrite, 2'd2, 33'h000000000, 33'h0ffffffff};
+    rule_mem[104] = {KindReadWrite, 1'd0, 2'd2, 33'h000000000, 33'h0ffffffff};
     // drive_phase
-    rule_mem[128] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00fffffff};
+    rule_mem[128] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00fffffff};
     // motion_a[0]
-    rule_mem[129] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[129] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_a[1]
-    rule_mem[130] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[130] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_a[2]
-    rule_mem[131] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[131] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_a[3]
-    rule_mem[132] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[132] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_a[4]
-    rule_mem[133] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[133] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_a[5]
-    rule_mem[134] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[134] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_a[6]
-    rule_mem[135] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[135] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_a[7]
-    rule_mem[136] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[136] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_a[8]
-    rule_mem[137] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[137] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_phi[0]
-    rule_mem[138] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00fffffff};
+    rule_mem[138] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00fffffff};
     // motion_phi[1]
-    rule_mem[139] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00fffffff};
+    rule_mem[139] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00fffffff};
     // motion_phi[2]
-    rule_mem[140] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00fffffff};
+    rule_mem[140] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00fffffff};
     // motion_phi[3]
-    rule_mem[141] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00fffffff};
+    rule_mem[141] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00fffffff};
     // motion_phi[4]
-    rule_mem[142] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00fffffff};
+    rule_mem[142] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00fffffff};
     // motion_phi[5]
-    rule_mem[143] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00fffffff};
+    rule_mem[143] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00fffffff};
     // motion_phi[6]
-    rule_mem[144] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00fffffff};
+    rule_mem[144] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00fffffff};
     // motion_phi[7]
-    rule_mem[145] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00fffffff};
+    rule_mem[145] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00fffffff};
     // motion_phi[8]
-    rule_mem[146] = {KindReadWrite, 2'd1, 33'h000000000, 33'h00fffffff};
+    rule_mem[146] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00fffffff};
     // motion_da[0]
-    rule_mem[147] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[147] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_da[1]
-    rule_mem[148] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[148] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_da[2]
-    rule_mem[149] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[149] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_da[3]
-    rule_mem[150] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[150] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_da[4]
-    rule_mem[151] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[151] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_da[5]
-    rule_mem[152] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[152] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_da[6]
-    rule_mem[153] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[153] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_da[7]
-    rule_mem[154] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[154] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_da[8]
-    rule_mem[155] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[155] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_dphi[0]
-    rule_mem[156] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[156] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_dphi[1]
-    rule_mem[157] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[157] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_dphi[2]
-    rule_mem[158] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[158] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_dphi[3]
-    rule_mem[159] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[159] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_dphi[4]
-    rule_mem[160] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[160] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_dphi[5]
-    rule_mem[161] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[161] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_dphi[6]
-    rule_mem[162] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[162] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_dphi[7]
-    rule_mem[163] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[163] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_dphi[8]
-    rule_mem[164] = {KindReadWrite, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[164] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // ratio, word 0
-    rule_mem[176] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0ffffffff};
+    rule_mem[176] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h0ffffffff};
     // ratio, word 1
-    rule_mem[177] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000fff};
+    rule_mem[177] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000000fff};
     // exposure_delay_clks
-    rule_mem[178] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000fffff};
+    rule_mem[178] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h0000fffff};
     // exposure_clks
-    rule_mem[179] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000fffff};
+    rule_mem[179] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h0000fffff};
     // pulse_delay_clks
-    rule_mem[180] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000fffff};
+    rule_mem[180] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h0000fffff};
     // pulse_clks
-    rule_mem[181] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000fffff};
+    rule_mem[181] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h0000fffff};
     // mirror_state
-    rule_mem[192] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[192] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // mirror_fault
-    rule_mem[193] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[193] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // mirror_word, word 0
-    rule_mem[194] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[194] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // mirror_word, word 1
-    rule_mem[195] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[195] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // mirror_drive_phase, word 0
-    rule_mem[196] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[196] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // mirror_drive_phase, word 1
-    rule_mem[197] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[197] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // mirror_phase, word 0
-    rule_mem[198] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[198] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // mirror_phase, word 1
-    rule_mem[199] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[199] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // mirror_level
-    rule_mem[200] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[200] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // index_alive
-    rule_mem[201] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[201] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // mirror_settled
-    rule_mem[202] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[202] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // mirror_measured
-    rule_mem[203] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[203] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // mirror_error
-    rule_mem[204] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[204] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // missing_count
-    rule_mem[205] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[205] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // doubled_count
-    rule_mem[206] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[206] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // impossible_count
-    rule_mem[207] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[207] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // glitch_count
-    rule_mem[208] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[208] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // overrun_count
-    rule_mem[209] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[209] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // uart_step
-    rule_mem[224] = {KindReadWrite, 2'd0, 33'h000000400, 33'h000200000};
+    rule_mem[224] = {KindReadWrite, 1'd0, 2'd0, 33'h000000400, 33'h000200000};
     // uart_step_now
-    rule_mem[225] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[225] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // uart_framing
-    rule_mem[226] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[226] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // uart_breaks
-    rule_mem[227] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[227] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // uart_glitches
-    rule_mem[228] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[228] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // uart_fallbacks
-    rule_mem[229] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[229] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // frames_good
-    rule_mem[230] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[230] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // frames_crc
-    rule_mem[231] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[231] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // frames_malformed
-    rule_mem[232] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[232] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // frames_too_long
-    rule_mem[233] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[233] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // frames_too_short
-    rule_mem[234] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[234] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // frames_framing
-    rule_mem[235] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[235] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // commands_bad
-    rule_mem[236] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[236] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // commands_lost
-    rule_mem[237] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[237] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // laser_enable
-    rule_mem[256] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000001};
+    rule_mem[256] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000000001};
     // laser_adapt
-    rule_mem[257] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000001};
+    rule_mem[257] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000000001};
     // laser_shared
-    rule_mem[258] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000001};
+    rule_mem[258] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000000001};
     // laser_power
-    rule_mem[259] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    rule_mem[259] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000ffff};
     // laser_power_min
-    rule_mem[260] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    rule_mem[260] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000ffff};
     // laser_power_max
-    rule_mem[261] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    rule_mem[261] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000ffff};
     // laser_startup
-    rule_mem[262] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    rule_mem[262] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000ffff};
     // laser_target
-    rule_mem[263] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    rule_mem[263] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000ffff};
     // laser_cut
-    rule_mem[264] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000003fff};
+    rule_mem[264] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000003fff};
     // laser_down
-    rule_mem[265] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    rule_mem[265] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000ffff};
     // laser_up
-    rule_mem[266] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    rule_mem[266] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000ffff};
     // laser_search
-    rule_mem[267] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000003fff};
+    rule_mem[267] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000003fff};
     // laser_index_begin
-    rule_mem[268] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    rule_mem[268] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000ffff};
     // laser_index_end
-    rule_mem[269] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    rule_mem[269] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000ffff};
     // laser_limit_power
-    rule_mem[288] = {KindReadWrite, 2'd3, 33'h000000000, 33'h00000ffff};
+    rule_mem[288] = {KindReadWrite, 1'd0, 2'd3, 33'h000000000, 33'h00000ffff};
     // laser_limit_startup
-    rule_mem[289] = {KindReadWrite, 2'd3, 33'h000000000, 33'h00000ffff};
+    rule_mem[289] = {KindReadWrite, 1'd0, 2'd3, 33'h000000000, 33'h00000ffff};
     // laser_limit_pulse_clks
-    rule_mem[290] = {KindReadWrite, 2'd3, 33'h000000000, 33'h0000fffff};
+    rule_mem[290] = {KindReadWrite, 1'd0, 2'd3, 33'h000000000, 33'h0000fffff};
     // laser_limit_drain
-    rule_mem[291] = {KindReadWrite, 2'd3, 33'h000000000, 33'h00000ffff};
+    rule_mem[291] = {KindReadWrite, 1'd0, 2'd3, 33'h000000000, 33'h00000ffff};
     // laser_limit_bucket
-    rule_mem[292] = {KindReadWrite, 2'd3, 33'h000000000, 33'h0ffffffff};
+    rule_mem[292] = {KindReadWrite, 1'd0, 2'd3, 33'h000000000, 33'h0ffffffff};
     // laser_watchdog_clks
-    rule_mem[293] = {KindReadWrite, 2'd3, 33'h000000000, 33'h0ffffffff};
+    rule_mem[293] = {KindReadWrite, 1'd0, 2'd3, 33'h000000000, 33'h0ffffffff};
     // laser_status
-    rule_mem[304] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[304] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // laser_power_inward
-    rule_mem[305] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[305] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // laser_power_outward
-    rule_mem[306] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[306] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // laser_cut_count
-    rule_mem[307] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[307] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // laser_duty_count
-    rule_mem[308] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[308] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // laser_watchdog_count
-    rule_mem[309] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[309] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // laser_guard_fault
-    rule_mem[310] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[310] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // laser_guard_count
-    rule_mem[311] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[311] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // points_batch
-    rule_mem[352] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000000ff};
+    rule_mem[352] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h0000000ff};
     // points_timeout_clks
-    rule_mem[353] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000ffffff};
+    rule_mem[353] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000ffffff};
     // points_dropped
-    rule_mem[354] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[354] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // capture_busy
-    rule_mem[355] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[355] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // focus_mode
-    rule_mem[384] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000002};
+    rule_mem[384] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000000002};
     // focus_manual
-    rule_mem[385] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    rule_mem[385] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000ffff};
     // focus_average_shift
-    rule_mem[386] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000000f};
+    rule_mem[386] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000000f};
     // focus_lapse
-    rule_mem[387] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    rule_mem[387] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000ffff};
     // focus_z_begin
-    rule_mem[388] = {KindReadWrite, 2'd0, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[388] = {KindReadWrite, 1'd0, 2'd0, 33'h1ff800000, 33'h0007fffff};
     // focus_z_shift
-    rule_mem[389] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000000f};
+    rule_mem[389] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000000f};
     // focus_hysteresis
-    rule_mem[390] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    rule_mem[390] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000ffff};
     // focus_hold_points
-    rule_mem[391] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    rule_mem[391] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000ffff};
     // focus_address
-    rule_mem[392] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000007f};
+    rule_mem[392] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000007f};
     // focus_quarter_clks
-    rule_mem[393] = {KindReadWrite, 2'd0, 33'h000000004, 33'h00000ffff};
+    rule_mem[393] = {KindReadWrite, 1'd0, 2'd0, 33'h000000004, 33'h00000ffff};
     // focus_stretch_clks
-    rule_mem[394] = {KindReadWrite, 2'd0, 33'h000000007, 33'h000ffffff};
+    rule_mem[394] = {KindReadWrite, 1'd0, 2'd0, 33'h000000007, 33'h000ffffff};
     // focus_poll_clks
-    rule_mem[395] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000ffffff};
+    rule_mem[395] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000ffffff};
     // focus_tolerance
-    rule_mem[396] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    rule_mem[396] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000ffff};
     // focus_timeout_clks
-    rule_mem[397] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0ffffffff};
+    rule_mem[397] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h0ffffffff};
     // focus_retries
-    rule_mem[398] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0000000ff};
+    rule_mem[398] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h0000000ff};
     // focus_state
-    rule_mem[416] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[416] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // focus_fault
-    rule_mem[417] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[417] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // focus_in_position
-    rule_mem[418] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[418] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // focus_distance
-    rule_mem[419] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[419] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // focus_target
-    rule_mem[420] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[420] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // focus_position
-    rule_mem[421] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[421] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // focus_nack_count
-    rule_mem[422] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[422] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // focus_stretch_count
-    rule_mem[423] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[423] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // focus_stuck_count
-    rule_mem[424] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[424] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // focus_arbitration_count
-    rule_mem[425] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[425] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // focus_timeout_count
-    rule_mem[426] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[426] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // focus_recovery_count
-    rule_mem[427] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[427] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // test_position
-    rule_mem[448] = {KindReadWrite, 2'd0, 33'h000000000, 33'h001ffffff};
+    rule_mem[448] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h001ffffff};
     // test_move
-    rule_mem[449] = {KindReadWrite, 2'd0, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[449] = {KindReadWrite, 1'd0, 2'd0, 33'h1ff800000, 33'h0007fffff};
     // test_step
-    rule_mem[450] = {KindReadWrite, 2'd0, 33'h000000000, 33'h01fffffff};
+    rule_mem[450] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h01fffffff};
     // test_height
-    rule_mem[451] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    rule_mem[451] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000ffff};
     // test_pedestal
-    rule_mem[452] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    rule_mem[452] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000ffff};
     // test_noise
-    rule_mem[453] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    rule_mem[453] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000ffff};
     // test_seed
-    rule_mem[454] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0ffffffff};
+    rule_mem[454] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h0ffffffff};
     // test_lines
-    rule_mem[455] = {KindReadWrite, 2'd0, 33'h000000000, 33'h0ffffffff};
+    rule_mem[455] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h0ffffffff};
     // test_period_clks
-    rule_mem[456] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000ffffff};
+    rule_mem[456] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000ffffff};
     // test_angle
-    rule_mem[457] = {KindReadWrite, 2'd0, 33'h1ff800000, 33'h0007fffff};
+    rule_mem[457] = {KindReadWrite, 1'd0, 2'd0, 33'h1ff800000, 33'h0007fffff};
     // test_power
-    rule_mem[458] = {KindReadWrite, 2'd0, 33'h000000000, 33'h00000ffff};
+    rule_mem[458] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h00000ffff};
     // test_start
-    rule_mem[459] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000001};
+    rule_mem[459] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000000001};
     // test_stop
-    rule_mem[460] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000001};
+    rule_mem[460] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000000001};
     // test_running
-    rule_mem[461] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[461] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // untagged_count
-    rule_mem[464] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[464] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // pixel_overflow_count
-    rule_mem[465] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[465] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // unread_count
-    rule_mem[466] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[466] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // mistimed_count
-    rule_mem[467] = {KindReadOnly, 2'd0, 33'h000000000, 33'h000000000};
+    rule_mem[467] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // readout_lag
-    rule_mem[468] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000003};
+    rule_mem[468] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000000003};
     // readout_stale
-    rule_mem[469] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000000001};
+    rule_mem[469] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000000001};
     // readout_min_clks
-    rule_mem[470] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000ffffff};
+    rule_mem[470] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000ffffff};
     // readout_max_clks
-    rule_mem[471] = {KindReadWrite, 2'd0, 33'h000000000, 33'h000ffffff};
+    rule_mem[471] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000ffffff};
+    // commit
+    rule_mem[480] = {KindReadWrite, 1'd1, 2'd1, 33'h000000001, 33'h000000001};
+    // commit_waiting
+    rule_mem[481] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
+    // configuration
+    rule_mem[482] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // lock_calibration
-    rule_mem[1008] = {KindReadWrite, 2'd0, 33'h000000001, 33'h000000001};
+    rule_mem[1008] = {KindReadWrite, 1'd0, 2'd0, 33'h000000001, 33'h000000001};
     // lock_mirror
-    rule_mem[1009] = {KindReadWrite, 2'd0, 33'h000000001, 33'h000000001};
+    rule_mem[1009] = {KindReadWrite, 1'd0, 2'd0, 33'h000000001, 33'h000000001};
     // lock_laser
-    rule_mem[1010] = {KindReadWrite, 2'd0, 33'h000000001, 33'h000000001};
+    rule_mem[1010] = {KindReadWrite, 1'd0, 2'd0, 33'h000000001, 33'h000000001};
   end
 
 endmodule

@@ -24,7 +24,7 @@ package register_pkg;
     logic [31:0] scratch;
   } identity_t;
 
-  // Threshold, window and confidence of the peak; constant until the points of all lines are out.
+  // Threshold, window and confidence of the peak.
   typedef struct packed {
     logic period_n;
     logic noise_row;
@@ -41,8 +41,7 @@ package register_pkg;
     logic [15:0] saturation_level;
   } peak_t;
 
-  // Geometry of the triangulation, with R = 2**ceil(log2(line_length)) px; constant until the
-  // points of all lines are out.
+  // Geometry of the triangulation, with R = 2**ceil(log2(line_length)) px.
   typedef struct packed {
     logic signed [33:0] centre;
     logic signed [25:0] k1;
@@ -64,10 +63,10 @@ package register_pkg;
     logic [15:0] unfinished_count;
     logic [15:0] early_count;
     logic [15:0] dropped_count;
+    logic [15:0] skipped_count;
   } chain_t;
 
-  // Place of free_table's entries over the scan angle; constant until the points of all lines are
-  // out.
+  // Place of free_table's entries over the scan angle.
   typedef struct packed {
     logic signed [23:0] free_begin;
     logic [3:0] free_shift;
@@ -309,6 +308,20 @@ package register_pkg;
     logic [23:0] readout_max_clks;
   } sensor_t;
 
+  // What is written into peak, geometry, free, motion and their tables takes effect together,
+  // between two lines.
+  typedef struct packed {
+    logic commit;
+    logic commit_strobe;
+  } commit_t;
+
+  // What is written into peak, geometry, free, motion and their tables takes effect together,
+  // between two lines: read.
+  typedef struct packed {
+    logic commit_waiting;
+    logic configuration;
+  } commit_status_t;
+
   // Each takes a 1 and nothing else, and keeps it until reset.
   typedef struct packed {
     logic lock_calibration;
@@ -322,6 +335,9 @@ package register_pkg;
     logic [9:0] table_index;
     logic [25:0] table_amplitude;
     logic signed [27:0] table_midpoint;
+    logic table_write_bank;
+    logic table_bank;
+    logic table_changed;
   } table_t;
 
   // Table of the autofocus: entry i belongs to a distance of focus_z_begin + i 2**(focus_z_shift +
@@ -341,6 +357,9 @@ package register_pkg;
     logic [7:0] free_table_index;
     logic [15:0] free_table_from;
     logic [15:0] free_table_to;
+    logic free_table_write_bank;
+    logic free_table_bank;
+    logic free_table_changed;
   } free_table_t;
 endpackage
 

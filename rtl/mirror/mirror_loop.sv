@@ -11,6 +11,11 @@
 //   angle_valid_o  angle_o, mirror_flags_o, confidence_o, amplitude_o and angle_line_o belong to the
 //                  line whose centre_o was AngleLatency clocks before; the flags are those of now,
 //                  vrscan_pkg::FlagNotRunning and the next two; an angle that saturates is unsettled
+//   take_i        from here on mirror and motion are those of another configuration: motion_i two
+//                 clocks later.  Without a new table nothing but the harmonics changes; with one the
+//                 phase and amplitude are acquired anew, and lines are UNSETTLED until that has
+//                 settled
+//   renewing_o    from take_i's next clock on, until the harmonics are those of the new configuration
 //   measured_valid_o  with a new mirror_measured and mirror_error
 //   Latency  scan_angle's and 2 more clocks from centre_o to angle_valid_o; the centres of two lines
 //            are to be at least as far apart, or the first one's angle does not come
@@ -55,6 +60,8 @@ module mirror_loop #(
   input  wire register_pkg::motion_t                          motion_i,
   input  wire register_pkg::line_t                            line_i,
   input  wire register_pkg::table_t                           table_i,
+  input  wire logic                                           take_i,
+  output      logic                                           renewing_o,
   output      register_pkg::mirror_status_t                   mirror_status_o,
   output      logic                                           measured_valid_o
 );
@@ -82,7 +89,7 @@ module mirror_loop #(
   logic [     vrscan_pkg::WordWidth-1:0] increment;
   logic [vrscan_pkg::AmplitudeWidth-1:0] average;
   mirror_phase u_mirror_phase (
-    .clk_i, .rst_i, .table_i, .mirror_i,
+    .clk_i, .rst_i, .table_i, .renew_i(take_i), .mirror_i,
     .valid_i(crossing), .outward_i(outward), .age_i(age), .broken_i(broken),
     .word_i(status.mirror_word),
     .phase_o(status.mirror_phase), .increment_o(increment), .valid_o(measured_valid_o),
@@ -136,9 +143,15 @@ module mirror_loop #(
   assign advance = centre_half_o ? vrscan_pkg::TurnWidth'(increment >> 1) : '0;
   assign phase = centre_phase_q[PhaseDrop+:vrscan_pkg::PhaseWidth]
                  + vrscan_pkg::PhaseWidth'(centre_phase_q[PhaseDrop-1]);
+  localparam int unsigned TakeClks = 3;  // until motion_i is the new one
+  logic [TakeClks-1:0] take_q;
+  logic                mapping;
+  assign renewing_o = take_q != '0 || mapping;
+  always_ff @(posedge clk_i) take_q <= rst_i ? '0 : {take_q[TakeClks-2:0], take_i};
   motion_map u_motion_map (
     .clk_i, .rst_i, .motion_i,
     .valid_i(offset_valid_q), .offset_i(offset_q), .busy_i(centre_q || scanning_q),
+    .renew_i(take_q[TakeClks-1]), .renewing_o(mapping),
     .a_o(a), .phi_o(phi), .offset_o()
   );
 

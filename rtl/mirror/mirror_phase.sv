@@ -13,8 +13,12 @@
 //
 //   valid_i      at least MinCrossing clocks after the one before; ignored while one is worked on
 //   broken_i     the outward before is forgotten, also in the clock of valid_i
-//   table_*_i    entry i is for a half distance of i / 2**(AmplitudeTableBits + 2) turns; beyond
-//                the last one, which is held, and from a quarter turn on out_of_table_o tells
+//   renew_i      with table_changed the table is another one, which acquired_o tells: a pair that is
+//                worked on is dropped, but in the clock before its valid_o; the outward before is
+//                forgotten, and the next pair is taken as the first one is
+//   table_i      two banks, of which table_bank is read; entry i is for a half distance of
+//                i / 2**(AmplitudeTableBits + 2) turns; beyond the last one, which is held, and from
+//                a quarter turn on out_of_table_o tells
 //   phase_o      of the clock, turns; with valid_o the corrected one
 //   half_o       turns, half the distance, 29 fraction bits; saturates
 //   measured_o, error_o, half_o, out_of_table_o, acquired_o  with valid_o; hold but for acquired_o
@@ -37,6 +41,7 @@ module mirror_phase (
   input  wire logic        [         vrscan_pkg::WordWidth-1:0] word_i,
 
   input  wire register_pkg::table_t                             table_i,
+  input  wire logic                                             renew_i,
 
   input  wire register_pkg::mirror_t                            mirror_i,
 
@@ -83,9 +88,10 @@ module mirror_phase (
   } step_e;
 
   step_e step_q;
-  logic  take;
+  logic  take, renew;
+  assign renew = renew_i && table_i.table_changed;
   logic  pending_q, outward_q;  // an outward is there; the crossing at work is one
-  assign take = valid_i && step_q == IDLE && (outward_i || (pending_q && !broken_i));
+  assign take = valid_i && !renew && step_q == IDLE && (outward_i || (pending_q && !broken_i));
 
   // One multiplier: age times increment, then fraction times the difference of two entries.
   logic                           start_q, product_valid;
@@ -98,7 +104,7 @@ module mirror_phase (
     .BWidth(ShareWidth)
   ) u_multiply (
     .clk_i,
-    .rst_i,
+    .rst_i    (rst_i || renew),
     .valid_i  (start_q),
     .a_i      (factor_q),
     .b_i      (share_q),
@@ -111,9 +117,9 @@ module mirror_phase (
   // written before it is used, and nothing has to be built for it.
   localparam int unsigned EntryWidth = AmplitudeWidth + MidpointWidth;
   (* no_rw_check *)
-  logic [EntryWidth-1:0] table_mem [1 << TableBits];
+  logic [EntryWidth-1:0] table_mem [2 << TableBits];
   // An entry that was never written is 0, as the bus reads it.
-  initial for (int k = 0; k < (1 << TableBits); k = k + 1) table_mem[k] = '0;
+  initial for (int k = 0; k < (2 << TableBits); k = k + 1) table_mem[k] = '0;
   logic [EntryWidth-1:0] entry_q, entry_q2;
   logic [ TableBits-1:0] index_q;
 
@@ -133,10 +139,10 @@ module mirror_phase (
   logic signed [    ErrorWidth:0] error;
   logic signed [  ErrorWidth-1:0] error_rounded_q;
   logic        [  ErrorWidth-1:0] magnitude_q;
-  logic                           beyond_q, acquire;
+  logic                           beyond_q, anew_q, acquire;
   assign error   = (ErrorWidth + 1)'(error_q >>> (TurnWidth - ErrorWidth))
                    + signed'((ErrorWidth + 1)'(error_q[TurnWidth-ErrorWidth-1]));
-  assign acquire = !tracking_o || beyond_q;
+  assign acquire = !tracking_o || beyond_q || anew_q;
 
   // Shifts by up to 63 in three stages and one that rounds: phase, rate and amplitude in a row.
   logic signed [ShiftedWidth-1:0] shift_q, coarse_q, middling_q, fine_q;
@@ -157,9 +163,10 @@ module mirror_phase (
 
   always_ff @(posedge clk_i) begin
     if (table_i.table_write) begin
-      table_mem[table_i.table_index] <= {table_i.table_amplitude, table_i.table_midpoint};
+      table_mem[{table_i.table_write_bank, table_i.table_index}]
+          <= {table_i.table_amplitude, table_i.table_midpoint};
     end
-    entry_q  <= table_mem[index_q];
+    entry_q  <= table_mem[{table_i.table_bank, index_q}];
     entry_q2 <= entry_q;
 
     start_q <= 1'b0;
@@ -296,6 +303,7 @@ module mirror_phase (
         half_o         <= half_q;
         out_of_table_o <= out_of_table;
         tracking_o     <= 1'b1;
+        anew_q         <= 1'b0;
         acquired_o     <= acquire;
         step_q         <= IDLE;
       end
@@ -308,9 +316,20 @@ module mirror_phase (
     fine_q     <= middling_q >>> by_q3;
     shifted_q  <= TurnWidth'(fine_q >>> 1) + TurnWidth'(fine_q[0]);
 
+    if (renew) begin
+      pending_q  <= 1'b0;
+      anew_q     <= 1'b1;
+      acquired_o <= 1'b1;
+      if (step_q != APPLY) begin  // what has moved the phase comes out
+        step_q    <= IDLE;
+        start_q   <= 1'b0;
+        advance_q <= TurnWidth'(tracking_o ? increment_o : word_i);
+      end
+    end
     if (rst_i) begin
       step_q      <= IDLE;
       pending_q   <= 1'b0;
+      anew_q      <= 1'b0;
       phase_o     <= '0;
       increment_o <= '0;
       advance_q   <= '0;

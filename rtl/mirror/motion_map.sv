@@ -12,6 +12,8 @@
 //
 //   offset_i       drive's phase less the mirror's, turns; rounded to PhaseWidth bits, half up
 //   busy_i         somebody works with a_o and phi_o: they stay
+//   renew_i        motion_i is another one: all is worked out anew for the last offset_i
+//   renewing_o     until that is done, in spite of busy_i; at once where none has come
 //   a_o, phi_o     as scan_angle takes them.  From reset to the first results they are motion_a
 //                  and motion_phi, a clock later, whatever busy_i is
 //   offset_o       d of these results, turns, signed, PhaseWidth bits of fraction; 0 before
@@ -37,6 +39,8 @@ module motion_map #(
   input  wire logic                                     valid_i,
   input  wire logic        [ vrscan_pkg::TurnWidth-1:0] offset_i,
   input  wire logic                                     busy_i,
+  input  wire logic                                     renew_i,
+  output      logic                                     renewing_o,
 
   output      logic        [            MotionBits-1:0] a_o,
   output      logic        [            PhasesBits-1:0] phi_o,
@@ -62,7 +66,9 @@ module motion_map #(
   logic          prepare_q, start_q, add_q, store_q, waiting_q;
   logic          mapped_q;  // there were results
   logic          commit;
-  assign commit = waiting_q && !busy_i;
+  logic                                     known_q, start;  // an offset has come; work begins
+  assign commit = waiting_q && (!busy_i || renewing_o);
+  assign start  = valid_i || (renew_i && known_q);
 
   // The step's constants; a_k is as wide as phi_k, so that one adder does for both.
   logic        [SlopeWidth-1:0] slope;
@@ -94,7 +100,7 @@ module motion_map #(
     .BWidth(SlopeWidth)
   ) u_multiply (
     .clk_i,
-    .rst_i    (rst_i || valid_i),  // the product of the work before must not count for the new one
+    .rst_i    (rst_i || start),  // the product of the work before must not count for the new one
     .valid_i  (start_q),
     .a_i      (d_q),
     .b_i      (slope_q),
@@ -149,7 +155,11 @@ module motion_map #(
       phi_o <= motion_i.motion_phi;
     end
     if (valid_i) begin
-      offset_q  <= offset_i[OffsetDrop+:PhaseWidth] + PhaseWidth'(offset_i[OffsetDrop-1]);
+      offset_q <= offset_i[OffsetDrop+:PhaseWidth] + PhaseWidth'(offset_i[OffsetDrop-1]);
+      known_q  <= 1'b1;
+    end
+    renewing_o <= (renewing_o && !commit) || (renew_i && known_q);
+    if (start) begin
       step_q    <= (Done + 1)'(1);
       prepare_q <= 1'b1;
       waiting_q <= 1'b0;
@@ -161,9 +171,11 @@ module motion_map #(
       store_q   <= 1'b0;
       waiting_q <= 1'b0;
       mapped_q  <= 1'b0;
+      known_q   <= 1'b0;
       a_o       <= motion_i.motion_a;
       phi_o     <= motion_i.motion_phi;
       offset_o  <= '0;
+      renewing_o <= 1'b0;
     end
   end
 

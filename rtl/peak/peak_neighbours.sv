@@ -15,10 +15,10 @@
 //              is no position, as where both neighbours leave no doubt
 //   typical_o  the same with a quarter of the doubt: most spots that lack light are whole
 //   doubt_o    what the neighbours add to sigma_o, in squares; px
-//   A line after which none comes for NeighbourClks clocks is given without one behind it, and is
-//   no neighbour of the next.
+//   A line after which none comes for NeighbourClks clocks, or until flush_i, is given without one
+//   behind it, and is no neighbour of the next.
 //   Latency    vrscan.fixed.peak_neighbours.LATENCY clocks from valid_i, or from the end of the wait,
-//              to valid_o; a valid_i meanwhile is ignored
+//              to valid_o; a valid_i meanwhile waits for that, and its inputs have to hold
 //   Model      vrscan.fixed.peak_neighbours, bit-exact
 
 `default_nettype none
@@ -40,6 +40,7 @@ module peak_neighbours #(
   input  wire logic        [  vrscan_pkg::SumWidth-1:0] light_i,
   input  wire logic        [vrscan_pkg::PowerWidth-1:0] power_i,
   input  wire logic        [             UserWidth-1:0] user_i,
+  input  wire logic                                     flush_i,
 
   output      logic                                     valid_o,
   output      logic        [vrscan_pkg::SigmaWidth-1:0] sigma_o,
@@ -187,7 +188,7 @@ module peak_neighbours #(
     valid_o          <= 1'b0;
     pending_q        <= comes && state_q != IDLE;
     waited_q         <= late_q ? waited_q : waited_q + WaitWidth'(1);
-    late_q           <= after_there_q && waited_q >= WaitWidth'(NeighbourClks - 2);
+    late_q           <= after_there_q && (flush_i || waited_q >= WaitWidth'(NeighbourClks - 2));
     unique case (state_q)
       IDLE: if (comes || late_q) begin
         before_q          <= centre_q;

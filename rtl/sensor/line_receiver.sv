@@ -3,9 +3,9 @@
 // A line begins at line_start_i and ends at line_end_i; a pixel in the same clock belongs to it.
 // Between them pixels may come with gaps, outside of them pixels are blanking and are ignored.
 // Only a line of exactly LineLength pixels that ends at least MinPeriod clocks after the one
-// before, or LongPeriod where long_i says so, is declared good; every other line is counted by its
-// fault and reported with the next good line.  Nothing behind this module has to undo anything:
-// index 0 starts a line anew.
+// before, or LongPeriod where long_i says so, and without skip_i is declared good; every other line
+// is counted by its fault and reported with the next good line.  Nothing behind this module has to
+// undo anything: index 0 starts a line anew.
 //
 //   valid_o, pixel_o, index_o  the pixels of the line, index_o of the first lane
 //   good_o                     with or after the last pixel: the line was complete
@@ -38,6 +38,11 @@ module line_receiver #(
   output      logic [vrscan_pkg::LineNumberWidth-1:0] line_number_o,
   output      logic                                   lost_o,
 
+  // With line_end_i: the line is not to be measured.
+  input  wire logic                                   skip_i,
+  // The good lines before have been measured: the next one is not too early.
+  input  wire logic                                   forget_i,
+
   // Clocks between two good lines' ends; 0 for no limit.
   input  wire logic [                PeriodWidth-1:0] period_i,
 
@@ -45,7 +50,8 @@ module line_receiver #(
   output      logic [   vrscan_pkg::CounterWidth-1:0] short_count_o,
   output      logic [   vrscan_pkg::CounterWidth-1:0] long_count_o,
   output      logic [   vrscan_pkg::CounterWidth-1:0] unfinished_count_o,
-  output      logic [   vrscan_pkg::CounterWidth-1:0] early_count_o
+  output      logic [   vrscan_pkg::CounterWidth-1:0] early_count_o,
+  output      logic [   vrscan_pkg::CounterWidth-1:0] skipped_count_o  // had no other fault
 );
 
   if (LineLength < vrscan_pkg::BlockLength) begin : gen_bad_length
@@ -56,7 +62,7 @@ module line_receiver #(
   end
 
   logic                                   lost_q;
-  logic                                   short_q, long_q, unfinished_q, early_q;
+  logic                                   short_q, long_q, unfinished_q, early_q, skipped_q;
   logic [vrscan_pkg::LineNumberWidth-1:0] number_q;  // of the next line to start
   logic [                PeriodWidth-1:0] period_q;  // since the last good end, while it counts
   logic                                   too_early_q;
@@ -69,7 +75,7 @@ module line_receiver #(
     .unfinished_o(unfinished)
   );
   assign is_early = too_early_q;
-  assign good     = ends && !is_short && !over && !is_early;
+  assign good     = ends && !is_short && !over && !is_early && !skip_i;
   assign dropped  = unfinished || (ends && !good);
 
   always_ff @(posedge clk_i) begin
@@ -86,7 +92,8 @@ module line_receiver #(
     lost_q        <= (lost_q || dropped) && !good;
 
     period_q <= good ? PeriodWidth'(1) : period_q + PeriodWidth'(1);
-    if (good) too_early_q <= period_i > PeriodWidth'(1);
+    if (forget_i) too_early_q <= 1'b0;
+    else if (good) too_early_q <= period_i > PeriodWidth'(1);
     else if (period_q == period_i - PeriodWidth'(1)) too_early_q <= 1'b0;
 
     // Faults are counted a clock later, which keeps the counters off the path of the pixels.
@@ -94,12 +101,14 @@ module line_receiver #(
     long_q       <= ends && !is_short && over;
     unfinished_q <= unfinished;
     early_q      <= ends && !is_short && !over && is_early;
+    skipped_q    <= ends && !is_short && !over && !is_early && skip_i;
     if (short_q) short_count_o <= vrscan_pkg::counted(short_count_o, CountWidth);
     if (long_q) long_count_o <= vrscan_pkg::counted(long_count_o, CountWidth);
     if (unfinished_q) begin
       unfinished_count_o <= vrscan_pkg::counted(unfinished_count_o, CountWidth);
     end
     if (early_q) early_count_o <= vrscan_pkg::counted(early_count_o, CountWidth);
+    if (skipped_q) skipped_count_o <= vrscan_pkg::counted(skipped_count_o, CountWidth);
 
     if (rst_i) begin
       valid_o            <= 1'b0;
@@ -111,10 +120,12 @@ module line_receiver #(
       long_q             <= 1'b0;
       unfinished_q       <= 1'b0;
       early_q            <= 1'b0;
+      skipped_q          <= 1'b0;
       short_count_o      <= '0;
       long_count_o       <= '0;
       unfinished_count_o <= '0;
       early_count_o      <= '0;
+      skipped_count_o    <= '0;
     end
   end
 

@@ -22,6 +22,8 @@
 //                  a pulse that is cut behind its centre has no power
 //   angle_valid_i  angle_i, mirror_flags_i and confidence_i of the line angle_line_i, whose
 //                  centre_i has come
+//   superseding_i  the configuration of angles changes: the lines whose centre_i has come before its
+//                  fall are superseded
 //   readout_stale  as many readouts as readout_lag behind enable_i's rise are of no exposure
 //   tag_o          holds until the next line_start_i, whatever comes meanwhile.  In the Latency
 //                  before, and where there was no exposure, no centre or no angle, or where the
@@ -58,6 +60,7 @@ module line_tag #(
   input  wire logic signed [      vrscan_pkg::AngleWidth-1:0] angle_i,
   input  wire logic        [ vrscan_pkg::MirrorFlagWidth-1:0] mirror_flags_i,
   input  wire logic        [ vrscan_pkg::ConfidenceWidth-1:0] confidence_i,
+  input  wire logic                                           superseding_i,
 
   // Readout.
   input  wire logic                                           line_start_i,
@@ -104,7 +107,8 @@ module line_tag #(
   logic [CentreBits-1:0] centre_mem [Depth];
   logic [ AngleBits-1:0] angle_mem [Depth];
   logic [vrscan_pkg::PowerWidth-1:0] powers_q [Depth];  // registers: two may be written at once
-  logic [     Depth-1:0] centred_q, angled_q;
+  logic [     Depth-1:0] centred_q, angled_q, superseded_q;
+  logic                  superseded_q2, superseded_q3;
 
   // The exposure that is on, those that ended, the last one first, and the one that is read out.
   logic                              exposure_q, ended, open_q, tagged_q;
@@ -159,6 +163,9 @@ module line_tag #(
       angled_q[angle_index]  <= 1'b1;
     end
 
+    if (centre_i) superseded_q[centre_index] <= 1'b0;
+    if (superseding_i) superseded_q <= '1;
+
     exposure_q <= exposure_i;
     if (exposure_i && !exposure_q) exposed_line_q <= line_i;
     if (ended) begin
@@ -210,6 +217,8 @@ module line_tag #(
     centre_q2      <= centre_q;
     power_q        <= powers_q[index];
     power_q2       <= power_q;
+    superseded_q2  <= superseded_q[index];
+    superseded_q3  <= superseded_q2;
     angle_q2       <= angle_q;
     centre_match_q <= centred_q2 && centre_line_q == wanted_line_q && start_q == '0
                       && !line_start_i;
@@ -224,6 +233,7 @@ module line_tag #(
       tag_o.power        <= power_q2;
       tag_o.inward       <= centre_q2.inward;
       tag_o.time_clks    <= centre_q2.time_clks;
+      tag_o.superseded   <= superseded_q3;
     end
     open_q <= (open_q || line_start_i) && !line_end_i;
     if (line_end_i && (line_start_i || (open_q && !tagged_q)) && untagged_count_o != '1) begin

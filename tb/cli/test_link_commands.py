@@ -82,9 +82,10 @@ class TestBoard(FakeBoard):
             breaks=[len(before)] if len(before) else [],
         )  # fmt: skip
         made = full_records(points, 0, 0)
-        # What a chain does not know: the power, and bit 2, a test line. Bit 3 is MIXED.
+        # What a chain does not know: the power, bit 2, a test line, and bit 4. Bit 3 is MIXED.
         made["power"] = power
         made["bits"] = 4 + points.measured + 8 * (points.flags >> pkg.FLAG_MIXED & 1)
+        made["bits"] |= 16 * self.file.inputs["configuration"]
         made = made[len(before) :]
         field = getattr(self, "spoiled", None)
         if field is not None:
@@ -123,9 +124,8 @@ def board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[TestBoard
 
 def held(board: FakeBoard) -> dict[str, list[int]]:
     """Return what the registers hold, but for those that are events."""
-    return {
-        n: list(v) for n, v in board.file.values.items() if n not in ("test_start", "test_stop")
-    }
+    events = ("test_start", "test_stop", "commit")
+    return {n: list(v) for n, v in board.file.values.items() if n not in events}
 
 
 def run(*words: str) -> Result:

@@ -13,7 +13,7 @@
 //   bus_valid_i   ignored from the clock after it until bus_done_o
 //   bus_access_i  link_pkg; CHECK says what WRITE would, and changes nothing; 3 is as READ
 //   bus_status_o  with bus_done_o, the first that applies: StatusNoAddress, StatusReadOnly,
-//                 StatusLocked, StatusBadValue, StatusOk
+//                 StatusLocked, StatusBusy, StatusBadValue, StatusOk
 //   bus_data_o    with bus_done_o, the word as it is read; 0 unless OK
 //   *_o           structs of odd_registers_pkg: what the bus has written, 7 clocks after
 //                 bus_valid_i; a field *_strobe is high in the first clock in which its register
@@ -23,6 +23,9 @@
 //                 as written.  The READ of a lower word of *_i keeps the higher one for its READ
 //   Tables        an entry goes out with its last field and with *_write, the others are those
 //                 written before; a reset leaves what was written for the bus to read
+//   waiting_i ..  of commit_control.  What waits goes out 2 clocks after take_i.  Entries of
+//                 waiting tables go out 2 clocks after copy_i, into the bank that is not
+//                 bank_i's.  StatusBusy is for waiting_i
 //   Latency       10 clocks from bus_valid_i to bus_done_o
 //   Model         vrscan.clocked.register_file, bit-exact
 
@@ -43,9 +46,18 @@ module odd_registers (
   output      odd_registers_pkg::wide_t           wide_o,
   input  wire odd_registers_pkg::read_t           read_i,
   output      odd_registers_pkg::locks_t          locks_o,
+  output      odd_registers_pkg::held_t           held_o,
+  output      odd_registers_pkg::commit_t         commit_o,
   output      odd_registers_pkg::written_t        written_o,
+  output      odd_registers_pkg::held_table_t     held_table_o,
   output      odd_registers_pkg::single_t         single_o,
-  output      odd_registers_pkg::triple_t         triple_o
+  output      odd_registers_pkg::triple_t         triple_o,
+
+  input  wire logic                               waiting_i,
+  input  wire logic                               copy_i,
+  input  wire logic [3:0]                         copy_index_i,
+  input  wire logic                               bank_i,
+  input  wire logic                               take_i
 );
 
   // ---- the reset, once for each group of settings ----
@@ -55,6 +67,10 @@ module odd_registers (
   local_register u_wide_reset (.clk_i, .d_i(rst_i), .q_o(wide_rst));
   logic locks_rst;
   local_register u_locks_reset (.clk_i, .d_i(rst_i), .q_o(locks_rst));
+  logic held_rst;
+  local_register u_held_reset (.clk_i, .d_i(rst_i), .q_o(held_rst));
+  logic commit_rst;
+  local_register u_commit_reset (.clk_i, .d_i(rst_i), .q_o(commit_rst));
   logic written_rst;
   local_register u_written_reset (.clk_i, .d_i(rst_i), .q_o(written_rst));
 
@@ -83,14 +99,18 @@ module odd_registers (
   localparam logic [1:0] KindReadWrite = 2'd2;
   typedef struct packed {
     logic [1:0] kind;
+    logic commit;
     logic [2:0] lock;
     logic signed [32:0] minimum;
     logic signed [32:0] maximum;
   } rule_t;
-  logic [70:0] rule_mem[1024];
-  logic [70:0] map_rule_q;
+  logic [71:0] rule_mem[1024];
+  logic [71:0] map_rule_q;
   logic map_hit_q;
   rule_t rule_q;
+  logic held_table_hit_q;
+  logic [3:0] held_table_index;
+  assign held_table_index = address_q[4:1];
   logic single_hit_q;
   logic [2:0] single_index;
   assign single_index = address_q[2:0];
@@ -100,18 +120,27 @@ module odd_registers (
   always_ff @(posedge clk_i) begin
     map_rule_q <= rule_mem[address_q[9:0]];
     map_hit_q  <= address_q[15:10] == '0;
+    held_table_hit_q <= address_q[15:5] == 11'h040;
     single_hit_q <= address_q[15:3] == 13'h0080 && single_index <= 3'd4;
     triple_hit_q <= address_q[15:5] == 11'h7ff;
     rule_q <= map_hit_q ? map_rule_q : '0;
-    if (single_hit_q) rule_q <= {KindReadWrite, 3'd0, 33'h1fffffff7, 33'h07fffffff};
+    if (held_table_hit_q)
+      case (address_q[0:0])
+        1'h0: rule_q <=
+          {KindReadWrite, 1'd1, 3'd0, 33'h180000000, 33'h07fffffff};
+        1'h1: rule_q <=
+          {KindReadWrite, 1'd1, 3'd0, 33'h000000000, 33'h000000007};
+        default: rule_q <= '0;
+      endcase
+    if (single_hit_q) rule_q <= {KindReadWrite, 1'd0, 3'd0, 33'h1fffffff7, 33'h07fffffff};
     if (triple_hit_q)
       case (address_q[1:0])
         2'h0: rule_q <=
-          {KindReadWrite, 3'd4, 33'h000000000, 33'h0ffffffff};
+          {KindReadWrite, 1'd0, 3'd4, 33'h000000000, 33'h0ffffffff};
         2'h1: rule_q <=
-          {KindReadWrite, 3'd4, 33'h1ffffffc4, 33'h00000003f};
+          {KindReadWrite, 1'd0, 3'd4, 33'h1ffffffc4, 33'h00000003f};
         2'h2: rule_q <=
-          {KindReadWrite, 3'd4, 33'h000000000, 33'h000000001};
+          {KindReadWrite, 1'd0, 3'd4, 33'h000000000, 33'h000000001};
         default: rule_q <= '0;
       endcase
   end
@@ -122,7 +151,7 @@ module odd_registers (
   logic signed [32:0] value;
   assign value = signed'({rule_q.minimum[32] && data_q[31], data_q});
   logic [1:0] kind_q;
-  logic below_q, above_q, locked_q;
+  logic below_q, above_q, locked_q, busy_q;
   logic [link_pkg::StatusWidth-1:0] verdict, status_q;
   always_comb begin
     verdict = link_pkg::StatusWidth'(link_pkg::StatusOk);
@@ -132,6 +161,8 @@ module odd_registers (
       verdict = link_pkg::StatusWidth'(link_pkg::StatusReadOnly);
     else if (!read && locked_q)
       verdict = link_pkg::StatusWidth'(link_pkg::StatusLocked);
+    else if (busy_q)
+      verdict = link_pkg::StatusWidth'(link_pkg::StatusBusy);
     else if (!read && (below_q || above_q))
       verdict = link_pkg::StatusWidth'(link_pkg::StatusBadValue);
   end
@@ -140,6 +171,7 @@ module odd_registers (
     below_q  <= value < rule_q.minimum;
     above_q  <= value > rule_q.maximum;
     locked_q <= locks[rule_q.lock];
+    busy_q <= rule_q.commit && waiting_i && (!read || held_table_hit_q);
     status_q <= verdict;
     write_q  <= step_q[4] && access_q == link_pkg::AccessWidth'(link_pkg::AccessWrite)
                 && verdict == link_pkg::StatusWidth'(link_pkg::StatusOk);
@@ -150,6 +182,8 @@ module odd_registers (
   logic page_00_hit_q;
   logic page_10_hit_q;
   logic page_11_hit_q;
+  logic page_12_hit_q;
+  logic page_14_hit_q;
   logic page_1f_hit_q;
   logic page_20_hit_q;
   logic page_3f_hit_q;
@@ -158,6 +192,8 @@ module odd_registers (
     page_00_hit_q <= address_q[15:4] == 12'h000;
     page_10_hit_q <= address_q[15:4] == 12'h010;
     page_11_hit_q <= address_q[15:4] == 12'h011;
+    page_12_hit_q <= address_q[15:4] == 12'h012;
+    page_14_hit_q <= address_q[15:4] == 12'h014;
     page_1f_hit_q <= address_q[15:4] == 12'h01f;
     page_20_hit_q <= address_q[15:4] == 12'h020;
     page_3f_hit_q <= address_q[15:4] == 12'h03f;
@@ -166,7 +202,7 @@ module odd_registers (
   end
 
   // ---- 5: which register; 6: it takes the word ----
-  logic [29:0] take_q;
+  logic [36:0] take_q;
   logic write_q2;
   always_ff @(posedge clk_i) begin
     write_q2 <= write_q;
@@ -181,26 +217,33 @@ module odd_registers (
     take_q[7] <= write_q && page_10_hit_q && word_hit_q[15] && !rst;
     take_q[8] <= write_q && page_11_hit_q && word_hit_q[0] && !rst;
     take_q[9] <= write_q && page_11_hit_q && word_hit_q[1] && !rst;
-    take_q[10] <= write_q && page_1f_hit_q && word_hit_q[12] && !rst;
-    take_q[11] <= write_q && page_1f_hit_q && word_hit_q[13] && !rst;
-    take_q[12] <= write_q && page_1f_hit_q && word_hit_q[14] && !rst;
-    take_q[13] <= write_q && page_1f_hit_q && word_hit_q[15] && !rst;
-    take_q[14] <= write_q && page_20_hit_q && word_hit_q[0] && !rst;
-    take_q[15] <= write_q && page_20_hit_q && word_hit_q[1] && !rst;
-    take_q[16] <= write_q && page_20_hit_q && word_hit_q[2] && !rst;
-    take_q[17] <= write_q && page_20_hit_q && word_hit_q[3] && !rst;
-    take_q[18] <= write_q && page_20_hit_q && word_hit_q[4] && !rst;
-    take_q[19] <= write_q && page_20_hit_q && word_hit_q[5] && !rst;
-    take_q[20] <= write_q && page_20_hit_q && word_hit_q[6] && !rst;
-    take_q[21] <= write_q && page_20_hit_q && word_hit_q[7] && !rst;
-    take_q[22] <= write_q && page_20_hit_q && word_hit_q[8] && !rst;
-    take_q[23] <= write_q && page_20_hit_q && word_hit_q[9] && !rst;
-    take_q[24] <= write_q && page_20_hit_q && word_hit_q[10] && !rst;
-    take_q[25] <= write_q && page_20_hit_q && word_hit_q[11] && !rst;
-    take_q[26] <= write_q && page_20_hit_q && word_hit_q[12] && !rst;
-    take_q[27] <= write_q && page_20_hit_q && word_hit_q[13] && !rst;
-    take_q[28] <= write_q && page_20_hit_q && word_hit_q[14] && !rst;
-    take_q[29] <= write_q && page_20_hit_q && word_hit_q[15] && !rst;
+    take_q[10] <= write_q && page_12_hit_q && word_hit_q[0] && !rst;
+    take_q[11] <= write_q && page_12_hit_q && word_hit_q[1] && !rst;
+    take_q[12] <= write_q && page_12_hit_q && word_hit_q[2] && !rst;
+    take_q[13] <= write_q && page_12_hit_q && word_hit_q[3] && !rst;
+    take_q[14] <= write_q && page_12_hit_q && word_hit_q[4] && !rst;
+    take_q[15] <= write_q && page_12_hit_q && word_hit_q[5] && !rst;
+    take_q[16] <= write_q && page_14_hit_q && word_hit_q[0] && !rst;
+    take_q[17] <= write_q && page_1f_hit_q && word_hit_q[12] && !rst;
+    take_q[18] <= write_q && page_1f_hit_q && word_hit_q[13] && !rst;
+    take_q[19] <= write_q && page_1f_hit_q && word_hit_q[14] && !rst;
+    take_q[20] <= write_q && page_1f_hit_q && word_hit_q[15] && !rst;
+    take_q[21] <= write_q && page_20_hit_q && word_hit_q[0] && !rst;
+    take_q[22] <= write_q && page_20_hit_q && word_hit_q[1] && !rst;
+    take_q[23] <= write_q && page_20_hit_q && word_hit_q[2] && !rst;
+    take_q[24] <= write_q && page_20_hit_q && word_hit_q[3] && !rst;
+    take_q[25] <= write_q && page_20_hit_q && word_hit_q[4] && !rst;
+    take_q[26] <= write_q && page_20_hit_q && word_hit_q[5] && !rst;
+    take_q[27] <= write_q && page_20_hit_q && word_hit_q[6] && !rst;
+    take_q[28] <= write_q && page_20_hit_q && word_hit_q[7] && !rst;
+    take_q[29] <= write_q && page_20_hit_q && word_hit_q[8] && !rst;
+    take_q[30] <= write_q && page_20_hit_q && word_hit_q[9] && !rst;
+    take_q[31] <= write_q && page_20_hit_q && word_hit_q[10] && !rst;
+    take_q[32] <= write_q && page_20_hit_q && word_hit_q[11] && !rst;
+    take_q[33] <= write_q && page_20_hit_q && word_hit_q[12] && !rst;
+    take_q[34] <= write_q && page_20_hit_q && word_hit_q[13] && !rst;
+    take_q[35] <= write_q && page_20_hit_q && word_hit_q[14] && !rst;
+    take_q[36] <= write_q && page_20_hit_q && word_hit_q[15] && !rst;
   end
 
   logic [31:0] wide_data;
@@ -211,6 +254,14 @@ module odd_registers (
   local_register #(.Width(1)) u_locks_data (
     .clk_i, .d_i(data_q[0:0]), .q_o(locks_data)
   );
+  logic [31:0] held_data;
+  local_register #(.Width(32)) u_held_data (
+    .clk_i, .d_i(data_q[31:0]), .q_o(held_data)
+  );
+  logic [0:0] commit_data;
+  local_register #(.Width(1)) u_commit_data (
+    .clk_i, .d_i(data_q[0:0]), .q_o(commit_data)
+  );
   logic [31:0] written_data;
   local_register #(.Width(32)) u_written_data (
     .clk_i, .d_i(data_q[31:0]), .q_o(written_data)
@@ -218,9 +269,27 @@ module odd_registers (
   logic [31:0] longer_low_q;
   logic [31:0] longest_low_q;
   logic [31:0] negative_long_low_q;
+  logic [31:0] held_long_low_q;
+  odd_registers_pkg::held_t held_q;
+  logic held_take, held_taken_rst;
+  local_register #(.Width(2)) u_held_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({held_take, held_taken_rst})
+  );
+  logic held_long_take, held_long_taken_rst;
+  local_register #(.Width(2)) u_held_long_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({held_long_take, held_long_taken_rst})
+  );
+  logic held_several_take, held_several_taken_rst;
+  local_register #(.Width(2)) u_held_several_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({held_several_take, held_several_taken_rst})
+  );
   always_ff @(posedge clk_i) begin
-    written_o.hit_strobe <= take_q[18];
-    written_o.signal_strobe <= take_q[19];
+    commit_o.commit_strobe <= take_q[16];
+    written_o.hit_strobe <= take_q[25];
+    written_o.signal_strobe <= take_q[26];
     if (take_q[0]) longer_low_q <= wide_data;
     if (take_q[1]) wide_o.longer <= {wide_data[0:0], longer_low_q};
     if (take_q[2]) longest_low_q <= wide_data;
@@ -231,26 +300,33 @@ module odd_registers (
     if (take_q[7]) locks_o.lock_b <= locks_data[0];
     if (take_q[8]) locks_o.lock_c <= locks_data[0];
     if (take_q[9]) locks_o.lock_d <= locks_data[0];
-    if (take_q[10]) written_o.sole <= written_data[0];
-    if (take_q[11]) written_o.word <= written_data;
-    if (take_q[12]) written_o.little <= signed'(written_data[4:0]);
-    if (take_q[13]) written_o.bounded <= written_data[11:0];
-    if (take_q[14]) written_o.centred <= signed'(written_data[11:0]);
-    if (take_q[15]) written_o.below <= signed'(written_data);
-    if (take_q[16]) written_o.above <= signed'(written_data);
-    if (take_q[17]) written_o.late <= written_data[3:0];
-    if (take_q[18]) written_o.hit <= written_data[2:0];
-    if (take_q[19]) written_o.signal <= signed'(written_data);
-    if (take_q[20]) written_o.bits[0+:1] <= written_data[0];
-    if (take_q[21]) written_o.bits[1+:1] <= written_data[0];
-    if (take_q[22]) written_o.bits[2+:1] <= written_data[0];
-    if (take_q[23]) written_o.bits[3+:1] <= written_data[0];
-    if (take_q[24]) written_o.bits[4+:1] <= written_data[0];
-    if (take_q[25]) written_o.several[0+:17] <= written_data[16:0];
-    if (take_q[26]) written_o.several[17+:17] <= written_data[16:0];
-    if (take_q[27]) written_o.several[34+:17] <= written_data[16:0];
-    if (take_q[28]) written_o.words[0+:32] <= written_data;
-    if (take_q[29]) written_o.words[32+:32] <= written_data;
+    if (take_q[10]) held_q.held <= signed'(held_data[8:0]);
+    if (take_q[11]) held_long_low_q <= held_data;
+    if (take_q[12]) held_q.held_long <= {held_data[7:0], held_long_low_q};
+    if (take_q[13]) held_q.held_several[0+:6] <= held_data[5:0];
+    if (take_q[14]) held_q.held_several[6+:6] <= held_data[5:0];
+    if (take_q[15]) held_q.held_several[12+:6] <= held_data[5:0];
+    if (take_q[16]) commit_o.commit <= commit_data[0];
+    if (take_q[17]) written_o.sole <= written_data[0];
+    if (take_q[18]) written_o.word <= written_data;
+    if (take_q[19]) written_o.little <= signed'(written_data[4:0]);
+    if (take_q[20]) written_o.bounded <= written_data[11:0];
+    if (take_q[21]) written_o.centred <= signed'(written_data[11:0]);
+    if (take_q[22]) written_o.below <= signed'(written_data);
+    if (take_q[23]) written_o.above <= signed'(written_data);
+    if (take_q[24]) written_o.late <= written_data[3:0];
+    if (take_q[25]) written_o.hit <= written_data[2:0];
+    if (take_q[26]) written_o.signal <= signed'(written_data);
+    if (take_q[27]) written_o.bits[0+:1] <= written_data[0];
+    if (take_q[28]) written_o.bits[1+:1] <= written_data[0];
+    if (take_q[29]) written_o.bits[2+:1] <= written_data[0];
+    if (take_q[30]) written_o.bits[3+:1] <= written_data[0];
+    if (take_q[31]) written_o.bits[4+:1] <= written_data[0];
+    if (take_q[32]) written_o.several[0+:17] <= written_data[16:0];
+    if (take_q[33]) written_o.several[17+:17] <= written_data[16:0];
+    if (take_q[34]) written_o.several[34+:17] <= written_data[16:0];
+    if (take_q[35]) written_o.words[0+:32] <= written_data;
+    if (take_q[36]) written_o.words[32+:32] <= written_data;
     if (wide_rst) begin
       longer_low_q <= 32'h80000001;
       wide_o.longer <= 33'h180000001;
@@ -264,6 +340,28 @@ module odd_registers (
       locks_o.lock_b <= '0;
       locks_o.lock_c <= '0;
       locks_o.lock_d <= '0;
+    end
+    if (held_take) held_o.held <= held_q.held;
+    if (held_taken_rst) begin
+      held_o.held <= 9'h1fd;
+    end
+    if (held_long_take) held_o.held_long <= held_q.held_long;
+    if (held_long_taken_rst) begin
+      held_o.held_long <= 40'h8000000001;
+    end
+    if (held_several_take) held_o.held_several <= held_q.held_several;
+    if (held_several_taken_rst) begin
+      held_o.held_several <= 18'h05145;
+    end
+    if (held_rst) begin
+      held_q.held <= 9'h1fd;
+      held_long_low_q <= 32'h00000001;
+      held_q.held_long <= 40'h8000000001;
+      held_q.held_several <= 18'h05145;
+    end
+    if (commit_rst) begin
+      commit_o.commit <= '0;
+      commit_o.commit_strobe <= 1'b0;
     end
     if (written_rst) begin
       written_o.sole <= 1'h1;
@@ -282,6 +380,46 @@ module odd_registers (
       written_o.several <= 51'h7fffbfffdfffe;
       written_o.words <= '0;
     end
+  end
+
+  // ---- held_table: written at 6, read back at 7 and 8 ----
+  logic held_table_copy_q;
+  logic [3:0] held_table_entry, held_table_entry_q;
+  assign held_table_entry = copy_i ? copy_index_i[3:0] : held_table_index;
+  logic [31:0] held_table_left_mem[16];
+  logic [31:0] held_table_left_q;
+  logic [2:0] held_table_right_mem[16];
+  logic [2:0] held_table_right_q;
+  // Nothing is what the bus reads of an entry that it has not written.
+  initial for (int k = 0; k < 16; k = k + 1) begin
+    held_table_left_mem[k] = '0;
+    held_table_right_mem[k] = '0;
+  end
+  logic [31:0] held_table_read_q;
+  always_ff @(posedge clk_i) begin
+    if (write_q2 && held_table_hit_q && address_q[0:0] == 1'h0 && !rst)
+      held_table_left_mem[held_table_entry] <= data_q[31:0];
+    held_table_left_q <= held_table_left_mem[held_table_entry];
+    if (write_q2 && held_table_hit_q && address_q[0:0] == 1'h1 && !rst)
+      held_table_right_mem[held_table_entry] <= data_q[2:0];
+    held_table_right_q <= held_table_right_mem[held_table_entry];
+    held_table_copy_q  <= copy_i && !rst;
+    held_table_entry_q <= held_table_entry;
+    held_table_o.held_table_write      <= held_table_copy_q;
+    held_table_o.held_table_index      <= held_table_entry_q;
+    held_table_o.held_table_write_bank <= !bank_i;
+    held_table_o.held_table_bank       <= bank_i;
+    if (take_i) held_table_o.held_table_changed <= 1'b0;
+    if (write_q2 && held_table_hit_q) held_table_o.held_table_changed <= 1'b1;
+    if (rst) held_table_o.held_table_changed <= 1'b0;
+    held_table_o.held_table_left <= signed'(held_table_left_q);
+    held_table_o.held_table_right <= held_table_right_q;
+    case (address_q[0:0])
+      1'h0: held_table_read_q <= held_table_left_q;
+      1'h1: held_table_read_q <= 32'(held_table_right_q);
+      default: held_table_read_q <= '0;
+    endcase
+    if (rst) held_table_o.held_table_write <= 1'b0;
   end
 
   // ---- single: written at 6, read back at 7 and 8 ----
@@ -419,6 +557,35 @@ module odd_registers (
     if (!page_11_hit_q) page_11_q <= '0;
   end
 
+  logic [31:0] page_12_q;
+  logic [3:0] page_12_word;
+  local_register #(.Width(4)) u_page_12_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_12_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_12_word)
+      4'h0: page_12_q <= 32'(held_q.held);
+      4'h1: page_12_q <= held_long_low_q;
+      4'h2: page_12_q <= 32'(held_q.held_long[39:32]);
+      4'h3: page_12_q <= 32'(held_q.held_several[0+:6]);
+      4'h4: page_12_q <= 32'(held_q.held_several[6+:6]);
+      default: page_12_q <= 32'(held_q.held_several[12+:6]);
+    endcase
+    if (!page_12_hit_q) page_12_q <= '0;
+  end
+
+  logic [31:0] page_14_q;
+  logic [3:0] page_14_word;
+  local_register #(.Width(4)) u_page_14_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_14_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_14_word)
+      default: page_14_q <= 32'(commit_o.commit);
+    endcase
+    if (!page_14_hit_q) page_14_q <= '0;
+  end
+
   logic [31:0] page_1f_q;
   logic [3:0] page_1f_word;
   local_register #(.Width(4)) u_page_1f_word (
@@ -470,7 +637,7 @@ module odd_registers (
     case (page_3f_word)
       4'h8: page_3f_q <= 32'h000000c8;
       4'h9: page_3f_q <= 32'hfffffffd;
-      4'ha: page_3f_q <= 32'h1141ae5d;
+      4'ha: page_3f_q <= 32'hfd7c205f;
       default: page_3f_q <= 32'h00000100;
     endcase
     if (!page_3f_hit_q) page_3f_q <= '0;
@@ -482,6 +649,8 @@ module odd_registers (
     read_q <= page_00_q
               | page_10_q
               | page_11_q
+              | page_12_q
+              | page_14_q
               | page_1f_q
               | page_20_q
               | page_3f_q;
@@ -490,6 +659,7 @@ module odd_registers (
     bus_done_o   <= step_q[9];
     bus_status_o <= status_q;
     bus_data_o   <= read_q;
+    if (held_table_hit_q) bus_data_o <= held_table_read_q;
     if (single_hit_q) bus_data_o <= single_read_q;
     if (triple_hit_q) bus_data_o <= triple_read_q;
     if (status_q != link_pkg::StatusWidth'(link_pkg::StatusOk)) bus_data_o <= '0;
@@ -500,95 +670,109 @@ module odd_registers (
   initial begin
     for (int k = 0; k < 1024; k = k + 1) rule_mem[k] = '0;
     // longer, word 0
-    rule_mem[0] = {KindReadWrite, 3'd0, 33'h000000000, 33'h0ffffffff};
+    rule_mem[0] = {KindReadWrite, 1'd0, 3'd0, 33'h000000000, 33'h0ffffffff};
     // longer, word 1
-    rule_mem[1] = {KindReadWrite, 3'd0, 33'h000000000, 33'h000000001};
+    rule_mem[1] = {KindReadWrite, 1'd0, 3'd0, 33'h000000000, 33'h000000001};
     // longest, word 0
-    rule_mem[2] = {KindReadWrite, 3'd1, 33'h000000000, 33'h0ffffffff};
+    rule_mem[2] = {KindReadWrite, 1'd0, 3'd1, 33'h000000000, 33'h0ffffffff};
     // longest, word 1
-    rule_mem[3] = {KindReadWrite, 3'd1, 33'h000000000, 33'h0ffffffff};
+    rule_mem[3] = {KindReadWrite, 1'd0, 3'd1, 33'h000000000, 33'h0ffffffff};
     // negative_long, word 0
-    rule_mem[4] = {KindReadWrite, 3'd0, 33'h000000000, 33'h0ffffffff};
+    rule_mem[4] = {KindReadWrite, 1'd0, 3'd0, 33'h000000000, 33'h0ffffffff};
     // negative_long, word 1
-    rule_mem[5] = {KindReadWrite, 3'd0, 33'h1ffffff80, 33'h00000007f};
+    rule_mem[5] = {KindReadWrite, 1'd0, 3'd0, 33'h1ffffff80, 33'h00000007f};
     // count
-    rule_mem[256] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    rule_mem[256] = {KindReadOnly, 1'd0, 3'd0, 33'h000000000, 33'h000000000};
     // level
-    rule_mem[257] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    rule_mem[257] = {KindReadOnly, 1'd0, 3'd0, 33'h000000000, 33'h000000000};
     // flag
-    rule_mem[258] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    rule_mem[258] = {KindReadOnly, 1'd0, 3'd0, 33'h000000000, 33'h000000000};
     // levels[0]
-    rule_mem[259] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    rule_mem[259] = {KindReadOnly, 1'd0, 3'd0, 33'h000000000, 33'h000000000};
     // levels[1]
-    rule_mem[260] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    rule_mem[260] = {KindReadOnly, 1'd0, 3'd0, 33'h000000000, 33'h000000000};
     // levels[2]
-    rule_mem[261] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    rule_mem[261] = {KindReadOnly, 1'd0, 3'd0, 33'h000000000, 33'h000000000};
     // clock, word 0
-    rule_mem[262] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    rule_mem[262] = {KindReadOnly, 1'd0, 3'd0, 33'h000000000, 33'h000000000};
     // clock, word 1
-    rule_mem[263] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    rule_mem[263] = {KindReadOnly, 1'd0, 3'd0, 33'h000000000, 33'h000000000};
     // place, word 0
-    rule_mem[264] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    rule_mem[264] = {KindReadOnly, 1'd0, 3'd0, 33'h000000000, 33'h000000000};
     // place, word 1
-    rule_mem[265] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    rule_mem[265] = {KindReadOnly, 1'd0, 3'd0, 33'h000000000, 33'h000000000};
     // raw
-    rule_mem[266] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    rule_mem[266] = {KindReadOnly, 1'd0, 3'd0, 33'h000000000, 33'h000000000};
     // lock_a
-    rule_mem[270] = {KindReadWrite, 3'd0, 33'h000000001, 33'h000000001};
+    rule_mem[270] = {KindReadWrite, 1'd0, 3'd0, 33'h000000001, 33'h000000001};
     // lock_b
-    rule_mem[271] = {KindReadWrite, 3'd0, 33'h000000001, 33'h000000001};
+    rule_mem[271] = {KindReadWrite, 1'd0, 3'd0, 33'h000000001, 33'h000000001};
     // lock_c
-    rule_mem[272] = {KindReadWrite, 3'd0, 33'h000000001, 33'h000000001};
+    rule_mem[272] = {KindReadWrite, 1'd0, 3'd0, 33'h000000001, 33'h000000001};
     // lock_d
-    rule_mem[273] = {KindReadWrite, 3'd0, 33'h000000001, 33'h000000001};
+    rule_mem[273] = {KindReadWrite, 1'd0, 3'd0, 33'h000000001, 33'h000000001};
+    // held
+    rule_mem[288] = {KindReadWrite, 1'd1, 3'd1, 33'h1ffffff00, 33'h0000000ff};
+    // held_long, word 0
+    rule_mem[289] = {KindReadWrite, 1'd1, 3'd1, 33'h000000000, 33'h0ffffffff};
+    // held_long, word 1
+    rule_mem[290] = {KindReadWrite, 1'd1, 3'd1, 33'h000000000, 33'h0000000ff};
+    // held_several[0]
+    rule_mem[291] = {KindReadWrite, 1'd1, 3'd1, 33'h000000000, 33'h00000003f};
+    // held_several[1]
+    rule_mem[292] = {KindReadWrite, 1'd1, 3'd1, 33'h000000000, 33'h00000003f};
+    // held_several[2]
+    rule_mem[293] = {KindReadWrite, 1'd1, 3'd1, 33'h000000000, 33'h00000003f};
+    // commit
+    rule_mem[320] = {KindReadWrite, 1'd1, 3'd0, 33'h000000001, 33'h000000001};
     // sole
-    rule_mem[508] = {KindReadWrite, 3'd0, 33'h000000000, 33'h000000001};
+    rule_mem[508] = {KindReadWrite, 1'd0, 3'd0, 33'h000000000, 33'h000000001};
     // word
-    rule_mem[509] = {KindReadWrite, 3'd2, 33'h000000000, 33'h0ffffffff};
+    rule_mem[509] = {KindReadWrite, 1'd0, 3'd2, 33'h000000000, 33'h0ffffffff};
     // little
-    rule_mem[510] = {KindReadWrite, 3'd0, 33'h1fffffff0, 33'h00000000f};
+    rule_mem[510] = {KindReadWrite, 1'd0, 3'd0, 33'h1fffffff0, 33'h00000000f};
     // bounded
-    rule_mem[511] = {KindReadWrite, 3'd1, 33'h000000007, 33'h000000fa0};
+    rule_mem[511] = {KindReadWrite, 1'd0, 3'd1, 33'h000000007, 33'h000000fa0};
     // centred
-    rule_mem[512] = {KindReadWrite, 3'd0, 33'h1fffffffb, 33'h000000005};
+    rule_mem[512] = {KindReadWrite, 1'd0, 3'd0, 33'h1fffffffb, 33'h000000005};
     // below
-    rule_mem[513] = {KindReadWrite, 3'd0, 33'h180000000, 33'h1fffffffe};
+    rule_mem[513] = {KindReadWrite, 1'd0, 3'd0, 33'h180000000, 33'h1fffffffe};
     // above
-    rule_mem[514] = {KindReadWrite, 3'd0, 33'h000000003, 33'h07fffffff};
+    rule_mem[514] = {KindReadWrite, 1'd0, 3'd0, 33'h000000003, 33'h07fffffff};
     // late
-    rule_mem[515] = {KindReadWrite, 3'd0, 33'h000000003, 33'h00000000f};
+    rule_mem[515] = {KindReadWrite, 1'd0, 3'd0, 33'h000000003, 33'h00000000f};
     // hit
-    rule_mem[516] = {KindReadWrite, 3'd0, 33'h000000000, 33'h000000007};
+    rule_mem[516] = {KindReadWrite, 1'd0, 3'd0, 33'h000000000, 33'h000000007};
     // signal
-    rule_mem[517] = {KindReadWrite, 3'd1, 33'h180000000, 33'h07fffffff};
+    rule_mem[517] = {KindReadWrite, 1'd0, 3'd1, 33'h180000000, 33'h07fffffff};
     // bits[0]
-    rule_mem[518] = {KindReadWrite, 3'd0, 33'h000000000, 33'h000000001};
+    rule_mem[518] = {KindReadWrite, 1'd0, 3'd0, 33'h000000000, 33'h000000001};
     // bits[1]
-    rule_mem[519] = {KindReadWrite, 3'd0, 33'h000000000, 33'h000000001};
+    rule_mem[519] = {KindReadWrite, 1'd0, 3'd0, 33'h000000000, 33'h000000001};
     // bits[2]
-    rule_mem[520] = {KindReadWrite, 3'd0, 33'h000000000, 33'h000000001};
+    rule_mem[520] = {KindReadWrite, 1'd0, 3'd0, 33'h000000000, 33'h000000001};
     // bits[3]
-    rule_mem[521] = {KindReadWrite, 3'd0, 33'h000000000, 33'h000000001};
+    rule_mem[521] = {KindReadWrite, 1'd0, 3'd0, 33'h000000000, 33'h000000001};
     // bits[4]
-    rule_mem[522] = {KindReadWrite, 3'd0, 33'h000000000, 33'h000000001};
+    rule_mem[522] = {KindReadWrite, 1'd0, 3'd0, 33'h000000000, 33'h000000001};
     // several[0]
-    rule_mem[523] = {KindReadWrite, 3'd2, 33'h1ffff0000, 33'h00000ffff};
+    rule_mem[523] = {KindReadWrite, 1'd0, 3'd2, 33'h1ffff0000, 33'h00000ffff};
     // several[1]
-    rule_mem[524] = {KindReadWrite, 3'd2, 33'h1ffff0000, 33'h00000ffff};
+    rule_mem[524] = {KindReadWrite, 1'd0, 3'd2, 33'h1ffff0000, 33'h00000ffff};
     // several[2]
-    rule_mem[525] = {KindReadWrite, 3'd2, 33'h1ffff0000, 33'h00000ffff};
+    rule_mem[525] = {KindReadWrite, 1'd0, 3'd2, 33'h1ffff0000, 33'h00000ffff};
     // words[0]
-    rule_mem[526] = {KindReadWrite, 3'd0, 33'h00000000a, 33'h0ffffffff};
+    rule_mem[526] = {KindReadWrite, 1'd0, 3'd0, 33'h00000000a, 33'h0ffffffff};
     // words[1]
-    rule_mem[527] = {KindReadWrite, 3'd0, 33'h00000000a, 33'h0ffffffff};
+    rule_mem[527] = {KindReadWrite, 1'd0, 3'd0, 33'h00000000a, 33'h0ffffffff};
     // first
-    rule_mem[1016] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    rule_mem[1016] = {KindReadOnly, 1'd0, 3'd0, 33'h000000000, 33'h000000000};
     // negative
-    rule_mem[1017] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    rule_mem[1017] = {KindReadOnly, 1'd0, 3'd0, 33'h000000000, 33'h000000000};
     // hash
-    rule_mem[1018] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    rule_mem[1018] = {KindReadOnly, 1'd0, 3'd0, 33'h000000000, 33'h000000000};
     // version
-    rule_mem[1019] = {KindReadOnly, 3'd0, 33'h000000000, 33'h000000000};
+    rule_mem[1019] = {KindReadOnly, 1'd0, 3'd0, 33'h000000000, 33'h000000000};
   end
 
 endmodule

@@ -33,6 +33,19 @@ package odd_registers_pkg;
     logic lock_d;
   } locks_t;
 
+  // What waits for a commit.
+  typedef struct packed {
+    logic signed [8:0] held;
+    logic [39:0] held_long;
+    logic [17:0] held_several;
+  } held_t;
+
+  // The commit.
+  typedef struct packed {
+    logic commit;
+    logic commit_strobe;
+  } commit_t;
+
   // What the bus writes.
   typedef struct packed {
     logic sole;
@@ -51,6 +64,17 @@ package odd_registers_pkg;
     logic [50:0] several;
     logic [63:0] words;
   } written_t;
+
+  // Entries that wait for a commit.
+  typedef struct packed {
+    logic held_table_write;
+    logic [3:0] held_table_index;
+    logic signed [31:0] held_table_left;
+    logic [2:0] held_table_right;
+    logic held_table_write_bank;
+    logic held_table_bank;
+    logic held_table_changed;
+  } held_table_t;
 
   // One field, and entries that are no power of two.
   typedef struct packed {

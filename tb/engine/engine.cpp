@@ -55,6 +55,9 @@ void* engine_create(const uint32_t* configuration, const uint32_t* table, int64_
   chain.line_end_i = 0;
   chain.pixel_valid_i = 0;
   chain.ready_i = 1;
+  chain.hold_i = 0;
+  chain.take_i = 0;
+  chain.configuration_i = 0;
   chain.rst_i = 1;
   start(chain);
   for (int k = 0; k < 4; ++k) engine->clock();

@@ -123,6 +123,7 @@ void mirror_reset(void* handle, const uint32_t* table, int64_t entries) {
   engine.world.rst_i = 1;
   engine.loop.comparator_i = 0;
   engine.loop.gate_i = 0;
+  engine.loop.take_i = 0;
   for (int64_t entry = 0; entry < entries; ++entry) {
     for (int k = 0; k < TABLE_WORDS; ++k) engine.loop.table_i[k] = *table++;
     engine.tick();

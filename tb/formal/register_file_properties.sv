@@ -21,7 +21,13 @@ module register_file_properties (
   input wire register_pkg::points_status_t      points_status_i,
   input wire register_pkg::focus_status_t       focus_status_i,
   input wire register_pkg::test_status_t        test_status_i,
-  input wire register_pkg::sensor_status_t      sensor_status_i
+  input wire register_pkg::sensor_status_t      sensor_status_i,
+  input wire register_pkg::commit_status_t      commit_status_i,
+  input wire logic                              waiting_i,
+  input wire logic                              copy_i,
+  input wire logic [9:0]                        copy_index_i,
+  input wire logic                              bank_i,
+  input wire logic                              take_i
 );
 
   register_pkg::mirror_t             mirror;
@@ -63,7 +69,9 @@ module register_file_properties (
     .locks_o        (locks),
     .table_o        (),
     .focus_table_o  (),
-    .free_table_o   ()
+    .free_table_o   (),
+    .commit_o       (),
+    .commit_status_i, .waiting_i, .copy_i, .copy_index_i, .bank_i, .take_i
   );
 
   // ---- what the light hangs on, and where the host writes it ----

@@ -59,6 +59,28 @@ def operands(line_length: int, count: int) -> dict[str, np.ndarray]:
     return dict(zip([*limits, "even_i"], columns, strict=True))
 
 
+def steep(line_length: int) -> dict[str, np.ndarray]:
+    """Return lenses whose slope is about its least or largest value; gain and offset fit."""
+    draw = generator(line_length + 1)
+    pixels = (line_length - 1).bit_length()
+    top = 1 << pkg.SLOPE_WIDTH - 1
+    want = np.concatenate([np.arange(-top - 3, -top + 4), np.arange(top - 4, top + 3)])
+    position = np.full((6, len(want)), 9 << pixels + pkg.POSITION_FRACTION) // 10
+    shares = draw.uniform(-0.55, -0.4, position.shape)
+    centre = np.round(shares * (1 << pixels + pkg.OFFSET_FRACTION)).astype(np.int64)
+    s = position / (1 << pixels + pkg.POSITION_FRACTION)
+    s -= centre / (1 << pixels + pkg.OFFSET_FRACTION)
+    # 1 + 3 k1 s^2 + 5 k2 s^4 is the slope, k1 s^2 + k2 s^4 the gain: here -3/4 or 1/4.
+    slope = want / (1 << pkg.SLOPE_FRACTION)
+    gain = np.where(want < 0, -0.75, 0.25)
+    k2 = np.round((slope - 1.0 - 3.0 * gain) / 2.0 / s**4 * (1 << pkg.DISTORTION_FRACTION))
+    second = k2 / (1 << pkg.DISTORTION_FRACTION) * s**4
+    k1 = np.round((slope - 1.0 - 5.0 * second) / 3.0 / s**2 * (1 << pkg.DISTORTION_FRACTION))
+    columns = {"position_i": position, "centre_i": centre, "k1_i": k1, "k2_i": k2}
+    given = {name: values.ravel().astype(np.int64) for name, values in columns.items()}
+    return given | {"even_i": np.zeros_like(given["k1_i"])}
+
+
 def evaluate(line_length: int, given: dict[str, np.ndarray]) -> Distorted:
     """Return the model's answer."""
     return distortion(
@@ -102,7 +124,12 @@ async def random_lenses_back_to_back(dut) -> None:
     line_length = parameters()["LineLength"]
     count = rounds(500, 5000)
     given = operands(line_length, count)
+    ends = steep(line_length)
+    given = {name: np.concatenate([ends[name], values]) for name, values in given.items()}
     want = expected(line_length, given)
+    top = 1 << pkg.SLOPE_WIDTH - 1
+    whole = want["slope_o"][~want["saturated_o"]]
+    assert {-top, top - 1} <= set(whole), "no slope at the end of its range"
     assert 0.1 < np.mean(want["saturated_o"][-count:]) < 0.9, "one of the two cases is not tested"
     await reset(dut)
     got = await run_vectors(dut, given, OUTPUTS, latency=latency(line_length))

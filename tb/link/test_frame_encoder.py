@@ -27,7 +27,8 @@ from vrscan.clocked.frame_encoder import (
     crc_next,
 )
 
-ELABORATIONS = [{"MaxPayload": 1024}, {"MaxPayload": 1}, {"MaxPayload": 300}]
+# With 2 the counter of bytes has no value to spare.
+ELABORATIONS = [{"MaxPayload": 1024}, {"MaxPayload": 2}, {"MaxPayload": 1}, {"MaxPayload": 300}]
 INPUTS = ("valid", "data", "last", "ready")
 
 

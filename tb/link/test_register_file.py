@@ -146,12 +146,13 @@ class Bus:
     def on_port(self, register) -> int:
         """Return what the twin has on a port."""
         mask = (1 << register.width) - 1
-        values = self.twin.values[register.name]
+        values = self.twin.ports()[register.name]
         return sum((v & mask) << (k * register.width) for k, v in enumerate(values))
 
     def check_outputs(self, where: str) -> None:
-        if self.twin.values != self.shown_of:
-            self.shown_of = {name: list(values) for name, values in self.twin.values.items()}
+        ports = self.twin.ports()
+        if ports != self.shown_of:
+            self.shown_of = {name: list(values) for name, values in ports.items()}
             self.shown = tuple(self.on_port(register) for register in self.rw)
         for register, got, want in zip(self.rw, self.outputs.read(), self.shown, strict=True):
             got &= (1 << register.width * register.count) - 1
@@ -256,7 +257,9 @@ async def every_word_is_read_checked_and_written(dut) -> None:
                 assert status == OK
         await bus.access(RESERVED, address, restless=True)
     assert seen == {OK, link_pkg.STATUS_READ_ONLY, link_pkg.STATUS_BAD_VALUE}
-    assert len(bus.twin.written) > 2 * len(bus.strobe_names)
+    held = {name for name, window in bus.map.WINDOWS.items() if window.commit}
+    events = [name for name in bus.strobe_names if name not in held]
+    assert len(bus.twin.written) > 2 * len(events)
 
 
 @cocotb.test()
@@ -408,7 +411,8 @@ async def a_table_keeps_its_entries(dut) -> None:
             for field in window.fields:
                 address = window.address + k * window.stride + field.address
                 await bus.access(WRITE, address, bus.legal(field) & WORD_MASK)
-        assert len([one for one in bus.twin.written if one.name == window.name]) == len(entries)
+        events = [one for one in bus.twin.written if one.name == window.name]
+        assert len(events) == (0 if window.commit else len(entries))
         await bus.reset()
         for k in entries:
             for field in window.fields:
@@ -417,6 +421,65 @@ async def a_table_keeps_its_entries(dut) -> None:
                 assert status == OK
                 stored = bus.twin._tables[window.name, field.address][k]
                 assert data == stored & WORD_MASK
+
+
+@cocotb.test()
+async def what_waits_goes_out_with_a_commit(dut) -> None:
+    """Written values stay inside, cannot be written while a commit waits, and leave together."""
+    bus = await new_bus(dut)
+    held = [r for r in bus.rw if r.commit]
+    tables = [window for window in bus.map.WINDOWS.values() if window.commit]
+    assert held and tables
+    others = [r for r in bus.rw if not r.commit and r.name not in bus.map.LOCKS]
+    waiting, copy, take = dut.waiting_i, dut.copy_i, dut.take_i
+    for bank in (0, 1, 0):
+        dut.bank_i.value = bank
+        for register in (held[int(k)] for k in bus.draw.integers(len(held), size=40)):
+            for k in range(register.words):
+                at = register.address + k
+                await bus.access(WRITE, at, bus.word_of(register, at))
+        for window in tables:
+            assert port(dut, f"{window.name}_changed_o").integer() == bus.twin.changed[window.name]
+            for entry in (0, window.entries - 1):
+                for field in window.fields:
+                    at = window.address + entry * window.stride + field.address
+                    await bus.access(WRITE, at, bus.legal(field) & WORD_MASK)
+            assert port(dut, f"{window.name}_changed_o").integer() == 1
+        waiting.value, bus.twin.waiting = 1, True
+        for register in (held[0], held[-1], others[0], bus.map.REGISTERS["commit"]):
+            status, _ = await bus.access(WRITE, register.address, bus.legal(register) & WORD_MASK)
+            refused = register.commit or register.name == "commit"
+            assert (status == link_pkg.STATUS_BUSY) == refused
+            assert (await bus.access(READ, register.address))[0] == OK
+        for window in tables:
+            for access in (READ, CHECK, WRITE):
+                assert (await bus.access(access, window.address))[0] == link_pkg.STATUS_BUSY
+        # Every entry, then what leaves with it two clocks later.
+        most = max(window.entries for window in tables)
+        for k in range(most + 2):
+            copy.value, dut.copy_index_i.value = k < most, k % most
+            await FallingEdge(dut.clk_i)
+            for window in tables:
+                write = port(dut, f"{window.name}_write_o").integer()
+                assert write == (k >= 1) if k <= most else not write
+                if write:
+                    entry = (k - 1) % window.entries
+                    assert port(dut, f"{window.name}_index_o").integer() == entry
+                    assert port(dut, f"{window.name}_write_bank_o").integer() == 1 - bank
+                    assert port(dut, f"{window.name}_bank_o").integer() == bank
+                    for field in window.fields:
+                        want = bus.twin._tables[window.name, field.address][entry]
+                        assert as_integer(port(dut, f"{field.name}_o")) == want
+        bus.check_outputs("before the commit")
+        take.value = 1
+        await FallingEdge(dut.clk_i)
+        take.value = 0
+        bus.check_outputs("a clock after take")
+        await FallingEdge(dut.clk_i)
+        bus.twin.take()
+        bus.check_outputs("two clocks after take")
+        assert not any(port(dut, f"{window.name}_changed_o").integer() for window in tables)
+        waiting.value, bus.twin.waiting = 0, False
 
 
 @cocotb.test()
@@ -505,7 +568,20 @@ def test_the_twin_answers_and_remembers() -> None:
     assert twin.access(WRITE, table + 10, 99) == (OK, 99)
     assert twin.written == []
     assert twin.access(WRITE, table + 11, 0xFFFF_FFFF) == (OK, 0xFFFF_FFFF)
-    assert twin.written == [Written("table", 5, (99, -1))]
+    assert twin.written == []
+    assert twin.changed == {"table": True, "free_table": False}
+    assert twin.ports()["k1"] == list(register_map.REGISTERS["k1"].reset)
+    twin.take()
+    assert twin.ports()["k1"] == [-2]
+    focus = register_map.WINDOWS["focus_table"].address
+    assert twin.access(WRITE, focus + 3, 7) == (OK, 7)
+    assert twin.written == [Written("focus_table", 3, (7,))]
+    twin.waiting = True
+    assert twin.access(WRITE, at["k1"], 0) == (link_pkg.STATUS_BUSY, 0)
+    assert twin.access(WRITE, at["commit"], 1) == (link_pkg.STATUS_BUSY, 0)
+    assert twin.access(READ, at["k1"]) == (OK, 0xFFFF_FFFE)
+    assert twin.access(READ, table + 10) == (link_pkg.STATUS_BUSY, 0)
+    twin.waiting = False
 
     assert twin.access(WRITE, at["lock_calibration"], 0) == (link_pkg.STATUS_BAD_VALUE, 0)
     assert twin.access(WRITE, at["lock_calibration"], 1) == (OK, 1)

@@ -28,7 +28,8 @@ AMPLITUDE_MAX = (1 << pkg.AMPLITUDE_WIDTH) - 1
 STATUS = ("phase", "increment", "valid", "amplitude", "tracking", "acquired")
 WITH_VALID = ("measured", "error", "half", "out_of_table")
 SIGNED = {"error"}
-STROBES = ("valid", "broken", "table_write")
+STROBES = ("valid", "broken", "table_write", "renew")
+BANKS = ("table_changed", "table_bank", "table_write_bank")
 CALM = Settings(phase_shift=2, rate_shift=20, amplitude_shift=3, error_limit=1 << 24)
 
 Table = tuple[list[int], list[int]]
@@ -101,7 +102,11 @@ class Bench:
         """Do one clock."""
         self.drive(given)
         await FallingEdge(self.dut.clk_i)
-        self.twin.step(**self.given)
+        ports = {**dict.fromkeys(BANKS, 0), **self.given}
+        changed, bank, written = (ports.pop(name) for name in BANKS)
+        ports["renew"] &= changed
+        ports["table_write"] &= bank == written
+        self.twin.step(**ports)
         self.clock += 1
         self.check()
         if self.twin.valid:
@@ -429,6 +434,55 @@ async def reset_at_every_moment(dut) -> None:
         assert not bench.measured
         await bench.pair(64, age=7)
         assert len(bench.measured) == 1 and bench.measured[0]["acquired"]
+
+
+@cocotb.test()
+async def another_table_at_every_moment(dut) -> None:
+    """A pair at work is dropped; the next one is of the other bank alone, and taken whole."""
+    draw = generator(8)
+    settings = Settings(1, 63, 2, (1 << 28) - 1)
+    banks = [([size] * TABLE_SIZE, [size << 8] * TABLE_SIZE) for size in (1000, 3000)]
+    bench = await begin(dut, settings, banks[0])
+    await bench.start(settings, word=1 << 39)
+    width, bank = 66, 0
+    for k, (amplitude, midpoint) in enumerate(zip(*banks[1], strict=True)):
+        await bench.step(
+            valid=int(k % width == 0),
+            outward=int(k // width % 2 == 0),
+            renew=int(draw.integers(2)),  # of the same table
+            table_write=1,
+            table_index=k,
+            table_amplitude=amplitude,
+            table_midpoint=midpoint,
+            table_write_bank=1,
+        )
+    await bench.steps(LATENCY)
+    assert [found["measured"] for found in bench.measured] == [1000] * (
+        TABLE_SIZE // width // 2 + 1
+    )
+    assert not any(found["acquired"] for found in bench.measured[1:])
+    for at in range(1, width + LATENCY + 3):
+        await bench.start(settings, word=1 << 39)
+        await bench.pair(64)  # so that it tracks
+        for k in range(at):
+            await bench.step(valid=int(k in (0, width)), outward=int(k == 0), age=40)
+        last = {"valid": int(draw.integers(2)), "outward": int(draw.integers(2))}
+        await bench.step(renew=1, table_changed=1, **last)
+        assert bench.twin.acquired
+        bank = 1 - bank
+        bench.twin.table_amplitude, bench.twin.table_midpoint = map(list, banks[bank])
+        came = len(bench.measured)
+        assert came == 1 + (at >= width + LATENCY - 1)
+        await bench.steps(int(draw.integers(1, 12)), table_changed=0, table_bank=bank)
+        await bench.step(valid=1, outward=0, age=1)  # no outward waits
+        await bench.steps(LATENCY + 2)
+        assert len(bench.measured) == came
+        size = 3000 if bank else 1000
+        await bench.pair(64)
+        found = bench.measured[-1]
+        assert found["acquired"] and found["measured"] == found["amplitude"] == size
+        await bench.pair(64)
+        assert len(bench.measured) == came + 2 and not bench.measured[-1]["acquired"]
 
 
 def test_mirror_phase_rtl_equals_model() -> None:

@@ -24,7 +24,7 @@ WIDTHS = {
     "motion_da": pkg.SLOPE_MOTION_WIDTH,
     "motion_dphi": pkg.SLOPE_MOTION_WIDTH,
 }
-QUIET = {"valid": False, "offset": 0, "busy": False}
+QUIET = {"valid": False, "offset": 0, "busy": False, "renew": False}
 # Moments of the work: its first steps, the change from a_k to phi_k, and its end.
 AGES = (*range(1, 15), *range(98, 115), *range(LATENCY - 15, LATENCY + 2))
 
@@ -86,7 +86,7 @@ def offset_of(draw: np.random.Generator, settings: Settings) -> int:
 class Bench(TwinBench):
     """Drives the RTL and its twin with the same inputs and compares every output every clock."""
 
-    strobes = ("valid",)
+    strobes = ("valid", "renew")
 
     def __init__(self, dut) -> None:
         super().__init__(dut, QUIET)
@@ -116,6 +116,7 @@ class Bench(TwinBench):
             as_integer(self.dut.offset_o, signed=True),
         )
         want = shown(self.twin)
+        assert int(self.dut.renewing_o.value) == self.twin.renewing, f"clock {self.clock}"
         assert got == want, (
             f"clock {self.clock}, {self.inputs}: a, phi, offset {[hex(v) for v in got]}, "
             f"want {[hex(v) for v in want]}\n{self.settings}"
@@ -227,6 +228,37 @@ async def restart_drops_the_first_offset(dut) -> None:
             await bench.work(offset_of(draw, bench.settings), LATENCY - 1 + wait, busy=True)
             await bench.work(offset_of(draw, bench.settings), 1, busy=busy)
             await bench.clocks(LATENCY - 1, busy=False)
+
+
+@cocotb.test()
+async def another_motion_is_worked_out_for_the_last_offset(dut) -> None:
+    """At moments of the work, busy or not, with an offset of its own or not, and before any."""
+    draw = generator(7)
+    bench = await begin(dut)
+    await bench.start(settings_of(draw))
+    await bench.clocks(2, renew=True)
+    assert not bench.twin.renewing
+    await bench.work(offset_of(draw, bench.settings))
+    for k, age in enumerate((*AGES[::3], LATENCY + 40)):
+        offset = offset_of(draw, bench.settings)
+        await bench.work(offset, age)
+        bench.configure(settings_of(draw))
+        bench.twin.settings = bench.settings
+        busy, valid = bool(k % 2), k % 5 == 0
+        await bench.clocks(renew=True, busy=busy, valid=valid, offset=offset)
+        assert bench.twin.renewing
+        if k % 4 == 3:  # a new offset meanwhile starts anew
+            await bench.clocks(50)
+            offset = offset_of(draw, bench.settings)
+            await bench.clocks(valid=True, offset=offset)
+        bench.give(offset=offset ^ 0x5A5A5A5A5A5A)
+        await bench.clocks(LATENCY - 1)
+        assert not bench.twin.renewing
+        given = vars(bench.settings)
+        lists = [np.array(given[f"motion_{name}"]) for name in ("a", "phi", "da", "dphi")]
+        a, phi, _ = motion_map(offset, bench.settings.drive_phase, *lists)
+        assert (bench.twin.a, bench.twin.phi) == (tuple(a.tolist()), tuple(phi.tolist()))
+        await bench.clocks(3, busy=False)
 
 
 @cocotb.test()

@@ -68,13 +68,14 @@ def model(given: dict[str, np.ndarray], breaks: list[int]) -> Beside:
 
 
 async def send(
-    dut, given: dict[str, np.ndarray], gaps: np.ndarray, wait: int
+    dut, given: dict[str, np.ndarray], gaps: np.ndarray, wait: int, flush: int | None = None
 ) -> list[tuple[int, dict[str, int]]]:
     """Send each line ``gaps`` clocks behind the one before; return clocks and answers."""
     count, got, cycle, due, line = len(gaps), [], 0, 0, 0
     while cycle < due + wait:
         come = line < count and cycle == due
         drive(dut.valid_i, int(come))
+        drive(dut.flush_i, int(flush is not None and cycle >= flush))
         if come:
             for name in GIVEN:
                 drive(getattr(dut, f"{name}_i"), int(given[name][line]))
@@ -86,6 +87,27 @@ async def send(
         if dut.valid_o.value:
             got.append((cycle, {n: as_integer(getattr(dut, f"{n}_o")) for n in OUTPUTS}))
     return got
+
+
+@cocotb.test()
+async def a_flush_ends_the_wait(dut) -> None:
+    """Before the last line comes, with it, while it is worked on, and while it waits."""
+    await reset(dut)
+    given = rows_of_spots(4, 3)
+    gaps = np.full(4, LATENCY + 1)
+    want = model(given, [])
+    last = int(gaps[1:].sum())
+    for flush in (last - 1, last, last + 1, last + LATENCY, last + LATENCY + 40):
+        # Of the last one alone, whose own neighbour has gone: the user of flush_i sees to that.
+        dut.rst_i.value = 1
+        await FallingEdge(dut.clk_i)
+        dut.rst_i.value = 0
+        got = await send(dut, given, gaps, 3 * LATENCY + 60, flush)
+        assert len(got) == 4
+        for k, (_, answer) in enumerate(got):
+            assert answer["sigma"] == want.sigma[k] and answer["doubt"] == want.doubt[k], (flush, k)
+        assert got[-1][0] <= max(flush, last) + 2 * LATENCY + 8
+    drive(dut.flush_i, 0)
 
 
 async def compare(dut, given: dict[str, np.ndarray], gaps: np.ndarray) -> Beside:

@@ -52,6 +52,7 @@ def test_a_strobe_follows_its_register() -> None:
     assert names[names.index("test_start") + 1] == "test_start_strobe"
     assert list(register_struct("table_t").fields) == [
         "table_write", "table_index", "table_amplitude", "table_midpoint",
+        "table_write_bank", "table_bank", "table_changed",
     ]  # fmt: skip
 
 

@@ -26,15 +26,21 @@ def periods() -> tuple[int, ...]:
 
 
 async def clock_through(dut, twin: LineReceiver, strobes: np.ndarray) -> list[int]:
-    """Drive (start, valid, pixel, end) a clock and compare all outputs; return good lines."""
+    """Drive (start, valid, pixel, end, skip, forget) and compare all outputs; return good lines.
+
+    Without the last columns nothing is skipped or forgotten.
+    """
     good_lines = []
-    for cycle, (start, valid, pixel, end) in enumerate(strobes.tolist()):
+    strobes = np.pad(strobes, ((0, 0), (0, 6 - strobes.shape[1])))
+    for cycle, (start, valid, pixel, end, skip, forget) in enumerate(strobes.tolist()):
+        dut.skip_i.value = skip
+        dut.forget_i.value = forget
         dut.line_start_i.value = start
         dut.pixel_valid_i.value = valid
         dut.pixel_i.value = pixel
         dut.line_end_i.value = end
         await FallingEdge(dut.clk_i)
-        want = twin.step(bool(start), bool(valid), pixel, bool(end))
+        want = twin.step(*map(bool, (start, valid)), pixel, *map(bool, (end, skip, forget)))
         where = f"cycle {cycle}, strobes {(start, valid, pixel, end)}"
         assert int(dut.valid_o.value) == (want.index is not None), where
         if want.index is not None:
@@ -51,9 +57,9 @@ async def clock_through(dut, twin: LineReceiver, strobes: np.ndarray) -> list[in
     twin.step(False, False, 0, False)
     counts = [
         int(getattr(dut, f"{name}_count_o").value)
-        for name in ("short", "long", "unfinished", "early")
+        for name in ("short", "long", "unfinished", "early", "skipped")
     ]
-    assert counts == [twin.short, twin.long, twin.unfinished, twin.early]
+    assert counts == [twin.short, twin.long, twin.unfinished, twin.early, twin.skipped]
     return good_lines
 
 
@@ -87,6 +93,25 @@ async def random_strobes(dut) -> None:
     strobes[:, 3] = draw.random(count) < 1 / (2 * length)
     await clock_through(dut, twin, strobes)
     assert twin.short and twin.long and twin.unfinished
+
+
+@cocotb.test()
+async def skipped_lines_are_counted_and_told(dut) -> None:
+    """A line is skipped by the skip of its end alone, and only if it has no other fault."""
+    draw = generator(2)
+    length = parameters()["LineLength"]
+    await reset(dut)
+    dut.period_i.value = length + 30
+    twin = model(length + 30)
+    parts = []
+    for k in range(200):
+        part = line(length + int(draw.choice([0, 0, 0, 0, 1, -1])), salt=k)
+        skip = draw.random(len(part)) < 0.5
+        gap = np.zeros((int(draw.choice([0, 40])), 4), np.int64)
+        part = np.column_stack([part, skip, draw.random(len(part)) < 0.1 / length])
+        parts += [part, np.column_stack([gap, np.ones(len(gap), np.int64), 0 * gap[:, 0]])]
+    await clock_through(dut, twin, np.concatenate(parts))
+    assert min(twin.skipped, twin.early, twin.short, twin.long) >= 7
 
 
 @cocotb.test()

@@ -12,7 +12,7 @@ from vrscan.data import pkg
 from vrscan.registers.settings import ReadoutSettings as Settings
 
 ELABORATIONS = [{"Depth": 8, "CountWidth": 16}, {"Depth": 16, "CountWidth": 3}]
-OUTPUTS = ("angle", "power", "mirror_flags", "confidence", "inward", "time_clks")
+OUTPUTS = ("angle", "power", "mirror_flags", "confidence", "inward", "time_clks", "superseded")
 QUIET = {
     "enable": 1,
     "exposure": 0,
@@ -27,6 +27,7 @@ QUIET = {
     "confidence": 0,
     "line_start": 0,
     "line_end": 0,
+    "superseding": 0,
 }
 UNTAGGED = Tag()
 GOOD = 0  # mirror_flags of a line that can be trusted
@@ -36,7 +37,7 @@ ANY = Settings(0, 0, 0, (1 << 24) - 1)  # the last exposure that ended, however 
 class Bench(TwinBench):
     """Drives the RTL and its twin with the same inputs and compares every output every clock."""
 
-    strobes = ("centre", "angle_valid", "line_start", "line_end")
+    strobes = ("centre", "angle_valid", "line_start", "line_end", "superseding")
 
     def __init__(self, dut) -> None:
         super().__init__(dut, QUIET)
@@ -128,6 +129,8 @@ class Bench(TwinBench):
                     inputs |= self.centre(line)
                 elif what == "angle":
                     inputs |= self.angle(line)
+                elif what == "change":
+                    inputs["superseding"] = 1
                 else:
                     inputs[f"line_{what}"] = 1
                     if what == "end":
@@ -192,6 +195,27 @@ def scanner(
         ):
             events.setdefault(clock, []).append((what, line))
     return events
+
+
+@cocotb.test()
+async def an_angle_of_the_old_configuration_is_superseded(dut) -> None:
+    """Whenever the change comes and however long it lasts: those centred before its end."""
+    bench = await begin(dut)
+    seen = set()
+    for change in range(0, 60, 3):
+        for lasts in (1, 7, 30):
+            await bench.start(Settings(1, 1, 0, (1 << 24) - 1))
+            events = scanner(6, 40, delay=5, length=30, angle=9)
+            for clock in range(change + 60, change + 60 + lasts):
+                events.setdefault(clock, []).append(("change", 0))
+            await bench.play(events, 300)
+            for k, tag in enumerate(bench.at_end[1:]):  # the first readout is of no exposure
+                before = k * 40 + 6 < change + 60 + lasts
+                read = (k + 1) * 40 + 12 + 5  # its readout begins
+                if read > change + 60 + 3:
+                    assert tag.superseded == before, (change, lasts, k)
+                seen.add((tag.superseded, before))
+    assert {(1, True), (0, False)} <= seen
 
 
 @cocotb.test()

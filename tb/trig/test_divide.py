@@ -4,6 +4,7 @@ import cocotb
 import numpy as np
 import pytest
 from harness import (
+    FallingEdge,
     assert_equal,
     each,
     generator,
@@ -90,6 +91,9 @@ async def reset_mid_division(dut) -> None:
     await reset(dut)
     want = expected(widths, given)
     clocks = latency(widths["QuotientWidth"])
+    for _ in range(4 * clocks):  # whatever the steps' counter could hold
+        assert dut.valid_o.value == 0, "a result of nothing, after a reset"
+        await FallingEdge(dut.clk_i)
     for valid in (True, False):
         await reset_at_every_age(dut, given, want, OUTPUTS, latency=clocks, valid=valid)
 

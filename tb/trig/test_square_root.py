@@ -6,6 +6,7 @@ import cocotb
 import numpy as np
 import pytest
 from harness import (
+    FallingEdge,
     assert_equal,
     each,
     generator,
@@ -78,6 +79,9 @@ async def reset_mid_root(dut) -> None:
     width = parameters()["RootWidth"]
     given, want = stimulus(width, 60)
     await reset(dut)
+    for _ in range(4 * latency(width)):  # whatever the steps' counter could hold
+        assert dut.valid_o.value == 0, "a result of nothing, after a reset"
+        await FallingEdge(dut.clk_i)
     await reset_at_every_age(dut, given, want, OUTPUTS, latency=latency(width))
     await reset_at_every_age(dut, given, want, OUTPUTS, latency=latency(width), valid=False)
 

@@ -25,6 +25,7 @@ class Tag:
         confidence: Confidence in the angle; u8.
         inward: Whether the mirror moves inward.
         time_clks: Time of the pulse's centre; u32, clocks since the reset.
+        superseded: Whether the angle is of the configuration before the last commit.
     """
 
     angle: int = 0
@@ -33,6 +34,7 @@ class Tag:
     confidence: int = 0
     inward: int = 0
     time_clks: int = 0
+    superseded: int = 0
 
 
 class _State(Enum):
@@ -68,6 +70,7 @@ class LineTag:
         # By the line's number modulo depth: power; number, inward, time; and number, angle ...
         self._powers: dict[int, int] = {}
         self._centres: dict[int, tuple[int, int, int]] = {}
+        self._superseded: set[int] = set()  # slots
         self._last_centre: int | None = None
         self._angles: dict[int, tuple[int, int, int, int]] = {}
         self._exposed: int | None = None  # line that is being exposed
@@ -99,6 +102,7 @@ class LineTag:
         confidence: int,
         line_start: bool,
         line_end: bool,
+        superseding: bool = False,
     ) -> None:
         """Advance by one clock."""
         self._step_number(enable)
@@ -114,6 +118,9 @@ class LineTag:
             self._powers[slot] = power
             self._centres[slot] = (line, int(inward), self._clock)
             self._angles.pop(slot, None)
+            self._superseded.discard(slot)
+        if superseding:
+            self._superseded.update(range(self._depth))
         if angle_valid:
             self._angles[angle_line % self._depth] = (angle_line, angle, mirror_flags, confidence)
         self._clock = (self._clock + 1) & _TIME_MASK
@@ -183,4 +190,5 @@ class LineTag:
         centre, angle = self._centres.get(slot), self._angles.get(slot)
         if centre is None or angle is None or not centre[0] == angle[0] == self._wanted:
             return None
-        return Tag(angle[1], self._powers[slot], angle[2], angle[3], centre[1], centre[2])
+        late = int(slot in self._superseded)
+        return Tag(angle[1], self._powers[slot], angle[2], angle[3], centre[1], centre[2], late)

@@ -54,6 +54,8 @@ _OF_TRIGGER = (
 )  # fmt: skip
 _OF_CAPTURE = ("missing_count", "doubled_count", "impossible_count", "glitch_count")
 
+TAKE_CLKS = 3  # from take to the renewal of the harmonics: ``TakeClks``
+
 _NEVER = 1 << 62
 _TURN_MASK = (1 << pkg.TURN_WIDTH) - 1
 _PHASE_DROP = pkg.TURN_WIDTH - pkg.PHASE_WIDTH
@@ -110,13 +112,15 @@ class MirrorLoop:
         self.amplitude = 0
 
         self._drive_phase = registers.drive_phase
-        self._base = tuple(
-            np.array(getattr(registers, f"motion_{name}"), np.int64)
-            for name in ("a", "phi", "da", "dphi")
-        )
+        self._base = self._motion(registers)
         # The harmonics in use, a_k and phi_k; the clock and the offset of those being computed.
         self._map: Map = (self._base[0], self._base[1])
         self._map_due = _NEVER
+        self._known_from = _NEVER  # clock from which on motion_map knows an offset
+        self._mapped = False
+        self._taken: tuple[int, MirrorRegisters] | None = None  # when, and what comes into effect
+        self._renewed_at = _NEVER  # clock behind which a renewal is over
+        self._new_table = False
         self._offset = 0
         self._comparator = 0
         self._gate = 0
@@ -167,10 +171,47 @@ class MirrorLoop:
         gate: int = 0,
         enable: bool = False,
         line_enable: bool = False,
+        take: MirrorRegisters | None = None,
     ) -> None:
-        """Advance by one clock."""
+        """Advance by one clock; ``take`` is what takes effect with ``take_i``: motion and table.
+
+        The angle of a line whose centre came before ``renewing`` has ended is not that of the RTL.
+        """
         self._give(comparator, gate, enable, line_enable)
-        self._advance(self.clock + 1)
+        if take is not None:
+            self._taken = self.clock, take
+            table = list(take.table_amplitude), list(take.table_midpoint)
+            if table != (self.phase.table_amplitude, self.phase.table_midpoint):
+                self._sync_mirror()
+                self._new_table, self._mirror_due = True, self.clock
+        clock = self.clock
+        if self._taken and clock == self._taken[0] + TAKE_CLKS and not self._mapped:
+            self._map = self._motion(self._taken[1])[:2]
+        self._advance(clock + 1)
+        if self._new_table:
+            self._new_table = False
+            assert take is not None
+            self.phase.table_amplitude[:] = take.table_amplitude
+            self.phase.table_midpoint[:] = take.table_midpoint
+        if self._taken and clock == self._taken[0] + TAKE_CLKS:
+            self._commit_map(clock)
+            self._drive_phase = self._taken[1].drive_phase
+            self._base = self._motion(self._taken[1])
+            self._taken = None
+            if clock >= self._known_from:
+                self._map_due = self._renewed_at = clock + MAP_LATENCY - 1
+
+    @staticmethod
+    def _motion(registers: MirrorRegisters) -> tuple[Ints, Ints, Ints, Ints]:
+        a, phi, da, dphi = (
+            np.array(getattr(registers, f"motion_{name}"), np.int64)
+            for name in ("a", "phi", "da", "dphi")
+        )
+        return a, phi, da, dphi
+
+    def _renewing(self) -> bool:
+        """Return whether the harmonics are not yet those of the configuration that was taken."""
+        return self._taken is not None or self.clock <= self._renewed_at < _NEVER
 
     def ports(self) -> dict[str, int]:
         """Return all outputs of this clock, by the names of the ports without ``_o``.
@@ -199,6 +240,7 @@ class MirrorLoop:
             "mirror_flags": self._flags | saturated,
             "confidence": self._confidence,
             "amplitude": self.amplitude,
+            "renewing": self._renewing(),
         }
         return {name: int(value) for name, value in values.items()}
 
@@ -312,6 +354,7 @@ class MirrorLoop:
             age=capture.age,
             broken=broken,
             word=word,
+            renew=self._new_table,
         )
         capture.step(self._comparator, self._gate)
         self._mirror_clock = self.clock + 1
@@ -319,6 +362,9 @@ class MirrorLoop:
             self._commit_map(self._mirror_clock + 1)
             self._offset = (drive.phase - phase.phase) & _TURN_MASK
             self._map_due = self._mirror_clock + MAP_LATENCY
+            self._known_from = min(self._known_from, self._mirror_clock + 2)
+            if self._mirror_clock < self._renewed_at < _NEVER:
+                self._renewed_at = self._map_due
             self._measurements.append(
                 (
                     self._mirror_clock, phase.measured, phase.error, drive.level, drive.word,
@@ -333,12 +379,12 @@ class MirrorLoop:
         It waits while an angle is at work. Only the start of an angle, and of new harmonics, looks.
         """
         due = self._map_due
-        if due <= self._busy_until:
+        if due <= self._busy_until and due != self._renewed_at:
             due = self._busy_until + 1
         if due <= until:
             a, phi, _ = motion_map(self._offset, self._drive_phase, *self._base)
             self._map = a, phi
-            self._map_due = _NEVER
+            self._map_due, self._mapped = _NEVER, True
 
     def _follows(self) -> bool:
         """Return whether the phase follows a word that changes every few clocks."""

@@ -102,7 +102,8 @@ class MirrorPhase:
         error: Middle of the crossings less the table's, turns, 28 fraction bits, s28.
         half: Half the distance of the crossings, turns, 29 fraction bits, u28, saturating.
         out_of_table: Whether ``half`` is a quarter turn or more.
-        acquired: Whether the whole error was corrected at once; only with ``valid``.
+        acquired: Whether the whole error was corrected at once, or will be because the table is
+            another one.
         amplitude: Averaged amplitude; u26.
         tracking: Whether there was a measurement since the reset.
         table_amplitude, table_midpoint: The table, lists of 1024; a reset does not change it.
@@ -131,6 +132,7 @@ class MirrorPhase:
         self._half = 0
         self._entries: list[tuple[int, int]] = []
         self._average = 0
+        self._anew = False  # the next pair is taken as the first one is
 
     def step(
         self,
@@ -144,6 +146,7 @@ class MirrorPhase:
         table_index: int = 0,
         table_amplitude: int = 0,
         table_midpoint: int = 0,
+        renew: bool = False,
     ) -> None:
         """Take the ports of one clock and advance to the next; names and formats are the ports'."""
         clock = self._clock
@@ -158,8 +161,11 @@ class MirrorPhase:
         if table_write:
             self.table_amplitude[table_index] = table_amplitude
             self.table_midpoint[table_index] = table_midpoint
-        if broken:
+        if broken or renew:
             self._first = None
+        if renew:
+            self._pair, self._anew, self._free = None, True, clock + 1
+            self.acquired = True
         if not valid or clock < self._free:
             return
         position = (phase - _rounded(increment * age, pkg.SUB_WIDTH)) & _TURN_MASK
@@ -194,8 +200,8 @@ class MirrorPhase:
         rounded = min(_rounded(error, below), (1 << (pkg.ERROR_WIDTH - 1)) - 1)
 
         settings = self._settings
-        if not self.tracking or abs(rounded) > settings.error_limit:
-            self.acquired = True
+        if not self.tracking or self._anew or abs(rounded) > settings.error_limit:
+            self.acquired, self._anew = True, False
             correction = error
             self.increment = word
             self._average = measured << FINE_WIDTH
@@ -216,7 +222,7 @@ class MirrorPhase:
 
     def idle(self, *, word: int = 0) -> int:
         """Return for how many clocks without a strobe only the phase would advance."""
-        if self.valid or not (self.tracking or word == self.increment):
+        if self.valid or self.acquired or not (self.tracking or word == self.increment):
             return 0
         return MOST_IDLE if self._pair is None else self._due - self._clock
 

@@ -13,6 +13,7 @@ SAMPLED = 7  # clocks from bus_valid_i to the clock in which a READ samples the 
 WORD_BITS = 32
 WORD_MASK = (1 << WORD_BITS) - 1
 WRITABLE = ("rw", "strobe")
+COMMIT = "commit"  # the register that lets what waits take effect
 
 
 class Place(NamedTuple):
@@ -59,8 +60,10 @@ class RegisterFile:
 
     Attributes:
         inputs: Values at the ports of read registers, by name: an integer, or one for each element.
-        values: Values in effect in written registers, by name, one for each element: the ports.
+        values: Values of written registers as they are read, by name, one for each element.
         written: Events that writes have caused since the last ``reset``, the newest last.
+        waiting: Whether a commit waits: then what it is of cannot be written.
+        active: Values at the ports of what waits for a commit, by name, one for each element.
     """
 
     def __init__(
@@ -87,6 +90,7 @@ class RegisterFile:
             for window in windows.values()
             for field in window.fields
         }
+        self._commits = frozenset(r.name for r in registers.values() if r.commit)
         self.reset()
 
     def table(self, window: str, field: str) -> list[int]:
@@ -103,6 +107,18 @@ class RegisterFile:
         }
         self._kept: dict[str, int] = dict.fromkeys(self.inputs, 0)  # higher words of wide inputs
         self.written: list[Written] = []
+        self.waiting = False
+        self.changed = {window.name: False for window in self._windows.values() if window.commit}
+        self.take()
+
+    def take(self) -> None:
+        """Apply ``take_i``."""
+        self.active = {name: list(self.values[name]) for name in self._commits}
+        self.changed = dict.fromkeys(self.changed, False)
+
+    def ports(self) -> dict[str, list[int]]:
+        """Return the values in effect in written registers."""
+        return self.values | self.active
 
     def access(self, access: int, address: int, data: int = 0) -> tuple[int, int]:
         """Execute one access.
@@ -121,6 +137,8 @@ class RegisterFile:
         if cell is not None:
             window, index, field = cell
             status = self._verdict(changes, field, 0, window.lock, data)
+            if self.waiting and window.commit and not changes:
+                status = link_pkg.STATUS_BUSY
             if status == link_pkg.STATUS_OK and access == link_pkg.ACCESS_WRITE:
                 self._write_cell(window, index, field, data)
             read = self._tables[window.name, field.address][index] & WORD_MASK
@@ -150,6 +168,8 @@ class RegisterFile:
             return link_pkg.STATUS_READ_ONLY
         if lock is not None and self.values[lock] == [1]:
             return link_pkg.STATUS_LOCKED
+        if self.waiting and (register.commit or register.name == COMMIT):
+            return link_pkg.STATUS_BUSY
         low, high = register.minimum, register.maximum
         if register.width > WORD_BITS:
             low, high = (low >> WORD_BITS, high >> WORD_BITS) if word else (0, WORD_MASK)
@@ -170,7 +190,9 @@ class RegisterFile:
 
     def _write_cell(self, window: Window, index: int, field: Register, data: int) -> None:
         self._tables[window.name, field.address][index] = wrapped(data, field)
-        if field.address == len(window.fields) - 1:
+        if window.commit:
+            self.changed[window.name] = True
+        elif field.address == len(window.fields) - 1:
             entry = tuple(self._tables[window.name, f.address][index] for f in window.fields)
             self.written.append(Written(window.name, index, entry))
 

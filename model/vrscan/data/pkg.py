@@ -155,6 +155,7 @@ STRUCTS: dict[str, tuple[tuple[str, int | str, bool], ...]] = {
         ("inward", 1, False),
         ("time_clks", TIME_WIDTH, False),
         ("test", 1, False),
+        ("superseded", 1, False),
     ),
     "point_t": (
         ("line", "line_t", False),
@@ -180,5 +181,6 @@ STRUCTS: dict[str, tuple[tuple[str, int | str, bool], ...]] = {
         ("c_sfm", CONFIDENCE_WIDTH, False),
         ("free_from", FREE_WIDTH, False),
         ("free_to", FREE_WIDTH, False),
+        ("configuration", 1, False),
     ),
 }

@@ -67,6 +67,7 @@ FREE_ALIGN = pkg.LENGTH_FRACTION - pkg.FREE_FRACTION  # of a free interval in x 
 # Bits of the field ``bits`` of a full record.
 MEASURED, INWARD, TEST = 1, 2, 4
 MORE_FLAGS = 3  # its first bit of the flags from 16 on
+CONFIGURATION = 16  # changes with each commit
 
 # A compact record as it lies in a packet.
 _PACKED = np.dtype([("x", "u1", 3), ("z", "u1", 3), ("c_obj", "u1"), ("flags", "u1")])

@@ -30,7 +30,7 @@ class LineReceiver:
         count_width: Bits of the fault counters, ``CountWidth``; they stop at their largest value.
 
     Attributes:
-        short, long, unfinished, early: Numbers of dropped lines by fault.
+        short, long, unfinished, early, skipped: Numbers of dropped lines by fault.
     """
 
     line_length: int = 2048
@@ -40,6 +40,7 @@ class LineReceiver:
     long: int = 0
     unfinished: int = 0
     early: int = 0
+    skipped: int = 0
     _extent: LineExtent = field(init=False)
     _lost: bool = field(default=False, init=False)
     _number: int = field(default=0, init=False)
@@ -53,7 +54,15 @@ class LineReceiver:
     def _count(self, value: int) -> int:
         return min(value + 1, (1 << self.count_width) - 1)
 
-    def step(self, start: bool, valid: bool, pixel: int, end: bool) -> Received:
+    def step(
+        self,
+        start: bool,
+        valid: bool,
+        pixel: int,
+        end: bool,
+        skip: bool = False,
+        forget: bool = False,
+    ) -> Received:
         """Take the strobes of one clock and return the outputs after it."""
         number_mask = (1 << pkg.LINE_NUMBER_WIDTH) - 1
         dropped = False
@@ -71,12 +80,16 @@ class LineReceiver:
                 self.long = self._count(self.long)
             elif self._period < self.min_period:
                 self.early = self._count(self.early)
+            elif skip:
+                self.skipped = self._count(self.skipped)
             else:
                 good = True
             dropped = dropped or not good
         lost = self._lost
         self._lost = (self._lost or dropped) and not good
         self._period = 1 if good else min(self._period + 1, self.min_period)
+        if forget:
+            self._period = 1 << 12  # the longest there is
         return Received(
             pixel=pixel if extent.index is not None else None,
             index=extent.index,

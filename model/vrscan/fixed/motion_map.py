@@ -94,6 +94,7 @@ class MotionMap:
         phi: phi_k; u28, turns, 28 fraction bits.
         offset: Phase d of the drive to which ``a`` and ``phi`` belong; s28, turns, 28 fraction
             bits.
+        renewing: Whether all is worked out anew for other settings.
     """
 
     def __init__(self, settings: MotionSettings) -> None:
@@ -103,18 +104,23 @@ class MotionMap:
         self.offset = 0
         self._age = 0  # clocks since valid, 0 when idle; stops while the results wait
         self._offset = 0
+        self._known = False  # an offset has come
+        self.renewing = False
 
-    def step(self, *, valid: bool, offset: int, busy: bool) -> None:
+    def step(self, *, valid: bool, offset: int, busy: bool, renew: bool = False) -> None:
         """Advance by one clock."""
         if self._age == _COMMIT:
-            if not busy:
+            if not busy or self.renewing:
                 self._age = 0
+                self.renewing = False
                 self._commit()
         elif self._age:
             self._age += 1
+        if renew and self._known:
+            self._age, self.renewing = 1, True
         if valid:
             self._age = 1
-            self._offset = offset
+            self._offset, self._known = offset, True
 
     def _commit(self) -> None:
         given = self.settings
@@ -130,15 +136,17 @@ class MotionMap:
         self.phi = tuple(phi.tolist())
         self.offset = int(d)
 
-    def idle(self, *, valid: bool, offset: int, busy: bool) -> int:
+    def idle(self, *, valid: bool, offset: int, busy: bool, renew: bool = False) -> int:
         """Return for how many clocks these inputs change nothing but the age of the work."""
         del offset
-        if valid:
+        if valid or renew:
             return 0
-        return _COMMIT - self._age if self._age and not busy else MOST_IDLE
+        return _COMMIT - self._age if self._age and (not busy or self.renewing) else MOST_IDLE
 
-    def skip(self, clocks: int, *, valid: bool, offset: int, busy: bool) -> None:
+    def skip(
+        self, clocks: int, *, valid: bool, offset: int, busy: bool, renew: bool = False
+    ) -> None:
         """Take ``clocks`` steps at once, at most as many as ``idle`` returns for these inputs."""
-        del valid, offset, busy
+        del valid, offset, busy, renew
         if self._age:
             self._age = min(self._age + clocks, _COMMIT)

@@ -4,7 +4,16 @@ import numpy as np
 
 from vrscan.data.arrays import Bools, Ints
 from vrscan.data.points import Points
-from vrscan.data.records import FREE_ALIGN, FULL, INWARD, MEASURED, MORE_FLAGS, TEST, Records
+from vrscan.data.records import (
+    CONFIGURATION,
+    FREE_ALIGN,
+    FULL,
+    INWARD,
+    MEASURED,
+    MORE_FLAGS,
+    TEST,
+    Records,
+)
 
 LATENCY = 1  # clocks from valid_i to the first byte
 
@@ -13,7 +22,13 @@ _OF_MEASURED = ("position", "sigma", "doubt", "sigma_z")
 
 
 def point_record(
-    points: Points, power: Ints, confidence: Ints, inward: Bools, test: Bools, time: Ints
+    points: Points,
+    power: Ints,
+    confidence: Ints,
+    inward: Bools,
+    test: Bools,
+    time: Ints,
+    configuration: Ints | int = 0,
 ) -> Records:
     """Return the records of points; ``vrscan.data.records.encode_full`` turns them into bytes.
 
@@ -24,6 +39,7 @@ def point_record(
         inward: Whether the mirror moves inward [n].
         test: Whether the line is one of the test pattern [n].
         time: Time of the centre of the pulse, clocks, u32 [n].
+        configuration: The bit that changes with each commit, [n] or one for all.
 
     Returns:
         An array of ``vrscan.data.records.FULL`` [n].
@@ -38,6 +54,7 @@ def point_record(
     records["flags"] = points.flags & 0xFFFF
     records["bits"] = MEASURED * points.measured + INWARD * inward + TEST * test
     records["bits"] |= (points.flags >> 16 << MORE_FLAGS).astype(np.uint8)
+    records["bits"] |= np.uint8(CONFIGURATION) * np.asarray(configuration, np.uint8)
     for name in _OF_MEASURED:
         records[name][~points.measured] = 0
     for name, ends in (("x", points.free_from), ("z", points.free_to)):

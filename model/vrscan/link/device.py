@@ -73,7 +73,7 @@ _MEANING = {
     Status.READ_ONLY: "it cannot be written",
     Status.LOCKED: "it is locked until the board is reset",
     Status.BAD_VALUE: "it does not take this value",
-    Status.BUSY: "a capture runs",
+    Status.BUSY: "a capture runs, or a commit waits",
     Status.BAD_FRAME: "the frame came to grief",
 }
 
@@ -471,6 +471,8 @@ class Device:
     def write(self, name: str, value: Value) -> None:
         """Write a register, or all its values where it has several, and check the values read back.
 
+        What waits for a commit is committed, as with ``write_many``.
+
         Raises:
             InputError: if there is no such register, or the value does not fit.
             DeviceError: naming register and value, if the board refuses it.
@@ -489,12 +491,16 @@ class Device:
         self,
         settings: Iterable[tuple[str, Value]],
         progress: Callable[[int, int], None] | None = None,
+        *,
+        commit: bool = True,
     ) -> None:
         """Write registers and tables with the fewest commands, and check the values read back.
 
         Args:
             settings: Names and values. A field of a table comes with the table's other fields.
             progress: Called with the number of commands done and the number of all commands.
+            commit: Whether what waits for a commit takes effect at the end, all of it together;
+                else it waits for ``commit``.
 
         Raises:
             InputError: before anything is written, if a name or a value is wrong.
@@ -520,6 +526,31 @@ class Device:
             if progress is not None:
                 progress(k + 1, len(blocks))
         self._watchdog_clks = integer(dict(settings).get(WATCHDOG, self._watchdog_clks))
+        if commit and any(values.find(name).commit for name, _ in settings):
+            self.commit()
+
+    def commit(self) -> int:
+        """Let all that was written take effect together, between two lines.
+
+        Returns:
+            The bit ``configuration`` of the lines that are measured from now on.
+
+        Raises:
+            LinkError: if the board refuses, or does not do it within the timeout.
+        """
+        register = values.find("commit")
+        try:
+            self.write_words(Block(register.address, values.to_words("commit", 1)))
+        except DeviceError as error:
+            if error.status != link_pkg.STATUS_BUSY:  # one is under way, maybe this one, repeated
+                raise
+        end = time.monotonic() + self.timeout
+        while True:
+            found = self.read_many(("commit_waiting", "configuration"))
+            if not found["commit_waiting"]:
+                return integer(found["configuration"])
+            if time.monotonic() > end:
+                raise LinkError(f"{self.port}: a commit does not take effect")
 
     def lock(self, group: str) -> None:
         """Lock a group until the board is reset, for example ``"calibration"`` or ``"mirror"``."""

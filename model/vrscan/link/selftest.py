@@ -59,6 +59,7 @@ FAULTS = (
     "long_count",
     "unfinished_count",
     "early_count",
+    "skipped_count",
     "dropped_count",
     "uart_framing",
     "uart_breaks",
@@ -189,16 +190,17 @@ def first_difference(got: Records, want: Records) -> tuple[int, str | None]:
     )
 
 
-def full_records(points: Points, first: int, power: int) -> Records:
+def full_records(points: Points, first: int, power: int, configuration: int = 0) -> Records:
     """Return the full records of a run of test lines.
 
     Args:
         points: The model's points for the lines.
         first: Number of the first line.
         power: Power of all lines.
+        configuration: The bit that changes with each commit.
     """
     none, no = np.zeros(len(points), np.int64), np.zeros(len(points), np.bool_)
-    found = point_record(points, none + power, none, no, ~no, none)
+    found = point_record(points, none + power, none, no, ~no, none, configuration)
     found["line"] = (first + np.arange(len(points))) % (1 << pkg.LINE_NUMBER_WIDTH)
     return found
 
@@ -216,6 +218,8 @@ class SelfTest:
         self.device = device
         self.progress = progress
         self._still = device.read("mirror_state") == OFF
+        if not device.read("lock_calibration"):
+            device.commit()  # what is read is what the lines are measured with
         found = device.read_many(CHAIN)
         chain: dict[str, Any] = dict(found)
         for name in ("period_n", "window_two_pass", "window_fit", "noise_row", "even"):
@@ -272,7 +276,7 @@ class SelfTest:
         try:
             for k, pattern in enumerate(PATTERNS):
                 settings = [(name, _filled(name, pattern + 77 * k)) for name in names]
-                self.device.write_many(settings)
+                self.device.write_many(settings, commit=False)  # no line is to see it
                 found = self.device.read_many(names)
                 for name, want in settings:
                     if found[name] != want:
@@ -288,7 +292,7 @@ class SelfTest:
         except LinkError as error:
             return Check(what, 0, compared, str(error))
         finally:
-            self.device.write_many(before.items())
+            self.device.write_many(before.items(), commit=False)
         return Check(what, 0, compared)
 
     def _entries(self, window: Window) -> int:
@@ -388,7 +392,7 @@ class SelfTest:
             if register.access not in values.WRITABLE:
                 yield name, write(address, 0), link_pkg.STATUS_READ_ONLY
             elif register.lock in closed:
-                first = values.to_words(name, current.get(name, 0))[0]
+                first = values.to_words(name, current.get(name, register.minimum))[0]
                 yield name, write(address, first), link_pkg.STATUS_LOCKED
             elif register.width < values.WORD_BITS and register.maximum >= 0:
                 word = (register.maximum + 1) & values.WORD_MASK
@@ -476,7 +480,8 @@ class SelfTest:
             # Making the run's registers takes longer than neighbours are apart.
             breaks=(self._lead,) if self._lead else (),
         )
-        return full_records(points, first - self._lead, power)[self._lead :]
+        bit = values.integer(self.device.read("configuration"))
+        return full_records(points, first - self._lead, power, bit)[self._lead :]
 
     def _lines(self, settings: Settings, count: int) -> Pixels:
         build = self.device.build

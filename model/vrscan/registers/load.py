@@ -16,7 +16,7 @@ CONTROLS = frozenset(
         *("scratch", "uart_step", "mirror_enable", "line_enable", "laser_enable"),
         *("test_position", "test_move", "test_step", "test_height", "test_pedestal", "test_noise"),
         *("test_seed", "test_lines", "test_period_clks", "test_angle", "test_power"),
-        *("test_start", "test_stop"),
+        *("test_start", "test_stop", "commit"),
         *("points_batch", "points_timeout_clks"),
     }
 )

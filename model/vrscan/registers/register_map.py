@@ -28,6 +28,7 @@ class Register:
         minimum: Least integer that it takes.
         maximum: Largest integer that it takes.
         doc: What it means.
+        commit: What is written waits for a commit.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Register:
     minimum: int
     maximum: int
     doc: str
+    commit: bool
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,7 @@ class Window:
     stride: int  # words
     fields: tuple[Register, ...]
     lock: str | None
+    commit: bool
     doc: str
 
 
@@ -76,6 +79,7 @@ def _one(
     unit: str = "",
     low: int | None = None,
     high: int | None = None,
+    commit: bool = False,
 ) -> Register:
     """Return a register; it takes what its width takes where low and high do not say otherwise."""
     words = count * (2 if width > _WORD else 1)
@@ -83,18 +87,18 @@ def _one(
     most = least + (1 << width) - 1
     return Register(
         name, struct, address, words, count, width, signed, access, lock, (reset,) * count,
-        fraction, unit, least if low is None else low, most if high is None else high, doc,
+        fraction, unit, least if low is None else low, most if high is None else high, doc, commit,
     )  # fmt: skip
 
 
-MAP_HASH = 0xCBF3B03A
+MAP_HASH = 0x39387E6A
 
 # fmt: off
 _REGISTERS = (
     _one("", 0x000, "identity", 32, "constant",
          "the letters VRSC, by which a host knows the instrument", reset=0x56525343),
     _one("", 0x001, "map_hash", 32, "constant",
-         "hash of the parts of this map that a host must know", reset=0xCBF3B03A),
+         "hash of the parts of this map that a host must know", reset=0x39387E6A),
     _one("", 0x002, "version", 32, "constant",
          "version of the map: major, minor, patch in bits 31..16, 15..8, 7..0", reset=0x00000100),
     _one("identity_status", 0x003, "board_id", 16, "ro", "number of the kind of board"),
@@ -110,62 +114,65 @@ _REGISTERS = (
     _one("identity_status", 0x00B, "uptime", 48, "ro", "time since the reset", unit="clk"),
     _one("peak", 0x010, "period_n", 1, "rw",
          "period T of the correlation (8): 1 for T = N, 0 for T = N - 1", lock="lock_calibration",
-         reset=1),
+         reset=1, commit=True),
     _one("peak", 0x011, "noise_row", 1, "rw",
-         "source of the noise: 1 for the whole row, 0 for the background",
-         lock="lock_calibration"),
+         "source of the noise: 1 for the whole row, 0 for the background", lock="lock_calibration",
+         commit=True),
     _one("peak", 0x012, "k_noise", 16, "rw",
          "threshold above the background, in multiples of the spread", lock="lock_calibration",
-         reset=640, fraction=8),
+         reset=640, fraction=8, commit=True),
     _one("peak", 0x013, "k_height", 16, "rw",
          "threshold above the background, as a share of the peak's height",
-         lock="lock_calibration", reset=9830, fraction=16),
+         lock="lock_calibration", reset=9830, fraction=16, commit=True),
     _one("peak", 0x014, "snr_min", 16, "rw", "signal-to-noise ratio below which LOW_SNR is raised",
-         lock="lock_calibration", reset=2048, fraction=8),
+         lock="lock_calibration", reset=2048, fraction=8, commit=True),
     _one("peak", 0x015, "min_width", 8, "rw", "window width below which TOO_NARROW is raised",
-         lock="lock_calibration", reset=3, unit="px", low=3),
+         lock="lock_calibration", reset=3, unit="px", low=3, commit=True),
     _one("peak", 0x016, "max_width", 8, "rw", "window width above which TOO_WIDE is raised",
-         lock="lock_calibration", reset=255, unit="px", low=3),
+         lock="lock_calibration", reset=255, unit="px", low=3, commit=True),
     _one("peak", 0x017, "kappa", 18, "rw",
          "counts for each electron; 28 - pixel_width fraction bits", lock="lock_calibration",
-         reset=13107),
+         reset=13107, commit=True),
     _one("peak", 0x018, "c_sfm_gain", 24, "rw",
          "gain of the confidence in free space: c_sfm = power * gain / 2**16",
-         lock="lock_calibration", reset=255),
+         lock="lock_calibration", reset=255, commit=True),
     _one("peak", 0x019, "window_two_pass", 1, "rw",
          "1: a second window with T = N is placed around the first position",
-         lock="lock_calibration", reset=1),
+         lock="lock_calibration", reset=1, commit=True),
     _one("peak", 0x01A, "window_fit", 1, "rw",
          "1: a Gaussian is fitted to the spot, from the second window on; needs window_two_pass",
-         lock="lock_calibration", reset=1),
+         lock="lock_calibration", reset=1, commit=True),
     _one("peak", 0x01B, "max_core", 8, "rw",
          "width at a quarter of the height above which TOO_WIDE is raised, if the peak is not "
-         "saturated", lock="lock_calibration", reset=64, unit="px", low=3),
+         "saturated", lock="lock_calibration", reset=64, unit="px", low=3, commit=True),
     _one("peak", 0x01C, "saturation_level", 16, "rw",
-         "pixel value from which on SATURATED is raised", lock="lock_calibration", reset=4095),
+         "pixel value from which on SATURATED is raised", lock="lock_calibration", reset=4095,
+         commit=True),
     _one("geometry", 0x020, "centre", 34, "rw", "pixel of the optical axis",
-         lock="lock_calibration", signed=True, reset=1073217536, fraction=20, unit="px"),
+         lock="lock_calibration", signed=True, reset=1073217536, fraction=20, unit="px",
+         commit=True),
     _one("geometry", 0x022, "k1", 26, "rw", "k1 R**2", lock="lock_calibration", signed=True,
-         fraction=24),
+         fraction=24, commit=True),
     _one("geometry", 0x023, "k2", 26, "rw", "k2 R**4", lock="lock_calibration", signed=True,
-         fraction=24),
+         fraction=24, commit=True),
     _one("geometry", 0x024, "even", 1, "rw", "1: distortion by even powers, (5) as printed",
-         lock="lock_calibration"),
+         lock="lock_calibration", commit=True),
     _one("geometry", 0x025, "n0", 32, "rw", "n = n0 + n1 s, s = offset / R",
-         lock="lock_calibration", signed=True, reset=62302280, fraction=20, unit="mm"),
+         lock="lock_calibration", signed=True, reset=62302280, fraction=20, unit="mm",
+         commit=True),
     _one("geometry", 0x026, "n1", 32, "rw", "of n", lock="lock_calibration", signed=True,
-         reset=5021049, fraction=20, unit="mm"),
+         reset=5021049, fraction=20, unit="mm", commit=True),
     _one("geometry", 0x027, "d0", 32, "rw", "d = (d0 + d1 s) cos a + (e0 + e1 s) sin a",
-         lock="lock_calibration", signed=True, reset=149435979, fraction=30),
+         lock="lock_calibration", signed=True, reset=149435979, fraction=30, commit=True),
     _one("geometry", 0x028, "d1", 32, "rw", "of d", lock="lock_calibration", signed=True,
-         reset=-609734303, fraction=30),
+         reset=-609734303, fraction=30, commit=True),
     _one("geometry", 0x029, "e0", 32, "rw", "of d", lock="lock_calibration", signed=True,
-         reset=1063292242, fraction=30),
+         reset=1063292242, fraction=30, commit=True),
     _one("geometry", 0x02A, "e1", 32, "rw", "of d", lock="lock_calibration", signed=True,
-         reset=85692568, fraction=30),
+         reset=85692568, fraction=30, commit=True),
     _one("geometry", 0x02B, "tolerance", 16, "rw",
          "share of z; c_obj is the probability that a point errs by less", lock="lock_calibration",
-         reset=16777, fraction=24),
+         reset=16777, fraction=24, commit=True),
     _one("chain", 0x030, "short_count", 16, "counter", "number of lines with too few pixels"),
     _one("chain", 0x031, "long_count", 16, "counter", "number of lines with too many pixels"),
     _one("chain", 0x032, "unfinished_count", 16, "counter",
@@ -173,11 +180,15 @@ _REGISTERS = (
     _one("chain", 0x033, "early_count", 16, "counter",
          "number of lines that came before the line ahead of them was measured"),
     _one("chain", 0x034, "dropped_count", 16, "counter", "number of points that no receiver took"),
+    _one("chain", 0x035, "skipped_count", 16, "counter",
+         "number of lines that were not measured because a commit took effect between their "
+         "pulse and their end"),
     _one("free", 0x038, "free_begin", 24, "rw", "scan angle of entry 0 of the table",
-         lock="lock_calibration", signed=True, reset=-1003138, fraction=24, unit="turn"),
+         lock="lock_calibration", signed=True, reset=-1003138, fraction=24, unit="turn",
+         commit=True),
     _one("free", 0x039, "free_shift", 4, "rw",
          "spacing of the table's entries: 2**(shift + 10) steps of an angle",
-         lock="lock_calibration", reset=4),
+         lock="lock_calibration", reset=4, commit=True),
     _one("mirror", 0x040, "mirror_enable", 1, "rw", "1 starts the mirror, 0 stops it"),
     _one("mirror", 0x041, "line_enable", 1, "rw", "1 switches the lines on"),
     _one("mirror", 0x042, "sweep_word", 40, "rw", "drive frequency at which the sweep begins",
@@ -257,15 +268,16 @@ _REGISTERS = (
          unit="clk"),
     _one("motion", 0x080, "drive_phase", 28, "rw",
          "phase of the drive for which motion_a and motion_phi hold", lock="lock_calibration",
-         fraction=28, unit="turn"),
+         fraction=28, unit="turn", commit=True),
     _one("motion", 0x081, "motion_a", 24, "rw", "amplitudes a_k of the harmonics",
-         lock="lock_calibration", count=9, signed=True, fraction=22),
+         lock="lock_calibration", count=9, signed=True, fraction=22, commit=True),
     _one("motion", 0x08A, "motion_phi", 28, "rw", "phases phi_k of the harmonics",
-         lock="lock_calibration", count=9, fraction=28, unit="turn"),
+         lock="lock_calibration", count=9, fraction=28, unit="turn", commit=True),
     _one("motion", 0x093, "motion_da", 24, "rw", "change of a_k with the phase of the drive",
-         lock="lock_calibration", count=9, signed=True, fraction=22, unit="1/turn"),
+         lock="lock_calibration", count=9, signed=True, fraction=22, unit="1/turn", commit=True),
     _one("motion", 0x09C, "motion_dphi", 24, "rw", "change of phi_k with the phase of the drive",
-         lock="lock_calibration", count=9, signed=True, fraction=16, unit="turn/turn"),
+         lock="lock_calibration", count=9, signed=True, fraction=16, unit="turn/turn",
+         commit=True),
     _one("line", 0x0B0, "ratio", 44, "rw", "number of lines in a period of the mirror",
          fraction=32),
     _one("line", 0x0B2, "exposure_delay_clks", 20, "rw",
@@ -496,8 +508,17 @@ _REGISTERS = (
          "shortest time from an exposure's end to its readout", unit="clk"),
     _one("sensor", 0x1D7, "readout_max_clks", 24, "rw",
          "longest time from an exposure's end to its readout", reset=16777215, unit="clk"),
+    _one("commit", 0x1E0, "commit", 1, "strobe",
+         "a write of 1 lets all that was written take effect", lock="lock_calibration", low=1),
+    _one("commit_status", 0x1E1, "commit_waiting", 1, "ro",
+         "1 until it has; meanwhile writes of what waits for a commit, and any access to its "
+         "tables, are answered with BUSY"),
+    _one("commit_status", 0x1E2, "configuration", 1, "ro",
+         "changes with each commit: bit 4 of the bits of a full record whose line is measured "
+         "now"),
     _one("locks", 0x3F0, "lock_calibration", 1, "rw",
-         "1 keeps until reset: peak, geometry, free space, motion and the amplitude table", low=1),
+         "1 keeps until reset: peak, geometry, free space, motion, their tables, and the commit",
+         low=1),
     _one("locks", 0x3F1, "lock_mirror", 1, "rw",
          "1 keeps until reset: the limits of the mirror's drive and of its index", low=1),
     _one("locks", 0x3F2, "lock_laser", 1, "rw", "1 keeps until reset: the limits of the laser",
@@ -507,24 +528,24 @@ _REGISTERS = (
 _WINDOWS = (
     Window("table", 0x4000, 1024, 2, (
         _one("table", 0x000, "table_amplitude", 26, "rw", "amplitude", lock="lock_calibration",
-             fraction=28, unit="turn"),
+             fraction=28, unit="turn", commit=True),
         _one("table", 0x001, "table_midpoint", 28, "rw", "phase halfway between the crossings",
-             lock="lock_calibration", signed=True, fraction=28, unit="turn"),
-    ), "lock_calibration",
+             lock="lock_calibration", signed=True, fraction=28, unit="turn", commit=True),
+    ), "lock_calibration", True,
        "Amplitude table of the mirror: entry i belongs to crossings that are i / 2048 turns "
        "apart"),
     Window("focus_table", 0x5000, 64, 1, (
         _one("focus_table", 0x000, "focus_table_position", 16, "rw",
              "position that the lens should have"),
-    ), None,
+    ), None, False,
        "Table of the autofocus: entry i belongs to a distance of focus_z_begin + i "
        "2**(focus_z_shift + 10) steps"),
     Window("free_table", 0x6000, 256, 2, (
         _one("free_table", 0x000, "free_table_from", 16, "rw", "least z", lock="lock_calibration",
-             fraction=4, unit="mm"),
+             fraction=4, unit="mm", commit=True),
         _one("free_table", 0x001, "free_table_to", 16, "rw", "largest z", lock="lock_calibration",
-             fraction=4, unit="mm"),
-    ), "lock_calibration",
+             fraction=4, unit="mm", commit=True),
+    ), "lock_calibration", True,
        "Intervals of z in which a line without a peak is free, empty where from is not below to."
        " Entry i < 128: what the camera sees at the angle free_begin + i 2**(free_shift + 10) "
        "steps. Entry 128 + 8 e + k: where the darkest surface gives a peak, for 2**8 power / "

@@ -11,6 +11,7 @@ from vrscan.data.arrays import Ints
 from vrscan.registers.register_map import REGISTERS, WINDOWS, Register, Window
 
 _WORD = 32  # bits of what C++ takes a struct as
+BANK = ("write_bank", "bank", "changed")  # what leaves with a table whose entries wait
 
 Words = np.ndarray[tuple[int, ...], np.dtype[np.uint32]]
 
@@ -126,6 +127,7 @@ def of_registers(
             (f"{window.name}_write", 1, False, 1),
             (f"{window.name}_index", index, False, 1),
             *(one for field in window.fields for one in _of(field)),
+            *((f"{window.name}_{one}", 1, False, 1) for one in BANK if window.commit),
         ]
     return {name: _struct(f"{name}_t", found) for name, found in fields.items()}
 

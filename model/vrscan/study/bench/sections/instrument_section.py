@@ -187,7 +187,10 @@ def _windows(order: Order, budgets: dict[str, Figures]) -> Table[tuple[str, str]
 
     def column(heading: str, name: str, form: Any = number) -> Column[tuple[str, str]]:
         scale = 100.0 if "%" in str(form) else 1.0
-        value = lambda row: budgets[row[0]]["windows"][row[1]][name]  # noqa: E731
+
+        def value(row: tuple[str, str]) -> Any:
+            return budgets[row[0]]["windows"][row[1]][name]
+
         return Column(heading, value, form, name=name, scale=scale)
 
     columns: list[Column[tuple[str, str]]] = [
