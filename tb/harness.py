@@ -45,7 +45,7 @@ ANEW = "VRSCAN_ANEW"  # in the environment, every simulation runs
 STOOD: list[str] = []  # the simulations of this process that did not have to run again
 
 
-def in_volume(*values: int | str) -> ParameterSet:
+def in_volume(*values: object) -> ParameterSet:
     """Return parameters that only the long tests take, which make soak runs."""
     return pytest.param(*values, marks=pytest.mark.soak)
 

@@ -33,8 +33,8 @@
 //   trim_gain     word steps a level step, 16 fraction bits
 //   Latency  44 clocks from valid_i to all outputs, a valid_i meanwhile starts anew: at least 44
 //            clocks lie between two measurements, and a mirror's period is far more.  broken_i,
-//            acquired_i and state_i to the outputs: 1 clock.  The configuration must hold
-//            meanwhile.
+//            acquired_i and state_i to the outputs: 1 clock.  acquired_i without valid_i drops the
+//            measurement that is worked on.  The configuration must hold meanwhile.
 //   Model    vrscan.clocked.amplitude_control, bit-exact
 
 `default_nettype none
@@ -198,7 +198,7 @@ module amplitude_control (
       e_q     <= signed'({1'b0, mirror_i.amplitude_set}) - signed'({1'b0, measured_i});
       error_q <= error_i;
     end else if (age_q != '0) begin
-      age_q <= commit ? '0 : age_q + AgeWidth'(1);
+      age_q <= commit || acquired_i ? '0 : age_q + AgeWidth'(1);
     end
 
     e_size_q     <= AmplitudeWidth'(e_q[EWidth-1] ? '0 - e_q : e_q);

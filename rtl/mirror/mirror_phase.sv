@@ -13,9 +13,9 @@
 //
 //   valid_i      at least MinCrossing clocks after the one before; ignored while one is worked on
 //   broken_i     the outward before is forgotten, also in the clock of valid_i
-//   renew_i      with table_changed the table is another one, which acquired_o tells: a pair that is
-//                worked on is dropped, but in the clock before its valid_o; the outward before is
-//                forgotten, and the next pair is taken as the first one is
+//   renew_i      with table_changed the table is another one, which acquired_o tells without
+//                valid_o: the pair that is worked on is dropped, the outward before is forgotten,
+//                and the next pair is taken as the first one is
 //   table_i      two banks, of which table_bank is read; entry i is for a half distance of
 //                i / 2**(AmplitudeTableBits + 2) turns; beyond the last one, which is held, and from
 //                a quarter turn on out_of_table_o tells
@@ -320,7 +320,8 @@ module mirror_phase (
       pending_q  <= 1'b0;
       anew_q     <= 1'b1;
       acquired_o <= 1'b1;
-      if (step_q != APPLY) begin  // what has moved the phase comes out
+      valid_o    <= 1'b0;
+      if (step_q != APPLY) begin  // the phase has not moved yet
         step_q    <= IDLE;
         start_q   <= 1'b0;
         advance_q <= TurnWidth'(tracking_o ? increment_o : word_i);

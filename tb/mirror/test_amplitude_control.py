@@ -221,6 +221,24 @@ def random_error(draw: np.random.Generator, settings: Settings) -> tuple[int, in
 
 
 @cocotb.test()
+async def another_table_drops_the_measurement_at_work(dut) -> None:
+    """Whatever clock of it ``acquired`` comes in alone, it does not settle what comes after."""
+    bench = await begin(dut)
+    for at in range(1, LATENCY + 2):
+        await bench.start(dataclasses.replace(CALM, settle_count=1), state=RUN)
+        await bench.measure(0)
+        assert bench.twin.settled
+        before = bench.twin.error_amplitude
+        await bench.measure(1, clocks=at)
+        await bench.clocks(1, acquired=True)
+        await bench.clocks(LATENCY + 2)
+        assert bench.twin.unsettled and not bench.twin.settled
+        assert (bench.twin.error_amplitude == before) == (at < LATENCY)
+        await bench.measure(2)
+        assert bench.twin.settled and not bench.twin.unsettled
+
+
+@cocotb.test()
 async def random_measurements_at_small_limits(dut) -> None:
     """A few steps of everything, so that every comparison is met at equality."""
     draw = generator(1)

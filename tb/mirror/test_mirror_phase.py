@@ -472,7 +472,7 @@ async def another_table_at_every_moment(dut) -> None:
         bank = 1 - bank
         bench.twin.table_amplitude, bench.twin.table_midpoint = map(list, banks[bank])
         came = len(bench.measured)
-        assert came == 1 + (at >= width + LATENCY - 1)
+        assert came == 1 + (at >= width + LATENCY)
         await bench.steps(int(draw.integers(1, 12)), table_changed=0, table_bank=bank)
         await bench.step(valid=1, outward=0, age=1)  # no outward waits
         await bench.steps(LATENCY + 2)

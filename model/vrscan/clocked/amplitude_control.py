@@ -70,6 +70,8 @@ class AmplitudeControl:
         elif self._age == _COMMIT:
             self._age = 0
             self._measure()
+        elif acquired:
+            self._age = 0
         elif self._age:
             self._age += 1
 

@@ -165,7 +165,7 @@ class MirrorPhase:
             self._first = None
         if renew:
             self._pair, self._anew, self._free = None, True, clock + 1
-            self.acquired = True
+            self.valid, self.acquired = False, True
         if not valid or clock < self._free:
             return
         position = (phase - _rounded(increment * age, pkg.SUB_WIDTH)) & _TURN_MASK
