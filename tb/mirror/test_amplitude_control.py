@@ -233,7 +233,8 @@ async def another_table_drops_the_measurement_at_work(dut) -> None:
         await bench.clocks(1, acquired=True)
         await bench.clocks(LATENCY + 2)
         assert bench.twin.unsettled and not bench.twin.settled
-        assert (bench.twin.error_amplitude == before) == (at < LATENCY)
+        # What ends in the clock of `acquired` itself still reports its error.
+        assert (bench.twin.error_amplitude == before) == (at < LATENCY - 1)
         await bench.measure(2)
         assert bench.twin.settled and not bench.twin.unsettled
 
