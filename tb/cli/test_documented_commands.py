@@ -8,7 +8,7 @@ from documented import ROOT, commands
 from vrscan.cli.app import app
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-WRITTEN = ("--out", "--csv", "--port-file")
+WRITTEN = ("--out", "--csv", "--picture", "--port-file")
 
 
 FOUND = [(page.name, words) for page in PAGES for words in commands(page)]

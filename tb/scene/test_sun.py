@@ -277,3 +277,45 @@ def test_lamp_flickers_at_twice_the_mains() -> None:
     spectrum = np.abs(np.fft.rfft(level - 1.0))
     assert np.argmax(spectrum) == round(100.0 * 0.1)
     assert Lamp(kind="fluorescent").depth > Lamp(kind="halogen").depth > 0.0
+
+
+SITE = Sun(linke_turbidity=5.0, albedo=0.3)
+
+
+@pytest.mark.parametrize("skyline", [0.5, 20.0, 60.0])
+def test_skyline_hides_what_its_view_factor_says(skyline: float) -> None:
+    """Black buildings: an upright wall loses (h + sin h cos h) / pi, a level one sin2 h."""
+    h = math.radians(skyline)
+    normal = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    built = SITE.model_copy(update={"skyline_deg": skyline, "facade_reflectance": 0.0})
+    low = SITE.model_copy(update={"skyline_deg": 1e-9})  # hides the band at the horizon only
+    even = low.parts(normal, band_nm=ALL_NM).sky - built.parts(normal, band_nm=ALL_NM).sky
+    upright = (h + math.sin(h) * math.cos(h)) / math.pi
+    assert even[0] / even[2] == pytest.approx(upright / math.sin(h) ** 2, rel=3e-3)
+    # The roof's share of the even sky, from the difference of two wholes of pvlib's model.
+    whole = SITE.parts(normal[2:], band_nm=ALL_NM, shaded=True).sky[0]
+    assert even[2] / whole == pytest.approx(math.sin(h) ** 2, rel=3e-3)
+    assert not built.parts(normal, band_nm=ALL_NM).facades.any()
+
+
+def test_facades_are_lit_by_the_sun_from_their_side() -> None:
+    """Quadrature over bearing and height of the light of each facade, for tilted surfaces."""
+    built = SITE.model_copy(update={"skyline_deg": 35.0, "facade_reflectance": 0.5})
+    normal = unit(6)
+    bearing, height = np.meshgrid(
+        np.radians(np.arange(0.25, 360.0, 0.5)), np.radians(np.arange(0.05, 35.0, 0.1)),
+        indexing="ij",
+    )  # fmt: skip
+    way = np.stack(
+        [np.sin(bearing) * np.cos(height), np.sin(height), np.cos(bearing) * np.cos(height)], -1
+    )
+    patch = np.radians(0.5) * np.radians(0.1) * np.cos(height)
+    facing = -np.stack([np.sin(bearing[:, 0]), 0 * bearing[:, 0], np.cos(bearing[:, 0])], -1)
+    radiance = 0.5 * SITE.in_band_irradiance(facing, band_nm=ALL_NM) / math.pi
+    want = [
+        float((radiance[:, None] * patch * np.clip(way @ each, 0.0, None)).sum()) for each in normal
+    ]
+    got = built.parts(normal, band_nm=ALL_NM).facades
+    print(f"\nfacades {got} / {want} W/m2")
+    np.testing.assert_allclose(got, want, rtol=5e-3)
+    assert radiance.max() > 2.0 * radiance.min()  # sun side and shade side

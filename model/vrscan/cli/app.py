@@ -246,6 +246,34 @@ def budget(
         console.print(line, highlight=False)
 
 
+@app.command()
+def detectability(
+    site: Annotated[
+        Path | None,
+        typer.Argument(metavar="[SITE.toml]", help="File with the site; default: the paper's."),
+    ] = None,
+    csv: Annotated[Path | None, typer.Option(help="File for the figures.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="File for the picture of light and brightness, .png.")
+    ] = None,
+) -> None:
+    """Show whether a laser stands out against the sun on a wall, at a place and time."""
+    from vrscan.scene import site as sites
+    from vrscan.study.report import detectability_report as report
+
+    if picture is not None:
+        _suffix(picture, (".png",))
+    with contextlib.ExitStack() as stack:
+        table = None if csv is None else stack.enter_context(atomic_file(csv))
+        drawn = None if picture is None else stack.enter_context(atomic_file(picture))
+        found = report.outlooks(sites.load(site))
+        if table is not None:
+            table.write(report.csv_file(found))
+        if drawn is not None:
+            report.picture(found, drawn)
+    _console().print(report.report(found), highlight=False)
+
+
 @bench.command("light")
 def bench_light(
     scenes: Annotated[

@@ -7,7 +7,7 @@ of ``Peak`` has its figures.
 import math
 import tomllib
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import (
     BaseModel,
@@ -29,6 +29,7 @@ BLANKING_CLKS = 16  # between an exposure's end and its readout
 _MAX_WINDOW = (1 << pkg.WINDOW_WIDTH) - 1  # px
 
 Positive = Annotated[float, Field(gt=0)]
+File = TypeVar("File", bound=BaseModel)
 
 
 def _number(value: object) -> object:
@@ -477,19 +478,39 @@ def load(path: Path | None) -> Config:
     """
     if path is None:
         return Config()
-    try:
-        with path.open("rb") as file:
-            values = tomllib.load(file)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not a TOML file ({error})") from error
-    try:
-        config = Config.model_validate(values)
-    except ValidationError as error:
-        raise InputError(f"{path}: {complaint(error)}") from error
+    config = checked(Config, read_toml(path, str(path)), str(path))
     config._source = str(path)
     return config
+
+
+def read_toml(path: Path, source: str) -> dict[str, object]:
+    """Return the tables of a TOML file.
+
+    Args:
+        path: The file.
+        source: Its name in messages.
+
+    Raises:
+        InputError: naming source, if the file cannot be read or is not TOML.
+    """
+    try:
+        return tomllib.loads(path.read_bytes().decode())
+    except OSError as error:
+        raise InputError(f"{source}: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{source}: not a TOML file ({error})") from error
+
+
+def checked(kind: type[File], values: dict[str, object], source: str) -> File:
+    """Return the contents of a file as an object of a kind.
+
+    Raises:
+        InputError: naming source, key and value of the first fault.
+    """
+    try:
+        return kind.model_validate(values)
+    except ValidationError as error:
+        raise InputError(f"{source}: {complaint(error)}") from error
 
 
 def complaint(error: ValidationError) -> str:

@@ -4,14 +4,13 @@ A scene is TOML; every table has defaults, so the shortest scene is one ``[[targ
 instrument knows about itself (geometry, timing, thresholds) is not here but in its configuration.
 """
 
-import tomllib
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, PrivateAttr, ValidationError, field_validator, model_validator
+from pydantic import Field, PrivateAttr, field_validator, model_validator
 
-from vrscan.data.config import Positive, Section, complaint
+from vrscan.data.config import Positive, Section, checked, read_toml
 from vrscan.data.errors import InputError
 from vrscan.scene.beam import Laser
 from vrscan.scene.sensor import SensorModel
@@ -123,14 +122,7 @@ def load(name: str) -> Description:
             )
         with resources.as_file(resources.files("vrscan.scene") / "scenes") as folder:
             path = folder / f"{name}.toml"
-    try:
-        text = path.read_bytes().decode()
-        values = tomllib.loads(text)
-    except OSError as error:
-        raise InputError(f"{name}: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{name}: not a TOML file ({error})") from error
-    return parse(values, name, path.parent)
+    return parse(read_toml(path, name), name, path.parent)
 
 
 def parse(values: dict[str, object], source: str, folder: Path) -> Description:
@@ -144,10 +136,7 @@ def parse(values: dict[str, object], source: str, folder: Path) -> Description:
     Raises:
         InputError: naming source, key and value.
     """
-    try:
-        description = Description.model_validate(values)
-    except ValidationError as error:
-        raise InputError(f"{source}: {complaint(error)}") from error
+    description = checked(Description, values, source)
     description._folder = folder
     description._source = source
     return description

@@ -1,9 +1,9 @@
 """Whether the laser stands out against the sun: brightness ratio B and the least power.
 
 The model is that of Liu et al., "Detectability of active triangulation range finder" (OSA),
-equations (1) to (4) and (6), for their line striper and for a spot. (6) is printed with the
-filter's transmittance in its band where (4) has that at the laser's line; the form here follows
-from (4), so that B at the least power is the required one exactly.
+equations (1) to (4) and (6), for their line striper and for a spot; ``site`` has their case. (6) is
+printed with the filter's transmittance in its band where (4) has that at the laser's line; the form
+here follows from (4), so that B at the least power is the required one exactly.
 
 The model leaves out speckle and sensor noise (but see ``required_ratio``), the beam's profile (the
 light is even over its cross section; a Gaussian spot of the same 1/e^2 width is twice as bright in
@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vrscan.data.arrays import Floats
-from vrscan.scene.sun import band_share, collection
+from vrscan.scene.sun import collection
 
 
 @dataclass(frozen=True)
@@ -73,18 +73,6 @@ class View:
             self.f_number, self.background_off_axis_rad
         )
         return float(laser / other)
-
-
-# The paper's striper and filter. Its band of 20 nm at 780 nm holds 2.32 % of the ASTM G173 global
-# spectrum, not the 3.52 % that it states.
-PAPER_BEAM = Beam(power_w=0.08, diameter_mm=6.8, divergence_rad=2e-3, fan_rad=1.57)
-PAPER_FILTER = Filter(laser=0.585, band=0.395, ratio=0.0352)
-PAPER_BAND_NM = (770.0, 790.0)
-
-
-def paper_filter_g173() -> Filter:
-    """Return the paper's filter with the ratio from the reference spectrum."""
-    return replace(PAPER_FILTER, ratio=band_share(*PAPER_BAND_NM))
 
 
 def laser_irradiance(beam: Beam, range_mm: Floats | float, cos_in: Floats | float = 1.0) -> Floats:
@@ -201,19 +189,3 @@ def required_ratio(snr: float, background_electrons: float, dark_rms_electrons: 
     dark = background_electrons + dark_rms_electrons**2
     signal = 0.5 * (snr**2 + snr * math.sqrt(snr**2 + 4.0 * dark))
     return 1.0 + signal / background_electrons
-
-
-def compare(range_mm: Floats, sun_w_m2: float) -> Floats:
-    """Return B of the paper's striper with the printed ratio and with that of ASTM G173.
-
-    Args:
-        range_mm: Distances [n].
-        sun_w_m2: Irradiance of the sun on the surface, over its full spectrum.
-
-    Returns:
-        [n, 3]: range in mm, B as printed, B with G173. The printed ratio overstates the sun's light
-            in the band, so B - 1 is too small by the ratio of the two, 1.52.
-    """
-    printed = brightness_ratio(PAPER_BEAM, range_mm, sun_w_m2, PAPER_FILTER)
-    spectrum = brightness_ratio(PAPER_BEAM, range_mm, sun_w_m2, paper_filter_g173())
-    return np.stack([np.asarray(range_mm, dtype=np.float64), printed, spectrum], axis=-1)

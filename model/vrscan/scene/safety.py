@@ -48,6 +48,26 @@ def correction(wavelength_nm: float) -> float:
     return 1.0 if _visible(wavelength_nm) else math.pow(10.0, 0.002 * (wavelength_nm - 700.0))
 
 
+def ansi_exposure_j_cm2(wavelength_nm: float, time_s: float) -> float:
+    """Return the exposure that ANSI Z136.1 allows the cornea, 1.8 C_A t^0.75 mJ/cm^2.
+
+    It is detectability's MPE, for an eye that looks into the beam: ``emission_limit_j`` of class 1
+    is that over the pupil's 0.385 cm^2, to 1 %.
+
+    Args:
+        wavelength_nm: Wavelength, 700 to 1050.
+        time_s: Duration of the exposure, 18e-6 to 10.
+
+    Raises:
+        InputError: outside these wavelengths or times.
+    """
+    if not 700.0 <= wavelength_nm <= 1050.0:
+        raise InputError(f"wavelength_nm = {wavelength_nm:g}: (5) is for 700 to 1050 nm")
+    if not 18e-6 <= time_s <= 10.0:
+        raise InputError(f"time_s = {time_s:g}: (5) is for 18e-6 to 10 s")
+    return 1.8e-3 * correction(wavelength_nm) * math.pow(time_s, 0.75)
+
+
 def emission_limit_j(laser_class: LaserClass, wavelength_nm: float, time_s: float) -> float:
     """Return the energy that a class allows into the pupil in one exposure, J.
 

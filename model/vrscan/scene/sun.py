@@ -11,7 +11,14 @@ from functools import lru_cache
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AwareDatetime, Field, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    AwareDatetime,
+    BeforeValidator,
+    Field,
+    field_validator,
+    model_validator,
+)
 
 from vrscan.data.arrays import Bools, Floats
 from vrscan.data.config import Positive, Section
@@ -25,6 +32,25 @@ Column = Literal["global", "direct", "extraterrestrial"]
 Irradiance = Annotated[float, Field(ge=0, le=2000)]
 
 
+def _from_text(value: object) -> object:
+    """Accept ISO 8601 text as well as TOML's own date and time."""
+    if isinstance(value, str):
+        try:
+            return datetime.fromisoformat(value)
+        except ValueError as error:
+            raise ValueError("is not an ISO 8601 date and time") from error
+    return value
+
+
+def _known_years(value: datetime) -> datetime:
+    if not 1900 <= value.year <= 2100:
+        raise ValueError("must be of the years 1900 to 2100")
+    return value
+
+
+Time = Annotated[AwareDatetime, BeforeValidator(_from_text), AfterValidator(_known_years)]
+
+
 class Sun(Section):
     """Sun and sky over the scene, ``[sun]``.
 
@@ -36,14 +62,21 @@ class Sun(Section):
     tropical, 7 polluted) or "given" by two or three of ``ghi_w_m2`` (all, on the level),
     ``dni_w_m2`` (direct, facing the sun) and ``dhi_w_m2`` (diffuse, on the level).
 
+    Reflectances are those in the filter's band, which may be far from the albedo of all sunlight:
+    a leaf reflects some 0.05 at 660 nm and 0.4 to 0.5 from 720 to 1300 nm (Bowker et al., NASA
+    RP-1139, 1985), concrete some 0.3 at either. Buildings as high as ``skyline_deg`` stand all
+    around; 0 is open land.
+
     The defaults are the place and time of the detectability paper's first measurement.
     """
 
     latitude_deg: float = Field(default=1.30, ge=-90, le=90)
     longitude_deg: float = Field(default=103.77, ge=-180, le=180)
     altitude_m: float = Field(default=20.0, ge=-450, le=9000)
-    time: AwareDatetime = datetime.fromisoformat("2015-06-24T12:30:00+08:00")
-    albedo: float = Field(default=0.2, ge=0, le=1)  # albedo of the ground
+    time: Time = datetime.fromisoformat("2015-06-24T12:30:00+08:00")
+    albedo: float = Field(default=0.2, ge=0, le=1)  # reflectance of the ground
+    skyline_deg: float = Field(default=0.0, ge=0, le=80)
+    facade_reflectance: float = Field(default=0.35, ge=0, le=1)
     heading_deg: float = Field(default=0.0, ge=-360, le=360)
     pitch_deg: float = Field(default=0.0, ge=-90, le=90)
     roll_deg: float = Field(default=0.0, ge=-360, le=360)
@@ -52,24 +85,6 @@ class Sun(Section):
     ghi_w_m2: Irradiance | None = None
     dni_w_m2: Irradiance | None = None
     dhi_w_m2: Irradiance | None = None
-
-    @field_validator("time", mode="before")
-    @classmethod
-    def _from_text(cls, value: object) -> object:
-        """Accept ISO 8601 text as well as TOML's own date and time."""
-        if isinstance(value, str):
-            try:
-                return datetime.fromisoformat(value)
-            except ValueError as error:
-                raise ValueError("is not an ISO 8601 date and time") from error
-        return value
-
-    @field_validator("time")
-    @classmethod
-    def _known_years(cls, value: datetime) -> datetime:
-        if not 1900 <= value.year <= 2100:
-            raise ValueError("must be of the years 1900 to 2100")
-        return value
 
     @model_validator(mode="after")
     def _sky_is_complete(self) -> "Sun":
@@ -96,17 +111,33 @@ class Sun(Section):
         shaded: Bools | bool = False,
         band_nm: tuple[float, float] = FILTER_NM,
     ) -> tuple[Floats, Floats]:
-        """Return the direct and the other irradiance in a band, W/m^2, [n] each.
+        """Return the direct and the other irradiance in a band, W/m^2, [n] each; see ``parts``."""
+        found = self.parts(normal, shaded=shaded, band_nm=band_nm)
+        return found.direct, found.sky + found.ground + found.facades
 
-        Direct is what comes from the sun's disc. The other part is the sky by Perez's model for
-        tilted surfaces (1990; an even sky, a bright patch around the sun and a band at the
-        horizon) and the ground's. In band, the direct part has the share of ASTM G173's direct
-        spectrum, the other that of its global one.
+    def parts(
+        self,
+        normal: Floats,
+        *,
+        shaded: Bools | bool = False,
+        band_nm: tuple[float, float] = FILTER_NM,
+    ) -> "Parts":
+        """Return the irradiance in a band by where it comes from.
 
-        Leaves out what stands around the scene (it neither hides sky nor throws light on the
-        target, but for ``shaded``), a change of the spectrum with the sun's height and the
-        weather (a clear sky alone is some 4 % poorer between 645 and 665 nm than the global
-        spectrum), and clouds of any shape.
+        Direct is what comes from the sun's disc; the sky is that of Perez's model for tilted
+        surfaces (1990): an even sky, a bright patch around the sun and a band at the horizon. The
+        ground is matt and lit by sun and sky. In band, the direct part has the share of ASTM G173's
+        direct spectrum, the others that of its global one.
+
+        Buildings hide the even sky below the skyline, and the band at the horizon. Their facades
+        are upright, matt, face the scene, and are lit by the sun from their side of it, by an open
+        sky and by the ground. So where the sun is in front of a surface, the facades that it sees
+        are mostly in their own shade, and give less than the sky that they hide.
+
+        Leaves out shadows on the ground, light that goes from building to building, a change of the
+        spectrum with the sun's height and the weather (a clear sky alone is some 4 % poorer between
+        645 and 665 nm than the global spectrum, and 18 % between 770 and 790 nm), and clouds of any
+        shape.
 
         Args:
             normal: Unit normals [n, 3], scanner's frame.
@@ -121,15 +152,37 @@ class Sun(Section):
         lit = ~np.broadcast_to(np.asarray(shaded, dtype=np.bool_), len(normal))
         rise = np.clip(normal @ np.array(sky.up), -1.0, 1.0)  # cosine of the tilt
         facing = np.clip(normal @ np.array(sky.towards), 0.0, None)
-        diffuse = (
-            0.5 * sky.even_w_m2 * (1.0 + rise)
-            + sky.patch_w_m2 * facing * lit
-            + sky.horizon_w_m2 * np.sqrt(1.0 - rise**2)
+        share = band_share(*band_nm, "global")
+        diffuse = 0.5 * sky.even_w_m2 * (1.0 + rise) + sky.patch_w_m2 * facing * lit
+        facades = np.zeros(len(normal))
+        if self.skyline_deg > 0.0:
+            hidden, facades = self._skyline(normal, band_nm)
+            diffuse = diffuse - sky.even_w_m2 * hidden
+        else:
+            diffuse = diffuse + sky.horizon_w_m2 * np.sqrt(1.0 - rise**2)
+        return Parts(
+            direct=sky.dni_w_m2 * facing * lit * band_share(*band_nm, "direct"),
+            sky=np.clip(diffuse, 0.0, None) * share,
+            ground=0.5 * self.albedo * sky.ghi_w_m2 * (1.0 - rise) * share,
+            facades=facades,
         )
-        ground = 0.5 * self.albedo * sky.ghi_w_m2 * (1.0 - rise)
-        direct = sky.dni_w_m2 * facing * lit * band_share(*band_nm, "direct")
-        other = (np.clip(diffuse, 0.0, None) + ground) * band_share(*band_nm, "global")
-        return direct, other
+
+    def _skyline(self, normal: Floats, band_nm: tuple[float, float]) -> tuple[Floats, Floats]:
+        """Return the view factor of the buildings, and their in-band light, W/m^2, [n] each."""
+        up = np.array(_sky(self).up)
+        # Two level directions, then the middles of equal solid angles below the skyline.
+        first = np.eye(3)[np.argmin(np.abs(up))]
+        first = np.cross(up, first) / np.linalg.norm(np.cross(up, first))
+        bearing = 2.0 * math.pi * (np.arange(_BEARINGS) + 0.5) / _BEARINGS
+        level = np.outer(np.cos(bearing), first) + np.outer(np.sin(bearing), np.cross(up, first))
+        top = math.sin(math.radians(self.skyline_deg))
+        height = top * (np.arange(_HEIGHTS) + 0.5) / _HEIGHTS
+        towards = np.sqrt(1.0 - height**2)[:, None, None] * level + height[:, None, None] * up
+        solid = 2.0 * math.pi * top / (_BEARINGS * _HEIGHTS)
+        seen = np.clip(towards @ normal.T, 0.0, None).sum(axis=0) * solid / math.pi  # [bearing, n]
+        open_land = self.model_copy(update={"skyline_deg": 0.0})
+        lit = open_land.in_band_irradiance(-level, band_nm=band_nm)
+        return seen.sum(axis=0), self.facade_reflectance * (lit @ seen)
 
     def in_band_irradiance(
         self,
@@ -141,6 +194,19 @@ class Sun(Section):
         """Return the irradiance in a band, W/m^2 [n]: the sum of ``split``."""
         direct, other = self.split(normal, shaded=shaded, band_nm=band_nm)
         return direct + other
+
+
+_BEARINGS, _HEIGHTS = 72, 8  # directions in which a skyline is looked at
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Irradiance in a band on surfaces, W/m^2, [n] each."""
+
+    direct: Floats
+    sky: Floats
+    ground: Floats
+    facades: Floats
 
 
 @dataclass(frozen=True)
