@@ -176,9 +176,15 @@ def test_a_budget_tells_what_each_effect_does(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    table = tmp_path / "budget.csv"
-    assert command(monkeypatch, "budget", scene, "--lines", "512", "--csv", str(table)) == 0
+    table, link = tmp_path / "budget.csv", tmp_path / "link.csv"
+    files = ["--csv", str(table), "--link-csv", str(link)]
+    assert command(monkeypatch, "budget", scene, "--lines", "512", *files) == 0
     printed = capsys.readouterr().out
+    assert "bound with speckle" in printed
+    with link.open() as file:
+        for row in csv.DictReader(file):
+            assert float(row["bound_px"]) < float(row["speckled_px"])
+            assert float(row["least_reflectance"]) > 0.0
     assert "speckle" in printed
     assert "Laser safety" in printed
     with table.open() as file:

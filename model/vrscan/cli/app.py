@@ -225,21 +225,31 @@ def budget(
     fidelity: FidelityOption = None,
     tolerance: ToleranceOption = None,
     csv: Annotated[
-        Path | None, typer.Option(help="File to which the table is written too.")
+        Path | None, typer.Option(help="File to which the table of effects is written too.")
+    ] = None,
+    link: Annotated[
+        Path | None, typer.Option("--link-csv", help="File for the link budget.")
     ] = None,
     config: ConfigOption = None,
 ) -> None:
-    """Show what each effect of a scene would do to its points, and which are simulated."""
+    """Show a scene's link budget, what each effect does to its points, and which are simulated."""
     from vrscan.study.report import budget as report
+    from vrscan.study.report import link_budget
 
     _check_count(count, 1)
     settings = _settings(config)
     with contextlib.ExitStack() as stack:
         file = None if csv is None else stack.enter_context(atomic_file(csv))
+        link_file = None if link is None else stack.enter_context(atomic_file(link))
         light, chosen = _planned(scene, count, fidelity, tolerance, settings, each=True)
+        links = link_budget.link_budget(light, count)
         if file is not None:
             file.write(report.budget_csv(chosen))
+        if link_file is not None:
+            link_file.write(link_budget.link_csv(links))
     console = _console()
+    console.print(link_budget.link_table(links, light))
+    console.print()
     console.print(report.budget_table(chosen, light.scene))
     notes = report.light_lines(light, chosen) + report.stray_lines(light, chosen)
     for line in notes + report.safety_lines(light.scene, settings):
