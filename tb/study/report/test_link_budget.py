@@ -40,6 +40,7 @@ class Case:
     reflectance: float = 0.3
     aperture_mm: float = math.inf
     lux: float = 0.0
+    sweep: str = "even"
 
 
 CASES = {
@@ -48,7 +49,8 @@ CASES = {
     "far": Case(900.0, 30.0),
     "stop": Case(600.0, 20.0, aperture_mm=1.0),
     "dim": Case(800.0, 16.0),
-    "lamp": Case(500.0, 8.0, lux=60_000.0),
+    "lamp": Case(500.0, 8.0, lux=150_000.0),
+    "moving": Case(400.0, 8.0, sweep="mirror"),
 }
 
 
@@ -57,7 +59,7 @@ def lit(case: Case, **changes: Any) -> Light:
     laser = {"aperture_mm": case.aperture_mm, "power_mw": case.power_mw}
     values: dict[str, Any] = {
         "target": [plate],
-        "scan": {"sweep": "even", "half_angle_deg": 1.0},
+        "scan": {"sweep": case.sweep, "half_angle_deg": 1.0},
         "laser": laser,
         "material": {"m": {"reflectance": case.reflectance}},
     }
@@ -137,9 +139,11 @@ def test_light_and_width_are_those_of_the_line(name: str) -> None:
     total = float(row.sum())
     mean = float((row * pixel).sum()) / total
     width = math.sqrt(float((row * np.square(pixel - mean)).sum()) / total)
-    close("electrons on the row", link.signal_e, total, 0.01)
+    # The scattered light is lost to the spot; no halo is rendered here that takes it away.
+    close("electrons on the row", link.signal_e, total * (1.0 - light.halo.total), 2e-4)
     # Diffraction's tails have no second moment: a window ends them.
-    close("width, px", link.sigma_px, width, 0.15)
+    tails = link.widths_px["defocus"] < 5.0
+    close("width, px", link.sigma_px, width, 0.15 if tails else 0.025)
     close("brightest pixel, electrons", link.peak_e, float(row.max()), 0.03)
     assert math.hypot(*link.widths_px.values()) == pytest.approx(link.sigma_px)
 
@@ -151,7 +155,7 @@ def test_signal_to_noise_is_that_of_the_brightest_pixel(name: str) -> None:
     pixel = int(lines.mean(axis=0).argmax())
     beside = np.median(lines, axis=1).mean()
     measured = (lines[:, pixel].mean() - beside) / lines[:, pixel].std()
-    close("S/N of the brightest pixel", link.snr, float(measured), 0.05)
+    close("S/N of the brightest pixel", link.snr, float(measured), 0.08)
     dark = float(lines[:, pixel + 80 : pixel + 280].std(axis=0).mean()) / CONFIG.peak.kappa
     close("noise beside the spot, e", math.hypot(link.dark_rms_e, math.sqrt(link.background_e)),
           dark, 0.03)  # fmt: skip
@@ -165,12 +169,12 @@ def test_scatter_is_as_predicted_without_speckle(name: str) -> None:
     _, link = judged(name)
     found = points(still(name), "threshold")
     assert found.measured.all()
-    close("sigma, one window, px", link.phase_px, float(found.position_px.std()), 0.10)
+    close("sigma, one window, px", link.phase_px, float(found.position_px.std()), 0.13)
     fitted = float(points(still(name), "fit").position_px.std())
     ratio = fitted / link.bound_px
     print(f"fit {fitted:.4f} px is {ratio:.3f} of the bound of light")
     flat = link.widths_px["defocus"] > 2.0 * link.widths_px["beam"]
-    assert 0.97 < ratio < (2.6 if flat else 1.2)
+    assert 0.92 < ratio < (2.6 if flat else 1.2)
 
 
 @pytest.mark.parametrize(("name", "most"), [("near", 1.2), ("focus", 1.2), ("far", 3.5)])
@@ -182,7 +186,7 @@ def test_speckled_lines_scatter_no_less_than_the_bound(name: str, most: float) -
     error = (found.position_px - frame.truth.position_px)[found.measured]
     measured = float(error.std())
     print(f"{name}: bound with speckle {link.speckled_px:.4f}, measured {measured:.4f} px")
-    assert 0.97 * link.speckled_px < measured < most * link.speckled_px
+    assert 0.92 * link.speckled_px < measured < most * link.speckled_px
     assert measured > 1.5 * link.bound_px
 
 
@@ -202,7 +206,13 @@ def test_least_reflectance_is_where_points_begin(name: str) -> None:
 def test_saturated_spot_is_marked_and_no_light_has_no_sigma() -> None:
     bright = lit(Case(420.0, 50.0, reflectance=0.95))
     links = link_budget(bright, COUNT)
-    assert all(link is not None and link.full_scale > 1.0 for link in links)
+    dim = link_budget(lit(Case(420.0, 15.0)), COUNT)
+    for link, whole in zip(links, dim, strict=True):
+        assert link is not None and whole is not None
+        assert link.full_scale > 1.0 > whole.full_scale
+        # Ten times the light, but the pixels of the spot's middle tell nothing.
+        assert link.bound_px > 1.5 * whole.bound_px * math.sqrt(whole.signal_e / link.signal_e)
+        assert math.isnan(link.phase_px)
     assert shown(links, bright).count("saturated") >= 3
     dark = link_budget(lit(Case(420.0, 0.0)), COUNT)[0]
     assert dark is not None
