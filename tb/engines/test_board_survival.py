@@ -280,15 +280,9 @@ def test_random_bytes(tried: Board, count: int, aftermath: Callable[[Device], No
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize(
-    ("name", "baud", "line_rate"),
-    [("slow_board", 500_000, 9000), ("board", 115_200, LINE_RATE)],
-)
-def test_points_that_a_slow_line_has_no_room_for(
-    name: str, baud: int, line_rate: int, request: pytest.FixtureRequest
-) -> None:
-    board: Board = request.getfixturevalue(name)
-    with connected(board) as device, selftest.arranged(device):
+def test_points_that_a_slow_line_has_no_room_for(slow_board: Board) -> None:
+    baud, line_rate = 500_000, 9000
+    with connected(slow_board) as device, selftest.arranged(device):
         clock = device.build.clock_hz
         endless(device, clock // line_rate)
         before = device.read("points_dropped")
@@ -319,7 +313,7 @@ def test_points_that_a_slow_line_has_no_room_for(
         rate = (account.records - first.records) * clock / (end - start)
         show(baud, rate, line_rate)
         assert rate > 0.85 * baud * BATCH / (10 * PACKET_BYTES)
-    with connected(board) as device:
+    with connected(slow_board) as device:
         passes(device)
 
 
