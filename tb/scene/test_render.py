@@ -658,7 +658,7 @@ def test_a_row_beside_the_spot_sees_the_same_halo_and_ghosts() -> None:
     def extra(offset: float, name: str) -> float:
         scene = _scene(
             _plane(420.0),
-            stray=_bare_stack() if name == "ghosts" else {"polish": {"roughness_nm": 50}},
+            stray=_bare_stack() if name == "ghosts" else {"polish": {"roughness_nm": 30}},
             lens={"focus_mm": 420.0, "row_offset_px": offset},
             sensor={"full_well_e": 1e12, "offset_counts": 0, "gain": 2.0},
             laser={"aperture_mm": math.inf, "power_mw": 50},
@@ -675,7 +675,8 @@ def test_a_row_beside_the_spot_sees_the_same_halo_and_ghosts() -> None:
 
 def test_the_halo_takes_from_the_spot_what_it_scatters() -> None:
     angle = np.array([_angle_at(1023.0, 420.0)])
-    scene = _scene(_plane(420.0), stray={"polish": {"roughness_nm": 15.0}})
+    stray = {"enabled": ["window", "filter", "cover", "halo"], "polish": {"roughness_nm": 15.0}}
+    scene = _scene(_plane(420.0), stray=stray)
     light = _fine(Light(scene, CONFIG), angle)
     plain, got = (_electrons(light, more, angle)[0] for more in (set(), {"halo"}))
     left = 1.0 - light.halo.total
@@ -895,7 +896,9 @@ def test_no_scene_breaks_it(name: str) -> None:
             seen = np.isfinite(frame.truth.position_px)
             assert (frame.truth.surface[seen] >= 0).all()
     if name in ("no power", "black", "blind", "behind the camera", "not hit"):
-        dark = _frame(light, everything - {"sun", "lamps", "dark", "shot", "read", "dsnu"}, angle)
+        dark = _frame(
+            light, everything - {"sun", "lamps", "veil", "dark", "shot", "read", "dsnu"}, angle
+        )
         assert dark.lines.max() == dark.lines.min() == 60
 
 

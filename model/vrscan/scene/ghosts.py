@@ -123,7 +123,7 @@ class Stack:
             for double, part in self._doubles.items():
                 if power * part >= self.least_power and (not way or double[1] > way[-1][0]):
                     found.append((*way, double))
-                    if 0.0 < self.least_power:  # else there is no end to them
+                    if self.least_power > 0.0:  # else there is no end to them
                         follow((*way, double), power * part)
 
         follow((), 1.0)

@@ -102,7 +102,9 @@ class Spotter:
         if "dust" in active:
             pupil *= 1.0 - light.obscured
         if "halo" in active:
-            pupil *= 1.0 - light.halo.total
+            pupil *= 1.0 - light.scatter.total
+        if "skirt" in active:
+            pupil *= 1.0 - light.emitter.total
         efficiency = scene.sensor.quantum_efficiency * pupil
         power_w = 1e-3 * output_mw(laser)
         found = photoelectrons(power_w, self._pulse_s, efficiency, laser.wavelength_nm)

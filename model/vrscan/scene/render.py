@@ -287,6 +287,8 @@ class Renderer:
         even = 0.0
         if "dark" in self.active:
             even += scene.sensor.dark_electrons(self.light.exposure_s)
+        if "veil" in self.active:
+            even += self.light.veil_e()
         uneven = None
         for name in ("sun", "lamps"):
             if name in self.active and name not in self._changing:
@@ -425,6 +427,10 @@ class Renderer:
                     for at, start, amount in zip(inside[some.row], middle, whole, strict=True):
                         begin = 2 * length - int(start)
                         field[at] += amount * weights[begin : begin + length]
+        if "skirt" in self.active:
+            with self._clock("skirt"):
+                beside = self.light.skirt(timeline.angle_rad[rows], timeline.y_mm[rows])
+                field += beside * np.float32(self._spotter.electrons)
         if "bounce" in self.active:
             with self._clock("bounce"):
                 bounced = self.light.bounced(timeline.angle_rad[rows], timeline.y_mm[rows])
