@@ -696,7 +696,7 @@ def test_the_halo_takes_from_the_spot_what_it_scatters() -> None:
     high = 0.5 * width * 25.0 / 0.007 / _depth(0.0, 420.0)
     whole = left * plain.sum() / float(erf(0.5 / (math.sqrt(2.0) * high)))
     for first, last in ((60, 120), (120, 400), (400, 1000)):
-        want = whole * light.halo.weights[first:last].sum()
+        want = whole / left * light.halo.weights[first:last].sum()
         sides = [line[1023 + first : 1023 + last].sum(), line[1024 - last : 1024 - first].sum()]
         print(f"halo from {first} to {last} px: {sides[0]:.3f}, {sides[1]:.3f} / {want:.3f} e")
         assert np.allclose(sides, want, rtol=0.02)

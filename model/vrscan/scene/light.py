@@ -176,21 +176,24 @@ class Light:
         return halo_weights(
             2 * self.config.sensor.line_length,
             self.scatter,
-            sigma_px=self._sharp_sigma_px,
+            sigma_px=self.sharp_sigma_px,
             pitch_mm=self.config.geometry.pitch_mm,
         )
 
     @cached_property
     def halo_table(self) -> Singles:
-        """Return the halo about its middle at 2 L, float32 [4 L], as wide as the spot is high."""
-        weights = self.halo.weights
-        reach = math.ceil(5.0 * self._sharp_sigma_px) + 1
-        spot = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1) / self._sharp_sigma_px))
+        """Return the halo about its middle at 2 L, float32 [4 L], as wide as the spot is high.
+
+        It is in shares of the light that is not scattered.
+        """
+        weights = self.halo.weights / (1.0 - self.halo.total)
+        reach = math.ceil(5.0 * self.sharp_sigma_px) + 1
+        spot = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1) / self.sharp_sigma_px))
         spread = np.convolve(np.append(weights[:0:-1], weights), spot / spot.sum(), "same")
         return np.append(0.0, spread).astype(np.float32)
 
     @property
-    def _sharp_sigma_px(self) -> float:
+    def sharp_sigma_px(self) -> float:
         """Return the sigma of a spot in focus on an upright surface."""
         geometry, focus = self.config.geometry, self.scene.lens.focus_mm
         width = float(radius_mm(np.array([focus]), self.scene.laser)[0])
@@ -392,10 +395,11 @@ class Light:
     def skirt(self, angle_rad: Floats, y_mm: Floats) -> Singles:
         """Return the light that the scan head scatters beside the beam onto the scene [n, length].
 
-        It is in units of the electrons that the whole beam would make if it went through the lens.
-        The pixels' own points are lit over the angle between them and the beam in the plane of the
-        scan, where they are not hidden from the pivot; what they see of it is Lambert's. The beam's
-        own width is left out but for the angle below which the light does not grow any more.
+        It is in units of the electrons that what is left of the beam would make if all of it went
+        through the lens. The pixels' own points are lit over the angle between them and the beam in
+        the plane of the scan, where they are not hidden from the pivot; what they see of it is
+        Lambert's. The beam's own width is left out but for the angle below which the light does not
+        grow any more.
         """
         result = np.empty((len(angle_rad), self.config.sensor.line_length), np.float32)
         keys = np.round(y_mm / _PAN_STEP_MM).astype(np.int64)
@@ -420,7 +424,8 @@ class Light:
         angle = np.geomspace(waist / self.scene.lens.focus_mm, 1.5, _SKIRT_ANGLES)
         light = intensity(self.emitter, angle)
         steps = (np.arange(int(1.5 / _SKIRT_STEP)) + 0.5) * _SKIRT_STEP
-        return np.asarray(np.interp(steps, angle, light), np.float32)
+        left = 1.0 - self.emitter.total
+        return np.asarray(np.interp(steps, angle, light / left), np.float32)
 
     def _skirt_seen(self, y_mm: float) -> tuple[Singles, Singles]:
         """Return the directions from the pivot to what the pixels see, and how they see it."""

@@ -56,6 +56,7 @@ class Charge:
     other_e: Singles  # all other light and the dark current in an exposure [length]
     other_offset_e: Singles  # pattern of ``other_e`` from pixel to pixel where it is even
     offset_e: Singles  # offsets of the sensor itself
+    whole_e: Floats  # all light of each line's spot in the image, on the row or not [n]
 
 
 class Renderer:
@@ -182,7 +183,12 @@ class Renderer:
             other *= self._sensitivity
             offset = np.float32(self._even_e) * (self._sensitivity - np.float32(1.0))
         other += np.float32(self._even_e)
-        return Charge(laser_e=laser, other_e=other, other_offset_e=offset, offset_e=own)
+        whole = np.zeros(len(timeline))
+        for piece in pieces:
+            np.add.at(whole, piece.row, piece.whole_e)
+        return Charge(
+            laser_e=laser, other_e=other, other_offset_e=offset, offset_e=own, whole_e=whole
+        )
 
     @property
     def readout(self) -> Readout:

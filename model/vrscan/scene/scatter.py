@@ -18,6 +18,7 @@ from functools import lru_cache, partial
 from itertools import pairwise
 
 import numpy as np
+from scipy.sparse import csr_matrix
 from scipy.special import erf, j0, j1, sici
 
 from vrscan.data.arrays import Floats
@@ -171,24 +172,32 @@ def halo_weights(
         raise ValueError(f"halo of {n_px} px, sigma {sigma_px} px")
     if scatter.total == 0.0:
         return Halo(np.zeros(n_px), 0.0, 0.0)
+    edge, row = _rings(n_px, sigma_px)
+    sums = np.asarray(row @ np.diff(scatter.within(edge * pitch_mm)), np.float64)
+    weights = sums * np.where(np.arange(n_px) == 0, 1.0, 0.5)  # two sides share all but pixel 0
+    return Halo(weights=weights, row=float(sums.sum()), total=scatter.total)
+
+
+@lru_cache(maxsize=4)
+def _rings(n_px: int, sigma_px: float) -> tuple[Floats, csr_matrix]:
+    """Return the edges of rings in px, and the share of each ring in each pixel [n_px, rings]."""
     # Rings from far inside the core outwards, linear where they are pixels apart.
     inner = np.geomspace(1e-6, 0.25, 200)
     reach = math.hypot(n_px, 0.5 + 6.0 * sigma_px)
     core = np.arange(0.25, 8.0, 0.125 / _RINGS_PER_PX)[1:]
     outer = np.arange(8.0, reach + 1.0, 1.0 / _RINGS_PER_PX)
     edge = np.concatenate([[0.0], inner, core, outer])
-    ring = np.diff(scatter.within(edge * pitch_mm))
     radius = 0.5 * (edge[1:] + edge[:-1])
     high = 0.5 + 6.0 * sigma_px
     widest = np.arcsin(np.minimum(1.0, high / radius))
     turn = widest[:, None] * (np.arange(_RING_NODES) + 0.5) / _RING_NODES
     on_row = _on_row(radius[:, None] * np.sin(turn), sigma_px)
-    share = ring[:, None] * on_row * (widest[:, None] / _RING_NODES) * (2.0 / math.pi)
+    share = on_row * (widest[:, None] / _RING_NODES) * (2.0 / math.pi)
     place = np.floor(radius[:, None] * np.cos(turn) + 0.5).astype(np.int64)
     seen = place < n_px
-    sums = np.bincount(place[seen], share[seen], n_px).astype(np.float64)
-    weights = sums * np.where(np.arange(n_px) == 0, 1.0, 0.5)  # two sides share all but pixel 0
-    return Halo(weights=weights, row=float(sums.sum()), total=scatter.total)
+    ring = np.broadcast_to(np.arange(len(radius))[:, None], place.shape)
+    at = (place[seen], ring[seen])
+    return edge, csr_matrix((share[seen], at), shape=(n_px, len(radius)))  # sums equal places
 
 
 def intensity(scatter: Scatter, angle_rad: Floats) -> Floats:

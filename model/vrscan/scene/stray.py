@@ -24,6 +24,8 @@ Part = Literal[
 Share = Annotated[float, Field(ge=0, lt=1)]
 Tilt = Annotated[float, Field(ge=-30, le=30)]
 
+BEYOND_PX = 20  # distance from a spot at which stray light is no longer part of it
+
 _SQUARE_FOOT_M2 = 0.09290304
 _CLEANLINESS_SLOPE = 0.926  # slope of log10 N over log10^2 x, MIL-STD-1246C
 _LARGEST_UM = 1000.0  # a larger particle would be seen and wiped off
