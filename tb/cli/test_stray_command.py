@@ -45,6 +45,7 @@ def test_tables_and_files(tmp_path: Path) -> None:
     [
         ("polish = { roughness_nm = 50 }", [], "the receiver scatters 0."),
         ("", ["--tolerance", "0"], "--tolerance"),
+        ("[lens]\nrow_offset_px = 1000", [], "no line brings light"),
         ("", ["--picture", "bsdf.jpg"], "bsdf.jpg"),
     ],
 )

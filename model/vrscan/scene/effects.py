@@ -37,7 +37,7 @@ _ALL = (
     Effect("veil", "sun and lamps outside what the lens sees", "a black barrel", 0.0),
     Effect("ghosts", "reflections to and fro in the camera", "one image", 25.0),
     Effect("window", "the double reflection in the scan head's window", "one beam", 2.5),
-    Effect("skirt", "scatter of the scan head: light beside the beam", "smooth, clean ones", 20.0),
+    Effect("skirt", "scatter of the scan head: light beside the beam", "smooth, clean ones", 12.0),
     Effect("halo", "scatter of the camera: polish, dust, digs", "smooth, clean surfaces", 4.0),
     Effect("dust", "shadows of particles on pupil and cover", "clean surfaces", 0.3),
     Effect("shot", "photon noise", "the mean", 0.1),
@@ -50,9 +50,8 @@ _ALL = (
 )
 
 EFFECTS = {effect.name: effect for effect in _ALL}
-WHOLE_LINE = frozenset(
-    {"ghosts", "skirt", "halo", "bounce"}
-)  # with one of these no line is mostly even
+# With one of these no line is mostly even.
+WHOLE_LINE = frozenset({"ghosts", "skirt", "halo", "bounce"})
 WHOLE_LINE_US = 15.0  # typical time of these
 EVERY_RAY_US = 20.0  # typical time of following every spot ray by ray
 LINE_US = 20.0  # typical time of a line without effects, up to its point

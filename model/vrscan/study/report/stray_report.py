@@ -119,7 +119,7 @@ def stray_budget(light: Light, count: int, tolerance_px: float | None = None) ->
         tolerance_px: Shift that stray light may make; the scene's own tolerance if None.
 
     Raises:
-        InputError: if the camera sees none of the lines.
+        InputError: if the camera sees none of the lines, or no light of them.
     """
     tolerance = light.scene.tolerance_px if tolerance_px is None else tolerance_px
     lines = _Lines(light, count)
@@ -148,7 +148,9 @@ class _Lines:
         when, _ = Scanner(light, count, frozenset()).given(seen.numbers[rows])
         self._optics = _OPTICS & set(present(light.scene))
         self._plain(light, when)
-        lit = self._charge.whole_e > 0.0
+        lit = (self._charge.whole_e > 0.0) & (self._charge.laser_e.max(axis=1) > 0.0)
+        if not lit.any():
+            raise InputError(f"{light.scene.source}: no line brings light to the sensor's row")
         self.when, self.zone = picked(when, np.flatnonzero(lit)), seen.part[rows][lit]
         self.z_mm = seen.distance_mm
         self._plain(light, self.when)
@@ -601,6 +603,7 @@ def _draw_row(axes: Axes, found: StrayBudget) -> None:
         axes.loglog(pixel, weights(light.with_stray(part)), color=colour, label=cause)
     if light.scatter.total > 0.0:
         axes.loglog(pixel, weights(light), color=INK, linewidth=1.6, label="camera")
+        axes.legend(loc="lower left")
     axes.set_yscale("log")
     axes.axhline(found.target, color=QUIET, linestyle="--", linewidth=1.0)
     axes.text(1.2, 1.2 * found.target, f"{found.tolerance_px:g} px", color=QUIET, fontsize=8)
@@ -611,4 +614,3 @@ def _draw_row(axes: Axes, found: StrayBudget) -> None:
         title=f"Halo on the row; A from {BEYOND_PX} px on",
         ylim=(1e-10, None),
     )
-    axes.legend(loc="lower left")
