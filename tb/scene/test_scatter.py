@@ -12,6 +12,7 @@ from vrscan.data.config import Config
 from vrscan.data.errors import InputError
 from vrscan.scene.description import Description
 from vrscan.scene.light import Light
+from vrscan.scene.render import Renderer
 from vrscan.scene.scatter import (
     disc_within,
     emitter,
@@ -33,6 +34,7 @@ from vrscan.scene.stray import (
     soiled,
 )
 from vrscan.scene.surface import bsdf_k, tis
+from vrscan.scene.timeline import Timeline
 
 WAVELENGTH_NM = 658.0
 CLEAN = Polish(roughness_nm=0.0)
@@ -332,6 +334,35 @@ def test_light_beside_the_beam_is_what_the_bsdf_sends_there() -> None:
         assert row[pixel] == pytest.approx(want, rel=0.05)
         checked += 1
     assert checked >= 5
+
+
+def test_the_line_has_the_light_of_the_patches_beside_the_spot() -> None:
+    """Every patch that a pixel sees has its solid angle's share, and shines as the spot does."""
+    stray = {"enabled": ["mirror", "halo"]}
+    light = Light(_scene(stray=stray, laser={"aperture_mm": math.inf}), Config())
+    zero = np.zeros(1)
+    when = Timeline(np.zeros(1, np.int64), *[zero] * 5, zero[:0], np.zeros(0, np.bool_))
+    plain, got = (Renderer(light, frozenset(names)).charge(when) for names in ((), ("skirt",)))
+    extra = (got.laser_e - plain.laser_e)[0].astype(np.float64)
+    spot = int(plain.laser_e[0].argmax())
+    point, normal, _, _ = light._look(np.arange(2048.0), 0.0)
+    camera = light.config.geometry
+    eye = np.array([camera.base_mm, 0.0, camera.offset_mm])
+    for pixel in (spot - 150, spot - 80, spot + 80, spot + 150):
+        sight = point[pixel] - eye
+        far = float(np.linalg.norm(sight))
+        pixel_sr = (camera.pitch_mm / camera.focal_mm) ** 2
+        u = (pixel - camera.centre_px) * camera.pitch_mm
+        pixel_sr *= math.cos(math.atan(u / camera.focal_mm)) ** 3
+        patch = pixel_sr * far**2 / -float(sight @ normal[pixel] / far)
+        away = float(np.linalg.norm(point[pixel]))
+        solid = patch * -float(point[pixel] @ normal[pixel]) / away**3
+        off = abs(math.atan2(point[pixel, 0], point[pixel, 2]))
+        per_sr = float(intensity(light.emitter, np.array([0.99, 1.0, 1.01]) * off)[1])
+        left = 1.0 - light.emitter.total
+        want = float(plain.whole_e[0]) / left * per_sr * solid
+        print(f"{pixel - spot:+d} px: {extra[pixel]:.4f} e of {want:.4f}")
+        assert extra[pixel] == pytest.approx(want, rel=0.12)  # the lens is elsewhere for the spot
 
 
 def test_a_block_hides_what_is_behind_it_from_the_skirt() -> None:

@@ -37,8 +37,8 @@ _ALL = (
     Effect("veil", "sun and lamps outside what the lens sees", "a black barrel", 0.0),
     Effect("ghosts", "reflections to and fro in the camera", "one image", 25.0),
     Effect("window", "the double reflection in the scan head's window", "one beam", 2.5),
-    Effect("skirt", "scatter of the scan head: light beside the beam", "smooth, clean ones", 12.0),
-    Effect("halo", "scatter of the camera: polish, dust, digs", "smooth, clean surfaces", 4.0),
+    Effect("skirt", "what the scan head scatters lights the scene", "its loss alone", 12.0),
+    Effect("halo", "what polish, dust, digs in the camera scatter", "its loss alone", 4.0),
     Effect("dust", "shadows of particles on pupil and cover", "clean surfaces", 0.3),
     Effect("shot", "photon noise", "the mean", 0.1),
     Effect("read", "noise of the read-out", "none", 0.1),
@@ -57,8 +57,8 @@ EVERY_RAY_US = 20.0  # typical time of following every spot ray by ray
 LINE_US = 20.0  # typical time of a line without effects, up to its point
 START_US = 8000.0  # typical time to start rendering, however few the lines
 BASE = (
-    "beam width, range equation with Lambert and the row's share, occlusion, (2)-(5), pixel "
-    "aperture, exposure, gain, full scale and converter are always there"
+    "beam width, range equation with Lambert and the row's share, occlusion, loss by scatter, "
+    "(2)-(5), pixel aperture, exposure, gain, full scale and converter are always there"
 )
 
 

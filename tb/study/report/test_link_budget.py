@@ -139,9 +139,7 @@ def test_light_and_width_are_those_of_the_line(name: str) -> None:
     total = float(row.sum())
     mean = float((row * pixel).sum()) / total
     width = math.sqrt(float((row * np.square(pixel - mean)).sum()) / total)
-    # The scattered light is lost to the spot; no halo or skirt is rendered that takes it away.
-    left = (1.0 - light.scatter.total) * (1.0 - light.emitter.total)
-    close("electrons on the row", link.signal_e, total * left, 2e-4)
+    close("electrons on the row", link.signal_e, total, 2e-4)
     # Diffraction's tails have no second moment: a window ends them.
     tails = link.widths_px["defocus"] < 5.0
     close("width, px", link.sigma_px, width, 0.15 if tails else 0.025)

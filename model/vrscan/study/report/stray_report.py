@@ -143,6 +143,7 @@ class _Lines:
     """Some lines of a scan, without noise, and what stray light adds to them."""
 
     def __init__(self, light: Light, count: int) -> None:
+        self._light = light
         seen = survey(light, count)
         rows = np.flatnonzero((seen.part < len(ZONES)) & (seen.rank < _LINES))
         when, _ = Scanner(light, count, frozenset()).given(seen.numbers[rows])
@@ -175,15 +176,13 @@ class _Lines:
         return some, np.linalg.pinv(basis.T)[0]
 
     def added(self, light: Light, effects: Iterable[str]) -> Floats:
-        """Return the electrons that effects of stray light add to the lines [n, length]."""
-        active = frozenset(effects)
-        got = Renderer(light, self._optics | active).charge(self.when).laser_e
-        left = 1.0
-        if "halo" in active:
-            left *= 1.0 - light.scatter.total
-        if "skirt" in active:
-            left *= 1.0 - light.emitter.total
-        return np.asarray(got - left * self._base)
+        """Return the electrons that effects of stray light add to the lines [n, length].
+
+        The spots are as bright as in the scene itself, whatever ``light`` scatters.
+        """
+        got = Renderer(light, self._optics | set(effects)).charge(self.when).laser_e
+        left = _left(light) / _left(self._light)
+        return np.asarray(got / left - self._base)
 
     def levels(self, added: Floats) -> Floats:
         """Return A of each line [n]."""
@@ -216,6 +215,11 @@ class _Lines:
     def even(self, electrons: float) -> Floats:
         """Return A of light that is the same on all pixels, by zone [3]."""
         return self.by_zone(electrons / self._charge.whole_e, np.median)
+
+
+def _left(light: Light) -> float:
+    """Return the share of the light that nothing scatters."""
+    return (1.0 - light.scatter.total) * (1.0 - light.emitter.total)
 
 
 def _rms(values: Floats) -> float:
