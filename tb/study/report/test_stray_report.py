@@ -80,13 +80,13 @@ def test_shift_is_that_of_a_fit(found: report.StrayBudget) -> None:
     fitted = []
     rows = range(0, len(added), max(len(added) // 8, 1))
     for k in rows:
-        some, _ = lines._solve[k]
-        shape = CubicSpline(pixel, lines._base[k])
+        some, _ = lines.solve[k]
+        shape = CubicSpline(pixel, lines.base_e[k])
 
         def moved(x: Floats, shift: float, height: float, level: float, s=shape) -> Floats:
             return height * s(x - shift) + level
 
-        got = (lines._base[k] + added[k])[some]
+        got = (lines.base_e[k] + added[k])[some]
         fitted.append(curve_fit(moved, pixel[some], got, p0=(0.0, 1.0, 0.0))[0][0])
     want, shown = np.array(fitted), first[list(rows)]
     print("shift", shown.round(4), "fit", want.round(4))
@@ -96,18 +96,18 @@ def test_shift_is_that_of_a_fit(found: report.StrayBudget) -> None:
 
 def test_an_edge_of_light_of_the_target_shifts_by_the_tolerance(found: report.StrayBudget) -> None:
     lines = report._Lines(found.light, COUNT)
-    pixel = np.arange(lines._base.shape[1], dtype=np.float64)
-    edges = lines._charge.whole_e[:, None] * (pixel > lines._place[:, None])
+    pixel = np.arange(lines.base_e.shape[1], dtype=np.float64)
+    edges = lines.whole_e[:, None] * (pixel > lines.place[:, None])
     each = found.tolerance_px / np.abs(lines.shifts(edges))
     k = int(np.argmin(np.abs(each - found.target)))  # it is the median of the worst third
-    some, _ = lines._solve[k]
+    some, _ = lines.solve[k]
     edge = found.target * edges[k]
-    shape = CubicSpline(pixel, lines._base[k])
+    shape = CubicSpline(pixel, lines.base_e[k])
 
     def moved(x: Floats, shift: float, height: float, level: float) -> Floats:
         return height * shape(x - shift) + level
 
-    got = curve_fit(moved, pixel[some], (lines._base[k] + edge)[some], p0=(0.0, 1.0, 0.0))[0][0]
+    got = curve_fit(moved, pixel[some], (lines.base_e[k] + edge)[some], p0=(0.0, 1.0, 0.0))[0][0]
     print(f"shift {got:.5f} px of {found.tolerance_px}")
     assert abs(got) == pytest.approx(found.tolerance_px, rel=0.1)
     assert np.median(each) >= found.target

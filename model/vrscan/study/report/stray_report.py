@@ -20,7 +20,7 @@ from vrscan.data.arrays import Floats
 from vrscan.data.errors import InputError
 from vrscan.scene.effects import present
 from vrscan.scene.light import Light
-from vrscan.scene.render import Charge, Renderer
+from vrscan.scene.render import Renderer
 from vrscan.scene.scatter import (
     CAUSES,
     Halo,
@@ -31,7 +31,6 @@ from vrscan.scene.scatter import (
 )
 from vrscan.scene.simulate import Scanner, picked
 from vrscan.scene.stray import BEYOND_PX, Stray, attenuation, particles, pupil_faces, soiled
-from vrscan.scene.timeline import Timeline
 from vrscan.show.sheet import Column, Sheet, number, words
 from vrscan.show.style import COLOURS, INK, QUIET, drawing
 from vrscan.study.plan import ZONES, survey
@@ -148,19 +147,16 @@ class _Lines:
         rows = np.flatnonzero((seen.part < len(ZONES)) & (seen.rank < _LINES))
         when, _ = Scanner(light, count, frozenset()).given(seen.numbers[rows])
         self._optics = _OPTICS & set(present(light.scene))
-        self._plain(light, when)
-        lit = (self._charge.whole_e > 0.0) & (self._charge.laser_e.max(axis=1) > 0.0)
+        charge = Renderer(light, self._optics).charge(when)
+        lit = (charge.whole_e > 0.0) & (charge.laser_e.max(axis=1) > 0.0)
         if not lit.any():
             raise InputError(f"{light.scene.source}: no line brings light to the sensor's row")
         self.when, self.zone = picked(when, np.flatnonzero(lit)), seen.part[rows][lit]
         self.z_mm = seen.distance_mm
-        self._plain(light, self.when)
-        self._base = self._charge.laser_e.astype(np.float64)
-        self._place = self._base.argmax(axis=1)
-        self._solve = [self._solver(row) for row in self._base]
-
-    def _plain(self, light: Light, when: Timeline) -> None:
-        self._charge: Charge = Renderer(light, self._optics).charge(when)
+        self.whole_e = charge.whole_e[lit]  # of each spot, on the row or not
+        self.base_e = charge.laser_e[lit].astype(np.float64)
+        self.place = self.base_e.argmax(axis=1)
+        self.solve = [self._solver(row) for row in self.base_e]
 
     def _solver(self, row: Floats) -> tuple[slice, Floats]:
         """Return the pixels of a fit, and the factors of their light that give the shift."""
@@ -182,17 +178,17 @@ class _Lines:
         """
         got = Renderer(light, self._optics | set(effects)).charge(self.when).laser_e
         left = _left(light) / _left(self._light)
-        return np.asarray(got / left - self._base)
+        return np.asarray(got / left - self.base_e)
 
     def levels(self, added: Floats) -> Floats:
         """Return A of each line [n]."""
-        away = np.abs(np.arange(added.shape[1]) - self._place[:, None]) >= BEYOND_PX
-        each = zip(np.where(away, added, 0.0), self._charge.whole_e, strict=True)
+        away = np.abs(np.arange(added.shape[1]) - self.place[:, None]) >= BEYOND_PX
+        each = zip(np.where(away, added, 0.0), self.whole_e, strict=True)
         return np.array([attenuation(row, 1.0, np.array([whole]), 1.0) for row, whole in each])
 
     def shifts(self, added: Floats) -> Floats:
         """Return the shift of each line, px [n]."""
-        pairs = zip(added, self._solve, strict=True)
+        pairs = zip(added, self.solve, strict=True)
         return np.array([float(solve @ row[some]) for row, (some, solve) in pairs])
 
     def figures(self, light: Light, effects: Iterable[str]) -> tuple[Floats, Floats]:
@@ -207,14 +203,14 @@ class _Lines:
 
     def target(self, tolerance_px: float) -> float:
         """Return A of an edge of light under the spot's middle that shifts it by the tolerance."""
-        pixel = np.arange(self._base.shape[1])
-        edge = (pixel > self._place[:, None]).astype(np.float64)
-        shift = np.abs(self.shifts(edge)) * self._charge.whole_e  # px for all of the light
+        pixel = np.arange(self.base_e.shape[1])
+        edge = (pixel > self.place[:, None]).astype(np.float64)
+        shift = np.abs(self.shifts(edge)) * self.whole_e  # px for all of the light
         return float(np.nanmin(self.by_zone(tolerance_px / shift, np.median)))
 
     def even(self, electrons: float) -> Floats:
         """Return A of light that is the same on all pixels, by zone [3]."""
-        return self.by_zone(electrons / self._charge.whole_e, np.median)
+        return self.by_zone(electrons / self.whole_e, np.median)
 
 
 def _left(light: Light) -> float:
