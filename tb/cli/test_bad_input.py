@@ -171,6 +171,10 @@ NOWHERE = {
         "study.report.accuracy.cordic_accuracy.measure",
     ),
     "cases_rewrites_nothing": (["cases", "--write"], "study.cases.case_page.measure"),
+    "stray_below_nothing": (
+        ["stray", "--csv", "no/stray.csv"],
+        "study.report.stray_report.stray_budget",
+    ),
     "budget_below_nothing": (["budget", "--csv", "no/budget.csv"], "study.plan.plan"),
     "mirror_below_nothing": (
         ["mirror", "--out", "no/mirror.csv"],

@@ -257,6 +257,47 @@ def budget(
 
 
 @app.command()
+def stray(
+    scene: SceneArgument = "default",
+    count: CountOption = 3000,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(help="Shift that stray light may make, px; default: scene's."),
+    ] = None,
+    csv: Annotated[Path | None, typer.Option(help="File for the budget by cause.")] = None,
+    ghosts: Annotated[Path | None, typer.Option("--ghost-csv", help="File for the ghosts.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="File for the picture of the BSDF, .png.")
+    ] = None,
+    config: ConfigOption = None,
+) -> None:
+    """Show a scene's stray light: what each cause does, what keeps to the tolerance, all ghosts."""
+    from vrscan.scene.description import load
+    from vrscan.scene.light import Light
+    from vrscan.study.report import stray_report as report
+
+    _check_count(count, 1)
+    if picture is not None:
+        _suffix(picture, (".png",))
+    if tolerance is not None:
+        _check_range("--tolerance", tolerance, 1e-6, 10.0)
+    settings = _settings(config)
+    with contextlib.ExitStack() as stack:
+        table, listed, drawn = (
+            None if path is None else stack.enter_context(atomic_file(path))
+            for path in (csv, ghosts, picture)
+        )
+        found = report.stray_budget(Light(load(scene), settings), count, tolerance)
+        if table is not None:
+            table.write(report.budget_csv(found))
+        if listed is not None:
+            listed.write(report.ghost_csv(found))
+        if drawn is not None:
+            report.picture(found, drawn)
+    _console().print(report.report(found), highlight=False)
+
+
+@app.command()
 def detectability(
     site: Annotated[
         Path | None,

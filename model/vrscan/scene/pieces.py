@@ -101,8 +101,8 @@ class Spotter:
         pupil = scene.lens.transmission * scene.lens.filter_transmission
         if "dust" in active:
             pupil *= 1.0 - light.obscured
-        if "halo" in active:
-            pupil *= 1.0 - light.halo.total
+        # What is scattered is lost to the spot, whether its own place is worked out or not.
+        pupil *= (1.0 - light.scatter.total) * (1.0 - light.emitter.total)
         efficiency = scene.sensor.quantum_efficiency * pupil
         power_w = 1e-3 * output_mw(laser)
         found = photoelectrons(power_w, self._pulse_s, efficiency, laser.wavelength_nm)
