@@ -30,6 +30,9 @@ _ALL = (
     Effect(
         "bounce", "light from the spot that lights the rest of the scene", "one reflection", 5.0
     ),
+    Effect(
+        "mirrored", "spots seen in a glossy surface, and mirrored beams", "one reflection", 6.0
+    ),
     Effect("speckle", "a rough surface under coherent light", "smooth light", 2.0),
     Effect("sun", "sun and sky on what the camera sees", "darkness", 5.0),
     Effect("lamps", "indoor light", "darkness", 5.0),
@@ -70,7 +73,7 @@ def present(scene: Description) -> tuple[str, ...]:
     if not scene.lamp:
         absent.add("lamps")
     if not any(material.gloss > 0.0 for material in materials):
-        absent.add("gloss")
+        absent |= {"gloss", "mirrored"}
     if math.isinf(scene.laser.aperture_mm):
         absent.add("truncation")
     stray = scene.stray

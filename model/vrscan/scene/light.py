@@ -35,7 +35,7 @@ _BOUNCE_KNOTS = 193  # angles at which the second bounce is computed
 _BOUNCE_EDGE = 1.02  # range of these angles over the scan's amplitude
 _BOUNCE_TABLES = 48  # number of places of a panning scanner that are kept
 _VIEWS = 64  # number of views of a moving scanner that are kept
-_PAN_STEP_MM = 1.0  # distance over which a moving scanner's view counts as the same
+PAN_STEP_MM = 1.0  # distance over which a moving scanner's view counts as the same
 _RAYS = 1 << 16  # rays followed at a time
 _FARTHEST_MM = 1000.0  # least distance at which a ray that meets nothing ends
 
@@ -192,7 +192,7 @@ class Light:
     # -- what the camera sees --
 
     @property
-    def _view_px(self) -> Floats:
+    def view_px(self) -> Floats:
         """Return the pixels for which the camera's view is computed, and one after the last."""
         count = -(-self.config.sensor.line_length // _VIEW_STEP) + 1
         return _VIEW_STEP * np.arange(count, dtype=np.float64)
@@ -203,11 +203,11 @@ class Light:
         It is computed for every eighth pixel. Points are in the scanner's frame, which is at
         ``y_mm``.
         """
-        key = round(y_mm / _PAN_STEP_MM)
+        key = round(y_mm / PAN_STEP_MM)
         if key not in self._views:
-            y = key * _PAN_STEP_MM
+            y = key * PAN_STEP_MM
             camera = Camera.of(self.config, self.scene.lens.f_number)
-            pixel = self._view_px
+            pixel = self.view_px
             u, _ = undistorted(pixel, self.config.geometry)
             ray = camera.axis + (u / self.config.geometry.focal_mm)[:, None] * camera.side
             ray /= np.linalg.norm(ray, axis=1)[:, None]
@@ -223,7 +223,7 @@ class Light:
     @property
     def _off_axis_rad(self) -> Floats:
         """Return the angle from the axis at which every eighth pixel looks."""
-        u, _ = undistorted(self._view_px, self.config.geometry)
+        u, _ = undistorted(self.view_px, self.config.geometry)
         return np.asarray(np.arctan(u / self.config.geometry.focal_mm))
 
     def _whole_row(self, values: Floats) -> Floats:
@@ -261,14 +261,14 @@ class Light:
                 flicker.
         """
         found = np.zeros((len(timeline), self.config.sensor.line_length), np.float32)
-        keys = np.round(timeline.y_mm / _PAN_STEP_MM).astype(np.int64)
+        keys = np.round(timeline.y_mm / PAN_STEP_MM).astype(np.int64)
         for source in (source for name in names for source in self._sources(name)):
             level = np.ones(len(timeline))
             if isinstance(source, Lamp):
                 level = source.level(timeline.time_s)
             for key in np.unique(keys).tolist():
                 rows = np.flatnonzero(keys == key)
-                light = self._ambient_of(source, key * _PAN_STEP_MM)
+                light = self._ambient_of(source, key * PAN_STEP_MM)
                 found[rows] += (level[rows, None] * light).astype(np.float32)
         return found
 
@@ -289,7 +289,7 @@ class Light:
         hit = target >= 0
         shaded = np.zeros(len(target), np.bool_)
         if isinstance(source, Sun):
-            start = point + np.array([0.0, round(y_mm / _PAN_STEP_MM) * _PAN_STEP_MM, 0.0])
+            start = point + np.array([0.0, round(y_mm / PAN_STEP_MM) * PAN_STEP_MM, 0.0])
             far = start + 4.0 * (self.farthest_mm + 1.0) * source.towards()
             shaded[hit] = self.world.blocked(start[hit], far[hit])
         band = scene.lens.filter_nm
@@ -321,7 +321,7 @@ class Light:
         place = np.clip((angle_rad + limit) / (2.0 * limit), 0.0, 1.0) * (_BOUNCE_KNOTS - 1)
         knot = np.minimum(place.astype(np.int64), _BOUNCE_KNOTS - 2)
         share = (place - knot).astype(np.float32)[:, None]
-        keys = np.round(y_mm / _PAN_STEP_MM).astype(np.int64)
+        keys = np.round(y_mm / PAN_STEP_MM).astype(np.int64)
         result = np.empty((len(angle_rad), self.config.sensor.line_length), np.float32)
         for key in np.unique(keys):
             rows = np.flatnonzero(keys == key)
@@ -341,7 +341,7 @@ class Light:
             angles = np.linspace(-self._bounce_limit, self._bounce_limit, _BOUNCE_KNOTS)
             if len(self._bounces) >= _BOUNCE_TABLES:
                 self._bounces.clear()
-            self._bounces[key] = self._bounce(angles, key * _PAN_STEP_MM)
+            self._bounces[key] = self._bounce(angles, key * PAN_STEP_MM)
         return self._bounces[key]
 
     def _bounce(self, angle: Floats, y_mm: float) -> Singles:
