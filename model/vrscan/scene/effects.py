@@ -30,9 +30,7 @@ _ALL = (
     Effect(
         "bounce", "light from the spot that lights the rest of the scene", "one reflection", 5.0
     ),
-    Effect(
-        "mirrored", "spots seen in a glossy surface, and mirrored beams", "one reflection", 6.0
-    ),
+    Effect("mirrored", "spots seen in a glossy surface, and mirrored beams", "one reflection", 6.0),
     Effect("speckle", "a rough surface under coherent light", "smooth light", 2.0),
     Effect("sun", "sun and sky on what the camera sees", "darkness", 5.0),
     Effect("lamps", "indoor light", "darkness", 5.0),

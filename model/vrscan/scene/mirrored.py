@@ -357,9 +357,7 @@ class Mirrors:
 
     # -- gloss to gloss --
 
-    def _gloss_to_gloss(
-        self, spots: _Spots, views: _Views, ways: _Ways, matt: Images
-    ) -> Images:
+    def _gloss_to_gloss(self, spots: _Spots, views: _Views, ways: _Ways, matt: Images) -> Images:
         """Return the beams that two surfaces mirror into the lens.
 
         In the mirror the lens sees the first spot, whose lobe is widened by that of the mirror as
@@ -367,9 +365,7 @@ class Mirrors:
         mirror and that of the mirror image: at the one if the mirror's lobe is the wide one, at the
         other if the first surface's is.
         """
-        _, own, other = np.intersect1d(
-            spots.row, matt.row, assume_unique=True, return_indices=True
-        )
+        _, own, other = np.intersect1d(spots.row, matt.row, assume_unique=True, return_indices=True)
         same = (matt.surface[other] == views.target[own]) & (self._gloss[spots.target[own]] > 0.0)
         own, matt = own[same], _of(matt, other[same])
         spots, views, ways = _of(spots, own), _of(views, own), _of(ways, own)
@@ -400,7 +396,8 @@ class Mirrors:
             place_px=matt.place_px + shift * (ways.pixel - matt.place_px),
             high_px=matt.high_px + rise * (shown - matt.high_px),
             collected=np.minimum(held * lobes * leave * ways.light, 1.0),
-            depth_mm=matt.depth_mm * (ways.near + views.far)
+            depth_mm=matt.depth_mm
+            * (ways.near + views.far)
             / (ways.near * (1.0 - shift) + views.far),
             way_mm=matt.way_mm,
             px_per_mm=matt.px_per_mm,

@@ -113,8 +113,8 @@ def brdf(
 def core(material: Material, wavelength_nm: float) -> tuple[float, float, float]:
     """Return gloss G, scattered share q and sigma of the Gaussian lobe that ``brdf`` has.
 
-    At incidence ``cos_in`` the lobe holds G (1 - q cos_in) of the light, but for what lies below the
-    horizon; its sigma is in direction cosines.
+    At incidence ``cos_in`` the lobe holds G (1 - q cos_in) of the light, but for what lies below
+    the horizon; its sigma is in direction cosines.
     """
     share = _polish(material, wavelength_nm)[0] if material.roughness_nm else 0.0
     return material.gloss, share, math.sin(math.radians(material.lobe_deg))
