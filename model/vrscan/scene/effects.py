@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from vrscan.data.errors import InputError
+from vrscan.data.errors import InputError, nearest
 from vrscan.scene.description import Description
 
 
@@ -110,7 +110,10 @@ def chosen(names: Iterable[str], source: str) -> frozenset[str]:
     names = list(names)
     for name in names:
         if name not in EFFECTS:
-            raise InputError(f"{source}: unknown effect {name!r} (there are {', '.join(EFFECTS)})")
+            raise InputError(
+                f"{source}: unknown effect {name!r} (there are {', '.join(EFFECTS)})"
+                f"{nearest(name, EFFECTS)}"
+            )
         if names.count(name) > 1:
             raise InputError(f"{source}: effect {name!r} stands there twice")
     return frozenset(names)

@@ -9,7 +9,7 @@ import numpy as np
 
 from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.data.config import Config
-from vrscan.data.errors import InputError
+from vrscan.data.errors import InputError, blamed
 from vrscan.ideal.geometry import undistorted
 from vrscan.scene.beam import radius_mm
 from vrscan.scene.description import Description
@@ -60,7 +60,10 @@ class Light:
                 f"{scene.source}: laser.power_mw = {scene.laser.power_mw:g}: above the rated "
                 f"{config.laser.rated_mw:g} mW"
             )
-        self.world = World(scene.target, scene.folder)
+        with blamed(scene.source):
+            self.world = World(scene.target, scene.folder)
+            if scene.sun is not None:
+                scene.sun.towards()  # raises an error at night
         self.materials = tuple(scene.material_of(target.material) for target in scene.target)
         self.names = tuple(dict.fromkeys(self.world.names))
         # The last entry is for the index -1, no target.
@@ -92,8 +95,6 @@ class Light:
         self.split_maps: dict[tuple[float, frozenset[str]], tuple[float, Bools]] = {}
         self._views: dict[int, tuple[Floats, Floats, Ints, Floats]] = {}
         self._bounces: dict[int, Singles] = {}
-        if scene.sun is not None:
-            scene.sun.towards()  # raises an error at night
 
     @cached_property
     def pattern(self) -> FixedPattern:
@@ -167,14 +168,15 @@ class Light:
     @cached_property
     def _stack(self) -> Stack:
         geometry = self.config.geometry
-        return stack(
-            self.scene.stray,
-            focal_mm=geometry.focal_mm,
-            f_number=self.scene.lens.f_number,
-            pitch_mm=geometry.pitch_mm,
-            length_px=self.config.sensor.line_length,
-            centre_px=geometry.centre_px,
-        )
+        with blamed(self.scene.source):
+            return stack(
+                self.scene.stray,
+                focal_mm=geometry.focal_mm,
+                f_number=self.scene.lens.f_number,
+                pitch_mm=geometry.pitch_mm,
+                length_px=self.config.sensor.line_length,
+                centre_px=geometry.centre_px,
+            )
 
     def ghosts(self, depth_mm: Floats, field_mm: Floats) -> Ghosts:
         """Return the ghosts of spots at these depths and image heights [n]."""
