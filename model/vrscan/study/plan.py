@@ -79,7 +79,7 @@ class Difference:
 
 
 _NOTHING = Difference(*np.zeros((5, len(PARTS))))
-_UNKNOWN = Difference(*np.full((4, len(PARTS)), np.nan), np.zeros(len(PARTS)))
+_UNKNOWN = Difference(*np.outer([np.nan] * 4 + [0.0], np.ones(len(PARTS))))
 
 
 @dataclass(frozen=True)
