@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vrscan.data.arrays import Bools, Floats, Ints, Pixels
+from vrscan.data.errors import blamed
 from vrscan.data.lines import Truth
 from vrscan.scene import image
 from vrscan.scene.beam import pulse_transform
@@ -97,7 +98,8 @@ class Renderer:
         # A spot that moves v px in the pulse has at k cycles/px the pulse's transform at k v.
         pulse_s = 1e-6 * config.line.pulse_us
         turns = image.PULSE_TURNS / pulse_s
-        self._pulse = pulse_transform(turns, scene.laser, pulse_s).astype(np.float32)
+        with blamed(scene.source):
+            self._pulse = pulse_transform(turns, scene.laser, pulse_s).astype(np.float32)
         self._transfer: dict[int, Singles] = {}
         pattern = light.pattern
         self._sensitivity: Singles | None = pattern.sensitivity if "prnu" in active else None
