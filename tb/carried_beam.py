@@ -56,7 +56,7 @@ class CarriedSpot:
             cutoff: Limit of the pupil's transfer, cycles per pixel.
         """
         self._z, self._geometry = z, config.geometry
-        axis, light = carried(laser, z, 0.0125, 1536)
+        axis, light = carried(laser, z, 0.0166, 1024)
         along, across = np.abs(axis) < _COLUMNS_MM, np.abs(axis) < _LINES_MM
         self.axis = axis[along]
         f = np.fft.fftfreq(2 * _HALF_PX * PER_PX, 1.0 / PER_PX)

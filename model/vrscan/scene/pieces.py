@@ -4,6 +4,7 @@ A spot lies on its surface's tangent plane. Where that does not describe it (edg
 curvature, patterns), it is followed ray by ray and may end on two surfaces.
 """
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -118,7 +119,7 @@ class Spotter:
         self._rim_mm = 0.5 * laser.aperture_mm
         self._offset = _RAYS_GAUSSIAN if self.cut is None else _RAYS_CUT
         self._few = _FEW if self.cut is None else _FEW_CUT
-        self._blend, self._misses = _lagrange(self._few, self._offset), _misses(self._few)
+        self._blend, self._misses = _matrices(self.cut is not None)
         self._pulse_s = 1e-6 * config.line.pulse_us
         pupil = scene.lens.transmission * scene.lens.filter_transmission
         if "dust" in active:
@@ -579,6 +580,14 @@ def _lagrange(knots: Floats, at: Floats) -> Floats:
     """Return the matrix [places, knots] of the polynomial through values at the knots."""
     each = np.eye(len(knots))
     return np.stack([np.polyval(np.polyfit(knots, row, len(knots) - 1), at) for row in each], 1)
+
+
+@functools.cache
+def _matrices(cut: bool) -> tuple[Floats, Floats]:
+    """Return the matrices from the few rays to all, and to their distances from a parabola."""
+    if cut:
+        return _lagrange(_FEW_CUT, _RAYS_CUT), _misses(_FEW_CUT)
+    return _lagrange(_FEW, _RAYS_GAUSSIAN), _misses(_FEW)
 
 
 def _misses(knots: Floats) -> Floats:
