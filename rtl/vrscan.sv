@@ -107,7 +107,7 @@ module vrscan #(
   register_pkg::mirror_limits_t   mirror_limits;
   register_pkg::motion_t          motion;
   register_pkg::line_t            line;
-  register_pkg::mirror_status_t   mirror_status;
+  register_pkg::mirror_status_t   mirror_status, mirror_status_q;
   register_pkg::link_t            link;
   register_pkg::link_status_t     link_status;
   register_pkg::laser_t           laser;
@@ -142,7 +142,7 @@ module vrscan #(
     .bus_data_o(bus_read),
     .identity_o(identity), .identity_status_i(identity_status), .peak_o(peak),
     .geometry_o(geometry), .chain_i(chain), .mirror_o(mirror), .mirror_limits_o(mirror_limits),
-    .motion_o(motion), .line_o(line), .mirror_status_i(mirror_status), .link_o(link),
+    .motion_o(motion), .line_o(line), .mirror_status_i(mirror_status_q), .link_o(link),
     .link_status_i(link_status), .laser_o(laser), .laser_limits_o(laser_limits),
     .laser_status_i(laser_status), .points_o(points), .points_status_i(points_status),
     .focus_o(focus), .focus_status_i(focus_status), .test_o(test), .test_status_i(test_status),
@@ -160,6 +160,9 @@ module vrscan #(
     .hold_o(commit_hold), .empty_i(chain_empty), .take_o(commit_take),
     .superseding_o(superseding), .renewing_i(renewing)
   );
+
+  // The loop is not where the registers are.
+  always_ff @(posedge clk_i) mirror_status_q <= mirror_status;
 
   logic [47:0] uptime_q;
   always_ff @(posedge clk_i) uptime_q <= rst_own ? '0 : uptime_q + 48'd1;
@@ -237,8 +240,8 @@ module vrscan #(
     .scanning_o(scanning), .startup_ok_o(startup_ok)
   );
 
-  logic                              point_valid;
-  vrscan_pkg::point_t                point;
+  logic                              point_valid, seen_valid_q;
+  vrscan_pkg::point_t                point, seen_q;
   logic [vrscan_pkg::PowerWidth-1:0] power_line;
   logic                              inward_line;
   laser_control #(
@@ -253,7 +256,7 @@ module vrscan #(
     .index_alive_i(mirror_status.index_alive), .scanning_i(scanning), .startup_ok_i(startup_ok),
     .phase_i(mirror_status.mirror_phase[vrscan_pkg::TurnWidth-1-:16]), .alive_i(alive),
     .guard_ok_i, .guard_beat_i, .guard_fault_i,
-    .point_valid_i(point_valid), .point_i(point),
+    .point_valid_i(seen_valid_q), .point_i(seen_q),
     .pulse_o, .power_o, .power_pin_o, .index_light_o, .startup_o, .startup_pin_o,
     .enable_o(laser_enable_o), .heartbeat_o, .power_line_o(power_line), .inward_line_o(inward_line)
   );
@@ -317,7 +320,13 @@ module vrscan #(
     .peak_i(peak), .geometry_i(geometry), .free_i(free), .free_table_i(free_table),
     .chain_o(chain)
   );
-  assign measured_o = point_valid && point.measured;
+  assign measured_o = seen_valid_q && seen_q.measured;
+
+  // A clock later for laser and lens, whose places on the die are not the chain's.
+  always_ff @(posedge clk_i) begin
+    seen_q       <= point;
+    seen_valid_q <= point_valid && !rst_own;
+  end
 
   // ---- points to the host ----
   logic       record_valid;
@@ -350,7 +359,7 @@ module vrscan #(
 
   // ---- lens ----
   focus_control u_focus_control (
-    .clk_i, .rst_i(rst_focus_control), .valid_i(point_valid), .point_i(point),
+    .clk_i, .rst_i(rst_focus_control), .valid_i(seen_valid_q), .point_i(seen_q),
     .focus_scl_i, .focus_sda_i, .focus_scl_low_o, .focus_sda_low_o,
     .focus_i(focus), .focus_table_i(focus_table), .focus_status_o(focus_status)
   );

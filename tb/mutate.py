@@ -677,7 +677,7 @@ FAULTS = [
             ".laser_limits_i('1)",
         ),
         ("a host that is always heard", ".alive_i(alive)", ".alive_i(1'b1)"),
-        ("a laser that sees no point", ".point_valid_i(point_valid)", ".point_valid_i(1'b0)"),
+        ("a laser that sees no point", ".point_valid_i(seen_valid_q)", ".point_valid_i(1'b0)"),
         (
             "a mirror that runs backwards for the laser",
             ".phase_i(mirror_status",
@@ -688,7 +688,7 @@ FAULTS = [
         ("the mirror's confidence", "e_i(mirror_confidence)", "e_i(~mirror_confidence)"),
         (
             "a lens that sees no point",
-            ".rst_i(rst_focus_control), .valid_i(point_valid)",
+            ".rst_i(rst_focus_control), .valid_i(seen_valid_q)",
             ".rst_i(rst_focus_control), .valid_i(1'b0)",
         ),
         ("time stands", "uptime_q + 48'd1", "uptime_q + 48'd0"),

@@ -1,7 +1,7 @@
 // ulx3s: vrscan on a ULX3S with an LFE5U-85F: clocks, pins and synchronisers.
 //
-// The core runs at 100 MHz from the PLL and the board's oscillator, laser_guard from the chip's own
-// oscillator: 310 MHz / 12, within a fifth.  The index is sampled at both edges, 5 ns apart.
+// The core runs at 80 MHz from the PLL and the board's oscillator, laser_guard from the chip's own
+// oscillator: 310 MHz / 12, within a fifth.  The index is sampled at both edges, 6.25 ns apart.
 // constraints/ulx3s.lpf has the pins; FIRE1 is the reset.
 
 `default_nettype none
@@ -39,17 +39,17 @@ module ulx3s (
   inout  wire logic        focus_sda_io
 );
 
-  localparam int unsigned ClockHz = 100_000_000;
+  localparam int unsigned ClockHz = 80_000_000;
 
   // ---- clocks and resets ----
   logic clk, locked;
-  (* FREQUENCY_PIN_CLKI = "25", FREQUENCY_PIN_CLKOP = "100" *)
+  (* FREQUENCY_PIN_CLKI = "25", FREQUENCY_PIN_CLKOP = "80" *)
   EHXPLLL #(
-    .CLKI_DIV    (1),
-    .CLKFB_DIV   (4),
+    .CLKI_DIV    (5),
+    .CLKFB_DIV   (16),
     .CLKOP_ENABLE("ENABLED"),
-    .CLKOP_DIV   (6),  // of 600 MHz
-    .CLKOP_CPHASE(5),
+    .CLKOP_DIV   (7),  // of 560 MHz
+    .CLKOP_CPHASE(6),
     .FEEDBK_PATH ("CLKOP")
   ) u_pll (
     .CLKI        (clk_25mhz_i),
