@@ -4,12 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 from carried_beam import carried
+from pydantic import ValidationError
 from scipy.optimize import curve_fit
 from scipy.special import j1
 
-from vrscan.data.arrays import Floats
 from vrscan.data.config import Geometry
 from vrscan.data.errors import InputError
 from vrscan.ideal.geometry import project

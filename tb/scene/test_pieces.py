@@ -12,9 +12,10 @@ from vrscan.data.arrays import Floats
 from vrscan.data.config import Config
 from vrscan.ideal.geometry import project
 from vrscan.scene import image
+from vrscan.scene.beam import output_mw
 from vrscan.scene.description import parse
 from vrscan.scene.light import Light
-from vrscan.scene.pieces import Spotter
+from vrscan.scene.radiometry import photoelectrons
 from vrscan.scene.render import Renderer
 from vrscan.scene.timeline import Timeline
 
@@ -32,7 +33,7 @@ def plates(z: float, low: float, *, pattern: bool) -> Light:
         {"position_mm": [side * 100, 0, z], "size_mm": [200, 200], "material": name}
         for side, name in ((1, "bright"), (-1, "dim"))
     ]
-    values = {
+    values: dict[str, object] = {
         "target": [{**plane, "map": stripes}] if pattern else [{**plane, **side} for side in sides],
         "material": {"bright": {"reflectance": 0.5}, "dim": {"reflectance": 0.5 * low}},
     }
@@ -57,9 +58,11 @@ def lines(light: Light, z: float, *, every_ray: bool) -> Floats:
     far, depth = math.hypot(geometry.base_mm, z), depth_mm(z)
     pupil = 0.25 * math.pi * (geometry.focal_mm / light.scene.lens.f_number) ** 2
     whole = 0.5 / math.pi * (z / far) * (depth / far) * pupil / far**2
-    sent = Spotter(
-        light, ACTIVE, lambda _: pytest.MonkeyPatch.context(), every_ray=False, tolerance_px=0.01
-    ).electrons
+    scene = light.scene
+    efficiency = scene.sensor.quantum_efficiency * scene.lens.transmission
+    efficiency *= scene.lens.filter_transmission
+    sent_w, pulse_s = 1e-3 * output_mw(scene.laser), 1e-6 * CONFIG.line.pulse_us
+    sent = float(photoelectrons(sent_w, pulse_s, efficiency, scene.laser.wavelength_nm))
     return np.asarray(found, np.float64) / (sent * whole)
 
 

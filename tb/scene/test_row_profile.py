@@ -74,10 +74,11 @@ def test_no_light_is_lost(ratio: float, zone: float) -> None:
     """On rows that lie side by side there is all of it, whatever the distance and the disc."""
     cut = tables(Laser(beam_diameter_mm=ratio, aperture_mm=1.0))
     zones, disc = np.full(4, zone), np.array([0.0, 0.4, 3.0, 40.0])
-    light, _ = cut.cumulated(zones, disc / (1.0 + disc))(np.full((4, 1), 9.0), np.arange(4)[:, None])
+    band = disc / (1.0 + disc)
+    light, _ = cut.cumulated(zones, band)(np.full((4, 1), 9.0), np.arange(4)[:, None])
     assert np.all(light == 0.5)
     turns = np.zeros((4, 1), np.float32)
-    assert np.all(cut.transfer(turns, zones, disc / (1.0 + disc)) == 1.0)
+    assert np.all(cut.transfer(turns, zones, band) == 1.0)
     # Far wider than the spot, the disc's chord is all that the row sees.
     wide = float(cut.row_share(np.full(4, 0.1), disc, zones)[3])
     assert wide == pytest.approx(0.1 * 2.0 / math.pi / 40.0, rel=2e-3)

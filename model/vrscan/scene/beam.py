@@ -151,7 +151,8 @@ def _spread(distance: Floats, laser: Laser) -> tuple[Floats, Floats]:
 def zone(distance: Floats, laser: Laser) -> Floats:
     """Return how far a cut beam is on its way from the stop's shadow, 0, to the far field, 1.
 
-    It is nu / (1 + nu), nu = lambda z / a^2 behind a flat wave in a stop of radius a; 0 without one.
+    It is nu / (1 + nu), nu = lambda z / a^2 behind a flat wave in a stop of radius a. Without a
+    stop it is 0.
 
     Args:
         distance: Distances from the pivot, mm [n].

@@ -7,9 +7,10 @@ the row convolved with
     k(x) = erf(sqrt(a^2 - x^2) / (sqrt(2) s_y)) / (pi a^2)    for |x| < a,
 
 the disc's chord seen through the Gaussian's height: a box for a spot much lower than the disc, the
-semicircle for one much higher. Everything else that blurs is a factor in the spatial frequency:
-pixel, diffraction, motion during the pulse, coma. So a line is one short inverse Fourier transform,
-at the same price whatever blurs it.
+semicircle for one much higher. A cut beam is no product along and across the row; its profile and
+its light are those of ``row_profile``. Everything else that blurs is a factor in the spatial
+frequency: pixel, diffraction, motion during the pulse, coma. So a line is one short inverse Fourier
+transform, at the same price whatever blurs it.
 
 It leaves out: field curvature and astigmatism (the instrument's triplet has little), the change of
 the focal distance with focus, which calibration takes up, and a row that is not straight.

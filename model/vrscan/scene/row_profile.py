@@ -129,7 +129,8 @@ class CutBeam:
         def sums(x: Floats, index: Ints) -> tuple[Floats, Floats]:
             place = np.minimum(np.abs(x), _FARTHEST) / _PLACE
             row = which[index]
-            return np.copysign(_at(light, row, place), x), _at(moment, row, place)
+            found = np.copysign(_at(light, row, place), x)
+            return np.asarray(found, np.float64), np.asarray(_at(moment, row, place), np.float64)
 
         return sums
 
@@ -159,9 +160,7 @@ def _between(table: Floats, row: Floats, column: Floats) -> Floats:
     return np.asarray(low + row * (high - low))
 
 
-def _blended(
-    tables: list[Singles], zone: Floats, band: Floats
-) -> tuple[Ints, list[Singles]]:
+def _blended(tables: list[Singles], zone: Floats, band: Floats) -> tuple[Ints, list[Singles]]:
     """Interpolate tables by zone and band; of alike ones only the first.
 
     Returns:
@@ -193,7 +192,7 @@ def _at(rows: Singles, which: Ints, place: npt.NDArray[np.floating]) -> Singles:
     flat = rows.ravel()
     found = flat[at]
     found += part * (flat[at + 1] - found)
-    return found
+    return np.asarray(found)
 
 
 def _fitted(light: Floats) -> float:
@@ -207,8 +206,9 @@ def _fitted(light: Floats) -> float:
     gauss = np.exp(-0.5 * np.square(math.pi * np.outer(_TRIALS, _FIT_TURNS)))
     score = np.square(_TRIALS * (gauss @ (light * _FIT_TURNS * _LEGENDRE[1])))
     k = int(np.clip(np.argmax(score), 1, len(_TRIALS) - 2))
-    bend = score[k - 1] - 2.0 * score[k] + score[k + 1]
-    return float(_TRIALS[k] + 0.5 * (score[k - 1] - score[k + 1]) / bend * (_TRIALS[1] - _TRIALS[0]))
+    left, middle, right = score[k - 1 : k + 2]
+    shift = 0.5 * (left - right) / (left - 2.0 * middle + right)
+    return float(_TRIALS[k] + shift * (_TRIALS[1] - _TRIALS[0]))
 
 
 @lru_cache(maxsize=16)
@@ -261,5 +261,13 @@ def cut_beam(ratio: float, far: float) -> CutBeam:
     gone = np.cumsum(0.5 * _PLACE * (light[..., 1:] + light[..., :-1]), axis=2)
     moment = places * light
     moment[..., 1:] -= gone
-    singles = (each.astype(np.float32) for each in (transforms, light, moment))
-    return CutBeam(near, far, radii, *singles, middle, bend)
+    return CutBeam(
+        near=near,
+        far=far,
+        radii=radii,
+        transforms=transforms.astype(np.float32),
+        light=light.astype(np.float32),
+        moment=moment.astype(np.float32),
+        middle=middle,
+        bend=bend,
+    )
