@@ -99,7 +99,7 @@ def band(sigma_y_px: Floats, radius_px: Floats) -> Floats:
 def row_share(
     sigma_y_px: Floats,
     radius_px: Floats,
-    offset_px: float = 0.0,
+    offset_px: Floats | float = 0.0,
     *,
     cut: CutBeam | None = None,
     zone: Floats | None = None,
@@ -112,7 +112,7 @@ def row_share(
     Args:
         sigma_y_px: Sigma of the Gaussian across the row, or of the one nearest to a cut beam [n].
         radius_px: Radius of the defocused disc [n].
-        offset_px: Offset of the row from the image's middle.
+        offset_px: Offset of the row from the image's middle, [n] or one for all.
         cut: Tables of a cut beam; None for a Gaussian.
         zone: Zones of a cut beam [n]; given with ``cut``.
     """
@@ -120,7 +120,7 @@ def row_share(
         beam = np.maximum(2.0 * sigma_y_px, 1e-6)
         share = cut.row_share(1.0 / beam, radius_px / beam, zone)
         spread = np.square(sigma_y_px) + 0.25 * np.square(radius_px) + _ROW_VARIANCE
-        return np.asarray(share * np.exp(-0.5 * offset_px**2 / spread))
+        return np.asarray(share * np.exp(-0.5 * np.square(offset_px) / spread))
     sigma = np.sqrt(np.square(sigma_y_px) + _ROW_VARIANCE)
     disc = np.maximum(radius_px, 1e-6)
     _, shares = _slices()

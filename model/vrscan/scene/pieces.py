@@ -17,6 +17,7 @@ from vrscan.scene import image
 from vrscan.scene.beam import cut, output_mw, radius_mm, zone
 from vrscan.scene.image import Clock
 from vrscan.scene.light import Light
+from vrscan.scene.mirrored import Mirrors
 from vrscan.scene.radiometry import photoelectrons
 from vrscan.scene.row_profile import gaussian_cumulated
 from vrscan.scene.spots import OFF_SENSOR_PX, Spots, meet
@@ -49,6 +50,7 @@ _LEAP = 1.5  # a jump of the light between rays: an edge of reflectance
 _SHARPEN = 0.5  # px of defocus radius above which parts of a spot are blurred separately
 _SMOOTH_PX = 0.1  # largest deviation of a smooth surface's images from a parabola within 2 radii
 _SMOOTH_LIGHT = 0.02  # and of their light, over the middle one's
+_LEAST_E = 0.5  # least light of a mirrored spot on the row that is rendered, electrons
 
 
 @dataclass
@@ -121,11 +123,12 @@ class Spotter:
         self._few = _FEW if self.cut is None else _FEW_CUT
         self._blend, self._misses = _matrices(self.cut is not None)
         self._pulse_s = 1e-6 * config.line.pulse_us
+        self._mirrors = Mirrors(light, falloff="falloff" in active)
         pupil = scene.lens.transmission * scene.lens.filter_transmission
         if "dust" in active:
             pupil *= 1.0 - light.obscured
-        if "halo" in active:
-            pupil *= 1.0 - light.halo.total
+        # What is scattered is lost to the spot, whether its own place is worked out or not.
+        pupil *= (1.0 - light.scatter.total) * (1.0 - light.emitter.total)
         efficiency = scene.sensor.quantum_efficiency * pupil
         power_w = 1e-3 * output_mw(laser)
         found = photoelectrons(power_w, self._pulse_s, efficiency, laser.wavelength_nm)
@@ -143,6 +146,9 @@ class Spotter:
                 if split.any():
                     pieces = [self._whole(spots, timeline, np.flatnonzero(~split))]
                     pieces += self._by_rays(spots, beam, timeline, np.flatnonzero(split))
+        if "mirrored" in self.active:
+            with self.clock("mirrored"):
+                pieces += self._mirrored(beam, timeline)
         second: list[Pieces] = []
         if "window" in self.active:
             with self.clock("window"):
@@ -560,6 +566,34 @@ class Spotter:
             size /= _SECTIONS
             low += size * np.logical_and.accumulate(same, axis=1).sum(axis=1)
         return np.asarray(low + 0.5 * size)
+
+    def _mirrored(self, beam: Floats, timeline: Timeline) -> list[Pieces]:
+        """Return the spots that are seen by way of glossy surfaces, at most three for each line."""
+        pieces = []
+        for found in self._mirrors.images(beam, timeline.y_mm):
+            beam_px = 0.5 * radius_mm(found.way_mm, self._laser)
+            sigma = np.hypot(beam_px * found.px_per_mm, found.lobe_px)
+            height = np.hypot(beam_px * found.high_px_per_mm, found.lobe_high_px)
+            radius, coma = self._blur(found.depth_mm, found.place_px)
+            offset = self.light.scene.lens.row_offset_px - found.high_px
+            whole = self.electrons * found.collected
+            electrons = whole * image.row_share(height, radius, offset)
+            speed = found.px_per_rad * timeline.rate_rad_per_s[found.row]
+            piece = Pieces(
+                row=found.row,
+                place_px=found.place_px,
+                electrons=electrons,
+                whole_e=whole,
+                sigma_px=np.minimum(sigma, WIDEST_PX),
+                radius_px=radius,
+                height_px=height,
+                speed_px=self._speed(speed),
+                coma_px=coma,
+                surface=found.surface,
+                range_mm=found.depth_mm,
+            )
+            pieces.append(piece.of(electrons > _LEAST_E))
+        return pieces
 
     def _window_ghost(self, timeline: Timeline) -> Pieces:
         """Return the second spots that the scan head's window makes: beams of their own.
