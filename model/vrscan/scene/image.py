@@ -86,7 +86,7 @@ def defocus_radius_px(depth_mm: Floats, focus_mm: float, f_number: float, config
     return np.asarray(per_mm * np.abs(1.0 / np.maximum(depth_mm, 1e-3) - 1.0 / focus_mm))
 
 
-def row_share(sigma_y_px: Floats, radius_px: Floats, offset_px: float = 0.0) -> Floats:
+def row_share(sigma_y_px: Floats, radius_px: Floats, offset_px: Floats | float = 0.0) -> Floats:
     """Return the share of the spot's light that falls on the row: iria's eta_B for one row.
 
     The row is thinner than the image: its height enters as 1/12 px^2 of variance, with an error of
@@ -95,7 +95,7 @@ def row_share(sigma_y_px: Floats, radius_px: Floats, offset_px: float = 0.0) -> 
     Args:
         sigma_y_px: Sigma of the Gaussian across the row [n].
         radius_px: Radius of the defocused disc [n].
-        offset_px: Offset of the row from the image's middle.
+        offset_px: Offset of the row from the image's middle, [n] or one for all.
     """
     sigma = np.sqrt(np.square(sigma_y_px) + _ROW_VARIANCE)
     disc = np.maximum(radius_px, 1e-6)

@@ -15,6 +15,7 @@ from vrscan.scene import image
 from vrscan.scene.beam import core_share, output_mw, radius_mm
 from vrscan.scene.image import Clock
 from vrscan.scene.light import Light
+from vrscan.scene.mirrored import Mirrors
 from vrscan.scene.radiometry import photoelectrons
 from vrscan.scene.spots import OFF_SENSOR_PX, Spots, meet
 from vrscan.scene.timeline import Timeline
@@ -32,6 +33,7 @@ _SHARPEN = 0.5  # px of defocus radius above which parts of a spot are blurred s
 _FIVE = np.linspace(-_SPREAD, _SPREAD, 5)  # 1/e2 radii of rays that test for a smooth surface
 _SMOOTH_PX = 0.1  # largest deviation of their images from a parabola
 _SMOOTH_LIGHT = 0.02  # and of their light, over the middle one's
+_LEAST_E = 0.5  # least light of a mirrored spot on the row that is rendered, electrons
 
 
 @dataclass
@@ -98,11 +100,12 @@ class Spotter:
             laser = laser.model_copy(update={"aperture_mm": float("inf")})
         self._laser = laser
         self._pulse_s = 1e-6 * config.line.pulse_us
+        self._mirrors = Mirrors(light, falloff="falloff" in active)
         pupil = scene.lens.transmission * scene.lens.filter_transmission
         if "dust" in active:
             pupil *= 1.0 - light.obscured
-        if "halo" in active:
-            pupil *= 1.0 - light.halo.total
+        # What is scattered is lost to the spot, whether its own place is worked out or not.
+        pupil *= (1.0 - light.scatter.total) * (1.0 - light.emitter.total)
         efficiency = scene.sensor.quantum_efficiency * pupil
         power_w = 1e-3 * output_mw(laser)
         found = photoelectrons(power_w, self._pulse_s, efficiency, laser.wavelength_nm)
@@ -120,6 +123,9 @@ class Spotter:
                 if split.any():
                     pieces = [self._whole(spots, timeline, np.flatnonzero(~split))]
                     pieces += self._by_rays(spots, beam, timeline, np.flatnonzero(split))
+        if "mirrored" in self.active:
+            with self.clock("mirrored"):
+                pieces += self._mirrored(beam, timeline)
         second: list[Pieces] = []
         if "window" in self.active:
             with self.clock("window"):
@@ -459,6 +465,34 @@ class Spotter:
         np.maximum(cells, 0.0, out=cells)
         shift = moment / np.maximum(cells, 1e-3 * profile / whole)
         return cells, np.clip(shift, -0.75, 0.75) * step * width * lean
+
+    def _mirrored(self, beam: Floats, timeline: Timeline) -> list[Pieces]:
+        """Return the spots that are seen by way of glossy surfaces, at most three for each line."""
+        pieces = []
+        for found in self._mirrors.images(beam, timeline.y_mm):
+            beam_px = 0.5 * radius_mm(found.way_mm, self._laser)
+            sigma = np.hypot(beam_px * found.px_per_mm, found.lobe_px)
+            height = np.hypot(beam_px * found.high_px_per_mm, found.lobe_high_px)
+            radius, coma = self._blur(found.depth_mm, found.place_px)
+            offset = self.light.scene.lens.row_offset_px - found.high_px
+            whole = self._sent(found.way_mm) * found.collected
+            electrons = whole * image.row_share(height, radius, offset)
+            speed = found.px_per_rad * timeline.rate_rad_per_s[found.row]
+            piece = Pieces(
+                row=found.row,
+                place_px=found.place_px,
+                electrons=electrons,
+                whole_e=whole,
+                sigma_px=np.minimum(sigma, WIDEST_PX),
+                radius_px=radius,
+                height_px=height,
+                speed_px=self._speed(speed),
+                coma_px=coma,
+                surface=found.surface,
+                range_mm=found.depth_mm,
+            )
+            pieces.append(piece.of(electrons > _LEAST_E))
+        return pieces
 
     def _window_ghost(self, timeline: Timeline) -> Pieces:
         """Return the second spots that the scan head's window makes: beams of their own.

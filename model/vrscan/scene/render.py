@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vrscan.data.arrays import Bools, Floats, Ints, Pixels
+from vrscan.data.errors import blamed
 from vrscan.data.lines import Truth
 from vrscan.scene import image
 from vrscan.scene.beam import pulse_transform
@@ -56,6 +57,7 @@ class Charge:
     other_e: Singles  # all other light and the dark current in an exposure [length]
     other_offset_e: Singles  # pattern of ``other_e`` from pixel to pixel where it is even
     offset_e: Singles  # offsets of the sensor itself
+    whole_e: Floats  # all light of each line's spot in the image, on the row or not [n]
 
 
 class Renderer:
@@ -96,7 +98,8 @@ class Renderer:
         # A spot that moves v px in the pulse has at k cycles/px the pulse's transform at k v.
         pulse_s = 1e-6 * config.line.pulse_us
         turns = image.PULSE_TURNS / pulse_s
-        self._pulse = pulse_transform(turns, scene.laser, pulse_s).astype(np.float32)
+        with blamed(scene.source):
+            self._pulse = pulse_transform(turns, scene.laser, pulse_s).astype(np.float32)
         self._transfer: dict[int, Singles] = {}
         pattern = light.pattern
         self._sensitivity: Singles | None = pattern.sensitivity if "prnu" in active else None
@@ -182,7 +185,12 @@ class Renderer:
             other *= self._sensitivity
             offset = np.float32(self._even_e) * (self._sensitivity - np.float32(1.0))
         other += np.float32(self._even_e)
-        return Charge(laser_e=laser, other_e=other, other_offset_e=offset, offset_e=own)
+        whole = np.zeros(len(timeline))
+        for piece in pieces:
+            np.add.at(whole, piece.row, piece.whole_e)
+        return Charge(
+            laser_e=laser, other_e=other, other_offset_e=offset, offset_e=own, whole_e=whole
+        )
 
     @property
     def readout(self) -> Readout:
@@ -298,6 +306,8 @@ class Renderer:
         even = 0.0
         if "dark" in self.active:
             even += scene.sensor.dark_electrons(self.light.exposure_s)
+        if "veil" in self.active:
+            even += self.light.veil_e()
         uneven = None
         for name in ("sun", "lamps"):
             if name in self.active and name not in self._changing:
@@ -436,6 +446,10 @@ class Renderer:
                     for at, start, amount in zip(inside[some.row], middle, whole, strict=True):
                         begin = 2 * length - int(start)
                         field[at] += amount * weights[begin : begin + length]
+        if "skirt" in self.active:
+            with self._clock("skirt"):
+                beside = self.light.skirt(timeline.angle_rad[rows], timeline.y_mm[rows])
+                field += beside * np.float32(self._spotter.electrons)
         if "bounce" in self.active:
             with self._clock("bounce"):
                 bounced = self.light.bounced(timeline.angle_rad[rows], timeline.y_mm[rows])

@@ -140,9 +140,9 @@ def _link(
     # From the laser to electrons on the row.
     sent_w = 1e-3 * output_mw(laser)
     core = min(float(core_share(distance, laser)[0]), 1.0)
-    received_w = sent_w * core * float(spots.collected[row])
+    received_w = sent_w * (1.0 - light.emitter.total) * core * float(spots.collected[row])
     passed = lens.transmission * lens.filter_transmission
-    passed *= (1.0 - light.obscured) * (1.0 - light.halo.total)
+    passed *= (1.0 - light.obscured) * (1.0 - light.scatter.total)
     received_e = float(
         radiometry.photoelectrons(
             received_w, pulse_s, scene.sensor.quantum_efficiency * passed, laser.wavelength_nm
