@@ -263,7 +263,7 @@ class Light:
             y = key * PAN_STEP_MM
             if len(self._views) == _VIEWS:
                 self._views.pop(next(iter(self._views)))  # the oldest
-            self._views[key] = self._look(self._view_px, y)
+            self._views[key] = self._look(self.view_px, y)
         return self._views[key]
 
     def _look(self, pixel: Floats, y_mm: float) -> tuple[Floats, Floats, Ints, Floats]:
