@@ -27,6 +27,7 @@ from scipy.special import erf
 
 from vrscan.data.arrays import Floats, Ints
 from vrscan.data.config import Config
+from vrscan.ideal.geometry import ThinLens
 from vrscan.scene.radiometry import mtf
 from vrscan.scene.row_profile import CutBeam
 
@@ -71,15 +72,20 @@ def _slices() -> tuple[npt.NDArray[np.float32], Floats]:
 def defocus_radius_px(depth_mm: Floats, focus_mm: float, f_number: float, config: Config) -> Floats:
     """Return the radius of the disc into which a point out of focus is blurred, geometric optics.
 
+    It is pupil / 2 times the sensor's distance times |1 / depth - 1 / focus|.
+
     Args:
         depth_mm: Distance from the lens along its axis [n].
         focus_mm: Depth that is in focus.
-        f_number: f-number of the lens.
+        f_number: f-number of the lens, focal length over pupil.
         config: The configuration, whose focal length and pitch are used.
+
+    Raises:
+        InputError: if the focus is not farther away than the focal length.
     """
-    focal, pitch = config.geometry.focal_mm, config.geometry.pitch_mm
-    behind = 1.0 / np.maximum(depth_mm, 1e-3) - 1.0 / focus_mm
-    return np.asarray(0.5 * focal / f_number * focal / pitch * np.abs(behind))
+    lens = ThinLens.of(f_number, focus_mm, config.geometry)
+    per_mm = 0.5 * lens.pupil_mm * lens.image_mm / config.geometry.pitch_mm
+    return np.asarray(per_mm * np.abs(1.0 / np.maximum(depth_mm, 1e-3) - 1.0 / focus_mm))
 
 
 def band(sigma_y_px: Floats, radius_px: Floats) -> Floats:
@@ -143,7 +149,14 @@ def window_width(sigma_px: Floats, radius_px: Floats, smear_px: Floats, coma_px:
 def diffraction(
     frequency: Floats, wavelength_nm: float, f_number: float, pitch_mm: float
 ) -> Floats:
-    """Return the transfer of a circular pupil, iria (1-37), at frequencies in cycles/px."""
+    """Return the transfer of a circular pupil, iria (1-37), at frequencies in cycles/px.
+
+    Args:
+        frequency: Cycles per pixel, any shape.
+        wavelength_nm: Wavelength.
+        f_number: Working f-number, ``ThinLens.working``.
+        pitch_mm: Pitch of the pixels.
+    """
     cutoff = pitch_mm / (1e-6 * wavelength_nm * f_number)
     return mtf(np.minimum(frequency / cutoff, 1.0))
 

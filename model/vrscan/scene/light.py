@@ -11,7 +11,7 @@ import numpy as np
 from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError, blamed
-from vrscan.ideal.geometry import undistorted
+from vrscan.ideal.geometry import ThinLens, undistorted
 from vrscan.scene.beam import radius_mm
 from vrscan.scene.description import Description
 from vrscan.scene.ghosts import Ghosts, Stack, ghosts, stack
@@ -56,8 +56,9 @@ class Light:
 
     Raises:
         InputError: if a mesh or map does not load, the laser is above its rating or not in the
-            filter's band, the exposure is shorter than its pulse or longer than a line, the sun is
-            not above the horizon, or receiver or scan head scatters more than half of its light.
+            filter's band, the exposure is shorter than its pulse or longer than a line, the lens is
+            focused nearer than its focal length, the sun is not above the horizon, or receiver or
+            scan head scatters more than half of its light.
     """
 
     def __init__(self, scene: Description, config: Config) -> None:
@@ -76,7 +77,7 @@ class Light:
         # The last entry is for the index -1, no target.
         self.groups = np.array([self.names.index(n) for n in self.world.names] + [-1], np.int64)
         self.looks = scene.speckle.looks * np.array(
-            [material.looks for material in self.materials] + [1.0]
+            [material.patterns for material in self.materials] + [1.0]
         )
         self.exposure_s = (
             1e-6 * scene.exposure_us if scene.exposure_us is not None else 1 / config.line.rate_hz
@@ -96,6 +97,7 @@ class Light:
                 f"{scene.source}: laser.wavelength_nm = {scene.laser.wavelength_nm:g}: outside "
                 f"lens.filter_nm, {low:g} to {high:g}"
             )
+        self.lens = ThinLens.of(scene.lens.f_number, scene.lens.focus_mm, config.geometry)
         ends = np.abs(self.world.bounds)
         self.farthest_mm = float(ends[np.isfinite(ends)].max(initial=_FARTHEST_MM))
         # Where spots need rays: the first angle, and whether at each, by tolerance and effects.
@@ -117,9 +119,8 @@ class Light:
         return Speckle(
             self.scene.seed,
             self.config.sensor.line_length,
+            self.lens,
             wavelength_nm=self.scene.laser.wavelength_nm,
-            focal_mm=geometry.focal_mm,
-            f_number=self.scene.lens.f_number,
             pitch_mm=geometry.pitch_mm,
         )
 
@@ -214,7 +215,7 @@ class Light:
             self.config.sensor.line_length,
             self.scene.seed,
             pitch_mm=self.config.geometry.pitch_mm,
-            f_number=self.scene.lens.f_number,
+            f_number=self.lens.working,
         ).astype(np.float32)
 
     @cached_property

@@ -359,8 +359,9 @@ class Spotter:
         brightest = light.argmax(axis=1)[:, None]
         ahead = np.take_along_axis(depth, brightest, axis=1)
         lens, config = self.light.scene.lens, self.light.config
-        unsharp = image.defocus_radius_px(depth, 1.0, lens.f_number, config)
-        unsharp -= image.defocus_radius_px(ahead, 1.0, lens.f_number, config)
+        # Out of a focus at infinity both discs are on the same side, so the difference is theirs.
+        unsharp = image.defocus_radius_px(depth, np.inf, lens.f_number, config)
+        unsharp -= image.defocus_radius_px(ahead, np.inf, lens.f_number, config)
         same = np.abs(unsharp) < _SHARPEN
         pieces = []
         for some in (same, ~same):

@@ -270,13 +270,24 @@ class Renderer:
 
     def _speckle(self, some: Pieces, first: Ints, width: int, timeline: Timeline) -> Singles:
         """Return the gains of the pixels of windows."""
-        length = self.light.config.sensor.line_length
-        gain = self.light.speckle.gain(
-            first if width <= length else np.zeros_like(first),
-            min(width, length),
+        length, speckle = self.light.config.sensor.line_length, self.light.speckle
+        kept = min(width, length)
+        start = first if width <= length else np.zeros_like(first)
+        blur = speckle.blur(
+            start[:, None] + np.arange(kept) - some.place_px[:, None],
+            some.sigma_px if some.parts_px is None else some.height_px,
+            some.height_px,
+            some.radius_px,
+            some.speed_px,
+            some.range_mm,
+        )
+        gain = speckle.gain(
+            start,
+            kept,
             timeline.angle_rad[some.row],
             self.light.looks[some.surface],
             some.range_mm,
+            blur=blur,
             travel_mm=timeline.y_mm[some.row],
             surface=some.surface,
         )
@@ -293,7 +304,7 @@ class Renderer:
             self._transfer[width] = image.diffraction(
                 image.frequencies(width),
                 scene.laser.wavelength_nm,
-                scene.lens.f_number,
+                self.light.lens.working,
                 config.geometry.pitch_mm,
             ).astype(np.float32)
         return self._transfer[width]
