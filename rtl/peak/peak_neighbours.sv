@@ -4,21 +4,23 @@
 // Both put its place in doubt, by shares of its width that are added to sigma in squares: what two
 // widths differ by beyond their noise over root 32, and 3/16 of the share of light that is missing.
 // Light over the laser's power is compared with that of the brighter neighbour; up to a quarter of
-// it may be missing from a spot in a row with both.  A spot alone, beside a line without one or four
-// widths out of the row, is mixed where it has less than an eighth of that light, or five
-// sixteenths and a half of the dimmer neighbour's, or seven eighths and another width than each.
+// it may be missing from a spot in a row with both.  A spot alone, beside a line without one or
+// three widths out of the row, is mixed where it has less than 3/32 of that light, or less than a
+// quarter of each neighbour's.  Beside a line without a spot, or eight widths out of the row, it is
+// mixed also where it has less than 5/16 of that light and is as wide as the brighter neighbour,
+// within 9/8, or where it has less than 9/8 of the light and is narrower than both by more than so.
 //
-//   valid_i    a line's spot; valid_o follows with that of the line before it.  user_i goes with it
+//   valid_i    a line's spot; valid_o follows with that of the line before it, and user_i with it
 //   scale_i    half of the spot's width at half of its height, px, 12 fraction bits
 //   light_i    sum of its heights
-//   sigma_o    standard deviation of the position, px, with the doubt in it; what came in where there
-//              is no position, as where both neighbours leave no doubt
+//   sigma_o    standard deviation of the position, px, with the doubt in it; what came in where
+//              there is no position, as where both neighbours leave no doubt
 //   typical_o  the same with a quarter of the doubt: most spots that lack light are whole
 //   doubt_o    what the neighbours add to sigma_o, in squares; px
 //   A line after which none comes for NeighbourClks clocks, or until flush_i, is given without one
 //   behind it, and is no neighbour of the next.
-//   Latency    vrscan.fixed.peak_neighbours.LATENCY clocks from valid_i, or from the end of the wait,
-//              to valid_o; a valid_i meanwhile waits for that, and its inputs have to hold
+//   Latency    vrscan.fixed.peak_neighbours.LATENCY clocks from valid_i, or from the end of the
+//              wait, to valid_o; a valid_i meanwhile waits for that, and its inputs have to hold
 //   Model      vrscan.fixed.peak_neighbours, bit-exact
 
 `default_nettype none
@@ -61,9 +63,9 @@ module peak_neighbours #(
   localparam int unsigned RootWidth     = FactorWidth;
   localparam int unsigned BendWidth     = PositionWidth + 2;
   localparam logic [LightWidth-1:0] Whole  = LightWidth'(1 << ShareFraction);
-  localparam logic [LightWidth-1:0] Dark   = Whole >> 3;
-  localparam logic [LightWidth-1:0] Dim    = Dark + (Dark << 1) - (Dark >> 1);
-  localparam logic [LightWidth-1:0] Unlike = Whole - (Whole >> 3);
+  localparam logic [LightWidth-1:0] Dark   = (Whole >> 4) + (Whole >> 5);
+  localparam logic [LightWidth-1:0] Dim    = (Whole >> 2) + (Whole >> 4);
+  localparam logic [LightWidth-1:0] Bright = Whole + (Whole >> 3);
   localparam logic [LightWidth-1:0] Steady = Whole - (Whole >> 2);
 
   // ---- three lines ----
@@ -112,22 +114,24 @@ module peak_neighbours #(
   );
 
   // ---- the middle one and those beside it; what is not ready in one clock is registered ----
-  logic [LightWidth-1:0] brightest_q;
+  logic [LightWidth-1:0] brightest_q, share_q;
   logic [FactorWidth-2:0] before_difference_q, after_difference_q;
-  logic                  before_unlike_q, after_unlike_q, before_twice_q, after_twice_q;
-  logic                  out_of_row_q, alone_q;
+  logic                  before_unlike_q, after_unlike_q, before_below_q, after_below_q;
+  logic                  before_faint_q, after_faint_q, before_brighter_q;
+  logic                  other_width_q, narrower_q;
+  logic                  out_of_row_q, far_out_q, alone_q, far_q, mixed_alone_q, mixed_far_q;
   logic signed [BendWidth-1:0] bend_q;
-  logic        [BendWidth-1:0] row_q;
+  logic        [BendWidth-1:0] row_q, threefold_q;
   logic [LightWidth-1:0] before_light, after_light;
   assign before_light = before_q.measured ? before_q.light : '0;
   assign after_light  = after_q.measured ? after_q.light : '0;
-  logic [LightWidth:0] twice;
-  assign twice = {centre_q.light, 1'b0};
+  logic [LightWidth+1:0] fourfold;
+  assign fourfold = {centre_q.light, 2'b0};
 
-  // Two widths, the smaller one first; then how far they differ, and whether by 4/3.  Each step has
+  // Two widths, the smaller one first; then how far they differ, and whether by 9/8.  Each step has
   // its clock: they are read after the division, dozens later.
   logic [2*ScaleWidth-1:0] before_widths_q, after_widths_q;
-  logic [ScaleWidth+1:0]   before_thrice_q, after_thrice_q;
+  logic [ScaleWidth+3:0]   before_ninefold_q, after_ninefold_q;  // times the smaller one
   function automatic logic [2*ScaleWidth-1:0] ordered(
       input logic [ScaleWidth-1:0] one, input logic [ScaleWidth-1:0] other);
     ordered = one < other ? {one, other} : {other, one};
@@ -137,8 +141,8 @@ module peak_neighbours #(
     difference = widths[ScaleWidth-1:0] - widths[2*ScaleWidth-1:ScaleWidth];
     differing  = difference[ScaleWidth-1] ? '1 : difference[FactorWidth-2:0];
   endfunction
-  function automatic logic [ScaleWidth+1:0] thrice(input logic [ScaleWidth-1:0] value);
-    thrice = {1'b0, value, 1'b0} + (ScaleWidth + 2)'(value);
+  function automatic logic [ScaleWidth+3:0] ninefold(input logic [ScaleWidth-1:0] value);
+    ninefold = {1'b0, value, 3'b0} + (ScaleWidth + 4)'(value);
   endfunction
   // Both factors of a square, and the start.
   function automatic logic [2*FactorWidth:0] squared(input logic [FactorWidth-2:0] value);
@@ -150,25 +154,33 @@ module peak_neighbours #(
     after_widths_q      <= ordered(centre_q.scale, after_q.scale);
     before_difference_q <= differing(before_widths_q);
     after_difference_q  <= differing(after_widths_q);
-    before_thrice_q     <= thrice(before_widths_q[ScaleWidth-1:0]);
-    after_thrice_q      <= thrice(after_widths_q[ScaleWidth-1:0]);
-    before_unlike_q     <= before_q.measured
-                           && before_thrice_q > {before_widths_q[2*ScaleWidth-1:ScaleWidth], 2'b0};
-    after_unlike_q      <= after_q.measured
-                           && after_thrice_q > {after_widths_q[2*ScaleWidth-1:ScaleWidth], 2'b0};
-    before_twice_q      <= !before_q.measured || {1'b0, before_q.light} > twice;
-    after_twice_q       <= !after_q.measured || {1'b0, after_q.light} > twice;
+    before_ninefold_q   <= ninefold(before_widths_q[2*ScaleWidth-1:ScaleWidth]);
+    after_ninefold_q    <= ninefold(after_widths_q[2*ScaleWidth-1:ScaleWidth]);
+    before_unlike_q     <= {1'b0, before_widths_q[ScaleWidth-1:0], 3'b0} > before_ninefold_q;
+    after_unlike_q      <= {1'b0, after_widths_q[ScaleWidth-1:0], 3'b0} > after_ninefold_q;
+    before_below_q      <= before_q.measured && centre_q.scale < before_q.scale;
+    after_below_q       <= after_q.measured && centre_q.scale < after_q.scale;
+    before_faint_q      <= !before_q.measured || {2'b0, before_q.light} > fourfold;
+    after_faint_q       <= !after_q.measured || {2'b0, after_q.light} > fourfold;
+    before_brighter_q   <= before_light > after_light;
     bend_q              <= BendWidth'(before_q.position) + BendWidth'(after_q.position)
                            - (BendWidth'(centre_q.position) <<< 1);
     row_q               <= unsigned'(bend_q < 0 ? -bend_q : bend_q);
-    out_of_row_q        <= row_q > BendWidth'({centre_q.scale, 2'b0});
+    threefold_q         <= BendWidth'({centre_q.scale, 1'b0}) + BendWidth'(centre_q.scale);
+    out_of_row_q        <= row_q > threefold_q;
+    far_out_q           <= row_q > BendWidth'({centre_q.scale, 3'b0});
     alone_q             <= !before_q.measured || !after_q.measured || out_of_row_q;
+    far_q               <= !before_q.measured || !after_q.measured || far_out_q;
+    mixed_alone_q       <= share_q < Dark || (share_q < Dim && before_faint_q && after_faint_q);
+    other_width_q       <= before_brighter_q ? before_unlike_q : after_unlike_q;
+    narrower_q          <= before_below_q && before_unlike_q && after_below_q && after_unlike_q;
+    mixed_far_q         <= (share_q < Dim && !other_width_q) || (share_q < Bright && narrower_q);
   end
 
   // A difference's noise is that of both widths.
   logic        [  SquareWidth-1:0] own_q, noise_q, added_q;
   logic signed [    SquareWidth:0] over_q, excess_q;  // excess_q follows over_q by a clock
-  logic        [   LightWidth-1:0] share_q, limit;
+  logic        [   LightWidth-1:0] limit;
   logic        [  ShareFraction:0] missing_q;
   logic        [  FactorWidth-2:0] cut_q;
   assign limit = alone_q ? Whole : Steady;
@@ -291,9 +303,8 @@ module peak_neighbours #(
       WHOLE: if (root_valid) begin
         valid_o        <= 1'b1;
         sigma_o        <= centre_q.measured ? limited : centre_q.sigma;
-        mixed_o        <= centre_q.measured && alone_q
-                          && (share_q < Dark || (share_q < Dim && before_twice_q && after_twice_q)
-                              || (share_q < Unlike && before_unlike_q && after_unlike_q));
+        mixed_o        <= centre_q.measured
+                          && ((alone_q && mixed_alone_q) || (far_q && mixed_far_q));
         user_o         <= centre_user_q;
         centre_there_q <= after_there_q;
         state_q        <= IDLE;

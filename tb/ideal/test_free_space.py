@@ -82,7 +82,8 @@ def test_the_response_is_the_light_on_a_pixel() -> None:
         scale = 1.0 - free.focus_mm / deep  # of the pupil, in the focal plane
         place = middle * free.focus_mm + offset @ side * scale
         height = offset @ up * scale
-        per_px = free.focus_mm * geometry.pitch_mm / geometry.focal_mm
+        sensor = 1.0 / (1.0 / geometry.focal_mm - 1.0 / free.focus_mm)
+        per_px = free.focus_mm * geometry.pitch_mm / sensor
         half = 3.0  # px: the middle of the disc, to average
         inner = (np.abs(place - middle * free.focus_mm) < half * per_px) & (
             np.abs(height) < half * per_px

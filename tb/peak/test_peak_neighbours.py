@@ -32,15 +32,19 @@ ONE = 1 << pkg.POSITION_FRACTION
 
 
 def rows_of_spots(count: int, salt: int) -> dict[str, np.ndarray]:
-    """Return lines of a surface that changes slowly and has edges, and lines of anything."""
+    """Return lines of a surface that changes slowly and has edges, and lines of anything.
+
+    Widths, places and lights are often those of a limit: 9/8 and a quarter, whole widths.
+    """
     draw = generator(salt)
     length = parameters()["LineLength"]
     jump = np.where(draw.random(count) < 0.2, draw.normal(0, length / 4, count), 0)
-    position = (length / 2 + np.cumsum(jump + draw.normal(0, 2, count))) % (length - 1)
+    step = np.round(jump + draw.normal(0, 5, count))
+    position = (length / 2 + np.cumsum(step)) % (length - 1)
     width = 10 ** draw.uniform(-0.3, 0.3, count) * draw.choice([2.0, 2.0, 2.2, 5.0], count)
-    width = np.where(draw.random(count) < 0.5, 3.0, width)
+    width = np.where(draw.random(count) < 0.5, draw.choice([3.0, 3.0, 3.375], count), width)
     light = 10 ** draw.uniform(-1.5, 0.0, count) * (1 << 20)
-    light = np.where(draw.random(count) < 0.5, 1 << 20, light)
+    light = np.where(draw.random(count) < 0.5, 1 << draw.choice([20, 20, 18], count), light)
     given = {
         "measured": draw.random(count) < 0.85,
         "position": np.round(position * ONE),
@@ -211,36 +215,70 @@ def test_equal_spots_in_a_row_have_no_doubt() -> None:
     assert np.array_equal(got.sigma, row()["sigma"])
 
 
-def test_dim_spots_alone_are_mixed() -> None:
-    """Less than 5/16 of the light: beside none, or out of the row; not within the row."""
-    light = np.full(5, 1 << 20)
-    light[2] = (5 << 16) - 500
-    assert not model(row(light=light), []).mixed.any()
-    moved = row()["position"]
-    moved[2] += 7 * ONE
-    assert model(row(light=light, position=moved), []).mixed.tolist() == [0, 0, 1, 0, 0]
-    assert model(row(light=light, measured=[1, 0, 1, 1, 1]), []).mixed.tolist() == [0, 0, 1, 0, 0]
-    assert model(row(light=light), [3]).mixed.tolist() == [0, 0, 1, 0, 0]
-    # Beside one that has less than twice its light it is dark, or a surface's other side.
-    light[3] = 2 * light[2] - 500
-    assert not model(row(light=light, position=moved), []).mixed.any()
-    light[2] = (1 << 17) - 500
-    assert model(row(light=light, position=moved), []).mixed.tolist() == [0, 0, 1, 0, 0]
-    light[2:4] = (5 << 16) + 500, 1 << 20  # a share is rounded
-    assert not model(row(light=light, position=moved), []).mixed.any()
+def mixed(**changes: object) -> list[bool]:
+    """Return which of five equal spots are mixed where some columns are changed."""
+    return model(row(**changes), []).mixed.tolist()
 
 
-def test_another_width_than_both_is_mixed_out_of_the_row_only() -> None:
-    width = np.array([3.0, 3.0, 2.0, 3.0, 3.0]) * ONE
-    light = np.array([8, 8, 6, 8, 8]) << 17
-    moved = row()["position"]
-    moved[2] += 7 * ONE
-    assert model(row(scale=width, light=light, position=moved), []).mixed.tolist() == [
-        0,
-        0,
-        1,
-        0,
-        0,
-    ]
-    assert not model(row(scale=width, light=light), []).mixed.any()
-    assert not model(row(scale=width, position=moved), []).mixed.any()
+def moved(px: float) -> np.ndarray:
+    """Return the places of five spots in a row whose middle one has left it."""
+    position = row()["position"]
+    position[2] += round(px / 2 * ONE)  # a bend is twice as much
+    return position
+
+
+MIDDLE = [False, False, True, False, False]
+NONE = [False] * 5
+WIDTH = 3.0  # px
+STEP = 2 / ONE  # the least that a bend grows by
+LIGHT = 1 << 20
+
+
+def test_a_faint_spot_is_mixed_out_of_the_row() -> None:
+    """Less than a quarter of both lights: beside none, or out of the row by three widths."""
+    light = np.full(5, LIGHT)
+    light[2] = LIGHT // 4 - 500
+    assert mixed(light=light) == NONE
+    assert mixed(light=light, position=moved(3 * WIDTH)) == NONE
+    assert mixed(light=light, position=moved(3 * WIDTH + STEP)) == MIDDLE
+    assert mixed(light=light, measured=[1, 0, 1, 1, 1]) == MIDDLE
+    assert model(row(light=light), [3]).mixed.tolist() == MIDDLE
+    # Beside one that has less than four times its light it is dark, or a surface's other side.
+    light[3] = 4 * light[2] - 500
+    assert mixed(light=light, position=moved(4 * WIDTH)) == NONE
+    light[2] = LIGHT * 3 // 32 - 500
+    light[3] = light[2]
+    assert mixed(light=light, position=moved(4 * WIDTH)) == MIDDLE
+    light[2] = LIGHT // 4 + 500
+    light[3] = LIGHT
+    assert mixed(light=light, position=moved(4 * WIDTH)) == NONE
+
+
+def test_a_dim_spot_is_mixed_far_out_of_the_row() -> None:
+    """Less than 5/16 of the light, and as wide as the brighter neighbour, within 9/8."""
+    light = np.full(5, LIGHT)
+    light[2], light[3] = LIGHT * 5 // 16 - 500, LIGHT // 2
+    far = moved(8 * WIDTH + STEP)
+    assert mixed(light=light, position=far) == MIDDLE
+    assert mixed(light=light, position=moved(8 * WIDTH)) == NONE
+    assert mixed(light=light, position=far, scale=np.array([24, 27, 24, 20, 24]) * 512) == MIDDLE
+    assert mixed(light=light, position=far, scale=np.array([24, 28, 24, 20, 24]) * 512) == NONE
+    assert mixed(light=light, position=far, scale=np.array([24, 21, 24, 24, 24]) * 512) == NONE
+    light[2] += 1000
+    assert mixed(light=light, position=far) == NONE
+
+
+def test_a_spot_narrower_than_both_is_mixed_far_out_of_the_row() -> None:
+    """Unless it is brighter than both, or beside no spot."""
+    width = np.array([28, 28, 24, 28, 28]) * 512
+    far = moved(8 * WIDTH + STEP)
+    assert mixed(scale=width, position=far) == MIDDLE
+    assert mixed(scale=width, position=moved(8 * WIDTH)) == NONE
+    assert mixed(scale=np.array([28, 28, 24, 27, 28]) * 512, position=far) == NONE
+    assert mixed(scale=np.array([28, 28, 32, 28, 28]) * 512, position=far) == NONE
+    assert mixed(scale=width, measured=[1, 1, 1, 0, 1]) == NONE
+    light = np.full(5, LIGHT)
+    light[2] = LIGHT * 9 // 8 - 500
+    assert mixed(scale=width, position=far, light=light) == MIDDLE
+    light[2] += 1000
+    assert mixed(scale=width, position=far, light=light) == NONE

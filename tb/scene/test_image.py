@@ -124,10 +124,10 @@ def test_the_disc_is_that_of_geometric_optics() -> None:
     config = Config()
     depth = np.array([300.0, 420.0, 1000.0])
     got = image.defocus_radius_px(depth, 420.0, 3.0, config)
-    # A point at s is sharp at s f' / .. : similar triangles behind the lens, thin, distance f.
-    pupil, behind = 25.0 / 3.0, 25.0
-    want = 0.5 * pupil * behind * np.abs(1.0 / depth - 1.0 / 420.0) / 0.007
-    assert np.allclose(got, want, rtol=1e-12)
+    # A point at s is sharp at s' behind the lens: similar triangles from the pupil to s'.
+    sharp, sensor = (1.0 / (1.0 / 25.0 - 1.0 / each) for each in (depth, 420.0))
+    want = 0.5 * 25.0 / 3.0 * np.abs(sharp - sensor) / sharp / 0.007
+    assert np.allclose(got, want, rtol=1e-9, atol=1e-9)
     assert got[1] == 0.0
     assert np.isfinite(image.defocus_radius_px(np.array([0.0, 1e9]), 420.0, 3.0, config)).all()
 

@@ -1,8 +1,8 @@
 """What the lines beside it say of a spot, the twin of ``rtl/peak/peak_neighbours.sv``.
 
 A spot of which an edge cuts off a part has less light and another width than those beside it. Both
-put its place in doubt, by a share of its width. A spot alone, dim or unlike both, is not one spot
-on one surface.
+put its place in doubt, by a share of its width. A spot out of the row that is dimmer than both, or
+far out of it and narrower than both, is not one spot on one surface.
 """
 
 from collections.abc import Sequence
@@ -21,9 +21,10 @@ from vrscan.fixed.square_root import square_root
 LIGHT_FRACTION = 8  # of aligned counts over the laser's power
 SHARE_FRACTION = 14  # of a spot's light over its brighter neighbour's
 WHOLE = 1 << SHARE_FRACTION
-DARK = WHOLE >> 3  # a spot alone with less light is not one spot on one surface
-DIM = 5 * WHOLE >> 4  # nor is one with less light, and less than half of the other neighbour's
-UNLIKE = WHOLE - (WHOLE >> 3)  # nor one with less light and another width than both
+DARK = 3 * WHOLE >> 5  # a spot out of the row with less light is not one spot on one surface
+DIM = 5 * WHOLE >> 4  # nor one far out of it with less light, as wide as the brighter neighbour
+BRIGHT = WHOLE + (WHOLE >> 3)  # nor one far out of it with less light, narrower than both
+ROW, FAR = 3, 8  # widths from the middle of the neighbours: out of the row, far out of it
 STEADY = WHOLE - (WHOLE >> 2)  # light that a spot in a row with its neighbours may lack
 QUOTIENT_WIDTH, ROOT_WIDTH, FACTOR_WIDTH = 32, 18, 18
 MOST_DIFFERENCE = (1 << (FACTOR_WIDTH - 1)) - 1  # of two widths
@@ -92,23 +93,26 @@ def peak_neighbours(
         for each in breaks:
             there[each if by > 0 else each - 1] = False
         beside.append((there, {name: _shifted(value, by) for name, value in spot.items()}))
-    brightest = np.maximum(*(np.where(there, other["light"], 0) for there, other in beside))
+    before, behind = (np.where(there, other["light"], 0) for there, other in beside)
+    brightest = np.maximum(before, behind)
     share, _ = divide(per_power << SHARE_FRACTION, brightest, quotient_width=QUOTIENT_WIDTH)
 
-    dim = share < DIM
     excess = np.zeros(len(measured), np.int64)
     alone = np.zeros(len(measured), np.bool_)
-    unlike = share < UNLIKE
+    faint, narrower, alike = share < DIM, share < BRIGHT, []
     for there, other in beside:
         difference = np.minimum(np.abs(scale - other["scale"]), MOST_DIFFERENCE)
         noise = 2 * (sigma * sigma + other["sigma"] * other["sigma"])
         excess = np.maximum(excess, np.where(there, difference * difference - noise, 0))
-        narrow, wide = np.minimum(scale, other["scale"]), np.maximum(scale, other["scale"])
-        unlike &= there & (3 * wide > 4 * narrow)
-        dim &= ~there | (2 * per_power < other["light"])
+        below, above = 9 * scale < 8 * other["scale"], 8 * scale > 9 * other["scale"]
+        alike.append(~(below | above))
+        narrower &= there & below
+        faint &= ~there | (4 * per_power < other["light"])
         alone |= ~there
-    bend = beside[0][1]["position"] + beside[1][1]["position"] - 2 * position
-    alone |= np.abs(bend) > 4 * scale
+    bend = np.abs(beside[0][1]["position"] + beside[1][1]["position"] - 2 * position)
+    far = alone | (bend > FAR * scale)
+    alone |= bend > ROW * scale
+    dim = (share < DIM) & np.where(before > behind, *alike)
     missing = np.maximum(np.where(alone, WHOLE, STEADY) - share, 0)
     cut = (3 * missing * (scale >> 1)) >> (SHARE_FRACTION + 3)
     doubt = (excess >> 5) + cut * cut
@@ -122,5 +126,5 @@ def peak_neighbours(
         sigma=np.where(measured, whole, sigma),
         typical=np.where(measured, typical, sigma),
         doubt=np.where(measured, added, 0),
-        mixed=measured & alone & ((share < DARK) | dim | unlike),
+        mixed=measured & (alone & ((share < DARK) | faint) | far & (dim | narrower)),
     )

@@ -11,7 +11,7 @@ import numpy as np
 
 from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.data.config import Config
-from vrscan.ideal.geometry import undistorted
+from vrscan.ideal.geometry import ThinLens, undistorted
 
 _PHOTONS_PER_NJ = 3.3124e9  # at 658 nm
 _LEAST_MM = 1.0  # z from which the response is defined
@@ -112,10 +112,13 @@ def response(z_mm: Floats, angle_rad: Floats, config: Config) -> Floats:
     depth = z * np.sin(geometry.bias_rad) - x * np.cos(geometry.bias_rad)
     square = np.square(x) + np.square(z)
     front = np.maximum(depth, _LEAST_MM)
-    pupil_mm2 = 0.25 * np.pi * (geometry.focal_mm / free.f_number) ** 2
+    lens = ThinLens.of(free.f_number, free.focus_mm, geometry)
+    pupil_mm2 = 0.25 * np.pi * lens.pupil_mm**2
     per_mm = geometry.focal_mm / geometry.pitch_mm  # px per unit of tangent
-    blur = 0.5 * geometry.focal_mm / free.f_number * np.abs(1.0 / free.focus_mm - 1.0 / front)
-    area_px2 = np.pi * per_mm**2 * (np.square(free.spot_mm / front) + np.square(blur))
+    spot = per_mm * free.spot_mm / front
+    blur = 0.5 * lens.pupil_mm * lens.image_mm / geometry.pitch_mm
+    blur = blur * np.abs(1.0 / free.focus_mm - 1.0 / front)
+    area_px2 = np.pi * (np.square(spot) + np.square(blur))
     sent = config.laser.rated_mw * config.line.pulse_us * _PHOTONS_PER_NJ * free.efficiency
     collected = pupil_mm2 / np.pi * front / square**1.5
     return np.asarray(np.where(depth > 0.0, sent * collected / area_px2, 0.0))

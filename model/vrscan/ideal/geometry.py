@@ -10,6 +10,45 @@ import numpy as np
 
 from vrscan.data.arrays import Bools, Floats
 from vrscan.data.config import Geometry
+from vrscan.data.errors import InputError
+
+
+@dataclass(frozen=True)
+class ThinLens:
+    """The camera's lens and where its sensor stands, mm: the thin lens equation.
+
+    Whatever depends on the cone of light that meets at a pixel follows from ``working``: speckle's
+    cells and the diffraction disc are lambda N wide, out of focus the disc is the cone's. The
+    image's scale is the f of (4), which a calibration takes up with the focus.
+    """
+
+    pupil_mm: float  # diameter
+    image_mm: float  # distance from the lens to the sensor
+    focus_mm: float  # depth that is in focus
+
+    @classmethod
+    def of(cls, f_number: float, focus_mm: float, geometry: Geometry) -> "ThinLens":
+        """Return the lens of ``geometry.focal_mm`` that is focused at a depth.
+
+        Args:
+            f_number: Focal length over the pupil's diameter, as lenses are marked.
+            focus_mm: Depth along the axis that is in focus.
+            geometry: The instrument's geometry, whose focal length is used.
+
+        Raises:
+            InputError: if the focus is not farther away than the focal length.
+        """
+        focal = geometry.focal_mm
+        if not focus_mm > focal:
+            raise InputError(
+                f"lens.focus_mm = {focus_mm:g}: no farther than the focal length, {focal:g} mm"
+            )
+        return cls(focal / f_number, 1.0 / (1.0 / focal - 1.0 / focus_mm), focus_mm)
+
+    @property
+    def working(self) -> float:
+        """Return the working f-number N = F (1 + m), m the magnification of what is in focus."""
+        return self.image_mm / self.pupil_mm
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,10 @@
 Where an edge cuts off a part of the spot, the centre of what is left lies beside the beam's axis,
 by a share of the spot's width: it lacks light and has another width than its neighbours. A line
 knows neither, as light and width change with the surface; its neighbours do. Spots of a surface lie
-in a row: the second difference of their positions is small. What is dim out of the row, or beside
-no spot, or differs in width from both, is part of a spot, a second reflection or light of both
-sides of an edge.
+in a row: the second difference of their positions is small. What lies out of the row, or beside no
+spot, is part of a spot or a second reflection where it is dimmer than a quarter of both; where it
+lies far out, also where it is narrower than both, or dim and no wider or narrower than the brighter
+one, so that it is light of that spot and no other surface's.
 
 The constants are those of the shipped scenes' edges: the errors of spots alone, over sigma with its
 doubt, have an rms of 0.8 to 1 whatever light they lack. That of a spot that is known to be cut is
@@ -23,10 +24,11 @@ WIDTH_SHARE = 1 / 32  # of the squared difference of two widths beyond its noise
 LIGHT_SHARE = 3 / 16  # of a width, for all the light
 TYPICAL = 1 / 4  # share of the doubt that most spots with it deserve
 STEADY = 1 / 4  # share of light that a spot in the row may lack
-DARK = 1 / 8  # of the brighter neighbour's light
-DIM, DIMMER = 5 / 16, 1 / 2  # the same, where it has less than a half of the other's, too
-LESS, OTHER = 7 / 8, 4 / 3  # light and width of a spot unlike both neighbours
-ROW = 4.0  # widths by which a spot in the row may lie beside the middle of its neighbours
+FAINT = 1 / 4  # of each neighbour's light
+DARK = 3 / 32  # of the brighter neighbour's light, whatever the other's
+DIM, BRIGHT = 5 / 16, 9 / 8  # the same, of a spot far out of the row
+OTHER = 9 / 8  # ratio of two widths that are not alike
+ROW, FAR = 3.0, 8.0  # widths from the middle of the neighbours: out of the row, far out of it
 
 
 @dataclass(frozen=True)
@@ -70,22 +72,27 @@ def peak_neighbours(
         other = np.where(inside, other, 0)
         inside &= stretch[other] == stretch
         beside.append((inside & measured[other] if count else inside, other))
-    brightest = np.maximum(*(np.where(there, per_power[other], 0.0) for there, other in beside))
+    light_before, light_behind = (np.where(there, per_power[other], 0.0) for there, other in beside)
+    brightest = np.maximum(light_before, light_behind)
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(brightest > 0.0, per_power / brightest, np.inf)
     share = np.where(np.isnan(share), 1.0, share)  # without power, all light is alike
     excess, alone = np.zeros(count), np.zeros(count, np.bool_)
-    unlike, dim = share < LESS, share < DIM
+    faint, narrower, alike = share < DIM, share < BRIGHT, []
     for there, other in beside:
         noise = 2.0 * (np.square(sigma) + np.square(sigma[other]))
         over = np.square(scale - scale[other]) - noise
         excess = np.maximum(excess, np.where(there, over, 0.0))
-        ratio = np.maximum(scale, scale[other]) > OTHER * np.minimum(scale, scale[other])
-        unlike &= there & ratio
-        dim &= ~there | (per_power < DIMMER * per_power[other])
+        below, above = OTHER * scale < scale[other], scale > OTHER * scale[other]
+        alike.append(~(below | above))
+        narrower &= there & below
+        faint &= ~there | (per_power < FAINT * per_power[other])
         alone |= ~there
     (_, before), (_, behind) = beside
-    alone |= np.abs(position[before] + position[behind] - 2.0 * position) > ROW * scale
+    bend = np.abs(position[before] + position[behind] - 2.0 * position)
+    far = alone | (bend > FAR * scale)
+    alone |= bend > ROW * scale
+    dim = (share < DIM) & np.where(light_before > light_behind, *alike)
     missing = np.maximum(np.where(alone, 1.0, 1.0 - STEADY) - share, 0.0)
     doubt = np.sqrt(WIDTH_SHARE * excess + np.square(LIGHT_SHARE * missing * scale))
     doubt = np.where(measured, doubt, 0.0)
@@ -93,5 +100,5 @@ def peak_neighbours(
         sigma=np.hypot(sigma, doubt),
         typical=np.hypot(sigma, TYPICAL * doubt),
         doubt=doubt,
-        mixed=measured & alone & ((share < DARK) | dim | unlike),
+        mixed=measured & (alone & ((share < DARK) | faint) | far & (dim | narrower)),
     )

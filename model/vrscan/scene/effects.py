@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from vrscan.data.errors import InputError
+from vrscan.data.errors import InputError, nearest
 from vrscan.scene.description import Description
 from vrscan.scene.scatter import emitter, receiver
 
@@ -31,6 +31,7 @@ _ALL = (
     Effect(
         "bounce", "light from the spot that lights the rest of the scene", "one reflection", 5.0
     ),
+    Effect("mirrored", "spots seen in a glossy surface, and mirrored beams", "one reflection", 6.0),
     Effect("speckle", "a rough surface under coherent light", "smooth light", 2.0),
     Effect("sun", "sun and sky on what the camera sees", "darkness", 5.0),
     Effect("lamps", "indoor light", "darkness", 5.0),
@@ -74,7 +75,7 @@ def present(scene: Description) -> tuple[str, ...]:
     if not scene.lamp:
         absent.add("lamps")
     if not any(material.gloss > 0.0 for material in materials):
-        absent.add("gloss")
+        absent |= {"gloss", "mirrored"}
     if math.isinf(scene.laser.aperture_mm):
         absent.add("truncation")
     stray = scene.stray
@@ -117,7 +118,10 @@ def chosen(names: Iterable[str], source: str) -> frozenset[str]:
     names = list(names)
     for name in names:
         if name not in EFFECTS:
-            raise InputError(f"{source}: unknown effect {name!r} (there are {', '.join(EFFECTS)})")
+            raise InputError(
+                f"{source}: unknown effect {name!r} (there are {', '.join(EFFECTS)})"
+                f"{nearest(name, EFFECTS)}"
+            )
         if names.count(name) > 1:
             raise InputError(f"{source}: effect {name!r} stands there twice")
     return frozenset(names)

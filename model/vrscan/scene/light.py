@@ -10,8 +10,8 @@ import numpy as np
 
 from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.data.config import Config
-from vrscan.data.errors import InputError
-from vrscan.ideal.geometry import undistorted
+from vrscan.data.errors import InputError, blamed
+from vrscan.ideal.geometry import ThinLens, undistorted
 from vrscan.scene.beam import radius_mm
 from vrscan.scene.description import Description
 from vrscan.scene.ghosts import Ghosts, Stack, ghosts, stack
@@ -39,7 +39,7 @@ _BOUNCE_KNOTS = 193  # angles at which the second bounce is computed
 _BOUNCE_EDGE = 1.02  # range of these angles over the scan's amplitude
 _BOUNCE_TABLES = 48  # number of places of a panning scanner that are kept
 _VIEWS = 64  # number of views of a moving scanner that are kept
-_PAN_STEP_MM = 1.0  # distance over which a moving scanner's view counts as the same
+PAN_STEP_MM = 1.0  # distance over which a moving scanner's view counts as the same
 _RAYS = 1 << 16  # rays followed at a time
 _SKIRT_STEP = 5e-5  # rad between the angles at which the scan head's scatter is kept
 _SKIRT_ANGLES = 400  # angles at which it is computed
@@ -56,8 +56,9 @@ class Light:
 
     Raises:
         InputError: if a mesh or map does not load, the laser is above its rating or not in the
-            filter's band, the exposure is shorter than its pulse or longer than a line, the sun is
-            not above the horizon, or receiver or scan head scatters more than half of its light.
+            filter's band, the exposure is shorter than its pulse or longer than a line, the lens is
+            focused nearer than its focal length, the sun is not above the horizon, or receiver or
+            scan head scatters more than half of its light.
     """
 
     def __init__(self, scene: Description, config: Config) -> None:
@@ -67,13 +68,16 @@ class Light:
                 f"{scene.source}: laser.power_mw = {scene.laser.power_mw:g}: above the rated "
                 f"{config.laser.rated_mw:g} mW"
             )
-        self.world = World(scene.target, scene.folder)
+        with blamed(scene.source):
+            self.world = World(scene.target, scene.folder)
+            if scene.sun is not None:
+                scene.sun.towards()  # raises an error at night
         self.materials = tuple(scene.material_of(target.material) for target in scene.target)
         self.names = tuple(dict.fromkeys(self.world.names))
         # The last entry is for the index -1, no target.
         self.groups = np.array([self.names.index(n) for n in self.world.names] + [-1], np.int64)
         self.looks = scene.speckle.looks * np.array(
-            [material.looks for material in self.materials] + [1.0]
+            [material.patterns for material in self.materials] + [1.0]
         )
         self.exposure_s = (
             1e-6 * scene.exposure_us if scene.exposure_us is not None else 1 / config.line.rate_hz
@@ -93,6 +97,7 @@ class Light:
                 f"{scene.source}: laser.wavelength_nm = {scene.laser.wavelength_nm:g}: outside "
                 f"lens.filter_nm, {low:g} to {high:g}"
             )
+        self.lens = ThinLens.of(scene.lens.f_number, scene.lens.focus_mm, config.geometry)
         ends = np.abs(self.world.bounds)
         self.farthest_mm = float(ends[np.isfinite(ends)].max(initial=_FARTHEST_MM))
         # Where spots need rays: the first angle, and whether at each, by tolerance and effects.
@@ -100,8 +105,6 @@ class Light:
         self._views: dict[int, tuple[Floats, Floats, Ints, Floats]] = {}
         self._bounces: dict[int, Singles] = {}
         self._skirts: dict[int, tuple[Singles, Singles]] = {}
-        if scene.sun is not None:
-            scene.sun.towards()  # raises an error at night
         self._refuse_fog()
 
     @cached_property
@@ -116,9 +119,8 @@ class Light:
         return Speckle(
             self.scene.seed,
             self.config.sensor.line_length,
+            self.lens,
             wavelength_nm=self.scene.laser.wavelength_nm,
-            focal_mm=geometry.focal_mm,
-            f_number=self.scene.lens.f_number,
             pitch_mm=geometry.pitch_mm,
         )
 
@@ -213,20 +215,21 @@ class Light:
             self.config.sensor.line_length,
             self.scene.seed,
             pitch_mm=self.config.geometry.pitch_mm,
-            f_number=self.scene.lens.f_number,
+            f_number=self.lens.working,
         ).astype(np.float32)
 
     @cached_property
     def _stack(self) -> Stack:
         geometry = self.config.geometry
-        return stack(
-            self.scene.stray,
-            focal_mm=geometry.focal_mm,
-            f_number=self.scene.lens.f_number,
-            pitch_mm=geometry.pitch_mm,
-            length_px=self.config.sensor.line_length,
-            centre_px=geometry.centre_px,
-        )
+        with blamed(self.scene.source):
+            return stack(
+                self.scene.stray,
+                focal_mm=geometry.focal_mm,
+                f_number=self.scene.lens.f_number,
+                pitch_mm=geometry.pitch_mm,
+                length_px=self.config.sensor.line_length,
+                centre_px=geometry.centre_px,
+            )
 
     def ghosts(self, depth_mm: Floats, field_mm: Floats) -> Ghosts:
         """Return the ghosts of spots at these depths and image heights [n]."""
@@ -244,7 +247,7 @@ class Light:
     # -- what the camera sees --
 
     @property
-    def _view_px(self) -> Floats:
+    def view_px(self) -> Floats:
         """Return the pixels for which the camera's view is computed, and one after the last."""
         count = -(-self.config.sensor.line_length // _VIEW_STEP) + 1
         return _VIEW_STEP * np.arange(count, dtype=np.float64)
@@ -255,12 +258,12 @@ class Light:
         It is computed for every eighth pixel. Points are in the scanner's frame, which is at
         ``y_mm``.
         """
-        key = round(y_mm / _PAN_STEP_MM)
+        key = round(y_mm / PAN_STEP_MM)
         if key not in self._views:
-            y = key * _PAN_STEP_MM
+            y = key * PAN_STEP_MM
             if len(self._views) == _VIEWS:
                 self._views.pop(next(iter(self._views)))  # the oldest
-            self._views[key] = self._look(self._view_px, y)
+            self._views[key] = self._look(self.view_px, y)
         return self._views[key]
 
     def _look(self, pixel: Floats, y_mm: float) -> tuple[Floats, Floats, Ints, Floats]:
@@ -277,7 +280,7 @@ class Light:
     @property
     def _off_axis_rad(self) -> Floats:
         """Return the angle from the axis at which every eighth pixel looks."""
-        u, _ = undistorted(self._view_px, self.config.geometry)
+        u, _ = undistorted(self.view_px, self.config.geometry)
         return np.asarray(np.arctan(u / self.config.geometry.focal_mm))
 
     def _whole_row(self, values: Floats) -> Floats:
@@ -315,14 +318,14 @@ class Light:
                 flicker.
         """
         found = np.zeros((len(timeline), self.config.sensor.line_length), np.float32)
-        keys = np.round(timeline.y_mm / _PAN_STEP_MM).astype(np.int64)
+        keys = np.round(timeline.y_mm / PAN_STEP_MM).astype(np.int64)
         for source in (source for name in names for source in self._sources(name)):
             level = np.ones(len(timeline))
             if isinstance(source, Lamp):
                 level = source.level(timeline.time_s)
             for key in np.unique(keys).tolist():
                 rows = np.flatnonzero(keys == key)
-                light = self._ambient_of(source, key * _PAN_STEP_MM)
+                light = self._ambient_of(source, key * PAN_STEP_MM)
                 found[rows] += (level[rows, None] * light).astype(np.float32)
         return found
 
@@ -343,7 +346,7 @@ class Light:
         hit = target >= 0
         shaded = np.zeros(len(target), np.bool_)
         if isinstance(source, Sun):
-            start = point + np.array([0.0, round(y_mm / _PAN_STEP_MM) * _PAN_STEP_MM, 0.0])
+            start = point + np.array([0.0, round(y_mm / PAN_STEP_MM) * PAN_STEP_MM, 0.0])
             far = start + 4.0 * (self.farthest_mm + 1.0) * source.towards()
             shaded[hit] = self.world.blocked(start[hit], far[hit])
         band = scene.lens.filter_nm
@@ -402,13 +405,13 @@ class Light:
         grow any more.
         """
         result = np.empty((len(angle_rad), self.config.sensor.line_length), np.float32)
-        keys = np.round(y_mm / _PAN_STEP_MM).astype(np.int64)
+        keys = np.round(y_mm / PAN_STEP_MM).astype(np.int64)
         table = self._skirt_gain
         for key in np.unique(keys).tolist():
             if key not in self._skirts:
                 if len(self._skirts) >= _VIEWS:
                     self._skirts.clear()
-                self._skirts[key] = self._skirt_seen(key * _PAN_STEP_MM)
+                self._skirts[key] = self._skirt_seen(key * PAN_STEP_MM)
             heading, gain = self._skirts[key]
             rows = np.flatnonzero(keys == key)
             apart = np.abs(heading - angle_rad[rows, None].astype(np.float32))
@@ -462,7 +465,7 @@ class Light:
         place = np.clip((angle_rad + limit) / (2.0 * limit), 0.0, 1.0) * (_BOUNCE_KNOTS - 1)
         knot = np.minimum(place.astype(np.int64), _BOUNCE_KNOTS - 2)
         share = (place - knot).astype(np.float32)[:, None]
-        keys = np.round(y_mm / _PAN_STEP_MM).astype(np.int64)
+        keys = np.round(y_mm / PAN_STEP_MM).astype(np.int64)
         result = np.empty((len(angle_rad), self.config.sensor.line_length), np.float32)
         for key in np.unique(keys):
             rows = np.flatnonzero(keys == key)
@@ -482,7 +485,7 @@ class Light:
             angles = np.linspace(-self._bounce_limit, self._bounce_limit, _BOUNCE_KNOTS)
             if len(self._bounces) >= _BOUNCE_TABLES:
                 self._bounces.clear()
-            self._bounces[key] = self._bounce(angles, key * _PAN_STEP_MM)
+            self._bounces[key] = self._bounce(angles, key * PAN_STEP_MM)
         return self._bounces[key]
 
     def _bounce(self, angle: Floats, y_mm: float) -> Singles:

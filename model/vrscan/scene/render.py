@@ -17,13 +17,14 @@ import numpy as np
 import numpy.typing as npt
 
 from vrscan.data.arrays import Bools, Floats, Ints, Pixels
+from vrscan.data.errors import blamed
 from vrscan.data.lines import Truth
 from vrscan.scene import image
 from vrscan.scene.beam import pulse_transform
 from vrscan.scene.effects import WHOLE_LINE
 from vrscan.scene.image import Singles
 from vrscan.scene.light import Light
-from vrscan.scene.pieces import Pieces, Spotter
+from vrscan.scene.pieces import OUTER, Pieces, Spotter
 from vrscan.scene.sensor import Readout, bloom, expose_even, expose_pixels, readout
 from vrscan.scene.spots import Spots
 from vrscan.scene.timeline import Timeline
@@ -97,7 +98,8 @@ class Renderer:
         # A spot that moves v px in the pulse has at k cycles/px the pulse's transform at k v.
         pulse_s = 1e-6 * config.line.pulse_us
         turns = image.PULSE_TURNS / pulse_s
-        self._pulse = pulse_transform(turns, scene.laser, pulse_s).astype(np.float32)
+        with blamed(scene.source):
+            self._pulse = pulse_transform(turns, scene.laser, pulse_s).astype(np.float32)
         self._transfer: dict[int, Singles] = {}
         pattern = light.pattern
         self._sensitivity: Singles | None = pattern.sensitivity if "prnu" in active else None
@@ -217,7 +219,8 @@ class Renderer:
         if len(pieces) == 0:
             return
         spread = pieces.sigma_px
-        if pieces.parts_px is not None and pieces.share is not None:
+        if pieces.parts_px is not None and pieces.share is not None and pieces.cell_px is not None:
+            spread = spread + 0.5 * pieces.cell_px.max(axis=1) / image.REACH
             used = np.where(pieces.share > 0.0, pieces.parts_px, pieces.place_px[:, None])
             spread = spread + np.abs(used - pieces.place_px[:, None]).max(axis=1) / image.REACH
         widths = image.window_width(spread, pieces.radius_px, pieces.speed_px, pieces.coma_px)
@@ -231,10 +234,17 @@ class Renderer:
     def _draw(self, some: Pieces, width: int, timeline: Timeline) -> tuple[Ints, Ints, Singles]:
         middle = np.round(some.place_px)
         first = middle.astype(np.int64) - width // 2
-        spectrum = None
-        if some.parts_px is not None and some.share is not None:
+        shape, spectrum = None, None
+        cut = self._spotter.cut
+        if some.parts_px is not None and some.share is not None and some.cell_px is not None:
             with self._clock("footprint"):
-                spectrum = _spectrum(some.parts_px - middle[:, None], some.share, width)
+                place = some.parts_px - middle[:, None]
+                spectrum = _spectrum(place, some.share, some.cell_px, width)
+        elif cut is not None and some.zone is not None:
+            with self._clock("truncation"):
+                turns = (2.0 * some.sigma_px)[:, None] * image.frequencies(width)
+                band = image.band(some.height_px, some.radius_px)
+                shape = cut.transfer(turns.astype(np.float32), some.zone, band)
         # Each blur is a factor; its time is that of the transform with it, less that without it.
         light = image.profiles(
             some.place_px - middle,
@@ -247,6 +257,7 @@ class Renderer:
             pulse=self._pulse,
             coma_px=some.coma_px if "coma" in self.active else None,
             transfer=self._pupil(width),
+            shape=shape,
             spectrum=spectrum,
             clock=self._clock,
         )
@@ -259,13 +270,24 @@ class Renderer:
 
     def _speckle(self, some: Pieces, first: Ints, width: int, timeline: Timeline) -> Singles:
         """Return the gains of the pixels of windows."""
-        length = self.light.config.sensor.line_length
-        gain = self.light.speckle.gain(
-            first if width <= length else np.zeros_like(first),
-            min(width, length),
+        length, speckle = self.light.config.sensor.line_length, self.light.speckle
+        kept = min(width, length)
+        start = first if width <= length else np.zeros_like(first)
+        blur = speckle.blur(
+            start[:, None] + np.arange(kept) - some.place_px[:, None],
+            some.sigma_px if some.parts_px is None else some.height_px,
+            some.height_px,
+            some.radius_px,
+            some.speed_px,
+            some.range_mm,
+        )
+        gain = speckle.gain(
+            start,
+            kept,
             timeline.angle_rad[some.row],
             self.light.looks[some.surface],
             some.range_mm,
+            blur=blur,
             travel_mm=timeline.y_mm[some.row],
             surface=some.surface,
         )
@@ -282,7 +304,7 @@ class Renderer:
             self._transfer[width] = image.diffraction(
                 image.frequencies(width),
                 scene.laser.wavelength_nm,
-                scene.lens.f_number,
+                self.light.lens.working,
                 config.geometry.pitch_mm,
             ).astype(np.float32)
         return self._transfer[width]
@@ -487,7 +509,8 @@ class Renderer:
             if len(small) == 0:
                 continue
             some = piece.of(small)
-            own = image.row_share(some.height_px, blur[small])
+            cut = self._spotter.cut
+            own = image.row_share(some.height_px, blur[small], cut=cut, zone=some.zone)
             spread = np.square(some.height_px) + 0.25 * np.square(blur[small])
             own *= np.exp(-0.5 * np.square(across[small]) / spread)
             some = replace(
@@ -500,20 +523,33 @@ class Renderer:
                 coma_px=np.zeros(len(small)),
                 parts_px=None,
                 share=None,
+                cell_px=None,
                 speckled=False,
             )
             for row, first, light in self._drawn(some, timeline):
                 _add(field, inside[row], first, light)
 
 
-def _spectrum(offset_px: Floats, share: Floats, width: int) -> npt.NDArray[np.complex64]:
-    """Return the spectrum of points on the row, [m, width + 1], from places [m, k] and shares."""
-    frequency = (-2.0 * np.pi * image.frequencies(width)).astype(np.float32)
-    turn = offset_px.astype(np.float32)[:, :, None] * frequency
-    weight = share.astype(np.float32)[:, None, :]
+def _spectrum(
+    offset_px: Floats, share: Floats, cell_px: Floats, width: int
+) -> npt.NDArray[np.complex64]:
+    """Return the spectrum of a spot's cells on the row [m, width + 1].
+
+    Args:
+        offset_px: Places of the cells' light [m, k].
+        share: Their shares of the light [m, k].
+        cell_px: Lengths of the cells in the middle and of the ``OUTER`` ones on either side [m, 2].
+        width: Width of the window.
+    """
+    frequency = image.frequencies(width).astype(np.float32)
+    turn = offset_px.astype(np.float32)[:, :, None] * (np.float32(-2.0 * np.pi) * frequency)
+    weight = np.zeros((len(share), 2, share.shape[1]), np.float32)
+    weight[:, 0, OUTER:-OUTER] = share[:, OUTER:-OUTER]
+    weight[:, 1, :OUTER], weight[:, 1, -OUTER:] = share[:, :OUTER], share[:, -OUTER:]
+    cell = np.sinc(cell_px.astype(np.float32)[:, :, None] * frequency)
     found = np.empty((len(share), width + 1), np.complex64)
-    found.real = (weight @ np.cos(turn))[:, 0]
-    found.imag = (weight @ np.sin(turn))[:, 0]
+    found.real = ((weight @ np.cos(turn)) * cell).sum(axis=1)
+    found.imag = ((weight @ np.sin(turn)) * cell).sum(axis=1)
     return found
 
 

@@ -1,9 +1,15 @@
 """Speckle of the imaged spot: each pixel's gain, and its effect on a position.
 
-Light from a rough surface reaches a pixel as a sum of many random phasors. In the image the field
-is the beam's envelope times a circular Gaussian field whose cell is set by the lens alone, about
-lambda F (1 + m) wide (Goodman, Speckle Phenomena in Optics, 2007, chapters 3 to 5). That cell is
-smaller than a pixel, so a pixel sums some nine of them and its gain has a contrast near 0.3.
+Light from a rough surface reaches a pixel as a sum of many random phasors. In a sharp image the
+field is the beam's envelope times a circular Gaussian field whose cell is set by the cone of light
+that meets at a pixel, lambda N wide, N = F (1 + m) with the magnification m of what is in focus
+(Goodman, Speckle Phenomena in Optics, 2007, chapters 3 to 5). That cell is smaller than a pixel, so
+a pixel sums some twelve of them and its gain has a contrast near 0.3.
+
+Out of focus a pixel gets the light of each part of the pupil from another place, and where that is
+beside the spot that part is dark. The cone that meets at a pixel is then narrower and the cells are
+larger by as much, up to a contrast of 1: the sensor sees the pattern that the spot casts on the
+pupil. During a pulse this pattern moves.
 
 The pattern is tied to the surface. While neither surface nor camera moves, a pixel keeps its gain
 as the beam's envelope passes over it, until the light's direction has turned so far that another
@@ -12,13 +18,16 @@ function only of the pixel and of the turn in units of D / R.
 """
 
 import math
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.special import erf
 
 from vrscan.data.arrays import Floats, Ints
+from vrscan.ideal.geometry import ThinLens
 from vrscan.scene.radiometry import mtf
 
 Singles = npt.NDArray[np.float32]
@@ -28,9 +37,15 @@ KNOT_STEP = 0.0625  # D / R; the correlation from knot to knot is some 0.9
 _SURFACE_STEP = 23.0  # D / R between surfaces: 32 of them are D / R or more apart
 _HALF_ROW = 0.56  # pixel heights of motion that halve the correlation of a row's sum
 _STREAM = 0x73706563  # separates these random numbers from others of the same seed
-_LEAST_CLEARANCE = 1.05  # focal lengths; nearer objects have no image and count as at this distance
-_TABLE_RANGE_MM = 400.0  # distance whose correlation of neighbours is used for all
+_LEVEL = 2.0**0.25  # ratio of the cells of one table of the pattern to those of the next
+_LEVELS = 22  # tables: the last has cells of 45 times the first's
+_SPOTS = np.geomspace(0.02, 20.0, 48)  # sigma of the spot over the disc's radius
+_OFFSETS = 33  # offsets of a pixel from the spot's middle
+_END = 4.0  # sigmas beyond the disc at which a spot's light ends
+_MOST_CELLS = 15.0  # cells along a pixel up to which the quadrature holds
+_BOX = 0.82  # (1/6) / 0.203: variance of a box's autocorrelation over that of a cell's, squares
 _CELLS_APART = 6.0  # distance from which on cells are uncorrelated
+_NEAREST_MM = 1.0  # nearer surfaces count as at this distance
 _CHUNK = 1 << 14  # pixels computed at a time, so that the data stay in the cache
 _PUPIL_GRID = 64  # grid points across the pupil; its soft edge keeps areas to 1e-3
 _NODES = 160  # nodes of the quadrature; the integrand has less than 30 oscillations
@@ -62,7 +77,7 @@ def pixel_contrast2(pixel_cells: float) -> float:
     One polarisation.
 
     Args:
-        pixel_cells: Pixel pitch over lambda F (1 + m), above 0; the quadrature is good to 1e-6 up
+        pixel_cells: Pixel pitch over lambda N, above 0; the quadrature is good to 1e-6 up
             to 15.
 
     Raises:
@@ -120,17 +135,20 @@ def turn_correlation(pixel_cells: float, turn: Floats) -> Floats:
     return np.asarray(covariance[1:]) / covariance[0]
 
 
-def dorsch_px(
-    contrast: float, wavelength_nm: float, f_number: float, magnification: float, pitch_mm: float
-) -> float:
+def dorsch_px(contrast: float, wavelength_nm: float, working: float, pitch_mm: float) -> float:
     """Return the position error of a resolved point, px: C lambda / (2 pi sin u').
 
     Dorsch, Haeusler, Herrmann, Laser triangulation: fundamental uncertainty in distance
     measurement, 1994. It is the least that a centroid over a whole, unresolved spot reaches; a spot
     of several pixels, cut out of one row, errs more, see ``position_rms_px``.
+
+    Args:
+        contrast: Contrast of the speckle.
+        wavelength_nm: Wavelength.
+        working: Working f-number, 1 / (2 sin u').
+        pitch_mm: Pitch of the pixels.
     """
-    sine = 1.0 / (2.0 * f_number * (1.0 + magnification))
-    return contrast * wavelength_nm * 1e-6 / (2.0 * math.pi * sine) / pitch_mm
+    return contrast * wavelength_nm * 1e-6 * working / math.pi / pitch_mm
 
 
 @lru_cache(maxsize=16)
@@ -177,6 +195,99 @@ def _amounts() -> tuple[Floats, Floats]:
 _AMOUNT, _AMOUNT_CONTRAST2 = _amounts()
 
 
+@lru_cache(maxsize=1)
+def _contrasts() -> tuple[Floats, Floats]:
+    """Return cells along a pixel and the contrast that averaging over one side of it leaves."""
+    cells = np.geomspace(1e-3, _MOST_CELLS, 257)
+    return cells, np.array([pixel_contrast2(float(c)) for c in cells]) ** 0.5
+
+
+def _side_contrast(cells: Floats) -> Floats:
+    """Return the factor of the squared contrast that one side of a pixel gives, by its cells [n].
+
+    The squared contrast of a square pixel is taken for a product of two equal factors.
+    """
+    known, contrast = _contrasts()
+    within = np.interp(np.log(np.minimum(cells, _MOST_CELLS)), np.log(known), contrast)
+    return np.asarray(within * np.minimum(1.0, _MOST_CELLS / cells))
+
+
+@lru_cache(maxsize=1)
+def _cones() -> tuple[Floats, Floats]:
+    """Return the parts of the cone along and across the row [spots, offsets].
+
+    The spots are ``_SPOTS``; offsets go in equal steps from 0 to where a spot's light ends.
+    """
+    count = 800
+    x = (np.arange(count) + 0.5) * 2.0 / count - 1.0
+    spot = _SPOTS[:, None]
+    chord = np.sqrt(1.0 - np.square(x))
+    # Integrals over the chord of the Gaussian and of it times y squared.
+    light = spot * math.sqrt(2.0 * math.pi) * erf(chord / (math.sqrt(2.0) * spot))
+    second = spot**2 * (light - 2.0 * chord * np.exp(-0.5 * np.square(chord / spot)))
+    offset = np.linspace(0.0, 1.0, _OFFSETS) * (1.0 + _END * spot)
+    power = -0.5 * np.square((x - offset[:, :, None]) / spot[:, :, None])
+    weight = np.exp(power - power.max(axis=2, keepdims=True))
+    whole = np.einsum("sox,sx->so", weight, light)
+    mean = np.einsum("sox,sx->so", weight, light * x) / whole
+    square = np.einsum("sox,sx->so", weight, light * np.square(x)) / whole
+    tall = np.einsum("sox,sx->so", weight, second) / whole
+    # The rms of a disc is half its radius.
+    return 2.0 * np.sqrt(square - np.square(mean)), 2.0 * np.sqrt(tall)
+
+
+@dataclass(frozen=True)
+class Blur:
+    """Speckle out of focus, [n, width], [n, 1] or one for all; by default, none.
+
+    Attributes:
+        along: Width of that part of the cone of light that lights a pixel, over the whole cone's,
+            along the row; the speckle's cells are larger by as much.
+        across: The same across the row.
+        drift_px: Motion of the pattern in the pulse.
+    """
+
+    along: Floats | float = 1.0
+    across: Floats | float = 1.0
+    drift_px: Floats | float = 0.0
+
+
+SHARP = Blur()
+
+
+def part_of_cone(
+    offset_px: Floats, sigma_px: Floats, height_px: Floats, radius_px: Floats
+) -> tuple[Floats, Floats]:
+    """Return the part of the cone that lights a pixel, along and across the row [n, width].
+
+    A pixel sees the spot through each point of the pupil at another place: on the pupil lies a
+    Gaussian of sigma s / a pupil radii, its middle x / a radii off, and the pupil cuts it. The part
+    is the rms width of what is left over that of the pupil. A pixel's speckle is nearly that of a
+    disc of the same rms: the spectrum of either begins with 1 / (4 pi rms^2).
+
+    Args:
+        offset_px: Distance x of the pixels from the spot's middle [n, width].
+        sigma_px: Sigma s of the spot's sharp image along the row [n].
+        height_px: The same across the row [n].
+        radius_px: Radius a of the defocused disc [n].
+    """
+    tables = _cones()
+    radius = np.maximum(radius_px, 1e-6)[:, None]
+    found = []
+    for table, sigma in zip(tables, (sigma_px, height_px), strict=True):
+        spot = np.clip(sigma[:, None] / radius, _SPOTS[0], _SPOTS[-1])
+        row = np.log(spot / _SPOTS[0]) / math.log(_SPOTS[1] / _SPOTS[0])
+        far = np.minimum(np.abs(offset_px) / (radius + _END * spot * radius), 1.0)
+        column = (_OFFSETS - 1) * far
+        low = np.minimum(row.astype(np.int64), len(_SPOTS) - 2)
+        left = np.minimum(column.astype(np.int64), _OFFSETS - 2)
+        down, right = row - low, column - left
+        first = table[low, left] + right * (table[low, left + 1] - table[low, left])
+        last = table[low + 1, left] + right * (table[low + 1, left + 1] - table[low + 1, left])
+        found.append(first + down * (last - first))
+    return found[0], found[1]
+
+
 class Speckle:
     """The gain of every pixel, for any angle of the beam.
 
@@ -185,23 +296,24 @@ class Speckle:
     Hilferty 1931), down to M = 1; the constants here are set so that mean and contrast are exact
     for every M, whole or not. The normal variates are a table over pixel and turn with the
     correlation of either; between knots of the turn they are mixed, and the mix is scaled back to
-    variance 1, so that contrast and mean are the same everywhere.
+    variance 1, so that contrast and mean are the same everywhere. Coarser patterns have tables of
+    their own, made of the same random numbers when they are first needed.
 
-    Leaves out: that speckle of a defocused image moves as the light's direction turns; how the
-    distance bends the path of the turn (the correlation angle is right to some 30 % on a steep
-    surface); correlations between pixels and angles beyond second order, and the third moment (of
-    twelve cells the skewness is 0.66, the gamma distribution's 0.58); spots so small, below 2 px,
-    that envelope and cells do not part; the polarisation, which ``looks`` = 2 states.
+    Leaves out: that from line to line speckle out of focus moves, and changes sooner than sharp
+    speckle does; how the distance bends the
+    path of the turn (the correlation angle is right to some 30 % on a steep surface); correlations
+    between pixels and angles beyond second order, and the third moment (of twelve cells the
+    skewness is 0.66, the gamma distribution's 0.58); spots so small, below 2 px, that envelope and
+    cells do not part.
     """
 
     def __init__(
         self,
         seed: int,
         line_length: int,
+        lens: ThinLens,
         *,
         wavelength_nm: float,
-        focal_mm: float,
-        f_number: float,
         pitch_mm: float,
     ) -> None:
         """Make the table, some 30 ms for 2048 pixels.
@@ -209,69 +321,105 @@ class Speckle:
         Args:
             seed: Seed of the pattern, at least 0; the same seed gives the same pattern.
             line_length: Number of pixels of the sensor.
+            lens: Pupil, distance of the sensor and focus.
             wavelength_nm: Wavelength of the laser.
-            focal_mm: Focal length of the lens.
-            f_number: f-number of the lens for an object far away.
             pitch_mm: Width and height of a pixel.
 
         Raises:
             ValueError: if a length is not positive.
         """
-        if min(line_length, wavelength_nm, focal_mm, f_number, pitch_mm) <= 0:
-            raise ValueError("line length, wavelength, focal length, f-number, pitch: above 0")
+        if min(line_length, wavelength_nm, pitch_mm, *vars(lens).values()) <= 0:
+            raise ValueError("line length, wavelength, pitch and the lens's lengths: above 0")
+        self.seed = seed
         self.line_length = line_length
-        self.focal_mm = focal_mm
+        self.lens = lens
         self.pitch_mm = pitch_mm
-        self.pupil_mm = focal_mm / f_number
-        self._far_cells = pitch_mm / (wavelength_nm * 1e-6 * f_number)
-        # contrast against clearance = 1 - f / R, to which the cells of a pixel are proportional
-        self._clearance = np.linspace(1.0 - 1.0 / _LEAST_CLEARANCE, 1.0, 65)
-        self._contrast2 = np.array(
-            [pixel_contrast2(self._far_cells * float(c)) for c in self._clearance]
-        )
+        self.cells = pitch_mm / (wavelength_nm * 1e-6 * lens.working)
         knot = np.arange(KNOTS)
-        cells = self._far_cells * (1.0 - focal_mm / _TABLE_RANGE_MM)
         turn = np.arange(0.0, 1.0 + KNOT_STEP, KNOT_STEP)
-        fall = turn_correlation(cells, turn)
-        along = np.interp(np.minimum(knot, KNOTS - knot) * KNOT_STEP, turn, fall)
-        self._next_knot = float(along[1])
+        fall = turn_correlation(self.cells, turn)
+        self._along = np.interp(np.minimum(knot, KNOTS - knot) * KNOT_STEP, turn, fall)
+        self._next_knot = float(self._along[1])
         self._half_turn = float(np.interp(-0.5, -fall, turn))
-        pixel = np.arange(line_length)
-        lag = np.minimum(pixel, line_length - pixel)
-        near = lag < _CELLS_APART / cells + 2
-        across = np.zeros(line_length)
-        across[near] = pixel_correlation(cells, lag[near].astype(float))
-        # periodic in turn and pixel, so that the row and column where it wraps are like any other
-        power = np.maximum(np.fft.fft(along).real, 0.0)[:, None] * np.maximum(
-            np.fft.rfft(across).real, 0.0
-        )
-        spectrum = np.asarray(np.sqrt(power), np.float32)
-        rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence((seed, _STREAM))))
-        white = rng.standard_normal((KNOTS, line_length), np.float32)
-        mixed = np.fft.rfft2(white) * spectrum
-        table = np.asarray(np.fft.irfft2(mixed, s=white.shape), np.float32)
-        # a window over the end of a row reads the next row: those pixels are off the sensor
-        self._flat = np.concatenate([table[-1], table.ravel(), table[0], table[1], table[2]])
+        self._tables: dict[int, Singles] = {}
+        self._table(0)
 
-    def contrast(self, range_mm: Floats, looks: Floats | float = 1.0) -> Floats:
-        """Return the contrast of a pixel, rms over mean [n].
+    def _table(self, level: int) -> Singles:
+        """Return a table of normal variates, its cells ``_LEVEL`` ** ``level`` of the sharp ones.
+
+        A window over the end of a row reads the next row: those pixels are off the sensor.
+        """
+        if level not in self._tables:
+            length, cells = self.line_length, self.cells / _LEVEL**level
+            pixel = np.arange(length)
+            lag = np.minimum(pixel, length - pixel)
+            near = lag < _CELLS_APART / cells + 2
+            across = np.zeros(length)
+            across[near] = pixel_correlation(cells, lag[near].astype(float))
+            # periodic in turn and pixel: the row and column where it wraps are like any other
+            power = np.maximum(np.fft.fft(self._along).real, 0.0)[:, None] * np.maximum(
+                np.fft.rfft(across).real, 0.0
+            )
+            spectrum = np.asarray(np.sqrt(power), np.float32)
+            rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence((self.seed, _STREAM))))
+            white = rng.standard_normal((KNOTS, length), np.float32)
+            mixed = np.fft.rfft2(white) * spectrum
+            table = np.asarray(np.fft.irfft2(mixed, s=white.shape), np.float32)
+            self._tables[level] = np.concatenate(
+                [table[-1], table.ravel(), table[0], table[1], table[2]]
+            )
+        return self._tables[level]
+
+    def blur(
+        self,
+        offset_px: Floats,
+        sigma_px: Floats,
+        height_px: Floats,
+        radius_px: Floats,
+        speed_px: Floats,
+        range_mm: Floats,
+    ) -> Blur:
+        """Return what defocus does to the speckle of n spots.
+
+        As the light turns, a part of the surface lights another part of the pupil, which out of
+        focus is another place: the pattern moves by 1 - range / focus of the spot's own motion.
 
         Args:
-            range_mm: Distance from the lens to the surface [n]; nearer than the focal length
-                counts as 1.05 focal lengths.
-            looks: Number of independent patterns that are averaged, at least 1.
+            offset_px: Distance of the pixels from the spot's middle [n, width].
+            sigma_px: Sigma of the sharp image along the row [n].
+            height_px: The same across the row [n].
+            radius_px: Radius of the defocused disc [n].
+            speed_px: Distance that the spot moves in the pulse [n].
+            range_mm: Depth of the surface [n].
         """
-        cells = np.interp(self._part(range_mm), self._clearance, self._contrast2)
-        return np.asarray(np.sqrt(cells / np.maximum(looks, 1.0)))
+        along, across = part_of_cone(offset_px, sigma_px, height_px, radius_px)
+        drift = np.abs((1.0 - range_mm / self.lens.focus_mm) * speed_px)
+        return Blur(along, across, drift[:, None])
 
-    def correlation(self, range_mm: float) -> float:
-        """Return the correlation of neighbouring pixels.
+    def contrast(self, looks: Floats | float = 1.0, blur: Blur = SHARP) -> Floats:
+        """Return the contrast of a pixel, rms over mean, of the shape of what is given.
 
-        The table has that of 400 mm at every distance; at 150 mm it is some 6 % larger, at 1 m 4 %
-        smaller.
+        Args:
+            looks: Number of independent patterns that are averaged, at least 1; broadcast with
+                ``blur``.
+            blur: What defocus does; by default the image is sharp.
         """
-        part = float(self._part(np.array([range_mm]))[0])
-        return float(pixel_correlation(self._far_cells * part, np.array(1.0)))
+        along = _side_contrast(self.cells * blur.along * np.hypot(1.0, blur.drift_px))
+        across = _side_contrast(self.cells * np.asarray(blur.across))
+        return np.sqrt(along * across / np.maximum(looks, 1.0))
+
+    @property
+    def correlation(self) -> float:
+        """Return the correlation of neighbouring pixels of a sharp image."""
+        return float(pixel_correlation(self.cells, np.array(1.0)))
+
+    def _level(self, blur: Blur) -> Ints:
+        """Return the tables whose patterns are as coarse as the pixels', the nearest ones."""
+        finer = np.square(1.0 / np.asarray(blur.along)) + _BOX * np.square(
+            self.cells * np.asarray(blur.drift_px)
+        )
+        level = np.round(0.5 * np.log(finer) / math.log(_LEVEL))
+        return np.clip(level, 0, _LEVELS - 1).astype(np.int64)
 
     def gain(
         self,
@@ -281,6 +429,7 @@ class Speckle:
         looks: Floats | float,
         range_mm: Floats,
         *,
+        blur: Blur = SHARP,
         travel_mm: Floats | float = 0.0,
         surface: Ints | int = 0,
     ) -> Singles:
@@ -294,8 +443,9 @@ class Speckle:
             looks: Number of independent patterns that surface or light average, [n] or one for all.
             range_mm: Distance from the lens to the surface [n]. Where nothing is hit it may be
                 infinite or NaN.
+            blur: What defocus does; by default the image is sharp.
             travel_mm: Distance that the scanner has moved along the row's normal [n]; the image
-                moves by that times f / (R - f). After 0.56 pixel heights the correlation is 1/2, as
+                moves by that times its scale. After 0.56 pixel heights the correlation is 1/2, as
                 it should be; after a whole one it is still 0.18, where it should be 0.07.
             surface: Number of the surface hit [n]; each has its own pattern.
 
@@ -309,13 +459,10 @@ class Speckle:
         if width > length:
             raise ValueError(f"a window of {width} pixels on a sensor of {length}")
         lines = len(first_px)
-        distance = np.maximum(
-            np.where(np.isfinite(range_mm), range_mm, np.inf), _LEAST_CLEARANCE * self.focal_mm
-        )
-        seen = np.isfinite(distance) & np.isfinite(angle_rad)
-        near = np.where(seen, distance, 2.0 * self.focal_mm)
-        turn = np.where(seen, angle_rad, 0.0) * near / self.pupil_mm
-        shift_px = travel_mm * self.focal_mm / (near - self.focal_mm) / self.pitch_mm
+        seen = np.isfinite(range_mm) & np.isfinite(angle_rad)
+        near = np.where(seen, np.maximum(range_mm, _NEAREST_MM), self.lens.focus_mm)
+        turn = np.where(seen, angle_rad, 0.0) * near / self.lens.pupil_mm
+        shift_px = travel_mm * self.lens.image_mm / near / self.pitch_mm
         turn = turn + (self._half_turn / _HALF_ROW) * shift_px + _SURFACE_STEP * np.asarray(surface)
         place = np.mod(turn / KNOT_STEP, KNOTS)
         knot = np.floor(place).astype(np.int64)
@@ -323,33 +470,35 @@ class Speckle:
         # rows of the flat table: the knot before, then knots 0 .. KNOTS + 2
         start = (knot % KNOTS + 1) * length + np.clip(first_px, -length, length)
 
-        wanted = np.square(self.contrast(distance, looks))
+        count = np.broadcast_to(looks, (lines,))[:, None]
+        wanted = np.square(self.contrast(count, blur))
         amount = np.interp(wanted, _AMOUNT_CONTRAST2, _AMOUNT)
         # (1 - h + sqrt(h) z)^3 / (1 - h^3), the root of the divisor taken into the brackets
         size = np.cbrt(1.0 - amount**3)
-        spread = np.sqrt(amount) / size
-        spread /= np.sqrt((1 - part) ** 2 + part**2 + 2 * part * (1 - part) * self._next_knot)
+        # between knots, both are mixed and the mix is scaled back to variance 1
+        mixed = np.sqrt((1 - part) ** 2 + part**2 + 2 * part * (1 - part) * self._next_knot)
+        spread = np.asarray(np.sqrt(amount) / size, np.float32)
         middle = np.asarray((1.0 - amount) / size, np.float32)
-        low = np.asarray(spread * (1.0 - part), np.float32)
-        high = np.asarray(spread * part, np.float32)
+        low, high = (np.asarray(share / mixed, np.float32)[:, None] for share in (1.0 - part, part))
 
-        windows = sliding_window_view(self._flat, width)
-        result = np.empty((lines, width), np.float32)
+        level = np.broadcast_to(self._level(blur), (lines, np.atleast_2d(wanted).shape[-1]))
+        result = np.zeros((lines, width), np.float32)
         step = max(1, _CHUNK // max(1, width))
-        for line in range(0, lines, step):
-            some = slice(line, line + step)
-            root = windows[start[some]]
-            root *= low[some, None]
-            after = windows[start[some] + length]
-            after *= high[some, None]
-            root += after
-            root += middle[some, None]
-            np.maximum(root, np.float32(0.0), out=root)
-            np.multiply(root, root, out=after)
-            np.multiply(after, root, out=result[some])
+        for each in np.unique(level).tolist():
+            windows = sliding_window_view(self._table(each), width)
+            own = level == each
+            rows = np.flatnonzero(own.any(axis=1))
+            for line in range(0, len(rows), step):
+                some = rows[line : line + step]
+                root = windows[start[some]]
+                root *= low[some]
+                after = windows[start[some] + length]
+                after *= high[some]
+                root += after
+                root *= spread[some]
+                root += middle[some]
+                np.maximum(root, np.float32(0.0), out=root)
+                np.multiply(root, root, out=after)
+                after *= root
+                result[some] = np.where(own[some], after, result[some])
         return result
-
-    def _part(self, range_mm: Floats) -> Floats:
-        """Return 1 - f / R, to which the cells of a pixel are proportional."""
-        distance = np.fmax(range_mm, _LEAST_CLEARANCE * self.focal_mm)
-        return np.asarray(1.0 - self.focal_mm / distance)

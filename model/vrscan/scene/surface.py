@@ -29,8 +29,8 @@ class Material(Section):
     goes into a K-correlation lobe. The rest stays in the Gaussian lobe, which then stands for the
     figure and the waviness of the part and should be narrow.
 
-    ``looks`` is the number of independent speckle patterns that the surface itself averages (volume
-    scatter, depolarisation); 1 is a hard opaque surface.
+    ``looks`` is the number of independent speckle patterns that the surface averages; without it,
+    those of the two polarisations: two where the light is matt, one where it is gloss.
     """
 
     reflectance: float = Field(default=0.3, ge=0, le=1)  # diffuse reflectance, Lambert
@@ -39,7 +39,7 @@ class Material(Section):
     roughness_nm: float | None = Field(default=None, ge=0, le=1000)  # rms, up to 1/wavelength
     surface_wave_um: Annotated[float, Field(gt=0, le=1e6)] = 20.0  # typical wavelength of roughness
     slope: float = Field(default=2.2, gt=0, le=20)  # slope of the scatter at high spatial frequency
-    looks: float = Field(default=1.0, ge=1, le=1000)
+    looks: float | None = Field(default=None, ge=1, le=1000)
 
     @model_validator(mode="after")
     def _passive(self) -> "Material":
@@ -47,6 +47,20 @@ class Material(Section):
         if total > 1.0 + 1e-12:
             raise ValueError(f"reflectance + gloss is {total:.4g}, and more than 1 is no surface")
         return self
+
+    @property
+    def patterns(self) -> float:
+        """Return the number of independent speckle patterns, 2 / (1 + P^2) without ``looks``.
+
+        P is the degree of polarisation (Goodman, Speckle Phenomena in Optics, 2007, 3.4): the
+        lobe's light keeps it, the matt light loses it; P is here the share of the lobe. Leaves out
+        that dark matt surfaces keep a part (Umov), and that the shares depend on the view.
+        """
+        if self.looks is not None:
+            return self.looks
+        total = self.reflectance + self.gloss
+        polarised = self.gloss / total if total > 0.0 else 0.0
+        return 2.0 / (1.0 + polarised**2)
 
 
 def brdf(
@@ -108,6 +122,16 @@ def brdf(
             )
         scattered = scattered + material.gloss * lobe
     return np.where(lit, scattered, 0.0)
+
+
+def core(material: Material, wavelength_nm: float) -> tuple[float, float, float]:
+    """Return gloss G, scattered share q and sigma of the Gaussian lobe that ``brdf`` has.
+
+    At incidence ``cos_in`` the lobe holds G (1 - q cos_in) of the light, but for what lies below
+    the horizon; its sigma is in direction cosines.
+    """
+    share = _polish(material, wavelength_nm)[0] if material.roughness_nm else 0.0
+    return material.gloss, share, math.sin(math.radians(material.lobe_deg))
 
 
 def _gauss(square: Floats, lobe_deg: float, acceptance_rad: Floats | float) -> Floats:

@@ -13,7 +13,7 @@ import pytest
 from vrscan.data import pkg
 from vrscan.data.config import Config
 from vrscan.data.lines import Lines
-from vrscan.data.points import Points, points_equal
+from vrscan.data.points import Points, points_equal, table
 from vrscan.engines import engine as engines
 from vrscan.engines.chain_engine import run_rtl
 from vrscan.engines.engine import Engine
@@ -21,7 +21,8 @@ from vrscan.engines.tools import repository_root
 from vrscan.registers.chain_registers import Registers, angle_turns
 from vrscan.study.cases import case_page as page
 from vrscan.study.cases import printed
-from vrscan.study.cases.case import CHAIN_TEST, WINDOWS, Case, LineCase
+from vrscan.study.cases.case import CHAIN_TEST, UNNOTICED_PX, WINDOWS, Case, LineCase
+from vrscan.study.cases.case_shapes import gauss
 from vrscan.study.cases.registry import every
 from vrscan.study.report.efficiency import as_printed, cell_lines
 
@@ -169,8 +170,29 @@ PAGE = (repository_root() / page.PAGE).read_text()
 
 
 def test_page_says_what_the_generator_measures() -> None:
-    difference = stale(PAGE, page.page(page.measure()))
+    outcomes = page.measure()
+    difference = stale(PAGE, page.page(outcomes))
     assert not difference, f"{page.PAGE} is stale: vrscan cases --write\n" + "\n".join(difference)
+    for case in every():
+        off = case.modes[0] == WINDOWS[0] and bool(outcomes[case.name][0].unnoticed)
+        assert off == bool(case.untold), f"{case.name}: only what is off untold has a reason"
+
+
+def test_a_wave_under_the_spot_is_a_spot_aside() -> None:
+    """The place that is told leaves a more even background than the true one, and a wide sigma."""
+    case, even = named("periodic-background-strong"), named("noise-a-tenth-of-a-count")
+    points, on_even = table(case.points()), table(even.points())
+    true = np.array([line.true for line in case.lines], np.float64)
+    far = np.flatnonzero(np.abs(points.position_px - true) > 4 * UNNOTICED_PX)
+    assert len(far) == 4
+    for k in far:
+        under = np.abs(np.arange(case.line_length) - true[k]) < 10
+        aside, there = (
+            np.std((case.pixels[k] - gauss(case.line_length, at, 3.0, 3000.0))[under])
+            for at in (points.position_px[k], true[k])
+        )
+        assert aside < 0.85 * there
+    assert points.sigma_px.min() > 6.5 * on_even.sigma_px.max()
 
 
 @pytest.mark.parametrize(
@@ -188,7 +210,12 @@ def test_page_says_what_the_generator_measures() -> None:
         ("within 0.1 px |", "within 0.2 px |", True),
         ("| TOO_NARROW, SATURATED |", "| TOO_NARROW |", True),
         ("| 2048 x 12 |", "| 2048 x 16 |", True),
-        ("| rival-0.9-near | - | 5.1 px |", "| rival-0.9-near | - | 5.3 px |", True),
+        ("| rival-0.9-near | 5.1 px | 5.7 px,", "| rival-0.9-near | 5.3 px | 5.7 px,", True),
+        (
+            "| periodic-background-strong | 0.25 px |",
+            "| periodic-background-fine | 0.25 px |",
+            True,
+        ),
         ("\n## The phase\n", "\n## The phases\n", True),
         ("| line-zero |", "| line-naught |", True),
     ],

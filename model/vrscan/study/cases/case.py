@@ -72,11 +72,17 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Case(abc.ABC):
-    """An entry: a stable name, what breaks there, and the defined result in words."""
+    """An entry: a stable name, what breaks there, and the defined result in words.
+
+    Attributes:
+        untold: Why no detector could know that the position is off, where the shipped window gives
+            no warning; empty where it is not off, or warns.
+    """
 
     name: str
     breaks: str
     defined: str
+    untold: str = field(default="", kw_only=True)
 
     @property
     @abc.abstractmethod

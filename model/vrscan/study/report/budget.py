@@ -125,6 +125,8 @@ def _tolerance(plan: Plan) -> str:
 def _cell(change: Difference | None, zone: int) -> str:
     if change is None:
         return ""
+    if np.isnan(change.bias_px[zone]):  # no line of the zone has a point
+        return f"{'-':>7} {'-':>6} {'-':>6} {'-':>5}"
     return (
         f"{short(change.bias_px[zone], 6):>7} {short(change.rms_px[zone], 6):>6} "
         f"{short(change.bias_mm[zone], 5):>6} {short(change.rms_mm[zone], 5):>5}"
@@ -412,11 +414,15 @@ def summary(plan: Plan) -> list[str]:
     if on == of:
         return [f"effects: all {of} (fidelity {plan.fidelity})"]
     planned, everything = plan.microseconds
+    known = plan.left_out.total_px[np.isfinite(plan.left_out.total_px)]
+    changes = (
+        f"{known.max():.4f} px rms and {100 * plan.left_out.changed.max():.1f} % of the points"
+        if known.size
+        else "nothing that can be told, as no surveyed line has a point with and without it"
+    )
     return [
         f"effects: {on} of {of} on (fidelity {plan.fidelity}{_tolerance(plan)}), {planned:.0f} us "
-        f"a line instead of {everything:.0f}; what is left out changes "
-        f"{plan.left_out.total_px.max():.4f} px rms and {100 * plan.left_out.changed.max():.1f} % "
-        "of the points: see vrscan budget"
+        f"a line instead of {everything:.0f}; what is left out changes {changes}: see vrscan budget"
     ]
 
 

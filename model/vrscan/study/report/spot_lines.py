@@ -14,13 +14,13 @@ from scipy.special import erf
 
 from vrscan.data.arrays import Floats, Pixels
 from vrscan.data.config import Config
+from vrscan.ideal.geometry import ThinLens
 from vrscan.scene.description import Lens
 from vrscan.scene.sensor import REACH, cramer_rao_variance
 from vrscan.scene.speckle import Speckle
 from vrscan.study.report.efficiency import BACKGROUND_COUNTS, LOST_PX, READ_NOISE_COUNTS
 
 SLOPE_PX, RETURN_PX = 100, 250  # a slope is straight up to the first, 0 from the second on
-SPECKLE_MM = 400.0  # distance of the surface whose speckle is used
 WAVELENGTH_NM = 658.0
 _PATTERNS = 4  # speckle patterns in a cell
 _ANGLE_RAD = 0.3  # either way: 28 pupil widths, over which a pattern changes that often
@@ -106,13 +106,12 @@ def _gains(
         pattern = Speckle(
             int(rng.integers(1 << 31)),
             config.sensor.line_length,
+            ThinLens.of(lens.f_number, lens.focus_mm, config.geometry),
             wavelength_nm=WAVELENGTH_NM,
-            focal_mm=config.geometry.focal_mm,
-            f_number=lens.f_number,
             pitch_mm=config.geometry.pitch_mm,
         )
-        distance = np.full(len(part), SPECKLE_MM)
-        most = float(pattern.contrast(distance[:1])[0])
+        distance = np.full(len(part), lens.focus_mm)
+        most = float(pattern.contrast())
         looks = (most / min(spot.contrast, most)) ** 2
         angle = rng.uniform(-_ANGLE_RAD, _ANGLE_RAD, len(part))
         gains[part] = pattern.gain(first[part].astype(np.int64), width, angle, looks, distance)
@@ -121,16 +120,15 @@ def _gains(
 
 def most_contrast(config: Config) -> tuple[float, float]:
     """Return the contrast of a pixel without averaging, and the correlation of neighbours."""
+    lens = Lens()
     pattern = Speckle(
         0,
         64,
+        ThinLens.of(lens.f_number, lens.focus_mm, config.geometry),
         wavelength_nm=WAVELENGTH_NM,
-        focal_mm=config.geometry.focal_mm,
-        f_number=Lens().f_number,
         pitch_mm=config.geometry.pitch_mm,
     )
-    distance = np.array([SPECKLE_MM])
-    return float(pattern.contrast(distance)[0]), pattern.correlation(SPECKLE_MM)
+    return float(pattern.contrast()), pattern.correlation
 
 
 def take(spot: Spot, count: int, config: Config, rng: np.random.Generator) -> Taken:

@@ -22,8 +22,8 @@ from vrscan.study.report.spot_lines import Spot, most_contrast, score, take
 CONFIG = Config()
 ORDER = Order(CONFIG, 1, quick=True)
 CHECKED = ("one-pass", "two-pass", "fit", "root", "logarithm", "one-step", "centroid-height")
-COUNT = 800
-TOLERANCE = 0.13  # three of either's standard deviation: 800 lines, and rows of an image are alike
+COUNT = 1600
+TOLERANCE = 0.12  # over three of either's standard deviation; rows of an image are alike
 BOUND, SPECKLED = 0.01, 0.04
 
 
