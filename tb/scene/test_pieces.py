@@ -61,6 +61,7 @@ def lines(light: Light, z: float, *, every_ray: bool) -> Floats:
     scene = light.scene
     efficiency = scene.sensor.quantum_efficiency * scene.lens.transmission
     efficiency *= scene.lens.filter_transmission
+    efficiency *= (1.0 - light.scatter.total) * (1.0 - light.emitter.total)
     sent_w, pulse_s = 1e-3 * output_mw(scene.laser), 1e-6 * CONFIG.line.pulse_us
     sent = float(photoelectrons(sent_w, pulse_s, efficiency, scene.laser.wavelength_nm))
     return np.asarray(found, np.float64) / (sent * whole)

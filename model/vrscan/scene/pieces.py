@@ -631,8 +631,7 @@ def _misses(knots: Floats) -> Floats:
     It goes through those in the middle and at 2 radii; how far the others are is scaled to what is
     left at 1 radius, as a cubic would be.
     """
-    middle = len(knots) // 2
-    through = np.array([middle - 2, middle, middle + 2])
+    through = np.flatnonzero(np.isin(knots, (-2.0, 0.0, 2.0)))
     others = np.setdiff1d(np.arange(len(knots)), through)
     found = np.eye(len(knots))[others]
     found[:, through] -= _lagrange(knots[through], knots[others])

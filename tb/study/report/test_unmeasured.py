@@ -32,7 +32,6 @@ def _light(config: Config | None = None, **tables: object) -> Light:
         ({"target": [{**PLANE, "position_mm": [0, 0, 1e7]}]}, "too dim: the best, at z = 1e+07 mm"),
         ({"laser": {"power_mw": 0}}, "no light of the laser comes back to the sensor"),
         ({"material": {"default": {"reflectance": 0}}}, "no light of the laser comes back"),
-        ({"stray": {"dust": {"level": 2000}}}, "stray.dust.level = 2000"),
         ({"laser": {"beam_diameter_mm": 60, "aperture_mm": 60}}, "its sigma is 12"),
         ({**FAINT, "lamp": [{"kind": "halogen", "illuminance_lux": 5e4}]}, "sun and lamps put"),
         ({"sensor": {"dark_e_per_s": 1e12}}, "most lines are LOW_SNR"),
