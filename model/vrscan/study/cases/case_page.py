@@ -136,9 +136,9 @@ def _off(outcomes: dict[str, list[Outcome]]) -> str:
         ]
         return Sheet(columns, sorted(rows, key=lambda case: -worst(case))).markdown()
 
-    breaks = words("what breaks", lambda case: case.breaks)
-    untold = words("why no detector could know", lambda case: case.untold)
-    beside = words("with the fit", lambda case: _beside(case, outcomes))
+    breaks: Column[Case] = words("what breaks", lambda case: case.breaks)
+    untold: Column[Case] = words("why no detector could know", lambda case: case.untold)
+    beside: Column[Case] = words("with the fit", lambda case: _beside(case, outcomes))
     return (
         "## Off without a warning\n\nThe farthest first. With the shipped fit, these lines raise "
         f"no flag that would tell a consumer:\n\n{listed(shipped, [breaks, untold])}\n\n"
