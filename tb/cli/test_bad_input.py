@@ -40,6 +40,18 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "long.toml").write_text(
         "[sensor]\nline_length = 4096\n[geometry]\ncentre_px = 2047.5\n"
     )
+    plane = '[[target]]\nkind = "plane"\n'
+    night = "2015-06-24T01:30:00+08:00"
+    (tmp_path / "target.toml").write_text('[[target]]\nkind = "plan"\n')
+    (tmp_path / "map.toml").write_text(plane + 'map = { kind = "cheker" }\n')
+    (tmp_path / "lamp.toml").write_text(plane + '[[lamp]]\nkind = "halogene"\n')
+    (tmp_path / "material.toml").write_text(plane + 'material = "withe"\n[material.white]\n')
+    (tmp_path / "night.toml").write_text(f"[sun]\ntime = {night}\n{plane}")
+    (tmp_path / "site.toml").write_text(f"[[moment]]\ntime = {night}\n")
+    (tmp_path / "mesh.toml").write_text('[[target]]\nkind = "mesh"\nfile = "prt.stl"\n')
+    (tmp_path / "broken.toml").write_text('[[target]]\nkind = "mesh"\nfile = "part.stl"\n')
+    (tmp_path / "part.stl").write_text("solid nothing of the sort")
+    (tmp_path / "odd.toml").write_text(f"[laser]\npower_mw = 0\n{plane}")
     (tmp_path / "folder.csv").mkdir()
     (tmp_path / "null.csv").symlink_to("/dev/null")
     monkeypatch.chdir(tmp_path)
@@ -105,6 +117,40 @@ CASES = {
     "scan_into_file": (["scan", "--out", "good.npz", *IDEAL], ["good.npz"]),
     "scan_below_nothing": (["scan", "--out", "no/where", *IDEAL], ["no/where"]),
     "unknown_scene": (["scan", "moon", "--out", "scan", *IDEAL], ["moon", "default"]),
+    "misspelt_scene": (["scan", "shiny-conrer", "--out", "s", *IDEAL], ["mean 'shiny-corner'?"]),
+    "unknown_target": (
+        ["scan", "target.toml", "--out", "s", *IDEAL],
+        ["target.toml: target.0.kind = 'plan'", "sphere", "did you mean 'plane'?"],
+    ),
+    "unknown_map": (
+        ["scan", "map.toml", "--out", "s", *IDEAL],
+        ["map.toml", "map.kind = 'cheker'", "did you mean 'checker'?"],
+    ),
+    "unknown_lamp": (
+        ["scan", "lamp.toml", "--out", "s", *IDEAL],
+        ["lamp.toml: lamp.0.kind = 'halogene'", "did you mean 'halogen'?"],
+    ),
+    "unknown_material": (
+        ["budget", "material.toml"],
+        ["material.toml", "'withe'", "did you mean 'white'?"],
+    ),
+    "unknown_effect": (
+        ["budget", "--fidelity", "specle"],
+        ["--fidelity", "'specle'", "did you mean 'speckle'?"],
+    ),
+    "night": (
+        ["scan", "night.toml", "--out", "s", *IDEAL],
+        ["night.toml: sun: at latitude 1.3", "below the horizon"],
+    ),
+    "night_at_a_site": (
+        ["detectability", "site.toml"],
+        ["site.toml: sun: at latitude", "below the horizon"],
+    ),
+    "missing_mesh": (
+        ["bench", "light", "mesh.toml", "--out", "s"],
+        ["mesh.toml: ", "prt.stl: no such mesh", "did you mean 'part.stl'?"],
+    ),
+    "broken_mesh": (["budget", "broken.toml"], ["broken.toml: ", "part.stl"]),
     "scan_with_bad_config": (["scan", "--out", "scan", *IDEAL, "--config", "key.toml"], ["k_nose"]),
     "scan_with_bad_register": (
         ["scan", "--out", "scan", "--lines", "10", *IDEAL, "--config", "register.toml"],
@@ -171,6 +217,10 @@ NOWHERE = {
         "study.report.accuracy.cordic_accuracy.measure",
     ),
     "cases_rewrites_nothing": (["cases", "--write"], "study.cases.case_page.measure"),
+    "stray_below_nothing": (
+        ["stray", "--csv", "no/stray.csv"],
+        "study.report.stray_report.stray_budget",
+    ),
     "budget_below_nothing": (["budget", "--csv", "no/budget.csv"], "study.plan.plan"),
     "mirror_below_nothing": (
         ["mirror", "--out", "no/mirror.csv"],
@@ -207,6 +257,31 @@ def test_what_cannot_be_written_is_told_before_the_work(
     assert caught.value.code == 2
     assert error.startswith("vrscan: ") and error.count("\n") == 1, error
     assert sorted(folder.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["scan", "odd.toml", "--out", "s", *IDEAL, "--lines", "100"], ["budget", "odd.toml"]],
+    ids=["scan", "budget"],
+)
+def test_an_absurd_scene_is_questioned_and_measures_nothing(
+    folder: Path,
+    arguments: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["vrscan", *arguments])
+    handler = signal.getsignal(signal.SIGTERM)
+    with pytest.raises(SystemExit) as caught:
+        cli.main()
+    signal.signal(signal.SIGTERM, handler)
+    assert not caught.value.code
+    output = capsys.readouterr()
+    told = [line for line in output.err.splitlines() if line.startswith("vrscan")]
+    assert told == ["vrscan: odd.toml: laser.power_mw = 0: no light of the laser"]
+    (line,) = [line for line in output.out.splitlines() if "nothing was measured" in line]
+    assert line.startswith("odd.toml: nothing was measured: no line has a point, because no light")
+    assert "0.0000 px" not in output.out
 
 
 def replayed(

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from carried_beam import carried
 from pydantic import ValidationError
 from scipy.optimize import curve_fit
 from scipy.special import j1
 
-from vrscan.data.arrays import Floats
 from vrscan.data.config import Geometry
 from vrscan.data.errors import InputError
 from vrscan.ideal.geometry import project
@@ -37,7 +37,7 @@ def test_an_uncut_beam_follows_the_hyperbola_of_its_waist(waist_mm: float, m2: f
     rayleigh = math.pi * 0.15**2 / (m2 * 658e-6)
     expected = 0.15 * np.sqrt(1.0 + np.square((z - waist_mm) / rayleigh))
     assert np.allclose(beam.radius_mm(z, laser), expected, rtol=1e-12)
-    assert np.all(beam.core_share(z, laser) == 1.0)
+    assert beam.cut(laser) is None
 
 
 @pytest.mark.parametrize(
@@ -87,22 +87,6 @@ def test_what_passes_the_stop() -> None:
     assert beam.truncation(spreading) == pytest.approx(math.sqrt(0.5), rel=1e-12)
 
 
-def _carried(laser: Laser, z: float, pixel: float, size: int) -> tuple[Floats, Floats]:
-    """Carry the cut beam over z by its angular spectrum; irradiance [size, size], power 1."""
-    axis: Floats = (np.arange(size, dtype=np.float64) - size // 2) * pixel
-    square = np.square(axis)[:, None] + np.square(axis)
-    rayleigh = beam.rayleigh_mm(laser)
-    at_stop = 0.5 * laser.beam_diameter_mm * math.hypot(1.0, laser.waist_mm / rayleigh)
-    bend = laser.waist_mm / (laser.waist_mm**2 + rayleigh**2)
-    field = np.exp(-square / at_stop**2 - 1j * math.pi / laser.wavelength_mm * bend * square)
-    edge = (0.5 * laser.aperture_mm - np.sqrt(square)) / pixel + 0.5
-    field = field * np.sqrt(np.clip(edge, 0.0, 1.0))
-    f = np.fft.fftfreq(size, pixel)
-    turn = -math.pi * laser.wavelength_mm * z * (np.square(f)[:, None] + np.square(f))
-    out = np.abs(np.fft.ifft2(np.fft.fft2(field) * np.exp(1j * turn))) ** 2
-    return axis, out / (out.sum() * pixel**2)
-
-
 @pytest.mark.parametrize(
     ("laser", "z"),
     [
@@ -121,32 +105,28 @@ def _carried(laser: Laser, z: float, pixel: float, size: int) -> tuple[Floats, F
 )
 def test_a_cut_beam_is_as_wide_as_one_carried_by_fft(laser: Laser, z: float) -> None:
     pixel, size = 0.0125, 768
-    axis, irradiance = _carried(laser, z, pixel, size)
+    axis, irradiance = carried(laser, z, pixel, size)
     radius = float(beam.radius_mm(np.array([z]), laser)[0])
     part = np.abs(axis) <= 2.5 * radius
     square = (np.square(axis[part])[:, None] + np.square(axis[part])).ravel()
-    (height, fitted), _ = curve_fit(
+    (_, fitted), _ = curve_fit(
         lambda s, a, w: a * np.exp(-2.0 * s / w**2),
         square,
-        irradiance[np.ix_(part, part)].ravel(),
+        irradiance[np.ix_(part, part)].ravel() / pixel**2,
         p0=(1.0, radius),
     )
-    core = float(beam.core_share(np.array([z]), laser)[0])
-    share = height * math.pi * fitted**2 / 2.0
-    print(f"{z} mm: radius {radius:.4f} / {fitted:.4f} mm, core {core:.3f} / {share:.3f}")
+    print(f"{z} mm: radius {radius:.4f} / {fitted:.4f} mm")
     assert radius == pytest.approx(abs(fitted), rel=0.01)
-    assert core == pytest.approx(share, rel=0.01)
 
 
 def test_nothing_hit_nothing_nan() -> None:
     z = np.array([0.0, 1e-9, 1e9, np.inf])
     for laser in (Laser(), UNCUT, Laser(waist_mm=1e4), Laser(aperture_mm=0.01)):
-        radius, core = beam.radius_mm(z, laser), beam.core_share(z, laser)
+        radius, zone = beam.radius_mm(z, laser), beam.zone(z, laser)
         assert np.all(radius > 0.0)
         assert np.isfinite(radius[:3]).all()
         assert np.isinf(radius[3])
-        assert np.isfinite(core).all()
-        assert core[3] == 0.0
+        assert np.all((zone >= 0.0) & (zone <= 1.0))
 
 
 @pytest.mark.parametrize("rise_us", [0.0, 0.05, 1.0])

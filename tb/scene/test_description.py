@@ -18,6 +18,7 @@ from vrscan.study.plan import plan
 WANTED = [
     *("default", "plane", "step", "relief", "bolt", "bust", "dark", "glossy"),
     *("corner", "sunlit", "window-ghost", "far", "near", "two-surfaces"),
+    *("shiny-corner", "turned-metal"),
 ]
 PLANE: dict[str, object] = {"kind": "plane", "position_mm": [0, 0, 400]}
 
@@ -64,7 +65,7 @@ def test_the_shortest_scene_is_one_target() -> None:
     assert scene.material_of("default").reflectance == 0.3
     names = present(scene)
     # What the file does not have is not there; all else is.
-    assert set(EFFECTS) - set(names) == {"sun", "lamps", "gloss"}
+    assert set(EFFECTS) - set(names) == {"sun", "lamps", "veil", "gloss", "mirrored"}
     assert list(names) == [name for name in EFFECTS if name in names]
     assert BASE
 
@@ -78,9 +79,12 @@ def test_the_shortest_scene_is_one_target() -> None:
         ({"lens": {"coma_px": 0}}, {"coma"}),
         ({"scan": {"sweep": "even"}}, {"index"}),
         ({"laser": {"aperture_mm": float("inf")}}, {"truncation"}),
-        ({"stray": {"enabled": ["lens"]}}, {"window", "halo", "dust"}),
-        ({"stray": {"enabled": []}}, {"window", "halo", "dust", "ghosts"}),
-        ({"stray": {"polish": {"roughness_nm": 0}}}, {"halo"}),
+        ({"stray": {"enabled": ["lens"]}}, {"window", "skirt", "halo", "dust"}),
+        ({"stray": {"enabled": []}}, {"window", "skirt", "halo", "dust", "ghosts"}),
+        (
+            {"stray": {"enabled": ["cover", "mirror", "halo"], "polish": {"roughness_nm": 0}}},
+            {"window", "halo", "dust"},
+        ),
         ({"stray": {"head_window": {"inner_reflectance": 0}}}, {"window"}),
     ],
 )

@@ -30,6 +30,7 @@ CONFIG = Config.model_validate({"sensor": {"pixel_width": 16}})
 
 # Light that is counted: no stop, no losses, a converter that never ends.
 CLEAN = {
+    "stray": {"enabled": ["window", "filter", "lens", "cover", "sensor", "head_window"]},
     "laser": {"aperture_mm": math.inf, "rise_us": 0.05},
     "lens": {"transmission": 1, "filter_transmission": 1},
     "sensor": {"full_well_e": 1e12, "offset_counts": 0, "gain": 0.1},
@@ -655,10 +656,12 @@ def test_a_small_ghost_has_its_disc_with_and_without_defocus() -> None:
 
 
 def test_a_row_beside_the_spot_sees_the_same_halo_and_ghosts() -> None:
+    rough = {"enabled": ["window", "filter", "halo"], "polish": {"roughness_nm": 20}}
+
     def extra(offset: float, name: str) -> float:
         scene = _scene(
             _plane(420.0),
-            stray=_bare_stack() if name == "ghosts" else {"polish": {"roughness_nm": 50}},
+            stray=_bare_stack() if name == "ghosts" else rough,
             lens={"focus_mm": 420.0, "row_offset_px": offset},
             sensor={"full_well_e": 1e12, "offset_counts": 0, "gain": 2.0},
             laser={"aperture_mm": math.inf, "power_mw": 50},
@@ -675,15 +678,19 @@ def test_a_row_beside_the_spot_sees_the_same_halo_and_ghosts() -> None:
 
 def test_the_halo_takes_from_the_spot_what_it_scatters() -> None:
     angle = np.array([_angle_at(1023.0, 420.0)])
-    scene = _scene(_plane(420.0), stray={"polish": {"roughness_nm": 15.0}})
+    stray = {"enabled": ["window", "filter", "cover", "halo"], "polish": {"roughness_nm": 15.0}}
+    scene = _scene(_plane(420.0), stray=stray)
     light = _fine(Light(scene, CONFIG), angle)
     plain, got = (_electrons(light, more, angle)[0] for more in (set(), {"halo"}))
+    clean = _fine(Light(_scene(_plane(420.0), stray={"enabled": []}), CONFIG), angle)
+    whole = _electrons(clean, set(), angle)[0].max()
     left = 1.0 - light.halo.total
-    print(f"peak {got.max() / plain.max():.4f} / {left:.4f} and some halo")
+    print(f"peak {got.max() / whole:.4f} / {left:.4f} and some halo")
     assert light.halo.total > 0.02
-    assert left < got.max() / plain.max() < left + 0.2 * light.halo.total
+    assert plain.max() / whole == pytest.approx(left, rel=1e-4)
+    assert left < got.max() / whole < left + 0.2 * light.halo.total
     # Where it is brightest it follows the spot, without a needle in a single pixel.
-    near = (got - left * plain)[1023 - 40 : 1023 + 41]
+    near = (got - plain)[1023 - 40 : 1023 + 41]
     assert abs(int(near.argmax()) - 40) <= 2
     assert near.max() < 1.15 * np.sort(near)[-3]
     # And far away, with so much gain that the spot ends the converter, it is that of the surfaces.
@@ -693,16 +700,22 @@ def test_the_halo_takes_from_the_spot_what_it_scatters() -> None:
     line = _frame(bright, {"halo"}, angle).lines[0] / gain
     width = 0.5 * math.hypot(1.0, 420.0 * 658e-6 / math.pi / 0.25)
     high = 0.5 * width * 25.0 / 0.007 / _depth(0.0, 420.0)
-    whole = left * plain.sum() / float(erf(0.5 / (math.sqrt(2.0) * high)))
+    whole = plain.sum() / float(erf(0.5 / (math.sqrt(2.0) * high)))
     for first, last in ((60, 120), (120, 400), (400, 1000)):
-        want = whole * light.halo.weights[first:last].sum()
+        want = whole / left * light.halo.weights[first:last].sum()
         sides = [line[1023 + first : 1023 + last].sum(), line[1024 - last : 1024 - first].sum()]
         print(f"halo from {first} to {last} px: {sides[0]:.3f}, {sides[1]:.3f} / {want:.3f} e")
         assert np.allclose(sides, want, rtol=0.02)
 
 
 def test_dust_on_the_pupil_takes_its_share() -> None:
-    scene = _scene(_plane(420.0), stray={"dust": {"level": 500.0, "cover_level": 1.0}})
+    scene = _scene(
+        _plane(420.0),
+        stray={
+            "enabled": ["window", "filter", "dust"],
+            "dust": {"level": 500.0, "cover_level": 1.0},
+        },
+    )
     light = Light(scene, CONFIG)
     plain, got = (_electrons(light, more, np.zeros(1))[0] for more in (set(), {"dust"}))
     assert 0.01 < light.obscured < 0.9
@@ -895,7 +908,9 @@ def test_no_scene_breaks_it(name: str) -> None:
             seen = np.isfinite(frame.truth.position_px)
             assert (frame.truth.surface[seen] >= 0).all()
     if name in ("no power", "black", "blind", "behind the camera", "not hit"):
-        dark = _frame(light, everything - {"sun", "lamps", "dark", "shot", "read", "dsnu"}, angle)
+        dark = _frame(
+            light, everything - {"sun", "lamps", "veil", "dark", "shot", "read", "dsnu"}, angle
+        )
         assert dark.lines.max() == dark.lines.min() == 60
 
 

@@ -1,30 +1,25 @@
-"""Head window, halo, dust and the figure A, each against geometry or an integral of its own."""
+"""Head window, shadows of dust and the figure A, against geometry or integrals of their own."""
 
 import math
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from scipy.integrate import dblquad, quad
 
 from vrscan.scene.stray import (
     Dust,
     HeadWindow,
     Lens,
-    Polish,
     Stray,
     attenuation,
     covered_share,
     disc_overlap,
     dust_shadow,
-    halo_weights,
     obscured_share,
     particles,
     window_ghost,
 )
-from vrscan.scene.surface import bsdf_k, tis
 
-WAVELENGTH_NM = 658.0
 ANGLES = np.radians(np.linspace(-35.0, 35.0, 71))
 
 
@@ -67,88 +62,6 @@ def test_beams_that_cannot_leave_the_window_have_no_power() -> None:
     assert found.power[0] == 0.0
     assert found.power[3] > 0.0
     assert window_ghost(HeadWindow(), np.zeros(0)).power.shape == (0,)
-
-
-def _one_lever(polish: Polish) -> Stray:
-    """Only the front window scatters: two faces, a focal length from the sensor."""
-    return Stray(enabled=["window", "halo"], lens=Lens(kind="thin"), polish=polish)
-
-
-def _density(r: float, polish: Polish, index: float) -> float:
-    """Irradiance at r px for unit light, from the BSDF of the scatter, per px^2."""
-    lever, pitch = 25.0, 0.007
-    turn = math.atan(r * pitch / lever)
-    scatter = bsdf_k(
-        math.sin(turn),
-        1.0,
-        1.0,
-        sigma_nm=polish.roughness_nm,
-        wavelength_nm=WAVELENGTH_NM,
-        length_um=1e3 * polish.length_mm,
-        slope=polish.slope,
-        index_step=index - 1.0,
-    )
-    # The BSDF without its cosine is per area of the disc of direction cosines, and that is
-    # cos d omega = cos^4 dA / lever^2.
-    return 2.0 * float(scatter) * math.cos(turn) ** 4 * (pitch / lever) ** 2
-
-
-@pytest.mark.parametrize("polish", [Polish(), Polish(slope=1.7, length_mm=0.3, roughness_nm=5.0)])
-def test_the_halo_of_a_pixel_is_the_bsdf_over_its_area(polish: Polish) -> None:
-    stray = _one_lever(polish)
-    index = stray.window.index
-    halo = halo_weights(1500, stray)
-    for px in (0, 1, 2, 10, 100, 1200):
-        area, _ = dblquad(
-            lambda y, x: _density(math.hypot(x, y), polish, index),
-            px - 0.5,
-            px + 0.5,
-            -0.5,
-            0.5,
-            epsrel=1e-5,
-        )
-        print(f"{px:5d} px: {halo.weights[px]:.4e}, integral {area:.4e}")
-        assert halo.weights[px] == pytest.approx(area, rel=0.002)
-    energy = 2.0 * math.pi * quad(lambda r: r * _density(r, polish, index), 0.0, 50.0)[0]
-    energy += (
-        2.0
-        * math.pi
-        * quad(
-            lambda t: math.exp(2.0 * t) * _density(math.exp(t), polish, index),
-            math.log(50.0),
-            math.log(1e9),
-            limit=500,
-        )[0]
-    )
-    expected = 2.0 * float(tis(polish.roughness_nm, WAVELENGTH_NM, index - 1.0))
-    assert halo.total == pytest.approx(expected, rel=1e-12)
-    assert energy == pytest.approx(expected, rel=1e-4)
-    assert halo.row == pytest.approx(halo.weights[0] + 2.0 * halo.weights[1:].sum(), rel=1e-12)
-
-
-def test_a_high_spot_takes_the_halo_off_the_row() -> None:
-    stray, sigma = _one_lever(Polish()), 4.0
-    halo = halo_weights(200, stray, sigma_px=sigma)
-    y = np.linspace(-60.0, 60.0, 2401)
-    height = np.exp(-0.5 * np.square(y / sigma)) / (sigma * math.sqrt(2.0 * math.pi)) * 0.05
-    for px in (3, 30, 150):
-        each = [_density(math.hypot(px, value), stray.polish, stray.window.index) for value in y]
-        predicted = float((height * each).sum())
-        assert halo.weights[px] == pytest.approx(predicted, rel=0.03)
-
-
-def test_the_halo_is_what_the_parts_make_it() -> None:
-    whole = halo_weights(100, Stray())
-    assert (np.diff(whole.weights) < 0.0).all()
-    steps = [0.5143] * 6 + [0.6172, 0.6172, 0.6150, 0.6150, 0.6172, 0.6172]
-    assert whole.total == pytest.approx(sum(float(tis(2.0, WAVELENGTH_NM, step)) for step in steps))
-    assert whole.row < whole.total
-    assert halo_weights(5, Stray(enabled=["lens"])).total == 0.0
-    assert halo_weights(5, Stray(polish=Polish(roughness_nm=0.0))).weights.sum() == 0.0
-    near_two = halo_weights(50, Stray(polish=Polish(slope=2.0 + 1e-6)))
-    assert near_two.weights == pytest.approx(whole.weights[:50], rel=1e-4)
-    with pytest.raises(ValueError, match="halo of 0 px"):
-        halo_weights(0, Stray())
 
 
 def test_the_attenuation_is_the_brightest_pixel_over_all_light() -> None:

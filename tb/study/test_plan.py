@@ -181,10 +181,12 @@ def test_a_scan_of_few_lines_is_planned_too(count: int) -> None:
     )
     found = plan(light, count, fidelity="auto", tolerance_px=0.1)
     assert found.lines == count
-    assert np.isfinite(found.left_out.total_px).all()
+    there = np.isfinite(found.distance_mm)
+    assert there.sum() == min(count, 3)
+    assert np.isfinite(found.left_out.total_px[there]).all()
 
 
-def test_a_scene_without_power_needs_nothing() -> None:
+def test_a_scene_without_power_has_everything_as_nothing_tells() -> None:
     values: dict[str, object] = {
         "target": [{"kind": "plane", "position_mm": [0, 0, 400]}],
         "laser": {"power_mw": 0},
@@ -192,7 +194,8 @@ def test_a_scene_without_power_needs_nothing() -> None:
     found = plan(
         Light(parse(values, "dark", Path()), CONFIG), 100, fidelity="auto", break_even_lines=10**6
     )
-    assert all(EFFECTS[name].typical_us == 0.0 for name in found.active)
+    assert found.pointless and set(found.active) == set(found.present)
+    assert np.isnan(found.left_out.total_px).all() and (found.left_out.changed == 0.0).all()
 
 
 def test_a_choice_holds_on_lines_that_the_survey_has_not_seen() -> None:

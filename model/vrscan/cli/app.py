@@ -35,6 +35,7 @@ from vrscan.data.errors import (
     InputError,
     InputWarning,
     InterruptError,
+    blamed,
 )
 from vrscan.data.extras import named
 from vrscan.data.parallel import processors
@@ -140,6 +141,7 @@ def scan(
     from vrscan.study import scan as scans
     from vrscan.study.report import budget, reliability_report, space_report
     from vrscan.study.report import scan_report as report
+    from vrscan.study.report.unmeasured import unmeasured
 
     _check_count(count, 1, MOST_SCANNED)
     _check_jobs(jobs)
@@ -215,6 +217,8 @@ def scan(
         )
     for line in budget.summary(chosen):
         console.print(line, highlight=False)
+    if tally.points == 0:
+        console.print(unmeasured(light, count), highlight=False, soft_wrap=True)
     console.print(f"{out}: {', '.join(names)}", highlight=False)
 
 
@@ -235,6 +239,7 @@ def budget(
     """Show a scene's link budget, what each effect does to its points, and which are simulated."""
     from vrscan.study.report import budget as report
     from vrscan.study.report import link_budget
+    from vrscan.study.report.unmeasured import unmeasured
 
     _check_count(count, 1)
     settings = _settings(config)
@@ -251,9 +256,51 @@ def budget(
     console.print(link_budget.link_table(links, light))
     console.print()
     console.print(report.budget_table(chosen, light.scene))
-    notes = report.light_lines(light, chosen) + report.stray_lines(light, chosen)
+    notes = [unmeasured(light, count)] if chosen.pointless else []
+    notes += report.light_lines(light, chosen) + report.stray_lines(light, chosen)
     for line in notes + report.safety_lines(light.scene, settings):
         console.print(line, highlight=False)
+
+
+@app.command()
+def stray(
+    scene: SceneArgument = "default",
+    count: CountOption = 3000,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(help="Shift that stray light may make, px; default: scene's."),
+    ] = None,
+    csv: Annotated[Path | None, typer.Option(help="File for the budget by cause.")] = None,
+    ghosts: Annotated[Path | None, typer.Option("--ghost-csv", help="File for the ghosts.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="File for the picture of the BSDF, .png.")
+    ] = None,
+    config: ConfigOption = None,
+) -> None:
+    """Show a scene's stray light: what each cause does, what keeps to the tolerance, all ghosts."""
+    from vrscan.scene.description import load
+    from vrscan.scene.light import Light
+    from vrscan.study.report import stray_report as report
+
+    _check_count(count, 1)
+    if picture is not None:
+        _suffix(picture, (".png",))
+    if tolerance is not None:
+        _check_range("--tolerance", tolerance, 1e-6, 10.0)
+    settings = _settings(config)
+    with contextlib.ExitStack() as stack:
+        table, listed, drawn = (
+            None if path is None else stack.enter_context(atomic_file(path))
+            for path in (csv, ghosts, picture)
+        )
+        found = report.stray_budget(Light(load(scene), settings), count, tolerance)
+        if table is not None:
+            table.write(report.budget_csv(found))
+        if listed is not None:
+            listed.write(report.ghost_csv(found))
+        if drawn is not None:
+            report.picture(found, drawn)
+    _console().print(report.report(found), highlight=False)
 
 
 @app.command()
@@ -276,7 +323,9 @@ def detectability(
     with contextlib.ExitStack() as stack:
         table = None if csv is None else stack.enter_context(atomic_file(csv))
         drawn = None if picture is None else stack.enter_context(atomic_file(picture))
-        found = report.outlooks(sites.load(site))
+        wanted = sites.load(site)
+        with contextlib.nullcontext() if site is None else blamed(str(site)):
+            found = report.outlooks(wanted)
         if table is not None:
             table.write(report.csv_file(found))
         if drawn is not None:
@@ -301,8 +350,10 @@ def bench_light(
 ) -> None:
     """Measure the simulator: lines per second against the error of what it leaves out."""
     from vrscan.engines.tools import build_folder, repository_root
-    from vrscan.scene.description import shipped
+    from vrscan.scene.description import load, shipped
+    from vrscan.scene.light import Light
     from vrscan.study.report import fidelity as report
+    from vrscan.study.report.unmeasured import unmeasured
 
     _check_count(count, 1)
     if write and scenes:
@@ -317,9 +368,15 @@ def bench_light(
         atomic_file(folder / "fidelity.csv") as csv,
         atomic_file(folder / "fidelity.png") as png,
     ):
+        lights = [Light(load(name), settings) for name in chosen]  # all, so that errors come first
+        for light in lights:
+            _question(light)
         with _bar("light", len(chosen)) as progress:
             rows = report.run(chosen, count, settings, progress)
         _console().print(report.table(rows))
+        for light in lights:
+            if not any(row.points for row in rows if row.scene == light.scene.source):
+                _console().print(unmeasured(light, count), highlight=False, soft_wrap=True)
         csv.write(report.csv_file(rows))
         report.picture(rows, png)
     _console().print(f"{folder}: fidelity.csv, fidelity.png", highlight=False)
@@ -554,7 +611,9 @@ def board(
         _check_range("--seconds", seconds, 1e-6, 1e6)
     _with_lines(settings)
     where = build_folder() / "board" / "port" if port is None else port
-    renderer(load(scene), settings)  # raises its errors before a bar or a build begins
+    _question(
+        renderer(load(scene), settings).light
+    )  # raises its errors before a bar or a build begins
     virtual.make_folder(where)
     virtual.build(settings)
     with _bar("scene", ANGLES) as progress:
@@ -787,6 +846,7 @@ def _planned(
     for names, source in ((wanted, "--fidelity"), (light.scene.fidelity, light.scene.source)):
         if isinstance(names, list):
             effects.chosen(names, source)  # raises its errors before a bar is shown
+    _question(light)
     seen = survey(light, count)
     with _bar("budget", 100) as progress:
         found = plan(
@@ -800,6 +860,14 @@ def _planned(
         )
         progress(100)
     return light, found
+
+
+def _question(light: "Light") -> None:
+    """Print a line on the error stream for each value of a scene that hardly anybody means."""
+    from vrscan.scene.doubts import doubts
+
+    for line in doubts(light):
+        print(f"vrscan: {light.scene.source}: {line}", file=sys.stderr)
 
 
 def _check_jobs(jobs: int) -> None:

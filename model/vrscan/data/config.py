@@ -5,6 +5,7 @@ of ``Peak`` has its figures.
 """
 
 import math
+import re
 import tomllib
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
@@ -21,7 +22,7 @@ from pydantic import (
 )
 
 from vrscan.data import pkg
-from vrscan.data.errors import InputError
+from vrscan.data.errors import InputError, nearest
 
 HARMONICS = (1, 3, 5, 7, 9, 11, 13, 15, 17)  # orders k in the mirror's motion, (12)
 FEWEST_HARMONICS = 6  # the paper's number
@@ -520,9 +521,18 @@ def complaint(error: ValidationError) -> str:
     value = first["input"]
     if first["type"] == "extra_forbidden":
         return f"unknown key {key} ({value!r})"
+    if first["type"] == "union_tag_invalid":  # a kind, by which a table is chosen
+        context = first["ctx"]
+        known = [each.strip("'") for each in context["expected_tags"].split(", ")]
+        name = context["discriminator"].strip("'")
+        tag = context["tag"]
+        return f"{key}.{name} = {tag!r}: there is {', '.join(known)}{nearest(tag, known)}"
     what = first["msg"].removeprefix("Value error, ")
     what = what[0].lower() + what[1:]
     if not key:
         return what
+    if first["type"] == "literal_error" and isinstance(value, str):
+        words = re.findall(r"'([^']*)'", first["ctx"]["expected"])
+        what += nearest(value, words)
     shown = f" = {value!r}" if not isinstance(value, dict) else ""
     return f"{key}{shown}: {what}"

@@ -1,6 +1,26 @@
 """Errors that end a command with a message of one line."""
 
+import difflib
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
 EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_TERMINATED = 2, 130, 143
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """Return "; did you mean ...?" with the known word that is most like a wrong one, or ""."""
+    lower = {each.lower(): each for each in known}
+    found = difflib.get_close_matches(word.lower(), lower, n=1, cutoff=0.5)
+    return f"; did you mean {lower[found[0]]!r}?" if found else ""
+
+
+def beside(path: Path) -> str:
+    """Return the same for the files in the folder of one that is not there."""
+    try:
+        return nearest(path.name, sorted(each.name for each in path.parent.iterdir()))
+    except OSError:
+        return ""
 
 
 class InputError(Exception):
@@ -8,6 +28,15 @@ class InputError(Exception):
 
     The commands print it on the error stream and end with status 2.
     """
+
+
+@contextmanager
+def blamed(source: str) -> Iterator[None]:
+    """Return a context in which bad input names the file that it came from, too."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from error
 
 
 class InterruptError(Exception):

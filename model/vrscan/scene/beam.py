@@ -1,7 +1,6 @@
 """The laser's beam: its width over distance, the stop that cuts it, its pulse, and the smear."""
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Annotated
 
@@ -13,16 +12,12 @@ from scipy.special import j0
 from vrscan.data.arrays import Floats
 from vrscan.data.config import Positive, Section
 from vrscan.data.errors import InputError
+from vrscan.scene.row_profile import CutBeam, cut_beam
 
 _E2 = math.exp(-2.0)
 _UNCUT = 0.2  # beam over stop, below which exp(-50) of the power meets the stop's edge
 _NODES = 200  # nodes of the integral over the stop; exact to 1e-12 from _UNCUT on
 _UNIFORM = 50.0  # beam over stop; above it the stop is lit evenly to 4e-4 of the field
-_FIRST_S = 0.0625  # first s in the table of spots: 15 Fresnel zones in the stop
-_DISTANCES = 200  # number of distances in that table
-_STEP_U = 0.04  # step of its radii, in wavelengths over the stop's diameter
-_REACH = 2.5  # range of a fit, in radii
-_TRIALS = 91  # radii that a fit tries, before a parabola through the best three
 
 
 class Laser(Section):
@@ -136,98 +131,38 @@ def widening(ratio: float) -> float:
     return far_field_width(ratio) * math.pi * ratio / 4.0
 
 
-def _fit(r: Floats, irradiance: Floats) -> tuple[float, float]:
-    """Return 1/e2 radius and integral over r dr of the Gaussian nearest to a round spot.
+def cut(laser: Laser) -> CutBeam | None:
+    """Return the tables of the beam's cross section, or None for one that no stop cuts."""
+    ratio = truncation(laser)
+    if ratio < _UNCUT:
+        return None
+    ratio = min(ratio, _UNIFORM)
+    return cut_beam(ratio, far_field_width(ratio) / 4.0)
 
-    Nearest means least squares over the cross section: the radius with the largest <I g>^2 / <g g>.
+
+def _spread(distance: Floats, laser: Laser) -> tuple[Floats, Floats]:
+    """Return lambda z / a and the stop's image by the wave's curvature, mm, at finite distances."""
+    # A wave that converges to R is at z the flat wave at z / (1 - z/R), scaled by 1 - z/R.
+    scale = 1.0 - distance * laser.waist_mm / (laser.waist_mm**2 + rayleigh_mm(laser) ** 2)
+    stop = 0.5 * laser.aperture_mm
+    return laser.m2 * laser.wavelength_mm * distance / stop, stop * np.abs(scale)
+
+
+def zone(distance: Floats, laser: Laser) -> Floats:
+    """Return how far a cut beam is on its way from the stop's shadow, 0, to the far field, 1.
+
+    It is nu / (1 + nu), nu = lambda z / a^2 behind a flat wave in a stop of radius a. Without a
+    stop it is 0.
 
     Args:
-        r: Radii in even steps from 0, up to 2 to 3 beam radii [m].
-        irradiance: Irradiance at ``r`` [m].
+        distance: Distances from the pivot, mm [n].
+        laser: The laser's beam and stop.
     """
-
-    def overlap(radius: Floats) -> tuple[Floats, Floats]:
-        g = np.exp(-2.0 * np.square(r / radius[:, None]))
-        return g @ (irradiance * r), np.square(g) @ r
-
-    radius = r[-1] * np.linspace(0.08, 0.8, _TRIALS)
-    product, square = overlap(radius)
-    score = np.square(product) / square
-    k = int(np.clip(np.argmax(score), 1, _TRIALS - 2))
-    bend = score[k - 1] - 2.0 * score[k] + score[k + 1]
-    shift = 0.5 * (score[k - 1] - score[k + 1]) / bend if bend < 0.0 else 0.0
-    best = radius[k] + np.clip(shift, -1.0, 1.0) * (radius[1] - radius[0])
-    product, square = overlap(np.array([best]))
-    return float(best), float(product[0] / square[0] * best**2 / 4.0)
-
-
-@dataclass(frozen=True)
-class _Spots:
-    """Gaussians that fit a cut, flat wave behind the stop; lengths are in the stop's radius a."""
-
-    near: float  # radius of the shadow
-    far: float  # slope of the far field's 1/e2 radius with nu = lambda z / a^2
-    s: Floats  # nu / (1 + nu), 0 to 1
-    ratio: Floats  # fitted radius over hypot(near, far nu)
-    core: Floats  # the fitted Gaussian's power over the whole power
-
-
-@lru_cache(maxsize=16)
-def _spots(ratio: float) -> _Spots:
-    """Fit Fresnel's integral over the stop at all distances; ``ratio`` is at least 0.2."""
-    ratio = min(ratio, _UNIFORM)
-    power = 0.25 * ratio**2 * transmitted(ratio)  # int |field|^2 x dx
-    r = np.linspace(0.0, 2.5, 501)
-    near, held = _fit(r, np.where(r <= 1.0, np.exp(-2.0 * np.square(r / ratio)), 0.0))
-    far = far_field_width(ratio) / 4.0
-
-    # In u = 2 r / (a nu) one Bessel matrix serves all distances, and Parseval's
-    # integral of I u du is power / pi^2. The last distance is infinite.
-    s = np.linspace(_FIRST_S, 1.0, _DISTANCES)
-    inverse_nu = 1.0 / s - 1.0
-    reach = _REACH * 2.0 * np.hypot(near * inverse_nu, far)
-    u = np.arange(0.0, reach.max() + _STEP_U, _STEP_U)
-    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
-    x = 0.5 * (nodes + 1.0)
-    field = 0.5 * weights * x * np.exp(-np.square(x / ratio))
-    phase = math.pi * np.square(x)[:, None] * inverse_nu
-    bessel = j0(math.pi * u[:, None] * x)
-    real, imaginary = (bessel @ (field[:, None] * f(phase)) for f in (np.cos, np.sin))
-    irradiance = np.square(real) + np.square(imaginary)
-    fits = np.empty((2, _DISTANCES))
-    for k, end in enumerate(np.ceil(reach / _STEP_U).astype(int)):
-        fits[:, k] = _fit(u[: end + 1], irradiance[: end + 1, k])
-    return _Spots(
-        near=near,
-        far=far,
-        s=np.append(0.0, s),
-        ratio=np.append(1.0, fits[0] / (2.0 * np.hypot(near * inverse_nu, far))),
-        core=np.append(held / power, fits[1] * math.pi**2 / power),
-    )
-
-
-def _at(distance: Floats, laser: Laser) -> tuple[Floats, Floats]:
-    """Return radius, mm, and core share; see ``radius_mm`` and ``core_share``."""
-    distance = np.asarray(distance, np.float64)
-    finite = np.isfinite(distance)
-    z = np.where(finite, np.abs(distance), 0.0)
-    rayleigh = rayleigh_mm(laser)
-    # A wave that converges to R is at z the flat wave at z / (1 - z/R), scaled by 1 - z/R.
-    scale = 1.0 - z * laser.waist_mm / (laser.waist_mm**2 + rayleigh**2)
-    wavelength = laser.m2 * laser.wavelength_mm
-    cut = truncation(laser)
-    if cut < _UNCUT:
-        at_stop = 0.5 * laser.beam_diameter_mm * math.hypot(1.0, laser.waist_mm / rayleigh)
-        radius = np.hypot(at_stop * scale, wavelength / (math.pi * at_stop) * z)
-        core = np.ones_like(z)
-    else:
-        spots, stop = _spots(cut), 0.5 * laser.aperture_mm
-        spread = wavelength * z / stop
-        s = spread / (spread + stop * np.abs(scale))
-        radius = np.hypot(spots.near * stop * scale, spots.far * spread)
-        radius = radius * np.interp(s, spots.s, spots.ratio)
-        core = np.interp(s, spots.s, spots.core)
-    return np.where(finite, radius, np.inf), np.where(finite, core, 0.0)
+    if math.isinf(laser.aperture_mm):
+        return np.zeros_like(distance)
+    far = np.isinf(distance)
+    spread, shadow = _spread(np.where(far, 1.0, np.abs(distance)), laser)
+    return np.where(far, 1.0, spread / (spread + shadow))
 
 
 def radius_mm(distance: Floats, laser: Laser) -> Floats:
@@ -238,10 +173,10 @@ def radius_mm(distance: Floats, laser: Laser) -> Floats:
     beam of 1 mm, cut at 1 mm, is a third narrower at 0.4 m than uncut (Fresnel's focus of the
     stop), as wide near 1.1 m, and 1.4 times as wide far away.
 
-    It leaves out: the rings (``core_share`` says how much power is in them), the diode's ellipse
-    and astigmatism, the way from collimator to mirror, and the mirror's own edge. With M^2 above 1
-    the wavelength is taken as M^2 times as long, which is right without a stop. Nearer than 0.07
-    a^2/lambda (25 mm here), where the rings are many and narrow, it interpolates to the shadow.
+    It is a scale and not the whole of a cut beam: ``cut`` has its cross section with the rings.
+    It leaves out the diode's ellipse and astigmatism, the way from collimator to mirror, and the
+    mirror's own edge. With M^2 above 1 the wavelength is taken as M^2 times as long, which is right
+    without a stop.
 
     Args:
         distance: Distances from the pivot, mm [n]. An infinite one (no hit) gives an infinite
@@ -251,21 +186,17 @@ def radius_mm(distance: Floats, laser: Laser) -> Floats:
     Returns:
         Radii, mm, of the shape of ``distance``, never 0.
     """
-    return _at(distance, laser)[0]
-
-
-def core_share(distance: Floats, laser: Laser) -> Floats:
-    """Return the share of the emitted power that the Gaussian of ``radius_mm`` holds.
-
-    It is 1 without a stop. Behind a stop the rest is in rings around the spot; where the beam is
-    flatter than a Gaussian, near the stop, the share is a little above 1. The peak irradiance is
-    this share times 2 P / (pi w^2).
-
-    Args:
-        distance: Distances from the pivot, mm [n]. An infinite one (no hit) gives 0.
-        laser: The laser's beam and stop.
-    """
-    return _at(distance, laser)[1]
+    distance = np.asarray(distance, np.float64)
+    finite = np.isfinite(distance)
+    z = np.where(finite, np.abs(distance), 0.0)
+    tables = cut(laser)
+    if tables is not None:
+        return np.where(finite, tables.radius(*_spread(z, laser)), np.inf)
+    rayleigh = rayleigh_mm(laser)
+    at_stop = 0.5 * laser.beam_diameter_mm * math.hypot(1.0, laser.waist_mm / rayleigh)
+    shadow = at_stop * (1.0 - z * laser.waist_mm / (laser.waist_mm**2 + rayleigh**2))
+    spread = laser.m2 * laser.wavelength_mm / (math.pi * at_stop) * z
+    return np.where(finite, np.hypot(shadow, spread), np.inf)
 
 
 def output_mw(laser: Laser) -> float:

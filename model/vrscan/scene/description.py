@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 from pydantic import Field, PrivateAttr, field_validator, model_validator
 
 from vrscan.data.config import Positive, Section, checked, read_toml
-from vrscan.data.errors import InputError
+from vrscan.data.errors import InputError, nearest
 from vrscan.scene.beam import Laser
 from vrscan.scene.sensor import SensorModel
 from vrscan.scene.stray import Stray
@@ -89,7 +89,10 @@ class Description(Section):
         for target in self.target:
             if target.material != "default" and target.material not in self.material:
                 known = ", ".join(sorted(self.material)) or "none"
-                raise ValueError(f"no material {target.material!r} (there are {known})")
+                raise ValueError(
+                    f"no material {target.material!r} (there are {known})"
+                    f"{nearest(target.material, self.material)}"
+                )
         return self
 
     def material_of(self, name: str) -> Material:
@@ -119,6 +122,7 @@ def load(name: str) -> Description:
         if name not in shipped():
             raise InputError(
                 f"{name}: no such scene (there are {', '.join(shipped())}, or FILE.toml)"
+                f"{nearest(name, shipped())}"
             )
         with resources.as_file(resources.files("vrscan.scene") / "scenes") as folder:
             path = folder / f"{name}.toml"

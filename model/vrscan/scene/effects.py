@@ -4,8 +4,9 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from vrscan.data.errors import InputError
+from vrscan.data.errors import InputError, nearest
 from vrscan.scene.description import Description
+from vrscan.scene.scatter import emitter, receiver
 
 
 @dataclass(frozen=True)
@@ -30,13 +31,16 @@ _ALL = (
     Effect(
         "bounce", "light from the spot that lights the rest of the scene", "one reflection", 5.0
     ),
+    Effect("mirrored", "spots seen in a glossy surface, and mirrored beams", "one reflection", 6.0),
     Effect("speckle", "a rough surface under coherent light", "smooth light", 2.0),
     Effect("sun", "sun and sky on what the camera sees", "darkness", 5.0),
     Effect("lamps", "indoor light", "darkness", 5.0),
-    Effect("ghosts", "double reflections in the camera", "one image", 25.0),
+    Effect("veil", "sun and lamps outside what the lens sees", "a black barrel", 0.0),
+    Effect("ghosts", "reflections to and fro in the camera", "one image", 25.0),
     Effect("window", "the double reflection in the scan head's window", "one beam", 2.5),
-    Effect("halo", "scatter of the lens's surfaces", "smooth surfaces", 4.0),
-    Effect("dust", "particles on pupil and cover", "clean surfaces", 0.3),
+    Effect("skirt", "what the scan head scatters lights the scene", "its loss alone", 12.0),
+    Effect("halo", "what polish, dust, digs in the camera scatter", "its loss alone", 4.0),
+    Effect("dust", "shadows of particles on pupil and cover", "clean surfaces", 0.3),
     Effect("shot", "photon noise", "the mean", 0.1),
     Effect("read", "noise of the read-out", "none", 0.1),
     Effect("dark", "dark current", "none", 0.0),
@@ -47,14 +51,15 @@ _ALL = (
 )
 
 EFFECTS = {effect.name: effect for effect in _ALL}
-WHOLE_LINE = frozenset({"ghosts", "halo", "bounce"})  # with one of these no line is mostly even
+# With one of these no line is mostly even.
+WHOLE_LINE = frozenset({"ghosts", "skirt", "halo", "bounce"})
 WHOLE_LINE_US = 15.0  # typical time of these
 EVERY_RAY_US = 20.0  # typical time of following every spot ray by ray
 LINE_US = 20.0  # typical time of a line without effects, up to its point
 START_US = 8000.0  # typical time to start rendering, however few the lines
 BASE = (
-    "beam width, range equation with Lambert and the row's share, occlusion, (2)-(5), pixel "
-    "aperture, exposure, gain, full scale and converter are always there"
+    "beam width, range equation with Lambert and the row's share, occlusion, loss by scatter, "
+    "(2)-(5), pixel aperture, exposure, gain, full scale and converter are always there"
 )
 
 
@@ -70,15 +75,19 @@ def present(scene: Description) -> tuple[str, ...]:
     if not scene.lamp:
         absent.add("lamps")
     if not any(material.gloss > 0.0 for material in materials):
-        absent.add("gloss")
+        absent |= {"gloss", "mirrored"}
     if math.isinf(scene.laser.aperture_mm):
         absent.add("truncation")
     stray = scene.stray
     head = stray.head_window
     if "head_window" not in stray.enabled or head.inner_reflectance * head.outer_reflectance == 0.0:
         absent.add("window")
-    if "halo" not in stray.enabled or stray.polish.roughness_nm == 0.0:
+    if (scene.sun is None and not scene.lamp) or math.isinf(stray.out_of_field):
+        absent.add("veil")
+    if receiver(stray).total == 0.0:
         absent.add("halo")
+    if emitter(stray).total == 0.0:
+        absent.add("skirt")
     if "dust" not in stray.enabled:
         absent.add("dust")
     if not {"window", "filter", "lens", "cover", "sensor"} & set(stray.enabled):
@@ -109,7 +118,10 @@ def chosen(names: Iterable[str], source: str) -> frozenset[str]:
     names = list(names)
     for name in names:
         if name not in EFFECTS:
-            raise InputError(f"{source}: unknown effect {name!r} (there are {', '.join(EFFECTS)})")
+            raise InputError(
+                f"{source}: unknown effect {name!r} (there are {', '.join(EFFECTS)})"
+                f"{nearest(name, EFFECTS)}"
+            )
         if names.count(name) > 1:
             raise InputError(f"{source}: effect {name!r} stands there twice")
     return frozenset(names)

@@ -1,4 +1,4 @@
-"""Ghosts: light that two surfaces of the receiver reflect before it reaches the sensor.
+"""Ghosts: light that surfaces of the receiver reflect two or more times before the sensor.
 
 Every surface is plane or curved, may be tilted, and acts on a ray as a 3 x 3 matrix on (y, slope,
 1): y in mm, the slope dy/dz in the frame of the lens, in whichever direction the light runs. The
@@ -15,7 +15,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 
@@ -23,9 +23,11 @@ from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.data.errors import InputError
 from vrscan.scene.stray import Plate, Stray, disc_overlap
 
-_TRAVELS_MM = np.array([0.0, 1.0, 2.0, 3.0])  # a path crosses the moving gap at most three times
 _MARGIN_PX = 20.0  # size of a spot: a ghost that far beside the row still lights it
 _NEAREST_MM = 1.0  # least distance that is imaged
+
+Double = tuple[int, int]  # two surfaces that reflect light to and fro: near, far
+Path = tuple[Double, ...]
 
 
 @dataclass(frozen=True)
@@ -47,12 +49,14 @@ class Surface:
 class Ghosts:
     """Ghosts [g] of spots [n]; the spots may have any shape."""
 
-    names: tuple[str, ...]  # "near surface + far surface", the later reflection first
+    names: tuple[str, ...]  # "near surface + far surface", a later reflection first, and so on
     offset_px: Floats  # [g, n] along the row, from the spot to the ghost's middle
     across_px: Floats  # [g, n] across the row
     blur_px: Floats  # [g, n] radius of the ghost's disc
     power: Floats  # [g, n] share of the spot's light, 0 where the ghost misses the sensor
-    dropped: Floats  # [n] share of the light in ghosts that are dropped here or miss the sensor
+    # [n] share of the light in all other ghosts, whatever their reflections, and in what misses the
+    # sensor
+    dropped: Floats
 
 
 @dataclass(frozen=True)
@@ -89,26 +93,73 @@ class Stack:
     least_density: float  # least share of the light per pixel
 
     @cached_property
-    def pairs(self) -> tuple[tuple[int, int], ...]:
-        """Return the pairs (near, far) of surfaces that reflect."""
-        active = [k for k, surface in enumerate(self.surfaces) if surface.reflectance > 0.0]
-        return tuple((near, far) for near in active for far in active if near < far)
-
-    @cached_property
-    def bare(self) -> Floats:
-        """Return the power of each pair's ghost over the direct light's, before clipping [g].
+    def _doubles(self) -> dict[Double, float]:
+        """Return the power of each double reflection (near, far) over that of light without it.
 
         It is the product of the two reflectances; the surfaces between the two are crossed twice
         more.
         """
+        active = [k for k, surface in enumerate(self.surfaces) if surface.reflectance > 0.0]
         kept = [1.0 - surface.reflectance for surface in self.surfaces]
-        powers = [
-            self.surfaces[near].reflectance
+        return {
+            (near, far): self.surfaces[near].reflectance
             * self.surfaces[far].reflectance
             * math.prod(kept[near + 1 : far]) ** 2
-            for near, far in self.pairs
-        ]
+            for near in active
+            for far in active
+            if near < far
+        }
+
+    @cached_property
+    def paths(self) -> tuple[Path, ...]:
+        """Return the ways of light to the sensor that have ``least_power``, but for the direct one.
+
+        A way is its double reflections (near, far) in turn. The first reflection of each but the
+        first is behind the last reflection of the one before.
+        """
+        found: list[Path] = []
+
+        def follow(way: Path, power: float) -> None:
+            for double, part in self._doubles.items():
+                if power * part >= self.least_power and (not way or double[1] > way[-1][0]):
+                    found.append((*way, double))
+                    if self.least_power > 0.0:  # else there is no end to them
+                        follow((*way, double), power * part)
+
+        follow((), 1.0)
+        return tuple(found)
+
+    @cached_property
+    def bare(self) -> Floats:
+        """Return the power of each path's ghost over the direct light's, before clipping [g]."""
+        powers = [math.prod(self._doubles[double] for double in path) for path in self.paths]
         return np.array(powers, dtype=np.float64)
+
+    @cached_property
+    def total(self) -> float:
+        """Return the power of all ghosts, of however many reflections, over the direct light's.
+
+        Surfaces are added one by one: light that runs to and fro between a surface and those in
+        front of it is a geometric series.
+        """
+        behind, light = 0.0, 1.0  # what the surfaces so far send back towards the sensor
+        for surface in self.surfaces:
+            series = 1.0 / (1.0 - behind * surface.reflectance)
+            light *= series
+            behind = surface.reflectance + (1.0 - surface.reflectance) ** 2 * behind * series
+        return light - 1.0
+
+    @cached_property
+    def _degree(self) -> int:
+        """Return the degree of the paths as polynomials of the travel.
+
+        A path crosses the moving gap once, and twice more for each of its double reflections.
+        """
+        return 1 + 2 * max((len(path) for path in self.paths), default=0)
+
+    def _powers(self, travel: Floats) -> Floats:
+        """Return the powers of the travel that the polynomials take [p, ...]."""
+        return np.stack([travel**k for k in range(self._degree + 1)])
 
     @cached_property
     def _direct(self) -> tuple[Floats, Floats]:
@@ -120,22 +171,26 @@ class Stack:
     def _paths(self) -> tuple[Floats, Floats, Ints]:
         """Return rows on the sensor and at further crossings of the stop, and the latter's ghosts.
 
-        Their shapes are [g, 2, 3, 4], [e, 2, 3, 4] and [e].
+        Their shapes are [g, 2, 3, p], [e, 2, 3, p] and [e].
         """
         ends, crossings, owners = [], [], []
         last = len(self.surfaces) - 1
-        for number, (near, far) in enumerate(self.pairs):
-            route = [(k, 1) for k in range(far)]
-            route += [(far, 0)]
-            route += [(k, -1) for k in range(far - 1, near, -1)]
-            route += [(near, 0)]
-            route += [(k, 1) for k in range(near + 1, last + 1)]
+        for number, path in enumerate(self.paths):
+            route: list[tuple[int, int]] = []
+            start = 0
+            for near, far in path:
+                route += [(k, 1) for k in range(start, far)]
+                route += [(far, 0)]
+                route += [(k, -1) for k in range(far - 1, near, -1)]
+                route += [(near, 0)]
+                start = near + 1
+            route += [(k, 1) for k in range(start, last + 1)]
             visits = self._trace(route)
             ends.append(visits[-1])
             at_stop = [visits[step] for step, (k, _) in enumerate(route) if k == self.stop]
             crossings += at_stop[1:]
             owners += [number] * len(at_stop[1:])
-        empty = np.zeros((0, 2, 3, len(_TRAVELS_MM)))
+        empty = np.zeros((0, 2, 3, self._degree + 1))
         return (
             np.array(ends) if ends else empty,
             np.array(crossings) if crossings else empty,
@@ -174,25 +229,26 @@ class Stack:
             One array [plane, 3, power of travel] for each step, where the light meets the surface.
         """
         place = np.cumsum([0.0] + [surface.gap_mm for surface in self.surfaces[:-1]])
-        places = np.repeat(place[:, None], len(_TRAVELS_MM), axis=1)  # [surface, travel]
-        places[self.moving + 1 :] += _TRAVELS_MM
-        state = np.broadcast_to(np.eye(3), (len(_TRAVELS_MM), 2, 3, 3)).copy()
-        here = places[0]
-        fit = np.linalg.inv(np.vander(_TRAVELS_MM, increasing=True))
+        state = np.zeros((2, 3, 3, self._degree + 1))  # [plane, row, column, power of travel]
+        state[..., 0] = np.eye(3)
+        here = 0
         rows = []
         for index, way in route:
-            state[..., 0, :] += (places[index] - here)[:, None, None] * state[..., 1, :]
-            here = places[index]
-            rows.append(np.einsum("pt,tqr->qrp", fit, state[..., 0, :]))
+            steps = state[:, 1]
+            state[:, 0] += (place[index] - place[here]) * steps
+            moved = int(index > self.moving) - int(here > self.moving)
+            state[:, 0, :, 1:] += moved * steps[..., :-1]
+            here = index
+            rows.append(state[:, 0].copy())
             slope = np.stack([_bend(self.surfaces[index], way, plane) for plane in (0, 1)])
-            state[..., 1, :] = np.einsum("qr,tqrs->tqs", slope, state)
+            state[:, 1] = np.einsum("qr,qrsp->qsp", slope, state)
         return rows
 
     def _chief(self, powers: Floats, field_mm: Floats) -> tuple[Floats, Floats]:
         """Return y1 and slope1 of the chief ray [plane, ...] to u = field on the row.
 
         Args:
-            powers: Powers 0 to 3 of the travel [4, ...].
+            powers: Powers of the travel [p, ...].
             field_mm: Position of the direct image.
         """
         stop, end = (np.tensordot(rows, powers, 1) for rows in self._direct)
@@ -262,11 +318,13 @@ def stack(
 
 
 def ghosts(stack: Stack, focus_mm: Floats, distance_mm: Floats, field_mm: Floats) -> Ghosts:
-    """Return all ghosts of two reflections, followed over focus, distance and image position.
+    """Return all ghosts, followed over focus, distance and image position.
 
     Metis 3.2 as an array: the three arguments broadcast, so that a cube over all of them is one
-    call. Each ghost is a linear form of the ray whose coefficients are cubic in the lens's travel;
-    they are found once a stack and are exact. Where the light crosses the stop again, it lets
+    call. Each ghost is a linear form of the ray whose coefficients are polynomials of the lens's
+    travel; they are found once a stack and are exact. Ghosts of four and more reflections are among
+    them where they are strong enough; with a ``least_power`` of 0, which would have no end, there
+    are those of two. Where the light crosses the stop again, it lets
     through what the discs of beam and stop have in common; of several crossings the narrowest
     counts, which is too much where they clip at different sides. A clipped ghost keeps its
     middle and radius.
@@ -296,10 +354,9 @@ def ghosts(stack: Stack, focus_mm: Floats, distance_mm: Floats, field_mm: Floats
     focus = np.where(seen, focus, np.inf)
 
     if focus.size and np.all(focus == focus.flat[0]):  # the usual scene: one focus for all lines
-        powers = stack.travel(focus.flat[0]) ** np.arange(4.0)
-        powers = powers.reshape(4, *([1] * len(shape)))
+        powers = stack._powers(stack.travel(focus.flat[0])).reshape(-1, *([1] * len(shape)))
     else:
-        powers = np.stack([stack.travel(focus) ** k for k in range(4)])
+        powers = stack._powers(stack.travel(focus))
     y, slope = stack._chief(powers, field)
     stop, _ = (np.tensordot(rows, powers, 1) for rows in stack._direct)
     # The pencil from the spot: how y1 and slope1 change with the height in the stop.
@@ -308,7 +365,6 @@ def ghosts(stack: Stack, focus_mm: Floats, distance_mm: Floats, field_mm: Floats
 
     ends, crossings, owner = stack._paths
     order = np.argsort(-stack.bare, kind="stable")
-    order = order[stack.bare[order] >= stack.least_power]
     end = np.tensordot(ends[order, 0, :2], powers, 1)
     blur = stack.stop_mm * np.abs(end[:, 0] * pencil_y + end[:, 1] * pencil_slope)
     blur = np.where(seen, blur, 0.0) / stack.pitch_mm
@@ -316,7 +372,7 @@ def ghosts(stack: Stack, focus_mm: Floats, distance_mm: Floats, field_mm: Floats
     density = np.where(seen, bare / (math.pi * np.maximum(np.square(blur), 1.0)), 0.0)
     dense = density.max(axis=tuple(range(1, density.ndim)), initial=0.0) >= stack.least_density
     strong, blur, bare = order[dense], blur[dense], bare[dense]
-    weak = float(stack.bare.sum() - stack.bare[strong].sum())
+    weak = stack.total - float(stack.bare[strong].sum())
 
     end = np.tensordot(ends[strong], powers, 1)  # [g, plane, 3, ...]
     offset = (end[:, 0, 0] * y[0] + end[:, 0, 1] * slope[0] + end[:, 0, 2]) - field
@@ -340,7 +396,7 @@ def ghosts(stack: Stack, focus_mm: Floats, distance_mm: Floats, field_mm: Floats
     missed = np.where(lit, 0.0, power).sum(axis=0)
     power = np.where(lit, power, 0.0)
     kept = lit.any(axis=tuple(range(1, lit.ndim)))
-    names = tuple(_pair_name(stack, stack.pairs[k]) for k in strong[kept])
+    names = tuple(_path_name(stack, stack.paths[k]) for k in strong[kept])
     whole = (int(kept.sum()), *shape)
     return Ghosts(
         names=names,
@@ -497,8 +553,11 @@ def _on_sensor(position: Floats, across: Floats, blur: Floats, stack: Stack) -> 
     )
 
 
-def _pair_name(stack: Stack, pair: tuple[int, int]) -> str:
-    return " + ".join(stack.surfaces[k].name for k in pair)
+def _path_name(stack: Stack, path: Path) -> str:
+    """Return the pairs of a path in turn, one that is met again with the number of times."""
+    pairs = [" + ".join(stack.surfaces[k].name for k in pair) for pair in path]
+    groups = [(name, len(list(same))) for name, same in groupby(pairs)]
+    return ", ".join(name if times == 1 else f"{name} x{times}" for name, times in groups)
 
 
 def _with(stack: Stack, index: int, reflectance: float) -> Stack:
@@ -514,8 +573,9 @@ def _split(
     travel = float(stack.travel(np.array(focus_mm)))
     places = np.cumsum([0.0] + [surface.gap_mm for surface in stack.surfaces[:-1]])
     places[stack.moving + 1 :] += travel
-    y, slope = stack._chief(travel ** np.arange(4.0), np.array(field_mm))
-    stop, _ = (np.tensordot(rows, travel ** np.arange(4.0), 1) for rows in stack._direct)
+    powers = stack._powers(np.array(travel))
+    y, slope = stack._chief(powers, np.array(field_mm))
+    stop, _ = (np.tensordot(rows, powers, 1) for rows in stack._direct)
     near = 1.0 / distance_mm
     last = len(stack.surfaces) - 1
     direct = math.prod(1.0 - surface.reflectance for surface in stack.surfaces[:-1])

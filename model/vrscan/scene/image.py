@@ -7,9 +7,10 @@ the row convolved with
     k(x) = erf(sqrt(a^2 - x^2) / (sqrt(2) s_y)) / (pi a^2)    for |x| < a,
 
 the disc's chord seen through the Gaussian's height: a box for a spot much lower than the disc, the
-semicircle for one much higher. Everything else that blurs is a factor in the spatial frequency:
-pixel, diffraction, motion during the pulse, coma. So a line is one short inverse Fourier transform,
-at the same price whatever blurs it.
+semicircle for one much higher. A cut beam is no product along and across the row; its profile and
+its light are those of ``row_profile``. Everything else that blurs is a factor in the spatial
+frequency: pixel, diffraction, motion during the pulse, coma. So a line is one short inverse Fourier
+transform, at the same price whatever blurs it.
 
 It leaves out: field curvature and astigmatism (the instrument's triplet has little), the change of
 the focal distance with focus, which calibration takes up, and a row that is not straight.
@@ -27,6 +28,7 @@ from scipy.special import erf
 from vrscan.data.arrays import Floats, Ints
 from vrscan.data.config import Config
 from vrscan.scene.radiometry import mtf
+from vrscan.scene.row_profile import CutBeam
 
 Singles = npt.NDArray[np.float32]
 Clock = Callable[[str], AbstractContextManager[None]]
@@ -80,17 +82,45 @@ def defocus_radius_px(depth_mm: Floats, focus_mm: float, f_number: float, config
     return np.asarray(0.5 * focal / f_number * focal / pitch * np.abs(behind))
 
 
-def row_share(sigma_y_px: Floats, radius_px: Floats, offset_px: float = 0.0) -> Floats:
+def band(sigma_y_px: Floats, radius_px: Floats) -> Floats:
+    """Return the height of the band of the spot that the row sees, as ``CutBeam`` counts it [n].
+
+    The row's height and the disc's chord, which changes along the row, count as one band of the
+    same mean square.
+
+    Args:
+        sigma_y_px: Sigma of the nearest Gaussian across the row, half of its 1/e2 radius [n].
+        radius_px: Radius of the defocused disc [n].
+    """
+    disc = np.sqrt(np.square(radius_px) + 4.0 * _ROW_VARIANCE)
+    return np.asarray(disc / (disc + 2.0 * sigma_y_px))
+
+
+def row_share(
+    sigma_y_px: Floats,
+    radius_px: Floats,
+    offset_px: Floats | float = 0.0,
+    *,
+    cut: CutBeam | None = None,
+    zone: Floats | None = None,
+) -> Floats:
     """Return the share of the spot's light that falls on the row: iria's eta_B for one row.
 
     The row is thinner than the image: its height enters as 1/12 px^2 of variance, with an error of
     0.2 % at s_y = 1 px. An offset of the row enters as if disc and spot were one Gaussian.
 
     Args:
-        sigma_y_px: Sigma of the Gaussian across the row [n].
+        sigma_y_px: Sigma of the Gaussian across the row, or of the one nearest to a cut beam [n].
         radius_px: Radius of the defocused disc [n].
-        offset_px: Offset of the row from the image's middle.
+        offset_px: Offset of the row from the image's middle, [n] or one for all.
+        cut: Tables of a cut beam; None for a Gaussian.
+        zone: Zones of a cut beam [n]; given with ``cut``.
     """
+    if cut is not None and zone is not None:
+        beam = np.maximum(2.0 * sigma_y_px, 1e-6)
+        share = cut.row_share(1.0 / beam, radius_px / beam, zone)
+        spread = np.square(sigma_y_px) + 0.25 * np.square(radius_px) + _ROW_VARIANCE
+        return np.asarray(share * np.exp(-0.5 * np.square(offset_px) / spread))
     sigma = np.sqrt(np.square(sigma_y_px) + _ROW_VARIANCE)
     disc = np.maximum(radius_px, 1e-6)
     _, shares = _slices()
@@ -134,6 +164,7 @@ def profiles(
     pulse: "Singles | None" = None,
     coma_px: Floats | None = None,
     transfer: Singles | None = None,
+    shape: Singles | None = None,
     spectrum: npt.NDArray[np.complex64] | None = None,
     clock: Clock = lambda _: nullcontext(),
 ) -> Singles:
@@ -150,6 +181,7 @@ def profiles(
         coma_px: Length of the one-sided exponential tail [n], towards rising pixels where it is
             positive, or None; the centroid stays.
         transfer: Any other factor [width + 1], at ``frequencies(width)``; the pixel is included.
+        shape: Replaces the Gaussian: the transform of another shape [n, width + 1].
         spectrum: Replaces a point: the spectrum of the light along the row, about the same pixel,
             [n, width + 1], which then also holds the position.
         clock: Function that is called with the name of an effect and returns a context that
@@ -162,9 +194,10 @@ def profiles(
     pixel = np.sinc(frequency)
     if transfer is not None:
         pixel = pixel * transfer
-    sigma = sigma_px.astype(np.float32)[:, None]
-    kernel = np.exp(-np.square(np.float32(np.sqrt(2.0) * np.pi) * sigma * frequency))
-    kernel *= pixel
+    if shape is None:
+        sigma = sigma_px.astype(np.float32)[:, None]
+        shape = np.exp(-np.square(np.float32(np.sqrt(2.0) * np.pi) * sigma * frequency))
+    kernel = shape * pixel
     if radius_px is not None and height_ratio is not None:
         with clock("defocus"):
             kernel *= _disc(frequency, radius_px, height_ratio)

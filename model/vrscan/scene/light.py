@@ -1,5 +1,6 @@
 """What all lines of a scene share; each part is computed once, when first needed."""
 
+import copy
 import math
 from collections.abc import Iterable
 from dataclasses import replace
@@ -9,23 +10,26 @@ import numpy as np
 
 from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.data.config import Config
-from vrscan.data.errors import InputError
+from vrscan.data.errors import InputError, blamed
 from vrscan.ideal.geometry import undistorted
 from vrscan.scene.beam import radius_mm
 from vrscan.scene.description import Description
 from vrscan.scene.ghosts import Ghosts, Stack, ghosts, stack
 from vrscan.scene.image import Singles
+from vrscan.scene.radiometry import photoelectrons
+from vrscan.scene.scatter import (
+    MOST_SCATTERED,
+    Halo,
+    Scatter,
+    emitter,
+    halo_weights,
+    intensity,
+    receiver,
+)
 from vrscan.scene.sensor import FixedPattern, fixed_pattern
 from vrscan.scene.speckle import Speckle
 from vrscan.scene.spots import Camera
-from vrscan.scene.stray import (
-    Halo,
-    WindowGhost,
-    dust_shadow,
-    halo_weights,
-    obscured_share,
-    window_ghost,
-)
+from vrscan.scene.stray import Stray, WindowGhost, dust_shadow, obscured_share, window_ghost
 from vrscan.scene.sun import Lamp, Sun, collection, pixel_electrons
 from vrscan.scene.targets import World
 from vrscan.scene.timeline import Timeline
@@ -35,8 +39,11 @@ _BOUNCE_KNOTS = 193  # angles at which the second bounce is computed
 _BOUNCE_EDGE = 1.02  # range of these angles over the scan's amplitude
 _BOUNCE_TABLES = 48  # number of places of a panning scanner that are kept
 _VIEWS = 64  # number of views of a moving scanner that are kept
-_PAN_STEP_MM = 1.0  # distance over which a moving scanner's view counts as the same
+PAN_STEP_MM = 1.0  # distance over which a moving scanner's view counts as the same
 _RAYS = 1 << 16  # rays followed at a time
+_SKIRT_STEP = 5e-5  # rad between the angles at which the scan head's scatter is kept
+_SKIRT_ANGLES = 400  # angles at which it is computed
+_STRAY = ("scatter", "emitter", "halo", "halo_table", "obscured", "shadow", "_stack", "_skirt_gain")
 _FARTHEST_MM = 1000.0  # least distance at which a ray that meets nothing ends
 
 
@@ -49,8 +56,8 @@ class Light:
 
     Raises:
         InputError: if a mesh or map does not load, the laser is above its rating or not in the
-            filter's band, the exposure is shorter than its pulse or longer than a line, or the sun
-            is not above the horizon.
+            filter's band, the exposure is shorter than its pulse or longer than a line, the sun is
+            not above the horizon, or receiver or scan head scatters more than half of its light.
     """
 
     def __init__(self, scene: Description, config: Config) -> None:
@@ -60,7 +67,10 @@ class Light:
                 f"{scene.source}: laser.power_mw = {scene.laser.power_mw:g}: above the rated "
                 f"{config.laser.rated_mw:g} mW"
             )
-        self.world = World(scene.target, scene.folder)
+        with blamed(scene.source):
+            self.world = World(scene.target, scene.folder)
+            if scene.sun is not None:
+                scene.sun.towards()  # raises an error at night
         self.materials = tuple(scene.material_of(target.material) for target in scene.target)
         self.names = tuple(dict.fromkeys(self.world.names))
         # The last entry is for the index -1, no target.
@@ -92,8 +102,8 @@ class Light:
         self.split_maps: dict[tuple[float, frozenset[str]], tuple[float, Bools]] = {}
         self._views: dict[int, tuple[Floats, Floats, Ints, Floats]] = {}
         self._bounces: dict[int, Singles] = {}
-        if scene.sun is not None:
-            scene.sun.towards()  # raises an error at night
+        self._skirts: dict[int, tuple[Singles, Singles]] = {}
+        self._refuse_fog()
 
     @cached_property
     def pattern(self) -> FixedPattern:
@@ -115,33 +125,76 @@ class Light:
 
     # -- stray light --
 
-    @cached_property
-    def halo(self) -> Halo:
-        """Return the scatter of the lens, to either end of the sensor from either end.
+    def with_stray(self, stray: Stray) -> "Light":
+        """Return the same scene with another table of stray light; what is known is shared.
 
-        Its row share depends on the height of the spot; it is that of a spot in focus.
+        Raises:
+            InputError: if receiver or scan head scatters more than half of its light.
         """
-        geometry = self.config.geometry
-        return halo_weights(
-            2 * self.config.sensor.line_length,
+        other = copy.copy(self)
+        other.scene = self.scene.model_copy(update={"stray": stray})
+        for name in _STRAY:
+            other.__dict__.pop(name, None)
+        other._skirts = {}
+        other._refuse_fog()
+        return other
+
+    def _refuse_fog(self) -> None:
+        for name, scatter in (("receiver", self.scatter), ("scan head", self.emitter)):
+            if scatter.total > MOST_SCATTERED:
+                shares = scatter.shares()
+                most = max(shares, key=lambda cause: shares[cause])
+                raise InputError(
+                    f"{self.scene.source}: stray: the {name} scatters {scatter.total:.2g} of the "
+                    f"light, most of it by {most}; more than {MOST_SCATTERED:g} is no instrument"
+                )
+
+    @cached_property
+    def scatter(self) -> Scatter:
+        """Return what scatters in the receiver."""
+        return receiver(
             self.scene.stray,
-            sigma_px=self._sharp_sigma_px,
-            focal_mm=geometry.focal_mm,
-            pitch_mm=geometry.pitch_mm,
+            focal_mm=self.config.geometry.focal_mm,
+            f_number=self.scene.lens.f_number,
             wavelength_nm=self.scene.laser.wavelength_nm,
         )
 
     @cached_property
+    def emitter(self) -> Scatter:
+        """Return what scatters in the scan head."""
+        return emitter(
+            self.scene.stray,
+            face_mm=self.config.geometry.focal_mm / self.scene.lens.f_number,
+            wavelength_nm=self.scene.laser.wavelength_nm,
+        )
+
+    @cached_property
+    def halo(self) -> Halo:
+        """Return the scatter of the receiver, to either end of the sensor from either end.
+
+        Its row share depends on the height of the spot; it is that of a spot in focus.
+        """
+        return halo_weights(
+            2 * self.config.sensor.line_length,
+            self.scatter,
+            sigma_px=self.sharp_sigma_px,
+            pitch_mm=self.config.geometry.pitch_mm,
+        )
+
+    @cached_property
     def halo_table(self) -> Singles:
-        """Return the halo about its middle at 2 L, float32 [4 L], as wide as the spot is high."""
-        weights = self.halo.weights
-        reach = math.ceil(5.0 * self._sharp_sigma_px) + 1
-        spot = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1) / self._sharp_sigma_px))
+        """Return the halo about its middle at 2 L, float32 [4 L], as wide as the spot is high.
+
+        It is in shares of the light that is not scattered.
+        """
+        weights = self.halo.weights / (1.0 - self.halo.total)
+        reach = math.ceil(5.0 * self.sharp_sigma_px) + 1
+        spot = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1) / self.sharp_sigma_px))
         spread = np.convolve(np.append(weights[:0:-1], weights), spot / spot.sum(), "same")
         return np.append(0.0, spread).astype(np.float32)
 
     @property
-    def _sharp_sigma_px(self) -> float:
+    def sharp_sigma_px(self) -> float:
         """Return the sigma of a spot in focus on an upright surface."""
         geometry, focus = self.config.geometry, self.scene.lens.focus_mm
         width = float(radius_mm(np.array([focus]), self.scene.laser)[0])
@@ -167,14 +220,15 @@ class Light:
     @cached_property
     def _stack(self) -> Stack:
         geometry = self.config.geometry
-        return stack(
-            self.scene.stray,
-            focal_mm=geometry.focal_mm,
-            f_number=self.scene.lens.f_number,
-            pitch_mm=geometry.pitch_mm,
-            length_px=self.config.sensor.line_length,
-            centre_px=geometry.centre_px,
-        )
+        with blamed(self.scene.source):
+            return stack(
+                self.scene.stray,
+                focal_mm=geometry.focal_mm,
+                f_number=self.scene.lens.f_number,
+                pitch_mm=geometry.pitch_mm,
+                length_px=self.config.sensor.line_length,
+                centre_px=geometry.centre_px,
+            )
 
     def ghosts(self, depth_mm: Floats, field_mm: Floats) -> Ghosts:
         """Return the ghosts of spots at these depths and image heights [n]."""
@@ -192,7 +246,7 @@ class Light:
     # -- what the camera sees --
 
     @property
-    def _view_px(self) -> Floats:
+    def view_px(self) -> Floats:
         """Return the pixels for which the camera's view is computed, and one after the last."""
         count = -(-self.config.sensor.line_length // _VIEW_STEP) + 1
         return _VIEW_STEP * np.arange(count, dtype=np.float64)
@@ -203,27 +257,29 @@ class Light:
         It is computed for every eighth pixel. Points are in the scanner's frame, which is at
         ``y_mm``.
         """
-        key = round(y_mm / _PAN_STEP_MM)
+        key = round(y_mm / PAN_STEP_MM)
         if key not in self._views:
-            y = key * _PAN_STEP_MM
-            camera = Camera.of(self.config, self.scene.lens.f_number)
-            pixel = self._view_px
-            u, _ = undistorted(pixel, self.config.geometry)
-            ray = camera.axis + (u / self.config.geometry.focal_mm)[:, None] * camera.side
-            ray /= np.linalg.norm(ray, axis=1)[:, None]
-            start = np.broadcast_to(camera.place, ray.shape) + np.array([0.0, y, 0.0])
-            hits = self.world.cast(start, ray)
-            distance = np.where(hits.target >= 0, hits.distance_mm, 0.0)
-            point = camera.place + distance[:, None] * ray
+            y = key * PAN_STEP_MM
             if len(self._views) == _VIEWS:
                 self._views.pop(next(iter(self._views)))  # the oldest
-            self._views[key] = point, hits.normal, hits.target, hits.albedo
+            self._views[key] = self._look(self.view_px, y)
         return self._views[key]
+
+    def _look(self, pixel: Floats, y_mm: float) -> tuple[Floats, Floats, Ints, Floats]:
+        """Return what some pixels see, as ``view`` does."""
+        camera = Camera.of(self.config, self.scene.lens.f_number)
+        u, _ = undistorted(pixel, self.config.geometry)
+        ray = camera.axis + (u / self.config.geometry.focal_mm)[:, None] * camera.side
+        ray /= np.linalg.norm(ray, axis=1)[:, None]
+        start = np.broadcast_to(camera.place, ray.shape) + np.array([0.0, y_mm, 0.0])
+        hits = self.world.cast(start, ray)
+        distance = np.where(hits.target >= 0, hits.distance_mm, 0.0)
+        return camera.place + distance[:, None] * ray, hits.normal, hits.target, hits.albedo
 
     @property
     def _off_axis_rad(self) -> Floats:
         """Return the angle from the axis at which every eighth pixel looks."""
-        u, _ = undistorted(self._view_px, self.config.geometry)
+        u, _ = undistorted(self.view_px, self.config.geometry)
         return np.asarray(np.arctan(u / self.config.geometry.focal_mm))
 
     def _whole_row(self, values: Floats) -> Floats:
@@ -261,14 +317,14 @@ class Light:
                 flicker.
         """
         found = np.zeros((len(timeline), self.config.sensor.line_length), np.float32)
-        keys = np.round(timeline.y_mm / _PAN_STEP_MM).astype(np.int64)
+        keys = np.round(timeline.y_mm / PAN_STEP_MM).astype(np.int64)
         for source in (source for name in names for source in self._sources(name)):
             level = np.ones(len(timeline))
             if isinstance(source, Lamp):
                 level = source.level(timeline.time_s)
             for key in np.unique(keys).tolist():
                 rows = np.flatnonzero(keys == key)
-                light = self._ambient_of(source, key * _PAN_STEP_MM)
+                light = self._ambient_of(source, key * PAN_STEP_MM)
                 found[rows] += (level[rows, None] * light).astype(np.float32)
         return found
 
@@ -289,7 +345,7 @@ class Light:
         hit = target >= 0
         shaded = np.zeros(len(target), np.bool_)
         if isinstance(source, Sun):
-            start = point + np.array([0.0, round(y_mm / _PAN_STEP_MM) * _PAN_STEP_MM, 0.0])
+            start = point + np.array([0.0, round(y_mm / PAN_STEP_MM) * PAN_STEP_MM, 0.0])
             far = start + 4.0 * (self.farthest_mm + 1.0) * source.towards()
             shaded[hit] = self.world.blocked(start[hit], far[hit])
         band = scene.lens.filter_nm
@@ -307,6 +363,93 @@ class Light:
         )
         return self._whole_row(electrons)
 
+    def veil_e(self) -> float:
+        """Return the electrons that sun and lamps outside the field put into each pixel.
+
+        Their irradiance on the window over ``out_of_field``, in the filter's band, evenly over the
+        sensor. The sun's direct part is left out where the scene hides it from the lens. The light
+        of the laser's own spots beyond the sensor is left out: 1e-10 of it comes to a pixel.
+        """
+        scene = self.scene
+        camera = Camera.of(self.config, scene.lens.f_number)
+        irradiance = 0.0
+        for source in (*self._sources("sun"), *self._sources("lamps")):
+            shaded: Bools | bool = False
+            if isinstance(source, Sun):
+                far = camera.place + 4.0 * (self.farthest_mm + 1.0) * source.towards()
+                shaded = self.world.blocked(camera.place[None], far[None])
+            band = scene.lens.filter_nm
+            lit = source.in_band_irradiance(camera.axis[None], shaded=shaded, band_nm=band)
+            irradiance += float(lit[0])
+        area_m2 = np.square(1e-3 * self.config.geometry.pitch_mm)
+        power_w = irradiance / scene.stray.out_of_field * area_m2
+        return float(
+            photoelectrons(
+                power_w,
+                self.exposure_s,
+                scene.sensor.quantum_efficiency,
+                0.5 * sum(scene.lens.filter_nm),
+            )
+        )
+
+    # -- the scan head's scatter --
+
+    def skirt(self, angle_rad: Floats, y_mm: Floats) -> Singles:
+        """Return the light that the scan head scatters beside the beam onto the scene [n, length].
+
+        It is in units of the electrons that what is left of the beam would make if all of it went
+        through the lens. The pixels' own points are lit over the angle between them and the beam in
+        the plane of the scan, where they are not hidden from the pivot; what they see of it is
+        Lambert's. The beam's own width is left out but for the angle below which the light does not
+        grow any more.
+        """
+        result = np.empty((len(angle_rad), self.config.sensor.line_length), np.float32)
+        keys = np.round(y_mm / PAN_STEP_MM).astype(np.int64)
+        table = self._skirt_gain
+        for key in np.unique(keys).tolist():
+            if key not in self._skirts:
+                if len(self._skirts) >= _VIEWS:
+                    self._skirts.clear()
+                self._skirts[key] = self._skirt_seen(key * PAN_STEP_MM)
+            heading, gain = self._skirts[key]
+            rows = np.flatnonzero(keys == key)
+            apart = np.abs(heading - angle_rad[rows, None].astype(np.float32))
+            place = (apart * np.float32(1.0 / _SKIRT_STEP)).astype(np.int32)
+            result[rows] = gain * table[np.minimum(place, len(table) - 1)]
+        return result
+
+    @cached_property
+    def _skirt_gain(self) -> Singles:
+        """Return the light per solid angle at steps of the angle from the beam."""
+        laser = self.scene.laser
+        waist = float(radius_mm(np.array([self.scene.lens.focus_mm]), laser)[0])
+        angle = np.geomspace(waist / self.scene.lens.focus_mm, 1.5, _SKIRT_ANGLES)
+        light = intensity(self.emitter, angle)
+        steps = (np.arange(int(1.5 / _SKIRT_STEP)) + 0.5) * _SKIRT_STEP
+        left = 1.0 - self.emitter.total
+        return np.asarray(np.interp(steps, angle, light / left), np.float32)
+
+    def _skirt_seen(self, y_mm: float) -> tuple[Singles, Singles]:
+        """Return the directions from the pivot to what the pixels see, and how they see it."""
+        pixel = np.arange(self.config.sensor.line_length, dtype=np.float64)
+        point, normal, target, albedo = self._look(pixel, y_mm)
+        lift = np.array([0.0, y_mm, 0.0])
+        away = np.linalg.norm(point, axis=1)
+        seen = (target >= 0) & (away > 0.0)
+        away = np.where(seen, away, 1.0)
+        facing = np.where(seen, -np.einsum("ij,ij->i", point, normal) / away, 0.0)
+        seen &= facing > 1e-9
+        some = point[seen] + lift
+        hidden = self.world.blocked(np.broadcast_to(lift, some.shape), some)
+        lit = np.zeros(len(pixel))
+        lit[seen] = np.where(hidden, 0.0, facing[seen] / np.square(away[seen]))
+        u, _ = undistorted(pixel, self.config.geometry)
+        seen_sr = collection(self.scene.lens.f_number, np.arctan(u / self.config.geometry.focal_mm))
+        area = np.square(self.config.geometry.pitch_mm)
+        gain = lit * self._diffuse(target, albedo) / np.pi * area * seen_sr
+        heading = np.arctan2(point[:, 0], point[:, 2])
+        return heading.astype(np.float32), gain.astype(np.float32)
+
     # -- the second bounce --
 
     def bounced(self, angle_rad: Floats, y_mm: Floats) -> Singles:
@@ -321,7 +464,7 @@ class Light:
         place = np.clip((angle_rad + limit) / (2.0 * limit), 0.0, 1.0) * (_BOUNCE_KNOTS - 1)
         knot = np.minimum(place.astype(np.int64), _BOUNCE_KNOTS - 2)
         share = (place - knot).astype(np.float32)[:, None]
-        keys = np.round(y_mm / _PAN_STEP_MM).astype(np.int64)
+        keys = np.round(y_mm / PAN_STEP_MM).astype(np.int64)
         result = np.empty((len(angle_rad), self.config.sensor.line_length), np.float32)
         for key in np.unique(keys):
             rows = np.flatnonzero(keys == key)
@@ -341,7 +484,7 @@ class Light:
             angles = np.linspace(-self._bounce_limit, self._bounce_limit, _BOUNCE_KNOTS)
             if len(self._bounces) >= _BOUNCE_TABLES:
                 self._bounces.clear()
-            self._bounces[key] = self._bounce(angles, key * _PAN_STEP_MM)
+            self._bounces[key] = self._bounce(angles, key * PAN_STEP_MM)
         return self._bounces[key]
 
     def _bounce(self, angle: Floats, y_mm: float) -> Singles:

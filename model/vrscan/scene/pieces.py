@@ -4,6 +4,8 @@ A spot lies on its surface's tangent plane. Where that does not describe it (edg
 curvature, patterns), it is followed ray by ray and may end on two surfaces.
 """
 
+import functools
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -12,26 +14,43 @@ import numpy.typing as npt
 
 from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.scene import image
-from vrscan.scene.beam import core_share, output_mw, radius_mm
+from vrscan.scene.beam import cut, output_mw, radius_mm, zone
 from vrscan.scene.image import Clock
 from vrscan.scene.light import Light
+from vrscan.scene.mirrored import Mirrors
 from vrscan.scene.radiometry import photoelectrons
+from vrscan.scene.row_profile import gaussian_cumulated
 from vrscan.scene.spots import OFF_SENSOR_PX, Spots, meet
 from vrscan.scene.timeline import Timeline
 
-RAYS = 33  # across a spot that is followed part by part
+RAYS = 33  # across a spot that is followed part by part,
+OUTER = 8  # and how many of these on either side are for a cut beam's rings
 _TEST = 1.5  # 1/e2 radii from the axis of the rays that test whether a spot needs them
 _MAP_STEP = 2e-4  # rad between the angles of that test: a fifth of a beam
-_SPREAD = 2.0  # reach of a spot's rays, in 1/e2 radii, either side: 3e-4 of the peak is left
-_SMOOTH = 0.6  # sigma of one ray's share of the spot, in distances between rays
+_TEST_CUT = 2.2  # and those of rays that look for other surfaces in a cut beam's rings,
+_TEST_BRIGHT = 3.2  # and for ones farther away, which count where they are brighter
+_BRIGHT = 2.0  # ratio of brightness at the sides and at the axis that tells of an edge
+# 1/e2 radii of the rays of a Gaussian beam, beyond which 3e-5 of its light is, and of a cut beam,
+# whose rings reach farther; and those of the rays that tell whether a spot is on a smooth surface.
+_RAYS_GAUSSIAN = np.linspace(-2.0, 2.0, RAYS)
+_RAYS_CUT = np.concatenate(
+    [
+        np.linspace(-4.7, -1.9, OUTER),
+        np.linspace(-1.6, 1.6, RAYS - 2 * OUTER),
+        np.linspace(1.9, 4.7, OUTER),
+    ]
+)
+_FEW = np.linspace(-2.0, 2.0, 5)
+_FEW_CUT = np.concatenate([_RAYS_CUT[:1], _FEW, _RAYS_CUT[-1:]])
 _TORN, _TORN_PX = 3.0, 0.5  # a jump of the image between rays, in expected steps and px
 _SECTIONS = 6  # parts into which the way between two rays is cut to find an edge,
 _ROUNDS = 2  # and the number of such cuts: to 1/36
 WIDEST_PX = 250.0  # largest sigma of a spot: light along a surface is spread no farther
+_LEAP = 1.5  # a jump of the light between rays: an edge of reflectance
 _SHARPEN = 0.5  # px of defocus radius above which parts of a spot are blurred separately
-_FIVE = np.linspace(-_SPREAD, _SPREAD, 5)  # 1/e2 radii of rays that test for a smooth surface
-_SMOOTH_PX = 0.1  # largest deviation of their images from a parabola
+_SMOOTH_PX = 0.1  # largest deviation of a smooth surface's images from a parabola within 2 radii
 _SMOOTH_LIGHT = 0.02  # and of their light, over the middle one's
+_LEAST_E = 0.5  # least light of a mirrored spot on the row that is rendered, electrons
 
 
 @dataclass
@@ -50,8 +69,10 @@ class Pieces:
     surface: Ints
     range_mm: Floats
     speckled: bool = True
+    zone: Floats | None = None  # of a cut beam's distance, None for a Gaussian
     parts_px: Floats | None = None  # places of a spot's rays [m, RAYS]
     share: Floats | None = None  # share of the light of each ray [m, RAYS]
+    cell_px: Floats | None = None  # image of a ray's cell, in the middle and in the rings [m, 2]
 
     def __len__(self) -> int:
         return len(self.row)
@@ -96,13 +117,18 @@ class Spotter:
         laser = scene.laser
         if "truncation" not in active:
             laser = laser.model_copy(update={"aperture_mm": float("inf")})
-        self._laser = laser
+        self._laser, self.cut = laser, cut(laser)
+        self._rim_mm = 0.5 * laser.aperture_mm
+        self._offset = _RAYS_GAUSSIAN if self.cut is None else _RAYS_CUT
+        self._few = _FEW if self.cut is None else _FEW_CUT
+        self._blend, self._misses = _matrices(self.cut is not None)
         self._pulse_s = 1e-6 * config.line.pulse_us
+        self._mirrors = Mirrors(light, falloff="falloff" in active)
         pupil = scene.lens.transmission * scene.lens.filter_transmission
         if "dust" in active:
             pupil *= 1.0 - light.obscured
-        if "halo" in active:
-            pupil *= 1.0 - light.halo.total
+        # What is scattered is lost to the spot, whether its own place is worked out or not.
+        pupil *= (1.0 - light.scatter.total) * (1.0 - light.emitter.total)
         efficiency = scene.sensor.quantum_efficiency * pupil
         power_w = 1e-3 * output_mw(laser)
         found = photoelectrons(power_w, self._pulse_s, efficiency, laser.wavelength_nm)
@@ -120,6 +146,9 @@ class Spotter:
                 if split.any():
                     pieces = [self._whole(spots, timeline, np.flatnonzero(~split))]
                     pieces += self._by_rays(spots, beam, timeline, np.flatnonzero(split))
+        if "mirrored" in self.active:
+            with self.clock("mirrored"):
+                pieces += self._mirrored(beam, timeline)
         second: list[Pieces] = []
         if "window" in self.active:
             with self.clock("window"):
@@ -159,6 +188,10 @@ class Spotter:
         geometry = self.light.config.geometry
         return np.asarray(0.5 * width_mm * geometry.focal_mm / geometry.pitch_mm / depth)
 
+    def _zone(self, distance_mm: Floats) -> Floats | None:
+        """Return the zone of a cut beam, None of a Gaussian one."""
+        return None if self.cut is None else zone(distance_mm, self._laser)
+
     def _whole(self, spots: Spots, timeline: Timeline, rows: Ints) -> Pieces:
         """Return the spots of some lines, each on its tangent plane."""
         rows = rows[spots.seen[rows] & (spots.collected[rows] > 0.0)]
@@ -166,9 +199,11 @@ class Spotter:
         place, depth = spots.position_px[rows], spots.depth[rows]
         height = self._height(width, depth)
         radius, coma = self._blur(depth, place)
-        share = image.row_share(height, radius, self.light.scene.lens.row_offset_px)
+        near = self._zone(spots.distance[rows])
+        offset = self.light.scene.lens.row_offset_px
+        share = image.row_share(height, radius, offset, cut=self.cut, zone=near)
         speed = spots.px_per_mm[rows] * spots.distance[rows] * timeline.rate_rad_per_s[rows]
-        whole = self._sent(spots.distance[rows]) * spots.collected[rows]
+        whole = self.electrons * spots.collected[rows]
         return Pieces(
             row=rows,
             place_px=place,
@@ -181,12 +216,8 @@ class Spotter:
             coma_px=coma,
             surface=spots.target[rows],
             range_mm=depth,
+            zone=near,
         )
-
-    def _sent(self, distance_mm: Floats) -> Floats:
-        """Return the electrons that all light of the spot would make in the camera."""
-        core = np.minimum(core_share(distance_mm, self._laser), 1.0)
-        return np.asarray(self.electrons * core)
 
     def _speed(self, px_per_s: Floats) -> Floats:
         if "smear" not in self.active:
@@ -197,6 +228,8 @@ class Spotter:
         self, spots: Spots, beam: Floats, rows: Ints, offset: Floats
     ) -> tuple[Floats, Floats]:
         """Return rays of the beam's cross-section, which follow its width from pivot to spot.
+
+        Those of a cut beam's rings come from the stop's rim.
 
         Args:
             spots: Spots of the axis.
@@ -214,8 +247,9 @@ class Spotter:
         axis = beam[rows]
         across = np.stack([axis[:, 2], np.zeros(len(rows)), -axis[:, 0]], axis=1)
         offset = np.atleast_2d(offset)
-        origin = (start * offset)[:, :, None] * across[:, None, :]
-        lean = (end - start)[:, None] * offset / far[:, None]
+        begin = np.clip(start * offset, -self._rim_mm, self._rim_mm)
+        origin = begin[:, :, None] * across[:, None, :]
+        lean = (end[:, None] * offset - begin) / far[:, None]
         direction = axis[:, None, :] + lean[:, :, None] * across[:, None, :]
         direction /= np.sqrt(1.0 + np.square(lean))[:, :, None]
         return origin.reshape(-1, 3), direction.reshape(-1, 3)
@@ -254,8 +288,9 @@ class Spotter:
         """Return the lines whose spot a tangent plane does not describe.
 
         Two rays three sigma either side of the axis tell: an edge or a shadow between them, beyond
-        which there is 0.1 % of the light; curvature, where the image's mean moves by a ninth of
-        their common deviation; or reflectance that changes across the spot.
+        which there is 0.1 % of a Gaussian beam's light; curvature, where the image's mean moves by
+        a ninth of their common deviation; or reflectance that changes across the spot.
+        A cut beam's rings are looked after by ``_rings_need_rays``.
         """
         split = np.zeros(len(spots.lit), np.bool_)
         middle = 0.5 * self.light.config.sensor.line_length
@@ -282,7 +317,26 @@ class Spotter:
             tilt = np.abs(np.diff(light, axis=1)[:, 0])
             uneven = tilt * step > 2.0 * (2.0 * _TEST) ** 2 * limit * spots.collected[rows]
         split[rows] = edge | ((axis | seen.any(axis=1)) & (bent | uneven))
+        if self.cut is not None:
+            rows = rows[~split[rows]]
+            split[rows] = self._rings_need_rays(spots, beam, y_mm, rows)
         return split
+
+    def _rings_need_rays(self, spots: Spots, beam: Floats, y_mm: Floats, rows: Ints) -> Bools:
+        """Return which of some lines have other surfaces in a cut beam's rings [m].
+
+        Two rays on either side tell: the nearer one of any other surface, the farther one of a
+        brighter one. A spot that the lens does not see may still have rings that it sees.
+        """
+        test = np.array([-_TEST_CUT, _TEST_CUT, -_TEST_BRIGHT, _TEST_BRIGHT])
+        origin, direction = self._offset_rays(spots, beam, rows, test)
+        sides = self._meet(origin, direction, np.repeat(y_mm[rows], len(test)))
+        seen, target = sides.seen.reshape(-1, 4)[:, :2], sides.target.reshape(-1, 4)[:, :2]
+        light, axis = sides.collected.reshape(-1, 4), spots.collected[rows, None]
+        edge = ((seen != spots.seen[rows, None]) | (target != spots.target[rows, None])).any(axis=1)
+        edge &= spots.seen[rows] | seen.any(axis=1)
+        edge |= (light > _BRIGHT * axis).any(axis=1)
+        return np.asarray(edge | (_BRIGHT * light[:, :2] < axis).any(axis=1))
 
     def _by_rays(self, spots: Spots, beam: Floats, timeline: Timeline, rows: Ints) -> list[Pieces]:
         """Return the spots of some lines, followed ray by ray, at most two pieces for each line.
@@ -290,12 +344,9 @@ class Spotter:
         The beam's profile across the scan plane is that of its middle: what a spot's upper and
         lower parts see is taken to be the same, which for a sensor of one row is nearly so.
         """
-        offset = np.linspace(-_SPREAD, _SPREAD, RAYS)
-        parts = self._parts(spots, beam, timeline, rows, offset)
-        # A ray's own share is smeared below; the profile is narrower by that.
-        narrow = 1.0 - np.square(_SMOOTH * 2.0 * (offset[1] - offset[0]))
+        parts = self._parts(spots, beam, timeline, rows)
         shape = (len(rows), RAYS)
-        cells, shift = self._cells(spots, beam, timeline, rows, offset, parts, narrow)
+        cells, shift = self._cells(spots, beam, timeline, rows, parts)
         place = parts.position_px.reshape(shape)
         used = parts.seen.reshape(shape)
         light = np.where(used, np.maximum(parts.collected.reshape(shape), 0.0), 0.0) * cells
@@ -328,62 +379,63 @@ class Spotter:
             width = radius_mm(mean(distance), self._laser)
             height = self._height(width, behind)
             radius, coma = self._blur(behind, here)
-            part = image.row_share(height, radius, lens.row_offset_px)
-            step = _SMOOTH * (offset[1] - offset[0]) * width * mean(np.abs(lean))
+            near = self._zone(mean(distance))
+            part = image.row_share(height, radius, lens.row_offset_px, cut=self.cut, zone=near)
+            long = np.minimum(width * mean(np.abs(lean)), WIDEST_PX)
             speed = mean(np.abs(lean)) * mean(distance) * timeline.rate_rad_per_s[rows[kept]]
-            amount = self._sent(mean(distance)) * whole[kept]
+            amount = self.electrons * whole[kept]
             pieces.append(
                 Pieces(
                     row=rows[kept],
                     place_px=here,
                     electrons=amount * part,
                     whole_e=amount,
-                    sigma_px=np.minimum(step, WIDEST_PX),
+                    sigma_px=np.zeros(len(here)),
                     radius_px=radius,
                     height_px=height,
                     speed_px=self._speed(speed),
                     coma_px=coma,
                     surface=main,
                     range_mm=behind,
+                    zone=near,
                     parts_px=place[kept],
                     share=share,
+                    cell_px=long[:, None] * np.diff(self._offset)[[RAYS // 2, 0]],
                 )
             )
         return pieces
 
-    def _parts(
-        self, spots: Spots, beam: Floats, timeline: Timeline, rows: Ints, offset: Floats
-    ) -> Spots:
+    def _parts(self, spots: Spots, beam: Floats, timeline: Timeline, rows: Ints) -> Spots:
         """Return the rays of some lines' spots, [m * RAYS].
 
-        Five of them tell whether a spot is on one smooth surface: there the others lie on the
-        polynomial through the five, which follows the surface to the fifth order.
+        A few of them tell whether a spot is on one smooth surface: there the others lie on the
+        polynomial through these, which follows the surface to the fifth order at least.
         """
+        offset, knots, misses = self._offset, self._few, self._misses
         if self.every_ray:
             origin, direction = self._offset_rays(spots, beam, rows, offset)
             return self._meet(origin, direction, np.repeat(timeline.y_mm[rows], RAYS))
         few = self._meet(
-            *self._offset_rays(spots, beam, rows, _FIVE), np.repeat(timeline.y_mm[rows], len(_FIVE))
+            *self._offset_rays(spots, beam, rows, knots), np.repeat(timeline.y_mm[rows], len(knots))
         )
-        shape = (len(rows), len(_FIVE))
+        shape = (len(rows), len(knots))
         target = few.target.reshape(shape)
         smooth = few.seen.reshape(shape).all(axis=1) & (target == target[:, :1]).all(axis=1)
         place = np.where(few.seen, few.position_px, 0.0).reshape(shape)
         light = few.collected.reshape(shape)
-        # Distance of the other two from the parabola through the ends and the middle.
-        smooth &= np.abs(place @ _MISS.T).max(axis=1) < _SMOOTH_PX
-        smooth &= np.abs(light @ _MISS.T).max(axis=1) < _SMOOTH_LIGHT * light[:, 2]
+        middle = len(knots) // 2
+        smooth &= np.abs(place @ misses.T).max(axis=1) < _SMOOTH_PX
+        smooth &= np.abs(light @ misses.T).max(axis=1) < _SMOOTH_LIGHT * light[:, middle]
         torn = np.flatnonzero(~smooth)
         origin, direction = self._offset_rays(spots, beam, rows[torn], offset)
         real = self._meet(origin, direction, np.repeat(timeline.y_mm[rows[torn]], RAYS))
         even = np.flatnonzero(smooth)
-        blend = _lagrange(_FIVE, offset)
 
         def joined(real: npt.NDArray[Any], few: npt.NDArray[Any], steady: bool) -> Any:
             whole = np.empty((len(rows), RAYS, *real.shape[1:]), real.dtype)
             whole[torn] = real.reshape(len(torn), RAYS, *real.shape[1:])
-            five = few.reshape(*shape, *few.shape[1:])[even]
-            whole[even] = five[:, 2:3] if steady else five @ blend.T
+            known = few.reshape(*shape, *few.shape[1:])[even]
+            whole[even] = known[:, middle : middle + 1] if steady else known @ self._blend.T
             return whole.reshape(-1, *real.shape[1:])
 
         steady = ("lit", "seen", "point", "target")  # these are the middle ray's
@@ -396,68 +448,152 @@ class Spotter:
             }
         )
 
+    def _cumulated(
+        self, spots: Spots, rows: Ints, parts: Spots
+    ) -> Callable[[Floats, Ints], tuple[Floats, Floats]]:
+        """Return the function that sums the light of some lines' profiles.
+
+        Its arguments are places in 1/e2 radii [k, ...] and their lines' indices in ``rows``.
+        """
+        if self.cut is None:
+            return lambda x, _: gaussian_cumulated(x)
+        distance = np.where(spots.lit[rows], spots.distance[rows], self.light.farthest_mm)
+        seen = parts.seen.reshape(len(rows), RAYS)
+        depth = np.where(seen, parts.depth.reshape(len(rows), RAYS), 0.0).sum(axis=1)
+        depth = np.where(seen.any(axis=1), depth / np.maximum(seen.sum(axis=1), 1), 1.0)
+        radius, _ = self._blur(depth, np.zeros(len(rows)))
+        height = self._height(radius_mm(distance, self._laser), depth)
+        return self.cut.cumulated(zone(distance, self._laser), image.band(height, radius))
+
     def _cells(
+        self, spots: Spots, beam: Floats, timeline: Timeline, rows: Ints, parts: Spots
+    ) -> tuple[Floats, Floats]:
+        """Return the share of the beam that each ray stands for, and its image's shift in px.
+
+        A ray stands for its cell, half way to its neighbours, at the mean place of the cell's
+        light; the first and the last one stand for all that is farther. Where two neighbours do not
+        meet the same thing, the edge between them is looked for, and the cells end there: else
+        light would jump from one surface to the other by a whole ray's as the beam moves.
+
+        Returns:
+            Shares and shifts [m, RAYS].
+        """
+        offset, shape = self._offset, (len(rows), RAYS)
+        sums = self._cumulated(spots, rows, parts)
+        step = np.diff(offset)
+        ends = np.concatenate([[-np.inf], offset[:-1] + 0.5 * step, [np.inf]])
+        light, moment = sums(ends, np.arange(len(rows))[:, None])
+        light = np.broadcast_to(light, (len(rows), RAYS + 1))
+        moment = np.broadcast_to(moment, light.shape)
+        cells, moments = np.diff(light, axis=1), np.diff(moment, axis=1)
+        kind = np.where(parts.seen, parts.target, -1).reshape(shape)
+        depth, lean = parts.depth.reshape(shape), parts.px_per_mm.reshape(shape)
+        bright = parts.collected.reshape(shape)
+        width = radius_mm(np.where(parts.lit, parts.distance, 0.0), self._laser).reshape(shape)
+        place = np.where(kind >= 0, parts.position_px.reshape(shape), 0.0)
+        expected = width * np.abs(lean)
+        jump = np.abs(np.diff(place, axis=1))
+        torn = jump > _TORN * step * np.maximum(expected[:, 1:], expected[:, :-1]) + _TORN_PX
+        leap = np.maximum(bright[:, 1:], bright[:, :-1]) > _LEAP * np.minimum(
+            bright[:, 1:], bright[:, :-1]
+        )
+        edge = (kind[:, 1:] != kind[:, :-1]) | ((torn | leap) & (kind[:, 1:] >= 0))
+        line, ray = np.nonzero(edge)
+        if len(line):
+            end = self._edges(
+                spots, beam, timeline, rows[line], kind, depth, bright, torn, line, ray
+            )
+            middle = ends[ray + 1]
+            split = np.stack([middle, offset[ray] + end * step[ray]], axis=1)
+            light, moment = sums(split, line[:, None])
+            for amount, sum_ in ((cells, light), (moments, moment)):
+                moved = sum_[:, 1] - sum_[:, 0]
+                amount[line, ray] += moved
+                amount[line, ray + 1] -= moved
+        np.maximum(cells, 0.0, out=cells)
+        shift = np.where(cells > 1e-7, moments / np.maximum(cells, 1e-7) - offset, 0.0)
+        reach = np.append(step, step[-1])
+        return cells, np.clip(shift, -1.5 * reach, 1.5 * reach) * width * lean
+
+    def _edges(
         self,
         spots: Spots,
         beam: Floats,
         timeline: Timeline,
         rows: Ints,
-        offset: Floats,
-        parts: Spots,
-        narrow: float,
-    ) -> tuple[Floats, Floats]:
-        """Return the share of the beam that each ray stands for, and its image's shift in px.
+        kind: Ints,
+        depth: Floats,
+        bright: Floats,
+        torn: Bools,
+        line: Ints,
+        ray: Ints,
+    ) -> Floats:
+        """Return where edges between neighbouring rays are, as shares of the way to the next ray.
 
-        A ray stands for its cell, half way to its neighbours. Where two neighbours do not meet the
-        same thing, the edge between them is looked for, and the cells end there: else light would
-        jump from one surface to the other by a whole ray's as the beam moves.
-
-        Returns:
-            Shares and shifts [m, RAYS].
+        Args:
+            spots: Spots of the axis.
+            beam: Axes of the beam [n, 3].
+            timeline: The lines [n].
+            rows: Lines of the edges [e].
+            kind: What each ray sees [m, RAYS].
+            depth: Depth of what it sees [m, RAYS].
+            bright: Light of what it sees [m, RAYS].
+            torn: Whether the image jumps from a ray to the next [m, RAYS - 1].
+            line: Line of each edge in these arrays [e].
+            ray: The ray before it [e].
         """
-        profile = np.exp(-2.0 * np.square(offset) / narrow)
-        whole = profile.sum()
-        shape = (len(rows), RAYS)
-        cells = np.broadcast_to(profile / whole, shape).copy()
-        shift = np.zeros(shape)
-        kind = np.where(parts.seen, parts.target, -1).reshape(shape)
-        depth, lean = parts.depth.reshape(shape), parts.px_per_mm.reshape(shape)
-        step = offset[1] - offset[0]
-        width = radius_mm(np.where(parts.lit, parts.distance, 0.0), self._laser).reshape(shape)
-        place = np.where(kind >= 0, parts.position_px.reshape(shape), 0.0)
-        expected = step * width * np.abs(lean)
-        jump = np.abs(np.diff(place, axis=1))
-        torn = jump > _TORN * np.maximum(expected[:, 1:], expected[:, :-1]) + _TORN_PX
-        edge = (kind[:, 1:] != kind[:, :-1]) | (torn & (kind[:, 1:] >= 0))
-        line, ray = np.nonzero(edge)
-        if len(line) == 0:
-            return cells, shift
         low, size = np.zeros(len(line)), 1.0
-        left, right = kind[line, ray][:, None], kind[line, ray + 1][:, None]
-        ahead, behind = depth[line, ray][:, None], depth[line, ray + 1][:, None]
-        lines, y_mm = rows[line], np.repeat(timeline.y_mm[rows[line]], _SECTIONS - 1)
+
+        def sides(values: npt.NDArray[Any]) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+            return values[line, ray][:, None], values[line, ray + 1][:, None]
+
+        (left, right), (ahead, behind), (dark, lit) = sides(kind), sides(depth), sides(bright)
+        by_light = ((left == right)[:, 0] & ~torn[line, ray])[:, None]
+        y_mm = np.repeat(timeline.y_mm[rows], _SECTIONS - 1)
         part = np.arange(1, _SECTIONS) / _SECTIONS
+        step = np.diff(self._offset)[ray][:, None]
         for _ in range(_ROUNDS):
-            here = offset[ray][:, None] + (low[:, None] + size * part) * step
-            found = self._meet(*self._offset_rays(spots, beam, lines, here), y_mm)
+            here = self._offset[ray][:, None] + (low[:, None] + size * part) * step
+            found = self._meet(*self._offset_rays(spots, beam, rows, here), y_mm)
             own = np.where(found.seen, found.target, -1).reshape(here.shape)
-            deep = found.depth.reshape(here.shape)
-            nearer = np.abs(deep - ahead) <= np.abs(deep - behind)
+            deep, light = found.depth.reshape(here.shape), found.collected.reshape(here.shape)
+            nearer = np.where(
+                by_light,
+                np.abs(light - dark) <= np.abs(light - lit),
+                np.abs(deep - ahead) <= np.abs(deep - behind),
+            )
             same = (own == left) & (nearer | (own != right))
             size /= _SECTIONS
             low += size * np.logical_and.accumulate(same, axis=1).sum(axis=1)
-        high = low + size
-        end = 0.5 * (low + high)  # share of the way to the next ray in the cell; 1/2 elsewhere
-        moved = 0.25 + 0.5 * end  # middle of the part that goes to the other ray
-        amount = (end - 0.5) * np.exp(-2.0 * np.square(offset[ray] + moved * step) / narrow) / whole
-        moment = np.zeros(shape)
-        cells[line, ray] += amount
-        moment[line, ray] += amount * moved
-        cells[line, ray + 1] -= amount
-        moment[line, ray + 1] -= amount * (moved - 1.0)
-        np.maximum(cells, 0.0, out=cells)
-        shift = moment / np.maximum(cells, 1e-3 * profile / whole)
-        return cells, np.clip(shift, -0.75, 0.75) * step * width * lean
+        return np.asarray(low + 0.5 * size)
+
+    def _mirrored(self, beam: Floats, timeline: Timeline) -> list[Pieces]:
+        """Return the spots that are seen by way of glossy surfaces, at most three for each line."""
+        pieces = []
+        for found in self._mirrors.images(beam, timeline.y_mm):
+            beam_px = 0.5 * radius_mm(found.way_mm, self._laser)
+            sigma = np.hypot(beam_px * found.px_per_mm, found.lobe_px)
+            height = np.hypot(beam_px * found.high_px_per_mm, found.lobe_high_px)
+            radius, coma = self._blur(found.depth_mm, found.place_px)
+            offset = self.light.scene.lens.row_offset_px - found.high_px
+            whole = self.electrons * found.collected
+            electrons = whole * image.row_share(height, radius, offset)
+            speed = found.px_per_rad * timeline.rate_rad_per_s[found.row]
+            piece = Pieces(
+                row=found.row,
+                place_px=found.place_px,
+                electrons=electrons,
+                whole_e=whole,
+                sigma_px=np.minimum(sigma, WIDEST_PX),
+                radius_px=radius,
+                height_px=height,
+                speed_px=self._speed(speed),
+                coma_px=coma,
+                surface=found.surface,
+                range_mm=found.depth_mm,
+            )
+            pieces.append(piece.of(electrons > _LEAST_E))
+        return pieces
 
     def _window_ghost(self, timeline: Timeline) -> Pieces:
         """Return the second spots that the scan head's window makes: beams of their own.
@@ -480,5 +616,24 @@ def _lagrange(knots: Floats, at: Floats) -> Floats:
     return np.stack([np.polyval(np.polyfit(knots, row, len(knots) - 1), at) for row in each], 1)
 
 
-_MISS = np.eye(5)[[1, 3]]
-_MISS[:, ::2] -= _lagrange(_FIVE[::2], _FIVE[[1, 3]])
+@functools.cache
+def _matrices(cut: bool) -> tuple[Floats, Floats]:
+    """Return the matrices from the few rays to all, and to their distances from a parabola."""
+    if cut:
+        return _lagrange(_FEW_CUT, _RAYS_CUT), _misses(_FEW_CUT)
+    return _lagrange(_FEW, _RAYS_GAUSSIAN), _misses(_FEW)
+
+
+def _misses(knots: Floats) -> Floats:
+    """Return the matrix of the distances of values at the knots from a parabola.
+
+    It goes through those in the middle and at 2 radii; how far the others are is scaled to what is
+    left at 1 radius, as a cubic would be.
+    """
+    middle = len(knots) // 2
+    through = np.array([middle - 2, middle, middle + 2])
+    others = np.setdiff1d(np.arange(len(knots)), through)
+    found = np.eye(len(knots))[others]
+    found[:, through] -= _lagrange(knots[through], knots[others])
+    far = np.abs(knots[others]) ** 3 - 4.0 * np.abs(knots[others])
+    return np.asarray(found * 3.0 / np.abs(far)[:, None])

@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, Field
 
 from vrscan.data.arrays import Floats
 from vrscan.data.config import Positive, Section
-from vrscan.data.errors import InputError
+from vrscan.data.errors import InputError, beside
 
 
 def _tuple(value: object) -> object:
@@ -135,7 +135,7 @@ def load_map(section: Checker | Stripes | ImageMap, folder: Path) -> Map:
         return section
     path = folder / section.file
     if not path.is_file():
-        raise InputError(f"{path}: no such picture")
+        raise InputError(f"{path}: no such picture{beside(path)}")
     try:
         with Image.open(path) as picture:
             deep = picture.mode.startswith("I")  # 16 bits per pixel

@@ -17,13 +17,14 @@ import numpy as np
 import numpy.typing as npt
 
 from vrscan.data.arrays import Bools, Floats, Ints, Pixels
+from vrscan.data.errors import blamed
 from vrscan.data.lines import Truth
 from vrscan.scene import image
 from vrscan.scene.beam import pulse_transform
 from vrscan.scene.effects import WHOLE_LINE
 from vrscan.scene.image import Singles
 from vrscan.scene.light import Light
-from vrscan.scene.pieces import Pieces, Spotter
+from vrscan.scene.pieces import OUTER, Pieces, Spotter
 from vrscan.scene.sensor import Readout, bloom, expose_even, expose_pixels, readout
 from vrscan.scene.spots import Spots
 from vrscan.scene.timeline import Timeline
@@ -56,6 +57,7 @@ class Charge:
     other_e: Singles  # all other light and the dark current in an exposure [length]
     other_offset_e: Singles  # pattern of ``other_e`` from pixel to pixel where it is even
     offset_e: Singles  # offsets of the sensor itself
+    whole_e: Floats  # all light of each line's spot in the image, on the row or not [n]
 
 
 class Renderer:
@@ -96,7 +98,8 @@ class Renderer:
         # A spot that moves v px in the pulse has at k cycles/px the pulse's transform at k v.
         pulse_s = 1e-6 * config.line.pulse_us
         turns = image.PULSE_TURNS / pulse_s
-        self._pulse = pulse_transform(turns, scene.laser, pulse_s).astype(np.float32)
+        with blamed(scene.source):
+            self._pulse = pulse_transform(turns, scene.laser, pulse_s).astype(np.float32)
         self._transfer: dict[int, Singles] = {}
         pattern = light.pattern
         self._sensitivity: Singles | None = pattern.sensitivity if "prnu" in active else None
@@ -182,7 +185,12 @@ class Renderer:
             other *= self._sensitivity
             offset = np.float32(self._even_e) * (self._sensitivity - np.float32(1.0))
         other += np.float32(self._even_e)
-        return Charge(laser_e=laser, other_e=other, other_offset_e=offset, offset_e=own)
+        whole = np.zeros(len(timeline))
+        for piece in pieces:
+            np.add.at(whole, piece.row, piece.whole_e)
+        return Charge(
+            laser_e=laser, other_e=other, other_offset_e=offset, offset_e=own, whole_e=whole
+        )
 
     @property
     def readout(self) -> Readout:
@@ -211,7 +219,8 @@ class Renderer:
         if len(pieces) == 0:
             return
         spread = pieces.sigma_px
-        if pieces.parts_px is not None and pieces.share is not None:
+        if pieces.parts_px is not None and pieces.share is not None and pieces.cell_px is not None:
+            spread = spread + 0.5 * pieces.cell_px.max(axis=1) / image.REACH
             used = np.where(pieces.share > 0.0, pieces.parts_px, pieces.place_px[:, None])
             spread = spread + np.abs(used - pieces.place_px[:, None]).max(axis=1) / image.REACH
         widths = image.window_width(spread, pieces.radius_px, pieces.speed_px, pieces.coma_px)
@@ -225,10 +234,17 @@ class Renderer:
     def _draw(self, some: Pieces, width: int, timeline: Timeline) -> tuple[Ints, Ints, Singles]:
         middle = np.round(some.place_px)
         first = middle.astype(np.int64) - width // 2
-        spectrum = None
-        if some.parts_px is not None and some.share is not None:
+        shape, spectrum = None, None
+        cut = self._spotter.cut
+        if some.parts_px is not None and some.share is not None and some.cell_px is not None:
             with self._clock("footprint"):
-                spectrum = _spectrum(some.parts_px - middle[:, None], some.share, width)
+                place = some.parts_px - middle[:, None]
+                spectrum = _spectrum(place, some.share, some.cell_px, width)
+        elif cut is not None and some.zone is not None:
+            with self._clock("truncation"):
+                turns = (2.0 * some.sigma_px)[:, None] * image.frequencies(width)
+                band = image.band(some.height_px, some.radius_px)
+                shape = cut.transfer(turns.astype(np.float32), some.zone, band)
         # Each blur is a factor; its time is that of the transform with it, less that without it.
         light = image.profiles(
             some.place_px - middle,
@@ -241,6 +257,7 @@ class Renderer:
             pulse=self._pulse,
             coma_px=some.coma_px if "coma" in self.active else None,
             transfer=self._pupil(width),
+            shape=shape,
             spectrum=spectrum,
             clock=self._clock,
         )
@@ -287,6 +304,8 @@ class Renderer:
         even = 0.0
         if "dark" in self.active:
             even += scene.sensor.dark_electrons(self.light.exposure_s)
+        if "veil" in self.active:
+            even += self.light.veil_e()
         uneven = None
         for name in ("sun", "lamps"):
             if name in self.active and name not in self._changing:
@@ -425,6 +444,10 @@ class Renderer:
                     for at, start, amount in zip(inside[some.row], middle, whole, strict=True):
                         begin = 2 * length - int(start)
                         field[at] += amount * weights[begin : begin + length]
+        if "skirt" in self.active:
+            with self._clock("skirt"):
+                beside = self.light.skirt(timeline.angle_rad[rows], timeline.y_mm[rows])
+                field += beside * np.float32(self._spotter.electrons)
         if "bounce" in self.active:
             with self._clock("bounce"):
                 bounced = self.light.bounced(timeline.angle_rad[rows], timeline.y_mm[rows])
@@ -475,7 +498,8 @@ class Renderer:
             if len(small) == 0:
                 continue
             some = piece.of(small)
-            own = image.row_share(some.height_px, blur[small])
+            cut = self._spotter.cut
+            own = image.row_share(some.height_px, blur[small], cut=cut, zone=some.zone)
             spread = np.square(some.height_px) + 0.25 * np.square(blur[small])
             own *= np.exp(-0.5 * np.square(across[small]) / spread)
             some = replace(
@@ -488,20 +512,33 @@ class Renderer:
                 coma_px=np.zeros(len(small)),
                 parts_px=None,
                 share=None,
+                cell_px=None,
                 speckled=False,
             )
             for row, first, light in self._drawn(some, timeline):
                 _add(field, inside[row], first, light)
 
 
-def _spectrum(offset_px: Floats, share: Floats, width: int) -> npt.NDArray[np.complex64]:
-    """Return the spectrum of points on the row, [m, width + 1], from places [m, k] and shares."""
-    frequency = (-2.0 * np.pi * image.frequencies(width)).astype(np.float32)
-    turn = offset_px.astype(np.float32)[:, :, None] * frequency
-    weight = share.astype(np.float32)[:, None, :]
+def _spectrum(
+    offset_px: Floats, share: Floats, cell_px: Floats, width: int
+) -> npt.NDArray[np.complex64]:
+    """Return the spectrum of a spot's cells on the row [m, width + 1].
+
+    Args:
+        offset_px: Places of the cells' light [m, k].
+        share: Their shares of the light [m, k].
+        cell_px: Lengths of the cells in the middle and of the ``OUTER`` ones on either side [m, 2].
+        width: Width of the window.
+    """
+    frequency = image.frequencies(width).astype(np.float32)
+    turn = offset_px.astype(np.float32)[:, :, None] * (np.float32(-2.0 * np.pi) * frequency)
+    weight = np.zeros((len(share), 2, share.shape[1]), np.float32)
+    weight[:, 0, OUTER:-OUTER] = share[:, OUTER:-OUTER]
+    weight[:, 1, :OUTER], weight[:, 1, -OUTER:] = share[:, :OUTER], share[:, -OUTER:]
+    cell = np.sinc(cell_px.astype(np.float32)[:, :, None] * frequency)
     found = np.empty((len(share), width + 1), np.complex64)
-    found.real = (weight @ np.cos(turn))[:, 0]
-    found.imag = (weight @ np.sin(turn))[:, 0]
+    found.real = ((weight @ np.cos(turn)) * cell).sum(axis=1)
+    found.imag = ((weight @ np.sin(turn)) * cell).sum(axis=1)
     return found
 
 

@@ -85,7 +85,7 @@ class Scanner:
         """Return the lines of a block that belong to the scan."""
         frame = self.block(number)
         rows = slice(0, min(len(frame.lines), self.count - number * BLOCK))
-        return Simulation(part(self._taken(frame), rows), picked(frame.timeline, rows))
+        return Simulation(part(self.recorded(frame), rows), picked(frame.timeline, rows))
 
     def beside(self, number: int, before: int, behind: int) -> list[Lines | None]:
         """Return so many lines before and behind a block, or all that there are; None if none."""
@@ -94,12 +94,12 @@ class Scanner:
         numbers = np.r_[least:first, last:most]
         if not len(numbers):
             return [None, None]
-        lines = self._taken(self.some(numbers))
+        lines = self.recorded(self.some(numbers))
         split = first - least
         sides = part(lines, slice(0, split)), part(lines, slice(split, None))
         return [side if len(side) else None for side in sides]
 
-    def _taken(self, frame: Frame) -> Lines:
+    def recorded(self, frame: Frame) -> Lines:
         """Return the lines of a frame as a recording has them."""
         laser = self.light.config.laser
         level = self.light.scene.laser.power_mw / laser.rated_mw

@@ -1,14 +1,14 @@
-"""Stray light: the parts of receiver and scan head, scatter, dust and scratches.
+"""Stray light: the parts of receiver and scan head, and the shadows of dust and scratches.
 
-Ghosts, which need the whole stack of surfaces, are in ``vrscan.scene.ghosts``. The sensor's axis u
-and all its tilts lie in the plane of triangulation; "across" is at right angles to the row.
-Sources: "Straylight analyses and mitigation strategies for the ELT METIS instrument" ("metis"), (1)
-to (3), (6), 3 and 4.3; Dittman, Proc. SPIE 6291 (2006), for the scatter; MIL-STD-1246C for dust.
+Ghosts, which need the whole stack of surfaces, are in ``vrscan.scene.ghosts``; what polish, dust,
+digs and scratches scatter is in ``vrscan.scene.scatter``. The sensor's axis u and all its tilts lie
+in the plane of triangulation; "across" is at right angles to the row. Sources: "Straylight analyses
+and mitigation strategies for the ELT METIS instrument" ("metis"), (6), 3 and 4.3; MIL-STD-1246C for
+dust.
 """
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Annotated, Literal, get_args
 
 import numpy as np
@@ -17,17 +17,18 @@ from scipy.special import erf
 
 from vrscan.data.arrays import Bools, Floats
 from vrscan.data.config import Positive, Section
-from vrscan.scene.surface import tis
 
-Part = Literal["window", "filter", "lens", "cover", "sensor", "head_window", "halo", "dust"]
+Part = Literal[
+    "window", "filter", "lens", "cover", "sensor", "mirror", "head_window", "halo", "dust"
+]
 Share = Annotated[float, Field(ge=0, lt=1)]
 Tilt = Annotated[float, Field(ge=-30, le=30)]
+
+BEYOND_PX = 20  # distance from a spot at which stray light is no longer part of it
 
 _SQUARE_FOOT_M2 = 0.09290304
 _CLEANLINESS_SLOPE = 0.926  # slope of log10 N over log10^2 x, MIL-STD-1246C
 _LARGEST_UM = 1000.0  # a larger particle would be seen and wiped off
-_RINGS_PER_PX = 8  # rings of the halo; the row's share of a ring is exact to a ring's width
-_RING_NODES = 48
 
 
 class Plate(Section):
@@ -110,14 +111,27 @@ class HeadWindow(Section):
     wedge_deg: float = Field(default=0.0, ge=-5, le=5)  # added to the tilt of the outer face
 
 
-class Polish(Section):
-    """The polish of the receiver's surfaces, K-correlation of metis (1).
+class Mirror(Section):
+    """The mirror of the scan head.
 
-    2 nm is what metis takes as its baseline for all but the best surfaces, 5 nm its worst case.
+    2.5 nm is what users report of gold on polysilicon, 2.3 to 2.6 nm rms; metis has 1 to 2 nm for
+    its mirrors.
+    """
+
+    roughness_nm: float = Field(default=2.5, ge=0, le=50)  # rms; B and s are those of [polish]
+
+
+class Polish(Section):
+    """The polish of the glass, K-correlation of metis (1).
+
+    2 nm is what metis takes as its baseline for all but the best surfaces, 5 nm its worst case. B
+    and s are those that Photon Engineering's FRED begins with (K-Correlation, after Dittman): the
+    scatter bends at lambda / B, which is 3 mrad, of 0.1 to 10 mrad that its makers give for
+    polished surfaces. Metis Table 1 has 27 mm and more, fitted to infrared materials.
     """
 
     roughness_nm: float = Field(default=2.0, ge=0, le=50)  # rms roughness
-    length_mm: float = Field(default=1.0, gt=0, le=1e5)  # B, 2 pi times the typical wavelength
+    length_mm: float = Field(default=0.2, gt=0, le=1e5)  # B, 2 pi times the typical wavelength
     slope: float = Field(default=2.0, gt=0, le=10)  # s
 
 
@@ -137,7 +151,8 @@ class Stray(Section):
     """The table ``[stray]`` of a scene: the parts that may make stray light, and which exist.
 
     ``window``, ``filter`` and ``cover`` are plates in the light's way; ``lens`` and ``sensor`` are
-    always there, and their names switch their reflections; ``head_window`` is the emitter's.
+    always there, and their names switch their reflections; ``mirror`` and ``head_window`` are the
+    emitter's. ``halo`` is the scatter of polished glass, ``dust`` that of dust, digs and scratches.
     """
 
     enabled: list[Part] = Field(default=list(get_args(Part)))
@@ -146,7 +161,11 @@ class Stray(Section):
     lens: Lens = Lens()
     cover: Cover = Cover()
     sensor_reflectance: Share = 0.2  # specular reflectance of the chip
+    mirror: Mirror = Mirror()
     head_window: HeadWindow = HeadWindow()
+    # Irradiance in the filter's band at the lens, from outside the field, over that which it makes
+    # on the sensor; 1e4 is what metis asks for (IMG-5).
+    out_of_field: float = Field(default=1e4, ge=1)
     polish: Polish = Polish()
     dust: Dust = Dust()
     least_power: float = Field(default=1e-6, ge=0, lt=1)  # weaker ghosts are summed, not followed
@@ -169,15 +188,6 @@ class WindowGhost:
     power: Floats  # [n] power of the ghost over that of the direct beam
     direct_shift_mm: Floats  # [n] shift of the direct beam by the window
     direct_turn_rad: Floats  # [n] turn of the direct beam by the window
-
-
-@dataclass(frozen=True)
-class Halo:
-    """The light that the scatter of polished surfaces puts around a spot."""
-
-    weights: Floats  # [n_px] share of the spot's light in the row's pixel at 0, 1, 2 .. px
-    row: float  # share of the light that it puts on the row, both sides, out to n_px - 1
-    total: float  # share of the light that is scattered, on the row or not
 
 
 def window_ghost(window: HeadWindow, angle_rad: Floats) -> WindowGhost:
@@ -218,69 +228,6 @@ def window_ghost(window: HeadWindow, angle_rad: Floats) -> WindowGhost:
         direct_shift_mm=direct_shift,
         direct_turn_rad=direct_turn,
     )
-
-
-def halo_weights(
-    n_px: int,
-    stray: Stray,
-    *,
-    sigma_px: float = 0.0,
-    focal_mm: float = 25.0,
-    pitch_mm: float = 0.007,
-    wavelength_nm: float = 658.0,
-) -> Halo:
-    """Return the line-spread of the scatter on a sensor of a single row.
-
-    Each surface scatters the share tis of metis (3), spread over direction cosines as the
-    K-correlation of (1) has it, and reaches the sensor over its lever: the focal length for window,
-    filter and lens, the optical distance to the chip for the cover's faces. In two dimensions the
-    energy is the sum of the surfaces' TIS exactly, because rings take what lies between two radii
-    in closed form; only the row's share of a ring is summed.
-
-    Leaves out the surfaces' places inside the lens, and that the row sees them at an angle.
-
-    Args:
-        n_px: Number of pixels on one side of the spot.
-        stray: Surfaces that are there, and their polish.
-        sigma_px: Sigma of the Gaussian spot across the row; 0 is a point on the row's middle. Along
-            the row the weights are those of a point, to be convolved with the spot.
-        focal_mm: Focal length of the lens.
-        pitch_mm: Pitch of the square pixels.
-        wavelength_nm: Wavelength of the light.
-
-    Raises:
-        ValueError: if ``n_px`` is below 1 or ``sigma_px`` negative.
-    """
-    if n_px < 1 or sigma_px < 0.0:
-        raise ValueError(f"halo of {n_px} px, sigma {sigma_px} px")
-    if "halo" not in stray.enabled or stray.polish.roughness_nm == 0.0:
-        return Halo(np.zeros(n_px), 0.0, 0.0)
-    faces = _scatterers(stray, focal_mm)
-    # Rings from far inside the core outwards, linear where they are pixels apart.
-    inner = np.geomspace(1e-6, 0.25, 200)
-    reach = math.hypot(n_px, 0.5 + 6.0 * sigma_px)
-    core = np.arange(0.25, 8.0, 0.125 / _RINGS_PER_PX)[1:]
-    outer = np.arange(8.0, reach + 1.0, 1.0 / _RINGS_PER_PX)
-    edge = np.concatenate([[0.0], inner, core, outer])
-    within = np.zeros_like(edge)
-    total = 0.0
-    for index_step, lever in faces:
-        scattered = float(tis(stray.polish.roughness_nm, wavelength_nm, index_step))
-        total += scattered
-        sine = edge * pitch_mm / np.hypot(edge * pitch_mm, lever)
-        within += scattered * _encircled(sine, stray.polish, wavelength_nm)
-    ring = np.diff(within)
-    radius = 0.5 * (edge[1:] + edge[:-1])
-    high = 0.5 + 6.0 * sigma_px
-    widest = np.arcsin(np.minimum(1.0, high / radius))
-    turn = widest[:, None] * (np.arange(_RING_NODES) + 0.5) / _RING_NODES
-    on_row = _on_row(radius[:, None] * np.sin(turn), sigma_px)
-    share = ring[:, None] * on_row * (widest[:, None] / _RING_NODES) * (2.0 / math.pi)
-    place = np.floor(radius[:, None] * np.cos(turn) + 0.5).astype(np.int64)
-    seen = place < n_px
-    sums = np.bincount(place[seen], share[seen], n_px).astype(np.float64)
-    weights = sums * np.where(np.arange(n_px) == 0, 1.0, 0.5)  # two sides share all but pixel 0
-    return Halo(weights=weights, row=float(sums.sum()), total=total)
 
 
 def attenuation(wide: Floats, wide_pitch: float, image: Floats, image_pitch: float) -> float:
@@ -333,31 +280,47 @@ def covered_share(level: float, smallest_um: float = 1.0) -> float:
     return 0.25 * math.pi * (ends + inner) * 1e-12 / _SQUARE_FOOT_M2
 
 
+def soiled(stray: Stray, diameter_mm: float) -> dict[str, float]:
+    """Return the shares of a beam on a face that dust, digs and scratches cover, by cause.
+
+    Leaves out that a dig or a scratch may lie where the beam is not.
+
+    Args:
+        stray: The cleanliness of the faces.
+        diameter_mm: Diameter of the beam on the face, which is as wide as the face.
+    """
+    if "dust" not in stray.enabled:
+        return {}
+    dust = stray.dust
+    beam = 0.25 * math.pi * diameter_mm**2
+    return {
+        "dust": covered_share(dust.level, dust.smallest_um),
+        "digs": dust.digs * dust.dig_mm**2 / beam,
+        "scratches": dust.scratches * dust.scratch_mm * diameter_mm / beam,
+    }
+
+
+def pupil_faces(stray: Stray) -> int:
+    """Return the number of faces near the pupil: of window, filter and lens."""
+    faces = 2 * (("window" in stray.enabled) + ("filter" in stray.enabled))
+    return faces + (len(stray.lens.radii_mm) if stray.lens.kind == "surfaces" else 2)
+
+
 def obscured_share(stray: Stray, *, focal_mm: float = 25.0, f_number: float = 3.0) -> float:
-    """Return the share of the light that dust, digs and scratches in the pupil obscure.
+    """Return the share of the light that dust, digs and scratches in the pupil take away.
 
     Metis 4.3: on faces near the pupil (window, filter, lens) every particle shadows all pixels
-    alike, and light is lost as its area over the beam's. A particle on the cover's faces, near the
-    focus, shadows single pixels instead: ``dust_shadow``.
-
-    The model leaves out that the obscured light is in part diffracted near the image and not lost,
-    and that a dig or a scratch may lie where the beam is not.
+    alike, and light is lost as its area over the beam's. As much again is diffracted, which is in
+    ``vrscan.scene.scatter``. A particle on the cover's faces, near the focus, shadows single pixels
+    instead: ``dust_shadow``.
 
     Args:
         stray: Faces that are there, and their cleanliness.
         focal_mm: Focal length, which over the f-number is the beam's width on the faces.
         f_number: f-number of the lens.
     """
-    if "dust" not in stray.enabled:
-        return 0.0
-    dust = stray.dust
-    faces = 2 * (("window" in stray.enabled) + ("filter" in stray.enabled))
-    faces += len(stray.lens.radii_mm) if stray.lens.kind == "surfaces" else 2
-    diameter = focal_mm / f_number
-    beam = 0.25 * math.pi * diameter**2
-    defects = dust.digs * dust.dig_mm**2 + dust.scratches * dust.scratch_mm * diameter
-    one = min(1.0, covered_share(dust.level, dust.smallest_um) + defects / beam)
-    return 1.0 - (1.0 - one) ** faces
+    one = min(1.0, sum(soiled(stray, focal_mm / f_number).values()))
+    return 1.0 - (1.0 - one) ** pupil_faces(stray)
 
 
 def dust_shadow(
@@ -473,43 +436,3 @@ def _line(
     turn = np.arctan2(heading[..., 0], heading[..., 1]) - angle
     shift = point[..., 0] * np.cos(angle + turn) - point[..., 1] * np.sin(angle + turn)
     return np.where(good, shift, 0.0), np.where(good, turn, 0.0)
-
-
-def _scatterers(stray: Stray, focal_mm: float) -> list[tuple[float, float]]:
-    """Return the change of index and the lever in mm of each polished surface."""
-    faces = []
-    for name, plate in (("window", stray.window), ("filter", stray.filter)):
-        if name in stray.enabled:
-            faces += [(plate.index - 1.0, focal_mm)] * 2
-    if stray.lens.kind == "surfaces":
-        media = [1.0, *stray.lens.index, 1.0]
-        faces += [(abs(after - before), focal_mm) for before, after in pairwise(media)]
-    if "cover" in stray.enabled:
-        cover = stray.cover
-        # A face that lies on the chip scatters into the pixel itself.
-        near = max(cover.gap_mm, 1e-6)
-        faces += [(cover.index - 1.0, near + cover.thickness_mm / cover.index)]
-        faces += [(cover.index - 1.0, near)]
-    return faces
-
-
-def _encircled(sine: Floats, polish: Polish, wavelength_nm: float) -> Floats:
-    """Return the share of the scattered light within a sine of the scatter angle: (1) integrated.
-
-    2 pi integral of (1 + B^2 b^2 / lambda^2)^(-s/2) b db, over its value at b = 1.
-    """
-    waves = 1e6 * polish.length_mm / wavelength_nm
-    bend = 1.0 - 0.5 * polish.slope
-
-    def band(logs: Floats) -> Floats:
-        return np.asarray(logs if abs(bend) < 1e-9 else np.expm1(bend * logs) / bend)
-
-    return band(np.log1p(np.square(waves * sine))) / band(np.log1p(np.square([waves])))
-
-
-def _on_row(y: Floats, sigma_px: float) -> Floats:
-    """Return the share of the spot within half a pixel of this distance across the row."""
-    if sigma_px == 0.0:
-        return np.where(np.abs(y) < 0.5, 1.0, 0.0)
-    scale = 1.0 / (math.sqrt(2.0) * sigma_px)
-    return np.asarray(0.5 * (erf((y + 0.5) * scale) - erf((y - 0.5) * scale)))

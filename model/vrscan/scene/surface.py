@@ -110,6 +110,16 @@ def brdf(
     return np.where(lit, scattered, 0.0)
 
 
+def core(material: Material, wavelength_nm: float) -> tuple[float, float, float]:
+    """Return gloss G, scattered share q and sigma of the Gaussian lobe that ``brdf`` has.
+
+    At incidence ``cos_in`` the lobe holds G (1 - q cos_in) of the light, but for what lies below
+    the horizon; its sigma is in direction cosines.
+    """
+    share = _polish(material, wavelength_nm)[0] if material.roughness_nm else 0.0
+    return material.gloss, share, math.sin(math.radians(material.lobe_deg))
+
+
 def _gauss(square: Floats, lobe_deg: float, acceptance_rad: Floats | float) -> Floats:
     """Return the unit lobe at ``beta``^2, sr^-1."""
     # A disc of radius a around the lobe's middle collects 1 - exp(-x), x = a^2 / 2 s^2. A lobe with

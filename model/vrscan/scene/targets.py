@@ -290,6 +290,11 @@ class World:
         )
 
     @property
+    def each_bounds(self) -> list[Floats]:
+        """Return low and high corner [2, 3] of a box around each target, mm."""
+        return [placed.bounds() for placed in self._placed]
+
+    @property
     def bounds(self) -> Floats:
         """Return the corners of a box around all targets, mm [2, 3]; infinite if one is endless.
 
@@ -297,7 +302,7 @@ class World:
         """
         if not self._placed:
             return np.array([[np.inf] * 3, [-np.inf] * 3])
-        each = np.stack([placed.bounds() for placed in self._placed])
+        each = np.stack(self.each_bounds)
         return np.stack([each[:, 0].min(axis=0), each[:, 1].max(axis=0)])
 
     def cast(self, origin: Floats, direction: Floats) -> Hits:

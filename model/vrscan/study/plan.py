@@ -12,7 +12,8 @@ gain, lose or change their point. Each trial is made on some thousand lines, and
 cannot succeed any more; the final choice has to hold on the whole survey. The time of a trial, and
 the time that it may save on the scan's lines, are typical values and not measured, so that the same
 scene gets the same effects, and so the same lines, whenever and wherever it is simulated. Where
-choosing would take more time than it saves, the scan has all effects.
+choosing would take more time than it saves, the scan has all effects. So it has where no line of
+the survey has a point, because then nothing that is left out changes anything.
 """
 
 import itertools
@@ -60,7 +61,10 @@ _RAYS = "every ray"  # treated like an effect: without it, rays are followed onl
 
 @dataclass(frozen=True)
 class Difference:
-    """The change by leaving something out, by part of the lines: mean and spread of positions."""
+    """The change by leaving something out, by part of the lines: mean and spread of positions.
+
+    They are NaN where no line has a point both times.
+    """
 
     bias_px: Floats  # mean change [4], in the order of ``PARTS``
     rms_px: Floats  # rms change about the bias
@@ -75,6 +79,7 @@ class Difference:
 
 
 _NOTHING = Difference(*np.zeros((5, len(PARTS))))
+_UNKNOWN = Difference(*np.outer([np.nan] * 4 + [0.0], np.ones(len(PARTS))))
 
 
 @dataclass(frozen=True)
@@ -104,6 +109,7 @@ class Plan:
     count: int  # number of lines of the scan
     lines: int  # number of lines on which predictions or left_out were measured
     seconds: float  # time that the planning took
+    pointless: bool = False  # whether lines were looked at with all effects, and none has a point
 
 
 @dataclass(frozen=True)
@@ -181,6 +187,7 @@ def plan(
     if each or wanted not in ("auto", "full"):
         trial.points(table_rows[:_READY], full)  # makes the tables; their time is not an effect's
         reference = trial.points(table_rows, full)
+        trial.pointless = not reference.located.any()
         measured = dict(trial.microseconds)  # includes the time of each effect
         cost = {name: 1e6 * trial.seconds.get(name, 0.0) / len(part) for name in have}
     tick()
@@ -206,12 +213,13 @@ def plan(
             Prediction(name, found[name], cost[name], name in state) for name in found
         ),
         absent=tuple(name for name in EFFECTS if name not in have),
-        left_out=left_out,
+        left_out=_UNKNOWN if trial.pointless else left_out,
         distance_mm=seen.distance_mm,
         microseconds=(us[state], us[full]),
         count=count,
         lines=len(table_rows),
         seconds=time.perf_counter() - begin,
+        pointless=trial.pointless,
     )
 
 
@@ -259,6 +267,7 @@ class _Trial:
     """
 
     seconds: dict[str, float]  # time of each effect in the last lines rendered
+    pointless = False  # whether lines were looked at with all effects, and none has a point
 
     def __init__(
         self, light: Light, count: int, seen: Survey, tolerance_px: float, full: frozenset[str]
@@ -298,6 +307,18 @@ class _Trial:
         angle = angle_turns(frame.reported_rad)
         return table(run_fixed(frame.lines, angle, power, self._registers))
 
+    def _reference(self, rows: Ints) -> Table:
+        """Return the points of a step's lines with all effects."""
+        begin = int(rows[0])
+        if begin not in self._references:
+            self._references[begin] = self.points(rows, self.full)
+        return self._references[begin]
+
+    def look(self, lines: int) -> None:
+        """Find out whether any of the first lines has a point: without one, all change nothing."""
+        steps = (rows for rows in self._steps if rows[0] < lines)
+        self.pointless = not any(self._reference(rows).located.any() for rows in steps)
+
     def judge(self, effects: frozenset[str], lines: int) -> Difference | None:
         """Return the change by the other effects on the first lines, or None once it is too large.
 
@@ -314,10 +335,8 @@ class _Trial:
         pairs: list[tuple[Table, Table]] = []
         spent = np.zeros((2, 0))
         for rows in self._steps:
-            begin, done = int(rows[0]), int(rows[-1]) + 1
-            if begin not in self._references:
-                self._references[begin] = self.points(rows, self.full)
-            pairs.append((self._references[begin], self.points(rows, effects)))
+            done = int(rows[-1]) + 1
+            pairs.append((self._reference(rows), self.points(rows, effects)))
             spent = np.append(spent, _spent(*pairs[-1], self.light.config), axis=1)
             if done == lines or self._exceeds(spent, part[:done], size, done / lines):
                 break
@@ -431,7 +450,7 @@ def _part(
     rows = both & inside
     lost = float(changed[inside].mean()) if inside.any() else 0.0
     if not rows.any():
-        return 0.0, 0.0, 0.0, 0.0, lost
+        return np.nan, np.nan, np.nan, np.nan, lost
     return (
         float(px[rows].mean()),
         float(px[rows].std()),
@@ -454,6 +473,9 @@ def _auto(
     full = state = trial.full
     kept = [(full, _NOTHING)]
     before_us = trial.spent_us
+    trial.look(lines)
+    if trial.pointless:
+        return full, _NOTHING
 
     def confirms(effects: frozenset[str]) -> bool:
         """Return whether it pays to render the rest of the survey for these effects."""

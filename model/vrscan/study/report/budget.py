@@ -19,7 +19,7 @@ from vrscan.scene.detectability import Beam, Filter, View
 from vrscan.scene.effects import BASE, EFFECTS
 from vrscan.scene.light import Light
 from vrscan.scene.spots import meet
-from vrscan.scene.stray import attenuation
+from vrscan.scene.stray import BEYOND_PX, attenuation
 from vrscan.show.sheet import Column, Sheet, short, words
 from vrscan.study.plan import JUMP_PX, LEAST_LINES, PARTS, ZONES, Difference, Plan
 
@@ -27,7 +27,6 @@ MOST_3B_MW = 500.0  # largest mean power of class 3B
 MOST_3B_J = 0.03  # largest energy of one pulse, 400 to 700 nm; above 700 nm more is allowed
 _FIELD_MM = 2.0  # image height of the spot whose ghosts are shown
 _SHOWN = 3  # number of ghosts that are shown
-_BEYOND_PX = 20  # distance from a spot at which its halo is no longer part of it
 _RAYS = 801  # rays on which a glint is looked for
 _BRIGHT = 2.0  # a glint's light over the diffuse light, at least
 _NEAR = 0.05  # share of a zone's z: surfaces that near stand for the zone
@@ -126,6 +125,8 @@ def _tolerance(plan: Plan) -> str:
 def _cell(change: Difference | None, zone: int) -> str:
     if change is None:
         return ""
+    if np.isnan(change.bias_px[zone]):  # no line of the zone has a point
+        return f"{'-':>7} {'-':>6} {'-':>6} {'-':>5}"
     return (
         f"{short(change.bias_px[zone], 6):>7} {short(change.rms_px[zone], 6):>6} "
         f"{short(change.bias_mm[zone], 5):>6} {short(change.rms_mm[zone], 5):>5}"
@@ -413,11 +414,15 @@ def summary(plan: Plan) -> list[str]:
     if on == of:
         return [f"effects: all {of} (fidelity {plan.fidelity})"]
     planned, everything = plan.microseconds
+    known = plan.left_out.total_px[np.isfinite(plan.left_out.total_px)]
+    changes = (
+        f"{known.max():.4f} px rms and {100 * plan.left_out.changed.max():.1f} % of the points"
+        if known.size
+        else "nothing that can be told, as no surveyed line has a point with and without it"
+    )
     return [
         f"effects: {on} of {of} on (fidelity {plan.fidelity}{_tolerance(plan)}), {planned:.0f} us "
-        f"a line instead of {everything:.0f}; what is left out changes "
-        f"{plan.left_out.total_px.max():.4f} px rms and {100 * plan.left_out.changed.max():.1f} % "
-        "of the points: see vrscan budget"
+        f"a line instead of {everything:.0f}; what is left out changes {changes}: see vrscan budget"
     ]
 
 
@@ -449,11 +454,11 @@ def stray_lines(light: Light, plan: Plan) -> list[str]:
         )
     if "halo" in plan.present:
         halo = light.halo
-        beyond = float(halo.weights[_BEYOND_PX:].max(initial=0.0))
+        beyond = float(halo.weights[BEYOND_PX:].max(initial=0.0))
         level = attenuation(np.array([beyond]), 1.0, np.ones(1), 1.0)
         lines.append(
             f"Halo: {halo.total:.1e} of the light is scattered, {halo.row:.1e} of it onto the row; "
-            f"A of metis (6), {_BEYOND_PX} px and more from the spot: {level:.1e}"
+            f"A of metis (6), {BEYOND_PX} px and more from the spot: {level:.1e}"
         )
     if "dust" in plan.present:
         lost = 100.0 * light.obscured

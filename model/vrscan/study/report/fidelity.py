@@ -8,6 +8,7 @@ after a first run that fills the tables. On a machine with other work it is stil
 too low.
 """
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
@@ -31,13 +32,14 @@ from vrscan.scene.simulate import Simulation, simulate
 from vrscan.show.sheet import Column, Sheet, listed, rewrite, short, words
 from vrscan.show.style import COLOURS, INK, QUIET, drawing, plain_log
 from vrscan.study.plan import JUMP_PX, ZONES, moved, plan
-from vrscan.study.report.figure import mean, rms
+from vrscan.study.report.figure import largest, mean, rms
 
 TOLERANCES_PX = (0.1, 0.03, 0.01)
 TIGHTEST = f"auto {TOLERANCES_PX[-1]:g}"
 AIM_AUTO, AIM_FULL = 20_000.0, 2_000.0  # lines/s
 BREAK_EVEN_LINES = 100_000  # lines on which a choice has to pay: a long scan's
 ROUNDS = 3  # timed runs of each fidelity
+NO_POINT = "no point"
 
 _FLOOR_PX = 1e-4  # smaller errors are drawn here
 _COLUMNS = 4  # columns of panels
@@ -52,7 +54,7 @@ class Row:
 
     They are taken over lines whose spot the camera sees and that have a point in both, no farther
     apart than ``JUMP_PX``: points farther apart belong to different peaks. ``differ`` counts the
-    others, over all lines.
+    others, over all lines. Without a point, errors are NaN: nothing was measured.
     """
 
     scene: str
@@ -77,8 +79,9 @@ class Row:
 
     @property
     def within(self) -> bool | None:
-        """Return whether the rms of every third is within the tolerance; None without one."""
-        return None if np.isnan(self.tolerance_px) else self.worst_px <= self.tolerance_px
+        """Return whether the rms of every third is within the tolerance; None without them."""
+        known = self.points and not np.isnan(self.tolerance_px)
+        return self.worst_px <= self.tolerance_px if known else None
 
 
 @dataclass
@@ -184,16 +187,16 @@ def _row(
         lines_per_s=len(found) / max(made.best_s, 1e-9),
         planning_s=made.planning_s,
         points=int(used.sum()),
-        bias_px=mean(px),
-        rms_px=rms(px, 0.0),
-        worst_px=max(rms(px[part], 0.0) for part in parts),
-        p99_px=float(np.percentile(np.abs(px), 99.0)) if px.size else 0.0,
-        max_px=float(np.abs(px).max(initial=0.0)),
-        bias_um=mean(um),
-        rms_um=rms(um, 0.0),
+        bias_px=mean(px) if px.size else math.nan,
+        rms_px=rms(px),
+        worst_px=max(rms(px[part], 0.0) for part in parts) if px.size else math.nan,
+        p99_px=float(np.percentile(np.abs(px), 99.0)) if px.size else math.nan,
+        max_px=largest(px),
+        bias_um=mean(um) if um.size else math.nan,
+        rms_um=rms(um),
         differ=float(((found.located != full.located) | jumped).mean()),
-        truth_rms_px=rms(error, 0.0),
-        truth_median_px=float(np.median(np.abs(error))) if error.size else 0.0,
+        truth_rms_px=rms(error),
+        truth_median_px=float(np.median(np.abs(error))) if error.size else math.nan,
     )
 
 
@@ -282,7 +285,8 @@ def markdown(rows: Sequence[Row]) -> str:
         here = {row.fidelity: row for row in rows if row.scene == scene}
         cells = [_markdown_cell(here[name]) for name in names]
         own = here["full"].truth_rms_px
-        lines.append([_title(scene), *cells, f"{faster(rows, scene):.1f} x", f"{own:.2g} px"])
+        truth = NO_POINT if math.isnan(own) else f"{own:.2g} px"
+        lines.append([_title(scene), *cells, f"{faster(rows, scene):.1f} x", truth])
     heads = ["scene", *names, f"{TIGHTEST} over full", "full against truth"]
     return listed(heads, lines, left=1).markdown()
 
@@ -291,7 +295,7 @@ def _markdown_cell(row: Row) -> str:
     speed = _speed(row.lines_per_s)
     if row.fidelity == "full":
         return speed
-    error = f"{row.worst_px:.2g} px"
+    error = f"{row.worst_px:.2g} px" if row.points else NO_POINT
     return f"{speed}, **{error}**" if row.within is False else f"{speed}, {error}"
 
 
@@ -365,18 +369,19 @@ def picture(rows: Sequence[Row], file: BinaryIO) -> None:
 
 
 def _place(row: Row) -> float:
-    return max(row.worst_px, _FLOOR_PX)
+    """Return where a row is drawn; NaN, which is nowhere, without a point."""
+    return math.nan if math.isnan(row.worst_px) else max(row.worst_px, _FLOOR_PX)
 
 
 def _limits(axes: Axes, rows: Sequence[Row]) -> None:
     """Set the axes of all panels, which share them."""
     axes.set(xscale="log", yscale="log")
-    largest = max([1.0, *[row.worst_px for row in rows]])
+    farthest = max([1.0, *[row.worst_px for row in rows if row.points]])
     speeds = [row.lines_per_s for row in rows]
     low, high = min([AIM_FULL, *speeds]), max([AIM_AUTO, *speeds])
-    axes.set_xlim(_FLOOR_PX / 1.8, 2.0 * largest)
+    axes.set_xlim(_FLOOR_PX / 1.8, 2.0 * farthest)
     axes.set_ylim(0.75 * low, 1.6 * high)
-    powers = range(1 + round(np.log10(_FLOOR_PX)), int(np.log10(2.0 * largest)) + 1)
+    powers = range(1 + round(np.log10(_FLOOR_PX)), int(np.log10(2.0 * farthest)) + 1)
     ticks = [10.0**power for power in powers]
     axes.set_xticks([_FLOOR_PX, *ticks], ["0", *[f"{tick:g}" for tick in ticks]])
     plain_log(axes, "y", [k * 10.0**power for power in range(8) for k in (1, 2, 5)], "{:,.0f}")
@@ -395,6 +400,8 @@ def _draw_panel(axes: Axes, rows: Sequence[Row], scene: str) -> None:
     for row in own:
         mark = marks[row.fidelity] | (_OUT if row.within is False else {})
         axes.plot(_place(row), row.lines_per_s, linestyle="", clip_on=False, **mark)
+    if not any(row.points for row in own):
+        axes.text(0.5, 0.5, NO_POINT, transform=axes.transAxes, ha="center", color=QUIET)
     axes.set_title(_title(scene))
     axes.set_title(
         f"{TIGHTEST}: {faster(rows, scene):.1f} x full",

@@ -16,8 +16,8 @@ from rich.table import Table as RichTable
 
 from vrscan.data.arrays import Floats
 from vrscan.ideal import geometry as triangle
-from vrscan.scene import image, radiometry
-from vrscan.scene.beam import core_share, output_mw, pulse_rms_s, radius_mm
+from vrscan.scene import beam, image, radiometry
+from vrscan.scene.beam import output_mw, pulse_rms_s, radius_mm
 from vrscan.scene.light import Light
 from vrscan.scene.sensor import cramer_rao_variance, readout
 from vrscan.scene.simulate import Scanner
@@ -139,10 +139,9 @@ def _link(
 
     # From the laser to electrons on the row.
     sent_w = 1e-3 * output_mw(laser)
-    core = min(float(core_share(distance, laser)[0]), 1.0)
-    received_w = sent_w * core * float(spots.collected[row])
+    received_w = sent_w * (1.0 - light.emitter.total) * float(spots.collected[row])
     passed = lens.transmission * lens.filter_transmission
-    passed *= (1.0 - light.obscured) * (1.0 - light.halo.total)
+    passed *= (1.0 - light.obscured) * (1.0 - light.scatter.total)
     received_e = float(
         radiometry.photoelectrons(
             received_w, pulse_s, scene.sensor.quantum_efficiency * passed, laser.wavelength_nm
@@ -151,7 +150,9 @@ def _link(
     width = float(radius_mm(distance, laser)[0])
     height = 0.5 * width * geometry.focal_mm / geometry.pitch_mm / float(depth[0])
     disc = float(image.defocus_radius_px(depth, lens.focus_mm, lens.f_number, config)[0])
-    share = float(image.row_share(np.array([height]), np.array([disc]), lens.row_offset_px)[0])
+    tall, blur, near = np.array([height]), np.array([disc]), beam.zone(distance, laser)
+    cut = beam.cut(laser)
+    share = float(image.row_share(tall, blur, lens.row_offset_px, cut=cut, zone=near)[0])
     signal_e = received_e * share
 
     # Along the row every blur adds its variance.
@@ -166,7 +167,7 @@ def _link(
         "pixel": math.sqrt(1.0 / 12.0),
     }
     sigma = math.hypot(*widths.values())
-    shape, slope = _profile(light, widths, disc, height, place)
+    shape, slope = _profile(light, widths, disc, height, place, float(near[0]))
     peak_e = signal_e * float(shape.max(axis=1).mean())
 
     # Noise.
@@ -264,11 +265,11 @@ def _least(peak_e: float, background_e: float, dark_rms_e: float, snr: float) ->
 
 
 def _profile(
-    light: Light, widths: dict[str, float], disc: float, height: float, place: float
+    light: Light, widths: dict[str, float], disc: float, height: float, place: float, near: float
 ) -> tuple[Floats, Floats]:
     """Return the shares of the spot's light in pixels, and their derivatives by the position.
 
-    Motion enters as if it were part of the beam's Gaussian.
+    Motion enters as if it were part of the beam's Gaussian, or a Gaussian beside a cut beam.
 
     Returns:
         Two arrays [places within a pixel, pixels].
@@ -282,6 +283,12 @@ def _profile(
     transfer = image.diffraction(
         image.frequencies(width), scene.laser.wavelength_nm, scene.lens.f_number, geometry.pitch_mm
     ).astype(np.float32)
+    cut = beam.cut(scene.laser)
+    if cut is not None:
+        turns = 2.0 * widths["beam"] * image.frequencies(width)[None]
+        band = image.band(np.array([height]), np.array([disc]))
+        transfer *= cut.transfer(turns.astype(np.float32), np.array([near]), band)[0]
+        gaussian = widths["motion"]
 
     def at(shift: float) -> Floats:
         found = image.profiles(

@@ -1,0 +1,142 @@
+"""A cut beam's spots on edges of reflectance, against a wave carried by FFT and imaged by sums."""
+
+import math
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from carried_beam import CarriedSpot
+
+from vrscan.data.arrays import Floats
+from vrscan.data.config import Config
+from vrscan.ideal.geometry import project
+from vrscan.scene import image
+from vrscan.scene.beam import output_mw
+from vrscan.scene.description import parse
+from vrscan.scene.light import Light
+from vrscan.scene.radiometry import photoelectrons
+from vrscan.scene.render import Renderer
+from vrscan.scene.timeline import Timeline
+
+CONFIG = Config()
+ACTIVE = frozenset({"truncation", "footprint", "defocus", "diffraction", "falloff"})
+PLACES_MM = np.linspace(-1.2, 1.2, 13)  # of the beam's axis
+REACH_PX = 60  # of the sums, about the place of the axis
+
+
+def plates(z: float, low: float, *, pattern: bool) -> Light:
+    """Return a plane that is bright at positive x: two plates, or one with a pattern."""
+    plane = {"kind": "plane", "position_mm": [0, 0, z], "material": "bright"}
+    stripes = {"kind": "stripes", "period_mm": 600, "low": low}
+    sides = [
+        {"position_mm": [side * 100, 0, z], "size_mm": [200, 200], "material": name}
+        for side, name in ((1, "bright"), (-1, "dim"))
+    ]
+    values: dict[str, object] = {
+        "target": [{**plane, "map": stripes}] if pattern else [{**plane, **side} for side in sides],
+        "material": {"bright": {"reflectance": 0.5}, "dim": {"reflectance": 0.5 * low}},
+    }
+    return Light(parse(values, "plates", Path()), CONFIG)
+
+
+def lines(light: Light, z: float, *, every_ray: bool) -> Floats:
+    """Return the light of lines with the axis at ``PLACES_MM``, of 1 that the lens gets in all."""
+    count = len(PLACES_MM)
+    timeline = Timeline(
+        line=np.arange(count),
+        time_s=np.zeros(count),
+        angle_rad=np.arctan(PLACES_MM / z),
+        rate_rad_per_s=np.zeros(count),
+        y_mm=np.zeros(count),
+        reported_rad=np.zeros(count),
+        index_s=np.zeros(0),
+        index_outward=np.zeros(0, np.bool_),
+    )
+    found = Renderer(light, ACTIVE, every_ray=every_ray).charge(timeline).laser_e
+    geometry = CONFIG.geometry
+    far, depth = math.hypot(geometry.base_mm, z), depth_mm(z)
+    pupil = 0.25 * math.pi * (geometry.focal_mm / light.scene.lens.f_number) ** 2
+    whole = 0.5 / math.pi * (z / far) * (depth / far) * pupil / far**2
+    scene = light.scene
+    efficiency = scene.sensor.quantum_efficiency * scene.lens.transmission
+    efficiency *= scene.lens.filter_transmission
+    efficiency *= (1.0 - light.scatter.total) * (1.0 - light.emitter.total)
+    sent_w, pulse_s = 1e-3 * output_mw(scene.laser), 1e-6 * CONFIG.line.pulse_us
+    sent = float(photoelectrons(sent_w, pulse_s, efficiency, scene.laser.wavelength_nm))
+    return np.asarray(found, np.float64) / (sent * whole)
+
+
+def depth_mm(z: float) -> float:
+    geometry = CONFIG.geometry
+    return geometry.base_mm * math.cos(geometry.bias_rad) + z * math.sin(geometry.bias_rad)
+
+
+@cache
+def carried(z: float, low: float) -> Floats:
+    """Return what ``lines`` returns, by sums."""
+    scene = plates(z, 1.0, pattern=True).scene
+    lens, geometry = scene.lens, CONFIG.geometry
+    depth = np.array([depth_mm(z)])
+    disc = float(image.defocus_radius_px(depth, lens.focus_mm, lens.f_number, CONFIG)[0])
+    cutoff = geometry.pitch_mm / (1e-6 * scene.laser.wavelength_nm * lens.f_number)
+    spot = spots(z, disc, cutoff)
+    found = np.zeros((len(PLACES_MM), CONFIG.sensor.line_length))
+    for row, x, middle in zip(found, PLACES_MM, middles(z), strict=True):
+        pixels = np.arange(middle - REACH_PX, middle + REACH_PX + 1)
+        row[pixels] = spot.row(float(x), low, pixels.astype(np.float64))
+    return found
+
+
+@cache
+def spots(z: float, disc: float, cutoff: float) -> CarriedSpot:
+    return CarriedSpot(plates(z, 1.0, pattern=True).scene.laser, z, CONFIG, disc, cutoff)
+
+
+def middles(z: float) -> np.ndarray:
+    place = project(PLACES_MM, np.full(len(PLACES_MM), z), CONFIG.geometry)
+    return np.rint(place).astype(int)
+
+
+def position(row: Floats) -> float:
+    """Return the centroid of what is above a tenth of the peak, less that."""
+    above = np.maximum(row - 0.1 * row.max(), 0.0)
+    peak = int(row.argmax())
+    dark = np.flatnonzero(above == 0.0)
+    first, last = dark[dark < peak][-1], dark[dark > peak][0]
+    x = np.arange(first, last)
+    return float((above[x] * x).sum() / above[x].sum())
+
+
+@pytest.mark.parametrize("every_ray", [True, False])
+@pytest.mark.parametrize(
+    ("z", "low", "pattern", "most_px"),
+    [
+        (250.0, 0.1, False, 0.03),
+        (400.0, 0.1, False, 0.01),
+        (400.0, 0.1, True, 0.01),
+        (400.0, 0.01, False, 0.02),
+        (400.0, 1.0, True, 0.002),
+        (600.0, 0.1, False, 0.03),
+        (1000.0, 0.1, False, 0.07),
+    ],
+)
+def test_a_cut_beam_at_an_edge_of_reflectance_is_where_the_wave_is(
+    z: float, low: float, pattern: bool, most_px: float, every_ray: bool
+) -> None:
+    want = carried(z, low)
+    got = lines(plates(z, low, pattern=pattern), z, every_ray=every_ray)
+    error = np.array([position(a) - position(b) for a, b in zip(got, want, strict=True)])
+    rms = float(np.sqrt(np.square(error).mean()))
+    print(f"z {z:g}, 1:{1 / low:g}: {np.abs(error).max():.4f} px at most, {rms:.4f} px rms")
+    assert np.abs(error).max() < most_px
+    near = [slice(m - REACH_PX, m + REACH_PX + 1) for m in middles(z)]
+    light = np.array([a[s].sum() / b[s].sum() for a, b, s in zip(got, want, near, strict=True)])
+    print(f"light {light.min():.4f} to {light.max():.4f}, at x = 0 {light[6]:.4f}")
+    # The sums have the image's scale of x = 0, which changes by 0.3 % over these places.
+    assert np.abs(light - 1.0).max() < 2e-2
+    if low == 1.0:
+        assert abs(light[6] - 1.0) < 2e-3  # the wave's grid loses or gains 1e-3
+    peaks = got.max(axis=1) / want.max(axis=1)
+    print(f"peaks {peaks.min():.4f} to {peaks.max():.4f}")
+    assert np.abs(peaks - 1.0).max() < 0.015
