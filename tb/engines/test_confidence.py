@@ -24,10 +24,18 @@ FEWEST = 120  # points of a tenth of C_obj that are judged: their share is known
 DOUBTFUL = ("SATURATED", "RIVAL", "AT_EDGE")
 
 
-def scanned(scene: str, seed: int, count: int) -> tuple[Table, Truth]:
+# Out of focus speckle has coarse grains, which third differences do not see: what sigma promises
+# holds for speckle as in focus, and ``test_coarse_grains_are_more_than_sigma`` says how far beyond.
+IN_FOCUS = frozenset({"grain"})
+
+
+def scanned(
+    scene: str, seed: int, count: int, without: frozenset[str] = IN_FOCUS
+) -> tuple[Table, Truth]:
     """Return the points of a scene with a seed of its own, and the truth."""
     described = load(scene).model_copy(update={"seed": seed})
-    lines = simulate(Light(described, CONFIG), count, frozenset(present(described))).lines
+    active = frozenset(present(described)) - without
+    lines = simulate(Light(described, CONFIG), count, active).lines
     assert lines.truth is not None
     return run(Engine.FIXED, lines, CONFIG), lines.truth
 
@@ -51,7 +59,6 @@ def judged(scene: str, seed: int, count: int) -> tuple[np.ndarray, np.ndarray]:
     ids=len,
 )
 def test_a_confidence_is_a_share(scenes: tuple[str, ...]) -> None:
-    """Out of focus sigma is too small, and C_obj too large by less than 0.2 (docs/light.md)."""
     found = [judged(scene, 31, 3000) for scene in scenes]
     c_obj = np.concatenate([each for each, _ in found])
     kept = np.concatenate([each for _, each in found])
@@ -60,9 +67,9 @@ def test_a_confidence_is_a_share(scenes: tuple[str, ...]) -> None:
     shares = [(float(c_obj[tenth == k].mean()), float(kept[tenth == k].mean())) for k in bins]
     spread = [float(np.std(kept[tenth == k]) / np.sqrt(np.sum(tenth == k))) for k in bins]
     print("; ".join(f"c_obj {c:.2f}: {share:.2f} keep it" for c, share in shares))
-    assert len(bins) >= 3
+    assert len(bins) >= 5
     assert all(
-        abs(c - share) <= 0.2 + error for (c, share), error in zip(shares, spread, strict=True)
+        abs(c - share) <= 0.1 + error for (c, share), error in zip(shares, spread, strict=True)
     )
 
 
@@ -82,9 +89,6 @@ def test_errors_are_as_large_as_sigma_and_what_is_no_surface_is_told(
     scenes: tuple[str, ...],
 ) -> None:
     """Against the truth of the light: positions over sigma, and points far off that have a flag.
-
-    Out of focus speckle has coarse grains, which do not show in third differences, and sigma is too
-    small (docs/light.md).
 
     A point is far off by more than 5 sigma and 0.5 mm, or where the beam's axis meets nothing that
     the camera sees. The share of those with a flag, and of the others that are MIXED, are counted
@@ -108,12 +112,35 @@ def test_errors_are_as_large_as_sigma_and_what_is_no_surface_is_told(
         ratio = error[kept] / points.sigma_px[kept]
         rms, within = float(np.sqrt(np.mean(ratio**2))), float(np.mean(np.abs(ratio) < 2.0))
         print(f"{scene}: error/sigma {rms:.2f}, {100 * within:.1f} % within 2 sigma")
-        assert 0.8 <= rms <= 1.75
-        assert 0.75 <= within <= 0.985
+        # Of window-ghost some 150 points have no flag, and a handful of them are of the ghost.
+        assert 0.8 <= rms <= (2.0 if scene in NO_DETECTOR_KNOWS else 1.25)
+        assert 0.9 <= within <= 0.985
         if scene not in NO_DETECTOR_KNOWS:
             told, far = told + np.sum(off & flagged), far + np.sum(off)
             sound = points.located & ~off
             mixed, good = mixed + np.sum(sound & points.flags["MIXED"]), good + np.sum(sound)
     print(f"{told} of {far} told; {100 * mixed / good:.2f} % of the others are MIXED")
-    assert told > 0.85 * far
-    assert mixed < 0.03 * good
+    assert told > 0.9 * far
+    # Asked of all scenes; those of the short run are the ones with the most edges.
+    assert mixed < (0.01 if len(scenes) > 6 else 0.015) * good
+
+
+@pytest.mark.parametrize(
+    ("scene", "grain", "most"),
+    [
+        ("default", False, 1.25),
+        ("default", True, 1.9),
+        *(in_volume(name, True, 2.4) for name in shipped() if name not in MIRRORS | {"bolt"}),
+    ],
+)
+def test_coarse_grains_are_more_than_sigma(scene: str, grain: bool, most: float) -> None:
+    """Error over sigma with all that the light has, out of focus too: it is larger than 1.25."""
+    points, truth = scanned(scene, 47, 2000, frozenset() if grain else IN_FOCUS)
+    doubtful = np.any([points.flags[name] for name in (*DOUBTFUL, "MIXED")], axis=0)
+    error = points.position_px - truth.position_px
+    kept = points.located & ~doubtful & (np.abs(error) < 10.0)
+    ratio = error[kept] / points.sigma_px[kept]
+    rms, within = float(np.sqrt(np.mean(ratio**2))), float(np.mean(np.abs(ratio) < 2.0))
+    print(f"{scene}: error/sigma {rms:.2f}, {100 * within:.1f} % within 2 sigma")
+    assert 0.75 < rms < most
+    assert within > (0.7 if grain else 0.9)

@@ -33,6 +33,7 @@ _ALL = (
     ),
     Effect("mirrored", "spots seen in a glossy surface, and mirrored beams", "one reflection", 6.0),
     Effect("speckle", "a rough surface under coherent light", "smooth light", 2.0),
+    Effect("grain", "speckle is coarser out of focus", "speckle as in focus", 4.0),
     Effect("sun", "sun and sky on what the camera sees", "darkness", 5.0),
     Effect("lamps", "indoor light", "darkness", 5.0),
     Effect("veil", "sun and lamps outside what the lens sees", "a black barrel", 0.0),

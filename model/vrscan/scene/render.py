@@ -26,6 +26,7 @@ from vrscan.scene.image import Singles
 from vrscan.scene.light import Light
 from vrscan.scene.pieces import OUTER, Pieces, Spotter
 from vrscan.scene.sensor import Readout, bloom, expose_even, expose_pixels, readout
+from vrscan.scene.speckle import SHARP
 from vrscan.scene.spots import Spots
 from vrscan.scene.timeline import Timeline
 
@@ -273,14 +274,17 @@ class Renderer:
         length, speckle = self.light.config.sensor.line_length, self.light.speckle
         kept = min(width, length)
         start = first if width <= length else np.zeros_like(first)
-        blur = speckle.blur(
-            start[:, None] + np.arange(kept) - some.place_px[:, None],
-            some.sigma_px if some.parts_px is None else some.height_px,
-            some.height_px,
-            some.radius_px,
-            some.speed_px,
-            some.range_mm,
-        )
+        blur = SHARP
+        if "grain" in self.active:
+            with self._clock("grain"):
+                blur = speckle.blur(
+                    start[:, None] + np.arange(kept) - some.place_px[:, None],
+                    some.sigma_px if some.parts_px is None else some.height_px,
+                    some.height_px,
+                    some.radius_px,
+                    some.speed_px,
+                    some.range_mm,
+                )
         gain = speckle.gain(
             start,
             kept,
