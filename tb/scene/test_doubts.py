@@ -28,7 +28,6 @@ ROUGH = {"reflectance": 0.1, "gloss": 0.5, "roughness_nm": 800}
         ({"sensor": {"quantum_efficiency": 0}}, "sensor.quantum_efficiency = 0"),
         ({"sensor": {"dark_e_per_s": 1e12}}, "sensor.dark_e_per_s = 1e+12"),
         ({"laser": {"beam_diameter_mm": 60, "aperture_mm": 60}}, "laser.beam_diameter_mm = 60"),
-        ({"stray": {"dust": {"level": 2000}}}, "stray.dust.level = 2000"),
     ],
 )
 def test_each_is_told_by_itself(tables: dict[str, object], wanted: str) -> None:

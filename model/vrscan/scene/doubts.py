@@ -7,7 +7,6 @@ from vrscan.scene.light import Light
 from vrscan.scene.surface import tis
 
 FARTHEST_MM = 2048.0  # where the chain's coordinates end
-_MOST_DUST = 0.5  # share of the light that dust may take
 
 
 def doubts(light: Light) -> list[str]:
@@ -76,11 +75,5 @@ def _of_the_instrument(light: Light) -> list[str]:
     if dark > sensor.full_well_e:
         found.append(
             f"sensor.dark_e_per_s = {sensor.dark_e_per_s:g}: fills the pixels in one exposure"
-        )
-    taken = light.obscured
-    if taken >= _MOST_DUST:
-        found.append(
-            f"stray.dust.level = {scene.stray.dust.level:g}: takes {100.0 * taken:.0f} % of the "
-            "light"
         )
     return found
