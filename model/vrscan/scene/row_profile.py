@@ -256,6 +256,7 @@ def cut_beam(ratio: float, far: float) -> CutBeam:
         ring = whole[low] + part * (whole[low + 1] - whole[low])
         transforms[k] = np.vstack([(ring @ across).T, whole])
     transforms /= transforms[..., :1]
+    transforms[..., -2:] = 0.0  # at the end and beyond, whatever other lines need
     light = 2.0 * _STEP * transforms @ summed
     light[..., -1] = 0.5  # what is farther counts as being there
     gone = np.cumsum(0.5 * _PLACE * (light[..., 1:] + light[..., :-1]), axis=2)
