@@ -1375,7 +1375,7 @@ FAULTS = [
     ),
     *faults(
         "model/vrscan/ideal/free_space.py",
-        ("a blur half as wide", "blur = 0.5 * geometry", "blur = 0.25 * geometry"),
+        ("a blur half as wide", "blur = 0.5 * lens", "blur = 0.25 * lens"),
         (
             "the other end",
             "beta[:, *(None,) * angle.ndim] - angle)",

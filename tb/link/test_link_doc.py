@@ -173,4 +173,4 @@ def test_records_of_space() -> None:
     longest = len(protocol.encode_frame(bytes([1]) * (len(frame) - 4)))
     assert f"{longest / 24:.1f} bytes" in DOCUMENT and "takes 9.6 bytes" in DOCUMENT
     assert f"{37_400 * longest / 24 * 10 / 4e6:.0%}".replace("%", " %") in DOCUMENT
-    assert f"{round(4e6 / 100e6 * 2**24):,}" in DOCUMENT
+    assert f"{round(4e6 / 80e6 * 2**24):,}" in DOCUMENT

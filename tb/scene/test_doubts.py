@@ -24,7 +24,6 @@ ROUGH = {"reflectance": 0.1, "gloss": 0.5, "roughness_nm": 800}
         ({"laser": {"power_mw": 0}}, "laser.power_mw = 0"),
         ({"lens": {"transmission": 0}}, "lens.transmission = 0"),
         ({"lens": {"filter_transmission": 0}}, "lens.filter_transmission = 0"),
-        ({"lens": {"focus_mm": 25}}, "lens.focus_mm = 25"),
         ({"sensor": {"quantum_efficiency": 0}}, "sensor.quantum_efficiency = 0"),
         ({"sensor": {"dark_e_per_s": 1e12}}, "sensor.dark_e_per_s = 1e+12"),
         ({"laser": {"beam_diameter_mm": 60, "aperture_mm": 60}}, "laser.beam_diameter_mm = 60"),

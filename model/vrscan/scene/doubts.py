@@ -57,10 +57,6 @@ def _of_the_instrument(light: Light) -> list[str]:
         if value == 0.0
     ]
     focal = config.geometry.focal_mm
-    if lens.focus_mm <= focal:
-        found.append(
-            f"lens.focus_mm = {lens.focus_mm:g}: not beyond the focal length of {focal:g} mm"
-        )
     z_mm = float(light.world.bounds[0, 2])
     near = np.array([z_mm if 0.0 < z_mm < FARTHEST_MM else lens.focus_mm])
     wide = 2.0 * float(radius_mm(near, laser)[0]) * focal / config.geometry.pitch_mm / near[0]
