@@ -291,8 +291,15 @@ class Campaign:
                 self.items = found["items"]
                 return
             if found["state"] == "red" or not waiting:
-                words = found["words"]
-                raise ScoreError(f"{test} is red without a fault\n{words}")
+                place.write_text(self.text)
+                if not waiting or tree.pytest([test], seconds=SECONDS)[0] != 0:
+                    raise ScoreError(f"{test} is red without a fault\n{found['words']}")
+                # Its test is no simulation, and takes no text with all forms in it.
+                self._reads_all(test)
+                for mutant in waiting:
+                    place.write_text(mutant.within(self.text))
+                    self._alone(tree, test, mutant, [test])
+                return
             self.log.load()
             verdicts = self.log.verdicts.get(test, {})
             waiting = [m for m in waiting if verdicts.get(m.name) not in DECIDED]
