@@ -2,8 +2,8 @@
 
 The oracle is the netlist: of every flip-flop, all that its input depends on is followed back to
 other flip-flops, pins and vendors' cells. What is of another clock, or of none, has to reach it
-alone, through nothing but an inverter, and the flip-flop has to carry ASYNC_REG. The module itself is
-simulated: two clocks, and 0 in a reset.
+alone, through nothing but an inverter, and the flip-flop has to carry ASYNC_REG. The module itself
+is simulated: two clocks, and 0 in a reset.
 """
 
 import json
