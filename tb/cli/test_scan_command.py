@@ -73,11 +73,11 @@ def test_a_scene_in_full_has_the_same_points_whoever_computes_them(
         points = []
         for engine, jobs in (("rtl", "1"), ("fixed", "2")):
             out = tmp_path / f"{engine}{len(mode)}"
-            how = ["--engine", engine, "--jobs", jobs, "--lines", "4000", "--fidelity", "full"]
+            how = ["--engine", engine, "--jobs", jobs, "--lines", "2100", "--fidelity", "full"]
             assert command(monkeypatch, "scan", scene, "--out", str(out), *how, *mode) == 0
             points.append((out / "points.csv").read_bytes())
         assert points[0] == points[1]
-        assert points[0].count(b"\n") == 4001
+        assert points[0].count(b"\n") == 2101
 
 
 def test_replay_of_a_scan_gives_its_points(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
