@@ -13,7 +13,7 @@ import pytest
 from rich.console import Console
 
 from vrscan.data.arrays import Floats
-from vrscan.data.config import Config
+from vrscan.data.config import Config, Peak
 from vrscan.data.errors import InputError
 from vrscan.engines.engine import Engine
 from vrscan.engines.engine import run as run_engine
@@ -142,8 +142,9 @@ def test_errors_are_those_of_two_simulations(bench: Bench) -> None:
     whole = frozenset(present(light.scene))
     full = simulate(light, COUNT, whole, every_ray=True)
     bare = simulate(light, COUNT, frozenset())
-    first = run_engine(Engine.FIXED, full.lines, CONFIG)
-    second = run_engine(Engine.FIXED, bare.lines, CONFIG)
+    one = Config(peak=Peak(window="threshold"))  # as auto chooses
+    first = run_engine(Engine.FIXED, full.lines, one)
+    second = run_engine(Engine.FIXED, bare.lines, one)
     row = bench.rows[0]
     truth = full.lines.truth
     assert truth is not None

@@ -31,7 +31,7 @@ from vrscan.scene.light import Light
 from vrscan.scene.simulate import Simulation, simulate
 from vrscan.show.sheet import Column, Sheet, listed, rewrite, short, words
 from vrscan.show.style import COLOURS, INK, QUIET, drawing, plain_log
-from vrscan.study.plan import JUMP_PX, ZONES, moved, plan
+from vrscan.study.plan import JUMP_PX, ZONES, judged, moved, plan
 from vrscan.study.report.figure import largest, mean, rms
 
 TOLERANCES_PX = (0.1, 0.03, 0.01)
@@ -152,8 +152,9 @@ def _scene(scene: Description, count: int, config: Config, rounds: int) -> list[
         )
         given = (chosen.active, chosen.every_ray, chosen.seconds)
         runs.append(_Run(f"auto {tolerance:g}", tolerance, light, *given))
-    tables = [run_engine(Engine.FIXED, each.go(count).lines, config) for each in runs]
-    tables.append(run_engine(Engine.FIXED, reference.lines, config))
+    one = judged(config)  # as auto chooses
+    tables = [run_engine(Engine.FIXED, each.go(count).lines, one) for each in runs]
+    tables.append(run_engine(Engine.FIXED, reference.lines, one))
     runs.append(full)
     for _ in range(rounds):
         for each in runs:
