@@ -5,7 +5,7 @@
 // register of several that hold the same.
 //
 //   Latency  1 clock
-//   Model    none: what has its own twin begins behind it
+//   Model    none: pure wiring; what has its own twin begins behind it
 
 `default_nettype none
 

@@ -126,6 +126,10 @@ module vrscan #(
   register_pkg::focus_table_t     focus_table;
   register_pkg::free_t            free;
   register_pkg::free_table_t      free_table;
+  register_pkg::map_t             map;
+  register_pkg::map_access_t      map_access;
+  register_pkg::map_table_t       map_table;
+  register_pkg::map_table_status_t map_table_status;
   register_pkg::commit_t          commit;
   register_pkg::commit_status_t   commit_status;
   logic       commit_copy, commit_hold, commit_take, superseding, chain_empty, renewing;
@@ -148,6 +152,8 @@ module vrscan #(
     .focus_o(focus), .focus_status_i(focus_status), .test_o(test), .test_status_i(test_status),
     .sensor_o(sensor), .sensor_status_i(sensor_status), .locks_o(locks), .table_o(table_entry),
     .focus_table_o(focus_table), .free_o(free), .free_table_o(free_table),
+    .map_o(map), .map_access_o(map_access), .map_table_o(map_table),
+    .map_table_status_i(map_table_status),
     .commit_o(commit), .commit_status_i(commit_status),
     .waiting_i(commit_status.commit_waiting), .copy_i(commit_copy), .copy_index_i(commit_index),
     .bank_i(commit_status.configuration), .take_i(commit_take)
@@ -177,9 +183,9 @@ module vrscan #(
   assign sensor_status.pixel_overflow_count = pixel_overflow_count_i;
   assign mirror_state_o                   = mirror_status.mirror_state;
 
-  // The locks are the registers' own, scratch and events say nothing to anyone.
+  // The locks and the accessed bank are the registers' own, scratch and events say nothing to anyone.
   logic unused;
-  assign unused = &{1'b0, identity, locks, test.test_start, test.test_stop};
+  assign unused = &{1'b0, identity, locks, map_access, test.test_start, test.test_stop};
 
   // ---- host ----
   localparam int unsigned Streams = 2;
@@ -276,7 +282,7 @@ module vrscan #(
     .clk_i, .rst_i(rst_line_tag),
     .enable_i(mirror.line_enable), .exposure_i(exposure_o), .line_i(line_o), .centre_i(centre_o),
     .power_i(power_line),
-    .inward_i(inward_line),
+    .inward_i(inward_line), .lens_i(focus_status.focus_position),
     .angle_valid_i(angle_valid), .angle_line_i(angle_line), .angle_i(angle),
     .mirror_flags_i(mirror_flags), .confidence_i(mirror_confidence),
     .superseding_i(superseding),
@@ -308,6 +314,15 @@ module vrscan #(
   end
 
   // ---- from pixels to a point, which is always taken ----
+  // The chain is not where the registers are.
+  register_pkg::peak_t     peak_q;
+  register_pkg::geometry_t geometry_q;
+  register_pkg::map_t      map_q;
+  always_ff @(posedge clk_i) begin
+    map_q      <= map;
+    peak_q     <= peak;
+    geometry_q <= geometry;
+  end
   vrscan_chain #(
     .LineLength(LineLength), .PixelWidth(PixelWidth), .MaxWindow(MaxWindow)
   ) u_vrscan_chain (
@@ -317,7 +332,8 @@ module vrscan #(
     .valid_o(point_valid), .ready_i(1'b1), .point_o(point),
     .hold_i(commit_hold), .take_i(commit_take),
     .configuration_i(commit_status.configuration), .empty_o(chain_empty),
-    .peak_i(peak), .geometry_i(geometry), .free_i(free), .free_table_i(free_table),
+    .peak_i(peak_q), .geometry_i(geometry_q), .free_i(free), .free_table_i(free_table),
+    .map_i(map_q), .map_table_i(map_table), .map_table_o(map_table_status),
     .chain_o(chain)
   );
   assign measured_o = seen_valid_q && seen_q.measured;

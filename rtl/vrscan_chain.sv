@@ -56,6 +56,9 @@ module vrscan_chain #(
   input  wire register_pkg::geometry_t       geometry_i,
   input  wire register_pkg::free_t           free_i,
   input  wire register_pkg::free_table_t     free_table_i,
+  input  wire register_pkg::map_t            map_i,  // enable only where LineLength is at least 64
+  input  wire register_pkg::map_table_t      map_table_i,
+  output      register_pkg::map_table_status_t map_table_o,
 
   output      register_pkg::chain_t          chain_o
 );
@@ -72,8 +75,17 @@ module vrscan_chain #(
   end
   localparam int unsigned PlaceWidth = vrscan_pkg::PlaceWidth;
   vrscan_pkg::point_t begun, received_point, row, row_point, window, first, peak, point, held_q,
-                      fit, weighed_fit, placed, taken;
+                      fit, weighed_fit, placed, corrected_point, taken;
   localparam int unsigned PointWidth = $bits(begun);
+
+  // ---- a reset for each stage in the middle, a clock after rst_i, when nothing comes to it ----
+  logic rst_phase, rst_refine, rst_position, rst_confidence, rst_free, rst_held;
+  local_register u_reset_phase (.clk_i, .d_i(rst_i), .q_o(rst_phase));
+  local_register u_reset_refine (.clk_i, .d_i(rst_i), .q_o(rst_refine));
+  local_register u_reset_position (.clk_i, .d_i(rst_i), .q_o(rst_position));
+  local_register u_reset_confidence (.clk_i, .d_i(rst_i), .q_o(rst_confidence));
+  local_register u_reset_free (.clk_i, .d_i(rst_i), .q_o(rst_free));
+  local_register u_reset_held (.clk_i, .d_i(rst_i), .q_o(rst_held));
 
   // ---- how many lines are inside, and that they forget each other ----
   logic                                   forget_q, flush_q;
@@ -195,7 +207,7 @@ module vrscan_chain #(
   logic signed [vrscan_pkg::SlopeLevelWidth-1:0] refined_slope;
   logic        [ vrscan_pkg::SpotSigmaWidth-1:0] spot_sigma;
   phase_correlate #(.PixelWidth(PixelWidth), .UserWidth(PointWidth)) u_phase_correlate (
-    .clk_i, .rst_i, .peak_i,
+    .clk_i, .rst_i(rst_phase), .peak_i,
     .valid_i(found), .measured_i(found_measured), .left_i(vrscan_pkg::RingWidth'(left)),
     .width_i(vrscan_pkg::WindowWidth'(width)), .background_i(window_background), .user_i(window),
     .read_index_o(correlate_index), .read_pixel_i(read_pixel),
@@ -211,7 +223,7 @@ module vrscan_chain #(
   peak_refine #(
     .LineLength(LineLength), .PixelWidth(PixelWidth), .MaxWindow(MaxWindow)
   ) u_peak_refine (
-    .clk_i, .rst_i,
+    .clk_i, .rst_i(rst_refine),
     .start_i(found && found_measured && peak_i.window_two_pass), .maximum_i(window_maximum),
     .background_i(window_background), .noise_i(window_noise), .left_i(left),
     .valid_i(refine), .width_i(window_width), .phase_i(phase), .magnitude_i(magnitude),
@@ -239,7 +251,7 @@ module vrscan_chain #(
   logic                            positioned;
   logic signed [PositionWidth-1:0] position;
   peak_position #(.LineLength(LineLength)) u_peak_position (
-    .clk_i, .rst_i,
+    .clk_i, .rst_i(rst_position),
     .valid_i(phased), .left_i(IndexWidth'(peak.left)), .period_i(period), .phase_i(phase),
     .valid_o(positioned), .position_o(position)
   );
@@ -253,7 +265,7 @@ module vrscan_chain #(
                  && !peak.flags[vrscan_pkg::FlagTooWide]
                  && !peak.flags[vrscan_pkg::FlagRowStatistics] && peak.line.mirror_flags == '0;
   peak_confidence #(.PixelWidth(PixelWidth)) u_peak_confidence (
-    .clk_i, .rst_i, .peak_i,
+    .clk_i, .rst_i(rst_confidence), .peak_i,
     .valid_i(phased), .measured_i(measured),
     .clear_i(clear),
     .maximum_i(PixelWidth'(peak.maximum)), .background_i(peak.background), .noise_i(peak.noise),
@@ -266,7 +278,7 @@ module vrscan_chain #(
   // Takes less time than peak_confidence, and its result stays.
   logic [vrscan_pkg::FreeWidth-1:0] free_from, free_to;
   free_interval u_free_interval (
-    .clk_i, .rst_i, .free_i, .free_table_i,
+    .clk_i, .rst_i(rst_free), .free_i, .free_table_i,
     .valid_i(phased), .angle_i(peak.line.angle), .power_i(peak.line.power),
     .noise_i(peak.noise), .valid_o(), .from_o(free_from), .to_o(free_to)
   );
@@ -289,7 +301,7 @@ module vrscan_chain #(
       held_q  <= point;
       light_q <= height_sum;
     end
-    if (rst_i) begin
+    if (rst_i || rst_held) begin
       have_position_q   <= 1'b0;
       have_confidence_q <= 1'b0;
       start_q           <= 1'b0;
@@ -369,9 +381,42 @@ module vrscan_chain #(
   logic                                     corrected, offset_saturated;
   logic signed [           OffsetWidth-1:0] offset;
   logic signed [vrscan_pkg::SlopeWidth-1:0] slope;
+  logic                            placing, mapped, map_saturated, map_filled;
+  logic signed [PositionWidth-1:0] seen_position, map_position, taken_position;
+  assign placing        = peak_i.window_fit ? weighed : start_q;
+  assign seen_position  = PositionWidth'(placed.position);
+  assign taken_position = map_i.map_enable ? map_position : seen_position;
+  if (LineLength >= 64) begin : gen_map
+    correction_map #(.LineLength(LineLength)) u_correction_map (
+      .clk_i, .rst_i,
+      .valid_i(placing), .position_i(seen_position),
+      .angle_i(placed.line.angle),
+      .lens_i(map_i.map_follow ? placed.line.lens : map_i.map_lens),
+      .valid_o(mapped), .position_o(map_position), .saturated_o(map_saturated),
+      .filled_o(map_filled),
+      .write_i(map_table_i.map_table_write), .access_bank_i(map_table_i.map_table_access_bank),
+      .index_i(map_table_i.map_table_index), .value_i(map_table_i.map_table_node),
+      .value_o(map_table_o.map_table_read),
+      .enable_i(map_i.map_enable), .bank_i(map_i.map_bank), .map_count_i(map_i.map_count),
+      .map_begin_i(map_i.map_begin), .map_shift_i(map_i.map_shift)
+    );
+  end else begin : gen_no_map
+    logic unused_map;
+    assign unused_map    = ^{map_i, map_table_i};
+    assign map_table_o   = '0;
+    assign map_filled    = 1'b0;
+    assign mapped        = 1'b0;
+    assign map_position  = '0;
+    assign map_saturated = 1'b0;
+  end
+  always_comb begin
+    corrected_point = placed;
+    corrected_point.flags[vrscan_pkg::FlagMapFilled] = map_i.map_enable && map_filled
+                                                       && placed.measured;
+  end
   distortion #(.LineLength(LineLength)) u_distortion (
     .clk_i, .rst_i, .geometry_i,
-    .valid_i(peak_i.window_fit ? weighed : start_q), .position_i(PositionWidth'(placed.position)),
+    .valid_i(map_i.map_enable ? mapped : placing), .position_i(taken_position),
     .valid_o(corrected), .offset_o(offset), .slope_o(slope), .saturated_o(offset_saturated)
   );
 
@@ -381,9 +426,10 @@ module vrscan_chain #(
   triangulate #(.LineLength(LineLength), .UserWidth(PointWidth)) u_triangulate (
     .clk_i, .rst_i, .geometry_i,
     .valid_i(corrected), .measured_i(placed.measured), .offset_i(offset), .slope_i(slope),
-    .saturated_i(offset_saturated), .sigma_i(placed.sigma), .typical_i(typical),
+    .saturated_i(offset_saturated || (map_i.map_enable && map_saturated)),
+    .sigma_i(placed.sigma), .typical_i(typical),
     .angle_i(placed.line.angle),
-    .user_i(placed),
+    .user_i(corrected_point),
     .valid_o, .ready_i, .measured_o(in_space), .x_o(x), .z_o(z), .sigma_z_o(sigma_z),
     .c_obj_o(c_obj),
     .no_range_o(no_range), .out_of_range_o(out_of_range), .lost_o(points_lost), .user_o(taken),

@@ -80,7 +80,7 @@ package vrscan_pkg;
   localparam int unsigned FitStart = 1480;
   localparam int unsigned FitPeriod = 2048;
   localparam int unsigned SpeckleWidth = 20;  // squared contrast, all fraction
-  localparam int unsigned SpeckleDepth = 16;  // lines over which it is steadied
+  localparam int unsigned SpeckleDepth = 32;  // lines over which it is steadied
   localparam int unsigned ScaleWidth = 18;  // half of a spot's width at half of its height, px
   localparam int unsigned ScaleFraction = 12;
   localparam int unsigned NeighbourClks = 16384;  // lines further apart are no neighbours
@@ -96,6 +96,14 @@ package vrscan_pkg;
   localparam int unsigned ToleranceWidth = 16;  // share of z that a point may err, for c_obj
   localparam int unsigned ToleranceFraction = 24;
   localparam int unsigned RayFraction = 30;  // d0, d1, e0, e1
+  localparam int unsigned MapWidth = 17;  // of a node of the correction map, px, signed
+  localparam int unsigned MapWordWidth = 18;  // a node, and above it whether it was filled
+  localparam int unsigned MapFraction = 10;
+  localparam int unsigned MapNodes = 2145;  // 33 over the angle, 65 over the position
+  localparam int unsigned MapCount = 9;  // positions of the lens that have a map
+  localparam int unsigned MapCountWidth = 4;
+  localparam int unsigned MapShiftWidth = 4;
+  localparam int unsigned LensWidth = 16;  // position of the lens, steps
 
   // Mirror.  Phases of accumulators are fractions of a turn of the mirror.
   localparam int unsigned TurnWidth = 48;
@@ -141,7 +149,7 @@ package vrscan_pkg;
   localparam int unsigned MirrorFlagWidth = 3;  // of a line: FlagNotRunning and those above it
 
   // Flags of a point, by bit.
-  localparam int unsigned FlagWidth = 17;
+  localparam int unsigned FlagWidth = 18;
   localparam int unsigned FlagLowSnr = 0;
   localparam int unsigned FlagTooNarrow = 1;
   localparam int unsigned FlagTooWide = 2;
@@ -159,6 +167,7 @@ package vrscan_pkg;
   localparam int unsigned FlagIndexFault = 14;  // an index crossing was missing or wrong
   localparam int unsigned FlagUnsettled = 15;  // amplitude or phase is off: shock, drift, start-up
   localparam int unsigned FlagMixed = 16;  // not one spot on one surface
+  localparam int unsigned FlagMapFilled = 17;  // corrected where calibration had no points
 
   // Clocks from valid_i to valid_o of what works operands off.
   function automatic int unsigned multiply_limbs(input int unsigned width);
@@ -184,6 +193,7 @@ package vrscan_pkg;
     logic [ConfidenceWidth-1:0] confidence;  // the mirror's
     logic inward;
     logic [TimeWidth-1:0] time_clks;  // of the pulse's centre
+    logic [LensWidth-1:0] lens;  // position of the lens that was read last before it, steps
     logic test;  // a test line: it has angle and power, and nothing else
     logic superseded;  // its angle is of the configuration before the last commit
   } line_t;

@@ -41,7 +41,7 @@ class Board:
 BOARDS = {
     "ulx3s": Board(
         ("--85k", "--speed", "6", "--package", "CABGA381"),
-        80.0,
+        76.66,
         ("u_pixel_fifo.u_to_pixel", "u_pixel_fifo.u_from_pixel"),
     ),
 }

@@ -133,7 +133,7 @@ PROOFS = (
     Proof("uart_tx", "uart_tx", 4, 20),
     Proof("uart_tx + uart_rx", "uart_pair_properties", 4, 50, bounded=48),
     Proof("command_executor", "command_executor", 5, 24),
-    Proof("register_file", "register_file", 5, 14),
+    Proof("register_file", "register_file", 5, 18),
     Proof("uart_rx", "uart_rx", 2, 60),
     Proof("command_queue", "command_queue", 4, 20, parameters=(("CountWidth", 2),)),
     Proof("point_record", "point_record", 2, 6),
@@ -207,7 +207,7 @@ PROOFS = (
         ),
         unhindered=("index_capture", "mirror_drive", "scan_safeguard"),
     ),
-    Proof("register_file, by address", "register_file_properties", 12, 30),
+    Proof("register_file, by address", "register_file_properties", 16, 38),
 )
 
 
@@ -765,7 +765,7 @@ MUTANTS = (
         "start = bus_valid_i && step_q == '0;",
         "start = bus_valid_i;",
         "one_answer_in_time",
-        14,
+        18,
     ),
     *(
         Mutant(name, module, f"rtl/{room}/{module}.sv", good, bad, breaks, depth)
@@ -988,7 +988,7 @@ MUTANTS = (
         "                && verdict == link_pkg::StatusWidth'(link_pkg::StatusOk);",
         ";",
         "refused_is_so",
-        14,
+        18,
     ),
     Mutant(
         "a word that two registers take",

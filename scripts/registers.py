@@ -29,7 +29,8 @@ WORD = 32  # bits
 MAP_BITS = 10  # of the addresses of registers; windows lie above
 PAGE_BITS = 4
 COLUMNS = 100
-LATENCY = 10  # clocks from bus_valid_i to bus_done_o
+LATENCY = 14  # clocks from bus_valid_i to bus_done_o
+SAMPLED = LATENCY - 3  # clocks from bus_valid_i until a READ sees an input
 
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9]*(_[a-z0-9]+)*$")]
 Number = int | str  # or the name of a localparam
@@ -112,6 +113,8 @@ class WindowEntry(Strict):
     entries: int = Field(ge=2)
     lock: Name | None = None
     commit: bool = False
+    bank: Name | None = None
+    in_use: Name | None = None
     fields: dict[Name, FieldEntry] = Field(min_length=1)
 
 
@@ -175,6 +178,13 @@ class Window:
     doc: str
     fields: tuple[Register, ...]
     commit: bool = False  # its entries wait for a commit
+    bank: Register | None = None  # which of two banks elsewhere the bus accesses
+    in_use: Register | None = None  # and which one it may not write
+
+    @property
+    def copied(self) -> bool:
+        """Whether a commit copies its entries."""
+        return self.commit and self.bank is None
 
     @property
     def field_bits(self) -> int:
@@ -250,10 +260,20 @@ class Map:
             fields = ((f"{window.name}_write", 1, False),)
             fields += ((f"{window.name}_index", window.index_bits, False),)
             fields += tuple(one for field in window.fields for one in _fields(field))
-            if window.commit:
+            if window.copied:
                 fields += tuple((f"{window.name}_{one}", 1, False) for one in BANK)
+            if window.bank is not None:
+                fields += ((f"{window.name}_access_bank", 1, False),)
+                back = (_read_back(window), window.fields[0].width, window.fields[0].signed)
+                status = f"{window.name}_status"
+                found[status] = Struct(status, f"{window.doc}: read", False, (back,))
             found[window.name] = Struct(window.name, window.doc, True, fields)
         return tuple(found.values())
+
+
+def _read_back(window: Window) -> str:
+    """Return what comes back of a table whose memory is elsewhere."""
+    return f"{window.name}_read"
 
 
 def _fields(register: Register) -> tuple[tuple[str, int, bool], ...]:
@@ -429,9 +449,25 @@ class _Reader:
         doc = "Each takes a 1 and nothing else, and keeps it until reset"
         return Group("locks", self._file.locks_address, doc, tuple(registers))
 
-    def window(self, name: str, window: WindowEntry) -> Window:
+    def _bank(self, place: str, key: str, name: str, groups: list[Group]) -> Register:
+        for register in (one for group in groups for one in group.registers):
+            if register.name == name:
+                break
+        else:
+            raise self.complain(place, f"{key} = {name!r}: there is no such register")
+        if register.width > 1 or register.access != "rw" or register.commit != (key == "in_use"):
+            raise self.complain(place, f"{key} = {name!r}: it has one bit, and in_use waits")
+        return register
+
+    def window(self, name: str, window: WindowEntry, groups: list[Group]) -> Window:
         """Return a window."""
         place = f"window {name}"
+        banks = [
+            None if of is None else self._bank(place, key, of, groups)
+            for key, of in (("bank", window.bank), ("in_use", window.in_use))
+        ]
+        if banks != [None, None] and (None in banks or len(window.fields) > 1 or not window.commit):
+            raise self.complain(place, "bank and in_use go with one field that waits for a commit")
         fields = []
         for key, entry in window.fields.items():
             at = f"{place}, field {key}"
@@ -470,6 +506,8 @@ class _Reader:
             doc=window.doc,
             fields=tuple(fields),
             commit=window.commit,
+            bank=banks[0],
+            in_use=banks[1],
         )
         size = 1 << made.bits
         if window.address % size or not 1 << MAP_BITS <= window.address <= 65536 - size:
@@ -502,7 +540,11 @@ def _hash(registers: list[Register], windows: list[Window]) -> int:
     known = [
         [facts(register) for register in registers],
         [
-            [window.name, window.address, window.entries, [facts(field) for field in window.fields]]
+            [
+                *(window.name, window.address, window.entries),
+                *(one.name for one in (window.bank, window.in_use) if one is not None),
+                [facts(field) for field in window.fields],
+            ]
             for window in windows
         ],
     ]
@@ -513,7 +555,8 @@ def _ports(made: Register | Window) -> list[str]:
     """Return the names that a register or window takes up, without their endings."""
     if isinstance(made, Window):
         own = [made.name, f"{made.name}_write", f"{made.name}_index"]
-        own += [f"{made.name}_{one}" for one in BANK] if made.commit else []
+        own += [f"{made.name}_{one}" for one in BANK] if made.copied else []
+        own += [f"{made.name}_access_bank", _read_back(made)] if made.bank is not None else []
         return own + [field.name for field in made.fields]
     return [made.name, f"{made.name}_strobe"] if made.access == "strobe" else [made.name]
 
@@ -541,7 +584,7 @@ def parse(path: Path) -> Map:
         groups.append(reader.locks())
     groups.sort(key=lambda group: group.address)
     registers = [register for group in groups for register in group.registers]
-    windows = [reader.window(name, window) for name, window in file.windows.items()]
+    windows = [reader.window(name, window, groups) for name, window in file.windows.items()]
 
     owner: dict[str, str] = {"clk": "the clock", "rst": "the reset"}
     for made in [*registers, *windows]:
@@ -691,6 +734,11 @@ def _element(register: Register, element: int) -> str:
     return f"{register.name}[{element}]" if register.count > 1 else register.name
 
 
+def _active(register: Register) -> str:
+    """Return a register that waits as the instrument sees it."""
+    return replace(register, commit=False).place
+
+
 def _bounds(register: Register, word: int) -> tuple[int, int]:
     """Return the least and the largest value that a word takes."""
     if not register.wide:
@@ -769,7 +817,7 @@ def _commits(made: Map) -> bool:
 
 def _copy_bits(made: Map) -> int:
     """Return the bits of an entry's number in the largest table that waits; 0 if none does."""
-    return max((window.index_bits for window in made.windows if window.commit), default=0)
+    return max((window.index_bits for window in made.windows if window.copied), default=0)
 
 
 HEADER = """\
@@ -798,6 +846,9 @@ HEADER = """\
 //                 as written.  The READ of a lower word of *_i keeps the higher one for its READ
 //   Tables        an entry goes out with its last field and with *_write, the others are those
 //                 written before; a reset leaves what was written for the bus to read
+//   Two banks     of a table elsewhere: an entry goes out with *_write, to bank *_access_bank, and
+//                 *_read of *_index comes back, {back} clocks behind a write as it was written.
+//                 StatusBusy is also for a write into the bank in use
 //   waiting_i ..  of commit_control.  What waits goes out 2 clocks after take_i.  Entries of
 //                 waiting tables go out 2 clocks after copy_i, into the bank that is not
 //                 bank_i's.  StatusBusy is for waiting_i
@@ -823,7 +874,13 @@ def register_file(made: Map, name: str = "register_file", package: str = "regist
     entries = 1 << map_bits
 
     out = HEADER.format(
-        name=name, source=made.source, package=package, latency=LATENCY, written=7, sampled=7
+        name=name,
+        source=made.source,
+        package=package,
+        latency=LATENCY,
+        written=7,
+        sampled=SAMPLED,
+        back=LATENCY - 9,
     ).splitlines()
     out += _ports_section(made, package)
     out += [
@@ -914,6 +971,15 @@ def register_file(made: Map, name: str = "register_file", package: str = "regist
         ]
         tables = "".join(f" || {w.name}_hit_q" for w in made.windows if w.commit)
         busy_q = [f"    busy_q <= rule_q.commit && waiting_i && (!read{tables});"]
+        if len(busy_q[0]) > COLUMNS:
+            busy_q = [
+                "    busy_q <= rule_q.commit && waiting_i",
+                f"              && (!read{tables});",
+            ]
+        for w in made.windows:
+            if w.bank is not None and w.in_use is not None:
+                used = f"{w.bank.place} == {_active(w.in_use)}"
+                busy_q.append(f"    if (!read && {w.name}_hit_q && {used}) busy_q <= 1'b1;")
     padded = (1 << rules.lock_bits) - 1 - len(made.locks)
     lock_list = [f"locks_o.{name}" for name in reversed(made.locks)]
     lock_list = ([f"{padded}'d0"] if padded else []) + lock_list + ["1'b0"]
@@ -944,7 +1010,8 @@ def register_file(made: Map, name: str = "register_file", package: str = "regist
         "    above_q  <= value > rule_q.maximum;",
         "    locked_q <= locks[rule_q.lock];",
         *busy_q,
-        "    status_q <= verdict;",
+        "    // What an access changes judges the next: a commit waits from its own write on.",
+        "    if (step_q[4]) status_q <= verdict;",
         "    write_q  <= step_q[4] && access_q == link_pkg::AccessWidth'(link_pkg::AccessWrite)",
         "                && verdict == link_pkg::StatusWidth'(link_pkg::StatusOk);",
         "    if (rst) write_q <= 1'b0;",
@@ -1042,7 +1109,7 @@ def register_file(made: Map, name: str = "register_file", package: str = "regist
 
     for window in made.windows:
         out += _window_memory(window)
-    out.append("  // ---- 7: the words of a page; what is wide stays whole ----")
+    out.append(f"  // ---- {SAMPLED}: the words of a page; what is wide stays whole ----")
     if wide_inputs:
         for register in wide_inputs:
             out.append(f"  logic [{register.width - WORD - 1}:0] {register.name}_high_q;")
@@ -1052,7 +1119,7 @@ def register_file(made: Map, name: str = "register_file", package: str = "regist
             page, word = divmod(register.address, 1 << PAGE_BITS)
             hit = f"page_{page:02x}_hit_q && word_hit_q[{word}]"
             out += [
-                f"    keep_q[{k}] <= step_q[6] && read && {hit};",
+                f"    keep_q[{k}] <= step_q[{SAMPLED - 1}] && read && {hit};",
                 f"    if (keep_q[{k}]) {register.name}_high_q <= {high};",
             ]
         cleared = [f"      {register.name}_high_q <= '0;" for register in wide_inputs]
@@ -1075,7 +1142,7 @@ def register_file(made: Map, name: str = "register_file", package: str = "regist
             out.append(f"      {at}: {name}_q <= {_as_word(register, element, word)};")
         out += ["    endcase", f"    if (!{name}_hit_q) {name}_q <= '0;", "  end", ""]
     out += [
-        "  // ---- 8: the page, the only one that is not 0; 9: the answer ----",
+        f"  // ---- {last - 1}: the page, the only one that is not 0; {last}: the answer ----",
         f"  logic [{WORD - 1}:0] read_q;",
         "  always_ff @(posedge clk_i)",
         "    read_q <= " + "\n              | ".join(f"page_{page:02x}_q" for page in pages) + ";",
@@ -1124,6 +1191,8 @@ def _window_memory(window: Window) -> list[str]:
     """Return a table's own memory, a field each, and what leaves with an entry."""
     name, bits, size = window.name, window.field_bits, 1 << window.index_bits
     last = len(window.fields) - 1
+    if window.bank is not None:
+        return _elsewhere(window, window.bank)
     out = [f"  // ---- {name}: written at 6, read back at 7 and 8 ----"]
     entry = f"{name}_entry" if window.commit else f"{name}_index"
     if window.commit:
@@ -1165,10 +1234,7 @@ def _window_memory(window: Window) -> list[str]:
         out += _entry_out(window)
 
     def word(field: Register) -> str:
-        text = f"{field.name}_q"
-        if field.width == WORD:
-            return text
-        return f"{WORD}'(signed'({text}))" if field.signed else f"{WORD}'({text})"
+        return _cell_word(field, f"{field.name}_q")
 
     if bits:
         out.append(f"    case (address_q[{bits - 1}:0])")
@@ -1179,6 +1245,33 @@ def _window_memory(window: Window) -> list[str]:
         out.append(f"    {name}_read_q <= {word(window.fields[0])};")
     out += [f"    if (rst) {name}_o.{name}_write <= 1'b0;", "  end", ""]
     return out
+
+
+def _cell_word(field: Register, text: str) -> str:
+    """Return the word of a field of a table."""
+    if field.width == WORD:
+        return text
+    return f"{WORD}'(signed'({text}))" if field.signed else f"{WORD}'({text})"
+
+
+def _elsewhere(window: Window, bank: Register) -> list[str]:
+    """Return what leaves of a table whose memory is elsewhere, and what comes back of it."""
+    name, field = window.name, window.fields[0]
+    source = f"data_q[{field.width - 1}:0]"
+    source = f"signed'({source})" if field.signed else source
+    back = _cell_word(field, f"{name}_status_i.{_read_back(window)}")
+    return [
+        f"  // ---- {name}: goes out at 6, comes back at {LATENCY - 2} ----",
+        f"  logic [{WORD - 1}:0] {name}_read_q;",
+        "  always_ff @(posedge clk_i) begin",
+        f"    {name}_o.{name}_write       <= write_q2 && {name}_hit_q && !rst;",
+        f"    {name}_o.{name}_access_bank <= {bank.place};",
+        f"    {name}_o.{name}_index       <= {name}_index;",
+        f"    {name}_o.{field.name} <= {source};",
+        f"    {name}_read_q <= {back};",
+        "  end",
+        "",
+    ]
 
 
 def _copied(window: Window) -> list[str]:
@@ -1277,7 +1370,12 @@ class Register:
 
 @dataclass(frozen=True)
 class Window:
-    """A table. Field k of entry i is at address + i * stride + k, the last one writes the entry."""
+    """A table. Field k of entry i is at address + i * stride + k, the last one writes the entry.
+
+    Attributes:
+        bank: The register that says which of two banks is accessed, or None.
+        in_use: The register of the bank that is in use; it is not written.
+    """
 
     name: str
     address: int
@@ -1286,6 +1384,8 @@ class Window:
     fields: tuple[Register, ...]
     lock: str | None
     commit: bool
+    bank: str | None
+    in_use: str | None
     doc: str
 
 
@@ -1381,8 +1481,12 @@ def register_map(made: Map) -> str:
         )
         for k, field in enumerate(window.fields):
             out += _python(field, k, " " * 8)
+        bank, in_use = (
+            "None" if one is None else _quoted(one.name) for one in (window.bank, window.in_use)
+        )
         lock = "None" if window.lock is None else _quoted(window.lock)
-        out += _call("    ), ", [lock, repr(window.commit), _quoted(window.doc)], "),")
+        made_of = [lock, repr(window.commit), bank, in_use, _quoted(window.doc)]
+        out += _call("    ), ", made_of, "),")
     names = ", ".join(_quoted(name) for name in made.locks)
     out += [
         ")",
@@ -1463,6 +1567,16 @@ def _row(register: Register, address: str) -> str:
     return "| " + " | ".join(_cell(cell) for cell in cells) + " |"
 
 
+def _banks(window: Window) -> list[str]:
+    """Return what the page says of a table with two banks."""
+    if window.bank is None or window.in_use is None:
+        return []
+    return [
+        f"There are two banks: `{window.bank.name}` says which one is accessed. That of "
+        f"`{window.in_use.name}` is in use, and a write into it is answered with `BUSY`.",
+    ]
+
+
 def document(made: Map) -> str:
     """Return docs/registers.md."""
     lines = PAGE_HEADER.format(hash=f"0x{made.hash:08X}").splitlines()
@@ -1484,7 +1598,8 @@ def document(made: Map) -> str:
             "",
             f"{window.doc}. {window.entries} entries of {window.stride} "
             f"word{'s' * (window.stride > 1)}, "
-            f"0x{window.address:04X}..{end:04X}.{' At a commit.' if window.commit else ''}",
+            f"0x{window.address:04X}..{end:04X}.{' At a commit.' if window.copied else ''}",
+            *_banks(window),
             *head,
         ]
         lines += [_row(field, f"+{k}") for k, field in enumerate(window.fields)]

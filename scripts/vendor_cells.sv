@@ -12,11 +12,14 @@ module EHXPLLL #(
   parameter              CLKOP_ENABLE = "ENABLED",
   parameter int unsigned CLKOP_DIV    = 8,
   parameter int unsigned CLKOP_CPHASE = 0,
+  parameter              CLKOS_ENABLE = "DISABLED",
+  parameter int unsigned CLKOS_DIV    = 8,
+  parameter int unsigned CLKOS_CPHASE = 0,
   parameter              FEEDBK_PATH  = "CLKOP"
 ) (
   input  wire logic CLKI, CLKFB, RST, STDBY, PHASESEL0, PHASESEL1, PHASEDIR, PHASESTEP,
   input  wire logic PHASELOADREG, PLLWAKESYNC, ENCLKOP,
-  output      logic CLKOP, LOCK
+  output      logic CLKOP, CLKOS, LOCK
 );
 endmodule
 

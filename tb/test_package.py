@@ -95,11 +95,12 @@ def test_pip_is_told_what_a_detector_needs_and_no_more(site: Path) -> None:
     needs = told.get_all("Requires-Dist") or []
     assert [name for name in needs if "extra ==" not in name] == ["numpy", "pydantic"]
     extras = set(told.get_all("Provides-Extra") or ())
-    assert extras == {"all", "cli", "link", "scene", "sim", "study"}
+    assert extras == {"all", "cli", "formats", "link", "rerun", "scene", "sim", "study"}
     by_extra = {
         extra: {name.split(";")[0] for name in needs if name.endswith(f"'{extra}'")}
         for extra in extras
     }
+    assert by_extra.pop("rerun") == {"rerun-sdk"}  # which is large
     assert by_extra.pop("all") == set.union(*by_extra.values())
 
 
@@ -190,8 +191,7 @@ def test_the_notebook_runs_with_an_unpacked_wheel(site: Path, tmp_path: Path) ->
     assert found.pop("one window, sensor's noise") == pytest.approx(normal, rel=0.1)
     assert found.pop("one window, all of it") > 5.0  # for it knows no speckle
     # Sigma allows for edges, too, which few points have.
-    assert 0.75 * normal < found.pop("fit, all but coarse grains") < 1.1 * normal
-    assert 1.1 * normal < found.pop("fit, all of the light") < 1.6 * normal
+    assert 0.75 * normal < found.pop("fit, all of the light") < 1.1 * normal
     # It allows for some speckle, too.
     assert 0.35 * normal < found.pop("fit, sensor's noise") < normal
     assert not found

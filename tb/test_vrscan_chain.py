@@ -27,9 +27,11 @@ from vrscan.data.config import Config, Geometry, Peak, Sensor
 from vrscan.data.points import Points
 from vrscan.engines.chain_engine import RESULTS
 from vrscan.fixed import vrscan_chain as chain
+from vrscan.fixed.correction_map import COLUMNS, ROWS
 from vrscan.fixed.line_receiver import LineReceiver
 from vrscan.fixed.vrscan_chain import run_fixed
 from vrscan.registers.chain_registers import Registers
+from vrscan.registers.map_table import MapTable
 from vrscan.registers.structs import POINT
 
 ELABORATIONS = [
@@ -72,7 +74,7 @@ class Strobes:
         rest = self.rest
         own = {"angle": self.angle, "power": self.power, "mirror_flags": self.mirror_flags}
         more = {"confidence": rest, "inward": rest & 1, "test": rest >> 7}
-        return own | more | {"time_clks": rest * 0x0101_0101}
+        return own | more | {"time_clks": rest * 0x0101_0101, "lens": rest * 0x0101}
 
 
 def min_period(window: str = "threshold") -> int:
@@ -169,7 +171,37 @@ def read_point(dut) -> dict[str, int]:
     return {name: fields[POINT.get(name, name)] for name in (*RESULTS, *PASSED)}
 
 
-def expected(clocks: list[Strobes], given: Registers) -> list[tuple[int, dict[str, int]]]:
+def some_maps(salt: int) -> MapTable:
+    """Return smooth maps whose nodes are filled in places, about the lenses of lines."""
+    draw = generator(salt)
+    i, j = np.meshgrid(np.arange(ROWS), np.arange(COLUMNS), indexing="ij")
+    waves = [np.sin(draw.uniform(0.1, 0.4) * i + 0.3 * j + k) for k in range(2)]
+    filled = draw.random((2, ROWS, COLUMNS)) < 0.15
+    return MapTable(np.int64(9000.0 * np.array(waves)), filled, 20_000, 14, 27_000)
+
+
+async def write_maps(dut, maps: MapTable, bank: int) -> None:
+    """Write maps into a bank, as the bus does."""
+    for index, word in enumerate(maps.words.tolist()):
+        entry = {"map_table_write": 1, "map_table_index": index, "map_table_node": word}
+        struct_ports(dut)["map_table_i"].give(entry | {"map_table_access_bank": bank})
+        await FallingEdge(dut.clk_i)
+    struct_ports(dut)["map_table_i"].give({})
+
+
+def use_maps(dut, maps: MapTable | None, bank: int = 0, *, follow: bool = False) -> None:
+    """Let maps take effect."""
+    if maps is None:
+        struct_ports(dut)["map_i"].give({})
+        return
+    places = {"map_begin": maps.map_begin, "map_shift": maps.map_shift, "map_lens": maps.lens}
+    which = {"map_enable": 1, "map_bank": bank, "map_follow": int(follow)}
+    struct_ports(dut)["map_i"].give(places | which | {"map_count": len(maps.nodes)})
+
+
+def expected(
+    clocks: list[Strobes], given: Registers, maps: MapTable | None = None, *, follow: bool = False
+) -> list[tuple[int, dict[str, int]]]:
     """Return (clock, point) by the receiver's twin and the model of the chain."""
     elaboration = parameters()
     length = elaboration["LineLength"]
@@ -177,6 +209,7 @@ def expected(clocks: list[Strobes], given: Registers) -> list[tuple[int, dict[st
     twin = LineReceiver(length, min_period(window))
     pixels: list[int] = []
     ends, lines, angles, powers, raised, numbers, lost = [], [], [], [], [], [], []
+    lenses: list[int] = []
     passed: list[dict[str, int]] = []
     for cycle, s in enumerate(clocks):
         got = twin.step(s.start, s.valid, s.pixel, s.end)
@@ -189,6 +222,7 @@ def expected(clocks: list[Strobes], given: Registers) -> list[tuple[int, dict[st
             powers.append(s.power)
             raised.append(s.mirror_flags)
             line = s.line()
+            lenses.append(line["lens"])
             passed.append({name: line["time_clks" if name == "time" else name] for name in PASSED})
             numbers.append(got.line_number)
             lost.append(got.lost)
@@ -201,6 +235,8 @@ def expected(clocks: list[Strobes], given: Registers) -> list[tuple[int, dict[st
         given,
         mirror_flags=np.array(raised),
         max_window=elaboration["MaxWindow"],
+        maps=maps,
+        lens=np.array(lenses) if follow else None,
     )
     flags = points.flags | np.array(lost, np.int64) << pkg.FLAG_LINES_LOST
     points = replace(points, line=np.array(numbers), flags=flags)
@@ -214,6 +250,7 @@ def expected(clocks: list[Strobes], given: Registers) -> list[tuple[int, dict[st
             max_window=elaboration["MaxWindow"],
             first_width=int(first.width[k]) if given.window_two_pass else None,
             fit=given.window_fit,
+            mapped=maps is not None,
         )
         for k in range(len(lines))
     ]
@@ -228,12 +265,19 @@ def row(points: Points, k: int) -> dict[str, int]:
     return {name: int(getattr(points, name)[k]) for name in RESULTS}
 
 
-async def compare(dut, clocks: list[Strobes], given: Registers) -> list[dict[str, int]]:
+async def compare(
+    dut,
+    clocks: list[Strobes],
+    given: Registers,
+    maps: MapTable | None = None,
+    *,
+    follow: bool = False,
+) -> list[dict[str, int]]:
     """Drive the clocks, let the last point out, and compare every point and its clock."""
     elaboration = parameters()
     rest = 4500 + elaboration["NeighbourClks"] if given.window_fit else 2000
     clocks = clocks + idle(rest + elaboration["LineLength"])
-    want = expected(clocks, given)
+    want = expected(clocks, given, maps, follow=follow)
     got = await drive(dut, clocks)
     for k, (have, need) in enumerate(zip(got, want, strict=False)):
         wrong = {n: (have[1][n], need[1][n]) for n in need[1] if have[1][n] != need[1][n]}
@@ -264,6 +308,7 @@ async def start(dut, window: str = "threshold") -> Registers:
         )
         await FallingEdge(dut.clk_i)
     struct_ports(dut)["free_table_i"].give({})
+    use_maps(dut, None)
     dut.ready_i.value = 1
     await FallingEdge(dut.clk_i)
     return given
@@ -330,6 +375,27 @@ async def back_to_back(dut, window: str, count: int) -> None:
 
 
 @cocotb.test()
+async def lines_with_maps(dut) -> None:
+    """With one window and with a fit, by each bank, where the lens stands still and moves."""
+    if parameters()["LineLength"] < 64:
+        return
+    lines = spot_lines(rounds(12, 40), 9)
+    for bank, (window, follow) in enumerate((("threshold", True), ("fit", False))):
+        given, maps = await start(dut, window), some_maps(20 + bank)
+        await write_maps(dut, some_maps(30), 1 - bank)
+        await write_maps(dut, maps, bank)
+        use_maps(dut, maps, bank, follow=follow)
+        clocks: list[Strobes] = []
+        for k, line in enumerate(lines):
+            clocks += as_strobes(line, k) + idle(min_period(window))
+        points = await compare(dut, clocks, given, maps, follow=follow)
+        found = [point for point in points if point["measured"]]
+        told = sum(point["flags"] >> pkg.FLAG_MAP_FILLED & 1 for point in found)
+        assert 0 < told < len(found) or len(found) < 6  # few spots are clear on a short line
+    use_maps(dut, None)
+
+
+@cocotb.test()
 async def gaps_everywhere(dut) -> None:
     """Gaps between pixels and between lines."""
     given = await start(dut)
@@ -378,6 +444,7 @@ class Committed:
         self.got: list[dict[str, int]] = []
         self.good: list[list[tuple[Strobes, list[int], int, bool]]] = [[] for _ in configurations]
         self.held: list[int] = []  # clocks of each hold
+        self.banks = [some_maps(40), some_maps(41)] if configurations[0].line_length >= 64 else []
         first = configurations[0]
         self.receiver = LineReceiver(first.line_length, self.period(first))
 
@@ -388,10 +455,25 @@ class Committed:
         two_pass, fit = given.window_two_pass, given.window_fit
         return chain.min_period(given.line_length, most, two_pass=two_pass, fit=fit)
 
-    def give(self, given: Registers) -> None:
+    def give(self, number: int) -> None:
         """Let a configuration take effect."""
         for name in ("peak_i", "geometry_i", "free_i"):
-            struct_ports(self.dut)[name].give(given)
+            struct_ports(self.dut)[name].give(self.configurations[number])
+        use_maps(self.dut, self.maps(number), number % 2, follow=self.follows(number))
+
+    def maps(self, number: int) -> MapTable | None:
+        """Return the maps of a configuration: none, those of one bank, those of the other."""
+        return self.banks[number % 2] if number % 3 and self.banks else None
+
+    @staticmethod
+    def follows(number: int) -> bool:
+        """Return whether the maps of a configuration follow the lens."""
+        return number % 4 < 2
+
+    async def write(self) -> None:
+        """Write the maps of both banks."""
+        for bank, maps in enumerate(self.banks):
+            await write_maps(self.dut, maps, bank)
 
     async def run(self, clocks: list[Strobes]) -> None:
         """Do all of it; the first commit is that behind the reset."""
@@ -425,7 +507,7 @@ class Committed:
                 self.receiver.min_period = self.period(self.configurations[number])
                 self.held.append(0)
             if cycle == due:
-                self.give(self.configurations[number])
+                self.give(number)
             # The receiver's twin, and which lines begin and end outside of a hold.
             if s.start:
                 fresh = True
@@ -459,6 +541,10 @@ class Committed:
                 given,
                 mirror_flags=np.array([s.mirror_flags for s, *_ in lines]),
                 max_window=parameters()["MaxWindow"],
+                maps=self.maps(number),
+                lens=np.array([s.line()["lens"] for s, *_ in lines])
+                if self.follows(number)
+                else None,
             )
             for k, (s, _, line, lost) in enumerate(lines):
                 passed = {"time" if n == "time_clks" else n: v for n, v in s.line().items()}
@@ -511,6 +597,7 @@ async def every_point_is_of_one_configuration(dut) -> None:
         clocks += as_strobes(line, k) + idle(int(draw.choice([0, 0, 0, 1, 300])))
     commits = np.sort(draw.integers(2000, len(clocks), len(order) - 1)).tolist()
     bench = Committed(dut, configurations(draw, order), commits)
+    await bench.write()
     rest = 8000 + parameters()["NeighbourClks"]
     await bench.run(clocks + idle(rest))
     points = bench.check()

@@ -9,17 +9,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-import numpy as np
 from pydantic import ValidationError
 
-from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.data.config import Config, Peak, complaint
 from vrscan.data.config import load as load_config
 from vrscan.data.contract import checked
 from vrscan.data.errors import InputError
 from vrscan.data.extras import named
 from vrscan.data.lines import Lines, part
-from vrscan.data.points import flag_texts
 from vrscan.data.table import Table
 from vrscan.engines import engine as engines
 from vrscan.engines.engine import Engine
@@ -118,7 +115,7 @@ def detect(
             ``config.laser.power_max`` [n].
         mode: How the spot is found: ``threshold``, one window, as in the paper; ``two_pass``, a
             second window that suits spot and noise; or ``fit``, a Gaussian that is fitted from
-            there on, with the speckle of the 15 lines before. None takes what ``config`` says, and
+            there on, with the speckle of the 62 lines before. None takes what ``config`` says, and
             that is ``fit`` unless it says otherwise.
         engine: Who computes: ``fixed``, the bit-accurate model of the hardware; ``ideal``, the
             papers' equations in float64; or ``rtl``, the hardware itself in Verilator, which gives
@@ -188,11 +185,7 @@ def to_frame(points: Table) -> "pd.DataFrame":
         points: What ``detect`` returns, n rows.
 
     Returns:
-        n rows. What means nothing is missing, as it is empty in the file: ``left`` and ``right``
-        without a window, position and its sigma without a valid peak, ``x_mm``, ``z_mm`` and
-        ``sigma_z_mm`` where the rays do not meet, ``free_from_mm`` and ``free_to_mm`` where nothing
-        is known to be free. ``frame["flags"]`` has the names of a row's
-        flags, joined by ``|``; ``frame.flags`` is something of pandas' own.
+        n rows, as ``Table.to_frame`` has them.
 
     Raises:
         MissingError: if pandas is not installed.
@@ -204,42 +197,7 @@ def to_frame(points: Table) -> "pd.DataFrame":
         >>> len(frame), list(frame.columns[:3])
         (64, ['line', 'peak', 'flags'])
     """
-    with named():
-        import pandas as pd
-
-    def where(rows: Bools, values: Floats) -> Floats:
-        return np.where(rows, values, np.nan)
-
-    def whole(rows: Bools, values: Ints) -> "pd.api.extensions.ExtensionArray":
-        return pd.arrays.IntegerArray(values.astype(np.int64), ~rows)
-
-    window = points.width > 0
-    return pd.DataFrame(
-        {
-            "line": points.line,
-            "peak": np.zeros(len(points), np.int64),
-            "flags": flag_texts(points.flags, len(points)),
-            "left": whole(window, points.left),
-            "right": whole(window, points.right),
-            "maximum": points.maximum,
-            "row_mean": points.row_mean,
-            "row_variance": points.row_variance,
-            "background": points.background,
-            "noise": points.noise,
-            "snr": points.snr,
-            "position_px": where(points.measured, points.position_px),
-            "sigma_px": where(points.measured, points.sigma_px),
-            "doubt_px": where(points.measured, points.doubt_px),
-            "angle_rad": points.angle_rad,
-            "x_mm": where(points.located, points.x_mm),
-            "z_mm": where(points.located, points.z_mm),
-            "sigma_z_mm": where(points.located, points.sigma_z_mm),
-            "c_obj": points.c_obj,
-            "c_sfm": points.c_sfm,
-            "free_from_mm": where(points.free_to_mm > 0.0, points.free_from_mm),
-            "free_to_mm": where(points.free_to_mm > 0.0, points.free_to_mm),
-        }
-    )
+    return points.to_frame()
 
 
 def _configured(config: ConfigSource) -> Config:

@@ -1,7 +1,8 @@
 // ulx3s: vrscan on a ULX3S with an LFE5U-85F: clocks, pins and synchronisers.
 //
-// The core runs at 80 MHz from the PLL and the board's oscillator, laser_guard from the chip's own
-// oscillator: 310 MHz / 12, within a fifth.  The index is sampled at both edges, 6.25 ns apart.
+// The core runs at 76.667 MHz from the PLL and the board's oscillator: 2,051 clocks for a line of
+// 2,048 pixels.  laser_guard runs from the chip's own oscillator: 310 MHz / 12, within a fifth.  The
+// index is sampled at both edges, 6.5 ns apart.
 // constraints/ulx3s.lpf has the pins; FIRE1 is the reset.
 
 `default_nettype none
@@ -39,22 +40,27 @@ module ulx3s (
   inout  wire logic        focus_sda_io
 );
 
-  localparam int unsigned ClockHz = 80_000_000;
+  localparam int unsigned ClockHz = 76_666_667;
 
   // ---- clocks and resets ----
-  logic clk, locked;
-  (* FREQUENCY_PIN_CLKI = "25", FREQUENCY_PIN_CLKOP = "80" *)
+  // 25 MHz / 3 * 23 at the output that feeds back, a quarter of 766.7 MHz; a tenth is the core's.
+  logic clk, feedback_clk, locked;
+  (* FREQUENCY_PIN_CLKI = "25", FREQUENCY_PIN_CLKOP = "191.667", FREQUENCY_PIN_CLKOS = "76.667" *)
   EHXPLLL #(
-    .CLKI_DIV    (5),
-    .CLKFB_DIV   (16),
+    .CLKI_DIV    (3),
+    .CLKFB_DIV   (23),
     .CLKOP_ENABLE("ENABLED"),
-    .CLKOP_DIV   (7),  // of 560 MHz
-    .CLKOP_CPHASE(6),
+    .CLKOP_DIV   (4),
+    .CLKOP_CPHASE(3),
+    .CLKOS_ENABLE("ENABLED"),
+    .CLKOS_DIV   (10),
+    .CLKOS_CPHASE(9),
     .FEEDBK_PATH ("CLKOP")
   ) u_pll (
     .CLKI        (clk_25mhz_i),
-    .CLKFB       (clk),
-    .CLKOP       (clk),
+    .CLKFB       (feedback_clk),
+    .CLKOP       (feedback_clk),
+    .CLKOS       (clk),
     .LOCK        (locked),
     .RST         (1'b0),
     .STDBY       (1'b0),

@@ -107,7 +107,7 @@ module triangulate #(
 
   step_e                          step_q;
   logic                           busy_q, wave_start_q, start_q, store_q, done_q;
-  logic                           accept;
+  logic                           accept, done;
   logic                           wave_valid, product_valid, quotient_valid;
   logic signed [   AmplWidth-1:0] sine, cosine;
   logic signed [ProductWidth-1:0] product;
@@ -120,7 +120,7 @@ module triangulate #(
   logic signed [  vrscan_pkg::SlopeWidth-1:0] slope_q;
   logic        [  vrscan_pkg::SigmaWidth-1:0] sigma_q, typical_q;
   logic signed [  vrscan_pkg::AngleWidth-1:0] angle_q;
-  logic        [               UserWidth-1:0] user_q;
+  logic        [               UserWidth-1:0] user_i_q, user_q;
   logic                                       measured_q, saturated_q;
   logic                                       lost_q, missing_q;
 
@@ -269,6 +269,16 @@ module triangulate #(
   assign full = valid_o && !ready_i;
   assign drop = (valid_i && busy_q) || (done_q && full);
 
+  // What passes is taken a clock later than what is worked on.
+  assign done = store_q && step_q == WHOLE_SIGMA_Z;
+  always_ff @(posedge clk_i) user_i_q <= user_i;
+  wide_register #(.Width(UserWidth)) u_user (
+    .clk_i, .take_i(accept), .hold_i(1'b0), .d_i(user_i_q), .q_o(user_q)
+  );
+  wide_register #(.Width(UserWidth)) u_user_out (
+    .clk_i, .take_i(done), .hold_i(full), .d_i(user_q), .q_o(user_o)
+  );
+
   always_ff @(posedge clk_i) begin
     wave_start_q <= accept;
     start_q      <= wave_valid;
@@ -362,7 +372,7 @@ module triangulate #(
     // To nearest, half up.
     rounded_q <= RoundedWidth'(product >>> Fraction) + RoundedWidth'(product[Fraction-1]);
     store_q   <= product_valid || quotient_valid;
-    done_q    <= store_q && step_q == WHOLE_SIGMA_Z;
+    done_q    <= done;
     // x_q and z_q stand long before done_q.
     in_range_q <= measured_q && !no_range_q && !saturated_q && x_fits && z_fits;
 
@@ -373,7 +383,6 @@ module triangulate #(
       sigma_q     <= sigma_i;
       typical_q   <= typical_i;
       angle_q     <= angle_i;
-      user_q      <= user_i;
       measured_q  <= measured_i;
       saturated_q <= saturated_i;
       lost_q      <= missing_q || drop;
@@ -392,7 +401,6 @@ module triangulate #(
       no_range_o     <= measured_q && no_range_q;
       out_of_range_o <= measured_q && !no_range_q && !in_range_q;
       lost_o         <= lost_q;
-      user_o         <= user_q;
     end
     if (rst_i) begin
       busy_q       <= 1'b0;

@@ -18,15 +18,18 @@
 //   *_o           structs of register_pkg: what the bus has written, 7 clocks after
 //                 bus_valid_i; a field *_strobe is high in the first clock in which its register
 //                 has what was written
-//   *_i           structs, too: a READ sees them 7 clocks after bus_valid_i
+//   *_i           structs, too: a READ sees them 11 clocks after bus_valid_i
 //   Wide ones     take effect with their higher word; until then the lower one waits, and is read
 //                 as written.  The READ of a lower word of *_i keeps the higher one for its READ
 //   Tables        an entry goes out with its last field and with *_write, the others are those
 //                 written before; a reset leaves what was written for the bus to read
+//   Two banks     of a table elsewhere: an entry goes out with *_write, to bank *_access_bank, and
+//                 *_read of *_index comes back, 5 clocks behind a write as it was written.
+//                 StatusBusy is also for a write into the bank in use
 //   waiting_i ..  of commit_control.  What waits goes out 2 clocks after take_i.  Entries of
 //                 waiting tables go out 2 clocks after copy_i, into the bank that is not
 //                 bank_i's.  StatusBusy is for waiting_i
-//   Latency       10 clocks from bus_valid_i to bus_done_o
+//   Latency       14 clocks from bus_valid_i to bus_done_o
 //   Model         vrscan.clocked.register_file, bit-exact
 
 `default_nettype none
@@ -69,10 +72,14 @@ module register_file (
   output      register_pkg::sensor_t              sensor_o,
   output      register_pkg::commit_t              commit_o,
   input  wire register_pkg::commit_status_t       commit_status_i,
+  output      register_pkg::map_t                 map_o,
+  output      register_pkg::map_access_t          map_access_o,
   output      register_pkg::locks_t               locks_o,
   output      register_pkg::table_t               table_o,
   output      register_pkg::focus_table_t         focus_table_o,
   output      register_pkg::free_table_t          free_table_o,
+  input  wire register_pkg::map_table_status_t    map_table_status_i,
+  output      register_pkg::map_table_t           map_table_o,
 
   input  wire logic                               waiting_i,
   input  wire logic                               copy_i,
@@ -116,11 +123,15 @@ module register_file (
   local_register u_sensor_reset (.clk_i, .d_i(rst_i), .q_o(sensor_rst));
   logic commit_rst;
   local_register u_commit_reset (.clk_i, .d_i(rst_i), .q_o(commit_rst));
+  logic map_rst;
+  local_register u_map_reset (.clk_i, .d_i(rst_i), .q_o(map_rst));
+  logic map_access_rst;
+  local_register u_map_access_reset (.clk_i, .d_i(rst_i), .q_o(map_access_rst));
   logic locks_rst;
   local_register u_locks_reset (.clk_i, .d_i(rst_i), .q_o(locks_rst));
 
   // ---- an access, and how far it is ----
-  logic [9:1] step_q;
+  logic [13:1] step_q;
   logic [link_pkg::AccessWidth-1:0] access_q;
   logic [link_pkg::AddressWidth-1:0] address_q;
   logic [31:0] data_q;
@@ -129,7 +140,7 @@ module register_file (
   assign read = access_q != link_pkg::AccessWidth'(link_pkg::AccessCheck)
                 && access_q != link_pkg::AccessWidth'(link_pkg::AccessWrite);
   always_ff @(posedge clk_i) begin
-    step_q <= {step_q[8:1], start};
+    step_q <= {step_q[12:1], start};
     if (start) begin
       access_q  <= bus_access_i;
       address_q <= bus_address_i;
@@ -162,12 +173,16 @@ module register_file (
   logic free_table_hit_q;
   logic [7:0] free_table_index;
   assign free_table_index = address_q[8:1];
+  logic map_table_hit_q;
+  logic [14:0] map_table_index;
+  assign map_table_index = address_q[14:0];
   always_ff @(posedge clk_i) begin
     map_rule_q <= rule_mem[address_q[9:0]];
     map_hit_q  <= address_q[15:10] == '0;
     table_hit_q <= address_q[15:11] == 5'h08;
     focus_table_hit_q <= address_q[15:6] == 10'h140;
     free_table_hit_q <= address_q[15:9] == 7'h30;
+    map_table_hit_q <= address_q[15:15] == 1'h1 && map_table_index <= 15'd19304;
     rule_q <= map_hit_q ? map_rule_q : '0;
     if (table_hit_q)
       case (address_q[0:0])
@@ -186,6 +201,7 @@ module register_file (
           {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00000ffff};
         default: rule_q <= '0;
       endcase
+    if (map_table_hit_q) rule_q <= {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00003ffff};
   end
 
   // ---- 3: against the rule; 4: the verdict ----
@@ -214,8 +230,11 @@ module register_file (
     below_q  <= value < rule_q.minimum;
     above_q  <= value > rule_q.maximum;
     locked_q <= locks[rule_q.lock];
-    busy_q <= rule_q.commit && waiting_i && (!read || table_hit_q || free_table_hit_q);
-    status_q <= verdict;
+    busy_q <= rule_q.commit && waiting_i
+              && (!read || table_hit_q || free_table_hit_q || map_table_hit_q);
+    if (!read && map_table_hit_q && map_access_o.map_access_bank == map_o.map_bank) busy_q <= 1'b1;
+    // What an access changes judges the next: a commit waits from its own write on.
+    if (step_q[4]) status_q <= verdict;
     write_q  <= step_q[4] && access_q == link_pkg::AccessWidth'(link_pkg::AccessWrite)
                 && verdict == link_pkg::StatusWidth'(link_pkg::StatusOk);
     if (rst) write_q <= 1'b0;
@@ -245,6 +264,7 @@ module register_file (
   logic page_1c_hit_q;
   logic page_1d_hit_q;
   logic page_1e_hit_q;
+  logic page_1f_hit_q;
   logic page_3f_hit_q;
   logic [15:0] word_hit_q;
   always_ff @(posedge clk_i) begin
@@ -271,13 +291,14 @@ module register_file (
     page_1c_hit_q <= address_q[15:4] == 12'h01c;
     page_1d_hit_q <= address_q[15:4] == 12'h01d;
     page_1e_hit_q <= address_q[15:4] == 12'h01e;
+    page_1f_hit_q <= address_q[15:4] == 12'h01f;
     page_3f_hit_q <= address_q[15:4] == 12'h03f;
     for (int unsigned k = 0; k < 16; k++)
       word_hit_q[k] <= address_q[3:0] == 4'(k);
   end
 
   // ---- 5: which register; 6: it takes the word ----
-  logic [168:0] take_q;
+  logic [176:0] take_q;
   logic write_q2;
   always_ff @(posedge clk_i) begin
     write_q2 <= write_q;
@@ -448,9 +469,17 @@ module register_file (
     take_q[163] <= write_q && page_1d_hit_q && word_hit_q[6] && !rst;
     take_q[164] <= write_q && page_1d_hit_q && word_hit_q[7] && !rst;
     take_q[165] <= write_q && page_1e_hit_q && word_hit_q[0] && !rst;
-    take_q[166] <= write_q && page_3f_hit_q && word_hit_q[0] && !rst;
-    take_q[167] <= write_q && page_3f_hit_q && word_hit_q[1] && !rst;
-    take_q[168] <= write_q && page_3f_hit_q && word_hit_q[2] && !rst;
+    take_q[166] <= write_q && page_1f_hit_q && word_hit_q[0] && !rst;
+    take_q[167] <= write_q && page_1f_hit_q && word_hit_q[1] && !rst;
+    take_q[168] <= write_q && page_1f_hit_q && word_hit_q[2] && !rst;
+    take_q[169] <= write_q && page_1f_hit_q && word_hit_q[3] && !rst;
+    take_q[170] <= write_q && page_1f_hit_q && word_hit_q[4] && !rst;
+    take_q[171] <= write_q && page_1f_hit_q && word_hit_q[5] && !rst;
+    take_q[172] <= write_q && page_1f_hit_q && word_hit_q[6] && !rst;
+    take_q[173] <= write_q && page_1f_hit_q && word_hit_q[8] && !rst;
+    take_q[174] <= write_q && page_3f_hit_q && word_hit_q[0] && !rst;
+    take_q[175] <= write_q && page_3f_hit_q && word_hit_q[1] && !rst;
+    take_q[176] <= write_q && page_3f_hit_q && word_hit_q[2] && !rst;
   end
 
   logic [31:0] identity_data;
@@ -516,6 +545,14 @@ module register_file (
   logic [0:0] commit_data;
   local_register #(.Width(1)) u_commit_data (
     .clk_i, .d_i(data_q[0:0]), .q_o(commit_data)
+  );
+  logic [15:0] map_data;
+  local_register #(.Width(16)) u_map_data (
+    .clk_i, .d_i(data_q[15:0]), .q_o(map_data)
+  );
+  logic [0:0] map_access_data;
+  local_register #(.Width(1)) u_map_access_data (
+    .clk_i, .d_i(data_q[0:0]), .q_o(map_access_data)
   );
   logic [0:0] locks_data;
   local_register #(.Width(1)) u_locks_data (
@@ -683,6 +720,42 @@ module register_file (
   local_register #(.Width(2)) u_motion_dphi_take (
     .clk_i, .d_i({take_i, rst_i}),
     .q_o({motion_dphi_take, motion_dphi_taken_rst})
+  );
+  register_pkg::map_t map_q;
+  logic map_enable_take, map_enable_taken_rst;
+  local_register #(.Width(2)) u_map_enable_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({map_enable_take, map_enable_taken_rst})
+  );
+  logic map_bank_take, map_bank_taken_rst;
+  local_register #(.Width(2)) u_map_bank_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({map_bank_take, map_bank_taken_rst})
+  );
+  logic map_count_take, map_count_taken_rst;
+  local_register #(.Width(2)) u_map_count_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({map_count_take, map_count_taken_rst})
+  );
+  logic map_begin_take, map_begin_taken_rst;
+  local_register #(.Width(2)) u_map_begin_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({map_begin_take, map_begin_taken_rst})
+  );
+  logic map_shift_take, map_shift_taken_rst;
+  local_register #(.Width(2)) u_map_shift_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({map_shift_take, map_shift_taken_rst})
+  );
+  logic map_follow_take, map_follow_taken_rst;
+  local_register #(.Width(2)) u_map_follow_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({map_follow_take, map_follow_taken_rst})
+  );
+  logic map_lens_take, map_lens_taken_rst;
+  local_register #(.Width(2)) u_map_lens_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({map_lens_take, map_lens_taken_rst})
   );
   always_ff @(posedge clk_i) begin
     link_o.uart_step_strobe <= take_q[110];
@@ -855,9 +928,17 @@ module register_file (
     if (take_q[163]) sensor_o.readout_min_clks <= sensor_data;
     if (take_q[164]) sensor_o.readout_max_clks <= sensor_data;
     if (take_q[165]) commit_o.commit <= commit_data[0];
-    if (take_q[166]) locks_o.lock_calibration <= locks_data[0];
-    if (take_q[167]) locks_o.lock_mirror <= locks_data[0];
-    if (take_q[168]) locks_o.lock_laser <= locks_data[0];
+    if (take_q[166]) map_q.map_enable <= map_data[0];
+    if (take_q[167]) map_q.map_bank <= map_data[0];
+    if (take_q[168]) map_q.map_count <= map_data[3:0];
+    if (take_q[169]) map_q.map_begin <= map_data;
+    if (take_q[170]) map_q.map_shift <= map_data[3:0];
+    if (take_q[171]) map_q.map_follow <= map_data[0];
+    if (take_q[172]) map_q.map_lens <= map_data;
+    if (take_q[173]) map_access_o.map_access_bank <= map_access_data[0];
+    if (take_q[174]) locks_o.lock_calibration <= locks_data[0];
+    if (take_q[175]) locks_o.lock_mirror <= locks_data[0];
+    if (take_q[176]) locks_o.lock_laser <= locks_data[0];
     if (identity_rst) begin
       identity_o.scratch <= '0;
     end
@@ -1152,6 +1233,46 @@ module register_file (
       commit_o.commit <= '0;
       commit_o.commit_strobe <= 1'b0;
     end
+    if (map_enable_take) map_o.map_enable <= map_q.map_enable;
+    if (map_enable_taken_rst) begin
+      map_o.map_enable <= '0;
+    end
+    if (map_bank_take) map_o.map_bank <= map_q.map_bank;
+    if (map_bank_taken_rst) begin
+      map_o.map_bank <= '0;
+    end
+    if (map_count_take) map_o.map_count <= map_q.map_count;
+    if (map_count_taken_rst) begin
+      map_o.map_count <= 4'h2;
+    end
+    if (map_begin_take) map_o.map_begin <= map_q.map_begin;
+    if (map_begin_taken_rst) begin
+      map_o.map_begin <= '0;
+    end
+    if (map_shift_take) map_o.map_shift <= map_q.map_shift;
+    if (map_shift_taken_rst) begin
+      map_o.map_shift <= '0;
+    end
+    if (map_follow_take) map_o.map_follow <= map_q.map_follow;
+    if (map_follow_taken_rst) begin
+      map_o.map_follow <= '0;
+    end
+    if (map_lens_take) map_o.map_lens <= map_q.map_lens;
+    if (map_lens_taken_rst) begin
+      map_o.map_lens <= '0;
+    end
+    if (map_rst) begin
+      map_q.map_enable <= '0;
+      map_q.map_bank <= '0;
+      map_q.map_count <= 4'h2;
+      map_q.map_begin <= '0;
+      map_q.map_shift <= '0;
+      map_q.map_follow <= '0;
+      map_q.map_lens <= '0;
+    end
+    if (map_access_rst) begin
+      map_access_o.map_access_bank <= '0;
+    end
     if (locks_rst) begin
       locks_o.lock_calibration <= '0;
       locks_o.lock_mirror <= '0;
@@ -1261,20 +1382,30 @@ module register_file (
     if (rst) free_table_o.free_table_write <= 1'b0;
   end
 
-  // ---- 7: the words of a page; what is wide stays whole ----
+  // ---- map_table: goes out at 6, comes back at 12 ----
+  logic [31:0] map_table_read_q;
+  always_ff @(posedge clk_i) begin
+    map_table_o.map_table_write       <= write_q2 && map_table_hit_q && !rst;
+    map_table_o.map_table_access_bank <= map_access_o.map_access_bank;
+    map_table_o.map_table_index       <= map_table_index;
+    map_table_o.map_table_node <= data_q[17:0];
+    map_table_read_q <= 32'(map_table_status_i.map_table_read);
+  end
+
+  // ---- 11: the words of a page; what is wide stays whole ----
   logic [15:0] uptime_high_q;
   logic [7:0] mirror_word_high_q;
   logic [15:0] mirror_drive_phase_high_q;
   logic [15:0] mirror_phase_high_q;
   logic [3:0] keep_q;
   always_ff @(posedge clk_i) begin
-    keep_q[0] <= step_q[6] && read && page_00_hit_q && word_hit_q[11];
+    keep_q[0] <= step_q[10] && read && page_00_hit_q && word_hit_q[11];
     if (keep_q[0]) uptime_high_q <= identity_status_i.uptime[47:32];
-    keep_q[1] <= step_q[6] && read && page_0c_hit_q && word_hit_q[2];
+    keep_q[1] <= step_q[10] && read && page_0c_hit_q && word_hit_q[2];
     if (keep_q[1]) mirror_word_high_q <= mirror_status_i.mirror_word[39:32];
-    keep_q[2] <= step_q[6] && read && page_0c_hit_q && word_hit_q[4];
+    keep_q[2] <= step_q[10] && read && page_0c_hit_q && word_hit_q[4];
     if (keep_q[2]) mirror_drive_phase_high_q <= mirror_status_i.mirror_drive_phase[47:32];
-    keep_q[3] <= step_q[6] && read && page_0c_hit_q && word_hit_q[6];
+    keep_q[3] <= step_q[10] && read && page_0c_hit_q && word_hit_q[6];
     if (keep_q[3]) mirror_phase_high_q <= mirror_status_i.mirror_phase[47:32];
     if (rst) begin
       keep_q <= '0;
@@ -1293,7 +1424,7 @@ module register_file (
   always_ff @(posedge clk_i) begin
     case (page_00_word)
       4'h0: page_00_q <= 32'h56525343;
-      4'h1: page_00_q <= 32'h39387e6a;
+      4'h1: page_00_q <= 32'h8d8f25a2;
       4'h2: page_00_q <= 32'h00000100;
       4'h3: page_00_q <= 32'(identity_status_i.board_id);
       4'h4: page_00_q <= identity_status_i.clock_hz;
@@ -1782,6 +1913,25 @@ module register_file (
     if (!page_1e_hit_q) page_1e_q <= '0;
   end
 
+  logic [31:0] page_1f_q;
+  logic [3:0] page_1f_word;
+  local_register #(.Width(4)) u_page_1f_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_1f_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_1f_word)
+      4'h0: page_1f_q <= 32'(map_q.map_enable);
+      4'h1: page_1f_q <= 32'(map_q.map_bank);
+      4'h2: page_1f_q <= 32'(map_q.map_count);
+      4'h3: page_1f_q <= 32'(map_q.map_begin);
+      4'h4: page_1f_q <= 32'(map_q.map_shift);
+      4'h5: page_1f_q <= 32'(map_q.map_follow);
+      4'h6: page_1f_q <= 32'(map_q.map_lens);
+      default: page_1f_q <= 32'(map_access_o.map_access_bank);
+    endcase
+    if (!page_1f_hit_q) page_1f_q <= '0;
+  end
+
   logic [31:0] page_3f_q;
   logic [3:0] page_3f_word;
   local_register #(.Width(4)) u_page_3f_word (
@@ -1796,7 +1946,7 @@ module register_file (
     if (!page_3f_hit_q) page_3f_q <= '0;
   end
 
-  // ---- 8: the page, the only one that is not 0; 9: the answer ----
+  // ---- 12: the page, the only one that is not 0; 13: the answer ----
   logic [31:0] read_q;
   always_ff @(posedge clk_i)
     read_q <= page_00_q
@@ -1822,15 +1972,17 @@ module register_file (
               | page_1c_q
               | page_1d_q
               | page_1e_q
+              | page_1f_q
               | page_3f_q;
 
   always_ff @(posedge clk_i) begin
-    bus_done_o   <= step_q[9];
+    bus_done_o   <= step_q[13];
     bus_status_o <= status_q;
     bus_data_o   <= read_q;
     if (table_hit_q) bus_data_o <= table_read_q;
     if (focus_table_hit_q) bus_data_o <= focus_table_read_q;
     if (free_table_hit_q) bus_data_o <= free_table_read_q;
+    if (map_table_hit_q) bus_data_o <= map_table_read_q;
     if (status_q != link_pkg::StatusWidth'(link_pkg::StatusOk)) bus_data_o <= '0;
     if (rst) bus_done_o <= 1'b0;
   end
@@ -2326,6 +2478,22 @@ module register_file (
     rule_mem[481] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // configuration
     rule_mem[482] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
+    // map_enable
+    rule_mem[496] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h000000001};
+    // map_bank
+    rule_mem[497] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h000000001};
+    // map_count
+    rule_mem[498] = {KindReadWrite, 1'd1, 2'd1, 33'h000000002, 33'h000000009};
+    // map_begin
+    rule_mem[499] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00000ffff};
+    // map_shift
+    rule_mem[500] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00000000f};
+    // map_follow
+    rule_mem[501] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h000000001};
+    // map_lens
+    rule_mem[502] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00000ffff};
+    // map_access_bank
+    rule_mem[504] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000000001};
     // lock_calibration
     rule_mem[1008] = {KindReadWrite, 1'd0, 2'd0, 33'h000000001, 33'h000000001};
     // lock_mirror

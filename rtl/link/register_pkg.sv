@@ -308,19 +308,35 @@ package register_pkg;
     logic [23:0] readout_max_clks;
   } sensor_t;
 
-  // What is written into peak, geometry, free, motion and their tables takes effect together,
+  // What is written into peak, geometry, free, motion, map and their tables takes effect together,
   // between two lines.
   typedef struct packed {
     logic commit;
     logic commit_strobe;
   } commit_t;
 
-  // What is written into peak, geometry, free, motion and their tables takes effect together,
+  // What is written into peak, geometry, free, motion, map and their tables takes effect together,
   // between two lines: read.
   typedef struct packed {
     logic commit_waiting;
     logic configuration;
   } commit_status_t;
+
+  // Correction maps: the bank of map_table in use, and where the lens stands among its maps.
+  typedef struct packed {
+    logic map_enable;
+    logic map_bank;
+    logic [3:0] map_count;
+    logic [15:0] map_begin;
+    logic [3:0] map_shift;
+    logic map_follow;
+    logic [15:0] map_lens;
+  } map_t;
+
+  // Access to the banks of map_table.
+  typedef struct packed {
+    logic map_access_bank;
+  } map_access_t;
 
   // Each takes a 1 and nothing else, and keeps it until reset.
   typedef struct packed {
@@ -361,6 +377,21 @@ package register_pkg;
     logic free_table_bank;
     logic free_table_changed;
   } free_table_t;
+
+  // Nodes of the correction maps: entry 2145 k + 65 i + j of map k belongs to the angle (i - 16) /
+  // 256 turns and the position j R / 64: read.
+  typedef struct packed {
+    logic [17:0] map_table_read;
+  } map_table_status_t;
+
+  // Nodes of the correction maps: entry 2145 k + 65 i + j of map k belongs to the angle (i - 16) /
+  // 256 turns and the position j R / 64.
+  typedef struct packed {
+    logic map_table_write;
+    logic [14:0] map_table_index;
+    logic [17:0] map_table_node;
+    logic map_table_access_bank;
+  } map_table_t;
 endpackage
 
 `default_nettype wire

@@ -89,7 +89,7 @@ module mirror_drive #(
   logic                        high_q;
   logic                        expired_q;
   logic                        ready_q;  // for RUN
-  logic        [TimeWidth-1:0] timer_q, limit_q;  // the limit is that of state_q
+  logic        [TimeWidth-1:0] timer_q, limit;
   logic        [FineWidth-1:0] fine_q;
   logic signed [  FineWidth:0] left_q;  // fine_q less the working word less a step: < 0 is there
   logic signed [ SumWidth-1:0] sum_q;
@@ -102,13 +102,11 @@ module mirror_drive #(
   assign stop     = stop_q || !enable_i;
   assign keep     = drive_o && high_q && !(stop_q && timer_q[StopWidth]);
 
-  logic [ TimeWidth-1:0] settle_timeout, lost_timeout;
+  logic [ TimeWidth-1:0] sweep_timeout_q, settle_timeout_q, lost_timeout_q;
   logic [ DutyWidth-1:0] duty_q;
   logic [LevelWidth-1:0] level, sweep_level_q;
-  assign settle_timeout = mirror_limits_i.settle_timeout > SettleCeilingClks
-                          ? SettleCeilingClks : mirror_limits_i.settle_timeout;
-  assign lost_timeout   = mirror_limits_i.lost_timeout > LostCeilingClks
-                          ? LostCeilingClks : mirror_limits_i.lost_timeout;
+  assign limit = state_q == Sweep  ? sweep_timeout_q :
+                 state_q == Settle ? settle_timeout_q : lost_timeout_q;
 
   assign level = 32'(level_i) > LevelCeiling ? LevelWidth'(LevelCeiling) : level_i;
 
@@ -136,8 +134,6 @@ module mirror_drive #(
   always_ff @(posedge clk_i) begin
     ready_q <= index_alive_i && settled_i;
     state_q <= state_d;
-    limit_q <= state_d == Sweep  ? mirror_limits_i.sweep_timeout :
-               state_d == Settle ? settle_timeout : lost_timeout;
     stop_q  <= active && stop && state_d != Off;
     if (state_q == Off && state_d == Sweep) begin
       fault_o <= FaultWidth'(vrscan_pkg::FaultNone);
@@ -153,7 +149,7 @@ module mirror_drive #(
       timer_q <= '0;
     end
     expired_q <= active && state_d == state_q && !(state_q == Run && index_alive_i) &&
-                 timer_q >= limit_q;
+                 timer_q >= limit;
 
     fine_q <= fine_q - FineWidth'(mirror_i.sweep_rate);
     left_q <= left_q - (FineWidth + 1)'({1'b0, mirror_i.sweep_rate});
@@ -173,6 +169,12 @@ module mirror_drive #(
       else word_o <= sum_q[WordWidth-1:0];
     end
     phase_o <= off ? '0 : phase_o + TurnWidth'(word_o);
+
+    sweep_timeout_q  <= mirror_limits_i.sweep_timeout;
+    settle_timeout_q <= mirror_limits_i.settle_timeout > SettleCeilingClks
+                        ? SettleCeilingClks : mirror_limits_i.settle_timeout;
+    lost_timeout_q   <= mirror_limits_i.lost_timeout > LostCeilingClks
+                        ? LostCeilingClks : mirror_limits_i.lost_timeout;
 
     duty_q  <= 32'(mirror_limits_i.duty) > DutyCeiling ? DutyWidth'(DutyCeiling)
                                                        : mirror_limits_i.duty;

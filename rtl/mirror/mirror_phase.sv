@@ -151,9 +151,9 @@ module mirror_phase (
   logic        [             1:0] by_q3;
   logic signed [   TurnWidth-1:0] shifted_q;
 
-  // What is added to the phase: the increment, but once the increment less the correction.
+  // What is taken off the phase: nothing, but once the correction.
   logic signed [   TurnWidth-1:0] correction_q;
-  logic        [   TurnWidth-1:0] advance_q;
+  logic        [   TurnWidth-1:0] taken_off_q;
   logic signed [   TurnWidth+1:0] candidate_q;
   logic        [   WordWidth-1:0] rate_q, increment;
   logic        [AverageWidth-1:0] average_q;
@@ -172,11 +172,9 @@ module mirror_phase (
     start_q <= 1'b0;
     valid_o <= 1'b0;
     acquired_o <= 1'b0;
-    phase_o <= phase_o + advance_q;
-    if (!tracking_o) begin
-      increment_o <= word_i;
-      advance_q   <= TurnWidth'(word_i);
-    end
+    phase_o     <= phase_o + TurnWidth'(increment_o) - taken_off_q;
+    taken_off_q <= '0;
+    if (!tracking_o) increment_o <= word_i;
 
     if (broken_i) pending_q <= 1'b0;
     if (take) begin
@@ -288,12 +286,11 @@ module mirror_phase (
                           candidate_q[TurnWidth:WordWidth] != '0 ? '1 : candidate_q[WordWidth-1:0];
         next_average_q <= acquire ? {measured_q, FineWidth'(0)} :
                                     average_q + unsigned'(shifted_q[AverageWidth-1:0]);
-        advance_q      <= TurnWidth'(tracking_o ? increment_o : word_i) - unsigned'(correction_q);
+        taken_off_q    <= unsigned'(correction_q);
         step_q         <= APPLY;
       end
       default: begin  // APPLY
         increment_o    <= increment;
-        advance_q      <= TurnWidth'(increment);
         average_q      <= next_average_q;
         valid_o        <= 1'b1;
         measured_o     <= measured_q;
@@ -322,9 +319,9 @@ module mirror_phase (
       acquired_o <= 1'b1;
       valid_o    <= 1'b0;
       if (step_q != APPLY) begin  // the phase has not moved yet
-        step_q    <= IDLE;
-        start_q   <= 1'b0;
-        advance_q <= TurnWidth'(tracking_o ? increment_o : word_i);
+        step_q      <= IDLE;
+        start_q     <= 1'b0;
+        taken_off_q <= '0;
       end
     end
     if (rst_i) begin
@@ -333,7 +330,7 @@ module mirror_phase (
       anew_q      <= 1'b0;
       phase_o     <= '0;
       increment_o <= '0;
-      advance_q   <= '0;
+      taken_off_q <= '0;
       amplitude_o <= '0;
       measured_o  <= '0;
       error_o     <= '0;

@@ -5,7 +5,9 @@
 // of these quotients, each weighted with the inverse of its variance R h**2 + K A h + C**2 A**2,
 // h = 2**(u**2), of read noise, shot noise and speckle.  Four passes over the pixels; what third
 // differences of the second pass's quotients have more than noise is the speckle, steadied over the
-// last 16 lines and used from the third pass on.
+// last 32 lines and used from the third pass on.  Grains as long as the spot, which differences do
+// not see, turn the middle of the spot against the whole: the slope of the quotients there, squared,
+// over what independent pixels make of it, averaged over 32 lines, tells what they add to sigma.
 //
 // Where the fit's chi squared is large, its place far off or beyond the line, or an eighth of the
 // pixels saturated, the spot is no Gaussian: fitted_o is 0, and position_o what came in.
@@ -18,7 +20,8 @@
 //   spread_i         standard deviation of position_i that noise makes, px
 //   sigma_o          standard deviation of position_o, px: where the fit does not stand, spread_i, or
 //                    twice the fit's where that is larger, which is what speckle does to a phase
-//   mixed_o          chi squared is above 8.1 a degree of freedom, and not for saturated pixels
+//   mixed_o          chi squared with grains is above 8.1 a degree of freedom, and not for saturated
+//                    pixels
 //   speckle_o        squared contrast, 20 fraction bits
 //   scale_o          half of the spot's width at half of its height, px, 12 fraction bits
 //   Latency  vrscan.fixed.peak_fit.LATENCY clocks from valid_i to valid_o, or UNMEASURED_LATENCY;
@@ -79,8 +82,8 @@ module peak_fit #(
   localparam logic [19:0] LeastAmplitude = 20'(1 << (HeightFraction - 4));
   localparam logic [17:0] LeastScale     = 18'(1 << 11);
   localparam logic [19:0] FirstSpeckle   = 20'(1 << 14);
-  localparam logic        [44:0] PriorWeight    = 45'(32 * 20 << 12);
-  localparam logic signed [52:0] PriorRoughness = 53'sd1073920;  // 32 * 20 * 1678
+  localparam logic        [45:0] PriorWeight    = 46'(32 * 20 << 12);
+  localparam logic signed [53:0] PriorRoughness = 54'sd1073920;  // 32 * 20 * 1678
   localparam logic [34:0] Ln4            = 35'd11357;  // 2 ln 2, 13 fraction bits
   localparam logic [34:0] SigmaToScale   = 35'd9645;  // 1 / sqrt(log2(e) / 2), 13 fraction bits
   localparam logic [36:0] OneStep        = 37'(64'd1 << 36);
@@ -131,6 +134,8 @@ module peak_fit #(
   logic signed [43:0] b1_q;  // 29
   logic signed [42:0] b2_q;  // 28
   logic signed [43:0] chi_q;  // 28
+  logic        [24:0] s2_middle_q;  // of the middle alone
+  logic signed [43:0] b1_middle_q;  // 29
   logic        [ 7:0] pixels_q, clipped_q;
   logic        [ 9:0] quads_q;  // five times their number
   logic        [41:0] rough_q;  // 22
@@ -146,13 +151,13 @@ module peak_fit #(
   // ---- one multiplier, two dividers, one root: what a pass's sums are worked off with ----
   // A state names a product's factors; they are in a_q and b_q two clocks later, and the product is
   // there after 4 more, until the next one.
-  typedef enum logic [3:0] {
+  typedef enum logic [4:0] {
     A_SIGMA, A_SLOPE, A_DEVIATION, A_GAIN, A_AMPLITUDE, A_AREA, A_PLACE, A_TOTAL, A_QUADS, A_S0,
-    A_S2, A_DETERMINANT, A_STRETCH, A_MOVE, A_CORRELATED, A_ROOT
+    A_S2, A_DETERMINANT, A_STRETCH, A_MOVE, A_CORRELATED, A_ROOT, A_OPERAND
   } a_e;
-  typedef enum logic [3:0] {
+  typedef enum logic [4:0] {
     B_SIGMA_TO_SCALE, B_HALF_SPAN, B_DEVIATION, B_AMPLITUDE, B_SPECKLE, B_STEP, B_FACTOR, B_LIGHT,
-    B_LN4, B_S2, B_S4, B_B0, B_B2, B_SLOPE, B_SCALE, B_LIFTED
+    B_LN4, B_S2, B_S4, B_B0, B_B2, B_SLOPE, B_SCALE, B_LIFTED, B_OPERAND
   } b_e;
   a_e   a_select_q;
   b_e   b_select_q;
@@ -160,7 +165,7 @@ module peak_fit #(
 
   localparam int unsigned FactorWidth   = 35;
   localparam int unsigned QuotientWidth = 26;
-  localparam int unsigned DividendWidth = 56;
+  localparam int unsigned DividendWidth = 57;
   localparam int unsigned DivisorWidth  = 38;
   localparam int unsigned RootWidth     = 31;
   logic                            multiply_start_q, product_valid;
@@ -250,6 +255,39 @@ module peak_fit #(
     minus_place_q  <= -signed'({1'b0, place_q});
   end
 
+  // ---- the lean of the middle, 8 fraction bits, and what grains add to the variance ----
+  localparam int unsigned LeanWidth  = 12;
+  localparam int unsigned SlopeWidth = 23;
+  localparam logic        [   LeanWidth-1:0] MostLean   = LeanWidth'(8 << 8);
+  localparam logic        [            16:0] PriorLean  = 17'd448;  // 7/8 of two lines
+  localparam logic signed [ QuotientWidth:0] FineLean   = 27'sd2048;  // 1, 11 fraction bits
+  localparam logic signed [ QuotientWidth:0] MostGrains = 27'sd768;  // 3/8
+  // Of the last lines; the highest bit says whether there is one.
+  logic        [   LeanWidth:0] lean_mem [vrscan_pkg::SpeckleDepth];
+  logic        [   LeanWidth:0] line_lean_q, oldest_lean_q;
+  logic        [$clog2(vrscan_pkg::SpeckleDepth)-1:0] lean_at_q;
+  logic                         lean_full_q, lean_push;
+  logic        [          16:0] leans_q;
+  logic        [           5:0] fits_q;
+  logic        [          24:0] free_q;
+  logic signed [          28:0] b1_middle;
+  logic signed [SlopeWidth-1:0] middle_slope_q;
+  logic signed [QuotientWidth:0] more_q;
+  logic        [           9:0] grains_q;  // 8 fraction bits
+  logic        [          36:0] grown_q;
+  assign b1_middle = 29'(b1_middle_q >>> 15);
+  always_ff @(posedge clk_i) begin
+    free_q         <= first_quotient[QuotientWidth-1] || first_quotient[24:0] > s2_middle_q
+                      ? '0 : s2_middle_q - first_quotient[24:0];
+    middle_slope_q <= b1_middle[28:SlopeWidth-1] == '0 || b1_middle[28:SlopeWidth-1] == '1
+                      ? b1_middle[SlopeWidth-1:0]
+                      : signed'({b1_middle[28], {(SlopeWidth - 1){!b1_middle[28]}}});
+    more_q         <= signed'({1'b0, first_quotient}) - FineLean;
+    grains_q       <= more_q[QuotientWidth] ? '0
+                      : more_q > MostGrains ? 10'(MostGrains) : unsigned'(more_q[9:0]);
+    grown_q        <= 37'(correlated_q) + 37'(product[46:11]);
+  end
+
   // The variance at the top, and with its neighbours' share of the speckle.
   logic [39:0] line_noise_q, all_variance_q;
   logic [32:0] neighbours_q;
@@ -335,8 +373,8 @@ module peak_fit #(
   logic               history_full_q, changed_q;
   logic signed [49:0] rough_change_q;
   logic signed [41:0] weight_change_q;
-  logic signed [52:0] roughness_q;
-  logic        [44:0] weights_q;
+  logic signed [53:0] roughness_q;
+  logic        [45:0] weights_q;
 
   // What the fit has found, px, PositionFraction bits, where a line ends, and whether it stands.
   localparam int unsigned FoundWidth = FirstWidth + vrscan_pkg::PositionFraction + 1;
@@ -377,6 +415,7 @@ module peak_fit #(
   logic        [33:0] determinant_q;
   logic        [29:0] divisor_q;
   logic signed [21:0] lifted_q;
+  logic signed [FactorWidth-1:0] operand_q;  // what a state has put there
   always_ff @(posedge clk_i) begin
     unique case (a_select_q)
       A_SIGMA:       a_q <= FactorWidth'(sigma_q);
@@ -394,7 +433,8 @@ module peak_fit #(
       A_STRETCH:     a_q <= FactorWidth'(stretch_q);
       A_MOVE:        a_q <= FactorWidth'(move_q);
       A_CORRELATED:  a_q <= FactorWidth'(correlated_q);
-      default:       a_q <= FactorWidth'(root);
+      A_ROOT:        a_q <= FactorWidth'(root);
+      default:       a_q <= operand_q;
     endcase
     unique case (b_select_q)
       B_SIGMA_TO_SCALE: b_q <= signed'(SigmaToScale);
@@ -413,7 +453,8 @@ module peak_fit #(
       B_B2:             b_q <= FactorWidth'(b2);
       B_SLOPE:          b_q <= FactorWidth'(slope_ln4_q);
       B_SCALE:          b_q <= FactorWidth'(scale_q);
-      default:          b_q <= FactorWidth'(lifted_q);
+      B_LIFTED:         b_q <= FactorWidth'(lifted_q);
+      default:          b_q <= operand_q;
     endcase
     multiply_start_q <= issue_q;
     if (rst_i) multiply_start_q <= 1'b0;
@@ -429,7 +470,8 @@ module peak_fit #(
     SLOPE, FOURTH, SECOND, CURVE, DROP, SLOPE_IN, FOURTH_IN, SECOND_IN, CURVE_IN, DROP_IN, EXCESS,
     DIVISOR_IN, DETERMINANT_IN, STRETCH, MOVE, WIDEN, STRETCH_IN, MOVE_IN, WIDEN_IN, CLAMP, STEP,
     REST_IN, REST, RISE, LIMIT, RAISE, AMPLITUDE,
-    CHI, ROOT, CHI_IN, ROOT_IN, ROOTED, SPREAD_IN, JUDGE, DONE
+    CHI, LEAN, CHI_IN, LEAN_IN, FREE, FREE_IN, LEANS, PUSH, MEAN, GRAINS, SETTLE, ADDED,
+    ADDED_IN, MIXED, ROOT, MIXED_IN, ROOT_IN, ROOTED, SPREAD_IN, JUDGE, DONE
   } state_e;
   // From 32 states on Yosys would number them, and knowing the state would take half a clock.
   (* fsm_encoding = "one-hot" *)
@@ -437,6 +479,8 @@ module peak_fit #(
   logic [4:0] steps_q;  // of a state that lasts some clocks
   logic       settled;
   assign settled = steps_q == '0;
+  // A line without a spot takes part, too.
+  assign lean_push = state_q == PUSH || (state_q == HISTORY && !measured_q);
 
   logic run_start_q, run_done, loading_q;
 
@@ -451,8 +495,16 @@ module peak_fit #(
     if (!settled) steps_q <= steps_q - 5'd1;
     deviation_q    <= noise_q[23:7];
     if (changed_q) begin
-      roughness_q <= roughness_q + 53'(rough_change_q);
-      weights_q   <= weights_q + 45'(weight_change_q);
+      roughness_q <= roughness_q + 54'(rough_change_q);
+      weights_q   <= weights_q + 46'(weight_change_q);
+    end
+    oldest_lean_q <= lean_full_q ? lean_mem[lean_at_q] : '0;
+    if (lean_push) begin
+      lean_mem[lean_at_q] <= line_lean_q;
+      lean_at_q           <= lean_at_q + HistoryStep;
+      if (lean_at_q == '1) lean_full_q <= 1'b1;
+      leans_q <= leans_q + 17'(line_lean_q[LeanWidth-1:0]) - 17'(oldest_lean_q[LeanWidth-1:0]);
+      fits_q  <= fits_q + 6'(line_lean_q[LeanWidth]) - 6'(oldest_lean_q[LeanWidth]);
     end
     oldest_rough_q  <= '0;
     oldest_weight_q <= '0;
@@ -474,6 +526,7 @@ module peak_fit #(
         b_select_q   <= B_SIGMA_TO_SCALE;
         line_rough_q <= '0;
         weight_q     <= '0;
+        line_lean_q  <= '0;
         pass_q       <= '0;
         state_q      <= measured_i ? LEVEL : HISTORY;
       end
@@ -657,7 +710,7 @@ module peak_fit #(
       end
       CHANGE: state_q <= STEADY;
       STEADY: begin
-        first_dividend_q  <= roughness_q[52] ? '0 : {unsigned'(roughness_q[51:0]), 4'd0};
+        first_dividend_q  <= roughness_q[53] ? '0 : {unsigned'(roughness_q[52:0]), 4'd0};
         first_divisor_q   <= DivisorWidth'(weights_q >> 8);
         divide_start_q[0] <= 1'b1;
         state_q           <= SPECKLE;
@@ -722,6 +775,10 @@ module peak_fit #(
         state_q    <= EXCESS;
       end
       EXCESS: begin
+        issue_q     <= 1'b1;
+        operand_q   <= FactorWidth'(s2_middle_q);
+        a_select_q  <= A_OPERAND;
+        b_select_q  <= B_OPERAND;
         numerator_q <= 36'(difference_q >>> 16);
         state_q     <= DIVISOR_IN;
       end
@@ -741,7 +798,11 @@ module peak_fit #(
         issue_q    <= 1'b1;
         a_select_q <= A_STRETCH;
         b_select_q <= B_SLOPE;
-        state_q    <= MOVE;
+        // What of the middle's sum is not the whole's, for the lean; the product is its square.
+        first_dividend_q  <= DividendWidth'(product[49:0]);
+        first_divisor_q   <= DivisorWidth'(s2_q);
+        divide_start_q[0] <= pass_q == 2'd3;
+        state_q           <= MOVE;
       end
       MOVE: begin
         issue_q    <= 1'b1;
@@ -759,8 +820,9 @@ module peak_fit #(
         lifted_q <= 22'(product >>> 14);
         state_q  <= MOVE_IN;
       end
+      // Behind the last pass nothing needs an amplitude and a step.
       MOVE_IN: begin
-        issue_q         <= 1'b1;
+        issue_q         <= pass_q != 2'd3;
         a_select_q      <= A_S2;
         b_select_q      <= B_LIFTED;
         stepped_place_q <= 26'(signed'({1'b0, place_q})) + 26'(product >>> 13);
@@ -778,7 +840,7 @@ module peak_fit #(
       end
       STEP: begin
         scale_q <= narrow_q ? least_q : wide_q ? most_q : unsigned'(stepped_scale_q[17:0]);
-        state_q <= REST_IN;
+        state_q <= pass_q == 2'd3 ? CHI : REST_IN;
       end
       REST_IN: begin
         second_dividend_q <= DividendWidth'(OneStep);
@@ -809,7 +871,7 @@ module peak_fit #(
                        : stepped_amplitude_q[19:13] == '0 ? LeastAmplitude
                        : stepped_amplitude_q[19:0];
         pass_q      <= pass_q + 2'd1;
-        state_q     <= pass_q == 2'd3 ? CHI : pass_q == '0 ? ORIGIN : SHOT;
+        state_q     <= pass_q == '0 ? ORIGIN : SHOT;
       end
 
       // The standard deviation, and whether the fit stands.
@@ -817,15 +879,74 @@ module peak_fit #(
         issue_q    <= 1'b1;
         a_select_q <= A_TOTAL;
         b_select_q <= B_FACTOR;
+        state_q    <= LEAN;
+      end
+      LEAN: begin
+        issue_q    <= 1'b1;
+        operand_q  <= FactorWidth'(middle_slope_q);
+        a_select_q <= A_OPERAND;
+        b_select_q <= B_OPERAND;
+        state_q    <= CHI_IN;
+      end
+      CHI_IN: if (product_valid) begin
+        chi_limit_q <= product[44:6];
+        state_q     <= LEAN_IN;
+      end
+      LEAN_IN: begin
+        second_dividend_q <= DividendWidth'(product[44:0]) << 10;
+        state_q           <= FREE;
+      end
+      FREE: if (divided) begin
+        issue_q    <= 1'b1;
+        operand_q  <= FactorWidth'(free_q);
+        a_select_q <= A_CORRELATED;
+        b_select_q <= B_OPERAND;
+        state_q    <= FREE_IN;
+      end
+      FREE_IN: if (product_valid) begin
+        within_q <= chi_small_q && enough_q && start_inside_q && on_line_q && near_q
+                    && unclipped_q;
+        second_divisor_q  <= |product[58:56] ? '1 : product[55:18];
+        divide_start_q[1] <= 1'b1;
+        state_q           <= LEANS;
+      end
+      LEANS: if (divided) begin
+        if (within_q)
+          line_lean_q <= {1'b1, second_quotient > QuotientWidth'(MostLean)
+                                ? MostLean : second_quotient[LeanWidth-1:0]};
+        state_q <= PUSH;
+      end
+      PUSH: state_q <= MEAN;
+      MEAN: begin
+        first_dividend_q  <= DividendWidth'({leans_q + PriorLean, 3'd0});
+        first_divisor_q   <= DivisorWidth'(fits_q + 6'd2);
+        divide_start_q[0] <= 1'b1;
+        state_q           <= GRAINS;
+      end
+      GRAINS: if (divided) state_q <= SETTLE;
+      SETTLE: state_q <= ADDED;
+      // The speckle counts 11/8 times: neighbours share it.
+      ADDED: begin
+        issue_q    <= 1'b1;
+        operand_q  <= FactorWidth'(speckle_part_q);
+        lifted_q   <= (22'(grains_q) << 3) + (22'(grains_q) << 1) + 22'(grains_q);
+        a_select_q <= A_OPERAND;
+        b_select_q <= B_LIFTED;
+        state_q    <= ADDED_IN;
+      end
+      ADDED_IN: if (product_valid) state_q <= MIXED;
+      MIXED: begin
+        issue_q    <= 1'b1;
+        operand_q  <= FactorWidth'(|grown_q[36:34] ? 34'h3_FFFF_FFFF : grown_q[33:0]);
+        b_select_q <= B_FACTOR;
         state_q    <= ROOT;
       end
       ROOT: begin
         issue_q    <= 1'b1;
-        a_select_q <= A_CORRELATED;
         b_select_q <= B_S2;
-        state_q    <= CHI_IN;
+        state_q    <= MIXED_IN;
       end
-      CHI_IN: if (product_valid) begin
+      MIXED_IN: if (product_valid) begin
         chi_limit_q <= product[44:6];
         state_q     <= ROOT_IN;
       end
@@ -841,9 +962,7 @@ module peak_fit #(
         state_q    <= SPREAD_IN;
       end
       SPREAD_IN: if (product_valid) begin
-        within_q <= chi_small_q && enough_q && start_inside_q && on_line_q && near_q
-                    && unclipped_q;
-        mixed_q  <= chi_large_q && unclipped_q;
+        mixed_q           <= chi_large_q && unclipped_q;
         first_dividend_q  <= DividendWidth'(product[48:10]);
         divide_start_q[0] <= 1'b1;
         first_divisor_q   <= DivisorWidth'(divisor_q);
@@ -873,6 +992,10 @@ module peak_fit #(
       history_full_q <= 1'b0;
       roughness_q    <= PriorRoughness;
       weights_q      <= PriorWeight;
+      lean_at_q      <= '0;
+      lean_full_q    <= 1'b0;
+      leans_q        <= '0;
+      fits_q         <= '0;
     end
   end
 
@@ -954,7 +1077,7 @@ module peak_fit #(
   logic signed [17:0]           height_7;
   logic        [16:0]           mantissa_6, mantissa_7;
   logic        [ 2:0]           power_6, power_7;
-  logic                         inside_6, top_6;
+  logic                         inside_6, top_6, middle_6;
   logic signed [LineWidth-10:0] u_scaled;
   logic        [LevelWidth-2:8] sign_bits_3;  // whether a bit is not as its sign
   logic        [ 6:0]           sign_bits_5, shifted_5;
@@ -1007,6 +1130,7 @@ module peak_fit #(
     power_6    <= near_5 ? square_5[19:17] : '0;
     inside_6   <= near_5 && online_5 && !clipped_5;
     top_6      <= near_5 && online_5 && !clipped_5 && square_5 < 20'(23 << 14);
+    middle_6   <= near_5 && online_5 && !clipped_5 && square_5[19:18] == '0;
 
     height_7   <= fits_6 ? signed'(fine_6) : signed'({negative_6, {17{!negative_6}}});
     mantissa_7 <= mantissa_6;
@@ -1108,8 +1232,12 @@ module peak_fit #(
   // ---- delays ----
   logic [12:0] inside_delay_q;  // from stage 7
   logic [ 9:0] top_delay_q;  // from stage 7
+  logic [21:0] middle_delay_q;  // from stage 7
   logic        inside_19;
+  logic        middle_26, middle_28;
   assign inside_19 = inside_delay_q[12];
+  assign middle_26 = middle_delay_q[19];
+  assign middle_28 = middle_delay_q[21];
   localparam int unsigned UDelay = 24;  // stage 2 to 26
   localparam int unsigned QDelay = 15;  // stage 13 to 28
   localparam int unsigned SquareDelay = 23;  // stage 5 to 28
@@ -1128,6 +1256,7 @@ module peak_fit #(
   always_ff @(posedge clk_i) begin
     inside_delay_q <= 13'({inside_delay_q, inside_6});
     top_delay_q    <= 10'({top_delay_q, top_6});
+    middle_delay_q <= 22'({middle_delay_q, middle_6});
     u_delay_q      <= (18 * UDelay)'({u_delay_q, unsigned'(u_2)});
     q_delay_q      <= (18 * QDelay)'({q_delay_q, unsigned'(q_13)});
     square_delay_q <= (17 * SquareDelay)'({square_delay_q, square_5[19:3]});
@@ -1214,6 +1343,8 @@ module peak_fit #(
       b1_q                <= '0;
       b2_q                <= '0;
       chi_q               <= '0;
+      s2_middle_q         <= '0;
+      b1_middle_q         <= '0;
       pixels_q            <= '0;
       clipped_q           <= '0;
       quads_q             <= '0;
@@ -1234,6 +1365,8 @@ module peak_fit #(
       b1_q  <= b1_q + 44'(slope_28);
       b2_q  <= b2_q + 43'(curve_29);
       chi_q <= chi_q + 44'(chi_30);
+      if (middle_26) s2_middle_q <= s2_middle_q + 25'(unsigned'(moment_26));
+      if (middle_28) b1_middle_q <= b1_middle_q + 44'(slope_28);
     end
   end
 

@@ -4,11 +4,12 @@
 // Both put its place in doubt, by shares of its width that are added to sigma in squares: what two
 // widths differ by beyond their noise over root 32, and 3/16 of the share of light that is missing.
 // Light over the laser's power is compared with that of the brighter neighbour; up to a quarter of
-// it may be missing from a spot in a row with both.  A spot alone, beside a line without one or
-// three widths out of the row, is mixed where it has less than 3/32 of that light, or less than a
-// quarter of each neighbour's.  Beside a line without a spot, or eight widths out of the row, it is
-// mixed also where it has less than 5/16 of that light and is as wide as the brighter neighbour,
-// within 9/8, or where it has less than 9/8 of the light and is narrower than both by more than so.
+// it may be missing from a spot in a row with both.  A spot is mixed where two of three hold: it is
+// alone, beside a line without one or three widths out of the row; it has less than 3/32 of that
+// light; it has less than a quarter of each neighbour's.  Beside a line without a spot, or eight
+// widths out of the row, it is mixed also where it has less than 3/8 of that light and is as wide
+// as the brighter neighbour, within 9/8, or where it has less than 9/8 of the light and is narrower
+// than both by more than so; twelve widths out of the row, where it has less than 3/16.
 //
 //   valid_i    a line's spot; valid_o follows with that of the line before it, and user_i with it
 //   scale_i    half of the spot's width at half of its height, px, 12 fraction bits
@@ -20,7 +21,8 @@
 //   A line after which none comes for NeighbourClks clocks, or until flush_i, is given without one
 //   behind it, and is no neighbour of the next.
 //   Latency    vrscan.fixed.peak_neighbours.LATENCY clocks from valid_i, or from the end of the
-//              wait, to valid_o; a valid_i meanwhile waits for that, and its inputs have to hold
+//              wait, to valid_o; a valid_i meanwhile waits for that.  The inputs have to hold until
+//              then, and a clock more
 //   Model      vrscan.fixed.peak_neighbours, bit-exact
 
 `default_nettype none
@@ -64,7 +66,8 @@ module peak_neighbours #(
   localparam int unsigned BendWidth     = PositionWidth + 2;
   localparam logic [LightWidth-1:0] Whole  = LightWidth'(1 << ShareFraction);
   localparam logic [LightWidth-1:0] Dark   = (Whole >> 4) + (Whole >> 5);
-  localparam logic [LightWidth-1:0] Dim    = (Whole >> 2) + (Whole >> 4);
+  localparam logic [LightWidth-1:0] Dimmer = (Whole >> 3) + (Whole >> 4);
+  localparam logic [LightWidth-1:0] Dim    = (Whole >> 2) + (Whole >> 3);
   localparam logic [LightWidth-1:0] Bright = Whole + (Whole >> 3);
   localparam logic [LightWidth-1:0] Steady = Whole - (Whole >> 2);
 
@@ -77,7 +80,7 @@ module peak_neighbours #(
     logic        [   LightWidth-1:0] light;  // over the laser's power
   } spot_t;
   spot_t                before_q, centre_q, after_q;
-  logic                 centre_there_q, after_there_q;
+  logic                 before_there_q, centre_there_q, after_there_q;
   logic [UserWidth-1:0] centre_user_q, after_user_q;
 
   // ---- one multiplier, one divider, one root ----
@@ -119,7 +122,8 @@ module peak_neighbours #(
   logic                  before_unlike_q, after_unlike_q, before_below_q, after_below_q;
   logic                  before_faint_q, after_faint_q, before_brighter_q;
   logic                  other_width_q, narrower_q;
-  logic                  out_of_row_q, far_out_q, alone_q, far_q, mixed_alone_q, mixed_far_q;
+  logic                  out_of_row_q, far_out_q, farther_q, alone_q, far_q;
+  logic                  dark_q, faint_q, mixed_far_q;
   logic signed [BendWidth-1:0] bend_q;
   logic        [BendWidth-1:0] row_q, threefold_q;
   logic [LightWidth-1:0] before_light, after_light;
@@ -171,7 +175,9 @@ module peak_neighbours #(
     far_out_q           <= row_q > BendWidth'({centre_q.scale, 3'b0});
     alone_q             <= !before_q.measured || !after_q.measured || out_of_row_q;
     far_q               <= !before_q.measured || !after_q.measured || far_out_q;
-    mixed_alone_q       <= share_q < Dark || (share_q < Dim && before_faint_q && after_faint_q);
+    farther_q           <= row_q > {threefold_q[BendWidth-3:0], 2'b0} && share_q < Dimmer;
+    dark_q              <= share_q < Dark;
+    faint_q             <= share_q < Dim && before_faint_q && after_faint_q;
     other_width_q       <= before_brighter_q ? before_unlike_q : after_unlike_q;
     narrower_q          <= before_below_q && before_unlike_q && after_below_q && after_unlike_q;
     mixed_far_q         <= (share_q < Dim && !other_width_q) || (share_q < Bright && narrower_q);
@@ -190,8 +196,21 @@ module peak_neighbours #(
 
   localparam int unsigned WaitWidth = $clog2(NeighbourClks + 1);
   logic [WaitWidth-1:0] waited_q;
-  logic                 pending_q, late_q, comes;
+  logic                 pending_q, late_q, comes, take, take_q;
   assign comes = valid_i || pending_q;
+  assign take  = state_q == IDLE && (comes || late_q);
+
+  // What passes goes with the lines; its output changes with the first one of the results.
+  wide_register #(.Width(UserWidth)) u_after_user (
+    .clk_i, .take_i(take), .hold_i(1'b0), .d_i(user_i), .q_o(after_user_q)
+  );
+  wide_register #(.Width(UserWidth)) u_centre_user (
+    .clk_i, .take_i(take), .hold_i(1'b0), .d_i(after_user_q), .q_o(centre_user_q)
+  );
+  wide_register #(.Width(UserWidth)) u_user (
+    .clk_i, .take_i(state_q == DOUBT && root_valid), .hold_i(1'b0), .d_i(centre_user_q),
+    .q_o(user_o)
+  );
 
   always_ff @(posedge clk_i) begin
     multiply_start_q <= 1'b0;
@@ -200,26 +219,30 @@ module peak_neighbours #(
     valid_o          <= 1'b0;
     pending_q        <= comes && state_q != IDLE;
     waited_q         <= late_q ? waited_q : waited_q + WaitWidth'(1);
+    take_q           <= take;
+    if (take_q) begin
+      before_q          <= centre_q;
+      before_q.measured <= before_there_q && centre_q.measured;
+      centre_q          <= after_q;
+      after_q.measured  <= after_there_q && measured_i;
+      after_q.position  <= position_i;
+      after_q.sigma     <= sigma_i;
+      after_q.scale     <= scale_i;
+    end
     late_q           <= after_there_q && (flush_i || waited_q >= WaitWidth'(NeighbourClks - 2));
     unique case (state_q)
-      IDLE: if (comes || late_q) begin
-        before_q          <= centre_q;
-        before_q.measured <= centre_there_q && centre_q.measured;
-        centre_q          <= after_q;
-        centre_user_q     <= after_user_q;
-        centre_there_q    <= after_there_q;
-        after_q.measured  <= comes && measured_i;
-        after_q.position  <= position_i;
-        after_q.sigma     <= sigma_i;
-        after_q.scale     <= scale_i;
-        after_user_q      <= user_i;
-        after_there_q     <= comes;
-        waited_q          <= '0;
-        late_q            <= 1'b0;
-        dividend_q        <= DividendWidth'(light_i) << LightFraction;
-        divisor_q         <= LightWidth'(power_i);
-        divide_start_q    <= 1'b1;
-        state_q           <= LIGHT;
+      IDLE: begin
+        dividend_q <= DividendWidth'(light_i) << LightFraction;
+        divisor_q  <= LightWidth'(power_i);
+        if (take) begin
+          before_there_q <= centre_there_q;
+          centre_there_q <= after_there_q;
+          after_there_q  <= comes;
+          waited_q       <= '0;
+          late_q         <= 1'b0;
+          divide_start_q <= 1'b1;
+          state_q        <= LIGHT;
+        end
       end
       LIGHT: if (quotient_valid) begin
         after_q.light <= quotient;
@@ -304,8 +327,8 @@ module peak_neighbours #(
         valid_o        <= 1'b1;
         sigma_o        <= centre_q.measured ? limited : centre_q.sigma;
         mixed_o        <= centre_q.measured
-                          && ((alone_q && mixed_alone_q) || (far_q && mixed_far_q));
-        user_o         <= centre_user_q;
+                          && ((alone_q && dark_q) || (alone_q && faint_q) || (dark_q && faint_q)
+                              || (far_q && mixed_far_q) || farther_q);
         centre_there_q <= after_there_q;
         state_q        <= IDLE;
       end

@@ -47,7 +47,8 @@ module point_record (
   assign record = {
     point_i.line.time_clks,
     16'd0,
-    3'd0, point_i.configuration, point_i.flags[vrscan_pkg::FlagMixed],
+    2'd0, point_i.flags[vrscan_pkg::FlagMapFilled], point_i.configuration,
+    point_i.flags[vrscan_pkg::FlagMixed],
     point_i.line.test, point_i.line.inward, point_i.measured,
     point_i.line.confidence,
     doubt,

@@ -12,7 +12,7 @@
 
 module guard_watch #(
   parameter int unsigned CountWidth = 16,
-  parameter int unsigned BeatClks   = 64  // 0.8 us at 80 MHz: the guard's beats are 0.2 us apart
+  parameter int unsigned BeatClks   = 64  // 0.83 us: the guard's beats are 0.2 us apart
 ) (
   input  wire logic                                    clk_i,
   input  wire logic                                    rst_i,

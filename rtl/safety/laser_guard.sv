@@ -31,8 +31,8 @@
 `default_nettype none
 
 module laser_guard #(
-  // For a clock of 20.7 to 31 MHz and a core of 80 MHz, which beats every 0.4 us.
-  parameter int unsigned GuardClks    = 16,  // 0.52 us at least: a beat and 29 %
+  // For a clock of 20.7 to 31 MHz and a core of 76.667 MHz, which beats every 0.42 us.
+  parameter int unsigned GuardClks    = 16,  // 0.52 us at least: a beat and 24 %
   parameter int unsigned PulseClks    = 320,  // 10.3 us at least: beyond laser_control's own limit
   parameter int unsigned BurstClks    = 400,  // 12.9 us at least
   parameter int unsigned IndexClks    = 320_000_000,  // 10.3 s at least: beyond SETTLE

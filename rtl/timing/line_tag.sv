@@ -20,6 +20,7 @@
 //   centre_i       middle of the pulse: power_i, inward_i and the time are sampled
 //   power_i        once more in the first dark clock, if no other line's centre has come by then:
 //                  a pulse that is cut behind its centre has no power
+//   lens_i         sampled with centre_i, as it was read last before
 //   angle_valid_i  angle_i, mirror_flags_i and confidence_i of the line angle_line_i, whose
 //                  centre_i has come
 //   superseding_i  the configuration of angles changes: the lines whose centre_i has come before its
@@ -55,6 +56,7 @@ module line_tag #(
   input  wire logic                                           centre_i,
   input  wire logic        [      vrscan_pkg::PowerWidth-1:0] power_i,
   input  wire logic                                           inward_i,
+  input  wire logic        [       vrscan_pkg::LensWidth-1:0] lens_i,
   input  wire logic                                           angle_valid_i,
   input  wire logic        [ vrscan_pkg::LineNumberWidth-1:0] angle_line_i,
   input  wire logic signed [      vrscan_pkg::AngleWidth-1:0] angle_i,
@@ -92,6 +94,7 @@ module line_tag #(
 
   typedef struct packed {
     logic                             inward;
+    logic [vrscan_pkg::LensWidth-1:0] lens;
     logic [vrscan_pkg::TimeWidth-1:0] time_clks;
   } centre_t;
   typedef struct packed {
@@ -101,7 +104,8 @@ module line_tag #(
   } angle_t;
 
   // The table: a line's number is beside each half, as an older line's may still be there.
-  localparam int unsigned CentreBits = LineWidth + 1 + vrscan_pkg::TimeWidth;
+  localparam int unsigned CentreBits = LineWidth + 1 + vrscan_pkg::LensWidth
+      + vrscan_pkg::TimeWidth;
   localparam int unsigned AngleBits = LineWidth + vrscan_pkg::AngleWidth
       + vrscan_pkg::MirrorFlagWidth + vrscan_pkg::ConfidenceWidth;
   logic [CentreBits-1:0] centre_mem [Depth];
@@ -111,12 +115,19 @@ module line_tag #(
   logic                  superseded_q2, superseded_q3;
 
   // The exposure that is on, those that ended, the last one first, and the one that is read out.
+  // An end is kept a clock later, when exposed_line_q is still its line's.
   logic                              exposure_q, ended, open_q, tagged_q;
   logic [             2:1]           start_q;
   logic [   LineWidth-1:0]           exposed_line_q, wanted_line_q, last_centre_q;
   logic [MostLag:0][LineWidth-1:0]   ended_line_q;
   logic [MostLag:0][TimeWidth-1:0]   ended_time_q;
-  assign ended = exposure_q && !exposure_i;
+  logic [MostLag+1:0][LineWidth-1:0] lines;  // the first: what ended a clock ago, if any
+  logic [MostLag+1:0][TimeWidth-1:0] times;
+  logic [              LagWidth:0]   wanted;
+  assign ended  = exposure_q && !exposure_i;
+  assign lines  = {ended_line_q, exposed_line_q};
+  assign times  = {ended_time_q, clock_q};
+  assign wanted = (LagWidth + 1)'(lag_q) + (LagWidth + 1)'(!ended_q);
 
   // Which exposure it is, by number and age.
   typedef enum logic [1:0] {FIRST, IN_STEP, LOST} state_e;
@@ -140,21 +151,29 @@ module line_tag #(
   assign angle_index  = angle_line_i[IndexWidth-1:0];
   assign exposed_index = exposed_line_q[IndexWidth-1:0];
 
-  // What the table has, and a clock later whether it is of the line that is read out.
+  // What the table has, and a clock later whether it is of the line that is read out.  A power comes
+  // into the table a clock later than the rest, and leaves it a clock sooner.
+  logic                 cut_q, centre_come_q;
+  logic [IndexWidth-1:0] cut_index_q, centre_index_q;
   logic                 centred_q2, angled_q2, centre_match_q, angle_match_q;
   logic [LineWidth-1:0] centre_line_q, angle_line_q;
   centre_t              centre_q, centre_q2;
-  logic [vrscan_pkg::PowerWidth-1:0] power_q, power_q2;
+  logic [vrscan_pkg::PowerWidth-1:0] power_come_q, power_q;
   angle_t               angle_q, angle_q2;
 
   always_ff @(posedge clk_i) begin
     clock_q <= clock_q + vrscan_pkg::TimeWidth'(1);
 
-    if (ended && last_centre_q == exposed_line_q) powers_q[exposed_index] <= power_i;
+    cut_q          <= ended && last_centre_q == exposed_line_q;
+    cut_index_q    <= exposed_index;
+    centre_come_q  <= centre_i;
+    centre_index_q <= centre_index;
+    power_come_q   <= power_i;
+    if (cut_q) powers_q[cut_index_q] <= power_come_q;
+    if (centre_come_q) powers_q[centre_index_q] <= power_come_q;
     if (centre_i) begin
       last_centre_q            <= line_i;
-      powers_q[centre_index]   <= power_i;
-      centre_mem[centre_index] <= {line_i, inward_i, clock_q};
+      centre_mem[centre_index] <= {line_i, inward_i, lens_i, clock_q};
       centred_q[centre_index]  <= 1'b1;
       angled_q[centre_index]   <= 1'b0;  // which needs no reset: centred_q comes first
     end
@@ -168,11 +187,11 @@ module line_tag #(
 
     exposure_q <= exposure_i;
     if (exposure_i && !exposure_q) exposed_line_q <= line_i;
-    if (ended) begin
-      ended_line_q <= {ended_line_q[MostLag-1:0], exposed_line_q};
-      ended_time_q <= {ended_time_q[MostLag-1:0], clock_q};
-    end
     ended_q <= ended;
+    if (ended_q) begin
+      ended_line_q <= lines[MostLag:0];
+      ended_time_q <= times[MostLag:0];
+    end
     if (ended_q && full && unread_count_o != '1) begin
       unread_count_o <= unread_count_o + CountWidth'(1);
     end
@@ -182,8 +201,8 @@ module line_tag #(
     waiting_q <= waiting;
     if (start_q[1]) begin
       wanted_q      <= due;
-      wanted_line_q <= ended_line_q[lag_q];
-      wanted_time_q <= ended_time_q[lag_q] + TimeWidth'(2);  // as late as clock_q will be
+      wanted_line_q <= lines[wanted];
+      wanted_time_q <= times[wanted] + TimeWidth'(1);  // as late as clock_q will be
       if (stale) stale_q <= stale_q - LagWidth'(1);
       else if (waiting != '0 && (due || state_q != IN_STEP)) waiting_q <= waiting - WaitWidth'(1);
     end
@@ -216,7 +235,6 @@ module line_tag #(
     angled_q2      <= angled_q[index];
     centre_q2      <= centre_q;
     power_q        <= powers_q[index];
-    power_q2       <= power_q;
     superseded_q2  <= superseded_q[index];
     superseded_q3  <= superseded_q2;
     angle_q2       <= angle_q;
@@ -230,8 +248,9 @@ module line_tag #(
       tag_o.angle        <= signed'(angle_q2.angle);
       tag_o.mirror_flags <= angle_q2.flags;
       tag_o.confidence   <= angle_q2.confidence;
-      tag_o.power        <= power_q2;
+      tag_o.power        <= power_q;
       tag_o.inward       <= centre_q2.inward;
+      tag_o.lens         <= centre_q2.lens;
       tag_o.time_clks    <= centre_q2.time_clks;
       tag_o.superseded   <= superseded_q3;
     end

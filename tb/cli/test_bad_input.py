@@ -93,7 +93,7 @@ CASES = {
     ),
     "rate_of_long_lines": (
         ["scan", "--out", "s", *IDEAL, "--config", "long.toml"],
-        ["long.toml", "line.rate_hz = 37400", "4096 px at 125 MHz", "at most 30156 Hz"],
+        ["long.toml", "line.rate_hz = 37374.9", "4096 px at 125 MHz", "at most 30156 Hz"],
     ),
     "bad_register": (
         ["replay", "good.npz", *REPLAY, "--config", "register.toml"],

@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from click.testing import Result
 from fake_board import CLOCK_HZ, LINE_LENGTH, FakeBoard
 from typer.testing import CliRunner
 
+from vrscan.calibrate.results import write_maps
 from vrscan.cli.app import app, main
 from vrscan.cli.link_commands import link
 from vrscan.cli.live import braille
@@ -25,13 +26,18 @@ from vrscan.clocked.command_executor import Outcome
 from vrscan.data import link_pkg, pkg, records
 from vrscan.data.arrays import Pixels
 from vrscan.data.config import Config
+from vrscan.data.correction_maps import COLUMNS as MAP_COLUMNS
+from vrscan.data.correction_maps import ROWS, FieldMaps
+from vrscan.data.correction_maps import read_maps as read_maps_of
 from vrscan.data.line_files import read as read_lines
 from vrscan.data.points import COLUMNS
+from vrscan.fixed import peak_fit
 from vrscan.fixed.test_line import lines
 from vrscan.fixed.vrscan_chain import run_fixed
 from vrscan.link.selftest import CHAIN, TABLES, full_records, runs
 from vrscan.registers import values
 from vrscan.registers.chain_registers import Registers
+from vrscan.registers.map_table import MapTable, nodes_of
 from vrscan.registers.register_map import WINDOWS
 from vrscan.registers.settings import TestLineSettings as Settings
 
@@ -49,6 +55,28 @@ def chain(board: FakeBoard) -> Registers:
     for name in ("period_n", "window_two_pass", "window_fit", "noise_row", "even"):
         held[name] = bool(held[name])
     return Registers(pixel_width=12, line_length=LINE_LENGTH, **held)
+
+
+def maps_in(board: FakeBoard) -> MapTable | None:
+    """Return the maps that the board makes its points with."""
+    held = {name: value[0] for name, value in board.file.ports().items() if len(value) == 1}
+    if not held["map_enable"]:
+        return None
+    first = held["map_bank"] * WINDOWS["map_table"].entries
+    words = board.file.table("map_table", "map_table_node")[first:]
+    nodes, filled = nodes_of(np.array(words[: held["map_count"] * pkg.MAP_NODES]))
+    return MapTable(nodes, filled, held["map_begin"], held["map_shift"], held["map_lens"])
+
+
+def write_some_maps(name: str, count: int = 2, phase: float = 0.0) -> FieldMaps:
+    """Write smooth maps to a file, filled in places, and return them."""
+    i, j = np.meshgrid(np.arange(ROWS), np.arange(MAP_COLUMNS), indexing="ij")
+    waves = np.array([np.sin(0.2 * i + 0.3 * j + k + phase) for k in range(count)])
+    filled = (np.arange(waves.size) % 5 == 0).reshape(waves.shape)
+    maps = FieldMaps(25.0, 1.2, 0.512, 8.0 * waves, filled, np.zeros(count))
+    with Path(name).open("wb") as file:
+        write_maps(maps, {}, file)
+    return maps
 
 
 class TestBoard(FakeBoard):
@@ -76,15 +104,16 @@ class TestBoard(FakeBoard):
         # A fit knows the speckle of the lines before, whatever run they are of.
         before: Pixels = getattr(self, "before", pixels[:0])
         both = np.concatenate([before, pixels])
-        self.before = both[-(pkg.SPECKLE_DEPTH - 1) :]
+        self.before = both[-(peak_fit.REACH + 1) :]
         points = run_fixed(
             both, np.full(len(both), angle), np.full(len(both), power), chain(self), max_window=255,
-            breaks=[len(before)] if len(before) else [],
+            breaks=[len(before)] if len(before) else [], maps=maps_in(self),
         )  # fmt: skip
         made = full_records(points, 0, 0)
         # What a chain does not know: the power, bit 2, a test line, and bit 4. Bit 3 is MIXED.
         made["power"] = power
         made["bits"] = 4 + points.measured + 8 * (points.flags >> pkg.FLAG_MIXED & 1)
+        made["bits"] |= (32 * (points.flags >> pkg.FLAG_MAP_FILLED & 1)).astype(np.uint8)
         made["bits"] |= 16 * self.file.inputs["configuration"]
         made = made[len(before) :]
         field = getattr(self, "spoiled", None)
@@ -119,6 +148,9 @@ def board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[TestBoard
         )
         (tmp_path / "wide.toml").write_text("[peak]\nk_noise = 3.5\n")
         monkeypatch.chdir(tmp_path)
+        ten = write_some_maps("ten.npz", 10)
+        with Path("shape.npz").open("wb") as file:
+            write_maps(replace(ten, corrections_px=ten.corrections_px[:, :5]), {}, file)
         yield made
 
 
@@ -480,6 +512,80 @@ def test_captured_lines_are_kept_at_an_early_end(board: FakeBoard, way: str) -> 
         assert np.array_equal(raw["lines"], board.pixels[place % len(board.pixels)])
 
 
+def test_maps_are_loaded_beside_those_in_use(board: FakeBoard) -> None:
+    for k in range(3):
+        wanted = write_some_maps("map.npz", 2 + k % 2, float(k))
+        text = printed("maps", "load", "map.npz")
+        assert f"{2 + k % 2} maps, {wanted.corrections_px.size} nodes, 20 % of them filled" in text
+        assert board.file.active["map_bank"] == [1 - k % 2]
+        found = maps_in(board)
+        assert found is not None and (found.map_begin, found.map_shift) == (2400, 10)
+        assert np.array_equal(found.nodes, wanted.words())
+        printed("maps", "read", "--out", "back.npz")
+        back = read_maps_of(Path("back.npz"))
+        assert np.array_equal(back.words(), wanted.words())
+        assert np.array_equal(back.filled, wanted.filled)
+        assert (back.lens_begin_mm, back.lens_step_mm) == pytest.approx((1.2, 0.512))
+
+
+def test_a_configuration_brings_its_maps(board: FakeBoard) -> None:
+    wanted = write_some_maps("map.npz")
+    text = Path("config.toml").read_text()
+    Path("mapped.toml").write_text(f'{text}[map]\nfile = "map.npz"\nfocus_mm = 500.0\n')
+    assert "maps of map.npz loaded" in printed("load", "--config", "mapped.toml")
+    found = maps_in(board)
+    assert found is not None and np.array_equal(found.nodes, wanted.words())
+    assert (found.lens, board.file.active["k_noise"]) == (2632, [896])
+    printed("load", "--config", "config.toml")
+    assert maps_in(board) is None
+
+
+@pytest.mark.parametrize("way", ["wrong word", "refused", "port gone"])
+def test_maps_that_do_not_arrive_leave_those_in_use(board: FakeBoard, way: str) -> None:
+    write_some_maps("map.npz")
+    printed("maps", "load", "map.npz")
+    before, active = maps_in(board), {n: list(v) for n, v in board.file.active.items()}
+    write_some_maps("other.npz", phase=1.0)
+    first = WINDOWS["map_table"].address
+    access = board.file.access
+
+    def spoilt(kind: int, address: int, data: int = 0) -> tuple[int, int]:
+        if address != first + 3000:
+            return access(kind, address, data)
+        if way == "refused":
+            return link_pkg.STATUS_BUSY, 0
+        if way == "port gone":
+            board.faults.silent = True
+        status, word = access(kind, address, data)
+        return status, word ^ 2
+
+    board.file.access = spoilt
+    result = run("maps", "load", "other.npz")
+    board.file.access = access
+    assert result.exit_code != 0
+    says = {
+        "wrong word": "map_table_node[3000]: reads",
+        "refused": "map_table_node[3000] = ",
+        "port gone": "no answer",
+    }
+    assert says[way] in str(result.exception)
+    assert "\n" not in str(result.exception)
+    assert board.file.active == active
+    after = maps_in(board)
+    assert before is not None and after is not None
+    assert np.array_equal(before.nodes, after.nodes)
+
+
+def test_selftest_knows_the_maps(board: TestBoard) -> None:
+    board.file.values["line_enable"] = [0]
+    write_some_maps("map.npz")
+    printed("maps", "load", "map.npz")
+    before = held(board)
+    text = printed("selftest")
+    assert text.count("equal") == 3 * len(runs(LINE_LENGTH)) + 7
+    assert held(board) == before
+
+
 def test_selftest_finds_nothing(board: TestBoard) -> None:
     board.file.values["line_enable"] = [0]
     before = held(board)
@@ -569,6 +675,15 @@ CASES = {
         ["link", "load", "--config", "rate.toml", "--port", "port"],
         ["rate.toml", "line.rate_hz = 60000", "1024 px at 100 MHz", "at most 48439 Hz"],
     ),
+    "too_many_maps": (["link", "maps", "load", "ten.npz", "--port", "port"], ["10 maps", "2 to 9"]),
+    "no_maps": (["link", "maps", "load", "none.npz", "--port", "port"], ["none.npz"]),
+    "wrong_maps": (["link", "maps", "load", "wide.toml", "--port", "port"], ["wide.toml", "maps"]),
+    "maps_shape": (
+        ["link", "maps", "load", "shape.npz", "--port", "port"],
+        ["shape.npz", "33, 65"],
+    ),
+    "maps_off": (["link", "maps", "read", "--out", "m.npz", "--port", "port"], ["map_enable = 0"]),
+    "maps_ending": (["link", "maps", "read", "--out", "m.csv", "--port", "port"], ["m.csv"]),
     "missing_config": (["link", "load", "--config", "no.toml", "--port", "port"], ["no.toml"]),
     "lines_run": (["link", "selftest", "--port", "port"], ["lines run"]),
     "bad_bauds": (["link", "bench", "--bauds", "fast", "--port", "port"], ["--bauds", "fast"]),

@@ -19,6 +19,8 @@ from vrscan.data.points import COLUMNS
 from vrscan.engines.tools import repository_root
 from vrscan.scene.description import shipped
 from vrscan.scene.simulate import take
+from vrscan.study import scan as scans
+from vrscan.study import scan_store
 
 # Meshes, mirrors, glass, the sun, a panning scanner: every kind of light.
 FEW = ("default", "bolt", "bust", "glossy", "sunlit", "window-ghost")
@@ -66,18 +68,18 @@ def test_a_scan_writes_its_files_and_its_table(
 def test_a_scene_in_full_has_the_same_points_whoever_computes_them(
     tmp_path: Path, scene: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """RTL in one process and its model in two, with a fit and with one window."""
+    """A block and a bit: RTL in one process, its model in two, with a fit and with one window."""
     plain = tmp_path / "threshold.toml"
     plain.write_text('[peak]\nwindow = "threshold"\n')
     for mode in ([], ["--config", str(plain)]):
         points = []
         for engine, jobs in (("rtl", "1"), ("fixed", "2")):
             out = tmp_path / f"{engine}{len(mode)}"
-            how = ["--engine", engine, "--jobs", jobs, "--lines", "2100", "--fidelity", "full"]
+            how = ["--engine", engine, "--jobs", jobs, "--lines", "1100", "--fidelity", "full"]
             assert command(monkeypatch, "scan", scene, "--out", str(out), *how, *mode) == 0
             points.append((out / "points.csv").read_bytes())
         assert points[0] == points[1]
-        assert points[0].count(b"\n") == 2101
+        assert points[0].count(b"\n") == 1101
 
 
 def test_replay_of_a_scan_gives_its_points(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -120,7 +122,7 @@ def test_an_interrupt_of_all_processes_leaves_no_file_and_no_process(
     tmp_path: Path, signum: signal.Signals, status: int
 ) -> None:
     """The signal goes to the whole group, as Ctrl-C does, when blocks are on their way."""
-    arguments = ["--lines", "200000", "--engine", "ideal", "--jobs", "2", "--fidelity", "minimal"]
+    arguments = ["--lines", "30000", "--engine", "ideal", "--jobs", "2", "--fidelity", "minimal"]
     process = subprocess.Popen(
         [sys.executable, "-m", "vrscan", "scan", "--out", "scan", *arguments],
         env=os.environ | {"PYTHONPATH": str(repository_root() / "model")},
@@ -271,3 +273,73 @@ def test_every_command_explains_itself(
 ) -> None:
     assert command(monkeypatch, name, "--help") == 0
     assert "--engine" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("follows", [[], ["--power", "adaptive", "--focus", "automatic"]])
+def test_a_long_scan_goes_on_where_it_was_cut_off(
+    tmp_path: Path, follows: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cut off behind a piece, and given again: the files of a scan that nobody cut."""
+    monkeypatch.setattr(scan_store, "LEAST_LINES", 1)
+    monkeypatch.setattr(scan_store, "PIECE", 1)
+    monkeypatch.setattr(scans, "PIECE", 1)
+    arguments = ["scan", "--engine", "fixed", "--lines", "3100", "--fidelity", "minimal"]
+    arguments += ["--jobs", "1", *follows]
+    whole, cut = tmp_path / "whole", tmp_path / "cut"
+    assert command(monkeypatch, *arguments, "--out", str(whole)) == 0
+    assert not (whole / "parts").exists()
+    made: list[int] = []
+    work = scans._Work.__call__
+
+    def interrupted(self: scans._Work, given: object) -> scans.Part:
+        made.append(given if isinstance(given, int) else given.number)  # type: ignore[attr-defined]
+        if len(made) == 3:
+            raise KeyboardInterrupt
+        return work(self, given)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(scans._Work, "__call__", interrupted)
+    assert command(monkeypatch, *arguments, "--out", str(cut)) == 130
+    assert [path.name for path in cut.iterdir()] == ["parts"]
+    assert command(monkeypatch, *arguments, "--out", str(cut)) == 0
+    assert made == [0, 1, 2, 2, 3]
+    for path in whole.iterdir():
+        assert path.read_bytes() == (cut / path.name).read_bytes(), path.name
+    # Parts of another scan do not count.
+    (cut / "parts").mkdir()
+    (cut / "parts" / "scan.json").write_text("{}")
+    (cut / "parts" / "piece-000000.pickle").write_bytes(b"no")
+    assert command(monkeypatch, *arguments, "--out", str(cut)) == 0
+    assert made[5:] == [0, 1, 2, 3]
+    assert not (cut / "parts").exists()
+
+
+def test_a_replay_knows_where_the_lens_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The lines of a scan with a lens that moves, and their positions of it: the same points."""
+    own, scan, points = tmp_path / "own.toml", tmp_path / "scan", tmp_path / "points.csv"
+    own.write_text("[map]\nthin_lens = true\n[focus]\naverage_points = 64\nhold_points = 32\n")
+    how = ["--engine", "fixed", "--config", str(own)]
+    arguments = ["scan", "plane", "--out", str(scan), "--lines", "1000", "--keep-lines", *how]
+    arguments += ["--fidelity", "minimal", "--focus", "automatic", "--jobs", "1"]
+    assert command(monkeypatch, *arguments) == 0
+    command(monkeypatch, "replay", str(scan / "lines.npz"), "--out", str(points), *how)
+    assert points.read_bytes() == (scan / "points.csv").read_bytes()
+    with np.load(scan / "lines.npz") as kept:
+        assert len(set(kept["lens"].tolist())) > 1
+
+
+def test_power_and_lens_of_a_scan_that_follows_are_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """loops.csv has a row for each line, whatever the engine and the number of processes."""
+    found = []
+    for engine, jobs in (("ideal", "1"), ("ideal", "2"), ("fixed", "1")):
+        out = tmp_path / f"{engine}{jobs}"
+        arguments = ["scan", "--engine", engine, "--lines", "2100", "--fidelity", "minimal"]
+        arguments += ["--jobs", jobs, "--power", "adaptive", "--out", str(out)]
+        assert command(monkeypatch, *arguments) == 0
+        found.append((out / "loops.csv").read_bytes())
+    assert found[0] == found[1] == found[2]
+    rows = list(csv.DictReader(found[0].decode().splitlines()))
+    assert [int(row["line"]) for row in rows] == list(range(2100))
+    assert len({row["power"] for row in rows}) > 100
+    assert float(rows[0]["light_mw"]) == pytest.approx(5.0, abs=1e-3)

@@ -26,7 +26,7 @@ module peak_neighbours_contract #(
   localparam logic [15:0] Latency = 16'(2 * (32 + 3 + 1) + 7 * (vrscan_pkg::multiply_latency(
       18, 18) + 1) + 3 * (18 + 3 + 1) + 5);
 
-  logic                 started_q, waits_q, kept_q, gives_q, flush_q, idle, comes, late;
+  logic                 started_q, waits_q, kept_q, gives_q, flush_q, came_q, idle, comes, late;
   logic                 measured_q, given_measured_q;
   logic [         15:0] age_q;  // clocks since a line was taken, or since the wait's end; 0 is idle
   logic [         31:0] since_q;  // the newest line
@@ -41,6 +41,7 @@ module peak_neighbours_contract #(
     age_q     <= comes || late ? 16'd1 : idle ? '0 : age_q + 16'd1;
     waits_q   <= (valid_i || waits_q) && !idle;
     flush_q   <= kept_q && flush_i && !comes && !late;
+    came_q    <= comes && !rst_i;
     since_q   <= comes ? 32'd1 : since_q + 32'd1;
     if (comes || late) begin
       kept_q                      <= comes;
@@ -54,6 +55,8 @@ module peak_neighbours_contract #(
     end
 
     if (started_q) begin
+      simulated_inputs_hold:
+      assume (!came_q || {measured_i, user_i} == {measured_q, user_q});
       simulated_once_and_in_time: assert (valid_o == (gives_q && age_q == Latency));
       if (valid_o) begin
         simulated_in_order: assert (user_o == given_q);

@@ -13,7 +13,7 @@ module register_file_contract (
   input wire register_pkg::mirror_limits_t      mirror_limits_o,
   input wire register_pkg::laser_limits_t       laser_limits_o,
   input wire register_pkg::locks_t              locks_o,
-  input wire logic [                       9:1] step_q,
+  input wire logic [                      13:1] step_q,
   input wire logic                              rst,
   input wire logic [ link_pkg::AccessWidth-1:0] access_q
 );
@@ -25,7 +25,7 @@ module register_file_contract (
   initial started_q = 1'b0;
 
   logic                             reset_q, reset_q2, done_q, starts, written_q;
-  logic [                      9:1] age_q;  // of the access under way
+  logic [                     13:1] age_q;  // of the access under way
   logic [link_pkg::AccessWidth-1:0] kind_q;
   register_pkg::mirror_limits_t     mirror_limits_q;
   register_pkg::laser_limits_t      laser_limits_q;
@@ -35,8 +35,8 @@ module register_file_contract (
   always_ff @(posedge clk_i) begin
     {reset_q2, reset_q} <= {reset_q, rst_i};
     started_q <= started_q || reset_q;
-    age_q     <= reset_q ? '0 : {age_q[8:1], starts};
-    done_q    <= age_q[9] && !reset_q;
+    age_q     <= reset_q ? '0 : {age_q[12:1], starts};
+    done_q    <= age_q[13] && !reset_q;
     if (starts) kind_q <= bus_access_i;
     written_q       <= (age_q != '0 && kind_q == Write) || reset_q;
     mirror_limits_q <= mirror_limits_o;

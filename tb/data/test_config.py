@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from vrscan.data import pkg
@@ -157,3 +158,22 @@ def test_a_default_rate_binds_only_who_wants_lines(tmp_path: Path) -> None:
     config = load(write(tmp_path, "[sensor]\nline_length = 8192\n"))
     assert "8192 px" in config.rate_complaint()
     assert Config().rate_complaint() == ""
+
+
+def test_the_rate_follows_the_mirror(tmp_path: Path) -> None:
+    """150.1 lines a period: the lines of ten periods lie a tenth of a line apart, the paper's."""
+    line = Config().line
+    assert line.rate_hz == pytest.approx(37_374.9, abs=1e-9)
+    place = np.sort(np.arange(1501) / line.rate_hz * Config().mirror.frequency_hz % 1.0)
+    gaps = np.diff(place) * 150.1
+    assert gaps.max() == pytest.approx(0.1, abs=1e-6) == pytest.approx(gaps.min(), abs=1e-6)
+    own = load(
+        write(tmp_path, "[mirror]\nfrequency_hz = 250.0\n[line]\nlines_per_period = 100.25\n")
+    )
+    assert own.line.rate_hz == 25_062.5
+    assert own.model_copy(update={}).line.rate_hz == 25_062.5
+    both = "[line]\nrate_hz = 37400.0\nlines_per_period = 150.1\n"
+    with pytest.raises(InputError, match="give one of the two"):
+        load(write(tmp_path, both))
+    with pytest.raises(InputError, match="line: the pulse ends after"):
+        load(write(tmp_path, "[line]\nlines_per_period = 150.1\npulse_us = 30.0\n"))

@@ -63,6 +63,7 @@ def test_without_loky_one_process_works_and_more_are_refused(
     "module",
     [
         "vrscan",
+        "vrscan.data.clouds",
         "vrscan.data.line_files",
         "vrscan.engines.engine",
         "vrscan.fixed.vrscan_chain",
@@ -122,7 +123,8 @@ def test_every_library_is_in_the_extra_that_is_named_and_has_its_version_pinned(
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     pinned = re.findall(r"^([\w.-]+)==", (ROOT / "requirements.txt").read_text(), re.MULTILINE)
     known = {name.lower() for name in pinned}
-    called = {"PIL": "pillow", "serial": "pyserial", "dask": "distributed"}
+    called = {"PIL": "pillow", "serial": "pyserial", "dask": "distributed", "rerun": "rerun-sdk"}
+    called |= {"mcap_ros2": "mcap-ros2-support"}
     extras = project["optional-dependencies"]
     for library, brings in BRINGS.items():
         found = re.fullmatch(r"vrscan\[(\w+)\]", brings)

@@ -26,7 +26,7 @@ def test_an_array_alone_has_angle_zero_and_full_power(tmp_path: Path) -> None:
         recording = read(path, Config())
     assert [str(each.message) for each in told] == [
         f"{path}: no angle_rad: every line is taken at angle 0, so every x is 0 "
-        "(an .npz takes angle_rad [n] beside lines)"
+        "(an .npz takes angle_rad [n] beside lines, --angles a file of them)"
     ]
     assert np.array_equal(recording.lines, GOOD)
     assert recording.angle_rad.tolist() == [0.0] * 3
@@ -58,12 +58,15 @@ def test_what_is_written_is_read(tmp_path: Path, raised: Any) -> None:
     angle, power = np.array([-0.3, 0.0, 0.3]), np.array([0, 30_000, 65_535])
     path = tmp_path / "lines.npz"
     with path.open("wb") as file:
-        write(Lines(GOOD, angle, power, truth, mirror_flags=raised), file)
+        moving = {"time_s": np.array([0.0, 0.5, np.nan]), "y_mm": 2.0 * ANGLES + 7.0}
+        write(Lines(GOOD, angle, power, truth, mirror_flags=raised, **moving), file)
     recording = read(path, Config())
     assert np.array_equal(recording.lines, GOOD)
     assert np.array_equal(recording.angle_rad, angle)
     assert np.array_equal(recording.power, power)
     assert np.array_equal(recording.mirror_flags, np.broadcast_to(raised, 3))
+    for name, values in moving.items():
+        assert np.array_equal(getattr(recording, name), values, equal_nan=True)
     with np.load(path) as arrays:
         assert np.array_equal(arrays["true_position_px"], position, equal_nan=True)
         assert arrays["surface_names"].tolist() == ["plate", "bolt"]
@@ -105,7 +108,7 @@ def test_a_misspelt_name_is_told(tmp_path: Path, meant: str, name: str) -> None:
 def test_other_arrays_are_ignored_and_so_is_a_likely_name_beside_the_right_one(
     tmp_path: Path,
 ) -> None:
-    others = dict.fromkeys(("angle_deg", "height_mm", "range_mm", "time_s", "number"), ANGLES)
+    others = dict.fromkeys(("angle_deg", "height_mm", "range_mm", "number"), ANGLES)
     path = tmp_path / "lines.npz"
     np.savez(path, lines=GOOD, angle_rad=ANGLES + 0.5, **others)
     with warnings.catch_warnings():
@@ -146,6 +149,12 @@ BAD_ARCHIVES: dict[str, tuple[dict[str, Any], list[str]]] = {
     "negative_power": ({"lines": GOOD, "power": np.array([1, -2, 3])}, ["power", "-2 at line 1"]),
     "large_power": ({"lines": GOOD, "power": np.full(3, 70_000, np.uint32)}, ["power", "70000"]),
     "floating_flags": ({"lines": GOOD, "mirror_flags": ANGLES}, ["mirror_flags", "float64"]),
+    "infinite_time": (
+        {"lines": GOOD, "time_s": np.array([0.0, np.inf, 1.0])},
+        ["time_s", "line 1"],
+    ),
+    "nan_y": ({"lines": GOOD, "y_mm": np.array([0.0, 1.0, np.nan])}, ["y_mm", "line 2"]),
+    "few_times": ({"lines": GOOD, "time_s": ANGLES[:2]}, ["time_s", "(3,)", "(2,)"]),
     "few_flags": (
         {"lines": GOOD, "mirror_flags": np.zeros(2, np.uint8)},
         ["mirror_flags", "(3,)", "(2,)"],

@@ -54,7 +54,8 @@ def test_compact_flag_gathers_its_flags(name: str) -> None:
     raised = 1 << pkg.FLAGS[name]
     record["flags"] = raised & 0xFFFF
     for measured in (False, True):
-        record["bits"] = MEASURED * measured | raised >> 16 << MORE_FLAGS
+        more = sum(1 << bit for bit, flag in MORE_FLAGS.items() if raised >> flag & 1)
+        record["bits"] = MEASURED * measured | more
         want = sum(1 << bit for bit, names in NAMES.items() if name in names)
         if measured and name not in ("NO_RANGE", "OUT_OF_RANGE"):
             want |= 1 << link_pkg.COMPACT_MEASURED
@@ -71,7 +72,8 @@ def test_full_records_become_points() -> None:
     records = random_records(generator(4), range(50))
     got = points(records, 10)
     assert len(got) == 50 and got.pixel_width == 10
-    assert (got.flags == records["flags"] + ((records["bits"] & 8).astype(np.int64) << 13)).all()
+    bits = records["bits"].astype(np.int64)
+    assert (got.flags == records["flags"] + ((bits & 8) << 13) + ((bits & 32) << 12)).all()
     for name in ("line", "position", "row_variance", "c_sfm", "doubt"):
         assert (getattr(got, name) == records[name]).all() and getattr(got, name).dtype == np.int64
     assert (got.width == got.right - got.left + 1).all()

@@ -18,15 +18,18 @@
 //   *_o           structs of odd_registers_pkg: what the bus has written, 7 clocks after
 //                 bus_valid_i; a field *_strobe is high in the first clock in which its register
 //                 has what was written
-//   *_i           structs, too: a READ sees them 7 clocks after bus_valid_i
+//   *_i           structs, too: a READ sees them 11 clocks after bus_valid_i
 //   Wide ones     take effect with their higher word; until then the lower one waits, and is read
 //                 as written.  The READ of a lower word of *_i keeps the higher one for its READ
 //   Tables        an entry goes out with its last field and with *_write, the others are those
 //                 written before; a reset leaves what was written for the bus to read
+//   Two banks     of a table elsewhere: an entry goes out with *_write, to bank *_access_bank, and
+//                 *_read of *_index comes back, 5 clocks behind a write as it was written.
+//                 StatusBusy is also for a write into the bank in use
 //   waiting_i ..  of commit_control.  What waits goes out 2 clocks after take_i.  Entries of
 //                 waiting tables go out 2 clocks after copy_i, into the bank that is not
 //                 bank_i's.  StatusBusy is for waiting_i
-//   Latency       10 clocks from bus_valid_i to bus_done_o
+//   Latency       14 clocks from bus_valid_i to bus_done_o
 //   Model         vrscan.clocked.register_file, bit-exact
 
 `default_nettype none
@@ -47,9 +50,12 @@ module odd_registers (
   input  wire odd_registers_pkg::read_t           read_i,
   output      odd_registers_pkg::locks_t          locks_o,
   output      odd_registers_pkg::held_t           held_o,
+  output      odd_registers_pkg::access_t         access_o,
   output      odd_registers_pkg::commit_t         commit_o,
   output      odd_registers_pkg::written_t        written_o,
   output      odd_registers_pkg::held_table_t     held_table_o,
+  input  wire odd_registers_pkg::elsewhere_status_t elsewhere_status_i,
+  output      odd_registers_pkg::elsewhere_t      elsewhere_o,
   output      odd_registers_pkg::single_t         single_o,
   output      odd_registers_pkg::triple_t         triple_o,
 
@@ -69,13 +75,15 @@ module odd_registers (
   local_register u_locks_reset (.clk_i, .d_i(rst_i), .q_o(locks_rst));
   logic held_rst;
   local_register u_held_reset (.clk_i, .d_i(rst_i), .q_o(held_rst));
+  logic access_rst;
+  local_register u_access_reset (.clk_i, .d_i(rst_i), .q_o(access_rst));
   logic commit_rst;
   local_register u_commit_reset (.clk_i, .d_i(rst_i), .q_o(commit_rst));
   logic written_rst;
   local_register u_written_reset (.clk_i, .d_i(rst_i), .q_o(written_rst));
 
   // ---- an access, and how far it is ----
-  logic [9:1] step_q;
+  logic [13:1] step_q;
   logic [link_pkg::AccessWidth-1:0] access_q;
   logic [link_pkg::AddressWidth-1:0] address_q;
   logic [31:0] data_q;
@@ -84,7 +92,7 @@ module odd_registers (
   assign read = access_q != link_pkg::AccessWidth'(link_pkg::AccessCheck)
                 && access_q != link_pkg::AccessWidth'(link_pkg::AccessWrite);
   always_ff @(posedge clk_i) begin
-    step_q <= {step_q[8:1], start};
+    step_q <= {step_q[12:1], start};
     if (start) begin
       access_q  <= bus_access_i;
       address_q <= bus_address_i;
@@ -111,6 +119,9 @@ module odd_registers (
   logic held_table_hit_q;
   logic [3:0] held_table_index;
   assign held_table_index = address_q[4:1];
+  logic elsewhere_hit_q;
+  logic [3:0] elsewhere_index;
+  assign elsewhere_index = address_q[3:0];
   logic single_hit_q;
   logic [2:0] single_index;
   assign single_index = address_q[2:0];
@@ -121,6 +132,7 @@ module odd_registers (
     map_rule_q <= rule_mem[address_q[9:0]];
     map_hit_q  <= address_q[15:10] == '0;
     held_table_hit_q <= address_q[15:5] == 11'h040;
+    elsewhere_hit_q <= address_q[15:4] == 12'h100 && elsewhere_index <= 4'd12;
     single_hit_q <= address_q[15:3] == 13'h0080 && single_index <= 3'd4;
     triple_hit_q <= address_q[15:5] == 11'h7ff;
     rule_q <= map_hit_q ? map_rule_q : '0;
@@ -132,6 +144,7 @@ module odd_registers (
           {KindReadWrite, 1'd1, 3'd0, 33'h000000000, 33'h000000007};
         default: rule_q <= '0;
       endcase
+    if (elsewhere_hit_q) rule_q <= {KindReadWrite, 1'd1, 3'd0, 33'h1ffffff00, 33'h0000000ff};
     if (single_hit_q) rule_q <= {KindReadWrite, 1'd0, 3'd0, 33'h1fffffff7, 33'h07fffffff};
     if (triple_hit_q)
       case (address_q[1:0])
@@ -171,8 +184,10 @@ module odd_registers (
     below_q  <= value < rule_q.minimum;
     above_q  <= value > rule_q.maximum;
     locked_q <= locks[rule_q.lock];
-    busy_q <= rule_q.commit && waiting_i && (!read || held_table_hit_q);
-    status_q <= verdict;
+    busy_q <= rule_q.commit && waiting_i && (!read || held_table_hit_q || elsewhere_hit_q);
+    if (!read && elsewhere_hit_q && access_o.access_bank == held_o.held_bank) busy_q <= 1'b1;
+    // What an access changes judges the next: a commit waits from its own write on.
+    if (step_q[4]) status_q <= verdict;
     write_q  <= step_q[4] && access_q == link_pkg::AccessWidth'(link_pkg::AccessWrite)
                 && verdict == link_pkg::StatusWidth'(link_pkg::StatusOk);
     if (rst) write_q <= 1'b0;
@@ -183,6 +198,7 @@ module odd_registers (
   logic page_10_hit_q;
   logic page_11_hit_q;
   logic page_12_hit_q;
+  logic page_13_hit_q;
   logic page_14_hit_q;
   logic page_1f_hit_q;
   logic page_20_hit_q;
@@ -193,6 +209,7 @@ module odd_registers (
     page_10_hit_q <= address_q[15:4] == 12'h010;
     page_11_hit_q <= address_q[15:4] == 12'h011;
     page_12_hit_q <= address_q[15:4] == 12'h012;
+    page_13_hit_q <= address_q[15:4] == 12'h013;
     page_14_hit_q <= address_q[15:4] == 12'h014;
     page_1f_hit_q <= address_q[15:4] == 12'h01f;
     page_20_hit_q <= address_q[15:4] == 12'h020;
@@ -202,7 +219,7 @@ module odd_registers (
   end
 
   // ---- 5: which register; 6: it takes the word ----
-  logic [36:0] take_q;
+  logic [38:0] take_q;
   logic write_q2;
   always_ff @(posedge clk_i) begin
     write_q2 <= write_q;
@@ -223,27 +240,29 @@ module odd_registers (
     take_q[13] <= write_q && page_12_hit_q && word_hit_q[3] && !rst;
     take_q[14] <= write_q && page_12_hit_q && word_hit_q[4] && !rst;
     take_q[15] <= write_q && page_12_hit_q && word_hit_q[5] && !rst;
-    take_q[16] <= write_q && page_14_hit_q && word_hit_q[0] && !rst;
-    take_q[17] <= write_q && page_1f_hit_q && word_hit_q[12] && !rst;
-    take_q[18] <= write_q && page_1f_hit_q && word_hit_q[13] && !rst;
-    take_q[19] <= write_q && page_1f_hit_q && word_hit_q[14] && !rst;
-    take_q[20] <= write_q && page_1f_hit_q && word_hit_q[15] && !rst;
-    take_q[21] <= write_q && page_20_hit_q && word_hit_q[0] && !rst;
-    take_q[22] <= write_q && page_20_hit_q && word_hit_q[1] && !rst;
-    take_q[23] <= write_q && page_20_hit_q && word_hit_q[2] && !rst;
-    take_q[24] <= write_q && page_20_hit_q && word_hit_q[3] && !rst;
-    take_q[25] <= write_q && page_20_hit_q && word_hit_q[4] && !rst;
-    take_q[26] <= write_q && page_20_hit_q && word_hit_q[5] && !rst;
-    take_q[27] <= write_q && page_20_hit_q && word_hit_q[6] && !rst;
-    take_q[28] <= write_q && page_20_hit_q && word_hit_q[7] && !rst;
-    take_q[29] <= write_q && page_20_hit_q && word_hit_q[8] && !rst;
-    take_q[30] <= write_q && page_20_hit_q && word_hit_q[9] && !rst;
-    take_q[31] <= write_q && page_20_hit_q && word_hit_q[10] && !rst;
-    take_q[32] <= write_q && page_20_hit_q && word_hit_q[11] && !rst;
-    take_q[33] <= write_q && page_20_hit_q && word_hit_q[12] && !rst;
-    take_q[34] <= write_q && page_20_hit_q && word_hit_q[13] && !rst;
-    take_q[35] <= write_q && page_20_hit_q && word_hit_q[14] && !rst;
-    take_q[36] <= write_q && page_20_hit_q && word_hit_q[15] && !rst;
+    take_q[16] <= write_q && page_12_hit_q && word_hit_q[6] && !rst;
+    take_q[17] <= write_q && page_13_hit_q && word_hit_q[0] && !rst;
+    take_q[18] <= write_q && page_14_hit_q && word_hit_q[0] && !rst;
+    take_q[19] <= write_q && page_1f_hit_q && word_hit_q[12] && !rst;
+    take_q[20] <= write_q && page_1f_hit_q && word_hit_q[13] && !rst;
+    take_q[21] <= write_q && page_1f_hit_q && word_hit_q[14] && !rst;
+    take_q[22] <= write_q && page_1f_hit_q && word_hit_q[15] && !rst;
+    take_q[23] <= write_q && page_20_hit_q && word_hit_q[0] && !rst;
+    take_q[24] <= write_q && page_20_hit_q && word_hit_q[1] && !rst;
+    take_q[25] <= write_q && page_20_hit_q && word_hit_q[2] && !rst;
+    take_q[26] <= write_q && page_20_hit_q && word_hit_q[3] && !rst;
+    take_q[27] <= write_q && page_20_hit_q && word_hit_q[4] && !rst;
+    take_q[28] <= write_q && page_20_hit_q && word_hit_q[5] && !rst;
+    take_q[29] <= write_q && page_20_hit_q && word_hit_q[6] && !rst;
+    take_q[30] <= write_q && page_20_hit_q && word_hit_q[7] && !rst;
+    take_q[31] <= write_q && page_20_hit_q && word_hit_q[8] && !rst;
+    take_q[32] <= write_q && page_20_hit_q && word_hit_q[9] && !rst;
+    take_q[33] <= write_q && page_20_hit_q && word_hit_q[10] && !rst;
+    take_q[34] <= write_q && page_20_hit_q && word_hit_q[11] && !rst;
+    take_q[35] <= write_q && page_20_hit_q && word_hit_q[12] && !rst;
+    take_q[36] <= write_q && page_20_hit_q && word_hit_q[13] && !rst;
+    take_q[37] <= write_q && page_20_hit_q && word_hit_q[14] && !rst;
+    take_q[38] <= write_q && page_20_hit_q && word_hit_q[15] && !rst;
   end
 
   logic [31:0] wide_data;
@@ -257,6 +276,10 @@ module odd_registers (
   logic [31:0] held_data;
   local_register #(.Width(32)) u_held_data (
     .clk_i, .d_i(data_q[31:0]), .q_o(held_data)
+  );
+  logic [0:0] access_data;
+  local_register #(.Width(1)) u_access_data (
+    .clk_i, .d_i(data_q[0:0]), .q_o(access_data)
   );
   logic [0:0] commit_data;
   local_register #(.Width(1)) u_commit_data (
@@ -286,10 +309,15 @@ module odd_registers (
     .clk_i, .d_i({take_i, rst_i}),
     .q_o({held_several_take, held_several_taken_rst})
   );
+  logic held_bank_take, held_bank_taken_rst;
+  local_register #(.Width(2)) u_held_bank_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({held_bank_take, held_bank_taken_rst})
+  );
   always_ff @(posedge clk_i) begin
-    commit_o.commit_strobe <= take_q[16];
-    written_o.hit_strobe <= take_q[25];
-    written_o.signal_strobe <= take_q[26];
+    commit_o.commit_strobe <= take_q[18];
+    written_o.hit_strobe <= take_q[27];
+    written_o.signal_strobe <= take_q[28];
     if (take_q[0]) longer_low_q <= wide_data;
     if (take_q[1]) wide_o.longer <= {wide_data[0:0], longer_low_q};
     if (take_q[2]) longest_low_q <= wide_data;
@@ -306,27 +334,29 @@ module odd_registers (
     if (take_q[13]) held_q.held_several[0+:6] <= held_data[5:0];
     if (take_q[14]) held_q.held_several[6+:6] <= held_data[5:0];
     if (take_q[15]) held_q.held_several[12+:6] <= held_data[5:0];
-    if (take_q[16]) commit_o.commit <= commit_data[0];
-    if (take_q[17]) written_o.sole <= written_data[0];
-    if (take_q[18]) written_o.word <= written_data;
-    if (take_q[19]) written_o.little <= signed'(written_data[4:0]);
-    if (take_q[20]) written_o.bounded <= written_data[11:0];
-    if (take_q[21]) written_o.centred <= signed'(written_data[11:0]);
-    if (take_q[22]) written_o.below <= signed'(written_data);
-    if (take_q[23]) written_o.above <= signed'(written_data);
-    if (take_q[24]) written_o.late <= written_data[3:0];
-    if (take_q[25]) written_o.hit <= written_data[2:0];
-    if (take_q[26]) written_o.signal <= signed'(written_data);
-    if (take_q[27]) written_o.bits[0+:1] <= written_data[0];
-    if (take_q[28]) written_o.bits[1+:1] <= written_data[0];
-    if (take_q[29]) written_o.bits[2+:1] <= written_data[0];
-    if (take_q[30]) written_o.bits[3+:1] <= written_data[0];
-    if (take_q[31]) written_o.bits[4+:1] <= written_data[0];
-    if (take_q[32]) written_o.several[0+:17] <= written_data[16:0];
-    if (take_q[33]) written_o.several[17+:17] <= written_data[16:0];
-    if (take_q[34]) written_o.several[34+:17] <= written_data[16:0];
-    if (take_q[35]) written_o.words[0+:32] <= written_data;
-    if (take_q[36]) written_o.words[32+:32] <= written_data;
+    if (take_q[16]) held_q.held_bank <= held_data[0];
+    if (take_q[17]) access_o.access_bank <= access_data[0];
+    if (take_q[18]) commit_o.commit <= commit_data[0];
+    if (take_q[19]) written_o.sole <= written_data[0];
+    if (take_q[20]) written_o.word <= written_data;
+    if (take_q[21]) written_o.little <= signed'(written_data[4:0]);
+    if (take_q[22]) written_o.bounded <= written_data[11:0];
+    if (take_q[23]) written_o.centred <= signed'(written_data[11:0]);
+    if (take_q[24]) written_o.below <= signed'(written_data);
+    if (take_q[25]) written_o.above <= signed'(written_data);
+    if (take_q[26]) written_o.late <= written_data[3:0];
+    if (take_q[27]) written_o.hit <= written_data[2:0];
+    if (take_q[28]) written_o.signal <= signed'(written_data);
+    if (take_q[29]) written_o.bits[0+:1] <= written_data[0];
+    if (take_q[30]) written_o.bits[1+:1] <= written_data[0];
+    if (take_q[31]) written_o.bits[2+:1] <= written_data[0];
+    if (take_q[32]) written_o.bits[3+:1] <= written_data[0];
+    if (take_q[33]) written_o.bits[4+:1] <= written_data[0];
+    if (take_q[34]) written_o.several[0+:17] <= written_data[16:0];
+    if (take_q[35]) written_o.several[17+:17] <= written_data[16:0];
+    if (take_q[36]) written_o.several[34+:17] <= written_data[16:0];
+    if (take_q[37]) written_o.words[0+:32] <= written_data;
+    if (take_q[38]) written_o.words[32+:32] <= written_data;
     if (wide_rst) begin
       longer_low_q <= 32'h80000001;
       wide_o.longer <= 33'h180000001;
@@ -353,11 +383,19 @@ module odd_registers (
     if (held_several_taken_rst) begin
       held_o.held_several <= 18'h05145;
     end
+    if (held_bank_take) held_o.held_bank <= held_q.held_bank;
+    if (held_bank_taken_rst) begin
+      held_o.held_bank <= '0;
+    end
     if (held_rst) begin
       held_q.held <= 9'h1fd;
       held_long_low_q <= 32'h00000001;
       held_q.held_long <= 40'h8000000001;
       held_q.held_several <= 18'h05145;
+      held_q.held_bank <= '0;
+    end
+    if (access_rst) begin
+      access_o.access_bank <= '0;
     end
     if (commit_rst) begin
       commit_o.commit <= '0;
@@ -420,6 +458,16 @@ module odd_registers (
       default: held_table_read_q <= '0;
     endcase
     if (rst) held_table_o.held_table_write <= 1'b0;
+  end
+
+  // ---- elsewhere: goes out at 6, comes back at 12 ----
+  logic [31:0] elsewhere_read_q;
+  always_ff @(posedge clk_i) begin
+    elsewhere_o.elsewhere_write       <= write_q2 && elsewhere_hit_q && !rst;
+    elsewhere_o.elsewhere_access_bank <= access_o.access_bank;
+    elsewhere_o.elsewhere_index       <= elsewhere_index;
+    elsewhere_o.elsewhere_node <= signed'(data_q[8:0]);
+    elsewhere_read_q <= 32'(signed'(elsewhere_status_i.elsewhere_read));
   end
 
   // ---- single: written at 6, read back at 7 and 8 ----
@@ -487,14 +535,14 @@ module odd_registers (
     if (rst) triple_o.triple_write <= 1'b0;
   end
 
-  // ---- 7: the words of a page; what is wide stays whole ----
+  // ---- 11: the words of a page; what is wide stays whole ----
   logic [31:0] clock_high_q;
   logic [12:0] place_high_q;
   logic [1:0] keep_q;
   always_ff @(posedge clk_i) begin
-    keep_q[0] <= step_q[6] && read && page_10_hit_q && word_hit_q[6];
+    keep_q[0] <= step_q[10] && read && page_10_hit_q && word_hit_q[6];
     if (keep_q[0]) clock_high_q <= read_i.clock[63:32];
-    keep_q[1] <= step_q[6] && read && page_10_hit_q && word_hit_q[8];
+    keep_q[1] <= step_q[10] && read && page_10_hit_q && word_hit_q[8];
     if (keep_q[1]) place_high_q <= read_i.place[44:32];
     if (rst) begin
       keep_q <= '0;
@@ -569,9 +617,22 @@ module odd_registers (
       4'h2: page_12_q <= 32'(held_q.held_long[39:32]);
       4'h3: page_12_q <= 32'(held_q.held_several[0+:6]);
       4'h4: page_12_q <= 32'(held_q.held_several[6+:6]);
-      default: page_12_q <= 32'(held_q.held_several[12+:6]);
+      4'h5: page_12_q <= 32'(held_q.held_several[12+:6]);
+      default: page_12_q <= 32'(held_q.held_bank);
     endcase
     if (!page_12_hit_q) page_12_q <= '0;
+  end
+
+  logic [31:0] page_13_q;
+  logic [3:0] page_13_word;
+  local_register #(.Width(4)) u_page_13_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_13_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_13_word)
+      default: page_13_q <= 32'(access_o.access_bank);
+    endcase
+    if (!page_13_hit_q) page_13_q <= '0;
   end
 
   logic [31:0] page_14_q;
@@ -637,29 +698,31 @@ module odd_registers (
     case (page_3f_word)
       4'h8: page_3f_q <= 32'h000000c8;
       4'h9: page_3f_q <= 32'hfffffffd;
-      4'ha: page_3f_q <= 32'hfd7c205f;
+      4'ha: page_3f_q <= 32'hb4673c14;
       default: page_3f_q <= 32'h00000100;
     endcase
     if (!page_3f_hit_q) page_3f_q <= '0;
   end
 
-  // ---- 8: the page, the only one that is not 0; 9: the answer ----
+  // ---- 12: the page, the only one that is not 0; 13: the answer ----
   logic [31:0] read_q;
   always_ff @(posedge clk_i)
     read_q <= page_00_q
               | page_10_q
               | page_11_q
               | page_12_q
+              | page_13_q
               | page_14_q
               | page_1f_q
               | page_20_q
               | page_3f_q;
 
   always_ff @(posedge clk_i) begin
-    bus_done_o   <= step_q[9];
+    bus_done_o   <= step_q[13];
     bus_status_o <= status_q;
     bus_data_o   <= read_q;
     if (held_table_hit_q) bus_data_o <= held_table_read_q;
+    if (elsewhere_hit_q) bus_data_o <= elsewhere_read_q;
     if (single_hit_q) bus_data_o <= single_read_q;
     if (triple_hit_q) bus_data_o <= triple_read_q;
     if (status_q != link_pkg::StatusWidth'(link_pkg::StatusOk)) bus_data_o <= '0;
@@ -723,6 +786,10 @@ module odd_registers (
     rule_mem[292] = {KindReadWrite, 1'd1, 3'd1, 33'h000000000, 33'h00000003f};
     // held_several[2]
     rule_mem[293] = {KindReadWrite, 1'd1, 3'd1, 33'h000000000, 33'h00000003f};
+    // held_bank
+    rule_mem[294] = {KindReadWrite, 1'd1, 3'd1, 33'h000000000, 33'h000000001};
+    // access_bank
+    rule_mem[304] = {KindReadWrite, 1'd0, 3'd0, 33'h000000000, 33'h000000001};
     // commit
     rule_mem[320] = {KindReadWrite, 1'd1, 3'd0, 33'h000000001, 33'h000000001};
     // sole

@@ -38,7 +38,13 @@ package odd_registers_pkg;
     logic signed [8:0] held;
     logic [39:0] held_long;
     logic [17:0] held_several;
+    logic held_bank;
   } held_t;
+
+  // Where the memory is not.
+  typedef struct packed {
+    logic access_bank;
+  } access_t;
 
   // The commit.
   typedef struct packed {
@@ -75,6 +81,19 @@ package odd_registers_pkg;
     logic held_table_bank;
     logic held_table_changed;
   } held_table_t;
+
+  // Two banks whose memory is elsewhere: read.
+  typedef struct packed {
+    logic signed [8:0] elsewhere_read;
+  } elsewhere_status_t;
+
+  // Two banks whose memory is elsewhere.
+  typedef struct packed {
+    logic elsewhere_write;
+    logic [3:0] elsewhere_index;
+    logic signed [8:0] elsewhere_node;
+    logic elsewhere_access_bank;
+  } elsewhere_t;
 
   // One field, and entries that are no power of two.
   typedef struct packed {

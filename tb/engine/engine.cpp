@@ -45,12 +45,15 @@ struct Engine {
 
 extern "C" {
 
-void* engine_create(const uint32_t* configuration, const uint32_t* table, int64_t entries) {
+void* engine_create(const uint32_t* configuration, const uint32_t* table, int64_t entries,
+                    const uint32_t* map, int64_t nodes) {
   auto engine = std::make_unique<Engine>();
   Vvrscan_chain& chain = engine->chain;
   for (int k = 0; k < PEAK_WORDS; ++k) chain.peak_i[k] = *configuration++;
   for (int k = 0; k < GEOMETRY_WORDS; ++k) chain.geometry_i[k] = *configuration++;
   chain.free_i = *configuration++;
+  chain.map_i = *configuration++;
+  chain.map_i |= static_cast<uint64_t>(*configuration++) << 32;
   chain.line_start_i = 0;
   chain.line_end_i = 0;
   chain.pixel_valid_i = 0;
@@ -58,6 +61,7 @@ void* engine_create(const uint32_t* configuration, const uint32_t* table, int64_
   chain.hold_i = 0;
   chain.take_i = 0;
   chain.configuration_i = 0;
+  chain.map_table_i = 0;
   chain.rst_i = 1;
   start(chain);
   for (int k = 0; k < 4; ++k) engine->clock();
@@ -66,6 +70,12 @@ void* engine_create(const uint32_t* configuration, const uint32_t* table, int64_
   for (int64_t k = 0; k < entries; ++k) {
     const uint64_t low = *table++;
     chain.free_table_i = low | static_cast<uint64_t>(*table++) << 32;
+    engine->clock();
+  }
+  // The correction maps in the same way, if there are any.
+  for (int64_t k = 0; k < nodes; ++k) {
+    const uint64_t low = *map++;
+    chain.map_table_i = low | static_cast<uint64_t>(*map++) << 32;
     engine->clock();
   }
   engine->clocks = 0;

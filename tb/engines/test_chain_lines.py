@@ -188,7 +188,7 @@ def test_short_lines_come_with_a_gap(window: str) -> None:
 def test_every_flag_that_a_good_line_can_raise() -> None:
     """Spots at every angle, a flat box on black and a spot on black: all flags, RTL and model.
 
-    LINES_LOST, POINTS_LOST and ROW_STATISTICS need other circumstances: ``test_vrscan_chain``. One
+    LINES_LOST, POINTS_LOST, ROW_STATISTICS and MAP_FILLED need more: ``test_vrscan_chain``. One
     window alone has NO_PHASE on a box, for a second one has black beside it; a fit alone has MIXED.
     """
     lines = np.concatenate([spots(150, 50), plateaus(300, 51)])
@@ -206,7 +206,7 @@ def test_every_flag_that_a_good_line_can_raise() -> None:
         assert points_equal(got, want) is None
         seen |= int(np.bitwise_or.reduce(want.flags))
     unseen = {name for name, bit in pkg.FLAGS.items() if not seen >> bit & 1}
-    assert unseen == {"LINES_LOST", "POINTS_LOST", "ROW_STATISTICS"}
+    assert unseen == {"LINES_LOST", "POINTS_LOST", "ROW_STATISTICS", "MAP_FILLED"}
     assert want.flags[0] == sum(
         1 << bit for bit in (pkg.FLAG_SATURATED, pkg.FLAG_NO_PHASE, pkg.FLAG_NO_NOISE)
     )

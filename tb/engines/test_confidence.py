@@ -24,18 +24,10 @@ FEWEST = 120  # points of a tenth of C_obj that are judged: their share is known
 DOUBTFUL = ("SATURATED", "RIVAL", "AT_EDGE")
 
 
-# Out of focus speckle has coarse grains, which third differences do not see: what sigma promises
-# holds for speckle as in focus, and ``test_coarse_grains_are_more_than_sigma`` says how far beyond.
-IN_FOCUS = frozenset({"grain"})
-
-
-def scanned(
-    scene: str, seed: int, count: int, without: frozenset[str] = IN_FOCUS
-) -> tuple[Table, Truth]:
+def scanned(scene: str, seed: int, count: int) -> tuple[Table, Truth]:
     """Return the points of a scene with a seed of its own, and the truth."""
     described = load(scene).model_copy(update={"seed": seed})
-    active = frozenset(present(described)) - without
-    lines = simulate(Light(described, CONFIG), count, active).lines
+    lines = simulate(Light(described, CONFIG), count, frozenset(present(described))).lines
     assert lines.truth is not None
     return run(Engine.FIXED, lines, CONFIG), lines.truth
 
@@ -94,7 +86,7 @@ def test_errors_are_as_large_as_sigma_and_what_is_no_surface_is_told(
     the camera sees. The share of those with a flag, and of the others that are MIXED, are counted
     over all scenes but window-ghost, whose ghosts are spots like any, and those with mirrors: there
     error over sigma is of the points that are not far off, and the others with a flag are counted
-    by themselves.
+    by themselves. Of window-ghost nearly every point has a flag.
     """
     told, far, mixed, good = 0, 0, 0, 0
     for scene in scenes:
@@ -105,42 +97,24 @@ def test_errors_are_as_large_as_sigma_and_what_is_no_surface_is_told(
         off = points.located & (beyond | np.isnan(error))
         flagged = np.any([points.flags[name] for name in (*DOUBTFUL, "MIXED")], axis=0)
         kept = points.located & ~flagged & np.isfinite(error)
-        if scene in MIRRORS:
+        if scene in NO_DETECTOR_KNOWS:
             kept &= ~off
             print(f"{scene}: {np.sum(off & flagged)} of {np.sum(off)} on another spot are told")
-            assert np.sum(off) > 60 and np.sum(off & flagged) > 0.8 * np.sum(off)
+            least = 0.8 if scene in MIRRORS else 0.95
+            assert np.sum(off) > 60 and np.sum(off & flagged) > least * np.sum(off)
+            if not np.any(kept):
+                continue
         ratio = error[kept] / points.sigma_px[kept]
         rms, within = float(np.sqrt(np.mean(ratio**2))), float(np.mean(np.abs(ratio) < 2.0))
         print(f"{scene}: error/sigma {rms:.2f}, {100 * within:.1f} % within 2 sigma")
-        # Of window-ghost some 150 points have no flag, and a handful of them are of the ghost.
-        assert 0.8 <= rms <= (2.0 if scene in NO_DETECTOR_KNOWS else 1.25)
+        assert 0.8 <= rms <= 1.25
         assert 0.9 <= within <= 0.985
         if scene not in NO_DETECTOR_KNOWS:
             told, far = told + np.sum(off & flagged), far + np.sum(off)
             sound = points.located & ~off
             mixed, good = mixed + np.sum(sound & points.flags["MIXED"]), good + np.sum(sound)
     print(f"{told} of {far} told; {100 * mixed / good:.2f} % of the others are MIXED")
-    assert told > 0.9 * far
+    # One seed has some 350 such points, whose share is known to 1.6 % (one standard deviation).
+    assert told + 2 * np.sqrt(0.09 * far) > 0.9 * far
     # Asked of all scenes; those of the short run are the ones with the most edges.
     assert mixed < (0.01 if len(scenes) > 6 else 0.015) * good
-
-
-@pytest.mark.parametrize(
-    ("scene", "grain", "most"),
-    [
-        ("default", False, 1.25),
-        ("default", True, 1.9),
-        *(in_volume(name, True, 2.4) for name in shipped() if name not in MIRRORS | {"bolt"}),
-    ],
-)
-def test_coarse_grains_are_more_than_sigma(scene: str, grain: bool, most: float) -> None:
-    """Error over sigma with all that the light has, out of focus too: it is larger than 1.25."""
-    points, truth = scanned(scene, 47, 2000, frozenset() if grain else IN_FOCUS)
-    doubtful = np.any([points.flags[name] for name in (*DOUBTFUL, "MIXED")], axis=0)
-    error = points.position_px - truth.position_px
-    kept = points.located & ~doubtful & (np.abs(error) < 10.0)
-    ratio = error[kept] / points.sigma_px[kept]
-    rms, within = float(np.sqrt(np.mean(ratio**2))), float(np.mean(np.abs(ratio) < 2.0))
-    print(f"{scene}: error/sigma {rms:.2f}, {100 * within:.1f} % within 2 sigma")
-    assert 0.75 < rms < most
-    assert within > (0.7 if grain else 0.9)

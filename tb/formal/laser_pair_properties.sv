@@ -71,7 +71,7 @@ module laser_pair_properties #(
     .watchdog_count_o()
   );
 
-  (* keep *) wire [31:0] inside_timer_q, inside_limit_q;
+  (* keep *) wire [31:0] inside_timer_q, inside_limit;
   (* keep *) wire        inside_stop_q, inside_expired_q, inside_high_q;
   (* keep *) wire [15:0] inside_duty_q;
 
@@ -121,8 +121,8 @@ module laser_pair_properties #(
       step_away: assert (away_q == '0 || state == Run || state == Fault);
       step_lost: assert (away_q < {1'b0, lost_timeout_q} + 33'd2 || state == Fault);
       step_limit: assert (away_q == '0 || state != Run ||
-                          inside_limit_q == (lost_timeout_q > LostCeilingClks ? LostCeilingClks
-                                                                              : lost_timeout_q));
+                          inside_limit == (lost_timeout_q > LostCeilingClks ? LostCeilingClks
+                                                                            : lost_timeout_q));
 
       // Ceilings, whatever the registers say and how often they change.
       no_run_of_a_stopped_mirror: assert (state != Run || gone_q <= 33'(LostCeilingClks) + 33'd2);
@@ -132,8 +132,8 @@ module laser_pair_properties #(
       step_searched: assert (state != Settle || searched_q == '0 || inside_expired_q ||
                              ({1'b0, inside_timer_q} + 33'd1 >= searched_q &&
                               searched_q <= 33'(SettleCeilingClks) + 33'd1));
-      step_ceilings: assert ((state != Run || inside_limit_q <= LostCeilingClks) &&
-                             (state != Settle || inside_limit_q <= SettleCeilingClks));
+      step_ceilings: assert ((state != Run || inside_limit <= LostCeilingClks) &&
+                             (state != Settle || inside_limit <= SettleCeilingClks));
 
       // What the comb gets, whatever the registers say: the phase is that of the pulse.
       drive_level_ceiling: assert (level <= 20'(LevelCeiling));

@@ -23,6 +23,7 @@ module register_file_properties (
   input wire register_pkg::test_status_t        test_status_i,
   input wire register_pkg::sensor_status_t      sensor_status_i,
   input wire register_pkg::commit_status_t      commit_status_i,
+  input wire register_pkg::map_table_status_t   map_table_status_i,
   input wire logic                              waiting_i,
   input wire logic                              copy_i,
   input wire logic [9:0]                        copy_index_i,
@@ -71,6 +72,10 @@ module register_file_properties (
     .focus_table_o  (),
     .free_table_o   (),
     .commit_o       (),
+    .map_o          (),
+    .map_access_o   (),
+    .map_table_o    (),
+    .map_table_status_i,
     .commit_status_i, .waiting_i, .copy_i, .copy_index_i, .bank_i, .take_i
   );
 
@@ -115,7 +120,7 @@ module register_file_properties (
   // ---- what has been ----
   logic                              first_q = 1'b1;
   logic                              rst_q, rst_q2;  // the registers are cleared by rst_q2
-  logic [ 3:0]                       clks_q;  // since an access began, which ends with 10; 0 none
+  logic [ 3:0]                       clks_q;  // since an access began, which ends with 14; 0 none
   logic                              write_q;  // the access is a WRITE
   logic [link_pkg::AddressWidth-1:0] address_q;
   logic [31:0]                       data_q;
@@ -132,7 +137,7 @@ module register_file_properties (
     mirror_lock_q <= locks.lock_mirror;
     if (rst_q) clks_q <= '0;
     else if (clks_q == '0) clks_q <= {3'd0, bus_valid_i};
-    else clks_q <= clks_q == 4'd10 ? 4'd0 : clks_q + 4'd1;
+    else clks_q <= clks_q == 4'd14 ? 4'd0 : clks_q + 4'd1;
     if (clks_q == '0) begin
       write_q   <= bus_access_i == link_pkg::AccessWidth'(link_pkg::AccessWrite);
       address_q <= bus_address_i;
@@ -164,7 +169,7 @@ module register_file_properties (
       assert (!mirror_lock_q || named[Limits+:Bounds] == named_q[Limits+:Bounds]);
       locks_stay: assert ((!laser_lock_q || locks.lock_laser) &&
                           (!mirror_lock_q || locks.lock_mirror));
-      done_ends_an_access: assert (done == (clks_q == 4'd10));
+      done_ends_an_access: assert (done == (clks_q == 4'd14));
 
       enabled: cover (laser.laser_enable && limits.laser_watchdog_clks == 32'd5);
     end

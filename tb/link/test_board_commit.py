@@ -5,22 +5,29 @@ be the one whose bit it shows, to the last bit. The angles' oracle is the mirror
 time.
 """
 
+import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from harness import in_volume
+from harness import generator, in_volume
 from slow_board import CONFIG, SCENE
 
+from vrscan.calibrate.results import write_maps
 from vrscan.data import link_pkg, pkg
+from vrscan.data.correction_maps import COLUMNS, ROWS, FieldMaps
 from vrscan.data.records import CONFIGURATION, FULL
 from vrscan.engines.board import Board, on_board
 from vrscan.fixed.point_record import point_record
 from vrscan.fixed.vrscan_chain import run_fixed
-from vrscan.link.device import Device
+from vrscan.link.device import Device, DeviceError
+from vrscan.link.stream import Captured, CaptureStream
 from vrscan.registers import values
 from vrscan.registers.chain_registers import Registers
+from vrscan.registers.map_table import MapTable, map_registers, map_table
+from vrscan.registers.register_map import WINDOWS
+from vrscan.registers.values import Block
 
 TIMEOUT_S = 60.0
 LINES = 4  # captured after each
@@ -37,7 +44,13 @@ def configured(**parts: dict[str, Any]) -> tuple[Any, Registers]:
     return config, Registers.from_config(config)
 
 
-def record_of(captured: Any, chain: Registers, bit: int) -> np.ndarray:
+def record_of(
+    captured: Any,
+    chain: Registers,
+    bit: int,
+    maps: MapTable | None = None,
+    lens: int | None = None,
+) -> np.ndarray:
     """Return the record that a configuration alone gives for a captured line."""
     got = captured.record[0]
     one = np.ones(1, np.int64)
@@ -47,6 +60,8 @@ def record_of(captured: Any, chain: Registers, bit: int) -> np.ndarray:
         one * int(got["power"]),
         chain,
         mirror_flags=one * (int(got["flags"]) >> pkg.FLAG_NOT_RUNNING & 7),
+        maps=maps,
+        lens=None if lens is None else one * lens,
     )
     beside = [one * int(got["power"]), one * int(got["confidence"])]
     inward, test = ((got["bits"] >> k & 1 != 0) & (one != 0) for k in (1, 2))
@@ -135,6 +150,85 @@ def test_points_of_a_scan_are_of_one_configuration_each(commits: int, tmp_path: 
     fitted, *_ = np.linalg.lstsq(basis, scaled, rcond=None)
     size = np.hypot(*fitted)
     assert np.abs(basis @ fitted - scaled).max() < 0.03 * size
+
+
+def taken(lines: CaptureStream, count: int) -> list[Captured]:
+    """Return so many captured lines."""
+    found = [lines.get(3.0 * TIMEOUT_S) for _ in range(count)]
+    return [one for one in found if one is not None]
+
+
+def mapped(folder: Path, name: str, phase: float, **parts: dict[str, Any]) -> Any:
+    """Return a configuration with smooth maps, filled in places; the lens is at their end."""
+    i, j = np.meshgrid(np.arange(ROWS), np.arange(COLUMNS), indexing="ij")
+    waves = np.array([np.sin(0.2 * i + 0.3 * j + 2 * k + phase) for k in range(2)])
+    filled = generator(round(10 * phase)).random(waves.shape) < 0.15
+    maps = FieldMaps(CONFIG.geometry.focal_mm, 0.9, 0.512, 6.0 * waves, filled, np.zeros(2))
+    with (folder / name).open("wb") as file:
+        write_maps(maps, {}, file)
+    given = {"file": str(folder / name), "focus_mm": 480.0}
+    return configured(peak={"window": "two_pass"}, map=given, **parts)[0]
+
+
+@pytest.mark.timeout(1200)  # two loads of 4,290 nodes, and the way of the lens
+def test_maps_take_effect_in_the_middle_of_a_scan(tmp_path: Path) -> None:
+    """Loaded in either bank, followed with the lens, refused while in use, and switched off."""
+    plain, chain = configured(peak={"window": "two_pass"})
+    lens_mm = {"mode": "manual", "manual_mm": 560.0}
+    stages = [
+        plain,
+        mapped(tmp_path, "one.npz", 0.0),
+        mapped(tmp_path, "two.npz", 1.0, focus=lens_mm),
+        plain,
+    ]
+    tables = [map_table(stage) for stage in stages]
+    port, filled, told = tmp_path / "port", 0, 0
+    with (
+        Board(SCENE, CONFIG, port=port, swinging=True) as board,
+        Device(str(board.port), timeout=TIMEOUT_S) as device,
+    ):
+        device.load(plain)
+        with device.started():
+            for k, (stage, table) in enumerate(zip(stages[1:], tables[1:], strict=True)):
+                wanted: dict[str, Any] = dict(map_registers(stage))
+                if table is not None:
+                    wanted["map_bank"] = device.write_maps(table)
+                    assert wanted["map_bank"] == 1 - k
+                if wanted["map_follow"]:
+                    focus = {n: v for n, v in device.settings(stage).items() if "focus_" in n}
+                    device.write_many(focus.items())
+                    end = time.monotonic() + TIMEOUT_S
+                    while not device.read("focus_in_position"):
+                        assert time.monotonic() < end
+                lens = int(device.read("focus_position")) if k else 0
+                with device.captured(link_pkg.CAPTURE_EVERY, 1) as lines:
+                    got = taken(lines, 2)
+                    device.write_many(wanted.items(), commit=False)
+                    got += taken(lines, 2)
+                    bit = device.commit()
+                    got += taken(lines, LINES)
+                bits = {bit: k + 1, 1 - bit: k}
+                for one in (each for each in got if each.record is not None):
+                    shown = int(one.record["bits"][0]) // CONFIGURATION & 1
+                    records = []
+                    for stage_of in (bits[shown], bits[1 - shown]):
+                        follows = map_registers(stages[stage_of])["map_follow"]
+                        given = tables[stage_of], lens if follows else None
+                        records.append(record_of(one, chain, shown, *given))
+                    for name in FULL.names or ():
+                        assert one.record[name][0] == records[0][name][0], (k, name, one.line)
+                    told += bool(np.any(records[0] != records[1]))
+                    filled += int(one.record["bits"][0]) >> 5 & 1
+                if wanted["map_follow"]:  # what is in use is what was loaded, and is not written
+                    assert table is not None and lens != table.lens
+                    device.write("map_access_bank", wanted["map_bank"])
+                    with pytest.raises(DeviceError, match="BUSY"):
+                        device.write_words(Block(WINDOWS["map_table"].address + 7, [0]))
+                    found = device.read_maps()
+                    assert found is not None and np.array_equal(found.nodes, table.nodes)
+                    assert np.array_equal(found.filled, table.filled)
+            assert device.read_maps() is None
+    assert told > 6 and filled > 2
 
 
 def board_word(config: Any) -> int:

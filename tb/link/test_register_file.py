@@ -35,7 +35,9 @@ from vrscan.clocked.register_file import (
 )
 from vrscan.data import link_pkg
 from vrscan.engines.tools import repository_root
+from vrscan.fixed.correction_map import READ_BACK
 from vrscan.registers import register_map
+from vrscan.registers.register_map import Window
 from vrscan.registers.structs import Struct, of_registers
 
 READ, CHECK, WRITE = link_pkg.ACCESS_READ, link_pkg.ACCESS_CHECK, link_pkg.ACCESS_WRITE
@@ -84,6 +86,27 @@ def twin(made: ModuleType) -> RegisterFile:
     return RegisterFile(made.REGISTERS, made.WINDOWS, made.LOCKS)
 
 
+@cache
+def elsewhere(made: ModuleType) -> dict[tuple[str, int, int], int]:
+    """Return what memories beside the registers hold, by table, bank and entry."""
+    return {}
+
+
+async def keep(dut, window: Window, held: dict[tuple[str, int, int], int]) -> None:
+    """Be the memory of a table with two banks: it answers as ``correction_map``."""
+    names = ("write", "access_bank", "index")
+    write, bank, index = (port(dut, f"{window.name}_{name}_o") for name in names)
+    node, back = port(dut, f"{window.fields[0].name}_o"), port(dut, f"{window.name}_read_i")
+    coming = [0] * READ_BACK
+    while True:
+        place = window.name, as_integer(bank, signed=False), as_integer(index, signed=False)
+        coming.append(held.get(place, 0))
+        if as_integer(write, signed=False):
+            held[place] = as_integer(node, signed=False)
+        drive(back, coming[-1 - READ_BACK])
+        await FallingEdge(dut.clk_i)
+
+
 class Bus:
     """Does accesses on the RTL and on its twin, and compares answer, latency and every port."""
 
@@ -102,6 +125,8 @@ class Bus:
         self.inputs = {r.name: port(dut, f"{r.name}_i") for r in self.ro}
         strobes = {r.name: f"{r.name}_strobe_o" for r in self.rw if r.access == "strobe"}
         strobes |= {name: f"{name}_write_o" for name in self.map.WINDOWS}
+        self.windows = {f: w for w in self.map.WINDOWS.values() for f in w.fields}
+        self.copied = [w for w in self.map.WINDOWS.values() if w.commit and w.bank is None]
         self.strobe_names = list(strobes)
         self.strobes = Ports(dut, strobes.values())
         self.words = [(r.address + k, r) for r in registers for k in range(r.words)]
@@ -111,6 +136,13 @@ class Bus:
             for entry in (0, 1, window.entries - 1)
             for field in window.fields
         ]
+
+    async def free(self, window: Window) -> None:
+        """Let the bus access the bank of a table that is not in use, where it has two."""
+        if window.bank is not None and window.in_use is not None:
+            (used,) = self.twin.active[window.in_use]
+            address = self.map.REGISTERS[window.bank].address
+            assert await self.access(WRITE, address, 1 - used) == (OK, 1 - used)
 
     def give_inputs(self) -> None:
         """Put other values on every input, often extreme ones."""
@@ -185,7 +217,7 @@ class Bus:
                 self.check_outputs(f"{where}, clock {clock}")
             if restless:
                 self.give_inputs()
-            if clock == SAMPLED:
+            if clock == (WRITTEN if access == WRITE else SAMPLED):
                 self.twin.inputs.update(self.given)
                 answer = self.twin.access(access, address, data)
             if clock == WRITTEN:
@@ -232,6 +264,9 @@ class Bus:
 async def new_bus(dut) -> Bus:
     await reset(dut)
     bus = Bus(dut)
+    for window in bus.map.WINDOWS.values():
+        if window.bank is not None:
+            cocotb.start_soon(keep(dut, window, elsewhere(bus.map)))
     await bus.reset()
     return bus
 
@@ -246,6 +281,8 @@ async def every_word_is_read_checked_and_written(dut) -> None:
     for address, register in places:
         if register.name in bus.map.LOCKS:
             continue
+        if register in bus.windows:
+            await bus.free(bus.windows[register])
         await bus.access(READ, address, restless=True)
         legal = bus.word_of(register, address)
         for data in [legal, *(bus.doubtful(register) for _ in range(rounds(3, 12)))]:
@@ -257,7 +294,7 @@ async def every_word_is_read_checked_and_written(dut) -> None:
                 assert status == OK
         await bus.access(RESERVED, address, restless=True)
     assert seen == {OK, link_pkg.STATUS_READ_ONLY, link_pkg.STATUS_BAD_VALUE}
-    held = {name for name, window in bus.map.WINDOWS.items() if window.commit}
+    held = {window.name for window in bus.copied}
     events = [name for name in bus.strobe_names if name not in held]
     assert len(bus.twin.written) > 2 * len(events)
 
@@ -328,6 +365,8 @@ async def a_lock_takes_only_a_one_and_keeps_it_until_reset(dut) -> None:
         bases = {f.name: w.address + f.address for w in bus.map.WINDOWS.values() for f in w.fields}
         at = {r.name: bases.get(r.name, r.address) for r in kept}
         for register in kept:
+            if register in bus.windows:
+                await bus.free(bus.windows[register])
             data = bus.word_of(register, register.address)
             assert (await bus.access(WRITE, at[register.name], data))[0] == OK
         assert await bus.access(WRITE, lock.address, 1) == (OK, 1)
@@ -345,6 +384,8 @@ async def a_lock_takes_only_a_one_and_keeps_it_until_reset(dut) -> None:
         assert await bus.access(WRITE, lock.address, 1) == (OK, 1)
         await bus.reset()
         for register in kept:
+            if register in bus.windows:
+                await bus.free(bus.windows[register])
             data = bus.word_of(register, register.address)
             assert (await bus.access(WRITE, at[register.name], data))[0] == OK
 
@@ -397,6 +438,7 @@ async def a_table_keeps_its_entries(dut) -> None:
     """All entries in random order, field after field or not, then all are read back."""
     bus = await new_bus(dut)
     for window in bus.map.WINDOWS.values():
+        await bus.free(window)
         entries = [int(k) for k in bus.draw.permutation(window.entries)[:200]]
         for field in window.fields[:-1]:  # of many entries before the first is complete
             for k in entries[:40]:
@@ -412,14 +454,15 @@ async def a_table_keeps_its_entries(dut) -> None:
                 address = window.address + k * window.stride + field.address
                 await bus.access(WRITE, address, bus.legal(field) & WORD_MASK)
         events = [one for one in bus.twin.written if one.name == window.name]
-        assert len(events) == (0 if window.commit else len(entries))
+        assert len(events) == (0 if window in bus.copied else len(entries))
         await bus.reset()
+        await bus.free(window)
         for k in entries:
             for field in window.fields:
                 address = window.address + k * window.stride + field.address
                 status, data = await bus.access(READ, address)
                 assert status == OK
-                stored = bus.twin._tables[window.name, field.address][k]
+                stored = bus.twin._tables[window.name, field.address][bus.twin._at(window, k)]
                 assert data == stored & WORD_MASK
 
 
@@ -428,8 +471,8 @@ async def what_waits_goes_out_with_a_commit(dut) -> None:
     """Written values stay inside, cannot be written while a commit waits, and leave together."""
     bus = await new_bus(dut)
     held = [r for r in bus.rw if r.commit]
-    tables = [window for window in bus.map.WINDOWS.values() if window.commit]
-    assert held and tables
+    tables, banked = bus.copied, [w for w in bus.map.WINDOWS.values() if w.bank is not None]
+    assert held and tables and banked
     others = [r for r in bus.rw if not r.commit and r.name not in bus.map.LOCKS]
     waiting, copy, take = dut.waiting_i, dut.copy_i, dut.take_i
     for bank in (0, 1, 0):
@@ -451,7 +494,7 @@ async def what_waits_goes_out_with_a_commit(dut) -> None:
             refused = register.commit or register.name == "commit"
             assert (status == link_pkg.STATUS_BUSY) == refused
             assert (await bus.access(READ, register.address))[0] == OK
-        for window in tables:
+        for window in [*tables, *banked]:
             for access in (READ, CHECK, WRITE):
                 assert (await bus.access(access, window.address))[0] == link_pkg.STATUS_BUSY
         # Every entry, then what leaves with it two clocks later.
@@ -483,6 +526,35 @@ async def what_waits_goes_out_with_a_commit(dut) -> None:
 
 
 @cocotb.test()
+async def a_bank_in_use_is_not_written(dut) -> None:
+    """It is read, and nothing of it changes; a bank is in use from its commit on."""
+    bus = await new_bus(dut)
+    for window in (w for w in bus.map.WINDOWS.values() if w.bank is not None):
+        field = window.fields[0]
+        bank, in_use = (bus.map.REGISTERS[name].address for name in (window.bank, window.in_use))
+        for used in (0, 1, 1, 0):
+            await bus.access(WRITE, in_use, used)
+            for accessed in (0, 1):  # what waits is not in use yet
+                await bus.access(WRITE, bank, accessed)
+                status, _ = await bus.access(WRITE, window.address, bus.word_of(field, 0))
+                assert (status == OK) == ([accessed] != bus.twin.active[window.in_use])
+            dut.take_i.value = 1
+            await FallingEdge(dut.clk_i)
+            dut.take_i.value = 0
+            await FallingEdge(dut.clk_i)
+            bus.twin.take()
+            for accessed in (1, 0):
+                await bus.access(WRITE, bank, accessed)
+                _, held = await bus.access(READ, window.address)
+                for access in (CHECK, WRITE):
+                    data = bus.word_of(field, 0)
+                    status, _ = await bus.access(access, window.address, data)
+                    assert status == (link_pkg.STATUS_BUSY if accessed == used else OK)
+                kept = held if accessed == used else data
+                assert await bus.access(READ, window.address) == (OK, kept)
+
+
+@cocotb.test()
 async def reset_at_every_moment_of_an_access(dut) -> None:
     """The access is forgotten; all is as after a reset, but for tables, which stay."""
     bus = await new_bus(dut)
@@ -494,10 +566,13 @@ async def reset_at_every_moment_of_an_access(dut) -> None:
         for window in bus.map.WINDOWS.values()
         for field in window.fields
     ]
+    banked = [w for w in bus.map.WINDOWS.values() if w.bank is not None]
     for age in range(1, LATENCY + 1):
         some = [written[age], strobed[0], wide[0]]
         places = [*((r.address + r.words - 1, r) for r in some), (wide[0].address, wide[0])]
         for address, register in [*places, *fields]:
+            for window in banked:
+                await bus.free(window)
             for other in written[:3]:
                 data = bus.word_of(other, other.address)
                 await bus.access(WRITE, other.address, data)

@@ -78,7 +78,9 @@ def spots(given: dict[str, int], count: int, salt: int) -> Cases:
     noise = 10 ** draw.uniform(-4, -2, count) * top
     slope = draw.choice([0, 0, 1, -1], count) * draw.random(count) * top / 2000
     contrast = draw.choice([0, 0.1, 0.3], count)
-    profile = np.exp(-0.5 * np.square((place - centre[:, None]) / sigma[:, None]))
+    away = (place - centre[:, None]) / sigma[:, None]
+    profile = np.exp(-0.5 * np.square(away))
+    profile[4::10] += np.exp(-0.5 * np.square(away[4::10] - 4.0))  # two spots are MIXED
     gain = np.maximum(1 + contrast[:, None] * draw.standard_normal(profile.shape), 0)
     light = level[:, None] + slope[:, None] * (place - centre[:, None])
     light += height[:, None] * profile * gain

@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from coherent_light import coherent_rows
+from coherent_light import Bench, coherent_rows
 from harness import generator
 
 from vrscan.data.config import Config
@@ -22,7 +22,7 @@ from vrscan.study.report.efficiency import (
 )
 
 SHIPPED = Config()
-SETTLED = 16  # lines after which the speckle is known from lines alone
+SETTLED = 32  # lines after which the speckle is known from lines alone
 CONTRASTS = {1: 0.29, 2: 0.21}  # of a pixel, by the looks that are averaged
 
 
@@ -61,7 +61,8 @@ def window_error(given: Lines, true: np.ndarray, window: str) -> np.ndarray:
 def coherent_light(sigma: float, looks: int, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return lines of a coherently lit rough surface, their mean peak 1, and the spot's places.
 
-    The patterns of ``looks`` lines are added.
+    The patterns of ``looks`` lines are added. Rows of one surface are alike where lines of a scan
+    are not, so they are shuffled.
     """
     draw = generator(round(1000 * sigma) + looks)
     half = math.ceil(5 * sigma) + 3
@@ -74,7 +75,8 @@ def coherent_light(sigma: float, looks: int, count: int) -> tuple[np.ndarray, np
         ]
     )[:count]
     light *= sigma * math.sqrt(2 * math.pi) / light.sum(axis=1).mean()
-    return light, half + np.repeat(centre, 16)[:count]
+    order = draw.permutation(count)
+    return light[order], half + np.repeat(centre, 16)[order]
 
 
 def exposed(light: np.ndarray, place: np.ndarray, height: float) -> tuple[Lines, np.ndarray]:
@@ -127,11 +129,34 @@ def check_speckled(sigmas: tuple[float, ...], heights: tuple[float, ...], count:
     print(f"over two passes: {geometric_mean(over_two):.3f}, worst {max(over_two):.3f}")
     print(f"error over sigma {min(honest):.2f} to {max(honest):.2f}; lost {100 * max(lost):.2f} %")
     assert max(over_two) < 1 and max(lost) < 0.01
-    assert min(honest) >= 0.8 and max(honest) <= 1.25
+    known = 1 + 1 / math.sqrt(2 * count)  # an rms of so many lines, to one standard deviation
+    assert min(honest) >= 0.8 / known and max(honest) <= 1.25 * known
+
+
+@pytest.mark.parametrize("distance", [400.0, 380.0, 360.0])
+def test_sigma_knows_of_coarse_grains(distance: float) -> None:
+    """Coherent light through a lens that is focused at 420 mm, two polarisations."""
+    trials = 160
+    bench, sigma, tall = Bench(distance, 420.0), 2.0, 4.0
+    half = math.ceil(5 * sigma + bench.radius_px) + 2
+    rows = 2 * math.ceil(3.0 * tall + bench.radius_px) + 1
+    draw = generator(round(distance))
+    light = sum(
+        coherent_rows(draw, sigma, half, trials, bench=bench, rows=rows, height_px=tall)[1::3]
+        for _ in range(2)
+    )
+    light /= light.mean(axis=0).max()
+    given, true = exposed(np.asarray(light), np.full(trials, float(half)), 1500)
+    found = fitted(Engine.FIXED, given, true)
+    within = float(np.nanmean(np.abs(found.error / found.sigma)[SETTLED:] < 2))
+    print(f"\n{distance:g} mm, disc {bench.radius_px:.1f} px: error {rms(found.error):.3f} px,"
+          f" over sigma {found.over_sigma():.2f}, {100 * within:.0f} % within 2")  # fmt: skip
+    known = 1 + 1 / math.sqrt(2 * trials)
+    assert 0.8 / known <= found.over_sigma() <= 1.25 * known
 
 
 def test_the_fit_halves_the_error_of_coherent_light() -> None:
-    check_speckled((1.5, 4.0, 9.0), (400, 3000), 256)
+    check_speckled((1.5, 4.0, 9.0), (400, 3000), 512)
 
 
 @pytest.mark.soak

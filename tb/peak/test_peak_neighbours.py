@@ -1,5 +1,7 @@
 """peak_neighbours: RTL against the model exactly, the model against spots that an edge cuts."""
 
+from dataclasses import dataclass
+
 import cocotb
 import numpy as np
 import pytest
@@ -91,6 +93,123 @@ async def send(
         if dut.valid_o.value:
             got.append((cycle, {n: as_integer(getattr(dut, f"{n}_o")) for n in OUTPUTS}))
     return got
+
+
+def row(**changes: object) -> dict[str, np.ndarray]:
+    """Return five equal spots in a row, 50 px apart, with some columns changed."""
+    given = {
+        "measured": np.ones(5, np.int64),
+        "position": (np.arange(5) * 50 + 300) * ONE,
+        "sigma": np.full(5, ONE // 10),
+        "scale": np.full(5, 3 * ONE),
+        "light": np.full(5, 1 << 20),
+        "power": np.full(5, 50_000),
+    }
+    for name, value in changes.items():
+        given[name] = np.array(value, np.int64)
+    return given
+
+
+@dataclass(frozen=True)
+class Side:
+    """Five spots, the middle one on one side of a limit, and whether that makes it mixed."""
+
+    mixed: bool
+    given: dict[str, np.ndarray]
+    breaks: tuple[int, ...] = ()
+
+
+def moved(px: float) -> np.ndarray:
+    """Return the places of five spots in a row whose middle one has left it."""
+    position = row()["position"]
+    position[2] += round(px / 2 * ONE)  # a bend is twice as much
+    return position
+
+
+def lights(middle: int, behind: int) -> list[int]:
+    """Return five lights, those of the middle spot and of the one behind it changed."""
+    return [LIGHT, LIGHT, middle, behind, LIGHT]
+
+
+WIDTH = 3.0  # px
+STEP = 2 / ONE  # the least that a bend grows by
+LIGHT = 1 << 20
+LITTLE = 500  # of a light
+
+
+def faint_spots() -> list[Side]:
+    """Less than a quarter of both lights: beside none, or out of the row by three widths.
+
+    Beside one that has less than four times its light it is dark, or a surface's other side.
+    """
+    dim, bright = LIGHT // 4 - LITTLE, LIGHT // 4 + LITTLE
+    dark, darker = LIGHT * 3 // 32 + LITTLE, LIGHT * 3 // 32 - LITTLE
+    faint, far = lights(dim, LIGHT), moved(4 * WIDTH)
+    return [
+        Side(False, row(light=faint)),
+        Side(False, row(light=faint, position=moved(3 * WIDTH))),
+        Side(True, row(light=faint, position=moved(3 * WIDTH + STEP))),
+        Side(True, row(light=faint, measured=[1, 0, 1, 1, 1])),
+        Side(True, row(light=faint), (3,)),
+        Side(False, row(light=lights(dim, 4 * dim - LITTLE), position=far)),
+        Side(False, row(light=lights(dark, dark), position=far)),
+        Side(True, row(light=lights(darker, darker), position=far)),
+        Side(False, row(light=lights(bright, LIGHT), position=far)),
+        Side(True, row(light=lights(darker, LIGHT))),
+        Side(False, row(light=lights(dark, LIGHT))),
+        Side(False, row(light=lights(darker, darker))),
+    ]
+
+
+def farther_spots() -> list[Side]:
+    """Less than 3/16 of the light, of any width, twelve widths out of the row."""
+    dim, bright = (lights(LIGHT * 3 // 16 + off, LIGHT // 2) for off in (-LITTLE, LITTLE))
+    far, near = moved(12 * WIDTH + STEP), moved(12 * WIDTH)
+    wide = np.array([24, 20, 24, 20, 24]) * 512
+    return [
+        Side(True, row(light=dim, position=far, scale=wide)),
+        Side(False, row(light=dim, position=near, scale=wide)),
+        Side(False, row(light=bright, position=far, scale=wide)),
+    ]
+
+
+def dim_spots() -> list[Side]:
+    """Less than 3/8 of the light, and as wide as the brighter neighbour, within 9/8."""
+    dim = lights(LIGHT * 3 // 8 - LITTLE, LIGHT // 2)
+    bright = lights(LIGHT * 3 // 8 + LITTLE, LIGHT // 2)
+    far = moved(8 * WIDTH + STEP)
+
+    def wide(*scale: int, mixed: bool) -> Side:
+        return Side(mixed, row(light=dim, position=far, scale=np.array(scale) * 512))
+
+    return [
+        Side(True, row(light=dim, position=far)),
+        Side(False, row(light=dim, position=moved(8 * WIDTH))),
+        wide(24, 27, 24, 20, 24, mixed=True),
+        wide(24, 28, 24, 20, 24, mixed=False),
+        wide(24, 21, 24, 24, 24, mixed=False),
+        Side(False, row(light=bright, position=far)),
+    ]
+
+
+def narrow_spots() -> list[Side]:
+    """Narrower than both, unless it is brighter than both, or beside no spot."""
+    far = moved(8 * WIDTH + STEP)
+    width, alike, wide = (
+        np.array([28, 28, *two, 28]) * 512 for two in ((24, 28), (24, 27), (32, 28))
+    )
+    return [
+        Side(True, row(scale=width, position=far)),
+        Side(False, row(scale=width, position=moved(8 * WIDTH))),
+        Side(False, row(scale=alike, position=far)),
+        Side(False, row(scale=wide, position=far)),
+        Side(False, row(scale=width, measured=[1, 1, 1, 0, 1])),
+        Side(True, row(scale=width, position=far, light=lights(LIGHT * 9 // 8 - LITTLE, LIGHT))),
+        Side(False, row(scale=width, position=far, light=lights(LIGHT * 9 // 8 + LITTLE, LIGHT))),
+    ]
+
+
+SIDES = [*faint_spots(), *farther_spots(), *dim_spots(), *narrow_spots()]
 
 
 @cocotb.test()
@@ -186,25 +305,21 @@ async def reset_mid_work(dut) -> None:
         await reset(dut)
 
 
+@cocotb.test()
+async def both_sides_of_every_limit(dut) -> None:
+    """Spots that are mixed by the least that counts, and spots that are not."""
+    limit = parameters()["NeighbourClks"]
+    for side in SIDES:
+        await reset(dut)
+        gaps = np.full(5, LATENCY + 1)
+        gaps[list(side.breaks)] = limit + 1
+        await compare(dut, side.given, gaps)
+
+
 @EACH_VOLUME
 @pytest.mark.parametrize("widths", each(ELABORATIONS), ids=str)
 def test_peak_neighbours_rtl_equals_model(widths: dict[str, int], volume: str) -> None:
     simulate("peak_neighbours", __file__, widths, volume=volume)
-
-
-def row(**changes: object) -> dict[str, np.ndarray]:
-    """Return five equal spots in a row, 50 px apart, with some columns changed."""
-    given = {
-        "measured": np.ones(5, np.int64),
-        "position": (np.arange(5) * 50 + 300) * ONE,
-        "sigma": np.full(5, ONE // 10),
-        "scale": np.full(5, 3 * ONE),
-        "light": np.full(5, 1 << 20),
-        "power": np.full(5, 50_000),
-    }
-    for name, value in changes.items():
-        given[name] = np.array(value, np.int64)
-    return given
 
 
 def test_equal_spots_in_a_row_have_no_doubt() -> None:
@@ -215,70 +330,12 @@ def test_equal_spots_in_a_row_have_no_doubt() -> None:
     assert np.array_equal(got.sigma, row()["sigma"])
 
 
-def mixed(**changes: object) -> list[bool]:
-    """Return which of five equal spots are mixed where some columns are changed."""
-    return model(row(**changes), []).mixed.tolist()
-
-
-def moved(px: float) -> np.ndarray:
-    """Return the places of five spots in a row whose middle one has left it."""
-    position = row()["position"]
-    position[2] += round(px / 2 * ONE)  # a bend is twice as much
-    return position
-
-
-MIDDLE = [False, False, True, False, False]
-NONE = [False] * 5
-WIDTH = 3.0  # px
-STEP = 2 / ONE  # the least that a bend grows by
-LIGHT = 1 << 20
-
-
-def test_a_faint_spot_is_mixed_out_of_the_row() -> None:
-    """Less than a quarter of both lights: beside none, or out of the row by three widths."""
-    light = np.full(5, LIGHT)
-    light[2] = LIGHT // 4 - 500
-    assert mixed(light=light) == NONE
-    assert mixed(light=light, position=moved(3 * WIDTH)) == NONE
-    assert mixed(light=light, position=moved(3 * WIDTH + STEP)) == MIDDLE
-    assert mixed(light=light, measured=[1, 0, 1, 1, 1]) == MIDDLE
-    assert model(row(light=light), [3]).mixed.tolist() == MIDDLE
-    # Beside one that has less than four times its light it is dark, or a surface's other side.
-    light[3] = 4 * light[2] - 500
-    assert mixed(light=light, position=moved(4 * WIDTH)) == NONE
-    light[2] = LIGHT * 3 // 32 - 500
-    light[3] = light[2]
-    assert mixed(light=light, position=moved(4 * WIDTH)) == MIDDLE
-    light[2] = LIGHT // 4 + 500
-    light[3] = LIGHT
-    assert mixed(light=light, position=moved(4 * WIDTH)) == NONE
-
-
-def test_a_dim_spot_is_mixed_far_out_of_the_row() -> None:
-    """Less than 5/16 of the light, and as wide as the brighter neighbour, within 9/8."""
-    light = np.full(5, LIGHT)
-    light[2], light[3] = LIGHT * 5 // 16 - 500, LIGHT // 2
-    far = moved(8 * WIDTH + STEP)
-    assert mixed(light=light, position=far) == MIDDLE
-    assert mixed(light=light, position=moved(8 * WIDTH)) == NONE
-    assert mixed(light=light, position=far, scale=np.array([24, 27, 24, 20, 24]) * 512) == MIDDLE
-    assert mixed(light=light, position=far, scale=np.array([24, 28, 24, 20, 24]) * 512) == NONE
-    assert mixed(light=light, position=far, scale=np.array([24, 21, 24, 24, 24]) * 512) == NONE
-    light[2] += 1000
-    assert mixed(light=light, position=far) == NONE
-
-
-def test_a_spot_narrower_than_both_is_mixed_far_out_of_the_row() -> None:
-    """Unless it is brighter than both, or beside no spot."""
-    width = np.array([28, 28, 24, 28, 28]) * 512
-    far = moved(8 * WIDTH + STEP)
-    assert mixed(scale=width, position=far) == MIDDLE
-    assert mixed(scale=width, position=moved(8 * WIDTH)) == NONE
-    assert mixed(scale=np.array([28, 28, 24, 27, 28]) * 512, position=far) == NONE
-    assert mixed(scale=np.array([28, 28, 32, 28, 28]) * 512, position=far) == NONE
-    assert mixed(scale=width, measured=[1, 1, 1, 0, 1]) == NONE
-    light = np.full(5, LIGHT)
-    light[2] = LIGHT * 9 // 8 - 500
-    assert mixed(scale=width, position=far, light=light) == MIDDLE
-    light[2] += 1000
-    assert mixed(scale=width, position=far, light=light) == NONE
+@pytest.mark.parametrize("side", SIDES)
+def test_a_spot_is_mixed_beyond_a_limit(side: Side) -> None:
+    assert model(side.given, list(side.breaks)).mixed.tolist() == [
+        False,
+        False,
+        side.mixed,
+        False,
+        False,
+    ]

@@ -132,6 +132,6 @@ def test_point_record_model_has_the_layout_of_the_link() -> None:
             got = int.from_bytes(record[place : place + size], "little", signed=name in SIGNED)
             assert got == want, name
         assert record[57] == one["measured"] + 2 * one["inward"] + 4 * one["test"] + (
-            one["flags"] >> 16 << 3
+            8 * (one["flags"] >> 16 & 1) + 32 * (one["flags"] >> 17 & 1)
         )
         assert record[58:60] == b"\0\0"

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from carried_beam import carried
+from carried_beam import carried, irradiance
 from pydantic import ValidationError
 from scipy.optimize import curve_fit
 from scipy.special import j1
@@ -117,6 +117,16 @@ def test_a_cut_beam_is_as_wide_as_one_carried_by_fft(laser: Laser, z: float) -> 
     )
     print(f"{z} mm: radius {radius:.4f} / {fitted:.4f} mm")
     assert radius == pytest.approx(abs(fitted), rel=0.01)
+
+
+@pytest.mark.parametrize("z", [250.0, 400.0])
+def test_the_two_oracles_of_a_cut_beam_agree(z: float) -> None:
+    laser, pixel = Laser(waist_mm=100.0), 0.0125
+    axis, light = carried(laser, z, pixel, 1024)
+    middle = len(axis) // 2
+    near = np.s_[middle : middle + 80]
+    apart = light[middle, near] / pixel**2 - irradiance(laser, z, axis[near])
+    assert np.abs(apart).max() < 5e-3 * irradiance(laser, z, np.zeros(1))[0]
 
 
 def test_nothing_hit_nothing_nan() -> None:

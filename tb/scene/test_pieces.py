@@ -1,4 +1,4 @@
-"""A cut beam's spots on edges of reflectance, against a wave carried by FFT and imaged by sums."""
+"""A cut beam's spots on edges of reflectance, against Fresnel's integral imaged by sums."""
 
 import math
 from functools import cache
@@ -119,7 +119,8 @@ def position(row: Floats) -> float:
         (400.0, 0.01, False, 0.02),
         (400.0, 1.0, True, 0.002),
         (600.0, 0.1, False, 0.03),
-        (1000.0, 0.1, False, 0.08),
+        (800.0, 0.1, False, 0.015),
+        (1000.0, 0.1, False, 0.03),
     ],
 )
 def test_a_cut_beam_at_an_edge_of_reflectance_is_where_the_wave_is(
@@ -137,7 +138,7 @@ def test_a_cut_beam_at_an_edge_of_reflectance_is_where_the_wave_is(
     # The sums have the image's scale of x = 0, which changes by 0.3 % over these places.
     assert np.abs(light - 1.0).max() < 2e-2
     if low == 1.0:
-        assert abs(light[6] - 1.0) < 2e-3  # the wave's grid loses or gains 1e-3
+        assert abs(light[6] - 1.0) < 1e-3
     peaks = got.max(axis=1) / want.max(axis=1)
     print(f"peaks {peaks.min():.4f} to {peaks.max():.4f}")
     assert np.abs(peaks - 1.0).max() < 0.015

@@ -12,7 +12,9 @@ from vrscan.data import pkg
 from vrscan.registers.settings import ReadoutSettings as Settings
 
 ELABORATIONS = [{"Depth": 8, "CountWidth": 16}, {"Depth": 16, "CountWidth": 3}]
-OUTPUTS = ("angle", "power", "mirror_flags", "confidence", "inward", "time_clks", "superseded")
+OUTPUTS = (
+    *("angle", "power", "mirror_flags", "confidence", "inward", "time_clks", "superseded", "lens"),
+)
 QUIET = {
     "enable": 1,
     "exposure": 0,
@@ -28,6 +30,7 @@ QUIET = {
     "line_start": 0,
     "line_end": 0,
     "superseding": 0,
+    "lens": 0,
 }
 UNTAGGED = Tag()
 GOOD = 0  # mirror_flags of a line that can be trusted
@@ -81,7 +84,8 @@ class Bench(TwinBench):
 
     def centre(self, line: int) -> dict[str, int]:
         """Return the inputs of a line's centre."""
-        power, inward = int(self.draw.integers(1, 1 << 16)), line % 2
+        power, lens = (int(self.draw.integers(1, 1 << 16)) for _ in range(2))
+        inward = line % 2
         tag = Tag(
             angle=int(self.draw.integers(-(1 << 23), 1 << 23)),
             power=power,
@@ -89,9 +93,10 @@ class Bench(TwinBench):
             confidence=int(self.draw.integers(1, 256)),
             inward=inward,
             time_clks=self.clock,
+            lens=lens,
         )
         self.sent[line] = tag
-        return {"centre": 1, "line": line, "power": power, "inward": inward}
+        return {"centre": 1, "line": line, "power": power, "inward": inward, "lens": lens}
 
     def angle(self, line: int) -> dict[str, int]:
         """Return the inputs of a line's angle."""
@@ -106,7 +111,7 @@ class Bench(TwinBench):
 
     def noise(self) -> None:
         """Put other values on the ports that matter with a strobe only."""
-        names = ["inward", "angle_line", "angle", "mirror_flags", "confidence"]
+        names = ["inward", "lens", "angle_line", "angle", "mirror_flags", "confidence"]
         if not self.centred:  # the power of a line holds from its centre to its exposure's end
             names.append("power")
         self.give(**{name: int(self.draw.integers(1 << 3)) for name in names})
@@ -595,6 +600,7 @@ async def random_strobes(dut) -> None:
                 centre=int(draw.random() < busy),
                 inward=int(draw.integers(2)),
                 power=int(draw.integers(1 << 16)),
+                lens=int(bench.draw.integers(1 << 16)),
                 angle_valid=int(draw.random() < busy),
                 angle_line=older if draw.random() < 0.3 else number,
                 angle=int(draw.integers(-(1 << 23), 1 << 23)),

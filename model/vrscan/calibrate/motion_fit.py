@@ -268,7 +268,15 @@ def simulated_map(
     mirror: Mirror | None = None,
     levels: Sequence[float] = LEVELS,
 ) -> tuple[OperatingMap, list[Motion]]:
-    """Return the map of the simulated mirror over drive levels, and the operating points.
+    """Return the map of the simulated mirror over drive levels, and the operating points."""
+    points = simulated_motions(amplitude_rad, mirror, levels)
+    return operating_map(points, mark_rad), points
+
+
+def simulated_motions(
+    amplitude_rad: float, mirror: Mirror | None = None, levels: Sequence[float] = LEVELS
+) -> list[Motion]:
+    """Return the motions of the simulated mirror at drive levels.
 
     Each level has the frequency at which the mirror swings by ``amplitude_rad``.
     """
@@ -285,7 +293,7 @@ def simulated_map(
 
         frequency = brentq(excess, 248.85, 249.15, xtol=1e-6)
         points.append(simulated_motion(mirror, frequency, drive, guess))
-    return operating_map(points, mark_rad), points
+    return points
 
 
 def main() -> None:

@@ -1,30 +1,27 @@
 """The ``vrscan`` command."""
 
 import contextlib
-import math
 import os
 import signal
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from enum import StrEnum
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from pydantic import ValidationError
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeRemainingColumn,
-)
 
+from vrscan.cli.calibrate_commands import calibrate
 from vrscan.cli.case_commands import cases
+from vrscan.cli.file_commands import export, filter_points
 from vrscan.cli.link_commands import _suffix, link
+from vrscan.cli.progress import bar as _bar
+from vrscan.cli.progress import console as _console
+from vrscan.cli.report_commands import report as report_pages
 from vrscan.data import config as configuration
 from vrscan.data import line_files
 from vrscan.data.config import Config
@@ -61,20 +58,37 @@ MOST_LINES = 1_000_000  # largest number that is in memory at once
 MOST_SCANNED = 2**32  # largest number in the format of RTL and cloud
 MOST_SECONDS = 60.0  # largest mirror time; one second takes half a minute
 
+
+class Power(StrEnum):
+    """What the laser's power does in a scan."""
+
+    CONSTANT = "constant"
+    ADAPTIVE = "adaptive"
+
+
+class Focus(StrEnum):
+    """What the lens does in a scan."""
+
+    FIXED = "fixed"
+    AUTOMATIC = "automatic"
+
+
 app = typer.Typer(
     help="A MEMS laser triangulation scanner: from sensor lines to (x, z) points.",
     add_completion=False,
     pretty_exceptions_enable=False,
 )
 
-calibrate = typer.Typer(help="Find the instrument's parameters in recordings.")
 app.add_typer(calibrate, name="calibrate")
+app.add_typer(report_pages, name="report")
 
 bench = typer.Typer(help="Measure speed against error.")
 app.add_typer(bench, name="bench")
 
 app.add_typer(link, name="link")
 app.command()(cases)
+app.command()(export)
+app.command("filter")(filter_points)
 
 
 def _version(wanted: bool) -> None:
@@ -115,6 +129,10 @@ EngineOption = Annotated[
         help="Engine: the RTL, its bit-accurate model, or the papers' equations in float64."
     ),
 ]
+InstrumentOption = Annotated[
+    Path | None,
+    typer.Option(help="TOML file of the instrument as it is, [instrument]; default: the scene's."),
+]
 CountOption = Annotated[int, typer.Option("--lines", help="Number of lines.")]
 JobsOption = Annotated[
     int, typer.Option(help="Number of processes; 0: one per processor, fewer for few lines.")
@@ -130,15 +148,28 @@ def scan(
     fidelity: FidelityOption = None,
     tolerance: ToleranceOption = None,
     jobs: JobsOption = 0,
+    instrument: InstrumentOption = None,
     keep: Annotated[
         bool, typer.Option("--keep-lines", help="Also write lines.npz: the lines with their truth.")
     ] = False,
+    power: Annotated[
+        Power, typer.Option(help="The scene's power, or one that follows the peaks, [laser].")
+    ] = Power.CONSTANT,
+    focus: Annotated[
+        Focus, typer.Option(help="The scene's focus, or one that follows the distance, [focus].")
+    ] = Focus.FIXED,
     config: ConfigOption = None,
 ) -> None:
-    """Simulate a scene, turn its lines into points and compare them with the truth."""
+    """Simulate a scene, turn its lines into points and compare them with the truth.
+
+    A long scan that was interrupted goes on where it was when the same command is given again.
+    """
+    from vrscan.engines.loops import LoopedScan
+    from vrscan.ideal.correction_map import with_moving_lens
     from vrscan.scene.simulate import Scanner
     from vrscan.scene.timeline import write_edges
     from vrscan.study import scan as scans
+    from vrscan.study import scan_store
     from vrscan.study.report import budget, reliability_report, space_report
     from vrscan.study.report import scan_report as report
     from vrscan.study.report.unmeasured import unmeasured
@@ -146,12 +177,16 @@ def scan(
     _check_count(count, 1, MOST_SCANNED)
     _check_jobs(jobs)
     settings = _with_lines(_settings(config))
+    automatic, follows = focus is Focus.AUTOMATIC, power is Power.ADAPTIVE
+    if automatic:
+        settings = with_moving_lens(settings)
+    store = None
     with _folder(out), contextlib.ExitStack() as stack:
         names = ["points.csv", "points.ply", "picture.png", "reliability.png", "space.png"]
-        names += ["lines.npz"] * keep
+        names += ["lines.npz"] * keep + ["loops.csv"] * (follows or automatic)
         files = {name: stack.enter_context(atomic_file(out / name)) for name in names}
         engines.prepare(engine, settings)
-        light, chosen = _planned(scene, count, fidelity, tolerance, settings)
+        light, chosen = _planned(scene, count, fidelity, tolerance, settings, instrument=instrument)
         sweeps = light.scene.scan.sweep == "mirror"
         if sweeps:
             names.append("edges.csv")
@@ -163,26 +198,44 @@ def scan(
             every_ray=chosen.every_ray,
             tolerance_px=chosen.tolerance_px,
         )
+        looped = None
+        if follows or automatic:
+            looped = LoopedScan(scanner, adaptive=follows, automatic=automatic)
+        if count >= scan_store.LEAST_LINES:
+            name = scan_store.name_of(scanner, engine, keep=keep, power=power, focus=focus)
+            store = scan_store.Store(out / "parts", name)
         with contextlib.ExitStack() as parts:
             csv = parts.enter_context(csv_file(files["points.csv"]))
             ply = parts.enter_context(ply_file(files["points.ply"], out))
             if keep:
                 given = files["lines.npz"], count, settings.sensor.line_length, light.names, out
-                archive = parts.enter_context(line_files.archive(*given))
+                archive = parts.enter_context(line_files.archive(*given, lens=automatic))
+
+            if looped is not None:
+                files["loops.csv"].write(scans.LOOPS_HEADER)
 
             def take(part: scans.Part) -> None:
                 csv(csv_rows(part.points))
                 ply(part.ply)
                 if part.lines is not None:
                     archive(part.lines)
+                if part.controls is not None:
+                    files["loops.csv"].write(scans.loops_rows(part, settings))
 
             with _bar(f"light, {engine}", count) as progress:
                 tally, sample, space = scans.scan(
-                    scanner, engine, take, keep=keep, jobs=jobs, progress=progress
+                    scanner,
+                    engine,
+                    take,
+                    keep=keep,
+                    jobs=jobs,
+                    progress=progress,
+                    looped=looped,
+                    store=store,
                 )
         if sweeps:
             begin, end = light.scene.scan.start_s, scanner.end_s
-            scanned = light.scene.scan, light.scene.seed
+            scanned = light.scene.scan, light.scene.seed, light.scene.instrument
             write_edges(files["edges.csv"], begin, end, settings, *scanned)
         title = f"{light.scene.title or scene}: {count} lines, engine {engine}"
         drawn = len(sample.lines)
@@ -193,12 +246,14 @@ def scan(
             title if drawn == count else f"{title}; {drawn} of them drawn",
             files["picture.png"],
             y_mm=sample.y_mm,
-            pixels=scanner.line,
+            pixels=scanner.line if looped is None else scans.pixels_of(looped, sample),
         )
         truth = sample.lines.truth
         assert truth is not None
         reliability_report.picture(tally.reliability, title, files["reliability.png"])
         space_report.picture(sample.points, truth, title, files["space.png"], y_mm=sample.y_mm)
+    if store is not None:
+        store.remove()
     console = _console()
     console.print(report.error_table(tally.errors(), title))
     console.print(
@@ -209,7 +264,7 @@ def scan(
     console.print(str(tally.reliability), highlight=False)
     console.print(str(space), highlight=False)
     lens, free = light.scene.lens, settings.free
-    if (lens.focus_mm, lens.f_number) != (free.focus_mm, free.f_number):
+    if not automatic and (lens.focus_mm, lens.f_number) != (free.focus_mm, free.f_number):
         console.print(
             f"the scene's lens is focused at {lens.focus_mm:g} mm with f/{lens.f_number:g}, and "
             f"[free] says {free.focus_mm:g} mm with f/{free.f_number:g}",
@@ -344,7 +399,7 @@ def bench_light(
     ] = None,
     count: CountOption = 3072,
     write: Annotated[
-        bool, typer.Option("--write", help="Rewrite the table of docs/light.md.")
+        bool, typer.Option("--write", help="Rewrite the tables of docs/light.md.")
     ] = False,
     config: ConfigOption = None,
 ) -> None:
@@ -373,6 +428,7 @@ def bench_light(
             _question(light)
         with _bar("light", len(chosen)) as progress:
             rows = report.run(chosen, count, settings, progress)
+        times = report.costs(chosen, count, settings) if write else {}
         _console().print(report.table(rows))
         for light in lights:
             if not any(row.points for row in rows if row.scene == light.scene.source):
@@ -380,7 +436,42 @@ def bench_light(
         csv.write(report.csv_file(rows))
         report.picture(rows, png)
     _console().print(f"{folder}: fidelity.csv, fidelity.png", highlight=False)
-    for path in report.write_pages(rows, repository_root()) if write else ():
+    for path in report.write_pages(rows, times, repository_root()) if write else ():
+        _console().print(f"{path}: rewritten", highlight=False)
+
+
+@bench.command("loops")
+def bench_loops(
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for loops.csv and .png; default: build/loops.")
+    ] = None,
+    write: Annotated[
+        bool, typer.Option("--write", help="Rewrite the table of docs/loops.md.")
+    ] = False,
+    jobs: JobsOption = 1,
+    config: ConfigOption = None,
+) -> None:
+    """Measure planes with power and focus that follow the scene, and without."""
+    from vrscan.engines.tools import build_folder, repository_root
+    from vrscan.study.report import loops_report as report
+
+    _check_jobs(jobs)
+    settings = _with_lines(_settings(config))
+    for path in report.pages(repository_root()) if write else ():
+        check_writable(path)
+    folder = build_folder() / "loops" if out is None else out
+    with (
+        _folder(folder),
+        atomic_file(folder / "loops.csv") as csv,
+        atomic_file(folder / "loops.png") as png,
+    ):
+        with _bar("planes", report.COUNT) as progress:
+            rows = report.measure(settings, jobs or processors(), progress)
+        csv.write(report.sheet(rows).csv())
+        report.picture(rows, png)
+    _console().print(report.table(rows))
+    _console().print(f"{folder}: loops.csv, loops.png", highlight=False)
+    for path in report.write(rows, repository_root()) if write else ():
         _console().print(f"{path}: rewritten", highlight=False)
 
 
@@ -463,9 +554,20 @@ def bench_tune(
 @app.command()
 def replay(
     recording: Annotated[
-        Path, typer.Argument(metavar="LINES", help="File of recorded lines: .npy or .npz.")
+        Path,
+        typer.Argument(
+            metavar="LINES",
+            help="Recorded lines: .npy, .npz, .png, .tif or a folder of pictures, or .csv of a "
+            "logic analyser.",
+        ),
     ],
     out: Annotated[Path, typer.Option(help="File for the points: .csv, or .ply for a cloud.")],
+    angles: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV file with angle_rad, and power, mirror_flags, time_s or y_mm, of each line."
+        ),
+    ] = None,
     engine: EngineOption = Engine.RTL,
     jobs: JobsOption = 0,
     config: ConfigOption = None,
@@ -474,7 +576,7 @@ def replay(
     _check_jobs(jobs)
     suffix = _suffix(out, (".csv", ".ply"))
     settings = _settings(config)
-    with atomic_file(out) as file, line_files.opened(recording, settings) as recorded:
+    with atomic_file(out) as file, line_files.opened(recording, settings, angles) as recorded:
         engines.prepare(engine, settings)
         blocks = recorded.blocks(engines.BLOCK)
         jobs = engines.processes(engine, recorded.count, jobs)
@@ -628,32 +730,6 @@ def board(
         )
         progress(ANGLES)
     os.execv(words[0], words)
-
-
-@calibrate.command("mirror")
-def calibrate_mirror(
-    motion: Annotated[
-        Path,
-        typer.Argument(
-            metavar="MOTION.csv", help="Table with the columns time_s and an angle, rad."
-        ),
-    ],
-    column: Annotated[str, typer.Option(help="Name of the column with the angle.")] = "angle_rad",
-    from_s: Annotated[float, typer.Option("--from", help="Leave out rows before this time.")] = 0,
-    config: ConfigOption = None,
-) -> None:
-    """Fit (12) to a recorded motion and print it in the form of the configuration."""
-    from vrscan.calibrate.motion_fit import fit_motion, read_motion
-
-    settings = configuration.load(config)
-    times, angles = read_motion(motion, column, from_s)
-    found = fit_motion(times, angles, settings.mirror.frequency_hz, refine=True)
-    print(f"# {len(times)} samples; the fit leaves {1e6 * found.residual_rad:.3f} urad rms")
-    print("[mirror]")
-    print(f"frequency_hz = {found.frequency_hz:.7f}")
-    print(f"amplitude_deg = {math.degrees(found.amplitude_rad):.6f}")
-    rows = ", ".join(f"[{size:.9f}, {phi:.7f}]" for size, phi in found.harmonics)
-    print(f"harmonics = [{rows}]")
 
 
 def _happening(events: "MirrorEvents") -> str:
@@ -830,10 +906,11 @@ def _planned(
     settings: Config,
     *,
     each: bool = False,
+    instrument: Path | None = None,
 ) -> tuple["Light", "Plan"]:
     """Return a scene and its plan of effects, which is made while a bar is shown."""
     from vrscan.scene import effects
-    from vrscan.scene.description import load
+    from vrscan.scene.description import load, load_instrument
     from vrscan.scene.light import Light
     from vrscan.study.plan import plan, survey
 
@@ -842,7 +919,11 @@ def _planned(
     wanted: str | list[str] | None = fidelity
     if fidelity is not None and fidelity not in ("auto", "full", "minimal"):
         wanted = [name.strip() for name in fidelity.split(",")]
-    light = Light(load(scene), settings)
+    described = load(scene)
+    if instrument is not None:
+        own = {"instrument": load_instrument(instrument)}
+        described = described.model_copy(update=own)
+    light = Light(described, settings)
     for names, source in ((wanted, "--fidelity"), (light.scene.fidelity, light.scene.source)):
         if isinstance(names, list):
             effects.chosen(names, source)  # raises its errors before a bar is shown
@@ -878,34 +959,6 @@ def _check_jobs(jobs: int) -> None:
 def _check_count(count: int, least: int, most: int = MOST_LINES) -> None:
     if not least <= count <= most:
         raise InputError(f"--lines: must be {least} to {most} ({count})")
-
-
-def _console() -> Console:
-    """Return the output; where it is no terminal it is wide enough for the tables."""
-    return Console(width=None if sys.stdout.isatty() else 120)
-
-
-@contextlib.contextmanager
-def _bar(text: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Show a bar on the error stream; yield a function that is called with the number done.
-
-    The bar disappears if the work fails, so that only the error message is left to read.
-    """
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
-    console = Console(stderr=True)
-    with Progress(*columns, console=console) as progress:
-        task = progress.add_task(text, total=total)
-        try:
-            yield lambda done: progress.update(task, completed=done)
-        except BaseException:
-            progress.live.transient = True
-            console.quiet = not console.is_terminal
-            raise
 
 
 @contextlib.contextmanager

@@ -28,6 +28,8 @@ MOST_LINES = 100_000
 MOST_DARK = 50  # largest number of lines without a peak before an error
 
 link = typer.Typer(help="Talk to a board: registers, points, raw lines, self-test.")
+maps = typer.Typer(help="Load correction maps into a board, and read those that it has.")
+link.add_typer(maps, name="maps")
 
 PortOption = Annotated[
     str | None, typer.Option("--port", "-p", envvar="VRSCAN_PORT", help="Serial port of the board.")
@@ -327,6 +329,8 @@ def load(
             f"{len(changed)} of them changed",
             highlight=False,
         )
+        if settings.map.file is not None:
+            console.print(f"maps of {settings.map.file} loaded", highlight=False)
         if start:
             with _starting() as progress:
                 device.start(progress)
@@ -335,6 +339,62 @@ def load(
                 f"the mirror is in RUN; the laser goes off {silence:g} s after the last command",
                 highlight=False,
             )
+
+
+@maps.command(name="load")
+def load_maps(
+    file: Annotated[Path, typer.Argument(help="Maps, as vrscan calibrate map writes them.")],
+    config: Annotated[
+        Path | None, typer.Option("--config", help="TOML file with the lens and its focus.")
+    ] = None,
+    port: PortOption = None,
+    baud: BaudOption = BAUD,
+    timeout: TimeoutOption = TIMEOUT_S,
+) -> None:
+    """Load maps beside those in use, check all that is read back, and let them take effect.
+
+    Lines may go on meanwhile. Where the board refuses or reads back another word, the maps in use
+    stay.
+    """
+    from vrscan.data import config as configuration
+    from vrscan.registers.map_table import map_table
+
+    settings = configuration.load(config)
+    named = settings.map.model_copy(update={"file": str(file.resolve())})
+    settings = settings.model_copy(update={"map": named})
+    map_table(settings)  # what does not fit is told without a board
+    with _device(port, baud, timeout) as device, _bar("maps") as progress:
+        loaded = device.load_maps(settings, progress)
+    count, filled = len(loaded.nodes), round(100.0 * float(loaded.filled.mean()))
+    print(f"{device.port}: {count} maps, {loaded.nodes.size} nodes, {filled} % of them filled")
+
+
+@maps.command(name="read")
+def read_maps(
+    out: Annotated[Path, typer.Option(help="File for the maps, .npz.")],
+    config: Annotated[
+        Path | None, typer.Option("--config", help="TOML file with the lens.")
+    ] = None,
+    port: PortOption = None,
+    baud: BaudOption = BAUD,
+    timeout: TimeoutOption = TIMEOUT_S,
+) -> None:
+    """Read the maps in use, and write them as vrscan calibrate map does."""
+    from vrscan.calibrate.results import write_maps
+    from vrscan.data import config as configuration
+    from vrscan.data.points import atomic_file, check_writable
+    from vrscan.registers.map_table import field_maps
+
+    settings = configuration.load(config)
+    _suffix(out, (".npz",))
+    check_writable(out)
+    with _device(port, baud, timeout) as device, _bar("maps") as progress:
+        found = device.read_maps(progress)
+    if found is None:
+        raise InputError(f"{device.port}: positions are not corrected (map_enable = 0)")
+    with atomic_file(out) as file:
+        write_maps(field_maps(found, settings), {}, file)
+    print(f"{out}: {len(found.nodes)} maps, {found.nodes.size} nodes")
 
 
 @link.command()

@@ -53,6 +53,11 @@ class FocusFilter:
         self._enough = False
         self._average = 0  # with FINE_WIDTH more bits than z
 
+    @property
+    def busy(self) -> bool:
+        """Return whether a good point is at work."""
+        return self._age != 0
+
     def step(
         self, *, valid: bool, measured: bool, flags: int, test: bool, z: int, busy: bool
     ) -> None:

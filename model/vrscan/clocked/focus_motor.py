@@ -12,6 +12,7 @@ PAUSE_EXTRA = 6  # clocks from a reply to the next command besides focus_poll_cl
 NOT_REACHED = 6  # value of fault, besides the statuses of the bus
 TARGET_REGISTER = 0  # register of the device
 POSITION_REGISTER = 2
+MOST_QUIET = 1 << 40  # clocks that are as good as for ever
 
 _COUNTERS = {
     Status.NACK_ADDRESS: "nack_count",
@@ -84,6 +85,28 @@ class FocusMotor:
     def command_register(self) -> int:
         """Return the register of the device that a command begins with."""
         return POSITION_REGISTER if self.command_read else TARGET_REGISTER
+
+    def quiet_clks(self, *, target: int, known: bool) -> int:
+        """Return for how many clocks only counters run, if inputs stay and no reply comes."""
+        settled = self.in_position == (self.state is State.HOLD and target == self.command_data)
+        settled &= self._changed == (target != self.command_data)
+        if self.command_valid or self._since_reply or not settled:
+            return 0
+        if self.state in (State.OFF, State.FAULT):
+            return 0 if self.state is State.OFF else MOST_QUIET
+        if self.state is State.WAIT:
+            waits = self._write and not (known or self._failures or self._misses)
+            return MOST_QUIET if waits and not (self._busy and not self._abandoned) else 0
+        if not known:
+            return 0
+        return MOST_QUIET if self._busy else self._pause
+
+    def skip(self, clks: int) -> None:
+        """Advance by clocks in which only counters run, at most ``quiet_clks``."""
+        if clks > 0:
+            self._expired = self._remaining_clks < clks
+            self._pause = max(self._pause - clks, 0)
+            self._remaining_clks = max(self._remaining_clks - clks, 0)
 
     def step(
         self, *, target: int, known: bool, reply_valid: bool, reply_status: int, reply_data: int

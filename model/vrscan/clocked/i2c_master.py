@@ -34,6 +34,18 @@ def command_clocks(*, read: bool, count: int, quarter: int) -> int:
     return quarters * quarter + BIT_EXTRA * (9 * on_bus + (2 if read else 1))
 
 
+def effect_clocks(*, read: bool, count: int, quarter: int) -> int:
+    """Return the clocks from a command to its effect in a device, on a free bus.
+
+    That is the fall of SCL behind a write's last bit, or the repeated start of a read, at which a
+    device freezes its position.
+    """
+    if read:
+        return 81 * quarter + 19 * BIT_EXTRA + 1
+    on_bus = count + 2
+    return (36 * on_bus + 1) * quarter + (9 * on_bus - 1) * BIT_EXTRA + 1
+
+
 def most_clocks(*, quarter: int, timeout: int) -> int:
     """Return an upper bound of the clocks from any command to its reply and released lines."""
     return 322 * quarter + 77 * (timeout + 3)

@@ -26,6 +26,7 @@ class Tag:
         inward: Whether the mirror moves inward.
         time_clks: Time of the pulse's centre; u32, clocks since the reset.
         superseded: Whether the angle is of the configuration before the last commit.
+        lens: Position of the lens with the pulse's centre; u16, steps.
     """
 
     angle: int = 0
@@ -35,6 +36,7 @@ class Tag:
     inward: int = 0
     time_clks: int = 0
     superseded: int = 0
+    lens: int = 0
 
 
 class _State(Enum):
@@ -67,9 +69,9 @@ class LineTag:
         self._depth = depth
         self._count_max = (1 << count_width) - 1
         self._clock = 0
-        # By the line's number modulo depth: power; number, inward, time; and number, angle ...
+        # By the line's number modulo depth: power; number, inward, time, lens; number, angle ...
         self._powers: dict[int, int] = {}
-        self._centres: dict[int, tuple[int, int, int]] = {}
+        self._centres: dict[int, tuple[int, int, int, int]] = {}
         self._superseded: set[int] = set()  # slots
         self._last_centre: int | None = None
         self._angles: dict[int, tuple[int, int, int, int]] = {}
@@ -103,6 +105,7 @@ class LineTag:
         line_start: bool,
         line_end: bool,
         superseding: bool = False,
+        lens: int = 0,
     ) -> None:
         """Advance by one clock."""
         self._step_number(enable)
@@ -116,7 +119,7 @@ class LineTag:
             slot = line % self._depth
             self._last_centre = line
             self._powers[slot] = power
-            self._centres[slot] = (line, int(inward), self._clock)
+            self._centres[slot] = (line, int(inward), self._clock, lens)
             self._angles.pop(slot, None)
             self._superseded.discard(slot)
         if superseding:
@@ -191,4 +194,5 @@ class LineTag:
         if centre is None or angle is None or not centre[0] == angle[0] == self._wanted:
             return None
         late = int(slot in self._superseded)
-        return Tag(angle[1], self._powers[slot], angle[2], angle[3], centre[1], centre[2], late)
+        _, inward, time, lens = centre
+        return Tag(angle[1], self._powers[slot], angle[2], angle[3], inward, time, late, lens)

@@ -6,9 +6,9 @@ from typing import NamedTuple
 from vrscan.data import link_pkg
 from vrscan.registers.register_map import LOCKS, REGISTERS, WINDOWS, Register, Window
 
-LATENCY = 10  # clocks from bus_valid_i to bus_done_o
+LATENCY = 14  # clocks from bus_valid_i to bus_done_o
 WRITTEN = 7  # clocks from bus_valid_i to the first clock with the written value
-SAMPLED = 7  # clocks from bus_valid_i to the clock in which a READ samples the inputs
+SAMPLED = 11  # clocks from bus_valid_i to the clock in which a READ samples the inputs
 
 WORD_BITS = 32
 WORD_MASK = (1 << WORD_BITS) - 1
@@ -85,8 +85,9 @@ class RegisterFile:
             for register in registers.values()
             if register.access in ("ro", "counter")
         }
+        # Of a table with two banks one stands behind the other.
         self._tables = {
-            (window.name, field.address): [0] * window.entries
+            (window.name, field.address): [0] * window.entries * (1 if window.bank is None else 2)
             for window in windows.values()
             for field in window.fields
         }
@@ -94,7 +95,7 @@ class RegisterFile:
         self.reset()
 
     def table(self, window: str, field: str) -> list[int]:
-        """Return the entries of a field of a table."""
+        """Return the entries of a field of a table, of both banks where it has two."""
         own = self._windows[window]
         return self._tables[window, next(f.address for f in own.fields if f.name == field)]
 
@@ -108,7 +109,11 @@ class RegisterFile:
         self._kept: dict[str, int] = dict.fromkeys(self.inputs, 0)  # higher words of wide inputs
         self.written: list[Written] = []
         self.waiting = False
-        self.changed = {window.name: False for window in self._windows.values() if window.commit}
+        self.changed = {
+            window.name: False
+            for window in self._windows.values()
+            if window.commit and window.bank is None
+        }
         self.take()
 
     def take(self) -> None:
@@ -136,12 +141,12 @@ class RegisterFile:
         cell = self._cell(address) if place is None else None
         if cell is not None:
             window, index, field = cell
-            status = self._verdict(changes, field, 0, window.lock, data)
+            status = self._verdict(changes, field, 0, window.lock, data, self._used(window))
             if self.waiting and window.commit and not changes:
                 status = link_pkg.STATUS_BUSY
             if status == link_pkg.STATUS_OK and access == link_pkg.ACCESS_WRITE:
                 self._write_cell(window, index, field, data)
-            read = self._tables[window.name, field.address][index] & WORD_MASK
+            read = self._tables[window.name, field.address][self._at(window, index)] & WORD_MASK
         elif place is not None:
             status = self._verdict(changes, place.register, place.word, place.register.lock, data)
             if status == link_pkg.STATUS_OK and access == link_pkg.ACCESS_WRITE:
@@ -158,8 +163,25 @@ class RegisterFile:
                 return window, index, window.fields[k]
         return None
 
+    def _at(self, window: Window, index: int) -> int:
+        """Return where an entry of a table stands in its memory."""
+        bank = 0 if window.bank is None else self.values[window.bank][0]
+        return bank * window.entries + index
+
+    def _used(self, window: Window) -> bool:
+        """Return whether the bank that is accessed is the one in use."""
+        if window.bank is None or window.in_use is None:
+            return False
+        return self.values[window.bank] == self.active[window.in_use]
+
     def _verdict(
-        self, changes: bool, register: Register, word: int, lock: str | None, data: int
+        self,
+        changes: bool,
+        register: Register,
+        word: int,
+        lock: str | None,
+        data: int,
+        used: bool = False,
     ) -> int:
         """Return the status of an access."""
         if not changes:
@@ -168,7 +190,7 @@ class RegisterFile:
             return link_pkg.STATUS_READ_ONLY
         if lock is not None and self.values[lock] == [1]:
             return link_pkg.STATUS_LOCKED
-        if self.waiting and (register.commit or register.name == COMMIT):
+        if used or (self.waiting and (register.commit or register.name == COMMIT)):
             return link_pkg.STATUS_BUSY
         low, high = register.minimum, register.maximum
         if register.width > WORD_BITS:
@@ -189,11 +211,12 @@ class RegisterFile:
             self.written.append(Written(name, 0, tuple(self.values[name])))
 
     def _write_cell(self, window: Window, index: int, field: Register, data: int) -> None:
-        self._tables[window.name, field.address][index] = wrapped(data, field)
-        if window.commit:
+        at = self._at(window, index)
+        self._tables[window.name, field.address][at] = wrapped(data, field)
+        if window.name in self.changed:
             self.changed[window.name] = True
         elif field.address == len(window.fields) - 1:
-            entry = tuple(self._tables[window.name, f.address][index] for f in window.fields)
+            entry = tuple(self._tables[window.name, f.address][at] for f in window.fields)
             self.written.append(Written(window.name, index, entry))
 
     def _read(self, place: Place, *, keep: bool) -> int:

@@ -26,6 +26,7 @@ from vrscan.data.errors import InputError, nearest
 
 HARMONICS = (1, 3, 5, 7, 9, 11, 13, 15, 17)  # orders k in the mirror's motion, (12)
 FEWEST_HARMONICS = 6  # the paper's number
+LINES_PER_PERIOD = 150.1  # the paper's ratio of line rate and mirror frequency
 BLANKING_CLKS = 16  # between an exposure's end and its readout
 _MAX_WINDOW = (1 << pkg.WINDOW_WIDTH) - 1  # px
 
@@ -154,6 +155,23 @@ class Geometry(Section):
         return math.radians(self.bias_deg)
 
 
+class Map(Section):
+    """The correction maps of a calibration, and where the lens stands among them."""
+
+    file: str | None = (
+        None  # as vrscan calibrate map writes it; relative to the configuration's file
+    )
+    focus_mm: Positive = 420.0  # depth along the lens's axis that is in focus
+    # Maps of a thin lens in place of a file; geometry.focal_mm is then that of free.focus_mm.
+    thin_lens: bool = False
+
+    @model_validator(mode="after")
+    def _one(self) -> "Map":
+        if self.thin_lens and self.file is not None:
+            raise ValueError(f"thin_lens: the maps come from {self.file}")
+        return self
+
+
 class Free(Section):
     """Where a line without a peak is free: what the camera sees, and what would be bright enough.
 
@@ -274,18 +292,34 @@ class Mirror(Section):
 
 
 class Line(Section):
-    """Timing of a line and of its laser pulse."""
+    """Timing of a line and of its laser pulse.
 
-    rate_hz: float = Field(default=37_400.0, gt=0, le=1_000_000)
+    The line's clock follows the mirror's, so their ratio is what is kept, and the rate follows from
+    it. 150.1 is the paper's: the lines of ten periods interlace, and the 1,501 angles come again.
+    A file may give either of the two.
+    """
+
+    lines_per_period: float | None = Field(
+        default=None, ge=1, lt=4096
+    )  # None: 150.1, or the rate's
+    rate_hz: float = Field(default=LINES_PER_PERIOD * 249.0, gt=0, le=1_000_000)
     pulse_us: float = Field(default=1.0, gt=0, le=1_000)
     pulse_delay_us: float = Field(default=0.0, ge=0)
 
     @model_validator(mode="after")
     def _fits(self) -> "Line":
+        # A rate that follows from the mirror's is known to the whole configuration only.
+        if "rate_hz" in self.model_fields_set and self.late:
+            raise ValueError(self.late)
+        return self
+
+    @property
+    def late(self) -> str:
+        """Return what is wrong where the pulse ends after the line, or ""."""
         period_us = 1e6 / self.rate_hz
         if self.pulse_delay_us + self.pulse_us > period_us:
-            raise ValueError(f"the pulse ends after the line period of {period_us:.4g} us")
-        return self
+            return f"the pulse ends after the line period of {period_us:.4g} us"
+        return ""
 
 
 class Sensor(Section):
@@ -385,6 +419,7 @@ class Focus(Section):
     quarter_us: Positive = 2.5  # quarter of a bit: 100 kHz
     stretch_ms: Positive = 25.0  # longest time of a stretched clock or a busy bus
     poll_ms: float = Field(default=2.0, ge=0)  # pause between two commands
+    speed_mm_per_s: Positive = 5.0  # of the simulated motor
 
     @field_validator("average_points")
     @classmethod
@@ -425,6 +460,7 @@ class Config(Section):
     clock: Clock = Clock()
     peak: Peak = Peak()
     geometry: Geometry = Geometry()
+    map: Map = Map()
     free: Free = Free()
     mirror: Mirror = Mirror()
     mems: Mems = Mems()
@@ -436,8 +472,23 @@ class Config(Section):
 
     @model_validator(mode="after")
     def _rate(self) -> "Config":
+        if "rate_hz" not in self.line.model_fields_set:
+            ratio = self.line.lines_per_period or LINES_PER_PERIOD
+            line = self.line.model_copy(update={"rate_hz": ratio * self.mirror.frequency_hz})
+            line.model_fields_set.discard("rate_hz")  # it follows in a copy, too
+            self.__dict__["line"] = line
+            if line.late:
+                raise ValueError(f"line: {line.late}")
+        elif self.line.lines_per_period is not None:
+            follows = self.line.lines_per_period * self.mirror.frequency_hz
+            if not math.isclose(self.line.rate_hz, follows, rel_tol=1e-12):
+                raise ValueError(
+                    f"line.rate_hz = {self.line.rate_hz:g}: lines_per_period = "
+                    f"{self.line.lines_per_period:g} makes it {follows:g}; give one of the two"
+                )
         # What only replays lines of another sensor need not say a rate.
-        complaint = self.rate_complaint() if "rate_hz" in self.line.model_fields_set else ""
+        asked = self.line.model_fields_set & {"rate_hz", "lines_per_period"}
+        complaint = self.rate_complaint() if asked else ""
         if complaint:
             raise ValueError(complaint)
         return self

@@ -18,6 +18,7 @@ from vrscan.data.lines import Lines
 
 POWER_LIMIT = 2**16 - 1  # largest value of the RTL's port
 _FLAGS_LIMIT = 2**pkg.MIRROR_FLAG_WIDTH - 1
+_LENS_LIMIT = 2**pkg.LENS_WIDTH - 1
 _ANGLE_HALF = 2 ** (pkg.ANGLE_WIDTH - 1)  # half a turn
 
 
@@ -27,13 +28,15 @@ def checked(recording: Lines, config: Config, *, first: int = 0, pixels: bool = 
     Args:
         recording: n lines, n may be 0. Lines are uint16 of either byte order, angles of any
             floating-point type within +-pi rad, powers of any integer type from 0 to
-            ``laser.power_max``, and flags of any integer type from 0 to 7.
+            ``laser.power_max``, flags of any integer type from 0 to 7, and the lens's positions,
+            if there are any, of 16 bits. Times and positions of the scanner are numbers, of which
+            a time may be NaN.
         config: The configuration, whose sensor gives the line's length and the bits of a pixel.
         first: Number of the first line, for error messages that name a line.
         pixels: Whether to read every pixel. The engines do, so ``engines.run`` need not.
 
     Returns:
-        The same lines in the machine's own types, with flags for each line [n].
+        The same lines in the machine's own types, with flags, time and y for each line [n].
 
     Raises:
         LinesError: naming the array, what it must be, and a value that is not.
@@ -43,9 +46,25 @@ def checked(recording: Lines, config: Config, *, first: int = 0, pixels: bool = 
     angle = checked_angles(_column("angle_rad", recording.angle_rad, count), first)
     power = checked_power(recording.power, count, config.laser.power_max, first)
     raised = checked_flags(recording.mirror_flags, count, first)
+    lens = recording.lens
+    if lens is not None:
+        lens = _whole("lens", lens, count, 0, _LENS_LIMIT, first)
     if pixels:
         _check_pixels(lines, config.sensor.pixel_width, first)
-    return replace(recording, lines=lines, angle_rad=angle, power=power, mirror_flags=raised)
+    time = _number("time_s", recording.time_s, count)
+    y = _number("y_mm", recording.y_mm, count)
+    _check_limits("time_s", time, ~np.isinf(time), "the finite numbers", first)
+    _check_limits("y_mm", y, np.isfinite(y), "the finite numbers", first)
+    return replace(
+        recording,
+        lines=lines,
+        angle_rad=angle,
+        power=power,
+        mirror_flags=raised,
+        lens=lens,
+        time_s=time,
+        y_mm=y,
+    )
 
 
 def checked_words(
@@ -137,6 +156,16 @@ def _column(name: str, values: npt.ArrayLike, count: int) -> npt.NDArray[Any]:
     if column.shape != (count,):
         raise LinesError(f"{name} must have shape ({count},) (has {column.shape})")
     return column
+
+
+def _number(name: str, values: npt.ArrayLike, count: int) -> Floats:
+    """Return float64 for each line, from one for each line or one for all."""
+    given = np.asarray(values)
+    if given.dtype.kind not in "fiu":
+        raise LinesError(f"{name} must be numbers (is {given.dtype})")
+    if given.ndim == 0:
+        given = np.broadcast_to(given, count)
+    return _column(name, given, count).astype(np.float64, copy=False)
 
 
 def _whole(

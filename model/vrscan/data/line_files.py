@@ -1,41 +1,57 @@
-"""Files of recorded sensor lines, read whole or a block at a time."""
+"""Files of recorded sensor lines, read whole or a block at a time.
+
+They are numpy's arrays, pictures (``line_pictures``) or a logic analyser's tables (of
+``line_signals``).
+"""
 
 import contextlib
+import csv
 import difflib
 import math
 import shutil
 import tempfile
 import warnings
 import zipfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import IO, Any, BinaryIO
+from typing import IO, Any, BinaryIO, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from vrscan.data import line_pictures, line_signals
 from vrscan.data.config import Config
 from vrscan.data.contract import checked, checked_flags, checked_power
 from vrscan.data.errors import InputError, InputWarning, LinesError, one_line
-from vrscan.data.lines import Lines, part
+from vrscan.data.lines import Lines, joined, part
 
-_ARRAYS = ("lines", "angle_rad", "power", "mirror_flags")  # in an .npz
+# What an .npz holds.
+_ARRAYS = ("lines", "angle_rad", "power", "mirror_flags", "lens", "time_s", "y_mm")
+_SIGNALS = ".csv"
+_OTHERS = (*line_pictures.SUFFIXES, _SIGNALS)  # endings of files without numpy's arrays
 _WORDS = {"angle_rad": "angle", "power": "power", "mirror_flags": "flag"}  # in misspelt names
 _MISSPELT = 0.85  # difflib's likeness from which a name counts as misspelt
 
 
-def read(path: Path, config: Config) -> Lines:
-    """Return recorded lines from ``.npy`` or ``.npz``.
+def read(path: Path, config: Config, angles: Path | None = None) -> Lines:
+    """Return recorded lines.
+
+    Pictures are ``.png``, ``.tif`` or a folder of them, each row a line; ``.csv`` is a recording of
+    the sensor's pins; what has another name is ``.npy`` or ``.npz``.
 
     An ``.npz`` holds ``lines`` and optionally ``angle_rad`` [n] (by default 0, with an
-    ``InputWarning``), ``power`` [n] (by default full power) and ``mirror_flags`` [n] or one for all
-    (by default 0: the angle is good). Other arrays in it are ignored, but a name that looks like a
-    misspelt one of these, such as ``angle_deg`` without ``angle_rad``, is refused.
+    ``InputWarning``), ``power`` [n] (by default full power), ``mirror_flags`` [n] or one for all
+    (by default 0: the angle is good), ``lens`` [n] (by default where ``[map]`` says), ``time_s``
+    [n] (by default not known) and ``y_mm`` [n] (by default 0). Other arrays in it are ignored, but
+    a name that looks like a misspelt one of these, such as ``angle_deg`` without ``angle_rad``, is
+    refused.
 
     Args:
         path: The file.
         config: The configuration, whose sensor gives the line's length and the bits of a pixel.
+        angles: A CSV file with a row for each line and the columns ``angle_rad`` and, if wanted,
+            ``power``, ``mirror_flags``, ``time_s`` and ``y_mm``, for lines that come without.
 
     Returns:
         The lines as ``checked`` gives them, n at least 1.
@@ -44,7 +60,11 @@ def read(path: Path, config: Config) -> Lines:
         InputError: naming the file and what is wrong, if it is missing, damaged or empty, or holds
             a misspelt name or what ``checked`` refuses.
     """
+    if path.is_dir() or path.suffix.lower() in _OTHERS:
+        with opened(path, config, angles) as recorded:
+            return joined(list(recorded.blocks(recorded.count)))
     arrays = _load(path)
+    arrays |= _beside(path, angles, arrays, arrays["lines"])
     recording = _checked(path, arrays, config)
     if "angle_rad" not in arrays:
         _warn(path)
@@ -66,30 +86,32 @@ class Recording:
 
 
 @contextlib.contextmanager
-def opened(path: Path, config: Config) -> Iterator[Recording]:
+def opened(path: Path, config: Config, angles: Path | None = None) -> Iterator[Recording]:
     """Open a file that ``read`` reads, to read and check its lines block by block.
 
-    Only an array in Fortran order, of which no line is in one piece, is read whole.
+    Only an array in Fortran order, of which no line is in one piece, and a logic analyser's table
+    are read whole.
 
     Args:
         path: The file.
         config: The configuration, as in ``read``.
+        angles: A file of angles, as in ``read``.
 
     Raises:
         InputError: as ``read``, here or from ``blocks``.
     """
     with contextlib.ExitStack() as stack:
-        with _as_input_error(path):
-            file = stack.enter_context(path.open("rb"))
-            if not file.peek(1):
-                raise InputError(f"{path}: empty file (0 bytes)")
-            columns = {name: _Column(each) for name, each in _members(path, file, stack).items()}
+        columns = _columns(path, config, stack)
+        more = _beside(path, angles, columns, columns["lines"].kind)
+        columns |= {name: _Given(array) for name, array in more.items()}
         kinds = {name: column.kind for name, column in columns.items()}
         _checked(path, kinds, config, pixels=False)
         count = len(kinds["lines"])
 
         def blocks(size: int) -> Iterator[Lines]:
-            whole = None if columns["lines"].in_order else _checked(path, _load(path), config)
+            whole = None
+            if not columns["lines"].in_order:
+                whole = _checked(path, _load(path) | more, config)
             for start in range(0, count, size):
                 rows = slice(start, min(start + size, count))
                 if whole is not None:
@@ -113,7 +135,7 @@ def write(recording: Lines, file: BinaryIO) -> None:
     power = checked_power(recording.power, count)
     raised = checked_flags(recording.mirror_flags, count)
     names = None if recording.truth is None else recording.truth.names
-    with archive(file, count, length, names) as take:
+    with archive(file, count, length, names, lens=recording.lens is not None) as take:
         take(replace(recording, power=power, mirror_flags=raised))
 
 
@@ -124,6 +146,8 @@ def archive(
     length: int,
     names: tuple[str, ...] | None,
     folder: Path | None = None,
+    *,
+    lens: bool = False,
 ) -> Iterator[Callable[[Lines], None]]:
     """Begin an ``.npz`` that ``read`` reads; yield a function that takes its lines.
 
@@ -135,11 +159,15 @@ def archive(
         names: Names of the surfaces; None if the lines have no truth.
         folder: Folder of the unnamed files that hold the columns until all lines are there; the
             system's folder for temporary files if None.
+        lens: Whether the lines have positions of the lens.
 
     Raises:
         LinesError: if powers or flags do not fit in the types in which they are written.
     """
     types = {"angle_rad": "<f8", "power": "<u2", "mirror_flags": "|u1"}
+    types |= {"time_s": "<f8", "y_mm": "<f8"}
+    if lens:
+        types |= {"lens": "<u2"}
     if names is not None:
         types |= dict.fromkeys(("true_x_mm", "true_z_mm", "true_position_px"), "<f8")
         types |= {"surface": "<i8"}
@@ -154,7 +182,12 @@ def archive(
                     recording.angle_rad,
                     checked_power(recording.power, some),
                     checked_flags(recording.mirror_flags, some),
+                    np.broadcast_to(recording.time_s, some),
+                    np.broadcast_to(recording.y_mm, some),
                 ]
+                if lens:
+                    assert recording.lens is not None
+                    columns.append(recording.lens)
                 if truth is not None:
                     columns += [truth.x_mm, truth.z_mm, truth.position_px, truth.surface]
                 pixels.write(np.ascontiguousarray(recording.lines, "<u2").data)
@@ -194,6 +227,91 @@ def _members(path: Path, file: BinaryIO, stack: contextlib.ExitStack) -> dict[st
     return {
         name: stack.enter_context(packed.open(there[name])) for name in _ARRAYS if name in there
     }
+
+
+def _columns(path: Path, config: Config, stack: contextlib.ExitStack) -> dict[str, "_Source"]:
+    """Return the arrays of a file, open to read them row by row."""
+    suffix = path.suffix.lower()
+    if path.is_dir() or suffix in line_pictures.SUFFIXES:
+        pictures = line_pictures.Pictures(path, config.sensor.pixel_width)
+        stack.callback(pictures.end)
+        return {"lines": pictures}
+    if suffix == _SIGNALS:
+        return {"lines": _Given(line_signals.read(path, config.sensor.line_length))}
+    with _as_input_error(path):
+        file = stack.enter_context(path.open("rb"))
+        if not file.peek(1):
+            raise InputError(f"{path}: empty file (0 bytes)")
+        return {name: _Column(each) for name, each in _members(path, file, stack).items()}
+
+
+def _beside(
+    path: Path, angles: Path | None, there: Iterable[str], lines: npt.NDArray[Any]
+) -> dict[str, npt.NDArray[Any]]:
+    """Return what a file of angles has for the lines of another file."""
+    if angles is None:
+        return {}
+    try:
+        with angles.open(newline="") as file:
+            header, *rows = [row for row in csv.reader(file) if row] or [[]]
+    except OSError as error:
+        raise InputError(f"{angles}: {error.strerror}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{angles}: not a CSV file ({one_line(error)})") from error
+    names = [name.strip() for name in header]
+    wrong = [name for name in names if name not in _ARRAYS[1:]]
+    if wrong or "angle_rad" not in names or len(set(names)) < len(names):
+        raise InputError(
+            f"{angles}: columns {','.join(names)!r}, known are {','.join(_ARRAYS[1:])}"
+        )
+    both = sorted(set(names) & set(there))
+    if both:
+        raise InputError(f"{angles}: {both[0]} is in {path}, too")
+    count = math.prod(lines.shape[:1])
+    if len(rows) != count:
+        raise InputError(f"{angles}: {len(rows)} rows for the {count} lines of {path}")
+    found: dict[str, npt.NDArray[Any]] = {}
+    for place, name in enumerate(names):
+        kind = int if name in ("power", "mirror_flags") else float
+        column = []
+        for number, row in enumerate(rows, start=2):
+            try:
+                column.append(kind(row[place]))
+            except (ValueError, IndexError):
+                text = row[place] if place < len(row) else ""
+                told = f"{angles}: line {number}: {name} {text!r} is no number"
+                raise InputError(told) from None
+        found[name] = np.array(column, np.int64 if kind is int else np.float64)
+    return found
+
+
+class _Source(Protocol):
+    """An array whose rows are read one after the other; see ``_Column``."""
+
+    kind: npt.NDArray[Any]
+    in_order: bool
+
+    def rows(self, count: int) -> npt.NDArray[Any]: ...
+
+    def end(self) -> None: ...
+
+
+class _Given:
+    """An array in memory, in the form of ``_Column``."""
+
+    in_order = True
+
+    def __init__(self, array: npt.NDArray[Any]) -> None:
+        self.kind = array
+        self._next = 0
+
+    def rows(self, count: int) -> npt.NDArray[Any]:
+        """Return the next rows."""
+        self._next += count
+        return self.kind[self._next - count : self._next]
+
+    def end(self) -> None:
+        """Do nothing, as there is no file."""
 
 
 class _Column:
@@ -285,6 +403,9 @@ def _checked(
         angle_rad=arrays.get("angle_rad", np.broadcast_to(0.0, count)),
         power=arrays.get("power", np.broadcast_to(config.laser.power_max, count)),
         mirror_flags=arrays.get("mirror_flags", 0),
+        lens=arrays.get("lens"),
+        time_s=arrays.get("time_s", math.nan),
+        y_mm=arrays.get("y_mm", 0.0),
     )
     try:
         recording = checked(given, config, first=first, pixels=pixels)
@@ -297,7 +418,7 @@ def _checked(
 
 def _warn(path: Path) -> None:
     text = "no angle_rad: every line is taken at angle 0, so every x is 0"
-    hint = "an .npz takes angle_rad [n] beside lines"
+    hint = "an .npz takes angle_rad [n] beside lines, --angles a file of them"
     warnings.warn(f"{path}: {text} ({hint})", InputWarning, stacklevel=3)
 
 

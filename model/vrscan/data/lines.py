@@ -1,5 +1,6 @@
 """Sensor lines: the type that every engine takes."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -31,6 +32,10 @@ class Lines:
     power: Ints  # laser power [n], u16
     truth: Truth | None = None
     mirror_flags: Ints | int = 0  # [n] or one for all; bit 0 NOT_RUNNING, INDEX_FAULT, UNSETTLED
+    time_s: Floats | float = math.nan  # of the pulse's centre [n] or one for all; NaN: not known
+    y_mm: Floats | float = 0.0  # position of the scanner along y [n] or one for all
+    # Position of the lens for the correction maps, steps, u16 [n]; None: that of ``[map]``.
+    lens: Ints | None = None
 
     def __len__(self) -> int:
         """Return the number of lines."""
@@ -54,6 +59,9 @@ def part(recording: Lines, rows: slice | Bools) -> Lines:
         power=recording.power[rows],
         truth=truth,
         mirror_flags=raised if isinstance(raised, int) else raised[rows],
+        time_s=np.broadcast_to(recording.time_s, len(recording))[rows],
+        y_mm=np.broadcast_to(recording.y_mm, len(recording))[rows],
+        lens=None if recording.lens is None else recording.lens[rows],
     )
 
 
@@ -65,6 +73,7 @@ def bare(recording: Lines) -> Lines:
 def joined(parts: Sequence[Lines]) -> Lines:
     """Return all lines of ``parts``, at least one; with truth if the first have it."""
     truths = [each.truth for each in parts if each.truth is not None]
+    lenses = [each.lens for each in parts if each.lens is not None]
     truth = None
     if parts[0].truth is not None:
         truth = Truth(
@@ -82,4 +91,7 @@ def joined(parts: Sequence[Lines]) -> Lines:
         mirror_flags=np.concatenate(
             [np.broadcast_to(np.asarray(each.mirror_flags), len(each)) for each in parts]
         ),
+        time_s=np.concatenate([np.broadcast_to(each.time_s, len(each)) for each in parts]),
+        y_mm=np.concatenate([np.broadcast_to(each.y_mm, len(each)) for each in parts]),
+        lens=np.concatenate(lenses) if lenses else None,
     )

@@ -52,7 +52,7 @@ SPOT_SIGMA_WIDTH = 17
 FIT_START = 1480
 FIT_PERIOD = 2048
 SPECKLE_WIDTH = 20
-SPECKLE_DEPTH = 16
+SPECKLE_DEPTH = 32
 SCALE_WIDTH = 18
 SCALE_FRACTION = 12
 NEIGHBOUR_CLKS = 16384
@@ -66,6 +66,14 @@ BASE_FRACTION = 20
 TOLERANCE_WIDTH = 16
 TOLERANCE_FRACTION = 24
 RAY_FRACTION = 30
+MAP_WIDTH = 17
+MAP_WORD_WIDTH = 18
+MAP_FRACTION = 10
+MAP_NODES = 2145
+MAP_COUNT = 9
+MAP_COUNT_WIDTH = 4
+MAP_SHIFT_WIDTH = 4
+LENS_WIDTH = 16
 TURN_WIDTH = 48
 WORD_WIDTH = 40
 TRIM_WIDTH = 32
@@ -105,7 +113,7 @@ FAULT_SWEEP = 1
 FAULT_SETTLE = 2
 FAULT_INDEX = 3
 MIRROR_FLAG_WIDTH = 3
-FLAG_WIDTH = 17
+FLAG_WIDTH = 18
 FLAG_LOW_SNR = 0
 FLAG_TOO_NARROW = 1
 FLAG_TOO_WIDE = 2
@@ -123,6 +131,7 @@ FLAG_NOT_RUNNING = 13
 FLAG_INDEX_FAULT = 14
 FLAG_UNSETTLED = 15
 FLAG_MIXED = 16
+FLAG_MAP_FILLED = 17
 COUNTER_WIDTH = 16
 
 FLAGS = {
@@ -143,6 +152,7 @@ FLAGS = {
     "INDEX_FAULT": FLAG_INDEX_FAULT,
     "UNSETTLED": FLAG_UNSETTLED,
     "MIXED": FLAG_MIXED,
+    "MAP_FILLED": FLAG_MAP_FILLED,
 }
 
 # The fields of each struct, the highest first: name, bits or struct, signed.
@@ -154,6 +164,7 @@ STRUCTS: dict[str, tuple[tuple[str, int | str, bool], ...]] = {
         ("confidence", CONFIDENCE_WIDTH, False),
         ("inward", 1, False),
         ("time_clks", TIME_WIDTH, False),
+        ("lens", LENS_WIDTH, False),
         ("test", 1, False),
         ("superseded", 1, False),
     ),

@@ -5,12 +5,14 @@ one format.
 """
 
 import contextlib
+import csv
 import errno
+import math
 import os
 import secrets
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import BinaryIO
@@ -19,20 +21,25 @@ import numpy as np
 
 from vrscan.data import pkg
 from vrscan.data.arrays import Bools, Floats, Ints
-from vrscan.data.errors import InputError
-from vrscan.data.table import Table
+from vrscan.data.errors import InputError, nearest, one_line
+from vrscan.data.table import Table, flag_bits, flag_texts
 
 COLUMNS = (
     "line,peak,flags,left,right,maximum,row_mean,row_variance,background,noise,snr,"
     "position_px,sigma_px,doubt_px,angle_rad,x_mm,z_mm,sigma_z_mm,c_obj,c_sfm,"
-    "free_from_mm,free_to_mm"
+    "free_from_mm,free_to_mm,y_mm,time_s,power,intensity"
+)
+_ADDED = ("y_mm", "time_s", "power", "intensity")  # columns that older files lack
+_PLAIN = (  # columns of numbers that are empty where they are not known
+    *("row_mean", "row_variance", "background", "noise", "snr", "angle_rad", "c_obj", "c_sfm"),
+    *("time_s", "power"),
 )
 _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
 _VERTEX = np.dtype(
     [(name, "<f4") for name in ("x", "y", "z", "sigma_z", "confidence")]
-    + [("line", "<u4"), ("flags", "<u4")]
+    + [("line", "<u4"), ("flags", "<u4"), ("time", "<f8"), ("power", "<f4"), ("intensity", "<f4")]
 )
-_PLY_KINDS = {"<f4": "float", "<u4": "uint"}
+_PLY_KINDS = {"<f4": "float", "<f8": "double", "<u4": "uint"}
 NO_PLACE = 1 << pkg.FLAG_NO_RANGE | 1 << pkg.FLAG_OUT_OF_RANGE  # flags of what has no x and z
 _CONFIDENCE_ONE = 2**pkg.CONFIDENCE_WIDTH - 1
 
@@ -103,6 +110,15 @@ class Points:
         """Return the number of points."""
         return len(self.line)
 
+    def of(self, rows: slice) -> "Points":
+        """Return some of the points."""
+        columns = {
+            field.name: getattr(self, field.name)[rows]
+            for field in fields(self)
+            if field.name != "pixel_width"
+        }
+        return Points(**columns, pixel_width=self.pixel_width)
+
     @classmethod
     def concatenate(cls, parts: Sequence["Points"]) -> "Points":
         """Return the points of one or more parts, all of the same pixel width, in order."""
@@ -139,7 +155,7 @@ def table(points: Points) -> Table:
 
     Returns:
         A table of n rows. Rows with NO_RANGE or OUT_OF_RANGE are measured but not located: their x
-        and z are placeholders.
+        and z are placeholders. Time and power are not known, and y is 0.
     """
     flags = {name: (points.flags >> bit & 1).astype(np.bool_) for name, bit in pkg.FLAGS.items()}
     count = pkg.COUNT_WIDTH - points.pixel_width
@@ -169,6 +185,9 @@ def table(points: Points) -> Table:
         free_to_mm=_scaled(points.free_to, pkg.FREE_FRACTION),
         measured=measured,
         located=measured & (points.flags & NO_PLACE == 0),
+        y_mm=np.zeros(len(points)),
+        time_s=np.full(len(points), np.nan),
+        power=np.full(len(points), np.nan),
         pixel_width=points.pixel_width,
     )
 
@@ -265,7 +284,7 @@ def csv_rows(result: Table) -> bytes:
     Every fixed-point number has just the decimals from which its word is read back. Fields without
     meaning are empty: left and right without a window, position, sigma and doubt without a valid
     peak, x, z and sigma_z of a point without a place, free_from and free_to where nothing is known
-    to be free.
+    to be free, time and power where they are not known, intensity without a peak of known power.
 
     Args:
         result: The points.
@@ -326,25 +345,104 @@ def csv_rows(result: Table) -> bytes:
             result.free_from_mm,
             result.free_to_mm,
         ),
+        text("%.4f", everywhere, result.y_mm + 0.0),  # no -0
+        text("%.9f", np.isfinite(result.time_s), result.time_s),
+        text("%d", np.isfinite(result.power), result.power),
+        text("%.3f", np.isfinite(result.intensity), result.intensity),
     )
     rows = map(",".join, zip(*columns, strict=True))
     return "".join(f"{row}\n" for row in rows).encode()
 
 
-def _flag_bits(flags: Mapping[str, Bools], rows: int) -> Ints:
-    """Return each row's flags as the bits of ``pkg.FLAGS``."""
-    bits = np.zeros(rows, np.int64)
-    for name, where in flags.items():
-        bits |= where.astype(np.int64) << pkg.FLAGS[name]
-    return bits
+def read_csv(path: Path) -> Table:
+    """Return the points of a points.csv.
+
+    Args:
+        path: A file with the columns ``COLUMNS``, in any order; an older one may lack those from
+            y_mm on.
+
+    Returns:
+        A table of n rows, n at least 1, of which ``write_csv`` makes the same file, but for the
+        last digit of intensity, which follows from the rounded counts.
+
+    Raises:
+        InputError: naming the file, and the line if one is wrong, if it is missing, has no row or
+            lacks a column, a number is none, or a flag is not known.
+    """
+    try:
+        with path.open(newline="") as file:
+            header, *rows = list(csv.reader(file)) or [[]]
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: not a table of points ({one_line(error)})") from error
+    lacking = [name for name in COLUMNS.split(",") if name not in header and name not in _ADDED]
+    if lacking:
+        raise InputError(f"{path}: no column {lacking[0]}: not a points.csv with full points")
+    if not rows:
+        raise InputError(f"{path}: no points")
+    for number, row in enumerate(rows, start=2):
+        if len(row) != len(header):
+            raise InputError(f"{path}: line {number}: {len(row)} fields, want {len(header)}")
+    texts = dict(zip(header, zip(*rows, strict=True), strict=True))
+    empty = ("",) * len(rows)
+
+    def numbers(name: str, otherwise: float = math.nan) -> Floats:
+        """Return a column as numbers; an empty field has a number of its own."""
+        column = texts.get(name, empty)
+        with contextlib.suppress(ValueError):
+            found = np.array([float(text) if text else otherwise for text in column])
+            if np.isfinite(found).sum() >= len(column) - column.count(""):
+                return found
+        for number, text in enumerate(column, start=2):
+            with contextlib.suppress(ValueError):
+                if math.isfinite(float(text or "0")):
+                    continue
+            raise InputError(f"{path}: line {number}: {name} {text!r} is no number")
+        raise AssertionError(name)
+
+    def whole(name: str) -> Ints:
+        return numbers(name, 0.0).astype(np.int64)
+
+    kinds = {kind: set(kind.split("|")) - {""} for kind in set(texts["flags"])}
+    for kind, names in kinds.items():
+        for name in sorted(names - set(pkg.FLAGS)):
+            number = 2 + texts["flags"].index(kind)
+            raise InputError(
+                f"{path}: line {number}: no such flag: {name}{nearest(name, pkg.FLAGS)}"
+            )
+    places = {name: numbers(name, 0.0) for name in ("position_px", "x_mm", "z_mm")}
+    fractions = [len(texts[name][0].partition(".")[2]) for name in ("row_mean", "row_variance")]
+    widths = [width for width in range(8, 17) if fractions == _fractions(width)]
+    window = np.array([text != "" for text in texts["left"]])
+    left, right = whole("left"), whole("right")
+    return Table(
+        line=whole("line"),
+        flags={name: np.array([name in kinds[k] for k in texts["flags"]]) for name in pkg.FLAGS},
+        left=left,
+        right=right,
+        width=np.where(window, np.maximum(right - left + 1, 1), 0),
+        maximum=whole("maximum"),
+        sigma_px=numbers("sigma_px", 0.0),
+        doubt_px=numbers("doubt_px", 0.0),
+        sigma_z_mm=numbers("sigma_z_mm", 0.0),
+        free_from_mm=numbers("free_from_mm", 0.0),
+        free_to_mm=numbers("free_to_mm", 0.0),
+        measured=np.array([text != "" for text in texts["position_px"]]),
+        located=np.array([text != "" for text in texts["z_mm"]]),
+        y_mm=numbers("y_mm", 0.0),
+        pixel_width=widths[0] if widths else 12,
+        **places,
+        **{name: numbers(name) for name in _PLAIN},
+    )
 
 
-def flag_texts(flags: Mapping[str, Bools], rows: int) -> list[str]:
-    """Return the names of each row's flags, joined by ``|``."""
-    bits = _flag_bits(flags, rows)
-    kinds, kind = np.unique(bits, return_inverse=True)
-    texts = ["|".join(n for n, bit in pkg.FLAGS.items() if k >> bit & 1) for k in kinds.tolist()]
-    return [texts[k] for k in kind.tolist()]
+def _fractions(pixel_width: int) -> list[int]:
+    """Return the decimals of row_mean and row_variance, which tell the width of a pixel."""
+    return [
+        _decimals(pkg.COUNT_WIDTH - pixel_width),
+        _decimals(pkg.VARIANCE_WIDTH - 2 * pixel_width),
+    ]
 
 
 @contextlib.contextmanager
@@ -361,7 +459,7 @@ def ply_file(file: BinaryIO, folder: Path | None = None) -> Iterator[Callable[[b
         header = [
             "ply",
             "format binary_little_endian 1.0",
-            "comment x and z in mm in the scan plane y = 0",
+            "comment x, y, z and sigma_z in mm, y of the scanner; time in s; intensity in counts",
             "comment flags by bit: " + " ".join(f"{b}={name}" for name, b in pkg.FLAGS.items()),
             f"element vertex {vertices.tell() // _VERTEX.itemsize}",
             *(f"property {_PLY_KINDS[_VERTEX[name].str]} {name}" for name in _VERTEX.names or ()),
@@ -372,22 +470,27 @@ def ply_file(file: BinaryIO, folder: Path | None = None) -> Iterator[Callable[[b
         shutil.copyfileobj(vertices, file)
 
 
-def ply_vertices(result: Table, y_mm: Floats | float = 0.0) -> bytes:
+def ply_vertices(result: Table, places_mm: Floats | None = None) -> bytes:
     """Return the located points as vertices of a PLY cloud.
 
     Args:
         result: The points.
-        y_mm: Position of the scanner, and so of the scan plane, at each line [n].
+        places_mm: x, y and z of each row instead of its own [n, 3].
 
     Returns:
-        For each point x, y, z and sigma_z in mm, the confidence 0 to 1, the number of the line and
-        the flag bits of ``vrscan_pkg``.
+        For each point x, y, z and sigma_z in mm, the confidence 0 to 1, the number of the line, the
+        flag bits of ``vrscan_pkg``, the time in s, the laser's power and the intensity, NaN where
+        one is not known. y is that of the scanner, and so of the scan plane.
     """
     rows = np.flatnonzero(result.located)
     vertices = np.zeros(len(rows), _VERTEX)
-    vertices["x"], vertices["z"] = result.x_mm[rows], result.z_mm[rows]
-    vertices["y"] = np.broadcast_to(y_mm, len(result))[rows]
+    if places_mm is None:
+        places_mm = np.stack([result.x_mm, result.y_mm, result.z_mm], 1)
+    for name, column in zip("xyz", places_mm[rows].T, strict=True):
+        vertices[name] = column
+    vertices["time"] = result.time_s[rows]
+    vertices["power"], vertices["intensity"] = result.power[rows], result.intensity[rows]
     vertices["sigma_z"], vertices["confidence"] = result.sigma_z_mm[rows], result.c_obj[rows]
     vertices["line"] = result.line[rows]
-    vertices["flags"] = _flag_bits(result.flags, len(result))[rows]
+    vertices["flags"] = flag_bits(result.flags, len(result))[rows]
     return vertices.tobytes()

@@ -66,8 +66,8 @@ SPACE = np.dtype(
 FREE_ALIGN = pkg.LENGTH_FRACTION - pkg.FREE_FRACTION  # of a free interval in x and z
 # Bits of the field ``bits`` of a full record.
 MEASURED, INWARD, TEST = 1, 2, 4
-MORE_FLAGS = 3  # its first bit of the flags from 16 on
 CONFIGURATION = 16  # changes with each commit
+MORE_FLAGS = {3: pkg.FLAG_MIXED, 5: pkg.FLAG_MAP_FILLED}  # by its bit: those that ``flags`` lacks
 
 # A compact record as it lies in a packet.
 _PACKED = np.dtype([("x", "u1", 3), ("z", "u1", 3), ("c_obj", "u1"), ("flags", "u1")])
@@ -196,8 +196,10 @@ def measured(found: Records) -> Bools:
 
 def flags_of(records: Records) -> Ints:
     """Return the flags of full records, by the bits of ``pkg.FLAGS`` [n]."""
-    more = records["bits"].astype(np.int64) >> MORE_FLAGS & (1 << pkg.FLAG_WIDTH - 16) - 1
-    return records["flags"].astype(np.int64) | more << 16
+    flags, bits = (records[name].astype(np.int64) for name in ("flags", "bits"))
+    for bit, flag in MORE_FLAGS.items():
+        flags = flags | (bits >> bit & 1) << flag
+    return flags
 
 
 def located(records: Records) -> Bools:

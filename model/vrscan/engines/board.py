@@ -28,7 +28,6 @@ from vrscan.scene.library import library
 from vrscan.scene.timeline import series
 
 CLOCK_HZ = 100e6  # clock of real boards, the default
-MOTOR_MM_PER_S = 10.0  # speed of the lens
 _START_S, _STOP_S = 60.0, 20.0  # longest time of a start and of an end
 
 
@@ -71,7 +70,7 @@ def build(config: Config) -> Path:
         "JitterS": 1e-9 * mems.jitter_ns,
         "FocusAddress": focus.address,
         "FocusTravel": round(focus.travel_mm / resolution_mm),
-        "FocusStepClks": max(1, round(clock_hz * resolution_mm / MOTOR_MM_PER_S)),
+        "FocusStepClks": max(1, round(clock_hz * resolution_mm / focus.speed_mm_per_s)),
     }
     folder = hardware_root() / "tb" / "board"
     return build_program(folder / "board.sv", parameters, folder / "main.cpp")

@@ -14,7 +14,8 @@ from vrscan.engines import verilated
 from vrscan.engines.tools import hardware_root, rtl_module
 from vrscan.fixed.vrscan_chain import MAX_WINDOW, latency, min_period
 from vrscan.registers.chain_registers import Registers
-from vrscan.registers.structs import POINT, package_struct, register_struct
+from vrscan.registers.map_table import MapTable
+from vrscan.registers.structs import POINT, Words, package_struct, register_struct
 
 # What the engine gives of a point: the fields of Points.
 RESULTS = (
@@ -24,6 +25,7 @@ RESULTS = (
 )  # fmt: skip
 _LINE, _POINT = package_struct("line_t"), package_struct("point_t")
 _PEAK, _GEOMETRY = register_struct("peak_t"), register_struct("geometry_t")
+_MAP, _MAP_TABLE = register_struct("map_t"), register_struct("map_table_t")
 _FREE, _FREE_TABLE = register_struct("free_t"), register_struct("free_table_t")
 _CHUNK = 128  # lines between two calls of ``progress``
 
@@ -38,7 +40,9 @@ def build(line_length: int, pixel_width: int, max_window: int) -> Path:
     ports = "".join(
         f"#define {name}_WORDS {struct.words}\n"
         for name, struct in zip(
-            ("LINE", "POINT", "PEAK", "GEOMETRY"), (_LINE, _POINT, _PEAK, _GEOMETRY), strict=True
+            ("LINE", "POINT", "PEAK", "GEOMETRY"),
+            (_LINE, _POINT, _PEAK, _GEOMETRY),
+            strict=True,
         )
     )
     harness = hardware_root() / "tb" / "engine" / "engine.cpp"
@@ -55,6 +59,8 @@ def _run(
     progress: Callable[[int], None] | None,
     mirror_flags: Ints | int,
     max_window: int,
+    maps: MapTable | None = None,
+    lens: Ints | None = None,
 ) -> tuple[Points, Ints]:
     """Return the points, and the clocks from each line's last pixel to its point."""
     length = registers.line_length
@@ -76,8 +82,11 @@ def _run(
             "free_table_to": np.array(registers.free_table_to),
         }
     )
+    configuration += _map_words(maps, follow=lens is not None)
+    nodes = _map_rows(maps)
     pixels = np.ascontiguousarray(lines, np.uint16)
-    belongs = _LINE.pack_rows({"angle": angle, "power": power, "mirror_flags": raised})
+    own = {"angle": angle, "power": power, "mirror_flags": raised}
+    belongs = _LINE.pack_rows(own if lens is None else own | {"lens": lens})
     clocks = np.zeros(len(lines), np.int64)
     results = np.zeros((len(lines), _POINT.words), np.uint32)
     longest = latency(
@@ -88,6 +97,7 @@ def _run(
         max_window=max_window,
         first_width=max_window if registers.window_two_pass else None,
         fit=registers.window_fit,
+        mapped=maps is not None,
     )
     if registers.window_fit:  # the last point waits for a line that does not come
         longest += pkg.NEIGHBOUR_CLKS
@@ -104,6 +114,8 @@ def _run(
             (ctypes.c_uint32 * len(configuration))(*configuration),
             address(table),
             ctypes.c_int64(len(table)),
+            address(nodes),
+            ctypes.c_int64(len(nodes)),
         )
     )
     received = 0
@@ -135,6 +147,37 @@ def _run(
     return points, clocks - (np.arange(len(lines)) * (length + gap) + length - 1)
 
 
+def _map_words(maps: MapTable | None, *, follow: bool) -> list[int]:
+    """Return the settings of the maps, which may follow the lens's position of each line."""
+    if maps is None:
+        return [0] * _MAP.words
+    bits = _MAP.pack(
+        {
+            "map_enable": 1,
+            "map_count": len(maps.nodes),
+            "map_begin": maps.map_begin,
+            "map_shift": maps.map_shift,
+            "map_follow": int(follow),
+            "map_lens": maps.lens,
+        }
+    )
+    return [bits & (1 << 32) - 1, bits >> 32]
+
+
+def _map_rows(maps: MapTable | None) -> Words:
+    """Return what stands on the port of the nodes in each clock, one a clock."""
+    if maps is None:
+        return np.zeros((0, _MAP_TABLE.words), np.uint32)
+    words = maps.words
+    return _MAP_TABLE.pack_rows(
+        {
+            "map_table_write": np.ones(len(words), np.int64),
+            "map_table_index": np.arange(len(words)),
+            "map_table_node": words,
+        }
+    )
+
+
 def run_rtl(
     lines: Pixels,
     angle: Ints,
@@ -144,6 +187,8 @@ def run_rtl(
     *,
     mirror_flags: Ints | int = 0,
     max_window: int = MAX_WINDOW,
+    maps: MapTable | None = None,
+    lens: Ints | None = None,
 ) -> Points:
     """Return the point of every line from the RTL.
 
@@ -158,6 +203,8 @@ def run_rtl(
         mirror_flags: Flags of the mirror from bit 0, NOT_RUNNING, upwards; 0..7, [n] or one for
             all.
         max_window: ``MaxWindow`` of the elaboration.
+        maps: Correction maps; None corrects nothing.
+        lens: Position of the lens in each line, steps, u16 [n]; None is that of the maps.
 
     Returns:
         n points, numbered from 0.
@@ -167,7 +214,7 @@ def run_rtl(
         ValueError: a ``LinesError``, if ``vrscan.data.contract.checked_words`` refuses an argument.
         RuntimeError: if the RTL does not answer every line, in order.
     """
-    return _run(lines, angle, power, registers, progress, mirror_flags, max_window)[0]
+    return _run(lines, angle, power, registers, progress, mirror_flags, max_window, maps, lens)[0]
 
 
 def latencies(

@@ -8,7 +8,6 @@ from enum import StrEnum
 
 import numpy as np
 
-from vrscan.data import pkg
 from vrscan.data.config import Config
 from vrscan.data.contract import checked
 from vrscan.data.lines import Lines, joined, part
@@ -16,8 +15,10 @@ from vrscan.data.parallel import processors, workers
 from vrscan.data.points import table
 from vrscan.data.table import Table
 from vrscan.engines.shadows import shaded
+from vrscan.fixed import peak_fit
 from vrscan.ideal import chain as ideal
 from vrscan.registers.chain_registers import Registers, angle_turns
+from vrscan.registers.map_table import map_table
 
 BLOCK = 1024  # lines that go to a process together: 4 MB, one second in the RTL
 
@@ -54,18 +55,35 @@ def run(
     """
     registers = Registers.from_config(config)  # checks the configuration for every engine
     recording = checked(recording, config, pixels=False)  # each engine reads the pixels itself
+    found = _points(engine, recording, config, registers, progress)
+    # The engines need neither; they belong to the point all the same.
+    time, y = np.asarray(recording.time_s), np.asarray(recording.y_mm)
+    return replace(found, power=recording.power.astype(np.float64), time_s=time, y_mm=y)
+
+
+def _points(
+    engine: Engine,
+    recording: Lines,
+    config: Config,
+    registers: Registers,
+    progress: Callable[[int], None] | None,
+) -> Table:
+    """Return the point of each line of a checked recording."""
     lines, power, raised = recording.lines, recording.power, recording.mirror_flags
+    lens = recording.lens
     if engine is Engine.IDEAL:
-        return ideal.run(lines, recording.angle_rad, power, config, progress, mirror_flags=raised)
-    angle = angle_turns(recording.angle_rad)
+        own = lines, recording.angle_rad, power, config, progress
+        return ideal.run(*own, mirror_flags=raised, lens=lens)
+    given = lines, angle_turns(recording.angle_rad), power, registers, progress
+    maps = map_table(config)
     # Imported here, because the RTL engine needs a compiler and the others do not.
     if engine is Engine.FIXED:
         from vrscan.fixed.vrscan_chain import run_fixed
 
-        return table(run_fixed(lines, angle, power, registers, progress, mirror_flags=raised))
+        return table(run_fixed(*given, mirror_flags=raised, maps=maps, lens=lens))
     from vrscan.engines.chain_engine import run_rtl
 
-    return table(run_rtl(lines, angle, power, registers, progress, mirror_flags=raised))
+    return table(run_rtl(*given, mirror_flags=raised, maps=maps, lens=lens))
 
 
 def processes(engine: Engine, count: int, jobs: int) -> int:
@@ -85,7 +103,7 @@ def reach(config: Config) -> tuple[int, int]:
 
     With a fit it has a neighbour on either side, and the speckle of each comes from those before.
     """
-    return (pkg.SPECKLE_DEPTH, 1) if config.peak.fit else (0, 0)
+    return (peak_fit.REACH + 1, 1) if config.peak.fit else (0, 0)
 
 
 def run_block(

@@ -22,7 +22,9 @@ from vrscan.fixed.square_root import square_root
 
 SPAN = 200  # px that are read, half of them on either side of the window's middle
 PASSES, ROUGH_PASS = 4, 1  # the speckle is measured in the second pass, and used from the third on
-DEPTH = pkg.SPECKLE_DEPTH  # lines over which the speckle is steadied
+DEPTH = pkg.SPECKLE_DEPTH  # lines over which speckle and lean are steadied
+# Lines before a line that its fit depends on: its lean is that of DEPTH lines with their speckle.
+REACH = 2 * (DEPTH - 1)
 
 HEIGHT_FRACTION = 17  # fraction bits: heights and amplitudes; doubled in their squares
 PLACE_FRACTION = 16  # px
@@ -33,6 +35,7 @@ SQUARE_FRACTION = 17  # of u**2
 MOMENT_FRACTION = 14  # of u**2 and of the quotients as they are multiplied, and of all sums
 CUT = 8  # u**2 at which the window ends: 3.33 sigma
 TOP = 23 << (SQUARE_FRACTION - 3)  # u**2 below which the speckle is measured: 1.99 sigma
+MIDDLE = 2 << SQUARE_FRACTION  # u**2 below which the lean is measured: 1.67 sigma
 TABLE_BITS = 10
 MANTISSA_FRACTION = 16
 WEIGHT_FRACTION = 16
@@ -51,13 +54,21 @@ AMPLITUDE_WIDTH = 20
 LEAST_AMPLITUDE = 1 << (HEIGHT_FRACTION - 4)
 SCALE_WIDTH = 18
 LEAST_SCALE = 1 << (SCALE_FRACTION - 1)
+SLOPE_WIDTH = 23  # of the middle's slope as it is squared
+FREE_FRACTION = 30  # of what the lean is divided by
+FREE_WIDTH = 38
+LEAN_FRACTION = 8
+MOST_LEAN = 8 << LEAN_FRACTION  # of a line
+PRIOR_FITS, PRIOR_LEAN = 2, 7 << (LEAN_FRACTION - 3)
+GRAINS_SHIFT = 3  # eight times the mean lean above 1 is what grains add to the speckle's variance
+MOST_GRAINS = 3 << LEAN_FRACTION
 CHI_LIMIT = 5  # chi squared a degree of freedom above which the spot is no Gaussian
 MOST_VARIANCE = (1 << (2 * HEIGHT_FRACTION)) - 1
 MOST_GAIN = (1 << 30) - 1
 MOST_NOISE = (1 << 32) - 1
 QUOTIENT_WIDTH = 26
 ROOT_WIDTH = 31
-LATENCY = 1653  # clocks from valid_i to valid_o
+LATENCY = 1714  # clocks from valid_i to valid_o
 UNMEASURED_LATENCY = 3
 
 
@@ -66,11 +77,13 @@ class History(NamedTuple):
 
     roughness: Ints  # what third differences have more than noise makes
     weight: Ints
+    lean: Ints  # of the lines that are fitted, LEAN_FRACTION fraction bits
+    fits: Ints  # their number
 
     @classmethod
     def empty(cls) -> "History":
         """Return what is known after a reset."""
-        return cls(np.zeros(DEPTH - 1, np.int64), np.zeros(DEPTH - 1, np.int64))
+        return cls(*np.zeros((4, DEPTH - 1), np.int64))
 
 
 @dataclass(frozen=True)
@@ -81,10 +94,12 @@ class Fitted:
         position: Position of the spot, px, 12 fraction bits: the fit's, or the given one.
         sigma: Its standard deviation, px, 12 fraction bits.
         fitted: Whether the fit stands, bool.
-        mixed: Whether chi squared is above 13/8 of what the fit may have, bool.
+        mixed: Whether chi squared with grains is above 13/8 of what a fit may have without, bool.
         speckle: Squared contrast of the speckle, 20 fraction bits, of this line and those before;
             of no meaning where a line is not measured.
         scale: Width of the spot over sqrt(2 ln 2), px, 12 fraction bits; likewise.
+        grains: What grains add to the speckle's part of the variance, a share of it with 8 fraction
+            bits; of no meaning where a line is not fitted.
         history: The last lines, for those that follow.
     """
 
@@ -94,6 +109,7 @@ class Fitted:
     mixed: Bools
     speckle: Ints
     scale: Ints
+    grains: Ints
     history: History
 
 
@@ -160,6 +176,8 @@ class _Sums(NamedTuple):
     b0: Ints
     b1: Ints
     b2: Ints
+    s2_middle: Ints
+    b1_middle: Ints
     chi: Ints  # 2 MOMENT_FRACTION fraction bits
     pixels: Ints
     clipped: Ints  # saturated pixels within the window
@@ -198,7 +216,7 @@ def _pass(
     yq = (y * q + half) >> WEIGHT_FRACTION
     yu2 = (y * moment + half) >> WEIGHT_FRACTION
 
-    top = inside & (square < TOP)
+    top, middle = inside & (square < TOP), square < MIDDLE
     d = _limited((q[:, 3:] - 3 * q[:, 2:-1] + 3 * q[:, 1:-2] - q[:, :-3]) >> 3, 18)
     quad = top[:, 3:] & top[:, 2:-1] & top[:, 1:-2] & top[:, :-3]
     own = np.minimum(noise, (1 << 24) - 1)
@@ -210,6 +228,8 @@ def _pass(
         b0=yq.sum(axis=1),
         b1=(yq * u).sum(axis=1) >> PLACE_BITS,
         b2=(yq * moment).sum(axis=1) >> MOMENT_FRACTION,
+        s2_middle=np.where(middle, yu2, 0).sum(axis=1),
+        b1_middle=np.where(middle, yq * u, 0).sum(axis=1) >> PLACE_BITS,
         chi=(yq * q).sum(axis=1),
         pixels=inside.sum(axis=1),
         clipped=(near & clipped).sum(axis=1),
@@ -278,6 +298,14 @@ def _shares(variance: _Variance) -> tuple[Ints, Ints, Ints]:
     return alpha, beta, np.maximum(one - alpha - beta, 0)
 
 
+def _running(before: Ints, lines: Ints) -> tuple[Ints, Ints]:
+    """Return the sum of each line and the DEPTH - 1 before it, and the last lines."""
+    joined = np.append(before, lines)
+    # without lines np.convolve has two results
+    sums = np.convolve(joined, np.ones(DEPTH, np.int64), "valid")[: len(lines)]
+    return sums, joined[len(lines) :]
+
+
 def _steadied(
     sums: _Sums, variance: _Variance, amplitude: Ints, measured: Bools, history: History
 ) -> tuple[Ints, History]:
@@ -291,16 +319,30 @@ def _steadied(
     most = ((weight >> 2) + (weight >> 3)) << 8
     roughness = np.clip((excess >> (2 * HEIGHT_FRACTION - 20)) << lift, -most, most)
     roughness, weight = (np.where(measured, value, 0) for value in (roughness, weight))
-    own = History(
-        *(np.concatenate(pair) for pair in zip(history, (roughness, weight), strict=True))
+    (sums_of, rough), (weights, heavy) = (
+        _running(*each) for each in zip(history[:2], (roughness, weight), strict=True)
     )
-    count = len(measured)  # without lines np.convolve has two results
-    sums_of = [np.convolve(value, np.ones(DEPTH, np.int64), "valid")[:count] for value in own]
     prior = PRIOR_WEIGHT * LEAST_SPECKLE >> 12  # 20 fraction bits
-    dividend = np.maximum(sums_of[0] + prior, 0) << 4
-    speckle, _ = divide(dividend, (sums_of[1] + PRIOR_WEIGHT) >> 8, quotient_width=QUOTIENT_WIDTH)
-    last = History(*(value[len(value) - (DEPTH - 1) :] for value in own))
-    return speckle, last
+    dividend = np.maximum(sums_of + prior, 0) << 4
+    speckle, _ = divide(dividend, (weights + PRIOR_WEIGHT) >> 8, quotient_width=QUOTIENT_WIDTH)
+    return speckle, history._replace(roughness=rough, weight=heavy)
+
+
+def _grains(sums: _Sums, variance: Ints, fitted: Bools, history: History) -> tuple[Ints, History]:
+    """Return what grains add to each line's speckle, and the last lines."""
+    both, _ = divide(sums.s2_middle * sums.s2_middle, sums.s2, quotient_width=QUOTIENT_WIDTH)
+    free = np.maximum(sums.s2_middle - both, 0)
+    shift = 2 * HEIGHT_FRACTION + MOMENT_FRACTION - FREE_FRACTION
+    divisor = np.minimum(variance * free >> shift, (1 << FREE_WIDTH) - 1)
+    slope = _limited(sums.b1_middle, SLOPE_WIDTH)
+    dividend = slope * slope << (FREE_FRACTION + LEAN_FRACTION - 2 * MOMENT_FRACTION)
+    lean = np.minimum(divide(dividend, divisor, quotient_width=QUOTIENT_WIDTH)[0], MOST_LEAN)
+    lean, leans = _running(history.lean, np.where(fitted, lean, 0))
+    count, fits = _running(history.fits, fitted.astype(np.int64))
+    dividend = (lean + PRIOR_FITS * PRIOR_LEAN) << GRAINS_SHIFT
+    lean, _ = divide(dividend, count + PRIOR_FITS, quotient_width=QUOTIENT_WIDTH)
+    grains = np.clip(lean - (1 << (LEAN_FRACTION + GRAINS_SHIFT)), 0, MOST_GRAINS)
+    return grains, history._replace(lean=leans, fits=fits)
 
 
 def peak_fit(
@@ -381,9 +423,8 @@ def peak_fit(
             variance = _variance(dark, gain, speckle, state.amplitude)
             shares = _shares(variance)
 
-    limit = (variance.total * (CHI_LIMIT * np.maximum(sums.pixels - 3, 0))) >> (
-        2 * HEIGHT_FRACTION - 2 * MOMENT_FRACTION
-    )
+    freedom = CHI_LIMIT * np.maximum(sums.pixels - 3, 0)
+    limit = variance.total * freedom >> 2 * (HEIGHT_FRACTION - MOMENT_FRACTION)
     found = (first << pkg.POSITION_FRACTION) + (
         (state.place + (1 << (PLACE_FRACTION - pkg.POSITION_FRACTION - 1)))
         >> (PLACE_FRACTION - pkg.POSITION_FRACTION)
@@ -393,10 +434,14 @@ def peak_fit(
     fitted &= (begun == started) & (found >= 0) & (found < length << pkg.POSITION_FRACTION)
     lost = sums.clipped << 3 > sums.pixels + sums.clipped
     fitted &= ~lost
-    mixed = measured & ~lost & (sums.chi > limit + (limit >> 1) + (limit >> 3))
     total = np.minimum(
         variance.total + (variance.speckle >> 2) + (variance.speckle >> 3), MOST_VARIANCE
     )
+    grains, history = _grains(sums, total, fitted, history)
+    # Neighbours share speckle: it counts 11/8 times.
+    total = np.minimum(total + (variance.speckle * (11 * grains) >> 11), MOST_VARIANCE)
+    limit = total * freedom >> 2 * (HEIGHT_FRACTION - MOMENT_FRACTION)
+    mixed = measured & ~lost & (sums.chi > limit + (limit >> 1) + (limit >> 3))
     root = square_root(total * sums.s2, root_width=ROOT_WIDTH)
     divisor = (sums.s2 * ((before.amplitude * LN4) >> 13)) >> HEIGHT_FRACTION
     # Scale and root have 36 fraction bits, the divisor 14 and sigma 12.
@@ -411,5 +456,6 @@ def peak_fit(
         mixed=mixed,
         speckle=speckle,
         scale=state.scale,
+        grains=grains,
         history=history,
     )

@@ -1,8 +1,8 @@
 """What the lines beside it say of a spot, the twin of ``rtl/peak/peak_neighbours.sv``.
 
 A spot of which an edge cuts off a part has less light and another width than those beside it. Both
-put its place in doubt, by a share of its width. A spot out of the row that is dimmer than both, or
-far out of it and narrower than both, is not one spot on one surface.
+put its place in doubt, by a share of its width. A spot that is much dimmer than both, or out of the
+row and dimmer, or far out of it and narrower, is not one spot on one surface.
 """
 
 from collections.abc import Sequence
@@ -22,9 +22,11 @@ LIGHT_FRACTION = 8  # of aligned counts over the laser's power
 SHARE_FRACTION = 14  # of a spot's light over its brighter neighbour's
 WHOLE = 1 << SHARE_FRACTION
 DARK = 3 * WHOLE >> 5  # a spot out of the row with less light is not one spot on one surface
-DIM = 5 * WHOLE >> 4  # nor one far out of it with less light, as wide as the brighter neighbour
+DIMMER = 3 * WHOLE >> 4  # nor one still farther out than FAR with less light
+DIM = 3 * WHOLE >> 3  # nor one far out of it with less light, as wide as the brighter neighbour
 BRIGHT = WHOLE + (WHOLE >> 3)  # nor one far out of it with less light, narrower than both
-ROW, FAR = 3, 8  # widths from the middle of the neighbours: out of the row, far out of it
+# Widths from the middle of the neighbours: out of the row, far out of it, and farther.
+ROW, FAR, FARTHER = 3, 8, 12
 STEADY = WHOLE - (WHOLE >> 2)  # light that a spot in a row with its neighbours may lack
 QUOTIENT_WIDTH, ROOT_WIDTH, FACTOR_WIDTH = 32, 18, 18
 MOST_DIFFERENCE = (1 << (FACTOR_WIDTH - 1)) - 1  # of two widths
@@ -112,7 +114,9 @@ def peak_neighbours(
     bend = np.abs(beside[0][1]["position"] + beside[1][1]["position"] - 2 * position)
     far = alone | (bend > FAR * scale)
     alone |= bend > ROW * scale
+    farther = (share < DIMMER) & (bend > FARTHER * scale)
     dim = (share < DIM) & np.where(before > behind, *alike)
+    dark = share < DARK
     missing = np.maximum(np.where(alone, WHOLE, STEADY) - share, 0)
     cut = (3 * missing * (scale >> 1)) >> (SHARE_FRACTION + 3)
     doubt = (excess >> 5) + cut * cut
@@ -126,5 +130,5 @@ def peak_neighbours(
         sigma=np.where(measured, whole, sigma),
         typical=np.where(measured, typical, sigma),
         doubt=np.where(measured, added, 0),
-        mixed=measured & (alone & ((share < DARK) | faint) | far & (dim | narrower)),
+        mixed=measured & (alone & (dark | faint) | dark & faint | far & (dim | narrower) | farther),
     )

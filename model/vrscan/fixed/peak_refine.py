@@ -1,6 +1,7 @@
 """The second window and its baseline, the twin of ``rtl/peak/peak_refine.sv``."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -63,6 +64,7 @@ def latency() -> int:
     return 2 * quotient + 3 * _PRODUCT_CLKS + pixels + 26
 
 
+@lru_cache(maxsize=1)
 def sigma_table() -> Ints:
     """Return sigma over N for every entry, SIGMA_FRACTION fraction bits, to nearest."""
     cut = np.linspace(0.05, 8.0, 1600)
@@ -72,6 +74,7 @@ def sigma_table() -> Ints:
     middle = ((np.arange(1 << TABLE_BITS) << ENTRY_SHIFT) + (1 << (ENTRY_SHIFT - 1))) / SHARE_ONE
     sigma = np.clip(0.5 / np.interp(middle, share, cut), SIGMA_LEAST, SIGMA_LARGEST)
     entries: Ints = np.floor(sigma * (1 << SIGMA_FRACTION) + 0.5).astype(np.int64)
+    entries.flags.writeable = False  # one table for all callers
     return entries
 
 

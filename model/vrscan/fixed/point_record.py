@@ -53,7 +53,8 @@ def point_record(
     records["time"] = time
     records["flags"] = points.flags & 0xFFFF
     records["bits"] = MEASURED * points.measured + INWARD * inward + TEST * test
-    records["bits"] |= (points.flags >> 16 << MORE_FLAGS).astype(np.uint8)
+    for bit, flag in MORE_FLAGS.items():
+        records["bits"] |= (points.flags >> flag & 1).astype(np.uint8) << np.uint8(bit)
     records["bits"] |= np.uint8(CONFIGURATION) * np.asarray(configuration, np.uint8)
     for name in _OF_MEASURED:
         records[name][~points.measured] = 0

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vrscan.data import pkg
-from vrscan.data.arrays import Ints, Pixels
+from vrscan.data.arrays import Bools, Ints, Pixels
 from vrscan.data.contract import checked_words
 from vrscan.data.points import Points
-from vrscan.fixed import distortion as geometry_distortion
 from vrscan.fixed import (
+    correction_map,
     free_interval,
     line_receiver,
     line_statistics,
@@ -22,8 +22,10 @@ from vrscan.fixed import (
     peak_refine,
     phase_correlate,
 )
+from vrscan.fixed import distortion as geometry_distortion
 from vrscan.fixed import triangulate as geometry_triangulate
 from vrscan.registers.chain_registers import Registers
+from vrscan.registers.map_table import MapTable
 
 MAX_WINDOW = 255
 CHUNK = 1024  # lines computed at a time: they fit in a core's cache
@@ -42,6 +44,7 @@ def latency(
     max_window: int = MAX_WINDOW,
     first_width: int | None = None,
     fit: bool = False,
+    mapped: bool = False,
 ) -> int:
     """Return the clocks from a line's last pixel to its point.
 
@@ -56,6 +59,7 @@ def latency(
         max_window: ``MaxWindow`` of the elaboration.
         first_width: With two passes, the number of pixels in the first window.
         fit: Whether a Gaussian is fitted, from two passes on.
+        mapped: Whether positions are corrected by maps.
     """
     phase = phase_correlate.latency(width) if measured else phase_correlate.UNMEASURED_LATENCY
     if measured and first_width is not None:
@@ -69,6 +73,7 @@ def latency(
         + line_statistics.latency(line_length, pixel_width, max_window)
         + peak_isolate.latency(line_length)
         + judged
+        + (correction_map.LATENCY if mapped else 0)
         + geometry_distortion.latency(line_length)
         + geometry_triangulate.LATENCY
     )
@@ -151,22 +156,43 @@ def _refined(
     return window, ramp, slope, sigma
 
 
-def _run(
-    lines: Pixels,
-    angle: Ints,
-    power: Ints,
-    mirror_flags: Ints,
-    first: int,
-    registers: Registers,
-    max_window: int,
-    history: peak_fit.History,
-) -> tuple["_Spots", peak_fit.History]:
+@dataclass(frozen=True)
+class Peaks:
+    """What laser and lens need of n lines before these have a place, [n] each."""
+
+    maximum: Ints  # counts
+    background: Ints  # u24, 24 - PixelWidth fraction bits
+    measured: Bools  # whether there is a position
+    saturated: Bools
+    placed: Bools  # whether there is a window, which may have no phase
+    width: Ints  # pixels of the window
+    first_width: Ints  # pixels of the first window
+
+
+def peaks(lines: Pixels, registers: Registers, max_window: int = MAX_WINDOW) -> Peaks:
+    """Return the peaks of lines, as ``run_fixed`` has them; arguments as there."""
+    (statistics, window), second, harmonic, _ = _windowed(lines, registers, max_window)
+    return Peaks(
+        maximum=statistics.maximum,
+        background=statistics.background,
+        measured=harmonic.measured,
+        saturated=(second.flags >> pkg.FLAG_SATURATED & 1).astype(np.bool_),
+        placed=window.measured,
+        width=second.width,
+        first_width=window.width,
+    )
+
+
+def _windowed(
+    lines: Pixels, registers: Registers, max_window: int
+) -> tuple[_FirstWindows, peak_isolate.Windows, phase_correlate.Harmonics, tuple[Ints, Ints]]:
+    """Return first and last windows, the harmonics of the last, their slopes and sigmas."""
     r = registers
-    first_window = first_windows(lines, r, max_window)
-    statistics, window = first_window
-    ramp, slope, spot_sigma = np.zeros((3, len(lines)), np.int64)
+    first = first_windows(lines, r, max_window)
+    statistics, window = first
+    ramp, slope, sigma = np.zeros((3, len(lines)), np.int64)
     if r.window_two_pass:
-        window, ramp, slope, spot_sigma = _refined(lines, first_window, r, max_window)
+        window, ramp, slope, sigma = _refined(lines, first, r, max_window)
     harmonic = phase_correlate.phase_correlate(
         lines,
         left=window.left,
@@ -178,6 +204,21 @@ def _run(
         ramp=ramp,
         slope=slope,
     )
+    return first, window, harmonic, (slope, sigma)
+
+
+def _run(
+    lines: Pixels,
+    angle: Ints,
+    power: Ints,
+    mirror_flags: Ints,
+    first: int,
+    registers: Registers,
+    max_window: int,
+    history: peak_fit.History,
+) -> tuple["_Spots", peak_fit.History]:
+    r = registers
+    (statistics, _), window, harmonic, (slope, spot_sigma) = _windowed(lines, r, max_window)
     position = peak_position.peak_position(
         window.left, harmonic.period, harmonic.phase, line_length=r.line_length
     )
@@ -282,7 +323,13 @@ class _Spots:
     power: Ints
 
 
-def _located(spots: Sequence[_Spots], registers: Registers, breaks: Sequence[int]) -> Points:
+def _located(
+    spots: Sequence[_Spots],
+    registers: Registers,
+    breaks: Sequence[int],
+    maps: MapTable | None = None,
+    lens: Ints | None = None,
+) -> Points:
     """Return the points of lines that follow each other."""
     r = registers
     points = Points.concatenate([each.points for each in spots])
@@ -303,8 +350,23 @@ def _located(spots: Sequence[_Spots], registers: Registers, breaks: Sequence[int
         )
         sigma, typical, doubt = beside.sigma, beside.typical, beside.doubt
         flags = flags | beside.mixed.astype(np.int64) << pkg.FLAG_MIXED
+    position, unplaced = points.position, np.zeros(len(points), np.bool_)
+    if maps is not None:
+        moved = correction_map.correction_map(
+            points.position,
+            points.angle,
+            np.full(len(points), maps.lens) if lens is None else lens,
+            nodes=maps.nodes,
+            filled=maps.filled,
+            map_begin=maps.map_begin,
+            map_shift=maps.map_shift,
+            line_length=r.line_length,
+        )
+        position, unplaced = moved.position, moved.saturated
+        filled = moved.filled & points.measured
+        flags = flags | filled.astype(np.int64) << pkg.FLAG_MAP_FILLED
     corrected = geometry_distortion.distortion(
-        points.position,
+        position,
         centre=r.centre,
         k1=r.k1,
         k2=r.k2,
@@ -318,7 +380,7 @@ def _located(spots: Sequence[_Spots], registers: Registers, breaks: Sequence[int
         points.angle,
         typical=typical,
         measured=points.measured,
-        saturated=corrected.saturated,
+        saturated=corrected.saturated | unplaced,
         n0=r.n0,
         n1=r.n1,
         d0=r.d0,
@@ -352,6 +414,8 @@ def run_fixed(
     mirror_flags: Ints | int = 0,
     max_window: int = MAX_WINDOW,
     breaks: Sequence[int] = (),
+    maps: MapTable | None = None,
+    lens: Ints | None = None,
 ) -> Points:
     """Return the point of every line, bit for bit as the RTL for good lines.
 
@@ -365,6 +429,9 @@ def run_fixed(
             all.
         max_window: ``MaxWindow`` of the elaboration.
         breaks: Lines that came more than ``pkg.NEIGHBOUR_CLKS`` after those before them.
+        maps: Correction maps; None corrects nothing.
+        lens: Position of the lens as each line's position is corrected, steps, u16 [n]; None is
+            that of the maps.
 
     Returns:
         n points, numbered from 0.
@@ -389,4 +456,4 @@ def run_fixed(
         parts.append(spots)
         if progress is not None:
             progress(min(start + CHUNK, len(lines)))
-    return _located(parts, registers, breaks)
+    return _located(parts, registers, breaks, maps, lens)

@@ -11,6 +11,7 @@ from vrscan.data.contract import checked
 from vrscan.data.lines import Lines
 from vrscan.data.table import Table
 from vrscan.ideal import confidence, free_space, geometry, peak_fit, peak_neighbours, two_pass
+from vrscan.ideal.correction_map import correction, filled_beside, maps_for
 from vrscan.ideal.peak import CORE_HEIGHT, Windows, clear, cut, isolate, threshold
 from vrscan.ideal.position import Phase, first_harmonic, windows
 from vrscan.ideal.statistics import statistics
@@ -31,6 +32,7 @@ def run(
     *,
     mirror_flags: Ints | int = 0,
     breaks: Sequence[int] = (),
+    lens: Ints | None = None,
 ) -> Table:
     """Return the point of each line.
 
@@ -42,6 +44,7 @@ def run(
         progress: Called with the number of lines done so far.
         mirror_flags: Bits of ``MIRROR_FLAGS`` for each line, [n] or one for all.
         breaks: Lines that those before them are no neighbours of; see ``peak_neighbours``.
+        lens: Position of the lens at each line, steps [n]; None is that of ``[map]``.
 
     Returns:
         A table of n rows. Numbers are not limited to the widths of the fixed-point formats,
@@ -62,7 +65,7 @@ def run(
         parts.append(spots)
         if progress is not None:
             progress(min(start + _CHUNK, len(given)))
-    return _located(parts, config, breaks)
+    return _located(parts, config, breaks, lens)
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,9 @@ class _Spots:
     power: Ints
 
 
-def _located(spots: Sequence[_Spots], config: Config, breaks: Sequence[int]) -> Table:
+def _located(
+    spots: Sequence[_Spots], config: Config, breaks: Sequence[int], lens: Ints | None
+) -> Table:
     """Return the points of lines that follow each other."""
     points = Table.joined([each.points for each in spots])
     measured, flags = points.measured, dict(points.flags)
@@ -96,7 +101,17 @@ def _located(spots: Sequence[_Spots], config: Config, breaks: Sequence[int]) -> 
         )
         sigma, typical, doubt = beside.sigma, beside.typical, beside.doubt
         flags["MIXED"] = flags["MIXED"] | beside.mixed
-    u, scale = geometry.undistorted(points.position_px, config.geometry)
+    position, maps = points.position_px, maps_for(config)
+    flags["MAP_FILLED"] = np.zeros(len(points), np.bool_)
+    if maps is not None:
+        if lens is None:
+            place = np.full(len(points), maps.lens(config.map.focus_mm))
+        else:
+            place = maps.place(1e-3 * config.focus.resolution_um * lens.astype(np.float64))
+        given, length = (position, points.angle_rad, place), config.sensor.line_length
+        flags["MAP_FILLED"] = measured & filled_beside(*given, maps.filled, line_length=length)
+        position = position + correction(*given, maps.corrections_px, line_length=length)
+    u, scale = geometry.undistorted(position, config.geometry)
     located = geometry.triangle(u, points.angle_rad, config.geometry)
     sigma_z, typical_z = (np.abs(located.slope) * np.abs(scale) * own for own in (sigma, typical))
     away = np.hypot(located.x, located.z) >= FARTHEST_MM
@@ -249,6 +264,9 @@ def _run(
         free_to_mm=np.where(c_sfm > 0.0, free_to, 0.0),
         measured=measured,
         located=measured,
+        y_mm=none,
+        time_s=np.full(len(lines), np.nan),
+        power=np.asarray(power, np.float64),
         pixel_width=config.sensor.pixel_width,
     )
     light = _spread(found.light, valid, len(lines))

@@ -17,6 +17,14 @@ Third differences of q cancel its polynomial, and of independent noise they have
 the variance. What they have more than read and shot noise make is 20 C**2 A**2, averaged over DEPTH
 lines and a prior; a line's weight goes with its noise, rounded to a power of two. That neighbours
 share speckle counts only in the standard deviation of the result.
+
+Out of focus a grain may be as long as the spot, and third differences do not see it. It moves the
+middle of the spot against the whole, though. The slope of all pixels is 0 where the fit has
+settled; that of those in the middle has the variance T (S - S**2 / W), with S and W the weighted
+sums of u**2 over the middle and over all, and T that of a pixel at the top, if the pixels are
+independent. Its square over that, the lean, is 0.7 to 0.95 in focus and 1.2 to 2.5 out of it. Its
+mean over the fits of DEPTH lines and a prior is known to a quarter, so above 1 it soon says that
+grains are coarse, which makes the speckle's part of the variance at most four times as large.
 """
 
 from dataclasses import dataclass
@@ -28,12 +36,13 @@ from vrscan.data.arrays import Bools, Floats, Ints, Pixels
 
 SPAN = 200  # px that are read, half of them on either side of the window's middle
 PASSES, ROUGH_PASS = 4, 1  # the speckle is measured in the second pass, and used from the third on
-DEPTH = 16  # lines over which the speckle is steadied
+DEPTH = 32  # lines over which the speckle is steadied
 SCALE = float(np.sqrt(2.0 * np.log(2.0)))  # w over sigma
 LN4 = float(np.log(4.0))
 
 CUT = 8.0  # u**2 at which the window ends
 TOP = 23 / 8  # u**2 below which the speckle is measured
+MIDDLE = 2.0  # u**2 below which the lean is measured
 LARGEST_QUOTIENT = 8.0
 FIRST_HEIGHT = 0.75  # heights are shares of the power of two above the largest
 LEAST_HEIGHT, LARGEST_HEIGHT = 1 / 16, 8.0
@@ -44,6 +53,9 @@ LEAST_NOISE = 5 / 16  # counts, that of the converter's steps
 FIRST_SPECKLE = 1 / 64  # squared contrast in the first two passes
 PRIOR_SPECKLE, PRIOR_DIFFERENCES = 0.0016, 32.0
 MOST_SPECKLE = 3 / 8
+MOST_LEAN = 8.0  # of a line
+PRIOR_LEAN, PRIOR_FITS = 7 / 8, 2.0
+GRAINS, MOST_GRAINS = 8.0, 3.0  # the mean lean above 1, times this, is added to the speckle
 DIFFERENCES = 20.0  # sum of the squared coefficients of a third difference
 LARGEST_AREA = 2.0  # A**2 in a line's weight
 LARGEST_LIFT = 16  # a line's weight is at most 2**16
@@ -51,7 +63,7 @@ NEIGHBOURS = 3 / 8  # what the correlation of neighbours adds to the speckle's v
 
 FAR = 5 / 8  # first widths w between the fit and the given position
 CHI_LIMIT = 5.0  # chi squared a degree of freedom above which the spot is no Gaussian
-MIXED_LIMIT = 13 / 8 * CHI_LIMIT  # above which it is not one spot, whatever its shape
+MIXED_LIMIT = 13 / 8 * CHI_LIMIT  # of the variance with grains, above which it is not one spot
 FEWEST = 4  # pixels
 MOST_CLIPPED = 1 / 8  # share of the window's pixels at full scale
 _TINY = 1e-30  # instead of no variance and no weight
@@ -62,11 +74,13 @@ class History(NamedTuple):
 
     roughness: Floats  # what squared third differences have more than noise makes, weighted
     weight: Floats
+    lean: Floats  # of the lines that are fitted
+    fits: Floats  # their number
 
     @classmethod
     def empty(cls) -> "History":
         """Return what is known before the first line."""
-        return cls(np.zeros(DEPTH - 1), np.zeros(DEPTH - 1))
+        return cls(*np.zeros((4, DEPTH - 1)))
 
 
 @dataclass(frozen=True)
@@ -79,6 +93,7 @@ class Fitted:
     mixed: Bools  # whether the light is not that of one spot
     speckle: Floats  # squared contrast, of this line and those before
     scale: Floats  # w, px
+    grains: Floats  # what they add to the speckle's part of the variance, a share of it
     history: History  # for the lines that follow
 
 
@@ -113,9 +128,10 @@ class _Pass(NamedTuple):
     noise: Floats  # the quotient's variance without speckle
     u: Floats
 
-    def sum(self, power: int, *, quotient: bool = False) -> Floats:
+    def sum(self, power: int, *, quotient: bool = False, middle: bool = False) -> Floats:
         """Return the weighted sums of u**power, times the quotient if that is asked for, [n]."""
         terms = self.weight * self.u**power
+        terms = np.where(self.square < MIDDLE, terms, 0.0) if middle else terms
         return np.asarray((terms * self.quotient if quotient else terms).sum(axis=1))
 
 
@@ -155,6 +171,14 @@ def _stepped(state: _State, seen: _Pass, least: Floats, most: Floats) -> _State:
     )
 
 
+def _running(before: Floats, lines: Floats) -> tuple[Floats, Floats]:
+    """Return the sum of each line and the DEPTH - 1 before it, and the last lines."""
+    joined = np.append(before, lines)
+    # without lines np.convolve has two results
+    sums = np.convolve(joined, np.ones(DEPTH), "valid")[: len(lines)]
+    return sums, joined[len(lines) :]
+
+
 def _steadied(
     seen: _Pass, noise: _Noise, height: Floats, measured: Bools, history: History
 ) -> tuple[Floats, History]:
@@ -170,13 +194,27 @@ def _steadied(
     most = MOST_SPECKLE * weight
     terms = (np.where(measured, np.ldexp(x, power), 0.0)
              for x in (np.clip(excess, -most, most), weight))  # fmt: skip
-    lines = History(*(np.append(before, now) for before, now in zip(history, terms, strict=True)))
-    count = len(measured)  # without lines np.convolve has two results
-    roughness, weight = (np.convolve(each, np.ones(DEPTH), "valid")[:count] for each in lines)
+    (roughness, rough), (weight, heavy) = (
+        _running(*each) for each in zip(history[:2], terms, strict=True)
+    )
     prior = PRIOR_DIFFERENCES * DIFFERENCES
     speckle = (roughness + prior * PRIOR_SPECKLE) / (weight + prior)
-    last = History(*(each[len(each) - (DEPTH - 1) :] for each in lines))
-    return np.maximum(speckle, 0.0), last
+    return np.maximum(speckle, 0.0), history._replace(roughness=rough, weight=heavy)
+
+
+def _grains(
+    seen: _Pass, variance: Floats, fitted: Bools, history: History
+) -> tuple[Floats, History]:
+    """Return what grains add to each line's speckle, a share of it, and the last lines."""
+    whole, middle = seen.sum(2), seen.sum(2, middle=True)
+    free = middle - np.square(middle) / np.maximum(whole, _TINY)
+    slope = seen.sum(1, quotient=True, middle=True)
+    lean = np.square(slope) / np.maximum(variance * free, _TINY)
+    lean, leans = _running(history.lean, np.where(fitted, np.minimum(lean, MOST_LEAN), 0.0))
+    count, fits = _running(history.fits, fitted.astype(np.float64))
+    lean = (lean + PRIOR_FITS * PRIOR_LEAN) / (count + PRIOR_FITS)
+    grains = np.clip(GRAINS * (lean - 1.0), 0.0, MOST_GRAINS)
+    return grains, history._replace(lean=leans, fits=fits)
 
 
 def peak_fit(
@@ -259,10 +297,13 @@ def peak_fit(
     lost = (seen.near & clipped).sum(axis=1)
     clear = lost <= MOST_CLIPPED * (count + lost)
     fitted &= clear
-    mixed = measured & clear & (chi > MIXED_LIMIT * np.maximum(count - 3, 0))
     told = np.maximum(seen.sum(2), _TINY)
-    own = np.sqrt((at.total + NEIGHBOURS * at.speckle) / told) / (before.height * LN4)
-    own = own * state.scale
+    variance = at.total + NEIGHBOURS * at.speckle
+    grains, history = _grains(seen, variance, fitted, history)
+    variance = variance + (1.0 + NEIGHBOURS) * grains * at.speckle
+    limit = MIXED_LIMIT * np.maximum(count - 3, 0) * variance
+    mixed = measured & clear & (chi * at.total > limit)
+    own = np.sqrt(variance / told) / (before.height * LN4) * state.scale
     own = np.where(fitted, own, np.where(measured, np.maximum(2.0 * own, spread), spread))
     return Fitted(
         position=np.where(fitted, state.place, position),
@@ -271,5 +312,6 @@ def peak_fit(
         mixed=mixed,
         speckle=speckle,
         scale=state.scale,
+        grains=grains,
         history=history,
     )

@@ -25,10 +25,12 @@ LIGHT_SHARE = 3 / 16  # of a width, for all the light
 TYPICAL = 1 / 4  # share of the doubt that most spots with it deserve
 STEADY = 1 / 4  # share of light that a spot in the row may lack
 FAINT = 1 / 4  # of each neighbour's light
-DARK = 3 / 32  # of the brighter neighbour's light, whatever the other's
-DIM, BRIGHT = 5 / 16, 9 / 8  # the same, of a spot far out of the row
+DARK = 3 / 32  # of the brighter neighbour's light
+DIMMER = 3 / 16  # the same, of a spot still farther out of the row than FAR
+DIM, BRIGHT = 3 / 8, 9 / 8  # the same, of a spot far out of the row
 OTHER = 9 / 8  # ratio of two widths that are not alike
-ROW, FAR = 3.0, 8.0  # widths from the middle of the neighbours: out of the row, far out of it
+# Widths from the middle of the neighbours: out of the row, far out of it, and farther.
+ROW, FAR, FARTHER = 3.0, 8.0, 12.0
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,9 @@ def peak_neighbours(
     bend = np.abs(position[before] + position[behind] - 2.0 * position)
     far = alone | (bend > FAR * scale)
     alone |= bend > ROW * scale
+    farther = (share < DIMMER) & (bend > FARTHER * scale)
     dim = (share < DIM) & np.where(light_before > light_behind, *alike)
+    dark = share < DARK
     missing = np.maximum(np.where(alone, 1.0, 1.0 - STEADY) - share, 0.0)
     doubt = np.sqrt(WIDTH_SHARE * excess + np.square(LIGHT_SHARE * missing * scale))
     doubt = np.where(measured, doubt, 0.0)
@@ -100,5 +104,5 @@ def peak_neighbours(
         sigma=np.hypot(sigma, doubt),
         typical=np.hypot(sigma, TYPICAL * doubt),
         doubt=doubt,
-        mixed=measured & (alone & ((share < DARK) | faint) | far & (dim | narrower)),
+        mixed=measured & (alone & (dark | faint) | dark & faint | far & (dim | narrower) | farther),
     )

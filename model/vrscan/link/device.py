@@ -22,6 +22,8 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
+import numpy as np
+
 from vrscan.clocked.line_trigger import line_step
 from vrscan.clocked.mirror_drive import RATE_FRACTION
 from vrscan.clocked.point_packer import KINDS, most_records, record_bytes
@@ -34,7 +36,8 @@ from vrscan.link.protocol import Status
 from vrscan.link.stream import DEPTH, Captured, CaptureStream, PointStream
 from vrscan.link.transport import LinkError, NoAnswerError, Traffic, Transport, UnpluggedError
 from vrscan.registers import values
-from vrscan.registers.register_map import LOCKS, MAP_HASH, REGISTERS
+from vrscan.registers.map_table import MapTable, map_registers, map_table, nodes_of
+from vrscan.registers.register_map import LOCKS, MAP_HASH, REGISTERS, WINDOWS
 from vrscan.registers.values import Block, Value, integer
 
 BAUD = 3_000_000
@@ -73,7 +76,7 @@ _MEANING = {
     Status.READ_ONLY: "it cannot be written",
     Status.LOCKED: "it is locked until the board is reset",
     Status.BAD_VALUE: "it does not take this value",
-    Status.BUSY: "a capture runs, or a commit waits",
+    Status.BUSY: "a capture runs, a commit waits, or the maps are in use",
     Status.BAD_FRAME: "the frame came to grief",
 }
 
@@ -118,6 +121,12 @@ class Build:
     def version_text(self) -> str:
         """Return the version as text: major.minor.patch."""
         return f"{self.version >> 16}.{self.version >> 8 & 255}.{self.version & 255}"
+
+
+def _map_blocks(words: Sequence[int]) -> list[Block]:
+    """Return words of the table of maps, from its first one on, in blocks that fit a command."""
+    address, most = WINDOWS["map_table"].address, link_pkg.MAX_WORDS
+    return [Block(address + k, list(words[k : k + most])) for k in range(0, len(words), most)]
 
 
 class RegisterView:
@@ -592,9 +601,91 @@ class Device:
             DeviceError: naming register and value, if the board refuses, for example because it is
                 locked.
         """
-        wanted = self.settings(config)
+        wanted, maps = self.settings(config), map_table(config)
         self.check_still(force)
+        if maps is not None:
+            wanted["map_bank"] = self.write_maps(maps, progress)
         self.write_many(wanted.items(), progress)
+
+    def load_maps(
+        self, config: Config, progress: Callable[[int, int], None] | None = None
+    ) -> MapTable:
+        """Let the correction maps of a configuration take effect, and nothing else of it.
+
+        Returns:
+            The maps.
+
+        Raises:
+            InputError: if the configuration has none, or they do not fit.
+            LinkError: if the board refuses them or does not hold them; those in use stay.
+        """
+        maps = map_table(config)
+        if maps is None:
+            raise InputError(f"{config.source}: map.file: there is none")
+        bank = self.write_maps(maps, progress)
+        self.write_many([*map_registers(config).items(), ("map_bank", bank)])
+        return maps
+
+    def write_maps(self, maps: MapTable, progress: Callable[[int, int], None] | None = None) -> int:
+        """Write maps into the bank that is not in use, and check all that is read back of it.
+
+        Args:
+            maps: The maps.
+            progress: Called with the number of commands done and the number of all commands.
+
+        Returns:
+            The bank, by which positions are corrected from a commit with ``map_bank`` on.
+
+        Raises:
+            LinkError: if the board refuses, or a node reads back differently.
+        """
+        bank = 1 - integer(self.read("map_bank"))
+        self.write("map_access_bank", bank)
+        blocks = _map_blocks(maps.words.tolist())
+        for k, block in enumerate(blocks):
+            self.write_words(block)
+            if progress is not None:
+                progress(k + 1, 2 * len(blocks))
+        for k, block in enumerate(blocks):  # now that no write can hit another node any more
+            back = self.read_words(block.address, len(block.words))
+            for address, (got, want) in enumerate(
+                zip(back, block.words, strict=True), block.address
+            ):
+                if got != want:
+                    raise LinkError(
+                        f"{self.port}: {values.name_at(address)}: reads {got:#x} after a write of "
+                        f"{want:#x}"
+                    )
+            if progress is not None:
+                progress(len(blocks) + k + 1, 2 * len(blocks))
+        return bank
+
+    def read_maps(self, progress: Callable[[int, int], None] | None = None) -> MapTable | None:
+        """Return the correction maps in use, None where positions are not corrected.
+
+        Where they follow the lens, it is at 0.
+
+        Args:
+            progress: Called with the number of commands done and the number of all commands.
+        """
+        names = ("map_enable", "map_bank", "map_count", "map_begin", "map_shift", "map_lens")
+        found = self.read_many((*names, "map_follow", "map_access_bank"))
+        held = {name: integer(value) for name, value in found.items()}
+        if not held["map_enable"]:
+            return None
+        words: list[int] = []
+        self.write("map_access_bank", held["map_bank"])
+        try:
+            blocks = _map_blocks([0] * (held["map_count"] * pkg.MAP_NODES))
+            for k, block in enumerate(blocks):
+                words += self.read_words(block.address, len(block.words))
+                if progress is not None:
+                    progress(k + 1, len(blocks))
+        finally:
+            self.write("map_access_bank", held["map_access_bank"])
+        nodes, filled = nodes_of(np.array(words))
+        lens = 0 if held["map_follow"] else held["map_lens"]
+        return MapTable(nodes, filled, held["map_begin"], held["map_shift"], lens)
 
     def check_still(self, force: bool = False) -> None:
         """Raise an error if the mirror moves, unless ``force`` is set.

@@ -18,6 +18,7 @@ from vrscan.data import link_pkg, pkg, records
 from vrscan.data.arrays import Pixels
 from vrscan.data.points import Points
 from vrscan.data.records import Form, Records
+from vrscan.fixed import peak_fit
 from vrscan.fixed.point_record import point_record
 from vrscan.fixed.test_line import least_period, lines, step_of_width
 from vrscan.fixed.vrscan_chain import MAX_WINDOW, min_period, run_fixed
@@ -52,7 +53,9 @@ QUIET = (
     "scratch",
 )
 TEST = tuple(f"test_{field.name}" for field in fields(Settings))
-CHANGED = ("test_angle", "test_power", *TEST, "points_batch", "points_timeout_clks")
+CHANGED = (
+    *("test_angle", "test_power", *TEST, "points_batch", "points_timeout_clks", "map_access_bank"),
+)
 # Counters that a working board does not increase, whatever the self-test does.
 FAULTS = (
     "short_count",
@@ -229,7 +232,8 @@ class SelfTest:
             line_length=device.build.line_length,
             **chain,
         )
-        self._lead = pkg.SPECKLE_DEPTH - 1 if self._chain.window_fit else 0
+        self._maps = device.read_maps()
+        self._lead = peak_fit.REACH + 1 if self._chain.window_fit else 0
 
     def checks(self) -> Iterator[Check]:
         """Do one check after the other; checks after a difference mean little."""
@@ -301,6 +305,9 @@ class SelfTest:
         Raises:
             LinkError: if a word reads back differently.
         """
+        if window.bank is not None and window.in_use is not None:
+            free = 1 - values.integer(self.device.read(window.in_use))
+            self.device.write(window.bank, free)
         places = [window.address + k * window.stride for k in (0, window.entries // 2 - 1, -1)]
         places[-1] += window.entries * window.stride
         width = len(window.fields)
@@ -399,6 +406,11 @@ class SelfTest:
                 yield name, write(address, word), link_pkg.STATUS_BAD_VALUE
                 word = (register.minimum - 1) & values.WORD_MASK
                 yield name, write(address, word), link_pkg.STATUS_BAD_VALUE
+        for window in WINDOWS.values():
+            if window.bank is not None and window.in_use is not None:
+                device.write(window.bank, device.read(window.in_use))
+                status = link_pkg.STATUS_LOCKED if window.lock in closed else link_pkg.STATUS_BUSY
+                yield f"{window.name} in use", write(window.address, 0), status
         for address in _holes():
             place = f"{address:#06x}"
             yield place, read(address), link_pkg.STATUS_NO_ADDRESS
@@ -477,6 +489,7 @@ class SelfTest:
             np.full(len(pixels), power, np.int64),
             self._chain,
             max_window=self.device.build.max_window,
+            maps=self._maps,
             # Making the run's registers takes longer than neighbours are apart.
             breaks=(self._lead,) if self._lead else (),
         )

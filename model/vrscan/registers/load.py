@@ -7,6 +7,7 @@ from vrscan.data.errors import InputError
 from vrscan.registers.chain_registers import Registers
 from vrscan.registers.focus_registers import FocusRegisters
 from vrscan.registers.laser_registers import LaserRegisters
+from vrscan.registers.map_table import map_registers
 from vrscan.registers.mirror_registers import MirrorRegisters
 from vrscan.registers.sensor_registers import SensorRegisters
 
@@ -16,7 +17,7 @@ CONTROLS = frozenset(
         *("scratch", "uart_step", "mirror_enable", "line_enable", "laser_enable"),
         *("test_position", "test_move", "test_step", "test_height", "test_pedestal", "test_noise"),
         *("test_seed", "test_lines", "test_period_clks", "test_angle", "test_power"),
-        *("test_start", "test_stop", "commit"),
+        *("test_start", "test_stop", "commit", "map_bank", "map_access_bank"),
         *("points_batch", "points_timeout_clks"),
     }
 )
@@ -43,7 +44,9 @@ class Build(Protocol):
 
 
 def settings(config: Config, build: Build) -> dict[str, int | tuple[int, ...]]:
-    """Return the value of every register and table that a configuration sets.
+    """Return the value of every register and table that a configuration sets, but for the maps.
+
+    ``Device.load`` brings the nodes of the maps into the bank that is not in use.
 
     Args:
         config: The configuration; its clock is not used, because the board has its own.
@@ -79,4 +82,4 @@ def settings(config: Config, build: Build) -> dict[str, int | tuple[int, ...]]:
         LaserRegisters.from_config(on_board),
     ):
         values |= {name: value for name, value in registers.ports.items() if name not in CONTROLS}
-    return values
+    return values | map_registers(on_board)

@@ -51,7 +51,12 @@ class Register:
 
 @dataclass(frozen=True)
 class Window:
-    """A table. Field k of entry i is at address + i * stride + k, the last one writes the entry."""
+    """A table. Field k of entry i is at address + i * stride + k, the last one writes the entry.
+
+    Attributes:
+        bank: The register that says which of two banks is accessed, or None.
+        in_use: The register of the bank that is in use; it is not written.
+    """
 
     name: str
     address: int
@@ -60,6 +65,8 @@ class Window:
     fields: tuple[Register, ...]
     lock: str | None
     commit: bool
+    bank: str | None
+    in_use: str | None
     doc: str
 
 
@@ -91,14 +98,14 @@ def _one(
     )  # fmt: skip
 
 
-MAP_HASH = 0x39387E6A
+MAP_HASH = 0x8D8F25A2
 
 # fmt: off
 _REGISTERS = (
     _one("", 0x000, "identity", 32, "constant",
          "the letters VRSC, by which a host knows the instrument", reset=0x56525343),
     _one("", 0x001, "map_hash", 32, "constant",
-         "hash of the parts of this map that a host must know", reset=0x39387E6A),
+         "hash of the parts of this map that a host must know", reset=0x8D8F25A2),
     _one("", 0x002, "version", 32, "constant",
          "version of the map: major, minor, patch in bits 31..16, 15..8, 7..0", reset=0x00000100),
     _one("identity_status", 0x003, "board_id", 16, "ro", "number of the kind of board"),
@@ -516,9 +523,27 @@ _REGISTERS = (
     _one("commit_status", 0x1E2, "configuration", 1, "ro",
          "changes with each commit: bit 4 of the bits of a full record whose line is measured "
          "now"),
+    _one("map", 0x1F0, "map_enable", 1, "rw", "1: positions are corrected",
+         lock="lock_calibration", commit=True),
+    _one("map", 0x1F1, "map_bank", 1, "rw", "bank of map_table by which they are",
+         lock="lock_calibration", commit=True),
+    _one("map", 0x1F2, "map_count", 4, "rw", "number of maps in the bank", lock="lock_calibration",
+         reset=2, low=2, high=9, commit=True),
+    _one("map", 0x1F3, "map_begin", 16, "rw",
+         "position of the lens, in steps of its motor, of map 0", lock="lock_calibration",
+         commit=True),
+    _one("map", 0x1F4, "map_shift", 4, "rw", "distance of the maps: 2**shift steps",
+         lock="lock_calibration", commit=True),
+    _one("map", 0x1F5, "map_follow", 1, "rw",
+         "1: the lens stands where focus_position was in the middle of a line's pulse, 0: at "
+         "map_lens", lock="lock_calibration", commit=True),
+    _one("map", 0x1F6, "map_lens", 16, "rw", "position of the lens where it does not follow",
+         lock="lock_calibration", commit=True),
+    _one("map_access", 0x1F8, "map_access_bank", 1, "rw",
+         "bank of map_table that is read and written"),
     _one("locks", 0x3F0, "lock_calibration", 1, "rw",
-         "1 keeps until reset: peak, geometry, free space, motion, their tables, and the commit",
-         low=1),
+         "1 keeps until reset: peak, geometry, free space, motion, maps, their tables, and the "
+         "commit", low=1),
     _one("locks", 0x3F1, "lock_mirror", 1, "rw",
          "1 keeps until reset: the limits of the mirror's drive and of its index", low=1),
     _one("locks", 0x3F2, "lock_laser", 1, "rw", "1 keeps until reset: the limits of the laser",
@@ -531,13 +556,13 @@ _WINDOWS = (
              fraction=28, unit="turn", commit=True),
         _one("table", 0x001, "table_midpoint", 28, "rw", "phase halfway between the crossings",
              lock="lock_calibration", signed=True, fraction=28, unit="turn", commit=True),
-    ), "lock_calibration", True,
+    ), "lock_calibration", True, None, None,
        "Amplitude table of the mirror: entry i belongs to crossings that are i / 2048 turns "
        "apart"),
     Window("focus_table", 0x5000, 64, 1, (
         _one("focus_table", 0x000, "focus_table_position", 16, "rw",
              "position that the lens should have"),
-    ), None, False,
+    ), None, False, None, None,
        "Table of the autofocus: entry i belongs to a distance of focus_z_begin + i "
        "2**(focus_z_shift + 10) steps"),
     Window("free_table", 0x6000, 256, 2, (
@@ -545,11 +570,18 @@ _WINDOWS = (
              fraction=4, unit="mm", commit=True),
         _one("free_table", 0x001, "free_table_to", 16, "rw", "largest z", lock="lock_calibration",
              fraction=4, unit="mm", commit=True),
-    ), "lock_calibration", True,
+    ), "lock_calibration", True, None, None,
        "Intervals of z in which a line without a peak is free, empty where from is not below to."
        " Entry i < 128: what the camera sees at the angle free_begin + i 2**(free_shift + 10) "
        "steps. Entry 128 + 8 e + k: where the darkest surface gives a peak, for 2**8 power / "
        "noise of (8 + k) 2**(e - 3) and more"),
+    Window("map_table", 0x8000, 19305, 1, (
+        _one("map_table", 0x000, "map_table_node", 18, "rw",
+             "bits 16..0: what the position lacks, px, two's complement, 10 fraction bits; bit "
+             "17: calibration had no points here", lock="lock_calibration", commit=True),
+    ), "lock_calibration", True, "map_access_bank", "map_bank",
+       "Nodes of the correction maps: entry 2145 k + 65 i + j of map k belongs to the angle (i -"
+       " 16) / 256 turns and the position j R / 64"),
 )
 # fmt: on
 

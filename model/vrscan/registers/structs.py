@@ -113,6 +113,12 @@ def _of(register: Register) -> list[tuple[str, int, bool, int]]:
     return [own, strobe] if register.access == "strobe" else [own]
 
 
+def _banks(window: Window) -> tuple[str, ...]:
+    if window.bank is not None:
+        return ("access_bank",)
+    return BANK if window.commit else ()
+
+
 def of_registers(
     registers: Mapping[str, Register], windows: Mapping[str, Window]
 ) -> dict[str, Struct]:
@@ -127,8 +133,12 @@ def of_registers(
             (f"{window.name}_write", 1, False, 1),
             (f"{window.name}_index", index, False, 1),
             *(one for field in window.fields for one in _of(field)),
-            *((f"{window.name}_{one}", 1, False, 1) for one in BANK if window.commit),
+            *((f"{window.name}_{one}", 1, False, 1) for one in _banks(window)),
         ]
+        if window.bank is not None:
+            field = window.fields[0]
+            back = (f"{window.name}_read", field.width, field.signed, 1)
+            fields[f"{window.name}_status"] = [back]
     return {name: _struct(f"{name}_t", found) for name, found in fields.items()}
 
 

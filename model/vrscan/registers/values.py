@@ -15,7 +15,8 @@ Value = int | tuple[int, ...]
 FIELDS: dict[str, tuple[Window, Register]] = {
     entry.name: (window, entry) for window in WINDOWS.values() for entry in window.fields
 }
-NAMES = (*REGISTERS, *FIELDS)
+# What can be read as a whole: a table with two banks is large, and one of them is not accessed.
+NAMES = (*REGISTERS, *(name for name, (window, _) in FIELDS.items() if window.bank is None))
 
 
 def find(name: str) -> Register:

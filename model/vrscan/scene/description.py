@@ -1,7 +1,8 @@
 """A scene's file: what stands there, who lights it, and what looks at it.
 
 A scene is TOML; every table has defaults, so the shortest scene is one ``[[target]]``. What the
-instrument knows about itself (geometry, timing, thresholds) is not here but in its configuration.
+instrument believes about itself (geometry, timing, thresholds) is not here but in its
+configuration; ``[instrument]`` says where the instrument that stands there differs from it.
 """
 
 from importlib import resources
@@ -19,6 +20,7 @@ from vrscan.scene.sun import Lamp, Sun
 from vrscan.scene.surface import Material
 from vrscan.scene.targets import TargetSection
 from vrscan.scene.timeline import Scan
+from vrscan.scene.tolerances import Instrument
 
 DEFAULT_TOLERANCE_PX = 0.01
 
@@ -61,6 +63,7 @@ class Description(Section):
     seed: int = Field(default=20100301, ge=0)
     exposure_us: float | None = Field(default=None, gt=0)  # None: a whole line period
     scan: Scan = Scan()
+    instrument: Instrument | None = None  # None: the configuration is right about it
     laser: Laser = Laser()
     lens: Lens = Lens()
     sensor: SensorModel = SensorModel()
@@ -127,6 +130,21 @@ def load(name: str) -> Description:
         with resources.as_file(resources.files("vrscan.scene") / "scenes") as folder:
             path = folder / f"{name}.toml"
     return parse(read_toml(path, name), name, path.parent)
+
+
+class _InstrumentFile(Section):
+    """A file that holds nothing but an instrument."""
+
+    instrument: Instrument
+
+
+def load_instrument(path: Path) -> Instrument:
+    """Return the instrument of a TOML file with the table ``[instrument]``.
+
+    Raises:
+        InputError: naming file, key and value, as ``load``.
+    """
+    return checked(_InstrumentFile, read_toml(path, str(path)), str(path)).instrument
 
 
 def parse(values: dict[str, object], source: str, folder: Path) -> Description:

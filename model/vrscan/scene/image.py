@@ -17,6 +17,7 @@ the focal distance with focus, which calibration takes up, and a row that is not
 """
 
 import functools
+import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 
@@ -38,6 +39,8 @@ WIDTHS = (32, 64, 128, 256, 512, 1024, 2048)  # px: the windows that a profile m
 REACH = 5.5  # sigmas of the Gaussian; 5e-7 of the peak is left there
 _TAIL = 9.0  # lengths of the coma; 1e-4 of its peak is left there
 _MARGIN = 4.0  # px
+_LEAST = 1e-7  # least value of a Gaussian's transform that counts,
+_BAND = 0.91  # and the frequency at which it has it, over 1 / sigma
 _ROW_VARIANCE = 1.0 / 12.0  # px^2: variance of the row's own height
 
 # Cycles a pulse at which its transform is wanted: the middles of the table's steps, as each stands
@@ -204,13 +207,20 @@ def profiles(
         float32 [n, width]; the rows sum to 1, except for what is beyond the window.
     """
     frequency = frequencies(width).astype(np.float32)
+    if shape is None:
+        least = float(sigma_px.min(initial=1.0))
+        end = math.ceil(_BAND / least * width) + 1 if least > _BAND else width + 1
+        sigma = sigma_px.astype(np.float32)[:, None]
+        shape = np.exp(-np.square(np.float32(np.sqrt(2.0) * np.pi) * sigma * frequency[:end]))
+        # Of each line the same frequencies, whichever others are with it.
+        shape *= shape > np.float32(_LEAST)
+    used = np.flatnonzero(shape.any(axis=0))
+    end = int(used[-1]) + 1 if len(used) else 1
+    frequency = frequency[:end]
     pixel = np.sinc(frequency)
     if transfer is not None:
-        pixel = pixel * transfer
-    if shape is None:
-        sigma = sigma_px.astype(np.float32)[:, None]
-        shape = np.exp(-np.square(np.float32(np.sqrt(2.0) * np.pi) * sigma * frequency))
-    kernel = shape * pixel
+        pixel = pixel * transfer[:end]
+    kernel = shape[:, :end] * pixel
     if radius_px is not None and height_ratio is not None:
         with clock("defocus"):
             kernel *= _disc(frequency, radius_px, height_ratio)
@@ -225,12 +235,15 @@ def profiles(
         light.real = kernel * np.cos(turn)
         light.imag = kernel * np.sin(turn)
     else:
-        light = kernel * spectrum
+        light = kernel * spectrum[:, :end]
     if coma_px is not None:
         with clock("coma"):
             light *= _tail(frequency, coma_px)
     half = width // 2
-    folded = light[:, : half + 1] + np.conj(light[:, : half - 1 : -1])
+    folded = np.zeros((len(light), half + 1), np.complex64)
+    folded[:, :end] = light[:, : half + 1]
+    if end > half:
+        folded[:, width + 1 - end :] += np.conj(light[:, : half - 1 : -1])
     folded[:, 1::2] *= -1.0  # the window's pixel width / 2 is the origin
     return np.asarray(fft.irfft(folded, width, axis=1), np.float32)
 

@@ -2,11 +2,13 @@
 
 import copy
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.data.config import Config
@@ -33,6 +35,7 @@ from vrscan.scene.stray import Stray, WindowGhost, dust_shadow, obscured_share, 
 from vrscan.scene.sun import Lamp, Sun, collection, pixel_electrons
 from vrscan.scene.targets import World
 from vrscan.scene.timeline import Timeline
+from vrscan.scene.tolerances import Instrument
 
 _VIEW_STEP = 8  # px between the rays on which the camera's view is sampled
 _BOUNCE_KNOTS = 193  # angles at which the second bounce is computed
@@ -41,10 +44,14 @@ _BOUNCE_TABLES = 48  # number of places of a panning scanner that are kept
 _VIEWS = 64  # number of views of a moving scanner that are kept
 PAN_STEP_MM = 1.0  # distance over which a moving scanner's view counts as the same
 _RAYS = 1 << 16  # rays followed at a time
+_CHUNK = 16  # lines whose light beside the spot is worked out at a time
 _SKIRT_STEP = 5e-5  # rad between the angles at which the scan head's scatter is kept
 _SKIRT_ANGLES = 400  # angles at which it is computed
 _STRAY = ("scatter", "emitter", "halo", "halo_table", "obscured", "shadow", "_stack", "_skirt_gain")
+_FOCUSED = ("halo", "halo_table", "shadow", "_skirt_gain")  # what changes with the focus
 _FARTHEST_MM = 1000.0  # least distance at which a ray that meets nothing ends
+
+_Real = TypeVar("_Real", np.float32, np.float64)
 
 
 class Light:
@@ -52,7 +59,8 @@ class Light:
 
     Args:
         scene: The scene.
-        config: The instrument.
+        config: What the instrument believes, ``belief``; ``config`` is what it is, which differs
+            where the scene has an instrument of its own.
 
     Raises:
         InputError: if a mesh or map does not load, the laser is above its rating or not in the
@@ -62,7 +70,12 @@ class Light:
     """
 
     def __init__(self, scene: Description, config: Config) -> None:
-        self.scene, self.config = scene, config
+        self.scene, self.belief = scene, config
+        if scene.instrument is not None:
+            with blamed(scene.source):
+                focus, start = scene.lens.focus_mm, scene.scan.start_s
+                config = scene.instrument.true(config, focus, start)
+        self.config = config
         if scene.laser.power_mw > config.laser.rated_mw:
             raise InputError(
                 f"{scene.source}: laser.power_mw = {scene.laser.power_mw:g}: above the rated "
@@ -123,6 +136,45 @@ class Light:
             wavelength_nm=self.scene.laser.wavelength_nm,
             pitch_mm=geometry.pitch_mm,
         )
+
+    # -- the lens in motion --
+
+    def focused(self, focus_mm: float, *, afresh: bool) -> "Light":
+        """Return the same scene through the lens in focus at another depth.
+
+        The image's scale is that of (4) with the sensor's distance from the lens; without a
+        reference in the scene's ``[instrument]`` the configuration's scale is that of
+        ``free.focus_mm``. Grains of speckle keep the size that they have at this light's focus,
+        which changes by a twentieth over the lens's travel.
+
+        Args:
+            focus_mm: Depth along the axis that is in focus.
+            afresh: Whether all light beside the spot is worked out anew; otherwise it is that of
+                this light, whose focus is near.
+
+        Raises:
+            InputError: if the focus is not farther away than the focal length.
+        """
+        scene, belief = self.scene, self.belief
+        own = Instrument() if scene.instrument is None else scene.instrument
+        if own.reference_focus_mm is None:
+            own = own.model_copy(update={"reference_focus_mm": belief.free.focus_mm})
+        lens = scene.lens.model_copy(update={"focus_mm": focus_mm})
+        other = copy.copy(self)
+        other.scene = scene.model_copy(update={"lens": lens, "instrument": own})
+        with blamed(scene.source):
+            other.config = own.true(belief, focus_mm, scene.scan.start_s)
+            other.lens = ThinLens.of(lens.f_number, focus_mm, other.config.geometry)
+        other.__dict__["speckle"] = speckle = copy.copy(self.speckle)
+        speckle.lens = other.lens
+        if afresh:
+            for name in _FOCUSED:
+                other.__dict__.pop(name, None)
+            other.split_maps = {}
+            other._views, other._bounces, other._skirts = {}, {}, {}
+        else:
+            other.__dict__.update({name: getattr(self, name) for name in _FOCUSED})
+        return other
 
     # -- stray light --
 
@@ -283,13 +335,12 @@ class Light:
         u, _ = undistorted(self.view_px, self.config.geometry)
         return np.asarray(np.arctan(u / self.config.geometry.focal_mm))
 
-    def _whole_row(self, values: Floats) -> Floats:
+    def _whole_row(self, values: npt.NDArray[_Real]) -> npt.NDArray[_Real]:
         """Return a value for each pixel [..., length] from one for every eighth."""
-        length = self.config.sensor.line_length
-        place = np.arange(length) / _VIEW_STEP
-        left = place.astype(np.int64)
-        share = place - left
-        return values[..., left] * (1.0 - share) + values[..., left + 1] * share
+        share = (np.arange(_VIEW_STEP) / _VIEW_STEP).astype(values.dtype)
+        found = np.diff(values)[..., None] * share
+        found += values[..., :-1, None]
+        return found.reshape(*values.shape[:-1], -1)[..., : self.config.sensor.line_length]
 
     def _diffuse(self, target: Ints, albedo: Floats) -> Floats:
         known = np.array([material.reflectance for material in self.materials] + [0.0])
@@ -412,11 +463,14 @@ class Light:
                 if len(self._skirts) >= _VIEWS:
                     self._skirts.clear()
                 self._skirts[key] = self._skirt_seen(key * PAN_STEP_MM)
-            heading, gain = self._skirts[key]
-            rows = np.flatnonzero(keys == key)
-            apart = np.abs(heading - angle_rad[rows, None].astype(np.float32))
-            place = (apart * np.float32(1.0 / _SKIRT_STEP)).astype(np.int32)
-            result[rows] = gain * table[np.minimum(place, len(table) - 1)]
+            heading, gain = (each[None] for each in self._skirts[key])
+            steps = heading * np.float32(1.0 / _SKIRT_STEP)
+            turned = (angle_rad / _SKIRT_STEP).astype(np.float32)[:, None]
+            for rows in _chunks(np.flatnonzero(keys == key)):
+                apart = steps - turned[rows]
+                place = np.abs(apart, out=apart).astype(np.int32)
+                np.multiply(table.take(place, mode="clip"), gain, out=apart)
+                result[rows] = apart
         return result
 
     @cached_property
@@ -468,10 +522,13 @@ class Light:
         keys = np.round(y_mm / PAN_STEP_MM).astype(np.int64)
         result = np.empty((len(angle_rad), self.config.sensor.line_length), np.float32)
         for key in np.unique(keys):
-            rows = np.flatnonzero(keys == key)
             table = self._bounce_table(int(key))
-            low, high = table[knot[rows]], table[knot[rows] + 1]
-            result[rows] = low + share[rows] * (high - low)
+            for rows in _chunks(np.flatnonzero(keys == key)):
+                low, high = table[knot[rows]], table[knot[rows] + 1]
+                high -= low
+                high *= share[rows]
+                high += low
+                result[rows] = high
         return result
 
     @property
@@ -519,4 +576,10 @@ class Light:
         # In mm2, like the irradiance; the beam's electrons already include lens and filter.
         area = np.square(self.config.geometry.pitch_mm)
         seen_sr = collection(self.scene.lens.f_number, self._off_axis_rad)
-        return self._whole_row(found * area * seen_sr).astype(np.float32)
+        return self._whole_row((found * area * seen_sr).astype(np.float32))
+
+
+def _chunks(rows: Ints) -> Iterator[Ints]:
+    """Yield parts of some lines, so few that their data stay in the cache."""
+    for start in range(0, len(rows), _CHUNK):
+        yield rows[start : start + _CHUNK]

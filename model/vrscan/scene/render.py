@@ -9,9 +9,10 @@ bit for bit where both apply.
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -31,9 +32,10 @@ from vrscan.scene.spots import Spots
 from vrscan.scene.timeline import Timeline
 
 _WIDE_DISC = 8.0  # spot sigmas of a ghost's radius above which its ends count as hard
+_LEAST_GHOST_E = 1e-3  # electrons on its brightest pixel below which a ghost is left out
 _LEAST_FLICKER_E = 0.1  # least flicker of lamps that is rendered, electrons
 _SPILT_E = 0.05  # electrons of blooming that may be lost at a window's end
-_CHUNK = 64  # lines whose rays are summed at a time
+_CHUNK = 256  # lines whose rays are summed at a time
 
 
 @dataclass(frozen=True)
@@ -61,10 +63,55 @@ class Charge:
     whole_e: Floats  # all light of each line's spot in the image, on the row or not [n]
 
 
+@dataclass(frozen=True)
+class Unexposed:
+    """n lines before their exposure: what falls on the pixels, the laser's part by itself."""
+
+    laser_e: Singles  # mean electrons of the laser at the scene's power [n, length]
+    other_e: Singles  # mean electrons of all other light [n, length] or [1, length]
+    reported_rad: Floats  # the angle that the chain is told [n]
+    truth: Truth
+
+    def of(self, rows: Ints) -> "Unexposed":
+        """Return some of the lines."""
+        truth = self.truth
+        return Unexposed(
+            laser_e=self.laser_e[rows],
+            other_e=self.other_e if len(self.other_e) == 1 else self.other_e[rows],
+            reported_rad=self.reported_rad[rows],
+            truth=Truth(
+                x_mm=truth.x_mm[rows],
+                z_mm=truth.z_mm[rows],
+                position_px=truth.position_px[rows],
+                surface=truth.surface[rows],
+                names=truth.names,
+            ),
+        )
+
+    @classmethod
+    def joined(cls, parts: Sequence["Unexposed"], order: Ints) -> "Unexposed":
+        """Return all lines of ``parts``, at least one, in another order: row k is ``order[k]``."""
+        others = [np.broadcast_to(each.other_e, each.laser_e.shape) for each in parts]
+        truths = [each.truth for each in parts]
+        return cls(
+            laser_e=np.concatenate([each.laser_e for each in parts]),
+            other_e=np.concatenate(others),
+            reported_rad=np.concatenate([each.reported_rad for each in parts]),
+            truth=Truth(
+                x_mm=np.concatenate([each.x_mm for each in truths]),
+                z_mm=np.concatenate([each.z_mm for each in truths]),
+                position_px=np.concatenate([each.position_px for each in truths]),
+                surface=np.concatenate([each.surface for each in truths]),
+                names=truths[0].names,
+            ),
+        ).of(order)
+
+
 class Renderer:
     """Renderer of a scene's lines with the effects ``active``.
 
-    ``seconds`` holds the time that each effect has taken so far, and under ``""`` that of all else.
+    ``seconds`` holds the processor time that each effect has taken so far, and under ``""`` that of
+    all else.
     """
 
     def __init__(
@@ -123,6 +170,11 @@ class Renderer:
             extra = np.float32(self._even_e) * (self._sensitivity - np.float32(1.0))
             self._offset = extra if self._offset is None else self._offset + extra
 
+    def of(self, light: Light) -> "Renderer":
+        """Return a renderer of another light with these effects."""
+        ray = self.every_ray
+        return Renderer(light, self.active, every_ray=ray, tolerance_px=self.tolerance_px)
+
     # -- one block --
 
     def render(self, timeline: Timeline, words: Pixels) -> Frame:
@@ -132,19 +184,19 @@ class Renderer:
             timeline: n lines.
             words: The random words of their pixels, uint16 [n, length].
         """
-        begin, self._inner = time.perf_counter(), 0.0
+        begin, self._inner = time.thread_time(), 0.0
         frame = self._render(timeline, words)
-        rest = time.perf_counter() - begin - self._inner
+        rest = time.thread_time() - begin - self._inner
         self.seconds[""] = self.seconds.get("", 0.0) + rest
         return frame
 
     @contextmanager
     def _clock(self, name: str) -> Iterator[None]:
-        begin, before = time.perf_counter(), self._inner
+        begin, before = time.thread_time(), self._inner
         try:
             yield
         finally:
-            taken = time.perf_counter() - begin
+            taken = time.thread_time() - begin
             own = taken - (self._inner - before)
             self.seconds[name] = self.seconds.get(name, 0.0) + own
             self._inner = before + taken
@@ -158,6 +210,45 @@ class Renderer:
             reported_rad=(timeline.reported_rad if "index" in self.active else timeline.angle_rad),
             truth=self.truth(spots),
         )
+
+    def unexposed(self, timeline: Timeline) -> Unexposed:
+        """Return the light of lines whose laser's power is not known yet.
+
+        Args:
+            timeline: n lines.
+        """
+        spots, pieces, second = self._spotter.find(timeline)
+        length = self.light.config.sensor.line_length
+        laser = np.zeros((len(timeline), length), np.float32)
+        for row, first, light in (d for p in pieces + second for d in self._drawn(p, timeline)):
+            _add(laser, row, first, light)
+        self._elsewhere(laser, np.arange(len(timeline)), pieces, timeline)
+        other = np.zeros((1, length), np.float32)
+        if self._uneven_e is not None:
+            other = other + self._uneven_e
+        if self._changing:
+            other = other + self.light.changing_ambient(self._changing, timeline)
+        if self._sensitivity is not None:
+            other *= self._sensitivity
+        other += np.float32(self._even_e)
+        reported = timeline.reported_rad if "index" in self.active else timeline.angle_rad
+        return Unexposed(laser, other, reported, self.truth(spots))
+
+    def exposed(self, light: Unexposed, rows: slice, share: Floats, words: Pixels) -> Pixels:
+        """Return the counts of some lines; a line is the same whichever come with it.
+
+        Against ``render`` with the same power only float32 rounding differs, and ghosts so faint
+        that ``render`` leaves them out.
+
+        Args:
+            light: What falls on the pixels.
+            rows: m of its lines.
+            share: Light of each line's pulse over that at the scene's power [m].
+            words: The random words of their pixels, uint16 [m, length].
+        """
+        mean = light.laser_e[rows] * share.astype(np.float32)[:, None]
+        mean += light.other_e if len(light.other_e) == 1 else light.other_e[rows]
+        return self._pixels(mean, words, self._offset)
 
     def look(self, timeline: Timeline) -> Truth:
         """Return the truth of the lines' spots, without making the lines."""
@@ -192,6 +283,11 @@ class Renderer:
         return Charge(
             laser_e=laser, other_e=other, other_offset_e=offset, offset_e=own, whole_e=whole
         )
+
+    @property
+    def every_ray(self) -> bool:
+        """Return whether every spot is followed ray by ray."""
+        return self._spotter.every_ray
 
     @property
     def readout(self) -> Readout:
@@ -443,10 +539,7 @@ class Renderer:
         inside[rows] = np.arange(len(rows))
         if "ghosts" in self.active:
             with self._clock("ghosts"):
-                steps = np.zeros((len(field), length + 2), np.float32)
-                for piece in pieces:
-                    self._add_ghosts(field, steps, inside, piece, timeline)
-                field += np.cumsum(steps, axis=1)[:, :length]
+                self._add_ghosts(field, inside, pieces, timeline)
         if "halo" in self.active:
             with self._clock("halo"):
                 weights = self.light.halo_table
@@ -462,76 +555,84 @@ class Renderer:
         if "skirt" in self.active:
             with self._clock("skirt"):
                 beside = self.light.skirt(timeline.angle_rad[rows], timeline.y_mm[rows])
-                field += beside * np.float32(self._spotter.electrons)
+                beside *= np.float32(self._spotter.electrons)
+                field += beside
         if "bounce" in self.active:
             with self._clock("bounce"):
                 bounced = self.light.bounced(timeline.angle_rad[rows], timeline.y_mm[rows])
-                field += bounced * np.float32(self._spotter.electrons)
+                bounced *= np.float32(self._spotter.electrons)
+                field += bounced
         if self._sensitivity is not None:
             with self._clock("prnu" if "prnu" in self.active else "dust"):
                 field *= self._sensitivity
 
     def _add_ghosts(
-        self,
-        field: Singles,
-        steps: Singles,
-        inside: Ints,
-        piece: Pieces,
-        timeline: Timeline,
+        self, field: Singles, inside: Ints, pieces: list[Pieces], timeline: Timeline
     ) -> None:
         """Add double reflections in the camera: discs on the row, soft where they are small.
 
         A disc far wider than the spot has hard ends: what the spot's own width does to them is
         left out. Its chord along the row is a run of equal pixels: a step up in ``steps`` and one
         down, of which the row holds the sum. A smaller one beside the row is dimmed as if disc and
-        spot were one Gaussian.
+        spot were one Gaussian. A ghost that no pixel sees is left out.
         """
-        geometry = self.light.config.geometry
-        piece = piece.of(inside[piece.row] >= 0)
-        length = field.shape[1]
-        if len(piece) == 0:
-            return
-        u_mm = (piece.place_px - geometry.centre_px) * geometry.pitch_mm
-        found = self.light.ghosts(piece.range_mm, u_mm)
-        whole = piece.whole_e
-        for offset, across, blur, power in zip(
-            found.offset_px, found.across_px, found.blur_px, found.power, strict=True
-        ):
-            lit = np.flatnonzero(power > 0.0)
-            wide = lit[blur[lit] > _WIDE_DISC * piece.height_px[lit]]
-            half = np.sqrt(np.maximum(np.square(blur[wide]) - np.square(across[wide]), 0.0))
-            level = whole[wide] * power[wide] / (np.pi * np.square(blur[wide]))
-            centre = piece.place_px[wide] + offset[wide] + 0.5
-            row = inside[piece.row[wide]]
+        geometry, cut = self.light.config.geometry, self._spotter.cut
+        count, length = field.shape
+        steps = np.zeros(count * (length + 2), np.float32)
+        for zoned in (True, False):  # beams and mirrored spots
+            here = [piece.of(inside[piece.row] >= 0) for piece in pieces]
+            here = [piece for piece in here if len(piece) and (piece.zone is not None) == zoned]
+            if not here:
+                continue
+            spot = _joined(here)
+            found = self.light.ghosts(
+                spot.range_mm, (spot.place_px - geometry.centre_px) * geometry.pitch_mm
+            )
+            area = np.square(found.blur_px) + 2.0 * np.square(spot.height_px)
+            lit = spot.whole_e * found.power > _LEAST_GHOST_E * np.pi * area
+            wide = found.blur_px > _WIDE_DISC * spot.height_px
+            ghost, at = np.nonzero(lit & wide)
+            blur = found.blur_px[ghost, at]
+            half = np.sqrt(np.maximum(np.square(blur) - np.square(found.across_px[ghost, at]), 0.0))
+            level = spot.whole_e[at] * found.power[ghost, at] / (np.pi * np.square(blur))
+            centre = spot.place_px[at] + found.offset_px[ghost, at] + 0.5
+            row = inside[spot.row[at]] * (length + 2)
             for sign in (-1.0, 1.0):
                 end = np.clip(centre + sign * half, 0.0, length)
                 pixel = end.astype(np.int64)
                 part = end - pixel
-                steps[row, pixel] -= sign * level * (1.0 - part)
-                steps[row, pixel + 1] -= sign * level * part
-            small = lit[blur[lit] <= _WIDE_DISC * piece.height_px[lit]]
-            if len(small) == 0:
-                continue
-            some = piece.of(small)
-            cut = self._spotter.cut
-            own = image.row_share(some.height_px, blur[small], cut=cut, zone=some.zone)
-            spread = np.square(some.height_px) + 0.25 * np.square(blur[small])
-            own *= np.exp(-0.5 * np.square(across[small]) / spread)
+                for step, share in ((0, 1.0 - part), (1, part)):
+                    np.add.at(steps, row + pixel + step, (-sign * level * share).astype(np.float32))
+            ghost, at = np.nonzero(lit & ~wide)
+            some = spot.of(at)
+            blur, across = found.blur_px[ghost, at], found.across_px[ghost, at]
+            own = image.row_share(some.height_px, blur, cut=cut, zone=some.zone)
+            spread = np.square(some.height_px) + 0.25 * np.square(blur)
+            own *= np.exp(-0.5 * np.square(across) / spread)
             some = replace(
                 some,
-                place_px=some.place_px + offset[small],
-                electrons=whole[small] * power[small] * own,
-                radius_px=np.asarray(blur[small]),
+                place_px=some.place_px + found.offset_px[ghost, at],
+                electrons=some.whole_e * found.power[ghost, at] * own,
+                radius_px=blur,
                 sigma_px=some.height_px,
-                speed_px=np.zeros(len(small)),
-                coma_px=np.zeros(len(small)),
-                parts_px=None,
-                share=None,
-                cell_px=None,
+                speed_px=np.zeros(len(at)),
+                coma_px=np.zeros(len(at)),
                 speckled=False,
             )
             for row, first, light in self._drawn(some, timeline):
                 _add(field, inside[row], first, light)
+        field += np.cumsum(steps.reshape(count, -1), axis=1)[:, :length]
+
+
+def _joined(pieces: list[Pieces]) -> Pieces:
+    """Return pieces as one, without their rays."""
+    whole = [replace(piece, parts_px=None, share=None, cell_px=None) for piece in pieces]
+    joined: dict[str, Any] = {
+        name: np.concatenate([vars(piece)[name] for piece in whole])
+        for name, value in vars(whole[0]).items()
+        if isinstance(value, np.ndarray)
+    }
+    return replace(whole[0], **joined)
 
 
 def _spectrum(
@@ -546,24 +647,35 @@ def _spectrum(
         width: Width of the window.
     """
     frequency = image.frequencies(width).astype(np.float32)
-    turn = offset_px.astype(np.float32)[:, :, None] * (np.float32(-2.0 * np.pi) * frequency)
-    weight = np.zeros((len(share), 2, share.shape[1]), np.float32)
-    weight[:, 0, OUTER:-OUTER] = share[:, OUTER:-OUTER]
-    weight[:, 1, :OUTER], weight[:, 1, -OUTER:] = share[:, :OUTER], share[:, -OUTER:]
-    cell = np.sinc(cell_px.astype(np.float32)[:, :, None] * frequency)
-    found = np.empty((len(share), width + 1), np.complex64)
-    found.real = ((weight @ np.cos(turn)) * cell).sum(axis=1)
-    found.imag = ((weight @ np.sin(turn)) * cell).sum(axis=1)
+    # A wave of frequency a + b is the product of two, and their sum over cells one of matrices.
+    step = 1 << (width.bit_length() // 2)
+    turn = np.float32(-2.0 * np.pi) * offset_px.astype(np.float32)[:, :, None]
+    fine, coarse = (_wave(turn * each) for each in (frequency[:step], frequency[::step]))
+    ends = np.r_[:OUTER, share.shape[1] - OUTER : share.shape[1]]
+    found = np.zeros((len(share), width + 1), np.complex64)
+    for cells, length in ((slice(OUTER, -OUTER), cell_px[:, :1]), (ends, cell_px[:, 1:])):
+        some = coarse[:, cells] * share[:, cells, None].astype(np.float32)
+        waves = some.transpose(0, 2, 1) @ fine[:, cells]
+        waves = waves.reshape(len(share), -1)[:, : width + 1]
+        found += waves * np.sinc(length.astype(np.float32) * frequency)
+    return found
+
+
+def _wave(turn: Singles) -> npt.NDArray[np.complex64]:
+    """Return exp(i turn); numpy's complex exponential is slow."""
+    found = np.empty(turn.shape, np.complex64)
+    np.cos(turn, out=found.real)
+    np.sin(turn, out=found.imag)
     return found
 
 
 def _add(field: Singles, row: Ints, first: Ints, light: Singles) -> None:
-    """Add windows to whole lines, no row twice; what is beyond the sensor's ends is lost."""
-    length = field.shape[1]
+    """Add windows to whole lines; what is beyond the sensor's ends is lost."""
+    count, length = field.shape
     column = first[:, None] + np.arange(light.shape[1])
+    at = column + (row * length)[:, None]
     inside = (column >= 0) & (column < length)
     if inside.all():
-        field[row[:, None], column] += light
-        return
-    at = np.broadcast_to(row[:, None], column.shape)[inside]
-    field[at, column[inside]] += light[inside]
+        np.add.at(field.reshape(count * length), at.ravel(), light.ravel())
+    else:
+        np.add.at(field.reshape(count * length), at[inside], light[inside])

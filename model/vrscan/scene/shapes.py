@@ -102,18 +102,18 @@ class Patches:
         long, wide = np.linalg.norm(self.along, axis=1), np.linalg.norm(self.across, axis=1)
         u, v = self.along / long[:, None], self.across / wide[:, None]
         normal = np.cross(u, v)
-        toward = direction @ normal.T  # [n, k], like all that follows
+        toward = normal @ direction.T  # [k, n], like all that follows
         parallel = np.abs(toward) < _TINY
-        gap = dot(self.centre, normal) - origin @ normal.T
+        gap = dot(self.centre, normal)[:, None] - normal @ origin.T
         distance = gap / np.where(parallel, 1.0, toward)
         hit = ~parallel & (distance > START)
-        distance = np.where(hit, distance, np.inf)
-        safe = np.where(hit, distance, 0.0)
         for edge, half in ((u, long), (v, wide)):
-            offset = origin @ edge.T + safe * (direction @ edge.T) - dot(self.centre, edge)
-            distance[np.abs(offset) > half + _SEAM] = np.inf
-        nearest = np.argmin(distance, axis=1)
-        return distance[np.arange(len(origin)), nearest], normal[nearest]
+            offset = edge @ origin.T - dot(self.centre, edge)[:, None]
+            offset += distance * (edge @ direction.T)
+            hit &= np.abs(offset) <= half[:, None] + _SEAM
+        distance[~hit] = np.inf
+        nearest = np.argmin(distance, axis=0)
+        return distance[nearest, np.arange(len(origin))], normal[nearest]
 
 
 @dataclass(frozen=True)

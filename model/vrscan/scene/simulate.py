@@ -56,7 +56,7 @@ class Scanner:
         """
         self.light, self.count = light, count
         self.renderer = Renderer(light, active, every_ray=every_ray, tolerance_px=tolerance_px)
-        self._given = (light.scene, light.config, count, active, every_ray, tolerance_px)
+        self._given = (light.scene, light.belief, count, active, every_ray, tolerance_px)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the scanner as its arguments: rays cannot be pickled, and tables are long."""
@@ -69,17 +69,19 @@ class Scanner:
 
     def timeline(self, block: int) -> Timeline:
         """Return the timeline of a block, which is whole even if the scan ends in the block."""
-        scene, config = self.light.scene, self.light.config
+        scene, config = self.light.scene, self.light.belief
         first = block * BLOCK
         # The angles of an even sweep depend on the number of lines: it ends with the scan.
         last = first + BLOCK if scene.scan.sweep == "mirror" else min(first + BLOCK, self.count)
         total = max(self.count, last)
-        return timeline(first, last - first, total, config, scene.scan, scene.seed)
+        return timeline(
+            first, last - first, total, config, scene.scan, scene.seed, scene.instrument
+        )
 
     def block(self, number: int) -> Frame:
         """Return a block of lines."""
         when = self.timeline(number)
-        return self.renderer.render(when, self._words(number)[: len(when)])
+        return self.renderer.render(when, self.words(number)[: len(when)])
 
     def part(self, number: int) -> Simulation:
         """Return the lines of a block that belong to the scan."""
@@ -104,7 +106,8 @@ class Scanner:
         laser = self.light.config.laser
         level = self.light.scene.laser.power_mw / laser.rated_mw
         power = np.full(len(frame.lines), round(level * laser.power_max), np.int64)
-        return Lines(frame.lines, frame.reported_rad, power, frame.truth)
+        when = frame.timeline
+        return Lines(frame.lines, frame.reported_rad, power, frame.truth, 0, when.time_s, when.y_mm)
 
     def given(self, numbers: Ints) -> tuple[Timeline, Pixels]:
         """Return the input of rendering for any lines, whatever the effects: timeline and words."""
@@ -114,7 +117,7 @@ class Scanner:
         for block in np.unique(rising // BLOCK).tolist():
             rows = rising[rising // BLOCK == block] - block * BLOCK
             parts.append(picked(self.timeline(block), rows))
-            noise.append(self._words(block, int(rows[-1]) + 1)[rows])
+            noise.append(self.words(block, int(rows[-1]) + 1)[rows])
         place = np.argsort(order, kind="stable")
         return picked(Timeline.joined(parts), place), np.concatenate(noise)[place]
 
@@ -132,7 +135,7 @@ class Scanner:
         """Return the time at which the last line is taken, s."""
         return float(self.timeline(self.blocks - 1).time_s[(self.count - 1) % BLOCK])
 
-    def _words(self, block: int, lines: int = BLOCK) -> Pixels:
+    def words(self, block: int, lines: int = BLOCK) -> Pixels:
         """Return the random words of the first lines of a block."""
         return words(self.light.scene.seed, block, lines, self.light.config.sensor.line_length)
 

@@ -23,7 +23,7 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
-from numpy.lib.stride_tricks import sliding_window_view
+from scipy import fft
 from scipy.special import erf
 
 from vrscan.data.arrays import Floats, Ints
@@ -41,6 +41,7 @@ _LEVEL = 2.0**0.25  # ratio of the cells of one table of the pattern to those of
 _LEVELS = 22  # tables: the last has cells of 45 times the first's
 _SPOTS = np.geomspace(0.02, 20.0, 48)  # sigma of the spot over the disc's radius
 _OFFSETS = 33  # offsets of a pixel from the spot's middle
+_BLURS = 17  # nodes beside a spot's middle at which the speckle's size is worked out
 _END = 4.0  # sigmas beyond the disc at which a spot's light ends
 _MOST_CELLS = 15.0  # cells along a pixel up to which the quadrature holds
 _BOX = 0.82  # (1/6) / 0.203: variance of a box's autocorrelation over that of a cell's, squares
@@ -238,18 +239,20 @@ def _cones() -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True)
 class Blur:
-    """Speckle out of focus, [n, width], [n, 1] or one for all; by default, none.
+    """Speckle out of focus, at k nodes beside a spot's middle or one for all; by default, none.
 
     Attributes:
-        along: Width of that part of the cone of light that lights a pixel, over the whole cone's,
-            along the row; the speckle's cells are larger by as much.
-        across: The same across the row.
-        drift_px: Motion of the pattern in the pulse.
+        along: Width of that part of the cone of light that lights a node, over the whole cone's,
+            along the row; the speckle's cells are larger by as much [n, k].
+        across: The same across the row [n, k].
+        drift_px: Motion of the pattern in the pulse [n, 1].
+        node: Place of the pixels between the nodes, 0 to k - 1 [n, width]; None for one node.
     """
 
     along: Floats | float = 1.0
     across: Floats | float = 1.0
     drift_px: Floats | float = 0.0
+    node: Singles | None = None
 
 
 SHARP = Blur()
@@ -341,34 +344,38 @@ class Speckle:
         self._along = np.interp(np.minimum(knot, KNOTS - knot) * KNOT_STEP, turn, fall)
         self._next_knot = float(self._along[1])
         self._half_turn = float(np.interp(-0.5, -fall, turn))
-        self._tables: dict[int, Singles] = {}
-        self._table(0)
+        rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence((seed, _STREAM))))
+        self._white = fft.rfft2(rng.standard_normal((KNOTS, line_length), np.float32))
+        # Memory is taken as tables are made.
+        self._tables = np.empty((_LEVELS, (KNOTS + 4) * line_length), np.float32)
+        self._made = np.zeros(_LEVELS, np.bool_)
 
-    def _table(self, level: int) -> Singles:
-        """Return a table of normal variates, its cells ``_LEVEL`` ** ``level`` of the sharp ones.
+    def _make(self, level: int) -> None:
+        """Make a table of normal variates, its cells ``_LEVEL`` ** ``level`` of the sharp ones.
 
         A window over the end of a row reads the next row: those pixels are off the sensor.
         """
-        if level not in self._tables:
-            length, cells = self.line_length, self.cells / _LEVEL**level
-            pixel = np.arange(length)
-            lag = np.minimum(pixel, length - pixel)
-            near = lag < _CELLS_APART / cells + 2
-            across = np.zeros(length)
-            across[near] = pixel_correlation(cells, lag[near].astype(float))
-            # periodic in turn and pixel: the row and column where it wraps are like any other
-            power = np.maximum(np.fft.fft(self._along).real, 0.0)[:, None] * np.maximum(
-                np.fft.rfft(across).real, 0.0
-            )
-            spectrum = np.asarray(np.sqrt(power), np.float32)
-            rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence((self.seed, _STREAM))))
-            white = rng.standard_normal((KNOTS, length), np.float32)
-            mixed = np.fft.rfft2(white) * spectrum
-            table = np.asarray(np.fft.irfft2(mixed, s=white.shape), np.float32)
-            self._tables[level] = np.concatenate(
-                [table[-1], table.ravel(), table[0], table[1], table[2]]
-            )
-        return self._tables[level]
+        length, cells = self.line_length, self.cells / _LEVEL**level
+        pixel = np.arange(length)
+        lag = np.minimum(pixel, length - pixel)
+        near = lag < _CELLS_APART / cells + 2
+        across = np.zeros(length)
+        across[near] = pixel_correlation(cells, lag[near].astype(float))
+        # periodic in turn and pixel: the row and column where it wraps are like any other
+        power = np.maximum(np.fft.fft(self._along).real, 0.0)[:, None] * np.maximum(
+            np.fft.rfft(across).real, 0.0
+        )
+        spectrum = np.asarray(np.sqrt(power), np.float32)
+        table = fft.irfft2(self._white * spectrum, s=(KNOTS, length))
+        self._tables[level] = np.concatenate([table[-1:], table, table[:3]]).ravel()
+        self._made[level] = True
+
+    def _start(self, level: Ints) -> Ints:
+        """Return where tables begin in the flat array of all, which are made if they are not."""
+        there = np.bincount(level.ravel(), minlength=_LEVELS) > 0
+        for each in np.flatnonzero(there & ~self._made).tolist():
+            self._make(each)
+        return level * self._tables.shape[1]
 
     def blur(
         self,
@@ -392,9 +399,12 @@ class Speckle:
             speed_px: Distance that the spot moves in the pulse [n].
             range_mm: Depth of the surface [n].
         """
-        along, across = part_of_cone(offset_px, sigma_px, height_px, radius_px)
+        reach = radius_px + _END * np.maximum(sigma_px, height_px) + 1e-6
+        nodes = reach[:, None] * np.linspace(0.0, 1.0, _BLURS)
+        along, across = part_of_cone(nodes, sigma_px, height_px, radius_px)
         drift = np.abs((1.0 - range_mm / self.lens.focus_mm) * speed_px)
-        return Blur(along, across, drift[:, None])
+        place = np.abs(offset_px) * ((_BLURS - 1) / reach)[:, None]
+        return Blur(along, across, drift[:, None], np.minimum(place, _BLURS - 1).astype(np.float32))
 
     def contrast(self, looks: Floats | float = 1.0, blur: Blur = SHARP) -> Floats:
         """Return the contrast of a pixel, rms over mean, of the shape of what is given.
@@ -402,7 +412,8 @@ class Speckle:
         Args:
             looks: Number of independent patterns that are averaged, at least 1; broadcast with
                 ``blur``.
-            blur: What defocus does; by default the image is sharp.
+            blur: What defocus does; by default the image is sharp. The contrast is that at its
+                nodes.
         """
         along = _side_contrast(self.cells * blur.along * np.hypot(1.0, blur.drift_px))
         across = _side_contrast(self.cells * np.asarray(blur.across))
@@ -413,13 +424,12 @@ class Speckle:
         """Return the correlation of neighbouring pixels of a sharp image."""
         return float(pixel_correlation(self.cells, np.array(1.0)))
 
-    def _level(self, blur: Blur) -> Ints:
-        """Return the tables whose patterns are as coarse as the pixels', the nearest ones."""
+    def _level(self, blur: Blur) -> Floats:
+        """Return which tables, whole or between two, are as coarse as the light of blur's nodes."""
         finer = np.square(1.0 / np.asarray(blur.along)) + _BOX * np.square(
             self.cells * np.asarray(blur.drift_px)
         )
-        level = np.round(0.5 * np.log(finer) / math.log(_LEVEL))
-        return np.clip(level, 0, _LEVELS - 1).astype(np.int64)
+        return np.clip(0.5 / math.log(_LEVEL) * np.log(finer), 0.0, _LEVELS - 1.0)
 
     def gain(
         self,
@@ -477,28 +487,46 @@ class Speckle:
         size = np.cbrt(1.0 - amount**3)
         # between knots, both are mixed and the mix is scaled back to variance 1
         mixed = np.sqrt((1 - part) ** 2 + part**2 + 2 * part * (1 - part) * self._next_knot)
-        spread = np.asarray(np.sqrt(amount) / size, np.float32)
-        middle = np.asarray((1.0 - amount) / size, np.float32)
+        nodes = [
+            np.asarray(np.broadcast_to(each, amount.shape), np.float32)
+            for each in (np.sqrt(amount) / size, (1.0 - amount) / size, self._level(blur))
+        ]
         low, high = (np.asarray(share / mixed, np.float32)[:, None] for share in (1.0 - part, part))
 
-        level = np.broadcast_to(self._level(blur), (lines, np.atleast_2d(wanted).shape[-1]))
-        result = np.zeros((lines, width), np.float32)
+        result = np.empty((lines, width), np.float32)
+        pixel = np.arange(width)
         step = max(1, _CHUNK // max(1, width))
-        for each in np.unique(level).tolist():
-            windows = sliding_window_view(self._table(each), width)
-            own = level == each
-            rows = np.flatnonzero(own.any(axis=1))
-            for line in range(0, len(rows), step):
-                some = rows[line : line + step]
-                root = windows[start[some]]
-                root *= low[some]
-                after = windows[start[some] + length]
-                after *= high[some]
-                root += after
-                root *= spread[some]
-                root += middle[some]
-                np.maximum(root, np.float32(0.0), out=root)
-                np.multiply(root, root, out=after)
-                after *= root
-                result[some] = np.where(own[some], after, result[some])
+        for line in range(0, lines, step):
+            some = slice(line, line + step)
+            spread, middle, level = (
+                each[some] if blur.node is None else _between(each[some], blur.node[some])
+                for each in nodes
+            )
+            which = np.rint(level).astype(np.int64)
+            at = self._start(which) + start[some, None] + pixel
+            flat = self._tables.ravel()
+            root = flat.take(at)
+            root *= low[some]
+            at += length
+            after = flat.take(at)
+            after *= high[some]
+            root += after
+            root *= spread
+            root += middle
+            np.maximum(root, np.float32(0.0), out=root)
+            np.multiply(root, root, out=after)
+            np.multiply(after, root, out=result[some])
         return result
+
+
+def _between(nodes: Singles, place: Singles) -> Singles:
+    """Return the values at places between nodes [n, width] of values at these [n, k]."""
+    count = nodes.shape[1]
+    left = np.minimum(place.astype(np.int32), count - 2)
+    part = place - left
+    at = left + (count * np.arange(len(nodes), dtype=np.int32))[:, None]
+    flat = nodes.ravel()
+    found: Singles = flat.take(at)
+    part *= flat.take(at + 1) - found
+    found += part
+    return found

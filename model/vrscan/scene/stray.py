@@ -385,21 +385,20 @@ def dust_shadow(
 
 def disc_overlap(first: Floats | float, second: Floats | float, distance: Floats) -> Floats:
     """Return the common area of two discs of these radii, elementwise, all in one unit."""
-    small = np.minimum(first, second)
-    large = np.maximum(first, second)
-    apart = distance >= small + large
+    small, large, distance = np.broadcast_arrays(
+        np.minimum(first, second), np.maximum(first, second), distance
+    )
     inside = distance <= large - small
-    crossing = ~(apart | inside)
-    d = np.where(crossing, distance, 1.0)
-    a = np.where(crossing, small, 0.8)
-    b = np.where(crossing, large, 0.8)
+    common = np.where(inside, math.pi * np.square(small), 0.0)
+    crossing = ~inside & (distance < small + large)
+    a, b, d = (each[crossing] for each in (small, large, distance))
     square = np.square(d)
     near = np.clip((square + a**2 - b**2) / (2.0 * d * a), -1.0, 1.0)
     far = np.clip((square + b**2 - a**2) / (2.0 * d * b), -1.0, 1.0)
     kite = (-d + a + b) * (d + a - b) * (d - a + b) * (d + a + b)
-    common = a**2 * np.arccos(near) + b**2 * np.arccos(far) - 0.5 * np.sqrt(np.maximum(kite, 0.0))
-    whole = np.where(inside, math.pi * np.square(small), 0.0)
-    return np.asarray(np.where(crossing, common, whole))
+    lens = a**2 * np.arccos(near) + b**2 * np.arccos(far)
+    common[crossing] = lens - 0.5 * np.sqrt(np.maximum(kite, 0.0))
+    return np.asarray(common)
 
 
 def _face(

@@ -29,6 +29,7 @@ from vrscan.data.config import HARMONICS, Config, Mirror, Section
 from vrscan.data.edges import COLUMNS
 from vrscan.data.errors import InputError
 from vrscan.ideal.motion import crossings
+from vrscan.scene.tolerances import Instrument, believed
 
 PERIODS = 64  # periods that are computed and kept together
 _STREAM = 0x1DE8  # separates these random numbers from others of the same seed
@@ -90,16 +91,23 @@ class _Motion:
     phase_drift: float  # turns/s
     jitter_s: float
     averaging: int  # number of periods that are averaged
+    believed_mark_rad: float  # what the instrument computes with
+    believed_harmonics: tuple[tuple[float, float], ...]
 
     @classmethod
-    def of(cls, config: Config, scan: Scan) -> "_Motion":
+    def of(cls, config: Config, scan: Scan, instrument: Instrument | None = None) -> "_Motion":
         mirror = config.mirror
         jitter_ns = config.mems.jitter_ns if scan.jitter_ns is None else scan.jitter_ns
+        own = Instrument() if instrument is None else instrument
+        known = believed(mirror, own.drive_phase)
+        true = own.moving(mirror, scan.start_s)
         return cls(
             frequency_hz=mirror.frequency_hz,
-            amplitude_rad=math.radians(mirror.amplitude_deg),
-            mark_rad=math.radians(mirror.index_deg),
-            harmonics=_pairs(mirror),
+            amplitude_rad=math.radians(true.amplitude_deg),
+            mark_rad=math.radians(true.index_deg),
+            harmonics=_pairs(true),
+            believed_mark_rad=math.radians(known.index_deg),
+            believed_harmonics=_pairs(known),
             drift=1e-6 * scan.drift_ppm_per_s,
             phase_drift=1e-6 * scan.phase_drift_urad_per_s / _TURN,
             jitter_s=1e-9 * jitter_ns,
@@ -196,7 +204,9 @@ def _block(motion: _Motion, seed: int, block: int) -> tuple[Floats, Floats, Floa
     time = _passes(motion, period, motion.mark_rad) + motion.jitter_s * _noise(seed, block)
     half = 0.5 * motion.frequency_hz * (time[:, 1] - time[:, 0])
     try:
-        amplitude, middle = crossings(np.clip(half, 0.0, 0.25), motion.mark_rad, motion.harmonics)
+        amplitude, middle = crossings(
+            np.clip(half, 0.0, 0.25), motion.believed_mark_rad, motion.believed_harmonics
+        )
     except ValueError as error:
         raise InputError(f"mirror.harmonics, mirror.index_deg: {error}") from error
     phase = middle + period - 0.5 * motion.frequency_hz * (time[:, 0] + time[:, 1])
@@ -212,7 +222,15 @@ def _periods(motion: _Motion, seed: int, first: int, last: int) -> tuple[Floats,
     return time, amplitude, phase
 
 
-def timeline(first: int, count: int, total: int, config: Config, scan: Scan, seed: int) -> Timeline:
+def timeline(
+    first: int,
+    count: int,
+    total: int,
+    config: Config,
+    scan: Scan,
+    seed: int,
+    instrument: Instrument | None = None,
+) -> Timeline:
     """Return lines ``first`` to ``first + count - 1`` of a scan of ``total`` lines.
 
     Line k begins at t = start_s + k / rate; its pulse's centre comes pulse_delay + pulse / 2 later.
@@ -231,6 +249,7 @@ def timeline(first: int, count: int, total: int, config: Config, scan: Scan, see
         config: Line timing, mirror and, unless the scan gives one, the jitter.
         scan: The motion of the beam.
         seed: Seed of the jitter, not negative.
+        instrument: Mirror and index mark as they are; None where the configuration is right.
 
     Returns:
         Arrays [count]; the same lines in other blocks are the same to the last bit.
@@ -254,7 +273,7 @@ def timeline(first: int, count: int, total: int, config: Config, scan: Scan, see
         none = np.empty(0)
         return Timeline(line, time, angle, rate, y, angle.copy(), none, none.astype(np.bool_))
 
-    motion = _Motion.of(config, scan)
+    motion = _Motion.of(config, scan, instrument)
     angle, rate = motion.at(time)
     begin = scan.start_s + first / timing.rate_hz
     end = scan.start_s + (first + count) / timing.rate_hz
@@ -272,7 +291,7 @@ def timeline(first: int, count: int, total: int, config: Config, scan: Scan, see
         amplitude += amplitudes[k : k + kept] / averaging
         phase += phases[k : k + kept] / averaging
     newest = np.searchsorted(crossing[averaging - 1 :, 1], time, side="right") - 1
-    shape, _ = series(motion.frequency_hz * time + phase[newest], motion.harmonics)
+    shape, _ = series(motion.frequency_hz * time + phase[newest], motion.believed_harmonics)
     flat = crossing.ravel()
     inside = (flat >= begin) & (flat < end)
     outward = np.tile([True, False], len(crossing))
@@ -312,7 +331,13 @@ def angle_error_rad(config: Config, scan: Scan) -> float:
 
 
 def write_edges(
-    file: BinaryIO, begin_s: float, end_s: float, config: Config, scan: Scan, seed: int
+    file: BinaryIO,
+    begin_s: float,
+    end_s: float,
+    config: Config,
+    scan: Scan,
+    seed: int,
+    instrument: Instrument | None = None,
 ) -> int:
     """Write the index as a recording that ``vrscan.data.edges.read`` reads: EDGES.csv.
 
@@ -327,6 +352,7 @@ def write_edges(
         config: The configuration, whose mirror and photodiode are used.
         scan: A scan with the sweep ``mirror``.
         seed: Seed of the jitter, as in ``timeline``.
+        instrument: As in ``timeline``.
 
     Returns:
         Number of pairs of crossings.
@@ -339,7 +365,7 @@ def write_edges(
         raise ValueError(f"write_edges: begin_s {begin_s} is negative")
     if scan.sweep == "even":
         raise InputError("scan.sweep: an even sweep has no index")
-    motion = _Motion.of(config, scan)
+    motion = _Motion.of(config, scan, instrument)
     frequency = motion.frequency_hz + motion.phase_drift
     width = math.copysign(math.radians(config.mems.diode_deg), motion.mark_rad)
     inner = motion.mark_rad - width

@@ -8,12 +8,16 @@ out: its mean over such a part is the bias, the spread about it the rms.
 ``auto`` leaves effects out, the most expensive first and several at once where it can, as long as
 the change by all that is left out together stays below the tolerance in every zone of a survey,
 with a margin for lines that move far, and at most three lines in a thousand of each part, or one,
-gain, lose or change their point. Each trial is made on some thousand lines, and ends as soon as it
-cannot succeed any more; the final choice has to hold on the whole survey. The time of a trial, and
-the time that it may save on the scan's lines, are typical values and not measured, so that the same
-scene gets the same effects, and so the same lines, whenever and wherever it is simulated. Where
-choosing would take more time than it saves, the scan has all effects. So it has where no line of
-the survey has a point, because then nothing that is left out changes anything.
+gain, lose or change their point. Coarse grains are judged first, and alone. Where they stay, the
+others are compared without them: grains turn a little less light into another draw of the same
+error, and no draw is truer than another. What sets the size of the grains then stays, too.
+
+Each trial is made on some thousand lines, and ends as soon as it cannot succeed any more; the final
+choice has to hold on the whole survey. The time of a trial, and the time that it may save on the
+scan's lines, are typical values and not measured, so that the same scene gets the same effects, and
+so the same lines, whenever and wherever it is simulated. Where choosing would take more time than
+it saves, the scan has all effects. So it has where no line of the survey has a point, because then
+nothing that is left out changes anything.
 """
 
 import itertools
@@ -56,6 +60,8 @@ _SIGMAS = 2.0  # standard errors by which a mean square has to be below the tole
 _MOST_CHANGED = 0.003  # share of a part's lines, or one line, whose points may come, go or jump
 _STAKE = 0.03  # trials may take this share of the scan's time in full, plus what they save
 _ODDS = 3.0  # a trial has to save this many times its own time, because it may fail
+_GRAIN = "grain"
+_GRAINED = frozenset({_GRAIN, "defocus", "smear"})  # these set the grains' size: all three stay
 _RAYS = "every ray"  # treated like an effect: without it, rays are followed only where needed
 
 
@@ -180,27 +186,38 @@ def plan(
             progress(min(done, total), total)
 
     table_rows = np.arange(seen.first(_TABLE))
+    references: dict[frozenset[str], Table] = {}
+
+    def compared(effects: frozenset[str]) -> Difference:
+        """Return the change by all other effects."""
+        of, less = alike(full, effects)
+        if of not in references:
+            references[of] = trial.points(table_rows, of)
+        return difference(references[of], trial.points(table_rows, less), part, light)
+
     part = seen.part[table_rows]
     found: dict[str, Difference] = {}
     cost: dict[str, float] = {}
     measured: dict[frozenset[str], float] = {}
     if each or wanted not in ("auto", "full"):
         trial.points(table_rows[:_READY], full)  # makes the tables; their time is not an effect's
-        reference = trial.points(table_rows, full)
-        trial.pointless = not reference.located.any()
+        references[full] = trial.points(table_rows, full)
+        trial.pointless = not references[full].located.any()
         measured = dict(trial.microseconds)  # includes the time of each effect
         cost = {name: 1e6 * trial.seconds.get(name, 0.0) / len(part) for name in have}
     tick()
     for name in have if each else ():
-        found[name] = difference(reference, trial.points(table_rows, full - {name}), part, light)
+        found[name] = compared(full - {name})
         tick()
     state, left_out = full, _NOTHING
     if wanted == "auto":
         if break_even_lines >= LEAST_LINES:
             state, left_out = _auto(trial, break_even_lines, tick)
+            if state not in trial.microseconds:
+                trial.points(table_rows, state)  # for its time alone
     elif wanted != "full":
         state = frozenset(have) & (listed or frozenset())
-        left_out = difference(reference, trial.points(table_rows, state), part, light)
+        left_out = compared(state)
     us = {full: np.nan} | trial.microseconds | measured
     tick()
     return Plan(
@@ -276,12 +293,13 @@ class _Trial:
         self._count = count
         self.spent_us = 0.0  # typical time of all renderings so far
         self.microseconds: dict[frozenset[str], float] = {}  # best time per line, by effects
-        self._registers = Registers.from_config(judged(light.config))
+        self._registers = Registers.from_config(judged(light.belief))
         tries, last = seen.first(_PER_ZONE[0]), len(seen.numbers)
         ends = {0, *(seen.first(n) for n in _STEPS), tries, *range(tries, last, _STEP), last}
         self._steps = [np.arange(a, b) for a, b in itertools.pairwise(sorted(ends))]
-        self._references: dict[int, Table] = {}  # references of steps, by their first line
-        self._worst: tuple[Ints, Table] | None = None  # the worst lines, and their reference
+        self._known: dict[tuple[int, frozenset[str]], Table] = {}  # by a step's first line
+        # The worst lines of a failed trial and their points, by the effects of the reference.
+        self._worst: dict[frozenset[str], tuple[Ints, Table]] = {}
 
     @cached_property
     def _given(self) -> tuple[Timeline, Pixels]:
@@ -298,26 +316,26 @@ class _Trial:
         )
         self.spent_us += START_US + len(rows) * _us(effects)
         timeline, words = picked(self._given[0], rows), self._given[1][rows]
-        begin = time.perf_counter()
+        begin = time.thread_time()
         frame = renderer.render(timeline, words)
-        taken_us = 1e6 * (time.perf_counter() - begin) / len(rows)
+        taken_us = 1e6 * (time.thread_time() - begin) / len(rows)
         self.microseconds[effects] = min(taken_us, self.microseconds.get(effects, np.inf))
         self.seconds = dict(renderer.seconds)
-        power = np.full(len(rows), self.light.config.laser.power_max, np.int64)
+        power = np.full(len(rows), self.light.belief.laser.power_max, np.int64)
         angle = angle_turns(frame.reported_rad)
         return table(run_fixed(frame.lines, angle, power, self._registers))
 
-    def _reference(self, rows: Ints) -> Table:
-        """Return the points of a step's lines with all effects."""
-        begin = int(rows[0])
-        if begin not in self._references:
-            self._references[begin] = self.points(rows, self.full)
-        return self._references[begin]
+    def _reference(self, rows: Ints, effects: frozenset[str]) -> Table:
+        """Return the points of a step's lines with the effects of a reference."""
+        key = int(rows[0]), effects
+        if key not in self._known:
+            self._known[key] = self.points(rows, effects)
+        return self._known[key]
 
     def look(self, lines: int) -> None:
         """Find out whether any of the first lines has a point: without one, all change nothing."""
         steps = (rows for rows in self._steps if rows[0] < lines)
-        self.pointless = not any(self._reference(rows).located.any() for rows in steps)
+        self.pointless = not any(self._reference(rows, self.full).located.any() for rows in steps)
 
     def judge(self, effects: frozenset[str], lines: int) -> Difference | None:
         """Return the change by the other effects on the first lines, or None once it is too large.
@@ -325,19 +343,20 @@ class _Trial:
         For each zone the mean square of the changes, plus ``_SIGMAS`` standard errors of that mean,
         has to be below the tolerance's square. So a few lines that move far weigh more.
         """
+        full, effects = alike(self.full, effects)
         part = self.seen.part[:lines]
         size = np.bincount(part, minlength=len(PARTS)).astype(np.float64)
-        if self._worst is not None:
-            rows, reference = self._worst
-            spent = _spent(reference, self.points(rows, effects), self.light.config)
+        if full in self._worst:
+            rows, reference = self._worst[full]
+            spent = _spent(reference, self.points(rows, effects), self.light.belief)
             if self._exceeds(spent, self.seen.part[rows], size):
                 return None
         pairs: list[tuple[Table, Table]] = []
         spent = np.zeros((2, 0))
         for rows in self._steps:
             done = int(rows[-1]) + 1
-            pairs.append((self._reference(rows), self.points(rows, effects)))
-            spent = np.append(spent, _spent(*pairs[-1], self.light.config), axis=1)
+            pairs.append((self._reference(rows, full), self.points(rows, effects)))
+            spent = np.append(spent, _spent(*pairs[-1], self.light.belief), axis=1)
             if done == lines or self._exceeds(spent, part[:done], size, done / lines):
                 break
         first, second = (Table.joined(each) for each in zip(*pairs, strict=True))
@@ -350,7 +369,7 @@ class _Trial:
             room = np.array([np.square(self.tolerance_px) * size, np.ones(len(PARTS))])
             score = (spent / room[:, part[:done]]).sum(axis=0)
             rows = np.sort(np.argsort(-score, kind="stable")[:_WORST])
-            self._worst = rows, self.points(rows, self.full)
+            self._worst[full] = rows, self.points(rows, full)
         return None
 
     def _exceeds(
@@ -381,6 +400,11 @@ class _Trial:
         return bool(
             over[: len(ZONES)].any() or (other > np.maximum(_MOST_CHANGED * size, 1.0)).any()
         )
+
+
+def alike(full: frozenset[str], effects: frozenset[str]) -> tuple[frozenset[str], frozenset[str]]:
+    """Return the two sets of effects whose points are compared: without grain, if both have it."""
+    return (full - {_GRAIN}, effects - {_GRAIN}) if _GRAIN in effects else (full, effects)
 
 
 def judged(config: Config) -> Config:
@@ -436,7 +460,7 @@ def difference(first: Table, second: Table, part: Ints, light: Light) -> Differe
     """
     both = first.located & second.located
     moved_mm = np.where(both, first.z_mm - second.z_mm, 0.0)
-    moved_px = moved(first, second, light.config)
+    moved_px = moved(first, second, light.belief)
     jumped = np.abs(moved_px) > JUMP_PX
     changed = (first.located != second.located) | jumped
     both &= ~jumped
@@ -482,7 +506,13 @@ def _auto(
         rest_us = (len(trial.seen.numbers) - lines) * (_us(full) + _us(effects))
         return break_even_lines * (_us(full) - _us(effects)) >= _ODDS * rest_us
 
-    dear = sorted(full & EFFECTS.keys(), key=lambda name: -EFFECTS[name].typical_us)
+    tick()
+    found = trial.judge(full - {_GRAIN}, lines)
+    if found is not None:
+        state = full - {_GRAIN}
+        kept.append((state, found))
+    stay = _GRAINED & state if _GRAIN in state else frozenset({_GRAIN})
+    dear = sorted((full & EFFECTS.keys()) - stay, key=lambda name: -EFFECTS[name].typical_us)
     everywhere = [name for name in dear if name in WHOLE_LINE]
     others = [name for name in dear if name not in WHOLE_LINE]
     todo = [everywhere, [_RAYS], [name for name in others if EFFECTS[name].typical_us > 0.0]]

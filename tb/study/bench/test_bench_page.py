@@ -229,7 +229,7 @@ def test_costs_are_over_the_reference_and_tell_what_fills_them_in(
     found = Reader(page.page("", "", [], placed)).rows
     assert found["cost-one-pass"][4:] == ["303", "1.5"]
     assert found["cost-two-pass"][4:] == ["407", "3.5"]
-    assert found["cost-fit"][4:] == ["512", "6"] and found["cost-fit"][3] == "3134"
+    assert found["cost-fit"][4:] == ["512", "6"] and found["cost-fit"][3] == "3195"
     assert int(found["cost-two-pass"][3]) > int(found["cost-one-pass"][3]) > 100
     assert found["speed-hardware"][1] == f"{130.5e6 / 2048:,.0f}"
     (tmp_path / "timing" / "timing.csv").write_text("damaged\n")

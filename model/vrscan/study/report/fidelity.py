@@ -10,8 +10,8 @@ too low.
 
 import math
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -26,12 +26,12 @@ from vrscan.data.table import Table
 from vrscan.engines.engine import Engine
 from vrscan.engines.engine import run as run_engine
 from vrscan.scene.description import Description, load
-from vrscan.scene.effects import present
+from vrscan.scene.effects import EFFECTS, present
 from vrscan.scene.light import Light
-from vrscan.scene.simulate import Simulation, simulate
+from vrscan.scene.simulate import Scanner, Simulation, simulate
 from vrscan.show.sheet import Column, Sheet, listed, rewrite, short, words
 from vrscan.show.style import COLOURS, INK, QUIET, drawing, plain_log
-from vrscan.study.plan import JUMP_PX, ZONES, judged, moved, plan
+from vrscan.study.plan import JUMP_PX, ZONES, alike, judged, moved, plan
 from vrscan.study.report.figure import largest, mean, rms
 
 TOLERANCES_PX = (0.1, 0.03, 0.01)
@@ -52,6 +52,8 @@ _OUT: dict[str, Any] = {"markerfacecolor": "white", "markeredgewidth": 1.2}
 class Row:
     """One fidelity of one scene; errors are positions less those of ``full``.
 
+    Where a fidelity has coarse grains, both are compared without them, as ``auto`` chooses: with
+    them a change of the light would be another draw of the same error (``vrscan.study.plan``).
     They are taken over lines whose spot the camera sees and that have a point in both, no farther
     apart than ``JUMP_PX``: points farther apart belong to different peaks. ``differ`` counts the
     others, over all lines. Without a point, errors are NaN: nothing was measured.
@@ -153,8 +155,19 @@ def _scene(scene: Description, count: int, config: Config, rounds: int) -> list[
         given = (chosen.active, chosen.every_ray, chosen.seconds)
         runs.append(_Run(f"auto {tolerance:g}", tolerance, light, *given))
     one = judged(config)  # as auto chooses
-    tables = [run_engine(Engine.FIXED, each.go(count).lines, one) for each in runs]
-    tables.append(run_engine(Engine.FIXED, reference.lines, one))
+
+    def points(each: _Run, active: frozenset[str]) -> Table:
+        return run_engine(Engine.FIXED, replace(each, active=active).go(count).lines, one)
+
+    references = {whole: run_engine(Engine.FIXED, reference.lines, one)}
+    tables = []
+    for each in runs:
+        of, less = alike(whole, each.active)
+        if of not in references:
+            references[of] = points(full, of)
+        own = points(each, each.active)
+        tables.append((own, own if less == each.active else points(each, less), references[of]))
+    tables.append((references[whole],) * 3)
     runs.append(full)
     for _ in range(rounds):
         for each in runs:
@@ -162,22 +175,71 @@ def _scene(scene: Description, count: int, config: Config, rounds: int) -> list[
             each.go(count)
             each.best_s = min(each.best_s, time.process_time() - begin)
     return [
-        _row(scene.source, each, found, tables[-1], truth, len(whole), config)
+        _row(scene.source, each, found, truth, len(whole), config)
         for each, found in zip(runs, tables, strict=True)
     ]
 
 
+def costs(scenes: Sequence[str], count: int, config: Config) -> dict[str, list[float]]:
+    """Return the time of each effect, microseconds per line, in all scenes that have it.
+
+    Spots are followed ray by ray where they need it. A time is the best of several rounds.
+
+    Args:
+        scenes: Names of shipped ones, or files.
+        count: Number of lines of each scene.
+        config: The instrument.
+
+    Raises:
+        InputError: if a scene does not load.
+    """
+    found: dict[str, list[float]] = {name: [] for name in EFFECTS}
+    for scene in [load(name) for name in scenes]:
+        scanner = Scanner(Light(scene, config), count, frozenset(present(scene)))
+        seconds = scanner.renderer.seconds
+        best = dict.fromkeys(present(scene), np.full(scanner.blocks, np.inf))
+        for _ in range(1 + ROUNDS):  # the first fills the tables
+            taken = np.zeros((scanner.blocks, len(best)))
+            for block in range(scanner.blocks):
+                seconds.clear()
+                scanner.part(block)
+                taken[block] = [seconds.get(name, 0.0) for name in best]
+            best = {
+                name: np.minimum(known, own)
+                for (name, known), own in zip(best.items(), taken.T, strict=True)
+            }
+        for name, known in best.items():
+            found[name].append(1e6 * float(known.sum()) / count)
+    return found
+
+
+def costs_markdown(found: Mapping[str, Sequence[float]]) -> str:
+    """Return the times of effects as a Markdown table, the most expensive first.
+
+    Effects that no scene has, or that take no time of their own, are left out.
+    """
+    median = {name: float(np.median(own)) for name, own in found.items() if max(own, default=0.0)}
+    lines = [
+        [name, f"{own:.1f}", f"{max(found[name]):.1f}", f"{EFFECTS[name].typical_us:g}"]
+        for name, own in sorted(median.items(), key=lambda item: -item[1])
+    ]
+    heads = ["effect", "median of the scenes", "largest", "as auto counts it"]
+    return listed(heads, lines, left=1).markdown()
+
+
 def _row(
-    scene: str, made: _Run, found: Table, full: Table, truth: Truth, of: int, config: Config
+    scene: str, made: _Run, tables: tuple[Table, ...], truth: Truth, of: int, config: Config
 ) -> Row:
+    """Return a row from its points, and from those that are compared: the fidelity's and full's."""
+    own, found, full = tables
     apart = moved(found, full, config)
     jumped = np.abs(apart) > JUMP_PX
     seen = np.isfinite(truth.position_px)
     used = found.located & full.located & seen & ~jumped
     px, um = apart[used], 1e3 * (found.z_mm - full.z_mm)[used]
     parts = np.array_split(np.argsort(truth.z_mm[used], kind="stable"), len(ZONES))
-    known = found.located & seen
-    error = (found.position_px - truth.position_px)[known]
+    known = own.located & seen
+    error = (own.position_px - truth.position_px)[known]
     return Row(
         scene=scene,
         fidelity=made.fidelity,
@@ -249,10 +311,11 @@ def table(rows: Sequence[Row]) -> RichTable:
         f"Fidelity against full with the same random numbers: {lines} lines of each scene, "
         "chain fixed",
         "lines/s: rendering alone, by one core's processor time; on: effects. Position less that "
-        "of full: bias, rms (bias included), rms of the worst third by depth, 99 % and largest; "
-        "ok: the worst third is within auto's tolerance; differ: lines with a point in only one of "
-        f"the two, or two more than {JUMP_PX:g} px apart, which count nowhere else. Truth: rms and "
-        "median of the position's own error. Plan: s that planning takes.",
+        "of full, both without grain if it is on: bias, rms (bias included), rms of the worst "
+        "third by depth, 99 % and largest; ok: the worst third is within auto's tolerance; differ: "
+        f"lines with a point in only one of the two, or two more than {JUMP_PX:g} px apart, which "
+        "count nowhere else. Truth: rms and median of the position's own error. Plan: s that "
+        "planning takes.",
         apart=lambda row: row.scene,
     )
 
@@ -305,18 +368,21 @@ def pages(root: Path) -> tuple[Path, Path]:
     return root / "docs" / "light.md", root / "docs" / "fidelity.png"
 
 
-def write_pages(rows: Sequence[Row], root: Path) -> list[Path]:
-    """Rewrite the generated table of docs/light.md, and the picture next to it.
+def write_pages(
+    rows: Sequence[Row], times: Mapping[str, Sequence[float]], root: Path
+) -> list[Path]:
+    """Rewrite the generated tables of docs/light.md, and the picture next to it.
 
     Args:
         rows: Rows of all shipped scenes.
+        times: Times of the effects, from ``costs``.
         root: Folder of the README.
 
     Returns:
         The files, or none if the page or its markers are missing.
     """
     page, plot = pages(root)
-    if not rewrite(page, {"fidelity": markdown(rows)}):
+    if not rewrite(page, {"fidelity": markdown(rows), "costs": costs_markdown(times)}):
         return []
     with atomic_file(plot) as drawn:
         picture(rows, drawn)

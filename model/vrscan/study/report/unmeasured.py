@@ -40,7 +40,7 @@ def _cause(light: Light, count: int) -> str:
     numbers = np.unique(np.linspace(0, count - 1, min(count, _LINES)).round().astype(np.int64))
     scanner = Scanner(light, count, frozenset(present(light.scene)))
     frame = scanner.some(numbers)
-    points = run(Engine.FIXED, scanner.recorded(frame), light.config)
+    points = run(Engine.FIXED, scanner.recorded(frame), light.belief)
     seen = np.isfinite(frame.truth.position_px)
     least = _COMMON * max(int(seen.sum()), 1)
     often = [name for name, flag in points.flags.items() if int(flag[seen].sum()) >= least]

@@ -1,0 +1,129 @@
+"""The mirror's calibration of VR-SCAN V-B: a plane at several operating points.
+
+Only the mirror's parameters are fitted: the angle of the index mark, and harmonics that are
+straight lines over the drive's phase, in the form that the chain's ``motion_map`` takes. Because
+amplitude and phase are measured with one table at every operating point, the first harmonic has
+slopes too. The geometry is that of the coarse calibration.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vrscan.calibrate.coarse import SPECKLE_PX, check_stage, overlaid
+from vrscan.calibrate.recording import Recording, angles, located, px_per_mm
+from vrscan.calibrate.solve import Fit, Parameter, least_squares
+from vrscan.data.arrays import Floats
+from vrscan.data.config import FEWEST_HARMONICS, HARMONICS, Config
+from vrscan.data.errors import InputError
+from vrscan.scene import tolerances
+
+POINTS = 1500  # largest number of points of a scan that the fit takes
+LEAST_PHASES = 2  # operating points that a straight line needs
+LEAST_DISTANCES = 2  # distances that tell an angle's scale from the triangle's
+_SLOPE_TOLERANCE = 0.3  # of a slope, relative, and of what the first harmonic's may be
+
+
+@dataclass(frozen=True)
+class MirrorMap:
+    """The outcome of a mirror's calibration."""
+
+    config: Config  # the configuration with index mark, harmonics, slopes and drive phase
+    fit: Fit
+    before_mm: float  # mean absolute error in z of the overlaid periods before
+    after_mm: float  # and after
+
+
+def parameters(config: Config) -> list[Parameter]:
+    """Return the mirror's 23 parameters: index mark, ten of harmonics, twelve slopes."""
+    mirror, share = config.mirror, tolerances.HARMONIC_SHARE
+    mark = math.degrees(1e-3 * tolerances.INDEX_MRAD)
+    found = [Parameter("index_deg", "deg", mirror.index_deg, mark)]
+    rows = list(zip(HARMONICS, mirror.harmonics, strict=True))
+    for k, (size, phi) in rows[1:FEWEST_HARMONICS]:
+        found.append(Parameter(f"a_{k}", "", size, share * max(size, 1e-6)))
+        found.append(Parameter(f"phi_{k}", "rad", phi, share))
+    for k, (size, phi) in list(zip(HARMONICS, mirror.slopes, strict=True))[:FEWEST_HARMONICS]:
+        for name, value, least in (("a", size, 1e-5), ("phi", phi, 1e-2)):
+            tolerance = _SLOPE_TOLERANCE * max(abs(value), least)
+            found.append(Parameter(f"d{name}_{k}", "1/turn", value, tolerance))
+    return found
+
+
+def configured(config: Config, values: Floats) -> Config:
+    """Return a configuration with other values of ``parameters``."""
+    mirror, last = config.mirror, 2 * FEWEST_HARMONICS - 1
+    harmonics = [list(pair) for pair in mirror.harmonics]
+    slopes = [list(pair) for pair in mirror.slopes]
+    harmonics[1:FEWEST_HARMONICS] = values[1:last].reshape(-1, 2).tolist()
+    slopes[:FEWEST_HARMONICS] = values[last:].reshape(-1, 2).tolist()
+    own = {"index_deg": float(values[0]), "harmonics": harmonics, "slopes": slopes}
+    return config.model_copy(update={"mirror": mirror.model_copy(update=own)})
+
+
+def scan_angles(recording: Recording, config: Config) -> Floats:
+    """Return the angles that an instrument of this configuration gives the points, rad [n]."""
+    mirror = config.mirror
+    phase = recording.setup.drive_phase
+    away = 0.0 if phase is None else (phase - mirror.drive_phase + 0.5) % 1.0 - 0.5
+    setup = recording.setup.model_copy(update={"drive_phase": away})
+    return angles(
+        replace(recording, setup=setup),
+        math.radians(mirror.index_deg),
+        mirror.harmonics,
+        np.array(mirror.slopes),
+    )
+
+
+def errors(recording: Recording, config: Config) -> Floats:
+    """Return the errors in z of a scan's points, mm [n]."""
+    x, z = located(recording, config, scan_angles(recording, config))
+    return np.asarray(z - recording.setup.z(x))
+
+
+def calibrate(recordings: Sequence[Recording], config: Config) -> MirrorMap:
+    """Return the mirror's parameters from planes at known distances and several operating points.
+
+    Args:
+        recordings: The scans; those of an operating point in the order of the stage's positions.
+        config: The coarse calibration.
+
+    Raises:
+        InputError: if there are too few operating points or distances, a scan has no drive phase or
+            is not of a plane, or the stage does not go one way.
+    """
+    groups: dict[float, list[Recording]] = {}
+    for each in recordings:
+        if each.setup.kind != "plane":
+            raise InputError(f"{each.name}: the mirror's calibration needs a plane")
+        if each.setup.drive_phase is None:
+            raise InputError(f"{each.name}: its setup has no drive_phase")
+        groups.setdefault(each.setup.drive_phase, []).append(each)
+    if len(groups) < LEAST_PHASES:
+        raise InputError(f"mirror: {len(groups)} operating points, needs {LEAST_PHASES}")
+    for group in groups.values():
+        if len({each.setup.z_mm for each in group}) < LEAST_DISTANCES:
+            raise InputError(
+                f"{group[0].name}: {len(group)} distance at this operating point, needs "
+                f"{LEAST_DISTANCES}: a plane's error may be its distance's"
+            )
+        check_stage(group)
+    wanted = parameters(config)
+    thin = [each.thinned(POINTS) for each in recordings]
+    weight = [px_per_mm(each, config) / np.hypot(each.sigma_px, SPECKLE_PX) for each in thin]
+
+    def residuals(values: Floats) -> Floats:
+        own = configured(config, values)
+        return np.concatenate([w * errors(r, own) for w, r in zip(weight, thin, strict=True)])
+
+    repeats = max(1.0, len(thin[0]) / len(overlaid(thin[0], thin[0].z_mm)))
+    fit = least_squares(residuals, wanted, repeats=repeats)
+    own = configured(config, fit.values)
+
+    def mean(of: Config) -> float:
+        left = [np.mean(np.abs(overlaid(each, errors(each, of)))) for each in recordings]
+        return float(np.mean(left))
+
+    return MirrorMap(own, fit, mean(config), mean(own))

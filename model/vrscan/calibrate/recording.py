@@ -1,0 +1,271 @@
+"""A calibration scan: what the chain gave of a known surface, and when the index was crossed.
+
+Nothing here is known of the light: positions, their standard deviations and flags come from the
+chain's points, the crossings from the index, and the surface from whoever put it there.
+"""
+
+import contextlib
+import zipfile
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from pathlib import Path
+from typing import BinaryIO, Literal
+
+import numpy as np
+from pydantic import Field
+
+from vrscan.data import edges
+from vrscan.data.arrays import Bools, Floats
+from vrscan.data.config import Config, Positive, Section, checked
+from vrscan.data.errors import InputError
+from vrscan.data.table import Table
+from vrscan.ideal.geometry import triangle, undistorted
+from vrscan.ideal.motion import Harmonics, crossings
+from vrscan.scene.timeline import series
+
+# A point with one of these flags does not take part: its place is not that of one whole spot.
+LEFT_OUT = ("AT_EDGE", "SATURATED", "RIVAL", "MIXED", "NOT_RUNNING", "INDEX_FAULT", "UNSETTLED")
+# So near to the sensor's end a spot lacks a part of its flank, and its position is biased.
+EDGE_PX = 16.0
+LEAST_POINTS = 200
+LEAST_PAIRS = 2
+_COLUMNS = ("line", "time_s", "position_px", "sigma_px", "angle_rad", "x_mm", "z_mm")
+
+
+class Setup(Section):
+    """What stood before the scanner in a scan, and how the scanner was set."""
+
+    kind: Literal["plane", "relief", "other"]  # "other" is no surface to calibrate with
+    z_mm: Positive  # distance of the surface's middle from the mirror
+    amplitude_mm: float = Field(default=0.0, ge=0)  # of the relief's sine over x
+    period_mm: Positive = 40.0
+    focus_mm: Positive  # depth that the lens is focused at
+    frequency_hz: Positive  # of the mirror; it is that of the drive, which is known exactly
+    drive_phase: float | None = None  # turns, that the mirror's loop measured
+
+    def z(self, x_mm: Floats) -> Floats:
+        """Return the surface's z at x, mm, of the shape of ``x_mm``."""
+        return self.z_mm + self.amplitude_mm * np.sin(2.0 * np.pi * x_mm / self.period_mm)
+
+
+@dataclass(frozen=True)
+class Recording:
+    """n good points of a scan, and its m pairs of crossings of the index mark."""
+
+    name: str  # for messages
+    setup: Setup
+    line: Floats  # number of the line [n]
+    time_s: Floats  # time of the laser pulse's centre [n]
+    position_px: Floats  # position of the spot on the sensor [n]
+    sigma_px: Floats  # its standard deviation [n]
+    angle_rad: Floats  # angle that the chain reported [n]
+    x_mm: Floats  # point that the chain gave [n]
+    z_mm: Floats
+    out_s: Floats  # times of the crossings away from zero [m]
+    in_s: Floats  # times of those that follow them, towards zero [m]
+
+    def __len__(self) -> int:
+        """Return the number of points."""
+        return len(self.time_s)
+
+    @property
+    def half(self) -> float:
+        """Return half of the mean time between two crossings, turns."""
+        return float(0.5 * self.setup.frequency_hz * np.mean(self.in_s - self.out_s))
+
+    @cached_property
+    def phase(self) -> Floats:
+        """Return the phase of each point from the middle of the crossings, turns [n].
+
+        The middle is the mean of all pairs, so the jitter of a crossing is averaged away.
+        """
+        frequency = self.setup.frequency_hz
+        middle = 0.5 * frequency * (self.out_s + self.in_s)
+        first = middle[0]
+        away = np.mean((middle - first + 0.5) % 1.0 - 0.5)
+        return np.asarray(frequency * self.time_s - first - away)
+
+    def of(self, rows: Bools | slice) -> "Recording":
+        """Return some of the points, with all crossings."""
+        return replace(
+            self,
+            **{
+                name: getattr(self, name)[rows]
+                for name in ("line", "time_s", "position_px", "sigma_px", *_COLUMNS[4:])
+            },
+        )
+
+    def thinned(self, most: int) -> "Recording":
+        """Return at most so many points, evenly over the scan."""
+        return self.of(slice(None, None, -(-len(self) // most)))
+
+
+def angles(
+    recording: Recording, mark_rad: float, harmonics: Harmonics, slopes: Floats | None = None
+) -> Floats:
+    """Return the scan angle of each point, (12), from the index alone, rad [n].
+
+    Amplitude and phase come from the crossings and ``harmonics``, as the instrument's table gives
+    them; where there are slopes and the drive's phase ``away`` is known, the motion is that of
+    ``harmonics + away slopes``, as ``motion_map`` has it.
+
+    Args:
+        recording: The scan; its ``setup.drive_phase`` counts from that of ``harmonics``.
+        mark_rad: Angle of the index mark.
+        harmonics: Pairs [a_k, phi_k], rad.
+        slopes: Their change per turn of the drive's phase.
+    """
+    size, middle = crossings(np.array([recording.half]), mark_rad, harmonics)
+    rows = np.asarray(harmonics, np.float64)
+    if slopes is not None and recording.setup.drive_phase is not None:
+        rows = rows + recording.setup.drive_phase * slopes
+    shape, _ = series(recording.phase + middle[0], rows.tolist())
+    return np.asarray(float(size[0]) * shape)
+
+
+def located(recording: Recording, config: Config, angle_rad: Floats) -> tuple[Floats, Floats]:
+    """Return x and z of each point, mm [n], by (3) to (5).
+
+    Args:
+        recording: The scan.
+        config: The configuration, whose geometry is used.
+        angle_rad: Scan angle of each point [n].
+    """
+    u, _ = undistorted(recording.position_px, config.geometry)
+    found = triangle(u, angle_rad, config.geometry)
+    return found.x, found.z
+
+
+def px_per_mm(recording: Recording, config: Config) -> Floats:
+    """Return how far the spot moves on the sensor for a step in z along the beam, px/mm [n]."""
+    u, step = undistorted(recording.position_px, config.geometry)
+    slope = triangle(u, recording.angle_rad, config.geometry).slope * step
+    return np.asarray(1.0 / np.where(slope == 0.0, np.inf, np.abs(slope)))
+
+
+def recorded(
+    name: str,
+    setup: Setup,
+    points: Table,
+    time_s: Floats,
+    out_s: Floats,
+    in_s: Floats,
+    length_px: int,
+) -> Recording:
+    """Return the good points of a scan.
+
+    Args:
+        name: Name for messages.
+        setup: What stood there.
+        points: The chain's points, one a line.
+        time_s: Time of each line's laser pulse, of the same clock as the crossings [len(points)].
+        out_s: Times of the index's crossings away from zero [m].
+        in_s: Times of those that follow them [m].
+        length_px: Length of a line; points within 16 px of its ends are left out.
+
+    Raises:
+        InputError: if there are too few points or crossings.
+    """
+    good = points.located.copy()
+    for flag in LEFT_OUT:
+        good &= ~points.flags[flag]
+    end = length_px - 1.0 - EDGE_PX
+    good &= (points.position_px >= EDGE_PX) & (points.position_px <= end)
+    if good.sum() < LEAST_POINTS:
+        raise InputError(f"{name}: {good.sum()} good points of {len(points)} lines, needs 200")
+    if len(out_s) < LEAST_PAIRS:
+        raise InputError(f"{name}: {len(out_s)} pairs of index crossings, needs {LEAST_PAIRS}")
+    return Recording(
+        name=name,
+        setup=setup,
+        line=points.line[good].astype(np.float64),
+        time_s=time_s[good],
+        position_px=points.position_px[good],
+        sigma_px=points.sigma_px[good],
+        angle_rad=points.angle_rad[good],
+        x_mm=points.x_mm[good],
+        z_mm=points.z_mm[good],
+        out_s=out_s,
+        in_s=in_s,
+    )
+
+
+def from_folder(folder: Path, setup: Setup, config: Config) -> Recording:
+    """Return a scan from the points.csv and edges.csv of a folder, as ``vrscan scan`` leaves them.
+
+    Line k's pulse is centred at k / rate + delay + pulse / 2 after time 0 of the edges.
+
+    Args:
+        folder: The folder.
+        setup: What stood there.
+        config: The configuration, for the lines' timing.
+
+    Raises:
+        InputError: naming the file, if one is missing or not of this form.
+    """
+    import csv
+
+    wanted = ("line", "position_px", "sigma_px", "angle_rad", "x_mm", "z_mm", "flags")
+    path = folder / "points.csv"
+    rows = []
+    try:
+        with path.open(newline="") as file:
+            reader = csv.DictReader(file)
+            missing = [each for each in wanted if each not in (reader.fieldnames or ())]
+            if missing:
+                raise InputError(f"{path}: no column {missing[0]}")
+            for row in reader:
+                if row["z_mm"] and not set(row["flags"].split("|")) & set(LEFT_OUT):
+                    rows.append([float(row[each]) for each in wanted[:-1]])
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from error
+    except (ValueError, TypeError, csv.Error) as error:
+        raise InputError(f"{path}: not a table of points ({error})") from error
+    end = config.sensor.line_length - 1.0 - EDGE_PX
+    rows = [row for row in rows if EDGE_PX <= row[1] <= end]
+    if len(rows) < LEAST_POINTS:
+        raise InputError(f"{path}: {len(rows)} good points, needs {LEAST_POINTS}")
+    line, position, sigma, angle, x, z = np.array(rows).T
+    timing = config.line
+    time = line / timing.rate_hz + 1e-6 * (timing.pulse_delay_us + 0.5 * timing.pulse_us)
+    out_s, in_s = edges.pairs(*edges.read(folder / "edges.csv"))
+    if len(out_s) < LEAST_PAIRS:
+        raise InputError(f"{folder / 'edges.csv'}: {len(out_s)} pairs of crossings, needs 2")
+    return Recording(folder.name, setup, line, time, position, sigma, angle, x, z, out_s, in_s)
+
+
+def write(recording: Recording, file: BinaryIO) -> None:
+    """Write a scan as .npz: its arrays, and its setup as JSON."""
+    arrays = {
+        each.name: getattr(recording, each.name)
+        for each in fields(Recording)
+        if each.name not in ("name", "setup")
+    }
+    np.savez_compressed(file, setup=np.array(recording.setup.model_dump_json()), **arrays)
+
+
+def read(path: Path) -> Recording:
+    """Return a scan from its file.
+
+    Raises:
+        InputError: naming the file, if it is missing or is not one that ``write`` made.
+    """
+    import json
+
+    names = [each.name for each in fields(Recording) if each.name not in ("name", "setup")]
+    arrays: dict[str, Floats] = {}
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            setup = checked(Setup, json.loads(str(file["setup"])), str(path))
+            with contextlib.suppress(TypeError):
+                arrays = {name: np.asarray(file[name], np.float64) for name in names}
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from error
+    except (KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path}: not a calibration scan ({error})") from error
+    sizes = {arrays[name].shape for name in names[:-2]} if arrays else set()
+    if len(sizes) != 1 or arrays["out_s"].shape != arrays["in_s"].shape:
+        raise InputError(f"{path}: its arrays have different lengths")
+    if not all(np.isfinite(each).all() for each in arrays.values()):
+        raise InputError(f"{path}: a value is not a finite number")
+    return Recording(path.stem, setup, **arrays)

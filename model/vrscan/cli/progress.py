@@ -1,0 +1,42 @@
+"""What commands show while they work, and where their tables go."""
+
+import contextlib
+import sys
+from collections.abc import Callable, Iterator
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeRemainingColumn,
+)
+
+
+def console() -> Console:
+    """Return the output; where it is no terminal it is wide enough for the tables."""
+    return Console(width=None if sys.stdout.isatty() else 120)
+
+
+@contextlib.contextmanager
+def bar(text: str, total: int) -> Iterator[Callable[[int], None]]:
+    """Show a bar on the error stream; yield a function that is called with the number done.
+
+    The bar disappears if the work fails, so that only the error message is left to read.
+    """
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )
+    shown = Console(stderr=True)
+    with Progress(*columns, console=shown) as progress:
+        task = progress.add_task(text, total=total)
+        try:
+            yield lambda done: progress.update(task, completed=done)
+        except BaseException:
+            progress.live.transient = True
+            shown.quiet = not shown.is_terminal
+            raise

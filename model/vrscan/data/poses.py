@@ -1,0 +1,121 @@
+"""Poses of the scanner over time, which make a cloud of a scan by a scanner that moves or pans."""
+
+import csv
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from vrscan.data.arrays import Floats
+from vrscan.data.errors import InputError
+from vrscan.data.extras import named
+
+PLACE = ("time_s", "x_mm", "y_mm", "z_mm")
+ANGLES = ("roll_deg", "pitch_deg", "yaw_deg")
+QUATERNION = ("qx", "qy", "qz", "qw")
+_UNIT = 0.01  # largest deviation of a quaternion's length from 1
+
+
+@dataclass(frozen=True)
+class Poses:
+    """m poses of the scanner in the world, at rising times.
+
+    A point p of the scanner lies at R p + t in the world.
+    """
+
+    source: str  # for messages
+    time_s: Floats  # [m]
+    place_mm: Floats  # t [m, 3]
+    turn: Floats  # R as a unit quaternion, x, y, z, w [m, 4]
+
+    def at(self, time_s: Floats) -> tuple[Floats, Floats]:
+        """Return place, mm [n, 3], and turn, a quaternion x, y, z, w [n, 4], at n times.
+
+        Between two poses the place moves on a straight line and the turn about one axis, both at
+        a constant rate (scipy's Slerp).
+
+        Raises:
+            InputError: if a time is before the first pose or after the last one, or not known.
+            MissingError: if scipy is not installed.
+        """
+        with named():
+            from scipy.spatial.transform import Rotation, Slerp
+
+        first, last = self.time_s[0], self.time_s[-1]
+        outside = time_s[~((time_s >= first) & (time_s <= last))]
+        if len(outside):
+            raise InputError(
+                f"{self.source}: poses from {first:g} to {last:g} s, and "
+                f"{len(outside)} points beyond them, as at {outside[0]:g} s"
+            )
+        place = np.stack([np.interp(time_s, self.time_s, each) for each in self.place_mm.T], 1)
+        turn = Slerp(self.time_s, Rotation.from_quat(self.turn))(time_s).as_quat()
+        return place, np.asarray(turn)
+
+    def to_world(self, points_mm: Floats, time_s: Floats) -> Floats:
+        """Return points of the scanner [n, 3] at their times [n] in the world, mm [n, 3].
+
+        Raises:
+            InputError, MissingError: as ``at``.
+        """
+        with named():
+            from scipy.spatial.transform import Rotation
+
+        place, turn = self.at(time_s)
+        return np.asarray(Rotation.from_quat(turn).apply(points_mm) + place)
+
+
+def read(path: Path) -> Poses:
+    """Return poses from a CSV file.
+
+    Args:
+        path: A file with the columns ``PLACE``, and ``ANGLES`` or ``QUATERNION``, and two rows or
+            more of rising time. The turn is yaw about z after pitch about y after roll about x:
+            R = Rz(yaw) Ry(pitch) Rx(roll).
+
+    Raises:
+        InputError: naming the file, and the line if one is wrong.
+        MissingError: if scipy is not installed.
+    """
+    with named():
+        from scipy.spatial.transform import Rotation
+
+    try:
+        with path.open(newline="") as file:
+            rows = list(csv.reader(file))
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: not a CSV file ({error})") from error
+    header = [name.strip() for name in rows[0]] if rows else []
+    turns = next((each for each in (ANGLES, QUATERNION) if set(each) <= set(header)), ())
+    if not set(PLACE) <= set(header) or not turns:
+        wanted = f"{','.join(PLACE)} and {','.join(ANGLES)} or {','.join(QUATERNION)}"
+        raise InputError(f"{path}: columns {','.join(header)!r}, want {wanted}")
+    order = [header.index(name) for name in (*PLACE, *turns)]
+    values: list[list[float]] = []
+    for number, row in enumerate(rows[1:], start=2):
+        if not row:
+            continue
+        try:
+            value = [float(row[place]) for place in order]
+        except (ValueError, IndexError):
+            value = [math.nan]
+        if not all(map(math.isfinite, value)):
+            raise InputError(f"{path}: line {number}: not {len(order)} numbers ({','.join(row)})")
+        if values and value[0] <= values[-1][0]:
+            raise InputError(
+                f"{path}: line {number}: time_s {value[0]:g} is not after the line above"
+            )
+        if turns == QUATERNION and abs(math.hypot(*value[4:]) - 1.0) > _UNIT:
+            raise InputError(f"{path}: line {number}: no unit quaternion ({','.join(row)})")
+        values.append(value)
+    if len(values) < 2:
+        raise InputError(f"{path}: {len(values)} poses, needs 2")
+    found = np.array(values)
+    if turns == ANGLES:
+        turn = Rotation.from_euler("ZYX", found[:, [6, 5, 4]], degrees=True).as_quat()
+    else:
+        turn = Rotation.from_quat(found[:, 4:]).as_quat()
+    return Poses(str(path), found[:, 0], found[:, 1:4], np.asarray(turn))

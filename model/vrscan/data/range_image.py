@@ -1,0 +1,127 @@
+"""Sweeps of the mirror, and the image of the distances that they measured.
+
+A sweep is what the mirror takes from one turning point to the next. Its lines lie at angles that
+differ from sweep to sweep, so an image has columns of its own, evenly spaced.
+"""
+
+from dataclasses import dataclass
+from typing import BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+from vrscan.data.arrays import Floats, Ints
+from vrscan.data.errors import InputError
+from vrscan.data.extras import named
+from vrscan.data.table import Table
+
+MOST_COLUMNS = 65_536
+STEP_MM = 1.0 / 32.0  # of a pixel of 16 bits, in which 0 is no point
+SUFFIXES = (".png", ".tif", ".tiff")
+_GAP = 0.95  # quantile of the steps between lines that a column is wide: hardly a hole
+
+Image = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Grid:
+    """``count`` angles from ``first_rad`` on, ``step_rad`` apart: the middles of the columns."""
+
+    first_rad: float
+    step_rad: float
+    count: int
+
+    def columns(self, angle_rad: Floats) -> Ints:
+        """Return the column of each angle, of its shape; the first or last one beyond the ends."""
+        found = np.rint((angle_rad - self.first_rad) / self.step_rad).astype(np.int64)
+        return np.clip(found, 0, self.count - 1)
+
+    def middles(self) -> Floats:
+        """Return the angle of each column, rad [count]."""
+        return np.asarray(self.first_rad + self.step_rad * np.arange(self.count), np.float64)
+
+
+def sweeps(angle_rad: Floats) -> Ints:
+    """Return the number of the sweep of each line, from 0 [n].
+
+    Args:
+        angle_rad: Scan angles of all lines, in the order in which they were taken [n].
+
+    Example:
+        >>> import numpy as np
+        >>> sweeps(np.array([0.0, 0.1, 0.2, 0.15, 0.05, 0.1])).tolist()
+        [0, 0, 0, 1, 1, 2]
+    """
+    step = np.sign(np.diff(angle_rad))
+    moved = np.flatnonzero(step)
+    if not len(moved):  # recordings without angles have one sweep
+        return np.zeros(len(angle_rad), np.int64)
+    # A line at the angle of the one before it goes on in the direction of that one.
+    latest = np.searchsorted(moved, np.arange(len(step)), side="right") - 1
+    way = step[moved[np.maximum(latest, 0)]]
+    return np.concatenate([[0, 0], np.cumsum(way[1:] != way[:-1])])
+
+
+def grid(angle_rad: Floats, count: int | None = None) -> Grid:
+    """Return columns over all angles.
+
+    Args:
+        angle_rad: Scan angles of all lines, in their order [n], n at least 1.
+        count: Number of columns; None takes as many as leave hardly a hole in a sweep, whose lines
+            are farthest apart in the middle.
+
+    Raises:
+        InputError: if ``count`` is not 1 to ``MOST_COLUMNS``.
+    """
+    low, high = float(angle_rad.min()), float(angle_rad.max())
+    if count is None:
+        step = np.abs(np.diff(angle_rad))
+        step = step[step > 0.0]
+        widest = float(np.quantile(step, _GAP)) if len(step) else 1.0
+        count = min(1 + int((high - low) / widest), MOST_COLUMNS)
+    if not 1 <= count <= MOST_COLUMNS:
+        raise InputError(f"--columns: must be 1 to {MOST_COLUMNS} ({count})")
+    return Grid(low, (high - low) / max(count - 1, 1) or 1.0, count)
+
+
+def range_image(points: Table, sweep: Ints, columns: Grid) -> Image:
+    """Return the distance of each column's point from the mirror, mm, NaN where there is none.
+
+    Args:
+        points: n points; those without a place do not count.
+        sweep: Number of the sweep of each [n], as ``sweeps`` gives it; it is the row.
+        columns: The columns. Of several points of a sweep in one the nearest to its middle counts.
+
+    Returns:
+        float32 [sweeps, columns.count].
+    """
+    found = np.full((int(sweep.max(initial=-1)) + 1, columns.count), np.nan, np.float32)
+    rows = np.flatnonzero(points.located)
+    column = columns.columns(points.angle_rad[rows])
+    away = np.abs(points.angle_rad[rows] - columns.middles()[column])
+    order = np.argsort(-away, kind="stable")  # of several values in a place the last one stays
+    rows, column = rows[order], column[order]
+    found[sweep[rows], column] = np.hypot(points.x_mm[rows], points.z_mm[rows])
+    return found
+
+
+def write_image(image: Image, suffix: str, file: BinaryIO) -> None:
+    """Write an image of distances.
+
+    Args:
+        image: Distances, mm, NaN where there is none [rows, columns].
+        suffix: One of ``SUFFIXES``: ``.png`` has 16 bits in steps of ``STEP_MM``, 0 where there is
+            no point and 65535 from 2048 mm on; a TIFF has the distances as float32.
+        file: A binary file.
+
+    Raises:
+        MissingError: if Pillow is not installed.
+    """
+    with named():
+        from PIL import Image as Pictures
+
+    if suffix == ".png":
+        steps = np.clip(np.rint(image / STEP_MM), 1, 2**16 - 1)
+        Pictures.fromarray(np.where(np.isnan(image), 0, steps).astype(np.uint16)).save(file, "PNG")
+    else:
+        Pictures.fromarray(image).save(file, "TIFF")

@@ -1,0 +1,201 @@
+"""Points as ROS 2 messages in an MCAP file, one of each kind for a sweep of the mirror.
+
+``/points`` has PointCloud2 and ``/scan`` LaserScan. The scanner's own frame has z along the view, x
+along the sensor and y across the scan plane. A LaserScan lies in the plane of x and y of its frame
+with angle 0 along x, so it has a frame of its own, which ``/tf_static`` places: its x is the
+scanner's z, its y the scanner's x, its z the scanner's y. With poses ``/points`` is in the frame
+``world``, and ``/tf`` has the scanner in it at the first point of each sweep.
+"""
+
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from vrscan.data.arrays import Floats, Ints
+from vrscan.data.extras import named
+from vrscan.data.poses import Poses
+from vrscan.data.range_image import Grid, range_image
+from vrscan.data.table import Table
+
+WORLD = "world"
+POINT = np.dtype(
+    [(name, "<f4") for name in ("x", "y", "z", "intensity", "sigma", "confidence")]
+    + [("flags", "<u4"), ("time", "<f4")]
+)
+LASER = "_laser"  # ending of the frame of the LaserScan
+LASER_TURN = (-0.5, -0.5, -0.5, 0.5)  # of its axes in the scanner's, a quaternion x, y, z, w
+RANGE_M = (0.0, 2.048)  # of the numbers of x and z
+_KINDS = {"<f4": 7, "<u4": 6}  # FLOAT32 and UINT32 of PointField
+_HEADER = """
+std_msgs/Header header
+"""
+_COMMON = """
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+_CLOUD = f"""{_HEADER}uint32 height
+uint32 width
+sensor_msgs/PointField[] fields
+bool is_bigendian
+uint32 point_step
+uint32 row_step
+uint8[] data
+bool is_dense
+{_COMMON.strip()}
+================================================================================
+MSG: sensor_msgs/PointField
+uint8 INT8=1
+uint8 UINT8=2
+uint8 INT16=3
+uint8 UINT16=4
+uint8 INT32=5
+uint8 UINT32=6
+uint8 FLOAT32=7
+uint8 FLOAT64=8
+string name
+uint32 offset
+uint8 datatype
+uint32 count
+""".lstrip()
+_SCAN = f"""{_HEADER}float32 angle_min
+float32 angle_max
+float32 angle_increment
+float32 time_increment
+float32 scan_time
+float32 range_min
+float32 range_max
+float32[] ranges
+float32[] intensities
+{_COMMON.strip()}
+""".lstrip()
+_TRANSFORMS = f"""geometry_msgs/TransformStamped[] transforms
+================================================================================
+MSG: geometry_msgs/TransformStamped
+{_HEADER.strip()}
+string child_frame_id
+geometry_msgs/Transform transform
+================================================================================
+MSG: geometry_msgs/Transform
+geometry_msgs/Vector3 translation
+geometry_msgs/Quaternion rotation
+================================================================================
+MSG: geometry_msgs/Vector3
+float64 x
+float64 y
+float64 z
+================================================================================
+MSG: geometry_msgs/Quaternion
+float64 x
+float64 y
+float64 z
+float64 w
+{_COMMON.strip()}
+"""
+
+
+def write(
+    file: BinaryIO,
+    points: Table,
+    places_m: Floats,
+    sweep: Ints,
+    columns: Grid,
+    flags: Ints,
+    poses: Poses | None,
+    frame: str,
+) -> None:
+    """Write the messages.
+
+    Args:
+        file: A binary file.
+        points: n points with a place and a time.
+        places_m: Their places in the frame of ``/points`` [n, 3].
+        sweep: Number of the sweep of each [n].
+        columns: Angles of the LaserScan.
+        flags: Bits of ``pkg.FLAGS`` of each [n].
+        poses: Poses of the scanner in the world; None leaves the points in its own frame.
+        frame: The frame_id of the scanner.
+
+    Raises:
+        MissingError: if mcap or mcap_ros2 is not installed.
+    """
+    with named():
+        from mcap_ros2.writer import Writer
+
+    records = np.zeros(len(points), POINT)
+    for axis, column in zip("xyz", places_m.T, strict=True):
+        records[axis] = column
+    records["intensity"], records["confidence"] = points.intensity, points.c_obj
+    records["sigma"], records["flags"] = 1e-3 * points.sigma_z_mm, flags
+    fields = [
+        {"name": name, "offset": offset, "datatype": _KINDS[kind.str], "count": 1}
+        for name, (kind, offset, *_) in (POINT.fields or {}).items()
+    ]
+    parts = np.split(np.arange(len(points)), np.flatnonzero(np.diff(sweep)) + 1)
+    first = points.time_s[[part[0] for part in parts]]
+    period = float(np.median(np.diff(first))) if len(parts) > 1 else 0.0
+    image = range_image(points, np.cumsum(np.diff(sweep, prepend=sweep[0]) != 0), columns)
+    with Writer(file) as writer:
+        clouds = writer.register_msgdef("sensor_msgs/msg/PointCloud2", _CLOUD)
+        scans = writer.register_msgdef("sensor_msgs/msg/LaserScan", _SCAN)
+        transforms = writer.register_msgdef("tf2_msgs/msg/TFMessage", _TRANSFORMS)
+
+        def send(topic: str, kind: Any, time_s: float, message: dict[str, Any]) -> None:
+            writer.write_message(topic, kind, message, log_time=round(1e9 * time_s))
+
+        laser = _transform(frame, frame + LASER, float(first[0]), (0.0, 0.0, 0.0), LASER_TURN)
+        send("/tf_static", transforms, float(first[0]), {"transforms": [laser]})
+        for part, time, ranges in zip(parts, first.tolist(), image, strict=True):
+            if poses is not None:
+                place, turn = poses.at(np.array([time]))
+                moved = _transform(WORLD, frame, time, 1e-3 * place[0], turn[0])
+                send("/tf", transforms, time, {"transforms": [moved]})
+            own = records[part]
+            own["time"] = points.time_s[part] - time
+            message = {
+                "header": _header(frame if poses is None else WORLD, time),
+                "height": 1,
+                "width": len(own),
+                "fields": fields,
+                "is_bigendian": False,
+                "point_step": POINT.itemsize,
+                "row_step": POINT.itemsize * len(own),
+                "data": own.tobytes(),
+                "is_dense": True,
+            }
+            send("/points", clouds, time, message)
+            message = {
+                "header": _header(frame + LASER, time),
+                "angle_min": columns.first_rad,
+                "angle_max": columns.first_rad + columns.step_rad * (columns.count - 1),
+                "angle_increment": columns.step_rad,
+                "time_increment": 0.0,  # the mirror moves to and fro, and not evenly
+                "scan_time": period,
+                "range_min": RANGE_M[0],
+                "range_max": RANGE_M[1],
+                "ranges": (1e-3 * ranges).tolist(),
+                "intensities": [],
+            }
+            send("/scan", scans, time, message)
+
+
+def _header(frame: str, time_s: float) -> dict[str, Any]:
+    seconds, rest = divmod(round(1e9 * time_s), 10**9)
+    return {"stamp": {"sec": seconds, "nanosec": rest}, "frame_id": frame}
+
+
+def _transform(parent: str, child: str, time_s: float, place_m: Any, turn: Any) -> dict[str, Any]:
+    """Return where a frame is in another."""
+    return {
+        "header": _header(parent, time_s),
+        "child_frame_id": child,
+        "transform": {
+            "translation": dict(zip("xyz", map(float, place_m), strict=True)),
+            "rotation": dict(zip("xyzw", map(float, turn), strict=True)),
+        },
+    }

@@ -1,0 +1,122 @@
+"""Lines from pictures: what was drawn is read, whatever the format, and what is wrong is told."""
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from vrscan.data.config import Config
+from vrscan.data.errors import InputError
+from vrscan.data.line_files import opened, read
+
+CONFIG = Config()
+LINES = np.random.default_rng(5).integers(0, 4096, (23, 2048)).astype(np.uint16)
+pytestmark = pytest.mark.filterwarnings("ignore::vrscan.data.errors.InputWarning")
+
+
+def saved(array: np.ndarray, path: Path) -> Path:
+    Image.fromarray(array).save(path)
+    return path
+
+
+@pytest.mark.parametrize("name", ["lines.png", "lines.tif", "lines.TIFF"])
+def test_sixteen_bits_are_counts(name: str, tmp_path: Path) -> None:
+    found = read(saved(LINES, tmp_path / name), CONFIG)
+    assert found.lines.dtype == np.uint16
+    assert np.array_equal(found.lines, LINES)
+
+
+@pytest.mark.parametrize("name", ["lines.png", "lines.tif"])
+def test_eight_bits_are_spread_over_the_sensors_range(name: str, tmp_path: Path) -> None:
+    grey = (LINES >> 4).astype(np.uint8)
+    grey[0, :2] = 0, 255
+    found = read(saved(grey, tmp_path / name), CONFIG).lines
+    assert found[0, :2].tolist() == [0, 4095]
+    assert np.abs(found - grey * (4095.0 / 255.0)).max() <= 0.5
+
+
+def test_pages_and_files_follow_each_other_by_number(tmp_path: Path) -> None:
+    parts = np.split(LINES, [4, 5, 17])
+    pages = [Image.fromarray(part) for part in parts]
+    pages[0].save(tmp_path / "stack.tif", save_all=True, append_images=pages[1:])
+    assert np.array_equal(read(tmp_path / "stack.tif", CONFIG).lines, LINES)
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    (folder / "notes.txt").write_text("not a picture")
+    for part, name in zip(parts, ["l_2.png", "l_9.tif", "l_10.png", "l_100.png"], strict=True):
+        saved(part, folder / name)
+    assert np.array_equal(read(folder, CONFIG).lines, LINES)
+    for size in (1, 5, 100):
+        with opened(folder, CONFIG) as recorded:
+            assert recorded.count == len(LINES)
+            blocks = [block.lines for block in recorded.blocks(size)]
+        assert [len(block) for block in blocks[:-1]] == [size] * (len(blocks) - 1)
+        assert np.array_equal(np.concatenate(blocks), LINES)
+
+
+def test_angles_come_from_a_file_beside(tmp_path: Path) -> None:
+    path, angles = saved(LINES[:3], tmp_path / "lines.png"), tmp_path / "angles.csv"
+    angles.write_text("angle_rad,power,time_s\n0.1,7,1\n0.2,8,2\n-0.3,65535,3.5\n")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = read(path, CONFIG, angles)
+    assert found.angle_rad.tolist() == [0.1, 0.2, -0.3]
+    assert found.power.tolist() == [7, 8, 65535]
+    assert np.asarray(found.time_s).tolist() == [1.0, 2.0, 3.5]
+
+
+WRONG_ANGLES = {
+    "angle_rad,pwer\n0,1\n0,1\n0,1\n": ["columns 'angle_rad,pwer'"],
+    "power\n0\n0\n0\n": ["columns 'power'"],
+    "angle_rad\n0\n0\n": ["2 rows for the 3 lines"],
+    "angle_rad\n0\nx\n0\n": ["line 3", "angle_rad 'x'"],
+    "angle_rad,power\n0,1\n0,1.5\n0,1\n": ["line 3", "power '1.5'"],
+    "": ["columns ''"],
+}
+
+
+@pytest.mark.parametrize("text", WRONG_ANGLES)
+def test_wrong_angles_are_one_line(text: str, tmp_path: Path) -> None:
+    path, angles = saved(LINES[:3], tmp_path / "lines.png"), tmp_path / "angles.csv"
+    angles.write_text(text)
+    with pytest.raises(InputError) as caught:
+        read(path, CONFIG, angles)
+    for part in [str(angles), *WRONG_ANGLES[text]]:
+        assert part in str(caught.value)
+
+
+def test_angles_given_twice_are_refused(tmp_path: Path) -> None:
+    path, angles = tmp_path / "lines.npz", tmp_path / "angles.csv"
+    np.savez(path, lines=LINES[:1], angle_rad=np.zeros(1))
+    angles.write_text("angle_rad\n0\n")
+    with pytest.raises(InputError, match=r"angles\.csv: angle_rad is in .*lines\.npz, too"):
+        read(path, CONFIG, angles)
+
+
+def refused(path: Path, *wanted: str) -> None:
+    with pytest.raises(InputError) as caught:
+        read(path, CONFIG)
+    message = str(caught.value)
+    assert "\n" not in message
+    for part in wanted:
+        assert part in message, message
+
+
+def test_bad_pictures_are_one_line_that_names_the_file(tmp_path: Path) -> None:
+    refused(tmp_path / "none.png", "none.png", "No such file")
+    refused(tmp_path, str(tmp_path), "no pictures")
+    (tmp_path / "text.png").write_text("not a picture")
+    refused(tmp_path / "text.png", "text.png", "not a PNG or TIFF")
+    refused(saved(np.zeros((3, 2048, 3), np.uint8), tmp_path / "rgb.png"), "rgb.png", "grey", "RGB")
+    refused(saved(LINES[:, :100], tmp_path / "short.png"), "short.png", "2048", "(23, 100)")
+    refused(saved(LINES + np.uint16(4096), tmp_path / "bright.tif"), "bright.tif", "above 4095")
+    whole = saved(LINES, tmp_path / "cut.png").read_bytes()
+    (tmp_path / "cut.png").write_bytes(whole[: len(whole) // 2])
+    refused(tmp_path / "cut.png", "cut.png")
+    folder = tmp_path / "widths"
+    folder.mkdir()
+    saved(LINES, folder / "a.png")
+    saved(LINES[:, :100], folder / "b.png")
+    refused(folder, "b.png", "100 px wide, others are 2048")
