@@ -69,6 +69,9 @@ def test_a_shock_from_power_on(tmp_path: Path) -> None:
     clean = np.array([row["flags"] == "" for row in rows])
     assert not clean[~running].any()
     error = column(rows, "angle_rad") - column(rows, "angle_true_rad")
+    natural = column([row for row in rows if row["state"] == "RUN"], "natural_hz")
+    assert np.abs(natural - 248.5).max() < 0.02  # while the phase settles
+    assert "natural frequency, by the drive's phase    248.50" in result.output
     before = running & clean & (time < begin + 0.1)
     assert np.sqrt(np.mean(error[before] ** 2)) < 10e-6
     assert np.abs(error[before]).max() < 2.5 * STEP_S * PEAK_RAD_PER_S

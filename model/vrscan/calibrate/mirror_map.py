@@ -18,6 +18,7 @@ from vrscan.calibrate.solve import Fit, Parameter, least_squares
 from vrscan.data.arrays import Floats
 from vrscan.data.config import FEWEST_HARMONICS, HARMONICS, Config
 from vrscan.data.errors import InputError
+from vrscan.ideal.natural_frequency import natural_frequency
 from vrscan.scene import tolerances
 
 POINTS = 1500  # largest number of points of a scan that the fit takes
@@ -32,6 +33,7 @@ class MirrorMap:
 
     config: Config  # the configuration with index mark, harmonics, slopes and drive phase
     fit: Fit
+    natural_hz: dict[float, float]  # natural frequency that each drive phase tells
     before_mm: float  # mean absolute error in z of the overlaid periods before
     after_mm: float  # and after
 
@@ -126,4 +128,27 @@ def calibrate(recordings: Sequence[Recording], config: Config) -> MirrorMap:
         left = [np.mean(np.abs(overlaid(each, errors(each, of)))) for each in recordings]
         return float(np.mean(left))
 
-    return MirrorMap(own, fit, mean(config), mean(own))
+    natural = {
+        phase: natural_hz(config, group[0].setup.frequency_hz, phase)
+        for phase, group in groups.items()
+    }
+    return MirrorMap(own, fit, natural, mean(config), mean(own))
+
+
+def natural_hz(config: Config, frequency_hz: float, drive_phase: float) -> float:
+    """Return the mirror's natural frequency, Hz, from its phase against the drive, VR-SCAN IV-D.
+
+    Args:
+        config: The configuration, with the mirror's quality and comb in ``mems``.
+        frequency_hz: Frequency of the mirror.
+        drive_phase: Phase that its loop measured, turns.
+    """
+    found = natural_frequency(
+        np.array(frequency_hz),
+        np.array((drive_phase + 0.5) % 1.0 - 0.5),
+        math.radians(config.mirror.amplitude_deg),
+        quality=config.mems.quality,
+        comb_rad=math.radians(config.mems.comb_deg),
+        duty=config.mirror.duty,
+    )
+    return float(found)

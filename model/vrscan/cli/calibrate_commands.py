@@ -146,6 +146,8 @@ def calibrate_mirror(
         found = mirror_map.calibrate(_scans(recordings), configuration.load(config))
         notes: dict[str, object] = results.fitted(found.fit)
         notes["mean error in z, mm"] = f"{found.before_mm:.4f} before, {found.after_mm:.4f} after"
+        for phase, natural in found.natural_hz.items():
+            notes[f"natural frequency, Hz, at the drive's phase {phase:.6f}"] = f"{natural:.4f}"
         _write(out, found.config, notes, recordings)
         return
     if len(recordings) > 1:

@@ -442,7 +442,10 @@ class Clock(Section):
 
 
 class Mems(Section):
-    """The simulated mirror, ``vrscan.scene.mems_mirror``; the instrument does not know it."""
+    """The simulated mirror, ``vrscan.scene.mems_mirror``; the instrument does not know it.
+
+    Of a real mirror ``quality``, ``torque`` and ``comb_deg`` tell the host its natural frequency.
+    """
 
     natural_hz: Positive = 248.5
     quality: Positive = 200.0

@@ -147,6 +147,7 @@ class OperatingPoint:
     """A state in which the mirror's loop may rest."""
 
     level: float
+    frequency_hz: float
     drive_phase: float  # turns, of the index against the drive
     harmonics: list[list[float]]  # of this instrument
 
@@ -178,7 +179,7 @@ def operating_points(
         rows[:, 1] += turn
         rows[0] = 1.0, 0.0
         phase = motion.phase_rad / (2.0 * math.pi)
-        found.append(OperatingPoint(level, phase, rows.tolist()))
+        found.append(OperatingPoint(level, motion.frequency_hz, phase, rows.tolist()))
     return found
 
 
@@ -623,6 +624,8 @@ def drift(plan: Experiment, config: Config) -> list[dict[str, float]]:
         found.append(
             {
                 "level": point.level,
+                "frequency_hz": point.frequency_hz,
+                "natural_hz": mirror_map.natural_hz(config, point.frequency_hz, point.drive_phase),
                 "view_urad": float(np.sqrt(np.mean(np.square(error[view])))),
                 "whole_urad": float(np.sqrt(np.mean(np.square(error)))),
             }

@@ -44,6 +44,7 @@ def results() -> dict[str, object]:
             "parameters": rows,
         },
         "map": {},
+        "drift": [{"level": 0.7, "frequency_hz": 249.0, "natural_hz": 248.5004, "view_urad": 6.0}],
         "planes": [PLANE | {"z_mm": z, "focus_mm": z} for z in (250.0, 1000.0)],
         "pitches_mm": [4.97, 4.97],
         "bust": {"lines": 1_000_000, "rms_mm": 0.2},

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from vrscan.calibrate import coarse, recording, verify
-from vrscan.data.config import Config, load
+from vrscan.data.config import Config, Mems, load
 from vrscan.data.correction_maps import read_maps
 from vrscan.data.errors import InputError
 from vrscan.data.points import atomic_file
@@ -107,6 +107,7 @@ def page(found: Mapping[str, Any], config: Config) -> str:
     lines += ["", "## Table III, specifications", "", *_specifications(found, near, far, config)]
     lines += ["", "## Step 1: the relief", "", f"![relief]({PICTURES['relief']})", ""]
     lines += _steps(found)
+    lines += ["", "## The mirror after a drift", "", *_drift(found)]
     lines += ["", "## Planes after step 3", "", f"![planes]({PICTURES['planes']})", ""]
     lines += [
         "| z, mm | focus, mm | mean error, mm | periods overlaid, mm | over the field, % of z |"
@@ -227,6 +228,23 @@ def _steps(found: Mapping[str, Any]) -> list[str]:
         f" {first['simplex_seconds']:.0f} | {first['simplex_calls']} |",
         "",
         "Not observed, and left at their start: " + (", ".join(hidden) or "none") + ".",
+    ]
+
+
+def _drift(found: Mapping[str, Any]) -> list[str]:
+    """Return the angle's error where the loop rests after a drift, and the natural frequency."""
+    return [
+        "The loop follows a drift with the drive's frequency and may come to rest at any level of"
+        " its band; none of these operating points was used in step 2. The phase of the index"
+        f" against the drive tells the natural frequency, which is {Mems().natural_hz:g} Hz here.",
+        "",
+        "| level | drive, Hz | natural frequency by the phase, Hz | angle in the field, urad rms |",
+        "|--:|--:|--:|--:|",
+        *(
+            f"| {each['level']:.2f} | {each['frequency_hz']:.4f} | {each['natural_hz']:.4f} |"
+            f" {each['view_urad']:.2f} |"
+            for each in found["drift"]
+        ),
     ]
 
 

@@ -161,7 +161,7 @@ def picture(rows: list[Row], file: BinaryIO) -> None:
             axes.set(xlabel="z, mm", yscale="log", title=f"Reflectance {reflectance:g}")
         plain_log(panels[0], "y", (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0))
         panels[0].set(ylabel="rms error of single points, % of z")
-        panels[0].legend(title="power, focus", loc="upper left")
+        panels[0].legend(title="power, focus", loc="center right")
         figure.savefig(file, format="png", dpi=150)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from rich.table import Table as RichTable
 
+from vrscan.calibrate.motion_fit import NOMINAL_LEVEL
 from vrscan.data import edges, pkg
 from vrscan.data.arrays import Bools, Floats
 from vrscan.data.config import HARMONICS, Config
@@ -24,6 +25,7 @@ from vrscan.engines.mirror_engine import (
     World,
 )
 from vrscan.ideal.motion import crossings
+from vrscan.ideal.natural_frequency import natural_frequency, resting_point
 from vrscan.registers.mirror_registers import MirrorRegisters
 from vrscan.show.sheet import Sheet, listed
 from vrscan.show.style import COLOURS, INK, LIGHT, QUIET, drawing
@@ -32,7 +34,7 @@ from vrscan.study.report import figure as figures
 _FORMS = {
     "line": "{:.0f}", "time_s": "{:.10f}", "state": "", "angle_true_rad": "{:.10f}",
     "angle_rad": "{:.9f}", "amplitude_true_rad": "{:.10f}", "amplitude_rad": "{:.10f}",
-    "frequency_hz": "{:.7f}", "drive_level": "{:.7f}", "flags": "",
+    "frequency_hz": "{:.7f}", "natural_hz": "{:.5f}", "drive_level": "{:.7f}", "flags": "",
 }  # fmt: skip
 COLUMNS = ",".join(_FORMS)
 START_S = 0.3  # what the start takes besides its sweep, about
@@ -42,6 +44,7 @@ STEADY_S = 0.05  # after an event that is over: what is judged begins
 _TURN = 2.0 * math.pi
 _PER_TURN = _TURN / 2.0**pkg.ANGLE_WIDTH
 _PER_AMPLITUDE = _TURN / 2.0**pkg.AMPLITUDE_FRACTION
+_NATURAL = 32  # pairs of crossings whose natural frequencies are averaged
 _BLOCK_LINES = 4 * len(HARMONICS)  # least number of lines to fit the true amplitude
 
 # A legend in front of the curves.
@@ -82,11 +85,13 @@ class Run:
     true_amplitude_rad: Floats
     amplitude_rad: Floats
     frequency_hz: Floats
+    natural_hz: Floats  # as the drive's phase tells it; NaN before RUN
     level: Floats
     flags: Floats
     confidence: Floats
     recording: Recording
     registers: MirrorRegisters
+    foreseen_hz: float  # where the drive comes to rest at the last natural frequency; NaN if not
     set_rad: float
     run_s: float  # time when RUN was reached; NaN if it was not
     event_s: float  # time of the events; NaN without
@@ -239,6 +244,9 @@ def _run(
     time = lines["centre_halves"] / (2.0 * hertz)
     angle_true = lines["angle_true"] if true else np.full(len(lines), np.nan)
     frequency = lines["word"] * (hertz / 2.0**pkg.TURN_WIDTH)
+    amplitude = math.radians(config.mirror.amplitude_deg) if set_rad is None else set_rad
+    natural = _natural_hz(recording, config, amplitude, hertz)
+    measured_s = recording.measurements["clock"] / hertz
     return Run(
         line=lines["line"],
         time_s=time,
@@ -248,18 +256,60 @@ def _run(
         true_amplitude_rad=true_amplitude(time, angle_true, frequency),
         amplitude_rad=lines["amplitude"] * _PER_AMPLITUDE,
         frequency_hz=frequency,
+        natural_hz=np.where(
+            lines["state"] == pkg.MIRROR_RUN,
+            np.interp(time, measured_s, natural) if natural.size else np.nan,
+            np.nan,
+        ),
         level=lines["level"] / 2.0**pkg.LEVEL_WIDTH,
         flags=lines["flags"],
         confidence=lines["confidence"] / (2.0**pkg.CONFIDENCE_WIDTH - 1.0),
         recording=recording,
         registers=registers,
-        set_rad=math.radians(config.mirror.amplitude_deg) if set_rad is None else set_rad,
+        foreseen_hz=_foreseen_hz(natural, config, amplitude),
+        set_rad=amplitude,
         run_s=run_s,
         event_s=event_s,
         end_s=mirror.clock / hertz,
         counts=mirror.counts,
         fault=mirror.fault,
     )
+
+
+def _natural_hz(recording: Recording, config: Config, set_rad: float, hertz: float) -> Floats:
+    """Return the natural frequency at each pair of crossings, mean of ``_NATURAL`` pairs."""
+    rows = recording.measurements
+    phase = (rows["drive_phase"] - rows["phase"]) / 2.0**pkg.TURN_WIDTH
+    phase -= np.round(phase)
+    found = natural_frequency(
+        rows["word"] * (hertz / 2.0**pkg.TURN_WIDTH),
+        phase,
+        set_rad,
+        quality=config.mems.quality,
+        comb_rad=math.radians(config.mems.comb_deg),
+        duty=config.mirror.duty,
+    )
+    if len(found) < _NATURAL:
+        return np.empty(0)
+    sums = np.cumsum(np.concatenate([[0.0], np.nan_to_num(found, nan=0.0)]))
+    means = (sums[_NATURAL:] - sums[:-_NATURAL]) / _NATURAL
+    return np.concatenate([np.full(_NATURAL - 1, means[0]), means])
+
+
+def _foreseen_hz(natural: Floats, config: Config, set_rad: float) -> float:
+    """Return the frequency at which the drive rests at its nominal level, or NaN."""
+    mems, mirror = config.mems, config.mirror
+    try:
+        return resting_point(
+            float(natural[-1]),
+            set_rad,
+            mems.torque * (mirror.level / NOMINAL_LEVEL) ** 2,
+            quality=mems.quality,
+            comb_rad=math.radians(mems.comb_deg),
+            duty=mirror.duty,
+        )[0]
+    except (IndexError, ValueError):
+        return math.nan
 
 
 def true_amplitude(time_s: Floats, angle_rad: Floats, frequency_hz: Floats) -> Floats:
@@ -308,10 +358,10 @@ def write_csv(run: Run, file: BinaryIO) -> None:
     ]
     columns = (
         run.line, run.time_s, run.state, run.true_rad, run.angle_rad, run.true_amplitude_rad,
-        run.amplitude_rad, run.frequency_hz, run.level, run.flags,
+        run.amplitude_rad, run.frequency_hz, run.natural_hz, run.level, run.flags,
     )  # fmt: skip
     rows = [
-        (*row[:2], STATES[row[2]], *row[3:9], names[row[9]])
+        (*row[:2], STATES[row[2]], *row[3:10], names[row[10]])
         for row in zip(*(column.tolist() for column in columns), strict=True)
     ]
     sheet = listed(list(_FORMS), rows)
@@ -338,6 +388,8 @@ class Summary:
     flag_delay_periods: float  # time from the event to the first flag
     unnoticed_urad: float  # the largest error of an angle between them
     flagged_s: float  # time from the event to the last flag
+    natural_hz: float  # natural frequency before the event, from the drive's phase
+    natural_after_hz: float  # the same at the end of a run with an event
     back_s: float  # time from the event until the true amplitude stays within BACK_PPM
     largest_ppm: float  # largest error of the amplitude after the event
 
@@ -385,9 +437,15 @@ def summarise(run: Run) -> Summary:
         flag_delay_periods=delay,
         unnoticed_urad=unnoticed,
         flagged_s=flagged_s,
+        natural_hz=_last(run.natural_hz[steady & ~(run.time_s > run.event_s)]),
+        natural_after_hz=_last(run.natural_hz[steady & (run.time_s > run.event_s)]),
         back_s=back,
         largest_ppm=largest,
     )
+
+
+def _last(values: Floats) -> float:
+    return float(values[-1]) if values.size else math.nan
 
 
 def _crossing_rms_ns(run: Run) -> float:
@@ -421,6 +479,10 @@ def table(run: Run, summary: Summary, title: str) -> RichTable:
         ("angle error, unflagged, largest", summary.angle_max_urad, "{:.2f} urad"),
         ("amplitude held, rms", summary.amplitude_rms_ppm, "{:.1f} ppm"),
         ("index crossing, rms", summary.crossing_rms_ns, "{:.2f} ns"),
+        ("natural frequency, by the drive's phase", summary.natural_hz, "{:.4f} Hz"),
+        ("natural frequency after the event", summary.natural_after_hz, "{:.4f} Hz"),
+        ("drive's frequency at the end", float(run.frequency_hz[-1]), "{:.4f} Hz"),
+        ("where it rests at the nominal level", run.foreseen_hz, "{:.4f} Hz"),
         ("event flagged after", summary.flag_delay_periods, "{:.3f} periods"),
         ("largest angle error until then", summary.unnoticed_urad, "{:.0f} urad"),
         ("last flag after the event", summary.flagged_s, "{:.3f} s"),
