@@ -2,8 +2,8 @@
 
 The mirror moves as A cos(theta), theta = 2 pi (t f - phase), with t from a rising edge of the
 drive. The comb pulls towards zero with tau g(a), g = r exp(-r^2), r = a / a_c, while the square
-wave u of frequency 2 f is high. Over a period the work of the torque makes up for the damping, and its
-part that is in phase with the angle adds to the spring:
+wave u of frequency 2 f is high. Over a period the work of the torque makes up for the damping, and
+its part that is in phase with the angle adds to the spring:
 
     tau <u g sin> = w0 w A / (2 Q)        w0^2 = w^2 - (2 tau / A) <u g cos>
 
