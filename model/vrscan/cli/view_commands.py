@@ -17,6 +17,7 @@ from vrscan.cli.link_commands import (
     PortOption,
     StartOption,
     TimeoutOption,
+    _check,
     chosen_port,
 )
 from vrscan.data.errors import InputError
@@ -33,8 +34,12 @@ BOARD_TIMEOUT_S = 60.0
 def view(
     port: PortOption = None,
     file: Annotated[
-        Path | None, typer.Option(help="Show a recording: points.csv, lines.npz or .mcap.")
+        Path | None,
+        typer.Option(help="Show a recording over and over: points.csv, lines.npz, points.npz."),
     ] = None,
+    speed: Annotated[
+        float, typer.Option(help="How many times as fast as it was taken a recording is played.")
+    ] = 1.0,
     board: Annotated[
         bool, typer.Option("--board", help="Simulate a board, with its mirror at work.")
     ] = False,
@@ -69,18 +74,22 @@ def view(
     from vrscan.data import config as configuration
     from vrscan.data.extras import named
     from vrscan.data.records import Form
+    from vrscan.engines.board import make_folder
     from vrscan.engines.tools import build_folder
     from vrscan.link.device import MOST_STEP
 
     with named():
         from vrscan.view.live import LiveSource, Options
         from vrscan.view.playback import opened
-        from vrscan.view.recorder import Recorder
 
-    if sum((port is not None, file is not None, board)) > 1 and (file is not None or board):
-        raise InputError("--port, --file or --board: only one of them")
-    if step is not None and not 1 <= step <= MOST_STEP:
-        raise InputError(f"--step: must be 1 to {MOST_STEP} ({step})")
+    if file is not None and board:
+        raise InputError("--file or --board: only one of them")
+    _check("--speed", speed, 1e-4, 100.0)
+    if step is not None:
+        _check("--step", step, 1, MOST_STEP)
+    _check("--http-port", http_port, 0, 65535)
+    _check("--baud", baud, 1, 1_000_000_000)
+    _check("--timeout", timeout, 0.01, 3600.0)
     settings = configuration.load(config)
     source: LiveSource | Playback
     with contextlib.ExitStack() as stack:
@@ -95,16 +104,18 @@ def view(
         )
         folder = build_folder() / "view" if out is None else out
         if file is not None:
-            source = opened(file, settings)
+            source = opened(file, settings, speed)
         else:
             if board:
                 options = _simulated(options, scene, settings, stack)
             else:
                 options = replace(options, port=chosen_port(port))
-            folder.mkdir(parents=True, exist_ok=True)
-            source = LiveSource(options, Recorder)
+            make_folder(folder / "view")
+            source = LiveSource(options)
         ended = stack.enter_context(interrupted(signal.SIGINT, signal.SIGTERM))
         stack.callback(source.close)
+        if isinstance(source, LiveSource):
+            source.begin()
         _serve(source, folder, http_port, ended)
 
 
@@ -133,7 +144,6 @@ def _serve(
 
     async def run() -> None:
         served, url = server.serve(lambda document: page.make(document, source, folder), port)
-        source.begin()
         print(url, flush=True)
         while ended() is None:
             await asyncio.sleep(0.1)

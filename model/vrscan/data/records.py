@@ -291,3 +291,9 @@ def short_points(found: Records, pixel_width: int = 12) -> Points:
     wide |= {"flags": flags, "angle": np.where(point, angle, wide.get("angle", none))}
     columns: dict[str, Any] = {field.name: wide.get(field.name, none) for field in fields(Points)}
     return Points(**columns | {"measured": point, "pixel_width": pixel_width})
+
+
+def form_points(found: Records, form: Form, pixel_width: int = 12) -> Points:
+    """Return records of any form, with the numbers of their lines, as points."""
+    make = points if form is Form.FULL else short_points
+    return make(found, pixel_width)

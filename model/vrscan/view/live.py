@@ -11,17 +11,15 @@ import time
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
 
 from vrscan.data import records
 from vrscan.data.config import Config
-from vrscan.data.errors import InputError
-from vrscan.data.lines import Lines
-from vrscan.data.points import Points, table
+from vrscan.data.errors import InputError, one_line
+from vrscan.data.points import table
 from vrscan.data.records import Form
 from vrscan.link.device import BAUD, TIMEOUT_S, Device
 from vrscan.link.link_report import (
-    captured_lines,
+    Threshold,
     captured_point,
     mirror_text,
     threshold,
@@ -33,29 +31,18 @@ from vrscan.registers import values
 from vrscan.registers.register_map import REGISTERS
 from vrscan.registers.values import Value
 from vrscan.view.display import Display, RawLine
+from vrscan.view.recorder import Recorder
 
 RETRY_S = 0.5  # between two attempts to open a port
 GET_S = 0.1
 STATE_S = 0.25  # between two readings of the state
 LINE_S = 0.5  # between two raw lines
+ATTEMPTS = 4
 EVENTS = 50  # that are kept
 STATE = (
     *("mirror_state", "mirror_fault", "mirror_settled", "mirror_measured", "mirror_error"),
     "line_enable",
 )
-
-
-class Recorder(Protocol):
-    """What a recording is written with."""
-
-    def points(self, found: Points) -> None:
-        """Write points."""
-
-    def lines(self, found: Lines) -> None:
-        """Write raw lines."""
-
-    def close(self) -> None:
-        """End the file."""
 
 
 @dataclasses.dataclass
@@ -99,7 +86,6 @@ class LiveSource:
 
     Args:
         options: How it is used.
-        recorder: Opens a recording at a path.
 
     Attributes:
         display: What is shown.
@@ -110,7 +96,7 @@ class LiveSource:
         step: Distance of the lines whose points come.
     """
 
-    def __init__(self, options: Options, recorder: Callable[[Path], Recorder]) -> None:
+    def __init__(self, options: Options) -> None:
         self.display = Display()
         self.events: deque[tuple[float, str]] = deque(maxlen=EVENTS)
         self.kept: Kept | None = None
@@ -119,27 +105,27 @@ class LiveSource:
         self.step = options.step or 1
         self.options = options
         self._recorder: Recorder | None = None
-        self._open = recorder
+        self._threshold = Threshold(0.0, 0.0, False)  # as last read
         self._device: Device | None = None
         self._prepared = False  # configuration and start are for the first connection alone
         self._started = False
         self._past = Account()  # of earlier connections
         self._present: Callable[[], Account] = Account
-        self._lost = 0  # in ``kept``, before the present connection
+        self._before = Account()  # when the recording began
         self._turn = threading.Lock()  # of the recording
         self._closing = threading.Event()
-        self._threads = [threading.Thread(target=self._run, name="view", daemon=True)]
+        self._thread = threading.Thread(target=self._run, name="view", daemon=True)
 
     def begin(self) -> None:
-        """Start the threads."""
-        for thread in self._threads:
-            thread.start()
+        """Start the threads, if they do not run yet."""
+        if self._thread.ident is None:
+            self._thread.start()
 
     def close(self) -> None:
         """Stop what was started, end the recording, and close the port."""
         self._closing.set()
-        for thread in self._threads:
-            thread.join()
+        if self._thread.ident is not None:
+            self._thread.join()
         self.stop_recording()
 
     @property
@@ -197,21 +183,26 @@ class LiveSource:
         Raises:
             InputError: if the file cannot be written, or a recording runs.
         """
+        build = self.device().build
         with self._turn:
             if self._recorder is not None and self.kept is not None:
                 raise InputError(f"{self.kept.path}: is being recorded")
-            self._recorder, self.kept = self._open(path), Kept(path)
-            self._lost = self.account().lost
+            self._recorder, self.kept = Recorder(path, self.options.form, build), Kept(path)
+            self._before = self.account()
         self.happened(f"{path}: recording")
 
     def stop_recording(self) -> None:
-        """End the recording, if there is one."""
+        """End the recording, if there is one.
+
+        Raises:
+            InputError: if it cannot be written.
+        """
         with self._turn:
             if self._recorder is None or self.kept is None:
                 return
             recorder, self._recorder = self._recorder, None
             self.kept.open = False
-            recorder.close()
+            recorder.close(self.step, _sum(self.account(), self._before, -1), self._threshold)
         self.happened(f"{self.kept.path}: {self.kept.points} points, {self.kept.lost} lost")
 
     # ---- threads ----
@@ -270,27 +261,28 @@ class LiveSource:
                     device.stop()
 
     def _enter(self, found: records.Records, width: int) -> None:
-        make = records.points if self.options.form is Form.FULL else records.short_points
-        come = make(found, width)
-        self.display.take(table(come))
+        self.display.take(table(records.form_points(found, self.options.form, width)))
 
         def write(recorder: Recorder, kept: Kept) -> None:
-            recorder.points(come)
-            kept.points += len(come)
+            recorder.points(found)
+            kept.points += len(found)
 
         self._keep(write)
 
     def _keep(self, write: Callable[[Recorder, Kept], None]) -> None:
         """Write to the recording, if there is one; what fails ends it."""
+        failed = False
         with self._turn:
             if self._recorder is None or self.kept is None:
                 return
-            self.kept.lost = self.account().lost - self._lost
+            self.kept.lost = _sum(self.account(), self._before, -1).lost
             try:
                 write(self._recorder, self.kept)
             except (InputError, OSError) as error:
-                self.happened(f"{self.kept.path}: ends early: {error}")
-                self._recorder, self.kept.open = None, False
+                self.happened(f"{self.kept.path}: ends early ({one_line(error)})")
+                failed = True
+        if failed:
+            self.stop_recording()
 
     def _repeat(self, device: Device, act: Callable[[Device], None], every: float) -> None:
         """Do something again and again while the board answers."""
@@ -315,19 +307,22 @@ class LiveSource:
     def _capture(self, device: Device) -> None:
         if not device.read("line_enable"):
             return
-        each = device.capture(timeout=self.options.timeout)
-        settings = threshold_settings(device)
+        for _ in range(ATTEMPTS):  # at a line with a peak
+            each = device.capture(timeout=self.options.timeout)
+            if each.record is not None and records.measured(each.record)[0]:
+                break
+        self._threshold = threshold_settings(device)
         width = device.build.pixel_width
         self.display.line = RawLine(
             each.line,
             each.pixels,
             captured_point(each, width),
-            threshold(each.pixels, settings),
+            threshold(each.pixels, self._threshold),
         )
         if each.record is not None:
 
             def write(recorder: Recorder, kept: Kept) -> None:
-                recorder.lines(captured_lines([each]))
+                recorder.line(each)
                 kept.lines += 1
 
             self._keep(write)
@@ -336,6 +331,6 @@ class LiveSource:
         self.state = text
 
 
-def _sum(first: Account, second: Account) -> Account:
+def _sum(first: Account, second: Account, sign: int = 1) -> Account:
     names = [field.name for field in dataclasses.fields(Account)]
-    return Account(**{name: getattr(first, name) + getattr(second, name) for name in names})
+    return Account(**{name: getattr(first, name) + sign * getattr(second, name) for name in names})

@@ -66,6 +66,8 @@ def make(document: Document, source: Source, folder: Path) -> None:
         folder: Folder for its recordings.
     """
     page = _Page(document, source, folder)
+    if isinstance(source, Playback):
+        source.begin()  # now that somebody looks
     for each in page.roots():
         document.add_root(each)
     document.title = f"VR-SCAN: {source.name}"
@@ -92,7 +94,7 @@ class _Page:
         self._look = InlineStyleSheet(css=_text("page.css"))
         self._state = self._words("state")
         self._tiles = self._words("tiles")
-        self._pictures = _Pictures()
+        self._pictures = _Pictures(moves=not isinstance(source, Playback))
         self._buttons: Model = Div()
         self._more: list[tuple[Model, tuple[str, str, str, str]]] = []
         self._controls: _Controls | _Player
@@ -113,7 +115,7 @@ class _Page:
     def cards(self) -> list[tuple[str, str, str, str]]:
         """Return name, size, heading and note of each card."""
         last = ("events", "s4" if self._controls.cards() else "full", "What happened", "")
-        return [*_Pictures.CARDS, *self._controls.cards(), last]
+        return [*self._pictures.cards, *self._controls.cards(), last]
 
     def update(self) -> None:
         """Show what is new."""
@@ -123,7 +125,7 @@ class _Page:
             word = "recording"
         self._state.text = (
             f'<div class="state"><span class="pill {kind}">{word}</span>'
-            f"{html.escape(source.state)}</div>"
+            f"<span>{html.escape(source.state)}</span></div>"
         )
         self._tiles.text = _tiles(source)
         self._events.text = _events(source)
@@ -202,7 +204,8 @@ class _Pictures:
         ("rates", "s4 low", "Points and losses", "a second, and lost in each half second"),
     )
 
-    def __init__(self) -> None:
+    def __init__(self, *, moves: bool) -> None:
+        self.cards = [card for card in self.CARDS if moves or card[0] != "mirror"]
         self._count = -1
         self._line = -1
         self._data = {
@@ -236,7 +239,8 @@ class _Pictures:
         )
         for each, (name, *_) in zip(made, self.CARDS, strict=True):
             each.name = name
-        return list(made)
+        shown = {name for name, *_ in self.cards}
+        return [each for each in made if each.name in shown]
 
     def _draw_profile(self) -> figure:
         made = _figure(
@@ -253,7 +257,7 @@ class _Pictures:
         made.segment(**ends, source=data["sigma"], line_color=BLUE, **look)
         for name, colour, label in (
             ("sound", BLUE, "points"),
-            ("doubtful", RED, "points with a doubt"),
+            ("doubtful", RED, "doubtful points"),
         ):
             made.scatter(
                 "x", "z", source=data[name], color=colour, size=3.5, line_color=None,
@@ -530,7 +534,7 @@ class _Controls:
         if kept is not None and kept.open:
             self._ask(source.stop_recording)
             return
-        name = time.strftime("view-%Y%m%d-%H%M%S.mcap")
+        name = time.strftime("view-%Y%m%d-%H%M%S.npz")
         self._ask(lambda: source.record(self._folder / name))
 
     # ---- registers ----

@@ -2,34 +2,37 @@
 
 import threading
 import time
+import zipfile
+import zlib
 from collections import deque
 from pathlib import Path
 
 import numpy as np
 
 from vrscan.data import line_files
-from vrscan.data.arrays import Ints
 from vrscan.data.config import Config
+from vrscan.data.errors import InputError, one_line
 from vrscan.data.lines import Lines
-from vrscan.data.points import read_csv
+from vrscan.data.points import read_csv, table
+from vrscan.data.records import Form, form_points
 from vrscan.data.table import Table
 from vrscan.engines.engine import Engine, run
 from vrscan.link.link_report import Threshold, threshold
-from vrscan.link.stream import Account
+from vrscan.link.stream import DTYPES, Account
 from vrscan.view.display import Display, RawLine
 
 TICK_S = 0.1
 
 
 class Playback:
-    """A recording, from ``begin`` until ``close``; it begins anew when it is played at its end.
+    """A recording, from ``begin`` until ``close``; at its end it begins anew.
 
     Args:
         name: Its name.
         points: Its points.
         config: The configuration that they were taken with.
-        raw: Its raw lines, or None.
-        numbers: The number of each raw line, in rising order.
+        raw: Its raw lines, one for each point, or None.
+        speed: How many times as fast as it was taken it is played.
 
     Attributes:
         display: What is shown.
@@ -41,15 +44,21 @@ class Playback:
     connected = True
 
     def __init__(
-        self, name: str, points: Table, config: Config, raw: Lines | None, numbers: Ints
+        self,
+        name: str,
+        points: Table,
+        config: Config,
+        raw: Lines | None = None,
+        *,
+        speed: float = 1.0,
     ) -> None:
         self.name = name
         self.display = Display()
         self.events: deque[tuple[float, str]] = deque()
         self.position = 0
         self.playing = True
-        self._points, self._raw, self._numbers = points, raw, numbers
-        self._rate = config.line.rate_hz
+        self._points, self._raw = points, raw
+        self._rate = config.line.rate_hz * speed
         peak = config.peak
         self._settings = Threshold(peak.k_noise, peak.k_height, peak.noise == "row")
         self._closing = threading.Event()
@@ -63,26 +72,26 @@ class Playback:
     @property
     def state(self) -> str:
         """Return the state in words."""
-        return f"{self.name}: {self.length:,} points, {len(self._numbers):,} raw lines"
+        return f"{self.name}: {self.length:,} points, {len(self._raw or ()):,} raw lines"
 
     def account(self) -> Account:
         """Return the number of points that were played; a file loses none."""
         return Account(records=self.display.count)
 
     def begin(self) -> None:
-        """Start the thread."""
-        self._thread.start()
+        """Start the thread, if it does not run yet."""
+        if self._thread.ident is None:
+            self._thread.start()
 
     def close(self) -> None:
         """End the thread."""
         self._closing.set()
-        self._thread.join()
+        if self._thread.ident is not None:
+            self._thread.join()
 
     def toggle(self) -> None:
-        """Stop, go on, or begin anew."""
+        """Stop or go on."""
         self.playing = not self.playing
-        if self.playing and self.position >= self.length:
-            self.position = 0
 
     def seek(self, position: int) -> None:
         """Go on at another point."""
@@ -102,31 +111,50 @@ class Playback:
         begin, end = self.position, min(self.position + count, self.length)
         if begin < end:
             self.display.take(self._points.of(slice(begin, end)))
-            number = int(self._points.line[end - 1])
-            at = int(np.searchsorted(self._numbers, number, "right")) - 1
-            if self._raw is not None and at >= 0:
-                self.display.line = self._line(self._raw, at)
-        self.position, self.playing = end, end < self.length
-
-    def _line(self, raw: Lines, at: int) -> RawLine:
-        number, pixels = int(self._numbers[at]), raw.lines[at]
-        row = np.flatnonzero(self._points.line == number)[:1]
-        point = self._points.of(row) if len(row) else None
-        return RawLine(number, pixels, point, threshold(pixels, self._settings))
+            if self._raw is not None:
+                pixels, point = self._raw.lines[end - 1], self._points.of(slice(end - 1, end))
+                over = threshold(pixels, self._settings)
+                self.display.line = RawLine(int(point.line[0]), pixels, point, over)
+        self.position = 0 if end == self.length else end
 
 
-def opened(path: Path, config: Config) -> Playback:
+def opened(path: Path, config: Config, speed: float = 1.0) -> Playback:
     """Return a recording.
 
     Args:
         path: points.csv; raw lines, of which the fixed-point model makes the points; or points of
             the link, .npz.
         config: The configuration that it was taken with.
+        speed: How many times as fast as it was taken it is played.
 
     Raises:
         InputError: naming the file, if it is missing or of no known kind.
     """
-    if path.suffix == ".csv":
-        return Playback(path.name, read_csv(path), config, None, np.empty(0, np.int64))
+    found = read_csv(path) if path.suffix == ".csv" else _link_points(path)
+    if found is not None:
+        return Playback(path.name, found, config, speed=speed)
     raw = line_files.read(path, config)
-    return Playback(path.name, run(Engine.FIXED, raw, config), config, raw, np.arange(len(raw)))
+    return Playback(path.name, run(Engine.FIXED, raw, config), config, raw, speed=speed)
+
+
+def _link_points(path: Path) -> Table | None:
+    """Return the points of a file of ``link points``, .npz, or None where it is another one."""
+    if path.suffix != ".npz":
+        return None
+    try:
+        with np.load(path) as file:
+            if "account_records" not in file:
+                return None
+            form = (
+                Form.FULL if "bits" in file else Form.SPACE if "free_to" in file else Form.COMPACT
+            )
+            kind = DTYPES[form]
+            found = np.zeros(len(file["line"]), kind)
+            for name in kind.names or ():
+                found[name] = file[name]
+            width = int(file["pixel_width"])
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or one_line(error)}") from error
+    except (ValueError, KeyError, TypeError, zipfile.BadZipFile, zlib.error) as error:
+        raise InputError(f"{path}: damaged ({one_line(error)})") from error
+    return table(form_points(found, form, width))

@@ -4,6 +4,7 @@ It listens on 127.0.0.1. A request that names another host, as one does whose na
 here, and one that another site's page sends are refused, be they for a page or for a websocket.
 """
 
+import logging
 import socket
 from collections.abc import Callable
 from typing import Any
@@ -51,6 +52,7 @@ def serve(make: Callable[[Document], None], port: int) -> tuple[BaseServer, str]
     Raises:
         InputError: if the port is in use.
     """
+    logging.getLogger("bokeh").setLevel(logging.ERROR)  # it tells of pages that are closed
     settings.resources = "server"  # never from the internet
     listening = socket.socket()
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
