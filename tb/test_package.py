@@ -95,7 +95,7 @@ def test_pip_is_told_what_a_detector_needs_and_no_more(site: Path) -> None:
     needs = told.get_all("Requires-Dist") or []
     assert [name for name in needs if "extra ==" not in name] == ["numpy", "pydantic"]
     extras = set(told.get_all("Provides-Extra") or ())
-    assert extras == {"all", "cli", "formats", "link", "rerun", "scene", "sim", "study"}
+    assert extras == {"all", "cli", "formats", "link", "rerun", "scene", "sim", "study", "view"}
     by_extra = {
         extra: {name.split(";")[0] for name in needs if name.endswith(f"'{extra}'")}
         for extra in extras

@@ -22,6 +22,7 @@ from vrscan.cli.link_commands import _suffix, link
 from vrscan.cli.progress import bar as _bar
 from vrscan.cli.progress import console as _console
 from vrscan.cli.report_commands import report as report_pages
+from vrscan.cli.view_commands import view
 from vrscan.data import config as configuration
 from vrscan.data import line_files
 from vrscan.data.config import Config
@@ -89,6 +90,7 @@ app.add_typer(link, name="link")
 app.command()(cases)
 app.command()(export)
 app.command("filter")(filter_points)
+app.command()(view)
 
 
 def _version(wanted: bool) -> None:

@@ -120,14 +120,7 @@ def write(
     from vrscan.link import link_report as report
     from vrscan.registers import values
 
-    numbers = [_number(name, text, raw) for text in value]
-    integers: values.Value
-    if raw:
-        whole = [number for number in numbers if isinstance(number, int)]
-        integers = whole[0] if len(whole) == 1 else tuple(whole)
-        values.to_words(name, integers)
-    else:
-        integers = values.from_scaled(name, numbers)
+    integers = values.from_texts(name, value, raw=raw)
     with _device(port, baud, timeout) as device:
         device.write(name, integers)
         found = device.read(name)
@@ -467,13 +460,18 @@ def _device(port: str | None, baud: int, timeout: float) -> Iterator["Device"]:
 
     _check("--baud", baud, 1, 1_000_000_000)
     _check("--timeout", timeout, 0.01, 3600.0)
+    with Device(chosen_port(port), baud=baud, timeout=timeout) as device:
+        yield device
+
+
+def chosen_port(port: str | None) -> str:
+    """Return the port; where none was given, raise an error with those that there are."""
     if port is None:
         from serial.tools.list_ports import comports
 
         there = ", ".join(each.device for each in comports() if each.hwid != "n/a")
         raise InputError(f"--port: which one? {f'there are {there}' if there else 'there is none'}")
-    with Device(port, baud=baud, timeout=timeout) as device:
-        yield device
+    return port
 
 
 @contextlib.contextmanager
@@ -523,16 +521,6 @@ def _suffix(path: Path | None, known: tuple[str, ...]) -> str:
     if path.suffix not in known:
         raise InputError(f"{path}: must end in {' or '.join(known)}")
     return path.suffix
-
-
-def _number(name: str, text: str, raw: bool) -> int | float:
-    """Return a typed text as a number."""
-    with contextlib.suppress(ValueError):
-        return int(text, 0)
-    if not raw:
-        with contextlib.suppress(ValueError):
-            return float(text)
-    raise InputError(f"{name}: must be {'an integer' if raw else 'a number'} ({text})")
 
 
 def _console() -> "Console":

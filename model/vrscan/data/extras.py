@@ -12,6 +12,7 @@ from vrscan.data.errors import InputError
 # The names by which libraries are imported, and what pip has to be told.
 BRINGS = {
     "PIL": "vrscan[scene]",
+    "bokeh": "vrscan[view]",
     "dask": "vrscan[study]",
     "distributed": "vrscan[study]",
     "embreex": "vrscan[scene]",
@@ -31,6 +32,7 @@ BRINGS = {
     "rich": "vrscan[cli]",
     "scipy": "vrscan[scene]",
     "serial": "vrscan[link]",
+    "tornado": "vrscan[view]",
     "trimesh": "vrscan[scene]",
     "typer": "vrscan[cli]",
 }

@@ -6,6 +6,7 @@ A record decodes to a structured array with one field for each number, in the ra
 
 from dataclasses import fields
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -267,3 +268,32 @@ def points(records: Records, pixel_width: int = 12) -> Points:
         measured=point,
         pixel_width=pixel_width,
     )
+
+
+def short_points(found: Records, pixel_width: int = 12) -> Points:
+    """Return compact records, or those of points and free beams, as points.
+
+    What they lack is 0. Of the flags that share a bit the first stands for all, and what is
+    measured has the angle of its place.
+
+    Args:
+        found: n records with the number of their line as the field ``line``.
+        pixel_width: ``PixelWidth`` of the scanner.
+    """
+    point, names = measured(found), found.dtype.names or ()
+    wide = {name: found[name].astype(np.int64) for name in names}
+    none = np.zeros(len(found), np.int64)
+    turns = np.arctan2(wide["x"], wide["z"]) / (2.0 * np.pi)
+    angle = np.rint(turns * 2.0**pkg.ANGLE_WIDTH).astype(np.int64)
+    flags = none
+    for bit, (first, *_) in _GATHERED.items():
+        flags = flags | (wide["flags"] >> bit & 1) << pkg.FLAGS[first]
+    wide |= {"flags": flags, "angle": np.where(point, angle, wide.get("angle", none))}
+    columns: dict[str, Any] = {field.name: wide.get(field.name, none) for field in fields(Points)}
+    return Points(**columns | {"measured": point, "pixel_width": pixel_width})
+
+
+def form_points(found: Records, form: Form, pixel_width: int = 12) -> Points:
+    """Return records of any form, with the numbers of their lines, as points."""
+    make = points if form is Form.FULL else short_points
+    return make(found, pixel_width)

@@ -71,7 +71,7 @@ class Table:
         """Return the number of points."""
         return len(self.line)
 
-    def of(self, rows: Bools) -> "Table":
+    def of(self, rows: Bools | Ints | slice) -> "Table":
         """Return some of the rows."""
         columns = {
             field.name: getattr(self, field.name)[rows]

@@ -10,7 +10,8 @@ from rich.console import Group
 from rich.table import Table as RichTable
 
 from vrscan.data import link_pkg, pkg, records
-from vrscan.data.arrays import Floats, Ints
+from vrscan.data.arrays import Floats, Ints, Pixels
+from vrscan.data.lines import Lines
 from vrscan.data.points import table as in_units
 from vrscan.data.points import write_csv
 from vrscan.data.records import Form, Records
@@ -278,15 +279,15 @@ def threshold_settings(device: Device) -> Threshold:
     )
 
 
-def _point(each: Captured, pixel_width: int) -> Table | None:
-    """Return what the board made of a line, a table of one row in counts and px."""
+def captured_point(each: Captured, pixel_width: int) -> Table | None:
+    """Return what the board made of a line, a table of one row, or None for no point."""
     return None if each.record is None else in_units(records.points(each.record, pixel_width))
 
 
-def _threshold(each: Captured, settings: Threshold) -> float:
+def threshold(pixels: Pixels, settings: Threshold) -> float:
     """Return the threshold of a line, which takes more than its point says."""
     limited = not settings.noise_row
-    row = statistics(each.pixels[None], max_window=MAX_WINDOW, noise_row=settings.noise_row)
+    row = statistics(pixels[None], max_window=MAX_WINDOW, noise_row=settings.noise_row)
     level = cut(row, k_noise=settings.k_noise, k_height=settings.k_height, limited=limited)
     return float(level[0])
 
@@ -310,13 +311,13 @@ def capture_table(found: Sequence[Captured], settings: Threshold, pixel_width: i
         Column("most", lambda row: int(row[0].pixels.max())),
         Column("background", of(lambda p: p.background[0]), "{:.1f}"),
         Column("noise", of(lambda p: p.noise[0]), "{:.2f}"),
-        Column("threshold", lambda row: _threshold(row[0], settings), "{:.1f}"),
+        Column("threshold", lambda row: threshold(row[0].pixels, settings), "{:.1f}"),
         Column("window", of(lambda p: f"{p.left[0]}..{p.right[0]}" if p.width[0] > 0 else "")),
         Column("position", of(lambda p: p.position_px[0] if p.measured[0] else None), "{:.3f}"),
         Column("S/N", of(lambda p: p.snr[0]), "{:.1f}"),
         words("flags", of(_flags), wraps=True, absent="no point"),
     ]
-    rows = [(each, _point(each, pixel_width)) for each in found]
+    rows = [(each, captured_point(each, pixel_width)) for each in found]
     return Sheet(columns, rows).terminal("Lines")
 
 
@@ -354,22 +355,37 @@ def write_captures(
     elif kind == ".png":
         _picture(file, found, settings, pixel_width)
     else:
-        empty = np.zeros(1, records.FULL)
-        points = np.concatenate([empty if e.record is None else e.record for e in found])
-        angle = points["angle"] * (2.0 * math.pi / 2.0**pkg.ANGLE_WIDTH)
-        mirror = points["flags"] >> pkg.FLAG_NOT_RUNNING & ((1 << pkg.MIRROR_FLAG_WIDTH) - 1)
+        points, raw = _records(found), captured_lines(found)
         names = [name for name in records.FULL.names or () if name not in ("angle", "power")]
         np.savez_compressed(
             file,
             allow_pickle=False,
-            lines=np.stack([each.pixels for each in found]),
-            angle_rad=angle.astype(np.float64),
-            power=points["power"].astype(np.uint16),
-            mirror_flags=mirror.astype(np.uint8),
+            lines=raw.lines,
+            angle_rad=raw.angle_rad,
+            power=raw.power.astype(np.uint16),
+            mirror_flags=np.asarray(raw.mirror_flags, np.uint8),
             number=np.array([each.line for each in found], np.uint32),
             has_point=np.array([each.record is not None for each in found]),
             **{f"point_{name}": points[name] for name in names},
         )
+
+
+def _records(found: Sequence[Captured]) -> Records:
+    """Return the record of each line, all zeros where it gave none."""
+    empty = np.zeros(1, records.FULL)
+    return np.concatenate([empty if e.record is None else e.record for e in found])
+
+
+def captured_lines(found: Sequence[Captured]) -> Lines:
+    """Return raw lines with what their points tell of angle, power and mirror."""
+    points = _records(found)
+    raised = points["flags"] >> pkg.FLAG_NOT_RUNNING & ((1 << pkg.MIRROR_FLAG_WIDTH) - 1)
+    return Lines(
+        lines=np.stack([each.pixels for each in found]),
+        angle_rad=points["angle"] * (2.0 * math.pi / 2.0**pkg.ANGLE_WIDTH),
+        power=points["power"].astype(np.int64),
+        mirror_flags=raised.astype(np.int64),
+    )
 
 
 def _picture(
@@ -384,12 +400,12 @@ def _picture(
         for axis, each in zip(axes, shown, strict=True):
             axis.plot(each.pixels, color=COLOURS[0], linewidth=0.8, drawstyle="steps-mid")
             title = f"line {each.line}"
-            point = _point(each, pixel_width)
+            point = captured_point(each, pixel_width)
             if point is not None:
-                level, threshold = float(point.background[0]), _threshold(each, settings)
+                level, over = float(point.background[0]), threshold(each.pixels, settings)
                 axis.axhline(level, color=QUIET, linewidth=0.8, label="background")
                 look = {"color": COLOURS[1], "linewidth": 0.8, "dashes": (4, 3)}
-                axis.axhline(threshold, label="threshold", **look)
+                axis.axhline(over, label="threshold", **look)
                 if point.width[0] > 0:
                     ends = point.left[0] - 0.5, point.right[0] + 0.5
                     axis.axvspan(*ends, color=COLOURS[2], alpha=0.2, label="window")

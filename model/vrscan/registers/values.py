@@ -1,5 +1,6 @@
 """Values of registers as words on the link, and the words that go into one command."""
 
+import contextlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -164,6 +165,36 @@ def from_scaled(name: str, value: float | Sequence[float]) -> Value:
             raise InputError(f"{name}: must be {low:.9g} to {high:.9g}{unit} ({number:.9g})")
         found.append(scaled)
     return found[0] if expected == 1 else tuple(found)
+
+
+def from_texts(name: str, texts: Sequence[str], *, raw: bool = False) -> Value:
+    """Return the value that somebody typed, each number in the register's unit.
+
+    Args:
+        name: Name of the register.
+        texts: A text for each of its values.
+        raw: Whether they are the integers themselves.
+
+    Raises:
+        InputError: naming register and text, if one is no number, or as ``from_scaled``.
+    """
+    numbers = [_number(name, text, raw) for text in texts]
+    if not raw:
+        return from_scaled(name, numbers)
+    whole = [number for number in numbers if isinstance(number, int)]
+    value = whole[0] if len(whole) == 1 else tuple(whole)
+    to_words(name, value)
+    return value
+
+
+def _number(name: str, text: str, raw: bool) -> int | float:
+    """Return a typed text as a number."""
+    with contextlib.suppress(ValueError):
+        return int(text, 0)
+    if not raw:
+        with contextlib.suppress(ValueError):
+            return float(text)
+    raise InputError(f"{name}: must be {'an integer' if raw else 'a number'} ({text})")
 
 
 @dataclass

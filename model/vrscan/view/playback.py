@@ -1,0 +1,160 @@
+"""A recording as the source of a page, at the pace at which its lines were taken."""
+
+import threading
+import time
+import zipfile
+import zlib
+from collections import deque
+from pathlib import Path
+
+import numpy as np
+
+from vrscan.data import line_files
+from vrscan.data.config import Config
+from vrscan.data.errors import InputError, one_line
+from vrscan.data.lines import Lines
+from vrscan.data.points import read_csv, table
+from vrscan.data.records import Form, form_points
+from vrscan.data.table import Table
+from vrscan.engines.engine import Engine, run
+from vrscan.link.link_report import Threshold, threshold
+from vrscan.link.stream import DTYPES, Account
+from vrscan.view.display import Display, RawLine
+
+TICK_S = 0.1
+
+
+class Playback:
+    """A recording, from ``begin`` until ``close``; at its end it begins anew.
+
+    Args:
+        name: Its name.
+        points: Its points.
+        config: The configuration that they were taken with.
+        raw: Its raw lines, one for each point, or None.
+        speed: How many times as fast as it was taken it is played.
+
+    Attributes:
+        display: What is shown.
+        events: Times, of ``time.time``, and texts of what happened.
+        position: Number of points that are played so far.
+        playing: Whether it goes on.
+    """
+
+    connected = True
+
+    def __init__(
+        self,
+        name: str,
+        points: Table,
+        config: Config,
+        raw: Lines | None = None,
+        *,
+        speed: float = 1.0,
+    ) -> None:
+        self.name = name
+        self.display = Display()
+        self.events: deque[tuple[float, str]] = deque()
+        self.position = 0
+        self.playing = True
+        self._points, self._raw = points, raw
+        self._rate = config.line.rate_hz * speed
+        peak = config.peak
+        self._settings = Threshold(peak.k_noise, peak.k_height, peak.noise == "row")
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="playback", daemon=True)
+
+    @property
+    def length(self) -> int:
+        """Return the number of points."""
+        return len(self._points)
+
+    @property
+    def state(self) -> str:
+        """Return the state in words."""
+        return f"{self.name}: {self.length:,} points, {len(self._raw or ()):,} raw lines"
+
+    def account(self) -> Account:
+        """Return the number of points that were played; a file loses none."""
+        return Account(records=self.display.count)
+
+    def begin(self) -> None:
+        """Start the thread, if it does not run yet."""
+        if self._thread.ident is None:
+            self._thread.start()
+
+    def close(self) -> None:
+        """End the thread."""
+        self._closing.set()
+        if self._thread.ident is not None:
+            self._thread.join()
+
+    def toggle(self) -> None:
+        """Stop or go on."""
+        self.playing = not self.playing
+
+    def seek(self, position: int) -> None:
+        """Go on at another point."""
+        self.position = min(max(position, 0), self.length)
+
+    def _run(self) -> None:
+        due, before = 0.0, time.monotonic()
+        while not self._closing.wait(TICK_S):
+            now = time.monotonic()
+            due, before = due + (now - before) * self._rate, now
+            if self.playing:
+                self._play(int(due))
+            due %= 1.0
+            self.display.tick(0)
+
+    def _play(self, count: int) -> None:
+        begin, end = self.position, min(self.position + count, self.length)
+        if begin < end:
+            self.display.take(self._points.of(slice(begin, end)))
+            if self._raw is not None:
+                pixels, point = self._raw.lines[end - 1], self._points.of(slice(end - 1, end))
+                over = threshold(pixels, self._settings)
+                self.display.line = RawLine(int(point.line[0]), pixels, point, over)
+        self.position = 0 if end == self.length else end
+
+
+def opened(path: Path, config: Config, speed: float = 1.0) -> Playback:
+    """Return a recording.
+
+    Args:
+        path: points.csv; raw lines, of which the fixed-point model makes the points; or points of
+            the link, .npz.
+        config: The configuration that it was taken with.
+        speed: How many times as fast as it was taken it is played.
+
+    Raises:
+        InputError: naming the file, if it is missing or of no known kind.
+    """
+    found = read_csv(path) if path.suffix == ".csv" else _link_points(path)
+    if found is not None:
+        return Playback(path.name, found, config, speed=speed)
+    raw = line_files.read(path, config)
+    return Playback(path.name, run(Engine.FIXED, raw, config), config, raw, speed=speed)
+
+
+def _link_points(path: Path) -> Table | None:
+    """Return the points of a file of ``link points``, .npz, or None where it is another one."""
+    if path.suffix != ".npz":
+        return None
+    try:
+        with np.load(path) as file:
+            if "account_records" not in file:
+                return None
+            form = (
+                Form.FULL if "bits" in file else Form.SPACE if "free_to" in file else Form.COMPACT
+            )
+            kind = DTYPES[form]
+            found = np.zeros(len(file["line"]), kind)
+            for name in kind.names or ():
+                found[name] = file[name]
+            width = int(file["pixel_width"])
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or one_line(error)}") from error
+    except (ValueError, KeyError, TypeError, zipfile.BadZipFile, zlib.error) as error:
+        raise InputError(f"{path}: damaged ({one_line(error)})") from error
+    return table(form_points(found, form, width))

@@ -1,0 +1,175 @@
+"""The page in a browser, before a board made of the twins that sees a scene."""
+
+import contextlib
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+
+import browser
+import numpy as np
+import pytest
+from browser import DEEP, Browser
+from fake_board import FakeBoard
+from scene_board import let_see, scene_lines
+
+pytestmark = pytest.mark.skipif(bool(browser.missing()), reason=browser.missing() or "")
+LINES_PER_S = 600.0
+MODEL = "Bokeh.documents[0].get_model_by_name"
+
+
+@pytest.fixture(scope="module")
+def board(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FakeBoard]:
+    with FakeBoard(tmp_path_factory.mktemp("view") / "port") as made:
+        let_see(made, *scene_lines(753))
+        made.lines_per_s = LINES_PER_S
+        yield made
+
+
+@contextlib.contextmanager
+def shown_at(board: FakeBoard, *words: str) -> Iterator[tuple[str, int]]:
+    """Show a board; yield the page's URL and the process's number."""
+    command = [sys.executable, "-m", "vrscan", "view", "--port", str(board.path), "--timeout", "4"]
+    command += ["--http-port", "0", "--out", str(board.path.parent / "kept"), *words]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
+        assert running.stdout is not None
+        yield running.stdout.readline().strip(), running.pid
+        running.send_signal(signal.SIGTERM)
+        assert running.wait(20.0) == 0
+
+
+@pytest.fixture(scope="module")
+def url(board: FakeBoard) -> Iterator[str]:
+    with shown_at(board, "--step", "1") as (found, _):
+        yield found
+
+
+@pytest.fixture(scope="module")
+def page(url: str) -> Iterator[Browser]:
+    with Browser() as opened:
+        opened.open(url)
+        opened.wait(
+            "window.Bokeh && Bokeh.documents.length && document.querySelector('.bk-Figure')"
+        )
+        yield opened
+        assert opened.complaints() == []
+
+
+def element(page: Browser, what: str) -> str:
+    """Return an expression for the only element, within shadow trees too, that fits."""
+    return f"(() => {{ {DEEP} return all(document.body).find((e) => {what}) }})()"
+
+
+def click(page: Browser, label: str) -> None:
+    wanted = element(page, f"e.tagName == 'BUTTON' && e.textContent.trim() == '{label}'")
+    page.wait(wanted)
+    page.run(f"{wanted}.click()")
+
+
+def says(page: Browser, text: str) -> None:
+    page.wait(element(page, f"!e.children.length && e.textContent.includes('{text}')"))
+
+
+def enter(page: Browser, placeholder: str, text: str) -> None:
+    field = element(page, f"e.placeholder == '{placeholder}'")
+    page.run(
+        f"const field = {field}; field.value = arguments[0];"
+        "for (const kind of ['input', 'change']) field.dispatchEvent(new Event(kind))",
+        text,
+    )
+
+
+def columns(page: Browser, name: str, glyph: int, *keys: str) -> list[list[float]]:
+    """Return what a figure draws."""
+    found = page.run(
+        f"const figure = {MODEL}(arguments[0]);"
+        "const data = figure.renderers[arguments[1]].data_source.data;"
+        "return arguments[2].map((key) => Array.from(data[key]))",
+        name,
+        glyph,
+        keys,
+    )
+    return list(found)
+
+
+def count(page: Browser) -> int:
+    tile = element(page, "e.className == 'tile' && e.textContent.endsWith('points')")
+    page.wait(tile)
+    return int(page.run(f"return {tile}.querySelector('b').textContent").replace(",", ""))
+
+
+def test_it_shows_the_scene_and_goes_on(page: Browser, board: FakeBoard, url: str) -> None:
+    says(page, "mirror RUN, settled, lines run")
+    first = count(page)
+    page.wait(f"{MODEL}('profile').renderers[2].data_source.data.z.length > 99")
+    places = zip(*columns(page, "profile", 2, "x", "z"), strict=True)
+    seen = {(r["x"] / 4096.0, r["z"] / 4096.0) for r in board.made}
+    assert set(places) <= seen
+    page.wait(f"{MODEL}('line').renderers[0].data_source.data.count.length")
+    (pixels,) = columns(page, "line", 0, "count")
+    assert any(np.array_equal(pixels, row) for row in board.pixels)
+    assert count(page) > first
+    came = page.run("return performance.getEntriesByType('resource').map((e) => e.name)")
+    assert came and all(each.startswith(url) for each in came)
+
+
+def test_it_writes_a_register_and_says_why_not(page: Browser, board: FakeBoard) -> None:
+    enter(page, "part of a name", "scratch")
+    cell = element(page, "e.classList.contains('slick-cell') && e.textContent == 'scratch'")
+    page.wait(cell)
+    page.run(f"{cell}.click()")
+    says(page, "scratch: rw")
+    enter(page, "value", "4711")
+    click(page, "Write")
+    says(page, "scratch = 4711")
+    assert board.file.values["scratch"] == [4711]
+    enter(page, "value", "many")
+    click(page, "Write")
+    says(page, "scratch: must be a number (many)")
+    assert board.file.values["scratch"] == [4711]
+
+
+def test_it_records_every_point(page: Browser, board: FakeBoard) -> None:
+    says(page, "lines run")
+    click(page, "Record")
+    says(page, ": recording")
+    time.sleep(1.5)
+    click(page, "End")
+    says(page, "points, ")
+    made = (board.path.parent / "kept").glob("view-*.npz")
+    points, lines = sorted(made, key=lambda path: len(path.name))
+    with np.load(points) as found:
+        number = found["line"].astype(np.int64)
+        assert len(number) > LINES_PER_S
+        missing = int(np.sum(np.diff(number) - 1))
+        assert missing == found["account_missing"] + found["account_overflow"]
+        again = number % len(board.made)
+        assert np.array_equal(found["z"], board.made["z"][again])
+        assert np.array_equal(found["snr"], board.made["snr"][again])
+    with np.load(lines) as found:
+        assert len(found["lines"]) and {tuple(row) for row in found["lines"]} <= {
+            tuple(row) for row in board.pixels
+        }
+
+
+def test_it_outlives_the_port(page: Browser, board: FakeBoard) -> None:
+    says(page, "live")
+    before = count(page)
+    board.unplug()
+    says(page, "offline")
+    says(page, "the port is gone")
+    board.plug()
+    says(page, "live")
+    end = time.monotonic() + 20.0
+    while count(page) <= before + LINES_PER_S / 2:
+        assert time.monotonic() < end
+        time.sleep(0.2)
+
+
+@pytest.mark.parametrize("width", [1440, 480])
+def test_nothing_is_wider_than_the_page(page: Browser, width: int) -> None:
+    page.resize(width, 900)
+    page.wait(f"document.documentElement.scrollWidth <= {width}")
+    cards = page.run("return [...document.querySelectorAll('section')].map((e) => e.clientWidth)")
+    assert min(cards) > (width - 60 if width < 900 else 200)

@@ -1,0 +1,86 @@
+"""All points of a scan at its full rate: shown in part and recorded whole, with a page open."""
+
+import os
+import struct
+import time
+from pathlib import Path
+
+import browser
+import numpy as np
+import pytest
+from browser import Browser
+from fake_board import FakeBoard
+from random_records import random_records
+from test_page import click, says, shown_at
+
+from vrscan.data import records
+from vrscan.link.protocol import encode_frame
+
+RATE, BATCH, BODIES = 37_400, 24, 50
+RECORDED_S = 43.0
+SEED = 20261125
+
+pytestmark = [
+    pytest.mark.soak,
+    pytest.mark.skipif(bool(browser.missing()), reason=browser.missing() or ""),
+]
+
+
+class FastBoard(FakeBoard):
+    """A board that sends points and free beams at the full rate, in packets made before."""
+
+    packets: tuple[bytes, ...] = ()
+    sent = 0
+
+    def _make_lines(self, more: float) -> None:
+        if self._streaming is None:
+            return
+        self._due += more
+        count, self._due = int(self._due // BATCH), self._due % BATCH
+        self._write(b"".join(self.packets[self.sent : self.sent + count]))
+        self.sent += count
+
+    def _give(self, *_: object) -> None:
+        pass
+
+
+def packets(made: records.Records, count: int) -> tuple[bytes, ...]:
+    """Return frames of one line after the other, whose records come again and again."""
+    bodies = [records.encode_space(made[k * BATCH :][:BATCH]) for k in range(BODIES)]
+    head = struct.Struct("<BBBBIH")
+    return tuple(
+        encode_frame(head.pack(0x42, k & 255, BATCH, 1, k * BATCH, 0) + bodies[k % BODIES])
+        for k in range(count)
+    )
+
+
+def spent_s(process: int) -> float:
+    """Return the processor's time that a process has taken."""
+    words = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def test_all_points_of_a_scan_are_recorded(tmp_path: Path) -> None:
+    made = records.space(random_records(np.random.default_rng(SEED), range(BATCH * BODIES)))
+    with FastBoard(tmp_path / "port") as board:
+        board.lines_per_s = float(RATE)
+        board.packets = packets(made, round((RECORDED_S + 60.0) * RATE / BATCH))
+        with shown_at(board, "--space", "--step", "1") as (url, process), Browser() as page:
+            page.open(url)
+            says(page, "a board answers")
+            click(page, "Record")
+            says(page, ": recording")
+            begun, before = time.monotonic(), spent_s(process)
+            time.sleep(RECORDED_S)
+            share = (spent_s(process) - before) / (time.monotonic() - begun)
+            click(page, "End")
+            says(page, "points, ")
+            assert page.complaints() == []
+    (path,) = (tmp_path / "kept").glob("*.npz")
+    with np.load(path) as found:
+        number = found["line"].astype(np.int64)
+        assert len(number) >= 0.98 * RATE * RECORDED_S
+        np.testing.assert_array_equal(number, number[0] + np.arange(len(number)))
+        assert found["account_missing"] == found["account_overflow"] == 0
+        np.testing.assert_array_equal(found["z"], made["z"][number % len(made)])
+    print(f"{len(number)} points recorded, 0 missing, with {share:.2f} of a processor")
