@@ -90,8 +90,11 @@ module axis_lines #(
              number_q - 32'd1}),
     .m_axis_tvalid, .m_axis_tready, .m_axis_tdata(data), .m_axis_tlast, .m_axis_tuser
   );
-  for (genvar k = 0; k < Lanes; k++) begin : gen_lanes
-    assign m_axis_tdata[16*k+:16] = 16'(data[PixelWidth*k+:PixelWidth]);
+  always_comb begin
+    m_axis_tdata = '0;
+    for (int unsigned k = 0; k < Lanes; k++) begin
+      m_axis_tdata[16*k+:PixelWidth] = data[PixelWidth*k+:PixelWidth];
+    end
   end
 
   always_ff @(posedge clk_i) begin

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Literal
 
-from vrscan.clocked.bus_arbiter import Access
+from vrscan.clocked.command_executor import Access
 from vrscan.data import link_pkg
 
 LATENCY = 2  # clocks from a request's ready to bus_valid_o

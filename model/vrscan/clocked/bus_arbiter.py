@@ -1,18 +1,11 @@
 """Two hosts on the bus to the registers, the twin of ``rtl/link/bus_arbiter.sv``."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+
+from vrscan.clocked.command_executor import Access
 
 LATENCY = 1  # clocks from valid_i to bus_valid_o, and from bus_done_i to done_o
 LINGER_CLKS = 24  # for which source 0 keeps the bus behind its answer
-
-
-class Access(NamedTuple):
-    """An access to a register."""
-
-    access: int
-    address: int
-    data: int
 
 
 class BusArbiter:
