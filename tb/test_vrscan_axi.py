@@ -14,6 +14,7 @@ from vrscan.clocked.axil_registers import OKAY
 from vrscan.clocked.axis_lines import LineUser
 from vrscan.clocked.axis_points import user_of
 from vrscan.data import link_pkg, pkg
+from vrscan.data.config import Config, Geometry, Peak, Sensor
 from vrscan.data.errors import InputError
 from vrscan.data.records import decode_full, encode_full
 from vrscan.fixed.point_record import point_record
@@ -22,10 +23,15 @@ from vrscan.fixed.vrscan_chain import run_fixed
 from vrscan.link.axi import AxiDevice, BusError
 from vrscan.registers.chain_registers import Registers
 from vrscan.registers.register_map import REGISTERS
-from vrscan.registers.settings import TestLineSettings
+from vrscan.registers.settings import TestLineSettings as Settings
 
 LENGTH, WINDOW, COUNT, PERIOD = 256, 31, 8, 700
 ANGLE, POWER = 1 << 18, 30_000
+CONFIG = Config(
+    peak=Peak(window="threshold", snr_min=2.0),
+    sensor=Sensor(line_length=LENGTH),
+    geometry=Geometry(centre_px=0.6 * LENGTH, pitch_mm=14.0 / LENGTH),
+)
 PARAMETERS = {"LineLength": LENGTH, "MaxWindow": WINDOW, "PointSlots": 2}
 
 
@@ -49,19 +55,20 @@ class BridgedWords:
         self.read, self.write = resume(read), resume(write)
 
 
-def arranged(words: BridgedWords) -> tuple[AxiDevice, Registers, TestLineSettings]:
+def arranged(words: BridgedWords) -> tuple[AxiDevice, Registers, Settings]:
     """Set a run of test lines, and return what the model needs for it."""
     device = AxiDevice(words)
     with pytest.raises(InputError, match="address 0x0fff: the bus answers with an error"):
         device.read_words(0x0FFF, 1)
     assert device.read("axi_refused") == link_pkg.STATUS_NO_ADDRESS
     assert device.read("axi_refused_address") == 0x0FFF
-    given = {"snr_min": 512, "window_fit": 0, "window_two_pass": 0}
-    device.write_many(given.items())
-    held = {f.name: REGISTERS[f.name].reset[0] for f in fields(Registers) if f.name in REGISTERS}
-    tables = dict.fromkeys(("free_table_from", "free_table_to"), (0,) * 256)
-    registers = Registers(**{"pixel_width": 12, "line_length": LENGTH, **held, **given, **tables})
-    settings = TestLineSettings(
+    while device.read("commit_waiting"):  # a reset commits, too
+        pass
+    registers = Registers.from_config(CONFIG)
+    names = [field.name for field in fields(Registers) if field.name in REGISTERS]
+    names = [name for name in names if REGISTERS[name].access == "rw"]
+    device.write_many([(name, int(getattr(registers, name))) for name in names])
+    settings = Settings(
         position=100 << pkg.POSITION_FRACTION,
         move=3 << pkg.POSITION_FRACTION,
         step=step_of_width(12.0),
@@ -91,7 +98,7 @@ async def a_run_of_test_lines(dut) -> None:
     for sink in (points, raw):
         sink.clear_pause_generator()
         sink.pause = True
-    for _ in range((COUNT + 2) * PERIOD):
+    for _ in range((COUNT - 1) * PERIOD):
         await FallingEdge(dut.clk_i)
     counts = await bridge(device.read_many)(("axi_points_dropped", "axi_lines_dropped"))
     points.pause = raw.pause = False
