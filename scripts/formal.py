@@ -982,7 +982,7 @@ MUTANTS = (
         "a host that lives by a wire",
         "vrscan_properties",
         VRSCAN,
-        ".alive_i(alive),\n    .guard_ok_i,",
+        ".alive_i(alive || host_valid_i),\n    .guard_ok_i,",
         ".alive_i(1'b1),\n    .guard_ok_i,",
         "no_light_before_a_host",
         12,

@@ -705,7 +705,7 @@ FAULTS = [
             ".laser_limits_i(laser_limits)",
             ".laser_limits_i('1)",
         ),
-        ("a host that is always heard", ".alive_i(alive)", ".alive_i(1'b1)"),
+        ("a host that is always heard", ".alive_i(alive || host_valid_i)", ".alive_i(1'b1)"),
         ("a laser that sees no point", ".point_valid_i(seen_valid_q)", ".point_valid_i(1'b0)"),
         (
             "a mirror that runs backwards for the laser",

@@ -79,7 +79,9 @@ def test_benders_files_are_there_packages_first() -> None:
 def test_a_prefixed_copy_meets_no_other_name(tmp_path: Path) -> None:
     """Verilator reads it beside a module of another design that is called divide."""
     folder = tmp_path / "copy"
-    assert cores.prefixed("vrs_", folder) == len(rtl_sources())
+    script = [sys.executable, ROOT / "scripts" / "cores.py", "--prefix", "vrs_", folder]
+    said = subprocess.run(script, capture_output=True, text=True, check=True).stdout
+    assert said == f"{len(rtl_sources())} files in {folder}\n"
     other = tmp_path / "divide.sv"
     other.write_text("module divide; endmodule\n")
     made = sorted(folder.rglob("*.sv"), key=lambda file: not file.stem.endswith("_pkg"))
