@@ -12,6 +12,9 @@
 //   pulse_o .. heartbeat_o, guard_*_i  laser_control's
 //   focus_*_i     asynchronous; *_low_o pulls the line low
 //   rx_i, tx_o    8N1, Baud until the host writes uart_step; docs/link.md
+//   host_*        another host on the bus to the registers, as bus_arbiter has its sources; each access
+//                 is a sign of life.  record_*, readout_*: all points and lines; axi_i: what
+//                 the registers tell of who takes them.  vrscan_axi.sv uses these
 //   line_o, centre_o, centre_half_o  the line that goes on, and when the middle of its pulse is
 //   Test lines    from test_start on until the run has ended they take the sensor's place; a line of
 //                 the sensor that is cut off by that counts as unfinished.  Their points carry
@@ -71,6 +74,22 @@ module vrscan #(
   // Host.
   input  wire logic                                         rx_i,
   output      logic                                         tx_o,
+  input  wire logic                                         host_valid_i,
+  input  wire logic [            link_pkg::AccessWidth-1:0] host_access_i,
+  input  wire logic [           link_pkg::AddressWidth-1:0] host_address_i,
+  input  wire logic [                                 31:0] host_data_i,
+  output      logic                                         host_done_o,
+  output      logic [            link_pkg::StatusWidth-1:0] host_status_o,
+  output      logic [                                 31:0] host_data_o,
+  output      logic                                         record_valid_o,
+  output      logic [                                  5:0] record_index_o,
+  output      logic [                                  7:0] record_o,
+  output      logic                                         readout_start_o,
+  output      logic                                         readout_end_o,
+  output      logic                                         readout_valid_o,
+  output      logic [                       PixelWidth-1:0] readout_pixel_o,
+  output      vrscan_pkg::line_t                            readout_line_o,
+  input  wire register_pkg::axi_t                           axi_i,
 
   // For lamps and oscilloscopes.
   output      logic [     vrscan_pkg::MirrorStateWidth-1:0] mirror_state_o,
@@ -83,7 +102,7 @@ module vrscan #(
   // ---- a reset for each room, a clock after rst_i; register_file makes its own ----
   logic rst_own, rst_uart_link, rst_mirror_loop, rst_laser_control, rst_test_line, rst_line_tag;
   logic rst_vrscan_chain, rst_point_record, rst_point_packer, rst_line_capture, rst_focus_control;
-  logic rst_commit_control;
+  logic rst_commit_control, rst_bus_arbiter;
   local_register u_reset_own (.clk_i, .d_i(rst_i), .q_o(rst_own));
   local_register u_reset_uart_link (.clk_i, .d_i(rst_i), .q_o(rst_uart_link));
   local_register u_reset_mirror_loop (.clk_i, .d_i(rst_i), .q_o(rst_mirror_loop));
@@ -96,6 +115,7 @@ module vrscan #(
   local_register u_reset_line_capture (.clk_i, .d_i(rst_i), .q_o(rst_line_capture));
   local_register u_reset_focus_control (.clk_i, .d_i(rst_i), .q_o(rst_focus_control));
   local_register u_reset_commit_control (.clk_i, .d_i(rst_i), .q_o(rst_commit_control));
+  local_register u_reset_bus_arbiter (.clk_i, .d_i(rst_i), .q_o(rst_bus_arbiter));
 
   // ---- registers ----
   register_pkg::identity_t        identity;
@@ -154,7 +174,7 @@ module vrscan #(
     .focus_table_o(focus_table), .free_o(free), .free_table_o(free_table),
     .map_o(map), .map_access_o(map_access), .map_table_o(map_table),
     .map_table_status_i(map_table_status),
-    .commit_o(commit), .commit_status_i(commit_status),
+    .commit_o(commit), .commit_status_i(commit_status), .axi_i,
     .waiting_i(commit_status.commit_waiting), .copy_i(commit_copy), .copy_index_i(commit_index),
     .bank_i(commit_status.configuration), .take_i(commit_take)
   );
@@ -196,18 +216,32 @@ module vrscan #(
   logic [          7:0] stream_step;
   logic [         31:0] capture_argument;
   logic [link_pkg::CaptureModeWidth-1:0] capture_mode;
+  logic                                  link_valid, link_done;
+  logic [    link_pkg::AccessWidth-1:0]  link_access;
+  logic [   link_pkg::AddressWidth-1:0]  link_address;
+  logic [                         31:0]  link_written;
   uart_link #(.ClockHz(ClockHz), .Baud(Baud), .Streams(Streams)) u_uart_link (
     .clk_i, .rst_i(rst_uart_link), .rx_i, .tx_o, .link_i(link), .link_status_o(link_status),
     .packet_valid_i(packet_valid), .packet_ready_o(packet_ready), .packet_data_i(packet_data),
     .packet_last_i(packet_last),
-    .bus_valid_o(bus_valid), .bus_access_o(bus_access), .bus_address_o(bus_address),
-    .bus_data_o(bus_written), .bus_done_i(bus_done), .bus_status_i(bus_status),
-    .bus_data_i(bus_read),
+    .bus_valid_o(link_valid), .bus_access_o(link_access), .bus_address_o(link_address),
+    .bus_data_o(link_written), .bus_done_i(link_done), .bus_status_i(host_status_o),
+    .bus_data_i(host_data_o),
     .stream_start_o(stream_start), .stream_stop_o(stream_stop), .stream_format_o(stream_format),
     .stream_step_o(stream_step),
     .capture_start_o(capture_start), .capture_mode_o(capture_mode),
     .capture_argument_o(capture_argument), .capture_busy_i(points_status.capture_busy),
     .alive_o(alive)
+  );
+
+  bus_arbiter u_bus_arbiter (
+    .clk_i, .rst_i(rst_bus_arbiter),
+    .valid_i({host_valid_i, link_valid}), .access_i({host_access_i, link_access}),
+    .address_i({host_address_i, link_address}), .data_i({host_data_i, link_written}),
+    .done_o({host_done_o, link_done}), .status_o(host_status_o), .data_o(host_data_o),
+    .bus_valid_o(bus_valid), .bus_access_o(bus_access), .bus_address_o(bus_address),
+    .bus_data_o(bus_written), .bus_done_i(bus_done), .bus_status_i(bus_status),
+    .bus_data_i(bus_read)
   );
 
   // ---- mirror ----
@@ -260,7 +294,7 @@ module vrscan #(
     .laser_i(laser), .laser_limits_i(laser_limits), .laser_status_o(laser_status),
     .pulse_i(pulse), .line_start_i(line_start_o), .centre_i(centre_o), .state_i(mirror_state_o),
     .index_alive_i(mirror_status.index_alive), .scanning_i(scanning), .startup_ok_i(startup_ok),
-    .phase_i(mirror_status.mirror_phase[vrscan_pkg::TurnWidth-1-:16]), .alive_i(alive),
+    .phase_i(mirror_status.mirror_phase[vrscan_pkg::TurnWidth-1-:16]), .alive_i(alive || host_valid_i),
     .guard_ok_i, .guard_beat_i, .guard_fault_i,
     .point_valid_i(seen_valid_q), .point_i(seen_q),
     .pulse_o, .power_o, .power_pin_o, .index_light_o, .startup_o, .startup_pin_o,
@@ -313,6 +347,11 @@ module vrscan #(
     end
   end
 
+  assign {readout_start_o, readout_end_o, readout_valid_o} = {
+    readout_q2.start, readout_q2.last, readout_q2.valid
+  };
+  assign {readout_pixel_o, readout_line_o} = {readout_q2.pixel, readout_q2.line};
+
   // ---- from pixels to a point, which is always taken ----
   // The chain is not where the registers are.
   register_pkg::peak_t     peak_q;
@@ -345,17 +384,14 @@ module vrscan #(
   end
 
   // ---- points to the host ----
-  logic       record_valid;
-  logic [5:0] record_index;
-  logic [7:0] record;
   point_record u_point_record (
     .clk_i, .rst_i(rst_point_record), .valid_i(point_valid), .point_i(point),
-    .record_valid_o(record_valid), .record_index_o(record_index), .record_o(record)
+    .record_valid_o, .record_index_o, .record_o
   );
 
   point_packer u_point_packer (
     .clk_i, .rst_i(rst_point_packer), .points_i(points),
-    .record_valid_i(record_valid), .record_index_i(record_index), .record_i(record),
+    .record_valid_i(record_valid_o), .record_index_i(record_index_o), .record_i(record_o),
     .valid_o(packet_valid[0]), .ready_i(packet_ready[0]), .data_o(packet_data[7:0]),
     .last_o(packet_last[0]),
     .stream_start_i(stream_start), .stream_stop_i(stream_stop), .stream_format_i(stream_format),
@@ -366,7 +402,7 @@ module vrscan #(
     .clk_i, .rst_i(rst_line_capture),
     .line_start_i(readout_q.start), .line_end_i(readout_q.last), .pixel_valid_i(readout_q.valid),
     .pixel_i(readout_q.pixel),
-    .record_valid_i(record_valid), .record_index_i(record_index), .record_i(record),
+    .record_valid_i(record_valid_o), .record_index_i(record_index_o), .record_i(record_o),
     .valid_o(packet_valid[1]), .ready_i(packet_ready[1]), .data_o(packet_data[15:8]),
     .last_o(packet_last[1]),
     .capture_start_i(capture_start), .capture_mode_i(capture_mode),

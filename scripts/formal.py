@@ -47,6 +47,9 @@ RECEIVER = "rtl/link/uart_rx.sv"
 TRANSMITTER = "rtl/link/uart_tx.sv"
 EXECUTOR = "rtl/link/command_executor.sv"
 REGISTERS = "rtl/link/register_file.sv"
+SHARED = "rtl/link/bus_arbiter.sv"
+SLAVE = "rtl/axi/axil_registers.sv"
+RING = "rtl/axi/axis_ring.sv"
 COMMIT = "rtl/link/commit_control.sv"
 BUFFER = "rtl/sensor/line_buffer.sv"
 FIFO = "rtl/sensor/pixel_fifo.sv"
@@ -134,6 +137,16 @@ PROOFS = (
     Proof("uart_tx + uart_rx", "uart_pair_properties", 4, 50, bounded=48),
     Proof("command_executor", "command_executor", 5, 24),
     Proof("register_file", "register_file", 5, 18),
+    Proof("bus_arbiter", "bus_arbiter", 3, 20, parameters=(("LingerClks", 5),)),
+    Proof("axil_registers", "axil_registers", 3, 20),
+    Proof(
+        "axis_ring",
+        "axis_ring",
+        3,
+        24,
+        parameters=(("Slots", 2), ("Words", 3), ("DataWidth", 2), ("UserWidth", 2)),
+        registers=True,
+    ),
     Proof("uart_rx", "uart_rx", 2, 60),
     Proof("command_queue", "command_queue", 4, 20, parameters=(("CountWidth", 2),)),
     Proof("point_record", "point_record", 2, 6),
@@ -565,6 +578,81 @@ MUTANTS = (
         )
     ),
     *(
+        Mutant(name, Path(source).stem, source, good, bad, breaks, 16)
+        for name, source, good, bad, breaks in (
+            (
+                "another host within a command",
+                SHARED,
+                " && linger_q == '0, waits[0]",
+                ", waits[0]",
+                "commands_whole",
+            ),
+            (
+                "the other host's answer",
+                SHARED,
+                "done_o <= {second_q, !second_q};",
+                "done_o <= {!second_q, second_q};",
+                "answer_to_its_source",
+            ),
+            (
+                "an access while one is under way",
+                SHARED,
+                "busy_q ? 2'b00 :",
+                "1'b0 ? 2'b00 :",
+                "one_access_at_a_time",
+            ),
+            (
+                "the other host's address",
+                SHARED,
+                "address_i[begins[1]*",
+                "address_i[begins[0]*",
+                "as_it_was_given",
+            ),
+            (
+                "a refused write is well",
+                SLAVE,
+                "assign answer    = !refused ? OKAY",
+                "assign answer    = 1'b1 ? OKAY",
+                "written_is_answered",
+            ),
+            (
+                "a part of a word is written",
+                SLAVE,
+                "assign whole     = strobes_q == '1;",
+                "assign whole     = strobes_q != '0;",
+                "written_as_given",
+            ),
+            (
+                "an answer that is not waited for",
+                SLAVE,
+                "if (s_axil_rvalid && s_axil_rready) s_axil_rvalid",
+                "if (s_axil_rvalid) s_axil_rvalid",
+                "r_stays",
+            ),
+            (
+                "a word that is not waited for",
+                RING,
+                "assign next   = !m_axis_tvalid || m_axis_tready;",
+                "assign next   = 1'b1;",
+                "stays_until_taken",
+            ),
+            (
+                "a packet one short",
+                RING,
+                "PlaceWidth'(Words - 1)",
+                "PlaceWidth'(Words - 2)",
+                "packets_whole",
+            ),
+            (
+                "room in a full ring",
+                RING,
+                "assign room_o = (head_q ^ tail_q) != {1'b1, SlotWidth'(0)};",
+                "assign room_o = 1'b1;",
+                "room_is_told",
+            ),
+        )
+    ),
+    *(
         Mutant(name, "packet_arbiter", ARBITER, good, bad, breaks)
         for name, good, bad, breaks in (
             (
@@ -894,7 +982,7 @@ MUTANTS = (
         "a host that lives by a wire",
         "vrscan_properties",
         VRSCAN,
-        ".alive_i(alive),\n    .guard_ok_i,",
+        ".alive_i(alive || host_valid_i),\n    .guard_ok_i,",
         ".alive_i(1'b1),\n    .guard_ok_i,",
         "no_light_before_a_host",
         12,

@@ -9,6 +9,7 @@
 * ``vrscan.fixed.peak_refine`` -> ``rtl/peak/spot_sigma_pkg.sv``: a spot's width by its harmonic.
 * ``rtl/link/registers.toml`` -> ``rtl/link/register_file.sv`` and ``register_pkg.sv``,
   ``docs/registers.md`` and ``model/vrscan/registers/register_map.py``: every register.
+* ``rtl/`` -> ``vrscan_*.core`` and ``Bender.yml``: which files belong to which part.
 """
 
 import argparse
@@ -153,6 +154,24 @@ def register_page() -> str:
     return document(described())
 
 
+def fusesoc_core(name: str) -> Callable[[], str]:
+    """Return the maker of a .core file."""
+
+    def made() -> str:
+        from cores import core
+
+        return core(name)
+
+    return made
+
+
+def bender_manifest() -> str:
+    """Return the list of files as Bender reads it."""
+    from cores import manifest
+
+    return manifest()
+
+
 TARGETS: dict[str, Callable[[], str]] = {
     "model/vrscan/data/pkg.py": package,
     "model/vrscan/data/link_pkg.py": link_package,
@@ -165,6 +184,8 @@ TARGETS: dict[str, Callable[[], str]] = {
     "rtl/link/register_pkg.sv": register_package,
     "model/vrscan/registers/register_map.py": register_map,
     "docs/registers.md": register_page,
+    **{f"vrscan_{name}.core": fusesoc_core(name) for name in ("trig", "chain", "top")},
+    "Bender.yml": bender_manifest,
     "tb/devices/odd_registers_pkg.sv": odd_register_package,
     "tb/devices/odd_registers.sv": odd_register_file,
 }

@@ -705,7 +705,7 @@ FAULTS = [
             ".laser_limits_i(laser_limits)",
             ".laser_limits_i('1)",
         ),
-        ("a host that is always heard", ".alive_i(alive)", ".alive_i(1'b1)"),
+        ("a host that is always heard", ".alive_i(alive || host_valid_i)", ".alive_i(1'b1)"),
         ("a laser that sees no point", ".point_valid_i(seen_valid_q)", ".point_valid_i(1'b0)"),
         (
             "a mirror that runs backwards for the laser",
@@ -1179,11 +1179,47 @@ FAULTS = [
         ("a value keeps old bytes", "value = bytes_q == '0;", "value = 1'b0;"),
         ("SDA a clock early", "sample_q <= sda_q2", "sample_q <= sda_q"),
     ),
+    *faults(
+        "rtl/link/bus_arbiter.sv",
+        ("nobody lingers", "linger_q <= LingerWidth'(LingerClks)", "linger_q <= '0"),
+        ("the other one first", "waits[1] && !waits[0] &&", "waits[1] &&"),
+    ),
+    *faults(
+        "rtl/axi/axis_points.sv",
+        ("losses are not told", "data = lost_q[7:0];", "data = record_i;"),
+        ("a record in a full ring", "(begins ? room : taking_q)", "(begins || taking_q)"),
+        ("losses are told again", "if (take && ends) lost_q <= '0;", ""),
+    ),
+    *faults(
+        "rtl/axi/axis_lines.sv",
+        ("a line that began without room", "line_start_i ? room : taking_q", "room"),
+        ("a short line", "ends && !is_short && !over", "ends && !over"),
+        ("a gap is not told", "if (unfinished || (ends", "if (1'b0 || (ends"),
+    ),
+    *faults(
+        "rtl/axi/axil_registers.sv",
+        ("reads never come first", "!(read_due && writes_q)", "1'b1"),
+        ("nothing written, refused", "&& !whole && strobes_q != '0;", "&& !whole;"),
+        ("an unknown address", "? DECERR : SLVERR", "? SLVERR : SLVERR"),
+    ),
     # ---- contracts: a broken one fails the test ----
     *(
         fault
         for module, what, old, new in (
             ("packet_arbiter", "another byte", "valid_o && data_o == data_q", "data_o != data_q"),
+            (
+                "bus_arbiter",
+                "the other one's",
+                "second ? other_q : first_q",
+                "second ? first_q : other_q",
+            ),
+            (
+                "axil_registers",
+                "another word",
+                "!b_stays_q || (s_axil_bvalid &&",
+                "!b_stays_q || (!s_axil_bvalid &&",
+            ),
+            ("axis_ring", "a packet one longer", "== Words - 1))", "== Words))"),
             ("frame_encoder", "another payload", "decoded_byte == entry[7:0]", "1'b0"),
             ("frame_decoder", "a byte too soon", "valid_o == byte_due_q2", "valid_o == byte_due_q"),
             ("uart_tx", "the line upside down", "broken_q ? 1'b0 :", "broken_q ? 1'b1 :"),

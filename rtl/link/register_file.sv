@@ -64,6 +64,7 @@ module register_file (
   input  wire register_pkg::laser_status_t        laser_status_i,
   output      register_pkg::points_t              points_o,
   input  wire register_pkg::points_status_t       points_status_i,
+  input  wire register_pkg::axi_t                 axi_i,
   output      register_pkg::focus_t               focus_o,
   input  wire register_pkg::focus_status_t        focus_status_i,
   output      register_pkg::test_t                test_o,
@@ -259,6 +260,7 @@ module register_file (
   logic page_12_hit_q;
   logic page_13_hit_q;
   logic page_16_hit_q;
+  logic page_17_hit_q;
   logic page_18_hit_q;
   logic page_1a_hit_q;
   logic page_1c_hit_q;
@@ -286,6 +288,7 @@ module register_file (
     page_12_hit_q <= address_q[15:4] == 12'h012;
     page_13_hit_q <= address_q[15:4] == 12'h013;
     page_16_hit_q <= address_q[15:4] == 12'h016;
+    page_17_hit_q <= address_q[15:4] == 12'h017;
     page_18_hit_q <= address_q[15:4] == 12'h018;
     page_1a_hit_q <= address_q[15:4] == 12'h01a;
     page_1c_hit_q <= address_q[15:4] == 12'h01c;
@@ -1424,7 +1427,7 @@ module register_file (
   always_ff @(posedge clk_i) begin
     case (page_00_word)
       4'h0: page_00_q <= 32'h56525343;
-      4'h1: page_00_q <= 32'h8d8f25a2;
+      4'h1: page_00_q <= 32'h2338e664;
       4'h2: page_00_q <= 32'h00000100;
       4'h3: page_00_q <= 32'(identity_status_i.board_id);
       4'h4: page_00_q <= identity_status_i.clock_hz;
@@ -1806,6 +1809,21 @@ module register_file (
     if (!page_16_hit_q) page_16_q <= '0;
   end
 
+  logic [31:0] page_17_q;
+  logic [3:0] page_17_word;
+  local_register #(.Width(4)) u_page_17_word (
+    .clk_i, .d_i(address_q[3:0]), .q_o(page_17_word)
+  );
+  always_ff @(posedge clk_i) begin
+    case (page_17_word)
+      4'h0: page_17_q <= 32'(axi_i.axi_points_dropped);
+      4'h1: page_17_q <= 32'(axi_i.axi_lines_dropped);
+      4'h2: page_17_q <= 32'(axi_i.axi_refused);
+      default: page_17_q <= 32'(axi_i.axi_refused_address);
+    endcase
+    if (!page_17_hit_q) page_17_q <= '0;
+  end
+
   logic [31:0] page_18_q;
   logic [3:0] page_18_word;
   local_register #(.Width(4)) u_page_18_word (
@@ -1967,6 +1985,7 @@ module register_file (
               | page_12_q
               | page_13_q
               | page_16_q
+              | page_17_q
               | page_18_q
               | page_1a_q
               | page_1c_q
@@ -2374,6 +2393,14 @@ module register_file (
     rule_mem[354] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // capture_busy
     rule_mem[355] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
+    // axi_points_dropped
+    rule_mem[368] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
+    // axi_lines_dropped
+    rule_mem[369] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
+    // axi_refused
+    rule_mem[370] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
+    // axi_refused_address
+    rule_mem[371] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // focus_mode
     rule_mem[384] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000000002};
     // focus_manual

@@ -230,6 +230,14 @@ package register_pkg;
     logic capture_busy;
   } points_status_t;
 
+  // The AXI interfaces of vrscan_axi; all 0 without them.
+  typedef struct packed {
+    logic [15:0] axi_points_dropped;
+    logic [15:0] axi_lines_dropped;
+    logic [3:0] axi_refused;
+    logic [15:0] axi_refused_address;
+  } axi_t;
+
   // Autofocus; positions are in steps of the motor's sensor.
   typedef struct packed {
     logic [1:0] focus_mode;

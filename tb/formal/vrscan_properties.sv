@@ -26,6 +26,10 @@ module vrscan_properties #(
   input wire logic        focus_scl_i,
   input wire logic        focus_sda_i,
   input wire logic        rx_i,
+  input wire logic        host_valid_i,
+  input wire logic [ 1:0] host_access_i,
+  input wire logic [15:0] host_address_i,
+  input wire logic [31:0] host_data_i,
   input wire logic        window_i
 );
 
@@ -35,7 +39,8 @@ module vrscan_properties #(
   vrscan #(.ClockHz(ClockHz), .IndexOversample(2)) dut (
     .clk_i, .rst_i, .line_start_i, .line_end_i, .pixel_valid_i, .pixel_i, .pixel_overflow_count_i,
     .comparator_i, .gate_i, .guard_ok_i, .guard_beat_i, .guard_fault_i,
-    .focus_scl_i, .focus_sda_i, .rx_i,
+    .focus_scl_i, .focus_sda_i, .rx_i, .host_valid_i, .host_access_i, .host_address_i,
+    .host_data_i, .axi_i('0),
     .line_start_o   (line_start),
     .exposure_o     (),
     .drive_o        (),
@@ -52,6 +57,17 @@ module vrscan_properties #(
     .focus_scl_low_o(),
     .focus_sda_low_o(),
     .tx_o           (),
+    .host_done_o    (),
+    .host_status_o  (),
+    .host_data_o    (),
+    .record_valid_o (),
+    .record_index_o (),
+    .record_o       (),
+    .readout_start_o(),
+    .readout_end_o  (),
+    .readout_valid_o(),
+    .readout_pixel_o(),
+    .readout_line_o (),
     .mirror_state_o (state),
     .measured_o     (),
     .line_o         (),
@@ -96,7 +112,7 @@ module vrscan_properties #(
     .scanning_i    (inside_dut__u_scan_safeguard__scanning_o),
     .startup_ok_i  (inside_dut__u_scan_safeguard__startup_ok_o),
     .phase_i       (inside_dut__u_mirror_loop__u_mirror_phase__phase_o[31:16]),
-    .alive_i       (inside_dut__u_uart_link__alive_o),
+    .alive_i       (inside_dut__u_uart_link__alive_o || host_valid_i),
     .laser_i       (inside_dut__u_register_file__laser_o),
     .laser_limits_i(inside_dut__u_register_file__laser_limits_o)
   );
@@ -120,7 +136,7 @@ module vrscan_properties #(
     .power_i        (inside_dut__u_laser_control__u_power_adaptation__power_o),
     .line_start_i   (line_start),
     .phase_i        (inside_dut__u_mirror_loop__u_mirror_phase__phase_o[31:16]),
-    .alive_i        (inside_dut__u_uart_link__alive_o),
+    .alive_i        (inside_dut__u_uart_link__alive_o || host_valid_i),
     .laser_i        (inside_dut__u_register_file__laser_o),
     .laser_limits_i (inside_dut__u_register_file__laser_limits_o)
   );
@@ -146,7 +162,7 @@ module vrscan_properties #(
     .power_i        (inside_dut__u_laser_control__u_power_adaptation__power_o),
     .line_start_i   (line_start),
     .phase_i        (inside_dut__u_mirror_loop__u_mirror_phase__phase_o[31:16]),
-    .alive_i        (inside_dut__u_uart_link__alive_o),
+    .alive_i        (inside_dut__u_uart_link__alive_o || host_valid_i),
     .laser_i        (inside_dut__u_register_file__laser_o),
     .laser_limits_i (inside_dut__u_register_file__laser_limits_o)
   );

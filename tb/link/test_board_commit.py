@@ -21,7 +21,8 @@ from vrscan.data.records import CONFIGURATION, FULL
 from vrscan.engines.board import Board, on_board
 from vrscan.fixed.point_record import point_record
 from vrscan.fixed.vrscan_chain import run_fixed
-from vrscan.link.device import Device, DeviceError
+from vrscan.link.device import Device
+from vrscan.link.register_host import DeviceError
 from vrscan.link.stream import Captured, CaptureStream
 from vrscan.registers import values
 from vrscan.registers.chain_registers import Registers

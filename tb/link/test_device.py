@@ -22,8 +22,9 @@ from vrscan.data.errors import InputError
 from vrscan.data.records import Form
 from vrscan.link import device as device_module
 from vrscan.link import transport as transport_module
-from vrscan.link.device import Device, DeviceError
+from vrscan.link.device import Device
 from vrscan.link.protocol import Batch
+from vrscan.link.register_host import DeviceError
 from vrscan.link.stream import PointStream
 from vrscan.link.transport import LinkError, NoAnswerError, UnpluggedError
 from vrscan.registers import values

@@ -8,8 +8,8 @@ import pytest
 
 from vrscan.data import records
 from vrscan.data.records import FULL, Form
-from vrscan.link.device import Build
 from vrscan.link.link_report import write_points
+from vrscan.link.register_host import Build
 
 
 def test_full_points_have_their_power_and_a_time_that_does_not_wrap() -> None:

@@ -19,7 +19,8 @@ from vrscan.data.table import Table
 from vrscan.ideal.chain import MAX_WINDOW
 from vrscan.ideal.peak import cut
 from vrscan.ideal.statistics import statistics
-from vrscan.link.device import FAULTS, STATES, Build, Device
+from vrscan.link.device import FAULTS, Device
+from vrscan.link.register_host import STATES, Build
 from vrscan.link.selftest import Check
 from vrscan.link.stream import Account, Captured
 from vrscan.registers import values

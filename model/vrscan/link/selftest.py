@@ -23,7 +23,8 @@ from vrscan.fixed.point_record import point_record
 from vrscan.fixed.test_line import least_period, lines, step_of_width
 from vrscan.fixed.vrscan_chain import MAX_WINDOW, min_period, run_fixed
 from vrscan.link import protocol
-from vrscan.link.device import OFF, Device, DeviceError
+from vrscan.link.device import Device
+from vrscan.link.register_host import OFF, DeviceError
 from vrscan.link.stream import DTYPES, PointStream
 from vrscan.link.transport import LinkError
 from vrscan.registers import values

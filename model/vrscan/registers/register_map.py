@@ -98,14 +98,14 @@ def _one(
     )  # fmt: skip
 
 
-MAP_HASH = 0x8D8F25A2
+MAP_HASH = 0x2338E664
 
 # fmt: off
 _REGISTERS = (
     _one("", 0x000, "identity", 32, "constant",
          "the letters VRSC, by which a host knows the instrument", reset=0x56525343),
     _one("", 0x001, "map_hash", 32, "constant",
-         "hash of the parts of this map that a host must know", reset=0x8D8F25A2),
+         "hash of the parts of this map that a host must know", reset=0x2338E664),
     _one("", 0x002, "version", 32, "constant",
          "version of the map: major, minor, patch in bits 31..16, 15..8, 7..0", reset=0x00000100),
     _one("identity_status", 0x003, "board_id", 16, "ro", "number of the kind of board"),
@@ -415,6 +415,14 @@ _REGISTERS = (
          "number of points that found no room in the buffer"),
     _one("points_status", 0x163, "capture_busy", 1, "ro",
          "1 while a raw line is awaited, received or sent"),
+    _one("axi", 0x170, "axi_points_dropped", 16, "counter",
+         "number of points that found no room before the stream of points"),
+    _one("axi", 0x171, "axi_lines_dropped", 16, "counter",
+         "number of good lines that found no room before the stream of raw lines"),
+    _one("axi", 0x172, "axi_refused", 4, "ro",
+         "status of the last access over AXI4-Lite that was refused, 0 before there is one; "
+         "BAD_LENGTH is a write of a part of a word"),
+    _one("axi", 0x173, "axi_refused_address", 16, "ro", "address of its register"),
     _one("focus", 0x180, "focus_mode", 2, "rw",
          "source of the target: 0 OFF, 1 MANUAL, 2 AUTOMATIC", high=2),
     _one("focus", 0x181, "focus_manual", 16, "rw", "target in MANUAL"),

@@ -76,6 +76,17 @@ def _at(address: int) -> tuple[Register, int] | None:
     return None
 
 
+def rule_at(address: int) -> tuple[str, str | None] | None:
+    """Return how what is at an address is accessed, and the name of its lock."""
+    found = _at(address)
+    if found is None:
+        return None
+    for window in WINDOWS.values():
+        if found[0] in window.fields:
+            return found[0].access, window.lock
+    return found[0].access, found[0].lock
+
+
 def name_at(address: int) -> str:
     """Return the name of the register at an address, with an index where it has several values."""
     found = _at(address)

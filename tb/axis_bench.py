@@ -1,0 +1,78 @@
+"""What the tests of AXI4-Streams share: a twin in every clock, and a sink that is another's."""
+
+from dataclasses import dataclass
+from random import Random
+
+from cocotbext.axi import AxiStreamBus, AxiStreamSink
+from harness import Ports, TwinBench
+
+NAMES = ("valid", "data", "last", "user")
+
+
+class AxisBench(TwinBench):
+    """Drives a module with an AXI4-Stream, and compares the stream with the twin's."""
+
+    prefix = "m_axis"
+
+    def __init__(self, dut, inputs) -> None:
+        super().__init__(dut, [*inputs, "ready"])
+        self.outputs = Ports(dut, [f"{self.prefix}_t{name}" for name in NAMES])
+        self.packets: list[tuple[tuple[int, ...], int]] = []
+        self.words: list[int] = []
+
+    @property
+    def stream(self):
+        """The twin of the stream."""
+        return self.twin
+
+    def give(self, **inputs: int) -> None:
+        ready = inputs.pop("ready", self.inputs["ready"])
+        if ready != self.inputs["ready"]:
+            getattr(self.dut, f"{self.prefix}_tready").value = ready
+            self.inputs["ready"] = ready
+        super().give(**inputs)
+
+    def check(self) -> None:
+        got, stream = self.outputs.read(), self.stream
+        want = tuple(int(getattr(stream, name)) for name in NAMES)
+        if not stream.valid:
+            got, want = got[:1], want[:1]
+        assert got == want, f"clock {self.clock}, {self.inputs}: {NAMES} {got}, want {want}"
+
+    async def tick(self, **inputs: int) -> None:
+        """Go on by a clock, and keep what the reader takes in it."""
+        self.give(**inputs)
+        if self.stream.valid and self.inputs["ready"]:
+            self.words.append(self.stream.data)
+            if self.stream.last:
+                self.packets.append((tuple(self.words), self.stream.user))
+                self.words.clear()
+        await self.clocks()
+
+
+@dataclass(frozen=True)
+class Packet:
+    """A packet as a sink has received it."""
+
+    data: bytes
+    user: int
+
+
+def sink_of(dut, prefix: str, *, seed: int, pauses: float) -> AxiStreamSink:
+    """Return a sink on a stream, which pauses at random for a share of the clocks."""
+    draw = Random(seed)
+    bus = AxiStreamBus.from_prefix(dut, prefix)
+    sink = AxiStreamSink(bus, dut.clk_i, dut.rst_i, byte_lanes=len(bus.tdata) // 8)
+    sink.set_pause_generator(iter(lambda: draw.random() < pauses, None))
+    return sink
+
+
+def received(sink: AxiStreamSink) -> list[Packet]:
+    """Return the packets that have come, of which each word has the same user bits."""
+    packets = []
+    while not sink.empty():
+        frame = sink.recv_nowait()
+        users = frame.tuser if isinstance(frame.tuser, list) else [frame.tuser]
+        assert len(set(users)) == 1, f"user bits change within a packet: {users}"
+        packets.append(Packet(bytes(frame.tdata), int(users[0])))
+    return packets

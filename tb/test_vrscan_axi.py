@@ -1,0 +1,132 @@
+"""vrscan_axi: a host on AXI alone loads the instrument, and its streams are those of the model."""
+
+from dataclasses import fields
+
+import cocotb
+import numpy as np
+import pytest
+from axis_bench import received, sink_of
+from cocotb.task import bridge, resume
+from cocotbext.axi import AxiLiteBus, AxiLiteMaster
+from harness import FallingEdge, reset, simulate
+
+from vrscan.clocked.axil_registers import OKAY
+from vrscan.clocked.axis_lines import LineUser
+from vrscan.clocked.axis_points import user_of
+from vrscan.data import link_pkg, pkg
+from vrscan.data.config import Config, Geometry, Peak, Sensor
+from vrscan.data.errors import InputError
+from vrscan.data.records import decode_full, encode_full
+from vrscan.fixed.point_record import point_record
+from vrscan.fixed.test_line import lines, step_of_width
+from vrscan.fixed.vrscan_chain import run_fixed
+from vrscan.link.axi import AxiDevice, BusError
+from vrscan.registers.chain_registers import Registers
+from vrscan.registers.register_map import REGISTERS
+from vrscan.registers.settings import TestLineSettings as Settings
+
+LENGTH, WINDOW, COUNT, PERIOD = 256, 31, 8, 700
+ANGLE, POWER = 1 << 18, 30_000
+CONFIG = Config(
+    peak=Peak(window="threshold", snr_min=2.0),
+    sensor=Sensor(line_length=LENGTH),
+    geometry=Geometry(centre_px=0.6 * LENGTH, pitch_mm=14.0 / LENGTH),
+)
+PARAMETERS = {"LineLength": LENGTH, "MaxWindow": WINDOW, "PointSlots": 2}
+
+
+class BridgedWords:
+    """The registers as memory for ``AxiDevice``, in whose thread the simulation goes on."""
+
+    def __init__(self, dut) -> None:
+        master = AxiLiteMaster(AxiLiteBus.from_prefix(dut, "s_axil"), dut.clk_i, dut.rst_i)
+
+        async def read(address: int) -> int:
+            answer = await master.read(4 * address, 4)
+            if int(answer.resp) != OKAY:
+                raise BusError
+            return int.from_bytes(answer.data, "little")
+
+        async def write(address: int, word: int) -> None:
+            answer = await master.write(4 * address, word.to_bytes(4, "little"))
+            if int(answer.resp) != OKAY:
+                raise BusError
+
+        self.read, self.write = resume(read), resume(write)
+
+
+def arranged(words: BridgedWords) -> tuple[AxiDevice, Registers, Settings]:
+    """Set a run of test lines, and return what the model needs for it."""
+    device = AxiDevice(words)
+    with pytest.raises(InputError, match="address 0x0fff: the bus answers with an error"):
+        device.read_words(0x0FFF, 1)
+    assert device.read("axi_refused") == link_pkg.STATUS_NO_ADDRESS
+    assert device.read("axi_refused_address") == 0x0FFF
+    while device.read("commit_waiting"):  # a reset commits, too
+        pass
+    registers = Registers.from_config(CONFIG)
+    names = [field.name for field in fields(Registers) if field.name in REGISTERS]
+    names = [name for name in names if REGISTERS[name].access == "rw"]
+    device.write_many([(name, int(getattr(registers, name))) for name in names])
+    settings = Settings(
+        position=100 << pkg.POSITION_FRACTION,
+        move=3 << pkg.POSITION_FRACTION,
+        step=step_of_width(12.0),
+        height=40_000,
+        pedestal=3_000,
+        noise=400,
+        seed=5,
+        lines=COUNT,
+        period_clks=PERIOD,
+    )
+    wanted = {f"test_{field.name}": getattr(settings, field.name) for field in fields(settings)}
+    device.write_many([*wanted.items(), ("test_angle", ANGLE), ("test_power", POWER)])
+    device.write("test_start", 1)
+    return device, registers, settings
+
+
+@cocotb.test()
+async def a_run_of_test_lines(dut) -> None:
+    """The first lines find a reader; the last ones wait, and what has no room is counted."""
+    await reset(dut)
+    dut.rx_i.value = 1
+    points = sink_of(dut, "m_axis_points", seed=8, pauses=0.2)
+    raw = sink_of(dut, "m_axis_lines", seed=9, pauses=0.1)
+    device, registers, settings = await bridge(arranged)(BridgedWords(dut))
+    for _ in range(3 * PERIOD):
+        await FallingEdge(dut.clk_i)
+    for sink in (points, raw):
+        sink.clear_pause_generator()
+        sink.pause = True
+    for _ in range((COUNT - 1) * PERIOD):
+        await FallingEdge(dut.clk_i)
+    counts = await bridge(device.read_many)(("axi_points_dropped", "axi_lines_dropped"))
+    points.pause = raw.pause = False
+    for _ in range(2 * LENGTH):
+        await FallingEdge(dut.clk_i)
+    pixels = lines(settings, line_length=LENGTH)
+    angle, power = np.full(COUNT, ANGLE), np.full(COUNT, POWER)
+    want = run_fixed(pixels, angle, power, registers, max_window=WINDOW)
+    check_points(received(points), want, counts["axi_points_dropped"])
+    check_lines(received(raw), pixels, counts["axi_lines_dropped"])
+
+
+def check_points(packets, want, dropped: int) -> None:
+    numbers = [int(decode_full(p.data)["line"][0]) for p in packets]
+    assert numbers == list(range(COUNT - dropped)) and dropped > 0
+    ones = np.ones(COUNT, np.int64)
+    every = point_record(want, POWER * ones, 0 * ones, ones < 0, ones > 0, 0 * ones, 1)
+    for packet, record in zip(packets, every, strict=False):
+        assert packet.data == encode_full(record.reshape(1)), decode_full(packet.data)
+        assert packet.user == user_of(packet.data)
+
+
+def check_lines(packets, pixels, dropped: int) -> None:
+    assert len(packets) == COUNT - dropped and dropped > 0
+    for k, packet in enumerate(packets):
+        assert packet.data == pixels[k].astype("<u2").tobytes()
+        assert LineUser.unpacked(packet.user) == LineUser(k, test=True)
+
+
+def test_vrscan_axi_rtl_equals_models() -> None:
+    simulate("vrscan_axi", __file__, PARAMETERS)
