@@ -216,10 +216,10 @@ module vrscan #(
   logic [          7:0] stream_step;
   logic [         31:0] capture_argument;
   logic [link_pkg::CaptureModeWidth-1:0] capture_mode;
-  logic                                  link_valid, link_done;
-  logic [    link_pkg::AccessWidth-1:0]  link_access;
-  logic [   link_pkg::AddressWidth-1:0]  link_address;
-  logic [                         31:0]  link_written;
+  logic                              link_valid, link_done;
+  logic [ link_pkg::AccessWidth-1:0] link_access;
+  logic [link_pkg::AddressWidth-1:0] link_address;
+  logic [                      31:0] link_written;
   uart_link #(.ClockHz(ClockHz), .Baud(Baud), .Streams(Streams)) u_uart_link (
     .clk_i, .rst_i(rst_uart_link), .rx_i, .tx_o, .link_i(link), .link_status_o(link_status),
     .packet_valid_i(packet_valid), .packet_ready_o(packet_ready), .packet_data_i(packet_data),
@@ -294,7 +294,8 @@ module vrscan #(
     .laser_i(laser), .laser_limits_i(laser_limits), .laser_status_o(laser_status),
     .pulse_i(pulse), .line_start_i(line_start_o), .centre_i(centre_o), .state_i(mirror_state_o),
     .index_alive_i(mirror_status.index_alive), .scanning_i(scanning), .startup_ok_i(startup_ok),
-    .phase_i(mirror_status.mirror_phase[vrscan_pkg::TurnWidth-1-:16]), .alive_i(alive || host_valid_i),
+    .phase_i(mirror_status.mirror_phase[vrscan_pkg::TurnWidth-1-:16]),
+    .alive_i(alive || host_valid_i),
     .guard_ok_i, .guard_beat_i, .guard_fault_i,
     .point_valid_i(seen_valid_q), .point_i(seen_q),
     .pulse_o, .power_o, .power_pin_o, .index_light_o, .startup_o, .startup_pin_o,

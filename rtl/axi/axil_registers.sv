@@ -64,7 +64,7 @@ module axil_registers #(
   logic [link_pkg::AddressWidth-1:0] write_address_q, read_address_q;
   logic [                      31:0] data_q;
   logic [                       3:0] strobes_q;
-  logic                              busy_q, writes_q;  // an access is on the bus; the last one wrote
+  logic                              busy_q, writes_q;  // an access is under way; the last wrote
   logic                              write_due, read_due, write, read, whole, done, refused;
   logic [                       1:0] answer;
   assign write_due = !s_axil_awready && !s_axil_wready && !s_axil_bvalid && !busy_q;
