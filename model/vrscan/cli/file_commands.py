@@ -11,7 +11,9 @@ from vrscan.cli.link_commands import _suffix
 from vrscan.data.errors import InputError
 
 _ORDER = "vrscan.filters"  # in a context: the filters as they were given
-PointsArgument = Annotated[Path, typer.Argument(metavar="POINTS.csv", help="File of points.")]
+PointsArgument = Annotated[
+    Path, typer.Argument(metavar="POINTS", help="Points: .csv, or a recording, .mcap.")
+]
 
 
 def export(
@@ -50,7 +52,8 @@ def export(
     """Write points in the formats of other programs, which the files' endings choose."""
     from vrscan.cli.progress import console
     from vrscan.data import clouds, poses, range_image
-    from vrscan.data.points import atomic_file, read_csv
+    from vrscan.data.points import atomic_file
+    from vrscan.data.recording import read_points
 
     paths = list(out or ())
     for path in paths:
@@ -69,7 +72,7 @@ def export(
         raise InputError("--frame: must not be empty")
     with contextlib.ExitStack() as stack:
         files = {path: stack.enter_context(atomic_file(path)) for path in paths}
-        table = read_csv(points)
+        table = read_points(points)
         moved = None if pose is None else poses.read(pose)
         found = clouds.cloud(table, name=str(points), poses=moved, rate_hz=rate, columns=columns)
         for path, file in files.items():
@@ -133,7 +136,8 @@ def filter_points(
     """Filter points, with each filter that is given, in the order in which they are given."""
     from vrscan.cli.progress import console
     from vrscan.data import filters
-    from vrscan.data.points import atomic_file, read_csv, write_csv
+    from vrscan.data.points import atomic_file, write_csv
+    from vrscan.data.recording import read_points
 
     known: dict[str, tuple[Callable[..., Any], Any]] = {
         "median": (filters.median, median),
@@ -149,7 +153,7 @@ def filter_points(
         raise InputError(f"filter: no filter is given: {names}")
     _suffix(out, (".csv",))
     with atomic_file(out) as file:
-        table = read_csv(points)
+        table = read_points(points)
         found = table
         for name in order:
             call, value = known[name]
