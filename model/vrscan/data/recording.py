@@ -39,6 +39,7 @@ from vrscan.data.table import Table
 Rows = npt.NDArray[np.void]
 PROFILE, SUFFIX = "vrscan", ".mcap"
 CHUNK_BYTES = 256 << 10  # at most so much is lost with a chunk, and one message
+FLUSH_S = 0.1  # at most so much of what comes from outside is lost when a program dies
 MOST_ROWS = {"lines": 64}  # rows of a message; 1,024 elsewhere
 _MAGIC = b"\x89MCAP0\r\n"
 _CLOCKS = 1 << 32  # a board's time wraps here
