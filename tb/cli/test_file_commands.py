@@ -12,7 +12,10 @@ from PIL import Image
 from test_scan_command import command
 
 from vrscan.cli import app as cli
+from vrscan.data import line_files, recording
 from vrscan.data.clouds import SUFFIXES
+from vrscan.data.config import Config
+from vrscan.data.points import read_csv
 
 PLYS = ("scan/points.ply", "cloud.ply")
 BEGINS = {
@@ -198,3 +201,25 @@ def refused(
     assert output.err.startswith("vrscan: ") and output.err.count("\n") == 1, output.err
     for part in wanted:
         assert part in output.err, output.err
+
+
+def test_a_recording_gives_what_its_arrays_and_table_give(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = Config()
+    with recording.Writer(Path("a.mcap"), config) as into:
+        into.points(read_csv(Path("scan/points.csv")))
+        into.lines(line_files.read(Path("scan/lines.npz"), config))
+    for source, name in (("scan/lines.npz", "n"), ("a.mcap", "m")):
+        words = ["replay", source, "--engine", "ideal", "--out", f"{name}.csv", "--jobs", "1"]
+        assert command(monkeypatch, *words) == 0
+    assert Path("m.csv").read_bytes() == Path("n.csv").read_bytes()
+    for source, name in (("scan/points.csv", "n"), ("a.mcap", "m")):
+        assert command(monkeypatch, "export", source, f"{name}.xyz") == 0
+        assert command(monkeypatch, "filter", source, f"{name}.csv", "--median", "3") == 0
+    assert Path("m.xyz").read_bytes() == Path("n.xyz").read_bytes()
+    assert Path("m.csv").read_bytes() == Path("n.csv").read_bytes()
+    capsys.readouterr()
+    Path("cut.mcap").write_bytes(Path("a.mcap").read_bytes()[:-3000])
+    assert command(monkeypatch, "export", "cut.mcap", "cut.xyz") == 0
+    assert "vrscan: cut.mcap: cut off before its end" in capsys.readouterr().err

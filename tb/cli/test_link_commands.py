@@ -23,7 +23,7 @@ from vrscan.cli.app import app, main
 from vrscan.cli.link_commands import link
 from vrscan.cli.live import braille
 from vrscan.clocked.command_executor import Outcome
-from vrscan.data import link_pkg, pkg, records
+from vrscan.data import link_pkg, pkg, recording, records
 from vrscan.data.arrays import Pixels
 from vrscan.data.config import Config
 from vrscan.data.correction_maps import COLUMNS as MAP_COLUMNS
@@ -245,6 +245,18 @@ def test_lost_points_are_status_1(board: FakeBoard) -> None:
     assert "points were lost" in result.stderr
     assert Path("points.csv").exists()
     assert run(*lossy, "--allow-loss").exit_code == 0
+
+
+def test_a_recording_has_the_records_and_is_filtered(board: FakeBoard) -> None:
+    printed("points", "--out", "points.mcap", "--count", "300")
+    found = recording.read(Path("points.mcap"))
+    assert found.complete and found.lost == 0 and found.rows == {"records": 300}
+    assert found.notes["account"]["records"] >= "300" and found.about["step"]
+    want = board.made[found.points.line % len(board.made)]
+    assert np.array_equal(found.points.x_mm * 4096, records.points(want).x)
+    failed = run("points", "--out", "p.mcap", "--count", "5", "--compact")
+    assert failed.exit_code and "full records" in str(failed.exception) + failed.stderr
+    assert not Path("p.mcap").exists()
 
 
 def test_points_and_free_beams_as_csv(board: FakeBoard) -> None:

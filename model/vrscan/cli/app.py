@@ -46,6 +46,7 @@ from vrscan.data.points import (
     ply_vertices,
     unfinished,
 )
+from vrscan.data.recording import read_config
 from vrscan.engines import engine as engines
 from vrscan.engines.engine import Engine
 from vrscan.registers.chain_registers import Registers
@@ -559,8 +560,8 @@ def replay(
         Path,
         typer.Argument(
             metavar="LINES",
-            help="Recorded lines: .npy, .npz, .png, .tif or a folder of pictures, or .csv of a "
-            "logic analyser.",
+            help="Recorded lines: .mcap, .npy, .npz, .png, .tif or a folder of pictures, or .csv "
+            "of a logic analyser.",
         ),
     ],
     out: Annotated[Path, typer.Option(help="File for the points: .csv, or .ply for a cloud.")],
@@ -577,7 +578,7 @@ def replay(
     """Turn recorded lines into points."""
     _check_jobs(jobs)
     suffix = _suffix(out, (".csv", ".ply"))
-    settings = _settings(config)
+    settings = _settings(config, recording)
     with atomic_file(out) as file, line_files.opened(recording, settings, angles) as recorded:
         engines.prepare(engine, settings)
         blocks = recorded.blocks(engines.BLOCK)
@@ -893,9 +894,9 @@ def _with_lines(settings: Config) -> Config:
     return settings
 
 
-def _settings(path: Path | None) -> Config:
-    """Return the configuration after checking that it fits in the registers."""
-    settings = configuration.load(path)
+def _settings(path: Path | None, recording: Path | None = None) -> Config:
+    """Return the configuration, by default a recording's; it is checked to fit the registers."""
+    settings = configuration.load(path) if recording is None else read_config(recording, path)
     Registers.from_config(settings)
     return settings
 

@@ -1,17 +1,35 @@
 """The commands that take points.csv: ``export`` to other formats, ``filter`` to a better one."""
 
 import contextlib
+import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from vrscan.cli.link_commands import _suffix
-from vrscan.data.errors import InputError
+from vrscan.data.errors import InputError, InputWarning
+
+if TYPE_CHECKING:
+    from vrscan.data.table import Table
 
 _ORDER = "vrscan.filters"  # in a context: the filters as they were given
-PointsArgument = Annotated[Path, typer.Argument(metavar="POINTS.csv", help="File of points.")]
+PointsArgument = Annotated[
+    Path, typer.Argument(metavar="POINTS", help="Points: .csv, or a recording, .mcap.")
+]
+
+
+def _read(path: Path) -> "Table":
+    """Return the points of a file; what a damaged recording lacks is told."""
+    from vrscan.data.recording import read_points
+
+    with warnings.catch_warnings(record=True, action="always", category=InputWarning) as told:
+        found = read_points(path)
+    for each in told:
+        print(f"vrscan: {each.message}", file=sys.stderr)
+    return found
 
 
 def export(
@@ -50,7 +68,7 @@ def export(
     """Write points in the formats of other programs, which the files' endings choose."""
     from vrscan.cli.progress import console
     from vrscan.data import clouds, poses, range_image
-    from vrscan.data.points import atomic_file, read_csv
+    from vrscan.data.points import atomic_file
 
     paths = list(out or ())
     for path in paths:
@@ -69,7 +87,7 @@ def export(
         raise InputError("--frame: must not be empty")
     with contextlib.ExitStack() as stack:
         files = {path: stack.enter_context(atomic_file(path)) for path in paths}
-        table = read_csv(points)
+        table = _read(points)
         moved = None if pose is None else poses.read(pose)
         found = clouds.cloud(table, name=str(points), poses=moved, rate_hz=rate, columns=columns)
         for path, file in files.items():
@@ -133,7 +151,7 @@ def filter_points(
     """Filter points, with each filter that is given, in the order in which they are given."""
     from vrscan.cli.progress import console
     from vrscan.data import filters
-    from vrscan.data.points import atomic_file, read_csv, write_csv
+    from vrscan.data.points import atomic_file, write_csv
 
     known: dict[str, tuple[Callable[..., Any], Any]] = {
         "median": (filters.median, median),
@@ -149,7 +167,7 @@ def filter_points(
         raise InputError(f"filter: no filter is given: {names}")
     _suffix(out, (".csv",))
     with atomic_file(out) as file:
-        table = read_csv(points)
+        table = _read(points)
         found = table
         for name in order:
             call, value = known[name]

@@ -5,7 +5,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from vrscan.link.device import Device, StartProgress
     from vrscan.link.stream import Account, Captured
 
-FORMATS = (".npz", ".csv")
+FORMATS = (".mcap", ".npz", ".csv")
 PICTURES = (".npz", ".csv", ".png")
 MOST_POINTS = 100_000_000
 MOST_LINES = 100_000
@@ -204,7 +204,7 @@ def capture(
 
 @link.command()
 def points(
-    out: Annotated[Path, typer.Option(help="File for the points: .npz or .csv.")],
+    out: Annotated[Path, typer.Option(help="File for the points: .mcap, .npz or .csv.")],
     count: Annotated[int | None, typer.Option(help="Number of points.")] = None,
     seconds: Annotated[float | None, typer.Option(help="Duration of the recording.")] = None,
     full: Annotated[
@@ -231,6 +231,9 @@ def points(
     allow_loss: Annotated[
         bool, typer.Option("--allow-loss", help="Exit with status 0 even if points were lost.")
     ] = False,
+    config: Annotated[
+        Path | None, typer.Option("--config", help="TOML file in the board, kept in an .mcap.")
+    ] = None,
     port: PortOption = None,
     baud: BaudOption = BAUD,
     timeout: TimeoutOption = TIMEOUT_S,
@@ -240,8 +243,10 @@ def points(
     Where Ctrl-C, SIGTERM or the port's end comes first, the points that came are in the file, and
     the exit status is 130, 143 or 2.
     """
+    from vrscan.data import config as configuration
     from vrscan.data import records
     from vrscan.data.points import atomic_file, check_writable
+    from vrscan.data.recording import FLUSH_S, SUFFIX, Writer
     from vrscan.data.records import Form
     from vrscan.link import link_report as report
 
@@ -257,6 +262,10 @@ def points(
     if space and not full:
         raise InputError("--space: not with --compact")
     form = Form.SPACE if space else Form(full)
+    recording = kind == SUFFIX
+    if recording and form is not Form.FULL:
+        raise InputError(f"{out}: a recording has full records: not with --compact or --space")
+    settings = configuration.load(config)
     if stream_baud is not None:
         _check("--stream-baud", stream_baud, 1, 1_000_000_000)
     check_writable(out)
@@ -268,10 +277,19 @@ def points(
         _running(device, start),
     ):
         taken = device.least_step(form) if step is None else step
-        with took.holding():
-            found, account = _recorded(device, form, taken, count, seconds, took)
-            with atomic_file(out) as file:
-                report.write_points(kind, file, found, form, taken, device.build, account)
+        build = device.build
+        about = {"board": str(build.board_id), "firmware": build.version_text, "step": str(taken)}
+        with took.holding(), contextlib.ExitStack() as stack:
+            sink: Callable[[Records], None] | None = None
+            if recording:
+                into = stack.enter_context(Writer(out, settings, about=about, flush_s=FLUSH_S))
+                sink = lambda part: into.records(part, build.clock_hz, build.pixel_width)  # noqa: E731
+            found, account = _recorded(device, form, taken, count, seconds, took, sink)
+            if recording:
+                into.note("account", asdict(account))
+            else:
+                with atomic_file(out) as file:
+                    report.write_points(kind, file, found, form, taken, build, account)
             took.kept = f"{len(found)} points are in {out}"
         if took.status == 0 and not records.measured(found).any():
             note = _why_dark(device)
@@ -686,8 +704,12 @@ def _recorded(
     count: int | None,
     seconds: float | None,
     took: _Took,
+    sink: "Callable[[Records], None] | None" = None,
 ) -> "tuple[Records, Account]":
-    """Return the points of a stream and its account, up to a number, a time or another end."""
+    """Return the points of a stream and its account, up to a number, a time or another end.
+
+    What comes is given to ``sink`` at once.
+    """
     import numpy as np
 
     from vrscan.link.stream import DTYPES
@@ -696,9 +718,15 @@ def _recorded(
     come = 0
     stream = device.stream(form, step)
 
+    def take(part: "Records") -> None:
+        if sink is not None:
+            sink(part if count is None else part[: max(count - sum(map(len, parts)), 0)])
+        parts.append(part)
+
     def received() -> "list[Records]":
         rest = stream.get(0.0)  # points on the way belong to the recording
-        parts.extend([] if rest is None else [rest])
+        if rest is not None:
+            take(rest)
         return parts
 
     with took.unless_empty(received), _bar("points") as bar, stream:
@@ -711,7 +739,7 @@ def _recorded(
                 break
             part = stream.get(0.1)
             if part is not None:
-                parts.append(part)
+                take(part)
                 come += len(part)
                 last = now
             elif count is not None and now - last > 3.0 * device.timeout:

@@ -4,6 +4,7 @@ The thresholds of ``[peak]`` come from the study that ``vrscan efficiency`` repe
 of ``Peak`` has its figures.
 """
 
+import json
 import math
 import re
 import tomllib
@@ -536,6 +537,15 @@ def load(path: Path | None) -> Config:
     config = checked(Config, read_toml(path, str(path)), str(path))
     config._source = str(path)
     return config
+
+
+def to_toml(config: Config) -> str:
+    """Return a configuration with all its values as TOML, which ``load`` reads back."""
+    text = ""
+    for name, section in config.model_dump(mode="json", exclude_none=True).items():
+        # JSON writes numbers, texts and lists as TOML does.
+        text += f"[{name}]\n" + "".join(f"{k} = {json.dumps(v)}\n" for k, v in section.items())
+    return text
 
 
 def read_toml(path: Path, source: str) -> dict[str, object]:

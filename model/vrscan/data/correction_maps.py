@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vrscan.data import pkg
+from vrscan.data import pkg, recording
 from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
@@ -59,13 +59,14 @@ def focus_of_mm(extension: float, focal_mm: float) -> float:
 
 
 def read_maps(path: Path) -> FieldMaps:
-    """Return maps from their file.
+    """Return maps from their file, or from a recording that holds them.
 
     Raises:
         InputError: naming the file, if it is missing or not one that ``write_maps`` made.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
+        source = recording.maps_file(path) if recording.is_recording(path) else path
+        with np.load(source, allow_pickle=False) as file:
             focal, begin, step = (float(each) for each in file["lens"])
             corrections, filled = file["corrections_px"], file["filled"]
             residual = file["residual_px"]

@@ -1,7 +1,7 @@
 """Files of recorded sensor lines, read whole or a block at a time.
 
-They are numpy's arrays, pictures (``line_pictures``) or a logic analyser's tables (of
-``line_signals``).
+They are recordings (``recording``), numpy's arrays, pictures (``line_pictures``) or a logic
+analyser's tables (of ``line_signals``).
 """
 
 import contextlib
@@ -20,7 +20,7 @@ from typing import IO, Any, BinaryIO, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from vrscan.data import line_pictures, line_signals
+from vrscan.data import line_pictures, line_signals, recording
 from vrscan.data.config import Config
 from vrscan.data.contract import checked, checked_flags, checked_power
 from vrscan.data.errors import InputError, InputWarning, LinesError, one_line
@@ -60,15 +60,15 @@ def read(path: Path, config: Config, angles: Path | None = None) -> Lines:
         InputError: naming the file and what is wrong, if it is missing, damaged or empty, or holds
             a misspelt name or what ``checked`` refuses.
     """
-    if path.is_dir() or path.suffix.lower() in _OTHERS:
+    if path.is_dir() or path.suffix.lower() in (*_OTHERS, recording.SUFFIX):
         with opened(path, config, angles) as recorded:
             return joined(list(recorded.blocks(recorded.count)))
     arrays = _load(path)
     arrays |= _beside(path, angles, arrays, arrays["lines"])
-    recording = _checked(path, arrays, config)
+    found = _checked(path, arrays, config)
     if "angle_rad" not in arrays:
         _warn(path)
-    return recording
+    return found
 
 
 @dataclass(frozen=True)
@@ -100,6 +100,11 @@ def opened(path: Path, config: Config, angles: Path | None = None) -> Iterator[R
     Raises:
         InputError: as ``read``, here or from ``blocks``.
     """
+    if recording.is_recording(path):
+        if angles is not None:
+            raise InputError(f"{angles}: angles are in {path}, too")
+        yield Recording(*recording.read_lines(path, config))
+        return
     with contextlib.ExitStack() as stack:
         columns = _columns(path, config, stack)
         more = _beside(path, angles, columns, columns["lines"].kind)
@@ -129,14 +134,14 @@ def opened(path: Path, config: Config, angles: Path | None = None) -> Iterator[R
         yield Recording(count, blocks)
 
 
-def write(recording: Lines, file: BinaryIO) -> None:
+def write(given: Lines, file: BinaryIO) -> None:
     """Write lines, and their truth if they have one, as an ``.npz``; see ``archive``."""
-    count, length = recording.lines.shape
-    power = checked_power(recording.power, count)
-    raised = checked_flags(recording.mirror_flags, count)
-    names = None if recording.truth is None else recording.truth.names
-    with archive(file, count, length, names, lens=recording.lens is not None) as take:
-        take(replace(recording, power=power, mirror_flags=raised))
+    count, length = given.lines.shape
+    power = checked_power(given.power, count)
+    raised = checked_flags(given.mirror_flags, count)
+    names = None if given.truth is None else given.truth.names
+    with archive(file, count, length, names, lens=given.lens is not None) as take:
+        take(replace(given, power=power, mirror_flags=raised))
 
 
 @contextlib.contextmanager
@@ -176,21 +181,21 @@ def archive(
         waiting = {name: stack.enter_context(tempfile.TemporaryFile(dir=folder)) for name in types}
         with _member(packed, "lines", "<u2", (count, length)) as pixels:
 
-            def take(recording: Lines) -> None:
-                some, truth = len(recording), recording.truth
+            def take(given: Lines) -> None:
+                some, truth = len(given), given.truth
                 columns: list[npt.NDArray[Any]] = [
-                    recording.angle_rad,
-                    checked_power(recording.power, some),
-                    checked_flags(recording.mirror_flags, some),
-                    np.broadcast_to(recording.time_s, some),
-                    np.broadcast_to(recording.y_mm, some),
+                    given.angle_rad,
+                    checked_power(given.power, some),
+                    checked_flags(given.mirror_flags, some),
+                    np.broadcast_to(given.time_s, some),
+                    np.broadcast_to(given.y_mm, some),
                 ]
                 if lens:
-                    assert recording.lens is not None
-                    columns.append(recording.lens)
+                    assert given.lens is not None
+                    columns.append(given.lens)
                 if truth is not None:
                     columns += [truth.x_mm, truth.z_mm, truth.position_px, truth.surface]
-                pixels.write(np.ascontiguousarray(recording.lines, "<u2").data)
+                pixels.write(np.ascontiguousarray(given.lines, "<u2").data)
                 for (name, kind), column in zip(types.items(), columns, strict=True):
                     waiting[name].write(np.ascontiguousarray(column, kind).data)
 
@@ -408,12 +413,12 @@ def _checked(
         y_mm=arrays.get("y_mm", 0.0),
     )
     try:
-        recording = checked(given, config, first=first, pixels=pixels)
+        found = checked(given, config, first=first, pixels=pixels)
     except LinesError as error:
         raise LinesError(f"{path}: {error}") from None
-    if len(recording) == 0:
+    if len(found) == 0:
         raise InputError(f"{path}: no lines (shape {given.lines.shape})")
-    return recording
+    return found
 
 
 def _warn(path: Path) -> None:

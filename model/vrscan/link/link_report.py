@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -10,10 +10,11 @@ from rich.console import Group
 from rich.table import Table as RichTable
 
 from vrscan.data import link_pkg, pkg, records
-from vrscan.data.arrays import Floats, Ints, Pixels
+from vrscan.data.arrays import Floats, Pixels
 from vrscan.data.lines import Lines
 from vrscan.data.points import table as in_units
 from vrscan.data.points import write_csv
+from vrscan.data.recording import Clock, full_table
 from vrscan.data.records import Form, Records
 from vrscan.data.table import Table
 from vrscan.ideal.chain import MAX_WINDOW
@@ -200,20 +201,11 @@ def write_points(
             **{name: found[name] for name in names},
         )
     elif form is Form.FULL:
-        power, time = found["power"].astype(np.float64), _seconds(found["time"], build.clock_hz)
-        points = in_units(records.points(found, build.pixel_width))
-        write_csv(replace(points, power=power, time_s=time), file)
+        write_csv(full_table(found, build.pixel_width, Clock(build.clock_hz)), file)
     elif form is Form.SPACE:
         _write_space(found, file)
     else:
         _write_compact(found, file)
-
-
-def _seconds(clocks: Ints, clock_hz: int) -> Floats:
-    """Return times in s from a board's counter of 32 bits, between two of which it wraps once."""
-    time = clocks.astype(np.int64)
-    time[1:] = time[0] + np.cumsum((time[1:] - time[:-1]) & 2**32 - 1) if len(time) else 0
-    return np.asarray(time / clock_hz)
 
 
 def _write_space(found: Records, file: BinaryIO) -> None:
