@@ -121,7 +121,8 @@ ToleranceOption = Annotated[
     float | None, typer.Option(help="Tolerance of auto, px; default: the scene's.")
 ]
 ConfigOption = Annotated[
-    Path | None, typer.Option("--config", help="TOML file whose values override the defaults.")
+    Path | None,
+    typer.Option("--config", help="Preset, or TOML file whose values override the defaults."),
 ]
 EngineOption = Annotated[
     Engine,

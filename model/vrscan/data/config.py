@@ -28,6 +28,7 @@ HARMONICS = (1, 3, 5, 7, 9, 11, 13, 15, 17)  # orders k in the mirror's motion, 
 FEWEST_HARMONICS = 6  # the paper's number
 LINES_PER_PERIOD = 150.1  # the paper's ratio of line rate and mirror frequency
 BLANKING_CLKS = 16  # between an exposure's end and its readout
+PRESETS = Path(__file__).parent / "presets"
 _MAX_WINDOW = (1 << pkg.WINDOW_WIDTH) - 1  # px
 
 Positive = Annotated[float, Field(gt=0)]
@@ -95,7 +96,8 @@ class Peak(Section):
     max_width: int = Field(default=255, ge=3, le=255)  # widest window, px
     # Widest at a quarter of the height, px: no spot of this instrument is, unless it is saturated.
     max_core: int = Field(default=64, ge=3, le=255)
-    kappa: float = Field(default=0.2, ge=0, lt=4)  # counts per electron
+    # Counts per electron; without it the range of pixel_width bits over the sensor's full_well_e.
+    kappa: float = Field(default=0.2, ge=0, lt=4)
 
     @model_validator(mode="after")
     def _widths(self) -> "Peak":
@@ -142,7 +144,7 @@ class Geometry(Section):
     offset_mm: float = 0.0
     focal_mm: Positive = 25.0
     pitch_mm: Positive = 0.007
-    centre_px: float = 1023.5
+    centre_px: float = 1023.5  # the optical axis; without it the middle of the sensor's line
     k1: float = 0.0  # radial distortion, mm^-2
     k2: float = 0.0  # radial distortion, mm^-4
     distortion: Literal["odd", "even"] = "odd"
@@ -327,6 +329,7 @@ class Sensor(Section):
 
     pixel_width: int = Field(default=12, ge=8, le=16)  # bits
     line_length: int = Field(default=2048, ge=64, le=8192)  # px
+    full_well_e: Positive = 20_475.0  # electrons at the largest pixel value
     # Least pixel value that counts as saturated; without it the largest of pixel_width bits.
     saturation_level: int | None = Field(default=None, ge=1)
     # A readout belongs to the exposure behind whose end so many others have ended. It begins so
@@ -474,11 +477,9 @@ class Config(Section):
     def _rate(self) -> "Config":
         if "rate_hz" not in self.line.model_fields_set:
             ratio = self.line.lines_per_period or LINES_PER_PERIOD
-            line = self.line.model_copy(update={"rate_hz": ratio * self.mirror.frequency_hz})
-            line.model_fields_set.discard("rate_hz")  # it follows in a copy, too
-            self.__dict__["line"] = line
-            if line.late:
-                raise ValueError(f"line: {line.late}")
+            self._follows("line", "rate_hz", ratio * self.mirror.frequency_hz)
+            if self.line.late:
+                raise ValueError(f"line: {self.line.late}")
         elif self.line.lines_per_period is not None:
             follows = self.line.lines_per_period * self.mirror.frequency_hz
             if not math.isclose(self.line.rate_hz, follows, rel_tol=1e-12):
@@ -492,6 +493,21 @@ class Config(Section):
         if complaint:
             raise ValueError(complaint)
         return self
+
+    @model_validator(mode="after")
+    def _of_sensor(self) -> "Config":
+        sensor = self.sensor
+        self._follows("geometry", "centre_px", sensor.line_length / 2 - 0.5)
+        self._follows("peak", "kappa", (2**sensor.pixel_width - 1) / sensor.full_well_e)
+        return self
+
+    def _follows(self, section: str, key: str, value: float) -> None:
+        """Give a key that no file has said the value that follows from other sections."""
+        before: Section = getattr(self, section)
+        if key not in before.model_fields_set:
+            after = before.model_copy(update={key: value})
+            after.model_fields_set.discard(key)  # it follows in a copy, too
+            self.__dict__[section] = after
 
     def rate_complaint(self) -> str:
         """Return what is wrong where a line comes before the one ahead of it is done, or "".
@@ -518,11 +534,16 @@ class Config(Section):
         return self._source
 
 
+def presets() -> dict[str, Path]:
+    """Return the shipped configurations of other scanners: the file of each name."""
+    return {path.stem: path for path in sorted(PRESETS.glob("*.toml"))}
+
+
 def load(path: Path | None) -> Config:
-    """Return the shipped defaults, overridden by the TOML file ``path``.
+    """Return the shipped defaults, overridden by a TOML file.
 
     Args:
-        path: The file, or None for the defaults alone.
+        path: The file, the name of a preset, or None for the defaults alone.
 
     Raises:
         InputError: naming file, key and value, if the file is missing, is not TOML, has an
@@ -530,8 +551,13 @@ def load(path: Path | None) -> Config:
     """
     if path is None:
         return Config()
-    config = checked(Config, read_toml(path, str(path)), str(path))
-    config._source = str(path)
+    name, known = str(path), presets()
+    if path.name == name and not path.suffix and not path.exists() and name not in known:
+        raise InputError(
+            f"{name}: no such file, nor a preset of {', '.join(known)}{nearest(name, list(known))}"
+        )
+    config = checked(Config, read_toml(known.get(name, path), name), name)
+    config._source = name
     return config
 
 
