@@ -193,7 +193,7 @@ class Free(Section):
 # A straight line 1/2 - p over the middle 7/10 of a facet, 0 <= p < 1, as harmonics of p / 2: the
 # least squares of the nine, over the first one's STRAIGHT. They leave 5e-7 of the facet's angle.
 STRAIGHT = 0.4002428796
-_RAMP = (
+RAMP = (
     1.0, 0.100459081, 0.029460033, 0.010947146, 0.004254808, 0.001578005, 0.000518420, 0.000136444,
     0.000022845,
 )  # fmt: skip
@@ -345,8 +345,8 @@ class Mirror(Section):
 POLYGON: dict[str, object] = {
     "frequency_hz": 240.0,
     "index_deg": 25.0,
-    "harmonics": [[a, 0.0] for a in _RAMP],
-    "slopes": [[0.0, 0.0]] * len(_RAMP),
+    "harmonics": [[a, 0.0] for a in RAMP],
+    "slopes": [[0.0, 0.0]] * len(RAMP),
     "sweep_span_hz": 0.0,
     "trim_hz": 0.0,
     "averaging_periods": 16,
