@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vrscan.data import pkg
-from vrscan.data.config import HARMONICS, Config, load
+from vrscan.data.config import HARMONICS, Config, load, presets
 from vrscan.data.errors import InputError
 from vrscan.fixed.vrscan_chain import MAX_WINDOW, min_period
 from vrscan.registers.chain_registers import Registers
@@ -177,3 +177,28 @@ def test_the_rate_follows_the_mirror(tmp_path: Path) -> None:
         load(write(tmp_path, both))
     with pytest.raises(InputError, match="line: the pulse ends after"):
         load(write(tmp_path, "[line]\nlines_per_period = 150.1\npulse_us = 30.0\n"))
+
+
+def test_a_preset_is_a_configuration_by_its_name(tmp_path: Path) -> None:
+    """Each fits in the registers, and its centre and kappa are those of its own sensor."""
+    for name, path in presets().items():
+        config = load(Path(name))
+        assert config.model_dump() == load(path).model_dump()
+        assert config.source == name
+        assert not config.rate_complaint()
+        registers, length = Registers.from_config(config), config.sensor.line_length
+        assert registers.centre == (length - 1) << (pkg.OFFSET_FRACTION - 1)
+    metre = load(Path("metre"))
+    assert (metre.sensor.line_length, metre.geometry.centre_px) == (1024, 511.5)
+    assert metre.peak.kappa == 1023 / 20_475
+    with pytest.raises(InputError, match=r"^metr: no such file, nor a preset of .*metre"):
+        load(Path("metr"))
+
+
+def test_a_stated_value_does_not_follow_the_sensor(tmp_path: Path) -> None:
+    text = "[sensor]\nline_length = 1024\npixel_width = 10\n"
+    path = write(tmp_path, f"{text}[geometry]\ncentre_px = 500.0\n[peak]\nkappa = 0.1\n")
+    config = load(path)
+    assert (config.geometry.centre_px, config.peak.kappa) == (500.0, 0.1)
+    again = Config(geometry=load(write(tmp_path, text)).geometry)
+    assert again == Config()  # 511.5 had followed, so it follows again

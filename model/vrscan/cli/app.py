@@ -17,6 +17,8 @@ from pydantic import ValidationError
 
 from vrscan.cli.calibrate_commands import calibrate
 from vrscan.cli.case_commands import cases
+from vrscan.cli.config_commands import config as config_text
+from vrscan.cli.config_commands import new
 from vrscan.cli.file_commands import export, filter_points
 from vrscan.cli.link_commands import _suffix, link
 from vrscan.cli.progress import bar as _bar
@@ -87,6 +89,8 @@ app.add_typer(bench, name="bench")
 
 app.add_typer(link, name="link")
 app.command()(cases)
+app.command("config")(config_text)
+app.command()(new)
 app.command()(export)
 app.command("filter")(filter_points)
 
@@ -121,7 +125,8 @@ ToleranceOption = Annotated[
     float | None, typer.Option(help="Tolerance of auto, px; default: the scene's.")
 ]
 ConfigOption = Annotated[
-    Path | None, typer.Option("--config", help="TOML file whose values override the defaults.")
+    Path | None,
+    typer.Option("--config", help="Preset, or TOML file whose values override the defaults."),
 ]
 EngineOption = Annotated[
     Engine,

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 calibrate = typer.Typer(help="Find the instrument's parameters in recordings.")
 
 ConfigOption = Annotated[
-    Path | None, typer.Option("--config", help="TOML file whose values override the defaults.")
+    Path | None,
+    typer.Option("--config", help="Preset, or TOML file whose values override the defaults."),
 ]
 ScansArgument = Annotated[
     list[Path],

@@ -28,6 +28,7 @@ HARMONICS = (1, 3, 5, 7, 9, 11, 13, 15, 17)  # orders k in the mirror's motion, 
 FEWEST_HARMONICS = 6  # the paper's number
 LINES_PER_PERIOD = 150.1  # the paper's ratio of line rate and mirror frequency
 BLANKING_CLKS = 16  # between an exposure's end and its readout
+PRESETS = Path(__file__).parent / "presets"
 _MAX_WINDOW = (1 << pkg.WINDOW_WIDTH) - 1  # px
 
 Positive = Annotated[float, Field(gt=0)]
@@ -50,7 +51,9 @@ class Section(BaseModel):
     It refuses unknown keys, values of another type than the stated one, and infinite values.
     """
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(
+        extra="forbid", strict=True, frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
+    )
 
 
 class Peak(Section):
@@ -86,16 +89,25 @@ class Peak(Section):
     period: Literal["n", "n-1"] = "n"
     window: Literal["threshold", "two_pass", "fit"] = "fit"
     noise: Literal["background", "row"] = "background"
-    k_noise: float = Field(default=2.5, ge=0, lt=256)  # threshold above background / spread
-    k_height: float = Field(default=0.02, ge=0, lt=1)  # threshold above background / peak's height
-    k_first: float = Field(default=0.25, ge=0, lt=1)  # k_height in the first of two passes
-    k_fit: float = Field(default=0.15, ge=0, lt=1)  # the same before a fit
+    k_noise: float = Field(default=2.5, ge=0, lt=256)
+    """Threshold above background / spread."""
+    k_height: float = Field(default=0.02, ge=0, lt=1)
+    """Threshold above background / peak's height."""
+    k_first: float = Field(default=0.25, ge=0, lt=1)
+    """Threshold in the first of two passes, as k_height."""
+    k_fit: float = Field(default=0.15, ge=0, lt=1)
+    """The same before a fit."""
     snr_min: float = Field(default=8.0, ge=0, lt=256)
-    min_width: int = Field(default=3, ge=3, le=255)  # narrowest window, px
-    max_width: int = Field(default=255, ge=3, le=255)  # widest window, px
-    # Widest at a quarter of the height, px: no spot of this instrument is, unless it is saturated.
+    min_width: int = Field(default=3, ge=3, le=255)
+    """Narrowest window, px."""
+    max_width: int = Field(default=255, ge=3, le=255)
+    """Widest window, px."""
     max_core: int = Field(default=64, ge=3, le=255)
-    kappa: float = Field(default=0.2, ge=0, lt=4)  # counts per electron
+    """Widest at a quarter of the height, px: no spot of this instrument is, unless it is
+    saturated."""
+    kappa: float = Field(default=0.2, ge=0, lt=4)
+    """Counts per electron; without it the range of pixel_width bits over the sensor's
+    full_well_e."""
 
     @model_validator(mode="after")
     def _widths(self) -> "Peak":
@@ -143,11 +155,14 @@ class Geometry(Section):
     focal_mm: Positive = 25.0
     pitch_mm: Positive = 0.007
     centre_px: float = 1023.5
-    k1: float = 0.0  # radial distortion, mm^-2
-    k2: float = 0.0  # radial distortion, mm^-4
+    """The optical axis; without it the middle of the sensor's line."""
+    k1: float = 0.0
+    """Radial distortion, mm^-2."""
+    k2: float = 0.0
+    """Radial distortion, mm^-4."""
     distortion: Literal["odd", "even"] = "odd"
-    # C_obj is the probability that a point errs by less than this share of its z.
     tolerance: float = Field(default=0.001, gt=0, lt=2**-8)
+    """C_obj is the probability that a point errs by less than this share of its z."""
 
     @property
     def bias_rad(self) -> float:
@@ -158,12 +173,12 @@ class Geometry(Section):
 class Map(Section):
     """The correction maps of a calibration, and where the lens stands among them."""
 
-    file: str | None = (
-        None  # as vrscan calibrate map writes it; relative to the configuration's file
-    )
-    focus_mm: Positive = 420.0  # depth along the lens's axis that is in focus
-    # Maps of a thin lens in place of a file; geometry.focal_mm is then that of free.focus_mm.
+    file: str | None = None
+    """As vrscan calibrate map writes it; relative to the configuration's file."""
+    focus_mm: Positive = 420.0
+    """Depth along the lens's axis that is in focus."""
     thin_lens: bool = False
+    """Maps of a thin lens in place of a file; geometry.focal_mm is then that of free.focus_mm."""
 
     @model_validator(mode="after")
     def _one(self) -> "Map":
@@ -182,12 +197,17 @@ class Free(Section):
     """
 
     darkest: float = Field(default=0.02, gt=0, le=1)
-    focus_mm: Positive = 420.0  # depth along the lens's axis that is in focus
+    focus_mm: Positive = 420.0
+    """Depth along the lens's axis that is in focus."""
     f_number: float = Field(default=3.0, ge=0.5, le=64)
-    efficiency: float = Field(default=0.36, gt=0, le=1)  # electrons per photon at the lens, least
-    spot_mm: Positive = 0.4  # radius of the laser's spot
-    far_mm: float = Field(default=2000.0, gt=0, lt=2048)  # nothing is called free beyond
-    edge_px: float = Field(default=8.0, ge=0)  # margin at both ends of the sensor
+    efficiency: float = Field(default=0.36, gt=0, le=1)
+    """Electrons per photon at the lens, least."""
+    spot_mm: Positive = 0.4
+    """Radius of the laser's spot."""
+    far_mm: float = Field(default=2000.0, gt=0, lt=2048)
+    """Nothing is called free beyond."""
+    edge_px: float = Field(default=8.0, ge=0)
+    """Margin at both ends of the sensor."""
 
 
 # A straight line 1/2 - p over the middle 7/10 of a facet, 0 <= p < 1, as harmonics of p / 2: the
@@ -215,16 +235,14 @@ class Mirror(Section):
     """
 
     kind: Literal["resonant", "polygon"] = "resonant"
-    facets: int = Field(default=12, ge=3, le=64)  # of a polygon
-    reach_deg: float = Field(default=20.5, gt=0, lt=90)  # largest angle that a polygon scans to
+    """What turns the beam; a resonant mirror swings, and a polygon turns."""
+    facets: int = Field(default=12, ge=3, le=64)
+    """Number of facets of a polygon."""
+    reach_deg: float = Field(default=20.5, gt=0, lt=90)
+    """Largest angle that a polygon scans to."""
     frequency_hz: float = Field(default=249.0, gt=0, le=10_000)
     amplitude_deg: float = Field(default=20.5, gt=0, lt=90)
     index_deg: float = Field(default=17.0, gt=-90, lt=90)
-    # [a_k, phi_k_rad] of the simulated mirror where the loop rests at level 0.7, and their change
-    # per turn of drive_phase, as `python -m vrscan.calibrate.motion_fit` prints them. The paper's
-    # six harmonics leave 3.96 urad rms of the motion, these nine leave 1.41; without slopes the
-    # band of levels adds up to 48. A file may give six to nine pairs, and the others are 0. A file
-    # without slopes has slopes of 0.
     harmonics: list[list[float]] = [
         [1.0, 0.0],
         [0.000638120, 2.8657650],
@@ -236,6 +254,11 @@ class Mirror(Section):
         [0.000007234, -2.9009329],
         [0.000005089, -0.5293260],
     ]
+    """[a_k, phi_k_rad] of the simulated mirror where the loop rests at level 0.7, and their
+    change per turn of drive_phase, as `python -m vrscan.calibrate.motion_fit` prints them. The
+    paper's six harmonics leave 3.96 urad rms of the motion, these nine leave 1.41; without slopes
+    the band of levels adds up to 48. A file may give six to nine pairs, and the others are 0. A
+    file without slopes has slopes of 0."""
     slopes: list[list[float]] = [
         [-0.003090255, -0.0171372],
         [0.002021759, -15.4796859],
@@ -247,37 +270,56 @@ class Mirror(Section):
         [0.000087911, -90.1488955],
         [0.000073320, -100.6669357],
     ]
-    drive_phase: float = Field(default=0.0654279, ge=0, lt=1)  # turns, where harmonics hold
+    drive_phase: float = Field(default=0.0654279, ge=0, lt=1)
+    """Turns, where harmonics hold."""
 
-    sweep_span_hz: float = Field(default=26.0, ge=0)  # height of the start above work
+    sweep_span_hz: float = Field(default=26.0, ge=0)
+    """Height of the start above work."""
     sweep_hz_per_s: Positive = 40.0
-    sweep_level: float = Field(default=0.999, gt=0, lt=1)  # level of the drive in the sweep
-    duty: float = Field(default=0.5, ge=0, lt=1)  # duty of the drive's square wave
+    sweep_level: float = Field(default=0.999, gt=0, lt=1)
+    """Level of the drive in the sweep."""
+    duty: float = Field(default=0.5, ge=0, lt=1)
+    """Duty of the drive's square wave."""
 
-    level: float = Field(default=0.7, gt=0, lt=1)  # level of the drive: at first, and nominal
+    level: float = Field(default=0.7, gt=0, lt=1)
+    """Level of the drive: at first, and nominal."""
     level_min: float = Field(default=0.3, ge=0, lt=1)
     level_max: float = Field(default=0.999, gt=0, lt=1)
-    level_low: float = Field(default=0.62, ge=0, lt=1)  # below it the frequency steps
-    level_high: float = Field(default=0.78, ge=0, lt=1)  # above it the frequency steps
-    proportional: float = Field(default=20.0, ge=0)  # relative level / relative amplitude
-    integral_s: Positive = 0.03  # time constant of the integral term
-    trim_hz: float = Field(default=2.0, ge=0)  # range of the trim, either way
-    trim_hz_per_s: float = Field(default=0.6, ge=0)  # largest rate of the trim
-    trim_gain_hz_per_s: float = Field(default=2.0, ge=0)  # rate for a level off by 1
-    amplitude_falls: bool = True  # whether the amplitude falls with a rising frequency
+    level_low: float = Field(default=0.62, ge=0, lt=1)
+    """Below it the frequency steps."""
+    level_high: float = Field(default=0.78, ge=0, lt=1)
+    """Above it the frequency steps."""
+    proportional: float = Field(default=20.0, ge=0)
+    """Relative level / relative amplitude."""
+    integral_s: Positive = 0.03
+    """Time constant of the integral term."""
+    trim_hz: float = Field(default=2.0, ge=0)
+    """Range of the trim, either way."""
+    trim_hz_per_s: float = Field(default=0.6, ge=0)
+    """Largest rate of the trim."""
+    trim_gain_hz_per_s: float = Field(default=2.0, ge=0)
+    """Rate for a level off by 1."""
+    amplitude_falls: bool = True
+    """Whether the amplitude falls with a rising frequency."""
 
-    # Averaging of phase and amplitude; of a polygon, of the speed alone.
     averaging_periods: Annotated[Literal[1, 2, 4, 8, 16], NUMBER] = 2
-    settle_ppm: Positive = 50.0  # error of the amplitude below which it is settled
-    shock_ppm: Positive = 300.0  # error of the amplitude above which there is a shock
-    phase_limit_urad: Positive = 60.0  # largest error of the mirror's phase
+    """Averaging of phase and amplitude; of a polygon, of the speed alone."""
+    settle_ppm: Positive = 50.0
+    """Error of the amplitude below which it is settled."""
+    shock_ppm: Positive = 300.0
+    """Error of the amplitude above which there is a shock."""
+    phase_limit_urad: Positive = 60.0
+    """Largest error of the mirror's phase."""
     settle_periods: int = Field(default=16, ge=1, le=255)
-    hold_periods: int = Field(default=4, ge=1, le=255)  # good periods to end an index fault
+    hold_periods: int = Field(default=4, ge=1, le=255)
+    """Good periods to end an index fault."""
     settle_timeout_s: Positive = 5.0
     lost_timeout_s: Positive = 0.02
 
-    oversample: Annotated[Literal[1, 2, 4, 8], NUMBER] = 4  # samples per clock of the index inputs
-    glitch_us: float = Field(default=0.1, ge=0)  # a shorter pulse of the comparator is a glitch
+    oversample: Annotated[Literal[1, 2, 4, 8], NUMBER] = 4
+    """Samples per clock of the index inputs."""
+    glitch_us: float = Field(default=0.1, ge=0)
+    """A shorter pulse of the comparator is a glitch."""
 
     @model_validator(mode="after")
     def _consistent(self) -> "Mirror":
@@ -363,9 +405,8 @@ class Line(Section):
     A file may give either of the two.
     """
 
-    lines_per_period: float | None = Field(
-        default=None, ge=1, lt=4096
-    )  # None: 150.1, or the rate's
+    lines_per_period: float | None = Field(default=None, ge=1, lt=4096)
+    """Without it 150.1, or what rate_hz makes it."""
     rate_hz: float = Field(default=LINES_PER_PERIOD * 249.0, gt=0, le=1_000_000)
     pulse_us: float = Field(default=1.0, gt=0, le=1_000)
     pulse_delay_us: float = Field(default=0.0, ge=0)
@@ -389,17 +430,21 @@ class Line(Section):
 class Sensor(Section):
     """The line sensor."""
 
-    pixel_width: int = Field(default=12, ge=8, le=16)  # bits
-    line_length: int = Field(default=2048, ge=64, le=8192)  # px
-    # Least pixel value that counts as saturated; without it the largest of pixel_width bits.
+    pixel_width: int = Field(default=12, ge=8, le=16)
+    """Bits of a pixel."""
+    line_length: int = Field(default=2048, ge=64, le=8192)
+    """Pixels of a line."""
+    full_well_e: Positive = 20_475.0
+    """Electrons at the largest pixel value."""
     saturation_level: int | None = Field(default=None, ge=1)
-    # A readout belongs to the exposure behind whose end so many others have ended. It begins so
-    # long behind that end; without times anywhere between those of this lag and the next one.
+    """Least pixel value that counts as saturated; without it the largest of pixel_width bits."""
     readout_lag: int = Field(default=0, ge=0, le=3)
+    """A readout belongs to the exposure behind whose end so many others have ended. It begins so
+    long behind that end; without times anywhere between those of this lag and the next one."""
     readout_min_us: float | None = Field(default=None, ge=0)
     readout_max_us: float | None = Field(default=None, ge=0)
-    # Whether exposures start the readouts, so that the first ones of a start are of old lines.
     readout_stale: bool = False
+    """Whether exposures start the readouts, so that the first ones of a start are of old lines."""
 
     @property
     def least_saturated(self) -> int:
@@ -432,28 +477,42 @@ class Laser(Section):
     slope of 20:1 on 99 and 85 %.
     """
 
-    power_max: int = Field(default=65_535, ge=1, le=65_535)  # power at which (10) is 1
-    rated_mw: Positive = 50.0  # power of the laser at power_max
+    power_max: int = Field(default=65_535, ge=1, le=65_535)
+    """Power at which (10) is 1."""
+    rated_mw: Positive = 50.0
+    """Power of the laser at power_max."""
 
     adapt: bool = True
-    shared: bool = True  # one power for both directions of the scan
-    power_mw: float = Field(default=5.0, ge=0)  # fixed, or start of the adaptation
-    min_mw: float = Field(default=0.18, ge=0)  # least adapted power: rated_mw / 273
+    shared: bool = True
+    """One power for both directions of the scan."""
+    power_mw: float = Field(default=5.0, ge=0)
+    """Fixed, or start of the adaptation."""
+    min_mw: float = Field(default=0.18, ge=0)
+    """Least adapted power: rated_mw / 273."""
     max_mw: float = Field(default=50.0, ge=0)
-    startup_mw: float = Field(default=1.0, ge=0)  # power of the start-up channel, for the index
-    target: float = Field(default=0.5, ge=0, lt=1)  # height of a peak / full scale
-    cut: float = Field(default=0.25, ge=0, lt=1)  # factor of the power after saturation
-    down: float = Field(default=1.0, ge=0, lt=8)  # share of a peak's excess corrected per line
-    up: float = Field(default=1.5, ge=0, lt=8)  # share of a peak's lack corrected per line
-    search: float = Field(default=0.5, ge=0, lt=1)  # growth of the power where there is no peak
-    index_margin_deg: float = Field(default=2.0, ge=0)  # lit in RUN so far before the mark
+    startup_mw: float = Field(default=1.0, ge=0)
+    """Power of the start-up channel, for the index."""
+    target: float = Field(default=0.5, ge=0, lt=1)
+    """Height of a peak / full scale."""
+    cut: float = Field(default=0.25, ge=0, lt=1)
+    """Factor of the power after saturation."""
+    down: float = Field(default=1.0, ge=0, lt=8)
+    """Share of a peak's excess corrected per line."""
+    up: float = Field(default=1.5, ge=0, lt=8)
+    """Share of a peak's lack corrected per line."""
+    search: float = Field(default=0.5, ge=0, lt=1)
+    """Growth of the power where there is no peak."""
+    index_margin_deg: float = Field(default=2.0, ge=0)
+    """Lit in RUN so far before the mark."""
 
     limit_power_mw: float = Field(default=50.0, ge=0)
     limit_startup_mw: float = Field(default=1.0, ge=0)
     limit_pulse_us: float = Field(default=2.0, ge=0)
     limit_average_mw: float = Field(default=2.5, ge=0)
-    limit_burst_uj: float = Field(default=1.0, ge=0)  # energy beyond the average, at once
-    watchdog_s: Positive = 0.5  # light goes off when the host is silent for longer
+    limit_burst_uj: float = Field(default=1.0, ge=0)
+    """Energy beyond the average, at once."""
+    watchdog_s: Positive = 0.5
+    """Light goes off when the host is silent for longer."""
 
 
 class Focus(Section):
@@ -464,26 +523,44 @@ class Focus(Section):
     """
 
     mode: Literal["off", "manual", "automatic"] = "off"
-    manual_mm: Positive = 500.0  # z in focus in the mode manual
-    near_mm: Positive = 240.0  # least z that has a lens position
-    far_mm: Positive = 1000.0  # largest z that has a lens position
-    infinity_mm: float = 0.0  # position of the lens for objects at infinity
-    travel_mm: Positive = 3.0  # positions are 0 .. travel_mm, larger for nearer objects
-    resolution_um: Positive = 0.5  # step of the lens position
+    manual_mm: Positive = 500.0
+    """Z in focus in the mode manual."""
+    near_mm: Positive = 240.0
+    """Least z that has a lens position."""
+    far_mm: Positive = 1000.0
+    """Largest z that has a lens position."""
+    infinity_mm: float = 0.0
+    """Position of the lens for objects at infinity."""
+    travel_mm: Positive = 3.0
+    """Positions are 0 .. travel_mm, larger for nearer objects."""
+    resolution_um: Positive = 0.5
+    """Step of the lens position."""
 
-    average_points: int = Field(default=4096, ge=1, le=32_768)  # a power of two
-    lapse_points: int = Field(default=20_000, ge=0, le=65_535)  # bad points to end an average
-    hysteresis_um: float = Field(default=10.0, ge=0)  # least change of the target
-    hold_points: int = Field(default=4096, ge=1, le=65_535)  # points in a row that ask for it
-    tolerance_um: float = Field(default=1.0, ge=0)  # largest distance to the target in position
-    timeout_s: Positive = 1.0  # longest time to reach a target
-    retries: int = Field(default=3, ge=0, le=255)  # retries of a command and of a target
+    average_points: int = Field(default=4096, ge=1, le=32_768)
+    """A power of two."""
+    lapse_points: int = Field(default=20_000, ge=0, le=65_535)
+    """Bad points to end an average."""
+    hysteresis_um: float = Field(default=10.0, ge=0)
+    """Least change of the target."""
+    hold_points: int = Field(default=4096, ge=1, le=65_535)
+    """Points in a row that ask for it."""
+    tolerance_um: float = Field(default=1.0, ge=0)
+    """Largest distance to the target in position."""
+    timeout_s: Positive = 1.0
+    """Longest time to reach a target."""
+    retries: int = Field(default=3, ge=0, le=255)
+    """Retries of a command and of a target."""
 
-    address: int = Field(default=0x2A, ge=0, le=0x7F)  # I2C address of the motor
-    quarter_us: Positive = 2.5  # quarter of a bit: 100 kHz
-    stretch_ms: Positive = 25.0  # longest time of a stretched clock or a busy bus
-    poll_ms: float = Field(default=2.0, ge=0)  # pause between two commands
-    speed_mm_per_s: Positive = 5.0  # of the simulated motor
+    address: int = Field(default=0x2A, ge=0, le=0x7F)
+    """I2C address of the motor."""
+    quarter_us: Positive = 2.5
+    """Quarter of a bit: 100 kHz."""
+    stretch_ms: Positive = 25.0
+    """Longest time of a stretched clock or a busy bus."""
+    poll_ms: float = Field(default=2.0, ge=0)
+    """Pause between two commands."""
+    speed_mm_per_s: Positive = 5.0
+    """Of the simulated motor."""
 
     @field_validator("average_points")
     @classmethod
@@ -510,12 +587,17 @@ class Mems(Section):
 
     natural_hz: Positive = 248.5
     quality: Positive = 200.0
-    torque: Positive = 8.52e4  # s^-2, at a drive level of 0.7
+    torque: Positive = 8.52e4
+    """S^-2, at a drive level of 0.7."""
     comb_deg: Positive = 8.52
-    asymmetry: float = 2e-7  # constant torque over natural angular frequency squared, rad
-    diode_deg: Positive = 1.0  # half width of the photodiode about the mark
-    jitter_ns: float = Field(default=1.0, ge=0)  # jitter of a crossing, rms
-    noise_urad: float = Field(default=0.0, ge=0)  # noise of the comparator: makes it chatter
+    asymmetry: float = 2e-7
+    """Constant torque over natural angular frequency squared, rad."""
+    diode_deg: Positive = 1.0
+    """Half width of the photodiode about the mark."""
+    jitter_ns: float = Field(default=1.0, ge=0)
+    """Jitter of a crossing, rms."""
+    noise_urad: float = Field(default=0.0, ge=0)
+    """Noise of the comparator: makes it chatter."""
 
 
 class Polygon(Section):
@@ -524,10 +606,14 @@ class Polygon(Section):
     The jitter and the width of its diode are those of ``[mems]``.
     """
 
-    facet_urad: float = Field(default=100.0, ge=0)  # rms error of a facet's optical angle
-    speed_ppm: float = Field(default=10.0, ge=0)  # amplitude of the speed's hunting
+    facet_urad: float = Field(default=100.0, ge=0)
+    """Error of a facet's optical angle, rms."""
+    speed_ppm: float = Field(default=10.0, ge=0)
+    """Amplitude of the speed's hunting."""
     hunting_hz: Positive = 1.0
-    spin_up_s: Positive = 0.5  # time constant of the speed
+    """Frequency of the speed's hunting."""
+    spin_up_s: Positive = 0.5
+    """Time constant of the speed from rest."""
 
 
 class Config(Section):
@@ -551,11 +637,9 @@ class Config(Section):
     def _rate(self) -> "Config":
         if "rate_hz" not in self.line.model_fields_set:
             ratio = self.line.lines_per_period or LINES_PER_PERIOD
-            line = self.line.model_copy(update={"rate_hz": ratio * self.mirror.frequency_hz})
-            line.model_fields_set.discard("rate_hz")  # it follows in a copy, too
-            self.__dict__["line"] = line
-            if line.late:
-                raise ValueError(f"line: {line.late}")
+            self._follows("line", "rate_hz", ratio * self.mirror.frequency_hz)
+            if self.line.late:
+                raise ValueError(f"line: {self.line.late}")
         elif self.line.lines_per_period is not None:
             follows = self.line.lines_per_period * self.mirror.frequency_hz
             if not math.isclose(self.line.rate_hz, follows, rel_tol=1e-12):
@@ -569,6 +653,21 @@ class Config(Section):
         if complaint:
             raise ValueError(complaint)
         return self
+
+    @model_validator(mode="after")
+    def _of_sensor(self) -> "Config":
+        sensor = self.sensor
+        self._follows("geometry", "centre_px", sensor.line_length / 2 - 0.5)
+        self._follows("peak", "kappa", (2**sensor.pixel_width - 1) / sensor.full_well_e)
+        return self
+
+    def _follows(self, section: str, key: str, value: float) -> None:
+        """Give a key that no file has said the value that follows from other sections."""
+        before: Section = getattr(self, section)
+        if key not in before.model_fields_set:
+            after = before.model_copy(update={key: value})
+            after.model_fields_set.discard(key)  # it follows in a copy, too
+            self.__dict__[section] = after
 
     def rate_complaint(self) -> str:
         """Return what is wrong where a line comes before the one ahead of it is done, or "".
@@ -595,11 +694,16 @@ class Config(Section):
         return self._source
 
 
+def presets() -> dict[str, Path]:
+    """Return the shipped configurations of other scanners: the file of each name."""
+    return {path.stem: path for path in sorted(PRESETS.glob("*.toml"))}
+
+
 def load(path: Path | None) -> Config:
-    """Return the shipped defaults, overridden by the TOML file ``path``.
+    """Return the shipped defaults, overridden by a TOML file.
 
     Args:
-        path: The file, or None for the defaults alone.
+        path: The file, the name of a preset, or None for the defaults alone.
 
     Raises:
         InputError: naming file, key and value, if the file is missing, is not TOML, has an
@@ -607,8 +711,13 @@ def load(path: Path | None) -> Config:
     """
     if path is None:
         return Config()
-    config = checked(Config, read_toml(path, str(path)), str(path))
-    config._source = str(path)
+    name, known = str(path), presets()
+    if path.name == name and not path.suffix and not path.exists() and name not in known:
+        raise InputError(
+            f"{name}: no such file, nor a preset of {', '.join(known)}{nearest(name, list(known))}"
+        )
+    config = checked(Config, read_toml(known.get(name, path), name), name)
+    config._source = name
     return config
 
 

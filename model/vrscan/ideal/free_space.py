@@ -114,14 +114,21 @@ def response(z_mm: Floats, angle_rad: Floats, config: Config) -> Floats:
     front = np.maximum(depth, _LEAST_MM)
     lens = ThinLens.of(free.f_number, free.focus_mm, geometry)
     pupil_mm2 = 0.25 * np.pi * lens.pupil_mm**2
-    per_mm = geometry.focal_mm / geometry.pitch_mm  # px per unit of tangent
-    spot = per_mm * free.spot_mm / front
-    blur = 0.5 * lens.pupil_mm * lens.image_mm / geometry.pitch_mm
-    blur = blur * np.abs(1.0 / free.focus_mm - 1.0 / front)
-    area_px2 = np.pi * (np.square(spot) + np.square(blur))
+    area_px2 = np.pi * np.square(spot_px(front, config))
     sent = config.laser.rated_mw * config.line.pulse_us * _PHOTONS_PER_NJ * free.efficiency
     collected = pupil_mm2 / np.pi * front / square**1.5
     return np.asarray(np.where(depth > 0.0, sent * collected / area_px2, 0.0))
+
+
+def spot_px(depth_mm: Floats, config: Config) -> Floats:
+    """Return the radius of a spot's image at a depth along the lens's axis, with its blur, px."""
+    geometry, free = config.geometry, config.free
+    lens = ThinLens.of(free.f_number, free.focus_mm, geometry)
+    per_mm = geometry.focal_mm / geometry.pitch_mm  # px per unit of tangent
+    spot = per_mm * free.spot_mm / depth_mm
+    blurred = 0.5 * lens.pupil_mm * lens.image_mm / geometry.pitch_mm
+    blur = blurred * np.abs(1.0 / free.focus_mm - 1.0 / depth_mm)
+    return np.asarray(np.sqrt(np.square(spot) + np.square(blur)))
 
 
 def reach(ratio: Floats, angle_rad: Floats, config: Config) -> tuple[Floats, Floats]:

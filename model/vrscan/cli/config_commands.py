@@ -1,0 +1,105 @@
+"""The commands ``vrscan config`` and ``vrscan new``: a configuration as text, and another one."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vrscan.cli.progress import console as _console
+from vrscan.data import config as configuration
+from vrscan.data.config import Config, checked
+from vrscan.data.config_text import text
+from vrscan.data.errors import InputError
+from vrscan.data.points import atomic_file
+from vrscan.registers.chain_registers import Registers
+
+
+def config(
+    source: Annotated[
+        Path | None,
+        typer.Option("--config", help="Preset, or TOML file whose values override the defaults."),
+    ] = None,
+) -> None:
+    """Print a configuration as TOML: every value with its meaning, unit and range."""
+    print(text(configuration.load(source)), end="")
+
+
+def _asked(option: str, words: str, given: float | None, default: float) -> float:
+    """Return the value of an option, which is asked for if it is not given."""
+    if given is not None:
+        return given
+    try:
+        return float(typer.prompt(words, default=default, type=float))
+    except typer.Abort as error:
+        raise InputError(f"{option}: neither given nor answered") from error
+
+
+def new(
+    file: Annotated[Path, typer.Argument(help="File for the configuration, .toml.")],
+    base_mm: Annotated[float | None, typer.Option(help="Base, mm.")] = None,
+    bias_deg: Annotated[float | None, typer.Option(help="Angle of the camera, degrees.")] = None,
+    focal_mm: Annotated[float | None, typer.Option(help="Focal length, mm.")] = None,
+    f_number: Annotated[float | None, typer.Option(help="f-number of the lens.")] = None,
+    line_length: Annotated[int | None, typer.Option(help="Pixels of the sensor.")] = None,
+    pitch_um: Annotated[float | None, typer.Option(help="Pitch of the pixels, um.")] = None,
+    pixel_width: Annotated[int | None, typer.Option(help="Bits of a pixel.")] = None,
+    near_mm: Annotated[float | None, typer.Option(help="Near end of the range, mm.")] = None,
+    far_mm: Annotated[float | None, typer.Option(help="Far end of the range, mm.")] = None,
+    rate_hz: Annotated[float | None, typer.Option(help="Lines in a second.")] = None,
+    clock_mhz: Annotated[float | None, typer.Option(help="The FPGA's clock, MHz.")] = None,
+    picture: Annotated[Path | None, typer.Option(help="File for the triangle, .png.")] = None,
+) -> None:
+    """Write the configuration of another scanner, after checking that it sees its whole range.
+
+    What is not given as an option is asked for.
+    """
+    from vrscan.study import layout
+
+    usual = Config()
+    geometry, sensor, free = usual.geometry, usual.sensor, usual.free
+    near = _asked("--near-mm", "near end of the range, mm", near_mm, usual.focus.near_mm)
+    far = _asked("--far-mm", "far end of the range, mm", far_mm, usual.focus.far_mm)
+    base = _asked("--base-mm", "base, mm", base_mm, geometry.base_mm)
+    bias = _asked("--bias-deg", "angle of the camera, degrees", bias_deg, geometry.bias_deg)
+    focal = _asked("--focal-mm", "focal length, mm", focal_mm, geometry.focal_mm)
+    aperture = _asked("--f-number", "f-number", f_number, free.f_number)
+    length = _asked("--line-length", "pixels of the sensor", line_length, sensor.line_length)
+    pitch = _asked("--pitch-um", "pitch of the pixels, um", pitch_um, 1e3 * geometry.pitch_mm)
+    bits = _asked("--pixel-width", "bits of a pixel", pixel_width, sensor.pixel_width)
+    rate = _asked("--rate-hz", "lines in a second", rate_hz, usual.line.rate_hz)
+    clock = _asked(
+        "--clock-mhz", "the FPGA's clock, MHz", clock_mhz, 1e-6 * usual.clock.frequency_hz
+    )
+    for option, count in (("--line-length", length), ("--pixel-width", bits)):
+        if count != int(count):
+            raise InputError(f"{option} = {count:g}: not a whole number")
+    # In the sum of 1 / z between both ends the blur at either end is the same.
+    focus = 2.0 / (1.0 / near + 1.0 / far) if min(near, far) > 0.0 else free.focus_mm
+    values: dict[str, object] = {
+        "clock": {"frequency_hz": 1e6 * clock},
+        "geometry": {
+            "base_mm": base,
+            "bias_deg": bias,
+            "focal_mm": focal,
+            "pitch_mm": round(1e-3 * pitch, 9),
+        },
+        "free": {"focus_mm": round(focus, 1), "f_number": aperture, "far_mm": far},
+        "line": {"rate_hz": rate},
+        "sensor": {"line_length": int(length), "pixel_width": int(bits)},
+    }
+    made = checked(Config, values, str(file))
+    layout.check(made, near, far)
+    Registers.from_config(made)
+    found = layout.layout(made, near, far)
+    with atomic_file(file) as stream:
+        stream.write(text(made, chosen=True).encode())
+        if picture is not None:
+            if picture.suffix != ".png":
+                raise InputError(f"{picture}: the name does not end in .png")
+            with atomic_file(picture) as drawn:
+                layout.picture(made, near, far, drawn)
+    console = _console()
+    console.print(layout.terminal(made, near, far))
+    console.print(layout.summary(made), highlight=False)
+    console.print(layout.sheet(found).terminal("over the range, on the resting beam"))
+    console.print(f"{file}: vrscan scan --config {file}", markup=False, highlight=False)

@@ -1,0 +1,84 @@
+"""``vrscan config`` and ``vrscan new``."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from vrscan.cli.app import app
+from vrscan.data.config import load
+from vrscan.data.errors import InputError
+from vrscan.registers.chain_registers import Registers
+
+METRE = {
+    "near-mm": "400",
+    "far-mm": "2000",
+    "base-mm": "100",
+    "bias-deg": "82",
+    "focal-mm": "25",
+    "f-number": "2.8",
+    "line-length": "1024",
+    "pitch-um": "14",
+    "pixel-width": "10",
+    "rate-hz": "20000",
+    "clock-mhz": "100",
+}
+
+
+def new(file: Path, *more: str, answers: str = "", **changed: str | None):
+    given = {**METRE, **{key.replace("_", "-"): value for key, value in changed.items()}}
+    options = [word for k, v in given.items() if v is not None for word in (f"--{k}", v)]
+    return CliRunner().invoke(app, ["new", str(file), *options, *more], input=answers)
+
+
+def test_a_new_scanner_is_the_one_that_was_asked_for(tmp_path: Path) -> None:
+    file, drawn = tmp_path / "new.toml", tmp_path / "new.png"
+    result = new(file, "--picture", str(drawn))
+    assert result.exit_code == 0, result.output
+    made, metre = load(file), load(Path("metre"))
+    assert made.geometry == metre.geometry and made.line == metre.line
+    assert made.clock == metre.clock and made.sensor == metre.sensor
+    assert made.free.f_number == 2.8 and made.free.far_mm == 2000.0
+    Registers.from_config(made)
+    assert "field of view 32.0 degrees" in result.output
+    assert max(map(len, result.output.splitlines())) <= 120
+    assert drawn.read_bytes().startswith(b"\x89PNG")
+
+
+def test_what_is_not_given_is_asked_for(tmp_path: Path) -> None:
+    file = tmp_path / "new.toml"
+    result = new(file, base_mm=None, answers="90\n")
+    assert result.exit_code == 0, result.output
+    assert load(file).geometry.base_mm == 90.0
+    silent = new(tmp_path / "none.toml", base_mm=None)
+    assert str(silent.exception) == "--base-mm: neither given nor answered"
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"near_mm": "100"}, ["near_mm = 100", "focal_mm", "line_length", "bias_deg"]),
+        ({"bias_deg": "60"}, ["both ends", "bias_deg = 81.6"]),
+        ({"rate_hz": "60000"}, ["line.rate_hz", "at most"]),
+        ({"pixel_width": "20"}, ["sensor.pixel_width", "20"]),
+        ({"focal_mm": "5", "line_length": "4096"}, ["geometry.focal_mm", "outside"]),
+    ],
+)
+def test_a_dead_end_is_one_line_and_leaves_no_file(
+    tmp_path: Path, changed: dict[str, str], words: list[str]
+) -> None:
+    file = tmp_path / "new.toml"
+    result = new(file, **changed)
+    assert isinstance(result.exception, InputError)
+    for word in words:
+        assert word in str(result.exception)
+    assert "\n" not in str(result.exception)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_config_prints_what_is_taken_again(tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["config", "--config", "metre"])
+    assert result.exit_code == 0, result.output
+    file = tmp_path / "all.toml"
+    file.write_text(result.output)
+    assert load(file).model_dump() == load(Path("metre")).model_dump()

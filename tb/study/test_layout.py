@@ -1,0 +1,83 @@
+"""The optics of a scanner: what the sensor sees, and what each distance costs."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vrscan.data.config import Config, Geometry, Sensor, load, presets
+from vrscan.data.errors import InputError
+from vrscan.ideal.free_space import visible
+from vrscan.ideal.geometry import radial_error
+from vrscan.study.layout import check, layout, terminal
+
+NARROW = Config(geometry=Geometry(focal_mm=60.0), sensor=Sensor(line_length=1024))
+
+
+@pytest.mark.parametrize("name", [None, *presets()])
+def test_the_check_agrees_with_what_is_visible(name: str | None) -> None:
+    """Against the interval of the free space, which comes from the sensor's ends."""
+    config = load(None if name is None else Path(name))
+    near, far = (float(end) for end in visible(np.zeros(()), config))
+    far = min(far, 0.999 * config.free.far_mm)
+    check(config, near * 1.001, far)
+    with pytest.raises(InputError, match=r"^near_mm = "):
+        check(config, near * 0.999, far)
+
+
+def test_the_advice_helps() -> None:
+    """What the message says to change is enough, and hardly more than enough."""
+    turned = Config(geometry=Geometry(bias_deg=100.0))
+    with pytest.raises(InputError, match=r"bias_deg = 80\.8 sees both ends") as caught:
+        check(turned, 240.0, 800.0)
+    assert "\n" not in str(caught.value)
+    check(Config(geometry=Geometry(bias_deg=80.8)), 240.0, 800.0)
+
+    with pytest.raises(InputError, match="focal_mm of at most") as caught:
+        check(NARROW, 240.0, 1000.0)
+    words = str(caught.value).replace(",", "").split()
+    focal, length, bias = (
+        float(words[words.index(name) + skip])
+        for name, skip in (("focal_mm", 4), ("line_length", 2), ("bias_deg", 2))
+    )
+    for share, sees in ((0.99, True), (1.03, False)):
+        config = Config(
+            geometry=Geometry(focal_mm=focal * share, bias_deg=bias), sensor=NARROW.sensor
+        )
+        if sees:
+            check(config, 240.0, 1000.0)
+        else:
+            with pytest.raises(InputError):
+                check(config, 240.0, 1000.0)
+    long = Sensor(line_length=round(1.01 * length))
+    check(Config(geometry=Geometry(focal_mm=60.0, bias_deg=bias), sensor=long), 240.0, 1000.0)
+
+
+def test_a_range_that_is_none_is_refused() -> None:
+    for near, far, word in ((500.0, 400.0, "near_mm"), (0.0, 9.0, "near_mm"), (9.0, 4e3, "far_mm")):
+        with pytest.raises(InputError, match=rf"^{word} = "):
+            check(Config(), near, far)
+
+
+def test_the_step_is_that_of_the_papers_error() -> None:
+    """(6) gives the error of a pixel by range; it is exact where the axis meets the point."""
+    found = layout(Config(), 250.0, 1000.0, 60)
+    geometry = Config().geometry
+    on_axis = int(np.abs(found.position_px - geometry.centre_px).argmin())
+    beam = np.hypot(found.z_mm, geometry.base_mm)
+    along = radial_error(beam, geometry.pitch_mm, geometry)
+    assert found.step_mm[on_axis] == pytest.approx(along[on_axis], rel=0.01)
+    assert np.all(np.diff(found.step_mm) > 0.0)
+    assert np.all(found.sigma_mm == found.noise_px * found.step_mm)
+    bright = layout(Config(free=Config().free.model_copy(update={"darkest": 0.08})), 800.0, 1000.0)
+    dark = layout(Config(), 800.0, 1000.0)
+    assert dark.noise_px / bright.noise_px == pytest.approx(2.0)  # by the root of the light
+
+
+def test_the_drawing_has_every_part() -> None:
+    drawn = terminal(Config(), 240.0, 1000.0).plain
+    for mark in "MCNF.=":
+        assert mark in drawn
+    rows = drawn.splitlines()
+    beam = next(row for row in rows if row.startswith("M"))
+    assert beam.index("N") == round(240.0 / 1000.0 * 71) and beam.endswith("F")
