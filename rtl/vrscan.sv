@@ -31,7 +31,8 @@ module vrscan #(
   parameter int unsigned PixelWidth      = 12,
   parameter int unsigned MaxWindow       = 255,
   parameter int unsigned IndexOversample = 4,
-  parameter int unsigned BoardId         = 0
+  parameter int unsigned BoardId         = 0,
+  parameter bit          Polygon         = 1'b0  // the index is a polygon's start of scan
 ) (
   input  wire logic                                         clk_i,
   input  wire logic                                         rst_i,
@@ -271,7 +272,8 @@ module vrscan #(
     .IndexOversample(IndexOversample),
     .SettleClks     (ClockHz / 10_000_000 + 1),
     .LightClks      (ClockHz / 100),
-    .PeriodFloorClks(ClockHz / 500),
+    .PeriodFloorClks(Polygon ? ClockHz / 2_000 : ClockHz / 500),
+    .OuterFloor     (Polygon ? 0 : 6_144),
     .DarkClks       (ClockHz / 40),
     .PauseClks      (ClockHz / 4)
   ) u_scan_safeguard (

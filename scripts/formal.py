@@ -128,6 +128,14 @@ PROOFS = (
         40,
         SHORT,
     ),
+    Proof(
+        "safeguard of a polygon",
+        "scan_safeguard_properties",
+        6,
+        40,
+        (*SHORT, ("OuterFloor", 0)),
+        parameters=(("OuterFloor", 0), ("PeriodFloorClks", 62_500)),
+    ),
     Proof("guard_watch, laser_heartbeat", "laser_lifeline_properties", 6, 40, (("BeatClks", 6),)),
     # Those below are of contracts, tb/contracts.
     Proof("packet_arbiter", "packet_arbiter", 4, 20),
@@ -1233,16 +1241,17 @@ def broken(words: str) -> list[str]:
 def prove(proof: Proof) -> tuple[int, list[tuple[str, ...]]]:
     """Prove all properties of a proof; return how many failed, and their rows."""
     rows: list[tuple[str, ...]] = []
-    file = formulas(proof, proof.top, {})
+    name = re.sub(r"\W+", "_", proof.module)  # one top may be in several proofs at once
+    file = formulas(proof, name, {})
     depth = str(proof.depth)
     base = solve(file, "-t", str(max(proof.depth, proof.bounded)), "--keep-going")
     endless = scaled = file
     if proof.bounded:
-        endless = formulas(proof, f"{proof.top}_endless", {}, left_out=(SIMULATED, BOUNDED))
+        endless = formulas(proof, f"{name}_endless", {}, left_out=(SIMULATED, BOUNDED))
     step = solve(endless, "-i", "-t", depth)
     if proof.scaled or proof.unhindered:
         scaled = formulas(
-            proof, f"{proof.top}_scaled", {}, proof.scaled, more_free=proof.unhindered
+            proof, f"{name}_scaled", {}, proof.scaled, more_free=proof.unhindered
         )
     cover = solve(scaled, "-c", "-t", str(proof.cover))
     bad = [*broken(base.words), *broken(step.words)]

@@ -301,7 +301,7 @@ module register_file (
   end
 
   // ---- 5: which register; 6: it takes the word ----
-  logic [176:0] take_q;
+  logic [179:0] take_q;
   logic write_q2;
   always_ff @(posedge clk_i) begin
     write_q2 <= write_q;
@@ -410,79 +410,82 @@ module register_file (
     take_q[101] <= write_q && page_0a_hit_q && word_hit_q[2] && !rst;
     take_q[102] <= write_q && page_0a_hit_q && word_hit_q[3] && !rst;
     take_q[103] <= write_q && page_0a_hit_q && word_hit_q[4] && !rst;
-    take_q[104] <= write_q && page_0b_hit_q && word_hit_q[0] && !rst;
-    take_q[105] <= write_q && page_0b_hit_q && word_hit_q[1] && !rst;
-    take_q[106] <= write_q && page_0b_hit_q && word_hit_q[2] && !rst;
-    take_q[107] <= write_q && page_0b_hit_q && word_hit_q[3] && !rst;
-    take_q[108] <= write_q && page_0b_hit_q && word_hit_q[4] && !rst;
-    take_q[109] <= write_q && page_0b_hit_q && word_hit_q[5] && !rst;
-    take_q[110] <= write_q && page_0e_hit_q && word_hit_q[0] && !rst;
-    take_q[111] <= write_q && page_10_hit_q && word_hit_q[0] && !rst;
-    take_q[112] <= write_q && page_10_hit_q && word_hit_q[1] && !rst;
-    take_q[113] <= write_q && page_10_hit_q && word_hit_q[2] && !rst;
-    take_q[114] <= write_q && page_10_hit_q && word_hit_q[3] && !rst;
-    take_q[115] <= write_q && page_10_hit_q && word_hit_q[4] && !rst;
-    take_q[116] <= write_q && page_10_hit_q && word_hit_q[5] && !rst;
-    take_q[117] <= write_q && page_10_hit_q && word_hit_q[6] && !rst;
-    take_q[118] <= write_q && page_10_hit_q && word_hit_q[7] && !rst;
-    take_q[119] <= write_q && page_10_hit_q && word_hit_q[8] && !rst;
-    take_q[120] <= write_q && page_10_hit_q && word_hit_q[9] && !rst;
-    take_q[121] <= write_q && page_10_hit_q && word_hit_q[10] && !rst;
-    take_q[122] <= write_q && page_10_hit_q && word_hit_q[11] && !rst;
-    take_q[123] <= write_q && page_10_hit_q && word_hit_q[12] && !rst;
-    take_q[124] <= write_q && page_10_hit_q && word_hit_q[13] && !rst;
-    take_q[125] <= write_q && page_12_hit_q && word_hit_q[0] && !rst;
-    take_q[126] <= write_q && page_12_hit_q && word_hit_q[1] && !rst;
-    take_q[127] <= write_q && page_12_hit_q && word_hit_q[2] && !rst;
-    take_q[128] <= write_q && page_12_hit_q && word_hit_q[3] && !rst;
-    take_q[129] <= write_q && page_12_hit_q && word_hit_q[4] && !rst;
-    take_q[130] <= write_q && page_12_hit_q && word_hit_q[5] && !rst;
-    take_q[131] <= write_q && page_16_hit_q && word_hit_q[0] && !rst;
-    take_q[132] <= write_q && page_16_hit_q && word_hit_q[1] && !rst;
-    take_q[133] <= write_q && page_18_hit_q && word_hit_q[0] && !rst;
-    take_q[134] <= write_q && page_18_hit_q && word_hit_q[1] && !rst;
-    take_q[135] <= write_q && page_18_hit_q && word_hit_q[2] && !rst;
-    take_q[136] <= write_q && page_18_hit_q && word_hit_q[3] && !rst;
-    take_q[137] <= write_q && page_18_hit_q && word_hit_q[4] && !rst;
-    take_q[138] <= write_q && page_18_hit_q && word_hit_q[5] && !rst;
-    take_q[139] <= write_q && page_18_hit_q && word_hit_q[6] && !rst;
-    take_q[140] <= write_q && page_18_hit_q && word_hit_q[7] && !rst;
-    take_q[141] <= write_q && page_18_hit_q && word_hit_q[8] && !rst;
-    take_q[142] <= write_q && page_18_hit_q && word_hit_q[9] && !rst;
-    take_q[143] <= write_q && page_18_hit_q && word_hit_q[10] && !rst;
-    take_q[144] <= write_q && page_18_hit_q && word_hit_q[11] && !rst;
-    take_q[145] <= write_q && page_18_hit_q && word_hit_q[12] && !rst;
-    take_q[146] <= write_q && page_18_hit_q && word_hit_q[13] && !rst;
-    take_q[147] <= write_q && page_18_hit_q && word_hit_q[14] && !rst;
-    take_q[148] <= write_q && page_1c_hit_q && word_hit_q[0] && !rst;
-    take_q[149] <= write_q && page_1c_hit_q && word_hit_q[1] && !rst;
-    take_q[150] <= write_q && page_1c_hit_q && word_hit_q[2] && !rst;
-    take_q[151] <= write_q && page_1c_hit_q && word_hit_q[3] && !rst;
-    take_q[152] <= write_q && page_1c_hit_q && word_hit_q[4] && !rst;
-    take_q[153] <= write_q && page_1c_hit_q && word_hit_q[5] && !rst;
-    take_q[154] <= write_q && page_1c_hit_q && word_hit_q[6] && !rst;
-    take_q[155] <= write_q && page_1c_hit_q && word_hit_q[7] && !rst;
-    take_q[156] <= write_q && page_1c_hit_q && word_hit_q[8] && !rst;
-    take_q[157] <= write_q && page_1c_hit_q && word_hit_q[9] && !rst;
-    take_q[158] <= write_q && page_1c_hit_q && word_hit_q[10] && !rst;
-    take_q[159] <= write_q && page_1c_hit_q && word_hit_q[11] && !rst;
-    take_q[160] <= write_q && page_1c_hit_q && word_hit_q[12] && !rst;
-    take_q[161] <= write_q && page_1d_hit_q && word_hit_q[4] && !rst;
-    take_q[162] <= write_q && page_1d_hit_q && word_hit_q[5] && !rst;
-    take_q[163] <= write_q && page_1d_hit_q && word_hit_q[6] && !rst;
-    take_q[164] <= write_q && page_1d_hit_q && word_hit_q[7] && !rst;
-    take_q[165] <= write_q && page_1e_hit_q && word_hit_q[0] && !rst;
-    take_q[166] <= write_q && page_1f_hit_q && word_hit_q[0] && !rst;
-    take_q[167] <= write_q && page_1f_hit_q && word_hit_q[1] && !rst;
-    take_q[168] <= write_q && page_1f_hit_q && word_hit_q[2] && !rst;
-    take_q[169] <= write_q && page_1f_hit_q && word_hit_q[3] && !rst;
-    take_q[170] <= write_q && page_1f_hit_q && word_hit_q[4] && !rst;
-    take_q[171] <= write_q && page_1f_hit_q && word_hit_q[5] && !rst;
-    take_q[172] <= write_q && page_1f_hit_q && word_hit_q[6] && !rst;
-    take_q[173] <= write_q && page_1f_hit_q && word_hit_q[8] && !rst;
-    take_q[174] <= write_q && page_3f_hit_q && word_hit_q[0] && !rst;
-    take_q[175] <= write_q && page_3f_hit_q && word_hit_q[1] && !rst;
-    take_q[176] <= write_q && page_3f_hit_q && word_hit_q[2] && !rst;
+    take_q[104] <= write_q && page_0a_hit_q && word_hit_q[5] && !rst;
+    take_q[105] <= write_q && page_0a_hit_q && word_hit_q[6] && !rst;
+    take_q[106] <= write_q && page_0a_hit_q && word_hit_q[7] && !rst;
+    take_q[107] <= write_q && page_0b_hit_q && word_hit_q[0] && !rst;
+    take_q[108] <= write_q && page_0b_hit_q && word_hit_q[1] && !rst;
+    take_q[109] <= write_q && page_0b_hit_q && word_hit_q[2] && !rst;
+    take_q[110] <= write_q && page_0b_hit_q && word_hit_q[3] && !rst;
+    take_q[111] <= write_q && page_0b_hit_q && word_hit_q[4] && !rst;
+    take_q[112] <= write_q && page_0b_hit_q && word_hit_q[5] && !rst;
+    take_q[113] <= write_q && page_0e_hit_q && word_hit_q[0] && !rst;
+    take_q[114] <= write_q && page_10_hit_q && word_hit_q[0] && !rst;
+    take_q[115] <= write_q && page_10_hit_q && word_hit_q[1] && !rst;
+    take_q[116] <= write_q && page_10_hit_q && word_hit_q[2] && !rst;
+    take_q[117] <= write_q && page_10_hit_q && word_hit_q[3] && !rst;
+    take_q[118] <= write_q && page_10_hit_q && word_hit_q[4] && !rst;
+    take_q[119] <= write_q && page_10_hit_q && word_hit_q[5] && !rst;
+    take_q[120] <= write_q && page_10_hit_q && word_hit_q[6] && !rst;
+    take_q[121] <= write_q && page_10_hit_q && word_hit_q[7] && !rst;
+    take_q[122] <= write_q && page_10_hit_q && word_hit_q[8] && !rst;
+    take_q[123] <= write_q && page_10_hit_q && word_hit_q[9] && !rst;
+    take_q[124] <= write_q && page_10_hit_q && word_hit_q[10] && !rst;
+    take_q[125] <= write_q && page_10_hit_q && word_hit_q[11] && !rst;
+    take_q[126] <= write_q && page_10_hit_q && word_hit_q[12] && !rst;
+    take_q[127] <= write_q && page_10_hit_q && word_hit_q[13] && !rst;
+    take_q[128] <= write_q && page_12_hit_q && word_hit_q[0] && !rst;
+    take_q[129] <= write_q && page_12_hit_q && word_hit_q[1] && !rst;
+    take_q[130] <= write_q && page_12_hit_q && word_hit_q[2] && !rst;
+    take_q[131] <= write_q && page_12_hit_q && word_hit_q[3] && !rst;
+    take_q[132] <= write_q && page_12_hit_q && word_hit_q[4] && !rst;
+    take_q[133] <= write_q && page_12_hit_q && word_hit_q[5] && !rst;
+    take_q[134] <= write_q && page_16_hit_q && word_hit_q[0] && !rst;
+    take_q[135] <= write_q && page_16_hit_q && word_hit_q[1] && !rst;
+    take_q[136] <= write_q && page_18_hit_q && word_hit_q[0] && !rst;
+    take_q[137] <= write_q && page_18_hit_q && word_hit_q[1] && !rst;
+    take_q[138] <= write_q && page_18_hit_q && word_hit_q[2] && !rst;
+    take_q[139] <= write_q && page_18_hit_q && word_hit_q[3] && !rst;
+    take_q[140] <= write_q && page_18_hit_q && word_hit_q[4] && !rst;
+    take_q[141] <= write_q && page_18_hit_q && word_hit_q[5] && !rst;
+    take_q[142] <= write_q && page_18_hit_q && word_hit_q[6] && !rst;
+    take_q[143] <= write_q && page_18_hit_q && word_hit_q[7] && !rst;
+    take_q[144] <= write_q && page_18_hit_q && word_hit_q[8] && !rst;
+    take_q[145] <= write_q && page_18_hit_q && word_hit_q[9] && !rst;
+    take_q[146] <= write_q && page_18_hit_q && word_hit_q[10] && !rst;
+    take_q[147] <= write_q && page_18_hit_q && word_hit_q[11] && !rst;
+    take_q[148] <= write_q && page_18_hit_q && word_hit_q[12] && !rst;
+    take_q[149] <= write_q && page_18_hit_q && word_hit_q[13] && !rst;
+    take_q[150] <= write_q && page_18_hit_q && word_hit_q[14] && !rst;
+    take_q[151] <= write_q && page_1c_hit_q && word_hit_q[0] && !rst;
+    take_q[152] <= write_q && page_1c_hit_q && word_hit_q[1] && !rst;
+    take_q[153] <= write_q && page_1c_hit_q && word_hit_q[2] && !rst;
+    take_q[154] <= write_q && page_1c_hit_q && word_hit_q[3] && !rst;
+    take_q[155] <= write_q && page_1c_hit_q && word_hit_q[4] && !rst;
+    take_q[156] <= write_q && page_1c_hit_q && word_hit_q[5] && !rst;
+    take_q[157] <= write_q && page_1c_hit_q && word_hit_q[6] && !rst;
+    take_q[158] <= write_q && page_1c_hit_q && word_hit_q[7] && !rst;
+    take_q[159] <= write_q && page_1c_hit_q && word_hit_q[8] && !rst;
+    take_q[160] <= write_q && page_1c_hit_q && word_hit_q[9] && !rst;
+    take_q[161] <= write_q && page_1c_hit_q && word_hit_q[10] && !rst;
+    take_q[162] <= write_q && page_1c_hit_q && word_hit_q[11] && !rst;
+    take_q[163] <= write_q && page_1c_hit_q && word_hit_q[12] && !rst;
+    take_q[164] <= write_q && page_1d_hit_q && word_hit_q[4] && !rst;
+    take_q[165] <= write_q && page_1d_hit_q && word_hit_q[5] && !rst;
+    take_q[166] <= write_q && page_1d_hit_q && word_hit_q[6] && !rst;
+    take_q[167] <= write_q && page_1d_hit_q && word_hit_q[7] && !rst;
+    take_q[168] <= write_q && page_1e_hit_q && word_hit_q[0] && !rst;
+    take_q[169] <= write_q && page_1f_hit_q && word_hit_q[0] && !rst;
+    take_q[170] <= write_q && page_1f_hit_q && word_hit_q[1] && !rst;
+    take_q[171] <= write_q && page_1f_hit_q && word_hit_q[2] && !rst;
+    take_q[172] <= write_q && page_1f_hit_q && word_hit_q[3] && !rst;
+    take_q[173] <= write_q && page_1f_hit_q && word_hit_q[4] && !rst;
+    take_q[174] <= write_q && page_1f_hit_q && word_hit_q[5] && !rst;
+    take_q[175] <= write_q && page_1f_hit_q && word_hit_q[6] && !rst;
+    take_q[176] <= write_q && page_1f_hit_q && word_hit_q[8] && !rst;
+    take_q[177] <= write_q && page_3f_hit_q && word_hit_q[0] && !rst;
+    take_q[178] <= write_q && page_3f_hit_q && word_hit_q[1] && !rst;
+    take_q[179] <= write_q && page_3f_hit_q && word_hit_q[2] && !rst;
   end
 
   logic [31:0] identity_data;
@@ -724,6 +727,21 @@ module register_file (
     .clk_i, .d_i({take_i, rst_i}),
     .q_o({motion_dphi_take, motion_dphi_taken_rst})
   );
+  logic scan_facet_take, scan_facet_taken_rst;
+  local_register #(.Width(2)) u_scan_facet_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({scan_facet_take, scan_facet_taken_rst})
+  );
+  logic scan_begin_take, scan_begin_taken_rst;
+  local_register #(.Width(2)) u_scan_begin_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({scan_begin_take, scan_begin_taken_rst})
+  );
+  logic scan_span_take, scan_span_taken_rst;
+  local_register #(.Width(2)) u_scan_span_take (
+    .clk_i, .d_i({take_i, rst_i}),
+    .q_o({scan_span_take, scan_span_taken_rst})
+  );
   register_pkg::map_t map_q;
   logic map_enable_take, map_enable_taken_rst;
   local_register #(.Width(2)) u_map_enable_take (
@@ -761,10 +779,10 @@ module register_file (
     .q_o({map_lens_take, map_lens_taken_rst})
   );
   always_ff @(posedge clk_i) begin
-    link_o.uart_step_strobe <= take_q[110];
-    test_o.test_start_strobe <= take_q[159];
-    test_o.test_stop_strobe <= take_q[160];
-    commit_o.commit_strobe <= take_q[165];
+    link_o.uart_step_strobe <= take_q[113];
+    test_o.test_start_strobe <= take_q[162];
+    test_o.test_stop_strobe <= take_q[163];
+    commit_o.commit_strobe <= take_q[168];
     if (take_q[0]) identity_o.scratch <= identity_data;
     if (take_q[1]) peak_q.period_n <= peak_data[0];
     if (take_q[2]) peak_q.noise_row <= peak_data[0];
@@ -869,79 +887,82 @@ module register_file (
     if (take_q[101]) motion_q.motion_dphi[144+:24] <= motion_data[23:0];
     if (take_q[102]) motion_q.motion_dphi[168+:24] <= motion_data[23:0];
     if (take_q[103]) motion_q.motion_dphi[192+:24] <= motion_data[23:0];
-    if (take_q[104]) ratio_low_q <= line_data;
-    if (take_q[105]) line_o.ratio <= {line_data[11:0], ratio_low_q};
-    if (take_q[106]) line_o.exposure_delay_clks <= line_data[19:0];
-    if (take_q[107]) line_o.exposure_clks <= line_data[19:0];
-    if (take_q[108]) line_o.pulse_delay_clks <= line_data[19:0];
-    if (take_q[109]) line_o.pulse_clks <= line_data[19:0];
-    if (take_q[110]) link_o.uart_step <= link_data;
-    if (take_q[111]) laser_o.laser_enable <= laser_data[0];
-    if (take_q[112]) laser_o.laser_adapt <= laser_data[0];
-    if (take_q[113]) laser_o.laser_shared <= laser_data[0];
-    if (take_q[114]) laser_o.laser_power <= laser_data;
-    if (take_q[115]) laser_o.laser_power_min <= laser_data;
-    if (take_q[116]) laser_o.laser_power_max <= laser_data;
-    if (take_q[117]) laser_o.laser_startup <= laser_data;
-    if (take_q[118]) laser_o.laser_target <= laser_data;
-    if (take_q[119]) laser_o.laser_cut <= laser_data[13:0];
-    if (take_q[120]) laser_o.laser_down <= laser_data;
-    if (take_q[121]) laser_o.laser_up <= laser_data;
-    if (take_q[122]) laser_o.laser_search <= laser_data[13:0];
-    if (take_q[123]) laser_o.laser_index_begin <= laser_data;
-    if (take_q[124]) laser_o.laser_index_end <= laser_data;
-    if (take_q[125]) laser_limits_o.laser_limit_power <= laser_limits_data[15:0];
-    if (take_q[126]) laser_limits_o.laser_limit_startup <= laser_limits_data[15:0];
-    if (take_q[127]) laser_limits_o.laser_limit_pulse_clks <= laser_limits_data[19:0];
-    if (take_q[128]) laser_limits_o.laser_limit_drain <= laser_limits_data[15:0];
-    if (take_q[129]) laser_limits_o.laser_limit_bucket <= laser_limits_data;
-    if (take_q[130]) laser_limits_o.laser_watchdog_clks <= laser_limits_data;
-    if (take_q[131]) points_o.points_batch <= points_data[7:0];
-    if (take_q[132]) points_o.points_timeout_clks <= points_data;
-    if (take_q[133]) focus_o.focus_mode <= focus_data[1:0];
-    if (take_q[134]) focus_o.focus_manual <= focus_data[15:0];
-    if (take_q[135]) focus_o.focus_average_shift <= focus_data[3:0];
-    if (take_q[136]) focus_o.focus_lapse <= focus_data[15:0];
-    if (take_q[137]) focus_o.focus_z_begin <= signed'(focus_data[23:0]);
-    if (take_q[138]) focus_o.focus_z_shift <= focus_data[3:0];
-    if (take_q[139]) focus_o.focus_hysteresis <= focus_data[15:0];
-    if (take_q[140]) focus_o.focus_hold_points <= focus_data[15:0];
-    if (take_q[141]) focus_o.focus_address <= focus_data[6:0];
-    if (take_q[142]) focus_o.focus_quarter_clks <= focus_data[15:0];
-    if (take_q[143]) focus_o.focus_stretch_clks <= focus_data[23:0];
-    if (take_q[144]) focus_o.focus_poll_clks <= focus_data[23:0];
-    if (take_q[145]) focus_o.focus_tolerance <= focus_data[15:0];
-    if (take_q[146]) focus_o.focus_timeout_clks <= focus_data;
-    if (take_q[147]) focus_o.focus_retries <= focus_data[7:0];
-    if (take_q[148]) test_o.test_position <= test_data[24:0];
-    if (take_q[149]) test_o.test_move <= signed'(test_data[23:0]);
-    if (take_q[150]) test_o.test_step <= test_data[28:0];
-    if (take_q[151]) test_o.test_height <= test_data[15:0];
-    if (take_q[152]) test_o.test_pedestal <= test_data[15:0];
-    if (take_q[153]) test_o.test_noise <= test_data[15:0];
-    if (take_q[154]) test_o.test_seed <= test_data;
-    if (take_q[155]) test_o.test_lines <= test_data;
-    if (take_q[156]) test_o.test_period_clks <= test_data[23:0];
-    if (take_q[157]) test_o.test_angle <= signed'(test_data[23:0]);
-    if (take_q[158]) test_o.test_power <= test_data[15:0];
-    if (take_q[159]) test_o.test_start <= test_data[0];
-    if (take_q[160]) test_o.test_stop <= test_data[0];
-    if (take_q[161]) sensor_o.readout_lag <= sensor_data[1:0];
-    if (take_q[162]) sensor_o.readout_stale <= sensor_data[0];
-    if (take_q[163]) sensor_o.readout_min_clks <= sensor_data;
-    if (take_q[164]) sensor_o.readout_max_clks <= sensor_data;
-    if (take_q[165]) commit_o.commit <= commit_data[0];
-    if (take_q[166]) map_q.map_enable <= map_data[0];
-    if (take_q[167]) map_q.map_bank <= map_data[0];
-    if (take_q[168]) map_q.map_count <= map_data[3:0];
-    if (take_q[169]) map_q.map_begin <= map_data;
-    if (take_q[170]) map_q.map_shift <= map_data[3:0];
-    if (take_q[171]) map_q.map_follow <= map_data[0];
-    if (take_q[172]) map_q.map_lens <= map_data;
-    if (take_q[173]) map_access_o.map_access_bank <= map_access_data[0];
-    if (take_q[174]) locks_o.lock_calibration <= locks_data[0];
-    if (take_q[175]) locks_o.lock_mirror <= locks_data[0];
-    if (take_q[176]) locks_o.lock_laser <= locks_data[0];
+    if (take_q[104]) motion_q.scan_facet <= motion_data[0];
+    if (take_q[105]) motion_q.scan_begin <= motion_data[15:0];
+    if (take_q[106]) motion_q.scan_span <= motion_data[15:0];
+    if (take_q[107]) ratio_low_q <= line_data;
+    if (take_q[108]) line_o.ratio <= {line_data[11:0], ratio_low_q};
+    if (take_q[109]) line_o.exposure_delay_clks <= line_data[19:0];
+    if (take_q[110]) line_o.exposure_clks <= line_data[19:0];
+    if (take_q[111]) line_o.pulse_delay_clks <= line_data[19:0];
+    if (take_q[112]) line_o.pulse_clks <= line_data[19:0];
+    if (take_q[113]) link_o.uart_step <= link_data;
+    if (take_q[114]) laser_o.laser_enable <= laser_data[0];
+    if (take_q[115]) laser_o.laser_adapt <= laser_data[0];
+    if (take_q[116]) laser_o.laser_shared <= laser_data[0];
+    if (take_q[117]) laser_o.laser_power <= laser_data;
+    if (take_q[118]) laser_o.laser_power_min <= laser_data;
+    if (take_q[119]) laser_o.laser_power_max <= laser_data;
+    if (take_q[120]) laser_o.laser_startup <= laser_data;
+    if (take_q[121]) laser_o.laser_target <= laser_data;
+    if (take_q[122]) laser_o.laser_cut <= laser_data[13:0];
+    if (take_q[123]) laser_o.laser_down <= laser_data;
+    if (take_q[124]) laser_o.laser_up <= laser_data;
+    if (take_q[125]) laser_o.laser_search <= laser_data[13:0];
+    if (take_q[126]) laser_o.laser_index_begin <= laser_data;
+    if (take_q[127]) laser_o.laser_index_end <= laser_data;
+    if (take_q[128]) laser_limits_o.laser_limit_power <= laser_limits_data[15:0];
+    if (take_q[129]) laser_limits_o.laser_limit_startup <= laser_limits_data[15:0];
+    if (take_q[130]) laser_limits_o.laser_limit_pulse_clks <= laser_limits_data[19:0];
+    if (take_q[131]) laser_limits_o.laser_limit_drain <= laser_limits_data[15:0];
+    if (take_q[132]) laser_limits_o.laser_limit_bucket <= laser_limits_data;
+    if (take_q[133]) laser_limits_o.laser_watchdog_clks <= laser_limits_data;
+    if (take_q[134]) points_o.points_batch <= points_data[7:0];
+    if (take_q[135]) points_o.points_timeout_clks <= points_data;
+    if (take_q[136]) focus_o.focus_mode <= focus_data[1:0];
+    if (take_q[137]) focus_o.focus_manual <= focus_data[15:0];
+    if (take_q[138]) focus_o.focus_average_shift <= focus_data[3:0];
+    if (take_q[139]) focus_o.focus_lapse <= focus_data[15:0];
+    if (take_q[140]) focus_o.focus_z_begin <= signed'(focus_data[23:0]);
+    if (take_q[141]) focus_o.focus_z_shift <= focus_data[3:0];
+    if (take_q[142]) focus_o.focus_hysteresis <= focus_data[15:0];
+    if (take_q[143]) focus_o.focus_hold_points <= focus_data[15:0];
+    if (take_q[144]) focus_o.focus_address <= focus_data[6:0];
+    if (take_q[145]) focus_o.focus_quarter_clks <= focus_data[15:0];
+    if (take_q[146]) focus_o.focus_stretch_clks <= focus_data[23:0];
+    if (take_q[147]) focus_o.focus_poll_clks <= focus_data[23:0];
+    if (take_q[148]) focus_o.focus_tolerance <= focus_data[15:0];
+    if (take_q[149]) focus_o.focus_timeout_clks <= focus_data;
+    if (take_q[150]) focus_o.focus_retries <= focus_data[7:0];
+    if (take_q[151]) test_o.test_position <= test_data[24:0];
+    if (take_q[152]) test_o.test_move <= signed'(test_data[23:0]);
+    if (take_q[153]) test_o.test_step <= test_data[28:0];
+    if (take_q[154]) test_o.test_height <= test_data[15:0];
+    if (take_q[155]) test_o.test_pedestal <= test_data[15:0];
+    if (take_q[156]) test_o.test_noise <= test_data[15:0];
+    if (take_q[157]) test_o.test_seed <= test_data;
+    if (take_q[158]) test_o.test_lines <= test_data;
+    if (take_q[159]) test_o.test_period_clks <= test_data[23:0];
+    if (take_q[160]) test_o.test_angle <= signed'(test_data[23:0]);
+    if (take_q[161]) test_o.test_power <= test_data[15:0];
+    if (take_q[162]) test_o.test_start <= test_data[0];
+    if (take_q[163]) test_o.test_stop <= test_data[0];
+    if (take_q[164]) sensor_o.readout_lag <= sensor_data[1:0];
+    if (take_q[165]) sensor_o.readout_stale <= sensor_data[0];
+    if (take_q[166]) sensor_o.readout_min_clks <= sensor_data;
+    if (take_q[167]) sensor_o.readout_max_clks <= sensor_data;
+    if (take_q[168]) commit_o.commit <= commit_data[0];
+    if (take_q[169]) map_q.map_enable <= map_data[0];
+    if (take_q[170]) map_q.map_bank <= map_data[0];
+    if (take_q[171]) map_q.map_count <= map_data[3:0];
+    if (take_q[172]) map_q.map_begin <= map_data;
+    if (take_q[173]) map_q.map_shift <= map_data[3:0];
+    if (take_q[174]) map_q.map_follow <= map_data[0];
+    if (take_q[175]) map_q.map_lens <= map_data;
+    if (take_q[176]) map_access_o.map_access_bank <= map_access_data[0];
+    if (take_q[177]) locks_o.lock_calibration <= locks_data[0];
+    if (take_q[178]) locks_o.lock_mirror <= locks_data[0];
+    if (take_q[179]) locks_o.lock_laser <= locks_data[0];
     if (identity_rst) begin
       identity_o.scratch <= '0;
     end
@@ -1145,12 +1166,27 @@ module register_file (
     if (motion_dphi_taken_rst) begin
       motion_o.motion_dphi <= '0;
     end
+    if (scan_facet_take) motion_o.scan_facet <= motion_q.scan_facet;
+    if (scan_facet_taken_rst) begin
+      motion_o.scan_facet <= '0;
+    end
+    if (scan_begin_take) motion_o.scan_begin <= motion_q.scan_begin;
+    if (scan_begin_taken_rst) begin
+      motion_o.scan_begin <= '0;
+    end
+    if (scan_span_take) motion_o.scan_span <= motion_q.scan_span;
+    if (scan_span_taken_rst) begin
+      motion_o.scan_span <= 16'hffff;
+    end
     if (motion_rst) begin
       motion_q.drive_phase <= '0;
       motion_q.motion_a <= '0;
       motion_q.motion_phi <= '0;
       motion_q.motion_da <= '0;
       motion_q.motion_dphi <= '0;
+      motion_q.scan_facet <= '0;
+      motion_q.scan_begin <= '0;
+      motion_q.scan_span <= 16'hffff;
     end
     if (line_rst) begin
       ratio_low_q <= 32'h00000000;
@@ -1427,7 +1463,7 @@ module register_file (
   always_ff @(posedge clk_i) begin
     case (page_00_word)
       4'h0: page_00_q <= 32'h56525343;
-      4'h1: page_00_q <= 32'h2338e664;
+      4'h1: page_00_q <= 32'h93c0113f;
       4'h2: page_00_q <= 32'h00000100;
       4'h3: page_00_q <= 32'(identity_status_i.board_id);
       4'h4: page_00_q <= identity_status_i.clock_hz;
@@ -1646,7 +1682,10 @@ module register_file (
       4'h1: page_0a_q <= 32'(signed'(motion_q.motion_dphi[120+:24]));
       4'h2: page_0a_q <= 32'(signed'(motion_q.motion_dphi[144+:24]));
       4'h3: page_0a_q <= 32'(signed'(motion_q.motion_dphi[168+:24]));
-      default: page_0a_q <= 32'(signed'(motion_q.motion_dphi[192+:24]));
+      4'h4: page_0a_q <= 32'(signed'(motion_q.motion_dphi[192+:24]));
+      4'h5: page_0a_q <= 32'(motion_q.scan_facet);
+      4'h6: page_0a_q <= 32'(motion_q.scan_begin);
+      default: page_0a_q <= 32'(motion_q.scan_span);
     endcase
     if (!page_0a_hit_q) page_0a_q <= '0;
   end
@@ -2253,6 +2292,12 @@ module register_file (
     rule_mem[163] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
     // motion_dphi[8]
     rule_mem[164] = {KindReadWrite, 1'd1, 2'd1, 33'h1ff800000, 33'h0007fffff};
+    // scan_facet
+    rule_mem[165] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h000000001};
+    // scan_begin
+    rule_mem[166] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00000ffff};
+    // scan_span
+    rule_mem[167] = {KindReadWrite, 1'd1, 2'd1, 33'h000000000, 33'h00000ffff};
     // ratio, word 0
     rule_mem[176] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h0ffffffff};
     // ratio, word 1

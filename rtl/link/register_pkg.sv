@@ -117,13 +117,16 @@ package register_pkg;
     logic [31:0] lost_timeout;
   } mirror_limits_t;
 
-  // Harmonics of the mirror's motion (12) at k = 1, 3 .. 17.
+  // Harmonics of the mirror's motion (12) at k = 1, 3 .. 17, and the part of it that is scanned.
   typedef struct packed {
     logic [27:0] drive_phase;
     logic [215:0] motion_a;
     logic [251:0] motion_phi;
     logic [215:0] motion_da;
     logic [215:0] motion_dphi;
+    logic scan_facet;
+    logic [15:0] scan_begin;
+    logic [15:0] scan_span;
   } motion_t;
 
   // Timing of a line; clocks count from its start.

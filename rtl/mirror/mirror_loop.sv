@@ -11,6 +11,10 @@
 //   angle_valid_o  angle_o, mirror_flags_o, confidence_o, amplitude_o and angle_line_o belong to the
 //                  line whose centre_o was AngleLatency clocks before; the flags are those of now,
 //                  vrscan_pkg::FlagNotRunning and the next two; an angle that saturates is unsettled
+//   scan_begin, scan_span  the part of a turn in which lines are pulsed.  A pulse is whole or absent,
+//                  as its begin is inside or not; a line whose centre is outside is unsettled
+//   scan_facet     a turn is a facet of a polygon, whose motion is that of half the phase: odd harmonics
+//                  make a straight line of half a turn, and never of a whole one
 //   take_i        from here on mirror and motion are those of another configuration: motion_i two
 //                 clocks later.  Without a new table nothing but the harmonics changes; with one the
 //                 phase and amplitude are acquired anew, and lines are UNSETTLED until that has
@@ -123,9 +127,14 @@ module mirror_loop #(
   assign status.mirror_level = level_o;
 
   // ---- lines and their angle ----
+  logic        outside, dark_q, outside_q, line_outside_q, laser;
+  logic [15:0] since_begin;
+  assign since_begin = status.mirror_phase[vrscan_pkg::TurnWidth-1-:16] - motion_i.scan_begin;
+  assign outside     = since_begin > motion_i.scan_span;
+  assign laser_o     = laser && !dark_q;
   line_trigger #(.CountWidth(CountWidth)) u_line_trigger (
     .clk_i, .rst_i, .line_i,
-    .line_start_o, .line_o, .exposure_o, .laser_o, .centre_o, .centre_half_o,
+    .line_start_o, .line_o, .exposure_o, .laser_o(laser), .centre_o, .centre_half_o,
     .enable_i(mirror_i.line_enable), .word_i(status.mirror_word),
     .overrun_o(), .overrun_count_o(status.overrun_count)
   );
@@ -135,12 +144,13 @@ module mirror_loop #(
   localparam int unsigned PhaseDrop = vrscan_pkg::TurnWidth - vrscan_pkg::PhaseWidth;
   logic                                     centre_q, scanned, overflow, scanning_q;
   logic                                     offset_valid_q;
-  logic        [ vrscan_pkg::TurnWidth-1:0] centre_phase_q, advance, offset_q;
+  logic        [ vrscan_pkg::TurnWidth-1:0] centre_phase, centre_phase_q, advance, offset_q;
   logic        [vrscan_pkg::PhaseWidth-1:0] phase;
   logic signed [vrscan_pkg::AngleWidth-1:0] angle;
   logic [vrscan_pkg::HarmonicCount*vrscan_pkg::MotionWidth-1:0] a;
   logic [vrscan_pkg::HarmonicCount*vrscan_pkg::PhaseWidth-1:0] phi;
   assign advance = centre_half_o ? vrscan_pkg::TurnWidth'(increment >> 1) : '0;
+  assign centre_phase = status.mirror_phase + advance;
   assign phase = centre_phase_q[PhaseDrop+:vrscan_pkg::PhaseWidth]
                  + vrscan_pkg::PhaseWidth'(centre_phase_q[PhaseDrop-1]);
   localparam int unsigned TakeClks = 3;  // until motion_i is the new one
@@ -165,16 +175,21 @@ module mirror_loop #(
   assign running = status.mirror_state == vrscan_pkg::MirrorStateWidth'(vrscan_pkg::MirrorRun);
   always_ff @(posedge clk_i) begin
     centre_q       <= centre_o;
-    centre_phase_q <= status.mirror_phase + advance;
+    centre_phase_q <= centre_phase >> motion_i.scan_facet;
+    if (!laser) dark_q <= outside;
+    outside_q      <= outside;
     offset_q       <= status.mirror_drive_phase - status.mirror_phase;
     offset_valid_q <= measured_valid_o;
     scanning_q     <= centre_q || (scanning_q && !scanned);
     angle_valid_o  <= scanned;
     if (centre_o) angle_line_o <= line_o;
-    if (centre_q) amplitude_o <= average;
+    if (centre_q) begin
+      amplitude_o    <= average;
+      line_outside_q <= outside_q;
+    end
     if (scanned) begin
       angle_o        <= angle;
-      mirror_flags_o <= {unsettled || overflow, index_fault, !running};
+      mirror_flags_o <= {unsettled || overflow || line_outside_q, index_fault, !running};
       confidence_o   <= confidence;
     end
     if (rst_i) begin

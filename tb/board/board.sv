@@ -1,8 +1,10 @@
 // board: vrscan with all that hangs on its pins: mirror, sensor, lens motor, a host's USB adapter.
 //
-//   ClockHz .. BoardId  of vrscan; the others are those of mems_mirror and the index diode
+//   ClockHz .. BoardId  of vrscan; the others are those of mems_mirror and the index diode, and from
+//                       Facets on those of polygon_mirror: with 0 facets there is none
 //   +swinging=1         the mirror starts as +angle= and +velocity= say, rad and rad/s, with the
-//                       first pulse of the drive; else it starts at rest
+//                       first pulse of the drive; else it starts at rest.  A polygon's velocity is
+//                       a share of its speed
 //   +seed=              of the index's jitter
 //   +lag=, +delay=      of line_sensor
 //
@@ -27,7 +29,13 @@ module board #(
   parameter real         JitterS         = 1.0e-9,
   parameter int unsigned FocusAddress    = 42,
   parameter int unsigned FocusTravel     = 6000,
-  parameter int unsigned FocusStepClks   = 5000  // a step of the motor
+  parameter int unsigned FocusStepClks   = 5000,  // a step of the motor
+  parameter int unsigned Facets          = 0,
+  parameter real         FacetHz         = 240.0,
+  parameter real         SpinUpS         = 0.5,
+  parameter real         SpeedShare      = 1.0e-5,
+  parameter real         HuntingHz       = 1.0,
+  parameter real         ErrorRad        = 1.0e-4
 ) (
   input wire logic clk_i,
   input wire logic rst_i
@@ -84,7 +92,7 @@ module board #(
   assign sda = !(sda_low || motor_sda_low);
   vrscan #(
     .ClockHz(ClockHz), .LineLength(LineLength), .PixelWidth(PixelWidth),
-    .IndexOversample(IndexOversample), .BoardId(BoardId)
+    .IndexOversample(IndexOversample), .BoardId(BoardId), .Polygon(Facets != 0)
   ) u_vrscan (
     .clk_i, .rst_i,
     .line_start_i          (line_start),
@@ -170,7 +178,9 @@ module board #(
   logic pulse_q;
   mirror_world #(
     .ClockHz(ClockHz), .StepClks(StepClks), .IndexOversample(IndexOversample),
-    .NaturalHz(NaturalHz), .Quality(Quality), .Torque(Torque), .CombRad(CombRad), .Bias(Bias)
+    .NaturalHz(NaturalHz), .Quality(Quality), .Torque(Torque), .CombRad(CombRad), .Bias(Bias),
+    .Facets(Facets), .FacetHz(FacetHz), .SpinUpS(SpinUpS), .SpeedShare(SpeedShare),
+    .HuntingHz(HuntingHz), .ErrorRad(ErrorRad)
   ) u_mirror_world (
     .clk_i,
     .rst_i              (rst_i || (swinging && !driven_q && !drive)),

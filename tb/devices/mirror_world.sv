@@ -1,5 +1,7 @@
 // mirror_world: what the mirror's loop is connected to: mirror, beam and photodiode.
 //
+// With Facets not 0 the mirror is a polygon, and its diode alone is the index: the gate is open.
+//
 //   drive_i, level_i    from the loop's pins
 //   comparator_o, gate_o  to them
 //   centre_i, half_i    in the clock of a laser pulse's centre, or half a clock before it
@@ -17,7 +19,13 @@ module mirror_world #(
   parameter real         Quality         = 200.0,
   parameter real         Torque          = 8.52e4,
   parameter real         CombRad         = 0.14870205226991687,
-  parameter real         Bias            = 2.0e-7
+  parameter real         Bias            = 2.0e-7,
+  parameter int unsigned Facets          = 0,  // and of polygon_mirror
+  parameter real         FacetHz         = 240.0,
+  parameter real         SpinUpS         = 0.5,
+  parameter real         SpeedShare      = 1.0e-5,
+  parameter real         HuntingHz       = 1.0,
+  parameter real         ErrorRad        = 1.0e-4
 ) (
   input  wire logic                              clk_i,
   input  wire logic                              rst_i,
@@ -55,6 +63,28 @@ module mirror_world #(
   real                   angle, velocity, acceleration, jerk;
   real                   swung, held_q, swung_velocity, swung_acceleration, swung_jerk;
   logic [SinceWidth-1:0] since_clks;
+  if (Facets != 0) begin : gen_polygon
+    real angle_now, velocity_now;
+    polygon_mirror #(
+      .ClockHz(ClockHz), .IndexOversample(IndexOversample), .Facets(Facets), .FacetHz(FacetHz),
+      .SpinUpS(SpinUpS), .SpeedShare(SpeedShare), .HuntingHz(HuntingHz), .ErrorRad(ErrorRad)
+    ) u_polygon_mirror (
+      .clk_i, .rst_i, .level_i, .natural_offset_hz_i,
+      .start_speed_i(start_velocity_i),
+      .angle_o      (angle_now),
+      .velocity_o   (velocity_now),
+      .comparator_o,
+      .laser_on_i, .drop_i, .stall_i, .mark_rad_i, .width_rad_i, .jitter_s_i, .seed_i
+    );
+    assign gate_o       = '1;
+    assign angle        = angle_now;
+    assign velocity     = velocity_now;
+    assign acceleration = 0.0;
+    assign jerk         = 0.0;
+    assign since_clks   = '0;
+    logic unused;
+    assign unused = ^{drive_i, shock_i};
+  end else begin : gen_mems
   mems_mirror #(
     .ClockHz(ClockHz), .StepClks(StepClks),
     .NaturalHz(NaturalHz), .Quality(Quality), .Torque(Torque), .CombRad(CombRad), .Bias(Bias)
@@ -90,6 +120,7 @@ module mirror_world #(
     .comparator_o, .gate_o,
     .mark_rad_i, .width_rad_i, .noise_rad_i, .jitter_s_i, .seed_i
   );
+  end
 
   // verilog_lint: waive-start always-ff-non-blocking (a local of one clock)
   always_ff @(posedge clk_i) begin

@@ -109,7 +109,7 @@ class Journey:
     def __init__(self, config: Config = CONFIG, **changes: int) -> None:
         self.registers = replace(MirrorRegisters.from_config(config), **changes)
         self.world = World.from_config(config)
-        self.mirror = Mirror(self.registers, config.mems, self.world)
+        self.mirror = Mirror(self.registers, config, self.world)
         self.legs: list[Leg] = []
 
     def go(

@@ -25,6 +25,7 @@ from harness import (
 from vrscan.clocked.mirror_loop import ANGLE_LATENCY, LINE, MEASUREMENT, MirrorLoop
 from vrscan.clocked.mirror_phase import TABLE_SIZE
 from vrscan.data import pkg
+from vrscan.data.config import STRAIGHT, Mirror
 from vrscan.engines.mirror_engine import LINE as ENGINE_LINE
 from vrscan.engines.mirror_engine import MEASUREMENT as ENGINE_MEASUREMENT
 from vrscan.engines.mirror_engine import SAMPLES
@@ -51,6 +52,7 @@ CONTROL = {  # inputs of a clock, and their ports
     "enable": "mirror_enable_i",
     "line_enable": "line_enable_i",
 }
+WHOLE = {"scan_facet": 0, "scan_span": 65_535}  # a resonant mirror, all of whose turn is scanned
 GROUPS = ("mirror_i", "mirror_limits_i", "motion_i", "line_i")
 STATUS = {  # fields of the status by the names of the twin, where they are others
     "mirror_state": "state",
@@ -132,6 +134,9 @@ def registers(draw: np.random.Generator, **changes: Any) -> MirrorRegisters:
         "motion_phi": draw.integers(1 << pkg.PHASE_WIDTH, size=pkg.HARMONIC_COUNT).tolist(),
         "motion_da": draw.integers(-slope, slope, pkg.HARMONIC_COUNT).tolist(),
         "motion_dphi": draw.integers(-slope, slope, pkg.HARMONIC_COUNT).tolist(),
+        "scan_facet": int(draw.random() < 0.3),
+        "scan_begin": int(draw.integers(1 << 16)),
+        "scan_span": int(draw.choice([WHOLE["scan_span"], 30_000])),
         "table_amplitude": table.astype(int).tolist(),
         "table_midpoint": draw.integers(-2000, 2000, TABLE_SIZE).tolist(),
     }
@@ -371,6 +376,7 @@ async def a_quiet_mirror_runs_without_flags(dut) -> None:
         motion_phi=[0] * pkg.HARMONIC_COUNT,
         motion_da=[0] * pkg.HARMONIC_COUNT,
         motion_dphi=[0] * pkg.HARMONIC_COUNT,
+        **WHOLE,
         table_midpoint=[0] * TABLE_SIZE,
     )
     start = float(draw.random())
@@ -407,6 +413,7 @@ async def another_motion_and_table_hold_from_a_clock_on(dut) -> None:
         motion_phi=[0] * pkg.HARMONIC_COUNT,
         motion_da=[0] * pkg.HARMONIC_COUNT,
         motion_dphi=[0] * pkg.HARMONIC_COUNT,
+        **WHOLE,
         table_midpoint=[0] * TABLE_SIZE,
         settle_timeout=1 << 30,
     )
@@ -469,6 +476,64 @@ async def another_motion_and_table_hold_from_a_clock_on(dut) -> None:
 
 
 @cocotb.test()
+async def a_polygon_scans_straight_between_its_starts(dut) -> None:
+    """From pulses of the index alone; lines outside of the scanned part are dark and UNSETTLED."""
+    draw = generator(6)
+    bench = await begin(dut)
+    start, half, begin_turn, span_turns = 0.05, 0.04, 0.15, 0.7
+    polygon = Mirror(kind="polygon")
+    middle = round(start * 2**pkg.MIDPOINT_WIDTH)
+    given = registers(
+        draw,
+        sweep_word=round(2**pkg.TURN_WIDTH / PERIOD_CLKS),
+        pulse_clks=7,
+        ratio=round(4.3 * 2**pkg.RATIO_FRACTION),
+        motion_a=[round(a * 2**pkg.MOTION_FRACTION) for a, _ in polygon.harmonics],
+        motion_phi=[0] * pkg.HARMONIC_COUNT,
+        motion_da=[0] * pkg.HARMONIC_COUNT,
+        motion_dphi=[0] * pkg.HARMONIC_COUNT,
+        table_amplitude=[amplitude(AMPLITUDE_TURNS)] * TABLE_SIZE,
+        table_midpoint=[middle] * TABLE_SIZE,
+        amplitude_set=amplitude(AMPLITUDE_TURNS),
+        phase_shift=0,
+        rate_shift=16,
+        scan_facet=1,
+        scan_begin=round(begin_turn * 2**16),
+        scan_span=round(span_turns * 2**16),
+    )
+    oversample = parameters()["IndexOversample"]
+    clocks = 30 * PERIOD_CLKS
+    turns = np.arange(clocks * oversample) / oversample / PERIOD_CLKS + float(draw.random())
+    lit = np.abs((turns - start + 0.5) % 1.0 - 0.5) < half
+    comparator = lit.reshape(clocks, oversample) @ (1 << np.arange(oversample))
+    await bench.start(given)
+    errors, dark, pulses = [], 0, {True: 0, False: 0}
+    before = turn = 0.0
+    for k, samples in enumerate(comparator.tolist()):
+        await bench.clock(samples, (1 << oversample) - 1, True, True)
+        twin = bench.twin
+        port = twin.ports()
+        since = (turns[min(k + 1, clocks - 1) * oversample] - begin_turn) % 1.0
+        if twin.drive.state == RUN and port["laser"] and not before:
+            pulses[since < span_turns] += 1
+        before = port["laser"]
+        if twin.angle_valid and twin.drive.state == RUN and abs(turn - span_turns / 2) < 0.34:
+            assert port["mirror_flags"] == 0 and port["confidence"] == 255
+            want = AMPLITUDE_TURNS / STRAIGHT * (0.5 - begin_turn - turn)
+            errors.append(port["angle"] / 2**pkg.ANGLE_WIDTH - want)
+        elif twin.angle_valid and twin.drive.state == RUN and turn > span_turns + 0.01:
+            assert port["mirror_flags"] == UNSETTLED
+            dark += 1
+        if twin.trigger.centre:
+            turn = since + 0.5 * twin.trigger.centre_half / PERIOD_CLKS
+    # A sample of the index, half of it at either edge, and the harmonics' own 1e-6 of a facet.
+    bound = AMPLITUDE_TURNS / STRAIGHT * (1.0 / (oversample * PERIOD_CLKS) + 1e-5)
+    print(f"angle {np.abs(errors).max():.2e} turns, bound {bound:.2e}; {dark} dark lines")
+    assert np.abs(errors).max() < bound
+    assert len(errors) > 40 and dark > 15 and pulses[True] > 40 and pulses[False] == 0
+
+
+@cocotb.test()
 async def an_angle_that_saturates_is_flagged(dut) -> None:
     """Of a loop that is settled, the angles beyond half a turn are unsettled and no others."""
     draw = generator(4)
@@ -482,6 +547,7 @@ async def an_angle_that_saturates_is_flagged(dut) -> None:
         motion_phi=[0] * pkg.HARMONIC_COUNT,
         motion_da=[0] * pkg.HARMONIC_COUNT,
         motion_dphi=[0] * pkg.HARMONIC_COUNT,
+        **WHOLE,
         table_midpoint=[0] * TABLE_SIZE,
     )
     top = (1 << pkg.AMPLITUDE_WIDTH) - 1

@@ -20,6 +20,7 @@ MODULES = {
     settings.TriggerSettings: "timing/line_trigger",
     settings.ReadoutSettings: "timing/line_tag",
     settings.MotionSettings: "mirror/motion_map",
+    settings.ScanSettings: "mirror/mirror_loop",
     settings.TestLineSettings: "sensor/test_line",
     settings.FocusSettings: "actuators/focus_*",
     settings.InterlockSettings: "safety/laser_interlock",
@@ -92,9 +93,9 @@ def test_a_register_of_several_values_takes_so_many() -> None:
 
 
 def test_a_part_takes_the_registers_of_all_parts() -> None:
-    """The mirror's registers are those of its six parts, none of them twice, and two tables."""
+    """The mirror's registers are those of its seven parts, none of them twice, and two tables."""
     parts = [kind for kind in MODULES if issubclass(MirrorRegisters, kind)]
     named = [name for kind in parts for name in registers(kind)]
-    assert len(parts) == 6 and len(set(named)) == len(named)
+    assert len(parts) == 7 and len(set(named)) == len(named)
     own = {"clock_hz", "oversample", "table_amplitude", "table_midpoint"}
     assert {field.name for field in fields(MirrorRegisters)} == set(named) | own

@@ -111,6 +111,9 @@ class MirrorLoop:
         self.angle_line = 0
         self.amplitude = 0
 
+        self._scanned = registers
+        self._dark = False  # the pulse began outside of what is scanned
+        self._centre_outside = self._scan_outside = False
         self._drive_phase = registers.drive_phase
         self._base = self._motion(registers)
         # The harmonics in use, a_k and phi_k; the clock and the offset of those being computed.
@@ -185,6 +188,8 @@ class MirrorLoop:
                 self._sync_mirror()
                 self._new_table, self._mirror_due = True, self.clock
         clock = self.clock
+        if self._taken and clock == self._taken[0] + TAKE_CLKS - 1:
+            self._scanned = self._taken[1]
         if self._taken and clock == self._taken[0] + TAKE_CLKS and not self._mapped:
             self._map = self._motion(self._taken[1])[:2]
         self._advance(clock + 1)
@@ -227,6 +232,7 @@ class MirrorLoop:
             **{name: getattr(self.drive, name) for name in _OF_DRIVE},
             **{name: getattr(self.trigger, name) for name in _OF_TRIGGER},
             **{name: getattr(self.capture, name) for name in _OF_CAPTURE},
+            "laser": self.trigger.laser and not self._dark,
             "drive_phase": self.drive.phase,
             "mirror_phase": self.phase.phase,
             "index_alive": self.capture.alive,
@@ -279,7 +285,11 @@ class MirrorLoop:
             if at_line:
                 enable = self._line_enable
                 trigger.skip(clock - self._line_clock, enable=enable, word=drive.word)
+                before = trigger.laser
                 trigger.step(enable=enable, word=drive.word)
+                if trigger.laser and not before:
+                    self._sync_mirror()
+                    self._dark = self._outside()
                 self._line_clock = clock + 1
                 self._line_due = clock + 1 + trigger.idle(enable=enable, word=drive.word)
             if at_mirror:
@@ -310,7 +320,7 @@ class MirrorLoop:
             self._flags = (
                 (drive.state != pkg.MIRROR_RUN)
                 | (_INDEX_FAULT if control.index_fault else 0)
-                | (_UNSETTLED if control.unsettled else 0)
+                | (_UNSETTLED if control.unsettled or self._scan_outside else 0)
             )
             self._confidence = control.confidence
         if self._centre_phase is not None:
@@ -319,14 +329,22 @@ class MirrorLoop:
             self._scan = (self._centre_phase, self.phase.amplitude, self._map)
             self._scan_end = self._busy_until = clock + SCAN_LATENCY
             self.amplitude = self.phase.amplitude
+            self._scan_outside = self._centre_outside
             self._centre_phase = None
         if self.trigger.centre:
             half = self.trigger.centre_half
             self._centre_halves = 2 * clock + half
             # To nearest, half up; half a clock is half an increment.
             phase = self.phase.phase + (self.phase.increment >> 1 if half else 0)
+            phase = (phase & _TURN_MASK) >> self._scanned.scan_facet
             self._centre_phase = ((phase >> (_PHASE_DROP - 1)) + 1 >> 1) & _PHASE_MASK
+            self._centre_outside = self._outside()
             self.angle_line = self.trigger.line
+
+    def _outside(self) -> bool:
+        """Return whether the mirror is outside of the part of a turn that is scanned."""
+        since = (self.phase.phase >> (pkg.TURN_WIDTH - 16)) - self._scanned.scan_begin
+        return since % (1 << 16) > self._scanned.scan_span
 
     def _step_mirror(self) -> None:
         """Advance all parts but the lines by one clock, then find the next edge."""

@@ -211,14 +211,36 @@ class Free(Section):
     """Margin at both ends of the sensor."""
 
 
+# A straight line 1/2 - p over the middle 7/10 of a facet, 0 <= p < 1, as harmonics of p / 2: the
+# least squares of the nine, over the first one's STRAIGHT. They leave 5e-7 of the facet's angle.
+STRAIGHT = 0.4002428796
+RAMP = (
+    1.0, 0.100459081, 0.029460033, 0.010947146, 0.004254808, 0.001578005, 0.000518420, 0.000136444,
+    0.000022845,
+)  # fmt: skip
+SCANNED = 0.7  # largest share of a facet that is scanned
+
+
 class Mirror(Section):
     """The mirror's motion (12), and the loop that drives the mirror and holds its amplitude.
+
+    A polygon turns at a speed of its own, and a diode tells the start of each facet's scan. A
+    period is then a facet, ``frequency_hz`` the number of facets a second, and the angle a straight
+    line from plus to minus 360 degrees / ``facets``. Amplitude and harmonics are those of this line
+    if they are not given, and what controls an amplitude has nothing to do. The values that a
+    polygon needs otherwise than a resonant mirror are in ``POLYGON``.
 
     The gains and rates were chosen on the mirror of ``[mems]``. This mirror starts at up to twice
     the sweep rate, and the loop settles fastest with this integral time and trim gain; with either
     trim gain a third higher the loop rings.
     """
 
+    kind: Literal["resonant", "polygon"] = "resonant"
+    """What turns the beam; a resonant mirror swings, and a polygon turns."""
+    facets: int = Field(default=12, ge=3, le=64)
+    """Number of facets of a polygon."""
+    reach_deg: float = Field(default=20.5, gt=0, lt=90)
+    """Largest angle that a polygon scans to."""
     frequency_hz: float = Field(default=249.0, gt=0, le=10_000)
     amplitude_deg: float = Field(default=20.5, gt=0, lt=90)
     index_deg: float = Field(default=17.0, gt=-90, lt=90)
@@ -282,7 +304,7 @@ class Mirror(Section):
     """Whether the amplitude falls with a rising frequency."""
 
     averaging_periods: Annotated[Literal[1, 2, 4, 8, 16], NUMBER] = 2
-    """Averaging of phase and amplitude."""
+    """Averaging of phase and amplitude; of a polygon, of the speed alone."""
     settle_ppm: Positive = 50.0
     """Error of the amplitude below which it is settled."""
     shock_ppm: Positive = 300.0
@@ -307,7 +329,40 @@ class Mirror(Section):
             raise ValueError("level_min, level_low, level, level_high, level_max must not fall")
         if self.settle_ppm > self.shock_ppm:
             raise ValueError(f"settle_ppm {self.settle_ppm} is above shock_ppm {self.shock_ppm}")
+        if not self.polygon:
+            return self
+        facet = 720.0 / self.facets
+        if 2.0 * self.reach_deg > SCANNED * facet:
+            raise ValueError(
+                f"reach_deg {self.reach_deg:g} is more than {0.5 * SCANNED * facet:g}, the middle "
+                f"{SCANNED:.0%} of one of {self.facets} facets"
+            )
+        if not self.reach_deg < abs(self.index_deg) < 0.5 * facet:
+            raise ValueError(
+                f"index_deg {self.index_deg:g} is not between reach_deg {self.reach_deg:g} and "
+                f"the facet's end at {0.5 * facet:g}"
+            )
         return self
+
+    @property
+    def polygon(self) -> bool:
+        """Return whether the mirror is a polygon."""
+        return self.kind == "polygon"
+
+    def facet_phase(self, angle_deg: float) -> float:
+        """Return the phase at which a polygon's beam is at an angle, turns of a facet."""
+        return 0.5 - angle_deg * self.facets / 720.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_polygon(cls, values: object) -> object:
+        if not isinstance(values, dict) or values.get("kind") != "polygon":
+            return values
+        facets = values.get("facets", cls.model_fields["facets"].default)
+        own = dict(POLYGON)
+        if isinstance(facets, int) and facets > 0:
+            own["amplitude_deg"] = STRAIGHT * 720.0 / facets
+        return own | values
 
     @model_validator(mode="before")
     @classmethod
@@ -328,6 +383,19 @@ class Mirror(Section):
         if any(len(pair) != 2 for pair in value):
             raise ValueError("must be pairs [a_k, phi_k_rad]")
         return value + [[0.0, 0.0]] * (most - len(value))
+
+
+POLYGON: dict[str, object] = {
+    "frequency_hz": 240.0,
+    "index_deg": 25.0,
+    "harmonics": [[a, 0.0] for a in RAMP],
+    "slopes": [[0.0, 0.0]] * len(RAMP),
+    "sweep_span_hz": 0.0,
+    "trim_hz": 0.0,
+    "averaging_periods": 16,
+    "phase_limit_urad": 4_000.0,  # a facet differs from the one before by less
+    "settle_timeout_s": 10.0,
+}
 
 
 class Line(Section):
@@ -536,6 +604,22 @@ class Mems(Section):
     """Noise of the comparator: makes it chatter."""
 
 
+class Polygon(Section):
+    """The simulated polygon, ``vrscan.scene.polygon``; the instrument does not know it.
+
+    The jitter and the width of its diode are those of ``[mems]``.
+    """
+
+    facet_urad: float = Field(default=100.0, ge=0)
+    """Error of a facet's optical angle, rms."""
+    speed_ppm: float = Field(default=10.0, ge=0)
+    """Amplitude of the speed's hunting."""
+    hunting_hz: Positive = 1.0
+    """Frequency of the speed's hunting."""
+    spin_up_s: Positive = 0.5
+    """Time constant of the speed from rest."""
+
+
 class Config(Section):
     """The whole configuration, one attribute for each table of the file."""
 
@@ -546,6 +630,7 @@ class Config(Section):
     free: Free = Free()
     mirror: Mirror = Mirror()
     mems: Mems = Mems()
+    polygon: Polygon = Polygon()
     line: Line = Line()
     sensor: Sensor = Sensor()
     laser: Laser = Laser()

@@ -21,6 +21,7 @@ import numpy as np
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
 from vrscan.data.points import check_writable
+from vrscan.engines.mirror_engine import polygon_parameters
 from vrscan.engines.tools import build_folder, hardware_root
 from vrscan.engines.verilated import build_program
 from vrscan.scene.description import load
@@ -71,6 +72,7 @@ def build(config: Config) -> Path:
         "FocusAddress": focus.address,
         "FocusTravel": round(focus.travel_mm / resolution_mm),
         "FocusStepClks": max(1, round(clock_hz * resolution_mm / focus.speed_mm_per_s)),
+        **polygon_parameters(config),
     }
     folder = hardware_root() / "tb" / "board"
     return build_program(folder / "board.sv", parameters, folder / "main.cpp")
@@ -140,7 +142,9 @@ def command(
     lag, part = divmod(config.sensor.readout_lag if late_lines is None else late_lines, 1.0)
     delay_clks = round(part * config.clock.frequency_hz / config.line.rate_hz)
     words += [f"+lag={round(lag)}", f"+delay={delay_clks}"]
-    if swinging:
+    if swinging and config.mirror.polygon:
+        words += ["+swinging=1", "+velocity=1.0"]
+    elif swinging:
         mirror = config.mirror
         # The drive's phase is 0 at its first pulse, and leads the mirror's by this much.
         shape, slope = series(np.array([-mirror.drive_phase]), mirror.harmonics)

@@ -11,7 +11,7 @@ import numpy as np
 
 from vrscan.clocked import mirror_loop
 from vrscan.data import pkg
-from vrscan.data.config import Config, Mems
+from vrscan.data.config import Config
 from vrscan.data.edges import SAMPLES, Rows
 from vrscan.engines.tools import hardware_root, rtl_module
 from vrscan.engines.verilated import Design, build
@@ -37,7 +37,7 @@ FAULTS = {
 }
 COUNTS = ("missing", "doubled", "impossible", "glitch", "overrun")
 FLAG_NAMES = ("NOT_RUNNING", "INDEX_FAULT", "UNSETTLED")  # of lines, from pkg.FLAG_NOT_RUNNING on
-_DEVICES = ("mems_mirror", "index_diode")
+_DEVICES = ("mems_mirror", "index_diode", "polygon_mirror")
 _GROUPS = ("mirror", "mirror_limits", "motion", "line")  # in the order the engine takes them
 _SETTINGS = [register_struct(name) for name in _GROUPS]
 _TABLE, _STATUS = register_struct("table"), register_struct("mirror_status")
@@ -123,7 +123,23 @@ class Recording:
         )
 
 
-def _library(registers: MirrorRegisters, mems: Mems) -> ctypes.CDLL:
+def polygon_parameters(config: Config) -> dict[str, int | float]:
+    """Return the parameters of ``mirror_world`` for a polygon; none for another mirror."""
+    if not config.mirror.polygon:
+        return {}
+    polygon = config.polygon
+    return {
+        "Facets": config.mirror.facets,
+        "FacetHz": config.mirror.frequency_hz,
+        "SpinUpS": polygon.spin_up_s,
+        "SpeedShare": 1e-6 * polygon.speed_ppm,
+        "HuntingHz": polygon.hunting_hz,
+        "ErrorRad": 1e-6 * polygon.facet_urad,
+    }
+
+
+def _library(registers: MirrorRegisters, config: Config) -> ctypes.CDLL:
+    mems = config.mems
     devices = hardware_root() / "tb" / "devices"
     hertz = round(registers.clock_hz)
     structs = zip((*_GROUPS, "table", "status"), (*_SETTINGS, _TABLE, _STATUS), strict=True)
@@ -143,6 +159,7 @@ def _library(registers: MirrorRegisters, mems: Mems) -> ctypes.CDLL:
             "Torque": mems.torque,
             "CombRad": math.radians(mems.comb_deg),
             "Bias": mems.asymmetry,
+            **polygon_parameters(config),
         },
         [devices / f"{name}.sv" for name in _DEVICES],
     )
@@ -164,13 +181,13 @@ class Mirror:
     Time is in clocks; clock 0 is the first one after the reset, and the loop is enabled in it.
     """
 
-    def __init__(self, registers: MirrorRegisters, mems: Mems, world: World) -> None:
+    def __init__(self, registers: MirrorRegisters, config: Config, world: World) -> None:
         """Build what has changed, reset the loop, and write the table.
 
         Raises:
             InputError: if the engine cannot be built.
         """
-        self._library = _library(registers, mems)
+        self._library = _library(registers, config)
         self._handle = ctypes.c_void_p(self._library.mirror_create())
         self.registers = registers
         self.clock = 0

@@ -52,15 +52,21 @@ class LaserRegisters(LaserSettings):
                 f"{config.source}: line.pulse_us: {line.pulse_us:g} at {line.rate_hz:g} lines a "
                 f"second is light in more than {GUARD_SHARE:g} of the time: the guard would trip"
             )
-        if laser.index_margin_deg > abs(mirror.index_deg):
+        if not mirror.polygon and laser.index_margin_deg > abs(mirror.index_deg):
             raise InputError(
                 f"{config.source}: laser.index_margin_deg: {laser.index_margin_deg:g} is more than "
                 f"the mark's {abs(mirror.index_deg):g} degrees"
             )
-        # Phase 0 is the largest angle: the beam is beyond the window's edge for a symmetric part.
-        edge = (abs(mirror.index_deg) - laser.index_margin_deg) / mirror.amplitude_deg
-        half = math.acos(min(edge, 1.0)) / (2.0 * math.pi)
-        middle = 0.0 if mirror.index_deg > 0 else 0.5
+        if mirror.polygon:
+            # The whole diode has to be in the light.
+            middle = mirror.facet_phase(mirror.index_deg)
+            half = min(laser.index_margin_deg * mirror.facets / 720.0, 0.25)
+        else:
+            # Phase 0 is the largest angle: the beam is beyond the window's edge for a symmetric
+            # part.
+            edge = (abs(mirror.index_deg) - laser.index_margin_deg) / mirror.amplitude_deg
+            half = math.acos(min(edge, 1.0)) / (2.0 * math.pi)
+            middle = 0.0 if mirror.index_deg > 0 else 0.5
         one = 1 << REGISTERS["laser_index_begin"].width
 
         joules = 1e-6 * laser.limit_burst_uj

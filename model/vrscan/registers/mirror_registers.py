@@ -8,13 +8,14 @@ from vrscan.data import pkg
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
 from vrscan.registers.chain_registers import fit
-from vrscan.registers.mirror_table import amplitude_table
+from vrscan.registers.mirror_table import amplitude_table, pulse_table
 from vrscan.registers.settings import (
     AmplitudeSettings,
     DriveSettings,
     IndexSettings,
     MotionSettings,
     PhaseSettings,
+    ScanSettings,
     TriggerSettings,
 )
 
@@ -28,7 +29,13 @@ MOST_DUTY, MOST_LEVEL = 0.5, 0.999  # ceilings of mirror_drive
 
 @dataclass(frozen=True)
 class MirrorRegisters(
-    IndexSettings, PhaseSettings, AmplitudeSettings, DriveSettings, TriggerSettings, MotionSettings
+    IndexSettings,
+    PhaseSettings,
+    AmplitudeSettings,
+    DriveSettings,
+    TriggerSettings,
+    MotionSettings,
+    ScanSettings,
 ):
     """Configuration of the mirror's loop in integers; formats are those of the registers.
 
@@ -61,7 +68,7 @@ class MirrorRegisters(
         def in_line(name: str, key: str, microseconds: float) -> int:
             return put(name, key, microseconds * 1e-6 * clock)
 
-        if not 0 < abs(mirror.index_deg) < mirror.amplitude_deg:
+        if not mirror.polygon and not 0 < abs(mirror.index_deg) < mirror.amplitude_deg:
             raise InputError(
                 f"{config.source}: mirror.index_deg: {mirror.index_deg} is not between 0 and the "
                 f"amplitude of {mirror.amplitude_deg}: the mirror would never pass the mark"
@@ -83,7 +90,16 @@ class MirrorRegisters(
         # square of the phase's share.
         shift = mirror.averaging_periods.bit_length() - 1
         rate_shift = round(math.log2(period_clks)) + 2 * shift + 1
-        table = amplitude_table(math.radians(mirror.index_deg), mirror.harmonics)
+        if mirror.polygon:
+            # A facet begins at its own start of scan, so its phase is taken whole: its error is gone.
+            # The speed is the polygon's, and only slowly another one.
+            rate_shift, shift = rate_shift - shift, 0
+            table = pulse_table(mirror.facet_phase(mirror.index_deg), turns)
+            begin, span = mirror.facet_phase(mirror.reach_deg), 2 * mirror.reach_deg / 720
+            span *= mirror.facets
+        else:
+            table = amplitude_table(math.radians(mirror.index_deg), mirror.harmonics)
+            begin, span = 0.0, 1.0 - 2.0**-16
         exposure_us = max(EXPOSURE_SHARE * 1e6 / line.rate_hz, line.pulse_delay_us + line.pulse_us)
 
         def harmonics(name: str, key: str, values: Iterable[float]) -> tuple[int, ...]:
@@ -172,6 +188,9 @@ class MirrorRegisters(
             motion_dphi=harmonics(
                 "motion_dphi", "slopes", (phi / TURN for _, phi in mirror.slopes)
             ),
+            scan_facet=int(mirror.polygon),
+            scan_begin=put("scan_begin", "mirror.reach_deg", begin),
+            scan_span=put("scan_span", "mirror.reach_deg", span),
             table_amplitude=tuple(table[0].tolist()),
             table_midpoint=tuple(table[1].tolist()),
         )

@@ -1,5 +1,7 @@
 """The tracker's table, from an index mark's angle and the motion's harmonics."""
 
+import math
+
 import numpy as np
 
 from vrscan.data import pkg
@@ -39,6 +41,19 @@ def amplitude_table(mark_rad: float, harmonics: Harmonics) -> tuple[Ints, Ints]:
     one = 2**pkg.MIDPOINT_WIDTH
     turns = np.floor(middle * one + 0.5).astype(np.int64)
     return np.floor(steps + 0.5).astype(np.int64), (turns + one // 2) % one - one // 2
+
+
+def pulse_table(phase_turns: float, amplitude_turns: float) -> tuple[Ints, Ints]:
+    """Return the table of a polygon: however long the pulse of its diode, its middle is one phase.
+
+    Args:
+        phase_turns: Phase of the beam in the middle of the diode.
+        amplitude_turns: The amplitude, which nothing changes.
+    """
+    amplitude = math.floor(amplitude_turns * 2.0**pkg.AMPLITUDE_FRACTION + 0.5)
+    one = 2**pkg.MIDPOINT_WIDTH
+    middle = (math.floor(phase_turns * one + 0.5) + one // 2) % one - one // 2
+    return np.full(ENTRIES, amplitude, np.int64), np.full(ENTRIES, middle, np.int64)
 
 
 def interpolation_bound(half: Floats, mark_rad: float, harmonics: Harmonics) -> Floats:

@@ -98,14 +98,14 @@ def _one(
     )  # fmt: skip
 
 
-MAP_HASH = 0x2338E664
+MAP_HASH = 0x93C0113F
 
 # fmt: off
 _REGISTERS = (
     _one("", 0x000, "identity", 32, "constant",
          "the letters VRSC, by which a host knows the instrument", reset=0x56525343),
     _one("", 0x001, "map_hash", 32, "constant",
-         "hash of the parts of this map that a host must know", reset=0x2338E664),
+         "hash of the parts of this map that a host must know", reset=0x93C0113F),
     _one("", 0x002, "version", 32, "constant",
          "version of the map: major, minor, patch in bits 31..16, 15..8, 7..0", reset=0x00000100),
     _one("identity_status", 0x003, "board_id", 16, "ro", "number of the kind of board"),
@@ -285,6 +285,15 @@ _REGISTERS = (
     _one("motion", 0x09C, "motion_dphi", 24, "rw", "change of phi_k with the phase of the drive",
          lock="lock_calibration", count=9, signed=True, fraction=16, unit="turn/turn",
          commit=True),
+    _one("motion", 0x0A5, "scan_facet", 1, "rw",
+         "1: a turn of the phase is a facet of a polygon, and the motion that of half the phase",
+         lock="lock_calibration", commit=True),
+    _one("motion", 0x0A6, "scan_begin", 16, "rw",
+         "phase of the mirror from which on lines have light and an angle",
+         lock="lock_calibration", fraction=16, unit="turn", commit=True),
+    _one("motion", 0x0A7, "scan_span", 16, "rw",
+         "length of that part of a turn; other lines are dark and UNSETTLED. 65535 is the whole "
+         "turn", lock="lock_calibration", reset=65535, fraction=16, unit="turn", commit=True),
     _one("line", 0x0B0, "ratio", 44, "rw", "number of lines in a period of the mirror",
          fraction=32),
     _one("line", 0x0B2, "exposure_delay_clks", 20, "rw",

@@ -136,6 +136,15 @@ class MotionSettings(Settings):
 
 
 @dataclass(frozen=True)
+class ScanSettings(Settings):
+    """What ``mirror_loop`` takes itself."""
+
+    scan_facet: int
+    scan_begin: int
+    scan_span: int
+
+
+@dataclass(frozen=True)
 class TestLineSettings(Settings):
     """What ``test_line`` takes."""
 

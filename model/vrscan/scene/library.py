@@ -47,11 +47,13 @@ def angles(config: Config, count: int = ANGLES) -> Floats:
 
 def at_angles(angle_rad: Floats, mirror: Mirror) -> Timeline:
     """Return lines at any angles, each with the speed that the mirror in RUN has there."""
-    phase = np.linspace(0.0, 0.5, _FINE)
+    phase = np.linspace(0.0, 0.5, _FINE)  # of a polygon: half of a facet's
     shape, slope = series(phase, mirror.harmonics)
     amplitude = math.radians(mirror.amplitude_deg)
     # It falls from turn to turn; the harmonics are far too small for it to turn twice.
     speed = np.abs(slope) * amplitude * mirror.frequency_hz
+    if mirror.polygon:
+        speed *= 0.5
     rate = np.interp(angle_rad, amplitude * shape[::-1], speed[::-1], left=0.0, right=0.0)
     count = len(angle_rad)
     none = np.empty(0)

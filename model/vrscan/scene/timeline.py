@@ -29,6 +29,7 @@ from vrscan.data.config import HARMONICS, Config, Mirror, Section
 from vrscan.data.edges import COLUMNS
 from vrscan.data.errors import InputError
 from vrscan.ideal.motion import crossings
+from vrscan.scene.polygon import Turning, lit, reported
 from vrscan.scene.tolerances import Instrument, believed
 
 PERIODS = 64  # periods that are computed and kept together
@@ -273,6 +274,8 @@ def timeline(
         none = np.empty(0)
         return Timeline(line, time, angle, rate, y, angle.copy(), none, none.astype(np.bool_))
 
+    if config.mirror.polygon:
+        return _turning(line, total, config, scan, seed)
     motion = _Motion.of(config, scan, instrument)
     angle, rate = motion.at(time)
     begin = scan.start_s + first / timing.rate_hz
@@ -307,6 +310,31 @@ def timeline(
     )
 
 
+def _turning(line: Ints, total: int, config: Config, scan: Scan, seed: int) -> Timeline:
+    """Return lines of a scan with a polygon: those that have light, numbered without a gap."""
+    timing = config.line
+    number = lit(config, scan.start_s, total)[line]
+    begin = number / timing.rate_hz
+    since = begin + 1e-6 * (timing.pulse_delay_us + 0.5 * timing.pulse_us)
+    time = scan.start_s + since
+    turning = Turning.of(config, seed, scan.jitter_ns)
+    angle, rate = turning.at(time)
+    told, starts = reported(config, turning, time)
+    inside = (starts >= scan.start_s + begin[0]) & (
+        starts < scan.start_s + begin[-1] + 1 / timing.rate_hz
+    )
+    return Timeline(
+        line=line,
+        time_s=time,
+        angle_rad=angle,
+        rate_rad_per_s=rate,
+        y_mm=scan.pan_mm_per_s * since,
+        reported_rad=told,
+        index_s=starts[inside],
+        index_outward=np.ones(int(inside.sum()), np.bool_),
+    )
+
+
 def angle_error_rad(config: Config, scan: Scan) -> float:
     """Return the rms of reported less true angle that the jitter causes, rad.
 
@@ -323,6 +351,10 @@ def angle_error_rad(config: Config, scan: Scan) -> float:
     """
     if scan.sweep == "even":
         return 0.0
+    if config.mirror.polygon:
+        mirror, jitter_ns = config.mirror, config.mems.jitter_ns
+        speed = mirror.frequency_hz * math.radians(720.0 / mirror.facets)
+        return 1e-9 * speed * (jitter_ns if scan.jitter_ns is None else scan.jitter_ns)
     motion = _Motion.of(config, scan)
     if motion.mark_rad == 0.0 or abs(motion.mark_rad) >= motion.amplitude_rad:
         return 0.0
@@ -343,7 +375,8 @@ def write_edges(
 
     The gate is open within ``mems.diode_deg`` of the mark, the comparator high beyond the mark; a
     whole pass over the diode has one jitter. The crossings are those of ``Timeline.index_s``. Only
-    turns that lie wholly inside the time are written, to 1 ps.
+    turns that lie wholly inside the time are written, to 1 ps. A polygon's gate is always open, and its
+    comparator high while the beam is on the diode.
 
     Args:
         file: A binary file.
@@ -365,6 +398,16 @@ def write_edges(
         raise ValueError(f"write_edges: begin_s {begin_s} is negative")
     if scan.sweep == "even":
         raise InputError("scan.sweep: an even sweep has no index")
+    if config.mirror.polygon:
+        turning = Turning.of(config, seed, scan.jitter_ns)
+        first, last = (math.floor(turning.frequency_hz * at) for at in (begin_s, end_s))
+        starts = turning.starts(first - 1, last - first + 3)
+        half = math.radians(config.mems.diode_deg) / (turning.facet_rad * turning.frequency_hz)
+        starts = starts[(starts - half >= begin_s) & (starts + half < end_s)]
+        rows = [f"{begin_s:.12f},0,1\n"]
+        rows += [f"{at - half:.12f},1,1\n{at + half:.12f},0,1\n" for at in starts.tolist()]
+        file.write("".join([f"{','.join(COLUMNS)}\n", *rows]).encode("ascii"))
+        return len(starts)
     motion = _Motion.of(config, scan, instrument)
     frequency = motion.frequency_hz + motion.phase_drift
     width = math.copysign(math.radians(config.mems.diode_deg), motion.mark_rad)

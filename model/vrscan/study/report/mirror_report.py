@@ -143,7 +143,7 @@ def simulate(
         if progress is not None:
             progress(round(1e6 * clocks / hertz))
 
-    with Mirror(registers, config.mems, quiet) as mirror:
+    with Mirror(registers, config, quiet) as mirror:
         parts = []
         while mirror.state not in (pkg.MIRROR_RUN, pkg.MIRROR_FAULT) and mirror.clock < longest:
             step = min(round(CHUNK_S * hertz), longest - mirror.clock)
@@ -200,7 +200,7 @@ def replay(
     )
     hertz = registers.clock_hz
     world = World.from_config(config)
-    with Mirror(registers, config.mems, world) as mirror:
+    with Mirror(registers, config, world) as mirror:
         recording = mirror.run(
             math.ceil(seconds * hertz),
             world,
@@ -253,7 +253,11 @@ def _run(
         state=lines["state"],
         true_rad=angle_true,
         angle_rad=lines["angle"] * _PER_TURN,
-        true_amplitude_rad=true_amplitude(time, angle_true, frequency),
+        true_amplitude_rad=(
+            np.full(len(lines), np.nan)  # a polygon has none
+            if config.mirror.polygon
+            else true_amplitude(time, angle_true, frequency)
+        ),
         amplitude_rad=lines["amplitude"] * _PER_AMPLITUDE,
         frequency_hz=frequency,
         natural_hz=np.where(
