@@ -20,8 +20,8 @@ BOARD := ulx3s
 # Tests that share a fixture stay together.
 PYTEST_JOBS := --numprocesses auto --dist loadgroup
 
-.PHONY: help setup simulate scan test soak board mutate numbers bench lint formal timing bitstream \
-  clean distclean
+.PHONY: help setup simulate scan test soak board mutate numbers bench docs lint formal timing \
+  bitstream clean distclean
 
 help: ## list these targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' Makefile | \
@@ -57,6 +57,9 @@ numbers: setup ## print the number table: measured, predicted, floor
 
 bench: setup ## speed against error, as a page in build/report; ARGS="--quick --scheduler ADDRESS"
 	@$(BIN)/vrscan bench report $(ARGS)
+
+docs: setup ## make the pages of docs a site in build/site, which opens without the internet
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 lint: setup ## Verilator -Wall, Yosys and Verible on the RTL, ruff and mypy on the Python
 	@$(BIN)/python scripts/lint.py
