@@ -1250,9 +1250,7 @@ def prove(proof: Proof) -> tuple[int, list[tuple[str, ...]]]:
         endless = formulas(proof, f"{name}_endless", {}, left_out=(SIMULATED, BOUNDED))
     step = solve(endless, "-i", "-t", depth)
     if proof.scaled or proof.unhindered:
-        scaled = formulas(
-            proof, f"{name}_scaled", {}, proof.scaled, more_free=proof.unhindered
-        )
+        scaled = formulas(proof, f"{name}_scaled", {}, proof.scaled, more_free=proof.unhindered)
     cover = solve(scaled, "-c", "-t", str(proof.cover))
     bad = [*broken(base.words), *broken(step.words)]
     failures = 0

@@ -61,65 +61,62 @@ module mirror_world #(
   localparam real ClockS = 1.0 / real'(ClockHz);
 
   real                   angle, velocity, acceleration, jerk;
-  real                   swung, held_q, swung_velocity, swung_acceleration, swung_jerk;
   logic [SinceWidth-1:0] since_clks;
   if (Facets != 0) begin : gen_polygon
-    real angle_now, velocity_now;
     polygon_mirror #(
       .ClockHz(ClockHz), .IndexOversample(IndexOversample), .Facets(Facets), .FacetHz(FacetHz),
       .SpinUpS(SpinUpS), .SpeedShare(SpeedShare), .HuntingHz(HuntingHz), .ErrorRad(ErrorRad)
     ) u_polygon_mirror (
       .clk_i, .rst_i, .level_i, .natural_offset_hz_i,
       .start_speed_i(start_velocity_i),
-      .angle_o      (angle_now),
-      .velocity_o   (velocity_now),
+      .angle_o      (angle),
+      .velocity_o   (velocity),
       .comparator_o,
       .laser_on_i, .drop_i, .stall_i, .mark_rad_i, .width_rad_i, .jitter_s_i, .seed_i
     );
     assign gate_o       = '1;
-    assign angle        = angle_now;
-    assign velocity     = velocity_now;
     assign acceleration = 0.0;
     assign jerk         = 0.0;
     assign since_clks   = '0;
     logic unused;
     assign unused = ^{drive_i, shock_i};
   end else begin : gen_mems
-  mems_mirror #(
-    .ClockHz(ClockHz), .StepClks(StepClks),
-    .NaturalHz(NaturalHz), .Quality(Quality), .Torque(Torque), .CombRad(CombRad), .Bias(Bias)
-  ) u_mems_mirror (
-    .clk_i, .rst_i,
-    .drive_i, .level_i,
-    .shock_i, .shock_rad_per_s_i, .natural_offset_hz_i, .damping_factor_i,
-    .start_angle_i, .start_velocity_i,
-    .angle_o       (swung),
-    .velocity_o    (swung_velocity),
-    .acceleration_o(swung_acceleration),
-    .jerk_o        (swung_jerk),
-    .since_clks_o  (since_clks)
-  );
+    real swung, held_q, swung_velocity, swung_acceleration, swung_jerk;
+    mems_mirror #(
+      .ClockHz(ClockHz), .StepClks(StepClks),
+      .NaturalHz(NaturalHz), .Quality(Quality), .Torque(Torque), .CombRad(CombRad), .Bias(Bias)
+    ) u_mems_mirror (
+      .clk_i, .rst_i,
+      .drive_i, .level_i,
+      .shock_i, .shock_rad_per_s_i, .natural_offset_hz_i, .damping_factor_i,
+      .start_angle_i, .start_velocity_i,
+      .angle_o       (swung),
+      .velocity_o    (swung_velocity),
+      .acceleration_o(swung_acceleration),
+      .jerk_o        (swung_jerk),
+      .since_clks_o  (since_clks)
+    );
 
-  assign angle        = stall_i ? held_q : swung;
-  assign velocity     = stall_i ? 0.0 : swung_velocity;
-  assign acceleration = stall_i ? 0.0 : swung_acceleration;
-  assign jerk         = stall_i ? 0.0 : swung_jerk;
-  always_ff @(posedge clk_i) if (!stall_i) held_q <= swung;
+    assign angle        = stall_i ? held_q : swung;
+    assign velocity     = stall_i ? 0.0 : swung_velocity;
+    assign acceleration = stall_i ? 0.0 : swung_acceleration;
+    assign jerk         = stall_i ? 0.0 : swung_jerk;
+    always_ff @(posedge clk_i) if (!stall_i) held_q <= swung;
 
-  index_diode #(
-    .ClockHz(ClockHz), .StepClks(StepClks), .SinceWidth(SinceWidth),
-    .IndexOversample(IndexOversample)
-  ) u_index_diode (
-    .clk_i, .rst_i,
-    .angle_i       (angle),
-    .velocity_i    (velocity),
-    .acceleration_i(acceleration),
-    .jerk_i        (jerk),
-    .since_clks_i  (since_clks),
-    .laser_on_i, .drop_i,
-    .comparator_o, .gate_o,
-    .mark_rad_i, .width_rad_i, .noise_rad_i, .jitter_s_i, .seed_i
-  );
+    index_diode #(
+      .ClockHz(ClockHz), .StepClks(StepClks), .SinceWidth(SinceWidth),
+      .IndexOversample(IndexOversample)
+    ) u_index_diode (
+      .clk_i, .rst_i,
+      .angle_i       (angle),
+      .velocity_i    (velocity),
+      .acceleration_i(acceleration),
+      .jerk_i        (jerk),
+      .since_clks_i  (since_clks),
+      .laser_on_i, .drop_i,
+      .comparator_o, .gate_o,
+      .mark_rad_i, .width_rad_i, .noise_rad_i, .jitter_s_i, .seed_i
+    );
   end
 
   // verilog_lint: waive-start always-ff-non-blocking (a local of one clock)

@@ -1,4 +1,4 @@
-"""The turning polygon: a straight line of every facet, its own start, and what is reported of it."""
+"""The turning polygon: a straight line of every facet, its own start, and what is reported."""
 
 import math
 from io import BytesIO
@@ -73,7 +73,10 @@ def test_a_facets_error_is_told_by_its_own_start() -> None:
         one = angle_error_rad(config, Scan())
         # The speed is the mean of two turns, 0.1 s, so it is behind by 0.05 s of the hunting.
         lag = more * FACET_RAD * 2.0 * math.pi * CONFIG.polygon.hunting_hz * 0.06
-        print(f"angle error {1e6 * error.std():.2f} urad rms, jitter {1e6 * one:.2f}, lag {1e6 * lag:.2f}")
+        print(
+            f"angle error {1e6 * error.std():.2f} urad rms, "
+            f"jitter {1e6 * one:.2f}, lag {1e6 * lag:.2f}"
+        )
         assert 0.7 * one < error.std() < 1.3 * one + lag
 
 

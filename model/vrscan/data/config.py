@@ -227,8 +227,9 @@ class Mirror(Section):
     A polygon turns at a speed of its own, and a diode tells the start of each facet's scan. A
     period is then a facet, ``frequency_hz`` the number of facets a second, and the angle a straight
     line from plus to minus 360 degrees / ``facets``. Amplitude and harmonics are those of this line
-    if they are not given, and what controls an amplitude has nothing to do. The values that a
-    polygon needs otherwise than a resonant mirror are in ``POLYGON``.
+    if they are not given, and what controls an amplitude has nothing to do. What is averaged over
+    ``averaging_periods`` is the speed alone. ``POLYGON`` has the values that a polygon needs
+    otherwise than a resonant mirror.
 
     The gains and rates were chosen on the mirror of ``[mems]``. This mirror starts at up to twice
     the sweep rate, and the loop settles fastest with this integral time and trim gain; with either
@@ -304,7 +305,7 @@ class Mirror(Section):
     """Whether the amplitude falls with a rising frequency."""
 
     averaging_periods: Annotated[Literal[1, 2, 4, 8, 16], NUMBER] = 2
-    """Averaging of phase and amplitude; of a polygon, of the speed alone."""
+    """Averaging of phase and amplitude."""
     settle_ppm: Positive = 50.0
     """Error of the amplitude below which it is settled."""
     shock_ppm: Positive = 300.0

@@ -91,8 +91,8 @@ class MirrorRegisters(
         shift = mirror.averaging_periods.bit_length() - 1
         rate_shift = round(math.log2(period_clks)) + 2 * shift + 1
         if mirror.polygon:
-            # A facet begins at its own start of scan, so its phase is taken whole: its error is gone.
-            # The speed is the polygon's, and only slowly another one.
+            # A facet begins at its own start of scan, so its phase is taken whole, and its error
+            # is gone. The speed is the polygon's, and only slowly another one.
             rate_shift, shift = rate_shift - shift, 0
             table = pulse_table(mirror.facet_phase(mirror.index_deg), turns)
             begin, span = mirror.facet_phase(mirror.reach_deg), 2 * mirror.reach_deg / 720

@@ -50,7 +50,7 @@ class Turning:
 
     @classmethod
     def of(cls, config: Config, seed: int, jitter_ns: float | None = None) -> "Turning":
-        """Return the polygon of a configuration; ``jitter_ns`` is in place of that of ``[mems]``."""
+        """Return a configuration's polygon; ``jitter_ns`` is in place of that of ``[mems]``."""
         mirror, polygon = config.mirror, config.polygon
         rng = np.random.default_rng((seed, _STREAM))
         errors = 1e-6 * polygon.facet_urad * rng.standard_normal(mirror.facets)

@@ -375,8 +375,8 @@ def write_edges(
 
     The gate is open within ``mems.diode_deg`` of the mark, the comparator high beyond the mark; a
     whole pass over the diode has one jitter. The crossings are those of ``Timeline.index_s``. Only
-    turns that lie wholly inside the time are written, to 1 ps. A polygon's gate is always open, and its
-    comparator high while the beam is on the diode.
+    turns that lie wholly inside the time are written, to 1 ps. A polygon's gate is always open,
+    and its comparator high while the beam is on the diode.
 
     Args:
         file: A binary file.
@@ -404,9 +404,9 @@ def write_edges(
         starts = turning.starts(first - 1, last - first + 3)
         half = math.radians(config.mems.diode_deg) / (turning.facet_rad * turning.frequency_hz)
         starts = starts[(starts - half >= begin_s) & (starts + half < end_s)]
-        rows = [f"{begin_s:.12f},0,1\n"]
-        rows += [f"{at - half:.12f},1,1\n{at + half:.12f},0,1\n" for at in starts.tolist()]
-        file.write("".join([f"{','.join(COLUMNS)}\n", *rows]).encode("ascii"))
+        pulses = [f"{begin_s:.12f},0,1\n"]
+        pulses += [f"{at - half:.12f},1,1\n{at + half:.12f},0,1\n" for at in starts.tolist()]
+        file.write("".join([f"{','.join(COLUMNS)}\n", *pulses]).encode("ascii"))
         return len(starts)
     motion = _Motion.of(config, scan, instrument)
     frequency = motion.frequency_hz + motion.phase_drift
