@@ -426,7 +426,7 @@ def write_edges(
         crossing, _, _ = _periods(motion, seed, start, stop - 1)
         shift = crossing - _passes(motion, period, motion.mark_rad)
         near = _passes(motion, period, inner) + shift
-        rows = [
+        rows: list[tuple[Floats, int, int]] = [
             (near[:, 0], 0, 1),
             (crossing[:, 0], 1, 1),
             (crossing[:, 1], 0, 1),

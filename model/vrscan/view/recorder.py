@@ -13,8 +13,8 @@ import numpy as np
 
 from vrscan.data.points import atomic_file, check_writable
 from vrscan.data.records import FULL, Form, Records
-from vrscan.link.register_host import Build
 from vrscan.link.link_report import Threshold, write_captures, write_points
+from vrscan.link.register_host import Build
 from vrscan.link.stream import DTYPES, Account, Captured
 
 
