@@ -875,6 +875,10 @@ FAULTS = [
         "rtl/mirror/mirror_loop.sv",
         ("harmonics of the old motion", ".renew_i(take_q[TakeClks-1])", ".renew_i(1'b0)"),
         ("harmonics a clock too soon", "unsigned TakeClks = 3;", "unsigned TakeClks = 2;"),
+        ("light between two facets", "laser && !dark_q;", "laser;"),
+        ("an angle between two facets", "overflow || line_outside_q", "overflow"),
+        ("a pulse cut by the facet's end", "if (!laser) dark_q <= outside;", "dark_q <= outside;"),
+        ("a facet of a whole turn", "centre_phase >> motion_i.scan_facet", "centre_phase"),
     ),
     *faults(
         "rtl/mirror/motion_map.sv",

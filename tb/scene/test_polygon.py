@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from vrscan.data import edges
-from vrscan.data.config import RAMP, SCANNED, STRAIGHT, Config, Mirror, Polygon
+from vrscan.data.config import RAMP, SCANNED, STRAIGHT, Config, Mirror, Polygon, checked
+from vrscan.data.errors import InputError
 from vrscan.ideal.motion import motion
 from vrscan.scene.polygon import Turning, lit
 from vrscan.scene.timeline import Scan, angle_error_rad, timeline, write_edges
+from vrscan.scene.tolerances import Instrument
 
 CONFIG = Config.model_validate({"mirror": {"kind": "polygon"}})
 STEADY = CONFIG.model_copy(update={"polygon": Polygon(speed_ppm=0.0)})
@@ -93,3 +95,25 @@ def test_edges_are_pulses_around_the_starts(tmp_path) -> None:
     assert 0.5 * (begin + end) == pytest.approx(starts, abs=2e-12)
     width = 2.0 * math.radians(CONFIG.mems.diode_deg) / FACET_RAD / CONFIG.mirror.frequency_hz
     assert end - begin == pytest.approx(width, rel=1e-9)
+
+
+def test_a_diode_that_stands_elsewhere_turns_all_angles() -> None:
+    """What the instrument does not know of its diode is the error of every line."""
+    own = Instrument(index_deg=CONFIG.mirror.index_deg + 0.1)
+    made = timeline(0, 3000, 3000, STEADY, Scan(), 5, own)
+    error = np.degrees(made.reported_rad - made.angle_rad)
+    assert error == pytest.approx(-0.1, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("mirror", "words"),
+    [
+        ({"facets": 16}, "more than 15.75, the middle 70% of one of 16 facets"),
+        ({"index_deg": 20.0}, "not between reach_deg 20.5 and the facet's end at 30"),
+        ({"index_deg": 31.0}, "not between"),
+        ({"facets": 2}, "facets"),
+    ],
+)
+def test_a_polygon_that_cannot_be_is_refused(mirror: dict[str, float], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        checked(Config, {"mirror": {"kind": "polygon", **mirror}}, "file")

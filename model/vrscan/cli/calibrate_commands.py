@@ -39,7 +39,7 @@ def calibrate_instrument(
     from vrscan.scene.tolerances import drawn, written
 
     with atomic_file(out) as file:
-        file.write(written(drawn(seed, configuration.load(config))).encode())
+        file.write(written(drawn(seed, _resonant(config))).encode())
     print(f"{out}: vrscan scan --instrument {out}")
 
 
@@ -61,7 +61,7 @@ def calibrate_record(
     """Make a calibration scan of the points and index edges of a known surface."""
     from vrscan.calibrate import recording
 
-    settings = configuration.load(config)
+    settings = _resonant(config)
     values: dict[str, object] = {
         "kind": kind,
         "z_mm": z_mm,
@@ -76,6 +76,20 @@ def calibrate_record(
     with atomic_file(out) as file:
         recording.write(made, file)
     print(f"{out}: {len(made)} points, {len(made.out_s)} pairs of crossings")
+
+
+def _resonant(path: Path | None) -> Config:
+    """Return the configuration.
+
+    Raises:
+        InputError: as ``config.load``, and if its mirror is a polygon.
+    """
+    settings = configuration.load(path)
+    if settings.mirror.polygon:
+        raise InputError(
+            f"{settings.source}: mirror.kind: the calibrations are those of a resonant mirror"
+        )
+    return settings
 
 
 def _scans(paths: list[Path]) -> list["Recording"]:
@@ -109,7 +123,7 @@ def calibrate_coarse(
     """Find all 18 parameters in scans of a sine relief at known distances, one focus."""
     from vrscan.calibrate import coarse, results
 
-    found = coarse.calibrate(_scans(scans), configuration.load(config), search=search)
+    found = coarse.calibrate(_scans(scans), _resonant(config), search=search)
     notes: dict[str, object] = results.fitted(found.fit)
     notes["mean error in z before, mm"] = f"{found.start_mm:.4f}"
     notes["after, mm"] = f"{found.mean_mm:.4f}, of single points {found.point_mm:.4f}"
@@ -144,7 +158,7 @@ def calibrate_mirror(
     if recordings[0].suffix == ".npz":
         if out is None:
             raise InputError("mirror: scans need --out")
-        found = mirror_map.calibrate(_scans(recordings), configuration.load(config))
+        found = mirror_map.calibrate(_scans(recordings), _resonant(config))
         notes: dict[str, object] = results.fitted(found.fit)
         notes["mean error in z, mm"] = f"{found.before_mm:.4f} before, {found.after_mm:.4f} after"
         for phase, natural in found.natural_hz.items():
@@ -153,7 +167,7 @@ def calibrate_mirror(
         return
     if len(recordings) > 1:
         raise InputError(f"{recordings[1]}: one recorded motion at a time")
-    _motion(recordings[0], column, from_s, configuration.load(config))
+    _motion(recordings[0], column, from_s, _resonant(config))
 
 
 def _motion(path: Path, column: str, from_s: float, settings: Config) -> None:
@@ -179,7 +193,7 @@ def calibrate_map(
     """Make the correction maps from planes over the whole field at several foci."""
     from vrscan.calibrate import field_map, results
 
-    maps = field_map.calibrate(_scans(scans), configuration.load(config))
+    maps = field_map.calibrate(_scans(scans), _resonant(config))
     maps.words()
     with atomic_file(out) as file:
         results.write_maps(maps, results.provenance(scans), file)
@@ -199,7 +213,7 @@ def calibrate_verify(
     from vrscan.data.correction_maps import read_maps
     from vrscan.study.report import experiment_report as report
 
-    settings = configuration.load(config)
+    settings = _resonant(config)
     held = None if maps is None else read_maps(maps)
     console().print(
         report.planes([vars(verify.verified(each, settings, held)) for each in _scans(scans)])
@@ -223,7 +237,7 @@ def calibrate_run_all(
     from vrscan.study import experiment
     from vrscan.study.report import experiment_report as report
 
-    belief = configuration.load(config)
+    belief = _resonant(config)
     for name, value, least in (
         ("--seed", seed, 0),
         ("--jobs", jobs, 0),

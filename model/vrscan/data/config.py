@@ -617,8 +617,8 @@ class Polygon(Section):
     """Amplitude of the speed's hunting."""
     hunting_hz: Positive = 1.0
     """Frequency of the speed's hunting."""
-    spin_up_s: Positive = 0.5
-    """Time constant of the speed from rest."""
+    spin_up_s: Positive = 0.1
+    """Time constant of the speed from rest; that of a real one is longer."""
 
 
 class Config(Section):

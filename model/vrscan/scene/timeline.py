@@ -17,7 +17,7 @@ of the last periods at the nominal frequency.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import BinaryIO, Literal
 
@@ -275,7 +275,7 @@ def timeline(
         return Timeline(line, time, angle, rate, y, angle.copy(), none, none.astype(np.bool_))
 
     if config.mirror.polygon:
-        return _turning(line, total, config, scan, seed)
+        return _turning(line, total, config, scan, seed, instrument)
     motion = _Motion.of(config, scan, instrument)
     angle, rate = motion.at(time)
     begin = scan.start_s + first / timing.rate_hz
@@ -310,14 +310,27 @@ def timeline(
     )
 
 
-def _turning(line: Ints, total: int, config: Config, scan: Scan, seed: int) -> Timeline:
+def _polygon(config: Config, scan: Scan, seed: int, instrument: Instrument | None) -> Turning:
+    """Return the polygon with its diode where it is."""
+    mark_deg = (instrument or Instrument()).moving(config.mirror, scan.start_s).index_deg
+    return replace(Turning.of(config, seed, scan.jitter_ns), mark_rad=math.radians(mark_deg))
+
+
+def _turning(
+    line: Ints,
+    total: int,
+    config: Config,
+    scan: Scan,
+    seed: int,
+    instrument: Instrument | None,
+) -> Timeline:
     """Return lines of a scan with a polygon: those that have light, numbered without a gap."""
     timing = config.line
     number = lit(config, scan.start_s, total)[line]
     begin = number / timing.rate_hz
     since = begin + 1e-6 * (timing.pulse_delay_us + 0.5 * timing.pulse_us)
     time = scan.start_s + since
-    turning = Turning.of(config, seed, scan.jitter_ns)
+    turning = _polygon(config, scan, seed, instrument)
     angle, rate = turning.at(time)
     told, starts = reported(config, turning, time)
     inside = (starts >= scan.start_s + begin[0]) & (
@@ -399,7 +412,7 @@ def write_edges(
     if scan.sweep == "even":
         raise InputError("scan.sweep: an even sweep has no index")
     if config.mirror.polygon:
-        turning = Turning.of(config, seed, scan.jitter_ns)
+        turning = _polygon(config, scan, seed, instrument)
         first, last = (math.floor(turning.frequency_hz * at) for at in (begin_s, end_s))
         starts = turning.starts(first - 1, last - first + 3)
         half = math.radians(config.mems.diode_deg) / (turning.facet_rad * turning.frequency_hz)

@@ -217,13 +217,14 @@ def recorded_amplitude(times: tuple[Floats, Floats], config: Config) -> float:
 
     Args:
         times: Times of outward and inward crossings, s, [n] each, from ``edges.pairs``.
-        config: Configuration of the instrument; its amplitude is returned if there is no pair.
+        config: Configuration of the instrument; its amplitude is returned if there is no pair,
+            and of a polygon.
     """
     outward, inward = times
     mirror = config.mirror
     half = (inward - outward) / 2.0 * mirror.frequency_hz
     half = half[(half > 0.0) & (half < 0.25)]
-    if half.size == 0:
+    if half.size == 0 or mirror.polygon:
         return math.radians(mirror.amplitude_deg)
     mark = math.radians(mirror.index_deg)
     return float(crossings(np.array([np.median(half)]), mark, mirror.harmonics)[0][0])
