@@ -16,7 +16,7 @@ CLOCK_HZ = 10e6
 CONFIG = Config.model_validate(
     {
         "clock": {"frequency_hz": CLOCK_HZ},
-        "mirror": {"kind": "polygon", "oversample": 8},
+        "mirror": {"kind": "polygon", "oversample": 8, "settle_periods": 16},
         "line": {"rate_hz": 4000.3},
         "sensor": {"line_length": 256},
     }

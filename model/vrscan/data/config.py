@@ -395,6 +395,7 @@ POLYGON: dict[str, object] = {
     "trim_hz": 0.0,
     "averaging_periods": 16,
     "phase_limit_urad": 4_000.0,  # a facet differs from the one before by less
+    "settle_periods": 128,  # until the motor has its speed, and the loop knows it
     "settle_timeout_s": 10.0,
 }
 
