@@ -234,7 +234,7 @@ def show(baud: int, points: float, line_rate: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("tried", "count"), [(SHARED, 30_000), in_volume("board", 1_000_000)], indirect=["tried"]
+    ("tried", "count"), [(SHARED, 10_000), in_volume("board", 1_000_000)], indirect=["tried"]
 )
 def test_random_bytes(tried: Board, count: int, aftermath: Callable[[Device], None]) -> None:
     board = tried
