@@ -79,7 +79,6 @@ class Focus(StrEnum):
 
 app = typer.Typer(
     help="A MEMS laser triangulation scanner: from sensor lines to (x, z) points.",
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 
@@ -117,7 +116,22 @@ def options(
     """Handle the options that belong to no command."""
 
 
-SceneArgument = Annotated[str, typer.Argument(help="Name of a shipped scene, or FILE.toml.")]
+def _scenes(incomplete: str) -> list[str]:
+    """Return the shipped scenes that a shell completes a beginning to."""
+    from vrscan.scene.description import shipped
+
+    return [name for name in shipped() if name.startswith(incomplete)]
+
+
+def _presets(incomplete: str) -> list[str]:
+    """Return the presets that a shell completes a beginning to."""
+    return [name for name in configuration.presets() if name.startswith(incomplete)]
+
+
+SceneArgument = Annotated[
+    str,
+    typer.Argument(help="Name of a shipped scene, or FILE.toml.", autocompletion=_scenes),
+]
 FidelityOption = Annotated[
     str | None,
     typer.Option(
@@ -129,7 +143,11 @@ ToleranceOption = Annotated[
 ]
 ConfigOption = Annotated[
     Path | None,
-    typer.Option("--config", help="Preset, or TOML file whose values override the defaults."),
+    typer.Option(
+        "--config",
+        help="Preset, or TOML file whose values override the defaults.",
+        autocompletion=_presets,
+    ),
 ]
 EngineOption = Annotated[
     Engine,
@@ -986,6 +1004,34 @@ def _folder(path: Path) -> Iterator[None]:
                     left.unlink()
                 path.rmdir()
         raise
+
+
+# How `vrscan --help` groups the commands, in this order.
+PANELS = {
+    "From light to points": ("scan", "replay", "mirror"),
+    "Another scanner": ("new", "config"),
+    "Boards": ("board", "link", "view"),
+    "Calibration": ("calibrate",),
+    "Points in other programs": ("export", "filter"),
+    "Light": ("budget", "stray", "detectability"),
+    "Figures of merit": ("numbers", "efficiency", "cases", "speed", "bench", "report"),
+}
+
+
+def _group() -> None:
+    """Give each command its panel."""
+    panels = {name: panel for panel, names in PANELS.items() for name in names}
+    for command in app.registered_commands:
+        assert command.callback is not None
+        command.name = command.name or command.callback.__name__
+        command.rich_help_panel = panels[command.name]
+    for group in app.registered_groups:
+        group.rich_help_panel = panels[str(group.name)]
+    order = list(panels)
+    app.registered_commands.sort(key=lambda command: order.index(str(command.name)))
+
+
+_group()
 
 
 def main() -> None:
