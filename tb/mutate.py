@@ -1474,7 +1474,7 @@ FAULTS = [
     ),
     *faults(
         "model/vrscan/ideal/free_space.py",
-        ("a blur half as wide", "blur = 0.5 * lens", "blur = 0.25 * lens"),
+        ("a blur half as wide", "blurred = 0.5 * lens", "blurred = 0.25 * lens"),
         (
             "the other end",
             "beta[:, *(None,) * angle.ndim] - angle)",
