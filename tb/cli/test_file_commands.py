@@ -12,7 +12,7 @@ from PIL import Image
 from test_scan_command import command
 
 from vrscan.cli import app as cli
-from vrscan.data import line_files, recording
+from vrscan.data import line_files, recordings
 from vrscan.data.clouds import SUFFIXES
 from vrscan.data.config import Config
 from vrscan.data.points import read_csv
@@ -207,7 +207,7 @@ def test_a_recording_gives_what_its_arrays_and_table_give(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     config = Config()
-    with recording.Writer(Path("a.mcap"), config) as into:
+    with recordings.Writer(Path("a.mcap"), config) as into:
         into.points(read_csv(Path("scan/points.csv")))
         into.lines(line_files.read(Path("scan/lines.npz"), config))
     for source, name in (("scan/lines.npz", "n"), ("a.mcap", "m")):

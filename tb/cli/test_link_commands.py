@@ -23,7 +23,7 @@ from vrscan.cli.app import app, main
 from vrscan.cli.link_commands import link
 from vrscan.cli.live import braille
 from vrscan.clocked.command_executor import Outcome
-from vrscan.data import link_pkg, pkg, recording, records
+from vrscan.data import link_pkg, pkg, recordings, records
 from vrscan.data.arrays import Pixels
 from vrscan.data.config import Config
 from vrscan.data.correction_maps import COLUMNS as MAP_COLUMNS
@@ -249,7 +249,7 @@ def test_lost_points_are_status_1(board: FakeBoard) -> None:
 
 def test_a_recording_has_the_records_and_is_filtered(board: FakeBoard) -> None:
     printed("points", "--out", "points.mcap", "--count", "300")
-    found = recording.read(Path("points.mcap"))
+    found = recordings.read(Path("points.mcap"))
     assert found.complete and found.lost == 0 and found.rows == {"records": 300}
     assert found.notes["account"]["records"] >= "300" and found.about["step"]
     want = board.made[found.points.line % len(board.made)]

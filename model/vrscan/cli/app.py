@@ -48,7 +48,7 @@ from vrscan.data.points import (
     ply_vertices,
     unfinished,
 )
-from vrscan.data.recording import read_config
+from vrscan.data.recordings import read_config
 from vrscan.engines import engine as engines
 from vrscan.engines.engine import Engine
 from vrscan.registers.chain_registers import Registers

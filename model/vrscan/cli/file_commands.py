@@ -23,7 +23,7 @@ PointsArgument = Annotated[
 
 def _read(path: Path) -> "Table":
     """Return the points of a file; what a damaged recording lacks is told."""
-    from vrscan.data.recording import read_points
+    from vrscan.data.recordings import read_points
 
     with warnings.catch_warnings(record=True, action="always", category=InputWarning) as told:
         found = read_points(path)

@@ -246,7 +246,7 @@ def points(
     from vrscan.data import config as configuration
     from vrscan.data import records
     from vrscan.data.points import atomic_file, check_writable
-    from vrscan.data.recording import FLUSH_S, SUFFIX, Writer
+    from vrscan.data.recordings import FLUSH_S, SUFFIX, Writer
     from vrscan.data.records import Form
     from vrscan.link import link_report as report
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vrscan.data import pkg, recording
+from vrscan.data import pkg, recordings
 from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
@@ -65,7 +65,7 @@ def read_maps(path: Path) -> FieldMaps:
         InputError: naming the file, if it is missing or not one that ``write_maps`` made.
     """
     try:
-        source = recording.maps_file(path) if recording.is_recording(path) else path
+        source = recordings.maps_file(path) if recordings.is_recording(path) else path
         with np.load(source, allow_pickle=False) as file:
             focal, begin, step = (float(each) for each in file["lens"])
             corrections, filled = file["corrections_px"], file["filled"]

@@ -20,7 +20,7 @@ from typing import IO, Any, BinaryIO, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from vrscan.data import line_pictures, line_signals, recording
+from vrscan.data import line_pictures, line_signals, recordings
 from vrscan.data.config import Config
 from vrscan.data.contract import checked, checked_flags, checked_power
 from vrscan.data.errors import InputError, InputWarning, LinesError, one_line
@@ -60,7 +60,7 @@ def read(path: Path, config: Config, angles: Path | None = None) -> Lines:
         InputError: naming the file and what is wrong, if it is missing, damaged or empty, or holds
             a misspelt name or what ``checked`` refuses.
     """
-    if path.is_dir() or path.suffix.lower() in (*_OTHERS, recording.SUFFIX):
+    if path.is_dir() or path.suffix.lower() in (*_OTHERS, recordings.SUFFIX):
         with opened(path, config, angles) as recorded:
             return joined(list(recorded.blocks(recorded.count)))
     arrays = _load(path)
@@ -100,10 +100,10 @@ def opened(path: Path, config: Config, angles: Path | None = None) -> Iterator[R
     Raises:
         InputError: as ``read``, here or from ``blocks``.
     """
-    if recording.is_recording(path):
+    if recordings.is_recording(path):
         if angles is not None:
             raise InputError(f"{angles}: angles are in {path}, too")
-        yield Recording(*recording.read_lines(path, config))
+        yield Recording(*recordings.read_lines(path, config))
         return
     with contextlib.ExitStack() as stack:
         columns = _columns(path, config, stack)

@@ -14,7 +14,7 @@ from vrscan.data.arrays import Floats, Pixels
 from vrscan.data.lines import Lines
 from vrscan.data.points import table as in_units
 from vrscan.data.points import write_csv
-from vrscan.data.recording import Clock, full_table
+from vrscan.data.recordings import Clock, full_table
 from vrscan.data.records import Form, Records
 from vrscan.data.table import Table
 from vrscan.ideal.chain import MAX_WINDOW

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from random_records import random_records
 from test_points import random_points
 
-from vrscan.data import recording
+from vrscan.data import recordings
 from vrscan.data.config import Config, Line
 from vrscan.data.errors import InputError
 from vrscan.data.lines import Lines, Truth
@@ -50,7 +50,7 @@ def points() -> Table:
 def whole() -> bytes:
     """Return a recording of everything, in several chunks."""
     file = io.BytesIO()
-    with recording.Writer(file, CONFIG, maps=MAPS, about={"scene": "step"}, flush_s=0.0) as into:
+    with recordings.Writer(file, CONFIG, maps=MAPS, about={"scene": "step"}, flush_s=0.0) as into:
         into.points(points())
         into.lines(lines())
         into.edges(np.arange(4) * 1e-3, np.arange(4) % 2, np.ones(4, np.int64))
@@ -59,10 +59,10 @@ def whole() -> bytes:
     return file.getvalue()
 
 
-def read(data: bytes, folder: Path) -> recording.Recording:
+def read(data: bytes, folder: Path) -> recordings.Recording:
     path = folder / "scan.mcap"
     path.write_bytes(data)
-    return recording.read(path)
+    return recordings.read(path)
 
 
 def same(got: Any, want: Any) -> None:
@@ -82,7 +82,7 @@ def test_everything_comes_back(tmp_path: Path) -> None:
     assert found.about["scene"] == "step" and found.notes["account"] == {"records": "5"}
     want = CONFIG.model_copy(update={"map": CONFIG.map.model_copy(update={"file": "scan.mcap"})})
     assert found.config.model_dump() == want.model_dump()
-    assert recording.maps_file(found.path).read() == MAPS
+    assert recordings.maps_file(found.path).read() == MAPS
     same(found.points, points())
     same(found.lines, lines())
     assert found.edges[0].tolist() == [0.0, 1e-3, 2e-3, 3e-3]
@@ -93,12 +93,12 @@ def test_records_keep_every_bit_and_unwrap_their_time(tmp_path: Path) -> None:
     made = random_records(np.random.default_rng(5), range(3000))
     made["time"] = (np.arange(3000, dtype=np.int64) * 5_000_000 + 2**32 - 10**9) % 2**32
     path = tmp_path / "a.mcap"
-    with recording.Writer(path, Config()) as into:
+    with recordings.Writer(path, Config()) as into:
         for part in np.split(made, [1, 700, 701]):
             into.records(part, 100_000_000, 12)
-    kept = np.concatenate([rows for _, rows, _ in recording._messages(path)])
+    kept = np.concatenate([rows for _, rows, _ in recordings._messages(path)])
     assert kept.tobytes() == made.tobytes()
-    found = recording.read(path).points
+    found = recordings.read(path).points
     assert np.allclose(np.diff(found.time_s), 0.05) and np.array_equal(found.power, made["power"])
 
 
@@ -173,20 +173,20 @@ def test_other_files_are_refused_and_nothing_stays_without_data(tmp_path: Path) 
     with path.open("wb") as file, Writer(file):
         pass
     with pytest.raises(InputError, match=r"ros\.mcap: not a recording \(profile 'ros2'\)"):
-        recording.read(path)
+        recordings.read(path)
     path.write_bytes(b"points")
     with pytest.raises(InputError, match="no MCAP file"):
-        recording.read(path)
+        recordings.read(path)
     failed = tmp_path / "failed.mcap"
-    with pytest.raises(InputError), recording.Writer(failed, Config()):
+    with pytest.raises(InputError), recordings.Writer(failed, Config()):
         raise InputError("the board is gone")
     assert not failed.exists()
     with (  # noqa: PT012
         pytest.raises(InputError, match="gone"),
-        recording.Writer(failed, Config()) as into,
+        recordings.Writer(failed, Config()) as into,
     ):
         into.points(points())
         raise InputError("the board is gone")
-    assert len(recording.read(failed).points) == 1500
+    assert len(recordings.read(failed).points) == 1500
     with pytest.raises(InputError, match="no raw lines"):
-        _ = recording.read(failed).lines
+        _ = recordings.read(failed).lines
