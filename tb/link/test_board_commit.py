@@ -198,9 +198,9 @@ def test_maps_take_effect_in_the_middle_of_a_scan(tmp_path: Path) -> None:
                 if wanted["map_follow"]:
                     focus = {n: v for n, v in device.settings(stage).items() if "focus_" in n}
                     device.write_many(focus.items())
-                    end = device.uptime + LENS_CLKS
+                    end = device.uptime() + LENS_CLKS
                     while not device.read("focus_in_position"):
-                        assert device.uptime < end
+                        assert device.uptime() < end
                 lens = int(device.read("focus_position")) if k else 0
                 with device.captured(link_pkg.CAPTURE_EVERY, 1) as lines:
                     got = taken(lines, 2)
