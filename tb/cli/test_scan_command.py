@@ -292,10 +292,10 @@ def test_a_long_scan_goes_on_where_it_was_cut_off(
     work = scans._Work.__call__
 
     def interrupted(self: scans._Work, given: object) -> scans.Part:
-        made.append(given if isinstance(given, int) else given.number)  # type: ignore[attr-defined]
+        made.append(given if isinstance(given, int) else given.number)
         if len(made) == 3:
             raise KeyboardInterrupt
-        return work(self, given)  # type: ignore[arg-type]
+        return work(self, given)
 
     monkeypatch.setattr(scans._Work, "__call__", interrupted)
     assert command(monkeypatch, *arguments, "--out", str(cut)) == 130

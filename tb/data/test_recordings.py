@@ -65,6 +65,14 @@ def read(data: bytes, folder: Path) -> recordings.Recording:
     return recordings.read(path)
 
 
+def read_or_refused(data: bytes, folder: Path) -> recordings.Recording | str:
+    """Return what is read, or the words with which it is refused."""
+    try:
+        return read(data, folder)
+    except InputError as error:
+        return str(error)
+
+
 def same(got: Any, want: Any) -> None:
     for each in fields(want):
         a, b = getattr(got, each.name), getattr(want, each.name)
@@ -124,10 +132,9 @@ def test_by_the_own_reader_of_mcap(tmp_path: Path) -> None:
 @given(st.integers(0, len(whole()) - 1))
 def test_what_is_cut_off_anywhere_is_read_up_to_there(cut: int) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        try:
-            found = read(whole()[:cut], Path(folder))
-        except InputError as error:
-            assert cut < whole().index(b"numpy") and "\n" not in str(error)  # noqa: PT017
+        found = read_or_refused(whole()[:cut], Path(folder))
+        if isinstance(found, str):
+            assert cut < whole().index(b"numpy") and "\n" not in found
             return
         assert not found.complete and found.lost == 0 and "cut off" in found.told()
         # Chunks that end before the cut, by the index of the whole file.
@@ -153,10 +160,9 @@ def test_a_flipped_bit_is_told_and_nothing_else_is_believed(place: int, bit: int
     data = bytearray(whole())
     data[place] ^= 1 << bit
     with tempfile.TemporaryDirectory() as folder:
-        try:
-            found = read(bytes(data), Path(folder))
-        except InputError as error:
-            assert place < whole().index(b"numpy") and "\n" not in str(error)  # noqa: PT017
+        found = read_or_refused(bytes(data), Path(folder))
+        if isinstance(found, str):
+            assert place < whole().index(b"numpy") and "\n" not in found
             return
         rows = sum(found.rows.values())
         assert rows == 1805 or found.told(), place
@@ -181,12 +187,14 @@ def test_other_files_are_refused_and_nothing_stays_without_data(tmp_path: Path) 
     with pytest.raises(InputError), recordings.Writer(failed, Config()):
         raise InputError("the board is gone")
     assert not failed.exists()
-    with (  # noqa: PT012
-        pytest.raises(InputError, match="gone"),
-        recordings.Writer(failed, Config()) as into,
-    ):
-        into.points(points())
-        raise InputError("the board is gone")
+
+    def cut_short() -> None:
+        with recordings.Writer(failed, Config()) as into:
+            into.points(points())
+            raise InputError("the board is gone")
+
+    with pytest.raises(InputError, match="gone"):
+        cut_short()
     assert len(recordings.read(failed).points) == 1500
     with pytest.raises(InputError, match="no raw lines"):
         _ = recordings.read(failed).lines

@@ -14,6 +14,10 @@ from browser import DEEP, Browser
 from fake_board import FakeBoard
 from scene_board import let_see, scene_lines
 
+from vrscan.data import recordings, records
+from vrscan.data.points import table
+from vrscan.view import playback
+
 pytestmark = pytest.mark.skipif(bool(browser.missing()), reason=browser.missing() or "")
 LINES_PER_S = 600.0
 MODEL = "Bokeh.documents[0].get_model_by_name"
@@ -99,6 +103,14 @@ def count(page: Browser) -> int:
     return int(page.run(f"return {tile}.querySelector('b').textContent").replace(",", ""))
 
 
+def grows(page: Browser, least: float) -> None:
+    """Wait until there are more points."""
+    end = time.monotonic() + 20.0
+    while count(page) <= least:
+        assert time.monotonic() < end
+        time.sleep(0.2)
+
+
 def test_it_shows_the_scene_and_goes_on(page: Browser, board: FakeBoard, url: str) -> None:
     says(page, "mirror RUN, settled, lines run")
     first = count(page)
@@ -109,7 +121,7 @@ def test_it_shows_the_scene_and_goes_on(page: Browser, board: FakeBoard, url: st
     page.wait(f"{MODEL}('line').renderers[0].data_source.data.count.length")
     (pixels,) = columns(page, "line", 0, "count")
     assert any(np.array_equal(pixels, row) for row in board.pixels)
-    assert count(page) > first
+    grows(page, first)
     came = page.run("return performance.getEntriesByType('resource').map((e) => e.name)")
     assert came and all(each.startswith(url) for each in came)
 
@@ -137,20 +149,19 @@ def test_it_records_every_point(page: Browser, board: FakeBoard) -> None:
     time.sleep(1.5)
     click(page, "End")
     says(page, "points, ")
-    made = (board.path.parent / "kept").glob("view-*.npz")
-    points, lines = sorted(made, key=lambda path: len(path.name))
-    with np.load(points) as found:
-        number = found["line"].astype(np.int64)
-        assert len(number) > LINES_PER_S
-        missing = int(np.sum(np.diff(number) - 1))
-        assert missing == found["account_missing"] + found["account_overflow"]
-        again = number % len(board.made)
-        assert np.array_equal(found["z"], board.made["z"][again])
-        assert np.array_equal(found["snr"], board.made["snr"][again])
-    with np.load(lines) as found:
-        assert len(found["lines"]) and {tuple(row) for row in found["lines"]} <= {
-            tuple(row) for row in board.pixels
-        }
+    (path,) = (board.path.parent / "kept").glob("view-*.mcap")
+    kept = recordings.read(path)
+    assert kept.complete and kept.lost == 0
+    number = kept.points.line
+    assert len(number) > LINES_PER_S
+    assert int(np.sum(np.diff(number) - 1)) == int(kept.notes["account"]["missing"])
+    want = table(records.points(board.made[number % len(board.made)]))
+    for name in ("snr", "x_mm", "z_mm", "sigma_z_mm", "free_to_mm", "measured"):
+        np.testing.assert_array_equal(getattr(kept.points, name), getattr(want, name))
+    rows = {row.tobytes() for row in board.pixels}
+    assert len(kept.lines) and {row.tobytes() for row in kept.lines.lines} <= rows
+    played = playback.opened(path)
+    assert played.length == len(number) and played.state.endswith(f"{len(kept.lines)} raw lines")
 
 
 def test_it_outlives_the_port(page: Browser, board: FakeBoard) -> None:
@@ -161,10 +172,7 @@ def test_it_outlives_the_port(page: Browser, board: FakeBoard) -> None:
     says(page, "the port is gone")
     board.plug()
     says(page, "live")
-    end = time.monotonic() + 20.0
-    while count(page) <= before + LINES_PER_S / 2:
-        assert time.monotonic() < end
-        time.sleep(0.2)
+    grows(page, before + LINES_PER_S)
 
 
 @pytest.mark.parametrize("width", [1440, 480])

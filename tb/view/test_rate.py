@@ -13,7 +13,7 @@ from fake_board import FakeBoard
 from random_records import random_records
 from test_page import click, says, shown_at
 
-from vrscan.data import records
+from vrscan.data import recordings, records
 from vrscan.link.protocol import encode_frame
 
 RATE, BATCH, BODIES = 37_400, 24, 50
@@ -76,11 +76,15 @@ def test_all_points_of_a_scan_are_recorded(tmp_path: Path) -> None:
             click(page, "End")
             says(page, "points, ")
             assert page.complaints() == []
-    (path,) = (tmp_path / "kept").glob("*.npz")
-    with np.load(path) as found:
-        number = found["line"].astype(np.int64)
-        assert len(number) >= 0.98 * RATE * RECORDED_S
-        np.testing.assert_array_equal(number, number[0] + np.arange(len(number)))
-        assert found["account_missing"] == found["account_overflow"] == 0
-        np.testing.assert_array_equal(found["z"], made["z"][number % len(made)])
-    print(f"{len(number)} points recorded, 0 missing, with {share:.2f} of a processor")
+    (path,) = (tmp_path / "kept").glob("*.mcap")
+    kept, first, count = recordings.read(path), -1, 0
+    assert kept.complete and kept.notes["account"]["missing"] == "0"
+    for found in kept.point_blocks():
+        first = int(found.line[0]) if first < 0 else first
+        number = first + count + np.arange(len(found))
+        np.testing.assert_array_equal(found.line, number)
+        z_mm = np.where(found.measured, made["z"][number % len(made)] / 4096.0, found.z_mm)
+        np.testing.assert_array_equal(found.z_mm, z_mm)
+        count += len(found)
+    assert count >= 0.98 * RATE * RECORDED_S
+    print(f"{count} points recorded, 0 missing, with {share:.2f} of a processor")

@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -263,8 +264,6 @@ def points(
         raise InputError("--space: not with --compact")
     form = Form.SPACE if space else Form(full)
     recording = kind == SUFFIX
-    if recording and form is not Form.FULL:
-        raise InputError(f"{out}: a recording has full records: not with --compact or --space")
     settings = configuration.load(config)
     if stream_baud is not None:
         _check("--stream-baud", stream_baud, 1, 1_000_000_000)
@@ -283,7 +282,7 @@ def points(
             sink: Callable[[Records], None] | None = None
             if recording:
                 into = stack.enter_context(Writer(out, settings, about=about, flush_s=FLUSH_S))
-                sink = lambda part: into.records(part, build.clock_hz, build.pixel_width)  # noqa: E731
+                sink = partial(into.records, clock_hz=build.clock_hz, pixel_width=build.pixel_width)
             found, account = _recorded(device, form, taken, count, seconds, took, sink)
             if recording:
                 into.note("account", asdict(account))

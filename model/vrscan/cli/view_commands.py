@@ -101,10 +101,11 @@ def view(
             form=Form.SPACE if space else Form.FULL,
             step=step,
             start=start,
+            config=settings,
         )
         folder = build_folder() / "view" if out is None else out
         if file is not None:
-            source = opened(file, settings, speed)
+            source = opened(file, config, speed)
         else:
             if board:
                 options = _simulated(options, scene, settings, stack)
@@ -131,7 +132,9 @@ def _simulated(
     print("a board is built and its scene rendered; the first time this takes minutes", flush=True)
     stack.enter_context(virtual.Board(scene, settings, port=where, swinging=True))
     timeout = max(options.timeout, BOARD_TIMEOUT_S)
-    return replace(options, port=str(where), timeout=timeout, config=settings, start=True)
+    return replace(
+        options, port=str(where), timeout=timeout, config=settings, load=True, start=True
+    )
 
 
 def _serve(

@@ -184,9 +184,12 @@ class Writer:
         self._rows("points", rows, found.time_s, {"pixel_width": str(found.pixel_width)})
 
     def records(self, found: records.Records, clock_hz: int, pixel_width: int) -> None:
-        """Write full records of a board, each bit as it came."""
+        """Write records of a board as they came: full ones, or short ones with their lines."""
         self._clock = self._clock or Clock(clock_hz)
         facts = {"clock_hz": str(clock_hz), "pixel_width": str(pixel_width)}
+        if "time" not in (found.dtype.names or ()):
+            self._rows("short_records", found, np.zeros(len(found)), facts)
+            return
         rows = np.ascontiguousarray(found, records.FULL)
         self._rows("records", rows, self._clock.seconds(rows["time"]), facts)
 
@@ -282,6 +285,8 @@ class Recording:
             if topic == "records":
                 clock = clock or Clock(int(facts["clock_hz"]))
                 yield full_table(rows, int(facts["pixel_width"]), clock)
+            elif topic == "short_records":
+                yield in_units(records.short_points(rows, int(facts["pixel_width"])))
             elif topic == "points":
                 yield _points_of(rows, int(facts["pixel_width"]))
 

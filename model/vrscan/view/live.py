@@ -16,22 +16,23 @@ from vrscan.data import records
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError, one_line
 from vrscan.data.points import table
+from vrscan.data.recordings import FLUSH_S, Writer
 from vrscan.data.records import Form
 from vrscan.link.device import BAUD, TIMEOUT_S, Device
 from vrscan.link.link_report import (
-    Threshold,
+    captured_lines,
     captured_point,
     mirror_text,
     threshold,
     threshold_settings,
 )
+from vrscan.link.register_host import Build
 from vrscan.link.stream import Account
 from vrscan.link.transport import LinkError, UnpluggedError
 from vrscan.registers import values
 from vrscan.registers.register_map import REGISTERS
 from vrscan.registers.values import Value
 from vrscan.view.display import Display, RawLine
-from vrscan.view.recorder import Recorder
 
 RETRY_S = 0.5  # between two attempts to open a port
 GET_S = 0.1
@@ -68,7 +69,8 @@ class Options:
         form: Form of the points.
         step: Distance of the lines whose points come; None takes what the serial line carries.
         start: Whether to start lines, laser and mirror first.
-        config: Configuration to load before; None leaves that of the board.
+        config: Configuration of the board, which its recordings hold.
+        load: Whether to load it before.
     """
 
     port: str
@@ -78,7 +80,8 @@ class Options:
     form: Form = Form.FULL
     step: int | None = None
     start: bool = False
-    config: Config | None = None
+    config: Config = dataclasses.field(default_factory=Config)
+    load: bool = False
 
 
 class LiveSource:
@@ -104,8 +107,7 @@ class LiveSource:
         self.connected = False
         self.step = options.step or 1
         self.options = options
-        self._recorder: Recorder | None = None
-        self._threshold = Threshold(0.0, 0.0, False)  # as last read
+        self._writer: Writer | None = None
         self._device: Device | None = None
         self._prepared = False  # configuration and start are for the first connection alone
         self._started = False
@@ -184,11 +186,13 @@ class LiveSource:
             InputError: if the file cannot be written, or a recording runs.
         """
         build = self.device().build
+        about = {"board": str(build.board_id), "firmware": build.version_text}
         with self._turn:
-            if self._recorder is not None and self.kept is not None:
+            if self._writer is not None and self.kept is not None:
                 raise InputError(f"{self.kept.path}: is being recorded")
-            self._recorder, self.kept = Recorder(path, self.options.form, build), Kept(path)
-            self._before = self.account()
+            about |= {"step": str(self.step)}
+            self._writer = Writer(path, self.options.config, about=about, flush_s=FLUSH_S)
+            self.kept, self._before = Kept(path), self.account()
         self.happened(f"{path}: recording")
 
     def stop_recording(self) -> None:
@@ -198,11 +202,15 @@ class LiveSource:
             InputError: if it cannot be written.
         """
         with self._turn:
-            if self._recorder is None or self.kept is None:
+            if self._writer is None or self.kept is None:
                 return
-            recorder, self._recorder = self._recorder, None
+            into, self._writer = self._writer, None
             self.kept.open = False
-            recorder.close(self.step, _sum(self.account(), self._before, -1), self._threshold)
+            try:
+                into.note("account", dataclasses.asdict(_sum(self.account(), self._before, -1)))
+                into.close()
+            except OSError as error:
+                raise InputError(f"{self.kept.path}: {error.strerror}") from error
         self.happened(f"{self.kept.path}: {self.kept.points} points, {self.kept.lost} lost")
 
     # ---- threads ----
@@ -225,7 +233,7 @@ class LiveSource:
     def _serve(self, device: Device) -> None:
         """Take points until the port is gone or the view ends."""
         options = self.options
-        if not self._prepared and options.config is not None:
+        if not self._prepared and options.load:
             self._say(f"{options.port}: the configuration is loaded")
             device.load(options.config, force=True)
         if options.stream_baud is not None:
@@ -245,11 +253,10 @@ class LiveSource:
                 self._present = lambda: stream.account
                 for thread in beside:
                     thread.start()
-                width = device.build.pixel_width
                 while not self._closing.is_set():
                     found = stream.get(GET_S)
                     if found is not None:
-                        self._enter(found, width)
+                        self._enter(found, device.build)
                     self.display.tick(self.account().lost)
         finally:
             self.connected = False  # ends the threads beside this one
@@ -260,29 +267,31 @@ class LiveSource:
                 with contextlib.suppress(LinkError):
                     device.stop()
 
-    def _enter(self, found: records.Records, width: int) -> None:
-        self.display.take(table(records.form_points(found, self.options.form, width)))
+    def _enter(self, found: records.Records, build: Build) -> None:
+        points = records.form_points(found, self.options.form, build.pixel_width)
+        self.display.take(table(points))
 
-        def write(recorder: Recorder, kept: Kept) -> None:
-            recorder.points(found)
+        def write(into: Writer, kept: Kept) -> None:
+            into.records(found, build.clock_hz, build.pixel_width)
             kept.points += len(found)
 
         self._keep(write)
 
-    def _keep(self, write: Callable[[Recorder, Kept], None]) -> None:
+    def _keep(self, write: Callable[[Writer, Kept], None]) -> None:
         """Write to the recording, if there is one; what fails ends it."""
         failed = False
         with self._turn:
-            if self._recorder is None or self.kept is None:
+            if self._writer is None or self.kept is None:
                 return
             self.kept.lost = _sum(self.account(), self._before, -1).lost
             try:
-                write(self._recorder, self.kept)
+                write(self._writer, self.kept)
             except (InputError, OSError) as error:
                 self.happened(f"{self.kept.path}: ends early ({one_line(error)})")
                 failed = True
         if failed:
-            self.stop_recording()
+            with contextlib.suppress(InputError):
+                self.stop_recording()
 
     def _repeat(self, device: Device, act: Callable[[Device], None], every: float) -> None:
         """Do something again and again while the board answers."""
@@ -311,18 +320,18 @@ class LiveSource:
             each = device.capture(timeout=self.options.timeout)
             if each.record is not None and records.measured(each.record)[0]:
                 break
-        self._threshold = threshold_settings(device)
+        settings = threshold_settings(device)
         width = device.build.pixel_width
         self.display.line = RawLine(
             each.line,
             each.pixels,
             captured_point(each, width),
-            threshold(each.pixels, self._threshold),
+            threshold(each.pixels, settings),
         )
         if each.record is not None:
 
-            def write(recorder: Recorder, kept: Kept) -> None:
-                recorder.line(each)
+            def write(into: Writer, kept: Kept) -> None:
+                into.lines(captured_lines([each]))
                 kept.lines += 1
 
             self._keep(write)

@@ -17,6 +17,8 @@ from bokeh.document import Document
 from bokeh.layouts import column, row
 from bokeh.models import (
     BasicTicker,
+    BooleanFilter,
+    CDSView,
     ColumnDataSource,
     CustomJS,
     DataRange1d,
@@ -50,6 +52,7 @@ from vrscan.view.picture import followed, profile
 from vrscan.view.playback import Playback
 
 REFRESH_MS = 200
+PATIENCE_S = 5.0  # with a page that does not say that it has drawn
 BLUE, RED, GREEN, VIOLET = "#3d8fc0", "#d9634a", "#4c9f5a", "#9b6fb8"  # on light and dark
 EVENTS = 7  # that are shown
 
@@ -77,7 +80,6 @@ def make(document: Document, source: Source, folder: Path) -> None:
     paint = CustomJS(args={"figures": figures}, code=_text("paint.js"))
     document.js_on_event("document_ready", paint)
     document.add_periodic_callback(page.update, REFRESH_MS)
-    page.update()
 
 
 @cache
@@ -103,6 +105,11 @@ class _Page:
         else:
             self._controls = _Controls(document, source, folder, self._look)
         self._events = self._words("events")
+        # The page moves the end after the start once it has drawn; until then nothing new is sent.
+        self._beat = Range1d(start=0, end=0)
+        self._beat.js_on_change("start", CustomJS(code="cb_obj.end = cb_obj.start"))
+        self._pictures.profile.extra_x_ranges["beat"] = self._beat
+        self._sent_s = 0.0
 
     def _words(self, name: str) -> Div:
         return Div(name=name, sizing_mode="stretch_width", stylesheets=[self._look])
@@ -118,7 +125,15 @@ class _Page:
         return [*self._pictures.cards, *self._controls.cards(), last]
 
     def update(self) -> None:
-        """Show what is new."""
+        """Show what is new, if what was sent before has been drawn."""
+        now = time.monotonic()
+        if self._beat.end != self._beat.start and now - self._sent_s < PATIENCE_S:
+            return
+        self._sent_s = now
+        self._show()
+        self._beat.start = int(self._sent_s * 1e3)
+
+    def _show(self) -> None:
         source, display = self._source, self._source.display
         word, kind = ("live", "") if source.connected else ("offline", "off")
         if isinstance(source, Playback):
@@ -220,7 +235,7 @@ class _Pictures:
                 "history": ("time", "rate", "valid", "snr", "lost", "amplitude", "phase"),
             }.items()
         }
-        self._profile = self._draw_profile()
+        self.profile = self._draw_profile()
         self._image = self._draw_image()
         self._near_range = Range1d(start=0, end=100)
         self._raw = self._draw_line()
@@ -234,7 +249,7 @@ class _Pictures:
     def roots(self) -> list[Model]:
         """Return the figures."""
         made = (
-            *(self._profile, self._image, self._raw.figure, self._near.figure, self._flags),
+            *(self.profile, self._image, self._raw.figure, self._near.figure, self._flags),
             *(self._mirror, self._quality, self._rates),
         )
         for each, (name, *_) in zip(made, self.CARDS, strict=True):
@@ -342,8 +357,8 @@ class _Pictures:
         for name in ("sound", "doubtful", "sigma", "free"):
             self._data[name].data = getattr(found, name)
         for shown, coordinates in (
-            (self._profile.x_range, points.x_mm[good]),
-            (self._profile.y_range, points.z_mm[good]),
+            (self.profile.x_range, points.x_mm[good]),
+            (self.profile.y_range, points.z_mm[good]),
         ):
             _follow(shown, coordinates)
         image, reach_rad = display.image()
@@ -467,8 +482,10 @@ class _Controls:
         self._write = Button(label="Write", name="write", button_type="primary", **size)
         self._answer = Div(text="", name="answer", **fields)
         self._rows = ColumnDataSource(data={"name": [], "value": [], "doc": []})
+        self._shown = BooleanFilter()
         self._table = DataTable(
             source=self._rows,
+            view=CDSView(filter=self._shown),
             columns=[
                 TableColumn(field="name", title="register", width=190),
                 TableColumn(field="value", title="value", width=190),
@@ -478,7 +495,7 @@ class _Controls:
             sizing_mode="stretch_both",
             stylesheets=[InlineStyleSheet(css=_text("table.css"))],
         )
-        self._filter.on_change("value_input", lambda attr, old, new: self._list())
+        self._filter.on_change("value_input", lambda attr, old, new: self._narrow())
         self._rows.selected.on_change("indices", lambda attr, old, new: self._choose())
         self._read.on_click(lambda: self._ask(source.registers, self._come))
         self._write.on_click(self._writing)
@@ -534,7 +551,7 @@ class _Controls:
         if kept is not None and kept.open:
             self._ask(source.stop_recording)
             return
-        name = time.strftime("view-%Y%m%d-%H%M%S.npz")
+        name = time.strftime("view-%Y%m%d-%H%M%S.mcap")
         self._ask(lambda: source.record(self._folder / name))
 
     # ---- registers ----
@@ -544,12 +561,17 @@ class _Controls:
         self._list()
 
     def _list(self) -> None:
-        names = [name for name in REGISTERS if self._filter.value_input.lower() in name]
+        found = self._found
         self._rows.data = {
-            "name": names,
-            "value": [value_text(n, self._found[n]) if n in self._found else "" for n in names],
-            "doc": [REGISTERS[name].doc for name in names],
+            "name": list(REGISTERS),
+            "value": [value_text(n, found[n]) if n in found else "" for n in REGISTERS],
+            "doc": [each.doc for each in REGISTERS.values()],
         }
+
+    def _narrow(self) -> None:
+        """Show the registers with the text in their names; the others keep their places."""
+        text = self._filter.value_input.lower()
+        self._shown.booleans = [text in name for name in REGISTERS]
 
     def _chosen(self) -> str | None:
         indices = self._rows.selected.indices

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vrscan.data import line_files
+from vrscan.data import line_files, recordings
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError, one_line
 from vrscan.data.lines import Lines
@@ -22,6 +22,7 @@ from vrscan.link.stream import DTYPES, Account
 from vrscan.view.display import Display, RawLine
 
 TICK_S = 0.1
+POINTS = {"points", "records", "short_records"}  # channels of a recording that have points
 
 
 class Playback:
@@ -31,7 +32,7 @@ class Playback:
         name: Its name.
         points: Its points.
         config: The configuration that they were taken with.
-        raw: Its raw lines, one for each point, or None.
+        raw: Its raw lines, taken evenly over its points, with a point for each; None without.
         speed: How many times as fast as it was taken it is played.
 
     Attributes:
@@ -48,7 +49,7 @@ class Playback:
         name: str,
         points: Table,
         config: Config,
-        raw: Lines | None = None,
+        raw: tuple[Lines, Table] | None = None,
         *,
         speed: float = 1.0,
     ) -> None:
@@ -72,7 +73,8 @@ class Playback:
     @property
     def state(self) -> str:
         """Return the state in words."""
-        return f"{self.name}: {self.length:,} points, {len(self._raw or ()):,} raw lines"
+        lines = 0 if self._raw is None else len(self._raw[0])
+        return f"{self.name}: {self.length:,} points, {lines:,} raw lines"
 
     def account(self) -> Account:
         """Return the number of points that were played; a file loses none."""
@@ -112,29 +114,42 @@ class Playback:
         if begin < end:
             self.display.take(self._points.of(slice(begin, end)))
             if self._raw is not None:
-                pixels, point = self._raw.lines[end - 1], self._points.of(slice(end - 1, end))
+                raw, made = self._raw
+                at = (end - 1) * len(raw) // self.length
+                pixels, point = raw.lines[at], made.of(slice(at, at + 1))
                 over = threshold(pixels, self._settings)
                 self.display.line = RawLine(int(point.line[0]), pixels, point, over)
         self.position = 0 if end == self.length else end
 
 
-def opened(path: Path, config: Config, speed: float = 1.0) -> Playback:
+def opened(path: Path, given: Path | None = None, speed: float = 1.0) -> Playback:
     """Return a recording.
 
     Args:
-        path: points.csv; raw lines, of which the fixed-point model makes the points; or points of
-            the link, .npz.
-        config: The configuration that it was taken with.
+        path: A recording; points.csv; points of the link, .npz; or raw lines. Of raw lines the
+            fixed-point model makes the points, where they come without.
+        given: File of the configuration; None takes that of the recording, or the defaults.
         speed: How many times as fast as it was taken it is played.
 
     Raises:
         InputError: naming the file, if it is missing or of no known kind.
     """
-    found = read_csv(path) if path.suffix == ".csv" else _link_points(path)
-    if found is not None:
-        return Playback(path.name, found, config, speed=speed)
-    raw = line_files.read(path, config)
-    return Playback(path.name, run(Engine.FIXED, raw, config), config, raw, speed=speed)
+    config = recordings.read_config(path, given)
+    points: Table | None
+    raw: Lines | None = None
+    if recordings.is_recording(path):
+        found = recordings.read(path)
+        has = {topic for topic, rows in found.rows.items() if rows}
+        raw = found.lines if "lines" in has or not has & POINTS else None
+        points = found.points if has & POINTS else None
+    else:
+        points = read_csv(path) if path.suffix == ".csv" else _link_points(path)
+        raw = line_files.read(path, config) if points is None else None
+    made = None if raw is None else run(Engine.FIXED, raw, config)
+    points = made if points is None else points
+    assert points is not None
+    together = None if raw is None or made is None else (raw, made)
+    return Playback(path.name, points, config, together, speed=speed)
 
 
 def _link_points(path: Path) -> Table | None:
