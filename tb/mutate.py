@@ -879,6 +879,7 @@ FAULTS = [
         ("an angle between two facets", "overflow || line_outside_q", "overflow"),
         ("a pulse cut by the facet's end", "if (!laser) dark_q <= outside;", "dark_q <= outside;"),
         ("a facet of a whole turn", "centre_phase >> motion_i.scan_facet", "centre_phase"),
+        ("the end of the span outside of it", "> motion_i.scan_span", ">= motion_i.scan_span"),
     ),
     *faults(
         "rtl/mirror/motion_map.sv",

@@ -534,6 +534,28 @@ async def a_polygon_scans_straight_between_its_starts(dut) -> None:
 
 
 @cocotb.test()
+async def the_end_of_what_is_scanned_belongs_to_it(dut) -> None:
+    """The first pulse begins at the last step of the span, then a step behind it."""
+    bench, span = await begin(dut), 30_000
+
+    async def first_pulse(**changes: int) -> tuple[bool, int]:
+        """Return whether the first pulse is lit, and in which step of a turn it begins."""
+        await bench.start(registers(generator(8), pulse_clks=7, **changes))
+        for _ in range(PERIOD_CLKS):
+            step = bench.twin.phase.phase >> (pkg.TURN_WIDTH - 16)
+            await bench.clock(0, 0, False, True)
+            if bench.twin.trigger.laser:
+                return bool(bench.twin.ports()["laser"]), step
+        raise AssertionError("no pulse")
+
+    lit, step = await first_pulse(**WHOLE)
+    assert lit
+    begins = (step - span) % (1 << 16)
+    assert await first_pulse(scan_begin=begins, scan_span=span) == (True, step)
+    assert await first_pulse(scan_begin=begins, scan_span=span - 1) == (False, step)
+
+
+@cocotb.test()
 async def an_angle_that_saturates_is_flagged(dut) -> None:
     """Of a loop that is settled, the angles beyond half a turn are unsettled and no others."""
     draw = generator(4)
