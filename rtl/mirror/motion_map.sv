@@ -20,7 +20,7 @@
 //   drive_phase    offset_i at which motion_a and motion_phi hold, turns
 //   motion_da      change of a_k a turn, MotionSlopeFraction bits
 //   motion_dphi    of phi_k, turns a turn, PhiSlopeFraction bits; all k = 1 in the lowest bits
-//   Latency        11 clocks a product and 4: 202 clocks from valid_i to the outputs, or 1 from the
+//   Latency        12 clocks a product and 4: 220 clocks from valid_i to the outputs, or 1 from the
 //                  first later clock in which busy_i is low; a valid_i before that clock starts
 //                  anew.  The configuration must hold meanwhile; a new one counts from the next
 //                  valid_i.
@@ -63,7 +63,7 @@ module motion_map #(
   localparam int unsigned Done = 2 * Harmonics;
   logic [Done:0] step_q;
   logic          of_phi_q, of_phi_q2;
-  logic          prepare_q, start_q, add_q, store_q, waiting_q;
+  logic          prepare_q, select_q, start_q, add_q, store_q, waiting_q;
   logic          mapped_q;  // there were results
   logic          commit;
   logic                                     known_q, start;  // an offset has come; work begins
@@ -73,7 +73,8 @@ module motion_map #(
   // The step's constants; a_k is as wide as phi_k, so that one adder does for both.
   logic        [SlopeWidth-1:0] slope;
   logic        [PhaseWidth-1:0] base;
-  logic signed [SlopeWidth-1:0] slope_q;
+  logic        [SlopeWidth-1:0] slope_q;
+  logic signed [SlopeWidth-1:0] operand_q;  // beside the multiplier
   logic        [PhaseWidth-1:0] base_q;
   always_comb begin
     slope = '0;
@@ -103,7 +104,7 @@ module motion_map #(
     .rst_i    (rst_i || start),  // the product of the work before must not count for the new one
     .valid_i  (start_q),
     .a_i      (d_q),
-    .b_i      (slope_q),
+    .b_i      (operand_q),
     .valid_o  (product_valid),
     .product_o(product)
   );
@@ -129,12 +130,14 @@ module motion_map #(
 
   always_ff @(posedge clk_i) begin
     d_q       <= signed'(DWidth'(offset_q - motion_i.drive_phase));
-    slope_q   <= signed'(slope);
+    slope_q   <= slope;
+    operand_q <= signed'(slope_q);
     base_q    <= base;
     moved_q   <= dropped + PhaseWidth'(half);
     sum_q     <= base_q + moved_q;
     prepare_q <= product_valid && !step_q[Done-1];
-    start_q   <= prepare_q;
+    select_q  <= prepare_q;
+    start_q   <= select_q;
     add_q     <= product_valid;
     store_q   <= add_q;
     of_phi_q  <= step_q[Done-1:Harmonics] != '0;
@@ -166,6 +169,7 @@ module motion_map #(
     end
     if (rst_i) begin
       prepare_q <= 1'b0;
+      select_q  <= 1'b0;
       start_q   <= 1'b0;
       add_q     <= 1'b0;
       store_q   <= 1'b0;

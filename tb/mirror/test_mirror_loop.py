@@ -29,6 +29,7 @@ from vrscan.data.config import STRAIGHT, Mirror
 from vrscan.engines.mirror_engine import LINE as ENGINE_LINE
 from vrscan.engines.mirror_engine import MEASUREMENT as ENGINE_MEASUREMENT
 from vrscan.engines.mirror_engine import SAMPLES
+from vrscan.fixed.motion_map import LATENCY as MAP_LATENCY
 from vrscan.registers.mirror_registers import MirrorRegisters
 
 ELABORATIONS = [
@@ -467,7 +468,7 @@ async def another_motion_and_table_hold_from_a_clock_on(dut) -> None:
         scale = motion * size
         while bench.twin.ports()["renewing"]:
             await run(1)
-        assert bench.twin.clock - bench.taken < 2 * 202 + 10  # an offset may come meanwhile
+        assert bench.twin.clock - bench.taken < 2 * MAP_LATENCY + 10  # an offset may come meanwhile
         await run(5 * PERIOD_CLKS)
         assert good > before[0] + 6
         # Without another table no angle is in doubt; with one those up to the next pair are.

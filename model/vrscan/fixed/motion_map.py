@@ -14,7 +14,7 @@ from vrscan.registers.settings import MotionSettings
 
 D_WIDTH = pkg.PHASE_WIDTH - 1  # ``DWidth``
 LATENCY = (
-    2 * pkg.HARMONIC_COUNT * (multiply_latency(D_WIDTH, pkg.SLOPE_MOTION_WIDTH) + 2) + 4
+    2 * pkg.HARMONIC_COUNT * (multiply_latency(D_WIDTH, pkg.SLOPE_MOTION_WIDTH) + 3) + 4
 )  # clocks from valid_i to the outputs, with busy_i low
 MOST_IDLE = 1 << 40
 
