@@ -54,6 +54,7 @@ package register_pkg;
     logic signed [31:0] e0;
     logic signed [31:0] e1;
     logic [15:0] tolerance;
+    logic [3:0] length_unit;
   } geometry_t;
 
   // Counters of lines and points that were lost.

@@ -45,6 +45,15 @@ def test_a_new_scanner_is_the_one_that_was_asked_for(tmp_path: Path) -> None:
     assert drawn.read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_far_range_takes_a_larger_unit_of_length(tmp_path: Path) -> None:
+    file = tmp_path / "far.toml"
+    for far, unit_mm in (("2047", 1), ("2048", 2), ("8000", 4)):
+        result = new(file, near_mm="800", far_mm=far, base_mm="200", bias_deg="86")
+        assert result.exit_code == 0, result.output
+        made = load(file)
+        assert made.geometry.unit_mm == unit_mm and made.geometry.range_mm == 2048 * unit_mm
+
+
 def test_what_is_not_given_is_asked_for(tmp_path: Path) -> None:
     file = tmp_path / "new.toml"
     result = new(file, base_mm=None, answers="90\n")

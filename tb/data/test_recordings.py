@@ -107,6 +107,9 @@ def test_records_keep_every_bit_and_unwrap_their_time(tmp_path: Path) -> None:
     kept = np.concatenate([rows for _, rows, _ in recordings._messages(path)])
     assert kept.tobytes() == made.tobytes()
     found = recordings.read(path).points
+    with recordings.Writer(tmp_path / "b.mcap", Config()) as into:
+        into.records(made, 100_000_000, 12, 4)  # in units of 4 mm
+    assert np.array_equal(recordings.read(tmp_path / "b.mcap").points.z_mm, 4.0 * found.z_mm)
     assert np.allclose(np.diff(found.time_s), 0.05) and np.array_equal(found.power, made["power"])
 
 

@@ -6,6 +6,7 @@ from harness import generator
 from random_records import random_records
 
 from vrscan.data import link_pkg, pkg
+from vrscan.data.points import table
 from vrscan.data.records import (
     COMPACT,
     MEASURED,
@@ -70,8 +71,9 @@ def test_lost_points_set_the_compact_flag() -> None:
 
 def test_full_records_become_points() -> None:
     records = random_records(generator(4), range(50))
-    got = points(records, 10)
+    got = points(records, 10, 4)
     assert len(got) == 50 and got.pixel_width == 10
+    assert np.array_equal(table(got).z_mm, got.z * (4 / 4096))
     bits = records["bits"].astype(np.int64)
     assert (got.flags == records["flags"] + ((bits & 8) << 13) + ((bits & 32) << 12)).all()
     for name in ("line", "position", "row_variance", "c_sfm", "doubt"):

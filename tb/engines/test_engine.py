@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vrscan.data.config import Config
+from vrscan.data.config import Config, Free, Geometry
 from vrscan.data.errors import InputError
 from vrscan.data.lines import Lines, part
 from vrscan.data.parallel import processors, workers
@@ -64,6 +64,27 @@ def rows_in_blocks(
 def whole_rows(engine: Engine, recording: Lines, config: Config) -> bytes:
     """Return the same of lines that are computed at once."""
     return csv_rows(Table.joined(list(shaded([run(engine, recording, config)], config))))
+
+
+def test_all_engines_measure_beyond_two_metres() -> None:
+    """The same spots, seen by an instrument of four times the base, lie four times as far away."""
+    unit_mm = 4
+    large = Config(
+        geometry=Geometry(base_mm=unit_mm * CONFIG.geometry.base_mm, unit_mm=unit_mm),
+        free=Free(far_mm=8000.0),
+    )
+    recording = take("far", 96, CONFIG).lines
+    tables = {engine: run(engine, recording, large) for engine in Engine}
+    small = run(Engine.FIXED, recording, CONFIG)
+    got = tables[Engine.FIXED]
+    assert small.located.sum() > 30
+    for name in ("x_mm", "z_mm", "sigma_z_mm"):
+        assert np.array_equal(getattr(got, name), unit_mm * getattr(small, name))
+    assert got.free_to_mm.max(initial=0.0) <= 8000.0
+    assert csv_rows(tables[Engine.RTL]) == csv_rows(got)
+    ideal = run(Engine.IDEAL, recording, CONFIG)
+    assert tables[Engine.IDEAL].z_mm == pytest.approx(unit_mm * ideal.z_mm, rel=1e-12)
+    assert small.z_mm.max() > 512.0 and got.located.sum() == small.located.sum()
 
 
 @pytest.mark.parametrize(

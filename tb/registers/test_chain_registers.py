@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vrscan.data.config import Config, Geometry, Peak, Sensor
+from vrscan.data.config import Config, Geometry, Peak, Sensor, checked
 from vrscan.data.errors import InputError
 from vrscan.ideal.geometry import triangle, undistorted
 from vrscan.registers.chain_registers import Registers, angle_turns
@@ -54,6 +54,20 @@ def test_geometry_constants_give_the_same_triangle(length: int, distortion: str)
     # Half a step of n is 0.5e-6 mm of some 60, of k1 3e-8 of 2048 px: together well below 1 um.
     assert np.abs(n * np.cos(angle) / d - want.z)[near].max() < 1e-3
     assert np.abs(n * np.sin(angle) / d - want.x)[near].max() < 1e-3
+
+
+@pytest.mark.parametrize("unit_mm", [2, 4, 8])
+def test_an_instrument_of_twice_the_size_has_the_same_integers(unit_mm: int) -> None:
+    """The chain knows no mm: what is larger by the unit of length is the same to it."""
+    small = Geometry(offset_mm=3.0)
+    large = Geometry(base_mm=60.0 * unit_mm, offset_mm=3.0 * unit_mm, unit_mm=unit_mm)
+    got, want = (Registers.from_config(Config(geometry=each)) for each in (large, small))
+    assert got.length_unit == unit_mm
+    for name in ("n0", "n1", "d0", "d1", "e0", "e1", "k1", "tolerance"):
+        assert getattr(got, name) == getattr(want, name)
+    assert large.range_mm == unit_mm * 2048.0
+    with pytest.raises(InputError, match=r"free.far_mm = 16384: x and z end at 16384 mm"):
+        checked(Config, {"geometry": {"unit_mm": 8}, "free": {"far_mm": 16384.0}}, "far.toml")
 
 
 def test_angles_are_turns_and_wrap_at_half_a_turn() -> None:

@@ -282,7 +282,12 @@ def points(
             sink: Callable[[Records], None] | None = None
             if recording:
                 into = stack.enter_context(Writer(out, settings, about=about, flush_s=FLUSH_S))
-                sink = partial(into.records, clock_hz=build.clock_hz, pixel_width=build.pixel_width)
+                sink = partial(
+                    into.records,
+                    clock_hz=build.clock_hz,
+                    pixel_width=build.pixel_width,
+                    unit_mm=build.length_unit,
+                )
             found, account = _recorded(device, form, taken, count, seconds, took, sink)
             if recording:
                 into.note("account", asdict(account))

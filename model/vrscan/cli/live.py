@@ -72,7 +72,8 @@ def _dots(values_: Floats, count: int) -> np.ndarray[tuple[int], np.dtype[np.int
 class Profile:
     """The last points, for a picture and their statistics."""
 
-    def __init__(self) -> None:
+    def __init__(self, unit_mm: int = 1) -> None:
+        self._step = unit_mm * 2.0**-pkg.LENGTH_FRACTION
         self._points: Records = np.zeros(0, records.FULL)
 
     def add(self, found: Records) -> None:
@@ -94,8 +95,7 @@ class Profile:
         """Return the picture of the located points."""
         points = self._points
         good = records.located(points)
-        step = 2.0**-pkg.LENGTH_FRACTION
-        x, z = points["x"][good] * step, points["z"][good] * step
+        x, z = points["x"][good] * self._step, points["z"][good] * self._step
         title = "no point"
         if len(x):
             title = f"x {x.min():.2f} to {x.max():.2f} mm, z {z.min():.2f} to {z.max():.2f} mm"
@@ -115,7 +115,7 @@ def _view(
         for way in ("inward", "outward")
     ]
     distance = values.to_scaled("focus_distance", found["focus_distance"])
-    unit = values.find("focus_distance").unit
+    assert isinstance(distance, float)
     table = RichTable.grid(padding=(0, 2, 0, 0))
     table.add_row("points", ", ".join(rates))
     table.add_row("valid", f"{100 * profile.valid():.1f} %, S/N {profile.snr():.1f}")
@@ -131,7 +131,7 @@ def _view(
     )
     table.add_row(
         "focus",
-        f"state {found['focus_state']}, distance {distance:g} {unit}, "
+        f"state {found['focus_state']}, distance {distance * device.build.length_unit:g} mm, "
         f"position {found['focus_position']}",
     )
     return Group(table, profile.picture())
@@ -146,7 +146,7 @@ def watch(device: Device, console: Console, *, seconds: float | None, step: int)
         seconds: Time after which the view ends, or None.
         step: Distance of the lines whose points are shown.
     """
-    profile = Profile()
+    profile = Profile(device.build.length_unit)
     start = before = time.monotonic()
     with _keys() as pressed, device.stream(True, step) as stream:
         found = device.read_many(STATUS)

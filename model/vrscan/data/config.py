@@ -164,6 +164,13 @@ class Geometry(Section):
     distortion: Literal["odd", "even"] = "odd"
     tolerance: float = Field(default=0.001, gt=0, lt=2**-8)
     """C_obj is the probability that a point errs by less than this share of its z."""
+    unit_mm: Annotated[Literal[1, 2, 4, 8], NUMBER] = 1
+    """What the chain counts lengths in: x and z end at 2048 of it, in steps of 1/4096 of it."""
+
+    @property
+    def range_mm(self) -> float:
+        """Return where x and z end, mm."""
+        return 2.0 ** (pkg.LENGTH_WIDTH - 1 - pkg.LENGTH_FRACTION) * self.unit_mm
 
     @property
     def bias_rad(self) -> float:
@@ -205,8 +212,8 @@ class Free(Section):
     """Electrons per photon at the lens, least."""
     spot_mm: Positive = 0.4
     """Radius of the laser's spot."""
-    far_mm: float = Field(default=2000.0, gt=0, lt=2048)
-    """Nothing is called free beyond."""
+    far_mm: Positive = 2000.0
+    """Nothing is called free beyond; where x and z end, geometry.unit_mm has to be larger."""
     edge_px: float = Field(default=8.0, ge=0)
     """Margin at both ends of the sensor."""
 
@@ -663,6 +670,11 @@ class Config(Section):
     @model_validator(mode="after")
     def _of_sensor(self) -> "Config":
         sensor = self.sensor
+        if self.free.far_mm >= self.geometry.range_mm:
+            raise ValueError(
+                f"free.far_mm = {self.free.far_mm:g}: x and z end at {self.geometry.range_mm:g} mm "
+                f"with geometry.unit_mm = {self.geometry.unit_mm}"
+            )
         self._follows("geometry", "centre_px", sensor.line_length / 2 - 0.5)
         self._follows("peak", "kappa", (2**sensor.pixel_width - 1) / sensor.full_well_e)
         return self

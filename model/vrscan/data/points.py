@@ -41,6 +41,7 @@ _VERTEX = np.dtype(
 )
 _PLY_KINDS = {"<f4": "float", "<f8": "double", "<u4": "uint"}
 NO_PLACE = 1 << pkg.FLAG_NO_RANGE | 1 << pkg.FLAG_OUT_OF_RANGE  # flags of what has no x and z
+_FORMATS = ("pixel_width", "unit_mm")  # of all points
 _CONFIDENCE_ONE = 2**pkg.CONFIDENCE_WIDTH - 1
 
 
@@ -70,15 +71,16 @@ class Points:
         sigma: Standard deviation of the position, px, u16, 12 fraction bits.
         doubt: What the lines beside it add to sigma, in squares, px, in the same format.
         angle: Scan angle, fraction of a turn, s24.
-        x: x of the point, mm, s24, 12 fraction bits.
+        x: x of the point, s24, 12 fraction bits of a unit of length.
         z: z of the point, in the format of ``x``.
-        sigma_z: Standard deviation of z, mm, u16, 12 fraction bits.
+        sigma_z: Standard deviation of z, u16, 12 fraction bits.
         c_obj: Confidence in an object (9), u8, 255 is 1.0.
         c_sfm: Confidence in free space (10), u8, 255 is 1.0.
-        free_from: Least z of the part of the beam that is free, mm, u16, 4 fraction bits.
+        free_from: Least z of the part of the beam that is free, u16, 4 fraction bits.
         free_to: Largest z of that part, in the same format; both 0 where nothing is free.
         measured: Whether the line has a position.
         pixel_width: Bits of a pixel.
+        unit_mm: Unit of every length, mm.
     """
 
     line: Ints
@@ -105,6 +107,7 @@ class Points:
     free_to: Ints
     measured: Bools
     pixel_width: int = 12
+    unit_mm: int = 1
 
     def __len__(self) -> int:
         """Return the number of points."""
@@ -115,29 +118,31 @@ class Points:
         columns = {
             field.name: getattr(self, field.name)[rows]
             for field in fields(self)
-            if field.name != "pixel_width"
+            if field.name not in _FORMATS
         }
-        return Points(**columns, pixel_width=self.pixel_width)
+        return Points(**columns, pixel_width=self.pixel_width, unit_mm=self.unit_mm)
 
     @classmethod
     def concatenate(cls, parts: Sequence["Points"]) -> "Points":
-        """Return the points of one or more parts, all of the same pixel width, in order."""
+        """Return the points of one or more parts, all of the same formats, in order."""
         columns = {
             field.name: np.concatenate([getattr(part, field.name) for part in parts])
             for field in fields(cls)
-            if field.name != "pixel_width"
+            if field.name not in _FORMATS
         }
-        return cls(**columns, pixel_width=parts[0].pixel_width)
+        first = parts[0]
+        return cls(**columns, pixel_width=first.pixel_width, unit_mm=first.unit_mm)
 
 
 def points_equal(first: Points, second: Points) -> str | None:
     """Return None if both are the same in every field, else one line about the first difference."""
     if len(first) != len(second):
         return f"{len(first)} points, want {len(second)}"
-    if first.pixel_width != second.pixel_width:
-        return f"pixels of {first.pixel_width} bits, want {second.pixel_width}"
+    for name in _FORMATS:
+        if getattr(first, name) != getattr(second, name):
+            return f"{name} is {getattr(first, name)}, want {getattr(second, name)}"
     for field in fields(Points):
-        if field.name == "pixel_width":
+        if field.name in _FORMATS:
             continue
         got, want = getattr(first, field.name), getattr(second, field.name)
         wrong = np.flatnonzero(np.asarray(got, np.int64) != np.asarray(want, np.int64))
@@ -176,13 +181,13 @@ def table(points: Points) -> Table:
         sigma_px=_scaled(points.sigma, pkg.SIGMA_FRACTION),
         doubt_px=_scaled(points.doubt, pkg.SIGMA_FRACTION),
         angle_rad=_scaled(points.angle, pkg.ANGLE_WIDTH) * (2.0 * np.pi),
-        x_mm=_scaled(points.x, pkg.LENGTH_FRACTION),
-        z_mm=_scaled(points.z, pkg.LENGTH_FRACTION),
-        sigma_z_mm=_scaled(points.sigma_z, pkg.SIGMA_FRACTION),
+        x_mm=_scaled(points.x, pkg.LENGTH_FRACTION) * points.unit_mm,
+        z_mm=_scaled(points.z, pkg.LENGTH_FRACTION) * points.unit_mm,
+        sigma_z_mm=_scaled(points.sigma_z, pkg.SIGMA_FRACTION) * points.unit_mm,
         c_obj=points.c_obj.astype(np.float64) / _CONFIDENCE_ONE,
         c_sfm=points.c_sfm.astype(np.float64) / _CONFIDENCE_ONE,
-        free_from_mm=_scaled(points.free_from, pkg.FREE_FRACTION),
-        free_to_mm=_scaled(points.free_to, pkg.FREE_FRACTION),
+        free_from_mm=_scaled(points.free_from, pkg.FREE_FRACTION) * points.unit_mm,
+        free_to_mm=_scaled(points.free_to, pkg.FREE_FRACTION) * points.unit_mm,
         measured=measured,
         located=measured & (points.flags & NO_PLACE == 0),
         y_mm=np.zeros(len(points)),
@@ -336,7 +341,7 @@ def csv_rows(result: Table) -> bytes:
             result.located,
             result.x_mm,
             result.z_mm,
-            np.minimum(result.sigma_z_mm, sigma_limit),
+            result.sigma_z_mm,
         ),
         text("%.3f,%.3f", everywhere, result.c_obj, result.c_sfm),
         text(

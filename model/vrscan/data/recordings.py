@@ -72,10 +72,10 @@ class Clock:
         return np.asarray(found / self._hz)
 
 
-def full_table(found: records.Records, pixel_width: int, clock: Clock) -> Table:
+def full_table(found: records.Records, pixel_width: int, clock: Clock, unit_mm: int = 1) -> Table:
     """Return full records in physical units, with their times and powers."""
     power = found["power"].astype(np.float64)
-    points = in_units(records.points(found, pixel_width))
+    points = in_units(records.points(found, pixel_width, unit_mm))
     return replace(points, power=power, time_s=clock.seconds(found["time"]))
 
 
@@ -183,15 +183,18 @@ class Writer:
         rows["flags"] = table.flag_bits(found.flags, len(found))
         self._rows("points", rows, found.time_s, {"pixel_width": str(found.pixel_width)})
 
-    def records(self, found: records.Records, clock_hz: int, pixel_width: int) -> None:
+    def records(
+        self, found: records.Records, clock_hz: int, pixel_width: int, unit_mm: int = 1
+    ) -> None:
         """Write records of a board as they came: full ones, or short ones with their lines."""
         self._clock = self._clock or Clock(clock_hz)
-        facts = {"clock_hz": str(clock_hz), "pixel_width": str(pixel_width)}
+        facts = {"clock_hz": clock_hz, "pixel_width": pixel_width, "unit_mm": unit_mm}
+        told = {name: str(value) for name, value in facts.items()}
         if "time" not in (found.dtype.names or ()):
-            self._rows("short_records", found, np.zeros(len(found)), facts)
+            self._rows("short_records", found, np.zeros(len(found)), told)
             return
         rows = np.ascontiguousarray(found, records.FULL)
-        self._rows("records", rows, self._clock.seconds(rows["time"]), facts)
+        self._rows("records", rows, self._clock.seconds(rows["time"]), told)
 
     def lines(self, found: Lines) -> None:
         """Write raw lines, with their truth if they have one."""
@@ -282,11 +285,13 @@ class Recording:
         """Yield the points in the blocks of the file."""
         clock: Clock | None = None
         for topic, rows, facts in _messages(self.path):
+            unit_mm = int(facts.get("unit_mm", 1))
             if topic == "records":
                 clock = clock or Clock(int(facts["clock_hz"]))
-                yield full_table(rows, int(facts["pixel_width"]), clock)
+                yield full_table(rows, int(facts["pixel_width"]), clock, unit_mm)
             elif topic == "short_records":
-                yield in_units(records.short_points(rows, int(facts["pixel_width"])))
+                short = records.short_points(rows, int(facts["pixel_width"]), unit_mm)
+                yield in_units(short)
             elif topic == "points":
                 yield _points_of(rows, int(facts["pixel_width"]))
 

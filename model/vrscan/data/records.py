@@ -248,12 +248,13 @@ def space(records: Records) -> Records:
     return result
 
 
-def points(records: Records, pixel_width: int = 12) -> Points:
+def points(records: Records, pixel_width: int = 12, unit_mm: int = 1) -> Points:
     """Return full records as points, without the fields that only the link adds to them.
 
     Args:
         records: An array of ``FULL``.
         pixel_width: ``PixelWidth`` of the scanner.
+        unit_mm: Its unit of length, mm.
     """
     names = [field.name for field in fields(Points) if field.name in (FULL.names or ())]
     found = {name: records[name].astype(np.int64) for name in names}
@@ -267,10 +268,11 @@ def points(records: Records, pixel_width: int = 12) -> Points:
         **found,
         measured=point,
         pixel_width=pixel_width,
+        unit_mm=unit_mm,
     )
 
 
-def short_points(found: Records, pixel_width: int = 12) -> Points:
+def short_points(found: Records, pixel_width: int = 12, unit_mm: int = 1) -> Points:
     """Return compact records, or those of points and free beams, as points.
 
     What they lack is 0. Of the flags that share a bit the first stands for all, and what is
@@ -279,6 +281,7 @@ def short_points(found: Records, pixel_width: int = 12) -> Points:
     Args:
         found: n records with the number of their line as the field ``line``.
         pixel_width: ``PixelWidth`` of the scanner.
+        unit_mm: Its unit of length, mm.
     """
     point, names = measured(found), found.dtype.names or ()
     wide = {name: found[name].astype(np.int64) for name in names}
@@ -290,10 +293,11 @@ def short_points(found: Records, pixel_width: int = 12) -> Points:
         flags = flags | (wide["flags"] >> bit & 1) << pkg.FLAGS[first]
     wide |= {"flags": flags, "angle": np.where(point, angle, wide.get("angle", none))}
     columns: dict[str, Any] = {field.name: wide.get(field.name, none) for field in fields(Points)}
-    return Points(**columns | {"measured": point, "pixel_width": pixel_width})
+    formats = {"pixel_width": pixel_width, "unit_mm": unit_mm}
+    return Points(**columns | {"measured": point} | formats)
 
 
-def form_points(found: Records, form: Form, pixel_width: int = 12) -> Points:
+def form_points(found: Records, form: Form, pixel_width: int = 12, unit_mm: int = 1) -> Points:
     """Return records of any form, with the numbers of their lines, as points."""
     make = points if form is Form.FULL else short_points
-    return make(found, pixel_width)
+    return make(found, pixel_width, unit_mm)

@@ -143,7 +143,12 @@ def _run(
     if received != len(lines) or not np.array_equal(columns["line"], np.arange(len(lines))):
         raise RuntimeError(f"rtl engine: {received} points for {len(lines)} lines")
     measured = columns.pop("measured").astype(np.bool_)
-    points = Points(**columns, measured=measured, pixel_width=registers.pixel_width)
+    points = Points(
+        **columns,
+        measured=measured,
+        pixel_width=registers.pixel_width,
+        unit_mm=registers.length_unit,
+    )
     return points, clocks - (np.arange(len(lines)) * (length + gap) + length - 1)
 
 

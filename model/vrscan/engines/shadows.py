@@ -86,7 +86,7 @@ class _Block:
         start, end = table.free_from_mm.copy(), table.free_to_mm.copy()
         if len(rows):
             hidden = self._hidden(table.angle_rad[rows], start[rows], nearest)
-            step = 2.0**-pkg.FREE_FRACTION
+            step = self._config.geometry.unit_mm * 2.0**-pkg.FREE_FRACTION
             end[rows] = np.minimum(end[rows], np.floor(np.minimum(hidden, 1e6) / step) * step)
         none = end <= start
         start[none], end[none] = 0.0, 0.0

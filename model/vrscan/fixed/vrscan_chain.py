@@ -309,6 +309,7 @@ def _run(
         free_to=np.where(quality.c_sfm > 0, free_to, 0),
         measured=harmonic.measured,
         pixel_width=r.pixel_width,
+        unit_mm=r.length_unit,
     )
     return _Spots(points, scale, harmonic.sum, power), history
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vrscan.data import pkg
 from vrscan.data.arrays import Bools, Floats, Ints, Pixels
 from vrscan.data.config import Config
 from vrscan.data.contract import checked
@@ -18,8 +19,7 @@ from vrscan.ideal.statistics import statistics
 
 MAX_WINDOW = 255  # px
 MIRROR_FLAGS = ("NOT_RUNNING", "INDEX_FAULT", "UNSETTLED")  # by bit
-RANGE_MM = 2048.0  # a coordinate beyond it does not fit in its format
-FARTHEST_MM = 4096.0  # nor does the distance from the mirror
+_SIGMA_MOST = (2**pkg.SIGMA_WIDTH - 1) * 2.0**-pkg.SIGMA_FRACTION  # units of length
 _CHUNK = 512  # lines computed at a time: they fit in a cache
 
 
@@ -114,9 +114,9 @@ def _located(
     u, scale = geometry.undistorted(position, config.geometry)
     located = geometry.triangle(u, points.angle_rad, config.geometry)
     sigma_z, typical_z = (np.abs(located.slope) * np.abs(scale) * own for own in (sigma, typical))
-    away = np.hypot(located.x, located.z) >= FARTHEST_MM
+    away = np.hypot(located.x, located.z) >= 2.0 * config.geometry.range_mm  # of the format of q
     flags["NO_RANGE"] = measured & (located.no_range | away)
-    beyond = np.maximum(np.abs(located.x), np.abs(located.z)) >= RANGE_MM
+    beyond = np.maximum(np.abs(located.x), np.abs(located.z)) >= config.geometry.range_mm
     flags["OUT_OF_RANGE"] = measured & beyond & ~flags["NO_RANGE"]
     there = measured & ~(flags["NO_RANGE"] | flags["OUT_OF_RANGE"])
     tolerance = config.geometry.tolerance
@@ -128,7 +128,7 @@ def _located(
         doubt_px=doubt,
         x_mm=np.where(there, located.x, 0.0),
         z_mm=np.where(there, located.z, 0.0),
-        sigma_z_mm=sigma_z,
+        sigma_z_mm=np.minimum(sigma_z, _SIGMA_MOST * config.geometry.unit_mm),
         c_obj=np.where(flags["MIXED"], 0.5, 1.0) * c_obj,
         located=there,
     )

@@ -195,20 +195,22 @@ def write_points(
             file,
             allow_pickle=False,
             pixel_width=np.int64(build.pixel_width),
+            unit_mm=np.int64(build.length_unit),
             clock_hz=np.int64(build.clock_hz),
             step=np.int64(step),
             **facts,
             **{name: found[name] for name in names},
         )
     elif form is Form.FULL:
-        write_csv(full_table(found, build.pixel_width, Clock(build.clock_hz)), file)
+        clock = Clock(build.clock_hz)
+        write_csv(full_table(found, build.pixel_width, clock, build.length_unit), file)
     elif form is Form.SPACE:
-        _write_space(found, file)
+        _write_space(found, file, build.length_unit)
     else:
-        _write_compact(found, file)
+        _write_compact(found, file, build.length_unit)
 
 
-def _write_space(found: Records, file: BinaryIO) -> None:
+def _write_space(found: Records, file: BinaryIO, unit_mm: int) -> None:
     """Write points and free beams as text; a line is one or the other, and the rest is empty."""
     length, ends = (
         math.ceil(bits * math.log10(2.0)) for bits in (pkg.LENGTH_FRACTION, pkg.FREE_FRACTION)
@@ -216,7 +218,7 @@ def _write_space(found: Records, file: BinaryIO) -> None:
     file.write(
         b"line,x_mm,z_mm,c_obj,angle_rad,free_from_mm,free_to_mm,c_sfm,flags,confidence,inward\n"
     )
-    step, free_step = 2.0**-pkg.LENGTH_FRACTION, 2.0**-pkg.FREE_FRACTION
+    step, free_step = (unit_mm * 2.0**-k for k in (pkg.LENGTH_FRACTION, pkg.FREE_FRACTION))
     turn = 2.0 * math.pi * 2.0**-pkg.ANGLE_WIDTH
     point = records.measured(found)
     for each, is_point in zip(found, point.tolist(), strict=True):
@@ -235,11 +237,11 @@ def _write_space(found: Records, file: BinaryIO) -> None:
         file.write(f"{each['line']},{place},{beam},{names},{mirror}\n".encode())
 
 
-def _write_compact(found: Records, file: BinaryIO) -> None:
+def _write_compact(found: Records, file: BinaryIO, unit_mm: int) -> None:
     """Write compact points as text; x and z are empty where a point is not measured."""
     decimals = math.ceil(pkg.LENGTH_FRACTION * math.log10(2.0))
     file.write(b"line,x_mm,z_mm,c_obj,flags\n")
-    step = 2.0**-pkg.LENGTH_FRACTION
+    step = unit_mm * 2.0**-pkg.LENGTH_FRACTION
     for line, x, z, c_obj, flags in found.tolist():
         place = ","
         if flags >> link_pkg.COMPACT_MEASURED & 1:

@@ -6,7 +6,7 @@
 import abc
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -59,7 +59,7 @@ class DeviceError(LinkError):
 
 @dataclass(frozen=True)
 class Build:
-    """A board's identity; the fields are registers of the group identity."""
+    """A board's identity, registers of that group, and the unit of the lengths that it sends."""
 
     identity: int
     map_hash: int
@@ -71,6 +71,7 @@ class Build:
     max_window: int
     lanes: int
     index_oversample: int
+    length_unit: int = field(default=1, compare=False)  # mm; each load may bring another one
 
     @property
     def version_text(self) -> str:
@@ -337,6 +338,7 @@ class RegisterHost(abc.ABC):
         if maps is not None:
             wanted["map_bank"] = self.write_maps(maps, progress)
         self.write_many(wanted.items(), progress)
+        self.build = self._identify()
 
     def load_maps(
         self, config: Config, progress: Callable[[int, int], None] | None = None

@@ -89,16 +89,17 @@ class Registers(Settings):
     k1: int  # s26, 24 fraction bits: k1 * R**2, R = 2**clog2(LineLength) px
     k2: int  # s26, 24 fraction bits: k2 * R**4
     even: bool  # whether to use (5) as printed
-    n0: int  # s32, 20 fraction bits, mm
-    n1: int  # s32, 20 fraction bits, mm per R
+    n0: int  # s32, 20 fraction bits, length_unit
+    n1: int  # s32, 20 fraction bits, length_unit per R
     d0: int  # s32, 30 fraction bits, in units of f
     d1: int
     e0: int
     e1: int
     tolerance: int  # u16, 24 fraction bits: share of z that a point may err
+    length_unit: int  # mm, of n0, n1, the table of free space and every point
     free_begin: int  # s24, turns
     free_shift: int
-    free_table_from: tuple[int, ...]  # u16, 4 fraction bits, mm
+    free_table_from: tuple[int, ...]  # u16, 4 fraction bits, length_unit
     free_table_to: tuple[int, ...]
 
     @classmethod
@@ -122,7 +123,7 @@ class Registers(Settings):
         reach_mm = reach_px * geometry.pitch_mm
         per_focal = reach_mm / geometry.focal_mm
         cosine, sine = math.cos(geometry.bias_rad), math.sin(geometry.bias_rad)
-        base, offset = geometry.base_mm, geometry.offset_mm
+        base, offset = geometry.base_mm / geometry.unit_mm, geometry.offset_mm / geometry.unit_mm
         free_begin, free_shift, free_from, free_to = free_table(config)
         lengths = pkg.GEOMETRY_WIDTH, pkg.BASE_FRACTION
         rays = pkg.GEOMETRY_WIDTH, pkg.RAY_FRACTION
@@ -170,6 +171,7 @@ class Registers(Settings):
                 pkg.TOLERANCE_WIDTH,
                 pkg.TOLERANCE_FRACTION,
             ),
+            length_unit=geometry.unit_mm,
             free_begin=free_begin,
             free_shift=free_shift,
             free_table_from=free_from,

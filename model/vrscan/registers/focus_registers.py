@@ -11,7 +11,7 @@ from vrscan.registers.chain_registers import fit
 from vrscan.registers.register_map import WINDOWS
 from vrscan.registers.settings import FocusSettings
 
-Z_ONE = 2**pkg.LENGTH_FRACTION  # steps per mm
+Z_ONE = 2**pkg.LENGTH_FRACTION  # steps per unit of length
 TABLE_SIZE = WINDOWS["focus_table"].entries
 FRACTION_WIDTH = 10  # fraction bits of a distance between two entries of the table
 
@@ -84,15 +84,16 @@ class FocusRegisters(FocusSettings):
         reached("far_mm", focus.far_mm)
         manual_um = 1e3 * reached("manual_mm", focus.manual_mm)
         steps("manual", "travel_mm", 1e3 * focus.travel_mm)
-        z_begin = put("z_begin", "near_mm", focus.near_mm)
+        unit = config.geometry.unit_mm
+        z_begin = put("z_begin", "near_mm", focus.near_mm / unit)
         # The finest table that reaches this far.
-        span = focus.far_mm * Z_ONE - z_begin
+        span = focus.far_mm / unit * Z_ONE - z_begin
         z_shift = 0
         while (TABLE_SIZE - 1) << (z_shift + FRACTION_WIDTH) < span:
             z_shift += 1
 
         def entry(k: int) -> int:
-            z_mm = (z_begin + (k << (z_shift + FRACTION_WIDTH))) / Z_ONE
+            z_mm = (z_begin + (k << (z_shift + FRACTION_WIDTH))) / Z_ONE * unit
             return math.floor(1e3 * position_mm(z_mm) / focus.resolution_um + 0.5)
 
         return cls(

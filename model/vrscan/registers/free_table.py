@@ -38,7 +38,8 @@ def _table(*sections: object) -> tuple[int, int, tuple[int, ...], tuple[int, ...
 
     scale = 2.0 ** (pkg.COUNT_WIDTH - config.sensor.pixel_width)
     near, far = reach(level_ratios() * scale, angles, config)
-    bright_from, bright_to = _words(near, far)
+    unit = config.geometry.unit_mm
+    bright_from, bright_to = _words(near / unit, far / unit)
     return (
         -half,
         shift,
@@ -75,7 +76,8 @@ def _seen(begin: int, shift: int, config: Config) -> tuple[Ints, Ints]:
     near_entry = near[::_FINE] + _bend(near[cell], whole)
     far_entry = far[::_FINE] - _bend(-far[cell], whole)
     near_entry[entry_none], far_entry[entry_none] = np.inf, 0.0
-    return _words(near_entry, far_entry)
+    unit = config.geometry.unit_mm
+    return _words(near_entry / unit, far_entry / unit)
 
 
 def _bend(values: Floats, whole: Bools) -> Floats:

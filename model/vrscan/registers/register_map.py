@@ -98,14 +98,14 @@ def _one(
     )  # fmt: skip
 
 
-MAP_HASH = 0x93C0113F
+MAP_HASH = 0xCB56D2BB
 
 # fmt: off
 _REGISTERS = (
     _one("", 0x000, "identity", 32, "constant",
          "the letters VRSC, by which a host knows the instrument", reset=0x56525343),
     _one("", 0x001, "map_hash", 32, "constant",
-         "hash of the parts of this map that a host must know", reset=0x93C0113F),
+         "hash of the parts of this map that a host must know", reset=0xCB56D2BB),
     _one("", 0x002, "version", 32, "constant",
          "version of the map: major, minor, patch in bits 31..16, 15..8, 7..0", reset=0x00000100),
     _one("identity_status", 0x003, "board_id", 16, "ro", "number of the kind of board"),
@@ -165,10 +165,10 @@ _REGISTERS = (
     _one("geometry", 0x024, "even", 1, "rw", "1: distortion by even powers, (5) as printed",
          lock="lock_calibration", commit=True),
     _one("geometry", 0x025, "n0", 32, "rw", "n = n0 + n1 s, s = offset / R",
-         lock="lock_calibration", signed=True, reset=62302280, fraction=20, unit="mm",
+         lock="lock_calibration", signed=True, reset=62302280, fraction=20, unit="length_unit",
          commit=True),
     _one("geometry", 0x026, "n1", 32, "rw", "of n", lock="lock_calibration", signed=True,
-         reset=5021049, fraction=20, unit="mm", commit=True),
+         reset=5021049, fraction=20, unit="length_unit", commit=True),
     _one("geometry", 0x027, "d0", 32, "rw", "d = (d0 + d1 s) cos a + (e0 + e1 s) sin a",
          lock="lock_calibration", signed=True, reset=149435979, fraction=30, commit=True),
     _one("geometry", 0x028, "d1", 32, "rw", "of d", lock="lock_calibration", signed=True,
@@ -180,6 +180,9 @@ _REGISTERS = (
     _one("geometry", 0x02B, "tolerance", 16, "rw",
          "share of z; c_obj is the probability that a point errs by less", lock="lock_calibration",
          reset=16777, fraction=24, commit=True),
+    _one("geometry", 0x02C, "length_unit", 4, "rw",
+         "what x, z, their deviation, free space and every length of a register are counted in; "
+         "for the host", lock="lock_calibration", reset=1, unit="mm", low=1, commit=True),
     _one("chain", 0x030, "short_count", 16, "counter", "number of lines with too few pixels"),
     _one("chain", 0x031, "long_count", 16, "counter", "number of lines with too many pixels"),
     _one("chain", 0x032, "unfinished_count", 16, "counter",
@@ -440,7 +443,7 @@ _REGISTERS = (
     _one("focus", 0x183, "focus_lapse", 16, "rw",
          "number of points without a good one after which a new average begins"),
     _one("focus", 0x184, "focus_z_begin", 24, "rw", "distance of entry 0 of the table",
-         signed=True, fraction=12, unit="mm"),
+         signed=True, fraction=12, unit="length_unit"),
     _one("focus", 0x185, "focus_z_shift", 4, "rw",
          "spacing of the table's entries: 2**(shift + 10) steps of a distance"),
     _one("focus", 0x186, "focus_hysteresis", 16, "rw", "least change of the target"),
@@ -467,7 +470,7 @@ _REGISTERS = (
          " too long; 4 bus stuck; 5 arbitration lost; 6 target not reached"),
     _one("focus_status", 0x1A2, "focus_in_position", 1, "ro", "1 while the lens is at its target"),
     _one("focus_status", 0x1A3, "focus_distance", 24, "ro", "average z of the good points",
-         signed=True, fraction=12, unit="mm"),
+         signed=True, fraction=12, unit="length_unit"),
     _one("focus_status", 0x1A4, "focus_target", 16, "ro", "position that the lens should have"),
     _one("focus_status", 0x1A5, "focus_position", 16, "ro",
          "position of the lens when it was last read"),
@@ -584,9 +587,9 @@ _WINDOWS = (
        "2**(focus_z_shift + 10) steps"),
     Window("free_table", 0x6000, 256, 2, (
         _one("free_table", 0x000, "free_table_from", 16, "rw", "least z", lock="lock_calibration",
-             fraction=4, unit="mm", commit=True),
+             fraction=4, unit="length_unit", commit=True),
         _one("free_table", 0x001, "free_table_to", 16, "rw", "largest z", lock="lock_calibration",
-             fraction=4, unit="mm", commit=True),
+             fraction=4, unit="length_unit", commit=True),
     ), "lock_calibration", True, None, None,
        "Intervals of z in which a line without a peak is free, empty where from is not below to."
        " Entry i < 128: what the camera sees at the angle free_begin + i 2**(free_shift + 10) "

@@ -6,8 +6,6 @@ from vrscan.scene.beam import radius_mm
 from vrscan.scene.light import Light
 from vrscan.scene.surface import tis
 
-FARTHEST_MM = 2048.0  # where the chain's coordinates end
-
 
 def doubts(light: Light) -> list[str]:
     """Return a line of text for each value that hardly anybody means: its key, itself, and why."""
@@ -15,11 +13,11 @@ def doubts(light: Light) -> list[str]:
 
 
 def _of_targets(light: Light) -> list[str]:
-    found = []
+    found, end = [], light.config.geometry.range_mm
     for name, (low, high) in zip(light.world.names, light.world.each_bounds, strict=True):
-        if low[2] > FARTHEST_MM:
+        if low[2] > end:
             found.append(
-                f"target {name} begins at z = {low[2]:g} mm: coordinates end at {FARTHEST_MM:g} mm"
+                f"target {name} begins at z = {low[2]:g} mm: coordinates end at {end:g} mm"
             )
         elif high[2] <= 0.0:
             found.append(f"target {name} ends at z = {high[2]:g} mm: behind the instrument")
@@ -58,7 +56,7 @@ def _of_the_instrument(light: Light) -> list[str]:
     ]
     focal = config.geometry.focal_mm
     z_mm = float(light.world.bounds[0, 2])
-    near = np.array([z_mm if 0.0 < z_mm < FARTHEST_MM else lens.focus_mm])
+    near = np.array([z_mm if 0.0 < z_mm < config.geometry.range_mm else lens.focus_mm])
     wide = 2.0 * float(radius_mm(near, laser)[0]) * focal / config.geometry.pitch_mm / near[0]
     most = min(config.peak.max_width, config.sensor.line_length)
     if wide > most:

@@ -12,6 +12,7 @@ from typing import BinaryIO
 import numpy as np
 from rich.text import Text
 
+from vrscan.data import pkg
 from vrscan.data.arrays import Floats
 from vrscan.data.config import Config, Geometry
 from vrscan.data.errors import InputError
@@ -38,8 +39,11 @@ def check(config: Config, near_mm: float, far_mm: float) -> None:
     geometry, margin = config.geometry, config.free.edge_px
     if not 0.0 < near_mm < far_mm:
         raise InputError(f"near_mm = {near_mm:g}: not between 0 and far_mm = {far_mm:g}")
-    if far_mm >= 2048.0:
-        raise InputError(f"far_mm = {far_mm:g}: x and z have 24 bits, which end at 2048 mm")
+    if far_mm >= geometry.range_mm:
+        raise InputError(
+            f"far_mm = {far_mm:g}: x and z have {pkg.LENGTH_WIDTH} bits, which end at "
+            f"{geometry.range_mm:g} mm with geometry.unit_mm = {geometry.unit_mm}"
+        )
     last = config.sensor.line_length - 1
     ends = np.array([near_mm, far_mm])
     places = project(np.zeros(2), ends, geometry)

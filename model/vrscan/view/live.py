@@ -268,11 +268,11 @@ class LiveSource:
                     device.stop()
 
     def _enter(self, found: records.Records, build: Build) -> None:
-        points = records.form_points(found, self.options.form, build.pixel_width)
+        points = records.form_points(found, self.options.form, build.pixel_width, build.length_unit)
         self.display.take(table(points))
 
         def write(into: Writer, kept: Kept) -> None:
-            into.records(found, build.clock_hz, build.pixel_width)
+            into.records(found, build.clock_hz, build.pixel_width, build.length_unit)
             kept.points += len(found)
 
         self._keep(write)

@@ -167,9 +167,9 @@ def _link_points(path: Path) -> Table | None:
             found = np.zeros(len(file["line"]), kind)
             for name in kind.names or ():
                 found[name] = file[name]
-            width = int(file["pixel_width"])
+            formats = int(file["pixel_width"]), int(file["unit_mm"]) if "unit_mm" in file else 1
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or one_line(error)}") from error
     except (ValueError, KeyError, TypeError, zipfile.BadZipFile, zlib.error) as error:
         raise InputError(f"{path}: damaged ({one_line(error)})") from error
-    return table(form_points(found, form, width))
+    return table(form_points(found, form, *formats))

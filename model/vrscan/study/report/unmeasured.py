@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from vrscan.engines.engine import Engine, run
-from vrscan.scene.doubts import FARTHEST_MM, doubts
+from vrscan.scene.doubts import doubts
 from vrscan.scene.effects import present
 from vrscan.scene.light import Light
 from vrscan.scene.simulate import Scanner
@@ -45,7 +45,7 @@ def _cause(light: Light, count: int) -> str:
     least = _COMMON * max(int(seen.sum()), 1)
     often = [name for name, flag in points.flags.items() if int(flag[seen].sum()) >= least]
     if {"OUT_OF_RANGE", "NO_RANGE"} & set(often):
-        return f"what they measure is farther away than {FARTHEST_MM:g} mm"
+        return f"what they measure is farther away than {light.belief.geometry.range_mm:g} mm"
     best = max(links, key=lambda link: link.peak_e / _noise(link))
     dim = best.peak_e < light.config.peak.snr_min * _noise(best)
     if often and not (dim and _DIM in often):
