@@ -109,7 +109,7 @@ def test_what_is_published_is_what_is_exported(
 ) -> None:
     began = time.time()
     with running(ros, board, min_confidence=0.25, frame="head", sweeps=count):
-        until(lambda: len(sent(ros, "points")) > 6)
+        until(lambda: len(sent(ros, "points")) > 8)
     clouds_sent, scans_sent = list(sent(ros, "points")), list(sent(ros, "scan"))
     table = filters.min_confidence(full_table(MADE, 12, Clock(CLOCK_HZ)), 0.25)
     whole = clouds.cloud(table)
@@ -143,8 +143,9 @@ def test_what_is_published_is_what_is_exported(
     # The stamps are this machine's, as far apart as the board's, and so are the scans.
     stamps = np.array([seconds(each) for each in clouds_sent[1:]])
     boards = np.array([seconds(each) for each in read["/points"][place : place + len(stamps)]])
-    assert began < stamps[0] < stamps[-1] < time.time()
-    assert np.ptp(stamps - boards) < 0.05  # the delays of a busy machine
+    assert (began < stamps).all() and (stamps < time.time()).all()
+    # Single ones differ where the machine is busy and a delay is less than all before.
+    assert np.median(np.abs(np.diff(stamps) - np.diff(boards))) < 1e-4
     assert scans_sent[2].scan_time == pytest.approx(boards[1] - boards[0], abs=1e-6)
     (placed,) = sent(ros, "/tf_static")
     (want,) = read["/tf_static"]
