@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ros_reader import messages
 
 from vrscan.data import clouds, poses, ros
 from vrscan.data.errors import InputError
@@ -146,22 +147,6 @@ def test_e57_by_the_rust_reader(found: clouds.Cloud, tmp_path: Path) -> None:
     assert np.allclose(np.ravel(read.intensity), found.points.intensity, rtol=1e-6)
     text = e57.raw_xml(str(path))
     assert "rowIndex" in text and "columnIndex" in text
-
-
-def messages(path: Path) -> dict[str, list[Any]]:
-    """Return the messages of a file by topic, read by rosbags, with ROS's own definitions."""
-    from rosbags.highlevel import AnyReader
-    from rosbags.typesys import Stores, get_typestore
-
-    found: dict[str, list[Any]] = {}
-    with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-        for connection, logged, data in reader.messages():
-            decoded = reader.deserialize(data, connection.msgtype)
-            stamped = decoded if hasattr(decoded, "header") else decoded.transforms[0]
-            stamp = stamped.header.stamp
-            assert stamp.sec * 10**9 + stamp.nanosec == logged
-            found.setdefault(connection.topic, []).append(decoded)
-    return found
 
 
 def points_of(message: Any) -> np.ndarray:

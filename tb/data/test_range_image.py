@@ -20,6 +20,10 @@ from vrscan.data.range_image import STEP_MM, grid, range_image, sweeps, write_im
         ([0.0, 0.1, 0.2], [0, 0, 0]),
         ([0.0, 0.0, 0.1, 0.1, 0.0, 0.0, 0.1], [0, 0, 0, 0, 1, 1, 2]),
         ([0.2, 0.1, 0.0, 0.1, 0.2, 0.1], [0, 0, 0, 1, 1, 2]),
+        # A polygon's beam jumps back, and the line to which it jumps begins the next sweep.
+        ([0.0, 0.1, 0.2, -0.2, -0.1, 0.0, 0.1, -0.3, -0.2], [0, 0, 0, 1, 1, 1, 1, 2, 2]),
+        ([0.2, 0.1, 0.1, 0.6, 0.6, 0.5, 0.4], [0, 0, 0, 1, 1, 1, 1]),
+        ([0.2, 0.1, 0.4, 0.3, 0.2], [0, 0, 1, 2, 2]),  # three steps are no jump
     ],
 )
 def test_a_sweep_ends_where_the_mirror_turns(angles: list[float], want: list[int]) -> None:

@@ -89,7 +89,7 @@ def cloud(
     if not points.located.any():
         raise InputError(f"{name}: no point has a place")
     found = points.of(points.located)
-    places = np.stack([found.x_mm, found.y_mm, found.z_mm], 1)
+    places = found.places_mm
     if poses is not None:
         check_times(found, name, "poses")
         places[:, 1] = 0.0

@@ -490,7 +490,7 @@ def ply_vertices(result: Table, places_mm: Floats | None = None) -> bytes:
     rows = np.flatnonzero(result.located)
     vertices = np.zeros(len(rows), _VERTEX)
     if places_mm is None:
-        places_mm = np.stack([result.x_mm, result.y_mm, result.z_mm], 1)
+        places_mm = result.places_mm
     for name, column in zip("xyz", places_mm[rows].T, strict=True):
         vertices[name] = column
     vertices["time"] = result.time_s[rows]

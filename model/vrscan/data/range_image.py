@@ -1,7 +1,8 @@
 """Sweeps of the mirror, and the image of the distances that they measured.
 
-A sweep is what the mirror takes from one turning point to the next. Its lines lie at angles that
-differ from sweep to sweep, so an image has columns of its own, evenly spaced.
+A sweep is what the mirror takes from one turning point to the next, or a facet of a polygon from
+one jump back to the next. Its lines lie at angles that differ from sweep to sweep, so an image has
+columns of its own, evenly spaced.
 """
 
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from vrscan.data.arrays import Floats, Ints
+from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.data.errors import InputError
 from vrscan.data.extras import named
 from vrscan.data.table import Table
@@ -19,6 +20,7 @@ MOST_COLUMNS = 65_536
 STEP_MM = 1.0 / 32.0  # of a pixel of 16 bits, in which 0 is no point
 SUFFIXES = (".png", ".tif", ".tiff")
 _GAP = 0.95  # quantile of the steps between lines that a column is wide: hardly a hole
+_JUMP = 4.0  # least ratio of a polygon's jump back to the steps beside it
 
 Image = npt.NDArray[np.float32]
 
@@ -36,6 +38,11 @@ class Grid:
         found = np.rint((angle_rad - self.first_rad) / self.step_rad).astype(np.int64)
         return np.clip(found, 0, self.count - 1)
 
+    def inside(self, angle_rad: Floats) -> Bools:
+        """Return which angles lie in a column and not beyond the ends, of their shape."""
+        place = (angle_rad - self.first_rad) / self.step_rad
+        return np.asarray((place > -0.5) & (place < self.count - 0.5))
+
     def middles(self) -> Floats:
         """Return the angle of each column, rad [count]."""
         return np.asarray(self.first_rad + self.step_rad * np.arange(self.count), np.float64)
@@ -43,6 +50,10 @@ class Grid:
 
 def sweeps(angle_rad: Floats) -> Ints:
     """Return the number of the sweep of each line, from 0 [n].
+
+    A sweep begins with the line after the turning point, or with the one to which a polygon's beam
+    jumps back: a single step the other way, of ``_JUMP`` times its neighbours. Whether a line
+    begins a sweep follows from the last three steps that moved, so it does not depend on the rest.
 
     Args:
         angle_rad: Scan angles of all lines, in the order in which they were taken [n].
@@ -52,14 +63,16 @@ def sweeps(angle_rad: Floats) -> Ints:
         >>> sweeps(np.array([0.0, 0.1, 0.2, 0.15, 0.05, 0.1])).tolist()
         [0, 0, 0, 1, 1, 2]
     """
-    step = np.sign(np.diff(angle_rad))
-    moved = np.flatnonzero(step)
-    if not len(moved):  # recordings without angles have one sweep
-        return np.zeros(len(angle_rad), np.int64)
-    # A line at the angle of the one before it goes on in the direction of that one.
-    latest = np.searchsorted(moved, np.arange(len(step)), side="right") - 1
-    way = step[moved[np.maximum(latest, 0)]]
-    return np.concatenate([[0, 0], np.cumsum(way[1:] != way[:-1])])
+    step = np.diff(angle_rad)
+    moved = np.flatnonzero(step)  # a line at the angle of the one before it goes on as that one
+    size = np.abs(step[moved])
+    turned = np.diff(step[moved] > 0.0)
+    after_jump = turned[1:] & turned[:-1]
+    after_jump &= size[1:-1] >= _JUMP * np.maximum(size[:-2], size[2:])
+    turned[1:] &= ~after_jump
+    begins = np.zeros(len(angle_rad), np.int64)
+    begins[moved[1:][turned] + 1] = 1
+    return np.cumsum(begins)
 
 
 def grid(angle_rad: Floats, count: int | None = None) -> Grid:

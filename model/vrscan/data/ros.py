@@ -1,4 +1,7 @@
-"""Points as ROS 2 messages in an MCAP file, one of each kind for a sweep of the mirror.
+"""Points as ROS 2 messages, one of each kind for a sweep of the mirror, and in an MCAP file.
+
+The functions of one message return its fields by their names, which the file's writer takes as they
+are and a node puts into a message of its own.
 
 ``/points`` has PointCloud2 and ``/scan`` LaserScan. The scanner's own frame has z along the view, x
 along the sensor and y across the scan plane. A LaserScan lies in the plane of x and y of its frame
@@ -10,14 +13,18 @@ scanner's z, its y the scanner's x, its z the scanner's y. With poses ``/points`
 from typing import Any, BinaryIO
 
 import numpy as np
+import numpy.typing as npt
 
 from vrscan.data.arrays import Floats, Ints
 from vrscan.data.extras import named
 from vrscan.data.poses import Poses
-from vrscan.data.range_image import Grid, range_image
+from vrscan.data.range_image import Grid, Image, range_image
 from vrscan.data.table import Table
 
+Message = dict[str, Any]
+Rows = npt.NDArray[np.void]
 WORLD = "world"
+POINTS, SCAN, TF_STATIC = "points", "scan", "tf_static"  # topics
 POINT = np.dtype(
     [(name, "<f4") for name in ("x", "y", "z", "intensity", "sigma", "confidence")]
     + [("flags", "<u4"), ("time", "<f4")]
@@ -127,71 +134,106 @@ def write(
     with named():
         from mcap_ros2.writer import Writer
 
-    records = np.zeros(len(points), POINT)
-    for axis, column in zip("xyz", places_m.T, strict=True):
-        records[axis] = column
-    records["intensity"], records["confidence"] = points.intensity, points.c_obj
-    records["sigma"], records["flags"] = 1e-3 * points.sigma_z_mm, flags
-    fields = [
-        {"name": name, "offset": offset, "datatype": _KINDS[kind.str], "count": 1}
-        for name, (kind, offset, *_) in (POINT.fields or {}).items()
-    ]
     parts = np.split(np.arange(len(points)), np.flatnonzero(np.diff(sweep)) + 1)
     first = points.time_s[[part[0] for part in parts]]
     period = float(np.median(np.diff(first))) if len(parts) > 1 else 0.0
-    image = range_image(points, np.cumsum(np.diff(sweep, prepend=sweep[0]) != 0), columns)
+    row = np.cumsum(np.diff(sweep, prepend=sweep[0]) != 0)
+    records = point_rows(points, places_m, flags, points.time_s - first[row])
+    image = range_image(points, row, columns)
     with Writer(file) as writer:
         clouds = writer.register_msgdef("sensor_msgs/msg/PointCloud2", _CLOUD)
         scans = writer.register_msgdef("sensor_msgs/msg/LaserScan", _SCAN)
         transforms = writer.register_msgdef("tf2_msgs/msg/TFMessage", _TRANSFORMS)
 
-        def send(topic: str, kind: Any, time_s: float, message: dict[str, Any]) -> None:
-            writer.write_message(topic, kind, message, log_time=round(1e9 * time_s))
+        def send(topic: str, kind: Any, time_s: float, message: Message) -> None:
+            writer.write_message(f"/{topic}", kind, message, log_time=round(1e9 * time_s))
 
-        laser = _transform(frame, frame + LASER, float(first[0]), (0.0, 0.0, 0.0), LASER_TURN)
-        send("/tf_static", transforms, float(first[0]), {"transforms": [laser]})
+        send(TF_STATIC, transforms, float(first[0]), laser_placed(frame, float(first[0])))
         for part, time, ranges in zip(parts, first.tolist(), image, strict=True):
             if poses is not None:
                 place, turn = poses.at(np.array([time]))
                 moved = _transform(WORLD, frame, time, 1e-3 * place[0], turn[0])
-                send("/tf", transforms, time, {"transforms": [moved]})
-            own = records[part]
-            own["time"] = points.time_s[part] - time
-            message = {
-                "header": _header(frame if poses is None else WORLD, time),
-                "height": 1,
-                "width": len(own),
-                "fields": fields,
-                "is_bigendian": False,
-                "point_step": POINT.itemsize,
-                "row_step": POINT.itemsize * len(own),
-                "data": own.tobytes(),
-                "is_dense": True,
-            }
-            send("/points", clouds, time, message)
-            message = {
-                "header": _header(frame + LASER, time),
-                "angle_min": columns.first_rad,
-                "angle_max": columns.first_rad + columns.step_rad * (columns.count - 1),
-                "angle_increment": columns.step_rad,
-                "time_increment": 0.0,  # the mirror moves to and fro, and not evenly
-                "scan_time": period,
-                "range_min": RANGE_M[0],
-                "range_max": RANGE_M[1],
-                "ranges": (1e-3 * ranges).tolist(),
-                "intensities": [],
-            }
-            send("/scan", scans, time, message)
+                send("tf", transforms, time, moved)
+            within = frame if poses is None else WORLD
+            send(POINTS, clouds, time, point_cloud(records[part], within, time))
+            send(SCAN, scans, time, laser_scan(ranges, columns, period, frame, time))
 
 
-def _header(frame: str, time_s: float) -> dict[str, Any]:
+def point_rows(points: Table, places_m: Floats, flags: Ints, since_s: Floats) -> Rows:
+    """Return points as the rows of a PointCloud2, an array of ``POINT``.
+
+    Args:
+        points: n points.
+        places_m: Their places in the frame of the message [n, 3].
+        flags: Bits of ``pkg.FLAGS`` of each [n].
+        since_s: Their times since the stamp of the message [n].
+    """
+    rows = np.zeros(len(points), POINT)
+    for axis, column in zip("xyz", places_m.T, strict=True):
+        rows[axis] = column
+    rows["intensity"], rows["confidence"] = points.intensity, points.c_obj
+    rows["sigma"], rows["flags"], rows["time"] = 1e-3 * points.sigma_z_mm, flags, since_s
+    return rows
+
+
+def point_cloud(rows: Rows, frame: str, time_s: float) -> Message:
+    """Return the fields of a PointCloud2 of ``point_rows``, stamped with a time."""
+    fields = [
+        {"name": name, "offset": offset, "datatype": _KINDS[kind.str], "count": 1}
+        for name, (kind, offset, *_) in (POINT.fields or {}).items()
+    ]
+    return {
+        "header": _header(frame, time_s),
+        "height": 1,
+        "width": len(rows),
+        "fields": fields,
+        "is_bigendian": False,
+        "point_step": POINT.itemsize,
+        "row_step": POINT.itemsize * len(rows),
+        "data": rows.tobytes(),
+        "is_dense": True,
+    }
+
+
+def laser_scan(
+    ranges_mm: Floats | Image, columns: Grid, period_s: float, frame: str, time_s: float
+) -> Message:
+    """Return the fields of a LaserScan.
+
+    Args:
+        ranges_mm: Distance of each column's point, NaN where there is none [columns.count].
+        columns: Angles of the columns.
+        period_s: Time between two sweeps.
+        frame: The frame_id of the scanner, in which ``laser_placed`` places that of the message.
+        time_s: Time of the first point.
+    """
+    return {
+        "header": _header(frame + LASER, time_s),
+        "angle_min": columns.first_rad,
+        "angle_max": columns.first_rad + columns.step_rad * (columns.count - 1),
+        "angle_increment": columns.step_rad,
+        "time_increment": 0.0,  # the mirror moves to and fro, and not evenly
+        "scan_time": period_s,
+        "range_min": RANGE_M[0],
+        "range_max": RANGE_M[1],
+        "ranges": (1e-3 * ranges_mm).tolist(),
+        "intensities": [],
+    }
+
+
+def laser_placed(frame: str, time_s: float) -> Message:
+    """Return the fields of the TFMessage that places the frame of the LaserScan."""
+    return _transform(frame, frame + LASER, time_s, (0.0, 0.0, 0.0), LASER_TURN)
+
+
+def _header(frame: str, time_s: float) -> Message:
     seconds, rest = divmod(round(1e9 * time_s), 10**9)
     return {"stamp": {"sec": seconds, "nanosec": rest}, "frame_id": frame}
 
 
-def _transform(parent: str, child: str, time_s: float, place_m: Any, turn: Any) -> dict[str, Any]:
-    """Return where a frame is in another."""
-    return {
+def _transform(parent: str, child: str, time_s: float, place_m: Any, turn: Any) -> Message:
+    """Return the fields of the TFMessage that says where a frame is in another."""
+    placed = {
         "header": _header(parent, time_s),
         "child_frame_id": child,
         "transform": {
@@ -199,3 +241,4 @@ def _transform(parent: str, child: str, time_s: float, place_m: Any, turn: Any) 
             "rotation": dict(zip("xyzw", map(float, turn), strict=True)),
         },
     }
+    return {"transforms": [placed]}

@@ -67,6 +67,11 @@ class Table:
         power = np.where(self.measured & (self.power > 0.0), self.power, np.nan)
         return np.asarray(height * (POWER_LIMIT / power))
 
+    @property
+    def places_mm(self) -> Floats:
+        """Return x, y and z, of which x and z mean something where ``located`` [n, 3]."""
+        return np.stack([self.x_mm, self.y_mm, self.z_mm], 1)
+
     def __len__(self) -> int:
         """Return the number of points."""
         return len(self.line)
