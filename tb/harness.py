@@ -620,10 +620,11 @@ class TwinBench(abc.ABC):
                 self.inputs[name] = value
 
     async def reset_to(self, twin, **inputs: int) -> None:
-        """Reset for a clock with these inputs; a new twin goes on from there."""
+        """Reset for two clocks with these inputs; a new twin goes on from there."""
         self.give(**inputs)
         self.dut.rst_i.value = 1
-        await FallingEdge(self.dut.clk_i)
+        for _ in range(2):
+            await FallingEdge(self.dut.clk_i)
         self.dut.rst_i.value = 0
         self.twin = twin
         self.clock = 0

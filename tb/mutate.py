@@ -430,7 +430,7 @@ FAULTS = [
             "\n                       + SumWidth'(value[Drop-1]);",
             ";",
         ),
-        ("always one bank", "+ (bank_i ? AddressWidth'(Entries) : '0)", "+ ('0)"),
+        ("always one bank", "if (bank_i) base", "if (1'b0) base"),
         ("always one bank is accessed", "(access_bank_i ? AddressWidth'(Entries) : '0)", "('0)"),
         ("as many maps as there is room for", "last_q <= map_count_i", "last_q <= 4'(MapCount)"),
         ("a write in a reset", "write_i && !rst_i;", "write_i;"),
@@ -690,10 +690,9 @@ FAULTS = [
         ),
         ("results survive a reset", "      mapped_q  <= 1'b0;\n", ""),
         (
-            "base values a clock after the reset",
-            "      a_o       <= motion_i.motion_a;\n      phi_o     <= motion_i.motion_phi;\n"
-            "      offset_o",
-            "      offset_o",
+            "base values only with results",
+            "    end else if (!mapped_q) begin",
+            "    end else if (1'b0) begin",
         ),
         ("no reset of the offset", "      offset_o  <= '0;\n", ""),
     ),

@@ -109,7 +109,7 @@ module correction_map #(
 
   // ---- where among the nodes: an interval, and the share of it; the end's where it is beyond ----
   typedef enum logic [3:0] {
-    IDLE, PLACE, ROW, FIRST, SECOND, READ, CHOOSE, WAIT_FIRST, WAIT_SECOND, MULTIPLY, STORE, SUM
+    IDLE, PLACE, ROW, MAP, FIRST, SECOND, READ, CHOOSE, WAIT_FIRST, WAIT_SECOND, MULTIPLY, STORE, SUM
   } state_e;
   typedef enum logic [2:0] {ROW_0, ROW_1, COLUMN_0, ROW_2, ROW_3, COLUMN_1, LENS} step_e;
   state_e state_q;
@@ -170,6 +170,16 @@ module correction_map #(
   logic                       fits;
   assign fits = sum_q == SumWidth'(signed'(sum_q[PositionWidth-1:0]));
 
+  // Of a map and its bank, without a multiplier.
+  logic [AddressWidth-1:0] base, base_q;
+  always_comb begin
+    base = '0;
+    for (int unsigned n = 0; n < MapCount; n++) begin
+      if (map_q == CountWidth'(n)) base = AddressWidth'(n * vrscan_pkg::MapNodes);
+    end
+    if (bank_i) base = base + AddressWidth'(Entries);
+  end
+
   logic [AddressWidth-1:0] corner_q;
   logic                    filled_q, done_q;
 
@@ -206,9 +216,12 @@ module correction_map #(
         state_q <= ROW;
       end
       ROW: begin
-        corner_q <= AddressWidth'(column_q) + AddressWidth'(row_q) * AddressWidth'(Columns)
-                    + AddressWidth'(map_q) * AddressWidth'(vrscan_pkg::MapNodes)
-                    + (bank_i ? AddressWidth'(Entries) : '0);
+        corner_q <= AddressWidth'({row_q, column_q}) + AddressWidth'(row_q);
+        base_q   <= base;
+        state_q  <= MAP;
+      end
+      MAP: begin
+        corner_q <= corner_q + base_q;
         state_q  <= FIRST;
       end
       FIRST: begin

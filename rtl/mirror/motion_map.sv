@@ -14,8 +14,8 @@
 //   busy_i         somebody works with a_o and phi_o: they stay
 //   renew_i        motion_i is another one: all is worked out anew for the last offset_i
 //   renewing_o     until that is done, in spite of busy_i; at once where none has come
-//   a_o, phi_o     as scan_angle takes them.  From reset to the first results they are motion_a
-//                  and motion_phi, a clock later, whatever busy_i is
+//   a_o, phi_o     as scan_angle takes them.  From the second clock of a reset to the first results
+//                  they are motion_a and motion_phi, a clock later, whatever busy_i is
 //   offset_o       d of these results, turns, signed, PhaseWidth bits of fraction; 0 before
 //   drive_phase    offset_i at which motion_a and motion_phi hold, turns
 //   motion_da      change of a_k a turn, MotionSlopeFraction bits
@@ -176,8 +176,6 @@ module motion_map #(
       waiting_q <= 1'b0;
       mapped_q  <= 1'b0;
       known_q   <= 1'b0;
-      a_o       <= motion_i.motion_a;
-      phi_o     <= motion_i.motion_phi;
       offset_o  <= '0;
       renewing_o <= 1'b0;
     end

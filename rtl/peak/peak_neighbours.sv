@@ -185,7 +185,8 @@ module peak_neighbours #(
 
   // A difference's noise is that of both widths.
   logic        [  SquareWidth-1:0] own_q, noise_q, added_q;
-  logic signed [    SquareWidth:0] over_q, excess_q;  // excess_q follows over_q by a clock
+  logic signed [    SquareWidth:0] over_q, excess_q;  // excess_q follows over_q by two clocks
+  logic                            more_q;
   logic        [   LightWidth-1:0] limit;
   logic        [  ShareFraction:0] missing_q;
   logic        [  FactorWidth-2:0] cut_q;
@@ -220,6 +221,7 @@ module peak_neighbours #(
     pending_q        <= comes && state_q != IDLE;
     waited_q         <= late_q ? waited_q : waited_q + WaitWidth'(1);
     take_q           <= take;
+    more_q           <= state_q == CUT_SQUARE && after_q.measured && over_q > excess_q;
     if (take_q) begin
       before_q          <= centre_q;
       before_q.measured <= before_there_q && centre_q.measured;
@@ -300,7 +302,7 @@ module peak_neighbours #(
         state_q  <= CUT_SQUARE;
       end
       CUT_SQUARE: begin
-        if (after_q.measured && over_q > excess_q) excess_q <= over_q;
+        if (more_q) excess_q <= over_q;
         if (product_valid) begin
           added_q <= SquareWidth'(unsigned'(excess_q) >> 5) + product;
           state_q <= ADDED;
