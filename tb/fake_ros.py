@@ -122,11 +122,13 @@ class Ros:
     Attributes:
         given: Values of parameters that the user gives.
         node: The node, once there is one.
+        now_s: The time of its clock.
     """
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.given: Mapping[str, Any] = {}
         self.node: Any = None
+        self.now_s: Callable[[], float] = time.time
         self.stopped = threading.Event()
         self.inits = 0
         self._calls = Queue[tuple[str, Queue[Any]]]()
@@ -179,7 +181,9 @@ class Ros:
                 return SimpleNamespace(info=say, warning=say, error=say)
 
             def get_clock(self) -> Any:
-                return SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=time.time_ns()))
+                return SimpleNamespace(
+                    now=lambda: SimpleNamespace(nanoseconds=round(1e9 * ros.now_s()))
+                )
 
             def destroy_node(self) -> None:
                 self.destroyed = True
@@ -231,4 +235,4 @@ class Ros:
         """Call a service, from another thread than the node's, and return its answer."""
         reply = Queue[Any]()
         self._calls.put((name, reply))
-        return reply.get(timeout=20.0)
+        return reply.get(timeout=60.0)

@@ -33,6 +33,10 @@ LASER = "_laser"  # ending of the frame of the LaserScan
 LASER_TURN = (-0.5, -0.5, -0.5, 0.5)  # of its axes in the scanner's, a quaternion x, y, z, w
 RANGE_M = (0.0, 2.048)  # of the numbers of x and z
 _KINDS = {"<f4": 7, "<u4": 6}  # FLOAT32 and UINT32 of PointField
+FIELDS: list[Message] = [  # of POINT, for a PointCloud2
+    {"name": name, "offset": offset, "datatype": _KINDS[kind.str], "count": 1}
+    for name, (kind, offset, *_) in (POINT.fields or {}).items()
+]
 _HEADER = """
 std_msgs/Header header
 """
@@ -178,15 +182,11 @@ def point_rows(points: Table, places_m: Floats, flags: Ints, since_s: Floats) ->
 
 def point_cloud(rows: Rows, frame: str, time_s: float) -> Message:
     """Return the fields of a PointCloud2 of ``point_rows``, stamped with a time."""
-    fields = [
-        {"name": name, "offset": offset, "datatype": _KINDS[kind.str], "count": 1}
-        for name, (kind, offset, *_) in (POINT.fields or {}).items()
-    ]
     return {
         "header": _header(frame, time_s),
         "height": 1,
         "width": len(rows),
-        "fields": fields,
+        "fields": FIELDS,
         "is_bigendian": False,
         "point_step": POINT.itemsize,
         "row_step": POINT.itemsize * len(rows),

@@ -80,9 +80,12 @@ def _value(name: str, value: Any) -> Any:
         return filled(KINDS[name], value)
     if isinstance(value, bytes):  # an array is taken whole, and bytes one by one
         return array("B", value)
-    if isinstance(value, list):
-        return [_value(name, each) for each in value]
+    if isinstance(value, list) and value and isinstance(value[0], dict):
+        return [filled(KINDS[name], each) for each in value]
     return value
+
+
+FIELDS = {"fields": [filled(PointField, each) for each in ros.FIELDS]}  # the same in each message
 
 
 class Driver(Node):
@@ -240,7 +243,7 @@ class Driver(Node):
         flags = flag_bits(found.flags, len(found))
         rows = ros.point_rows(found, 1e-3 * found.places_mm, flags, found.time_s - begun_s)
         cloud = ros.point_cloud(rows, frame, begun_s + ahead_s)
-        self._points.publish(filled(PointCloud2, cloud))
+        self._points.publish(filled(PointCloud2, cloud | FIELDS))
         period_s = 0.0 if np.isnan(self._begun_s) else begun_s - self._begun_s
         inside = found.of(self._columns.inside(found.angle_rad))
         if len(inside):
