@@ -83,6 +83,7 @@ def test_the_shipped_registers() -> None:
         tolerance=2,
         timeout_clks=125_000_000,
         retries=3,
+        protocol=0,
     )
     assert max(given.table_position) <= 6000
     assert min(np.diff(given.table_position)) < 0
