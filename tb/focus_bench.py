@@ -29,6 +29,7 @@ SETTINGS = FocusSettings(
     tolerance=1,
     timeout_clks=40_000,
     retries=2,
+    protocol=0,
 )
 POINT = {"measured": 1, "flags": 0, "test": 0}
 TABLE_WRITE = {"table_write": 0, "table_index": 0, "table_position": 0}

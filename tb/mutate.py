@@ -1180,8 +1180,17 @@ FAULTS = [
     *faults(
         "rtl/actuators/i2c_master.sv",
         ("the last clock of a recovery", "bit_q >= LAST_CLOCK", "bit_q > LAST_CLOCK"),
-        ("a value keeps old bytes", "value = bytes_q == '0;", "value = 1'b0;"),
+        ("a value keeps old bytes", "value = last;", "value = 1'b0;"),
         ("SDA a clock early", "sample_q <= sda_q2", "sample_q <= sda_q"),
+        ("a stream goes on", "stream_q ? last_i", "stream_q ? 1'b0"),
+    ),
+    *faults(
+        "rtl/actuators/m3_motor.sv",
+        ("a digit below A", "byte_i[2:0] != 3'd0 && ", ""),
+        ("a reply without an end", " || index_q == LastByte;", ";"),
+        ("any reply is good", "good_q && fits;", "good_q;"),
+        ("a position below zero is large", "word_q[31] ? '0 : '1;", "'1;"),
+        ("a limit on the way", "(!status_q[19] && ", "(1'b1 && "),
     ),
     *faults(
         "rtl/link/bus_arbiter.sv",

@@ -15,15 +15,17 @@
 // FAULT.  A command that runs when its state ends is waited for, but only its counter knows.
 //
 //   target_i, known_i  the target, and whether there is one
-//   command_*_o      a read or write of two bytes, for i2c_master; what is beside the strobe stays
+//   command_*_o      a read or write of two bytes, for i2c_master or m3_motor; what is beside the
+//                    strobe stays
 //   reply_*_i        the end of it; replies to nothing may not come
 //   state_o          0 OFF, 1 WAIT, 2 MOVE, 3 HOLD, 4 FAULT
-//   fault_o          why FAULT came: the status of i2c_master, or 6: not reached.  Kept until the
+//   fault_o          why FAULT came: the status of the reply, or 6: not reached.  Kept until the
 //                    next MOVE
-//   position_o       the last one read
+//   position_o       the last one read; replies of m3_motor's statuses from 8 on have one, too
 //   in_position_o    a clock after the others: HOLD, at the target of now
 //   *_count_o        commands without an acknowledgement, stretched too long, on a stuck bus, of
-//                    lost arbitration; targets not reached in time.  Each stops at its largest value
+//                    lost arbitration; targets not reached in time; replies that m3_motor cannot
+//                    read or that tell of a fault.  Each stops at its largest value
 //   Latency  reply_valid_i to position_o: 1 clock; to state_o, fault_o and timeout_count_o: 5
 //            clocks; to the next command_valid_o: focus_poll_clks + 6
 //   Model    vrscan.clocked.focus_motor, bit-exact
@@ -45,7 +47,7 @@ module focus_motor #(
   output      logic [                         7:0] command_register_o,
   output      logic [                        15:0] command_data_o,
   input  wire logic                                reply_valid_i,
-  input  wire logic [                         2:0] reply_status_i,
+  input  wire logic [                         3:0] reply_status_i,
   input  wire logic [                        15:0] reply_data_i,
 
   // Configuration.
@@ -53,26 +55,30 @@ module focus_motor #(
 
   // Status.
   output      logic [                         2:0] state_o,
-  output      logic [                         2:0] fault_o,
+  output      logic [                         3:0] fault_o,
   output      logic [                        15:0] position_o,
   output      logic                                in_position_o,
   output      logic [vrscan_pkg::CounterWidth-1:0] nack_count_o,
   output      logic [vrscan_pkg::CounterWidth-1:0] stretch_count_o,
   output      logic [vrscan_pkg::CounterWidth-1:0] stuck_count_o,
   output      logic [vrscan_pkg::CounterWidth-1:0] arbitration_count_o,
-  output      logic [vrscan_pkg::CounterWidth-1:0] timeout_count_o
+  output      logic [vrscan_pkg::CounterWidth-1:0] timeout_count_o,
+  output      logic [vrscan_pkg::CounterWidth-1:0] reply_count_o
 );
 
   localparam logic [1:0] Manual = 2'd1;
   localparam logic [1:0] Automatic = 2'd2;
-  // The statuses of i2c_master, and one more reason of FAULT.
-  localparam logic [2:0] Ok = 3'd0;
-  localparam logic [2:0] NackAddress = 3'd1;
-  localparam logic [2:0] NackData = 3'd2;
-  localparam logic [2:0] StretchTimeout = 3'd3;
-  localparam logic [2:0] BusStuck = 3'd4;
-  localparam logic [2:0] Arbitration = 3'd5;
-  localparam logic [2:0] NotReached = 3'd6;
+  // The statuses of i2c_master, one more reason of FAULT, and the statuses of m3_motor.
+  localparam logic [3:0] Ok = 4'd0;
+  localparam logic [3:0] NackAddress = 4'd1;
+  localparam logic [3:0] NackData = 4'd2;
+  localparam logic [3:0] StretchTimeout = 4'd3;
+  localparam logic [3:0] BusStuck = 4'd4;
+  localparam logic [3:0] Arbitration = 4'd5;
+  localparam logic [3:0] NotReached = 4'd6;
+  localparam logic [3:0] BadReply = 4'd7;
+  localparam logic [3:0] MotorError = 4'd8;
+  localparam logic [3:0] Limit = 4'd9;
   localparam logic [7:0] TargetRegister = 8'd0;
   localparam logic [7:0] PositionRegister = 8'd2;
 
@@ -85,7 +91,7 @@ module focus_motor #(
   logic               write_q;  // the target is to be written
   logic               changed_q;
   logic               near_q, expired_q;
-  logic        [ 2:0] status_q;
+  logic        [ 3:0] status_q;
   logic        [ 3:0] reply_q;  // a clock each, from that after the reply
   logic        [ 7:0] failures_q, misses_q;  // on end
   logic        [23:0] pause_q;
@@ -108,7 +114,9 @@ module focus_motor #(
     reply_q <= {reply_q[2:0], reply_valid_i};
     if (reply_valid_i) begin
       status_q <= reply_status_i;
-      if (reply_status_i == Ok && command_read_o && !abandoned_q) position_o <= reply_data_i;
+      if (
+        (reply_status_i == Ok || reply_status_i >= MotorError) && command_read_o && !abandoned_q
+      ) position_o <= reply_data_i;
     end
     error_q      <= signed'({1'b0, position_o}) - signed'({1'b0, command_data_o});
     error_size_q <= 16'(error_q[16] ? '0 - error_q : error_q);
@@ -190,6 +198,9 @@ module focus_motor #(
         StretchTimeout: stretch_count_o <= vrscan_pkg::counted(stretch_count_o, CountWidth);
         BusStuck: stuck_count_o <= vrscan_pkg::counted(stuck_count_o, CountWidth);
         Arbitration: arbitration_count_o <= vrscan_pkg::counted(arbitration_count_o, CountWidth);
+        BadReply, MotorError, Limit: begin
+          reply_count_o <= vrscan_pkg::counted(reply_count_o, CountWidth);
+        end
         default: ;  // Ok
       endcase
     end
@@ -210,6 +221,7 @@ module focus_motor #(
       stuck_count_o       <= '0;
       arbitration_count_o <= '0;
       timeout_count_o     <= '0;
+      reply_count_o       <= '0;
     end
   end
 

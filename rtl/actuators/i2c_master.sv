@@ -1,4 +1,5 @@
-// i2c_master: register writes and reads of 1 to 4 bytes over I2C, one command at a time.
+// i2c_master: register writes and reads of 1 to 4 bytes over I2C, and streams of any length, one
+// command at a time.
 //
 // A bit is low for two quarters, SDA changing between them, and high for two from when SCL is seen
 // high: stretching costs no high time, and SDA is taken in the middle.  Where another master ends
@@ -16,11 +17,14 @@
 //
 //   data_i, data_o   right aligned; the highest byte used is the first on the bus
 //   bytes_i          data bytes less one
+//   stream_i         1: no register, but bytes up to that after which last_i is 1
+//   byte_valid_o     of a stream: byte_i was taken to be written, or byte_o was read.  Two clocks
+//                    later last_i says whether no byte follows it; both stay until the next
 //   status_o         0 OK; 1 NACK_ADDRESS; 2 NACK_DATA, of the register or of a written byte;
 //                    3 STRETCH_TIMEOUT, SCL not seen high timeout_i + 1 clocks after its release,
 //                    4 BUS_STUCK; 5 ARBITRATION, SDA low where a 1 was sent, or SCL in the high
 //                    time of a start or stop.  After 3, 4 and 5 both lines are released, no stop
-//   data_o           0 unless a read was OK
+//   data_o           0 unless a read of registers was OK
 //   *_low_o          1 pulls the line low; never SCL for more than two quarters on end
 //   scl_i, sda_i     asynchronous; pulses of one or two clocks are not seen
 //   quarter_i        clocks, at least 4 (less counts as 4), taken with the command
@@ -28,8 +32,9 @@
 //   recovery_count_o begun recoveries; stops at its largest
 //   Latency  a line is seen 5 clocks after its pin; a bit lasts 4 quarters + 6 clocks and SCL's rise.
 //            Undisturbed, valid_o comes 36 W + 11 quarters + 6 (9 W + 1) clocks after a write of
-//            W - 2 bytes was taken, 36 R + 17 quarters + 6 (9 R + 2) after a read of R - 3 bytes; at
-//            most 322 quarters + 77 (timeout_i + 3) whatever the bus does
+//            W - 2 bytes or a stream of W - 1 was taken, 36 R + 17 quarters + 6 (9 R + 2) after a
+//            read of R - 3 bytes; whatever the bus does, of a stream at most 36 W + 70 quarters +
+//            (9 W + 14) (timeout_i + 3), of any other command what W = 7 gives
 //   Model    vrscan.clocked.i2c_master, bit-exact
 //
 // It leaves out the addresses of 10 bits, and starts and stops of other masters within a byte.
@@ -50,6 +55,13 @@ module i2c_master #(
   input  wire logic [             7:0] register_i,
   input  wire logic [             1:0] bytes_i,
   input  wire logic [            31:0] data_i,
+
+  // Streams.
+  input  wire logic                    stream_i,
+  input  wire logic [             7:0] byte_i,
+  input  wire logic                    last_i,
+  output      logic                    byte_valid_o,
+  output      logic [             7:0] byte_o,
 
   output      logic                    valid_o,
   output      logic [             2:0] status_o,
@@ -97,7 +109,7 @@ module i2c_master #(
   logic       scl_q, sda_q, scl_q2, sda_q2;
 
   // The command.
-  logic                    read_q;
+  logic                    read_q, stream_q;
   logic [             6:0] address_q;
   logic [             7:0] register_q;
   logic [             1:0] bytes_q;  // left, less one
@@ -119,18 +131,20 @@ module i2c_master #(
   logic                    moved_q;  // SCL fell while the bus should become free
   logic                    recover_q, recovered_q;
 
-  logic moved, ended, ack, ours, value, lost;
+  logic moved, ended, ack, last, ours, value, lost;
   assign moved = moved_q || (scl_q2 && !scl_q);
   assign ended = left_q == '0;
   assign ack   = bit_q == ACK_BIT;
+  assign last  = stream_q ? last_i : bytes_q == '0;
   // The bits that the master sends, and what it sends; it lets go of SDA for all others.
   assign ours  = !recover_q && (stage_q == READ) == ack;
   always_comb begin
     value = 1'b1;
-    if (ours && ack) value = bytes_q == '0;
+    if (ours && ack) value = last;
     else if (ours) value = stage_q == WRITE ? data_q[31] : shift_q[7];
   end
-  assign lost = ours && value && !sda_q2;
+  assign lost   = ours && value && !sda_q2;
+  assign byte_o = data_q[7:0];
 
   always_ff @(posedge clk_i) begin
     scl_run_q  <= {scl_run_q[0], scl_sync};
@@ -140,13 +154,15 @@ module i2c_master #(
     scl_q2 <= scl_q;
     sda_q2 <= sda_q;
 
-    valid_o <= 1'b0;
-    left_q  <= ended ? quarter_q : left_q - 16'd1;
+    valid_o      <= 1'b0;
+    byte_valid_o <= 1'b0;
+    left_q       <= ended ? quarter_q : left_q - 16'd1;
 
     if (ready_o) begin
       if (valid_i) begin
         ready_o     <= 1'b0;
         read_q      <= read_i;
+        stream_q    <= stream_i;
         address_q   <= address_i;
         register_q  <= register_i;
         bytes_q     <= bytes_i;
@@ -163,7 +179,7 @@ module i2c_master #(
         recovered_q <= 1'b0;
         stage_q     <= SELECT;
         bit_q       <= '0;
-        shift_q     <= {address_i, 1'b0};
+        shift_q     <= {address_i, stream_i && read_i};
       end
     end else if (work_q == FREE) begin
       if (wait_q != '0) wait_q <= wait_q - TimeoutWidth'(1);
@@ -268,7 +284,8 @@ module i2c_master #(
               bit_q     <= bit_q + 4'd1;
               shift_q   <= {shift_q[6:0], 1'b1};
               if (!ack && (stage_q == WRITE || stage_q == READ) && !recover_q) begin
-                data_q <= {data_q[30:0], sample_q};
+                data_q       <= {data_q[30:0], sample_q};
+                byte_valid_o <= stream_q && read_q && bit_q == ACK_BIT - 4'd1;
               end
               if (recover_q) begin
                 if (sample_q) work_q <= STOP;
@@ -285,9 +302,12 @@ module i2c_master #(
                   work_q   <= STOP;
                   result_q <= stage_q == SELECT || stage_q == RESELECT ? NACK_ADDRESS : NACK_DATA;
                 end else begin
+                  if (stream_q) data_q[31:24] <= byte_i;
+                  byte_valid_o <= stream_q && !read_q && !(stage_q == WRITE && last);
                   unique case (stage_q)
                     SELECT: begin
                       stage_q <= REGISTER;
+                      if (stream_q) stage_q <= read_q ? READ : WRITE;
                       shift_q <= register_q;
                     end
                     REGISTER: begin
@@ -298,7 +318,7 @@ module i2c_master #(
                     RESELECT: stage_q <= READ;
                     default: begin  // WRITE, READ
                       bytes_q <= bytes_q - 2'd1;
-                      if (bytes_q == '0) work_q <= STOP;
+                      if (last) work_q <= STOP;
                     end
                   endcase
                 end
@@ -331,7 +351,7 @@ module i2c_master #(
               ready_o  <= 1'b1;
               valid_o  <= 1'b1;
               status_o <= result_q;
-              data_o   <= read_q && result_q == OK ? data_q : '0;
+              data_o   <= read_q && !stream_q && result_q == OK ? data_q : '0;
             end else if (sda_q) begin
               work_q      <= FREE;
               phase_q     <= HIGH;
@@ -339,7 +359,7 @@ module i2c_master #(
               recovered_q <= 1'b1;
               wait_q      <= '0;
               bit_q       <= '0;
-              shift_q     <= {address_q, 1'b0};
+              shift_q     <= {address_q, stream_q && read_q};
             end else if (bit_q >= LAST_CLOCK) begin
               ready_o  <= 1'b1;
               valid_o  <= 1'b1;
@@ -359,6 +379,7 @@ module i2c_master #(
     if (rst_i) begin
       ready_o          <= 1'b1;
       valid_o          <= 1'b0;
+      byte_valid_o     <= 1'b0;
       scl_low_o        <= 1'b0;
       sda_low_o        <= 1'b0;
       // Low until they are seen high: a line that was low all along has not fallen.

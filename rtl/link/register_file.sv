@@ -301,7 +301,7 @@ module register_file (
   end
 
   // ---- 5: which register; 6: it takes the word ----
-  logic [180:0] take_q;
+  logic [181:0] take_q;
   logic write_q2;
   always_ff @(posedge clk_i) begin
     write_q2 <= write_q;
@@ -458,35 +458,36 @@ module register_file (
     take_q[149] <= write_q && page_18_hit_q && word_hit_q[12] && !rst;
     take_q[150] <= write_q && page_18_hit_q && word_hit_q[13] && !rst;
     take_q[151] <= write_q && page_18_hit_q && word_hit_q[14] && !rst;
-    take_q[152] <= write_q && page_1c_hit_q && word_hit_q[0] && !rst;
-    take_q[153] <= write_q && page_1c_hit_q && word_hit_q[1] && !rst;
-    take_q[154] <= write_q && page_1c_hit_q && word_hit_q[2] && !rst;
-    take_q[155] <= write_q && page_1c_hit_q && word_hit_q[3] && !rst;
-    take_q[156] <= write_q && page_1c_hit_q && word_hit_q[4] && !rst;
-    take_q[157] <= write_q && page_1c_hit_q && word_hit_q[5] && !rst;
-    take_q[158] <= write_q && page_1c_hit_q && word_hit_q[6] && !rst;
-    take_q[159] <= write_q && page_1c_hit_q && word_hit_q[7] && !rst;
-    take_q[160] <= write_q && page_1c_hit_q && word_hit_q[8] && !rst;
-    take_q[161] <= write_q && page_1c_hit_q && word_hit_q[9] && !rst;
-    take_q[162] <= write_q && page_1c_hit_q && word_hit_q[10] && !rst;
-    take_q[163] <= write_q && page_1c_hit_q && word_hit_q[11] && !rst;
-    take_q[164] <= write_q && page_1c_hit_q && word_hit_q[12] && !rst;
-    take_q[165] <= write_q && page_1d_hit_q && word_hit_q[4] && !rst;
-    take_q[166] <= write_q && page_1d_hit_q && word_hit_q[5] && !rst;
-    take_q[167] <= write_q && page_1d_hit_q && word_hit_q[6] && !rst;
-    take_q[168] <= write_q && page_1d_hit_q && word_hit_q[7] && !rst;
-    take_q[169] <= write_q && page_1e_hit_q && word_hit_q[0] && !rst;
-    take_q[170] <= write_q && page_1f_hit_q && word_hit_q[0] && !rst;
-    take_q[171] <= write_q && page_1f_hit_q && word_hit_q[1] && !rst;
-    take_q[172] <= write_q && page_1f_hit_q && word_hit_q[2] && !rst;
-    take_q[173] <= write_q && page_1f_hit_q && word_hit_q[3] && !rst;
-    take_q[174] <= write_q && page_1f_hit_q && word_hit_q[4] && !rst;
-    take_q[175] <= write_q && page_1f_hit_q && word_hit_q[5] && !rst;
-    take_q[176] <= write_q && page_1f_hit_q && word_hit_q[6] && !rst;
-    take_q[177] <= write_q && page_1f_hit_q && word_hit_q[8] && !rst;
-    take_q[178] <= write_q && page_3f_hit_q && word_hit_q[0] && !rst;
-    take_q[179] <= write_q && page_3f_hit_q && word_hit_q[1] && !rst;
-    take_q[180] <= write_q && page_3f_hit_q && word_hit_q[2] && !rst;
+    take_q[152] <= write_q && page_18_hit_q && word_hit_q[15] && !rst;
+    take_q[153] <= write_q && page_1c_hit_q && word_hit_q[0] && !rst;
+    take_q[154] <= write_q && page_1c_hit_q && word_hit_q[1] && !rst;
+    take_q[155] <= write_q && page_1c_hit_q && word_hit_q[2] && !rst;
+    take_q[156] <= write_q && page_1c_hit_q && word_hit_q[3] && !rst;
+    take_q[157] <= write_q && page_1c_hit_q && word_hit_q[4] && !rst;
+    take_q[158] <= write_q && page_1c_hit_q && word_hit_q[5] && !rst;
+    take_q[159] <= write_q && page_1c_hit_q && word_hit_q[6] && !rst;
+    take_q[160] <= write_q && page_1c_hit_q && word_hit_q[7] && !rst;
+    take_q[161] <= write_q && page_1c_hit_q && word_hit_q[8] && !rst;
+    take_q[162] <= write_q && page_1c_hit_q && word_hit_q[9] && !rst;
+    take_q[163] <= write_q && page_1c_hit_q && word_hit_q[10] && !rst;
+    take_q[164] <= write_q && page_1c_hit_q && word_hit_q[11] && !rst;
+    take_q[165] <= write_q && page_1c_hit_q && word_hit_q[12] && !rst;
+    take_q[166] <= write_q && page_1d_hit_q && word_hit_q[4] && !rst;
+    take_q[167] <= write_q && page_1d_hit_q && word_hit_q[5] && !rst;
+    take_q[168] <= write_q && page_1d_hit_q && word_hit_q[6] && !rst;
+    take_q[169] <= write_q && page_1d_hit_q && word_hit_q[7] && !rst;
+    take_q[170] <= write_q && page_1e_hit_q && word_hit_q[0] && !rst;
+    take_q[171] <= write_q && page_1f_hit_q && word_hit_q[0] && !rst;
+    take_q[172] <= write_q && page_1f_hit_q && word_hit_q[1] && !rst;
+    take_q[173] <= write_q && page_1f_hit_q && word_hit_q[2] && !rst;
+    take_q[174] <= write_q && page_1f_hit_q && word_hit_q[3] && !rst;
+    take_q[175] <= write_q && page_1f_hit_q && word_hit_q[4] && !rst;
+    take_q[176] <= write_q && page_1f_hit_q && word_hit_q[5] && !rst;
+    take_q[177] <= write_q && page_1f_hit_q && word_hit_q[6] && !rst;
+    take_q[178] <= write_q && page_1f_hit_q && word_hit_q[8] && !rst;
+    take_q[179] <= write_q && page_3f_hit_q && word_hit_q[0] && !rst;
+    take_q[180] <= write_q && page_3f_hit_q && word_hit_q[1] && !rst;
+    take_q[181] <= write_q && page_3f_hit_q && word_hit_q[2] && !rst;
   end
 
   logic [31:0] identity_data;
@@ -786,9 +787,9 @@ module register_file (
   );
   always_ff @(posedge clk_i) begin
     link_o.uart_step_strobe <= take_q[114];
-    test_o.test_start_strobe <= take_q[163];
-    test_o.test_stop_strobe <= take_q[164];
-    commit_o.commit_strobe <= take_q[169];
+    test_o.test_start_strobe <= take_q[164];
+    test_o.test_stop_strobe <= take_q[165];
+    commit_o.commit_strobe <= take_q[170];
     if (take_q[0]) identity_o.scratch <= identity_data;
     if (take_q[1]) peak_q.period_n <= peak_data[0];
     if (take_q[2]) peak_q.noise_row <= peak_data[0];
@@ -941,35 +942,36 @@ module register_file (
     if (take_q[149]) focus_o.focus_tolerance <= focus_data[15:0];
     if (take_q[150]) focus_o.focus_timeout_clks <= focus_data;
     if (take_q[151]) focus_o.focus_retries <= focus_data[7:0];
-    if (take_q[152]) test_o.test_position <= test_data[24:0];
-    if (take_q[153]) test_o.test_move <= signed'(test_data[23:0]);
-    if (take_q[154]) test_o.test_step <= test_data[28:0];
-    if (take_q[155]) test_o.test_height <= test_data[15:0];
-    if (take_q[156]) test_o.test_pedestal <= test_data[15:0];
-    if (take_q[157]) test_o.test_noise <= test_data[15:0];
-    if (take_q[158]) test_o.test_seed <= test_data;
-    if (take_q[159]) test_o.test_lines <= test_data;
-    if (take_q[160]) test_o.test_period_clks <= test_data[23:0];
-    if (take_q[161]) test_o.test_angle <= signed'(test_data[23:0]);
-    if (take_q[162]) test_o.test_power <= test_data[15:0];
-    if (take_q[163]) test_o.test_start <= test_data[0];
-    if (take_q[164]) test_o.test_stop <= test_data[0];
-    if (take_q[165]) sensor_o.readout_lag <= sensor_data[1:0];
-    if (take_q[166]) sensor_o.readout_stale <= sensor_data[0];
-    if (take_q[167]) sensor_o.readout_min_clks <= sensor_data;
-    if (take_q[168]) sensor_o.readout_max_clks <= sensor_data;
-    if (take_q[169]) commit_o.commit <= commit_data[0];
-    if (take_q[170]) map_q.map_enable <= map_data[0];
-    if (take_q[171]) map_q.map_bank <= map_data[0];
-    if (take_q[172]) map_q.map_count <= map_data[3:0];
-    if (take_q[173]) map_q.map_begin <= map_data;
-    if (take_q[174]) map_q.map_shift <= map_data[3:0];
-    if (take_q[175]) map_q.map_follow <= map_data[0];
-    if (take_q[176]) map_q.map_lens <= map_data;
-    if (take_q[177]) map_access_o.map_access_bank <= map_access_data[0];
-    if (take_q[178]) locks_o.lock_calibration <= locks_data[0];
-    if (take_q[179]) locks_o.lock_mirror <= locks_data[0];
-    if (take_q[180]) locks_o.lock_laser <= locks_data[0];
+    if (take_q[152]) focus_o.focus_protocol <= focus_data[0];
+    if (take_q[153]) test_o.test_position <= test_data[24:0];
+    if (take_q[154]) test_o.test_move <= signed'(test_data[23:0]);
+    if (take_q[155]) test_o.test_step <= test_data[28:0];
+    if (take_q[156]) test_o.test_height <= test_data[15:0];
+    if (take_q[157]) test_o.test_pedestal <= test_data[15:0];
+    if (take_q[158]) test_o.test_noise <= test_data[15:0];
+    if (take_q[159]) test_o.test_seed <= test_data;
+    if (take_q[160]) test_o.test_lines <= test_data;
+    if (take_q[161]) test_o.test_period_clks <= test_data[23:0];
+    if (take_q[162]) test_o.test_angle <= signed'(test_data[23:0]);
+    if (take_q[163]) test_o.test_power <= test_data[15:0];
+    if (take_q[164]) test_o.test_start <= test_data[0];
+    if (take_q[165]) test_o.test_stop <= test_data[0];
+    if (take_q[166]) sensor_o.readout_lag <= sensor_data[1:0];
+    if (take_q[167]) sensor_o.readout_stale <= sensor_data[0];
+    if (take_q[168]) sensor_o.readout_min_clks <= sensor_data;
+    if (take_q[169]) sensor_o.readout_max_clks <= sensor_data;
+    if (take_q[170]) commit_o.commit <= commit_data[0];
+    if (take_q[171]) map_q.map_enable <= map_data[0];
+    if (take_q[172]) map_q.map_bank <= map_data[0];
+    if (take_q[173]) map_q.map_count <= map_data[3:0];
+    if (take_q[174]) map_q.map_begin <= map_data;
+    if (take_q[175]) map_q.map_shift <= map_data[3:0];
+    if (take_q[176]) map_q.map_follow <= map_data[0];
+    if (take_q[177]) map_q.map_lens <= map_data;
+    if (take_q[178]) map_access_o.map_access_bank <= map_access_data[0];
+    if (take_q[179]) locks_o.lock_calibration <= locks_data[0];
+    if (take_q[180]) locks_o.lock_mirror <= locks_data[0];
+    if (take_q[181]) locks_o.lock_laser <= locks_data[0];
     if (identity_rst) begin
       identity_o.scratch <= '0;
     end
@@ -1256,6 +1258,7 @@ module register_file (
       focus_o.focus_tolerance <= '0;
       focus_o.focus_timeout_clks <= '0;
       focus_o.focus_retries <= '0;
+      focus_o.focus_protocol <= '0;
     end
     if (test_rst) begin
       test_o.test_position <= 25'h0400000;
@@ -1475,7 +1478,7 @@ module register_file (
   always_ff @(posedge clk_i) begin
     case (page_00_word)
       4'h0: page_00_q <= 32'h56525343;
-      4'h1: page_00_q <= 32'hcb56d2bb;
+      4'h1: page_00_q <= 32'h53cdf354;
       4'h2: page_00_q <= 32'h00000100;
       4'h3: page_00_q <= 32'(identity_status_i.board_id);
       4'h4: page_00_q <= identity_status_i.clock_hz;
@@ -1897,7 +1900,8 @@ module register_file (
       4'hb: page_18_q <= 32'(focus_o.focus_poll_clks);
       4'hc: page_18_q <= 32'(focus_o.focus_tolerance);
       4'hd: page_18_q <= focus_o.focus_timeout_clks;
-      default: page_18_q <= 32'(focus_o.focus_retries);
+      4'he: page_18_q <= 32'(focus_o.focus_retries);
+      default: page_18_q <= 32'(focus_o.focus_protocol);
     endcase
     if (!page_18_hit_q) page_18_q <= '0;
   end
@@ -1920,7 +1924,9 @@ module register_file (
       4'h8: page_1a_q <= 32'(focus_status_i.focus_stuck_count);
       4'h9: page_1a_q <= 32'(focus_status_i.focus_arbitration_count);
       4'ha: page_1a_q <= 32'(focus_status_i.focus_timeout_count);
-      default: page_1a_q <= 32'(focus_status_i.focus_recovery_count);
+      4'hb: page_1a_q <= 32'(focus_status_i.focus_recovery_count);
+      4'hc: page_1a_q <= 32'(focus_status_i.focus_reply_count);
+      default: page_1a_q <= 32'(focus_status_i.focus_motor_status);
     endcase
     if (!page_1a_hit_q) page_1a_q <= '0;
   end
@@ -2491,6 +2497,8 @@ module register_file (
     rule_mem[397] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h0ffffffff};
     // focus_retries
     rule_mem[398] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h0000000ff};
+    // focus_protocol
+    rule_mem[399] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h000000001};
     // focus_state
     rule_mem[416] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // focus_fault
@@ -2515,6 +2523,10 @@ module register_file (
     rule_mem[426] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // focus_recovery_count
     rule_mem[427] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
+    // focus_reply_count
+    rule_mem[428] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
+    // focus_motor_status
+    rule_mem[429] = {KindReadOnly, 1'd0, 2'd0, 33'h000000000, 33'h000000000};
     // test_position
     rule_mem[448] = {KindReadWrite, 1'd0, 2'd0, 33'h000000000, 33'h001ffffff};
     // test_move

@@ -259,12 +259,13 @@ package register_pkg;
     logic [15:0] focus_tolerance;
     logic [31:0] focus_timeout_clks;
     logic [7:0] focus_retries;
+    logic focus_protocol;
   } focus_t;
 
   // State of the autofocus.
   typedef struct packed {
     logic [2:0] focus_state;
-    logic [2:0] focus_fault;
+    logic [3:0] focus_fault;
     logic focus_in_position;
     logic signed [23:0] focus_distance;
     logic [15:0] focus_target;
@@ -275,6 +276,8 @@ package register_pkg;
     logic [15:0] focus_arbitration_count;
     logic [15:0] focus_timeout_count;
     logic [15:0] focus_recovery_count;
+    logic [15:0] focus_reply_count;
+    logic [24:0] focus_motor_status;
   } focus_status_t;
 
   // Test lines in place of the sensor's: a raised cosine on a pedestal with noise. A run uses the

@@ -1,5 +1,6 @@
 """focus_control: every clock of the RTL against the model, with a motor on a bus that can fail."""
 
+from itertools import product
 from operator import attrgetter
 
 import cocotb
@@ -21,6 +22,8 @@ from vrscan.clocked.focus_control import DISTANCE_LATENCY, TARGET_LATENCY, Focus
 from vrscan.clocked.focus_motor import NOT_REACHED, PAUSE_EXTRA, REPLY_LATENCY, State
 from vrscan.clocked.focus_target import position
 from vrscan.clocked.i2c_master import Status, command_clocks
+from vrscan.clocked.m3_motor import BAD_REPLY, BEYOND, LIMIT, MOTOR_ERROR
+from vrscan.clocked.m3_motor import command_clocks as m3_clocks
 from vrscan.registers.focus_registers import FRACTION_WIDTH, TABLE_SIZE, Mode
 
 TRAVEL = 6000  # of the device
@@ -33,6 +36,11 @@ CALM = {
     "other_scl_low": 0,
     "other_sda_low": 0,
     "device_rst": 0,
+    "m3": 0,
+    "offset": 0,
+    "status": 0,
+    "spoil": 31,
+    "spoilt": 0,
     "device_address": ADDRESS,
     "nack_address": 0,
     "nack_byte": NONE,
@@ -44,7 +52,10 @@ CALM = {
     "push": 0,
     "noise": 0,
 }
-COUNTERS = ("nack_count", "stretch_count", "stuck_count", "arbitration_count", "timeout_count")
+COUNTERS = (
+    "nack_count", "stretch_count", "stuck_count", "arbitration_count", "timeout_count",
+    "reply_count",
+)  # fmt: skip
 STATUS = {
     "focus_distance": "filter.distance",
     "focus_target": "lens.target",
@@ -53,6 +64,7 @@ STATUS = {
         for name in ("state", "fault", "position", "in_position", *COUNTERS)
     },
     "focus_recovery_count": "master.recovery_count",
+    "focus_motor_status": "m3.motor_status",
     "focus_scl_low": "master.scl_low",
     "focus_sda_low": "master.sda_low",
 }
@@ -73,7 +85,7 @@ class Bench(FocusBench):
         self.outputs = Ports(dut, [f"{name}_o" for name in STATUS])
         self.device = Ports(dut, ["device_scl_low_o", "device_sda_low_o"])
         self.table = list(TABLE)
-        self.ends: list[Status] = []
+        self.ends: list[int] = []
 
     @property
     def motor(self):
@@ -108,7 +120,9 @@ class Bench(FocusBench):
         got, want = self.outputs.read(), STATUS_OF(twin)
         assert got == want, f"clock {self.clock}: {[*STATUS]} {got}, want {want}, {self.inputs}"
         self.pulls = self.device.read()
-        if twin.master.valid:
+        if twin.m3.valid:
+            self.ends.append(twin.m3.status)
+        elif twin.master.valid and not twin.m3.busy:
             self.ends.append(twin.master.status)
 
     async def clocks(self, count: int = 1, **inputs: int) -> None:
@@ -280,9 +294,10 @@ TROUBLE = {
 async def a_bus_in_trouble(dut) -> None:
     """Each kind is counted and tried again, ends in FAULT, and is over when the mode was off."""
     bench = await begin(dut, 9)
-    for name, (status, count, broken, well) in TROUBLE.items():
+    for name, m3 in [*product(TROUBLE, [0]), ("nack_data", 1), ("stretch", 1), ("data", 1)]:
+        status, count, broken, well = TROUBLE[name]
         retries = 1
-        await bench.start(retries=retries)
+        await bench.start(retries=retries, protocol=m3, m3=m3)
         await bench.reach(20)
         bench.ends.clear()
         # In a pause, where none of the lines is in use.
@@ -313,6 +328,94 @@ async def a_bus_in_trouble(dut) -> None:
         await bench.until(State.HOLD)
         assert int(dut.position_o.value) in (39, 40, 41)
         assert bench.ends[have:].count(status) == 1
+
+
+M3 = {"protocol": 1, "m3": 1}
+
+
+@cocotb.test()
+async def an_m3_in_its_time(dut) -> None:
+    """It goes where it is sent, with and without stretching; how often it is asked."""
+    bench = await begin(dut, 14)
+    for stretch in (0, 20):
+        await bench.start(**M3)
+        await bench.reach(1200, stretch_clks=stretch)
+        assert bench.motor.position in range(1199, 1202)
+        assert bench.twin.m3.motor_status >> 18 & 3 in (1, 2)
+        begun = []
+        while len(begun) < 3:
+            await bench.clocks()
+            if bench.motor.command_valid:
+                begun.append(bench.clock)
+        want = 1 + m3_clocks(read=True, quarter=4) + SETTINGS.poll_clks + PAUSE_EXTRA
+        if stretch:
+            assert begun[2] - begun[1] > want + 36 * stretch / 2
+        else:
+            assert {begun[1] - begun[0], begun[2] - begun[1]} == {want}
+        assert set(bench.ends) == {Status.OK}
+    # A board that is set otherwise than its motor: no position, and no end without a fault.
+    for protocol in (0, 1):
+        await bench.start(protocol=protocol, m3=1 - protocol, retries=1, timeout_clks=2000)
+        bench.configure(mode=Mode.MANUAL, manual=500)
+        await bench.until(State.FAULT)
+        assert bench.motor.fault in (BAD_REPLY, NOT_REACHED)
+        assert int(dut.position_o.value) == 0
+
+
+@cocotb.test()
+async def an_m3_in_trouble(dut) -> None:
+    """Replies that are none, faults that it tells of, a limit, positions without 16 bits."""
+    bench = await begin(dut, 15)
+    end = ord("\r")
+    for fault, trouble in (
+        (BAD_REPLY, {"spoil": 2, "spoilt": ord("9")}),  # of another command
+        (BAD_REPLY, {"spoil": 12, "spoilt": end}),  # cut
+        (BAD_REPLY, {"spoil": 29, "spoilt": ord(">")}),  # without an end
+        (MOTOR_ERROR, {"status": 1 << 3}),
+        (MOTOR_ERROR, {"status": 1 << 16}),
+    ):
+        await bench.start(**M3, retries=1)
+        await bench.reach(60)
+        await bench.commands()
+        bench.give(**trouble)
+        await bench.until(State.FAULT)
+        assert (bench.motor.fault, bench.motor.reply_count) == (fault, 2), trouble
+        bench.give(spoil=31, status=0)
+        bench.configure(mode=Mode.OFF)
+        await bench.clocks(2)
+        await bench.reach(90)
+    # It stalls, or has nowhere to go.
+    await bench.start(**M3, retries=1)
+    await bench.clocks(push=TRAVEL)
+    bench.configure(mode=Mode.MANUAL, manual=TRAVEL + 5)
+    await bench.until(State.FAULT)
+    assert (bench.motor.fault, bench.motor.position) == (LIMIT, TRAVEL)
+    await bench.start(**M3, retries=1)
+    bench.configure(mode=Mode.MANUAL, manual=300)
+    await bench.clocks(stall=1, status=1 << 23)
+    await bench.until(State.FAULT)
+    assert (bench.motor.fault, bench.motor.timeout_count) == (MOTOR_ERROR, 0)
+    # Shown beside where it is: the nearest position of 16 bits, and the flag.
+    await bench.start(**M3, retries=255)
+    await bench.reach(40)
+    for offset, shown in ((-50, 0), (70_000, 0xFFFF), (-(1 << 31), 0), (10, 50)):
+        await bench.commands(2)
+        bench.give(offset=offset)
+        await bench.commands(3)
+        assert bench.motor.position in range(shown - 1, shown + 2)
+        assert bench.twin.m3.motor_status >> BEYOND == (shown != 50)
+        assert not bench.motor.in_position
+    # It loses power in the middle of a command: at most that one fails.
+    await bench.start(**M3, retries=1)
+    await bench.reach(40)
+    for age in range(100, 5500, rounds(1300, 97)):
+        await bench.commands()
+        await bench.clocks(age)
+        await bench.clocks(device_rst=1)
+        bench.give(device_rst=0)
+        await bench.commands(2)
+        await bench.until(State.HOLD)
+        assert abs(int(dut.position_o.value) - bench.target) <= 1
 
 
 @cocotb.test()
@@ -429,7 +532,10 @@ async def anything_at_any_time(dut) -> None:
     states: set[State] = set()
     for k in range(rounds(20, 300)):
         if k % 5 == 0:
+            m3 = int(k % 10 == 5)
             await bench.start(
+                protocol=m3,
+                m3=m3,
                 quarter_clks=int(draw.integers(4, 6)),
                 stretch_clks=int(draw.choice([7, 60, 300, 300])),
                 poll_clks=int(draw.choice([0, 40, 150])),
@@ -452,6 +558,8 @@ async def anything_at_any_time(dut) -> None:
             nack_byte=int(draw.choice([NONE] * 8 + [0, 1])),
             stretch_clks=int(draw.choice([0] * 8 + [10, 70])),
             stall=int(draw.random() < 0.15),
+            spoil=int(draw.choice([31, 31, 31, int(draw.integers(30))])),
+            spoilt=int(draw.integers(256)),
         )
         left = dict.fromkeys(("hold_scl", "hold_sda", "other_scl_low", "other_sda_low"), 0)
         mm = float(draw.uniform(300, 1000))

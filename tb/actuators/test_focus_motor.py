@@ -17,10 +17,15 @@ from vrscan.clocked.focus_motor import (
     State,
 )
 from vrscan.clocked.i2c_master import Status
+from vrscan.clocked.m3_motor import BAD_REPLY, LIMIT, MOTOR_ERROR
 from vrscan.registers.focus_registers import Mode
 
 QUIET = {"target": 0, "known": 0, "reply_valid": 0, "reply_status": 0, "reply_data": 0}
-COUNTERS = ("nack_count", "stretch_count", "stuck_count", "arbitration_count", "timeout_count")
+COUNTERS = (
+    "nack_count", "stretch_count", "stuck_count", "arbitration_count", "timeout_count",
+    "reply_count",
+)  # fmt: skip
+WITH_POSITION = (Status.OK, MOTOR_ERROR, LIMIT)
 OUTPUTS = (
     "command_valid", "command_data", "state", "fault", "position", "in_position", *COUNTERS,
     "command_read", "command_register",
@@ -54,7 +59,7 @@ class Bench(FocusBench):
         self.configure(**QUICK | settings)
         self.at = self.goal = 0
         self.status, self.stall, self.noise = Status.OK, False, 0
-        self.ends: list[Status] = []
+        self.ends: list[int] = []
         self.due = -1
         await self.restart(target=0, known=0)
 
@@ -85,10 +90,10 @@ class Bench(FocusBench):
             twin = self.twin
             if self.due == 0:
                 self.ends.append(self.status)
-                read = twin.command_read and self.status is Status.OK
+                read = twin.command_read and self.status in WITH_POSITION
                 shown = min(max(self.at + self.noise, 0), TRAVEL) if read else 0
                 self.give(reply_valid=1, reply_status=int(self.status), reply_data=shown)
-                if not twin.command_read and self.status is Status.OK:
+                if not twin.command_read and self.status == Status.OK:
                     self.goal = twin.command_data
             self.due -= 1
             await super().clocks()
@@ -243,6 +248,9 @@ async def commands_that_fail(dut) -> None:
         (Status.STRETCH_TIMEOUT, "stretch_count"),
         (Status.BUS_STUCK, "stuck_count"),
         (Status.ARBITRATION, "arbitration_count"),
+        (BAD_REPLY, "reply_count"),
+        (MOTOR_ERROR, "reply_count"),
+        (LIMIT, "reply_count"),
     ):
         for retries in (0, 2):
             await bench.start(retries=retries)
@@ -280,6 +288,14 @@ async def commands_that_fail(dut) -> None:
             assert bench.at in range(59 + 10 * k, 62 + 10 * k)
             assert bench.ends.count(status) == 2 * (k + 1)
         assert getattr(bench.twin, count) == min(6, top())
+    # A motor that tells of a fault tells where it is, too.
+    for status in (MOTOR_ERROR, LIMIT, BAD_REPLY):
+        await bench.start()
+        await bench.reach(50)
+        bench.at = bench.goal = 70
+        bench.status = status
+        await bench.commands(2)
+        assert bench.twin.position == (50 if status == BAD_REPLY else 70)
 
 
 @cocotb.test()
@@ -387,7 +403,7 @@ async def anything_at_any_time(dut) -> None:
             )
         bench.configure(mode=int(draw.choice([0, 1, 2, 2, 3])))
         bench.give(known=int(draw.random() < 0.8), target=int(draw.integers(50)))
-        bench.status = Status(int(draw.choice([0, 0, 0, 0, 0, 0, 1, 2, 3, 4, 5])))
+        bench.status = int(draw.choice([0] * 10 + [1, 2, 3, 4, 5, 7, 8, 9]))
         bench.stall = draw.random() < 0.15
         for _ in range(int(draw.integers(1, 160))):
             bench.noise = int(draw.integers(-1, 2))

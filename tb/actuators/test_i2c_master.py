@@ -25,6 +25,7 @@ from vrscan.clocked.i2c_master import (
     Status,
     command_clocks,
     most_clocks,
+    stream_clocks,
 )
 
 ELABORATIONS = [{"TimeoutWidth": 24, "CountWidth": 16}, {"TimeoutWidth": 9, "CountWidth": 2}]
@@ -32,6 +33,8 @@ ADDRESS = 0x2A
 PATIENCE = 300  # clocks
 NONE = 15  # no byte is not acknowledged
 COMMAND = {"read": 1, "address": 7, "register": 8, "bytes": 2, "data": 32}  # widths
+STREAM = {"stream": 0, "byte": 0, "last": 0}
+MOST = 32  # bytes of a stream without order
 OTHERS = ("other_scl_low", "other_sda_low", "flip_scl", "flip_sda")
 CALM = {
     "device_rst": 0,
@@ -46,6 +49,7 @@ CALM = {
     "hold_scl": 0,
     "hold_sda": 0,
     **dict.fromkeys(COMMAND, 0),
+    **STREAM,
     **dict.fromkeys(OTHERS, 0),
 }
 
@@ -111,7 +115,9 @@ def book(
     return [*head, *payload, "P"]
 
 
-OUTPUTS = ("ready", "valid", "scl_low", "sda_low", "recovery_count", "status", "data")
+OUTPUTS = (
+    "ready", "valid", "scl_low", "sda_low", "recovery_count", "byte_valid", "status", "data",
+)  # fmt: skip
 OUTPUTS_OF = attrgetter(*OUTPUTS)
 WITH_VALID = 2  # the last ones
 
@@ -127,6 +133,8 @@ class Bench:
         self.seen: dict[str, int] = {}
         self.outputs = Ports(dut, [f"{name}_o" for name in OUTPUTS])
         self.device = Ports(dut, ["device_scl_low_o", "device_sda_low_o"])
+        self.byte = Ports(dut, ["byte_o"])
+        self.given = {"read": 0}  # the command that runs
 
     def give(self, **inputs: int) -> None:
         """Change inputs."""
@@ -160,6 +168,8 @@ class Bench:
         if not self.twin.valid:
             got, want = got[:-WITH_VALID], want[:-WITH_VALID]
         assert got == want, f"clock {self.clock}: {OUTPUTS} {got}, want {want}, {self.inputs}"
+        if self.twin.byte_valid and self.given["read"]:
+            assert self.byte.read() == (self.twin.byte,), f"clock {self.clock}"
         self.pulls = self.device.read()
 
     async def clocks(self, count: int = 1, **inputs: int) -> None:
@@ -181,6 +191,9 @@ class Bench:
                 sda=sda != bool(now["flip_sda"]),
                 quarter=now["quarter"],
                 timeout=now["timeout"],
+                stream=bool(now["stream"]),
+                byte=now["byte"],
+                last=bool(now["last"]),
             )
             self.decoder.step(scl, sda)
             self.clock += 1
@@ -195,16 +208,20 @@ class Bench:
         """Give a command to the ready master, and noise on the command's inputs after it."""
         assert self.twin.ready
         self.bound = most_clocks(
-            quarter=max(self.inputs["quarter"], MIN_QUARTER), timeout=self.inputs["timeout"]
+            quarter=max(self.inputs["quarter"], MIN_QUARTER),
+            timeout=self.inputs["timeout"],
+            count=MOST + 1 if command.get("stream") else 6,
         )
-        self.since = 0
-        await self.clocks(valid=1, **command)
-        self.give(valid=0, **self.any_command())
+        self.since = self.taken = 0
+        self.given = {"stream": 0} | command
+        await self.clocks(valid=1, **self.given)
+        self.give(valid=0, **self.any_command(), stream=int(self.draw.integers(2)))
 
     async def clock_of_command(self, **inputs: int) -> bool:
         """Go on by a clock, and return whether the reply has come."""
         await self.clocks(**inputs)
         self.since += 1
+        self.taken += self.twin.byte_valid
         assert self.since <= self.bound, f"no reply in {self.bound} clocks"
         if self.twin.valid:
             assert not (self.twin.scl_low or self.twin.sda_low)
@@ -222,6 +239,25 @@ class Bench:
         """Do a command."""
         await self.take(**command)
         return await self.reply()
+
+    async def stream(self, data: bytes = b"", count: int = 0) -> tuple[Status, bytes]:
+        """Write a stream of bytes, or read one; what follows a byte comes as late as it may."""
+        count = count or len(data)
+        found = b""
+        self.give(byte=data[0] if data else 0)
+        await self.take(read=int(not data), address=ADDRESS, stream=1)
+        done = False
+        while not done:
+            byte = self.twin.byte_valid
+            if byte and not data:
+                found += bytes([self.twin.byte])
+            done = await self.clock_of_command()
+            if byte:
+                last = self.taken == count
+                self.give(last=int(last), byte=0 if last or not data else data[self.taken])
+        assert self.taken <= count
+        self.give(**STREAM)
+        return self.twin.status, found
 
     async def read(self, register: int, count: int) -> int:
         """Return what a read that has to go well gives."""
@@ -284,6 +320,45 @@ async def the_bus_shows_what_was_asked_for(dut) -> None:
         if k % 3 == 0:
             await bench.clocks(int(bench.draw.integers(1, 50)))
     assert bench.twin.recovery_count == 0
+
+
+@cocotb.test()
+async def streams_of_any_length(dut) -> None:
+    """Bytes up to the last one, as the device has them; no register, no second start."""
+    bench = await begin(dut, 11)
+    for count, quarter, stretch in ((1, 4, 0), (2, 5, 0), (3, 4, 40), (7, 4, 0), (40, 4, 0)):
+        bench.give(quarter=quarter, stretch_clks=stretch)
+        bench.decoder.clear()
+        data = bytes([0x40, *bench.draw.integers(256, size=count - 1).tolist()])
+        assert await bench.stream(data) == (Status.OK, b"")
+        assert (bench.twin.data, bench.taken) == (0, count)
+        payload = [(byte, True) for byte in data]
+        assert bench.decoder.seen == ["S", (ADDRESS << 1, True), *payload, "P"]
+        if not stretch:
+            assert bench.since == stream_clocks(count=count, quarter=quarter)
+        await bench.stream(b"\x40")
+        bench.decoder.clear()
+        found = await bench.stream(count=count)
+        assert found[0] is Status.OK
+        assert found[1][: count - 1] == data[1:]
+        payload = [(byte, k < count - 1) for k, byte in enumerate(found[1])]
+        assert bench.decoder.seen == ["S", (ADDRESS << 1 | 1, True), *payload, "P"]
+        if not stretch:
+            assert bench.since == stream_clocks(count=count, quarter=quarter)
+        assert await bench.read(0x40, 1) == (data[1] if count > 1 else found[1][0])
+    # A byte that is not acknowledged is the last one, and so is the address.
+    bench.give(stretch_clks=0)
+    for byte in range(4):
+        bench.give(nack_byte=byte)
+        bench.decoder.clear()
+        assert await bench.stream(bytes(5)) == (Status.NACK_DATA, b"")
+        assert bench.decoder.seen[-2:] == [(0, False), "P"]
+        assert (bench.taken, len(bench.decoder.seen)) == (byte + 1, byte + 4)
+    bench.give(nack_byte=NONE, nack_address=1)
+    for data in (b"ab", b""):
+        bench.decoder.clear()
+        assert await bench.stream(data, 2) == (Status.NACK_ADDRESS, b"")
+        assert bench.decoder.seen == ["S", (ADDRESS << 1 | (not data), False), "P"]
 
 
 @cocotb.test()
@@ -600,7 +675,8 @@ async def a_bus_without_any_order(dut) -> None:
             stretch_clks=int(draw.choice([0, 0, 0, 10, 70])),
             stretch_bits=int(draw.integers(2)),
         )
-        await bench.take(**bench.any_command(bytes=int(draw.integers(2))))
+        stream = int(draw.random() < 0.3)
+        await bench.take(**bench.any_command(bytes=int(draw.integers(2)), stream=stream))
         rate = float(draw.choice([0, 0.0003, 0.002, 0.01, 0.06]))
         names = ["hold_scl", "hold_sda", *OTHERS]
         left = dict.fromkeys(names, 0)
@@ -609,6 +685,9 @@ async def a_bus_without_any_order(dut) -> None:
                 left[name] = max(left[name] - 1, 0)
                 if chance < rate:
                     left[name] = int(draw.choice([1, 2, 3, 5, 30, 150]))
+            if bench.twin.byte_valid:
+                last = int(bench.taken >= MOST - 1 or draw.random() < 0.3)
+                bench.give(byte=int(draw.integers(256)), last=last)
             if await bench.clock_of_command(**{name: int(n > 0) for name, n in left.items()}):
                 break
         bench.give(**dict.fromkeys(names, 0))

@@ -28,6 +28,7 @@ module board #(
   parameter real         NoiseRad        = 0.0,
   parameter real         JitterS         = 1.0e-9,
   parameter int unsigned FocusAddress    = 42,
+  parameter int unsigned FocusM3         = 0,  // 1: the motor is an M3 smart stage
   parameter int unsigned FocusTravel     = 6000,
   parameter int unsigned FocusStepClks   = 5000,  // a step of the motor
   parameter int unsigned Facets          = 0,
@@ -256,6 +257,11 @@ module board #(
     .sda_i         (sda),
     .scl_low_o     (motor_scl_low),
     .sda_low_o     (motor_sda_low),
+    .m3_i          (FocusM3 != 0),
+    .offset_i      (32'sd0),
+    .status_i      (24'd0),
+    .spoil_i       (5'd31),
+    .spoilt_i      (8'd0),
     .address_i     (7'(FocusAddress)),
     .nack_address_i(1'b0),
     .nack_byte_i   (4'd15),

@@ -30,6 +30,11 @@ module focus_bus #(
 
   // The device.
   input  wire logic                                      device_rst_i,
+  input  wire logic                                      m3_i,
+  input  wire logic signed [                       31:0] offset_i,
+  input  wire logic        [                       23:0] status_i,
+  input  wire logic        [                        4:0] spoil_i,
+  input  wire logic        [                        7:0] spoilt_i,
   input  wire logic        [                        6:0] device_address_i,
   input  wire logic                                      nack_address_i,
   input  wire logic        [                        3:0] nack_byte_i,
@@ -66,6 +71,7 @@ module focus_bus #(
   ) u_i2c_device (
     .clk_i, .rst_i(device_rst_i),
     .scl_i(scl_o), .sda_i(sda_o), .scl_low_o(device_scl_low_o), .sda_low_o(device_sda_low_o),
+    .m3_i, .offset_i, .status_i, .spoil_i, .spoilt_i,
     .address_i(device_address_i),
     .nack_address_i, .nack_byte_i, .stretch_clks_i, .stretch_bits_i, .hold_scl_i, .hold_sda_i,
     .stall_i, .push_i, .noise_i,

@@ -23,6 +23,12 @@ module i2c_bus #(
   input  wire logic [             1:0] bytes_i,
   input  wire logic [            31:0] data_i,
 
+  input  wire logic                    stream_i,
+  input  wire logic [             7:0] byte_i,
+  input  wire logic                    last_i,
+  output      logic                    byte_valid_o,
+  output      logic [             7:0] byte_o,
+
   output      logic                    valid_o,
   output      logic [             2:0] status_o,
   output      logic [            31:0] data_o,
@@ -61,6 +67,7 @@ module i2c_bus #(
   ) u_i2c_master (
     .clk_i, .rst_i,
     .valid_i, .ready_o, .read_i, .address_i, .register_i, .bytes_i, .data_i,
+    .stream_i, .byte_i, .last_i, .byte_valid_o, .byte_o,
     .valid_o, .status_o, .data_o,
     .scl_i(scl_o ^ flip_scl_i), .sda_i(sda_o ^ flip_sda_i), .scl_low_o, .sda_low_o,
     .quarter_i, .timeout_i, .recovery_count_o
@@ -69,6 +76,7 @@ module i2c_bus #(
   i2c_device u_i2c_device (
     .clk_i, .rst_i(device_rst_i),
     .scl_i(scl_o), .sda_i(sda_o), .scl_low_o(device_scl_low_o), .sda_low_o(device_sda_low_o),
+    .m3_i(1'b0), .offset_i('0), .status_i('0), .spoil_i('1), .spoilt_i('0),
     .address_i(device_address_i),
     .nack_address_i, .nack_byte_i, .stretch_clks_i, .stretch_bits_i, .hold_scl_i, .hold_sda_i,
     .stall_i(1'b0), .push_i('0), .noise_i('0),

@@ -136,7 +136,33 @@ class Device:
                     self.motion = self.motion.towards(target, self.clock)
 
 
-def test_the_lens_goes_where_focus_control_sends_it() -> None:
+class Stage(Device):
+    """An M3 on the bus, as ``tb/devices/m3_stage.sv`` has it, that is always well."""
+
+    heard = reply = b""
+
+    def _fall(self) -> None:
+        shown = self.reply[0] if self.reply else 0xFF
+        self.pull = self.reading and self.bit != 8 and not shown >> (7 - self.bit) & 1
+        if self.bit != 8:
+            return
+        if self.byte == 0:
+            self.reading, self.pull = bool(self.shift & 1), True
+        elif self.reading:
+            self.reply = self.reply[1:]
+        else:
+            self.pull = True
+            self.heard += bytes([self.shift])
+            if self.heard == b"<10>\r":
+                self.reply = b"<10 300000 %08X 00000000>\r" % self.motion.at(self.clock)
+            elif self.shift == ord("\r"):
+                self.motion = self.motion.towards(int(self.heard[4:12], 16), self.clock)
+                self.reply = b"<08>\r"
+            self.heard = b"" if self.shift == ord("\r") else self.heard
+
+
+@pytest.mark.parametrize("protocol", [0, 1], ids=["registers", "m3"])
+def test_the_lens_goes_where_focus_control_sends_it(protocol: int) -> None:
     """Points of a scene that jumps to and fro: targets, readings and places, clock by clock."""
     draw = generator(12)
     config = Config()
@@ -150,12 +176,13 @@ def test_the_lens_goes_where_focus_control_sends_it() -> None:
         quarter_clks=5,
         poll_clks=700,
         timeout_clks=60_000,
+        protocol=protocol,
     )
     start, step_clks = 2_000, 9
     loop = FocusLoop(settings, registers.table_position, start=start, step_clks=step_clks,
                      travel=6_000)  # fmt: skip
     held = replace(settings, mode=int(Mode.MANUAL), manual=start)
-    twin, device = FocusControl(held), Device(start, step_clks)
+    twin, device = FocusControl(held), (Device, Stage)[protocol](start, step_clks)
     twin.lens.table = list(registers.table_position)
     idle = {"valid": False, "measured": False, "flags": 0, "test": False, "z": 0}
 

@@ -1,7 +1,11 @@
 """The autofocus's registers against the lens, and the table's error against its focus."""
 
+import re
+import tomllib
+
 import numpy as np
 import pytest
+from documented import ROOT
 
 from vrscan.clocked.focus_target import position
 from vrscan.data.config import Clock, Config, Focus, Geometry
@@ -64,6 +68,20 @@ def test_the_table_is_the_lens(near: float, far: float, offset: float) -> None:
     assert given.manual == round(want[0])
 
 
+def test_an_m3_has_its_own_address_and_speed() -> None:
+    """Chosen as the bring-up page says; what is given stays."""
+    page = (ROOT / "docs" / "bring-up.md").read_text()
+    (text,) = re.findall(r"```toml\n(\[focus\]\n.*?)```", page, re.DOTALL)
+    focus = Focus(**tomllib.loads(text)["focus"])
+    given = FocusRegisters.from_config(Config(focus=focus))
+    assert (given.protocol, given.address, focus.speed_mm_per_s) == (1, 0x33, 4.0)
+    assert (given.mode, given.quarter_clks) == (Mode.MANUAL, 88)
+    assert 6000 < given.table_position[0] < 30_000
+    assert registers(motor="m3", address=0x44).address == 0x44
+    with pytest.raises(ValueError, match="motor"):
+        Focus(motor="m4")
+
+
 def test_the_shipped_registers() -> None:
     given = registers()
     assert given == FocusRegisters(
@@ -83,6 +101,7 @@ def test_the_shipped_registers() -> None:
         tolerance=2,
         timeout_clks=125_000_000,
         retries=3,
+        protocol=0,
     )
     assert max(given.table_position) <= 6000
     assert min(np.diff(given.table_position)) < 0

@@ -8,6 +8,7 @@ from vrscan.clocked.focus_filter import FocusFilter
 from vrscan.clocked.focus_motor import FocusMotor
 from vrscan.clocked.focus_target import FocusTarget
 from vrscan.clocked.i2c_master import I2cMaster
+from vrscan.clocked.m3_motor import M3Motor
 from vrscan.registers.settings import FocusSettings
 
 DISTANCE_LATENCY = focus_filter.LATENCY  # clocks from valid to the distance
@@ -23,7 +24,7 @@ class FocusControl:
         count_width: Bits of the counters, ``CountWidth``.
 
     Attributes:
-        filter, lens, motor, master: The twins of the parts; ``lens`` chooses its target. Their
+        filter, lens, motor, m3, master: The twins of the parts; ``lens`` chooses its target. Their
             outputs are the control's.
     """
 
@@ -31,6 +32,7 @@ class FocusControl:
         self.filter = FocusFilter(settings)
         self.lens = FocusTarget(settings)
         self.motor = FocusMotor(settings, count_width)
+        self.m3 = M3Motor()
         self.master = I2cMaster(count_width)
         self.configure(settings)
 
@@ -55,12 +57,20 @@ class FocusControl:
     ) -> None:
         """Advance by one clock with these inputs and levels of the pins."""
         settings, lens, motor, master = self._settings, self.lens, self.motor, self.master
+        m3 = self.m3
         # Each part sees the outputs of the others from the previous clock.
         busy = lens.busy
-        reply_valid, reply_status, reply_data = master.valid, master.status, master.data
+        bus_valid, bus_status, bus_data = master.valid, master.status, master.data
+        byte_valid, read_byte = master.byte_valid, master.byte
+        through_m3 = bool(settings.protocol)
+        if m3.valid:
+            reply_valid, reply_status, reply_data = True, m3.status, m3.position
+        else:
+            reply_valid = bus_valid and not m3.busy
+            reply_status, reply_data = int(bus_status), bus_data & 0xFFFF
         master.step(
-            valid=motor.command_valid,
-            read=motor.command_read,
+            valid=m3.command_valid or (motor.command_valid and not through_m3),
+            read=m3.command_read if m3.busy else motor.command_read,
             address=settings.address,
             register=motor.command_register,
             bytes=1,
@@ -69,6 +79,18 @@ class FocusControl:
             sda=sda,
             quarter=settings.quarter_clks,
             timeout=settings.stretch_clks,
+            stream=m3.busy,
+            byte=m3.byte or 0,
+            last=m3.last,
+        )
+        m3.step(
+            valid=motor.command_valid and through_m3,
+            read=motor.command_read,
+            target=motor.command_data,
+            byte_valid=byte_valid,
+            byte=read_byte,
+            reply_valid=bus_valid,
+            reply_status=bus_status,
         )
         motor.step(
             target=lens.target,

@@ -3,24 +3,29 @@
 from enum import IntEnum
 
 from vrscan.clocked.i2c_master import Status
+from vrscan.clocked.m3_motor import BAD_REPLY, LIMIT, MOTOR_ERROR
 from vrscan.registers.focus_registers import Mode
 from vrscan.registers.settings import FocusSettings
 
 REPLY_LATENCY = 5  # clocks from a reply to its effect
 PAUSE_EXTRA = 6  # clocks from a reply to the next command besides focus_poll_clks
 
-NOT_REACHED = 6  # value of fault, besides the statuses of the bus
+NOT_REACHED = 6  # value of fault, besides the statuses of a reply
 TARGET_REGISTER = 0  # register of the device
 POSITION_REGISTER = 2
 MOST_QUIET = 1 << 40  # clocks that are as good as for ever
 
-_COUNTERS = {
+_COUNTERS: dict[int, str] = {
     Status.NACK_ADDRESS: "nack_count",
     Status.NACK_DATA: "nack_count",
     Status.STRETCH_TIMEOUT: "stretch_count",
     Status.BUS_STUCK: "stuck_count",
     Status.ARBITRATION: "arbitration_count",
+    BAD_REPLY: "reply_count",
+    MOTOR_ERROR: "reply_count",
+    LIMIT: "reply_count",
 }
+_WITH_POSITION = (Status.OK, MOTOR_ERROR, LIMIT)
 
 
 class State(IntEnum):
@@ -45,12 +50,13 @@ class FocusMotor:
         command_read: Whether it is a read of the position, or a write of the target.
         command_data: Target that was written last; u16.
         state: State of the motor's loop.
-        fault: Reason of the state FAULT: a status of the bus, or ``NOT_REACHED``.
+        fault: Reason of the state FAULT: a status of a reply, or ``NOT_REACHED``.
         position: Last position of the lens; u16.
         in_position: Whether the last position is near the present target.
         nack_count, stretch_count, stuck_count, arbitration_count: Numbers of commands that failed
             in this way.
         timeout_count: Number of targets that were not reached in time.
+        reply_count: Number of replies that could not be read or told of a fault.
     """
 
     def __init__(self, settings: FocusSettings, count_width: int = 16) -> None:
@@ -67,11 +73,12 @@ class FocusMotor:
         self.stuck_count = 0
         self.arbitration_count = 0
         self.timeout_count = 0
+        self.reply_count = 0
         self._count_max = (1 << count_width) - 1
 
         self._changed = False
         self._since_reply = 0  # clocks since a reply, 0 for none
-        self._status = Status.OK
+        self._status: int = Status.OK
         self._busy = False
         self._abandoned = False
         self._write = False
@@ -155,10 +162,10 @@ class FocusMotor:
                 self._since_reply = (self._since_reply + 1) % REPLY_LATENCY
             return
         self._since_reply = 1
-        self._status = Status(status)
-        if self._status is not Status.OK:
-            self._count(_COUNTERS[self._status])
-        elif self.command_read and not self._abandoned:
+        self._status = status
+        if status != Status.OK:
+            self._count(_COUNTERS[status])
+        if status in _WITH_POSITION and self.command_read and not self._abandoned:
             self.position = data
 
     def _count(self, name: str) -> None:
@@ -179,10 +186,10 @@ class FocusMotor:
     def _end_command(self, expired: bool) -> None:
         """Continue from a reply that was not abandoned."""
         settings = self.settings
-        if self._status is not Status.OK:
+        if self._status != Status.OK:
             if self._failures == settings.retries:
                 self.state = State.FAULT
-                self.fault = int(self._status)
+                self.fault = self._status
             self._failures = (self._failures + 1) % 256
             return
         self._failures = 0

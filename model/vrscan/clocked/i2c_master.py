@@ -1,4 +1,4 @@
-"""Register writes and reads over I2C, the twin of ``rtl/actuators/i2c_master.sv``."""
+"""Register writes, reads and streams over I2C, the twin of ``rtl/actuators/i2c_master.sv``."""
 
 from collections.abc import Generator
 from dataclasses import dataclass
@@ -29,9 +29,16 @@ def command_clocks(*, read: bool, count: int, quarter: int) -> int:
         count: Number of data bytes, 1 to 4.
         quarter: Clocks of a quarter of a bit, at least 4.
     """
-    on_bus = count + (3 if read else 2)
-    quarters = 36 * on_bus + (17 if read else 11)
-    return quarters * quarter + BIT_EXTRA * (9 * on_bus + (2 if read else 1))
+    if not read:
+        return stream_clocks(count=count + 1, quarter=quarter)
+    on_bus = count + 3
+    return (36 * on_bus + 17) * quarter + BIT_EXTRA * (9 * on_bus + 2)
+
+
+def stream_clocks(*, count: int, quarter: int) -> int:
+    """Return the clocks from a stream of bytes to its reply, as ``command_clocks``."""
+    on_bus = count + 1
+    return (36 * on_bus + 11) * quarter + BIT_EXTRA * (9 * on_bus + 1)
 
 
 def effect_clocks(*, read: bool, count: int, quarter: int) -> int:
@@ -42,13 +49,24 @@ def effect_clocks(*, read: bool, count: int, quarter: int) -> int:
     """
     if read:
         return 81 * quarter + 19 * BIT_EXTRA + 1
-    on_bus = count + 2
+    return stream_effect_clocks(count=count + 1, quarter=quarter)
+
+
+def stream_effect_clocks(*, count: int, quarter: int) -> int:
+    """Return the clocks from a written stream to the fall of SCL behind its last bit."""
+    on_bus = count + 1
     return (36 * on_bus + 1) * quarter + (9 * on_bus - 1) * BIT_EXTRA + 1
 
 
-def most_clocks(*, quarter: int, timeout: int) -> int:
-    """Return an upper bound of the clocks from any command to its reply and released lines."""
-    return 322 * quarter + 77 * (timeout + 3)
+def most_clocks(*, quarter: int, timeout: int, count: int = 6) -> int:
+    """Return an upper bound of the clocks from any command to its reply and released lines.
+
+    Args:
+        quarter: Clocks of a quarter of a bit.
+        timeout: Clocks for which a line is waited for.
+        count: Bytes of a stream, at least 6 to include the other commands.
+    """
+    return (36 * count + 106) * quarter + (9 * count + 23) * (timeout + 3)
 
 
 @dataclass(frozen=True)
@@ -58,6 +76,7 @@ class _Command:
     register: int
     count: int
     data: int
+    stream: bool
 
 
 class _EndedError(Exception):
@@ -97,7 +116,9 @@ class I2cMaster:
         ready: Whether a command is taken in this clock.
         valid: Whether a command has ended.
         status: Outcome of the command; defined with ``valid``.
-        data: Word that was read, 0 if nothing was; defined with ``valid``.
+        data: Word that was read from registers, 0 if none was; defined with ``valid``.
+        byte_valid: Whether a byte of a stream was taken or read.
+        byte: Byte that was read; defined with ``byte_valid``.
         scl_low, sda_low: Whether the line is pulled low.
         recovery_count: Number of recoveries that have begun, saturating.
     """
@@ -107,6 +128,8 @@ class I2cMaster:
         self.valid = False
         self.status = Status.OK
         self.data = 0
+        self.byte_valid = False
+        self.byte = 0
         self.scl_low = False
         self.sda_low = False
         self.recovery_count = 0
@@ -115,6 +138,8 @@ class I2cMaster:
         self._sda = _Line()
         self._quarter = MIN_QUARTER
         self._timeout = 0
+        self._given = 0
+        self._last = False
         self._work: Generator[None, None, None] | None = None
 
     def step(
@@ -130,9 +155,13 @@ class I2cMaster:
         sda: bool,
         quarter: int,
         timeout: int,
+        stream: bool = False,
+        byte: int = 0,
+        last: bool = False,
     ) -> None:
         """Advance by one clock with these inputs and levels of the pins."""
-        self.valid = False
+        self.valid = self.byte_valid = False
+        self._given, self._last = byte, last
         if self._work is not None:
             next(self._work, None)
             if self.valid:
@@ -142,7 +171,7 @@ class I2cMaster:
             self.ready = False
             self._quarter = max(quarter, MIN_QUARTER)
             self._timeout = timeout
-            self._work = self._run(_Command(read, address, register, bytes + 1, data))
+            self._work = self._run(_Command(read, address, register, bytes + 1, data, stream))
         self._scl.step(scl)
         self._sda.step(sda)
 
@@ -216,6 +245,8 @@ class I2cMaster:
 
     def _bytes(self, command: _Command) -> Generator[None, None, tuple[Status, int]]:
         """Transfer all bytes; SCL is low before and after."""
+        if command.stream:
+            return (yield from self._stream(command))
         if (yield from self._send(command.address << 1)):
             return Status.NACK_ADDRESS, 0
         if (yield from self._send(command.register)):
@@ -230,10 +261,31 @@ class I2cMaster:
             return Status.NACK_ADDRESS, 0
         data = 0
         for k in reversed(range(command.count)):
-            for _ in range(8):
-                data = data << 1 | (yield from self._bit(True, ours=False))
+            data = data << 8 | (yield from self._receive())
             yield from self._bit(k == 0, ours=True)
         return Status.OK, data
+
+    def _stream(self, command: _Command) -> Generator[None, None, tuple[Status, int]]:
+        """Transfer bytes from or to the user up to the last one."""
+        if (yield from self._send(command.address << 1 | command.read)):
+            return Status.NACK_ADDRESS, 0
+        while True:
+            if command.read:
+                self.byte = yield from self._receive()
+            self.byte_valid = True
+            if command.read:
+                yield from self._bit(None, ours=True)
+            elif (yield from self._send(self._given)):
+                return Status.NACK_DATA, 0
+            if self._last:
+                return Status.OK, 0
+
+    def _receive(self) -> Generator[None, None, int]:
+        """Return a byte of the device."""
+        byte = 0
+        for _ in range(8):
+            byte = byte << 1 | (yield from self._bit(True, ours=False))
+        return byte
 
     def _send(self, byte: int) -> Generator[None, None, bool]:
         """Send a byte and return the bit after it: high is no acknowledgement."""
@@ -241,10 +293,14 @@ class I2cMaster:
             yield from self._bit(byte >> k & 1 == 1, ours=True)
         return (yield from self._bit(True, ours=False))
 
-    def _bit(self, value: bool, *, ours: bool) -> Generator[None, None, bool]:
-        """Transfer a bit, from SCL's fall to the next one, and return the level of SDA."""
-        yield from self._low(not value)
+    def _bit(self, value: bool | None, *, ours: bool) -> Generator[None, None, bool]:
+        """Transfer a bit, from SCL's fall to the next one, and return the level of SDA.
+
+        A value of None is that of ``last``.
+        """
+        yield from self._low(None if value is None else not value)
         yield from self._quarter_of_bit()
+        value = self._last if value is None else value
         seen = self._sda.before
         if ours and value and not seen:
             raise _EndedError(Status.ARBITRATION)
@@ -285,10 +341,10 @@ class I2cMaster:
         for _ in range(clocks):
             yield
 
-    def _low(self, sda_low: bool) -> Generator[None, None, None]:
+    def _low(self, sda_low: bool | None) -> Generator[None, None, None]:
         """Wait for the low time, with SDA's change in its middle, and until SCL is seen high."""
         yield from self._pause(self._quarter)
-        self.sda_low = sda_low
+        self.sda_low = not self._last if sda_low is None else sda_low
         yield from self._pause(self._quarter)
         self.scl_low = False
         for _ in range(self._timeout + 1):

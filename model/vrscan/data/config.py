@@ -525,11 +525,16 @@ class Laser(Section):
     """Light goes off when the host is silent for longer."""
 
 
+# An M3 smart stage's address, and its speed as it leaves the factory (06224-M-0003).
+M3: dict[str, int | float] = {"address": 0x33, "speed_mm_per_s": 4.0}
+
+
 class Focus(Section):
     """The autofocus, VR-SCAN IV-E: a motor that moves the lens, and its position sensor, on I2C.
 
     It is off as shipped, because the image moves with the lens and ``[geometry]`` holds for one
-    position only. A defocus of 10 um blurs a point by half a pixel with a lens of 1:3.
+    position only. A defocus of 10 um blurs a point by half a pixel with a lens of 1:3. ``M3`` has
+    the values that an M3 smart stage needs otherwise than a motor with registers.
     """
 
     mode: Literal["off", "manual", "automatic"] = "off"
@@ -561,8 +566,10 @@ class Focus(Section):
     retries: int = Field(default=3, ge=0, le=255)
     """Retries of a command and of a target."""
 
+    motor: Literal["registers", "m3"] = "registers"
+    """What the motor speaks: registers of two bytes, or the commands of an M3 smart stage."""
     address: int = Field(default=0x2A, ge=0, le=0x7F)
-    """I2C address of the motor."""
+    """I2C address of the motor; 0x33 is an M3's."""
     quarter_us: Positive = 2.5
     """Quarter of a bit: 100 kHz."""
     stretch_ms: Positive = 25.0
@@ -571,6 +578,13 @@ class Focus(Section):
     """Pause between two commands."""
     speed_mm_per_s: Positive = 5.0
     """Of the simulated motor."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_m3(cls, values: object) -> object:
+        if isinstance(values, dict) and values.get("motor") == "m3":
+            return M3 | values
+        return values
 
     @field_validator("average_points")
     @classmethod

@@ -70,6 +70,7 @@ def build(config: Config) -> Path:
         "NoiseRad": 1e-6 * mems.noise_urad,
         "JitterS": 1e-9 * mems.jitter_ns,
         "FocusAddress": focus.address,
+        "FocusM3": int(focus.motor == "m3"),
         "FocusTravel": round(focus.travel_mm / resolution_mm),
         "FocusStepClks": max(1, round(clock_hz * resolution_mm / focus.speed_mm_per_s)),
         **polygon_parameters(config),

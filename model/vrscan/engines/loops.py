@@ -19,6 +19,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from vrscan.clocked import m3_motor
 from vrscan.clocked.focus_filter import FocusFilter
 from vrscan.clocked.focus_motor import FocusMotor, State
 from vrscan.clocked.focus_target import FocusTarget
@@ -353,8 +354,12 @@ class FocusLoop:
     def _command(self, now: int) -> None:
         """Send the motor's command over the bus."""
         motor, quarter = self.motor, self._settings.quarter_clks
-        bus: dict[str, Any] = {"read": motor.command_read, "count": 2, "quarter": quarter}
-        effect, end = now + effect_clocks(**bus), now + command_clocks(**bus) + 1
+        bus: dict[str, Any] = {"read": motor.command_read, "quarter": quarter}
+        if self._settings.protocol:
+            effect, end = m3_motor.effect_clocks(**bus), m3_motor.command_clocks(**bus)
+        else:
+            effect, end = effect_clocks(count=2, **bus), command_clocks(count=2, **bus)
+        effect, end = now + effect, now + end + 1
         if motor.command_read:
             self._reply = end, self.motion.at(effect)
         else:

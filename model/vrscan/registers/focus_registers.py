@@ -111,6 +111,7 @@ class FocusRegisters(FocusSettings):
             tolerance=steps("tolerance", "tolerance_um", focus.tolerance_um),
             timeout_clks=put("timeout_clks", "timeout_s", focus.timeout_s * clock),
             retries=focus.retries,
+            protocol=int(focus.motor == "m3"),
             mode=Mode[focus.mode.upper()],
             table_position=tuple(entry(k) for k in range(TABLE_SIZE)),
         )

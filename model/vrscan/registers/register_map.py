@@ -98,14 +98,14 @@ def _one(
     )  # fmt: skip
 
 
-MAP_HASH = 0xCB56D2BB
+MAP_HASH = 0x53CDF354
 
 # fmt: off
 _REGISTERS = (
     _one("", 0x000, "identity", 32, "constant",
          "the letters VRSC, by which a host knows the instrument", reset=0x56525343),
     _one("", 0x001, "map_hash", 32, "constant",
-         "hash of the parts of this map that a host must know", reset=0xCB56D2BB),
+         "hash of the parts of this map that a host must know", reset=0x53CDF354),
     _one("", 0x002, "version", 32, "constant",
          "version of the map: major, minor, patch in bits 31..16, 15..8, 7..0", reset=0x00000100),
     _one("identity_status", 0x003, "board_id", 16, "ro", "number of the kind of board"),
@@ -463,11 +463,14 @@ _REGISTERS = (
          unit="clk"),
     _one("focus", 0x18E, "focus_retries", 8, "rw",
          "number of retries of a failed command or of a missed target"),
+    _one("focus", 0x18F, "focus_protocol", 1, "rw",
+         "what the motor speaks: 0 registers of two bytes, 1 the commands of an M3 smart stage"),
     _one("focus_status", 0x1A0, "focus_state", 3, "ro",
          "state: 0 OFF, 1 WAIT for a target, 2 MOVE, 3 HOLD, 4 FAULT until OFF"),
-    _one("focus_status", 0x1A1, "focus_fault", 3, "ro",
+    _one("focus_status", 0x1A1, "focus_fault", 4, "ro",
          "cause of the last FAULT: 0 none; 1 address, 2 data not acknowledged; 3 clock stretched"
-         " too long; 4 bus stuck; 5 arbitration lost; 6 target not reached"),
+         " too long; 4 bus stuck; 5 arbitration lost; 6 target not reached; of an M3: 7 bad "
+         "reply, 8 driver, encoder or stall, 9 at a limit or out of range"),
     _one("focus_status", 0x1A2, "focus_in_position", 1, "ro", "1 while the lens is at its target"),
     _one("focus_status", 0x1A3, "focus_distance", 24, "ro", "average z of the good points",
          signed=True, fraction=12, unit="length_unit"),
@@ -486,6 +489,11 @@ _REGISTERS = (
          "number of targets that were not reached in time"),
     _one("focus_status", 0x1AB, "focus_recovery_count", 16, "counter",
          "number of times that extra clocks freed a device"),
+    _one("focus_status", 0x1AC, "focus_reply_count", 16, "counter",
+         "number of replies of an M3 that were none, or told of a fault"),
+    _one("focus_status", 0x1AD, "focus_motor_status", 25, "ro",
+         "status of an M3 when it was last read, bits as in its guide; bit 24: its position was "
+         "below 0 or above 65535, and focus_position is 0 or 65535"),
     _one("test", 0x1C0, "test_position", 25, "rw", "position of the first line's pulse",
          reset=4194304, fraction=12, unit="px"),
     _one("test", 0x1C1, "test_move", 24, "rw",

@@ -224,3 +224,4 @@ class FocusSettings(Settings):
     tolerance: int
     timeout_clks: int
     retries: int
+    protocol: int
