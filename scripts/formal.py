@@ -1306,9 +1306,14 @@ def spoil(mutant: Mutant) -> tuple[bool, float]:
 def main() -> int:
     """Return 0 when all is proven, all is reached and every fault is noticed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("modules", nargs="*", help="only of these; of all when none is named")
     parser.add_argument("--proofs", action="store_true", help="only the proofs")
     parser.add_argument("--mutants", action="store_true", help="only the faults")
     arguments = parser.parse_args()
+    tops = set(arguments.modules) or {proof.top for proof in PROOFS}
+    if unknown := tops - {proof.top for proof in PROOFS}:
+        parser.error(f"no proof of {', '.join(sorted(unknown))}")
+    mutants = [mutant for mutant in MUTANTS if mutant.proof in tops]
     console = Console(width=120)
     FOLDER.mkdir(parents=True, exist_ok=True)
     start = time.monotonic()
@@ -1317,7 +1322,9 @@ def main() -> int:
         if not arguments.mutants:
             table = Table("property", "module", "method", "depth", "result", "s", box=None)
             with ThreadPoolExecutor(os.cpu_count()) as pool:
-                for failed, rows in pool.map(prove, PROOFS):
+                for failed, rows in pool.map(
+                    prove, [proof for proof in PROOFS if proof.top in tops]
+                ):
                     failures += failed
                     for row in rows:
                         table.add_row(*row)
@@ -1326,7 +1333,7 @@ def main() -> int:
             table = Table("fault", "module", "is noticed by", "result", "s", box=None)
             with ThreadPoolExecutor(os.cpu_count()) as pool:
                 for mutant, (noticed, seconds) in zip(
-                    MUTANTS, pool.map(spoil, MUTANTS), strict=True
+                    mutants, pool.map(spoil, mutants), strict=True
                 ):
                     failures += not noticed
                     result = "[green]noticed[/]" if noticed else "[red]survives[/]"

@@ -1,5 +1,6 @@
 """``import vrscan``: its functions against the command, and what they refuse."""
 
+import contextlib
 import doctest
 import importlib
 import io
@@ -11,11 +12,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from fake_board import FakeBoard
 
 import vrscan
-from vrscan import api
 from vrscan.cli import app as cli
-from vrscan.data import line_files
+from vrscan.data import line_files, table
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError, LinesError
 from vrscan.data.extras import MissingError
@@ -36,9 +37,22 @@ def lines() -> vrscan.Lines:
     return vrscan.simulate("step", 300)
 
 
-def test_the_examples_run() -> None:
-    found = doctest.testmod(api)
-    assert found.attempted > 10
+@pytest.mark.parametrize("name", sorted(vrscan._PLACES))
+def test_each_name_has_an_example_that_runs(name: str, tmp_path: Path) -> None:
+    """``Device`` meets a board of the twins."""
+    module, _, attribute = vrscan._PLACES[name].partition(":")
+    found = getattr(importlib.import_module(module), attribute)
+    (example,) = doctest.DocTestFinder(recurse=False).find(found, attribute, globs={})
+    assert example.examples
+    with FakeBoard(tmp_path / "port") if name == "Device" else contextlib.nullcontext():
+        example.globs["port"] = str(tmp_path / "port")
+        told = io.StringIO()
+        assert doctest.DocTestRunner().run(example, out=told.write).failed == 0, told.getvalue()
+
+
+def test_the_other_examples_run() -> None:
+    found = doctest.testmod(table)
+    assert found.attempted > 4
     assert found.failed == 0
 
 

@@ -34,9 +34,11 @@ def completed(words: str) -> list[str]:
         ("vrscan scan win", [name for name in shipped() if name.startswith("win")]),
         ("vrscan scan --config ", list(presets())),
         ("vrscan scan --fid", ["--fidelity"]),
+        ("vrscan scan --fidelity mini", ["minimal"]),
+        ("vrscan link write scrat", ["scratch"]),
     ],
 )
-def test_a_shell_completes_commands_options_scenes_and_presets(words, wanted):
+def test_a_shell_completes_commands_options_and_names(words, wanted):
     assert completed(words) == wanted
     assert wanted
 

@@ -65,6 +65,15 @@ def fit_motion(
     Raises:
         InputError: if there are fewer than 6 samples a harmonic, shapes disagree, a number is not
             finite, the frequency is not positive, or the samples do not determine all harmonics.
+
+    Example:
+        >>> import numpy as np
+        >>> import vrscan
+        >>> time = np.arange(3000) / 37_400
+        >>> angle = 0.35 * np.sin(2 * np.pi * 249 * time)
+        >>> motion = vrscan.fit_motion(time, angle, 249.0)
+        >>> round(motion.amplitude_rad, 6)
+        0.35
     """
     time, angle = np.asarray(time_s, np.float64), np.asarray(angle_rad, np.float64)
     if time.ndim != 1 or time.shape != angle.shape:

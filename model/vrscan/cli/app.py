@@ -128,6 +128,15 @@ def _presets(incomplete: str) -> list[str]:
     return [name for name in configuration.presets() if name.startswith(incomplete)]
 
 
+def _effects(incomplete: str) -> list[str]:
+    """Return the fidelities, and lists of effects, that a shell completes a beginning to."""
+    from vrscan.scene.effects import EFFECTS
+
+    before, comma, begun = incomplete.rpartition(",")
+    names = EFFECTS if comma else ("auto", "full", "minimal", *EFFECTS)
+    return [before + comma + name for name in names if name.startswith(begun)]
+
+
 SceneArgument = Annotated[
     str,
     typer.Argument(help="Name of a shipped scene, or FILE.toml.", autocompletion=_scenes),
@@ -135,7 +144,8 @@ SceneArgument = Annotated[
 FidelityOption = Annotated[
     str | None,
     typer.Option(
-        help="auto, full, minimal, or names of effects with commas; default: the scene's."
+        help="auto, full, minimal, or names of effects with commas; default: the scene's.",
+        autocompletion=_effects,
     ),
 ]
 ToleranceOption = Annotated[

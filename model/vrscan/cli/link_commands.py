@@ -54,6 +54,13 @@ RawOption = Annotated[
 BAUD, TIMEOUT_S = 3_000_000, 5.0
 
 
+def _registers(incomplete: str) -> list[str]:
+    """Return the registers that a shell completes a beginning to."""
+    from vrscan.registers import values
+
+    return [name for name in values.NAMES if name.startswith(incomplete)]
+
+
 @link.command()
 def info(
     port: PortOption = None, baud: BaudOption = BAUD, timeout: TimeoutOption = TIMEOUT_S
@@ -88,7 +95,10 @@ def registers(
 
 @link.command()
 def read(
-    names: Annotated[list[str], typer.Argument(metavar="NAME...", help="Names of registers.")],
+    names: Annotated[
+        list[str],
+        typer.Argument(metavar="NAME...", help="Names of registers.", autocompletion=_registers),
+    ],
     raw: RawOption = False,
     port: PortOption = None,
     baud: BaudOption = BAUD,
@@ -108,7 +118,7 @@ def read(
 
 @link.command(context_settings={"ignore_unknown_options": True})  # a value may begin with a minus
 def write(
-    name: Annotated[str, typer.Argument(help="Name of a register.")],
+    name: Annotated[str, typer.Argument(help="Name of a register.", autocompletion=_registers)],
     value: Annotated[
         list[str], typer.Argument(metavar="VALUE...", help="Value in the register's unit.")
     ],

@@ -644,7 +644,16 @@ class Polygon(Section):
 
 
 class Config(Section):
-    """The whole configuration, one attribute for each table of the file."""
+    """The whole configuration, one attribute for each table of the file.
+
+    What is not given is as shipped, or follows from what is.
+
+    Example:
+        >>> from vrscan import Config
+        >>> config = Config.model_validate({"peak": {"window": "two_pass"}})
+        >>> config.peak.window, config.geometry.base_mm
+        ('two_pass', 60.0)
+    """
 
     clock: Clock = Clock()
     peak: Peak = Peak()

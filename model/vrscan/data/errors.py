@@ -27,6 +27,14 @@ class InputError(Exception):
     """Bad input: the text is one line that names the file (or key) and the value.
 
     The commands print it on the error stream and end with status 2.
+
+    Example:
+        >>> import vrscan
+        >>> try:
+        ...     lines = vrscan.simulate("plain")
+        ... except vrscan.InputError as error:
+        ...     print(str(error)[:5])
+        plain
     """
 
 

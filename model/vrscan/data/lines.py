@@ -11,7 +11,14 @@ from vrscan.data.arrays import Bools, Floats, Ints, Pixels
 
 @dataclass(frozen=True)
 class Truth:
-    """The truth of simulated lines; all arrays [n], NaN where a line has no such value."""
+    """The truth of simulated lines; all arrays [n], NaN where a line has no such value.
+
+    Example:
+        >>> import vrscan
+        >>> truth = vrscan.simulate("plane", 64, fidelity="minimal").truth
+        >>> truth.names, bool((truth.z_mm[truth.surface == 0] > 0).all())
+        (('plane',), True)
+    """
 
     x_mm: Floats  # x of the spot
     z_mm: Floats
@@ -25,6 +32,13 @@ class Lines:
     """n sensor lines with the data that the chain needs for each.
 
     Every source of lines (a recording, the simple scene, the full simulator) gives this type.
+
+    Example:
+        >>> import numpy as np
+        >>> import vrscan
+        >>> dark = vrscan.Lines(np.zeros((2, 2048), np.uint16), np.zeros(2), np.ones(2, np.int64))
+        >>> len(dark), vrscan.detect(dark).measured.tolist()
+        (2, [False, False])
     """
 
     lines: Pixels  # counts [n, length]

@@ -25,6 +25,13 @@ class Table:
     where the latter is above 0: z between which the beam is free. Confidences are 0 to 1.
     y_mm is the position of the scanner along y, time_s that of the laser's pulse from the start of
     the recording, and power the laser's, 0 to 65535; NaN where time or power is not known.
+
+    Example:
+        >>> import vrscan
+        >>> points = vrscan.detect(vrscan.simulate("plane", 64, fidelity="minimal"))
+        >>> good = points.of(points.located & ~points.flags["MIXED"])
+        >>> bool((good.sigma_z_mm > 0).all())
+        True
     """
 
     line: Ints

@@ -80,6 +80,15 @@ class Device(RegisterHost):
     Raises:
         LinkError: if the port cannot be opened, nothing or something else answers, or its registers
             are not those that this program knows.
+
+    Example:
+        ``port`` is a name such as ``/dev/ttyUSB0``.
+
+        >>> import vrscan
+        >>> with vrscan.Device(port) as board:
+        ...     board.registers.scratch = 7
+        ...     print(board.registers.scratch, board.registers.line_enable)
+        7 0
     """
 
     def __init__(

@@ -55,7 +55,15 @@ class Speckle(Section):
 
 
 class Description(Section):
-    """A scene in the form of its file."""
+    """A scene in the form of its file.
+
+    Example:
+        >>> import vrscan
+        >>> wall = {"kind": "plane", "name": "wall", "position_mm": [0.0, 0.0, 450.0]}
+        >>> scene = vrscan.Scene.model_validate({"fidelity": ["read"], "target": [wall]})
+        >>> vrscan.simulate(scene, 64).truth.names
+        ('wall',)
+    """
 
     title: str = ""
     fidelity: Literal["auto", "full"] | list[str] = "auto"
