@@ -13,7 +13,7 @@ import pytest
 from harness import in_volume
 
 from vrscan.cli import app as cli
-from vrscan.data import recordings
+from vrscan.data import edges, recordings
 from vrscan.data.arrays import Pixels
 from vrscan.data.config import Config
 from vrscan.data.points import COLUMNS
@@ -165,9 +165,14 @@ def test_a_scans_edges_are_a_mirrors_recording(
     scan, mirror = tmp_path / "scan", tmp_path / "mirror.csv"
     arguments = ["--out", str(scan), "--engine", "ideal", "--lines", "1500"]
     assert command(monkeypatch, "scan", "--fidelity", "minimal", *arguments) == 0
-    edges = scan / "edges.csv"
-    assert command(monkeypatch, "mirror", "--replay", str(edges), "--out", str(mirror)) == 0
-    assert mirror.stat().st_size > 0
+    table, recording = scan / "edges.csv", tmp_path / "edges.mcap"
+    with recordings.Writer(recording, Config()) as into:
+        into.edges(*edges.read(table))
+    made = []
+    for path in (table, recording):
+        assert command(monkeypatch, "mirror", "--replay", str(path), "--out", str(mirror)) == 0
+        made.append(mirror.read_bytes())
+    assert made[0] == made[1] and made[0].count(b"\n") > 1000
 
 
 @pytest.mark.parametrize("scene", SCENES)
