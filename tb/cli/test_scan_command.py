@@ -269,6 +269,10 @@ def test_speed_is_of_one_core_and_of_more(
         assert len(rates) == (1 if jobs == "1" else 3)
         assert min(rates) > 0.0
         assert all(f"{heading}, lines/s" in printed for heading in headings)
+        rows = [line.split() for line in printed.splitlines() if "on the disk" not in line]
+        (loose,) = (float(words[-1]) for words in rows if words[:3] == ["as", "they", "are"])
+        (packed,) = (float(words[-1]) for words in rows if words[:1] == ["packed"])
+        assert 0.2 * loose < packed < 0.6 * loose and 4096 < loose < 4300
 
 
 @pytest.mark.parametrize("name", ["scan", "replay", "efficiency", "speed"])

@@ -839,7 +839,7 @@ def speed(
     ] = 0,
     config: ConfigOption = None,
 ) -> None:
-    """Measure the lines per second of the engines, on one core and on all of them."""
+    """Measure the lines per second of the engines, on one core and on all, and of recordings."""
     from vrscan.study.report import speed as report
 
     if count is not None:
@@ -852,7 +852,9 @@ def speed(
         for each in chosen:
             rates.append(report.measure(each, settings, count, jobs or None))
             progress(len(rates))
+    kept = report.recorded(settings, count or report.LINES[Engine.IDEAL])
     _console().print(report.table(rates))
+    _console().print(report.recorded_table(kept))
 
 
 @app.command()
