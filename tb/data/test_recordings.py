@@ -113,7 +113,8 @@ def test_records_keep_every_bit_and_unwrap_their_time(tmp_path: Path) -> None:
 
 def test_a_moment_beside_records_is_by_their_clock() -> None:
     clock, ticks = recordings.Clock(100), np.array([2**32 - 50, 50, 150])
-    assert clock.beside(ticks[:1])[0] == (2**32 - 50) / 100  # no record has come
+    for tick, now in zip(ticks, (2**32 - 50, 2**32 + 50, 2**32 + 150), strict=True):
+        assert clock.beside(np.array([tick]))[0] == now / 100  # no record has come
     assert clock.seconds(ticks)[-1] == (2**32 + 150) / 100
     near = np.array([2**32 - 1, 0, 2**31 + 100])
     assert clock.beside(near).tolist() == [(2**32 - 1) / 100, 2**32 / 100, (2**32 + near[2]) / 100]

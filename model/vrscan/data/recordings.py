@@ -59,7 +59,7 @@ class Clock:
     """
 
     def __init__(self, clock_hz: int) -> None:
-        self._hz, self._last = clock_hz, -1
+        self._hz, self._last, self._near = clock_hz, -1, -1
 
     def seconds(self, clocks: Ints) -> Floats:
         """Return the times of the next records [n]."""
@@ -72,10 +72,15 @@ class Clock:
         return np.asarray(found / self._hz)
 
     def beside(self, clocks: Ints) -> Floats:
-        """Return the times of moments less than half a turn of the counter off the last record."""
-        last, half = max(self._last, 0), _CLOCKS // 2 if self._last >= 0 else 0
-        ahead = (clocks.astype(np.int64) - last + half) % _CLOCKS - half
-        return np.asarray((last + ahead) / self._hz)
+        """Return the times of moments less than half a turn of the counter off the last record.
+
+        Before the first record they follow each other so.
+        """
+        last = self._near if self._last < 0 else self._last
+        half = 0 if last < 0 else _CLOCKS // 2
+        found = max(last, 0) + (clocks.astype(np.int64) - max(last, 0) + half) % _CLOCKS - half
+        self._near = int(found[-1]) if len(found) else last
+        return np.asarray(found / self._hz)
 
 
 def full_table(found: records.Records, pixel_width: int, clock: Clock) -> Table:

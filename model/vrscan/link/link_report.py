@@ -358,13 +358,15 @@ def captured_lines(found: Sequence[Captured], clock: Clock) -> Lines:
     """Return raw lines with what their points tell of angle, power, mirror and time."""
     points = _records(found)
     known = np.array([each.record is not None for each in found])
+    time_s = np.full(len(found), np.nan)
+    time_s[known] = clock.beside(points["time"][known])
     raised = points["flags"] >> pkg.FLAG_NOT_RUNNING & ((1 << pkg.MIRROR_FLAG_WIDTH) - 1)
     return Lines(
         lines=np.stack([each.pixels for each in found]),
         angle_rad=points["angle"] * (2.0 * math.pi / 2.0**pkg.ANGLE_WIDTH),
         power=points["power"].astype(np.int64),
         mirror_flags=raised.astype(np.int64),
-        time_s=np.where(known, clock.beside(points["time"]), np.nan),
+        time_s=time_s,
         number=np.array([each.line for each in found]),
     )
 
