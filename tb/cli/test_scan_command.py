@@ -160,7 +160,7 @@ def _group_lives(group: int) -> bool:
 
 
 def test_a_scans_edges_are_a_mirrors_recording(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scan, mirror = tmp_path / "scan", tmp_path / "mirror.csv"
     arguments = ["--out", str(scan), "--engine", "ideal", "--lines", "1500"]
@@ -173,6 +173,10 @@ def test_a_scans_edges_are_a_mirrors_recording(
         assert command(monkeypatch, "mirror", "--replay", str(path), "--out", str(mirror)) == 0
         made.append(mirror.read_bytes())
     assert made[0] == made[1] and made[0].count(b"\n") > 1000
+    recording.write_bytes(recording.read_bytes()[:-20])
+    assert command(monkeypatch, "mirror", "--replay", str(recording), "--out", str(mirror)) == 0
+    told = [line for line in capsys.readouterr().err.splitlines() if "cut off" in line]
+    assert told == [f"vrscan: {recording}: cut off before its end; the rest is read"]
 
 
 @pytest.mark.parametrize("scene", SCENES)

@@ -666,7 +666,8 @@ def mirror(
     if recording is not None:
         if events.any or jitter_ns is not None:
             raise InputError("--replay: no --drift, --shock, --drop or --jitter-ns with it")
-        rows, amplitude, last = report.read_edges(recording, settings)
+        with telling():
+            rows, amplitude, last = report.read_edges(recording, settings)
         length = last if seconds is None else min(seconds, last)
         _check_range(f"{recording}: last time_s", length, 0.0, MOST_SECONDS)
         title = f"Mirror: {recording.name}, {length:.3f} s"
