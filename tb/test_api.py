@@ -113,7 +113,7 @@ def test_lines_are_those_of_the_command(
     with pytest.raises(SystemExit) as ended:
         cli.main()
     assert not ended.value.code
-    kept = line_files.read(tmp_path / "out" / "lines.npz", Config())
+    kept = line_files.read(tmp_path / "out" / "lines.mcap", Config())
     assert np.array_equal(kept.lines, lines.lines)
     assert np.array_equal(kept.angle_rad, lines.angle_rad)
     assert np.array_equal(kept.power, lines.power)

@@ -55,7 +55,7 @@ def test_the_index_alone_gives_the_angle(mark_deg: float) -> None:
 
 def test_too_little_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="No such file"):
-        recording.from_folder(tmp_path, plane(400.0), CONFIG)
+        recording.from_file(tmp_path, CONFIG)
     (tmp_path / "points.csv").write_text("line,x_mm\n1,2\n")
-    with pytest.raises(InputError, match="no column position_px"):
-        recording.from_folder(tmp_path, plane(400.0), CONFIG)
+    with pytest.raises(InputError, match="no column peak"):
+        recording.from_file(tmp_path, CONFIG)

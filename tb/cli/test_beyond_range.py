@@ -13,7 +13,7 @@ import pytest
 import trimesh
 
 from vrscan.cli import app as cli
-from vrscan.data import records
+from vrscan.data import recordings, records
 from vrscan.data.config import Config
 from vrscan.fixed.point_record import point_record
 from vrscan.fixed.vrscan_chain import run_fixed
@@ -71,11 +71,11 @@ def test_a_wall_beyond_the_range_is_in_no_file(
     out = scanned(scene, engine, monkeypatch)
     with (out / "points.csv").open() as file:
         rows = list(csv.DictReader(file))
-    with np.load(out / "lines.npz") as lines:
-        surface = lines["surface"]
-        seen = np.isfinite(lines["true_position_px"])
-        far, near = (list(lines["surface_names"]).index(name) for name in ("far", "near"))
-        truth_mm = lines["true_z_mm"]
+    truth = recordings.read(out / "lines.mcap").lines.truth
+    assert truth is not None
+    surface, truth_mm = truth.surface, truth.z_mm
+    seen = np.isfinite(truth.position_px)
+    far, near = (truth.names.index(name) for name in ("far", "near"))
     beyond = seen & (surface == far)
     assert beyond.sum() > LINES // 10 and truth_mm[beyond].min() > 2048.0
     measured = 0
@@ -100,9 +100,11 @@ def test_a_wall_beyond_the_range_is_no_point_on_the_link(
 ) -> None:
     """The bytes of compact records and of those of space: not measured, and nowhere a place."""
     out = scanned(scene, "ideal", monkeypatch)
-    with np.load(out / "lines.npz") as lines:
-        given = lines["lines"], angle_turns(lines["angle_rad"]), lines["power"].astype(np.int64)
-        beyond = np.isfinite(lines["true_position_px"]) & (lines["true_z_mm"] > 2048.0)
+    lines = recordings.read(out / "lines.mcap").lines
+    given = lines.lines, angle_turns(lines.angle_rad), lines.power.astype(np.int64)
+    truth = lines.truth
+    assert truth is not None
+    beyond = np.isfinite(truth.position_px) & (truth.z_mm > 2048.0)
     registers = Registers.from_config(Config())
     points = run_fixed(*given, registers=registers)
     none = np.zeros(LINES, np.int64)

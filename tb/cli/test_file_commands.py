@@ -12,7 +12,7 @@ from PIL import Image
 from test_scan_command import command
 
 from vrscan.cli import app as cli
-from vrscan.data import line_files, recordings
+from vrscan.data import recordings
 from vrscan.data.clouds import SUFFIXES
 from vrscan.data.config import Config
 from vrscan.data.points import read_csv
@@ -101,11 +101,11 @@ def test_filters_work_in_the_order_of_the_command(
 
 
 def test_pictures_of_lines_are_replayed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with np.load("scan/lines.npz") as kept:
-        Image.fromarray(kept["lines"]).save("lines.png")
-        names = ("angle_rad", "power", "time_s", "y_mm")
-        lines = zip(*(kept[name].tolist() for name in names), strict=True)
-        text = "\n".join(",".join(map(repr, line)) for line in lines)
+    kept = recordings.read(Path("scan/lines.mcap")).lines
+    Image.fromarray(kept.lines).save("lines.png")
+    names = ("angle_rad", "power", "time_s", "y_mm")
+    lines = zip(*(getattr(kept, name).tolist() for name in names), strict=True)
+    text = "\n".join(",".join(map(repr, line)) for line in lines)
     Path("angles.csv").write_text(f"{','.join(names)}\n{text}\n")
     words = ["replay", "lines.png", "--angles", "angles.csv", "--engine", "ideal"]
     assert command(monkeypatch, *words, "--out", "again.csv") == 0
@@ -138,7 +138,16 @@ BAD = {
     "no_csv": (["filter", "scan/points.csv", "a.ply", "--median", "3"], ["a.ply", ".csv"]),
     "even": (["filter", "scan/points.csv", "a.csv", "--median", "4"], ["--median", "(4)"]),
     "no_angles": (
-        ["replay", "scan/lines.npz", "--out", "a.csv", "--angles", "none.csv", "--engine", "ideal"],
+        [
+            "replay",
+            "scan/lines.mcap",
+            "--out",
+            "a.csv",
+            "--angles",
+            "none.csv",
+            "--engine",
+            "ideal",
+        ],
         ["none.csv"],
     ),
 }
@@ -206,11 +215,13 @@ def refused(
 def test_a_recording_gives_what_its_arrays_and_table_give(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    config = Config()
-    with recordings.Writer(Path("a.mcap"), config) as into:
+    lines = recordings.read(Path("scan/lines.mcap")).lines
+    columns = ("lines", "angle_rad", "power", "mirror_flags", "time_s", "y_mm")
+    np.savez("lines.npz", **{name: getattr(lines, name) for name in columns})
+    with recordings.Writer(Path("a.mcap"), Config()) as into:
         into.points(read_csv(Path("scan/points.csv")))
-        into.lines(line_files.read(Path("scan/lines.npz"), config))
-    for source, name in (("scan/lines.npz", "n"), ("a.mcap", "m")):
+        into.lines(lines)
+    for source, name in (("lines.npz", "n"), ("a.mcap", "m")):
         words = ["replay", source, "--engine", "ideal", "--out", f"{name}.csv", "--jobs", "1"]
         assert command(monkeypatch, *words) == 0
     assert Path("m.csv").read_bytes() == Path("n.csv").read_bytes()

@@ -30,7 +30,7 @@ from vrscan.data.correction_maps import COLUMNS as MAP_COLUMNS
 from vrscan.data.correction_maps import ROWS, FieldMaps
 from vrscan.data.correction_maps import read_maps as read_maps_of
 from vrscan.data.line_files import read as read_lines
-from vrscan.data.points import COLUMNS
+from vrscan.data.points import COLUMNS, read_csv
 from vrscan.fixed import peak_fit
 from vrscan.fixed.test_line import lines
 from vrscan.fixed.vrscan_chain import run_fixed
@@ -248,20 +248,26 @@ def test_lost_points_are_status_1(board: FakeBoard) -> None:
 
 
 def test_a_recording_has_the_records_and_is_filtered(board: FakeBoard) -> None:
-    printed("points", "--out", "points.mcap", "--count", "300")
+    held = ("--config", "config.toml")
+    board.file.inputs.update(mirror_state=3, missing_count=7)
+    printed("points", "--out", "points.mcap", "--count", "300", *held)
     found = recordings.read(Path("points.mcap"))
-    assert found.complete and found.lost == 0 and found.rows == {"records": 300}
+    assert found.complete and found.lost == 0 and found.rows == {"records": 300, "board": 1}
+    (state,) = found.board
+    assert (state["mirror_state"], state["missing_count"], state["index_alive"]) == (3, 7, 0)
+    assert state["time_s"] == state["uptime"] / CLOCK_HZ > 0.0
     assert found.notes["account"]["records"] >= "300" and found.about["step"]
     want = board.made[found.points.line % len(board.made)]
     assert np.array_equal(found.points.x_mm * 4096, records.points(want).x)
-    printed("points", "--out", "short.mcap", "--count", "300", "--space")
+    printed("points", "--out", "short.mcap", "--count", "300", "--space", *held)
     short = recordings.read(Path("short.mcap"))
-    assert short.complete and short.rows == {"short_records": 300}
+    assert short.complete and short.rows == {"short_records": 300, "board": 1}
     there = short.points.located
     want = board.made[short.points.line % len(board.made)]
     assert np.array_equal(there, records.located(want)) and there.any()
     assert np.array_equal(short.points.x_mm[there] * 4096, want["x"][there])
-    assert not Path("p.mcap").exists()
+    refused = run("points", "--out", "p.mcap", "--count", "300")
+    assert "sensor.line_length" in str(refused.exception) and not Path("p.mcap").exists()
 
 
 def test_points_and_free_beams_as_csv(board: FakeBoard) -> None:
@@ -313,14 +319,27 @@ def test_compact_points_as_csv(board: FakeBoard) -> None:
 
 
 def test_captured_lines_can_be_replayed(board: FakeBoard) -> None:
-    printed("capture", "--lines", "4", "--out", "lines.npz")
-    found = read_lines(Path("lines.npz"), Config.model_validate(CONFIG))
-    assert len(found) == 4
-    with np.load("lines.npz") as raw:
-        place = raw["number"].astype(np.int64) % len(board.made)
+    """With the board's own points beside them, and the configuration that is in it."""
+    board.made["time"] = np.arange(len(board.made)) * 3000
+    printed("capture", "--lines", "4", "--out", "lines.mcap", "--config", "config.toml")
+    kept = recordings.read(Path("lines.mcap"))
+    assert kept.complete and kept.rows == {"records": 4, "lines": 4}
+    assert kept.config.peak.k_noise == 3.5 and kept.about["firmware"]
+    found = read_lines(Path("lines.mcap"), kept.config)
+    place = found.number % len(board.made)
+    assert np.array_equal(found.number, kept.points.line)
+    assert np.array_equal(found.time_s, kept.points.time_s)
+    assert found.time_s == pytest.approx(place * 3000 / CLOCK_HZ)
     assert np.array_equal(found.lines, board.pixels[place % len(board.pixels)])
     turns = board.made["angle"][place] / 2.0**24
     assert found.angle_rad == pytest.approx(2.0 * np.pi * turns)
+    words = ["replay", "lines.mcap", "--engine", "fixed", "--out", "again.csv"]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    again = read_csv(Path("again.csv"))
+    assert np.array_equal(again.maximum, kept.points.maximum)
+    assert again.time_s == pytest.approx(found.time_s, abs=1e-9)
+    refused = run("capture", "--out", "wide.mcap")
+    assert "sensor.line_length" in str(refused.exception) and not Path("wide.mcap").exists()
 
 
 def test_a_captured_line_as_text_csv_and_picture(board: FakeBoard) -> None:
@@ -337,9 +356,9 @@ def test_a_captured_line_as_text_csv_and_picture(board: FakeBoard) -> None:
 def test_lines_with_a_peak_are_waited_for(board: FakeBoard) -> None:
     board.made["bits"] = np.arange(COUNT * 3) % 7 == 3
     for count in (1, 3):
-        printed("capture", "--peak", "--out", "line.npz", "--lines", str(count))
-        with np.load("line.npz") as found:
-            assert found["point_bits"].tolist() == [1] * count
+        words = ("capture", "--peak", "--out", "line.mcap", "--config", "config.toml")
+        printed(*words, "--lines", str(count))
+        assert recordings.read(Path("line.mcap")).points.measured.tolist() == [True] * count
 
 
 def test_where_there_is_no_peak_it_is_said_why(board: FakeBoard) -> None:
@@ -395,7 +414,7 @@ def test_started_for_a_command_only(board: FakeBoard) -> None:
 
     for words in (
         ["points", "--count", "20", "--out", "points.csv"],
-        ["capture", "--out", "line.npz"],
+        ["capture", "--out", "line.mcap", "--config", "config.toml"],
         ["watch", "--seconds", "0.5"],
     ):
         board.file.inputs["mirror_state"] = 1
@@ -518,15 +537,16 @@ def test_an_end_before_the_first_point_leaves_no_file(board: FakeBoard) -> None:
 @pytest.mark.parametrize("way", ["port", "SIGTERM", "SIGINT"])
 def test_captured_lines_are_kept_at_an_early_end(board: FakeBoard, way: str) -> None:
     board.lines_per_s = 100.0
-    command = Command("capture", "--out", "lines.npz", "--lines", "10000")
+    words = ("capture", "--out", "lines.mcap", "--config", "config.toml", "--lines", "10000")
+    command = Command(*words)
     until(lambda: board.sent_lines > 5)
     status, why = end_by(way, command, board)
     got, told = command.end()
     assert got == status and why in told
-    with np.load("lines.npz") as raw:
-        place = raw["number"].astype(np.int64) % len(board.made)
-        assert len(place) >= 3 and f"{len(place)} lines are in lines.npz" in told
-        assert np.array_equal(raw["lines"], board.pixels[place % len(board.pixels)])
+    kept = recordings.read(Path("lines.mcap"))
+    place = kept.lines.number % len(board.made)
+    assert len(place) >= 3 and f"{len(place)} lines are in lines.mcap" in told
+    assert np.array_equal(kept.lines.lines, board.pixels[place % len(board.pixels)])
 
 
 def test_maps_are_loaded_beside_those_in_use(board: FakeBoard) -> None:

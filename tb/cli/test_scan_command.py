@@ -13,6 +13,7 @@ import pytest
 from harness import in_volume
 
 from vrscan.cli import app as cli
+from vrscan.data import edges, recordings
 from vrscan.data.arrays import Pixels
 from vrscan.data.config import Config
 from vrscan.data.points import COLUMNS
@@ -86,13 +87,14 @@ def test_replay_of_a_scan_gives_its_points(tmp_path: Path, monkeypatch: pytest.M
     scan, points = tmp_path / "scan", tmp_path / "points.csv"
     arguments = ["--out", str(scan), "--engine", "ideal", "--lines", "200", "--keep-lines"]
     assert command(monkeypatch, "scan", "--fidelity", "minimal", *arguments) == 0
-    lines = scan / "lines.npz"
+    lines = scan / "lines.mcap"
     command(monkeypatch, "replay", str(lines), "--out", str(points), "--engine", "ideal")
     assert points.read_bytes() == (scan / "points.csv").read_bytes()
-    with np.load(lines) as kept:
-        seen = np.isfinite(kept["true_position_px"])
-        assert seen.any()
-        assert set(kept["surface"][seen]) <= set(range(len(kept["surface_names"])))
+    truth = recordings.read(lines).lines.truth
+    assert truth is not None
+    seen = np.isfinite(truth.position_px)
+    assert seen.any()
+    assert set(truth.surface[seen]) <= set(range(len(truth.names)))
 
 
 @pytest.mark.parametrize(
@@ -107,12 +109,9 @@ def test_files_do_not_depend_on_the_number_of_processes(
     for jobs in ("1", "2"):
         assert command(monkeypatch, "scan", "--out", jobs, "--jobs", jobs, *arguments) == 0
     for name in ("points.csv", "points.ply", "edges.csv", "picture.png", "reliability.png",
-                 "space.png"):  # fmt: skip
+                 "space.png", "lines.mcap"):  # fmt: skip
         assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes(), name
-    one, two = (np.load(tmp_path / jobs / "lines.npz") for jobs in ("1", "2"))
-    for name in one.files:
-        assert one[name].tobytes() == two[name].tobytes(), name
-    arguments = ["2/lines.npz", "--engine", engine, "--jobs", "2", "--out", "points.csv"]
+    arguments = ["2/lines.mcap", "--engine", engine, "--jobs", "2", "--out", "points.csv"]
     assert command(monkeypatch, "replay", *arguments) == 0
     assert (tmp_path / "points.csv").read_bytes() == (tmp_path / "1" / "points.csv").read_bytes()
 
@@ -161,14 +160,23 @@ def _group_lives(group: int) -> bool:
 
 
 def test_a_scans_edges_are_a_mirrors_recording(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scan, mirror = tmp_path / "scan", tmp_path / "mirror.csv"
     arguments = ["--out", str(scan), "--engine", "ideal", "--lines", "1500"]
     assert command(monkeypatch, "scan", "--fidelity", "minimal", *arguments) == 0
-    edges = scan / "edges.csv"
-    assert command(monkeypatch, "mirror", "--replay", str(edges), "--out", str(mirror)) == 0
-    assert mirror.stat().st_size > 0
+    table, recording = scan / "edges.csv", tmp_path / "edges.mcap"
+    with recordings.Writer(recording, Config()) as into:
+        into.edges(*edges.read(table))
+    made = []
+    for path in (table, recording):
+        assert command(monkeypatch, "mirror", "--replay", str(path), "--out", str(mirror)) == 0
+        made.append(mirror.read_bytes())
+    assert made[0] == made[1] and made[0].count(b"\n") > 1000
+    recording.write_bytes(recording.read_bytes()[:-20])
+    assert command(monkeypatch, "mirror", "--replay", str(recording), "--out", str(mirror)) == 0
+    told = [line for line in capsys.readouterr().err.splitlines() if "cut off" in line]
+    assert told == [f"vrscan: {recording}: cut off before its end; the rest is read"]
 
 
 @pytest.mark.parametrize("scene", SCENES)
@@ -265,6 +273,10 @@ def test_speed_is_of_one_core_and_of_more(
         assert len(rates) == (1 if jobs == "1" else 3)
         assert min(rates) > 0.0
         assert all(f"{heading}, lines/s" in printed for heading in headings)
+        rows = [line.split() for line in printed.splitlines() if "on the disk" not in line]
+        (loose,) = (float(words[-1]) for words in rows if words[:3] == ["as", "they", "are"])
+        (packed,) = (float(words[-1]) for words in rows if words[:1] == ["packed"])
+        assert 0.2 * loose < packed < 0.6 * loose and 4096 < loose < 4300
 
 
 @pytest.mark.parametrize("name", ["scan", "replay", "efficiency", "speed"])
@@ -284,7 +296,7 @@ def test_a_long_scan_goes_on_where_it_was_cut_off(
     monkeypatch.setattr(scan_store, "PIECE", 1)
     monkeypatch.setattr(scans, "PIECE", 1)
     arguments = ["scan", "--engine", "fixed", "--lines", "3100", "--fidelity", "minimal"]
-    arguments += ["--jobs", "1", *follows]
+    arguments += ["--jobs", "1", "--keep-lines", *follows]
     whole, cut = tmp_path / "whole", tmp_path / "cut"
     assert command(monkeypatch, *arguments, "--out", str(whole)) == 0
     assert not (whole / "parts").exists()
@@ -314,17 +326,20 @@ def test_a_long_scan_goes_on_where_it_was_cut_off(
 
 
 def test_a_replay_knows_where_the_lens_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The lines of a scan with a lens that moves, and their positions of it: the same points."""
+    """The lines of a scan with a lens that moves, and their positions of it: the same points.
+
+    The recording brings its configuration.
+    """
     own, scan, points = tmp_path / "own.toml", tmp_path / "scan", tmp_path / "points.csv"
     own.write_text("[map]\nthin_lens = true\n[focus]\naverage_points = 64\nhold_points = 32\n")
-    how = ["--engine", "fixed", "--config", str(own)]
-    arguments = ["scan", "plane", "--out", str(scan), "--lines", "1000", "--keep-lines", *how]
+    arguments = ["scan", "plane", "--out", str(scan), "--lines", "1000", "--keep-lines"]
     arguments += ["--fidelity", "minimal", "--focus", "automatic", "--jobs", "1"]
-    assert command(monkeypatch, *arguments) == 0
-    command(monkeypatch, "replay", str(scan / "lines.npz"), "--out", str(points), *how)
+    assert command(monkeypatch, *arguments, "--engine", "fixed", "--config", str(own)) == 0
+    lines = scan / "lines.mcap"
+    command(monkeypatch, "replay", str(lines), "--out", str(points), "--engine", "fixed")
     assert points.read_bytes() == (scan / "points.csv").read_bytes()
-    with np.load(scan / "lines.npz") as kept:
-        assert len(set(kept["lens"].tolist())) > 1
+    lens = recordings.read(lines).lines.lens
+    assert lens is not None and len(set(lens.tolist())) > 1
 
 
 def test_power_and_lens_of_a_scan_that_follows_are_written(

@@ -25,7 +25,7 @@ COMMANDS = {
     "watch": ["--seconds", "0.5"],
     "points": ["--out", "points.csv", "--count", "200", "--step", "1"],
     "points, started": ["--out", "points.csv", "--count", "200", "--step", "1", "--start"],
-    "capture": ["--lines", "3", "--out", "lines.npz"],
+    "capture": ["--lines", "3", "--out", "lines.mcap", "--config", "config.toml"],
     "load": ["--config", "config.toml"],
     "selftest": [],
     "bench": ["--pings", "5", "--seconds", "0.1", "--bauds", "3000000,1000000"],
@@ -93,7 +93,7 @@ def test_a_port_that_disappears_and_comes_back(
     assert status(monkeypatch, *words) == 0
     capsys.readouterr()
     made = {name for name in os.listdir() if name not in ("port", "config.toml")}
-    for name in ("points.csv", "lines.npz"):
+    for name in ("points.csv", "lines.mcap"):
         Path(name).unlink(missing_ok=True)
     before = set(os.listdir())
 

@@ -1,4 +1,4 @@
-"""Recorded lines a block at a time: what is read, what is refused, and what is written."""
+"""Recorded lines a block at a time: what is read, and what is refused."""
 
 import zipfile
 from pathlib import Path
@@ -10,9 +10,8 @@ from test_line_files import BAD_ARCHIVES
 
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
-from vrscan.data.line_files import archive, opened, read
-from vrscan.data.lines import Lines, joined, part
-from vrscan.scene.simulate import take
+from vrscan.data.line_files import opened, read
+from vrscan.data.lines import Lines, joined
 
 pytestmark = pytest.mark.filterwarnings("ignore::vrscan.data.errors.InputWarning")
 
@@ -106,27 +105,3 @@ def test_a_changed_pixel_of_an_archive_is_noticed_in_any_block(tmp_path: Path) -
     path.write_bytes(whole)
     with pytest.raises(InputError, match="CRC"):
         in_blocks(path, 5)
-
-
-@pytest.mark.parametrize("sizes", [[1], [20, 3], [7]])
-def test_an_archive_of_blocks_is_read_again(tmp_path: Path, sizes: list[int]) -> None:
-    recording = take("default", 30, CONFIG).lines
-    truth = recording.truth
-    assert truth is not None
-    path = tmp_path / "lines.npz"
-    with path.open("wb") as file, archive(file, 30, 2048, truth.names) as write:
-        start, turn = 0, 0
-        while start < 30:
-            size = sizes[turn % len(sizes)]
-            write(part(recording, slice(start, start + size)))
-            start, turn = start + size, turn + 1
-    back = read(path, CONFIG)
-    assert np.array_equal(back.lines, recording.lines)
-    assert np.array_equal(back.angle_rad, recording.angle_rad)
-    assert np.array_equal(back.power, recording.power)
-    with np.load(path) as kept:
-        assert np.array_equal(kept["true_x_mm"], truth.x_mm, equal_nan=True)
-        assert np.array_equal(kept["true_z_mm"], truth.z_mm, equal_nan=True)
-        assert np.array_equal(kept["true_position_px"], truth.position_px, equal_nan=True)
-        assert np.array_equal(kept["surface"], truth.surface)
-        assert tuple(kept["surface_names"]) == truth.names

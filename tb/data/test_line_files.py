@@ -1,6 +1,5 @@
 """Recorded lines: what is read and how what is not is refused, and what is written."""
 
-import io
 import warnings
 from pathlib import Path
 from typing import Any
@@ -10,8 +9,7 @@ import pytest
 
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError, InputWarning
-from vrscan.data.line_files import read, write
-from vrscan.data.lines import Lines, Truth
+from vrscan.data.line_files import read
 
 SEED = 20100301
 GOOD = np.full((3, 2048), 60, np.uint16)
@@ -49,44 +47,6 @@ def test_an_archive_brings_angles_and_may_hold_more(tmp_path: Path, save: Any) -
     assert np.array_equal(recording.angle_rad, angle)
     assert recording.power.tolist() == [1, 2, 3]
     assert recording.mirror_flags.tolist() == [7, 0, 4]
-
-
-@pytest.mark.parametrize("raised", [5, np.array([0, 3, 7])])
-def test_what_is_written_is_read(tmp_path: Path, raised: Any) -> None:
-    position = np.array([1003.5, np.nan, 7.0])
-    truth = Truth(ANGLES, ANGLES + 300.0, position, np.array([0, -1, 1]), ("plate", "bolt"))
-    angle, power = np.array([-0.3, 0.0, 0.3]), np.array([0, 30_000, 65_535])
-    path = tmp_path / "lines.npz"
-    with path.open("wb") as file:
-        moving = {"time_s": np.array([0.0, 0.5, np.nan]), "y_mm": 2.0 * ANGLES + 7.0}
-        write(Lines(GOOD, angle, power, truth, mirror_flags=raised, **moving), file)
-    recording = read(path, Config())
-    assert np.array_equal(recording.lines, GOOD)
-    assert np.array_equal(recording.angle_rad, angle)
-    assert np.array_equal(recording.power, power)
-    assert np.array_equal(recording.mirror_flags, np.broadcast_to(raised, 3))
-    for name, values in moving.items():
-        assert np.array_equal(getattr(recording, name), values, equal_nan=True)
-    with np.load(path) as arrays:
-        assert np.array_equal(arrays["true_position_px"], position, equal_nan=True)
-        assert arrays["surface_names"].tolist() == ["plate", "bolt"]
-
-
-@pytest.mark.parametrize(
-    ("changed", "text"),
-    [
-        ({"power": np.full(3, 65_536)}, "power outside 0 to 65535"),
-        ({"mirror_flags": 256}, "mirror_flags outside 0 to 7"),
-    ],
-)
-def test_what_would_wrap_is_not_written(changed: dict[str, Any], text: str) -> None:
-    file = io.BytesIO()
-    with pytest.raises(InputError, match=text):
-        write(
-            Lines(**{"lines": GOOD, "angle_rad": ANGLES, "power": ANGLES.astype(int)} | changed),
-            file,
-        )
-    assert not file.getvalue()
 
 
 MISSPELT = {

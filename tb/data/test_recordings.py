@@ -3,7 +3,7 @@
 import io
 import json
 import tempfile
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -39,6 +39,7 @@ def lines() -> Lines:
         time_s=np.arange(COUNT) / 37400.0,
         y_mm=rng.random(COUNT),
         lens=rng.integers(0, 65536, COUNT),
+        number=np.arange(COUNT) + 2**32 - COUNT,
     )
 
 
@@ -111,6 +112,28 @@ def test_records_keep_every_bit_and_unwrap_their_time(tmp_path: Path) -> None:
         into.records(made, 100_000_000, 12, 4)  # in units of 4 mm
     assert np.array_equal(recordings.read(tmp_path / "b.mcap").points.z_mm, 4.0 * found.z_mm)
     assert np.allclose(np.diff(found.time_s), 0.05) and np.array_equal(found.power, made["power"])
+
+
+def test_a_moment_beside_records_is_by_their_clock() -> None:
+    clock, ticks = recordings.Clock(100), np.array([2**32 - 50, 50, 150])
+    for tick, now in zip(ticks, (2**32 - 50, 2**32 + 50, 2**32 + 150), strict=True):
+        assert clock.beside(np.array([tick]))[0] == now / 100  # no record has come
+    assert clock.seconds(ticks)[-1] == (2**32 + 150) / 100
+    near = np.array([2**32 - 1, 0, 2**31 + 100])
+    assert clock.beside(near).tolist() == [(2**32 - 1) / 100, 2**32 / 100, (2**32 + near[2]) / 100]
+    assert clock.seconds(np.array([151]))[0] == (2**32 + 151) / 100  # and they move nothing
+
+
+def test_what_is_not_packed_is_larger_and_the_same(tmp_path: Path) -> None:
+    dark = replace(lines(), lines=np.zeros((COUNT, LENGTH), np.uint16))
+    sizes = []
+    for packed in (True, False):
+        path = tmp_path / f"{packed}.mcap"
+        with recordings.Writer(path, CONFIG, packed=packed) as into:
+            into.lines(dark)
+        same(recordings.read(path).lines, dark)
+        sizes.append(path.stat().st_size)
+    assert sizes[0] < sizes[1] - dark.lines.nbytes // 2
 
 
 def test_by_the_own_reader_of_mcap(tmp_path: Path) -> None:

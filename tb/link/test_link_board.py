@@ -16,7 +16,8 @@ from slow_board import CONFIG, SCENE
 from typer.testing import CliRunner
 
 from vrscan.cli.app import app
-from vrscan.data.line_files import read as read_lines
+from vrscan.data import recordings
+from vrscan.data.config import to_toml
 from vrscan.engines.board import Board
 from vrscan.link import selftest
 from vrscan.link.device import RUN, Device
@@ -131,13 +132,12 @@ def test_a_configuration_is_held_and_guarded(board: Board) -> None:
 
 
 def test_raw_lines_by_the_command(board: Board, tmp_path: Path) -> None:
-    out = tmp_path / "lines.npz"
-    run(board, "capture", "--lines", "2", "--out", str(out))
-    found = read_lines(out, CONFIG)
-    assert found.lines.shape == (2, CONFIG.sensor.line_length)
-    with np.load(out) as raw:
-        assert raw["has_point"].all()
-        assert np.array_equal(raw["lines"].max(axis=1), raw["point_maximum"])
+    out, own = tmp_path / "lines.mcap", tmp_path / "own.toml"
+    own.write_text(to_toml(CONFIG))
+    run(board, "capture", "--lines", "2", "--out", str(out), "--config", str(own))
+    found = recordings.read(out)
+    assert found.lines.lines.shape == (2, CONFIG.sensor.line_length)
+    assert np.array_equal(found.lines.lines.max(axis=1), found.points.maximum)
 
 
 def test_points_and_a_line_at_once_and_one_host_after_another(board: Board) -> None:

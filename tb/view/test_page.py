@@ -160,6 +160,8 @@ def test_it_records_every_point(page: Browser, board: FakeBoard) -> None:
         np.testing.assert_array_equal(getattr(kept.points, name), getattr(want, name))
     rows = {row.tobytes() for row in board.pixels}
     assert len(kept.lines) and {row.tobytes() for row in kept.lines.lines} <= rows
+    times = [state["time_s"] for state in kept.board]
+    assert len(times) > 2 and times == sorted(times) and "index_alive" in kept.board[0]
     played = playback.opened(path)
     assert played.length == len(number) and played.state.endswith(f"{len(kept.lines)} raw lines")
 

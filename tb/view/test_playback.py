@@ -8,7 +8,7 @@ import pytest
 from random_records import random_records
 from scene_board import CONFIG, scene_lines
 
-from vrscan.data import line_files, recordings, records
+from vrscan.data import recordings, records
 from vrscan.data.errors import InputError
 from vrscan.data.lines import Lines
 from vrscan.data.points import atomic_file, table
@@ -69,8 +69,7 @@ def test_raw_lines_are_shown_with_their_own_results(tmp_path: Path) -> None:
     lines = Lines(pixels, angle, made["power"].astype(np.int64))
     seen = int(np.flatnonzero(made["bits"] & records.MEASURED)[3])
     bare, both = tmp_path / "lines.npz", tmp_path / "both.mcap"
-    with atomic_file(bare) as file:
-        line_files.write(lines, file)
+    np.savez(bare, lines=pixels, angle_rad=angle, power=lines.power)
     with recordings.Writer(both, CONFIG) as into:
         into.records(streamed(Form.FULL), BUILD.clock_hz, BUILD.pixel_width)
         into.lines(lines)

@@ -14,10 +14,10 @@ from typing import BinaryIO, Literal
 import numpy as np
 from pydantic import Field
 
-from vrscan.data import edges
-from vrscan.data.arrays import Bools, Floats
+from vrscan.data import edges, recordings
+from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.data.config import Config, Positive, Section, checked
-from vrscan.data.errors import InputError
+from vrscan.data.errors import InputError, one_line
 from vrscan.data.table import Table
 from vrscan.ideal.geometry import triangle, undistorted
 from vrscan.ideal.motion import Harmonics, crossings
@@ -29,6 +29,7 @@ LEFT_OUT = ("AT_EDGE", "SATURATED", "RIVAL", "MIXED", "NOT_RUNNING", "INDEX_FAUL
 EDGE_PX = 16.0
 LEAST_POINTS = 200
 LEAST_PAIRS = 2
+_SETUP = "setup"  # what a recording calls the note of the setup
 _COLUMNS = ("line", "time_s", "position_px", "sigma_px", "angle_rad", "x_mm", "z_mm")
 
 
@@ -166,7 +167,7 @@ def recorded(
     Raises:
         InputError: if there are too few points or crossings.
     """
-    good = points.located.copy()
+    good = points.located & np.isfinite(time_s)
     for flag in LEFT_OUT:
         good &= ~points.flags[flag]
     end = length_px - 1.0 - EDGE_PX
@@ -190,52 +191,66 @@ def recorded(
     )
 
 
-def from_folder(folder: Path, setup: Setup, config: Config) -> Recording:
-    """Return a scan from the points.csv and edges.csv of a folder, as ``vrscan scan`` leaves them.
-
-    Line k's pulse is centred at k / rate + delay + pulse / 2 after time 0 of the edges.
+def from_file(
+    source: Path, config: Config, edges_file: Path | None = None
+) -> tuple[Table, tuple[Floats, Ints, Ints]]:
+    """Return the points of a scan and its index edges, as ``edges.read`` does, by one clock.
 
     Args:
-        folder: The folder.
-        setup: What stood there.
+        source: A folder with points.csv and edges.csv, as ``vrscan scan`` leaves it, or a recording
+            of both; with ``edges_file`` points.csv or a recording of points will do.
         config: The configuration, for the lines' timing.
+        edges_file: Edges of another recorder, whose time begins with line 0; line k's pulse is
+            centred at k / rate + delay + pulse / 2 after that.
 
     Raises:
         InputError: naming the file, if one is missing or not of this form.
     """
-    import csv
-
-    wanted = ("line", "position_px", "sigma_px", "angle_rad", "x_mm", "z_mm", "flags")
-    path = folder / "points.csv"
-    rows = []
-    try:
-        with path.open(newline="") as file:
-            reader = csv.DictReader(file)
-            missing = [each for each in wanted if each not in (reader.fieldnames or ())]
-            if missing:
-                raise InputError(f"{path}: no column {missing[0]}")
-            for row in reader:
-                if row["z_mm"] and not set(row["flags"].split("|")) & set(LEFT_OUT):
-                    rows.append([float(row[each]) for each in wanted[:-1]])
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from error
-    except (ValueError, TypeError, csv.Error) as error:
-        raise InputError(f"{path}: not a table of points ({error})") from error
-    end = config.sensor.line_length - 1.0 - EDGE_PX
-    rows = [row for row in rows if EDGE_PX <= row[1] <= end]
-    if len(rows) < LEAST_POINTS:
-        raise InputError(f"{path}: {len(rows)} good points, needs {LEAST_POINTS}")
-    line, position, sigma, angle, x, z = np.array(rows).T
+    if source.is_dir():
+        edges_file = edges_file or source / "edges.csv"
+        source /= "points.csv"
+    points = recordings.read_points(source)
+    if edges_file is None:
+        return points, recordings.read_edges(source)
     timing = config.line
-    time = line / timing.rate_hz + 1e-6 * (timing.pulse_delay_us + 0.5 * timing.pulse_us)
-    out_s, in_s = edges.pairs(*edges.read(folder / "edges.csv"))
-    if len(out_s) < LEAST_PAIRS:
-        raise InputError(f"{folder / 'edges.csv'}: {len(out_s)} pairs of crossings, needs 2")
-    return Recording(folder.name, setup, line, time, position, sigma, angle, x, z, out_s, in_s)
+    delay_s = 1e-6 * (timing.pulse_delay_us + 0.5 * timing.pulse_us)
+    points = replace(points, time_s=points.line / timing.rate_hz + delay_s)
+    return points, recordings.read_edges(edges_file)
+
+
+def record(
+    name: str,
+    setup: Setup,
+    points: Table,
+    found: tuple[Floats, Ints, Ints],
+    config: Config,
+    file: BinaryIO,
+) -> Recording:
+    """Write a scan as a recording, with its setup, and return it.
+
+    Args:
+        name: Name for messages.
+        setup: What stood there.
+        points: The chain's points, with their times.
+        found: Edges of the index, by the same clock.
+        config: The configuration that made the points.
+        file: A binary file.
+
+    Raises:
+        InputError: as ``recorded``.
+    """
+    out_s, in_s = edges.pairs(*found)
+    length = config.sensor.line_length
+    made = recorded(name, setup, points, points.time_s, out_s, in_s, length)
+    with recordings.Writer(file, config) as into:
+        into.points(points)
+        into.edges(*found)
+        into.note(_SETUP, {"json": setup.model_dump_json()})
+    return made
 
 
 def write(recording: Recording, file: BinaryIO) -> None:
-    """Write a scan as .npz: its arrays, and its setup as JSON."""
+    """Write the good points and crossings of a scan as .npz, and its setup as JSON."""
     arrays = {
         each.name: getattr(recording, each.name)
         for each in fields(Recording)
@@ -248,10 +263,25 @@ def read(path: Path) -> Recording:
     """Return a scan from its file.
 
     Raises:
-        InputError: naming the file, if it is missing or is not one that ``write`` made.
+        InputError: naming the file, if it is missing or is not one that ``record`` or ``write``
+            made.
     """
     import json
 
+    if recordings.is_recording(path):
+        held = recordings.told(recordings.read(path))
+        if _SETUP not in held.notes:
+            raise InputError(
+                f"{path}: no calibration scan; vrscan calibrate record makes one of it"
+            )
+        try:
+            values = json.loads(held.notes[_SETUP]["json"])
+        except (KeyError, ValueError) as error:
+            raise InputError(f"{path}: its setup is damaged ({one_line(error)})") from error
+        setup = checked(Setup, values, str(path))
+        points, length = held.points, held.config.sensor.line_length
+        crossings_s = edges.pairs(*held.edges)
+        return recorded(path.stem, setup, points, points.time_s, *crossings_s, length)
     names = [each.name for each in fields(Recording) if each.name not in ("name", "setup")]
     arrays: dict[str, Floats] = {}
     try:

@@ -5,7 +5,6 @@ import os
 import signal
 import sys
 import time
-import warnings
 from collections.abc import Iterator
 from enum import StrEnum
 from importlib import metadata
@@ -23,6 +22,7 @@ from vrscan.cli.file_commands import export, filter_points
 from vrscan.cli.link_commands import _suffix, link
 from vrscan.cli.progress import bar as _bar
 from vrscan.cli.progress import console as _console
+from vrscan.cli.progress import telling
 from vrscan.cli.report_commands import report as report_pages
 from vrscan.cli.view_commands import view
 from vrscan.data import config as configuration
@@ -33,7 +33,6 @@ from vrscan.data.errors import (
     EXIT_INTERRUPTED,
     EXIT_TERMINATED,
     InputError,
-    InputWarning,
     InterruptError,
     blamed,
 )
@@ -48,7 +47,7 @@ from vrscan.data.points import (
     ply_vertices,
     unfinished,
 )
-from vrscan.data.recordings import read_config
+from vrscan.data.recordings import Writer, read_config
 from vrscan.engines import engine as engines
 from vrscan.engines.engine import Engine
 from vrscan.registers.chain_registers import Registers
@@ -186,7 +185,8 @@ def scan(
     jobs: JobsOption = 0,
     instrument: InstrumentOption = None,
     keep: Annotated[
-        bool, typer.Option("--keep-lines", help="Also write lines.npz: the lines with their truth.")
+        bool,
+        typer.Option("--keep-lines", help="Also write lines.mcap: the lines with their truth."),
     ] = False,
     power: Annotated[
         Power, typer.Option(help="The scene's power, or one that follows the peaks, [laser].")
@@ -219,7 +219,7 @@ def scan(
     store = None
     with _folder(out), contextlib.ExitStack() as stack:
         names = ["points.csv", "points.ply", "picture.png", "reliability.png", "space.png"]
-        names += ["lines.npz"] * keep + ["loops.csv"] * (follows or automatic)
+        names += ["lines.mcap"] * keep + ["loops.csv"] * (follows or automatic)
         files = {name: stack.enter_context(atomic_file(out / name)) for name in names}
         engines.prepare(engine, settings)
         light, chosen = _planned(scene, count, fidelity, tolerance, settings, instrument=instrument)
@@ -244,9 +244,9 @@ def scan(
             csv = parts.enter_context(csv_file(files["points.csv"]))
             ply = parts.enter_context(ply_file(files["points.ply"], out))
             if keep:
-                given = files["lines.npz"], count, settings.sensor.line_length, light.names, out
-                archive = parts.enter_context(line_files.archive(*given, lens=automatic))
-
+                about = {"scene": scene}
+                recording = Writer(files["lines.mcap"], settings, about=about)
+                lines = parts.enter_context(recording).lines
             if looped is not None:
                 files["loops.csv"].write(scans.LOOPS_HEADER)
 
@@ -254,7 +254,7 @@ def scan(
                 csv(csv_rows(part.points))
                 ply(part.ply)
                 if part.lines is not None:
-                    archive(part.lines)
+                    lines(part.lines)
                 if part.controls is not None:
                     files["loops.csv"].write(scans.loops_rows(part, settings))
 
@@ -617,7 +617,7 @@ def replay(
         blocks = recorded.blocks(engines.BLOCK)
         jobs = engines.processes(engine, recorded.count, jobs)
         with (
-            warnings.catch_warnings(record=True, action="always", category=InputWarning) as told,
+            telling(),
             csv_file(file) if suffix == ".csv" else ply_file(file, out.parent) as write,
             _bar(f"engine {engine}", recorded.count) as progress,
             engines.streamed(engine, blocks, settings, jobs) as found,
@@ -625,8 +625,6 @@ def replay(
             for points in found:
                 write(csv_rows(points) if suffix == ".csv" else ply_vertices(points))
                 progress(int(points.line[-1]) + 1)
-    for each in told:
-        print(f"vrscan: {each.message}", file=sys.stderr)
 
 
 @app.command()
@@ -657,8 +655,8 @@ def mirror(
         Path | None,
         typer.Option(
             "--replay",
-            metavar="EDGES.csv",
-            help="File of recorded index edges, used instead of a mirror.",
+            metavar="EDGES",
+            help="Recorded index edges, .csv or .mcap, used instead of a mirror.",
         ),
     ] = None,
     config: ConfigOption = None,
@@ -678,7 +676,8 @@ def mirror(
     if recording is not None:
         if events.any or jitter_ns is not None:
             raise InputError("--replay: no --drift, --shock, --drop or --jitter-ns with it")
-        rows, amplitude, last = report.read_edges(recording, settings)
+        with telling():
+            rows, amplitude, last = report.read_edges(recording, settings)
         length = last if seconds is None else min(seconds, last)
         _check_range(f"{recording}: last time_s", length, 0.0, MOST_SECONDS)
         title = f"Mirror: {recording.name}, {length:.3f} s"
@@ -851,7 +850,7 @@ def speed(
     ] = 0,
     config: ConfigOption = None,
 ) -> None:
-    """Measure the lines per second of the engines, on one core and on all of them."""
+    """Measure the lines per second of the engines, on one core and on all, and of recordings."""
     from vrscan.study.report import speed as report
 
     if count is not None:
@@ -864,7 +863,9 @@ def speed(
         for each in chosen:
             rates.append(report.measure(each, settings, count, jobs or None))
             progress(len(rates))
+    kept = report.recorded(settings, count or report.LINES[Engine.IDEAL])
     _console().print(report.table(rates))
+    _console().print(report.recorded_table(kept))
 
 
 @app.command()

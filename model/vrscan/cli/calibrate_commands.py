@@ -6,11 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vrscan.cli.progress import bar, console
+from vrscan.cli.link_commands import _suffix
+from vrscan.cli.progress import bar, console, telling
 from vrscan.data import config as configuration
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError, InterruptError
 from vrscan.data.points import atomic_file
+from vrscan.data.recordings import SUFFIX, read_config
 from vrscan.engines.engine import Engine
 
 if TYPE_CHECKING:
@@ -24,7 +26,7 @@ ConfigOption = Annotated[
 ]
 ScansArgument = Annotated[
     list[Path],
-    typer.Argument(metavar="SCAN.npz...", help="Scans, in the order of the stage's positions."),
+    typer.Argument(metavar="SCAN.mcap...", help="Scans, in the order of the stage's positions."),
 ]
 TomlOption = Annotated[Path, typer.Option(help="File for the calibrated configuration, .toml.")]
 
@@ -45,8 +47,13 @@ def calibrate_instrument(
 
 @calibrate.command("record")
 def calibrate_record(
-    folder: Annotated[Path, typer.Argument(help="Folder with points.csv and edges.csv.")],
-    out: Annotated[Path, typer.Option(help="File for the scan, .npz.")],
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SCAN", help="Recording of points, .mcap, or a folder of points.csv, edges.csv."
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="File for the scan, a recording, .mcap.")],
     z_mm: Annotated[float, typer.Option(help="Distance of the surface, mm.")],
     focus_mm: Annotated[float, typer.Option(help="Depth that the lens is focused at, mm.")],
     kind: Annotated[str, typer.Option(help="plane, or relief for a sine over x.")] = "plane",
@@ -56,12 +63,19 @@ def calibrate_record(
         float | None,
         typer.Option(help="Phase of the drive that the mirror's loop measured, turns."),
     ] = None,
+    edges: Annotated[
+        Path | None,
+        typer.Option(
+            help="Index edges, .csv or .mcap; their time begins at line 0. Default: those of SCAN."
+        ),
+    ] = None,
     config: ConfigOption = None,
 ) -> None:
     """Make a calibration scan of the points and index edges of a known surface."""
     from vrscan.calibrate import recording
 
-    settings = _resonant(config)
+    _suffix(out, (SUFFIX,))
+    settings = _resonant(config, source)
     values: dict[str, object] = {
         "kind": kind,
         "z_mm": z_mm,
@@ -72,19 +86,19 @@ def calibrate_record(
         "drive_phase": drive_phase,
     }
     setup = configuration.checked(recording.Setup, values, "setup")
-    made = recording.from_folder(folder, setup, settings)
-    with atomic_file(out) as file:
-        recording.write(made, file)
+    with telling(), atomic_file(out) as file:
+        points, found = recording.from_file(source, settings, edges)
+        made = recording.record(str(source), setup, points, found, settings, file)
     print(f"{out}: {len(made)} points, {len(made.out_s)} pairs of crossings")
 
 
-def _resonant(path: Path | None) -> Config:
-    """Return the configuration.
+def _resonant(path: Path | None, recording: Path | None = None) -> Config:
+    """Return the configuration, by default a recording's.
 
     Raises:
         InputError: as ``config.load``, and if its mirror is a polygon.
     """
-    settings = configuration.load(path)
+    settings = configuration.load(path) if recording is None else read_config(recording, path)
     if settings.mirror.polygon:
         raise InputError(
             f"{settings.source}: mirror.kind: the calibrations are those of a resonant mirror"
@@ -96,7 +110,8 @@ def _scans(paths: list[Path]) -> list["Recording"]:
     """Return the scans of files."""
     from vrscan.calibrate import recording
 
-    return [recording.read(path) for path in paths]
+    with telling():
+        return [recording.read(path) for path in paths]
 
 
 def _write(out: Path, settings: Config, notes: dict[str, object], scans: list[Path]) -> None:
@@ -141,7 +156,7 @@ def calibrate_mirror(
     recordings: Annotated[
         list[Path],
         typer.Argument(
-            metavar="MOTION.csv|SCAN.npz...",
+            metavar="MOTION.csv|SCAN.mcap...",
             help="Table with the columns time_s and an angle, rad; or scans of a plane.",
         ),
     ],
@@ -155,7 +170,7 @@ def calibrate_mirror(
     """Fit (12) to a recorded motion, or the mirror's map to scans of a plane."""
     from vrscan.calibrate import mirror_map, results
 
-    if recordings[0].suffix == ".npz":
+    if recordings[0].suffix in (SUFFIX, ".npz"):
         if out is None:
             raise InputError("mirror: scans need --out")
         found = mirror_map.calibrate(_scans(recordings), _resonant(config))

@@ -1,8 +1,6 @@
 """The commands that take points.csv: ``export`` to other formats, ``filter`` to a better one."""
 
 import contextlib
-import sys
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from vrscan.cli.link_commands import _suffix
-from vrscan.data.errors import InputError, InputWarning
+from vrscan.cli.progress import telling
+from vrscan.data.errors import InputError
 
 if TYPE_CHECKING:
     from vrscan.data.table import Table
@@ -25,11 +24,8 @@ def _read(path: Path) -> "Table":
     """Return the points of a file; what a damaged recording lacks is told."""
     from vrscan.data.recordings import read_points
 
-    with warnings.catch_warnings(record=True, action="always", category=InputWarning) as told:
-        found = read_points(path)
-    for each in told:
-        print(f"vrscan: {each.message}", file=sys.stderr)
-    return found
+    with telling():
+        return read_points(path)
 
 
 def export(

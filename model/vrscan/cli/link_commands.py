@@ -1,12 +1,12 @@
 """The commands of ``vrscan link``: a board on a serial port."""
 
 import contextlib
+import math
 import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,12 +18,15 @@ from vrscan.data.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_TERMINATED
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from vrscan.data.config import Config
     from vrscan.data.records import Form, Records
     from vrscan.link.device import Device, StartProgress
+    from vrscan.link.recorder import Recorder
     from vrscan.link.stream import Account, Captured
 
 FORMATS = (".mcap", ".npz", ".csv")
-PICTURES = (".npz", ".csv", ".png")
+PICTURES = (".mcap", ".csv", ".png")
+STATE_S = 1.0  # between two readings of the state that a recording has
 MOST_POINTS = 100_000_000
 MOST_LINES = 100_000
 MOST_DARK = 50  # largest number of lines without a peak before an error
@@ -47,6 +50,9 @@ TimeoutOption = Annotated[
 StartOption = Annotated[
     bool,
     typer.Option("--start", help="Start lines, laser and mirror first, and stop them at the end."),
+]
+BoardConfigOption = Annotated[
+    Path | None, typer.Option("--config", help="TOML file in the board, kept in an .mcap.")
 ]
 RawOption = Annotated[
     bool, typer.Option("--raw", help="Use raw integers instead of values in units.")
@@ -161,13 +167,14 @@ def watch(
 def capture(
     out: Annotated[
         Path | None,
-        typer.Option(help="File for the lines: .npz (for replay), .csv or .png; default: text."),
+        typer.Option(help="File for the lines: .mcap (for replay), .csv or .png; default: text."),
     ] = None,
     count: Annotated[int, typer.Option("--lines", help="Number of lines.")] = 1,
     every: Annotated[int, typer.Option(help="Fetch every n-th line, one at a time.")] = 1,
     line: Annotated[int | None, typer.Option(help="Fetch the line with this number.")] = None,
     peak: Annotated[bool, typer.Option("--peak", help="Fetch only lines with a peak.")] = False,
     start: StartOption = False,
+    config: BoardConfigOption = None,
     port: PortOption = None,
     baud: BaudOption = BAUD,
     timeout: TimeoutOption = TIMEOUT_S,
@@ -176,7 +183,9 @@ def capture(
 
     Where Ctrl-C, SIGTERM or the port's end comes first, the lines that came are kept.
     """
+    from vrscan.data import config as configuration
     from vrscan.data.points import atomic_file, check_writable
+    from vrscan.data.recordings import SUFFIX
     from vrscan.link import link_report as report
 
     _check("--lines", count, 1, MOST_LINES)
@@ -187,15 +196,18 @@ def capture(
             raise InputError(f"--line: is one line, and not {count}")
         if peak:
             raise InputError("--line: is one line, with a peak or without (--peak)")
-    kind = _suffix(out, PICTURES)
+    kind, held = _suffix(out, PICTURES), configuration.load(config)
     if out is not None:
         check_writable(out)
     note, took = "", _Took()
     with took, _device(port, baud, timeout) as device, _running(device, start):
         settings = report.threshold_settings(device)
-        with took.holding() if count > 1 else contextlib.nullcontext():
-            found = _captured(device, count, every, line, peak, took)
-            if out is not None:
+        with took.holding() if count > 1 else contextlib.nullcontext(), contextlib.ExitStack() as s:
+            into: Recorder | None = None
+            if out is not None and kind == SUFFIX:
+                into = s.enter_context(_recorder(out, held, device))
+            found = _captured(device, count, every, line, peak, took, into)
+            if out is not None and into is None:
                 with atomic_file(out) as file:
                     report.write_captures(kind, file, found, settings, device.build.pixel_width)
             took.kept = f"{len(found)} lines" + ("" if out is None else f" are in {out}")
@@ -242,9 +254,7 @@ def points(
     allow_loss: Annotated[
         bool, typer.Option("--allow-loss", help="Exit with status 0 even if points were lost.")
     ] = False,
-    config: Annotated[
-        Path | None, typer.Option("--config", help="TOML file in the board, kept in an .mcap.")
-    ] = None,
+    config: BoardConfigOption = None,
     port: PortOption = None,
     baud: BaudOption = BAUD,
     timeout: TimeoutOption = TIMEOUT_S,
@@ -257,7 +267,7 @@ def points(
     from vrscan.data import config as configuration
     from vrscan.data import records
     from vrscan.data.points import atomic_file, check_writable
-    from vrscan.data.recordings import FLUSH_S, SUFFIX, Writer
+    from vrscan.data.recordings import SUFFIX
     from vrscan.data.records import Form
     from vrscan.link import link_report as report
 
@@ -273,7 +283,6 @@ def points(
     if space and not full:
         raise InputError("--space: not with --compact")
     form = Form.SPACE if space else Form(full)
-    recording = kind == SUFFIX
     settings = configuration.load(config)
     if stream_baud is not None:
         _check("--stream-baud", stream_baud, 1, 1_000_000_000)
@@ -286,24 +295,16 @@ def points(
         _running(device, start),
     ):
         taken = device.least_step(form) if step is None else step
-        build = device.build
-        about = {"board": str(build.board_id), "firmware": build.version_text, "step": str(taken)}
         with took.holding(), contextlib.ExitStack() as stack:
-            sink: Callable[[Records], None] | None = None
-            if recording:
-                into = stack.enter_context(Writer(out, settings, about=about, flush_s=FLUSH_S))
-                sink = partial(
-                    into.records,
-                    clock_hz=build.clock_hz,
-                    pixel_width=build.pixel_width,
-                    unit_mm=build.length_unit,
-                )
-            found, account = _recorded(device, form, taken, count, seconds, took, sink)
-            if recording:
+            into: Recorder | None = None
+            if kind == SUFFIX:
+                into = stack.enter_context(_recorder(out, settings, device, taken))
+            found, account = _recorded(device, form, taken, count, seconds, took, into)
+            if into is not None:
                 into.note("account", asdict(account))
             else:
                 with atomic_file(out) as file:
-                    report.write_points(kind, file, found, form, taken, build, account)
+                    report.write_points(kind, file, found, form, taken, device.build, account)
             took.kept = f"{len(found)} points are in {out}"
         if took.status == 0 and not records.measured(found).any():
             note = _why_dark(device)
@@ -506,6 +507,14 @@ def chosen_port(port: str | None) -> str:
     return port
 
 
+def _recorder(out: Path, config: "Config", device: "Device", step: int = 1) -> "Recorder":
+    """Return a recording of a board, whose lines have to be those of the configuration."""
+    from vrscan.link.recorder import Recorder
+
+    device.settings(config)
+    return Recorder(out, config, device.build, step)
+
+
 @contextlib.contextmanager
 def _at_rate(device: "Device", rate: int | None) -> Iterator[None]:
     """Change the link's rate while the context lasts, if one is given."""
@@ -660,20 +669,36 @@ def _has_peak(each: "Captured") -> bool:
 
 
 def _captured(
-    device: "Device", count: int, every: int, line: int | None, peak: bool, took: _Took
+    device: "Device",
+    count: int,
+    every: int,
+    line: int | None,
+    peak: bool,
+    took: _Took,
+    into: "Recorder | None",
 ) -> "list[Captured]":
-    """Return raw lines; with ``peak`` only those with a peak; at least one."""
+    """Return raw lines; with ``peak`` only those with a peak; at least one.
+
+    They are in the recording, if there is one, as soon as they come.
+    """
     from vrscan.data import link_pkg
 
+    found: list[Captured] = []
+
+    def keep(each: "Captured") -> "list[Captured]":
+        if into is not None:
+            into.captures([each])
+        found.append(each)
+        return found
+
     if line is not None:
-        return [device.capture(link_pkg.CAPTURE_LINE, line)]
+        return keep(device.capture(link_pkg.CAPTURE_LINE, line))
     if count == 1:
         for _ in range(MOST_DARK):
             one = device.capture()
             if not peak or _has_peak(one):
-                return [one]
+                return keep(one)
         raise _no_peak(device)
-    found: list[Captured] = []
     dark = 0  # consecutive lines without a peak
     wanted = device.captured(link_pkg.CAPTURE_EVERY, every)
     with took.unless_empty(lambda: found), _bar("lines") as bar, wanted as lines:
@@ -688,7 +713,7 @@ def _captured(
                         raise _no_peak(device)
                     continue
                 dark = 0
-                found.append(each)
+                keep(each)
                 bar(len(found), count)
             elif time.monotonic() - last > 3.0 * device.timeout:
                 raise InputError(
@@ -718,23 +743,25 @@ def _recorded(
     count: int | None,
     seconds: float | None,
     took: _Took,
-    sink: "Callable[[Records], None] | None" = None,
+    into: "Recorder | None",
 ) -> "tuple[Records, Account]":
     """Return the points of a stream and its account, up to a number, a time or another end.
 
-    What comes is given to ``sink`` at once.
+    They are in the recording, if there is one, as soon as they come, and so is the board's state.
     """
     import numpy as np
 
+    from vrscan.link.recorder import STATE
     from vrscan.link.stream import DTYPES
+    from vrscan.link.transport import LinkError
 
     parts: list[Records] = []
     come = 0
     stream = device.stream(form, step)
 
     def take(part: "Records") -> None:
-        if sink is not None:
-            sink(part if count is None else part[: max(count - sum(map(len, parts)), 0)])
+        if into is not None:
+            into.stream(part if count is None else part[: max(count - sum(map(len, parts)), 0)])
         parts.append(part)
 
     def received() -> "list[Records]":
@@ -745,8 +772,13 @@ def _recorded(
 
     with took.unless_empty(received), _bar("points") as bar, stream:
         start = last = time.monotonic()
+        told = -math.inf
         while not took.ended():
             now = time.monotonic()
+            if into is not None and parts and now - told >= STATE_S:
+                told = now
+                with contextlib.suppress(LinkError):  # the stream tells of a board that is gone
+                    into.state(device.read_many(STATE))
             if count is not None and come >= count:
                 break
             if seconds is not None and now - start >= seconds:

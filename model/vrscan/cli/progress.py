@@ -2,6 +2,7 @@
 
 import contextlib
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 
 from rich.console import Console
@@ -13,10 +14,21 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from vrscan.data.errors import InputWarning
+
 
 def console() -> Console:
     """Return the output; where it is no terminal it is wide enough for the tables."""
     return Console(width=None if sys.stdout.isatty() else 120)
+
+
+@contextlib.contextmanager
+def telling() -> Iterator[None]:
+    """Print what is warned of input meanwhile, a line each, once all has gone well."""
+    with warnings.catch_warnings(record=True, action="always", category=InputWarning) as told:
+        yield
+    for each in told:
+        print(f"vrscan: {each.message}", file=sys.stderr)
 
 
 @contextlib.contextmanager

@@ -35,7 +35,9 @@ def view(
     port: PortOption = None,
     file: Annotated[
         Path | None,
-        typer.Option(help="Show a recording over and over: points.csv, lines.npz, points.npz."),
+        typer.Option(
+            help="Show a recording over and over: .mcap, points.csv, lines.npz, points.npz."
+        ),
     ] = None,
     speed: Annotated[
         float, typer.Option(help="How many times as fast as it was taken a recording is played.")

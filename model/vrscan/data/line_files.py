@@ -8,12 +8,10 @@ import contextlib
 import csv
 import difflib
 import math
-import shutil
-import tempfile
 import warnings
 import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, BinaryIO, Protocol
 
@@ -22,7 +20,7 @@ import numpy.typing as npt
 
 from vrscan.data import line_pictures, line_signals, recordings
 from vrscan.data.config import Config
-from vrscan.data.contract import checked, checked_flags, checked_power
+from vrscan.data.contract import checked
 from vrscan.data.errors import InputError, InputWarning, LinesError, one_line
 from vrscan.data.lines import Lines, joined, part
 
@@ -132,92 +130,6 @@ def opened(path: Path, config: Config, angles: Path | None = None) -> Iterator[R
                 _warn(path)
 
         yield Recording(count, blocks)
-
-
-def write(given: Lines, file: BinaryIO) -> None:
-    """Write lines, and their truth if they have one, as an ``.npz``; see ``archive``."""
-    count, length = given.lines.shape
-    power = checked_power(given.power, count)
-    raised = checked_flags(given.mirror_flags, count)
-    names = None if given.truth is None else given.truth.names
-    with archive(file, count, length, names, lens=given.lens is not None) as take:
-        take(replace(given, power=power, mirror_flags=raised))
-
-
-@contextlib.contextmanager
-def archive(
-    file: BinaryIO,
-    count: int,
-    length: int,
-    names: tuple[str, ...] | None,
-    folder: Path | None = None,
-    *,
-    lens: bool = False,
-) -> Iterator[Callable[[Lines], None]]:
-    """Begin an ``.npz`` that ``read`` reads; yield a function that takes its lines.
-
-    Args:
-        file: A binary file. Besides the arrays that ``read`` takes it gets ``true_x_mm``,
-            ``true_z_mm``, ``true_position_px`` and ``surface`` [n], and ``surface_names``.
-        count: Number of lines in all.
-        length: Number of pixels of a line.
-        names: Names of the surfaces; None if the lines have no truth.
-        folder: Folder of the unnamed files that hold the columns until all lines are there; the
-            system's folder for temporary files if None.
-        lens: Whether the lines have positions of the lens.
-
-    Raises:
-        LinesError: if powers or flags do not fit in the types in which they are written.
-    """
-    types = {"angle_rad": "<f8", "power": "<u2", "mirror_flags": "|u1"}
-    types |= {"time_s": "<f8", "y_mm": "<f8"}
-    if lens:
-        types |= {"lens": "<u2"}
-    if names is not None:
-        types |= dict.fromkeys(("true_x_mm", "true_z_mm", "true_position_px"), "<f8")
-        types |= {"surface": "<i8"}
-    with contextlib.ExitStack() as stack:
-        packed = stack.enter_context(zipfile.ZipFile(file, "w"))
-        waiting = {name: stack.enter_context(tempfile.TemporaryFile(dir=folder)) for name in types}
-        with _member(packed, "lines", "<u2", (count, length)) as pixels:
-
-            def take(given: Lines) -> None:
-                some, truth = len(given), given.truth
-                columns: list[npt.NDArray[Any]] = [
-                    given.angle_rad,
-                    checked_power(given.power, some),
-                    checked_flags(given.mirror_flags, some),
-                    np.broadcast_to(given.time_s, some),
-                    np.broadcast_to(given.y_mm, some),
-                ]
-                if lens:
-                    assert given.lens is not None
-                    columns.append(given.lens)
-                if truth is not None:
-                    columns += [truth.x_mm, truth.z_mm, truth.position_px, truth.surface]
-                pixels.write(np.ascontiguousarray(given.lines, "<u2").data)
-                for (name, kind), column in zip(types.items(), columns, strict=True):
-                    waiting[name].write(np.ascontiguousarray(column, kind).data)
-
-            yield take
-        for name, kind in types.items():
-            with _member(packed, name, kind, (count,)) as member:
-                waiting[name].seek(0)
-                shutil.copyfileobj(waiting[name], member)
-        if names is not None:
-            words = np.array(names)
-            with _member(packed, "surface_names", words.dtype.str, words.shape) as member:
-                member.write(words.tobytes())
-
-
-def _member(
-    packed: zipfile.ZipFile, name: str, kind: str, shape: tuple[int, ...]
-) -> contextlib.AbstractContextManager[IO[bytes]]:
-    """Begin an array of an ``.npz``."""
-    member = packed.open(f"{name}.npy", "w", force_zip64=True)
-    header = {"descr": kind, "fortran_order": False, "shape": shape}
-    np.lib.format.write_array_header_1_0(member, header)
-    return member
 
 
 def _members(path: Path, file: BinaryIO, stack: contextlib.ExitStack) -> dict[str, IO[bytes]]:

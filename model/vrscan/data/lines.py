@@ -50,6 +50,7 @@ class Lines:
     y_mm: Floats | float = 0.0  # position of the scanner along y [n] or one for all
     # Position of the lens for the correction maps, steps, u16 [n]; None: that of ``[map]``.
     lens: Ints | None = None
+    number: Ints | None = None  # number of each line on its board [n]; None: not known
 
     def __len__(self) -> int:
         """Return the number of lines."""
@@ -76,6 +77,7 @@ def part(recording: Lines, rows: slice | Bools) -> Lines:
         time_s=np.broadcast_to(recording.time_s, len(recording))[rows],
         y_mm=np.broadcast_to(recording.y_mm, len(recording))[rows],
         lens=None if recording.lens is None else recording.lens[rows],
+        number=None if recording.number is None else recording.number[rows],
     )
 
 
@@ -88,6 +90,7 @@ def joined(parts: Sequence[Lines]) -> Lines:
     """Return all lines of ``parts``, at least one; with truth if the first have it."""
     truths = [each.truth for each in parts if each.truth is not None]
     lenses = [each.lens for each in parts if each.lens is not None]
+    numbers = [each.number for each in parts if each.number is not None]
     truth = None
     if parts[0].truth is not None:
         truth = Truth(
@@ -108,4 +111,5 @@ def joined(parts: Sequence[Lines]) -> Lines:
         time_s=np.concatenate([np.broadcast_to(each.time_s, len(each)) for each in parts]),
         y_mm=np.concatenate([np.broadcast_to(each.y_mm, len(each)) for each in parts]),
         lens=np.concatenate(lenses) if lenses else None,
+        number=np.concatenate(numbers) if numbers else None,
     )

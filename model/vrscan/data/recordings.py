@@ -16,7 +16,7 @@ import tomllib
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from importlib import metadata
 from pathlib import Path
 from types import TracebackType
@@ -25,7 +25,7 @@ from typing import Any, BinaryIO, Self
 import numpy as np
 import numpy.typing as npt
 
-from vrscan.data import contract, pkg, records, table
+from vrscan.data import contract, edges, pkg, records, table
 from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.data.config import Config, checked, load, to_toml
 from vrscan.data.contract import checked_flags, checked_power
@@ -59,7 +59,7 @@ class Clock:
     """
 
     def __init__(self, clock_hz: int) -> None:
-        self._hz, self._last = clock_hz, -1
+        self._hz, self._last, self._near = clock_hz, -1, -1
 
     def seconds(self, clocks: Ints) -> Floats:
         """Return the times of the next records [n]."""
@@ -69,6 +69,17 @@ class Clock:
         first = found[0] if self._last < 0 else self._last + (found[0] - self._last) % _CLOCKS
         found = first + np.concatenate([[0], np.cumsum(np.diff(found) % _CLOCKS)])
         self._last = int(found[-1])
+        return np.asarray(found / self._hz)
+
+    def beside(self, clocks: Ints) -> Floats:
+        """Return the times of moments less than half a turn of the counter off the last record.
+
+        Before the first record they follow each other so.
+        """
+        last = self._near if self._last < 0 else self._last
+        half = 0 if last < 0 else _CLOCKS // 2
+        found = max(last, 0) + (clocks.astype(np.int64) - max(last, 0) + half) % _CLOCKS - half
+        self._near = int(found[-1]) if len(found) else last
         return np.asarray(found / self._hz)
 
 
@@ -92,6 +103,7 @@ class Writer:
         about: Facts on the origin: the scene or the board, for instance.
         flush_s: Seconds after which data are on the disk, for what comes from outside; None leaves
             it to the size of a chunk, so that the bytes depend on the data alone.
+        packed: Whether chunks are compressed; without, raw lines are written at their full rate.
 
     Raises:
         InputError: if the file cannot be written, or the maps cannot be read.
@@ -105,8 +117,11 @@ class Writer:
         maps: bytes | None = None,
         about: Mapping[str, str] | None = None,
         flush_s: float | None = None,
+        *,
+        packed: bool = True,
     ) -> None:
         with named():
+            from mcap.writer import CompressionType
             from mcap.writer import Writer as Container
         if isinstance(target, Path):
             check_writable(target)
@@ -116,7 +131,9 @@ class Writer:
                 maps = source.read_bytes()
             except OSError as error:
                 raise InputError(f"{source}: {error.strerror}") from error
-        self._target, self._kind, self._maps = target, Container, maps
+        self._target, self._maps = target, maps
+        how = CompressionType.ZSTD if packed else CompressionType.NONE
+        self._kind = partial(Container, chunk_size=CHUNK_BYTES, compression=how)
         self._config, self._about = to_toml(config), dict(about or {})
         self._pixel_width = config.sensor.pixel_width
         self._flush_s, self._flushed = flush_s, time.monotonic()
@@ -130,7 +147,7 @@ class Writer:
         if self._into is None:
             given = self._target
             self._file = given.open("wb") if isinstance(given, Path) else given
-            self._into = self._kind(self._file, chunk_size=CHUNK_BYTES)
+            self._into = self._kind(self._file)
             about = {"version": metadata.version("vrscan")} | self._about
             held = {"toml": self._config, "sha256": _sha(self._config.encode())}
             if self._maps is not None:
@@ -183,18 +200,22 @@ class Writer:
         rows["flags"] = table.flag_bits(found.flags, len(found))
         self._rows("points", rows, found.time_s, {"pixel_width": str(found.pixel_width)})
 
+    def clock(self, clock_hz: int) -> Clock:
+        """Return the clock by which the times of full records are counted."""
+        self._clock = self._clock or Clock(clock_hz)
+        return self._clock
+
     def records(
         self, found: records.Records, clock_hz: int, pixel_width: int, unit_mm: int = 1
     ) -> None:
         """Write records of a board as they came: full ones, or short ones with their lines."""
-        self._clock = self._clock or Clock(clock_hz)
         facts = {"clock_hz": clock_hz, "pixel_width": pixel_width, "unit_mm": unit_mm}
         told = {name: str(value) for name, value in facts.items()}
         if "time" not in (found.dtype.names or ()):
             self._rows("short_records", found, np.zeros(len(found)), told)
             return
         rows = np.ascontiguousarray(found, records.FULL)
-        self._rows("records", rows, self._clock.seconds(rows["time"]), told)
+        self._rows("records", rows, self.clock(clock_hz).seconds(rows["time"]), told)
 
     def lines(self, found: Lines) -> None:
         """Write raw lines, with their truth if they have one."""
@@ -208,6 +229,8 @@ class Writer:
         }
         if found.lens is not None:
             columns["lens"] = "<u2", found.lens
+        if found.number is not None:
+            columns["number"] = "<u4", found.number
         if truth is not None:
             for name in _TRUTH:
                 kind = "<i8" if name == "surface" else "<f8"
@@ -371,7 +394,16 @@ def read_points(path: Path) -> Table:
     Raises:
         InputError: as ``read`` and ``points.read_csv``, or if there are none.
     """
-    return _told(read(path)).points if is_recording(path) else read_csv(path)
+    return told(read(path)).points if is_recording(path) else read_csv(path)
+
+
+def read_edges(path: Path) -> tuple[Floats, Ints, Ints]:
+    """Return the edges of a recording or of a table; faults of a recording are warned of.
+
+    Raises:
+        InputError: as ``read`` and ``edges.read``, or if there are none.
+    """
+    return told(read(path)).edges if is_recording(path) else edges.read(path)
 
 
 def read_config(path: Path, given: Path | None) -> Config:
@@ -385,7 +417,7 @@ def read_lines(path: Path, config: Config) -> tuple[int, Callable[[int], Iterato
     Raises:
         InputError: as ``read``, if there are none, or from the blocks, if an engine refuses them.
     """
-    found = _told(read(path))
+    found = told(read(path))
     if not found.rows.get("lines"):
         raise InputError(f"{path}: no raw lines")
 
@@ -410,7 +442,8 @@ def read_lines(path: Path, config: Config) -> tuple[int, Callable[[int], Iterato
     return found.rows["lines"], blocks
 
 
-def _told(found: Recording) -> Recording:
+def told(found: Recording) -> Recording:
+    """Return a recording after a warning of what is wrong with its file."""
     if found.told():
         warnings.warn(found.told(), InputWarning, stacklevel=3)
     return found
@@ -581,4 +614,5 @@ def _lines_of(rows: Rows, facts: Mapping[str, str]) -> Lines:
         time_s=rows["time_s"],
         y_mm=rows["y_mm"],
         lens=rows["lens"] if "lens" in names else None,
+        number=rows["number"] if "number" in names else None,
     )

@@ -336,8 +336,7 @@ def write_captures(
     """Write raw lines.
 
     Args:
-        kind: ``".npz"``: the format that ``vrscan replay`` reads, with the points' fields in
-            addition; ``".csv"``: one column for each line; ``".png"``: a picture.
+        kind: ``".csv"``: one column for each line; ``".png"``: a picture.
         file: A binary file.
         found: The lines.
         settings: Settings of the thresholds in the picture.
@@ -347,22 +346,8 @@ def write_captures(
         pixels = np.stack([each.pixels for each in found], axis=1).tolist()
         names = ["pixel", *(f"line_{each.line}" for each in found)]
         file.write(listed(names, [(k, *row) for k, row in enumerate(pixels)]).csv())
-    elif kind == ".png":
-        _picture(file, found, settings, pixel_width)
     else:
-        points, raw = _records(found), captured_lines(found)
-        names = [name for name in records.FULL.names or () if name not in ("angle", "power")]
-        np.savez_compressed(
-            file,
-            allow_pickle=False,
-            lines=raw.lines,
-            angle_rad=raw.angle_rad,
-            power=raw.power.astype(np.uint16),
-            mirror_flags=np.asarray(raw.mirror_flags, np.uint8),
-            number=np.array([each.line for each in found], np.uint32),
-            has_point=np.array([each.record is not None for each in found]),
-            **{f"point_{name}": points[name] for name in names},
-        )
+        _picture(file, found, settings, pixel_width)
 
 
 def _records(found: Sequence[Captured]) -> Records:
@@ -371,15 +356,20 @@ def _records(found: Sequence[Captured]) -> Records:
     return np.concatenate([empty if e.record is None else e.record for e in found])
 
 
-def captured_lines(found: Sequence[Captured]) -> Lines:
-    """Return raw lines with what their points tell of angle, power and mirror."""
+def captured_lines(found: Sequence[Captured], clock: Clock) -> Lines:
+    """Return raw lines with what their points tell of angle, power, mirror and time."""
     points = _records(found)
+    known = np.array([each.record is not None for each in found])
+    time_s = np.full(len(found), np.nan)
+    time_s[known] = clock.beside(points["time"][known])
     raised = points["flags"] >> pkg.FLAG_NOT_RUNNING & ((1 << pkg.MIRROR_FLAG_WIDTH) - 1)
     return Lines(
         lines=np.stack([each.pixels for each in found]),
         angle_rad=points["angle"] * (2.0 * math.pi / 2.0**pkg.ANGLE_WIDTH),
         power=points["power"].astype(np.int64),
         mirror_flags=raised.astype(np.int64),
+        time_s=time_s,
+        number=np.array([each.line for each in found]),
     )
 
 

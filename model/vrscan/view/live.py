@@ -16,16 +16,15 @@ from vrscan.data import records
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError, one_line
 from vrscan.data.points import table
-from vrscan.data.recordings import FLUSH_S, Writer
 from vrscan.data.records import Form
 from vrscan.link.device import BAUD, TIMEOUT_S, Device
 from vrscan.link.link_report import (
-    captured_lines,
     captured_point,
     mirror_text,
     threshold,
     threshold_settings,
 )
+from vrscan.link.recorder import STATE, Recorder
 from vrscan.link.register_host import Build
 from vrscan.link.stream import Account
 from vrscan.link.transport import LinkError, UnpluggedError
@@ -40,10 +39,6 @@ STATE_S = 0.25  # between two readings of the state
 LINE_S = 0.5  # between two raw lines
 ATTEMPTS = 4
 EVENTS = 50  # that are kept
-STATE = (
-    *("mirror_state", "mirror_fault", "mirror_settled", "mirror_measured", "mirror_error"),
-    "line_enable",
-)
 
 
 @dataclasses.dataclass
@@ -107,7 +102,7 @@ class LiveSource:
         self.connected = False
         self.step = options.step or 1
         self.options = options
-        self._writer: Writer | None = None
+        self._writer: Recorder | None = None
         self._device: Device | None = None
         self._prepared = False  # configuration and start are for the first connection alone
         self._started = False
@@ -186,12 +181,10 @@ class LiveSource:
             InputError: if the file cannot be written, or a recording runs.
         """
         build = self.device().build
-        about = {"board": str(build.board_id), "firmware": build.version_text}
         with self._turn:
             if self._writer is not None and self.kept is not None:
                 raise InputError(f"{self.kept.path}: is being recorded")
-            about |= {"step": str(self.step)}
-            self._writer = Writer(path, self.options.config, about=about, flush_s=FLUSH_S)
+            self._writer = Recorder(path, self.options.config, build, self.step)
             self.kept, self._before = Kept(path), self.account()
         self.happened(f"{path}: recording")
 
@@ -271,13 +264,13 @@ class LiveSource:
         points = records.form_points(found, self.options.form, build.pixel_width, build.length_unit)
         self.display.take(table(points))
 
-        def write(into: Writer, kept: Kept) -> None:
-            into.records(found, build.clock_hz, build.pixel_width, build.length_unit)
+        def write(into: Recorder, kept: Kept) -> None:
+            into.stream(found)
             kept.points += len(found)
 
         self._keep(write)
 
-    def _keep(self, write: Callable[[Writer, Kept], None]) -> None:
+    def _keep(self, write: Callable[[Recorder, Kept], None]) -> None:
         """Write to the recording, if there is one; what fails ends it."""
         failed = False
         with self._turn:
@@ -305,6 +298,7 @@ class LiveSource:
 
     def _look(self, device: Device) -> None:
         found = device.read_many(STATE)
+        self._keep(lambda into, _: into.state(found))
         turns = (
             values.to_scaled(name, found[name]) for name in ("mirror_measured", "mirror_error")
         )
@@ -330,8 +324,8 @@ class LiveSource:
         )
         if each.record is not None:
 
-            def write(into: Writer, kept: Kept) -> None:
-                into.lines(captured_lines([each]))
+            def write(into: Recorder, kept: Kept) -> None:
+                into.captures([each], points=False)
                 kept.lines += 1
 
             self._keep(write)

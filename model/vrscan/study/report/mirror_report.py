@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from rich.table import Table as RichTable
 
 from vrscan.calibrate.motion_fit import NOMINAL_LEVEL
-from vrscan.data import edges, pkg
+from vrscan.data import edges, pkg, recordings
 from vrscan.data.arrays import Bools, Floats
 from vrscan.data.config import HARMONICS, Config
 from vrscan.data.edges import SAMPLES, Rows
@@ -619,9 +619,9 @@ def read_edges(path: Path, config: Config) -> tuple[Rows, float, float]:
     """Return a recording's samples, its amplitude, rad, and its length, s.
 
     Raises:
-        InputError: as ``edges.read``.
+        InputError: as ``recordings.read_edges``.
     """
-    time, comparator, gate = edges.read(path)
+    time, comparator, gate = recordings.read_edges(path)
     rows = edges.sample(
         time,
         comparator,

@@ -1,7 +1,8 @@
-"""Lines per second of the engines, on one core and on all of them."""
+"""Lines per second of the engines, on one core and on all of them, and of recordings."""
 
 import math
 import os
+import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +12,9 @@ from rich.table import Table as RichTable
 from vrscan.data.config import Config
 from vrscan.data.lines import Lines, part
 from vrscan.data.parallel import processors, workers
+from vrscan.data.recordings import Writer
 from vrscan.engines.engine import BLOCK, Engine, prepare, run
+from vrscan.engines.tools import build_folder
 from vrscan.scene.simulate import take
 from vrscan.show.sheet import Column, Sheet, words
 
@@ -20,6 +23,8 @@ PAPER_LINES = 37_400.0  # lines/s of the paper's sensor
 _WARM = 64  # lines before the measurement, for builds and imports
 _LEAST_S = 1.0  # approximate time of a run on all cores
 _BLOCK_S = 0.1  # time of a block, so that all cores end together
+_TURNS = 4  # number of times that the lines are recorded
+_NOISE = ["shot", "read"]  # effects that leave a packed recording large
 
 
 @dataclass(frozen=True)
@@ -87,6 +92,48 @@ def measure(
         spent = [seconds for _, seconds in do(work)]
     every = cores * size * len(work) / sum(spent)
     return Rate(engine, count, one, cores, every)
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What a recording of raw lines takes."""
+
+    packed: bool
+    rate: float  # lines/s until all is on the disk
+    size: float  # bytes of a line
+
+
+def recorded(config: Config, count: int) -> list[Recorded]:
+    """Return how fast lines of the default scene, with their noise, are recorded.
+
+    The time is that of a clock, because the disk has a part in it.
+
+    Args:
+        config: The instrument.
+        count: Number of lines, each of which is written several times.
+    """
+    lines, found = take("default", count, config, _NOISE).lines, []
+    for packed in (False, True):
+        with tempfile.TemporaryFile(dir=build_folder()) as file:
+            start = time.perf_counter()
+            with Writer(file, config, packed=packed) as into:
+                for _ in range(_TURNS):
+                    into.lines(lines)
+            file.flush()
+            os.fsync(file.fileno())
+            rate = _TURNS * count / (time.perf_counter() - start)
+            found.append(Recorded(packed, rate, file.tell() / (_TURNS * count)))
+    return found
+
+
+def recorded_table(found: Sequence[Recorded]) -> RichTable:
+    """Return the speeds of recordings as a table for the terminal."""
+    columns: list[Column[Recorded]] = [
+        words("recording", lambda each: "packed" if each.packed else "as they are"),
+        Column("on the disk,", lambda each: each.rate, "{:.0f}", unit="lines/s"),
+        Column("size,", lambda each: each.size, "{:.0f}", unit="bytes a line"),
+    ]
+    return Sheet(columns, found).terminal("Raw lines of the default scene, recorded")
 
 
 def table(rates: Sequence[Rate]) -> RichTable:
