@@ -116,7 +116,7 @@ def test_what_is_published_is_what_is_exported(
     with running(ros, board, min_confidence=0.25, frame="head", sweeps=count):
         until(lambda: len(sent(ros, "points")) > 8)
     clouds_sent, scans_sent = list(sent(ros, "points")), list(sent(ros, "scan"))
-    table = filters.min_confidence(full_table(MADE, 12, Clock(CLOCK_HZ)), 0.25)
+    table = filters.min_confidence(full_table(MADE, 12, Clock(CLOCK_HZ), 1), 0.25)
     whole = clouds.cloud(table)
     grid = columns(Config(), 1, count)
     exports = []  # one of them puts the same sweeps together

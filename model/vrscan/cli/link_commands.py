@@ -209,12 +209,12 @@ def capture(
             found = _captured(device, count, every, line, peak, took, into)
             if out is not None and into is None:
                 with atomic_file(out) as file:
-                    report.write_captures(kind, file, found, settings, device.build.pixel_width)
+                    report.write_captures(kind, file, found, settings, device.build)
             took.kept = f"{len(found)} lines" + ("" if out is None else f" are in {out}")
         if took.status == 0 and not any(map(_has_peak, found)):
             note = _why_dark(device)
     console = _console()
-    console.print(report.capture_table(found, settings, device.build.pixel_width))
+    console.print(report.capture_table(found, settings, device.build))
     if out is None:
         for each in found[:3]:
             console.print(report.capture_text(each, console.width), highlight=False)

@@ -83,7 +83,7 @@ class Clock:
         return np.asarray(found / self._hz)
 
 
-def full_table(found: records.Records, pixel_width: int, clock: Clock, unit_mm: int = 1) -> Table:
+def full_table(found: records.Records, pixel_width: int, clock: Clock, unit_mm: int) -> Table:
     """Return full records in physical units, with their times and powers."""
     power = found["power"].astype(np.float64)
     points = in_units(records.points(found, pixel_width, unit_mm))

@@ -274,9 +274,11 @@ def threshold_settings(device: Device) -> Threshold:
     )
 
 
-def captured_point(each: Captured, pixel_width: int) -> Table | None:
+def captured_point(each: Captured, build: Build) -> Table | None:
     """Return what the board made of a line, a table of one row, or None for no point."""
-    return None if each.record is None else in_units(records.points(each.record, pixel_width))
+    if each.record is None:
+        return None
+    return in_units(records.points(each.record, build.pixel_width, build.length_unit))
 
 
 def threshold(pixels: Pixels, settings: Threshold) -> float:
@@ -294,7 +296,7 @@ def _flags(point: Table) -> str:
 _Row = tuple[Captured, Table | None]
 
 
-def capture_table(found: Sequence[Captured], settings: Threshold, pixel_width: int) -> RichTable:
+def capture_table(found: Sequence[Captured], settings: Threshold, build: Build) -> RichTable:
     """Return raw lines with the board's result for each."""
 
     def of(value: Callable[[Table], Any]) -> Callable[[_Row], Any]:
@@ -312,7 +314,7 @@ def capture_table(found: Sequence[Captured], settings: Threshold, pixel_width: i
         Column("S/N", of(lambda p: p.snr[0]), "{:.1f}"),
         words("flags", of(_flags), wraps=True, absent="no point"),
     ]
-    rows = [(each, captured_point(each, pixel_width)) for each in found]
+    rows = [(each, captured_point(each, build)) for each in found]
     return Sheet(columns, rows).terminal("Lines")
 
 
@@ -331,7 +333,7 @@ def capture_text(each: Captured, width: int, rows: int = 6) -> str:
 
 
 def write_captures(
-    kind: str, file: BinaryIO, found: Sequence[Captured], settings: Threshold, pixel_width: int
+    kind: str, file: BinaryIO, found: Sequence[Captured], settings: Threshold, build: Build
 ) -> None:
     """Write raw lines.
 
@@ -340,14 +342,14 @@ def write_captures(
         file: A binary file.
         found: The lines.
         settings: Settings of the thresholds in the picture.
-        pixel_width: Bits of a pixel.
+        build: The board's identity.
     """
     if kind == ".csv":
         pixels = np.stack([each.pixels for each in found], axis=1).tolist()
         names = ["pixel", *(f"line_{each.line}" for each in found)]
         file.write(listed(names, [(k, *row) for k, row in enumerate(pixels)]).csv())
     else:
-        _picture(file, found, settings, pixel_width)
+        _picture(file, found, settings, build)
 
 
 def _records(found: Sequence[Captured]) -> Records:
@@ -373,9 +375,7 @@ def captured_lines(found: Sequence[Captured], clock: Clock) -> Lines:
     )
 
 
-def _picture(
-    file: BinaryIO, found: Sequence[Captured], settings: Threshold, pixel_width: int
-) -> None:
+def _picture(file: BinaryIO, found: Sequence[Captured], settings: Threshold, build: Build) -> None:
     """Draw each line with its window, background and threshold."""
     from vrscan.show.style import COLOURS, QUIET, drawing
 
@@ -385,7 +385,7 @@ def _picture(
         for axis, each in zip(axes, shown, strict=True):
             axis.plot(each.pixels, color=COLOURS[0], linewidth=0.8, drawstyle="steps-mid")
             title = f"line {each.line}"
-            point = captured_point(each, pixel_width)
+            point = captured_point(each, build)
             if point is not None:
                 level, over = float(point.background[0]), threshold(each.pixels, settings)
                 axis.axhline(level, color=QUIET, linewidth=0.8, label="background")

@@ -315,11 +315,10 @@ class LiveSource:
             if each.record is not None and records.measured(each.record)[0]:
                 break
         settings = threshold_settings(device)
-        width = device.build.pixel_width
         self.display.line = RawLine(
             each.line,
             each.pixels,
-            captured_point(each, width),
+            captured_point(each, device.build),
             threshold(each.pixels, settings),
         )
         if each.record is not None:

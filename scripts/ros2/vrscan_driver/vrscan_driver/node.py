@@ -222,7 +222,8 @@ class Driver(Node):
                 raise LinkError(f"{device.port}: no point for {quiet_s:g} s: {reason}")
             return
         self._heard_s = now
-        points = full_table(found, device.build.pixel_width, self._clock)
+        build = device.build
+        points = full_table(found, build.pixel_width, self._clock, build.length_unit)
         ahead_s = self._host.ahead(float(points.time_s[-1]), self._now())
         for sweep in self._sweeps.take(points):
             self._publish(min_confidence(sweep, self._asked["min_confidence"]), ahead_s)
