@@ -109,7 +109,8 @@ module correction_map #(
 
   // ---- where among the nodes: an interval, and the share of it; the end's where it is beyond ----
   typedef enum logic [3:0] {
-    IDLE, PLACE, ROW, MAP, FIRST, SECOND, READ, CHOOSE, WAIT_FIRST, WAIT_SECOND, MULTIPLY, STORE, SUM
+    IDLE, PLACE, ROW, MAP, FIRST, SECOND, READ, CHOOSE, WAIT_FIRST, WAIT_SECOND, MULTIPLY, STORE,
+    SUM
   } state_e;
   typedef enum logic [2:0] {ROW_0, ROW_1, COLUMN_0, ROW_2, ROW_3, COLUMN_1, LENS} step_e;
   state_e state_q;
