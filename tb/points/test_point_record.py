@@ -14,7 +14,8 @@ SIGNED = ("position", "angle", "x", "z")
 ADDED = ("power", "confidence", "inward", "test", "time")
 
 
-NAMES = ("line", *(name for name in Points.__dataclass_fields__ if name != "pixel_width"), *ADDED)
+FORMATS = {"pixel_width", "unit_mm"}  # of all points
+NAMES = ("line", *(name for name in Points.__dataclass_fields__ if name not in FORMATS), *ADDED)
 
 
 def random_inputs(draw: np.random.Generator, count: int) -> dict[str, np.ndarray]:
