@@ -17,6 +17,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Keep the tests that share a module's fixture in one worker, which then makes it once."""
     for item in items:
         assert isinstance(item, pytest.Function)
+        if item.get_closest_marker("xdist_group"):
+            continue
         known = item._fixtureinfo.name2fixturedefs
         if any(known[name][-1].scope == "module" for name in item.fixturenames if name in known):
             item.add_marker(pytest.mark.xdist_group(item.module.__name__))

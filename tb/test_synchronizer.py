@@ -19,6 +19,8 @@ from harness import FallingEdge, generator, reset, simulate
 
 from vrscan.engines.tools import repository_root, rtl_boards, rtl_closure
 
+# One at a time: each writes the cache that the others read, if it is the first on a machine.
+pytestmark = pytest.mark.xdist_group("yowasp")
 ROOT = repository_root()
 CELLS = ROOT / "scripts" / "vendor_cells.sv"
 SENSOR = "sensor_clk_i"

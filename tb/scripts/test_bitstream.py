@@ -15,6 +15,8 @@ sys.path.insert(0, str(repository_root() / "scripts"))
 from bitstream import BOARDS, skews
 from timing import ToolError
 
+# One at a time: each writes the cache that the others read, if it is the first on a machine.
+pytestmark = pytest.mark.xdist_group("yowasp")
 ROOT = repository_root()
 BIN = Path(sys.executable).parent
 FAST, SLOW = "$glbnet$clk", "$glbnet$sensor_clk_i$TRELLIS_IO_IN"
