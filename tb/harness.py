@@ -619,11 +619,11 @@ class TwinBench(abc.ABC):
                 drive(port(self.dut, f"{place}_i"), bits)
                 self.inputs[name] = value
 
-    async def reset_to(self, twin, **inputs: int) -> None:
-        """Reset for two clocks with these inputs; a new twin goes on from there."""
+    async def reset_to(self, twin, count: int = 1, **inputs: int) -> None:
+        """Reset for some clocks with these inputs; a new twin goes on from there."""
         self.give(**inputs)
         self.dut.rst_i.value = 1
-        for _ in range(2):
+        for _ in range(count):
             await FallingEdge(self.dut.clk_i)
         self.dut.rst_i.value = 0
         self.twin = twin

@@ -17,7 +17,8 @@
 //   offset_i .. sigma_i  as distortion and peak_position deliver them, px
 //   angle_i              scan angle, fraction of a turn
 //   measured_i           there is a position; where not, all is 0 but user_o
-//   x_o, z_o             mm, LengthFraction bits; error below 2 um from 250 to 1000 mm
+//   x_o, z_o             mm, LengthFraction bits; error below 2 um from 250 to 1000 mm.  Here and
+//                        below a mm stands for the unit of length, which n0 and n1 are in
 //   sigma_z_o            mm, SigmaFraction bits, saturating
 //   c_obj_o              255 is 1
 //   no_range_o           n <= 0, d <= 0 or q >= 4096 mm

@@ -198,6 +198,7 @@ def test_ros_messages_by_rosbags(found: clouds.Cloud, tmp_path: Path) -> None:
         angle = each.angle_min + each.angle_increment * np.arange(len(each.ranges))
         assert angle[-1] == pytest.approx(each.angle_max, abs=1e-5)
         seen = np.isfinite(each.ranges)
+        assert each.range_max > 16.0  # x and z in units of 8 mm
         assert ((each.ranges >= each.range_min) & (each.ranges <= each.range_max))[seen].all()
         flat = each.ranges * np.array([np.cos(angle), np.sin(angle), 0.0 * angle])
         back = rotation.apply(flat.T)[seen]

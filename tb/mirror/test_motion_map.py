@@ -98,13 +98,13 @@ class Bench(TwinBench):
         self.settings = settings
 
     async def start(self, settings: Settings, **inputs: int) -> None:
-        """Set the configuration and reset for a clock, with these inputs."""
+        """Set the configuration and reset, with these inputs."""
         self.configure(settings)
         await self.reset(**inputs)
 
     async def reset(self, **inputs: int) -> None:
-        """Reset for a clock."""
-        await self.reset_to(MotionMap(self.settings), **(QUIET | inputs))
+        """Reset for two clocks."""
+        await self.reset_to(MotionMap(self.settings), 2, **(QUIET | inputs))
         self.give(valid=False)
         self.check()
 

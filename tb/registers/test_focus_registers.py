@@ -68,6 +68,21 @@ def test_the_table_is_the_lens(near: float, far: float, offset: float) -> None:
     assert given.manual == round(want[0])
 
 
+def test_another_unit_of_length_asks_for_the_same_places_of_the_lens() -> None:
+    focus = Focus(mode="automatic", near_mm=256.0, far_mm=1024.0)
+    small, large = (
+        FocusRegisters.from_config(Config(focus=focus, geometry=Geometry(unit_mm=unit)))
+        for unit in (1, 4)
+    )
+    assert (small.z_begin, large.z_begin) == (256 * MM, 64 * MM)
+    for mm in (256.0, 300.0, 512.0, 1000.0):
+        got, want = (
+            position(round(mm / unit * MM), each.z_begin, each.z_shift, list(each.table_position))
+            for unit, each in ((4, large), (1, small))
+        )
+        assert abs(got - want) <= 1
+
+
 def test_an_m3_has_its_own_address_and_speed() -> None:
     """Chosen as the bring-up page says; what is given stays."""
     page = (ROOT / "docs" / "bring-up.md").read_text()

@@ -20,6 +20,10 @@ CONFIGS = {
     "cushion": Config(geometry=Geometry(k1=-1.5e-3, centre_px=900.0), free=Free(edge_px=20.0)),
     "printed": Config(geometry=Geometry(k1=1e-3, distortion="even")),
     "turned": Config(geometry=Geometry(bias_deg=60.0, offset_mm=-12.0, base_mm=90.0)),
+    "far": Config(
+        geometry=Geometry(base_mm=300.0, bias_deg=86.5, focal_mm=35.0, unit_mm=4),
+        free=Free(focus_mm=3000.0, far_mm=8000.0),
+    ),
     "folded": Config(geometry=Geometry(k1=-0.0095)),
 }
 
@@ -47,7 +51,8 @@ def table_interval(
         table_from=given.free_table_from,
         table_to=given.free_table_to,
     )
-    return least / 16.0, largest / 16.0
+    step = config.geometry.unit_mm / 16.0
+    return least * step, largest * step
 
 
 @pytest.mark.parametrize("name", CONFIGS)

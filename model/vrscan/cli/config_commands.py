@@ -7,7 +7,7 @@ import typer
 
 from vrscan.cli.progress import console as _console
 from vrscan.data import config as configuration
-from vrscan.data.config import Config, Geometry, checked
+from vrscan.data.config import UNITS_MM, Config, Geometry, checked
 from vrscan.data.config_text import text
 from vrscan.data.errors import InputError
 from vrscan.data.points import atomic_file
@@ -76,8 +76,8 @@ def new(
     # In the sum of 1 / z between both ends the blur at either end is the same.
     focus = 2.0 / (1.0 / near + 1.0 / far) if min(near, far) > 0.0 else free.focus_mm
     # The finest unit of length in which the far end fits.
-    units = (Geometry(unit_mm=unit) for unit in (1, 2, 4, 8))
-    unit_mm = next((each.unit_mm for each in units if far < each.range_mm), 8)
+    fitting = [unit for unit in UNITS_MM if far < Geometry(unit_mm=unit).range_mm]
+    unit_mm = min(fitting, default=UNITS_MM[-1])
     values: dict[str, object] = {
         "clock": {"frequency_hz": 1e6 * clock},
         "geometry": {

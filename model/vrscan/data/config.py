@@ -147,6 +147,9 @@ class Peak(Section):
         ]
 
 
+UNITS_MM: tuple[Literal[1, 2, 4, 8], ...] = (1, 2, 4, 8)
+
+
 class Geometry(Section):
     """The triangle of base, camera and sensor, (2) to (5), and what C_obj promises of a point."""
 

@@ -42,6 +42,7 @@ _VERTEX = np.dtype(
 _PLY_KINDS = {"<f4": "float", "<f8": "double", "<u4": "uint"}
 NO_PLACE = 1 << pkg.FLAG_NO_RANGE | 1 << pkg.FLAG_OUT_OF_RANGE  # flags of what has no x and z
 _FORMATS = ("pixel_width", "unit_mm")  # of all points
+SIGMA_MOST = (2**pkg.SIGMA_WIDTH - 1) * 2.0**-pkg.SIGMA_FRACTION  # px, or units of length
 _CONFIDENCE_ONE = 2**pkg.CONFIDENCE_WIDTH - 1
 
 
@@ -313,7 +314,6 @@ def csv_rows(result: Table) -> bytes:
 
     everywhere = np.ones(len(result), np.bool_)
     snr_limit = (2**pkg.SNR_WIDTH - 1) * 2.0**-pkg.SNR_FRACTION
-    sigma_limit = (2**pkg.SIGMA_WIDTH - 1) * 2.0**-pkg.SIGMA_FRACTION
     columns = (
         text("%d,0", everywhere, result.line),
         flag_texts(result.flags, len(result)),
@@ -332,8 +332,8 @@ def csv_rows(result: Table) -> bytes:
             f"%.{position}f,{sigma},{sigma}",
             result.measured,
             result.position_px,
-            np.minimum(result.sigma_px, sigma_limit),
-            np.minimum(result.doubt_px, sigma_limit),
+            np.minimum(result.sigma_px, SIGMA_MOST),
+            np.minimum(result.doubt_px, SIGMA_MOST),
         ),
         text(angle, everywhere, result.angle_rad),
         text(

@@ -10,12 +10,14 @@ scanner's z, its y the scanner's x, its z the scanner's y. With poses ``/points`
 ``world``, and ``/tf`` has the scanner in it at the first point of each sweep.
 """
 
+from math import sqrt
 from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
 
 from vrscan.data.arrays import Floats, Ints
+from vrscan.data.config import UNITS_MM, Geometry
 from vrscan.data.extras import named
 from vrscan.data.poses import Poses
 from vrscan.data.range_image import Grid, Image, range_image
@@ -31,7 +33,8 @@ POINT = np.dtype(
 )
 LASER = "_laser"  # ending of the frame of the LaserScan
 LASER_TURN = (-0.5, -0.5, -0.5, 0.5)  # of its axes in the scanner's, a quaternion x, y, z, w
-RANGE_M = (0.0, 2.048)  # of the numbers of x and z
+# Of x and z in the largest unit of length: points do not tell which one was theirs.
+RANGE_M = (0.0, 1e-3 * sqrt(2.0) * Geometry(unit_mm=UNITS_MM[-1]).range_mm)
 _KINDS = {"<f4": 7, "<u4": 6}  # FLOAT32 and UINT32 of PointField
 FIELDS: list[Message] = [  # of POINT, for a PointCloud2
     {"name": name, "offset": offset, "datatype": _KINDS[kind.str], "count": 1}

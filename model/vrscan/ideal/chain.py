@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vrscan.data import pkg
 from vrscan.data.arrays import Bools, Floats, Ints, Pixels
 from vrscan.data.config import Config
 from vrscan.data.contract import checked
 from vrscan.data.lines import Lines
+from vrscan.data.points import SIGMA_MOST
 from vrscan.data.table import Table
 from vrscan.ideal import confidence, free_space, geometry, peak_fit, peak_neighbours, two_pass
 from vrscan.ideal.correction_map import correction, filled_beside, maps_for
@@ -19,7 +19,6 @@ from vrscan.ideal.statistics import statistics
 
 MAX_WINDOW = 255  # px
 MIRROR_FLAGS = ("NOT_RUNNING", "INDEX_FAULT", "UNSETTLED")  # by bit
-_SIGMA_MOST = (2**pkg.SIGMA_WIDTH - 1) * 2.0**-pkg.SIGMA_FRACTION  # units of length
 _CHUNK = 512  # lines computed at a time: they fit in a cache
 
 
@@ -128,7 +127,7 @@ def _located(
         doubt_px=doubt,
         x_mm=np.where(there, located.x, 0.0),
         z_mm=np.where(there, located.z, 0.0),
-        sigma_z_mm=np.minimum(sigma_z, _SIGMA_MOST * config.geometry.unit_mm),
+        sigma_z_mm=np.minimum(sigma_z, SIGMA_MOST * config.geometry.unit_mm),
         c_obj=np.where(flags["MIXED"], 0.5, 1.0) * c_obj,
         located=there,
     )

@@ -11,7 +11,7 @@ import numpy as np
 from vrscan.data import pkg
 from vrscan.data.arrays import Floats, Ints, Pixels
 from vrscan.data.config import Config, Geometry, Peak, Sensor
-from vrscan.data.points import Points, table
+from vrscan.data.points import SIGMA_MOST, Points, table
 from vrscan.data.table import Table
 from vrscan.fixed.vrscan_chain import run_fixed
 from vrscan.ideal import geometry as ideal_geometry
@@ -45,7 +45,6 @@ FARTHEST_MM = 4096.0  # of a range
 # A second window's width comes from a table. Its middle is the first position or, where that is
 # unreliable, that of the run. Either choice may differ too, so its ends are compared loosely.
 TABLE_PX = 2
-SIGMA_MAX_MM = (2**pkg.SIGMA_WIDTH - 1) * 2.0**-pkg.SIGMA_FRACTION
 
 # Flags that depend on the cut of the run: a first window of two has a cut of its own.
 OF_THE_WINDOW = frozenset({"AT_EDGE", "TOO_NARROW", "TOO_WIDE", "NO_PHASE", "RIVAL"})
@@ -372,7 +371,7 @@ class LineCase(Case):
                     wrong.append(f"line {k}: NO_RANGE, and the rays meet {reach:.0f} mm away")
                 if got.located[k] or got.x_mm[k] or got.z_mm[k] or got.c_obj[k]:
                     wrong.append(f"line {k}: without a range, and a point")
-                if got.sigma_z_mm[k] != SIGMA_MAX_MM:
+                if got.sigma_z_mm[k] != SIGMA_MOST:
                     wrong.append(f"line {k}: without a range, and sigma_z {got.sigma_z_mm[k]} mm")
                 here.append(NO_POINT)
                 behind.append(z)
