@@ -40,6 +40,7 @@ from vrscan.registers.chain_registers import Registers
 from vrscan.registers.map_table import MapTable, nodes_of
 from vrscan.registers.register_map import WINDOWS
 from vrscan.registers.settings import TestLineSettings as Settings
+from vrscan.view.playback import opened
 
 COUNT = 200
 CONFIG = {"sensor": {"line_length": LINE_LENGTH}, "geometry": {"centre_px": 511.5}}
@@ -316,6 +317,26 @@ def test_compact_points_as_csv(board: FakeBoard) -> None:
         assert located == bool(row["z_mm"])
         if located:
             assert float(row["x_mm"]) * 4096 == pytest.approx(int(want["x"]), abs=0.5)
+
+
+@pytest.mark.parametrize("form", ["--full", "--compact", "--space"])
+def test_a_board_tells_its_unit_of_length(board: FakeBoard, form: str) -> None:
+    """In every file z is in mm: four times the board's number of 4 mm."""
+    board.file.values["length_unit"] = [4]
+    some = ("--count", "60", form)
+    for name, more in (("a.csv", ()), ("a.npz", ()), ("a.mcap", ("--config", "config.toml"))):
+        printed("points", "--out", name, *some, *more)
+    with Path("a.csv").open() as file:
+        found = [(int(row["line"]), row["z_mm"]) for row in csv.DictReader(file)]
+    tables = [opened(Path(name))._points for name in ("a.npz", "a.mcap")]
+    for table in tables:
+        rows = zip(table.line.tolist(), table.z_mm.tolist(), strict=True)
+        found += [(line, str(z)) for (line, z), there in zip(rows, table.located, strict=True)
+                  if there]  # fmt: skip
+    located = [(line, float(z)) for line, z in found if z]
+    assert len(located) > 60
+    for line, z in located:
+        assert z * 1024 == pytest.approx(int(board.made["z"][line % len(board.made)]), abs=0.1)
 
 
 def test_captured_lines_can_be_replayed(board: FakeBoard) -> None:

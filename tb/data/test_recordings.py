@@ -104,7 +104,7 @@ def test_records_keep_every_bit_and_unwrap_their_time(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     with recordings.Writer(path, Config()) as into:
         for part in np.split(made, [1, 700, 701]):
-            into.records(part, 100_000_000, 12)
+            into.records(part, 100_000_000, 12, 1)
     kept = np.concatenate([rows for _, rows, _ in recordings._messages(path)])
     assert kept.tobytes() == made.tobytes()
     found = recordings.read(path).points

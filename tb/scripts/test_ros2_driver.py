@@ -113,10 +113,11 @@ def test_what_is_published_is_what_is_exported(
         return 1000.0 + (clock._last / CLOCK_HZ if clock is not None else 0.0)
 
     ros.now_s = now_s
+    board.file.values["length_unit"] = [4]  # mm
     with running(ros, board, min_confidence=0.25, frame="head", sweeps=count):
         until(lambda: len(sent(ros, "points")) > 8)
     clouds_sent, scans_sent = list(sent(ros, "points")), list(sent(ros, "scan"))
-    table = filters.min_confidence(full_table(MADE, 12, Clock(CLOCK_HZ), 1), 0.25)
+    table = filters.min_confidence(full_table(MADE, 12, Clock(CLOCK_HZ), 4), 0.25)
     whole = clouds.cloud(table)
     grid = columns(Config(), 1, count)
     exports = []  # one of them puts the same sweeps together

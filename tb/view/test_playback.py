@@ -52,8 +52,8 @@ def test_points_of_every_form_are_as_they_came(form: Form, kind: str, tmp_path: 
     path, found = tmp_path / f"points.{kind}", streamed(form)
     if kind == "mcap":
         with recordings.Writer(path, CONFIG) as into:
-            into.records(found[:500], BUILD.clock_hz, BUILD.pixel_width)
-            into.records(found[500:], BUILD.clock_hz, BUILD.pixel_width)
+            into.records(found[:500], BUILD.clock_hz, BUILD.pixel_width, 1)
+            into.records(found[500:], BUILD.clock_hz, BUILD.pixel_width, 1)
     else:
         with atomic_file(path) as file:
             write_points(".npz", file, found, form, 1, BUILD, Account(records=COUNT))
@@ -71,7 +71,7 @@ def test_raw_lines_are_shown_with_their_own_results(tmp_path: Path) -> None:
     bare, both = tmp_path / "lines.npz", tmp_path / "both.mcap"
     np.savez(bare, lines=pixels, angle_rad=angle, power=lines.power)
     with recordings.Writer(both, CONFIG) as into:
-        into.records(streamed(Form.FULL), BUILD.clock_hz, BUILD.pixel_width)
+        into.records(streamed(Form.FULL), BUILD.clock_hz, BUILD.pixel_width, 1)
         into.lines(lines)
     for path, count in ((bare, 40), (both, COUNT)):
         source = opened(path)

@@ -206,7 +206,7 @@ class Writer:
         return self._clock
 
     def records(
-        self, found: records.Records, clock_hz: int, pixel_width: int, unit_mm: int = 1
+        self, found: records.Records, clock_hz: int, pixel_width: int, unit_mm: int
     ) -> None:
         """Write records of a board as they came: full ones, or short ones with their lines."""
         facts = {"clock_hz": clock_hz, "pixel_width": pixel_width, "unit_mm": unit_mm}
