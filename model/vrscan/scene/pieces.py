@@ -20,6 +20,7 @@ from vrscan.scene.light import Light
 from vrscan.scene.mirrored import Mirrors
 from vrscan.scene.radiometry import photoelectrons
 from vrscan.scene.row_profile import gaussian_cumulated
+from vrscan.scene.shapes import slab
 from vrscan.scene.spots import OFF_SENSOR_PX, Spots, meet
 from vrscan.scene.timeline import Timeline
 
@@ -120,6 +121,11 @@ class Spotter:
         self._laser, self.cut = laser, cut(laser)
         self._rim_mm = 0.5 * laser.aperture_mm
         self._offset = _RAYS_GAUSSIAN if self.cut is None else _RAYS_CUT
+        # No corner of the box is twice as far as any of its coordinates, so no ray that meets a
+        # target is twice as far from the axis as there.
+        widest = max(float(self._offset.max()), _TEST_CUT, _TEST_BRIGHT)
+        room = 2.0 * max(widest * radius_mm(np.array([0.0, light.farthest_mm]), laser))
+        self._box = light.world.bounds + np.array([[-room], [room]])
         self._few = _FEW if self.cut is None else _FEW_CUT
         self._blend, self._misses = _matrices(self.cut is not None)
         self._pulse_s = 1e-6 * config.line.pulse_us
@@ -257,10 +263,7 @@ class Spotter:
     def _split(self, spots: Spots, beam: Floats, timeline: Timeline) -> Bools:
         """Return the lines whose spots are followed ray by ray."""
         if self.every_ray:
-            middle = 0.5 * self.light.config.sensor.line_length
-            with np.errstate(invalid="ignore"):
-                off_sensor = np.abs(spots.position_px - middle) > middle + OFF_SENSOR_PX
-            return ~(off_sensor & spots.lit)
+            return self._in_sight(spots, beam, timeline.y_mm)
         if self.light.scene.scan.pan_mm_per_s != 0.0:
             return self._needs_rays(spots, beam, timeline.y_mm)
         # A scanner that stands still sees the same at the same angle: one map serves all lines.
@@ -268,6 +271,22 @@ class Spotter:
         knot = ((timeline.angle_rad - start) / _MAP_STEP).astype(np.int64)
         knot = np.clip(knot, 0, len(split) - 2)
         return split[knot] | split[knot + 1]
+
+    def _in_sight(self, spots: Spots, beam: Floats, y_mm: Floats) -> Bools:
+        """Return the lines of which some ray may be seen.
+
+        Those whose spot is far beside the sensor have none, nor those whose beam with its widest
+        rays passes the box around all targets.
+        """
+        middle = 0.5 * self.light.config.sensor.line_length
+        with np.errstate(invalid="ignore"):
+            off_sensor = np.abs(spots.position_px - middle) > middle + OFF_SENSOR_PX
+        drawn = ~(off_sensor & spots.lit)
+        if np.isfinite(self._box).all():
+            start = np.stack([np.zeros(len(y_mm)), y_mm, np.zeros(len(y_mm))], axis=1)
+            enter, leave = slab(self._box, start, beam)
+            drawn &= spots.lit | ((enter <= leave) & (leave > 0.0))
+        return drawn
 
     def _split_map(self) -> tuple[float, Bools]:
         """Return the first angle of the map, and at each of its angles whether rays are needed."""
@@ -293,10 +312,7 @@ class Spotter:
         A cut beam's rings are looked after by ``_rings_need_rays``.
         """
         split = np.zeros(len(spots.lit), np.bool_)
-        middle = 0.5 * self.light.config.sensor.line_length
-        with np.errstate(invalid="ignore"):
-            off_sensor = np.abs(spots.position_px - middle) > middle + OFF_SENSOR_PX
-        rows = np.flatnonzero(~(off_sensor & spots.lit))
+        rows = np.flatnonzero(self._in_sight(spots, beam, y_mm))
         limit = self.tolerance_px
         origin, direction = self._offset_rays(spots, beam, rows, np.array([-_TEST, _TEST]))
         sides = self._meet(origin, direction, np.repeat(y_mm[rows], 2))

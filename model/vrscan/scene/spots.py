@@ -91,7 +91,8 @@ def meet(
     point = origin + distance[:, None] * direction
     depth = (point - camera.place) @ camera.axis
     front = lit & (depth > _NEAREST_MM)
-    position = np.where(front, project(point[:, 0], point[:, 2], config.geometry), np.nan)
+    position = np.full(len(lit), np.nan)
+    position[front] = project(point[front, 0], point[front, 2], config.geometry)
     middle = 0.5 * config.sensor.line_length
     with np.errstate(invalid="ignore"):
         rows = np.flatnonzero(np.abs(position - middle) < middle + OFF_SENSOR_PX)
