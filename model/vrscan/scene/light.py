@@ -3,7 +3,7 @@
 import copy
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
 
@@ -13,7 +13,7 @@ import numpy.typing as npt
 from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError, blamed
-from vrscan.ideal.geometry import ThinLens, undistorted
+from vrscan.ideal.geometry import ThinLens, project, undistorted
 from vrscan.scene.beam import radius_mm
 from vrscan.scene.description import Description
 from vrscan.scene.ghosts import Ghosts, Stack, ghosts, stack
@@ -39,6 +39,8 @@ from vrscan.scene.tolerances import Instrument
 
 _VIEW_STEP = 8  # px between the rays on which the camera's view is sampled
 _BOUNCE_KNOTS = 193  # angles at which the second bounce is computed
+_NEAR_PX = 64  # distance from a spot within which it is computed for each line
+_BESIDE_PX = 32  # distance from a spot within which it is computed for each pixel
 _BOUNCE_EDGE = 1.02  # range of these angles over the scan's amplitude
 _BOUNCE_TABLES = 48  # number of places of a panning scanner that are kept
 _VIEWS = 64  # number of views of a moving scanner that are kept
@@ -51,6 +53,7 @@ _STRAY = ("scatter", "emitter", "halo", "halo_table", "obscured", "shadow", "_st
 _FOCUSED = ("halo", "halo_table", "shadow", "_skirt_gain")  # what changes with the focus
 _FARTHEST_MM = 1000.0  # least distance at which a ray that meets nothing ends
 
+View = tuple[Floats, Floats, Ints, Floats]  # points, normals [m, 3], targets and albedo [m]
 _Real = TypeVar("_Real", np.float32, np.float64)
 
 
@@ -115,8 +118,8 @@ class Light:
         self.farthest_mm = float(ends[np.isfinite(ends)].max(initial=_FARTHEST_MM))
         # Where spots need rays: the first angle, and whether at each, by tolerance and effects.
         self.split_maps: dict[tuple[float, frozenset[str]], tuple[float, Bools]] = {}
-        self._views: dict[int, tuple[Floats, Floats, Ints, Floats]] = {}
-        self._bounces: dict[int, Singles] = {}
+        self._views: dict[int, View] = {}
+        self._bounces: dict[int, tuple[Singles, Singles, Floats]] = {}
         self._skirts: dict[int, tuple[Singles, Singles]] = {}
         self._refuse_fog()
 
@@ -304,8 +307,8 @@ class Light:
         count = -(-self.config.sensor.line_length // _VIEW_STEP) + 1
         return _VIEW_STEP * np.arange(count, dtype=np.float64)
 
-    def view(self, y_mm: float) -> tuple[Floats, Floats, Ints, Floats]:
-        """Return what the camera sees: points, normals [m, 3], target (-1 for none) and albedo [m].
+    def view(self, y_mm: float) -> View:
+        """Return what the camera sees: points, normals, target (-1 for none) and albedo.
 
         It is computed for every eighth pixel. Points are in the scanner's frame, which is at
         ``y_mm``.
@@ -318,7 +321,7 @@ class Light:
             self._views[key] = self._look(self.view_px, y)
         return self._views[key]
 
-    def _look(self, pixel: Floats, y_mm: float) -> tuple[Floats, Floats, Ints, Floats]:
+    def _look(self, pixel: Floats, y_mm: float) -> View:
         """Return what some pixels see, as ``view`` does."""
         camera = Camera.of(self.config, self.scene.lens.f_number)
         u, _ = undistorted(pixel, self.config.geometry)
@@ -512,24 +515,64 @@ class Light:
 
         It is in units of the electrons that the whole beam would make if it went through the lens.
         Both reflections are Lambertian; a third reflection and the gloss of either are left out. It
-        is computed at ``_BOUNCE_KNOTS`` angles and for every eighth pixel; the spot's own width
-        keeps a corner finite.
+        is computed at ``_BOUNCE_KNOTS`` angles; within ``_NEAR_PX`` of the spots of the line and of
+        the two angles around it, where it changes faster than they are apart, for the line's own;
+        and for every eighth pixel, but for each within ``_BESIDE_PX`` of the spot. The spot's own
+        width keeps a corner finite.
         """
         limit = self._bounce_limit
-        place = np.clip((angle_rad + limit) / (2.0 * limit), 0.0, 1.0) * (_BOUNCE_KNOTS - 1)
-        knot = np.minimum(place.astype(np.int64), _BOUNCE_KNOTS - 2)
-        share = (place - knot).astype(np.float32)[:, None]
+        turned = np.clip((angle_rad + limit) / (2.0 * limit), 0.0, 1.0) * (_BOUNCE_KNOTS - 1)
+        knot = np.minimum(turned.astype(np.int64), _BOUNCE_KNOTS - 2)
+        share = (turned - knot).astype(np.float32)[:, None]
         keys = np.round(y_mm / PAN_STEP_MM).astype(np.int64)
-        result = np.empty((len(angle_rad), self.config.sensor.line_length), np.float32)
-        for key in np.unique(keys):
-            table = self._bounce_table(int(key))
-            for rows in _chunks(np.flatnonzero(keys == key)):
-                low, high = table[knot[rows]], table[knot[rows] + 1]
-                high -= low
-                high *= share[rows]
-                high += low
-                result[rows] = high
-        return result
+        found = np.empty((len(angle_rad), self.config.sensor.line_length), np.float32)
+        for key in np.unique(keys).tolist():
+            rows = np.flatnonzero(keys == key)
+            low, whole, marks = self._bounce_table(key)
+            before, behind = knot[rows], knot[rows] + 1
+            for some in _chunks(rows):
+                part, more = whole[knot[some]], whole[knot[some] + 1]
+                more -= part
+                more *= share[some]
+                part += more
+                found[some] = part
+            y = key * PAN_STEP_MM
+            spots = self._strike(angle_rad[rows], y)
+            own = spots.position_px
+            near = np.zeros((len(rows), low.shape[1]), np.bool_)
+            for mark in (own, marks[before], marks[behind]):
+                first = np.nan_to_num(np.ceil((mark - _NEAR_PX) / _VIEW_STEP), nan=-1e6)
+                place = first.astype(np.int64)[:, None] + np.arange(2 * _NEAR_PX // _VIEW_STEP)
+                line, column = np.nonzero((place >= 0) & (place < low.shape[1]))
+                near[line, place[line, column]] = True
+            line, place = np.nonzero(near)
+            light = self._thrown(spots, y, self.view_px, self.view(y), line, place)
+            between = low[before[line], place] * (1.0 - share[rows[line], 0])
+            between += low[behind[line], place] * share[rows[line], 0]
+            change = np.zeros(near.shape, np.float32)
+            change[line, place] = light - between
+            for some in _chunks(np.flatnonzero(change.any(axis=1))):
+                found[rows[some]] += self._whole_row(change[some])
+            # Each pixel beside the spot, if any place there has light, or may have between places.
+            beside = np.abs(self.view_px[place] - own[line]) < _BESIDE_PX + _VIEW_STEP
+            fine = spots.fine.copy()
+            fine[line[beside & (light > 0.0)]] = True
+            lines = np.flatnonzero(fine & ~np.isnan(own))
+            line, pixel = self._beside(own[lines])
+            line = lines[line]
+            needed = np.zeros(found.shape[1], np.bool_)
+            needed[pixel] = True
+            each = np.flatnonzero(needed).astype(np.float64)
+            which = (np.cumsum(needed) - 1)[pixel]
+            light = self._thrown(spots, y, each, self._look(each, y), line, which)
+            found[rows[line], pixel] = light
+        return found
+
+    def _beside(self, position_px: Floats) -> tuple[Ints, Ints]:
+        """Return the pixels beside some spots: index of the spot and pixel of each [k]."""
+        pixel = np.round(position_px)[:, None] + np.arange(-_BESIDE_PX, _BESIDE_PX + 1)
+        line, column = np.nonzero((pixel >= 0) & (pixel < self.config.sensor.line_length))
+        return line, pixel[line, column].astype(np.int64)
 
     @property
     def _bounce_limit(self) -> float:
@@ -537,46 +580,92 @@ class Light:
         widest = scan.half_angle_deg if scan.sweep == "even" else mirror.amplitude_deg
         return _BOUNCE_EDGE * math.radians(widest)
 
-    def _bounce_table(self, key: int) -> Singles:
+    def _bounce_table(self, key: int) -> tuple[Singles, Singles, Floats]:
+        """Return the light at ``_BOUNCE_KNOTS`` angles, and where the spots are then, px.
+
+        The light is at the places of ``view_px``, and at every pixel.
+        """
         if key not in self._bounces:
             angles = np.linspace(-self._bounce_limit, self._bounce_limit, _BOUNCE_KNOTS)
             if len(self._bounces) >= _BOUNCE_TABLES:
                 self._bounces.clear()
-            self._bounces[key] = self._bounce(angles, key * PAN_STEP_MM)
+            spots = self._strike(angles, key * PAN_STEP_MM)
+            shape = len(angles), len(self.view_px)
+            every = np.indices(shape).reshape(2, -1)
+            y = key * PAN_STEP_MM
+            light = self._thrown(spots, y, self.view_px, self.view(y), *every)
+            low = light.reshape(shape)
+            self._bounces[key] = low, self._whole_row(low), spots.position_px
         return self._bounces[key]
 
-    def _bounce(self, angle: Floats, y_mm: float) -> Singles:
-        point, normal, target, albedo = self.view(y_mm)
-        lift = np.array([0.0, y_mm, 0.0])
+    def _strike(self, angle: Floats, y_mm: float) -> "_Struck":
+        """Return where the beam's axis meets the scene at some angles."""
         beam = np.stack([np.sin(angle), np.zeros(len(angle)), np.cos(angle)], axis=1)
-        hits = self.world.cast(np.zeros_like(beam) + lift, beam)
-        lit = np.flatnonzero(hits.target >= 0)
-        seen = np.flatnonzero(target >= 0)
-        found = np.zeros((len(angle), len(target)))
-        if len(lit) and len(seen):
-            spot = hits.distance_mm[lit, None] * beam[lit]
-            width = radius_mm(hits.distance_mm[lit], self.scene.laser)
-            way = point[seen][None] - spot[:, None]
-            square = np.einsum("ijk,ijk->ij", way, way)
-            unit = way / np.sqrt(np.maximum(square, 1e-12))[:, :, None]
-            leave = np.einsum("ijk,ik->ij", unit, hits.normal[lit])
-            arrive = -np.einsum("ijk,jk->ij", unit, normal[seen])
-            faces = (leave > 1e-9) & (arrive > 1e-9)
-            first, second = np.nonzero(faces)
-            for start in range(0, len(first), _RAYS):
-                some = slice(start, start + _RAYS)
-                i, j = first[some], second[some]
-                hidden = self.world.blocked(spot[i] + lift, point[seen][j] + lift)
-                faces[i[hidden], j[hidden]] = False
-            gain = self._diffuse(hits.target[lit], hits.albedo[lit]) / np.pi
-            form = np.where(faces, leave * arrive, 0.0)
-            # The spot is not a point: nearer than its radius its light does not grow any more.
-            irradiance = gain[:, None] * form / (square + np.square(width)[:, None])
-            found[np.ix_(lit, seen)] = irradiance * self._diffuse(target, albedo)[seen] / np.pi
+        hits = self.world.cast(np.zeros_like(beam) + np.array([0.0, y_mm, 0.0]), beam)
+        lit = hits.target >= 0
+        distance = np.where(lit, hits.distance_mm, 0.0)
+        point = distance[:, None] * beam
+        camera = Camera.of(self.config, self.scene.lens.f_number)
+        front = lit & ((point - camera.place) @ camera.axis > 0.0)
+        position = np.full(len(angle), np.nan)
+        position[front] = project(point[front, 0], point[front, 2], self.config.geometry)
+        gain = np.where(lit, self._diffuse(hits.target, hits.albedo), 0.0) / np.pi
+        width = radius_mm(distance, self.scene.laser)
+        fine = lit & np.append(self.world.meshed, False)[hits.target]
+        return _Struck(point, hits.normal, gain, width, position, fine)
+
+    def _thrown(
+        self, spots: "_Struck", y_mm: float, pixel: Floats, view: View, line: Ints, place: Ints
+    ) -> Singles:
+        """Return the light that spots throw on places [k].
+
+        Args:
+            spots: The spots of some lines.
+            y_mm: Position of the scanner along y.
+            pixel: Pixels of the places [m].
+            view: What they see.
+            line: Index of each pair's line [k].
+            place: Index of each pair's place [k].
+        """
+        point, normal, target, albedo = view
+        found = np.zeros(len(line), np.float32)
+        pair = np.flatnonzero((spots.gain > 0.0)[line] & (target >= 0)[place])
+        i, j = line[pair], place[pair]
+        way = point[j] - spots.point[i]
+        leave = np.einsum("ij,ij->i", way, spots.normal[i])
+        arrive = -np.einsum("ij,ij->i", way, normal[j])
+        kept = np.flatnonzero((leave > 1e-9) & (arrive > 1e-9))
+        pair, i, j = pair[kept], i[kept], j[kept]
+        square = np.einsum("ij,ij->i", way[kept], way[kept])
+        cosines = (leave * arrive)[kept] / square
+        lift = np.array([0.0, y_mm, 0.0])
+        clear = np.zeros(len(i), np.bool_)
+        for start in range(0, len(i), _RAYS):
+            some = slice(start, start + _RAYS)
+            clear[some] = ~self.world.blocked(spots.point[i[some]] + lift, point[j[some]] + lift)
+        # The spot is not a point: nearer than its sigma its light does not grow any more.
+        nearest = np.square(0.5 * spots.width_mm[i])
+        form = clear * cosines / (square + nearest)
         # In mm2, like the irradiance; the beam's electrons already include lens and filter.
         area = np.square(self.config.geometry.pitch_mm)
-        seen_sr = collection(self.scene.lens.f_number, self._off_axis_rad)
-        return self._whole_row((found * area * seen_sr).astype(np.float32))
+        u, _ = undistorted(pixel, self.config.geometry)
+        off_axis = np.arctan(u / self.config.geometry.focal_mm)
+        seen_sr = collection(self.scene.lens.f_number, off_axis)[j]
+        again = self._diffuse(target[j], albedo[j]) / np.pi
+        found[pair] = spots.gain[i] * form * again * area * seen_sr
+        return found
+
+
+@dataclass(frozen=True)
+class _Struck:
+    """Places where the beam's axis meets the scene, of n lines."""
+
+    point: Floats  # in the scanner's frame, mm [n, 3]
+    normal: Floats  # [n, 3]
+    gain: Floats  # radiance over irradiance, 1/sr [n], 0 where nothing is met
+    width_mm: Floats  # 1/e2 radius of the beam [n]
+    position_px: Floats  # image [n], NaN where there is none
+    fine: Bools  # on a mesh, whose faces may be smaller than eight pixels [n]
 
 
 def _chunks(rows: Ints) -> Iterator[Ints]:

@@ -290,6 +290,11 @@ class World:
         )
 
     @property
+    def meshed(self) -> Bools:
+        """Return which targets are meshes [n]."""
+        return np.array([isinstance(placed.shape, Caster) for placed in self._placed], np.bool_)
+
+    @property
     def each_bounds(self) -> list[Floats]:
         """Return low and high corner [2, 3] of a box around each target, mm."""
         return [placed.bounds() for placed in self._placed]
