@@ -68,7 +68,7 @@ formal: setup ## prove the limits of the light, and the contracts of link and se
 	@$(BIN)/python scripts/formal.py $(ARGS)
 
 timing: setup ## synthesise, place and route each module; MODULES="divide multiply" picks some
-	@$(BIN)/python scripts/timing.py $(MODULES)
+	@$(BIN)/python scripts/timing.py $(MODULES) $(ARGS)
 
 bitstream: setup ## build the bitstream of BOARD=ulx3s; it fails where a clock is not met
 	@$(BIN)/python scripts/bitstream.py $(BOARD) $(ARGS)

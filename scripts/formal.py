@@ -55,6 +55,7 @@ BUFFER = "rtl/sensor/line_buffer.sv"
 FIFO = "rtl/sensor/pixel_fifo.sv"
 VRSCAN = "rtl/vrscan.sv"
 CONTROL = "rtl/actuators/laser_control.sv"
+STAGE = "rtl/actuators/m3_motor.sv"
 
 
 @dataclass(frozen=True)
@@ -228,6 +229,7 @@ PROOFS = (
         ),
         unhindered=("index_capture", "mirror_drive", "scan_safeguard"),
     ),
+    Proof("m3_motor", "m3_motor", 3, 20),
     Proof("register_file, by address", "register_file_properties", 16, 38),
 )
 
@@ -1094,6 +1096,41 @@ MUTANTS = (
         "word_hit_q[k] <= address_q[2:0] == 3'(k);",
         "nothing_without_a_write",
         12,
+    ),
+    Mutant(
+        "the target in the wrong half",
+        "m3_motor",
+        STAGE,
+        "{16'd0, target_i}",
+        "{target_i, 16'd0}",
+        "sent_as_written",
+        16,
+    ),
+    Mutant(
+        "a command that never ends",
+        "m3_motor",
+        STAGE,
+        "last_o  <= byte_o == CarriageReturn;",
+        "last_o  <= 1'b0;",
+        "told_which_is_the_last",
+        20,
+    ),
+    Mutant(
+        "a stream that failed is none",
+        "m3_motor",
+        STAGE,
+        "if (reply_status_i == Ok) begin",
+        "if (1'b1) begin",
+        "streams_in_time",
+    ),
+    Mutant(
+        "the state of a bad reply",
+        "m3_motor",
+        STAGE,
+        "reply_status_i == Ok && good_q && read_q",
+        "reply_status_i == Ok && read_q",
+        "told_by_a_good_reply",
+        24,
     ),
 )
 

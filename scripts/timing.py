@@ -277,21 +277,38 @@ def show(results: list[Result], console: Console) -> None:
     console.print(table.terminal(style=lambda r: "" if r.fmax_mhz >= TARGET_MHZ else "red"))
 
 
-def write_numbers(results: list[Result]) -> None:
-    """Put the table into docs/numbers.md."""
-    if not rewrite(ROOT / "docs" / "numbers.md", {"timing": Sheet(_COLUMNS, results).markdown()}):
+def merged(old: str, results: list[Result], every: list[str]) -> tuple[str, list[str]]:
+    """Return the table with new rows in place of old ones, and the modules that have none.
+
+    Args:
+        old: The table as it was, in Markdown.
+        results: The new rows.
+        every: The modules that the table has, in its order.
+    """
+    head, rule, *fresh = Sheet(_COLUMNS, results).markdown().splitlines()
+    rows = {line.split("|")[1].strip(): line for line in (*old.split("\n"), *fresh) if "|" in line}
+    table = [head, rule, *(rows[name] for name in every if name in rows)]
+    return "\n".join(table), [name for name in every if name not in rows]
+
+
+def write_numbers(results: list[Result]) -> list[str]:
+    """Put rows into the table of docs/numbers.md, and return the modules that it lacks."""
+    page = ROOT / "docs" / "numbers.md"
+    every = [module.stem for module in rtl_modules() if module.stem not in NOT_ALONE]
+    old = page.read_text().partition("<!-- timing: begin -->")[2].partition("<!-- timing: end -->")
+    table, missing = merged(old[0], results, every)
+    if not rewrite(page, {"timing": table}):
         raise SystemExit("timing: docs/numbers.md has no timing markers")
+    return missing
 
 
 def main() -> int:
-    """Return 0 when every module is fast enough and gave no warning."""
+    """Return 0 when every module is fast enough and gave no warning, and no row is missing."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("modules", nargs="*", help="only these; all when none is named")
-    parser.add_argument("--write", action="store_true", help="put the table into docs/numbers.md")
+    parser.add_argument("--write", action="store_true", help="put the rows into docs/numbers.md")
     arguments = parser.parse_args()
     names = arguments.modules
-    if names and arguments.write:
-        parser.error("--write needs every module")
     try:
         modules = [rtl_module(name) for name in names]
     except FileNotFoundError as error:
@@ -336,12 +353,15 @@ def main() -> int:
         names = [field.name for field in fields(Result)]
         rows = [[getattr(result, name) for name in names] for result in results]
         (FOLDER / "timing.csv").write_bytes(listed(names, rows, kept="{}").csv())
+    missing: list[str] = []
     if arguments.write and len(results) == len(modules):
-        write_numbers(results)
+        missing = write_numbers(results)
+    if missing:
+        complaints.print(f"timing: docs/numbers.md has no row of {', '.join(missing)}")
     failures += sum(not result.passes() for result in results)
     verdict = f"{failures} of {len(modules)} modules fail" if failures else "every module passes"
     console.print(f"timing: {verdict}; {TARGET_MHZ} MHz on LFE5U-85F, speed {DEVICE[2]}")
-    return 1 if failures else 0
+    return 1 if failures or missing else 0
 
 
 if __name__ == "__main__":

@@ -1232,6 +1232,7 @@ FAULTS = [
                 "!b_stays_q || (s_axil_bvalid &&",
                 "!b_stays_q || (!s_axil_bvalid &&",
             ),
+            ("m3_motor", "another byte", "ended_q || byte_o ==", "ended_q || byte_o !="),
             ("axis_ring", "a packet one longer", "== Words - 1))", "== Words))"),
             ("frame_encoder", "another payload", "decoded_byte == entry[7:0]", "1'b0"),
             ("frame_decoder", "a byte too soon", "valid_o == byte_due_q2", "valid_o == byte_due_q"),

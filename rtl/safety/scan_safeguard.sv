@@ -112,7 +112,12 @@ module scan_safeguard #(
   assign late   = (&turns_q[TurnsFraction-:2]) || clks_q >= ClksWidth'(LightClks - 2);
   assign early  = turns_q < {3'b011, (TurnsFraction - 2)'(0)} ||
                   clks_q < ClksWidth'(PeriodFloorClks + EdgeClks - 1);
-  assign narrow = turns_q < OuterTurns;
+  // Without a floor there is nothing to compare.
+  if (OuterFloor == 0) begin : gen_any
+    assign narrow = 1'b0;
+  end else begin : gen_floor
+    assign narrow = turns_q < OuterTurns;
+  end
   assign wide   = turns_q[TurnsFraction] || turns_q[TurnsFraction-1];
   assign good   = outward && begun_q && whole_q && !late && !early;
   assign back   = inward && begun_q && outer_q && !late && !narrow && !wide;

@@ -207,6 +207,7 @@ async def streams_that_fail(dut) -> None:
                 await bench.clocks(valid=1, read=read, target=0x1234)
                 await bench.hear()
                 await bench.end()
+                await bench.clocks(2)
                 for byte in (reply(0, 5) if read else b"<08>\r")[:count]:
                     await bench.clocks(2, byte_valid=1, byte=byte)
                 await bench.end(status or Status.ARBITRATION)
@@ -224,6 +225,7 @@ async def reset_mid_stream(dut) -> None:
         await bench.hear(min(count, 5))
         if count > 5:
             await bench.end()
+            await bench.clocks(2)
             for byte in reply(ON_TARGET, 66)[: count - 5]:
                 await bench.clocks(2, byte_valid=1, byte=byte)
         await bench.restart(valid=1, byte_valid=1, reply_valid=1)

@@ -2,27 +2,30 @@
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
 from vrscan.calibrate.recording import Recording, Setup
-from vrscan.data.config import Config
+from vrscan.data.config import Config, load
 from vrscan.ideal.geometry import project, triangle, undistorted
 from vrscan.scene.timeline import Scan, timeline
 from vrscan.scene.tolerances import Instrument
 
 CONFIG = Config()
+POLYGON = load(Path("polygon"))
 NOISE_PX = 0.1
 FREQUENCY_HZ = CONFIG.mirror.frequency_hz
 
 
 def plane(z_mm: float, focus_mm: float = 360.0, **other: float) -> Setup:
-    return Setup(kind="plane", z_mm=z_mm, focus_mm=focus_mm, frequency_hz=FREQUENCY_HZ, **other)
+    own = {"frequency_hz": FREQUENCY_HZ} | other
+    return Setup(kind="plane", z_mm=z_mm, focus_mm=focus_mm, **own)
 
 
-def relief(z_mm: float, focus_mm: float = 360.0) -> Setup:
-    sine = {"amplitude_mm": 5.0, "period_mm": 40.0}
-    return Setup(kind="relief", z_mm=z_mm, focus_mm=focus_mm, frequency_hz=FREQUENCY_HZ, **sine)
+def relief(z_mm: float, focus_mm: float = 360.0, **other: float) -> Setup:
+    own = {"amplitude_mm": 5.0, "period_mm": 40.0, "frequency_hz": FREQUENCY_HZ} | other
+    return Setup(kind="relief", z_mm=z_mm, focus_mm=focus_mm, **own)
 
 
 def scanned(
@@ -34,6 +37,7 @@ def scanned(
     noise_px: float = NOISE_PX,
     off_mm: float = 0.0,
     lens: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
+    config: Config = CONFIG,
 ) -> Recording:
     """Return a scan of a surface: where beam and surface meet, and where the camera sees it.
 
@@ -45,10 +49,11 @@ def scanned(
         noise_px: Standard deviation of the positions.
         off_mm: Error of the stated distance.
         lens: What is added to positions, px, from angle and position.
+        config: What the instrument believes; of a polygon the setup has the facets.
     """
     own = instrument.model_copy(update={"drive_phase": setup.drive_phase})
-    when = timeline(0, frames, frames, CONFIG, Scan(), seed, own)
-    true = own.true(CONFIG, setup.focus_mm)
+    when = timeline(0, frames, frames, config, Scan(), seed, own)
+    true = own.true(config, setup.focus_mm)
     angle = when.angle_rad
     z = np.full(frames, setup.z_mm + off_mm)
     for _ in range(60):  # the beam meets the surface: z = surface(z tan a), which hardly bends
@@ -59,9 +64,14 @@ def scanned(
     rng = np.random.default_rng(seed)
     position = position + noise_px * rng.standard_normal(frames)
     good = np.isfinite(position) & (position > 5.0) & (position < 2042.0)
-    believed, _ = undistorted(position[good], CONFIG.geometry)
-    found = triangle(believed, when.reported_rad[good], CONFIG.geometry)
-    out = np.flatnonzero(when.index_outward[:-1] & ~when.index_outward[1:])
+    believed, _ = undistorted(position[good], config.geometry)
+    found = triangle(believed, when.reported_rad[good], config.geometry)
+    if setup.facets:  # a pulse lasts as long as the beam is on the diode
+        width = 2.0 * config.mems.diode_deg * setup.facets / 720.0 / setup.frequency_hz
+        index_s = np.add.outer(when.index_s, [-0.5 * width, 0.5 * width])
+    else:
+        out = np.flatnonzero(when.index_outward[:-1] & ~when.index_outward[1:])
+        index_s = np.stack([when.index_s[out], when.index_s[out + 1]], axis=1)
     return Recording(
         name=f"{setup.kind}-{setup.z_mm:g}",
         setup=setup,
@@ -72,8 +82,8 @@ def scanned(
         angle_rad=when.reported_rad[good],
         x_mm=found.x,
         z_mm=found.z,
-        out_s=when.index_s[out],
-        in_s=when.index_s[out + 1],
+        out_s=index_s[:, 0],
+        in_s=index_s[:, 1],
     )
 
 

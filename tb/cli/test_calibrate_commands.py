@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from test_scan_command import command
 
-from vrscan.calibrate import recording
+from vrscan.calibrate import recording, verify
 from vrscan.data import edges, recordings
-from vrscan.data.config import Config
+from vrscan.data.config import Config, load
 from vrscan.data.points import read_csv
 
 SETUP = ["--kind", "plane", "--z-mm", "400", "--focus-mm", "400"]
@@ -90,6 +90,9 @@ def test_what_is_no_scan_is_one_line(
         ([*record, "a.npz"], "a.npz: must end in .mcap"),
         (["verify", "points.mcap"], "points.mcap: no calibration scan"),
         (["mirror", "one.mcap", "--out", "a.toml"], "one"),
+        (["verify", "one.mcap", "--config", "polygon"], "one.mcap: a scan of a resonant mirror"),
+        (["mirror", "motion.csv", "--config", "polygon"], "takes scans of a plane"),
+        (["run-all", "--out", "a.run", "--config", "polygon"], "the steps themselves work"),
     ):
         assert command(monkeypatch, "calibrate", *words) == 2
         output = capsys.readouterr()
@@ -99,3 +102,27 @@ def test_what_is_no_scan_is_one_line(
     words = ["cut.mcap", "--edges", "plane/edges.csv", *SETUP, "--out", "cut-scan.mcap"]
     assert command(monkeypatch, "calibrate", "record", *words) == 0
     assert "vrscan: cut.mcap: cut off before its end" in capsys.readouterr().err
+
+
+def test_a_scan_with_a_polygon_is_recorded_with_its_facets(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of an instrument that is as believed ``verify`` shows no error beyond speckle."""
+    own = ["--config", "polygon"]
+    words = ["plane.toml", "--out", "turned", "--jobs", "1", "--engine", "ideal", "--lines", "700"]
+    assert command(monkeypatch, "scan", *words, "--fidelity", "minimal", *own) == 0
+    record = ["turned", *SETUP, "--out", "turned.mcap"]
+    assert command(monkeypatch, "calibrate", "record", *record, *own) == 0
+    made = recording.read(Path("turned.mcap"))
+    assert made.setup.facets == 12 and len(made) > 300
+    settings = load(Path("polygon"))
+    assert abs(verify.verified(made, settings, None).mean_mm) < 0.05
+    mark = np.radians(settings.mirror.index_deg)
+    told = recording.angles(made, mark, settings.mirror.harmonics)
+    inside = (made.time_s > made.in_s[0]) & (made.time_s < made.out_s[-1])
+    assert np.abs(told - made.angle_rad)[inside].max() < 1e-5
+    capsys.readouterr()
+    assert command(monkeypatch, "calibrate", "verify", "turned.mcap", *own) == 0
+    assert "400" in capsys.readouterr().out
+    assert command(monkeypatch, "calibrate", "verify", "turned.mcap") == 2
+    assert "a scan of a polygon of 12 facets" in capsys.readouterr().err

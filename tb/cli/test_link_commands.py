@@ -465,7 +465,10 @@ def test_watch_for_a_moment(board: FakeBoard) -> None:
     assert "249.0000 Hz" in text
     assert "0 lines missing" in text
     assert any(0x2800 < ord(each) < 0x2900 for each in text)
-    assert "no point" not in text
+    assert "no point" not in text and " deg, " in text
+    board.file.values["scan_facet"] = [1]  # a polygon, which has no amplitude
+    text = printed("watch", "--seconds", "0.5")
+    assert "polygon, 249.0000 facets/s" in text and " deg" not in text
 
 
 class Command:

@@ -155,3 +155,12 @@ def test_registers_around_a_netlist() -> None:
     serial = module["ports"]["serial_i"]["bits"][0]
     assert [source[bit] for bit in (3, 4, 5)] == [serial, 3, 4]
     assert {3, 6, 7, 8, 9} <= set(source.values())
+
+
+def test_a_row_of_the_timing_table_is_replaced_alone() -> None:
+    """The others stay as they are, a module that is gone loses its row, and one without is told."""
+    old = "| module | Fmax MHz |\n|---|--:|\n| divide | 1.0 |\n| gone | 2.0 |\n| multiply | 3.0 |\n"
+    row = timing.Result("divide", 150.0, "heap 1", 10, 20, 0, 0.0, "", "")
+    table, missing = timing.merged(old, [row], ["divide", "multiply", "square_root"])
+    assert table.splitlines()[2:] == ["| divide | 150.0 | 10 | 20 | 0 | 0 |", "| multiply | 3.0 |"]
+    assert missing == ["square_root"]

@@ -1,7 +1,8 @@
 """The coarse calibration of VR-SCAN V-B: all 18 parameters from a relief at known distances.
 
 The parameters are the 5 of the triangle (2) to (4), the 2 of the lens (5), the 10 of the mirror's
-harmonics k = 3 to 11 (12), and the angle of the index mark. The paper minimises the sum of the
+harmonics k = 3 to 11 (12), and the angle of the index mark; of a polygon's mirror it is the angle
+of its diode alone. The paper minimises the sum of the
 errors in z by a simplex search; here robust least squares weighs each error by what it is in
 pixels, and the simplex search runs beside it.
 """
@@ -15,7 +16,7 @@ import numpy as np
 from vrscan.calibrate.recording import Recording, angles, located, px_per_mm
 from vrscan.calibrate.solve import Fit, Parameter, least_squares, simplex
 from vrscan.data.arrays import Floats
-from vrscan.data.config import FEWEST_HARMONICS, HARMONICS, Config
+from vrscan.data.config import FEWEST_HARMONICS, HARMONICS, Config, Geometry, Mirror
 from vrscan.data.errors import InputError
 from vrscan.scene import tolerances
 
@@ -36,16 +37,34 @@ class Coarse:
     fit: Fit
     mean_mm: float  # mean absolute error in z, overlaid, over all distances
     point_mm: float  # the same of single points
-    simplex_values: Floats  # what the simplex search found [18]
+    simplex_values: Floats  # what the simplex search found, one a parameter
     simplex_mean_mm: float
     simplex_seconds: float
     simplex_calls: int
     start_mm: float  # mean absolute error in z with the start
 
 
+def harmonic_parameters(config: Config) -> list[Parameter]:
+    """Return the ten of the harmonics 3 to 11; a polygon, which turns evenly, has none."""
+    share, found = tolerances.HARMONIC_SHARE, []
+    if config.mirror.polygon:
+        return []
+    rows = zip(HARMONICS, config.mirror.harmonics, strict=True)
+    for k, (size, phi) in list(rows)[1:FEWEST_HARMONICS]:
+        found.append(Parameter(f"a_{k}", "", size, share * max(size, 1e-6)))
+        found.append(Parameter(f"phi_{k}", "rad", phi, share))
+    return found
+
+
+def index_parameter(config: Config) -> Parameter:
+    """Return the angle of the index mark, or of the diode of a polygon."""
+    mark = math.degrees(1e-3 * tolerances.INDEX_MRAD)
+    return Parameter("index_deg", "deg", config.mirror.index_deg, mark)
+
+
 def parameters(config: Config) -> list[Parameter]:
-    """Return the 18 parameters, from a configuration and what it may be wrong by."""
-    geometry, mirror = config.geometry, config.mirror
+    """Return the 18 parameters, of a polygon 8, and what a configuration may be wrong by."""
+    geometry = config.geometry
     edge = 0.5 * config.sensor.line_length * geometry.pitch_mm
     found = [
         Parameter("base_mm", "mm", geometry.base_mm, tolerances.BASE_MM),
@@ -55,27 +74,31 @@ def parameters(config: Config) -> list[Parameter]:
         Parameter("centre_px", "px", geometry.centre_px, tolerances.CENTRE_PX),
         Parameter("k1", "mm^-2", geometry.k1, tolerances.DISTORTION_SHARE / edge**2),
         Parameter("k2", "mm^-4", geometry.k2, tolerances.DISTORTION_SHARE / edge**4),
+        *harmonic_parameters(config),
+        index_parameter(config),
     ]
-    share = tolerances.HARMONIC_SHARE
-    for k, (size, phi) in list(zip(HARMONICS, mirror.harmonics, strict=True))[1:FEWEST_HARMONICS]:
-        found.append(Parameter(f"a_{k}", "", size, share * max(size, 1e-6)))
-        found.append(Parameter(f"phi_{k}", "rad", phi, share))
-    mark = math.degrees(1e-3 * tolerances.INDEX_MRAD)
-    found.append(Parameter("index_deg", "deg", mirror.index_deg, mark))
     return [Parameter(p.name, p.unit, p.start, ROUGH * p.tolerance) for p in found]
 
 
-def configured(config: Config, values: Floats) -> Config:
-    """Return a configuration with other values of ``parameters``; higher harmonics stay."""
-    names = ("base_mm", "bias_deg", "offset_mm", "focal_mm", "centre_px", "k1", "k2")
-    own = dict(zip(names, values[: len(names)].tolist(), strict=True))
-    pairs = [list(pair) for pair in config.mirror.harmonics]
-    last = len(names) + 2 * (FEWEST_HARMONICS - 1)
-    pairs[1:FEWEST_HARMONICS] = values[len(names) : last].reshape(-1, 2).tolist()
-    mirror = {"harmonics": pairs, "index_deg": float(values[last])}
+def configured(config: Config, wanted: Sequence[Parameter], values: Floats) -> Config:
+    """Return a configuration with other values of some parameters; all others stay."""
+    geometry: dict[str, float] = {}
+    mirror: dict[str, object] = {}
+    rows = {"": np.array(config.mirror.harmonics), "d": np.array(config.mirror.slopes)}
+    for each, value in zip(wanted, values.tolist(), strict=True):
+        name, _, k = each.name.partition("_")
+        if each.name in Geometry.model_fields:
+            geometry[each.name] = value
+        elif each.name in Mirror.model_fields:
+            mirror[each.name] = value
+        else:  # a_k and phi_k of the harmonics, da_k and dphi_k of their slopes
+            which = "d" if name.startswith("d") else ""
+            rows[which][HARMONICS.index(int(k)), int(name.endswith("phi"))] = value
+    if not config.mirror.polygon:
+        mirror |= {"harmonics": rows[""].tolist(), "slopes": rows["d"].tolist()}
     return config.model_copy(
         update={
-            "geometry": config.geometry.model_copy(update=own),
+            "geometry": config.geometry.model_copy(update=geometry),
             "mirror": config.mirror.model_copy(update=mirror),
         }
     )
@@ -106,7 +129,7 @@ def overlaid(recording: Recording, errors_mm: Floats, places: int = 1501) -> Flo
 def calibrate(
     recordings: Sequence[Recording], config: Config, *, search: bool = True, most: int | None = None
 ) -> Coarse:
-    """Return the 18 parameters that fit scans of a relief at known distances.
+    """Return the parameters that fit scans of a relief at known distances.
 
     Args:
         recordings: The scans, in the order of the stage's positions, all with one focus.
@@ -126,16 +149,16 @@ def calibrate(
     ]  # fmt: skip
 
     def residuals(values: Floats) -> Floats:
-        own = configured(config, values)
+        own = configured(config, wanted, values)
         return np.concatenate([w * errors(r, own) for w, r in zip(weight, thin, strict=True)])
 
     fit = least_squares(residuals, wanted, repeats=_repeats(thin[0]))
-    own = configured(config, fit.values)
+    own = configured(config, wanted, fit.values)
     _agree(recordings, own)
     few = [each.thinned(SIMPLEX_POINTS) for each in recordings]
 
     def cost(values: Floats) -> float:
-        made = configured(config, values)
+        made = configured(config, wanted, values)
         return float(np.mean([np.mean(np.abs(errors(each, made))) for each in few]))
 
     values, seconds, calls = np.array([each.start for each in wanted]), 0.0, 0
@@ -147,7 +170,7 @@ def calibrate(
         mean_mm=mean_mm(recordings, own),
         point_mm=float(np.mean([np.mean(np.abs(errors(each, own))) for each in recordings])),
         simplex_values=values,
-        simplex_mean_mm=mean_mm(recordings, configured(config, values)),
+        simplex_mean_mm=mean_mm(recordings, configured(config, wanted, values)),
         simplex_seconds=seconds,
         simplex_calls=calls,
         start_mm=mean_mm(recordings, config),

@@ -3,7 +3,8 @@
 Only the mirror's parameters are fitted: the angle of the index mark, and harmonics that are
 straight lines over the drive's phase, in the form that the chain's ``motion_map`` takes. Because
 amplitude and phase are measured with one table at every operating point, the first harmonic has
-slopes too. The geometry is that of the coarse calibration.
+slopes too. The geometry is that of the coarse calibration. A polygon has one operating point, and
+the angle of its diode is fitted.
 """
 
 import math
@@ -12,14 +13,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vrscan.calibrate.coarse import SPECKLE_PX, check_stage, overlaid
+from vrscan.calibrate.coarse import (
+    SPECKLE_PX,
+    check_stage,
+    configured,
+    harmonic_parameters,
+    index_parameter,
+    overlaid,
+)
 from vrscan.calibrate.recording import Recording, angles, located, px_per_mm
 from vrscan.calibrate.solve import Fit, Parameter, least_squares
 from vrscan.data.arrays import Floats
 from vrscan.data.config import FEWEST_HARMONICS, HARMONICS, Config
 from vrscan.data.errors import InputError
 from vrscan.ideal.natural_frequency import natural_frequency
-from vrscan.scene import tolerances
 
 POINTS = 1500  # largest number of points of a scan that the fit takes
 LEAST_PHASES = 2  # operating points that a straight line needs
@@ -39,30 +46,19 @@ class MirrorMap:
 
 
 def parameters(config: Config) -> list[Parameter]:
-    """Return the mirror's 23 parameters: index mark, ten of harmonics, twelve slopes."""
-    mirror, share = config.mirror, tolerances.HARMONIC_SHARE
-    mark = math.degrees(1e-3 * tolerances.INDEX_MRAD)
-    found = [Parameter("index_deg", "deg", mirror.index_deg, mark)]
-    rows = list(zip(HARMONICS, mirror.harmonics, strict=True))
-    for k, (size, phi) in rows[1:FEWEST_HARMONICS]:
-        found.append(Parameter(f"a_{k}", "", size, share * max(size, 1e-6)))
-        found.append(Parameter(f"phi_{k}", "rad", phi, share))
-    for k, (size, phi) in list(zip(HARMONICS, mirror.slopes, strict=True))[:FEWEST_HARMONICS]:
+    """Return the mirror's 23 parameters: index mark, ten of harmonics, twelve slopes.
+
+    Of a polygon it is the angle of the diode alone.
+    """
+    found = [index_parameter(config), *harmonic_parameters(config)]
+    if config.mirror.polygon:
+        return found
+    rows = zip(HARMONICS, config.mirror.slopes, strict=True)
+    for k, (size, phi) in list(rows)[:FEWEST_HARMONICS]:
         for name, value, least in (("a", size, 1e-5), ("phi", phi, 1e-2)):
             tolerance = _SLOPE_TOLERANCE * max(abs(value), least)
             found.append(Parameter(f"d{name}_{k}", "1/turn", value, tolerance))
     return found
-
-
-def configured(config: Config, values: Floats) -> Config:
-    """Return a configuration with other values of ``parameters``."""
-    mirror, last = config.mirror, 2 * FEWEST_HARMONICS - 1
-    harmonics = [list(pair) for pair in mirror.harmonics]
-    slopes = [list(pair) for pair in mirror.slopes]
-    harmonics[1:FEWEST_HARMONICS] = values[1:last].reshape(-1, 2).tolist()
-    slopes[:FEWEST_HARMONICS] = values[last:].reshape(-1, 2).tolist()
-    own = {"index_deg": float(values[0]), "harmonics": harmonics, "slopes": slopes}
-    return config.model_copy(update={"mirror": mirror.model_copy(update=own)})
 
 
 def scan_angles(recording: Recording, config: Config) -> Floats:
@@ -96,14 +92,15 @@ def calibrate(recordings: Sequence[Recording], config: Config) -> MirrorMap:
         InputError: if there are too few operating points or distances, a scan has no drive phase or
             is not of a plane, or the stage does not go one way.
     """
-    groups: dict[float, list[Recording]] = {}
+    groups: dict[float | None, list[Recording]] = {}
     for each in recordings:
         if each.setup.kind != "plane":
             raise InputError(f"{each.name}: the mirror's calibration needs a plane")
-        if each.setup.drive_phase is None:
+        phase = None if config.mirror.polygon else each.setup.drive_phase
+        if phase is None and not config.mirror.polygon:
             raise InputError(f"{each.name}: its setup has no drive_phase")
-        groups.setdefault(each.setup.drive_phase, []).append(each)
-    if len(groups) < LEAST_PHASES:
+        groups.setdefault(phase, []).append(each)
+    if len(groups) < LEAST_PHASES and not config.mirror.polygon:
         raise InputError(f"mirror: {len(groups)} operating points, needs {LEAST_PHASES}")
     for group in groups.values():
         if len({each.setup.z_mm for each in group}) < LEAST_DISTANCES:
@@ -117,12 +114,12 @@ def calibrate(recordings: Sequence[Recording], config: Config) -> MirrorMap:
     weight = [px_per_mm(each, config) / np.hypot(each.sigma_px, SPECKLE_PX) for each in thin]
 
     def residuals(values: Floats) -> Floats:
-        own = configured(config, values)
+        own = configured(config, wanted, values)
         return np.concatenate([w * errors(r, own) for w, r in zip(weight, thin, strict=True)])
 
     repeats = max(1.0, len(thin[0]) / len(overlaid(thin[0], thin[0].z_mm)))
     fit = least_squares(residuals, wanted, repeats=repeats)
-    own = configured(config, fit.values)
+    own = configured(config, wanted, fit.values)
 
     def mean(of: Config) -> float:
         left = [np.mean(np.abs(overlaid(each, errors(each, of)))) for each in recordings]
@@ -131,6 +128,7 @@ def calibrate(recordings: Sequence[Recording], config: Config) -> MirrorMap:
     natural = {
         phase: natural_hz(config, group[0].setup.frequency_hz, phase)
         for phase, group in groups.items()
+        if phase is not None
     }
     return MirrorMap(own, fit, natural, mean(config), mean(own))
 

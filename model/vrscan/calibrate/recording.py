@@ -5,6 +5,7 @@ chain's points, the crossings from the index, and the surface from whoever put i
 """
 
 import contextlib
+import math
 import zipfile
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -42,6 +43,7 @@ class Setup(Section):
     period_mm: Positive = 40.0
     focus_mm: Positive  # depth that the lens is focused at
     frequency_hz: Positive  # of the mirror; it is that of the drive, which is known exactly
+    facets: int = Field(default=0, ge=0)  # of a polygon, whose own edges tell its speed
     drive_phase: float | None = None  # turns, that the mirror's loop measured
 
     def z(self, x_mm: Floats) -> Floats:
@@ -51,7 +53,10 @@ class Setup(Section):
 
 @dataclass(frozen=True)
 class Recording:
-    """n good points of a scan, and its m pairs of crossings of the index mark."""
+    """n good points of a scan, and its m pairs of crossings of the index mark.
+
+    Those of a polygon are the beginnings and ends of the diode's pulses.
+    """
 
     name: str  # for messages
     setup: Setup
@@ -78,13 +83,30 @@ class Recording:
     def phase(self) -> Floats:
         """Return the phase of each point from the middle of the crossings, turns [n].
 
-        The middle is the mean of all pairs, so the jitter of a crossing is averaged away.
+        The middle is the mean of all pairs, so the jitter of a crossing is averaged away. Of a
+        polygon it is the middle of the last pulse, which tells that facet's error.
         """
+        if self.setup.facets:
+            return self._facet_phase()
         frequency = self.setup.frequency_hz
         middle = 0.5 * frequency * (self.out_s + self.in_s)
         first = middle[0]
         away = np.mean((middle - first + 0.5) % 1.0 - 0.5)
         return np.asarray(frequency * self.time_s - first - away)
+
+    def _facet_phase(self) -> Floats:
+        """Return the share of a facet that has gone by since the last pulse's middle [n].
+
+        The speed is that of the whole turns around the pulse, in which no facet's error is.
+        """
+        starts = 0.5 * (self.out_s + self.in_s)
+        steps = np.diff(starts)
+        number = np.append(0.0, np.cumsum(np.round(steps / np.median(steps))))  # some are lost
+        turn = min(self.setup.facets, len(starts) - 1)
+        newest = np.maximum(np.searchsorted(starts, self.time_s, side="right") - 1, 0)
+        begin = np.clip(newest - turn // 2, 0, len(starts) - 1 - turn)
+        speed = (number[begin + turn] - number[begin]) / (starts[begin + turn] - starts[begin])
+        return np.asarray(speed * (self.time_s - starts[newest]))
 
     def of(self, rows: Bools | slice) -> "Recording":
         """Return some of the points, with all crossings."""
@@ -108,7 +130,8 @@ def angles(
 
     Amplitude and phase come from the crossings and ``harmonics``, as the instrument's table gives
     them; where there are slopes and the drive's phase ``away`` is known, the motion is that of
-    ``harmonics + away slopes``, as ``motion_map`` has it.
+    ``harmonics + away slopes``, as ``motion_map`` has it. The angle of a polygon is a straight line
+    from the mark on.
 
     Args:
         recording: The scan; its ``setup.drive_phase`` counts from that of ``harmonics``.
@@ -116,6 +139,11 @@ def angles(
         harmonics: Pairs [a_k, phi_k], rad.
         slopes: Their change per turn of the drive's phase.
     """
+    if recording.setup.facets:
+        facet = 4.0 * math.pi / recording.setup.facets
+        # From a mark behind the scan on it is the phase of the next facet.
+        phase = 0.5 - mark_rad / facet + recording.phase
+        return np.asarray(facet * (0.5 - phase % 1.0))
     size, middle = crossings(np.array([recording.half]), mark_rad, harmonics)
     rows = np.asarray(harmonics, np.float64)
     if slopes is not None and recording.setup.drive_phase is not None:

@@ -11,10 +11,12 @@ from typing import BinaryIO
 import numpy as np
 
 from vrscan.calibrate.solve import Fit
-from vrscan.data.config import Config
+from vrscan.data.config import Config, Map
+from vrscan.data.config_text import text
 from vrscan.data.correction_maps import FieldMaps
 
 _GEOMETRY = ("base_mm", "bias_deg", "offset_mm", "focal_mm", "centre_px", "k1", "k2")
+_MIRROR = ("index_deg", "drive_phase", "harmonics", "slopes")
 
 
 def provenance(inputs: Iterable[Path]) -> dict[str, str]:
@@ -29,17 +31,17 @@ def provenance(inputs: Iterable[Path]) -> dict[str, str]:
 
 
 def configuration(config: Config, notes: Mapping[str, object]) -> str:
-    """Return geometry and mirror of a configuration as TOML, with notes as comments."""
-    mirror = config.mirror
-    lines = [f"# {name}: {value}" for name, value in notes.items()]
-    lines.append("[geometry]")
-    lines += [f"{name} = {getattr(config.geometry, name)!r}" for name in _GEOMETRY]
-    lines.append("[mirror]")
-    lines += [f"{name} = {getattr(mirror, name)!r}" for name in ("index_deg", "drive_phase")]
-    for name in ("harmonics", "slopes"):
-        rows = "".join(f"    [{a!r}, {b!r}],\n" for a, b in getattr(mirror, name))
-        lines.append(f"{name} = [\n{rows}]")
-    return "\n".join(lines) + "\n"
+    """Return a calibrated configuration as TOML, with notes as comments.
+
+    It has geometry and mirror, and what else was given: all but maps, which are those of another
+    geometry.
+    """
+    geometry, mirror = (
+        section.model_copy(update={name: getattr(section, name) for name in names})
+        for section, names in ((config.geometry, _GEOMETRY), (config.mirror, _MIRROR))
+    )
+    own = config.model_copy(update={"geometry": geometry, "mirror": mirror, "map": Map()})
+    return "".join(f"# {name}: {value}\n" for name, value in notes.items()) + text(own, chosen=True)
 
 
 def fitted(fit: Fit) -> dict[str, object]:

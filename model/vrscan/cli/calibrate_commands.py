@@ -41,7 +41,7 @@ def calibrate_instrument(
     from vrscan.scene.tolerances import drawn, written
 
     with atomic_file(out) as file:
-        file.write(written(drawn(seed, _resonant(config))).encode())
+        file.write(written(drawn(seed, configuration.load(config))).encode())
     print(f"{out}: vrscan scan --instrument {out}")
 
 
@@ -75,7 +75,7 @@ def calibrate_record(
     from vrscan.calibrate import recording
 
     _suffix(out, (SUFFIX,))
-    settings = _resonant(config, source)
+    settings = read_config(source, config)
     values: dict[str, object] = {
         "kind": kind,
         "z_mm": z_mm,
@@ -83,6 +83,7 @@ def calibrate_record(
         "amplitude_mm": amplitude_mm,
         "period_mm": period_mm,
         "frequency_hz": settings.mirror.frequency_hz,
+        "facets": settings.mirror.facets if settings.mirror.polygon else 0,
         "drive_phase": drive_phase,
     }
     setup = configuration.checked(recording.Setup, values, "setup")
@@ -92,26 +93,48 @@ def calibrate_record(
     print(f"{out}: {len(made)} points, {len(made.out_s)} pairs of crossings")
 
 
-def _resonant(path: Path | None, recording: Path | None = None) -> Config:
-    """Return the configuration, by default a recording's.
+def _resonant(path: Path | None, what: str, instead: str) -> Config:
+    """Return the configuration, for what has no sense with a polygon.
+
+    Args:
+        path: As that of ``config.load``.
+        what: What is asked for.
+        instead: What there is for a polygon.
 
     Raises:
         InputError: as ``config.load``, and if its mirror is a polygon.
     """
-    settings = configuration.load(path) if recording is None else read_config(recording, path)
+    settings = configuration.load(path)
     if settings.mirror.polygon:
         raise InputError(
-            f"{settings.source}: mirror.kind: the calibrations are those of a resonant mirror"
+            f"{settings.source}: mirror.kind: {what} is of a resonant mirror; "
+            f"of a polygon {instead}"
         )
     return settings
 
 
-def _scans(paths: list[Path]) -> list["Recording"]:
-    """Return the scans of files."""
+def _scans(paths: list[Path], settings: Config) -> list["Recording"]:
+    """Return the scans of files.
+
+    Raises:
+        InputError: as ``recording.read``, and if a scan is of another mirror than the
+            configuration's.
+    """
     from vrscan.calibrate import recording
 
+    def mirror(facets: int) -> str:
+        return f"a polygon of {facets} facets" if facets else "a resonant mirror"
+
     with telling():
-        return [recording.read(path) for path in paths]
+        found = [recording.read(path) for path in paths]
+    facets = settings.mirror.facets if settings.mirror.polygon else 0
+    for path, each in zip(paths, found, strict=True):
+        if each.setup.facets != facets:
+            raise InputError(
+                f"{path}: a scan of {mirror(each.setup.facets)}, but {settings.source} has "
+                f"{mirror(facets)}: --config needs the scanner's own"
+            )
+    return found
 
 
 def _write(out: Path, settings: Config, notes: dict[str, object], scans: list[Path]) -> None:
@@ -135,10 +158,11 @@ def calibrate_coarse(
     ] = True,
     config: ConfigOption = None,
 ) -> None:
-    """Find all 18 parameters in scans of a sine relief at known distances, one focus."""
+    """Find all parameters, 18 or a polygon's 8, in scans of a sine relief at known distances."""
     from vrscan.calibrate import coarse, results
 
-    found = coarse.calibrate(_scans(scans), _resonant(config), search=search)
+    settings = configuration.load(config)
+    found = coarse.calibrate(_scans(scans, settings), settings, search=search)
     notes: dict[str, object] = results.fitted(found.fit)
     notes["mean error in z before, mm"] = f"{found.start_mm:.4f}"
     notes["after, mm"] = f"{found.mean_mm:.4f}, of single points {found.point_mm:.4f}"
@@ -167,13 +191,14 @@ def calibrate_mirror(
     from_s: Annotated[float, typer.Option("--from", help="Leave out rows before this time.")] = 0,
     config: ConfigOption = None,
 ) -> None:
-    """Fit (12) to a recorded motion, or the mirror's map to scans of a plane."""
+    """Fit (12) to a recorded motion, or the mirror's map to scans of a plane; a polygon's diode."""
     from vrscan.calibrate import mirror_map, results
 
     if recordings[0].suffix in (SUFFIX, ".npz"):
         if out is None:
             raise InputError("mirror: scans need --out")
-        found = mirror_map.calibrate(_scans(recordings), _resonant(config))
+        settings = configuration.load(config)
+        found = mirror_map.calibrate(_scans(recordings, settings), settings)
         notes: dict[str, object] = results.fitted(found.fit)
         notes["mean error in z, mm"] = f"{found.before_mm:.4f} before, {found.after_mm:.4f} after"
         for phase, natural in found.natural_hz.items():
@@ -182,7 +207,8 @@ def calibrate_mirror(
         return
     if len(recordings) > 1:
         raise InputError(f"{recordings[1]}: one recorded motion at a time")
-    _motion(recordings[0], column, from_s, _resonant(config))
+    instead = "mirror takes scans of a plane, for its index_deg"
+    _motion(recordings[0], column, from_s, _resonant(config, "a recorded motion", instead))
 
 
 def _motion(path: Path, column: str, from_s: float, settings: Config) -> None:
@@ -208,7 +234,8 @@ def calibrate_map(
     """Make the correction maps from planes over the whole field at several foci."""
     from vrscan.calibrate import field_map, results
 
-    maps = field_map.calibrate(_scans(scans), _resonant(config))
+    settings = configuration.load(config)
+    maps = field_map.calibrate(_scans(scans, settings), settings)
     maps.words()
     with atomic_file(out) as file:
         results.write_maps(maps, results.provenance(scans), file)
@@ -228,10 +255,12 @@ def calibrate_verify(
     from vrscan.data.correction_maps import read_maps
     from vrscan.study.report import experiment_report as report
 
-    settings = _resonant(config)
+    settings = configuration.load(config)
     held = None if maps is None else read_maps(maps)
     console().print(
-        report.planes([vars(verify.verified(each, settings, held)) for each in _scans(scans)])
+        report.planes(
+            [vars(verify.verified(each, settings, held)) for each in _scans(scans, settings)]
+        )
     )
 
 
@@ -252,7 +281,8 @@ def calibrate_run_all(
     from vrscan.study import experiment
     from vrscan.study.report import experiment_report as report
 
-    belief = _resonant(config)
+    instead = "the steps themselves work: record, coarse, mirror, map, verify"
+    belief = _resonant(config, "the paper's experiment", instead)
     for name, value, least in (
         ("--seed", seed, 0),
         ("--jobs", jobs, 0),

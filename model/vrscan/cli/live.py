@@ -18,7 +18,7 @@ from vrscan.data import pkg, records
 from vrscan.data.arrays import Floats
 from vrscan.data.records import Records
 from vrscan.link.device import Device
-from vrscan.link.link_report import mirror_text
+from vrscan.link.link_report import amplitude_deg, mirror_text
 from vrscan.link.stream import Account
 from vrscan.registers import values
 from vrscan.registers.values import Value, integer
@@ -33,6 +33,7 @@ STATUS = (
     "mirror_word",
     "mirror_measured",
     "mirror_level",
+    "scan_facet",
     "laser_status",
     "laser_power_inward",
     "laser_power_outward",
@@ -107,9 +108,11 @@ def _view(
 ) -> Group:
     """Return the whole view."""
     clock = device.build.clock_hz
-    amplitude = integer(found["mirror_measured"]) / 2.0**pkg.AMPLITUDE_FRACTION * 360.0
     frequency = integer(found["mirror_word"]) / 2.0**pkg.TURN_WIDTH * clock
     level = integer(found["mirror_level"]) / 2.0**pkg.LEVEL_WIDTH
+    motion = f"{amplitude_deg(found):.4f} deg, {frequency:.4f} Hz, level {level:.3f}"
+    if found["scan_facet"]:
+        motion = f"polygon, {frequency:.4f} facets/s"
     power = [
         100.0 * integer(found[f"laser_power_{way}"]) / (2**pkg.POWER_WIDTH - 1)
         for way in ("inward", "outward")
@@ -120,10 +123,7 @@ def _view(
     table.add_row("points", ", ".join(rates))
     table.add_row("valid", f"{100 * profile.valid():.1f} %, S/N {profile.snr():.1f}")
     table.add_row("lost", str(account))
-    table.add_row(
-        "mirror",
-        f"{mirror_text(found)}, {amplitude:.4f} deg, {frequency:.4f} Hz, level {level:.3f}",
-    )
+    table.add_row("mirror", f"{mirror_text(found)}, {motion}")
     table.add_row(
         "laser",
         f"inward {power[0]:.1f} %, outward {power[1]:.1f} %, "

@@ -134,6 +134,17 @@ def mirror_text(found: Mapping[str, Value]) -> str:
     return f"{text}, {'settled' if found['mirror_settled'] else 'not settled'}"
 
 
+def amplitude_deg(found: Mapping[str, Value]) -> float:
+    """Return the amplitude that the loop measured; nan of a polygon, which has none.
+
+    Args:
+        found: Values of ``scan_facet`` and ``mirror_measured``.
+    """
+    if found["scan_facet"]:
+        return math.nan
+    return 360.0 * math.ldexp(integer(found["mirror_measured"]), -pkg.AMPLITUDE_FRACTION)
+
+
 def change_table(before: Mapping[str, Value], after: Mapping[str, Value]) -> RichTable:
     """Return the changes of a configuration.
 

@@ -132,8 +132,9 @@ def _lit(begin: float, per_line: float, pulse: float, span: float, total: int) -
 def reported(config: Config, turning: Turning, time_s: Floats) -> tuple[Floats, Floats]:
     """Return the angle that the instrument computes, rad, and the starts of scan that it rests on.
 
-    The phase is that since the facet's own start of scan, so the facet's error is in it, and the
-    speed is that of the last ``mirror.averaging_periods`` facets and as many before as make turns.
+    The phase is that since the last start of scan, the facet's own where the diode is before the
+    scan, so the facet's error is in it. The speed is that of the last ``mirror.averaging_periods``
+    facets and as many before as make turns.
     """
     mirror = config.mirror
     back = mirror.facets * math.ceil(mirror.averaging_periods / mirror.facets)
@@ -144,4 +145,4 @@ def reported(config: Config, turning: Turning, time_s: Floats) -> tuple[Floats, 
     speed = back / (starts[newest] - starts[newest - back])
     phase = mirror.facet_phase(mirror.index_deg) + speed * (time_s - starts[newest])
     facet = math.radians(720.0 / mirror.facets)
-    return np.asarray(facet * (0.5 - phase)), starts
+    return np.asarray(facet * (0.5 - phase % 1.0)), starts

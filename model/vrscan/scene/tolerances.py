@@ -140,7 +140,8 @@ def drawn(seed: int, config: Config | None = None) -> Instrument:
     """Return an instrument whose parameters differ from a configuration's by its tolerances.
 
     Each difference is uniform between the two limits of this module. The first harmonic is 1 by
-    definition, and so is its phase 0.
+    definition, and so is its phase 0. A polygon has no harmonics and no natural frequency; its
+    facets and its speed are those of ``[polygon]``.
 
     Args:
         seed: Seed of the random numbers, not negative.
@@ -160,7 +161,8 @@ def drawn(seed: int, config: Config | None = None) -> Instrument:
     geometry, mirror = config.geometry, config.mirror
     edge_mm = 0.5 * config.sensor.line_length * geometry.pitch_mm
     harmonics = [list(pair) for pair in mirror.harmonics]
-    for row in range(1, len(HARMONICS)):
+    drift_hz = 0.0 if mirror.polygon else NATURAL_DRIFT_HZ
+    for row in range(1, 1 if mirror.polygon else len(HARMONICS)):
         harmonics[row][0] *= 1.0 + within(HARMONIC_SHARE)
         harmonics[row][1] += within(HARMONIC_SHARE)
     return Instrument(
@@ -173,10 +175,10 @@ def drawn(seed: int, config: Config | None = None) -> Instrument:
         k1=geometry.k1 + within(DISTORTION_SHARE) / edge_mm**2,
         k2=geometry.k2 + within(DISTORTION_SHARE) / edge_mm**4,
         reference_focus_mm=config.free.focus_mm,
-        harmonics=harmonics,
+        harmonics=None if mirror.polygon else harmonics,
         index_deg=mirror.index_deg + math.degrees(1e-3 * within(INDEX_MRAD)),
         index_urad_per_k=1e3 * within(INDEX_DRIFT_MRAD) / DRIFT_K,
-        natural_hz_per_k=math.copysign(NATURAL_DRIFT_HZ, within(1.0)) / DRIFT_K,
+        natural_hz_per_k=math.copysign(drift_hz, within(1.0)) / DRIFT_K,
         stage_um=STAGE_UM,
     )
 

@@ -19,6 +19,7 @@ from vrscan.data.points import table
 from vrscan.data.records import Form
 from vrscan.link.device import BAUD, TIMEOUT_S, Device
 from vrscan.link.link_report import (
+    amplitude_deg,
     captured_point,
     mirror_text,
     threshold,
@@ -299,11 +300,10 @@ class LiveSource:
     def _look(self, device: Device) -> None:
         found = device.read_many(STATE)
         self._keep(lambda into, _: into.state(found))
-        turns = (
-            values.to_scaled(name, found[name]) for name in ("mirror_measured", "mirror_error")
-        )
-        amplitude, error = (360.0 * turn for turn in turns if isinstance(turn, float))
-        self.display.mirror = amplitude, error
+        amplitude = amplitude_deg({**found, "scan_facet": device.read("scan_facet")})
+        error = values.to_scaled("mirror_error", found["mirror_error"])
+        assert isinstance(error, float)
+        self.display.mirror = amplitude, 360.0 * error
         lines = "lines run" if found["line_enable"] else "lines stand still"
         self._say(f"mirror {mirror_text(found)}, {lines}")
 
