@@ -157,5 +157,5 @@ def test_every_word_of_a_board_is_a_synchronizer_of_it() -> None:
         if board.stem in BOARDS:
             for word in BOARDS[board.stem].words:
                 fifo, name = word.split(".")
-                assert f"pixel_fifo {fifo} (" in board.read_text()
+                assert f"pixel_fifo #(.PixelWidth(PixelWidth)) {fifo} (" in board.read_text()
                 assert f") {name} (" in (ROOT / "rtl/sensor/pixel_fifo.sv").read_text()
