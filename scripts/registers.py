@@ -21,6 +21,7 @@ from vrscan.data.config import complaint
 from vrscan.data.config import load as load_config
 from vrscan.data.errors import InputError
 from vrscan.registers.chain_registers import Registers as ChainRegisters
+from vrscan.registers.resets import constant, declaration
 from vrscan.registers.structs import BANK
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -668,7 +669,7 @@ def register_pkg(made: Map, name: str = "register_pkg") -> str:
     """Return the package with the types of the structs."""
     lines = [
         f"// {name}: what the bus of the link writes of a group of registers, what it reads",
-        "// of it, and what leaves with an entry of a table, as a struct each.",
+        "// of it, and what leaves with an entry of a table, as a struct each; and the resets.",
         "//",
         f"// Generated from {made.source} by scripts/generate.py; docs/registers.md says what the",
         "// fields are.  Widths are numbers, as packages are read in the order of their paths.",
@@ -684,7 +685,15 @@ def register_pkg(made: Map, name: str = "register_pkg") -> str:
             words += [f"[{bits - 1}:0]"] if bits > 1 else []
             lines.append(f"    {' '.join(words)} {field};")
         lines += [f"  }} {struct.name}_t;", ""]
-    lines[-1] = "endpackage"
+    lines.append("  // What a reset brings; of a table what it holds before the first write.")
+    for group in written_groups(made):
+        lines += [declaration(r.name, r.width, r.reset) for r in group.registers if r.writable]
+    for window in made.windows:
+        if window.bank is None:
+            lines += [
+                declaration(r.name, r.width, (0,) * (1 << window.index_bits)) for r in window.fields
+            ]
+    lines += ["endpackage"]
     return "\n".join([*lines, "", "`default_nettype wire", ""])
 
 
@@ -1097,18 +1106,18 @@ def register_file(made: Map, name: str = "register_file", package: str = "regist
             out += [
                 f"    if ({register.name}_take) {taken.place} <= {register.place};",
                 f"    if ({register.name}_taken_rst) begin",
-                *_reset(taken)[-1:],
+                *_reset(taken, package)[-1:],
                 "    end",
             ]
         out.append(f"    if ({group.name}_rst) begin")
         for register in group.registers:
             if register.writable:
-                out += _reset(register)
+                out += _reset(register, package)
         out.append("    end")
     out += ["  end", ""]
 
     for window in made.windows:
-        out += _window_memory(window)
+        out += _window_memory(window, package)
     out.append(f"  // ---- {SAMPLED}: the words of a page; what is wide stays whole ----")
     if wide_inputs:
         for register in wide_inputs:
@@ -1171,23 +1180,19 @@ def register_file(made: Map, name: str = "register_file", package: str = "regist
     return "\n".join(out)
 
 
-def _reset(register: Register) -> list[str]:
+def _reset(register: Register, package: str) -> list[str]:
     """Return what a reset does to a register that can be written."""
     out = []
+    value = f"{package}::{constant(register.name)}"
     if register.wide:
-        out.append(f"      {register.name}_low_q <= {_literal(WORD, register.reset[0])};")
-    bits = sum(
-        (value & ((1 << register.width) - 1)) << (k * register.width)
-        for k, value in enumerate(register.reset)
-    )
-    value = _literal(register.width * register.count, bits) if bits else "'0"
+        out.append(f"      {register.name}_low_q <= {value}[{WORD - 1}:0];")
     out.append(f"      {register.place} <= {value};")
     if register.access == "strobe":
         out.append(f"      {register.place}_strobe <= 1'b0;")
     return out
 
 
-def _window_memory(window: Window) -> list[str]:
+def _window_memory(window: Window, package: str) -> list[str]:
     """Return a table's own memory, a field each, and what leaves with an entry."""
     name, bits, size = window.name, window.field_bits, 1 << window.index_bits
     last = len(window.fields) - 1
@@ -1210,9 +1215,13 @@ def _window_memory(window: Window) -> list[str]:
             f"  logic [{field.width - 1}:0] {kept};",
         ]
     out += [
-        "  // Nothing is what the bus reads of an entry that it has not written.",
+        "  // What the bus reads of an entry that it has not written.",
         f"  initial for (int k = 0; k < {size}; k = k + 1) begin",
-        *(f"    {field.name}_mem[k] = '0;" for field in window.fields),
+        *(
+            f"    {field.name}_mem[k] = {package}::{constant(field.name)}"
+            f"[{field.width} * k+:{field.width}];"
+            for field in window.fields
+        ),
         "  end",
         f"  logic [{WORD - 1}:0] {name}_read_q;",
         "  always_ff @(posedge clk_i) begin",
@@ -1525,7 +1534,8 @@ Every word has 32 bits and a word address. The value of a register is its word d
   Until `commit_waiting` is 0 again, writes of what waits, and any access to its tables, are
   answered with `BUSY`. A reset is followed by a commit.
 - **Tables.** Each field of a table's entry is a word. The entry takes effect when its last field is
-  written. A reset does not change a table, and before the first write its content is undefined.
+  written. A reset does not change a table. Before the first write it holds zeros, or what
+  [its configuration](bring-up.md#a-board-of-your-own) has; `map_table` is undefined until then.
 - **Other addresses** are answered with `NO_ADDRESS`.
 """
 

@@ -29,6 +29,7 @@ from filelock import FileLock
 from vrscan.engines.tools import (
     build_folder,
     contracts,
+    in_place,
     repository_root,
     rtl_closure,
     rtl_folders,
@@ -162,7 +163,8 @@ def simulate(
         test_file: ``__file__`` of the caller.
         parameters: Parameters that differ from the defaults. They reach the tests as
             ``parameters()``, so no number is stated twice.
-        sources: Extra SystemVerilog files, before those of ``rtl/``.
+        sources: Extra SystemVerilog files, before those of ``rtl/``; one with a package's name
+            is in its place.
         visible: (module, signal) pairs below the top that the tests read or hold.
         volume: Which of the numbers of ``rounds`` holds, "short" or "long".
         start: Seed of what every register and memory holds before the reset.
@@ -194,6 +196,8 @@ def simulate(
         + sys.path
     )
     source = _source(module)
+    packages = in_place(rtl_packages(), sources or ())
+    extra = [file for file in sources or () if file not in packages]
     devices = repository_root() / "tb" / "devices"
     libraries = [part for place in [*rtl_folders(), devices] for part in ("-y", str(place))]
     stem = Path(test_file).stem
@@ -215,8 +219,8 @@ def simulate(
             runner,
             sources=[
                 control,
-                *rtl_packages(),
-                *(sources or []),
+                *packages,
+                *extra,
                 source,
                 *contracts(rtl_closure(source, [source, *devices.glob("*.sv")])),
             ],

@@ -60,8 +60,10 @@ module focus_target (
   assign busy_o = age_q != '0;
 
   logic        [  PositionWidth-1:0] table_mem [1 << TableBits];
-  // An entry that was never written is 0, as the bus reads it.
-  initial for (int k = 0; k < (1 << TableBits); k = k + 1) table_mem[k] = '0;
+  // An entry that was never written is as the bus reads it.
+  initial for (int k = 0; k < (1 << TableBits); k = k + 1) begin
+    table_mem[k] = register_pkg::ResetPosition[PositionWidth*k+:PositionWidth];
+  end
   logic        [  PositionWidth-1:0] entry_q, base_q, candidate_q;
   logic        [      TableBits-1:0] index_q;
   logic        [  FractionWidth-1:0] fraction_q;

@@ -6,7 +6,11 @@
 
 `default_nettype none
 
-module arty_a7 (
+module arty_a7 #(
+  parameter int unsigned LineLength = 2048,
+  parameter int unsigned PixelWidth = 12,   // 8 to 12
+  parameter bit          Polygon    = 1'b0
+) (
   input  wire logic        clk_100mhz_i,
   input  wire logic        button_i,
   output      logic [ 3:0] led_o,
@@ -41,6 +45,10 @@ module arty_a7 (
 
   localparam int unsigned ClockHz = 100_000_000;
 
+  if (PixelWidth < 8 || PixelWidth > 12) begin : gen_bad_pixel_width
+    $error("arty_a7: PixelWidth must be 8 to 12");
+  end
+
   // ---- clocks and resets ----
   logic clk, guard_clk;
   BUFG u_bufg (.I(clk_100mhz_i), .O(clk));
@@ -69,17 +77,17 @@ module arty_a7 (
   );
 
   // In the pins' own registers, so that no route decides when a pixel is taken.
-  (* IOB = "TRUE" *) logic        sensor_valid_q;
-  (* IOB = "TRUE" *) logic [11:0] sensor_pixel_q;
+  (* IOB = "TRUE" *) logic                  sensor_valid_q;
+  (* IOB = "TRUE" *) logic [PixelWidth-1:0] sensor_pixel_q;
   always_ff @(posedge sensor_clk_i) begin
     sensor_valid_q <= sensor_valid_i;
-    sensor_pixel_q <= sensor_pixel_i;
+    sensor_pixel_q <= sensor_pixel_i[PixelWidth-1:0];
   end
 
-  logic        line_start, line_end, pixel_valid;
-  logic [11:0] pixel;
-  logic [15:0] overflow_count;
-  pixel_fifo u_pixel_fifo (
+  logic                  line_start, line_end, pixel_valid;
+  logic [PixelWidth-1:0] pixel;
+  logic [          15:0] overflow_count;
+  pixel_fifo #(.PixelWidth(PixelWidth)) u_pixel_fifo (
     .clk_i           (clk),
     .rst_i           (rst),
     .pixel_clk_i     (sensor_clk_i),
@@ -100,7 +108,8 @@ module arty_a7 (
   logic [4:0] guard_fault;
   logic scl, sda, scl_low, sda_low;
   vrscan #(
-    .ClockHz(ClockHz), .IndexOversample(2), .BoardId(2)
+    .ClockHz(ClockHz), .LineLength(LineLength), .PixelWidth(PixelWidth), .IndexOversample(2),
+    .BoardId(2), .Polygon(Polygon)
   ) u_vrscan (
     .clk_i                 (clk),
     .rst_i                 (rst),

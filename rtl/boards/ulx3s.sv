@@ -3,11 +3,21 @@
 // The core runs at 76.667 MHz from the PLL and the board's oscillator: 2,051 clocks for a line of
 // 2,048 pixels.  laser_guard runs from the chip's own oscillator: 310 MHz / 12, within a fifth.  The
 // index is sampled at both edges, 6.5 ns apart.
-// constraints/ulx3s.lpf has the pins; FIRE1 is the reset.
+// constraints/ulx3s.lpf has the pins; FIRE1 is the reset.  A sensor of fewer bits has the lower pins.
+// scripts/bitstream.py gives the parameters where a configuration is built.
 
 `default_nettype none
 
-module ulx3s (
+module ulx3s #(
+  parameter int unsigned LineLength   = 2048,
+  parameter int unsigned PixelWidth   = 12,    // 8 to 12
+  parameter bit          Polygon      = 1'b0,
+  parameter int unsigned ClockHz      = 76_666_667,
+  parameter int unsigned PllInput     = 3,     // 25 MHz over this, times
+  parameter int unsigned PllFeedback  = 23,    // this, is the output that feeds back; times
+  parameter int unsigned PllOscillate = 4,     // this, 400 to 800 MHz; over
+  parameter int unsigned PllCore      = 10     // this, the core's clock
+) (
   input  wire logic        clk_25mhz_i,
   input  wire logic        button_i,
   output      logic [ 7:0] led_o,
@@ -40,21 +50,22 @@ module ulx3s (
   inout  wire logic        focus_sda_io
 );
 
-  localparam int unsigned ClockHz = 76_666_667;
+  if (PixelWidth < 8 || PixelWidth > 12) begin : gen_bad_pixel_width
+    $error("ulx3s: PixelWidth must be 8 to 12");
+  end
 
   // ---- clocks and resets ----
-  // 25 MHz / 3 * 23 at the output that feeds back, a quarter of 766.7 MHz; a tenth is the core's.
   logic clk, feedback_clk, locked;
   (* FREQUENCY_PIN_CLKI = "25", FREQUENCY_PIN_CLKOP = "191.667", FREQUENCY_PIN_CLKOS = "76.667" *)
   EHXPLLL #(
-    .CLKI_DIV    (3),
-    .CLKFB_DIV   (23),
+    .CLKI_DIV    (PllInput),
+    .CLKFB_DIV   (PllFeedback),
     .CLKOP_ENABLE("ENABLED"),
-    .CLKOP_DIV   (4),
-    .CLKOP_CPHASE(3),
+    .CLKOP_DIV   (PllOscillate),
+    .CLKOP_CPHASE(PllOscillate - 1),
     .CLKOS_ENABLE("ENABLED"),
-    .CLKOS_DIV   (10),
-    .CLKOS_CPHASE(9),
+    .CLKOS_DIV   (PllCore),
+    .CLKOS_CPHASE(PllCore - 1),
     .FEEDBK_PATH ("CLKOP")
   ) u_pll (
     .CLKI        (clk_25mhz_i),
@@ -94,17 +105,17 @@ module ulx3s (
   );
 
   // In the pins' own registers, so that no route decides when a pixel is taken.
-  (* syn_useioff = 1 *) logic        sensor_valid_q;
-  (* syn_useioff = 1 *) logic [11:0] sensor_pixel_q;
+  (* syn_useioff = 1 *) logic                  sensor_valid_q;
+  (* syn_useioff = 1 *) logic [PixelWidth-1:0] sensor_pixel_q;
   always_ff @(posedge sensor_clk_i) begin
     sensor_valid_q <= sensor_valid_i;
-    sensor_pixel_q <= sensor_pixel_i;
+    sensor_pixel_q <= sensor_pixel_i[PixelWidth-1:0];
   end
 
-  logic        line_start, line_end, pixel_valid;
-  logic [11:0] pixel;
-  logic [15:0] overflow_count;
-  pixel_fifo u_pixel_fifo (
+  logic                  line_start, line_end, pixel_valid;
+  logic [PixelWidth-1:0] pixel;
+  logic [          15:0] overflow_count;
+  pixel_fifo #(.PixelWidth(PixelWidth)) u_pixel_fifo (
     .clk_i           (clk),
     .rst_i           (rst),
     .pixel_clk_i     (sensor_clk_i),
@@ -125,7 +136,8 @@ module ulx3s (
   logic [4:0] guard_fault;
   logic measured, scl, sda, scl_low, sda_low;
   vrscan #(
-    .ClockHz(ClockHz), .IndexOversample(2), .BoardId(1)
+    .ClockHz(ClockHz), .LineLength(LineLength), .PixelWidth(PixelWidth), .IndexOversample(2),
+    .BoardId(1), .Polygon(Polygon)
   ) u_vrscan (
     .clk_i                 (clk),
     .rst_i                 (rst),

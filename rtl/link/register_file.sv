@@ -973,364 +973,364 @@ module register_file (
     if (take_q[180]) locks_o.lock_mirror <= locks_data[0];
     if (take_q[181]) locks_o.lock_laser <= locks_data[0];
     if (identity_rst) begin
-      identity_o.scratch <= '0;
+      identity_o.scratch <= register_pkg::ResetScratch;
     end
     if (period_n_take) peak_o.period_n <= peak_q.period_n;
     if (period_n_taken_rst) begin
-      peak_o.period_n <= 1'h1;
+      peak_o.period_n <= register_pkg::ResetPeriodN;
     end
     if (noise_row_take) peak_o.noise_row <= peak_q.noise_row;
     if (noise_row_taken_rst) begin
-      peak_o.noise_row <= '0;
+      peak_o.noise_row <= register_pkg::ResetNoiseRow;
     end
     if (k_noise_take) peak_o.k_noise <= peak_q.k_noise;
     if (k_noise_taken_rst) begin
-      peak_o.k_noise <= 16'h0280;
+      peak_o.k_noise <= register_pkg::ResetKNoise;
     end
     if (k_height_take) peak_o.k_height <= peak_q.k_height;
     if (k_height_taken_rst) begin
-      peak_o.k_height <= 16'h2666;
+      peak_o.k_height <= register_pkg::ResetKHeight;
     end
     if (snr_min_take) peak_o.snr_min <= peak_q.snr_min;
     if (snr_min_taken_rst) begin
-      peak_o.snr_min <= 16'h0800;
+      peak_o.snr_min <= register_pkg::ResetSnrMin;
     end
     if (min_width_take) peak_o.min_width <= peak_q.min_width;
     if (min_width_taken_rst) begin
-      peak_o.min_width <= 8'h03;
+      peak_o.min_width <= register_pkg::ResetMinWidth;
     end
     if (max_width_take) peak_o.max_width <= peak_q.max_width;
     if (max_width_taken_rst) begin
-      peak_o.max_width <= 8'hff;
+      peak_o.max_width <= register_pkg::ResetMaxWidth;
     end
     if (kappa_take) peak_o.kappa <= peak_q.kappa;
     if (kappa_taken_rst) begin
-      peak_o.kappa <= 18'h03333;
+      peak_o.kappa <= register_pkg::ResetKappa;
     end
     if (c_sfm_gain_take) peak_o.c_sfm_gain <= peak_q.c_sfm_gain;
     if (c_sfm_gain_taken_rst) begin
-      peak_o.c_sfm_gain <= 24'h0000ff;
+      peak_o.c_sfm_gain <= register_pkg::ResetCSfmGain;
     end
     if (window_two_pass_take) peak_o.window_two_pass <= peak_q.window_two_pass;
     if (window_two_pass_taken_rst) begin
-      peak_o.window_two_pass <= 1'h1;
+      peak_o.window_two_pass <= register_pkg::ResetWindowTwoPass;
     end
     if (window_fit_take) peak_o.window_fit <= peak_q.window_fit;
     if (window_fit_taken_rst) begin
-      peak_o.window_fit <= 1'h1;
+      peak_o.window_fit <= register_pkg::ResetWindowFit;
     end
     if (max_core_take) peak_o.max_core <= peak_q.max_core;
     if (max_core_taken_rst) begin
-      peak_o.max_core <= 8'h40;
+      peak_o.max_core <= register_pkg::ResetMaxCore;
     end
     if (saturation_level_take) peak_o.saturation_level <= peak_q.saturation_level;
     if (saturation_level_taken_rst) begin
-      peak_o.saturation_level <= 16'h0fff;
+      peak_o.saturation_level <= register_pkg::ResetSaturationLevel;
     end
     if (peak_rst) begin
-      peak_q.period_n <= 1'h1;
-      peak_q.noise_row <= '0;
-      peak_q.k_noise <= 16'h0280;
-      peak_q.k_height <= 16'h2666;
-      peak_q.snr_min <= 16'h0800;
-      peak_q.min_width <= 8'h03;
-      peak_q.max_width <= 8'hff;
-      peak_q.kappa <= 18'h03333;
-      peak_q.c_sfm_gain <= 24'h0000ff;
-      peak_q.window_two_pass <= 1'h1;
-      peak_q.window_fit <= 1'h1;
-      peak_q.max_core <= 8'h40;
-      peak_q.saturation_level <= 16'h0fff;
+      peak_q.period_n <= register_pkg::ResetPeriodN;
+      peak_q.noise_row <= register_pkg::ResetNoiseRow;
+      peak_q.k_noise <= register_pkg::ResetKNoise;
+      peak_q.k_height <= register_pkg::ResetKHeight;
+      peak_q.snr_min <= register_pkg::ResetSnrMin;
+      peak_q.min_width <= register_pkg::ResetMinWidth;
+      peak_q.max_width <= register_pkg::ResetMaxWidth;
+      peak_q.kappa <= register_pkg::ResetKappa;
+      peak_q.c_sfm_gain <= register_pkg::ResetCSfmGain;
+      peak_q.window_two_pass <= register_pkg::ResetWindowTwoPass;
+      peak_q.window_fit <= register_pkg::ResetWindowFit;
+      peak_q.max_core <= register_pkg::ResetMaxCore;
+      peak_q.saturation_level <= register_pkg::ResetSaturationLevel;
     end
     if (centre_take) geometry_o.centre <= geometry_q.centre;
     if (centre_taken_rst) begin
-      geometry_o.centre <= 34'h03ff80000;
+      geometry_o.centre <= register_pkg::ResetCentre;
     end
     if (k1_take) geometry_o.k1 <= geometry_q.k1;
     if (k1_taken_rst) begin
-      geometry_o.k1 <= '0;
+      geometry_o.k1 <= register_pkg::ResetK1;
     end
     if (k2_take) geometry_o.k2 <= geometry_q.k2;
     if (k2_taken_rst) begin
-      geometry_o.k2 <= '0;
+      geometry_o.k2 <= register_pkg::ResetK2;
     end
     if (even_take) geometry_o.even <= geometry_q.even;
     if (even_taken_rst) begin
-      geometry_o.even <= '0;
+      geometry_o.even <= register_pkg::ResetEven;
     end
     if (n0_take) geometry_o.n0 <= geometry_q.n0;
     if (n0_taken_rst) begin
-      geometry_o.n0 <= 32'h03b6a848;
+      geometry_o.n0 <= register_pkg::ResetN0;
     end
     if (n1_take) geometry_o.n1 <= geometry_q.n1;
     if (n1_taken_rst) begin
-      geometry_o.n1 <= 32'h004c9d79;
+      geometry_o.n1 <= register_pkg::ResetN1;
     end
     if (d0_take) geometry_o.d0 <= geometry_q.d0;
     if (d0_taken_rst) begin
-      geometry_o.d0 <= 32'h08e8364b;
+      geometry_o.d0 <= register_pkg::ResetD0;
     end
     if (d1_take) geometry_o.d1 <= geometry_q.d1;
     if (d1_taken_rst) begin
-      geometry_o.d1 <= 32'hdba83161;
+      geometry_o.d1 <= register_pkg::ResetD1;
     end
     if (e0_take) geometry_o.e0 <= geometry_q.e0;
     if (e0_taken_rst) begin
-      geometry_o.e0 <= 32'h3f608d52;
+      geometry_o.e0 <= register_pkg::ResetE0;
     end
     if (e1_take) geometry_o.e1 <= geometry_q.e1;
     if (e1_taken_rst) begin
-      geometry_o.e1 <= 32'h051b9098;
+      geometry_o.e1 <= register_pkg::ResetE1;
     end
     if (tolerance_take) geometry_o.tolerance <= geometry_q.tolerance;
     if (tolerance_taken_rst) begin
-      geometry_o.tolerance <= 16'h4189;
+      geometry_o.tolerance <= register_pkg::ResetTolerance;
     end
     if (length_unit_take) geometry_o.length_unit <= geometry_q.length_unit;
     if (length_unit_taken_rst) begin
-      geometry_o.length_unit <= 4'h1;
+      geometry_o.length_unit <= register_pkg::ResetLengthUnit;
     end
     if (geometry_rst) begin
-      centre_low_q <= 32'h3ff80000;
-      geometry_q.centre <= 34'h03ff80000;
-      geometry_q.k1 <= '0;
-      geometry_q.k2 <= '0;
-      geometry_q.even <= '0;
-      geometry_q.n0 <= 32'h03b6a848;
-      geometry_q.n1 <= 32'h004c9d79;
-      geometry_q.d0 <= 32'h08e8364b;
-      geometry_q.d1 <= 32'hdba83161;
-      geometry_q.e0 <= 32'h3f608d52;
-      geometry_q.e1 <= 32'h051b9098;
-      geometry_q.tolerance <= 16'h4189;
-      geometry_q.length_unit <= 4'h1;
+      centre_low_q <= register_pkg::ResetCentre[31:0];
+      geometry_q.centre <= register_pkg::ResetCentre;
+      geometry_q.k1 <= register_pkg::ResetK1;
+      geometry_q.k2 <= register_pkg::ResetK2;
+      geometry_q.even <= register_pkg::ResetEven;
+      geometry_q.n0 <= register_pkg::ResetN0;
+      geometry_q.n1 <= register_pkg::ResetN1;
+      geometry_q.d0 <= register_pkg::ResetD0;
+      geometry_q.d1 <= register_pkg::ResetD1;
+      geometry_q.e0 <= register_pkg::ResetE0;
+      geometry_q.e1 <= register_pkg::ResetE1;
+      geometry_q.tolerance <= register_pkg::ResetTolerance;
+      geometry_q.length_unit <= register_pkg::ResetLengthUnit;
     end
     if (free_begin_take) free_o.free_begin <= free_q.free_begin;
     if (free_begin_taken_rst) begin
-      free_o.free_begin <= 24'hf0b17e;
+      free_o.free_begin <= register_pkg::ResetFreeBegin;
     end
     if (free_shift_take) free_o.free_shift <= free_q.free_shift;
     if (free_shift_taken_rst) begin
-      free_o.free_shift <= 4'h4;
+      free_o.free_shift <= register_pkg::ResetFreeShift;
     end
     if (free_rst) begin
-      free_q.free_begin <= 24'hf0b17e;
-      free_q.free_shift <= 4'h4;
+      free_q.free_begin <= register_pkg::ResetFreeBegin;
+      free_q.free_shift <= register_pkg::ResetFreeShift;
     end
     if (mirror_rst) begin
-      mirror_o.mirror_enable <= '0;
-      mirror_o.line_enable <= '0;
-      sweep_word_low_q <= 32'h00000000;
-      mirror_o.sweep_word <= '0;
-      work_word_low_q <= 32'h00000000;
-      mirror_o.work_word <= '0;
-      mirror_o.sweep_rate <= '0;
-      mirror_o.glitch_clks <= '0;
-      mirror_o.width_min_clks <= '0;
-      mirror_o.width_max_clks <= '0;
-      mirror_o.period_max_clks <= '0;
-      mirror_o.phase_shift <= '0;
-      mirror_o.rate_shift <= '0;
-      mirror_o.amplitude_shift <= '0;
-      mirror_o.error_limit <= '0;
-      mirror_o.amplitude_set <= '0;
-      mirror_o.k_p <= '0;
-      mirror_o.k_i <= '0;
-      mirror_o.level_low <= '0;
-      mirror_o.level_high <= '0;
-      mirror_o.level_nominal <= '0;
-      mirror_o.trim_step <= '0;
-      mirror_o.trim_gain <= '0;
-      mirror_o.trim_up <= '0;
-      mirror_o.settle_limit <= '0;
-      mirror_o.shock_limit <= '0;
-      mirror_o.phase_limit <= '0;
-      mirror_o.settle_count <= '0;
-      mirror_o.hold_count <= '0;
-      mirror_o.confidence_gain <= '0;
+      mirror_o.mirror_enable <= register_pkg::ResetMirrorEnable;
+      mirror_o.line_enable <= register_pkg::ResetLineEnable;
+      sweep_word_low_q <= register_pkg::ResetSweepWord[31:0];
+      mirror_o.sweep_word <= register_pkg::ResetSweepWord;
+      work_word_low_q <= register_pkg::ResetWorkWord[31:0];
+      mirror_o.work_word <= register_pkg::ResetWorkWord;
+      mirror_o.sweep_rate <= register_pkg::ResetSweepRate;
+      mirror_o.glitch_clks <= register_pkg::ResetGlitchClks;
+      mirror_o.width_min_clks <= register_pkg::ResetWidthMinClks;
+      mirror_o.width_max_clks <= register_pkg::ResetWidthMaxClks;
+      mirror_o.period_max_clks <= register_pkg::ResetPeriodMaxClks;
+      mirror_o.phase_shift <= register_pkg::ResetPhaseShift;
+      mirror_o.rate_shift <= register_pkg::ResetRateShift;
+      mirror_o.amplitude_shift <= register_pkg::ResetAmplitudeShift;
+      mirror_o.error_limit <= register_pkg::ResetErrorLimit;
+      mirror_o.amplitude_set <= register_pkg::ResetAmplitudeSet;
+      mirror_o.k_p <= register_pkg::ResetKP;
+      mirror_o.k_i <= register_pkg::ResetKI;
+      mirror_o.level_low <= register_pkg::ResetLevelLow;
+      mirror_o.level_high <= register_pkg::ResetLevelHigh;
+      mirror_o.level_nominal <= register_pkg::ResetLevelNominal;
+      mirror_o.trim_step <= register_pkg::ResetTrimStep;
+      mirror_o.trim_gain <= register_pkg::ResetTrimGain;
+      mirror_o.trim_up <= register_pkg::ResetTrimUp;
+      mirror_o.settle_limit <= register_pkg::ResetSettleLimit;
+      mirror_o.shock_limit <= register_pkg::ResetShockLimit;
+      mirror_o.phase_limit <= register_pkg::ResetPhaseLimit;
+      mirror_o.settle_count <= register_pkg::ResetSettleCount;
+      mirror_o.hold_count <= register_pkg::ResetHoldCount;
+      mirror_o.confidence_gain <= register_pkg::ResetConfidenceGain;
     end
     if (mirror_limits_rst) begin
-      mirror_limits_o.duty <= '0;
-      mirror_limits_o.sweep_level <= '0;
-      mirror_limits_o.level_min <= '0;
-      mirror_limits_o.level_max <= '0;
-      mirror_limits_o.trim_min <= '0;
-      mirror_limits_o.trim_max <= '0;
-      mirror_limits_o.sweep_timeout <= '0;
-      mirror_limits_o.settle_timeout <= '0;
-      mirror_limits_o.lost_timeout <= '0;
+      mirror_limits_o.duty <= register_pkg::ResetDuty;
+      mirror_limits_o.sweep_level <= register_pkg::ResetSweepLevel;
+      mirror_limits_o.level_min <= register_pkg::ResetLevelMin;
+      mirror_limits_o.level_max <= register_pkg::ResetLevelMax;
+      mirror_limits_o.trim_min <= register_pkg::ResetTrimMin;
+      mirror_limits_o.trim_max <= register_pkg::ResetTrimMax;
+      mirror_limits_o.sweep_timeout <= register_pkg::ResetSweepTimeout;
+      mirror_limits_o.settle_timeout <= register_pkg::ResetSettleTimeout;
+      mirror_limits_o.lost_timeout <= register_pkg::ResetLostTimeout;
     end
     if (drive_phase_take) motion_o.drive_phase <= motion_q.drive_phase;
     if (drive_phase_taken_rst) begin
-      motion_o.drive_phase <= '0;
+      motion_o.drive_phase <= register_pkg::ResetDrivePhase;
     end
     if (motion_a_take) motion_o.motion_a <= motion_q.motion_a;
     if (motion_a_taken_rst) begin
-      motion_o.motion_a <= '0;
+      motion_o.motion_a <= register_pkg::ResetMotionA;
     end
     if (motion_phi_take) motion_o.motion_phi <= motion_q.motion_phi;
     if (motion_phi_taken_rst) begin
-      motion_o.motion_phi <= '0;
+      motion_o.motion_phi <= register_pkg::ResetMotionPhi;
     end
     if (motion_da_take) motion_o.motion_da <= motion_q.motion_da;
     if (motion_da_taken_rst) begin
-      motion_o.motion_da <= '0;
+      motion_o.motion_da <= register_pkg::ResetMotionDa;
     end
     if (motion_dphi_take) motion_o.motion_dphi <= motion_q.motion_dphi;
     if (motion_dphi_taken_rst) begin
-      motion_o.motion_dphi <= '0;
+      motion_o.motion_dphi <= register_pkg::ResetMotionDphi;
     end
     if (scan_facet_take) motion_o.scan_facet <= motion_q.scan_facet;
     if (scan_facet_taken_rst) begin
-      motion_o.scan_facet <= '0;
+      motion_o.scan_facet <= register_pkg::ResetScanFacet;
     end
     if (scan_begin_take) motion_o.scan_begin <= motion_q.scan_begin;
     if (scan_begin_taken_rst) begin
-      motion_o.scan_begin <= '0;
+      motion_o.scan_begin <= register_pkg::ResetScanBegin;
     end
     if (scan_span_take) motion_o.scan_span <= motion_q.scan_span;
     if (scan_span_taken_rst) begin
-      motion_o.scan_span <= 16'hffff;
+      motion_o.scan_span <= register_pkg::ResetScanSpan;
     end
     if (motion_rst) begin
-      motion_q.drive_phase <= '0;
-      motion_q.motion_a <= '0;
-      motion_q.motion_phi <= '0;
-      motion_q.motion_da <= '0;
-      motion_q.motion_dphi <= '0;
-      motion_q.scan_facet <= '0;
-      motion_q.scan_begin <= '0;
-      motion_q.scan_span <= 16'hffff;
+      motion_q.drive_phase <= register_pkg::ResetDrivePhase;
+      motion_q.motion_a <= register_pkg::ResetMotionA;
+      motion_q.motion_phi <= register_pkg::ResetMotionPhi;
+      motion_q.motion_da <= register_pkg::ResetMotionDa;
+      motion_q.motion_dphi <= register_pkg::ResetMotionDphi;
+      motion_q.scan_facet <= register_pkg::ResetScanFacet;
+      motion_q.scan_begin <= register_pkg::ResetScanBegin;
+      motion_q.scan_span <= register_pkg::ResetScanSpan;
     end
     if (line_rst) begin
-      ratio_low_q <= 32'h00000000;
-      line_o.ratio <= '0;
-      line_o.exposure_delay_clks <= '0;
-      line_o.exposure_clks <= '0;
-      line_o.pulse_delay_clks <= '0;
-      line_o.pulse_clks <= '0;
+      ratio_low_q <= register_pkg::ResetRatio[31:0];
+      line_o.ratio <= register_pkg::ResetRatio;
+      line_o.exposure_delay_clks <= register_pkg::ResetExposureDelayClks;
+      line_o.exposure_clks <= register_pkg::ResetExposureClks;
+      line_o.pulse_delay_clks <= register_pkg::ResetPulseDelayClks;
+      line_o.pulse_clks <= register_pkg::ResetPulseClks;
     end
     if (link_rst) begin
-      link_o.uart_step <= 24'h07ae14;
+      link_o.uart_step <= register_pkg::ResetUartStep;
       link_o.uart_step_strobe <= 1'b0;
     end
     if (laser_rst) begin
-      laser_o.laser_enable <= '0;
-      laser_o.laser_adapt <= '0;
-      laser_o.laser_shared <= '0;
-      laser_o.laser_power <= '0;
-      laser_o.laser_power_min <= '0;
-      laser_o.laser_power_max <= '0;
-      laser_o.laser_startup <= '0;
-      laser_o.laser_target <= '0;
-      laser_o.laser_cut <= '0;
-      laser_o.laser_down <= '0;
-      laser_o.laser_up <= '0;
-      laser_o.laser_search <= '0;
-      laser_o.laser_index_begin <= '0;
-      laser_o.laser_index_end <= '0;
+      laser_o.laser_enable <= register_pkg::ResetLaserEnable;
+      laser_o.laser_adapt <= register_pkg::ResetLaserAdapt;
+      laser_o.laser_shared <= register_pkg::ResetLaserShared;
+      laser_o.laser_power <= register_pkg::ResetLaserPower;
+      laser_o.laser_power_min <= register_pkg::ResetLaserPowerMin;
+      laser_o.laser_power_max <= register_pkg::ResetLaserPowerMax;
+      laser_o.laser_startup <= register_pkg::ResetLaserStartup;
+      laser_o.laser_target <= register_pkg::ResetLaserTarget;
+      laser_o.laser_cut <= register_pkg::ResetLaserCut;
+      laser_o.laser_down <= register_pkg::ResetLaserDown;
+      laser_o.laser_up <= register_pkg::ResetLaserUp;
+      laser_o.laser_search <= register_pkg::ResetLaserSearch;
+      laser_o.laser_index_begin <= register_pkg::ResetLaserIndexBegin;
+      laser_o.laser_index_end <= register_pkg::ResetLaserIndexEnd;
     end
     if (laser_limits_rst) begin
-      laser_limits_o.laser_limit_power <= '0;
-      laser_limits_o.laser_limit_startup <= '0;
-      laser_limits_o.laser_limit_pulse_clks <= '0;
-      laser_limits_o.laser_limit_drain <= '0;
-      laser_limits_o.laser_limit_bucket <= '0;
-      laser_limits_o.laser_watchdog_clks <= '0;
+      laser_limits_o.laser_limit_power <= register_pkg::ResetLaserLimitPower;
+      laser_limits_o.laser_limit_startup <= register_pkg::ResetLaserLimitStartup;
+      laser_limits_o.laser_limit_pulse_clks <= register_pkg::ResetLaserLimitPulseClks;
+      laser_limits_o.laser_limit_drain <= register_pkg::ResetLaserLimitDrain;
+      laser_limits_o.laser_limit_bucket <= register_pkg::ResetLaserLimitBucket;
+      laser_limits_o.laser_watchdog_clks <= register_pkg::ResetLaserWatchdogClks;
     end
     if (points_rst) begin
-      points_o.points_batch <= 8'h18;
-      points_o.points_timeout_clks <= 24'h1e8480;
+      points_o.points_batch <= register_pkg::ResetPointsBatch;
+      points_o.points_timeout_clks <= register_pkg::ResetPointsTimeoutClks;
     end
     if (focus_rst) begin
-      focus_o.focus_mode <= '0;
-      focus_o.focus_manual <= '0;
-      focus_o.focus_average_shift <= '0;
-      focus_o.focus_lapse <= '0;
-      focus_o.focus_z_begin <= '0;
-      focus_o.focus_z_shift <= '0;
-      focus_o.focus_hysteresis <= '0;
-      focus_o.focus_hold_points <= '0;
-      focus_o.focus_address <= '0;
-      focus_o.focus_quarter_clks <= 16'h00fa;
-      focus_o.focus_stretch_clks <= 24'h2625a0;
-      focus_o.focus_poll_clks <= 24'h030d40;
-      focus_o.focus_tolerance <= '0;
-      focus_o.focus_timeout_clks <= '0;
-      focus_o.focus_retries <= '0;
-      focus_o.focus_protocol <= '0;
+      focus_o.focus_mode <= register_pkg::ResetFocusMode;
+      focus_o.focus_manual <= register_pkg::ResetFocusManual;
+      focus_o.focus_average_shift <= register_pkg::ResetFocusAverageShift;
+      focus_o.focus_lapse <= register_pkg::ResetFocusLapse;
+      focus_o.focus_z_begin <= register_pkg::ResetFocusZBegin;
+      focus_o.focus_z_shift <= register_pkg::ResetFocusZShift;
+      focus_o.focus_hysteresis <= register_pkg::ResetFocusHysteresis;
+      focus_o.focus_hold_points <= register_pkg::ResetFocusHoldPoints;
+      focus_o.focus_address <= register_pkg::ResetFocusAddress;
+      focus_o.focus_quarter_clks <= register_pkg::ResetFocusQuarterClks;
+      focus_o.focus_stretch_clks <= register_pkg::ResetFocusStretchClks;
+      focus_o.focus_poll_clks <= register_pkg::ResetFocusPollClks;
+      focus_o.focus_tolerance <= register_pkg::ResetFocusTolerance;
+      focus_o.focus_timeout_clks <= register_pkg::ResetFocusTimeoutClks;
+      focus_o.focus_retries <= register_pkg::ResetFocusRetries;
+      focus_o.focus_protocol <= register_pkg::ResetFocusProtocol;
     end
     if (test_rst) begin
-      test_o.test_position <= 25'h0400000;
-      test_o.test_move <= 24'h001000;
-      test_o.test_step <= 29'h00cccccd;
-      test_o.test_height <= 16'h9c40;
-      test_o.test_pedestal <= 16'h07d0;
-      test_o.test_noise <= 16'h03e8;
-      test_o.test_seed <= '0;
-      test_o.test_lines <= '0;
-      test_o.test_period_clks <= '0;
-      test_o.test_angle <= '0;
-      test_o.test_power <= '0;
-      test_o.test_start <= '0;
+      test_o.test_position <= register_pkg::ResetTestPosition;
+      test_o.test_move <= register_pkg::ResetTestMove;
+      test_o.test_step <= register_pkg::ResetTestStep;
+      test_o.test_height <= register_pkg::ResetTestHeight;
+      test_o.test_pedestal <= register_pkg::ResetTestPedestal;
+      test_o.test_noise <= register_pkg::ResetTestNoise;
+      test_o.test_seed <= register_pkg::ResetTestSeed;
+      test_o.test_lines <= register_pkg::ResetTestLines;
+      test_o.test_period_clks <= register_pkg::ResetTestPeriodClks;
+      test_o.test_angle <= register_pkg::ResetTestAngle;
+      test_o.test_power <= register_pkg::ResetTestPower;
+      test_o.test_start <= register_pkg::ResetTestStart;
       test_o.test_start_strobe <= 1'b0;
-      test_o.test_stop <= '0;
+      test_o.test_stop <= register_pkg::ResetTestStop;
       test_o.test_stop_strobe <= 1'b0;
     end
     if (sensor_rst) begin
-      sensor_o.readout_lag <= '0;
-      sensor_o.readout_stale <= '0;
-      sensor_o.readout_min_clks <= '0;
-      sensor_o.readout_max_clks <= 24'hffffff;
+      sensor_o.readout_lag <= register_pkg::ResetReadoutLag;
+      sensor_o.readout_stale <= register_pkg::ResetReadoutStale;
+      sensor_o.readout_min_clks <= register_pkg::ResetReadoutMinClks;
+      sensor_o.readout_max_clks <= register_pkg::ResetReadoutMaxClks;
     end
     if (commit_rst) begin
-      commit_o.commit <= '0;
+      commit_o.commit <= register_pkg::ResetCommit;
       commit_o.commit_strobe <= 1'b0;
     end
     if (map_enable_take) map_o.map_enable <= map_q.map_enable;
     if (map_enable_taken_rst) begin
-      map_o.map_enable <= '0;
+      map_o.map_enable <= register_pkg::ResetMapEnable;
     end
     if (map_bank_take) map_o.map_bank <= map_q.map_bank;
     if (map_bank_taken_rst) begin
-      map_o.map_bank <= '0;
+      map_o.map_bank <= register_pkg::ResetMapBank;
     end
     if (map_count_take) map_o.map_count <= map_q.map_count;
     if (map_count_taken_rst) begin
-      map_o.map_count <= 4'h2;
+      map_o.map_count <= register_pkg::ResetMapCount;
     end
     if (map_begin_take) map_o.map_begin <= map_q.map_begin;
     if (map_begin_taken_rst) begin
-      map_o.map_begin <= '0;
+      map_o.map_begin <= register_pkg::ResetMapBegin;
     end
     if (map_shift_take) map_o.map_shift <= map_q.map_shift;
     if (map_shift_taken_rst) begin
-      map_o.map_shift <= '0;
+      map_o.map_shift <= register_pkg::ResetMapShift;
     end
     if (map_follow_take) map_o.map_follow <= map_q.map_follow;
     if (map_follow_taken_rst) begin
-      map_o.map_follow <= '0;
+      map_o.map_follow <= register_pkg::ResetMapFollow;
     end
     if (map_lens_take) map_o.map_lens <= map_q.map_lens;
     if (map_lens_taken_rst) begin
-      map_o.map_lens <= '0;
+      map_o.map_lens <= register_pkg::ResetMapLens;
     end
     if (map_rst) begin
-      map_q.map_enable <= '0;
-      map_q.map_bank <= '0;
-      map_q.map_count <= 4'h2;
-      map_q.map_begin <= '0;
-      map_q.map_shift <= '0;
-      map_q.map_follow <= '0;
-      map_q.map_lens <= '0;
+      map_q.map_enable <= register_pkg::ResetMapEnable;
+      map_q.map_bank <= register_pkg::ResetMapBank;
+      map_q.map_count <= register_pkg::ResetMapCount;
+      map_q.map_begin <= register_pkg::ResetMapBegin;
+      map_q.map_shift <= register_pkg::ResetMapShift;
+      map_q.map_follow <= register_pkg::ResetMapFollow;
+      map_q.map_lens <= register_pkg::ResetMapLens;
     end
     if (map_access_rst) begin
-      map_access_o.map_access_bank <= '0;
+      map_access_o.map_access_bank <= register_pkg::ResetMapAccessBank;
     end
     if (locks_rst) begin
-      locks_o.lock_calibration <= '0;
-      locks_o.lock_mirror <= '0;
-      locks_o.lock_laser <= '0;
+      locks_o.lock_calibration <= register_pkg::ResetLockCalibration;
+      locks_o.lock_mirror <= register_pkg::ResetLockMirror;
+      locks_o.lock_laser <= register_pkg::ResetLockLaser;
     end
   end
 
@@ -1342,10 +1342,10 @@ module register_file (
   logic [25:0] table_amplitude_q;
   logic [27:0] table_midpoint_mem[1024];
   logic [27:0] table_midpoint_q;
-  // Nothing is what the bus reads of an entry that it has not written.
+  // What the bus reads of an entry that it has not written.
   initial for (int k = 0; k < 1024; k = k + 1) begin
-    table_amplitude_mem[k] = '0;
-    table_midpoint_mem[k] = '0;
+    table_amplitude_mem[k] = register_pkg::ResetTableAmplitude[26 * k+:26];
+    table_midpoint_mem[k] = register_pkg::ResetTableMidpoint[28 * k+:28];
   end
   logic [31:0] table_read_q;
   always_ff @(posedge clk_i) begin
@@ -1377,9 +1377,9 @@ module register_file (
   // ---- focus_table: written at 6, read back at 7 and 8 ----
   logic [15:0] focus_table_position_mem[64];
   logic [15:0] focus_table_position_q;
-  // Nothing is what the bus reads of an entry that it has not written.
+  // What the bus reads of an entry that it has not written.
   initial for (int k = 0; k < 64; k = k + 1) begin
-    focus_table_position_mem[k] = '0;
+    focus_table_position_mem[k] = register_pkg::ResetFocusTablePosition[16 * k+:16];
   end
   logic [31:0] focus_table_read_q;
   always_ff @(posedge clk_i) begin
@@ -1404,10 +1404,10 @@ module register_file (
   logic [15:0] free_table_from_q;
   logic [15:0] free_table_to_mem[256];
   logic [15:0] free_table_to_q;
-  // Nothing is what the bus reads of an entry that it has not written.
+  // What the bus reads of an entry that it has not written.
   initial for (int k = 0; k < 256; k = k + 1) begin
-    free_table_from_mem[k] = '0;
-    free_table_to_mem[k] = '0;
+    free_table_from_mem[k] = register_pkg::ResetFreeTableFrom[16 * k+:16];
+    free_table_to_mem[k] = register_pkg::ResetFreeTableTo[16 * k+:16];
   end
   logic [31:0] free_table_read_q;
   always_ff @(posedge clk_i) begin

@@ -1,6 +1,6 @@
 // board: vrscan with all that hangs on its pins: mirror, sensor, lens motor, a host's USB adapter.
 //
-//   ClockHz .. BoardId  of vrscan; the others are those of mems_mirror and the index diode, and from
+//   ClockHz .. Polygon  of vrscan; the others are those of mems_mirror and the index diode, and from
 //                       Facets on those of polygon_mirror: with 0 facets there is none
 //   +swinging=1         the mirror starts as +angle= and +velocity= say, rad and rad/s, with the
 //                       first pulse of the drive; else it starts at rest.  A polygon's velocity is
@@ -18,6 +18,7 @@ module board #(
   parameter int unsigned LineLength      = 2048,
   parameter int unsigned PixelWidth      = 12,
   parameter int unsigned BoardId         = 255,
+  parameter bit          Polygon         = 1'b0,
   parameter real         NaturalHz       = 248.5,
   parameter real         Quality         = 200.0,
   parameter real         Torque          = 8.52e4,
@@ -93,7 +94,7 @@ module board #(
   assign sda = !(sda_low || motor_sda_low);
   vrscan #(
     .ClockHz(ClockHz), .LineLength(LineLength), .PixelWidth(PixelWidth),
-    .IndexOversample(IndexOversample), .BoardId(BoardId), .Polygon(Facets != 0)
+    .IndexOversample(IndexOversample), .BoardId(BoardId), .Polygon(Polygon)
   ) u_vrscan (
     .clk_i, .rst_i,
     .line_start_i          (line_start),

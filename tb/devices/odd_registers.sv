@@ -358,65 +358,65 @@ module odd_registers (
     if (take_q[37]) written_o.words[0+:32] <= written_data;
     if (take_q[38]) written_o.words[32+:32] <= written_data;
     if (wide_rst) begin
-      longer_low_q <= 32'h80000001;
-      wide_o.longer <= 33'h180000001;
-      longest_low_q <= 32'h00000000;
-      wide_o.longest <= '0;
-      negative_long_low_q <= 32'hfffffffe;
-      wide_o.negative_long <= 40'hfffffffffe;
+      longer_low_q <= odd_registers_pkg::ResetLonger[31:0];
+      wide_o.longer <= odd_registers_pkg::ResetLonger;
+      longest_low_q <= odd_registers_pkg::ResetLongest[31:0];
+      wide_o.longest <= odd_registers_pkg::ResetLongest;
+      negative_long_low_q <= odd_registers_pkg::ResetNegativeLong[31:0];
+      wide_o.negative_long <= odd_registers_pkg::ResetNegativeLong;
     end
     if (locks_rst) begin
-      locks_o.lock_a <= '0;
-      locks_o.lock_b <= '0;
-      locks_o.lock_c <= '0;
-      locks_o.lock_d <= '0;
+      locks_o.lock_a <= odd_registers_pkg::ResetLockA;
+      locks_o.lock_b <= odd_registers_pkg::ResetLockB;
+      locks_o.lock_c <= odd_registers_pkg::ResetLockC;
+      locks_o.lock_d <= odd_registers_pkg::ResetLockD;
     end
     if (held_take) held_o.held <= held_q.held;
     if (held_taken_rst) begin
-      held_o.held <= 9'h1fd;
+      held_o.held <= odd_registers_pkg::ResetHeld;
     end
     if (held_long_take) held_o.held_long <= held_q.held_long;
     if (held_long_taken_rst) begin
-      held_o.held_long <= 40'h8000000001;
+      held_o.held_long <= odd_registers_pkg::ResetHeldLong;
     end
     if (held_several_take) held_o.held_several <= held_q.held_several;
     if (held_several_taken_rst) begin
-      held_o.held_several <= 18'h05145;
+      held_o.held_several <= odd_registers_pkg::ResetHeldSeveral;
     end
     if (held_bank_take) held_o.held_bank <= held_q.held_bank;
     if (held_bank_taken_rst) begin
-      held_o.held_bank <= '0;
+      held_o.held_bank <= odd_registers_pkg::ResetHeldBank;
     end
     if (held_rst) begin
-      held_q.held <= 9'h1fd;
-      held_long_low_q <= 32'h00000001;
-      held_q.held_long <= 40'h8000000001;
-      held_q.held_several <= 18'h05145;
-      held_q.held_bank <= '0;
+      held_q.held <= odd_registers_pkg::ResetHeld;
+      held_long_low_q <= odd_registers_pkg::ResetHeldLong[31:0];
+      held_q.held_long <= odd_registers_pkg::ResetHeldLong;
+      held_q.held_several <= odd_registers_pkg::ResetHeldSeveral;
+      held_q.held_bank <= odd_registers_pkg::ResetHeldBank;
     end
     if (access_rst) begin
-      access_o.access_bank <= '0;
+      access_o.access_bank <= odd_registers_pkg::ResetAccessBank;
     end
     if (commit_rst) begin
-      commit_o.commit <= '0;
+      commit_o.commit <= odd_registers_pkg::ResetCommit;
       commit_o.commit_strobe <= 1'b0;
     end
     if (written_rst) begin
-      written_o.sole <= 1'h1;
-      written_o.word <= 32'hee6b2800;
-      written_o.little <= 5'h10;
-      written_o.bounded <= 12'h009;
-      written_o.centred <= '0;
-      written_o.below <= 32'hfffffff9;
-      written_o.above <= 32'h00000007;
-      written_o.late <= '0;
-      written_o.hit <= 3'h2;
+      written_o.sole <= odd_registers_pkg::ResetSole;
+      written_o.word <= odd_registers_pkg::ResetWord;
+      written_o.little <= odd_registers_pkg::ResetLittle;
+      written_o.bounded <= odd_registers_pkg::ResetBounded;
+      written_o.centred <= odd_registers_pkg::ResetCentred;
+      written_o.below <= odd_registers_pkg::ResetBelow;
+      written_o.above <= odd_registers_pkg::ResetAbove;
+      written_o.late <= odd_registers_pkg::ResetLate;
+      written_o.hit <= odd_registers_pkg::ResetHit;
       written_o.hit_strobe <= 1'b0;
-      written_o.signal <= '0;
+      written_o.signal <= odd_registers_pkg::ResetSignal;
       written_o.signal_strobe <= 1'b0;
-      written_o.bits <= 5'h1f;
-      written_o.several <= 51'h7fffbfffdfffe;
-      written_o.words <= '0;
+      written_o.bits <= odd_registers_pkg::ResetBits;
+      written_o.several <= odd_registers_pkg::ResetSeveral;
+      written_o.words <= odd_registers_pkg::ResetWords;
     end
   end
 
@@ -428,10 +428,10 @@ module odd_registers (
   logic [31:0] held_table_left_q;
   logic [2:0] held_table_right_mem[16];
   logic [2:0] held_table_right_q;
-  // Nothing is what the bus reads of an entry that it has not written.
+  // What the bus reads of an entry that it has not written.
   initial for (int k = 0; k < 16; k = k + 1) begin
-    held_table_left_mem[k] = '0;
-    held_table_right_mem[k] = '0;
+    held_table_left_mem[k] = odd_registers_pkg::ResetHeldTableLeft[32 * k+:32];
+    held_table_right_mem[k] = odd_registers_pkg::ResetHeldTableRight[3 * k+:3];
   end
   logic [31:0] held_table_read_q;
   always_ff @(posedge clk_i) begin
@@ -473,9 +473,9 @@ module odd_registers (
   // ---- single: written at 6, read back at 7 and 8 ----
   logic [31:0] single_value_mem[8];
   logic [31:0] single_value_q;
-  // Nothing is what the bus reads of an entry that it has not written.
+  // What the bus reads of an entry that it has not written.
   initial for (int k = 0; k < 8; k = k + 1) begin
-    single_value_mem[k] = '0;
+    single_value_mem[k] = odd_registers_pkg::ResetSingleValue[32 * k+:32];
   end
   logic [31:0] single_read_q;
   always_ff @(posedge clk_i) begin
@@ -499,11 +499,11 @@ module odd_registers (
   logic [6:0] triple_middle_q, triple_middle_q2;
   logic [0:0] triple_high_mem[8];
   logic [0:0] triple_high_q;
-  // Nothing is what the bus reads of an entry that it has not written.
+  // What the bus reads of an entry that it has not written.
   initial for (int k = 0; k < 8; k = k + 1) begin
-    triple_low_mem[k] = '0;
-    triple_middle_mem[k] = '0;
-    triple_high_mem[k] = '0;
+    triple_low_mem[k] = odd_registers_pkg::ResetTripleLow[32 * k+:32];
+    triple_middle_mem[k] = odd_registers_pkg::ResetTripleMiddle[7 * k+:7];
+    triple_high_mem[k] = odd_registers_pkg::ResetTripleHigh[1 * k+:1];
   end
   logic [31:0] triple_read_q;
   always_ff @(posedge clk_i) begin

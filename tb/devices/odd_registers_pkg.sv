@@ -1,5 +1,5 @@
 // odd_registers_pkg: what the bus of the link writes of a group of registers, what it reads
-// of it, and what leaves with an entry of a table, as a struct each.
+// of it, and what leaves with an entry of a table, as a struct each; and the resets.
 //
 // Generated from tb/devices/odd_registers.toml by scripts/generate.py; docs/registers.md says what the
 // fields are.  Widths are numbers, as packages are read in the order of their paths.
@@ -110,6 +110,40 @@ package odd_registers_pkg;
     logic signed [6:0] triple_middle;
     logic triple_high;
   } triple_t;
+
+  // What a reset brings; of a table what it holds before the first write.
+  localparam logic [32:0] ResetLonger = 33'h180000001;
+  localparam logic [63:0] ResetLongest = '0;
+  localparam logic [39:0] ResetNegativeLong = 40'hfffffffffe;
+  localparam logic ResetLockA = '0;
+  localparam logic ResetLockB = '0;
+  localparam logic ResetLockC = '0;
+  localparam logic ResetLockD = '0;
+  localparam logic [8:0] ResetHeld = 9'h1fd;
+  localparam logic [39:0] ResetHeldLong = 40'h8000000001;
+  localparam logic [17:0] ResetHeldSeveral = 18'h5145;
+  localparam logic ResetHeldBank = '0;
+  localparam logic ResetAccessBank = '0;
+  localparam logic ResetCommit = '0;
+  localparam logic ResetSole = 1'h1;
+  localparam logic [31:0] ResetWord = 32'hee6b2800;
+  localparam logic [4:0] ResetLittle = 5'h10;
+  localparam logic [11:0] ResetBounded = 12'h9;
+  localparam logic [11:0] ResetCentred = '0;
+  localparam logic [31:0] ResetBelow = 32'hfffffff9;
+  localparam logic [31:0] ResetAbove = 32'h7;
+  localparam logic [3:0] ResetLate = '0;
+  localparam logic [2:0] ResetHit = 3'h2;
+  localparam logic [31:0] ResetSignal = '0;
+  localparam logic [4:0] ResetBits = 5'h1f;
+  localparam logic [50:0] ResetSeveral = 51'h7fffbfffdfffe;
+  localparam logic [63:0] ResetWords = '0;
+  localparam logic [511:0] ResetHeldTableLeft = '0;
+  localparam logic [47:0] ResetHeldTableRight = '0;
+  localparam logic [255:0] ResetSingleValue = '0;
+  localparam logic [255:0] ResetTripleLow = '0;
+  localparam logic [55:0] ResetTripleMiddle = '0;
+  localparam logic [7:0] ResetTripleHigh = '0;
 endpackage
 
 `default_nettype wire

@@ -110,9 +110,13 @@ def test_all_of_it_goes_through_the_bus() -> None:
 )
 def test_a_configuration_of_another_board_is_refused(built: Built, words: str) -> None:
     with pytest.raises(InputError) as error:
-        settings(Config(), built)
+        settings(Config.model_validate({"mirror": {"oversample": 4}}), built)
     assert str(error.value).startswith(f"defaults: {words}")
     assert "\n" not in str(error.value)
+
+
+def test_the_sampling_is_the_boards_where_the_configuration_says_none() -> None:
+    assert settings(Config(), Built(index_oversample=2)) == settings(Config(), BUILT)
 
 
 def test_a_window_without_times_is_that_of_its_lag() -> None:

@@ -9,10 +9,12 @@ from typing import Any
 
 import pytest
 
+from vrscan.data.config import Config, load
+from vrscan.data.errors import InputError
 from vrscan.engines.tools import repository_root, rtl_boards, rtl_closure
 
 sys.path.insert(0, str(repository_root() / "scripts"))
-from bitstream import BOARDS, skews
+from bitstream import BOARDS, configured, pll, shipped, skews
 from timing import ToolError
 
 # One at a time: each writes the cache that the others read, if it is the first on a machine.
@@ -55,6 +57,61 @@ def test_what_is_not_in_the_report_or_does_not_cross_is_an_error() -> None:
         report["detailed_net_timings"].append(route("u_word.meta_q_TRELLIS_FF_Q_2", 1, 1, start))
         with pytest.raises(ToolError, match="meta_q_TRELLIS_FF_Q_2: from posedge"):
             skews(report, ["u_word"])
+
+
+def test_without_a_configuration_the_board_is_what_its_files_say() -> None:
+    design = shipped("ulx3s")
+    assert not design.parameters and not design.pll and not design.others
+    top = (ROOT / "rtl" / "boards" / "ulx3s.sv").read_text()
+    assert "ClockHz      = 76_666_667" in top and design.clock_hz == 76_666_667
+
+
+def test_a_board_follows_from_its_configuration() -> None:
+    """The clock is the file's or else the board's; the wrapper has every parameter."""
+    polygon, metre = (configured("ulx3s", load(Path(name))) for name in ("polygon", "metre"))
+    assert polygon.parameters == {
+        "ClockHz": 76_666_667, "LineLength": 2048, "PixelWidth": 12, "Polygon": 1,
+    }  # fmt: skip
+    own = {"ClockHz": 100_000_000, "LineLength": 1024, "PixelWidth": 10, "Polygon": 0}
+    assert own.items() <= metre.parameters.items() and metre.folder.name == "ulx3s-metre"
+    assert metre.pll["FREQUENCY_PIN_CLKOS"] == "100"
+    slow = configured("ulx3s", load(Path("metre")), 75e6)
+    assert slow.clock_hz == 75_000_000 and slow.others != metre.others
+    top = (ROOT / "rtl" / "boards" / "ulx3s.sv").read_text()
+    assert all(f" {name} " in top.partition(") (")[0] for name in metre.parameters)
+    assert [f.name for f in metre.sources] == [f.name for f in shipped("ulx3s").sources]
+    assert set(metre.others) == set(metre.sources) - set(shipped("ulx3s").sources)
+
+
+@pytest.mark.parametrize("hz", [5e6, 48e6, 75e6, 76_666_667.0, 66.67e6, 150e6])
+def test_factors_of_a_pll_make_the_clock_within_its_limits(hz: float) -> None:
+    factors, made, locked = pll(25e6, hz)
+    divide, feedback, oscillate, core = factors.values()
+    assert 25e6 / divide * feedback == pytest.approx(locked) and locked <= 400e6
+    assert 25e6 / divide >= 3.125e6
+    assert 400e6 <= locked * oscillate <= 800e6 * (1 + 1e-12)
+    assert locked * oscillate / core == pytest.approx(made) == pytest.approx(hz, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"sensor": {"pixel_width": 16}}, "sensor.pixel_width = 16: ulx3s has pins for 12 bits"),
+        (
+            {"mirror": {"oversample": 8}, "line": {"rate_hz": 3e4}},
+            "mirror.oversample = 8: the board is built with index_oversample = 2",
+        ),
+        (
+            {"clock": {"frequency_hz": 1e6}},
+            "clock.frequency_hz = 1e+06: ulx3s: the nearest clock of its PLL is 3.125 MHz",
+        ),
+        ({}, "line.rate_hz = 37374.9: 2048 px at 76.6667 MHz allow at most 36848 Hz"),
+    ],
+)
+def test_what_a_board_cannot_have_is_refused(given: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError) as error:
+        configured("ulx3s", Config.model_validate(given))
+    assert str(error.value).startswith(f"defaults: {words}") and "\n" not in str(error.value)
 
 
 @pytest.mark.soak
@@ -100,5 +157,5 @@ def test_every_word_of_a_board_is_a_synchronizer_of_it() -> None:
         if board.stem in BOARDS:
             for word in BOARDS[board.stem].words:
                 fifo, name = word.split(".")
-                assert f"pixel_fifo {fifo} (" in board.read_text()
+                assert f"pixel_fifo #(.PixelWidth(PixelWidth)) {fifo} (" in board.read_text()
                 assert f") {name} (" in (ROOT / "rtl/sensor/pixel_fifo.sv").read_text()

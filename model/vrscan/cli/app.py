@@ -752,7 +752,8 @@ def board(
         renderer(load(scene), settings).light
     )  # raises its errors before a bar or a build begins
     virtual.make_folder(where)
-    virtual.build(settings)
+    loaded = config is not None
+    virtual.build(settings, loaded=loaded)
     with _bar("scene", ANGLES) as progress:
         words = virtual.command(
             scene,
@@ -761,6 +762,7 @@ def board(
             swinging=swinging,
             seconds=seconds,
             real_time=real_time,
+            loaded=loaded,
             progress=progress,
         )
         progress(ANGLES)

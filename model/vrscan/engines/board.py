@@ -21,6 +21,7 @@ import numpy as np
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
 from vrscan.data.points import check_writable
+from vrscan.engines.hardware import Hardware
 from vrscan.engines.mirror_engine import polygon_parameters
 from vrscan.engines.tools import build_folder, hardware_root
 from vrscan.engines.verilated import build_program
@@ -42,12 +43,17 @@ def on_board(config: Config) -> Config:
     return changed
 
 
-def build(config: Config) -> Path:
+def build(config: Config, *, loaded: bool = False) -> Path:
     """Return the program of the board; it is built if a source or a parameter has changed.
+
+    Args:
+        config: The instrument.
+        loaded: Whether its registers begin as a load of the configuration would leave them.
 
     Raises:
         InputError: if a tool is missing or fails.
     """
+    hardware = Hardware.of(config)
     clock_hz, mems, mirror, focus = (
         config.clock.frequency_hz,
         config.mems,
@@ -56,10 +62,7 @@ def build(config: Config) -> Path:
     )
     resolution_mm = 1e-3 * focus.resolution_um
     parameters: dict[str, int | float] = {
-        "ClockHz": round(clock_hz),
-        "IndexOversample": mirror.oversample,
-        "LineLength": config.sensor.line_length,
-        "PixelWidth": config.sensor.pixel_width,
+        **hardware.parameters,
         "NaturalHz": mems.natural_hz,
         "Quality": mems.quality,
         "Torque": mems.torque,
@@ -76,7 +79,8 @@ def build(config: Config) -> Path:
         **polygon_parameters(config),
     }
     folder = hardware_root() / "tb" / "board"
-    return build_program(folder / "board.sv", parameters, folder / "main.cpp")
+    others = [hardware.register_package(config)] if loaded else []
+    return build_program(folder / "board.sv", parameters, folder / "main.cpp", others)
 
 
 def make_folder(port: Path) -> None:
@@ -107,6 +111,7 @@ def command(
     real_time: bool = False,
     seed: int = 1,
     late_lines: float | None = None,
+    loaded: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> list[str]:
     """Return the command that runs a board, after making the files that it needs.
@@ -124,13 +129,14 @@ def command(
         late_lines: How much later than right behind its exposure the sensor reads a line out: so
             many more exposures have to end, and a part of a line's time to go by; the
             configuration's ``readout_lag`` if None.
+        loaded: Whether the registers begin as a load of the configuration would leave them.
         progress: Called with the number of angles of the scene that are rendered so far.
 
     Raises:
         InputError: as ``load``, ``library`` and ``build``.
     """
     make_folder(port)
-    program = build(config)
+    program = build(config, loaded=loaded)
     lines = library(load(scene), config, build_folder() / "board", progress=progress)
     words = [str(program), "--library", str(lines), "--port", str(port)]
     words += ["--status", str(status_file(port)), "--clock-hz", repr(config.clock.frequency_hz)]
@@ -303,6 +309,7 @@ class Board(Process):
         seconds: float | None = None,
         seed: int = 1,
         late_lines: float | None = None,
+        loaded: bool = False,
     ) -> None:
         """Make the files that a board needs; this takes a minute or two for a new configuration.
 
@@ -314,6 +321,7 @@ class Board(Process):
             seconds: Simulated time after which the board stops; None for no limit.
             seed: Seed of the index's jitter, and of what registers hold before the reset.
             late_lines: How late the sensor reads out, as in ``command``.
+            loaded: Whether the registers begin with the configuration, as in ``command``.
 
         Raises:
             InputError: as ``command``.
@@ -328,5 +336,6 @@ class Board(Process):
             seconds=seconds,
             seed=seed,
             late_lines=late_lines,
+            loaded=loaded,
         )
         super().__init__(words, where)

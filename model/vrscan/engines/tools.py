@@ -132,6 +132,12 @@ def contracts(sources: Sequence[Path]) -> list[Path]:
     return [file for file in files if file.stem.removesuffix("_contract") in stems]
 
 
+def in_place(files: Sequence[Path], others: Sequence[Path]) -> list[Path]:
+    """Return files, with others in the place of those of the same name."""
+    named = {file.name: file for file in others}
+    return [named.get(file.name, file) for file in files]
+
+
 def rtl_boards() -> list[Path]:
     """Return the wrapper of every board; it contains cells of its vendor."""
     return sorted((hardware_root() / "rtl" / "boards").glob("*.sv"))

@@ -21,6 +21,7 @@ from vrscan.engines.tools import (
     build_folder,
     contracts,
     hardware_root,
+    in_place,
     rtl_closure,
     rtl_folders,
     rtl_packages,
@@ -275,7 +276,9 @@ def build(name: str, harness: Path, ports: str, designs: Sequence[Design]) -> Pa
     return library
 
 
-def build_program(top: Path, parameters: Mapping[str, int | float], main: Path) -> Path:
+def build_program(
+    top: Path, parameters: Mapping[str, int | float], main: Path, others: Sequence[Path] = ()
+) -> Path:
     """Return a program of a top module with inputs ``clk_i`` and ``rst_i`` and its C++ main.
 
     The contracts of its modules are in it, and end it where one is broken.
@@ -285,13 +288,14 @@ def build_program(top: Path, parameters: Mapping[str, int | float], main: Path) 
         parameters: Parameters of the top module.
         main: C++ file, with its headers in the same folder; it includes ``top.h`` and knows the top
             as Top.
+        others: Files in the place of those of ``rtl/`` that have their names.
 
     Raises:
         InputError: if a tool is missing or fails.
     """
     tools = Tools.found()
     devices = sorted((hardware_root() / "tb" / "devices").glob("*.sv"))
-    sources = rtl_closure(top, [*devices, top])
+    sources = in_place(rtl_closure(top, [*devices, top]), others)
     sources += contracts(sources)
     headers = sorted(main.parent.glob("*.h"))
     digest = hashlib.sha256(repr((dict(parameters), top.stem, tools.identity)).encode())

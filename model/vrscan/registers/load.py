@@ -43,6 +43,33 @@ class Build(Protocol):
         """Return ``IndexOversample``."""
 
 
+def on_build(config: Config, build: Build) -> Config:
+    """Return a configuration with the clock of a board, and its sampling unless it says another.
+
+    Raises:
+        InputError: in one line with the key, if it is for another line, sensor or sampling than the
+            board's, or its lines are too many for the board's clock.
+    """
+    mirror, built = config.mirror, build.index_oversample
+    if "oversample" not in mirror.model_fields_set:
+        mirror = mirror.model_copy(update={"oversample": built})
+    for key, wanted, register, has in (
+        ("sensor.line_length", config.sensor.line_length, "line_length", build.line_length),
+        ("sensor.pixel_width", config.sensor.pixel_width, "pixel_width", build.pixel_width),
+        ("mirror.oversample", mirror.oversample, "index_oversample", built),
+    ):
+        if wanted != has:
+            raise InputError(
+                f"{config.source}: {key} = {wanted}: the board is built with {register} = {has}"
+            )
+    clock = Clock(frequency_hz=float(build.clock_hz))
+    on_board = config.model_copy(update={"clock": clock, "mirror": mirror})
+    complaint = on_board.rate_complaint()
+    if complaint:
+        raise InputError(f"{config.source}: {complaint}")
+    return on_board
+
+
 def settings(config: Config, build: Build) -> dict[str, int | tuple[int, ...]]:
     """Return the value of every register and table that a configuration sets, but for the maps.
 
@@ -57,22 +84,10 @@ def settings(config: Config, build: Build) -> dict[str, int | tuple[int, ...]]:
         by the names of its fields, one integer for each entry.
 
     Raises:
-        InputError: in one line with the key, if the configuration is for another line, sensor or
-            sampling than the board's, or a value does not fit in its register.
+        InputError: in one line with the key, as ``on_build``, or if a value does not fit in its
+            register.
     """
-    for key, wanted, register, built in (
-        ("sensor.line_length", config.sensor.line_length, "line_length", build.line_length),
-        ("sensor.pixel_width", config.sensor.pixel_width, "pixel_width", build.pixel_width),
-        ("mirror.oversample", config.mirror.oversample, "index_oversample", build.index_oversample),
-    ):
-        if wanted != built:
-            raise InputError(
-                f"{config.source}: {key} = {wanted}: the board is built with {register} = {built}"
-            )
-    on_board = config.model_copy(update={"clock": Clock(frequency_hz=float(build.clock_hz))})
-    complaint = on_board.rate_complaint()
-    if complaint:
-        raise InputError(f"{config.source}: {complaint}")
+    on_board = on_build(config, build)
     values: dict[str, int | tuple[int, ...]] = {}
     for registers in (
         Registers.from_config(on_board),
