@@ -46,6 +46,13 @@ COUNT = 200
 CONFIG = {"sensor": {"line_length": LINE_LENGTH}, "geometry": {"centre_px": 511.5}}
 
 
+def length_of(board: FakeBoard) -> int:
+    """Return the length of its lines."""
+    length = board.file.inputs["line_length"]
+    assert isinstance(length, int)
+    return length
+
+
 def chain(board: FakeBoard) -> Registers:
     """Return what the board makes its points with."""
     held: dict[str, Any] = {
@@ -55,7 +62,7 @@ def chain(board: FakeBoard) -> Registers:
         held[field.name] = tuple(board.file.table("free_table", field.name))
     for name in ("period_n", "window_two_pass", "window_fit", "noise_row", "even"):
         held[name] = bool(held[name])
-    return Registers(pixel_width=12, line_length=LINE_LENGTH, **held)
+    return Registers(pixel_width=12, line_length=length_of(board), **held)
 
 
 def maps_in(board: FakeBoard) -> MapTable | None:
@@ -100,7 +107,7 @@ class TestBoard(FakeBoard):
     def _test_lines(self) -> None:
         held = {f.name: self.file.values[f"test_{f.name}"][0] for f in fields(Settings)}
         count = held["lines"] or 400
-        pixels = lines(Settings(**held), count, line_length=LINE_LENGTH)
+        pixels = lines(Settings(**held), count, line_length=length_of(self))
         angle, power = self.file.values["test_angle"][0], self.file.values["test_power"][0]
         # A fit knows the speckle of the lines before, whatever run they are of.
         before: Pixels = getattr(self, "before", pixels[:0])

@@ -8,7 +8,7 @@ from PIL import Image
 from test_clouds import LINES, PERIOD, scan
 
 from vrscan.data.errors import InputError
-from vrscan.data.range_image import STEP_MM, grid, range_image, sweeps, write_image
+from vrscan.data.range_image import STEP_MM, grid, range_image, step_mm, sweeps, write_image
 
 
 @pytest.mark.parametrize(
@@ -58,17 +58,28 @@ def scan_without_holes():
 
 
 @pytest.mark.parametrize("suffix", [".png", ".tif"])
-def test_a_file_has_the_distances(suffix: str) -> None:
-    image = np.array([[400.01, np.nan, 0.001], [2047.0, 2100.0, 31.25]], np.float32)
+@pytest.mark.parametrize("times", [1, 2, 8])
+def test_a_file_has_the_distances(suffix: str, times: int) -> None:
+    """A PNG in the least step that reaches the farthest point, which it says."""
+    image = times * np.array([[400.01, np.nan, 0.001], [2047.0, 2047.96875, 31.25]], np.float32)
     file = io.BytesIO()
     write_image(image, suffix, file)
-    read = np.asarray(Image.open(file))
+    read = Image.open(file)
+    pixels = np.asarray(read)
     if suffix == ".tif":
-        assert read.dtype == np.float32
-        assert np.array_equal(read, image, equal_nan=True)
+        assert pixels.dtype == np.float32
+        assert np.array_equal(pixels, image, equal_nan=True)
     else:
-        assert read.max() > 255
-        assert (STEP_MM * read).tolist() == [[400.0, 0.0, STEP_MM], [2047.0, 2047.96875, 31.25]]
+        step = float(read.text["step_mm"])
+        assert step == step_mm(image) == times * STEP_MM
+        assert pixels.tolist() == [[12800, 0, 1], [65504, 65535, 1000]]
+
+
+def test_the_step_doubles_with_the_first_distance_that_does_not_fit() -> None:
+    farthest = np.float32((2**16 - 1) * STEP_MM)
+    for distance, want in ((farthest, 1), (np.nextafter(farthest, np.float32(np.inf)), 2)):
+        assert step_mm(np.array([[distance]])) == want * STEP_MM
+    assert step_mm(np.full((2, 2), np.nan, np.float32)) == STEP_MM
 
 
 @pytest.mark.parametrize("count", [0, -3, 70_000])

@@ -20,6 +20,7 @@ from vrscan.cli.config_commands import config as config_text
 from vrscan.cli.config_commands import new
 from vrscan.cli.file_commands import export, filter_points
 from vrscan.cli.link_commands import _suffix, link
+from vrscan.cli.panels import group
 from vrscan.cli.progress import bar as _bar
 from vrscan.cli.progress import console as _console
 from vrscan.cli.progress import telling
@@ -166,7 +167,7 @@ EngineOption = Annotated[
 ]
 InstrumentOption = Annotated[
     Path | None,
-    typer.Option(help="TOML file of the instrument as it is, [instrument]; default: the scene's."),
+    typer.Option(help="TOML file of the instrument as it is; default: the scene's."),
 ]
 CountOption = Annotated[int, typer.Option("--lines", help="Number of lines.")]
 JobsOption = Annotated[
@@ -189,10 +190,10 @@ def scan(
         typer.Option("--keep-lines", help="Also write lines.mcap: the lines with their truth."),
     ] = False,
     power: Annotated[
-        Power, typer.Option(help="The scene's power, or one that follows the peaks, [laser].")
+        Power, typer.Option(help="The scene's power, or one that follows the peaks.")
     ] = Power.CONSTANT,
     focus: Annotated[
-        Focus, typer.Option(help="The scene's focus, or one that follows the distance, [focus].")
+        Focus, typer.Option(help="The scene's focus, or one that follows the distance.")
     ] = Focus.FIXED,
     config: ConfigOption = None,
 ) -> None:
@@ -1030,21 +1031,7 @@ PANELS = {
     "Figures of merit": ("numbers", "efficiency", "cases", "speed", "bench", "report"),
 }
 
-
-def _group() -> None:
-    """Give each command its panel."""
-    panels = {name: panel for panel, names in PANELS.items() for name in names}
-    for command in app.registered_commands:
-        assert command.callback is not None
-        command.name = command.name or command.callback.__name__
-        command.rich_help_panel = panels[command.name]
-    for group in app.registered_groups:
-        group.rich_help_panel = panels[str(group.name)]
-    order = list(panels)
-    app.registered_commands.sort(key=lambda command: order.index(str(command.name)))
-
-
-_group()
+group(app, PANELS)
 
 
 def main() -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vrscan.cli.link_commands import _suffix
+from vrscan.cli.panels import group
 from vrscan.cli.progress import bar, console, telling
 from vrscan.data import config as configuration
 from vrscan.data.config import Config
@@ -19,6 +20,12 @@ if TYPE_CHECKING:
     from vrscan.calibrate.recording import Recording
 
 calibrate = typer.Typer(help="Find the instrument's parameters in recordings.")
+
+# How `vrscan calibrate --help` groups the commands, in this order.
+PANELS = {
+    "Step by step": ("record", "coarse", "mirror", "map", "verify"),
+    "A simulated instrument": ("instrument", "run-all"),
+}
 
 ConfigOption = Annotated[
     Path | None,
@@ -300,3 +307,6 @@ def calibrate_run_all(
         raise InterruptError("interrupted; the same command goes on there") from None
     console().print(report.table(found))
     print(f"{out}: coarse.toml, mirror.toml, calibrated.toml, map.npz, results.json")
+
+
+group(calibrate, PANELS)

@@ -86,14 +86,17 @@ def export(
         table = _read(points)
         moved = None if pose is None else poses.read(pose)
         found = clouds.cloud(table, name=str(points), poses=moved, rate_hz=rate, columns=columns)
+        note = ""
         for path, file in files.items():
             if path == image:
                 drawn = range_image.range_image(found.points, found.sweep, found.columns)
                 range_image.write_image(drawn, path.suffix, file)
+                if path.suffix == ".png":
+                    note = f"; {path} is in steps of {range_image.step_mm(drawn):g} mm"
             else:
                 clouds.write(found, path.suffix, file, name=str(points), frame=frame)
     names = ", ".join(map(str, paths))
-    console().print(f"{len(found)} points of {len(table)} lines: {names}", highlight=False)
+    console().print(f"{len(found)} points of {len(table)} lines: {names}{note}", highlight=False)
 
 
 def _noted(ctx: typer.Context, param: typer.CallbackParam, value: Any) -> Any:

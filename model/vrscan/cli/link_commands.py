@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from vrscan.cli.interrupt import interrupted
+from vrscan.cli.panels import group
 from vrscan.data.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_TERMINATED, InputError
 
 if TYPE_CHECKING:
@@ -35,8 +36,43 @@ link = typer.Typer(help="Talk to a board: registers, points, raw lines, self-tes
 maps = typer.Typer(help="Load correction maps into a board, and read those that it has.")
 link.add_typer(maps, name="maps")
 
+# How `vrscan link --help` groups the commands, in this order.
+PANELS = {
+    "State and registers": ("info", "registers", "read", "write"),
+    "Configuration": ("load", "maps"),
+    "Points and lines": ("watch", "points", "capture"),
+    "Checks": ("selftest", "bench"),
+}
+
+
+def _ports(incomplete: str) -> list[str]:
+    """Return the ports that a shell completes a beginning to: those of devices and of boards."""
+    from vrscan.engines.tools import build_folder
+
+    there = _devices()
+    for made in (build_folder() / name / "port" for name in ("board", "view")):
+        if made.exists():
+            near = made.is_relative_to(Path.cwd()) and not incomplete.startswith("/")
+            there.append(str(made.relative_to(Path.cwd()) if near else made))
+    return [port for port in there if port.startswith(incomplete)]
+
+
+def _devices() -> list[str]:
+    """Return the serial ports of this machine that have a device."""
+    from serial.tools.list_ports import comports
+
+    return [each.device for each in comports() if each.hwid != "n/a"]
+
+
 PortOption = Annotated[
-    str | None, typer.Option("--port", "-p", envvar="VRSCAN_PORT", help="Serial port of the board.")
+    str | None,
+    typer.Option(
+        "--port",
+        "-p",
+        envvar="VRSCAN_PORT",
+        help="Serial port of the board.",
+        autocompletion=_ports,
+    ),
 ]
 BaudOption = Annotated[int, typer.Option("--baud", help="Rate of the board after a reset.")]
 TimeoutOption = Annotated[
@@ -500,9 +536,7 @@ def _device(port: str | None, baud: int, timeout: float) -> Iterator["Device"]:
 def chosen_port(port: str | None) -> str:
     """Return the port; where none was given, raise an error with those that there are."""
     if port is None:
-        from serial.tools.list_ports import comports
-
-        there = ", ".join(each.device for each in comports() if each.hwid != "n/a")
+        there = ", ".join(_devices())
         raise InputError(f"--port: which one? {f'there are {there}' if there else 'there is none'}")
     return port
 
@@ -803,3 +837,6 @@ def _recorded(
                 )
     found = np.concatenate(received() or [np.zeros(0, DTYPES[form])])
     return found[:count], stream.account
+
+
+group(link, PANELS)

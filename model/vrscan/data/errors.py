@@ -8,11 +8,17 @@ from pathlib import Path
 EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_TERMINATED = 2, 130, 143
 
 
-def nearest(word: str, known: Iterable[str]) -> str:
-    """Return "; did you mean ...?" with the known word that is most like a wrong one, or ""."""
+def alike(word: str, known: Iterable[str], most: int = 1, likeness: float = 0.5) -> list[str]:
+    """Return the known words, at most so many, that are like a word in any case, best first."""
     lower = {each.lower(): each for each in known}
-    found = difflib.get_close_matches(word.lower(), lower, n=1, cutoff=0.5)
-    return f"; did you mean {lower[found[0]]!r}?" if found else ""
+    found = difflib.get_close_matches(word.lower(), lower, n=most, cutoff=likeness)
+    return [lower[each] for each in found]
+
+
+def nearest(word: str, known: Iterable[str], most: int = 1) -> str:
+    """Return "; did you mean ...?" with the known words that are most like a wrong one, or ""."""
+    found = " or ".join(map(repr, alike(word, known, most)))
+    return f"; did you mean {found}?" if found else ""
 
 
 def beside(path: Path) -> str:

@@ -6,7 +6,6 @@ analyser's tables (of ``line_signals``).
 
 import contextlib
 import csv
-import difflib
 import math
 import warnings
 import zipfile
@@ -21,7 +20,7 @@ import numpy.typing as npt
 from vrscan.data import line_pictures, line_signals, recordings
 from vrscan.data.config import Config
 from vrscan.data.contract import checked
-from vrscan.data.errors import InputError, InputWarning, LinesError, one_line
+from vrscan.data.errors import InputError, InputWarning, LinesError, alike, one_line
 from vrscan.data.lines import Lines, joined, part
 
 # What an .npz holds.
@@ -29,7 +28,7 @@ _ARRAYS = ("lines", "angle_rad", "power", "mirror_flags", "lens", "time_s", "y_m
 _SIGNALS = ".csv"
 _OTHERS = (*line_pictures.SUFFIXES, _SIGNALS)  # endings of files without numpy's arrays
 _WORDS = {"angle_rad": "angle", "power": "power", "mirror_flags": "flag"}  # in misspelt names
-_MISSPELT = 0.85  # difflib's likeness from which a name counts as misspelt
+_MISSPELT = 0.85  # likeness from which a name counts as misspelt
 
 
 def read(path: Path, config: Config, angles: Path | None = None) -> Lines:
@@ -350,7 +349,7 @@ def _check_names(path: Path, names: list[str]) -> None:
             continue
         for name in names:
             given = name.casefold()
-            near = word in given or difflib.get_close_matches(given, [wanted], cutoff=_MISSPELT)
+            near = word in given or alike(given, [wanted], likeness=_MISSPELT)
             if near and name not in _ARRAYS:
                 has = f"but {name!r} (known are {known})"
                 raise InputError(f"{path}: no array named {wanted}, {has}")

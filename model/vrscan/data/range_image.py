@@ -5,6 +5,7 @@ one jump back to the next. Its lines lie at angles that differ from sweep to swe
 columns of its own, evenly spaced.
 """
 
+import math
 from dataclasses import dataclass
 from typing import BinaryIO
 
@@ -17,7 +18,7 @@ from vrscan.data.extras import named
 from vrscan.data.table import Table
 
 MOST_COLUMNS = 65_536
-STEP_MM = 1.0 / 32.0  # of a pixel of 16 bits, in which 0 is no point
+STEP_MM = 1.0 / 32.0  # of a pixel of 16 bits, in which 0 is no point; more for far points
 SUFFIXES = (".png", ".tif", ".tiff")
 _GAP = 0.95  # quantile of the steps between lines that a column is wide: hardly a hole
 _JUMP = 4.0  # least ratio of a polygon's jump back to the steps beside it
@@ -118,13 +119,19 @@ def range_image(points: Table, sweep: Ints, columns: Grid) -> Image:
     return found
 
 
+def step_mm(image: Image) -> float:
+    """Return the step in which 16 bits hold all distances, mm: ``STEP_MM``, doubled as often."""
+    farthest = float(np.nanmax(image, initial=0.0))
+    return STEP_MM * 2.0 ** max(0, math.ceil(math.log2(max(farthest / STEP_MM, 1.0) / (2**16 - 1))))
+
+
 def write_image(image: Image, suffix: str, file: BinaryIO) -> None:
     """Write an image of distances.
 
     Args:
         image: Distances, mm, NaN where there is none [rows, columns].
-        suffix: One of ``SUFFIXES``: ``.png`` has 16 bits in steps of ``STEP_MM``, 0 where there is
-            no point and 65535 from 2048 mm on; a TIFF has the distances as float32.
+        suffix: One of ``SUFFIXES``: ``.png`` has 16 bits in steps of ``step_mm``, which its text
+            of that name says, and 0 where there is no point; a TIFF has the distances as float32.
         file: A binary file.
 
     Raises:
@@ -132,9 +139,12 @@ def write_image(image: Image, suffix: str, file: BinaryIO) -> None:
     """
     with named():
         from PIL import Image as Pictures
+        from PIL.PngImagePlugin import PngInfo
 
     if suffix == ".png":
-        steps = np.clip(np.rint(image / STEP_MM), 1, 2**16 - 1)
-        Pictures.fromarray(np.where(np.isnan(image), 0, steps).astype(np.uint16)).save(file, "PNG")
+        step, text = step_mm(image), PngInfo()
+        text.add_text("step_mm", str(step))
+        steps = np.where(np.isnan(image), 0, np.clip(np.rint(image / step), 1, 2**16 - 1))
+        Pictures.fromarray(steps.astype(np.uint16)).save(file, "PNG", pnginfo=text)
     else:
         Pictures.fromarray(image).save(file, "TIFF")

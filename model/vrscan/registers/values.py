@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from vrscan.data import link_pkg
-from vrscan.data.errors import InputError
+from vrscan.data.errors import InputError, nearest
 from vrscan.registers.register_map import REGISTERS, WINDOWS, Register, Window
 
 WORD_BITS = 32
@@ -30,11 +30,7 @@ def find(name: str) -> Register:
         return REGISTERS[name]
     if name in FIELDS:
         return FIELDS[name][1]
-    import difflib
-
-    near = difflib.get_close_matches(name, NAMES, 3)
-    hint = f"; is it {' or '.join(near)}?" if near else ""
-    raise InputError(f"no register {name!r}{hint}")
+    raise InputError(f"no register {name!r}{nearest(name, NAMES, most=3)}")
 
 
 def count(name: str) -> int:
