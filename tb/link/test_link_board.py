@@ -115,7 +115,7 @@ def test_the_readmes_commands_work_as_printed(
     assert Path("build/line.png").read_bytes().startswith(b"\x89PNG")
     (line,) = (x.split() for x in said["capture"].splitlines() if ".." in x)
     left, right = (float(px) for px in line[6].split(".."))
-    assert left <= float(line[7]) <= right
+    assert left - 0.5 <= float(line[7]) <= right + 0.5  # a pixel's centre is its number
     assert float(line[2]) > float(line[5])  # above its threshold
 
 
