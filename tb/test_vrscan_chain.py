@@ -55,6 +55,8 @@ ELABORATIONS = [
 ]
 PASSED = ("power", "confidence", "inward", "time", "test")  # what only passes through
 
+pytestmark = pytest.mark.xdist_group("vrscan_chain")  # most of them take one elaboration
+
 
 @dataclass(frozen=True)
 class Strobes:
@@ -669,7 +671,7 @@ def test_vrscan_chain_rtl_equals_model(widths: dict[str, int], volume: str) -> N
     simulate("vrscan_chain", __file__, widths, volume=volume)
 
 
-@pytest.mark.parametrize("start", [2, 3, 4])
+@pytest.mark.parametrize("start", [2, 3, in_volume(4)])
 def test_what_registers_hold_before_the_reset_changes_no_point(start: int) -> None:
     simulate("vrscan_chain", __file__, ELABORATIONS[0], start=start, only="before|fits")
 
