@@ -5,6 +5,9 @@
 # What a recipe runs has its own make inside, which this one's job server is not for.
 unexport MAKEFLAGS MAKEOVERRIDES MFLAGS
 
+# Python keeps what it compiled: tests start hundreds of programs, a second quicker each.
+unexport PYTHONDONTWRITEBYTECODE
+
 BIN := .venv/bin
 BUILD := build
 

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 import harness
 import pytest
 
+from vrscan.engines.board import Board
+
 # A shell's background jobs ignore an interrupt, and so would what the tests start to interrupt it.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -14,10 +16,17 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 @pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Keep the tests that share a module's fixture in one worker, which then makes it once."""
+    """Keep the tests that share a module's fixture in one worker, which then makes it once.
+
+    So it is with those of the virtual board: its one elaboration takes minutes, for which another
+    worker would wait, and two boards at once are two processors that the other tests lack.
+    """
     for item in items:
         assert isinstance(item, pytest.Function)
         if item.get_closest_marker("xdist_group"):
+            continue
+        if getattr(item.module, "Board", None) is Board:
+            item.add_marker(pytest.mark.xdist_group("board"))
             continue
         known = item._fixtureinfo.name2fixturedefs
         if any(known[name][-1].scope == "module" for name in item.fixturenames if name in known):

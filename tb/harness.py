@@ -65,8 +65,9 @@ SEED = 20100301  # printed by every simulation; one seed for all random data
 
 
 # Simulations are short and cocotb takes most of their time, so a quick compilation is worth more
-# than quick code; Verilator's runtime is compiled once, and well.
-_OPTIMISATION = "-O1"
+# than quick code; Verilator's runtime is compiled once, and well. A large model with short tests is
+# not optimised at all: the compilation takes a quarter of the time.
+_OPTIMISATION = {False: "-O1", True: "-O0"}
 
 
 class _Verilator(Verilator):
@@ -86,9 +87,9 @@ class _Verilator(Verilator):
 
 
 @functools.cache
-def _shared() -> list[str]:
+def _shared(large: bool) -> list[str]:
     """Return the variables by which a Makefile takes what all models share, built if missing."""
-    return Tools.found().shared(_OPTIMISATION)
+    return Tools.found().shared(_OPTIMISATION[large])
 
 
 @contextlib.contextmanager
@@ -152,6 +153,7 @@ def simulate(
     volume: str = "short",
     start: int = 1,
     only: str | None = None,
+    large: bool = False,
 ) -> None:
     """Build ``module`` with ``parameters`` and run every cocotb test of ``test_file`` on it.
 
@@ -169,6 +171,7 @@ def simulate(
         volume: Which of the numbers of ``rounds`` holds, "short" or "long".
         start: Seed of what every register and memory holds before the reset.
         only: Pattern of the names of the cocotb tests that run; all if None.
+        large: Whether the compilation takes longer than the tests.
 
     Raises:
         RuntimeError: if the build or a test fails.
@@ -203,7 +206,7 @@ def simulate(
     stem = Path(test_file).stem
     kept = folder / f"{stem}_{volume}_{start}.json"
     with _environment(environment), FileLock(folder / "lock"):
-        shared = _shared()
+        shared = _shared(large)
         searched = [*rtl_folders(), devices, devices.with_name("contracts")]
         places = sorted(str(f) for place in searched for f in place.glob("*.sv"))
         circumstances = [*shared, sys.version, str(only), *places]

@@ -129,4 +129,4 @@ def check_lines(packets, pixels, dropped: int) -> None:
 
 
 def test_vrscan_axi_rtl_equals_models() -> None:
-    simulate("vrscan_axi", __file__, PARAMETERS)
+    simulate("vrscan_axi", __file__, PARAMETERS, large=True)

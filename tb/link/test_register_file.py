@@ -420,7 +420,7 @@ async def wide_inputs_are_never_torn(dut) -> None:
     bus = await new_bus(dut)
     wide = [r for r in bus.ro if r.width > 32]
     assert len(wide) >= 2
-    for _ in range(20):
+    for _ in range(rounds(6, 20)):
         for register in wide:
             _, low = await bus.access(READ, register.address, restless=True)
             value = bus.twin.inputs[register.name]

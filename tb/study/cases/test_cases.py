@@ -67,7 +67,16 @@ def rtl_points(case: LineCase, window: str) -> Points:
 
 
 @pytest.mark.parametrize("window", [*WINDOWS, "two_pass"])
-@pytest.mark.parametrize("build", BUILDS, ids=lambda build: "{}x{}".format(*build))
+@pytest.mark.parametrize(
+    "build",
+    [
+        # Another worker would wait until it is built.
+        pytest.param(
+            build, marks=pytest.mark.xdist_group(f"chain {build}"), id="{}x{}".format(*build)
+        )
+        for build in BUILDS
+    ],
+)
 def test_chain_rtl_equals_model(build: tuple[int, int], window: str) -> None:
     for case in (each for each in BUILDS[build] if window in tried(each)):
         difference = points_equal(rtl_points(case, window), case.points(window, neighbours=True))
