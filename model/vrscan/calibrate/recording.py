@@ -234,12 +234,15 @@ def from_file(
     Raises:
         InputError: naming the file, if one is missing or not of this form.
     """
+    own = edges_file is None
     if source.is_dir():
         edges_file = edges_file or source / "edges.csv"
         source /= "points.csv"
     points = recordings.read_points(source)
     if edges_file is None:
         return points, recordings.read_edges(source)
+    if own and config.mirror.polygon:  # the simulated scan has no number for a dark line
+        return points, recordings.read_edges(edges_file)
     timing = config.line
     delay_s = 1e-6 * (timing.pulse_delay_us + 0.5 * timing.pulse_us)
     points = replace(points, time_s=points.line / timing.rate_hz + delay_s)
