@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from vrscan.data.config import Config
+from vrscan.data.config import load as configuration
 from vrscan.data.errors import InputError
 from vrscan.engines.tools import repository_root
 from vrscan.scene.description import Description, load, parse, shipped
@@ -121,6 +122,24 @@ def test_a_files_own_files_are_looked_for_beside_it(tmp_path: Path) -> None:
     _fails(lambda: Light(scene, Config()), "box.stl")
     (tmp_path / "box.stl").write_bytes(b"solid nothing of the sort")
     _fails(lambda: Light(scene, Config()), "box.stl")
+
+
+def test_the_sensor_is_the_configurations() -> None:
+    """A scene knows neither its length, bits nor pitch; any scene is seen by any sensor."""
+    for key in ("line_length", "pixel_width", "pitch_mm"):
+        _fails(lambda key=key: _parse(sensor={key: 8}), f"unknown key sensor.{key}")
+    config = configuration(Path("metre"))
+    wall = {"kind": "plane", "position_mm": [0, 0, 700]}
+    scene = _parse(target=[wall], scan={"sweep": "even", "half_angle_deg": 5.0})
+    lines = simulate(Light(scene, config), 8, frozenset({"shot"})).lines.lines
+    assert lines.shape == (8, 1024) and 100 < lines.max() <= 1023
+
+
+def test_an_instrument_of_another_sensor_is_refused() -> None:
+    scene = _parse(instrument={"centre_px": 1023.5})
+    Light(scene, Config())
+    words = "my.toml: instrument.centre_px = 1023.5: the configuration has a sensor of 1024 px"
+    _fails(lambda: Light(scene, configuration(Path("metre"))), words)
 
 
 @pytest.mark.parametrize(

@@ -86,9 +86,15 @@ class Instrument(Section):
             start_s: Time after switching on.
 
         Raises:
-            InputError: if the focus or its reference is not farther away than the focal length, or
-                values do not go together.
+            InputError: if the focus or its reference is not farther away than the focal length,
+                values do not go together, or the axis is that of another sensor.
         """
+        pixels, axis = config.sensor.line_length, config.geometry.centre_px
+        if self.centre_px is not None and abs(self.centre_px - axis) > pixels / 4:
+            raise InputError(
+                f"instrument.centre_px = {self.centre_px:g}: the configuration has a sensor of "
+                f"{pixels} px with its axis at {axis:g}"
+            )
         own = self.model_dump(include=set(Geometry.model_fields), exclude_none=True)
         geometry = config.geometry.model_copy(update=own)
         if self.reference_focus_mm is not None:
