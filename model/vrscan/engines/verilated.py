@@ -29,8 +29,9 @@ from vrscan.engines.tools import (
     verilator_program,
 )
 
-# -O3 is no faster, and code for this very CPU (-march=native) is slower: docs/design.md.
-_OPTIMISATION = "-O2"
+# -O2 and -O3 are no faster and compile longer, and code for this very CPU (-march=native) is
+# slower: docs/design.md.
+_OPTIMISATION = "-O1"
 # Calls inside the shared object are direct where its symbols are hidden.
 _SHARED = ("-std=c++17", "-fPIC", "-fvisibility=hidden")
 # Floats are those of numpy: no fused multiply-add.
