@@ -39,7 +39,7 @@ NOT_RUN = {
 # What a test adds to a command, by its beginning: in front of the page's own options, which then
 # hold, and behind them, in their place.
 LESS = {
-    "scan relief": ("--engine ideal --fidelity minimal --jobs 1", "--lines 1501"),
+    "scan relief": ("--engine ideal --fidelity minimal --jobs 1", "--lines 603"),
     "scan": ("--engine fixed --fidelity minimal --jobs 1", "--lines 151"),
     "budget": ("", "--lines 151"),
     "stray": ("", "--lines 151"),
