@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 from collections.abc import Iterator
 
 import harness
@@ -14,7 +15,14 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 @pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Keep the tests that share a module's fixture in one worker, which then makes it once."""
+    """Keep the tests that share a module's fixture in one worker, which then makes it once.
+
+    Where a test may draw pictures, they are looked at.
+    """
+    if "matplotlib.figure" in sys.modules:
+        import pictures
+
+        pictures.watch()
     for item in items:
         assert isinstance(item, pytest.Function)
         if item.get_closest_marker("xdist_group"):
