@@ -43,10 +43,11 @@ LESS = {
     "scan": ("--engine fixed --fidelity minimal --jobs 1", "--lines 151"),
     "budget": ("", "--lines 151"),
     "stray": ("", "--lines 151"),
-    "mirror --config polygon": ("--seconds 0.12", "--config slow-polygon.toml"),
+    "mirror --config polygon": ("--seconds 0.01", "--config slow-polygon.toml"),
     "mirror": ("--seconds 0.12 --config slow.toml", ""),
     "calibrate coarse": ("--no-simplex", ""),
     "link watch": ("--seconds 0.2", ""),
+    "link points --space": ("", "--seconds 0.5"),
     "link points": ("", "--count 100"),
     "view": ("--http-port 0", ""),
 }
