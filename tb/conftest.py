@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 from collections.abc import Iterator
 
 import harness
@@ -20,7 +21,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
     So it is with those of the virtual board: its one elaboration takes minutes, for which another
     worker would wait, and two boards at once are two processors that the other tests lack.
+
+    Where a test may draw pictures, they are looked at.
     """
+    if "matplotlib.figure" in sys.modules:
+        import pictures
+
+        pictures.watch()
     for item in items:
         assert isinstance(item, pytest.Function)
         if item.get_closest_marker("xdist_group"):

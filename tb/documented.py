@@ -39,14 +39,15 @@ NOT_RUN = {
 # What a test adds to a command, by its beginning: in front of the page's own options, which then
 # hold, and behind them, in their place.
 LESS = {
-    "scan relief": ("--engine ideal --fidelity minimal --jobs 1", "--lines 1501"),
+    "scan relief": ("--engine ideal --fidelity minimal --jobs 1", "--lines 603"),
     "scan": ("--engine fixed --fidelity minimal --jobs 1", "--lines 151"),
     "budget": ("", "--lines 151"),
     "stray": ("", "--lines 151"),
-    "mirror --config polygon": ("--seconds 0.12", "--config slow-polygon.toml"),
+    "mirror --config polygon": ("--seconds 0.01", "--config slow-polygon.toml"),
     "mirror": ("--seconds 0.12 --config slow.toml", ""),
     "calibrate coarse": ("--no-simplex", ""),
     "link watch": ("--seconds 0.2", ""),
+    "link points --space": ("", "--seconds 0.5"),
     "link points": ("", "--count 100"),
     "view": ("--http-port 0", ""),
 }

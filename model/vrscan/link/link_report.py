@@ -391,8 +391,8 @@ def _picture(file: BinaryIO, found: Sequence[Captured], settings: Threshold, bui
     from vrscan.show.style import COLOURS, QUIET, drawing
 
     shown = found[:12]
-    with drawing(9.0, 2.2 * len(shown) + 0.4) as figure:
-        axes = figure.subplots(len(shown), 1, squeeze=False)[:, 0]
+    with drawing(9.0, 2.2 * len(shown) + 0.6) as figure:
+        axes = figure.subplots(len(shown), 1, squeeze=False, sharex=True)[:, 0]
         for axis, each in zip(axes, shown, strict=True):
             axis.plot(each.pixels, color=COLOURS[0], linewidth=0.8, drawstyle="steps-mid")
             title = f"line {each.line}"
@@ -413,8 +413,9 @@ def _picture(file: BinaryIO, found: Sequence[Captured], settings: Threshold, bui
             axis.set_title(title)
             axis.set_xlim(0, len(each.pixels) - 1)
             axis.set_ylabel("counts")
-        axes[0].legend(loc="upper right", ncols=4)
         axes[-1].set_xlabel("pixel")
+        named = axes[0].get_legend_handles_labels()
+        figure.legend(*named, loc="outside lower center", ncols=4)
         figure.savefig(file, format="png", dpi=120)
 
 

@@ -31,6 +31,9 @@ STYLE: dict[Any, Any] = {
     "figure.constrained_layout.use": True,
 }
 
+DECADES = tuple(k * 10.0**power for power in range(8) for k in (1, 2, 5))  # levels of a log axis
+_LEAST_GAP = 0.04  # of a logarithmic axis, between two of its numbers
+
 
 @contextmanager
 def drawing(width: float, height: float, title: str = "") -> Iterator[Figure]:
@@ -50,9 +53,19 @@ def drawing(width: float, height: float, title: str = "") -> Iterator[Figure]:
 
 
 def plain_log(axes: Axes, which: str, levels: Sequence[float], form: str = "{:g}") -> None:
-    """Write the ticks of a logarithmic axis as plain numbers, those of ``levels`` that it has."""
+    """Write the ticks of a logarithmic axis as plain numbers.
+
+    They are those of ``levels``, which rise, that the axis has, and that are no nearer to the one
+    before than a number is wide. Two places in between are taken where fewer than two are left.
+    """
     low, high = axes.get_xlim() if which == "x" else axes.get_ylim()
-    ticks = [level for level in levels if low <= level <= high]
+    ticks: list[float] = []
+    for level in levels:
+        near = ticks and level < ticks[-1] * (high / low) ** _LEAST_GAP
+        if low <= level <= high and not near:
+            ticks.append(level)
+    if len(ticks) < 2:
+        ticks, form = [low * (high / low) ** share for share in (0.25, 0.75)], "{:.3g}"
     names = [form.format(tick) for tick in ticks]
     (axes.set_xticks if which == "x" else axes.set_yticks)(ticks, names)
     axes.tick_params(which="minor", length=0)

@@ -30,7 +30,7 @@ from vrscan.scene.effects import EFFECTS, present
 from vrscan.scene.light import Light
 from vrscan.scene.simulate import Scanner, Simulation, simulate
 from vrscan.show.sheet import Column, Sheet, listed, rewrite, short, words
-from vrscan.show.style import COLOURS, INK, QUIET, drawing, plain_log
+from vrscan.show.style import COLOURS, DECADES, INK, QUIET, drawing, plain_log
 from vrscan.study.plan import JUMP_PX, ZONES, alike, judged, moved, plan
 from vrscan.study.report.figure import largest, mean, rms
 
@@ -451,7 +451,7 @@ def _limits(axes: Axes, rows: Sequence[Row]) -> None:
     powers = range(1 + round(np.log10(_FLOOR_PX)), int(np.log10(2.0 * farthest)) + 1)
     ticks = [10.0**power for power in powers]
     axes.set_xticks([_FLOOR_PX, *ticks], ["0", *[f"{tick:g}" for tick in ticks]])
-    plain_log(axes, "y", [k * 10.0**power for power in range(8) for k in (1, 2, 5)], "{:,.0f}")
+    plain_log(axes, "y", DECADES, "{:,.0f}")
 
 
 def _draw_panel(axes: Axes, rows: Sequence[Row], scene: str) -> None:

@@ -340,8 +340,10 @@ def _bust(found: Mapping[str, Any], folder: Path, file: Any) -> None:
     with drawing(9, 5.0, f"Bust: {found['bust_points']:,} points in one pan") as figure:
         left, right = figure.subplots(1, 2, width_ratios=(1, 1.3))
         if len(points):
-            left.scatter(points[:, 0], points[:, 1], c=points[:, 2], s=0.3, cmap="viridis_r")
-        left.set(xlabel="x, mm", ylabel="y, mm", aspect="equal", title="colour: z")
+            look: dict[str, Any] = {"c": points[:, 2], "s": 0.3, "cmap": "viridis_r"}
+            dots = left.scatter(points[:, 0], points[:, 1], **look)
+            figure.colorbar(dots, ax=left, label="z, mm")
+        left.set(xlabel="x, mm", ylabel="y, mm", aspect="equal", title="points")
         edges = np.array(bust["bins_mm"])
         right.stairs(bust["histogram"], edges, fill=True, color=COLOURS[0])
         right.set(xlabel="error in z, mm", ylabel="points", yscale="log", title="errors")

@@ -151,7 +151,7 @@ def table(rows: list[Row]) -> RichTable:
 
 def picture(rows: list[Row], file: BinaryIO) -> None:
     """Draw the error over the distance, one panel for each reflectance, as PNG."""
-    with drawing(8.0, 3.4) as figure:
+    with drawing(8.0, 3.7) as figure:
         panels = figure.subplots(1, len(REFLECTANCES), sharey=True)
         for axes, reflectance in zip(panels, REFLECTANCES, strict=True):
             for way, name in enumerate(NAMES):
@@ -161,7 +161,8 @@ def picture(rows: list[Row], file: BinaryIO) -> None:
             axes.set(xlabel="z, mm", yscale="log", title=f"Reflectance {reflectance:g}")
         plain_log(panels[0], "y", (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0))
         panels[0].set(ylabel="rms error of single points, % of z")
-        panels[0].legend(title="power, focus", loc="center right")
+        named = panels[0].get_legend_handles_labels()
+        figure.legend(*named, loc="outside lower center", ncols=4, title="power, focus")
         figure.savefig(file, format="png", dpi=150)
 
 

@@ -134,7 +134,7 @@ def _draw_profile(axes: Axes, result: Table, truth: Truth) -> None:
     _draw_stray(axes, result.x_mm, result.z_mm, result.located & ~seen, near)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(title="Profile", xlabel="x in mm", ylabel="z in mm")
-    _legend(axes, loc="lower left", markerscale=3.0)
+    _legend(axes, columns=3, markerscale=3.0)
 
 
 def _draw_map(axes: Axes, result: Table, truth: Truth, y_mm: Floats) -> None:
@@ -163,7 +163,7 @@ def _draw_map(axes: Axes, result: Table, truth: Truth, y_mm: Floats) -> None:
     _draw_stray(axes, result.x_mm, y_mm, result.located & ~seen, near)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(title="Points", xlabel="x in mm", ylabel="y in mm")
-    _legend(axes, loc="lower right", bbox_to_anchor=(1.0, 0.98), markerscale=3.0)
+    _legend(axes, markerscale=3.0)
 
 
 def _draw_hidden(axes: Axes, across: Floats, up: Floats, rows: Bools) -> None:
@@ -185,11 +185,12 @@ def _counted(rows: Bools, what: str) -> str:
     return f"{count} {what}" + ("" if count == 1 else "s")
 
 
-def _legend(axes: Axes, **options: Any) -> None:
-    """Add a legend, in six columns at most, if there is anything to name."""
+def _legend(axes: Axes, columns: int = 1, **options: Any) -> None:
+    """Add a legend above the axes, where it covers nothing, if there is anything to name."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
-        legend = axes.legend(handles, labels, ncols=1 + (len(handles) - 1) // 6, **options)
+        place: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 0.98)}
+        legend = axes.legend(handles, labels, ncols=columns, **place, **options)
         for mark in legend.legend_handles:  # enlarges small dots only
             if isinstance(mark, Line2D):
                 mark.set_markersize(min(mark.get_markersize(), 6.0))
@@ -235,7 +236,7 @@ def _draw_error(axes: Axes, recording: Lines, result: Table, truth: Truth) -> No
         xlabel="scan angle in degrees",
         ylabel="measured - true in µm",
     )
-    _legend(axes, loc="lower right", bbox_to_anchor=(1.0, 0.98))
+    _legend(axes)
 
 
 def _draw_line(

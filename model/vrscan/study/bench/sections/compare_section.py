@@ -10,7 +10,7 @@ from vrscan.data.arrays import Floats
 from vrscan.detectors.catalogue import Detector, detectors
 from vrscan.fixed import peak_fit, peak_position, peak_refine, phase_correlate
 from vrscan.show.sheet import Column, Sheet, listed, number, words
-from vrscan.show.style import INK, drawing, plain_log
+from vrscan.show.style import DECADES, INK, drawing, plain_log
 from vrscan.study.bench import cost, detect
 from vrscan.study.bench.bench_page import Block, Heading, Picture, Table, Text
 from vrscan.study.bench.cells import Cell, Figures
@@ -247,7 +247,7 @@ def _picture(shown: Sequence[Detector], rates: dict[str, float], mean: dict[str,
         low, high = axes.get_xlim()
         axes.set_xlim(min(low, 0.95), 1.5 * high)
         plain_log(axes, "x", (1.0, 1.1, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0))
-        plain_log(axes, "y", [k * 10.0**e for e in range(3, 7) for k in (1, 2, 5)], "{:,.0f}")
+        plain_log(axes, "y", DECADES, "{:,.0f}")
         axes.set(
             xlabel="rms error over the Cramér-Rao bound, geometric mean of 20 spots",
             ylabel="lines/s, one core",

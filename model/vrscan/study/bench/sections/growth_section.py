@@ -8,7 +8,7 @@ import numpy as np
 
 from vrscan.data.config import Config
 from vrscan.show.sheet import Column, Sheet, listed, number, words
-from vrscan.show.style import COLOURS, INK, drawing
+from vrscan.show.style import COLOURS, DECADES, INK, drawing, plain_log
 from vrscan.study.bench import instrument
 from vrscan.study.bench.bench_page import Block, Picture, Table, Text
 from vrscan.study.bench.cells import Cell, Figures
@@ -165,6 +165,7 @@ def _picture(
             middle = lengths["fixed"][len(ends) // 2]
             line = 1e6 * middle[2] / middle[1] * ends / middle[0]
             right.plot(ends, line, "--", color=INK, linewidth=0.9, label="as the pixels")
+        plain_log(left, "y", DECADES)
         left.set_ylabel("µs a line")
         handles, labels = right.get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside right center", fontsize=8)
