@@ -62,7 +62,7 @@ module focus_target (
   logic        [  PositionWidth-1:0] table_mem [1 << TableBits];
   // An entry that was never written is as the bus reads it.
   initial for (int k = 0; k < (1 << TableBits); k = k + 1) begin
-    table_mem[k] = register_pkg::ResetPosition[PositionWidth*k+:PositionWidth];
+    table_mem[k] = register_pkg::ResetFocusTablePosition[PositionWidth*k+:PositionWidth];
   end
   logic        [  PositionWidth-1:0] entry_q, base_q, candidate_q;
   logic        [      TableBits-1:0] index_q;

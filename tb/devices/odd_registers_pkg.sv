@@ -113,37 +113,37 @@ package odd_registers_pkg;
 
   // What a reset brings; of a table what it holds before the first write.
   localparam logic [32:0] ResetLonger = 33'h180000001;
-  localparam logic [63:0] ResetLongest = '0;
+  localparam logic [63:0] ResetLongest = 64'h0;
   localparam logic [39:0] ResetNegativeLong = 40'hfffffffffe;
-  localparam logic ResetLockA = '0;
-  localparam logic ResetLockB = '0;
-  localparam logic ResetLockC = '0;
-  localparam logic ResetLockD = '0;
+  localparam logic ResetLockA = 1'h0;
+  localparam logic ResetLockB = 1'h0;
+  localparam logic ResetLockC = 1'h0;
+  localparam logic ResetLockD = 1'h0;
   localparam logic [8:0] ResetHeld = 9'h1fd;
   localparam logic [39:0] ResetHeldLong = 40'h8000000001;
   localparam logic [17:0] ResetHeldSeveral = 18'h5145;
-  localparam logic ResetHeldBank = '0;
-  localparam logic ResetAccessBank = '0;
-  localparam logic ResetCommit = '0;
+  localparam logic ResetHeldBank = 1'h0;
+  localparam logic ResetAccessBank = 1'h0;
+  localparam logic ResetCommit = 1'h0;
   localparam logic ResetSole = 1'h1;
   localparam logic [31:0] ResetWord = 32'hee6b2800;
   localparam logic [4:0] ResetLittle = 5'h10;
   localparam logic [11:0] ResetBounded = 12'h9;
-  localparam logic [11:0] ResetCentred = '0;
+  localparam logic [11:0] ResetCentred = 12'h0;
   localparam logic [31:0] ResetBelow = 32'hfffffff9;
   localparam logic [31:0] ResetAbove = 32'h7;
-  localparam logic [3:0] ResetLate = '0;
+  localparam logic [3:0] ResetLate = 4'h0;
   localparam logic [2:0] ResetHit = 3'h2;
-  localparam logic [31:0] ResetSignal = '0;
+  localparam logic [31:0] ResetSignal = 32'h0;
   localparam logic [4:0] ResetBits = 5'h1f;
   localparam logic [50:0] ResetSeveral = 51'h7fffbfffdfffe;
-  localparam logic [63:0] ResetWords = '0;
-  localparam logic [511:0] ResetHeldTableLeft = '0;
-  localparam logic [47:0] ResetHeldTableRight = '0;
-  localparam logic [255:0] ResetSingleValue = '0;
-  localparam logic [255:0] ResetTripleLow = '0;
-  localparam logic [55:0] ResetTripleMiddle = '0;
-  localparam logic [7:0] ResetTripleHigh = '0;
+  localparam logic [63:0] ResetWords = 64'h0;
+  localparam logic [511:0] ResetHeldTableLeft = 512'h0;
+  localparam logic [47:0] ResetHeldTableRight = 48'h0;
+  localparam logic [255:0] ResetSingleValue = 256'h0;
+  localparam logic [255:0] ResetTripleLow = 256'h0;
+  localparam logic [55:0] ResetTripleMiddle = 56'h0;
+  localparam logic [7:0] ResetTripleHigh = 8'h0;
 endpackage
 
 `default_nettype wire

@@ -47,7 +47,8 @@ async def begins_with(dut, name: str) -> None:
             dut.bus_valid_i.value = 1
             await FallingEdge(dut.clk_i)
             dut.bus_valid_i.value = 0
-            await Timer((LATENCY - 1) * CLOCK_NS, "ns")
+            await Timer((LATENCY - 2) * CLOCK_NS + 1, "ns")
+            await FallingEdge(dut.clk_i)
             got = int(dut.bus_data_o.value)
             assert int(dut.bus_done_o.value) == 1
             assert got == word, f"{each} at {address:#06x} is {got:#x}, want {word:#x}"

@@ -29,7 +29,7 @@ def declaration(name: str, width: int, values: Iterable[int]) -> str:
     digits = [f"{value & (1 << width) - 1:0{width}b}" for value in values]
     bits, value = len(digits) * width, int("".join(reversed(digits)), 2)
     kind = "logic" if bits == 1 else f"logic [{bits - 1}:0]"
-    return f"  localparam {kind} {constant(name)} = " + (f"{bits}'h{value:x};" if value else "'0;")
+    return f"  localparam {kind} {constant(name)} = {bits}'h{value:x};"
 
 
 def with_resets(package: str, values: Mapping[str, Value]) -> str:
