@@ -668,12 +668,12 @@ async def reset_mid_stream(dut) -> None:
     ids=str,
 )
 def test_vrscan_chain_rtl_equals_model(widths: dict[str, int], volume: str) -> None:
-    simulate("vrscan_chain", __file__, widths, volume=volume, large=volume == "short")
+    simulate("vrscan_chain", __file__, widths, volume=volume)
 
 
 @pytest.mark.parametrize("start", [2, 3, in_volume(4)])
 def test_what_registers_hold_before_the_reset_changes_no_point(start: int) -> None:
-    simulate("vrscan_chain", __file__, ELABORATIONS[0], start=start, only="before|fits", large=True)
+    simulate("vrscan_chain", __file__, ELABORATIONS[0], start=start, only="before|fits")
 
 
 @pytest.mark.parametrize("pixel_width", [8, 12, 16])
