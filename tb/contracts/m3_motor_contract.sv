@@ -1,6 +1,7 @@
 // m3_motor_contract: what is sent is the command, and what is told of a stage is in its reply.
 //
-// The bytes of both streams are counted here, and each one is looked up by its number.
+// The bytes of both streams are counted here, and each one is looked up by its number.  Another driver
+// may use the bus while this one is not busy: such bytes and replies change nothing.
 
 `default_nettype none
 
@@ -85,21 +86,23 @@ module m3_motor_contract (
     if (told) result = !reading_q ? '0 : failed ? MotorError : at_limit ? Limit : '0;
   end
 
-  logic       start_due_q, end_due_q, take, more;
+  logic       start_due_q, end_due_q, take, heard, replied, more;
   logic [3:0] result_q;
-  assign take = valid_i && !busy_o;
-  assign more = reply_valid_i && !second_q && reply_status_i == '0;
+  assign take    = valid_i && !busy_o;
+  assign heard   = byte_valid_i && busy_o;
+  assign replied = reply_valid_i && busy_o;
+  assign more    = replied && !second_q && reply_status_i == '0;
 
   always_ff @(posedge clk_i) begin
     started_q   <= started_q || rst_i;
     start_due_q <= !rst_i && (take || more);
-    end_due_q   <= !rst_i && reply_valid_i && !more;
-    fresh_q     <= byte_valid_i;
+    end_due_q   <= !rst_i && replied && !more;
+    fresh_q     <= heard;
     stays_q     <= !rst_i;
     motor_q     <= motor_status_o;
     result_q    <= second_q ? result : 4'(reply_status_i);
     if (take) {reading_q, target_q} <= {read_i, target_i};
-    if (byte_valid_i) begin
+    if (heard) begin
       count_q <= count_q + 5'd1;
       ended_q <= second_q ? byte_i == Return || count_q == Longest - 5'd1 : byte_o == Return;
       right_q <= right_q && fits;
@@ -117,14 +120,14 @@ module m3_motor_contract (
       right_q  <= 1'b1;
       heard_q  <= word_q;  // all of it is shifted out
     end
-    runs_q <= command_valid_o || (runs_q && !reply_valid_i);
+    runs_q <= command_valid_o || (runs_q && !replied);
     if (rst_i) runs_q <= 1'b0;
 
     if (started_q) begin
       one_command: assume (rst_i || !valid_i || !busy_o);
-      bytes_of_a_stream: assume (rst_i || !byte_valid_i || (runs_q && !fresh_q && !ended_q));
-      its_end: assume (rst_i || !reply_valid_i || (runs_q && !byte_valid_i));
-      no_success_of_a_part: assume (rst_i || !reply_valid_i || reply_status_i != '0 || ended_q);
+      bytes_of_a_stream: assume (rst_i || !heard || (runs_q && !fresh_q && !ended_q));
+      its_end: assume (rst_i || !replied || (runs_q && !byte_valid_i));
+      no_success_of_a_part: assume (rst_i || !replied || reply_status_i != '0 || ended_q);
 
       streams_in_time: assert (command_valid_o == start_due_q);
       replies_in_time: assert (valid_o == end_due_q);

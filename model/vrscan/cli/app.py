@@ -274,7 +274,7 @@ def scan(
             begin, end = light.scene.scan.start_s, scanner.end_s
             scanned = light.scene.scan, light.scene.seed, light.scene.instrument
             write_edges(files["edges.csv"], begin, end, settings, *scanned)
-        title = f"{light.scene.title or scene}: {count} lines, engine {engine}"
+        title = f"{light.scene.title or Path(scene).name}: {count} lines, engine {engine}"
         drawn = len(sample.lines)
         report.picture(
             sample.lines,

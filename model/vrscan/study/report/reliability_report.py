@@ -118,10 +118,8 @@ def picture(found: Reliability, title: str, file: BinaryIO) -> None:
             held = [100.0 * found.share(k) for k in multiple]
             shares.plot(multiple, held, color=COLOURS[0], linewidth=2.0, label="points")
             for k in MULTIPLES:
-                text = f"{100.0 * found.share(k):.1f} %"
-                shares.annotate(
-                    text, (k, 100.0 * found.share(k)), (k + 0.08, 100.0 * found.share(k) - 7.0)
-                )
+                percent = 100.0 * found.share(k)
+                shares.text(k + 0.08, max(percent - 7.0, 2.0), f"{percent:.1f} %")
                 shares.axvline(k, color=LIGHT, linewidth=0.8, zorder=0)
         shares.set(
             xlabel="k", ylabel="share of points in %", xlim=(0, 4), ylim=(0, 102),
