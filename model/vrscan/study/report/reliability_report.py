@@ -125,7 +125,7 @@ def picture(found: Reliability, title: str, file: BinaryIO) -> None:
             xlabel="k", ylabel="share of points in %", xlim=(0, 4), ylim=(0, 102),
             title="Points within k sigma of the truth",
         )  # fmt: skip
-        shares.legend(loc="lower right")
+        shares.legend(loc="best")
         errors.set(
             xlabel="predicted sigma of z in mm", ylabel="rms error in mm",
             title=f"Error over prediction: {found.ratio:.2f}" if found.rated else "No point",
