@@ -3,7 +3,7 @@
 import copy
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TypeVar
 
@@ -13,7 +13,7 @@ import numpy.typing as npt
 from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError, blamed
-from vrscan.ideal.geometry import ThinLens, project, undistorted
+from vrscan.ideal.geometry import ThinLens, undistorted
 from vrscan.scene.beam import radius_mm
 from vrscan.scene.description import Description
 from vrscan.scene.ghosts import Ghosts, Stack, ghosts, stack
@@ -37,15 +37,9 @@ from vrscan.scene.targets import World
 from vrscan.scene.timeline import Timeline
 from vrscan.scene.tolerances import Instrument
 
-_VIEW_STEP = 8  # px between the rays on which the camera's view is sampled
-_BOUNCE_KNOTS = 193  # angles at which the second bounce is computed
-_NEAR_PX = 64  # distance from a spot within which it is computed for each line
-_BESIDE_PX = 32  # distance from a spot within which it is computed for each pixel
-_BOUNCE_EDGE = 1.02  # range of these angles over the scan's amplitude
-_BOUNCE_TABLES = 48  # number of places of a panning scanner that are kept
+VIEW_STEP = 8  # px between the rays on which the camera's view is sampled
 _VIEWS = 64  # number of views of a moving scanner that are kept
 PAN_STEP_MM = 1.0  # distance over which a moving scanner's view counts as the same
-_RAYS = 1 << 16  # rays followed at a time
 _CHUNK = 16  # lines whose light beside the spot is worked out at a time
 _SKIRT_STEP = 5e-5  # rad between the angles at which the scan head's scatter is kept
 _SKIRT_ANGLES = 400  # angles at which it is computed
@@ -119,7 +113,7 @@ class Light:
         # Where spots need rays: the first angle, and whether at each, by tolerance and effects.
         self.split_maps: dict[tuple[float, frozenset[str]], tuple[float, Bools]] = {}
         self._views: dict[int, View] = {}
-        self._bounces: dict[int, tuple[Singles, Singles, Floats]] = {}
+        self.bounces: dict[int, tuple[Singles, Singles, Floats]] = {}  # see bounce
         self._skirts: dict[int, tuple[Singles, Singles]] = {}
         self._refuse_fog()
 
@@ -174,7 +168,7 @@ class Light:
             for name in _FOCUSED:
                 other.__dict__.pop(name, None)
             other.split_maps = {}
-            other._views, other._bounces, other._skirts = {}, {}, {}
+            other._views, other.bounces, other._skirts = {}, {}, {}
         else:
             other.__dict__.update({name: getattr(self, name) for name in _FOCUSED})
         return other
@@ -304,8 +298,8 @@ class Light:
     @property
     def view_px(self) -> Floats:
         """Return the pixels for which the camera's view is computed, and one after the last."""
-        count = -(-self.config.sensor.line_length // _VIEW_STEP) + 1
-        return _VIEW_STEP * np.arange(count, dtype=np.float64)
+        count = -(-self.config.sensor.line_length // VIEW_STEP) + 1
+        return VIEW_STEP * np.arange(count, dtype=np.float64)
 
     def view(self, y_mm: float) -> View:
         """Return what the camera sees: points, normals, target (-1 for none) and albedo.
@@ -318,10 +312,10 @@ class Light:
             y = key * PAN_STEP_MM
             if len(self._views) == _VIEWS:
                 self._views.pop(next(iter(self._views)))  # the oldest
-            self._views[key] = self._look(self.view_px, y)
+            self._views[key] = self.look(self.view_px, y)
         return self._views[key]
 
-    def _look(self, pixel: Floats, y_mm: float) -> View:
+    def look(self, pixel: Floats, y_mm: float) -> View:
         """Return what some pixels see, as ``view`` does."""
         camera = Camera.of(self.config, self.scene.lens.f_number)
         u, _ = undistorted(pixel, self.config.geometry)
@@ -332,20 +326,20 @@ class Light:
         distance = np.where(hits.target >= 0, hits.distance_mm, 0.0)
         return camera.place + distance[:, None] * ray, hits.normal, hits.target, hits.albedo
 
-    @property
-    def _off_axis_rad(self) -> Floats:
-        """Return the angle from the axis at which every eighth pixel looks."""
-        u, _ = undistorted(self.view_px, self.config.geometry)
+    def off_axis_rad(self, pixel: Floats) -> Floats:
+        """Return the angle from the axis at which pixels look."""
+        u, _ = undistorted(pixel, self.config.geometry)
         return np.asarray(np.arctan(u / self.config.geometry.focal_mm))
 
-    def _whole_row(self, values: npt.NDArray[_Real]) -> npt.NDArray[_Real]:
+    def whole_row(self, values: npt.NDArray[_Real]) -> npt.NDArray[_Real]:
         """Return a value for each pixel [..., length] from one for every eighth."""
-        share = (np.arange(_VIEW_STEP) / _VIEW_STEP).astype(values.dtype)
+        share = (np.arange(VIEW_STEP) / VIEW_STEP).astype(values.dtype)
         found = np.diff(values)[..., None] * share
         found += values[..., :-1, None]
         return found.reshape(*values.shape[:-1], -1)[..., : self.config.sensor.line_length]
 
-    def _diffuse(self, target: Ints, albedo: Floats) -> Floats:
+    def diffuse(self, target: Ints, albedo: Floats) -> Floats:
+        """Return the reflectance of places on targets, 0 where the target is -1 [n]."""
         known = np.array([material.reflectance for material in self.materials] + [0.0])
         return known[target] * albedo
 
@@ -405,7 +399,7 @@ class Light:
             shaded[hit] = self.world.blocked(start[hit], far[hit])
         band = scene.lens.filter_nm
         irradiance = source.in_band_irradiance(normal, shaded=shaded, band_nm=band)
-        radiance = np.where(hit, self._diffuse(target, albedo) * irradiance / np.pi, 0.0)
+        radiance = np.where(hit, self.diffuse(target, albedo) * irradiance / np.pi, 0.0)
         electrons = pixel_electrons(
             radiance,
             f_number=scene.lens.f_number,
@@ -413,10 +407,10 @@ class Light:
             exposure_s=self.exposure_s,
             quantum_efficiency=scene.sensor.quantum_efficiency,
             transmission=scene.lens.transmission * scene.lens.filter_transmission,
-            off_axis_rad=self._off_axis_rad,
+            off_axis_rad=self.off_axis_rad(self.view_px),
             wavelength_nm=0.5 * sum(band),
         )
-        return self._whole_row(electrons)
+        return self.whole_row(electrons)
 
     def veil_e(self) -> float:
         """Return the electrons that sun and lamps outside the field put into each pixel.
@@ -469,7 +463,7 @@ class Light:
             heading, gain = (each[None] for each in self._skirts[key])
             steps = heading * np.float32(1.0 / _SKIRT_STEP)
             turned = (angle_rad / _SKIRT_STEP).astype(np.float32)[:, None]
-            for rows in _chunks(np.flatnonzero(keys == key)):
+            for rows in chunks(np.flatnonzero(keys == key)):
                 apart = steps - turned[rows]
                 place = np.abs(apart, out=apart).astype(np.int32)
                 np.multiply(table.take(place, mode="clip"), gain, out=apart)
@@ -490,7 +484,7 @@ class Light:
     def _skirt_seen(self, y_mm: float) -> tuple[Singles, Singles]:
         """Return the directions from the pivot to what the pixels see, and how they see it."""
         pixel = np.arange(self.config.sensor.line_length, dtype=np.float64)
-        point, normal, target, albedo = self._look(pixel, y_mm)
+        point, normal, target, albedo = self.look(pixel, y_mm)
         lift = np.array([0.0, y_mm, 0.0])
         away = np.linalg.norm(point, axis=1)
         seen = (target >= 0) & (away > 0.0)
@@ -501,174 +495,14 @@ class Light:
         hidden = self.world.blocked(np.broadcast_to(lift, some.shape), some)
         lit = np.zeros(len(pixel))
         lit[seen] = np.where(hidden, 0.0, facing[seen] / np.square(away[seen]))
-        u, _ = undistorted(pixel, self.config.geometry)
-        seen_sr = collection(self.scene.lens.f_number, np.arctan(u / self.config.geometry.focal_mm))
+        seen_sr = collection(self.scene.lens.f_number, self.off_axis_rad(pixel))
         area = np.square(self.config.geometry.pitch_mm)
-        gain = lit * self._diffuse(target, albedo) / np.pi * area * seen_sr
+        gain = lit * self.diffuse(target, albedo) / np.pi * area * seen_sr
         heading = np.arctan2(point[:, 0], point[:, 2])
         return heading.astype(np.float32), gain.astype(np.float32)
 
-    # -- the second bounce --
 
-    def bounced(self, angle_rad: Floats, y_mm: Floats) -> Singles:
-        """Return the light that the spot throws on the rest of the scene [n, length].
-
-        It is in units of the electrons that the whole beam would make if it went through the lens.
-        Both reflections are Lambertian; a third reflection and the gloss of either are left out. It
-        is computed at ``_BOUNCE_KNOTS`` angles; within ``_NEAR_PX`` of the spots of the line and of
-        the two angles around it, where it changes faster than they are apart, for the line's own;
-        and for every eighth pixel, but for each within ``_BESIDE_PX`` of the spot. The spot's own
-        width keeps a corner finite.
-        """
-        limit = self._bounce_limit
-        turned = np.clip((angle_rad + limit) / (2.0 * limit), 0.0, 1.0) * (_BOUNCE_KNOTS - 1)
-        knot = np.minimum(turned.astype(np.int64), _BOUNCE_KNOTS - 2)
-        share = (turned - knot).astype(np.float32)[:, None]
-        keys = np.round(y_mm / PAN_STEP_MM).astype(np.int64)
-        found = np.empty((len(angle_rad), self.config.sensor.line_length), np.float32)
-        for key in np.unique(keys).tolist():
-            rows = np.flatnonzero(keys == key)
-            low, whole, marks = self._bounce_table(key)
-            before, behind = knot[rows], knot[rows] + 1
-            for some in _chunks(rows):
-                part, more = whole[knot[some]], whole[knot[some] + 1]
-                more -= part
-                more *= share[some]
-                part += more
-                found[some] = part
-            y = key * PAN_STEP_MM
-            spots = self._strike(angle_rad[rows], y)
-            own = spots.position_px
-            near = np.zeros((len(rows), low.shape[1]), np.bool_)
-            for mark in (own, marks[before], marks[behind]):
-                first = np.nan_to_num(np.ceil((mark - _NEAR_PX) / _VIEW_STEP), nan=-1e6)
-                place = first.astype(np.int64)[:, None] + np.arange(2 * _NEAR_PX // _VIEW_STEP)
-                line, column = np.nonzero((place >= 0) & (place < low.shape[1]))
-                near[line, place[line, column]] = True
-            line, place = np.nonzero(near)
-            light = self._thrown(spots, y, self.view_px, self.view(y), line, place)
-            between = low[before[line], place] * (1.0 - share[rows[line], 0])
-            between += low[behind[line], place] * share[rows[line], 0]
-            change = np.zeros(near.shape, np.float32)
-            change[line, place] = light - between
-            for some in _chunks(np.flatnonzero(change.any(axis=1))):
-                found[rows[some]] += self._whole_row(change[some])
-            # Each pixel beside the spot, if any place there has light, or may have between places.
-            beside = np.abs(self.view_px[place] - own[line]) < _BESIDE_PX + _VIEW_STEP
-            fine = spots.fine.copy()
-            fine[line[beside & (light > 0.0)]] = True
-            lines = np.flatnonzero(fine & ~np.isnan(own))
-            line, pixel = self._beside(own[lines])
-            line = lines[line]
-            needed = np.zeros(found.shape[1], np.bool_)
-            needed[pixel] = True
-            each = np.flatnonzero(needed).astype(np.float64)
-            which = (np.cumsum(needed) - 1)[pixel]
-            light = self._thrown(spots, y, each, self._look(each, y), line, which)
-            found[rows[line], pixel] = light
-        return found
-
-    def _beside(self, position_px: Floats) -> tuple[Ints, Ints]:
-        """Return the pixels beside some spots: index of the spot and pixel of each [k]."""
-        pixel = np.round(position_px)[:, None] + np.arange(-_BESIDE_PX, _BESIDE_PX + 1)
-        line, column = np.nonzero((pixel >= 0) & (pixel < self.config.sensor.line_length))
-        return line, pixel[line, column].astype(np.int64)
-
-    @property
-    def _bounce_limit(self) -> float:
-        scan, mirror = self.scene.scan, self.config.mirror
-        widest = scan.half_angle_deg if scan.sweep == "even" else mirror.amplitude_deg
-        return _BOUNCE_EDGE * math.radians(widest)
-
-    def _bounce_table(self, key: int) -> tuple[Singles, Singles, Floats]:
-        """Return the light at ``_BOUNCE_KNOTS`` angles, and where the spots are then, px.
-
-        The light is at the places of ``view_px``, and at every pixel.
-        """
-        if key not in self._bounces:
-            angles = np.linspace(-self._bounce_limit, self._bounce_limit, _BOUNCE_KNOTS)
-            if len(self._bounces) >= _BOUNCE_TABLES:
-                self._bounces.clear()
-            spots = self._strike(angles, key * PAN_STEP_MM)
-            shape = len(angles), len(self.view_px)
-            every = np.indices(shape).reshape(2, -1)
-            y = key * PAN_STEP_MM
-            light = self._thrown(spots, y, self.view_px, self.view(y), *every)
-            low = light.reshape(shape)
-            self._bounces[key] = low, self._whole_row(low), spots.position_px
-        return self._bounces[key]
-
-    def _strike(self, angle: Floats, y_mm: float) -> "_Struck":
-        """Return where the beam's axis meets the scene at some angles."""
-        beam = np.stack([np.sin(angle), np.zeros(len(angle)), np.cos(angle)], axis=1)
-        hits = self.world.cast(np.zeros_like(beam) + np.array([0.0, y_mm, 0.0]), beam)
-        lit = hits.target >= 0
-        distance = np.where(lit, hits.distance_mm, 0.0)
-        point = distance[:, None] * beam
-        camera = Camera.of(self.config, self.scene.lens.f_number)
-        front = lit & ((point - camera.place) @ camera.axis > 0.0)
-        position = np.full(len(angle), np.nan)
-        position[front] = project(point[front, 0], point[front, 2], self.config.geometry)
-        gain = np.where(lit, self._diffuse(hits.target, hits.albedo), 0.0) / np.pi
-        width = radius_mm(distance, self.scene.laser)
-        fine = lit & np.append(self.world.meshed, False)[hits.target]
-        return _Struck(point, hits.normal, gain, width, position, fine)
-
-    def _thrown(
-        self, spots: "_Struck", y_mm: float, pixel: Floats, view: View, line: Ints, place: Ints
-    ) -> Singles:
-        """Return the light that spots throw on places [k].
-
-        Args:
-            spots: The spots of some lines.
-            y_mm: Position of the scanner along y.
-            pixel: Pixels of the places [m].
-            view: What they see.
-            line: Index of each pair's line [k].
-            place: Index of each pair's place [k].
-        """
-        point, normal, target, albedo = view
-        found = np.zeros(len(line), np.float32)
-        pair = np.flatnonzero((spots.gain > 0.0)[line] & (target >= 0)[place])
-        i, j = line[pair], place[pair]
-        way = point[j] - spots.point[i]
-        leave = np.einsum("ij,ij->i", way, spots.normal[i])
-        arrive = -np.einsum("ij,ij->i", way, normal[j])
-        kept = np.flatnonzero((leave > 1e-9) & (arrive > 1e-9))
-        pair, i, j = pair[kept], i[kept], j[kept]
-        square = np.einsum("ij,ij->i", way[kept], way[kept])
-        cosines = (leave * arrive)[kept] / square
-        lift = np.array([0.0, y_mm, 0.0])
-        clear = np.zeros(len(i), np.bool_)
-        for start in range(0, len(i), _RAYS):
-            some = slice(start, start + _RAYS)
-            clear[some] = ~self.world.blocked(spots.point[i[some]] + lift, point[j[some]] + lift)
-        # The spot is not a point: nearer than its sigma its light does not grow any more.
-        nearest = np.square(0.5 * spots.width_mm[i])
-        form = clear * cosines / (square + nearest)
-        # In mm2, like the irradiance; the beam's electrons already include lens and filter.
-        area = np.square(self.config.geometry.pitch_mm)
-        u, _ = undistorted(pixel, self.config.geometry)
-        off_axis = np.arctan(u / self.config.geometry.focal_mm)
-        seen_sr = collection(self.scene.lens.f_number, off_axis)[j]
-        again = self._diffuse(target[j], albedo[j]) / np.pi
-        found[pair] = spots.gain[i] * form * again * area * seen_sr
-        return found
-
-
-@dataclass(frozen=True)
-class _Struck:
-    """Places where the beam's axis meets the scene, of n lines."""
-
-    point: Floats  # in the scanner's frame, mm [n, 3]
-    normal: Floats  # [n, 3]
-    gain: Floats  # radiance over irradiance, 1/sr [n], 0 where nothing is met
-    width_mm: Floats  # 1/e2 radius of the beam [n]
-    position_px: Floats  # image [n], NaN where there is none
-    fine: Bools  # on a mesh, whose faces may be smaller than eight pixels [n]
-
-
-def _chunks(rows: Ints) -> Iterator[Ints]:
+def chunks(rows: Ints) -> Iterator[Ints]:
     """Yield parts of some lines, so few that their data stay in the cache."""
     for start in range(0, len(rows), _CHUNK):
         yield rows[start : start + _CHUNK]

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from vrscan.data.arrays import Bools, Floats, Ints, Pixels
 from vrscan.data.errors import blamed
 from vrscan.data.lines import Truth
-from vrscan.scene import image
+from vrscan.scene import bounce, image
 from vrscan.scene.beam import pulse_transform
 from vrscan.scene.effects import WHOLE_LINE
 from vrscan.scene.image import Singles
@@ -559,7 +559,7 @@ class Renderer:
                 field += beside
         if "bounce" in self.active:
             with self._clock("bounce"):
-                bounced = self.light.bounced(timeline.angle_rad[rows], timeline.y_mm[rows])
+                bounced = bounce.bounced(self.light, timeline.angle_rad[rows], timeline.y_mm[rows])
                 bounced *= np.float32(self._spotter.electrons)
                 field += bounced
         if self._sensitivity is not None:
