@@ -23,14 +23,14 @@ def _shown(artist: Any) -> bool:
 
 def _ticks(axis: Axis) -> list[Text]:
     """Return the numbers that are drawn at an axis."""
-    ticks = axis._update_ticks()  # type: ignore[attr-defined]
+    ticks = axis._update_ticks()
     return [label for tick in ticks for label in (tick.label1, tick.label2) if _shown(label)]
 
 
 def _texts(axes: Axes) -> Iterator[Text]:
     """Yield what is written in and around the axes, but for the legend."""
     yield from axes.texts
-    yield from (axes.title, axes._left_title, axes._right_title)  # type: ignore[attr-defined]
+    yield from (axes.title, axes._left_title, axes._right_title)
     if axes.axison:
         for axis in (axes.xaxis, axes.yaxis):
             if axis.get_visible():
@@ -154,4 +154,4 @@ def watch() -> None:
         found = complaints(figure)
         assert not found, "\n".join(found)
 
-    Figure.savefig = checked  # type: ignore[method-assign]
+    Figure.savefig = checked
