@@ -139,6 +139,7 @@ class FakeBoard:
         self._packets: deque[bytes] = deque()
         self.pixels: Pixels = np.zeros((1, LINE_LENGTH), np.uint16)
         self.made: Records = np.zeros(1, records.FULL)  # of the lines, again and again
+        self.timed = True  # records have the time of the counter, not what was made
         self.test = False  # lines are the test's
         self._inputs()
         self.plug()
@@ -334,7 +335,10 @@ class FakeBoard:
         while self._due >= 1.0:
             self._due -= 1.0
             k = self._line % len(self.made)
-            self._give(self.pixels[k % len(self.pixels)], self.made[k].copy())
+            record = self.made[k].copy()
+            if self.timed:
+                record["time"] = self.clocks() % (1 << 32)
+            self._give(self.pixels[k % len(self.pixels)], record)
 
     def _give(self, pixels: Pixels, record: np.void) -> None:
         line = self._line

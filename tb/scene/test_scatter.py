@@ -345,7 +345,7 @@ def test_the_line_has_the_light_of_the_patches_beside_the_spot() -> None:
     plain, got = (Renderer(light, frozenset(names)).charge(when) for names in ((), ("skirt",)))
     extra = (got.laser_e - plain.laser_e)[0].astype(np.float64)
     spot = int(plain.laser_e[0].argmax())
-    point, normal, _, _ = light._look(np.arange(2048.0), 0.0)
+    point, normal, _, _ = light.look(np.arange(2048.0), 0.0)
     camera = light.config.geometry
     eye = np.array([camera.base_mm, 0.0, camera.offset_mm])
     for pixel in (spot - 150, spot - 80, spot + 80, spot + 150):
@@ -371,7 +371,7 @@ def test_a_block_hides_what_is_behind_it_from_the_skirt() -> None:
     scene = Description.model_validate({"target": [plane, block]})
     light = Light(scene, Config())
     row = light.skirt(np.array([0.1]), np.zeros(1))[0]
-    point, _, target, _ = light._look(np.arange(2048.0), 0.0)
+    point, _, target, _ = light.look(np.arange(2048.0), 0.0)
     behind = (target == 0) & (np.abs(point[:, 0] / point[:, 2]) < 10.0 / 340.0 - 1e-3)
     clear = (target == 0) & (np.abs(point[:, 0] / point[:, 2]) > 10.0 / 340.0 + 1e-3)
     assert behind.sum() > 5 and clear.sum() > 100
