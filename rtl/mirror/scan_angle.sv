@@ -70,18 +70,25 @@ module scan_angle #(
   logic signed [                  SumWidth-1:0] sum_q;
   assign harmonic = step_q < Lengthen;
 
-  // The harmonic's constants; behind the last one they are not used.  Its phase goes through an adder,
-  // so that of the next harmonic is chosen while this one is at work.
-  logic [vrscan_pkg::MotionWidth-1:0] motion;
-  logic [ vrscan_pkg::PhaseWidth-1:0] next_shift, next_shift_q, shift_q;
+  // The next harmonic's constants are chosen while this one is at work, in two steps, since they come
+  // from far apart: within the fours, then among them.  Behind the last harmonic they are not used.
+  localparam int unsigned Fours     = (Harmonics + 3) / 4;
+  localparam int unsigned WordWidth = vrscan_pkg::MotionWidth + vrscan_pkg::PhaseWidth;
+  logic [                StepWidth-1:0] next_q;
+  logic [4*Fours-1:0][WordWidth-1:0] words;  // amplitude and phase
+  logic [  Fours-1:0][WordWidth-1:0] chosen, chosen_q;
+  logic [              WordWidth-1:0] word, word_q;
+  logic [ vrscan_pkg::PhaseWidth-1:0] shift_q;
   always_comb begin
-    motion     = a_i[vrscan_pkg::MotionWidth-1:0];
-    next_shift = phi_i[vrscan_pkg::PhaseWidth-1:0];
-    for (int unsigned n = 1; n < Harmonics; n++) begin
-      if (step_q == StepWidth'(n)) motion = a_i[vrscan_pkg::MotionWidth*n+:vrscan_pkg::MotionWidth];
-      if (step_q == StepWidth'(n - 1)) begin
-        next_shift = phi_i[vrscan_pkg::PhaseWidth*n+:vrscan_pkg::PhaseWidth];
-      end
+    words = '0;
+    for (int unsigned n = 0; n < Harmonics; n++) begin
+      words[n] = {a_i[vrscan_pkg::MotionWidth*n+:vrscan_pkg::MotionWidth],
+                  phi_i[vrscan_pkg::PhaseWidth*n+:vrscan_pkg::PhaseWidth]};
+    end
+    word = chosen_q[0];
+    for (int unsigned n = 0; n < Fours; n++) begin
+      chosen[n] = words[{n[StepWidth-3:0], next_q[1:0]}];
+      if (next_q[StepWidth-1:2] == n[StepWidth-3:0]) word = chosen_q[n];
     end
   end
 
@@ -149,12 +156,13 @@ module scan_angle #(
     start_q      <= 1'b0;
     if (prepare_q) begin
       wave_phase_q <= turn_q - shift_q;
-      motion_q     <= signed'(motion);
       turn_q       <= turn_q + twice_q;
     end
-    next_shift_q <= next_shift;
+    next_q   <= step_q + StepWidth'(1);
+    chosen_q <= chosen;
+    word_q   <= word;
     if (product_valid) begin
-      shift_q   <= next_shift_q;
+      {motion_q, shift_q} <= word_q;
       sum_q     <= harmonic ? sum_q + lowered : lowered;
       angle_q   <= AngleSumWidth'(rounded >>> AngleDrop);
       step_q    <= step_q + StepWidth'(1);
@@ -170,7 +178,7 @@ module scan_angle #(
     end
     if (valid_i) begin
       step_q       <= '0;
-      shift_q      <= phi_i[vrscan_pkg::PhaseWidth-1:0];
+      {motion_q, shift_q} <= words[0];
       amplitude_q  <= amplitude_i;
       turn_q       <= phase_i;
       twice_q      <= {phase_i[vrscan_pkg::PhaseWidth-2:0], 1'b0};

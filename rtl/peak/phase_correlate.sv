@@ -87,7 +87,7 @@ module phase_correlate #(
     IDLE, STEP, FIRST_PASS, PHASE, REFINE, SECOND_PASS, DRAIN
   } state_e;
   state_e                   state_q;
-  logic                     begin_pass;  // the sums start at zero
+  logic                     begin_pass;  // the sums are zero
   logic                     step_start_q, step_valid;
   logic [    StepWidth-1:0] step;
   logic [    StepWidth-1:0] angle_q;  // of the sample that is issued
@@ -132,7 +132,7 @@ module phase_correlate #(
   logic [vrscan_pkg::MagnitudeWidth-1:0] no_phase_below;
   assign no_phase_below = vrscan_pkg::MagnitudeWidth'(positive_sum_q) << vrscan_pkg::NoPhaseShift;
 
-  assign begin_pass = (state_q == IDLE && valid_i) || cordic_valid;
+  assign begin_pass = state_q == IDLE || cordic_valid;
 
   always_ff @(posedge clk_i) begin
     step_start_q <= 1'b0;
