@@ -139,7 +139,7 @@ class FakeBoard:
         self._packets: deque[bytes] = deque()
         self.pixels: Pixels = np.zeros((1, LINE_LENGTH), np.uint16)
         self.made: Records = np.zeros(1, records.FULL)  # of the lines, again and again
-        self.timed = True  # records have the time of the counter, not what was made
+        self.timed = False  # records have the time of the counter, not what was made
         self.test = False  # lines are the test's
         self._inputs()
         self.plug()

@@ -467,8 +467,8 @@ FAULTS = [
         ("sine for cosine", "b = FactorWidth'(cosine)", "b = FactorWidth'(sine)"),
         (
             "constants of the next harmonic",
-            "step_q == StepWidth'(n)",
-            "step_q + 1 == StepWidth'(n)",
+            "n[StepWidth-3:0], next_q[1:0]}",
+            "n[StepWidth-3:0], next_q[1:0] ^ 2'd1}",
         ),
         ("the last harmonic forgotten", "(Harmonics - 1)", "(Harmonics - 2)"),
         ("sum of the phase before", "sum_q        <= '0;\n", ""),

@@ -52,7 +52,7 @@ def scene_lines(
 
 def let_see(board: FakeBoard, pixels: Pixels, made: Records) -> None:
     """Let a board run before these lines."""
-    board.pixels, board.made = pixels, made
+    board.pixels, board.made, board.timed = pixels, made, True
     board.file.values["line_enable"] = [1]
     board.file.inputs |= {
         "line_length": pixels.shape[1],

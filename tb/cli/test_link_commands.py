@@ -230,7 +230,6 @@ def test_points_as_csv_are_those_of_every_engine(board: FakeBoard) -> None:
 
 
 def test_points_as_arrays(board: FakeBoard) -> None:
-    board.timed = False
     printed("points", "--out", "full.npz", "--count", "100")
     printed("points", "--out", "compact.npz", "--seconds", "0.3", "--compact", "--step", "3")
     with np.load("full.npz") as full:
@@ -350,7 +349,6 @@ def test_a_board_tells_its_unit_of_length(board: FakeBoard, form: str) -> None:
 def test_captured_lines_can_be_replayed(board: FakeBoard) -> None:
     """With the board's own points beside them, and the configuration that is in it."""
     board.made["time"] = np.arange(len(board.made)) * 3000
-    board.timed = False
     printed("capture", "--lines", "4", "--out", "lines.mcap", "--config", "config.toml")
     kept = recordings.read(Path("lines.mcap"))
     assert kept.complete and kept.rows == {"records": 4, "lines": 4}

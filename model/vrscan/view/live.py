@@ -216,7 +216,7 @@ class LiveSource:
                 with Device(options.port, baud=options.baud, timeout=options.timeout) as device:
                     self._serve(device)
             except InputError as error:
-                if self.connected or not self._prepared:
+                if self._device is not None or not self._prepared:
                     self.happened(str(error))
                 self._say(str(error))
             finally:
