@@ -135,6 +135,35 @@ def test_the_sensor_is_the_configurations() -> None:
     assert lines.shape == (8, 1024) and 100 < lines.max() <= 1023
 
 
+def test_what_a_scene_does_not_say_is_the_configurations() -> None:
+    """The instrument's power, lens and sensor have one place, unless a scene says another."""
+    deep = {"pixel_width": 10, "full_well_e": 102_375.0}
+    config = Config.model_validate(
+        {
+            "sensor": deep,
+            "free": {"focus_mm": 380.0, "f_number": 4.0},
+            "laser": {"rated_mw": 30.0},
+        }
+    )
+    light = Light(_parse(), config)
+    assert light.scene.laser.power_mw == 30.0
+    assert (light.scene.lens.f_number, light.scene.lens.focus_mm) == (4.0, 380.0)
+    assert light.lens.pupil_mm == pytest.approx(light.config.geometry.focal_mm / 4.0)
+    assert light.scene.sensor.full_well_e == pytest.approx(125_000.0)
+    # Its pixels end at the converter's last code; a well of 25,000 e would end at 310 of 1,023.
+    frame = simulate(Light(_parse(lens={"f_number": 1.0}), config), 64, frozenset())
+    assert frame.lines.lines.max() == 1023
+    said = _parse(
+        laser={"power_mw": 20.0}, lens={"focus_mm": 500.0}, sensor={"full_well_e": 25_000.0}
+    )
+    own = Light(said, config).scene
+    assert (own.laser.power_mw, own.lens.focus_mm) == (20.0, 500.0)
+    assert (own.lens.f_number, own.sensor.full_well_e) == (4.0, 25_000.0)
+    assert said.of(Config()) == said and Light(own, Config()).scene == own
+    with pytest.raises(InputError, match="rated 30 mW"):
+        Light(_parse(laser={"power_mw": 31.0}), config)
+
+
 def test_an_instrument_of_another_sensor_is_refused() -> None:
     scene = _parse(instrument={"centre_px": 1023.5})
     Light(scene, Config())

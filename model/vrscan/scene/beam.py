@@ -28,7 +28,7 @@ class Laser(Section):
     """
 
     wavelength_nm: float = Field(default=658.0, ge=400, le=1050)
-    power_mw: float = Field(default=50.0, ge=0)  # power at the pulse's top
+    power_mw: float = Field(default=50.0, ge=0)  # at the pulse's top; see Description.of
     beam_diameter_mm: Positive = 1.0  # 1/e2 diameter at the waist
     waist_mm: float = 0.0  # distance of the waist from the pivot; negative: a diverging beam
     m2: float = Field(default=1.0, ge=1)  # beam quality; 1 is a pure TEM00

@@ -7,11 +7,11 @@ configuration; ``[instrument]`` says where the instrument that stands there diff
 
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field, PrivateAttr, field_validator, model_validator
 
-from vrscan.data.config import Positive, Section, checked, read_toml
+from vrscan.data.config import Config, Positive, Section, checked, read_toml
 from vrscan.data.errors import InputError, nearest
 from vrscan.scene.beam import Laser
 from vrscan.scene.sensor import SensorModel
@@ -23,13 +23,16 @@ from vrscan.scene.timeline import Scan
 from vrscan.scene.tolerances import Instrument
 
 DEFAULT_TOLERANCE_PX = 0.01
+FULL_WELL_SHARE = 25_000.0 / 20_475.0  # full well over the electrons of the last code
+
+_Part = TypeVar("_Part", bound=Section)
 
 
 class Lens(Section):
     """The camera's lens and filter, ``[lens]``; the focal length is the instrument's."""
 
-    f_number: float = Field(default=3.0, ge=0.5, le=64)
-    focus_mm: Positive = 420.0  # depth along the lens's axis that is in focus
+    f_number: float = Field(default=3.0, ge=0.5, le=64)  # see Description.of
+    focus_mm: Positive = 420.0  # depth along the lens's axis that is in focus; see Description.of
     transmission: float = Field(default=0.9, ge=0, le=1)
     filter_nm: tuple[float, float] = (645.0, 665.0)
     filter_transmission: float = Field(default=0.85, ge=0, le=1)
@@ -106,9 +109,27 @@ class Description(Section):
                 )
         return self
 
+    def of(self, config: Config) -> "Description":
+        """Return the scene with what it does not say of the instrument as in a configuration.
+
+        These are power, f-number, focus and full well. The sensor holds ``FULL_WELL_SHARE`` times
+        the electrons of the converter's last code.
+        """
+        well = round(FULL_WELL_SHARE * config.sensor.full_well_e, 3)
+        laser = _unless_said(self.laser, power_mw=config.laser.rated_mw)
+        lens = _unless_said(self.lens, f_number=config.free.f_number, focus_mm=config.free.focus_mm)
+        sensor = _unless_said(self.sensor, full_well_e=well)
+        return self.model_copy(update={"laser": laser, "lens": lens, "sensor": sensor})
+
     def material_of(self, name: str) -> Material:
         """Return the material of this name; ``default`` need not be in the file."""
         return self.material.get(name, Material())
+
+
+def _unless_said(section: _Part, **values: float) -> _Part:
+    """Return a section with the values of keys that its file does not say."""
+    missing = {key: each for key, each in values.items() if key not in section.model_fields_set}
+    return section.model_copy(update=missing)
 
 
 def shipped() -> tuple[str, ...]:

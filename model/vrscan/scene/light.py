@@ -55,7 +55,7 @@ class Light:
     """A scene and an instrument that looks at it.
 
     Args:
-        scene: The scene.
+        scene: The scene, completed by ``Description.of``.
         config: What the instrument believes, ``belief``; ``config`` is what it is, which differs
             where the scene has an instrument of its own.
 
@@ -67,6 +67,7 @@ class Light:
     """
 
     def __init__(self, scene: Description, config: Config) -> None:
+        scene = scene.of(config)
         self.scene, self.belief = scene, config
         if scene.instrument is not None:
             with blamed(scene.source):

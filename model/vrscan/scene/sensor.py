@@ -138,7 +138,7 @@ class SensorModel(Section):
     quantum_efficiency: Share = 0.5  # electrons per photon, fill factor included
     read_noise_e: NotNegative = 15.0  # rms read noise
     dark_e_per_s: NotNegative = 5000.0
-    full_well_e: Positive = 25_000.0  # 12 bits end at 20,475 e with 0.2 counts/e
+    full_well_e: Positive = 25_000.0  # 12 bits end at 20,475; see Description.of
     prnu: float = Field(default=0.005, ge=0, lt=0.2)  # rms of the pixels' sensitivity
     dsnu_e: NotNegative = 5.0  # rms of the pixels' offset
     blooming: Share = 0.02  # share of the charge above full well that spills; the rest is drained
