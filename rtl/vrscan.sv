@@ -380,7 +380,7 @@ module vrscan #(
   );
   assign measured_o = seen_valid_q && seen_q.measured;
 
-  // A clock later for laser and lens, whose places on the die are not the chain's.
+  // A clock later for laser, lens and host, whose places on the die are not the chain's.
   always_ff @(posedge clk_i) begin
     seen_q       <= point;
     seen_valid_q <= point_valid && !rst_own;
@@ -388,7 +388,7 @@ module vrscan #(
 
   // ---- points to the host ----
   point_record u_point_record (
-    .clk_i, .rst_i(rst_point_record), .valid_i(point_valid), .point_i(point),
+    .clk_i, .rst_i(rst_point_record), .valid_i(seen_valid_q), .point_i(seen_q),
     .record_valid_o, .record_index_o, .record_o
   );
 

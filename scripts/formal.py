@@ -158,7 +158,7 @@ PROOFS = (
     ),
     Proof("uart_rx", "uart_rx", 2, 60),
     Proof("command_queue", "command_queue", 4, 20, parameters=(("CountWidth", 2),)),
-    Proof("point_record", "point_record", 2, 6),
+    Proof("point_record", "point_record", 4, 8),
     Proof("line_extent", "line_extent", 2, 12, parameters=(("LineLength", 4),)),
     Proof("multiply_fast", "multiply_fast", 2, 8),
     # A whole division, and a whole root, of all numbers of few bits.
@@ -890,10 +890,10 @@ MUTANTS = (
                 "a record without its first byte",
                 "points",
                 "point_record",
-                "record_index_o <= 6'd0;",
-                "record_index_o <= 6'd1;",
+                "index_q <= valid_i ? '0",
+                "index_q <= valid_i ? 6'd1",
                 "bytes_in_order",
-                6,
+                8,
             ),
             (
                 "a line as full as the one before",

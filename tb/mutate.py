@@ -1291,7 +1291,7 @@ FAULTS = [
             ("peak_refine", "a window one wider", "+ 32'd1 &&", "+ 32'd2 &&"),
             ("phase_correlate", "a pass more", "{7'd0, width_q, 1'b0}", "{6'd0, width_q, 2'b0}"),
             ("triangulate", "none is dropped", "dropped_o == drop_q", "!dropped_o"),
-            ("point_record", "the order turned round", "Bytes - left_q);", "left_q);"),
+            ("point_record", "the order turned round", "Bytes - due_q[1]);", "due_q[1]);"),
             ("line_extent", "one is enough", "number < LineLength));", "number < 32'd1));"),
             ("line_receiver", "none was lost", "== (dropped_q || unfinished_q)", "== 1'b0"),
             ("line_statistics", "another line's", "user_o == user_q", "user_o != user_q"),

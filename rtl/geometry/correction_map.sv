@@ -109,8 +109,8 @@ module correction_map #(
 
   // ---- where among the nodes: an interval, and the share of it; the end's where it is beyond ----
   typedef enum logic [3:0] {
-    IDLE, PLACE, ROW, MAP, FIRST, SECOND, READ, CHOOSE, WAIT_FIRST, WAIT_SECOND, MULTIPLY, STORE,
-    SUM
+    IDLE, TURN, PLACE, ROW, MAP, FIRST, SECOND, READ, CHOOSE, WAIT_FIRST, WAIT_SECOND, MULTIPLY,
+    STORE, SUM
   } state_e;
   typedef enum logic [2:0] {ROW_0, ROW_1, COLUMN_0, ROW_2, ROW_3, COLUMN_1, LENS} step_e;
   state_e state_q;
@@ -189,6 +189,11 @@ module correction_map #(
     done_q  <= 1'b0;
     moved_q <= ValueWidth'(product >>> ValueFraction) + ValueWidth'(product[ValueFraction-1]);
     unique case (state_q)
+      TURN: begin
+        turned_q <= turned_q + (AngleWidth + 1)'(1 << (AngleBits - 1));
+        lens_q   <= lens_q - signed'({1'b0, map_begin_i});
+        state_q  <= PLACE;
+      end
       PLACE: begin
         column_q       <= position_q[PlaceBits-1-:ColumnBits];
         column_share_q <= cell_share;
@@ -292,13 +297,13 @@ module correction_map #(
     endcase
     if (valid_i) begin
       position_q <= position_i;
-      turned_q   <= (AngleWidth + 1)'(angle_i) + (AngleWidth + 1)'(1 << (AngleBits - 1));
-      lens_q     <= signed'({1'b0, lens_i}) - signed'({1'b0, map_begin_i});
+      turned_q   <= (AngleWidth + 1)'(angle_i);
+      lens_q     <= signed'({1'b0, lens_i});
       filled_q   <= 1'b0;
       start_q    <= 1'b0;
       done_q     <= 1'b0;
       step_q     <= ROW_0;
-      state_q    <= PLACE;
+      state_q    <= TURN;
     end
 
     valid_o <= done_q && !valid_i;

@@ -5,10 +5,10 @@
 // are 0, and x and z are free_from and free_to.  The number of points lost before this one is 0: who
 // keeps records, counts.
 //
-//   valid_i        a point, at least link_pkg::FullBytes clocks after the one before; the chain's
-//                  are vrscan_pkg::PointPeriod apart
+//   valid_i        a point, which stands for link_pkg::FullBytes clocks more; the chain's are
+//                  vrscan_pkg::PointPeriod apart
 //   record_valid_o a byte, from record_index_o 0 to 63 without a gap
-//   Latency        1 clock from valid_i to the first byte
+//   Latency        vrscan.fixed.point_record.LATENCY clocks from valid_i to the first byte
 //   Model          vrscan.fixed.point_record, bit-exact
 
 `default_nettype none
@@ -25,11 +25,9 @@ module point_record (
   output      logic [        7:0] record_o
 );
 
-  if (link_pkg::FullBytes > vrscan_pkg::PointPeriod) begin : gen_bad_period
+  if (link_pkg::FullBytes >= vrscan_pkg::PointPeriod) begin : gen_bad_period
     $error("point_record: a record takes longer than the chain's least period");
   end
-
-  localparam int unsigned RecordWidth = 8 * link_pkg::FullBytes;
 
   logic        [15:0] left, right, sigma, doubt, sigma_z;
   logic signed [31:0] position, x, z;
@@ -43,7 +41,7 @@ module point_record (
   assign x        = point_i.measured ? 32'(point_i.x) : signed'(32'(point_i.free_from) << Align);
   assign z        = point_i.measured ? 32'(point_i.z) : signed'(32'(point_i.free_to) << Align);
 
-  logic [RecordWidth-1:0] record, record_q;
+  logic [link_pkg::FullBytes-1:0][7:0] record;
   assign record = {
     point_i.line.time_clks,
     16'd0,
@@ -63,18 +61,27 @@ module point_record (
     point_i.flags[15:0], point_i.number
   };
 
-  assign record_o = record_q[7:0];
-
+  // A byte is chosen among every eighth, then among the eight that are left.
+  logic [5:0]      index_q, part_index_q;
+  logic            run_q, part_valid_q;
+  logic [7:0][7:0] part_q;
   always_ff @(posedge clk_i) begin
-    record_q <= valid_i ? record : record_q >> 8;
-    if (valid_i) begin
-      record_valid_o <= 1'b1;
-      record_index_o <= 6'd0;
-    end else begin
-      if (record_index_o == 6'(link_pkg::FullBytes - 1)) record_valid_o <= 1'b0;
-      record_index_o <= record_index_o + 6'd1;
+    index_q <= valid_i ? '0 : index_q + 6'd1;
+    run_q   <= valid_i || (run_q && index_q != 6'(link_pkg::FullBytes - 1));
+
+    for (int unsigned k = 0; k < 8; k++) part_q[k] <= record[{index_q[5:3], k[2:0]}];
+    part_index_q <= index_q;
+    part_valid_q <= run_q;
+
+    record_o       <= part_q[part_index_q[2:0]];
+    record_index_o <= part_index_q;
+    record_valid_o <= part_valid_q;
+
+    if (rst_i) begin
+      run_q          <= 1'b0;
+      part_valid_q   <= 1'b0;
+      record_valid_o <= 1'b0;
     end
-    if (rst_i) record_valid_o <= 1'b0;
   end
 
 endmodule

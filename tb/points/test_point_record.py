@@ -41,14 +41,28 @@ def records_of(inputs: dict[str, np.ndarray]) -> Records:
 
 
 async def give(dut, inputs: dict[str, np.ndarray], k: int) -> None:
-    """Give a point for a clock, and other values behind it."""
-    for values, valid in ((k, 1), (k - 1, 0)):
+    """Give a point for as long as it must stand."""
+    for values, valid in ((k, 1), (k, 0)):
         struct_ports(dut)["point_i"].give(
             {POINT.get(name, name): int(column[values]) for name, column in inputs.items()}
         )
         dut.valid_i.value = valid
-        if valid:
-            await FallingEdge(dut.clk_i)
+        await FallingEdge(dut.clk_i)
+    for _ in range(link_pkg.FULL_BYTES - 1):
+        await FallingEdge(dut.clk_i)
+
+
+async def watch(dut, seen: list[list[tuple[int, int]]]) -> None:
+    """Take the bytes of each record and the clock that each comes in."""
+    clock = 0
+    while True:
+        if dut.record_valid_o.value:
+            if not dut.record_index_o.value.to_unsigned():
+                seen.append([])
+            assert dut.record_index_o.value.to_unsigned() == len(seen[-1])
+            seen[-1].append((clock, dut.record_o.value.to_unsigned()))
+        await FallingEdge(dut.clk_i)
+        clock += 1
 
 
 @cocotb.test()
@@ -57,42 +71,46 @@ async def random_points_come_out_byte_for_byte(dut) -> None:
     draw = generator(1)
     inputs = random_inputs(draw, 300)
     wanted = records_of(inputs)
+    seen: list[list[tuple[int, int]]] = []
+    cocotb.start_soon(watch(dut, seen))
+    given, clock = [], 0
     for k in range(len(wanted)):
-        assert not dut.record_valid_o.value
+        given.append(clock)
         await give(dut, inputs, k)
-        for _ in range(LATENCY - 1):
+        clock += link_pkg.FULL_BYTES + 1
+        # Some points follow each other as closely as they may, others have the next one's values
+        # in between.
+        gap = int(draw.choice([0, 0, 1, 2, 90]))
+        if gap:
+            struct_ports(dut)["point_i"].give(
+                {POINT.get(name, name): int(column[k - 1]) for name, column in inputs.items()}
+            )
+        for _ in range(gap):
             await FallingEdge(dut.clk_i)
-        got = bytearray()
-        # Some points follow each other as closely as they may.
-        closely = k % 3 == 0 and k + 1 < len(wanted)
-        for index in range(link_pkg.FULL_BYTES - closely):
-            assert dut.record_valid_o.value
-            assert dut.record_index_o.value.to_unsigned() == index
-            got.append(dut.record_o.value.to_unsigned())
-            await FallingEdge(dut.clk_i)
+        clock += gap
+    for _ in range(LATENCY):
+        await FallingEdge(dut.clk_i)
+    assert len(seen) == len(wanted)
+    for k, record in enumerate(seen):
         want = encode_full(wanted[k : k + 1])
-        if closely:
-            assert dut.record_valid_o.value and dut.record_index_o.value.to_unsigned() == 63
-            got.append(dut.record_o.value.to_unsigned())
-        assert bytes(got) == want, {name: int(values[k]) for name, values in inputs.items()}
-        if closely:
-            await give(dut, inputs, 0)
-            assert dut.record_valid_o.value and dut.record_index_o.value.to_unsigned() == 0
-            for _ in range(link_pkg.FULL_BYTES):
-                await FallingEdge(dut.clk_i)
+        assert bytes(byte for _, byte in record) == want, {n: int(v[k]) for n, v in inputs.items()}
+        first = given[k] + LATENCY
+        assert [clock for clock, _ in record] == list(range(first, first + len(want)))
 
 
 @cocotb.test()
 async def reset_ends_a_record(dut) -> None:
     await reset(dut)
     inputs = random_inputs(generator(2), 2)
-    for age in (0, 1, 30, 63):
-        await give(dut, inputs, 1)
-        for _ in range(age):
+    for age in (0, 1, 2, 3, 30, 63, 64, 65):
+        giving = cocotb.start_soon(give(dut, inputs, 1))
+        for _ in range(1 + age):
             await FallingEdge(dut.clk_i)
+        giving.cancel()
         dut.rst_i.value = 1
-        await give(dut, inputs, 1)
-        dut.rst_i.value = 0
+        dut.valid_i.value = 1
+        await FallingEdge(dut.clk_i)
+        dut.rst_i.value = dut.valid_i.value = 0
         for _ in range(70):
             assert not dut.record_valid_o.value
             await FallingEdge(dut.clk_i)

@@ -16,7 +16,7 @@ SHARE_WIDTH = 17  # ``ShareWidth``
 VALUE_FRACTION = 17  # ``ValueFraction``
 DIFFERENCE_WIDTH = pkg.MAP_WIDTH + VALUE_FRACTION - pkg.MAP_FRACTION + 1
 
-LATENCY = 5 + 4 * 6 + 7 * (multiply_latency(DIFFERENCE_WIDTH, SHARE_WIDTH + 1) + 3)
+LATENCY = 6 + 4 * 6 + 7 * (multiply_latency(DIFFERENCE_WIDTH, SHARE_WIDTH + 1) + 3)
 
 READ_BACK = 4  # clocks from ``index_i`` to ``value_o``
 

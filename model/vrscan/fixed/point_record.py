@@ -15,7 +15,7 @@ from vrscan.data.records import (
     Records,
 )
 
-LATENCY = 1  # clocks from valid_i to the first byte
+LATENCY = 3  # clocks from valid_i to the first byte
 
 # The fields that have no meaning, and so are 0, where a point is not measured.
 _OF_MEASURED = ("position", "sigma", "doubt", "sigma_z")
