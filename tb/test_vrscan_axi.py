@@ -8,7 +8,7 @@ import pytest
 from axis_bench import received, sink_of
 from cocotb.task import bridge, resume
 from cocotbext.axi import AxiLiteBus, AxiLiteMaster
-from harness import FallingEdge, reset, simulate
+from harness import FallingEdge, generator, reset, simulate
 
 from vrscan.clocked.axil_registers import OKAY
 from vrscan.clocked.axis_lines import LineUser
@@ -16,7 +16,7 @@ from vrscan.clocked.axis_points import user_of
 from vrscan.data import link_pkg, pkg
 from vrscan.data.config import Config, Geometry, Peak, Sensor
 from vrscan.data.errors import InputError
-from vrscan.data.records import decode_full, encode_full
+from vrscan.data.records import TEST, decode_full, encode_full
 from vrscan.fixed.point_record import point_record
 from vrscan.fixed.test_line import lines, step_of_width
 from vrscan.fixed.vrscan_chain import run_fixed
@@ -27,6 +27,9 @@ from vrscan.registers.settings import TestLineSettings as Settings
 
 LENGTH, WINDOW, COUNT, PERIOD = 256, 31, 8, 700
 ANGLE, POWER = 1 << 18, 30_000
+PIXEL_WIDTH = 12
+UNSETTLED = 1 << pkg.FLAG_UNSETTLED - pkg.FLAG_NOT_RUNNING
+FAULT = 0b10101  # what the guard says
 CONFIG = Config(
     peak=Peak(window="threshold", snr_min=2.0),
     sensor=Sensor(line_length=LENGTH),
@@ -55,15 +58,21 @@ class BridgedWords:
         self.read, self.write = resume(read), resume(write)
 
 
+def connected(words: BridgedWords) -> AxiDevice:
+    """Return the device, behind the commit that a reset makes."""
+    device = AxiDevice(words)
+    while device.read("commit_waiting"):
+        pass
+    return device
+
+
 def arranged(words: BridgedWords) -> tuple[AxiDevice, Registers, Settings]:
     """Set a run of test lines, and return what the model needs for it."""
-    device = AxiDevice(words)
+    device = connected(words)
     with pytest.raises(InputError, match="address 0x0fff: the bus answers with an error"):
         device.read_words(0x0FFF, 1)
     assert device.read("axi_refused") == link_pkg.STATUS_NO_ADDRESS
     assert device.read("axi_refused_address") == 0x0FFF
-    while device.read("commit_waiting"):  # a reset commits, too
-        pass
     registers = Registers.from_config(CONFIG)
     names = [field.name for field in fields(Registers) if field.name in REGISTERS]
     names = [name for name in names if REGISTERS[name].access == "rw"]
@@ -109,6 +118,41 @@ async def a_run_of_test_lines(dut) -> None:
     want = run_fixed(pixels, angle, power, registers, max_window=WINDOW)
     check_points(received(points), want, counts["axi_points_dropped"])
     check_lines(received(raw), pixels, counts["axi_lines_dropped"])
+
+
+@cocotb.test()
+async def lines_of_the_sensors_pins(dut) -> None:
+    """What a sensor sends comes out, untagged since no line was exposed, and the guard is heard."""
+    await reset(dut)
+    dut.rx_i.value = 1
+    dut.guard_fault_i.value = FAULT
+    points, raw = (
+        sink_of(dut, f"m_axis_{name}", seed=10, pauses=0.1) for name in ("points", "lines")
+    )
+    device = await bridge(connected)(BridgedWords(dut))
+    await FallingEdge(dut.clk_i)
+    sent = generator(11).integers(1 << PIXEL_WIDTH, size=(3, LENGTH))
+    for line in sent:
+        for k, pixel in enumerate(line):
+            dut.line_start_i.value, dut.line_end_i.value = int(k == 0), int(k == LENGTH - 1)
+            dut.pixel_valid_i.value, dut.pixel_i.value = 1, int(pixel)
+            await FallingEdge(dut.clk_i)
+        dut.line_end_i.value = dut.pixel_valid_i.value = 0
+        for _ in range(4 * PERIOD):
+            await FallingEdge(dut.clk_i)
+    packets = received(raw)
+    assert [packet.data for packet in packets] == [line.astype("<u2").tobytes() for line in sent]
+    users = [LineUser.unpacked(packet.user) for packet in packets]
+    assert users == [LineUser(k, UNSETTLED) for k in range(len(sent))]
+    records = np.concatenate([decode_full(packet.data) for packet in received(points)])
+    assert [*records["line"]] == [0, 1]  # the last one waits for a line behind it
+    assert not (records["bits"] & TEST).any()
+    means = records["row_mean"] * 2.0 ** (PIXEL_WIDTH - pkg.COUNT_WIDTH)
+    assert np.abs(means - sent[:2].mean(axis=1)).max() < 1.0
+    read = await bridge(device.read_many)(
+        ("laser_guard_fault", "laser_guard_count", "untagged_count")
+    )
+    assert read == {"laser_guard_fault": FAULT, "laser_guard_count": 1, "untagged_count": 3}
 
 
 def check_points(packets, want, dropped: int) -> None:
