@@ -86,7 +86,8 @@ def test_what_is_argued_is_a_mutant() -> None:
         (file, mutants(file, (ROOT / file).read_text())) for file in {row[0] for row in argued()}
     )}  # fmt: skip
     for (file, old, new), why in argued().items():
-        assert known[file][old, new] == 1, f"{file}: {old} => {new}"
+        # Where a text stands more than once, it is argued for the mutants that no test kills.
+        assert known[file][old, new], f"{file}: {old} => {new}"
         assert len(why) > 20
 
 

@@ -45,6 +45,7 @@ def test_a_polygon_is_scanned_measured_and_dark_when_it_stands(tmp_path: Path) -
     port = tmp_path / "port"
     with Board(SCENE, CONFIG, port=port, swinging=True) as board:
         with Device(str(port), timeout=240.0) as host:
+            host.load(CONFIG)
             host.write_many([("line_enable", 1), ("laser_adapt", 0), ("laser_power", POWER)])
             host.write_many([("laser_enable", 1), ("mirror_enable", 1)])
             host.wait_for_mirror()

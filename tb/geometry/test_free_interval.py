@@ -54,7 +54,10 @@ def tables(kind: str, salt: int) -> tuple[int, int, np.ndarray, np.ndarray]:
         ends = ends // np.array([[8], [1]])
     empty = draw.random(2 * HALF) < 0.1
     ends[:, empty] = ends[::-1, empty]
-    return int(draw.integers(-(1 << 23), 1 << 22)), int(draw.integers(0, 13)), *ends
+    begin, shift = int(draw.integers(-(1 << 23), 1 << 22)), int(draw.integers(0, 13))
+    point = draw.random(2 * HALF) < 0.03  # empty, too
+    ends[1, point] = ends[0, point]
+    return begin, shift, *ends
 
 
 async def write(dut, kind: str, salt: int, bank: int = 0) -> dict[str, object]:

@@ -21,8 +21,8 @@ from vrscan.fixed.peak_fit import LATENCY, SPAN, UNMEASURED_LATENCY, Fitted, His
 
 ELABORATIONS = [
     {"LineLength": 2048, "PixelWidth": 12},
-    {"LineLength": 300, "PixelWidth": 8},
-    {"LineLength": 1000, "PixelWidth": 16},
+    {"LineLength": 300, "PixelWidth": 16},  # the floor of the noise is below a step
+    {"LineLength": 1000, "PixelWidth": 8},
 ]
 RING = 1 << pkg.RING_WIDTH
 GIVEN = (
@@ -136,6 +136,20 @@ def extremes(given: dict[str, int], count: int, salt: int) -> Cases:
     )
 
 
+def posed(lines: np.ndarray, **columns: object) -> Cases:
+    """Return lines without slope, background, noise and spread, but for the columns given."""
+    still = dict.fromkeys(("slope", "background", "noise", "spread"), 0)
+    columns = still | {"maximum": lines.max(axis=1)} | columns
+    return Cases(
+        lines=lines.astype(np.uint16),
+        measured=np.ones(len(lines), np.bool_),
+        **{
+            name: np.broadcast_to(np.array(value, np.int64), len(lines))
+            for name, value in columns.items()
+        },
+    )
+
+
 async def send(dut, cases: Cases, kappa: int, level: int = 0) -> Fitted:
     """Send lines one after the other, play the ring, and compare results and latencies."""
     given = parameters()
@@ -209,6 +223,63 @@ async def ends_of_the_ranges(dut) -> None:
     for salt, kappa, level in ((2, 0, top), (3, most, 1), (4, 3277, top // 2)):
         await reset(dut)
         await send(dut, extremes(given, 24, salt), kappa, level)
+
+
+@cocotb.test()
+async def a_fit_on_the_lines_end_is_beyond_it(dut) -> None:
+    """A spot beyond the line is fitted to the span's end: that of the line, then a pixel before."""
+    given = parameters()
+    length, pixel_width = given["LineLength"], given["PixelWidth"]
+    top, shift = (1 << pixel_width) - 1, pkg.COUNT_WIDTH - pixel_width
+    line = np.round(top * np.exp(-0.5 * ((np.arange(length) - length - 16) / 25.0) ** 2))
+    cases = posed(
+        np.tile(line, (2, 1)),
+        left=length - SPAN // 2 - 49 - np.arange(2),
+        width=99,
+        position=length - 2 << pkg.POSITION_FRACTION,
+        spread=100,
+        sigma=25 << 9,
+        noise=(top << shift) // 50,
+    )
+    await reset(dut)
+    want = await send(dut, cases, kappa_register(pixel_width))
+    assert want.fitted.tolist() == [False, True]
+    assert want.position[1] == length - 1 << pkg.POSITION_FRACTION
+
+
+@cocotb.test()
+async def a_line_without_any_variance(dut) -> None:
+    """No shot noise, no speckle behind a line of noise, and a floor below a step for 16 bits."""
+    given = parameters()
+    length, pixel_width = given["LineLength"], given["PixelWidth"]
+    top, shift = (1 << pixel_width) - 1, pkg.COUNT_WIDTH - pixel_width
+    middle = length // 2
+    lines = np.full((2, length), top)
+    lines[0] = 0.4 * top * np.exp(-0.5 * ((np.arange(length) - middle) / 12.0) ** 2)
+    lines[1, middle + 10 : middle + 14] = 0  # what is not saturated
+    cases = posed(
+        lines,
+        left=middle - 49,
+        width=99,
+        position=middle << pkg.POSITION_FRACTION,
+        sigma=[12 << 9, 60 << 9],
+        noise=[(top << shift) // 50, 0],
+    )
+    await reset(dut)
+    want = await send(dut, cases, 0, top // 2)
+    assert want.speckle[1] == 0
+
+
+@cocotb.test()
+async def a_line_in_each_of_the_first_clocks(dut) -> None:
+    """Nothing that a reset leaves behind is in its way."""
+    given = parameters()
+    cases = replace(spots(given, 1, 6), measured=np.ones(1, np.bool_))
+    for clocks in range(4):
+        await reset(dut)
+        for _ in range(clocks):
+            await FallingEdge(dut.clk_i)
+        await send(dut, cases, kappa_register(given["PixelWidth"]))
 
 
 @cocotb.test()

@@ -342,7 +342,7 @@ async def reset_mid_stream(dut) -> None:
     await reset(dut)
     lines = plateaus([5, 9, 12], length, top, 5)
     lines[0, :9] = top  # a run from the first pixel shows one that was left over
-    ages = [1, 5, 12, replay_latency() + 3, replay_latency() + length // 2]
+    ages = [1, 5, 12, replay_latency() - 1, replay_latency() + 3, replay_latency() + length // 2]
     for age, ends in [*((age, False) for age in ages), (ages[-1], True)]:
         dut.valid_i.value = 1
         dut.last_i.value = 0

@@ -103,7 +103,7 @@ def row(**changes: object) -> dict[str, np.ndarray]:
         "sigma": np.full(5, ONE // 10),
         "scale": np.full(5, 3 * ONE),
         "light": np.full(5, 1 << 20),
-        "power": np.full(5, 50_000),
+        "power": np.full(5, 1 << 15),  # a light over it has no remainder
     }
     for name, value in changes.items():
         given[name] = np.array(value, np.int64)
@@ -157,6 +157,7 @@ def faint_spots() -> list[Side]:
         Side(False, row(light=lights(bright, LIGHT), position=far)),
         Side(True, row(light=lights(darker, LIGHT))),
         Side(False, row(light=lights(dark, LIGHT))),
+        Side(False, row(light=lights(LIGHT * 3 // 32, LIGHT))),
         Side(False, row(light=lights(darker, darker))),
     ]
 
@@ -170,13 +171,15 @@ def farther_spots() -> list[Side]:
         Side(True, row(light=dim, position=far, scale=wide)),
         Side(False, row(light=dim, position=near, scale=wide)),
         Side(False, row(light=bright, position=far, scale=wide)),
+        Side(False, row(light=lights(LIGHT * 3 // 16, LIGHT // 2), position=far, scale=wide)),
     ]
 
 
 def dim_spots() -> list[Side]:
     """Less than 3/8 of the light, and as wide as the brighter neighbour, within 9/8."""
     dim = lights(LIGHT * 3 // 8 - LITTLE, LIGHT // 2)
-    bright = lights(LIGHT * 3 // 8 + LITTLE, LIGHT // 2)
+    bright, limit = (lights(LIGHT * 3 // 8 + off, LIGHT // 2) for off in (LITTLE, 0))
+    beside = lights(LIGHT * 3 // 8 - LITTLE, LIGHT)
     far = moved(8 * WIDTH + STEP)
 
     def wide(*scale: int, mixed: bool) -> Side:
@@ -189,6 +192,12 @@ def dim_spots() -> list[Side]:
         wide(24, 28, 24, 20, 24, mixed=False),
         wide(24, 21, 24, 24, 24, mixed=False),
         Side(False, row(light=bright, position=far)),
+        Side(False, row(light=limit, position=far)),
+        # In a row with a line that has no spot.
+        *(
+            Side(True, row(light=beside, measured=there))
+            for there in ([1, 0, 1, 1, 1], [1, 1, 1, 0, 1])
+        ),
     ]
 
 
@@ -206,6 +215,7 @@ def narrow_spots() -> list[Side]:
         Side(False, row(scale=width, measured=[1, 1, 1, 0, 1])),
         Side(True, row(scale=width, position=far, light=lights(LIGHT * 9 // 8 - LITTLE, LIGHT))),
         Side(False, row(scale=width, position=far, light=lights(LIGHT * 9 // 8 + LITTLE, LIGHT))),
+        Side(False, row(scale=width, position=far, light=lights(LIGHT * 9 // 8, LIGHT))),
     ]
 
 
@@ -289,18 +299,51 @@ async def lines_apart(dut) -> None:
     await compare(dut, rows_of_spots(count, 3), gaps)
 
 
+async def forgotten(dut) -> None:
+    """Reset for a clock with every strobe; the few clocks behind it show what is left of one."""
+    strobes = dut.rst_i, dut.valid_i, dut.flush_i
+    for value, clocks in ((1, 1), (0, 3)):
+        for strobe in strobes:
+            drive(strobe, value)
+        for _ in range(clocks):
+            await FallingEdge(dut.clk_i)
+
+
+@cocotb.test()
+async def what_passes_changes_with_the_first_result(dut) -> None:
+    """A clock behind the doubt, and not before."""
+    await reset(dut)
+    light = np.array([2, 2, 2, 2, 1]) * LIGHT
+    given = row(scale=np.array([3, 4, 6, 9, 14]) * ONE, light=light)
+    assert np.all(np.diff(model(given, []).doubt))
+    seen: list[tuple[int, int]] = []
+
+    async def watch() -> None:
+        while True:
+            await FallingEdge(dut.clk_i)
+            seen.append((as_integer(dut.doubt_o), as_integer(dut.user_o)))
+
+    watching = cocotb.start_soon(watch())
+    await compare(dut, given, np.full(5, LATENCY + 1))
+    watching.cancel()
+    doubts, users = (np.flatnonzero(np.diff(column))[-4:] for column in np.array(seen).T)
+    assert np.array_equal(users, doubts + 1)
+
+
 @cocotb.test()
 async def reset_mid_work(dut) -> None:
-    """A reset at any moment: nothing comes out, and the next lines have no neighbour before."""
+    """A reset at any moment: nothing comes out, and the next lines have no neighbour before.
+
+    It is as long as a clock, in which a line and a flush come.
+    """
     await reset(dut)
     given = rows_of_spots(3, 4)
-    gaps = np.full(3, LATENCY + 1)
+    gaps = np.array([0, ALONE, LATENCY + 1])  # as close as they may be
     for age in range(1, 3 * LATENCY, rounds(37, 5)):
         for cycle in range(age):
             drive(dut.valid_i, int(cycle % (LATENCY + 1) == 0))
             await FallingEdge(dut.clk_i)
-        drive(dut.valid_i, 0)
-        await reset(dut)
+        await forgotten(dut)
         await compare(dut, given, gaps)
         await reset(dut)
 

@@ -25,7 +25,7 @@ SMALL = {
     "IndexOversample": 2,
     "SettleClks": 2,
     "LightClks": 700,
-    "PeriodFloorClks": 100,
+    "PeriodFloorClks": 220,  # more than 3/4 turns of the quickest drive
     "DarkClks": 2000,
     "PauseClks": 1500,
 }
@@ -33,7 +33,7 @@ ODD = {
     "IndexOversample": 8,
     "SettleClks": 5,
     "LightClks": 650,
-    "PeriodFloorClks": 150,
+    "PeriodFloorClks": 300,
     "OuterFloor": 5_000,
     "DarkClks": 1800,
     "PauseClks": 900,
@@ -74,11 +74,20 @@ class Bench(TwinBench):
         want = int(self.twin.scanning), int(self.twin.startup_ok)
         assert got == want, f"clock {self.clock}: {got}, want {want}, {self.inputs}"
 
-    async def samples(self, pins: Iterator[tuple[bool, bool]], **inputs: int) -> list[bool]:
-        """Go on with what comparator and gate are, and return where pulses may come."""
+    async def samples(
+        self, pins: Iterator[tuple[bool, bool]], closed: int = 0, **inputs: int
+    ) -> list[bool]:
+        """Go on with comparator and gate, and return where pulses may come.
+
+        Args:
+            pins: What both are, in all samples of a clock.
+            closed: Samples, by bit, in which the gate is closed nevertheless.
+            inputs: The other inputs.
+        """
         seen = []
         for comparator, gate in pins:
-            await self.clocks(comparator=self.all * comparator, gate=self.all * gate, **inputs)
+            opened = self.all * gate & ~closed
+            await self.clocks(comparator=self.all * comparator, gate=opened, **inputs)
             seen.append(bool(as_integer(self.dut.scanning_o)))
         return seen
 
@@ -180,9 +189,15 @@ async def an_impossible_index_permits_nothing(dut) -> None:
         lit = await bench.turns(3)
         assert all(lit[2 * PERIOD + 9 :])
     # A drive that is told to be as quick as the index lifts no floor of the time.
-    await bench.start(word=TOP)
-    period = limits.period_floor_clks - 2
-    assert not any(await bench.turns(20, period, 0.4))
+    for period in (limits.period_floor_clks - 1, limits.period_floor_clks):
+        await bench.start(word=TOP)
+        assert any(await bench.turns(4, period, 0.4)) == (period == limits.period_floor_clks)
+    # The floor of the amplitude, where this drive needs 32 clocks for it.
+    word = limits.outer_floor << pkg.TURN_WIDTH - 16 - 5
+    period = (1 << pkg.TURN_WIDTH) // word
+    for beyond in (32, 33):
+        await bench.start(word=word)
+        assert any(await bench.turns(4, period, beyond / period)) == (beyond > 32)
     # Outward edges alone: the way back is dark.
     await bench.into_scan()
     lit = []
@@ -193,16 +208,18 @@ async def an_impossible_index_permits_nothing(dut) -> None:
 
 @cocotb.test()
 async def an_edge_out_of_place_ends_the_light(dut) -> None:
-    """At once, and for a whole good period; a shorter pulse than SettleClks is none."""
+    """At once, for a whole good period; a pulse below SettleClks or behind the gate is none."""
     bench = await begin(dut)
     settle = bench.parameters.settle_clks
-    for clks in (1, settle - 1, settle, 8):
+    for clks, closed in ((1, 0), (settle - 1, 0), (settle, 0), (8, 0), (8, 1)):
         await bench.into_scan()
         pins = list(turn(PERIOD, SHARE))
         for k in range(200, 220):
             pins[k] = (206 <= k < 206 + clks, True)
-        lit = await bench.samples(iter(pins))
-        seen = clks >= settle
+        lit = await bench.samples(iter(pins[:206]))
+        lit += await bench.samples(iter(pins[206:214]), closed)
+        lit += await bench.samples(iter(pins[214:]))
+        seen = clks >= settle and not closed
         assert all(lit[: 206 + settle + 2])
         assert any(lit[206 + settle + 2 :]) == all(lit[206 + settle + 2 :]) != seen
         lit = await bench.turns(3)

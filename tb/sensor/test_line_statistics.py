@@ -19,8 +19,10 @@ from harness import (
 from vrscan.fixed.line_statistics import LineStatistics, latency, line_statistics
 
 ELABORATIONS = [
-    {"LineLength": 1000, "PixelWidth": 12, "MaxWindow": 127, "UserWidth": 8},
+    # Around the inner blocks none is left, around the outer ones some are.
+    {"LineLength": 300, "PixelWidth": 12, "MaxWindow": 127, "UserWidth": 8},
     {"LineLength": 2048, "PixelWidth": 16, "MaxWindow": 255, "UserWidth": 8},
+    {"LineLength": 1000, "PixelWidth": 12, "MaxWindow": 127, "UserWidth": 8},
     {"LineLength": 256, "PixelWidth": 8, "MaxWindow": 255, "UserWidth": 8},
     {"LineLength": 600, "PixelWidth": 12, "MaxWindow": 60, "UserWidth": 8},
     {"LineLength": 4096, "PixelWidth": 10, "MaxWindow": 191, "UserWidth": 8},  # six pairs

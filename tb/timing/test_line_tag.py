@@ -574,6 +574,10 @@ async def reset_at_every_age(dut) -> None:
         await bench.line(number, angle=False)
         assert await bench.readout() == UNTAGGED
         assert bench.twin.untagged_count == 2
+        # A line that comes although the trigger is not on yet has its tag, too.
+        await bench.start(**held, enable=0)
+        await bench.line(number + 2)
+        assert await bench.readout() == bench.sent[number + 2]
         await bench.start(**held)
         await bench.line(number + 1)
         assert await bench.readout() == bench.sent[number + 1]
