@@ -363,6 +363,25 @@ async def random_inputs_and_resets(dut) -> None:
 
 
 @cocotb.test()
+async def a_reset_amid_an_angle_holds_no_harmonics_back(dut) -> None:
+    """Those of the pairs that come before the next line are the next angle's."""
+    draw = generator(7)
+    bench = await begin(dut)
+    given = registers(draw)
+    clocks = 4 * PERIOD_CLKS
+    samples = index(draw, clocks, parameters()["IndexOversample"], quiet=True)
+    await bench.start(given)
+    while not bench.twin.trigger.centre:
+        await bench.clock(0, 0, False, True)
+    for _ in range(ANGLE_LATENCY // 2):
+        await bench.clock(0, 0, False, True)
+    await bench.restart(given)
+    for k, row in enumerate(zip(*samples, strict=True)):
+        await bench.clock(*row, True, k >= clocks // 2)
+    assert bench.angles and bench.measurements > 2
+
+
+@cocotb.test()
 async def a_quiet_mirror_runs_without_flags(dut) -> None:
     """From OFF to RUN; then every line has an angle that is right, no flag and full confidence."""
     draw = generator(2)
@@ -532,6 +551,49 @@ async def a_polygon_scans_straight_between_its_starts(dut) -> None:
     print(f"angle {np.abs(errors).max():.2e} turns, bound {bound:.2e}; {dark} dark lines")
     assert np.abs(errors).max() < bound
     assert len(errors) > 40 and dark > 15 and pulses[True] > 40 and pulses[False] == 0
+
+
+@cocotb.test()
+async def a_centre_at_the_very_start_of_a_facet(dut) -> None:
+    """A phase of exactly 0 is this facet's first, not the last of the one before."""
+    bench, period = await begin(dut), 1024
+    word = 2**pkg.TURN_WIDTH // period
+    given = registers(
+        generator(9),
+        sweep_word=word,
+        work_word=word,
+        pulse_clks=8,
+        ratio=2 << pkg.RATIO_FRACTION,
+        motion_a=[1 << pkg.MOTION_FRACTION] + [0] * (pkg.HARMONIC_COUNT - 1),
+        motion_phi=[0] * pkg.HARMONIC_COUNT,
+        motion_da=[0] * pkg.HARMONIC_COUNT,
+        motion_dphi=[0] * pkg.HARMONIC_COUNT,
+        table_amplitude=[amplitude(AMPLITUDE_TURNS)] * TABLE_SIZE,
+        trim_step=0,
+        trim_gain=0,
+        scan_facet=1,
+    )
+    ones = (1 << parameters()["IndexOversample"]) - 1
+
+    async def centres(midpoint: int) -> dict[int, float]:
+        """Return the angles by the phases of their lines' centres, in turns."""
+        await bench.start(dataclasses.replace(given, table_midpoint=[midpoint] * TABLE_SIZE))
+        found, phase = {}, 0
+        for k in range(4 * period):
+            await bench.clock(ones * (k % period < 80), ones, True, True)
+            if bench.twin.angle_valid and k > 2 * period:
+                found[phase] = bench.twin.ports()["angle"] / 2**pkg.ANGLE_WIDTH
+            if bench.twin.trigger.centre:
+                phase = bench.twin.phase.phase
+        return found
+
+    # The phase goes on by whole steps of the midpoint, which it starts from.
+    phase = min(await centres(0))
+    drop = pkg.TURN_WIDTH - pkg.MIDPOINT_WIDTH
+    assert phase and phase % (1 << drop) == 0
+    half = 1 << (pkg.MIDPOINT_WIDTH - 1)
+    angles = await centres((half - (phase >> drop)) % (2 * half) - half)
+    assert angles[0] == pytest.approx(AMPLITUDE_TURNS, abs=3e-5)
 
 
 @cocotb.test()

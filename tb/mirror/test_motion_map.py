@@ -102,9 +102,9 @@ class Bench(TwinBench):
         self.configure(settings)
         await self.reset(**inputs)
 
-    async def reset(self, **inputs: int) -> None:
-        """Reset for two clocks."""
-        await self.reset_to(MotionMap(self.settings), 2, **(QUIET | inputs))
+    async def reset(self, count: int = 2, **inputs: int) -> None:
+        """Reset; the base values follow results in the second clock."""
+        await self.reset_to(MotionMap(self.settings), count, **(QUIET | inputs))
         self.give(valid=False)
         self.check()
 
@@ -282,6 +282,19 @@ async def reset_mid_work(dut) -> None:
         await bench.work(offset_of(draw, bench.settings), LATENCY + wait, busy=True)
         await bench.reset(busy=wait == 0)
         await bench.clocks(3, busy=False)
+
+
+@cocotb.test()
+async def one_clock_of_reset_ends_the_work(dut) -> None:
+    """Nothing that is on its way in that clock comes out behind it."""
+    draw = generator(8)
+    bench = await begin(dut)
+    for age in AGES:
+        if age < LATENCY - 1:  # no results yet
+            await bench.start(settings_of(draw))
+            await bench.work(offset_of(draw, bench.settings), age)
+            await bench.reset(1)
+            await bench.clocks(LATENCY + 2)
 
 
 def test_motion_map_rtl_equals_model() -> None:
