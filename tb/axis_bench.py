@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 from random import Random
 
+import numpy as np
 from cocotbext.axi import AxiStreamBus, AxiStreamSink
-from harness import Ports, TwinBench
+from harness import FallingEdge, Ports, TwinBench
 
 NAMES = ("valid", "data", "last", "user")
 
@@ -56,6 +57,18 @@ class Packet:
 
     data: bytes
     user: int
+
+
+async def send_lines(dut, lines: np.ndarray, gap: int) -> None:
+    """Give a module's pins the pixels of lines, a pixel a clock, and so many clocks behind each."""
+    for line in lines:
+        for k, pixel in enumerate(line):
+            dut.line_start_i.value, dut.line_end_i.value = int(k == 0), int(k == len(line) - 1)
+            dut.pixel_valid_i.value, dut.pixel_i.value = 1, int(pixel)
+            await FallingEdge(dut.clk_i)
+        dut.line_end_i.value = dut.pixel_valid_i.value = 0
+        for _ in range(gap):
+            await FallingEdge(dut.clk_i)
 
 
 def sink_of(dut, prefix: str, *, seed: int, pauses: float) -> AxiStreamSink:

@@ -2,11 +2,12 @@
 
 import subprocess
 import sys
+import tomllib
 from collections import Counter
 from pathlib import Path
 
 import pytest
-from mutant_score import ROOT, Campaign, Log, Tree, argued
+from mutant_score import ARGUED, ROOT, Campaign, Log, Tree, argued
 from mutants import KINDS, Mutant, mutants, sample, schemata, sources
 
 FILES = [str(source.relative_to(ROOT)) for source in sources()]
@@ -82,13 +83,15 @@ def test_a_sample_is_the_beginning_of_a_larger_one() -> None:
 
 
 def test_what_is_argued_is_a_mutant() -> None:
+    rows = tomllib.loads(ARGUED.read_text())["mutant"]
+    assert len(argued()) == len(rows)  # each once
     known = {file: Counter((m.old, m.new) for m in found) for file, found in (
-        (file, mutants(file, (ROOT / file).read_text())) for file in {row[0] for row in argued()}
+        (file, mutants(file, (ROOT / file).read_text())) for file in {row["file"] for row in rows}
     )}  # fmt: skip
-    for (file, old, new), why in argued().items():
+    for row in rows:
         # Where a text stands more than once, it is argued for the mutants that no test kills.
-        assert known[file][old, new], f"{file}: {old} => {new}"
-        assert len(why) > 20
+        assert known[row["file"]][row["old"], row["new"]] == row.get("times", 1), row
+        assert len(row["why"]) > 20
 
 
 # A process of its own: the limit counts what the process has used before.

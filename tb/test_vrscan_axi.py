@@ -5,7 +5,7 @@ from dataclasses import fields
 import cocotb
 import numpy as np
 import pytest
-from axis_bench import received, sink_of
+from axis_bench import received, send_lines, sink_of
 from cocotb.task import bridge, resume
 from cocotbext.axi import AxiLiteBus, AxiLiteMaster
 from harness import FallingEdge, generator, reset, simulate
@@ -132,14 +132,7 @@ async def lines_of_the_sensors_pins(dut) -> None:
     device = await bridge(connected)(BridgedWords(dut))
     await FallingEdge(dut.clk_i)
     sent = generator(11).integers(1 << PIXEL_WIDTH, size=(3, LENGTH))
-    for line in sent:
-        for k, pixel in enumerate(line):
-            dut.line_start_i.value, dut.line_end_i.value = int(k == 0), int(k == LENGTH - 1)
-            dut.pixel_valid_i.value, dut.pixel_i.value = 1, int(pixel)
-            await FallingEdge(dut.clk_i)
-        dut.line_end_i.value = dut.pixel_valid_i.value = 0
-        for _ in range(4 * PERIOD):
-            await FallingEdge(dut.clk_i)
+    await send_lines(dut, sent, 4 * PERIOD)
     packets = received(raw)
     assert [packet.data for packet in packets] == [line.astype("<u2").tobytes() for line in sent]
     users = [LineUser.unpacked(packet.user) for packet in packets]

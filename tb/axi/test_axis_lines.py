@@ -2,7 +2,7 @@
 
 import cocotb
 import pytest
-from axis_bench import AxisBench, received, sink_of
+from axis_bench import AxisBench, received, send_lines, sink_of
 from harness import FallingEdge, as_integer, each, generator, parameters, port, reset, simulate
 
 from vrscan.clocked.axis_lines import LATENCY, AxisLines, LineUser
@@ -143,14 +143,7 @@ async def another_ones_sink_takes_them(dut) -> None:
     draw, length = generator(5), parameters()["LineLength"]
     sent = draw.integers(1 << parameters()["PixelWidth"], size=(6, length))
     port(dut, "mirror_flags_i").value = 5
-    for line in sent:
-        for k, pixel in enumerate(line):
-            dut.line_start_i.value, dut.line_end_i.value = int(k == 0), int(k == length - 1)
-            dut.pixel_valid_i.value, dut.pixel_i.value = 1, int(pixel)
-            await FallingEdge(dut.clk_i)
-        dut.line_end_i.value = dut.pixel_valid_i.value = 0
-        for _ in range(10):
-            await FallingEdge(dut.clk_i)
+    await send_lines(dut, sent, 10)
     for _ in range(4 * length):
         await FallingEdge(dut.clk_i)
     packets = received(sink)

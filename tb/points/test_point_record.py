@@ -40,15 +40,20 @@ def records_of(inputs: dict[str, np.ndarray]) -> Records:
     return point_record(Points(**columns), **{name: inputs[name] for name in ADDED})
 
 
+def present(dut, inputs: dict[str, np.ndarray], k: int) -> None:
+    """Put a point's values on the port."""
+    struct_ports(dut)["point_i"].give(
+        {POINT.get(name, name): int(column[k]) for name, column in inputs.items()}
+    )
+
+
 async def give(dut, inputs: dict[str, np.ndarray], k: int) -> None:
     """Give a point for as long as it must stand."""
-    for values, valid in ((k, 1), (k, 0)):
-        struct_ports(dut)["point_i"].give(
-            {POINT.get(name, name): int(column[values]) for name, column in inputs.items()}
-        )
-        dut.valid_i.value = valid
-        await FallingEdge(dut.clk_i)
-    for _ in range(link_pkg.FULL_BYTES - 1):
+    present(dut, inputs, k)
+    dut.valid_i.value = 1
+    await FallingEdge(dut.clk_i)
+    dut.valid_i.value = 0
+    for _ in range(link_pkg.FULL_BYTES):
         await FallingEdge(dut.clk_i)
 
 
@@ -78,13 +83,11 @@ async def random_points_come_out_byte_for_byte(dut) -> None:
         given.append(clock)
         await give(dut, inputs, k)
         clock += link_pkg.FULL_BYTES + 1
-        # Some points follow each other as closely as they may, others have the next one's values
-        # in between.
+        # Some points follow each other as closely as they may, others have another's values in
+        # between.
         gap = int(draw.choice([0, 0, 1, 2, 90]))
         if gap:
-            struct_ports(dut)["point_i"].give(
-                {POINT.get(name, name): int(column[k - 1]) for name, column in inputs.items()}
-            )
+            present(dut, inputs, k - 1)
         for _ in range(gap):
             await FallingEdge(dut.clk_i)
         clock += gap
