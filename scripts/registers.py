@@ -31,7 +31,7 @@ MAP_BITS = 10  # of the addresses of registers; windows lie above
 PAGE_BITS = 4
 COLUMNS = 100
 LATENCY = 14  # clocks from bus_valid_i to bus_done_o
-SAMPLED = LATENCY - 3  # clocks from bus_valid_i until a READ sees an input
+SAMPLED = LATENCY - 4  # clocks from bus_valid_i until a READ sees an input
 
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9]*(_[a-z0-9]+)*$")]
 Number = int | str  # or the name of a localparam
@@ -1118,7 +1118,8 @@ def register_file(made: Map, name: str = "register_file", package: str = "regist
 
     for window in made.windows:
         out += _window_memory(window, package)
-    out.append(f"  // ---- {SAMPLED}: the words of a page; what is wide stays whole ----")
+    steps = f"{SAMPLED}: half a page's words, wide ones whole; {SAMPLED + 1}: a page"
+    out.append(f"  // ---- {steps} ----")
     if wide_inputs:
         for register in wide_inputs:
             out.append(f"  logic [{register.width - WORD - 1}:0] {register.name}_high_q;")
@@ -1142,14 +1143,34 @@ def register_file(made: Map, name: str = "register_file", package: str = "regist
             f"  local_register #(.Width({PAGE_BITS})) u_{name}_word (",
             f"    .clk_i, .d_i(address_q[{PAGE_BITS - 1}:0]), .q_o({name}_word)",
             "  );",
-            "  always_ff @(posedge clk_i) begin",
-            f"    case ({name}_word)",
         ]
-        for k, (address, register, element, word) in enumerate(here):
-            at = _literal(PAGE_BITS, address & ((1 << PAGE_BITS) - 1))
-            at = at if k < len(here) - 1 else "default"  # where there is none, the status says so
-            out.append(f"      {at}: {name}_q <= {_as_word(register, element, word)};")
-        out += ["    endcase", f"    if (!{name}_hit_q) {name}_q <= '0;", "  end", ""]
+        sides = {
+            side: [word for word in here if word[0] >> (PAGE_BITS - 1) & 1 == high]
+            for high, side in enumerate(("low", "high"))
+        }
+        sides = {side: half for side, half in sides.items() if half}
+        out += [f"  logic [{WORD - 1}:0] {name}_{side}_q;" for side in sides]
+        out.append("  always_ff @(posedge clk_i) begin")
+        for side, half in sides.items():
+            reads = [
+                f"{name}_{side}_q <= {_as_word(register, element, word)};"
+                for _, register, element, word in half
+            ]
+            if len(half) == 1:
+                out.append(f"    {reads[0]}")
+                continue
+            out.append(f"    case ({name}_word[{PAGE_BITS - 2}:0])")
+            for (address, *_), read in zip(half[:-1], reads[:-1], strict=True):
+                at = _literal(PAGE_BITS - 1, address & ((1 << (PAGE_BITS - 1)) - 1))
+                out.append(f"      {at}: {read}")
+            # Where there is none, the status says so.
+            out += [f"      default: {reads[-1]}", "    endcase"]
+        halves = [f"{name}_{side}_q" for side in sides]
+        if len(halves) > 1:
+            out.append(f"    {name}_q <= {name}_word[{PAGE_BITS - 1}] ? {halves[1]} : {halves[0]};")
+        else:
+            out.append(f"    {name}_q <= {halves[0]};")
+        out += [f"    if (!{name}_hit_q) {name}_q <= '0;", "  end", ""]
     out += [
         f"  // ---- {last - 1}: the page, the only one that is not 0; {last}: the answer ----",
         f"  logic [{WORD - 1}:0] read_q;",

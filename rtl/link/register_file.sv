@@ -18,7 +18,7 @@
 //   *_o           structs of register_pkg: what the bus has written, 7 clocks after
 //                 bus_valid_i; a field *_strobe is high in the first clock in which its register
 //                 has what was written
-//   *_i           structs, too: a READ sees them 11 clocks after bus_valid_i
+//   *_i           structs, too: a READ sees them 10 clocks after bus_valid_i
 //   Wide ones     take effect with their higher word; until then the lower one waits, and is read
 //                 as written.  The READ of a lower word of *_i keeps the higher one for its READ
 //   Tables        an entry goes out with its last field and with *_write, the others are those
@@ -1446,20 +1446,20 @@ module register_file (
     map_table_read_q <= 32'(map_table_status_i.map_table_read);
   end
 
-  // ---- 11: the words of a page; what is wide stays whole ----
+  // ---- 10: half a page's words, wide ones whole; 11: a page ----
   logic [15:0] uptime_high_q;
   logic [7:0] mirror_word_high_q;
   logic [15:0] mirror_drive_phase_high_q;
   logic [15:0] mirror_phase_high_q;
   logic [3:0] keep_q;
   always_ff @(posedge clk_i) begin
-    keep_q[0] <= step_q[10] && read && page_00_hit_q && word_hit_q[11];
+    keep_q[0] <= step_q[9] && read && page_00_hit_q && word_hit_q[11];
     if (keep_q[0]) uptime_high_q <= identity_status_i.uptime[47:32];
-    keep_q[1] <= step_q[10] && read && page_0c_hit_q && word_hit_q[2];
+    keep_q[1] <= step_q[9] && read && page_0c_hit_q && word_hit_q[2];
     if (keep_q[1]) mirror_word_high_q <= mirror_status_i.mirror_word[39:32];
-    keep_q[2] <= step_q[10] && read && page_0c_hit_q && word_hit_q[4];
+    keep_q[2] <= step_q[9] && read && page_0c_hit_q && word_hit_q[4];
     if (keep_q[2]) mirror_drive_phase_high_q <= mirror_status_i.mirror_drive_phase[47:32];
-    keep_q[3] <= step_q[10] && read && page_0c_hit_q && word_hit_q[6];
+    keep_q[3] <= step_q[9] && read && page_0c_hit_q && word_hit_q[6];
     if (keep_q[3]) mirror_phase_high_q <= mirror_status_i.mirror_phase[47:32];
     if (rst) begin
       keep_q <= '0;
@@ -1475,22 +1475,27 @@ module register_file (
   local_register #(.Width(4)) u_page_00_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_00_word)
   );
+  logic [31:0] page_00_low_q;
+  logic [31:0] page_00_high_q;
   always_ff @(posedge clk_i) begin
-    case (page_00_word)
-      4'h0: page_00_q <= 32'h56525343;
-      4'h1: page_00_q <= 32'h53cdf354;
-      4'h2: page_00_q <= 32'h00000100;
-      4'h3: page_00_q <= 32'(identity_status_i.board_id);
-      4'h4: page_00_q <= identity_status_i.clock_hz;
-      4'h5: page_00_q <= 32'(identity_status_i.line_length);
-      4'h6: page_00_q <= 32'(identity_status_i.pixel_width);
-      4'h7: page_00_q <= 32'(identity_status_i.max_window);
-      4'h8: page_00_q <= 32'(identity_status_i.lanes);
-      4'h9: page_00_q <= 32'(identity_status_i.index_oversample);
-      4'ha: page_00_q <= identity_o.scratch;
-      4'hb: page_00_q <= identity_status_i.uptime[31:0];
-      default: page_00_q <= 32'(uptime_high_q);
+    case (page_00_word[2:0])
+      3'h0: page_00_low_q <= 32'h56525343;
+      3'h1: page_00_low_q <= 32'h53cdf354;
+      3'h2: page_00_low_q <= 32'h00000100;
+      3'h3: page_00_low_q <= 32'(identity_status_i.board_id);
+      3'h4: page_00_low_q <= identity_status_i.clock_hz;
+      3'h5: page_00_low_q <= 32'(identity_status_i.line_length);
+      3'h6: page_00_low_q <= 32'(identity_status_i.pixel_width);
+      default: page_00_low_q <= 32'(identity_status_i.max_window);
     endcase
+    case (page_00_word[2:0])
+      3'h0: page_00_high_q <= 32'(identity_status_i.lanes);
+      3'h1: page_00_high_q <= 32'(identity_status_i.index_oversample);
+      3'h2: page_00_high_q <= identity_o.scratch;
+      3'h3: page_00_high_q <= identity_status_i.uptime[31:0];
+      default: page_00_high_q <= 32'(uptime_high_q);
+    endcase
+    page_00_q <= page_00_word[3] ? page_00_high_q : page_00_low_q;
     if (!page_00_hit_q) page_00_q <= '0;
   end
 
@@ -1499,22 +1504,27 @@ module register_file (
   local_register #(.Width(4)) u_page_01_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_01_word)
   );
+  logic [31:0] page_01_low_q;
+  logic [31:0] page_01_high_q;
   always_ff @(posedge clk_i) begin
-    case (page_01_word)
-      4'h0: page_01_q <= 32'(peak_q.period_n);
-      4'h1: page_01_q <= 32'(peak_q.noise_row);
-      4'h2: page_01_q <= 32'(peak_q.k_noise);
-      4'h3: page_01_q <= 32'(peak_q.k_height);
-      4'h4: page_01_q <= 32'(peak_q.snr_min);
-      4'h5: page_01_q <= 32'(peak_q.min_width);
-      4'h6: page_01_q <= 32'(peak_q.max_width);
-      4'h7: page_01_q <= 32'(peak_q.kappa);
-      4'h8: page_01_q <= 32'(peak_q.c_sfm_gain);
-      4'h9: page_01_q <= 32'(peak_q.window_two_pass);
-      4'ha: page_01_q <= 32'(peak_q.window_fit);
-      4'hb: page_01_q <= 32'(peak_q.max_core);
-      default: page_01_q <= 32'(peak_q.saturation_level);
+    case (page_01_word[2:0])
+      3'h0: page_01_low_q <= 32'(peak_q.period_n);
+      3'h1: page_01_low_q <= 32'(peak_q.noise_row);
+      3'h2: page_01_low_q <= 32'(peak_q.k_noise);
+      3'h3: page_01_low_q <= 32'(peak_q.k_height);
+      3'h4: page_01_low_q <= 32'(peak_q.snr_min);
+      3'h5: page_01_low_q <= 32'(peak_q.min_width);
+      3'h6: page_01_low_q <= 32'(peak_q.max_width);
+      default: page_01_low_q <= 32'(peak_q.kappa);
     endcase
+    case (page_01_word[2:0])
+      3'h0: page_01_high_q <= 32'(peak_q.c_sfm_gain);
+      3'h1: page_01_high_q <= 32'(peak_q.window_two_pass);
+      3'h2: page_01_high_q <= 32'(peak_q.window_fit);
+      3'h3: page_01_high_q <= 32'(peak_q.max_core);
+      default: page_01_high_q <= 32'(peak_q.saturation_level);
+    endcase
+    page_01_q <= page_01_word[3] ? page_01_high_q : page_01_low_q;
     if (!page_01_hit_q) page_01_q <= '0;
   end
 
@@ -1523,22 +1533,27 @@ module register_file (
   local_register #(.Width(4)) u_page_02_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_02_word)
   );
+  logic [31:0] page_02_low_q;
+  logic [31:0] page_02_high_q;
   always_ff @(posedge clk_i) begin
-    case (page_02_word)
-      4'h0: page_02_q <= unsigned'(centre_low_q);
-      4'h1: page_02_q <= 32'(signed'(geometry_q.centre[33:32]));
-      4'h2: page_02_q <= 32'(geometry_q.k1);
-      4'h3: page_02_q <= 32'(geometry_q.k2);
-      4'h4: page_02_q <= 32'(geometry_q.even);
-      4'h5: page_02_q <= unsigned'(geometry_q.n0);
-      4'h6: page_02_q <= unsigned'(geometry_q.n1);
-      4'h7: page_02_q <= unsigned'(geometry_q.d0);
-      4'h8: page_02_q <= unsigned'(geometry_q.d1);
-      4'h9: page_02_q <= unsigned'(geometry_q.e0);
-      4'ha: page_02_q <= unsigned'(geometry_q.e1);
-      4'hb: page_02_q <= 32'(geometry_q.tolerance);
-      default: page_02_q <= 32'(geometry_q.length_unit);
+    case (page_02_word[2:0])
+      3'h0: page_02_low_q <= unsigned'(centre_low_q);
+      3'h1: page_02_low_q <= 32'(signed'(geometry_q.centre[33:32]));
+      3'h2: page_02_low_q <= 32'(geometry_q.k1);
+      3'h3: page_02_low_q <= 32'(geometry_q.k2);
+      3'h4: page_02_low_q <= 32'(geometry_q.even);
+      3'h5: page_02_low_q <= unsigned'(geometry_q.n0);
+      3'h6: page_02_low_q <= unsigned'(geometry_q.n1);
+      default: page_02_low_q <= unsigned'(geometry_q.d0);
     endcase
+    case (page_02_word[2:0])
+      3'h0: page_02_high_q <= unsigned'(geometry_q.d1);
+      3'h1: page_02_high_q <= unsigned'(geometry_q.e0);
+      3'h2: page_02_high_q <= unsigned'(geometry_q.e1);
+      3'h3: page_02_high_q <= 32'(geometry_q.tolerance);
+      default: page_02_high_q <= 32'(geometry_q.length_unit);
+    endcase
+    page_02_q <= page_02_word[3] ? page_02_high_q : page_02_low_q;
     if (!page_02_hit_q) page_02_q <= '0;
   end
 
@@ -1547,17 +1562,22 @@ module register_file (
   local_register #(.Width(4)) u_page_03_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_03_word)
   );
+  logic [31:0] page_03_low_q;
+  logic [31:0] page_03_high_q;
   always_ff @(posedge clk_i) begin
-    case (page_03_word)
-      4'h0: page_03_q <= 32'(chain_i.short_count);
-      4'h1: page_03_q <= 32'(chain_i.long_count);
-      4'h2: page_03_q <= 32'(chain_i.unfinished_count);
-      4'h3: page_03_q <= 32'(chain_i.early_count);
-      4'h4: page_03_q <= 32'(chain_i.dropped_count);
-      4'h5: page_03_q <= 32'(chain_i.skipped_count);
-      4'h8: page_03_q <= 32'(free_q.free_begin);
-      default: page_03_q <= 32'(free_q.free_shift);
+    case (page_03_word[2:0])
+      3'h0: page_03_low_q <= 32'(chain_i.short_count);
+      3'h1: page_03_low_q <= 32'(chain_i.long_count);
+      3'h2: page_03_low_q <= 32'(chain_i.unfinished_count);
+      3'h3: page_03_low_q <= 32'(chain_i.early_count);
+      3'h4: page_03_low_q <= 32'(chain_i.dropped_count);
+      default: page_03_low_q <= 32'(chain_i.skipped_count);
     endcase
+    case (page_03_word[2:0])
+      3'h0: page_03_high_q <= 32'(free_q.free_begin);
+      default: page_03_high_q <= 32'(free_q.free_shift);
+    endcase
+    page_03_q <= page_03_word[3] ? page_03_high_q : page_03_low_q;
     if (!page_03_hit_q) page_03_q <= '0;
   end
 
@@ -1566,25 +1586,30 @@ module register_file (
   local_register #(.Width(4)) u_page_04_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_04_word)
   );
+  logic [31:0] page_04_low_q;
+  logic [31:0] page_04_high_q;
   always_ff @(posedge clk_i) begin
-    case (page_04_word)
-      4'h0: page_04_q <= 32'(mirror_o.mirror_enable);
-      4'h1: page_04_q <= 32'(mirror_o.line_enable);
-      4'h2: page_04_q <= sweep_word_low_q;
-      4'h3: page_04_q <= 32'(mirror_o.sweep_word[39:32]);
-      4'h4: page_04_q <= work_word_low_q;
-      4'h5: page_04_q <= 32'(mirror_o.work_word[39:32]);
-      4'h6: page_04_q <= mirror_o.sweep_rate;
-      4'h7: page_04_q <= 32'(mirror_o.glitch_clks);
-      4'h8: page_04_q <= mirror_o.width_min_clks;
-      4'h9: page_04_q <= mirror_o.width_max_clks;
-      4'ha: page_04_q <= mirror_o.period_max_clks;
-      4'hb: page_04_q <= 32'(mirror_o.phase_shift);
-      4'hc: page_04_q <= 32'(mirror_o.rate_shift);
-      4'hd: page_04_q <= 32'(mirror_o.amplitude_shift);
-      4'he: page_04_q <= 32'(mirror_o.error_limit);
-      default: page_04_q <= 32'(mirror_o.amplitude_set);
+    case (page_04_word[2:0])
+      3'h0: page_04_low_q <= 32'(mirror_o.mirror_enable);
+      3'h1: page_04_low_q <= 32'(mirror_o.line_enable);
+      3'h2: page_04_low_q <= sweep_word_low_q;
+      3'h3: page_04_low_q <= 32'(mirror_o.sweep_word[39:32]);
+      3'h4: page_04_low_q <= work_word_low_q;
+      3'h5: page_04_low_q <= 32'(mirror_o.work_word[39:32]);
+      3'h6: page_04_low_q <= mirror_o.sweep_rate;
+      default: page_04_low_q <= 32'(mirror_o.glitch_clks);
     endcase
+    case (page_04_word[2:0])
+      3'h0: page_04_high_q <= mirror_o.width_min_clks;
+      3'h1: page_04_high_q <= mirror_o.width_max_clks;
+      3'h2: page_04_high_q <= mirror_o.period_max_clks;
+      3'h3: page_04_high_q <= 32'(mirror_o.phase_shift);
+      3'h4: page_04_high_q <= 32'(mirror_o.rate_shift);
+      3'h5: page_04_high_q <= 32'(mirror_o.amplitude_shift);
+      3'h6: page_04_high_q <= 32'(mirror_o.error_limit);
+      default: page_04_high_q <= 32'(mirror_o.amplitude_set);
+    endcase
+    page_04_q <= page_04_word[3] ? page_04_high_q : page_04_low_q;
     if (!page_04_hit_q) page_04_q <= '0;
   end
 
@@ -1593,23 +1618,28 @@ module register_file (
   local_register #(.Width(4)) u_page_05_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_05_word)
   );
+  logic [31:0] page_05_low_q;
+  logic [31:0] page_05_high_q;
   always_ff @(posedge clk_i) begin
-    case (page_05_word)
-      4'h0: page_05_q <= 32'(mirror_o.k_p);
-      4'h1: page_05_q <= 32'(mirror_o.k_i);
-      4'h2: page_05_q <= 32'(mirror_o.level_low);
-      4'h3: page_05_q <= 32'(mirror_o.level_high);
-      4'h4: page_05_q <= 32'(mirror_o.level_nominal);
-      4'h5: page_05_q <= 32'(mirror_o.trim_step);
-      4'h6: page_05_q <= 32'(mirror_o.trim_gain);
-      4'h7: page_05_q <= 32'(mirror_o.trim_up);
-      4'h8: page_05_q <= 32'(mirror_o.settle_limit);
-      4'h9: page_05_q <= 32'(mirror_o.shock_limit);
-      4'ha: page_05_q <= 32'(mirror_o.phase_limit);
-      4'hb: page_05_q <= 32'(mirror_o.settle_count);
-      4'hc: page_05_q <= 32'(mirror_o.hold_count);
-      default: page_05_q <= 32'(mirror_o.confidence_gain);
+    case (page_05_word[2:0])
+      3'h0: page_05_low_q <= 32'(mirror_o.k_p);
+      3'h1: page_05_low_q <= 32'(mirror_o.k_i);
+      3'h2: page_05_low_q <= 32'(mirror_o.level_low);
+      3'h3: page_05_low_q <= 32'(mirror_o.level_high);
+      3'h4: page_05_low_q <= 32'(mirror_o.level_nominal);
+      3'h5: page_05_low_q <= 32'(mirror_o.trim_step);
+      3'h6: page_05_low_q <= 32'(mirror_o.trim_gain);
+      default: page_05_low_q <= 32'(mirror_o.trim_up);
     endcase
+    case (page_05_word[2:0])
+      3'h0: page_05_high_q <= 32'(mirror_o.settle_limit);
+      3'h1: page_05_high_q <= 32'(mirror_o.shock_limit);
+      3'h2: page_05_high_q <= 32'(mirror_o.phase_limit);
+      3'h3: page_05_high_q <= 32'(mirror_o.settle_count);
+      3'h4: page_05_high_q <= 32'(mirror_o.hold_count);
+      default: page_05_high_q <= 32'(mirror_o.confidence_gain);
+    endcase
+    page_05_q <= page_05_word[3] ? page_05_high_q : page_05_low_q;
     if (!page_05_hit_q) page_05_q <= '0;
   end
 
@@ -1618,18 +1648,21 @@ module register_file (
   local_register #(.Width(4)) u_page_06_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_06_word)
   );
+  logic [31:0] page_06_low_q;
+  logic [31:0] page_06_high_q;
   always_ff @(posedge clk_i) begin
-    case (page_06_word)
-      4'h0: page_06_q <= 32'(mirror_limits_o.duty);
-      4'h1: page_06_q <= 32'(mirror_limits_o.sweep_level);
-      4'h2: page_06_q <= 32'(mirror_limits_o.level_min);
-      4'h3: page_06_q <= 32'(mirror_limits_o.level_max);
-      4'h4: page_06_q <= unsigned'(mirror_limits_o.trim_min);
-      4'h5: page_06_q <= unsigned'(mirror_limits_o.trim_max);
-      4'h6: page_06_q <= mirror_limits_o.sweep_timeout;
-      4'h7: page_06_q <= mirror_limits_o.settle_timeout;
-      default: page_06_q <= mirror_limits_o.lost_timeout;
+    case (page_06_word[2:0])
+      3'h0: page_06_low_q <= 32'(mirror_limits_o.duty);
+      3'h1: page_06_low_q <= 32'(mirror_limits_o.sweep_level);
+      3'h2: page_06_low_q <= 32'(mirror_limits_o.level_min);
+      3'h3: page_06_low_q <= 32'(mirror_limits_o.level_max);
+      3'h4: page_06_low_q <= unsigned'(mirror_limits_o.trim_min);
+      3'h5: page_06_low_q <= unsigned'(mirror_limits_o.trim_max);
+      3'h6: page_06_low_q <= mirror_limits_o.sweep_timeout;
+      default: page_06_low_q <= mirror_limits_o.settle_timeout;
     endcase
+    page_06_high_q <= mirror_limits_o.lost_timeout;
+    page_06_q <= page_06_word[3] ? page_06_high_q : page_06_low_q;
     if (!page_06_hit_q) page_06_q <= '0;
   end
 
@@ -1638,25 +1671,30 @@ module register_file (
   local_register #(.Width(4)) u_page_08_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_08_word)
   );
+  logic [31:0] page_08_low_q;
+  logic [31:0] page_08_high_q;
   always_ff @(posedge clk_i) begin
-    case (page_08_word)
-      4'h0: page_08_q <= 32'(motion_q.drive_phase);
-      4'h1: page_08_q <= 32'(signed'(motion_q.motion_a[0+:24]));
-      4'h2: page_08_q <= 32'(signed'(motion_q.motion_a[24+:24]));
-      4'h3: page_08_q <= 32'(signed'(motion_q.motion_a[48+:24]));
-      4'h4: page_08_q <= 32'(signed'(motion_q.motion_a[72+:24]));
-      4'h5: page_08_q <= 32'(signed'(motion_q.motion_a[96+:24]));
-      4'h6: page_08_q <= 32'(signed'(motion_q.motion_a[120+:24]));
-      4'h7: page_08_q <= 32'(signed'(motion_q.motion_a[144+:24]));
-      4'h8: page_08_q <= 32'(signed'(motion_q.motion_a[168+:24]));
-      4'h9: page_08_q <= 32'(signed'(motion_q.motion_a[192+:24]));
-      4'ha: page_08_q <= 32'(motion_q.motion_phi[0+:28]);
-      4'hb: page_08_q <= 32'(motion_q.motion_phi[28+:28]);
-      4'hc: page_08_q <= 32'(motion_q.motion_phi[56+:28]);
-      4'hd: page_08_q <= 32'(motion_q.motion_phi[84+:28]);
-      4'he: page_08_q <= 32'(motion_q.motion_phi[112+:28]);
-      default: page_08_q <= 32'(motion_q.motion_phi[140+:28]);
+    case (page_08_word[2:0])
+      3'h0: page_08_low_q <= 32'(motion_q.drive_phase);
+      3'h1: page_08_low_q <= 32'(signed'(motion_q.motion_a[0+:24]));
+      3'h2: page_08_low_q <= 32'(signed'(motion_q.motion_a[24+:24]));
+      3'h3: page_08_low_q <= 32'(signed'(motion_q.motion_a[48+:24]));
+      3'h4: page_08_low_q <= 32'(signed'(motion_q.motion_a[72+:24]));
+      3'h5: page_08_low_q <= 32'(signed'(motion_q.motion_a[96+:24]));
+      3'h6: page_08_low_q <= 32'(signed'(motion_q.motion_a[120+:24]));
+      default: page_08_low_q <= 32'(signed'(motion_q.motion_a[144+:24]));
     endcase
+    case (page_08_word[2:0])
+      3'h0: page_08_high_q <= 32'(signed'(motion_q.motion_a[168+:24]));
+      3'h1: page_08_high_q <= 32'(signed'(motion_q.motion_a[192+:24]));
+      3'h2: page_08_high_q <= 32'(motion_q.motion_phi[0+:28]);
+      3'h3: page_08_high_q <= 32'(motion_q.motion_phi[28+:28]);
+      3'h4: page_08_high_q <= 32'(motion_q.motion_phi[56+:28]);
+      3'h5: page_08_high_q <= 32'(motion_q.motion_phi[84+:28]);
+      3'h6: page_08_high_q <= 32'(motion_q.motion_phi[112+:28]);
+      default: page_08_high_q <= 32'(motion_q.motion_phi[140+:28]);
+    endcase
+    page_08_q <= page_08_word[3] ? page_08_high_q : page_08_low_q;
     if (!page_08_hit_q) page_08_q <= '0;
   end
 
@@ -1665,25 +1703,30 @@ module register_file (
   local_register #(.Width(4)) u_page_09_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_09_word)
   );
+  logic [31:0] page_09_low_q;
+  logic [31:0] page_09_high_q;
   always_ff @(posedge clk_i) begin
-    case (page_09_word)
-      4'h0: page_09_q <= 32'(motion_q.motion_phi[168+:28]);
-      4'h1: page_09_q <= 32'(motion_q.motion_phi[196+:28]);
-      4'h2: page_09_q <= 32'(motion_q.motion_phi[224+:28]);
-      4'h3: page_09_q <= 32'(signed'(motion_q.motion_da[0+:24]));
-      4'h4: page_09_q <= 32'(signed'(motion_q.motion_da[24+:24]));
-      4'h5: page_09_q <= 32'(signed'(motion_q.motion_da[48+:24]));
-      4'h6: page_09_q <= 32'(signed'(motion_q.motion_da[72+:24]));
-      4'h7: page_09_q <= 32'(signed'(motion_q.motion_da[96+:24]));
-      4'h8: page_09_q <= 32'(signed'(motion_q.motion_da[120+:24]));
-      4'h9: page_09_q <= 32'(signed'(motion_q.motion_da[144+:24]));
-      4'ha: page_09_q <= 32'(signed'(motion_q.motion_da[168+:24]));
-      4'hb: page_09_q <= 32'(signed'(motion_q.motion_da[192+:24]));
-      4'hc: page_09_q <= 32'(signed'(motion_q.motion_dphi[0+:24]));
-      4'hd: page_09_q <= 32'(signed'(motion_q.motion_dphi[24+:24]));
-      4'he: page_09_q <= 32'(signed'(motion_q.motion_dphi[48+:24]));
-      default: page_09_q <= 32'(signed'(motion_q.motion_dphi[72+:24]));
+    case (page_09_word[2:0])
+      3'h0: page_09_low_q <= 32'(motion_q.motion_phi[168+:28]);
+      3'h1: page_09_low_q <= 32'(motion_q.motion_phi[196+:28]);
+      3'h2: page_09_low_q <= 32'(motion_q.motion_phi[224+:28]);
+      3'h3: page_09_low_q <= 32'(signed'(motion_q.motion_da[0+:24]));
+      3'h4: page_09_low_q <= 32'(signed'(motion_q.motion_da[24+:24]));
+      3'h5: page_09_low_q <= 32'(signed'(motion_q.motion_da[48+:24]));
+      3'h6: page_09_low_q <= 32'(signed'(motion_q.motion_da[72+:24]));
+      default: page_09_low_q <= 32'(signed'(motion_q.motion_da[96+:24]));
     endcase
+    case (page_09_word[2:0])
+      3'h0: page_09_high_q <= 32'(signed'(motion_q.motion_da[120+:24]));
+      3'h1: page_09_high_q <= 32'(signed'(motion_q.motion_da[144+:24]));
+      3'h2: page_09_high_q <= 32'(signed'(motion_q.motion_da[168+:24]));
+      3'h3: page_09_high_q <= 32'(signed'(motion_q.motion_da[192+:24]));
+      3'h4: page_09_high_q <= 32'(signed'(motion_q.motion_dphi[0+:24]));
+      3'h5: page_09_high_q <= 32'(signed'(motion_q.motion_dphi[24+:24]));
+      3'h6: page_09_high_q <= 32'(signed'(motion_q.motion_dphi[48+:24]));
+      default: page_09_high_q <= 32'(signed'(motion_q.motion_dphi[72+:24]));
+    endcase
+    page_09_q <= page_09_word[3] ? page_09_high_q : page_09_low_q;
     if (!page_09_hit_q) page_09_q <= '0;
   end
 
@@ -1692,17 +1735,19 @@ module register_file (
   local_register #(.Width(4)) u_page_0a_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_0a_word)
   );
+  logic [31:0] page_0a_low_q;
   always_ff @(posedge clk_i) begin
-    case (page_0a_word)
-      4'h0: page_0a_q <= 32'(signed'(motion_q.motion_dphi[96+:24]));
-      4'h1: page_0a_q <= 32'(signed'(motion_q.motion_dphi[120+:24]));
-      4'h2: page_0a_q <= 32'(signed'(motion_q.motion_dphi[144+:24]));
-      4'h3: page_0a_q <= 32'(signed'(motion_q.motion_dphi[168+:24]));
-      4'h4: page_0a_q <= 32'(signed'(motion_q.motion_dphi[192+:24]));
-      4'h5: page_0a_q <= 32'(motion_q.scan_facet);
-      4'h6: page_0a_q <= 32'(motion_q.scan_begin);
-      default: page_0a_q <= 32'(motion_q.scan_span);
+    case (page_0a_word[2:0])
+      3'h0: page_0a_low_q <= 32'(signed'(motion_q.motion_dphi[96+:24]));
+      3'h1: page_0a_low_q <= 32'(signed'(motion_q.motion_dphi[120+:24]));
+      3'h2: page_0a_low_q <= 32'(signed'(motion_q.motion_dphi[144+:24]));
+      3'h3: page_0a_low_q <= 32'(signed'(motion_q.motion_dphi[168+:24]));
+      3'h4: page_0a_low_q <= 32'(signed'(motion_q.motion_dphi[192+:24]));
+      3'h5: page_0a_low_q <= 32'(motion_q.scan_facet);
+      3'h6: page_0a_low_q <= 32'(motion_q.scan_begin);
+      default: page_0a_low_q <= 32'(motion_q.scan_span);
     endcase
+    page_0a_q <= page_0a_low_q;
     if (!page_0a_hit_q) page_0a_q <= '0;
   end
 
@@ -1711,15 +1756,17 @@ module register_file (
   local_register #(.Width(4)) u_page_0b_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_0b_word)
   );
+  logic [31:0] page_0b_low_q;
   always_ff @(posedge clk_i) begin
-    case (page_0b_word)
-      4'h0: page_0b_q <= ratio_low_q;
-      4'h1: page_0b_q <= 32'(line_o.ratio[43:32]);
-      4'h2: page_0b_q <= 32'(line_o.exposure_delay_clks);
-      4'h3: page_0b_q <= 32'(line_o.exposure_clks);
-      4'h4: page_0b_q <= 32'(line_o.pulse_delay_clks);
-      default: page_0b_q <= 32'(line_o.pulse_clks);
+    case (page_0b_word[2:0])
+      3'h0: page_0b_low_q <= ratio_low_q;
+      3'h1: page_0b_low_q <= 32'(line_o.ratio[43:32]);
+      3'h2: page_0b_low_q <= 32'(line_o.exposure_delay_clks);
+      3'h3: page_0b_low_q <= 32'(line_o.exposure_clks);
+      3'h4: page_0b_low_q <= 32'(line_o.pulse_delay_clks);
+      default: page_0b_low_q <= 32'(line_o.pulse_clks);
     endcase
+    page_0b_q <= page_0b_low_q;
     if (!page_0b_hit_q) page_0b_q <= '0;
   end
 
@@ -1728,25 +1775,30 @@ module register_file (
   local_register #(.Width(4)) u_page_0c_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_0c_word)
   );
+  logic [31:0] page_0c_low_q;
+  logic [31:0] page_0c_high_q;
   always_ff @(posedge clk_i) begin
-    case (page_0c_word)
-      4'h0: page_0c_q <= 32'(mirror_status_i.mirror_state);
-      4'h1: page_0c_q <= 32'(mirror_status_i.mirror_fault);
-      4'h2: page_0c_q <= mirror_status_i.mirror_word[31:0];
-      4'h3: page_0c_q <= 32'(mirror_word_high_q);
-      4'h4: page_0c_q <= mirror_status_i.mirror_drive_phase[31:0];
-      4'h5: page_0c_q <= 32'(mirror_drive_phase_high_q);
-      4'h6: page_0c_q <= mirror_status_i.mirror_phase[31:0];
-      4'h7: page_0c_q <= 32'(mirror_phase_high_q);
-      4'h8: page_0c_q <= 32'(mirror_status_i.mirror_level);
-      4'h9: page_0c_q <= 32'(mirror_status_i.index_alive);
-      4'ha: page_0c_q <= 32'(mirror_status_i.mirror_settled);
-      4'hb: page_0c_q <= 32'(mirror_status_i.mirror_measured);
-      4'hc: page_0c_q <= 32'(mirror_status_i.mirror_error);
-      4'hd: page_0c_q <= 32'(mirror_status_i.missing_count);
-      4'he: page_0c_q <= 32'(mirror_status_i.doubled_count);
-      default: page_0c_q <= 32'(mirror_status_i.impossible_count);
+    case (page_0c_word[2:0])
+      3'h0: page_0c_low_q <= 32'(mirror_status_i.mirror_state);
+      3'h1: page_0c_low_q <= 32'(mirror_status_i.mirror_fault);
+      3'h2: page_0c_low_q <= mirror_status_i.mirror_word[31:0];
+      3'h3: page_0c_low_q <= 32'(mirror_word_high_q);
+      3'h4: page_0c_low_q <= mirror_status_i.mirror_drive_phase[31:0];
+      3'h5: page_0c_low_q <= 32'(mirror_drive_phase_high_q);
+      3'h6: page_0c_low_q <= mirror_status_i.mirror_phase[31:0];
+      default: page_0c_low_q <= 32'(mirror_phase_high_q);
     endcase
+    case (page_0c_word[2:0])
+      3'h0: page_0c_high_q <= 32'(mirror_status_i.mirror_level);
+      3'h1: page_0c_high_q <= 32'(mirror_status_i.index_alive);
+      3'h2: page_0c_high_q <= 32'(mirror_status_i.mirror_settled);
+      3'h3: page_0c_high_q <= 32'(mirror_status_i.mirror_measured);
+      3'h4: page_0c_high_q <= 32'(mirror_status_i.mirror_error);
+      3'h5: page_0c_high_q <= 32'(mirror_status_i.missing_count);
+      3'h6: page_0c_high_q <= 32'(mirror_status_i.doubled_count);
+      default: page_0c_high_q <= 32'(mirror_status_i.impossible_count);
+    endcase
+    page_0c_q <= page_0c_word[3] ? page_0c_high_q : page_0c_low_q;
     if (!page_0c_hit_q) page_0c_q <= '0;
   end
 
@@ -1755,11 +1807,13 @@ module register_file (
   local_register #(.Width(4)) u_page_0d_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_0d_word)
   );
+  logic [31:0] page_0d_low_q;
   always_ff @(posedge clk_i) begin
-    case (page_0d_word)
-      4'h0: page_0d_q <= 32'(mirror_status_i.glitch_count);
-      default: page_0d_q <= 32'(mirror_status_i.overrun_count);
+    case (page_0d_word[2:0])
+      3'h0: page_0d_low_q <= 32'(mirror_status_i.glitch_count);
+      default: page_0d_low_q <= 32'(mirror_status_i.overrun_count);
     endcase
+    page_0d_q <= page_0d_low_q;
     if (!page_0d_hit_q) page_0d_q <= '0;
   end
 
@@ -1768,23 +1822,28 @@ module register_file (
   local_register #(.Width(4)) u_page_0e_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_0e_word)
   );
+  logic [31:0] page_0e_low_q;
+  logic [31:0] page_0e_high_q;
   always_ff @(posedge clk_i) begin
-    case (page_0e_word)
-      4'h0: page_0e_q <= 32'(link_o.uart_step);
-      4'h1: page_0e_q <= 32'(link_status_i.uart_step_now);
-      4'h2: page_0e_q <= 32'(link_status_i.uart_framing);
-      4'h3: page_0e_q <= 32'(link_status_i.uart_breaks);
-      4'h4: page_0e_q <= 32'(link_status_i.uart_glitches);
-      4'h5: page_0e_q <= 32'(link_status_i.uart_fallbacks);
-      4'h6: page_0e_q <= 32'(link_status_i.frames_good);
-      4'h7: page_0e_q <= 32'(link_status_i.frames_crc);
-      4'h8: page_0e_q <= 32'(link_status_i.frames_malformed);
-      4'h9: page_0e_q <= 32'(link_status_i.frames_too_long);
-      4'ha: page_0e_q <= 32'(link_status_i.frames_too_short);
-      4'hb: page_0e_q <= 32'(link_status_i.frames_framing);
-      4'hc: page_0e_q <= 32'(link_status_i.commands_bad);
-      default: page_0e_q <= 32'(link_status_i.commands_lost);
+    case (page_0e_word[2:0])
+      3'h0: page_0e_low_q <= 32'(link_o.uart_step);
+      3'h1: page_0e_low_q <= 32'(link_status_i.uart_step_now);
+      3'h2: page_0e_low_q <= 32'(link_status_i.uart_framing);
+      3'h3: page_0e_low_q <= 32'(link_status_i.uart_breaks);
+      3'h4: page_0e_low_q <= 32'(link_status_i.uart_glitches);
+      3'h5: page_0e_low_q <= 32'(link_status_i.uart_fallbacks);
+      3'h6: page_0e_low_q <= 32'(link_status_i.frames_good);
+      default: page_0e_low_q <= 32'(link_status_i.frames_crc);
     endcase
+    case (page_0e_word[2:0])
+      3'h0: page_0e_high_q <= 32'(link_status_i.frames_malformed);
+      3'h1: page_0e_high_q <= 32'(link_status_i.frames_too_long);
+      3'h2: page_0e_high_q <= 32'(link_status_i.frames_too_short);
+      3'h3: page_0e_high_q <= 32'(link_status_i.frames_framing);
+      3'h4: page_0e_high_q <= 32'(link_status_i.commands_bad);
+      default: page_0e_high_q <= 32'(link_status_i.commands_lost);
+    endcase
+    page_0e_q <= page_0e_word[3] ? page_0e_high_q : page_0e_low_q;
     if (!page_0e_hit_q) page_0e_q <= '0;
   end
 
@@ -1793,23 +1852,28 @@ module register_file (
   local_register #(.Width(4)) u_page_10_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_10_word)
   );
+  logic [31:0] page_10_low_q;
+  logic [31:0] page_10_high_q;
   always_ff @(posedge clk_i) begin
-    case (page_10_word)
-      4'h0: page_10_q <= 32'(laser_o.laser_enable);
-      4'h1: page_10_q <= 32'(laser_o.laser_adapt);
-      4'h2: page_10_q <= 32'(laser_o.laser_shared);
-      4'h3: page_10_q <= 32'(laser_o.laser_power);
-      4'h4: page_10_q <= 32'(laser_o.laser_power_min);
-      4'h5: page_10_q <= 32'(laser_o.laser_power_max);
-      4'h6: page_10_q <= 32'(laser_o.laser_startup);
-      4'h7: page_10_q <= 32'(laser_o.laser_target);
-      4'h8: page_10_q <= 32'(laser_o.laser_cut);
-      4'h9: page_10_q <= 32'(laser_o.laser_down);
-      4'ha: page_10_q <= 32'(laser_o.laser_up);
-      4'hb: page_10_q <= 32'(laser_o.laser_search);
-      4'hc: page_10_q <= 32'(laser_o.laser_index_begin);
-      default: page_10_q <= 32'(laser_o.laser_index_end);
+    case (page_10_word[2:0])
+      3'h0: page_10_low_q <= 32'(laser_o.laser_enable);
+      3'h1: page_10_low_q <= 32'(laser_o.laser_adapt);
+      3'h2: page_10_low_q <= 32'(laser_o.laser_shared);
+      3'h3: page_10_low_q <= 32'(laser_o.laser_power);
+      3'h4: page_10_low_q <= 32'(laser_o.laser_power_min);
+      3'h5: page_10_low_q <= 32'(laser_o.laser_power_max);
+      3'h6: page_10_low_q <= 32'(laser_o.laser_startup);
+      default: page_10_low_q <= 32'(laser_o.laser_target);
     endcase
+    case (page_10_word[2:0])
+      3'h0: page_10_high_q <= 32'(laser_o.laser_cut);
+      3'h1: page_10_high_q <= 32'(laser_o.laser_down);
+      3'h2: page_10_high_q <= 32'(laser_o.laser_up);
+      3'h3: page_10_high_q <= 32'(laser_o.laser_search);
+      3'h4: page_10_high_q <= 32'(laser_o.laser_index_begin);
+      default: page_10_high_q <= 32'(laser_o.laser_index_end);
+    endcase
+    page_10_q <= page_10_word[3] ? page_10_high_q : page_10_low_q;
     if (!page_10_hit_q) page_10_q <= '0;
   end
 
@@ -1818,15 +1882,17 @@ module register_file (
   local_register #(.Width(4)) u_page_12_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_12_word)
   );
+  logic [31:0] page_12_low_q;
   always_ff @(posedge clk_i) begin
-    case (page_12_word)
-      4'h0: page_12_q <= 32'(laser_limits_o.laser_limit_power);
-      4'h1: page_12_q <= 32'(laser_limits_o.laser_limit_startup);
-      4'h2: page_12_q <= 32'(laser_limits_o.laser_limit_pulse_clks);
-      4'h3: page_12_q <= 32'(laser_limits_o.laser_limit_drain);
-      4'h4: page_12_q <= laser_limits_o.laser_limit_bucket;
-      default: page_12_q <= laser_limits_o.laser_watchdog_clks;
+    case (page_12_word[2:0])
+      3'h0: page_12_low_q <= 32'(laser_limits_o.laser_limit_power);
+      3'h1: page_12_low_q <= 32'(laser_limits_o.laser_limit_startup);
+      3'h2: page_12_low_q <= 32'(laser_limits_o.laser_limit_pulse_clks);
+      3'h3: page_12_low_q <= 32'(laser_limits_o.laser_limit_drain);
+      3'h4: page_12_low_q <= laser_limits_o.laser_limit_bucket;
+      default: page_12_low_q <= laser_limits_o.laser_watchdog_clks;
     endcase
+    page_12_q <= page_12_low_q;
     if (!page_12_hit_q) page_12_q <= '0;
   end
 
@@ -1835,17 +1901,19 @@ module register_file (
   local_register #(.Width(4)) u_page_13_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_13_word)
   );
+  logic [31:0] page_13_low_q;
   always_ff @(posedge clk_i) begin
-    case (page_13_word)
-      4'h0: page_13_q <= 32'(laser_status_i.laser_status);
-      4'h1: page_13_q <= 32'(laser_status_i.laser_power_inward);
-      4'h2: page_13_q <= 32'(laser_status_i.laser_power_outward);
-      4'h3: page_13_q <= 32'(laser_status_i.laser_cut_count);
-      4'h4: page_13_q <= 32'(laser_status_i.laser_duty_count);
-      4'h5: page_13_q <= 32'(laser_status_i.laser_watchdog_count);
-      4'h6: page_13_q <= 32'(laser_status_i.laser_guard_fault);
-      default: page_13_q <= 32'(laser_status_i.laser_guard_count);
+    case (page_13_word[2:0])
+      3'h0: page_13_low_q <= 32'(laser_status_i.laser_status);
+      3'h1: page_13_low_q <= 32'(laser_status_i.laser_power_inward);
+      3'h2: page_13_low_q <= 32'(laser_status_i.laser_power_outward);
+      3'h3: page_13_low_q <= 32'(laser_status_i.laser_cut_count);
+      3'h4: page_13_low_q <= 32'(laser_status_i.laser_duty_count);
+      3'h5: page_13_low_q <= 32'(laser_status_i.laser_watchdog_count);
+      3'h6: page_13_low_q <= 32'(laser_status_i.laser_guard_fault);
+      default: page_13_low_q <= 32'(laser_status_i.laser_guard_count);
     endcase
+    page_13_q <= page_13_low_q;
     if (!page_13_hit_q) page_13_q <= '0;
   end
 
@@ -1854,13 +1922,15 @@ module register_file (
   local_register #(.Width(4)) u_page_16_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_16_word)
   );
+  logic [31:0] page_16_low_q;
   always_ff @(posedge clk_i) begin
-    case (page_16_word)
-      4'h0: page_16_q <= 32'(points_o.points_batch);
-      4'h1: page_16_q <= 32'(points_o.points_timeout_clks);
-      4'h2: page_16_q <= 32'(points_status_i.points_dropped);
-      default: page_16_q <= 32'(points_status_i.capture_busy);
+    case (page_16_word[2:0])
+      3'h0: page_16_low_q <= 32'(points_o.points_batch);
+      3'h1: page_16_low_q <= 32'(points_o.points_timeout_clks);
+      3'h2: page_16_low_q <= 32'(points_status_i.points_dropped);
+      default: page_16_low_q <= 32'(points_status_i.capture_busy);
     endcase
+    page_16_q <= page_16_low_q;
     if (!page_16_hit_q) page_16_q <= '0;
   end
 
@@ -1869,13 +1939,15 @@ module register_file (
   local_register #(.Width(4)) u_page_17_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_17_word)
   );
+  logic [31:0] page_17_low_q;
   always_ff @(posedge clk_i) begin
-    case (page_17_word)
-      4'h0: page_17_q <= 32'(axi_i.axi_points_dropped);
-      4'h1: page_17_q <= 32'(axi_i.axi_lines_dropped);
-      4'h2: page_17_q <= 32'(axi_i.axi_refused);
-      default: page_17_q <= 32'(axi_i.axi_refused_address);
+    case (page_17_word[2:0])
+      3'h0: page_17_low_q <= 32'(axi_i.axi_points_dropped);
+      3'h1: page_17_low_q <= 32'(axi_i.axi_lines_dropped);
+      3'h2: page_17_low_q <= 32'(axi_i.axi_refused);
+      default: page_17_low_q <= 32'(axi_i.axi_refused_address);
     endcase
+    page_17_q <= page_17_low_q;
     if (!page_17_hit_q) page_17_q <= '0;
   end
 
@@ -1884,25 +1956,30 @@ module register_file (
   local_register #(.Width(4)) u_page_18_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_18_word)
   );
+  logic [31:0] page_18_low_q;
+  logic [31:0] page_18_high_q;
   always_ff @(posedge clk_i) begin
-    case (page_18_word)
-      4'h0: page_18_q <= 32'(focus_o.focus_mode);
-      4'h1: page_18_q <= 32'(focus_o.focus_manual);
-      4'h2: page_18_q <= 32'(focus_o.focus_average_shift);
-      4'h3: page_18_q <= 32'(focus_o.focus_lapse);
-      4'h4: page_18_q <= 32'(focus_o.focus_z_begin);
-      4'h5: page_18_q <= 32'(focus_o.focus_z_shift);
-      4'h6: page_18_q <= 32'(focus_o.focus_hysteresis);
-      4'h7: page_18_q <= 32'(focus_o.focus_hold_points);
-      4'h8: page_18_q <= 32'(focus_o.focus_address);
-      4'h9: page_18_q <= 32'(focus_o.focus_quarter_clks);
-      4'ha: page_18_q <= 32'(focus_o.focus_stretch_clks);
-      4'hb: page_18_q <= 32'(focus_o.focus_poll_clks);
-      4'hc: page_18_q <= 32'(focus_o.focus_tolerance);
-      4'hd: page_18_q <= focus_o.focus_timeout_clks;
-      4'he: page_18_q <= 32'(focus_o.focus_retries);
-      default: page_18_q <= 32'(focus_o.focus_protocol);
+    case (page_18_word[2:0])
+      3'h0: page_18_low_q <= 32'(focus_o.focus_mode);
+      3'h1: page_18_low_q <= 32'(focus_o.focus_manual);
+      3'h2: page_18_low_q <= 32'(focus_o.focus_average_shift);
+      3'h3: page_18_low_q <= 32'(focus_o.focus_lapse);
+      3'h4: page_18_low_q <= 32'(focus_o.focus_z_begin);
+      3'h5: page_18_low_q <= 32'(focus_o.focus_z_shift);
+      3'h6: page_18_low_q <= 32'(focus_o.focus_hysteresis);
+      default: page_18_low_q <= 32'(focus_o.focus_hold_points);
     endcase
+    case (page_18_word[2:0])
+      3'h0: page_18_high_q <= 32'(focus_o.focus_address);
+      3'h1: page_18_high_q <= 32'(focus_o.focus_quarter_clks);
+      3'h2: page_18_high_q <= 32'(focus_o.focus_stretch_clks);
+      3'h3: page_18_high_q <= 32'(focus_o.focus_poll_clks);
+      3'h4: page_18_high_q <= 32'(focus_o.focus_tolerance);
+      3'h5: page_18_high_q <= focus_o.focus_timeout_clks;
+      3'h6: page_18_high_q <= 32'(focus_o.focus_retries);
+      default: page_18_high_q <= 32'(focus_o.focus_protocol);
+    endcase
+    page_18_q <= page_18_word[3] ? page_18_high_q : page_18_low_q;
     if (!page_18_hit_q) page_18_q <= '0;
   end
 
@@ -1911,23 +1988,28 @@ module register_file (
   local_register #(.Width(4)) u_page_1a_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_1a_word)
   );
+  logic [31:0] page_1a_low_q;
+  logic [31:0] page_1a_high_q;
   always_ff @(posedge clk_i) begin
-    case (page_1a_word)
-      4'h0: page_1a_q <= 32'(focus_status_i.focus_state);
-      4'h1: page_1a_q <= 32'(focus_status_i.focus_fault);
-      4'h2: page_1a_q <= 32'(focus_status_i.focus_in_position);
-      4'h3: page_1a_q <= 32'(focus_status_i.focus_distance);
-      4'h4: page_1a_q <= 32'(focus_status_i.focus_target);
-      4'h5: page_1a_q <= 32'(focus_status_i.focus_position);
-      4'h6: page_1a_q <= 32'(focus_status_i.focus_nack_count);
-      4'h7: page_1a_q <= 32'(focus_status_i.focus_stretch_count);
-      4'h8: page_1a_q <= 32'(focus_status_i.focus_stuck_count);
-      4'h9: page_1a_q <= 32'(focus_status_i.focus_arbitration_count);
-      4'ha: page_1a_q <= 32'(focus_status_i.focus_timeout_count);
-      4'hb: page_1a_q <= 32'(focus_status_i.focus_recovery_count);
-      4'hc: page_1a_q <= 32'(focus_status_i.focus_reply_count);
-      default: page_1a_q <= 32'(focus_status_i.focus_motor_status);
+    case (page_1a_word[2:0])
+      3'h0: page_1a_low_q <= 32'(focus_status_i.focus_state);
+      3'h1: page_1a_low_q <= 32'(focus_status_i.focus_fault);
+      3'h2: page_1a_low_q <= 32'(focus_status_i.focus_in_position);
+      3'h3: page_1a_low_q <= 32'(focus_status_i.focus_distance);
+      3'h4: page_1a_low_q <= 32'(focus_status_i.focus_target);
+      3'h5: page_1a_low_q <= 32'(focus_status_i.focus_position);
+      3'h6: page_1a_low_q <= 32'(focus_status_i.focus_nack_count);
+      default: page_1a_low_q <= 32'(focus_status_i.focus_stretch_count);
     endcase
+    case (page_1a_word[2:0])
+      3'h0: page_1a_high_q <= 32'(focus_status_i.focus_stuck_count);
+      3'h1: page_1a_high_q <= 32'(focus_status_i.focus_arbitration_count);
+      3'h2: page_1a_high_q <= 32'(focus_status_i.focus_timeout_count);
+      3'h3: page_1a_high_q <= 32'(focus_status_i.focus_recovery_count);
+      3'h4: page_1a_high_q <= 32'(focus_status_i.focus_reply_count);
+      default: page_1a_high_q <= 32'(focus_status_i.focus_motor_status);
+    endcase
+    page_1a_q <= page_1a_word[3] ? page_1a_high_q : page_1a_low_q;
     if (!page_1a_hit_q) page_1a_q <= '0;
   end
 
@@ -1936,23 +2018,28 @@ module register_file (
   local_register #(.Width(4)) u_page_1c_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_1c_word)
   );
+  logic [31:0] page_1c_low_q;
+  logic [31:0] page_1c_high_q;
   always_ff @(posedge clk_i) begin
-    case (page_1c_word)
-      4'h0: page_1c_q <= 32'(test_o.test_position);
-      4'h1: page_1c_q <= 32'(test_o.test_move);
-      4'h2: page_1c_q <= 32'(test_o.test_step);
-      4'h3: page_1c_q <= 32'(test_o.test_height);
-      4'h4: page_1c_q <= 32'(test_o.test_pedestal);
-      4'h5: page_1c_q <= 32'(test_o.test_noise);
-      4'h6: page_1c_q <= test_o.test_seed;
-      4'h7: page_1c_q <= test_o.test_lines;
-      4'h8: page_1c_q <= 32'(test_o.test_period_clks);
-      4'h9: page_1c_q <= 32'(test_o.test_angle);
-      4'ha: page_1c_q <= 32'(test_o.test_power);
-      4'hb: page_1c_q <= 32'(test_o.test_start);
-      4'hc: page_1c_q <= 32'(test_o.test_stop);
-      default: page_1c_q <= 32'(test_status_i.test_running);
+    case (page_1c_word[2:0])
+      3'h0: page_1c_low_q <= 32'(test_o.test_position);
+      3'h1: page_1c_low_q <= 32'(test_o.test_move);
+      3'h2: page_1c_low_q <= 32'(test_o.test_step);
+      3'h3: page_1c_low_q <= 32'(test_o.test_height);
+      3'h4: page_1c_low_q <= 32'(test_o.test_pedestal);
+      3'h5: page_1c_low_q <= 32'(test_o.test_noise);
+      3'h6: page_1c_low_q <= test_o.test_seed;
+      default: page_1c_low_q <= test_o.test_lines;
     endcase
+    case (page_1c_word[2:0])
+      3'h0: page_1c_high_q <= 32'(test_o.test_period_clks);
+      3'h1: page_1c_high_q <= 32'(test_o.test_angle);
+      3'h2: page_1c_high_q <= 32'(test_o.test_power);
+      3'h3: page_1c_high_q <= 32'(test_o.test_start);
+      3'h4: page_1c_high_q <= 32'(test_o.test_stop);
+      default: page_1c_high_q <= 32'(test_status_i.test_running);
+    endcase
+    page_1c_q <= page_1c_word[3] ? page_1c_high_q : page_1c_low_q;
     if (!page_1c_hit_q) page_1c_q <= '0;
   end
 
@@ -1961,17 +2048,19 @@ module register_file (
   local_register #(.Width(4)) u_page_1d_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_1d_word)
   );
+  logic [31:0] page_1d_low_q;
   always_ff @(posedge clk_i) begin
-    case (page_1d_word)
-      4'h0: page_1d_q <= 32'(sensor_status_i.untagged_count);
-      4'h1: page_1d_q <= 32'(sensor_status_i.pixel_overflow_count);
-      4'h2: page_1d_q <= 32'(sensor_status_i.unread_count);
-      4'h3: page_1d_q <= 32'(sensor_status_i.mistimed_count);
-      4'h4: page_1d_q <= 32'(sensor_o.readout_lag);
-      4'h5: page_1d_q <= 32'(sensor_o.readout_stale);
-      4'h6: page_1d_q <= 32'(sensor_o.readout_min_clks);
-      default: page_1d_q <= 32'(sensor_o.readout_max_clks);
+    case (page_1d_word[2:0])
+      3'h0: page_1d_low_q <= 32'(sensor_status_i.untagged_count);
+      3'h1: page_1d_low_q <= 32'(sensor_status_i.pixel_overflow_count);
+      3'h2: page_1d_low_q <= 32'(sensor_status_i.unread_count);
+      3'h3: page_1d_low_q <= 32'(sensor_status_i.mistimed_count);
+      3'h4: page_1d_low_q <= 32'(sensor_o.readout_lag);
+      3'h5: page_1d_low_q <= 32'(sensor_o.readout_stale);
+      3'h6: page_1d_low_q <= 32'(sensor_o.readout_min_clks);
+      default: page_1d_low_q <= 32'(sensor_o.readout_max_clks);
     endcase
+    page_1d_q <= page_1d_low_q;
     if (!page_1d_hit_q) page_1d_q <= '0;
   end
 
@@ -1980,12 +2069,14 @@ module register_file (
   local_register #(.Width(4)) u_page_1e_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_1e_word)
   );
+  logic [31:0] page_1e_low_q;
   always_ff @(posedge clk_i) begin
-    case (page_1e_word)
-      4'h0: page_1e_q <= 32'(commit_o.commit);
-      4'h1: page_1e_q <= 32'(commit_status_i.commit_waiting);
-      default: page_1e_q <= 32'(commit_status_i.configuration);
+    case (page_1e_word[2:0])
+      3'h0: page_1e_low_q <= 32'(commit_o.commit);
+      3'h1: page_1e_low_q <= 32'(commit_status_i.commit_waiting);
+      default: page_1e_low_q <= 32'(commit_status_i.configuration);
     endcase
+    page_1e_q <= page_1e_low_q;
     if (!page_1e_hit_q) page_1e_q <= '0;
   end
 
@@ -1994,17 +2085,20 @@ module register_file (
   local_register #(.Width(4)) u_page_1f_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_1f_word)
   );
+  logic [31:0] page_1f_low_q;
+  logic [31:0] page_1f_high_q;
   always_ff @(posedge clk_i) begin
-    case (page_1f_word)
-      4'h0: page_1f_q <= 32'(map_q.map_enable);
-      4'h1: page_1f_q <= 32'(map_q.map_bank);
-      4'h2: page_1f_q <= 32'(map_q.map_count);
-      4'h3: page_1f_q <= 32'(map_q.map_begin);
-      4'h4: page_1f_q <= 32'(map_q.map_shift);
-      4'h5: page_1f_q <= 32'(map_q.map_follow);
-      4'h6: page_1f_q <= 32'(map_q.map_lens);
-      default: page_1f_q <= 32'(map_access_o.map_access_bank);
+    case (page_1f_word[2:0])
+      3'h0: page_1f_low_q <= 32'(map_q.map_enable);
+      3'h1: page_1f_low_q <= 32'(map_q.map_bank);
+      3'h2: page_1f_low_q <= 32'(map_q.map_count);
+      3'h3: page_1f_low_q <= 32'(map_q.map_begin);
+      3'h4: page_1f_low_q <= 32'(map_q.map_shift);
+      3'h5: page_1f_low_q <= 32'(map_q.map_follow);
+      default: page_1f_low_q <= 32'(map_q.map_lens);
     endcase
+    page_1f_high_q <= 32'(map_access_o.map_access_bank);
+    page_1f_q <= page_1f_word[3] ? page_1f_high_q : page_1f_low_q;
     if (!page_1f_hit_q) page_1f_q <= '0;
   end
 
@@ -2013,12 +2107,14 @@ module register_file (
   local_register #(.Width(4)) u_page_3f_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_3f_word)
   );
+  logic [31:0] page_3f_low_q;
   always_ff @(posedge clk_i) begin
-    case (page_3f_word)
-      4'h0: page_3f_q <= 32'(locks_o.lock_calibration);
-      4'h1: page_3f_q <= 32'(locks_o.lock_mirror);
-      default: page_3f_q <= 32'(locks_o.lock_laser);
+    case (page_3f_word[2:0])
+      3'h0: page_3f_low_q <= 32'(locks_o.lock_calibration);
+      3'h1: page_3f_low_q <= 32'(locks_o.lock_mirror);
+      default: page_3f_low_q <= 32'(locks_o.lock_laser);
     endcase
+    page_3f_q <= page_3f_low_q;
     if (!page_3f_hit_q) page_3f_q <= '0;
   end
 

@@ -21,7 +21,8 @@ module divide_contract #(
 );
 
   localparam logic [7:0] Latency = 8'(QuotientWidth + 3);
-  localparam int unsigned Wide = DividendWidth + QuotientWidth + DivisorWidth;
+  localparam int unsigned Product = QuotientWidth + DivisorWidth;
+  localparam int unsigned Wide = (DividendWidth > Product ? DividendWidth : Product) + 1;
 
   logic                     started_q;
   logic [              7:0] age_q;  // clocks since valid_i; 0 is idle

@@ -18,7 +18,7 @@
 //   *_o           structs of odd_registers_pkg: what the bus has written, 7 clocks after
 //                 bus_valid_i; a field *_strobe is high in the first clock in which its register
 //                 has what was written
-//   *_i           structs, too: a READ sees them 11 clocks after bus_valid_i
+//   *_i           structs, too: a READ sees them 10 clocks after bus_valid_i
 //   Wide ones     take effect with their higher word; until then the lower one waits, and is read
 //                 as written.  The READ of a lower word of *_i keeps the higher one for its READ
 //   Tables        an entry goes out with its last field and with *_write, the others are those
@@ -535,14 +535,14 @@ module odd_registers (
     if (rst) triple_o.triple_write <= 1'b0;
   end
 
-  // ---- 11: the words of a page; what is wide stays whole ----
+  // ---- 10: half a page's words, wide ones whole; 11: a page ----
   logic [31:0] clock_high_q;
   logic [12:0] place_high_q;
   logic [1:0] keep_q;
   always_ff @(posedge clk_i) begin
-    keep_q[0] <= step_q[10] && read && page_10_hit_q && word_hit_q[6];
+    keep_q[0] <= step_q[9] && read && page_10_hit_q && word_hit_q[6];
     if (keep_q[0]) clock_high_q <= read_i.clock[63:32];
-    keep_q[1] <= step_q[10] && read && page_10_hit_q && word_hit_q[8];
+    keep_q[1] <= step_q[9] && read && page_10_hit_q && word_hit_q[8];
     if (keep_q[1]) place_high_q <= read_i.place[44:32];
     if (rst) begin
       keep_q <= '0;
@@ -556,15 +556,17 @@ module odd_registers (
   local_register #(.Width(4)) u_page_00_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_00_word)
   );
+  logic [31:0] page_00_low_q;
   always_ff @(posedge clk_i) begin
-    case (page_00_word)
-      4'h0: page_00_q <= longer_low_q;
-      4'h1: page_00_q <= 32'(wide_o.longer[32:32]);
-      4'h2: page_00_q <= longest_low_q;
-      4'h3: page_00_q <= wide_o.longest[63:32];
-      4'h4: page_00_q <= unsigned'(negative_long_low_q);
-      default: page_00_q <= 32'(signed'(wide_o.negative_long[39:32]));
+    case (page_00_word[2:0])
+      3'h0: page_00_low_q <= longer_low_q;
+      3'h1: page_00_low_q <= 32'(wide_o.longer[32:32]);
+      3'h2: page_00_low_q <= longest_low_q;
+      3'h3: page_00_low_q <= wide_o.longest[63:32];
+      3'h4: page_00_low_q <= unsigned'(negative_long_low_q);
+      default: page_00_low_q <= 32'(signed'(wide_o.negative_long[39:32]));
     endcase
+    page_00_q <= page_00_low_q;
     if (!page_00_hit_q) page_00_q <= '0;
   end
 
@@ -573,22 +575,27 @@ module odd_registers (
   local_register #(.Width(4)) u_page_10_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_10_word)
   );
+  logic [31:0] page_10_low_q;
+  logic [31:0] page_10_high_q;
   always_ff @(posedge clk_i) begin
-    case (page_10_word)
-      4'h0: page_10_q <= 32'(read_i.count);
-      4'h1: page_10_q <= 32'(read_i.level);
-      4'h2: page_10_q <= 32'(read_i.flag);
-      4'h3: page_10_q <= 32'(signed'(read_i.levels[0+:11]));
-      4'h4: page_10_q <= 32'(signed'(read_i.levels[11+:11]));
-      4'h5: page_10_q <= 32'(signed'(read_i.levels[22+:11]));
-      4'h6: page_10_q <= read_i.clock[31:0];
-      4'h7: page_10_q <= clock_high_q;
-      4'h8: page_10_q <= unsigned'(read_i.place[31:0]);
-      4'h9: page_10_q <= 32'(signed'(place_high_q));
-      4'ha: page_10_q <= unsigned'(read_i.raw);
-      4'he: page_10_q <= 32'(locks_o.lock_a);
-      default: page_10_q <= 32'(locks_o.lock_b);
+    case (page_10_word[2:0])
+      3'h0: page_10_low_q <= 32'(read_i.count);
+      3'h1: page_10_low_q <= 32'(read_i.level);
+      3'h2: page_10_low_q <= 32'(read_i.flag);
+      3'h3: page_10_low_q <= 32'(signed'(read_i.levels[0+:11]));
+      3'h4: page_10_low_q <= 32'(signed'(read_i.levels[11+:11]));
+      3'h5: page_10_low_q <= 32'(signed'(read_i.levels[22+:11]));
+      3'h6: page_10_low_q <= read_i.clock[31:0];
+      default: page_10_low_q <= clock_high_q;
     endcase
+    case (page_10_word[2:0])
+      3'h0: page_10_high_q <= unsigned'(read_i.place[31:0]);
+      3'h1: page_10_high_q <= 32'(signed'(place_high_q));
+      3'h2: page_10_high_q <= unsigned'(read_i.raw);
+      3'h6: page_10_high_q <= 32'(locks_o.lock_a);
+      default: page_10_high_q <= 32'(locks_o.lock_b);
+    endcase
+    page_10_q <= page_10_word[3] ? page_10_high_q : page_10_low_q;
     if (!page_10_hit_q) page_10_q <= '0;
   end
 
@@ -597,11 +604,13 @@ module odd_registers (
   local_register #(.Width(4)) u_page_11_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_11_word)
   );
+  logic [31:0] page_11_low_q;
   always_ff @(posedge clk_i) begin
-    case (page_11_word)
-      4'h0: page_11_q <= 32'(locks_o.lock_c);
-      default: page_11_q <= 32'(locks_o.lock_d);
+    case (page_11_word[2:0])
+      3'h0: page_11_low_q <= 32'(locks_o.lock_c);
+      default: page_11_low_q <= 32'(locks_o.lock_d);
     endcase
+    page_11_q <= page_11_low_q;
     if (!page_11_hit_q) page_11_q <= '0;
   end
 
@@ -610,16 +619,18 @@ module odd_registers (
   local_register #(.Width(4)) u_page_12_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_12_word)
   );
+  logic [31:0] page_12_low_q;
   always_ff @(posedge clk_i) begin
-    case (page_12_word)
-      4'h0: page_12_q <= 32'(held_q.held);
-      4'h1: page_12_q <= held_long_low_q;
-      4'h2: page_12_q <= 32'(held_q.held_long[39:32]);
-      4'h3: page_12_q <= 32'(held_q.held_several[0+:6]);
-      4'h4: page_12_q <= 32'(held_q.held_several[6+:6]);
-      4'h5: page_12_q <= 32'(held_q.held_several[12+:6]);
-      default: page_12_q <= 32'(held_q.held_bank);
+    case (page_12_word[2:0])
+      3'h0: page_12_low_q <= 32'(held_q.held);
+      3'h1: page_12_low_q <= held_long_low_q;
+      3'h2: page_12_low_q <= 32'(held_q.held_long[39:32]);
+      3'h3: page_12_low_q <= 32'(held_q.held_several[0+:6]);
+      3'h4: page_12_low_q <= 32'(held_q.held_several[6+:6]);
+      3'h5: page_12_low_q <= 32'(held_q.held_several[12+:6]);
+      default: page_12_low_q <= 32'(held_q.held_bank);
     endcase
+    page_12_q <= page_12_low_q;
     if (!page_12_hit_q) page_12_q <= '0;
   end
 
@@ -628,10 +639,10 @@ module odd_registers (
   local_register #(.Width(4)) u_page_13_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_13_word)
   );
+  logic [31:0] page_13_low_q;
   always_ff @(posedge clk_i) begin
-    case (page_13_word)
-      default: page_13_q <= 32'(access_o.access_bank);
-    endcase
+    page_13_low_q <= 32'(access_o.access_bank);
+    page_13_q <= page_13_low_q;
     if (!page_13_hit_q) page_13_q <= '0;
   end
 
@@ -640,10 +651,10 @@ module odd_registers (
   local_register #(.Width(4)) u_page_14_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_14_word)
   );
+  logic [31:0] page_14_low_q;
   always_ff @(posedge clk_i) begin
-    case (page_14_word)
-      default: page_14_q <= 32'(commit_o.commit);
-    endcase
+    page_14_low_q <= 32'(commit_o.commit);
+    page_14_q <= page_14_low_q;
     if (!page_14_hit_q) page_14_q <= '0;
   end
 
@@ -652,13 +663,15 @@ module odd_registers (
   local_register #(.Width(4)) u_page_1f_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_1f_word)
   );
+  logic [31:0] page_1f_high_q;
   always_ff @(posedge clk_i) begin
-    case (page_1f_word)
-      4'hc: page_1f_q <= 32'(written_o.sole);
-      4'hd: page_1f_q <= written_o.word;
-      4'he: page_1f_q <= 32'(written_o.little);
-      default: page_1f_q <= 32'(written_o.bounded);
+    case (page_1f_word[2:0])
+      3'h4: page_1f_high_q <= 32'(written_o.sole);
+      3'h5: page_1f_high_q <= written_o.word;
+      3'h6: page_1f_high_q <= 32'(written_o.little);
+      default: page_1f_high_q <= 32'(written_o.bounded);
     endcase
+    page_1f_q <= page_1f_high_q;
     if (!page_1f_hit_q) page_1f_q <= '0;
   end
 
@@ -667,25 +680,30 @@ module odd_registers (
   local_register #(.Width(4)) u_page_20_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_20_word)
   );
+  logic [31:0] page_20_low_q;
+  logic [31:0] page_20_high_q;
   always_ff @(posedge clk_i) begin
-    case (page_20_word)
-      4'h0: page_20_q <= 32'(written_o.centred);
-      4'h1: page_20_q <= unsigned'(written_o.below);
-      4'h2: page_20_q <= unsigned'(written_o.above);
-      4'h3: page_20_q <= 32'(written_o.late);
-      4'h4: page_20_q <= 32'(written_o.hit);
-      4'h5: page_20_q <= unsigned'(written_o.signal);
-      4'h6: page_20_q <= 32'(written_o.bits[0+:1]);
-      4'h7: page_20_q <= 32'(written_o.bits[1+:1]);
-      4'h8: page_20_q <= 32'(written_o.bits[2+:1]);
-      4'h9: page_20_q <= 32'(written_o.bits[3+:1]);
-      4'ha: page_20_q <= 32'(written_o.bits[4+:1]);
-      4'hb: page_20_q <= 32'(signed'(written_o.several[0+:17]));
-      4'hc: page_20_q <= 32'(signed'(written_o.several[17+:17]));
-      4'hd: page_20_q <= 32'(signed'(written_o.several[34+:17]));
-      4'he: page_20_q <= written_o.words[0+:32];
-      default: page_20_q <= written_o.words[32+:32];
+    case (page_20_word[2:0])
+      3'h0: page_20_low_q <= 32'(written_o.centred);
+      3'h1: page_20_low_q <= unsigned'(written_o.below);
+      3'h2: page_20_low_q <= unsigned'(written_o.above);
+      3'h3: page_20_low_q <= 32'(written_o.late);
+      3'h4: page_20_low_q <= 32'(written_o.hit);
+      3'h5: page_20_low_q <= unsigned'(written_o.signal);
+      3'h6: page_20_low_q <= 32'(written_o.bits[0+:1]);
+      default: page_20_low_q <= 32'(written_o.bits[1+:1]);
     endcase
+    case (page_20_word[2:0])
+      3'h0: page_20_high_q <= 32'(written_o.bits[2+:1]);
+      3'h1: page_20_high_q <= 32'(written_o.bits[3+:1]);
+      3'h2: page_20_high_q <= 32'(written_o.bits[4+:1]);
+      3'h3: page_20_high_q <= 32'(signed'(written_o.several[0+:17]));
+      3'h4: page_20_high_q <= 32'(signed'(written_o.several[17+:17]));
+      3'h5: page_20_high_q <= 32'(signed'(written_o.several[34+:17]));
+      3'h6: page_20_high_q <= written_o.words[0+:32];
+      default: page_20_high_q <= written_o.words[32+:32];
+    endcase
+    page_20_q <= page_20_word[3] ? page_20_high_q : page_20_low_q;
     if (!page_20_hit_q) page_20_q <= '0;
   end
 
@@ -694,13 +712,15 @@ module odd_registers (
   local_register #(.Width(4)) u_page_3f_word (
     .clk_i, .d_i(address_q[3:0]), .q_o(page_3f_word)
   );
+  logic [31:0] page_3f_high_q;
   always_ff @(posedge clk_i) begin
-    case (page_3f_word)
-      4'h8: page_3f_q <= 32'h000000c8;
-      4'h9: page_3f_q <= 32'hfffffffd;
-      4'ha: page_3f_q <= 32'hb4673c14;
-      default: page_3f_q <= 32'h00000100;
+    case (page_3f_word[2:0])
+      3'h0: page_3f_high_q <= 32'h000000c8;
+      3'h1: page_3f_high_q <= 32'hfffffffd;
+      3'h2: page_3f_high_q <= 32'hb4673c14;
+      default: page_3f_high_q <= 32'h00000100;
     endcase
+    page_3f_q <= page_3f_high_q;
     if (!page_3f_hit_q) page_3f_q <= '0;
   end
 

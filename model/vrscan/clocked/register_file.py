@@ -8,7 +8,7 @@ from vrscan.registers.register_map import LOCKS, REGISTERS, WINDOWS, Register, W
 
 LATENCY = 14  # clocks from bus_valid_i to bus_done_o
 WRITTEN = 7  # clocks from bus_valid_i to the first clock with the written value
-SAMPLED = 11  # clocks from bus_valid_i to the clock in which a READ samples the inputs
+SAMPLED = 10  # clocks from bus_valid_i to the clock in which a READ samples the inputs
 
 WORD_BITS = 32
 WORD_MASK = (1 << WORD_BITS) - 1

@@ -40,6 +40,9 @@ _PROGRAM = ("-std=c++17", "-ffp-contract=off")
 _RUNTIME = ("-O2", "-std=c++17", "-fPIC", "-fno-semantic-interposition")
 _RUNTIME_PARTS = ("verilated", "verilated_dpi", "verilated_threads", "verilated_vpi")
 _HEADERS = ("verilated.h", "verilated_dpi.h", "verilated_vpi.h", "memory", "string")
+# Assertions are never switched off here, and each would call a function to ask: a seventh of a
+# board's time.
+_ASSERTIONS = "#define assertOnGet(type, directive) threads()\n"
 # As verilated.mk has them: a compiled header counts only with the flags it was made with.
 _SWITCHES = ("COVERAGE", "SC", "TIMING", "TRACE", "TRACE_FST", "TRACE_VCD", "TRACE_SAIF")
 
@@ -120,7 +123,7 @@ class Tools:
 
     def _headers(self, flags: Sequence[str]) -> Path:
         """Return the header of all headers of the library, compiled for models with these flags."""
-        text = "".join(f"#include <{name}>\n" for name in _HEADERS)
+        text = "".join(f"#include <{name}>\n" for name in _HEADERS) + _ASSERTIONS
         command = [*self._compile(), *flags, "-x", "c++-header", "runtime.h", "-o"]
         # A Makefile wants one for the code that is often run, and one for the other.
         names = ("runtime.h.gch", "runtime.h.fast.gch", "runtime.h.slow.gch")
