@@ -6,7 +6,7 @@
 //   read_o     the word at address_i 3 clocks ago
 //   back_o     the word at access_i 3 clocks ago, as it was before a write in that clock
 //   Collision  a word that is read by address_i in the clock in which it is written is undefined
-//   Model      none: a list, tested where it stands (tb/geometry/test_correction_map.py)
+//   Model      none: a list, in its test
 
 `default_nettype none
 
@@ -43,7 +43,7 @@ module two_port_memory #(
   for (genvar k = 0; k < Rows; k++) begin : gen_row
     localparam int unsigned Rest = Words - k * Depth;
     localparam int unsigned Here = Rest < Depth ? Rest : Depth;
-    localparam int unsigned PlaceBits = $clog2(Here);
+    localparam int unsigned PlaceBits = Here > 1 ? $clog2(Here) : 1;
     for (genvar j = 0; j < Width; j += Part) begin : gen_part
       (* no_rw_check *)
       logic [Part-1:0] mem [Here];

@@ -184,7 +184,7 @@ def simulate(
     folder = build_folder() / "sim" / name
     folder.mkdir(parents=True, exist_ok=True)
     control = folder / "visible.vlt"
-    lines = ["`verilator_config", f'public_flat_rw -module "{module}" -var "*"']
+    lines = ["`verilator_config", f'public_flat_rw -module "{module}" -var "*_*"']  # no genvars
     lines += [f'public_flat_rw -module "{m}" -var "{s}"' for m, s in visible]
     # With some parameters a range has no outside:
     lines.append('lint_off -rule CMPCONST -file "*/tb/contracts/*"')  # so a comparison is constant
