@@ -5,7 +5,7 @@
 //
 //   take_i   in the next clock d_i is taken, unless hold_i is high then
 //   Latency  2 clocks from take_i to q_o
-//   Model    none: pure wiring, tested where it stands in the chain (tb/test_vrscan_chain.py)
+//   Model    none: pure wiring
 
 `default_nettype none
 
