@@ -365,7 +365,8 @@ async def back_to_back(dut, window: str, count: int) -> None:
     else:
         assert 0 < len(points) < len(lines)
         assert counted(dut, "early") == limited(len(lines) - len(points))
-    part = [s for k, line in enumerate(lines[:4]) for s in as_strobes(line, k) + idle(apart)]
+    rest = idle(max(0, apart - parameters()["LineLength"]))
+    part = [s for k, line in enumerate(lines[:4]) for s in as_strobes(line, k) + rest]
     whole = expected(part + idle(5000), given)[0][0]
     for age in np.linspace(whole - 700, whole + 10, rounds(3, 12)).astype(int):
         await drive(dut, (part + idle(5000))[:age])
