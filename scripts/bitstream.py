@@ -23,7 +23,7 @@ from absorb import absorb
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
-from timing import FLOW, SEEDS, ToolError, run
+from timing import FLOW, ToolError, run
 
 from vrscan.data.config import Config, load
 from vrscan.data.errors import InputError
@@ -39,6 +39,7 @@ from vrscan.registers.load import on_build
 from vrscan.show.sheet import listed, rewrite
 
 ROOT = repository_root()
+SEEDS = (2, 4, 3, 5, 1)  # of the placer: the first one meets the clocks of the shipped ULX3S
 
 
 @dataclass(frozen=True)
