@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from axis_bench import received, send_lines, sink_of
 from cocotb.task import bridge, resume
+from cocotb.triggers import ClockCycles
 from cocotbext.axi import AxiLiteBus, AxiLiteMaster
 from harness import FallingEdge, generator, reset, simulate
 
@@ -30,6 +31,7 @@ ANGLE, POWER = 1 << 18, 30_000
 PIXEL_WIDTH = 12
 UNSETTLED = 1 << pkg.FLAG_UNSETTLED - pkg.FLAG_NOT_RUNNING
 FAULT = 0b10101  # what the guard says
+GUARD_OK, BEAT_CLKS = 1 << 1, 16  # in laser_status; from one beat of the guard to the next
 CONFIG = Config(
     peak=Peak(window="threshold", snr_min=2.0),
     sensor=Sensor(line_length=LENGTH),
@@ -120,12 +122,21 @@ async def a_run_of_test_lines(dut) -> None:
     check_lines(received(raw), pixels, counts["axi_lines_dropped"])
 
 
+async def guard(dut) -> None:
+    """Be a guard that permits light."""
+    dut.guard_ok_i.value = 1
+    while True:
+        dut.guard_beat_i.value = 1 - int(dut.guard_beat_i.value)
+        await ClockCycles(dut.clk_i, BEAT_CLKS)
+
+
 @cocotb.test()
 async def lines_of_the_sensors_pins(dut) -> None:
     """What a sensor sends comes out, untagged since no line was exposed, and the guard is heard."""
     await reset(dut)
     dut.rx_i.value = 1
     dut.guard_fault_i.value = FAULT
+    cocotb.start_soon(guard(dut))
     points, raw = (
         sink_of(dut, f"m_axis_{name}", seed=10, pauses=0.1) for name in ("points", "lines")
     )
@@ -143,8 +154,9 @@ async def lines_of_the_sensors_pins(dut) -> None:
     means = records["row_mean"] * 2.0 ** (PIXEL_WIDTH - pkg.COUNT_WIDTH)
     assert np.abs(means - sent[:2].mean(axis=1)).max() < 1.0
     read = await bridge(device.read_many)(
-        ("laser_guard_fault", "laser_guard_count", "untagged_count")
+        ("laser_guard_fault", "laser_guard_count", "untagged_count", "laser_status")
     )
+    assert read.pop("laser_status") & GUARD_OK
     assert read == {"laser_guard_fault": FAULT, "laser_guard_count": 1, "untagged_count": 3}
 
 
