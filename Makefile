@@ -20,8 +20,8 @@ export PYTHON ?= python3
 SCENE := default
 BOARD := ulx3s
 
-# Tests that share a fixture stay together.
-PYTEST_JOBS := --numprocesses auto --dist loadgroup
+# Tests that share a fixture stay together. Workers are as many as processors, each with one thread.
+PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses auto --dist loadgroup
 
 .PHONY: help setup simulate scan test soak board mutate numbers bench docs lint formal timing \
   bitstream clean distclean
@@ -44,10 +44,10 @@ scan: setup ## run the default scene through the RTL: points, picture and error 
 	@$(BIN)/vrscan scan --out $(BUILD)/scan
 
 test: simulate ## run every test; ARGS="-k divide" picks some
-	@$(BIN)/pytest $(PYTEST_JOBS) $(ARGS)
+	@$(PYTEST) $(ARGS)
 
 soak: simulate ## run the long tests: more random data, a million bytes, every scene in full
-	@$(BIN)/pytest $(PYTEST_JOBS) -m soak $(ARGS)
+	@$(PYTEST) -m soak $(ARGS)
 
 board: simulate ## simulate a board with a serial port, until stopped; SCENE=corner picks what it sees
 	@$(BIN)/vrscan board $(SCENE) $(ARGS)
