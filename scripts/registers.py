@@ -1137,18 +1137,19 @@ def register_file(made: Map, name: str = "register_file", package: str = "regist
     for page in pages:
         here = [word for word in words if word[0] >> PAGE_BITS == page]
         name = f"page_{page:02x}"
-        out += [
-            f"  logic [{WORD - 1}:0] {name}_q;",
-            f"  logic [{PAGE_BITS - 1}:0] {name}_word;",
-            f"  local_register #(.Width({PAGE_BITS})) u_{name}_word (",
-            f"    .clk_i, .d_i(address_q[{PAGE_BITS - 1}:0]), .q_o({name}_word)",
-            "  );",
-        ]
         sides = {
             side: [word for word in here if word[0] >> (PAGE_BITS - 1) & 1 == high]
             for high, side in enumerate(("low", "high"))
         }
         sides = {side: half for side, half in sides.items() if half}
+        bits = PAGE_BITS - 2 + len(sides)
+        out += [
+            f"  logic [{WORD - 1}:0] {name}_q;",
+            f"  logic [{bits - 1}:0] {name}_word;",
+            f"  local_register #(.Width({bits})) u_{name}_word (",
+            f"    .clk_i, .d_i(address_q[{bits - 1}:0]), .q_o({name}_word)",
+            "  );",
+        ]
         out += [f"  logic [{WORD - 1}:0] {name}_{side}_q;" for side in sides]
         out.append("  always_ff @(posedge clk_i) begin")
         for side, half in sides.items():

@@ -1731,9 +1731,9 @@ module register_file (
   end
 
   logic [31:0] page_0a_q;
-  logic [3:0] page_0a_word;
-  local_register #(.Width(4)) u_page_0a_word (
-    .clk_i, .d_i(address_q[3:0]), .q_o(page_0a_word)
+  logic [2:0] page_0a_word;
+  local_register #(.Width(3)) u_page_0a_word (
+    .clk_i, .d_i(address_q[2:0]), .q_o(page_0a_word)
   );
   logic [31:0] page_0a_low_q;
   always_ff @(posedge clk_i) begin
@@ -1752,9 +1752,9 @@ module register_file (
   end
 
   logic [31:0] page_0b_q;
-  logic [3:0] page_0b_word;
-  local_register #(.Width(4)) u_page_0b_word (
-    .clk_i, .d_i(address_q[3:0]), .q_o(page_0b_word)
+  logic [2:0] page_0b_word;
+  local_register #(.Width(3)) u_page_0b_word (
+    .clk_i, .d_i(address_q[2:0]), .q_o(page_0b_word)
   );
   logic [31:0] page_0b_low_q;
   always_ff @(posedge clk_i) begin
@@ -1803,9 +1803,9 @@ module register_file (
   end
 
   logic [31:0] page_0d_q;
-  logic [3:0] page_0d_word;
-  local_register #(.Width(4)) u_page_0d_word (
-    .clk_i, .d_i(address_q[3:0]), .q_o(page_0d_word)
+  logic [2:0] page_0d_word;
+  local_register #(.Width(3)) u_page_0d_word (
+    .clk_i, .d_i(address_q[2:0]), .q_o(page_0d_word)
   );
   logic [31:0] page_0d_low_q;
   always_ff @(posedge clk_i) begin
@@ -1878,9 +1878,9 @@ module register_file (
   end
 
   logic [31:0] page_12_q;
-  logic [3:0] page_12_word;
-  local_register #(.Width(4)) u_page_12_word (
-    .clk_i, .d_i(address_q[3:0]), .q_o(page_12_word)
+  logic [2:0] page_12_word;
+  local_register #(.Width(3)) u_page_12_word (
+    .clk_i, .d_i(address_q[2:0]), .q_o(page_12_word)
   );
   logic [31:0] page_12_low_q;
   always_ff @(posedge clk_i) begin
@@ -1897,9 +1897,9 @@ module register_file (
   end
 
   logic [31:0] page_13_q;
-  logic [3:0] page_13_word;
-  local_register #(.Width(4)) u_page_13_word (
-    .clk_i, .d_i(address_q[3:0]), .q_o(page_13_word)
+  logic [2:0] page_13_word;
+  local_register #(.Width(3)) u_page_13_word (
+    .clk_i, .d_i(address_q[2:0]), .q_o(page_13_word)
   );
   logic [31:0] page_13_low_q;
   always_ff @(posedge clk_i) begin
@@ -1918,9 +1918,9 @@ module register_file (
   end
 
   logic [31:0] page_16_q;
-  logic [3:0] page_16_word;
-  local_register #(.Width(4)) u_page_16_word (
-    .clk_i, .d_i(address_q[3:0]), .q_o(page_16_word)
+  logic [2:0] page_16_word;
+  local_register #(.Width(3)) u_page_16_word (
+    .clk_i, .d_i(address_q[2:0]), .q_o(page_16_word)
   );
   logic [31:0] page_16_low_q;
   always_ff @(posedge clk_i) begin
@@ -1935,9 +1935,9 @@ module register_file (
   end
 
   logic [31:0] page_17_q;
-  logic [3:0] page_17_word;
-  local_register #(.Width(4)) u_page_17_word (
-    .clk_i, .d_i(address_q[3:0]), .q_o(page_17_word)
+  logic [2:0] page_17_word;
+  local_register #(.Width(3)) u_page_17_word (
+    .clk_i, .d_i(address_q[2:0]), .q_o(page_17_word)
   );
   logic [31:0] page_17_low_q;
   always_ff @(posedge clk_i) begin
@@ -2044,9 +2044,9 @@ module register_file (
   end
 
   logic [31:0] page_1d_q;
-  logic [3:0] page_1d_word;
-  local_register #(.Width(4)) u_page_1d_word (
-    .clk_i, .d_i(address_q[3:0]), .q_o(page_1d_word)
+  logic [2:0] page_1d_word;
+  local_register #(.Width(3)) u_page_1d_word (
+    .clk_i, .d_i(address_q[2:0]), .q_o(page_1d_word)
   );
   logic [31:0] page_1d_low_q;
   always_ff @(posedge clk_i) begin
@@ -2065,9 +2065,9 @@ module register_file (
   end
 
   logic [31:0] page_1e_q;
-  logic [3:0] page_1e_word;
-  local_register #(.Width(4)) u_page_1e_word (
-    .clk_i, .d_i(address_q[3:0]), .q_o(page_1e_word)
+  logic [2:0] page_1e_word;
+  local_register #(.Width(3)) u_page_1e_word (
+    .clk_i, .d_i(address_q[2:0]), .q_o(page_1e_word)
   );
   logic [31:0] page_1e_low_q;
   always_ff @(posedge clk_i) begin
@@ -2103,9 +2103,9 @@ module register_file (
   end
 
   logic [31:0] page_3f_q;
-  logic [3:0] page_3f_word;
-  local_register #(.Width(4)) u_page_3f_word (
-    .clk_i, .d_i(address_q[3:0]), .q_o(page_3f_word)
+  logic [2:0] page_3f_word;
+  local_register #(.Width(3)) u_page_3f_word (
+    .clk_i, .d_i(address_q[2:0]), .q_o(page_3f_word)
   );
   logic [31:0] page_3f_low_q;
   always_ff @(posedge clk_i) begin

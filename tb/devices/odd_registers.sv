@@ -552,9 +552,9 @@ module odd_registers (
   end
 
   logic [31:0] page_00_q;
-  logic [3:0] page_00_word;
-  local_register #(.Width(4)) u_page_00_word (
-    .clk_i, .d_i(address_q[3:0]), .q_o(page_00_word)
+  logic [2:0] page_00_word;
+  local_register #(.Width(3)) u_page_00_word (
+    .clk_i, .d_i(address_q[2:0]), .q_o(page_00_word)
   );
   logic [31:0] page_00_low_q;
   always_ff @(posedge clk_i) begin
@@ -600,9 +600,9 @@ module odd_registers (
   end
 
   logic [31:0] page_11_q;
-  logic [3:0] page_11_word;
-  local_register #(.Width(4)) u_page_11_word (
-    .clk_i, .d_i(address_q[3:0]), .q_o(page_11_word)
+  logic [2:0] page_11_word;
+  local_register #(.Width(3)) u_page_11_word (
+    .clk_i, .d_i(address_q[2:0]), .q_o(page_11_word)
   );
   logic [31:0] page_11_low_q;
   always_ff @(posedge clk_i) begin
@@ -615,9 +615,9 @@ module odd_registers (
   end
 
   logic [31:0] page_12_q;
-  logic [3:0] page_12_word;
-  local_register #(.Width(4)) u_page_12_word (
-    .clk_i, .d_i(address_q[3:0]), .q_o(page_12_word)
+  logic [2:0] page_12_word;
+  local_register #(.Width(3)) u_page_12_word (
+    .clk_i, .d_i(address_q[2:0]), .q_o(page_12_word)
   );
   logic [31:0] page_12_low_q;
   always_ff @(posedge clk_i) begin
@@ -635,9 +635,9 @@ module odd_registers (
   end
 
   logic [31:0] page_13_q;
-  logic [3:0] page_13_word;
-  local_register #(.Width(4)) u_page_13_word (
-    .clk_i, .d_i(address_q[3:0]), .q_o(page_13_word)
+  logic [2:0] page_13_word;
+  local_register #(.Width(3)) u_page_13_word (
+    .clk_i, .d_i(address_q[2:0]), .q_o(page_13_word)
   );
   logic [31:0] page_13_low_q;
   always_ff @(posedge clk_i) begin
@@ -647,9 +647,9 @@ module odd_registers (
   end
 
   logic [31:0] page_14_q;
-  logic [3:0] page_14_word;
-  local_register #(.Width(4)) u_page_14_word (
-    .clk_i, .d_i(address_q[3:0]), .q_o(page_14_word)
+  logic [2:0] page_14_word;
+  local_register #(.Width(3)) u_page_14_word (
+    .clk_i, .d_i(address_q[2:0]), .q_o(page_14_word)
   );
   logic [31:0] page_14_low_q;
   always_ff @(posedge clk_i) begin
@@ -659,9 +659,9 @@ module odd_registers (
   end
 
   logic [31:0] page_1f_q;
-  logic [3:0] page_1f_word;
-  local_register #(.Width(4)) u_page_1f_word (
-    .clk_i, .d_i(address_q[3:0]), .q_o(page_1f_word)
+  logic [2:0] page_1f_word;
+  local_register #(.Width(3)) u_page_1f_word (
+    .clk_i, .d_i(address_q[2:0]), .q_o(page_1f_word)
   );
   logic [31:0] page_1f_high_q;
   always_ff @(posedge clk_i) begin
@@ -708,9 +708,9 @@ module odd_registers (
   end
 
   logic [31:0] page_3f_q;
-  logic [3:0] page_3f_word;
-  local_register #(.Width(4)) u_page_3f_word (
-    .clk_i, .d_i(address_q[3:0]), .q_o(page_3f_word)
+  logic [2:0] page_3f_word;
+  local_register #(.Width(3)) u_page_3f_word (
+    .clk_i, .d_i(address_q[2:0]), .q_o(page_3f_word)
   );
   logic [31:0] page_3f_high_q;
   always_ff @(posedge clk_i) begin
