@@ -184,8 +184,9 @@ def simulate(
     folder = build_folder() / "sim" / name
     folder.mkdir(parents=True, exist_ok=True)
     control = folder / "visible.vlt"
-    lines = ["`verilator_config", f'public_flat_rw -module "{module}" -var "*_*"']  # no genvars
-    lines += [f'public_flat_rw -module "{m}" -var "{s}"' for m, s in visible]
+    lines = ["`verilator_config"]
+    own = ((module, names) for names in ("*_*", "*Hz"))  # ports and clocks, but no genvar
+    lines += [f'public_flat_rw -module "{m}" -var "{s}"' for m, s in (*own, *visible)]
     # With some parameters a range has no outside:
     lines.append('lint_off -rule CMPCONST -file "*/tb/contracts/*"')  # so a comparison is constant
     text = "\n".join(lines) + "\n"

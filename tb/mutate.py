@@ -950,8 +950,8 @@ FAULTS = [
         "tb/devices/odd_registers.sv",
         (
             "a read of a table's address keeps",
-            "keep_q[0] <= step_q[10] && read",
-            "keep_q[0] <= step_q[10]",
+            "keep_q[0] <= step_q[9] && read",
+            "keep_q[0] <= step_q[9]",
         ),
         ("an access in an access", "bus_valid_i && step_q == '0;", "bus_valid_i;"),
         ("the largest value is too large", "value > rule_q.maximum", "value >= rule_q.maximum"),
