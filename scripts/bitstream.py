@@ -39,7 +39,7 @@ from vrscan.registers.load import on_build
 from vrscan.show.sheet import listed, rewrite
 
 ROOT = repository_root()
-SEEDS = (4, 3, 5, 2, 1)  # of the placer: the first one meets the clocks of the shipped ULX3S
+SEEDS = (4,)  # of the placer: meets the clocks of the shipped ULX3S; some keep the router for ever
 
 
 @dataclass(frozen=True)
