@@ -1,8 +1,8 @@
 """Build the bitstream of a board; it fails where a clock or a crossing's skew is not met.
 
-Placing starts from a seed, and an unlucky one costs up to a fifth of the speed; so several are
-tried, as many at once as there are processors, until one meets every clock.  What is built is
-kept by the sources it was made of.
+Placing starts from a seed, and an unlucky one costs up to a fifth of the speed; where --seeds has
+several, as many are tried at once as there are processors, until one meets every clock.  What is
+built is kept by the sources it was made of.
 """
 
 import argparse

@@ -31,7 +31,7 @@ from vrscan.registers.values import Block
 
 TIMEOUT_S = 60.0
 LENS_CLKS = 10_000 * 5_000  # more steps than the lens has, and their time on the board
-LINES = 3  # captured after each
+LINES = 4  # captured after each
 MOTION = 0.8  # of the second configuration's motion to the first one's
 LOST = 1 << pkg.FLAG_LINES_LOST | 1 << pkg.FLAG_POINTS_LOST
 
@@ -141,7 +141,7 @@ def test_points_of_a_scan_are_of_one_configuration_each(commits: int, tmp_path: 
             which.append(shown ^ bit)
     assert told > len(kept) // 2
     shown = np.array(which)
-    assert min(np.sum(shown == 0), np.sum(shown == 1)) >= 4
+    assert min(np.sum(shown == 0), np.sum(shown == 1)) >= 6
 
     # Over time the angles of both are one motion, but for their scale.
     word = int(values.integer(board_word(first[0])))
@@ -203,11 +203,11 @@ def test_maps_take_effect_in_the_middle_of_a_scan(tmp_path: Path) -> None:
                         assert device.uptime() < end
                 lens = int(device.read("focus_position")) if k else 0
                 with device.captured(link_pkg.CAPTURE_EVERY, 1) as lines:
-                    got = taken(lines, 1)
+                    got = taken(lines, 2)
                     device.write_many(wanted.items(), commit=False)
-                    got += taken(lines, 1)
-                    bit = device.commit()
                     got += taken(lines, 2)
+                    bit = device.commit()
+                    got += taken(lines, LINES)
                 bits = {bit: k + 1, 1 - bit: k}
                 for one in (each for each in got if each.record is not None):
                     shown = int(one.record["bits"][0]) // CONFIGURATION & 1
@@ -229,7 +229,7 @@ def test_maps_take_effect_in_the_middle_of_a_scan(tmp_path: Path) -> None:
                     assert found is not None and np.array_equal(found.nodes, table.nodes)
                     assert np.array_equal(found.filled, table.filled)
             assert device.read_maps() is None
-    assert told > 4 and filled > 1
+    assert told > 6 and filled > 2
 
 
 def board_word(config: Any) -> int:
