@@ -20,6 +20,7 @@ POWER = round(0.4 * CONFIG.laser.power_max)
 FULL_SCALE = 2**CONFIG.sensor.pixel_width - 1
 LINE_CLKS = CONFIG.clock.frequency_hz / CONFIG.line.rate_hz
 PERIOD_CLKS = round(CONFIG.clock.frequency_hz / CONFIG.mirror.frequency_hz)
+PATIENCE_S = 60.0
 STEP = 3  # full records of every line are more than 3 Mbaud carry
 GUARD, TRIPPED = 1 << 1, 1 << 4  # of laser_status
 SPENT = 1 << 2  # of laser_guard_fault
@@ -58,10 +59,10 @@ def points(device: Device, count: int) -> Records:
     """Return full records of lines that all came, one by one in the distance ``STEP``."""
     found: list[Records] = []
     with device.stream(Form.FULL, STEP) as stream:
-        for some in stream:
+        while sum(map(len, found)) < count:
+            some = stream.get(timeout=PATIENCE_S)
+            assert some is not None, f"no point in {PATIENCE_S:g} s"
             found.append(some)
-            if sum(map(len, found)) >= count:
-                break
     assert stream.account.lost == 0
     return np.concatenate(found)
 
