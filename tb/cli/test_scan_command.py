@@ -17,9 +17,11 @@ from vrscan.data import edges, recordings
 from vrscan.data.arrays import Pixels
 from vrscan.data.config import Config
 from vrscan.data.points import COLUMNS
+from vrscan.engines.loops import Controls
 from vrscan.engines.tools import repository_root
+from vrscan.scene import simulate
 from vrscan.scene.description import shipped
-from vrscan.scene.simulate import take
+from vrscan.scene.simulate import Around, take
 from vrscan.study import scan as scans
 from vrscan.study import scan_store
 
@@ -295,21 +297,22 @@ def test_a_long_scan_goes_on_where_it_was_cut_off(
     monkeypatch.setattr(scan_store, "LEAST_LINES", 1)
     monkeypatch.setattr(scan_store, "PIECE", 1)
     monkeypatch.setattr(scans, "PIECE", 1)
+    monkeypatch.setattr(simulate, "TOGETHER", 1)
     arguments = ["scan", "--engine", "fixed", "--lines", "3100", "--fidelity", "minimal"]
     arguments += ["--jobs", "1", "--keep-lines", *follows]
     whole, cut = tmp_path / "whole", tmp_path / "cut"
     assert command(monkeypatch, *arguments, "--out", str(whole)) == 0
     assert not (whole / "parts").exists()
     made: list[int] = []
-    work = scans._Work.__call__
+    work = scans._Work._part
 
-    def interrupted(self: scans._Work, given: object) -> scans.Part:
-        made.append(given if isinstance(given, int) else given.number)
+    def interrupted(self: scans._Work, given: Around, controls: Controls | None) -> scans.Part:
+        made.append(given.number)
         if len(made) == 3:
             raise KeyboardInterrupt
-        return work(self, given)
+        return work(self, given, controls)
 
-    monkeypatch.setattr(scans._Work, "__call__", interrupted)
+    monkeypatch.setattr(scans._Work, "_part", interrupted)
     assert command(monkeypatch, *arguments, "--out", str(cut)) == 130
     assert [path.name for path in cut.iterdir()] == ["parts"]
     assert command(monkeypatch, *arguments, "--out", str(cut)) == 0

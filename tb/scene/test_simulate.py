@@ -62,6 +62,27 @@ def test_blocks_may_be_made_in_any_order(sweep: str, every_ray: bool) -> None:
     assert not np.array_equal(first[0], first[1])
 
 
+def test_blocks_made_together_are_those_made_alone() -> None:
+    scanner = Scanner(Light(_scene(), CONFIG), 3 * BLOCK + 100, _everything(_scene()))
+    alone = [scanner.part(k) for k in range(4)]
+    blocks = range(1, 4)
+    for one, two in zip(alone[1:], scanner.parts(blocks), strict=True):
+        _same(one, two)
+    whole = np.concatenate([each.lines.lines for each in alone])
+    for each in (*scanner.around(range(2), 3, 1), *scanner.around(range(2, 4), 3, 1)):
+        first = each.number * BLOCK
+        last = first + len(each.simulation.lines)
+        _same(each.simulation, alone[each.number])
+        for side, lines in (
+            (each.before, whole[max(first - 3, 0) : first]),
+            (each.behind, whole[last : last + 1]),
+        ):
+            assert len(lines) == 0 if side is None else np.array_equal(side.lines, lines)
+    assert [len(found) for found in scanner.together(1)] == [4]
+    assert [len(found) for found in scanner.together(1, 1)] == [3]
+    assert scanner.together(2) == [range(k, k + 1) for k in range(4)]  # enough for both processes
+
+
 def test_any_number_of_processes_gives_the_same_lines() -> None:
     scene = _scene(scan={"pan_mm_per_s": 100.0})
     count = 2 * BLOCK + 30

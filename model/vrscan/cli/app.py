@@ -434,7 +434,7 @@ def bench_light(
     out: Annotated[
         Path | None, typer.Option(help="Folder for fidelity.csv and .png; default: build/light.")
     ] = None,
-    count: CountOption = 3072,
+    count: CountOption = 4096,
     write: Annotated[
         bool, typer.Option("--write", help="Rewrite the tables of docs/light.md.")
     ] = False,

@@ -48,6 +48,7 @@ _SECTIONS = 6  # parts into which the way between two rays is cut to find an edg
 _ROUNDS = 2  # and the number of such cuts: to 1/36
 WIDEST_PX = 250.0  # largest sigma of a spot: light along a surface is spread no farther
 _LEAP = 1.5  # a jump of the light between rays: an edge of reflectance
+_FAINT = 1e-3  # least share of a spot's light beside an edge that is worth the search for its place
 _SHARPEN = 0.5  # px of defocus radius above which parts of a spot are blurred separately
 _SMOOTH_PX = 0.1  # largest deviation of a smooth surface's images from a parabola within 2 radii
 _SMOOTH_LIGHT = 0.02  # and of their light, over the middle one's
@@ -515,6 +516,9 @@ class Spotter:
             bright[:, 1:], bright[:, :-1]
         )
         edge = (kind[:, 1:] != kind[:, :-1]) | ((torn | leap) & (kind[:, 1:] >= 0))
+        amount = bright * cells
+        least = _FAINT * amount.sum(axis=1, keepdims=True)
+        edge &= np.maximum(amount[:, 1:], amount[:, :-1]) > least
         line, ray = np.nonzero(edge)
         if len(line):
             end = self._edges(

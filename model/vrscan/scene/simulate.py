@@ -1,6 +1,7 @@
 """A scene's lines: with the effects that it needs, in blocks, on any number of processes."""
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,7 +18,8 @@ from vrscan.scene.render import Frame, Renderer
 from vrscan.scene.sensor import words
 from vrscan.scene.timeline import Timeline, timeline
 
-BLOCK = 1024  # lines of a block, which are made together and share its random numbers
+BLOCK = 1024  # lines of a block, which share its random numbers
+TOGETHER = 4  # blocks that are made together: much of the time of a single one does not grow
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,16 @@ class Simulation:
 
     lines: Lines
     timeline: Timeline
+
+
+@dataclass(frozen=True)
+class Around:
+    """The lines of a block, with some of those before and behind it, None where there are none."""
+
+    number: int
+    simulation: Simulation
+    before: Lines | None
+    behind: Lines | None
 
 
 class Scanner:
@@ -85,21 +97,44 @@ class Scanner:
 
     def part(self, number: int) -> Simulation:
         """Return the lines of a block that belong to the scan."""
-        frame = self.block(number)
-        rows = slice(0, min(len(frame.lines), self.count - number * BLOCK))
-        return Simulation(part(self.recorded(frame), rows), picked(frame.timeline, rows))
+        return self.parts(range(number, number + 1))[0]
 
-    def beside(self, number: int, before: int, behind: int) -> list[Lines | None]:
-        """Return so many lines before and behind a block, or all that there are; None if none."""
-        first, last = number * BLOCK, min((number + 1) * BLOCK, self.count)
-        least, most = max(first - before, 0), min(last + behind, self.count)
-        numbers = np.r_[least:first, last:most]
-        if not len(numbers):
-            return [None, None]
-        lines = self.recorded(self.some(numbers))
-        split = first - least
-        sides = part(lines, slice(0, split)), part(lines, slice(split, None))
-        return [side if len(side) else None for side in sides]
+    def parts(self, blocks: range) -> list[Simulation]:
+        """Return the lines of some blocks that belong to the scan, made together."""
+        whens = [self.timeline(number) for number in blocks]
+        noise = [self.words(k)[: len(when)] for k, when in zip(blocks, whens, strict=True)]
+        frame = self.renderer.render(Timeline.joined(whens), np.concatenate(noise))
+        lines, first, made = self.recorded(frame), 0, []
+        for number, when in zip(blocks, whens, strict=True):
+            count = min(len(when), self.count - number * BLOCK)
+            own = part(lines, slice(first, first + count))
+            made.append(Simulation(own, picked(when, slice(0, count))))
+            first += len(when)
+        return made
+
+    def together(self, jobs: int, first: int = 0) -> list[range]:
+        """Return the blocks from ``first`` on in groups that keep ``jobs`` processes busy."""
+        left = self.blocks - first
+        size = TOGETHER if jobs <= 1 else max(1, min(TOGETHER, left // (4 * jobs)))
+        starts = range(first, self.blocks, size)
+        return [range(k, min(k + size, self.blocks)) for k in starts]
+
+    def around(self, blocks: range, before: int, behind: int) -> Iterator[Around]:
+        """Yield what ``parts`` gives, with so many lines before and behind, at most ``BLOCK``."""
+        made = self.parts(blocks)
+        first, last = blocks.start * BLOCK, min(blocks.stop * BLOCK, self.count)
+        numbers = (
+            np.arange(max(first - before, 0), first),
+            np.arange(last, min(last + behind, self.count)),
+        )
+        ends: list[Lines | None] = [None, None]
+        if len(numbers[0]) or len(numbers[1]):
+            lines, split = self.recorded(self.some(np.concatenate(numbers))), len(numbers[0])
+            sides = part(lines, slice(0, split)), part(lines, slice(split, None))
+            ends = [side if len(side) else None for side in sides]
+        left = [part(each.lines, slice(-before, None)) if before else None for each in made]
+        right = [part(each.lines, slice(0, behind)) if behind else None for each in made]
+        yield from map(Around, blocks, made, [ends[0], *left[:-1]], [*right[1:], ends[1]])
 
     def recorded(self, frame: Frame) -> Lines:
         """Return the lines of a frame as a recording has them."""
@@ -179,11 +214,13 @@ def simulate(
         raise ValueError(f"simulate: count {count} is below 1")
     scanner = Scanner(light, count, active, every_ray=every_ray, tolerance_px=tolerance_px)
     counts = np.empty((count, light.config.sensor.line_length), np.uint16)  # may be gigabytes
-    parts = []
-    with workers(scanner.part, min(jobs or processors(), scanner.blocks)) as do:
-        for number, made in enumerate(do(range(scanner.blocks))):
-            done = number * BLOCK + len(made.lines)
-            counts[number * BLOCK : done] = made.lines.lines
+    parts: list[Simulation] = []
+    jobs = min(jobs or processors(), scanner.blocks)
+    with workers(scanner.parts, jobs) as do:
+        for made in itertools.chain.from_iterable(do(scanner.together(jobs))):
+            first = len(parts) * BLOCK
+            done = first + len(made.lines)
+            counts[first:done] = made.lines.lines
             parts.append(replace(made, lines=bare(made.lines)))
             if progress is not None:
                 progress(done)

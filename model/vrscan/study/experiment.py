@@ -27,12 +27,12 @@ from vrscan.data.errors import InputError
 from vrscan.data.parallel import processors, workers
 from vrscan.data.points import atomic_file
 from vrscan.data.table import Table
-from vrscan.engines.engine import BLOCK, Engine, reach, run_block
+from vrscan.engines.engine import Engine, reach, run_block
 from vrscan.ideal.geometry import ThinLens
 from vrscan.scene.description import Description, parse
 from vrscan.scene.effects import present
 from vrscan.scene.light import Light
-from vrscan.scene.simulate import Scanner
+from vrscan.scene.simulate import BLOCK, TOGETHER, Scanner
 from vrscan.scene.timeline import timeline
 from vrscan.scene.tolerances import Instrument, drawn, written
 
@@ -104,18 +104,20 @@ class Scan:
         active = frozenset(present(described))
         return Scanner(Light(described, self.belief), self.frames, active)
 
-    def points(self, blocks: Sequence[int] | None = None) -> tuple[Recording, Floats]:
+    def points(self, blocks: range | None = None) -> tuple[Recording, Floats]:
         """Return the good points and crossings of some blocks, all if None, and the true z.
 
         Args:
             blocks: Numbers of blocks that follow each other.
         """
-        scanner = self.scanner()
+        scanner, config = self.scanner(), self.belief
         tables, times, index, outward, truth = [], [], [], [], []
-        for number in range(scanner.blocks) if blocks is None else blocks:
-            part = scanner.part(number)
-            beside = scanner.beside(number, *reach(self.belief))
-            tables.append(run_block(self.engine, part.lines, self.belief, number * BLOCK, *beside))
+        wanted = range(scanner.blocks) if blocks is None else blocks
+        groups = (wanted[k : k + TOGETHER] for k in range(0, len(wanted), TOGETHER))
+        for each in (each for group in groups for each in scanner.around(group, *reach(config))):
+            part, first = each.simulation, each.number * BLOCK
+            beside = each.before, each.behind
+            tables.append(run_block(self.engine, part.lines, config, first, *beside))
             times.append(part.timeline.time_s)
             index.append(part.timeline.index_s)
             outward.append(part.timeline.index_outward)

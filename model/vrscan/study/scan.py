@@ -23,7 +23,7 @@ from vrscan.data.table import Table
 from vrscan.engines import shadows
 from vrscan.engines.engine import Engine, processes, reach, run_block
 from vrscan.engines.loops import Controls, Looped, LoopedScan, Progress
-from vrscan.scene.simulate import BLOCK, Scanner, Simulation
+from vrscan.scene.simulate import BLOCK, Around, Scanner
 from vrscan.study.report.space_report import Space
 from vrscan.study.report.tally import Tally
 from vrscan.study.scan_store import PIECE, Piece, Store
@@ -106,11 +106,8 @@ def pixels_of(looped: LoopedScan, sample: Sample) -> Callable[[int], Pixels]:
 class _Made:
     """A block whose light is made already."""
 
-    number: int
-    simulation: Simulation
+    around: Around
     controls: Controls
-    before: Lines | None
-    behind: Lines | None
 
 
 @dataclass(frozen=True)
@@ -121,17 +118,19 @@ class _Work:
     engine: Engine
     keep: bool
 
-    def __call__(self, given: int | _Made) -> Part:
-        config = self.scanner.light.belief
+    def __call__(self, given: range | _Made) -> list[Part]:
+        """Return the parts of some blocks, or of one whose light is made already."""
         if isinstance(given, _Made):
-            number, taken, controls = given.number, given.simulation, given.controls
-            beside = [given.before, given.behind]
-        else:
-            number, taken, controls = given, self.scanner.part(given), None
-            beside = self.scanner.beside(number, *reach(config))
-        lines, y_mm = taken.lines, taken.timeline.y_mm
+            return [self._part(given.around, given.controls)]
+        around = self.scanner.around(given, *reach(self.scanner.light.belief))
+        return [self._part(each, None) for each in around]
+
+    def _part(self, given: Around, controls: Controls | None) -> Part:
+        config, number = self.scanner.light.belief, given.number
+        lines, y_mm = given.simulation.lines, given.simulation.timeline.y_mm
         truth = lines.truth
         assert truth is not None  # a simulation has a truth
+        beside = given.before, given.behind
         points = run_block(self.engine, lines, config, number * BLOCK, *beside)
         rng = np.random.default_rng((self.scanner.light.scene.seed, _STREAM, number))
         drawn = rng.random(len(lines)) < MOST_DRAWN / self.scanner.count
@@ -185,7 +184,7 @@ def scan(
             yield each.points
 
     with workers(_Work(scanner, engine, keep), jobs) as do:
-        parts = _parts(scanner, looped, store, do)
+        parts = _parts(scanner, looped, store, do, jobs)
         # A block waits for the next one, whose surfaces may hide parts of its beams.
         for points in shadows.shaded(found(parts), scanner.light.belief):
             each = replace(waiting.popleft(), points=points)
@@ -211,7 +210,8 @@ def _parts(
     scanner: Scanner,
     looped: LoopedScan | None,
     store: Store | None,
-    do: Callable[[Iterator[int | _Made]], Iterator[Part]],
+    do: Callable[[Iterator[range | _Made]], Iterator[list[Part]]],
+    jobs: int,
 ) -> Iterator[Part]:
     """Yield the parts of a scan: those that the store has, and then new ones, which it gets."""
     first, states = 0, dict[int, Progress]()
@@ -220,11 +220,11 @@ def _parts(
         if looped is not None:
             looped.progress = piece.state
         yield from piece.parts
-    items: Iterator[int | _Made] = iter(range(first, scanner.blocks))
+    items: Iterator[range | _Made] = iter(scanner.together(jobs, first))
     if looped is not None:
         items = _made(looped, states)
     fresh: list[Part] = []
-    for number, each in enumerate(do(items), first):
+    for number, each in enumerate(itertools.chain.from_iterable(do(items)), first):
         yield each
         if store is not None:
             fresh.append(each)
@@ -243,7 +243,8 @@ def _made(looped: LoopedScan, states: dict[int, Progress]) -> Iterator[_Made]:
         assert block is not None
         lines = block.simulation.lines
         least = part(following.simulation.lines, slice(0, behind)) if following else None
-        yield _Made(number, block.simulation, block.controls, before, least if behind else None)
+        around = Around(number, block.simulation, before, least if behind else None)
+        yield _Made(around, block.controls)
         number += 1
         if depth:
             own = replace(part(lines, slice(-depth, None)), truth=None)

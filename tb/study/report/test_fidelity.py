@@ -313,14 +313,14 @@ def test_an_effect_takes_the_time_of_its_best_round(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """By a clock of whole rounds: the first, which makes tables, is the slowest."""
-    taken, part = [9.0, 5.0, 2.0, 4.0], Scanner.part
+    taken, parts = [9.0, 5.0, 2.0, 4.0], Scanner.parts
 
-    def timed(scanner: Scanner, number: int) -> Simulation:
-        found = part(scanner, number)
+    def timed(scanner: Scanner, blocks: range) -> list[Simulation]:
+        found = parts(scanner, blocks)
         scanner.renderer.seconds |= {"speckle": 1e-3 * taken.pop(0)}
         return found
 
-    monkeypatch.setattr(Scanner, "part", timed)
+    monkeypatch.setattr(Scanner, "parts", timed)
     found = fidelity.costs([board(tmp_path, 0)], 40, CONFIG)
     assert found["speckle"] == [pytest.approx(2e-3 / 40 * 1e6)]
     assert found["sun"] == [] and not taken

@@ -197,13 +197,14 @@ def costs(scenes: Sequence[str], count: int, config: Config) -> dict[str, list[f
     for scene in [load(name) for name in scenes]:
         scanner = Scanner(Light(scene, config), count, frozenset(present(scene)))
         seconds = scanner.renderer.seconds
-        best = dict.fromkeys(present(scene), np.full(scanner.blocks, np.inf))
+        groups = scanner.together(1)
+        best = dict.fromkeys(present(scene), np.full(len(groups), np.inf))
         for _ in range(1 + ROUNDS):  # the first fills the tables
-            taken = np.zeros((scanner.blocks, len(best)))
-            for block in range(scanner.blocks):
+            taken = np.zeros((len(groups), len(best)))
+            for k, blocks in enumerate(groups):
                 seconds.clear()
-                scanner.part(block)
-                taken[block] = [seconds.get(name, 0.0) for name in best]
+                scanner.parts(blocks)
+                taken[k] = [seconds.get(name, 0.0) for name in best]
             best = {
                 name: np.minimum(known, own)
                 for (name, known), own in zip(best.items(), taken.T, strict=True)
