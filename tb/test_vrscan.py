@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from slow_board import CONFIG, SCENE
 
-from vrscan.data import pkg
+from vrscan.data import link_pkg, pkg
 from vrscan.data.records import Form, Records
 from vrscan.engines.board import Board
 from vrscan.link.device import Device, integer
@@ -21,6 +21,7 @@ FULL_SCALE = 2**CONFIG.sensor.pixel_width - 1
 LINE_CLKS = CONFIG.clock.frequency_hz / CONFIG.line.rate_hz
 PERIOD_CLKS = round(CONFIG.clock.frequency_hz / CONFIG.mirror.frequency_hz)
 PATIENCE_S = 60.0
+AHEAD = 600  # lines to one that is asked for: in the time that the one before takes on its way
 STEP = 3  # full records of every line are more than 3 Mbaud carry
 GUARD, TRIPPED = 1 << 1, 1 << 4  # of laser_status
 SPENT = 1 << 2  # of laser_guard_fault
@@ -95,6 +96,16 @@ def test_the_confidence_is_the_mirror_models(device: Device, board: Board) -> No
         assert (points(device, 60)["confidence"] == 255).all()
     with changed(device, board, 3, confidence_gain=2**24 - 1):
         assert (points(device, 60)["confidence"] < 255).mean() > 0.5
+
+
+def test_a_line_comes_whole_and_by_its_number(device: Device, board: Board) -> None:
+    """While points go the same way."""
+    with device.stream(Form.FULL, 50):
+        number = device.capture(timeout=PATIENCE_S).line + AHEAD
+        found = device.capture(link_pkg.CAPTURE_LINE, number, timeout=PATIENCE_S)
+    assert found.line == number and found.record is not None
+    assert found.record["line"][0] == number & 0xFFFF_FFFF
+    assert found.pixels.max() == found.record["maximum"][0] > 0
 
 
 def test_the_time_goes_on(device: Device, board: Board) -> None:
