@@ -15,6 +15,7 @@ from vrscan.data import link_pkg, pkg
 from vrscan.data.records import Form, Records
 from vrscan.engines.board import Board
 from vrscan.link.device import Device, integer
+from vrscan.link.selftest import SelfTest, arranged, runs
 
 POWER = round(0.4 * CONFIG.laser.power_max)
 FULL_SCALE = 2**CONFIG.sensor.pixel_width - 1
@@ -194,6 +195,14 @@ def test_the_guard_ends_what_the_registers_allow(device: Device, board: Board) -
     device.write("laser_enable", 1)
     board.wait(2 * PERIOD_CLKS)
     assert integer(device.read("laser_status")) & GUARD and board.status().pulse_at > lit
+
+
+def test_lines_of_the_boards_own_say_so(device: Device, board: Board) -> None:
+    """And give the model's points."""
+    name, settings = next(iter(runs(device.build.line_length).items()))
+    with changed(device, board, 1, line_enable=0), arranged(device):
+        check = SelfTest(device).run(name, settings, Form.FULL, 1 << 18, POWER)
+    assert check.difference is None and check.compared > settings.lines
 
 
 def test_a_silent_host_ends_the_light(device: Device, board: Board) -> None:

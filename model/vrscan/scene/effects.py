@@ -22,36 +22,34 @@ class Effect:
 
 
 _ALL = (
-    Effect("footprint", "the spot's parts meet the scene each for itself", "a tangent plane", 8.0),
-    Effect("smear", "the beam turns while the laser is on", "a spot at rest", 0.5),
-    Effect("truncation", "the collimator's edge cuts the beam", "an uncut Gaussian beam", 4.0),
+    Effect("footprint", "the spot's parts meet the scene each for itself", "a tangent plane", 4.0),
+    Effect("smear", "the beam turns while the laser is on", "a spot at rest", 0.3),
+    Effect("truncation", "the collimator's edge cuts the beam", "an uncut Gaussian beam", 4.5),
     Effect("diffraction", "the lens's pupil", "a geometric image", 0.0),
     Effect("defocus", "the lens's disc for other depths than its focus", "a sharp image", 2.0),
     Effect("coma", "a one-sided tail that grows with the field", "a symmetric spot", 0.7),
     Effect("falloff", "the pupil seen from the side", "the same pupil for all pixels", 0.0),
     Effect("gloss", "the lobe about the mirror direction", "Lambert alone", 0.5),
     Effect(
-        "bounce", "light from the spot that lights the rest of the scene", "one reflection", 3.5
+        "bounce", "light from the spot that lights the rest of the scene", "one reflection", 7.0
     ),
-    Effect(
-        "mirrored", "spots seen in a glossy surface, and mirrored beams", "one reflection", 14.0
-    ),
-    Effect("speckle", "a rough surface under coherent light", "smooth light", 6.0),
-    Effect("grain", "speckle is coarser out of focus", "speckle as in focus", 3.0),
+    Effect("mirrored", "spots seen in a glossy surface, and mirrored beams", "one reflection", 9.0),
+    Effect("speckle", "a rough surface under coherent light", "smooth light", 5.0),
+    Effect("grain", "speckle is coarser out of focus", "speckle as in focus", 2.5),
     Effect("sun", "sun and sky on what the camera sees", "darkness", 5.0),
     Effect("lamps", "indoor light", "darkness", 5.0),
     Effect("veil", "sun and lamps outside what the lens sees", "a black barrel", 0.0),
-    Effect("ghosts", "reflections to and fro in the camera", "one image", 19.0),
-    Effect("window", "the double reflection in the scan head's window", "one beam", 2.0),
-    Effect("skirt", "what the scan head scatters lights the scene", "its loss alone", 5.0),
+    Effect("ghosts", "reflections to and fro in the camera", "one image", 18.0),
+    Effect("window", "the double reflection in the scan head's window", "one beam", 1.0),
+    Effect("skirt", "what the scan head scatters lights the scene", "its loss alone", 5.5),
     Effect("halo", "what polish, dust, digs in the camera scatter", "its loss alone", 2.5),
     Effect("dust", "shadows of particles on pupil and cover", "clean surfaces", 0.3),
     Effect("shot", "photon noise", "the mean", 0.1),
     Effect("read", "noise of the read-out", "none", 0.1),
     Effect("dark", "dark current", "none", 0.0),
-    Effect("prnu", "pixels differ in sensitivity", "equal ones", 0.5),
+    Effect("prnu", "pixels differ in sensitivity", "equal ones", 0.7),
     Effect("dsnu", "pixels differ in offset", "equal ones", 0.3),
-    Effect("blooming", "full pixels spill", "full pixels clip", 1.5),
+    Effect("blooming", "full pixels spill", "full pixels clip", 2.0),
     Effect("index", "jitter and drift of the index: the reported angle", "the true angle", 0.0),
 )
 
