@@ -89,8 +89,8 @@ def test_with_grains_what_is_left_out_is_another_draw_of_the_same_error() -> Non
     sizes = [np.quantile(np.abs(each), (0.5, 0.7, 0.9)) for each in errors]
     apart = stats.ks_2samp(*errors)
     print(
-        f"moved {moved:.4f} px rms, {still:.4f} without; {len(errors[0])} and {len(errors[1])} points, errors {sizes[0]}"
-        f" and {sizes[1]} px; distributions {apart.statistic:.4f} apart"
+        f"moved {moved:.4f} px rms, {still:.4f} without; {len(errors[0])} and {len(errors[1])} "
+        f"points, errors {sizes[0]} and {sizes[1]} px; distributions {apart.statistic:.4f} apart"
     )
     assert moved > 2.0 * still  # the grains make more of what is left out than it is
     assert abs(len(errors[0]) - len(errors[1])) <= 0.003 * 2 * BLOCK
