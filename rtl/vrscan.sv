@@ -246,6 +246,23 @@ module vrscan #(
   );
 
   // ---- mirror ----
+  // A polygon's diode shows the light that is on it, so a beam at rest there turns each pulse into
+  // one of the diode.  Its level counts AnswerClks behind the light's beginning, up to its end: within
+  // one light another level takes a beam that moves.
+  logic [IndexOversample-1:0] index_gate;
+  if (Polygon) begin : gen_lit
+    localparam int unsigned AnswerClks = ClockHz / 1_000_000 + 1;
+    localparam int unsigned LitWidth = $clog2(AnswerClks + 1);
+    logic [LitWidth-1:0] lit_q;
+    always_ff @(posedge clk_i) begin
+      if (rst_own || !(pulse_o || index_light_o)) lit_q <= '0;
+      else if (lit_q != LitWidth'(AnswerClks)) lit_q <= lit_q + LitWidth'(1);
+    end
+    assign index_gate = lit_q == LitWidth'(AnswerClks) ? gate_i : '0;
+  end else begin : gen_gate
+    assign index_gate = gate_i;
+  end
+
   logic                                          pulse, angle_valid;
   logic        [vrscan_pkg::LineNumberWidth-1:0] angle_line;
   logic signed [     vrscan_pkg::AngleWidth-1:0] angle;
@@ -257,7 +274,8 @@ module vrscan #(
     .SettleCeilingClks(ClockHz * 10),
     .LostCeilingClks  (ClockHz / 40)
   ) u_mirror_loop (
-    .clk_i, .rst_i(rst_mirror_loop), .comparator_i, .gate_i, .drive_o, .level_o, .level_pin_o,
+    .clk_i, .rst_i(rst_mirror_loop), .comparator_i, .gate_i(index_gate), .drive_o, .level_o,
+    .level_pin_o,
     .mirror_i(mirror), .mirror_limits_i(mirror_limits), .motion_i(motion), .line_i(line),
     .table_i(table_entry), .take_i(commit_take), .renewing_o(renewing),
     .mirror_status_o(mirror_status), .measured_valid_o(),
@@ -277,7 +295,8 @@ module vrscan #(
     .DarkClks       (ClockHz / 40),
     .PauseClks      (ClockHz / 4)
   ) u_scan_safeguard (
-    .clk_i, .rst_i(rst_laser_control), .comparator_i, .gate_i, .word_i(mirror_status.mirror_word),
+    .clk_i, .rst_i(rst_laser_control), .comparator_i, .gate_i(index_gate),
+    .word_i(mirror_status.mirror_word),
     .state_i(mirror_state_o), .enable_i(laser.laser_enable),
     .scanning_o(scanning), .startup_ok_o(startup_ok)
   );

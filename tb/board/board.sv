@@ -223,14 +223,17 @@ module board #(
     if (ended_q) angle_q <= 0.5 * (begin_angle_q + angle);
   end
 
-  // ---- the light, and the edges of the index: another level within an open gate ----
+  // ---- the light, and the edges of the index: another level within an open gate and one light ----
   logic [IndexOversample-1:0] comparator_q, gate_q;
   logic                       index_edge;
-  assign index_edge = (&gate) && (&gate_q) && comparator != comparator_q;
+  logic [                1:0] lit_q;  // the comparator is a clock behind the light
+  assign index_edge = (&gate) && (&gate_q) && comparator != comparator_q
+      && (&lit_q) && (index_light || pulse);
   always_ff @(posedge clk_i) begin
     stall_q      <= mirror_stalls() != 8'd0;
     comparator_q <= comparator;
     gate_q       <= gate;
+    lit_q        <= {lit_q[0], index_light || pulse};
     if (!rst_i && (index_edge || pulse || index_light)) begin
       light_is({7'd0, index_edge}, pulse ? 32'(power) : '0, index_light ? 32'(startup) : '0);
     end

@@ -81,7 +81,9 @@ module polygon_mirror #(
         * (1.0 + SpeedShare * $cos(TwoPi * HuntingHz * time_q));
     // The hunting is that of the speed itself, and not slowed down by the spin-up.
     speed  = speed_q + (wanted - speed_q) * (ClockS / SpinUpS);
-    if (stall_i) speed = 0.0;
+    // The worst place to stand still: with the beam on the diode.
+    off = angle_o - mark_rad_i;
+    if (stall_i && (off < 0.0 ? -off : off) < 0.5 * width_rad_i) speed = 0.0;
     place  = place_q + speed;
     if (place >= 1.0) begin
       place = place - 1.0;
