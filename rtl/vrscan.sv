@@ -246,19 +246,12 @@ module vrscan #(
   );
 
   // ---- mirror ----
-  // A polygon's diode shows the light that is on it, so a beam at rest there turns each pulse into
-  // one of the diode.  Its level counts AnswerClks behind the light's beginning, up to its end: within
-  // one light another level takes a beam that moves.
   logic [IndexOversample-1:0] index_gate;
-  if (Polygon) begin : gen_lit
-    localparam int unsigned AnswerClks = ClockHz / 1_000_000 + 1;
-    localparam int unsigned LitWidth = $clog2(AnswerClks + 1);
-    logic [LitWidth-1:0] lit_q;
-    always_ff @(posedge clk_i) begin
-      if (rst_own || !(pulse_o || index_light_o)) lit_q <= '0;
-      else if (lit_q != LitWidth'(AnswerClks)) lit_q <= lit_q + LitWidth'(1);
-    end
-    assign index_gate = lit_q == LitWidth'(AnswerClks) ? gate_i : '0;
+  if (Polygon) begin : gen_lit  // its one diode shows the light that is on it
+    lit_gate #(.Samples(IndexOversample), .AnswerClks(ClockHz / 1_000_000 + 1)) u_lit_gate (
+      .clk_i, .rst_i(rst_laser_control), .lit_i(pulse_o || index_light_o), .gate_i,
+      .gate_o(index_gate)
+    );
   end else begin : gen_gate
     assign index_gate = gate_i;
   end

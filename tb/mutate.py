@@ -1130,6 +1130,11 @@ FAULTS = [
         ("no beat of its own", "beat_q  <= beat_q + 3'd1;", "beat_q  <= beat_q;"),
     ),
     *faults(
+        "rtl/safety/lit_gate.sv",
+        ("a light that ends is forgotten", "if (rst_i || !lit_i) lit_q", "if (rst_i) lit_q"),
+        ("a pulse opens it", "lit_q == LitWidth'(AnswerClks) ? gate_i", "lit_q != '0 ? gate_i"),
+    ),
+    *faults(
         "rtl/safety/guard_watch.sv",
         ("a dead guard is well", "ok && silent_q != SilentWidth'(BeatClks);", "ok;"),
         (

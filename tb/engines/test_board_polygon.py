@@ -61,6 +61,7 @@ def test_a_polygon_is_scanned_measured_and_dark_when_it_stands(tmp_path: Path) -
             with console.capture() as shown:
                 console.print(info_table(host))
             assert "mirror   RUN, settled" in shown.get() and "no fault" in shown.get()
+            assert board.status().lines_outside == 0
             board.stall()
             board.wait(round(1.2 * LIGHT_S * CLOCK_HZ))
             assert host.read("mirror_state") == pkg.MIRROR_FAULT
