@@ -180,10 +180,11 @@ def synthesise(design: Design) -> Path:
     netlist = folder / "netlist.json"
     synthesis = f"synth_ecp5 -top {name} -abc9"
     lines = [f"read_verilog -sv -defer {f.relative_to(ROOT)}" for f in design.sources]
-    if design.parameters:
-        given = (f"-chparam {key} {value}" for key, value in design.parameters.items())
-        lines.append(f"hierarchy -top {name} {' '.join(given)}")
+    if design.parameters:  # hierarchy -chparam derives the top twice, which Yosys takes for a fault
+        given = (f"-set {key} {value}" for key, value in design.parameters.items())
+        lines += [f"chparam {' '.join(given)} {name}"]
     lines += [
+        f"hierarchy -top {name}",
         f"{synthesis} -run begin:map_ffs",
         "opt_clean",
         f"dfflegalize {' '.join(f'-cell {cell}' for cell in FLIP_FLOPS)}"

@@ -15,6 +15,7 @@ from scipy.special import erf
 from vrscan.data.arrays import Floats
 from vrscan.data.config import Config
 from vrscan.ideal.geometry import project, triangle, undistorted
+from vrscan.scene import render
 from vrscan.scene.description import Description, parse
 from vrscan.scene.effects import EFFECTS
 from vrscan.scene.ghosts import Ghosts
@@ -682,7 +683,7 @@ def test_the_halo_takes_from_the_spot_what_it_scatters() -> None:
     stray = {"enabled": ["window", "filter", "cover", "halo"], "polish": {"roughness_nm": 15.0}}
     scene = _scene(_plane(420.0), stray=stray)
     light = _fine(Light(scene, CONFIG), angle)
-    plain, got = (_electrons(light, more, angle)[0] for more in (set(), {"halo"}))
+    plain, got = (_electrons(light, more, angle)[0] for more in (set(), {"halo", "wings"}))
     clean = _fine(Light(_scene(_plane(420.0), stray={"enabled": []}), CONFIG), angle)
     whole = _electrons(clean, set(), angle)[0].max()
     left = 1.0 - light.halo.total
@@ -698,7 +699,7 @@ def test_the_halo_takes_from_the_spot_what_it_scatters() -> None:
     gain = 1e3 * float(light.scene.sensor.gain or 0.0)
     sensor = light.scene.sensor.model_copy(update={"gain": gain})
     bright = Light(light.scene.model_copy(update={"sensor": sensor}), CONFIG)
-    line = _frame(bright, {"halo"}, angle).lines[0] / gain
+    line = _frame(bright, {"halo", "wings"}, angle).lines[0] / gain
     width = 0.5 * math.hypot(1.0, 420.0 * 658e-6 / math.pi / 0.25)
     high = 0.5 * width * 25.0 / 0.007 / _depth(0.0, 420.0)
     whole = plain.sum() / float(erf(0.5 / (math.sqrt(2.0) * high)))
@@ -738,7 +739,8 @@ def test_the_second_bounce_is_the_integral_over_what_the_camera_sees() -> None:
     # The plates are z = edge - |x|; the spot on the left one.
     angle = math.atan(-20.0 / (edge - 20.0))
     plain, got = (
-        _frame(light, more, np.array([angle])).lines[0] / 200.0 for more in (set(), {"bounce"})
+        _frame(light, more, np.array([angle])).lines[0] / 200.0
+        for more in (set(), {"bounce", "wings"})
     )
     extra = got - plain
     spot = np.array([-20.0, 0.0, edge - 20.0])
@@ -802,6 +804,46 @@ def test_windows_and_whole_lines_have_the_same_counts(active: set[str], full_wel
     whole = _frame(light, active | {"ghosts"}, angle, rate=300.0).lines
     assert np.array_equal(window, whole)
     assert (window > 100).any()
+
+
+def test_several_spots_in_a_line_have_one_window(monkeypatch: pytest.MonkeyPatch) -> None:
+    # The second beam's spot is a few pixels beside the first one; at the step's edge are two more.
+    step = {"kind": "step", "position_mm": [0, 0, 350], "rotation_deg": [0, 180, 0]}
+    light = Light(_scene(step, sensor={"offset_counts": 60, "gain": 0.2}), CONFIG)
+    angle = np.radians(np.linspace(-4.0, 4.0, 300))
+    active = {"shot", "read", "prnu", "dust", "speckle", "footprint", "window", "blooming"}
+    window = _frame(light, active, angle, rate=300.0).lines
+    monkeypatch.setattr(render, "whole_lines", lambda _: True)
+    whole = _frame(light, active, angle, rate=300.0).lines
+    assert np.array_equal(window, whole)
+    assert (window > 100).any()
+
+
+def test_without_wings_the_light_beside_spots_ends_with_their_window() -> None:
+    corner = {"kind": "corner", "position_mm": [0, 0, 420], "size_mm": [100, 100]}
+    light = Light(
+        _scene(
+            corner,
+            material={"default": {"reflectance": 0.9}},
+            stray={"enabled": ["halo", "head_window", "cover", "mirror"]},
+            sensor={"full_well_e": 1e9, "offset_counts": 60, "gain": 20.0},
+        ),
+        CONFIG,
+    )
+    angle = np.radians(np.linspace(-8.0, 8.0, 200))
+    active, beside = {"prnu", "dark", "window", "footprint"}, {"halo", "skirt", "bounce"}
+    frames = [
+        _frame(light, active | more, angle, rate=300.0)
+        for more in (set[str](), beside, beside | {"wings"})
+    ]
+    without, ends, whole = (frame.lines for frame in frames)
+    column = np.arange(whole.shape[1])
+    reach = np.abs(column - frames[0].truth.position_px[:, None])
+    assert np.array_equal(ends[reach <= 12], whole[reach <= 12])
+    assert np.array_equal(ends[reach > 200], without[reach > 200])
+    assert ((ends == whole) | (ends == without)).all()
+    for some in (reach <= 12, reach > 200):
+        assert (whole[some] > without[some]).mean() > 0.3  # the middle of a spot ends the converter
 
 
 @pytest.mark.parametrize("full_well", [25_000.0, 2000.0, 50.0])
@@ -926,7 +968,7 @@ def test_each_effect_alone_works(name: str) -> None:
     angle = np.radians(np.linspace(-14, 14, 40))
     with warnings.catch_warnings(), np.errstate(all="raise", under="ignore"):
         warnings.simplefilter("error")
-        rest = {"speckle"} if name == "grain" else set()
+        rest = {"grain": {"speckle"}, "detail": {"footprint"}, "wings": {"halo"}}.get(name, set())
         plain = _frame(light, rest, angle, rate=500.0, every_ray=True)
         got = _frame(light, rest | {name}, angle, rate=500.0, every_ray=True)
     if name == "index":

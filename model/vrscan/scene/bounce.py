@@ -11,12 +11,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.ideal.geometry import project
 from vrscan.scene.beam import radius_mm
 from vrscan.scene.image import Singles
-from vrscan.scene.light import PAN_STEP_MM, VIEW_STEP, Light, View, chunks
+from vrscan.scene.light import PAN_STEP_MM, VIEW_STEP, Light, View, Windows, chunks
 from vrscan.scene.shapes import dot
 from vrscan.scene.spots import Camera
 from vrscan.scene.sun import collection
@@ -41,8 +42,10 @@ class _Spots:
     meshed: Bools  # on a mesh, whose faces may be smaller than the places are apart [n]
 
 
-def bounced(light: Light, angle_rad: Floats, y_mm: Floats) -> Singles:
-    """Return the light that spots throw on the rest of the scene [n, length].
+def bounced(
+    light: Light, angle_rad: Floats, y_mm: Floats, windows: Windows | None = None
+) -> Singles:
+    """Return the light that spots throw on the rest of the scene, [n, length] or [n, width].
 
     It is in units of the electrons that the whole beam would make if it went through the lens.
 
@@ -50,20 +53,26 @@ def bounced(light: Light, angle_rad: Floats, y_mm: Floats) -> Singles:
         light: The scene.
         angle_rad: Angle of each line [n].
         y_mm: Position of the scanner along y [n].
+        windows: What is wanted of each line; all of it if None.
     """
     limit = _limit(light)
     turned = np.clip((angle_rad + limit) / (2.0 * limit), 0.0, 1.0) * (KNOTS - 1)
     knot = np.minimum(turned.astype(np.int64), KNOTS - 2)
     share = (turned - knot).astype(np.float32)
     keys = np.round(y_mm / PAN_STEP_MM).astype(np.int64)
-    found = np.empty((len(angle_rad), light.config.sensor.line_length), np.float32)
+    length = light.config.sensor.line_length
+    width = length if windows is None else windows.width
+    start = np.zeros(len(angle_rad), np.int64) if windows is None else windows.first
+    found = np.empty((len(angle_rad), width), np.float32)
     for key in np.unique(keys).tolist():
         rows, y = np.flatnonzero(keys == key), key * PAN_STEP_MM
         low, whole, marks = _table(light, key)
         before, more = knot[rows], share[rows]
+        at = sliding_window_view(whole, width, axis=1)
         for some in chunks(np.arange(len(rows))):
-            first = whole[before[some]]
-            found[rows[some]] = first + (whole[before[some] + 1] - first) * more[some, None]
+            begin = start[rows[some]]
+            first, behind = at[before[some], begin], at[before[some] + 1, begin]
+            found[rows[some]] = first + (behind - first) * more[some, None]
         spots = _meet(light, angle_rad[rows], y)
         line, place = _near(spots.position_px, marks[before], marks[before + 1], low.shape[1])
         own = _thrown(light, spots, y, light.view_px, light.view(y), line, place)
@@ -71,15 +80,21 @@ def bounced(light: Light, angle_rad: Floats, y_mm: Floats) -> Singles:
         first = low[before[line], place]
         change[line, place] = own - (first + (low[before[line] + 1, place] - first) * more[line])
         for some in chunks(np.flatnonzero(change.any(axis=1))):
-            found[rows[some]] += light.whole_row(change[some])
+            if windows is None:
+                found[rows[some]] += light.whole_row(change[some])
+            else:
+                found[rows[some]] += windows.of(rows[some]).between(change[some])
         # Each pixel, if any place beside the spot has light, or if some may have it in between.
         beside = np.abs(light.view_px[place] - spots.position_px[line]) < BESIDE_PX + VIEW_STEP
         wanted = spots.meshed.copy()
         wanted[line[beside & (own > 0.0)]] = True
-        line, pixel = _beside(spots.position_px, wanted, found.shape[1])
+        line, pixel = _beside(spots.position_px, wanted, length)
+        column = pixel - start[rows[line]]
+        inside = (column >= 0) & (column < width)
+        line, pixel, column = line[inside], pixel[inside], column[inside]
         seen, which = np.unique(pixel, return_inverse=True)
         at_px = seen.astype(np.float64)
-        found[rows[line], pixel] = _thrown(
+        found[rows[line], column] = _thrown(
             light, spots, y, at_px, light.look(at_px, y), line, which
         )
     return found

@@ -23,6 +23,12 @@ class Effect:
 
 _ALL = (
     Effect("footprint", "the spot's parts meet the scene each for itself", "a tangent plane", 4.0),
+    Effect(
+        "detail",
+        "every ray meets the scene for itself",
+        "a few, where these see a smooth surface",
+        1.0,
+    ),
     Effect("smear", "the beam turns while the laser is on", "a spot at rest", 0.3),
     Effect("truncation", "the collimator's edge cuts the beam", "an uncut Gaussian beam", 4.5),
     Effect("diffraction", "the lens's pupil", "a geometric image", 0.0),
@@ -43,6 +49,12 @@ _ALL = (
     Effect("window", "the double reflection in the scan head's window", "one beam", 1.0),
     Effect("skirt", "what the scan head scatters lights the scene", "its loss alone", 5.5),
     Effect("halo", "what polish, dust, digs in the camera scatter", "its loss alone", 2.5),
+    Effect(
+        "wings",
+        "bounce, skirt and halo fall on the whole line",
+        "on the spot's window, where nothing else fills the line",
+        0.1,
+    ),
     Effect("dust", "shadows of particles on pupil and cover", "clean surfaces", 0.3),
     Effect("shot", "photon noise", "the mean", 0.1),
     Effect("read", "noise of the read-out", "none", 0.1),
@@ -54,10 +66,11 @@ _ALL = (
 )
 
 EFFECTS = {effect.name: effect for effect in _ALL}
+BESIDE = frozenset({"bounce", "skirt", "halo"})  # light beside the spot, whose far part is wings
 # With one of these no line is mostly even.
-WHOLE_LINE = frozenset({"ghosts", "skirt", "halo", "bounce"})
+WHOLE_LINE = frozenset({"ghosts", "wings"})
 WHOLE_LINE_US = 15.0  # typical time of these
-EVERY_RAY_US = 20.0  # typical time of following every spot ray by ray
+EVERY_RAY_US, DETAIL_US = 8.0, 12.0  # typical times of following every spot, and all its rays
 LINE_US = 20.0  # typical time of a line without effects, up to its point
 START_US = 8000.0  # typical time to start rendering, however few the lines
 BASE = (
@@ -93,6 +106,8 @@ def present(scene: Description) -> tuple[str, ...]:
         absent.add("skirt")
     if "dust" not in stray.enabled:
         absent.add("dust")
+    if absent >= BESIDE:
+        absent.add("wings")
     if not {"window", "filter", "lens", "cover", "sensor"} & set(stray.enabled):
         absent.add("ghosts")
     if scene.lens.coma_px == 0.0:
@@ -130,8 +145,15 @@ def chosen(names: Iterable[str], source: str) -> frozenset[str]:
     return frozenset(names)
 
 
+def whole_lines(active: frozenset[str]) -> bool:
+    """Return whether light falls on all of every line with a set of effects."""
+    return "ghosts" in active or ("wings" in active and bool(active & BESIDE))
+
+
 def typical_us(active: frozenset[str], *, every_ray: bool) -> float:
     """Return the typical time of a set of effects, microseconds per line."""
     total = sum(EFFECTS[name].typical_us for name in active)
-    total += WHOLE_LINE_US if active & WHOLE_LINE else 0.0
-    return total + (EVERY_RAY_US if every_ray and "footprint" in active else 0.0)
+    total += WHOLE_LINE_US if whole_lines(active) else 0.0
+    if every_ray and "footprint" in active:
+        total += EVERY_RAY_US + (DETAIL_US if "detail" in active else 0.0)
+    return total

@@ -3,12 +3,13 @@
 import copy
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
+from numpy.lib.stride_tricks import sliding_window_view
 
 from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.data.config import Config
@@ -49,6 +50,28 @@ _FARTHEST_MM = 1000.0  # least distance at which a ray that meets nothing ends
 
 View = tuple[Floats, Floats, Ints, Floats]  # points, normals [m, 3], targets and albedo [m]
 _Real = TypeVar("_Real", np.float32, np.float64)
+
+
+@dataclass(frozen=True)
+class Windows:
+    """A part of each of n lines, of the same width and within the sensor's ends."""
+
+    first: Ints  # its first pixel [n]
+    width: int
+
+    def of(self, lines: Ints) -> "Windows":
+        """Return those of some lines."""
+        return Windows(self.first[lines], self.width)
+
+    def between(self, values: Singles) -> Singles:
+        """Return a value for each pixel [n, width] from those of every eighth of the lines [n, k].
+
+        They are those of ``Light.whole_row``.
+        """
+        column = self.first[:, None] + np.arange(self.width)
+        place, rest = np.divmod(column, VIEW_STEP)
+        low, high = (np.take_along_axis(values, place + k, axis=1) for k in (0, 1))
+        return (high - low) * (rest / VIEW_STEP).astype(values.dtype) + low
 
 
 class Light:
@@ -444,8 +467,8 @@ class Light:
 
     # -- the scan head's scatter --
 
-    def skirt(self, angle_rad: Floats, y_mm: Floats) -> Singles:
-        """Return the light that the scan head scatters beside the beam onto the scene [n, length].
+    def skirt(self, angle_rad: Floats, y_mm: Floats, windows: Windows | None = None) -> Singles:
+        """Return the light that the scan head scatters beside the beam, [n, length] or [n, width].
 
         It is in units of the electrons that what is left of the beam would make if all of it went
         through the lens. The pixels' own points are lit over the angle between them and the beam in
@@ -453,7 +476,8 @@ class Light:
         Lambert's. The beam's own width is left out but for the angle below which the light does not
         grow any more.
         """
-        result = np.empty((len(angle_rad), self.config.sensor.line_length), np.float32)
+        width = self.config.sensor.line_length if windows is None else windows.width
+        result = np.empty((len(angle_rad), width), np.float32)
         keys = np.round(y_mm / PAN_STEP_MM).astype(np.int64)
         table = self._skirt_gain
         for key in np.unique(keys).tolist():
@@ -461,13 +485,13 @@ class Light:
                 if len(self._skirts) >= _VIEWS:
                     self._skirts.clear()
                 self._skirts[key] = self._skirt_seen(key * PAN_STEP_MM)
-            heading, gain = (each[None] for each in self._skirts[key])
-            steps = heading * np.float32(1.0 / _SKIRT_STEP)
+            heading, gain = (sliding_window_view(each, width) for each in self._skirts[key])
             turned = (angle_rad / _SKIRT_STEP).astype(np.float32)[:, None]
             for rows in chunks(np.flatnonzero(keys == key)):
-                apart = steps - turned[rows]
+                begin = slice(1) if windows is None else windows.first[rows]
+                apart = heading[begin] * np.float32(1.0 / _SKIRT_STEP) - turned[rows]
                 place = np.abs(apart, out=apart).astype(np.int32)
-                np.multiply(table.take(place, mode="clip"), gain, out=apart)
+                np.multiply(table.take(place, mode="clip"), gain[begin], out=apart)
                 result[rows] = apart
         return result
 
@@ -483,9 +507,14 @@ class Light:
         return np.asarray(np.interp(steps, angle, light / left), np.float32)
 
     def _skirt_seen(self, y_mm: float) -> tuple[Singles, Singles]:
-        """Return the directions from the pivot to what the pixels see, and how they see it."""
-        pixel = np.arange(self.config.sensor.line_length, dtype=np.float64)
-        point, normal, target, albedo = self.look(pixel, y_mm)
+        """Return the directions from the pivot to what the pixels see, and how they see it.
+
+        A panning scanner sees each place in few lines: there every eighth pixel is followed.
+        """
+        panning = self.scene.scan.pan_mm_per_s != 0.0
+        length = self.config.sensor.line_length
+        pixel = self.view_px if panning else np.arange(length, dtype=np.float64)
+        point, normal, target, albedo = self.view(y_mm) if panning else self.look(pixel, y_mm)
         lift = np.array([0.0, y_mm, 0.0])
         away = np.linalg.norm(point, axis=1)
         seen = (target >= 0) & (away > 0.0)
@@ -500,6 +529,8 @@ class Light:
         area = np.square(self.config.geometry.pitch_mm)
         gain = lit * self.diffuse(target, albedo) / np.pi * area * seen_sr
         heading = np.arctan2(point[:, 0], point[:, 2])
+        if panning:
+            heading, gain = self.whole_row(heading), self.whole_row(gain)
         return heading.astype(np.float32), gain.astype(np.float32)
 
 

@@ -426,11 +426,11 @@ class Spotter:
     def _parts(self, spots: Spots, beam: Floats, timeline: Timeline, rows: Ints) -> Spots:
         """Return the rays of some lines' spots, [m * RAYS].
 
-        A few of them tell whether a spot is on one smooth surface: there the others lie on the
-        polynomial through these, which follows the surface to the fifth order at least.
+        Without ``detail``, a few tell whether a spot is on one smooth surface: there the others lie
+        on the polynomial through these, which follows the surface to the fifth order at least.
         """
         offset, knots, misses = self._offset, self._few, self._misses
-        if self.every_ray:
+        if "detail" in self.active:
             origin, direction = self._offset_rays(spots, beam, rows, offset)
             return self._meet(origin, direction, np.repeat(timeline.y_mm[rows], RAYS))
         few = self._meet(

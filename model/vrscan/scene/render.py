@@ -2,8 +2,9 @@
 
 The light of a spot on the row is one or more pieces (``vrscan.scene.pieces``): a place on the row,
 an amount of light, and its blur. A line with one piece on an even background takes one short
-transform and a table look-up for each dark pixel. Only where something else falls on the row
-(ghosts, halo, a second bounce, a spot on two surfaces) is the whole line computed pixel by pixel.
+transform and a table look-up for each dark pixel; several pieces near each other have one window.
+Only where something else falls on the row (ghosts, wings, light that changes along it) is the whole
+line computed pixel by pixel.
 Both ways use the same word of noise for the same pixel of the same line, and their results agree
 bit for bit where both apply.
 """
@@ -16,15 +17,16 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from numpy.lib.stride_tricks import sliding_window_view
 
 from vrscan.data.arrays import Bools, Floats, Ints, Pixels
 from vrscan.data.errors import blamed
 from vrscan.data.lines import Truth
 from vrscan.scene import bounce, image
 from vrscan.scene.beam import pulse_transform
-from vrscan.scene.effects import WHOLE_LINE
+from vrscan.scene.effects import BESIDE, whole_lines
 from vrscan.scene.image import Singles
-from vrscan.scene.light import Light
+from vrscan.scene.light import Light, Windows, chunks
 from vrscan.scene.pieces import OUTER, Pieces, Spotter
 from vrscan.scene.sensor import Readout, bloom, expose_even, expose_pixels, readout
 from vrscan.scene.speckle import SHARP
@@ -35,6 +37,7 @@ _WIDE_DISC = 8.0  # spot sigmas of a ghost's radius above which its ends count a
 _LEAST_GHOST_E = 1e-3  # electrons on its brightest pixel below which a ghost is left out
 _LEAST_FLICKER_E = 0.1  # least flicker of lamps that is rendered, electrons
 _SPILT_E = 0.05  # electrons of blooming that may be lost at a window's end
+_MERGED = 32  # px: a window around several of a line is as wide as some of these
 _CHUNK = 256  # lines whose rays are summed at a time
 
 
@@ -220,8 +223,8 @@ class Renderer:
         spots, pieces, second = self._spotter.find(timeline)
         length = self.light.config.sensor.line_length
         laser = np.zeros((len(timeline), length), np.float32)
-        for row, first, light in (d for p in pieces + second for d in self._drawn(p, timeline)):
-            _add(laser, row, first, light)
+        for some, first, light in (d for p in pieces + second for d in self._drawn(p, timeline)):
+            _add(laser, some.row, first, light)
         self._elsewhere(laser, np.arange(len(timeline)), pieces, timeline)
         other = np.zeros((1, length), np.float32)
         if self._uneven_e is not None:
@@ -237,8 +240,8 @@ class Renderer:
     def exposed(self, light: Unexposed, rows: slice, share: Floats, words: Pixels) -> Pixels:
         """Return the counts of some lines; a line is the same whichever come with it.
 
-        Against ``render`` with the same power only float32 rounding differs, and ghosts so faint
-        that ``render`` leaves them out.
+        Against ``render`` with the same power only float32 rounding differs, ghosts so faint that
+        ``render`` leaves them out, and that there are always ``wings``.
 
         Args:
             light: What falls on the pixels.
@@ -265,8 +268,8 @@ class Renderer:
         _, pieces, second = self._spotter.find(timeline)
         length = self.light.config.sensor.line_length
         laser = np.zeros((len(timeline), length), np.float32)
-        for row, first, light in (d for p in pieces + second for d in self._drawn(p, timeline)):
-            _add(laser, row, first, light)
+        for some, first, light in (d for p in pieces + second for d in self._drawn(p, timeline)):
+            _add(laser, some.row, first, light)
         self._elsewhere(laser, np.arange(len(timeline)), pieces, timeline)
         other = np.zeros(length, np.float32) if self._uneven_e is None else self._uneven_e.copy()
         for name in self._changing:
@@ -311,8 +314,8 @@ class Renderer:
 
     # -- on the row --
 
-    def _drawn(self, pieces: Pieces, timeline: Timeline) -> Iterator[tuple[Ints, Ints, Singles]]:
-        """Yield rows, first pixels and mean electrons [m, width] of pieces, one width at a time."""
+    def _drawn(self, pieces: Pieces, timeline: Timeline) -> Iterator[tuple[Pieces, Ints, Singles]]:
+        """Yield pieces of one width, their first pixels and mean electrons [m, width]."""
         if len(pieces) == 0:
             return
         spread = pieces.sigma_px
@@ -326,9 +329,9 @@ class Renderer:
             for start in range(0, len(rows), _CHUNK if pieces.parts_px is not None else len(rows)):
                 step = _CHUNK if pieces.parts_px is not None else len(rows)
                 some = pieces.of(rows[start : start + step])
-                yield self._draw(some, int(width), timeline)
+                yield some, *self._draw(some, int(width), timeline)
 
-    def _draw(self, some: Pieces, width: int, timeline: Timeline) -> tuple[Ints, Ints, Singles]:
+    def _draw(self, some: Pieces, width: int, timeline: Timeline) -> tuple[Ints, Singles]:
         middle = np.round(some.place_px)
         first = middle.astype(np.int64) - width // 2
         shape, spectrum = None, None
@@ -363,7 +366,7 @@ class Renderer:
         if "speckle" in self.active and some.speckled:
             with self._clock("speckle"):
                 light *= self._speckle(some, first, width, timeline)
-        return some.row, first, light
+        return first, light
 
     def _speckle(self, some: Pieces, first: Ints, width: int, timeline: Timeline) -> Singles:
         """Return the gains of the pixels of windows."""
@@ -433,39 +436,47 @@ class Renderer:
         """Return the counts of a block; ``second`` are pieces too faint for ghosts and halo."""
         count, length = words.shape
         drawn = []
-        for row, first, light in (d for p in pieces + second for d in self._drawn(p, timeline)):
-            near = (first < length) & (first + light.shape[1] > 0)  # some of it is on the sensor
-            drawn.append((row[near], first[near], light[near]))
-        everywhere = bool(WHOLE_LINE & self.active or self._changing)
+        low, high, held = np.full(count, length), *np.zeros((2, count), np.int64)
+        for some, first, light in (d for p in pieces + second for d in self._drawn(p, timeline)):
+            end = first + light.shape[1]
+            near = (first < length) & (end > 0)  # some of it is on the sensor
+            some, first, light = some.of(near), first[near], light[near]
+            drawn.append((some.row, first, light))
+            np.minimum.at(low, some.row, first)
+            np.maximum.at(high, some.row, end[near])
+            np.add.at(held, some.row, 1)
+        everywhere = whole_lines(self.active) or bool(self._changing)
         everywhere |= self._uneven_e is not None
         whole = np.full(count, everywhere)
-        seen_once = np.zeros(count, np.int64)
-        for row, first, light in drawn:
-            np.add.at(seen_once, row, 1)
-            whole[row[(first < 0) | (first + light.shape[1] > length)]] = True
-            if "blooming" in self.active and not everywhere:
+        if not everywhere:
+            whole |= (low < 0) | (high > length) | ((held > 1) & (high - low > length // 4))
+            for row, _, light in drawn if "blooming" in self.active else ():
                 whole[row[self._spills(light)]] = True
-        whole |= seen_once > 1
 
         if everywhere:
             lines = np.empty((count, length), np.uint16)
         else:
             lines = self._even(words)
+        for row, first, light in drawn:
+            some = ~whole[row] & (held[row] == 1)
+            if some.any():
+                self._windows(lines, row[some], first[some], light[some], pieces, timeline, words)
+        # Where a line has several windows, one around them.
+        wide = np.where(~whole & (held > 1), -(-(high - low) // _MERGED) * _MERGED, 0)
+        for width in np.unique(wide[wide > 0]).tolist():
+            rows = np.flatnonzero(wide == width)
+            first = np.minimum(low[rows], length - width)
+            field = np.zeros((len(rows), width), np.float32)
+            _gather(field, rows, first, drawn)
+            self._windows(lines, rows, first, field, pieces, timeline, words)
         rows = np.flatnonzero(whole)
-        place = np.full(count, -1)
-        place[rows] = np.arange(len(rows))
         field = np.zeros((len(rows), length), np.float32)
         if self._uneven_e is not None:
             field += self._uneven_e
         if self._changing:
             with self._clock(self._changing[0]):
                 field += self.light.changing_ambient(self._changing, timeline)
-        for row, first, light in drawn:
-            some = whole[row]
-            if some.any():
-                _add(field, place[row[some]], first[some], light[some])
-            if not some.all():
-                self._windows(lines, row[~some], first[~some], light[~some], words)
+        _gather(field, rows, np.zeros_like(rows), drawn)
         if len(rows):
             self._elsewhere(field, rows, pieces, timeline)
             field += np.float32(self._even_e)
@@ -514,11 +525,15 @@ class Renderer:
         row: Ints,
         first: Ints,
         light: Singles,
+        pieces: list[Pieces],
+        timeline: Timeline,
         words: Pixels,
     ) -> None:
-        """Put spots on an even background into their windows."""
+        """Put spots on an even background into windows, one a line; ``light`` is overwritten."""
         column = first[:, None] + np.arange(light.shape[1])
         mean = light
+        if BESIDE & self.active:
+            self._beside(mean, row, pieces, timeline, Windows(first, light.shape[1]))
         if self._sensitivity is not None:
             with self._clock("prnu" if "prnu" in self.active else "dust"):
                 mean = light * self._sensitivity[column]
@@ -534,37 +549,56 @@ class Renderer:
         self, field: Singles, rows: Ints, pieces: list[Pieces], timeline: Timeline
     ) -> None:
         """Add to whole lines the light that falls beside the spot."""
-        length = field.shape[1]
-        inside = np.full(len(timeline), -1)
-        inside[rows] = np.arange(len(rows))
         if "ghosts" in self.active:
             with self._clock("ghosts"):
+                inside = np.full(len(timeline), -1)
+                inside[rows] = np.arange(len(rows))
                 self._add_ghosts(field, inside, pieces, timeline)
-        if "halo" in self.active:
-            with self._clock("halo"):
-                weights = self.light.halo_table
-                for piece in pieces:
-                    kept = inside[piece.row] >= 0
-                    some = piece.of(kept)
-                    # The halo comes from all light in the image, not only from the row's share.
-                    whole = some.whole_e.astype(np.float32)
-                    middle = np.clip(np.round(some.place_px), -length, 2 * length).astype(np.int64)
-                    for at, start, amount in zip(inside[some.row], middle, whole, strict=True):
-                        begin = 2 * length - int(start)
-                        field[at] += amount * weights[begin : begin + length]
-        if "skirt" in self.active:
-            with self._clock("skirt"):
-                beside = self.light.skirt(timeline.angle_rad[rows], timeline.y_mm[rows])
-                beside *= np.float32(self._spotter.electrons)
-                field += beside
-        if "bounce" in self.active:
-            with self._clock("bounce"):
-                bounced = bounce.bounced(self.light, timeline.angle_rad[rows], timeline.y_mm[rows])
-                bounced *= np.float32(self._spotter.electrons)
-                field += bounced
+        self._beside(field, rows, pieces, timeline)
         if self._sensitivity is not None:
             with self._clock("prnu" if "prnu" in self.active else "dust"):
                 field *= self._sensitivity
+
+    def _beside(
+        self,
+        field: Singles,
+        rows: Ints,
+        pieces: list[Pieces],
+        timeline: Timeline,
+        windows: Windows | None = None,
+    ) -> None:
+        """Add halo, skirt and bounce to lines ``rows``, or to windows of them."""
+        where = timeline.angle_rad[rows], timeline.y_mm[rows], windows
+        if "halo" in self.active:
+            with self._clock("halo"):
+                inside = np.full(len(timeline), -1)
+                inside[rows] = np.arange(len(rows))
+                for piece in pieces:
+                    some = piece.of(inside[piece.row] >= 0)
+                    self._add_halo(field, inside[some.row], some, windows)
+        electrons = np.float32(self._spotter.electrons)
+        if "skirt" in self.active:
+            with self._clock("skirt"):
+                field += self.light.skirt(*where) * electrons
+        if "bounce" in self.active:
+            with self._clock("bounce"):
+                field += bounce.bounced(self.light, *where) * electrons
+
+    def _add_halo(self, field: Singles, at: Ints, some: Pieces, windows: Windows | None) -> None:
+        """Add the halo of pieces, each to the line ``at`` of the field, [n, length] or windows."""
+        length = self.light.config.sensor.line_length
+        # The halo comes from all light in the image, not only from the row's share.
+        whole = some.whole_e.astype(np.float32)
+        begin = 2 * length - np.clip(np.round(some.place_px), -length, 2 * length).astype(np.int64)
+        if windows is not None:
+            begin += windows.first[at]
+        weights = sliding_window_view(self.light.halo_table, field.shape[1])
+        left = np.arange(len(at))
+        while len(left):
+            once = np.sort(np.unique(at[left], return_index=True)[1])  # of each line one piece
+            for part in chunks(left[once]):
+                field[at[part]] += whole[part, None] * weights[begin[part]]
+            left = np.delete(left, once)
 
     def _add_ghosts(
         self, field: Singles, inside: Ints, pieces: list[Pieces], timeline: Timeline
@@ -619,9 +653,10 @@ class Renderer:
                 coma_px=np.zeros(len(at)),
                 speckled=False,
             )
-            for row, first, light in self._drawn(some, timeline):
-                _add(field, inside[row], first, light)
-        field += np.cumsum(steps.reshape(count, -1), axis=1)[:, :length]
+            for each, first, light in self._drawn(some, timeline):
+                _add(field, inside[each.row], first, light)
+        for part in chunks(np.arange(count)):
+            field[part] += np.cumsum(steps.reshape(count, -1)[part], axis=1)[:, :length]
 
 
 def _joined(pieces: list[Pieces]) -> Pieces:
@@ -667,6 +702,25 @@ def _wave(turn: Singles) -> npt.NDArray[np.complex64]:
     np.cos(turn, out=found.real)
     np.sin(turn, out=found.imag)
     return found
+
+
+def _gather(
+    field: Singles, rows: Ints, start: Ints, windows: list[tuple[Ints, Ints, Singles]]
+) -> None:
+    """Add windows of light (row, first pixel, light) to parts of the lines ``rows``.
+
+    Args:
+        field: The parts, which begin at pixels ``start`` [n, width].
+        rows: Rising numbers of their lines [n].
+        start: [n].
+        windows: Windows of any lines.
+    """
+    for row, first, light in windows:
+        place = np.searchsorted(rows, row)
+        some = np.flatnonzero(np.append(rows, -1)[place] == row)
+        if len(some):
+            at = place[some]
+            _add(field, at, first[some] - start[at], light[some])
 
 
 def _add(field: Singles, row: Ints, first: Ints, light: Singles) -> None:

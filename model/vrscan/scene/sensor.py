@@ -33,7 +33,7 @@ LEAST_VARIANCE = 1e-12  # e^2; keeps 0 / 0 from a sensor without light and read 
 
 SPILL_REACH = 16.0  # 1/e lengths of the spill; 1e-7 is left there
 
-_CHUNK = 1 << 16  # pixels computed at a time, so that the data stay in the cache
+_CHUNK = 1 << 15  # pixels computed at a time, so that the data stay in the cache
 
 Singles = npt.NDArray[np.float32]
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -224,25 +224,27 @@ def _levels(z: Singles, mean_e: Singles, readout: Readout) -> Singles:
     All operations are in float32 and one at a time, so that a table and a single pixel agree to the
     last bit.
     """
+    noisy = readout.read_noise_e**2 > 2.0 / 6.0**2  # then neither limit below does anything
     variance = mean_e + np.float32(readout.read_noise_e**2)
-    bend = np.maximum(variance, np.float32(LEAST_VARIANCE))
-    np.divide(mean_e, bend, out=bend)
+    bend = variance if noisy else np.maximum(variance, np.float32(LEAST_VARIANCE))
+    bend = mean_e / bend
     bend *= np.float32(1.0 / 6.0)
     # b^2 + 2 c^2 is the variance of b z + c (z^2 - 1)
-    level = np.square(bend)
+    level: Singles = np.square(bend)
     level *= np.float32(2.0)
     np.subtract(variance, level, out=level)
-    np.maximum(level, np.float32(0.0), out=level)
+    if not noisy:
+        np.maximum(level, np.float32(0.0), out=level)
     np.sqrt(level, out=level)
-    curved = np.square(z)
+    level *= z
+    curved = np.square(z, out=variance)
     curved -= np.float32(1.0)
     curved *= bend
-    scaled: Singles = level * z
-    scaled += curved
-    scaled += mean_e
-    scaled *= np.float32(readout.gain)
-    scaled += np.float32(readout.offset_counts + 0.5)
-    return scaled
+    level += curved
+    level += mean_e
+    level *= np.float32(readout.gain)
+    level += np.float32(readout.offset_counts + 0.5)
+    return level
 
 
 def _convert(level: Singles, top_count: int) -> Pixels:
@@ -291,10 +293,13 @@ def expose_even(
     """
     if not 0 <= mean_e < math.inf:
         raise ValueError(f"a mean of {mean_e} electrons")
-    if offset_e is None:
-        return _count_table(mean_e, readout).take(words, mode="wrap")
     rows, length = words.shape
     counts = np.empty((rows, length), np.uint16)
+    if offset_e is None:
+        codes = _count_table(mean_e, readout)
+        for some in _chunks(rows, length):
+            codes.take(words[some], mode="wrap", out=counts[some])
+        return counts
     table, shift = _level_table(mean_e, readout), offset_e * np.float32(readout.gain)
     for some in _chunks(rows, length):
         level = table.take(words[some], mode="wrap")
@@ -400,17 +405,17 @@ def bloom(mean_e: Singles, model: SensorModel) -> Singles:
         Mean electrons [n, w]; ``mean_e`` itself where nothing is above full well.
     """
     full = np.float32(model.full_well_e)
-    over = mean_e > full
-    rows = np.flatnonzero(over.any(axis=1))
+    rows = np.flatnonzero(mean_e.max(axis=1) > full)
     if len(rows) == 0:
         return mean_e
+    over = mean_e[rows] > full
     # Only where charge can reach: the full pixels and some pixels on either side.
     width = mean_e.shape[1]
-    excess = np.where(over[rows], mean_e[rows] - full, np.float32(0.0)).sum(axis=1)
+    excess = np.where(over, mean_e[rows] - full, np.float32(0.0)).sum(axis=1)
     filled = model.blooming * excess / full  # pixels, half of them on either side
     reach = np.minimum(np.ceil(SPILL_REACH * model.spill_px + filled), width).astype(np.int64)
-    first = np.maximum(over[rows].argmax(axis=1) - reach, 0)
-    last = np.minimum(width - 1 - over[rows, ::-1].argmax(axis=1) + reach, width - 1)
+    first = np.maximum(over.argmax(axis=1) - reach, 0)
+    last = np.minimum(width - 1 - over[:, ::-1].argmax(axis=1) + reach, width - 1)
     column = first[:, None] + np.arange(int((last - first).max()) + 1)
     inside = (column <= last[:, None]).T  # a line's own reach, whatever its neighbours need
     at = (rows[:, None], np.clip(column, 0, width - 1))

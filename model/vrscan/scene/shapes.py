@@ -53,9 +53,14 @@ def slab(extent: Floats, origin: Floats, direction: Floats) -> tuple[Floats, Flo
         origin: Start of each ray [n, 3].
         direction: Unit vectors [n, 3].
     """
-    inverse = 1.0 / np.where(np.abs(direction) < _TINY, _TINY, direction)
-    low, high = (extent[0] - origin) * inverse, (extent[1] - origin) * inverse
-    return np.minimum(low, high).max(axis=1), np.maximum(low, high).min(axis=1)
+    enter, leave = np.full(len(origin), -np.inf), np.full(len(origin), np.inf)
+    for axis, (first, last) in enumerate(extent.T):  # numpy is slow along an axis of three
+        start, step = origin[:, axis], direction[:, axis]
+        inverse = 1.0 / np.where(np.abs(step) < _TINY, _TINY, step)
+        low, high = (first - start) * inverse, (last - start) * inverse
+        np.maximum(enter, np.minimum(low, high), out=enter)
+        np.minimum(leave, np.maximum(low, high), out=leave)
+    return enter, leave
 
 
 def first_root(near: Floats, far: Floats, exists: np.ndarray) -> Floats:
@@ -206,10 +211,12 @@ class Box:
         extent = self.extent
         enter, leave = slab(extent, origin, direction)
         distance = first_root(enter, leave, enter <= leave)
-        hit = np.isfinite(distance)
-        point = origin + np.where(hit, distance, 0.0)[:, None] * direction
+        hit = np.flatnonzero(np.isfinite(distance))
+        point = origin[hit] + distance[hit, None] * direction[hit]
         face = np.argmin(np.abs(np.abs(point) - extent[1]), axis=1)  # the one the point is on
-        return distance, np.eye(3)[face]
+        normal = np.broadcast_to(np.eye(3)[0], origin.shape).copy()
+        normal[hit] = np.eye(3)[face]
+        return distance, normal
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What each effect would do to a scene's points, and which of them are break_even_lines their time.
+"""What each effect would do to a scene's points, and which of them are worth their time.
 
 Lines of a few blocks are rendered with all effects and then with fewer, always with the same random
 numbers, and go through the chain's bit-accurate model. They are lines near, in the middle and far,
@@ -13,7 +13,8 @@ others are compared without them: grains turn a little less light into another d
 error, and no draw is truer than another. What sets the size of the grains then stays, too.
 
 Each trial is made on some thousand lines, and ends as soon as it cannot succeed any more; the final
-choice has to hold on the whole survey. The time of a trial, and the time that it may save on the
+choice has to hold on the whole survey, where its parts are tried one after the other if it does
+not. The time of a trial, and the time that it may save on the
 scan's lines, are typical values and not measured, so that the same scene gets the same effects, and
 so the same lines, whenever and wherever it is simulated. Where choosing would take more time than
 it saves, the scan has all effects. So it has where no line of the survey has a point, because then
@@ -22,7 +23,7 @@ nothing that is left out changes anything.
 
 import itertools
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -62,6 +63,7 @@ _STAKE = 0.03  # trials may take this share of the scan's time in full, plus wha
 _ODDS = 3.0  # a trial has to save this many times its own time, because it may fail
 _GRAIN = "grain"
 _GRAINED = frozenset({_GRAIN, "defocus", "smear"})  # these set the grains' size: all three stay
+_DETAIL = "detail"
 _RAYS = "every ray"  # treated like an effect: without it, rays are followed only where needed
 
 
@@ -514,12 +516,12 @@ def _auto(
     stay = _GRAINED & state if _GRAIN in state else frozenset({_GRAIN})
     dear = sorted((full & EFFECTS.keys()) - stay, key=lambda name: -EFFECTS[name].typical_us)
     everywhere = [name for name in dear if name in WHOLE_LINE]
-    others = [name for name in dear if name not in WHOLE_LINE]
-    todo = [everywhere, [_RAYS], [name for name in others if EFFECTS[name].typical_us > 0.0]]
+    rays = [_RAYS, *({_DETAIL} & full)]
+    others = [name for name in dear if name not in WHOLE_LINE and name not in rays]
+    todo = [everywhere, rays, [name for name in others if EFFECTS[name].typical_us > 0.0]]
     while todo:
-        # Where spots need their rays if a plane is wrong, they need more than a plane.
-        names = [name for name in todo.pop(0) if name != "footprint" or _RAYS not in state]
-        less = state.difference(names)
+        names = todo.pop(0)
+        less = _without(state, names)
         saved_us = break_even_lines * (_us(full) - _us(state))
         if trial.spent_us - before_us > _STAKE * break_even_lines * _us(full) + saved_us:
             break
@@ -537,12 +539,33 @@ def _auto(
             todo += [names[:half], names[half:]]
     if len(trial.seen.numbers) == lines:
         return kept[-1]
-    while len(kept) > 1:
-        state, _ = kept.pop()
-        if not confirms(state):
-            break
+    # What was left out has to hold on all lines: together, else one after the other.
+    steps = [first - second for (first, _), (second, _) in itertools.pairwise(kept)]
+    whole = frozenset[str]().union(*steps)
+    state, change, left = full, _NOTHING, [whole]
+    while left:
+        group = left.pop(0)
+        less = _without(state, group)
+        rest_us = (len(trial.seen.numbers) - lines) * _us(less)
+        if group == whole:
+            rest_us += (len(trial.seen.numbers) - lines) * _us(full)
+        if break_even_lines * (_us(state) - _us(less)) < _ODDS * rest_us:
+            continue
         tick()
-        found = trial.judge(state, len(trial.seen.numbers))
+        found = trial.judge(less, len(trial.seen.numbers))
         if found is not None:
-            return state, found
-    return full, _NOTHING
+            state, change = less, found
+        elif group == whole:
+            left = steps if len(steps) > 1 else []
+        elif len(group) > 1:
+            left += [frozenset({name}) for name in sorted(group)]
+    return state, change
+
+
+def _without(state: frozenset[str], names: Iterable[str]) -> frozenset[str]:
+    """Return a set of effects without some names, but for those that others of the set need."""
+    less = state.difference(names)
+    # Where spots need their rays if a plane is wrong, they need more than a plane.
+    needed = {"footprint"} if _RAYS in less else set()
+    needed |= _GRAINED if _GRAIN in less else set()
+    return less | (state & needed)
