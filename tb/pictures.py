@@ -1,4 +1,7 @@
-"""What every picture has to keep: no two texts overlap, and each axis has numbers and a name."""
+"""What every picture has to keep: no two texts overlap, and each axis has numbers and a name.
+
+A legend is where no data are, and tells its entries apart.
+"""
 
 from collections.abc import Iterator
 from itertools import combinations
@@ -8,8 +11,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.path import Path
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
@@ -48,17 +55,54 @@ def _overlap(one: Bbox, other: Bbox, least: float) -> bool:
     return both is not None and min(both.width, both.height) > least
 
 
+def _curves(axes: Axes) -> Iterator[Line2D]:
+    """Yield the lines of data, but for levels."""
+    for line in axes.lines:
+        is_level = not line.get_transform().contains_branch(axes.transData)
+        if line.get_visible() and not is_level and len(line.get_xydata()) > 2:
+            yield line
+
+
 def _places(axes: Axes) -> Iterator[np.ndarray]:
     """Yield where marks of data are drawn, in pixels [n, 2]."""
-    for line in axes.lines:
-        places, how = line.get_xydata(), line.get_transform()
-        is_data = len(places) > 2 and how.contains_branch(axes.transData)  # and no level
-        if is_data and line.get_visible():
-            yield how.transform(places)
+    for line in _curves(axes):
+        yield line.get_transform().transform(line.get_xydata())
     for collection in axes.collections:
         offsets = np.ma.getdata(collection.get_offsets())
         if collection.get_visible() and len(offsets) > 1:
             yield collection.get_offset_transform().transform(offsets)
+
+
+def _crossed(axes: Axes, box: Bbox) -> int:
+    """Return the number of curves that go through a box, whose marks may lie outside of it."""
+    seen = Bbox.intersection(box, axes.bbox)
+    if seen is None or min(seen.width, seen.height) <= 1.0:
+        return 0
+    drawn = [line for line in _curves(axes) if line.get_linestyle() not in ("None", "", " ")]
+    paths = [line.get_transform().transform_path(Path(line.get_xydata())) for line in drawn]
+    return sum(path.intersects_bbox(seen, filled=False) for path in paths)
+
+
+def _look(mark: Any) -> tuple[Any, ...] | None:
+    """Return how an entry of a legend looks, where that is known."""
+    if isinstance(mark, Line2D):
+        face = to_hex(mark.get_markerfacecolor(), keep_alpha=True)
+        dashes = str(mark._dash_pattern) if mark.get_linestyle() != "None" else ""
+        colour = to_hex(mark.get_color())
+        return colour, mark.get_marker(), face, dashes, mark.get_linewidth() if dashes else 0.0
+    if isinstance(mark, Patch):
+        colours = (mark.get_facecolor(), mark.get_edgecolor())
+        return *(to_hex(each, keep_alpha=True) for each in colours), mark.get_hatch()
+    return None
+
+
+def _alike(legend: Legend) -> Iterator[str]:
+    """Yield the entries of a legend that look like one another."""
+    entries = zip(legend.legend_handles, legend.texts, strict=True)
+    looks = [(_look(mark), text.get_text()) for mark, text in entries]
+    for (look, name), (other, beside) in combinations(looks, 2):
+        if look is not None and look == other:
+            yield f"{name!r} and {beside!r} look alike in a legend"
 
 
 def _without_numbers(axes: Axes, which: str) -> str | None:
@@ -84,6 +128,8 @@ def _without_numbers(axes: Axes, which: str) -> str | None:
     are_names = any(
         c.isalpha() for text in numbers for c in text.get_text().replace("mathdefault", "")
     )
+    if any("times" in text.get_text() for text in numbers):
+        return "has numbers that are no plain ones"
     if numbers and not are_names and not any(named):
         return "has no name and unit"
     return None
@@ -127,17 +173,19 @@ def complaints(figure: Figure) -> list[str]:
             if lack:
                 found.append(f"{which} of {axes.get_title('left') or axes.get_title()!r} {lack}")
         for legend in legends:
-            if legend.get_frame_on():
-                continue  # it stands in front of the curves on purpose
             box = legend.get_window_extent(renderer)
+            names = [t.get_text() for t in legend.texts]
             inside = axes.bbox.padded(1.0)
             for places in _places(axes):
                 x, y = places.T
                 there = (x > box.x0) & (x < box.x1) & (y > box.y0) & (y < box.y1)
                 there &= (x > inside.x0) & (x < inside.x1) & (y > inside.y0) & (y < inside.y1)
                 if there.any():
-                    names = [t.get_text() for t in legend.texts]
                     found.append(f"the legend {names} covers {there.sum()} marks")
+            if _crossed(axes, box):
+                found.append(f"the legend {names} covers {_crossed(axes, box)} curves")
+    for legend in legends:
+        found += _alike(legend)
     return found
 
 

@@ -9,14 +9,15 @@ from vrscan.cli.app import app
 from vrscan.data.config import load
 from vrscan.data.errors import InputError
 from vrscan.registers.chain_registers import Registers
+from vrscan.scene import description
 
 METRE = {
     "near-mm": "400",
-    "far-mm": "2000",
+    "far-mm": "2500",
     "base-mm": "100",
     "bias-deg": "82",
     "focal-mm": "25",
-    "f-number": "2.8",
+    "f-number": "3",
     "line-length": "1024",
     "pitch-um": "14",
     "pixel-width": "10",
@@ -32,13 +33,13 @@ def new(file: Path, *more: str, answers: str = "", **changed: str | None):
 
 
 def test_a_new_scanner_is_the_one_that_was_asked_for(tmp_path: Path) -> None:
-    file, drawn = tmp_path / "new.toml", tmp_path / "new.png"
-    result = new(file, "--picture", str(drawn))
+    file, drawn, scene = (tmp_path / name for name in ("new.toml", "new.png", "board.toml"))
+    result = new(file, "--picture", str(drawn), "--scene", str(scene))
     assert result.exit_code == 0, result.output
-    made, metre = load(file), load(Path("metre"))
-    assert made.geometry == metre.geometry and made.line == metre.line
-    assert made.clock == metre.clock and made.sensor == metre.sensor
-    assert made.free.f_number == 2.8 and made.free.far_mm == 2000.0
+    made = load(file)
+    assert made.model_dump() == load(Path("metre")).model_dump()
+    board = description.load(str(scene)).target[0]
+    assert board.position_mm[2] == pytest.approx(made.free.focus_mm, rel=1e-3)
     Registers.from_config(made)
     assert "field of view 32.0 degrees" in result.output
     assert max(map(len, result.output.splitlines())) <= 120
@@ -67,7 +68,7 @@ def test_what_is_not_given_is_asked_for(tmp_path: Path) -> None:
     ("changed", "words"),
     [
         ({"near_mm": "100"}, ["near_mm = 100", "focal_mm", "line_length", "bias_deg"]),
-        ({"bias_deg": "60"}, ["both ends", "bias_deg = 81.6"]),
+        ({"bias_deg": "60"}, ["both ends", "bias_deg = 81.8"]),
         ({"rate_hz": "60000"}, ["line.rate_hz", "at most"]),
         ({"pixel_width": "20"}, ["sensor.pixel_width", "20"]),
         ({"focal_mm": "5", "line_length": "4096"}, ["geometry.focal_mm", "outside"]),

@@ -6,7 +6,7 @@ import pytest
 from matplotlib.axes import Axes
 from pictures import complaints
 
-from vrscan.show.style import drawing, plain_log
+from vrscan.show.style import COLOURS, drawing, plain_log
 
 
 def good(axes: Axes) -> None:
@@ -32,10 +32,41 @@ def thinned(axes: Axes) -> None:
     plain_log(axes, "x", [1.0, 1.1, 1.2, *(2.0**k for k in range(1, 11))])
 
 
+def crossed(axes: Axes) -> None:
+    """A curve from corner to corner, whose points are all outside of the legend."""
+    axes.plot([1.0, 2.95, 3.0], [4.0, 0.05, 0.0], label="a")
+    axes.legend(loc="lower right", bbox_to_anchor=(0.75, 0.3), borderaxespad=0.0)
+
+
+def framed(axes: Axes) -> None:
+    axes.legend(loc="lower left", frameon=True, facecolor="white")
+
+
+def repeated(axes: Axes) -> None:
+    for place, name in enumerate("abc"):
+        axes.plot([2.0], [place], ".", color=COLOURS[place % 2], label=name)
+    outside(axes)
+
+
+def told_apart(axes: Axes) -> None:
+    """Of one colour, but of other marks and dashes."""
+    for mark in ("s", "v", "--", ":"):
+        axes.plot([2.0], [2.0], mark, color=COLOURS[0], label=mark)
+    outside(axes)
+
+
+def powers(axes: Axes) -> None:
+    axes.set(xscale="log", xlim=(240.0, 980.0))
+
+
 BAD: dict[str, tuple[Callable[[Axes], object], str]] = {
     "two texts": (doubled, "'one' and 'two' overlap"),
     "two numbers": (crowded, "'1.0' and '1.01' overlap"),
     "a legend over marks": (lambda axes: axes.legend(loc="lower left"), "covers 1 marks"),
+    "a legend in a frame": (framed, "covers 1 marks"),
+    "a legend over a curve": (crossed, "covers 1 curves"),
+    "a colour twice": (repeated, "'a' and 'c' look alike"),
+    "powers of ten": (powers, "x of 'a title' has numbers that are no plain ones"),
     "a text cut off": (lambda axes: axes.figure.text(0.9, 0.5, "a long text"), "cut off"),
     "no numbers": (lambda axes: axes.set_xticks([1, 2], ["", ""]), "x of 'a title' has no numbers"),
     "no name": (lambda axes: axes.set_ylabel(""), "y of 'a title' has no name"),
@@ -43,6 +74,7 @@ BAD: dict[str, tuple[Callable[[Axes], object], str]] = {
 FINE: list[Callable[[Axes], object]] = [
     outside,
     thinned,
+    told_apart,
     lambda axes: axes.set_xticks([1, 2, 3], ["near", "middle", "far"]),
     lambda axes: axes.axis("off"),
 ]

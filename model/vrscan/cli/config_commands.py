@@ -48,6 +48,9 @@ def new(
     rate_hz: Annotated[float | None, typer.Option(help="Lines in a second.")] = None,
     clock_mhz: Annotated[float | None, typer.Option(help="The FPGA's clock, MHz.")] = None,
     picture: Annotated[Path | None, typer.Option(help="File for the triangle, .png.")] = None,
+    scene: Annotated[
+        Path | None, typer.Option(help="File for a scene within its range, .toml.")
+    ] = None,
 ) -> None:
     """Write the configuration of another scanner, after checking that it sees its whole range.
 
@@ -88,6 +91,8 @@ def new(
             "unit_mm": unit_mm,
         },
         "free": {"focus_mm": round(focus, 1), "f_number": aperture, "far_mm": far},
+        "map": {"focus_mm": round(focus, 1)},
+        "focus": {"near_mm": near, "far_mm": far},
         "line": {"rate_hz": rate},
         "sensor": {"line_length": int(length), "pixel_width": int(bits)},
     }
@@ -102,8 +107,12 @@ def new(
                 raise InputError(f"{picture}: the name does not end in .png")
             with atomic_file(picture) as drawn:
                 layout.picture(made, near, far, drawn)
+        if scene is not None:
+            with atomic_file(scene) as described:
+                described.write(layout.scene(made, focus).encode())
     console = _console()
     console.print(layout.terminal(made, near, far))
     console.print(layout.summary(made), highlight=False)
     console.print(layout.sheet(found).terminal("over the range, on the resting beam"))
-    console.print(f"{file}: vrscan scan --config {file}", markup=False, highlight=False)
+    seen = "" if scene is None else f" {scene}"
+    console.print(f"{file}: vrscan scan{seen} --config {file}", markup=False, highlight=False)

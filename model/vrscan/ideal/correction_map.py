@@ -23,7 +23,7 @@ from vrscan.data.correction_maps import (
 from vrscan.ideal.geometry import undistorted
 
 ANGLE_STEP = 2.0 * np.pi / 256.0  # rad between two nodes; the middle one is at 0
-FARTHEST_MM = 1010.0  # focus of a thin lens's first map
+BEYOND = 1.01  # focus of a thin lens's first map, over the farthest that has a lens position
 STEP_BITS = 9  # its maps are so many steps of the lens apart, as a power of two
 _NEWTON = 8
 
@@ -45,7 +45,7 @@ def with_moving_lens(config: Config) -> Config:
     if config.map.file is not None:
         return config
     geometry, focus = config.geometry, config.focus
-    last_mm = extension_mm(FARTHEST_MM, geometry.focal_mm)
+    last_mm = extension_mm(BEYOND * focus.far_mm, geometry.focal_mm)
     last_mm += 1e-3 * focus.resolution_um * (pkg.MAP_COUNT - 1) * 2**STEP_BITS
     # The depth in focus is along the camera's axis.
     axis_mm = focus_of_mm(last_mm, geometry.focal_mm)
@@ -70,7 +70,7 @@ def thin_lens_maps(config: Config) -> FieldMaps:
     focal, resolution = geometry.focal_mm, 1e-3 * config.focus.resolution_um
     reach = 2 ** (sensor.line_length - 1).bit_length()
     place = np.linspace(0.0, reach, COLUMNS)
-    begin = round(extension_mm(FARTHEST_MM, focal) / resolution) * resolution
+    begin = round(extension_mm(BEYOND * config.focus.far_mm, focal) / resolution) * resolution
     step = resolution * 2**STEP_BITS
     own = focal + extension_mm(config.free.focus_mm, focal)
     u, _ = undistorted(place, geometry)

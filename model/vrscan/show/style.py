@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 INK, QUIET, LIGHT = "#1f2933", "#7b8794", "#d5dae0"
 COLOURS = ("#2a6f97", "#c8553d", "#3a7d44", "#7b4b94")
+MANY_COLOURS = (*COLOURS, "#d8a31a", "#e08fb5")  # for small dots of more than four kinds
 STYLE: dict[Any, Any] = {
     "font.size": 9,
     "axes.edgecolor": QUIET,

@@ -7,7 +7,7 @@ lens and sensor alone; there is no scene and no lens error in them. ``vrscan bud
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 from rich.text import Text
@@ -19,9 +19,10 @@ from vrscan.data.errors import InputError
 from vrscan.ideal.free_space import response, spot_px
 from vrscan.ideal.geometry import project, triangle, undistorted
 from vrscan.show.sheet import Sheet, Value, listed
-from vrscan.show.style import COLOURS, INK, QUIET, drawing
+from vrscan.show.style import COLOURS, INK, QUIET, drawing, plain_log
 
 ROWS = 9  # distances in the table
+_BOARD, _BOARD_LEVEL = 0.5, 0.4  # reflectance of a board, and its spot's share of a full pixel
 WIDTH, HEIGHT = 72, 20  # characters of the drawing
 
 
@@ -134,6 +135,25 @@ def sheet(found: Layout) -> Sheet[Sequence[Value]]:
     return listed((*names, "sigma of z, mm"), rows)
 
 
+def scene(config: Config, z_mm: float) -> str:
+    """Return a scene file: a grey board in focus, its spot ``_BOARD_LEVEL`` of a full pixel high.
+
+    Its sensor is the configuration's, as that of every scene that says nothing of it.
+    """
+    focused = config.free.model_copy(update={"focus_mm": z_mm})
+    focused_config = config.model_copy(update={"free": focused})
+    full_e = _BOARD * float(response(np.array([z_mm]), np.zeros(1), focused_config)[0])
+    power_mw = config.laser.rated_mw * _BOARD_LEVEL * config.sensor.full_well_e / full_e
+    return (
+        f'title = "a grey board at {z_mm:.4g} mm"\n\n'
+        f"[laser]\npower_mw = {min(power_mw, config.laser.rated_mw):.3g}\n\n"
+        f"[lens]\nfocus_mm = {z_mm:.4g}\n\n"
+        f"[material.grey]\nreflectance = {_BOARD:g}\n\n"
+        f'[[target]]\nkind = "plane"\nname = "board"\nmaterial = "grey"\n'
+        f"position_mm = [0, 0, {z_mm:.4g}]\nrotation_deg = [0, -20, 0]\n"
+    )
+
+
 def summary(config: Config) -> str:
     """Return the field of view in one line."""
     geometry = config.geometry
@@ -197,10 +217,17 @@ def picture(config: Config, near_mm: float, far_mm: float, file: BinaryIO) -> No
         for x_mm, z_mm in _sights(config, far_mm):
             left.plot([geometry.offset_mm, z_mm], [geometry.base_mm, x_mm], color=COLOURS[0])
         left.plot([0.0, geometry.offset_mm], [0.0, geometry.base_mm], "o-", color=INK)
+        beside: dict[str, Any] = {"fontsize": 8, "color": INK, "ha": "right"}
+        beside |= {"xytext": (-7.0, 0.0), "textcoords": "offset points"}
+        left.annotate("mirror", (0.0, 0.0), va="top", **beside)
+        left.annotate("camera", (geometry.offset_mm, geometry.base_mm), va="bottom", **beside)
+        left.set_xlim(min(0.0, geometry.offset_mm) - 0.17 * far_mm, 1.03 * far_mm)
         left.set(xlabel="z, mm", ylabel="x, mm", title="Beam and field of view")
         left.legend()
         right.loglog(found.z_mm, found.step_mm, color=COLOURS[0], label="a pixel")
         right.loglog(found.z_mm, found.sigma_mm, color=COLOURS[1], label="shot noise, darkest")
         right.set(xlabel="z, mm", ylabel="z, mm", title="Resolution")
+        plain_log(right, "x", [k * 10.0**e for e in range(5) for k in (1, 2, 3, 4, 5, 7)])
+        plain_log(right, "y", [k * 10.0**e for e in range(-5, 3) for k in (1, 2, 5)])
         right.legend()
         figure.savefig(file, format="png", dpi=120)

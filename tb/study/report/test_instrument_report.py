@@ -1,10 +1,14 @@
 """docs/instrument.md from an experiment: its tables, and what it refuses."""
 
+import io
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+from harness import generator
 
+from vrscan.calibrate.recording import Recording, Setup
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
 from vrscan.study.report import instrument_report
@@ -67,6 +71,26 @@ def test_the_page_says_what_is_kept_and_what_is_missed() -> None:
     assert "9.53 (0.953)" in text
     assert "150.1 (1501); with a point 91 to 103 |" in text
     assert all(picture in text for picture in instrument_report.PICTURES.values())
+
+
+@pytest.mark.parametrize("count", [1, 6])
+def test_each_distance_of_the_relief_has_a_colour(
+    count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """That the legend covers no point and tells them apart is looked at in every picture."""
+    draw, held = generator(8), {}
+    for z_mm in range(320, 320 + 20 * count, 20):
+        setup = Setup(kind="relief", z_mm=z_mm, amplitude_mm=5, focus_mm=360, frequency_hz=249)
+        x_mm = draw.uniform(-100.0, 100.0, 2000)
+        columns = [x_mm] * 5 + [x_mm, setup.z(x_mm)] + [np.arange(3.0)] * 2
+        held[f"relief-{z_mm}"] = Recording(f"relief-{z_mm}", setup, *columns)
+    monkeypatch.setattr(instrument_report, "load", lambda _: Config())
+    monkeypatch.setattr(
+        instrument_report.coarse, "errors", lambda each, _: draw.normal(0.0, 0.4, len(each))
+    )
+    file = io.BytesIO()
+    instrument_report._relief(held, Path(), Config(), None, file)
+    assert file.getvalue().startswith(b"\x89PNG")
 
 
 def test_what_is_no_experiment_is_refused(tmp_path: Path) -> None:

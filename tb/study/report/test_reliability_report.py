@@ -2,18 +2,21 @@
 
 import io
 import math
+import re
 from dataclasses import fields, replace
 
 import matplotlib.image
 import numpy as np
 import pytest
 from harness import generator
+from PIL import Image
 from scipy.stats import norm
 
 from vrscan.data.config import Config
 from vrscan.data.lines import Lines, Truth
 from vrscan.data.table import Table
 from vrscan.engines.engine import Engine, run
+from vrscan.engines.tools import repository_root
 from vrscan.scene.description import load
 from vrscan.scene.effects import present
 from vrscan.scene.light import Light
@@ -127,6 +130,20 @@ def test_the_picture_of_any_points(form: tuple[Table, Truth]) -> None:
         image = matplotlib.image.imread(io.BytesIO(file.getvalue()))
         assert image.shape[1] > 1000 and float(image.std()) > 0.02
     assert str(found) == "no point without a flag" and math.isnan(found.share(2))
+
+
+def test_the_readmes_picture_has_the_figures_of_todays_scan() -> None:
+    """They are written into the file; a last digit may differ on another machine."""
+    with Image.open(repository_root() / "docs" / "reliability.png") as image:
+        drawn = str(image.info["Description"])
+    scene = load("default")
+    lines = simulate(Light(scene, CONFIG), 3000, frozenset(present(scene)), every_ray=True).lines
+    today = str(Reliability.of(*points_of(lines, "fit")))
+    had, has = (np.array(re.findall(r"\d+\.?\d*", text), np.float64) for text in (drawn, today))
+    assert had == pytest.approx(has, rel=0.002, abs=0.011), (
+        "docs/reliability.png is stale: vrscan scan --engine fixed --out build/scan draws it anew"
+        f"\n  drawn: {drawn}\n  today: {today}"
+    )
 
 
 @pytest.mark.parametrize("scene", ["default", "corner", "sunlit"])

@@ -7,6 +7,7 @@ is simulated here but what a table of geometry needs.
 import json
 import math
 from collections.abc import Mapping
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from vrscan.data.correction_maps import read_maps
 from vrscan.data.errors import InputError
 from vrscan.data.points import atomic_file
 from vrscan.ideal.geometry import project, radial_error
-from vrscan.show.style import COLOURS, INK, QUIET, drawing
+from vrscan.show.style import COLOURS, INK, MANY_COLOURS, QUIET, drawing
 from vrscan.study.report.experiment_report import LIMITS, passes
 
 PAGE = Path("docs/instrument.md")
@@ -280,17 +281,17 @@ def _relief(held: Mapping[str, Any], folder: Path, config: Config, maps: Any, fi
     own = load(folder / "coarse.toml")
     with drawing(9, 4.2, "Step 1: a sine relief at known distances") as figure:
         left, right = figure.subplots(1, 2)
-        for k, (name, each) in enumerate(
-            (n, r) for n, r in held.items() if n.startswith("relief-")
-        ):
+        reliefs = [(n, r) for n, r in held.items() if n.startswith("relief-")]
+        for (name, each), colour in zip(reliefs, cycle(MANY_COLOURS)):
             error = coarse.errors(each, own)
-            colour = COLOURS[k % len(COLOURS)]
             x = each.x_mm[::7]
             left.plot(x, (error + each.setup.z(each.x_mm))[::7], ".", ms=1, color=colour)
             right.plot(x, error[::7], ".", ms=1, color=colour, label=name.removeprefix("relief-"))
         left.set(xlabel="x, mm", ylabel="z, mm", title="points")
         right.set(xlabel="x, mm", ylabel="error in z, mm", title="errors", ylim=(-1, 1))
-        right.legend(title="z, mm", markerscale=8, ncols=3)
+        named = right.get_legend_handles_labels()
+        place: dict[str, Any] = {"loc": "outside lower center", "ncols": len(reliefs)}
+        figure.legend(*named, title="z, mm", markerscale=8, **place)
         figure.savefig(file, format="png", dpi=110)
 
 

@@ -47,11 +47,6 @@ _PER_AMPLITUDE = _TURN / 2.0**pkg.AMPLITUDE_FRACTION
 _NATURAL = 32  # pairs of crossings whose natural frequencies are averaged
 _BLOCK_LINES = 4 * len(HARMONICS)  # least number of lines to fit the true amplitude
 
-# A legend in front of the curves.
-_BOXED: dict[str, Any] = {
-    "frameon": True, "facecolor": "white", "edgecolor": LIGHT, "framealpha": 0.9,
-}  # fmt: skip
-
 Progress = Callable[[int], None]
 
 
@@ -529,16 +524,20 @@ def _shade(axes: Axes, run: Run) -> None:
         axes.axvline(run.event_s, color=INK, linewidth=1, linestyle="--", label="event")
 
 
+def _legend(axes: Axes, **options: Any) -> None:
+    """Add a legend above the axes, where it covers nothing."""
+    place: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 0.98)}
+    place["columnspacing"] = 1.0
+    axes.legend(ncols=len(axes.get_legend_handles_labels()[1]), **place, **options)
+
+
 def _draw_start(axes: Axes, run: Run) -> None:
     """Draw envelope and drive frequency since power-on."""
     height = run.true_amplitude_rad if not np.isnan(run.true_amplitude_rad).all() else (
         run.amplitude_rad)  # fmt: skip
     axes.plot(run.time_s, np.degrees(height), color=COLOURS[0], linewidth=1.2, label="amplitude")
-    axes.set(
-        ylabel="amplitude in degrees",
-        title="Start-up: " + ", ".join(_states(run)),
-        xlabel="time in s",
-    )
+    axes.set(ylabel="amplitude in degrees", xlabel="time in s")
+    axes.set_title("Start-up: " + ", ".join(_states(run)), pad=20.0)  # the legend is below it
     if not math.isnan(run.run_s) and run.run_s > run.time_s[0]:
         axes.set_xlim(0.0, 1.15 * run.run_s)
     other = axes.twinx()
@@ -547,7 +546,7 @@ def _draw_start(axes: Axes, run: Run) -> None:
     other.spines["right"].set_visible(True)
     other.ticklabel_format(useOffset=False)
     _shade(axes, run)
-    axes.legend(loc="upper center", **_BOXED)
+    _legend(axes)
 
 
 def _states(run: Run) -> list[str]:
@@ -577,7 +576,7 @@ def _draw_amplitude(axes: Axes, run: Run) -> None:
             axes.set_yscale("symlog", linthresh=BACK_PPM)
         axes.set_xlim(time[0], time[-1])
         _shade(axes, run)
-        other.legend(*axes.get_legend_handles_labels(), loc="upper right", **_BOXED)
+        _legend(axes)
     axes.set(
         title=f"Amplitude in RUN; the band is {BACK_PPM:.0f} ppm",
         xlabel="time in s",
@@ -606,7 +605,7 @@ def _draw_error(axes: Axes, run: Run, summary: Summary) -> None:
         )
         axes.set_xlim(time[0], time[-1])
         _shade(axes, run)
-        axes.legend(loc="upper right", markerscale=4.0, **_BOXED)
+        _legend(axes, markerscale=4.0)
     else:
         last = slice(-min(len(run.time_s), 1200), None)
         axes.plot(

@@ -105,7 +105,7 @@ def picture(found: Reliability, title: str, file: BinaryIO) -> None:
     Args:
         found: The points.
         title: Title of the picture.
-        file: A binary file, written as PNG.
+        file: A binary file, written as PNG. Its description is the text of ``found``.
     """
     with drawing(10.0, 4.4, title) as figure:
         shares, errors = figure.subplots(1, 2)
@@ -148,4 +148,4 @@ def picture(found: Reliability, title: str, file: BinaryIO) -> None:
             plain_log(errors, "x", levels)
             plain_log(errors, "y", levels)
             errors.legend(loc="upper left")
-        figure.savefig(file, format="png", dpi=130)
+        figure.savefig(file, format="png", dpi=130, metadata={"Description": str(found)})
