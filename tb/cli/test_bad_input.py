@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from vrscan.cli import app as cli
+from vrscan.cli import view_commands
 from vrscan.engines.tools import repository_root
 
 
@@ -165,6 +166,20 @@ CASES = {
     "no_out": (["replay", "good.npz"], ["--out"]),
     "unknown_option": (["replay", "good.npz", "--fast"], ["--fast"]),
     "unknown_command": (["play"], ["play"]),
+    "bare_group": (["link"], ["link: which command?", "info, registers, read"]),
+    "bare_group_in_a_group": (["link", "maps"], ["link maps: which command? load, read"]),
+    "file_and_board": (["view", "--file", "a.csv", "--board"], ["--file or --board: only one"]),
+    "file_and_port": (["view", "--file", "a.csv", "--port", "p"], ["--file or --port: only one"]),
+    "board_and_port": (["view", "--board", "--port", "p"], ["--board or --port: only one"]),
+    "misspelt_config": (
+        ["replay", "good.npz", *REPLAY, "--config", "two-pass.toml"],
+        ["two-pass.toml: No such file", "did you mean 'two_pass.toml'?"],
+    ),
+    "misspelt_lines": (["replay", "god.npz", *REPLAY], ["god.npz: ", "mean 'good.npz'?"]),
+    "misspelt_scene_file": (
+        ["scan", "nigt.toml", "--out", "s", *IDEAL],
+        ["nigt.toml: No such file", "did you mean 'night.toml'?"],
+    ),
 }
 
 
@@ -257,6 +272,40 @@ def test_what_cannot_be_written_is_told_before_the_work(
     assert caught.value.code == 2
     assert error.startswith("vrscan: ") and error.count("\n") == 1, error
     assert sorted(folder.rglob("*")) == before
+
+
+@pytest.mark.parametrize("scene", ["bolts", "mesh.toml"])
+def test_a_scene_is_read_before_the_engine_is_prepared(
+    folder: Path, scene: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def prepared(*_: object) -> None:
+        raise AssertionError("the engine was prepared")
+
+    monkeypatch.setattr("vrscan.engines.engine.prepare", prepared)
+    monkeypatch.setattr(sys, "argv", ["vrscan", "scan", scene, "--out", "s"])
+    with pytest.raises(SystemExit) as caught:
+        cli.main()
+    assert caught.value.code == 2
+    assert capsys.readouterr().err.startswith(f"vrscan: {scene}: ")
+    assert not (folder / "s").exists()
+
+
+def test_a_view_tells_that_its_port_is_not_there(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(
+        view_commands, "interrupted", lambda *_: contextlib.nullcontext(lambda: signal.SIGINT)
+    )
+    told = "vrscan: port: no such port yet; it is waited for\n"
+    for wanted in (told, ""):
+        arguments = ["view", "--port", "port", "--out", "views", "--http-port", "0"]
+        monkeypatch.setattr(sys, "argv", ["vrscan", *arguments])
+        with pytest.raises(SystemExit) as caught:
+            cli.main()
+        assert not caught.value.code
+        output = capsys.readouterr()
+        assert output.err == wanted and output.out.startswith("http://")
+        (folder / "port").touch()
 
 
 @pytest.mark.parametrize(

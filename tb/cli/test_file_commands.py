@@ -114,6 +114,22 @@ def test_pictures_of_lines_are_replayed(folder: Path, monkeypatch: pytest.Monkey
 
 BAD = {
     "no_points": (["export", "none.csv", "a.ply"], ["none.csv", "No such file"]),
+    "misspelt_points": (
+        ["export", "scan/point.csv", "a.ply"],
+        ["scan/point.csv: No such file", "did you mean 'points.csv'?"],
+    ),
+    "misspelt_recording": (
+        ["replay", "scan/line.mcap", "--out", "a.csv"],
+        ["scan/line.mcap: No such file", "did you mean 'lines.mcap'?"],
+    ),
+    "other_kind_of_lines": (
+        ["replay", "scan/lines.npz", "--out", "a.csv"],
+        ["scan/lines.npz: No such file", "did you mean 'lines.mcap'?"],
+    ),
+    "points_for_lines": (
+        ["replay", "scan/points.csv", "--out", "a.csv"],
+        ["scan/points.csv: holds points, not lines"],
+    ),
     "no_table": (["export", "pose.csv", "a.ply"], ["pose.csv", "no column line"]),
     "no_out": (["export", "scan/points.csv"], ["no file to write"]),
     "no_format": (["export", "scan/points.csv", "a.stl"], ["a.stl", ".ply or .pcd"]),

@@ -7,7 +7,7 @@ import pytest
 
 from vrscan.data import pkg
 from vrscan.data.config import HARMONICS, Config, load, presets
-from vrscan.data.errors import InputError
+from vrscan.data.errors import InputError, beside
 from vrscan.fixed.vrscan_chain import MAX_WINDOW, min_period
 from vrscan.registers.chain_registers import Registers
 
@@ -88,6 +88,15 @@ BAD = {
     "lag": ("[sensor]\nreadout_lag = 4\n", ["sensor.readout_lag", "4"]),
     "not_toml": ("[peak\n", ["not a TOML file"]),
     "length": ("[sensor]\nline_length = 63\n", ["sensor.line_length", "63"]),
+    "misspelt_section": ("[sensr]\n", ["unknown key sensr ({}); did you mean 'sensor'?"]),
+    "misspelt_key": (
+        "[sensor]\nline_lenght = 1024\n",
+        ["unknown key sensor.line_lenght (1024); did you mean 'line_length'?"],
+    ),
+    "misspelt_key_of_a_polygon": (
+        '[mirror]\nkind = "polygon"\nfacet = 5\n',
+        ["unknown key mirror.facet (5); did you mean 'facets'?"],
+    ),
 }
 
 
@@ -101,6 +110,22 @@ def test_a_bad_file_is_one_line_that_names_file_key_and_value(tmp_path: Path, na
     assert "\n" not in message
     for part in [str(path), *wanted]:
         assert part in message, message
+
+
+def test_a_missing_file_is_answered_with_one_beside_it_of_its_kind(tmp_path: Path) -> None:
+    for name in ("part.toml", "parts.stl", "part.txt"):
+        (tmp_path / name).touch()
+    for path, told in (
+        ("prt.toml", "prt.toml: No such file or directory; did you mean 'part.toml'?"),
+        ("part.tml", "part.tml: No such file or directory; did you mean 'part.toml'?"),
+        ("sphere.toml", "sphere.toml: No such file or directory"),
+    ):
+        with pytest.raises(InputError) as caught:
+            load(tmp_path / path)
+        assert str(caught.value) == str(tmp_path / told)
+    assert beside(tmp_path / "part.stl") == "; did you mean 'parts.stl'?"
+    assert beside(tmp_path / "part.obj") == beside(tmp_path / "no" / "part.stl") == ""
+    assert beside(tmp_path / "part.obj", ".obj", ".stl") == "; did you mean 'parts.stl'?"
 
 
 def test_missing_folder_and_binary_files_are_refused(tmp_path: Path) -> None:

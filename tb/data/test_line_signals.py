@@ -69,6 +69,7 @@ HEAD = "sensor_clk,sensor_valid,sensor_pixel\n"
 WRONG = {
     "": ["no column sensor_clk", "has none"],
     "time_s,d0,d1\n0,1,1\n": ["no column sensor_clk", "d0"],
+    "line,x_mm,y_mm,z_mm\n0,1,0,2\n": ["holds points, not lines"],
     HEAD: ["no whole line"],
     HEAD + "0,0,1\n1,2,1\n": ["line 3", "sensor_valid '2'"],
     HEAD + "0,0,1\n1,1\n": ["line 3", "sensor_pixel ''"],

@@ -175,6 +175,10 @@ def test_an_instrument_of_another_sensor_is_refused() -> None:
     ("text", "wanted"),
     [
         ('[[target]]\nkind = "plane"\ncolour = "red"\n', "unknown key target.0"),
+        (
+            '[[target]]\nkind = "sphere"\nradius = 5\n',
+            "unknown key target.0.sphere.radius (5); did you mean 'radius_mm'?",
+        ),
         ('[[target]]\nkind = "torus"\n', "torus"),
         ('titel = "x"\n[[target]]\nkind = "plane"\n', "unknown key titel"),
         ('[[target]]\nkind = "plane"\n[laser]\npower_mw = -5\n', "laser.power_mw"),

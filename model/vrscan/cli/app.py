@@ -222,8 +222,9 @@ def scan(
         names = ["points.csv", "points.ply", "picture.png", "reliability.png", "space.png"]
         names += ["lines.mcap"] * keep + ["loops.csv"] * (follows or automatic)
         files = {name: stack.enter_context(atomic_file(out / name)) for name in names}
-        engines.prepare(engine, settings)
-        light, chosen = _planned(scene, count, fidelity, tolerance, settings, instrument=instrument)
+        light, chosen = _planned(
+            scene, count, fidelity, tolerance, settings, instrument=instrument, engine=engine
+        )
         sweeps = light.scene.scan.sweep == "mirror"
         if sweeps:
             names.append("edges.csv")
@@ -947,8 +948,12 @@ def _planned(
     *,
     each: bool = False,
     instrument: Path | None = None,
+    engine: Engine | None = None,
 ) -> tuple["Light", "Plan"]:
-    """Return a scene and its plan of effects, which is made while a bar is shown."""
+    """Return a scene and its plan of effects, which is made while a bar is shown.
+
+    An engine is prepared before, once the scene is known to be good.
+    """
     from vrscan.scene import effects
     from vrscan.scene.description import load, load_instrument
     from vrscan.scene.light import Light
@@ -968,6 +973,8 @@ def _planned(
         if isinstance(names, list):
             effects.chosen(names, source)  # raises its errors before a bar is shown
     _question(light)
+    if engine is not None:
+        engines.prepare(engine, settings)
     seen = survey(light, count)
     with _bar("budget", 100) as progress:
         found = plan(
@@ -1051,6 +1058,10 @@ def main() -> None:
         status = EXIT_INTERRUPTED
     except typer.TyperException as error:  # an unknown option, a missing argument
         text = error.format_message().replace("Value error, ", "")
+        context = getattr(error, "ctx", None)
+        if context is not None and text == "Missing command.":
+            names = ", ".join(context.command.commands)
+            text = f"{context.command_path.removeprefix('vrscan ')}: which command? {names}"
         if isinstance(error.__cause__, ValidationError):
             text = f"{text} ({error.__cause__.errors()[0]['input']})"
         status = _complain(text)

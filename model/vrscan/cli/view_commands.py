@@ -1,7 +1,9 @@
 """``vrscan view``: a page of a board's points while they come."""
 
 import contextlib
+import os
 import signal
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -32,6 +34,7 @@ BOARD_TIMEOUT_S = 60.0
 
 
 def view(
+    ctx: typer.Context,
     port: PortOption = None,
     file: Annotated[
         Path | None,
@@ -84,8 +87,12 @@ def view(
         from vrscan.view.live import LiveSource, Options
         from vrscan.view.playback import opened
 
-    if file is not None and board:
-        raise InputError("--file or --board: only one of them")
+    origin = ctx.get_parameter_source("port")
+    typed = origin is not None and origin.name == "COMMANDLINE"  # and not by VRSCAN_PORT
+    wanted = {"--file": file is not None, "--board": board, "--port": typed}
+    given = [name for name, there in wanted.items() if there]
+    if len(given) > 1:
+        raise InputError(f"{' or '.join(given)}: only one of them")
     _check("--speed", speed, 1e-4, 100.0)
     if step is not None:
         _check("--step", step, 1, MOST_STEP)
@@ -113,6 +120,7 @@ def view(
                 options = _simulated(options, scene, settings, stack)
             else:
                 options = replace(options, port=chosen_port(port))
+                _tell_missing(options.port)
             make_folder(folder / "view")
             source = LiveSource(options)
         ended = stack.enter_context(interrupted(signal.SIGINT, signal.SIGTERM))
@@ -120,6 +128,13 @@ def view(
         if isinstance(source, LiveSource):
             source.begin()
         _serve(source, folder, http_port, ended)
+
+
+def _tell_missing(port: str) -> None:
+    """Print a line on the error stream where a port is not there yet."""
+    file = "://" not in port and os.name != "nt"  # others are URLs of pyserial, and COM3
+    if file and not Path(port).exists():
+        print(f"vrscan: {port}: no such port yet; it is waited for", file=sys.stderr)
 
 
 def _simulated(

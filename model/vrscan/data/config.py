@@ -21,9 +21,10 @@ from pydantic import (
     field_validator,
     model_validator,
 )
+from pydantic_core import PydanticCustomError
 
 from vrscan.data import pkg
-from vrscan.data.errors import InputError, nearest
+from vrscan.data.errors import InputError, nearest, unread
 
 HARMONICS = (1, 3, 5, 7, 9, 11, 13, 15, 17)  # orders k in the mirror's motion, (12)
 FEWEST_HARMONICS = 6  # the paper's number
@@ -55,6 +56,16 @@ class Section(BaseModel):
     model_config = ConfigDict(
         extra="forbid", strict=True, frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_keys(cls, values: object) -> object:
+        """Refuse an unknown key here, where the known ones are at hand for ``complaint``."""
+        for key in values if isinstance(values, dict) else ():
+            if key not in cls.model_fields:
+                context = {"key": str(key), "known": list(cls.model_fields)}
+                raise PydanticCustomError("unknown_key", "unknown key {key}", context)
+        return values
 
 
 class Peak(Section):
@@ -787,7 +798,7 @@ def read_toml(path: Path, source: str) -> dict[str, object]:
     try:
         return tomllib.loads(path.read_bytes().decode())
     except OSError as error:
-        raise InputError(f"{source}: {error.strerror}") from error
+        raise InputError(f"{source}: {unread(error, path, '.toml')}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{source}: not a TOML file ({error})") from error
 
@@ -809,8 +820,10 @@ def complaint(error: ValidationError) -> str:
     first = error.errors(include_url=False)[0]
     key = ".".join(str(part) for part in first["loc"])
     value = first["input"]
-    if first["type"] == "extra_forbidden":
-        return f"unknown key {key} ({value!r})"
+    if first["type"] == "unknown_key":
+        own, known = first["ctx"]["key"], first["ctx"]["known"]
+        key = f"{key}.{own}" if key else own
+        return f"unknown key {key} ({value[own]!r}){nearest(own, known)}"
     if first["type"] == "union_tag_invalid":  # a kind, by which a table is chosen
         context = first["ctx"]
         known = [each.strip("'") for each in context["expected_tags"].split(", ")]

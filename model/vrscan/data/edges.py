@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from vrscan.data.arrays import Floats, Ints
-from vrscan.data.errors import InputError
+from vrscan.data.errors import InputError, unread
 
 Rows = np.ndarray[tuple[int], np.dtype[np.void]]
 # A change of the inputs of index_capture; bit 0 of the levels is the oldest sample of the clock.
@@ -30,7 +30,7 @@ def read(path: Path) -> tuple[Floats, Ints, Ints]:
         with path.open(newline="") as file:
             rows = list(csv.reader(file))
     except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from error
+        raise InputError(f"{path}: {unread(error, path)}") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: not a CSV file ({error})") from error
     header = tuple(name.strip() for name in rows[0]) if rows else ()

@@ -21,12 +21,25 @@ def nearest(word: str, known: Iterable[str], most: int = 1) -> str:
     return f"; did you mean {found}?" if found else ""
 
 
-def beside(path: Path) -> str:
-    """Return the same for the files in the folder of one that is not there."""
+def beside(path: Path, *endings: str) -> str:
+    """Return the same for a file that is not there, with what lies in its folder.
+
+    Only files with one of the endings are meant, by default with that of the missing one.
+    """
+    wanted = endings or (path.suffix.lower(),)
     try:
-        return nearest(path.name, sorted(each.name for each in path.parent.iterdir()))
+        there = sorted(each for each in path.parent.iterdir() if each.suffix.lower() in wanted)
     except OSError:
         return ""
+    names = {each.stem: each.name for each in there}
+    found = alike(path.stem, names, likeness=0.6)
+    return f"; did you mean {names[found[0]]!r}?" if found else ""
+
+
+def unread(error: OSError, path: Path, *endings: str) -> str:
+    """Return why a file cannot be read, with what is ``beside`` it if it is not there."""
+    missing = isinstance(error, FileNotFoundError)
+    return f"{error.strerror or one_line(error)}{beside(path, *endings) if missing else ''}"
 
 
 class InputError(Exception):

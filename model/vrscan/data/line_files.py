@@ -20,7 +20,7 @@ import numpy.typing as npt
 from vrscan.data import line_pictures, line_signals, recordings
 from vrscan.data.config import Config
 from vrscan.data.contract import checked
-from vrscan.data.errors import InputError, InputWarning, LinesError, alike, one_line
+from vrscan.data.errors import InputError, InputWarning, LinesError, alike, one_line, unread
 from vrscan.data.lines import Lines, joined, part
 
 # What an .npz holds.
@@ -171,7 +171,7 @@ def _beside(
         with angles.open(newline="") as file:
             header, *rows = [row for row in csv.reader(file) if row] or [[]]
     except OSError as error:
-        raise InputError(f"{angles}: {error.strerror}") from error
+        raise InputError(f"{angles}: {unread(error, angles)}") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{angles}: not a CSV file ({one_line(error)})") from error
     names = [name.strip() for name in header]
@@ -283,7 +283,8 @@ def _as_input_error(path: Path) -> Iterator[None]:
     except InputError:
         raise
     except OSError as error:
-        raise InputError(f"{path}: {error.strerror or 'cannot read'}") from error
+        told = unread(error, path, ".npy", ".npz", recordings.SUFFIX)
+        raise InputError(f"{path}: {told}") from error
     except Exception as error:  # a damaged file makes numpy, zipfile, zlib and tokenize raise
         reason = one_line(error)
         if "pickle" in reason:  # numpy knows neither the format nor the type

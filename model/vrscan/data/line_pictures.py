@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vrscan.data.errors import InputError, one_line
+from vrscan.data.errors import InputError, one_line, unread
 from vrscan.data.extras import named
 
 SUFFIXES = (".png", ".tif", ".tiff")
@@ -122,8 +122,10 @@ def _told(file: Path) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else None
-        reason = reason or f"not a PNG or TIFF that can be read ({one_line(error)})"
+        if isinstance(error, OSError) and error.strerror:
+            reason = unread(error, file)
+        else:
+            reason = f"not a PNG or TIFF that can be read ({one_line(error)})"
         raise InputError(f"{file}: {reason}") from error
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from vrscan.data.arrays import Ints, Pixels
-from vrscan.data.errors import InputError, one_line
+from vrscan.data.errors import InputError, one_line, unread
 
 CLOCK, VALID, PIXEL = "sensor_clk", "sensor_valid", "sensor_pixel"
 _MOST_BITS = 16
@@ -37,7 +37,7 @@ def read(path: Path, line_length: int) -> Pixels:
         with path.open(newline="") as file:
             table = [(n, row) for n, row in enumerate(csv.reader(file), 1) if row and any(row)]
     except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from error
+        raise InputError(f"{path}: {unread(error, path)}") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: not a CSV file ({one_line(error)})") from error
     table = [(n, row) for n, row in table if not row[0].lstrip().startswith((";", "#"))]
@@ -46,6 +46,8 @@ def read(path: Path, line_length: int) -> Pixels:
     if bits != [f"{PIXEL}[{k}]" for k in range(len(bits))]:
         raise InputError(f"{path}: bits of {PIXEL} are missing: there are {', '.join(bits)}")
     words = [PIXEL] if PIXEL in header else bits
+    if {"x_mm", "z_mm"} <= set(header):
+        raise InputError(f"{path}: holds points, not lines")
     for name in (CLOCK, VALID, *(words or [PIXEL])):
         if name not in header:
             raise InputError(f"{path}: no column {name} (has {', '.join(header) or 'none'})")

@@ -21,7 +21,7 @@ import numpy as np
 
 from vrscan.data import pkg
 from vrscan.data.arrays import Bools, Floats, Ints
-from vrscan.data.errors import InputError, nearest, one_line
+from vrscan.data.errors import InputError, nearest, one_line, unread
 from vrscan.data.table import Table, flag_bits, flag_texts
 
 COLUMNS = (
@@ -378,7 +378,7 @@ def read_csv(path: Path) -> Table:
         with path.open(newline="") as file:
             header, *rows = list(csv.reader(file)) or [[]]
     except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from error
+        raise InputError(f"{path}: {unread(error, path)}") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: not a table of points ({one_line(error)})") from error
     lacking = [name for name in COLUMNS.split(",") if name not in header and name not in _ADDED]

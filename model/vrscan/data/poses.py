@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from vrscan.data.arrays import Floats
-from vrscan.data.errors import InputError
+from vrscan.data.errors import InputError, unread
 from vrscan.data.extras import named
 
 PLACE = ("time_s", "x_mm", "y_mm", "z_mm")
@@ -85,7 +85,7 @@ def read(path: Path) -> Poses:
         with path.open(newline="") as file:
             rows = list(csv.reader(file))
     except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from error
+        raise InputError(f"{path}: {unread(error, path)}") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: not a CSV file ({error})") from error
     header = [name.strip() for name in rows[0]] if rows else []

@@ -29,7 +29,7 @@ from vrscan.data import contract, edges, pkg, records, table
 from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.data.config import Config, checked, load, to_toml
 from vrscan.data.contract import checked_flags, checked_power
-from vrscan.data.errors import InputError, InputWarning, LinesError
+from vrscan.data.errors import InputError, InputWarning, LinesError, unread
 from vrscan.data.extras import named
 from vrscan.data.lines import Lines, Truth, joined, part
 from vrscan.data.points import check_writable, read_csv
@@ -568,7 +568,7 @@ class _Walk:
                             kind = _kind(self._kinds.get(channel.schema_id))
                             yield channel.topic, np.frombuffer(each.data, kind), channel.metadata
         except OSError as error:
-            raise InputError(f"{path}: {error.strerror or error}") from error
+            raise InputError(f"{path}: {unread(error, path)}") from error
         gaps += sum(max(n - following.get(k, 0), 0) for k, n in promised.items())
         self.lost = max(damaged, gaps)
 

@@ -133,7 +133,7 @@ def load_mesh(path: Path, scale: float = 1.0) -> tuple[Floats, Ints]:
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"{path}: a mesh is an STL, OBJ or PLY file")
     if not path.is_file():
-        raise InputError(f"{path}: no such mesh{beside(path)}")
+        raise InputError(f"{path}: no such mesh{beside(path, *SUFFIXES)}")
     try:
         mesh = trimesh.load_mesh(path, process=False, skip_materials=True)
         vertices = np.asarray(mesh.vertices, np.float64).reshape(-1, 3)
