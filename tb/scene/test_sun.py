@@ -212,7 +212,7 @@ def test_site_without_a_sun_is_told() -> None:
         ({"sky": "given", "ghi_w_m2": 100.0}, "needs two of"),
         ({"dni_w_m2": 100.0}, 'belong to sky = "given"'),
         ({"latitude_deg": 91.0}, "less than or equal to 90"),
-        ({"cloud": 0.1}, "Extra inputs"),
+        ({"cloud": 0.1}, "unknown key cloud"),
     ],
 )
 def test_bad_sun_is_told(bad: dict[str, object], said: str) -> None:

@@ -119,7 +119,7 @@ def test_a_file_of_it_is_read_back(tmp_path: Path) -> None:
     for text, wanted in (
         ("[instrument]\nbase_mm = -1.0\n", "instrument.base_mm"),
         ("[instrument]\nharmonics = [[1.0]]\n", "pairs"),
-        ("base_mm = 60.0\n", "instrument"),
+        ("base_mm = 60.0\n", "unknown key base_mm"),
     ):
         path.write_text(text)
         with pytest.raises(InputError, match=wanted) as caught:

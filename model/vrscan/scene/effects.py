@@ -23,12 +23,7 @@ class Effect:
 
 _ALL = (
     Effect("footprint", "the spot's parts meet the scene each for itself", "a tangent plane", 4.0),
-    Effect(
-        "detail",
-        "every ray meets the scene for itself",
-        "a few, where these see a smooth surface",
-        1.0,
-    ),
+    Effect("detail", "every ray meets the scene for itself", "a few on smooth surfaces", 1.0),
     Effect("smear", "the beam turns while the laser is on", "a spot at rest", 0.3),
     Effect("truncation", "the collimator's edge cuts the beam", "an uncut Gaussian beam", 4.5),
     Effect("diffraction", "the lens's pupil", "a geometric image", 0.0),
@@ -49,12 +44,7 @@ _ALL = (
     Effect("window", "the double reflection in the scan head's window", "one beam", 1.0),
     Effect("skirt", "what the scan head scatters lights the scene", "its loss alone", 5.5),
     Effect("halo", "what polish, dust, digs in the camera scatter", "its loss alone", 2.5),
-    Effect(
-        "wings",
-        "bounce, skirt and halo fall on the whole line",
-        "on the spot's window, where nothing else fills the line",
-        0.1,
-    ),
+    Effect("wings", "bounce, skirt, halo far from spots", "in their windows alone", 0.1),
     Effect("dust", "shadows of particles on pupil and cover", "clean surfaces", 0.3),
     Effect("shot", "photon noise", "the mean", 0.1),
     Effect("read", "noise of the read-out", "none", 0.1),
