@@ -14,10 +14,10 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+from pydantic import Field, StringConstraints, ValidationError
 
 from vrscan.data import link_pkg, pkg
-from vrscan.data.config import complaint
+from vrscan.data.config import Section, complaint
 from vrscan.data.config import load as load_config
 from vrscan.data.errors import InputError
 from vrscan.registers.chain_registers import Registers as ChainRegisters
@@ -59,13 +59,7 @@ _KEYWORDS = """
 KEYWORDS = frozenset(_KEYWORDS.split())
 
 
-class Strict(BaseModel):
-    """One table of the file: no unknown key, no type but the stated one."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
-
-
-class Entry(Strict):
+class Entry(Section):
     """A register, or a field of a window, as it stands in the file."""
 
     width: Number
@@ -82,7 +76,7 @@ class Entry(Strict):
     lock: Name | None = None
 
 
-class FieldEntry(Strict):
+class FieldEntry(Section):
     """A field of a window as it stands in the file."""
 
     width: Number
@@ -94,7 +88,7 @@ class FieldEntry(Strict):
     max: Number | None = None
 
 
-class GroupEntry(Strict):
+class GroupEntry(Section):
     """A group of registers as it stands in the file."""
 
     address: int = Field(ge=0)
@@ -106,7 +100,7 @@ class GroupEntry(Strict):
     registers: dict[Name, Entry] = Field(min_length=1)
 
 
-class WindowEntry(Strict):
+class WindowEntry(Section):
     """A table as it stands in the file."""
 
     address: int = Field(ge=0)
@@ -119,13 +113,13 @@ class WindowEntry(Strict):
     fields: dict[Name, FieldEntry] = Field(min_length=1)
 
 
-class File(Strict):
+class File(Section):
     """The whole file."""
 
     locks_address: int = Field(ge=0)
     locks: dict[Name, str]
     groups: dict[Name, GroupEntry]
-    windows: dict[Name, WindowEntry] = {}
+    windows: dict[Name, WindowEntry] = Field(default={})
 
 
 @dataclass(frozen=True)

@@ -92,3 +92,12 @@ def test_config_prints_what_is_taken_again(tmp_path: Path) -> None:
     file = tmp_path / "all.toml"
     file.write_text(result.output)
     assert load(file).model_dump() == load(Path("metre")).model_dump()
+
+
+def test_a_scene_in_the_place_of_the_configuration_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "new.toml"
+    result = new(file, "--scene", str(tmp_path / "." / "new.toml"))
+    assert isinstance(result.exception, InputError) and "--scene" in str(result.exception)
+    result = new(file, "--picture", str(tmp_path / "a.png"), "--scene", str(tmp_path / "no" / "b"))
+    assert result.exit_code != 0
+    assert list(tmp_path.iterdir()) == []

@@ -1,5 +1,6 @@
 """The commands ``vrscan config`` and ``vrscan new``: a configuration as text, and another one."""
 
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
@@ -100,16 +101,17 @@ def new(
     layout.check(made, near, far)
     Registers.from_config(made)
     found = layout.layout(made, near, far)
-    with atomic_file(file) as stream:
-        stream.write(text(made, chosen=True).encode())
+    if picture is not None and picture.suffix != ".png":
+        raise InputError(f"{picture}: the name does not end in .png")
+    if scene is not None and scene.resolve() == file.resolve():
+        raise InputError(f"--scene {scene}: that is the configuration's file")
+    with ExitStack() as stack:  # all files or none
+        stack.enter_context(atomic_file(file)).write(text(made, chosen=True).encode())
         if picture is not None:
-            if picture.suffix != ".png":
-                raise InputError(f"{picture}: the name does not end in .png")
-            with atomic_file(picture) as drawn:
-                layout.picture(made, near, far, drawn)
+            layout.picture(made, near, far, stack.enter_context(atomic_file(picture)))
         if scene is not None:
-            with atomic_file(scene) as described:
-                described.write(layout.scene(made, focus).encode())
+            board = layout.scene(made, focus)
+            stack.enter_context(atomic_file(scene)).write(board.encode())
     console = _console()
     console.print(layout.terminal(made, near, far))
     console.print(layout.summary(made), highlight=False)

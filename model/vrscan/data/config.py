@@ -820,8 +820,6 @@ def complaint(error: ValidationError) -> str:
     first = error.errors(include_url=False)[0]
     key = ".".join(str(part) for part in first["loc"])
     value = first["input"]
-    if first["type"] == "extra_forbidden":  # of a model that is no Section
-        return f"unknown key {key} ({value!r})"
     if first["type"] == "unknown_key":
         own, known = first["ctx"]["key"], first["ctx"]["known"]
         key = f"{key}.{own}" if key else own

@@ -485,13 +485,15 @@ class Light:
                 if len(self._skirts) >= _VIEWS:
                     self._skirts.clear()
                 self._skirts[key] = self._skirt_seen(key * PAN_STEP_MM)
-            heading, gain = (sliding_window_view(each, width) for each in self._skirts[key])
+            heading, gain = self._skirts[key]
+            steps = sliding_window_view(heading * np.float32(1.0 / _SKIRT_STEP), width)
+            gains = sliding_window_view(gain, width)
             turned = (angle_rad / _SKIRT_STEP).astype(np.float32)[:, None]
             for rows in chunks(np.flatnonzero(keys == key)):
                 begin = slice(1) if windows is None else windows.first[rows]
-                apart = heading[begin] * np.float32(1.0 / _SKIRT_STEP) - turned[rows]
+                apart = steps[begin] - turned[rows]
                 place = np.abs(apart, out=apart).astype(np.int32)
-                np.multiply(table.take(place, mode="clip"), gain[begin], out=apart)
+                np.multiply(table.take(place, mode="clip"), gains[begin], out=apart)
                 result[rows] = apart
         return result
 

@@ -223,8 +223,8 @@ class Renderer:
         spots, pieces, second = self._spotter.find(timeline)
         length = self.light.config.sensor.line_length
         laser = np.zeros((len(timeline), length), np.float32)
-        for some, first, light in (d for p in pieces + second for d in self._drawn(p, timeline)):
-            _add(laser, some.row, first, light)
+        for row, first, light in (d for p in pieces + second for d in self._drawn(p, timeline)):
+            _add(laser, row, first, light)
         self._elsewhere(laser, np.arange(len(timeline)), pieces, timeline)
         other = np.zeros((1, length), np.float32)
         if self._uneven_e is not None:
@@ -268,8 +268,8 @@ class Renderer:
         _, pieces, second = self._spotter.find(timeline)
         length = self.light.config.sensor.line_length
         laser = np.zeros((len(timeline), length), np.float32)
-        for some, first, light in (d for p in pieces + second for d in self._drawn(p, timeline)):
-            _add(laser, some.row, first, light)
+        for row, first, light in (d for p in pieces + second for d in self._drawn(p, timeline)):
+            _add(laser, row, first, light)
         self._elsewhere(laser, np.arange(len(timeline)), pieces, timeline)
         other = np.zeros(length, np.float32) if self._uneven_e is None else self._uneven_e.copy()
         for name in self._changing:
@@ -314,8 +314,8 @@ class Renderer:
 
     # -- on the row --
 
-    def _drawn(self, pieces: Pieces, timeline: Timeline) -> Iterator[tuple[Pieces, Ints, Singles]]:
-        """Yield pieces of one width, their first pixels and mean electrons [m, width]."""
+    def _drawn(self, pieces: Pieces, timeline: Timeline) -> Iterator[tuple[Ints, Ints, Singles]]:
+        """Yield rows, first pixels and mean electrons [m, width] of pieces, one width at a time."""
         if len(pieces) == 0:
             return
         spread = pieces.sigma_px
@@ -329,9 +329,9 @@ class Renderer:
             for start in range(0, len(rows), _CHUNK if pieces.parts_px is not None else len(rows)):
                 step = _CHUNK if pieces.parts_px is not None else len(rows)
                 some = pieces.of(rows[start : start + step])
-                yield some, *self._draw(some, int(width), timeline)
+                yield self._draw(some, int(width), timeline)
 
-    def _draw(self, some: Pieces, width: int, timeline: Timeline) -> tuple[Ints, Singles]:
+    def _draw(self, some: Pieces, width: int, timeline: Timeline) -> tuple[Ints, Ints, Singles]:
         middle = np.round(some.place_px)
         first = middle.astype(np.int64) - width // 2
         shape, spectrum = None, None
@@ -366,7 +366,7 @@ class Renderer:
         if "speckle" in self.active and some.speckled:
             with self._clock("speckle"):
                 light *= self._speckle(some, first, width, timeline)
-        return first, light
+        return some.row, first, light
 
     def _speckle(self, some: Pieces, first: Ints, width: int, timeline: Timeline) -> Singles:
         """Return the gains of the pixels of windows."""
@@ -437,14 +437,13 @@ class Renderer:
         count, length = words.shape
         drawn = []
         low, high, held = np.full(count, length), *np.zeros((2, count), np.int64)
-        for some, first, light in (d for p in pieces + second for d in self._drawn(p, timeline)):
-            end = first + light.shape[1]
-            near = (first < length) & (end > 0)  # some of it is on the sensor
-            some, first, light = some.of(near), first[near], light[near]
-            drawn.append((some.row, first, light))
-            np.minimum.at(low, some.row, first)
-            np.maximum.at(high, some.row, end[near])
-            np.add.at(held, some.row, 1)
+        for row, first, light in (d for p in pieces + second for d in self._drawn(p, timeline)):
+            near = (first < length) & (first + light.shape[1] > 0)  # some of it is on the sensor
+            row, first, light = row[near], first[near], light[near]
+            drawn.append((row, first, light))
+            np.minimum.at(low, row, first)
+            np.maximum.at(high, row, first + light.shape[1])
+            np.add.at(held, row, 1)
         everywhere = whole_lines(self.active) or bool(self._changing)
         everywhere |= self._uneven_e is not None
         whole = np.full(count, everywhere)
@@ -653,8 +652,8 @@ class Renderer:
                 coma_px=np.zeros(len(at)),
                 speckled=False,
             )
-            for each, first, light in self._drawn(some, timeline):
-                _add(field, inside[each.row], first, light)
+            for row, first, light in self._drawn(some, timeline):
+                _add(field, inside[row], first, light)
         for part in chunks(np.arange(count)):
             field[part] += np.cumsum(steps.reshape(count, -1)[part], axis=1)[:, :length]
 

@@ -83,30 +83,15 @@ def meet(
         gloss: Whether lobes are included.
         falloff: Whether the pupil is foreshortened.
     """
-    given = world, materials, scene, config
-    found = []
-    for first in range(0, max(len(origin), 1), _RAYS):
-        some = slice(first, first + _RAYS)
-        rays = origin[some], direction[some], y_mm[some]
-        found.append(_meet(*given, *rays, gloss=gloss, falloff=falloff))
-    if len(found) == 1:
-        return found[0]
-    names = [field.name for field in fields(Spots)]
-    return Spots(*(np.concatenate([getattr(each, name) for each in found]) for name in names))
-
-
-def _meet(
-    world: World,
-    materials: tuple[Material, ...],
-    scene: Description,
-    config: Config,
-    origin: Floats,
-    direction: Floats,
-    y_mm: Floats,
-    *,
-    gloss: bool,
-    falloff: bool,
-) -> Spots:
+    if len(origin) > _RAYS:
+        rays = [slice(first, first + _RAYS) for first in range(0, len(origin), _RAYS)]
+        given = world, materials, scene, config
+        parts = [
+            meet(*given, origin[k], direction[k], y_mm[k], gloss=gloss, falloff=falloff)
+            for k in rays
+        ]
+        names = [field.name for field in fields(Spots)]
+        return Spots(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
     camera = Camera.of(config, scene.lens.f_number)
     start = origin.copy()
     start[:, 1] += y_mm

@@ -516,9 +516,9 @@ def _auto(
     stay = _GRAINED & state if _GRAIN in state else frozenset({_GRAIN})
     dear = sorted((full & EFFECTS.keys()) - stay, key=lambda name: -EFFECTS[name].typical_us)
     everywhere = [name for name in dear if name in WHOLE_LINE]
-    rays = [_RAYS, *({_DETAIL} & full)]
-    others = [name for name in dear if name not in WHOLE_LINE and name not in rays]
-    todo = [everywhere, rays, [name for name in others if EFFECTS[name].typical_us > 0.0]]
+    others = [name for name in dear if name not in WHOLE_LINE and name != _DETAIL]
+    others = [name for name in others if EFFECTS[name].typical_us > 0.0]
+    todo = [everywhere, [_RAYS, _DETAIL], others]
     while todo:
         names = todo.pop(0)
         less = _without(state, names)
