@@ -1,17 +1,14 @@
 """The page in a browser, before a board made of the twins that sees a scene."""
 
-import contextlib
-import signal
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 
 import browser
 import numpy as np
 import pytest
-from browser import DEEP, Browser
+from browser import Browser
 from fake_board import FakeBoard
+from page_bench import MODEL, choose, click, columns, count, enter, grows, opened, says, shown_at
 from scene_board import let_see, scene_lines
 
 from vrscan.data import recordings, records
@@ -20,7 +17,6 @@ from vrscan.view import playback
 
 pytestmark = pytest.mark.skipif(bool(browser.missing()), reason=browser.missing() or "")
 LINES_PER_S = 600.0
-MODEL = "Bokeh.documents[0].get_model_by_name"
 
 
 @pytest.fixture(scope="module")
@@ -31,84 +27,16 @@ def board(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FakeBoard]:
         yield made
 
 
-@contextlib.contextmanager
-def shown_at(board: FakeBoard, *words: str) -> Iterator[tuple[str, int]]:
-    """Show a board; yield the page's URL and the process's number."""
-    command = [sys.executable, "-m", "vrscan", "view", "--port", str(board.path), "--timeout", "4"]
-    command += ["--http-port", "0", "--out", str(board.path.parent / "kept"), *words]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
-        assert running.stdout is not None
-        yield running.stdout.readline().strip(), running.pid
-        running.send_signal(signal.SIGTERM)
-        assert running.wait(20.0) == 0
-
-
 @pytest.fixture(scope="module")
 def url(board: FakeBoard) -> Iterator[str]:
-    with shown_at(board, "--step", "1") as (found, _):
+    with shown_at(board.path, "--timeout", "4", "--step", "1") as (found, _):
         yield found
 
 
 @pytest.fixture(scope="module")
 def page(url: str) -> Iterator[Browser]:
-    with Browser() as opened:
-        opened.open(url)
-        opened.wait(
-            "window.Bokeh && Bokeh.documents.length && document.querySelector('.bk-Figure')"
-        )
-        yield opened
-        assert opened.complaints() == []
-
-
-def element(page: Browser, what: str) -> str:
-    """Return an expression for the only element, within shadow trees too, that fits."""
-    return f"(() => {{ {DEEP} return all(document.body).find((e) => {what}) }})()"
-
-
-def click(page: Browser, label: str) -> None:
-    wanted = element(page, f"e.tagName == 'BUTTON' && e.textContent.trim() == '{label}'")
-    page.wait(wanted)
-    page.run(f"{wanted}.click()")
-
-
-def says(page: Browser, text: str) -> None:
-    page.wait(element(page, f"!e.children.length && e.textContent.includes('{text}')"))
-
-
-def enter(page: Browser, placeholder: str, text: str) -> None:
-    field = element(page, f"e.placeholder == '{placeholder}'")
-    page.run(
-        f"const field = {field}; field.value = arguments[0];"
-        "for (const kind of ['input', 'change']) field.dispatchEvent(new Event(kind))",
-        text,
-    )
-
-
-def columns(page: Browser, name: str, glyph: int, *keys: str) -> list[list[float]]:
-    """Return what a figure draws."""
-    found = page.run(
-        f"const figure = {MODEL}(arguments[0]);"
-        "const data = figure.renderers[arguments[1]].data_source.data;"
-        "return arguments[2].map((key) => Array.from(data[key]))",
-        name,
-        glyph,
-        keys,
-    )
-    return list(found)
-
-
-def count(page: Browser) -> int:
-    tile = element(page, "e.className == 'tile' && e.textContent.endsWith('points')")
-    page.wait(tile)
-    return int(page.run(f"return {tile}.querySelector('b').textContent").replace(",", ""))
-
-
-def grows(page: Browser, least: float) -> None:
-    """Wait until there are more points."""
-    end = time.monotonic() + 20.0
-    while count(page) <= least:
-        assert time.monotonic() < end
-        time.sleep(0.2)
+    with opened(url) as made:
+        yield made
 
 
 def test_it_shows_the_scene_and_goes_on(page: Browser, board: FakeBoard, url: str) -> None:
@@ -127,10 +55,7 @@ def test_it_shows_the_scene_and_goes_on(page: Browser, board: FakeBoard, url: st
 
 
 def test_it_writes_a_register_and_says_why_not(page: Browser, board: FakeBoard) -> None:
-    enter(page, "part of a name", "scratch")
-    cell = element(page, "e.classList.contains('slick-cell') && e.textContent == 'scratch'")
-    page.wait(cell)
-    page.run(f"{cell}.click()")
+    choose(page, "scratch")
     says(page, "scratch: rw")
     enter(page, "value", "4711")
     click(page, "Write")

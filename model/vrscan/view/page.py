@@ -279,11 +279,12 @@ class _Pictures:
                 legend_label=label,
             )  # fmt: skip
         _legend(made, "horizontal")
+        made.add_layout(made.legend[0], "above")  # in a narrow page it would hide points
         return made
 
     def _draw_image(self) -> figure:
-        made = _figure("scan angle in degrees", None, y_range=Range1d(start=0, end=ROWS))
-        made.yaxis.visible = False
+        rows = Range1d(start=0, end=ROWS)
+        made = _figure("scan angle in degrees", None, y_range=rows, y_axis_location=None)
         made.grid.visible = False
         self._colours = LinearColorMapper(palette="Viridis256", nan_color="rgba(0, 0, 0, 0)")
         self._cells = ColumnDataSource(data={"image": [np.zeros((1, 1))], "x": [0], "dw": [1]})
@@ -487,11 +488,12 @@ class _Controls:
             source=self._rows,
             view=CDSView(filter=self._shown),
             columns=[
-                TableColumn(field="name", title="register", width=190),
-                TableColumn(field="value", title="value", width=190),
-                TableColumn(field="doc", title="meaning", width=420),
+                TableColumn(field="name", title="register", width=180),
+                TableColumn(field="value", title="value", width=140),
+                TableColumn(field="doc", title="meaning", width=590),
             ],
             index_position=None,
+            autosize_mode="none",
             sizing_mode="stretch_both",
             stylesheets=[InlineStyleSheet(css=_text("table.css"))],
         )
