@@ -1,57 +1,62 @@
-"""The whole chain at its shipped size, from C++: RTL against the model, line for line."""
+"""The whole chain at the shipped sizes, from C++: RTL against the model, line for line."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from harness import generator
 
 from vrscan.data import pkg
-from vrscan.data.config import Config, Geometry, Peak, Sensor
+from vrscan.data.config import Config, Geometry, Peak, Sensor, load
 from vrscan.data.points import Points, points_equal
 from vrscan.engines.chain_engine import latencies, run_rtl
 from vrscan.fixed.vrscan_chain import MAX_WINDOW, first_windows, latency, min_period, run_fixed
 from vrscan.registers.chain_registers import Registers
 from vrscan.registers.free_table import HALF
 
-LENGTH = 2048
+SHIPPED = Config()
+# The polygon's chain is the shipped one.
+EACH_SIZE = pytest.mark.parametrize("config", [SHIPPED, load(Path("metre"))], ids=("2048", "1024"))
 
 
-def spots(count: int, salt: int, top: int = 4095) -> np.ndarray:
+def spots(count: int, salt: int, sensor: Sensor = SHIPPED.sensor) -> np.ndarray:
     """Return lines with a spot of any width, height and place, with noise, rivals and slopes."""
     draw = generator(salt)
-    place = np.arange(LENGTH)
-    lines = np.zeros((count, LENGTH))
+    length, top = sensor.line_length, 2**sensor.pixel_width - 1
+    place = np.arange(length)
+    lines = np.zeros((count, length))
     for row in range(count):
         background = draw.random() ** 3 * 0.9 * top
         noise = 10 ** draw.uniform(-1.5, 2) * top / 4095
-        line = background + noise * draw.standard_normal(LENGTH)
+        line = background + noise * draw.standard_normal(length)
         for _ in range(1 + (draw.random() < 0.3)):
-            centre, width = draw.uniform(-5, LENGTH + 5), 10 ** draw.uniform(-0.5, 1.7)
+            centre, width = draw.uniform(-5, length + 5), 10 ** draw.uniform(-0.5, 1.7)
             height = 10 ** draw.uniform(-2, 0.5) * top
             line += height * np.exp(-(((place - centre) / width) ** 2))
-        line += draw.choice([0, 0, 0.02]) * place * top / LENGTH
+        line += draw.choice([0, 0, 0.02]) * place * top / length
         lines[row] = line
     return np.clip(np.round(lines), 0, top).astype(np.uint16)
 
 
-def plateaus(count: int, salt: int) -> np.ndarray:
+def plateaus(count: int, salt: int, sensor: Sensor = SHIPPED.sensor) -> np.ndarray:
     """Return lines with a window of each width 0..MaxWindow and beyond, in random order."""
     draw = generator(salt)
-    lines = draw.integers(40, 60, size=(count, LENGTH))
+    length, top = sensor.line_length, 2**sensor.pixel_width - 1
+    lines = draw.integers(top // 100, top // 68, size=(count, length))
     widths = draw.permutation(np.arange(max(count, 300)) % 300)[:count]
     for row, width in enumerate(widths):
-        left = int(draw.integers(0, LENGTH - width + 1))
-        lines[row, left : left + width] = draw.integers(1000, 4096, width)
+        left = int(draw.integers(0, length - width + 1))
+        lines[row, left : left + width] = draw.integers(top // 4, top + 1, width)
     lines[:7] = 0
-    lines[1] = 4095
-    lines[2, 1000] = 4095
-    lines[3, :100] = lines[4, -100:] = 4095
-    lines[5] = np.arange(LENGTH) % 2 * 4095
-    lines[6] = np.arange(LENGTH) % 3
-    lines[6, -3:] = 4094, 300, 301  # its position rounds up to LineLength, which does not fit
+    lines[1] = top
+    lines[2, 1000] = top
+    lines[3, :100] = lines[4, -100:] = top
+    lines[5] = np.arange(length) % 2 * top
+    lines[6] = np.arange(length) % 3
+    lines[6, -3:] = top - 1, 300, 301  # its position rounds up to LineLength, which does not fit
     return lines.astype(np.uint16)
 
 
@@ -86,21 +91,29 @@ def extremes(registers: Registers, draw: np.random.Generator) -> Registers:
     )
 
 
-ONE_PASS = Registers.from_config(Config(peak=Peak(window="threshold")))
-TWO_PASS = Registers.from_config(Config(peak=Peak(window="two_pass")))
-FIT = Registers.from_config(Config(peak=Peak(window="fit")))
-MODES = (ONE_PASS, TWO_PASS, FIT)
-EACH_MODE = pytest.mark.parametrize("mode", MODES, ids=("threshold", "two_pass", "fit"))
+WINDOWS = ("threshold", "two_pass", "fit")
+EACH_WINDOW = pytest.mark.parametrize("window", WINDOWS)
 
 
+def with_window(window: str, config: Config = SHIPPED) -> Registers:
+    """Return the registers of a configuration with another kind of window."""
+    peak = config.peak.model_copy(update={"window": window})
+    return Registers.from_config(config.model_copy(update={"peak": peak}))
+
+
+ONE_PASS, TWO_PASS, FIT = map(with_window, WINDOWS)
+
+
+@EACH_SIZE
 @pytest.mark.parametrize("salt", range(9))
-def test_chain_rtl_equals_model_on_whole_lines(salt: int) -> None:
+def test_chain_rtl_equals_model_on_whole_lines(salt: int, config: Config) -> None:
     """3,600 lines in all: shipped registers of all modes first, then registers at random."""
     draw = generator(salt)
-    registers = MODES[salt % 3]
+    registers = with_window(WINDOWS[salt % 3], config)
     if salt > 2:
         registers = extremes(registers, draw)
-    lines = np.concatenate([spots(200, salt), plateaus(200, 100 + salt)])
+    some = spots(200, salt, config.sensor), plateaus(200, 100 + salt, config.sensor)
+    lines = np.concatenate(some)
     angle = draw.integers(-(1 << 23), 1 << 23, len(lines)) >> draw.integers(0, 5)
     power = draw.integers(0, 1 << 16, len(lines))
     raised = draw.integers(0, 8, len(lines)) * (draw.random(len(lines)) < 0.5)
@@ -109,11 +122,13 @@ def test_chain_rtl_equals_model_on_whole_lines(salt: int) -> None:
     assert points_equal(got, want) is None
 
 
-@EACH_MODE
-def test_latency_is_its_formula(mode: Registers) -> None:
+@EACH_SIZE
+@EACH_WINDOW
+def test_latency_is_its_formula(window: str, config: Config) -> None:
     """Every width and every unmeasured line, back to back: the clock of each point."""
+    mode, sensor = with_window(window, config), config.sensor
     registers = replace(mode, k_height=ONE_PASS.k_height, max_core=255)
-    lines = plateaus(320, 7)
+    lines = plateaus(320, 7, sensor)
     angle = power = np.zeros(len(lines), np.int64)
     points = run_fixed(lines, angle, power, registers)
     _, first = first_windows(lines, registers, MAX_WINDOW)
@@ -122,15 +137,16 @@ def test_latency_is_its_formula(mode: Registers) -> None:
         latency(
             int(width),
             measured=bool(m),
-            line_length=LENGTH,
-            pixel_width=12,
+            line_length=sensor.line_length,
+            pixel_width=sensor.pixel_width,
             first_width=int(before) if registers.window_two_pass else None,
             fit=registers.window_fit,
         )
         for width, m, before in zip(points.width, measured, first.width, strict=True)
     ]
     if registers.window_fit:  # a point comes with the next line, the last one after a wait
-        period = min_period(LENGTH, MAX_WINDOW, two_pass=True, fit=True) or LENGTH
+        length = sensor.line_length
+        period = min_period(length, MAX_WINDOW, two_pass=True, fit=True) or length
         want = [period + clocks for clocks in want[1:]] + [want[-1] + pkg.NEIGHBOUR_CLKS]
     assert latencies(lines, angle, power, registers).tolist() == want
     assert len({*first.width[first.measured].tolist()}) > 200
@@ -164,7 +180,7 @@ def test_engines_in_several_threads_do_not_meet() -> None:
             assert points_equal(got, want) is None
 
 
-@pytest.mark.parametrize("window", ["threshold", "two_pass", "fit"])
+@EACH_WINDOW
 def test_short_lines_come_with_a_gap(window: str) -> None:
     """Lines in whose time no window of 255 pixels is measured: every point, in its clock."""
     peak = Peak.model_validate({"window": window})
