@@ -408,6 +408,37 @@ def test_rays_over_a_plane_are_its_tangent_plane() -> None:
         assert abs(second[2] / first[2] - 1.0) < 5e-3
 
 
+@pytest.mark.parametrize(
+    "target",
+    [
+        _plane(500.0, 25.0),
+        _plane(350.0, 45.0),
+        {"kind": "cylinder", "position_mm": [0, 0, 700], "radius_mm": 120},
+    ],
+    ids=("plane", "steep", "cylinder"),
+)
+def test_a_spot_on_its_plane_is_where_its_rays_are(target: dict[str, object]) -> None:
+    """Curvature and uneven light move it by up to the tolerance; its speckle is the same."""
+    light, angle = Light(_scene(target), CONFIG), np.radians(np.linspace(-4.0, 4.0, 9))
+
+    def charge(active: set[str], every_ray: bool) -> Floats:
+        made = Renderer(light, frozenset(active), every_ray=every_ray, tolerance_px=0.01)
+        return made.charge(_times(angle, PEAK_RATE)).laser_e.astype(np.float64)
+
+    axis, spot, rays = (
+        charge(*way) for way in ((set(), False), ({"footprint"}, False), ({"footprint"}, True))
+    )
+    place = [
+        (lines @ np.arange(lines.shape[1])) / lines.sum(axis=1) for lines in (axis, spot, rays)
+    ]
+    print("without the shift", np.round(place[0] - place[2], 4), "with it", place[1] - place[2])
+    assert np.abs(place[0] - place[2]).max() > 0.002
+    assert np.abs(place[1] - place[2]).max() < 3e-4
+    coarse = {"footprint", "speckle", "grain", "defocus", "smear"}
+    spot, rays = charge(coarse, False), charge(coarse, True)
+    assert np.abs(spot - rays).max() < 5e-3 * rays.max()
+
+
 @pytest.mark.parametrize("offset", [-1.0, -0.3, 0.0, 0.5, 1.2])
 def test_a_spot_on_two_surfaces_splits_its_light_as_its_area(offset: float) -> None:
     # A sheet in front of a wall hides the beam's part at negative x; the camera sees both.

@@ -17,7 +17,8 @@ from vrscan.data.arrays import Bools, Floats, Ints
 from vrscan.ideal.geometry import project
 from vrscan.scene.beam import radius_mm
 from vrscan.scene.image import Singles
-from vrscan.scene.light import PAN_STEP_MM, VIEW_STEP, Light, View, Windows, chunks
+from vrscan.scene.light import PAN_STEP_MM, VIEW_STEP, Light, View, Windows
+from vrscan.scene.sensor import chunks
 from vrscan.scene.shapes import dot
 from vrscan.scene.spots import Camera
 from vrscan.scene.sun import collection
@@ -25,6 +26,7 @@ from vrscan.scene.sun import collection
 KNOTS = 193
 NEAR_PX = 64
 BESIDE_PX = 32
+_BESIDE_PLACES = 2  # on either side of a window, where light tells of light in it
 _EDGE = 1.02  # range of the angles over the scan's amplitude
 _TABLES = 48  # number of places of a panning scanner that are kept
 _RAYS = 1 << 16  # rays followed at a time
@@ -63,27 +65,38 @@ def bounced(
     length = light.config.sensor.line_length
     width = length if windows is None else windows.width
     start = np.zeros(len(angle_rad), np.int64) if windows is None else windows.first
+    places = len(light.view_px)
+    if windows is not None:
+        places = min(places, width // VIEW_STEP + 2 * (1 + _BESIDE_PLACES))
     found = np.empty((len(angle_rad), width), np.float32)
     for key in np.unique(keys).tolist():
         rows, y = np.flatnonzero(keys == key), key * PAN_STEP_MM
         low, whole, marks = _table(light, key)
         before, more = knot[rows], share[rows]
         at = sliding_window_view(whole, width, axis=1)
-        for some in chunks(np.arange(len(rows))):
-            begin = start[rows[some]]
-            first, behind = at[before[some], begin], at[before[some] + 1, begin]
-            found[rows[some]] = first + (behind - first) * more[some, None]
+        for part in chunks(len(rows), width):
+            begin = start[rows[part]]
+            first, behind = at[before[part], begin], at[before[part] + 1, begin]
+            found[rows[part]] = first + (behind - first) * more[part, None]
         spots = _meet(light, angle_rad[rows], y)
-        line, place = _near(spots.position_px, marks[before], marks[before + 1], low.shape[1])
+        first_place = np.maximum(start[rows] // VIEW_STEP - _BESIDE_PLACES, 0)
+        near = _near(spots.position_px, marks[before], marks[before + 1], first_place, places)
+        near &= (first_place < low.shape[1] - np.arange(places)[:, None]).T
+        line, at_place = np.nonzero(near)
+        place = first_place[line] + at_place
         own = _thrown(light, spots, y, light.view_px, light.view(y), line, place)
-        change = np.zeros((len(rows), low.shape[1]), np.float32)
+        change = np.zeros(near.shape, np.float32)
         first = low[before[line], place]
-        change[line, place] = own - (first + (low[before[line] + 1, place] - first) * more[line])
-        for some in chunks(np.flatnonzero(change.any(axis=1))):
+        known = first + (low[before[line] + 1, place] - first) * more[line]
+        change[line, at_place] = own - known
+        changed = np.flatnonzero(change.any(axis=1))
+        for part in chunks(len(changed), width):
+            some = changed[part]
             if windows is None:
                 found[rows[some]] += light.whole_row(change[some])
             else:
-                found[rows[some]] += windows.of(rows[some]).between(change[some])
+                begin = start[rows[some]] - VIEW_STEP * first_place[some]
+                found[rows[some]] += Windows(begin, width).between(change[some])
         # Each pixel, if any place beside the spot has light, or if some may have it in between.
         beside = np.abs(light.view_px[place] - spots.position_px[line]) < BESIDE_PX + VIEW_STEP
         wanted = spots.meshed.copy()
@@ -122,16 +135,23 @@ def _table(light: Light, key: int) -> tuple[Singles, Singles, Floats]:
     return light.bounces[key]
 
 
-def _near(own: Floats, before: Floats, behind: Floats, count: int) -> tuple[Ints, Ints]:
-    """Return line and place of each of the ``count`` places that is near one of three marks [k]."""
-    near = np.zeros((len(own), count), np.bool_)
-    for mark in (own, before, behind):
-        first = np.nan_to_num(np.ceil((mark - NEAR_PX) / VIEW_STEP), nan=-1e6)
-        place = first.astype(np.int64)[:, None] + np.arange(2 * NEAR_PX // VIEW_STEP)
-        line, column = np.nonzero((place >= 0) & (place < count))
-        near[line, place[line, column]] = True
-    line, place = np.nonzero(near)
-    return line, place
+def _near(own: Floats, before: Floats, behind: Floats, first: Ints, places: int) -> Bools:
+    """Return which of some places of each line are near one of three marks [k, places].
+
+    Args:
+        own: First marks, NaN for none [k].
+        before: Second ones [k].
+        behind: Third ones [k].
+        first: First place of each line [k].
+        places: Number of its places.
+    """
+    pixel = VIEW_STEP * (first[:, None] + np.arange(places, dtype=np.float64))
+    near = np.zeros(pixel.shape, np.bool_)
+    with np.errstate(invalid="ignore"):
+        for mark in (own, before, behind):
+            apart = pixel - mark[:, None]
+            near |= (apart >= -NEAR_PX) & (apart < NEAR_PX)
+    return near
 
 
 def _beside(position_px: Floats, wanted: Bools, length: int) -> tuple[Ints, Ints]:

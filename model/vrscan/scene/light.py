@@ -2,7 +2,7 @@
 
 import copy
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
@@ -29,7 +29,7 @@ from vrscan.scene.scatter import (
     intensity,
     receiver,
 )
-from vrscan.scene.sensor import FixedPattern, fixed_pattern
+from vrscan.scene.sensor import FixedPattern, chunks, fixed_pattern
 from vrscan.scene.speckle import Speckle
 from vrscan.scene.spots import Camera
 from vrscan.scene.stray import Stray, WindowGhost, dust_shadow, obscured_share, window_ghost
@@ -41,7 +41,6 @@ from vrscan.scene.tolerances import Instrument
 VIEW_STEP = 8  # px between the rays on which the camera's view is sampled
 _VIEWS = 64  # number of views of a moving scanner that are kept
 PAN_STEP_MM = 1.0  # distance over which a moving scanner's view counts as the same
-_CHUNK = 16  # lines whose light beside the spot is worked out at a time
 _SKIRT_STEP = 5e-5  # rad between the angles at which the scan head's scatter is kept
 _SKIRT_ANGLES = 400  # angles at which it is computed
 _STRAY = ("scatter", "emitter", "halo", "halo_table", "obscured", "shadow", "_stack", "_skirt_gain")
@@ -134,8 +133,8 @@ class Light:
         self.lens = ThinLens.of(scene.lens.f_number, scene.lens.focus_mm, config.geometry)
         ends = np.abs(self.world.bounds)
         self.farthest_mm = float(ends[np.isfinite(ends)].max(initial=_FARTHEST_MM))
-        # Where spots need rays: the first angle, and whether at each, by tolerance and effects.
-        self.split_maps: dict[tuple[float, frozenset[str]], tuple[float, Bools]] = {}
+        # Where spots need rays, by tolerance and effects; see pieces.
+        self.split_maps: dict[tuple[float, frozenset[str]], tuple[float, Bools, Floats]] = {}
         self._views: dict[int, View] = {}
         self.bounces: dict[int, tuple[Singles, Singles, Floats]] = {}  # see bounce
         self._skirts: dict[int, tuple[Singles, Singles]] = {}
@@ -489,7 +488,9 @@ class Light:
             steps = sliding_window_view(heading * np.float32(1.0 / _SKIRT_STEP), width)
             gains = sliding_window_view(gain, width)
             turned = (angle_rad / _SKIRT_STEP).astype(np.float32)[:, None]
-            for rows in chunks(np.flatnonzero(keys == key)):
+            here = np.flatnonzero(keys == key)
+            for some in chunks(len(here), width):
+                rows = here[some]
                 begin = slice(1) if windows is None else windows.first[rows]
                 apart = steps[begin] - turned[rows]
                 place = np.abs(apart, out=apart).astype(np.int32)
@@ -534,9 +535,3 @@ class Light:
         if panning:
             heading, gain = self.whole_row(heading), self.whole_row(gain)
         return heading.astype(np.float32), gain.astype(np.float32)
-
-
-def chunks(rows: Ints) -> Iterator[Ints]:
-    """Yield parts of some lines, so few that their data stay in the cache."""
-    for start in range(0, len(rows), _CHUNK):
-        yield rows[start : start + _CHUNK]

@@ -63,7 +63,7 @@ class Pieces:
     place_px: Floats
     electrons: Floats  # light on the row
     whole_e: Floats  # electrons of all its light, on the row or not
-    sigma_px: Floats  # sigma along the row
+    sigma_px: Floats  # sigma along the row, of all rays together
     radius_px: Floats  # radius of the defocused disc
     height_px: Floats  # sigma across the row
     speed_px: Floats  # distance that it moves in the pulse
@@ -149,9 +149,10 @@ class Spotter:
         pieces = [self._whole(spots, timeline, np.arange(count))]
         if "footprint" in self.active:
             with self.clock("footprint"):
-                split = self._split(spots, beam, timeline)
+                split, shift_px = self._split(spots, beam, timeline)
+                flat = pieces[0].of(~split[pieces[0].row])
+                pieces = [replace(flat, place_px=flat.place_px + shift_px[flat.row])]
                 if split.any():
-                    pieces = [self._whole(spots, timeline, np.flatnonzero(~split))]
                     pieces += self._by_rays(spots, beam, timeline, np.flatnonzero(split))
         if "mirrored" in self.active:
             with self.clock("mirrored"):
@@ -261,17 +262,18 @@ class Spotter:
         direction /= np.sqrt(1.0 + np.square(lean))[:, :, None]
         return origin.reshape(-1, 3), direction.reshape(-1, 3)
 
-    def _split(self, spots: Spots, beam: Floats, timeline: Timeline) -> Bools:
-        """Return the lines whose spots are followed ray by ray."""
+    def _split(self, spots: Spots, beam: Floats, timeline: Timeline) -> tuple[Bools, Floats]:
+        """Return the lines whose spots are followed ray by ray, and the others' shifts, px [n]."""
         if self.every_ray:
-            return self._in_sight(spots, beam, timeline.y_mm)
+            return self._in_sight(spots, beam, timeline.y_mm), np.zeros(len(timeline))
         if self.light.scene.scan.pan_mm_per_s != 0.0:
             return self._needs_rays(spots, beam, timeline.y_mm)
         # A scanner that stands still sees the same at the same angle: one map serves all lines.
-        start, split = self._split_map()
-        knot = ((timeline.angle_rad - start) / _MAP_STEP).astype(np.int64)
-        knot = np.clip(knot, 0, len(split) - 2)
-        return split[knot] | split[knot + 1]
+        start, split, shift_px = self._split_map()
+        turned = (timeline.angle_rad - start) / _MAP_STEP
+        knot = np.clip(turned.astype(np.int64), 0, len(split) - 2)
+        near = shift_px[knot] + (shift_px[knot + 1] - shift_px[knot]) * (turned - knot)
+        return split[knot] | split[knot + 1], near
 
     def _in_sight(self, spots: Spots, beam: Floats, y_mm: Floats) -> Bools:
         """Return the lines of which some ray may be seen.
@@ -289,8 +291,8 @@ class Spotter:
             drawn &= spots.lit | ((enter <= leave) & (leave > 0.0))
         return drawn
 
-    def _split_map(self) -> tuple[float, Bools]:
-        """Return the first angle of the map, and at each of its angles whether rays are needed."""
+    def _split_map(self) -> tuple[float, Bools, Floats]:
+        """Return the map's first angle, and what ``_needs_rays`` gives at each of its angles."""
         light = self.light
         key = self.tolerance_px, self.active & {"truncation", "gloss", "falloff"}
         if key not in light.split_maps:
@@ -301,18 +303,21 @@ class Spotter:
             beam = np.stack([np.sin(angle), np.zeros(len(angle)), np.cos(angle)], axis=1)
             still = np.zeros(len(angle))
             spots = self._meet(np.zeros_like(beam), beam, still)
-            light.split_maps[key] = -half, self._needs_rays(spots, beam, still)
+            light.split_maps[key] = -half, *self._needs_rays(spots, beam, still)
         return light.split_maps[key]
 
-    def _needs_rays(self, spots: Spots, beam: Floats, y_mm: Floats) -> Bools:
-        """Return the lines whose spot a tangent plane does not describe.
+    def _needs_rays(self, spots: Spots, beam: Floats, y_mm: Floats) -> tuple[Bools, Floats]:
+        """Return the lines whose spot a tangent plane does not describe, and the others' shifts.
 
         Two rays three sigma either side of the axis tell: an edge or a shadow between them, beyond
-        which there is 0.1 % of a Gaussian beam's light; curvature, where the image's mean moves by
-        a ninth of their common deviation; or reflectance that changes across the spot.
+        which there is 0.1 % of a Gaussian beam's light; curvature, by which the image's mean moves
+        by a ninth of their common deviation; or reflectance that changes across the spot. Where
+        either of these two moves it by the tolerance at most, the spot on its plane is shifted by
+        as much, px [n].
         A cut beam's rings are looked after by ``_rings_need_rays``.
         """
         split = np.zeros(len(spots.lit), np.bool_)
+        shift_px = np.zeros(len(split))
         rows = np.flatnonzero(self._in_sight(spots, beam, y_mm))
         limit = self.tolerance_px
         origin, direction = self._offset_rays(spots, beam, rows, np.array([-_TEST, _TEST]))
@@ -322,22 +327,26 @@ class Spotter:
         edge = (seen != axis[:, None]).any(axis=1)
         other = (sides.target.reshape(-1, 2) != spots.target[rows, None]).any(axis=1)
         edge |= other & seen.any(axis=1)
-        with np.errstate(invalid="ignore"):
+        with np.errstate(invalid="ignore", divide="ignore"):
             place = sides.position_px.reshape(-1, 2)
             distance = np.where(spots.lit, spots.distance, 0.0)[rows]
             width = radius_mm(distance, self._laser)
-            step = np.abs(np.diff(place, axis=1)[:, 0])
-            sag = np.abs(place.mean(axis=1) - spots.position_px[rows]) / (2.0 * _TEST) ** 2
-            bent = sag > 0.5 * limit
-            bent |= np.abs(step - 2.0 * _TEST * width * np.abs(spots.px_per_mm[rows])) > 0.1 * step
+            step = np.diff(place, axis=1)[:, 0]
+            sag = (place.mean(axis=1) - spots.position_px[rows]) / (2.0 * _TEST) ** 2
+            size = np.abs(step)
+            bent = np.abs(size - 2.0 * _TEST * width * np.abs(spots.px_per_mm[rows])) > 0.1 * size
             light = sides.collected.reshape(-1, 2)
-            tilt = np.abs(np.diff(light, axis=1)[:, 0])
-            uneven = tilt * step > 2.0 * (2.0 * _TEST) ** 2 * limit * spots.collected[rows]
+            tilt = np.diff(light, axis=1)[:, 0] / spots.collected[rows]
+            lean = tilt * step / (4.0 * _TEST) ** 2
+            bent |= np.abs(sag) > limit
+            uneven = ~(np.abs(lean) <= limit)  # nor where the axis has no light
+        moved = sag + lean
+        shift_px[rows] = np.where(np.isfinite(moved), moved, 0.0)
         split[rows] = edge | ((axis | seen.any(axis=1)) & (bent | uneven))
         if self.cut is not None:
             rows = rows[~split[rows]]
             split[rows] = self._rings_need_rays(spots, beam, y_mm, rows)
-        return split
+        return split, np.where(split, 0.0, shift_px)
 
     def _rings_need_rays(self, spots: Spots, beam: Floats, y_mm: Floats, rows: Ints) -> Bools:
         """Return which of some lines have other surfaces in a cut beam's rings [m].
@@ -408,7 +417,7 @@ class Spotter:
                     place_px=here,
                     electrons=amount * part,
                     whole_e=amount,
-                    sigma_px=np.zeros(len(here)),
+                    sigma_px=0.5 * long,
                     radius_px=radius,
                     height_px=height,
                     speed_px=self._speed(speed),

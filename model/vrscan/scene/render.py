@@ -26,9 +26,16 @@ from vrscan.scene import bounce, image
 from vrscan.scene.beam import pulse_transform
 from vrscan.scene.effects import BESIDE, whole_lines
 from vrscan.scene.image import Singles
-from vrscan.scene.light import Light, Windows, chunks
+from vrscan.scene.light import Light, Windows
 from vrscan.scene.pieces import OUTER, Pieces, Spotter
-from vrscan.scene.sensor import Readout, bloom, expose_even, expose_pixels, readout
+from vrscan.scene.sensor import (
+    Readout,
+    bloom,
+    chunks,
+    expose_even,
+    expose_pixels,
+    readout,
+)
 from vrscan.scene.speckle import SHARP
 from vrscan.scene.spots import Spots
 from vrscan.scene.timeline import Timeline
@@ -320,7 +327,7 @@ class Renderer:
             return
         spread = pieces.sigma_px
         if pieces.parts_px is not None and pieces.share is not None and pieces.cell_px is not None:
-            spread = spread + 0.5 * pieces.cell_px.max(axis=1) / image.REACH
+            spread = 0.5 * pieces.cell_px.max(axis=1) / image.REACH
             used = np.where(pieces.share > 0.0, pieces.parts_px, pieces.place_px[:, None])
             spread = spread + np.abs(used - pieces.place_px[:, None]).max(axis=1) / image.REACH
         widths = image.window_width(spread, pieces.radius_px, pieces.speed_px, pieces.coma_px)
@@ -349,7 +356,7 @@ class Renderer:
         light = image.profiles(
             some.place_px - middle,
             width,
-            some.sigma_px,
+            some.sigma_px if spectrum is None else np.zeros(len(some)),
             # The disc of a ghost is its own.
             radius_px=some.radius_px if "defocus" in self.active or not some.speckled else None,
             height_ratio=some.height_px / np.maximum(some.radius_px, 1e-3),
@@ -378,7 +385,7 @@ class Renderer:
             with self._clock("grain"):
                 blur = speckle.blur(
                     start[:, None] + np.arange(kept) - some.place_px[:, None],
-                    some.sigma_px if some.parts_px is None else some.height_px,
+                    some.sigma_px,
                     some.height_px,
                     some.radius_px,
                     some.speed_px,
@@ -595,7 +602,8 @@ class Renderer:
         left = np.arange(len(at))
         while len(left):
             once = np.sort(np.unique(at[left], return_index=True)[1])  # of each line one piece
-            for part in chunks(left[once]):
+            for few in chunks(len(once), field.shape[1]):
+                part = left[once[few]]
                 field[at[part]] += whole[part, None] * weights[begin[part]]
             left = np.delete(left, once)
 
@@ -654,7 +662,7 @@ class Renderer:
             )
             for row, first, light in self._drawn(some, timeline):
                 _add(field, inside[row], first, light)
-        for part in chunks(np.arange(count)):
+        for part in chunks(count, length):
             field[part] += np.cumsum(steps.reshape(count, -1)[part], axis=1)[:, :length]
 
 

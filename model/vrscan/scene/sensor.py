@@ -263,7 +263,7 @@ def _count_table(mean_e: float, readout: Readout) -> Pixels:
     return _convert(_level_table(mean_e, readout).copy(), readout.top_count)
 
 
-def _chunks(rows: int, length: int) -> Iterator[slice]:
+def chunks(rows: int, length: int) -> Iterator[slice]:
     """Yield some lines after others, so many that they stay in the processor's cache."""
     step = max(1, _CHUNK // max(1, length))
     for first in range(0, rows, step):
@@ -297,11 +297,11 @@ def expose_even(
     counts = np.empty((rows, length), np.uint16)
     if offset_e is None:
         codes = _count_table(mean_e, readout)
-        for some in _chunks(rows, length):
+        for some in chunks(rows, length):
             codes.take(words[some], mode="wrap", out=counts[some])
         return counts
     table, shift = _level_table(mean_e, readout), offset_e * np.float32(readout.gain)
-    for some in _chunks(rows, length):
+    for some in chunks(rows, length):
         level = table.take(words[some], mode="wrap")
         level += shift
         counts[some] = _convert(level, readout.top_count)
@@ -336,7 +336,7 @@ def expose_pixels(
     rows, length = words.shape
     counts = np.empty((rows, length), np.uint16)
     shift = None if offset_e is None else offset_e * np.float32(readout.gain)
-    for some in _chunks(rows, length):
+    for some in chunks(rows, length):
         z = NORMAL.take(words[some], mode="wrap")
         level = _levels(z, np.asarray(mean_e[some], np.float32), readout)
         if shift is not None:
