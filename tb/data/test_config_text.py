@@ -28,6 +28,12 @@ def test_what_is_written_is_read_as_the_same(
         assert len({key in side for side in sides}) == 1, key
 
 
+@pytest.mark.parametrize("name", Config.model_fields)
+def test_every_value_has_a_meaning(name: str) -> None:
+    section = type(getattr(Config(), name))
+    assert [key for key, field in section.model_fields.items() if not field.description] == []
+
+
 def test_every_value_is_there_and_can_be_changed(tmp_path: Path) -> None:
     written = text(Config())
     for name, section in Config():
@@ -43,11 +49,11 @@ def test_ranges_and_units_are_those_that_are_checked() -> None:
     written = text(Config(sensor=Sensor(saturation_level=4000), peak=Peak(kappa=0.25)))
     for lines in (
         "# Bits of a pixel; >= 8, <= 16\npixel_width = 12\n",
-        "# mm; > 0\nbase_mm = 60.0\n",
+        "# Distance of lens and mirror; mm; > 0\nbase_mm = 60.0\n",
         "# Averaging of phase and amplitude; periods; 1 | 2 | 4 | 8 | 16\naveraging_periods = 2\n",
         "\nsaturation_level = 4000\n",
         "\nkappa = 0.25\n",
-        "\n# readout_min_us =\n",
+        "; us; >= 0\n# readout_min_us =\n",
     ):
         assert lines in written, lines
     assert max(map(len, re.findall(r"^# .*$", written, re.MULTILINE))) <= 400

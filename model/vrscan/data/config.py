@@ -99,8 +99,11 @@ class Peak(Section):
     """
 
     period: Literal["n", "n-1"] = "n"
+    """Whether the threshold is that of the line itself or of the line before it."""
     window: Literal["threshold", "two_pass", "fit"] = "fit"
+    """How the window around a spot is found, and whether a Gaussian is fitted from it."""
     noise: Literal["background", "row"] = "background"
+    """The spread that the threshold takes: of the pixels beside the spot, or of the whole row."""
     k_noise: float = Field(default=2.5, ge=0, lt=256)
     """Threshold above background / spread."""
     k_height: float = Field(default=0.02, ge=0, lt=1)
@@ -110,6 +113,7 @@ class Peak(Section):
     k_fit: float = Field(default=0.15, ge=0, lt=1)
     """The same before a fit."""
     snr_min: float = Field(default=8.0, ge=0, lt=256)
+    """Least S/N of a spot, below which it is flagged."""
     min_width: int = Field(default=3, ge=3, le=255)
     """Narrowest window, px."""
     max_width: int = Field(default=255, ge=3, le=255)
@@ -165,10 +169,15 @@ class Geometry(Section):
     """The triangle of base, camera and sensor, (2) to (5), and what C_obj promises of a point."""
 
     base_mm: Positive = 60.0
+    """Distance of lens and mirror."""
     bias_deg: float = Field(default=82.0, gt=0, lt=180)
+    """Angle of the lens's axis with the base."""
     offset_mm: float = 0.0
+    """Distance of the lens from the base, along z."""
     focal_mm: Positive = 25.0
+    """Distance from the lens to the sensor in (4)."""
     pitch_mm: Positive = 0.007
+    """Distance of two pixels."""
     centre_px: float = 1023.5
     """The optical axis; without it the middle of the sensor's line."""
     k1: float = 0.0
@@ -176,6 +185,7 @@ class Geometry(Section):
     k2: float = 0.0
     """Radial distortion, mm^-4."""
     distortion: Literal["odd", "even"] = "odd"
+    """Whether (5) moves both sides of the image outwards, or both one way."""
     tolerance: float = Field(default=0.001, gt=0, lt=2**-8)
     """C_obj is the probability that a point errs by less than this share of its z."""
     unit_mm: Annotated[Literal[1, 2, 4, 8], NUMBER] = 1
@@ -219,9 +229,11 @@ class Free(Section):
     """
 
     darkest: float = Field(default=0.02, gt=0, le=1)
+    """Least reflectance times cosine that is promised to be seen."""
     focus_mm: Positive = 420.0
     """Depth along the lens's axis that is in focus."""
     f_number: float = Field(default=3.0, ge=0.5, le=64)
+    """F number of the lens."""
     efficiency: float = Field(default=0.36, gt=0, le=1)
     """Electrons per photon at the lens, least."""
     spot_mm: Positive = 0.4
@@ -264,8 +276,11 @@ class Mirror(Section):
     reach_deg: float = Field(default=20.5, gt=0, lt=90)
     """Largest angle that a polygon scans to."""
     frequency_hz: float = Field(default=249.0, gt=0, le=10_000)
+    """Frequency of the mirror."""
     amplitude_deg: float = Field(default=20.5, gt=0, lt=90)
+    """Amplitude of the scan angle, which is twice the mirror's."""
     index_deg: float = Field(default=17.0, gt=-90, lt=90)
+    """Scan angle of the index mark."""
     harmonics: list[list[float]] = [
         [1.0, 0.0],
         [0.000638120, 2.8657650],
@@ -293,12 +308,14 @@ class Mirror(Section):
         [0.000087911, -90.1488955],
         [0.000073320, -100.6669357],
     ]
+    """Change of harmonics per turn of drive_phase."""
     drive_phase: float = Field(default=0.0654279, ge=0, lt=1)
     """Turns, where harmonics hold."""
 
     sweep_span_hz: float = Field(default=26.0, ge=0)
     """Height of the start above work."""
     sweep_hz_per_s: Positive = 40.0
+    """Rate of the sweep."""
     sweep_level: float = Field(default=0.999, gt=0, lt=1)
     """Level of the drive in the sweep."""
     duty: float = Field(default=0.5, ge=0, lt=1)
@@ -307,7 +324,9 @@ class Mirror(Section):
     level: float = Field(default=0.7, gt=0, lt=1)
     """Level of the drive: at first, and nominal."""
     level_min: float = Field(default=0.3, ge=0, lt=1)
+    """Least level of the drive at work."""
     level_max: float = Field(default=0.999, gt=0, lt=1)
+    """Largest level of the drive at work."""
     level_low: float = Field(default=0.62, ge=0, lt=1)
     """Below it the frequency steps."""
     level_high: float = Field(default=0.78, ge=0, lt=1)
@@ -334,10 +353,13 @@ class Mirror(Section):
     phase_limit_urad: Positive = 60.0
     """Largest error of the mirror's phase."""
     settle_periods: int = Field(default=16, ge=1, le=255)
+    """Good periods in a row until it is settled."""
     hold_periods: int = Field(default=4, ge=1, le=255)
     """Good periods to end an index fault."""
     settle_timeout_s: Positive = 5.0
+    """Longest time to settle, then the light goes off."""
     lost_timeout_s: Positive = 0.02
+    """Longest time without the index, then the light goes off."""
 
     oversample: Annotated[Literal[1, 2, 4, 8], NUMBER] = 4
     """Samples per clock of the index inputs."""
@@ -432,8 +454,11 @@ class Line(Section):
     lines_per_period: float | None = Field(default=None, ge=1, lt=4096)
     """Without it 150.1, or what rate_hz makes it."""
     rate_hz: float = Field(default=LINES_PER_PERIOD * 249.0, gt=0, le=1_000_000)
+    """Lines per second."""
     pulse_us: float = Field(default=1.0, gt=0, le=1_000)
+    """Length of the laser's pulse."""
     pulse_delay_us: float = Field(default=0.0, ge=0)
+    """Time from the line's start to the pulse."""
 
     @model_validator(mode="after")
     def _fits(self) -> "Line":
@@ -466,7 +491,9 @@ class Sensor(Section):
     """A readout belongs to the exposure behind whose end so many others have ended. It begins so
     long behind that end; without times anywhere between those of this lag and the next one."""
     readout_min_us: float | None = Field(default=None, ge=0)
+    """Shortest time from an exposure's end to its readout."""
     readout_max_us: float | None = Field(default=None, ge=0)
+    """The longest one."""
     readout_stale: bool = False
     """Whether exposures start the readouts, so that the first ones of a start are of old lines."""
 
@@ -507,6 +534,7 @@ class Laser(Section):
     """Power of the laser at power_max."""
 
     adapt: bool = True
+    """Whether the power follows the peaks."""
     shared: bool = True
     """One power for both directions of the scan."""
     power_mw: float = Field(default=5.0, ge=0)
@@ -514,6 +542,7 @@ class Laser(Section):
     min_mw: float = Field(default=0.18, ge=0)
     """Least adapted power: rated_mw / 273."""
     max_mw: float = Field(default=50.0, ge=0)
+    """Largest adapted power."""
     startup_mw: float = Field(default=1.0, ge=0)
     """Power of the start-up channel, for the index."""
     target: float = Field(default=0.5, ge=0, lt=1)
@@ -530,9 +559,13 @@ class Laser(Section):
     """Lit in RUN so far before the mark."""
 
     limit_power_mw: float = Field(default=50.0, ge=0)
+    """Limit of a pulse's power."""
     limit_startup_mw: float = Field(default=1.0, ge=0)
+    """Limit of the start-up channel's power."""
     limit_pulse_us: float = Field(default=2.0, ge=0)
+    """Limit of a pulse's length."""
     limit_average_mw: float = Field(default=2.5, ge=0)
+    """Limit of the mean power."""
     limit_burst_uj: float = Field(default=1.0, ge=0)
     """Energy beyond the average, at once."""
     watchdog_s: Positive = 0.5
@@ -552,6 +585,7 @@ class Focus(Section):
     """
 
     mode: Literal["off", "manual", "automatic"] = "off"
+    """Whether the lens stands, follows manual_mm, or follows the points."""
     manual_mm: Positive = 500.0
     """Z in focus in the mode manual."""
     near_mm: Positive = 240.0
@@ -618,6 +652,7 @@ class Clock(Section):
     """The FPGA's clock."""
 
     frequency_hz: float = Field(default=125e6, ge=1e6, le=1e9)
+    """Frequency of the core."""
 
 
 class Mems(Section):
@@ -627,10 +662,13 @@ class Mems(Section):
     """
 
     natural_hz: Positive = 248.5
+    """Its natural frequency."""
     quality: Positive = 200.0
+    """Its quality factor."""
     torque: Positive = 8.52e4
     """S^-2, at a drive level of 0.7."""
     comb_deg: Positive = 8.52
+    """Scan angle over which its comb drive pulls."""
     asymmetry: float = 2e-7
     """Constant torque over natural angular frequency squared, rad."""
     diode_deg: Positive = 1.0
