@@ -21,12 +21,13 @@ from vrscan.data.errors import InputError
 from vrscan.scene import tolerances
 
 LEAST_DISTANCES = 3
-POINTS = 1500  # largest number of points of a scan that least squares takes
 SIMPLEX_POINTS = 200  # the same of the simplex search, which evaluates more often
 SPECKLE_PX = 0.1  # error of a position beside its sigma: grain and shape of the spot
 DISAGREES = 4.0  # rms residual of a scan over the median of all from which it is refused
 SHARE_OF_RELIEF = 0.5  # least share of the stated amplitude that the points show
 ROUGH = 1.5  # tolerances of the start over those of the instrument
+# What the chain sees of a relief's amplitude beyond the stated one: the mean over a spot is less.
+SEEN = Parameter("seen_mm", "mm", 0.0, 0.05)
 
 
 @dataclass(frozen=True)
@@ -104,26 +105,25 @@ def configured(config: Config, wanted: Sequence[Parameter], values: Floats) -> C
     )
 
 
-def errors(recording: Recording, config: Config) -> Floats:
-    """Return the errors in z of a scan's points, mm [n], with a configuration."""
-    mirror = config.mirror
-    angle = angles(recording, math.radians(mirror.index_deg), mirror.harmonics)
-    x, z = located(recording, config, angle)
-    return np.asarray(z - recording.setup.z(x))
-
-
-def overlaid(recording: Recording, errors_mm: Floats, places: int = 1501) -> Floats:
-    """Return the mean errors of the points that were taken at one place of the mirror's period.
+def errors(recording: Recording, config: Config, seen_mm: float = 0.0) -> Floats:
+    """Return the errors in z of a scan's points, mm [n], with a configuration.
 
     Args:
-        recording: The scan of a surface that stood still.
-        errors_mm: Error of each point [n].
-        places: Number of places; the paper's 150.1 lines a period have 1,501.
+        recording: The scan.
+        config: The configuration.
+        seen_mm: What is seen of a relief's amplitude beyond the stated one.
     """
-    place = np.floor(recording.phase % 1.0 * places).astype(np.int64)
-    count = np.bincount(place, minlength=places)
-    total = np.bincount(place, errors_mm, minlength=places)
-    return np.asarray((total / np.maximum(count, 1))[count > 0])
+    mirror = config.mirror
+    angle = angles(recording, math.radians(mirror.index_deg), mirror.harmonics)
+    return missed(recording, located(recording, config, angle), seen_mm)
+
+
+def missed(recording: Recording, points_mm: tuple[Floats, Floats], seen_mm: float) -> Floats:
+    """Return by how much points, x and z, miss the surface in z, mm [n]."""
+    x, z = points_mm
+    setup = recording.setup
+    wave = seen_mm * setup.wave(x) if setup.kind == "relief" else 0.0
+    return np.asarray(z - setup.z(x) - wave)
 
 
 def calibrate(
@@ -143,17 +143,17 @@ def calibrate(
     """
     _check(recordings, config)
     wanted = parameters(config)
-    thin = [each.thinned(POINTS) for each in recordings]
-    weight = [
-        px_per_mm(each, config) / np.hypot(each.sigma_px, SPECKLE_PX) for each in thin
-    ]  # fmt: skip
+    free = [*wanted, SEEN]
+    folded = [each.folded() for each in recordings]
+    weight = [px_per_mm(each, config) / np.hypot(each.sigma_px, SPECKLE_PX) for each in folded]
 
     def residuals(values: Floats) -> Floats:
-        own = configured(config, wanted, values)
-        return np.concatenate([w * errors(r, own) for w, r in zip(weight, thin, strict=True)])
+        own, seen = configured(config, wanted, values[:-1]), float(values[-1])
+        each = (w * errors(r, own, seen) for w, r in zip(weight, folded, strict=True))
+        return np.concatenate(list(each))
 
-    fit = least_squares(residuals, wanted, repeats=_repeats(thin[0]))
-    own = configured(config, wanted, fit.values)
+    fit = least_squares(residuals, free)
+    own = configured(config, wanted, fit.values[:-1])
     _agree(recordings, own)
     few = [each.thinned(SIMPLEX_POINTS) for each in recordings]
 
@@ -180,13 +180,8 @@ def calibrate(
 def mean_mm(recordings: Sequence[Recording], config: Config) -> float:
     """Return the mean absolute error in z of the overlaid periods, over all scans, mm."""
     return float(
-        np.mean([np.mean(np.abs(overlaid(each, errors(each, config)))) for each in recordings])
+        np.mean([np.mean(np.abs(each.overlaid(errors(each, config)))) for each in recordings])
     )
-
-
-def _repeats(recording: Recording) -> float:
-    """Return how often a place of the period was taken."""
-    return max(1.0, len(recording) / len(overlaid(recording, recording.z_mm)))
 
 
 def _check(recordings: Sequence[Recording], config: Config) -> None:

@@ -1,26 +1,29 @@
 """The mirror's calibration of VR-SCAN V-B: a plane at several operating points.
 
-Only the mirror's parameters are fitted: the angle of the index mark, and harmonics that are
-straight lines over the drive's phase, in the form that the chain's ``motion_map`` takes. Because
-amplitude and phase are measured with one table at every operating point, the first harmonic has
-slopes too. The geometry is that of the coarse calibration. A polygon has one operating point, and
-the angle of its diode is fitted.
+The mirror's parameters are fitted: the angle of the index mark, and harmonics that are straight
+lines over the drive's phase, in the form that the chain's ``motion_map`` takes. Because amplitude
+and phase are measured with one table at every operating point, the first harmonic has slopes too.
+The geometry is that of the coarse calibration; with the reliefs that it came from it is fitted
+again, together with the mirror, because its errors would else go into the index mark. A polygon has
+one operating point, and the angle of its diode is fitted.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from vrscan.calibrate.coarse import (
+    SEEN,
     SPECKLE_PX,
     check_stage,
     configured,
     harmonic_parameters,
     index_parameter,
-    overlaid,
+    missed,
 )
+from vrscan.calibrate.coarse import parameters as coarse_parameters
 from vrscan.calibrate.recording import Recording, angles, located, px_per_mm
 from vrscan.calibrate.solve import Fit, Parameter, least_squares
 from vrscan.data.arrays import Floats
@@ -28,7 +31,6 @@ from vrscan.data.config import FEWEST_HARMONICS, HARMONICS, Config
 from vrscan.data.errors import InputError
 from vrscan.ideal.natural_frequency import natural_frequency
 
-POINTS = 1500  # largest number of points of a scan that the fit takes
 LEAST_PHASES = 2  # operating points that a straight line needs
 LEAST_DISTANCES = 2  # distances that tell an angle's scale from the triangle's
 _SLOPE_TOLERANCE = 0.3  # of a slope, relative, and of what the first harmonic's may be
@@ -66,27 +68,25 @@ def scan_angles(recording: Recording, config: Config) -> Floats:
     mirror = config.mirror
     phase = recording.setup.drive_phase
     away = 0.0 if phase is None else (phase - mirror.drive_phase + 0.5) % 1.0 - 0.5
-    setup = recording.setup.model_copy(update={"drive_phase": away})
-    return angles(
-        replace(recording, setup=setup),
-        math.radians(mirror.index_deg),
-        mirror.harmonics,
-        np.array(mirror.slopes),
-    )
+    moved = away * np.array(mirror.slopes)
+    return angles(recording, math.radians(mirror.index_deg), mirror.harmonics, moved)
 
 
-def errors(recording: Recording, config: Config) -> Floats:
-    """Return the errors in z of a scan's points, mm [n]."""
-    x, z = located(recording, config, scan_angles(recording, config))
-    return np.asarray(z - recording.setup.z(x))
+def errors(recording: Recording, config: Config, seen_mm: float = 0.0) -> Floats:
+    """Return the errors in z of a scan's points, mm [n], as ``coarse.errors``."""
+    points = located(recording, config, scan_angles(recording, config))
+    return missed(recording, points, seen_mm)
 
 
-def calibrate(recordings: Sequence[Recording], config: Config) -> MirrorMap:
+def calibrate(
+    recordings: Sequence[Recording], config: Config, reliefs: Sequence[Recording] = ()
+) -> MirrorMap:
     """Return the mirror's parameters from planes at known distances and several operating points.
 
     Args:
         recordings: The scans; those of an operating point in the order of the stage's positions.
         config: The coarse calibration.
+        reliefs: Its scans, where the geometry is to be fitted again.
 
     Raises:
         InputError: if there are too few operating points or distances, a scan has no drive phase or
@@ -110,19 +110,24 @@ def calibrate(recordings: Sequence[Recording], config: Config) -> MirrorMap:
             )
         check_stage(group)
     wanted = parameters(config)
-    thin = [each.thinned(POINTS) for each in recordings]
-    weight = [px_per_mm(each, config) / np.hypot(each.sigma_px, SPECKLE_PX) for each in thin]
+    if reliefs:
+        mirrors = {each.name for each in wanted}
+        wanted += [each for each in coarse_parameters(config) if each.name not in mirrors]
+    free = [*wanted, SEEN] if reliefs else wanted
+    folded = [each.folded() for each in (*recordings, *reliefs)]
+    weight = [px_per_mm(each, config) / np.hypot(each.sigma_px, SPECKLE_PX) for each in folded]
 
     def residuals(values: Floats) -> Floats:
-        own = configured(config, wanted, values)
-        return np.concatenate([w * errors(r, own) for w, r in zip(weight, thin, strict=True)])
+        own = configured(config, wanted, values[: len(wanted)])
+        seen = float(values[-1]) if reliefs else 0.0
+        each = (w * errors(r, own, seen) for w, r in zip(weight, folded, strict=True))
+        return np.concatenate(list(each))
 
-    repeats = max(1.0, len(thin[0]) / len(overlaid(thin[0], thin[0].z_mm)))
-    fit = least_squares(residuals, wanted, repeats=repeats)
-    own = configured(config, wanted, fit.values)
+    fit = least_squares(residuals, free)
+    own = configured(config, wanted, fit.values[: len(wanted)])
 
     def mean(of: Config) -> float:
-        left = [np.mean(np.abs(overlaid(each, errors(each, of)))) for each in recordings]
+        left = [np.mean(np.abs(each.overlaid(errors(each, of)))) for each in recordings]
         return float(np.mean(left))
 
     natural = {

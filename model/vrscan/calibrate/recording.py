@@ -10,7 +10,7 @@ import zipfile
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import BinaryIO, Literal
+from typing import Any, BinaryIO, Literal
 
 import numpy as np
 from pydantic import Field
@@ -29,6 +29,7 @@ LEFT_OUT = ("AT_EDGE", "SATURATED", "RIVAL", "MIXED", "NOT_RUNNING", "INDEX_FAUL
 # So near to the sensor's end a spot lacks a part of its flank, and its position is biased.
 EDGE_PX = 16.0
 LEAST_POINTS = 200
+PLACES = 1501  # of a mirror's period; the paper's 150.1 lines a period come back to as many
 LEAST_PAIRS = 2
 _SETUP = "setup"  # what a recording calls the note of the setup
 _COLUMNS = ("line", "time_s", "position_px", "sigma_px", "angle_rad", "x_mm", "z_mm")
@@ -48,7 +49,11 @@ class Setup(Section):
 
     def z(self, x_mm: Floats) -> Floats:
         """Return the surface's z at x, mm, of the shape of ``x_mm``."""
-        return self.z_mm + self.amplitude_mm * np.sin(2.0 * np.pi * x_mm / self.period_mm)
+        return self.z_mm + self.amplitude_mm * self.wave(x_mm)
+
+    def wave(self, x_mm: Floats) -> Floats:
+        """Return the relief's sine at x, of an amplitude of 1."""
+        return np.asarray(np.sin(2.0 * np.pi * x_mm / self.period_mm))
 
 
 @dataclass(frozen=True)
@@ -112,32 +117,53 @@ class Recording:
         """Return some of the points, with all crossings."""
         return replace(
             self,
-            **{
-                name: getattr(self, name)[rows]
-                for name in ("line", "time_s", "position_px", "sigma_px", *_COLUMNS[4:])
-            },
+            **{name: getattr(self, name)[rows] for name in _COLUMNS},
         )
 
     def thinned(self, most: int) -> "Recording":
         """Return at most so many points, evenly over the scan."""
         return self.of(slice(None, None, -(-len(self) // most)))
 
+    def overlaid(self, values: Floats) -> Floats:
+        """Return the means of a value of each point over the places of the period that have any."""
+        place, count = self._places()
+        return np.asarray((np.bincount(place, values, PLACES) / np.maximum(count, 1))[count > 0])
+
+    def folded(self) -> "Recording":
+        """Return the means of the points at each place of the period, in place of the points.
+
+        Places of which the scan has less than half of the usual number of points are left out.
+        """
+        _, count = self._places()
+        count = count[count > 0]
+        kept = 2 * count >= np.median(count)
+        means: dict[str, Any] = {
+            name: self.overlaid(getattr(self, name))[kept] for name in _COLUMNS
+        }
+        made = replace(self, **means)
+        made.__dict__["phase"] = self.overlaid(self.phase % 1.0)[kept]
+        return made
+
+    def _places(self) -> tuple[Ints, Ints]:
+        """Return the place of each point in the mirror's period, and the points of each place."""
+        place = np.floor(self.phase % 1.0 * PLACES).astype(np.int64)
+        return place, np.bincount(place, minlength=PLACES)
+
 
 def angles(
-    recording: Recording, mark_rad: float, harmonics: Harmonics, slopes: Floats | None = None
+    recording: Recording, mark_rad: float, harmonics: Harmonics, moved: Floats | None = None
 ) -> Floats:
     """Return the scan angle of each point, (12), from the index alone, rad [n].
 
     Amplitude and phase come from the crossings and ``harmonics``, as the instrument's table gives
-    them; where there are slopes and the drive's phase ``away`` is known, the motion is that of
-    ``harmonics + away slopes``, as ``motion_map`` has it. The angle of a polygon is a straight line
-    from the mark on.
+    them; where the drive is elsewhere, the motion is that of ``harmonics + moved``, as
+    ``motion_map`` has it. The angle of a polygon is a straight line from the mark on.
 
     Args:
-        recording: The scan; its ``setup.drive_phase`` counts from that of ``harmonics``.
+        recording: The scan.
         mark_rad: Angle of the index mark.
         harmonics: Pairs [a_k, phi_k], rad.
-        slopes: Their change per turn of the drive's phase.
+        moved: Their change by the drive's phase, or None.
     """
     if recording.setup.facets:
         facet = 4.0 * math.pi / recording.setup.facets
@@ -146,8 +172,8 @@ def angles(
         return np.asarray(facet * (0.5 - phase % 1.0))
     size, middle = crossings(np.array([recording.half]), mark_rad, harmonics)
     rows = np.asarray(harmonics, np.float64)
-    if slopes is not None and recording.setup.drive_phase is not None:
-        rows = rows + recording.setup.drive_phase * slopes
+    if moved is not None:
+        rows = rows + moved
     shape, _ = series(recording.phase + middle[0], rows.tolist())
     return np.asarray(float(size[0]) * shape)
 

@@ -55,9 +55,7 @@ class Fit:
         return sorted(pairs, key=lambda pair: -abs(pair[2]))
 
 
-def least_squares(
-    residuals: Callable[[Floats], Floats], parameters: Sequence[Parameter], *, repeats: float = 1.0
-) -> Fit:
+def least_squares(residuals: Callable[[Floats], Floats], parameters: Sequence[Parameter]) -> Fit:
     """Return the parameters of the least sum of a robust loss, and what is known of them.
 
     A parameter whose standard deviation, with all others free, is larger than its tolerance is not
@@ -68,7 +66,6 @@ def least_squares(
         residuals: Function of the parameters' values [n], which returns residuals in units of their
             standard deviation [m].
         parameters: The n parameters.
-        repeats: Number of residuals that share one error, such as that of speckle at one place.
     """
     from scipy.optimize import least_squares as solve
 
@@ -93,12 +90,12 @@ def least_squares(
         at[free] = found.x
         # Without the worst one the others may well be observed, so they go one at a time.
         jacobian, left = found.jac, np.flatnonzero(free)
-        covariance, deviation = _covariance(jacobian, found.fun, repeats)
+        covariance, deviation = _covariance(jacobian, found.fun)
         while len(left) and deviation.max() > 1.0:
             worst = int(np.argmax(deviation))
             free[left[worst]], at[left[worst]] = False, 0.0
             jacobian, left = np.delete(jacobian, worst, axis=1), np.delete(left, worst)
-            covariance, deviation = _covariance(jacobian, found.fun, repeats)
+            covariance, deviation = _covariance(jacobian, found.fun)
         if jacobian.shape == found.jac.shape or not len(left):
             break
     sigma = scale.copy()
@@ -118,7 +115,7 @@ def least_squares(
     )
 
 
-def _covariance(jacobian: Floats, residual: Floats, repeats: float) -> tuple[Floats, Floats]:
+def _covariance(jacobian: Floats, residual: Floats) -> tuple[Floats, Floats]:
     """Return the covariance [n, n], and the standard deviations [n], infinite where unknown."""
     count = jacobian.shape[1]
     if count == 0:
@@ -127,7 +124,7 @@ def _covariance(jacobian: Floats, residual: Floats, repeats: float) -> tuple[Flo
     kept = singular > 1e-10 * singular[0]
     inverse = np.where(kept, 1.0 / np.where(kept, singular, 1.0), 0.0)
     scatter = 1.4826 * float(np.median(np.abs(residual)))
-    covariance = (rows.T * np.square(inverse)) @ rows * scatter**2 * repeats
+    covariance = (rows.T * np.square(inverse)) @ rows * scatter**2
     lost = np.abs(rows[~kept]).max(axis=0, initial=0.0) > 1e-6
     return np.asarray(covariance), np.where(lost, np.inf, np.sqrt(np.diag(covariance)))
 

@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vrscan.calibrate.coarse import overlaid
 from vrscan.calibrate.mirror_map import scan_angles
 from vrscan.calibrate.recording import Recording, located
 from vrscan.data.arrays import Floats
@@ -62,7 +61,7 @@ def verified(recording: Recording, config: Config, maps: FieldMaps | None) -> Ve
         focus_mm=recording.setup.focus_mm,
         count=len(recording),
         mean_mm=float(np.mean(error)),
-        overlaid_mm=float(np.mean(np.abs(overlaid(recording, error)))),
+        overlaid_mm=float(np.mean(np.abs(recording.overlaid(error)))),
         plane_percent=100.0 * float(np.max(np.abs(cells))) / distance,
         points_percent=100.0 * float(np.sqrt(np.mean(np.square(error)))) / distance,
         width_mm=float(np.ptp(x)),

@@ -37,8 +37,10 @@ from vrscan.scene.timeline import timeline
 from vrscan.scene.tolerances import Instrument, drawn, written
 
 FRAMES = 10_000  # lines of a scan, as in the paper: 66 periods
-RELIEF_MM = (320.0, 340.0, 360.0, 380.0, 400.0, 420.0)  # distances of the coarse calibration
+RELIEF_MM = tuple(320.0 + 5.0 * k for k in range(21))  # distances of the coarse calibration
 RELIEF_FOCUS_MM = 360.0
+# The stage's motion along y in the scans of the steps: else the speckle of a place comes again.
+STAGE_MM_PER_S = 15.0
 MIRROR_MM = (320.0, 370.0, 420.0)  # distances of the plane at each operating point
 MIRROR_LEVELS = (0.62, 0.70, 0.78)  # of the drive: the middle and the ends of the loop's band
 DRIFTED_LEVELS = (0.64, 0.66, 0.74, 0.76)  # where the loop may rest after a drift
@@ -304,6 +306,10 @@ class Experiment:
         seed, instrument = 1000 * self.seed + number, own or self.instrument
         return Scan(name, setup, instrument, seed, self.frames, self.belief, self.engine)
 
+    def _moved(self, name: str, number: int, setup: Setup, own: Instrument | None = None) -> Scan:
+        """Return a scan during which the stage moves along y."""
+        return replace(self._scan(name, number, setup, own), pan_mm_per_s=STAGE_MM_PER_S)
+
     def _setup(self, kind: str, z_mm: float, focus_mm: float, **other: float) -> Setup:
         frequency = self.belief.mirror.frequency_hz
         values = {"kind": kind, "z_mm": z_mm, "focus_mm": focus_mm, "frequency_hz": frequency}
@@ -313,7 +319,7 @@ class Experiment:
         """Return the scans of step 1."""
         sine = {"amplitude_mm": 5.0, "period_mm": 40.0}
         return [
-            self._scan(f"relief-{z:g}", k, self._setup("relief", z, RELIEF_FOCUS_MM, **sine))
+            self._moved(f"relief-{z:g}", k, self._setup("relief", z, RELIEF_FOCUS_MM, **sine))
             for k, z in enumerate(RELIEF_MM)
         ]
 
@@ -326,7 +332,7 @@ class Experiment:
                 setup = self._setup("plane", z, RELIEF_FOCUS_MM, drive_phase=point.drive_phase)
                 name = f"mirror-{point.level:.2f}-{z:g}"
                 own = at(self.instrument, point)
-                found.append(self._scan(name, 100 + 10 * k + j, setup, own))
+                found.append(self._moved(name, 100 + 10 * k + j, setup, own))
         return found
 
     @property
@@ -349,7 +355,7 @@ class Experiment:
             }
             for j, z in enumerate(sorted(distances)):
                 setup = self._setup("plane", z, focus)
-                found.append(self._scan(f"map-{k}-{z:g}", 200 + 10 * k + j, setup))
+                found.append(self._moved(f"map-{k}-{z:g}", 200 + 10 * k + j, setup))
         return found
 
     def focus_mm(self, z_mm: float) -> float:
@@ -491,13 +497,13 @@ def run(plan: Experiment, bar: Bar) -> dict[str, object]:
         with atomic_file(folder / name) as file:
             file.write(results.configuration(config, notes).encode())
 
-    made, notes = taken("1. relief", plan.coarse_scans())
-    first = coarse.calibrate(made, plan.belief)
+    reliefs, notes = taken("1. relief", plan.coarse_scans())
+    first = coarse.calibrate(reliefs, plan.belief)
     notes |= {"mean_mm": first.mean_mm} | results.fitted(first.fit)
     kept("coarse.toml", first.config, notes)
 
     made, notes = taken("2. mirror", plan.mirror_scans())
-    second = mirror_map.calibrate(made, first.config)
+    second = mirror_map.calibrate(made, first.config, reliefs)
     notes |= {"mean_mm": second.after_mm} | results.fitted(second.fit)
     kept("mirror.toml", second.config, notes)
 
@@ -594,11 +600,11 @@ def _scored(first: coarse.Coarse, true: Config) -> list[dict[str, object]]:
             "simplex": float(other),
         }
         for each, wanted, value, sigma, seen, other in zip(
-            first.fit.parameters,
+            first.fit.parameters[: len(right)],
             right,
-            first.fit.values,
-            first.fit.sigma,
-            first.fit.observed,
+            first.fit.values[: len(right)],
+            first.fit.sigma[: len(right)],
+            first.fit.observed[: len(right)],
             first.simplex_values,
             strict=True,
         )
