@@ -22,7 +22,7 @@ from synthetic import plane, relief, scanned
 from test_link_commands import TestBoard
 from typer.testing import CliRunner
 
-from vrscan.calibrate import coarse, mirror_map, recording
+from vrscan.calibrate import recording
 from vrscan.calibrate.recording import Setup
 from vrscan.cli import view_commands
 from vrscan.cli.app import app
@@ -117,8 +117,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "scripts").symlink_to(ROOT / "scripts")
     monkeypatch.setenv("VRSCAN_PORT", PORT)
     monkeypatch.setattr(selftest, "LINES", 10)  # of each run
-    for steps in (coarse, mirror_map):
-        monkeypatch.setattr(steps, "POINTS", 60)  # of each scan
+    monkeypatch.setattr(recording, "PLACES", 300)  # of each scan
     polls = iter([None, None])
     monkeypatch.setattr(
         view_commands,

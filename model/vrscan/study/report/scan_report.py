@@ -283,7 +283,7 @@ def _draw_line(
     )
     axes.set_xlim(first, last - 1)
     axes.set_title(f"Line {number} with its window")
-    axes.legend(loc="upper right")
+    axes.legend(loc="upper left" if last == len(line) else "upper right")  # the spot is that far
 
 
 def _draw_brightest(axes: Axes, pixels: Callable[[int], Pixels], result: Table) -> None:
