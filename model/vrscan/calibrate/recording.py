@@ -132,8 +132,12 @@ class Recording:
     def folded(self) -> "Recording":
         """Return the means of the points at each place of the period, in place of the points.
 
-        Places of which the scan has less than half of the usual number of points are left out.
+        Places of which the scan has less than half of the usual number of points are left out. The
+        points of a polygon stay as they are: each facet has an error of its own, and no place comes
+        again with the next one.
         """
+        if self.setup.facets:
+            return self
         _, count = self._places()
         count = count[count > 0]
         kept = 2 * count >= np.median(count)
