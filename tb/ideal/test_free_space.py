@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scanners import EACH_SCANNER, SCANNERS
 
 from vrscan.data.config import Config, Free, Geometry, Sensor
 from vrscan.ideal.free_space import reach, response, visible
@@ -11,7 +12,7 @@ from vrscan.ideal.geometry import project
 
 DEGREE = np.pi / 180.0
 GEOMETRIES = {
-    "shipped": Config(),
+    **SCANNERS,
     "bare": Config(free=Free(edge_px=0.0, far_mm=2047.0)),
     "barrel": Config(geometry=Geometry(k1=2e-3, k2=-1e-5)),
     "cushion": Config(geometry=Geometry(k1=-1.5e-3, centre_px=900.0)),
@@ -52,13 +53,15 @@ def test_a_lens_that_folds_the_image_frees_nothing() -> None:
     assert np.all(near > far)
 
 
-def test_the_response_is_the_light_on_a_pixel() -> None:
+@EACH_SCANNER
+def test_the_response_is_the_light_on_a_pixel(config: Config) -> None:
     """Against photons followed through the lens: rays from the surface to points of the pupil."""
-    config = Config(free=Free(spot_mm=0.01, efficiency=1.0))
+    own = config.free.model_copy(update={"spot_mm": 0.01, "efficiency": 1.0})
+    config = config.model_copy(update={"free": own})
     geometry, free = config.geometry, config.free
     rng = np.random.default_rng(4)
-    for z, degrees in ((300.0, 0.0), (700.0, -10.0), (1200.0, 5.0)):
-        angle = degrees * DEGREE
+    for share, degrees in ((0.7, 0.0), (1.7, -10.0), (2.9, 5.0)):  # all of them out of focus
+        z, angle = share * free.focus_mm, degrees * DEGREE
         axis = np.array([-math.cos(geometry.bias_rad), 0.0, math.sin(geometry.bias_rad)])
         side = np.array([math.sin(geometry.bias_rad), 0.0, math.cos(geometry.bias_rad)])
         up = np.array([0.0, 1.0, 0.0])
@@ -96,8 +99,8 @@ def test_the_response_is_the_light_on_a_pixel() -> None:
         assert got == pytest.approx(want, rel=0.04)
 
 
-def test_the_reach_is_where_the_darkest_surface_is_bright_enough() -> None:
-    config = Config()
+@EACH_SCANNER
+def test_the_reach_is_where_the_darkest_surface_is_bright_enough(config: Config) -> None:
     angles = np.linspace(-0.3, 0.3, 7)
     ratio = np.array([100.0, 1e4, 1e5, 1e7])
     near, far = reach(ratio, angles, config)

@@ -5,13 +5,16 @@ import math
 import numpy as np
 import pytest
 from harness import generator
+from scanners import SCANNERS, resonant
 from scipy.optimize import brentq
 
-from vrscan.data.config import HARMONICS, Config
+from vrscan.data.config import HARMONICS
 from vrscan.ideal.motion import crossings, half_turn_residual, motion
 
 LARGE = [[1.0, 0.0], [0.03, 2.0], [0.01, -1.3], [4e-3, 0.7], [2e-3, 3.0], [1e-3, -1.1]]
-SHIPPED = Config().mirror.harmonics
+MOTIONS = {"large": LARGE} | {
+    name: config.mirror.harmonics for name, config in SCANNERS.items() if resonant(config)
+}
 
 
 def test_motion_is_the_series() -> None:
@@ -62,7 +65,7 @@ def test_each_harmonic_has_its_order(n: int) -> None:
     )
 
 
-@pytest.mark.parametrize("harmonics", [SHIPPED, LARGE], ids=["shipped", "large"])
+@pytest.mark.parametrize("harmonics", MOTIONS.values(), ids=MOTIONS)
 @pytest.mark.parametrize("mark_deg", [17.0, -17.0, 3.0])
 def test_crossings_are_those_of_the_motion(harmonics: list[list[float]], mark_deg: float) -> None:
     """From amplitude to crossings by bracketing, and back by crossings()."""

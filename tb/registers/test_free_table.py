@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from scanners import EACH_SCANNER, SCANNERS
 
 from vrscan.data import pkg
-from vrscan.data.config import Config, Free, Geometry, Laser, Peak
+from vrscan.data.config import Config, Free, Geometry
 from vrscan.fixed.free_interval import free_interval
 from vrscan.ideal.free_space import free_interval as exact_interval
 from vrscan.ideal.free_space import response
@@ -15,7 +16,7 @@ from vrscan.registers.chain_registers import Registers
 from vrscan.registers.free_table import HALF, level_ratios
 
 CONFIGS = {
-    "shipped": Config(),
+    **SCANNERS,
     "barrel": Config(geometry=Geometry(k1=2e-3, k2=-1e-5)),
     "cushion": Config(geometry=Geometry(k1=-1.5e-3, centre_px=900.0), free=Free(edge_px=20.0)),
     "printed": Config(geometry=Geometry(k1=1e-3, distortion="even")),
@@ -35,6 +36,11 @@ def words(config: Config, count: int, salt: int) -> tuple[np.ndarray, np.ndarray
     angle = draw.integers(-int(half), int(half), count)
     power = draw.integers(0, config.laser.power_max + 1, count)
     return angle, power, (10.0 ** draw.uniform(2.5, 6, count)).astype(np.int64)
+
+
+def noise_step(config: Config) -> float:
+    """Return what a step of a noise is, counts: full scale is 2**24 for every pixel width."""
+    return 2.0 ** (config.sensor.pixel_width - pkg.COUNT_WIDTH)
 
 
 def table_interval(
@@ -73,11 +79,11 @@ def test_both_ends_are_seen_and_bright_enough(name: str) -> None:
         assert np.all((place >= edge) & (place <= last - edge))
         electrons = response(z, radians, config) * config.free.darkest * power[rows]
         counts = electrons * config.peak.kappa / config.laser.power_max
-        snr = counts / (noise[rows] / 2.0**12)
+        snr = counts / (noise[rows] * noise_step(config))
         assert snr.min() >= 0.995 * config.peak.snr_min
 
 
-@pytest.mark.parametrize("name", ["shipped", "barrel", "turned"])
+@pytest.mark.parametrize("name", [*SCANNERS, "barrel", "turned"])
 def test_little_of_the_exact_interval_is_lost(name: str) -> None:
     """Straight lines and steps of an eighth of an octave cost a tenth of the length at most."""
     config = CONFIGS[name]
@@ -85,7 +91,7 @@ def test_little_of_the_exact_interval_is_lost(name: str) -> None:
     least, largest = table_interval(config, angle, power, noise)
     radians = angle * 2.0 * np.pi / 2**pkg.ANGLE_WIDTH
     inside = np.abs(radians) < math.radians(config.mirror.amplitude_deg)
-    near, far = exact_interval(radians, power, noise / 2.0**12, config)
+    near, far = exact_interval(radians, power, noise * noise_step(config), config)
     exact, kept = np.sum((far - near)[inside]), np.sum((largest - least)[inside])
     print(f"{name}: {100 * kept / exact:.1f} % of the exact length")
     assert 0.88 * exact < kept <= exact
@@ -101,15 +107,17 @@ def test_levels_are_those_of_the_quotient() -> None:
     assert len(ratios) == HALF and np.all(np.diff(ratios) >= 0)
 
 
-def test_the_table_follows_the_promise() -> None:
+@EACH_SCANNER
+def test_the_table_follows_the_promise(config: Config) -> None:
     """Darker surfaces, a weaker laser or a higher threshold shrink it."""
 
-    def length(config: Config) -> int:
-        given = Registers.from_config(config)
+    def length(section: str, **values: float) -> int:
+        own = getattr(config, section).model_copy(update=values)
+        given = Registers.from_config(config.model_copy(update={section: own}))
         least, largest = np.array(given.free_table_from), np.array(given.free_table_to)
         return int(np.maximum(largest - least, 0)[HALF:].sum())
 
-    whole = length(Config())
-    assert length(Config(free=Free(darkest=0.01))) < whole < length(Config(free=Free(darkest=0.1)))
-    assert length(Config(laser=Laser(rated_mw=25.0))) < whole
-    assert length(Config(peak=Peak(snr_min=16.0))) < whole
+    whole = length("free")
+    assert length("free", darkest=0.01) < whole < length("free", darkest=0.1)
+    assert length("laser", rated_mw=25.0) < whole
+    assert length("peak", snr_min=16.0) < whole

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from scanners import EACH_RESONANT, EACH_SCANNER, each_scanner
 
 from vrscan.clocked.laser_guard import DUTY_COST
 from vrscan.clocked.laser_interlock import BUCKET_MARGIN, Ceilings
@@ -16,32 +17,32 @@ from vrscan.ideal.motion import motion
 from vrscan.registers.laser_registers import GUARD_SHARE, LaserRegisters
 from vrscan.registers.mirror_registers import MOST_DUTY, MOST_LEVEL, MirrorRegisters
 
-SHIPPED = LaserRegisters.from_config(Config())
-
 
 def registers(section: str, **values: float) -> LaserRegisters:
     """Return the registers of the defaults but for some values."""
     return LaserRegisters.from_config(Config.model_validate({section: values}))
 
 
-def test_shipped_limits_are_within_the_ceilings() -> None:
+@EACH_SCANNER
+def test_shipped_limits_are_within_the_ceilings(config: Config) -> None:
     """No limit that a host reads back is more than what holds, and pulses get through."""
-    ceilings = Ceilings()
-    assert SHIPPED.limit_power <= ceilings.power
-    assert SHIPPED.limit_startup <= ceilings.startup
-    assert SHIPPED.limit_pulse_clks <= ceilings.pulse_clks
-    assert SHIPPED.limit_drain <= ceilings.drain
-    assert BUCKET_MARGIN < SHIPPED.limit_bucket <= ceilings.bucket
-    assert 0 < SHIPPED.watchdog_clks <= ceilings.watchdog_clks
-    assert SHIPPED.startup - SHIPPED.limit_startup <= 1
+    shipped, ceilings = LaserRegisters.from_config(config), Ceilings()
+    assert shipped.limit_power <= ceilings.power
+    assert shipped.limit_startup <= ceilings.startup
+    assert shipped.limit_pulse_clks <= ceilings.pulse_clks
+    assert shipped.limit_drain <= ceilings.drain
+    assert BUCKET_MARGIN < shipped.limit_bucket <= ceilings.bucket
+    assert 0 < shipped.watchdog_clks <= ceilings.watchdog_clks
+    assert shipped.startup - shipped.limit_startup <= 1
 
 
-def test_the_shipped_line_is_within_its_limits() -> None:
+@EACH_SCANNER
+def test_the_shipped_line_is_within_its_limits(config: Config) -> None:
     """At full power on every line the bucket never fills."""
-    config = Config()
+    shipped = LaserRegisters.from_config(config)
     pulse_clks = config.line.pulse_us * 1e-6 * config.clock.frequency_hz
     line_clks = config.clock.frequency_hz / config.line.rate_hz
-    assert SHIPPED.power_max * pulse_clks / line_clks < SHIPPED.limit_drain
+    assert shipped.power_max * pulse_clks / line_clks < shipped.limit_drain
 
 
 def test_limits_are_rounded_down() -> None:
@@ -53,20 +54,31 @@ def test_limits_are_rounded_down() -> None:
     assert registers("laser", watchdog_s=1e-12).watchdog_clks == 1
 
 
-def test_energy_and_average_are_of_the_same_light() -> None:
+@EACH_SCANNER
+def test_energy_and_average_are_of_the_same_light(config: Config) -> None:
     """A bucket's power times clocks, and a drain's power, in joules and watts."""
+    shipped = LaserRegisters.from_config(config)
     watts = 0.05 / 65_535
-    second = Config().clock.frequency_hz
-    assert math.isclose(SHIPPED.limit_bucket * watts / second, 1e-6, rel_tol=1e-6)
-    assert math.isclose(SHIPPED.limit_drain * watts, 2.5e-3, rel_tol=1e-3)
+    second = config.clock.frequency_hz
+    assert math.isclose(shipped.limit_bucket * watts / second, 1e-6, rel_tol=1e-6)
+    assert math.isclose(shipped.limit_drain * watts, 2.5e-3, rel_tol=1e-3)
 
 
+@EACH_RESONANT
 @pytest.mark.parametrize("index_deg", [17.0, -17.0])
 @pytest.mark.parametrize("margin_deg", [0.0, 2.0, 17.0])
-def test_the_index_is_lit_beyond_its_margin(index_deg: float, margin_deg: float) -> None:
-    """The window's phases are those at which the beam is that far out, on the mark's side."""
-    config = Config.model_validate(
-        {"mirror": {"index_deg": index_deg}, "laser": {"index_margin_deg": margin_deg}}
+def test_the_index_is_lit_beyond_its_margin(
+    index_deg: float, margin_deg: float, config: Config
+) -> None:
+    """The window's phases are those at which the beam is that far out, on the mark's side.
+
+    Those of a polygon are on both sides of the mark: ``test_a_polygon_lights_its_whole_diode``.
+    """
+    config = config.model_copy(
+        update={
+            "mirror": config.mirror.model_copy(update={"index_deg": index_deg}),
+            "laser": config.laser.model_copy(update={"index_margin_deg": margin_deg}),
+        }
     )
     found = LaserRegisters.from_config(config)
     phase = np.arange(0, 1 << 16)
@@ -82,6 +94,19 @@ def test_the_index_is_lit_beyond_its_margin(index_deg: float, margin_deg: float)
     # The harmonics, which the window leaves out, move the angle by a fraction of a degree.
     far = np.abs(angle * np.sign(index_deg) - (abs(index_deg) - margin_deg)) > 0.2
     assert np.array_equal(inside[far], outside[far])
+
+
+@each_scanner(lambda config: config.mirror.polygon)
+def test_a_polygon_lights_its_whole_diode(config: Config) -> None:
+    """The window's phases are those at which the beam is within the margin of the mark."""
+    found, mirror = LaserRegisters.from_config(config), config.mirror
+    phase = np.arange(0, 1 << 16)
+    inside = (phase - found.index_begin) % 65536 < (found.index_end - found.index_begin) % 65536
+    angle = (0.5 - phase / 65536) * 720.0 / mirror.facets
+    off = np.abs(angle - mirror.index_deg) - config.laser.index_margin_deg
+    far = np.abs(off) > 720.0 / mirror.facets / 65536  # of an end, which is rounded outwards
+    assert np.array_equal(inside[far], off[far] < 0.0)
+    assert config.laser.index_margin_deg >= config.mems.diode_deg
 
 
 @pytest.mark.parametrize(

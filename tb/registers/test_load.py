@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
+from scanners import EACH_SCANNER
 
 from vrscan.clocked.register_file import WORD_MASK, WRITABLE, RegisterFile
 from vrscan.data import link_pkg
@@ -29,15 +30,23 @@ FIELDS = {
 }  # fmt: skip
 
 
-def test_every_register_has_a_value_or_is_a_control() -> None:
+def of(config: Config) -> Built:
+    """Return a board for a scanner's sensor, at a clock of its own."""
+    own = config.sensor
+    return Built(line_length=own.line_length, pixel_width=own.pixel_width)
+
+
+@EACH_SCANNER
+def test_every_register_has_a_value_or_is_a_control(config: Config) -> None:
     written = {name for name, register in REGISTERS.items() if register.access in WRITABLE}
     assert written >= CONTROLS
-    values = settings(Config(), BUILT)
+    values = settings(config, of(config))
     assert set(values) == (written - CONTROLS - set(LOCKS)) | set(FIELDS) - {"map_table_node"}
 
 
-def test_every_value_fits() -> None:
-    for name, value in settings(Config(), BUILT).items():
+@EACH_SCANNER
+def test_every_value_fits(config: Config) -> None:
+    for name, value in settings(config, of(config)).items():
         register = FIELDS[name][1] if name in FIELDS else REGISTERS[name]
         count = FIELDS[name][0].entries if name in FIELDS else register.count
         values = value if isinstance(value, tuple) else (value,)
@@ -60,19 +69,24 @@ def test_the_shipped_board_resets_to_what_the_configuration_has_of_the_image() -
         assert REGISTERS[name].reset == (values[name],), name
 
 
-def test_the_clock_is_the_boards() -> None:
-    slow, fast = settings(Config(), BUILT), settings(Config(), replace(BUILT, clock_hz=125_000_000))
-    assert slow["settle_timeout"] == 500_000_000 and fast["settle_timeout"] == 625_000_000
-    assert slow["pulse_clks"] == 100 and fast["pulse_clks"] == 125
-    ratio = MirrorRegisters.from_config(Config()).work_word
-    assert fast["work_word"] == ratio
+@EACH_SCANNER
+def test_the_clock_is_the_boards(config: Config) -> None:
+    """Which need not be the configuration's."""
+    clocks = (80_000_000, round(config.clock.frequency_hz))
+    slow, fast = (settings(config, replace(of(config), clock_hz=each)) for each in clocks)
+    for clock_hz, values in zip(clocks, (slow, fast), strict=True):
+        assert values["settle_timeout"] == config.mirror.settle_timeout_s * clock_hz
+        assert values["pulse_clks"] == round(1e-6 * config.line.pulse_us * clock_hz)
+    ratio = MirrorRegisters.from_config(config).work_word
+    assert slow["work_word"] != fast["work_word"] == ratio
     assert slow["k_noise"] == fast["k_noise"]
 
 
-def test_all_of_it_goes_through_the_bus() -> None:
+@EACH_SCANNER
+def test_all_of_it_goes_through_the_bus(config: Config) -> None:
     """Written into the twin word by word, each value is in effect."""
     twin = RegisterFile()
-    values = settings(Config(), BUILT)
+    values = settings(config, of(config))
 
     def write(address: int, data: int) -> None:
         word = data & WORD_MASK
@@ -115,21 +129,26 @@ def test_a_configuration_of_another_board_is_refused(built: Built, words: str) -
     assert "\n" not in str(error.value)
 
 
-def test_the_sampling_is_the_boards_where_the_configuration_says_none() -> None:
-    assert settings(Config(), Built(index_oversample=2)) == settings(Config(), BUILT)
+@EACH_SCANNER
+def test_the_sampling_is_the_boards_where_the_configuration_says_none(config: Config) -> None:
+    built = of(config)
+    assert settings(config, replace(built, index_oversample=2)) == settings(config, built)
 
 
-def test_a_window_without_times_is_that_of_its_lag() -> None:
+@EACH_SCANNER
+def test_a_window_without_times_is_that_of_its_lag(config: Config) -> None:
     """A readout at any place between two ends is inside, at any frequency of the drive."""
-    line_clks = BUILT.clock_hz / Config().line.rate_hz
+    line_clks, mirror = BUILT.clock_hz / config.line.rate_hz, config.mirror
+    slowest = mirror.frequency_hz - mirror.trim_hz
+    fastest = mirror.frequency_hz + mirror.sweep_span_hz + mirror.trim_hz
     for lag in range(4):
-        config = Config.model_validate({"sensor": {"readout_lag": lag, "readout_stale": True}})
-        values = settings(config, BUILT)
+        own = config.sensor.model_copy(update={"readout_lag": lag, "readout_stale": True})
+        values = settings(config.model_copy(update={"sensor": own}), of(config))
         least, most = values["readout_min_clks"], values["readout_max_clks"]
         assert isinstance(least, int) and isinstance(most, int)
         assert (values["readout_lag"], values["readout_stale"]) == (lag, 1)
-        assert least <= math.ceil(lag * line_clks * 249.0 / 277.0)
-        assert most >= math.floor((lag + 1) * line_clks * 249.0 / 247.0)
+        assert least <= math.ceil(lag * line_clks * mirror.frequency_hz / fastest)
+        assert most >= math.floor((lag + 1) * line_clks * mirror.frequency_hz / slowest)
         # Half a line too early or too late is outside.
         assert least > (lag - 0.5) * line_clks and most < (lag + 1.5) * line_clks
 

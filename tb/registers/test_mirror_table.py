@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from harness import generator
+from scanners import EACH_RESONANT, SCANNERS, resonant
 
 from vrscan.data import pkg
 from vrscan.data.config import Config
@@ -17,14 +18,16 @@ from vrscan.registers.mirror_table import (
     interpolation_bound,
 )
 
-SHIPPED = Config().mirror.harmonics
-MARK = math.radians(Config().mirror.index_deg)
 LARGE = [[1.0, 0.0], [0.03, 2.0], [0.01, -1.3], [4e-3, 0.7], [2e-3, 3.0], [1e-3, -1.1]]
 STEP = 2.0 * math.pi * 2.0**-pkg.AMPLITUDE_FRACTION  # rad
 TOP = 2**pkg.AMPLITUDE_WIDTH - 1
+MARK = math.radians(17.0)
+MOTIONS = {"large": LARGE} | {
+    name: config.mirror.harmonics for name, config in SCANNERS.items() if resonant(config)
+}
 
 
-@pytest.mark.parametrize("harmonics", [SHIPPED, LARGE], ids=["shipped", "large"])
+@pytest.mark.parametrize("harmonics", MOTIONS.values(), ids=MOTIONS)
 @pytest.mark.parametrize("mark", [MARK, -MARK, 0.02, 1.5])
 def test_entries_are_the_crossings_rounded(harmonics: list[list[float]], mark: float) -> None:
     """Every entry that is in range is within half a step; beyond, the largest; never falling."""
@@ -41,23 +44,29 @@ def test_entries_are_the_crossings_rounded(harmonics: list[list[float]], mark: f
     assert midpoint.min() >= -half and midpoint.max() < half
 
 
-def test_a_mark_on_the_other_side_is_half_a_turn_away() -> None:
+@EACH_RESONANT
+def test_a_mark_on_the_other_side_is_half_a_turn_away(config: Config) -> None:
     """(11): the same amplitudes, and midpoints that differ by half a turn."""
-    amplitude, midpoint = amplitude_table(MARK, SHIPPED)
-    other, opposite = amplitude_table(-MARK, SHIPPED)
+    mark, harmonics = math.radians(config.mirror.index_deg), config.mirror.harmonics
+    amplitude, midpoint = amplitude_table(mark, harmonics)
+    other, opposite = amplitude_table(-mark, harmonics)
     assert np.array_equal(amplitude, other)
     assert np.all((midpoint - opposite) % 2**pkg.MIDPOINT_WIDTH == 2 ** (pkg.MIDPOINT_WIDTH - 1))
 
 
-def test_interpolation_costs_as_much_as_predicted(capsys: pytest.CaptureFixture[str]) -> None:
+@EACH_RESONANT
+def test_interpolation_costs_as_much_as_predicted(
+    config: Config, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Measured, predicted and floor of amplitude and midpoint between entries, 17 to 26 degrees."""
-    amplitude, midpoint = (table.astype(float) for table in amplitude_table(MARK, SHIPPED))
+    mark, harmonics = math.radians(config.mirror.index_deg), config.mirror.harmonics
+    amplitude, midpoint = (table.astype(float) for table in amplitude_table(mark, harmonics))
     half = generator(1).uniform(0.002, 0.14, 20_000)
     at = half * ENTRIES_PER_TURN
     got = np.interp(at, np.arange(ENTRIES), amplitude) * STEP
-    want, middle = crossings(half, MARK, SHIPPED)
+    want, middle = crossings(half, mark, harmonics)
     error = np.abs(got - want)
-    bound = interpolation_bound(half, MARK, SHIPPED) * 2.0 * math.pi
+    bound = interpolation_bound(half, mark, harmonics) * 2.0 * math.pi
     shift = np.interp(at, np.arange(ENTRIES), midpoint) * 2.0**-pkg.MIDPOINT_WIDTH - middle
     with capsys.disabled():
         print(
@@ -75,10 +84,10 @@ def test_interpolation_costs_as_much_as_predicted(capsys: pytest.CaptureFixture[
 
 def test_what_has_no_table_is_refused() -> None:
     for mark, harmonics, word in (
-        (0.0, SHIPPED, "index_deg"),
+        (0.0, LARGE, "index_deg"),
         (MARK, [[1.0, 0.0], [3.0, 1.5]] + [[0.0, 0.0]] * 4, "too large"),
         (MARK, [[1.0, 0.0], [0.3, math.pi]] + [[0.0, 0.0]] * 4, "same index times"),
-        (MARK, [*SHIPPED, [0.0, 0.0]], "pairs"),
+        (MARK, [[1.0, 0.0]] + [[0.0, 0.0]] * 9, "pairs"),
     ):
         with pytest.raises(InputError, match=word) as caught:
             amplitude_table(mark, harmonics)

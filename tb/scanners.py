@@ -1,0 +1,31 @@
+"""The shipped scanners: what depends on the instrument is tested with each of them."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from vrscan.data.config import Config, load, presets
+
+# By name; a file that joins the presets joins the tests.
+SCANNERS = {"default": load(None)} | {name: load(Path(name)) for name in presets()}
+
+
+def each_scanner(having: Callable[[Config], bool] = lambda _: True) -> pytest.MarkDecorator:
+    """Return what runs a test of a ``config`` with each shipped scanner that has something."""
+    chosen = [pytest.param(each, id=name) for name, each in SCANNERS.items() if having(each)]
+    return pytest.mark.parametrize("config", chosen)
+
+
+def resonant(config: Config) -> bool:
+    """Return whether a scanner's mirror swings, so that its amplitude is controlled."""
+    return config.mirror.kind == "resonant"
+
+
+def words(config: Config) -> list[str]:
+    """Return the words by which a command takes a shipped scanner."""
+    return [] if config == SCANNERS["default"] else ["--config", config.source]
+
+
+EACH_SCANNER = each_scanner()
+EACH_RESONANT = each_scanner(resonant)
