@@ -2,22 +2,28 @@
 
 import numpy as np
 import pytest
+from scanners import SCANNERS
 
 from vrscan.data.config import Geometry
 from vrscan.ideal import geometry as g
 
 ODD = Geometry(k1=2e-4, k2=-1e-6, offset_mm=2.0)
 EVEN = Geometry(k1=2e-4, k2=-1e-6, offset_mm=2.0, distortion="even")
+GEOMETRIES = {name: config.geometry for name, config in SCANNERS.items()}
+GEOMETRIES |= {"odd": ODD, "even": EVEN}
+EACH_GEOMETRY = pytest.mark.parametrize("geometry", GEOMETRIES.values(), ids=GEOMETRIES)
 
 
-def grid() -> tuple[np.ndarray, np.ndarray]:
-    position, angle = np.meshgrid(np.linspace(0, 2047, 301), np.radians(np.linspace(-20, 20, 81)))
+def grid(geometry: Geometry) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions over the sensor, whose middle is the axis, and angles."""
+    place = np.linspace(0, 2 * geometry.centre_px, 301)
+    position, angle = np.meshgrid(place, np.radians(np.linspace(-20, 20, 81)))
     return position, angle
 
 
-@pytest.mark.parametrize("geometry", [Geometry(), ODD, EVEN])
+@EACH_GEOMETRY
 def test_the_stable_form_is_the_printed_one(geometry: Geometry) -> None:
-    position, angle = grid()
+    position, angle = grid(geometry)
     u, _ = g.undistorted(position, geometry)
     beta = geometry.bias_rad + np.arctan(u / geometry.focal_mm)
     tame = (np.abs(beta - np.pi / 2) > 0.01) & (beta - angle < np.pi - 0.1)
@@ -31,7 +37,7 @@ def test_the_stable_form_is_the_printed_one(geometry: Geometry) -> None:
 
 def test_nothing_happens_at_90_degrees() -> None:
     geometry = Geometry()
-    position, angle = grid()
+    position, angle = grid(geometry)
     u = np.full_like(position, geometry.focal_mm * np.tan(np.pi / 2 - geometry.bias_rad))
     found = g.triangle(u, np.full_like(angle, 0.1), geometry)
     assert np.allclose(found.x, geometry.base_mm)  # beta = 90 degrees looks along x = B
@@ -44,9 +50,9 @@ def test_parallel_and_parting_rays_have_no_range() -> None:
     assert (found.x[1], found.z[1], found.slope[1]) == (0.0, 0.0, 0.0)
 
 
-@pytest.mark.parametrize("geometry", [Geometry(), ODD, EVEN])
+@EACH_GEOMETRY
 def test_slopes_are_derivatives(geometry: Geometry) -> None:
-    position, angle = grid()
+    position, angle = grid(geometry)
     step = 1e-4
     u, du = g.undistorted(position, geometry)
     ahead, behind = (g.undistorted(position + s, geometry)[0] for s in (step, -step))
@@ -72,9 +78,9 @@ def test_radial_and_lateral_error_are_those_of_6() -> None:
     assert g.angle_precision(distance, precision, geometry)[0] == pytest.approx(0.06e-3, rel=0.01)
 
 
-@pytest.mark.parametrize("geometry", [Geometry(), ODD, EVEN])
+@EACH_GEOMETRY
 def test_projecting_a_point_finds_its_pixel(geometry: Geometry) -> None:
-    position, angle = grid()
+    position, angle = grid(geometry)
     u, _ = g.undistorted(position, geometry)
     found = g.triangle(u, angle, geometry)
     near = ~found.no_range & (found.z < 3000.0)
