@@ -6,44 +6,55 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scanners import EACH_SCANNER, SCANNERS
 
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError, InputWarning
 from vrscan.data.line_files import read
 
 SEED = 20100301
-GOOD = np.full((3, 2048), 60, np.uint16)
-GOOD[:, 1000:1008] = 4095
+DEFAULT = SCANNERS["default"]
 ANGLES = np.zeros(3)
 
 
-def test_an_array_alone_has_angle_zero_and_full_power(tmp_path: Path) -> None:
+def good(config: Config) -> np.ndarray:
+    """Return three lines of a scanner's sensor, whose brightest pixels are at full scale."""
+    lines = np.full((3, config.sensor.line_length), 60, np.uint16)
+    lines[:, 1000:1008] = 2**config.sensor.pixel_width - 1
+    return lines
+
+
+@EACH_SCANNER
+def test_an_array_alone_has_angle_zero_and_full_power(tmp_path: Path, config: Config) -> None:
     path = tmp_path / "lines.npy"
-    np.save(path, GOOD)
+    np.save(path, good(config))
     with pytest.warns(InputWarning) as told:
-        recording = read(path, Config())
+        recording = read(path, config)
     assert [str(each.message) for each in told] == [
         f"{path}: no angle_rad: every line is taken at angle 0, so every x is 0 "
         "(an .npz takes angle_rad [n] beside lines, --angles a file of them)"
     ]
-    assert np.array_equal(recording.lines, GOOD)
+    assert np.array_equal(recording.lines, good(config))
     assert recording.angle_rad.tolist() == [0.0] * 3
     assert recording.power.tolist() == [65_535] * 3
     assert recording.mirror_flags.tolist() == [0] * 3
 
 
+@EACH_SCANNER
 @pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
-def test_an_archive_brings_angles_and_may_hold_more(tmp_path: Path, save: Any) -> None:
+def test_an_archive_brings_angles_and_may_hold_more(
+    tmp_path: Path, save: Any, config: Config
+) -> None:
     path = tmp_path / "lines.npz"
     angle = np.array([-0.1, 0.0, np.pi])
-    big_endian = GOOD.astype(">u2")
+    big_endian = good(config).astype(">u2")
     power, raised = np.array([1, 2, 3], np.uint16), np.array([7, 0, 4], np.uint8)
     save(path, lines=big_endian, angle_rad=angle, power=power, mirror_flags=raised, more="text")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        recording = read(path, Config())
+        recording = read(path, config)
     assert recording.lines.dtype == np.uint16
-    assert np.array_equal(recording.lines, GOOD)
+    assert np.array_equal(recording.lines, good(config))
     assert np.array_equal(recording.angle_rad, angle)
     assert recording.power.tolist() == [1, 2, 3]
     assert recording.mirror_flags.tolist() == [7, 0, 4]
@@ -58,7 +69,7 @@ MISSPELT = {
 
 @pytest.mark.parametrize(("meant", "name"), [(k, name) for k in MISSPELT for name in MISSPELT[k]])
 def test_a_misspelt_name_is_told(tmp_path: Path, meant: str, name: str) -> None:
-    known = {"lines": GOOD, "angle_rad": ANGLES}
+    known = {"lines": good(DEFAULT), "angle_rad": ANGLES}
     known.pop(meant, None)
     path = tmp_path / "lines.npz"
     np.savez(path, **known, **{name: ANGLES})
@@ -70,77 +81,95 @@ def test_other_arrays_are_ignored_and_so_is_a_likely_name_beside_the_right_one(
 ) -> None:
     others = dict.fromkeys(("angle_deg", "height_mm", "range_mm", "number"), ANGLES)
     path = tmp_path / "lines.npz"
-    np.savez(path, lines=GOOD, angle_rad=ANGLES + 0.5, **others)
+    np.savez(path, lines=good(DEFAULT), angle_rad=ANGLES + 0.5, **others)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        recording = read(path, Config())
+        recording = read(path, DEFAULT)
     assert recording.angle_rad.tolist() == [0.5] * 3
 
 
-def too_bright() -> np.ndarray:
-    lines = GOOD.copy()
-    lines[2, 7] = 4096
-    return lines
+def bad_archives(config: Config) -> dict[str, tuple[dict[str, Any], list[str]]]:
+    """Return arrays that are no lines of a scanner, and words of what is wrong with them."""
+    lines, length = good(config), config.sensor.line_length
+    width, top = str(length), 2**config.sensor.pixel_width - 1
+    bright = lines.copy()
+    bright[2, 7] = top + 1
+    return {
+        "no_lines": ({"rows": lines}, ["no array named lines", "has 'rows'"]),
+        "a_number": ({"lines": np.uint16(3)}, [width, "()"]),
+        "signed": ({"lines": lines.astype(np.int16)}, ["uint16", "int16"]),
+        "wide": ({"lines": lines.astype(np.uint32)}, ["uint16", "uint32"]),
+        "floating": ({"lines": lines.astype(float)}, ["uint16", "float64"]),
+        "objects": ({"lines": lines.astype(object)}, ["plain numbers"]),
+        "short_lines": ({"lines": lines[:, :-1]}, [width, f"(3, {length - 1})"]),
+        "long_lines": (
+            {"lines": np.zeros((3, length + 1), np.uint16)},
+            [width, f"(3, {length + 1})"],
+        ),
+        "one_line": ({"lines": lines[0]}, [width, f"({length},)"]),
+        "three_axes": ({"lines": lines[None]}, [f"(1, 3, {length})"]),
+        "no_rows": ({"lines": lines[:0]}, ["no lines", f"(0, {length})"]),
+        "bright_pixel": ({"lines": bright}, [str(top), str(top + 1), "line 2", "pixel 7"]),
+        "nan_angle": (
+            {"lines": lines, "angle_rad": np.array([0.0, np.nan, 0.0])},
+            ["nan", "line 1"],
+        ),
+        "infinite_angle": (
+            {"lines": lines, "angle_rad": np.array([0.0, 0.0, np.inf])},
+            ["inf", "line 2"],
+        ),
+        "large_angle": ({"lines": lines, "angle_rad": ANGLES - 3.15}, ["-3.15", "line 0"]),
+        "few_angles": ({"lines": lines, "angle_rad": ANGLES[:2]}, ["(3,)", "(2,)"]),
+        "integer_angles": ({"lines": lines, "angle_rad": np.zeros(3, int)}, ["angle_rad", "int64"]),
+        "text_angles": ({"lines": lines, "angle_rad": np.array(["a"] * 3)}, ["angle_rad", "<U1"]),
+        "floating_power": ({"lines": lines, "power": ANGLES}, ["power", "float64"]),
+        "negative_power": (
+            {"lines": lines, "power": np.array([1, -2, 3])},
+            ["power", "-2 at line 1"],
+        ),
+        "large_power": (
+            {"lines": lines, "power": np.full(3, 70_000, np.uint32)},
+            ["power", "70000"],
+        ),
+        "floating_flags": ({"lines": lines, "mirror_flags": ANGLES}, ["mirror_flags", "float64"]),
+        "infinite_time": (
+            {"lines": lines, "time_s": np.array([0.0, np.inf, 1.0])},
+            ["time_s", "line 1"],
+        ),
+        "nan_y": ({"lines": lines, "y_mm": np.array([0.0, 1.0, np.nan])}, ["y_mm", "line 2"]),
+        "few_times": ({"lines": lines, "time_s": ANGLES[:2]}, ["time_s", "(3,)", "(2,)"]),
+        "few_flags": (
+            {"lines": lines, "mirror_flags": np.zeros(2, np.uint8)},
+            ["mirror_flags", "(3,)", "(2,)"],
+        ),
+        "large_flag": (
+            {"lines": lines, "mirror_flags": np.array([7, 8, 9], np.uint8)},
+            ["mirror_flags outside 0 to 7", "8 at line 1"],
+        ),
+    }
 
 
-BAD_ARCHIVES: dict[str, tuple[dict[str, Any], list[str]]] = {
-    "no_lines": ({"rows": GOOD}, ["no array named lines", "has 'rows'"]),
-    "a_number": ({"lines": np.uint16(3)}, ["2048", "()"]),
-    "signed": ({"lines": GOOD.astype(np.int16)}, ["uint16", "int16"]),
-    "wide": ({"lines": GOOD.astype(np.uint32)}, ["uint16", "uint32"]),
-    "floating": ({"lines": GOOD.astype(float)}, ["uint16", "float64"]),
-    "objects": ({"lines": GOOD.astype(object)}, ["plain numbers"]),
-    "short_lines": ({"lines": GOOD[:, :2047]}, ["2048", "(3, 2047)"]),
-    "long_lines": ({"lines": np.zeros((3, 2049), np.uint16)}, ["2048", "(3, 2049)"]),
-    "one_line": ({"lines": GOOD[0]}, ["2048", "(2048,)"]),
-    "three_axes": ({"lines": GOOD[None]}, ["(1, 3, 2048)"]),
-    "no_rows": ({"lines": GOOD[:0]}, ["no lines", "(0, 2048)"]),
-    "bright_pixel": ({"lines": too_bright()}, ["4095", "4096", "line 2", "pixel 7"]),
-    "nan_angle": ({"lines": GOOD, "angle_rad": np.array([0.0, np.nan, 0.0])}, ["nan", "line 1"]),
-    "infinite_angle": (
-        {"lines": GOOD, "angle_rad": np.array([0.0, 0.0, np.inf])},
-        ["inf", "line 2"],
-    ),
-    "large_angle": ({"lines": GOOD, "angle_rad": ANGLES - 3.15}, ["-3.15", "line 0"]),
-    "few_angles": ({"lines": GOOD, "angle_rad": ANGLES[:2]}, ["(3,)", "(2,)"]),
-    "integer_angles": ({"lines": GOOD, "angle_rad": np.zeros(3, int)}, ["angle_rad", "int64"]),
-    "text_angles": ({"lines": GOOD, "angle_rad": np.array(["a"] * 3)}, ["angle_rad", "<U1"]),
-    "floating_power": ({"lines": GOOD, "power": ANGLES}, ["power", "float64"]),
-    "negative_power": ({"lines": GOOD, "power": np.array([1, -2, 3])}, ["power", "-2 at line 1"]),
-    "large_power": ({"lines": GOOD, "power": np.full(3, 70_000, np.uint32)}, ["power", "70000"]),
-    "floating_flags": ({"lines": GOOD, "mirror_flags": ANGLES}, ["mirror_flags", "float64"]),
-    "infinite_time": (
-        {"lines": GOOD, "time_s": np.array([0.0, np.inf, 1.0])},
-        ["time_s", "line 1"],
-    ),
-    "nan_y": ({"lines": GOOD, "y_mm": np.array([0.0, 1.0, np.nan])}, ["y_mm", "line 2"]),
-    "few_times": ({"lines": GOOD, "time_s": ANGLES[:2]}, ["time_s", "(3,)", "(2,)"]),
-    "few_flags": (
-        {"lines": GOOD, "mirror_flags": np.zeros(2, np.uint8)},
-        ["mirror_flags", "(3,)", "(2,)"],
-    ),
-    "large_flag": (
-        {"lines": GOOD, "mirror_flags": np.array([7, 8, 9], np.uint8)},
-        ["mirror_flags outside 0 to 7", "8 at line 1"],
-    ),
-}
+BAD_ARCHIVES = list(bad_archives(DEFAULT))
 
 
-def refused(path: Path, wanted: list[str]) -> None:
+def refused(path: Path, wanted: list[str], config: Config = DEFAULT) -> None:
     with pytest.raises(InputError) as caught:
-        read(path, Config())
+        read(path, config)
     message = str(caught.value)
     assert "\n" not in message
     for part in [str(path), *wanted]:
         assert part in message, message
 
 
+@EACH_SCANNER
 @pytest.mark.parametrize("name", BAD_ARCHIVES)
-def test_a_bad_archive_is_one_line_that_names_the_value(tmp_path: Path, name: str) -> None:
-    arrays, wanted = BAD_ARCHIVES[name]
+def test_a_bad_archive_is_one_line_that_names_the_value(
+    tmp_path: Path, name: str, config: Config
+) -> None:
+    arrays, wanted = bad_archives(config)[name]
     path = tmp_path / "lines.npz"
     np.savez(path, **arrays)
-    refused(path, wanted)
+    refused(path, wanted, config)
 
 
 def test_bad_files_are_one_line(tmp_path: Path) -> None:
@@ -151,13 +180,13 @@ def test_bad_files_are_one_line(tmp_path: Path) -> None:
     refused(path, ["empty file"])
     path.write_bytes(b"line,peak\n1,2\n")
     refused(path, ["not a .npy or .npz file"])
-    np.savez_compressed(path, lines=GOOD)
+    np.savez_compressed(path, lines=good(DEFAULT))
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
     refused(path, [])
     path.write_bytes(whole[:60] + bytes(40) + whole[100:])
     refused(path, [])
-    np.save(tmp_path / "lines.npy", GOOD)
+    np.save(tmp_path / "lines.npy", good(DEFAULT))
     path.write_bytes((tmp_path / "lines.npy").read_bytes()[:-100])
     refused(path, [])
 
