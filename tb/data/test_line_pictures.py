@@ -6,13 +6,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from scanners import EACH_SCANNER, SCANNERS
 
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
 from vrscan.data.line_files import opened, read
 
-CONFIG = Config()
-LINES = np.random.default_rng(5).integers(0, 4096, (23, 2048)).astype(np.uint16)
+DEFAULT = SCANNERS["default"]
+
+
+def lines_of(config: Config) -> np.ndarray:
+    """Return lines of a scanner's sensor, of pixels over its whole range."""
+    sensor, draw = config.sensor, np.random.default_rng(5)
+    shape = 23, sensor.line_length
+    return draw.integers(0, 2**sensor.pixel_width, shape).astype(np.uint16)
+
+
+LINES = lines_of(DEFAULT)
 pytestmark = pytest.mark.filterwarnings("ignore::vrscan.data.errors.InputWarning")
 
 
@@ -21,39 +31,48 @@ def saved(array: np.ndarray, path: Path) -> Path:
     return path
 
 
+@EACH_SCANNER
 @pytest.mark.parametrize("name", ["lines.png", "lines.tif", "lines.TIFF"])
-def test_sixteen_bits_are_counts(name: str, tmp_path: Path) -> None:
-    found = read(saved(LINES, tmp_path / name), CONFIG)
+def test_sixteen_bits_are_counts(name: str, tmp_path: Path, config: Config) -> None:
+    lines = lines_of(config)
+    found = read(saved(lines, tmp_path / name), config)
     assert found.lines.dtype == np.uint16
-    assert np.array_equal(found.lines, LINES)
+    assert np.array_equal(found.lines, lines)
 
 
+@EACH_SCANNER
 @pytest.mark.parametrize("name", ["lines.png", "lines.tif"])
-def test_eight_bits_are_spread_over_the_sensors_range(name: str, tmp_path: Path) -> None:
-    grey = (LINES >> 4).astype(np.uint8)
+def test_eight_bits_are_spread_over_the_sensors_range(
+    name: str, tmp_path: Path, config: Config
+) -> None:
+    width = config.sensor.pixel_width
+    grey = (lines_of(config) >> width - 8).astype(np.uint8)
     grey[0, :2] = 0, 255
-    found = read(saved(grey, tmp_path / name), CONFIG).lines
-    assert found[0, :2].tolist() == [0, 4095]
-    assert np.abs(found - grey * (4095.0 / 255.0)).max() <= 0.5
+    found = read(saved(grey, tmp_path / name), config).lines
+    top = 2**width - 1
+    assert found[0, :2].tolist() == [0, top]
+    assert np.abs(found - grey * (top / 255.0)).max() <= 0.5
 
 
-def test_pages_and_files_follow_each_other_by_number(tmp_path: Path) -> None:
-    parts = np.split(LINES, [4, 5, 17])
+@EACH_SCANNER
+def test_pages_and_files_follow_each_other_by_number(tmp_path: Path, config: Config) -> None:
+    lines = lines_of(config)
+    parts = np.split(lines, [4, 5, 17])
     pages = [Image.fromarray(part) for part in parts]
     pages[0].save(tmp_path / "stack.tif", save_all=True, append_images=pages[1:])
-    assert np.array_equal(read(tmp_path / "stack.tif", CONFIG).lines, LINES)
+    assert np.array_equal(read(tmp_path / "stack.tif", config).lines, lines)
     folder = tmp_path / "folder"
     folder.mkdir()
     (folder / "notes.txt").write_text("not a picture")
     for part, name in zip(parts, ["l_2.png", "l_9.tif", "l_10.png", "l_100.png"], strict=True):
         saved(part, folder / name)
-    assert np.array_equal(read(folder, CONFIG).lines, LINES)
+    assert np.array_equal(read(folder, config).lines, lines)
     for size in (1, 5, 100):
-        with opened(folder, CONFIG) as recorded:
-            assert recorded.count == len(LINES)
+        with opened(folder, config) as recorded:
+            assert recorded.count == len(lines)
             blocks = [block.lines for block in recorded.blocks(size)]
         assert [len(block) for block in blocks[:-1]] == [size] * (len(blocks) - 1)
-        assert np.array_equal(np.concatenate(blocks), LINES)
+        assert np.array_equal(np.concatenate(blocks), lines)
 
 
 def test_angles_come_from_a_file_beside(tmp_path: Path) -> None:
@@ -61,7 +80,7 @@ def test_angles_come_from_a_file_beside(tmp_path: Path) -> None:
     angles.write_text("angle_rad,power,time_s\n0.1,7,1\n0.2,8,2\n-0.3,65535,3.5\n")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = read(path, CONFIG, angles)
+        found = read(path, DEFAULT, angles)
     assert found.angle_rad.tolist() == [0.1, 0.2, -0.3]
     assert found.power.tolist() == [7, 8, 65535]
     assert np.asarray(found.time_s).tolist() == [1.0, 2.0, 3.5]
@@ -82,7 +101,7 @@ def test_wrong_angles_are_one_line(text: str, tmp_path: Path) -> None:
     path, angles = saved(LINES[:3], tmp_path / "lines.png"), tmp_path / "angles.csv"
     angles.write_text(text)
     with pytest.raises(InputError) as caught:
-        read(path, CONFIG, angles)
+        read(path, DEFAULT, angles)
     for part in [str(angles), *WRONG_ANGLES[text]]:
         assert part in str(caught.value)
 
@@ -92,16 +111,26 @@ def test_angles_given_twice_are_refused(tmp_path: Path) -> None:
     np.savez(path, lines=LINES[:1], angle_rad=np.zeros(1))
     angles.write_text("angle_rad\n0\n")
     with pytest.raises(InputError, match=r"angles\.csv: angle_rad is in .*lines\.npz, too"):
-        read(path, CONFIG, angles)
+        read(path, DEFAULT, angles)
 
 
-def refused(path: Path, *wanted: str) -> None:
+def refused(path: Path, *wanted: str, config: Config = DEFAULT) -> None:
     with pytest.raises(InputError) as caught:
-        read(path, CONFIG)
+        read(path, config)
     message = str(caught.value)
     assert "\n" not in message
     for part in wanted:
         assert part in message, message
+
+
+@EACH_SCANNER
+def test_a_picture_of_another_sensor_is_refused(tmp_path: Path, config: Config) -> None:
+    lines, length = lines_of(config), config.sensor.line_length
+    top = 2**config.sensor.pixel_width - 1
+    short, bright = lines[:, :100], lines + np.uint16(top + 1)
+    words = "short.png", str(length), "(23, 100)"
+    refused(saved(short, tmp_path / "short.png"), *words, config=config)
+    refused(saved(bright, tmp_path / "bright.tif"), "bright.tif", f"above {top}", config=config)
 
 
 def test_bad_pictures_are_one_line_that_names_the_file(tmp_path: Path) -> None:
@@ -110,8 +139,6 @@ def test_bad_pictures_are_one_line_that_names_the_file(tmp_path: Path) -> None:
     (tmp_path / "text.png").write_text("not a picture")
     refused(tmp_path / "text.png", "text.png", "not a PNG or TIFF")
     refused(saved(np.zeros((3, 2048, 3), np.uint8), tmp_path / "rgb.png"), "rgb.png", "grey", "RGB")
-    refused(saved(LINES[:, :100], tmp_path / "short.png"), "short.png", "2048", "(23, 100)")
-    refused(saved(LINES + np.uint16(4096), tmp_path / "bright.tif"), "bright.tif", "above 4095")
     whole = saved(LINES, tmp_path / "cut.png").read_bytes()
     (tmp_path / "cut.png").write_bytes(whole[: len(whole) // 2])
     refused(tmp_path / "cut.png", "cut.png")

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scanners import EACH_SCANNER
 
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
@@ -56,12 +57,13 @@ def test_lines_that_the_recording_cuts_are_left_out(tmp_path: Path) -> None:
     assert np.array_equal(read(path, LENGTH), LINES[1:3])
 
 
+@EACH_SCANNER
 @pytest.mark.filterwarnings("ignore::vrscan.data.errors.InputWarning")
-def test_a_recording_of_pins_is_a_file_of_lines(tmp_path: Path) -> None:
-    path = tmp_path / "pins.csv"
-    lines = np.tile(LINES, 32)
+def test_a_recording_of_pins_is_a_file_of_lines(tmp_path: Path, config: Config) -> None:
+    path, sensor = tmp_path / "pins.csv", config.sensor
+    lines = np.tile(LINES >> 12 - sensor.pixel_width, sensor.line_length // LENGTH)
     path.write_text(table(pins(lines), "hex", True))
-    found = read_lines(path, Config())
+    found = read_lines(path, config)
     assert np.array_equal(found.lines, lines)
 
 

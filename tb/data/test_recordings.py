@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_records import random_records
+from scanners import EACH_SCANNER, SCANNERS
 from test_points import random_points
 
 from vrscan.data import recordings
@@ -24,6 +25,7 @@ from vrscan.data.table import Table
 
 LENGTH, COUNT = 64, 300
 CONFIG = Config(line=Line(lines_per_period=150.4))
+CONFIGS = {"interlaced": CONFIG, **SCANNERS}
 MAPS = b"maps " * 100
 
 
@@ -48,10 +50,12 @@ def points() -> Table:
 
 
 @cache
-def whole() -> bytes:
-    """Return a recording of everything, in several chunks."""
+def whole(name: str = "interlaced") -> bytes:
+    """Return a recording of everything by a scanner, in several chunks."""
     file = io.BytesIO()
-    with recordings.Writer(file, CONFIG, maps=MAPS, about={"scene": "step"}, flush_s=0.0) as into:
+    with recordings.Writer(
+        file, CONFIGS[name], maps=MAPS, about={"scene": "step"}, flush_s=0.0
+    ) as into:
         into.points(points())
         into.lines(lines())
         into.edges(np.arange(4) * 1e-3, np.arange(4) % 2, np.ones(4, np.int64))
@@ -85,11 +89,12 @@ def same(got: Any, want: Any) -> None:
             assert np.array_equal(a, b, equal_nan=isinstance(b, np.ndarray) and b.dtype == float)
 
 
-def test_everything_comes_back(tmp_path: Path) -> None:
-    found = read(whole(), tmp_path)
+@pytest.mark.parametrize("name", CONFIGS)
+def test_everything_comes_back(tmp_path: Path, name: str) -> None:
+    found, config = read(whole(name), tmp_path), CONFIGS[name]
     assert (found.complete, found.lost, found.told()) == (True, 0, "")
     assert found.about["scene"] == "step" and found.notes["account"] == {"records": "5"}
-    want = CONFIG.model_copy(update={"map": CONFIG.map.model_copy(update={"file": "scan.mcap"})})
+    want = config.model_copy(update={"map": config.map.model_copy(update={"file": "scan.mcap"})})
     assert found.config.model_dump() == want.model_dump()
     assert recordings.maps_file(found.path).read() == MAPS
     same(found.points, points())
@@ -98,18 +103,20 @@ def test_everything_comes_back(tmp_path: Path) -> None:
     assert found.edges[1].tolist() == [0, 1, 0, 1] and found.board == [{"state": "RUN"}]
 
 
-def test_records_keep_every_bit_and_unwrap_their_time(tmp_path: Path) -> None:
+@EACH_SCANNER
+def test_records_keep_every_bit_and_unwrap_their_time(tmp_path: Path, config: Config) -> None:
+    clock_hz, width = round(config.clock.frequency_hz), config.sensor.pixel_width
     made = random_records(np.random.default_rng(5), range(3000))
-    made["time"] = (np.arange(3000, dtype=np.int64) * 5_000_000 + 2**32 - 10**9) % 2**32
+    made["time"] = (np.arange(3000, dtype=np.int64) * (clock_hz // 20) + 2**32 - 10**9) % 2**32
     path = tmp_path / "a.mcap"
-    with recordings.Writer(path, Config()) as into:
+    with recordings.Writer(path, config) as into:
         for part in np.split(made, [1, 700, 701]):
-            into.records(part, 100_000_000, 12, 1)
+            into.records(part, clock_hz, width, 1)
     kept = np.concatenate([rows for _, rows, _ in recordings._messages(path)])
     assert kept.tobytes() == made.tobytes()
     found = recordings.read(path).points
-    with recordings.Writer(tmp_path / "b.mcap", Config()) as into:
-        into.records(made, 100_000_000, 12, 4)  # in units of 4 mm
+    with recordings.Writer(tmp_path / "b.mcap", config) as into:
+        into.records(made, clock_hz, width, 4)  # in units of 4 mm
     assert np.array_equal(recordings.read(tmp_path / "b.mcap").points.z_mm, 4.0 * found.z_mm)
     assert np.allclose(np.diff(found.time_s), 0.05) and np.array_equal(found.power, made["power"])
 
