@@ -4,9 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scanners import EACH_SCANNER
 
 from vrscan.data import pkg
-from vrscan.data.config import HARMONICS, Config, load, presets
+from vrscan.data.config import BLANKING_CLKS, HARMONICS, Config, load, presets
 from vrscan.data.errors import InputError, beside
 from vrscan.fixed.vrscan_chain import MAX_WINDOW, min_period
 from vrscan.registers.chain_registers import Registers
@@ -182,7 +183,15 @@ def test_a_rate_that_sensor_and_clock_cannot_have_is_refused(
 def test_a_default_rate_binds_only_who_wants_lines(tmp_path: Path) -> None:
     config = load(write(tmp_path, "[sensor]\nline_length = 8192\n"))
     assert "8192 px" in config.rate_complaint()
-    assert Config().rate_complaint() == ""
+
+
+@EACH_SCANNER
+def test_no_line_of_a_shipped_scanner_comes_too_early(config: Config) -> None:
+    """At the fastest of the mirror, a line is read out and measured before the next one."""
+    mirror, rate = config.mirror, config.line.rate_hz
+    fastest = rate * (1.0 + mirror.trim_hz / mirror.frequency_hz)
+    most = max(config.sensor.line_length + BLANKING_CLKS, config.peak.period_clks)
+    assert config.rate_complaint() == "" and most * fastest <= config.clock.frequency_hz
 
 
 def test_the_rate_follows_the_mirror(tmp_path: Path) -> None:

@@ -4,8 +4,9 @@ import re
 from pathlib import Path
 
 import pytest
+from scanners import EACH_SCANNER
 
-from vrscan.data.config import Config, Peak, Sensor, load, presets
+from vrscan.data.config import Config, Peak, Sensor, load
 from vrscan.data.config_text import FOLLOWS, text
 
 
@@ -15,12 +16,9 @@ def again(folder: Path, written: str) -> Config:
     return load(path)
 
 
+@EACH_SCANNER
 @pytest.mark.parametrize("chosen", [False, True])
-@pytest.mark.parametrize("name", [None, *presets()])
-def test_what_is_written_is_read_as_the_same(
-    tmp_path: Path, name: str | None, chosen: bool
-) -> None:
-    config = load(None if name is None else Path(name))
+def test_what_is_written_is_read_as_the_same(tmp_path: Path, config: Config, chosen: bool) -> None:
     back = again(tmp_path, text(config, chosen=chosen))
     assert back.model_dump() == config.model_dump()
     for section, key in FOLLOWS:  # what followed follows again
@@ -34,15 +32,16 @@ def test_every_value_has_a_meaning(name: str) -> None:
     assert [key for key, field in section.model_fields.items() if not field.description] == []
 
 
-def test_every_value_is_there_and_can_be_changed(tmp_path: Path) -> None:
-    written = text(Config())
-    for name, section in Config():
+@EACH_SCANNER
+def test_every_value_is_there_and_can_be_changed(tmp_path: Path, config: Config) -> None:
+    written = text(config)
+    for name, section in config:
         keys = type(section).model_fields
         block = re.search(rf"^\[{name}\]\n(.*?)(?:\n\n|\Z)", written, re.DOTALL | re.MULTILINE)
         assert block is not None
         assert re.findall(r"^(?:# )?(\w+) =", block[1], re.MULTILINE) == list(keys)
-    longer = written.replace("line_length = 2048", "line_length = 1024")
-    assert again(tmp_path, longer).geometry.centre_px == 511.5  # in a comment, so it follows
+    shorter = written.replace(f"line_length = {config.sensor.line_length}", "line_length = 512")
+    assert again(tmp_path, shorter).geometry.centre_px == 255.5  # in a comment, so it follows
 
 
 def test_ranges_and_units_are_those_that_are_checked() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scanners import EACH_SCANNER
 
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
@@ -116,6 +117,19 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
 def test_what_one_engine_refuses_all_refuse_in_the_same_words(name: str) -> None:
     changed, text = REFUSED[name]
     assert outcomes(recorded(**changed)) == [text] * 3
+
+
+@EACH_SCANNER
+def test_all_engines_take_the_lines_of_their_own_sensor_only(config: Config) -> None:
+    length, top = config.sensor.line_length, 2**config.sensor.pixel_width - 1
+    lines = np.full((3, length), top, np.uint16)
+    most = f"pixel above {top} ({top + 1} at line 0, pixel 0)"
+    shape = f"lines must have shape [n, {length}] (have (3, {length - 1}))"
+    for given, want in ((lines, 3), (lines + np.uint16(1), most), (lines[:, 1:], shape)):
+        recording = recorded(lines=given)
+        assert [outcome(lambda e=e, r=recording: engines.run(e, r, config)) for e in Engine] == (
+            [want] * 3
+        )
 
 
 def test_no_lines_are_an_empty_table_of_every_engine() -> None:

@@ -65,7 +65,7 @@ def random_points(pixel_width: int = 12) -> Points:
     )
 
 
-@pytest.mark.parametrize("pixel_width", [8, 12, 16])
+@pytest.mark.parametrize("pixel_width", [8, 10, 12, 16])
 def test_every_word_is_read_back(pixel_width: int) -> None:
     points = random_points(pixel_width)
     file = io.BytesIO()

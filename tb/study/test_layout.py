@@ -1,11 +1,10 @@
 """The optics of a scanner: what the sensor sees, and what each distance costs."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from scanners import EACH_SCANNER
 
-from vrscan.data.config import Config, Geometry, Sensor, load, presets
+from vrscan.data.config import Config, Geometry, Sensor
 from vrscan.data.errors import InputError
 from vrscan.ideal.free_space import visible
 from vrscan.ideal.geometry import radial_error
@@ -14,10 +13,9 @@ from vrscan.study.layout import check, layout, terminal
 NARROW = Config(geometry=Geometry(focal_mm=60.0), sensor=Sensor(line_length=1024))
 
 
-@pytest.mark.parametrize("name", [None, *presets()])
-def test_the_check_agrees_with_what_is_visible(name: str | None) -> None:
+@EACH_SCANNER
+def test_the_check_agrees_with_what_is_visible(config: Config) -> None:
     """Against the interval of the free space, which comes from the sensor's ends."""
-    config = load(None if name is None else Path(name))
     near, far = (float(end) for end in visible(np.zeros(()), config))
     far = min(far, 0.999 * config.free.far_mm)
     check(config, near * 1.001, far)
@@ -53,31 +51,42 @@ def test_the_advice_helps() -> None:
     check(Config(geometry=Geometry(focal_mm=60.0, bias_deg=bias), sensor=long), 240.0, 1000.0)
 
 
-def test_a_range_that_is_none_is_refused() -> None:
-    for near, far, word in ((500.0, 400.0, "near_mm"), (0.0, 9.0, "near_mm"), (9.0, 4e3, "far_mm")):
+@EACH_SCANNER
+def test_a_range_that_is_none_is_refused(config: Config) -> None:
+    beyond = 2.0 * config.geometry.range_mm
+    for near, far, word in (
+        (500.0, 400.0, "near_mm"),
+        (0.0, 9.0, "near_mm"),
+        (9.0, beyond, "far_mm"),
+    ):
         with pytest.raises(InputError, match=rf"^{word} = "):
-            check(Config(), near, far)
+            check(config, near, far)
 
 
-def test_the_step_is_that_of_the_papers_error() -> None:
+@EACH_SCANNER
+def test_the_step_is_that_of_the_papers_error(config: Config) -> None:
     """(6) gives the error of a pixel by range; it is exact where the axis meets the point."""
-    found = layout(Config(), 250.0, 1000.0, 60)
-    geometry = Config().geometry
+    ends_mm = config.focus.near_mm, config.focus.far_mm
+    found = layout(config, *ends_mm, 60)
+    geometry = config.geometry
     on_axis = int(np.abs(found.position_px - geometry.centre_px).argmin())
     beam = np.hypot(found.z_mm, geometry.base_mm)
     along = radial_error(beam, geometry.pitch_mm, geometry)
     assert found.step_mm[on_axis] == pytest.approx(along[on_axis], rel=0.01)
     assert np.all(np.diff(found.step_mm) > 0.0)
     assert np.all(found.sigma_mm == found.noise_px * found.step_mm)
-    bright = layout(Config(free=Config().free.model_copy(update={"darkest": 0.08})), 800.0, 1000.0)
-    dark = layout(Config(), 800.0, 1000.0)
+    free = config.free.model_copy(update={"darkest": 4.0 * config.free.darkest})
+    bright = layout(config.model_copy(update={"free": free}), 0.8 * ends_mm[1], ends_mm[1])
+    dark = layout(config, 0.8 * ends_mm[1], ends_mm[1])
     assert dark.noise_px / bright.noise_px == pytest.approx(2.0)  # by the root of the light
 
 
-def test_the_drawing_has_every_part() -> None:
-    drawn = terminal(Config(), 240.0, 1000.0).plain
+@EACH_SCANNER
+def test_the_drawing_has_every_part(config: Config) -> None:
+    ends_mm = config.focus.near_mm, config.focus.far_mm
+    drawn = terminal(config, *ends_mm).plain
     for mark in "MCNF.=":
         assert mark in drawn
     rows = drawn.splitlines()
     beam = next(row for row in rows if row.startswith("M"))
-    assert beam.index("N") == round(240.0 / 1000.0 * 71) and beam.endswith("F")
+    assert beam.index("N") == round(ends_mm[0] / ends_mm[1] * 71) and beam.endswith("F")
