@@ -125,8 +125,8 @@ def test_all_engines_take_the_lines_of_their_own_sensor_only(config: Config) -> 
     lines = np.full((3, length), top, np.uint16)
     most = f"pixel above {top} ({top + 1} at line 0, pixel 0)"
     shape = f"lines must have shape [n, {length}] (have (3, {length - 1}))"
-    for given, want in ((lines, 3), (lines + np.uint16(1), most), (lines[:, 1:], shape)):
-        recording = recorded(lines=given)
+    for some, want in ((lines, 3), (lines + np.uint16(1), most), (lines[:, 1:], shape)):
+        recording = recorded(lines=some)
         assert [outcome(lambda e=e, r=recording: engines.run(e, r, config)) for e in Engine] == (
             [want] * 3
         )

@@ -6,6 +6,7 @@ import cocotb
 import pytest
 from cocotb.triggers import Timer
 from harness import CLOCK_NS, FallingEdge, Ports, reset, simulate
+from scanners import SCANNERS
 
 from vrscan.clocked.register_file import LATENCY
 from vrscan.data import link_pkg
@@ -19,16 +20,12 @@ from vrscan.registers.register_map import LOCKS, REGISTERS, WINDOWS
 from vrscan.registers.resets import resets, with_resets
 from vrscan.registers.values import FIELDS, addresses, to_words
 
-PRESETS = {"shipped": None, "metre": Path("metre"), "polygon": Path("polygon")}
 
-
-def configuration(name: str) -> Config:
-    return on_board(load(PRESETS[name]))
-
-
+@cocotb.test()
+@cocotb.parametrize(name=list(SCANNERS))
 async def begins_with(dut, name: str) -> None:
-    """Compare every word that the bus reads, and every register's port, after a reset."""
-    config = configuration(name)
+    """Every word that the bus reads, and every register's port, after a reset."""
+    config = on_board(SCANNERS[name])
     wanted = settings(config, Hardware.of(config))
     await reset(dut)
     await FallingEdge(dut.clk_i)
@@ -54,27 +51,12 @@ async def begins_with(dut, name: str) -> None:
             assert got == word, f"{each} at {address:#06x} is {got:#x}, want {word:#x}"
 
 
-@cocotb.test()
-async def shipped(dut) -> None:
-    await begins_with(dut, "shipped")
-
-
-@cocotb.test()
-async def metre(dut) -> None:
-    await begins_with(dut, "metre")
-
-
-@cocotb.test()
-async def polygon(dut) -> None:
-    await begins_with(dut, "polygon")
-
-
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", SCANNERS)
 def test_a_build_begins_with_what_a_load_would_write(name: str) -> None:
-    config = configuration(name)
+    config = on_board(SCANNERS[name])
     package = Hardware.of(config).register_package(config)
     assert package.read_text() != rtl_module("register_pkg").read_text()
-    simulate("register_file", __file__, sources=[package], only=f"{name}$")
+    simulate("register_file", __file__, sources=[package], only=f"name={name}$")
 
 
 def test_what_a_configuration_does_not_say_begins_as_shipped(tmp_path: Path) -> None:
