@@ -3,23 +3,25 @@
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from harness import generator
+from scanners import SCANNERS
 
 from vrscan.data import pkg
-from vrscan.data.config import Config, Geometry, Peak, Sensor, load
+from vrscan.data.config import Config, Geometry, Peak, Sensor
 from vrscan.data.points import Points, points_equal
 from vrscan.engines.chain_engine import latencies, run_rtl
 from vrscan.fixed.vrscan_chain import MAX_WINDOW, first_windows, latency, min_period, run_fixed
-from vrscan.registers.chain_registers import Registers
+from vrscan.ideal.geometry import undistorted
+from vrscan.registers.chain_registers import Registers, angle_turns
 from vrscan.registers.free_table import HALF
 
 SHIPPED = Config()
-# The polygon's chain is the shipped one.
-EACH_SIZE = pytest.mark.parametrize("config", [SHIPPED, load(Path("metre"))], ids=("2048", "1024"))
+# Scanners of the same sensor have the same chain, and one of them is enough.
+SIZES = {(each.sensor.line_length, each.sensor.pixel_width): each for each in SCANNERS.values()}
+EACH_SIZE = pytest.mark.parametrize("config", SIZES.values(), ids=map(str, SIZES))
 
 
 def spots(count: int, salt: int, sensor: Sensor = SHIPPED.sensor) -> np.ndarray:
@@ -101,7 +103,7 @@ def with_window(window: str, config: Config = SHIPPED) -> Registers:
     return Registers.from_config(config.model_copy(update={"peak": peak}))
 
 
-ONE_PASS, TWO_PASS, FIT = map(with_window, WINDOWS)
+ONE_PASS, TWO_PASS, _ = map(with_window, WINDOWS)
 
 
 @EACH_SIZE
@@ -152,11 +154,13 @@ def test_latency_is_its_formula(window: str, config: Config) -> None:
     assert len({*first.width[first.measured].tolist()}) > 200
 
 
-def test_one_bitstream_does_both() -> None:
+@EACH_SIZE
+def test_one_bitstream_does_both(config: Config) -> None:
     """The same lines in both modes: other windows, other positions, the same thresholds."""
-    lines, nothing = spots(100, 60), np.zeros(100, np.int64)
-    two = replace(ONE_PASS, window_two_pass=True)
-    before, after = (run_rtl(lines, nothing, nothing, r) for r in (ONE_PASS, two))
+    lines, nothing = spots(100, 60, config.sensor), np.zeros(100, np.int64)
+    one = with_window("threshold", config)
+    two = replace(one, window_two_pass=True)
+    before, after = (run_rtl(lines, nothing, nothing, r) for r in (one, two))
     both = before.measured & after.measured
     assert both.sum() > 50
     assert (before.position != after.position)[both].mean() > 0.7
@@ -201,22 +205,29 @@ def test_short_lines_come_with_a_gap(window: str) -> None:
     assert (clocks[behind] == idle).any() and clocks.min() == idle
 
 
-def test_every_flag_that_a_good_line_can_raise() -> None:
+@EACH_SIZE
+def test_every_flag_that_a_good_line_can_raise(config: Config) -> None:
     """Spots at every angle, a flat box on black and a spot on black: all flags, RTL and model.
 
     LINES_LOST, POINTS_LOST, ROW_STATISTICS and MAP_FILLED need more: ``test_vrscan_chain``. One
     window alone has NO_PHASE on a box, for a second one has black beside it; a fit alone has MIXED.
     """
-    lines = np.concatenate([spots(150, 50), plateaus(300, 51)])
+    lines = np.concatenate([spots(150, 50, config.sensor), plateaus(300, 51, config.sensor)])
+    top = 2**config.sensor.pixel_width - 1
     lines[:2] = 0
-    lines[0, 900:910] = 4095
-    lines[1, 900:907] = 5, 40, 900, 3000, 900, 40, 5
+    lines[0, 900:910] = top
+    lines[1, 900:907] = np.array([5, 40, 900, 3000, 900, 40, 5]) * top // 4095
     angle = generator(52).integers(-(1 << 23), 1 << 23, len(lines))
+    geometry, far = config.geometry, 1.5 * config.geometry.range_mm  # the second spot's place
+    u, _ = undistorted(np.array(903.0), geometry)
+    beta = geometry.bias_rad + np.arctan(u / geometry.focal_mm)
+    x = geometry.base_mm - (far - geometry.offset_mm) / np.tan(beta)
+    angle[1] = angle_turns(np.arctan2(x, far)[None])[0]
     power = np.zeros(len(lines), np.int64)
     raised = generator(53).integers(0, 8, len(lines))
     raised[:2] = 0
     seen = 0
-    for registers in (FIT, ONE_PASS):
+    for registers in (with_window(each, config) for each in ("fit", "threshold")):
         want = run_fixed(lines, angle, power, registers, mirror_flags=raised)
         got = run_rtl(lines, angle, power, registers, mirror_flags=raised)
         assert points_equal(got, want) is None
@@ -228,10 +239,11 @@ def test_every_flag_that_a_good_line_can_raise() -> None:
     )
 
 
-def test_the_mirrors_flags_reach_the_points_and_change_nothing_else() -> None:
+@EACH_SIZE
+def test_the_mirrors_flags_reach_the_points_and_change_nothing_else(config: Config) -> None:
     """Every combination: NOT_RUNNING, INDEX_FAULT and UNSETTLED by bit, the position stays."""
-    registers = Registers.from_config(Config())
-    lines = spots(64, 54)
+    registers = Registers.from_config(config)
+    lines = spots(64, 54, config.sensor)
     angle = power = np.zeros(len(lines), np.int64)
     raised = np.arange(len(lines)) % 8
     bare = run_fixed(lines, angle, power, registers)
