@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scanners import EACH_SCANNER, SCANNERS
 
 from vrscan.data import recordings
 from vrscan.data.config import Config, Free, Geometry
@@ -25,21 +26,24 @@ from vrscan.scene.simulate import take
 
 SEED = 20100301
 CONFIG = Config()
-TWO_PASS = Config.model_validate({"peak": {"window": "two_pass"}})
-ONE_PASS = Config.model_validate({"peak": {"window": "threshold"}})
+MODES = {
+    "one_pass": Config.model_validate({"peak": {"window": "threshold"}}),
+    "two_pass": Config.model_validate({"peak": {"window": "two_pass"}}),
+    **SCANNERS,  # with a fit
+}
 
 
-def ugly(count: int) -> Lines:
+def ugly(count: int, config: Config) -> Lines:
     """Lines of a scene, and between them some that are black, white, noise or two spots."""
-    rng = np.random.default_rng(SEED)
-    lines = take("default", count, CONFIG).lines
+    rng, top = np.random.default_rng(SEED), 2**config.sensor.pixel_width - 1
+    lines = take("default", count, config).lines
     pixels = lines.lines.copy()
     kind = rng.integers(0, 8, count)
     pixels[kind == 0] = 0
-    pixels[kind == 1] = 4095
-    pixels[kind == 2] = rng.integers(0, 4096, pixels[kind == 2].shape)
-    pixels[kind == 3, :20] = 4000
-    pixels[kind == 4, -9:] = 4095
+    pixels[kind == 1] = top
+    pixels[kind == 2] = rng.integers(0, top + 1, pixels[kind == 2].shape)
+    pixels[kind == 3, :20] = top - 20
+    pixels[kind == 4, -9:] = top
     flags = rng.integers(0, 8, count)
     return Lines(pixels, lines.angle_rad, rng.integers(0, 65536, count), mirror_flags=flags)
 
@@ -88,22 +92,22 @@ def test_all_engines_measure_beyond_two_metres() -> None:
     assert small.z_mm.max() > 512.0 and got.located.sum() == small.located.sum()
 
 
-@pytest.mark.parametrize(
-    "config", [ONE_PASS, TWO_PASS, CONFIG], ids=["one_pass", "two_pass", "fit"]
-)
+@pytest.mark.parametrize("config", MODES.values(), ids=MODES)
 @pytest.mark.parametrize("engine", Engine)
 def test_points_do_not_depend_on_the_blocks(engine: Engine, config: Config) -> None:
-    recording = ugly(100)  # a fit depends on 62 lines before its own
+    recording = ugly(100, config)  # a fit depends on 62 lines before its own
     whole = whole_rows(engine, recording, config)
-    for sizes in ([1], [7], [1, 64, 3], [99], [1000]):
+    every = ([1, 64, 3], [1], [7], [99], [1000])
+    for sizes in every if config.source == "defaults" else every[:1]:  # others by few starts
         assert rows_in_blocks(engine, recording, config, sizes) == whole, sizes
 
 
+@EACH_SCANNER
 @pytest.mark.parametrize("engine", Engine)
-def test_points_do_not_depend_on_the_processes(engine: Engine) -> None:
-    recording = ugly(150)
-    whole = whole_rows(engine, recording, CONFIG)
-    assert rows_in_blocks(engine, recording, CONFIG, [1, 40], jobs=3) == whole
+def test_points_do_not_depend_on_the_processes(engine: Engine, config: Config) -> None:
+    recording = ugly(150, config)
+    whole = whole_rows(engine, recording, config)
+    assert rows_in_blocks(engine, recording, config, [1, 40], jobs=3) == whole
 
 
 def test_few_lines_are_not_worth_a_process() -> None:
