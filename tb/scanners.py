@@ -19,7 +19,12 @@ def each_scanner(having: Callable[[Config], bool] = lambda _: True) -> pytest.Ma
 
 def resonant(config: Config) -> bool:
     """Return whether a scanner's mirror swings, so that its amplitude is controlled."""
-    return config.mirror.kind == "resonant"
+    return not config.mirror.polygon
+
+
+def first_of_its_sensor(config: Config) -> bool:
+    """Return whether no scanner before has the same sensor: up to a position they are the same."""
+    return next(each for each in SCANNERS.values() if each.sensor == config.sensor) is config
 
 
 def words(config: Config) -> list[str]:
@@ -29,3 +34,4 @@ def words(config: Config) -> list[str]:
 
 EACH_SCANNER = each_scanner()
 EACH_RESONANT = each_scanner(resonant)
+EACH_SENSOR = each_scanner(first_of_its_sensor)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from harness import generator
-from scanners import SCANNERS
+from scanners import EACH_SENSOR
 
 from vrscan.data import pkg
 from vrscan.data.config import Config, Geometry, Peak, Sensor
@@ -19,9 +19,6 @@ from vrscan.registers.chain_registers import Registers, angle_turns
 from vrscan.registers.free_table import HALF
 
 SHIPPED = Config()
-# Scanners of the same sensor have the same chain, and one of them is enough.
-SIZES = {(each.sensor.line_length, each.sensor.pixel_width): each for each in SCANNERS.values()}
-EACH_SIZE = pytest.mark.parametrize("config", SIZES.values(), ids=map(str, SIZES))
 
 
 def spots(count: int, salt: int, sensor: Sensor = SHIPPED.sensor) -> np.ndarray:
@@ -106,7 +103,7 @@ def with_window(window: str, config: Config = SHIPPED) -> Registers:
 ONE_PASS, TWO_PASS, _ = map(with_window, WINDOWS)
 
 
-@EACH_SIZE
+@EACH_SENSOR
 @pytest.mark.parametrize("salt", range(9))
 def test_chain_rtl_equals_model_on_whole_lines(salt: int, config: Config) -> None:
     """3,600 lines in all: shipped registers of all modes first, then registers at random."""
@@ -124,7 +121,7 @@ def test_chain_rtl_equals_model_on_whole_lines(salt: int, config: Config) -> Non
     assert points_equal(got, want) is None
 
 
-@EACH_SIZE
+@EACH_SENSOR
 @EACH_WINDOW
 def test_latency_is_its_formula(window: str, config: Config) -> None:
     """Every width and every unmeasured line, back to back: the clock of each point."""
@@ -154,7 +151,7 @@ def test_latency_is_its_formula(window: str, config: Config) -> None:
     assert len({*first.width[first.measured].tolist()}) > 200
 
 
-@EACH_SIZE
+@EACH_SENSOR
 def test_one_bitstream_does_both(config: Config) -> None:
     """The same lines in both modes: other windows, other positions, the same thresholds."""
     lines, nothing = spots(100, 60, config.sensor), np.zeros(100, np.int64)
@@ -205,7 +202,7 @@ def test_short_lines_come_with_a_gap(window: str) -> None:
     assert (clocks[behind] == idle).any() and clocks.min() == idle
 
 
-@EACH_SIZE
+@EACH_SENSOR
 def test_every_flag_that_a_good_line_can_raise(config: Config) -> None:
     """Spots at every angle, a flat box on black and a spot on black: all flags, RTL and model.
 
@@ -239,7 +236,7 @@ def test_every_flag_that_a_good_line_can_raise(config: Config) -> None:
     )
 
 
-@EACH_SIZE
+@EACH_SENSOR
 def test_the_mirrors_flags_reach_the_points_and_change_nothing_else(config: Config) -> None:
     """Every combination: NOT_RUNNING, INDEX_FAULT and UNSETTLED by bit, the position stays."""
     registers = Registers.from_config(config)
