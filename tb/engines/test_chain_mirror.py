@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from harness import generator
+from scanners import SCANNERS, each_scanner, resonant
 
 from vrscan.clocked import amplitude_control, mirror_phase
 from vrscan.clocked.mirror_loop import ANGLE_LATENCY, LINE, MirrorLoop
@@ -43,9 +44,11 @@ DROPS = (7, 3)
 TIMES_PERIOD = 150  # lines a period, and a tenth of a line more
 
 
-def configured(**mirror: float) -> Config:
-    """Return the shipped configuration at the slow clock, with changes of its [mirror]."""
-    config = Config()
+DEFAULT = SCANNERS["default"]
+
+
+def configured(config: Config = DEFAULT, **mirror: float) -> Config:
+    """Return a shipped configuration at the slow clock, with changes of its [mirror]."""
     return config.model_copy(
         update={
             "clock": config.clock.model_copy(update={"frequency_hz": CLOCK_HZ}),
@@ -54,16 +57,15 @@ def configured(**mirror: float) -> Config:
     )
 
 
+def reaction_clks(config: Config) -> float:
+    """Return the longest time from a measurement's crossing to the line that knows of it."""
+    work = mirror_phase.LATENCY + amplitude_control.LATENCY + ANGLE_LATENCY
+    return work + 100 + CLOCK_HZ / config.line.rate_hz
+
+
 CONFIG = configured()
 PERIOD_CLKS = CLOCK_HZ / CONFIG.mirror.frequency_hz
-# From a measurement's crossing to the line that knows of it.
-REACTION_CLKS = (
-    mirror_phase.LATENCY
-    + amplitude_control.LATENCY
-    + ANGLE_LATENCY
-    + 100
-    + CLOCK_HZ / CONFIG.line.rate_hz
-)
+REACTION_CLKS = reaction_clks(CONFIG)
 
 
 @dataclass(frozen=True)
@@ -110,6 +112,7 @@ class Journey:
         self.registers = replace(MirrorRegisters.from_config(config), **changes)
         self.world = World.from_config(config)
         self.mirror = Mirror(self.registers, config, self.world)
+        self.period_clks = CLOCK_HZ / config.mirror.frequency_hz
         self.legs: list[Leg] = []
 
     def go(
@@ -136,8 +139,8 @@ class Journey:
 
     def to_phase(self, fraction: float) -> None:
         """Go on to a fraction of a period on the grid of all periods, the next but one."""
-        periods = np.floor(self.mirror.clock / PERIOD_CLKS) + 2.0 + fraction
-        self.go((periods * PERIOD_CLKS - self.mirror.clock) / CLOCK_HZ)
+        periods = np.floor(self.mirror.clock / self.period_clks) + 2.0 + fraction
+        self.go((periods * self.period_clks - self.mirror.clock) / CLOCK_HZ)
 
     def check_twin(self) -> None:
         """Compare every line and measurement with the twin's on the recorded samples."""
@@ -337,6 +340,29 @@ def test_a_restart_finds_a_mirror_that_still_swings(journey: dict[str, Any]) -> 
     print(f"\nRUN {leg.seconds:.3f} s after a stop")
     assert leg.state == RUN
     assert np.all(leg.lines["flags"] & NOT_RUNNING)
+
+
+@each_scanner(lambda config: resonant(config) and config is not DEFAULT)
+def test_the_loop_of_another_scanner_is_the_twins_and_as_good(config: Config) -> None:
+    """A start, rest, a shock and darkness, with its own rate of lines.
+
+    The whole journey is the default's. A polygon's loop is in ``test_polygon_mirror``.
+    """
+    config = configured(config)
+    trip, mirror = Journey(config), config.mirror
+    start = trip.go(mirror.sweep_span_hz / mirror.sweep_hz_per_s + SETTLES_S, until=RUN)
+    assert start.state == RUN and np.all(start.lines["flags"] & NOT_RUNNING)
+    quiet = trip.go(0.06)
+    assert not np.any(quiet.lines["flags"][1:]) and np.abs(quiet.errors()).max() < ERROR_RAD
+    assert len(quiet.lines) == pytest.approx(0.06 * config.line.rate_hz, abs=2)
+    within_clks = trip.period_clks + reaction_clks(config)
+    trip.to_phase(SHOCKS[1])
+    leg = trip.go(RECOVERS_S, shock_rad_per_s=SHOCK_RAD_PER_S)
+    check_recovery(leg, UNSETTLED, within_clks)
+    trip.to_phase(BLINKS[1])
+    dark = trip.go(1.3 / mirror.frequency_hz, laser_on=0)
+    assert dark.flagged_after(INDEX_FAULT) <= within_clks
+    trip.check_twin()
 
 
 def turns(leg: Leg) -> np.ndarray:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from harness import generator
+from scanners import EACH_SCANNER
 
 from vrscan.clocked.focus_control import FocusControl
 from vrscan.clocked.focus_motor import State
@@ -14,7 +15,7 @@ from vrscan.data.arrays import Ints
 from vrscan.data.config import Config
 from vrscan.data.points import points_equal
 from vrscan.engines.chain_engine import run_rtl
-from vrscan.engines.loops import FocusLoop, LoopedScan, PowerLoop
+from vrscan.engines.loops import Clocks, FocusLoop, LoopedScan, PowerLoop
 from vrscan.fixed.vrscan_chain import run_fixed
 from vrscan.ideal.correction_map import correction, thin_lens_maps
 from vrscan.registers.chain_registers import Registers, angle_turns
@@ -27,16 +28,21 @@ from vrscan.scene.light import Light
 from vrscan.scene.simulate import Scanner
 
 PERIOD, PULSE, LINES = 160, 12, 400
-LASER = replace(LaserRegisters.from_config(Config()), adapt=1, limit_pulse_clks=PULSE)
-TIGHT = replace(LASER, limit_drain=2_000, limit_bucket=1 << 20)
-APART = replace(LASER, shared=0, limit_power=40_000)
+LASERS = {
+    "open": {},
+    "tight": {"limit_drain": 2_000, "limit_bucket": 1 << 20},
+    "apart": {"shared": 0, "limit_power": 40_000},
+}
 POINT = {"maximum": 0, "background": 0, "power": 0, "inward": 0, "measured": 0, "saturated": 0}
 FEW = frozenset({"shot", "read", "defocus", "speckle", "smear", "falloff"})
 
 
-@pytest.mark.parametrize("settings", [LASER, TIGHT, APART], ids=["open", "tight", "apart"])
-def test_the_power_of_every_line_is_that_of_laser_control(settings: LaserRegisters) -> None:
+@EACH_SCANNER
+@pytest.mark.parametrize("laser", LASERS)
+def test_the_power_of_every_line_is_that_of_laser_control(laser: str, config: Config) -> None:
     """Points 2 to 5 lines behind their own line, in any clock; a bucket that cuts pulses."""
+    own = LASERS[laser] | {"adapt": 1, "limit_pulse_clks": PULSE}
+    settings = replace(LaserRegisters.from_config(config), **own)
     draw = generator(11)
     inward = np.arange(LINES) // 37 % 2 == 0
     delay = draw.integers(2 * PERIOD, 5 * PERIOD, LINES)
@@ -84,7 +90,7 @@ def test_the_power_of_every_line_is_that_of_laser_control(settings: LaserRegiste
         loop.take(last, **point)
     assert got == want
     assert len({power for power, _ in got}) > 100
-    if settings is TIGHT:
+    if laser == "tight":
         assert any(lit < PULSE for _, lit in got)
 
 
@@ -161,11 +167,11 @@ class Stage(Device):
             self.heard = b"" if self.shift == ord("\r") else self.heard
 
 
+@EACH_SCANNER
 @pytest.mark.parametrize("protocol", [0, 1], ids=["registers", "m3"])
-def test_the_lens_goes_where_focus_control_sends_it(protocol: int) -> None:
+def test_the_lens_goes_where_focus_control_sends_it(protocol: int, config: Config) -> None:
     """Points of a scene that jumps to and fro: targets, readings and places, clock by clock."""
-    draw = generator(12)
-    config = Config()
+    draw, unit_mm = generator(12), config.geometry.unit_mm
     registers = FocusRegisters.from_config(config)
     settings = replace(
         registers,
@@ -195,12 +201,12 @@ def test_the_lens_goes_where_focus_control_sends_it(protocol: int) -> None:
     while twin.motor.state is not State.HOLD:
         clock()
     twin.configure(settings)
-    period, z_mm = 400, 420.0
+    period, z_mm = 400, config.free.focus_mm
     got, want = [], []
     for k in range(1_500):
         if k % 300 == 150:
-            z_mm = float(draw.uniform(250.0, 900.0))
-        z = round((z_mm + draw.normal(0.0, 0.5)) * (1 << pkg.LENGTH_FRACTION))
+            z_mm = float(draw.uniform(config.focus.near_mm, config.focus.far_mm))
+        z = round((z_mm + draw.normal(0.0, 0.5)) / unit_mm * (1 << pkg.LENGTH_FRACTION))
         measured = bool(draw.random() < 0.7)
         loop.take(k * period + 10, measured=measured, flags=0, z=z)
         loop.run((k + 1) * period)
@@ -213,8 +219,7 @@ def test_the_lens_goes_where_focus_control_sends_it(protocol: int) -> None:
     assert len({target for target, _, _ in got}) >= 4
 
 
-def scan(scene: str, count: int, *, adaptive: bool, automatic: bool) -> LoopedScan:
-    config = Config()
+def scan(config: Config, scene: str, count: int, *, adaptive: bool, automatic: bool) -> LoopedScan:
     focus = config.focus.model_copy(update={"average_points": 64, "hold_points": 64})
     if automatic:
         maps = config.map.model_copy(update={"thin_lens": True})
@@ -223,15 +228,17 @@ def scan(scene: str, count: int, *, adaptive: bool, automatic: bool) -> LoopedSc
     return LoopedScan(Scanner(light, count, FEW), adaptive=adaptive, automatic=automatic)
 
 
-def test_a_thin_lens_needs_the_maps_of_a_thin_lens() -> None:
+@EACH_SCANNER
+def test_a_thin_lens_needs_the_maps_of_a_thin_lens(config: Config) -> None:
     """What the image's scale takes a position by, the maps give back, with the lens between two."""
-    config = Config()
-    maps = thin_lens_maps(config)
+    focal_mm, maps = config.geometry.focal_mm, thin_lens_maps(config)
     own, length = config.free.focus_mm, config.sensor.line_length
-    for focus_mm in (260.0, 333.0, own, 470.0, 990.0):
+    near_mm, far_mm = config.focus.near_mm, config.focus.far_mm
+    for focus_mm in (1.08 * near_mm, 1.39 * near_mm, own, 1.12 * own, 0.99 * far_mm):
         steps = steps_of(focus_mm, config)
         assert focus_of(steps, config) == pytest.approx(focus_mm, rel=2e-3)
-        scale = (1 / 25 - 1 / own) / (1 / 25 - 1 / focus_of(steps, config))
+        moved = 1 / focal_mm - 1 / focus_of(steps, config)
+        scale = (1 / focal_mm - 1 / own) / moved
         sharp = np.linspace(100.0, length - 100.0, 50)
         centre = config.geometry.centre_px
         place = np.full(50, maps.place(np.array(1e-3 * config.focus.resolution_um * steps)))
@@ -240,9 +247,10 @@ def test_a_thin_lens_needs_the_maps_of_a_thin_lens() -> None:
         assert np.abs(found - sharp).max() < 0.03  # between two maps a chord for a hyperbola
 
 
-def test_lines_whose_power_is_known_beforehand_are_those_of_a_scan() -> None:
+@EACH_SCANNER
+def test_lines_whose_power_is_known_beforehand_are_those_of_a_scan(config: Config) -> None:
     """At the scene's power, in any groups, light is that of ``Scanner``."""
-    plain = scan("default", 1024, adaptive=False, automatic=False)
+    plain = scan(config, "default", 1024, adaptive=False, automatic=False)
     looped = next(plain.blocks())
     lines = plain.scanner.part(0).lines
     got = looped.simulation.lines
@@ -251,11 +259,12 @@ def test_lines_whose_power_is_known_beforehand_are_those_of_a_scan() -> None:
     assert np.array_equal(got.angle_rad, lines.angle_rad)
 
 
-def test_power_brings_peaks_to_the_target() -> None:
+@EACH_SCANNER
+def test_power_brings_peaks_to_the_target(config: Config) -> None:
     """The adapted power follows near and far parts; a scan goes on from a copy of its progress."""
-    adapted = scan("default", 2100, adaptive=True, automatic=False)
+    adapted = scan(config, "default", 2100, adaptive=True, automatic=False)
     first = next(adapted.blocks())
-    again = scan("default", 2100, adaptive=True, automatic=False)
+    again = scan(config, "default", 2100, adaptive=True, automatic=False)
     again.progress = adapted.progress
     one, two = (list(each.blocks()) for each in (adapted, again))
     assert [len(each.simulation.lines) for each in one] == [1024, 52]
@@ -264,17 +273,22 @@ def test_power_brings_peaks_to_the_target() -> None:
         assert np.array_equal(a.controls.power, b.controls.power)
     power = first.controls.power
     assert power[0] == round(65_535 * 5.0 / 50.0) and len(np.unique(power)) > 100
-    # The power of a line says what the points up to five lines before it asked for.
-    assert len(set(power[:5].tolist())) == 1
+    # The power of a line is what points asked for before it starts. With a fit the first point
+    # comes with the end of the second line.
+    clocks = Clocks.of(config, Registers.from_config(config))
+    comes = clocks.point(1, 3, 3, measured=True)
+    before = sum(clocks.start(line) <= comes for line in range(9))
+    assert before >= 4 and len(set(power[:before].tolist())) == 1
 
 
-def test_the_lens_follows_a_plane_and_the_points_stay() -> None:
+@EACH_SCANNER
+def test_the_lens_follows_a_plane_and_the_points_stay(config: Config) -> None:
     """From the scene's focus to the plane's: points are right at rest, by RTL as by the twin."""
-    automatic = scan("plane", 2048, adaptive=False, automatic=True)
+    automatic = scan(config, "plane", 2048, adaptive=False, automatic=True)
     blocks = list(automatic.blocks())
     lens = np.concatenate([each.controls.lens for each in blocks])
     focus_mm = automatic.scanner.light.scene.lens.focus_mm
-    assert lens[0] == steps_of(focus_mm, Config()) and len(np.unique(lens)) > 20
+    assert lens[0] == steps_of(focus_mm, config) and len(np.unique(lens)) > 20
     assert np.abs(np.diff(lens)).max() <= 4
     lines, config = blocks[1].simulation.lines, automatic.scanner.light.belief
     registers, maps = Registers.from_config(config), map_table(config)
@@ -282,7 +296,8 @@ def test_the_lens_follows_a_plane_and_the_points_stay() -> None:
     points = run_fixed(*given, maps=maps, lens=lines.lens)
     assert lines.truth is not None
     good = points.measured & np.isfinite(lines.truth.position_px)
-    error = points.z[good] / (1 << pkg.LENGTH_FRACTION) - lines.truth.z_mm[good]
+    z_mm = points.z[good] * config.geometry.unit_mm / (1 << pkg.LENGTH_FRACTION)
+    error = z_mm - lines.truth.z_mm[good]
     assert abs(np.median(error)) < 0.03 and np.median(np.abs(error)) < 0.2
     # Positions of the lens that differ from line to line.
     moving: Ints = np.asarray(lines.lens) + generator(3).integers(-200, 200, len(lines))
