@@ -17,6 +17,7 @@ from harness import (
     run_vectors,
     simulate,
 )
+from scanners import EACH_SCANNER
 
 from vrscan.data import pkg
 from vrscan.data.config import Config
@@ -204,9 +205,10 @@ def test_correction_map_rtl_equals_model(widths: dict[str, int], volume: str) ->
     simulate("correction_map", __file__, widths, volume=volume)
 
 
-def test_correction_map_model_is_bilinear() -> None:
+@EACH_SCANNER
+def test_correction_map_model_is_bilinear(config: Config) -> None:
     """Against float64 with the same nodes: the bound of the widths in px, and 2 um in z to 1 m."""
-    length, draw = 2048, generator(20)
+    length, draw = config.sensor.line_length, generator(20)
     nodes = (draw.uniform(-1.0, 1.0, (4, ROWS, COLUMNS)) * (LIMIT - 1)).astype(np.int64)
     none = np.zeros(nodes.shape, np.bool_)
     given = operands(length, 200_000, 21)
@@ -225,7 +227,7 @@ def test_correction_map_model_is_bilinear() -> None:
     print(f"correction, px: measured {error.max():.3g} / predicted {predicted:.3g} / {floor:.3g}")
     assert error.max() <= predicted
     assert error[inside[whole]].max() <= tight
-    geometry = Config().geometry
+    geometry = config.geometry
     for z in (250.0, 500.0, 1000.0):
         at = project(np.zeros(1), np.full(1, z), geometry)
         u, step = undistorted(at, geometry)

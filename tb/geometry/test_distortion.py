@@ -21,6 +21,7 @@ from harness import (
     run_vectors,
     simulate,
 )
+from scanners import EACH_SCANNER
 
 from vrscan.data import pkg
 from vrscan.data.config import Config, Geometry
@@ -187,17 +188,18 @@ def test_distortion_rtl_equals_model(widths: dict[str, int], volume: str) -> Non
     simulate("distortion", __file__, widths, volume=volume)
 
 
-def lenses(share: float) -> Iterator[Geometry]:
+def lenses(share: float, geometry: Geometry) -> Iterator[Geometry]:
     """Return lenses that move the sensor's last pixel by ``share`` of its distance."""
-    edge = Geometry().pitch_mm * Geometry().centre_px
+    edge = geometry.pitch_mm * geometry.centre_px
     for first, second in [(1, 0), (-1, 0), (0, 1), (0, -1), (2, -1), (0.5, 0.5)]:
         for form in ("odd", "even"):
-            yield Geometry(k1=first * share / edge**2, k2=second * share / edge**4, distortion=form)
+            k1, k2 = first * share / edge**2, second * share / edge**4
+            yield geometry.model_copy(update={"k1": k1, "k2": k2, "distortion": form})
 
 
 def as_quantised(geometry: Geometry, registers: Registers) -> Geometry:
-    """Return the geometry that the registers of the shipped line length stand for."""
-    reach_mm = 2.0 ** (SHIPPED - 1).bit_length() * geometry.pitch_mm
+    """Return the geometry that registers stand for."""
+    reach_mm = 2.0 ** (registers.line_length - 1).bit_length() * geometry.pitch_mm
     scale = 2.0**-pkg.DISTORTION_FRACTION
     return geometry.model_copy(
         update={
@@ -210,7 +212,7 @@ def as_quantised(geometry: Geometry, registers: Registers) -> Geometry:
 
 def bound_px(position_px: np.ndarray, registers: Registers) -> np.ndarray:
     """Return the largest error of an offset that the widths allow, px."""
-    reach = 2.0 ** (SHIPPED - 1).bit_length()
+    reach = 2.0 ** (registers.line_length - 1).bit_length()
     scale = 2.0**-pkg.DISTORTION_FRACTION
     r = np.abs(position_px - registers.centre * 2.0**-pkg.OFFSET_FRACTION)
     s, k1, k2 = r / reach, registers.k1 * scale, registers.k2 * scale
@@ -221,21 +223,23 @@ def bound_px(position_px: np.ndarray, registers: Registers) -> np.ndarray:
     return r * gain + 2.0 ** -(pkg.OFFSET_FRACTION + 1)
 
 
+@EACH_SCANNER
 @pytest.mark.parametrize("share", [0.01, 0.1])
-def test_distortion_model_follows_equation_5(share: float) -> None:
+def test_distortion_model_follows_equation_5(share: float, config: Config) -> None:
     """Offset within 2**-18 px and slope within 0.1 %, whole sensor, with the lens as quantised."""
-    position = np.arange(0, SHIPPED << pkg.POSITION_FRACTION, 37)
+    length = config.sensor.line_length
+    position = np.arange(0, length << pkg.POSITION_FRACTION, 37)
     position_px = position * 2.0**-pkg.POSITION_FRACTION
     measured = predicted = unquantised = slope_measured = 0.0
-    for geometry in lenses(share):
-        registers = Registers.from_config(Config(geometry=geometry))
+    for geometry in lenses(share, config.geometry):
+        registers = Registers.from_config(config.model_copy(update={"geometry": geometry}))
         result = distortion(
             position,
             centre=registers.centre,
             k1=registers.k1,
             k2=registers.k2,
             even=registers.even,
-            line_length=SHIPPED,
+            line_length=length,
         )
         assert not result.saturated.any()
         offset_px = result.offset * 2.0**-pkg.OFFSET_FRACTION
@@ -259,7 +263,8 @@ def test_distortion_model_follows_equation_5(share: float) -> None:
     )
     assert predicted <= 2.0**-18
     # k1 and k2 are off by half a step each, which r s^2 and r s^4 carry to the edge.
-    assert unquantised <= predicted + 2.0**-25 * (2.0**-2 + 2.0**-4) * 2.0**10
+    edge = 2.0 ** (length - 1).bit_length() / 2
+    assert unquantised <= predicted + 2.0**-25 * (2.0**-2 + 2.0**-4) * edge
     assert slope_measured <= 1e-3
 
 

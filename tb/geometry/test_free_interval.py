@@ -2,6 +2,7 @@
 
 import cocotb
 import numpy as np
+import pytest
 from harness import (
     EACH_VOLUME,
     FallingEdge,
@@ -16,9 +17,9 @@ from harness import (
     simulate,
     struct_ports,
 )
+from scanners import SCANNERS
 
 from vrscan.data import pkg
-from vrscan.data.config import Config
 from vrscan.fixed.free_interval import LATENCY, free_interval
 from vrscan.registers.chain_registers import Registers
 from vrscan.registers.free_table import FRACTION_WIDTH, HALF
@@ -43,9 +44,9 @@ def operands(count: int, salt: int, begin: int, shift: int) -> dict[str, np.ndar
 
 
 def tables(kind: str, salt: int) -> tuple[int, int, np.ndarray, np.ndarray]:
-    """Return begin, shift and the entries: the shipped ones, or intervals with empty ones."""
-    if kind == "shipped":
-        given = Registers.from_config(Config())
+    """Return begin, shift and the entries: a scanner's, or intervals with empty ones."""
+    if kind in SCANNERS:
+        given = Registers.from_config(SCANNERS[kind])
         ends = np.array(given.free_table_from), np.array(given.free_table_to)
         return given.free_begin, given.free_shift, *ends
     draw = generator(salt)
@@ -93,10 +94,10 @@ def expected(given: dict[str, np.ndarray], table: dict[str, object]) -> dict[str
 
 @cocotb.test()
 async def random_lines_back_to_back(dut) -> None:
-    """The shipped table and others; a new line in the clock of the last result."""
+    """The shipped tables and others; a new line in the clock of the last result."""
     await reset(dut)
     free = 0
-    for k, kind in enumerate(("shipped", "wide", "any", "wide")):
+    for k, kind in enumerate((*SCANNERS, "wide", "any", "wide")):
         table = await load(dut, kind, k)
         given = operands(rounds(400, 4000), k, table["begin"], table["shift"])
         want = expected(given, table)
@@ -169,9 +170,10 @@ def test_the_interval_is_inside_the_straight_lines_by_less_than_a_step() -> None
         assert outside.any() and not got["to_o"][outside].any()
 
 
-def test_more_noise_or_less_power_never_frees_more() -> None:
-    """Of the shipped table: every entry of the second half is inside the next one."""
-    begin, shift, least, largest = tables("shipped", 0)
+@pytest.mark.parametrize("name", SCANNERS)
+def test_more_noise_or_less_power_never_frees_more(name: str) -> None:
+    """Of a shipped table: every entry of the second half is inside the next one."""
+    begin, shift, least, largest = tables(name, 0)
     assert np.all(np.diff(least[HALF:]) <= 0) and np.all(np.diff(largest[HALF:]) >= 0)
     assert least[HALF] > largest[HALF] and least[-1] < 200 * 16 < 1000 * 16 < largest[-1]
     assert begin < 0 < shift

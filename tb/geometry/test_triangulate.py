@@ -23,6 +23,7 @@ from harness import (
     run_vectors,
     simulate,
 )
+from scanners import EACH_SCANNER
 from test_distortion import bound_px, lenses
 
 from vrscan.data import pkg
@@ -320,21 +321,23 @@ def test_triangulate_rtl_equals_model(widths: dict[str, int], volume: str) -> No
 
 @dataclass(frozen=True)
 class View:
-    """Every position of the sensor, at scan angles that give z = 250..1000 mm."""
+    """Every position of the sensor, at scan angles that give z from one end to the other."""
 
     position: np.ndarray  # px, 12 fraction bits
     angle: np.ndarray  # s24 fractions of a turn
 
     @classmethod
-    def of(cls, geometry: Geometry, distances: int) -> "View":
-        """Return ``distances`` distances at each of 2048 positions with random fractions."""
+    def of(
+        cls, geometry: Geometry, length: int, distances: int, ends_mm: tuple[float, float]
+    ) -> "View":
+        """Return ``distances`` distances at each position, which has a random fraction."""
         draw = generator(distances)
-        pixel = np.arange(SHIPPED)[:, None] << pkg.POSITION_FRACTION
-        position = pixel + draw.integers(-2048, 2048, (SHIPPED, distances))
-        position = np.clip(position, 0, (SHIPPED - 1) << pkg.POSITION_FRACTION)
+        pixel = np.arange(length)[:, None] << pkg.POSITION_FRACTION
+        position = pixel + draw.integers(-2048, 2048, (length, distances))
+        position = np.clip(position, 0, (length - 1) << pkg.POSITION_FRACTION)
         u, _ = ideal.undistorted(position * MM, geometry)
         beta = geometry.bias_rad + np.arctan(u / geometry.focal_mm)
-        z = np.linspace(250.0, 1000.0, distances) + np.zeros(position.shape)
+        z = np.linspace(*ends_mm, distances) + np.zeros(position.shape)
         x = geometry.base_mm - (z - geometry.offset_mm) / np.tan(beta)
         return cls(position.ravel(), angle_turns(np.arctan2(x, z)).ravel())
 
@@ -357,7 +360,7 @@ def chain(view: View, registers: Registers, sigma: int) -> tuple[Triangulated, n
         k1=registers.k1,
         k2=registers.k2,
         even=registers.even,
-        line_length=SHIPPED,
+        line_length=registers.line_length,
     )
     assert not corrected.saturated.any()
     points = triangulate(
@@ -366,15 +369,17 @@ def chain(view: View, registers: Registers, sigma: int) -> tuple[Triangulated, n
         np.full_like(view.position, sigma),
         view.angle,
         **{name: getattr(registers, name) for name in CONSTANTS},
-        line_length=SHIPPED,
+        line_length=registers.line_length,
     )
     return points, corrected.offset
 
 
-def bounds_mm(
+def bounds(
     view: View, registers: Registers, s: np.ndarray, extra_px: np.ndarray, step: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the point from the constants as they are, and the largest error of x or z, mm.
+    """Return the point from the constants as they are, and the largest error of x or z.
+
+    Both are in the unit of length.
 
     Args:
         view: Positions and angles.
@@ -389,7 +394,7 @@ def bounds_mm(
     n, ray_cosine, ray_sine = n0 + n1 * s, d0 + d1 * s, e0 + e1 * s
     d = ray_cosine * cosine + ray_sine * sine
     q = n / d
-    reach = 2.0 ** (SHIPPED - 1).bit_length()
+    reach = 2.0 ** (registers.line_length - 1).bit_length()
 
     half = 0.5 + step * (1 + np.abs(s))
     n_error = half * 2.0**-pkg.BASE_FRACTION
@@ -405,28 +410,31 @@ def bounds_mm(
     return np.stack([q * sine, q * cosine]), bound
 
 
-def instruments() -> Iterator[Geometry]:
-    """Return the shipped geometry without, and with every lens of, 1 % distortion."""
-    yield Geometry()
-    yield from lenses(0.01)
+def instruments(geometry: Geometry) -> Iterator[Geometry]:
+    """Return a geometry without, and with every lens of, 1 % distortion."""
+    yield geometry
+    yield from lenses(0.01, geometry)
 
 
-def test_triangulate_model_follows_equations_3_to_5() -> None:
-    """x and z within 2 um over the whole view, 250 to 1000 mm, lenses up to 1 % included."""
+@EACH_SCANNER
+def test_triangulate_model_follows_equations_3_to_5(config: Config) -> None:
+    """x and z within 2 um a mm of unit_mm, in the whole view, lenses up to 1 % included."""
+    unit_mm, length = config.geometry.unit_mm, config.sensor.line_length
+    ends_mm = config.focus.near_mm, config.focus.far_mm
     worst = dict.fromkeys(["measured", "predicted", "unquantised", "allowed", "sigma"], 0.0)
     sigma = 205  # 0.05 px
-    for geometry in instruments():
-        registers = Registers.from_config(Config(geometry=geometry))
-        view = View.of(geometry, 40)
+    for geometry in instruments(config.geometry):
+        registers = Registers.from_config(config.model_copy(update={"geometry": geometry}))
+        view = View.of(geometry, length, 40, ends_mm)
         points, offset = chain(view, registers, sigma)
         assert not points.no_range.any()
         assert not points.out_of_range.any()
         got = np.stack([points.x, points.z]) * MM
 
         # The same integers, so without the errors of distortion and of the constants.
-        reach = 2.0 ** (SHIPPED - 1).bit_length()
+        reach = 2.0 ** (length - 1).bit_length()
         s = offset * 2.0**-pkg.OFFSET_FRACTION / reach
-        exact, bound = bounds_mm(view, registers, s, np.zeros_like(s), 0.0)
+        exact, bound = bounds(view, registers, s, np.zeros_like(s), 0.0)
         error = np.abs(got - exact).max(axis=0)
         assert np.all(error <= bound), f"{error.max()} mm, {geometry}"
         worst["measured"] = max(worst["measured"], float(error.max()))
@@ -438,18 +446,18 @@ def test_triangulate_model_follows_equations_3_to_5() -> None:
         r, s = view.position_px - geometry.centre_px, u / geometry.pitch_mm / reach
         lens_px = np.abs(r) * ((r / reach) ** 2 + (r / reach) ** 4) * 2.0**-25
         extra_px = bound_px(view.position_px, registers) + lens_px
-        _, allowed = bounds_mm(view, registers, s, extra_px, 0.5)
-        error = np.abs(got - np.stack([located.x, located.z])).max(axis=0)
+        _, allowed = bounds(view, registers, s, extra_px, 0.5)
+        error = np.abs(got - np.stack([located.x, located.z]) / unit_mm).max(axis=0)
         assert np.all(error <= 1.001 * allowed), f"{error.max()} mm, {geometry}"
         worst["unquantised"] = max(worst["unquantised"], float(error.max()))
         worst["allowed"] = max(worst["allowed"], float(allowed.max()))
 
-        sigma_z = np.abs(located.slope * u_slope) * sigma * SIGMA
+        sigma_z = np.abs(located.slope * u_slope) / unit_mm * sigma * SIGMA
         error = np.abs(points.sigma_z * SIGMA - sigma_z)
         assert np.all(error <= np.maximum(0.005 * sigma_z, SIGMA))
         worst["sigma"] = max(worst["sigma"], float(error.max() / SIGMA))
     print(
-        f"x and z, um: measured {1e3 * worst['measured']:.3f} / predicted "
+        f"x and z, um a mm of unit_mm: measured {1e3 * worst['measured']:.3f} / predicted "
         f"{1e3 * worst['predicted']:.3f} / floor {1e3 * MM / 2:.3f}; through distortion, constants "
         f"before rounding: measured {1e3 * worst['unquantised']:.3f} / predicted "
         f"{1e3 * worst['allowed']:.3f}; sigma_z off by {worst['sigma']:.2f} steps"
