@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from coherent_light import Bench, coherent_rows
 from harness import generator
+from scanners import EACH_SENSOR, SCANNERS
 
 from vrscan.data.config import Config
 from vrscan.data.lines import Lines
@@ -21,7 +22,6 @@ from vrscan.study.report.efficiency import (
     with_window,
 )
 
-SHIPPED = Config()
 SETTLED = 32  # lines after which the speckle is known from lines alone
 CONTRASTS = {1: 0.29, 2: 0.21}  # of a pixel, by the looks that are averaged
 
@@ -43,18 +43,18 @@ class Errors:
         return rms((self.error / self.sigma)[SETTLED:])
 
 
-def fitted(engine: Engine, given: Lines, true: np.ndarray) -> Errors:
+def fitted(engine: Engine, given: Lines, true: np.ndarray, config: Config) -> Errors:
     """Return the errors of an engine's fit."""
-    table = run(engine, given, SHIPPED)
+    table = run(engine, given, config)
     return Errors(np.where(table.measured, table.position_px - true, np.nan), table.sigma_px)
 
 
 ENGINES = {"float": Engine.IDEAL, "twin": Engine.FIXED}
 
 
-def window_error(given: Lines, true: np.ndarray, window: str) -> np.ndarray:
+def window_error(given: Lines, true: np.ndarray, window: str, config: Config) -> np.ndarray:
     """Return the errors of a window without a fit, px, NaN where not measured."""
-    table = run(Engine.FIXED, given, with_window(SHIPPED, window))
+    table = run(Engine.FIXED, given, with_window(config, window))
     return np.where(table.measured, table.position_px - true, np.nan)
 
 
@@ -79,18 +79,24 @@ def coherent_light(sigma: float, looks: int, count: int) -> tuple[np.ndarray, np
     return light[order], half + np.repeat(centre, 16)[order]
 
 
-def exposed(light: np.ndarray, place: np.ndarray, height: float) -> tuple[Lines, np.ndarray]:
-    """Return lines with the light anywhere on a sensor like that of ``cell_lines``."""
-    draw = generator(round(height))
+def exposed(
+    light: np.ndarray, place: np.ndarray, height: float, config: Config
+) -> tuple[Lines, np.ndarray]:
+    """Return lines with the light anywhere on a sensor like that of ``cell_lines``.
+
+    ``height`` is in counts of 12 bits.
+    """
+    draw, top = generator(round(height)), 2**config.sensor.pixel_width - 1
+    height *= (top + 1) / 4096
     count, width = light.shape
-    length, kappa = SHIPPED.sensor.line_length, SHIPPED.peak.kappa
+    length, kappa = config.sensor.line_length, config.peak.kappa
     first = draw.integers(length // 4, 3 * length // 4, count)
     mean = np.full((count, length), BACKGROUND_COUNTS)
     mean[np.arange(count)[:, None], first[:, None] + np.arange(width)] += height * light
     counts = kappa * draw.poisson(mean / kappa)
     counts = counts + READ_NOISE_COUNTS * draw.standard_normal(mean.shape)
-    lines = np.clip(np.floor(counts + 0.5), 0, 2**SHIPPED.sensor.pixel_width - 1)
-    power = np.full(count, SHIPPED.laser.power_max, np.int64)
+    lines = np.clip(np.floor(counts + 0.5), 0, top)
+    power = np.full(count, config.laser.power_max, np.int64)
     given = Lines(lines=lines.astype(np.uint16), angle_rad=np.zeros(count), power=power)
     return given, first + place
 
@@ -100,7 +106,9 @@ def geometric_mean(values: list[float]) -> float:
     return math.exp(float(np.mean(np.log(values))))
 
 
-def check_speckled(sigmas: tuple[float, ...], heights: tuple[float, ...], count: int) -> None:
+def check_speckled(
+    sigmas: tuple[float, ...], heights: tuple[float, ...], count: int, config: Config
+) -> None:
     """Print a table of the errors, and hold them against those of the windows."""
     share: dict[str, list[float]] = {"float": [], "twin": []}
     over_two: list[float] = []
@@ -111,10 +119,12 @@ def check_speckled(sigmas: tuple[float, ...], heights: tuple[float, ...], count:
     for (looks, contrast), sigma in product(CONTRASTS.items(), sigmas):
         light, place = coherent_light(sigma, looks, count)
         for height in heights:
-            given, true = exposed(light, place, height)
-            windows = [window_error(given, true, window) for window in ("threshold", "two_pass")]
+            given, true = exposed(light, place, height, config)
+            windows = [
+                window_error(given, true, window, config) for window in ("threshold", "two_pass")
+            ]
             for name, engine in ENGINES.items():
-                found = fitted(engine, given, true)
+                found = fitted(engine, given, true, config)
                 good = np.isfinite([found.error, *windows]).all(axis=0)
                 own, one, two = (rms(each[good]) for each in (found.error, *windows))
                 share[name].append(own / one)
@@ -135,8 +145,8 @@ def check_speckled(sigmas: tuple[float, ...], heights: tuple[float, ...], count:
 
 @pytest.mark.parametrize("distance", [400.0, 380.0, 360.0])
 def test_sigma_knows_of_coarse_grains(distance: float) -> None:
-    """Coherent light through a lens that is focused at 420 mm, two polarisations."""
-    trials = 160
+    """Coherent light through the default lens, which is focused at 420 mm, two polarisations."""
+    trials, config = 160, SCANNERS["default"]
     bench, sigma, tall = Bench(distance, 420.0), 2.0, 4.0
     half = math.ceil(5 * sigma + bench.radius_px) + 2
     rows = 2 * math.ceil(3.0 * tall + bench.radius_px) + 1
@@ -146,8 +156,8 @@ def test_sigma_knows_of_coarse_grains(distance: float) -> None:
         for _ in range(2)
     )
     light /= light.mean(axis=0).max()
-    given, true = exposed(np.asarray(light), np.full(trials, float(half)), 1500)
-    found = fitted(Engine.FIXED, given, true)
+    given, true = exposed(np.asarray(light), np.full(trials, float(half)), 1500, config)
+    found = fitted(Engine.FIXED, given, true, config)
     within = float(np.nanmean(np.abs(found.error / found.sigma)[SETTLED:] < 2))
     print(f"\n{distance:g} mm, disc {bench.radius_px:.1f} px: error {rms(found.error):.3f} px,"
           f" over sigma {found.over_sigma():.2f}, {100 * within:.0f} % within 2")  # fmt: skip
@@ -155,23 +165,25 @@ def test_sigma_knows_of_coarse_grains(distance: float) -> None:
     assert 0.8 / known <= found.over_sigma() <= 1.25 * known
 
 
-def test_the_fit_halves_the_error_of_coherent_light() -> None:
-    check_speckled((1.5, 4.0, 9.0), (400, 3000), 512)
+@EACH_SENSOR
+def test_the_fit_halves_the_error_of_coherent_light(config: Config) -> None:
+    check_speckled((1.5, 4.0, 9.0), (400, 3000), 512, config)
 
 
 @pytest.mark.soak
-def test_the_fit_halves_the_error_of_coherent_light_of_every_spot() -> None:
-    check_speckled((1.5, 2.0, 2.5, 4.0, 6.0, 9.0), (400, 800, 1500, 3000), 1024)
+@EACH_SENSOR
+def test_the_fit_halves_the_error_of_coherent_light_of_every_spot(config: Config) -> None:
+    check_speckled((1.5, 2.0, 2.5, 4.0, 6.0, 9.0), (400, 800, 1500, 3000), 1024, config)
 
 
-def check_noise(count: int) -> None:
+def check_noise(count: int, config: Config) -> None:
     efficiency: dict[str, list[float]] = {"float": [], "twin": []}
     honest: list[float] = []
     print(f"\n{'peak':>5}{'s, px':>6}  efficiency: float, twin   error/sigma")
     for height in PEAKS:
         for sigma in SIGMAS_PX:
-            given, true, bound = cell_lines(sigma, height, count, SHIPPED)
-            found = {name: fitted(engine, given, true) for name, engine in ENGINES.items()}
+            given, true, bound = cell_lines(sigma, height, count, config)
+            found = {name: fitted(engine, given, true, config) for name, engine in ENGINES.items()}
             for name, errors in found.items():
                 assert np.isfinite(errors.error).all()
                 efficiency[name].append(float(bound.mean() / rms(errors.error) ** 2))
@@ -185,10 +197,12 @@ def check_noise(count: int) -> None:
     assert min(honest) >= 0.8 and max(honest) <= 1.25
 
 
-def test_the_fit_loses_little_in_pure_noise() -> None:
-    check_noise(400)
+@EACH_SENSOR
+def test_the_fit_loses_little_in_pure_noise(config: Config) -> None:
+    check_noise(400, config)
 
 
 @pytest.mark.soak
-def test_the_fit_loses_little_in_pure_noise_of_many_lines() -> None:
-    check_noise(2000)
+@EACH_SENSOR
+def test_the_fit_loses_little_in_pure_noise_of_many_lines(config: Config) -> None:
+    check_noise(2000, config)
