@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from scanners import SCANNERS, words
 from test_scan_command import command
 
 from vrscan.cli import app as cli
@@ -29,12 +30,17 @@ BEGINS = {
 }
 
 
+@pytest.fixture(scope="module", params=SCANNERS)
+def config(request: pytest.FixtureRequest) -> Config:
+    return SCANNERS[request.param]
+
+
 @pytest.fixture(scope="module")
-def scanned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def scanned(tmp_path_factory: pytest.TempPathFactory, config: Config) -> Path:
     out = tmp_path_factory.mktemp("scanned") / "scan"
-    words = ["scan", "step", "--lines", "600", "--engine", "ideal", "--fidelity", "full"]
+    given = ["scan", "default", "--lines", "600", "--engine", "ideal", "--fidelity", "full"]
     with pytest.MonkeyPatch.context() as patch:
-        assert command(patch, *words, "--out", str(out), "--keep-lines") == 0
+        assert command(patch, *given, "--out", str(out), "--keep-lines", *words(config)) == 0
     return out
 
 
@@ -72,8 +78,8 @@ def test_an_ending_chooses_the_format(
 
 
 def test_poses_make_a_pan_a_cloud(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    words = ["export", "scan/points.csv", "flat.xyz", "--pose", "pose.csv"]
-    assert command(monkeypatch, *words) == 0
+    given = ["export", "scan/points.csv", "flat.xyz", "--pose", "pose.csv"]
+    assert command(monkeypatch, *given) == 0
     found = np.loadtxt("flat.xyz")
     assert np.allclose(found[:, 1], 100.0 * found[:, -1], atol=1e-4)
 
@@ -82,16 +88,16 @@ def test_filters_work_in_the_order_of_the_command(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     one, other = ["--median", "5"], ["--average", "3"]
-    for name, words in (("a.csv", one + other), ("b.csv", other + one), ("c.csv", one)):
-        assert command(monkeypatch, "filter", "scan/points.csv", name, *words) == 0
+    for name, given in (("a.csv", one + other), ("b.csv", other + one), ("c.csv", one)):
+        assert command(monkeypatch, "filter", "scan/points.csv", name, *given) == 0
     assert command(monkeypatch, "filter", "c.csv", "d.csv", *other) == 0
     places = {name: [row["z_mm"] for row in rows(name)] for name in ("a.csv", "b.csv", "d.csv")}
     assert places["a.csv"] != places["b.csv"]
     a, d = (np.array([float(z or 0.0) for z in places[name]]) for name in ("a.csv", "d.csv"))
     assert np.abs(a - d).max() < 2e-4  # the file between them rounds
     capsys.readouterr()
-    words = ["--without", "MIXED", "--min-confidence", "0.5", "--spike", "3", "--outlier", "5"]
-    assert command(monkeypatch, "filter", "scan/points.csv", "e.csv", *words) == 0
+    given = ["--without", "MIXED", "--min-confidence", "0.5", "--spike", "3", "--outlier", "5"]
+    assert command(monkeypatch, "filter", "scan/points.csv", "e.csv", *given) == 0
     left = [row for row in rows("e.csv") if row["z_mm"]]
     assert f"e.csv: {len(left)} points of " in capsys.readouterr().out
     assert all(float(row["c_obj"]) >= 0.5 and "MIXED" not in row["flags"] for row in left)
@@ -100,15 +106,17 @@ def test_filters_work_in_the_order_of_the_command(
     ]
 
 
-def test_pictures_of_lines_are_replayed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pictures_of_lines_are_replayed(
+    folder: Path, config: Config, monkeypatch: pytest.MonkeyPatch
+) -> None:
     kept = recordings.read(Path("scan/lines.mcap")).lines
     Image.fromarray(kept.lines).save("lines.png")
     names = ("angle_rad", "power", "time_s", "y_mm")
     lines = zip(*(getattr(kept, name).tolist() for name in names), strict=True)
     text = "\n".join(",".join(map(repr, line)) for line in lines)
     Path("angles.csv").write_text(f"{','.join(names)}\n{text}\n")
-    words = ["replay", "lines.png", "--angles", "angles.csv", "--engine", "ideal"]
-    assert command(monkeypatch, *words, "--out", "again.csv") == 0
+    given = ["replay", "lines.png", "--angles", "angles.csv", "--engine", "ideal", *words(config)]
+    assert command(monkeypatch, *given, "--out", "again.csv") == 0
     assert Path("again.csv").read_bytes() == Path("scan/points.csv").read_bytes()
 
 
@@ -229,17 +237,21 @@ def refused(
 
 
 def test_a_recording_gives_what_its_arrays_and_table_give(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    folder: Path,
+    config: Config,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     lines = recordings.read(Path("scan/lines.mcap")).lines
     columns = ("lines", "angle_rad", "power", "mirror_flags", "time_s", "y_mm")
     np.savez("lines.npz", **{name: getattr(lines, name) for name in columns})
-    with recordings.Writer(Path("a.mcap"), Config()) as into:
+    with recordings.Writer(Path("a.mcap"), config) as into:
         into.points(read_csv(Path("scan/points.csv")))
         into.lines(lines)
     for source, name in (("lines.npz", "n"), ("a.mcap", "m")):
-        words = ["replay", source, "--engine", "ideal", "--out", f"{name}.csv", "--jobs", "1"]
-        assert command(monkeypatch, *words) == 0
+        own = words(config) if name == "n" else []  # a recording brings its own
+        given = ["replay", source, "--engine", "ideal", "--out", f"{name}.csv", "--jobs", "1"]
+        assert command(monkeypatch, *given, *own) == 0
     assert Path("m.csv").read_bytes() == Path("n.csv").read_bytes()
     for source, name in (("scan/points.csv", "n"), ("a.mcap", "m")):
         assert command(monkeypatch, "export", source, f"{name}.xyz") == 0
