@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from scanners import EACH_SCANNER, SCANNERS
 
 from vrscan.clocked.register_file import RegisterFile
 from vrscan.data import link_pkg
@@ -18,11 +19,13 @@ class TwinWords:
 
     Args:
         told: Whether an error says why.
+        config: The scanner that it is built for.
     """
 
-    def __init__(self, told: bool = True) -> None:
-        self.file = RegisterFile()
-        self.file.inputs |= {"clock_hz": 100_000_000, "line_length": 2048, "pixel_width": 12}
+    def __init__(self, told: bool = True, config: Config = SCANNERS["default"]) -> None:
+        self.file, sensor = RegisterFile(), config.sensor
+        self.file.inputs |= {"clock_hz": 100_000_000, "line_length": sensor.line_length}
+        self.file.inputs |= {"pixel_width": sensor.pixel_width}
         self.file.inputs |= {"max_window": 255, "lanes": 1, "index_oversample": 4}
         self.writes = 0
         self._told = told
@@ -44,11 +47,11 @@ class TwinWords:
         self._access(link_pkg.ACCESS_WRITE, address, word)
 
 
-def test_a_configuration_is_loaded_and_committed() -> None:
+@EACH_SCANNER
+def test_a_configuration_is_loaded_and_committed(config: Config) -> None:
     """What the registers then hold is what the serial line's host writes of it."""
-    words = TwinWords()
+    words = TwinWords(config=config)
     device = AxiDevice(words)
-    config = Config()
     device.load(config)
     wanted = device.settings(config)
     for name in [name for name in wanted if name in REGISTERS]:

@@ -15,6 +15,7 @@ from fake_board import CLOCK_HZ, LINE_LENGTH, FakeBoard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from random_records import random_records
+from scanners import EACH_SCANNER
 
 from vrscan.data import link_pkg, records
 from vrscan.data.config import Config
@@ -207,6 +208,21 @@ def test_a_configuration_is_loaded_whole(device: Device, board: FakeBoard) -> No
     words = sum(len(values.addresses(name)) for name in wanted)
     assert done[-1] == (commands, commands)
     assert commands < words / link_pkg.MAX_WORDS + 20
+
+
+@EACH_SCANNER
+def test_a_shipped_scanner_is_loaded_into_a_board_of_its_own(
+    config: Config, board: FakeBoard
+) -> None:
+    """With its sensor and clock; the unit of length comes back with it."""
+    sensor, clock_hz = config.sensor, round(config.clock.frequency_hz)
+    board.file.inputs |= {"clock_hz": clock_hz, "line_length": sensor.line_length}
+    board.file.inputs["pixel_width"] = sensor.pixel_width
+    with connected(board) as device:
+        device.load(config)
+        wanted = load_settings(config, device.build)
+        assert device.read_many(wanted) == wanted
+        assert device.registers.length_unit == config.geometry.unit_mm
 
 
 def test_no_configuration_while_the_mirror_moves(device: Device, board: FakeBoard) -> None:
