@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scanners import EACH_SCANNER
 
 from vrscan.data.config import Config
 from vrscan.ideal.geometry import triangle, undistorted
@@ -83,12 +84,13 @@ def test_blocks_made_together_are_those_made_alone() -> None:
     assert scanner.together(2) == [range(k, k + 1) for k in range(4)]  # enough for both processes
 
 
-def test_any_number_of_processes_gives_the_same_lines() -> None:
+@EACH_SCANNER
+def test_any_number_of_processes_gives_the_same_lines(config: Config) -> None:
     scene = _scene(scan={"pan_mm_per_s": 100.0})
     count = 2 * BLOCK + 30
     told: list[int] = []
-    one = simulate(Light(scene, CONFIG), count, _everything(scene), progress=told.append)
-    two = simulate(Light(scene, CONFIG), count, _everything(scene), jobs=2)
+    one = simulate(Light(scene, config), count, _everything(scene), progress=told.append)
+    two = simulate(Light(scene, config), count, _everything(scene), jobs=2)
     _same(one, two)
     assert told == [BLOCK, 2 * BLOCK, count]
     assert len(one.lines) == len(one.timeline) == count
@@ -112,9 +114,10 @@ def test_a_line_is_the_same_whichever_others_are_taken() -> None:
             assert np.array_equal(some.timeline.line, numbers)
 
 
-def test_a_longer_scan_of_the_mirror_begins_with_the_same_lines() -> None:
+@EACH_SCANNER
+def test_a_longer_scan_of_the_mirror_begins_with_the_same_lines(config: Config) -> None:
     scene = _scene()
-    light, active = Light(scene, CONFIG), _everything(scene)
+    light, active = Light(scene, config), _everything(scene)
     short, long = (simulate(light, n, active) for n in (300, BLOCK + 50))
     assert np.array_equal(short.lines.lines, long.lines.lines[:300])
     assert np.array_equal(short.lines.angle_rad, long.lines.angle_rad[:300])
@@ -151,15 +154,16 @@ def test_effects_share_their_random_numbers() -> None:
     assert away.mean() < 0.01
 
 
-def test_truth_is_what_the_triangle_makes_of_it() -> None:
+@EACH_SCANNER
+def test_truth_is_what_the_triangle_makes_of_it(config: Config) -> None:
     scene = _scene(laser={"power_mw": 1})
-    lines = simulate(Light(scene, CONFIG), 700, frozenset()).lines
+    lines = simulate(Light(scene, config), 700, frozenset()).lines
     truth = lines.truth
     assert truth is not None
     seen = np.isfinite(truth.position_px)
     assert 0.3 < seen.mean() < 1.0
-    u, _ = undistorted(truth.position_px[seen], CONFIG.geometry)
-    found = triangle(u, lines.angle_rad[seen], CONFIG.geometry)
+    u, _ = undistorted(truth.position_px[seen], config.geometry)
+    found = triangle(u, lines.angle_rad[seen], config.geometry)
     assert np.allclose(found.z, truth.z_mm[seen], atol=1e-8)
     assert np.allclose(found.x, truth.x_mm[seen], atol=1e-8)
     assert set(truth.surface[seen].tolist()) == {0, 1, 2}
@@ -169,9 +173,10 @@ def test_truth_is_what_the_triangle_makes_of_it() -> None:
     assert np.median(off) < 1.0
 
 
-def test_power_goes_with_the_lines() -> None:
+@EACH_SCANNER
+def test_power_goes_with_the_lines(config: Config) -> None:
     for mw, want in ((50.0, 65535), (5.0, 6554), (0.0, 0)):
-        lines = simulate(Light(_scene(laser={"power_mw": mw}), CONFIG), 20, frozenset()).lines
+        lines = simulate(Light(_scene(laser={"power_mw": mw}), config), 20, frozenset()).lines
         assert (lines.power == want).all()
     assert (lines.lines == 60).all()
 
