@@ -324,18 +324,21 @@ def _turning(
     seed: int,
     instrument: Instrument | None,
 ) -> Timeline:
-    """Return lines of a scan with a polygon: those that have light, numbered without a gap."""
+    """Return lines of a scan with a polygon: those that have light, numbered without a gap.
+
+    The time between a line and the next one that has light, dark lines and all, is the first one's.
+    """
     timing = config.line
-    number = lit(config, scan.start_s, total)[line]
-    begin = number / timing.rate_hz
+    lighted = lit(config, scan.start_s, total)
+    begin = lighted[line] / timing.rate_hz
+    after = line[-1] + 1
+    end = (lighted[after] if after < total else lighted[-1] + 1) / timing.rate_hz
     since = begin + 1e-6 * (timing.pulse_delay_us + 0.5 * timing.pulse_us)
     time = scan.start_s + since
     turning = _polygon(config, scan, seed, instrument)
     angle, rate = turning.at(time)
     told, starts = reported(config, turning, time)
-    inside = (starts >= scan.start_s + begin[0]) & (
-        starts < scan.start_s + begin[-1] + 1 / timing.rate_hz
-    )
+    inside = (starts >= scan.start_s + begin[0]) & (starts < scan.start_s + end)
     return Timeline(
         line=line,
         time_s=time,
