@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scanners import EACH_SCANNER
 
 from vrscan.data.arrays import Floats
 from vrscan.data.config import Config
@@ -55,23 +56,33 @@ def _plane(z: float, turn: float = 0.0, tip: float = 0.0, **more: object) -> dic
     return {"kind": "plane", "position_mm": [0, 0, z], "rotation_deg": [tip, turn, 0], **more}
 
 
+def with_geometry(config: Config, **changed: float) -> Config:
+    geometry = config.geometry.model_copy(update=changed)
+    return config.model_copy(update={"geometry": geometry})
+
+
+@EACH_SCANNER
 @pytest.mark.parametrize("offset", [0.0, 15.0])
-def test_the_camera_sees_its_axis_in_the_middle_of_the_sensor(offset: float) -> None:
-    config = Config.model_validate({"geometry": {"offset_mm": offset}})
+def test_the_camera_sees_its_axis_in_the_middle_of_the_sensor(
+    offset: float, config: Config
+) -> None:
+    config = with_geometry(config, offset_mm=offset)
+    middle, geometry = config.sensor.line_length / 2 - 0.5, config.geometry
     camera = Camera.of(config, 3.0)
     for along in (100.0, 700.0):
         point = camera.place + along * camera.axis
-        assert abs(project(point[:1], point[2:], config.geometry)[0] - 1023.5) < 1e-9
+        assert abs(project(point[:1], point[2:], geometry)[0] - middle) < 1e-9
         beside = point + 0.01 * along * camera.side
-        want = 1023.5 + 0.01 * 25.0 / 0.007
-        assert abs(project(beside[:1], beside[2:], config.geometry)[0] - want) < 1e-6
+        want = middle + 0.01 * geometry.focal_mm / geometry.pitch_mm
+        assert abs(project(beside[:1], beside[2:], geometry)[0] - want) < 1e-6
     assert abs(camera.axis @ camera.side) < 1e-15
     assert abs(camera.pupil_mm2 - 54.54) < 0.01
 
 
+@EACH_SCANNER
 @pytest.mark.parametrize("distortion", [0.0, 2e-4])
-def test_the_image_moves_as_a_ray_beside_the_axis_shows(distortion: float) -> None:
-    config = Config.model_validate({"geometry": {"k1": distortion}})
+def test_the_image_moves_as_a_ray_beside_the_axis_shows(distortion: float, config: Config) -> None:
+    config = with_geometry(config, k1=distortion)
     rng = np.random.default_rng(SEED)
     angle = np.radians(np.linspace(-9.0, 9.0, 7))
     for _ in range(25):
@@ -84,17 +95,19 @@ def test_the_image_moves_as_a_ray_beside_the_axis_shows(distortion: float) -> No
         assert np.allclose(here.px_per_mm[rows], moved, rtol=1e-5, atol=1e-3)
 
 
-def test_the_light_is_that_of_the_range_equation_on_a_turned_surface() -> None:
+@EACH_SCANNER
+def test_the_light_is_that_of_the_range_equation_on_a_turned_surface(config: Config) -> None:
+    geometry, scale = config.geometry, config.geometry.base_mm / 60.0  # so large is the scanner
     rng = np.random.default_rng(SEED)
     count = 0
     for _ in range(40):
-        z, turn, tip = rng.uniform(200, 1200), rng.uniform(-80, 80), rng.uniform(-80, 80)
+        z, turn, tip = scale * rng.uniform(200, 1200), rng.uniform(-80, 80), rng.uniform(-80, 80)
         angle = np.radians(rng.uniform(-10, 10, 1))
         scene = _scene(
             _plane(z, turn, tip, map={"kind": "stripes", "low": 0.4, "high": 0.4}),
             material={"default": {"reflectance": 0.6}},
         )
-        plain, side = _meet(scene, angle), _meet(scene, angle, falloff=True)
+        plain, side = (_meet(scene, angle, falloff=on, config=config) for on in (False, True))
         if not plain.seen[0]:
             continue
         count += 1
@@ -110,7 +123,7 @@ def test_the_light_is_that_of_the_range_equation_on_a_turned_surface() -> None:
         ray = np.array([math.sin(angle[0]), 0.0, math.cos(angle[0])])
         reach = z * normal[2] / (ray @ normal)
         point = reach * ray
-        sight = np.array([60.0, 0.0, 0.0]) - point
+        sight = np.array([geometry.base_mm, 0.0, 0.0]) - point
         far = float(np.linalg.norm(sight))
         if ray @ normal > 0:
             normal = -normal
@@ -118,7 +131,7 @@ def test_the_light_is_that_of_the_range_equation_on_a_turned_surface() -> None:
         want = 0.6 * 0.4 / math.pi * upright * PUPIL_MM2 / far**2
         assert abs(plain.distance[0] - reach) < 1e-9
         assert abs(plain.collected[0] - want) <= 1e-12 * want
-        phi = math.radians(82.0)
+        phi = geometry.bias_rad
         axis = np.array([-math.cos(phi), 0.0, math.sin(phi)])
         assert abs(side.collected[0] - want * float(-sight @ axis) / far) <= 1e-12 * want
         assert abs(plain.depth[0] - float(-sight @ axis)) < 1e-9
@@ -198,10 +211,12 @@ def test_a_scanner_that_moves_sees_another_part_in_its_own_frame() -> None:
             assert np.allclose(spots.point[0], [0.0, 0.0, 400.0 - math.sqrt(square)], atol=1e-9)
 
 
-def test_a_spot_far_beside_the_sensor_is_not_followed_and_one_near_it_is() -> None:
+@EACH_SCANNER
+def test_a_spot_far_beside_the_sensor_is_not_followed_and_one_near_it_is(config: Config) -> None:
     angle = np.radians(np.linspace(-60.0, 60.0, 401))
-    spots = _meet(_scene(_plane(500.0)), angle)
-    near = np.abs(spots.position_px - 1024.0) < 1024.0 + 400.0
+    spots = _meet(_scene(_plane(500.0)), angle, config=config)
+    half = config.sensor.line_length / 2
+    near = np.abs(spots.position_px - half) < half + 400.0
     assert near.any() and not near.all()
     assert np.array_equal(spots.seen, near)
     assert (spots.collected[~near] == 0.0).all()

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scanners import EACH_SCANNER, SCANNERS
 from scipy import stats
 
 from vrscan.data.arrays import Floats
@@ -168,8 +169,9 @@ def test_tables_that_all_lines_share_are_not_the_price_of_an_effect(
     assert "speckle" in found.active
 
 
-def test_full_minimal_and_lists_are_what_they_say() -> None:
-    light = _light("plane")
+@EACH_SCANNER
+def test_full_minimal_and_lists_are_what_they_say(config: Config) -> None:
+    light = Light(load("plane"), config)
     have = frozenset(present(light.scene))
     full = plan(light, 60, fidelity="full")
     assert full.active == have and full.every_ray
@@ -291,8 +293,13 @@ def test_a_short_scan_has_everything_and_nothing_is_rendered_for_it(
         plan(light, LEAST_LINES, fidelity="auto", each=False, seen=seen)
 
 
-def test_the_budget_chooses_as_the_scan_does() -> None:
-    light = _light("corner")
+# The corner is nearer than the metre sees.
+@pytest.mark.parametrize(
+    ("scene", "config"),
+    [("corner", CONFIG), *(pytest.param("plane", each, id=k) for k, each in SCANNERS.items())],
+)
+def test_the_budget_chooses_as_the_scan_does(scene: str, config: Config) -> None:
+    light = Light(load(scene), config)
     alone = plan(light, 20_000, fidelity="auto", tolerance_px=0.03, each=False)
     table = plan(light, 20_000, fidelity="auto", tolerance_px=0.03, each=True)
     assert (alone.active, alone.every_ray) == (table.active, table.every_ray)
@@ -302,8 +309,9 @@ def test_the_budget_chooses_as_the_scan_does() -> None:
     assert [row.name for row in table.predictions] == list(table.present)
 
 
-def test_a_survey_draws_from_each_part_alike() -> None:
-    seen = survey(_light("default"), 20_000)
+@EACH_SCANNER
+def test_a_survey_draws_from_each_part_alike(config: Config) -> None:
+    seen = survey(Light(load("default"), config), 20_000)
     assert len(np.unique(seen.numbers)) == len(seen.numbers)
     assert (np.diff(seen.rank) >= 0).all()
     sizes = np.bincount(seen.part, minlength=len(PARTS))
@@ -312,8 +320,9 @@ def test_a_survey_draws_from_each_part_alike() -> None:
     assert (np.diff(seen.distance_mm) > 0.0).all()
 
 
-def test_lines_are_given_in_any_order() -> None:
-    scanner = Scanner(_light("plane"), 3000, frozenset({"speckle"}))
+@EACH_SCANNER
+def test_lines_are_given_in_any_order(config: Config) -> None:
+    scanner = Scanner(Light(load("plane"), config), 3000, frozenset({"speckle"}))
     numbers = np.array([2050, 3, 1500, 2, 1023, 2999])
     order = np.argsort(numbers)
     mixed, rising = scanner.some(numbers), scanner.some(numbers[order])

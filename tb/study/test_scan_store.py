@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import pytest
+from scanners import SCANNERS
 
-from vrscan.data.config import Config
 from vrscan.data.errors import InputError
 from vrscan.engines.engine import Engine
 from vrscan.scene.description import load
@@ -40,8 +40,14 @@ def test_what_is_no_piece_is_one_line_of_an_error(tmp_path: Path) -> None:
 
 
 def test_scans_with_other_points_have_other_names() -> None:
-    def name(scene: str, count: int, engine: Engine = Engine.FIXED, **options: object) -> str:
-        scanner = Scanner(Light(load(scene), Config()), count, frozenset({"shot"}))
+    def name(
+        scene: str,
+        count: int,
+        engine: Engine = Engine.FIXED,
+        by: str = "default",
+        **options: object,
+    ) -> str:
+        scanner = Scanner(Light(load(scene), SCANNERS[by]), count, frozenset({"shot"}))
         return name_of(scanner, engine, **options)
 
     same = name("plane", 100, keep=False)
@@ -51,5 +57,6 @@ def test_scans_with_other_points_have_other_names() -> None:
         name("relief", 100, keep=False),
         name("plane", 100, Engine.IDEAL, keep=False),
         name("plane", 100, keep=True),
+        *(name("plane", 100, by=other, keep=False) for other in SCANNERS if other != "default"),
     ]
-    assert len({same, *others}) == 5
+    assert len({same, *others}) == 1 + len(others)
