@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from fake_board import FakeBoard
+from scanners import EACH_SCANNER, words
 
 import vrscan
 from vrscan.cli import app as cli
@@ -104,20 +105,22 @@ def test_a_type_checker_knows_the_types(tmp_path: Path) -> None:
     assert told == ["4", "5", "6"], done.stdout
 
 
+@EACH_SCANNER
 def test_lines_are_those_of_the_command(
-    lines: vrscan.Lines, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    config: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    words = ["scan", "step", "--lines", "300", "--engine", "fixed", "--keep-lines", "--out", "out"]
-    monkeypatch.setattr(sys, "argv", ["vrscan", *words])
+    lines = vrscan.simulate("step", 300, config=config)
+    given = ["scan", "step", "--lines", "300", "--engine", "fixed", "--keep-lines", "--out", "out"]
+    monkeypatch.setattr(sys, "argv", ["vrscan", *given, *words(config)])
     with pytest.raises(SystemExit) as ended:
         cli.main()
     assert not ended.value.code
-    kept = line_files.read(tmp_path / "out" / "lines.mcap", Config())
+    kept = line_files.read(tmp_path / "out" / "lines.mcap", config)
     assert np.array_equal(kept.lines, lines.lines)
     assert np.array_equal(kept.angle_rad, lines.angle_rad)
     assert np.array_equal(kept.power, lines.power)
-    assert (tmp_path / "out" / "points.csv").read_text() == csv(vrscan.detect(lines))
+    assert (tmp_path / "out" / "points.csv").read_text() == csv(vrscan.detect(lines, config=config))
 
 
 def test_a_scene_is_a_name_a_path_or_itself(lines: vrscan.Lines, tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """A wall beyond the range behind a nearer one: it is measured, and nowhere is there a point of it.
 
 The truth is the scene's, from ray casting: the spots of the far wall lie at z = 2300 mm, beyond the
-2048 mm that a coordinate can be.
+2048 mm that a coordinate can be, and farther by its unit of length where a scanner has a larger.
 """
 
 import csv
@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from scanners import EACH_SCANNER, words
 
 from vrscan.cli import app as cli
 from vrscan.data import recordings, records
@@ -20,40 +21,47 @@ from vrscan.fixed.vrscan_chain import run_fixed
 from vrscan.registers.chain_registers import Registers, angle_turns
 
 LINES = 300
+pytestmark = EACH_SCANNER
 SCENE = """
 title = "a wall beyond the range"
 [laser]
 power_mw = 40
 [lens]
-focus_mm = 1800
+focus_mm = {focus}
+f_number = {f_number}
 [material.wall]
 reflectance = 0.9
 [[target]]
 kind = "plane"
 name = "far"
-position_mm = [0, 0, 2300]
+position_mm = [0, 0, {far}]
 material = "wall"
 [[target]]
 kind = "box"
 name = "near"
-position_mm = [-150, 0, 1500]
-size_mm = [300, 200, 20]
+position_mm = [{left}, 0, {near}]
+size_mm = [{width}, 200, 20]
 material = "wall"
 """
 
 
+PLACES = {"focus": 1800, "far": 2300, "left": -150, "near": 1500, "width": 300}
+
+
 @pytest.fixture
-def scene(tmp_path: Path) -> Path:
-    path = tmp_path / "beyond.toml"
-    path.write_text(SCENE)
+def scene(tmp_path: Path, config: Config) -> Path:
+    path, unit_mm = tmp_path / "beyond.toml", config.geometry.unit_mm
+    given = {name: unit_mm * place for name, place in PLACES.items()}
+    # A lens as much wider gets as much light from there.
+    path.write_text(SCENE.format(**given, f_number=config.free.f_number / unit_mm))
     return path
 
 
-def scanned(scene: Path, engine: str, monkeypatch: pytest.MonkeyPatch) -> Path:
+def scanned(scene: Path, engine: str, config: Config, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return the folder of a scan."""
     out = scene.with_name(engine)
     arguments = [str(scene), "--engine", engine, "--lines", str(LINES), "--keep-lines"]
-    arguments += ["--fidelity", "minimal", "--jobs", "1", "--out", str(out)]
+    arguments += ["--fidelity", "defocus", "--jobs", "1", "--out", str(out), *words(config)]
     monkeypatch.setattr(sys, "argv", ["vrscan", "scan", *arguments])
     with pytest.raises(SystemExit) as caught:
         cli.main()
@@ -65,10 +73,11 @@ def scanned(scene: Path, engine: str, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_wall_beyond_the_range_is_in_no_file(
     scene: Path,
     engine: str,
+    config: Config,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    out = scanned(scene, engine, monkeypatch)
+    out = scanned(scene, engine, config, monkeypatch)
     with (out / "points.csv").open() as file:
         rows = list(csv.DictReader(file))
     truth = recordings.read(out / "lines.mcap").lines.truth
@@ -77,7 +86,7 @@ def test_a_wall_beyond_the_range_is_in_no_file(
     seen = np.isfinite(truth.position_px)
     far, near = (truth.names.index(name) for name in ("far", "near"))
     beyond = seen & (surface == far)
-    assert beyond.sum() > LINES // 10 and truth_mm[beyond].min() > 2048.0
+    assert beyond.sum() > LINES // 10 and truth_mm[beyond].min() > config.geometry.range_mm
     measured = 0
     for k in np.flatnonzero(beyond):
         assert rows[k]["x_mm"] == rows[k]["z_mm"] == rows[k]["sigma_z_mm"] == ""
@@ -90,22 +99,23 @@ def test_a_wall_beyond_the_range_is_in_no_file(
     assert hit > LINES // 10 and abs(len(found) - hit) <= 3
     z = trimesh.load(out / "points.ply").vertices[:, 2]
     assert len(z) == len(found)
-    assert np.all(np.abs(z - 1500.0) < 20.0)
+    unit_mm = config.geometry.unit_mm
+    assert np.all(np.abs(z - 1500.0 * unit_mm) < 20.0 * unit_mm)
     cells = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert [str(beyond.sum()), "0"] in [row[1:3] for row in cells if row[:1] == ["far"]]
 
 
 def test_a_wall_beyond_the_range_is_no_point_on_the_link(
-    scene: Path, monkeypatch: pytest.MonkeyPatch
+    scene: Path, config: Config, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The bytes of compact records and of those of space: not measured, and nowhere a place."""
-    out = scanned(scene, "ideal", monkeypatch)
+    out = scanned(scene, "ideal", config, monkeypatch)
     lines = recordings.read(out / "lines.mcap").lines
     given = lines.lines, angle_turns(lines.angle_rad), lines.power.astype(np.int64)
     truth = lines.truth
     assert truth is not None
-    beyond = np.isfinite(truth.position_px) & (truth.z_mm > 2048.0)
-    registers = Registers.from_config(Config())
+    beyond = np.isfinite(truth.position_px) & (truth.z_mm > config.geometry.range_mm)
+    registers = Registers.from_config(config)
     points = run_fixed(*given, registers=registers)
     none = np.zeros(LINES, np.int64)
     full = point_record(points, none, none, none.astype(bool), none.astype(bool), none)

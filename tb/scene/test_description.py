@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scanners import EACH_SCANNER
 
 from vrscan.data.config import Config
 from vrscan.data.config import load as configuration
@@ -124,15 +125,16 @@ def test_a_files_own_files_are_looked_for_beside_it(tmp_path: Path) -> None:
     _fails(lambda: Light(scene, Config()), "box.stl")
 
 
-def test_the_sensor_is_the_configurations() -> None:
+@EACH_SCANNER
+def test_the_sensor_is_the_configurations(config: Config) -> None:
     """A scene knows neither its length, bits nor pitch; any scene is seen by any sensor."""
     for key in ("line_length", "pixel_width", "pitch_mm"):
         _fails(lambda key=key: _parse(sensor={key: 8}), f"unknown key sensor.{key}")
-    config = configuration(Path("metre"))
+    sensor, top = config.sensor, 2**config.sensor.pixel_width - 1
     wall = {"kind": "plane", "position_mm": [0, 0, 700]}
     scene = _parse(target=[wall], scan={"sweep": "even", "half_angle_deg": 5.0})
     lines = simulate(Light(scene, config), 8, frozenset({"shot"})).lines.lines
-    assert lines.shape == (8, 1024) and 100 < lines.max() <= 1023
+    assert lines.shape == (8, sensor.line_length) and 0.1 * top < lines.max() <= top
 
 
 def test_what_a_scene_does_not_say_is_the_configurations() -> None:
