@@ -21,6 +21,7 @@ import numpy as np
 import pydantic
 import pytest
 import trimesh
+from scanners import SCANNERS
 
 from vrscan.data import config as configuration
 from vrscan.data import edges, line_files
@@ -210,7 +211,10 @@ def files(folder: Path) -> dict[str, tuple[list[bytes], Callable[[Path], None]]]
         return text if isinstance(text, bytes) else text.encode()
 
     return {
-        "config.toml": ([toml(Config().model_dump(mode="json")).encode()], read_config),
+        "config.toml": (
+            [toml(config.model_dump(mode="json")).encode() for config in SCANNERS.values()],
+            read_config,
+        ),
         "scene.toml": ([file.read_bytes() for file in SCENES], read_scene),
         "lines.npy": ([bare.getvalue()], read_lines),
         "lines.npz": ([plain.getvalue(), packed.getvalue()], read_lines),

@@ -24,7 +24,7 @@ from vrscan.data import pkg
 from vrscan.fixed import cordic_vector
 from vrscan.fixed.peak_confidence import latency, peak_confidence
 
-ELABORATIONS = [{"PixelWidth": 12}, {"PixelWidth": 16}, {"PixelWidth": 8}]
+ELABORATIONS = [{"PixelWidth": 12}, {"PixelWidth": 10}, {"PixelWidth": 16}, {"PixelWidth": 8}]
 OUTPUTS = dict.fromkeys(("snr_o", "no_noise_o", "sigma_o", "c_sfm_o"), False)
 REGISTERS = ("kappa", "c_sfm_gain")
 
@@ -128,7 +128,7 @@ async def reset_mid_work(dut) -> None:
     await reset_at_every_age(dut, ports(given), want, OUTPUTS, latency=latency())
 
 
-@pytest.mark.parametrize("widths", each(ELABORATIONS), ids=str)
+@pytest.mark.parametrize("widths", each(ELABORATIONS, 3), ids=str)
 def test_peak_confidence_rtl_equals_model(widths: dict[str, int]) -> None:
     simulate("peak_confidence", __file__, widths)
 

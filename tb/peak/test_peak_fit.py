@@ -21,6 +21,7 @@ from vrscan.fixed.peak_fit import LATENCY, SPAN, UNMEASURED_LATENCY, Fitted, His
 
 ELABORATIONS = [
     {"LineLength": 2048, "PixelWidth": 12},
+    {"LineLength": 1024, "PixelWidth": 10},
     {"LineLength": 300, "PixelWidth": 16},  # the floor of the noise is below a step
     {"LineLength": 1000, "PixelWidth": 8},
 ]
@@ -305,6 +306,6 @@ async def reset_mid_work(dut) -> None:
             await reset(dut)
 
 
-@pytest.mark.parametrize("widths", each(ELABORATIONS), ids=str)
+@pytest.mark.parametrize("widths", each(ELABORATIONS, 3), ids=str)
 def test_peak_fit_rtl_equals_model(widths: dict[str, int]) -> None:
     simulate("peak_fit", __file__, widths)

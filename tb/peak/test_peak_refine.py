@@ -28,6 +28,7 @@ ELABORATIONS = [
     {"LineLength": 2048, "PixelWidth": 12, "MaxWindow": 255},
     {"LineLength": 64, "PixelWidth": 8, "MaxWindow": 20},
     {"LineLength": 1000, "PixelWidth": 16, "MaxWindow": 70},
+    {"LineLength": 1024, "PixelWidth": 10, "MaxWindow": 255},
 ]
 OUTPUTS = {"left": False, "width": False, "ramp": True, "slope": True, "sigma": False}
 RING = 1 << pkg.RING_WIDTH

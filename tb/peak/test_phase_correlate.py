@@ -30,6 +30,7 @@ from vrscan.ideal.position import first_harmonic
 
 ELABORATIONS = [
     {"PixelWidth": 12, "UserWidth": 8},
+    {"PixelWidth": 10, "UserWidth": 8},
     {"PixelWidth": 16, "UserWidth": 8},
     {"PixelWidth": 8, "UserWidth": 8},
 ]
@@ -279,7 +280,7 @@ async def reset_mid_window(dut) -> None:
         await send(dut, lines, background, np.array([40]), period_n=True)
 
 
-@pytest.mark.parametrize("widths", each(ELABORATIONS), ids=str)
+@pytest.mark.parametrize("widths", each(ELABORATIONS, 3), ids=str)
 def test_phase_correlate_rtl_equals_model(widths: dict[str, int]) -> None:
     simulate("phase_correlate", __file__, widths)
 

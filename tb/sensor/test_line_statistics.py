@@ -26,6 +26,7 @@ ELABORATIONS = [
     {"LineLength": 256, "PixelWidth": 8, "MaxWindow": 255, "UserWidth": 8},
     {"LineLength": 600, "PixelWidth": 12, "MaxWindow": 60, "UserWidth": 8},
     {"LineLength": 4096, "PixelWidth": 10, "MaxWindow": 191, "UserWidth": 8},  # six pairs
+    {"LineLength": 1024, "PixelWidth": 10, "MaxWindow": 255, "UserWidth": 8},
 ]
 OUTPUTS = (
     "maximum", "max_index", "row_mean", "row_variance", "background", "noise", "spread",

@@ -42,6 +42,7 @@ from vrscan.registers.settings import TestLineSettings as Settings
 
 ELABORATIONS = [
     {"LineLength": 2048, "PixelWidth": 12},
+    {"LineLength": 1024, "PixelWidth": 10},
     {"LineLength": 64, "PixelWidth": 8},
     {"LineLength": 100, "PixelWidth": 16},
 ]
@@ -283,7 +284,7 @@ async def reset_at_every_age(dut) -> None:
             assert len(bench.ends) == 1
 
 
-@pytest.mark.parametrize("elaboration", each(ELABORATIONS), ids=str)
+@pytest.mark.parametrize("elaboration", each(ELABORATIONS, 3), ids=str)
 def test_test_line_rtl_equals_model(elaboration: dict[str, int]) -> None:
     simulate("test_line", __file__, elaboration)
 
