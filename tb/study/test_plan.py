@@ -169,9 +169,8 @@ def test_tables_that_all_lines_share_are_not_the_price_of_an_effect(
     assert "speckle" in found.active
 
 
-@EACH_SCANNER
-def test_full_minimal_and_lists_are_what_they_say(config: Config) -> None:
-    light = Light(load("plane"), config)
+def test_full_minimal_and_lists_are_what_they_say() -> None:
+    light = _light("plane")
     have = frozenset(present(light.scene))
     full = plan(light, 60, fidelity="full")
     assert full.active == have and full.every_ray
