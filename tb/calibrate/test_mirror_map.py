@@ -51,29 +51,6 @@ def test_angles_are_right_where_the_loop_may_rest(
         assert after < 10.0 < before
 
 
-def test_with_the_reliefs_the_geometrys_errors_do_not_go_into_the_index(
-    planes: list[Recording], geometry: Config
-) -> None:
-    """A base, bias and axis that are off by what step 1 may leave."""
-    rough = geometry.geometry.model_copy(
-        update={
-            "base_mm": geometry.geometry.base_mm + 0.02,
-            "bias_deg": geometry.geometry.bias_deg + 0.004,
-            "centre_px": geometry.geometry.centre_px + 0.3,
-        }
-    )
-    start = geometry.model_copy(update={"geometry": rough})
-    reliefs = [scanned(relief(z), OWN, 100 + k) for k, z in enumerate((320.0, 370.0, 420.0))]
-    true = OWN.true(CONFIG, 360.0)
-    off = []
-    for known in ([], reliefs):
-        found = mirror_map.calibrate(planes, start, known).config
-        off.append(1e6 * np.radians(found.mirror.index_deg - true.mirror.index_deg))
-    print(f"index {off[0]:+.1f} urad by the planes alone, {off[1]:+.1f} with the reliefs")
-    assert abs(off[1]) < 10.0 < abs(off[0])
-    assert abs(found.geometry.base_mm - true.geometry.base_mm) < 0.01
-
-
 def test_what_cannot_work_is_refused(planes: list[Recording], geometry: Config) -> None:
     lost = scanned(plane(320.0), OWN, 1)
     for scans, wanted in (

@@ -92,7 +92,6 @@ def test_what_is_no_scan_is_one_line(
         (["mirror", "one.mcap", "--out", "a.toml"], "one"),
         (["verify", "one.mcap", "--config", "polygon"], "one.mcap: a scan of a resonant mirror"),
         (["mirror", "motion.csv", "--config", "polygon"], "takes scans of a plane"),
-        (["mirror", "motion.csv", "--relief", "one.mcap"], "--relief goes with scans"),
         (["run-all", "--out", "a.run", "--config", "polygon"], "the steps themselves work"),
     ):
         assert command(monkeypatch, "calibrate", *words) == 2

@@ -21,8 +21,9 @@ from vrscan.data.errors import InputError
 from vrscan.scene import tolerances
 
 LEAST_DISTANCES = 3
-SIMPLEX_POINTS = 200  # the same of the simplex search, which evaluates more often
-SPECKLE_PX = 0.1  # error of a position beside its sigma: grain and shape of the spot
+SIMPLEX_POINTS = 200  # of a scan that the simplex search takes, which evaluates more often
+SIMPLEX_SCANS = 21  # that it takes
+SHAPE_PX = 0.02  # error of a position beside its sigma: shape of the spot, pattern of the sensor
 DISAGREES = 4.0  # rms residual of a scan over the median of all from which it is refused
 SHARE_OF_RELIEF = 0.5  # least share of the stated amplitude that the points show
 ROUGH = 1.5  # tolerances of the start over those of the instrument
@@ -115,12 +116,7 @@ def errors(recording: Recording, config: Config, seen_mm: float = 0.0) -> Floats
     """
     mirror = config.mirror
     angle = angles(recording, math.radians(mirror.index_deg), mirror.harmonics)
-    return missed(recording, located(recording, config, angle), seen_mm)
-
-
-def missed(recording: Recording, points_mm: tuple[Floats, Floats], seen_mm: float) -> Floats:
-    """Return by how much points, x and z, miss the surface in z, mm [n]."""
-    x, z = points_mm
+    x, z = located(recording, config, angle)
     setup = recording.setup
     wave = seen_mm * setup.wave(x) if setup.kind == "relief" else 0.0
     return np.asarray(z - setup.z(x) - wave)
@@ -145,7 +141,7 @@ def calibrate(
     wanted = parameters(config)
     free = [*wanted, SEEN]
     folded = [each.folded() for each in recordings]
-    weight = [px_per_mm(each, config) / np.hypot(each.sigma_px, SPECKLE_PX) for each in folded]
+    weight = [px_per_mm(each, config) / np.hypot(each.sigma_px, SHAPE_PX) for each in folded]
 
     def residuals(values: Floats) -> Floats:
         own, seen = configured(config, wanted, values[:-1]), float(values[-1])
@@ -155,7 +151,8 @@ def calibrate(
     fit = least_squares(residuals, free)
     own = configured(config, wanted, fit.values[:-1])
     _agree(recordings, own)
-    few = [each.thinned(SIMPLEX_POINTS) for each in recordings]
+    step = -(-len(recordings) // SIMPLEX_SCANS)
+    few = [each.thinned(SIMPLEX_POINTS) for each in recordings[::step]]
 
     def cost(values: Floats) -> float:
         made = configured(config, wanted, values)

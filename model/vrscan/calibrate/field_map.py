@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vrscan.calibrate.coarse import SPECKLE_PX, check_stage
+from vrscan.calibrate.coarse import check_stage
 from vrscan.calibrate.mirror_map import scan_angles
 from vrscan.calibrate.recording import Recording
 from vrscan.data.arrays import Bools, Floats
@@ -30,6 +30,7 @@ OUTLIER = 4.0  # robust standard deviations from which a point is left out
 _ROUNDS = 3  # fits, each without the outliers of the one before
 _BEND = 30.0  # weight of a second difference, 1/px: that of a point of 0.03 px
 _LEVEL = 0.3  # weight of a first difference, 1/px, which only fills
+_SPECKLE_PX = 0.1  # error of a position beside its sigma: grain and shape of the spot
 _LEAST_SHARE = 1.0  # sum of a node's weights over the points from which it is known
 _PLACES = 1501  # distinct angles of a scan, each with its own speckle
 
@@ -100,7 +101,7 @@ def _map(group: Sequence[Recording], config: Config) -> tuple[Floats, Bools, flo
         values.append(lacking[good])
         # Points of one angle share their speckle.
         repeats = max(1.0, good.sum() / _PLACES)
-        weights.append(1.0 / np.hypot(each.sigma_px[good], SPECKLE_PX) / math.sqrt(repeats))
+        weights.append(1.0 / np.hypot(each.sigma_px[good], _SPECKLE_PX) / math.sqrt(repeats))
     design, value, weight = vstack(sides).tocsr(), np.concatenate(values), np.concatenate(weights)
     smooth = _penalty()
     kept = np.ones(len(value), np.bool_)

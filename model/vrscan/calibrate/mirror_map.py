@@ -1,11 +1,10 @@
 """The mirror's calibration of VR-SCAN V-B: a plane at several operating points.
 
-The mirror's parameters are fitted: the angle of the index mark, and harmonics that are straight
-lines over the drive's phase, in the form that the chain's ``motion_map`` takes. Because amplitude
-and phase are measured with one table at every operating point, the first harmonic has slopes too.
-The geometry is that of the coarse calibration; with the reliefs that it came from it is fitted
-again, together with the mirror, because its errors would else go into the index mark. A polygon has
-one operating point, and the angle of its diode is fitted.
+Only the mirror's parameters are fitted: the angle of the index mark, and harmonics that are
+straight lines over the drive's phase, in the form that the chain's ``motion_map`` takes. Because
+amplitude and phase are measured with one table at every operating point, the first harmonic has
+slopes too. The geometry is that of the coarse calibration. A polygon has one operating point, and
+the angle of its diode is fitted.
 """
 
 import math
@@ -15,15 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from vrscan.calibrate.coarse import (
-    SEEN,
-    SPECKLE_PX,
+    SHAPE_PX,
     check_stage,
     configured,
     harmonic_parameters,
     index_parameter,
-    missed,
 )
-from vrscan.calibrate.coarse import parameters as coarse_parameters
 from vrscan.calibrate.recording import Recording, angles, located, px_per_mm
 from vrscan.calibrate.solve import Fit, Parameter, least_squares
 from vrscan.data.arrays import Floats
@@ -72,21 +68,18 @@ def scan_angles(recording: Recording, config: Config) -> Floats:
     return angles(recording, math.radians(mirror.index_deg), mirror.harmonics, moved)
 
 
-def errors(recording: Recording, config: Config, seen_mm: float = 0.0) -> Floats:
-    """Return the errors in z of a scan's points, mm [n], as ``coarse.errors``."""
-    points = located(recording, config, scan_angles(recording, config))
-    return missed(recording, points, seen_mm)
+def errors(recording: Recording, config: Config) -> Floats:
+    """Return the errors in z of a scan's points, mm [n]."""
+    x, z = located(recording, config, scan_angles(recording, config))
+    return np.asarray(z - recording.setup.z(x))
 
 
-def calibrate(
-    recordings: Sequence[Recording], config: Config, reliefs: Sequence[Recording] = ()
-) -> MirrorMap:
+def calibrate(recordings: Sequence[Recording], config: Config) -> MirrorMap:
     """Return the mirror's parameters from planes at known distances and several operating points.
 
     Args:
         recordings: The scans; those of an operating point in the order of the stage's positions.
         config: The coarse calibration.
-        reliefs: Its scans, where the geometry is to be fitted again.
 
     Raises:
         InputError: if there are too few operating points or distances, a scan has no drive phase or
@@ -110,21 +103,16 @@ def calibrate(
             )
         check_stage(group)
     wanted = parameters(config)
-    if reliefs:
-        mirrors = {each.name for each in wanted}
-        wanted += [each for each in coarse_parameters(config) if each.name not in mirrors]
-    free = [*wanted, SEEN] if reliefs else wanted
-    folded = [each.folded() for each in (*recordings, *reliefs)]
-    weight = [px_per_mm(each, config) / np.hypot(each.sigma_px, SPECKLE_PX) for each in folded]
+    folded = [each.folded() for each in recordings]
+    weight = [px_per_mm(each, config) / np.hypot(each.sigma_px, SHAPE_PX) for each in folded]
 
     def residuals(values: Floats) -> Floats:
-        own = configured(config, wanted, values[: len(wanted)])
-        seen = float(values[-1]) if reliefs else 0.0
-        each = (w * errors(r, own, seen) for w, r in zip(weight, folded, strict=True))
+        own = configured(config, wanted, values)
+        each = (w * errors(r, own) for w, r in zip(weight, folded, strict=True))
         return np.concatenate(list(each))
 
-    fit = least_squares(residuals, free)
-    own = configured(config, wanted, fit.values[: len(wanted)])
+    fit = least_squares(residuals, wanted)
+    own = configured(config, wanted, fit.values)
 
     def mean(of: Config) -> float:
         left = [np.mean(np.abs(each.overlaid(errors(each, of)))) for each in recordings]

@@ -132,9 +132,9 @@ class Recording:
     def folded(self) -> "Recording":
         """Return the means of the points at each place of the period, in place of the points.
 
-        Places of which the scan has less than half of the usual number of points are left out. The
-        points of a polygon stay as they are: each facet has an error of its own, and no place comes
-        again with the next one.
+        Their standard deviations are those of the means. Places of which the scan has less than
+        half of the usual number of points are left out. The points of a polygon stay as they are:
+        each facet has an error of its own, and no place comes again with the next one.
         """
         if self.setup.facets:
             return self
@@ -144,6 +144,7 @@ class Recording:
         means: dict[str, Any] = {
             name: self.overlaid(getattr(self, name))[kept] for name in _COLUMNS
         }
+        means["sigma_px"] /= np.sqrt(count[kept])
         made = replace(self, **means)
         made.__dict__["phase"] = self.overlaid(self.phase % 1.0)[kept]
         return made

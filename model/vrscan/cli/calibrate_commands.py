@@ -196,10 +196,6 @@ def calibrate_mirror(
     ] = None,
     column: Annotated[str, typer.Option(help="Name of the column with the angle.")] = "angle_rad",
     from_s: Annotated[float, typer.Option("--from", help="Leave out rows before this time.")] = 0,
-    relief: Annotated[
-        list[Path] | None,
-        typer.Option(help="A scan of step 1, once for each: fit the geometry again, too."),
-    ] = None,
     config: ConfigOption = None,
 ) -> None:
     """Fit (12) to a recorded motion, or the mirror's map to scans of a plane; a polygon's diode."""
@@ -209,16 +205,13 @@ def calibrate_mirror(
         if out is None:
             raise InputError("mirror: scans need --out")
         settings = configuration.load(config)
-        planes, reliefs = (_scans(paths, settings) for paths in (recordings, relief or []))
-        found = mirror_map.calibrate(planes, settings, reliefs)
+        found = mirror_map.calibrate(_scans(recordings, settings), settings)
         notes: dict[str, object] = results.fitted(found.fit)
         notes["mean error in z, mm"] = f"{found.before_mm:.4f} before, {found.after_mm:.4f} after"
         for phase, natural in found.natural_hz.items():
             notes[f"natural frequency, Hz, at the drive's phase {phase:.6f}"] = f"{natural:.4f}"
-        _write(out, found.config, notes, [*recordings, *(relief or [])])
+        _write(out, found.config, notes, recordings)
         return
-    if relief:
-        raise InputError("mirror: --relief goes with scans")
     if len(recordings) > 1:
         raise InputError(f"{recordings[1]}: one recorded motion at a time")
     instead = "mirror takes scans of a plane, for its index_deg"

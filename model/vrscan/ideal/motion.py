@@ -106,7 +106,9 @@ def crossings(half: Floats, mark_rad: float, harmonics: Harmonics) -> tuple[Floa
             inner = _TURN * middle[..., None] * k - phi
             value = (weight * np.sin(inner)).sum(axis=-1)
             slope = _TURN * (weight * k * np.cos(inner)).sum(axis=-1)
-            middle = middle - value / slope
+            before, middle = middle, middle - value / slope
+            if np.array_equal(before, middle):
+                break
     value = (weight * np.sin(_TURN * middle[..., None] * k - phi)).sum(axis=-1)
     if not (np.all(np.abs(value) < 1e-12) and np.all(np.abs(middle) < 0.25)):
         raise ValueError("crossings: harmonics too large: no midpoint was found")

@@ -37,11 +37,11 @@ from vrscan.scene.timeline import timeline
 from vrscan.scene.tolerances import Instrument, drawn, written
 
 FRAMES = 10_000  # lines of a scan, as in the paper: 66 periods
-RELIEF_MM = tuple(320.0 + 5.0 * k for k in range(21))  # distances of the coarse calibration
+RELIEF_MM = tuple(320.0 + k for k in range(100))  # distances of the coarse calibration
 RELIEF_FOCUS_MM = 360.0
 # The stage's motion along y in the scans of the steps: else the speckle of a place comes again.
-STAGE_MM_PER_S = 15.0
-MIRROR_MM = (320.0, 370.0, 420.0)  # distances of the plane at each operating point
+STAGE_MM_PER_S = 60.0
+MIRROR_MM = (320.0, 345.0, 370.0, 395.0, 420.0)  # of the plane at each operating point
 MIRROR_LEVELS = (0.62, 0.70, 0.78)  # of the drive: the middle and the ends of the loop's band
 DRIFTED_LEVELS = (0.64, 0.66, 0.74, 0.76)  # where the loop may rest after a drift
 MAP_COUNT = 9
@@ -503,7 +503,7 @@ def run(plan: Experiment, bar: Bar) -> dict[str, object]:
     kept("coarse.toml", first.config, notes)
 
     made, notes = taken("2. mirror", plan.mirror_scans())
-    second = mirror_map.calibrate(made, first.config, reliefs)
+    second = mirror_map.calibrate(made, first.config)
     notes |= {"mean_mm": second.after_mm} | results.fitted(second.fit)
     kept("mirror.toml", second.config, notes)
 

@@ -281,7 +281,7 @@ def _relief(held: Mapping[str, Any], folder: Path, config: Config, maps: Any, fi
     own = load(folder / "coarse.toml")
     with drawing(9, 4.2, "Step 1: a sine relief at known distances") as figure:
         left, right = figure.subplots(1, 2)
-        reliefs = [(n, r) for n, r in held.items() if n.startswith("relief-")][::4]
+        reliefs = [(n, r) for n, r in held.items() if n.startswith("relief-")][::20]
         for (name, each), colour in zip(reliefs, cycle(MANY_COLOURS)):
             error = coarse.errors(each, own)
             x = each.x_mm[::7]
