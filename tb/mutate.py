@@ -1174,7 +1174,8 @@ FAULTS = [
             "end_of_command",
         ),
         ("a retry too few", "if (failures_q == focus_i.focus_retries)", "if (failures_q >= 8'd1)"),
-        ("a new target keeps the misses", "          if (changed_q) misses_q <= '0;\n", ""),
+        ("a new target keeps the misses", "            if (changed_q) misses_q <= '0;\n", ""),
+        ("no read while the target moves on", "(changed_q && command_read_o)", "changed_q"),
     ),
     *faults(
         "rtl/actuators/focus_control.sv",

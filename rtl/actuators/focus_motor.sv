@@ -10,9 +10,10 @@
 //   HOLD   the position is read on; where it is off by more than the tolerance: MOVE
 //   FAULT  nothing is written or read; only OFF leaves it
 //
-// MOVE and HOLD write a new target, and go to WAIT where it is gone.  A command that fails is given
-// again, focus_retries times on end, and so is a target that is not reached; the next time is
-// FAULT.  A command that runs when its state ends is waited for, but only its counter knows.
+// MOVE and HOLD write a new target, and go to WAIT where it is gone.  After a write comes a read, so
+// the position is known while the target moves on.  A command that fails is given again,
+// focus_retries times on end, and so is a target that is not reached; the next time is FAULT.  A
+// command that runs when its state ends is waited for, but only its counter knows.
 //
 //   target_i, known_i  the target, and whether there is one
 //   command_*_o      a read or write of two bytes, for i2c_master or m3_motor; what is beside the
@@ -99,10 +100,12 @@ module focus_motor #(
   logic signed [16:0] error_q;
   logic        [15:0] error_size_q;
   logic               end_of_command;
+  logic               writes;  // the next command does
   assign state_o            = state_q;
   assign command_register_o = command_read_o ? PositionRegister : TargetRegister;
   assign on             = focus_i.focus_mode == Manual || focus_i.focus_mode == Automatic;
   assign end_of_command = reply_q[3];
+  assign writes         = write_q || (changed_q && command_read_o);
 
   always_ff @(posedge clk_i) begin
     command_valid_o <= 1'b0;
@@ -177,13 +180,13 @@ module focus_motor #(
         end else if (!busy_q && pause_q == '0) begin
           command_valid_o <= 1'b1;
           busy_q          <= 1'b1;
-          command_read_o  <= !(changed_q || write_q);
-          if (changed_q || write_q) begin
+          command_read_o  <= !writes;
+          if (writes) begin
             state_q        <= MOVE;
             write_q        <= 1'b1;
             command_data_o <= target_i;
+            if (changed_q) misses_q <= '0;
           end
-          if (changed_q) misses_q <= '0;
         end
       end
 

@@ -203,6 +203,28 @@ async def a_new_target_on_the_way(dut) -> None:
 
 
 @cocotb.test()
+async def the_position_is_read_while_the_target_moves_on(dut) -> None:
+    """A target that is another one before every command: reads and writes by turns."""
+    bench = await begin(dut, 12)
+    await bench.reach(50)
+    kinds, seen = [], set()
+    for k in range(40):
+        have = len(bench.ends)
+        while len(bench.ends) == have:
+            await bench.clocks(target=51 + 3 * k)
+            if bench.twin.command_valid:
+                kinds.append(bench.twin.command_read)
+        await bench.clocks(REPLY_LATENCY)
+        seen.add(bench.twin.position)
+    assert len(kinds) >= 40 and all(a != b for a, b in pairwise(kinds))
+    assert len(seen) >= 15 and bench.twin.position > 50
+    await bench.until(State.HOLD)
+    while not bench.twin.in_position:
+        await bench.clocks()
+    assert abs(bench.at - bench.inputs["target"]) <= 1
+
+
+@cocotb.test()
 async def off_at_every_place(dut) -> None:
     """Off for a clock or more anywhere in a command: the old reply is nobody's, then it works."""
     bench = await begin(dut, 8)

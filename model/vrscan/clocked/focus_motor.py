@@ -173,15 +173,18 @@ class FocusMotor:
         setattr(self, name, min(getattr(self, name) + 1, self._count_max))
 
     def _give_command(self, target: int, changed: bool) -> None:
-        """Begin a write of the target if it has to be written, otherwise a read."""
+        """Begin a write of the target if it has to be written, otherwise a read.
+
+        A target that changed after a write has to wait for a read.
+        """
         self.command_valid = self._busy = True
-        self.command_read = not (changed or self._write)
+        self.command_read = not (self._write or (changed and self.command_read))
         if not self.command_read:
             self.state = State.MOVE
             self._write = True
             self.command_data = target
-        if changed:
-            self._misses = 0
+            if changed:
+                self._misses = 0
 
     def _end_command(self, expired: bool) -> None:
         """Continue from a reply that was not abandoned."""
