@@ -383,8 +383,7 @@ def test_a_replay_knows_where_the_lens_was(
     The recording brings its configuration.
     """
     own, scan, points = tmp_path / "own.toml", tmp_path / "scan", tmp_path / "points.csv"
-    # A new target comes before the position that the last one led to is read, but for quick polls.
-    quick = {"average_points": 64, "hold_points": 32, "poll_ms": 0.2}
+    quick = {"average_points": 64, "hold_points": 32}
     focus = config.focus.model_copy(update=quick)
     maps = config.map.model_copy(update={"thin_lens": True})
     own.write_text(to_toml(config.model_copy(update={"focus": focus, "map": maps})))
