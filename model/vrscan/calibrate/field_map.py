@@ -17,7 +17,7 @@ import numpy as np
 
 from vrscan.calibrate.coarse import check_stage
 from vrscan.calibrate.mirror_map import scan_angles
-from vrscan.calibrate.recording import Recording
+from vrscan.calibrate.recording import PLACES, Recording
 from vrscan.data.arrays import Bools, Floats
 from vrscan.data.config import Config
 from vrscan.data.correction_maps import COLUMNS, ROWS, FieldMaps, extension_mm  # the file's
@@ -32,7 +32,6 @@ _BEND = 30.0  # weight of a second difference, 1/px: that of a point of 0.03 px
 _LEVEL = 0.3  # weight of a first difference, 1/px, which only fills
 _SPECKLE_PX = 0.1  # error of a position beside its sigma: grain and shape of the spot
 _LEAST_SHARE = 1.0  # sum of a node's weights over the points from which it is known
-_PLACES = 1501  # distinct angles of a scan, each with its own speckle
 
 
 def calibrate(recordings: Sequence[Recording], config: Config) -> FieldMaps:
@@ -99,8 +98,8 @@ def _map(group: Sequence[Recording], config: Config) -> tuple[Floats, Bools, flo
         good = np.isfinite(lacking)
         sides.append(_weights(each.position_px[good], angle[good], config))
         values.append(lacking[good])
-        # Points of one angle share their speckle.
-        repeats = max(1.0, good.sum() / _PLACES)
+        # Points of one angle share their speckle, where the stage stood.
+        repeats = max(1.0, good.sum() / PLACES)
         weights.append(1.0 / np.hypot(each.sigma_px[good], _SPECKLE_PX) / math.sqrt(repeats))
     design, value, weight = vstack(sides).tocsr(), np.concatenate(values), np.concatenate(weights)
     smooth = _penalty()

@@ -225,7 +225,8 @@ def _steps(found: Mapping[str, Any]) -> list[str]:
         f"| start | {first['start_mm']:.3f} | | |",
         f"| least squares with a robust loss | {found['coarse_mean_mm']:.4f} |"
         f" {first['least_squares_seconds']:.0f} | {first['least_squares_calls']} |",
-        f"| the paper's simplex search | {first['simplex_mean_mm']:.4f} |"
+        f"| the paper's simplex search, on {coarse.SIMPLEX_SCANS} scans at most,"
+        f" {coarse.SIMPLEX_POINTS} points of each | {first['simplex_mean_mm']:.4f} |"
         f" {first['simplex_seconds']:.0f} | {first['simplex_calls']} |",
         "",
         "Not observed, and left at their start: " + (", ".join(hidden) or "none") + ".",
