@@ -97,3 +97,11 @@ def test_the_overlay_averages_what_comes_again(reliefs: list[Recording]) -> None
     noise = np.random.default_rng(1).standard_normal(len(reliefs[0])) * NOISE_PX
     count = len(reliefs[0]) / len(reliefs[0].overlaid(noise))
     assert np.std(reliefs[0].overlaid(noise)) == pytest.approx(NOISE_PX / np.sqrt(count), rel=0.1)
+
+
+def test_the_mean_of_a_place_has_the_standard_deviation_of_a_mean(reliefs: list[Recording]) -> None:
+    folded = reliefs[0].folded()
+    noise = np.random.default_rng(2).standard_normal(len(reliefs[0])) * reliefs[0].sigma_px
+    scatter = replace(reliefs[0], x_mm=noise).folded().x_mm / folded.sigma_px
+    print(f"scatter over sigma {np.std(scatter):.3f}, wanted 1")
+    assert np.std(scatter) == pytest.approx(1.0, abs=4.0 / np.sqrt(2.0 * len(scatter)))
