@@ -91,8 +91,7 @@ def simulate(
             light,
             lines,
             chosen.active,
-            every_ray=chosen.every_ray,
-            tolerance_px=chosen.tolerance_px,
+            tolerance_px=chosen.plane_px,
             jobs=jobs,
             progress=progress,
         ).lines

@@ -16,11 +16,12 @@ from scipy.optimize import minimize_scalar
 from vrscan.data.arrays import Floats
 from vrscan.data.config import Config
 from vrscan.scene.beam import radius_mm
-from vrscan.scene.description import Description, parse
+from vrscan.scene.description import Description, load, parse
 from vrscan.scene.library import at_angles
 from vrscan.scene.light import Light
 from vrscan.scene.mirrored import Images, Mirrors
 from vrscan.scene.render import Renderer
+from vrscan.scene.targets import Hits, World
 
 SEED = 20100301
 CONFIG = Config()
@@ -401,3 +402,25 @@ def test_the_row_gets_each_images_light_where_and_as_wide_as_it_is() -> None:
     print(f"{extra.sum():.0f} / {want.sum():.0f} electrons")
     assert np.abs(extra - want).max() < 0.01 * want.max()
     assert want.sum() > 0.3 * lines[0].sum()
+
+
+def test_edges_of_a_thread_are_no_images_and_take_no_rays(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Every flank of the bolt ends where the next one shows another side: no spot is in an edge."""
+    light = Light(load("bolt"), CONFIG)
+    mirrors, followed = Mirrors(light, falloff=True), []
+    angle = np.radians(np.linspace(-10.0, 10.0, 400))
+    beam = np.stack([np.sin(angle), np.zeros(400), np.cos(angle)], axis=1)
+    mirrors.images(beam, np.zeros(400))  # makes the view
+    cast = World.cast
+
+    def counted(self: World, origin: Floats, direction: Floats) -> Hits:
+        followed.append(len(origin))
+        return cast(self, origin, direction)
+
+    monkeypatch.setattr(World, "cast", counted)
+    images = mirrors.images(beam, np.zeros(400))
+    print(f"{sum(followed)} rays, images {[len(image.row) for image in images]}")
+    assert len(images[1].row) > 50
+    assert sum(followed) < 6400

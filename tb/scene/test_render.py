@@ -77,7 +77,7 @@ def _frame(
     words = np.random.default_rng(SEED).integers(
         0, 65536, (len(angle), light.config.sensor.line_length), np.uint16
     )
-    renderer = Renderer(light, frozenset(active), every_ray=every_ray)
+    renderer = Renderer(light, frozenset(active), tolerance_px=0.0 if every_ray else None)
     return renderer.render(_times(angle, rate), words)
 
 
@@ -422,7 +422,7 @@ def test_a_spot_on_its_plane_is_where_its_rays_are(target: dict[str, object]) ->
     light, angle = Light(_scene(target), CONFIG), np.radians(np.linspace(-4.0, 4.0, 9))
 
     def charge(active: set[str], every_ray: bool) -> Floats:
-        made = Renderer(light, frozenset(active), every_ray=every_ray, tolerance_px=0.01)
+        made = Renderer(light, frozenset(active), tolerance_px=0.0 if every_ray else 0.01)
         return made.charge(_times(angle, PEAK_RATE)).laser_e.astype(np.float64)
 
     axis, spot, rays = (

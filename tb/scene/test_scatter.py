@@ -11,6 +11,7 @@ from vrscan.data.arrays import Floats
 from vrscan.data.config import Config
 from vrscan.data.errors import InputError
 from vrscan.scene.description import Description
+from vrscan.scene.image import Singles
 from vrscan.scene.light import Light
 from vrscan.scene.render import Renderer
 from vrscan.scene.scatter import (
@@ -310,10 +311,16 @@ def _scene(**tables: object) -> Description:
     return Description.model_validate({"target": [plane], **tables})
 
 
+def _skirt(light: Light, angle: float) -> Singles:
+    line = np.zeros((1, light.config.sensor.line_length), np.float32)
+    light.add_skirt(line, 1.0, np.array([angle]), np.zeros(1))
+    return line[0]
+
+
 def test_light_beside_the_beam_is_what_the_bsdf_sends_there() -> None:
     light = Light(_scene(), Config())
     angle = 0.02
-    row = light.skirt(np.array([angle]), np.zeros(1))[0].astype(np.float64)
+    row = _skirt(light, angle).astype(np.float64)
     phi, base = light.config.geometry.bias_rad, light.config.geometry
     lens = np.array([base.base_mm, 0.0, base.offset_mm])
     checked = 0
@@ -370,7 +377,7 @@ def test_a_block_hides_what_is_behind_it_from_the_skirt() -> None:
     plane = {"kind": "plane", "position_mm": [0, 0, 420.0]}
     scene = Description.model_validate({"target": [plane, block]})
     light = Light(scene, Config())
-    row = light.skirt(np.array([0.1]), np.zeros(1))[0]
+    row = _skirt(light, 0.1)
     point, _, target, _ = light.look(np.arange(2048.0), 0.0)
     behind = (target == 0) & (np.abs(point[:, 0] / point[:, 2]) < 10.0 / 340.0 - 1e-3)
     clear = (target == 0) & (np.abs(point[:, 0] / point[:, 2]) > 10.0 / 340.0 + 1e-3)

@@ -48,13 +48,13 @@ def _same(first: Simulation, second: Simulation) -> None:
 
 
 @pytest.mark.parametrize("sweep", ["mirror", "even"])
-@pytest.mark.parametrize("every_ray", [False, True])
-def test_blocks_may_be_made_in_any_order(sweep: str, every_ray: bool) -> None:
+@pytest.mark.parametrize("tolerance_px", [None, 0.0])
+def test_blocks_may_be_made_in_any_order(sweep: str, tolerance_px: float | None) -> None:
     scene = _scene(scan={"sweep": sweep, "pan_mm_per_s": 300.0})
     count = 2 * BLOCK + 100
     active = _everything(scene)
-    rising = Scanner(Light(scene, CONFIG), count, active, every_ray=every_ray)
-    falling = Scanner(Light(scene, CONFIG), count, active, every_ray=every_ray)
+    rising = Scanner(Light(scene, CONFIG), count, active, tolerance_px=tolerance_px)
+    falling = Scanner(Light(scene, CONFIG), count, active, tolerance_px=tolerance_px)
     first = [rising.block(k).lines for k in range(3)]
     second = [falling.block(k).lines for k in (2, 0, 1)]
     for k, place in enumerate((1, 2, 0)):
@@ -100,8 +100,8 @@ def test_a_line_is_the_same_whichever_others_are_taken() -> None:
     scene = _scene()
     light = Light(scene, CONFIG)
     rng = np.random.default_rng(20100301)
-    for active, every_ray in ((_everything(scene), True), (frozenset({"shot", "read"}), False)):
-        scanner = Scanner(light, 3 * BLOCK, active, every_ray=every_ray)
+    for active, tolerance_px in ((_everything(scene), 0.0), (frozenset({"shot", "read"}), None)):
+        scanner = Scanner(light, 3 * BLOCK, active, tolerance_px=tolerance_px)
         whole = [scanner.block(k) for k in range(3)]
         lines = np.concatenate([frame.lines for frame in whole])
         place = np.concatenate([frame.truth.position_px for frame in whole])

@@ -22,7 +22,17 @@ from vrscan.scene.effects import EFFECTS, present
 from vrscan.scene.light import Light
 from vrscan.scene.simulate import BLOCK, Scanner, simulate
 from vrscan.scene.speckle import Speckle
-from vrscan.study.plan import JUMP_PX, LEAST_LINES, PARTS, Plan, alike, judged, plan, survey
+from vrscan.study.plan import (
+    FLAT_PX,
+    JUMP_PX,
+    LEAST_LINES,
+    PARTS,
+    Plan,
+    alike,
+    judged,
+    plan,
+    survey,
+)
 
 CONFIG = Config()
 COUNT = 400
@@ -41,8 +51,8 @@ def _plan(name: str, tolerance_px: float) -> Plan:
     )
 
 
-def _points(light: Light, active: frozenset[str], every_ray: bool, tolerance_px: float) -> Table:
-    scan = simulate(light, COUNT, active, every_ray=every_ray, tolerance_px=tolerance_px)
+def _points(light: Light, active: frozenset[str], plane_px: float) -> Table:
+    scan = simulate(light, COUNT, active, tolerance_px=plane_px)
     return run(Engine.FIXED, scan.lines, judged(CONFIG))
 
 
@@ -52,8 +62,8 @@ def test_what_is_left_out_is_below_the_tolerance_on_all_lines(
 ) -> None:
     chosen, have = _plan(name, tolerance_px), frozenset(present(_light(name).scene))
     whole, less = alike(have, chosen.active)
-    full = _points(_light(name), whole, True, 0.01)
-    got = _points(_light(name), less, chosen.every_ray, tolerance_px)
+    full = _points(_light(name), whole, FLAT_PX)
+    got = _points(_light(name), less, chosen.plane_px)
     both = full.located & got.located
     moved = (full.position_px - got.position_px)[both]
     own = np.abs(moved) < 1.0  # others are of another peak
@@ -73,14 +83,14 @@ def test_with_grains_what_is_left_out_is_another_draw_of_the_same_error() -> Non
     have = frozenset(present(light.scene))
     assert "grain" in chosen.active and have - chosen.active
 
-    def error(active: frozenset[str], every_ray: bool) -> Floats:
-        scan = simulate(light, 2 * BLOCK, active, every_ray=every_ray)
+    def error(active: frozenset[str], plane_px: float) -> Floats:
+        scan = simulate(light, 2 * BLOCK, active, tolerance_px=plane_px)
         assert scan.lines.truth is not None
         found = run(Engine.FIXED, scan.lines, judged(CONFIG))
         return np.asarray(found.position_px - scan.lines.truth.position_px)
 
     def apart_px(less: frozenset[str]) -> tuple[list[Floats], float]:
-        both = [error(have - less, True), error(chosen.active - less, chosen.every_ray)]
+        both = [error(have - less, FLAT_PX), error(chosen.active - less, chosen.plane_px)]
         moved = np.nan_to_num(both[0] - both[1])
         return both, float(np.sqrt(np.mean(np.square(moved[np.abs(moved) < JUMP_PX]))))
 
@@ -125,7 +135,7 @@ def test_a_plan_does_not_depend_on_how_long_things_take(monkeypatch: pytest.Monk
     found = plan(
         _light("default"), COUNT, fidelity="auto", tolerance_px=0.03, break_even_lines=LONG
     )
-    assert (found.active, found.every_ray) == (wanted.active, wanted.every_ray)
+    assert (found.active, found.plane_px) == (wanted.active, wanted.plane_px)
     assert [p.microseconds for p in found.predictions] != [
         p.microseconds for p in wanted.predictions
     ]
@@ -173,10 +183,10 @@ def test_full_minimal_and_lists_are_what_they_say() -> None:
     light = _light("plane")
     have = frozenset(present(light.scene))
     full = plan(light, 60, fidelity="full")
-    assert full.active == have and full.every_ray
+    assert full.active == have and full.plane_px == FLAT_PX
     assert full.left_out.total_px.max() == 0.0
     minimal = plan(light, 60, fidelity="minimal")
-    assert minimal.active == frozenset() and not minimal.every_ray
+    assert minimal.active == frozenset() and minimal.plane_px == light.scene.tolerance_px
     assert minimal.left_out.total_px.max() > 0.1
     some = plan(light, 60, fidelity=["speckle", "sun"])
     assert some.fidelity == "list"
@@ -250,12 +260,10 @@ def test_a_choice_holds_on_lines_that_the_survey_has_not_seen() -> None:
     registers = Registers.from_config(judged(CONFIG))
     for block in blocks:
         points = []
-        for active, every_ray in zip(
-            alike(whole, found.active), (True, found.every_ray), strict=True
+        for active, plane_px in zip(
+            alike(whole, found.active), (FLAT_PX, found.plane_px), strict=True
         ):
-            frame = Scanner(
-                light, count, active, every_ray=every_ray, tolerance_px=tolerance_px
-            ).block(block)
+            frame = Scanner(light, count, active, tolerance_px=plane_px).block(block)
             power = np.full(len(frame.lines), CONFIG.laser.power_max, np.int64)
             angle = angle_turns(frame.reported_rad)
             points.append(table(run_fixed(frame.lines, angle, power, registers)))
@@ -286,7 +294,7 @@ def test_a_short_scan_has_everything_and_nothing_is_rendered_for_it(
     monkeypatch.setattr("vrscan.scene.render.Renderer.render", render)
     found = plan(light, LEAST_LINES - 1, fidelity="auto", each=False, seen=seen)
     assert found.active == frozenset(present(light.scene))
-    assert found.every_ray
+    assert found.plane_px == FLAT_PX
     assert found.count == LEAST_LINES - 1
     with pytest.raises(AssertionError, match="rendered"):
         plan(light, LEAST_LINES, fidelity="auto", each=False, seen=seen)
@@ -301,7 +309,7 @@ def test_the_budget_chooses_as_the_scan_does(scene: str, config: Config) -> None
     light = Light(load(scene), config)
     alone = plan(light, 20_000, fidelity="auto", tolerance_px=0.03, each=False)
     table = plan(light, 20_000, fidelity="auto", tolerance_px=0.03, each=True)
-    assert (alone.active, alone.every_ray) == (table.active, table.every_ray)
+    assert (alone.active, alone.plane_px) == (table.active, table.plane_px)
     assert alone.active < frozenset(present(light.scene))
     assert alone.left_out.total_px.tolist() == table.left_out.total_px.tolist()
     assert not alone.predictions

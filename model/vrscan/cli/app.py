@@ -233,8 +233,7 @@ def scan(
             light,
             count,
             chosen.active,
-            every_ray=chosen.every_ray,
-            tolerance_px=chosen.tolerance_px,
+            tolerance_px=chosen.plane_px,
         )
         looped = None
         if follows or automatic:

@@ -60,7 +60,7 @@ BESIDE = frozenset({"bounce", "skirt", "halo"})  # light beside the spot, whose 
 # With one of these no line is mostly even.
 WHOLE_LINE = frozenset({"ghosts", "wings"})
 WHOLE_LINE_US = 15.0  # typical time of these
-EVERY_RAY_US, DETAIL_US = 8.0, 12.0  # typical times of following every spot, and all its rays
+RAYS_US, DETAIL_US = 3.0, 4.0  # typical times of rays that are not needed, and of all of these
 LINE_US = 20.0  # typical time of a line without effects, up to its point
 START_US = 8000.0  # typical time to start rendering, however few the lines
 BASE = (
@@ -140,10 +140,10 @@ def whole_lines(active: frozenset[str]) -> bool:
     return "ghosts" in active or ("wings" in active and bool(active & BESIDE))
 
 
-def typical_us(active: frozenset[str], *, every_ray: bool) -> float:
+def typical_us(active: frozenset[str], *, rays: bool) -> float:
     """Return the typical time of a set of effects, microseconds per line."""
     total = sum(EFFECTS[name].typical_us for name in active)
     total += WHOLE_LINE_US if whole_lines(active) else 0.0
-    if every_ray and "footprint" in active:
-        total += EVERY_RAY_US + (DETAIL_US if "detail" in active else 0.0)
+    if rays and "footprint" in active:
+        total += RAYS_US + (DETAIL_US if "detail" in active else 0.0)
     return total

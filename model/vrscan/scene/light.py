@@ -466,19 +466,30 @@ class Light:
 
     # -- the scan head's scatter --
 
-    def skirt(self, angle_rad: Floats, y_mm: Floats, windows: Windows | None = None) -> Singles:
-        """Return the light that the scan head scatters beside the beam, [n, length] or [n, width].
+    def add_skirt(
+        self,
+        field: Singles,
+        electrons: float,
+        angle_rad: Floats,
+        y_mm: Floats,
+        windows: Windows | None = None,
+    ) -> None:
+        """Add the light that the scan head scatters beside the beam.
 
-        It is in units of the electrons that what is left of the beam would make if all of it went
-        through the lens. The pixels' own points are lit over the angle between them and the beam in
-        the plane of the scan, where they are not hidden from the pivot; what they see of it is
-        Lambert's. The beam's own width is left out but for the angle below which the light does not
-        grow any more.
+        The pixels' own points are lit over the angle between them and the beam in the plane of the
+        scan, where they are not hidden from the pivot; what they see of it is Lambert's. The beam's
+        own width is left out but for the angle below which the light does not grow any more.
+
+        Args:
+            field: The lines [n, length], or the windows of them [n, width].
+            electrons: What is left of the beam, electrons, if all of it went through the lens.
+            angle_rad: Angle of each line [n].
+            y_mm: Position of the scanner along y [n].
+            windows: What of each line ``field`` holds; all of it if None.
         """
-        width = self.config.sensor.line_length if windows is None else windows.width
-        result = np.empty((len(angle_rad), width), np.float32)
+        width = field.shape[1]
         keys = np.round(y_mm / PAN_STEP_MM).astype(np.int64)
-        table = self._skirt_gain
+        table = self._skirt_gain * np.float32(electrons)
         for key in np.unique(keys).tolist():
             if key not in self._skirts:
                 if len(self._skirts) >= _VIEWS:
@@ -494,9 +505,9 @@ class Light:
                 begin = slice(1) if windows is None else windows.first[rows]
                 apart = steps[begin] - turned[rows]
                 place = np.abs(apart, out=apart).astype(np.int32)
-                np.multiply(table.take(place, mode="clip"), gains[begin], out=apart)
-                result[rows] = apart
-        return result
+                table.take(place, mode="clip", out=apart)
+                apart *= gains[begin]
+                field[rows] += apart
 
     @cached_property
     def _skirt_gain(self) -> Singles:

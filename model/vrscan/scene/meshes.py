@@ -77,8 +77,9 @@ class Caster:
         normal = np.tile([0.0, 0.0, 1.0], (len(origin), 1))
         padded = self._extent + np.array([[-self._margin], [self._margin]])
         enter, leave = slab(padded, origin, direction)
-        # Starting at the box, not far before it, keeps float32's steps small.
-        begin = np.maximum(enter, 0.0)
+        # Starting at the box, not far before it, keeps float32's steps small, and a little way off
+        # a surface where the ray starts on it.
+        begin = np.maximum(enter, 0.5 * self._clear)
         rows = np.flatnonzero(begin <= leave)
         for _ in range(_ATTEMPTS):
             if rows.size == 0:

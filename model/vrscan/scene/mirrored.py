@@ -31,7 +31,9 @@ from vrscan.scene.surface import core
 
 _LEAST_MM = 1.0  # least distance between two surfaces, and of an image from the lens
 _LEAST_COS = 1e-3  # least cosine of an angle of incidence
-_ROUNDS = 6  # steps of the search for the place in a mirror
+_ROUNDS = 6  # most steps of the search for the place in a mirror,
+_FOUND_PX = 1e-4  # step after which it ends,
+_EDGE = 0.3  # and share of the first miss that a step leaves where there is but an edge
 _APART_PX = 1.0  # distance of the rays that tell how a mirror is bent along the row,
 _APART_RAD = 1e-3  # and across it
 _ASTRAY = 0.25  # sigmas of the lobe by which the ray that was found may miss the spot
@@ -251,7 +253,13 @@ class Mirrors:
         at, pixel = self._search(first)
         spots = _of(first, at)
         views = self._look(pixel, spots.lift)
-        place, near = spots.point, np.maximum(views.along(spots.point), _LEAST_MM)
+        astray = np.abs(views.left(spots.point)) * views.cos
+        ahead = views.along(spots.point)
+        good = (ahead > _LEAST_MM) & (views.cos > _LEAST_COS)
+        good &= astray < _ASTRAY * self._sigma[views.target] * ahead
+        good &= _dot(views.point - spots.point, spots.normal) > 0.0
+        spots, views, pixel = _of(spots, good), _of(views, good), pixel[good]
+        place, near = spots.point, ahead[good]
         low, high = (self._look(pixel + d, spots.lift).left(place) for d in (-_APART_PX, _APART_PX))
         right_mm = (low - high) / (2.0 * _APART_PX)
         geometry = self.light.config.geometry
@@ -260,10 +268,7 @@ class Mirrors:
         below = views.below(place)
         tall = (below - self._look(pixel, spots.lift, _APART_RAD).below(place)) / _APART_RAD
         leave = _dot(views.point - place, spots.normal) / near
-        good = (views.along(place) > _LEAST_MM) & (views.cos > _LEAST_COS) & (leave > 0.0)
-        astray = np.abs(views.left(place)) * views.cos
-        good &= astray < _ASTRAY * self._sigma[views.target] * near
-        good &= (np.abs(wide) > _LEAST_MM) & (np.abs(tall) > _LEAST_MM)
+        good = (np.abs(wide) > _LEAST_MM) & (np.abs(tall) > _LEAST_MM)
         good &= ~self.light.world.blocked(place + spots.lift, views.point + spots.lift)
         light = self._held(views.target, np.clip(views.cos, 0.0, 1.0)) * self._camera.pupil_mm2
         light /= np.maximum(np.abs(wide * tall), _LEAST_MM**2)
@@ -283,39 +288,59 @@ class Mirrors:
             rows = np.flatnonzero(keys == key)
             pixel, views = self._coarse(float(key) * PAN_STEP_MM)
             glossy = self._gloss[views.target] > 0.0
-            near = np.flatnonzero(glossy[1:] & glossy[:-1])
-            near = near[views.target[near] == views.target[near + 1]]
-            if len(near) == 0:
+            mirror = glossy[1:] & glossy[:-1] & (views.target[1:] == views.target[:-1])
+            if not mirror.any():
                 continue
-            sides = []
-            for some in (_of(views, near), _of(views, near + 1)):
-                way = first.point[rows, None] - some.point
-                left = np.einsum("ijk,jk->ij", way, some.right)
-                sides.append((left, np.einsum("ijk,jk->ij", way, some.away) > _LEAST_MM))
-            (low, ahead), (high, also) = sides
-            i, j = np.nonzero(ahead & also & ((low > 0.0) != (high > 0.0)))
+            left, along = (
+                first.point[rows] @ way.T - _dot(views.point, way)
+                for way in (views.right, views.away)
+            )
+            turns, ahead = left > 0.0, along > _LEAST_MM
+            turns = (turns[:, 1:] != turns[:, :-1]) & ahead[:, 1:] & ahead[:, :-1] & mirror
+            i, j = np.nonzero(turns)
+            # The spot has to see one end of the piece of the mirror that may show it.
+            place, normal = first.point[rows[i]], first.normal[rows[i]]
+            sees = np.zeros(len(i), np.bool_)
+            for end in (j, j + 1):
+                sees |= _dot(views.point[end] - place, normal) > 0.0
+            i, j = i[sees], j[sees]
             at.append(rows[i])
-            ends.append(np.stack([pixel[near[j]], pixel[near[j] + 1], low[i, j], high[i, j]]))
+            ends.append(np.stack([pixel[j], pixel[j + 1], left[i, j], left[i, j + 1]]))
         if not at:
             return np.zeros(0, np.int64), np.zeros(0)
         found = np.concatenate(at)
-        return found, self._refined(_of(first, found), *np.concatenate(ends, axis=1))
+        which, pixel = self._refined(_of(first, found), *np.concatenate(ends, axis=1))
+        return found[which], pixel
 
     def _refined(
         self, spots: _Spots, start: Floats, end: Floats, low: Floats, high: Floats
-    ) -> Floats:
-        """Return the pixel at which the mirrored ray meets its spot: regula falsi, Illinois."""
-        pixel = start
+    ) -> tuple[Ints, Floats]:
+        """Return which spots [k] a mirrored ray meets, and its pixel: regula falsi, Illinois.
+
+        Where the miss changes its sign at an edge between two mirrors, no ray does.
+        """
+        found, left, at = np.full(len(start), np.nan), np.arange(len(start)), np.array(np.inf)
+        most = _EDGE * np.abs(low - high)
         for _ in range(_ROUNDS):
             gap = low - high
             share = np.where(gap == 0.0, 0.5, low / np.where(gap == 0.0, 1.0, gap))
             pixel = start + np.clip(share, 0.0, 1.0) * (end - start)
             here = self._look(pixel, spots.lift).left(spots.point)
+            found[left] = pixel
             same = (here > 0.0) == (low > 0.0)
             # The end that stays counts half, so that both ends come nearer.
             low, high = np.where(same, here, 0.5 * low), np.where(same, 0.5 * high, here)
             start, end = np.where(same, pixel, start), np.where(same, end, pixel)
-        return pixel
+            edge = np.abs(here) > most
+            found[left[edge]] = np.nan
+            more = ~edge & (np.abs(pixel - at) > _FOUND_PX)
+            spots, left, pixel, most = _of(spots, more), left[more], pixel[more], most[more]
+            start, end, low, high = start[more], end[more], low[more], high[more]
+            if len(left) == 0:
+                break
+            at = pixel
+        which = np.flatnonzero(~np.isnan(found))
+        return which, found[which]
 
     def _coarse(self, y_mm: float) -> tuple[Floats, _Views]:
         """Return the pixels of ``Light.view`` and what they show by way of a mirror."""

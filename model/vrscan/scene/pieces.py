@@ -29,7 +29,10 @@ OUTER = 8  # and how many of these on either side are for a cut beam's rings
 _TEST = 1.5  # 1/e2 radii from the axis of the rays that test whether a spot needs them
 _MAP_STEP = 2e-4  # rad between the angles of that test: a fifth of a beam
 _TEST_CUT = 2.2  # and those of rays that look for other surfaces in a cut beam's rings,
-_TEST_BRIGHT = 3.2  # and for ones farther away, which count where they are brighter
+_TEST_FAR = 4.7  # and in the last ones, where they count if they are brighter or bent
+_BENT_PX = 1.0  # distance of a ring's image from the tangent plane's that tells of another plane
+_FEW_TELL_PX = 5e-3  # tolerance below which not these few but all rays tell,
+_FLAT = 0.1  # and by how many px per 1/e2 radius their images may be off the plane's
 _BRIGHT = 2.0  # ratio of brightness at the sides and at the axis that tells of an edge
 # 1/e2 radii of the rays of a Gaussian beam, beyond which 3e-5 of its light is, and of a cut beam,
 # whose rings reach farther; and those of the rays that tell whether a spot is on a smooth surface.
@@ -99,7 +102,6 @@ class Spotter:
         active: frozenset[str],
         clock: Clock,
         *,
-        every_ray: bool,
         tolerance_px: float,
     ) -> None:
         """Prepare what depends only on the effects.
@@ -109,12 +111,11 @@ class Spotter:
             active: Names of the effects that are on.
             clock: Function that is called with the name of an effect and returns a context that
                 measures its time.
-            every_ray: Whether every spot is followed ray by ray, needed or not.
             tolerance_px: Largest error of a tangent plane; where it is larger, a spot is followed
-                ray by ray.
+                ray by ray. With 0 all spots are.
         """
         self.light, self.active, self.clock = light, active, clock
-        self.every_ray, self.tolerance_px = every_ray, tolerance_px
+        self.tolerance_px = tolerance_px
         scene, config = light.scene, light.config
         laser = scene.laser
         if "truncation" not in active:
@@ -122,9 +123,12 @@ class Spotter:
         self._laser, self.cut = laser, cut(laser)
         self._rim_mm = 0.5 * laser.aperture_mm
         self._offset = _RAYS_GAUSSIAN if self.cut is None else _RAYS_CUT
+        # Windows of a spot on its plane reach as far as its rays would where these would all tell.
+        rings = self.cut is not None and tolerance_px < _FEW_TELL_PX
+        self.ring_reach = 2.0 * float(_RAYS_CUT[-1]) / image.REACH if rings else 1.0
         # No corner of the box is twice as far as any of its coordinates, so no ray that meets a
         # target is twice as far from the axis as there.
-        widest = max(float(self._offset.max()), _TEST_CUT, _TEST_BRIGHT)
+        widest = max(float(self._offset.max()), _TEST_FAR)
         room = 2.0 * max(widest * radius_mm(np.array([0.0, light.farthest_mm]), laser))
         self._box = light.world.bounds + np.array([[-room], [room]])
         self._few = _FEW if self.cut is None else _FEW_CUT
@@ -264,7 +268,7 @@ class Spotter:
 
     def _split(self, spots: Spots, beam: Floats, timeline: Timeline) -> tuple[Bools, Floats]:
         """Return the lines whose spots are followed ray by ray, and the others' shifts, px [n]."""
-        if self.every_ray:
+        if self.tolerance_px == 0.0:
             return self._in_sight(spots, beam, timeline.y_mm), np.zeros(len(timeline))
         if self.light.scene.scan.pan_mm_per_s != 0.0:
             return self._needs_rays(spots, beam, timeline.y_mm)
@@ -314,7 +318,8 @@ class Spotter:
         by a ninth of their common deviation; or reflectance that changes across the spot. Where
         either of these two moves it by the tolerance at most, the spot on its plane is shifted by
         as much, px [n].
-        A cut beam's rings are looked after by ``_rings_need_rays``.
+        A cut beam's rings are looked after by ``_rings_need_rays``. With a narrow tolerance all
+        rays tell.
         """
         split = np.zeros(len(spots.lit), np.bool_)
         shift_px = np.zeros(len(split))
@@ -343,8 +348,10 @@ class Spotter:
         moved = sag + lean
         shift_px[rows] = np.where(np.isfinite(moved), moved, 0.0)
         split[rows] = edge | ((axis | seen.any(axis=1)) & (bent | uneven))
-        if self.cut is not None:
-            rows = rows[~split[rows]]
+        rows = rows[~split[rows]]
+        if limit < _FEW_TELL_PX:
+            split[rows] = self._a_ray_differs(spots, beam, y_mm, rows)
+        elif self.cut is not None:
             split[rows] = self._rings_need_rays(spots, beam, y_mm, rows)
         return split, np.where(split, 0.0, shift_px)
 
@@ -352,17 +359,43 @@ class Spotter:
         """Return which of some lines have other surfaces in a cut beam's rings [m].
 
         Two rays on either side tell: the nearer one of any other surface, the farther one of a
-        brighter one. A spot that the lens does not see may still have rings that it sees.
+        brighter one, and both of one that bends away. A spot that the lens does not see may still
+        have rings that it sees.
         """
-        test = np.array([-_TEST_CUT, _TEST_CUT, -_TEST_BRIGHT, _TEST_BRIGHT])
+        test = np.array([-_TEST_CUT, _TEST_CUT, -_TEST_FAR, _TEST_FAR])
         origin, direction = self._offset_rays(spots, beam, rows, test)
         sides = self._meet(origin, direction, np.repeat(y_mm[rows], len(test)))
-        seen, target = sides.seen.reshape(-1, 4)[:, :2], sides.target.reshape(-1, 4)[:, :2]
-        light, axis = sides.collected.reshape(-1, 4), spots.collected[rows, None]
-        edge = ((seen != spots.seen[rows, None]) | (target != spots.target[rows, None])).any(axis=1)
-        edge &= spots.seen[rows] | seen.any(axis=1)
+        shape, axis = (-1, len(test)), spots.collected[rows, None]
+        seen, target = sides.seen.reshape(shape), sides.target.reshape(shape)
+        light = sides.collected.reshape(shape)
+        other = (seen != spots.seen[rows, None]) | (target != spots.target[rows, None])
+        edge = other[:, :2].any(axis=1)
+        edge &= spots.seen[rows] | seen[:, :2].any(axis=1)
         edge |= (light > _BRIGHT * axis).any(axis=1)
+        width = radius_mm(np.where(spots.lit, spots.distance, 0.0)[rows], self._laser)
+        flat = (width * spots.px_per_mm[rows])[:, None] * test
+        with np.errstate(invalid="ignore"):
+            off = sides.position_px.reshape(shape) - spots.position_px[rows, None] - flat
+            edge |= spots.seen[rows] & (seen & (np.abs(off) > _BENT_PX)).any(axis=1)
         return np.asarray(edge | (_BRIGHT * light[:, :2] < axis).any(axis=1))
+
+    def _a_ray_differs(self, spots: Spots, beam: Floats, y_mm: Floats, rows: Ints) -> Bools:
+        """Return of which of some lines a ray is not on the axis's tangent plane [m].
+
+        Its image or its light is not what it would be there; what the lens does not see is dark.
+        """
+        shape, offset = (-1, RAYS), self._offset
+        origin, direction = self._offset_rays(spots, beam, rows, offset)
+        found = self._meet(origin, direction, np.repeat(y_mm[rows], RAYS))
+        axis, light = spots.collected[rows, None], found.collected.reshape(shape)
+        tilt = (light[:, -1:] - light[:, :1]) / (offset[-1] - offset[0]) * offset
+        differs = np.abs(light - axis - tilt) > _SMOOTH_LIGHT * axis
+        width = radius_mm(np.where(spots.lit, spots.distance, 0.0)[rows], self._laser)
+        flat = (width * spots.px_per_mm[rows])[:, None] * offset
+        with np.errstate(invalid="ignore"):
+            off = found.position_px.reshape(shape) - spots.position_px[rows, None] - flat
+            differs |= (light > 0.0) & (np.abs(off) > _FLAT * np.abs(offset))
+        return np.asarray(differs.any(axis=1))
 
     def _by_rays(self, spots: Spots, beam: Floats, timeline: Timeline, rows: Ints) -> list[Pieces]:
         """Return the spots of some lines, followed ray by ray, at most two pieces for each line.

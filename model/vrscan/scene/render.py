@@ -41,7 +41,7 @@ from vrscan.scene.spots import Spots
 from vrscan.scene.timeline import Timeline
 
 _WIDE_DISC = 8.0  # spot sigmas of a ghost's radius above which its ends count as hard
-_LEAST_GHOST_E = 1e-3  # electrons on its brightest pixel below which a ghost is left out
+_LEAST_GHOST_E = 0.03  # electrons at the rated power on its brightest pixel: fainter is left out
 _LEAST_FLICKER_E = 0.1  # least flicker of lamps that is rendered, electrons
 _SPILT_E = 0.05  # electrons of blooming that may be lost at a window's end
 _MERGED = 32  # px: a window around several of a line is as wide as some of these
@@ -129,7 +129,6 @@ class Renderer:
         light: Light,
         active: frozenset[str],
         *,
-        every_ray: bool = False,
         tolerance_px: float | None = None,
     ) -> None:
         """Prepare what depends only on the effects.
@@ -137,18 +136,15 @@ class Renderer:
         Args:
             light: The scene.
             active: Names of the effects that are on.
-            every_ray: Whether every spot is followed ray by ray, needed or not.
             tolerance_px: Largest error of a tangent plane, above which a spot is followed ray by
-                ray; the scene's tolerance if None.
+                ray; the scene's tolerance if None. With 0 all spots are.
         """
         self.light, self.active = light, active
         self.tolerance_px = light.scene.tolerance_px if tolerance_px is None else tolerance_px
         self.seconds: dict[str, float] = {}
         self._inner = 0.0
         scene, config = light.scene, light.config
-        self._spotter = Spotter(
-            light, active, self._clock, every_ray=every_ray, tolerance_px=self.tolerance_px
-        )
+        self._spotter = Spotter(light, active, self._clock, tolerance_px=self.tolerance_px)
         model = scene.sensor
         if "read" not in active:
             model = model.model_copy(update={"read_noise_e": 0.0})
@@ -182,8 +178,7 @@ class Renderer:
 
     def of(self, light: Light) -> "Renderer":
         """Return a renderer of another light with these effects."""
-        ray = self.every_ray
-        return Renderer(light, self.active, every_ray=ray, tolerance_px=self.tolerance_px)
+        return Renderer(light, self.active, tolerance_px=self.tolerance_px)
 
     # -- one block --
 
@@ -247,8 +242,8 @@ class Renderer:
     def exposed(self, light: Unexposed, rows: slice, share: Floats, words: Pixels) -> Pixels:
         """Return the counts of some lines; a line is the same whichever come with it.
 
-        Against ``render`` with the same power only float32 rounding differs, ghosts so faint that
-        ``render`` leaves them out, and that there are always ``wings``.
+        Against ``render`` with the same power only float32 rounding differs, and that there are
+        always ``wings``.
 
         Args:
             light: What falls on the pixels.
@@ -295,11 +290,6 @@ class Renderer:
         )
 
     @property
-    def every_ray(self) -> bool:
-        """Return whether every spot is followed ray by ray."""
-        return self._spotter.every_ray
-
-    @property
     def readout(self) -> Readout:
         """Return the readout, which turns charge into counts."""
         return self._readout
@@ -325,7 +315,7 @@ class Renderer:
         """Yield rows, first pixels and mean electrons [m, width] of pieces, one width at a time."""
         if len(pieces) == 0:
             return
-        spread = pieces.sigma_px
+        spread = pieces.sigma_px * (1.0 if pieces.zone is None else self._spotter.ring_reach)
         if pieces.parts_px is not None and pieces.share is not None and pieces.cell_px is not None:
             spread = 0.5 * pieces.cell_px.max(axis=1) / image.REACH
             used = np.where(pieces.share > 0.0, pieces.parts_px, pieces.place_px[:, None])
@@ -360,9 +350,9 @@ class Renderer:
             # The disc of a ghost is its own.
             radius_px=some.radius_px if "defocus" in self.active or not some.speckled else None,
             height_ratio=some.height_px / np.maximum(some.radius_px, 1e-3),
-            speed_px=some.speed_px if "smear" in self.active else None,
+            speed_px=some.speed_px if "smear" in self.active and some.speckled else None,
             pulse=self._pulse,
-            coma_px=some.coma_px if "coma" in self.active else None,
+            coma_px=some.coma_px if "coma" in self.active and some.speckled else None,
             transfer=self._pupil(width),
             shape=shape,
             spectrum=spectrum,
@@ -459,14 +449,13 @@ class Renderer:
             for row, _, light in drawn if "blooming" in self.active else ():
                 whole[row[self._spills(light)]] = True
 
-        if everywhere:
-            lines = np.empty((count, length), np.uint16)
-        else:
-            lines = self._even(words)
-        for row, first, light in drawn:
-            some = ~whole[row] & (held[row] == 1)
-            if some.any():
-                self._windows(lines, row[some], first[some], light[some], pieces, timeline, words)
+        lines = np.empty((0, length), np.uint16) if everywhere else self._even(words)
+        single = [(at, ~whole[at[0]] & (held[at[0]] == 1)) for at in drawn]
+        for width in {each[2].shape[1] for each in drawn}:
+            alike = [[k[some] for k in at] for at, some in single if at[2].shape[1] == width]
+            row, first, light = (np.concatenate(each) for each in zip(*alike, strict=True))
+            if len(row):
+                self._windows(lines, row, first, light, pieces, timeline, words)
         # Where a line has several windows, one around them.
         wide = np.where(~whole & (held > 1), -(-(high - low) // _MERGED) * _MERGED, 0)
         for width in np.unique(wide[wide > 0]).tolist():
@@ -486,6 +475,8 @@ class Renderer:
         if len(rows):
             self._elsewhere(field, rows, pieces, timeline)
             field += np.float32(self._even_e)
+            if everywhere:
+                return self._pixels(field, words, self._offset)
             lines[rows] = self._pixels(field, words[rows], self._offset)
         return lines
 
@@ -515,11 +506,11 @@ class Renderer:
         return expose_even(words, 0.0, self._readout, still)
 
     def _pixels(self, mean_e: Singles, words: Pixels, dark: Singles | None) -> Pixels:
-        """Return the counts of pixels, [m, w], from their mean electrons."""
+        """Return the counts of pixels, [m, w], from their mean electrons, which are overwritten."""
         sensor = self.light.scene.sensor
         if "blooming" in self.active:
             with self._clock("blooming"):
-                mean_e = bloom(mean_e, sensor)
+                mean_e = bloom(mean_e, sensor, out=mean_e)
         if "shot" in self.active:
             return expose_pixels(words, mean_e, self._readout, dark)
         still = mean_e if dark is None else mean_e + dark
@@ -582,13 +573,14 @@ class Renderer:
                 for piece in pieces:
                     some = piece.of(inside[piece.row] >= 0)
                     self._add_halo(field, inside[some.row], some, windows)
-        electrons = np.float32(self._spotter.electrons)
         if "skirt" in self.active:
             with self._clock("skirt"):
-                field += self.light.skirt(*where) * electrons
+                self.light.add_skirt(field, self._spotter.electrons, *where)
         if "bounce" in self.active:
             with self._clock("bounce"):
-                field += bounce.bounced(self.light, *where) * electrons
+                light = bounce.bounced(self.light, *where)
+                light *= np.float32(self._spotter.electrons)
+                field += light
 
     def _add_halo(self, field: Singles, at: Ints, some: Pieces, windows: Windows | None) -> None:
         """Add the halo of pieces, each to the line ``at`` of the field, [n, length] or windows."""
@@ -599,13 +591,10 @@ class Renderer:
         if windows is not None:
             begin += windows.first[at]
         weights = sliding_window_view(self.light.halo_table, field.shape[1])
-        left = np.arange(len(at))
-        while len(left):
-            once = np.sort(np.unique(at[left], return_index=True)[1])  # of each line one piece
+        for once in _each_once(at):
             for few in chunks(len(once), field.shape[1]):
-                part = left[once[few]]
+                part = once[few]
                 field[at[part]] += whole[part, None] * weights[begin[part]]
-            left = np.delete(left, once)
 
     def _add_ghosts(
         self, field: Singles, inside: Ints, pieces: list[Pieces], timeline: Timeline
@@ -613,62 +602,50 @@ class Renderer:
         """Add double reflections in the camera: discs on the row, soft where they are small.
 
         A disc far wider than the spot has hard ends: what the spot's own width does to them is
-        left out. Its chord along the row is a run of equal pixels: a step up in ``steps`` and one
-        down, of which the row holds the sum. A smaller one beside the row is dimmed as if disc and
-        spot were one Gaussian. A ghost that no pixel sees is left out.
+        left out. A smaller one beside the row is dimmed as if disc and spot were one Gaussian. A
+        ghost that no pixel sees is left out.
         """
-        geometry, cut = self.light.config.geometry, self._spotter.cut
-        count, length = field.shape
-        steps = np.zeros(count * (length + 2), np.float32)
-        for zoned in (True, False):  # beams and mirrored spots
-            here = [piece.of(inside[piece.row] >= 0) for piece in pieces]
-            here = [piece for piece in here if len(piece) and (piece.zone is not None) == zoned]
-            if not here:
-                continue
-            spot = _joined(here)
-            found = self.light.ghosts(
-                spot.range_mm, (spot.place_px - geometry.centre_px) * geometry.pitch_mm
-            )
-            area = np.square(found.blur_px) + 2.0 * np.square(spot.height_px)
-            lit = spot.whole_e * found.power > _LEAST_GHOST_E * np.pi * area
-            wide = found.blur_px > _WIDE_DISC * spot.height_px
-            ghost, at = np.nonzero(lit & wide)
-            blur = found.blur_px[ghost, at]
-            half = np.sqrt(np.maximum(np.square(blur) - np.square(found.across_px[ghost, at]), 0.0))
-            level = spot.whole_e[at] * found.power[ghost, at] / (np.pi * np.square(blur))
-            centre = spot.place_px[at] + found.offset_px[ghost, at] + 0.5
-            row = inside[spot.row[at]] * (length + 2)
-            for sign in (-1.0, 1.0):
-                end = np.clip(centre + sign * half, 0.0, length)
-                pixel = end.astype(np.int64)
-                part = end - pixel
-                for step, share in ((0, 1.0 - part), (1, part)):
-                    np.add.at(steps, row + pixel + step, (-sign * level * share).astype(np.float32))
-            ghost, at = np.nonzero(lit & ~wide)
-            some = spot.of(at)
-            blur, across = found.blur_px[ghost, at], found.across_px[ghost, at]
-            own = image.row_share(some.height_px, blur, cut=cut, zone=some.zone)
-            spread = np.square(some.height_px) + 0.25 * np.square(blur)
-            own *= np.exp(-0.5 * np.square(across) / spread)
-            some = replace(
-                some,
-                place_px=some.place_px + found.offset_px[ghost, at],
-                electrons=some.whole_e * found.power[ghost, at] * own,
-                radius_px=blur,
-                sigma_px=some.height_px,
-                speed_px=np.zeros(len(at)),
-                coma_px=np.zeros(len(at)),
-                speckled=False,
-            )
-            for row, first, light in self._drawn(some, timeline):
-                _add(field, inside[row], first, light)
-        for part in chunks(count, length):
-            field[part] += np.cumsum(steps.reshape(count, -1)[part], axis=1)[:, :length]
+        geometry = self.light.config.geometry
+        here = [piece.of(inside[piece.row] >= 0) for piece in pieces]
+        if not any(len(piece) for piece in here):
+            return
+        spot = _joined(here)
+        found = self.light.ghosts(
+            spot.range_mm, (spot.place_px - geometry.centre_px) * geometry.pitch_mm
+        )
+        area = np.square(found.blur_px) + 2.0 * np.square(spot.height_px)
+        share = self.light.scene.laser.power_mw / self.light.config.laser.rated_mw
+        lit = spot.whole_e * found.power > share * _LEAST_GHOST_E * np.pi * area
+        wide = found.blur_px > _WIDE_DISC * spot.height_px
+        hard = (lit & wide).any(axis=1)
+        blur, across = found.blur_px[hard], found.across_px[hard]
+        half = np.sqrt(np.maximum(np.square(blur) - np.square(across), 0.0))
+        level = spot.whole_e * found.power[hard] / (np.pi * np.square(np.maximum(blur, 1e-9)))
+        level = np.where((lit & wide)[hard], level, 0.0)
+        centre = spot.place_px + found.offset_px[hard] + 0.5
+        _add_runs(field, inside[spot.row], centre - half, centre + half, level)
+        ghost, at = np.nonzero(lit & ~wide)
+        some = spot.of(at)
+        blur, across = found.blur_px[ghost, at], found.across_px[ghost, at]
+        spread = np.square(some.height_px) + 0.25 * np.square(blur)
+        own = image.row_share(some.height_px, blur) * np.exp(-0.5 * np.square(across) / spread)
+        some = replace(
+            some,
+            place_px=some.place_px + found.offset_px[ghost, at],
+            electrons=some.whole_e * found.power[ghost, at] * own,
+            radius_px=blur,
+            sigma_px=some.height_px,
+            speed_px=np.zeros(len(at)),
+            coma_px=np.zeros(len(at)),
+            speckled=False,
+        )
+        for row, first, light in self._drawn(some, timeline):
+            _add(field, inside[row], first, light)
 
 
 def _joined(pieces: list[Pieces]) -> Pieces:
-    """Return pieces as one, without their rays."""
-    whole = [replace(piece, parts_px=None, share=None, cell_px=None) for piece in pieces]
+    """Return pieces as one, Gaussian spots without their rays."""
+    whole = [replace(each, parts_px=None, share=None, cell_px=None, zone=None) for each in pieces]
     joined: dict[str, Any] = {
         name: np.concatenate([vars(piece)[name] for piece in whole])
         for name, value in vars(whole[0]).items()
@@ -730,13 +707,63 @@ def _gather(
             _add(field, at, first[some] - start[at], light[some])
 
 
+def _add_runs(field: Singles, row: Ints, begin: Floats, end: Floats, level: Floats) -> None:
+    """Add runs of equal light to whole lines.
+
+    Args:
+        field: The lines [n, length].
+        row: Line of each spot, which may come several times [m].
+        begin: Where the runs of each spot begin, px from the line's start [k, m].
+        end: Where they end.
+        level: Their light on each pixel; on one that a run covers in part, that share.
+    """
+    count, length = field.shape
+    place = np.clip(np.concatenate([begin, end]), 0.0, length).T
+    step = np.concatenate([level, -level]).astype(np.float32).T
+    pixel = np.minimum(place.astype(np.int32), length)
+    flat = row[:, None] * length + np.minimum(pixel, length - 1)
+    np.add.at(
+        field.reshape(count * length),
+        flat.ravel(),
+        (step * (pixel - place)).astype(np.float32).ravel(),
+    )
+    # All steps of a spot in their order along the line; between two of them the light is even.
+    bits = max(step.shape[1] - 1, 1).bit_length()
+    order = np.sort((pixel << bits) | np.arange(step.shape[1], dtype=np.int32), axis=1)
+    even = np.zeros((len(row), step.shape[1] + 1), np.float32)
+    np.cumsum(np.take_along_axis(step, order & ((1 << bits) - 1), axis=1), axis=1, out=even[:, 1:])
+    even[:, -1:] = 0.0
+    ends = np.zeros((len(row), 1), np.int32)
+    pixels = np.diff(order >> bits, axis=1, prepend=ends, append=ends + length)
+    for once in _each_once(row):
+        for few in chunks(len(once), length):
+            part = once[few]
+            light = np.repeat(even[part].ravel(), pixels[part].ravel())
+            field[row[part]] += light.reshape(len(part), length)
+
+
+def _each_once(row: Ints) -> list[Ints]:
+    """Return the indices of all elements of ``row`` in groups in which no value comes twice."""
+    order = np.argsort(row, kind="stable")
+    begin = np.flatnonzero(np.diff(row[order], prepend=-1))
+    rank = np.empty_like(order)  # how often the element's value came before
+    rank[order] = np.arange(len(row)) - np.repeat(begin, np.diff(begin, append=len(row)))
+    ends = np.cumsum(np.bincount(rank))[:-1]
+    return np.split(np.argsort(rank, kind="stable"), ends) if len(row) else []
+
+
 def _add(field: Singles, row: Ints, first: Ints, light: Singles) -> None:
     """Add windows to whole lines; what is beyond the sensor's ends is lost."""
-    count, length = field.shape
-    column = first[:, None] + np.arange(light.shape[1])
-    at = column + (row * length)[:, None]
+    (count, length), width = field.shape, light.shape[1]
+    whole = (first >= 0) & (first + width <= length)
+    if whole.any():
+        windows = sliding_window_view(field.reshape(count * length), width, writeable=True)
+        rows = np.flatnonzero(whole)
+        for once in _each_once(row[rows]):
+            some = rows[once]
+            windows[row[some] * length + first[some]] += light[some]
+    rows = np.flatnonzero(~whole)
+    column = first[rows, None] + np.arange(width)
     inside = (column >= 0) & (column < length)
-    if inside.all():
-        np.add.at(field.reshape(count * length), at.ravel(), light.ravel())
-    else:
-        np.add.at(field.reshape(count * length), at[inside], light[inside])
+    at = column + (row[rows] * length)[:, None]
+    np.add.at(field.reshape(count * length), at[inside], light[rows][inside])

@@ -386,7 +386,7 @@ def fixed_pattern(model: SensorModel, seed: int, length: int) -> FixedPattern:
     )
 
 
-def bloom(mean_e: Singles, model: SensorModel) -> Singles:
+def bloom(mean_e: Singles, model: SensorModel, out: Singles | None = None) -> Singles:
     """Return the charge after full pixels have spilt into their neighbours.
 
     Of a pixel's charge above full well the share ``blooming`` spills, half to either side, and the
@@ -400,6 +400,7 @@ def bloom(mean_e: Singles, model: SensorModel) -> Singles:
     Args:
         mean_e: Mean electrons [n, w].
         model: The scene's sensor.
+        out: Where the result goes: ``mean_e``, which is then overwritten, or a copy of it if None.
 
     Returns:
         Mean electrons [n, w]; ``mean_e`` itself where nothing is above full well.
@@ -430,7 +431,7 @@ def bloom(mean_e: Singles, model: SensorModel) -> Singles:
             held[pixel] += left
             walking -= left
             walking += spilt[pixel]
-    result = mean_e.copy()
+    result = mean_e.copy() if out is None else out
     kept = inside.T
     row = np.broadcast_to(rows[:, None], column.shape)[kept]
     result[row, column[kept]] = held.T[kept]

@@ -53,7 +53,6 @@ class Scanner:
         count: int,
         active: frozenset[str],
         *,
-        every_ray: bool = False,
         tolerance_px: float | None = None,
     ) -> None:
         """Prepare a scan.
@@ -62,13 +61,12 @@ class Scanner:
             light: The scene and the instrument.
             count: Number of lines of the scan.
             active: The effects that are on.
-            every_ray: Whether every spot is followed ray by ray, needed or not.
             tolerance_px: Largest error of a tangent plane, above which a spot is followed ray by
                 ray; the scene's tolerance if None.
         """
         self.light, self.count = light, count
-        self.renderer = Renderer(light, active, every_ray=every_ray, tolerance_px=tolerance_px)
-        self._given = (light.scene, light.belief, count, active, every_ray, tolerance_px)
+        self.renderer = Renderer(light, active, tolerance_px=tolerance_px)
+        self._given = (light.scene, light.belief, count, active, tolerance_px)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the scanner as its arguments: rays cannot be pickled, and tables are long."""
@@ -193,7 +191,6 @@ def simulate(
     count: int,
     active: frozenset[str],
     *,
-    every_ray: bool = False,
     tolerance_px: float | None = None,
     jobs: int = 1,
     progress: Callable[[int], None] | None = None,
@@ -204,7 +201,6 @@ def simulate(
         light: The scene and the instrument.
         count: Number of lines, at least 1.
         active: The effects that are on.
-        every_ray: Whether every spot is followed ray by ray, needed or not.
         tolerance_px: Largest error of a tangent plane, above which a spot is followed ray by ray;
             the scene's tolerance if None.
         jobs: Number of processes; 0 is one for each processor. The lines do not depend on it.
@@ -212,7 +208,7 @@ def simulate(
     """
     if count < 1:
         raise ValueError(f"simulate: count {count} is below 1")
-    scanner = Scanner(light, count, active, every_ray=every_ray, tolerance_px=tolerance_px)
+    scanner = Scanner(light, count, active, tolerance_px=tolerance_px)
     counts = np.empty((count, light.config.sensor.line_length), np.uint16)  # may be gigabytes
     parts: list[Simulation] = []
     jobs = min(jobs or processors(), scanner.blocks)
@@ -258,8 +254,7 @@ def _scanner(
     config: Config,
     count: int,
     active: frozenset[str],
-    every_ray: bool,
     tolerance_px: float | None,
 ) -> Scanner:
     light = Light(scene, config)
-    return Scanner(light, count, active, every_ray=every_ray, tolerance_px=tolerance_px)
+    return Scanner(light, count, active, tolerance_px=tolerance_px)

@@ -24,7 +24,8 @@ _SLOPE = math.sqrt(3.0)  # slope of a flank: cot 30 degrees
 _CHORD = 1e-3  # mm from a facet of the crest to the surface
 _NEWTON = 4
 _FAR = 0.5  # mm: a larger correction has left the surface
-_CLOSE = 1e-9  # mm from the surface: converged
+_CLOSE = 1e-9  # mm from the surface: converged,
+_EXACT = 1e-12  # and as near as makes no difference
 
 
 @dataclass(frozen=True)
@@ -123,12 +124,17 @@ class _Exact:
         """See ``meshes.Refine``."""
         part = self.part[face]
         new = distance.copy()
-        for _ in range(_NEWTON):
-            value, gradient = self._surface(origin + new[:, None] * direction, part)
-            rate = dot(gradient, direction)
-            step = value / np.where(np.abs(rate) < 1e-6, np.inf, rate)
-            new = new - np.clip(step, -_FAR, _FAR)
         value, gradient = self._surface(origin + new[:, None] * direction, part)
+        left = np.arange(len(new))
+        for _ in range(_NEWTON):
+            left = left[np.abs(value[left]) > _EXACT]
+            if len(left) == 0:
+                break
+            rate = dot(gradient[left], direction[left])
+            step = value[left] / np.where(np.abs(rate) < 1e-6, np.inf, rate)
+            new[left] -= np.clip(step, -_FAR, _FAR)
+            at = origin[left] + new[left, None] * direction[left]
+            value[left], gradient[left] = self._surface(at, part[left])
         good = (np.abs(new - distance) < _FAR) & (np.abs(value) < _CLOSE) & (part != END)
         gradient[part == END] = (1.0, 0.0, 0.0)
         normal = gradient / np.sqrt(dot(gradient, gradient))[:, None]

@@ -64,7 +64,8 @@ _ODDS = 3.0  # a trial has to save this many times its own time, because it may 
 _GRAIN = "grain"
 _GRAINED = frozenset({_GRAIN, "defocus", "smear"})  # these set the grains' size: all three stay
 _DETAIL = "detail"
-_RAYS = "every ray"  # treated like an effect: without it, rays are followed only where needed
+FLAT_PX = 3e-3  # error of a tangent plane above which spots are followed ray by ray in full
+_RAYS = "rays"  # treated like an effect: without it, only above the tolerance
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,7 @@ class Plan:
     fidelity: str  # "auto", "full", "minimal" or "list"
     tolerance_px: float
     active: frozenset[str]
-    every_ray: bool
+    plane_px: float  # largest error of a tangent plane; with more a spot is followed ray by ray
     present: tuple[str, ...]  # the effects that the scene has
     predictions: tuple[Prediction, ...]  # one for each, where they were asked for
     absent: tuple[str, ...]  # the other effects
@@ -226,7 +227,7 @@ def plan(
         fidelity="list" if listed is not None else str(wanted),
         tolerance_px=tolerance,
         active=state - {_RAYS},
-        every_ray=_RAYS in state,
+        plane_px=_plane_px(state, tolerance),
         present=have,
         predictions=tuple(
             Prediction(name, found[name], cost[name], name in state) for name in found
@@ -282,7 +283,7 @@ def survey(light: Light, count: int) -> Survey:
 class _Trial:
     """A survey's lines, rendered with any set of effects and compared with all effects.
 
-    ``_RAYS`` among the effects stands for every spot's being followed ray by ray.
+    ``_RAYS`` among the effects stands for ``FLAT_PX`` in place of the tolerance.
     """
 
     seconds: dict[str, float]  # time of each effect in the last lines rendered
@@ -313,8 +314,7 @@ class _Trial:
         renderer = Renderer(
             self.light,
             effects - {_RAYS},
-            every_ray=_RAYS in effects,
-            tolerance_px=self.tolerance_px,
+            tolerance_px=_plane_px(effects, self.tolerance_px),
         )
         self.spent_us += START_US + len(rows) * _us(effects)
         timeline, words = picked(self._given[0], rows), self._given[1][rows]
@@ -486,15 +486,20 @@ def _part(
     )
 
 
+def _plane_px(effects: frozenset[str], tolerance_px: float) -> float:
+    """Return the largest error of a tangent plane with these effects."""
+    return min(tolerance_px, FLAT_PX) if _RAYS in effects else tolerance_px
+
+
 def _us(effects: frozenset[str]) -> float:
     """Return the typical time of a line with these effects, up to its point."""
-    return typical_us(effects - {_RAYS}, every_ray=_RAYS in effects) + LINE_US
+    return typical_us(effects - {_RAYS}, rays=_RAYS in effects) + LINE_US
 
 
 def _auto(
     trial: _Trial, break_even_lines: int, tick: Callable[[], None]
 ) -> tuple[frozenset[str], Difference]:
-    """Return the effects that are on, with ``_RAYS`` if every spot needs them, and the change."""
+    """Return the effects that are on, with ``_RAYS`` if spots need them, and the change."""
     lines = trial.seen.first(_PER_ZONE[0])
     full = state = trial.full
     kept = [(full, _NOTHING)]

@@ -51,7 +51,6 @@ def name_of(scanner: Scanner, engine: Engine, **options: object) -> str:
         "engine": str(engine),
         "effects": sorted(renderer.active),
         "tolerance_px": renderer.tolerance_px,
-        "every_ray": renderer.every_ray,
         "options": options,
         "folder": str(light.scene.folder),
         "scene": light.scene.model_dump(mode="json"),

@@ -62,7 +62,7 @@ def made_up() -> Plan:
         fidelity="auto",
         tolerance_px=0.01,
         active=frozenset(names[::2]),
-        every_ray=False,
+        plane_px=0.01,
         present=names,
         predictions=tuple(
             Prediction(name, change(10.0 ** (k % 6 - 3)), 0.5 * k, name in names[::2])

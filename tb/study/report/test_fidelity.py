@@ -23,7 +23,7 @@ from vrscan.scene.effects import present
 from vrscan.scene.light import Light
 from vrscan.scene.simulate import Scanner, Simulation, simulate
 from vrscan.scene.targets import Hits, World
-from vrscan.study.plan import JUMP_PX, difference, moved
+from vrscan.study.plan import FLAT_PX, JUMP_PX, difference, moved
 from vrscan.study.report import fidelity
 from vrscan.study.report.fidelity import TOLERANCES_PX, Row
 
@@ -122,12 +122,12 @@ def test_what_is_left_out_is_not_traced(tmp_path: Path, monkeypatch: pytest.Monk
     light = Light(load(board(tmp_path, 20)), CONFIG)
     whole = frozenset(present(light.scene))
 
-    def taken(active: frozenset[str], *, every_ray: bool = False) -> int:
+    def taken(active: frozenset[str], plane_px: float | None = None) -> int:
         rays[0] = 0
-        simulate(light, COUNT, active, every_ray=every_ray)
+        simulate(light, COUNT, active, tolerance_px=plane_px)
         return rays[0]
 
-    minimal, full = taken(frozenset()), taken(whole, every_ray=True)
+    minimal, full = taken(frozenset()), taken(whole, FLAT_PX)
     assert COUNT <= minimal <= 1024  # no more than those of a block
     assert full > 30 * minimal
     # A plane needs no spot to be followed part by part; that is found out once.
@@ -141,7 +141,7 @@ def test_errors_are_those_of_two_simulations(bench: Bench) -> None:
     """The row of minimal, by hand: same lines, subtracted."""
     light = Light(load(bench.scenes[0]), CONFIG)
     whole = frozenset(present(light.scene))
-    full = simulate(light, COUNT, whole, every_ray=True)
+    full = simulate(light, COUNT, whole, tolerance_px=FLAT_PX)
     bare = simulate(light, COUNT, frozenset())
     one = Config(peak=Peak(window="threshold"))  # as auto chooses
     first = run_engine(Engine.FIXED, full.lines, one)
@@ -168,9 +168,11 @@ def test_errors_are_those_of_two_simulations(bench: Bench) -> None:
 def test_a_turned_angle_counts_as_the_pixels_that_move_z_as_far(tmp_path: Path) -> None:
     light = Light(load(board(tmp_path, 20, 300)), CONFIG)
     whole = frozenset(present(light.scene))
-    full = run_engine(Engine.FIXED, simulate(light, COUNT, whole, every_ray=True).lines, CONFIG)
+    full = run_engine(
+        Engine.FIXED, simulate(light, COUNT, whole, tolerance_px=FLAT_PX).lines, CONFIG
+    )
     bare = run_engine(
-        Engine.FIXED, simulate(light, COUNT, whole - {"index"}, every_ray=True).lines, CONFIG
+        Engine.FIXED, simulate(light, COUNT, whole - {"index"}, tolerance_px=FLAT_PX).lines, CONFIG
     )
     apart = moved(bare, full, CONFIG)
     rows = np.flatnonzero(full.located & bare.located)

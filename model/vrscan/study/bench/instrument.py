@@ -20,7 +20,7 @@ from vrscan.scene.description import load
 from vrscan.scene.light import Light
 from vrscan.scene.simulate import simulate, take
 from vrscan.study.bench.cells import Figures, configuration
-from vrscan.study.plan import JUMP_PX, plan
+from vrscan.study.plan import FLAT_PX, JUMP_PX, plan
 from vrscan.study.report import budget as light_budget
 from vrscan.study.report import fidelity as light_fidelity
 from vrscan.study.report.figure import rms
@@ -62,7 +62,7 @@ def budget(parameters: dict[str, Any], seed: int) -> Figures:
     config, count = configuration(parameters), int(parameters["lines"])
     light = Light(load(parameters["scene"]), config)
     found = plan(light, count, fidelity="full", each=True)
-    lines = simulate(light, count, found.active, every_ray=True).lines
+    lines = simulate(light, count, found.active, tolerance_px=found.plane_px).lines
     truth = lines.truth
     assert truth is not None  # a simulation has a truth
     lens = {"focus_mm": light.scene.lens.focus_mm, "f_number": light.scene.lens.f_number}
@@ -273,5 +273,5 @@ def _growing(
         "reference": lambda: reference(recording.lines),
         "fixed": lambda: run(Engine.FIXED, recording, config),
         "ideal": lambda: run(Engine.IDEAL, recording, config),
-        "simulator": lambda: simulate(light, count, active, every_ray=True),
+        "simulator": lambda: simulate(light, count, active, tolerance_px=FLAT_PX),
     }

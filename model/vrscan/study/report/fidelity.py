@@ -31,7 +31,7 @@ from vrscan.scene.light import Light
 from vrscan.scene.simulate import Scanner, Simulation, simulate
 from vrscan.show.sheet import Column, Sheet, listed, rewrite, short, words
 from vrscan.show.style import COLOURS, DECADES, INK, QUIET, drawing, plain_log
-from vrscan.study.plan import JUMP_PX, ZONES, alike, judged, moved, plan
+from vrscan.study.plan import FLAT_PX, JUMP_PX, ZONES, alike, judged, moved, plan
 from vrscan.study.report.figure import largest, mean, rms
 
 TOLERANCES_PX = (0.1, 0.03, 0.01)
@@ -94,16 +94,13 @@ class _Run:
     tolerance_px: float
     light: Light
     active: frozenset[str]
-    every_ray: bool
+    plane_px: float | None = None  # ``Plan.plane_px``
     planning_s: float = 0.0
     best_s: float = np.inf  # best processor time
 
     def go(self, count: int) -> Simulation:
         """Render all lines."""
-        tolerance = None if np.isnan(self.tolerance_px) else self.tolerance_px
-        return simulate(
-            self.light, count, self.active, every_ray=self.every_ray, tolerance_px=tolerance
-        )
+        return simulate(self.light, count, self.active, tolerance_px=self.plane_px)
 
 
 def run(
@@ -138,11 +135,11 @@ def run(
 def _scene(scene: Description, count: int, config: Config, rounds: int) -> list[Row]:
     light = Light(scene, config)
     whole = frozenset(present(scene))
-    full = _Run("full", np.nan, light, whole, every_ray=True)
+    full = _Run("full", np.nan, light, whole, FLAT_PX)
     reference = full.go(count)  # the first run fills the tables that all runs use
     truth = reference.lines.truth
     assert truth is not None  # a simulation has a truth, the same for all
-    runs = [_Run("minimal", np.nan, light, frozenset(), every_ray=False)]
+    runs = [_Run("minimal", np.nan, light, frozenset())]
     for tolerance in TOLERANCES_PX:
         chosen = plan(
             light,
@@ -152,7 +149,7 @@ def _scene(scene: Description, count: int, config: Config, rounds: int) -> list[
             each=False,
             break_even_lines=BREAK_EVEN_LINES,
         )
-        given = (chosen.active, chosen.every_ray, chosen.seconds)
+        given = (chosen.active, chosen.plane_px, chosen.seconds)
         runs.append(_Run(f"auto {tolerance:g}", tolerance, light, *given))
     one = judged(config)  # as auto chooses
 
