@@ -17,6 +17,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 from rich.table import Table as RichTable
 
 from vrscan.data.config import Config
@@ -42,6 +43,7 @@ ROUNDS = 3  # timed runs of each fidelity
 NO_POINT = "no point"
 
 _FLOOR_PX = 1e-4  # smaller errors are drawn here
+_LEGEND = 0.2  # height of the legend's row over a panel's
 _COLUMNS = 4  # columns of panels
 _TOLERANCE: dict[str, Any] = {"color": QUIET, "linewidth": 0.8, "linestyle": (0, (1, 3))}
 _AIM: dict[str, Any] = {"color": COLOURS[2], "linewidth": 0.8, "linestyle": (0, (5, 3))}
@@ -408,21 +410,25 @@ def picture(rows: Sequence[Row], file: BinaryIO) -> None:
         file: A binary file, written as PNG.
     """
     scenes = _scenes(rows)
-    columns = min(_COLUMNS, max(len(scenes) + 1, 3))  # at least three, for the title
-    high = -(-(len(scenes) + 1) // columns)  # one place is for the legend
+    columns = min(_COLUMNS, max(len(scenes), 3))  # at least three, for title and legend
+    high = -(-len(scenes) // columns)
     lines = max((row.lines for row in rows), default=0)
     title = f"Speed over error against full: {lines} lines of each scene, one core"
-    with drawing(2.75 * columns, 2.1 * high + 0.9, title) as figure:
-        grid = figure.subplots(high, columns, sharex=True, sharey=True, squeeze=False)
+    with drawing(2.75 * columns, 2.1 * (high + _LEGEND) + 0.9, title) as figure:
+        rows_high = {"height_ratios": [1.0] * high + [_LEGEND]}
+        grid = figure.subplots(
+            high + 1, columns, sharex=True, sharey=True, squeeze=False, gridspec_kw=rows_high
+        )
         panels = list(grid.ravel())
         _limits(panels[0], rows)
         for index, (axes, scene) in enumerate(zip(panels, scenes, strict=False)):
             _draw_panel(axes, rows, scene)
             if index + columns >= len(scenes):  # no panel below
                 axes.tick_params(labelbottom=True)
-        _draw_legend(panels[len(scenes)])
         for axes in panels[len(scenes) :]:
             axes.axis("off")
+        legend = grid[-1, 0].legend(handles=_handles(), loc="upper left", ncols=4)
+        legend.set_in_layout(False)  # it is as wide as the row
         figure.supxlabel(
             "rms difference of the position from full, worst third by depth, in px "
             "(none: at the left end, marked 0)",
@@ -478,12 +484,13 @@ def _draw_panel(axes: Axes, rows: Sequence[Row], scene: str) -> None:
     axes.tick_params(labelsize=7.5)
 
 
-def _draw_legend(axes: Axes) -> None:
+def _handles() -> list[Line2D]:
     marks = _marks()
-    for name, mark in marks.items():
-        axes.plot([], [], linestyle="", label=name, **mark)
     out = marks[TIGHTEST] | _OUT
-    axes.plot([], [], linestyle="", label="auto, beyond its tolerance", **out)
-    axes.plot([], [], label="the tolerances", **_TOLERANCE)
-    axes.plot([], [], label=f"aims: {AIM_AUTO:,.0f} auto, {AIM_FULL:,.0f} full", **_AIM)
-    axes.legend(loc="center left", borderaxespad=0.0)
+    aims = f"aims: {AIM_AUTO:,.0f} auto, {AIM_FULL:,.0f} full"
+    return [
+        *(Line2D([], [], linestyle="", label=name, **mark) for name, mark in marks.items()),
+        Line2D([], [], linestyle="", label="auto, beyond its tolerance", **out),
+        Line2D([], [], label="the tolerances", **_TOLERANCE),
+        Line2D([], [], label=aims, **_AIM),
+    ]
