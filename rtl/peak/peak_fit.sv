@@ -20,8 +20,8 @@
 //   spread_i         standard deviation of position_i that noise makes, px
 //   sigma_o          standard deviation of position_o, px: where the fit does not stand, spread_i, or
 //                    twice the fit's where that is larger, which is what speckle does to a phase
-//   mixed_o          chi squared with grains is above 8.1 a degree of freedom, and not for saturated
-//                    pixels
+//   mixed_o          chi squared with grains is above 8.1 a degree of freedom, and no pixel of the spot
+//                    is saturated
 //   speckle_o        squared contrast, 20 fraction bits
 //   scale_o          half of the spot's width at half of its height, px, 12 fraction bits
 //   Latency  vrscan.fixed.peak_fit.LATENCY clocks from valid_i to valid_o, or UNMEASURED_LATENCY;
@@ -385,7 +385,7 @@ module peak_fit #(
   logic signed [24:0] moved_q;
   logic        [23:0] reach_q;
   logic        [39:0] mixed_limit_q;  // 13/8 of the limit
-  logic               chi_small_q, enough_q, unclipped_q, on_line_q, near_q, within_q;
+  logic               chi_small_q, enough_q, unclipped_q, whole_q, on_line_q, near_q, within_q;
   logic               chi_large_q, mixed_q;
   // Of a fit that does not stand, twice as much.
   logic [QuotientWidth:0]            wide_spread;
@@ -405,6 +405,7 @@ module peak_fit #(
     chi_large_q <= chi_q > 44'(signed'({1'b0, mixed_limit_q}));
     enough_q    <= pixels_q >= 8'd4;
     unclipped_q <= (11'(clipped_q) << 3) <= 11'(pixels_q) + 11'(clipped_q);
+    whole_q     <= clipped_q == '0;
     fit_spread_q <= |wide_spread[QuotientWidth:vrscan_pkg::SigmaWidth]
                     ? '1 : wide_spread[vrscan_pkg::SigmaWidth-1:0];
     larger_q    <= fit_spread_q > spread_q;
@@ -962,7 +963,7 @@ module peak_fit #(
         state_q    <= SPREAD_IN;
       end
       SPREAD_IN: if (product_valid) begin
-        mixed_q           <= chi_large_q && unclipped_q;
+        mixed_q           <= chi_large_q && whole_q;
         first_dividend_q  <= DividendWidth'(product[48:10]);
         divide_start_q[0] <= 1'b1;
         first_divisor_q   <= DivisorWidth'(divisor_q);

@@ -4,12 +4,13 @@
 // Both put its place in doubt, by shares of its width that are added to sigma in squares: what two
 // widths differ by beyond their noise over root 32, and 3/16 of the share of light that is missing.
 // Light over the laser's power is compared with that of the brighter neighbour; up to a quarter of
-// it may be missing from a spot in a row with both.  A spot is mixed where two of three hold: it is
-// alone, beside a line without one or three widths out of the row; it has less than 3/32 of that
-// light; it has less than a quarter of each neighbour's.  Beside a line without a spot, or eight
-// widths out of the row, it is mixed also where it has less than 3/8 of that light and is as wide
-// as the brighter neighbour, within 9/8, or where it has less than 9/8 of the light and is narrower
-// than both by more than so; twelve widths out of the row, where it has less than 3/16.
+// it may be missing from a spot in a row with both.  A spot is mixed where it has less than half of
+// each neighbour's light and less than 7/32 of that of the brighter one, or less than 3/8 and its
+// width, within 9/8; and where it has less than 3/16 and about that width, within 3/2.  A spot is
+// astray beside a line without one, or out of the row by four widths and by a quarter of the
+// distance of its neighbours, which grows with the turn of the mirror from line to line.  There it
+// is mixed where it has less than 1/8 of the light, where it has less than 5/8 and is narrower than
+// both by 9/8, and where it has less than 9/8 and is narrower than each that is there by 3/2.
 //
 //   valid_i    a line's spot; valid_o follows with that of the line before it, and user_i with it
 //   scale_i    half of the spot's width at half of its height, px, 12 fraction bits
@@ -64,12 +65,14 @@ module peak_neighbours #(
   localparam int unsigned SquareWidth   = 2 * FactorWidth;
   localparam int unsigned RootWidth     = FactorWidth;
   localparam int unsigned BendWidth     = PositionWidth + 2;
-  localparam logic [LightWidth-1:0] Whole  = LightWidth'(1 << ShareFraction);
-  localparam logic [LightWidth-1:0] Dark   = (Whole >> 4) + (Whole >> 5);
-  localparam logic [LightWidth-1:0] Dimmer = (Whole >> 3) + (Whole >> 4);
-  localparam logic [LightWidth-1:0] Dim    = (Whole >> 2) + (Whole >> 3);
-  localparam logic [LightWidth-1:0] Bright = Whole + (Whole >> 3);
-  localparam logic [LightWidth-1:0] Steady = Whole - (Whole >> 2);
+  localparam logic [LightWidth-1:0] Whole    = LightWidth'(1 << ShareFraction);
+  localparam logic [LightWidth-1:0] Dark     = Whole >> 3;
+  localparam logic [LightWidth-1:0] Dusky    = (Whole >> 3) + (Whole >> 4);
+  localparam logic [LightWidth-1:0] Faint    = (Whole >> 2) - (Whole >> 5);
+  localparam logic [LightWidth-1:0] Dim      = (Whole >> 2) + (Whole >> 3);
+  localparam logic [LightWidth-1:0] Bright   = (Whole >> 1) + (Whole >> 3);
+  localparam logic [LightWidth-1:0] Brighter = Whole + (Whole >> 3);
+  localparam logic [LightWidth-1:0] Steady   = Whole - (Whole >> 2);
 
   // ---- three lines ----
   typedef struct packed {
@@ -120,22 +123,24 @@ module peak_neighbours #(
   logic [LightWidth-1:0] brightest_q, share_q;
   logic [FactorWidth-2:0] before_difference_q, after_difference_q;
   logic                  before_unlike_q, after_unlike_q, before_below_q, after_below_q;
-  logic                  before_faint_q, after_faint_q, before_brighter_q;
-  logic                  other_width_q, narrower_q;
-  logic                  out_of_row_q, far_out_q, farther_q, alone_q, far_q;
-  logic                  dark_q, faint_q, mixed_far_q;
-  logic signed [BendWidth-1:0] bend_q;
-  logic        [BendWidth-1:0] row_q, threefold_q;
+  logic                  before_remote_q, after_remote_q;
+  logic                  before_dimmer_q, after_dimmer_q, before_brighter_q;
+  logic                  other_width_q, remote_width_q, narrower_q, slender_q;
+  logic                  out_of_row_q, strayed_q, alone_q, astray_q;
+  logic                  dimmer_q, mixed_astray_q, mixed_q;
+  logic signed [BendWidth-1:0] bend_q, apart_q;
+  logic        [BendWidth-1:0] row_q, distance_q;
   logic [LightWidth-1:0] before_light, after_light;
   assign before_light = before_q.measured ? before_q.light : '0;
   assign after_light  = after_q.measured ? after_q.light : '0;
-  logic [LightWidth+1:0] fourfold;
-  assign fourfold = {centre_q.light, 2'b0};
+  logic [LightWidth:0] twofold;
+  assign twofold = {centre_q.light, 1'b0};
 
-  // Two widths, the smaller one first; then how far they differ, and whether by 9/8.  Each step has
-  // its clock: they are read after the division, dozens later.
+  // Two widths, the smaller one first; then how far they differ, and whether by 9/8, or by 3/2.  Each
+  // step has its clock: they are read after the division, dozens later.
   logic [2*ScaleWidth-1:0] before_widths_q, after_widths_q;
   logic [ScaleWidth+3:0]   before_ninefold_q, after_ninefold_q;  // times the smaller one
+  logic [ScaleWidth+1:0]   before_threefold_q, after_threefold_q;
   function automatic logic [2*ScaleWidth-1:0] ordered(
       input logic [ScaleWidth-1:0] one, input logic [ScaleWidth-1:0] other);
     ordered = one < other ? {one, other} : {other, one};
@@ -147,6 +152,9 @@ module peak_neighbours #(
   endfunction
   function automatic logic [ScaleWidth+3:0] ninefold(input logic [ScaleWidth-1:0] value);
     ninefold = {1'b0, value, 3'b0} + (ScaleWidth + 4)'(value);
+  endfunction
+  function automatic logic [ScaleWidth+1:0] threefold(input logic [ScaleWidth-1:0] value);
+    threefold = {1'b0, value, 1'b0} + (ScaleWidth + 2)'(value);
   endfunction
   // Both factors of a square, and the start.
   function automatic logic [2*FactorWidth:0] squared(input logic [FactorWidth-2:0] value);
@@ -162,25 +170,34 @@ module peak_neighbours #(
     after_ninefold_q    <= ninefold(after_widths_q[2*ScaleWidth-1:ScaleWidth]);
     before_unlike_q     <= {1'b0, before_widths_q[ScaleWidth-1:0], 3'b0} > before_ninefold_q;
     after_unlike_q      <= {1'b0, after_widths_q[ScaleWidth-1:0], 3'b0} > after_ninefold_q;
+    before_threefold_q  <= threefold(before_widths_q[2*ScaleWidth-1:ScaleWidth]);
+    after_threefold_q   <= threefold(after_widths_q[2*ScaleWidth-1:ScaleWidth]);
+    before_remote_q     <= {1'b0, before_widths_q[ScaleWidth-1:0], 1'b0} > before_threefold_q;
+    after_remote_q      <= {1'b0, after_widths_q[ScaleWidth-1:0], 1'b0} > after_threefold_q;
     before_below_q      <= before_q.measured && centre_q.scale < before_q.scale;
     after_below_q       <= after_q.measured && centre_q.scale < after_q.scale;
-    before_faint_q      <= !before_q.measured || {2'b0, before_q.light} > fourfold;
-    after_faint_q       <= !after_q.measured || {2'b0, after_q.light} > fourfold;
+    before_dimmer_q     <= !before_q.measured || {1'b0, before_q.light} > twofold;
+    after_dimmer_q      <= !after_q.measured || {1'b0, after_q.light} > twofold;
     before_brighter_q   <= before_light > after_light;
     bend_q              <= BendWidth'(before_q.position) + BendWidth'(after_q.position)
                            - (BendWidth'(centre_q.position) <<< 1);
     row_q               <= unsigned'(bend_q < 0 ? -bend_q : bend_q);
-    threefold_q         <= BendWidth'({centre_q.scale, 1'b0}) + BendWidth'(centre_q.scale);
-    out_of_row_q        <= row_q > threefold_q;
-    far_out_q           <= row_q > BendWidth'({centre_q.scale, 3'b0});
+    apart_q             <= BendWidth'(before_q.position) - BendWidth'(after_q.position);
+    distance_q          <= unsigned'(apart_q < 0 ? -apart_q : apart_q);
+    out_of_row_q        <= row_q > BendWidth'({centre_q.scale, 2'b0});
+    strayed_q           <= {row_q, 2'b0} > {2'b0, distance_q};
     alone_q             <= !before_q.measured || !after_q.measured || out_of_row_q;
-    far_q               <= !before_q.measured || !after_q.measured || far_out_q;
-    farther_q           <= row_q > {threefold_q[BendWidth-3:0], 2'b0} && share_q < Dimmer;
-    dark_q              <= share_q < Dark;
-    faint_q             <= share_q < Dim && before_faint_q && after_faint_q;
+    astray_q            <= !before_q.measured || !after_q.measured || (out_of_row_q && strayed_q);
+    dimmer_q            <= before_dimmer_q && after_dimmer_q;
     other_width_q       <= before_brighter_q ? before_unlike_q : after_unlike_q;
+    remote_width_q      <= before_brighter_q ? before_remote_q : after_remote_q;
     narrower_q          <= before_below_q && before_unlike_q && after_below_q && after_unlike_q;
-    mixed_far_q         <= (share_q < Dim && !other_width_q) || (share_q < Bright && narrower_q);
+    slender_q           <= (!before_q.measured || (before_below_q && before_remote_q))
+                           && (!after_q.measured || (after_below_q && after_remote_q));
+    mixed_astray_q      <= share_q < Dark || (share_q < Bright && narrower_q)
+                           || (share_q < Brighter && slender_q);
+    mixed_q             <= (dimmer_q && (share_q < Faint || (share_q < Dim && !other_width_q)))
+                           || (share_q < Dusky && !remote_width_q) || (astray_q && mixed_astray_q);
   end
 
   // A difference's noise is that of both widths.
@@ -328,9 +345,7 @@ module peak_neighbours #(
       WHOLE: if (root_valid) begin
         valid_o        <= 1'b1;
         sigma_o        <= centre_q.measured ? limited : centre_q.sigma;
-        mixed_o        <= centre_q.measured
-                          && ((alone_q && dark_q) || (alone_q && faint_q) || (dark_q && faint_q)
-                              || (far_q && mixed_far_q) || farther_q);
+        mixed_o        <= centre_q.measured && mixed_q;
         centre_there_q <= after_there_q;
         state_q        <= IDLE;
       end

@@ -1,6 +1,7 @@
 """peak_neighbours: RTL against the model exactly, the model against spots that an edge cuts."""
 
 from dataclasses import dataclass
+from fractions import Fraction
 
 import cocotb
 import numpy as np
@@ -119,9 +120,9 @@ class Side:
     breaks: tuple[int, ...] = ()
 
 
-def moved(px: float) -> np.ndarray:
+def moved(px: float, apart: int = 50) -> np.ndarray:
     """Return the places of five spots in a row whose middle one has left it."""
-    position = row()["position"]
+    position = (np.arange(5) * apart + 300) * ONE
     position[2] += round(px / 2 * ONE)  # a bend is twice as much
     return position
 
@@ -131,95 +132,135 @@ def lights(middle: int, behind: int) -> list[int]:
     return [LIGHT, LIGHT, middle, behind, LIGHT]
 
 
+def widths(*eighths: int) -> np.ndarray:
+    """Return widths that are given in eighths of a px."""
+    return np.array(eighths) * (ONE // 8)
+
+
+def around(share: Fraction) -> list[tuple[bool, int]]:
+    """Return lights below a share, at it and above it, and whether that is below."""
+    limit = LIGHT * share.numerator // share.denominator
+    return [(True, limit - LITTLE), (False, limit), (False, limit + LITTLE)]
+
+
 WIDTH = 3.0  # px
 STEP = 2 / ONE  # the least that a bend grows by
 LIGHT = 1 << 20
 LITTLE = 500  # of a light
+FAR = moved(40)
 
 
 def faint_spots() -> list[Side]:
-    """Less than a quarter of both lights: beside none, or out of the row by three widths.
-
-    Beside one that has less than four times its light it is dark, or a surface's other side.
-    """
-    dim, bright = LIGHT // 4 - LITTLE, LIGHT // 4 + LITTLE
-    dark, darker = LIGHT * 3 // 32 + LITTLE, LIGHT * 3 // 32 - LITTLE
-    faint, far = lights(dim, LIGHT), moved(4 * WIDTH)
+    """Less than 7/32 of the light and than half of each light, of any width, in the row."""
+    other = widths(28, 28, 24, 28, 28)
+    faint = LIGHT * 7 // 32 - LITTLE
+    beside_none = [1, 0, 1, 1, 1]
     return [
-        Side(False, row(light=faint)),
-        Side(False, row(light=faint, position=moved(3 * WIDTH))),
-        Side(True, row(light=faint, position=moved(3 * WIDTH + STEP))),
-        Side(True, row(light=faint, measured=[1, 0, 1, 1, 1])),
-        Side(True, row(light=faint), (3,)),
-        Side(False, row(light=lights(dim, 4 * dim - LITTLE), position=far)),
-        Side(False, row(light=lights(dark, dark), position=far)),
-        Side(True, row(light=lights(darker, darker), position=far)),
-        Side(False, row(light=lights(bright, LIGHT), position=far)),
-        Side(True, row(light=lights(darker, LIGHT))),
-        Side(False, row(light=lights(dark, LIGHT))),
-        Side(False, row(light=lights(LIGHT * 3 // 32, LIGHT))),
-        Side(False, row(light=lights(darker, darker))),
-    ]
-
-
-def farther_spots() -> list[Side]:
-    """Less than 3/16 of the light, of any width, twelve widths out of the row."""
-    dim, bright = (lights(LIGHT * 3 // 16 + off, LIGHT // 2) for off in (-LITTLE, LITTLE))
-    far, near = moved(12 * WIDTH + STEP), moved(12 * WIDTH)
-    wide = np.array([24, 20, 24, 20, 24]) * 512
-    return [
-        Side(True, row(light=dim, position=far, scale=wide)),
-        Side(False, row(light=dim, position=near, scale=wide)),
-        Side(False, row(light=bright, position=far, scale=wide)),
-        Side(False, row(light=lights(LIGHT * 3 // 16, LIGHT // 2), position=far, scale=wide)),
-    ]
+        *(Side(less, row(light=lights(light, LIGHT), scale=other))
+          for less, light in around(Fraction(7, 32))),
+        *(Side(less, row(light=lights(light, LIGHT), scale=other, measured=beside_none))
+          for less, light in around(Fraction(7, 32))),
+        Side(True, row(light=lights(faint, LIGHT), scale=other), (3,)),
+        Side(True, row(light=lights(faint, 2 * faint + LITTLE), scale=other)),
+        Side(False, row(light=lights(faint, 2 * faint), scale=other)),
+        Side(False, row(light=lights(faint, 2 * faint - LITTLE), scale=other)),
+        Side(True, row(light=[LIGHT, 2 * faint + LITTLE, faint, LIGHT, LIGHT], scale=other)),
+        Side(False, row(light=[LIGHT, 2 * faint, faint, LIGHT, LIGHT], scale=other)),
+    ]  # fmt: skip
 
 
 def dim_spots() -> list[Side]:
-    """Less than 3/8 of the light, and as wide as the brighter neighbour, within 9/8."""
-    dim = lights(LIGHT * 3 // 8 - LITTLE, LIGHT // 2)
-    bright, limit = (lights(LIGHT * 3 // 8 + off, LIGHT // 2) for off in (LITTLE, 0))
-    beside = lights(LIGHT * 3 // 8 - LITTLE, LIGHT)
-    far = moved(8 * WIDTH + STEP)
-
-    def wide(*scale: int, mixed: bool) -> Side:
-        return Side(mixed, row(light=dim, position=far, scale=np.array(scale) * 512))
-
+    """Less than 3/8 of it and than half of each, as wide as the brighter one, within 9/8."""
+    dim, less = LIGHT * 3 // 8 - LITTLE, LIGHT * 7 // 8
+    before, behind = lights(dim, less), [LIGHT, less, dim, LIGHT, LIGHT]
     return [
-        Side(True, row(light=dim, position=far)),
-        Side(False, row(light=dim, position=moved(8 * WIDTH))),
-        wide(24, 27, 24, 20, 24, mixed=True),
-        wide(24, 28, 24, 20, 24, mixed=False),
-        wide(24, 21, 24, 24, 24, mixed=False),
-        Side(False, row(light=bright, position=far)),
-        Side(False, row(light=limit, position=far)),
-        # In a row with a line that has no spot.
-        *(
-            Side(True, row(light=beside, measured=there))
-            for there in ([1, 0, 1, 1, 1], [1, 1, 1, 0, 1])
-        ),
+        *(Side(below, row(light=lights(light, less))) for below, light in around(Fraction(3, 8))),
+        Side(True, row(light=before, scale=widths(24, 27, 24, 30, 30))),
+        Side(False, row(light=before, scale=widths(24, 28, 24, 24, 24))),
+        Side(True, row(light=before, scale=widths(24, 22, 24, 24, 24))),
+        Side(False, row(light=before, scale=widths(24, 21, 24, 24, 24))),
+        Side(True, row(light=behind, scale=widths(24, 30, 24, 27, 24))),
+        Side(False, row(light=behind, scale=widths(24, 24, 24, 28, 24))),
+        Side(False, row(light=behind, scale=widths(24, 24, 24, 21, 24))),
+        Side(False, row(light=lights(dim, 2 * dim - LITTLE))),
+    ]
+
+
+def dusky_spots() -> list[Side]:
+    """Less than 3/16 of it, about as wide as the brighter one, within 3/2, in the row."""
+
+    def cut(light: int, *scale: int, turned: bool = False) -> dict[str, np.ndarray]:
+        given = [LIGHT, LIGHT, light, light, light]
+        return row(light=given[::-1] if turned else given, scale=widths(*scale))
+
+    dusky = LIGHT * 3 // 16 - LITTLE
+    return [
+        *(Side(less, cut(light, 24, 24, 24, 24, 24)) for less, light in around(Fraction(3, 16))),
+        Side(True, cut(dusky, 24, 36, 24, 48, 48)),
+        Side(False, cut(dusky, 37, 37, 24, 24, 24)),
+        Side(True, cut(dusky, 24, 16, 24, 48, 48)),
+        Side(False, cut(dusky, 24, 15, 24, 24, 24)),
+        Side(True, cut(dusky, 48, 48, 24, 36, 24, turned=True)),
+        Side(False, cut(dusky, 24, 24, 24, 37, 37, turned=True)),
+    ]
+
+
+def dark_spots() -> list[Side]:
+    """Less than 1/8 of it, out of the row by four widths and a quarter of what is between."""
+
+    def off(light: int, position: np.ndarray) -> dict[str, np.ndarray]:
+        scale = widths(15, 15, 24, 15, 15)
+        return row(light=[LIGHT, LIGHT, light, light, light], scale=scale, position=position)
+
+    dark = LIGHT // 8 - LITTLE
+    return [
+        *(Side(less, off(light, FAR)) for less, light in around(Fraction(1, 8))),
+        Side(False, off(dark, moved(4 * WIDTH, 2))),
+        Side(True, off(dark, moved(4 * WIDTH + STEP, 2))),
+        Side(True, off(dark, moved(-4 * WIDTH - STEP, -2))),
+        Side(False, off(dark, moved(25))),
+        Side(True, off(dark, moved(25 + STEP))),
+        Side(False, off(dark, moved(-25, -50))),
+        Side(True, off(dark, moved(-25 - STEP, -50))),
     ]
 
 
 def narrow_spots() -> list[Side]:
-    """Narrower than both, unless it is brighter than both, or beside no spot."""
-    far = moved(8 * WIDTH + STEP)
-    width, alike, wide = (
-        np.array([28, 28, *two, 28]) * 512 for two in ((24, 28), (24, 27), (32, 28))
-    )
+    """Astray with less than 5/8 of it, narrower than both by more than 9/8."""
+    bright = lights(LIGHT * 5 // 8 - LITTLE, LIGHT)
+    width = widths(28, 28, 24, 28, 28)
     return [
-        Side(True, row(scale=width, position=far)),
-        Side(False, row(scale=width, position=moved(8 * WIDTH))),
-        Side(False, row(scale=alike, position=far)),
-        Side(False, row(scale=wide, position=far)),
-        Side(False, row(scale=width, measured=[1, 1, 1, 0, 1])),
-        Side(True, row(scale=width, position=far, light=lights(LIGHT * 9 // 8 - LITTLE, LIGHT))),
-        Side(False, row(scale=width, position=far, light=lights(LIGHT * 9 // 8 + LITTLE, LIGHT))),
-        Side(False, row(scale=width, position=far, light=lights(LIGHT * 9 // 8, LIGHT))),
-    ]
+        *(Side(less, row(light=lights(light, LIGHT), scale=width, position=FAR))
+          for less, light in around(Fraction(5, 8))),
+        Side(False, row(light=bright, scale=width)),
+        Side(False, row(light=bright, scale=widths(28, 27, 24, 28, 28), position=FAR)),
+        Side(False, row(light=bright, scale=widths(28, 28, 24, 27, 28), position=FAR)),
+        Side(False, row(light=bright, scale=widths(28, 28, 32, 28, 28), position=FAR)),
+        *(Side(False, row(light=bright, scale=width, measured=there))
+          for there in ([1, 0, 1, 1, 1], [1, 1, 1, 0, 1])),
+    ]  # fmt: skip
 
 
-SIDES = [*faint_spots(), *farther_spots(), *dim_spots(), *narrow_spots()]
+def slender_spots() -> list[Side]:
+    """Astray with less than 9/8 of it, narrower than each there is by more than 3/2."""
+    bright = lights(LIGHT * 9 // 8 - LITTLE, LIGHT)
+    width = widths(37, 37, 24, 37, 37)
+    return [
+        *(Side(less, row(light=lights(light, LIGHT), scale=width, position=FAR))
+          for less, light in around(Fraction(9, 8))),
+        Side(False, row(light=bright, scale=width)),
+        Side(False, row(light=bright, scale=widths(37, 36, 24, 37, 37), position=FAR)),
+        Side(False, row(light=bright, scale=widths(37, 37, 24, 36, 37), position=FAR)),
+        Side(False, row(light=bright, scale=widths(15, 15, 24, 15, 15), position=FAR)),
+        *(Side(True, row(light=bright, scale=width, measured=there))
+          for there in ([1, 0, 1, 1, 1], [1, 1, 1, 0, 1])),
+        Side(False, row(light=bright, scale=width, measured=[1, 0, 1, 0, 1])),
+    ]  # fmt: skip
+
+
+SIDES = [
+    *faint_spots(), *dim_spots(), *dusky_spots(), *dark_spots(), *narrow_spots(), *slender_spots(),
+]  # fmt: skip
 
 
 @cocotb.test()

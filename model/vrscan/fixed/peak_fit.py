@@ -441,7 +441,7 @@ def peak_fit(
     # Neighbours share speckle: it counts 11/8 times.
     total = np.minimum(total + (variance.speckle * (11 * grains) >> 11), MOST_VARIANCE)
     limit = total * freedom >> 2 * (HEIGHT_FRACTION - MOMENT_FRACTION)
-    mixed = measured & ~lost & (sums.chi > limit + (limit >> 1) + (limit >> 3))
+    mixed = measured & (sums.clipped == 0) & (sums.chi > limit + (limit >> 1) + (limit >> 3))
     root = square_root(total * sums.s2, root_width=ROOT_WIDTH)
     divisor = (sums.s2 * ((before.amplitude * LN4) >> 13)) >> HEIGHT_FRACTION
     # Scale and root have 36 fraction bits, the divisor 14 and sigma 12.

@@ -1,8 +1,8 @@
 """What the lines beside it say of a spot, the twin of ``rtl/peak/peak_neighbours.sv``.
 
 A spot of which an edge cuts off a part has less light and another width than those beside it. Both
-put its place in doubt, by a share of its width. A spot that is much dimmer than both, or out of the
-row and dimmer, or far out of it and narrower, is not one spot on one surface.
+put its place in doubt, by a share of its width. A spot that is much dimmer than both, or dim and as
+wide as the brighter one, or astray and dark or narrower, is not one spot on one surface.
 """
 
 from collections.abc import Sequence
@@ -21,12 +21,12 @@ from vrscan.fixed.square_root import square_root
 LIGHT_FRACTION = 8  # of aligned counts over the laser's power
 SHARE_FRACTION = 14  # of a spot's light over its brighter neighbour's
 WHOLE = 1 << SHARE_FRACTION
-DARK = 3 * WHOLE >> 5  # a spot out of the row with less light is not one spot on one surface
-DIMMER = 3 * WHOLE >> 4  # nor one still farther out than FAR with less light
-DIM = 3 * WHOLE >> 3  # nor one far out of it with less light, as wide as the brighter neighbour
-BRIGHT = WHOLE + (WHOLE >> 3)  # nor one far out of it with less light, narrower than both
-# Widths from the middle of the neighbours: out of the row, far out of it, and farther.
-ROW, FAR, FARTHER = 3, 8, 12
+# Lights of a spot that is not one spot on one surface: of one astray; of one about as wide as the
+# brighter neighbour; of one that is dimmer than both, and of one that is as wide, too.
+DARK, DUSKY, FAINT, DIM = WHOLE >> 3, 3 * WHOLE >> 4, 7 * WHOLE >> 5, 3 * WHOLE >> 3
+# Of one astray that is narrower than both; of one that is much narrower than each there is.
+BRIGHT, BRIGHTER = 5 * WHOLE >> 3, WHOLE + (WHOLE >> 3)
+ROW = 4  # widths from the middle of the neighbours, doubled, beyond which a spot is out of the row
 STEADY = WHOLE - (WHOLE >> 2)  # light that a spot in a row with its neighbours may lack
 QUOTIENT_WIDTH, ROOT_WIDTH, FACTOR_WIDTH = 32, 18, 18
 MOST_DIFFERENCE = (1 << (FACTOR_WIDTH - 1)) - 1  # of two widths
@@ -100,23 +100,32 @@ def peak_neighbours(
     share, _ = divide(per_power << SHARE_FRACTION, brightest, quotient_width=QUOTIENT_WIDTH)
 
     excess = np.zeros(len(measured), np.int64)
-    alone = np.zeros(len(measured), np.bool_)
-    faint, narrower, alike = share < DIM, share < BRIGHT, []
+    none = np.zeros(len(measured), np.bool_)
+    dimmer, slender = np.ones((2, len(measured)), np.bool_)
+    narrower, alike, akin = dimmer.copy(), [], []
     for there, other in beside:
         difference = np.minimum(np.abs(scale - other["scale"]), MOST_DIFFERENCE)
         noise = 2 * (sigma * sigma + other["sigma"] * other["sigma"])
         excess = np.maximum(excess, np.where(there, difference * difference - noise, 0))
         below, above = 9 * scale < 8 * other["scale"], 8 * scale > 9 * other["scale"]
+        far_below, far_above = 3 * scale < 2 * other["scale"], 2 * scale > 3 * other["scale"]
         alike.append(~(below | above))
+        akin.append(~(far_below | far_above))
         narrower &= there & below
-        faint &= ~there | (4 * per_power < other["light"])
-        alone |= ~there
-    bend = np.abs(beside[0][1]["position"] + beside[1][1]["position"] - 2 * position)
-    far = alone | (bend > FAR * scale)
-    alone |= bend > ROW * scale
-    farther = (share < DIMMER) & (bend > FARTHER * scale)
-    dim = (share < DIM) & np.where(before > behind, *alike)
-    dark = share < DARK
+        slender &= ~there | far_below
+        dimmer &= ~there | (2 * per_power < other["light"])
+        none |= ~there
+    (_, first), (_, last) = beside
+    bend = np.abs(first["position"] + last["position"] - 2 * position)
+    out = bend > ROW * scale
+    alone = none | out
+    astray = none | out & (4 * bend > np.abs(first["position"] - last["position"]))
+    brighter = before > behind
+    mixed = dimmer & ((share < FAINT) | (share < DIM) & np.where(brighter, *alike))
+    mixed |= (share < DUSKY) & np.where(brighter, *akin)
+    mixed |= astray & (
+        (share < DARK) | narrower & (share < BRIGHT) | slender & (share < BRIGHTER)
+    )
     missing = np.maximum(np.where(alone, WHOLE, STEADY) - share, 0)
     cut = (3 * missing * (scale >> 1)) >> (SHARE_FRACTION + 3)
     doubt = (excess >> 5) + cut * cut
@@ -130,5 +139,5 @@ def peak_neighbours(
         sigma=np.where(measured, whole, sigma),
         typical=np.where(measured, typical, sigma),
         doubt=np.where(measured, added, 0),
-        mixed=measured & (alone & (dark | faint) | dark & faint | far & (dim | narrower) | farther),
+        mixed=measured & mixed,
     )

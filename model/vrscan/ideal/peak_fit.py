@@ -302,7 +302,7 @@ def peak_fit(
     grains, history = _grains(seen, variance, fitted, history)
     variance = variance + (1.0 + NEIGHBOURS) * grains * at.speckle
     limit = MIXED_LIMIT * np.maximum(count - 3, 0) * variance
-    mixed = measured & clear & (chi * at.total > limit)
+    mixed = measured & (lost == 0) & (chi * at.total > limit)
     own = np.sqrt(variance / told) / (before.height * LN4) * state.scale
     own = np.where(fitted, own, np.where(measured, np.maximum(2.0 * own, spread), spread))
     return Fitted(

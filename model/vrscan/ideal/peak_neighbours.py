@@ -3,10 +3,11 @@
 Where an edge cuts off a part of the spot, the centre of what is left lies beside the beam's axis,
 by a share of the spot's width: it lacks light and has another width than its neighbours. A line
 knows neither, as light and width change with the surface; its neighbours do. Spots of a surface lie
-in a row: the second difference of their positions is small. What lies out of the row, or beside no
-spot, is part of a spot or a second reflection where it is dimmer than a quarter of both; where it
-lies far out, also where it is narrower than both, or dim and no wider or narrower than the brighter
-one, so that it is light of that spot and no other surface's.
+in a row: the second difference of their positions is small against the distance of the neighbours,
+which the turn of the mirror sets from line to line. What is dimmer than both and has little of the
+brighter one's light is part of a spot, and with more light what is as wide as that one, so that it
+is light of that spot and no other surface's. So is what lies out of the row, or beside no spot,
+where it is dark, or narrower than those beside it.
 
 The constants are those of the shipped scenes' edges: the errors of spots alone, over sigma with its
 doubt, have an rms of 0.8 to 1 whatever light they lack. That of a spot that is known to be cut is
@@ -24,13 +25,15 @@ WIDTH_SHARE = 1 / 32  # of the squared difference of two widths beyond its noise
 LIGHT_SHARE = 3 / 16  # of a width, for all the light
 TYPICAL = 1 / 4  # share of the doubt that most spots with it deserve
 STEADY = 1 / 4  # share of light that a spot in the row may lack
-FAINT = 1 / 4  # of each neighbour's light
-DARK = 3 / 32  # of the brighter neighbour's light
-DIMMER = 3 / 16  # the same, of a spot still farther out of the row than FAR
-DIM, BRIGHT = 3 / 8, 9 / 8  # the same, of a spot far out of the row
-OTHER = 9 / 8  # ratio of two widths that are not alike
-# Widths from the middle of the neighbours: out of the row, far out of it, and farther.
-ROW, FAR, FARTHER = 3.0, 8.0, 12.0
+DIMMER = 1 / 2  # of each neighbour's light
+# Of the brighter neighbour's light: of a spot astray; of one about as wide as that neighbour; of
+# one that is dimmer than both, and of one that is as wide, too.
+DARK, DUSKY, FAINT, DIM = 1 / 8, 3 / 16, 7 / 32, 3 / 8
+# Of one astray that is narrower than both; of one that is much narrower than each there is.
+BRIGHT, BRIGHTER = 5 / 8, 9 / 8
+OTHER, FAR_OTHER = 9 / 8, 3 / 2  # ratio of two widths that are not alike, and of two far from it
+ROW = 4.0  # widths from the middle of the neighbours, doubled, beyond which a spot is out of it
+STRAY = 1 / 4  # the same of a spot astray, over the distance of its neighbours
 
 
 @dataclass(frozen=True)
@@ -79,24 +82,32 @@ def peak_neighbours(
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(brightest > 0.0, per_power / brightest, np.inf)
     share = np.where(np.isnan(share), 1.0, share)  # without power, all light is alike
-    excess, alone = np.zeros(count), np.zeros(count, np.bool_)
-    faint, narrower, alike = share < DIM, share < BRIGHT, []
+    excess, none = np.zeros(count), np.zeros(count, np.bool_)
+    dimmer, narrower, slender = np.ones((3, count), np.bool_)
+    alike, akin = [], []
     for there, other in beside:
         noise = 2.0 * (np.square(sigma) + np.square(sigma[other]))
         over = np.square(scale - scale[other]) - noise
         excess = np.maximum(excess, np.where(there, over, 0.0))
         below, above = OTHER * scale < scale[other], scale > OTHER * scale[other]
+        far_below, far_above = FAR_OTHER * scale < scale[other], scale > FAR_OTHER * scale[other]
         alike.append(~(below | above))
+        akin.append(~(far_below | far_above))
         narrower &= there & below
-        faint &= ~there | (per_power < FAINT * per_power[other])
-        alone |= ~there
+        slender &= ~there | far_below
+        dimmer &= ~there | (per_power < DIMMER * per_power[other])
+        none |= ~there
     (_, before), (_, behind) = beside
     bend = np.abs(position[before] + position[behind] - 2.0 * position)
-    far = alone | (bend > FAR * scale)
-    alone |= bend > ROW * scale
-    farther = (share < DIMMER) & (bend > FARTHER * scale)
-    dim = (share < DIM) & np.where(light_before > light_behind, *alike)
-    dark = share < DARK
+    out = bend > ROW * scale
+    alone = none | out
+    astray = none | out & (bend > STRAY * np.abs(position[before] - position[behind]))
+    brighter = light_before > light_behind
+    mixed = dimmer & ((share < FAINT) | (share < DIM) & np.where(brighter, *alike))
+    mixed |= (share < DUSKY) & np.where(brighter, *akin)
+    mixed |= astray & (
+        (share < DARK) | narrower & (share < BRIGHT) | slender & (share < BRIGHTER)
+    )
     missing = np.maximum(np.where(alone, 1.0, 1.0 - STEADY) - share, 0.0)
     doubt = np.sqrt(WIDTH_SHARE * excess + np.square(LIGHT_SHARE * missing * scale))
     doubt = np.where(measured, doubt, 0.0)
@@ -104,5 +115,5 @@ def peak_neighbours(
         sigma=np.hypot(sigma, doubt),
         typical=np.hypot(sigma, TYPICAL * doubt),
         doubt=doubt,
-        mixed=measured & (alone & (dark | faint) | dark & faint | far & (dim | narrower) | farther),
+        mixed=measured & mixed,
     )
