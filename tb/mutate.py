@@ -318,7 +318,7 @@ FAULTS = [
         ("dusky is less", "Dusky    = (Whole >> 3) + (Whole >> 4)", "Dusky    = Whole >> 3"),
         ("faint is more", "Faint    = (Whole >> 2) - (Whole >> 5)", "Faint    = Whole >> 2"),
         ("dim is less", "Dim      = (Whole >> 2) + (Whole >> 3)", "Dim      = Whole >> 2"),
-        ("narrower and dimmer", "Bright   = (Whole >> 1) + (Whole >> 3)", "Bright   = Whole >> 1"),
+        ("narrower and dimmer", "(Whole >> 1) + (Whole >> 3) + ", "(Whole >> 1) + "),
         ("slender and no brighter", "Brighter = Whole + (Whole >> 3)", "Brighter = Whole"),
         ("out of the row a little", "{centre_q.scale, 2'b0}", "{centre_q.scale, 1'b0}"),
         ("astray is out of the row", "(out_of_row_q && strayed_q)", "out_of_row_q"),

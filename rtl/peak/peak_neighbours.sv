@@ -9,8 +9,8 @@
 // width, within 9/8; and where it has less than 3/16 and about that width, within 3/2.  A spot is
 // astray beside a line without one, or out of the row by four widths and by a quarter of the
 // distance of its neighbours, which grows with the turn of the mirror from line to line.  There it
-// is mixed where it has less than 1/8 of the light, where it has less than 5/8 and is narrower than
-// both by 9/8, and where it has less than 9/8 and is narrower than each that is there by 3/2.
+// is mixed where it has less than 1/8 of the light, where it has less than 11/16 and is narrower
+// than both by 9/8, and where it has less than 9/8 and is narrower than each that is there by 3/2.
 //
 //   valid_i    a line's spot; valid_o follows with that of the line before it, and user_i with it
 //   scale_i    half of the spot's width at half of its height, px, 12 fraction bits
@@ -70,7 +70,7 @@ module peak_neighbours #(
   localparam logic [LightWidth-1:0] Dusky    = (Whole >> 3) + (Whole >> 4);
   localparam logic [LightWidth-1:0] Faint    = (Whole >> 2) - (Whole >> 5);
   localparam logic [LightWidth-1:0] Dim      = (Whole >> 2) + (Whole >> 3);
-  localparam logic [LightWidth-1:0] Bright   = (Whole >> 1) + (Whole >> 3);
+  localparam logic [LightWidth-1:0] Bright   = (Whole >> 1) + (Whole >> 3) + (Whole >> 4);
   localparam logic [LightWidth-1:0] Brighter = Whole + (Whole >> 3);
   localparam logic [LightWidth-1:0] Steady   = Whole - (Whole >> 2);
 

@@ -1,19 +1,21 @@
 """C_obj against the truth of scenes: among points of C_obj c, a share c keeps the tolerance."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from harness import in_volume
+from scanners import EACH_SCANNER, SCANNERS
 
-from vrscan.data.config import Config, Peak
+from vrscan.data.config import Config
 from vrscan.data.lines import Truth
 from vrscan.data.table import Table
 from vrscan.engines.engine import Engine, run
-from vrscan.scene.description import load, shipped
+from vrscan.scene.description import Description, load, shipped
 from vrscan.scene.effects import present
 from vrscan.scene.light import Light
 from vrscan.scene.simulate import simulate
 
-CONFIG = Config(peak=Peak(window="fit"))
 # The spot that a mirror shows, or onto which it throws the beam, is as good a spot as any. Where it
 # is the brighter one the line cannot tell, but for its rival, and the glint of a beam that comes
 # back from two mirrors, which is saturated.
@@ -21,24 +23,83 @@ MIRRORS = {"shiny-corner", "turned-metal"}
 # Nor can it tell a ghost, which stands where it stands all the time.
 NO_DETECTOR_KNOWS = {"window-ghost"} | MIRRORS
 FEWEST = 120  # points of a tenth of C_obj that are judged: their share is known to 0.045
+FEWEST_RATIOS = 20  # points whose errors are judged: their rms is known to 16 %
 DOUBTFUL = ("SATURATED", "RIVAL", "AT_EDGE")
 
 
-def scanned(scene: str, seed: int, count: int) -> tuple[Table, Truth]:
+@dataclass(frozen=True)
+class Kept:
+    """What a scanner keeps; the default scanner keeps what stands here.
+
+    A preset falls short of it where another number is given, and what one seed tells of it is known
+    to two standard deviations only: see Neighbours in docs/design.md.
+    """
+
+    told: float = 0.9  # share of the points far off
+    again: float = 1.0  # times that each of them comes in the test's lines
+    ghosts: float = 0.95  # share of those on the ghosts of window-ghost
+    mirrored: float = 0.8  # share of those on other spots where there are mirrors
+    careful: float = 0.1  # by which C_obj may be below the share that keeps the tolerance
+    least: float = 0.8  # error over sigma
+    within: float = 0.985  # largest share within 2 sigma
+    preset: bool = True
+
+
+KEPT = {
+    "default": Kept(preset=False),
+    # Line k + 1025 meets an edge where line k does. Its ghosts stand in a row more often, and plane
+    # and dark weigh more in the short run, where C_obj is too careful.
+    "polygon": Kept(again=2.0, ghosts=0.85, careful=0.15),
+    # Its spots are some two pixels wide, and its lines twice as far apart against them. Ghosts and
+    # glints saturate less. Sigma is too large: with grains that suit pixels of half the size, and
+    # because the spot's width changes more from line to line.
+    "metre": Kept(told=0.85, ghosts=0.75, mirrored=0.55, careful=0.2, least=0.55, within=1.0),
+}
+
+
+def kept_by(config: Config) -> Kept:
+    """Return what a shipped scanner keeps; a new one has to keep what the default does."""
+    name = next(name for name, each in SCANNERS.items() if each is config)
+    return KEPT.get(name, Kept())
+
+
+def fitting(config: Config) -> Config:
+    """Return a scanner that fits a Gaussian, without which there are no neighbours."""
+    return config.model_copy(update={"peak": config.peak.model_copy(update={"window": "fit"})})
+
+
+def exposed(described: Description, config: Config) -> Description:
+    """Return a scene that gives a pixel as much light as it gives one of the default scanner.
+
+    The power of a shipped scene suits the default's pixels, and so does the time of its lines in
+    the sun. A scanner whose pixels have four times the area would have most spots saturated, which
+    tells of them without any rule.
+    """
+    default = SCANNERS["default"]
+    share = (default.geometry.pitch_mm / config.geometry.pitch_mm) ** 2
+    if share == 1.0:
+        return described
+    laser = described.laser.model_copy(update={"power_mw": share * described.laser.power_mw})
+    exposure_us = share * 1e6 / default.line.rate_hz
+    return described.model_copy(update={"laser": laser, "exposure_us": exposure_us})
+
+
+def scanned(config: Config, scene: str, seed: int, count: int) -> tuple[Table, Truth]:
     """Return the points of a scene with a seed of its own, and the truth."""
-    described = load(scene).model_copy(update={"seed": seed})
-    lines = simulate(Light(described, CONFIG), count, frozenset(present(described))).lines
+    described = exposed(load(scene).model_copy(update={"seed": seed}), config)
+    config = fitting(config)
+    lines = simulate(Light(described, config), count, frozenset(present(described))).lines
     assert lines.truth is not None
-    return run(Engine.FIXED, lines, CONFIG), lines.truth
+    return run(Engine.FIXED, lines, config), lines.truth
 
 
-def judged(scene: str, seed: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+def judged(config: Config, scene: str, seed: int, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return C_obj of a scene's points without a flag, and which keep the tolerance."""
-    points, truth = scanned(scene, seed, count)
+    points, truth = scanned(config, scene, seed, count)
     plain = points.located & ~np.any([points.flags[name] for name in DOUBTFUL], axis=0)
     # What has no truth is no surface that the beam meets: that point is wrong.
     error = np.abs(points.z_mm - np.nan_to_num(truth.z_mm, nan=-1e9))
-    kept = error < CONFIG.geometry.tolerance * points.z_mm
+    kept = error < config.geometry.tolerance * points.z_mm
     return points.c_obj[plain], kept[plain]
 
 
@@ -50,8 +111,9 @@ def judged(scene: str, seed: int, count: int) -> tuple[np.ndarray, np.ndarray]:
     ],
     ids=len,
 )
-def test_a_confidence_is_a_share(scenes: tuple[str, ...]) -> None:
-    found = [judged(scene, 31, 3000) for scene in scenes]
+@EACH_SCANNER
+def test_a_confidence_is_a_share(config: Config, scenes: tuple[str, ...]) -> None:
+    found = [judged(config, scene, 31, 3000) for scene in scenes]
     c_obj = np.concatenate([each for each, _ in found])
     kept = np.concatenate([each for _, each in found])
     tenth = np.minimum((c_obj * 10).astype(np.int64), 9)
@@ -60,8 +122,10 @@ def test_a_confidence_is_a_share(scenes: tuple[str, ...]) -> None:
     spread = [float(np.std(kept[tenth == k]) / np.sqrt(np.sum(tenth == k))) for k in bins]
     print("; ".join(f"c_obj {c:.2f}: {share:.2f} keep it" for c, share in shares))
     assert len(bins) >= 5
+    careful = kept_by(config).careful
     assert all(
-        abs(c - share) <= 0.1 + error for (c, share), error in zip(shares, spread, strict=True)
+        -careful - error <= c - share <= 0.1 + error
+        for (c, share), error in zip(shares, spread, strict=True)
     )
 
 
@@ -77,7 +141,9 @@ FINER_THAN_THE_SPOT = {"bolt"}
     ],
     ids=len,
 )
+@EACH_SCANNER
 def test_errors_are_as_large_as_sigma_and_what_is_no_surface_is_told(
+    config: Config,
     scenes: tuple[str, ...],
 ) -> None:
     """Against the truth of the light: positions over sigma, and points far off that have a flag.
@@ -86,11 +152,13 @@ def test_errors_are_as_large_as_sigma_and_what_is_no_surface_is_told(
     the camera sees. The share of those with a flag, and of the others that are MIXED, are counted
     over all scenes but window-ghost, whose ghosts are spots like any, and those with mirrors: there
     error over sigma is of the points that are not far off, and the others with a flag are counted
-    by themselves. Of window-ghost nearly every point has a flag.
+    by themselves. Of window-ghost nearly every point has a flag. Error over sigma of a preset is of
+    the points that are not far off, too: those without a flag are counted already.
     """
+    ours = kept_by(config)
     told, far, mixed, good = 0, 0, 0, 0
     for scene in scenes:
-        points, truth = scanned(scene, 31, 2000)
+        points, truth = scanned(config, scene, 31, 2000)
         error = points.position_px - truth.position_px
         beyond = np.abs(error) > 5 * points.sigma_px
         beyond &= np.abs(points.z_mm - truth.z_mm) > 0.5
@@ -100,21 +168,25 @@ def test_errors_are_as_large_as_sigma_and_what_is_no_surface_is_told(
         if scene in NO_DETECTOR_KNOWS:
             kept &= ~off
             print(f"{scene}: {np.sum(off & flagged)} of {np.sum(off)} on another spot are told")
-            least = 0.8 if scene in MIRRORS else 0.95
+            least = ours.mirrored if scene in MIRRORS else ours.ghosts
             assert np.sum(off) > 60 and np.sum(off & flagged) > least * np.sum(off)
-            if not np.any(kept):
+            if np.sum(kept) < FEWEST_RATIOS:
                 continue
+        if ours.preset:
+            kept &= ~off
         ratio = error[kept] / points.sigma_px[kept]
         rms, within = float(np.sqrt(np.mean(ratio**2))), float(np.mean(np.abs(ratio) < 2.0))
         print(f"{scene}: error/sigma {rms:.2f}, {100 * within:.1f} % within 2 sigma")
-        assert 0.8 <= rms <= 1.25
-        assert 0.9 <= within <= 0.985
+        unsure = 2 / np.sqrt(len(ratio)) if ours.preset else 0.0
+        assert ours.least <= rms <= 1.25 + unsure * np.sqrt(0.5)
+        assert 0.9 - unsure * 0.3 <= within <= ours.within
         if scene not in NO_DETECTOR_KNOWS:
             told, far = told + np.sum(off & flagged), far + np.sum(off)
             sound = points.located & ~off
             mixed, good = mixed + np.sum(sound & points.flags["MIXED"]), good + np.sum(sound)
     print(f"{told} of {far} told; {100 * mixed / good:.2f} % of the others are MIXED")
     # One seed has some 350 such points, whose share is known to 1.6 % (one standard deviation).
-    assert told + 2 * np.sqrt(0.09 * far) > 0.9 * far
+    assert told + 2 * np.sqrt(0.09 * far * ours.again) > ours.told * far
     # Asked of all scenes; those of the short run are the ones with the most edges.
-    assert mixed < (0.01 if len(scenes) > 6 else 0.015) * good
+    unsure = 2 * np.sqrt(mixed) if ours.preset else 0.0
+    assert mixed - unsure < (0.01 if len(scenes) > 6 else 0.015) * good

@@ -226,12 +226,12 @@ def dark_spots() -> list[Side]:
 
 
 def narrow_spots() -> list[Side]:
-    """Astray with less than 5/8 of it, narrower than both by more than 9/8."""
-    bright = lights(LIGHT * 5 // 8 - LITTLE, LIGHT)
+    """Astray with less than 11/16 of it, narrower than both by more than 9/8."""
+    bright = lights(LIGHT * 11 // 16 - LITTLE, LIGHT)
     width = widths(28, 28, 24, 28, 28)
     return [
         *(Side(less, row(light=lights(light, LIGHT), scale=width, position=FAR))
-          for less, light in around(Fraction(5, 8))),
+          for less, light in around(Fraction(11, 16))),
         Side(False, row(light=bright, scale=width)),
         Side(False, row(light=bright, scale=widths(28, 27, 24, 28, 28), position=FAR)),
         Side(False, row(light=bright, scale=widths(28, 28, 24, 27, 28), position=FAR)),

@@ -25,7 +25,7 @@ WHOLE = 1 << SHARE_FRACTION
 # brighter neighbour; of one that is dimmer than both, and of one that is as wide, too.
 DARK, DUSKY, FAINT, DIM = WHOLE >> 3, 3 * WHOLE >> 4, 7 * WHOLE >> 5, 3 * WHOLE >> 3
 # Of one astray that is narrower than both; of one that is much narrower than each there is.
-BRIGHT, BRIGHTER = 5 * WHOLE >> 3, WHOLE + (WHOLE >> 3)
+BRIGHT, BRIGHTER = 11 * WHOLE >> 4, WHOLE + (WHOLE >> 3)
 ROW = 4  # widths from the middle of the neighbours, doubled, beyond which a spot is out of the row
 STEADY = WHOLE - (WHOLE >> 2)  # light that a spot in a row with its neighbours may lack
 QUOTIENT_WIDTH, ROOT_WIDTH, FACTOR_WIDTH = 32, 18, 18

@@ -30,7 +30,7 @@ DIMMER = 1 / 2  # of each neighbour's light
 # one that is dimmer than both, and of one that is as wide, too.
 DARK, DUSKY, FAINT, DIM = 1 / 8, 3 / 16, 7 / 32, 3 / 8
 # Of one astray that is narrower than both; of one that is much narrower than each there is.
-BRIGHT, BRIGHTER = 5 / 8, 9 / 8
+BRIGHT, BRIGHTER = 11 / 16, 9 / 8
 OTHER, FAR_OTHER = 9 / 8, 3 / 2  # ratio of two widths that are not alike, and of two far from it
 ROW = 4.0  # widths from the middle of the neighbours, doubled, beyond which a spot is out of it
 STRAY = 1 / 4  # the same of a spot astray, over the distance of its neighbours
