@@ -10,7 +10,8 @@
 // astray beside a line without one, or out of the row by four widths and by a quarter of the
 // distance of its neighbours, which grows with the turn of the mirror from line to line.  There it
 // is mixed where it has less than 1/8 of the light, where it has less than 11/16 and is narrower
-// than both by 9/8, and where it has less than 9/8 and is narrower than each that is there by 3/2.
+// than both by 9/8, where it has less than 9/8 and is narrower than each that is there by 3/2, and
+// with any light where it is narrower than each that is there by 2.
 //
 //   valid_i    a line's spot; valid_o follows with that of the line before it, and user_i with it
 //   scale_i    half of the spot's width at half of its height, px, 12 fraction bits
@@ -123,9 +124,9 @@ module peak_neighbours #(
   logic [LightWidth-1:0] brightest_q, share_q;
   logic [FactorWidth-2:0] before_difference_q, after_difference_q;
   logic                  before_unlike_q, after_unlike_q, before_below_q, after_below_q;
-  logic                  before_remote_q, after_remote_q;
+  logic                  before_remote_q, after_remote_q, before_twice_q, after_twice_q;
   logic                  before_dimmer_q, after_dimmer_q, before_brighter_q;
-  logic                  other_width_q, remote_width_q, narrower_q, slender_q;
+  logic                  other_width_q, remote_width_q, narrower_q, slender_q, half_q;
   logic                  out_of_row_q, strayed_q, alone_q, astray_q;
   logic                  dimmer_q, mixed_astray_q, mixed_q;
   logic signed [BendWidth-1:0] bend_q, apart_q;
@@ -136,8 +137,8 @@ module peak_neighbours #(
   logic [LightWidth:0] twofold;
   assign twofold = {centre_q.light, 1'b0};
 
-  // Two widths, the smaller one first; then how far they differ, and whether by 9/8, or by 3/2.  Each
-  // step has its clock: they are read after the division, dozens later.
+  // Two widths, the smaller one first; then how far they differ, and whether by 9/8, or by 3/2.
+  // Each step has its clock: they are read after the division, dozens later.
   logic [2*ScaleWidth-1:0] before_widths_q, after_widths_q;
   logic [ScaleWidth+3:0]   before_ninefold_q, after_ninefold_q;  // times the smaller one
   logic [ScaleWidth+1:0]   before_threefold_q, after_threefold_q;
@@ -174,6 +175,8 @@ module peak_neighbours #(
     after_threefold_q   <= threefold(after_widths_q[2*ScaleWidth-1:ScaleWidth]);
     before_remote_q     <= {1'b0, before_widths_q[ScaleWidth-1:0], 1'b0} > before_threefold_q;
     after_remote_q      <= {1'b0, after_widths_q[ScaleWidth-1:0], 1'b0} > after_threefold_q;
+    before_twice_q      <= {1'b0, before_q.scale} > {centre_q.scale, 1'b0};
+    after_twice_q       <= {1'b0, after_q.scale} > {centre_q.scale, 1'b0};
     before_below_q      <= before_q.measured && centre_q.scale < before_q.scale;
     after_below_q       <= after_q.measured && centre_q.scale < after_q.scale;
     before_dimmer_q     <= !before_q.measured || {1'b0, before_q.light} > twofold;
@@ -194,7 +197,10 @@ module peak_neighbours #(
     narrower_q          <= before_below_q && before_unlike_q && after_below_q && after_unlike_q;
     slender_q           <= (!before_q.measured || (before_below_q && before_remote_q))
                            && (!after_q.measured || (after_below_q && after_remote_q));
-    mixed_astray_q      <= share_q < Dark || (share_q < Bright && narrower_q)
+    half_q              <= (!before_q.measured || before_twice_q)
+                           && (!after_q.measured || after_twice_q)
+                           && (before_q.measured || after_q.measured);
+    mixed_astray_q      <= half_q || share_q < Dark || (share_q < Bright && narrower_q)
                            || (share_q < Brighter && slender_q);
     mixed_q             <= (dimmer_q && (share_q < Faint || (share_q < Dim && !other_width_q)))
                            || (share_q < Dusky && !remote_width_q) || (astray_q && mixed_astray_q);

@@ -47,12 +47,12 @@ class Kept:
 
 KEPT = {
     "default": Kept(preset=False),
-    # Line k + 1025 meets an edge where line k does. Its ghosts stand in a row more often, and plane
-    # and dark weigh more in the short run, where C_obj is too careful.
+    # Line k + 1025 meets an edge where line k does. A ghost stands beside another twice as often as
+    # the default's; plane and dark, where C_obj is too careful, weigh more in the short run.
     "polygon": Kept(again=2.0, ghosts=0.85, careful=0.15),
-    # Its spots are some two pixels wide, and its lines twice as far apart against them. Ghosts and
-    # glints saturate less. Sigma is too large: with grains that suit pixels of half the size, and
-    # because the spot's width changes more from line to line.
+    # Its lines are twice as far apart against its spots' widths. A ghost stands beside another as
+    # often as the polygon's, and of turned-metal's glints a half is saturated and not 7/8. Sigma is
+    # too large: with grains, and because a width changes more from line to line.
     "metre": Kept(told=0.85, ghosts=0.75, mirrored=0.55, careful=0.2, least=0.55, within=1.0),
 }
 

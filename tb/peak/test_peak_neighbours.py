@@ -258,8 +258,26 @@ def slender_spots() -> list[Side]:
     ]  # fmt: skip
 
 
+def half_spots() -> list[Side]:
+    """Astray with any light, less than half as wide as each there is."""
+    bright = lights(LIGHT * 3, LIGHT)
+    width = widths(49, 49, 24, 49, 49)
+    return [
+        Side(True, row(light=bright, scale=width, position=FAR)),
+        Side(False, row(light=bright, scale=width)),
+        Side(False, row(light=bright, scale=widths(49, 48, 24, 49, 49), position=FAR)),
+        Side(False, row(light=bright, scale=widths(49, 49, 24, 48, 49), position=FAR)),
+        *(
+            Side(True, row(light=bright, scale=width, measured=there))
+            for there in ([1, 0, 1, 1, 1], [1, 1, 1, 0, 1])
+        ),
+        Side(False, row(light=bright, scale=width, measured=[1, 0, 1, 0, 1])),
+    ]
+
+
 SIDES = [
     *faint_spots(), *dim_spots(), *dusky_spots(), *dark_spots(), *narrow_spots(), *slender_spots(),
+    *half_spots(),
 ]  # fmt: skip
 
 

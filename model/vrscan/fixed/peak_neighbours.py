@@ -24,7 +24,8 @@ WHOLE = 1 << SHARE_FRACTION
 # Lights of a spot that is not one spot on one surface: of one astray; of one about as wide as the
 # brighter neighbour; of one that is dimmer than both, and of one that is as wide, too.
 DARK, DUSKY, FAINT, DIM = WHOLE >> 3, 3 * WHOLE >> 4, 7 * WHOLE >> 5, 3 * WHOLE >> 3
-# Of one astray that is narrower than both; of one that is much narrower than each there is.
+# Of one astray that is narrower than both; of one that is much narrower than each there is. What is
+# less than half as wide as each is none with any light.
 BRIGHT, BRIGHTER = 11 * WHOLE >> 4, WHOLE + (WHOLE >> 3)
 ROW = 4  # widths from the middle of the neighbours, doubled, beyond which a spot is out of the row
 STEADY = WHOLE - (WHOLE >> 2)  # light that a spot in a row with its neighbours may lack
@@ -101,8 +102,8 @@ def peak_neighbours(
 
     excess = np.zeros(len(measured), np.int64)
     none = np.zeros(len(measured), np.bool_)
-    dimmer, slender = np.ones((2, len(measured)), np.bool_)
-    narrower, alike, akin = dimmer.copy(), [], []
+    dimmer, narrower, slender, half = np.ones((4, len(measured)), np.bool_)
+    alike, akin = [], []
     for there, other in beside:
         difference = np.minimum(np.abs(scale - other["scale"]), MOST_DIFFERENCE)
         noise = 2 * (sigma * sigma + other["sigma"] * other["sigma"])
@@ -113,9 +114,11 @@ def peak_neighbours(
         akin.append(~(far_below | far_above))
         narrower &= there & below
         slender &= ~there | far_below
+        half &= ~there | (2 * scale < other["scale"])
         dimmer &= ~there | (2 * per_power < other["light"])
         none |= ~there
-    (_, first), (_, last) = beside
+    (was, first), (comes, last) = beside
+    half &= was | comes
     bend = np.abs(first["position"] + last["position"] - 2 * position)
     out = bend > ROW * scale
     alone = none | out
@@ -123,9 +126,8 @@ def peak_neighbours(
     brighter = before > behind
     mixed = dimmer & ((share < FAINT) | (share < DIM) & np.where(brighter, *alike))
     mixed |= (share < DUSKY) & np.where(brighter, *akin)
-    mixed |= astray & (
-        (share < DARK) | narrower & (share < BRIGHT) | slender & (share < BRIGHTER)
-    )
+    rest = half | narrower & (share < BRIGHT) | slender & (share < BRIGHTER)
+    mixed |= astray & (rest | (share < DARK))
     missing = np.maximum(np.where(alone, WHOLE, STEADY) - share, 0)
     cut = (3 * missing * (scale >> 1)) >> (SHARE_FRACTION + 3)
     doubt = (excess >> 5) + cut * cut

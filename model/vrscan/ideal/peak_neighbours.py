@@ -32,6 +32,7 @@ DARK, DUSKY, FAINT, DIM = 1 / 8, 3 / 16, 7 / 32, 3 / 8
 # Of one astray that is narrower than both; of one that is much narrower than each there is.
 BRIGHT, BRIGHTER = 11 / 16, 9 / 8
 OTHER, FAR_OTHER = 9 / 8, 3 / 2  # ratio of two widths that are not alike, and of two far from it
+LEAST = 2  # the same of each width and that of a spot astray that is none with any light
 ROW = 4.0  # widths from the middle of the neighbours, doubled, beyond which a spot is out of it
 STRAY = 1 / 4  # the same of a spot astray, over the distance of its neighbours
 
@@ -83,7 +84,7 @@ def peak_neighbours(
         share = np.where(brightest > 0.0, per_power / brightest, np.inf)
     share = np.where(np.isnan(share), 1.0, share)  # without power, all light is alike
     excess, none = np.zeros(count), np.zeros(count, np.bool_)
-    dimmer, narrower, slender = np.ones((3, count), np.bool_)
+    dimmer, narrower, slender, half = np.ones((4, count), np.bool_)
     alike, akin = [], []
     for there, other in beside:
         noise = 2.0 * (np.square(sigma) + np.square(sigma[other]))
@@ -95,9 +96,11 @@ def peak_neighbours(
         akin.append(~(far_below | far_above))
         narrower &= there & below
         slender &= ~there | far_below
+        half &= ~there | (LEAST * scale < scale[other])
         dimmer &= ~there | (per_power < DIMMER * per_power[other])
         none |= ~there
-    (_, before), (_, behind) = beside
+    (was, before), (comes, behind) = beside
+    half &= was | comes
     bend = np.abs(position[before] + position[behind] - 2.0 * position)
     out = bend > ROW * scale
     alone = none | out
@@ -105,9 +108,8 @@ def peak_neighbours(
     brighter = light_before > light_behind
     mixed = dimmer & ((share < FAINT) | (share < DIM) & np.where(brighter, *alike))
     mixed |= (share < DUSKY) & np.where(brighter, *akin)
-    mixed |= astray & (
-        (share < DARK) | narrower & (share < BRIGHT) | slender & (share < BRIGHTER)
-    )
+    rest = half | narrower & (share < BRIGHT) | slender & (share < BRIGHTER)
+    mixed |= astray & (rest | (share < DARK))
     missing = np.maximum(np.where(alone, 1.0, 1.0 - STEADY) - share, 0.0)
     doubt = np.sqrt(WIDTH_SHARE * excess + np.square(LIGHT_SHARE * missing * scale))
     doubt = np.where(measured, doubt, 0.0)
