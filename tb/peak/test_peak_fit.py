@@ -272,6 +272,29 @@ async def a_line_without_any_variance(dut) -> None:
 
 
 @cocotb.test()
+async def two_spots_with_a_saturated_pixel_are_not_mixed(dut) -> None:
+    """One of some sixty pixels is enough, which the fit itself does without."""
+    given = parameters()
+    length, pixel_width = given["LineLength"], given["PixelWidth"]
+    top, shift = (1 << pixel_width) - 1, pkg.COUNT_WIDTH - pixel_width
+    away = (np.arange(length) - length // 2) / 8.0
+    line = np.round(0.4 * top * (np.exp(-0.5 * away**2) + np.exp(-0.5 * (away - 4.0) ** 2)))
+    lines = np.tile(line, (2, 1))
+    lines[1, length // 2] = top // 2
+    cases = posed(
+        lines,
+        left=length // 2 - 27,
+        width=55,
+        position=length // 2 << pkg.POSITION_FRACTION,
+        sigma=8 << 9,
+        noise=(top << shift) // 500,
+    )
+    await reset(dut)
+    want = await send(dut, cases, kappa_register(pixel_width), top // 2)
+    assert want.mixed.tolist() == [True, False]
+
+
+@cocotb.test()
 async def a_line_in_each_of_the_first_clocks(dut) -> None:
     """Nothing that a reset leaves behind is in its way."""
     given = parameters()
