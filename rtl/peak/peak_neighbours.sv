@@ -161,7 +161,7 @@ module peak_neighbours #(
   function automatic logic [2*FactorWidth:0] squared(input logic [FactorWidth-2:0] value);
     squared = {1'b0, value, 1'b0, value, 1'b1};
   endfunction
-  always_ff @(posedge clk_i) begin
+  always_ff @(posedge clk_i) if (state_q != IDLE) begin
     brightest_q         <= before_light > after_light ? before_light : after_light;
     before_widths_q     <= ordered(centre_q.scale, before_q.scale);
     after_widths_q      <= ordered(centre_q.scale, after_q.scale);

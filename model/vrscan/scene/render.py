@@ -727,6 +727,8 @@ def _add_runs(field: Singles, row: Ints, begin: Floats, end: Floats, level: Floa
         flat.ravel(),
         (step * (pixel - place)).astype(np.float32).ravel(),
     )
+    if not step.size:
+        return
     # All steps of a spot in their order along the line; between two of them the light is even.
     bits = max(step.shape[1] - 1, 1).bit_length()
     order = np.sort((pixel << bits) | np.arange(step.shape[1], dtype=np.int32), axis=1)
