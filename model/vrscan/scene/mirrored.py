@@ -292,7 +292,7 @@ class Mirrors:
             if not mirror.any():
                 continue
             left, along = (
-                first.point[rows] @ way.T - _dot(views.point, way)
+                np.einsum("ik,jk->ij", first.point[rows], way) - _dot(views.point, way)
                 for way in (views.right, views.away)
             )
             turns, ahead = left > 0.0, along > _LEAST_MM
