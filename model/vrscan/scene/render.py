@@ -610,6 +610,7 @@ class Renderer:
         if not any(len(piece) for piece in here):
             return
         spot = _joined(here)
+        assert spot.zone is not None
         found = self.light.ghosts(
             spot.range_mm, (spot.place_px - geometry.centre_px) * geometry.pitch_mm
         )
@@ -624,28 +625,40 @@ class Renderer:
         level = np.where((lit & wide)[hard], level, 0.0)
         centre = spot.place_px + found.offset_px[hard] + 0.5
         _add_runs(field, inside[spot.row], centre - half, centre + half, level)
-        ghost, at = np.nonzero(lit & ~wide)
-        some = spot.of(at)
-        blur, across = found.blur_px[ghost, at], found.across_px[ghost, at]
-        spread = np.square(some.height_px) + 0.25 * np.square(blur)
-        own = image.row_share(some.height_px, blur) * np.exp(-0.5 * np.square(across) / spread)
-        some = replace(
-            some,
-            place_px=some.place_px + found.offset_px[ghost, at],
-            electrons=some.whole_e * found.power[ghost, at] * own,
-            radius_px=blur,
-            sigma_px=some.height_px,
-            speed_px=np.zeros(len(at)),
-            coma_px=np.zeros(len(at)),
-            speckled=False,
-        )
-        for row, first, light in self._drawn(some, timeline):
-            _add(field, inside[row], first, light)
+        for zoned in (True, False):  # beams and mirrored spots
+            own = np.isnan(spot.zone) != zoned
+            ghost, at = np.nonzero(lit & ~wide & own)
+            some = spot.of(at) if zoned else replace(spot, zone=None).of(at)
+            blur, across = found.blur_px[ghost, at], found.across_px[ghost, at]
+            spread = np.square(some.height_px) + 0.25 * np.square(blur)
+            light = some.whole_e * found.power[ghost, at]
+            light *= image.row_share(some.height_px, blur, cut=self._spotter.cut, zone=some.zone)
+            some = replace(
+                some,
+                place_px=some.place_px + found.offset_px[ghost, at],
+                electrons=light * np.exp(-0.5 * np.square(across) / spread),
+                radius_px=blur,
+                sigma_px=some.height_px,
+                speed_px=np.zeros(len(at)),
+                coma_px=np.zeros(len(at)),
+                speckled=False,
+            )
+            for row, first, drawn in self._drawn(some, timeline):
+                _add(field, inside[row], first, drawn)
 
 
 def _joined(pieces: list[Pieces]) -> Pieces:
-    """Return pieces as one, Gaussian spots without their rays."""
-    whole = [replace(each, parts_px=None, share=None, cell_px=None, zone=None) for each in pieces]
+    """Return pieces as one, without their rays; their zone is NaN where they have none."""
+    whole = [
+        replace(
+            each,
+            parts_px=None,
+            share=None,
+            cell_px=None,
+            zone=np.full(len(each), np.nan) if each.zone is None else each.zone,
+        )
+        for each in pieces
+    ]
     joined: dict[str, Any] = {
         name: np.concatenate([vars(piece)[name] for piece in whole])
         for name, value in vars(whole[0]).items()
