@@ -17,6 +17,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Self
 
+import pytest
+
 DRIVER, CHROMIUM = "chromedriver", "chromium"
 START_S = 30.0
 # The models of Bokeh stand in shadow trees, which no selector reaches from outside.
@@ -30,6 +32,9 @@ def missing() -> str | None:
     """Return what this machine lacks, or None."""
     lacking = [name for name in (DRIVER, CHROMIUM) if shutil.which(name) is None]
     return f"no {' and no '.join(lacking)}: apt install chromium-driver" if lacking else None
+
+
+NEEDED = pytest.mark.skipif(bool(missing()), reason=missing() or "")  # an optional program
 
 
 class Browser:

@@ -487,7 +487,9 @@ def schemata(text: str, chosen: Sequence[Mutant], number: Path, touched: Path) -
     for start, end, new in edits:
         out += text[at:start] + new
         at = end
-    quiet = " ".join(f"/* verilator lint_off {rule} */" for rule in _QUIET)  # no verdict
+    quiet = " ".join(
+        f"/* verilator lint_off {rule} */" for rule in _QUIET
+    )  # of a fault put in on purpose
     return f"{quiet} {out}{text[at:]}"
 
 

@@ -51,7 +51,7 @@ class Bench(TwinBench):
         self.check()
 
     async def clocks(self, count: int = 1, **inputs: int) -> None:
-        raise NotImplementedError  # ``tick`` it is
+        raise NotImplementedError  # a clock here needs what is offered: ``tick`` takes it
 
     async def tick(self, offered: int) -> None:
         """Go on by a clock, in which these sources make an access if they have none."""

@@ -225,59 +225,35 @@ def dark_spots() -> list[Side]:
     ]
 
 
-def narrow_spots() -> list[Side]:
-    """Astray with less than 11/16 of it, narrower than both by more than 9/8."""
-    bright = lights(LIGHT * 11 // 16 - LITTLE, LIGHT)
-    width = widths(28, 28, 24, 28, 28)
+def narrow_spots(limit: Fraction | None, wide: int, *, one_tells: bool) -> list[Side]:
+    """Astray, below a share of the light or with any, narrower than neighbours of ``wide`` eighths.
+
+    An eighth less of either is not enough. ``one_tells``: whether one neighbour is, beside none.
+    """
+    share, width = limit or Fraction(3), widths(wide, wide, 24, wide, wide)
+    bright = lights(LIGHT * share.numerator // share.denominator - LITTLE, LIGHT)
+    lit = [(True, 3 * LIGHT)] if limit is None else around(limit)
+    others = (
+        (wide, wide - 1, 24, wide, wide),
+        (wide, wide, 24, wide - 1, wide),
+        (15, 15, 24, 15, 15),
+    )
     return [
         *(Side(less, row(light=lights(light, LIGHT), scale=width, position=FAR))
-          for less, light in around(Fraction(11, 16))),
+          for less, light in lit),
         Side(False, row(light=bright, scale=width)),
-        Side(False, row(light=bright, scale=widths(28, 27, 24, 28, 28), position=FAR)),
-        Side(False, row(light=bright, scale=widths(28, 28, 24, 27, 28), position=FAR)),
-        Side(False, row(light=bright, scale=widths(28, 28, 32, 28, 28), position=FAR)),
-        *(Side(False, row(light=bright, scale=width, measured=there))
-          for there in ([1, 0, 1, 1, 1], [1, 1, 1, 0, 1])),
-    ]  # fmt: skip
-
-
-def slender_spots() -> list[Side]:
-    """Astray with less than 9/8 of it, narrower than each there is by more than 3/2."""
-    bright = lights(LIGHT * 9 // 8 - LITTLE, LIGHT)
-    width = widths(37, 37, 24, 37, 37)
-    return [
-        *(Side(less, row(light=lights(light, LIGHT), scale=width, position=FAR))
-          for less, light in around(Fraction(9, 8))),
-        Side(False, row(light=bright, scale=width)),
-        Side(False, row(light=bright, scale=widths(37, 36, 24, 37, 37), position=FAR)),
-        Side(False, row(light=bright, scale=widths(37, 37, 24, 36, 37), position=FAR)),
-        Side(False, row(light=bright, scale=widths(15, 15, 24, 15, 15), position=FAR)),
-        *(Side(True, row(light=bright, scale=width, measured=there))
+        *(Side(False, row(light=bright, scale=widths(*each), position=FAR)) for each in others),
+        *(Side(one_tells, row(light=bright, scale=width, measured=there))
           for there in ([1, 0, 1, 1, 1], [1, 1, 1, 0, 1])),
         Side(False, row(light=bright, scale=width, measured=[1, 0, 1, 0, 1])),
     ]  # fmt: skip
-
-
-def half_spots() -> list[Side]:
-    """Astray with any light, less than half as wide as each there is."""
-    bright = lights(LIGHT * 3, LIGHT)
-    width = widths(49, 49, 24, 49, 49)
-    return [
-        Side(True, row(light=bright, scale=width, position=FAR)),
-        Side(False, row(light=bright, scale=width)),
-        Side(False, row(light=bright, scale=widths(49, 48, 24, 49, 49), position=FAR)),
-        Side(False, row(light=bright, scale=widths(49, 49, 24, 48, 49), position=FAR)),
-        *(
-            Side(True, row(light=bright, scale=width, measured=there))
-            for there in ([1, 0, 1, 1, 1], [1, 1, 1, 0, 1])
-        ),
-        Side(False, row(light=bright, scale=width, measured=[1, 0, 1, 0, 1])),
-    ]
 
 
 SIDES = [
-    *faint_spots(), *dim_spots(), *dusky_spots(), *dark_spots(), *narrow_spots(), *slender_spots(),
-    *half_spots(),
+    *faint_spots(), *dim_spots(), *dusky_spots(), *dark_spots(),
+    *narrow_spots(Fraction(11, 16), 28, one_tells=False),
+    *narrow_spots(Fraction(9, 8), 37, one_tells=True),
+    *narrow_spots(None, 49, one_tells=True),
 ]  # fmt: skip
 
 

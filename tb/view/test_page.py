@@ -15,7 +15,7 @@ from vrscan.data import recordings, records
 from vrscan.data.points import table
 from vrscan.view import playback
 
-pytestmark = pytest.mark.skipif(bool(browser.missing()), reason=browser.missing() or "")
+pytestmark = browser.NEEDED
 LINES_PER_S = 600.0
 
 

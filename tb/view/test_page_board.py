@@ -16,7 +16,7 @@ from vrscan.engines.board import Board
 from vrscan.scene import library
 from vrscan.scene.description import load
 
-pytestmark = pytest.mark.skipif(bool(browser.missing()), reason=browser.missing() or "")
+pytestmark = browser.NEEDED
 SECONDS = 120.0  # the board's are longer than those of the clock on the wall
 
 

@@ -19,10 +19,7 @@ RATE, BATCH, BODIES = 37_400, 24, 50
 RECORDED_S = 43.0
 SEED = 20261125
 
-pytestmark = [
-    pytest.mark.soak,
-    pytest.mark.skipif(bool(browser.missing()), reason=browser.missing() or ""),
-]
+pytestmark = [pytest.mark.soak, browser.NEEDED]
 
 
 class FastBoard(FakeBoard):

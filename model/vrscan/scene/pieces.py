@@ -363,20 +363,14 @@ class Spotter:
         have rings that it sees.
         """
         test = np.array([-_TEST_CUT, _TEST_CUT, -_TEST_FAR, _TEST_FAR])
-        origin, direction = self._offset_rays(spots, beam, rows, test)
-        sides = self._meet(origin, direction, np.repeat(y_mm[rows], len(test)))
-        shape, axis = (-1, len(test)), spots.collected[rows, None]
-        seen, target = sides.seen.reshape(shape), sides.target.reshape(shape)
-        light = sides.collected.reshape(shape)
+        sides, off = self._beside(spots, beam, y_mm, rows, test)
+        axis, light = spots.collected[rows, None], sides.collected.reshape(off.shape)
+        seen, target = sides.seen.reshape(off.shape), sides.target.reshape(off.shape)
         other = (seen != spots.seen[rows, None]) | (target != spots.target[rows, None])
         edge = other[:, :2].any(axis=1)
         edge &= spots.seen[rows] | seen[:, :2].any(axis=1)
         edge |= (light > _BRIGHT * axis).any(axis=1)
-        width = radius_mm(np.where(spots.lit, spots.distance, 0.0)[rows], self._laser)
-        flat = (width * spots.px_per_mm[rows])[:, None] * test
-        with np.errstate(invalid="ignore"):
-            off = sides.position_px.reshape(shape) - spots.position_px[rows, None] - flat
-            edge |= spots.seen[rows] & (seen & (np.abs(off) > _BENT_PX)).any(axis=1)
+        edge |= spots.seen[rows] & (seen & (off > _BENT_PX)).any(axis=1)
         return np.asarray(edge | (_BRIGHT * light[:, :2] < axis).any(axis=1))
 
     def _a_ray_differs(self, spots: Spots, beam: Floats, y_mm: Floats, rows: Ints) -> Bools:
@@ -384,18 +378,28 @@ class Spotter:
 
         Its image or its light is not what it would be there; what the lens does not see is dark.
         """
-        shape, offset = (-1, RAYS), self._offset
-        origin, direction = self._offset_rays(spots, beam, rows, offset)
-        found = self._meet(origin, direction, np.repeat(y_mm[rows], RAYS))
-        axis, light = spots.collected[rows, None], found.collected.reshape(shape)
+        offset = self._offset
+        found, off = self._beside(spots, beam, y_mm, rows, offset)
+        axis, light = spots.collected[rows, None], found.collected.reshape(off.shape)
         tilt = (light[:, -1:] - light[:, :1]) / (offset[-1] - offset[0]) * offset
         differs = np.abs(light - axis - tilt) > _SMOOTH_LIGHT * axis
-        width = radius_mm(np.where(spots.lit, spots.distance, 0.0)[rows], self._laser)
-        flat = (width * spots.px_per_mm[rows])[:, None] * offset
-        with np.errstate(invalid="ignore"):
-            off = found.position_px.reshape(shape) - spots.position_px[rows, None] - flat
-            differs |= (light > 0.0) & (np.abs(off) > _FLAT * np.abs(offset))
+        differs |= (light > 0.0) & (off > _FLAT * np.abs(offset))
         return np.asarray(differs.any(axis=1))
+
+    def _beside(
+        self, spots: Spots, beam: Floats, y_mm: Floats, rows: Ints, offset: Floats
+    ) -> tuple[Spots, Floats]:
+        """Return rays beside the axis [m * k], and how far off the plane their images are [m, k].
+
+        The distance, px, is from the image of the same ray on the axis's tangent plane, 0 where
+        there is none.
+        """
+        origin, direction = self._offset_rays(spots, beam, rows, offset)
+        found = self._meet(origin, direction, np.repeat(y_mm[rows], len(offset)))
+        width = radius_mm(np.where(spots.lit, spots.distance, 0.0)[rows], self._laser)
+        flat = spots.position_px[rows, None] + (width * spots.px_per_mm[rows])[:, None] * offset
+        off = np.abs(found.position_px.reshape(flat.shape) - flat)
+        return found, np.where(np.isnan(off), 0.0, off)
 
     def _by_rays(self, spots: Spots, beam: Floats, timeline: Timeline, rows: Ints) -> list[Pieces]:
         """Return the spots of some lines, followed ray by ray, at most two pieces for each line.

@@ -731,6 +731,8 @@ def _add_runs(field: Singles, row: Ints, begin: Floats, end: Floats, level: Floa
         level: Their light on each pixel; on one that a run covers in part, that share.
     """
     count, length = field.shape
+    if not level.size:
+        return
     place = np.clip(np.concatenate([begin, end]), 0.0, length).T
     step = np.concatenate([level, -level]).astype(np.float32).T
     pixel = np.minimum(place.astype(np.int32), length)
@@ -740,8 +742,6 @@ def _add_runs(field: Singles, row: Ints, begin: Floats, end: Floats, level: Floa
         flat.ravel(),
         (step * (pixel - place)).astype(np.float32).ravel(),
     )
-    if not step.size:
-        return
     # All steps of a spot in their order along the line; between two of them the light is even.
     bits = max(step.shape[1] - 1, 1).bit_length()
     order = np.sort((pixel << bits) | np.arange(step.shape[1], dtype=np.int32), axis=1)
