@@ -1,5 +1,6 @@
 """Meshes: rays against brute force and closed forms, files good and bad, the bust, the bolt."""
 
+import math
 import pickle
 from pathlib import Path
 
@@ -115,6 +116,17 @@ def test_a_ray_that_starts_on_a_facet_goes_through_to_the_other_side() -> None:
     want = brute_force(vertices, faces, start + 1e-3 * direction, direction) + 1e-3
     print(f"{len(start)} rays across, worst {np.abs(got - want).max():.1e} mm")
     assert np.abs(got - want).max() < 1e-9
+
+
+@pytest.mark.parametrize(("share", "meets"), [(0.9, False), (1.1, True)])
+def test_a_ray_meets_its_mesh_again_from_a_share_of_its_size_on(share: float, meets: bool) -> None:
+    thin = share * 2e-6 * 100.0 * math.sqrt(2.0)
+    sheet = trimesh.creation.box((100.0, 100.0, thin))
+    start = np.random.default_rng(SEED).uniform(-49.0, 49.0, (500, 3))
+    start[:, 2] = 0.5 * thin
+    down = np.tile([0.0, 0.0, -1.0], (500, 1))
+    got, _ = Caster(np.array(sheet.vertices), np.array(sheet.faces)).meet(start, down)
+    assert np.abs(got - thin).max() < 1e-9 if meets else np.isinf(got).all()
 
 
 def test_a_ray_along_a_face_meets_nothing_beyond_it() -> None:
