@@ -640,8 +640,8 @@ FAULTS = [
         ("the laser on after a stop", "      laser_o         <= 1'b0;\n", ""),
         (
             "a centre of odd pulses",
-            "half_q           <= line_i.pulse_clks[0];",
-            "half_q           <= 1'b0;",
+            "least_q           <= line_i.pulse_clks[0];",
+            "least_q           <= 1'b0;",
         ),
         ("an overrun unseen", "wrap_q && (pulse_left_q ||", "wrap_q && (1'b0 ||"),
         ("a step beyond the largest", "rounded_q[RoundedWidth-1:StepTop] != '0", "1'b0"),

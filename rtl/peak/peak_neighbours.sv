@@ -1,17 +1,19 @@
 // peak_neighbours: what the lines before and behind say of a line's spot.
 //
 // A spot of which an edge cuts off a part lacks light and has another width than those beside it.
-// Both put its place in doubt, by shares of its width that are added to sigma in squares: what two
-// widths differ by beyond their noise over root 32, and 3/16 of the share of light that is missing.
+// Both put its place in doubt, by shares of its width that are added to sigma in squares: a quarter
+// of what two widths differ by beyond their noise and 1/256 of the distance of their places, which
+// is the surface's, and 3/16 of the share of light that is missing.
 // Light over the laser's power is compared with that of the brighter neighbour; up to a quarter of
 // it may be missing from a spot in a row with both.  A spot is mixed where it has less than half of
 // each neighbour's light and less than 7/32 of that of the brighter one, or less than 3/8 and its
 // width, within 9/8; and where it has less than 3/16 and about that width, within 3/2.  A spot is
 // astray beside a line without one, or out of the row by four widths and by a quarter of the
 // distance of its neighbours, which grows with the turn of the mirror from line to line.  There it
-// is mixed where it has less than 1/8 of the light, where it has less than 11/16 and is narrower
-// than both by 9/8, where it has less than 9/8 and is narrower than each that is there by 3/2, and
-// with any light where it is narrower than each that is there by 2.
+// is mixed where it has less than 1/8 of the light, 1/4 beside a line without a spot; where it has
+// less than 11/16 and is narrower than both by 9/8; less than 15/16, narrower than both by 17/16
+// and than one by 5/3; less than 9/8 and narrower than each that is there by 3/2; and with any
+// light where it is narrower than each that is there by 7/4.
 //
 //   valid_i    a line's spot; valid_o follows with that of the line before it, and user_i with it
 //   scale_i    half of the spot's width at half of its height, px, 12 fraction bits
@@ -66,12 +68,16 @@ module peak_neighbours #(
   localparam int unsigned SquareWidth   = 2 * FactorWidth;
   localparam int unsigned RootWidth     = FactorWidth;
   localparam int unsigned BendWidth     = PositionWidth + 2;
+  localparam int unsigned Turn          = 8;
+  localparam int unsigned TurnWidth     = PositionWidth + 1 - Turn;
   localparam logic [LightWidth-1:0] Whole    = LightWidth'(1 << ShareFraction);
   localparam logic [LightWidth-1:0] Dark     = Whole >> 3;
+  localparam logic [LightWidth-1:0] Single   = Whole >> 2;
   localparam logic [LightWidth-1:0] Dusky    = (Whole >> 3) + (Whole >> 4);
   localparam logic [LightWidth-1:0] Faint    = (Whole >> 2) - (Whole >> 5);
   localparam logic [LightWidth-1:0] Dim      = (Whole >> 2) + (Whole >> 3);
   localparam logic [LightWidth-1:0] Bright   = (Whole >> 1) + (Whole >> 3) + (Whole >> 4);
+  localparam logic [LightWidth-1:0] Fair     = Whole - (Whole >> 4);
   localparam logic [LightWidth-1:0] Brighter = Whole + (Whole >> 3);
   localparam logic [LightWidth-1:0] Steady   = Whole - (Whole >> 2);
 
@@ -124,10 +130,11 @@ module peak_neighbours #(
   logic [LightWidth-1:0] brightest_q, share_q;
   logic [FactorWidth-2:0] before_difference_q, after_difference_q;
   logic                  before_unlike_q, after_unlike_q, before_below_q, after_below_q;
-  logic                  before_remote_q, after_remote_q, before_twice_q, after_twice_q;
+  logic                  before_remote_q, after_remote_q, before_least_q, after_least_q;
+  logic                  before_thin_q, after_thin_q, before_wide_q, after_wide_q;
   logic                  before_dimmer_q, after_dimmer_q, before_brighter_q;
-  logic                  other_width_q, remote_width_q, narrower_q, slender_q, half_q;
-  logic                  out_of_row_q, strayed_q, alone_q, astray_q;
+  logic                  other_width_q, remote_width_q, narrower_q, thinner_q, slender_q, least_q;
+  logic                  single_q, out_of_row_q, strayed_q, alone_q, astray_q;
   logic                  dimmer_q, mixed_astray_q, mixed_q;
   logic signed [BendWidth-1:0] bend_q, apart_q;
   logic        [BendWidth-1:0] row_q, distance_q;
@@ -137,19 +144,36 @@ module peak_neighbours #(
   logic [LightWidth:0] twofold;
   assign twofold = {centre_q.light, 1'b0};
 
-  // Two widths, the smaller one first; then how far they differ, and whether by 9/8, or by 3/2.
-  // Each step has its clock: they are read after the division, dozens later.
+  // Two widths, the smaller one first; then how far they differ, and by which of the ratios 17/16,
+  // 9/8, 3/2, 5/3 and 7/4.  Each step has its clock: they are read after the division, dozens later.
   logic [2*ScaleWidth-1:0] before_widths_q, after_widths_q;
-  logic [ScaleWidth+3:0]   before_ninefold_q, after_ninefold_q;  // times the smaller one
+  logic [ScaleWidth+4:0]   before_seventeen_q, after_seventeen_q;  // times the smaller one
+  logic [ScaleWidth+3:0]   before_ninefold_q, after_ninefold_q;
+  logic [ScaleWidth+2:0]   before_fivefold_q, after_fivefold_q, before_seven_q, after_seven_q;
   logic [ScaleWidth+1:0]   before_threefold_q, after_threefold_q;
+  logic [ScaleWidth+1:0]   before_thrice_q, after_thrice_q;  // times the larger one
+  logic [ScaleWidth-1:0]   before_differ_q, after_differ_q;
+  // What a width may differ by where the surface lies askew.
+  logic signed [PositionWidth:0] before_apart_q, after_apart_q;
+  logic [TurnWidth-1:0]          before_turn_q, after_turn_q;
   function automatic logic [2*ScaleWidth-1:0] ordered(
       input logic [ScaleWidth-1:0] one, input logic [ScaleWidth-1:0] other);
     ordered = one < other ? {one, other} : {other, one};
   endfunction
-  function automatic logic [FactorWidth-2:0] differing(input logic [2*ScaleWidth-1:0] widths);
-    logic [ScaleWidth-1:0] difference;
-    difference = widths[ScaleWidth-1:0] - widths[2*ScaleWidth-1:ScaleWidth];
-    differing  = difference[ScaleWidth-1] ? '1 : difference[FactorWidth-2:0];
+  function automatic logic [FactorWidth-2:0] beyond(
+      input logic [ScaleWidth-1:0] difference, input logic [TurnWidth-1:0] turn);
+    logic [ScaleWidth-1:0] rest;
+    rest   = difference > ScaleWidth'(turn) ? difference - ScaleWidth'(turn) : '0;
+    beyond = rest[ScaleWidth-1] ? '1 : rest[FactorWidth-2:0];
+  endfunction
+  function automatic logic [ScaleWidth+4:0] seventeenfold(input logic [ScaleWidth-1:0] value);
+    seventeenfold = {1'b0, value, 4'b0} + (ScaleWidth + 5)'(value);
+  endfunction
+  function automatic logic [ScaleWidth+2:0] fivefold(input logic [ScaleWidth-1:0] value);
+    fivefold = {1'b0, value, 2'b0} + (ScaleWidth + 3)'(value);
+  endfunction
+  function automatic logic [ScaleWidth+2:0] sevenfold(input logic [ScaleWidth-1:0] value);
+    sevenfold = {value, 3'b0} - (ScaleWidth + 3)'(value);
   endfunction
   function automatic logic [ScaleWidth+3:0] ninefold(input logic [ScaleWidth-1:0] value);
     ninefold = {1'b0, value, 3'b0} + (ScaleWidth + 4)'(value);
@@ -165,8 +189,36 @@ module peak_neighbours #(
     brightest_q         <= before_light > after_light ? before_light : after_light;
     before_widths_q     <= ordered(centre_q.scale, before_q.scale);
     after_widths_q      <= ordered(centre_q.scale, after_q.scale);
-    before_difference_q <= differing(before_widths_q);
-    after_difference_q  <= differing(after_widths_q);
+    before_differ_q     <= before_widths_q[ScaleWidth-1:0]
+                           - before_widths_q[2*ScaleWidth-1:ScaleWidth];
+    after_differ_q      <= after_widths_q[ScaleWidth-1:0]
+                           - after_widths_q[2*ScaleWidth-1:ScaleWidth];
+    before_apart_q      <= (PositionWidth + 1)'(before_q.position)
+                           - (PositionWidth + 1)'(centre_q.position);
+    after_apart_q       <= (PositionWidth + 1)'(after_q.position)
+                           - (PositionWidth + 1)'(centre_q.position);
+    before_turn_q       <= TurnWidth'(unsigned'(before_apart_q < 0 ? -before_apart_q
+                                                                   : before_apart_q) >> Turn);
+    after_turn_q        <= TurnWidth'(unsigned'(after_apart_q < 0 ? -after_apart_q
+                                                                  : after_apart_q) >> Turn);
+    before_difference_q <= beyond(before_differ_q, before_turn_q);
+    after_difference_q  <= beyond(after_differ_q, after_turn_q);
+    before_seventeen_q  <= seventeenfold(before_widths_q[2*ScaleWidth-1:ScaleWidth]);
+    after_seventeen_q   <= seventeenfold(after_widths_q[2*ScaleWidth-1:ScaleWidth]);
+    before_thin_q       <= {1'b0, before_widths_q[ScaleWidth-1:0], 4'b0} > before_seventeen_q;
+    after_thin_q        <= {1'b0, after_widths_q[ScaleWidth-1:0], 4'b0} > after_seventeen_q;
+    before_fivefold_q   <= fivefold(before_widths_q[2*ScaleWidth-1:ScaleWidth]);
+    after_fivefold_q    <= fivefold(after_widths_q[2*ScaleWidth-1:ScaleWidth]);
+    before_thrice_q     <= threefold(before_widths_q[ScaleWidth-1:0]);
+    after_thrice_q      <= threefold(after_widths_q[ScaleWidth-1:0]);
+    before_wide_q       <= before_below_q && {1'b0, before_thrice_q} > before_fivefold_q;
+    after_wide_q        <= after_below_q && {1'b0, after_thrice_q} > after_fivefold_q;
+    before_seven_q      <= sevenfold(before_widths_q[2*ScaleWidth-1:ScaleWidth]);
+    after_seven_q       <= sevenfold(after_widths_q[2*ScaleWidth-1:ScaleWidth]);
+    before_least_q      <= before_below_q
+                           && {1'b0, before_widths_q[ScaleWidth-1:0], 2'b0} > before_seven_q;
+    after_least_q       <= after_below_q
+                           && {1'b0, after_widths_q[ScaleWidth-1:0], 2'b0} > after_seven_q;
     before_ninefold_q   <= ninefold(before_widths_q[2*ScaleWidth-1:ScaleWidth]);
     after_ninefold_q    <= ninefold(after_widths_q[2*ScaleWidth-1:ScaleWidth]);
     before_unlike_q     <= {1'b0, before_widths_q[ScaleWidth-1:0], 3'b0} > before_ninefold_q;
@@ -175,8 +227,6 @@ module peak_neighbours #(
     after_threefold_q   <= threefold(after_widths_q[2*ScaleWidth-1:ScaleWidth]);
     before_remote_q     <= {1'b0, before_widths_q[ScaleWidth-1:0], 1'b0} > before_threefold_q;
     after_remote_q      <= {1'b0, after_widths_q[ScaleWidth-1:0], 1'b0} > after_threefold_q;
-    before_twice_q      <= {1'b0, before_q.scale} > {centre_q.scale, 1'b0};
-    after_twice_q       <= {1'b0, after_q.scale} > {centre_q.scale, 1'b0};
     before_below_q      <= before_q.measured && centre_q.scale < before_q.scale;
     after_below_q       <= after_q.measured && centre_q.scale < after_q.scale;
     before_dimmer_q     <= !before_q.measured || {1'b0, before_q.light} > twofold;
@@ -197,13 +247,17 @@ module peak_neighbours #(
     narrower_q          <= before_below_q && before_unlike_q && after_below_q && after_unlike_q;
     slender_q           <= (!before_q.measured || (before_below_q && before_remote_q))
                            && (!after_q.measured || (after_below_q && after_remote_q));
-    half_q              <= (!before_q.measured || before_twice_q)
-                           && (!after_q.measured || after_twice_q)
+    thinner_q           <= before_below_q && before_thin_q && after_below_q && after_thin_q
+                           && (before_wide_q || after_wide_q);
+    least_q             <= (!before_q.measured || before_least_q)
+                           && (!after_q.measured || after_least_q)
                            && (before_q.measured || after_q.measured);
-    mixed_astray_q      <= half_q || share_q < Dark || (share_q < Bright && narrower_q)
-                           || (share_q < Brighter && slender_q);
+    single_q            <= !before_q.measured || !after_q.measured;
+    mixed_astray_q      <= least_q || share_q < Dark || (share_q < Bright && narrower_q)
+                           || (share_q < Fair && thinner_q) || (share_q < Brighter && slender_q);
     mixed_q             <= (dimmer_q && (share_q < Faint || (share_q < Dim && !other_width_q)))
-                           || (share_q < Dusky && !remote_width_q) || (astray_q && mixed_astray_q);
+                           || (share_q < Dusky && !remote_width_q) || (single_q && share_q < Single)
+                           || (astray_q && mixed_astray_q);
   end
 
   // A difference's noise is that of both widths.
@@ -327,7 +381,7 @@ module peak_neighbours #(
       CUT_SQUARE: begin
         if (more_q) excess_q <= over_q;
         if (product_valid) begin
-          added_q <= SquareWidth'(unsigned'(excess_q) >> 5) + product;
+          added_q <= SquareWidth'(unsigned'(excess_q) >> 4) + product;
           state_q <= ADDED;
         end
       end

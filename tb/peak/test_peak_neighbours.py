@@ -1,5 +1,6 @@
 """peak_neighbours: RTL against the model exactly, the model against spots that an edge cuts."""
 
+import math
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -154,11 +155,8 @@ def faint_spots() -> list[Side]:
     """Less than 7/32 of the light and than half of each light, of any width, in the row."""
     other = widths(28, 28, 24, 28, 28)
     faint = LIGHT * 7 // 32 - LITTLE
-    beside_none = [1, 0, 1, 1, 1]
     return [
         *(Side(less, row(light=lights(light, LIGHT), scale=other))
-          for less, light in around(Fraction(7, 32))),
-        *(Side(less, row(light=lights(light, LIGHT), scale=other, measured=beside_none))
           for less, light in around(Fraction(7, 32))),
         Side(True, row(light=lights(faint, LIGHT), scale=other), (3,)),
         Side(True, row(light=lights(faint, 2 * faint + LITTLE), scale=other)),
@@ -166,6 +164,17 @@ def faint_spots() -> list[Side]:
         Side(False, row(light=lights(faint, 2 * faint - LITTLE), scale=other)),
         Side(True, row(light=[LIGHT, 2 * faint + LITTLE, faint, LIGHT, LIGHT], scale=other)),
         Side(False, row(light=[LIGHT, 2 * faint, faint, LIGHT, LIGHT], scale=other)),
+    ]  # fmt: skip
+
+
+def single_spots() -> list[Side]:
+    """Less than 1/4 of the light, of any width, beside a line without a spot on either side."""
+    other = widths(15, 15, 24, 15, 15)
+    return [
+        *(Side(less, row(light=lights(light, LIGHT), scale=other, measured=there))
+          for less, light in around(Fraction(1, 4))
+          for there in ([1, 0, 1, 1, 1], [1, 1, 1, 0, 1])),
+        Side(False, row(light=lights(1, LIGHT), measured=[1, 0, 1, 0, 1])),
     ]  # fmt: skip
 
 
@@ -249,11 +258,28 @@ def narrow_spots(limit: Fraction | None, wide: int, *, one_tells: bool) -> list[
     ]  # fmt: skip
 
 
+def thin_spots() -> list[Side]:
+    """Astray, below 15/16 of the light, narrower than both by 17/16 and than one by 5/3."""
+    light = lights(LIGHT * 15 // 16 - LITTLE, LIGHT)
+    off = {"light": light, "position": FAR}
+    wide, not_so = ((41, 26), (26, 41)), ((41, 25), (25, 41), (40, 26), (26, 40))
+    return [
+        *(Side(less, row(light=lights(each, LIGHT), scale=widths(30, 26, 24, 41, 41), position=FAR))
+          for less, each in around(Fraction(15, 16))),
+        *(Side(True, row(scale=widths(30, one, 24, other, 30), **off)) for one, other in wide),
+        *(Side(False, row(scale=widths(30, one, 24, other, 30), **off)) for one, other in not_so),
+        *(Side(False, row(scale=widths(30, *each, 30), light=light))
+          for each in ((41, 24, 26), (26, 24, 41))),
+        Side(False, row(light=light, scale=widths(41, 41, 24, 35, 30), measured=[1, 0, 1, 1, 1])),
+        Side(False, row(light=light, scale=widths(30, 35, 24, 41, 30), measured=[1, 1, 1, 0, 1])),
+    ]  # fmt: skip
+
+
 SIDES = [
-    *faint_spots(), *dim_spots(), *dusky_spots(), *dark_spots(),
+    *faint_spots(), *single_spots(), *dim_spots(), *dusky_spots(), *dark_spots(), *thin_spots(),
     *narrow_spots(Fraction(11, 16), 28, one_tells=False),
     *narrow_spots(Fraction(9, 8), 37, one_tells=True),
-    *narrow_spots(None, 49, one_tells=True),
+    *narrow_spots(None, 43, one_tells=True),
 ]  # fmt: skip
 
 
@@ -406,6 +432,19 @@ def test_equal_spots_in_a_row_have_no_doubt() -> None:
     got = model(row(power=power, light=20 * power), [])
     assert not got.doubt.any() and not got.mixed.any()
     assert np.array_equal(got.sigma, row()["sigma"])
+
+
+def test_a_width_may_differ_with_the_distance_of_the_lines() -> None:
+    """By 1/256 of it and by its noise; a quarter of what is beyond is the doubt."""
+    sigma, turned = ONE // 10, 50 * ONE // 256
+    noise = 4 * sigma**2
+    for beyond in (0, 2 * sigma, 2 * sigma + 1, 5 * sigma):
+        for sign in (-1, 1):
+            scale = np.array([3, 3, 3, 3, 3]) * ONE
+            scale[2] += sign * (turned + beyond)
+            got = model(row(scale=scale), []).doubt
+            want = round(math.sqrt(max(beyond**2 - noise, 0) // 16))
+            assert got.tolist() == [0, want, want, want, 0]
 
 
 @pytest.mark.parametrize("side", SIDES)

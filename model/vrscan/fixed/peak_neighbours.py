@@ -24,9 +24,12 @@ WHOLE = 1 << SHARE_FRACTION
 # Lights of a spot that is not one spot on one surface: of one astray; of one about as wide as the
 # brighter neighbour; of one that is dimmer than both, and of one that is as wide, too.
 DARK, DUSKY, FAINT, DIM = WHOLE >> 3, 3 * WHOLE >> 4, 7 * WHOLE >> 5, 3 * WHOLE >> 3
-# Of one astray that is narrower than both; of one that is much narrower than each there is. What is
-# less than half as wide as each is none with any light.
-BRIGHT, BRIGHTER = 11 * WHOLE >> 4, WHOLE + (WHOLE >> 3)
+# Of one beside a single neighbour.
+SINGLE = WHOLE >> 2
+# Of one astray that is narrower than both; of one a little narrower, and far narrower than one of
+# them; of one much narrower than each there is. Below 4/7 of each it is none with any light.
+BRIGHT, FAIR, BRIGHTER = 11 * WHOLE >> 4, 15 * WHOLE >> 4, WHOLE + (WHOLE >> 3)
+TURN = 8  # a width may differ by the distance of the positions, shifted by this
 ROW = 4  # widths from the middle of the neighbours, doubled, beyond which a spot is out of the row
 STEADY = WHOLE - (WHOLE >> 2)  # light that a spot in a row with its neighbours may lack
 QUOTIENT_WIDTH, ROOT_WIDTH, FACTOR_WIDTH = 32, 18, 18
@@ -102,10 +105,12 @@ def peak_neighbours(
 
     excess = np.zeros(len(measured), np.int64)
     none = np.zeros(len(measured), np.bool_)
-    dimmer, narrower, slender, half = np.ones((4, len(measured)), np.bool_)
+    dimmer, narrower, thinner, slender, least = np.ones((5, len(measured)), np.bool_)
+    wider = np.zeros(len(measured), np.bool_)
     alike, akin = [], []
     for there, other in beside:
-        difference = np.minimum(np.abs(scale - other["scale"]), MOST_DIFFERENCE)
+        turned = np.abs(position - other["position"]) >> TURN
+        difference = np.clip(np.abs(scale - other["scale"]) - turned, 0, MOST_DIFFERENCE)
         noise = 2 * (sigma * sigma + other["sigma"] * other["sigma"])
         excess = np.maximum(excess, np.where(there, difference * difference - noise, 0))
         below, above = 9 * scale < 8 * other["scale"], 8 * scale > 9 * other["scale"]
@@ -113,12 +118,14 @@ def peak_neighbours(
         alike.append(~(below | above))
         akin.append(~(far_below | far_above))
         narrower &= there & below
+        thinner &= there & (17 * scale < 16 * other["scale"])
+        wider |= 5 * scale < 3 * other["scale"]
         slender &= ~there | far_below
-        half &= ~there | (2 * scale < other["scale"])
+        least &= ~there | (7 * scale < 4 * other["scale"])
         dimmer &= ~there | (2 * per_power < other["light"])
         none |= ~there
     (was, first), (comes, last) = beside
-    half &= was | comes
+    least &= was | comes
     bend = np.abs(first["position"] + last["position"] - 2 * position)
     out = bend > ROW * scale
     alone = none | out
@@ -126,11 +133,12 @@ def peak_neighbours(
     brighter = before > behind
     mixed = dimmer & ((share < FAINT) | (share < DIM) & np.where(brighter, *alike))
     mixed |= (share < DUSKY) & np.where(brighter, *akin)
-    rest = half | narrower & (share < BRIGHT) | slender & (share < BRIGHTER)
-    mixed |= astray & (rest | (share < DARK))
+    rest = least | narrower & (share < BRIGHT) | slender & (share < BRIGHTER)
+    rest |= thinner & wider & (share < FAIR)
+    mixed |= astray & (rest | (share < DARK)) | none & (share < SINGLE)
     missing = np.maximum(np.where(alone, WHOLE, STEADY) - share, 0)
     cut = (3 * missing * (scale >> 1)) >> (SHARE_FRACTION + 3)
-    doubt = (excess >> 5) + cut * cut
+    doubt = (excess >> 4) + cut * cut
     most = (1 << pkg.SIGMA_WIDTH) - 1
     own = sigma * sigma
     whole, typical, added = (

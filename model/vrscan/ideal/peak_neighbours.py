@@ -21,7 +21,8 @@ import numpy as np
 
 from vrscan.data.arrays import Bools, Floats, Ints
 
-WIDTH_SHARE = 1 / 32  # of the squared difference of two widths beyond its noise
+WIDTH_SHARE = 1 / 16  # of the squared difference of two widths beyond its noise
+TURN = 1 / 256  # of the distance of two positions by which their widths may differ
 LIGHT_SHARE = 3 / 16  # of a width, for all the light
 TYPICAL = 1 / 4  # share of the doubt that most spots with it deserve
 STEADY = 1 / 4  # share of light that a spot in the row may lack
@@ -29,10 +30,13 @@ DIMMER = 1 / 2  # of each neighbour's light
 # Of the brighter neighbour's light: of a spot astray; of one about as wide as that neighbour; of
 # one that is dimmer than both, and of one that is as wide, too.
 DARK, DUSKY, FAINT, DIM = 1 / 8, 3 / 16, 7 / 32, 3 / 8
-# Of one astray that is narrower than both; of one that is much narrower than each there is.
-BRIGHT, BRIGHTER = 11 / 16, 9 / 8
+SINGLE = 1 / 4  # the same of one beside a single neighbour
+# Of one astray that is narrower than both; of one a little narrower, and far narrower than one of
+# them; of one that is much narrower than each there is.
+BRIGHT, FAIR, BRIGHTER = 11 / 16, 15 / 16, 9 / 8
 OTHER, FAR_OTHER = 9 / 8, 3 / 2  # ratio of two widths that are not alike, and of two far from it
-LEAST = 2  # the same of each width and that of a spot astray that is none with any light
+THIN, WIDE = 17 / 16, 5 / 3  # the same of both widths and the spot's, and of one of them
+LEAST = 7 / 4  # the same of each width and that of a spot astray that is none with any light
 ROW = 4.0  # widths from the middle of the neighbours, doubled, beyond which a spot is out of it
 STRAY = 1 / 4  # the same of a spot astray, over the distance of its neighbours
 
@@ -84,23 +88,27 @@ def peak_neighbours(
         share = np.where(brightest > 0.0, per_power / brightest, np.inf)
     share = np.where(np.isnan(share), 1.0, share)  # without power, all light is alike
     excess, none = np.zeros(count), np.zeros(count, np.bool_)
-    dimmer, narrower, slender, half = np.ones((4, count), np.bool_)
+    dimmer, narrower, thinner, slender, least = np.ones((5, count), np.bool_)
+    wider = np.zeros(count, np.bool_)
     alike, akin = [], []
     for there, other in beside:
         noise = 2.0 * (np.square(sigma) + np.square(sigma[other]))
-        over = np.square(scale - scale[other]) - noise
+        differ = np.abs(scale - scale[other]) - TURN * np.abs(position - position[other])
+        over = np.square(np.maximum(differ, 0.0)) - noise
         excess = np.maximum(excess, np.where(there, over, 0.0))
         below, above = OTHER * scale < scale[other], scale > OTHER * scale[other]
         far_below, far_above = FAR_OTHER * scale < scale[other], scale > FAR_OTHER * scale[other]
         alike.append(~(below | above))
         akin.append(~(far_below | far_above))
         narrower &= there & below
+        thinner &= there & (THIN * scale < scale[other])
+        wider |= WIDE * scale < scale[other]
         slender &= ~there | far_below
-        half &= ~there | (LEAST * scale < scale[other])
+        least &= ~there | (LEAST * scale < scale[other])
         dimmer &= ~there | (per_power < DIMMER * per_power[other])
         none |= ~there
     (was, before), (comes, behind) = beside
-    half &= was | comes
+    least &= was | comes
     bend = np.abs(position[before] + position[behind] - 2.0 * position)
     out = bend > ROW * scale
     alone = none | out
@@ -108,8 +116,9 @@ def peak_neighbours(
     brighter = light_before > light_behind
     mixed = dimmer & ((share < FAINT) | (share < DIM) & np.where(brighter, *alike))
     mixed |= (share < DUSKY) & np.where(brighter, *akin)
-    rest = half | narrower & (share < BRIGHT) | slender & (share < BRIGHTER)
-    mixed |= astray & (rest | (share < DARK))
+    rest = least | narrower & (share < BRIGHT) | slender & (share < BRIGHTER)
+    rest |= thinner & wider & (share < FAIR)
+    mixed |= astray & (rest | (share < DARK)) | none & (share < SINGLE)
     missing = np.maximum(np.where(alone, 1.0, 1.0 - STEADY) - share, 0.0)
     doubt = np.sqrt(WIDTH_SHARE * excess + np.square(LIGHT_SHARE * missing * scale))
     doubt = np.where(measured, doubt, 0.0)
