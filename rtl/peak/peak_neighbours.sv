@@ -211,8 +211,8 @@ module peak_neighbours #(
     after_fivefold_q    <= fivefold(after_widths_q[2*ScaleWidth-1:ScaleWidth]);
     before_thrice_q     <= threefold(before_widths_q[ScaleWidth-1:0]);
     after_thrice_q      <= threefold(after_widths_q[ScaleWidth-1:0]);
-    before_wide_q       <= before_below_q && {1'b0, before_thrice_q} > before_fivefold_q;
-    after_wide_q        <= after_below_q && {1'b0, after_thrice_q} > after_fivefold_q;
+    before_wide_q       <= {1'b0, before_thrice_q} > before_fivefold_q;
+    after_wide_q        <= {1'b0, after_thrice_q} > after_fivefold_q;
     before_seven_q      <= sevenfold(before_widths_q[2*ScaleWidth-1:ScaleWidth]);
     after_seven_q       <= sevenfold(after_widths_q[2*ScaleWidth-1:ScaleWidth]);
     before_least_q      <= before_below_q

@@ -149,6 +149,7 @@ STEP = 2 / ONE  # the least that a bend grows by
 LIGHT = 1 << 20
 LITTLE = 500  # of a light
 FAR = moved(40)
+FAIR = LIGHT * 15 // 16 - LITTLE
 
 
 def faint_spots() -> list[Side]:
@@ -260,19 +261,19 @@ def narrow_spots(limit: Fraction | None, wide: int, *, one_tells: bool) -> list[
 
 def thin_spots() -> list[Side]:
     """Astray, below 15/16 of the light, narrower than both by 17/16 and than one by 5/3."""
-    light = lights(LIGHT * 15 // 16 - LITTLE, LIGHT)
-    off = {"light": light, "position": FAR}
-    wide, not_so = ((41, 26), (26, 41)), ((41, 25), (25, 41), (40, 26), (26, 40))
+
+    def beside(one: int, other: int, light: int = FAIR, **changes: object) -> dict[str, np.ndarray]:
+        scale = widths(60, one, 48, other, 60)
+        return row(**{"light": lights(light, LIGHT), "scale": scale, "position": FAR} | changes)
+
     return [
-        *(Side(less, row(light=lights(each, LIGHT), scale=widths(30, 26, 24, 41, 41), position=FAR))
-          for less, each in around(Fraction(15, 16))),
-        *(Side(True, row(scale=widths(30, one, 24, other, 30), **off)) for one, other in wide),
-        *(Side(False, row(scale=widths(30, one, 24, other, 30), **off)) for one, other in not_so),
-        *(Side(False, row(scale=widths(30, *each, 30), light=light))
-          for each in ((41, 24, 26), (26, 24, 41))),
-        Side(False, row(light=light, scale=widths(41, 41, 24, 35, 30), measured=[1, 0, 1, 1, 1])),
-        Side(False, row(light=light, scale=widths(30, 35, 24, 41, 30), measured=[1, 1, 1, 0, 1])),
-    ]  # fmt: skip
+        *(Side(less, beside(52, 81, light)) for less, light in around(Fraction(15, 16))),
+        *(Side(True, beside(*each)) for each in ((52, 81), (81, 52))),
+        *(Side(False, beside(*each)) for each in ((51, 81), (81, 51), (52, 80), (80, 52))),
+        *(Side(False, beside(*each, position=moved(0))) for each in ((52, 81), (81, 52))),
+        Side(False, beside(81, 70, measured=[1, 0, 1, 1, 1])),
+        Side(False, beside(70, 81, measured=[1, 1, 1, 0, 1])),
+    ]
 
 
 SIDES = [
