@@ -20,7 +20,7 @@
 //   spread_i         standard deviation of position_i that noise makes, px
 //   sigma_o          standard deviation of position_o, px: where the fit does not stand, spread_i, or
 //                    twice the fit's where that is larger, which is what speckle does to a phase
-//   mixed_o          chi squared with grains is above 11.25 a degree of freedom, and no pixel of the spot
+//   mixed_o          chi squared with grains is above 15 a degree of freedom, and no pixel of the spot
 //                    is saturated
 //   speckle_o        squared contrast, 20 fraction bits
 //   scale_o          half of the spot's width at half of its height, px, 12 fraction bits
@@ -384,7 +384,7 @@ module peak_fit #(
   logic        [38:0] chi_limit_q;
   logic signed [24:0] moved_q;
   logic        [23:0] reach_q;
-  logic        [42:0] mixed_limit_q;  // nine times the limit
+  logic        [40:0] mixed_limit_q;  // three times the limit
   logic               chi_small_q, enough_q, unclipped_q, whole_q, on_line_q, near_q, within_q;
   logic               chi_large_q, mixed_q;
   // Of a fit that does not stand, twice as much.
@@ -401,8 +401,8 @@ module peak_fit #(
     // A negative one's inversion is one less than it is far.
     near_q      <= {moved_q[23:0] ^ {24{moved_q[24]}}, moved_q[24]} <= {reach_q, 1'b0};
     chi_small_q <= chi_q <= 44'(signed'({1'b0, chi_limit_q}));
-    mixed_limit_q <= 43'({chi_limit_q, 3'b0}) + 43'(chi_limit_q);
-    chi_large_q <= signed'({chi_q, 2'b0}) > 46'(signed'({1'b0, mixed_limit_q}));
+    mixed_limit_q <= 41'({chi_limit_q, 1'b0}) + 41'(chi_limit_q);
+    chi_large_q <= chi_q > 44'(signed'({1'b0, mixed_limit_q}));
     enough_q    <= pixels_q >= 8'd4;
     unclipped_q <= (11'(clipped_q) << 3) <= 11'(pixels_q) + 11'(clipped_q);
     whole_q     <= clipped_q == '0;

@@ -12,8 +12,9 @@
 // distance of its neighbours, which grows with the turn of the mirror from line to line.  There it
 // is mixed where it has less than 1/8 of the light, 1/4 beside a line without a spot; where it has
 // less than 11/16 and is narrower than both by 9/8; less than 15/16, narrower than both by 17/16
-// and than one by 5/3; less than 9/8 and narrower than each that is there by 3/2; and with any
-// light where it is narrower than each that is there by 7/4.
+// and than one by 5/3; less than 9/8 and narrower than each that is there by 3/2; with any light
+// where it is narrower than each that is there by 7/4; and where it has less than half of the light
+// of the nearer of two and is not wider than that one by 9/8.
 //
 //   valid_i    a line's spot; valid_o follows with that of the line before it, and user_i with it
 //   scale_i    half of the spot's width at half of its height, px, 12 fraction bits
@@ -130,11 +131,12 @@ module peak_neighbours #(
   logic [LightWidth-1:0] brightest_q, share_q;
   logic [FactorWidth-2:0] before_difference_q, after_difference_q;
   logic                  before_unlike_q, after_unlike_q, before_below_q, after_below_q;
+  logic                  before_above_q, after_above_q;
   logic                  before_remote_q, after_remote_q, before_least_q, after_least_q;
   logic                  before_thin_q, after_thin_q, before_wide_q, after_wide_q;
   logic                  before_dimmer_q, after_dimmer_q, before_brighter_q;
   logic                  other_width_q, remote_width_q, narrower_q, thinner_q, slender_q, least_q;
-  logic                  single_q, out_of_row_q, strayed_q, alone_q, astray_q;
+  logic                  single_q, nearer_q, rest_q, out_of_row_q, strayed_q, alone_q, astray_q;
   logic                  dimmer_q, mixed_astray_q, mixed_q;
   logic signed [BendWidth-1:0] bend_q, apart_q;
   logic        [BendWidth-1:0] row_q, distance_q;
@@ -155,7 +157,7 @@ module peak_neighbours #(
   logic [ScaleWidth-1:0]   before_differ_q, after_differ_q;
   // What a width may differ by where the surface lies askew.
   logic signed [PositionWidth:0] before_apart_q, after_apart_q;
-  logic [TurnWidth-1:0]          before_turn_q, after_turn_q;
+  logic [PositionWidth:0]        before_distance_q, after_distance_q;
   function automatic logic [2*ScaleWidth-1:0] ordered(
       input logic [ScaleWidth-1:0] one, input logic [ScaleWidth-1:0] other);
     ordered = one < other ? {one, other} : {other, one};
@@ -197,12 +199,10 @@ module peak_neighbours #(
                            - (PositionWidth + 1)'(centre_q.position);
     after_apart_q       <= (PositionWidth + 1)'(after_q.position)
                            - (PositionWidth + 1)'(centre_q.position);
-    before_turn_q       <= TurnWidth'(unsigned'(before_apart_q < 0 ? -before_apart_q
-                                                                   : before_apart_q) >> Turn);
-    after_turn_q        <= TurnWidth'(unsigned'(after_apart_q < 0 ? -after_apart_q
-                                                                  : after_apart_q) >> Turn);
-    before_difference_q <= beyond(before_differ_q, before_turn_q);
-    after_difference_q  <= beyond(after_differ_q, after_turn_q);
+    before_distance_q   <= unsigned'(before_apart_q < 0 ? -before_apart_q : before_apart_q);
+    after_distance_q    <= unsigned'(after_apart_q < 0 ? -after_apart_q : after_apart_q);
+    before_difference_q <= beyond(before_differ_q, before_distance_q[PositionWidth:Turn]);
+    after_difference_q  <= beyond(after_differ_q, after_distance_q[PositionWidth:Turn]);
     before_seventeen_q  <= seventeenfold(before_widths_q[2*ScaleWidth-1:ScaleWidth]);
     after_seventeen_q   <= seventeenfold(after_widths_q[2*ScaleWidth-1:ScaleWidth]);
     before_thin_q       <= {1'b0, before_widths_q[ScaleWidth-1:0], 4'b0} > before_seventeen_q;
@@ -227,6 +227,8 @@ module peak_neighbours #(
     after_threefold_q   <= threefold(after_widths_q[2*ScaleWidth-1:ScaleWidth]);
     before_remote_q     <= {1'b0, before_widths_q[ScaleWidth-1:0], 1'b0} > before_threefold_q;
     after_remote_q      <= {1'b0, after_widths_q[ScaleWidth-1:0], 1'b0} > after_threefold_q;
+    before_above_q      <= centre_q.scale > before_q.scale;
+    after_above_q       <= centre_q.scale > after_q.scale;
     before_below_q      <= before_q.measured && centre_q.scale < before_q.scale;
     after_below_q       <= after_q.measured && centre_q.scale < after_q.scale;
     before_dimmer_q     <= !before_q.measured || {1'b0, before_q.light} > twofold;
@@ -253,7 +255,11 @@ module peak_neighbours #(
                            && (!after_q.measured || after_least_q)
                            && (before_q.measured || after_q.measured);
     single_q            <= !before_q.measured || !after_q.measured;
-    mixed_astray_q      <= least_q || share_q < Dark || (share_q < Bright && narrower_q)
+    nearer_q            <= before_distance_q < after_distance_q;
+    rest_q              <= !single_q && (nearer_q
+                           ? before_dimmer_q && !(before_unlike_q && before_above_q)
+                           : after_dimmer_q && !(after_unlike_q && after_above_q));
+    mixed_astray_q      <= least_q || rest_q || share_q < Dark || (share_q < Bright && narrower_q)
                            || (share_q < Fair && thinner_q) || (share_q < Brighter && slender_q);
     mixed_q             <= (dimmer_q && (share_q < Faint || (share_q < Dim && !other_width_q)))
                            || (share_q < Dusky && !remote_width_q) || (single_q && share_q < Single)

@@ -276,8 +276,32 @@ def thin_spots() -> list[Side]:
     ]
 
 
+def rests() -> list[Side]:
+    """Astray, below half of the light of the nearer of two, and not wider than that by 9/8."""
+    half = LIGHT // 2 - LITTLE
+    ahead, behind = [LIGHT, LIGHT, half, 2 * half, LIGHT], [LIGHT, 2 * half, half, LIGHT, LIGHT]
+    level = moved(0)
+    level[[1, 3]] = level[2] + 40 * ONE
+    return [
+        *(Side(less, row(light=lights(light, LIGHT), position=FAR))
+          for less, light in around(Fraction(1, 2))),
+        Side(False, row(light=lights(half, LIGHT))),
+        *(Side(near, row(light=light, position=position)) for near, light, position in (
+            (True, behind, FAR), (False, ahead, FAR), (True, ahead, moved(-40)),
+            (False, behind, moved(-40)), (True, behind, level), (False, ahead, level))),
+        *(Side(near, row(light=lights(half, LIGHT), scale=widths(*turned), position=position))
+          for near, each in ((True, (24, 24, 27, 24, 24)), (False, (24, 24, 28, 24, 24)),
+                             (True, (24, 24, 28, 28, 28)), (False, (28, 28, 28, 24, 24)),
+                             (True, (24, 24, 24, 28, 28)))
+          for turned, position in ((each, FAR), (each[::-1], moved(-40)))),
+        *(Side(False, row(light=lights(half, LIGHT), measured=there))
+          for there in ([1, 0, 1, 1, 1], [1, 1, 1, 0, 1])),
+    ]  # fmt: skip
+
+
 SIDES = [
     *faint_spots(), *single_spots(), *dim_spots(), *dusky_spots(), *dark_spots(), *thin_spots(),
+    *rests(),
     *narrow_spots(Fraction(11, 16), 28, one_tells=False),
     *narrow_spots(Fraction(9, 8), 37, one_tells=True),
     *narrow_spots(None, 43, one_tells=True),

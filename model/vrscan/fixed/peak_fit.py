@@ -94,7 +94,7 @@ class Fitted:
         position: Position of the spot, px, 12 fraction bits: the fit's, or the given one.
         sigma: Its standard deviation, px, 12 fraction bits.
         fitted: Whether the fit stands, bool.
-        mixed: Whether chi squared with grains is above 9/4 of what a fit may have without, bool.
+        mixed: Whether chi squared with grains is above three times what a fit may have without.
         speckle: Squared contrast of the speckle, 20 fraction bits, of this line and those before;
             of no meaning where a line is not measured.
         scale: Width of the spot over sqrt(2 ln 2), px, 12 fraction bits; likewise.
@@ -441,7 +441,7 @@ def peak_fit(
     # Neighbours share speckle: it counts 11/8 times.
     total = np.minimum(total + (variance.speckle * (11 * grains) >> 11), MOST_VARIANCE)
     limit = total * freedom >> 2 * (HEIGHT_FRACTION - MOMENT_FRACTION)
-    mixed = measured & (sums.clipped == 0) & (4 * sums.chi > 9 * limit)
+    mixed = measured & (sums.clipped == 0) & (sums.chi > 3 * limit)
     root = square_root(total * sums.s2, root_width=ROOT_WIDTH)
     divisor = (sums.s2 * ((before.amplitude * LN4) >> 13)) >> HEIGHT_FRACTION
     # Scale and root have 36 fraction bits, the divisor 14 and sigma 12.

@@ -107,10 +107,11 @@ def peak_neighbours(
     none = np.zeros(len(measured), np.bool_)
     dimmer, narrower, thinner, slender, least = np.ones((5, len(measured)), np.bool_)
     wider = np.zeros(len(measured), np.bool_)
-    alike, akin = [], []
+    alike, akin, rests, apart = [], [], [], []
     for there, other in beside:
-        turned = np.abs(position - other["position"]) >> TURN
-        difference = np.clip(np.abs(scale - other["scale"]) - turned, 0, MOST_DIFFERENCE)
+        distance = np.abs(position - other["position"])
+        difference = np.abs(scale - other["scale"]) - (distance >> TURN)
+        difference = np.clip(difference, 0, MOST_DIFFERENCE)
         noise = 2 * (sigma * sigma + other["sigma"] * other["sigma"])
         excess = np.maximum(excess, np.where(there, difference * difference - noise, 0))
         below, above = 9 * scale < 8 * other["scale"], 8 * scale > 9 * other["scale"]
@@ -122,7 +123,10 @@ def peak_neighbours(
         wider |= 5 * scale < 3 * other["scale"]
         slender &= ~there | far_below
         least &= ~there | (7 * scale < 4 * other["scale"])
-        dimmer &= ~there | (2 * per_power < other["light"])
+        half = 2 * per_power < other["light"]
+        dimmer &= ~there | half
+        rests.append(half & ~above)
+        apart.append(distance)
         none |= ~there
     (was, first), (comes, last) = beside
     least &= was | comes
@@ -135,6 +139,7 @@ def peak_neighbours(
     mixed |= (share < DUSKY) & np.where(brighter, *akin)
     rest = least | narrower & (share < BRIGHT) | slender & (share < BRIGHTER)
     rest |= thinner & wider & (share < FAIR)
+    rest |= ~none & np.where(apart[0] < apart[1], *rests)
     mixed |= astray & (rest | (share < DARK)) | none & (share < SINGLE)
     missing = np.maximum(np.where(alone, WHOLE, STEADY) - share, 0)
     cut = (3 * missing * (scale >> 1)) >> (SHARE_FRACTION + 3)

@@ -63,7 +63,7 @@ NEIGHBOURS = 3 / 8  # what the correlation of neighbours adds to the speckle's v
 
 FAR = 5 / 8  # first widths w between the fit and the given position
 CHI_LIMIT = 5.0  # chi squared a degree of freedom above which the spot is no Gaussian
-MIXED_LIMIT = 9 / 4 * CHI_LIMIT  # of the variance with grains, above which it is not one spot
+MIXED_LIMIT = 3 * CHI_LIMIT  # of the variance with grains, above which it is not one spot
 FEWEST = 4  # pixels
 MOST_CLIPPED = 1 / 8  # share of the window's pixels at full scale
 _TINY = 1e-30  # instead of no variance and no weight

@@ -90,11 +90,12 @@ def peak_neighbours(
     excess, none = np.zeros(count), np.zeros(count, np.bool_)
     dimmer, narrower, thinner, slender, least = np.ones((5, count), np.bool_)
     wider = np.zeros(count, np.bool_)
-    alike, akin = [], []
+    alike, akin, rests, apart = [], [], [], []
     for there, other in beside:
         noise = 2.0 * (np.square(sigma) + np.square(sigma[other]))
-        differ = np.abs(scale - scale[other]) - TURN * np.abs(position - position[other])
-        over = np.square(np.maximum(differ, 0.0)) - noise
+        distance = np.abs(position - position[other])
+        differ = np.maximum(np.abs(scale - scale[other]) - TURN * distance, 0.0)
+        over = np.square(differ) - noise
         excess = np.maximum(excess, np.where(there, over, 0.0))
         below, above = OTHER * scale < scale[other], scale > OTHER * scale[other]
         far_below, far_above = FAR_OTHER * scale < scale[other], scale > FAR_OTHER * scale[other]
@@ -105,7 +106,10 @@ def peak_neighbours(
         wider |= WIDE * scale < scale[other]
         slender &= ~there | far_below
         least &= ~there | (LEAST * scale < scale[other])
-        dimmer &= ~there | (per_power < DIMMER * per_power[other])
+        half = per_power < DIMMER * per_power[other]
+        dimmer &= ~there | half
+        rests.append(half & ~above)
+        apart.append(distance)
         none |= ~there
     (was, before), (comes, behind) = beside
     least &= was | comes
@@ -118,6 +122,7 @@ def peak_neighbours(
     mixed |= (share < DUSKY) & np.where(brighter, *akin)
     rest = least | narrower & (share < BRIGHT) | slender & (share < BRIGHTER)
     rest |= thinner & wider & (share < FAIR)
+    rest |= ~none & np.where(apart[0] < apart[1], *rests)
     mixed |= astray & (rest | (share < DARK)) | none & (share < SINGLE)
     missing = np.maximum(np.where(alone, 1.0, 1.0 - STEADY) - share, 0.0)
     doubt = np.sqrt(WIDTH_SHARE * excess + np.square(LIGHT_SHARE * missing * scale))

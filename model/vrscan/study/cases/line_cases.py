@@ -223,7 +223,7 @@ def _ends() -> Iterator[Case]:
         "spot-half-outside",
         "centres from 3 px outside to 1.5 px inside, at both ends",
         "AT_EDGE; (8) of what is there: within the window, so at most N px off",
-        tuple(spot(centre, flags="AT_EDGE", mixed=True) for centre in out),
+        tuple(spot(each, flags="AT_EDGE", mixed=not 0 < each < LAST) for each in out),
         within_px=edge + 1.0,
     )
 
