@@ -260,7 +260,7 @@ module peak_fit #(
   localparam int unsigned SlopeWidth = 23;
   localparam logic        [   LeanWidth-1:0] MostLean   = LeanWidth'(8 << 8);
   localparam logic        [            16:0] PriorLean  = 17'd448;  // 7/8 of two lines
-  localparam logic signed [ QuotientWidth:0] FineLean   = 27'sd2048;  // 1, 11 fraction bits
+  localparam logic signed [ QuotientWidth:0] FineLean   = 27'sd2016;  // 63/64, 11 fraction bits
   localparam logic signed [ QuotientWidth:0] MostGrains = 27'sd768;  // 3/8
   // Of the last lines; the highest bit says whether there is one.
   logic        [   LeanWidth:0] lean_mem [vrscan_pkg::SpeckleDepth];

@@ -60,7 +60,8 @@ FREE_WIDTH = 38
 LEAN_FRACTION = 8
 MOST_LEAN = 8 << LEAN_FRACTION  # of a line
 PRIOR_FITS, PRIOR_LEAN = 2, 7 << (LEAN_FRACTION - 3)
-GRAINS_SHIFT = 3  # eight times the mean lean above 1 is what grains add to the speckle's variance
+GRAINS_SHIFT = 3  # eight times the mean lean above FINE_LEAN is what grains add to the variance
+FINE_LEAN = 63 << (LEAN_FRACTION + GRAINS_SHIFT - 6)
 MOST_GRAINS = 3 << LEAN_FRACTION
 CHI_LIMIT = 5  # chi squared a degree of freedom above which the spot is no Gaussian
 MOST_VARIANCE = (1 << (2 * HEIGHT_FRACTION)) - 1
@@ -341,7 +342,7 @@ def _grains(sums: _Sums, variance: Ints, fitted: Bools, history: History) -> tup
     count, fits = _running(history.fits, fitted.astype(np.int64))
     dividend = (lean + PRIOR_FITS * PRIOR_LEAN) << GRAINS_SHIFT
     lean, _ = divide(dividend, count + PRIOR_FITS, quotient_width=QUOTIENT_WIDTH)
-    grains = np.clip(lean - (1 << (LEAN_FRACTION + GRAINS_SHIFT)), 0, MOST_GRAINS)
+    grains = np.clip(lean - FINE_LEAN, 0, MOST_GRAINS)
     return grains, history._replace(lean=leans, fits=fits)
 
 

@@ -23,7 +23,7 @@ middle of the spot against the whole, though. The slope of all pixels is 0 where
 settled; that of those in the middle has the variance T (S - S**2 / W), with S and W the weighted
 sums of u**2 over the middle and over all, and T that of a pixel at the top, if the pixels are
 independent. Its square over that, the lean, is 0.7 to 0.95 in focus and 1.2 to 2.5 out of it. Its
-mean over the fits of DEPTH lines and a prior is known to a quarter, so above 1 it soon says that
+mean over the fits of DEPTH lines and a prior is known to a quarter, so above 63/64 it soon says that
 grains are coarse, which makes the speckle's part of the variance at most four times as large.
 """
 
@@ -55,7 +55,8 @@ PRIOR_SPECKLE, PRIOR_DIFFERENCES = 0.0016, 32.0
 MOST_SPECKLE = 3 / 8
 MOST_LEAN = 8.0  # of a line
 PRIOR_LEAN, PRIOR_FITS = 7 / 8, 2.0
-GRAINS, MOST_GRAINS = 8.0, 3.0  # the mean lean above 1, times this, is added to the speckle
+FINE_LEAN = 63 / 64
+GRAINS, MOST_GRAINS = 8.0, 3.0  # the mean lean above that, times this, is added to the speckle
 DIFFERENCES = 20.0  # sum of the squared coefficients of a third difference
 LARGEST_AREA = 2.0  # A**2 in a line's weight
 LARGEST_LIFT = 16  # a line's weight is at most 2**16
@@ -213,7 +214,7 @@ def _grains(
     lean, leans = _running(history.lean, np.where(fitted, np.minimum(lean, MOST_LEAN), 0.0))
     count, fits = _running(history.fits, fitted.astype(np.float64))
     lean = (lean + PRIOR_FITS * PRIOR_LEAN) / (count + PRIOR_FITS)
-    grains = np.clip(GRAINS * (lean - 1.0), 0.0, MOST_GRAINS)
+    grains = np.clip(GRAINS * (lean - FINE_LEAN), 0.0, MOST_GRAINS)
     return grains, history._replace(lean=leans, fits=fits)
 
 
