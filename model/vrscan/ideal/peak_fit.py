@@ -23,8 +23,8 @@ middle of the spot against the whole, though. The slope of all pixels is 0 where
 settled; that of those in the middle has the variance T (S - S**2 / W), with S and W the weighted
 sums of u**2 over the middle and over all, and T that of a pixel at the top, if the pixels are
 independent. Its square over that, the lean, is 0.7 to 0.95 in focus and 1.2 to 2.5 out of it. Its
-mean over the fits of DEPTH lines and a prior is known to a quarter, so above 63/64 it soon says that
-grains are coarse, which makes the speckle's part of the variance at most four times as large.
+mean over the fits of DEPTH lines and a prior is known to a quarter, so it soon says that grains are
+coarse, which makes the speckle's part of the variance at most four times as large.
 """
 
 from dataclasses import dataclass
