@@ -127,143 +127,94 @@ module peak_neighbours #(
     .valid_i(root_start_q), .radicand_i(radicand_q), .valid_o(root_valid), .root_o(root)
   );
 
-  // ---- the middle one and those beside it; what is not ready in one clock is registered ----
-  logic [LightWidth-1:0] brightest_q, share_q;
-  logic [FactorWidth-2:0] before_difference_q, after_difference_q;
-  logic                  before_unlike_q, after_unlike_q, before_below_q, after_below_q;
-  logic                  before_above_q, after_above_q;
-  logic                  before_remote_q, after_remote_q, before_least_q, after_least_q;
-  logic                  before_thin_q, after_thin_q, before_wide_q, after_wide_q;
-  logic                  before_dimmer_q, after_dimmer_q, before_brighter_q;
-  logic                  other_width_q, remote_width_q, narrower_q, thinner_q, slender_q, least_q;
-  logic                  single_q, nearer_q, rest_q, out_of_row_q, strayed_q, alone_q, astray_q;
-  logic                  dimmer_q, mixed_astray_q, mixed_q;
-  logic signed [BendWidth-1:0] bend_q, apart_q;
-  logic        [BendWidth-1:0] row_q, distance_q;
-  logic [LightWidth-1:0] before_light, after_light;
-  assign before_light = before_q.measured ? before_q.light : '0;
-  assign after_light  = after_q.measured ? after_q.light : '0;
-  logic [LightWidth:0] twofold;
-  assign twofold = {centre_q.light, 1'b0};
+  // ---- the middle one and those beside it, [1] before and [0] behind ----
+  logic [1:0]                           there;
+  logic [1:0][LightWidth-1:0]           light;
+  logic [1:0][ScaleWidth-1:0]           scale;
+  logic [1:0][PositionWidth-1:0]        position;
+  assign there    = {before_q.measured, after_q.measured};
+  assign light[1] = before_q.measured ? before_q.light : '0;
+  assign light[0] = after_q.measured ? after_q.light : '0;
+  assign scale    = {before_q.scale, after_q.scale};
+  assign position = {before_q.position, after_q.position};
 
-  // Two widths, the smaller one first; then how far they differ, and by which of the ratios 17/16,
-  // 9/8, 3/2, 5/3 and 7/4.  Each step has its clock: they are read after the division, dozens later.
-  logic [2*ScaleWidth-1:0] before_widths_q, after_widths_q;
-  logic [ScaleWidth+4:0]   before_seventeen_q, after_seventeen_q;  // times the smaller one
-  logic [ScaleWidth+3:0]   before_ninefold_q, after_ninefold_q;
-  logic [ScaleWidth+2:0]   before_fivefold_q, after_fivefold_q, before_seven_q, after_seven_q;
-  logic [ScaleWidth+1:0]   before_threefold_q, after_threefold_q;
-  logic [ScaleWidth+1:0]   before_thrice_q, after_thrice_q;  // times the larger one
-  logic [ScaleWidth-1:0]   before_differ_q, after_differ_q;
-  // What a width may differ by where the surface lies askew.
-  logic signed [PositionWidth:0] before_apart_q, after_apart_q;
-  logic [PositionWidth:0]        before_distance_q, after_distance_q;
-  function automatic logic [2*ScaleWidth-1:0] ordered(
-      input logic [ScaleWidth-1:0] one, input logic [ScaleWidth-1:0] other);
-    ordered = one < other ? {one, other} : {other, one};
-  endfunction
+  // Two widths, the smaller one and the larger one; by how much they differ beyond what the surface
+  // may make of it, and by which of the ratios 17/16, 9/8, 3/2, 5/3 and 7/4.  What is not ready in
+  // one clock is registered: all this is read after the division, dozens of clocks later.
+  localparam int unsigned RatioWidth = ScaleWidth + 5;
+  logic [1:0][ScaleWidth-1:0]   small_q, large_q, differ_q;
+  logic [1:0][RatioWidth-1:0]   seventeen_q, nine_q, seven_q, five_q, three_q;  // times the smaller
+  logic [1:0][RatioWidth-1:0]   thrice_q;                                       // the larger
+  logic [1:0][PositionWidth:0]  apart_q, distance_q;
+  logic [1:0][FactorWidth-2:0]  difference_q;
+  logic [1:0]                   thin_q, unlike_q, remote_q, wide_q, least_q, below_q, above_q;
+  logic [1:0]                   dimmer_q;
+  logic [LightWidth-1:0]        brightest_q, share_q;
+  logic signed [BendWidth-1:0]  bend_q, between_q;
+  logic        [BendWidth-1:0]  row_q, gap_q;
+  logic                         brighter_q, nearer_q, out_of_row_q, strayed_q, alone_q, astray_q;
+  logic                         narrower_q, thinner_q, slender_q, slimmest_q, rest_q;
+  logic                         mixed_astray_q, mixed_q;
   function automatic logic [FactorWidth-2:0] beyond(
       input logic [ScaleWidth-1:0] difference, input logic [TurnWidth-1:0] turn);
-    logic [ScaleWidth-1:0] rest;
-    rest   = difference > ScaleWidth'(turn) ? difference - ScaleWidth'(turn) : '0;
-    beyond = rest[ScaleWidth-1] ? '1 : rest[FactorWidth-2:0];
+    logic [ScaleWidth-1:0] left;
+    left   = difference > ScaleWidth'(turn) ? difference - ScaleWidth'(turn) : '0;
+    beyond = left[ScaleWidth-1] ? '1 : left[FactorWidth-2:0];
   endfunction
-  function automatic logic [ScaleWidth+4:0] seventeenfold(input logic [ScaleWidth-1:0] value);
-    seventeenfold = {1'b0, value, 4'b0} + (ScaleWidth + 5)'(value);
-  endfunction
-  function automatic logic [ScaleWidth+2:0] fivefold(input logic [ScaleWidth-1:0] value);
-    fivefold = {1'b0, value, 2'b0} + (ScaleWidth + 3)'(value);
-  endfunction
-  function automatic logic [ScaleWidth+2:0] sevenfold(input logic [ScaleWidth-1:0] value);
-    sevenfold = {value, 3'b0} - (ScaleWidth + 3)'(value);
-  endfunction
-  function automatic logic [ScaleWidth+3:0] ninefold(input logic [ScaleWidth-1:0] value);
-    ninefold = {1'b0, value, 3'b0} + (ScaleWidth + 4)'(value);
-  endfunction
-  function automatic logic [ScaleWidth+1:0] threefold(input logic [ScaleWidth-1:0] value);
-    threefold = {1'b0, value, 1'b0} + (ScaleWidth + 2)'(value);
+  function automatic logic [RatioWidth-1:0] shifted(
+      input logic [ScaleWidth-1:0] value, input int unsigned by);
+    shifted = RatioWidth'(value) << by;
   endfunction
   // Both factors of a square, and the start.
   function automatic logic [2*FactorWidth:0] squared(input logic [FactorWidth-2:0] value);
     squared = {1'b0, value, 1'b0, value, 1'b1};
   endfunction
   always_ff @(posedge clk_i) if (state_q != IDLE) begin
-    brightest_q         <= before_light > after_light ? before_light : after_light;
-    before_widths_q     <= ordered(centre_q.scale, before_q.scale);
-    after_widths_q      <= ordered(centre_q.scale, after_q.scale);
-    before_differ_q     <= before_widths_q[ScaleWidth-1:0]
-                           - before_widths_q[2*ScaleWidth-1:ScaleWidth];
-    after_differ_q      <= after_widths_q[ScaleWidth-1:0]
-                           - after_widths_q[2*ScaleWidth-1:ScaleWidth];
-    before_apart_q      <= (PositionWidth + 1)'(before_q.position)
-                           - (PositionWidth + 1)'(centre_q.position);
-    after_apart_q       <= (PositionWidth + 1)'(after_q.position)
-                           - (PositionWidth + 1)'(centre_q.position);
-    before_distance_q   <= unsigned'(before_apart_q < 0 ? -before_apart_q : before_apart_q);
-    after_distance_q    <= unsigned'(after_apart_q < 0 ? -after_apart_q : after_apart_q);
-    before_difference_q <= beyond(before_differ_q, before_distance_q[PositionWidth:Turn]);
-    after_difference_q  <= beyond(after_differ_q, after_distance_q[PositionWidth:Turn]);
-    before_seventeen_q  <= seventeenfold(before_widths_q[2*ScaleWidth-1:ScaleWidth]);
-    after_seventeen_q   <= seventeenfold(after_widths_q[2*ScaleWidth-1:ScaleWidth]);
-    before_thin_q       <= {1'b0, before_widths_q[ScaleWidth-1:0], 4'b0} > before_seventeen_q;
-    after_thin_q        <= {1'b0, after_widths_q[ScaleWidth-1:0], 4'b0} > after_seventeen_q;
-    before_fivefold_q   <= fivefold(before_widths_q[2*ScaleWidth-1:ScaleWidth]);
-    after_fivefold_q    <= fivefold(after_widths_q[2*ScaleWidth-1:ScaleWidth]);
-    before_thrice_q     <= threefold(before_widths_q[ScaleWidth-1:0]);
-    after_thrice_q      <= threefold(after_widths_q[ScaleWidth-1:0]);
-    before_wide_q       <= {1'b0, before_thrice_q} > before_fivefold_q;
-    after_wide_q        <= {1'b0, after_thrice_q} > after_fivefold_q;
-    before_seven_q      <= sevenfold(before_widths_q[2*ScaleWidth-1:ScaleWidth]);
-    after_seven_q       <= sevenfold(after_widths_q[2*ScaleWidth-1:ScaleWidth]);
-    before_least_q      <= before_below_q
-                           && {1'b0, before_widths_q[ScaleWidth-1:0], 2'b0} > before_seven_q;
-    after_least_q       <= after_below_q
-                           && {1'b0, after_widths_q[ScaleWidth-1:0], 2'b0} > after_seven_q;
-    before_ninefold_q   <= ninefold(before_widths_q[2*ScaleWidth-1:ScaleWidth]);
-    after_ninefold_q    <= ninefold(after_widths_q[2*ScaleWidth-1:ScaleWidth]);
-    before_unlike_q     <= {1'b0, before_widths_q[ScaleWidth-1:0], 3'b0} > before_ninefold_q;
-    after_unlike_q      <= {1'b0, after_widths_q[ScaleWidth-1:0], 3'b0} > after_ninefold_q;
-    before_threefold_q  <= threefold(before_widths_q[2*ScaleWidth-1:ScaleWidth]);
-    after_threefold_q   <= threefold(after_widths_q[2*ScaleWidth-1:ScaleWidth]);
-    before_remote_q     <= {1'b0, before_widths_q[ScaleWidth-1:0], 1'b0} > before_threefold_q;
-    after_remote_q      <= {1'b0, after_widths_q[ScaleWidth-1:0], 1'b0} > after_threefold_q;
-    before_above_q      <= centre_q.scale > before_q.scale;
-    after_above_q       <= centre_q.scale > after_q.scale;
-    before_below_q      <= before_q.measured && centre_q.scale < before_q.scale;
-    after_below_q       <= after_q.measured && centre_q.scale < after_q.scale;
-    before_dimmer_q     <= !before_q.measured || {1'b0, before_q.light} > twofold;
-    after_dimmer_q      <= !after_q.measured || {1'b0, after_q.light} > twofold;
-    before_brighter_q   <= before_light > after_light;
-    bend_q              <= BendWidth'(before_q.position) + BendWidth'(after_q.position)
-                           - (BendWidth'(centre_q.position) <<< 1);
-    row_q               <= unsigned'(bend_q < 0 ? -bend_q : bend_q);
-    apart_q             <= BendWidth'(before_q.position) - BendWidth'(after_q.position);
-    distance_q          <= unsigned'(apart_q < 0 ? -apart_q : apart_q);
-    out_of_row_q        <= row_q > BendWidth'({centre_q.scale, 2'b0});
-    strayed_q           <= {row_q, 2'b0} > {2'b0, distance_q};
-    alone_q             <= !before_q.measured || !after_q.measured || out_of_row_q;
-    astray_q            <= !before_q.measured || !after_q.measured || (out_of_row_q && strayed_q);
-    dimmer_q            <= before_dimmer_q && after_dimmer_q;
-    other_width_q       <= before_brighter_q ? before_unlike_q : after_unlike_q;
-    remote_width_q      <= before_brighter_q ? before_remote_q : after_remote_q;
-    narrower_q          <= before_below_q && before_unlike_q && after_below_q && after_unlike_q;
-    slender_q           <= (!before_q.measured || (before_below_q && before_remote_q))
-                           && (!after_q.measured || (after_below_q && after_remote_q));
-    thinner_q           <= before_below_q && before_thin_q && after_below_q && after_thin_q
-                           && (before_wide_q || after_wide_q);
-    least_q             <= (!before_q.measured || before_least_q)
-                           && (!after_q.measured || after_least_q)
-                           && (before_q.measured || after_q.measured);
-    single_q            <= !before_q.measured || !after_q.measured;
-    nearer_q            <= before_distance_q < after_distance_q;
-    rest_q              <= !single_q && (nearer_q
-                           ? before_dimmer_q && !(before_unlike_q && before_above_q)
-                           : after_dimmer_q && !(after_unlike_q && after_above_q));
-    mixed_astray_q      <= least_q || rest_q || share_q < Dark || (share_q < Bright && narrower_q)
-                           || (share_q < Fair && thinner_q) || (share_q < Brighter && slender_q);
-    mixed_q             <= (dimmer_q && (share_q < Faint || (share_q < Dim && !other_width_q)))
-                           || (share_q < Dusky && !remote_width_q) || (single_q && share_q < Single)
-                           || (astray_q && mixed_astray_q);
+    for (int unsigned k = 0; k < 2; k++) begin
+      small_q[k]      <= centre_q.scale < scale[k] ? centre_q.scale : scale[k];
+      large_q[k]      <= centre_q.scale < scale[k] ? scale[k] : centre_q.scale;
+      below_q[k]      <= there[k] && centre_q.scale < scale[k];
+      above_q[k]      <= centre_q.scale > scale[k];
+      seventeen_q[k]  <= shifted(small_q[k], 4) + shifted(small_q[k], 0);
+      nine_q[k]       <= shifted(small_q[k], 3) + shifted(small_q[k], 0);
+      seven_q[k]      <= shifted(small_q[k], 3) - shifted(small_q[k], 0);
+      five_q[k]       <= shifted(small_q[k], 2) + shifted(small_q[k], 0);
+      three_q[k]      <= shifted(small_q[k], 1) + shifted(small_q[k], 0);
+      thrice_q[k]     <= shifted(large_q[k], 1) + shifted(large_q[k], 0);
+      thin_q[k]       <= shifted(large_q[k], 4) > seventeen_q[k];
+      unlike_q[k]     <= shifted(large_q[k], 3) > nine_q[k];
+      remote_q[k]     <= shifted(large_q[k], 1) > three_q[k];
+      wide_q[k]       <= thrice_q[k] > five_q[k];
+      least_q[k]      <= shifted(large_q[k], 2) > seven_q[k];
+      apart_q[k]      <= (PositionWidth + 1)'(signed'(position[k]))
+                         - (PositionWidth + 1)'(centre_q.position);
+      distance_q[k]   <= apart_q[k][PositionWidth] ? -apart_q[k] : apart_q[k];
+      differ_q[k]     <= large_q[k] - small_q[k];
+      difference_q[k] <= beyond(differ_q[k], distance_q[k][PositionWidth:Turn]);
+      dimmer_q[k]     <= !there[k] || {1'b0, light[k]} > {centre_q.light, 1'b0};
+    end
+    brightest_q    <= light[1] > light[0] ? light[1] : light[0];
+    brighter_q     <= light[1] > light[0];
+    nearer_q       <= distance_q[1] < distance_q[0];
+    bend_q         <= BendWidth'(before_q.position) + BendWidth'(after_q.position)
+                      - (BendWidth'(centre_q.position) <<< 1);
+    row_q          <= unsigned'(bend_q < 0 ? -bend_q : bend_q);
+    between_q      <= BendWidth'(before_q.position) - BendWidth'(after_q.position);
+    gap_q          <= unsigned'(between_q < 0 ? -between_q : between_q);
+    out_of_row_q   <= row_q > BendWidth'({centre_q.scale, 2'b0});
+    strayed_q      <= {row_q, 2'b0} > {2'b0, gap_q};
+    alone_q        <= !(&there) || out_of_row_q;
+    astray_q       <= !(&there) || (out_of_row_q && strayed_q);
+    narrower_q     <= &(below_q & unlike_q);
+    thinner_q      <= &(below_q & thin_q) && |wide_q;
+    slender_q      <= &(~there | (below_q & remote_q));
+    slimmest_q     <= &(~there | (below_q & least_q)) && |there;
+    rest_q         <= &there && dimmer_q[nearer_q] && !(unlike_q[nearer_q] && above_q[nearer_q]);
+    mixed_astray_q <= slimmest_q || rest_q || share_q < Dark || (share_q < Bright && narrower_q)
+                      || (share_q < Fair && thinner_q) || (share_q < Brighter && slender_q);
+    mixed_q        <= (&dimmer_q && (share_q < Faint || (share_q < Dim && !unlike_q[brighter_q])))
+                      || (share_q < Dusky && !remote_q[brighter_q])
+                      || (!(&there) && share_q < Single) || (astray_q && mixed_astray_q);
   end
 
   // A difference's noise is that of both widths.
@@ -363,7 +314,7 @@ module peak_neighbours #(
       end
       BEFORE: if (product_valid) begin
         noise_q <= own_q + product;
-        {a_q, b_q, multiply_start_q} <= squared(before_difference_q);
+        {a_q, b_q, multiply_start_q} <= squared(difference_q[1]);
         state_q <= BEFORE_WIDTH;
       end
       BEFORE_WIDTH: if (product_valid) begin
@@ -375,7 +326,7 @@ module peak_neighbours #(
         excess_q <= before_q.measured && over_q > 0 ? over_q : '0;
         if (product_valid) begin
           noise_q <= own_q + product;
-          {a_q, b_q, multiply_start_q} <= squared(after_difference_q);
+          {a_q, b_q, multiply_start_q} <= squared(difference_q[0]);
           state_q <= AFTER_WIDTH;
         end
       end
