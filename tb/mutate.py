@@ -293,8 +293,8 @@ FAULTS = [
         "rtl/peak/peak_neighbours.sv",
         (
             "a line before a pause as neighbour",
-            "centre_there_q <= after_there_q;\n        state_q        <= IDLE",
-            "state_q        <= IDLE",
+            "centre_there_q <= after_there_q;\n",
+            "centre_there_q <= 1'b1;\n",
         ),
         (
             "a line that comes late is lost",

@@ -363,7 +363,6 @@ module peak_neighbours #(
         valid_o        <= 1'b1;
         sigma_o        <= centre_q.measured ? limited : centre_q.sigma;
         mixed_o        <= centre_q.measured && mixed_q;
-        centre_there_q <= after_there_q;
         state_q        <= IDLE;
       end
       default: state_q <= IDLE;
