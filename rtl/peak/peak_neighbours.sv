@@ -157,9 +157,10 @@ module peak_neighbours #(
   logic                         mixed_astray_q, mixed_q;
   function automatic logic [FactorWidth-2:0] beyond(
       input logic [ScaleWidth-1:0] difference, input logic [TurnWidth-1:0] turn);
-    logic [ScaleWidth-1:0] left;
-    left   = difference > ScaleWidth'(turn) ? difference - ScaleWidth'(turn) : '0;
-    beyond = left[ScaleWidth-1] ? '1 : left[FactorWidth-2:0];
+    logic [RatioWidth-1:0] left;  // a long line's turn is wider than a width
+    left   = RatioWidth'(difference) > RatioWidth'(turn)
+             ? RatioWidth'(difference) - RatioWidth'(turn) : '0;
+    beyond = |left[RatioWidth-1:FactorWidth-1] ? '1 : left[FactorWidth-2:0];
   endfunction
   function automatic logic [RatioWidth-1:0] shifted(
       input logic [ScaleWidth-1:0] value, input int unsigned by);
