@@ -24,6 +24,7 @@ from harness import (
 from vrscan.data import pkg
 from vrscan.fixed.divide import latency as divide_latency
 from vrscan.fixed.peak_neighbours import LATENCY, Beside, peak_neighbours
+from vrscan.ideal import peak_neighbours as ideal
 
 ELABORATIONS = [
     {"LineLength": 2048, "NeighbourClks": 1000, "UserWidth": 20},
@@ -470,6 +471,33 @@ def test_a_width_may_differ_with_the_distance_of_the_lines() -> None:
             got = model(row(scale=scale), []).doubt
             want = round(math.sqrt(max(beyond**2 - noise, 0) // 16))
             assert got.tolist() == [0, want, want, want, 0]
+
+
+def in_float(given: dict[str, np.ndarray], breaks: list[int]) -> ideal.Beside:
+    """Return what the equations say of the twin's numbers."""
+    px = {name: given[name] / ONE for name in ("position", "sigma", "scale")}
+    return ideal.peak_neighbours(
+        measured=given["measured"] == 1, light=given["light"] / 1.0, power=given["power"],
+        breaks=breaks, **px,
+    )  # fmt: skip
+
+
+def test_a_doubt_is_that_of_the_equations() -> None:
+    """To half a step of the root, of the cut and of the turn, over what is left of a doubt."""
+    for beyond in (-0.1, 0.0, 0.25, 1.0, 3.0):
+        for share in (0.1, 0.4, 0.7, 1.0):
+            scale = np.array([3, 3, 3 + beyond + 50 / 256, 3, 3]) * ONE
+            given = row(scale=np.round(scale), light=lights(round(LIGHT * share), LIGHT))
+            got, want = model(given, []), in_float(given, [])
+            for name in ("doubt", "sigma", "typical"):
+                error = getattr(got, name) / ONE - getattr(want, name)
+                assert np.abs(error).max() < 3 / ONE, (name, beyond, share)
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_a_spot_is_mixed_by_the_equations_beyond_a_limit(side: Side) -> None:
+    want = model(side.given, list(side.breaks)).mixed
+    assert in_float(side.given, list(side.breaks)).mixed.tolist() == want.tolist()
 
 
 @pytest.mark.parametrize("side", SIDES)
