@@ -80,6 +80,11 @@ class Reliability:
         """Rms of error over sigma: 1 where the prediction is right; NaN without points."""
         return math.sqrt(self.square / self.rated) if self.rated else math.nan
 
+    @property
+    def rms_mm(self) -> float:
+        """Rms error in z of the points that have a sigma, mm; NaN without any."""
+        return math.sqrt(float(self.square_mm.sum()) / self.rated) if self.rated else math.nan
+
     def share(self, multiple: float) -> float:
         """Return the share of points whose error is within a multiple of sigma, up to ``MOST``."""
         if not self.points:
@@ -95,7 +100,7 @@ class Reliability:
         return (
             f"error/sigma {self.ratio:.2f}, 2 sigma holds {second} %; 1 and 3 hold {first} and "
             f"{third} % (normal errors: {normal}); {self.points} points without a flag, "
-            f"{self.astray} astray"
+            f"{self.astray} astray, the others {self.rms_mm:.2f} mm rms"
         )
 
 
