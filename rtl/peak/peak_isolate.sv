@@ -15,7 +15,9 @@
 // wide and at most MostRivals others are from min_width to max_core wide.  A clear one is judged by
 // the noise beside it; a broad one or one of many by the spread, where that is larger, because a
 // wall's texture, its edges and its lamps look like that.  A broad one is TOO_WIDE unless it is
-// saturated.
+// saturated.  Where a fit follows, runs at most MostGap pixels apart are one: out of focus, coarse
+// speckle breaks a spot up.  At the core level the width of such a one is without the gaps, and one
+// of its parts has to be min_width wide.
 //
 //   left_o, right_o, width_o  the window; width_o is 0 where the maximum is not above the threshold
 //   noise_o                   what the peak is judged by
@@ -86,9 +88,12 @@ module peak_isolate #(
   localparam int unsigned CoreShift   = 2;  // the core level is at a quarter of the height
   localparam int unsigned MostRivals  = 2;  // narrow rivals of a clear spot
   localparam int unsigned RivalWidth  = $clog2(MostRivals + 2);
+  localparam int unsigned MostGap     = 4;  // pixels between two parts of a run
+  localparam int unsigned GapWidth    = $clog2(MostGap + 1);
 
   // ---- limits that registers cannot leave ----
   logic [WindowWidth-1:0] min_width_q, below_min_q, max_width_q, max_core_q;
+  logic [   GapWidth-1:0] most_gap_q;
   always_ff @(posedge clk_i) begin
     min_width_q <= peak_i.min_width < WindowWidth'(vrscan_pkg::MinWindow)
                    ? WindowWidth'(vrscan_pkg::MinWindow) : peak_i.min_width;
@@ -96,6 +101,7 @@ module peak_isolate #(
                                                                : peak_i.max_width;
     below_min_q <= min_width_q - WindowWidth'(1);
     max_core_q  <= peak_i.max_core;
+    most_gap_q  <= peak_i.window_fit ? GapWidth'(MostGap) : '0;
   end
 
   // ---- both levels and both limits of the height: five products, one after the other ----
@@ -284,31 +290,38 @@ module peak_isolate #(
   end
 
   // ---- runs ----
+  // A run goes on through a gap; its right end and its width are those of its last pixel above.
   logic                  in_run_q, has_max_q;  // of the run under way
-  logic [IndexWidth-1:0] run_left_q;
-  logic [WidthWidth-1:0] run_width_q;
+  logic [  GapWidth-1:0] gap_q;  // pixels behind its last one above
+  logic [IndexWidth-1:0] run_left_q, run_right_q;
+  logic [WidthWidth-1:0] run_width_q, span_q;  // the span has the gap in it
   logic                  found_q;  // of the line so far
   logic [IndexWidth-1:0] found_left_q, found_right_q;
   logic [WidthWidth-1:0] found_width_q;
 
   // The run including this pixel where it is above, the run it ends where it is not.
-  logic                  has_max, run_ends;
-  logic [IndexWidth-1:0] run_left;
-  logic [WidthWidth-1:0] run_width;
+  logic                  has_max, run_goes_on, run_ends;
+  logic [IndexWidth-1:0] run_left, run_right;
+  logic [WidthWidth-1:0] run_width, span;
   assign has_max     = above_q ? is_max_q || (in_run_q && has_max_q) : has_max_q;
   assign run_left    = above_q && !in_run_q ? index_q : run_left_q;
-  assign run_width   = !above_q ? run_width_q
-                       : in_run_q ? run_width_q + WidthWidth'(1) : WidthWidth'(1);
-  assign run_ends    = above_q ? last_q : in_run_q;
+  assign run_right   = above_q ? index_q : run_right_q;
+  assign span        = in_run_q ? span_q + WidthWidth'(1) : WidthWidth'(1);
+  assign run_width   = above_q ? span : run_width_q;
+  assign run_goes_on = (above_q || (in_run_q && gap_q != most_gap_q)) && !last_q;
+  assign run_ends    = (above_q || in_run_q) && !run_goes_on;
 
   logic                  finish_q;
   always_ff @(posedge clk_i) begin
     finish_q <= seen_q && last_q;
     if (seen_q) begin
-      in_run_q    <= above_q && !last_q;
+      in_run_q    <= run_goes_on;
       has_max_q   <= has_max;
+      gap_q       <= above_q ? '0 : gap_q + GapWidth'(1);
       run_left_q  <= run_left;
+      run_right_q <= run_right;
       run_width_q <= run_width;
+      span_q      <= span;
       if (first_q) begin
         found_q       <= 1'b0;
         found_width_q <= '0;
@@ -316,7 +329,7 @@ module peak_isolate #(
       if (run_ends && has_max) begin
         found_q       <= 1'b1;
         found_left_q  <= run_left;
-        found_right_q <= above_q ? index_q : index_q - IndexWidth'(1);
+        found_right_q <= run_right;
         found_width_q <= run_width;
       end
     end
@@ -328,23 +341,29 @@ module peak_isolate #(
 
   // ---- runs above the core level ----
   logic                  core_in_run_q, core_has_max_q;  // of the run under way
-  logic [WidthWidth-1:0] core_width_q;  // 0 outside of one
+  logic [  GapWidth-1:0] core_gap_q;
+  logic [WidthWidth-1:0] core_width_q;  // without gaps; 0 outside of a run
+  logic [WindowWidth-1:0] core_part_q;  // pixels without a gap so far, as far as min_width goes
+  logic                  core_enough_q;  // a part was as wide as that
   logic                  broad_q, rival_q;  // of the line so far
   logic [RivalWidth-1:0] rivals_q;  // narrow ones, up to MostRivals + 1
-  logic                  core_has_max, core_ends, core_broad, core_enough;
+  logic                  core_has_max, core_goes_on, core_ends, core_broad, core_enough;
   assign core_has_max = core_above_q ? is_max_q || (core_in_run_q && core_has_max_q)
                                      : core_has_max_q;
-  assign core_ends    = core_above_q ? last_q : core_in_run_q;
+  assign core_goes_on = (core_above_q || (core_in_run_q && core_gap_q != most_gap_q)) && !last_q;
+  assign core_ends    = (core_above_q || core_in_run_q) && !core_goes_on;
   // This pixel's one is compared with the width and not added to it first: w + 1 > m is
   // 2 w + 1 >= 2 m + 1, and w > m is 2 w >= 2 m + 1.
   assign core_broad  = {WiderWidth'(core_width_q), core_above_q} >= {WiderWidth'(max_core_q), 1'b1};
-  assign core_enough = {WiderWidth'(core_width_q), core_above_q}
-                       >= {WiderWidth'(below_min_q), 1'b1};
+  assign core_enough = core_enough_q || (core_above_q && core_part_q == below_min_q);
   always_ff @(posedge clk_i) begin
     if (seen_q) begin
-      core_in_run_q  <= core_above_q && !last_q;
+      core_in_run_q  <= core_goes_on;
       core_has_max_q <= core_has_max;
-      core_width_q   <= core_above_q && !last_q ? core_width_q + WidthWidth'(1) : '0;
+      core_gap_q     <= core_above_q ? '0 : core_gap_q + GapWidth'(1);
+      core_width_q   <= core_goes_on ? core_width_q + WidthWidth'(core_above_q) : '0;
+      core_part_q    <= core_above_q && !last_q ? core_part_q + WindowWidth'(1) : '0;
+      core_enough_q  <= core_goes_on && core_enough;
       if (first_q) begin
         broad_q  <= 1'b0;
         rival_q  <= 1'b0;
@@ -361,6 +380,8 @@ module peak_isolate #(
     if (rst_i) begin
       core_in_run_q <= 1'b0;
       core_width_q  <= '0;
+      core_part_q   <= '0;
+      core_enough_q <= 1'b0;
     end
   end
 

@@ -5,16 +5,14 @@
 // of what two widths differ by beyond their noise and 1/256 of the distance of their places, which
 // is the surface's, and 3/16 of the share of light that is missing.
 // Light over the laser's power is compared with that of the brighter neighbour; up to a quarter of
-// it may be missing from a spot in a row with both.  A spot is mixed where it has less than half of
-// each neighbour's light and less than 7/32 of that of the brighter one, or less than 3/8 and its
-// width, within 9/8; and where it has less than 3/16 and about that width, within 3/2.  A spot is
-// astray beside a line without one, or out of the row by four widths and by a quarter of the
-// distance of its neighbours, which grows with the turn of the mirror from line to line.  There it
-// is mixed where it has less than 1/8 of the light, 1/4 beside a line without a spot; where it has
-// less than 11/16 and is narrower than both by 9/8; less than 15/16, narrower than both by 17/16
-// and than one by 5/3; less than 9/8 and narrower than each that is there by 3/2; with any light
-// where it is narrower than each that is there by 7/4; and where it has less than half of the light
-// of the nearer of two and is not wider than that one by 9/8.
+// it may be missing from a spot in a row with both.  A spot is mixed where it has less than 1/4 of
+// that light and about that one's width, within 3/2, or less than half of each neighbour's; less
+// than 7/16, less than half of each and that width, within 9/8; and less than 5/16 beside a line
+// without a spot.  A spot is astray there, or out of the row by four widths and by a quarter of the
+// distance of its neighbours, which grows with the turn of the mirror from line to line.  Then it
+// is mixed where it has less than 1/8; less than 11/16 and is narrower than both by 9/8; less than
+// 15/16, narrower than both by 17/16 and than one by 5/3; less than 9/8 and narrower than each that
+// is there by 3/2; and with any light where it is so by 7/4.
 //
 //   valid_i    a line's spot; valid_o follows with that of the line before it, and user_i with it
 //   scale_i    half of the spot's width at half of its height, px, 12 fraction bits
@@ -73,10 +71,9 @@ module peak_neighbours #(
   localparam int unsigned TurnWidth     = PositionWidth + 1 - Turn;
   localparam logic [LightWidth-1:0] Whole    = LightWidth'(1 << ShareFraction);
   localparam logic [LightWidth-1:0] Dark     = Whole >> 3;
-  localparam logic [LightWidth-1:0] Single   = Whole >> 2;
-  localparam logic [LightWidth-1:0] Dusky    = (Whole >> 3) + (Whole >> 4);
-  localparam logic [LightWidth-1:0] Faint    = (Whole >> 2) - (Whole >> 5);
-  localparam logic [LightWidth-1:0] Dim      = (Whole >> 2) + (Whole >> 3);
+  localparam logic [LightWidth-1:0] Faint    = Whole >> 2;
+  localparam logic [LightWidth-1:0] Single   = (Whole >> 2) + (Whole >> 4);
+  localparam logic [LightWidth-1:0] Dim      = (Whole >> 1) - (Whole >> 4);
   localparam logic [LightWidth-1:0] Bright   = (Whole >> 1) + (Whole >> 3) + (Whole >> 4);
   localparam logic [LightWidth-1:0] Fair     = Whole - (Whole >> 4);
   localparam logic [LightWidth-1:0] Brighter = Whole + (Whole >> 3);
@@ -147,13 +144,12 @@ module peak_neighbours #(
   logic [1:0][RatioWidth-1:0]   thrice_q;                                       // the larger
   logic [1:0][PositionWidth:0]  apart_q, distance_q;
   logic [1:0][FactorWidth-2:0]  difference_q;
-  logic [1:0]                   thin_q, unlike_q, remote_q, wide_q, least_q, below_q, above_q;
-  logic [1:0]                   dimmer_q;
+  logic [1:0]                   thin_q, unlike_q, remote_q, wide_q, least_q, below_q, dimmer_q;
   logic [LightWidth-1:0]        brightest_q, share_q;
   logic signed [BendWidth-1:0]  bend_q, between_q;
   logic        [BendWidth-1:0]  row_q, gap_q;
-  logic                         brighter_q, nearer_q, out_of_row_q, strayed_q, alone_q, astray_q;
-  logic                         narrower_q, thinner_q, slender_q, slimmest_q, rest_q;
+  logic                         brighter_q, out_of_row_q, strayed_q, alone_q, astray_q;
+  logic                         narrower_q, thinner_q, slender_q, slimmest_q;
   logic                         mixed_astray_q, mixed_q;
   function automatic logic [FactorWidth-2:0] beyond(
       input logic [ScaleWidth-1:0] difference, input logic [TurnWidth-1:0] turn);
@@ -175,7 +171,6 @@ module peak_neighbours #(
       small_q[k]      <= centre_q.scale < scale[k] ? centre_q.scale : scale[k];
       large_q[k]      <= centre_q.scale < scale[k] ? scale[k] : centre_q.scale;
       below_q[k]      <= there[k] && centre_q.scale < scale[k];
-      above_q[k]      <= centre_q.scale > scale[k];
       seventeen_q[k]  <= shifted(small_q[k], 4) + shifted(small_q[k], 0);
       nine_q[k]       <= shifted(small_q[k], 3) + shifted(small_q[k], 0);
       seven_q[k]      <= shifted(small_q[k], 3) - shifted(small_q[k], 0);
@@ -196,7 +191,6 @@ module peak_neighbours #(
     end
     brightest_q    <= light[1] > light[0] ? light[1] : light[0];
     brighter_q     <= light[1] > light[0];
-    nearer_q       <= distance_q[1] < distance_q[0];
     bend_q         <= BendWidth'(before_q.position) + BendWidth'(after_q.position)
                       - (BendWidth'(centre_q.position) <<< 1);
     row_q          <= unsigned'(bend_q < 0 ? -bend_q : bend_q);
@@ -210,12 +204,11 @@ module peak_neighbours #(
     thinner_q      <= &(below_q & thin_q) && |wide_q;
     slender_q      <= &(~there | (below_q & remote_q));
     slimmest_q     <= &(~there | (below_q & least_q)) && |there;
-    rest_q         <= &there && dimmer_q[nearer_q] && !(unlike_q[nearer_q] && above_q[nearer_q]);
-    mixed_astray_q <= slimmest_q || rest_q || share_q < Dark || (share_q < Bright && narrower_q)
+    mixed_astray_q <= slimmest_q || share_q < Dark || (share_q < Bright && narrower_q)
                       || (share_q < Fair && thinner_q) || (share_q < Brighter && slender_q);
-    mixed_q        <= (&dimmer_q && (share_q < Faint || (share_q < Dim && !unlike_q[brighter_q])))
-                      || (share_q < Dusky && !remote_q[brighter_q])
-                      || (!(&there) && share_q < Single) || (astray_q && mixed_astray_q);
+    mixed_q        <= (share_q < Faint && (&dimmer_q || !remote_q[brighter_q]))
+                      || (share_q < Dim && &dimmer_q && !unlike_q[brighter_q])
+                      || (share_q < Single && !(&there)) || (astray_q && mixed_astray_q);
   end
 
   // A difference's noise is that of both widths.

@@ -23,7 +23,6 @@ MIRRORS = {"shiny-corner", "turned-metal"}
 # Nor can it tell a ghost, which stands where it stands all the time.
 NO_DETECTOR_KNOWS = {"window-ghost"} | MIRRORS
 FEWEST = 120  # points of a tenth of C_obj that are judged: their share is known to 0.045
-FEWEST_RATIOS = 20  # points whose errors are judged: their rms is known to 16 %
 DOUBTFUL = ("SATURATED", "RIVAL", "AT_EDGE")
 
 
@@ -204,14 +203,16 @@ def test_errors_are_as_large_as_sigma_and_what_is_no_surface_is_told(
 ) -> None:
     """Against the truth of the light: positions over sigma, and points far off that have a flag.
 
-    The share of those with a flag, and of the others that are MIXED, are counted
+    The share of those with a flag, and of the others that are MIXED or RIVAL, are counted
     over all scenes but window-ghost, whose ghosts are spots like any, and those with mirrors: there
     error over sigma is of the points that are not far off, and the others with a flag are counted
-    by themselves. Of window-ghost nearly every point has a flag. Error over sigma of a preset is of
-    the points that are not far off, too: those without a flag are counted already.
+    by themselves. Of window-ghost nearly every point has a flag; the 10 to 25 that have none are
+    light of a bright band from beams whose axis is on a dark one, and err by 2 to 4 sigma. Error
+    over sigma of a preset is of the points that are not far off, too: those without a flag are
+    counted already.
     """
     ours = kept_by(config)
-    told, far, mixed, good = 0, 0, 0, 0
+    told, far, mixed, rival, good = 0, 0, 0, 0, 0
     for scene in scenes:
         points, truth = scanned(config, scene, 31, 2000)
         error, off, flagged = against_truth(points, truth)
@@ -221,7 +222,7 @@ def test_errors_are_as_large_as_sigma_and_what_is_no_surface_is_told(
             print(f"{scene}: {np.sum(off & flagged)} of {np.sum(off)} on another spot are told")
             least = ours.mirrored if scene in MIRRORS else ours.ghosts
             assert np.sum(off) > 60 and np.sum(off & flagged) > least * np.sum(off)
-            if np.sum(kept) < FEWEST_RATIOS:
+            if scene not in MIRRORS:
                 continue
         if ours.preset:
             kept &= ~off
@@ -235,12 +236,15 @@ def test_errors_are_as_large_as_sigma_and_what_is_no_surface_is_told(
             told, far = told + np.sum(off & flagged), far + np.sum(off)
             sound = points.located & ~off
             mixed, good = mixed + np.sum(sound & points.flags["MIXED"]), good + np.sum(sound)
-    print(f"{told} of {far} told; {100 * mixed / good:.2f} % of the others are MIXED")
+            rival += np.sum(sound & points.flags["RIVAL"])
+    print(f"{told} of {far} told; {100 * mixed / good:.2f} % of the others are MIXED and "
+          f"{100 * rival / good:.2f} % RIVAL")  # fmt: skip
     # One seed has some 350 such points, whose share is known to 1.6 % (one standard deviation).
     assert told + 2 * np.sqrt(0.09 * far * ours.again) > ours.told * far
     # Asked of all scenes; those of the short run are the ones with the most edges.
     unsure = 2 * np.sqrt(mixed) if ours.preset else 0.0
     assert mixed - unsure < (0.01 if len(scenes) > 6 else 0.015) * good
+    assert rival < 0.01 * good
 
 
 @EACH_VOLUME
@@ -267,8 +271,8 @@ def test_what_is_no_surface_is_told_in_scenes_of_chance(config: Config, volume: 
         ratio = error[plain] / points.sigma_px[plain]
         squares.append(float(np.mean(ratio**2)))
     ratios = np.sqrt(squares)
-    print(f"{told} of {far} told; {100 * mixed / good:.1f} % of the others are MIXED, between lines on "
-          f"their surface {100 * alone / within:.2f} %; error/sigma "
+    print(f"{told} of {far} told; {100 * mixed / good:.1f} % of the others are MIXED, between "
+          f"lines on their surface {100 * alone / within:.2f} %; error/sigma "
           f"{ratios.min():.2f} to {ratios.max():.2f}, median {np.median(ratios):.2f}")  # fmt: skip
     assert told + 2 * np.sqrt(0.09 * far) > kept_by(config).told * far
     assert mixed < 0.05 * good and alone < 0.01 * within

@@ -20,7 +20,7 @@ from harness import (
 from vrscan.data import pkg
 from vrscan.fixed import line_buffer
 from vrscan.fixed.line_statistics import LineStatistics, line_statistics
-from vrscan.fixed.peak_isolate import Windows, latency, peak_isolate, replay_latency
+from vrscan.fixed.peak_isolate import MOST_GAP, Windows, latency, peak_isolate, replay_latency
 from vrscan.ideal import peak as ideal
 
 ELABORATIONS = [
@@ -45,6 +45,7 @@ class Settings:
     max_core: int = 64
     saturation_level: int = 0xFFFF  # none of these pixels, where a test does not say
     noise_row: bool = False
+    window_fit: bool = False
 
 
 def plateaus(widths: list[int], length: int, top: int, salt: int) -> np.ndarray:
@@ -203,6 +204,7 @@ async def random_statistics_and_settings(dut) -> None:
             max_core=int(draw.integers(256)),
             saturation_level=int(draw.integers(1 << width)),
             noise_row=bool(draw.integers(2)),
+            window_fit=bool(draw.integers(2)),
         )
         await send(dut, lines, settings, statistics)
 
@@ -292,6 +294,49 @@ async def what_is_broad_or_one_of_many_is_judged_by_the_spread(dut) -> None:
 
 
 @cocotb.test()
+async def a_fit_takes_what_is_broken_up_for_one(dut) -> None:
+    """Parts MOST_GAP pixels apart are one run at both levels, and those a pixel farther are two."""
+    given = parameters()
+    length, top = given["LineLength"], (1 << given["PixelWidth"]) - 1
+    await reset(dut)
+    near, far = MOST_GAP, MOST_GAP + 1
+    parts = [  # first pixel and width of each part of a line, and the window where a fit follows
+        ([(10, 5), (15 + near, 4)], (10, 9 + near)),
+        ([(10, 5), (15 + far, 4)], (10, 5)),
+        ([(10, 1), (11 + near, 5)], (10, 6 + near)),
+        ([(10, 3), (13 + far, 3), (16 + far + near, 3)], (10, 3)),
+        ([(10, 3), (13 + near, 3), (16 + 2 * near, 3)], (10, 9 + 2 * near)),
+        ([(length - 5 - near, 3), (length - 2, 2)], (length - 5 - near, 5 + near)),
+        ([(length - 3 - near, 3)], (length - 3 - near, 3)),
+        ([(0, 2), (2 + near, 1)], (0, 3 + near)),
+    ]
+    lines = np.zeros((len(parts), length), np.uint16)
+    for row, (pixels, _) in enumerate(parts):
+        for left, width in pixels:
+            lines[row, left : left + width] = top // 2
+    zeros = np.zeros(len(parts), np.int64)
+    statistics = LineStatistics(
+        maximum=zeros + top // 2,
+        max_index=lines.argmax(axis=1),
+        row_mean=zeros,
+        row_variance=zeros,
+        background=zeros,
+        noise=zeros + 1,
+        spread=zeros + 1,
+        row_statistics=zeros > 0,
+    )
+    whole = await send(dut, lines, Settings(window_fit=True), statistics)
+    windows = list(zip(whole.left.tolist(), whole.width.tolist(), strict=True))
+    assert windows == [window for _, window in parts]
+    rivals = (whole.flags >> pkg.FLAG_RIVAL & 1).tolist()
+    assert rivals == [0, 1, 0, 1, 0, 0, 0, 0]
+    # Without a fit each part is a run of its own.
+    apart = await send(dut, lines, Settings(), statistics)
+    assert apart.left.tolist() == [pixels[0][0] for pixels, _ in parts]
+    assert apart.width.tolist() == [pixels[0][1] for pixels, _ in parts]
+
+
+@cocotb.test()
 async def limits_belong_to_nobody(dut) -> None:
     """A pixel on the rounded threshold is not above it; a ratio of exactly snr_min is not low."""
     given = parameters()
@@ -367,15 +412,18 @@ def test_peak_isolate_rtl_equals_model(widths: dict[str, int]) -> None:
     simulate("peak_isolate", __file__, widths)
 
 
-def test_peak_isolate_model_is_the_run_of_the_equations() -> None:
+@pytest.mark.parametrize("fit", [False, True], ids=["as it is", "for a fit"])
+def test_peak_isolate_model_is_the_run_of_the_equations(fit: bool) -> None:
     """Windows and rivals are those of float64 wherever rounding the threshold cannot matter."""
     draw = generator(6)
-    place, settings = np.arange(1000), Settings(k_noise=600, k_height=9000, min_width=4)
+    place = np.arange(1000)
+    settings = Settings(k_noise=600, k_height=9000, min_width=4, window_fit=fit)
     lines = 60 + 4 * draw.standard_normal((400, 1000))
     for _ in range(5):
         centre, width = draw.uniform(0, 1000, (400, 1)), 10 ** draw.uniform(-0.5, 1.8, (400, 1))
         height = 10 ** draw.uniform(1, 3.5, (400, 1))
         lines += height * np.exp(-(((place - centre) / width) ** 2))
+    lines *= draw.gamma(3.0, 1 / 3.0, lines.shape)  # speckle, which breaks spots up
     lines = np.clip(np.round(lines), 0, 4095).astype(np.uint16)
     statistics = line_statistics(lines, pixel_width=12, max_window=255, noise_row=False)
     got = peak_isolate(lines, statistics, pixel_width=12, max_window=255, **vars(settings))
@@ -389,9 +437,10 @@ def test_peak_isolate_model_is_the_run_of_the_equations() -> None:
     lift = np.minimum(spread, (maximum - background) / 2 / k_noise)
     level = ideal.threshold(background, lift, maximum, k_noise=k_noise, k_height=k_height)
     core_level = ideal.threshold(background, noise, maximum, k_noise=k_noise, k_height=0.25)
-    want = ideal.isolate(lines, place, level, min_width=settings.min_width)
+    gap = ideal.MOST_GAP if fit else 0
+    want = ideal.isolate(lines, place, level, min_width=settings.min_width, gap=gap)
     core = ideal.isolate(
-        lines, place, core_level, min_width=settings.min_width, max_width=settings.max_core
+        lines, place, core_level, min_width=settings.min_width, max_width=settings.max_core, gap=gap
     )
     sure = np.abs(level - np.round(level)) > 1 / step
     sure &= np.abs(core_level - np.round(core_level)) > 1 / step

@@ -154,12 +154,12 @@ FAIR = LIGHT * 15 // 16 - LITTLE
 
 
 def faint_spots() -> list[Side]:
-    """Less than 7/32 of the light and than half of each light, of any width, in the row."""
-    other = widths(28, 28, 24, 28, 28)
-    faint = LIGHT * 7 // 32 - LITTLE
+    """Less than 1/4 of the light and than half of each light, of any width, in the row."""
+    other = widths(37, 37, 24, 37, 37)
+    faint = LIGHT // 4 - LITTLE
     return [
         *(Side(less, row(light=lights(light, LIGHT), scale=other))
-          for less, light in around(Fraction(7, 32))),
+          for less, light in around(Fraction(1, 4))),
         Side(True, row(light=lights(faint, LIGHT), scale=other), (3,)),
         Side(True, row(light=lights(faint, 2 * faint + LITTLE), scale=other)),
         Side(False, row(light=lights(faint, 2 * faint), scale=other)),
@@ -170,22 +170,22 @@ def faint_spots() -> list[Side]:
 
 
 def single_spots() -> list[Side]:
-    """Less than 1/4 of the light, of any width, beside a line without a spot on either side."""
+    """Less than 5/16 of the light, of any width, beside a line without a spot on either side."""
     other = widths(15, 15, 24, 15, 15)
     return [
         *(Side(less, row(light=lights(light, LIGHT), scale=other, measured=there))
-          for less, light in around(Fraction(1, 4))
+          for less, light in around(Fraction(5, 16))
           for there in ([1, 0, 1, 1, 1], [1, 1, 1, 0, 1])),
         Side(False, row(light=lights(1, LIGHT), measured=[1, 0, 1, 0, 1])),
     ]  # fmt: skip
 
 
 def dim_spots() -> list[Side]:
-    """Less than 3/8 of it and than half of each, as wide as the brighter one, within 9/8."""
-    dim, less = LIGHT * 3 // 8 - LITTLE, LIGHT * 7 // 8
+    """Less than 7/16 of it and than half of each, as wide as the brighter one, within 9/8."""
+    dim, less = LIGHT * 7 // 16 - LITTLE, LIGHT * 15 // 16
     before, behind = lights(dim, less), [LIGHT, less, dim, LIGHT, LIGHT]
     return [
-        *(Side(below, row(light=lights(light, less))) for below, light in around(Fraction(3, 8))),
+        *(Side(below, row(light=lights(light, less))) for below, light in around(Fraction(7, 16))),
         Side(True, row(light=before, scale=widths(24, 27, 24, 30, 30))),
         Side(False, row(light=before, scale=widths(24, 28, 24, 24, 24))),
         Side(True, row(light=before, scale=widths(24, 22, 24, 24, 24))),
@@ -197,42 +197,47 @@ def dim_spots() -> list[Side]:
     ]
 
 
-def dusky_spots() -> list[Side]:
-    """Less than 3/16 of it, about as wide as the brighter one, within 3/2, in the row."""
+def akin_spots() -> list[Side]:
+    """Less than 1/4 of it, about as wide as the brighter one, within 3/2, in the row."""
 
     def cut(light: int, *scale: int, turned: bool = False) -> dict[str, np.ndarray]:
         given = [LIGHT, LIGHT, light, light, light]
         return row(light=given[::-1] if turned else given, scale=widths(*scale))
 
-    dusky = LIGHT * 3 // 16 - LITTLE
+    faint = LIGHT // 4 - LITTLE
     return [
-        *(Side(less, cut(light, 24, 24, 24, 24, 24)) for less, light in around(Fraction(3, 16))),
-        Side(True, cut(dusky, 24, 36, 24, 48, 48)),
-        Side(False, cut(dusky, 37, 37, 24, 24, 24)),
-        Side(True, cut(dusky, 24, 16, 24, 48, 48)),
-        Side(False, cut(dusky, 24, 15, 24, 24, 24)),
-        Side(True, cut(dusky, 48, 48, 24, 36, 24, turned=True)),
-        Side(False, cut(dusky, 24, 24, 24, 37, 37, turned=True)),
+        *(Side(less, cut(light, 24, 24, 24, 24, 24)) for less, light in around(Fraction(1, 4))),
+        Side(True, cut(faint, 24, 36, 24, 48, 48)),
+        Side(False, cut(faint, 37, 37, 24, 24, 24)),
+        Side(True, cut(faint, 24, 16, 24, 48, 48)),
+        Side(False, cut(faint, 24, 15, 24, 24, 24)),
+        Side(True, cut(faint, 48, 48, 24, 36, 24, turned=True)),
+        Side(False, cut(faint, 24, 24, 24, 37, 37, turned=True)),
     ]
 
 
-def dark_spots() -> list[Side]:
-    """Less than 1/8 of it, out of the row by four widths and a quarter of what is between."""
-
-    def off(light: int, position: np.ndarray) -> dict[str, np.ndarray]:
-        scale = widths(15, 15, 24, 15, 15)
-        return row(light=[LIGHT, LIGHT, light, light, light], scale=scale, position=position)
-
-    dark = LIGHT // 8 - LITTLE
+def stray_spots() -> list[Side]:
+    """Narrower than both, out of the row by four widths and a quarter of what is between them."""
+    width = widths(28, 28, 24, 28, 28)
     return [
-        *(Side(less, off(light, FAR)) for less, light in around(Fraction(1, 8))),
-        Side(False, off(dark, moved(4 * WIDTH, 2))),
-        Side(True, off(dark, moved(4 * WIDTH + STEP, 2))),
-        Side(True, off(dark, moved(-4 * WIDTH - STEP, -2))),
-        Side(False, off(dark, moved(25))),
-        Side(True, off(dark, moved(25 + STEP))),
-        Side(False, off(dark, moved(-25, -50))),
-        Side(True, off(dark, moved(-25 - STEP, -50))),
+        Side(astray, row(light=lights(LIGHT // 2, LIGHT), scale=width, position=moved(*place)))
+        for px, apart in ((25, 50), (-25, 50), (25, -50), (4 * WIDTH, 2), (-4 * WIDTH, -2))
+        for astray, place in (
+            (False, (px, apart)), (True, (px + math.copysign(STEP, px), apart)),
+        )
+    ]  # fmt: skip
+
+
+def dark_spots() -> list[Side]:
+    """Less than 1/8 of it, and no more than one neighbour's, out of the row."""
+
+    def off(light: int, **changes: object) -> dict[str, np.ndarray]:
+        lit = [LIGHT, LIGHT, light, light, light]
+        return row(light=lit, scale=widths(15, 15, 24, 15, 15), **changes)
+
+    return [
+        *(Side(less, off(light, position=FAR)) for less, light in around(Fraction(1, 8))),
+        Side(False, off(LIGHT // 8 - LITTLE)),
     ]
 
 
@@ -277,32 +282,9 @@ def thin_spots() -> list[Side]:
     ]
 
 
-def rests() -> list[Side]:
-    """Astray, below half of the light of the nearer of two, and not wider than that by 9/8."""
-    half = LIGHT // 2 - LITTLE
-    ahead, behind = [LIGHT, LIGHT, half, 2 * half, LIGHT], [LIGHT, 2 * half, half, LIGHT, LIGHT]
-    level = moved(0)
-    level[[1, 3]] = level[2] + 40 * ONE
-    return [
-        *(Side(less, row(light=lights(light, LIGHT), position=FAR))
-          for less, light in around(Fraction(1, 2))),
-        Side(False, row(light=lights(half, LIGHT))),
-        *(Side(near, row(light=light, position=position)) for near, light, position in (
-            (True, behind, FAR), (False, ahead, FAR), (True, ahead, moved(-40)),
-            (False, behind, moved(-40)), (True, behind, level), (False, ahead, level))),
-        *(Side(near, row(light=lights(half, LIGHT), scale=widths(*turned), position=position))
-          for near, each in ((True, (24, 24, 27, 24, 24)), (False, (24, 24, 28, 24, 24)),
-                             (True, (24, 24, 28, 28, 28)), (False, (28, 28, 28, 24, 24)),
-                             (True, (24, 24, 24, 28, 28)))
-          for turned, position in ((each, FAR), (each[::-1], moved(-40)))),
-        *(Side(False, row(light=lights(half, LIGHT), measured=there))
-          for there in ([1, 0, 1, 1, 1], [1, 1, 1, 0, 1])),
-    ]  # fmt: skip
-
-
 SIDES = [
-    *faint_spots(), *single_spots(), *dim_spots(), *dusky_spots(), *dark_spots(), *thin_spots(),
-    *rests(),
+    *faint_spots(), *single_spots(), *dim_spots(), *akin_spots(), *dark_spots(), *stray_spots(),
+    *thin_spots(),
     *narrow_spots(Fraction(11, 16), 28, one_tells=False),
     *narrow_spots(Fraction(9, 8), 37, one_tells=True),
     *narrow_spots(None, 43, one_tells=True),

@@ -14,6 +14,7 @@ LARGEST_WINDOW = (1 << pkg.WINDOW_WIDTH) - 1
 HALF_SHIFT = 1  # the spread lifts the threshold to half of the height at most
 CORE_SHIFT = 2  # the second level is at a quarter of the height
 MOST_RIVALS = 2  # narrow rivals of a clear spot
+MOST_GAP = 4  # px between the parts of a spot that speckle breaks up; a fit joins them
 
 
 @dataclass(frozen=True)
@@ -62,13 +63,15 @@ def peak_isolate(
     max_core: int,
     saturation_level: int,
     noise_row: bool,
+    window_fit: bool,
 ) -> Windows:
     """Return the run of pixels above the threshold that holds the maximum (VR-SCAN, III-E).
 
     A second level, at a quarter of the height, tells spots from their surroundings: other runs
     above it are rivals, and a spot is clear where its own is at most ``max_core`` wide and no more
     than ``MOST_RIVALS`` others are from ``min_width`` to ``max_core`` wide. What is not clear is
-    judged by the spread.
+    judged by the spread. Where a fit follows, runs at most ``MOST_GAP`` pixels apart are one: its
+    width at the second level is without the gaps, and one part of it has to be ``min_width`` wide.
 
     Args:
         lines: Pixels, [n, line_length].
@@ -84,6 +87,7 @@ def peak_isolate(
         max_core: Largest width at the second level, but for a saturated spot.
         saturation_level: Least saturated pixel, counts.
         noise_row: Whether noise and spread are the row's, by which the paper cuts.
+        window_fit: Whether a Gaussian is fitted.
 
     Returns:
         One window for each line.
@@ -107,14 +111,15 @@ def peak_isolate(
         noise_term(statistics.noise), height >> CORE_SHIFT
     )
 
-    runs = _Runs.above(lines, threshold >> shift, statistics.max_index)
-    core = _Runs.above(lines, core_level >> shift, statistics.max_index)
+    gap = MOST_GAP if window_fit else 0
+    runs = _Runs.above(lines, threshold >> shift, statistics.max_index, gap)
+    core = _Runs.above(lines, core_level >> shift, statistics.max_index, gap)
     width = runs.width
     left = np.where(runs.found, runs.left, statistics.max_index)
     right = np.where(runs.found, left + width - 1, statistics.max_index)
 
     rival = core.others(min_width, length) > 0
-    broad = core.width > max_core
+    broad = core.pixels > max_core
     clear = ~broad & (core.others(min_width, max_core) <= MOST_RIVALS)
     uneven = ~clear & (statistics.spread > statistics.noise)
     noise = np.where(uneven, statistics.spread, statistics.noise)
@@ -143,19 +148,25 @@ class _Runs:
         found: Whether a run holds the line's maximum, bool [n].
         left: First pixel of that run, meaningless without one, [n].
         width: Its width, 0 without one, [n].
+        pixels: Those of its pixels above the level, all but gaps, [n].
+        own: Index of that run, -1 without one, [n].
         rows: Line of each run [m].
-        widths: Width of each run [m].
+        counts: Pixels above the level of each run [m].
+        parts: Width of the widest part of each run without a gap [m].
     """
 
     found: Bools
     left: Ints
     width: Ints
+    pixels: Ints
+    own: Ints
     rows: Ints
-    widths: Ints
+    counts: Ints
+    parts: Ints
 
     @classmethod
-    def above(cls, lines: Pixels, level: Ints, max_index: Ints) -> "_Runs":
-        """Return the runs of pixels above ``level``, whole counts [n]."""
+    def above(cls, lines: Pixels, level: Ints, max_index: Ints, gap: int) -> "_Runs":
+        """Return the runs of pixels above ``level``, whole counts [n], joined over a gap."""
         count, length = lines.shape
         # pixel 2**shift > threshold is pixel > floor(threshold / 2**shift).
         limit = np.minimum(level, (1 << 16) - 1).astype(np.uint16)
@@ -165,20 +176,23 @@ class _Runs:
         flat = above.reshape(-1)
         edges = np.flatnonzero(flat[1:] != flat[:-1])
         starts, ends = edges[0::2], edges[1::2]  # a run is [start, end) in columns of ``lines``
-        first = np.arange(count) * stride
         if not starts.size:
             none = np.zeros(count, np.int64)
-            return cls(none > 0, none, none, starts, starts)
+            return cls(none > 0, none, none, none, none - 1, *[starts] * 3)
+        apart = (starts[1:] - ends[:-1] > gap) | (starts[1:] // stride > starts[:-1] // stride)
+        begins = np.flatnonzero(np.append(True, apart))
+        counts, parts = (each.reduceat(ends - starts, begins) for each in (np.add, np.maximum))
+        starts, ends = starts[begins], ends[np.append(apart, True)]
+        first = np.arange(count) * stride
         peak = first + max_index
         run = np.searchsorted(starts, peak, side="right") - 1
         found = (run >= 0) & (ends[run] > peak)
-        widths = ends - starts
-        width = np.where(found, widths[run], 0)
-        return cls(found, starts[run] - first, width, starts // stride, widths)
+        width, pixels = (np.where(found, each[run], 0) for each in (ends - starts, counts))
+        own, rows = np.where(found, run, -1), starts // stride
+        return cls(found, starts[run] - first, width, pixels, own, rows, counts, parts)
 
     def others(self, least: int, most: int) -> Ints:
-        """Return how many other runs of each line are ``least`` to ``most`` pixels wide, [n]."""
-        fits = (self.widths >= least) & (self.widths <= most)
-        own = (self.width >= least) & (self.width <= most)
-        counted: Ints = np.bincount(self.rows[fits], minlength=len(self.width)) - own
-        return counted
+        """Return how many other runs have at most ``most`` pixels and a part of ``least`` [n]."""
+        fits = (self.parts >= least) & (self.counts <= most)
+        fits[self.own[self.found]] = False
+        return np.bincount(self.rows[fits], minlength=len(self.found))

@@ -21,11 +21,10 @@ from vrscan.fixed.square_root import square_root
 LIGHT_FRACTION = 8  # of aligned counts over the laser's power
 SHARE_FRACTION = 14  # of a spot's light over its brighter neighbour's
 WHOLE = 1 << SHARE_FRACTION
-# Lights of a spot that is not one spot on one surface: of one astray; of one about as wide as the
-# brighter neighbour; of one that is dimmer than both, and of one that is as wide, too.
-DARK, DUSKY, FAINT, DIM = WHOLE >> 3, 3 * WHOLE >> 4, 7 * WHOLE >> 5, 3 * WHOLE >> 3
-# Of one beside a single neighbour.
-SINGLE = WHOLE >> 2
+# Lights of a spot that is not one spot on one surface: of one about as wide as the brighter
+# neighbour or dimmer than both; of one that is dimmer and as wide; of one beside a single one; of
+# one astray.
+FAINT, DIM, SINGLE, DARK = WHOLE >> 2, 7 * WHOLE >> 4, 5 * WHOLE >> 4, WHOLE >> 3
 # Of one astray that is narrower than both; of one a little narrower, and far narrower than one of
 # them; of one much narrower than each there is. Below 4/7 of each it is none with any light.
 BRIGHT, FAIR, BRIGHTER = 11 * WHOLE >> 4, 15 * WHOLE >> 4, WHOLE + (WHOLE >> 3)
@@ -34,10 +33,10 @@ ROW = 4  # widths from the middle of the neighbours, doubled, beyond which a spo
 STEADY = WHOLE - (WHOLE >> 2)  # light that a spot in a row with its neighbours may lack
 QUOTIENT_WIDTH, ROOT_WIDTH, FACTOR_WIDTH = 32, 18, 18
 MOST_DIFFERENCE = (1 << (FACTOR_WIDTH - 1)) - 1  # of two widths
-SQUARES = 7  # products, one after the other
+PRODUCTS = 7  # one after the other
 LATENCY = (  # clocks from valid_i to valid_o
     2 * (divide_latency(QUOTIENT_WIDTH) + 1)
-    + SQUARES * (multiply_latency(FACTOR_WIDTH, FACTOR_WIDTH) + 1)
+    + PRODUCTS * (multiply_latency(FACTOR_WIDTH, FACTOR_WIDTH) + 1)
     + 3 * (root_latency(ROOT_WIDTH) + 1)
     + 5
 )
@@ -107,7 +106,7 @@ def peak_neighbours(
     none = np.zeros(len(measured), np.bool_)
     dimmer, narrower, thinner, slender, least = np.ones((5, len(measured)), np.bool_)
     wider = np.zeros(len(measured), np.bool_)
-    alike, akin, rests, apart = [], [], [], []
+    alike, akin = [], []
     for there, other in beside:
         distance = np.abs(position - other["position"])
         difference = np.abs(scale - other["scale"]) - (distance >> TURN)
@@ -123,10 +122,7 @@ def peak_neighbours(
         wider |= 5 * scale < 3 * other["scale"]
         slender &= ~there | far_below
         least &= ~there | (7 * scale < 4 * other["scale"])
-        half = 2 * per_power < other["light"]
-        dimmer &= ~there | half
-        rests.append(half & ~above)
-        apart.append(distance)
+        dimmer &= ~there | (2 * per_power < other["light"])
         none |= ~there
     (was, first), (comes, last) = beside
     least &= was | comes
@@ -135,11 +131,10 @@ def peak_neighbours(
     alone = none | out
     astray = none | out & (4 * bend > np.abs(first["position"] - last["position"]))
     brighter = before > behind
-    mixed = dimmer & ((share < FAINT) | (share < DIM) & np.where(brighter, *alike))
-    mixed |= (share < DUSKY) & np.where(brighter, *akin)
+    mixed = (share < FAINT) & (dimmer | np.where(brighter, *akin))
+    mixed |= (share < DIM) & dimmer & np.where(brighter, *alike)
     rest = least | narrower & (share < BRIGHT) | slender & (share < BRIGHTER)
     rest |= thinner & wider & (share < FAIR)
-    rest |= ~none & np.where(apart[0] < apart[1], *rests)
     mixed |= astray & (rest | (share < DARK)) | none & (share < SINGLE)
     missing = np.maximum(np.where(alone, WHOLE, STEADY) - share, 0)
     cut = (3 * missing * (scale >> 1)) >> (SHARE_FRACTION + 3)

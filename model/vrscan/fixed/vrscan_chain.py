@@ -109,6 +109,7 @@ def first_windows(lines: Pixels, registers: Registers, max_window: int) -> _Firs
         max_core=r.max_core,
         saturation_level=r.saturation_level,
         noise_row=r.noise_row,
+        window_fit=r.window_fit,
     )
     return statistics, window
 

@@ -13,7 +13,7 @@ from vrscan.data.points import SIGMA_MOST
 from vrscan.data.table import Table
 from vrscan.ideal import confidence, free_space, geometry, peak_fit, peak_neighbours, two_pass
 from vrscan.ideal.correction_map import correction, filled_beside, maps_for
-from vrscan.ideal.peak import CORE_HEIGHT, Windows, clear, cut, isolate, threshold
+from vrscan.ideal.peak import CORE_HEIGHT, MOST_GAP, Windows, clear, cut, isolate, threshold
 from vrscan.ideal.position import Phase, first_harmonic, windows
 from vrscan.ideal.statistics import statistics
 
@@ -148,9 +148,11 @@ def _run(
     background, noise, spread = row.background, row.noise, row.spread
     height = row.maximum - background
 
+    gap = MOST_GAP if peak.fit else 0
+
     def runs(level: Floats) -> Windows:
         first, least, most = row.first_maximum, peak.min_width, peak.max_core
-        return isolate(lines, first, level, min_width=least, max_width=most)
+        return isolate(lines, first, level, min_width=least, max_width=most, gap=gap)
 
     k_noise, k_height = peak.k_noise, peak.cut_height
     window = runs(cut(row, k_noise=k_noise, k_height=k_height, limited=not noise_row))
@@ -161,7 +163,7 @@ def _run(
 
     too_narrow = window.width < peak.min_width
     saturated = row.maximum >= config.sensor.least_saturated
-    too_wide = (window.width > peak.max_width) | ((core.width > peak.max_core) & ~saturated)
+    too_wide = (window.width > peak.max_width) | ((core.pixels > peak.max_core) & ~saturated)
     valid = np.flatnonzero(~(low_snr | too_narrow | too_wide))
     left, right, width = window.left.copy(), window.right.copy(), window.width.copy()
 

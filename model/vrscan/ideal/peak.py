@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.ndimage import binary_closing
 
 from vrscan.data.arrays import Bools, Floats, Ints, Pixels
 from vrscan.ideal.statistics import Statistics
@@ -10,6 +12,7 @@ from vrscan.ideal.statistics import Statistics
 MOST_LIFT = 0.5  # share of the height to which the row's deviation lifts the threshold
 CORE_HEIGHT = 0.25  # share of the height above which other runs are rivals
 MOST_RIVALS = 2  # narrow rivals of a clear spot
+MOST_GAP = 4  # px between the parts of a spot that speckle breaks up; a fit joins them
 
 
 @dataclass(frozen=True)
@@ -19,8 +22,9 @@ class Windows:
     left: Ints  # first pixel
     right: Ints  # last pixel; left - 1 without a run
     width: Ints  # px
-    rivals: Ints  # number of other runs, at least min_width wide
-    narrow_rivals: Ints  # of these, those of at most max_width
+    pixels: Ints  # number of those above the threshold, all of the width but gaps
+    rivals: Ints  # number of other runs, with a part of at least min_width px
+    narrow_rivals: Ints  # of these, those of at most max_width pixels above the threshold
 
 
 def threshold(
@@ -60,54 +64,79 @@ def cut(row: Statistics, *, k_noise: float, k_height: float, limited: bool) -> F
 
 
 def isolate(
-    lines: Pixels, first_maximum: Ints, level: Floats, *, min_width: int, max_width: int = 255
+    lines: Pixels,
+    first_maximum: Ints,
+    level: Floats,
+    *,
+    min_width: int,
+    max_width: int = 255,
+    gap: int = 0,
 ) -> Windows:
     """Return the run of pixels strictly above ``level`` that holds the maximum.
+
+    Out of focus, coarse speckle breaks a spot up. A closing joins its parts (Serra, Image analysis
+    and mathematical morphology, 1982, II-D).
 
     Args:
         lines: Counts [n, length].
         first_maximum: Index of the first maximum, px [n].
         level: Threshold, counts [n].
-        min_width: Shortest other run that counts, px.
-        max_width: Longest other run that counts as narrow, px.
+        min_width: Shortest part of another run that counts, px.
+        max_width: Most pixels of one that counts as narrow.
+        gap: Most pixels that are not above the level between two parts of a run.
 
     Returns:
         The windows; width 0 where not even the maximum is above the threshold.
     """
     length = lines.shape[1]
-    above = lines > level[:, None]
+    above = joined = lines > level[:, None]
+    if gap:
+        wide = np.pad(above, ((0, 0), (gap, gap)))  # beyond the line there is nothing to join
+        joined = binary_closing(wide, np.ones((1, gap + 1)))[:, gap:-gap]
     index = np.arange(length, dtype=np.int32)
     centre = first_maximum[:, None]
-    left = np.where(~above & (index <= centre), index, -1).max(axis=1).astype(np.int64) + 1
-    right = np.where(~above & (index >= centre), index, length).min(axis=1).astype(np.int64) - 1
+    left = np.where(~joined & (index <= centre), index, -1).max(axis=1).astype(np.int64) + 1
+    right = np.where(~joined & (index >= centre), index, length).min(axis=1).astype(np.int64) - 1
     inside = above[np.arange(len(lines)), first_maximum]
     width = np.where(inside, right - left + 1, 0)
     left = np.where(inside, left, first_maximum)
     right = left + width - 1
 
-    others = above & ((index < left[:, None]) | (index > right[:, None]))
-    before = np.zeros((len(lines), length + 1), np.int32)
-    np.cumsum(others, axis=1, out=before[:, 1:])
-    begins = others.copy()
-    begins[:, 1:] &= ~others[:, :-1]
+    others = joined & ((index < left[:, None]) | (index > right[:, None]))
+    beside = np.pad(others, ((0, 0), (1, 1)))
+    rows, first = np.nonzero(others & ~beside[:, :-2])
+    _, last = np.nonzero(others & ~beside[:, 2:])
 
-    def as_wide_as(least: int) -> Ints:
-        whole = before[:, least:] - before[:, :-least] == least
-        return np.asarray((whole & begins[:, : whole.shape[1]]).sum(axis=1))
+    def within(pixels: Bools) -> Ints:
+        before = np.pad(pixels.cumsum(axis=1), ((0, 0), (1, 0)))
+        return np.asarray(before[rows, last + 1] - before[rows, first])
 
-    rivals = as_wide_as(min_width)
-    narrow = np.maximum(rivals - as_wide_as(max_width + 1), 0)
-    return Windows(left=left, right=right, width=width, rivals=rivals, narrow_rivals=narrow)
+    whole = np.zeros_like(above)  # where a part of at least min_width ends
+    if length >= min_width:
+        whole[:, min_width - 1 :] = sliding_window_view(above, min_width, axis=1).all(axis=2)
+    rival = within(whole) > 0
+    narrow = rival & (within(above) <= max_width)
+    rivals, narrow_rivals = (
+        np.bincount(rows[each], minlength=len(lines)) for each in (rival, narrow)
+    )
+    return Windows(
+        left=left,
+        right=right,
+        width=width,
+        pixels=(above & ~others).sum(axis=1),
+        rivals=rivals,
+        narrow_rivals=narrow_rivals,
+    )
 
 
 def clear(core: Windows, *, max_core: int) -> Bools:
     """Return which lines have a spot that its surroundings cannot be taken for.
 
-    It is at most ``max_core`` wide at ``CORE_HEIGHT``, and at most ``MOST_RIVALS`` others like it
-    are on the line. Textures, edges and lamps are wider or many.
+    At most ``max_core`` of its pixels are above ``CORE_HEIGHT``, and at most ``MOST_RIVALS`` others
+    like it are on the line. Textures, edges and lamps are wider or many.
 
     Args:
         core: The runs above ``CORE_HEIGHT`` of the height.
-        max_core: Largest width of a spot there, px; that of a narrow run in ``core``, too.
+        max_core: Most pixels of a spot there; of a narrow run in ``core``, too.
     """
-    return np.asarray((core.width <= max_core) & (core.narrow_rivals <= MOST_RIVALS))
+    return np.asarray((core.pixels <= max_core) & (core.narrow_rivals <= MOST_RIVALS))

@@ -27,10 +27,9 @@ LIGHT_SHARE = 3 / 16  # of a width, for all the light
 TYPICAL = 1 / 4  # share of the doubt that most spots with it deserve
 STEADY = 1 / 4  # share of light that a spot in the row may lack
 DIMMER = 1 / 2  # of each neighbour's light
-# Of the brighter neighbour's light: of a spot astray; of one about as wide as that neighbour; of
-# one that is dimmer than both, and of one that is as wide, too.
-DARK, DUSKY, FAINT, DIM = 1 / 8, 3 / 16, 7 / 32, 3 / 8
-SINGLE = 1 / 4  # the same of one beside a single neighbour
+# Of the brighter neighbour's light: of one about as wide as that neighbour or dimmer than both; of
+# one that is dimmer than both and as wide; of one beside a single neighbour; of one astray.
+FAINT, DIM, SINGLE, DARK = 1 / 4, 7 / 16, 5 / 16, 1 / 8
 # Of one astray that is narrower than both; of one a little narrower, and far narrower than one of
 # them; of one that is much narrower than each there is.
 BRIGHT, FAIR, BRIGHTER = 11 / 16, 15 / 16, 9 / 8
@@ -90,7 +89,7 @@ def peak_neighbours(
     excess, none = np.zeros(count), np.zeros(count, np.bool_)
     dimmer, narrower, thinner, slender, least = np.ones((5, count), np.bool_)
     wider = np.zeros(count, np.bool_)
-    alike, akin, rests, apart = [], [], [], []
+    alike, akin = [], []
     for there, other in beside:
         noise = 2.0 * (np.square(sigma) + np.square(sigma[other]))
         distance = np.abs(position - position[other])
@@ -106,10 +105,7 @@ def peak_neighbours(
         wider |= WIDE * scale < scale[other]
         slender &= ~there | far_below
         least &= ~there | (LEAST * scale < scale[other])
-        half = per_power < DIMMER * per_power[other]
-        dimmer &= ~there | half
-        rests.append(half & ~above)
-        apart.append(distance)
+        dimmer &= ~there | (per_power < DIMMER * per_power[other])
         none |= ~there
     (was, before), (comes, behind) = beside
     least &= was | comes
@@ -118,11 +114,10 @@ def peak_neighbours(
     alone = none | out
     astray = none | out & (bend > STRAY * np.abs(position[before] - position[behind]))
     brighter = light_before > light_behind
-    mixed = dimmer & ((share < FAINT) | (share < DIM) & np.where(brighter, *alike))
-    mixed |= (share < DUSKY) & np.where(brighter, *akin)
+    mixed = (share < FAINT) & (dimmer | np.where(brighter, *akin))
+    mixed |= (share < DIM) & dimmer & np.where(brighter, *alike)
     rest = least | narrower & (share < BRIGHT) | slender & (share < BRIGHTER)
     rest |= thinner & wider & (share < FAIR)
-    rest |= ~none & np.where(apart[0] < apart[1], *rests)
     mixed |= astray & (rest | (share < DARK)) | none & (share < SINGLE)
     missing = np.maximum(np.where(alone, 1.0, 1.0 - STEADY) - share, 0.0)
     doubt = np.sqrt(WIDTH_SHARE * excess + np.square(LIGHT_SHARE * missing * scale))
