@@ -74,8 +74,8 @@ def isolate(
 ) -> Windows:
     """Return the run of pixels strictly above ``level`` that holds the maximum.
 
-    Out of focus, coarse speckle breaks a spot up. A closing joins its parts (Serra, Image analysis
-    and mathematical morphology, 1982, II-D).
+    Out of focus, coarse speckle breaks a spot up. A closing joins its parts (Serra, Image Analysis
+    and Mathematical Morphology, 1982).
 
     Args:
         lines: Counts [n, length].
