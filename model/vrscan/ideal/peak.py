@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.ndimage import binary_closing
 
 from vrscan.data.arrays import Bools, Floats, Ints, Pixels
 from vrscan.ideal.statistics import Statistics
@@ -92,7 +91,8 @@ def isolate(
     above = joined = lines > level[:, None]
     if gap:
         wide = np.pad(above, ((0, 0), (gap, gap)))  # beyond the line there is nothing to join
-        joined = binary_closing(wide, np.ones((1, gap + 1)))[:, gap:-gap]
+        dilated = np.asarray(sliding_window_view(wide, gap + 1, axis=1).any(axis=2))
+        joined = np.asarray(sliding_window_view(dilated, gap + 1, axis=1).all(axis=2))
     index = np.arange(length, dtype=np.int32)
     centre = first_maximum[:, None]
     left = np.where(~joined & (index <= centre), index, -1).max(axis=1).astype(np.int64) + 1

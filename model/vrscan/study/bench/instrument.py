@@ -73,11 +73,9 @@ def budget(parameters: dict[str, Any], seed: int) -> Figures:
     same = both & (fixed.left == ideal.left) & (fixed.width == ideal.width)
     off_px, off_mm = fixed.position_px - ideal.position_px, fixed.z_mm - ideal.z_mm
     # A fit that moves its point by less than a step of positions seems to be none.
-    one = (
-        both
-        & (np.abs(off_px) > SEEN_PX)
-        & (_moved(Engine.FIXED, fixed, lines, config) != _moved(Engine.IDEAL, ideal, lines, config))
-    )
+    moved, joined = _moved(Engine.FIXED, fixed, lines, config)
+    moves, joins = _moved(Engine.IDEAL, ideal, lines, config)
+    one = both & (np.abs(off_px) > SEEN_PX) & ((moved != moves) | joined | joins)
     like = same & ~one
     seen = fixed.located & np.isfinite(truth.position_px)
     px, mm = fixed.position_px - truth.position_px, fixed.z_mm - truth.z_mm
@@ -109,13 +107,17 @@ def with_window(config: Config, window: str) -> Config:
     return config.model_copy(update={"peak": peak})
 
 
-def _moved(engine: Engine, points: Table, lines: Lines, config: Config) -> Bools:
-    """Return where the fit gives the position, and not the second window that it follows."""
+def _moved(engine: Engine, points: Table, lines: Lines, config: Config) -> tuple[Bools, Bools]:
+    """Return where the fit gives the position, and not the second window that it follows.
+
+    And where that cannot be told, as a spot's parts are one window only where a fit follows.
+    """
     if not config.peak.fit:
-        return np.zeros(len(points), np.bool_)
+        return np.zeros(len(points), np.bool_), np.zeros(len(points), np.bool_)
     peak = config.peak.model_copy(update={"window": "two_pass", "k_first": config.peak.k_fit})
     given = run(engine, lines, config.model_copy(update={"peak": peak}))
-    return np.asarray(points.position_px != given.position_px)
+    joined = (points.left != given.left) | (points.right != given.right)
+    return (points.position_px != given.position_px) & ~joined, np.asarray(joined)
 
 
 def _window(points: Table, truth: Truth, config: Config) -> Figures:
