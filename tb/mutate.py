@@ -1556,7 +1556,7 @@ FAULTS = [
     *faults(
         "model/vrscan/ideal/peak.py",
         ("the smaller term", "np.maximum(k_noise * noise, k", "np.minimum(k_noise * noise, k"),
-        ("any run is a rival", "rival = within(whole) > 0", "rival = within(above) > 0"),
+        ("any run is a rival", "rival = np.zeros(len(begins)", "rival = np.ones(len(begins)"),
         test="statistics",
     ),
     *faults(

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from vrscan.data.arrays import Bools, Floats, Ints, Pixels
 from vrscan.ideal.statistics import Statistics
@@ -91,8 +90,8 @@ def isolate(
     above = joined = lines > level[:, None]
     if gap:
         wide = np.pad(above, ((0, 0), (gap, gap)))  # beyond the line there is nothing to join
-        dilated = np.asarray(sliding_window_view(wide, gap + 1, axis=1).any(axis=2))
-        joined = np.asarray(sliding_window_view(dilated, gap + 1, axis=1).all(axis=2))
+        dilated = np.logical_or.reduce([wide[:, k : k + length + gap] for k in range(gap + 1)])
+        joined = np.logical_and.reduce([dilated[:, k : k + length] for k in range(gap + 1)])
     index = np.arange(length, dtype=np.int32)
     centre = first_maximum[:, None]
     left = np.where(~joined & (index <= centre), index, -1).max(axis=1).astype(np.int64) + 1
@@ -104,18 +103,16 @@ def isolate(
 
     others = joined & ((index < left[:, None]) | (index > right[:, None]))
     beside = np.pad(others, ((0, 0), (1, 1)))
-    rows, first = np.nonzero(others & ~beside[:, :-2])
-    _, last = np.nonzero(others & ~beside[:, 2:])
-
-    def within(pixels: Bools) -> Ints:
-        before = np.pad(pixels.cumsum(axis=1), ((0, 0), (1, 0)))
-        return np.asarray(before[rows, last + 1] - before[rows, first])
-
-    whole = np.zeros_like(above)  # where a part of at least min_width ends
-    if length >= min_width:
-        whole[:, min_width - 1 :] = sliding_window_view(above, min_width, axis=1).all(axis=2)
-    rival = within(whole) > 0
-    narrow = rival & (within(above) <= max_width)
+    begins = np.flatnonzero(others & ~beside[:, :-2])
+    ends = np.flatnonzero(others & ~beside[:, 2:])
+    before = np.zeros((len(lines), length + 1), np.int32)
+    np.cumsum(above, axis=1, out=before[:, 1:])
+    whole = np.zeros_like(others)  # where a part of at least min_width ends
+    whole[:, min_width - 1 :] = before[:, min_width:] - before[:, :-min_width] == min_width
+    rival = np.zeros(len(begins), np.bool_)
+    rival[np.searchsorted(begins, np.flatnonzero(whole & others), side="right") - 1] = True
+    rows, first = np.divmod(begins, length)
+    narrow = rival & (before[rows, ends % length + 1] - before[rows, first] <= max_width)
     rivals, narrow_rivals = (
         np.bincount(rows[each], minlength=len(lines)) for each in (rival, narrow)
     )
