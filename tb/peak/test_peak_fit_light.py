@@ -143,26 +143,44 @@ def check_speckled(
     assert min(honest) >= 0.8 / known and max(honest) <= 1.25 * known
 
 
-@pytest.mark.parametrize("distance", [400.0, 380.0, 360.0])
-def test_sigma_knows_of_coarse_grains(distance: float) -> None:
-    """Coherent light through the default lens, which is focused at 420 mm, two polarisations."""
-    trials, config = 160, SCANNERS["default"]
+def out_of_focus(distance: float, looks: int, trials: int) -> tuple[Lines, np.ndarray]:
+    """Return coherent light through the default lens, focused at 420 mm, and its places."""
     bench, sigma, tall = Bench(distance, 420.0), 2.0, 4.0
     half = math.ceil(5 * sigma + bench.radius_px) + 2
     rows = 2 * math.ceil(3.0 * tall + bench.radius_px) + 1
     draw = generator(round(distance))
     light = sum(
         coherent_rows(draw, sigma, half, trials, bench=bench, rows=rows, height_px=tall)[1::3]
-        for _ in range(2)
+        for _ in range(looks)
     )
     light /= light.mean(axis=0).max()
-    given, true = exposed(np.asarray(light), np.full(trials, float(half)), 1500, config)
+    place = np.full(trials, float(half))
+    return exposed(np.asarray(light), place, 1500, SCANNERS["default"])
+
+
+@pytest.mark.parametrize("distance", [400.0, 380.0, 360.0])
+def test_sigma_knows_of_coarse_grains(distance: float) -> None:
+    """Two polarisations."""
+    trials, config = 160, SCANNERS["default"]
+    given, true = out_of_focus(distance, 2, trials)
     found = fitted(Engine.FIXED, given, true, config)
     within = float(np.nanmean(np.abs(found.error / found.sigma)[SETTLED:] < 2))
-    print(f"\n{distance:g} mm, disc {bench.radius_px:.1f} px: error {rms(found.error):.3f} px,"
+    disc = Bench(distance, 420.0).radius_px
+    print(f"\n{distance:g} mm, disc {disc:.1f} px: error {rms(found.error):.3f} px,"
           f" over sigma {found.over_sigma():.2f}, {100 * within:.0f} % within 2")  # fmt: skip
     known = 1 + 1 / math.sqrt(2 * trials)
     assert 0.8 / known <= found.over_sigma() <= 1.25 * known
+
+
+@pytest.mark.parametrize(("distance", "most_px"), [(300.0, 2.0), (1000.0, 5.0)])
+def test_parts_of_a_spot_that_grains_break_up_are_one(distance: float, most_px: float) -> None:
+    """Far out of focus, one polarisation: the error of a part, if it is not, is 5 and 10 px."""
+    config = SCANNERS["default"]
+    found = fitted(Engine.FIXED, *out_of_focus(distance, 1, 160), config)
+    print(
+        f"\n{distance:g} mm: error {rms(found.error):.2f} px, over sigma {found.over_sigma():.2f}"
+    )
+    assert np.isfinite(found.error).mean() > 0.97 and rms(found.error) < most_px
 
 
 @EACH_SENSOR
