@@ -72,10 +72,11 @@ def budget(parameters: dict[str, Any], seed: int) -> Figures:
     both = fixed.located & ideal.located
     same = both & (fixed.left == ideal.left) & (fixed.width == ideal.width)
     off_px, off_mm = fixed.position_px - ideal.position_px, fixed.z_mm - ideal.z_mm
-    # A fit that moves its point by less than a step of positions seems to be none.
+    # A fit that moves its point by less than a step of positions seems to be none, and where it
+    # cannot be told whether one stands, both do.
     moved, joined = _moved(Engine.FIXED, fixed, lines, config)
     moves, joins = _moved(Engine.IDEAL, ideal, lines, config)
-    one = both & (np.abs(off_px) > SEEN_PX) & ((moved != moves) | joined | joins)
+    one = both & (np.abs(off_px) > SEEN_PX) & (moved != moves) & ~(joined | joins)
     like = same & ~one
     seen = fixed.located & np.isfinite(truth.position_px)
     px, mm = fixed.position_px - truth.position_px, fixed.z_mm - truth.z_mm
