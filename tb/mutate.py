@@ -266,7 +266,6 @@ FAULTS = [
             "peak_i.window_fit ? GapWidth'(MostGap) : '0",
             "GapWidth'(MostGap)",
         ),
-        ("a gap is the window's", "= above_q ? span : run_width_q", "= span"),
         ("a gap is the window's end", "= above_q ? index_q : run_right_q", "= index_q"),
         ("a gap counts at the core level", "+ WidthWidth'(core_above_q)", "+ WidthWidth'(1)"),
         ("a gap ends no part", "core_above_q && !last_q ? core_part_q", "!last_q ? core_part_q"),

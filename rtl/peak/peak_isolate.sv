@@ -290,11 +290,10 @@ module peak_isolate #(
   end
 
   // ---- runs ----
-  // A run goes on through a gap; its right end and its width are those of its last pixel above.
+  // A run goes on through a gap; its right end is its last pixel above.
   logic                  in_run_q, has_max_q;  // of the run under way
   logic [  GapWidth-1:0] gap_q;  // pixels behind its last one above
   logic [IndexWidth-1:0] run_left_q, run_right_q;
-  logic [WidthWidth-1:0] run_width_q, span_q;  // the span has the gap in it
   logic                  found_q;  // of the line so far
   logic [IndexWidth-1:0] found_left_q, found_right_q;
   logic [WidthWidth-1:0] found_width_q;
@@ -302,12 +301,9 @@ module peak_isolate #(
   // The run including this pixel where it is above, the run it ends where it is not.
   logic                  has_max, run_goes_on, run_ends;
   logic [IndexWidth-1:0] run_left, run_right;
-  logic [WidthWidth-1:0] run_width, span;
   assign has_max     = above_q ? is_max_q || (in_run_q && has_max_q) : has_max_q;
   assign run_left    = above_q && !in_run_q ? index_q : run_left_q;
   assign run_right   = above_q ? index_q : run_right_q;
-  assign span        = in_run_q ? span_q + WidthWidth'(1) : WidthWidth'(1);
-  assign run_width   = above_q ? span : run_width_q;
   assign run_goes_on = (above_q || (in_run_q && gap_q != most_gap_q)) && !last_q;
   assign run_ends    = (above_q || in_run_q) && !run_goes_on;
 
@@ -320,8 +316,6 @@ module peak_isolate #(
       gap_q       <= above_q ? '0 : gap_q + GapWidth'(1);
       run_left_q  <= run_left;
       run_right_q <= run_right;
-      run_width_q <= run_width;
-      span_q      <= span;
       if (first_q) begin
         found_q       <= 1'b0;
         found_width_q <= '0;
@@ -330,7 +324,7 @@ module peak_isolate #(
         found_q       <= 1'b1;
         found_left_q  <= run_left;
         found_right_q <= run_right;
-        found_width_q <= run_width;
+        found_width_q <= WidthWidth'(run_right) - WidthWidth'(run_left) + WidthWidth'(1);
       end
     end
     if (rst_i) begin

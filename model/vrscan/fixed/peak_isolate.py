@@ -145,21 +145,19 @@ class _Runs:
     """Runs of pixels above a level, in all lines.
 
     Attributes:
-        found: Whether a run holds the line's maximum, bool [n].
+        own: Index of the run that holds the line's maximum, -1 without one, [n].
         left: First pixel of that run, meaningless without one, [n].
         width: Its width, 0 without one, [n].
         pixels: Those of its pixels above the level, all but gaps, [n].
-        own: Index of that run, -1 without one, [n].
         rows: Line of each run [m].
         counts: Pixels above the level of each run [m].
         parts: Width of the widest part of each run without a gap [m].
     """
 
-    found: Bools
+    own: Ints
     left: Ints
     width: Ints
     pixels: Ints
-    own: Ints
     rows: Ints
     counts: Ints
     parts: Ints
@@ -178,7 +176,7 @@ class _Runs:
         starts, ends = edges[0::2], edges[1::2]  # a run is [start, end) in columns of ``lines``
         if not starts.size:
             none = np.zeros(count, np.int64)
-            return cls(none > 0, none, none, none, none - 1, *[starts] * 3)
+            return cls(none - 1, none, none, none, *[starts] * 3)
         apart = (starts[1:] - ends[:-1] > gap) | (starts[1:] // stride > starts[:-1] // stride)
         begins = np.flatnonzero(np.append(True, apart))
         counts, parts = (each.reduceat(ends - starts, begins) for each in (np.add, np.maximum))
@@ -189,7 +187,12 @@ class _Runs:
         found = (run >= 0) & (ends[run] > peak)
         width, pixels = (np.where(found, each[run], 0) for each in (ends - starts, counts))
         own, rows = np.where(found, run, -1), starts // stride
-        return cls(found, starts[run] - first, width, pixels, own, rows, counts, parts)
+        return cls(own, starts[run] - first, width, pixels, rows, counts, parts)
+
+    @property
+    def found(self) -> Bools:
+        """Whether a run holds the line's maximum [n]."""
+        return np.asarray(self.own >= 0)
 
     def others(self, least: int, most: int) -> Ints:
         """Return how many other runs have at most ``most`` pixels and a part of ``least`` [n]."""
