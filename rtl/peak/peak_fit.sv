@@ -9,8 +9,9 @@
 // not see, turn the middle of the spot against the whole: the slope of the quotients there, squared,
 // over what independent pixels make of it, averaged over 32 lines, tells what they add to sigma.
 //
-// Where the fit's chi squared is large, its place far off or beyond the line, or an eighth of the
-// pixels saturated, the spot is no Gaussian: fitted_o is 0, and position_o what came in.
+// Where the fit's chi squared with grains is above 5 a degree of freedom, its place far off or beyond
+// the line, or an eighth of the pixels saturated, the spot is no Gaussian: fitted_o is 0, and
+// position_o what came in.
 //
 //   measured_i       low: the line has no spot, and takes part in the history only
 //   left_i, width_i  the second window; position_i and slope_i are those it has given
@@ -20,8 +21,8 @@
 //   spread_i         standard deviation of position_i that noise makes, px
 //   sigma_o          standard deviation of position_o, px: where the fit does not stand, spread_i, or
 //                    twice the fit's where that is larger, which is what speckle does to a phase
-//   mixed_o          chi squared with grains is above 15 a degree of freedom, and no pixel of the spot
-//                    is saturated
+//   mixed_o          chi squared is above 15 a degree of freedom, and no pixel of the spot is
+//                    saturated
 //   speckle_o        squared contrast, 20 fraction bits
 //   scale_o          half of the spot's width at half of its height, px, 12 fraction bits
 //   Latency  vrscan.fixed.peak_fit.LATENCY clocks from valid_i to valid_o, or UNMEASURED_LATENCY;
@@ -259,9 +260,9 @@ module peak_fit #(
   localparam int unsigned LeanWidth  = 12;
   localparam int unsigned SlopeWidth = 23;
   localparam logic        [   LeanWidth-1:0] MostLean   = LeanWidth'(8 << 8);
-  localparam logic        [            16:0] PriorLean  = 17'd448;  // 7/8 of two lines
-  localparam logic signed [ QuotientWidth:0] FineLean   = 27'sd2016;  // 63/64, 11 fraction bits
-  localparam logic signed [ QuotientWidth:0] MostGrains = 27'sd768;  // 3/8
+  localparam int unsigned LeansWidth = 19;
+  localparam logic        [  LeansWidth-1:0] FineLean   = LeansWidth'(5 * 27 << 3);  // 5 * 27/32
+  localparam logic signed [QuotientWidth:0]  MostGrains = 27'(7 << 8);
   // Of the last lines; the highest bit says whether there is one.
   logic        [   LeanWidth:0] lean_mem [vrscan_pkg::SpeckleDepth];
   logic        [   LeanWidth:0] line_lean_q, oldest_lean_q;
@@ -273,8 +274,8 @@ module peak_fit #(
   logic signed [          28:0] b1_middle;
   logic signed [SlopeWidth-1:0] middle_slope_q;
   logic signed [QuotientWidth:0] more_q;
-  logic        [           9:0] grains_q;  // 8 fraction bits
-  logic        [          36:0] grown_q;
+  logic        [          10:0] grains_q;  // 8 fraction bits
+  logic        [          38:0] grown_q;
   assign b1_middle = 29'(b1_middle_q >>> 15);
   always_ff @(posedge clk_i) begin
     free_q         <= first_quotient[QuotientWidth-1] || first_quotient[24:0] > s2_middle_q
@@ -282,10 +283,10 @@ module peak_fit #(
     middle_slope_q <= b1_middle[28:SlopeWidth-1] == '0 || b1_middle[28:SlopeWidth-1] == '1
                       ? b1_middle[SlopeWidth-1:0]
                       : signed'({b1_middle[28], {(SlopeWidth - 1){!b1_middle[28]}}});
-    more_q         <= signed'({1'b0, first_quotient}) - FineLean;
+    more_q         <= (signed'({1'b0, first_quotient}) - 27'(signed'({1'b0, FineLean}))) >>> 1;
     grains_q       <= more_q[QuotientWidth] ? '0
-                      : more_q > MostGrains ? 10'(MostGrains) : unsigned'(more_q[9:0]);
-    grown_q        <= 37'(correlated_q) + 37'(product[46:11]);
+                      : more_q > MostGrains ? 11'(MostGrains) : unsigned'(more_q[10:0]);
+    grown_q        <= 39'(correlated_q) + 39'(product[48:11]);
   end
 
   // The variance at the top, and with its neighbours' share of the speckle.
@@ -386,7 +387,7 @@ module peak_fit #(
   logic        [23:0] reach_q;
   logic        [40:0] mixed_limit_q;  // three times the limit
   logic               chi_small_q, enough_q, unclipped_q, whole_q, on_line_q, near_q, within_q;
-  logic               chi_large_q, mixed_q;
+  logic               chi_large_q, eligible_q, mixed_q;
   // Of a fit that does not stand, twice as much.
   logic [QuotientWidth:0]            wide_spread;
   logic [vrscan_pkg::SigmaWidth-1:0] fit_spread_q;
@@ -905,21 +906,22 @@ module peak_fit #(
         state_q    <= FREE_IN;
       end
       FREE_IN: if (product_valid) begin
-        within_q <= chi_small_q && enough_q && start_inside_q && on_line_q && near_q
-                    && unclipped_q;
+        eligible_q <= enough_q && start_inside_q && on_line_q && near_q && unclipped_q;
         second_divisor_q  <= |product[58:56] ? '1 : product[55:18];
         divide_start_q[1] <= 1'b1;
         state_q           <= LEANS;
       end
       LEANS: if (divided) begin
-        if (within_q)
+        if (eligible_q && !chi_large_q)
           line_lean_q <= {1'b1, second_quotient > QuotientWidth'(MostLean)
                                 ? MostLean : second_quotient[LeanWidth-1:0]};
         state_q <= PUSH;
       end
       PUSH: state_q <= MEAN;
       MEAN: begin
-        first_dividend_q  <= DividendWidth'({leans_q + PriorLean, 3'd0});
+        // Five times, and those of two lines before the first.
+        first_dividend_q  <= DividendWidth'({leans_q, 2'd0}) + DividendWidth'(leans_q)
+                             + DividendWidth'({FineLean, 1'b0});
         first_divisor_q   <= DivisorWidth'(fits_q + 6'd2);
         divide_start_q[0] <= 1'b1;
         state_q           <= GRAINS;
@@ -938,7 +940,7 @@ module peak_fit #(
       ADDED_IN: if (product_valid) state_q <= MIXED;
       MIXED: begin
         issue_q    <= 1'b1;
-        operand_q  <= FactorWidth'(|grown_q[36:34] ? 34'h3_FFFF_FFFF : grown_q[33:0]);
+        operand_q  <= FactorWidth'(|grown_q[38:34] ? 34'h3_FFFF_FFFF : grown_q[33:0]);
         b_select_q <= B_FACTOR;
         state_q    <= ROOT;
       end
@@ -963,6 +965,7 @@ module peak_fit #(
         state_q    <= SPREAD_IN;
       end
       SPREAD_IN: if (product_valid) begin
+        within_q          <= eligible_q && chi_small_q;
         mixed_q           <= chi_large_q && whole_q;
         first_dividend_q  <= DividendWidth'(product[48:10]);
         divide_start_q[0] <= 1'b1;

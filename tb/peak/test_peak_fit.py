@@ -17,7 +17,15 @@ from harness import (
 )
 
 from vrscan.data import pkg
-from vrscan.fixed.peak_fit import LATENCY, SPAN, UNMEASURED_LATENCY, Fitted, History, peak_fit
+from vrscan.fixed.peak_fit import (
+    LATENCY,
+    MOST_GRAINS,
+    SPAN,
+    UNMEASURED_LATENCY,
+    Fitted,
+    History,
+    peak_fit,
+)
 
 ELABORATIONS = [
     {"LineLength": 2048, "PixelWidth": 12},
@@ -210,7 +218,7 @@ async def spots_of_every_kind(dut) -> None:
     """Spots of every width, with speckle, slope, saturation; most fit, some do not."""
     given = parameters()
     await reset(dut)
-    want = await send(dut, spots(given, 60, 1), kappa_register(given["PixelWidth"]))
+    want = await send(dut, spots(given, 100, 1), kappa_register(given["PixelWidth"]))
     assert 0.2 < want.fitted.mean() < 1
     assert 0 < want.mixed.mean() < 0.5
 
@@ -228,23 +236,26 @@ async def ends_of_the_ranges(dut) -> None:
 
 @cocotb.test()
 async def a_fit_on_the_lines_end_is_beyond_it(dut) -> None:
-    """A spot beyond the line is fitted to the span's end: that of the line, then a pixel before."""
+    """A spot beyond the line is fitted to the span's end: that of the line, then a pixel before.
+
+    One before the line is not fitted, either.
+    """
     given = parameters()
     length, pixel_width = given["LineLength"], given["PixelWidth"]
     top, shift = (1 << pixel_width) - 1, pkg.COUNT_WIDTH - pixel_width
-    line = np.round(top * np.exp(-0.5 * ((np.arange(length) - length - 16) / 25.0) ** 2))
+    middle = np.array([[length + 16], [length + 16], [-9]])
     cases = posed(
-        np.tile(line, (2, 1)),
-        left=length - SPAN // 2 - 49 - np.arange(2),
+        np.round(top * np.exp(-0.5 * ((np.arange(length) - middle) / 25.0) ** 2)),
+        left=[length - SPAN // 2 - 49, length - SPAN // 2 - 50, 0],
         width=99,
-        position=length - 2 << pkg.POSITION_FRACTION,
+        position=np.array([length - 2, length - 2, 0]) << pkg.POSITION_FRACTION,
         spread=100,
         sigma=25 << 9,
-        noise=(top << shift) // 50,
+        noise=[(top << shift) // 50, (top << shift) // 50, (top << shift) // 15],
     )
     await reset(dut)
     want = await send(dut, cases, kappa_register(pixel_width))
-    assert want.fitted.tolist() == [False, True]
+    assert want.fitted.tolist() == [False, True, False]
     assert want.position[1] == length - 1 << pkg.POSITION_FRACTION
 
 
@@ -292,6 +303,29 @@ async def two_spots_with_a_saturated_pixel_are_not_mixed(dut) -> None:
     await reset(dut)
     want = await send(dut, cases, kappa_register(pixel_width), top // 2)
     assert want.mixed.tolist() == [True, False]
+
+
+@cocotb.test()
+async def what_is_not_one_spot_tells_nothing_of_grains(dut) -> None:
+    """However far it pulls the middle: neither its own sigma nor the next line's; a ramp does."""
+    given = parameters()
+    length, pixel_width = given["LineLength"], given["PixelWidth"]
+    top, shift = (1 << pixel_width) - 1, pkg.COUNT_WIDTH - pixel_width
+    away = (np.arange(length) - length // 2) / 8.0
+    skewed = np.exp(-0.5 * (away / np.where(away < 0, 1.6, 0.6)) ** 2)
+    ramp = np.where(np.abs(away) < 2.0, (away + 2.0) / 4.0, 0.0)
+    cases = posed(
+        np.round(0.8 * top * np.array([skewed, np.exp(-0.5 * away**2), *[ramp] * 6])),
+        left=length // 2 - 40,
+        width=81,
+        position=length // 2 << pkg.POSITION_FRACTION,
+        sigma=[12 << 9, 8 << 9, *[12 << 9] * 6],
+        noise=(top << shift) // 500,
+    )
+    await reset(dut)
+    want = await send(dut, cases, kappa_register(pixel_width))
+    assert want.mixed[[0, 1, -1]].tolist() == [True, False, False]
+    assert want.grains[:2].tolist() == [0, 0] and want.grains[-1] == MOST_GRAINS
 
 
 @cocotb.test()

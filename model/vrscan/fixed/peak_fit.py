@@ -59,11 +59,11 @@ FREE_FRACTION = 30  # of what the lean is divided by
 FREE_WIDTH = 38
 LEAN_FRACTION = 8
 MOST_LEAN = 8 << LEAN_FRACTION  # of a line
-PRIOR_FITS, PRIOR_LEAN = 2, 7 << (LEAN_FRACTION - 3)
-GRAINS_SHIFT = 3  # eight times the mean lean above FINE_LEAN is what grains add to the variance
-FINE_LEAN = 63 << (LEAN_FRACTION + GRAINS_SHIFT - 6)
-MOST_GRAINS = 3 << LEAN_FRACTION
-CHI_LIMIT = 5  # chi squared a degree of freedom above which the spot is no Gaussian
+PRIOR_FITS, FINE_LEAN = 2, 27 << (LEAN_FRACTION - 5)
+GRAINS = 5  # halves of the mean lean above FINE_LEAN are what grains add to the speckle's variance
+MOST_GRAINS = 7 << LEAN_FRACTION
+CHI_LIMIT = 5  # chi squared a degree of freedom, with grains, above which it is no Gaussian
+MIXED_TIMES = 3  # that limit, above which it is not one spot
 MOST_VARIANCE = (1 << (2 * HEIGHT_FRACTION)) - 1
 MOST_GAIN = (1 << 30) - 1
 MOST_NOISE = (1 << 32) - 1
@@ -78,7 +78,7 @@ class History(NamedTuple):
 
     roughness: Ints  # what third differences have more than noise makes
     weight: Ints
-    lean: Ints  # of the lines that are fitted, LEAN_FRACTION fraction bits
+    lean: Ints  # of the lines that have a single spot, LEAN_FRACTION fraction bits
     fits: Ints  # their number
 
     @classmethod
@@ -95,12 +95,12 @@ class Fitted:
         position: Position of the spot, px, 12 fraction bits: the fit's, or the given one.
         sigma: Its standard deviation, px, 12 fraction bits.
         fitted: Whether the fit stands, bool.
-        mixed: Whether chi squared with grains is above three times what a fit may have without.
+        mixed: Whether chi squared is above MIXED_TIMES what that of a fit may be.
         speckle: Squared contrast of the speckle, 20 fraction bits, of this line and those before;
             of no meaning where a line is not measured.
         scale: Width of the spot over sqrt(2 ln 2), px, 12 fraction bits; likewise.
         grains: What grains add to the speckle's part of the variance, a share of it with 8 fraction
-            bits; of no meaning where a line is not fitted.
+            bits; of no meaning where a line has no single spot.
         history: The last lines, for those that follow.
     """
 
@@ -329,7 +329,7 @@ def _steadied(
     return speckle, history._replace(roughness=rough, weight=heavy)
 
 
-def _grains(sums: _Sums, variance: Ints, fitted: Bools, history: History) -> tuple[Ints, History]:
+def _grains(sums: _Sums, variance: Ints, single: Bools, history: History) -> tuple[Ints, History]:
     """Return what grains add to each line's speckle, and the last lines."""
     both, _ = divide(sums.s2_middle * sums.s2_middle, sums.s2, quotient_width=QUOTIENT_WIDTH)
     free = np.maximum(sums.s2_middle - both, 0)
@@ -338,11 +338,11 @@ def _grains(sums: _Sums, variance: Ints, fitted: Bools, history: History) -> tup
     slope = _limited(sums.b1_middle, SLOPE_WIDTH)
     dividend = slope * slope << (FREE_FRACTION + LEAN_FRACTION - 2 * MOMENT_FRACTION)
     lean = np.minimum(divide(dividend, divisor, quotient_width=QUOTIENT_WIDTH)[0], MOST_LEAN)
-    lean, leans = _running(history.lean, np.where(fitted, lean, 0))
-    count, fits = _running(history.fits, fitted.astype(np.int64))
-    dividend = (lean + PRIOR_FITS * PRIOR_LEAN) << GRAINS_SHIFT
+    lean, leans = _running(history.lean, np.where(single, lean, 0))
+    count, fits = _running(history.fits, single.astype(np.int64))
+    dividend = GRAINS * (lean + PRIOR_FITS * FINE_LEAN)
     lean, _ = divide(dividend, count + PRIOR_FITS, quotient_width=QUOTIENT_WIDTH)
-    grains = np.clip(lean - FINE_LEAN, 0, MOST_GRAINS)
+    grains = np.clip(lean - GRAINS * FINE_LEAN >> 1, 0, MOST_GRAINS)
     return grains, history._replace(lean=leans, fits=fits)
 
 
@@ -425,24 +425,25 @@ def peak_fit(
             shares = _shares(variance)
 
     freedom = CHI_LIMIT * np.maximum(sums.pixels - 3, 0)
-    limit = variance.total * freedom >> 2 * (HEIGHT_FRACTION - MOMENT_FRACTION)
     found = (first << pkg.POSITION_FRACTION) + (
         (state.place + (1 << (PLACE_FRACTION - pkg.POSITION_FRACTION - 1)))
         >> (PLACE_FRACTION - pkg.POSITION_FRACTION)
     )
     far = np.abs(state.place - started) > (5 * begin << (PLACE_FRACTION - SCALE_FRACTION)) >> 3
-    fitted = measured & (sums.chi <= limit) & ~far & (sums.pixels >= 4)
-    fitted &= (begun == started) & (found >= 0) & (found < length << pkg.POSITION_FRACTION)
-    lost = sums.clipped << 3 > sums.pixels + sums.clipped
-    fitted &= ~lost
+    eligible = measured & ~far & (sums.pixels >= 4) & (begun == started)
+    eligible &= (found >= 0) & (found < length << pkg.POSITION_FRACTION)
+    eligible &= sums.clipped << 3 <= sums.pixels + sums.clipped
+    shift = 2 * (HEIGHT_FRACTION - MOMENT_FRACTION)
+    single = eligible & (sums.chi <= MIXED_TIMES * (variance.total * freedom >> shift))
     total = np.minimum(
         variance.total + (variance.speckle >> 2) + (variance.speckle >> 3), MOST_VARIANCE
     )
-    grains, history = _grains(sums, total, fitted, history)
+    grains, history = _grains(sums, total, single, history)
     # Neighbours share speckle: it counts 11/8 times.
     total = np.minimum(total + (variance.speckle * (11 * grains) >> 11), MOST_VARIANCE)
-    limit = total * freedom >> 2 * (HEIGHT_FRACTION - MOMENT_FRACTION)
-    mixed = measured & (sums.clipped == 0) & (sums.chi > 3 * limit)
+    limit = total * freedom >> shift
+    fitted = eligible & (sums.chi <= limit)
+    mixed = measured & (sums.clipped == 0) & (sums.chi > MIXED_TIMES * limit)
     root = square_root(total * sums.s2, root_width=ROOT_WIDTH)
     divisor = (sums.s2 * ((before.amplitude * LN4) >> 13)) >> HEIGHT_FRACTION
     # Scale and root have 36 fraction bits, the divisor 14 and sigma 12.

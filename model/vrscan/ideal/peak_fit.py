@@ -23,8 +23,9 @@ middle of the spot against the whole, though. The slope of all pixels is 0 where
 settled; that of those in the middle has the variance T (S - S**2 / W), with S and W the weighted
 sums of u**2 over the middle and over all, and T that of a pixel at the top, if the pixels are
 independent. Its square over that, the lean, is 0.7 to 0.95 in focus and 1.2 to 2.5 out of it. Its
-mean over the fits of DEPTH lines and a prior is known to a quarter, so it soon says that grains are
-coarse, which makes the speckle's part of the variance at most four times as large.
+mean over the fits of DEPTH lines and a prior is known to a quarter. The squared error follows it
+from scene to scene: what it is above that of fine grains makes the speckle's part of the variance
+up to eight times as large.
 """
 
 from dataclasses import dataclass
@@ -54,17 +55,16 @@ FIRST_SPECKLE = 1 / 64  # squared contrast in the first two passes
 PRIOR_SPECKLE, PRIOR_DIFFERENCES = 0.0016, 32.0
 MOST_SPECKLE = 3 / 8
 MOST_LEAN = 8.0  # of a line
-PRIOR_LEAN, PRIOR_FITS = 7 / 8, 2.0
-FINE_LEAN = 63 / 64
-GRAINS, MOST_GRAINS = 8.0, 3.0  # the mean lean above that, times this, is added to the speckle
+FINE_LEAN, PRIOR_FITS = 27 / 32, 2.0  # of fine grains, and before the first line
+GRAINS, MOST_GRAINS = 2.5, 7.0  # the mean lean above that, times this, is added to the speckle
 DIFFERENCES = 20.0  # sum of the squared coefficients of a third difference
 LARGEST_AREA = 2.0  # A**2 in a line's weight
 LARGEST_LIFT = 16  # a line's weight is at most 2**16
 NEIGHBOURS = 3 / 8  # what the correlation of neighbours adds to the speckle's variance
 
 FAR = 5 / 8  # first widths w between the fit and the given position
-CHI_LIMIT = 5.0  # chi squared a degree of freedom above which the spot is no Gaussian
-MIXED_LIMIT = 3 * CHI_LIMIT  # of the variance with grains, above which it is not one spot
+CHI_LIMIT = 5.0  # chi squared a degree of freedom, with grains, above which it is no Gaussian
+MIXED_LIMIT = 3 * CHI_LIMIT  # the same above which it is not one spot
 FEWEST = 4  # pixels
 MOST_CLIPPED = 1 / 8  # share of the window's pixels at full scale
 _TINY = 1e-30  # instead of no variance and no weight
@@ -75,7 +75,7 @@ class History(NamedTuple):
 
     roughness: Floats  # what squared third differences have more than noise makes, weighted
     weight: Floats
-    lean: Floats  # of the lines that are fitted
+    lean: Floats  # of the lines that have a single spot
     fits: Floats  # their number
 
     @classmethod
@@ -204,16 +204,16 @@ def _steadied(
 
 
 def _grains(
-    seen: _Pass, variance: Floats, fitted: Bools, history: History
+    seen: _Pass, variance: Floats, single: Bools, history: History
 ) -> tuple[Floats, History]:
     """Return what grains add to each line's speckle, a share of it, and the last lines."""
     whole, middle = seen.sum(2), seen.sum(2, middle=True)
     free = middle - np.square(middle) / np.maximum(whole, _TINY)
     slope = seen.sum(1, quotient=True, middle=True)
     lean = np.square(slope) / np.maximum(variance * free, _TINY)
-    lean, leans = _running(history.lean, np.where(fitted, np.minimum(lean, MOST_LEAN), 0.0))
-    count, fits = _running(history.fits, fitted.astype(np.float64))
-    lean = (lean + PRIOR_FITS * PRIOR_LEAN) / (count + PRIOR_FITS)
+    lean, leans = _running(history.lean, np.where(single, np.minimum(lean, MOST_LEAN), 0.0))
+    count, fits = _running(history.fits, single.astype(np.float64))
+    lean = (lean + PRIOR_FITS * FINE_LEAN) / (count + PRIOR_FITS)
     grains = np.clip(GRAINS * (lean - FINE_LEAN), 0.0, MOST_GRAINS)
     return grains, history._replace(lean=leans, fits=fits)
 
@@ -237,9 +237,10 @@ def peak_fit(
 ) -> Fitted:
     """Fit a Gaussian to the spot of every line.
 
-    The fit does not stand, and the given position stays, where chi squared is too large, where the
-    fit went far from it or off the line, or where too many pixels are at full scale, whose light
-    is not known. Speckle moves the phase of a window by some twice as much as it does the fit.
+    The fit does not stand, and the given position stays, where chi squared with grains is too
+    large, where the fit went far from it or off the line, or where too many pixels are at full
+    scale, whose light is not known. Speckle moves the phase of a window by some twice as much as it
+    does the fit.
 
     Args:
         lines: Counts [n, length].
@@ -290,20 +291,20 @@ def peak_fit(
         state = _stepped(state, seen, least, most)
 
     count = seen.inside.sum(axis=1)
-    chi = (seen.weight * np.square(seen.quotient)).sum(axis=1) / at.total
-    fitted = measured & (count >= FEWEST) & (chi <= CHI_LIMIT * (count - 3))
-    fitted &= np.abs(state.place - position) <= FAR * begin
-    fitted &= (position >= first) & (position < first + SPAN)
-    fitted &= (state.place >= 0.0) & (state.place < lines.shape[1])
+    chi = (seen.weight * np.square(seen.quotient)).sum(axis=1)
+    eligible = measured & (count >= FEWEST) & (np.abs(state.place - position) <= FAR * begin)
+    eligible &= (position >= first) & (position < first + SPAN)
+    eligible &= (state.place >= 0.0) & (state.place < lines.shape[1])
     lost = (seen.near & clipped).sum(axis=1)
-    clear = lost <= MOST_CLIPPED * (count + lost)
-    fitted &= clear
+    eligible &= lost <= MOST_CLIPPED * (count + lost)
+    free = np.maximum(count - 3, 0)
     told = np.maximum(seen.sum(2), _TINY)
     variance = at.total + NEIGHBOURS * at.speckle
-    grains, history = _grains(seen, variance, fitted, history)
+    single = eligible & (chi <= MIXED_LIMIT * free * at.total)
+    grains, history = _grains(seen, variance, single, history)
     variance = variance + (1.0 + NEIGHBOURS) * grains * at.speckle
-    limit = MIXED_LIMIT * np.maximum(count - 3, 0) * variance
-    mixed = measured & (lost == 0) & (chi * at.total > limit)
+    fitted = eligible & (chi <= CHI_LIMIT * free * variance)
+    mixed = measured & (lost == 0) & (chi > MIXED_LIMIT * free * variance)
     own = np.sqrt(variance / told) / (before.height * LN4) * state.scale
     own = np.where(fitted, own, np.where(measured, np.maximum(2.0 * own, spread), spread))
     return Fitted(
