@@ -382,6 +382,7 @@ FAULTS = [
         ("two spots lean", "if (eligible_q && !chi_large_q)", "if (eligible_q)"),
         ("a fit of more chi squared", "eligible_q && chi_small_q", "eligible_q && !chi_large_q"),
         ("more grains", "27'(7 << 8)", "27'(8 << 8)"),
+        ("grains hide nothing", "grains_q >= CoarseGrains ? total_q : speckle", "speckle"),
         ("mixed at the fit's limit", "{1'b0, mixed_limit_q}", "{1'b0, chi_limit_q}"),
         ("mixed without a spot", "measured_q && mixed_q;", "mixed_q;"),
         ("not reset", "history_full_q <= 1'b0;", "history_full_q <= history_full_q;"),

@@ -263,6 +263,7 @@ module peak_fit #(
   localparam int unsigned LeansWidth = 19;
   localparam logic        [  LeansWidth-1:0] FineLean   = LeansWidth'(5 * 27 << 3);  // 5 * 27/32
   localparam logic signed [QuotientWidth:0]  MostGrains = 27'(7 << 8);
+  localparam logic        [           10:0]  CoarseGrains = 11'(2 << 8);
   // Of the last lines; the highest bit says whether there is one.
   logic        [   LeanWidth:0] lean_mem [vrscan_pkg::SpeckleDepth];
   logic        [   LeanWidth:0] line_lean_q, oldest_lean_q;
@@ -928,10 +929,10 @@ module peak_fit #(
       end
       GRAINS: if (divided) state_q <= SETTLE;
       SETTLE: state_q <= ADDED;
-      // The speckle counts 11/8 times: neighbours share it.
+      // It counts 11/8 times: neighbours share it.  Coarse grains hide from differences.
       ADDED: begin
         issue_q    <= 1'b1;
-        operand_q  <= FactorWidth'(speckle_part_q);
+        operand_q  <= FactorWidth'(grains_q >= CoarseGrains ? total_q : speckle_part_q);
         lifted_q   <= (22'(grains_q) << 3) + (22'(grains_q) << 1) + 22'(grains_q);
         a_select_q <= A_OPERAND;
         b_select_q <= B_LIFTED;

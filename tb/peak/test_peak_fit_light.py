@@ -172,15 +172,25 @@ def test_sigma_knows_of_coarse_grains(distance: float) -> None:
     assert 0.8 / known <= found.over_sigma() <= 1.25 * known
 
 
-@pytest.mark.parametrize(("distance", "most_px"), [(300.0, 2.0), (1000.0, 5.0)])
-def test_parts_of_a_spot_that_grains_break_up_are_one(distance: float, most_px: float) -> None:
-    """Far out of focus, one polarisation: the error of a part, if it is not, is 5 and 10 px."""
+@pytest.mark.parametrize(
+    ("distance", "most_px", "most_sigmas"),
+    [(300.0, 1.0, 1.4), (600.0, 0.8, 1.4), (1000.0, 5.0, 3.0)],
+)
+def test_parts_of_a_spot_that_grains_break_up_are_one(
+    distance: float, most_px: float, most_sigmas: float
+) -> None:
+    """Far out of focus, one polarisation.
+
+    The error of a part, if it is not, is 5 and 10 px at 300 and 1000 mm; that of the window's phase
+    1.0 and 4.4, where a fit stands by its chi squared without grains only.
+    """
     config = SCANNERS["default"]
     found = fitted(Engine.FIXED, *out_of_focus(distance, 1, 160), config)
     print(
         f"\n{distance:g} mm: error {rms(found.error):.2f} px, over sigma {found.over_sigma():.2f}"
     )
     assert np.isfinite(found.error).mean() > 0.97 and rms(found.error) < most_px
+    assert found.over_sigma() < most_sigmas
 
 
 @EACH_SENSOR

@@ -241,11 +241,13 @@ def room(cases: Cases, fit: ideal.Fitted, speckle: np.ndarray, grains: np.ndarra
     position = factor * sum(part.sum(axis=1) for part in per_pixel) + end
     # Half of the weights' errors, and the amplitude's and width's, which are like the position's.
     of_sigma = 0.5 * (y * u * u * y_error).sum(axis=1) / moment + 2 * position / fit.scale
-    # The variance has 11/8 (1 + grains) times the speckle's part.
-    times = 11 / 8 * (1 + np.minimum(grains, fit.grains)) - 1
-    whole = total[:, 0] + times * fit.speckle * top**2
-    of_sigma += 0.5 * 11 / 8 * np.abs(grains - fit.grains) * fit.speckle * top**2 / whole
-    of_sigma += np.abs(speckle - fit.speckle) * (1 + times) * top**2 / total[:, 0]
+    # The variance has 11/8 times the speckle's part, and 11/8 grains of that or, if coarse, of all.
+    part, least = fit.speckle * top**2, np.minimum(grains, fit.grains)
+    coarse, too = (each >= ideal.COARSE_GRAINS for each in (grains, fit.grains))
+    grained = np.where(coarse, total[:, 0], part)
+    whole = total[:, 0] + 3 / 8 * part + 11 / 8 * least * grained
+    of_sigma += 0.5 * 11 / 8 * np.abs(grains - fit.grains) * grained / whole
+    of_sigma += np.abs(speckle - fit.speckle) * 11 / 8 * (1 + least) * top**2 / total[:, 0]
     of_sigma += 2.0**-13 / np.maximum(fit.sigma, 2.0**-pkg.SIGMA_FRACTION)
     edge_moment = np.where(near, weight * u * u, 0).max(axis=1) / moment
     return Room(
@@ -253,7 +255,8 @@ def room(cases: Cases, fit: ideal.Fitted, speckle: np.ndarray, grains: np.ndarra
         rms=factor * np.sqrt(squares / 3) + end,
         doubt=4 * factor * edge,
         sigma=of_sigma,
-        sigma_doubt=edge_moment + 8 * factor * edge / fit.scale,
+        # Where grains are coarse for one of both, the other's sigma is another.
+        sigma_doubt=np.where(coarse == too, edge_moment + 8 * factor * edge / fit.scale, np.inf),
     )
 
 

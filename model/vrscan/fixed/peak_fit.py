@@ -62,6 +62,7 @@ MOST_LEAN = 8 << LEAN_FRACTION  # of a line
 PRIOR_FITS, FINE_LEAN = 2, 27 << (LEAN_FRACTION - 5)
 GRAINS = 5  # halves of the mean lean above FINE_LEAN are what grains add to the speckle's variance
 MOST_GRAINS = 7 << LEAN_FRACTION
+COARSE_GRAINS = 2 << LEAN_FRACTION  # from which on it is added to all variance
 CHI_LIMIT = 5  # chi squared a degree of freedom, with grains, above which it is no Gaussian
 MIXED_TIMES = 3  # that limit, above which it is not one spot
 MOST_VARIANCE = (1 << (2 * HEIGHT_FRACTION)) - 1
@@ -440,7 +441,8 @@ def peak_fit(
     )
     grains, history = _grains(sums, total, single, history)
     # Neighbours share speckle: it counts 11/8 times.
-    total = np.minimum(total + (variance.speckle * (11 * grains) >> 11), MOST_VARIANCE)
+    grained = np.where(grains >= COARSE_GRAINS, variance.total, variance.speckle)
+    total = np.minimum(total + (grained * (11 * grains) >> 11), MOST_VARIANCE)
     limit = total * freedom >> shift
     fitted = eligible & (sums.chi <= limit)
     mixed = measured & (sums.clipped == 0) & (sums.chi > MIXED_TIMES * limit)

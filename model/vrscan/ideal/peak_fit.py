@@ -22,10 +22,10 @@ Out of focus a grain may be as long as the spot, and third differences do not se
 middle of the spot against the whole, though. The slope of all pixels is 0 where the fit has
 settled; that of those in the middle has the variance T (S - S**2 / W), with S and W the weighted
 sums of u**2 over the middle and over all, and T that of a pixel at the top, if the pixels are
-independent. Its square over that, the lean, is 0.7 to 0.95 in focus and 1.2 to 2.5 out of it. Its
+independent. Its square over that, the lean, is 0.7 to 0.95 in focus and 1.2 to 5 out of it. Its
 mean over the fits of DEPTH lines and a prior is known to a quarter. The squared error follows it
 from scene to scene: what it is above that of fine grains makes the speckle's part of the variance
-up to eight times as large.
+up to ten times as large, and coarse grains, which differences hardly see, all of it.
 """
 
 from dataclasses import dataclass
@@ -57,6 +57,7 @@ MOST_SPECKLE = 3 / 8
 MOST_LEAN = 8.0  # of a line
 FINE_LEAN, PRIOR_FITS = 27 / 32, 2.0  # of fine grains, and before the first line
 GRAINS, MOST_GRAINS = 2.5, 7.0  # the mean lean above that, times this, is added to the speckle
+COARSE_GRAINS = 2.0  # from which on they hide it from differences: it is added to all variance
 DIFFERENCES = 20.0  # sum of the squared coefficients of a third difference
 LARGEST_AREA = 2.0  # A**2 in a line's weight
 LARGEST_LIFT = 16  # a line's weight is at most 2**16
@@ -302,7 +303,8 @@ def peak_fit(
     variance = at.total + NEIGHBOURS * at.speckle
     single = eligible & (chi <= MIXED_LIMIT * free * at.total)
     grains, history = _grains(seen, variance, single, history)
-    variance = variance + (1.0 + NEIGHBOURS) * grains * at.speckle
+    grained = np.where(grains >= COARSE_GRAINS, at.total, at.speckle)
+    variance = variance + (1.0 + NEIGHBOURS) * grains * grained
     fitted = eligible & (chi <= CHI_LIMIT * free * variance)
     mixed = measured & (lost == 0) & (chi > MIXED_LIMIT * free * variance)
     own = np.sqrt(variance / told) / (before.height * LN4) * state.scale
