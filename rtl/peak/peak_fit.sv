@@ -382,13 +382,13 @@ module peak_fit #(
   localparam int unsigned FoundWidth = FirstWidth + vrscan_pkg::PositionFraction + 1;
   localparam logic signed [FoundWidth-1:0] LineEnd =
       FoundWidth'(LineLength << vrscan_pkg::PositionFraction);
-  logic signed [FoundWidth-1:0] fit_place_q;
+  logic signed [FoundWidth-1:0] fit_place_q, margin_q, last_q;  // of a spot that no end cuts
   logic        [38:0] chi_limit_q;
   logic signed [24:0] moved_q;
   logic        [23:0] reach_q;
   logic        [40:0] mixed_limit_q;  // three times the limit
   logic               chi_small_q, enough_q, unclipped_q, whole_q, on_line_q, near_q, within_q;
-  logic               chi_large_q, eligible_q, mixed_q;
+  logic               chi_large_q, eligible_q, inner_q, plain_q, mixed_q;
   // Of a fit that does not stand, twice as much.
   logic [QuotientWidth:0]            wide_spread;
   logic [vrscan_pkg::SigmaWidth-1:0] fit_spread_q;
@@ -398,6 +398,9 @@ module peak_fit #(
     fit_place_q <= (FoundWidth'(first_q) <<< vrscan_pkg::PositionFraction)
                    + FoundWidth'(signed'({1'b0, (25'(place_q) + 25'(1 << 3)) >> 4}));
     on_line_q   <= fit_place_q >= 0 && fit_place_q < LineEnd;
+    margin_q    <= FoundWidth'({scale_q, 1'b0});
+    last_q      <= LineEnd - margin_q;
+    inner_q     <= fit_place_q >= margin_q && fit_place_q < last_q;
     moved_q     <= signed'({1'b0, place_q}) - signed'({1'b0, started_q});
     reach_q     <= (24'(begin_q) << 3) + (24'(begin_q) << 1);
     // A negative one's inversion is one less than it is far.
@@ -908,12 +911,13 @@ module peak_fit #(
       end
       FREE_IN: if (product_valid) begin
         eligible_q <= enough_q && start_inside_q && on_line_q && near_q && unclipped_q;
+        plain_q    <= chi_small_q;
         second_divisor_q  <= |product[58:56] ? '1 : product[55:18];
         divide_start_q[1] <= 1'b1;
         state_q           <= LEANS;
       end
       LEANS: if (divided) begin
-        if (eligible_q && !chi_large_q)
+        if (eligible_q && inner_q && !chi_large_q)
           line_lean_q <= {1'b1, second_quotient > QuotientWidth'(MostLean)
                                 ? MostLean : second_quotient[LeanWidth-1:0]};
         state_q <= PUSH;
@@ -966,7 +970,7 @@ module peak_fit #(
         state_q    <= SPREAD_IN;
       end
       SPREAD_IN: if (product_valid) begin
-        within_q          <= eligible_q && chi_small_q;
+        within_q          <= eligible_q && chi_small_q && (inner_q || plain_q);
         mixed_q           <= chi_large_q && whole_q;
         first_dividend_q  <= DividendWidth'(product[48:10]);
         divide_start_q[0] <= 1'b1;

@@ -307,25 +307,32 @@ async def two_spots_with_a_saturated_pixel_are_not_mixed(dut) -> None:
 
 @cocotb.test()
 async def what_is_not_one_spot_tells_nothing_of_grains(dut) -> None:
-    """However far it pulls the middle: neither its own sigma nor the next line's; a ramp does."""
+    """However far it pulls the middle: neither its own sigma nor the next line's.
+
+    A ramp does, and then has a fit; one that the line's end cuts has none.
+    """
     given = parameters()
     length, pixel_width = given["LineLength"], given["PixelWidth"]
     top, shift = (1 << pixel_width) - 1, pkg.COUNT_WIDTH - pixel_width
-    away = (np.arange(length) - length // 2) / 8.0
-    skewed = np.exp(-0.5 * (away / np.where(away < 0, 1.6, 0.6)) ** 2)
-    ramp = np.where(np.abs(away) < 2.0, (away + 2.0) / 4.0, 0.0)
+    middle = np.array([length // 2] * 8 + [length - 12])
+    away = (np.arange(length) - middle[:, None]) / 8.0
+    light = np.where(np.abs(away) < 2.0, (away + 2.0) / 4.0, 0.0)
+    light[0] = np.exp(-0.5 * (away[0] / np.where(away[0] < 0, 1.6, 0.6)) ** 2)
+    light[1] = np.exp(-0.5 * away[1] ** 2)
+    light[8] = np.where(np.abs(away[8]) < 2.0, (2.0 - away[8]) / 4.0, 0.0)
     cases = posed(
-        np.round(0.8 * top * np.array([skewed, np.exp(-0.5 * away**2), *[ramp] * 6])),
-        left=length // 2 - 40,
+        np.round(0.8 * top * light),
+        left=np.minimum(middle - 40, length - 81),
         width=81,
-        position=length // 2 << pkg.POSITION_FRACTION,
-        sigma=[12 << 9, 8 << 9, *[12 << 9] * 6],
+        position=middle << pkg.POSITION_FRACTION,
+        sigma=[12 << 9, 8 << 9, *[12 << 9] * 7],
         noise=(top << shift) // 500,
     )
     await reset(dut)
     want = await send(dut, cases, kappa_register(pixel_width))
-    assert want.mixed[[0, 1, -1]].tolist() == [True, False, False]
-    assert want.grains[:2].tolist() == [0, 0] and want.grains[-1] == MOST_GRAINS
+    assert want.mixed[[0, 1, -2, -1]].tolist() == [True, False, False, False]
+    assert want.grains[:2].tolist() == [0, 0] and want.grains[-2] == MOST_GRAINS
+    assert want.fitted[-2:].tolist() == [True, False]
 
 
 @cocotb.test()

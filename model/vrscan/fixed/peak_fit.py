@@ -434,8 +434,12 @@ def peak_fit(
     eligible = measured & ~far & (sums.pixels >= 4) & (begun == started)
     eligible &= (found >= 0) & (found < length << pkg.POSITION_FRACTION)
     eligible &= sums.clipped << 3 <= sums.pixels + sums.clipped
+    margin = state.scale << 1  # a spot that the line's end cuts leans without grains
+    inner = (found >= margin) & (found < (length << pkg.POSITION_FRACTION) - margin)
     shift = 2 * (HEIGHT_FRACTION - MOMENT_FRACTION)
-    single = eligible & (sums.chi <= MIXED_TIMES * (variance.total * freedom >> shift))
+    limit = variance.total * freedom >> shift
+    plain = sums.chi <= limit
+    single = eligible & inner & (sums.chi <= MIXED_TIMES * limit)
     total = np.minimum(
         variance.total + (variance.speckle >> 2) + (variance.speckle >> 3), MOST_VARIANCE
     )
@@ -444,7 +448,7 @@ def peak_fit(
     grained = np.where(grains >= COARSE_GRAINS, variance.total, variance.speckle)
     total = np.minimum(total + (grained * (11 * grains) >> 11), MOST_VARIANCE)
     limit = total * freedom >> shift
-    fitted = eligible & (sums.chi <= limit)
+    fitted = eligible & (sums.chi <= limit) & (inner | plain)
     mixed = measured & (sums.clipped == 0) & (sums.chi > MIXED_TIMES * limit)
     root = square_root(total * sums.s2, root_width=ROOT_WIDTH)
     divisor = (sums.s2 * ((before.amplitude * LN4) >> 13)) >> HEIGHT_FRACTION

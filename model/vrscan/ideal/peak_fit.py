@@ -66,6 +66,7 @@ NEIGHBOURS = 3 / 8  # what the correlation of neighbours adds to the speckle's v
 FAR = 5 / 8  # first widths w between the fit and the given position
 CHI_LIMIT = 5.0  # chi squared a degree of freedom, with grains, above which it is no Gaussian
 MIXED_LIMIT = 3 * CHI_LIMIT  # the same above which it is not one spot
+INNER = 2.0  # widths w from the line's end: a spot that the end cuts leans without grains
 FEWEST = 4  # pixels
 MOST_CLIPPED = 1 / 8  # share of the window's pixels at full scale
 _TINY = 1e-30  # instead of no variance and no weight
@@ -298,14 +299,17 @@ def peak_fit(
     eligible &= (state.place >= 0.0) & (state.place < lines.shape[1])
     lost = (seen.near & clipped).sum(axis=1)
     eligible &= lost <= MOST_CLIPPED * (count + lost)
+    margin = INNER * state.scale
+    inner = (state.place >= margin) & (state.place < lines.shape[1] - margin)
     free = np.maximum(count - 3, 0)
     told = np.maximum(seen.sum(2), _TINY)
     variance = at.total + NEIGHBOURS * at.speckle
-    single = eligible & (chi <= MIXED_LIMIT * free * at.total)
+    plain = chi <= CHI_LIMIT * free * at.total
+    single = eligible & inner & (chi <= MIXED_LIMIT * free * at.total)
     grains, history = _grains(seen, variance, single, history)
     grained = np.where(grains >= COARSE_GRAINS, at.total, at.speckle)
     variance = variance + (1.0 + NEIGHBOURS) * grains * grained
-    fitted = eligible & (chi <= CHI_LIMIT * free * variance)
+    fitted = eligible & (chi <= CHI_LIMIT * free * variance) & (inner | plain)
     mixed = measured & (lost == 0) & (chi > MIXED_LIMIT * free * variance)
     own = np.sqrt(variance / told) / (before.height * LN4) * state.scale
     own = np.where(fitted, own, np.where(measured, np.maximum(2.0 * own, spread), spread))
