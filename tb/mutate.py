@@ -388,6 +388,7 @@ FAULTS = [
             "eligible_q && !chi_large_q &&",
         ),
         ("more grains", "27'(7 << 8)", "27'(8 << 8)"),
+        ("grains grow on", "steep_q < slow_q ? steep_q : slow_q", "steep_q"),
         ("grains hide nothing", "grains_q >= CoarseGrains ? total_q : speckle", "speckle"),
         ("mixed at the fit's limit", "{1'b0, mixed_limit_q}", "{1'b0, chi_limit_q}"),
         ("mixed without a spot", "measured_q && mixed_q;", "mixed_q;"),

@@ -260,10 +260,11 @@ module peak_fit #(
   localparam int unsigned LeanWidth  = 12;
   localparam int unsigned SlopeWidth = 23;
   localparam logic        [   LeanWidth-1:0] MostLean   = LeanWidth'(8 << 8);
-  localparam int unsigned LeansWidth = 19;
-  localparam logic        [  LeansWidth-1:0] FineLean   = LeansWidth'(5 * 27 << 3);  // 5 * 27/32
-  localparam logic signed [QuotientWidth:0]  MostGrains = 27'(7 << 8);
-  localparam logic        [           10:0]  CoarseGrains = 11'(2 << 8);
+  localparam logic        [            16:0] PriorLean  = 17'd456;  // 57/64 of two lines
+  localparam logic signed [ QuotientWidth:0] FineLean   = 27'sd912;  // four times 57/64
+  localparam logic signed [ QuotientWidth:0] SlowLean   = 27'sd256;  // twice 1/2
+  localparam logic signed [ QuotientWidth:0] MostGrains = 27'(7 << 8);
+  localparam logic        [            10:0] CoarseGrains = 11'(2 << 8);
   // Of the last lines; the highest bit says whether there is one.
   logic        [   LeanWidth:0] lean_mem [vrscan_pkg::SpeckleDepth];
   logic        [   LeanWidth:0] line_lean_q, oldest_lean_q;
@@ -274,7 +275,8 @@ module peak_fit #(
   logic        [          24:0] free_q;
   logic signed [          28:0] b1_middle;
   logic signed [SlopeWidth-1:0] middle_slope_q;
-  logic signed [QuotientWidth:0] more_q;
+  logic signed [QuotientWidth:0] steep_q, slow_q, more;
+  assign more = steep_q < slow_q ? steep_q : slow_q;
   logic        [          10:0] grains_q;  // 8 fraction bits
   logic        [          38:0] grown_q;
   assign b1_middle = 29'(b1_middle_q >>> 15);
@@ -284,9 +286,10 @@ module peak_fit #(
     middle_slope_q <= b1_middle[28:SlopeWidth-1] == '0 || b1_middle[28:SlopeWidth-1] == '1
                       ? b1_middle[SlopeWidth-1:0]
                       : signed'({b1_middle[28], {(SlopeWidth - 1){!b1_middle[28]}}});
-    more_q         <= (signed'({1'b0, first_quotient}) - 27'(signed'({1'b0, FineLean}))) >>> 1;
-    grains_q       <= more_q[QuotientWidth] ? '0
-                      : more_q > MostGrains ? 11'(MostGrains) : unsigned'(more_q[10:0]);
+    steep_q        <= signed'({1'b0, first_quotient}) - FineLean;
+    slow_q         <= signed'({2'b0, first_quotient[QuotientWidth-1:1]}) - SlowLean;
+    grains_q       <= more[QuotientWidth] ? '0
+                      : more > MostGrains ? 11'(MostGrains) : unsigned'(more[10:0]);
     grown_q        <= 39'(correlated_q) + 39'(product[48:11]);
   end
 
@@ -924,9 +927,7 @@ module peak_fit #(
       end
       PUSH: state_q <= MEAN;
       MEAN: begin
-        // Five times, and those of two lines before the first.
-        first_dividend_q  <= DividendWidth'({leans_q, 2'd0}) + DividendWidth'(leans_q)
-                             + DividendWidth'({FineLean, 1'b0});
+        first_dividend_q  <= DividendWidth'({leans_q + PriorLean, 2'd0});
         first_divisor_q   <= DivisorWidth'(fits_q + 6'd2);
         divide_start_q[0] <= 1'b1;
         state_q           <= GRAINS;

@@ -59,8 +59,8 @@ FREE_FRACTION = 30  # of what the lean is divided by
 FREE_WIDTH = 38
 LEAN_FRACTION = 8
 MOST_LEAN = 8 << LEAN_FRACTION  # of a line
-PRIOR_FITS, FINE_LEAN = 2, 27 << (LEAN_FRACTION - 5)
-GRAINS = 5  # halves of the mean lean above FINE_LEAN are what grains add to the speckle's variance
+PRIOR_FITS, FINE_LEAN, SLOW_LEAN = 2, 57 << (LEAN_FRACTION - 6), 1 << (LEAN_FRACTION - 1)
+STEEP_SHIFT, SLOW_SHIFT = 2, 1  # 4 times the lean above FINE_LEAN, twice that above SLOW_LEAN
 MOST_GRAINS = 7 << LEAN_FRACTION
 COARSE_GRAINS = 2 << LEAN_FRACTION  # from which on it is added to all variance
 CHI_LIMIT = 5  # chi squared a degree of freedom, with grains, above which it is no Gaussian
@@ -341,9 +341,10 @@ def _grains(sums: _Sums, variance: Ints, single: Bools, history: History) -> tup
     lean = np.minimum(divide(dividend, divisor, quotient_width=QUOTIENT_WIDTH)[0], MOST_LEAN)
     lean, leans = _running(history.lean, np.where(single, lean, 0))
     count, fits = _running(history.fits, single.astype(np.int64))
-    dividend = GRAINS * (lean + PRIOR_FITS * FINE_LEAN)
-    lean, _ = divide(dividend, count + PRIOR_FITS, quotient_width=QUOTIENT_WIDTH)
-    grains = np.clip(lean - GRAINS * FINE_LEAN >> 1, 0, MOST_GRAINS)
+    dividend = (lean + PRIOR_FITS * FINE_LEAN) << STEEP_SHIFT
+    steep, _ = divide(dividend, count + PRIOR_FITS, quotient_width=QUOTIENT_WIDTH)
+    slow = (steep >> (STEEP_SHIFT - SLOW_SHIFT)) - (SLOW_LEAN << SLOW_SHIFT)
+    grains = np.clip(np.minimum(steep - (FINE_LEAN << STEEP_SHIFT), slow), 0, MOST_GRAINS)
     return grains, history._replace(lean=leans, fits=fits)
 
 

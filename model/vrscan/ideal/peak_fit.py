@@ -55,8 +55,9 @@ FIRST_SPECKLE = 1 / 64  # squared contrast in the first two passes
 PRIOR_SPECKLE, PRIOR_DIFFERENCES = 0.0016, 32.0
 MOST_SPECKLE = 3 / 8
 MOST_LEAN = 8.0  # of a line
-FINE_LEAN, PRIOR_FITS = 27 / 32, 2.0  # of fine grains, and before the first line
-GRAINS, MOST_GRAINS = 2.5, 7.0  # the mean lean above that, times this, is added to the speckle
+FINE_LEAN, PRIOR_FITS = 57 / 64, 2.0  # of fine grains, and before the first line
+STEEP, SLOW = 4.0, 2.0  # times the mean lean above FINE_LEAN or SLOW_LEAN: the smaller is the share
+SLOW_LEAN, MOST_GRAINS = 1 / 2, 7.0  # of the speckle's variance that grains add
 COARSE_GRAINS = 2.0  # from which on they hide it from differences: it is added to all variance
 DIFFERENCES = 20.0  # sum of the squared coefficients of a third difference
 LARGEST_AREA = 2.0  # A**2 in a line's weight
@@ -216,7 +217,8 @@ def _grains(
     lean, leans = _running(history.lean, np.where(single, np.minimum(lean, MOST_LEAN), 0.0))
     count, fits = _running(history.fits, single.astype(np.float64))
     lean = (lean + PRIOR_FITS * FINE_LEAN) / (count + PRIOR_FITS)
-    grains = np.clip(GRAINS * (lean - FINE_LEAN), 0.0, MOST_GRAINS)
+    grains = np.minimum(STEEP * (lean - FINE_LEAN), SLOW * (lean - SLOW_LEAN))
+    grains = np.clip(grains, 0.0, MOST_GRAINS)
     return grains, history._replace(lean=leans, fits=fits)
 
 
