@@ -221,8 +221,8 @@ def test_a_wave_under_the_spot_is_a_spot_aside() -> None:
         ("| 2048 x 12 |", "| 2048 x 16 |", True),
         ("| rival-0.9-near | 5.1 px | 5.7 px,", "| rival-0.9-near | 5.3 px | 5.7 px,", True),
         (
-            "| periodic-background-strong | 0.25 px |",
-            "| periodic-background-fine | 0.25 px |",
+            "| hot-pixel-in-the-spot | 0.88 px |",
+            "| hot-pixel-beside-the-spot | 0.88 px |",
             True,
         ),
         ("\n## The phase\n", "\n## The phases\n", True),
@@ -269,10 +269,10 @@ def test_an_entry_notices_what_is_not_as_defined() -> None:
 
 
 def test_a_fit_that_is_elsewhere_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A fit that is neither float64's nor the window's place: 0.005 px of a sigma of 0.009 px."""
+    """A fit that is neither float64's nor the window's place: 0.015 px of a sigma of 0.03 px."""
     case = named("slope-1-count-per-px-under-3-px")
     points = case.points()
-    moved = replace(points, position=points.position + round(0.005 * 2**pkg.POSITION_FRACTION))
+    moved = replace(points, position=points.position + round(0.015 * 2**pkg.POSITION_FRACTION))
     assert not case.outcome().wrong
     monkeypatch.setattr(LineCase, "points", lambda *_: moved)
     assert len([text for text in case.outcome().wrong if "in float64" in text]) == len(case.lines)

@@ -142,13 +142,6 @@ def _slopes() -> Iterator[Case]:
     )
 
 
-_WAVE_UNTOLD = (
-    "the same pixels are a spot at the place that is told, on a background that is more even under "
-    "it than the wave is; which of the two it is, no line shows. The wave beside it is in sigma, "
-    "seven times that of an even row, and counts as noise that differs from pixel to pixel"
-)
-
-
 def _patterns() -> Iterator[Case]:
     place = np.arange(LENGTH)
     for name, amplitude, period, within in (
@@ -170,7 +163,6 @@ def _patterns() -> Iterator[Case]:
             "spot cannot be told from its flanks",
             tuple(lines),
             within_px=within,
-            untold=_WAVE_UNTOLD if name == "strong" else "",
         )
 
 
