@@ -488,8 +488,9 @@ def schemata(text: str, chosen: Sequence[Mutant], number: Path, touched: Path) -
         out += text[at:start] + new
         at = end
     quiet = " ".join(
-        f"/* verilator lint_off {rule} */" for rule in _QUIET
-    )  # of a fault put in on purpose
+        f"/* verilator lint_off {rule} */"
+        for rule in _QUIET  # a fault is put in on purpose
+    )
     return f"{quiet} {out}{text[at:]}"
 
 

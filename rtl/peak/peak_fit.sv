@@ -21,8 +21,8 @@
 //   spread_i         standard deviation of position_i that noise makes, px
 //   sigma_o          standard deviation of position_o, px: where the fit does not stand, spread_i, or
 //                    twice the fit's where that is larger, which is what speckle does to a phase
-//   mixed_o          chi squared is above 15 a degree of freedom, and no pixel of the spot is
-//                    saturated
+//   mixed_o          chi squared with grains is above 15 a degree of freedom, and no pixel of the spot
+//                    is saturated
 //   speckle_o        squared contrast, 20 fraction bits
 //   scale_o          half of the spot's width at half of its height, px, 12 fraction bits
 //   Latency  vrscan.fixed.peak_fit.LATENCY clocks from valid_i to valid_o, or UNMEASURED_LATENCY;

@@ -96,7 +96,7 @@ class Fitted:
         position: Position of the spot, px, 12 fraction bits: the fit's, or the given one.
         sigma: Its standard deviation, px, 12 fraction bits.
         fitted: Whether the fit stands, bool.
-        mixed: Whether chi squared is above MIXED_TIMES what that of a fit may be.
+        mixed: Whether chi squared with grains is above MIXED_TIMES what that of a fit may be.
         speckle: Squared contrast of the speckle, 20 fraction bits, of this line and those before;
             of no meaning where a line is not measured.
         scale: Width of the spot over sqrt(2 ln 2), px, 12 fraction bits; likewise.
@@ -435,7 +435,7 @@ def peak_fit(
     eligible = measured & ~far & (sums.pixels >= 4) & (begun == started)
     eligible &= (found >= 0) & (found < length << pkg.POSITION_FRACTION)
     eligible &= sums.clipped << 3 <= sums.pixels + sums.clipped
-    margin = state.scale << 1  # a spot that the line's end cuts leans without grains
+    margin = state.scale << 1  # a spot closer to the line's end leans because it is cut
     inner = (found >= margin) & (found < (length << pkg.POSITION_FRACTION) - margin)
     shift = 2 * (HEIGHT_FRACTION - MOMENT_FRACTION)
     limit = variance.total * freedom >> shift

@@ -56,9 +56,11 @@ PRIOR_SPECKLE, PRIOR_DIFFERENCES = 0.0016, 32.0
 MOST_SPECKLE = 3 / 8
 MOST_LEAN = 8.0  # of a line
 FINE_LEAN, PRIOR_FITS = 57 / 64, 2.0  # of fine grains, and before the first line
-STEEP, SLOW = 4.0, 2.0  # times the mean lean above FINE_LEAN or SLOW_LEAN: the smaller is the share
-SLOW_LEAN, MOST_GRAINS = 1 / 2, 7.0  # of the speckle's variance that grains add
-COARSE_GRAINS = 2.0  # from which on they hide it from differences: it is added to all variance
+# What grains add, as a share of the speckle's variance: the smaller of STEEP times the mean lean
+# above FINE_LEAN and SLOW times that above SLOW_LEAN. Coarse grains hide speckle from differences,
+# and add it as a share of all variance.
+STEEP, SLOW, SLOW_LEAN = 4.0, 2.0, 1 / 2
+MOST_GRAINS, COARSE_GRAINS = 7.0, 2.0
 DIFFERENCES = 20.0  # sum of the squared coefficients of a third difference
 LARGEST_AREA = 2.0  # A**2 in a line's weight
 LARGEST_LIFT = 16  # a line's weight is at most 2**16
@@ -67,7 +69,7 @@ NEIGHBOURS = 3 / 8  # what the correlation of neighbours adds to the speckle's v
 FAR = 5 / 8  # first widths w between the fit and the given position
 CHI_LIMIT = 5.0  # chi squared a degree of freedom, with grains, above which it is no Gaussian
 MIXED_LIMIT = 3 * CHI_LIMIT  # the same above which it is not one spot
-INNER = 2.0  # widths w from the line's end: a spot that the end cuts leans without grains
+INNER = 2.0  # widths w from the line's end: a spot closer to it leans because it is cut
 FEWEST = 4  # pixels
 MOST_CLIPPED = 1 / 8  # share of the window's pixels at full scale
 _TINY = 1e-30  # instead of no variance and no weight
