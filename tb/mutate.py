@@ -314,7 +314,7 @@ FAULTS = [
         ("the wait is a clock longer", "NeighbourClks - 2)", "NeighbourClks - 1)"),
         (
             "noise of the own width only",
-            "noise_q <= own_q + product;\n          {a_q, b_q, multiply_start_q} <= squared(diff",
+            "noise_q <= own_q + product + PixelNoise;\n          {a_q, b_q, multiply_start_q} <= squared(diff",
             "noise_q <= own_q;\n          {a_q, b_q, multiply_start_q} <= squared(diff",
         ),
         (
@@ -354,6 +354,7 @@ FAULTS = [
         ("fair is less", "Fair     = Whole - (Whole >> 4)", "Fair     = Whole - (Whole >> 3)"),
         ("dark beside one", "Single   = (Whole >> 2) + (Whole >> 4)", "Single   = Whole >> 2"),
         ("a width turns less", "Turn          = 8;", "Turn          = 9;"),
+        ("pixels make no width", "(1 << 18);", "(0);"),
     ),
     *faults(
         "rtl/peak/peak_fit.sv",
@@ -370,7 +371,10 @@ FAULTS = [
             "(pixel_2) > saturation_level_i",
         ),
         ("far is near", "<= {reach_q, 1'b0}", ">= {reach_q, 1'b0}"),
-        ("sigma without neighbours", "35'(total_q) + 35'(neighbours_q)", "35'(total_q)"),
+        ("sigma without neighbours", "35'(total_q) + 35'(speckle_part_q >> 2)", "35'(total_q)"),
+        ("no wings", "power_13 == 3'd5 || power_13 == 3'd6", "1'b0"),
+        ("no far wings", "{power_13 == 3'd7,", "{1'b0,"),
+        ("wings begin late", "power_13 == 3'd5 ||", "1'b0 ||"),
         (
             "before the line",
             "<= fit_place_q >= 0 && fit_place_q < LineEnd",
@@ -388,7 +392,8 @@ FAULTS = [
             "eligible_q && !chi_large_q &&",
         ),
         ("more grains", "27'(7 << 8)", "27'(8 << 8)"),
-        ("grains grow on", "steep_q < slow_q ? steep_q : slow_q", "steep_q"),
+        ("grains grow less", " + 27'(first_quotient >> 3)", ""),
+        ("fine grains before the first line", "17'(3 << 8)", "17'(2 << 8)"),
         ("grains hide nothing", "grains_q >= CoarseGrains ? total_q : speckle", "speckle"),
         ("mixed at the fit's limit", "{1'b0, mixed_limit_q}", "{1'b0, chi_limit_q}"),
         ("mixed without a spot", "measured_q && mixed_q;", "mixed_q;"),

@@ -3,7 +3,8 @@
 // A pixel's height divided by 2**-(u**2), u the distance from the spot's middle in widths, is the
 // amplitude where the spot is that Gaussian.  Place and width come from the slope and the curvature
 // of these quotients, each weighted with the inverse of its variance R h**2 + K A h + C**2 A**2,
-// h = 2**(u**2), of read noise, shot noise and speckle.  Four passes over the pixels; what third
+// h = 2**(u**2), of read noise, shot noise and speckle.  No spot is a Gaussian far out, so speckle
+// counts twice from u**2 = 5 on and four times from 7 on.  Four passes over the pixels; what third
 // differences of the second pass's quotients have more than noise is the speckle, steadied over the
 // last 32 lines and used from the third pass on.  Grains as long as the spot, which differences do
 // not see, turn the middle of the spot against the whole: the slope of the quotients there, squared,
@@ -260,9 +261,8 @@ module peak_fit #(
   localparam int unsigned LeanWidth  = 12;
   localparam int unsigned SlopeWidth = 23;
   localparam logic        [   LeanWidth-1:0] MostLean   = LeanWidth'(8 << 8);
-  localparam logic        [            16:0] PriorLean  = 17'd456;  // 57/64 of two lines
-  localparam logic signed [ QuotientWidth:0] FineLean   = 27'sd912;  // four times 57/64
-  localparam logic signed [ QuotientWidth:0] SlowLean   = 27'sd256;  // twice 1/2
+  localparam logic        [            16:0] PriorLean  = 17'(3 << 8);  // two lines of 3/2
+  localparam logic signed [ QuotientWidth:0] FineLean   = 27'(5 << 7);  // 5/2 of 1
   localparam logic signed [ QuotientWidth:0] MostGrains = 27'(7 << 8);
   localparam logic        [            10:0] CoarseGrains = 11'(2 << 8);
   // Of the last lines; the highest bit says whether there is one.
@@ -275,8 +275,7 @@ module peak_fit #(
   logic        [          24:0] free_q;
   logic signed [          28:0] b1_middle;
   logic signed [SlopeWidth-1:0] middle_slope_q;
-  logic signed [QuotientWidth:0] steep_q, slow_q, more;
-  assign more = steep_q < slow_q ? steep_q : slow_q;
+  logic signed [QuotientWidth:0] more_q;
   logic        [          10:0] grains_q;  // 8 fraction bits
   logic        [          38:0] grown_q;
   assign b1_middle = 29'(b1_middle_q >>> 15);
@@ -286,16 +285,15 @@ module peak_fit #(
     middle_slope_q <= b1_middle[28:SlopeWidth-1] == '0 || b1_middle[28:SlopeWidth-1] == '1
                       ? b1_middle[SlopeWidth-1:0]
                       : signed'({b1_middle[28], {(SlopeWidth - 1){!b1_middle[28]}}});
-    steep_q        <= signed'({1'b0, first_quotient}) - FineLean;
-    slow_q         <= signed'({2'b0, first_quotient[QuotientWidth-1:1]}) - SlowLean;
-    grains_q       <= more[QuotientWidth] ? '0
-                      : more > MostGrains ? 11'(MostGrains) : unsigned'(more[10:0]);
-    grown_q        <= 39'(correlated_q) + 39'(product[48:11]);
+    // 5/2 of the mean lean, of which the quotient is four times.
+    more_q         <= signed'(27'(first_quotient >> 1) + 27'(first_quotient >> 3)) - FineLean;
+    grains_q       <= more_q[QuotientWidth] ? '0
+                      : more_q > MostGrains ? 11'(MostGrains) : unsigned'(more_q[10:0]);
+    grown_q        <= 39'(correlated_q) + 39'(product[47:10]);
   end
 
   // The variance at the top, and with its neighbours' share of the speckle.
   logic [39:0] line_noise_q, all_variance_q;
-  logic [32:0] neighbours_q;
   logic [34:0] with_correlation_q;
   logic [33:0] correlated_q;
   logic [17:0] no_dark_q;
@@ -304,8 +302,7 @@ module peak_fit #(
     all_variance_q     <= line_noise_q + 40'(speckle_part_q);
     total_q            <= |all_variance_q[39:34] ? '1
                           : all_variance_q == '0 ? 34'd1 : all_variance_q[33:0];
-    neighbours_q       <= 33'(speckle_part_q >> 2) + 33'(speckle_part_q >> 3);
-    with_correlation_q <= 35'(total_q) + 35'(neighbours_q);
+    with_correlation_q <= 35'(total_q) + 35'(speckle_part_q >> 2);
     correlated_q       <= with_correlation_q[34] ? '1 : with_correlation_q[33:0];
     // What neither noise has is the speckle's share.
     no_dark_q          <= 18'(1 << ShareFraction) - alpha_q;
@@ -934,11 +931,11 @@ module peak_fit #(
       end
       GRAINS: if (divided) state_q <= SETTLE;
       SETTLE: state_q <= ADDED;
-      // It counts 11/8 times: neighbours share it.  Coarse grains hide from differences.
+      // It counts 5/4 times: neighbours share it.  Coarse grains hide from differences.
       ADDED: begin
         issue_q    <= 1'b1;
         operand_q  <= FactorWidth'(grains_q >= CoarseGrains ? total_q : speckle_part_q);
-        lifted_q   <= (22'(grains_q) << 3) + (22'(grains_q) << 1) + 22'(grains_q);
+        lifted_q   <= (22'(grains_q) << 2) + 22'(grains_q);
         a_select_q <= A_OPERAND;
         b_select_q <= B_LIFTED;
         state_q    <= ADDED_IN;
@@ -1150,7 +1147,7 @@ module peak_fit #(
   // The quotient, and beside it the variance in units of that at the top.
   logic signed [17:0] mantissa_8, height_8;
   logic        [17:0] alpha_8, h_8, h_9, h_10, h_11;
-  logic        [ 2:0] power_8, power_9, power_10;
+  logic        [ 2:0] power_8, power_9, power_10, power_11, power_12, power_13;
   logic signed [35:0] quotient_9, quotient_10;
   logic        [35:0] first_9, first_10;
   logic signed [23:0] quotient_11, excess_12;
@@ -1158,6 +1155,7 @@ module peak_fit #(
   logic signed [17:0] q_13;
   logic        [35:0] low_12, high_12, low_13, high_13;
   logic        [33:0] noise_14;
+  logic        [19:0] speckle_14;
   logic        [34:0] variance_15;
   logic        [23:0] noise_15;  // what is above is not told
   always_ff @(posedge clk_i) begin
@@ -1180,20 +1178,24 @@ module peak_fit #(
     quotient_11 <= 24'((43'(quotient_10) <<< power_10) >>> 19);
     linear_11   <= 27'(first_10 >> 10) + 27'(beta_q);
     h_11        <= h_10;
+    power_11    <= power_10;
 
     excess_12 <= quotient_11 - 24'(amplitude_q >> 3);
     low_12    <= 36'(linear_11[16:0]) * 36'(h_11);
     high_12   <= 36'(linear_11[26:17]) * 36'(h_11);
+    power_12  <= power_11;
 
     q_13    <= excess_12[23:17] == '0 || excess_12[23:17] == '1
                ? excess_12[17:0] : signed'({excess_12[23], {17{!excess_12[23]}}});
     low_13  <= low_12;
     high_13 <= high_12;
+    power_13 <= power_12;
 
-    noise_14 <= 34'((53'(high_13) << 17) + 53'(low_13) >> 10);
+    noise_14   <= 34'((53'(high_13) << 17) + 53'(low_13) >> 10);
+    speckle_14 <= 20'(gamma_q) << {power_13 == 3'd7, power_13 == 3'd5 || power_13 == 3'd6};
 
     noise_15    <= |noise_14[33:24] ? '1 : noise_14[23:0];
-    variance_15 <= 35'(noise_14) + 35'(gamma_q);
+    variance_15 <= 35'(noise_14) + 35'(speckle_14);
   end
 
   // The variance's reciprocal: it is shifted down by 16 or 8, by 4 and by the rest until its highest

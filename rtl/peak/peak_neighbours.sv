@@ -211,7 +211,9 @@ module peak_neighbours #(
                       || (share_q < Single && !(&there)) || (astray_q && mixed_astray_q);
   end
 
-  // A difference's noise is that of both widths.
+  // A difference's noise is that of both widths, and an eighth of a pixel of each by where the pixels
+  // lie.
+  localparam logic [SquareWidth-1:0] PixelNoise = SquareWidth'(1 << 18);  // px squared
   logic        [  SquareWidth-1:0] own_q, noise_q, added_q;
   logic signed [    SquareWidth:0] over_q, excess_q;  // excess_q follows over_q by two clocks
   logic                            more_q;
@@ -307,7 +309,7 @@ module peak_neighbours #(
         state_q <= BEFORE;
       end
       BEFORE: if (product_valid) begin
-        noise_q <= own_q + product;
+        noise_q <= own_q + product + PixelNoise;
         {a_q, b_q, multiply_start_q} <= squared(difference_q[1]);
         state_q <= BEFORE_WIDTH;
       end
@@ -319,7 +321,7 @@ module peak_neighbours #(
       AFTER: begin
         excess_q <= before_q.measured && over_q > 0 ? over_q : '0;
         if (product_valid) begin
-          noise_q <= own_q + product;
+          noise_q <= own_q + product + PixelNoise;
           {a_q, b_q, multiply_start_q} <= squared(difference_q[0]);
           state_q <= AFTER_WIDTH;
         end

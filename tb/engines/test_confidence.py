@@ -54,7 +54,7 @@ KEPT = {
     # Its lines are twice as far apart against its spots' widths. A ghost stands beside another as
     # often as the polygon's, and of turned-metal's glints a half is saturated and not 7/8. Sigma is
     # too large: with what grains add, and in relief with the doubt.
-    "metre": Kept(told=0.85, ghosts=0.75, mirrored=0.55, careful=0.2, least=0.7, within=0.99),
+    "metre": Kept(told=0.85, ghosts=0.75, mirrored=0.55, careful=0.15, least=0.7, within=0.99),
 }
 
 

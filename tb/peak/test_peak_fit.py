@@ -18,9 +18,12 @@ from harness import (
 
 from vrscan.data import pkg
 from vrscan.fixed.peak_fit import (
+    FINE_LEAN,
     LATENCY,
     MOST_GRAINS,
+    PRIOR_LEAN,
     SPAN,
+    STEEP,
     UNMEASURED_LATENCY,
     Fitted,
     History,
@@ -331,7 +334,8 @@ async def what_is_not_one_spot_tells_nothing_of_grains(dut) -> None:
     await reset(dut)
     want = await send(dut, cases, kappa_register(pixel_width))
     assert want.mixed[[0, 1, -2, -1]].tolist() == [True, False, False, False]
-    assert want.grains[:2].tolist() == [0, 0] and want.grains[-2] == MOST_GRAINS
+    assert want.grains[:2].tolist() == [STEEP * (PRIOR_LEAN - FINE_LEAN) >> 1, 0]
+    assert want.grains[-2] == MOST_GRAINS
     assert want.fitted[-2:].tolist() == [True, False]
 
 

@@ -445,8 +445,9 @@ def test_equal_spots_in_a_row_have_no_doubt() -> None:
 def test_a_width_may_differ_with_the_distance_of_the_lines() -> None:
     """By 1/256 of it and by its noise; a quarter of what is beyond is the doubt."""
     sigma, turned = ONE // 10, 50 * ONE // 256
-    noise = 4 * sigma**2
-    for beyond in (0, 2 * sigma, 2 * sigma + 1, 5 * sigma):
+    noise = 4 * sigma**2 + ONE**2 // 32
+    within = math.isqrt(noise)
+    for beyond in (0, within, within + 1, 5 * sigma):
         for sign in (-1, 1):
             scale = np.array([3, 3, 3, 3, 3]) * ONE
             scale[2] += sign * (turned + beyond)

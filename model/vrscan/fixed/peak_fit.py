@@ -34,6 +34,7 @@ PLACE_BITS = 15  # fraction bits of u that are multiplied
 SQUARE_FRACTION = 17  # of u**2
 MOMENT_FRACTION = 14  # of u**2 and of the quotients as they are multiplied, and of all sums
 CUT = 8  # u**2 at which the window ends: 3.33 sigma
+WING, FAR_WING = 5, 7  # u**2 from which on the speckle's variance counts twice, and four times
 TOP = 23 << (SQUARE_FRACTION - 3)  # u**2 below which the speckle is measured: 1.99 sigma
 MIDDLE = 2 << SQUARE_FRACTION  # u**2 below which the lean is measured: 1.67 sigma
 TABLE_BITS = 10
@@ -59,8 +60,9 @@ FREE_FRACTION = 30  # of what the lean is divided by
 FREE_WIDTH = 38
 LEAN_FRACTION = 8
 MOST_LEAN = 8 << LEAN_FRACTION  # of a line
-PRIOR_FITS, FINE_LEAN, SLOW_LEAN = 2, 57 << (LEAN_FRACTION - 6), 1 << (LEAN_FRACTION - 1)
-STEEP_SHIFT, SLOW_SHIFT = 2, 1  # 4 times the lean above FINE_LEAN, twice that above SLOW_LEAN
+FINE_LEAN = 1 << LEAN_FRACTION  # that of fine grains is no larger
+PRIOR_LEAN, PRIOR_FITS = 3 << (LEAN_FRACTION - 1), 2  # before the first line
+STEEP = 5  # halves that grains are of what the mean lean has above FINE_LEAN
 MOST_GRAINS = 7 << LEAN_FRACTION
 COARSE_GRAINS = 2 << LEAN_FRACTION  # from which on it is added to all variance
 CHI_LIMIT = 5  # chi squared a degree of freedom, with grains, above which it is no Gaussian
@@ -209,7 +211,8 @@ def _pass(
     q = _limited(quotient - amplitude[:, None], 18)
     h = (mantissa << power) >> (MANTISSA_FRACTION - 10)
     noise = ((((alpha[:, None] * h) >> 10) + beta[:, None]) * h) >> 10
-    variance = noise + gamma[:, None]
+    wings = np.where(power < WING, 0, np.where(power < FAR_WING, 1, 2))
+    variance = noise + (gamma[:, None] << wings)
     bits = np.maximum(bit_length(variance) - 1, SHARE_FRACTION)
     index = (variance << RECIPROCAL_BITS >> bits) & ((1 << RECIPROCAL_BITS) - 1)
     index = np.where(variance >> SHARE_FRACTION == 0, 0, index)
@@ -341,10 +344,10 @@ def _grains(sums: _Sums, variance: Ints, single: Bools, history: History) -> tup
     lean = np.minimum(divide(dividend, divisor, quotient_width=QUOTIENT_WIDTH)[0], MOST_LEAN)
     lean, leans = _running(history.lean, np.where(single, lean, 0))
     count, fits = _running(history.fits, single.astype(np.int64))
-    dividend = (lean + PRIOR_FITS * FINE_LEAN) << STEEP_SHIFT
-    steep, _ = divide(dividend, count + PRIOR_FITS, quotient_width=QUOTIENT_WIDTH)
-    slow = (steep >> (STEEP_SHIFT - SLOW_SHIFT)) - (SLOW_LEAN << SLOW_SHIFT)
-    grains = np.clip(np.minimum(steep - (FINE_LEAN << STEEP_SHIFT), slow), 0, MOST_GRAINS)
+    dividend = (lean + PRIOR_FITS * PRIOR_LEAN) << 2
+    four, _ = divide(dividend, count + PRIOR_FITS, quotient_width=QUOTIENT_WIDTH)
+    grains = (four >> 1) + (four >> 3) - (STEEP * FINE_LEAN >> 1)
+    grains = np.clip(grains, 0, MOST_GRAINS)
     return grains, history._replace(lean=leans, fits=fits)
 
 
@@ -441,13 +444,11 @@ def peak_fit(
     limit = variance.total * freedom >> shift
     plain = sums.chi <= limit
     single = eligible & inner & (sums.chi <= MIXED_TIMES * limit)
-    total = np.minimum(
-        variance.total + (variance.speckle >> 2) + (variance.speckle >> 3), MOST_VARIANCE
-    )
+    total = np.minimum(variance.total + (variance.speckle >> 2), MOST_VARIANCE)
     grains, history = _grains(sums, total, single, history)
-    # Neighbours share speckle: it counts 11/8 times.
+    # Neighbours share speckle: it counts 5/4 times.
     grained = np.where(grains >= COARSE_GRAINS, variance.total, variance.speckle)
-    total = np.minimum(total + (grained * (11 * grains) >> 11), MOST_VARIANCE)
+    total = np.minimum(total + (grained * (5 * grains) >> 10), MOST_VARIANCE)
     limit = total * freedom >> shift
     fitted = eligible & (sums.chi <= limit) & (inner | plain)
     mixed = measured & (sums.clipped == 0) & (sums.chi > MIXED_TIMES * limit)

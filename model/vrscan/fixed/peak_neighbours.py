@@ -28,6 +28,7 @@ FAINT, DIM, SINGLE, DARK = WHOLE >> 2, 7 * WHOLE >> 4, 5 * WHOLE >> 4, WHOLE >> 
 # Of one astray that is narrower than both; of one a little narrower, and far narrower than one of
 # them; of one much narrower than each there is. Below 4/7 of each it is none with any light.
 BRIGHT, FAIR, BRIGHTER = 11 * WHOLE >> 4, 15 * WHOLE >> 4, WHOLE + (WHOLE >> 3)
+PIXEL_NOISE = 1 << 18  # of a width, px squared, 24 fraction bits: its pixels lie elsewhere
 TURN = 8  # a width may differ by the distance of the positions, shifted by this
 ROW = 4  # widths from the middle of the neighbours, doubled, beyond which a spot is out of the row
 STEADY = WHOLE - (WHOLE >> 2)  # light that a spot in a row with its neighbours may lack
@@ -111,7 +112,7 @@ def peak_neighbours(
         distance = np.abs(position - other["position"])
         difference = np.abs(scale - other["scale"]) - (distance >> TURN)
         difference = np.clip(difference, 0, MOST_DIFFERENCE)
-        noise = 2 * (sigma * sigma + other["sigma"] * other["sigma"])
+        noise = 2 * (sigma * sigma + other["sigma"] * other["sigma"] + PIXEL_NOISE)
         excess = np.maximum(excess, np.where(there, difference * difference - noise, 0))
         below, above = 9 * scale < 8 * other["scale"], 8 * scale > 9 * other["scale"]
         far_below, far_above = 3 * scale < 2 * other["scale"], 2 * scale > 3 * other["scale"]

@@ -42,6 +42,7 @@ SCALE = float(np.sqrt(2.0 * np.log(2.0)))  # w over sigma
 LN4 = float(np.log(4.0))
 
 CUT = 8.0  # u**2 at which the window ends
+WING, FAR_WING = 5.0, 7.0  # u**2 from which on the speckle's variance counts 2 and 4 times
 TOP = 23 / 8  # u**2 below which the speckle is measured
 MIDDLE = 2.0  # u**2 below which the lean is measured
 LARGEST_QUOTIENT = 8.0
@@ -55,16 +56,16 @@ FIRST_SPECKLE = 1 / 64  # squared contrast in the first two passes
 PRIOR_SPECKLE, PRIOR_DIFFERENCES = 0.0016, 32.0
 MOST_SPECKLE = 3 / 8
 MOST_LEAN = 8.0  # of a line
-FINE_LEAN, PRIOR_FITS = 57 / 64, 2.0  # of fine grains, and before the first line
-# What grains add, as a share of the speckle's variance: the smaller of STEEP times the mean lean
-# above FINE_LEAN and SLOW times that above SLOW_LEAN. Coarse grains hide speckle from differences,
-# and add it as a share of all variance.
-STEEP, SLOW, SLOW_LEAN = 4.0, 2.0, 1 / 2
+FINE_LEAN = 1.0  # that of fine grains is no larger
+PRIOR_LEAN, PRIOR_FITS = 3 / 2, 2.0  # before the first line
+# What grains add, as a share of the speckle's variance: STEEP times the mean lean above FINE_LEAN.
+# Coarse grains hide speckle from differences, and add it as a share of all variance.
+STEEP = 5 / 2
 MOST_GRAINS, COARSE_GRAINS = 7.0, 2.0
 DIFFERENCES = 20.0  # sum of the squared coefficients of a third difference
 LARGEST_AREA = 2.0  # A**2 in a line's weight
 LARGEST_LIFT = 16  # a line's weight is at most 2**16
-NEIGHBOURS = 3 / 8  # what the correlation of neighbours adds to the speckle's variance
+NEIGHBOURS = 1 / 4  # what the correlation of neighbours adds to the speckle's variance
 
 FAR = 5 / 8  # first widths w between the fit and the given position
 CHI_LIMIT = 5.0  # chi squared a degree of freedom, with grains, above which it is no Gaussian
@@ -149,7 +150,8 @@ def _pass(height: Floats, pixel: Ints, usable: Bools, state: _State, noise: _Noi
     h = np.exp2(np.minimum(square, CUT))
     quotient = np.clip(h * height - state.height[:, None], -LARGEST_QUOTIENT, LARGEST_QUOTIENT)
     own = (noise.dark[:, None] * h + noise.shot[:, None]) * h
-    variance = own + noise.speckle[:, None]
+    wings = np.where(square < WING, 1.0, np.where(square < FAR_WING, 2.0, 4.0))
+    variance = own + noise.speckle[:, None] * wings
     weight = np.where(inside, noise.total[:, None] / np.maximum(variance, _TINY), 0.0)
     return _Pass(inside, near, square, weight, quotient, own, u)
 
@@ -218,9 +220,8 @@ def _grains(
     lean = np.square(slope) / np.maximum(variance * free, _TINY)
     lean, leans = _running(history.lean, np.where(single, np.minimum(lean, MOST_LEAN), 0.0))
     count, fits = _running(history.fits, single.astype(np.float64))
-    lean = (lean + PRIOR_FITS * FINE_LEAN) / (count + PRIOR_FITS)
-    grains = np.minimum(STEEP * (lean - FINE_LEAN), SLOW * (lean - SLOW_LEAN))
-    grains = np.clip(grains, 0.0, MOST_GRAINS)
+    lean = (lean + PRIOR_FITS * PRIOR_LEAN) / (count + PRIOR_FITS)
+    grains = np.clip(STEEP * (lean - FINE_LEAN), 0.0, MOST_GRAINS)
     return grains, history._replace(lean=leans, fits=fits)
 
 

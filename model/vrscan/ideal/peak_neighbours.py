@@ -22,6 +22,7 @@ import numpy as np
 from vrscan.data.arrays import Bools, Floats, Ints
 
 WIDTH_SHARE = 1 / 16  # of the squared difference of two widths beyond its noise
+PIXEL_NOISE = 1 / 64  # of a width, px squared: its pixels lie elsewhere
 TURN = 1 / 256  # of the distance of two positions by which their widths may differ
 LIGHT_SHARE = 3 / 16  # of a width, for all the light
 TYPICAL = 1 / 4  # share of the doubt that most spots with it deserve
@@ -91,7 +92,7 @@ def peak_neighbours(
     wider = np.zeros(count, np.bool_)
     alike, akin = [], []
     for there, other in beside:
-        noise = 2.0 * (np.square(sigma) + np.square(sigma[other]))
+        noise = 2.0 * (np.square(sigma) + np.square(sigma[other]) + PIXEL_NOISE)
         distance = np.abs(position - position[other])
         differ = np.maximum(np.abs(scale - scale[other]) - TURN * distance, 0.0)
         over = np.square(differ) - noise
