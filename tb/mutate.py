@@ -314,8 +314,8 @@ FAULTS = [
         ("the wait is a clock longer", "NeighbourClks - 2)", "NeighbourClks - 1)"),
         (
             "noise of the own width only",
-            "noise_q <= own_q + product + PixelNoise;\n          {a_q, b_q, multiply_start_q} <= squared(diff",
-            "noise_q <= own_q;\n          {a_q, b_q, multiply_start_q} <= squared(diff",
+            " + product + PixelNoise;\n          {a_q, b_q, multiply_start_q} <= squared(diff",
+            ";\n          {a_q, b_q, multiply_start_q} <= squared(diff",
         ),
         (
             "a missing neighbour's light",
