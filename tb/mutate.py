@@ -394,6 +394,7 @@ FAULTS = [
         ("more grains", "27'(7 << 8)", "27'(8 << 8)"),
         ("grains grow less", " + 27'(first_quotient >> 3)", ""),
         ("fine grains before the first line", "17'(3 << 8)", "17'(2 << 8)"),
+        ("fine grains lean less", "27'sd600", "27'sd599"),
         ("grains hide nothing", "grains_q >= CoarseGrains ? total_q : speckle", "speckle"),
         ("mixed at the fit's limit", "{1'b0, mixed_limit_q}", "{1'b0, chi_limit_q}"),
         ("mixed without a spot", "measured_q && mixed_q;", "mixed_q;"),

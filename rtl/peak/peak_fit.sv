@@ -262,7 +262,7 @@ module peak_fit #(
   localparam int unsigned SlopeWidth = 23;
   localparam logic        [   LeanWidth-1:0] MostLean   = LeanWidth'(8 << 8);
   localparam logic        [            16:0] PriorLean  = 17'(3 << 8);  // two lines of 3/2
-  localparam logic signed [ QuotientWidth:0] FineLean   = 27'(5 << 7);  // 5/2 of 1
+  localparam logic signed [ QuotientWidth:0] FineLean   = 27'sd600;  // 5/2 of 15/16
   localparam logic signed [ QuotientWidth:0] MostGrains = 27'(7 << 8);
   localparam logic        [            10:0] CoarseGrains = 11'(2 << 8);
   // Of the last lines; the highest bit says whether there is one.

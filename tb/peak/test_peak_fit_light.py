@@ -13,6 +13,10 @@ from scanners import EACH_SENSOR, SCANNERS
 from vrscan.data.config import Config
 from vrscan.data.lines import Lines
 from vrscan.engines.engine import Engine, run
+from vrscan.scene.description import load
+from vrscan.scene.effects import present
+from vrscan.scene.light import Light
+from vrscan.scene.simulate import Scanner, simulate
 from vrscan.study.report.efficiency import (
     BACKGROUND_COUNTS,
     PEAKS,
@@ -202,6 +206,57 @@ def test_the_fit_halves_the_error_of_coherent_light(config: Config) -> None:
 @EACH_SENSOR
 def test_the_fit_halves_the_error_of_coherent_light_of_every_spot(config: Config) -> None:
     check_speckled((1.5, 2.0, 2.5, 4.0, 6.0, 9.0), (400, 800, 1500, 3000), 1024, config)
+
+
+# What is random in a line beside speckle.
+NOISES = frozenset({"shot", "read", "dark", "prnu", "dsnu", "blooming"})
+SIDE = 64  # px on either side of a spot's truth
+
+
+def heights(lines: np.ndarray, column: np.ndarray, kappa: float) -> np.ndarray:
+    """Return the electrons of some pixels above each line's background [..., n, pixels]."""
+    counts = lines.astype(np.float64)
+    level = np.median(counts, axis=-1, keepdims=True)
+    return np.asarray((np.take_along_axis(counts, column, axis=-1) - level) / kappa)
+
+
+def test_a_spot_that_is_known_would_be_measured_a_little_better() -> None:
+    """The least of a linear estimate from one line, where a scene's spots are no Gaussians.
+
+    It has each spot's mean shape from light without speckle, and the contrast of each from half of
+    the patterns; the other half tells its error.
+    """
+    config, count, patterns, read_e = SCANNERS["default"], 3000, 16, 15.0
+    scene = load("default")
+    effects = frozenset(present(scene))
+    given = simulate(Light(scene, config), count, effects).lines
+    truth, points = given.truth, run(Engine.FIXED, given, config)
+    assert truth is not None
+    flagged = np.any([points.flags[f] for f in ("SATURATED", "RIVAL", "AT_EDGE", "MIXED")], axis=0)
+    plain = points.located & ~flagged & (np.abs(points.position_px - truth.position_px) < 10)
+    rows = np.flatnonzero(plain)[::8]
+    column = np.round(truth.position_px[rows]).astype(np.int64)[:, None] + np.arange(-SIDE, SIDE)
+    rows, column = (k[(column[:, 0] > 0) & (column[:, -1] < 2047)] for k in (rows, column))
+
+    def some(active: frozenset[str], seed: int) -> np.ndarray:
+        light = Light(scene.model_copy(update={"seed": seed}), config)
+        return Scanner(light, count, active - NOISES).some(rows).lines
+
+    smooth = some(effects - {"speckle"}, scene.seed)
+    mean, before, behind = (heights(smooth, column + k, config.peak.kappa) for k in (0, -1, 1))
+    seen = np.array([some(effects, 1000 + k) for k in range(patterns)])
+    light = np.array([heights(each, column, config.peak.kappa) for each in seen])
+    half, slope = patterns // 2, (behind - before) / 2
+    noise = np.maximum(mean, 0.0) + read_e**2
+    spread = light[:half].var(axis=0, ddof=1).sum(axis=1) / np.sum(np.square(mean), axis=1)
+    variance = spread[:, None] * np.square(mean) + noise
+    weight = np.where(mean > 3, slope / variance, 0.0)
+    weight /= np.sum(weight * slope, axis=1, keepdims=True)
+    moved = np.sum((light[half:] - mean) * weight, axis=2)
+    least = np.sqrt(np.mean(np.square(moved), axis=0) + np.sum(np.square(weight) * noise, axis=1))
+    found = rms((points.position_px - truth.position_px)[plain])
+    print(f"\n{len(rows)} spots: {found:.3f} px, where {rms(least):.3f} px are the least")
+    assert rms(least) <= found <= 1.25 * rms(least)
 
 
 def check_noise(count: int, config: Config) -> None:

@@ -56,7 +56,7 @@ FIRST_SPECKLE = 1 / 64  # squared contrast in the first two passes
 PRIOR_SPECKLE, PRIOR_DIFFERENCES = 0.0016, 32.0
 MOST_SPECKLE = 3 / 8
 MOST_LEAN = 8.0  # of a line
-FINE_LEAN = 1.0  # that of fine grains is no larger
+FINE_LEAN = 15 / 16  # that of fine grains is hardly larger
 PRIOR_LEAN, PRIOR_FITS = 3 / 2, 2.0  # before the first line
 # What grains add, as a share of the speckle's variance: STEEP times the mean lean above FINE_LEAN.
 # Coarse grains hide speckle from differences, and add it as a share of all variance.
