@@ -207,15 +207,15 @@ def test_a_wave_under_the_spot_is_a_spot_aside() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "is_stale"),
     [
-        ("| 0.24 px;", "| 0.25 px;", False),
-        ("| 0.24 px;", "| 0.26 px;", True),
+        ("| 0.22 px;", "| 0.23 px;", False),
+        ("| 0.22 px;", "| 0.24 px;", True),
         ("window: 0.88 px,", "window: 0.89 px,", False),
         ("window: 0.88 px,", "window: 0.90 px,", True),
         ("| 100 px, 0/0 in (8) on 1 of 6 |", "| 99 px, 0/0 in (8) on 1 of 6 |", False),
         ("0/0 in (8) on 1 of 6", "0/0 in (8) on 2 of 6", True),
         (" 0.00012 mm | < 1e-5 mm |", " 0.00012 mm | 0 mm |", False),
         ("| none | 0 px |", "| none | 0.00024 px |", True),
-        ("| 0.24 px;", "| no position;", True),
+        ("| 0.22 px;", "| no position;", True),
         ("within 0.1 px |", "within 0.2 px |", True),
         ("| TOO_NARROW, SATURATED |", "| TOO_NARROW |", True),
         ("| 2048 x 12 |", "| 2048 x 16 |", True),
