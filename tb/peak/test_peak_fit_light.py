@@ -28,6 +28,9 @@ from vrscan.study.report.efficiency import (
 
 SETTLED = 32  # lines after which the speckle is known from lines alone
 CONTRASTS = {1: 0.29, 2: 0.21}  # of a pixel, by the looks that are averaged
+# What is random in a line beside speckle.
+NOISES = frozenset({"shot", "read", "dark", "prnu", "dsnu"})
+SIDE = 64  # px on either side of a spot's truth
 
 
 def rms(values: np.ndarray) -> float:
@@ -208,11 +211,6 @@ def test_the_fit_halves_the_error_of_coherent_light_of_every_spot(config: Config
     check_speckled((1.5, 2.0, 2.5, 4.0, 6.0, 9.0), (400, 800, 1500, 3000), 1024, config)
 
 
-# What is random in a line beside speckle.
-NOISES = frozenset({"shot", "read", "dark", "prnu", "dsnu", "blooming"})
-SIDE = 64  # px on either side of a spot's truth
-
-
 def heights(lines: np.ndarray, column: np.ndarray, kappa: float) -> np.ndarray:
     """Return the electrons of some pixels above each line's background [..., n, pixels]."""
     counts = lines.astype(np.float64)
@@ -226,7 +224,7 @@ def test_a_spot_that_is_known_would_be_measured_a_little_better() -> None:
     It has each spot's mean shape from light without speckle, and the contrast of each from half of
     the patterns; the other half tells its error.
     """
-    config, count, patterns, read_e = SCANNERS["default"], 3000, 16, 15.0
+    config, count, patterns = SCANNERS["default"], 3000, 16
     scene = load("default")
     effects = frozenset(present(scene))
     given = simulate(Light(scene, config), count, effects).lines
@@ -247,7 +245,7 @@ def test_a_spot_that_is_known_would_be_measured_a_little_better() -> None:
     seen = np.array([some(effects, 1000 + k) for k in range(patterns)])
     light = np.array([heights(each, column, config.peak.kappa) for each in seen])
     half, slope = patterns // 2, (behind - before) / 2
-    noise = np.maximum(mean, 0.0) + read_e**2
+    noise = np.maximum(mean, 0.0) + scene.sensor.read_noise_e**2
     spread = light[:half].var(axis=0, ddof=1).sum(axis=1) / np.sum(np.square(mean), axis=1)
     variance = spread[:, None] * np.square(mean) + noise
     weight = np.where(mean > 3, slope / variance, 0.0)

@@ -3,7 +3,7 @@
 A height divided by the Gaussian 2**-(u**2) is flat where the spot is that Gaussian; amplitude,
 place and width are the constant, the slope and the curvature of a weighted polynomial through these
 quotients. A weight is the inverse variance of its quotient: R h**2 + K A h + C**2 A**2, with
-h = 2**(u**2), of read noise, shot noise and speckle.
+h = 2**(u**2), of read noise, shot noise and speckle, which counts more far out.
 
 Lengths along the line are in pixels from the first of SPAN pixels around the second window's
 middle, heights are shares of 2**HEIGHT_FRACTION, shifted so that the largest is at least a half.
@@ -345,6 +345,7 @@ def _grains(sums: _Sums, variance: Ints, single: Bools, history: History) -> tup
     lean, leans = _running(history.lean, np.where(single, lean, 0))
     count, fits = _running(history.fits, single.astype(np.int64))
     dividend = (lean + PRIOR_FITS * PRIOR_LEAN) << 2
+    # 5/2 of the mean, of which the quotient is four times.
     four, _ = divide(dividend, count + PRIOR_FITS, quotient_width=QUOTIENT_WIDTH)
     grains = (four >> 1) + (four >> 3) - (STEEP * FINE_LEAN >> 1)
     grains = np.clip(grains, 0, MOST_GRAINS)

@@ -11,7 +11,9 @@ the Cramer-Rao bound. The variance of p is R + K p + C**2 p**2, with R of read n
 K counts per electron, and the contrast C of speckle, which multiplies the light (Dorsch, Haeusler,
 Herrmann, Laser triangulation: fundamental uncertainty in distance measurement, 1994). With A / h
 for p, that of q is R h**2 + K A h + C**2 A**2: under speckle alone the flanks weigh as much as the
-top. The weights being even, the slope is taken without constant and curvature.
+top. Far out no spot is a Gaussian: it has more light, less slope and more contrast, so C**2 counts
+twice from WING and four times from FAR_WING on. The weights being even, the slope is taken without
+constant and curvature.
 
 Third differences of q cancel its polynomial, and of independent noise they have 1 + 9 + 9 + 1 times
 the variance. What they have more than read and shot noise make is 20 C**2 A**2, averaged over DEPTH
@@ -22,7 +24,7 @@ Out of focus a grain may be as long as the spot, and third differences do not se
 middle of the spot against the whole, though. The slope of all pixels is 0 where the fit has
 settled; that of those in the middle has the variance T (S - S**2 / W), with S and W the weighted
 sums of u**2 over the middle and over all, and T that of a pixel at the top, if the pixels are
-independent. Its square over that, the lean, is 0.7 to 0.95 in focus and 1.2 to 5 out of it. Its
+independent. Its square over that, the lean, is 0.8 to 1.1 in focus and 1.2 to 5 out of it. Its
 mean over the fits of DEPTH lines and a prior is known to a quarter. The squared error follows it
 from scene to scene: what it is above that of fine grains makes the speckle's part of the variance
 up to ten times as large, and coarse grains, which differences hardly see, all of it.
