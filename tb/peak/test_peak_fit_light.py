@@ -121,6 +121,7 @@ def check_speckled(
     over_two: list[float] = []
     honest: list[float] = []
     lost: list[float] = []
+    apart: list[float] = []
     print(f"\n{'C':>5}{'s, px':>6}{'counts':>7}{'one':>9}{'two':>7}   fit: {'px':>6}"
           f"{'share':>7}{'error/sigma':>13}")  # fmt: skip
     for (looks, contrast), sigma in product(CONTRASTS.items(), sigmas):
@@ -130,8 +131,10 @@ def check_speckled(
             windows = [
                 window_error(given, true, window, config) for window in ("threshold", "two_pass")
             ]
-            for name, engine in ENGINES.items():
-                found = fitted(engine, given, true, config)
+            fits = {name: fitted(engine, given, true, config) for name, engine in ENGINES.items()}
+            moved = fits["float"].error - fits["twin"].error
+            apart.append(float(np.nanmedian(np.abs(moved / fits["twin"].sigma))))
+            for name, found in fits.items():
                 good = np.isfinite([found.error, *windows]).all(axis=0)
                 own, one, two = (rms(each[good]) for each in (found.error, *windows))
                 share[name].append(own / one)
@@ -145,6 +148,8 @@ def check_speckled(
         assert geometric_mean(values) <= 0.58 and max(values) <= 0.70
     print(f"over two passes: {geometric_mean(over_two):.3f}, worst {max(over_two):.3f}")
     print(f"error over sigma {min(honest):.2f} to {max(honest):.2f}; lost {100 * max(lost):.2f} %")
+    print(f"float and twin apart by {max(apart):.4f} sigma, median of the lines")
+    assert max(apart) < 0.005  # a limit or a weight that differs makes some 0.1
     assert max(over_two) < 1 and max(lost) < 0.01
     known = 1 + 1 / math.sqrt(2 * count)  # an rms of so many lines, to one standard deviation
     assert min(honest) >= 0.8 / known and max(honest) <= 1.25 * known
