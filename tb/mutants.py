@@ -487,11 +487,8 @@ def schemata(text: str, chosen: Sequence[Mutant], number: Path, touched: Path) -
     for start, end, new in edits:
         out += text[at:start] + new
         at = end
-    quiet = " ".join(
-        f"/* verilator lint_off {rule} */"
-        for rule in _QUIET  # a fault is put in on purpose
-    )
-    return f"{quiet} {out}{text[at:]}"
+    quiet = [f"/* verilator lint_off {rule} */" for rule in _QUIET]  # faults, put in on purpose
+    return f"{' '.join(quiet)} {out}{text[at:]}"
 
 
 def _name_before(text: str, end: int) -> str:
