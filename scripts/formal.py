@@ -15,7 +15,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
@@ -1142,7 +1142,6 @@ class Run:
     seconds: float
     passed: bool
     words: str
-    assertions: list[str] = field(default_factory=list)
 
 
 class ToolError(Exception):

@@ -655,10 +655,6 @@ def _port(direction: str, kind: str, name: str) -> str:
     return f"  {'input  wire' if direction == 'input' else 'output     '} {kind:<35} {name}"
 
 
-def _bits(width: int) -> str:
-    return "logic" if width == 1 else f"logic [{width - 1}:0]"
-
-
 def register_pkg(made: Map, name: str = "register_pkg") -> str:
     """Return the package with the types of the structs."""
     lines = [

@@ -1445,11 +1445,6 @@ FAULTS = [
         ("a whole turn", "(2 * _QUARTER - 1)) -", "(4 * _QUARTER - 1)) -"),
         ("a_k wraps", "_MOTION_END, _MOTION_END - 1)", "2 * _MOTION_END, 2 * _MOTION_END)"),
         ("phi_k does not wrap", "_PHI_DROP)) & (_TURN - 1), d", "_PHI_DROP)), d"),
-        (
-            "the skipped age runs on",
-            "min(self._age + clocks, _COMMIT)",
-            "self._age + clocks",
-        ),
         only=NO_RTL,
     ),
     *faults(

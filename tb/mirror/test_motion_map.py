@@ -3,10 +3,10 @@
 import cocotb
 import numpy as np
 import pytest
-from harness import FallingEdge, TwinBench, as_integer, drive, generator, port, reset, simulate
+from harness import FallingEdge, TwinBench, as_integer, drive, generator, port, simulate
 
 from vrscan.data import pkg
-from vrscan.fixed.motion_map import LATENCY, MOST_IDLE, MotionMap, motion_map
+from vrscan.fixed.motion_map import LATENCY, MotionMap, motion_map
 from vrscan.registers.settings import MotionSettings as Settings
 
 COUNT = pkg.HARMONIC_COUNT
@@ -129,17 +129,11 @@ class Bench(TwinBench):
         await self.clocks(clocks - 1)
 
 
-async def begin(dut) -> Bench:
-    """Return a bench after its reset."""
-    await reset(dut)
-    return Bench(dut)
-
-
 @cocotb.test()
 async def any_motion_at_any_offset(dut) -> None:
     """Corners, mirrors and anything, the next offset in the clock of the results."""
     draw = generator(1)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     low = high = edges = 0
     for k in range(45):
         await bench.start(settings_of(draw, k % 3), offset=(1 << 40) + 5, valid=True)
@@ -155,7 +149,7 @@ async def any_motion_at_any_offset(dut) -> None:
 async def results_come_all_at_once_and_only_once(dut) -> None:
     """LATENCY clocks after valid_i, not before; then nothing changes, whatever is configured."""
     draw = generator(2)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.start(settings_of(draw))
     offset = (bench.settings.drive_phase << DROP) + (1 << 45)
     before = shown(bench.twin)
@@ -174,7 +168,7 @@ async def results_come_all_at_once_and_only_once(dut) -> None:
 async def base_values_until_the_first_results(dut) -> None:
     """They follow the configuration within a clock, busy or at work; a reset brings them back."""
     draw = generator(3)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.start(settings_of(draw))
     for busy in (False, True):
         await bench.clocks(3, busy=busy)
@@ -197,7 +191,7 @@ async def base_values_until_the_first_results(dut) -> None:
 async def busy_holds_the_results(dut) -> None:
     """Released at every clock around the end, and long after it; busy before the end is nothing."""
     draw = generator(4)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.start(settings_of(draw))
     for release in (1, 2, *range(LATENCY - 4, LATENCY + 5), 3 * LATENCY):
         before = shown(bench.twin)
@@ -218,7 +212,7 @@ async def busy_holds_the_results(dut) -> None:
 async def restart_drops_the_first_offset(dut) -> None:
     """A valid_i at moments of the work, in the clock of the results, and while they wait."""
     draw = generator(5)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.start(settings_of(draw))
     for age in AGES:
         await bench.work(offset_of(draw, bench.settings), age)
@@ -234,7 +228,7 @@ async def restart_drops_the_first_offset(dut) -> None:
 async def another_motion_is_worked_out_for_the_last_offset(dut) -> None:
     """At moments of the work, busy or not, with an offset of its own or not, and before any."""
     draw = generator(7)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.start(settings_of(draw))
     await bench.clocks(2, renew=True)
     assert not bench.twin.renewing
@@ -265,7 +259,7 @@ async def another_motion_is_worked_out_for_the_last_offset(dut) -> None:
 async def reset_mid_work(dut) -> None:
     """With and without valid: nothing comes of it, and the next results are right."""
     draw = generator(6)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     await bench.start(settings_of(draw))
     for age in AGES:
         for valid in (False, True)[: 1 + age % 2]:
@@ -288,7 +282,7 @@ async def reset_mid_work(dut) -> None:
 async def one_clock_of_reset_ends_the_work(dut) -> None:
     """Nothing that is on its way in that clock comes out behind it."""
     draw = generator(8)
-    bench = await begin(dut)
+    bench = await Bench.fresh(dut)
     for age in AGES:
         if age < LATENCY - 1:  # no results yet
             await bench.start(settings_of(draw))
@@ -390,36 +384,6 @@ def test_motion_saturates_and_phases_wrap() -> None:
     assert (phi == (TURN - 1 + (1 << (pkg.PHASE_WIDTH - 3 - pkg.PHI_SLOPE_FRACTION))) % TURN).all()
     _, phi, _ = motion_map(eighth, 0, ZERO, ZERO, ZERO, full(-1))
     assert (phi == TURN - (1 << (pkg.PHASE_WIDTH - 3 - pkg.PHI_SLOPE_FRACTION))).all()
-
-
-def test_skipping_is_stepping() -> None:
-    """At random moments of random runs: all of the state is the same."""
-    draw = generator(7)
-    skipped = 0
-    for _ in range(10):
-        settings = settings_of(draw)
-        stepped, jumper = MotionMap(settings), MotionMap(settings)
-        for _ in range(150):
-            given = {
-                "valid": bool(draw.random() < 0.3),
-                "offset": offset_of(draw, settings),
-                "busy": bool(draw.random() < 0.5),
-            }
-            assert jumper.idle(**given) == 0 or not given["valid"]
-            for twin in (stepped, jumper):
-                twin.step(**given)
-            quiet = given | {"valid": False}
-            most = jumper.idle(**quiet)
-            assert 0 <= most <= MOST_IDLE
-            count = min(most, int(draw.integers(2 * LATENCY)))
-            before = shown(jumper)
-            jumper.skip(count, **quiet)
-            assert before == shown(jumper)
-            for _ in range(count):
-                stepped.step(**quiet)
-            assert vars(stepped) == vars(jumper)
-            skipped += count
-    assert skipped > 50_000
 
 
 ZERO_GIVEN = {"offset": 0, "drive_phase": 0, "a": ZERO, "phi": ZERO, "da": ZERO, "dphi": ZERO}

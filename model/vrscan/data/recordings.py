@@ -135,7 +135,6 @@ class Writer:
         how = CompressionType.ZSTD if packed else CompressionType.NONE
         self._kind = partial(Container, chunk_size=CHUNK_BYTES, compression=how)
         self._config, self._about = to_toml(config), dict(about or {})
-        self._pixel_width = config.sensor.pixel_width
         self._flush_s, self._flushed = flush_s, time.monotonic()
         self._file: BinaryIO | None = None
         self._into: Any = None

@@ -502,7 +502,7 @@ class LoopedScan:
             points = self._points(lines)
             for k, peak in enumerate(frame.peaks):
                 full = replace(peak, flags=int(points.flags[k]), z=int(points.z[k]))
-                waiting = self._let_out(focus, waiting, full, first + k, frame.clocks[k])
+                waiting = self._let_out(focus, waiting, full, frame.clocks[k])
             found, told = self._positions(focus, when)
             if np.array_equal(found, lens) and np.array_equal(told, known):
                 break
@@ -607,7 +607,7 @@ class LoopedScan:
                     measured=bool((found.measured if clocks.fit else found.placed)[k - row]),
                 )
                 if loop is not None:
-                    waiting = self._let_out(loop, waiting, made, first + k, at)
+                    waiting = self._let_out(loop, waiting, made, at)
                 peaks.append(made)
                 times.append(at)
             row = end
@@ -619,7 +619,6 @@ class LoopedScan:
         loop: PowerLoop | FocusLoop,
         waiting: _Peak | None,
         peak: _Peak,
-        line: int,
         clock: int,
     ) -> _Peak:
         """Give a loop the point that a line's end lets out: with a fit that of the line before."""

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass, field
 
-LATENCY = 0  # clocks: the outputs follow from this clock's strobes
-
 
 @dataclass(frozen=True)
 class Extent:

@@ -16,7 +16,6 @@ D_WIDTH = pkg.PHASE_WIDTH - 1  # ``DWidth``
 LATENCY = (
     2 * pkg.HARMONIC_COUNT * (multiply_latency(D_WIDTH, pkg.SLOPE_MOTION_WIDTH) + 3) + 4
 )  # clocks from valid_i to the outputs, with busy_i low
-MOST_IDLE = 1 << 40
 
 _COMMIT = LATENCY - 1
 _OFFSET_DROP = pkg.TURN_WIDTH - pkg.PHASE_WIDTH
@@ -135,18 +134,3 @@ class MotionMap:
         self.a = tuple(a.tolist())
         self.phi = tuple(phi.tolist())
         self.offset = int(d)
-
-    def idle(self, *, valid: bool, offset: int, busy: bool, renew: bool = False) -> int:
-        """Return for how many clocks these inputs change nothing but the age of the work."""
-        del offset
-        if valid or renew:
-            return 0
-        return _COMMIT - self._age if self._age and (not busy or self.renewing) else MOST_IDLE
-
-    def skip(
-        self, clocks: int, *, valid: bool, offset: int, busy: bool, renew: bool = False
-    ) -> None:
-        """Take ``clocks`` steps at once, at most as many as ``idle`` returns for these inputs."""
-        del valid, offset, busy, renew
-        if self._age:
-            self._age = min(self._age + clocks, _COMMIT)

@@ -10,7 +10,6 @@ from vrscan.fixed import line_buffer
 from vrscan.fixed.line_statistics import LineStatistics
 from vrscan.fixed.multiply import latency as multiply_latency
 
-LARGEST_WINDOW = (1 << pkg.WINDOW_WIDTH) - 1
 HALF_SHIFT = 1  # the spread lifts the threshold to half of the height at most
 CORE_SHIFT = 2  # the second level is at a quarter of the height
 MOST_RIVALS = 2  # narrow rivals of a clear spot

@@ -13,7 +13,6 @@ from vrscan.fixed.quarter_wave import quarter_wave
 from vrscan.registers.settings import TestLineSettings
 
 PLACE_WIDTH = 25  # bits of a position
-PERIOD_WIDTH = 24
 MIN_GAP = 16  # clocks between two lines
 MOST_LENGTH = 1 << (PLACE_WIDTH - pkg.POSITION_FRACTION)
 WAVE_WIDTH = 17  # bits of the cosine

@@ -32,8 +32,6 @@ CHUNK = 1024  # lines computed at a time: they fit in a core's cache
 
 _FirstWindows = tuple[line_statistics.LineStatistics, peak_isolate.Windows]
 
-_ANGLE_SIGN = 1 << (pkg.ANGLE_WIDTH - 1)
-
 
 def latency(
     width: int,

@@ -223,12 +223,6 @@ class RegisterHost(abc.ABC):
         """
         self.write_many([(name, value)])
 
-    def write_scaled(self, name: str, value: float | Sequence[float]) -> Value:
-        """Write a value in the register's unit, and return the integer that represents it."""
-        integer = values.from_scaled(name, value)
-        self.write(name, integer)
-        return integer
-
     def write_many(
         self,
         settings: Iterable[tuple[str, Value]],
